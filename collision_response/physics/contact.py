@@ -1,0 +1,36 @@
+"""Where two bodies touch, and of what they are made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from .number import Scalar
+from .vector import Vec3
+
+
+class Contact(NamedTuple):
+    """A contact: build one with :meth:`of`.
+
+    Attributes:
+        position: of the contact point, in world axes [m].
+        normal: from body_b to body_a: it pushes body_a away. Any length but 0.
+        restitution: ``e`` in [0, 1], or a function that gives it for an approach speed [m/s].
+        friction: Coulomb's coefficient, >= 0.
+    """
+
+    position: Vec3
+    normal: Vec3
+    restitution: Scalar | Callable[[Scalar], Scalar]
+    friction: Scalar
+
+    @classmethod
+    def of(
+        cls,
+        position: Sequence[Scalar],
+        normal: Sequence[Scalar],
+        restitution: Scalar | Callable[[Scalar], Scalar] = 1.0,
+        friction: Scalar = 0.0,
+    ) -> Contact:
+        """A contact from plain sequences."""
+        return cls(Vec3(*position), Vec3(*normal), restitution, friction)

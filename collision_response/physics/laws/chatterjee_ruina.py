@@ -1,0 +1,56 @@
+"""L2, Coulomb friction in closed form: Chatterjee & Ruina.
+
+Two impulses frame the answer: the frictionless perfectly plastic one, and the one that brings the
+contact to rest,
+
+    P_I = -n (n.u) / (n.K n)          P_II = -K^-1 u
+
+Their difference ``D = P_II - P_I = -K^-1 (u + K P_I)`` is K-orthogonal to the normal, so adding any
+part of it leaves the normal velocity alone. The law is
+
+    P = (1 + e) P_I + kappa D
+
+with ``kappa = 1 + e_t`` if that lies in the friction cone ``|P_t| <= mu P_n``, else with the
+``kappa`` on the cone,
+
+    kappa = mu (1 + e) P_I,n / (|D_t| - mu D_n)
+
+whose denominator is positive there. Hence ``n.u+ = -e n.u`` exactly. Along ``kappa`` the energy is a
+parabola, symmetric about ``kappa = 1``: for ``kappa`` in [0, 2] friction never adds any, and the law
+cannot create energy for ``e`` in [0, 1] and ``e_t`` in [-1, 1]. No iteration, no branch but the cone.
+
+Source: Chatterjee & Ruina, "A New Algebraic Rigid-Body Collision Law Based on Impulse Space
+Considerations", J. Appl. Mech. 65 (1998) 939-951, eqs. 17-22.
+"""
+
+from __future__ import annotations
+
+from ..effective_mass import Approach
+from ..number import Scalar, choose, square_root
+from .law import Material, Outcome, Regime, slipping
+
+
+def chatterjee_ruina(approach: Approach, material: Material) -> Outcome:
+    """The impulse of a contact with Coulomb friction and tangential restitution."""
+    e, mu, e_t = material
+    n, K = approach.n, approach.mobility()
+    Kn = K @ n
+    nn = n.dot(n)
+    j = -approach.normal_velocity() / n.dot(Kn)
+    D = -K.solve(approach.u + Kn * j)
+    D_n = n.dot(D) / nn
+    D_t = D - n * D_n
+    slip = D_t.dot(D_t)
+
+    stick = 1 + e_t
+    reach = mu * ((1 + e) * j + stick * D_n)
+    in_cone = (reach >= 0) & (stick * stick * slip <= reach * reach * nn)
+
+    def on_cone() -> Scalar:
+        return mu * (1 + e) * j / (square_root(slip / nn) - mu * D_n)
+
+    kappa = choose(in_cone, lambda: stick, on_cone)
+    P = n * ((1 + e) * j) + D * kappa
+
+    regime = choose(in_cone, lambda: Regime.STICKING, lambda: slipping(approach, approach.u + K @ P))
+    return Outcome(P, regime)

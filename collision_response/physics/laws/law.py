@@ -1,0 +1,61 @@
+"""What every law takes and gives.
+
+A law is a function ``law(approach, material) -> Outcome``. It sees two bodies only through
+:class:`~collision_response.physics.effective_mass.Approach`, so it works in every geometry, and it
+is asked only about bodies that approach each other: ``n.u < 0``.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import NamedTuple
+
+from ..effective_mass import Approach
+from ..number import Scalar, choose
+from ..vector import Vector
+
+
+class Material(NamedTuple):
+    """The coefficients of one impact.
+
+    Attributes:
+        restitution: ``e`` in [0, 1].
+        friction: ``mu`` >= 0.
+        tangential_restitution: ``e_t`` in [-1, 1].
+    """
+
+    restitution: Scalar
+    friction: Scalar = 0.0
+    tangential_restitution: Scalar = 0.0
+
+
+class Regime(IntEnum):
+    """What friction did: the constants of ``msg/CollisionResult.msg``."""
+
+    SEPARATING = 1
+    STICKING = 2
+    SLIDING = 3
+    REVERSED = 4
+    JAMMED = 5
+
+
+class Outcome(NamedTuple):
+    """The answer of a law.
+
+    Attributes:
+        impulse: on body_a [N s].
+        regime: what friction did, a :class:`Regime`.
+        normal_work: done on the bodies by the normal impulse [J], where the law knows better than
+            the mean of the normal velocities before and after; else ``None``.
+    """
+
+    impulse: Vector
+    regime: Scalar
+    normal_work: Scalar | None = None
+
+
+def slipping(approach: Approach, velocity_after: Vector) -> Scalar:
+    """The regime of a contact that ends with slip: SLIDING, or REVERSED against its first direction."""
+    n, u = approach.n, approach.u
+    slip_before = u - n * (n.dot(u) / n.dot(n))
+    return choose(slip_before.dot(velocity_after) < 0, lambda: Regime.REVERSED, lambda: Regime.SLIDING)

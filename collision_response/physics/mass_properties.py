@@ -1,0 +1,122 @@
+"""Mass, centre of mass and inertia: of particles, and of the usual solids.
+
+For particles of mass ``m`` at ``(x, y, z)`` from their centre of mass
+
+    I_xx = sum m (y^2 + z^2)    I_xy = -sum m x y    and so on in turn.
+
+Every solid is also there as a few particles with the same mass, centre of mass and inertia: the
+nodes of a quadrature that is exact for the second moments (``*_particles``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from itertools import product
+from typing import NamedTuple
+
+from .number import Scalar
+from .tensor import ZERO_TENSOR, Symmetric3
+from .vector import ZERO, Vec3
+
+
+class MassProperties(NamedTuple):
+    """What :meth:`Body.dynamic` needs to know of a body's matter.
+
+    Attributes:
+        mass: [kg].
+        com: centre of mass, in the axes of the description [m].
+        inertia: about the centre of mass, in the same axes [kg m^2].
+    """
+
+    mass: Scalar
+    com: Vec3
+    inertia: Symmetric3
+
+
+class Particle(NamedTuple):
+    """A point mass: mass [kg] and position [m]."""
+
+    mass: Scalar
+    position: Vec3
+
+
+def of_particles(particles: Iterable[Particle]) -> MassProperties:
+    """Mass properties of a set of particles, rational in their masses and positions.
+
+    Raises:
+        ValueError: there is no particle, or the masses add up to nothing.
+    """
+    particles = list(particles)
+    mass = sum(p.mass for p in particles)
+    if not mass > 0:
+        raise ValueError(f"the particles' masses must add up to more than 0, not {mass}")
+    com = sum((p.position * p.mass for p in particles[1:]), particles[0].position * particles[0].mass) / mass
+    inertia = ZERO_TENSOR
+    for m, position in particles:
+        x, y, z = position - com
+        inertia += Symmetric3(
+            m * (y * y + z * z), -m * x * y, -m * x * z, m * (x * x + z * z), -m * y * z, m * (x * x + y * y)
+        )
+    return MassProperties(mass, com, inertia)
+
+
+def sphere(mass: Scalar, radius: Scalar) -> MassProperties:
+    """A solid sphere."""
+    moment = 2 * mass * radius * radius / 5
+    return _principal(mass, moment, moment, moment)
+
+
+def box(mass: Scalar, size: Sequence[Scalar]) -> MassProperties:
+    """A solid box with edges ``size = (x, y, z)`` [m] along the axes."""
+    xx, yy, zz = (edge * edge for edge in size)
+    return _principal(mass, mass * (yy + zz) / 12, mass * (xx + zz) / 12, mass * (xx + yy) / 12)
+
+
+def cylinder(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
+    """A solid cylinder about the z axis."""
+    across = mass * (3 * radius * radius + length * length) / 12
+    return _principal(mass, across, across, mass * radius * radius / 2)
+
+
+def rod(mass: Scalar, length: Scalar) -> MassProperties:
+    """A thin rod along the x axis: it has no inertia about its own axis."""
+    across = mass * length * length / 12
+    return _principal(mass, across * 0, across, across)
+
+
+def sphere_particles(mass: float, radius: float) -> list[Particle]:
+    """Six particles on the axes, equimomental to a solid sphere."""
+    d = radius * math.sqrt(3 / 5)
+    at = [(d, 0, 0), (-d, 0, 0), (0, d, 0), (0, -d, 0), (0, 0, d), (0, 0, -d)]
+    return _equal_shares(mass, at)
+
+
+def box_particles(mass: float, size: Sequence[float]) -> list[Particle]:
+    """Eight particles at the Gauss nodes of a solid box."""
+    return _equal_shares(mass, product(*(_gauss_nodes(edge) for edge in size)))
+
+
+def cylinder_particles(mass: float, radius: float, length: float) -> list[Particle]:
+    """Eight particles, two rings of four, equimomental to a solid cylinder about z."""
+    d = radius * math.sqrt(1 / 2)
+    ring = [(d, 0), (0, d), (-d, 0), (0, -d)]
+    return _equal_shares(mass, ((x, y, z) for (x, y), z in product(ring, _gauss_nodes(length))))
+
+
+def rod_particles(mass: float, length: float) -> list[Particle]:
+    """Two particles at the Gauss nodes of a thin rod along x."""
+    return _equal_shares(mass, ((x, 0, 0) for x in _gauss_nodes(length)))
+
+
+def _principal(mass: Scalar, xx: Scalar, yy: Scalar, zz: Scalar) -> MassProperties:
+    return MassProperties(mass, ZERO, Symmetric3(xx, 0 * xx, 0 * xx, yy, 0 * xx, zz))
+
+
+def _gauss_nodes(length: float) -> tuple[float, float]:
+    return -length / math.sqrt(12), length / math.sqrt(12)
+
+
+def _equal_shares(mass: float, positions: Iterable[Sequence[float]]) -> list[Particle]:
+    at = [Vec3(*p) for p in positions]
+    return [Particle(mass / len(at), p) for p in at]

@@ -1,0 +1,50 @@
+"""What a law may compute with.
+
+A law is written once and runs on whatever numbers its inputs are made of: Python floats,
+``fractions.Fraction`` (a rational law is then exact), mpmath or FLINT numbers (more digits), or
+arrays of one shape (then it resolves one contact per element). Only two things need help to be
+written once: a branch, and a square root.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+import numpy as np
+
+Scalar: TypeAlias = Any
+"""A real number of any make, or an array of them."""
+
+_SCALAR_TRUTHS = (bool, np.bool_)
+
+
+def choose(condition: Any, if_true: Callable[[], Any], if_false: Callable[[], Any]) -> Any:
+    """``if_true()`` where ``condition`` holds, else ``if_false()``.
+
+    A single truth value evaluates one branch. An array of them evaluates both and picks element by
+    element, through the components of named tuples.
+    """
+    if isinstance(condition, _SCALAR_TRUTHS):
+        return if_true() if condition else if_false()
+    return _merge(_where_of(condition), condition, if_true(), if_false())
+
+
+def square_root(x: Scalar) -> Scalar:
+    """The square root of ``x >= 0``, in the arithmetic of ``x``."""
+    if isinstance(x, float):
+        return math.sqrt(x)
+    own = getattr(x, "sqrt", None)
+    return own() if own is not None else x**0.5
+
+
+def _where_of(condition: Any) -> Callable[..., Any]:
+    namespace = getattr(condition, "__array_namespace__", None)
+    return np.where if namespace is None else namespace().where
+
+
+def _merge(where: Callable[..., Any], condition: Any, if_true: Any, if_false: Any) -> Any:
+    if isinstance(if_true, tuple):
+        return type(if_true)(*(_merge(where, condition, t, f) for t, f in zip(if_true, if_false, strict=True)))  # type: ignore[call-arg]
+    return where(condition, if_true, if_false)
