@@ -44,7 +44,7 @@ class Adjustment(IntFlag):
     NONE = 0
     NORMALISED_ORIENTATION = 1
     RESTITUTION_THRESHOLD = 2
-    ENERGY_FALLBACK = 4
+    LAW_FALLBACK = 4
 
 
 class ImpactModel(NamedTuple):

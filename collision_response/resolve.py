@@ -9,7 +9,16 @@ from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.effective_mass import Approach, Planar, Point, Spatial
 from .physics.energy import energy_lost, kinetic_energy
-from .physics.laws import Material, Outcome, Regime, chatterjee_ruina, frictionless
+from .physics.laws import (
+    Outcome,
+    Parameters,
+    Regime,
+    chatterjee_ruina,
+    frictionless,
+    moreau,
+    routh_poisson,
+    routh_stronge,
+)
 from .physics.vector import Vec3
 from .requirements import choose_model
 from .status import ImpactError, StatusCode
@@ -23,6 +32,9 @@ GEOMETRIES: dict[Geometry, Any] = {
 LAWS = {
     Law.FRICTIONLESS: frictionless,
     Law.COULOMB: chatterjee_ruina,
+    Law.MOREAU: moreau,
+    Law.ROUTH_POISSON: routh_poisson,
+    Law.ROUTH_STRONGE: routh_stronge,
 }
 UNIT_LENGTH_TOLERANCE = 1e-9
 """How far the squared length of a quaternion may be from 1 before its normalising is reported."""
@@ -95,8 +107,12 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = I
     normal_speed = approach.normal_velocity() / approach.n.norm()
     contact, adjustments = _fill_in(contact, model, -normal_speed)
     if normal_speed < 0:
-        material = Material(contact.restitution, contact.friction, model.tangential_restitution)
-        outcome = LAWS[model.law](approach, material)
+        parameters = Parameters(
+            contact.restitution, contact.friction, model.tangential_restitution, model.tolerance
+        )
+        outcome = LAWS[model.law](approach, parameters)
+        if outcome.fell_back:
+            model, adjustments = model._replace(law=Law.COULOMB), adjustments | Adjustment.LAW_FALLBACK
     else:
         outcome = Outcome(approach.n * 0, Regime.SEPARATING)
     return _report(body_a, body_b, contact, model, approach, outcome, adjustments | _normalised(body_a, body_b))

@@ -22,13 +22,13 @@ each of them:
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, Protocol
 
 from .body import Body, Twist
 from .contact import Contact
 from .number import Scalar
 from .tensor import Isotropic, Symmetric2, Symmetric3, Tensor
-from .vector import ZERO, Vec2, Vec3, Vector
+from .vector import ZERO, V, Vec2, Vec3, Vector
 
 
 class Response(NamedTuple):
@@ -45,9 +45,6 @@ class Response(NamedTuple):
     change_a: Twist
     change_b: Twist
     velocity_after: Vector
-
-
-V = TypeVar("V", Vec2, Vec3)
 
 
 class Approach(Protocol[V]):
@@ -141,7 +138,7 @@ class Planar(NamedTuple):
     def respond(self, impulse: Vec2) -> Response:
         change_a, after_a = _respond_2(self.body_a, self.r_a, impulse)
         change_b, after_b = _respond_2(self.body_b, self.r_b, -impulse)
-        return Response(Vec3(*impulse, impulse.x * 0), change_a, change_b, self.u + after_a - after_b)
+        return Response(_in_space(impulse), change_a, change_b, self.u + after_a - after_b)
 
 
 class Spatial(NamedTuple):
@@ -194,6 +191,10 @@ def _in_plane(v: Vec3) -> Vec2:
     return Vec2(v.x, v.y)
 
 
+def _in_space(v: Vec2) -> Vec3:
+    return Vec3(v.x, v.y, v.x * 0)
+
+
 def _mobility_2(body: Body, r: Vec2) -> Symmetric2:
     spin = body.spin_about_z(1)
     m = body.inverse_mass
@@ -202,7 +203,7 @@ def _mobility_2(body: Body, r: Vec2) -> Symmetric2:
 
 def _respond_2(body: Body, r: Vec2, impulse: Vec2) -> tuple[Twist, Vec2]:
     linear, spin = impulse * body.inverse_mass, body.spin_about_z(r.cross(impulse))
-    return Twist(Vec3(*linear, linear.x * 0), Vec3(spin * 0, spin * 0, spin)), linear + r.turned(spin)
+    return Twist(_in_space(linear), Vec3(spin * 0, spin * 0, spin)), linear + r.turned(spin)
 
 
 def _mobility_3(body: Body, r: Vec3) -> Symmetric3:

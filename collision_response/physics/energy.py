@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from .body import Body
 from .number import Scalar
-from .vector import Vec3, Vector
+from .vector import V, Vec3
 
 
 class Loss(NamedTuple):
@@ -28,9 +28,7 @@ def kinetic_energy(body: Body) -> Scalar:
     return (body.mass * v.dot(v) + w_in_body_axes.dot(body.inertia @ w_in_body_axes)) / 2
 
 
-def energy_lost(
-    n: Vector, impulse: Vector, u: Vector, u_after: Vector, normal_work: Scalar | None = None
-) -> Loss:
+def energy_lost(n: V, impulse: V, u: V, u_after: V, normal_work: Scalar | None = None) -> Loss:
     """The loss by cause, from the contact's velocities before and after.
 
     ``normal_work`` [J] is given by a law that follows the impulse's path, along which the normal

@@ -10,17 +10,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
 Scalar: TypeAlias = Any
 """A real number of any make, or an array of them."""
 
+T = TypeVar("T")
+
 _SCALAR_TRUTHS = (bool, np.bool_)
 
 
-def choose(condition: Any, if_true: Callable[[], Any], if_false: Callable[[], Any]) -> Any:
+def choose(condition: Any, if_true: Callable[[], T], if_false: Callable[[], T]) -> T:
     """``if_true()`` where ``condition`` holds, else ``if_false()``.
 
     A single truth value evaluates one branch. An array of them evaluates both and picks element by
@@ -28,7 +30,8 @@ def choose(condition: Any, if_true: Callable[[], Any], if_false: Callable[[], An
     """
     if isinstance(condition, _SCALAR_TRUTHS):
         return if_true() if condition else if_false()
-    return _merge(_where_of(condition), condition, if_true(), if_false())
+    merged: T = _merge(_where_of(condition), condition, if_true(), if_false())
+    return merged
 
 
 def square_root(x: Scalar) -> Scalar:
@@ -46,5 +49,5 @@ def _where_of(condition: Any) -> Callable[..., Any]:
 
 def _merge(where: Callable[..., Any], condition: Any, if_true: Any, if_false: Any) -> Any:
     if isinstance(if_true, tuple):
-        return type(if_true)(*(_merge(where, condition, t, f) for t, f in zip(if_true, if_false, strict=True)))  # type: ignore[call-arg]
+        return type(if_true)(*(_merge(where, condition, t, f) for t, f in zip(if_true, if_false, strict=True)))
     return where(condition, if_true, if_false)

@@ -5,13 +5,10 @@ The three forms share both operations, so a law need not know in which geometry 
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, Protocol
 
 from .number import Scalar
-from .vector import Vec2, Vec3
-
-
-V = TypeVar("V", Vec2, Vec3)
+from .vector import V, Vec2, Vec3
 
 
 class Isotropic(NamedTuple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from .number import Scalar, square_root
 
@@ -23,7 +23,7 @@ class Vec3(NamedTuple):
     def __neg__(self) -> Vec3:
         return Vec3(-self[0], -self[1], -self[2])
 
-    def __mul__(self, factor: Scalar) -> Vec3:  # type: ignore[override]
+    def __mul__(self, factor: Scalar) -> Vec3:
         return Vec3(self[0] * factor, self[1] * factor, self[2] * factor)
 
     def __truediv__(self, divisor: Scalar) -> Vec3:
@@ -59,7 +59,7 @@ class Vec2(NamedTuple):
     def __neg__(self) -> Vec2:
         return Vec2(-self[0], -self[1])
 
-    def __mul__(self, factor: Scalar) -> Vec2:  # type: ignore[override]
+    def __mul__(self, factor: Scalar) -> Vec2:
         return Vec2(self[0] * factor, self[1] * factor)
 
     def __truediv__(self, divisor: Scalar) -> Vec2:
@@ -83,5 +83,6 @@ class Vec2(NamedTuple):
 
 
 Vector = Vec2 | Vec3
+V = TypeVar("V", Vec2, Vec3)
 
 ZERO = Vec3(0.0, 0.0, 0.0)

@@ -27,12 +27,13 @@ from __future__ import annotations
 
 from ..effective_mass import Approach
 from ..number import Scalar, choose, square_root
-from .law import Material, Outcome, Regime, slipping
+from ..vector import V
+from .law import Parameters, Outcome, Regime, slipping
 
 
-def chatterjee_ruina(approach: Approach, material: Material) -> Outcome:
+def chatterjee_ruina(approach: Approach[V], parameters: Parameters) -> Outcome:
     """The impulse of a contact with Coulomb friction and tangential restitution."""
-    e, mu, e_t = material
+    e, mu, e_t, _ = parameters
     n, K = approach.n, approach.mobility()
     Kn = K @ n
     nn = n.dot(n)

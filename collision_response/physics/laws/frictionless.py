@@ -17,10 +17,11 @@ Rigid Body Simulation*, SIGGRAPH course notes 2001, eq. 8-18.
 from __future__ import annotations
 
 from ..effective_mass import Approach
-from .law import Material, Outcome, Regime
+from ..vector import V
+from .law import Parameters, Outcome, Regime
 
 
-def frictionless(approach: Approach, material: Material) -> Outcome:
-    """The impulse of a contact without friction; only ``material.restitution`` matters."""
-    j = -(1 + material.restitution) * approach.normal_velocity() / approach.inverse_effective_mass()
+def frictionless(approach: Approach[V], parameters: Parameters) -> Outcome:
+    """The impulse of a contact without friction; only ``parameters.restitution`` matters."""
+    j = -(1 + parameters.restitution) * approach.normal_velocity() / approach.inverse_effective_mass()
     return Outcome(approach.n * j, Regime.SLIDING)

@@ -1,6 +1,6 @@
 """What every law takes and gives.
 
-A law is a function ``law(approach, material) -> Outcome``. It sees two bodies only through
+A law is a function ``law(approach, parameters) -> Outcome``. It sees two bodies only through
 :class:`~collision_response.physics.effective_mass.Approach`, so it works in every geometry, and it
 is asked only about bodies that approach each other: ``n.u < 0``.
 """
@@ -12,21 +12,23 @@ from typing import NamedTuple
 
 from ..effective_mass import Approach
 from ..number import Scalar, choose
-from ..vector import Vector
+from ..vector import V, Vector
 
 
-class Material(NamedTuple):
-    """The coefficients of one impact.
+class Parameters(NamedTuple):
+    """What a law needs to know besides the bodies.
 
     Attributes:
         restitution: ``e`` in [0, 1].
         friction: ``mu`` >= 0.
         tangential_restitution: ``e_t`` in [-1, 1].
+        tolerance: relative error at which a law that integrates may stop.
     """
 
     restitution: Scalar
     friction: Scalar = 0.0
     tangential_restitution: Scalar = 0.0
+    tolerance: float = 0.0
 
 
 class Regime(IntEnum):
@@ -47,14 +49,16 @@ class Outcome(NamedTuple):
         regime: what friction did, a :class:`Regime`.
         normal_work: done on the bodies by the normal impulse [J], where the law knows better than
             the mean of the normal velocities before and after; else ``None``.
+        fell_back: whether the law had no sound answer, and this is Chatterjee & Ruina's.
     """
 
     impulse: Vector
     regime: Scalar
     normal_work: Scalar | None = None
+    fell_back: bool = False
 
 
-def slipping(approach: Approach, velocity_after: Vector) -> Scalar:
+def slipping(approach: Approach[V], velocity_after: V) -> Scalar:
     """The regime of a contact that ends with slip: SLIDING, or REVERSED against its first direction."""
     n, u = approach.n, approach.u
     slip_before = u - n * (n.dot(u) / n.dot(n))
