@@ -76,7 +76,7 @@ def check_model(model: ImpactModel) -> None:
     for field in ("tolerance", "restitution_threshold"):
         value = getattr(model, field)
         if not math.isfinite(value):
-            _refuse_not_finite("model", {field: value})
+            raise ImpactError(StatusCode.NOT_FINITE, f"model.{field}", f"must be finite, is {value}")
         if value < 0:
             raise ImpactError(StatusCode.INVALID_MODEL, f"model.{field}", f"must not be negative, is {value}")
 

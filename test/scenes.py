@@ -1,0 +1,171 @@
+"""Impacts for every test that wants many: drawn by Hypothesis or from a seeded generator."""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import NamedTuple
+
+from hypothesis import strategies as st
+from oracle import laws as oracle
+
+from collision_response import Body, Contact, ImpactModel, Law, resolve
+from collision_response.physics.orientation import Quaternion
+from collision_response.physics.vector import Vec3
+
+LAWS_WITH_FRICTION = [Law.COULOMB, Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE]
+ALL_LAWS = [Law.FRICTIONLESS, *LAWS_WITH_FRICTION]
+ORACLE_NAMES = {
+    Law.FRICTIONLESS: "frictionless",
+    Law.COULOMB: "chatterjee_ruina",
+    Law.MOREAU: "moreau",
+    Law.ROUTH_POISSON: "routh_poisson",
+    Law.ROUTH_STRONGE: "routh_stronge",
+}
+
+
+class Scene(NamedTuple):
+    """Two bodies about to collide."""
+
+    body_a: Body
+    body_b: Body
+    contact: Contact
+
+    def resolve(self, law: Law, **model):
+        return resolve(*self, ImpactModel(law=law, **model))
+
+    def swapped(self) -> Scene:
+        return Scene(self.body_b, self.body_a, self.contact._replace(normal=-self.contact.normal))
+
+    def turned(self, q: Quaternion) -> Scene:
+        """The same scene, seen from a frame turned by ``q``."""
+        return Scene(
+            _turned(self.body_a, q),
+            _turned(self.body_b, q),
+            self.contact._replace(position=q.to_world(self.contact.position), normal=q.to_world(self.contact.normal)),
+        )
+
+    def by_oracle(self, law: Law, digits: int = 30):
+        c = self.contact
+        return oracle.impact(
+            _for_oracle(self.body_a),
+            _for_oracle(self.body_b),
+            c.position,
+            c.normal,
+            c.restitution,
+            c.friction,
+            ORACLE_NAMES[law],
+            digits=digits,
+        )
+
+
+def _turned(body: Body, q: Quaternion) -> Body:
+    orientation = body.orientation or Quaternion(0.0, 0.0, 0.0, 1.0)
+    return body._replace(
+        position=q.to_world(body.position),
+        velocity=q.to_world(body.velocity),
+        angular_velocity=q.to_world(body.angular_velocity),
+        orientation=_product(q, orientation),
+    )
+
+
+def _product(p: Quaternion, q: Quaternion) -> Quaternion:
+    a, b = Vec3(*p[:3]), Vec3(*q[:3])
+    return Quaternion(*(b * p.w + a * q.w + a.cross(b)), p.w * q.w - a.dot(b))
+
+
+def _for_oracle(body: Body) -> oracle.Body:
+    xx, xy, xz, yy, yz, zz = body.inertia
+    return oracle.Body(
+        mass=body.mass or None,
+        inertia=((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)),
+        quaternion=body.orientation or (0, 0, 0, 1),
+        position=body.position,
+        velocity=body.velocity,
+        angular_velocity=body.angular_velocity,
+    )
+
+
+def _numbers(least: float, most: float):
+    return st.floats(least, most, allow_subnormal=False)
+
+
+def _vectors(size: float):
+    return st.builds(Vec3, *[_numbers(-size, size)] * 3)
+
+
+quaternions = st.builds(Quaternion, *[_numbers(-1, 1)] * 4).filter(lambda q: q.squared_length() > 0.1)
+
+
+@st.composite
+def inertias(draw, mass: float):
+    """A body's second moments may be anything; its moments of inertia may not."""
+    x, y, z = (mass * draw(_numbers(0.01, 1.0)) for _ in range(3))
+    return (y + z, 0.0, 0.0, x + z, 0.0, x + y)
+
+
+@st.composite
+def bodies(draw) -> Body:
+    mass = draw(_numbers(0.1, 10.0))
+    return Body.dynamic(
+        mass,
+        draw(inertias(mass)),
+        draw(_vectors(1.0)),
+        draw(quaternions),
+        draw(_vectors(3.0)),
+        draw(_vectors(3.0)),
+    )
+
+
+immovable = st.builds(Body.kinematic, _vectors(1.0), _vectors(1.0), _vectors(1.0))
+
+
+@st.composite
+def scenes(draw) -> Scene:
+    normal = draw(_vectors(1.0).filter(lambda n: n.norm() > 0.1))
+    contact = Contact.of(draw(_vectors(1.0)), normal, draw(_numbers(0.0, 1.0)), draw(_numbers(0.0, 3.0)))
+    return Scene(draw(bodies()), draw(st.one_of(bodies(), immovable)), contact)
+
+
+@st.composite
+def planar_scenes(draw) -> Scene:
+    def in_plane(v: Vec3) -> Vec3:
+        return v._replace(z=0.0)
+
+    def flat(body: Body) -> Body:
+        x, y, z, w = body.orientation or (0.0, 0.0, 0.0, 1.0)
+        return body._replace(
+            position=in_plane(body.position),
+            velocity=in_plane(body.velocity),
+            angular_velocity=Vec3(0.0, 0.0, body.angular_velocity.z),
+            orientation=Quaternion(0.0, 0.0, math.hypot(x, y, z), w),
+        )
+
+    scene = draw(scenes().filter(lambda s: in_plane(s.contact.normal).norm() > 0.1))
+    contact = scene.contact._replace(
+        position=in_plane(scene.contact.position), normal=in_plane(scene.contact.normal)
+    )
+    return Scene(flat(scene.body_a), flat(scene.body_b), contact)
+
+
+def random_scene(seed: int, *, slender: bool = False, friction: float | None = None) -> Scene:
+    """A scene whose bodies approach; ``slender`` ones have one moment 1e-4 of the others."""
+    rng = random.Random(seed)
+
+    def vector(size: float) -> Vec3:
+        return Vec3(*(rng.uniform(-size, size) for _ in range(3)))
+
+    def body() -> Body:
+        mass = math.exp(rng.uniform(-2, 2))
+        least = 1e-4 if slender else 0.05
+        x, y, z = 0.1 * mass * least, 0.1 * mass * least, 0.1 * mass * rng.uniform(0.5, 1)
+        return Body.dynamic(
+            mass, (y + z, 0.0, 0.0, x + z, 0.0, x + y), vector(0.5), [rng.gauss(0, 1) for _ in range(4)],
+            vector(2.0), vector(3.0),
+        )  # fmt: skip
+
+    while True:
+        mu = rng.uniform(0, 1.2) if friction is None else friction
+        scene = Scene(body(), body(), Contact.of(vector(0.5), vector(1.0), rng.uniform(0, 1), mu))
+        if scene.resolve(Law.FRICTIONLESS).normal_impulse > 0:
+            return scene

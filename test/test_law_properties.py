@@ -1,0 +1,152 @@
+"""What holds for every law on every impact, by Hypothesis."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from scenes import ALL_LAWS, LAWS_WITH_FRICTION, Scene, planar_scenes, quaternions, scenes
+
+from collision_response import Geometry, Impact, Law, StatusCode
+from collision_response.physics.vector import Vec3
+
+TOLERANCE = 1e-9
+"""Relative to the size of what is compared. Routh's path is followed to 1e-12 and the scenes'
+condition numbers stay below 1e3, so rounding is below 1e-12: what is left is room for none but it."""
+
+FASTEST = 20.0
+"""No two bodies of a scene meet faster [m/s]."""
+
+every_law = pytest.mark.parametrize("law", ALL_LAWS, ids=lambda law: law.name)
+
+
+def few(law: Law):
+    """A path takes a hundred times as long as a formula."""
+    return settings(max_examples=10 if law in (Law.ROUTH_POISSON, Law.ROUTH_STRONGE) else 50, deadline=None)
+
+
+def check(law: Law, strategy, holds) -> None:
+    few(law)(given(strategy)(lambda scene: holds(scene)))()
+
+
+def scale(scene: Scene, impact: Impact) -> float:
+    """The greatest energy that is in play [J]."""
+    u = abs(impact.normal_velocity_before)
+    return impact.kinetic_energy_before + impact.impulse.norm() * (1 + u) + 1e-3
+
+
+@every_law
+def test_energy_never_grows_and_its_books_balance(law):
+    def holds(scene: Scene) -> None:
+        impact = scene.resolve(law)
+        room = TOLERANCE * scale(scene, impact)
+        lost = impact.energy_lost_restitution + impact.energy_lost_friction
+        assert lost >= -room
+        if scene.body_b.inverse_mass:  # a kinematic body does work that is in no one's books
+            assert impact.kinetic_energy_before - impact.kinetic_energy_after == pytest.approx(lost, abs=room)
+
+    check(law, scenes(), holds)
+
+
+@every_law
+def test_the_impulse_lies_in_the_friction_cone_and_does_not_pull(law):
+    def holds(scene: Scene) -> None:
+        impact = scene.resolve(law)
+        assert impact.normal_impulse >= 0
+        room = TOLERANCE * impact.normal_impulse
+        assert impact.tangential_impulse <= impact.contact.friction * impact.normal_impulse + room
+
+    check(law, scenes(), holds)
+
+
+@every_law
+def test_the_bodies_separate(law):
+    def holds(scene: Scene) -> None:
+        impact = scene.resolve(law)
+        u_n, after = impact.normal_velocity_before, impact.normal_velocity_after
+        room = TOLERANCE * FASTEST
+        if impact.status is StatusCode.SEPARATING:
+            assert u_n >= 0
+            assert after == pytest.approx(u_n, abs=room)
+        elif law in (Law.ROUTH_POISSON, Law.ROUTH_STRONGE):
+            assert after >= -room
+        else:
+            assert after == pytest.approx(-impact.contact.restitution * u_n, abs=room)
+
+    check(law, scenes(), holds)
+
+
+@every_law
+def test_momentum_and_angular_momentum_are_conserved(law):
+    def holds(scene: Scene) -> None:
+        impact = scene.resolve(law)
+        C, P = scene.contact.position, impact.impulse
+        for body, change, impulse in (
+            (scene.body_a, impact.change_a, P),
+            (scene.body_b, impact.change_b, -P),
+        ):
+            if body.inverse_mass:
+                room = TOLERANCE * (P.norm() + 1e-6)
+                assert (change.linear * body.mass - impulse).norm() <= room
+                in_body = body.orientation.to_body(change.angular)
+                gained = body.orientation.to_world(body.inertia @ in_body)
+                assert (gained - (C - body.position).cross(impulse)).norm() <= 10 * room
+
+    check(law, scenes(), holds)
+
+
+@every_law
+def test_exchanging_the_bodies_reverses_the_impulse(law):
+    def holds(scene: Scene) -> None:
+        impact, swapped = scene.resolve(law), scene.swapped().resolve(law)
+        close(swapped.impulse, -impact.impulse)
+        close(swapped.twist_b.angular, impact.twist_a.angular)
+
+    check(law, scenes(), holds)
+
+
+@every_law
+def test_turning_the_frame_turns_the_answer(law):
+    @few(law)
+    @given(scenes(), quaternions)
+    def holds(scene: Scene, q) -> None:
+        impact = scene.resolve(law)
+        if abs(impact.normal_velocity_before) < 1e-6:
+            return  # whether it is an impact at all is then a matter of rounding
+        turned = scene.turned(q).resolve(law)
+        close(turned.impulse, q.to_world(impact.impulse))
+        close(turned.twist_a.linear, q.to_world(impact.twist_a.linear))
+
+    holds()
+
+
+@pytest.mark.parametrize("law", LAWS_WITH_FRICTION, ids=lambda law: law.name)
+def test_without_friction_every_law_is_the_frictionless_one(law):
+    def holds(scene: Scene) -> None:
+        smooth = scene._replace(contact=scene.contact._replace(friction=0.0))
+        close(smooth.resolve(law).impulse, smooth.resolve(Law.FRICTIONLESS).impulse)
+
+    check(law, scenes(), holds)
+
+
+@every_law
+def test_planar_scenes_have_the_planar_answer_in_space(law):
+    def holds(scene: Scene) -> None:
+        planar, spatial = (scene.resolve(law, geometry=g) for g in (Geometry.PLANAR, Geometry.SPATIAL))
+        close(planar.impulse, spatial.impulse)
+        close(planar.twist_a.angular, spatial.twist_a.angular)
+
+    check(law, planar_scenes(), holds)
+
+
+def test_poisson_and_stronge_agree_where_the_slip_never_stops():
+    def holds(scene: Scene) -> None:
+        slippery = scene._replace(contact=scene.contact._replace(friction=0.01))
+        poisson, stronge = (slippery.resolve(law) for law in (Law.ROUTH_POISSON, Law.ROUTH_STRONGE))
+        if poisson.regime.name == stronge.regime.name == "SLIDING":
+            close(poisson.impulse, stronge.impulse)
+
+    check(Law.ROUTH_STRONGE, planar_scenes(), holds)
+
+
+def close(value: Vec3, expected: Vec3) -> None:
+    assert (value - expected).norm() <= TOLERANCE * (expected.norm() + 1e-3)

@@ -1,0 +1,49 @@
+"""Mass properties of solids against sums over particles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from collision_response.physics import mass_properties as mp
+from collision_response.physics.vector import Vec3
+
+SOLIDS = [
+    pytest.param(mp.sphere(2.0, 0.3), mp.sphere_particles(2.0, 0.3), id="sphere"),
+    pytest.param(mp.box(3.0, (0.2, 0.5, 1.1)), mp.box_particles(3.0, (0.2, 0.5, 1.1)), id="box"),
+    pytest.param(mp.cylinder(1.5, 0.4, 0.9), mp.cylinder_particles(1.5, 0.4, 0.9), id="cylinder"),
+    pytest.param(mp.rod(0.7, 1.3), mp.rod_particles(0.7, 1.3), id="rod"),
+]
+
+
+@pytest.mark.parametrize(("solid", "particles"), SOLIDS)
+def test_solid_equals_its_particles(solid, particles):
+    mass, com, inertia = mp.of_particles(particles)
+    # the particles' coordinates are rounded square roots: a few units in the last place
+    assert mass == pytest.approx(solid.mass, rel=1e-15)
+    assert com == pytest.approx(solid.com, abs=1e-16)
+    assert inertia == pytest.approx(solid.inertia, rel=1e-15, abs=1e-17)
+
+
+@pytest.mark.parametrize(
+    ("solid", "inside", "half"),
+    [
+        (mp.sphere(2.0, 0.3), lambda x, y, z: x**2 + y**2 + z**2 <= 0.3**2, (0.3, 0.3, 0.3)),
+        (mp.box(3.0, (0.2, 0.5, 1.1)), lambda x, y, z: x == x, (0.1, 0.25, 0.55)),
+        (mp.cylinder(1.5, 0.4, 0.9), lambda x, y, z: x**2 + y**2 <= 0.4**2, (0.4, 0.4, 0.45)),
+    ],
+    ids=["sphere", "box", "cylinder"],
+)
+def test_solid_equals_a_fine_grid_of_particles(solid, inside, half):
+    """Independent of the quadrature: the volume cut into 60^3 cells, right to the size of a cell."""
+    axes = [np.linspace(-h, h, 120, endpoint=False)[::2] + h / 60 for h in half]
+    grid = np.array([p for p in np.stack(np.meshgrid(*axes), -1).reshape(-1, 3) if inside(*p)])
+    x, y, z = grid.T
+    share = solid.mass / len(grid)
+    moments = share * np.array([(y * y + z * z).sum(), (x * x + z * z).sum(), (x * x + y * y).sum()])
+    assert moments == pytest.approx([solid.inertia.xx, solid.inertia.yy, solid.inertia.zz], rel=2e-3)
+
+
+def test_particles_must_have_mass():
+    with pytest.raises(ValueError, match="add up to more than 0"):
+        mp.of_particles([mp.Particle(0.0, Vec3(1.0, 2.0, 3.0))])
