@@ -2,7 +2,8 @@
 
     >>> from collision_response import Body, Contact, resolve
     >>> ball = Body.dynamic(mass=1.0, velocity=(0.0, 0.0, -2.0))
-    >>> resolve(ball, Body.static(), Contact.of((0, 0, 0), normal=(0, 0, 1), restitution=0.5)).twist_a.linear.z
+    >>> contact = Contact.of((0, 0, 0), normal=(0, 0, 1), restitution=0.5)
+    >>> resolve(ball, Body.static(), contact).twist_a.linear.z
     1.0
 
 This package needs neither ROS nor rerun; the node in :mod:`collision_response.ros` needs both.
@@ -12,8 +13,9 @@ from .model import Adjustment, Geometry, ImpactModel, Law, Precision
 from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.laws import Regime
+from .report import Impact
 from .requirements import choose_model
-from .resolve import Impact, resolve
+from .resolve import resolve
 from .status import ImpactError, StatusCode
 
 __all__ = [

@@ -18,6 +18,10 @@ class Law(IntEnum):
     ROUTH_STRONGE = 5
 
 
+EXACT_LAWS = (Law.FRICTIONLESS, Law.COULOMB)
+"""The laws that are formulas, and so can be computed to any precision."""
+
+
 class Geometry(IntEnum):
     """How much of the motion is modelled."""
 

@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from .model import Geometry, ImpactModel, Law, Precision
+from .model import EXACT_LAWS, Geometry, ImpactModel, Law, Precision
+from .numerics import extended
 from .physics.body import PIVOT_LIMIT, Body
 from .physics.contact import Contact
 from .physics.tensor import Symmetric3
 from .status import ImpactError, StatusCode
-
-_UNAVAILABLE = (Precision.SINGLE, Precision.EXTENDED)
 
 
 def check_request(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> None:
@@ -68,10 +67,15 @@ def check_model(model: ImpactModel) -> None:
         value = getattr(model, field)
         if not isinstance(value, kind):
             known = ", ".join(f"{member.name} ({member.value})" for member in kind)
-            raise ImpactError(StatusCode.INVALID_MODEL, f"model.{field}", f"must be one of {known}; is {value!r}")
-    if model.precision in _UNAVAILABLE:
-        reason = f"{model.precision.name} is not available; DOUBLE is"
-        raise ImpactError(StatusCode.INVALID_MODEL, "model.precision", reason)
+            raise ImpactError(
+                StatusCode.INVALID_MODEL, f"model.{field}", f"must be one of {known}; is {value!r}"
+            )
+    if model.precision is Precision.EXTENDED:
+        if not extended.AVAILABLE:
+            raise ImpactError(StatusCode.INVALID_MODEL, "model.precision", "EXTENDED needs python-flint")
+        if model.law not in (Law.AUTO, *EXACT_LAWS):
+            reason = f"EXTENDED is for FRICTIONLESS and COULOMB, not for {model.law.name}"
+            raise ImpactError(StatusCode.INVALID_MODEL, "model.precision", reason)
     check_coefficient("model.tangential_restitution", model.tangential_restitution, -1, 1)
     for field in ("tolerance", "restitution_threshold"):
         value = getattr(model, field)
@@ -108,8 +112,7 @@ def _is_inertia(inertia: Symmetric3) -> bool:
     if not (xy or xz or yz):
         return True
     second_moments = Symmetric3(s_xx, -xy, -xz, s_yy, -yz, s_zz)
-    s_xx, s_xy, s_xz, s_yy, s_yz, s_zz = second_moments
-    if s_xx * s_yy <= s_xy * s_xy:
+    if s_xx * s_yy <= xy * xy:
         return False
     return second_moments.factor().d_z > 0
 
@@ -118,7 +121,9 @@ def _inertia_fault(inertia: Symmetric3) -> str:
     xx, xy, xz, yy, yz, zz = (float(component) for component in inertia)
     least, middle, most = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).tolist()
     if least < 0 and -least > most * PIVOT_LIMIT:
-        return f"is not positive semi-definite: its principal moments are {least:.6g}, {middle:.6g}, {most:.6g}"
+        return (
+            f"is not positive semi-definite: its principal moments are {least:.6g}, {middle:.6g}, {most:.6g}"
+        )
     return (
         f"violates the triangle inequality: of its principal moments {least:.6g}, {middle:.6g}, {most:.6g} "
         "the greatest is more than the sum of the others"

@@ -42,7 +42,9 @@ class Scene(NamedTuple):
         return Scene(
             _turned(self.body_a, q),
             _turned(self.body_b, q),
-            self.contact._replace(position=q.to_world(self.contact.position), normal=q.to_world(self.contact.normal)),
+            self.contact._replace(
+                position=q.to_world(self.contact.position), normal=q.to_world(self.contact.normal)
+            ),
         )
 
     def by_oracle(self, law: Law, digits: int = 30):

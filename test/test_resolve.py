@@ -48,8 +48,12 @@ REFUSALS = [
         lambda: resolve(BALL._replace(mass=0.0), FLOOR, CONTACT),
     ),
     *(
-        (f"{field} not finite", StatusCode.NOT_FINITE, f"body_b.{field}.y", lambda field=field: resolve(
-            BALL, body(**{field: (0.0, INF, 0.0)}), CONTACT))
+        (
+            f"{field} not finite",
+            StatusCode.NOT_FINITE,
+            f"body_b.{field}.y",
+            lambda field=field: resolve(BALL, body(**{field: (0.0, INF, 0.0)}), CONTACT),
+        )
         for field in ("position", "velocity", "angular_velocity")
     ),
     (
@@ -107,8 +111,12 @@ REFUSALS = [
         lambda: resolve(BALL, FLOOR, CONTACT, ImpactModel(geometry=Geometry.PLANAR)),
     ),
     *(
-        (f"restitution {e}", code, "contact.restitution", lambda e=e: resolve(
-            BALL, FLOOR, CONTACT._replace(restitution=e)))
+        (
+            f"restitution {e}",
+            code,
+            "contact.restitution",
+            lambda e=e: resolve(BALL, FLOOR, CONTACT._replace(restitution=e)),
+        )
         for e, code in [
             (-0.1, StatusCode.INVALID_COEFFICIENT),
             (1.1, StatusCode.INVALID_COEFFICIENT),
@@ -122,7 +130,12 @@ REFUSALS = [
         lambda: resolve(BALL, FLOOR, CONTACT._replace(restitution=lambda speed: speed)),
     ),
     *(
-        (f"friction {mu}", code, "contact.friction", lambda mu=mu: resolve(BALL, FLOOR, CONTACT._replace(friction=mu)))
+        (
+            f"friction {mu}",
+            code,
+            "contact.friction",
+            lambda mu=mu: resolve(BALL, FLOOR, CONTACT._replace(friction=mu)),
+        )
         for mu, code in [(-0.1, StatusCode.INVALID_COEFFICIENT), (INF, StatusCode.NOT_FINITE)]
     ),
     (
@@ -182,7 +195,9 @@ def test_the_code_is_named_as_in_the_messages():
 )
 @pytest.mark.parametrize("orientation", [None, (0.1, -0.7, 0.3, 0.5)])
 def test_degenerate_bodies_are_legal(inertia, orientation):
-    falling = body(inertia=inertia, orientation=orientation, position=(0.3, 0.2, 0.5), velocity=(0.0, 0.0, -1.0))
+    falling = body(
+        inertia=inertia, orientation=orientation, position=(0.3, 0.2, 0.5), velocity=(0.0, 0.0, -1.0)
+    )
     impact = resolve(falling, FLOOR, CONTACT)
     assert impact.normal_velocity_after == pytest.approx(0.5, rel=1e-14)
     assert impact.kinetic_energy_after < impact.kinetic_energy_before
@@ -207,7 +222,10 @@ def test_a_rod_given_in_any_axes_is_the_same_rod(axis):
     ("geometry", "scene"),
     [
         (Geometry.POINT, Scene(BALL, FLOOR, CONTACT)),
-        (Geometry.POINT, Scene(Body.dynamic(1.0), Body.dynamic(2.0), Contact.of((5, 6, 7), (1, 2, 3), friction=0.5))),
+        (
+            Geometry.POINT,
+            Scene(Body.dynamic(1.0), Body.dynamic(2.0), Contact.of((5, 6, 7), (1, 2, 3), friction=0.5)),
+        ),
         (Geometry.SPATIAL, Scene(BALL, FLOOR, CONTACT._replace(friction=0.3))),
         (Geometry.SPATIAL, Scene(BALL, FLOOR, Contact.of((0.1, 0, 0), (0, 0, 1)))),
         (Geometry.PLANAR, Scene(body(position=(0.1, 1.0, 0.0)), FLOOR, Contact.of((0, 0, 0), (0, 1, 0)))),
@@ -222,7 +240,9 @@ def test_a_rod_given_in_any_axes_is_the_same_rod(axis):
         ),
         (
             Geometry.PLANAR,
-            Scene(body(position=(0.1, 1.0, 0.0), velocity=(0, -1, 0.5)), FLOOR, Contact.of((0, 0, 0), (0, 1, 0))),
+            Scene(
+                body(position=(0.1, 1.0, 0.0), velocity=(0, -1, 0.5)), FLOOR, Contact.of((0, 0, 0), (0, 1, 0))
+            ),
         ),
         (
             Geometry.SPATIAL,
@@ -233,7 +253,17 @@ def test_a_rod_given_in_any_axes_is_the_same_rod(axis):
             ),
         ),
     ],
-    ids=["central", "points rub", "rubs", "off-centre", "in plane", "off plane", "slides out", "glides", "coupled"],
+    ids=[
+        "central",
+        "points rub",
+        "rubs",
+        "off-centre",
+        "in plane",
+        "off plane",
+        "slides out",
+        "glides",
+        "coupled",
+    ],
 )
 def test_the_cheapest_exact_geometry_is_chosen_and_named(geometry, scene):
     assert choose_model(*scene, ImpactModel()).geometry is geometry

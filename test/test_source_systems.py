@@ -42,7 +42,10 @@ def test_s2_for_every_corner_angle(degrees):
 
 def test_s4_mass_properties_of_particles():
     """A dumbbell of 1 kg and 3 kg, 4 m apart along x, worked by hand."""
-    particles = [Particle(Fraction(1), Vec3(*map(Fraction, (0, 1, 2)))), Particle(Fraction(3), Vec3(*map(Fraction, (4, 1, 2))))]
+    particles = [
+        Particle(Fraction(1), Vec3(*map(Fraction, (0, 1, 2)))),
+        Particle(Fraction(3), Vec3(*map(Fraction, (4, 1, 2)))),
+    ]
     mass, com, inertia = of_particles(particles)
     assert mass == 4
     assert com == (3, 1, 2)

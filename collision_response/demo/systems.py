@@ -112,8 +112,12 @@ def s2(corner_angle: float) -> System:
 
 def s3() -> System:
     """Two bodies in space with restitution (French, section 2)."""
-    a = Body.dynamic(2.0, (3.0, 0.5, -0.25, 4.0, 0.75, 5.0), (1.0, 2.0, -1.0), None, (-1.0, 0.5, 2.0), (0.5, -1.0, 2.0))
-    b = Body.dynamic(5.0, (6.0, -0.5, 1.0, 7.0, 0.25, 8.0), (-1.0, 0.0, 1.0), None, (2.0, 1.0, -0.5), (1.0, 0.25, -0.5))
+    a = Body.dynamic(
+        2.0, (3.0, 0.5, -0.25, 4.0, 0.75, 5.0), (1.0, 2.0, -1.0), None, (-1.0, 0.5, 2.0), (0.5, -1.0, 2.0)
+    )
+    b = Body.dynamic(
+        5.0, (6.0, -0.5, 1.0, 7.0, 0.25, 8.0), (-1.0, 0.0, 1.0), None, (2.0, 1.0, -0.5), (1.0, 0.25, -0.5)
+    )
     contact = Contact.of((0.25, 0.5, 0.75), normal=(2.0, 1.0, -2.0), restitution=0.75)
     return System("S3", "two bodies in space", a, b, contact, _reaction_model(a, b, contact))
 
@@ -127,7 +131,11 @@ def s4() -> System:
     total = sum(masses)
     com = [F(sum(m * p[i] for m, p in zip(masses, positions, strict=True)), total) for i in range(3)]
     a = Body.dynamic(
-        float(exact.mass), [float(i) for i in exact.inertia], [float(x) for x in exact.com], None, (0.0, 0.0, -3.0)
+        float(exact.mass),
+        [float(i) for i in exact.inertia],
+        [float(x) for x in exact.com],
+        None,
+        (0.0, 0.0, -3.0),
     )
     contact = Contact.of((2.0, 0.0, 1.0), normal=(0.0, 0.0, 1.0), restitution=0.5)
     inertia = [[F(0)] * 3 for _ in range(3)]
@@ -165,8 +173,12 @@ def s5() -> System:
     return System(
         "S5",
         "two bodies in the plane",
-        Body.dynamic(2.0, (0.25, 0.0, 0.0, 0.25, 0.0, 0.5), (0.5, -0.25, 0.0), None, (1.0, 3.0, 0.0), (0.0, 0.0, 2.0)),
-        Body.dynamic(3.0, (0.5, 0.0, 0.0, 0.5, 0.0, 0.75), (-0.25, -0.5, 0.0), None, (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
+        Body.dynamic(
+            2.0, (0.25, 0.0, 0.0, 0.25, 0.0, 0.5), (0.5, -0.25, 0.0), None, (1.0, 3.0, 0.0), (0.0, 0.0, 2.0)
+        ),
+        Body.dynamic(
+            3.0, (0.5, 0.0, 0.0, 0.5, 0.0, 0.75), (-0.25, -0.5, 0.0), None, (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)
+        ),
         Contact.of((0.0, 0.0, 0.0), normal=(0.0, -1.0, 0.0), restitution=0.5),
         _floats(expected),
     )
@@ -253,7 +265,10 @@ def _reaction_model(a: Body, b: Body, contact: Contact) -> dict[str, float]:
     turning = [p + q for p, q in zip(_cross(spin[0], r[0]), _cross(spin[1], r[1]), strict=True)]
     j = -(1 + F(contact.restitution)) * approach / (1 / F(a.mass) + 1 / F(b.mass) + _dot(turning, unit))
     expected = {"normal_impulse": j}
-    for name, sign, body, change, v_0, w_0 in (("a", 1, a, spin[0], v[0], w[0]), ("b", -1, b, spin[1], v[1], w[1])):
+    for name, sign, body, change, v_0, w_0 in (
+        ("a", 1, a, spin[0], v[0], w[0]),
+        ("b", -1, b, spin[1], v[1], w[1]),
+    ):
         for i, axis in enumerate("xyz"):
             expected[f"twist_{name}.linear.{axis}"] = v_0[i] + sign * j / F(body.mass) * unit[i]
             expected[f"twist_{name}.angular.{axis}"] = w_0[i] + sign * j * change[i]

@@ -77,7 +77,9 @@ class Body(NamedTuple):
             raise ImpactError(StatusCode.INVALID_MASS, "mass", f"must be positive, is {mass}")
         inverse_mass = 1 / mass
         if inverse_mass == math.inf:
-            raise ImpactError(StatusCode.INVALID_MASS, "mass", f"is so small that 1/mass overflows, is {mass}")
+            raise ImpactError(
+                StatusCode.INVALID_MASS, "mass", f"is so small that 1/mass overflows, is {mass}"
+            )
         return cls._of(mass, inverse_mass, inertia, position, orientation, velocity, angular_velocity)
 
     @classmethod

@@ -58,8 +58,9 @@ class Approach(Protocol[V]):
     def u(self) -> V:
         """Velocity of body_a relative to body_b at the contact [m/s]."""
 
-    def normal_velocity(self) -> Scalar:
-        """``n.u``: the speed of separation times the length of ``n``; negative when approaching."""
+    @property
+    def n_u(self) -> Scalar:
+        """``n.u``, summed so that it keeps its accuracy far from the bodies; negative if approaching."""
 
     def inverse_effective_mass(self) -> Scalar:
         """``n.K n``: the inverse effective mass along the normal [1/kg] times ``n.n``."""
@@ -78,13 +79,12 @@ class Point(NamedTuple):
     body_b: Body
     n: Vec3
     u: Vec3
+    n_u: Scalar
 
     @classmethod
     def prepare(cls, body_a: Body, body_b: Body, contact: Contact) -> Point:
-        return cls(body_a, body_b, contact.normal, body_a.velocity - body_b.velocity)
-
-    def normal_velocity(self) -> Scalar:
-        return self.n.dot(self.u)
+        n, u = contact.normal, body_a.velocity - body_b.velocity
+        return cls(body_a, body_b, n, u, n.dot(u))
 
     def inverse_effective_mass(self) -> Scalar:
         return self.n.dot(self.n) * self.mobility().scale
@@ -107,22 +107,20 @@ class Planar(NamedTuple):
     r_b: Vec2
     n: Vec2
     u: Vec2
+    n_u: Scalar
 
     @classmethod
     def prepare(cls, body_a: Body, body_b: Body, contact: Contact) -> Planar:
-        r_a, r_b = _in_plane(contact.position - body_a.position), _in_plane(contact.position - body_b.position)
-        u = (_in_plane(body_a.velocity) - _in_plane(body_b.velocity)) + (
-            r_a.turned(body_a.angular_velocity.z) - r_b.turned(body_b.angular_velocity.z)
+        n = _in_plane(contact.normal)
+        r_a, r_b = (
+            _in_plane(contact.position - body_a.position),
+            _in_plane(contact.position - body_b.position),
         )
-        return cls(body_a, body_b, r_a, r_b, _in_plane(contact.normal), u)
-
-    def normal_velocity(self) -> Scalar:
-        a, b, n = self.body_a, self.body_b, self.n
-        return (
-            n.dot(_in_plane(a.velocity) - _in_plane(b.velocity))
-            + a.angular_velocity.z * self.r_a.cross(n)
-            - b.angular_velocity.z * self.r_b.cross(n)
-        )
+        w_a, w_b = body_a.angular_velocity.z, body_b.angular_velocity.z
+        v = _in_plane(body_a.velocity - body_b.velocity)
+        u = v + (r_a.turned(w_a) - r_b.turned(w_b))
+        n_u = n.dot(v) + w_a * r_a.cross(n) - w_b * r_b.cross(n)
+        return cls(body_a, body_b, r_a, r_b, n, u, n_u)
 
     def inverse_effective_mass(self) -> Scalar:
         arm_a, arm_b, n = self.r_a.cross(self.n), self.r_b.cross(self.n), self.n
@@ -150,22 +148,17 @@ class Spatial(NamedTuple):
     r_b: Vec3
     n: Vec3
     u: Vec3
+    n_u: Scalar
 
     @classmethod
     def prepare(cls, body_a: Body, body_b: Body, contact: Contact) -> Spatial:
+        n = contact.normal
         r_a, r_b = contact.position - body_a.position, contact.position - body_b.position
-        u = (body_a.velocity - body_b.velocity) + (
-            body_a.angular_velocity.cross(r_a) - body_b.angular_velocity.cross(r_b)
-        )
-        return cls(body_a, body_b, r_a, r_b, contact.normal, u)
-
-    def normal_velocity(self) -> Scalar:
-        a, b, n = self.body_a, self.body_b, self.n
-        return (
-            n.dot(a.velocity - b.velocity)
-            + a.angular_velocity.dot(self.r_a.cross(n))
-            - b.angular_velocity.dot(self.r_b.cross(n))
-        )
+        w_a, w_b = body_a.angular_velocity, body_b.angular_velocity
+        v = body_a.velocity - body_b.velocity
+        u = v + (w_a.cross(r_a) - w_b.cross(r_b))
+        n_u = n.dot(v) + w_a.dot(r_a.cross(n)) - w_b.dot(r_b.cross(n))
+        return cls(body_a, body_b, r_a, r_b, n, u, n_u)
 
     def inverse_effective_mass(self) -> Scalar:
         arm_a, arm_b, n = self.r_a.cross(self.n), self.r_b.cross(self.n), self.n
@@ -181,8 +174,10 @@ class Spatial(NamedTuple):
     def respond(self, impulse: Vec3) -> Response:
         change_a = self.body_a.response(impulse, self.r_a)
         change_b = self.body_b.response(-impulse, self.r_b)
-        after = self.u + (change_a.linear - change_b.linear) + (
-            change_a.angular.cross(self.r_a) - change_b.angular.cross(self.r_b)
+        after = (
+            self.u
+            + (change_a.linear - change_b.linear)
+            + (change_a.angular.cross(self.r_a) - change_b.angular.cross(self.r_b))
         )
         return Response(impulse, change_a, change_b, after)
 

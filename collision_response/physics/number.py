@@ -49,5 +49,7 @@ def _where_of(condition: Any) -> Callable[..., Any]:
 
 def _merge(where: Callable[..., Any], condition: Any, if_true: Any, if_false: Any) -> Any:
     if isinstance(if_true, tuple):
-        return type(if_true)(*(_merge(where, condition, t, f) for t, f in zip(if_true, if_false, strict=True)))
+        return type(if_true)(
+            *(_merge(where, condition, t, f) for t, f in zip(if_true, if_false, strict=True))
+        )
     return where(condition, if_true, if_false)

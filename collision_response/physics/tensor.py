@@ -104,7 +104,6 @@ class Factor3(NamedTuple):
         return Vec3(x / d_x - l_yx * y - l_zx * z, y, z)
 
 
-
 class Tensor(Protocol[V]):
     """What the three forms share."""
 

@@ -18,6 +18,8 @@ with ``kappa = 1 + e_t`` if that lies in the friction cone ``|P_t| <= mu P_n``, 
 whose denominator is positive there. Hence ``n.u+ = -e n.u`` exactly. Along ``kappa`` the energy is a
 parabola, symmetric about ``kappa = 1``: for ``kappa`` in [0, 2] friction never adds any, and the law
 cannot create energy for ``e`` in [0, 1] and ``e_t`` in [-1, 1]. No iteration, no branch but the cone.
+The two losses separate: restitution takes ``(1 - e^2) j^2 (n.Kn) / 2``, with ``P_I = j n``, and friction
+``kappa (2 - kappa) D.KD / 2``.
 
 Source: Chatterjee & Ruina, "A New Algebraic Rigid-Body Collision Law Based on Impulse Space
 Considerations", J. Appl. Mech. 65 (1998) 939-951, eqs. 17-22.
@@ -25,20 +27,37 @@ Considerations", J. Appl. Mech. 65 (1998) 939-951, eqs. 17-22.
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 from ..effective_mass import Approach
 from ..number import Scalar, choose, square_root
+from ..tensor import Tensor
 from ..vector import V
-from .law import Parameters, Outcome, Regime, slipping
+from .law import Outcome, Parameters, Regime, slipping
+
+
+class Split(NamedTuple):
+    """The two impulses between which the law chooses: ``P_I = j n`` and ``P_II = P_I + D``."""
+
+    j: Scalar
+    D: Any
+    K: Tensor[Any]
+
+
+def split(approach: Approach[V]) -> Split:
+    """``P_I`` and ``D`` of an approach."""
+    n, K = approach.n, approach.mobility()
+    Kn = K @ n
+    j = -approach.n_u / n.dot(Kn)
+    return Split(j, -K.solve(approach.u + Kn * j), K)
 
 
 def chatterjee_ruina(approach: Approach[V], parameters: Parameters) -> Outcome:
     """The impulse of a contact with Coulomb friction and tangential restitution."""
     e, mu, e_t, _ = parameters
-    n, K = approach.n, approach.mobility()
-    Kn = K @ n
+    n = approach.n
+    j, D, K = split(approach)
     nn = n.dot(n)
-    j = -approach.normal_velocity() / n.dot(Kn)
-    D = -K.solve(approach.u + Kn * j)
     D_n = n.dot(D) / nn
     D_t = D - n * D_n
     slip = D_t.dot(D_t)
@@ -52,6 +71,5 @@ def chatterjee_ruina(approach: Approach[V], parameters: Parameters) -> Outcome:
 
     kappa = choose(in_cone, lambda: stick, on_cone)
     P = n * ((1 + e) * j) + D * kappa
-
     regime = choose(in_cone, lambda: Regime.STICKING, lambda: slipping(approach, approach.u + K @ P))
-    return Outcome(P, regime)
+    return Outcome(P, regime, (e * e - 1) * j * j * n.dot(K @ n) / 2)

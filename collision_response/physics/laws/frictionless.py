@@ -18,10 +18,10 @@ from __future__ import annotations
 
 from ..effective_mass import Approach
 from ..vector import V
-from .law import Parameters, Outcome, Regime
+from .law import Outcome, Parameters, Regime
 
 
 def frictionless(approach: Approach[V], parameters: Parameters) -> Outcome:
     """The impulse of a contact without friction; only ``parameters.restitution`` matters."""
-    j = -(1 + parameters.restitution) * approach.normal_velocity() / approach.inverse_effective_mass()
+    j = -(1 + parameters.restitution) * approach.n_u / approach.inverse_effective_mass()
     return Outcome(approach.n * j, Regime.SLIDING)

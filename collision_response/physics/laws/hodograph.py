@@ -22,7 +22,8 @@ Prince's of order 8 as in SciPy (Hairer, Norsett & Wanner, *Solving ODEs I*, 199
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.integrate import DOP853
@@ -30,6 +31,8 @@ from scipy.optimize import brentq
 
 from ...status import ImpactError, StatusCode
 from .tangent_plane import direction
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
 
 if TYPE_CHECKING:
     from .routh import Goal, Path, State
@@ -61,23 +64,23 @@ def slip_along_curve(path: Path, state: State, goal: Goal) -> tuple[State, bool]
         along_2 = k_2 - mu * (k_12 * c + k_22 * d)
         return c, d, c * along_1 + d * along_2, c * along_2 - d * along_1
 
-    def normal_velocity(y: np.ndarray) -> float:
+    def normal_velocity(y: Array) -> float:
         return float(state.u_n / unit + k_1 * y[2] + k_2 * y[3] + y[4])
 
-    def rates(_: float, y: np.ndarray) -> list[float]:
+    def rates(_: float, y: Array) -> list[float]:
         c, d, h, g = turning(y[0])
         s = math.exp(y[1])
         return [g, h, -mu * s * c, -mu * s * d, s, normal_velocity(y) * s]
 
-    def excess(y: np.ndarray) -> float:
+    def excess(y: Array) -> float:
         p, W = state.p + impulse * y[4], state.W + work * y[5]
         return goal.excess(unit * normal_velocity(y), p, W)
 
-    def settled(y: np.ndarray) -> bool:
+    def settled(y: Array) -> bool:
         _, _, h, g = turning(y[0])
         return abs(g) <= path.tolerance * abs(h) or (h < 0 and math.exp(y[1]) <= path.tolerance)
 
-    def state_at(y: np.ndarray) -> State:
+    def state_at(y: Array) -> State:
         a, log_s, P_1, P_2, p, W = y.tolist()
         u_n = unit * normal_velocity(y)
         return state._replace(
@@ -102,7 +105,12 @@ def slip_along_curve(path: Path, state: State, goal: Goal) -> tuple[State, bool]
             return state_at(solver.y), False
         solver.step()
         if excess(solver.y) >= 0:
-            between = solver.dense_output()
-            tau = brentq(lambda tau: excess(between(tau)), solver.t_old, solver.t, xtol=1e-15, rtol=1e-14)
-            return state_at(between(tau)), True
+            return state_at(_where(excess, solver)), True
     raise ImpactError(StatusCode.PATH_TOO_LONG, "contact", f"the slip still turns after {STEP_BUDGET} steps")
+
+
+def _where(excess: Callable[[Array], float], solver: DOP853) -> Array:
+    """The point of the last step where ``excess`` is 0."""
+    between = solver.dense_output()
+    tau = brentq(lambda tau: excess(between(tau)), solver.t_old, solver.t, xtol=1e-15, rtol=1e-14)
+    return between(tau)

@@ -28,8 +28,7 @@ from typing import Any
 
 from ...numerics.trigonometric_roots import trigonometric_roots
 from ..effective_mass import Approach
-from ..tensor import Tensor
-from ..vector import V, Vec2, Vec3
+from ..vector import V, Vec2
 from .chatterjee_ruina import chatterjee_ruina
 from .law import Outcome, Parameters, Regime, slipping
 from .tangent_plane import direction, tangents
@@ -50,7 +49,7 @@ def one_step(approach: Approach[V], parameters: Parameters) -> Outcome | None:
     """Moreau's law as it is, energy or not; ``None`` if it has no solution."""
     e, mu = parameters.restitution, parameters.friction
     K, u, n = approach.mobility(), approach.u, approach.n / approach.n.norm()
-    u_n = approach.normal_velocity() / approach.n.norm()
+    u_n = approach.n_u / approach.n.norm()
     P = K.solve(-u - n * (e * u_n))
     P_n = n.dot(P)
     if (P - n * P_n).norm() <= mu * P_n:
@@ -64,12 +63,13 @@ def one_step(approach: Approach[V], parameters: Parameters) -> Outcome | None:
 
 def creates_energy(approach: Approach[V], outcome: Outcome) -> bool:
     """Whether the bodies end with more kinetic energy than they had."""
-    P, u = outcome.impulse, approach.u
+    P: Any = outcome.impulse
+    u = approach.u
     work = P.dot(u * 2 + approach.mobility() @ P) / 2
     return bool(work > ROUNDING * abs(P.dot(u)))
 
 
-def _sliding_impulses(K: Tensor[V], u: V, u_n: float, n: V, e: float, mu: float) -> Iterator[V]:
+def _sliding_impulses(K: Any, u: Any, u_n: float, n: Any, e: float, mu: float) -> Iterator[Any]:
     for t in _candidate_directions(K, u, u_n, n, e, mu):
         along = n - t * mu
         inverse_mass = n.dot(K @ along)
@@ -79,11 +79,10 @@ def _sliding_impulses(K: Tensor[V], u: V, u_n: float, n: V, e: float, mu: float)
                 yield P
 
 
-def _candidate_directions(K: Tensor[Any], u: Any, u_n: float, n: Any, e: float, mu: float) -> list[Any]:
+def _candidate_directions(K: Any, u: Any, u_n: float, n: Any, e: float, mu: float) -> list[Any]:
     """Directions in which the slip that remains may be parallel to the friction it meets."""
     if isinstance(n, Vec2):
-        (t,) = tangents(n)
-        return [t, -t]
+        return [*tangents(n), *(-t for t in tangents(n))]
     t_1, t_2 = tangents(n)
     K_1, K_2 = K @ t_1, K @ t_2
     u_1, u_2, k_1, k_2, k_n = t_1.dot(u), t_2.dot(u), n.dot(K_1), n.dot(K_2), n.dot(K @ n)

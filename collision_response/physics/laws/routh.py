@@ -42,7 +42,7 @@ from ..effective_mass import Approach
 from ..tensor import Tensor
 from ..vector import V, Vec2
 from .hodograph import slip_along_curve
-from .law import Outcome, Parameters, Regime
+from .law import Outcome, Parameters, Regime, slipping
 from .tangent_plane import direction, tangents
 
 DOUBLE_TOLERANCE = 1e-12
@@ -69,7 +69,7 @@ class State(NamedTuple):
         p: normal part of ``P``.
         W: work of the normal impulse so far [J].
         course: ``dP/dp`` once the slip has stopped for the first time, until then ``None``.
-        regime: STICKING, SLIDING or REVERSED.
+        sticks: whether that course is without slip.
         jammed: whether ``u_n`` has fallen on the way.
     """
 
@@ -79,7 +79,7 @@ class State(NamedTuple):
     p: float
     W: float
     course: Any = None
-    regime: Regime = Regime.SLIDING
+    sticks: bool = False
     jammed: bool = False
 
 
@@ -133,12 +133,12 @@ def routh_stronge(approach: Approach[V], parameters: Parameters) -> Outcome:
 
 def _follow(approach: Approach[V], parameters: Parameters, end: Callable[[float, State], Goal]) -> Outcome:
     n = approach.n / approach.n.norm()
-    u_n = approach.normal_velocity() / approach.n.norm()
+    u_n = approach.n_u / approach.n.norm()
     tolerance = parameters.tolerance or DOUBLE_TOLERANCE
-    path = Path(approach.mobility(), n, parameters.friction, approach.u, tolerance)
+    path = Path(approach.mobility(), n, parameters.friction, tolerance)
     rest = path.travel(State(n * 0.0, approach.u, u_n, 0.0, 0.0), Rest())
     last = path.travel(rest, end(parameters.restitution, rest))
-    return Outcome(last.P, Regime.JAMMED if last.jammed else last.regime, last.W)
+    return Outcome(last.P, path.regime(approach, last), last.W)
 
 
 class Path(NamedTuple):
@@ -147,7 +147,6 @@ class Path(NamedTuple):
     K: Tensor[Any]
     n: Any
     mu: float
-    u_first: Any
     tolerance: float
 
     def travel(self, state: State, goal: Goal) -> State:
@@ -156,8 +155,8 @@ class Path(NamedTuple):
             state, arrived = self._slip(state, goal)
             if arrived:
                 return state
-            course, regime = self._course_from_rest()
-            state = state._replace(course=course, regime=regime)
+            course, sticks = self._course_from_rest()
+            state = state._replace(course=course, sticks=sticks)
         return self._straight(state, state.course, goal.distance(state, self.rate(state.course)))
 
     def across(self, v: Any) -> Any:
@@ -198,14 +197,19 @@ class Path(NamedTuple):
         turning = growth - t * t.dot(growth)
         return bool(turning.norm() > self.tolerance * growth.norm())
 
-    def _course_from_rest(self) -> tuple[Any, Regime]:
-        """How the path goes on once the contact has stopped slipping."""
+    def regime(self, approach: Approach[Any], last: State) -> Regime:
+        """What friction did, seen from the end."""
+        if last.jammed:
+            return Regime.JAMMED
+        return Regime.STICKING if last.sticks else Regime(slipping(approach, last.u))
+
+    def _course_from_rest(self) -> tuple[Any, bool]:
+        """How the path goes on once the contact has stopped slipping; whether it sticks."""
         stick = self.K.solve(self.n)
         stick = stick / self.n.dot(stick)
         if self.across(stick).norm() <= self.mu:
-            return stick, Regime.STICKING
-        t = self._diverging_direction()
-        return self.n - t * self.mu, Regime.REVERSED if t.dot(self.u_first) < 0 else Regime.SLIDING
+            return stick, True
+        return self.n - self._diverging_direction() * self.mu, False
 
     def _diverging_direction(self) -> Any:
         """The direction in which slip grows straight from rest, when the contact cannot stick."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from ..vector import V, Vec2, Vec3
+from ..vector import Vec2, Vec3, Vector
 
 
-def tangents(n: V) -> tuple[V, ...]:
+def tangents(n: Vector) -> tuple[Any, ...]:
     """Unit vectors across a unit normal: one in the plane; two in space, right-handed with it.
 
     Source: Duff et al., "Building an Orthonormal Basis, Revisited", J. Comput. Graph. Tech. 6 (2017).
