@@ -38,9 +38,10 @@ class Impact(NamedTuple):
         energy_lost_restitution, energy_lost_friction: work done against the normal and against the
             tangential impulse [J].
         regime: what friction did.
-        error_bound: upper bound on the relative error of the impulse, and of each twist change in
-            the norm of its kinetic energy, from rounding and from what was not modelled; infinite
-            where nothing can be said in this precision, -1 for MOREAU, for which none is known.
+        error_bound: upper bound on the relative error of the impulse, and of each twist change
+            ``(dv, dw)`` in the norm ``(m dv.dv + tr(I)/3 dw.dw)^(1/2)``, from rounding and from what
+            was not modelled; infinite where nothing can be said in this precision, -1 for MOREAU, for
+            which none is known. Numbers below 2.3e-308 are right to the nearest, not relatively.
         adjustments: what was changed from what was asked.
     """
 

@@ -168,7 +168,7 @@ def _ball_error(body_a: Body, body_b: Body, impact: Impact) -> float:
         return math.inf
     errors = [extended.relative_radius(*((x, 1) for x in impact.impulse))]
     for body, change in ((body_a, impact.change_a), (body_b, impact.change_b)):
-        moment = body.inertia.trace()
+        moment = body.inertia.trace() / 3
         weighted = [*((x, body.mass) for x in change.linear), *((x, moment) for x in change.angular)]
         errors.append(extended.relative_radius(*weighted))
     return max(errors)

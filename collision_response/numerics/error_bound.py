@@ -2,21 +2,24 @@
 
 A running analysis: to first order in the unit roundoff, with the condition of what was computed. It
 bounds the relative error of the impulse in the Euclidean norm, and that of each body's change of
-twist ``(dv, dw)`` in the norm of its kinetic energy, ``(m dv.dv + dw.I dw)^(1/2)``, in which the
-turning of a body counts as much as it matters.
+twist ``(dv, dw)`` in the norm ``(m dv.dv + tr(I)/3 dw.dw)^(1/2)``: turning counts as much as it would
+matter to the kinetic energy if the body were round.
 
 Everything is in units of the roundoff. What the letters stand for, per body:
 
-    s    the norm of I^(-1/2) [r]x: how much spin, in the energy norm, an impulse at r makes at most
+    c    1 / least moment of inertia, to the power 1/2, from above: the most spin, in the norm of its
+         energy, that an angular impulse makes; and s = c |r|
     a    rounding of the angular impulse r x P, relative to |r| |P|
-    q    rounding of I^-1 L, relative in the energy norm. L D L^T is stable in every scaling of the
-         axes (Higham 2002, ch. 10), so what counts is the least eigenvalue 1/g of the tensor scaled
-         to a unit diagonal, not its condition number: g = 1 for principal axes, however thin a body
+    q    rounding of I^-1 L, relative in the norm of the energy. L D L^T is stable in every scaling of
+         the axes (Higham 2002, ch. 10), so what counts is the least eigenvalue 1/g of the tensor
+         scaled to a unit diagonal, not its condition number: g = 1 for principal axes, however thin
+         the body. Turning the result into world axes does bring in the condition, as ``spread``
 
 The approach speed loses ``(|v_A - v_B| + |w||r|) / |u_n|`` by cancellation. A frictionless impulse
 adds the roundings of ``n.Kn``. Chatterjee & Ruina's ``D = -K^-1 (u + Kn j)`` adds the condition of
-``K``, whose least eigenvalue is at least ``1/m_A + 1/m_B``; and ``kappa`` moves with ``D`` only where
-the answer is on the cone, or so near it that rounding decides.
+``K``, whose least eigenvalue is at least ``1/m_A + 1/m_B``; an error of ``j`` moves ``D`` by as much
+against the normal, and so enters ``P`` only by ``1 + e - kappa``; and ``kappa`` moves with ``D`` only
+where the answer is on the cone, or so near it that rounding decides.
 
 Source of the constants: Higham, *Accuracy and Stability of Numerical Algorithms*, 2002, chs. 3, 10.
 """
@@ -66,13 +69,39 @@ NOTHING = Dropped(0.0, 0.0, 0.0)
 
 
 class Amplification(NamedTuple):
-    """What one body does to rounding: ``s``, ``a``, ``q`` as at the head of this module."""
+    """What one body does to rounding: ``s`` and ``q`` as at the head of this module.
+
+    Attributes:
+        solve: roundings of ``I^-1 L`` in body axes.
+        turn: roundings of a turn into body axes, or out of them.
+        spread: ``c (tr(I)/2)^(1/2)``, the root of the condition number of the inertia from above.
+        contact_speed: of the contact point about the centre of mass [m/s].
+        inverse_mass: [1/kg].
+    """
 
     s: float
-    a: float
-    q: float
+    solve: float
+    turn: float
+    spread: float
     contact_speed: float
     inverse_mass: float
+
+    @property
+    def a(self) -> float:
+        """Roundings of an angular impulse ``r x P``."""
+        return CROSS + self.turn
+
+    @property
+    def q(self) -> float:
+        """Roundings of ``I^-1 L`` in world axes, in the norm of the energy."""
+        return self.solve + self.turn * self.spread
+
+    @property
+    def twist(self) -> float:
+        """Roundings of the change of twist beyond those of the impulse."""
+        if not self.inverse_mass:
+            return 0.0
+        return self.turn + self.spread * (self.solve + self.a * self.s / math.sqrt(self.inverse_mass))
 
 
 class Sizes(NamedTuple):
@@ -138,32 +167,28 @@ def coulomb_error(sizes: Sizes, split: Split, parameters: Parameters, n: Any, P:
     P_I, D = split.j * length, split.D.norm()
     a, b = sizes.bodies
     stiff = (a.s**2 + b.s**2) / m
-    K_error = ((a.q + 2 * a.a + 4) * a.s**2 + (b.q + 2 * b.a + 4) * b.s**2) / m + 3
+    K_error = ((a.q + 2 * a.turn + 5) * a.s**2 + (b.q + 2 * b.turn + 5) * b.s**2) / m + 3
     K_error += sizes.dropped.mobility / UNIT_ROUNDOFF
     j_error = frictionless_error(sizes)
-    D_error = (
-        sizes.u_error / m + (3 * (1 + stiff) + K_error + j_error) * P_I + (K_error + SOLVE * (1 + stiff)) * D
-    )
+    D_error = sizes.u_error / m + (3 * (1 + stiff) + K_error) * P_I + (K_error + SOLVE * (1 + stiff)) * D
 
     D_n = n.dot(split.D) / length
     D_t = (split.D - n * (D_n / length)).norm()
     stick, reach, S = 1 + e_t, mu * (1 + e) * P_I, D_t - mu * D_n
-    S_error = (1 + mu) * (D_error + 4 * D) * UNIT_ROUNDOFF
+    S_error = ((1 + mu) * (D_error + 4 * D) + mu * j_error * P_I) * UNIT_ROUNDOFF
     kappa = _on_cone(reach, S, stick)
     least, most = _on_cone(reach, S + S_error, stick), _on_cone(reach, S - S_error, stick)
     kappa_error = max(most - kappa, kappa - least) / UNIT_ROUNDOFF
     if least < stick:
         kappa_error += kappa * (j_error + 4)
-    return ((1 + e) * P_I * (j_error + 2) + kappa * D_error + kappa_error * D) / P.norm() + 4
+    along_n = (abs(1 + e - kappa) * j_error + 4) * P_I
+    return (along_n + kappa * D_error + kappa_error * D) / P.norm() + 4
 
 
 def twist_error(sizes: Sizes) -> float:
     """What the twist changes add to the relative error of the impulse, in units of roundoff."""
-    a, b = (
-        body.q + body.a * body.s / math.sqrt(body.inverse_mass) if body.inverse_mass else 0.0
-        for body in sizes.bodies
-    )
-    return 3 + max(a, b) + sizes.dropped.spin / UNIT_ROUNDOFF
+    a, b = sizes.bodies
+    return 3 + max(a.twist, b.twist) + sizes.dropped.spin / UNIT_ROUNDOFF
 
 
 def total(roundings: float, sizes: Sizes) -> float:
@@ -179,7 +204,7 @@ def total(roundings: float, sizes: Sizes) -> float:
 
 
 def compliance(body: Body) -> float:
-    """A bound on ``I^(-1/2)``: the most spin, in the energy norm, of an angular impulse of 1 N m s."""
+    """``c``: the most spin, in the norm of its energy, of an angular impulse of 1 N m s."""
     return _spatial(body, Vec3(1.0, 0.0, 0.0)).s
 
 
@@ -189,14 +214,15 @@ def _on_cone(reach: float, S: float, stick: float) -> float:
 
 
 def _point(body: Body) -> Amplification:
-    return Amplification(0.0, 0.0, 0.0, 0.0, body.inverse_mass)
+    return Amplification(0.0, 0.0, 0.0, 0.0, 0.0, body.inverse_mass)
 
 
 def _planar(body: Body, arm: float) -> Amplification:
     zz, contact_speed = body.inertia.zz, arm * abs(body.angular_velocity.z)
     if not zz:
-        return Amplification(0.0, 0.0, 0.0, contact_speed, body.inverse_mass)
-    return Amplification(arm / math.sqrt(zz), CROSS, 2.0, contact_speed, body.inverse_mass)
+        return Amplification(0.0, 0.0, 0.0, 0.0, contact_speed, body.inverse_mass)
+    spread = math.sqrt(body.inertia.trace() / zz)
+    return Amplification(arm / math.sqrt(zz), 2.0, 0.0, spread, contact_speed, body.inverse_mass)
 
 
 def _spatial(body: Body, r: Vec3) -> Amplification:
@@ -204,16 +230,15 @@ def _spatial(body: Body, r: Vec3) -> Amplification:
     contact_speed = arm * body.angular_velocity.norm()
     diagonal = [moment for moment in (inertia.xx, inertia.yy, inertia.zz) if moment]
     if not diagonal:
-        return Amplification(0.0, 0.0, 0.0, contact_speed, body.inverse_mass)
+        return Amplification(0.0, 0.0, 0.0, 0.0, contact_speed, body.inverse_mass)
     g, solve = 1.0, 2.0
     if inertia.xy or inertia.xz or inertia.yz:
         g = _scaled_condition(inertia)
         solve = SOLVE * g
-    s = arm * math.sqrt(g * sum(1 / moment for moment in diagonal))
-    if body.orientation is None:
-        return Amplification(s, CROSS, solve, contact_speed, body.inverse_mass)
-    spread = math.sqrt(g * max(diagonal) / min(diagonal))
-    return Amplification(s, CROSS + TURN, solve + TURN * spread, contact_speed, body.inverse_mass)
+    c = math.sqrt(g / min(diagonal))
+    spread = c * math.sqrt(inertia.trace() / 2)
+    turn = 0.0 if body.orientation is None else TURN
+    return Amplification(arm * c, solve, turn, spread, contact_speed, body.inverse_mass)
 
 
 def _scaled_condition(inertia: Symmetric3) -> float:

@@ -73,10 +73,11 @@ def relative_radius(*weighted: tuple[Any, Any]) -> float:
 
     0 if it is exact, infinite if only its radius is known.
     """
-    radius = sum((weight * value.rad() ** 2 for value, weight in weighted), arb(0)).sqrt()
+    balls = [(arb(value), weight) for value, weight in weighted]
+    radius = sum((weight * ball.rad() ** 2 for ball, weight in balls), arb(0)).sqrt()
     if radius == 0:
         return 0.0
-    length = sum((weight * value.mid() ** 2 for value, weight in weighted), arb(0)).sqrt()
+    length = sum((weight * ball.mid() ** 2 for ball, weight in balls), arb(0)).sqrt()
     return float((radius / length).mid()) if length > 0 else math.inf
 
 

@@ -1,0 +1,91 @@
+"""The rows of a batch's arrays: which quantity lies where, for each geometry.
+
+Only what a geometry and a law need is there. Write ``bodies[rows.velocity] = ...``.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from .model import Geometry
+
+NOWHERE = slice(0, 0)
+
+
+class BodyRows(NamedTuple):
+    """Where the quantities of the bodies lie in ``bodies``, an array of shape ``(count, 2, N)``.
+
+    Attributes:
+        mass: [kg]; ``inf``: the body is immovable.
+        inertia: about the centre of mass [kg m^2]: ``(xx, xy, xz, yy, yz, zz)`` in body axes, or
+            ``zz`` alone. 0 for an immovable body, or one that does not turn.
+        position: of the centre of mass [m].
+        velocity: of the centre of mass [m/s].
+        angular_velocity: [rad/s], in world axes, or about z alone.
+        orientation: ``(x, y, z, w)`` from body axes to world axes. Left out, the two are parallel.
+        count: how many rows there are.
+    """
+
+    mass: slice
+    inertia: slice
+    position: slice
+    velocity: slice
+    angular_velocity: slice
+    orientation: slice
+    count: int
+
+
+class ContactRows(NamedTuple):
+    """Where the quantities of the contacts lie in ``contacts``, an array of shape ``(count, N)``.
+
+    Attributes:
+        position: of the contact point [m].
+        normal: from body_b to body_a, of any length but 0.
+        restitution: in [0, 1].
+        friction: >= 0. May be left out, with what follows it, for the law FRICTIONLESS.
+        tangential_restitution: in [-1, 1]. May be left out: then it is that of the model.
+        count: how many rows there are with friction, without tangential restitution.
+    """
+
+    position: slice
+    normal: slice
+    restitution: slice
+    friction: slice
+    tangential_restitution: slice
+    count: int
+
+
+_BODY_WIDTHS = {
+    Geometry.POINT: {"mass": 1, "velocity": 3},
+    Geometry.PLANAR: {"mass": 1, "inertia": 1, "position": 2, "velocity": 2, "angular_velocity": 1},
+    Geometry.SPATIAL: {"mass": 1, "inertia": 6, "position": 3, "velocity": 3, "angular_velocity": 3},
+}
+_CONTACT_WIDTHS = {
+    Geometry.POINT: {"normal": 3, "restitution": 1, "friction": 1},
+    Geometry.PLANAR: {"position": 2, "normal": 2, "restitution": 1, "friction": 1},
+    Geometry.SPATIAL: {"position": 3, "normal": 3, "restitution": 1, "friction": 1},
+}
+
+
+def body_rows(geometry: Geometry, *, oriented: bool = False) -> BodyRows:
+    """The rows of ``bodies``; only SPATIAL bodies may be oriented."""
+    if oriented and geometry is not Geometry.SPATIAL:
+        raise ValueError(f"orientation has no effect in {geometry.name}: leave it out")
+    widths = dict(_BODY_WIDTHS[geometry], **({"orientation": 4} if oriented else {}))
+    places, count = _one_after_the_other(widths)
+    return BodyRows(*(places.get(field, NOWHERE) for field in BodyRows._fields[:-1]), count)
+
+
+def contact_rows(geometry: Geometry) -> ContactRows:
+    """The rows of ``contacts``."""
+    places, count = _one_after_the_other(_CONTACT_WIDTHS[geometry])
+    places["tangential_restitution"] = slice(count, count + 1)
+    return ContactRows(*(places.get(field, NOWHERE) for field in ContactRows._fields[:-1]), count)
+
+
+def _one_after_the_other(widths: dict[str, int]) -> tuple[dict[str, slice], int]:
+    places, count = {}, 0
+    for field, width in widths.items():
+        places[field] = slice(count, count + width)
+        count += width
+    return places, count

@@ -1,0 +1,97 @@
+"""Random impacts over the whole range of float64, with all the ill conditions together."""
+
+from __future__ import annotations
+
+import math
+import random
+
+from collision_response import Body, Contact, Geometry, ImpactError, ImpactModel, Law
+from collision_response.physics.vector import Vec3
+from collision_response.validate import check_request
+from scenes import Scene
+
+
+class RandomImpacts:
+    """An endless supply of valid requests, of a chosen wildness.
+
+    ``wildness`` is the spread of magnitudes in decades: 0 for compact bodies that meet at about their
+    own size and speed, 10 for what a careless user sends, 100 for the range of float64.
+    """
+
+    def __init__(self, seed: int, wildness: float) -> None:
+        self.draw = random.Random(seed)
+        self.wildness = wildness
+
+    def request(self, law: Law) -> tuple[Scene, ImpactModel]:
+        while True:
+            scene = Scene(self._body(), self._body(), self._contact())
+            if self.draw.random() < 0.3:
+                scene = self._grazing(scene)
+            geometry = self.draw.choice([Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL, Geometry.SPATIAL])
+            e_t = self.draw.choice([0.0, self.draw.uniform(-1, 1)])
+            model = ImpactModel(law, geometry, tangential_restitution=e_t)
+            try:
+                check_request(*scene, model)
+            except ImpactError:
+                continue
+            return scene, model
+
+    def _body(self) -> Body:
+        draw = self.draw
+        if draw.random() < 0.15:
+            return Body.kinematic(self._vector(), self._vector(), self._vector())
+        mass, size = self._magnitude(), self._magnitude(0.5)
+        second = [mass * size * size * draw.uniform(0.2, 1) * self._magnitude(0.3) for _ in range(3)]
+        kind = draw.random()
+        if self.wildness and kind < 0.1:
+            second = [0.0, 0.0, second[0]]
+        elif self.wildness and kind < 0.2:
+            second[0] *= 10 ** draw.uniform(-15, 0)
+            second[1] *= 10 ** draw.uniform(-15, 0)
+        x, y, z = second
+        moments = (y + z, x + z, x + y)
+        inertia = (moments[0], 0.0, 0.0, moments[1], 0.0, moments[2])
+        if kind > 0.6:
+            inertia = _turned(moments, self._quaternion())
+        orientation = self._quaternion() if draw.random() < 0.6 else None
+        return Body.dynamic(
+            mass, inertia, self._vector(size), orientation, self._vector(), self._vector(self._magnitude(0.3))
+        )
+
+    def _contact(self) -> Contact:
+        draw = self.draw
+        e = draw.choice([0.0, 1.0, draw.random(), draw.random()])
+        mu = draw.choice([0.0, draw.random(), 10 ** draw.uniform(-3, 1)])
+        return Contact.of(self._vector(self._magnitude(0.2)), self._vector(self._magnitude()), e, mu)
+
+    def _grazing(self, scene: Scene) -> Scene:
+        """The scene with the normal almost across the relative velocity."""
+        u = scene.body_a.velocity - scene.body_b.velocity
+        if not 0 < u.norm() < math.inf:
+            return scene
+        across = u.cross(self._vector()) / u.norm()
+        into = u * (-(10 ** self.draw.uniform(-16, -1)) * across.norm() / u.norm())
+        return scene._replace(contact=scene.contact._replace(normal=across + into))
+
+    def _magnitude(self, share: float = 1.0) -> float:
+        return 10 ** (self.draw.uniform(-1, 1) * self.wildness * share)
+
+    def _vector(self, size: float | None = None) -> Vec3:
+        size = self._magnitude(0.3) if size is None else size
+        return Vec3(*(size * self.draw.gauss(0, 1) for _ in range(3)))
+
+    def _quaternion(self) -> list[float]:
+        return [self.draw.gauss(0, 1) for _ in range(4)]
+
+
+def _turned(moments: tuple[float, float, float], quaternion: list[float]) -> tuple[float, ...]:
+    """The tensor of principal moments in turned axes."""
+    length = math.sqrt(sum(q * q for q in quaternion))
+    x, y, z, w = (q / length for q in quaternion)
+    rows = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
+        (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
+        (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
+    )
+    pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+    return tuple(sum(rows[i][k] * moments[k] * rows[j][k] for k in range(3)) for i, j in pairs)
