@@ -37,8 +37,8 @@ from ..physics.tensor import Symmetric3
 from ..physics.vector import Vec3
 
 UNIT_ROUNDOFF = 2.0**-53
-RANGE = 1e70
-"""Norms between ``1 / RANGE`` and ``RANGE`` neither overflow nor underflow in any product here."""
+RANGE = 1e30
+"""Sizes between ``1 / RANGE`` and ``RANGE`` let no product of a law overflow or underflow."""
 
 CROSS, TURN, SOLVE, SPEED, SPIN_SPEED = 4.0, 24.0, 12.0, 6.0, 9.0
 """Roundings, worst case: of a vector product of a difference, of a quaternion's turn, of a 3x3 solve
