@@ -1,0 +1,50 @@
+# Each target sets up what it needs by itself, given Python 3.10 or newer and a C++ compiler.
+
+PYTHON ?= python3
+ARGS ?=# of pytest: make test ARGS='-k energy'
+EXTRAS := test,lint
+
+# -I: the package as installed, with its messages, not the directory of that name beside this file.
+VENV_PYTHON := .venv/bin/python -I
+DEMO := $(VENV_PYTHON) -m collision_response.demo
+
+# The environments bring their own ROS; a sourced one must not get in among it.
+unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONHOME PYTHONPATH
+unexport RMW_IMPLEMENTATION ROS_DISTRO VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
+export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+
+.PHONY: help demo test lint colcon clean .venv .colcon-venv
+
+help:
+	@echo 'make demo     collisions, answered by the node'
+	@echo "make test     the tests; make test ARGS='-k energy' some of them"
+	@echo 'make lint     ruff and mypy'
+	@echo 'make colcon   a colcon build of this tree, and a call of the node it installs'
+	@echo 'make clean    remove all that these made'
+
+demo: .venv
+	@$(DEMO)
+
+test: .venv
+	@$(VENV_PYTHON) -m pytest $(ARGS)
+
+lint: .venv
+	@$(VENV_PYTHON) -m ruff check .
+	@$(VENV_PYTHON) -m mypy
+
+.venv:
+	@$(PYTHON) tools/setup_venv.py .venv $(EXTRAS)
+
+colcon: .colcon-venv
+	@PATH="$(CURDIR)/.colcon-venv/bin:$$PATH"; \
+	export PATH AMENT_PREFIX_PATH="$(CURDIR)/.colcon-venv" CMAKE_PREFIX_PATH="$(CURDIR)/.colcon-venv"; \
+	colcon --log-level error build --symlink-install --cmake-args -G Ninja -DPython3_FIND_VIRTUALENV=FIRST \
+		-DCMAKE_PROJECT_INCLUDE="$(CURDIR)/cmake/ros_wheels.cmake" && \
+	. install/setup.sh && python test/colcon_call.py
+
+.colcon-venv:
+	@$(PYTHON) tools/setup_venv.py .colcon-venv
+
+clean:
+	rm -rf .venv .colcon-venv build install log .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	find . -name __pycache__ -prune -exec rm -rf {} +

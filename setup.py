@@ -1,0 +1,78 @@
+"""Builds the wheel for pip. What the package consists of is said in CMakeLists.txt alone: it is
+built and installed into a staging prefix here, and the wheel ships what then lies there."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from setuptools import Distribution, setup
+from setuptools.command.build import build
+
+SOURCE = Path(__file__).resolve().parent
+WORK = tempfile.TemporaryDirectory()  # leaves the checkout, and colcon's build/ in it, as they are
+STAGE = Path(WORK.name, "stage")
+
+
+def ros_prefix() -> Path:
+    """Where the ROS wheels lie: in an isolated build that is not sys.prefix."""
+    for entry in map(Path, sys.path):
+        for parent in entry.parents:
+            if (parent / "share" / "ament_index").is_dir():
+                return parent
+    raise SystemExit("No ROS wheels found. Where ROS is installed, build with colcon: see README.md.")
+
+
+def build_and_stage() -> None:
+    prefix, binaries = ros_prefix(), Path(WORK.name, "cmake")
+    environment = {**os.environ, "AMENT_PREFIX_PATH": str(prefix), "CMAKE_PREFIX_PATH": str(prefix)}
+
+    def cmake(*arguments: object) -> None:
+        subprocess.run(["cmake", *map(str, arguments)], env=environment, check=True)
+
+    cmake(
+        *("-S", SOURCE, "-B", binaries, "-G", "Ninja"),
+        "-DBUILD_TESTING=OFF",
+        "-DCMAKE_BUILD_TYPE=Release",
+        f"-DCMAKE_INSTALL_PREFIX={STAGE}",
+        f"-DCMAKE_PROJECT_INCLUDE={SOURCE / 'cmake' / 'ros_wheels.cmake'}",
+        f"-DPython3_EXECUTABLE={sys.executable}",
+        "-DPYTHON_INSTALL_DIR=python",
+    )
+    cmake("--build", binaries)
+    cmake("--install", binaries)
+
+
+class Build(build):
+    """Puts the staged Python where setuptools expects it, and lists the rest as data files."""
+
+    def run(self) -> None:
+        build_and_stage()
+        shutil.copytree(
+            STAGE / "python", self.build_lib, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info")
+        )
+        data: dict[str, list[str]] = {}
+        for part in ("include", "lib", "share"):
+            for path in sorted((STAGE / part).rglob("*")):
+                if path.is_file():
+                    data.setdefault(str(path.parent.relative_to(STAGE)), []).append(str(path))
+        self.distribution.data_files = list(data.items())
+
+
+class BinaryDistribution(Distribution):
+    def has_ext_modules(self) -> bool:
+        return True
+
+
+setup(
+    distclass=BinaryDistribution,
+    cmdclass={"build": Build},
+    packages=[],
+    options={
+        "bdist_wheel": {"bdist_dir": WORK.name + "/wheel"},
+        "build": {"build_base": WORK.name + "/build"},
+        "egg_info": {"egg_base": WORK.name},
+    },
+)

@@ -1,0 +1,191 @@
+"""Makes the virtual environments that the Makefile uses, or brings them up to date:
+
+    python3 tools/setup_venv.py .venv test,lint   pip install '.[test,lint]'
+    python3 tools/setup_venv.py .colcon-venv      what a colcon build needs; not this package itself
+"""
+
+# Also read by Pythons that are too old, to tell them so: nothing newer than Python 3.6 here.
+
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import sysconfig
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGE = ROOT / "collision_response"
+BUILD_INPUTS = ["CMakeLists.txt", "cmake", "msg", "package.xml", "scripts", "setup.py", "srv"]
+COLCON = ["colcon-common-extensions", "ros-ament-cmake-pytest", "ros-domain-coordinator"]
+
+
+def missing():
+    """What this machine lacks, in one line."""
+    version = "{}.{}".format(*sys.version_info)
+    if sys.version_info < (3, 10):  # noqa: UP036
+        return f"Python 3.10 or newer is needed and this is {version}: make PYTHON=python3.X names another."
+    if (
+        (platform.system(), platform.machine(), platform.libc_ver()[0]) != ("Linux", "x86_64", "glibc")
+        or platform.python_implementation() != "CPython"
+        or sys.version_info >= (3, 15)
+    ):
+        return (
+            "There are ROS wheels for CPython 3.10 to 3.14 on x86-64 Linux with glibc only: "
+            "install ROS and build with colcon, see README.md."
+        )
+    parts = {}
+    if not shutil.which(os.environ.get("CXX", "c++").split()[0]):
+        parts["a C++ compiler"] = "g++"
+    if not Path(sysconfig.get_path("include"), "Python.h").exists():
+        parts["Python's headers"] = f"python{version}-dev"
+    try:
+        import ensurepip  # noqa: F401  Debian ships it apart from Python
+        import venv  # noqa: F401
+    except ImportError:
+        parts["Python's venv module"] = f"python{version}-venv"
+    if parts:
+        return f"Missing: {', '.join(parts)}. On Debian and Ubuntu: apt install {' '.join(parts.values())}"
+    return None
+
+
+def digest(*parts):
+    """Of strings as they are, and of the names and contents of files."""
+    sha = hashlib.sha256()
+    for part in parts:
+        if isinstance(part, str):
+            sha.update(part.encode() + b"\0")
+            continue
+        files = sorted(part.rglob("*")) if part.is_dir() else [part]
+        for path in files:
+            if path.is_file() and "__pycache__" not in path.parts:
+                sha.update(str(path.relative_to(ROOT)).encode() + b"\0" + path.read_bytes() + b"\0")
+    return sha.hexdigest()
+
+
+class Environment:
+    def __init__(self, name):
+        self.path = ROOT / name
+        self.python = self.path / "bin" / "python"
+        # Of the interpreter under a virtual environment, should that be what runs this.
+        self.base_python = os.path.realpath(getattr(sys, "_base_executable", sys.executable))
+
+    def is_current(self, name, value):
+        stamp = self.path / name
+        return stamp.exists() and stamp.read_text() == value
+
+    def create(self):
+        if self.path.exists():
+            shutil.rmtree(str(self.path))
+        self.run(
+            f"a virtual environment with Python {platform.python_version()} (5 s)",
+            [self.base_python, "-m", "venv", str(self.path)],
+        )
+
+    def run(self, what, command):
+        """One line of progress; the output only if the command fails."""
+        print(f"==> {self.path.name}: {what} ...", end="", flush=True)
+        start = time.monotonic()
+        result = subprocess.run(
+            command,
+            cwd=str(ROOT),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        if result.returncode:
+            print(f" failed.\n{result.stdout}\n==> {self.path.name}: {what} failed, output above.")
+            sys.exit(1)
+        print(f" done in {time.monotonic() - start:.0f} s", flush=True)
+        return result.stdout
+
+    def pip_install(self, what, *arguments):
+        self.run(what, [str(self.python), "-m", "pip", "install", *arguments])
+
+
+def needs(environment):
+    """A digest of all that, if it changes, makes the installed dependencies the wrong ones."""
+    requirements = (ROOT / "pyproject.toml").read_text().partition("\n[tool.")[0]
+    return digest(requirements, sys.version, environment.base_python, str(ROOT), Path(__file__).resolve())
+
+
+def install_package(extras):
+    environment = Environment(".venv")
+    needed, built = digest(needs(environment), extras), digest(*(ROOT / name for name in BUILD_INPUTS))
+    if not environment.is_current("needs.stamp", needed):
+        environment.create()
+        environment.pip_install("the package and all it needs (2 min)", f".[{extras}]")
+        (environment.path / "needs.stamp").write_text(needed)
+        (environment.path / "build.stamp").write_text(built)
+    elif not environment.is_current("build.stamp", built):
+        (environment.path / "build.stamp").unlink(missing_ok=True)  # an interruption must not go unnoticed
+        environment.pip_install("the package anew (1 min)", "--no-deps", "--force-reinstall", ".")
+        (environment.path / "build.stamp").write_text(built)
+    link_python(next(environment.path.glob("lib/python*/site-packages/collision_response")))
+
+
+def link_python(installed):
+    """Make every installed module a link to that in the tree, as colcon --symlink-install does."""
+    sources = {
+        path.relative_to(PACKAGE): path
+        for path in PACKAGE.rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+    for path in sorted(installed.rglob("*"), reverse=True):
+        relative = path.relative_to(installed)
+        if relative.parts[0] in ("msg", "srv") or "collision_response_s" in path.name:
+            continue  # generated
+        if path.is_dir() and not path.is_symlink():
+            if not (PACKAGE / relative).is_dir():
+                shutil.rmtree(str(path))
+        elif relative not in sources and "__pycache__" not in relative.parts:
+            path.unlink()
+    for relative, source in sources.items():
+        link = installed / relative
+        if link.is_symlink() and os.readlink(str(link)) == str(source):
+            continue
+        link.parent.mkdir(parents=True, exist_ok=True)
+        if link.exists() or link.is_symlink():
+            link.unlink()
+        link.symlink_to(source)
+
+
+def install_colcon():
+    environment = Environment(".colcon-venv")
+    needed = needs(environment)
+    if environment.is_current("needs.stamp", needed):
+        return
+    environment.create()
+    requirements = environment.run(
+        "reading pyproject.toml",
+        [
+            str(environment.python),
+            "-c",
+            "try: import tomllib\n"
+            "except ImportError: from pip._vendor import tomli as tomllib\n"
+            "project = tomllib.load(open('pyproject.toml', 'rb'))\n"
+            "print(*project['build-system']['requires'], *project['project']['dependencies'], sep='\\n')",
+        ],
+    )
+    environment.pip_install("colcon, ROS and its build tools (1 min)", *COLCON, *requirements.split())
+    (environment.path / "needs.stamp").write_text(needed)
+
+
+def main(name, extras=""):
+    problem = missing()
+    if problem:
+        sys.exit(problem)
+    # What a ROS wheel put there for the Python that runs this is wrong for every other.
+    for variable in ("LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE"):
+        os.environ.pop(variable, None)
+    if name == ".venv":
+        install_package(extras)
+    else:
+        install_colcon()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
