@@ -1,4 +1,6 @@
 """Impact laws of two rigid bodies in arbitrary precision, to check solvers against."""
-from .laws import LAWS, Body, Outcome, Report, impact, impulse, mobility, relative_velocity
+
+from .bodies import Body, mobility, relative_velocity
+from .laws import LAWS, Outcome, Report, impact, impulse
 
 __all__ = ["LAWS", "Body", "Outcome", "Report", "impact", "impulse", "mobility", "relative_velocity"]

@@ -1,0 +1,171 @@
+"""Records to a rerun file, in columns."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from ..physics.body import Body, Twist
+from ..physics.vector import Vec3
+from .layout import AFTER, BEFORE, GREEN, GREY, LOG, RED, SERIES, WORLD, blueprint, body_path
+from .piped_file import PipedFile
+from .record import Record, Refusal
+
+ARROW_TIME = 0.1
+"""A velocity is drawn as the way made in this time [s]; an impulse, as the change of velocity that it
+causes along itself; a normal, as 1 m/s. So all arrows of a scene are of one scale."""
+
+POINT_RADIUS = rr.Radius.ui_points(6)
+ARROW_RADIUS = rr.Radius.ui_points(2)
+
+Entry = Record | Refusal
+Columns = tuple[str, Sequence[Entry], Any]
+"""An entity, the entries of which each gives it a row, and the columns."""
+
+
+class Writer:
+    """One file, complete when the context is left.
+
+    Timelines: ``ros_time``, and ``answer``, which counts.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Create the file, and its directory if need be.
+
+        Raises:
+            OSError: it exists, or cannot be created.
+        """
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._known: set[str] = set()
+        self._stream = rr.RecordingStream("collision_response")
+        self._file = PipedFile(path)
+        try:
+            self._stream.save(self._file.name, default_blueprint=blueprint())
+        finally:
+            self._file.opened()
+        self._log_styles()
+
+    def __enter__(self) -> Writer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stream.disconnect()
+        self._file.join()
+        self._file.check()
+
+    def write(self, batch: Sequence[Entry]) -> None:
+        """Append entries, and have them written before long.
+
+        Raises:
+            OSError: these or earlier ones cannot be.
+        """
+        impacts = [entry for entry in batch if isinstance(entry, Record)]
+        for path, rows, columns in (*bodies(impacts), *contacts(impacts), *series(impacts), *log(batch)):
+            self._stream.send_columns(path, indexes=_indexes(rows), columns=columns)
+        for impact in impacts:
+            self._log_body_style(impact.name_a, impact.body_a)
+            self._log_body_style(impact.name_b, impact.body_b)
+        self._stream.flush(timeout_sec=5.0)
+        self._file.check()
+
+    def _log_styles(self) -> None:
+        log = self._stream.log
+        log(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        log(f"{WORLD}/contact/point", rr.Points3D.from_fields(radii=POINT_RADIUS, colors=RED), static=True)
+        for arrow, colour in (("normal", GREY), ("impulse", GREEN)):
+            style = rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=colour)
+            log(f"{WORLD}/contact/{arrow}", style, static=True)
+        for path, (field, colour) in SERIES.items():
+            style = rr.SeriesPoints(colors=colour, names=field, markers="circle", marker_sizes=3)
+            log(path, style, static=True)
+
+    def _log_body_style(self, name: str, body: Body) -> None:
+        if name in self._known:
+            return
+        self._known.add(name)
+        path, colour = body_path(name), None if body.inverse_mass else GREY
+        style = rr.Points3D.from_fields(radii=POINT_RADIUS, colors=colour, labels=name, show_labels=True)
+        self._stream.log(path, style, static=True)
+        for moment, colour in (("before", BEFORE), ("after", AFTER)):
+            arrow = rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=colour)
+            self._stream.log(f"{path}/velocity_{moment}", arrow, static=True)
+
+
+def bodies(impacts: Iterable[Record]) -> Iterator[Columns]:
+    """Centres of mass, and their velocities before and after."""
+    by_name: dict[str, list[tuple[Record, Body, Twist]]] = defaultdict(list)
+    for impact in impacts:
+        by_name[impact.name_a].append((impact, impact.body_a, impact.impact.twist_a))
+        by_name[impact.name_b].append((impact, impact.body_b, impact.impact.twist_b))
+    for name, appearances in by_name.items():
+        rows = [row for row, _, _ in appearances]
+        path, positions = body_path(name), _array(body.position for _, body, _ in appearances)
+        before = _array(body.velocity for _, body, _ in appearances)
+        after = _array(twist.linear for _, _, twist in appearances)
+        yield path, rows, rr.Points3D.columns(positions=positions)
+        yield f"{path}/velocity_before", rows, _arrows(positions, before)
+        yield f"{path}/velocity_after", rows, _arrows(positions, after)
+
+
+def contacts(impacts: Sequence[Record]) -> Iterator[Columns]:
+    """Contact points, normals and impulses."""
+    if not impacts:
+        return
+    answers = [row.impact for row in impacts]
+    positions = _array(answer.contact.position for answer in answers)
+    normals = _array(answer.contact.normal / answer.contact.normal.norm() for answer in answers)
+    changes = _array(answer.impulse / answer.effective_mass for answer in answers)
+    labels = [f"{answer.impulse.norm():.3g} N s" for answer in answers]
+    yield f"{WORLD}/contact/point", impacts, rr.Points3D.columns(positions=positions)
+    yield f"{WORLD}/contact/normal", impacts, _arrows(positions, normals)
+    yield f"{WORLD}/contact/impulse", impacts, _arrows(positions, changes, labels=labels)
+
+
+def series(impacts: Sequence[Record]) -> Iterator[Columns]:
+    """Numbers over time."""
+    if not impacts:
+        return
+    for path, (field, _) in SERIES.items():
+        scalars = np.array([getattr(row.impact, field) for row in impacts], dtype=np.float64)
+        yield path, impacts, rr.Scalars.columns(scalars=scalars)
+
+
+def log(batch: Sequence[Entry]) -> Iterator[Columns]:
+    """Every answer in words."""
+    if not batch:
+        return
+    levels = [rr.TextLogLevel.WARN if isinstance(entry, Refusal) else rr.TextLogLevel.INFO for entry in batch]
+    yield LOG, batch, rr.TextLog.columns(text=[_in_words(entry) for entry in batch], level=levels)
+
+
+def _in_words(entry: Entry) -> str:
+    if isinstance(entry, Refusal):
+        return entry.reason
+    answer = entry.impact
+    lost = answer.energy_lost_restitution + answer.energy_lost_friction
+    return (
+        f"{entry.name_a} on {entry.name_b}: {answer.regime.name}, "
+        f"{answer.normal_impulse:.6g} N s along the normal, {answer.tangential_impulse:.6g} N s across, "
+        f"{lost:.6g} J lost ({', '.join(choice.name for choice in answer.model[:3])})"
+    )
+
+
+def _arrows(origins: np.ndarray, velocities: np.ndarray, **components: Any) -> Any:
+    return rr.Arrows3D.columns(origins=origins, vectors=velocities * ARROW_TIME, **components)
+
+
+def _array(vectors: Iterable[Vec3]) -> np.ndarray:
+    return np.array(list(vectors), dtype=np.float64).reshape(-1, 3)
+
+
+def _indexes(rows: Sequence[Entry]) -> list[rr.TimeColumn]:
+    stamps = np.array([row.stamp for row in rows], dtype="datetime64[ns]")
+    return [
+        rr.TimeColumn("ros_time", timestamp=stamps),
+        rr.TimeColumn("answer", sequence=[row.sequence for row in rows]),
+    ]

@@ -1,0 +1,1 @@
+"""The ROS node: everything that knows messages, parameters and topics."""

@@ -1,0 +1,156 @@
+"""The node: it subscribes, serves and publishes; what it says is computed elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from typing import Any
+
+import rclpy
+from rclpy.exceptions import NameValidationException, ParameterException
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.signals import SignalHandlerOptions
+
+from ..msg import BodyState, CollisionResult
+from ..recording import Record, Recorder, Refusal
+from ..resolve import resolve
+from ..srv import ResolveCollision
+from ..status import ImpactError, StatusCode
+from . import convert, parameters
+from .request import complete
+from .signals import on_signal
+from .states import LatestStates, nanoseconds
+
+SERVICE_QOS = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE)
+"""With a limited history, requests that arrive faster than they are answered would be lost unnoticed."""
+
+STATE_QOS = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Sensor data, but deep enough for the states of many bodies to arrive at once."""
+
+RESULT_QOS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=100,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+"""Whoever subscribes late still gets the last results."""
+
+
+class CollisionResponseNode(Node):
+    """Collision response as a service.
+
+    Interfaces (all may be remapped):
+        service ``~/resolve_collision``: every request is answered, with a code and a message.
+        subscription ``body_states``, or the parameter ``body_state_topics``: bodies that requests
+            may then give by name only.
+        publisher ``~/result``: every answer, refusals included.
+
+    Args:
+        options: those of :class:`rclpy.node.Node`.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("collision_response", **options)
+        self._answers = 0
+        self._states = LatestStates()
+        self._recorder: Recorder | None = None
+        parameters.declare(self)
+        start = parameters.StartParameters.of(self)
+        overridable = QoSOverridingOptions.with_default_policies()
+        self._results = self.create_publisher(
+            CollisionResult, "~/result", RESULT_QOS, qos_overriding_options=overridable
+        )
+        topics = [
+            self.create_subscription(
+                BodyState, topic, self._states.remember, STATE_QOS, qos_overriding_options=overridable
+            ).topic_name
+            for topic in start.body_state_topics
+        ]
+        self.create_service(ResolveCollision, "~/resolve_collision", self._serve, qos_profile=SERVICE_QOS)
+        if start.recording_directory is not None:
+            self._recorder = Recorder(start.recording_directory, self.get_logger().warning)
+        self.get_logger().info(
+            f"serving {self.resolve_service_name('~/resolve_collision')}; "
+            f"bodies from {', '.join(topics) or 'requests only'}; "
+            f"results on {self._results.topic_name}; "
+            f"{'not recording' if self._recorder is None else f'recording to {self._recorder.path}'}"
+        )
+
+    def _serve(
+        self, request: ResolveCollision.Request, response: ResolveCollision.Response
+    ) -> ResolveCollision.Response:
+        self._answers += 1
+        try:
+            self._answer(request, response.result)
+        except ImpactError as error:
+            self._refuse(request, response, error.code, convert.as_in_message(error))
+        except Exception as error:  # if it left this callback, spin() would end and nobody be answered
+            self.get_logger().error(traceback.format_exc())
+            self._refuse(request, response, StatusCode.INTERNAL_ERROR, f"{type(error).__name__}: {error}")
+        else:
+            response.success = True
+        response.result.sequence = self._answers
+        self._results.publish(response.result)
+        return response
+
+    def _answer(self, request: ResolveCollision.Request, result: CollisionResult) -> None:
+        current = parameters.Parameters.of(self)
+        complete(request, self._states, current, self._now)
+        scene = convert.scene_of(request, current)
+        impact = resolve(scene.a.body, scene.b.body, scene.contact, scene.model)
+        convert.write_answer(result, request, scene, impact)
+        if self._recorder is not None:
+            names = result.contact.body_a or "body_a", result.contact.body_b or "body_b"
+            self._recorder.add(
+                Record(self._stamp(result), self._answers, *names, scene.a.body, scene.b.body, impact)
+            )
+
+    def _refuse(
+        self,
+        request: ResolveCollision.Request,
+        response: ResolveCollision.Response,
+        code: StatusCode,
+        message: str,
+    ) -> None:
+        response.result = CollisionResult()
+        convert.write_refusal(response.result, request, code, message)
+        if self._recorder is not None:
+            text = f"{code.name}: {message}"
+            self._recorder.add(Refusal(self._stamp(response.result), self._answers, text))
+
+    def _stamp(self, result: CollisionResult) -> int:
+        """When the impact was [ns]: now, if nobody said."""
+        return nanoseconds(result.header.stamp) or self._now()
+
+    def _now(self) -> int:
+        return self.get_clock().now().nanoseconds
+
+    def destroy_node(self) -> None:
+        """Give up every interface, then complete the recording."""
+        super().destroy_node()
+        if self._recorder is not None:
+            self._recorder.close()
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node until SIGINT or SIGTERM; the exit code is 0 then."""
+    stop = on_signal()
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    executor = SingleThreadedExecutor()
+    node = None
+    try:
+        node = CollisionResponseNode()
+        executor.add_node(node)
+        executor.spin_until_future_complete(stop)
+    except (ParameterException, NameValidationException) as error:
+        print("collision_response:", *str(error).split(), file=sys.stderr)  # on one line
+        return 1
+    finally:
+        executor.shutdown()
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0

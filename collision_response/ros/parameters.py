@@ -1,0 +1,151 @@
+"""The parameters of the node: declared with descriptions and ranges, read as frozen snapshots."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from ..model import Geometry, ImpactModel, Law, Precision
+from ..physics.combine import CombineRule
+from ..status import ImpactError
+from ..validate import check_model
+
+
+def _by_name(kind: type[IntEnum]) -> dict[str, IntEnum]:
+    return {member.name.lower(): member for member in kind}
+
+
+CHOICES: Mapping[str, Mapping[str, Any]] = {
+    "law": _by_name(Law),
+    "geometry": _by_name(Geometry),
+    "precision": _by_name(Precision),
+    "combine_restitution": {rule.value: rule for rule in CombineRule},
+    "combine_friction": {rule.value: rule for rule in CombineRule},
+}
+"""The words that some parameters may be, and what they mean."""
+
+
+class Declaration(NamedTuple):
+    """A parameter as it is declared; ``least`` and ``most`` are for numbers."""
+
+    name: str
+    default: Any
+    description: str
+    least: float = 0.0
+    most: float = math.inf
+    read_only: bool = False
+
+    def descriptor(self) -> ParameterDescriptor:
+        """What ``ros2 param describe`` shows."""
+        descriptor = ParameterDescriptor(description=self.description, read_only=self.read_only)
+        if isinstance(self.default, float):
+            descriptor.floating_point_range = [FloatingPointRange(from_value=self.least, to_value=self.most)]
+        if self.name in CHOICES:
+            descriptor.additional_constraints = "one of: " + ", ".join(CHOICES[self.name])
+        return descriptor
+
+
+DECLARATIONS = (
+    Declaration("world_frame", "", "Only frame_id accepted in requests. Empty: any one."),
+    Declaration(
+        "body_state_topics", ["body_states"], "Topics of BodyState to listen to; '' for none.", read_only=True
+    ),
+    Declaration("max_state_age", 0.0, "Age [s] above which a body's state is refused. 0: never."),
+    Declaration("restitution", 1.0, "Where neither the contact nor both bodies give one.", most=1.0),
+    Declaration("friction", 0.0, "Where neither the contact nor both bodies give one."),
+    Declaration("combine_restitution", "average", "How the bodies' two coefficients become one."),
+    Declaration("combine_friction", "average", "How the bodies' two coefficients become one."),
+    Declaration("law", "auto", "Impact law. auto: coulomb where there is friction, else frictionless."),
+    Declaration("geometry", "auto", "How much motion is modelled. auto: the cheapest that is exact."),
+    Declaration("precision", "auto", "Arithmetic. auto: the cheapest that meets the tolerance."),
+    Declaration("tolerance", 0.0, "Greatest relative error of the impulse wanted. 0: whatever double gives."),
+    Declaration("tangential_restitution", 0.0, "For the law coulomb; 1: superball.", -1.0, 1.0),
+    Declaration("restitution_threshold", 0.0, "Approach speed [m/s] under which restitution is taken as 0."),
+    Declaration("recording.enabled", False, "Record every impact for the rerun viewer.", read_only=True),
+    Declaration(
+        "recording.directory", "recordings", "Where to; one file for each start of the node.", read_only=True
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """What may change while the node runs, as it was at one moment. Fields are named as the parameters."""
+
+    world_frame: str
+    max_state_age: float
+    restitution: float
+    friction: float
+    combine_restitution: CombineRule
+    combine_friction: CombineRule
+    model: ImpactModel
+
+    @classmethod
+    def of(cls, node: Node) -> Parameters:
+        """The present values of a node."""
+        return cls(
+            *(_value(node, field) for field in PARAMETERS),
+            ImpactModel(*(_value(node, field) for field in ImpactModel._fields)),
+        )
+
+
+PARAMETERS = tuple(field for field in Parameters.__dataclass_fields__ if field != "model")
+
+
+@dataclass(frozen=True)
+class StartParameters:
+    """What is read once."""
+
+    body_state_topics: tuple[str, ...]
+    recording_directory: Path | None
+    """``None``: do not record."""
+
+    @classmethod
+    def of(cls, node: Node) -> StartParameters:
+        """The values a node was started with."""
+        topics = dict.fromkeys(_value(node, "body_state_topics"))
+        directory = Path(_value(node, "recording.directory")) if _value(node, "recording.enabled") else None
+        return cls(tuple(topic for topic in topics if topic), directory)
+
+
+def declare(node: Node) -> None:
+    """Declare every parameter of the node.
+
+    Raises:
+        rclpy.exceptions.ParameterException: the node was started with a value that is not allowed.
+    """
+    node.add_on_set_parameters_callback(validate)
+    for declaration in DECLARATIONS:
+        node.declare_parameter(declaration.name, declaration.default, declaration.descriptor())
+
+
+def validate(parameters: list[Parameter]) -> SetParametersResult:
+    """Accept new values, or say what is wrong with one; types and ranges rclpy checks itself."""
+    for parameter in parameters:
+        if isinstance(parameter.value, float) and not math.isfinite(parameter.value):
+            reason = f"{parameter.name} must be finite, is {parameter.value}"
+            return SetParametersResult(successful=False, reason=reason)
+        choices = CHOICES.get(parameter.name)
+        if choices is not None and parameter.value not in choices:
+            reason = f"{parameter.name} must be one of {', '.join(choices)}; is {parameter.value!r}"
+            return SetParametersResult(successful=False, reason=reason)
+        if parameter.name in ImpactModel._fields:
+            value = parameter.value if choices is None else choices[parameter.value]
+            try:
+                check_model(ImpactModel()._replace(**{parameter.name: value}))
+            except ImpactError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+    return SetParametersResult(successful=True)
+
+
+def _value(node: Node, name: str) -> Any:
+    value = node.get_parameter(name).value
+    return CHOICES[name][value] if name in CHOICES else value

@@ -1,0 +1,519 @@
+"""The pictures and the tables of impact-laws.md, computed by the package itself.
+
+It needs ``pip install '.[plots]'``. ``python docs/impact_laws.py`` writes the pictures to docs/images
+and the tables to the terminal; with ``--no-tables`` only the pictures.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+import timeit
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from collision_response import Body, Contact, ImpactModel, Law, resolve
+from collision_response.physics import restitution
+from collision_response.physics.effective_mass import Planar, Spatial
+from collision_response.physics.laws import (
+    Parameters,
+    chatterjee_ruina,
+    frictionless,
+    moreau,
+    routh_poisson,
+    routh_stronge,
+)
+from collision_response.physics.laws import moreau as one_shot
+from collision_response.physics.laws.moreau import one_step
+from collision_response.physics.laws.routh import Impulse, Rest, State
+from collision_response.physics.laws.routh import Path as RouthPath
+from collision_response.physics.mass_properties import box, rod
+from collision_response.physics.vector import Vec2
+
+BLOCK = 8192
+"""Contacts in one block of arrays."""
+IMAGES = Path(__file__).parent / "images"
+INK, GREY = "#222222", "#8a8a8a"
+CONE, COMPRESSION, STICKING, ENERGY = "#dfe8f2", "#2a7f9e", "#8c564b", "#6a3d9a"
+PATH, ANSWER, RAW = "#d95f02", "#b30000", "#e7298a"
+LAWS = {
+    Law.FRICTIONLESS: frictionless,
+    Law.COULOMB: chatterjee_ruina,
+    Law.MOREAU: moreau,
+    Law.ROUTH_POISSON: routh_poisson,
+    Law.ROUTH_STRONGE: routh_stronge,
+}
+
+
+class Case(NamedTuple):
+    """A thin rod, 1 kg and 1 m, whose end strikes a fixed plane; and the window to draw it in."""
+
+    name: str
+    angle: float
+    velocity: tuple[float, float]
+    e: float
+    mu: float
+    window: tuple[float, float, float, float]
+
+    def rod(self) -> Body:
+        half_turn = self.angle / 2
+        return Body.dynamic(
+            1.0,
+            rod(1.0, 1.0).inertia,
+            (math.cos(self.angle) / 2, math.sin(self.angle) / 2, 0.0),
+            (0.0, 0.0, math.sin(half_turn), math.cos(half_turn)),
+            (*self.velocity, 0.0),
+        )
+
+    def contact(self) -> Contact:
+        return Contact.of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), self.e, self.mu)
+
+    def approach(self) -> Planar:
+        return Planar.prepare(self.rod(), Body.static(), self.contact())
+
+    def parameters(self) -> Parameters:
+        return Parameters(self.e, self.mu)
+
+    def title(self) -> str:
+        degrees, (u_t, u_n) = math.degrees(self.angle), self.velocity
+        return f"{self.name}:  θ = {degrees:.3g}°, μ = {self.mu:g}, e = {self.e:g}, u = ({u_t:g}, {u_n:g})"
+
+
+T1 = Case("T1", math.pi / 4, (0.0, -1.0), 0.5, 0.3, (0, 0, 0, 0))
+T2 = Case("T2", math.pi / 4, (1.0, -1.0), 0.5, 0.3, (-0.35, 0.33, -0.06, 0.84))
+T3 = Case("T3", math.atan(2.0), (0.5, -1.0), 0.9, 0.3, (-0.56, 0.70, -0.07, 1.60))
+CASES = (T2, T3)
+
+
+# The impulse plane ----------------------------------------------------------------------------
+
+
+def kinetics(case: Case) -> tuple[np.ndarray, np.ndarray]:
+    """``K`` and ``u`` in contact axes (t, n)."""
+    approach = case.approach()
+    k = approach.mobility()
+    return np.array([[k.xx, k.xy], [k.xy, k.yy]]), np.array([approach.u.x, approach.u.y])
+
+
+def energy_change(case: Case, p: np.ndarray) -> float:
+    """Of the rod, for an impulse ``p`` [J]."""
+    K, u = kinetics(case)
+    return float(p @ (2 * u + K @ p) / 2)
+
+
+def draw_plane(ax: Axes, case: Case) -> None:
+    """What is the same for every law: cone, compression, sticking, energy."""
+    K, u = kinetics(case)
+    left, right, bottom, top = case.window
+    ax.fill([0, case.mu * 2 * top, -case.mu * 2 * top], [0, 2 * top, 2 * top], color=CONE, zorder=0)
+    span = np.array([2 * left, 2 * right])
+    ax.plot(span, (-u[1] - K[1, 0] * span) / K[1, 1], color=COMPRESSION, ls="--", lw=1.4)
+    ax.plot(span, (-u[0] - K[0, 0] * span) / K[0, 1], color=STICKING, ls="-.", lw=1.4)
+    ax.plot(*equal_energy(K, u), color=ENERGY, lw=1.4)
+    ax.axhline(0, color=GREY, lw=0.6)
+    ax.axvline(0, color=GREY, lw=0.6)
+    ax.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")
+    ax.set_xlabel("$p_t$  [N s]")
+    ax.set_title(case.title(), fontsize=9)
+    ax.tick_params(labelsize=8)
+
+
+def equal_energy(K: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """The ellipse ``P.(2 u + K P) = 0``: the rod ends with the energy it had."""
+    centre = -np.linalg.solve(K, u)
+    radius = math.sqrt(-centre @ u)
+    turn = np.linspace(0, 2 * math.pi, 400)
+    unit = radius * np.array([np.cos(turn), np.sin(turn)])
+    ellipse: np.ndarray = centre[:, None] + np.linalg.solve(np.linalg.cholesky(K).T, unit)
+    return ellipse
+
+
+def draw_path(ax: Axes, points: np.ndarray) -> None:
+    """The path of the impulse, with an arrow head in the middle of every long leg."""
+    ax.plot(points[:, 0], points[:, 1], color=PATH, lw=2.4, zorder=4, solid_capstyle="round")
+    length = np.ptp(points[:, 1]) + np.ptp(points[:, 0])
+    for a, b in pairwise(points):
+        if np.abs(b - a).sum() > 0.07 * length:
+            ax.annotate(
+                "",
+                xy=a + 0.62 * (b - a),
+                xytext=a + 0.45 * (b - a),
+                arrowprops={"arrowstyle": "-|>", "color": PATH, "lw": 2.4, "shrinkA": 0, "shrinkB": 0},
+                zorder=5,
+            )
+
+
+def mark(
+    ax: Axes, at: np.ndarray, text: str, offset: tuple[float, float], color: str = INK, marker: str = "o"
+) -> None:
+    """A point with its name; ``offset`` in points, the text's side follows its sign."""
+    ax.plot(*at, marker=marker, ms=6, color=color, mec="white", mew=0.8, zorder=6, ls="none")
+    ax.annotate(
+        text,
+        xy=at,
+        xytext=offset,
+        textcoords="offset points",
+        ha="left" if offset[0] > 0 else "right" if offset[0] < 0 else "center",
+        va="center",
+        fontsize=8.5,
+        color=color,
+        zorder=7,
+        bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8},
+        arrowprops={"arrowstyle": "-", "color": color, "lw": 0.6, "shrinkA": 0, "shrinkB": 3},
+    )
+
+
+def legend_handles(*extra: Line2D) -> list[Line2D | Patch]:
+    return [
+        Patch(color=CONE, label=r"friction cone $|p_t| \leq \mu\, p_n$"),
+        Line2D([], [], color=COMPRESSION, ls="--", label="$u_n = 0$: greatest compression"),
+        Line2D([], [], color=STICKING, ls="-.", label="$u_t = 0$: sticking"),
+        Line2D([], [], color=ENERGY, label="equal energy (outside: gained)"),
+        Line2D([], [], color=PATH, lw=2.4, label="path"),
+        Line2D([], [], color=ANSWER, marker="o", ls="none", label="answer"),
+        *extra,
+    ]
+
+
+def picture(name: str, draw: Callable[[Axes, Case], None], *extra: Line2D) -> None:
+    """One law, T2 on the left and T3 on the right."""
+    figure, axes = plt.subplots(1, 2, figsize=(8, 6.3 if extra else 5.9), layout="constrained")
+    for ax, case in zip(axes, CASES, strict=True):
+        draw_plane(ax, case)
+        draw(ax, case)
+    axes[0].set_ylabel("$p_n$  [N s]")
+    figure.legend(
+        handles=legend_handles(*extra), loc="outside lower center", ncols=3, fontsize=8.5, frameon=False
+    )
+    save(figure, name)
+
+
+def save(figure: Figure, name: str) -> None:
+    IMAGES.mkdir(exist_ok=True)
+    figure.savefig(IMAGES / name, dpi=120, metadata={"Software": None})
+    plt.close(figure)
+    print(f"docs/images/{name}")
+
+
+# One drawing per law --------------------------------------------------------------------------
+
+
+def point(impulse: Vec2) -> np.ndarray:
+    return np.array([impulse.x, impulse.y])
+
+
+def answer(case: Case, law: Law) -> np.ndarray:
+    return point(LAWS[law](case.approach(), case.parameters()).impulse)
+
+
+def corners(case: Case) -> tuple[np.ndarray, np.ndarray]:
+    """``P_I`` and ``P_II``: the frictionless plastic impulse, and the one that brings to rest."""
+    K, u = kinetics(case)
+    return np.array([0.0, -u[1] / K[1, 1]]), -np.linalg.solve(K, u)
+
+
+def draw_frictionless(ax: Axes, case: Case) -> None:
+    P, (P_1, _) = answer(case, Law.FRICTIONLESS), corners(case)
+    draw_path(ax, np.array([[0, 0], P_1, P]))
+    mark(ax, P_1, "$P_I$", (16, -10))
+    mark(ax, P, "$(1+e)\\,P_I$", (22, 8), ANSWER)
+
+
+def draw_coulomb(ax: Axes, case: Case) -> None:
+    P, (P_1, P_2) = answer(case, Law.COULOMB), corners(case)
+    stuck = (1 + case.e) * P_1 + P_2 - P_1
+    draw_path(ax, np.array([[0, 0], (1 + case.e) * P_1, P]))
+    ax.plot(*np.array([(1 + case.e) * P_1, stuck]).T, color=PATH, lw=1, ls=":", zorder=3)
+    ax.plot(*np.array([P_1, P_2]).T, color=GREY, lw=1, ls=":", zorder=3)
+    mark(ax, P_1, "$P_I$", (18, 12) if P_2[0] < 0 else (-18, 8))
+    mark(ax, P_2, "$P_{II}$", (14, -14))
+    mark(ax, (1 + case.e) * P_1, "$(1+e)\\,P_I$", (20, 12) if P_2[0] < 0 else (-22, 6))
+    if np.allclose(stuck, P):
+        mark(ax, P, "$P$,  κ = 1", (18, 16), ANSWER)
+    else:
+        mark(ax, stuck, "κ = 1", (-10, 14), GREY)
+        mark(ax, P, "$P$", (-14, 16), ANSWER)
+
+
+def draw_moreau(ax: Axes, case: Case) -> None:
+    K, u = kinetics(case)
+    outcome = one_shot(case.approach(), case.parameters())
+    raw_outcome = one_step(case.approach(), case.parameters())
+    assert raw_outcome is not None
+    raw, P = point(raw_outcome.impulse), point(outcome.impulse)
+    span = np.array(case.window[:2])
+    ax.plot(span, (-(1 + case.e) * u[1] - K[1, 0] * span) / K[1, 1], color=COMPRESSION, lw=1.2)
+    if outcome.fell_back:
+        gain = energy_change(case, raw)
+        ax.plot(*np.array([[0, 0], raw]).T, color=RAW, lw=1.6, ls=":", zorder=4)
+        mark(ax, raw, f"Moreau's answer\ngains {gain:.5f} J", (-30, 13), RAW, "X")
+        draw_path(ax, np.array([[0, 0], P]))
+        mark(ax, P, "given instead:\nCOULOMB", (-50, 24), ANSWER)
+    else:
+        draw_path(ax, np.array([[0, 0], P]))
+        mark(ax, P, "$P$: sticks", (-22, 26), ANSWER)
+
+
+def draw_routh(law: Law, end: str) -> Callable[[Axes, Case], None]:
+    def draw(ax: Axes, case: Case) -> None:
+        P = answer(case, law)
+        legs = [point(leg) for leg in path_legs(case, P[1])]
+        draw_path(ax, np.array(legs))
+        rest = point(travel(case, Rest()).P)
+        slope = 1 if case is T2 else -1
+        mark(ax, legs[1], "slip stops", (22, -12))
+        mark(ax, rest, "compression\nends, $p_c$", (26 * slope, -8 if case is T2 else 12))
+        mark(ax, P, end, (16 * slope, 18), ANSWER)
+
+    return draw
+
+
+def travel(case: Case, goal: Rest | Impulse) -> State:
+    """Routh's path from first touch to ``goal``."""
+    approach = case.approach()
+    path = RouthPath(approach.mobility(), approach.n, case.mu, approach.u, 1e-12)
+    return path.travel(State(approach.n * 0.0, approach.u, approach.normal_velocity(), 0.0, 0.0), goal)
+
+
+def path_legs(case: Case, p_end: float) -> Iterator[Vec2]:
+    """Where the path starts, bends and ends, found by looking at it and not at the formula."""
+    p = np.linspace(0.0, p_end, 2001)
+    path = [travel(case, Impulse(float(x))).P for x in p]
+    slope = np.diff([P.x for P in path]) / np.diff(p)
+    (bends,) = np.nonzero(np.abs(np.diff(slope)) > 1e-9)
+    yield path[0]
+    if len(bends):
+        first, last = bends[0], bends[-1] + 1  # the step in which it bends mixes both slopes
+        a, b, s, t = path[first], path[last + 1], slope[first - 1], slope[last + 1]
+        x = p[last + 1]
+        bend = (b.x - a.x + s * p[first] - t * x) / (s - t)
+        yield Vec2(a.x + s * (bend - p[first]), bend)
+    yield path[-1]
+
+
+# The other pictures ---------------------------------------------------------------------------
+
+
+def draw_comparison() -> None:
+    """All answers side by side."""
+    figure, axes = plt.subplots(1, 2, figsize=(8, 4.6), layout="constrained")
+    labels = {
+        T2: {
+            Law.FRICTIONLESS: (20, 10),
+            Law.COULOMB: (-12, 26),
+            Law.MOREAU: (22, 0),
+            Law.ROUTH_POISSON: (26, -20),
+            Law.ROUTH_STRONGE: (-16, -30),
+        },
+        T3: {
+            Law.FRICTIONLESS: (-16, 10),
+            Law.COULOMB: (4, -40),
+            Law.ROUTH_POISSON: (18, -22),
+            Law.ROUTH_STRONGE: (22, 6),
+        },
+    }
+    for ax, case in zip(axes, CASES, strict=True):
+        draw_plane(ax, case)
+        for law, offset in labels[case].items():
+            mark(ax, answer(case, law), law.name, offset, ANSWER)
+    raw = one_step(T3.approach(), T3.parameters())
+    assert raw is not None
+    mark(axes[1], point(raw.impulse), "MOREAU, raw", (-40, 14), RAW, "X")
+    axes[0].set(xlim=(-0.38, 0.24), ylim=(0.27, 0.8125))
+    axes[1].set(xlim=(-0.5, 0.7), ylim=(0.60, 1.65))
+    axes[0].set_ylabel("$p_n$  [N s]")
+    handles = [h for h in legend_handles() if h.get_label() != "path"]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8.5, frameon=False)
+    save(figure, "impact-law-comparison.png")
+
+
+def draw_rods() -> None:
+    """What T2 and T3 are."""
+    figure, axes = plt.subplots(1, 2, figsize=(8, 3.0), layout="constrained")
+    for ax, case in zip(axes, CASES, strict=True):
+        end = np.array([math.cos(case.angle), math.sin(case.angle)])
+        ax.fill_between([-0.6, 1.2], -0.14, 0, color="#dddddd", lw=0)
+        ax.plot([-0.6, 1.2], [0, 0], color=INK, lw=1.2)
+        ax.plot(*np.array([[0, 0], end]).T, color=INK, lw=5, solid_capstyle="round")
+        ax.plot(*(end / 2), marker="o", color="white", mec=INK, ms=6)
+        arrow(ax, end / 2, np.array(case.velocity) * 0.3, PATH, "$u$")
+        arrow(ax, np.zeros(2), np.array([0, 0.4]), COMPRESSION, "$n$")
+        arrow(ax, np.zeros(2), np.array([0.4, 0]), STICKING, "$t$", (0, -9))
+        turn = np.linspace(0, case.angle, 40)
+        ax.plot(0.2 * np.cos(turn), 0.2 * np.sin(turn), color=GREY, lw=1)
+        middle = case.angle / 2
+        ax.text(0.28 * math.cos(middle), 0.28 * math.sin(middle), "θ", color=GREY, ha="center", va="center")
+        ax.set(xlim=(-0.6, 1.2), ylim=(-0.14, 1.0), aspect="equal")
+        ax.set_axis_off()
+        ax.set_title(case.title(), fontsize=9)
+    save(figure, "impact-law-rods.png")
+
+
+def arrow(
+    ax: Axes,
+    start: np.ndarray,
+    along: np.ndarray,
+    color: str,
+    text: str,
+    offset: tuple[float, float] = (9, 3),
+) -> None:
+    style = {"arrowstyle": "-|>", "color": color, "lw": 1.8, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", xy=start + along, xytext=start, arrowprops=style, zorder=5)
+    place = {"textcoords": "offset points", "ha": "center", "va": "center"}
+    ax.annotate(text, xy=start + along, xytext=offset, color=color, fontsize=11, **place)
+
+
+def draw_restitution() -> None:
+    """The velocity-dependent coefficients."""
+    figure, ax = plt.subplots(figsize=(8, 3.4), layout="constrained")
+    v = np.geomspace(1e-3, 30, 400)
+    curves = {
+        "viscoelastic(beta=0.1)": (restitution.viscoelastic(0.1), COMPRESSION),
+        "viscoelastic(beta=0.4)": (restitution.viscoelastic(0.4), ENERGY),
+        "plastic(yield_speed=0.01)": (restitution.plastic(0.01), PATH),
+        "plastic(yield_speed=0.1)": (restitution.plastic(0.1), STICKING),
+    }
+    for label, (e, color) in curves.items():
+        ax.semilogx(v, [e(x) for x in v], color=color, lw=2, label=label)
+    ax.set(xlim=(v[0], v[-1]), ylim=(0, 1.05), xlabel="approach speed $v$  [m/s]", ylabel="$e(v)$")
+    ax.grid(color="#e5e5e5")
+    ax.legend(loc="lower left", fontsize=9)
+    save(figure, "impact-law-restitution.png")
+
+
+# The tables -----------------------------------------------------------------------------------
+
+
+def values_table() -> Iterator[str]:
+    """The answers to T1, T2, T3 and to T3 with e = 1; energies are those gained."""
+    yield "| case | law | $p_t$ | $p_n$ | $u_t^+$ | $u_n^+$ | ΔE | by restitution | by friction | regime |"
+    yield "|---|---|---|---|---|---|---|---|---|---|"
+    for case in (T1, T2, T3, T3._replace(name="T3, $e=1$", e=1.0)):
+        for law in LAWS:
+            impact = resolve(case.rod(), Body.static(), case.contact(), ImpactModel(law=law))
+            lost = [impact.energy_lost_restitution, impact.energy_lost_friction]
+            gained = [-sum(lost), *(-x for x in lost)]
+            P = np.array(impact.impulse[:2])
+            name = f"`{law.name}`"
+            if impact.model.law is not law:
+                raw = one_step(case.approach(), case.parameters())
+                assert raw is not None
+                yield row_of(
+                    case, f"{name}, raw", point(raw.impulse), [energy_change(case, point(raw.impulse))]
+                )
+                name += ", as answered"
+            yield row_of(case, name, P, gained, impact.regime.name)
+
+
+def row_of(case: Case, law: str, P: np.ndarray, energies: list[float], regime: str = "") -> str:
+    K, u = kinetics(case)
+    numbers = [decimals(x) for x in (*P, *(u + K @ P), *energies)]
+    return f"| {' | '.join([case.name, law, *numbers, *[''] * (3 - len(energies)), regime])} |"
+
+
+def decimals(x: float) -> str:
+    """Five decimals, and rounding is 0."""
+    return "0" if abs(x) < 1e-12 else f"{x:.5f}"
+
+
+def cost_table() -> Iterator[str]:
+    """Microseconds, and the ratio to the frictionless law in the same column."""
+    rows = [(law, 0.0) for law in LAWS] + [(Law.ROUTH_STRONGE, 1e-4)]
+    columns = ("law alone, plane", "law alone, space", "`resolve()`, plane", "`resolve()`, space")
+    block, parameters = block_of_contacts(), Parameters(0.5, 0.3)
+    blocks = [lambda: frictionless(block, parameters), lambda: chatterjee_ruina(block, parameters)]
+    costs = microseconds([call for law, tolerance in rows for call in calls(law, tolerance)] + blocks)
+    yield f"| law | {' | '.join(columns)} |"
+    yield "|---|---|---|---|---|"
+    for i, (law, tolerance) in enumerate(rows):
+        row = costs[4 * i : 4 * i + 4]
+        cells = [f"{us:.0f} µs ({us / base:.1f})" for us, base in zip(row, costs[:4], strict=True)]
+        name = f"`{law.name}`, tolerance {tolerance:g}" if tolerance else f"`{law.name}`"
+        yield f"| {name} | {' | '.join(cells)} |"
+    yield ""
+    each = [us / BLOCK for us in costs[-2:]]
+    yield f"planar contacts in blocks of {BLOCK}, law alone: FRICTIONLESS {each[0]:.2g} µs a contact,"
+    yield f"COULOMB {each[1]:.2g} µs a contact"
+
+
+def calls(law: Law, tolerance: float) -> list[Callable[[], object]]:
+    """What is timed for one law, column by column."""
+    function, ground = LAWS[law], Body.static()
+    model = ImpactModel(law=law, tolerance=tolerance)
+    requests = ((T2.rod(), T2.contact(), Planar), (*tumbling_box(), Spatial))
+    parameters = [Parameters(c.restitution, c.friction, 0.0, tolerance) for _, c, _ in requests]
+    approaches = [geometry.prepare(body, ground, c) for body, c, geometry in requests]
+    return [
+        *(lambda a=a, p=p: function(a, p) for a, p in zip(approaches, parameters, strict=True)),
+        *(lambda b=body, c=c: resolve(b, ground, c, model) for body, c, _ in requests),
+    ]
+
+
+def tumbling_box() -> tuple[Body, Contact]:
+    """A box on its corner, in space: the slip turns while it lasts, then stops."""
+    body = Body.dynamic(
+        2.0,
+        box(2.0, (1.0, 0.6, 0.3)).inertia,
+        (0.1, -0.2, 0.5),
+        (0.2, 0.4, 0.1, 0.9),
+        (1.0, 0.5, -2.0),
+        (1.0, -2.0, 0.5),
+    )
+    return body, Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3)
+
+
+def block_of_contacts() -> Planar:
+    draw = np.random.default_rng(1).uniform
+    body = Body.dynamic(
+        1.0,
+        rod(1.0, 1.0).inertia,
+        (draw(-0.5, 0.5, BLOCK), draw(0.1, 0.5, BLOCK), 0.0),
+        None,
+        (draw(-1, 1, BLOCK), draw(-2, -1, BLOCK), 0.0),
+    )
+    return Planar.prepare(body, Body.static(), Contact.of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+
+
+def microseconds(timed: Sequence[Callable[[], object]]) -> list[float]:
+    """Processor time of each call, the fastest of fifteen rounds; each round times all of them."""
+    timers = [timeit.Timer(call, timer=time.process_time) for call in timed]
+    counts = [max(1, int(0.02 / (timer.timeit(3) / 3))) for timer in timers]
+    rounds = [[t.timeit(n) / n for t, n in zip(timers, counts, strict=True)] for _ in range(15)]
+    return [1e6 * min(times) for times in zip(*rounds, strict=True)]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="The pictures and the tables of impact-laws.md.")
+    parser.add_argument("--no-tables", action="store_true", help="draw only")
+    arguments = parser.parse_args()
+    plt.rcParams.update({"font.size": 9.5, "axes.spines.top": False, "axes.spines.right": False})
+    draw_rods()
+    picture("impact-law-frictionless.png", draw_frictionless)
+    picture("impact-law-coulomb.png", draw_coulomb)
+    bounce = Line2D([], [], color=COMPRESSION, lw=1.2, label="$u_n^+ = -e\\,u_n$: Newton's end")
+    picture("impact-law-moreau.png", draw_moreau, bounce)
+    picture("impact-law-routh-poisson.png", draw_routh(Law.ROUTH_POISSON, "$p = (1+e)\\,p_c$"))
+    picture("impact-law-routh-stronge.png", draw_routh(Law.ROUTH_STRONGE, "$W = (1-e^2)\\,W_c$"))
+    draw_comparison()
+    draw_restitution()
+    if not arguments.no_tables:
+        for table in (values_table(), cost_table()):
+            print("", *table, sep="\n")
+
+
+if __name__ == "__main__":
+    main()

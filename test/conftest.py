@@ -1,0 +1,43 @@
+"""What every test needs: ROS that stays on this machine, checks its fields and meets no other session."""
+
+import os
+
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"  # read when a message is imported: before any test is
+
+import pytest
+from hypothesis import settings
+
+settings.register_profile("patient", deadline=None)  # a busy machine is not a failure
+settings.load_profile("patient")
+
+
+@pytest.fixture(scope="session")
+def ros_domain():
+    """A ROS domain that no other session on this machine uses, for this process and its children."""
+    import domain_coordinator
+
+    with domain_coordinator.domain_id() as domain, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(domain))
+        yield domain
+
+
+@pytest.fixture
+def graph(ros_domain):
+    """An empty ROS graph: see :class:`ros_graph.Graph`."""
+    from ros_graph import Graph
+
+    graph = Graph()
+    yield graph
+    graph.close()
+
+
+@pytest.fixture(scope="module")
+def tried_node(ros_domain):
+    """A graph with one node for many tests that must not change it, and so show that it outlives them."""
+    from ros_graph import Graph
+
+    graph = Graph()
+    graph.serve()
+    yield graph
+    graph.close()

@@ -1,0 +1,121 @@
+"""Nodes of one test, spun in-process: calls and topics go over DDS."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.task import Future
+
+from collision_response.msg import BodyState
+from collision_response.ros.node import SERVICE_QOS, CollisionResponseNode
+from collision_response.srv import ResolveCollision
+
+DEADLINE = 20.0
+"""Seconds after which nothing is waited for any more: far more than anything takes."""
+
+_numbers = itertools.count()
+
+
+class Graph:
+    """A context, a thread that spins its nodes, and a client of the service."""
+
+    def __init__(self) -> None:
+        self.context = Context()
+        rclpy.init(context=self.context)
+        self.namespace = f"/test_{next(_numbers)}"
+        self.service = f"{self.namespace}/collision_response/resolve_collision"
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._nodes: list[Node] = []
+        self._stop = Future()  # executor.shutdown() in another thread races with its waiting
+        self._thread = threading.Thread(target=self._executor.spin_until_future_complete, args=[self._stop])
+        self._thread.start()
+        self.user = self.add(Node("user", context=self.context, namespace=self.namespace))
+        self._client = self.user.create_client(ResolveCollision, self.service, qos_profile=SERVICE_QOS)
+
+    def add(self, node: Node) -> Any:
+        """Have a node spun until the test ends."""
+        self._nodes.append(node)
+        self._executor.add_node(node)
+        return node
+
+    def serve(self, **parameters: Any) -> CollisionResponseNode:
+        """Start the node under test; a double underscore in a parameter's name stands for a dot."""
+        overrides = [Parameter(name.replace("__", "."), value=value) for name, value in parameters.items()]
+        self.node = CollisionResponseNode(
+            context=self.context, namespace=self.namespace, parameter_overrides=overrides
+        )
+        return self.add(self.node)
+
+    def call_async(self, request: ResolveCollision.Request) -> Any:
+        """Send a request, once there is someone to answer it."""
+        until(self._client.service_is_ready)
+        return self._client.call_async(request)
+
+    def call(self, request: ResolveCollision.Request) -> ResolveCollision.Response:
+        """The answer to a request."""
+        answered = threading.Event()
+        future = self.call_async(request)
+        future.add_done_callback(lambda _: answered.set())
+        assert answered.wait(DEADLINE), "no answer"
+        return future.result()
+
+    def stop(self, node: Node) -> None:
+        """Take down one node."""
+        self._executor.remove_node(node)
+        self._nodes.remove(node)
+        node.destroy_node()
+
+    def close(self) -> None:
+        """Stop spinning, then take everything down, in the order that Fast DDS survives."""
+        self._stop.set_result(None)
+        self._thread.join(DEADLINE)
+        self._executor.shutdown()
+        for node in self._nodes:
+            node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+def until(condition: Callable[[], Any]) -> Any:
+    """The first true value of ``condition``; discovery gives no event in every ROS release."""
+    deadline = time.monotonic() + DEADLINE
+    while not (value := condition()):
+        assert time.monotonic() < deadline, "this did not happen"
+        threading.Event().wait(0.002)
+    return value
+
+
+def ball(position: float = 0.0, velocity: float = 0.0, *, name: str = "", frame: str = "world") -> BodyState:
+    """A solid ball of 2 kg and 0.5 m radius on the x axis."""
+    state = BodyState(name=name)
+    state.header.frame_id = frame
+    state.pose.position.x = position
+    state.twist.linear.x = velocity
+    state.inertia.m = 2.0
+    state.inertia.ixx = state.inertia.iyy = state.inertia.izz = 0.2
+    return state
+
+
+def balls_meet() -> ResolveCollision.Request:
+    """Two equal balls that meet head-on at the origin with 4 m/s, e = 0.5; ``a`` is on the right."""
+    request = ResolveCollision.Request(body_a=ball(0.5, -1.0), body_b=ball(-0.5, 3.0))
+    request.contact.header.frame_id = "world"
+    request.contact.normal.x = 1.0
+    request.contact.restitution, request.contact.friction = 0.5, 0.0
+    return request
+
+
+def assign(message: Any, path: str, value: Any) -> None:
+    """Set a field given by its dotted name."""
+    *owners, field = path.split(".")
+    for owner in owners:
+        message = getattr(message, owner)
+    setattr(message, field, value)

@@ -1,0 +1,146 @@
+"""Bodies whose frame does not start at the centre of mass."""
+
+from __future__ import annotations
+
+import copy
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from hypothesis import given
+from hypothesis import strategies as st
+from ros_graph import ball
+
+from collision_response import ImpactModel, resolve
+from collision_response.msg import BodyState, CollisionResult
+from collision_response.physics.combine import CombineRule
+from collision_response.physics.orientation import Quaternion
+from collision_response.physics.vector import Vec3
+from collision_response.ros import convert
+from collision_response.ros.parameters import Parameters
+from collision_response.srv import ResolveCollision
+
+PARAMETERS = Parameters("", 0.0, 1.0, 0.0, CombineRule.AVERAGE, CombineRule.AVERAGE, ImpactModel())
+
+
+def test_a_rod_whose_frame_starts_at_one_end_is_struck_at_the_other(graph):
+    """S8 of the sources, seen from the free end of the rod, which starts with -2 J / m."""
+    graph.serve()
+    rod_mass, length, point_mass, speed, restitution = 3.0, 2.0, 1.0, 5.0, 0.5
+    request = ResolveCollision.Request()
+    rod, point, contact = request.body_a, request.body_b, request.contact
+    rod.inertia.m, rod.inertia.com.z = rod_mass, length / 2
+    rod.inertia.ixx = rod.inertia.iyy = rod_mass * length**2 / 12
+    rod.pose.orientation.x = -(0.5**0.5)  # the rod's z axis along the world's y
+    rod.pose.orientation.w = 0.5**0.5
+    point.inertia.m, point.pose.position.y, point.twist.linear.x = point_mass, length, speed
+    contact.position.y, contact.normal.x = length, 1.0
+    contact.restitution, contact.friction = restitution, 0.0
+
+    result = graph.call(request).result
+
+    impulse = (1 + restitution) * speed * rod_mass * point_mass / (rod_mass + 4 * point_mass)
+    assert result.impulse.x == pytest.approx(impulse, rel=1e-14)
+    assert result.twist_a.linear.x == pytest.approx(-2 * impulse / rod_mass, rel=1e-14)
+    assert result.twist_a.angular.z == pytest.approx(-6 * impulse / (rod_mass * length), rel=1e-14)
+    assert result.twist_b.linear.x == pytest.approx(speed - impulse / point_mass, rel=1e-14)
+
+
+def answer_to(request):
+    scene, result = convert.scene_of(request, PARAMETERS), CollisionResult()
+    impact = resolve(scene.a.body, scene.b.body, scene.contact, scene.model)
+    convert.write_answer(result, request, scene, impact)
+    return result
+
+
+def set_vector(message, vector):
+    message.x, message.y, message.z = vector
+
+
+def vector_of(message):
+    return Vec3(message.x, message.y, message.z)
+
+
+def near(expected):
+    return pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+numbers = st.floats(-2, 2)
+vectors = st.builds(Vec3, numbers, numbers, numbers)
+quaternions = st.builds(Quaternion, numbers, numbers, numbers, numbers)
+orientations = quaternions.filter(lambda q: q.squared_length() > 0.1)
+
+
+@st.composite
+def requests(draw):
+    """A body of any motion, its frame at its centre of mass, meets a ball."""
+    request = ResolveCollision.Request(body_a=ball(), body_b=ball())
+    a, q = request.body_a, draw(orientations)
+    a.inertia.m, (sxx, syy, szz) = draw(st.floats(0.1, 10)), draw(st.tuples(*[st.floats(0.01, 1)] * 3))
+    a.inertia.ixx, a.inertia.iyy, a.inertia.izz = syy + szz, szz + sxx, sxx + syy
+    a.pose.orientation.x, a.pose.orientation.y, a.pose.orientation.z, a.pose.orientation.w = q
+    for message in (a.pose.position, a.twist.linear, a.twist.angular, request.body_b.pose.position):
+        set_vector(message, draw(vectors))
+    request.contact.header.frame_id = "world"
+    set_vector(request.contact.position, draw(vectors))
+    set_vector(request.contact.normal, draw(vectors.filter(lambda v: v.norm() > 0.1)))
+    request.contact.restitution, request.contact.friction = draw(st.floats(0, 1)), draw(st.floats(0, 1))
+    return request
+
+
+@given(request=requests(), com=vectors)
+def test_where_a_body_frame_starts_does_not_change_what_happens(request, com):
+    """Moved by -com, the same material body has the same angular velocity, and its origin v - w x c."""
+    a = request.body_a
+    orientation = a.pose.orientation
+    centre = Quaternion(orientation.x, orientation.y, orientation.z, orientation.w).to_world(com)
+    moved = copy.deepcopy(request)
+    set_vector(moved.body_a.inertia.com, com)
+    set_vector(moved.body_a.pose.position, vector_of(a.pose.position) - centre)
+    at_new_origin = vector_of(a.twist.linear) - vector_of(a.twist.angular).cross(centre)
+    set_vector(moved.body_a.twist.linear, at_new_origin)
+
+    expected, result = answer_to(request), answer_to(moved)
+
+    w = vector_of(expected.twist_a.angular)
+    assert vector_of(result.twist_a.angular) == near(w)
+    assert vector_of(result.twist_a.linear) == near(vector_of(expected.twist_a.linear) - w.cross(centre))
+    assert vector_of(result.twist_b.linear) == near(vector_of(expected.twist_b.linear))
+    assert result.kinetic_energy_after == near(expected.kinetic_energy_after)
+
+
+@given(request=requests(), com=vectors)
+def test_bodies_that_separate_keep_their_twists_to_the_last_bit(request, com):
+    set_vector(request.body_a.inertia.com, com)
+    before = answer_to(request)
+    if before.normal_velocity_before < 0:
+        request.contact.normal.x *= -1
+        request.contact.normal.y *= -1
+        request.contact.normal.z *= -1
+    result = answer_to(request)
+    assert result.regime == CollisionResult.SEPARATING
+    assert (result.twist_a, result.twist_b) == (request.body_a.twist, request.body_b.twist)
+
+
+@pytest.mark.parametrize("length", [1e-200, 1e200])
+def test_the_length_of_a_quaternion_does_not_matter(length):
+    request = ResolveCollision.Request(body_a=ball(0.5, -1.0), body_b=ball(-0.5))
+    request.contact.normal.x, request.contact.restitution, request.contact.friction = 1.0, 0.5, 0.0
+    request.contact.position.y = 0.25
+    request.body_a.inertia.com.y, request.body_a.pose.orientation.z = 0.5, 1.0
+    expected = answer_to(request)
+    request.body_a.pose.orientation.z = request.body_a.pose.orientation.w = length
+    result = answer_to(request)
+    assert result.adjustments == CollisionResult.NORMALISED_ORIENTATION
+    assert vector_of(result.twist_a.linear) == near(vector_of(expected.twist_a.linear))
+
+
+@pytest.mark.parametrize("motion_type", [BodyState.KINEMATIC, BodyState.STATIC])
+def test_the_inertia_of_an_immovable_body_is_ignored(motion_type):
+    request = ResolveCollision.Request(body_a=ball(0.5, -1.0), body_b=ball(-0.5))
+    request.contact.normal.x, request.contact.restitution = 1.0, 0.5
+    floor = request.body_b
+    floor.motion_type, floor.inertia.m, floor.inertia.com.y = motion_type, float("nan"), 7.0
+    result = answer_to(request)
+    assert (result.twist_a.linear.x, result.twist_b) == (0.5, floor.twist)

@@ -1,0 +1,340 @@
+"""The oracle against published closed forms, and against a step-by-step integration."""
+
+from fractions import Fraction as F
+from math import cos, pi, sin
+
+import numpy as np
+import pytest
+from mpmath import mp
+from oracle import LAWS, Body, impact, impulse, mobility
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+FLOOR = Body(None, None)
+UP = (0, 0, 1)
+EXACT = 1e-45  # of 50 digits; the numbers here are of order 1 and K is well conditioned
+
+
+@pytest.fixture(autouse=True)
+def exact_arithmetic_in_the_tests():
+    with mp.workdps(80):
+        yield
+
+
+def rod(tan2):
+    """Body and contact of a unit rod whose lower end touches the floor at tan(theta), squared."""
+    s, c = mp.sqrt(F(tan2, 1 + tan2)), mp.sqrt(F(1, 1 + tan2))
+    inertia = [[s * s / 12, 0, -s * c / 12], [0, F(1, 12), 0], [-s * c / 12, 0, c * c / 12]]
+    return inertia, (c / 2, 0, s / 2)
+
+
+def strike(tan2, u, law, e, mu):
+    inertia, at = rod(tan2)
+    body = Body(1, inertia, position=at, velocity=(u[0], 0, u[1]))
+    return impact(body, FLOOR, (0, 0, 0), UP, e, mu, law)
+
+
+def random_contact(rng, spread=1.0):
+    """K of two random boxes and a u that slips; `spread` shrinks their inertia."""
+    bodies = []
+    for _ in "AB":
+        box = rng.uniform(0.5, 2, 3) ** 2
+        bodies.append(
+            Body(
+                rng.uniform(0.5, 2),
+                np.diag(spread * (box.sum() - box) / 12).tolist(),
+                rng.normal(size=4).tolist(),
+                rng.normal(size=3).tolist(),
+            )
+        )
+    K = mobility(*bodies, (0, 0, 0))
+    return K, (*rng.normal(size=2), -1.0)
+
+
+# ---- the table of rods: (p_t, p_n), energy; every digit it gives
+
+TABLE = {
+    "T1": ((1, (0, -1), F(1, 2)), {law: ("9/41", "30/41", "-.243159") for law in LAWS[1:]}),
+    "T2": (
+        (1, (1, -1), F(1, 2)),
+        {
+            "moreau": ("-.0625", ".5625", "-.171875"),
+            "chatterjee_ruina": ("-.15254237", ".50847458", "-.19240161"),
+            "routh_poisson": ("-.11412429", ".50847458", "-.19609148"),
+            "routh_stronge": ("-.11288499", ".51260558", "-.19430798"),
+        },
+    ),
+    "T3": (
+        (4, (F(1, 2), -1), F(9, 10)),
+        {
+            "moreau": (".37", "1.465", ".01925"),
+            "chatterjee_ruina": (".1", "1.2625", "-.071875"),
+            "routh_poisson": (".25", "1.28378378", "-.11918828"),
+            "routh_stronge": (".25579294", "1.30309359", "-.10551032"),
+        },
+    ),
+    "T3 e=1": (
+        (4, (F(1, 2), -1), 1),
+        {
+            "moreau": (".4", "1.55", ".1"),
+            "chatterjee_ruina": (".1", "1.325", "-.0125"),
+            "routh_poisson": (".27027027", "1.35135135", "-.06939372"),
+            "routh_stronge": (".27670687", "1.3728067", "-.05244936"),
+        },
+    ),
+}
+
+
+def shows(value, text):
+    """Half a unit of the last digit of the table, or a closed form."""
+    if "/" in text:
+        return abs(value - F(text).numerator / mp.mpf(F(text).denominator)) < EXACT
+    return abs(value - mp.mpf(text)) <= mp.mpf(10) ** -(len(text.split(".")[1])) / 2
+
+
+@pytest.mark.parametrize("law", LAWS[1:])
+@pytest.mark.parametrize("case", TABLE)
+def test_table_of_rods(case, law):
+    (tan2, u, e), rows = TABLE[case]
+    P, report, *_ = strike(tan2, u, law, e, F(3, 10))
+    for value, text in zip((P[0], P[2], report.energy), rows[law], strict=True):
+        assert shows(value, text)
+    assert abs(P[1]) < EXACT
+    assert len(report.candidates) == (law == "moreau")
+
+
+def test_events_of_a_reversal():
+    _, report, *_ = strike(1, (1, -1), "routh_poisson", F(1, 2), F(3, 10))
+    names, places = zip(*report.events, strict=True)
+    assert names == ("end of compression", "slip stops", "slips on", "end")
+    for p, q in zip(places, (F(20, 59), F(4, 9), F(4, 9), F(30, 59)), strict=True):
+        assert abs(p - mp.mpf(q.numerator) / q.denominator) < EXACT
+
+
+def test_jam_of_a_slender_rod():
+    """tan theta = 2, mu = 3/2 > 4/3: u_n falls until slip stops, then the end is held."""
+    e, mu = F(1, 2), F(3, 2)
+    stop = F(1) / (F(34, 10) * mu - F(12, 10))
+    held = F(16, 10) - F(12, 10) ** 2 / F(34, 10)
+    p_c = stop + (1 - (F(16, 10) - F(12, 10) * mu) * stop) / held
+    for law in LAWS[3:]:
+        _, report, *_ = strike(4, (-1, -1), law, e, mu)
+        assert report.jam and not report.falls_again and report.energy < 0
+        names = [name for name, _ in report.events]
+        assert names == ["slip stops", "sticks", "end of compression", "end"]
+        for (_, p), q in zip(report.events[:3], (stop, stop, p_c), strict=True):
+            assert abs(p - mp.mpf(q.numerator) / q.denominator) < EXACT
+    assert not strike(4, (1, -1), law, e, mu)[1].jam
+
+
+# ---- spheres and points
+
+
+@pytest.mark.parametrize("u_t, regime", [(F(524, 100), "stick"), (F(526, 100), "slide")])
+def test_sphere_sticks_up_to_two_sevenths(u_t, regime):
+    """(2/7)|u_t| <= mu (1+e) |u_n|, here 21/4, for all laws, and they agree."""
+    inertia = [[F(12, 10) * (i == j) for j in range(3)] for i in range(3)]
+    ball = Body(3, inertia, (1, 2, 3, 4), (0, 0, 1), (u_t / 2, 0, -1), (0, -u_t / 2, 0))
+    outcomes = [impact(ball, FLOOR, (0, 0, 0), UP, F(1, 2), 1, law) for law in LAWS[1:]]
+    for P, report, *_ in outcomes:
+        assert mp.norm(P - outcomes[0].impulse) < EXACT
+        assert report.regime in (regime, "path")
+        assert ("sticks" in dict(report.events)) == (report.regime == "path" and regime == "stick")
+
+
+def test_superball():
+    ball = Body(
+        1,
+        [[F(2, 5) * (i == j) for j in range(3)] for i in range(3)],
+        position=(0, 0, 1),
+        velocity=(1, 0, -1),
+        angular_velocity=(0, 3, 0),
+    )
+    _, report, v, omega, *_ = impact(ball, FLOOR, (0, 0, 0), UP, 1, 10, "chatterjee_ruina", e_t=1)
+    assert abs(v[0] * 7 - 15) < EXACT and abs(omega[1] * 7 - 1) < EXACT and abs(v[2] - 1) < EXACT
+    assert abs(report.energy) < EXACT
+
+
+def test_three_balls_one_contact_at_a_time():
+    ball = [[F(2, 5) * (i == j) for j in range(3)] for i in range(3)]
+    row = [Body(1, ball, position=(2 * i, 0, 0), velocity=(float(i == 0), 0, 0)) for i in range(3)]
+    for i in (0, 1):
+        out = impact(row[i], row[i + 1], (2 * i + 1, 0, 0), (-2, 0, 0), 1, 0, "frictionless")
+        row[i], row[i + 1] = (
+            row[i]._replace(velocity=out.velocity_a),
+            row[i + 1]._replace(velocity=out.velocity_b),
+        )
+    assert all(abs(b.velocity[0] - x) < EXACT for b, x in zip(row, (0, 0, 1), strict=True))
+
+
+def test_ideal_rod_struck_by_a_point():
+    """Effective mass m1 m2/(m1 + 4 m2) square to the rod, m1 m2/(m1 + m2) along it."""
+    rod_z = Body(F(3), [[F(1), 0, 0], [0, F(1), 0], [0, 0, 0]])  # m1 = 3, length 2
+    point = Body(F(5), [[0] * 3] * 3, position=(0, 0, 1))
+    K = mobility(rod_z, point, (0, 0, 1))
+    for i, mass in enumerate((F(15, 23), F(15, 23), F(15, 8))):
+        assert abs(K[i, i] * mass.numerator - mass.denominator) < EXACT
+
+
+# ---- against a step-by-step integration
+
+
+def by_steps(K, u, e, mu, stronge):
+    """The impulse by DOP853 in p, friction read off the slip; the direction in which slip
+    resumes is looked for by a scan."""
+    K, p, y = np.array(K.tolist(), float), 0.0, np.array([*u, 0.0, 0.0, 0.0], float)
+    p_c = W_c = push = None
+    stopped = np.hypot(*y[:2]) == 0
+    while True:
+        if stopped:
+            y[:2] = 0
+            push = np.array([*-np.linalg.solve(K[:2, :2], K[:2, 2]), 1])
+            if np.hypot(*push[:2]) > mu:
+                push = resumed(K, mu)
+
+        def rhs(p, y, push=push):
+            f = push if push is not None else np.array([*(-mu * y[:2] / np.hypot(*y[:2])), 1])
+            return [*(K @ f), y[2], f[0], f[1]]
+
+        def stop(p, y, slips=push is None):
+            return np.hypot(*y[:2]) - 1e-11 if slips else 1.0
+
+        def un(p, y):
+            return y[2]
+
+        def left(p, y, p_c=p_c, W_c=W_c):
+            return y[3] - (1 - e * e) * W_c if stronge else p - (1 + e) * p_c
+
+        goal = un if p_c is None else left
+        stop.terminal = goal.terminal = True
+        goal.direction = 1
+        run = solve_ivp(rhs, (p, p + 1e4), y, "DOP853", events=(stop, goal), rtol=1e-12, atol=1e-13)
+        p, y = run.t[-1], run.y[:, -1].copy()
+        stopped, reached = (times.size > 0 for times in run.t_events)
+        assert stopped or reached
+        if reached and goal is left:
+            return np.array([*y[4:], p])
+        if reached:
+            p_c, W_c = p, y[3]
+
+
+def resumed(K, mu):
+    def polar(t):
+        z = np.array([cos(t), sin(t)])
+        h = K[:2, 2] - mu * K[:2, :2] @ z
+        return z @ h, z[0] * h[1] - z[1] * h[0]
+
+    t = np.linspace(0, 2 * pi, 2001)
+    grow, turn = np.transpose([polar(x) for x in t])
+    (i,) = np.nonzero((turn[:-1] * turn[1:] <= 0) & (grow[:-1] > 0))[0]
+    at = brentq(lambda x: polar(x)[1], t[i], t[i + 1], xtol=1e-15)
+    return np.array([-mu * cos(at), -mu * sin(at), 1])
+
+
+def wild_contact(rng):
+    """A K that few bodies have: axes of very different mobility, strong friction."""
+    L = rng.normal(size=(3, 3)) * 10 ** rng.uniform(-1, 0.5, 3)
+    K, mu = L @ L.T, 10 ** rng.uniform(-0.3, 0.7)
+    u = (*(rng.normal(size=2) * 10 ** rng.uniform(-1, 1)), -1.0)
+    return mp.matrix(K.tolist()) / K[2, 2], u, mu
+
+
+def agree(P, Q):
+    """1e-9 of the impulse: the integrator's rtol and the 1e-11 of slip that it takes for a
+    stop leave up to 2e-10 here."""
+    return np.abs(np.array(P.tolist(), float)[:, 0] - Q).max() < 1e-9 * np.abs(Q).max()
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_routh_against_integration(seed):
+    rng = np.random.default_rng(seed)
+    K, u = random_contact(rng)
+    e, mu, stronge = rng.uniform(0.1, 1), rng.uniform(0.1, 1), bool(seed % 2)
+    P, report = impulse(LAWS[3 + stronge], K, u, UP, e, mu, digits=15)
+    assert agree(P, by_steps(K, u, e, mu, stronge))
+    if stronge:
+        assert report.energy < 0
+
+
+@pytest.mark.parametrize(
+    "seed, stronge, events, jam, falls_again",
+    [
+        (35, False, "stops, slips on, p_c", False, False),
+        (101, True, "p_c, stops, slips on", True, False),
+        (187, False, "stops, sticks, p_c", True, False),
+        (154, True, "p_c", False, True),
+        (223, False, "p_c", False, True),
+    ],
+)
+def test_routh_of_wild_contacts_against_integration(seed, stronge, events, jam, falls_again):
+    K, u, mu = wild_contact(np.random.default_rng(seed))
+    P, report = impulse(LAWS[3 + stronge], K, u, UP, 1, mu, digits=15)
+    short = {"slip stops": "stops", "end of compression": "p_c"}
+    assert ", ".join(short.get(name, name) for name, _ in report.events[:-1]) == events
+    assert (report.jam, report.falls_again) == (jam, falls_again)
+    assert agree(P, by_steps(K, u, 1, mu, stronge))
+
+
+@pytest.mark.parametrize("mu", [0.05, 5])
+def test_impact_without_initial_slip(mu):
+    K, _ = random_contact(np.random.default_rng(3))
+    P, report = impulse("routh_stronge", K, (0, 0, -1), UP, 0.5, mu, digits=15)
+    assert report.events[0] == ("slips on" if mu < 1 else "sticks", 0)
+    assert agree(P, by_steps(K, (0, 0, -1), 0.5, mu, True))
+
+
+# ---- what holds for all
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("seed", range(2))
+def test_cone_energy_and_restitution(law, seed):
+    rng = np.random.default_rng(seed)
+    K, u = random_contact(rng)
+    n, e, mu = rng.normal(size=3).tolist(), rng.uniform(), rng.uniform(0.1, 2)
+    P, report = impulse(law, K, u, n, e, mu, digits=15)
+    n = mp.matrix(n) / mp.norm(n)
+    p = mp.fdot(P, n)
+    if report.regime == "separating":
+        assert mp.norm(P) == 0 and report.un_before >= 0
+        return
+    assert p > 0 and mp.norm(P - p * n) <= mu * p * (1 + mp.mpf(10) ** -15)
+    assert law == "moreau" or report.energy <= 0
+    if not law.startswith("routh"):
+        assert abs(report.un_after + e * report.un_before) < mp.mpf(10) ** -15
+
+
+def test_routh_repeats_in_other_axes_and_at_other_precision():
+    """Turned bodies, n of another length, 15 and 30 digits: to the 15."""
+    rng = np.random.default_rng(8)
+    K, u = random_contact(rng)
+    x, y, z = rng.normal(size=3).tolist()
+    turn = mp.expm(mp.matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]]))
+    P, _ = impulse("routh_stronge", K, u, UP, 0.5, 0.5, digits=30)
+    K, u, n = turn * K * turn.T, turn * mp.matrix(u), 7 * turn[:, 2]
+    Q, _ = impulse("routh_stronge", K, u, n, 0.5, 0.5, digits=15)
+    assert mp.norm(turn * P - Q) < mp.mpf(10) ** -15 * mp.norm(P)
+
+
+def test_nearly_singular_mobility():
+    """Inertia a 1e-10th of m r^2, K's condition 1e10: still the digits that were asked for."""
+    K, u = random_contact(np.random.default_rng(5), spread=1e-10)
+    for law in LAWS[1:]:
+        P, _ = impulse(law, K, u, UP, 0.5, 0.5, digits=15)
+        Q, _ = impulse(law, K, u, UP, 0.5, 0.5, digits=30)
+        assert mp.norm(P - Q) < mp.mpf(10) ** -15 * mp.norm(Q)
+
+
+def test_moreau_can_have_three_answers():
+    K, u, mu = wild_contact(np.random.default_rng(81))
+    P, report = impulse("moreau", K, u, UP, 0.5, mu)
+    assert [regime for regime, *_ in report.candidates] == ["stick", "slide", "slide"]
+    assert report.candidates[0][1] == P
+    for regime, P, _ in report.candidates:
+        after = mp.matrix(u) + K * P
+        assert abs(after[2] - 0.5) < EXACT
+        slip = mp.matrix(after[:2])
+        if regime == "stick":
+            assert mp.norm(slip) < EXACT
+        else:
+            assert mp.norm(mp.matrix(P[:2]) + mu * P[2] * slip / mp.norm(slip)) < EXACT * mp.norm(P)

@@ -1,0 +1,126 @@
+"""The node's parameters: declared, checked, and used."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from rclpy.parameter import Parameter
+from ros_graph import balls_meet
+
+from collision_response.msg import ImpactModel
+from collision_response.ros.parameters import CHOICES, DECLARATIONS
+
+DEFAULTS = {
+    "world_frame": "",
+    "body_state_topics": ["body_states"],
+    "max_state_age": 0.0,
+    "restitution": 1.0,
+    "friction": 0.0,
+    "combine_restitution": "average",
+    "combine_friction": "average",
+    "law": "auto",
+    "geometry": "auto",
+    "precision": "auto",
+    "tolerance": 0.0,
+    "tangential_restitution": 0.0,
+    "restitution_threshold": 0.0,
+    "recording.enabled": False,
+    "recording.directory": "recordings",
+}
+
+
+def test_parameters_have_defaults_descriptions_and_limits(tried_node):
+    node = tried_node.node
+    names = [declaration.name for declaration in DECLARATIONS]
+    assert {name: node.get_parameter(name).value for name in names} == DEFAULTS
+    for name, default in DEFAULTS.items():
+        descriptor = node.describe_parameter(name)
+        assert descriptor.description.endswith(".")
+        assert len(descriptor.floating_point_range) == isinstance(default, float)
+        for choice in CHOICES.get(name, ()):
+            assert choice in descriptor.additional_constraints
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("restitution", 1.5, "1.5"),
+        ("restitution", math.nan, "nan"),
+        ("friction", -0.25, "-0.25"),
+        ("friction", math.inf, "inf"),
+        ("max_state_age", -1.0, "-1.0"),
+        ("tangential_restitution", -1.5, "-1.5"),
+        ("tolerance", math.inf, "inf"),
+        ("law", "coulomp", "frictionless, coulomb"),
+        ("geometry", "flat", "point, planar, spatial"),
+        ("precision", "half", "single, double, extended"),
+        ("combine_friction", "mean", "geometric_mean"),
+        ("friction", "high", "type"),
+        ("recording.enabled", True, "read-only"),
+        ("body_state_topics", ["other"], "read-only"),
+    ],
+)
+def test_values_that_are_not_allowed_are_refused_with_the_reason(tried_node, name, value, reason):
+    node = tried_node.node
+    (outcome,) = node.set_parameters([Parameter(name, value=value)])
+    assert not outcome.successful
+    assert reason in outcome.reason
+    assert node.get_parameter(name).value == DEFAULTS[name]
+
+
+def test_a_new_value_counts_from_the_next_answer(graph):
+    node = graph.serve(restitution=0.5)
+    request = balls_meet()
+    request.contact.restitution = -1.0
+    assert graph.call(request).result.normal_velocity_after == 2.0
+    (outcome,) = node.set_parameters([Parameter("restitution", value=0.25)])
+    assert outcome.successful
+    result = graph.call(request).result
+    assert (result.normal_velocity_after, result.contact.restitution) == (1.0, 0.25)
+
+
+@pytest.mark.parametrize(
+    ("rule", "restitution", "friction"),
+    [
+        ("average", 0.625, 1.25),
+        ("multiply", 0.25, 1.0),
+        ("minimum", 0.25, 0.5),
+        ("maximum", 1.0, 2.0),
+        ("geometric_mean", 0.5, 1.0),
+    ],
+)
+def test_the_coefficients_of_two_bodies_are_combined(graph, rule, restitution, friction):
+    graph.serve(combine_restitution=rule, combine_friction=rule, restitution=0.75, friction=0.75)
+    request = balls_meet()
+    request.contact.restitution = request.contact.friction = -1.0
+    request.body_a.restitution, request.body_b.restitution = 0.25, 1.0
+    request.body_a.friction, request.body_b.friction = 0.5, 2.0
+    contact = graph.call(request).result.contact
+    assert (contact.restitution, contact.friction) == (restitution, friction)
+
+
+def test_the_contact_comes_before_the_bodies_and_both_before_the_parameter(graph):
+    graph.serve(restitution=0.75, friction=0.375)
+    request = balls_meet()
+    request.contact.restitution, request.contact.friction = 0.5, -1.0
+    request.body_a.restitution, request.body_b.restitution = 0.0, 0.0
+    request.body_a.friction = 0.25  # of only one body: no use
+    contact = graph.call(request).result.contact
+    assert (contact.restitution, contact.friction) == (0.5, 0.375)
+
+
+def test_what_a_request_leaves_open_the_parameters_decide(graph):
+    graph.serve(law="coulomb", geometry="spatial", tangential_restitution=0.5, restitution_threshold=5.0)
+    request = balls_meet()
+    result = graph.call(request).result
+    assert (result.model.law, result.model.geometry) == (ImpactModel.COULOMB, ImpactModel.SPATIAL)
+    assert (result.model.tangential_restitution, result.model.restitution_threshold) == (0.5, 5.0)
+    assert result.contact.restitution == 0.0  # at 4 m/s
+
+    request.model.law, request.model.geometry = ImpactModel.FRICTIONLESS, ImpactModel.POINT
+    result = graph.call(request).result
+    assert (result.model.law, result.model.geometry) == (ImpactModel.FRICTIONLESS, ImpactModel.POINT)

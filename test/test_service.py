@@ -1,0 +1,271 @@
+"""The service, called over DDS."""
+
+from __future__ import annotations
+
+import math
+import threading
+from typing import Any, NamedTuple
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_graph import DEADLINE, assign, balls_meet, until
+
+from collision_response import StatusCode
+from collision_response.msg import BodyState, CollisionResult, ImpactModel
+from collision_response.physics.laws import hodograph
+from collision_response.ros import node as node_module
+from collision_response.srv import ResolveCollision
+
+nan, inf = math.nan, math.inf
+
+
+def test_an_impact_is_answered(graph):
+    graph.serve()
+    request = balls_meet()
+    request.body_a.name, request.body_b.name = "right", "left"
+    request.contact.header.stamp.sec, request.contact.header.stamp.nanosec = 12, 34
+
+    answer = graph.call(request)
+
+    assert answer.success
+    result = answer.result
+    assert result.header == request.contact.header
+    assert (result.sequence, result.status.code, result.status.message) == (1, StatusCode.OK, "")
+    # Centre of mass at 1 m/s, approach at 4, so separation at 2; reduced mass 1 kg.
+    assert (result.twist_a.linear.x, result.twist_b.linear.x) == (2.0, 0.0)
+    assert (result.impulse.x, result.normal_impulse, result.tangential_impulse) == (6.0, 6.0, 0.0)
+    assert (result.normal_velocity_before, result.normal_velocity_after) == (-4.0, 2.0)
+    assert result.effective_mass == 1.0
+    assert (result.kinetic_energy_before, result.kinetic_energy_after) == (10.0, 4.0)
+    assert (result.energy_lost_restitution, result.energy_lost_friction) == (6.0, 0.0)
+    assert (result.regime, result.adjustments) == (CollisionResult.SLIDING, 0)
+    assert 0 < result.error_bound < 1e-14
+    assert (result.contact.body_a, result.contact.body_b) == ("right", "left")
+    assert result.contact.normal == request.contact.normal
+    assert (result.contact.restitution, result.contact.friction) == (0.5, 0.0)
+    assert (result.model.law, result.model.geometry, result.model.precision) == (
+        ImpactModel.FRICTIONLESS,
+        ImpactModel.POINT,
+        ImpactModel.DOUBLE,
+    )
+
+
+def test_separating_bodies_are_a_valid_answer(tried_node):
+    request = balls_meet()
+    request.body_a.twist.linear.x = 3.5
+    answer = tried_node.call(request)
+    assert answer.success
+    assert answer.result.status.code == StatusCode.SEPARATING
+    assert answer.result.regime == CollisionResult.SEPARATING
+    assert (answer.result.normal_impulse, answer.result.twist_a) == (0.0, request.body_a.twist)
+
+
+def test_a_long_quaternion_is_normalised_and_said_so(tried_node):
+    request = balls_meet()
+    request.body_a.pose.orientation.w = 2.0
+    answer = tried_node.call(request)
+    assert answer.success
+    assert answer.result.adjustments == CollisionResult.NORMALISED_ORIENTATION
+    assert "pose.orientation" in answer.result.status.message
+
+
+def test_a_tolerance_that_is_not_met_is_said_so(tried_node):
+    request = balls_meet()
+    request.model.precision, request.model.tolerance = ImpactModel.DOUBLE, 1e-30
+    answer = tried_node.call(request)
+    assert answer.success
+    assert answer.result.status.code == StatusCode.TOLERANCE_NOT_MET
+    assert answer.result.normal_impulse == 6.0
+    assert f"{answer.result.error_bound:.3g}" in answer.result.status.message
+    assert "1e-30" in answer.result.status.message
+
+
+class Refused(NamedTuple):
+    """One change to a good request, and the refusal it must meet."""
+
+    code: StatusCode
+    changes: dict[str, Any]
+    field: str
+    shown: str
+
+
+def refused(code: StatusCode, field: str, value: Any) -> Refused:
+    return Refused(code, {field: value}, field, repr(value))
+
+
+REFUSALS = [
+    refused(StatusCode.INVALID_MASS, "body_a.inertia.m", 0.0),
+    refused(StatusCode.INVALID_MASS, "body_b.inertia.m", -1.5),
+    refused(StatusCode.INVALID_MASS, "body_a.inertia.m", 1e-310),
+    *(
+        refused(StatusCode.NOT_FINITE, field, value)
+        for field, value in (
+            ("body_a.inertia.m", nan),
+            ("body_a.inertia.ixz", inf),
+            ("body_b.inertia.com.y", nan),
+            ("body_a.pose.position.z", -inf),
+            ("body_b.pose.orientation.x", nan),
+            ("body_a.twist.linear.y", inf),
+            ("body_b.twist.angular.z", nan),
+            ("contact.position.x", nan),
+            ("contact.normal.y", inf),
+            ("contact.restitution", nan),
+            ("contact.restitution", -inf),
+            ("contact.friction", inf),
+            ("model.tolerance", nan),
+            ("model.tangential_restitution", nan),
+            ("model.restitution_threshold", inf),
+        )
+    ),
+    Refused(
+        StatusCode.NOT_FINITE,
+        {"body_a.motion_type": BodyState.STATIC, "body_a.twist.linear.x": nan},
+        "body_a.twist.linear.x",
+        "nan",
+    ),
+    Refused(StatusCode.INVALID_INERTIA, {"body_a.inertia.ixx": -3.25}, "body_a.inertia", "-3.25"),
+    Refused(StatusCode.INVALID_INERTIA, {"body_b.inertia.izz": 0.75}, "body_b.inertia", "0.75"),
+    Refused(StatusCode.INVALID_NORMAL, {"contact.normal.x": 0.0}, "contact.normal", "(0, 0, 0)"),
+    refused(StatusCode.INVALID_COEFFICIENT, "contact.restitution", 1.25),
+    refused(StatusCode.INVALID_COEFFICIENT, "model.tangential_restitution", -1.25),
+    Refused(
+        StatusCode.INVALID_COEFFICIENT,
+        {"contact.restitution": -1.0, "body_a.restitution": 0.5, "body_b.restitution": 1.25},
+        "body_b.restitution",
+        "1.25",
+    ),
+    Refused(
+        StatusCode.NOT_FINITE,
+        {"contact.friction": -1.0, "body_a.friction": inf, "body_b.friction": 0.5},
+        "body_a.friction",
+        "inf",
+    ),
+    refused(StatusCode.FRAME_MISMATCH, "body_a.header.frame_id", "map"),
+    refused(StatusCode.FRAME_MISMATCH, "body_b.header.frame_id", ""),
+    Refused(StatusCode.FRAME_MISMATCH, {"contact.header.frame_id": "odom"}, "body_a.header.frame_id", "odom"),
+    Refused(StatusCode.UNKNOWN_BODY, {"body_b": BodyState(name="ghost")}, "body_b.name", "'ghost'"),
+    Refused(
+        StatusCode.UNKNOWN_BODY, {"body_a.name": "cup", "contact.body_a": "dish"}, "contact.body_a", "'dish'"
+    ),
+    Refused(StatusCode.SAME_BODY, {"body_a.name": "cup", "body_b.name": "cup"}, "body_b.name", "'cup'"),
+    refused(StatusCode.INVALID_MODEL, "model.law", 77),
+    refused(StatusCode.INVALID_MODEL, "model.geometry", 88),
+    refused(StatusCode.INVALID_MODEL, "model.precision", 99),
+    refused(StatusCode.INVALID_MODEL, "model.tolerance", -0.125),
+    Refused(
+        StatusCode.NO_DYNAMIC_BODY,
+        {"body_a.motion_type": BodyState.KINEMATIC, "body_b.motion_type": BodyState.KINEMATIC},
+        "body_a",
+        "immovable",
+    ),
+    Refused(
+        StatusCode.INVALID_ORIENTATION,
+        {"body_a.pose.orientation.w": 0.0},
+        "body_a.pose.orientation",
+        "(0.0, 0.0, 0.0, 0.0)",
+    ),
+    Refused(
+        StatusCode.INVALID_ORIENTATION,
+        {"body_b.motion_type": BodyState.KINEMATIC, "body_b.pose.orientation.w": 0.0},
+        "body_b.pose.orientation",
+        "(0.0, 0.0, 0.0, 0.0)",
+    ),
+    Refused(
+        StatusCode.OUT_OF_RANGE,
+        {"body_a.inertia.m": 1e300, "body_a.twist.linear.x": -1e300},
+        "result",
+        "float64",
+    ),
+    refused(StatusCode.INVALID_MOTION_TYPE, "body_b.motion_type", 9),
+    Refused(
+        StatusCode.INVALID_MOTION_TYPE, {"body_b.motion_type": BodyState.STATIC}, "body_b.motion_type", "3.0"
+    ),
+]
+
+
+@pytest.mark.parametrize("case", REFUSALS, ids=lambda case: f"{case.code.name}-{case.field}")
+def test_a_refusal_names_the_field_and_its_value(tried_node, case):
+    request = balls_meet()
+    for field, value in case.changes.items():
+        assign(request, field, value)
+
+    answer = tried_node.call(request)
+
+    status = answer.result.status
+    assert StatusCode(status.code) is case.code, status.message
+    assert status.message.startswith(f"{case.field}: ")
+    assert case.shown in status.message
+    assert not answer.success
+    assert answer.result.twist_a == CollisionResult().twist_a
+
+
+def test_every_reason_for_a_refusal_is_among_these():
+    answers = {code for code in StatusCode if code.is_answer}
+    by_tests_of_their_own = {StatusCode.STALE_STATE, StatusCode.PATH_TOO_LONG, StatusCode.INTERNAL_ERROR}
+    others = answers | by_tests_of_their_own | {StatusCode.UNSET}
+    assert {case.code for case in REFUSALS} == set(StatusCode) - others
+
+
+def test_a_path_that_does_not_end_is_refused(tried_node, monkeypatch):
+    monkeypatch.setattr(hodograph, "STEP_BUDGET", 1)
+    request = balls_meet()
+    request.contact.friction, request.model.law = 0.5, ImpactModel.ROUTH_STRONGE
+    request.contact.position.y, request.contact.position.z = 0.3, 0.2
+    request.body_a.twist.linear.y, request.body_b.twist.angular.x = 1.0, 2.0
+    request.body_a.inertia.iyy = 0.3
+    status = tried_node.call(request).result.status
+    assert status.code == StatusCode.PATH_TOO_LONG
+    assert status.message.startswith("contact: ")
+
+
+def test_a_constructed_request_is_refused(tried_node):
+    answer = tried_node.call(ResolveCollision.Request())
+    assert not answer.success
+    assert answer.result.status.code == StatusCode.INVALID_MASS
+
+
+def test_a_fault_of_the_package_is_answered_too(tried_node, monkeypatch):
+    def fail(*_):
+        raise RuntimeError("a bolt is loose")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(node_module, "resolve", fail)
+        answer = tried_node.call(balls_meet())
+    assert not answer.success
+    assert answer.result.status.code == StatusCode.INTERNAL_ERROR
+    assert answer.result.status.message == "RuntimeError: a bolt is loose"
+    assert tried_node.call(balls_meet()).success
+
+
+def test_a_thousand_requests_at_once_get_a_thousand_answers(graph):
+    graph.serve()
+    total, answers, done = 1000, [], threading.Event()
+
+    def count(future):
+        answers.append(future.result())
+        if len(answers) == total:
+            done.set()
+
+    for _ in range(total):
+        graph.call_async(balls_meet()).add_done_callback(count)
+
+    assert done.wait(DEADLINE), f"{len(answers)} answers"
+    assert all(answer.success for answer in answers)
+    assert {answer.result.sequence for answer in answers} == set(range(1, total + 1))
+
+
+def test_results_reach_subscribers_that_come_late(graph):
+    graph.serve()
+    bad = balls_meet()
+    bad.contact.normal.x = 0.0
+    answers = [graph.call(balls_meet()).result, graph.call(bad).result]
+
+    received = []
+    late = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    graph.user.create_subscription(CollisionResult, "collision_response/result", received.append, late)
+
+    until(lambda: len(received) == 2)
+    assert received == answers
