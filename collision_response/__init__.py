@@ -16,6 +16,7 @@ from .physics.laws import Regime
 from .report import Impact
 from .requirements import choose_model
 from .resolve import resolve
+from .scene import SceneContact, SceneRequirements, scene_requirements
 from .status import ImpactError, StatusCode
 
 __all__ = [
@@ -29,8 +30,11 @@ __all__ = [
     "Law",
     "Precision",
     "Regime",
+    "SceneContact",
+    "SceneRequirements",
     "StatusCode",
     "Twist",
     "choose_model",
     "resolve",
+    "scene_requirements",
 ]

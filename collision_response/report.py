@@ -67,6 +67,10 @@ class Impact(NamedTuple):
     adjustments: Adjustment
 
 
+NUMBERS = slice(Impact._fields.index("normal_impulse"), Impact._fields.index("regime"))
+"""Where the scalars of an answer are."""
+
+
 def report(
     body_a: Body,
     body_b: Body,
@@ -96,7 +100,7 @@ def report(
         tangential_impulse=square_root(tangential.dot(tangential)),
         normal_velocity_before=approach.n_u / length,
         normal_velocity_after=n.dot(response.velocity_after) / length,
-        effective_mass=n.dot(n) / approach.inverse_effective_mass(),
+        effective_mass=n.dot(n) / approach.n_Kn,
         kinetic_energy_before=kinetic_energy(body_a) + kinetic_energy(body_b),
         kinetic_energy_after=kinetic_energy(after_a) + kinetic_energy(after_b),
         energy_lost_restitution=lost.restitution,
@@ -118,9 +122,7 @@ def normalised(*bodies: Body) -> Adjustment:
 
 def is_in_range(impact: Impact) -> bool:
     """Whether all numbers of the answer are finite."""
-    return math.isfinite(
-        sum(
-            (*impact.twist_a.linear, *impact.twist_a.angular, *impact.twist_b.linear, *impact.twist_b.angular)
-        )
-        + sum((*impact.impulse, impact.kinetic_energy_before, impact.kinetic_energy_after))
-    )
+    twists = (impact.twist_a, impact.twist_b, impact.change_a, impact.change_b)
+    vectors = (impact.impulse, *(vector for twist in twists for vector in twist))
+    numbers = impact[NUMBERS]
+    return all(map(math.isfinite, numbers)) and all(math.isfinite(x) for vector in vectors for x in vector)

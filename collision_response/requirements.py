@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from .model import Geometry, ImpactModel, Law, Precision
-from .numerics.error_bound import NOTHING, Dropped, compliance
+from .numerics.error_bound import NOTHING, Dropped, amplification_by_arm, are_in_range
 from .physics.body import Body
 from .physics.contact import Contact
 from .physics.tensor import ZERO_TENSOR
@@ -26,6 +27,16 @@ class Plan(NamedTuple):
 
     model: ImpactModel
     dropped: Dropped
+
+    def at(self, precision: Precision) -> Plan:
+        """The same in another precision."""
+        return self._replace(model=self.model._replace(precision=precision))
+
+    def modelling_all(self, body_a: Body, body_b: Body, contact: Contact) -> Plan:
+        """The same in the cheapest geometry that drops nothing."""
+        frictionless = self.model.law is Law.FRICTIONLESS
+        exact = least_exact_geometry(body_a, body_b, contact, frictionless=frictionless)
+        return Plan(self.model._replace(geometry=exact), NOTHING)
 
 
 def choose_model(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> ImpactModel:
@@ -51,7 +62,8 @@ def plan(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Pl
         return Plan(model, NOTHING)
     frictionless = law is Law.FRICTIONLESS
     exact = least_exact_geometry(body_a, body_b, contact, frictionless=frictionless)
-    if model.tolerance and law in (Law.FRICTIONLESS, Law.COULOMB):
+    may_drop = model.tolerance and law in (Law.FRICTIONLESS, Law.COULOMB)
+    if may_drop and are_in_range(_sizes(body_a, body_b, contact)):
         limit = model.tolerance / 2 if frictionless else model.tolerance * FRICTION_MARGIN
         for geometry, drop in ((Geometry.POINT, _drop_rotation), (Geometry.PLANAR, _drop_out_of_plane)):
             if geometry < exact:
@@ -96,6 +108,21 @@ def _tumbles(body: Body) -> bool:
     return bool(body.angular_velocity.x or body.angular_velocity.y)
 
 
+def _sizes(body_a: Body, body_b: Body, contact: Contact) -> Iterator[float]:
+    """What the bounds below are made of."""
+    yield _greatest(contact.normal)
+    yield _greatest(body_a.velocity - body_b.velocity)
+    for body in (body_a, body_b):
+        yield body.inverse_mass
+        yield _greatest(contact.position - body.position)
+        yield _greatest(body.angular_velocity)
+        yield from (body.inertia.xx, body.inertia.yy, body.inertia.zz)
+
+
+def _greatest(v: Vec3) -> float:
+    return max(map(abs, v))
+
+
 def _approach_speed(body_a: Body, body_b: Body, contact: Contact) -> float:
     """Of the centres of mass, along the normal [m/s]."""
     return abs(contact.normal.dot(body_a.velocity - body_b.velocity)) / contact.normal.norm()
@@ -110,9 +137,10 @@ def _drop_rotation(body_a: Body, body_b: Body, contact: Contact, frictionless: b
         lever = arm.cross(contact.normal).norm() / contact.normal.norm() if frictionless else arm.norm()
         speed += body.angular_velocity.norm() * lever
         if lever and body.inertia != ZERO_TENSOR:
-            turning = lever * compliance(body)
+            by_arm = amplification_by_arm(body)
+            turning = lever * by_arm.s
             mobility += turning**2 / total
-            spin = max(spin, turning / math.sqrt(body.inverse_mass))
+            spin = max(spin, turning * by_arm.spread / math.sqrt(body.inverse_mass))
     return Dropped(speed, mobility, spin)
 
 
@@ -129,7 +157,8 @@ def _drop_out_of_plane(body_a: Body, body_b: Body, contact: Contact, frictionles
         reach = arm.norm()
         speed += 2 * math.hypot(w.x, w.y) * reach + abs(w.z) * reach * tilt
         if reach and body.inertia != ZERO_TENSOR:
-            turning = (abs(arm.z) + tilt * reach) * compliance(body)
-            mobility += 3 * turning * reach * compliance(body) / total
-            spin = max(spin, tilt + turning / math.sqrt(body.inverse_mass))
+            by_arm = amplification_by_arm(body)
+            turning = (abs(arm.z) + tilt * reach) * by_arm.s
+            mobility += 3 * turning * reach * by_arm.s / total
+            spin = max(spin, tilt + turning * by_arm.spread / math.sqrt(body.inverse_mass))
     return Dropped(speed, mobility, spin)

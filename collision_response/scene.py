@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 from .model import Geometry, ImpactModel, Law, Precision
 from .physics.body import Body
 from .physics.contact import Contact
-from .report import Impact
 from .resolve import resolve
 from .status import StatusCode
 
@@ -41,8 +40,17 @@ class SceneRequirements(NamedTuple):
     precision: Need
     tolerance: float
 
-    def including(self, name: str, impact: Impact, frictionless: Impact) -> SceneRequirements:
-        """What it takes to resolve one more impact, of which the answers with and without friction are given."""
+    def including(self, name: str, body_a: Body, body_b: Body, contact: Contact) -> SceneRequirements:
+        """What it takes to resolve one more contact.
+
+        Raises:
+            ImpactError: it cannot be resolved.
+        """
+        model = ImpactModel(tolerance=self.tolerance)
+        impact = resolve(body_a, body_b, contact, model)
+        if impact.status is StatusCode.SEPARATING:
+            return self
+        frictionless = resolve(body_a, body_b, contact._replace(friction=0.0), model)
         rubs = (impact.impulse - frictionless.impulse).norm() / (impact.impulse.norm() or 1.0)
         law = impact.model.law if rubs > self.tolerance else Law.FRICTIONLESS
         needed = impact if law is impact.model.law else frictionless
@@ -95,12 +103,8 @@ def scene_requirements(
         KeyError: a contact names an unknown body.
     """
     required = nothing_required(tolerance)
-    for body_a, body_b, contact in contacts:
-        pair = bodies[body_a], bodies[body_b]
-        impact = resolve(*pair, contact, ImpactModel(tolerance=tolerance))
-        if impact.status is not StatusCode.SEPARATING:
-            frictionless = resolve(*pair, contact._replace(friction=0.0), ImpactModel(tolerance=tolerance))
-            required = required.including(f"{body_a} - {body_b}", impact, frictionless)
+    for a, b, contact in contacts:
+        required = required.including(f"{a} - {b}", bodies[a], bodies[b], contact)
     return required
 
 

@@ -20,10 +20,12 @@ from typing import Any
 from .model import Adjustment, Geometry, ImpactModel, Law, Precision
 from .numerics import extended
 from .numerics.error_bound import (
+    NOTHING,
     UNIT_ROUNDOFF,
     Sizes,
     coulomb_error,
     frictionless_error,
+    gain,
     survey,
     total,
     twist_error,
@@ -77,7 +79,12 @@ def double(body_a: Body, body_b: Body, contact: Contact, plan: Plan) -> Impact |
 
 
 def extended_tier(body_a: Body, body_b: Body, contact: Contact, plan: Plan) -> Impact | None:
-    """The computation with as many digits as it takes; ``None`` if the answer is no float64."""
+    """The computation with as many digits as it takes; ``None`` if the answer is no float64.
+
+    Nothing is left out: a geometry that drops anything gives way to SPATIAL.
+    """
+    if plan.dropped != NOTHING:
+        plan = Plan(plan.model._replace(geometry=Geometry.SPATIAL), NOTHING)
     geometry, model = GEOMETRIES[plan.model.geometry], extended.lift(plan.model)
     bodies = extended.lift(body_a), extended.lift(body_b)
     contact = extended.lift(contact)
@@ -137,14 +144,15 @@ def _rounded(body_a: Body, body_b: Body, contact: Contact, plan: Plan, *, exact_
             approach = approach._replace(n_u=n_u)
             sizes = sizes._replace(u_n=n_u / sizes.length, u_n_error=2 * abs(n_u) / sizes.length)
         impact, outcome, parameters = answer(body_a, body_b, contact, plan.model, approach)
-        bound = _bound(impact.model.law, approach, sizes, outcome, parameters)
+        bound = _bound(impact, approach, sizes, outcome, parameters)
     except ArithmeticError:  # a quotient by what has underflowed, or a product that overflows
         return None
     return impact._replace(error_bound=bound) if is_in_range(impact) else None
 
 
-def _bound(law: Law, approach: Any, sizes: Sizes, outcome: Outcome, parameters: Parameters) -> float:
+def _bound(impact: Impact, approach: Any, sizes: Sizes, outcome: Outcome, parameters: Parameters) -> float:
     """The error bound of a rounded answer."""
+    law = impact.model.law
     if outcome.regime is Regime.SEPARATING:
         return 0.0 if sizes.u_n >= sizes.u_n_error * UNIT_ROUNDOFF else math.inf
     if not sizes.u_n:
@@ -153,12 +161,13 @@ def _bound(law: Law, approach: Any, sizes: Sizes, outcome: Outcome, parameters: 
         return -1.0
     if law is Law.FRICTIONLESS:
         return total(frictionless_error(sizes) + twist_error(sizes), sizes)
-    roundings = coulomb_error(sizes, split(approach), parameters, approach.n, outcome.impulse)
-    roundings += twist_error(sizes)
-    if law is Law.COULOMB:
-        return total(roundings, sizes)
-    integrated = (parameters.tolerance or DOUBLE_TOLERANCE) / UNIT_ROUNDOFF
-    return total(PATH_MARGIN * (roundings + integrated), sizes)
+    parts = outcome.split or split(approach)
+    roundings = coulomb_error(sizes, parts, parameters, approach.n, outcome.impulse)
+    if law is not Law.COULOMB:
+        integrated = (parameters.tolerance or DOUBLE_TOLERANCE) / UNIT_ROUNDOFF
+        roundings = PATH_MARGIN * (roundings + integrated)
+    bodies, changes = (approach.body_a, approach.body_b), (impact.change_a, impact.change_b)
+    return total(roundings * gain(sizes, bodies, changes, impact.impulse) + twist_error(sizes), sizes)
 
 
 def _ball_error(body_a: Body, body_b: Body, impact: Impact) -> float:

@@ -16,6 +16,10 @@ from .physics.tensor import Symmetric3
 from .status import ImpactError, StatusCode
 
 
+ROUNDED_FULLY = 2.0**-960
+"""Above this, rounding is to 53 bits, of products by ``PIVOT_LIMIT`` too."""
+
+
 def check_request(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> None:
     """Accept a request, or say what is wrong with it.
 
@@ -34,7 +38,9 @@ def check_request(body_a: Body, body_b: Body, contact: Contact, model: ImpactMod
 
 def check_body(name: str, body: Body) -> None:
     """Raises: ImpactError: NOT_FINITE, INVALID_MASS, INVALID_INERTIA or INVALID_ORIENTATION."""
-    if not _all_finite(body):
+    mass, inverse_mass, inertia, position, orientation, velocity, angular_velocity = body
+    linear = sum(position) + sum(velocity) + sum(angular_velocity) + sum(orientation or ())
+    if not math.isfinite(mass + inverse_mass + sum(inertia) + linear):
         _refuse_not_finite(name, body)
     if body.mass < 0 or body.inverse_mass < 0 or (body.mass > 0) != (body.inverse_mass > 0):
         reason = f"must be positive, and the inverse of inverse_mass {body.inverse_mass}; is {body.mass}"
@@ -49,7 +55,7 @@ def check_body(name: str, body: Body) -> None:
 def check_contact(contact: Contact, model: ImpactModel) -> None:
     """Raises: ImpactError: NOT_FINITE, INVALID_NORMAL or INVALID_COEFFICIENT."""
     for field, vector in (("position", contact.position), ("normal", contact.normal)):
-        if not _all_finite(vector):
+        if not math.isfinite(sum(vector)):
             _refuse_not_finite(f"contact.{field}", vector)
     if not any(contact.normal):
         raise ImpactError(StatusCode.INVALID_NORMAL, "contact.normal", "is of length 0: (0, 0, 0)")
@@ -104,6 +110,8 @@ def _is_inertia(inertia: Symmetric3) -> bool:
     half_trace = inertia.trace() / 2
     if half_trace == 0:
         return not any(inertia)
+    if 0 < half_trace < ROUNDED_FULLY:
+        return _is_inertia(Symmetric3(*(component / ROUNDED_FULLY for component in inertia)))
     forgiven = half_trace * (1 + 2 * PIVOT_LIMIT)
     xx, xy, xz, yy, yz, zz = inertia
     s_xx, s_yy, s_zz = forgiven - xx, forgiven - yy, forgiven - zz
@@ -111,10 +119,9 @@ def _is_inertia(inertia: Symmetric3) -> bool:
         return False
     if not (xy or xz or yz):
         return True
-    second_moments = Symmetric3(s_xx, -xy, -xz, s_yy, -yz, s_zz)
-    if s_xx * s_yy <= xy * xy:
+    if s_yy - xy / s_xx * xy <= 0:
         return False
-    return second_moments.factor().d_z > 0
+    return Symmetric3(s_xx, -xy, -xz, s_yy, -yz, s_zz).factor().d_z > 0
 
 
 def _inertia_fault(inertia: Symmetric3) -> str:
@@ -130,11 +137,8 @@ def _inertia_fault(inertia: Symmetric3) -> str:
     )
 
 
-def _all_finite(numbers: Any) -> bool:
-    return all(math.isfinite(number) for _, number in _numbers("", numbers))
-
-
 def _refuse_not_finite(name: str, value: Any) -> None:
+    """Name the first number that is not finite. There is none if finite ones only have too great a sum."""
     for field, number in _numbers(name, value):
         if not math.isfinite(number):
             raise ImpactError(StatusCode.NOT_FINITE, field, f"must be finite, is {number}")

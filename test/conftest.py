@@ -8,8 +8,10 @@ os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"  # read when a message is imported: 
 import pytest
 from hypothesis import settings
 
-settings.register_profile("patient", deadline=None)  # a busy machine is not a failure
-settings.load_profile("patient")
+# A busy machine is not a failure. The same examples each time, but for HYPOTHESIS_PROFILE=search.
+settings.register_profile("repeatable", deadline=None, derandomize=True, print_blob=True)
+settings.register_profile("search", deadline=None, print_blob=True)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 
 @pytest.fixture(scope="session")

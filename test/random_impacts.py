@@ -52,7 +52,7 @@ class RandomImpacts:
         moments = (y + z, x + z, x + y)
         inertia = (moments[0], 0.0, 0.0, moments[1], 0.0, moments[2])
         if kind > 0.6:
-            inertia = _turned(moments, self._quaternion())
+            inertia = turned_tensor(moments, self._quaternion())
         orientation = self._quaternion() if draw.random() < 0.6 else None
         return Body.dynamic(
             mass, inertia, self._vector(size), orientation, self._vector(), self._vector(self._magnitude(0.3))
@@ -84,7 +84,7 @@ class RandomImpacts:
         return [self.draw.gauss(0, 1) for _ in range(4)]
 
 
-def _turned(moments: tuple[float, float, float], quaternion: list[float]) -> tuple[float, ...]:
+def turned_tensor(moments: tuple[float, float, float], quaternion: list[float]) -> tuple[float, ...]:
     """The tensor of principal moments in turned axes."""
     length = math.sqrt(sum(q * q for q in quaternion))
     x, y, z, w = (q / length for q in quaternion)

@@ -15,6 +15,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
+from collision_response import Body, Contact
 from collision_response.msg import BodyState
 from collision_response.ros.node import SERVICE_QOS, CollisionResponseNode
 from collision_response.srv import ResolveCollision
@@ -68,14 +69,10 @@ class Graph:
         assert answered.wait(DEADLINE), "no answer"
         return future.result()
 
-    def stop(self, node: Node) -> None:
-        """Take down one node."""
-        self._executor.remove_node(node)
-        self._nodes.remove(node)
-        node.destroy_node()
-
     def close(self) -> None:
-        """Stop spinning, then take everything down, in the order that Fast DDS survives."""
+        """Stop spinning, then take everything down, in the order that Fast DDS survives; once."""
+        if self._stop.done():
+            return
         self._stop.set_result(None)
         self._thread.join(DEADLINE)
         self._executor.shutdown()
@@ -119,3 +116,35 @@ def assign(message: Any, path: str, value: Any) -> None:
     for owner in owners:
         message = getattr(message, owner)
     setattr(message, field, value)
+
+
+def request_of(body_a: Body, body_b: Body, contact: Contact, **model: Any) -> ResolveCollision.Request:
+    """A request for an impact of the numeric core, both bodies in full."""
+    request = ResolveCollision.Request(body_a=state_of(body_a), body_b=state_of(body_b))
+    request.contact.header.frame_id = "world"
+    request.contact.restitution, request.contact.friction = float(contact.restitution), float(contact.friction)
+    _fill(request.contact.position, contact.position)
+    _fill(request.contact.normal, contact.normal)
+    for field, value in model.items():
+        setattr(request.model, field, value)
+    return request
+
+
+def state_of(body: Body) -> BodyState:
+    """The state of a body whose frame has its origin at the centre of mass."""
+    state = BodyState(motion_type=BodyState.DYNAMIC if body.inverse_mass else BodyState.KINEMATIC)
+    state.header.frame_id = "world"
+    state.inertia.m = float(body.mass)
+    for field, value in zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), body.inertia, strict=True):
+        setattr(state.inertia, field, float(value))
+    if body.orientation is not None:
+        _fill(state.pose.orientation, body.orientation)
+    _fill(state.pose.position, body.position)
+    _fill(state.twist.linear, body.velocity)
+    _fill(state.twist.angular, body.angular_velocity)
+    return state
+
+
+def _fill(message: Any, components: Any) -> None:
+    for axis, value in zip("xyzw", components, strict=False):
+        setattr(message, axis, float(value))

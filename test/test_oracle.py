@@ -1,7 +1,7 @@
 """The oracle against published closed forms, and against a step-by-step integration."""
 
 from fractions import Fraction as F
-from math import cos, pi, sin
+from math import cos, pi, sin, sqrt
 
 import numpy as np
 import pytest
@@ -323,6 +323,34 @@ def test_nearly_singular_mobility():
         P, _ = impulse(law, K, u, UP, 0.5, 0.5, digits=15)
         Q, _ = impulse(law, K, u, UP, 0.5, 0.5, digits=30)
         assert mp.norm(P - Q) < mp.mpf(10) ** -15 * mp.norm(Q)
+
+
+@pytest.mark.parametrize("offset", [1e-3, 1e-9, 1e-17])
+def test_almost_a_sphere(offset):
+    """The contact beside the CoM by `offset`: slip hardly turns, the answer moves by as much."""
+    ball = Body(1, np.diag([0.4] * 3).tolist(), position=(offset, 2 * offset, 1), velocity=(1, 0.3, -1))
+    K = mobility(ball, FLOOR, (0, 0, 0))
+    Q = [-2 / 7, -0.6 / 7, 1.5]
+    P, report = impulse("routh_stronge", K, ball.velocity, UP, 0.5, 1, digits=15)
+    assert [name for name, _ in report.events][:2] == ["slip stops", "sticks"]
+    assert agree(P, by_steps(K, ball.velocity, 0.5, 1, True))
+    assert max(abs(x - y) for x, y in zip(P, Q, strict=True)) < 4 * offset + 1e-15
+
+
+def test_plane_impact_in_turned_axes():
+    """T3 with its plane put into rounded axes: the slip misses its reversal by 1e-16 only."""
+    x, y = np.array([2, 1, 2]) / 3, np.array([1, 2, -2]) / 3
+    n = np.cross(x, y)
+    along = (x + 2 * n) / sqrt(5)
+    bar = Body(
+        1,
+        ((np.eye(3) - np.outer(along, along)) / 12).tolist(),
+        position=(along / 2).tolist(),
+        velocity=(x / 2 - n).tolist(),
+    )
+    P, *_ = impact(bar, FLOOR, (0, 0, 0), n.tolist(), 0.9, 0.3, "routh_poisson", digits=15)
+    Q = 0.25 * x + 47.5 / 37 * n
+    assert max(abs(a - b) for a, b in zip(P, Q.tolist(), strict=True)) < 1e-14
 
 
 def test_moreau_can_have_three_answers():

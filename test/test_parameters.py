@@ -28,6 +28,7 @@ DEFAULTS = {
     "tolerance": 0.0,
     "tangential_restitution": 0.0,
     "restitution_threshold": 0.0,
+    "scene_tolerance": 0.0,
     "recording.enabled": False,
     "recording.directory": "recordings",
 }

@@ -167,14 +167,14 @@ class TestNode:
     def test_a_recording_holds_the_answers(self, graph, tmp_path):
         from ros_graph import balls_meet
 
-        node = graph.serve(recording__enabled=True, recording__directory=str(tmp_path))
+        graph.serve(recording__enabled=True, recording__directory=str(tmp_path))
         results = []
         for restitution in (0.25, 2.0, 0.5, 1.0):
             request = balls_meet()
             request.contact.header.stamp.sec = len(results) + 1
             request.contact.restitution = restitution
             results.append(graph.call(request).result)
-        graph.stop(node)
+        graph.close()
 
         (path,) = tmp_path.glob("*.rrd")
         verify(path)
@@ -196,7 +196,7 @@ class TestNode:
         before = node.get_clock().now().nanoseconds
         graph.call(balls_meet())
         after = node.get_clock().now().nanoseconds
-        graph.stop(node)
+        graph.close()
         (path,) = tmp_path.glob("*.rrd")
         ((stamp, _, _),) = read(path, "/impact/impulse/normal", "Scalars:scalars")
         assert before <= stamp <= after
@@ -205,15 +205,15 @@ class TestNode:
         from ros_graph import balls_meet
 
         (tmp_path / "file").touch()
-        node = graph.serve(recording__enabled=True, recording__directory=str(tmp_path / "file"))
+        graph.serve(recording__enabled=True, recording__directory=str(tmp_path / "file"))
         assert all(graph.call(balls_meet()).success for _ in range(20))
-        graph.stop(node)
+        graph.close()
         assert capfd.readouterr().err.count("has stopped") == 1
 
     def test_nothing_is_recorded_unless_asked(self, graph, tmp_path):
         from ros_graph import balls_meet
 
-        node = graph.serve(recording__directory=str(tmp_path))
+        graph.serve(recording__directory=str(tmp_path))
         graph.call(balls_meet())
-        graph.stop(node)
+        graph.close()
         assert list(tmp_path.iterdir()) == []

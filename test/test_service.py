@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import math
 import threading
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import pytest
 
 pytest.importorskip("rclpy")
 
+from rcl_interfaces.msg import Log
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_graph import DEADLINE, assign, balls_meet, until
+from ros_graph import DEADLINE, assign, balls_meet, request_of, until
+from test_laws import DIGITS_GIVEN, REFERENCE, T1, rod_on_plane
+from test_source_systems import ROUNDING
 
-from collision_response import StatusCode
+from collision_response import Law, StatusCode
+from collision_response.demo.systems import all_systems
 from collision_response.msg import BodyState, CollisionResult, ImpactModel
 from collision_response.physics.laws import hodograph
 from collision_response.ros import node as node_module
@@ -269,3 +274,36 @@ def test_results_reach_subscribers_that_come_late(graph):
 
     until(lambda: len(received) == 2)
     assert received == answers
+
+
+@pytest.mark.parametrize("system", all_systems(), ids=attrgetter("name"))
+def test_the_source_systems_over_the_wire(tried_node, system):
+    result = tried_node.call(request_of(system.body_a, system.body_b, system.contact)).result
+    for quantity, value in system.expected.items():
+        assert attrgetter(quantity)(result) == pytest.approx(value, rel=ROUNDING), quantity
+
+
+@pytest.mark.parametrize(("case", "law"), REFERENCE)
+def test_the_rod_on_a_plane_over_the_wire(tried_node, case, law):
+    p_t, p_n, energy_change = REFERENCE[case, law]
+    result = tried_node.call(request_of(*rod_on_plane(case), law=law)).result
+    assert (result.impulse.x, result.impulse.y) == pytest.approx((p_t, p_n), abs=DIGITS_GIVEN)
+    change = result.kinetic_energy_after - result.kinetic_energy_before
+    assert change == pytest.approx(energy_change, abs=1e-6 if case == T1 else DIGITS_GIVEN)
+    assert change == pytest.approx(-result.energy_lost_restitution - result.energy_lost_friction, abs=1e-14)
+
+
+def test_a_fall_back_is_told_over_the_wire(tried_node):
+    result = tried_node.call(request_of(*rod_on_plane("T3"), law=Law.MOREAU)).result
+    assert result.model.law == ImpactModel.COULOMB
+    assert result.adjustments == CollisionResult.LAW_FALLBACK
+
+
+def test_the_node_logs_what_the_scene_requires(graph):
+    said = []
+    graph.user.create_subscription(
+        Log, "/rosout", said.append, QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    )
+    graph.serve(scene_tolerance=1e-6)
+    graph.call(request_of(*rod_on_plane("T2")))
+    until(lambda: [log for log in said if log.msg.startswith("the scene requires PLANAR: body_a - body_b turns")])

@@ -27,9 +27,10 @@ Source of the constants: Higham, *Accuracy and Stability of Numerical Algorithms
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from ..physics.body import PIVOT_LIMIT, Body
+from ..physics.body import PIVOT_LIMIT, Body, Twist
 from ..physics.effective_mass import Planar, Spatial
 from ..physics.laws.chatterjee_ruina import Split
 from ..physics.laws.law import Parameters
@@ -147,7 +148,7 @@ def survey(approach: Any, dropped: Dropped = NOTHING) -> Sizes:
         SPEED * v + SPIN_SPEED * w + dropped.speed / UNIT_ROUNDOFF,
         3 * v + 5 * w + dropped.speed / UNIT_ROUNDOFF,
         a.inverse_mass + b.inverse_mass,
-        approach.inverse_effective_mass() / (length * length),
+        approach.n_Kn / (length * length),
         dropped,
     )
 
@@ -199,13 +200,38 @@ def total(roundings: float, sizes: Sizes) -> float:
         sizes.length, sizes.u_n, sizes.u_error, sizes.inverse_mass,
         a.s, b.s, a.contact_speed, b.contact_speed, a.inverse_mass, b.inverse_mass,
     )  # fmt: skip
-    in_range = all(1 / RANGE < abs(size) < RANGE or size == 0 for size in deciding)
-    return error / (1 - 4 * error) if in_range and error < 0.1 else math.inf
+    return error / (1 - 4 * error) if error < 0.1 and are_in_range(deciding) else math.inf
 
 
-def compliance(body: Body) -> float:
-    """``c``: the most spin, in the norm of its energy, of an angular impulse of 1 N m s."""
-    return _spatial(body, Vec3(1.0, 0.0, 0.0)).s
+def are_in_range(sizes: Iterable[float]) -> bool:
+    """Whether no product of the sizes in a law overflows or underflows."""
+    return all(1 / RANGE < abs(size) < RANGE or size == 0 for size in sizes)
+
+
+def gain(sizes: Sizes, bodies: tuple[Body, Body], changes: tuple[Twist, Twist], P: Any) -> float:
+    """How much greater the relative error of a twist change can be than that of the impulse, at least 1.
+
+    A wrong direction of the impulse turns a body about an axis about which the right one, through its
+    centre of mass, might not.
+    """
+    greatest, impulse = 1.0, P.norm()
+    for size, body, change in zip(sizes.bodies, bodies, changes, strict=True):
+        if size.s:
+            turning = size.spread * size.s  # of tr(I)/2, where the norm has tr(I)/3
+            most = impulse * math.sqrt(size.inverse_mass + turning * turning * 2 / 3)
+            greatest = max(greatest, most / twist_norm(body, change))
+    return greatest
+
+
+def twist_norm(body: Body, change: Twist) -> float:
+    """``(m dv.dv + tr(I)/3 dw.dw)^(1/2)``."""
+    dv, dw = change
+    return math.sqrt(body.mass * dv.dot(dv) + body.inertia.trace() / 3 * dw.dot(dw))
+
+
+def amplification_by_arm(body: Body) -> Amplification:
+    """What a body does to rounding, by a lever arm of 1 m: its ``s`` is ``c``."""
+    return _spatial(body, Vec3(1.0, 0.0, 0.0))
 
 
 def _on_cone(reach: float, S: float, stick: float) -> float:

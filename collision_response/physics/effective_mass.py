@@ -62,7 +62,8 @@ class Approach(Protocol[V]):
     def n_u(self) -> Scalar:
         """``n.u``, summed so that it keeps its accuracy far from the bodies; negative if approaching."""
 
-    def inverse_effective_mass(self) -> Scalar:
+    @property
+    def n_Kn(self) -> Scalar:
         """``n.K n``: the inverse effective mass along the normal [1/kg] times ``n.n``."""
 
     def mobility(self) -> Tensor[V]:
@@ -80,14 +81,12 @@ class Point(NamedTuple):
     n: Vec3
     u: Vec3
     n_u: Scalar
+    n_Kn: Scalar
 
     @classmethod
     def prepare(cls, body_a: Body, body_b: Body, contact: Contact) -> Point:
         n, u = contact.normal, body_a.velocity - body_b.velocity
-        return cls(body_a, body_b, n, u, n.dot(u))
-
-    def inverse_effective_mass(self) -> Scalar:
-        return self.n.dot(self.n) * self.mobility().scale
+        return cls(body_a, body_b, n, u, n.dot(u), n.dot(n) * (body_a.inverse_mass + body_b.inverse_mass))
 
     def mobility(self) -> Isotropic:
         return Isotropic(self.body_a.inverse_mass + self.body_b.inverse_mass)
@@ -108,6 +107,7 @@ class Planar(NamedTuple):
     n: Vec2
     u: Vec2
     n_u: Scalar
+    n_Kn: Scalar
 
     @classmethod
     def prepare(cls, body_a: Body, body_b: Body, contact: Contact) -> Planar:
@@ -119,16 +119,11 @@ class Planar(NamedTuple):
         w_a, w_b = body_a.angular_velocity.z, body_b.angular_velocity.z
         v = _in_plane(body_a.velocity - body_b.velocity)
         u = v + (r_a.turned(w_a) - r_b.turned(w_b))
-        n_u = n.dot(v) + w_a * r_a.cross(n) - w_b * r_b.cross(n)
-        return cls(body_a, body_b, r_a, r_b, n, u, n_u)
-
-    def inverse_effective_mass(self) -> Scalar:
-        arm_a, arm_b, n = self.r_a.cross(self.n), self.r_b.cross(self.n), self.n
-        return (
-            n.dot(n) * (self.body_a.inverse_mass + self.body_b.inverse_mass)
-            + arm_a * self.body_a.spin_about_z(arm_a)
-            + arm_b * self.body_b.spin_about_z(arm_b)
-        )
+        arm_a, arm_b = r_a.cross(n), r_b.cross(n)
+        n_u = n.dot(v) + w_a * arm_a - w_b * arm_b
+        n_Kn = n.dot(n) * (body_a.inverse_mass + body_b.inverse_mass)
+        n_Kn = n_Kn + arm_a * body_a.spin_about_z(arm_a) + arm_b * body_b.spin_about_z(arm_b)
+        return cls(body_a, body_b, r_a, r_b, n, u, n_u, n_Kn)
 
     def mobility(self) -> Symmetric2:
         return _mobility_2(self.body_a, self.r_a) + _mobility_2(self.body_b, self.r_b)
@@ -149,6 +144,7 @@ class Spatial(NamedTuple):
     n: Vec3
     u: Vec3
     n_u: Scalar
+    n_Kn: Scalar
 
     @classmethod
     def prepare(cls, body_a: Body, body_b: Body, contact: Contact) -> Spatial:
@@ -157,16 +153,11 @@ class Spatial(NamedTuple):
         w_a, w_b = body_a.angular_velocity, body_b.angular_velocity
         v = body_a.velocity - body_b.velocity
         u = v + (w_a.cross(r_a) - w_b.cross(r_b))
-        n_u = n.dot(v) + w_a.dot(r_a.cross(n)) - w_b.dot(r_b.cross(n))
-        return cls(body_a, body_b, r_a, r_b, n, u, n_u)
-
-    def inverse_effective_mass(self) -> Scalar:
-        arm_a, arm_b, n = self.r_a.cross(self.n), self.r_b.cross(self.n), self.n
-        return (
-            n.dot(n) * (self.body_a.inverse_mass + self.body_b.inverse_mass)
-            + arm_a.dot(self.body_a.spin(arm_a))
-            + arm_b.dot(self.body_b.spin(arm_b))
-        )
+        arm_a, arm_b = r_a.cross(n), r_b.cross(n)
+        n_u = n.dot(v) + w_a.dot(arm_a) - w_b.dot(arm_b)
+        n_Kn = n.dot(n) * (body_a.inverse_mass + body_b.inverse_mass)
+        n_Kn = n_Kn + arm_a.dot(body_a.spin(arm_a)) + arm_b.dot(body_b.spin(arm_b))
+        return cls(body_a, body_b, r_a, r_b, n, u, n_u, n_Kn)
 
     def mobility(self) -> Symmetric3:
         return _mobility_3(self.body_a, self.r_a) + _mobility_3(self.body_b, self.r_b)

@@ -35,9 +35,15 @@ def choose(condition: Any, if_true: Callable[[], T], if_false: Callable[[], T]) 
 
 
 def square_root(x: Scalar) -> Scalar:
-    """The square root of ``x >= 0``, in the arithmetic of ``x``."""
+    """The square root of ``x >= 0``, in the arithmetic of ``x``.
+
+    A ball is that of what cannot be negative: of 0, it may reach below by its radius.
+    """
     if isinstance(x, float):
         return math.sqrt(x)
+    part = getattr(x, "nonnegative_part", None)
+    if part is not None:
+        return part().sqrt()
     own = getattr(x, "sqrt", None)
     return own() if own is not None else x**0.5
 

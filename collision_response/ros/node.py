@@ -17,6 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 from ..msg import BodyState, CollisionResult
 from ..recording import Record, Recorder, Refusal
 from ..resolve import resolve
+from ..scene import SceneRequirements, nothing_required
 from ..srv import ResolveCollision
 from ..status import ImpactError, StatusCode
 from . import convert, parameters
@@ -57,6 +58,7 @@ class CollisionResponseNode(Node):
         self._answers = 0
         self._states = LatestStates()
         self._recorder: Recorder | None = None
+        self._required: SceneRequirements | None = None
         parameters.declare(self)
         start = parameters.StartParameters.of(self)
         overridable = QoSOverridingOptions.with_default_policies()
@@ -70,6 +72,8 @@ class CollisionResponseNode(Node):
             for topic in start.body_state_topics
         ]
         self.create_service(ResolveCollision, "~/resolve_collision", self._serve, qos_profile=SERVICE_QOS)
+        if start.scene_tolerance:
+            self._required = nothing_required(start.scene_tolerance)
         if start.recording_directory is not None:
             self._recorder = Recorder(start.recording_directory, self.get_logger().warning)
         self.get_logger().info(
@@ -102,11 +106,18 @@ class CollisionResponseNode(Node):
         scene = convert.scene_of(request, current)
         impact = resolve(scene.a.body, scene.b.body, scene.contact, scene.model)
         convert.write_answer(result, request, scene, impact)
+        names = result.contact.body_a or "body_a", result.contact.body_b or "body_b"
+        if self._required is not None:
+            self._log_requirements(self._required, " - ".join(names), scene)
         if self._recorder is not None:
-            names = result.contact.body_a or "body_a", result.contact.body_b or "body_b"
             self._recorder.add(
                 Record(self._stamp(result), self._answers, *names, scene.a.body, scene.b.body, impact)
             )
+
+    def _log_requirements(self, before: SceneRequirements, name: str, scene: convert.Scene) -> None:
+        self._required = before.including(name, scene.a.body, scene.b.body, scene.contact)
+        if self._required != before:
+            self.get_logger().info(f"the scene requires {self._required}")
 
     def _refuse(
         self,

@@ -69,6 +69,12 @@ DECLARATIONS = (
     Declaration("tolerance", 0.0, "Greatest relative error of the impulse wanted. 0: whatever double gives."),
     Declaration("tangential_restitution", 0.0, "For the law coulomb; 1: superball.", -1.0, 1.0),
     Declaration("restitution_threshold", 0.0, "Approach speed [m/s] under which restitution is taken as 0."),
+    Declaration(
+        "scene_tolerance",
+        0.0,
+        "Log the least that meets this tolerance in every impact so far, when it grows. 0: do not.",
+        read_only=True,
+    ),
     Declaration("recording.enabled", False, "Record every impact for the rerun viewer.", read_only=True),
     Declaration(
         "recording.directory", "recordings", "Where to; one file for each start of the node.", read_only=True
@@ -107,13 +113,15 @@ class StartParameters:
     body_state_topics: tuple[str, ...]
     recording_directory: Path | None
     """``None``: do not record."""
+    scene_tolerance: float
+    """0: do not log what the scene requires."""
 
     @classmethod
     def of(cls, node: Node) -> StartParameters:
         """The values a node was started with."""
         topics = dict.fromkeys(_value(node, "body_state_topics"))
         directory = Path(_value(node, "recording.directory")) if _value(node, "recording.enabled") else None
-        return cls(tuple(topic for topic in topics if topic), directory)
+        return cls(tuple(topic for topic in topics if topic), directory, _value(node, "scene_tolerance"))
 
 
 def declare(node: Node) -> None:

@@ -68,7 +68,7 @@ class _Turning:
     """Slip that changes direction; x is v from its start v0, the angle theta from theta_0, turnwise.
 
     The exponents are huge where slip hardly turns (a sphere, nearly): R_j is taken with as many
-    more digits, and the chunks of a quadrature are no longer than s takes to change by e^4.
+    more digits.
     """
 
     def __init__(self, con, u):
@@ -146,15 +146,14 @@ class _Turning:
         return self._flow(self.late - mp.log(y) / self.a_target) / (y * self.a_target)
 
     def _chunks(self, x, end):
-        """Steps no longer than the distance to the nearest singularity of the integrand."""
+        """Steps no longer than the distance to the nearest singularity of the integrand, nor than
+        s takes to change by e^4, unless nothing is left of the integrand there."""
         chunks, way = [x], mp.sign(end - x)
         while x != end:
             _, _, dp, rate = self._place(x)
             step = min(abs(x - pole) for pole in self.poles)
-            while step * abs(rate) > 4:
-                if step * max(dp, self._place(x + way * step)[2]) < self.least:
-                    break
-                step /= 2
+            while step * abs(rate) > 4 and step * max(dp, self._place(x + way * step)[2]) > self.least:
+                step = 3 / abs(rate) if step * dp > self.least else step / 2
             x = x + way * step if step < abs(end - x) else end
             chunks.append(x)
         return chunks

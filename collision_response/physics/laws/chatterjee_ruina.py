@@ -56,7 +56,8 @@ def chatterjee_ruina(approach: Approach[V], parameters: Parameters) -> Outcome:
     """The impulse of a contact with Coulomb friction and tangential restitution."""
     e, mu, e_t, _ = parameters
     n = approach.n
-    j, D, K = split(approach)
+    parts = split(approach)
+    j, D, K = parts
     nn = n.dot(n)
     D_n = n.dot(D) / nn
     D_t = D - n * D_n
@@ -72,4 +73,4 @@ def chatterjee_ruina(approach: Approach[V], parameters: Parameters) -> Outcome:
     kappa = choose(in_cone, lambda: stick, on_cone)
     P = n * ((1 + e) * j) + D * kappa
     regime = choose(in_cone, lambda: Regime.STICKING, lambda: slipping(approach, approach.u + K @ P))
-    return Outcome(P, regime, (e * e - 1) * j * j * n.dot(K @ n) / 2)
+    return Outcome(P, regime, (e * e - 1) * j * j * n.dot(K @ n) / 2, split=parts)

@@ -23,5 +23,5 @@ from .law import Outcome, Parameters, Regime
 
 def frictionless(approach: Approach[V], parameters: Parameters) -> Outcome:
     """The impulse of a contact without friction; only ``parameters.restitution`` matters."""
-    j = -(1 + parameters.restitution) * approach.n_u / approach.inverse_effective_mass()
+    j = -(1 + parameters.restitution) * approach.n_u / approach.n_Kn
     return Outcome(approach.n * j, Regime.SLIDING)

@@ -8,7 +8,7 @@ is asked only about bodies that approach each other: ``n.u < 0``.
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ..effective_mass import Approach
 from ..number import Scalar, choose
@@ -50,12 +50,15 @@ class Outcome(NamedTuple):
         normal_work: done on the bodies by the normal impulse [J], where the law knows better than
             the mean of the normal velocities before and after; else ``None``.
         fell_back: whether the law had no sound answer, and this is Chatterjee & Ruina's.
+        split: the impulses between which Chatterjee & Ruina's law chose, if it was that law: the error
+            bound needs them again.
     """
 
     impulse: Vector
     regime: Scalar
     normal_work: Scalar | None = None
     fell_back: bool = False
+    split: Any = None
 
 
 def slipping(approach: Approach[V], velocity_after: V) -> Scalar:
