@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import random
 
+from scenes import Scene
+
 from collision_response import Body, Contact, Geometry, ImpactError, ImpactModel, Law
 from collision_response.physics.vector import Vec3
 from collision_response.validate import check_request
-from scenes import Scene
 
 
 class RandomImpacts:

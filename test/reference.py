@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from flint import arb, ctx
 
-from collision_response import Body, Contact, Geometry, Impact, ImpactModel
+from collision_response import Body, Contact, Impact, ImpactModel
 from collision_response.numerics.extended import lift, with_inverse_mass
 from collision_response.physics.vector import Vec3
 from collision_response.tiers import GEOMETRIES, answer

@@ -11,7 +11,17 @@ from random_impacts import RandomImpacts
 from reference import exact_answer, true_error
 from scenes import Scene, random_scene
 
-from collision_response import Body, Contact, Geometry, ImpactError, ImpactModel, Law, Precision, StatusCode, resolve
+from collision_response import (
+    Body,
+    Contact,
+    Geometry,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Precision,
+    StatusCode,
+    resolve,
+)
 from collision_response.physics.mass_properties import sphere
 from collision_response.physics.vector import Vec3
 
@@ -63,7 +73,9 @@ def touching_balls(draw: random.Random) -> Scene:
 
     def ball(position: Vec3, radius: float) -> Body:
         mass = draw.uniform(0.5, 2)
-        return Body.dynamic(mass, sphere(mass, radius).inertia, position, None, vector(1.0), vector(1.0 / radius))
+        return Body.dynamic(
+            mass, sphere(mass, radius).inertia, position, None, vector(1.0), vector(1.0 / radius)
+        )
 
     normal, contact = vector(1.0), vector(1.0)
     unit, radius_a, radius_b = normal / normal.norm(), draw.uniform(0.2, 2), draw.uniform(0.2, 2)
@@ -75,7 +87,9 @@ def touching_balls(draw: random.Random) -> Scene:
 
 
 GRAZING = Scene(
-    Body.dynamic(1.0, (0.4, 0.0, 0.0, 0.4, 0.0, 0.4), (0.1, 0.2, 0.5), None, (3.0, 1.0, -1e-9), (0.3, 0.1, 0.7)),
+    Body.dynamic(
+        1.0, (0.4, 0.0, 0.0, 0.4, 0.0, 0.4), (0.1, 0.2, 0.5), None, (3.0, 1.0, -1e-9), (0.3, 0.1, 0.7)
+    ),
     Body.dynamic(2.0, (0.5, 0.1, 0.0, 0.6, 0.0, 0.4), (0.1, 0.3, -0.5), None, (0.1, 0.1, 0.07)),
     Contact.of((0.3, 0.2, 0.1), (0.0, 0.0, 1.0), 0.5, 0.3),
 )

@@ -306,4 +306,8 @@ def test_the_node_logs_what_the_scene_requires(graph):
     )
     graph.serve(scene_tolerance=1e-6)
     graph.call(request_of(*rod_on_plane("T2")))
-    until(lambda: [log for log in said if log.msg.startswith("the scene requires PLANAR: body_a - body_b turns")])
+    until(
+        lambda: [
+            log for log in said if log.msg.startswith("the scene requires PLANAR: body_a - body_b turns")
+        ]
+    )
