@@ -31,6 +31,7 @@ DEFAULTS = {
     "scene_tolerance": 0.0,
     "recording.enabled": False,
     "recording.directory": "recordings",
+    "recording.file": "",
 }
 
 

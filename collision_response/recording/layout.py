@@ -30,6 +30,8 @@ SERIES = {
 }
 """The entity of each time series: the field of ``Impact`` that it shows, and its colour."""
 
+SCENE = "Velocity before (blue), after (orange); contact normal (grey), impulse (green)"
+
 VIEWS = {
     "/impact/kinetic_energy": "Kinetic energy [J]",
     "/impact/energy_lost": "Energy lost [J]",
@@ -43,16 +45,27 @@ def body_path(name: str) -> str:
     return f"{WORLD}/bodies/{rr.escape_entity_path_part(name)}"
 
 
-def blueprint() -> rrb.Blueprint:
-    """The scene, beside it what changes with time, below it the answers in words."""
-    plots = [rrb.TimeSeriesView(origin=origin, name=name) for origin, name in VIEWS.items()]
+def blueprint(eye: rrb.EyeControls3D | None = None, time_axis: rrb.TimeAxis | None = None) -> rrb.Blueprint:
+    """The scene, beside it what changes with time, below it the answers in words.
+
+    Args:
+        eye: where to look at the scene from; left out, the viewer looks at all of it.
+        time_axis: of the plots; left out, they show all of the time.
+    """
+    plots = [
+        rrb.TimeSeriesView(origin=origin, name=name, axis_x=time_axis, plot_legend=rrb.Corner2D.RightTop)
+        for origin, name in VIEWS.items()
+    ]
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(
-                rrb.Spatial3DView(origin=WORLD, name="Scene"), rrb.Vertical(*plots), column_shares=[3, 2]
+                rrb.Spatial3DView(origin=WORLD, name=SCENE, eye_controls=eye),
+                rrb.Vertical(*plots),
+                column_shares=[3, 2],
             ),
             rrb.TextLogView(origin=LOG, name="Answers"),
             row_shares=[4, 1],
         ),
+        rrb.TimePanel(timeline="ros_time"),
         collapse_panels=True,
     )

@@ -28,6 +28,20 @@ class Record(NamedTuple):
     impact: Impact
 
 
+class Sighting(NamedTuple):
+    """Where a body was, at a time when nothing need have struck it.
+
+    Attributes:
+        stamp: when [ns].
+        name: of the body.
+        body: as it was.
+    """
+
+    stamp: int
+    name: str
+    body: Body
+
+
 class Refusal(NamedTuple):
     """One request that could not be answered.
 
@@ -40,3 +54,6 @@ class Refusal(NamedTuple):
     stamp: int
     sequence: int
     reason: str
+
+
+Entry = Record | Sighting | Refusal

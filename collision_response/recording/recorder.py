@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from datetime import datetime
 from pathlib import Path
 
-from .record import Record, Refusal
+from .record import Entry
 
 CAPACITY = 10_000
 """Entries that may wait. Those that come on top of them are dropped."""
@@ -28,25 +28,33 @@ class Recorder:
         dropped: number of entries that found the queue full.
     """
 
-    def __init__(self, directory: Path, report: Callable[[str], object], *, capacity: int = CAPACITY) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        report: Callable[[str], object],
+        *,
+        name: str = "",
+        capacity: int = CAPACITY,
+    ) -> None:
         """Start the worker.
 
         Args:
             directory: made if it is not there.
             report: is told what goes wrong, from any thread.
+            name: of the file, which must not be there yet. Empty: one made from the time.
             capacity: entries that may wait.
         """
-        self.path = directory / f"collision_response_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}.rrd"
+        self.path = directory / (name or f"collision_response_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}.rrd")
         self.dropped = 0
         self._report = report
         self._capacity = capacity
-        self._queue: queue.SimpleQueue[Record | Refusal | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[Entry | None] = queue.SimpleQueue()
         self._closing = threading.Event()
         self._stopped = threading.Event()
         self._worker = threading.Thread(target=self._work, name="recording", daemon=True)
         self._worker.start()
 
-    def add(self, entry: Record | Refusal) -> None:
+    def add(self, entry: Entry) -> None:
         """Record this. Returns at once."""
         if self._stopped.is_set():
             return
@@ -85,7 +93,7 @@ class Recorder:
         finally:
             self._stopped.set()
 
-    def _batches(self) -> Iterator[list[Record | Refusal]]:
+    def _batches(self) -> Iterator[list[Entry]]:
         """What has come since the last batch, until :meth:`close`."""
         last = False
         while not last:

@@ -14,7 +14,8 @@ from ..physics.body import Body, Twist
 from ..physics.vector import Vec3
 from .layout import AFTER, BEFORE, GREEN, GREY, LOG, RED, SERIES, WORLD, blueprint, body_path
 from .piped_file import PipedFile
-from .record import Record, Refusal
+from .record import Entry, Record, Refusal, Sighting
+from .solid import Solid
 
 ARROW_TIME = 0.1
 """A velocity is drawn as the way made in this time [s]; an impulse, as the change of velocity that it
@@ -23,7 +24,6 @@ causes along itself; a normal, as 1 m/s. So all arrows of a scene are of one sca
 POINT_RADIUS = rr.Radius.ui_points(6)
 ARROW_RADIUS = rr.Radius.ui_points(2)
 
-Entry = Record | Refusal
 Columns = tuple[str, Sequence[Entry], Any]
 """An entity, the entries of which each gives it a row, and the columns."""
 
@@ -65,8 +65,18 @@ class Writer:
             OSError: these or earlier ones cannot be.
         """
         impacts = [entry for entry in batch if isinstance(entry, Record)]
-        for path, rows, columns in (*bodies(impacts), *contacts(impacts), *series(impacts), *log(batch)):
+        sightings = [entry for entry in batch if isinstance(entry, Sighting)]
+        answers = [entry for entry in batch if not isinstance(entry, Sighting)]
+        for path, rows, columns in (
+            *seen(sightings),
+            *bodies(impacts),
+            *contacts(impacts),
+            *series(impacts),
+            *log(answers),
+        ):
             self._stream.send_columns(path, indexes=_indexes(rows), columns=columns)
+        for sighting in sightings:
+            self._log_body_style(sighting.name, sighting.body)
         for impact in impacts:
             self._log_body_style(impact.name_a, impact.body_a)
             self._log_body_style(impact.name_b, impact.body_b)
@@ -94,6 +104,24 @@ class Writer:
         for moment, colour in (("before", BEFORE), ("after", AFTER)):
             arrow = rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=colour)
             self._stream.log(f"{path}/velocity_{moment}", arrow, static=True)
+        if (solid := Solid.of(body)) is not None:
+            self._stream.log(f"{path}/solid", solid.shape(), static=True)
+
+
+def seen(sightings: Iterable[Sighting]) -> Iterator[Columns]:
+    """Where bodies were, and how they moved, between impacts."""
+    by_name: dict[str, list[Sighting]] = defaultdict(list)
+    for sighting in sightings:
+        by_name[sighting.name].append(sighting)
+    for name, rows in by_name.items():
+        path, positions = body_path(name), _array(row.body.position for row in rows)
+        yield from _poses(path, rows, [row.body for row in rows])
+        yield (
+            f"{path}/velocity_before",
+            rows,
+            _arrows(positions[:0], positions[:0]).partition([0] * len(rows)),
+        )
+        yield f"{path}/velocity_after", rows, _arrows(positions, _array(row.body.velocity for row in rows))
 
 
 def bodies(impacts: Iterable[Record]) -> Iterator[Columns]:
@@ -105,9 +133,9 @@ def bodies(impacts: Iterable[Record]) -> Iterator[Columns]:
     for name, appearances in by_name.items():
         rows = [row for row, _, _ in appearances]
         path, positions = body_path(name), _array(body.position for _, body, _ in appearances)
+        yield from _poses(path, rows, [body for _, body, _ in appearances])
         before = _array(body.velocity for _, body, _ in appearances)
         after = _array(twist.linear for _, _, twist in appearances)
-        yield path, rows, rr.Points3D.columns(positions=positions)
         yield f"{path}/velocity_before", rows, _arrows(positions, before)
         yield f"{path}/velocity_after", rows, _arrows(positions, after)
 
@@ -135,7 +163,7 @@ def series(impacts: Sequence[Record]) -> Iterator[Columns]:
         yield path, impacts, rr.Scalars.columns(scalars=scalars)
 
 
-def log(batch: Sequence[Entry]) -> Iterator[Columns]:
+def log(batch: Sequence[Record | Refusal]) -> Iterator[Columns]:
     """Every answer in words."""
     if not batch:
         return
@@ -143,7 +171,7 @@ def log(batch: Sequence[Entry]) -> Iterator[Columns]:
     yield LOG, batch, rr.TextLog.columns(text=[_in_words(entry) for entry in batch], level=levels)
 
 
-def _in_words(entry: Entry) -> str:
+def _in_words(entry: Record | Refusal) -> str:
     if isinstance(entry, Refusal):
         return entry.reason
     answer = entry.impact
@@ -153,6 +181,14 @@ def _in_words(entry: Entry) -> str:
         f"{answer.normal_impulse:.6g} N s along the normal, {answer.tangential_impulse:.6g} N s across, "
         f"{lost:.6g} J lost ({', '.join(choice.name for choice in answer.model[:3])})"
     )
+
+
+def _poses(path: str, rows: Sequence[Entry], bodies: Sequence[Body]) -> Iterator[Columns]:
+    positions = _array(body.position for body in bodies)
+    yield path, rows, rr.Points3D.columns(positions=positions)
+    if any(body.inverse_mass for body in bodies):
+        turned = np.array([body.orientation or (0.0, 0.0, 0.0, 1.0) for body in bodies], dtype=np.float64)
+        yield f"{path}/solid", rows, rr.Transform3D.columns(translation=positions, quaternion=turned)
 
 
 def _arrows(origins: np.ndarray, velocities: np.ndarray, **components: Any) -> Any:
@@ -165,7 +201,7 @@ def _array(vectors: Iterable[Vec3]) -> np.ndarray:
 
 def _indexes(rows: Sequence[Entry]) -> list[rr.TimeColumn]:
     stamps = np.array([row.stamp for row in rows], dtype="datetime64[ns]")
-    return [
-        rr.TimeColumn("ros_time", timestamp=stamps),
-        rr.TimeColumn("answer", sequence=[row.sequence for row in rows]),
-    ]
+    times = [rr.TimeColumn("ros_time", timestamp=stamps)]
+    if not isinstance(rows[0], Sighting):
+        times.append(rr.TimeColumn("answer", sequence=[row.sequence for row in rows]))
+    return times

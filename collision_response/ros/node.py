@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import traceback
+from contextlib import suppress
 from typing import Any
 
 import rclpy
@@ -15,7 +16,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.signals import SignalHandlerOptions
 
 from ..msg import BodyState, CollisionResult
-from ..recording import Record, Recorder, Refusal
+from ..recording import Record, Recorder, Refusal, Sighting
 from ..resolve import resolve
 from ..scene import SceneRequirements, nothing_required
 from ..srv import ResolveCollision
@@ -67,7 +68,7 @@ class CollisionResponseNode(Node):
         )
         topics = [
             self.create_subscription(
-                BodyState, topic, self._states.remember, STATE_QOS, qos_overriding_options=overridable
+                BodyState, topic, self._hear, STATE_QOS, qos_overriding_options=overridable
             ).topic_name
             for topic in start.body_state_topics
         ]
@@ -75,13 +76,22 @@ class CollisionResponseNode(Node):
         if start.scene_tolerance:
             self._required = nothing_required(start.scene_tolerance)
         if start.recording_directory is not None:
-            self._recorder = Recorder(start.recording_directory, self.get_logger().warning)
+            self._recorder = Recorder(
+                start.recording_directory, self.get_logger().warning, name=start.recording_file
+            )
         self.get_logger().info(
             f"serving {self.resolve_service_name('~/resolve_collision')}; "
             f"bodies from {', '.join(topics) or 'requests only'}; "
             f"results on {self._results.topic_name}; "
             f"{'not recording' if self._recorder is None else f'recording to {self._recorder.path}'}"
         )
+
+    def _hear(self, state: BodyState) -> None:
+        self._states.remember(state)
+        if self._recorder is not None and state.name:
+            with suppress(ImpactError):  # it is refused when it is asked for
+                body = convert.placed(state.name, state).body
+                self._recorder.add(Sighting(self._stamp(state), state.name, body))
 
     def _serve(
         self, request: ResolveCollision.Request, response: ResolveCollision.Response
@@ -132,9 +142,9 @@ class CollisionResponseNode(Node):
             text = f"{code.name}: {message}"
             self._recorder.add(Refusal(self._stamp(response.result), self._answers, text))
 
-    def _stamp(self, result: CollisionResult) -> int:
-        """When the impact was [ns]: now, if nobody said."""
-        return nanoseconds(result.header.stamp) or self._now()
+    def _stamp(self, message: BodyState | CollisionResult) -> int:
+        """When that was [ns]: now, if nobody said."""
+        return nanoseconds(message.header.stamp) or self._now()
 
     def _now(self) -> int:
         return self.get_clock().now().nanoseconds

@@ -79,6 +79,12 @@ DECLARATIONS = (
     Declaration(
         "recording.directory", "recordings", "Where to; one file for each start of the node.", read_only=True
     ),
+    Declaration(
+        "recording.file",
+        "",
+        "Name of that file, which must be new. Empty: made from the time.",
+        read_only=True,
+    ),
 )
 
 
@@ -113,6 +119,7 @@ class StartParameters:
     body_state_topics: tuple[str, ...]
     recording_directory: Path | None
     """``None``: do not record."""
+    recording_file: str
     scene_tolerance: float
     """0: do not log what the scene requires."""
 
@@ -121,7 +128,12 @@ class StartParameters:
         """The values a node was started with."""
         topics = dict.fromkeys(_value(node, "body_state_topics"))
         directory = Path(_value(node, "recording.directory")) if _value(node, "recording.enabled") else None
-        return cls(tuple(topic for topic in topics if topic), directory, _value(node, "scene_tolerance"))
+        return cls(
+            tuple(topic for topic in topics if topic),
+            directory,
+            _value(node, "recording.file"),
+            _value(node, "scene_tolerance"),
+        )
 
 
 def declare(node: Node) -> None:

@@ -1,0 +1,57 @@
+"""What a body looks like, from its mass and inertia alone: nobody tells the recorder its shape."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import rerun as rr
+
+from ..physics.body import Body
+
+EQUAL = 1e-6
+"""Moments of inertia that differ by less than this part of the largest are those of a ball."""
+
+
+class Solid(NamedTuple):
+    """The homogeneous ball or box that has a body's mass and inertia.
+
+    Attributes:
+        is_ball: else it is a box. A cube, too, is shown as the ball of its inertia.
+        half_sizes: along its axes [m].
+        axes: a quaternion ``(x, y, z, w)``, from its axes to those of the body.
+    """
+
+    is_ball: bool
+    half_sizes: np.ndarray
+    axes: np.ndarray
+
+    @classmethod
+    def of(cls, body: Body) -> Solid | None:
+        """``None`` for a point mass, and for a body that nothing moves."""
+        xx, xy, xz, yy, yz, zz = (float(i) for i in body.inertia)
+        moments, columns = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+        if not moments[2] > 0:
+            return None
+        is_ball = bool(moments[2] - moments[0] <= EQUAL * moments[2])
+        mean_squares = np.maximum(moments.sum() / 2 - moments, 0.0) / float(body.mass)
+        columns[:, 2] = np.cross(columns[:, 0], columns[:, 1])  # right-handed
+        return cls(is_ball, np.sqrt(mean_squares * (5 if is_ball else 3)), _quaternion(columns))
+
+    def shape(self) -> rr.Ellipsoids3D | rr.Boxes3D:
+        """What is drawn."""
+        kind = rr.Ellipsoids3D if self.is_ball else rr.Boxes3D
+        return kind(half_sizes=[self.half_sizes], quaternions=[self.axes], fill_mode="solid")
+
+
+def _quaternion(m: np.ndarray) -> np.ndarray:
+    """Of a rotation matrix: the eigenvector of the largest eigenvalue (Bar-Itzhack 2000)."""
+    k = np.array(
+        [
+            [m[0, 0] - m[1, 1] - m[2, 2], m[1, 0] + m[0, 1], m[2, 0] + m[0, 2], m[2, 1] - m[1, 2]],
+            [m[1, 0] + m[0, 1], m[1, 1] - m[0, 0] - m[2, 2], m[2, 1] + m[1, 2], m[0, 2] - m[2, 0]],
+            [m[2, 0] + m[0, 2], m[2, 1] + m[1, 2], m[2, 2] - m[0, 0] - m[1, 1], m[1, 0] - m[0, 1]],
+            [m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], m[0, 0] + m[1, 1] + m[2, 2]],
+        ]
+    )
+    return np.linalg.eigh(k)[1][:, 3]
