@@ -26,19 +26,23 @@ from collision_response.recording.layout import blueprint
 ROOT = Path(__file__).resolve().parent.parent
 RECORDING = ROOT / "recordings" / "demo.rrd"
 PICTURE = ROOT / "docs" / "images" / "recording.png"
-SIZE = (1200, 760)
+VIEWER = Path(rerun_cli.__file__).with_name("rerun")
+WIDTH = 1280
 PORT = 9871
+
+SHOWN = (0.0, 0.033, 1.0, 0.765)
+"""Left, top, right and bottom of what is shown, of the width and height of the window."""
 
 SETTLING = 3.0
 """For the viewer to load everything and to draw it [s]."""
 
-AT = 0.2
+AT = 0.36
 """Time into the break [s]."""
 
 SPAN = 1.0
 """Time of the break that the plots show [s]."""
 
-EYE = rrb.EyeControls3D(position=(0.35, -1.1, 0.9), look_target=(0.45, 0.0, 0.0), eye_up=(0.0, 0.0, 1.0))
+EYE = rrb.EyeControls3D(position=(0.3, -1.0, 0.8), look_target=(0.5, -0.05, 0.0), eye_up=(0.0, 0.0, 1.0))
 
 
 def begin() -> np.datetime64:
@@ -49,53 +53,39 @@ def begin() -> np.datetime64:
     return np.datetime64(min(min(column) for column in stamps), "ns")
 
 
-def picture_of(recording: Path, layout: Path, at: np.datetime64) -> Image.Image:
+def with_layout(start: np.datetime64, folder: Path) -> Path:
+    """The recording with a layout of its own: looking at the rack, the plots at the time of the break."""
+    ends = (start, start + np.timedelta64(int(SPAN * 1e9), "ns"))
+    bounds = (rrb.TimeRangeBoundary.absolute(int(end.astype("int64"))) for end in ends)
+    layout, merged = folder / "layout.rbl", folder / "merged.rrd"
+    time_axis = rrb.TimeAxis(view_range=rrb.TimeRange(*bounds))
+    blueprint(EYE, time_axis).save("collision_response", str(layout))
+    subprocess.run([VIEWER, "rrd", "merge", RECORDING, layout, "-o", merged], check=True)
+    return merged
+
+
+def screenshot(recording: Path, at: np.datetime64) -> Image.Image:
     """What the viewer shows."""
-    program = Path(rerun_cli.__file__).with_name("rerun")
-    command = [
-        program,
-        "--headless",
-        "--hide-welcome-screen",
-        f"--port={PORT}",
-        "--window-size={}x{}".format(*SIZE),
-        recording,
-        layout,
-    ]
-    viewer = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    viewer = ViewerClient.spawn(headless=True, port=PORT, executable_path=str(VIEWER))
     try:
-        client = connect()
+        viewer.open(str(recording))
         time.sleep(SETTLING)
-        client.set_time("ros_time", timestamp=at, play_state="paused")
+        viewer.set_time("ros_time", timestamp=at, play_state="paused")
         time.sleep(SETTLING)
-        return Image.open(io.BytesIO(client.take_screenshot()))
+        return Image.open(io.BytesIO(viewer.take_screenshot()))
     finally:
-        viewer.terminate()
-        viewer.wait(10)
-
-
-def connect() -> ViewerClient:
-    """To a viewer that may not be up yet."""
-    deadline = time.monotonic() + 20
-    while True:
-        try:
-            return ViewerClient(f"rerun+http://127.0.0.1:{PORT}/proxy")
-        except ConnectionError:
-            if time.monotonic() > deadline:
-                raise
-            time.sleep(0.2)
+        viewer.quit()
 
 
 def main() -> None:
-    """Open the recording in a viewer without a screen, and take a picture."""
+    """Open the recording in a viewer without a screen, and take a picture of all but its controls."""
     start = begin()
-    ends = (int((start + np.timedelta64(int(seconds * 1e9), "ns")).astype("int64")) for seconds in (0, SPAN))
-    axis = rrb.TimeAxis(view_range=rrb.TimeRange(*map(rrb.TimeRangeBoundary.absolute, ends)))
-    with tempfile.TemporaryDirectory() as directory:
-        layout = Path(directory, "layout.rbl")
-        blueprint(EYE, axis).save("collision_response", str(layout))
-        picture = picture_of(RECORDING, layout, start + np.timedelta64(int(AT * 1e9), "ns"))
-    print(picture.size)
-    picture.convert("RGB").quantize(128).save(PICTURE, optimize=True)
+    with tempfile.TemporaryDirectory() as folder:
+        picture = screenshot(with_layout(start, Path(folder)), start + np.timedelta64(int(AT * 1e9), "ns"))
+    left, top, right, bottom = (share * size for share, size in zip(SHOWN, picture.size * 2, strict=True))
+    picture = picture.convert("RGB").crop((left, top, right, bottom))
+    picture.thumbnail((WIDTH, WIDTH))
+    picture.save(PICTURE, optimize=True)
 
 
 if __name__ == "__main__":
