@@ -1,0 +1,57 @@
+"""What the README tells a reader to type."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+import yaml
+from ros_graph import assign
+
+from collision_response.srv import ResolveCollision
+
+README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+
+
+@pytest.fixture
+def node(graph):
+    """A node under its usual name, which the README's client looks for."""
+    graph.namespace = "/"
+    graph.serve()
+    return graph
+
+
+@pytest.mark.parametrize("code", PYTHON, ids=["client", "library"])
+def test_the_examples_run(node, code):
+    run = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, timeout=60)
+    assert (run.returncode, run.stdout) == (0, "1.0\n"), run.stderr
+
+
+def test_the_service_call_is_a_request(tried_node):
+    (text,) = re.findall(r'ResolveCollision "(\{.*?\})"\n', README, re.DOTALL)
+    request = ResolveCollision.Request()
+    for path, value in _leaves(yaml.safe_load(text)):
+        assign(request, path, value)
+    assert tried_node.call(request).result.twist_a.linear.z == 1.0
+
+
+def test_the_files_it_names_exist():
+    root = Path(__file__).parent.parent
+    names = re.findall(r"\]\(([\w/.-]+)\)", README) + re.findall(r"^    (\w[\w/]*/[\w.]*) ", README, re.MULTILINE)
+    assert len(names) > 10
+    assert [name for name in names if not (root / name).exists()] == []
+
+
+def _leaves(tree, path=""):
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{path}{key}.")
+        else:
+            yield f"{path}{key}", value
