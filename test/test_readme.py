@@ -44,7 +44,8 @@ def test_the_service_call_is_a_request(tried_node):
 
 def test_the_files_it_names_exist():
     root = Path(__file__).parent.parent
-    names = re.findall(r"\]\(([\w/.-]+)\)", README) + re.findall(r"^    (\w[\w/]*/[\w.]*) ", README, re.MULTILINE)
+    names = re.findall(r"\]\(([\w/.-]+)\)", README)
+    names += re.findall(r"^    (\w[\w/]*/[\w.]*) ", README, re.MULTILINE)
     assert len(names) > 10
     assert [name for name in names if not (root / name).exists()] == []
 
