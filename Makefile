@@ -13,14 +13,15 @@ unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH 
 unexport RMW_IMPLEMENTATION ROS_DISTRO VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help demo test lint colcon clean .venv .colcon-venv
+.PHONY: help demo test lint stability colcon clean .venv .bench-venv .colcon-venv
 
 help:
-	@echo 'make demo     collisions, answered by the node'
-	@echo "make test     the tests; make test ARGS='-k energy' some of them"
-	@echo 'make lint     ruff and mypy'
-	@echo 'make colcon   a colcon build of this tree, and a call of the node it installs'
-	@echo 'make clean    remove all that these made'
+	@echo 'make demo       collisions, answered by the node'
+	@echo "make test       the tests; make test ARGS='-k energy' some of them"
+	@echo 'make lint       ruff and mypy'
+	@echo 'make stability  the measurements of docs/stability.md, anew: some ten minutes'
+	@echo 'make colcon     a colcon build of this tree, and a call of the node it installs'
+	@echo 'make clean      remove all that these made'
 
 demo: .venv
 	@$(DEMO)
@@ -35,6 +36,12 @@ lint: .venv
 .venv:
 	@$(PYTHON) tools/setup_venv.py .venv $(EXTRAS)
 
+stability: .bench-venv
+	@.bench-venv/bin/python -I benchmarks/stability.py
+
+.bench-venv:
+	@$(PYTHON) tools/setup_venv.py .bench-venv bench,plots,test
+
 colcon: .colcon-venv
 	@PATH="$(CURDIR)/.colcon-venv/bin:$$PATH"; \
 	export PATH AMENT_PREFIX_PATH="$(CURDIR)/.colcon-venv" CMAKE_PREFIX_PATH="$(CURDIR)/.colcon-venv"; \
@@ -46,5 +53,5 @@ colcon: .colcon-venv
 	@$(PYTHON) tools/setup_venv.py .colcon-venv
 
 clean:
-	rm -rf .venv .colcon-venv build install log .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .bench-venv .colcon-venv build install log .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -1,11 +1,239 @@
-"""Impacts as programs: the geometries and laws of :mod:`physics`, traced for the batch and the fast path.
+"""Impacts as programs: geometries and laws of :mod:`~collision_response.physics`, traced once.
 
-The rows of an array hold one quantity each; the lanes are body_a and body_b. A program is one of
+The arrays are those of :mod:`~collision_response.batch`; the lanes are body_a and body_b. There are two
+programs for every geometry and law:
 
-    ordinary   the formula as it is for most contacts: both bodies can move and turn, and all numbers
-               are sound. It has no branch but the one between approach and separation; its output
-               ``ordinary`` says whether it may be believed.
-    general    everything: immovable bodies, rods, points, and what is wrong with unsound numbers.
+    ordinary   the formula as it is for most contacts: both bodies can move and turn, all numbers are
+               sound. Its output ``ordinary`` says whether the others hold.
+    general    every contact: immovable bodies, rods, points; and what is wrong with unsound numbers.
 
-Where ``ordinary`` holds, the two agree to the last bit.
+Where both hold their numbers are equal.
 """
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache, reduce
+from typing import Any, NamedTuple
+
+from .model import Geometry, Law
+from .numerics.program import Program, Slot
+from .numerics.tape import Symbol, Tape
+from .physics.body import PIVOT_LIMIT
+from .physics.effective_mass import Planar, Point, Response, Spatial
+from .physics.laws import Parameters, chatterjee_ruina, frictionless
+from .physics.number import Scalar, choose
+from .physics.vector import Vec3
+from .problem import Inputs, Problem, inputs_of
+from .rows import body_rows
+from .soundness import CLEARANCE, Scene, all_finite, are_coefficients, is_clearly_tensor, requirements
+from .status import StatusCode
+
+GEOMETRIES: dict[Geometry, Any] = {
+    Geometry.POINT: Point,
+    Geometry.PLANAR: Planar,
+    Geometry.SPATIAL: Spatial,
+}
+LAWS: dict[Law, Callable[..., Any]] = {Law.FRICTIONLESS: frictionless, Law.COULOMB: chatterjee_ruina}
+
+
+class Motion(NamedTuple):
+    """What a program computes."""
+
+    velocity_a: Vec3
+    velocity_b: Vec3
+    angular_velocity_a: Vec3
+    angular_velocity_b: Vec3
+    impulse: Vec3
+    status: Scalar
+
+
+@cache
+def general(problem: Problem) -> Program:
+    """The program for every contact. Where its status is no answer, the other results are NaN."""
+    tape = Tape()
+    inputs = inputs_of(problem, tape)
+    scene = inputs.scene
+    checks = list(requirements(scene, problem.geometry))
+    fault: Scalar = StatusCode.INTERNAL_ERROR
+    for holds, code in reversed(checks):
+        fault = _pick(holds, fault, code)
+
+    def answer() -> Motion:
+        motion = _resolve(problem, inputs)
+        in_range = all_finite(_numbers(_outputs(problem, motion)))
+        return _pick(in_range, motion, _no_answer(StatusCode.OUT_OF_RANGE))
+
+    motion = choose(_all(holds for holds, _ in checks), answer, lambda: _no_answer(fault))
+    return _program(tape, inputs, _outputs(problem, motion))
+
+
+@cache
+def ordinary(problem: Problem) -> Program:
+    """The program for most contacts. What depends on mass and inertia alone is taken to be as usual."""
+    rows = body_rows(problem.geometry)
+    tape = Tape(assumes=lambda slot: slot.array == "bodies" and slot.row < rows.inertia.stop)
+    inputs = inputs_of(problem, tape)
+    outputs = _outputs(problem, _resolve(problem, inputs))
+    outputs[Slot("ordinary", 0)] = _all([*tape.assumed, *_is_ordinary(problem, inputs.scene, outputs)])
+    return _program(tape, inputs, outputs)
+
+
+@cache
+def unchecked(problem: Problem) -> Program:
+    """The program for one contact that is known to be sound: the formula, and nothing else."""
+    tape = Tape()
+    inputs = inputs_of(problem, tape)
+    return _program(tape, inputs, _outputs(problem, _resolve(problem, inputs)))
+
+
+@cache
+def bare(problem: Problem) -> Program:
+    """The least that a law takes: two sound bodies that can move and turn, with their lever arms at hand.
+
+    The arms ``r x n`` are given as the rows of ``arms``, instead of the positions. The results are the
+    velocities.
+    """
+    program = ordinary(problem)
+    approach = GEOMETRIES[problem.geometry].prepare(*inputs_of(problem, program.tape).scene[:3])
+    arms = {
+        Slot("arms", row, lane): component.place
+        for lane, r in enumerate((approach.r_a, approach.r_b))
+        for row, component in enumerate(r.cross(approach.n))
+    }
+    velocities = {slot: place for slot, place in program.outputs.items() if slot.array.endswith("velocity")}
+    return program._replace(outputs=velocities).taking(arms)
+
+
+def _is_ordinary(problem: Problem, scene: Scene, outputs: dict[Slot, Scalar]) -> Iterator[Any]:
+    """What suffices, with the assumptions of the tape, for a sound contact and an answer in range."""
+    for body in scene[:2]:
+        yield body.inverse_mass > 0
+        yield body.inverse_mass < math.inf
+        if problem.geometry is Geometry.SPATIAL:
+            yield is_clearly_tensor(body.inertia)
+        if problem.geometry is Geometry.PLANAR:
+            yield body.inertia.zz < math.inf
+    approach = GEOMETRIES[problem.geometry].prepare(*scene[:3])
+    yield approach.n.dot(approach.n) > 0
+    if problem.law is not Law.FRICTIONLESS:  # whose impulse is NaN if the normal is
+        yield approach.n_u - approach.n_u == 0
+    yield from are_coefficients(scene)
+    total = sum(result for slot, result in outputs.items() if slot.array in ("velocity", "angular_velocity"))
+    yield total - total == 0
+
+
+def _resolve(problem: Problem, inputs: Inputs) -> Motion:
+    scene, contact = inputs.scene, inputs.scene.contact
+    approach = GEOMETRIES[problem.geometry].prepare(*scene[:3])
+    restitution = contact.restitution
+    if inputs.threshold is not None:
+        speed = -(approach.n_u / approach.n.norm())
+        restitution = _pick((speed > 0) & (speed < inputs.threshold), 0.0, restitution)
+    parameters = Parameters(restitution, contact.friction, scene.tangential_restitution)
+    impulse = LAWS[problem.law](approach, parameters).impulse
+    approaching = approach.n_u < 0
+    j = _factor(impulse, approach.n)
+    if j is None:
+        response = approach.respond(_pick(approaching, impulse, impulse * 0))
+    else:
+        response = _respond_along_normal(approach, _pick(approaching, j, 0.0))
+    a, b = scene.body_a.moved_by(response.change_a), scene.body_b.moved_by(response.change_b)
+    return Motion(
+        a.velocity,
+        b.velocity,
+        a.angular_velocity,
+        b.angular_velocity,
+        response.impulse,
+        _pick(approaching, StatusCode.OK, StatusCode.SEPARATING),
+    )
+
+
+def _factor(vector: Any, direction: Any) -> Symbol | None:
+    """``j`` if the tape has ``vector`` as ``direction * j``."""
+    factors = {}
+    for component, along in zip(vector, direction, strict=True):
+        is_negative = component.node.op == "neg"
+        product = component.operands()[0] if is_negative else component
+        others = [x for x in product.operands() if product.node.op == "mul" and x.place != along.place]
+        if len(others) != 1:
+            return None
+        factor = -others[0] if is_negative else others[0]
+        factors[factor.place] = factor
+    return factors.popitem()[1] if len(factors) == 1 else None
+
+
+def _respond_along_normal(approach: Any, j: Scalar) -> Response:
+    """What the impulse ``n j`` does. But for ``j``, the turning is in the effective mass already."""
+    response, unit = approach.respond(approach.n * j), approach.respond(approach.n)
+    return response._replace(
+        change_a=response.change_a._replace(angular=unit.change_a.angular * j),
+        change_b=response.change_b._replace(angular=unit.change_b.angular * j),
+    )
+
+
+def in_single(program: Program) -> Program:
+    """The program with what it takes for rounding as that of float32."""
+    return program.with_constants(
+        {
+            PIVOT_LIMIT: PIVOT_LIMIT * _SINGLE,
+            1 + 2 * PIVOT_LIMIT: 1 + 2 * PIVOT_LIMIT * _SINGLE,
+            1 + CLEARANCE: 1 + CLEARANCE * _SINGLE,
+        }
+    )
+
+
+_SINGLE = 2.0**29
+"""How much coarser float32 rounds."""
+
+
+def _no_answer(status: Scalar) -> Motion:
+    nothing = Vec3(math.nan, math.nan, math.nan)
+    return Motion(nothing, nothing, nothing, nothing, nothing, status)
+
+
+def _outputs(problem: Problem, motion: Motion) -> dict[Slot, Scalar]:
+    """The results as far as the geometry models them, by where they go."""
+    axes = slice(2) if problem.geometry is Geometry.PLANAR else slice(3)
+    turns = {Geometry.POINT: slice(0), Geometry.PLANAR: slice(2, 3), Geometry.SPATIAL: slice(3)}[
+        problem.geometry
+    ]
+    velocity = motion.velocity_a[axes], motion.velocity_b[axes]
+    spin = motion.angular_velocity_a[turns], motion.angular_velocity_b[turns]
+    outputs: dict[Slot, Scalar] = {}
+    for array, lanes in (("velocity", velocity), ("angular_velocity", spin)):
+        for row, pair in enumerate(zip(*lanes, strict=True)):
+            outputs |= {Slot(array, row, lane): component for lane, component in enumerate(pair)}
+    outputs |= {Slot("impulse", row): component for row, component in enumerate(motion.impulse[axes])}
+    outputs[Slot("status", 0)] = motion.status
+    return outputs
+
+
+def _numbers(outputs: dict[Slot, Scalar]) -> list[Scalar]:
+    return [result for slot, result in outputs.items() if slot.array != "status"]
+
+
+def _program(tape: Tape, inputs: Inputs, outputs: dict[Slot, Scalar]) -> Program:
+    places = {slot: tape.symbol(result).place for slot, result in outputs.items()}
+    return Program(tape, inputs.slots, places, codes=frozenset({"status"}), uniform=frozenset({"model"}))
+
+
+def _pick(condition: Any, if_true: Any, if_false: Any) -> Any:
+    return choose(condition, lambda: if_true, lambda: if_false)
+
+
+def _all(conditions: Iterable[Symbol]) -> Symbol:
+    """Whether all hold; those of one body first among themselves, so that the lanes are alike."""
+    by_lanes: dict[frozenset[int | None], dict[int, Symbol]] = {}
+    for condition in conditions:
+        if not isinstance(condition, Symbol):
+            continue
+        by_lanes.setdefault(_lanes(condition), {})[condition.place] = condition
+    return reduce(operator.and_, (reduce(operator.and_, group.values()) for group in by_lanes.values()))
+
+
+def _lanes(symbol: Symbol) -> frozenset[int | None]:
+    nodes = (symbol.tape.nodes[place] for place in symbol.tape.needed_for([symbol.place]))
+    return frozenset(node.value.lane for node in nodes if node.op == "input")

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from .model import EXACT_LAWS, ImpactModel, Precision
 from .numerics import extended
+from .numerics.error_bound import NOTHING
 from .physics.body import Body
 from .physics.contact import Contact
 from .report import Impact
@@ -36,7 +38,7 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = D
     """
     check_request(body_a, body_b, contact, model)
     best = None
-    for attempt in _attempts(plan(body_a, body_b, contact, model), model):
+    for attempt in _attempts(body_a, body_b, contact, model):
         impact = TIERS[attempt.model.precision](body_a, body_b, contact, attempt)
         if impact is None:
             continue
@@ -45,15 +47,20 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = D
         best = impact
     if best is None:
         raise ImpactError(StatusCode.OUT_OF_RANGE, "result", "a number of the answer is beyond float64")
-    return best._replace(status=StatusCode.TOLERANCE_NOT_MET) if model.tolerance else best
+    return best._replace(status=StatusCode.TOLERANCE_NOT_MET)  # without one: the bound is infinite
 
 
-def _attempts(first: Plan, asked: ImpactModel) -> list[Plan]:
+def _attempts(body_a: Body, body_b: Body, contact: Contact, asked: ImpactModel) -> Iterator[Plan]:
     """The computations to try, cheapest first, until the error bound of one meets the tolerance."""
+    first = plan(body_a, body_b, contact, asked)
     if asked.precision is not Precision.AUTO:
         precisions = [asked.precision]
     else:
         precisions = [Precision.SINGLE, Precision.DOUBLE] if asked.tolerance else [Precision.DOUBLE]
         if extended.AVAILABLE and first.model.law in EXACT_LAWS:
             precisions.append(Precision.EXTENDED)
-    return [first._replace(model=first.model._replace(precision=p)) for p in precisions]
+    if first.dropped != NOTHING:
+        yield first.at(precisions[0])
+        first = first.modelling_all(body_a, body_b, contact)
+    for precision in precisions:
+        yield first.at(precision)

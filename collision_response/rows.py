@@ -13,7 +13,7 @@ NOWHERE = slice(0, 0)
 
 
 class BodyRows(NamedTuple):
-    """Where the quantities of the bodies lie in ``bodies``, an array of shape ``(count, 2, N)``.
+    """Where the quantities of the bodies lie in ``bodies``, an array of shape ``(height, 2, N)``.
 
     Attributes:
         mass: [kg]; ``inf``: the body is immovable.
@@ -23,7 +23,7 @@ class BodyRows(NamedTuple):
         velocity: of the centre of mass [m/s].
         angular_velocity: [rad/s], in world axes, or about z alone.
         orientation: ``(x, y, z, w)`` from body axes to world axes. Left out, the two are parallel.
-        count: how many rows there are.
+        height: how many rows there are.
     """
 
     mass: slice
@@ -32,11 +32,11 @@ class BodyRows(NamedTuple):
     velocity: slice
     angular_velocity: slice
     orientation: slice
-    count: int
+    height: int
 
 
 class ContactRows(NamedTuple):
-    """Where the quantities of the contacts lie in ``contacts``, an array of shape ``(count, N)``.
+    """Where the quantities of the contacts lie in ``contacts``, an array of shape ``(height, N)``.
 
     Attributes:
         position: of the contact point [m].
@@ -44,7 +44,7 @@ class ContactRows(NamedTuple):
         restitution: in [0, 1].
         friction: >= 0. May be left out, with what follows it, for the law FRICTIONLESS.
         tangential_restitution: in [-1, 1]. May be left out: then it is that of the model.
-        count: how many rows there are with friction, without tangential restitution.
+        height: how many rows there are with friction, without tangential restitution.
     """
 
     position: slice
@@ -52,7 +52,7 @@ class ContactRows(NamedTuple):
     restitution: slice
     friction: slice
     tangential_restitution: slice
-    count: int
+    height: int
 
 
 _BODY_WIDTHS = {
@@ -72,20 +72,20 @@ def body_rows(geometry: Geometry, *, oriented: bool = False) -> BodyRows:
     if oriented and geometry is not Geometry.SPATIAL:
         raise ValueError(f"orientation has no effect in {geometry.name}: leave it out")
     widths = dict(_BODY_WIDTHS[geometry], **({"orientation": 4} if oriented else {}))
-    places, count = _one_after_the_other(widths)
-    return BodyRows(*(places.get(field, NOWHERE) for field in BodyRows._fields[:-1]), count)
+    places, height = _one_after_the_other(widths)
+    return BodyRows(*(places.get(field, NOWHERE) for field in BodyRows._fields[:-1]), height)
 
 
 def contact_rows(geometry: Geometry) -> ContactRows:
     """The rows of ``contacts``."""
-    places, count = _one_after_the_other(_CONTACT_WIDTHS[geometry])
-    places["tangential_restitution"] = slice(count, count + 1)
-    return ContactRows(*(places.get(field, NOWHERE) for field in ContactRows._fields[:-1]), count)
+    places, height = _one_after_the_other(_CONTACT_WIDTHS[geometry])
+    places["tangential_restitution"] = slice(height, height + 1)
+    return ContactRows(*(places.get(field, NOWHERE) for field in ContactRows._fields[:-1]), height)
 
 
 def _one_after_the_other(widths: dict[str, int]) -> tuple[dict[str, slice], int]:
-    places, count = {}, 0
+    places, height = {}, 0
     for field, width in widths.items():
-        places[field] = slice(count, count + width)
-        count += width
-    return places, count
+        places[field] = slice(height, height + width)
+        height += width
+    return places, height

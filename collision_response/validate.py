@@ -15,7 +15,6 @@ from .physics.contact import Contact
 from .physics.tensor import Symmetric3
 from .status import ImpactError, StatusCode
 
-
 ROUNDED_FULLY = 2.0**-960
 """Above this, rounding is to 53 bits, of products by ``PIVOT_LIMIT`` too."""
 

@@ -28,21 +28,21 @@ RECORDING = ROOT / "recordings" / "demo.rrd"
 PICTURE = ROOT / "docs" / "images" / "recording.png"
 VIEWER = Path(rerun_cli.__file__).with_name("rerun")
 WIDTH = 1280
-PORT = 9871
+PORT = 9433
 
-SHOWN = (0.0, 0.033, 1.0, 0.765)
+SHOWN = (0.0, 0.033, 1.0, 0.965)
 """Left, top, right and bottom of what is shown, of the width and height of the window."""
 
 SETTLING = 3.0
 """For the viewer to load everything and to draw it [s]."""
 
-AT = 0.36
+AT = 0.43
 """Time into the break [s]."""
 
 SPAN = 1.0
 """Time of the break that the plots show [s]."""
 
-EYE = rrb.EyeControls3D(position=(0.3, -1.0, 0.8), look_target=(0.5, -0.05, 0.0), eye_up=(0.0, 0.0, 1.0))
+EYE = rrb.EyeControls3D(position=(0.3, -0.85, 0.85), look_target=(0.32, 0.02, 0.0), eye_up=(0.0, 0.0, 1.0))
 
 
 def begin() -> np.datetime64:

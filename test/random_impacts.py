@@ -85,6 +85,36 @@ class RandomImpacts:
         return [self.draw.gauss(0, 1) for _ in range(4)]
 
 
+def nearly_planar(draw: random.Random, out_of_plane: float) -> Scene:
+    """Two bodies that move and touch in the x-y plane, but for a little."""
+
+    def vector() -> Vec3:
+        return Vec3(draw.gauss(0, 1), draw.gauss(0, 1), out_of_plane * draw.gauss(0, 1))
+
+    def body(position: Vec3, velocity: Vec3) -> Body:
+        mass, size = draw.uniform(0.5, 2), 10 ** draw.uniform(-0.5, 0.5)
+        x, y, z = (mass * size * size * draw.uniform(0.2, 1) for _ in range(3))
+        inertia = turned_tensor((y + z, x + z, x + y), [0.0, 0.0, draw.gauss(0, 1), draw.gauss(0, 1)])
+        a = draw.uniform(0, math.pi)
+        spin = vector()
+        spin = Vec3(out_of_plane * spin.x, out_of_plane * spin.y, draw.gauss(0, 1))
+        orientation = (0.0, 0.0, math.sin(a), math.cos(a))
+        return Body.dynamic(mass, _without_products_of_z(inertia), position, orientation, velocity, spin)
+
+    normal = vector()
+    pushed = normal * -draw.uniform(1, 3)
+    return Scene(
+        body(vector(), vector() + pushed),
+        body(vector(), vector()),
+        Contact.of(vector(), normal, draw.random(), draw.random()),
+    )
+
+
+def _without_products_of_z(inertia: tuple[float, ...]) -> tuple[float, ...]:
+    xx, xy, _, yy, _, zz = inertia
+    return xx, xy, 0.0, yy, 0.0, zz
+
+
 def turned_tensor(moments: tuple[float, float, float], quaternion: list[float]) -> tuple[float, ...]:
     """The tensor of principal moments in turned axes."""
     length = math.sqrt(sum(q * q for q in quaternion))

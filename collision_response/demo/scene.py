@@ -10,7 +10,7 @@ from ..physics.contact import Contact
 from ..physics.laws import Regime
 from ..physics.vector import Vec3
 
-FRAMES = 30
+FRAMES = 20
 """How often a scene shows where its bodies are, per second of its time."""
 
 

@@ -11,23 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .choices import statements, with_masks
 from .program import Program, Slot, partners
-from .tape import CONDITIONS, Node, Tape
-
-UFUNCS = {
-    "add": "add",
-    "sub": "subtract",
-    "mul": "multiply",
-    "div": "divide",
-    "neg": "negative",
-    "sqrt": "sqrt",
-    "lt": "less",
-    "le": "less_equal",
-    "eq": "equal",
-    "and": "logical_and",
-    "or": "logical_or",
-    "not": "logical_not",
-}
+from .tape import CONDITIONS, Node
 
 
 class Kind(NamedTuple):
@@ -73,38 +59,11 @@ class Blocks(NamedTuple):
 
 def emit_blocks(program: Program) -> Blocks:
     """The function that computes the outputs of a program for all columns of its arrays."""
-    return _Emitter(_with_masks(program)).emit()
+    return _Emitter(with_masks(program)).emit()
 
 
 def _bits(dtype: Any) -> np.dtype[Any]:
     return np.dtype(f"i{np.dtype(dtype).itemsize}")
-
-
-def _with_masks(program: Program) -> Program:
-    """The program with every ``select`` in terms of masks; on truth values, in terms of logic."""
-    tape, moved_to = Tape(), dict[int, int]()
-    nodes = program.tape.nodes
-    for place in program.needed():
-        node = nodes[place]
-        moved = node._replace(args=tuple(moved_to[arg] for arg in node.args))
-        if node.op == "select":
-            is_truth = all(nodes[arg].op in CONDITIONS for arg in node.args[1:])
-            moved_to[place] = (_choose_truth if is_truth else _choose_number)(tape, *moved.args)
-        else:
-            moved_to[place] = tape.write(moved).place
-    return program._replace(tape=tape, outputs={slot: moved_to[place] for slot, place in program.outputs.items()})
-
-
-def _choose_number(tape: Tape, condition: int, if_true: int, if_false: int) -> int:
-    mask = tape.write(Node("mask", (condition,))).place
-    if tape.nodes[if_false] == Node("constant", (), 0.0):
-        return tape.write(Node("keep", (mask, if_true))).place
-    return tape.write(Node("blend", (mask, if_true, if_false))).place
-
-
-def _choose_truth(tape: Tape, condition: int, if_true: int, if_false: int) -> int:
-    c, t, f = (tape.at(place) for place in (condition, if_true, if_false))
-    return ((c & t) | (~c & f)).place
 
 
 class _Emitter:
@@ -114,7 +73,7 @@ class _Emitter:
         self.program = program
         self.nodes = program.tape.nodes
         self.partner = partners(program)
-        self.order = self._schedule()
+        self.order = program.in_order_of_demand(self._unit)
         self.last_read = {self._unit(arg): unit for unit in self.order for arg in self.nodes[unit].args}
         self.arrays: dict[str, None] = {}
         self.rows: dict[str, str] = {}
@@ -137,27 +96,10 @@ class _Emitter:
         return Blocks(self._source(), tuple(self.arrays), self.buffers, self.constants)
 
     def _unit(self, place: int) -> int:
-        return min(place, self.partner.get(place, place))
+        return min(place, self.partner[place])
 
     def _is_paired(self, unit: int) -> bool:
-        return self.partner.get(unit, unit) != unit
-
-    def _schedule(self) -> list[int]:
-        """Units in an order that finishes one output after the other, the deepest operand first."""
-        depth: dict[int, int] = {}
-        for place in self.program.needed():
-            depth[place] = 1 + max((depth[arg] for arg in self.nodes[place].args), default=0)
-        done: dict[int, None] = {}
-
-        def visit(unit: int) -> None:
-            if unit not in done:
-                for arg in sorted(self.nodes[unit].args, key=lambda arg: -depth[arg]):
-                    visit(self._unit(arg))
-                done[unit] = None
-
-        for place in self.program.outputs.values():
-            visit(self._unit(place))
-        return list(done)
+        return self.partner[unit] != unit
 
     def _emit(self, unit: int, target: str | None) -> None:
         node = self.nodes[unit]
@@ -178,7 +120,7 @@ class _Emitter:
         through = {other for other in read if self._is_last_reader(unit, other)}
         self._release(through - kept)
         self.where[unit] = target or self._buffer(Kind(paired, node.op in CONDITIONS))
-        self.lines += _statements(node.op, operands, self.where[unit])
+        self.lines += statements(node, operands, self.where[unit])
         self._release(through & kept)
 
     def _operand(self, place: int, paired: bool) -> str:
@@ -217,7 +159,7 @@ class _Emitter:
 
     def _direct(self, unit: int, ends: list[Slot]) -> str | None:
         """Where the results of a unit can be written at once, if they go to one place alone."""
-        if any(slot.array in self.program.codes for slot in ends):
+        if any(slot.array in self.program.codes for slot in ends) and self.nodes[unit].op != "code":
             return None
         if not self._is_paired(unit):
             return self._element(ends[0]) if len(ends) == 1 else None
@@ -240,27 +182,3 @@ class _Emitter:
             lines.append(f"    {', '.join(f'{name}, {name}i' for name in self.constants)}, = constants")
         lines += [f"    {name} = {expression}" for name, expression in self.rows.items()]
         return "\n".join([*lines, *(f"    {line}" for line in self.lines), ""])
-
-
-def _statements(op: str, operands: list[str], target: str) -> list[str]:
-    if op in UFUNCS:
-        return [f"{UFUNCS[op]}({', '.join(operands)}, {target})"]
-    bits = _as_bits(target)
-    if op == "mask":
-        return [f"copyto({bits}, {operands[0]})", f"negative({bits}, {bits})"]
-    mask, *values = map(_as_bits, operands)
-    if op == "keep":
-        return [f"bitwise_and({values[0]}, {mask}, {bits})"]
-    return [
-        f"bitwise_xor({values[0]}, {values[1]}, {bits})",
-        f"bitwise_and({bits}, {mask}, {bits})",
-        f"bitwise_xor({bits}, {values[1]}, {bits})",
-    ]
-
-
-def _as_bits(name: str) -> str:
-    """The integers that share the memory of the numbers."""
-    base, bracket, index = name.partition("[")
-    if base[0] in "psk" and base[1:].isdigit():
-        return f"{base}i{bracket}{index}"
-    return f"{name}.view(BITS)"

@@ -66,6 +66,6 @@ def blueprint(eye: rrb.EyeControls3D | None = None, time_axis: rrb.TimeAxis | No
             rrb.TextLogView(origin=LOG, name="Answers"),
             row_shares=[4, 1],
         ),
-        rrb.TimePanel(timeline="ros_time"),
+        rrb.TimePanel(timeline="ros_time", state="collapsed"),
         collapse_panels=True,
     )

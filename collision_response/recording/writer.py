@@ -90,8 +90,9 @@ class Writer:
         for arrow, colour in (("normal", GREY), ("impulse", GREEN)):
             style = rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=colour)
             log(f"{WORLD}/contact/{arrow}", style, static=True)
-        for path, (field, colour) in SERIES.items():
-            style = rr.SeriesPoints(colors=colour, names=field, markers="circle", marker_sizes=3)
+        for path, (_, colour) in SERIES.items():
+            name = path.rpartition("/")[2]
+            style = rr.SeriesPoints(colors=colour, names=name, markers="circle", marker_sizes=3)
             log(path, style, static=True)
 
     def _log_body_style(self, name: str, body: Body) -> None:

@@ -1,0 +1,108 @@
+"""One batch of contacts for all tests of batches: sound ones, odd ones, and some of every fault."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+
+from collision_response import Body, Contact, Geometry
+from collision_response.physics.vector import Vec3
+from collision_response.rows import NOWHERE, body_rows, contact_rows
+
+N = 300
+IMMOVABLE = 4
+FIRST_FAULTY = 100
+FAULTS = (math.nan, math.inf, -1.0, 0.0, 2.0, 5e-309)
+"""Written over one number of a contact each; not all are wrong everywhere."""
+
+
+@cache
+def some(geometry: Geometry, *, oriented: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """``bodies`` and ``contacts``: sound ones first; the first IMMOVABLE have an immovable body."""
+    random = np.random.default_rng(int(geometry))
+    of, at = body_rows(geometry, oriented=oriented), contact_rows(geometry)
+    bodies, contacts = random.normal(size=(of.height, 2, N)), random.normal(size=(at.height, N))
+    bodies[of.mass] = random.uniform(0.5, 2.0, size=(1, 2, N))
+    bodies[of.inertia] = _inertias(geometry, random)
+    contacts[at.restitution] = random.uniform(size=N)
+    contacts[at.friction] = random.uniform(size=N)
+    bodies[of.mass, 1, 0:3], bodies[of.inertia, 1, 0:3] = math.inf, 0.0
+    bodies[of.mass, 0, 3], bodies[of.inertia, 0, 3] = math.inf, 0.0
+    if geometry is Geometry.SPATIAL:
+        for thin_rod in (2, 4):
+            bodies[of.inertia, 0, thin_rod] = (0.25, 0.0, 0.0, 0.0, 0.0, 0.25)
+    _spoil(bodies, contacts, random)
+    bodies[of.mass, :, N - 1], bodies[of.inertia, :, N - 1] = math.inf, 0.0
+    contacts[at.normal, N - 2] = 0.0
+    bodies[of.inertia, 0, N - 3] = 3.0 if geometry is Geometry.PLANAR else _of_no_body(geometry)
+    if oriented:
+        bodies[of.orientation, 1, N - 4] = 0.0
+    bodies.flags.writeable = contacts.flags.writeable = False
+    return bodies, contacts
+
+
+def _inertias(geometry: Geometry, random: np.random.Generator) -> np.ndarray:
+    """Of bodies made of a few points; nothing for POINT."""
+    if geometry is Geometry.POINT:
+        return np.empty((0, 2, N))
+    if geometry is Geometry.PLANAR:
+        return random.uniform(0.1, 1.0, size=(1, 2, N))
+    x, y, z = random.normal(size=(3, 4, 2, N)) * 0.4
+    tensor = (y * y + z * z, -x * y, -x * z, x * x + z * z, -y * z, x * x + y * y)
+    return np.array([component.sum(axis=0) for component in tensor])
+
+
+def _of_no_body(geometry: Geometry) -> tuple[float, ...]:
+    return (1.0, 0.0, 0.0, 1.0, 0.0, 3.0) if geometry is Geometry.SPATIAL else ()
+
+
+def _spoil(bodies: np.ndarray, contacts: np.ndarray, random: np.random.Generator) -> None:
+    numbers = [(bodies, (row, lane)) for row in range(bodies.shape[0]) for lane in (0, 1)]
+    numbers += [(contacts, (row,)) for row in range(contacts.shape[0])]
+    spoilt = [(*number, fault) for number in numbers for fault in FAULTS]
+    random.shuffle(spoilt)
+    for i, (array, index, fault) in zip(range(FIRST_FAULTY, N - 4), spoilt, strict=False):
+        array[(*index, i)] = fault
+
+
+def scene_of(geometry: Geometry, bodies: np.ndarray, contacts: np.ndarray, i: int, number=float):
+    """The bodies and the contact of a column, as the API for one impact takes them.
+
+    Raises:
+        ImpactError: INVALID_MASS.
+    """
+    of = body_rows(geometry, oriented=bodies.shape[0] == body_rows(Geometry.SPATIAL, oriented=True).height)
+    at = contact_rows(geometry)
+
+    def read(array: np.ndarray, rows: slice) -> list:
+        return [number(x) for x in array[rows].tolist()]
+
+    def vector(components: list, at_end: bool = False) -> Vec3:
+        zeros = [number(0.0)] * (3 - len(components))
+        return Vec3(*(zeros + components if at_end else components + zeros))
+
+    def body(column: np.ndarray) -> Body:
+        position, velocity = vector(read(column, of.position)), vector(read(column, of.velocity))
+        turning = vector(read(column, of.angular_velocity), at_end=True)
+        inertia = read(column, of.inertia)
+        if geometry is not Geometry.SPATIAL:  # a flat body's: what PLANAR does not know is made up
+            half, zz = (inertia[0] / 2, inertia[0]) if inertia else (number(0.0), number(0.0))
+            inertia = [half, number(0.0), number(0.0), half, number(0.0), zz]
+        if column[of.mass][0] == math.inf:
+            return Body.kinematic(position, velocity, turning)
+        orientation = read(column, of.orientation) if of.orientation != NOWHERE else None
+        return Body.dynamic(number(column[of.mass][0]), inertia, position, orientation, velocity, turning)
+
+    contact = contacts[:, i]
+    return (
+        body(bodies[:, 0, i]),
+        body(bodies[:, 1, i]),
+        Contact(
+            vector(read(contact, at.position)),
+            vector(read(contact, at.normal)),
+            number(contact[at.restitution][0]),
+            number(contact[at.friction][0]),
+        ),
+    )

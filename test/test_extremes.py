@@ -1,0 +1,313 @@
+"""The extremes that break solvers, one by one; what a scene requires; and what may be left out of it."""
+
+from __future__ import annotations
+
+import math
+import random
+
+import pytest
+from extremes import BEYOND_FLOAT64, ORDINARY, all_numbers, extremes, scene_named
+from random_impacts import nearly_planar
+from reference import exact_answer, true_error
+from scenes import Scene
+
+from collision_response import (
+    Adjustment,
+    Body,
+    Contact,
+    Geometry,
+    Impact,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Precision,
+    SceneContact,
+    StatusCode,
+    resolve,
+    scene_requirements,
+)
+from collision_response.physics.mass_properties import sphere
+from collision_response.physics.vector import Vec3
+
+FORMULAS = [Law.FRICTIONLESS, Law.COULOMB]
+TIERS = [Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED]
+ULP = 2.0**-52
+
+each_extreme = pytest.mark.parametrize("extreme", extremes(), ids=lambda extreme: extreme.name)
+each_law = pytest.mark.parametrize("law", FORMULAS, ids=lambda law: law.name)
+each_tier = pytest.mark.parametrize("precision", TIERS, ids=lambda tier: tier.name)
+
+
+def assert_sound(impact: Impact, scene: Scene) -> None:
+    """Every number is one, the bound holds, and where nothing is known of the error the status says so."""
+    assert all(math.isfinite(x) for x in all_numbers(impact._replace(error_bound=0.0)))
+    everything = impact.model._replace(geometry=Geometry.SPATIAL)
+    assert true_error(impact, exact_answer(*scene, everything)) <= impact.error_bound
+    assert impact.error_bound < math.inf or impact.status is StatusCode.TOLERANCE_NOT_MET
+
+
+@each_extreme
+@each_law
+@each_tier
+def test_every_tier_is_right_within_its_bound_or_says_what_is_wrong(extreme, law, precision):
+    model = ImpactModel(law, Geometry.SPATIAL, precision)
+    try:
+        impact = resolve(*extreme.scene, model)
+    except ImpactError as refusal:
+        assert refusal.code is StatusCode.OUT_OF_RANGE
+        assert precision is not Precision.EXTENDED or extreme.name in BEYOND_FLOAT64
+        return
+    assert_sound(impact, extreme.scene)
+    if precision is Precision.EXTENDED:
+        assert impact.status is StatusCode.OK
+        assert impact.error_bound <= ULP
+
+
+@each_extreme
+@each_law
+@pytest.mark.parametrize("tolerance", [0.0, 1e-3, 1e-9, 1e-15])
+def test_left_to_itself_every_extreme_is_answered_to_the_tolerance(extreme, law, tolerance):
+    model = ImpactModel(law, tolerance=tolerance)
+    if extreme.name in BEYOND_FLOAT64:
+        with pytest.raises(ImpactError, match="beyond float64"):
+            resolve(*extreme.scene, model)
+        return
+    impact = resolve(*extreme.scene, model)
+    assert_sound(impact, extreme.scene)
+    assert impact.status is StatusCode.OK
+    assert impact.error_bound <= (tolerance or 1e-6)
+
+
+@each_law
+@each_tier
+def test_the_grazing_contact_loses_digits_only_where_the_tier_says_so(law, precision):
+    scene = scene_named("grazing, |u_n|/|u| = 1e-15")
+    impact = resolve(*scene, ImpactModel(law, Geometry.SPATIAL, precision))
+    error = true_error(impact, exact_answer(*scene, impact.model))
+    if precision is Precision.SINGLE:
+        assert error > 1e-6
+    else:
+        assert error < 1e-14
+
+
+def test_a_mass_whose_inverse_overflows_is_refused():
+    with pytest.raises(ImpactError) as refusal:
+        Body.dynamic(5e-309)
+    assert refusal.value.code is StatusCode.INVALID_MASS
+
+
+def test_a_quaternion_off_unit_is_normalised_and_that_is_said():
+    scene = scene_named("quaternion of length 1.001")
+    given, unit = resolve(*scene), resolve(*ORDINARY)
+    assert given.adjustments == Adjustment.NORMALISED_ORIENTATION
+    assert math.dist(given.impulse, unit.impulse) < 1e-15 * math.hypot(*unit.impulse)
+
+
+NO_CLOSED_BOOKS = {
+    "rod without axial inertia",
+    "collinear particles, in turned axes",
+    "point mass with a lever arm",
+    "kinematic body at 1e+06 m/s",
+}
+"""Spin about an axis without inertia has velocity but no energy; a kinematic body does work."""
+
+
+CLOSED_BOOKS = [extreme for extreme in extremes() if extreme.name not in NO_CLOSED_BOOKS]
+
+
+@pytest.mark.parametrize("extreme", CLOSED_BOOKS, ids=lambda extreme: extreme.name)
+@each_tier
+def test_elastic_frictionless_impacts_keep_the_energy(extreme, precision):
+    """To the bound of the impulse, and the rounding of the energies before and after."""
+    scene = extreme.scene._replace(contact=extreme.scene.contact._replace(restitution=1.0))
+    try:
+        impact = resolve(*scene, ImpactModel(Law.FRICTIONLESS, Geometry.SPATIAL, precision))
+    except ImpactError:
+        return
+    before, after = impact.kinetic_energy_before, impact.kinetic_energy_after
+    if impact.error_bound < math.inf and before > 1e-290:
+        assert abs(after - before) <= (impact.error_bound + 100 * ULP) * (before + after)
+
+
+@each_extreme
+@each_law
+def test_plastic_impacts_end_without_normal_velocity(extreme, law):
+    """To the rounding of the velocities that must cancel."""
+    contact = extreme.scene.contact._replace(restitution=0.0)
+    scene = extreme.scene._replace(contact=contact)
+    if extreme.name in BEYOND_FLOAT64:
+        return
+    impact = resolve(*scene, ImpactModel(law, Geometry.SPATIAL, Precision.EXTENDED))
+    assert abs(impact.normal_velocity_after) <= 2.0**-60 * abs(impact.normal_velocity_before)
+
+
+@each_tier
+def test_an_impulse_through_the_centre_of_a_slender_body(precision):
+    """An error in the direction of such an impulse turns the body, which the right one does not."""
+    draw = random.Random(7)
+    checked = 0
+    while checked < 60:
+        scene, model = _through_the_centre(draw)
+        impact = resolve(*scene, model._replace(precision=precision))
+        if impact.regime.name == "STICKING" and impact.error_bound < math.inf:
+            assert_sound(impact, scene)
+            checked += 1
+
+
+def _through_the_centre(draw: random.Random) -> tuple[Scene, ImpactModel]:
+    """A slender body that spins fast; its contact comes to rest by an impulse along the lever arm."""
+
+    def vector(size: float = 1.0) -> Vec3:
+        return Vec3(*(size * draw.gauss(0, 1) for _ in range(3)))
+
+    y, z = 10 ** draw.uniform(-4, 0), 10 ** draw.uniform(-4, 0)
+    moments = (y + z, 1.0 + z, 1.0 + y)
+    arm, spin = vector(), vector(10 ** draw.uniform(1, 5))
+    inertia = (moments[0], 0.0, 0.0, moments[1], 0.0, moments[2])
+    orientation = [draw.gauss(0, 1) for _ in range(4)]
+    impulse = arm * draw.choice([1, -1])
+    body = Body.dynamic(1.0, inertia, (0, 0, 0), orientation, impulse * -1.0 - spin.cross(arm), spin)
+    normal = impulse / impulse.norm() + vector(0.3)
+    scene = Scene(body, Body.static(), Contact.of(arm, normal, 0.0, 50.0))
+    return scene, ImpactModel(Law.COULOMB, Geometry.SPATIAL)
+
+
+@pytest.mark.parametrize("distance", [1e8, 1e12])
+def test_far_from_the_origin_it_is_the_input_that_loses_digits(distance):
+    """What is answered is right for the positions as rounded; relative positions keep the digits."""
+    moved = scene_named(f"{distance:.0e} m from the origin")
+    impact, near = resolve(*moved), resolve(*ORDINARY)
+    assert true_error(impact, exact_answer(*moved, impact.model)) <= impact.error_bound < 1e-12
+    apart = math.dist(impact.impulse, near.impulse) / math.hypot(*near.impulse)
+    assert 1e-18 * distance < apart < 1e-14 * distance
+
+
+# What may be left out.
+
+
+@each_law
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6])
+def test_what_planar_leaves_out_is_within_the_bound(law, tolerance):
+    draw = random.Random(f"{law} {tolerance}")
+    chosen = []
+    for _ in range(100):
+        scene = nearly_planar(draw, out_of_plane=tolerance * 10 ** draw.uniform(-4, 1))
+        impact = resolve(*scene, ImpactModel(law, tolerance=tolerance))
+        assert_sound(impact, scene)
+        assert impact.error_bound <= tolerance
+        chosen.append(impact.model.geometry)
+    assert 15 <= chosen.count(Geometry.PLANAR) <= 95
+
+
+def test_extended_leaves_nothing_out():
+    """It promises the last digit whatever the tolerance is."""
+    ball = _ball((1e-9, 0, 0), velocity=(0, 0, -1))
+    scene = Scene(ball, Body.static(), Contact.of((0, 0, -1), (0, 0, 1)))
+    loose = resolve(*scene, ImpactModel(tolerance=1e-3))
+    tight = resolve(*scene, ImpactModel(precision=Precision.EXTENDED, tolerance=1e-3))
+    assert loose.model.geometry is Geometry.POINT
+    assert tight.model.geometry is Geometry.SPATIAL
+    assert_sound(tight, scene)
+
+
+def test_what_does_not_meet_the_tolerance_without_rotation_is_not_left_to_more_digits():
+    """The bodies' centres approach fast, their contact points slowly: only a wider model helps."""
+    spin = Vec3(0.0, 1.0, 0.0)
+    ball = _ball((-1e-5, 0, 0), velocity=(0, 0, -1.0), spin=spin * 0.9e5)
+    scene = Scene(ball, Body.static(), Contact.of((0, 0, 0), (0, 0, 1)))
+    impact = resolve(*scene, ImpactModel(tolerance=1e-6))
+    assert impact.model.precision is Precision.SINGLE
+    assert impact.model.geometry is Geometry.SPATIAL
+
+
+def test_a_mass_point_that_spins_wildly_is_no_reason_to_forget_its_spin():
+    """Arms and spins whose squares underflow and overflow are not compared by their norms."""
+    inertia = (1e-25, 0.0, 0.0, 1e-25, 0.0, 1e-25)
+    body = Body.dynamic(1.0, inertia, (0.0, 1e-163, 0.0), None, (0, 0, -1.0), (2e162, 0.0, 0.0))
+    scene = Scene(body, Body.static(), Contact.of((0, 0, 0), (0, 0, 1)))
+    impact = resolve(*scene, ImpactModel(tolerance=1e-3))
+    assert_sound(impact, scene)
+
+
+# What a scene requires.
+
+
+def _ball(position, velocity=(0.0, 0.0, 0.0), spin=(0.0, 0.0, 0.0)) -> Body:
+    return Body.dynamic(1.0, sphere(1.0, 1.0).inertia, position, None, velocity, spin)
+
+
+GROUND = Body.static()
+CENTRAL = SceneContact("ball", "ground", Contact.of((0, 0, 0), (0, 0, 1), 0.5))
+IN_PLANE = SceneContact("tilted", "ground", Contact.of((0, 0, 0), (0, 1, 0), 0.5))
+IN_SPACE = SceneContact("thrown", "ground", Contact.of((0, 0, 0), (0.1, 0.2, 1), 0.5))
+RUBBING = SceneContact("thrown", "ground", Contact.of((0, 0, 0), (0.1, 0.2, 1), 0.5, 0.3))
+BODIES = {
+    "ground": GROUND,
+    "ball": _ball((0, 0, 1), (0, 0, -1)),
+    "tilted": _ball((0.3, 0.9, 0), (0.2, -1, 0), (0, 0, 0.4)),
+    "thrown": _ball((0.3, -0.4, 0.8), (0.5, 0.1, -1), (0.3, 0.2, 0.1)),
+    "leaving": _ball((0.3, -0.4, 0.8), (0, 0, 5)),
+}
+
+
+def test_a_scene_without_contacts_requires_nothing():
+    needs = scene_requirements(BODIES, [], 1e-6)
+    assert (needs.geometry.least, needs.law.least) == (Geometry.POINT, Law.FRICTIONLESS)
+    assert needs.precision.least is Precision.SINGLE
+    assert needs.tolerance == 1e-6
+
+
+@pytest.mark.parametrize(
+    ("contact", "geometry", "law"),
+    [
+        pytest.param(CENTRAL, Geometry.POINT, Law.FRICTIONLESS, id="central"),
+        pytest.param(IN_PLANE, Geometry.PLANAR, Law.FRICTIONLESS, id="in the plane"),
+        pytest.param(IN_SPACE, Geometry.SPATIAL, Law.FRICTIONLESS, id="in space"),
+        pytest.param(RUBBING, Geometry.SPATIAL, Law.COULOMB, id="with friction"),
+    ],
+)
+def test_each_contact_asks_for_no_more_than_it_needs(contact, geometry, law):
+    needs = scene_requirements(BODIES, [contact], 1e-6)
+    assert (needs.geometry.least, needs.law.least) == (geometry, law)
+    assert needs.precision.least is Precision.SINGLE
+
+
+def test_the_most_demanding_contact_decides_and_is_named():
+    needs = scene_requirements(BODIES, [CENTRAL, IN_PLANE, RUBBING, IN_PLANE], 1e-6)
+    assert needs.geometry.least is Geometry.SPATIAL
+    assert needs.law.least is Law.COULOMB
+    for need in (needs.geometry, needs.law):
+        assert "thrown - ground" in need.reason
+        assert need.reason in str(needs)
+
+
+def test_bodies_that_separate_require_nothing():
+    leaving = RUBBING._replace(body_a="leaving")
+    assert scene_requirements(BODIES, [leaving], 1e-6) == scene_requirements(BODIES, [], 1e-6)
+
+
+def test_friction_below_the_tolerance_is_not_required():
+    slippery = RUBBING._replace(contact=RUBBING.contact._replace(friction=1e-8))
+    assert scene_requirements(BODIES, [slippery], 1e-3).law.least is Law.FRICTIONLESS
+    assert scene_requirements(BODIES, [slippery], 1e-12).law.least is Law.COULOMB
+
+
+@pytest.mark.parametrize(
+    ("share", "tolerance", "precision"),
+    [
+        ("1e-03", 1e-6, Precision.SINGLE),
+        ("1e-09", 1e-9, Precision.DOUBLE),
+        ("1e-09", 1e-15, Precision.EXTENDED),
+    ],
+)
+def test_grazing_and_the_tolerance_ask_for_precision(share, tolerance, precision):
+    body_a, body_b, contact = scene_named(f"grazing, |u_n|/|u| = {share}")
+    scene = {"a": body_a, "b": body_b}
+    needs = scene_requirements(scene, [SceneContact("a", "b", contact)], tolerance)
+    assert needs.precision.least is precision
+    assert ("a - b" in needs.precision.reason) == (precision is not Precision.SINGLE)
+
+
+def test_a_scene_says_which_body_it_does_not_know():
+    with pytest.raises(KeyError, match="nobody"):
+        scene_requirements(BODIES, [CENTRAL._replace(body_a="nobody")], 1e-6)
