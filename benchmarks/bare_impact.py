@@ -1,7 +1,7 @@
 """One frictionless impact in space: the bare law in plain Python against pinocchio's ``impulseDynamics``.
 
 Both get the lever arms ready-made: pinocchio as its Jacobian, the law as ``r x n``. Pinocchio is C++
-called from Python; the law is what :mod:`collision_response.kernels` traces and writes out.
+called from Python; the law is what :mod:`collision_response.batch.kernels` traces and writes out.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ import numpy as np
 from batch import scene
 
 from collision_response import Body, Contact, Geometry, Law
-from collision_response.kernels import bare, general, unchecked
+from collision_response.batch.kernels import bare, general, unchecked
+from collision_response.batch.problem import Problem
 from collision_response.numerics.emit_scalar import emit_scalar
 from collision_response.numerics.program import Program, Slot
 from collision_response.physics.effective_mass import Spatial
 from collision_response.physics.laws import Parameters, frictionless
-from collision_response.problem import Problem
 
 PROBLEM = Problem(Geometry.SPATIAL, Law.FRICTIONLESS)
 BODIES, CONTACTS = (array[..., 0] for array in scene(Geometry.SPATIAL, 1))

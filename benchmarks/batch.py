@@ -24,11 +24,11 @@ from typing import Any
 import numpy as np
 
 from collision_response import Geometry, ImpactModel, Law
-from collision_response.backends import Backend, prepare
 from collision_response.batch import BatchResult, prepare_batch, resolve_batch
+from collision_response.batch.backends import Backend, prepare
+from collision_response.batch.problem import Problem, contact_count
+from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.numerics import compiled
-from collision_response.problem import Problem, contact_count
-from collision_response.rows import body_rows, contact_rows
 
 Array = np.ndarray[Any, Any]
 Runs = dict[str, Callable[[], object]]

@@ -18,7 +18,7 @@ from dask.distributed import Client
 
 from collision_response import Geometry, StatusCode
 from collision_response.batch import resolve_batch
-from collision_response.rows import body_rows, contact_rows
+from collision_response.batch.rows import body_rows, contact_rows
 
 ROWS = 16  # of a chunk of results: velocity and angular velocity of both bodies, impulse, status
 

@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 
 from collision_response import Body, Contact, Geometry
+from collision_response.batch.rows import NOWHERE, body_rows, contact_rows
 from collision_response.physics.vector import Vec3
-from collision_response.rows import NOWHERE, body_rows, contact_rows
 
 N = 300
 IMMOVABLE = 4

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 import sys
@@ -14,6 +15,7 @@ pytest.importorskip("rclpy")
 import yaml
 from ros_graph import assign
 
+from collision_response.ros.parameters import DECLARATIONS
 from collision_response.srv import ResolveCollision
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
@@ -41,6 +43,13 @@ def test_the_service_call_is_a_request(tried_node):
     for path, value in _leaves(yaml.safe_load(text)):
         assign(request, path, value)
     assert tried_node.call(request).result.twist_a.linear.z == 1.5
+
+
+def test_every_parameter_is_listed_with_its_default():
+    listed = dict(re.findall(r"^\| `([\w.]+)` \| `(.*?)` \|", README, re.MULTILINE))
+    assert {name: ast.literal_eval(default) for name, default in listed.items()} == {
+        declaration.name: declaration.default for declaration in DECLARATIONS
+    }
 
 
 def test_the_files_it_names_exist():

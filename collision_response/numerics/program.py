@@ -117,9 +117,7 @@ class Program(NamedTuple):
             tape=tape, outputs={slot: moved_to[place] for slot, place in self.outputs.items()}
         )
 
-    def run(
-        self, numbers: Mapping[Slot, Any], constant: Callable[[float], Any] = float
-    ) -> dict[Slot, Any]:
+    def run(self, numbers: Mapping[Slot, Any], constant: Callable[[float], Any] = float) -> dict[Slot, Any]:
         """The results for numbers of any make, of which ``constant`` makes one from a float."""
         values: dict[int, Any] = {}
 

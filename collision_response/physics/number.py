@@ -9,7 +9,9 @@ written once: a branch, and a square root.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
+from enum import Enum
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -45,12 +47,28 @@ def square_root(x: Scalar) -> Scalar:
     if part is not None:
         return part().sqrt()
     own = getattr(x, "sqrt", None)
-    return own() if own is not None else x**0.5
+    if own is not None:
+        return own()
+    namespace = getattr(x, "__array_namespace__", None)
+    return x**0.5 if namespace is None else namespace().sqrt(x)
 
 
 def _where_of(condition: Any) -> Callable[..., Any]:
+    """``where`` of the arrays that ``condition`` is made of.
+
+    PyTorch's have no namespace, but its module; Dask's have neither, but NumPy's function passes on to
+    theirs. By the standard ``where`` takes numbers only beside an array, and enumerations not at all.
+    """
     namespace = getattr(condition, "__array_namespace__", None)
-    return np.where if namespace is None else namespace().where
+    if namespace is None:
+        module = sys.modules[type(condition).__module__.partition(".")[0]]
+        return getattr(module, "where", np.where)
+    xp = namespace()
+
+    def where(condition: Any, *values: Any) -> Any:
+        return xp.where(condition, *(xp.asarray(x.value) if isinstance(x, Enum) else x for x in values))
+
+    return where
 
 
 def _merge(where: Callable[..., Any], condition: Any, if_true: Any, if_false: Any) -> Any:

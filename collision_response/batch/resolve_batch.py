@@ -3,7 +3,7 @@
     >>> import numpy as np
     >>> from collision_response import Geometry
     >>> from collision_response.batch import resolve_batch
-    >>> from collision_response.rows import body_rows, contact_rows
+    >>> from collision_response.batch.rows import body_rows, contact_rows
     >>> of, at = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
     >>> bodies, contacts = np.zeros((of.height, 2, 1)), np.zeros((at.height, 1))
     >>> bodies[of.mass] = [[1.0], [np.inf]]  # the second body is immovable
@@ -14,8 +14,8 @@
     array([[1.],
            [0.]])
 
-What a row of ``bodies`` and of ``contacts`` holds, :mod:`~collision_response.rows` says. The numbers are
-those of :func:`~collision_response.resolve` in plain arithmetic, SINGLE's or DOUBLE's; no error bound is
+What a row of ``bodies`` and of ``contacts`` holds, :mod:`~collision_response.batch.rows` says. The numbers
+are those of :func:`~collision_response.resolve` in plain arithmetic, SINGLE's or DOUBLE's; no error bound is
 computed. A contact that cannot be answered has its own status and NaN for results, and does its
 neighbours no harm. Beyond input and output, the memory is that of a few blocks, whatever N is.
 
@@ -30,13 +30,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..model import Geometry, ImpactModel, Law, Precision
+from ..status import ImpactError, StatusCode
+from ..validate import check_model
 from .backends import Backend, is_compiled, one_by_one, prepare
 from .kernels import general
-from .model import Geometry, ImpactModel, Law, Precision
 from .problem import Problem, Tangential, contact_count
 from .rows import body_rows, contact_rows
-from .status import ImpactError, StatusCode
-from .validate import check_model
 
 Array = np.ndarray[Any, Any]
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .model import Geometry
+from ..model import Geometry
 
 NOWHERE = slice(0, 0)
 

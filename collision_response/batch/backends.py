@@ -15,15 +15,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..numerics import compiled
+from ..numerics.choices import NUMPY_NAMES
+from ..numerics.emit_blocks import emit_blocks
+from ..numerics.emit_loop import emit_loop
+from ..numerics.emit_scalar import emit_scalar
+from ..numerics.program import Program, Slot
+from ..status import StatusCode
 from .kernels import general, in_single, ordinary
-from .numerics import compiled
-from .numerics.choices import NUMPY_NAMES
-from .numerics.emit_blocks import emit_blocks
-from .numerics.emit_loop import emit_loop
-from .numerics.emit_scalar import emit_scalar
-from .numerics.program import Program, Slot
 from .problem import Problem
-from .status import StatusCode
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 """Arrays by name, in the order of the program, of shape ``(rows, N)`` or ``(rows, 2, N)``."""

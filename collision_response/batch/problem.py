@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple
 
-from .model import Geometry, Law
-from .numerics.program import Slot
-from .numerics.tape import Symbol, Tape
-from .physics.body import Body
-from .physics.contact import Contact
-from .physics.number import Scalar
-from .physics.orientation import Quaternion
-from .physics.tensor import ZERO_TENSOR, Symmetric3
-from .physics.vector import ZERO, Vec3
+from ..model import Geometry, Law
+from ..numerics.program import Slot
+from ..numerics.tape import Symbol, Tape
+from ..physics.body import Body
+from ..physics.contact import Contact
+from ..physics.number import Scalar
+from ..physics.orientation import Quaternion
+from ..physics.tensor import ZERO_TENSOR, Symmetric3
+from ..physics.vector import ZERO, Vec3
 from .rows import body_rows, contact_rows
 from .soundness import Scene
 

@@ -18,18 +18,18 @@ from collections.abc import Callable, Iterable, Iterator
 from functools import cache, reduce
 from typing import Any, NamedTuple
 
-from .model import Geometry, Law
-from .numerics.program import Program, Slot
-from .numerics.tape import Symbol, Tape
-from .physics.body import PIVOT_LIMIT
-from .physics.effective_mass import Planar, Point, Response, Spatial
-from .physics.laws import Parameters, chatterjee_ruina, frictionless
-from .physics.number import Scalar, choose
-from .physics.vector import Vec3
+from ..model import Geometry, Law
+from ..numerics.program import Program, Slot
+from ..numerics.tape import Symbol, Tape
+from ..physics.body import PIVOT_LIMIT
+from ..physics.effective_mass import Planar, Point, Response, Spatial
+from ..physics.laws import Parameters, chatterjee_ruina, frictionless
+from ..physics.number import Scalar, choose
+from ..physics.vector import Vec3
+from ..status import StatusCode
 from .problem import Inputs, Problem, inputs_of
 from .rows import body_rows
 from .soundness import CLEARANCE, Scene, all_finite, are_coefficients, is_clearly_tensor, requirements
-from .status import StatusCode
 
 GEOMETRIES: dict[Geometry, Any] = {
     Geometry.POINT: Point,

@@ -1,0 +1,5 @@
+"""Many independent contacts at once: arrays in, arrays out."""
+
+from .resolve_batch import FEW, BatchResult, Preparation, prepare_batch, resolve_batch
+
+__all__ = ["FEW", "BatchResult", "Preparation", "prepare_batch", "resolve_batch"]

@@ -1,0 +1,90 @@
+"""What a recording shows of the bodies: where they were seen, and the solid that has their inertia."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+pytest.importorskip("rerun")
+
+from test_recording import impact, read, recorded, verify
+
+from collision_response import Body
+from collision_response.physics.mass_properties import box, rod, sphere
+from collision_response.physics.orientation import Quaternion
+from collision_response.physics.tensor import Symmetric3
+from collision_response.physics.vector import Vec3
+from collision_response.recording import Sighting
+from collision_response.recording.solid import Solid
+
+EIGEN = 1e-12
+"""Relative: half sizes come from the eigenvalues of a 3x3 tensor, in some tens of roundings."""
+
+
+def test_a_body_is_seen_between_its_impacts(tmp_path):
+    ball = Body.dynamic(2.0, sphere(2.0, 0.5).inertia, (3.0, 0.0, 0.5), velocity=(0.0, 2.0, 0.0))
+    path = recorded(tmp_path, [impact(1), Sighting(1_500_000_000, "ball/1", ball), impact(2)])
+    verify(path)
+    # on the timeline of answers there are impacts only
+    entity = r"/world/bodies/ball\/1"
+    assert [sequence for _, sequence, _ in read(path, entity, "Points3D:positions")] == [1, 2]
+    assert seen(path, entity, "Points3D:positions") == [(1_500_000_000, [[3.0, 0.0, 0.5]])]
+    assert seen(path, f"{entity}/velocity_before", "Arrows3D:vectors") == [(1_500_000_000, [])]
+    ((_, [velocity]),) = seen(path, f"{entity}/velocity_after", "Arrows3D:vectors")
+    assert velocity == pytest.approx([0.0, 0.2, 0.0], rel=1e-6)
+
+
+def seen(path, entity, component):
+    """Rows of an entity that are not those of an answer: stamp [ns], value."""
+    from rerun.chunk import RrdReader
+
+    rows = []
+    for chunk in RrdReader(str(path)).stream().filter(content=entity, components=component).to_chunks():
+        batch = chunk.to_record_batch()
+        if "ros_time" in batch.schema.names and "answer" not in batch.schema.names:
+            stamps = batch.column("ros_time").cast("int64").to_pylist()
+            rows += zip(stamps, batch.column(component).to_pylist(), strict=True)
+    return rows
+
+
+def test_a_ball_is_shown_as_it_is():
+    solid = Solid.of(Body.dynamic(3.0, sphere(3.0, 0.25).inertia))
+    assert solid.is_ball
+    assert solid.half_sizes == pytest.approx([0.25] * 3, rel=EIGEN)
+
+
+def test_a_rod_is_shown_as_it_is():
+    solid = Solid.of(Body.dynamic(3.0, rod(3.0, 2.0).inertia))
+    assert not solid.is_ball
+    assert sorted(solid.half_sizes) == pytest.approx([0.0, 0.0, 1.0], rel=EIGEN, abs=EIGEN)
+    assert direction(solid, 1.0) == pytest.approx([1.0, 0.0, 0.0], abs=EIGEN)
+
+
+def test_a_box_at_an_angle_to_its_axes_is_shown_as_it_is():
+    size, turn = (1.0, 2.0, 4.0), math.radians(30)
+    about_z = Quaternion(0.0, 0.0, math.sin(turn / 2), math.cos(turn / 2))
+    inertia = box(6.0, size).inertia
+    columns = [about_z.to_world(inertia @ about_z.to_body(axis)) for axis in AXES]
+    turned = Symmetric3(*columns[0], columns[1].y, columns[1].z, columns[2].z)
+    solid = Solid.of(Body.dynamic(6.0, turned))
+    assert sorted(solid.half_sizes) == pytest.approx([0.5, 1.0, 2.0], rel=EIGEN)
+    for axis, edge in zip(AXES, size, strict=True):
+        expected = about_z.to_world(axis)
+        along = direction(solid, edge / 2)
+        assert abs(along.dot(expected)) == pytest.approx(1.0, rel=EIGEN)
+
+
+AXES = Vec3(1.0, 0.0, 0.0), Vec3(0.0, 1.0, 0.0), Vec3(0.0, 0.0, 1.0)
+
+
+def direction(solid, half_size):
+    """Where, in body axes, the edge of this half size points, up to its sign."""
+    (axis,) = (axis for axis, h in zip(AXES, solid.half_sizes, strict=True) if abs(h - half_size) < 1e-6)
+    along = Quaternion(*solid.axes).to_world(axis)
+    return along if along.x >= 0 else -along
+
+
+@pytest.mark.parametrize("body", [Body.dynamic(1.0), Body.static()], ids=["point mass", "static"])
+def test_what_has_no_inertia_has_no_solid(body):
+    assert Solid.of(body) is None
