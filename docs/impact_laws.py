@@ -285,8 +285,8 @@ def draw_routh(law: Law, end: str) -> Callable[[Axes, Case], None]:
 def travel(case: Case, goal: Rest | Impulse) -> State:
     """Routh's path from first touch to ``goal``."""
     approach = case.approach()
-    path = RouthPath(approach.mobility(), approach.n, case.mu, approach.u, 1e-12)
-    return path.travel(State(approach.n * 0.0, approach.u, approach.normal_velocity(), 0.0, 0.0), goal)
+    path = RouthPath(approach.mobility(), approach.n, case.mu, 1e-12)
+    return path.travel(State(approach.n * 0.0, approach.u, approach.n_u, 0.0, 0.0), goal)
 
 
 def path_legs(case: Case, p_end: float) -> Iterator[Vec2]:

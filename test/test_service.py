@@ -280,7 +280,7 @@ def test_results_reach_subscribers_that_come_late(graph):
 def test_the_source_systems_over_the_wire(tried_node, system):
     result = tried_node.call(request_of(system.body_a, system.body_b, system.contact)).result
     for quantity, value in system.expected.items():
-        assert attrgetter(quantity)(result) == pytest.approx(value, rel=ROUNDING), quantity
+        assert attrgetter(quantity)(result) == pytest.approx(value, rel=ROUNDING, abs=0), quantity
 
 
 @pytest.mark.parametrize(("case", "law"), REFERENCE)

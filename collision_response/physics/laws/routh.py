@@ -41,7 +41,6 @@ from ...numerics.trigonometric_roots import trigonometric_roots
 from ..effective_mass import Approach
 from ..tensor import Tensor
 from ..vector import V, Vec2
-from .hodograph import slip_along_curve
 from .law import Outcome, Parameters, Regime, slipping
 from .tangent_plane import direction, tangents
 
@@ -170,6 +169,8 @@ class Path(NamedTuple):
     def _slip(self, state: State, goal: Goal) -> tuple[State, bool]:
         """Slip until the goal or the stop; whether it was the goal."""
         if self._turns(state):
+            from .hodograph import slip_along_curve  # SciPy takes half a second to import
+
             state, arrived = slip_along_curve(self, state, goal)
             if arrived:
                 return state, True
