@@ -135,11 +135,11 @@ def survey(approach: Any, dropped: Dropped = NOTHING) -> Sizes:
     if isinstance(approach, Spatial):
         bodies = _spatial(a, approach.r_a), _spatial(b, approach.r_b)
     elif isinstance(approach, Planar):
-        bodies = _planar(a, approach.r_a.norm()), _planar(b, approach.r_b.norm())
+        bodies = _planar(a, math.hypot(*approach.r_a)), _planar(b, math.hypot(*approach.r_b))
     else:
         bodies = _point(a), _point(b)
-    length = approach.n.norm()
-    v = (a.velocity - b.velocity).norm()
+    length = math.hypot(*approach.n)
+    v = math.hypot(*(a.velocity - b.velocity))
     w = bodies[0].contact_speed + bodies[1].contact_speed
     return Sizes(
         bodies,
@@ -165,7 +165,7 @@ def coulomb_error(sizes: Sizes, split: Split, parameters: Parameters, n: Any, P:
     """Relative error of Chatterjee & Ruina's impulse, in units of roundoff."""
     e, mu, e_t, _ = parameters
     length, m = sizes.length, sizes.inverse_mass
-    P_I, D = split.j * length, split.D.norm()
+    P_I, D = split.j * length, math.hypot(*split.D)
     a, b = sizes.bodies
     stiff = (a.s**2 + b.s**2) / m
     K_error = ((a.q + 2 * a.turn + 5) * a.s**2 + (b.q + 2 * b.turn + 5) * b.s**2) / m + 3
@@ -174,7 +174,7 @@ def coulomb_error(sizes: Sizes, split: Split, parameters: Parameters, n: Any, P:
     D_error = sizes.u_error / m + (3 * (1 + stiff) + K_error) * P_I + (K_error + SOLVE * (1 + stiff)) * D
 
     D_n = n.dot(split.D) / length
-    D_t = (split.D - n * (D_n / length)).norm()
+    D_t = math.hypot(*(split.D - n * (D_n / length)))
     stick, reach, S = 1 + e_t, mu * (1 + e) * P_I, D_t - mu * D_n
     S_error = ((1 + mu) * (D_error + 4 * D) + mu * j_error * P_I) * UNIT_ROUNDOFF
     kappa = _on_cone(reach, S, stick)
@@ -183,7 +183,7 @@ def coulomb_error(sizes: Sizes, split: Split, parameters: Parameters, n: Any, P:
     if least < stick:
         kappa_error += kappa * (j_error + 4)
     along_n = (abs(1 + e - kappa) * j_error + 4) * P_I
-    return (along_n + kappa * D_error + kappa_error * D) / P.norm() + 4
+    return (along_n + kappa * D_error + kappa_error * D) / math.hypot(*P) + 4
 
 
 def twist_error(sizes: Sizes) -> float:
@@ -221,7 +221,7 @@ def gain(sizes: Sizes, bodies: tuple[Body, Body], changes: tuple[Twist, Twist], 
     for size, body, change in zip(sizes.bodies, bodies, changes, strict=True):
         if size.s:
             turning = size.spread * size.s  # of tr(I)/2, where the norm has tr(I)/3
-            most = P.norm() * math.sqrt(size.inverse_mass + turning * turning * 2 / 3)
+            most = math.hypot(*P) * math.sqrt(size.inverse_mass + turning * turning * 2 / 3)
             greatest = max(greatest, most / twist_norm(body, change))
     return greatest
 
@@ -255,8 +255,8 @@ def _planar(body: Body, arm: float) -> Amplification:
 
 
 def _spatial(body: Body, r: Vec3) -> Amplification:
-    arm, inertia = r.norm(), body.inertia
-    contact_speed = arm * body.angular_velocity.norm()
+    arm, inertia = math.hypot(*r), body.inertia
+    contact_speed = arm * math.hypot(*body.angular_velocity)
     diagonal = [moment for moment in (inertia.xx, inertia.yy, inertia.zz) if moment]
     if not diagonal:
         return Amplification(0.0, 0.0, 0.0, 0.0, contact_speed, body.inverse_mass)
