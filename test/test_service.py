@@ -14,10 +14,12 @@ pytest.importorskip("rclpy")
 from rcl_interfaces.msg import Log
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_graph import DEADLINE, assign, balls_meet, request_of, until
+from test_error_bound import grazing
 from test_laws import DIGITS_GIVEN, REFERENCE, T1, rod_on_plane
+from test_laws import ball as rolling_ball
 from test_source_systems import ROUNDING
 
-from collision_response import Law, StatusCode
+from collision_response import Body, Contact, Law, StatusCode
 from collision_response.demo.systems import all_systems
 from collision_response.msg import BodyState, CollisionResult, ImpactModel
 from collision_response.physics.laws import hodograph
@@ -311,3 +313,40 @@ def test_the_node_logs_what_the_scene_requires(graph):
             log for log in said if log.msg.startswith("the scene requires PLANAR: body_a - body_b turns")
         ]
     )
+
+
+@pytest.mark.parametrize(
+    ("mu", "regime"), [(0.19, CollisionResult.SLIDING), (0.1905, CollisionResult.STICKING)]
+)
+def test_a_sphere_sticks_over_the_wire_iff_friction_suffices(tried_node, mu, regime):
+    contact = Contact.of((0, 0, 0), (0, 1, 0), 0.5, mu)
+    result = tried_node.call(request_of(rolling_ball(1.0, 0.0), Body.static(), contact)).result
+    assert result.regime == regime
+
+
+def test_a_superball_over_the_wire(tried_node):
+    contact = Contact.of((0, 0, 0), (0, 1, 0), 1.0, friction=10.0)
+    request = request_of(rolling_ball(1.0, 3.0), Body.static(), contact, tangential_restitution=1.0)
+    result = tried_node.call(request).result
+    assert result.twist_a.linear.x == pytest.approx(15 / 7, rel=1e-14, abs=0)
+    assert -0.1 * result.twist_a.angular.z == pytest.approx(1 / 7, rel=1e-14, abs=0)
+    assert result.kinetic_energy_after == pytest.approx(result.kinetic_energy_before, rel=1e-14, abs=0)
+
+
+def test_three_balls_in_a_row_over_the_wire(tried_node):
+    speeds = [1.0, 0.0, 0.0]
+    for i, j in [(0, 1), (1, 2)]:
+        left, right = (Body.dynamic(1.0, velocity=(speeds[k], 0.0, 0.0)) for k in (i, j))
+        contact = Contact.of((0, 0, 0), normal=(-1, 0, 0), restitution=1.0)
+        result = tried_node.call(request_of(left, right, contact)).result
+        speeds[i], speeds[j] = result.twist_a.linear.x, result.twist_b.linear.x
+    assert speeds == [0.0, 0.0, 1.0]
+
+
+def test_three_tolerances_get_three_tiers_over_the_wire(tried_node):
+    used = []
+    for tolerance in (1e-3, 1e-9, 1e-15):
+        result = tried_node.call(request_of(*grazing(1e-10), tolerance=tolerance)).result
+        assert result.error_bound <= tolerance
+        used.append(result.model.precision)
+    assert used == [ImpactModel.SINGLE, ImpactModel.DOUBLE, ImpactModel.EXTENDED]
