@@ -13,12 +13,13 @@ unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH 
 unexport RMW_IMPLEMENTATION ROS_DISTRO VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help demo test lint stability colcon clean .venv .bench-venv .colcon-venv
+.PHONY: help demo test lint bench stability colcon clean .venv .bench-venv .colcon-venv
 
 help:
 	@echo 'make demo       collisions, answered by the node'
 	@echo "make test       the tests; make test ARGS='-k energy' some of them"
 	@echo 'make lint       ruff and mypy'
+	@echo 'make bench      times against peers and limits, into docs/trade-off.md: some five minutes'
 	@echo 'make stability  the measurements of docs/stability.md, anew: some ten minutes'
 	@echo 'make colcon     a colcon build of this tree, and a call of the node it installs'
 	@echo 'make clean      remove all that these made'
@@ -36,11 +37,14 @@ lint: .venv
 .venv:
 	@$(PYTHON) tools/setup_venv.py .venv $(EXTRAS)
 
+bench: .bench-venv
+	@.bench-venv/bin/python -I benchmarks $(ARGS)
+
 stability: .bench-venv
 	@.bench-venv/bin/python -I benchmarks/stability.py
 
 .bench-venv:
-	@$(PYTHON) tools/setup_venv.py .bench-venv bench,plots,test
+	@$(PYTHON) tools/setup_venv.py .bench-venv bench,plots,test benchmarks/requirements.txt
 
 colcon: .colcon-venv
 	@PATH="$(CURDIR)/.colcon-venv/bin:$$PATH"; \

@@ -2,6 +2,9 @@
 
     python3 tools/setup_venv.py .venv test,lint   pip install '.[test,lint]'
     python3 tools/setup_venv.py .colcon-venv      what a colcon build needs; not this package itself
+
+A third argument names a file of requirements that are installed one by one; one that cannot be is
+skipped by name, and tried again the next time.
 """
 
 # Also read by Pythons that are too old, to tell them so: nothing newer than Python 3.6 here.
@@ -86,6 +89,14 @@ class Environment:
 
     def run(self, what, command):
         """One line of progress; the output only if the command fails."""
+        result = self.attempt(what, command)
+        if result.returncode:
+            print(f"{result.stdout}\n==> {self.path.name}: {what} failed, output above.")
+            sys.exit(1)
+        return result.stdout
+
+    def attempt(self, what, command):
+        """One line of progress, whether the command fails or not."""
         print(f"==> {self.path.name}: {what} ...", end="", flush=True)
         start = time.monotonic()
         result = subprocess.run(
@@ -96,11 +107,8 @@ class Environment:
             stderr=subprocess.STDOUT,
             text=True,
         )
-        if result.returncode:
-            print(f" failed.\n{result.stdout}\n==> {self.path.name}: {what} failed, output above.")
-            sys.exit(1)
-        print(f" done in {time.monotonic() - start:.0f} s", flush=True)
-        return result.stdout
+        print(f" {'failed' if result.returncode else 'done'} in {time.monotonic() - start:.0f} s", flush=True)
+        return result
 
     def pip_install(self, what, *arguments):
         self.run(what, [str(self.python), "-m", "pip", "install", *arguments])
@@ -112,8 +120,8 @@ def needs(environment):
     return digest(requirements, sys.version, environment.base_python, str(ROOT), Path(__file__).resolve())
 
 
-def install_package(extras):
-    environment = Environment(".venv")
+def install_package(name, extras):
+    environment = Environment(name)
     needed, built = digest(needs(environment), extras), digest(*(ROOT / name for name in BUILD_INPUTS))
     if not environment.is_current("needs.stamp", needed):
         environment.create()
@@ -125,6 +133,21 @@ def install_package(extras):
         environment.pip_install("the package anew (1 min)", "--no-deps", "--force-reinstall", ".")
         (environment.path / "build.stamp").write_text(built)
     link_python(next(environment.path.glob("lib/python*/site-packages/collision_response")))
+    return environment
+
+
+def install_optional(environment, requirements):
+    """What is good to have: each by itself, so that one that cannot be installed spoils no other."""
+    stamp = environment.path / "optional.stamp"
+    installed = set(stamp.read_text().splitlines()) if stamp.exists() else set()
+    lines = (line.partition("#")[0].strip() for line in (ROOT / requirements).read_text().splitlines())
+    for requirement in sorted({line for line in lines if line} - installed):
+        command = [str(environment.python), "-m", "pip", "install", "--prefer-binary", requirement]
+        if environment.attempt(requirement, command).returncode:
+            print(f"==> {environment.path.name}: {requirement} is left out")
+        else:
+            installed.add(requirement)
+            stamp.write_text("\n".join(sorted(installed)))
 
 
 def link_python(installed):
@@ -174,17 +197,19 @@ def install_colcon():
     (environment.path / "needs.stamp").write_text(needed)
 
 
-def main(name, extras=""):
+def main(name, extras="", optional=""):
     problem = missing()
     if problem:
         sys.exit(problem)
     # What a ROS wheel put there for the Python that runs this is wrong for every other.
     for variable in ("LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE"):
         os.environ.pop(variable, None)
-    if name == ".venv":
-        install_package(extras)
-    else:
+    if name == ".colcon-venv":
         install_colcon()
+        return
+    environment = install_package(name, extras)
+    if optional:
+        install_optional(environment, optional)
 
 
 if __name__ == "__main__":

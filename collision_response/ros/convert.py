@@ -236,7 +236,9 @@ def write_answer(
 def _notes(impact: Impact) -> Iterator[str]:
     yield from (note for flag, note in NOTES.items() if flag in impact.adjustments)
     if impact.status is StatusCode.TOLERANCE_NOT_MET:
-        yield f"error_bound is {impact.error_bound:.3g}, above the tolerance of {impact.model.tolerance:.3g}"
+        tolerance = impact.model.tolerance
+        above = f", above the tolerance of {tolerance:.3g}" if tolerance else ""
+        yield f"error_bound is {impact.error_bound:.3g}{above}"
 
 
 def write_refusal(

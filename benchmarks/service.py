@@ -1,0 +1,307 @@
+"""The round trip of the services, against services of the same types that only echo.
+
+Every server is a process of its own; the clients share one. Both are this directory, run with the words
+in ``COMMANDS``.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+from timing import Samples, ratio, spread
+
+HERE = Path(__file__).resolve().parent
+COMMANDS = {"echo": "serve-echo", "measure": "measure-service"}
+DEADLINE = 30.0
+"""Seconds for anything to happen that should take much less."""
+
+ROUNDS = 80
+CALLS = 24
+"""In a round, one after the other; of concurrent ones, together."""
+
+CONCURRENT = 8
+CALLBACK = "the callback alone"
+
+
+# Servers --------------------------------------------------------------------------------------
+
+
+def echo() -> None:
+    """Serve a prebuilt answer under the name of the node's service."""
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.node import Node
+    from rclpy.signals import SignalHandlerOptions
+
+    from collision_response.ros.node import SERVICE_QOS
+    from collision_response.ros.signals import on_signal
+    from collision_response.srv import ResolveCollision
+
+    stop = on_signal()
+    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    node, executor = Node("collision_response"), SingleThreadedExecutor()
+    response = ResolveCollision.Response(success=True)
+    response.result.header.frame_id = response.result.contact.header.frame_id = "world"
+    response.result.contact.body_a, response.result.contact.body_b = "a", "b"
+    node.create_service(
+        ResolveCollision, "~/resolve_collision", lambda request, _: response, qos_profile=SERVICE_QOS
+    )
+    executor.add_node(node)
+    executor.spin_until_future_complete(stop)
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+@contextmanager
+def server(command: list[str], namespace: str, *parameters: str) -> Iterator[subprocess.Popen]:
+    """A server in a namespace, ended when the context is left."""
+    options = [word for parameter in parameters for word in ("-p", parameter)]
+    words = [*command, "--ros-args", "-r", f"__ns:=/{namespace}", *options, "--log-level", "warn"]
+    process = subprocess.Popen(words, stdin=subprocess.DEVNULL)
+    try:
+        yield process
+    finally:
+        process.send_signal(signal.SIGTERM)
+        try:
+            process.wait(DEADLINE)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+# Clients --------------------------------------------------------------------------------------
+
+
+def impact() -> Any:
+    """A request: two bodies in space, in full, with friction."""
+    from collision_response.srv import ResolveCollision
+
+    request = ResolveCollision.Request()
+    for body, name, side in ((request.body_a, "a", 1.0), (request.body_b, "b", -1.0)):
+        body.name, body.header.frame_id = name, "world"
+        body.inertia.m, body.inertia.ixx, body.inertia.iyy, body.inertia.izz = 2.0, 0.3, 0.4, 0.5
+        body.pose.position.x, body.pose.position.y, body.pose.position.z = 0.1, 0.2, 0.6 * side
+        body.twist.linear.x, body.twist.linear.y, body.twist.linear.z = 0.3 * side, -0.2, -1.5 * side
+        body.twist.angular.x, body.twist.angular.y, body.twist.angular.z = 0.4, -0.7 * side, 0.9
+    request.contact.header.frame_id = "world"
+    request.contact.position.x, request.contact.position.y, request.contact.position.z = 0.05, 0.1, 0.02
+    request.contact.normal.z = 1.0
+    request.contact.restitution, request.contact.friction = 0.5, 0.3
+    return request
+
+
+class Clients:
+    """Clients of every server, in one node."""
+
+    def __init__(self, servers: list[str]) -> None:
+        import rclpy
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.node import Node
+
+        from collision_response.ros.node import SERVICE_QOS
+        from collision_response.srv import ResolveCollision
+
+        rclpy.init()
+        self._node, self._executor = Node("clients"), SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self._clients = {
+            name: [
+                self._node.create_client(
+                    ResolveCollision, f"/{name}/collision_response/resolve_collision", qos_profile=SERVICE_QOS
+                )
+                for _ in range(CONCURRENT)
+            ]
+            for name in servers
+        }
+
+    def wait(self) -> None:
+        """Until every server is there.
+
+        Raises:
+            TimeoutError: one is not.
+        """
+        for name, clients in self._clients.items():
+            for client in clients:
+                if not client.wait_for_service(DEADLINE):
+                    raise TimeoutError(f"{name} does not serve")
+
+    def call(self, name: str, request: Any) -> Any:
+        """The answer of a server.
+
+        Raises:
+            TimeoutError: there is none.
+        """
+        future = self._clients[name][0].call_async(request)
+        return self._result(future)
+
+    def one_after_the_other(self, name: str, request: Any) -> float:
+        """Seconds of a call."""
+        start = time.perf_counter()
+        for _ in range(CALLS):
+            self.call(name, request)
+        return (time.perf_counter() - start) / CALLS
+
+    def at_once(self, name: str, request: Any) -> float:
+        """Seconds between answers, when each client asks again as soon as it has its answer."""
+        from rclpy.task import Future
+
+        done, left, answers = Future(), CALLS, 0
+
+        def ask(client: Any) -> None:
+            nonlocal left
+            left -= 1
+            client.call_async(request).add_done_callback(lambda _: answered(client))
+
+        def answered(client: Any) -> None:
+            nonlocal answers
+            answers += 1
+            if left > 0:
+                ask(client)
+            elif answers == CALLS:
+                done.set_result(True)
+
+        start = time.perf_counter()
+        for client in self._clients[name]:
+            ask(client)
+        self._result(done)
+        return (time.perf_counter() - start) / CALLS
+
+    def _result(self, future: Any) -> Any:
+        self._executor.spin_until_future_complete(future, DEADLINE)
+        if not future.done():
+            raise TimeoutError("no answer")
+        return future.result()
+
+    def close(self) -> None:
+        """Take everything down."""
+        import rclpy
+
+        self._executor.shutdown()
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+
+
+# Measuring ------------------------------------------------------------------------------------
+
+
+def round_trips() -> Samples:
+    """Seconds of a round trip, by kind."""
+    node, echoing = [_script("collision_response_node")], _self("echo")
+    with ExitStack() as stack:
+        directory = stack.enter_context(tempfile.TemporaryDirectory())
+        stack.enter_context(server(echoing, "echo"))
+        stack.enter_context(server(node, "plain"))
+        record = ("recording.enabled:=true", f"recording.directory:={directory}")
+        stack.enter_context(server(node, "recording", *record))
+        names = ["echo", "plain", "recording"]
+        clients = Clients(names)
+        stack.callback(clients.close)
+        clients.wait()
+        return _rounds(clients, names)
+
+
+def _rounds(clients: Clients, names: list[str]) -> Samples:
+    request = impact()
+    for name in names:
+        assert clients.call(name, request).success, name
+        clients.at_once(name, request)
+    kinds = {"1 client": clients.one_after_the_other, f"{CONCURRENT} clients": clients.at_once}
+    order, draw = [(name, kind) for name in names for kind in kinds], random.Random(0)
+    samples: Samples = {f"{name}, {kind}": [] for name, kind in order}
+    for _ in range(ROUNDS):
+        draw.shuffle(order)
+        for name, kind in order:
+            samples[f"{name}, {kind}"].append(kinds[kind](name, request))
+    return samples
+
+
+def callback_profile() -> dict[str, Any]:
+    """What the node's callback costs by itself, and where that goes."""
+    import rclpy
+    from profiles import profile
+    from timing import interleaved
+
+    from collision_response.ros.node import CollisionResponseNode
+    from collision_response.srv import ResolveCollision
+
+    rclpy.init(args=["--ros-args", "--log-level", "warn"])
+    node = CollisionResponseNode()
+    try:
+        (service,) = (s for s in node.services if s.srv_name.endswith("/resolve_collision"))
+        request = impact()
+
+        def call() -> Any:
+            return service.callback(request, ResolveCollision.Response())
+
+        samples = interleaved({CALLBACK: call}, rounds=11, seconds=0.02)
+        return {"s": spread(samples[CALLBACK]), "tree": profile(call, service.callback.__name__)}
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def batch_service(skipped: dict[str, str]) -> dict[str, Any] | None:
+    """The batch service against an echo of the same bytes, once there is one."""
+    from collision_response import srv
+
+    if not hasattr(srv, "ResolveCollisionBatch"):
+        skipped["batch service"] = "this version has none"
+        return None
+    skipped["batch service"] = "not measured yet"
+    return None
+
+
+def measure() -> dict[str, Any]:
+    """All there is to say of the services."""
+    skipped: dict[str, str] = {}
+    samples = round_trips()
+    ratios = {
+        f"{name}, {kind}": ratio(samples, f"{name}, {kind}", f"echo, {kind}")
+        for name in ("plain", "recording")
+        for kind in ("1 client", "8 clients")
+    }
+    return {
+        "s": {name: spread(values) for name, values in samples.items()},
+        "ratios": ratios,
+        "callback": callback_profile(),
+        "batch": batch_service(skipped),
+        "skipped": skipped,
+    }
+
+
+def in_own_process() -> dict[str, Any]:
+    """:func:`measure`, out of the way of whatever else this process has imported."""
+    with _own_domain() as environment:
+        done = subprocess.run(
+            _self("measure"), env=environment, stdout=subprocess.PIPE, text=True, timeout=600, check=True
+        )
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@contextmanager
+def _own_domain() -> Iterator[dict[str, str]]:
+    """An environment in which no other session on this machine is met, and none beyond it."""
+    import domain_coordinator
+
+    with domain_coordinator.domain_id() as domain:
+        yield {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+
+
+def _self(command: str) -> list[str]:
+    return [sys.executable, "-I", str(HERE), COMMANDS[command]]
+
+
+def _script(name: str) -> str:
+    return str(Path(sys.executable).parent / name)
