@@ -165,6 +165,7 @@ def _bound(impact: Impact, approach: Any, sizes: Sizes, outcome: Outcome, parame
     roundings = coulomb_error(sizes, parts, parameters, approach.n, outcome.impulse)
     if law is not Law.COULOMB:
         integrated = (parameters.tolerance or DOUBLE_TOLERANCE) / UNIT_ROUNDOFF
+        integrated *= math.hypot(*approach.u) / abs(sizes.u_n)  # the integrator's errors are relative to u
         roundings = PATH_MARGIN * (roundings + integrated)
     bodies, changes = (approach.body_a, approach.body_b), (impact.change_a, impact.change_b)
     return total(roundings * gain(sizes, bodies, changes, impact.impulse) + twist_error(sizes), sizes)

@@ -151,5 +151,14 @@ def test_the_bound_of_a_path_holds_its_tolerance(law, tolerance):
         assert apart <= impact.error_bound < 1e5 * max(tolerance, 1e-12)
 
 
+@pytest.mark.parametrize("law", [Law.ROUTH_POISSON, Law.ROUTH_STRONGE], ids=lambda law: law.name)
+@pytest.mark.parametrize("share", [1e-4, 1e-8, 1e-10])
+def test_the_bound_of_a_path_holds_where_it_grazes(law, share):
+    scene = grazing(share)
+    impact = scene.resolve(law)
+    exact = [float(x) for x in scene.by_oracle(law, digits=40).impulse]
+    assert math.dist(impact.impulse, exact) / math.hypot(*exact) <= impact.error_bound
+
+
 def test_moreau_has_no_bound():
     assert random_scene(1).resolve(Law.MOREAU).error_bound == -1.0
