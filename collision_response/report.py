@@ -11,7 +11,8 @@ from .physics.contact import Contact
 from .physics.effective_mass import Approach
 from .physics.energy import energy_lost, kinetic_energy
 from .physics.laws import Outcome, Regime
-from .physics.number import square_root
+from .physics.number import Scalar, square_root
+from .physics.orientation import Quaternion
 from .physics.vector import Vec3
 from .status import StatusCode
 
@@ -107,17 +108,21 @@ def report(
         energy_lost_friction=lost.friction,
         regime=outcome.regime,
         error_bound=math.inf,
-        adjustments=adjustments | normalised(body_a, body_b),
+        adjustments=adjustments,
     )
 
 
 def normalised(*bodies: Body) -> Adjustment:
     """Whether a quaternion was not of unit length."""
     for body in bodies:
-        q = body.orientation
-        if q is not None and abs(q.squared_length() - 1) > UNIT_LENGTH_TOLERANCE:
+        if body.orientation is not None and is_off_unit(body.orientation):
             return Adjustment.NORMALISED_ORIENTATION
     return Adjustment.NONE
+
+
+def is_off_unit(orientation: Quaternion) -> Scalar:
+    """Whether a quaternion is so far from unit length that its normalising is reported."""
+    return abs(orientation.squared_length() - 1) > UNIT_LENGTH_TOLERANCE
 
 
 def is_in_range(impact: Impact) -> bool:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Iterator
-from typing import NamedTuple
+from functools import reduce
+from typing import Any, NamedTuple
 
 from .model import Geometry, ImpactModel, Law, Precision
 from .numerics.error_bound import NOTHING, Dropped, amplification_by_arm, are_in_range
 from .physics.body import Body
 from .physics.contact import Contact
+from .physics.number import are_zero
 from .physics.tensor import ZERO_TENSOR
 from .physics.vector import Vec3
 
@@ -75,37 +78,46 @@ def plan(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Pl
 
 def least_exact_geometry(body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool) -> Geometry:
     """The cheapest geometry whose answer is exactly that of SPATIAL."""
-    arms = contact.position - body_a.position, contact.position - body_b.position
-    bodies = list(zip((body_a, body_b), arms, strict=True))
-    if all(_is_point(body, arm, contact.normal, frictionless) for body, arm in bodies):
+    if is_point(body_a, body_b, contact, frictionless=frictionless):
         return Geometry.POINT
-    in_plane = not contact.normal.z and all(_is_planar(body, arm) for body, arm in bodies)
-    at_rest_across = body_a.velocity.z == body_b.velocity.z and not (_tumbles(body_a) or _tumbles(body_b))
-    if in_plane and (frictionless or at_rest_across):
-        return Geometry.PLANAR
-    return Geometry.SPATIAL
+    return (
+        Geometry.PLANAR if is_planar(body_a, body_b, contact, frictionless=frictionless) else Geometry.SPATIAL
+    )
 
 
-def _is_point(body: Body, arm: Vec3, normal: Vec3, frictionless: bool) -> bool:
+def is_point(body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool) -> Any:
     """Whether rotation neither moves the contact, as far as the law looks, nor responds to it."""
-    acts_centrally = _is_parallel(arm, normal) if frictionless else not any(arm)
-    return acts_centrally or (body.inertia == ZERO_TENSOR and not any(body.angular_velocity))
+
+    def is_point_like(body: Body) -> Any:
+        arm = contact.position - body.position
+        acts_centrally = _is_parallel(arm, contact.normal) if frictionless else are_zero(arm)
+        return acts_centrally | are_zero([*body.inertia, *body.angular_velocity])
+
+    return is_point_like(body_a) & is_point_like(body_b)
 
 
-def _is_parallel(v: Vec3, w: Vec3) -> bool:
+def is_planar(body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool) -> Any:
+    """Whether all that matters lies in the x-y plane."""
+    in_plane = contact.normal.z == 0
+    for body in (body_a, body_b):
+        in_plane = in_plane & (contact.position.z == body.position.z) & _turns_about_z(body)
+    if frictionless:
+        return in_plane
+    tumbling = [w for body in (body_a, body_b) for w in body.angular_velocity[:2]]
+    return in_plane & (body_a.velocity.z == body_b.velocity.z) & are_zero(tumbling)
+
+
+def _is_parallel(v: Vec3, w: Vec3) -> Any:
     """Whether two vectors lie along one axis of coordinates: then no rounding can hide a torque."""
-    return not any(v[i] and w[j] for i in range(3) for j in range(3) if i != j)
+    pairs = ((v[i] == 0) | (w[j] == 0) for i in range(3) for j in range(3) if i != j)
+    return reduce(operator.and_, pairs)
 
 
-def _is_planar(body: Body, arm: Vec3) -> bool:
-    """Whether an impulse in the plane through the centre of mass turns the body about z alone."""
-    inertia, orientation = body.inertia, body.orientation
-    turned_about_z = orientation is None or not (orientation.x or orientation.y)
-    return not (arm.z or inertia.xz or inertia.yz) and (turned_about_z or inertia == ZERO_TENSOR)
-
-
-def _tumbles(body: Body) -> bool:
-    return bool(body.angular_velocity.x or body.angular_velocity.y)
+def _turns_about_z(body: Body) -> Any:
+    """Whether an impulse in the x-y plane through the centre of mass turns the body about z alone."""
+    inertia, q = body.inertia, body.orientation
+    is_uncoupled = are_zero([inertia.xz, inertia.yz])
+    return is_uncoupled if q is None else is_uncoupled & (are_zero([q.x, q.y]) | are_zero(inertia))
 
 
 def _sizes(body_a: Body, body_b: Body, contact: Contact) -> Iterator[float]:
@@ -138,9 +150,9 @@ def _drop_rotation(body_a: Body, body_b: Body, contact: Contact, frictionless: b
         speed += body.angular_velocity.norm() * lever
         if lever and body.inertia != ZERO_TENSOR:
             by_arm = amplification_by_arm(body)
-            turning = lever * by_arm.s
+            turning = lever * math.sqrt(by_arm.ss)
             mobility += turning**2 / total
-            spin = max(spin, turning * by_arm.spread / math.sqrt(body.inverse_mass))
+            spin = max(spin, turning * math.sqrt(by_arm.condition / body.inverse_mass))
     return Dropped(speed, mobility, spin)
 
 
@@ -151,14 +163,15 @@ def _drop_out_of_plane(body_a: Body, body_b: Body, contact: Contact, frictionles
     speed, mobility, spin = drift * (tilt if frictionless else 1.0), tilt, tilt
     total = body_a.inverse_mass + body_b.inverse_mass
     for body in (body_a, body_b):
-        if not _is_planar(body, Vec3(0.0, 0.0, 0.0)):
+        if not _turns_about_z(body):
             return Dropped(math.inf, math.inf, math.inf)
         arm, w = contact.position - body.position, body.angular_velocity
         reach = arm.norm()
         speed += 2 * math.hypot(w.x, w.y) * reach + abs(w.z) * reach * tilt
         if reach and body.inertia != ZERO_TENSOR:
             by_arm = amplification_by_arm(body)
-            turning = (abs(arm.z) + tilt * reach) * by_arm.s
-            mobility += 3 * turning * reach * by_arm.s / total
-            spin = max(spin, tilt + turning * by_arm.spread / math.sqrt(body.inverse_mass))
+            c = math.sqrt(by_arm.ss)
+            turning = (abs(arm.z) + tilt * reach) * c
+            mobility += 3 * turning * reach * c / total
+            spin = max(spin, tilt + turning * math.sqrt(by_arm.condition / body.inverse_mass))
     return Dropped(speed, mobility, spin)

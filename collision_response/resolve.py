@@ -13,6 +13,7 @@ from .physics.contact import Contact
 from .report import Impact
 from .requirements import Plan, plan
 from .status import ImpactError, StatusCode
+from .straight_line import usual_answer, usual_attempt
 from .tiers import TIERS
 from .validate import check_request
 
@@ -36,10 +37,14 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = D
     Raises:
         ImpactError: the request cannot be answered; its ``code``, ``field`` and ``reason`` say why.
     """
+    usual = usual_answer(body_a, body_b, contact, model)
+    if usual is not None:
+        return usual
     check_request(body_a, body_b, contact, model)
     best = None
     for attempt in _attempts(body_a, body_b, contact, model):
-        impact = TIERS[attempt.model.precision](body_a, body_b, contact, attempt)
+        impact = usual_attempt(body_a, body_b, contact, attempt)
+        impact = impact or TIERS[attempt.model.precision](body_a, body_b, contact, attempt)
         if impact is None:
             continue
         if impact.error_bound <= (model.tolerance or LARGEST):

@@ -45,7 +45,8 @@ from .physics.laws import (
 )
 from .physics.laws.chatterjee_ruina import split
 from .physics.laws.routh import DOUBLE_TOLERANCE
-from .report import Impact, is_in_range, report
+from .physics.number import Scalar
+from .report import Impact, is_in_range, normalised, report
 from .requirements import Plan
 from .validate import check_coefficient
 
@@ -118,6 +119,7 @@ def answer(
         outcome = Outcome(approach.n * 0, Regime.SEPARATING)
     if outcome.fell_back:
         model, adjustments = model._replace(law=Law.COULOMB), adjustments | Adjustment.LAW_FALLBACK
+    adjustments |= normalised(body_a, body_b)
     impact = report(body_a, body_b, contact, model, approach, outcome, adjustments)
     return impact, outcome, parameters
 
@@ -139,7 +141,7 @@ def _rounded(body_a: Body, body_b: Body, contact: Contact, plan: Plan, *, exact_
     try:
         approach = geometry.prepare(body_a, body_b, contact)
         sizes = survey(approach, plan.dropped)
-        if exact_speed and not plan.dropped.speed and sizes.u_n_error > GRAZING * abs(sizes.u_n):
+        if exact_speed and not plan.dropped.speed and is_grazing(sizes):
             n_u = extended.exact_normal_velocity(geometry.prepare, body_a, body_b, contact)
             approach = approach._replace(n_u=n_u)
             sizes = sizes._replace(u_n=n_u / sizes.length, u_n_error=2 * abs(n_u) / sizes.length)
@@ -150,15 +152,28 @@ def _rounded(body_a: Body, body_b: Body, contact: Contact, plan: Plan, *, exact_
     return impact._replace(error_bound=bound) if is_in_range(impact) else None
 
 
+def is_grazing(sizes: Sizes) -> Scalar:
+    """Whether the approach speed loses so much that DOUBLE computes it exactly."""
+    return sizes.u_n_error > GRAZING * abs(sizes.u_n)
+
+
 def _bound(impact: Impact, approach: Any, sizes: Sizes, outcome: Outcome, parameters: Parameters) -> float:
     """The error bound of a rounded answer."""
-    law = impact.model.law
     if outcome.regime is Regime.SEPARATING:
         return 0.0 if sizes.u_n >= sizes.u_n_error * UNIT_ROUNDOFF else math.inf
     if not sizes.u_n:
         return math.inf
-    if law is Law.MOREAU:
+    if impact.model.law is Law.MOREAU:
         return -1.0
+    bound: float = bound_of_collision(impact, approach, sizes, outcome, parameters)
+    return bound
+
+
+def bound_of_collision(
+    impact: Impact, approach: Any, sizes: Sizes, outcome: Outcome, parameters: Parameters
+) -> Scalar:
+    """The error bound of a rounded answer about bodies that approach each other, but for MOREAU."""
+    law = impact.model.law
     if law is Law.FRICTIONLESS:
         return total(frictionless_error(sizes) + twist_error(sizes), sizes)
     parts = outcome.split or split(approach)

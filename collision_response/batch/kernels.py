@@ -26,10 +26,10 @@ from ..physics.effective_mass import Planar, Point, Response, Spatial
 from ..physics.laws import Parameters, chatterjee_ruina, frictionless
 from ..physics.number import Scalar, choose
 from ..physics.vector import Vec3
+from ..soundness import CLEARANCE, Scene, all_finite, are_coefficients, is_clearly_tensor, requirements
 from ..status import StatusCode
 from .problem import Inputs, Problem, inputs_of
 from .rows import body_rows
-from .soundness import CLEARANCE, Scene, all_finite, are_coefficients, is_clearly_tensor, requirements
 
 GEOMETRIES: dict[Geometry, Any] = {
     Geometry.POINT: Point,

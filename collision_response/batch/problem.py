@@ -15,8 +15,8 @@ from ..physics.number import Scalar
 from ..physics.orientation import Quaternion
 from ..physics.tensor import ZERO_TENSOR, Symmetric3
 from ..physics.vector import ZERO, Vec3
+from ..soundness import Scene
 from .rows import body_rows, contact_rows
-from .soundness import Scene
 
 
 class Tangential(Enum):

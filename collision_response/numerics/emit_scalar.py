@@ -50,13 +50,18 @@ def emit_scalar(program: Program, name: str = "kernel", literal: Callable[[float
 
     It wants ``inf``, ``nan`` and ``sqrt`` of :mod:`math`, and what ``literal`` writes for a number.
     """
+    lines, results = emit_body(program, literal)
+    inputs = ", ".join(slot.name for slot in program.inputs)
+    return "\n".join([f"def {name}({inputs}):", *lines, f"    return ({', '.join(results)},)", ""])
+
+
+def emit_body(program: Program, literal: Callable[[float], str] = repr) -> tuple[list[str], list[str]]:
+    """The lines that compute, indented, and an expression for each output."""
     emitter = _Emitter(program, literal)
     scope = _Scope({}, {}, "    ")
     results = list(program.outputs.values())
     emitter.compute(results, scope)
-    inputs = ", ".join(slot.name for slot in program.inputs)
-    returned = ", ".join(emitter.expression(place, scope) for place in results)
-    return "\n".join([f"def {name}({inputs}):", *emitter.lines, f"    return ({returned},)", ""])
+    return emitter.lines, [emitter.expression(place, scope) for place in results]
 
 
 class _Emitter:

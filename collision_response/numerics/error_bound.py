@@ -13,7 +13,7 @@ Everything is in units of the roundoff. What the letters stand for, per body:
     q    rounding of I^-1 L, relative in the norm of the energy. L D L^T is stable in every scaling of
          the axes (Higham 2002, ch. 10), so what counts is the least eigenvalue 1/g of the tensor
          scaled to a unit diagonal, not its condition number: g = 1 for principal axes, however thin
-         the body. Turning the result into world axes does bring in the condition, as ``spread``
+         the body. Turning the result into world axes does bring in the condition number
 
 The approach speed loses ``(|v_A - v_B| + |w||r|) / |u_n|`` by cancellation. A frictionless impulse
 adds the roundings of ``n.Kn``. Chatterjee & Ruina's ``D = -K^-1 (u + Kn j)`` adds the condition of
@@ -27,23 +27,37 @@ Source of the constants: Higham, *Accuracy and Stability of Numerical Algorithms
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Iterable
+from functools import reduce
 from typing import Any, NamedTuple
 
-from ..physics.body import PIVOT_LIMIT, Body, Twist
+from ..physics.body import PIVOT_LIMIT, Body, Twist, factor_inertia
 from ..physics.effective_mass import Planar, Spatial
 from ..physics.laws.chatterjee_ruina import Split
 from ..physics.laws.law import Parameters
+from ..physics.number import Scalar, are_zero, choose, square_root
 from ..physics.tensor import Symmetric3
-from ..physics.vector import Vec3
+from ..physics.vector import V, Vec2, Vec3
 
 UNIT_ROUNDOFF = 2.0**-53
 LEAST, RANGE = 1e-30, 1e30
 """Sizes between these let no product of a law overflow or underflow."""
 
-CROSS, TURN, SOLVE, SPEED, SPIN_SPEED = 4.0, 24.0, 12.0, 6.0, 9.0
-"""Roundings, worst case: of a vector product of a difference, of a quaternion's turn, of a 3x3 solve
-by ``L D L^T``, and of the two parts of the approach speed."""
+LEAST_SQUARE = 1e-290
+"""Above it, a square length has lost nothing to underflow."""
+
+FIRST_ORDER = 0.1
+"""A relative error beyond this is beyond an analysis to first order."""
+
+CROSS, TURN, SOLVE, SPEED, SPIN_SPEED = 3.2, 24.0, 12.0, 6.0, 8.2
+"""Roundings, worst case: of a vector product with a difference, of a quaternion's turn, of a 3x3 solve
+by ``L D L^T``, and of the two parts of the approach speed.
+
+CROSS is 1 for the difference, ``2 / 3^(1/2)`` for the products (``|a_y b_z| + |a_z b_y|`` and so on, in
+norm, relative to ``|a||b|``), 1 for their difference. SPEED is 1 for the difference of the velocities,
+3 for the scalar product, 2 for the sums; SPIN_SPEED is CROSS, 3 and 2.
+"""
 
 
 class Dropped(NamedTuple):
@@ -73,36 +87,31 @@ class Amplification(NamedTuple):
     """What one body does to rounding: ``s`` and ``q`` as at the head of this module.
 
     Attributes:
+        ss: ``s^2``.
         solve: roundings of ``I^-1 L`` in body axes.
         turn: roundings of a turn into body axes, or out of them.
-        spread: ``c (tr(I)/2)^(1/2)``, the root of the condition number of the inertia from above.
-        contact_speed: of the contact point about the centre of mass [m/s].
-        inverse_mass: [1/kg].
+        condition: ``c^2 tr(I)/2``, the condition number of the inertia from above.
+        speed_squared: of the contact point about the centre of mass [m^2/s^2].
+        mass: [kg]; 0 if the body is immovable.
     """
 
-    s: float
-    solve: float
+    ss: Scalar
+    solve: Scalar
     turn: float
-    spread: float
-    contact_speed: float
-    inverse_mass: float
+    condition: Scalar
+    speed_squared: Scalar
+    mass: Scalar
 
     @property
-    def a(self) -> float:
-        """Roundings of an angular impulse ``r x P``."""
-        return CROSS + self.turn
-
-    @property
-    def q(self) -> float:
+    def q(self) -> Scalar:
         """Roundings of ``I^-1 L`` in world axes, in the norm of the energy."""
-        return self.solve + self.turn * self.spread
+        return self.solve + self.turn * square_root(self.condition)
 
     @property
-    def twist(self) -> float:
+    def twist(self) -> Scalar:
         """Roundings of the change of twist beyond those of the impulse."""
-        if not self.inverse_mass:
-            return 0.0
-        return self.turn + self.spread * (self.solve + self.a * self.s / math.sqrt(self.inverse_mass))
+        torque = (CROSS + self.turn) * square_root(self.ss * self.mass)
+        return self.turn + square_root(self.condition) * (self.solve + torque)
 
 
 class Sizes(NamedTuple):
@@ -114,18 +123,21 @@ class Sizes(NamedTuple):
         u_n: normal velocity [m/s], and its absolute error in units of roundoff.
         u_n_error: see ``u_n``.
         u_error: absolute error of the relative velocity, in units of roundoff [m/s].
+        turn, q: the greater of the two bodies'.
         inverse_mass: ``1/m_A + 1/m_B`` [1/kg].
         inverse_mass_n: inverse effective mass along the unit normal [1/kg].
         dropped: what the geometry leaves out.
     """
 
     bodies: tuple[Amplification, Amplification]
-    length: float
-    u_n: float
-    u_n_error: float
-    u_error: float
-    inverse_mass: float
-    inverse_mass_n: float
+    length: Scalar
+    u_n: Scalar
+    u_n_error: Scalar
+    u_error: Scalar
+    turn: Scalar
+    q: Scalar
+    inverse_mass: Scalar
+    inverse_mass_n: Scalar
     dropped: Dropped
 
 
@@ -135,152 +147,173 @@ def survey(approach: Any, dropped: Dropped = NOTHING) -> Sizes:
     if isinstance(approach, Spatial):
         bodies = _spatial(a, approach.r_a), _spatial(b, approach.r_b)
     elif isinstance(approach, Planar):
-        bodies = _planar(a, math.hypot(*approach.r_a)), _planar(b, math.hypot(*approach.r_b))
+        bodies = _planar(a, approach.r_a), _planar(b, approach.r_b)
     else:
         bodies = _point(a), _point(b)
-    length = math.hypot(*approach.n)
-    v = math.hypot(*(a.velocity - b.velocity))
-    w = bodies[0].contact_speed + bodies[1].contact_speed
+    nn = _square(approach.n)
+    length = square_root(nn)
+    v = square_root(_square(a.velocity - b.velocity))
+    w = square_root(2 * (bodies[0].speed_squared + bodies[1].speed_squared))
     return Sizes(
         bodies,
         length,
         approach.n_u / length,
         SPEED * v + SPIN_SPEED * w + dropped.speed / UNIT_ROUNDOFF,
-        3 * v + 5 * w + dropped.speed / UNIT_ROUNDOFF,
+        2 * v + 5 * w + dropped.speed / UNIT_ROUNDOFF,
+        _greatest(bodies[0].turn, bodies[1].turn),
+        _greatest(bodies[0].q, bodies[1].q),
         a.inverse_mass + b.inverse_mass,
-        approach.n_Kn / (length * length),
+        approach.n_Kn / nn,
         dropped,
     )
 
 
-def frictionless_error(sizes: Sizes) -> float:
+def frictionless_error(sizes: Sizes) -> Scalar:
     """Relative error of a frictionless impulse, in units of roundoff."""
     a, b = sizes.bodies
-    torque = 2 * (a.a * a.s + b.a * b.s) / math.sqrt(sizes.inverse_mass_n)
-    mobility = max(6.0, a.q, b.q) + torque + sizes.dropped.mobility / UNIT_ROUNDOFF
-    return sizes.u_n_error / abs(sizes.u_n) + mobility + 8
+    torque = 2 * (CROSS + sizes.turn) * square_root(2 * (a.ss + b.ss) / sizes.inverse_mass_n)
+    mobility = 6 + sizes.q + torque + sizes.dropped.mobility / UNIT_ROUNDOFF
+    return sizes.u_n_error / abs(sizes.u_n) + mobility + 6
 
 
-def coulomb_error(sizes: Sizes, split: Split, parameters: Parameters, n: Any, P: Any) -> float:
+def coulomb_error(
+    sizes: Sizes, split: Split, parameters: Parameters, n: Any, P: Any, roundoff: float = UNIT_ROUNDOFF
+) -> Scalar:
     """Relative error of Chatterjee & Ruina's impulse, in units of roundoff."""
     e, mu, e_t, _ = parameters
     length, m = sizes.length, sizes.inverse_mass
-    P_I, D = split.j * length, math.hypot(*split.D)
+    P_I = split.j * length
+    D_n = n.dot(split.D) / n.dot(n)
+    D_t = split.D - n * D_n
+    D_n, D_t = D_n * length, square_root(D_t.dot(D_t))
+    D = D_t + abs(D_n)
+
     a, b = sizes.bodies
-    stiff = (a.s**2 + b.s**2) / m
-    K_error = ((a.q + 2 * a.turn + 5) * a.s**2 + (b.q + 2 * b.turn + 5) * b.s**2) / m + 3
-    K_error += sizes.dropped.mobility / UNIT_ROUNDOFF
+    turning = (a.ss + b.ss) / m
+    stiff = 1 + turning
+    K_error = 3 + (sizes.q + 2 * sizes.turn + 5) * turning + sizes.dropped.mobility / UNIT_ROUNDOFF
     j_error = frictionless_error(sizes)
-    D_error = sizes.u_error / m + (3 * (1 + stiff) + K_error) * P_I + (K_error + SOLVE * (1 + stiff)) * D
-
-    D_n = n.dot(split.D) / length
-    D_t = math.hypot(*(split.D - n * (D_n / length)))
+    D_error = sizes.u_error / m + (3 * stiff + K_error) * P_I + (SOLVE * stiff + K_error) * D
     stick, reach, S = 1 + e_t, mu * (1 + e) * P_I, D_t - mu * D_n
-    S_error = ((1 + mu) * (D_error + 4 * D) + mu * j_error * P_I) * UNIT_ROUNDOFF
-    kappa = _on_cone(reach, S, stick)
-    least, most = _on_cone(reach, S + S_error, stick), _on_cone(reach, S - S_error, stick)
-    kappa_error = max(most - kappa, kappa - least) / UNIT_ROUNDOFF
-    if least < stick:
-        kappa_error += kappa * (j_error + 4)
+    S_error = ((1 + mu) * (D_error + 4 * D) + mu * j_error * P_I) * roundoff
+    kappa = choose(reach < stick * S, lambda: reach / S, lambda: stick)
+    is_clear = S_error < S
+
+    def near_cone() -> Scalar:
+        return choose(is_clear, lambda: kappa * (S_error / (S - S_error)), lambda: stick) / roundoff
+
+    may_slip = reach < stick * (S + S_error)
+    kappa_error = choose(may_slip, lambda: near_cone() + kappa * (j_error + 4), lambda: 0.0)
     along_n = (abs(1 + e - kappa) * j_error + 4) * P_I
-    return (along_n + kappa * D_error + kappa_error * D) / math.hypot(*P) + 4
+    return (along_n + kappa * D_error + kappa_error * D) / P.norm() + 4
 
 
-def twist_error(sizes: Sizes) -> float:
+def twist_error(sizes: Sizes) -> Scalar:
     """What the twist changes add to the relative error of the impulse, in units of roundoff."""
     a, b = sizes.bodies
-    return 3 + max(a.twist, b.twist) + sizes.dropped.spin / UNIT_ROUNDOFF
+    return 3 + _greatest(a.twist, b.twist) + sizes.dropped.spin / UNIT_ROUNDOFF
 
 
-def total(roundings: float, sizes: Sizes) -> float:
+def total(roundings: Scalar, sizes: Sizes, roundoff: float = UNIT_ROUNDOFF) -> Scalar:
     """The relative error that so many roundings make, or infinity if that is beyond first order."""
-    error = roundings * UNIT_ROUNDOFF
+    error = roundings * roundoff
     a, b = sizes.bodies
-    deciding = (
-        sizes.length, sizes.u_n, sizes.u_error, sizes.inverse_mass,
-        a.s, b.s, a.contact_speed, b.contact_speed, a.inverse_mass, b.inverse_mass,
-    )  # fmt: skip
-    return error / (1 - 4 * error) if error < 0.1 and are_in_range(deciding) else math.inf
+    is_first_order = (error < FIRST_ORDER) & (sizes.u_error + a.ss + b.ss < RANGE)
+    is_first_order = is_first_order & are_in_range([sizes.length, abs(sizes.u_n), a.mass, b.mass])
+    return choose(is_first_order, lambda: error / (1 - 4 * error), lambda: math.inf)
 
 
-def are_in_range(sizes: Iterable[float]) -> bool:
-    """Whether no product of the sizes in a law overflows or underflows."""
-    for size in sizes:  # noqa: SIM110, twice as fast as all(...)
-        if size and not LEAST < abs(size) < RANGE:
-            return False
-    return True
+def are_in_range(sizes: Iterable[Scalar]) -> Any:
+    """Whether no product of the sizes, none of them negative, in a law overflows or underflows."""
+    sizes = list(sizes)
+    are_not_tiny = reduce(operator.and_, ((size > LEAST) | (size == 0) for size in sizes))
+    return are_not_tiny & (sum(sizes) < RANGE)
 
 
-def gain(sizes: Sizes, bodies: tuple[Body, Body], changes: tuple[Twist, Twist], P: Any) -> float:
+def gain(sizes: Sizes, bodies: tuple[Body, Body], changes: tuple[Twist, Twist], P: Any) -> Scalar:
     """How much greater the relative error of a twist change can be than that of the impulse, at least 1.
 
     A wrong direction of the impulse turns a body about an axis about which the right one, through its
     centre of mass, might not.
     """
-    greatest = 1.0
-    for size, body, change in zip(sizes.bodies, bodies, changes, strict=True):
-        if size.s:
-            turning = size.spread * size.s  # of tr(I)/2, where the norm has tr(I)/3
-            most = math.hypot(*P) * math.sqrt(size.inverse_mass + turning * turning * 2 / 3)
-            greatest = max(greatest, most / twist_norm(body, change))
-    return greatest
+    PP = P.dot(P)
 
+    def squared(size: Amplification, body: Body, change: Twist) -> Scalar:
+        linear, dw = 3 * PP * body.inverse_mass, change.angular
+        most = 2 * PP * size.condition * size.ss  # of tr(I)/2, where the norm has tr(I)/3
+        turning = body.inertia.trace() * dw.dot(dw)
+        return choose(size.ss > 0, lambda: (linear + most) / (linear + turning), lambda: 1.0)
 
-def twist_norm(body: Body, change: Twist) -> float:
-    """``(m dv.dv + tr(I)/3 dw.dw)^(1/2)``."""
-    dv, dw = change
-    return math.sqrt(body.mass * dv.dot(dv) + body.inertia.trace() / 3 * dw.dot(dw))
+    return square_root(_greatest(*map(squared, sizes.bodies, bodies, changes)))
 
 
 def amplification_by_arm(body: Body) -> Amplification:
-    """What a body does to rounding, by a lever arm of 1 m: its ``s`` is ``c``."""
+    """What a body does to rounding, by a lever arm of 1 m: its ``ss`` is ``c^2``."""
     return _spatial(body, Vec3(1.0, 0.0, 0.0))
 
 
-def _on_cone(reach: float, S: float, stick: float) -> float:
-    """``kappa``: what reaches the friction cone, or sticking if that comes first."""
-    return reach / S if reach < stick * S else stick
+def _square(v: V) -> Scalar:
+    """``v.v``, or infinity where it over- or underflows."""
+    square = v.dot(v)
+    return choose(
+        square > LEAST_SQUARE,
+        lambda: square,
+        lambda: choose(are_zero(v), lambda: 0.0, lambda: math.inf),
+    )
+
+
+def _greatest(x: Scalar, y: Scalar) -> Scalar:
+    """The greater of two, or ``y`` if that is NaN."""
+    return choose(y <= x, lambda: x, lambda: y)
+
+
+def _least(x: Scalar, y: Scalar) -> Scalar:
+    return choose(x < y, lambda: x, lambda: y)
 
 
 def _point(body: Body) -> Amplification:
-    return Amplification(0.0, 0.0, 0.0, 0.0, 0.0, body.inverse_mass)
+    return Amplification(0.0, 0.0, 0.0, 0.0, 0.0, body.mass)
 
 
-def _planar(body: Body, arm: float) -> Amplification:
-    zz, contact_speed = body.inertia.zz, arm * abs(body.angular_velocity.z)
-    if not zz:
-        return Amplification(0.0, 0.0, 0.0, 0.0, contact_speed, body.inverse_mass)
-    spread = math.sqrt(body.inertia.trace() / zz)
-    return Amplification(arm / math.sqrt(zz), 2.0, 0.0, spread, contact_speed, body.inverse_mass)
+def _planar(body: Body, r: Vec2) -> Amplification:
+    rr, zz = _square(r), body.inertia.zz
+    speed_squared = rr * _square(Vec2(body.angular_velocity.z, 0.0))
+
+    def turns() -> Amplification:
+        return Amplification(rr / zz, 2.0, 0.0, body.inertia.trace() / zz, speed_squared, body.mass)
+
+    return choose(zz > 0, turns, lambda: _point(body)._replace(speed_squared=speed_squared))
 
 
 def _spatial(body: Body, r: Vec3) -> Amplification:
-    arm, inertia = math.hypot(*r), body.inertia
-    contact_speed = arm * math.hypot(*body.angular_velocity)
-    diagonal = [moment for moment in (inertia.xx, inertia.yy, inertia.zz) if moment]
-    if not diagonal:
-        return Amplification(0.0, 0.0, 0.0, 0.0, contact_speed, body.inverse_mass)
-    g, solve = 1.0, 2.0
-    if inertia.xy or inertia.xz or inertia.yz:
-        g = _scaled_condition(inertia)
-        solve = SOLVE * g
-    c = math.sqrt(g / min(diagonal))
-    spread = c * math.sqrt(inertia.trace() / 2)
-    turn = 0.0 if body.orientation is None else TURN
-    return Amplification(arm * c, solve, turn, spread, contact_speed, body.inverse_mass)
+    rr, inertia = _square(r), body.inertia
+    speed_squared = rr * _square(body.angular_velocity)
+
+    def turns() -> Amplification:
+        uncoupled = are_zero([inertia.xy, inertia.xz, inertia.yz])
+        g = choose(uncoupled, lambda: 1.0, lambda: _scaled_condition(inertia))
+        cc = g / _least_moment(inertia)
+        solve = choose(uncoupled, lambda: 2.0, lambda: SOLVE * g)
+        turn = 0.0 if body.orientation is None else TURN
+        return Amplification(rr * cc, solve, turn, cc * (inertia.trace() / 2), speed_squared, body.mass)
+
+    return choose(inertia.trace() > 0, turns, lambda: _point(body)._replace(speed_squared=speed_squared))
 
 
-def _scaled_condition(inertia: Symmetric3) -> float:
+def _least_moment(inertia: Symmetric3) -> Scalar:
+    """The least moment about a coordinate axis; of a rod along one of them, that about the others."""
+    least = _least(inertia.xx, _least(inertia.yy, inertia.zz))
+    return choose(least > 0, lambda: least, lambda: inertia.trace() / 2)
+
+
+def _scaled_condition(inertia: Symmetric3) -> Scalar:
     """Inverse of the least eigenvalue of the tensor scaled to a unit diagonal, from above.
 
     The three eigenvalues add up to 3, so the product of the two greater is at most ``(3/2)^2``, and
     the least at least ``(4/9) det``, the product of the pivots over the diagonal. Infinite where
     rounding decides whether there is inertia about some axis at all.
     """
-    xx, xy, _, yy, _, zz = inertia
-    if not (xx and yy and zz and yy - xy / xx * xy > 16 * PIVOT_LIMIT * yy):
-        return math.inf
-    factor = inertia.factor()
-    if not factor.d_z > 16 * PIVOT_LIMIT * zz:
-        return math.inf
-    return 9 / (4 * (factor.d_y / yy) * (factor.d_z / zz))
+    is_definite, (_, _, _, _, d_y, d_z) = factor_inertia(inertia)
+    _, _, _, yy, _, zz = inertia
+    is_clear = (d_y > 16 * PIVOT_LIMIT * yy) & (d_z > 16 * PIVOT_LIMIT * zz)
+    return choose(is_definite & is_clear, lambda: 9 / (4 * (d_y / yy) * (d_z / zz)), lambda: math.inf)

@@ -187,6 +187,9 @@ class Symbol:
     def __neg__(self) -> Symbol:
         return self.tape.record("neg", self)
 
+    def __abs__(self) -> Symbol:
+        return self.tape.record("select", self < 0, -self, self)
+
     def __lt__(self, other: Any) -> Symbol:
         return self.tape.record("lt", self, other)
 

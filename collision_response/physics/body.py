@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ..status import ImpactError, StatusCode
 from .number import Scalar, choose
@@ -160,6 +160,16 @@ def solve_inertia(inertia: Symmetric3, angular_impulse: Vec3) -> Vec3:
     0 the other two are therefore equal, to ``c = tr(I) / 2``: the body is a thin rod, ``I / c``
     projects across its axis, and the pseudo-inverse is ``I / c^2``. If two are 0, so is the third.
     """
+    is_definite, factor = factor_inertia(inertia)
+    return choose(
+        is_definite,
+        lambda: factor.solve(angular_impulse),
+        lambda: _solve_rod(inertia, angular_impulse),
+    )
+
+
+def factor_inertia(inertia: Symmetric3) -> tuple[Any, Factor3]:
+    """Whether there is inertia about every axis, and then the factors of the tensor; no pivot is ever 0."""
     xx, xy, xz, yy, yz, zz = inertia
     has_x, d_x = _pivot(xx, xx)
     l_yx, l_zx = xy / d_x, xz / d_x
@@ -167,11 +177,7 @@ def solve_inertia(inertia: Symmetric3, angular_impulse: Vec3) -> Vec3:
     w = yz - l_zx * xy
     l_zy = w / d_y
     has_z, d_z = _pivot(zz - l_zx * xz - l_zy * w, zz)
-    return choose(
-        has_x & has_y & has_z,
-        lambda: Factor3(l_yx, l_zx, l_zy, d_x, d_y, d_z).solve(angular_impulse),
-        lambda: _solve_rod(inertia, angular_impulse),
-    )
+    return has_x & has_y & has_z, Factor3(l_yx, l_zx, l_zy, d_x, d_y, d_z)
 
 
 def _solve_rod(inertia: Symmetric3, angular_impulse: Vec3) -> Vec3:

@@ -9,9 +9,11 @@ written once: a branch, and a square root.
 from __future__ import annotations
 
 import math
+import operator
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from enum import Enum
+from functools import reduce
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -51,6 +53,11 @@ def square_root(x: Scalar) -> Scalar:
         return own()
     namespace = getattr(x, "__array_namespace__", None)
     return x**0.5 if namespace is None else namespace().sqrt(x)
+
+
+def are_zero(numbers: Iterable[Scalar]) -> Any:
+    """Whether all numbers are 0; NaN is not."""
+    return reduce(operator.and_, (number == 0 for number in numbers))
 
 
 def _where_of(condition: Any) -> Callable[..., Any]:

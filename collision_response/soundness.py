@@ -10,12 +10,12 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
-from ..model import Geometry
-from ..physics.body import PIVOT_LIMIT, Body
-from ..physics.contact import Contact
-from ..physics.number import Scalar, choose
-from ..physics.tensor import Symmetric3
-from ..status import StatusCode
+from .model import Geometry
+from .physics.body import PIVOT_LIMIT, Body
+from .physics.contact import Contact
+from .physics.number import Scalar, choose
+from .physics.tensor import Symmetric3
+from .status import StatusCode
 
 CLEARANCE = 2.0**-44
 """What is left of the product of the second moments, relative to ``(tr(I)/2)^3``, that is not rounding."""
