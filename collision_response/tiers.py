@@ -44,7 +44,7 @@ from .physics.laws import (
     routh_stronge,
 )
 from .physics.laws.chatterjee_ruina import split
-from .physics.laws.routh import DOUBLE_TOLERANCE
+from .physics.laws.routh import path_tolerance
 from .physics.number import Scalar
 from .report import Impact, is_in_range, normalised, report
 from .requirements import Plan
@@ -66,7 +66,10 @@ GRAZING = 1000.0
 """Roundings that the approach speed may lose before DOUBLE computes it exactly."""
 
 PATH_MARGIN = 10.0
-"""A path has up to ten pieces, each with the roundings of a formula or the integrator's tolerance."""
+"""A path has up to ten pieces, each with the roundings of a formula."""
+
+INTEGRATION_MARGIN = 3.0
+"""The curved ones, at most two, have the integrator's tolerance: a third of one was the most ever seen."""
 
 
 def single(body_a: Body, body_b: Body, contact: Contact, plan: Plan) -> Impact | None:
@@ -179,9 +182,9 @@ def bound_of_collision(
     parts = outcome.split or split(approach)
     roundings = coulomb_error(sizes, parts, parameters, approach.n, outcome.impulse)
     if law is not Law.COULOMB:
-        integrated = (parameters.tolerance or DOUBLE_TOLERANCE) / UNIT_ROUNDOFF
-        integrated *= math.hypot(*approach.u) / abs(sizes.u_n)  # the integrator's errors are relative to u
-        roundings = PATH_MARGIN * (roundings + integrated)
+        curved = impact.model.geometry is Geometry.SPATIAL
+        integrated = INTEGRATION_MARGIN * path_tolerance(parameters) / UNIT_ROUNDOFF if curved else 0.0
+        roundings = (PATH_MARGIN * roundings + integrated) * outcome.condition
     bodies, changes = (approach.body_a, approach.body_b), (impact.change_a, impact.change_b)
     return total(roundings * gain(sizes, bodies, changes, impact.impulse) + twist_error(sizes), sizes)
 

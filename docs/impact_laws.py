@@ -285,14 +285,13 @@ def draw_routh(law: Law, end: str) -> Callable[[Axes, Case], None]:
 def travel(case: Case, goal: Rest | Impulse) -> State:
     """Routh's path from first touch to ``goal``."""
     approach = case.approach()
-    path = RouthPath(approach.mobility(), approach.n, case.mu, 1e-12)
-    return path.travel(State(approach.n * 0.0, approach.u, approach.n_u, 0.0, 0.0), goal)
+    return RouthPath.of(approach, case.parameters()).travel(State.of(approach), goal)
 
 
 def path_legs(case: Case, p_end: float) -> Iterator[Vec2]:
     """Where the path starts, bends and ends, found by looking at it and not at the formula."""
     p = np.linspace(0.0, p_end, 2001)
-    path = [travel(case, Impulse(float(x))).P for x in p]
+    path = [travel(case, Impulse(float(x), 0.0)).P for x in p]
     slope = np.diff([P.x for P in path]) / np.diff(p)
     (bends,) = np.nonzero(np.abs(np.diff(slope)) > 1e-9)
     yield path[0]

@@ -52,6 +52,8 @@ class Outcome(NamedTuple):
         fell_back: whether the law had no sound answer, and this is Chatterjee & Ruina's.
         split: the impulses between which Chatterjee & Ruina's law chose, if it was that law: the error
             bound needs them again.
+        condition: how many times greater the relative error of the impulse can be than those made on the
+            way to it, where the law follows a path.
     """
 
     impulse: Vector
@@ -59,6 +61,7 @@ class Outcome(NamedTuple):
     normal_work: Scalar | None = None
     fell_back: bool = False
     split: Any = None
+    condition: Scalar = 1.0
 
 
 def slipping(approach: Approach[V], velocity_after: V) -> Scalar:

@@ -21,6 +21,11 @@ def tangents(n: Vector) -> tuple[Any, ...]:
     return Vec3(1 + sign * n.x * n.x * a, sign * b, -sign * n.x), Vec3(b, sign + n.y * n.y * a, -n.y)
 
 
+def across(n: Any, v: Any) -> Any:
+    """The part of a vector across a unit normal."""
+    return v - n * n.dot(v)
+
+
 def direction(t_1: Vec3, t_2: Vec3, angle: float) -> Vec3:
     """The unit tangent at ``angle`` [rad] from ``t_1`` towards ``t_2``."""
     return t_1 * math.cos(angle) + t_2 * math.sin(angle)
