@@ -26,7 +26,7 @@ import numpy as np
 from collision_response import Geometry, ImpactModel, Law
 from collision_response.batch import BatchResult, prepare_batch, resolve_batch
 from collision_response.batch.backends import Backend, prepare
-from collision_response.batch.problem import Problem, contact_count
+from collision_response.batch.problem import Arithmetic, Problem, contact_count
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.numerics import compiled
 
@@ -41,6 +41,7 @@ TARGETS = {
     "compiled / C, N = 1e6": 1.5,
     "compiled / C, N = 1e3": 1.5,
     "its loop alone / C, N = 1e3": 1.5,
+    "EXTENDED compiled / C, N = 1e6": 10.0,
     "planar / spatial, NumPy": 0.45,
     "point / spatial, NumPy": 0.25,
     "extra memory at 1e6, NumPy [MiB]": 64.0,
@@ -118,13 +119,18 @@ def by_batch(
     return lambda: resolve_batch(bodies, contacts, model, out=out, backend=backend)
 
 
-def by_loop(bodies: Array, contacts: Array) -> Callable[[], object]:
+def by_loop(
+    bodies: Array, contacts: Array, arithmetic: Arithmetic = Arithmetic.PLAIN
+) -> Callable[[], object]:
     """The compiled loop alone, without what :func:`resolve_batch` looks after."""
     out = resolve_batch(bodies, contacts, FRICTIONLESS, backend=Backend.COMPILED)
-    problem = Problem(Geometry.SPATIAL, Law.FRICTIONLESS)
+    problem = Problem(Geometry.SPATIAL, Law.FRICTIONLESS, arithmetic=arithmetic)
     run = prepare(Backend.COMPILED, problem, bodies.dtype).run
     given = {"bodies": bodies, "contacts": contacts[: contact_count(problem)]}
-    arrays = {**given, **out._asdict(), "status": out.status[np.newaxis]}
+    results = {"velocity": out.velocity, "angular_velocity": out.angular_velocity, "impulse": out.impulse}
+    arrays = {**given, **results, "status": out.status[np.newaxis]}
+    if arithmetic is not Arithmetic.PLAIN:
+        arrays["error_bound"] = np.empty((1, bodies.shape[-1]))
     return lambda: run(arrays)
 
 
@@ -158,6 +164,8 @@ def spatial(n: int, dtype: Any, library: ctypes.CDLL | None) -> dict[str, list[f
     if compiled.is_available():
         runs["compiled"] = by_batch(bodies, contacts, Backend.COMPILED)
         runs["its loop"] = by_loop(bodies, contacts)
+        if dtype == np.float64:
+            runs["EXTENDED"] = by_loop(bodies, contacts, Arithmetic.DOUBLED)
     runs["NumPy"] = by_batch(bodies, contacts, Backend.NUMPY)
     runs["cross and solve"] = by_cross_and_solve(bodies, contacts)
     return in_turns(runs, n)
@@ -205,6 +213,7 @@ def measure(say: Callable[[str], object] = print) -> dict[str, Any]:
         "compiled / C, N = 1e6": ratio(most, "compiled", "C"),
         "compiled / C, N = 1e3": ratio(some, "compiled", "C"),
         "its loop alone / C, N = 1e3": ratio(some, "its loop", "C"),
+        "EXTENDED compiled / C, N = 1e6": ratio(most, "EXTENDED", "C"),
         "planar / spatial, NumPy": ratio(by_numpy, "PLANAR", "SPATIAL"),
         "point / spatial, NumPy": ratio(by_numpy, "POINT", "SPATIAL"),
         "extra memory at 1e6, NumPy [MiB]": extra_memory(Backend.NUMPY, SIZES[-1]),

@@ -20,10 +20,18 @@ from ..numerics.choices import NUMPY_NAMES
 from ..numerics.emit_blocks import emit_blocks
 from ..numerics.emit_loop import emit_loop
 from ..numerics.emit_scalar import emit_scalar
+from ..numerics.emit_vectors import emit_vectors
 from ..numerics.program import Program, Slot
 from ..status import StatusCode
-from .kernels import general, in_single, ordinary
-from .problem import Problem
+from . import bounded, doubled, kernels
+from .kernels import in_single
+from .problem import Arithmetic, Problem
+
+_MODULES: dict[Arithmetic, Any] = {
+    Arithmetic.PLAIN: kernels,
+    Arithmetic.BOUNDED: bounded,
+    Arithmetic.DOUBLED: doubled,
+}
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 """Arrays by name, in the order of the program, of shape ``(rows, N)`` or ``(rows, 2, N)``."""
@@ -78,14 +86,22 @@ def _prepare(backend: Backend, problem: Problem, dtype: np.dtype[Any]) -> Ready:
     return Ready(backend, run, time.perf_counter() - start)
 
 
-def _programs(problem: Problem, dtype: np.dtype[Any]) -> tuple[Program, Program]:
-    programs = ordinary(problem), general(problem)
+def programs_for(problem: Problem, dtype: np.dtype[Any]) -> tuple[Program, Program]:
+    """The ordinary and the general program."""
+    module = _MODULES[problem.arithmetic]
+    programs = module.ordinary(problem), module.general(problem)
     return programs if dtype == np.float64 else (in_single(programs[0]), in_single(programs[1]))
 
 
 def _compiled(problem: Problem, dtype: np.dtype[Any]) -> Callable[[Arrays], None]:
-    usual, every = _programs(problem, dtype)
-    batch = compiled.load(emit_loop(usual, every, dtype.name)).batch
+    usual, every = programs_for(problem, dtype)
+    if problem.arithmetic is Arithmetic.PLAIN:
+        source = emit_loop(usual, every, dtype.name)
+    elif problem.arithmetic is Arithmetic.BOUNDED:
+        source = emit_vectors(usual, every)
+    else:
+        source = emit_vectors(doubled.ordinary(problem, fused=True), doubled.general(problem, fused=True))
+    batch = compiled.load(source).batch
 
     def run(arrays: Arrays) -> None:
         if all(array.flags.c_contiguous for array in arrays.values()):
@@ -107,7 +123,7 @@ def _in_contiguous_blocks(
 
 
 def _numpy(problem: Problem, dtype: np.dtype[Any]) -> Callable[[Arrays], None]:
-    usual, every = _programs(problem, dtype)
+    usual, every = programs_for(problem, dtype)
     run_usual = _BlockRunner(usual, dtype, BLOCK_BYTES // dtype.itemsize)
     run_every = _BlockRunner(every, dtype, ODD_BLOCK)
 
@@ -123,15 +139,22 @@ def _numpy(problem: Problem, dtype: np.dtype[Any]) -> Callable[[Arrays], None]:
 
 def _again(run: _BlockRunner, arrays: Arrays, odd: np.ndarray[Any, Any]) -> None:
     """Compute what is not ordinary by the general program."""
-    program = run.program
-    for start in range(0, odd.size, run.size):
-        columns = odd[start : start + run.size]
-        few = {
-            name: array if name in program.uniform else array[..., columns] for name, array in arrays.items()
-        }
+    for few in column_blocks(arrays, odd, run.program, run.size):
         run(few)
+
+
+def column_blocks(
+    arrays: Arrays, columns: np.ndarray[Any, Any], program: Program, size: int
+) -> Iterator[Arrays]:
+    """Some contacts, a block of at most ``size`` at a time. What is done to its results is done to theirs."""
+    for start in range(0, columns.size, size):
+        chosen = columns[start : start + size]
+        few = {
+            name: array if name in program.uniform else array[..., chosen] for name, array in arrays.items()
+        }
+        yield few
         for name in _results(program):
-            arrays[name][..., columns] = few[name]
+            arrays[name][..., chosen] = few[name]
 
 
 class _BlockRunner:
@@ -176,7 +199,7 @@ def _results(program: Program) -> list[str]:
 @cache
 def one_by_one(problem: Problem) -> Callable[[Arrays], None]:
     """The program as a function of plain floats, called for each contact: the fastest for a few."""
-    program = general(problem)
+    _, program = programs_for(problem, np.dtype(np.float64))
     names: dict[str, Any] = {"inf": inf, "nan": nan, "sqrt": sqrt}
     exec(compile(emit_scalar(program), "<emit_scalar>", "exec"), names)
     kernel: Callable[..., tuple[float, ...]] = names["kernel"]

@@ -24,6 +24,7 @@ from ..numerics.tape import Symbol, Tape
 from ..physics.body import PIVOT_LIMIT
 from ..physics.effective_mass import Planar, Point, Response, Spatial
 from ..physics.laws import Parameters, chatterjee_ruina, frictionless
+from ..physics.laws.frictionless import factor
 from ..physics.number import Scalar, choose
 from ..physics.vector import Vec3
 from ..soundness import CLEARANCE, Scene, all_finite, are_coefficients, is_clearly_tensor, requirements
@@ -36,6 +37,9 @@ GEOMETRIES: dict[Geometry, Any] = {
     Geometry.PLANAR: Planar,
     Geometry.SPATIAL: Spatial,
 }
+MOTION = ("velocity", "angular_velocity", "impulse")
+"""The arrays of results that are numbers."""
+
 LAWS: dict[Law, Callable[..., Any]] = {Law.FRICTIONLESS: frictionless, Law.COULOMB: chatterjee_ruina}
 
 
@@ -50,33 +54,47 @@ class Motion(NamedTuple):
     status: Scalar
 
 
+Resolve = Callable[[Problem, Inputs], dict[Slot, Scalar]]
+"""What gives the results of a problem, by where they go."""
+
+
 @cache
 def general(problem: Problem) -> Program:
     """The program for every contact. Where its status is no answer, the other results are NaN."""
-    tape = Tape()
-    inputs = inputs_of(problem, tape)
-    scene = inputs.scene
-    checks = list(requirements(scene, problem.geometry))
-    fault: Scalar = StatusCode.INTERNAL_ERROR
-    for holds, code in reversed(checks):
-        fault = _pick(holds, fault, code)
-
-    def answer() -> Motion:
-        motion = _resolve(problem, inputs)
-        in_range = all_finite(_numbers(_outputs(problem, motion)))
-        return _pick(in_range, motion, _no_answer(StatusCode.OUT_OF_RANGE))
-
-    motion = choose(_all(holds for holds, _ in checks), answer, lambda: _no_answer(fault))
-    return _program(tape, inputs, _outputs(problem, motion))
+    return trace_general(problem, _resolve)
 
 
 @cache
 def ordinary(problem: Problem) -> Program:
     """The program for most contacts. What depends on mass and inertia alone is taken to be as usual."""
-    rows = body_rows(problem.geometry)
-    tape = Tape(assumes=lambda slot: slot.array == "bodies" and slot.row < rows.inertia.stop)
+    return trace_ordinary(problem, _resolve)
+
+
+def trace_general(problem: Problem, resolve: Resolve, *, fused: bool = False) -> Program:
+    """What ``resolve`` does, where all that it takes is sound and all that it gives is finite."""
+    tape = Tape(fused=fused)
     inputs = inputs_of(problem, tape)
-    outputs = _outputs(problem, _resolve(problem, inputs))
+    checks = list(requirements(inputs.scene, problem.geometry))
+    fault: Scalar = StatusCode.INTERNAL_ERROR
+    for holds, code in reversed(checks):
+        fault = _pick(holds, fault, code)
+    outputs = resolve(problem, inputs)
+    in_range = all_finite(x for slot, x in outputs.items() if slot.array in MOTION)
+    is_sound = _all(holds for holds, _ in checks)
+    for slot, result in outputs.items():
+        out_of_range, none = math.nan, math.nan
+        if slot.array == "status":
+            out_of_range, none = StatusCode.OUT_OF_RANGE, fault
+        outputs[slot] = _pick(is_sound, _pick(in_range, result, out_of_range), none)
+    return _program(tape, inputs, outputs)
+
+
+def trace_ordinary(problem: Problem, resolve: Resolve, *, fused: bool = False) -> Program:
+    """What ``resolve`` does for bodies that move and turn, with the output ``ordinary``."""
+    rows = body_rows(problem.geometry)
+    tape = Tape(assumes=lambda slot: slot.array == "bodies" and slot.row < rows.inertia.stop, fused=fused)
+    inputs = inputs_of(problem, tape)
+    outputs = resolve(problem, inputs)
     outputs[Slot("ordinary", 0)] = _all([*tape.assumed, *_is_ordinary(problem, inputs.scene, outputs)])
     return _program(tape, inputs, outputs)
 
@@ -86,7 +104,7 @@ def unchecked(problem: Problem) -> Program:
     """The program for one contact that is known to be sound: the formula, and nothing else."""
     tape = Tape()
     inputs = inputs_of(problem, tape)
-    return _program(tape, inputs, _outputs(problem, _resolve(problem, inputs)))
+    return _program(tape, inputs, _resolve(problem, inputs))
 
 
 @cache
@@ -125,23 +143,28 @@ def _is_ordinary(problem: Problem, scene: Scene, outputs: dict[Slot, Scalar]) ->
     yield total - total == 0
 
 
-def _resolve(problem: Problem, inputs: Inputs) -> Motion:
+def _resolve(problem: Problem, inputs: Inputs) -> dict[Slot, Scalar]:
+    approach = GEOMETRIES[problem.geometry].prepare(*inputs.scene[:3])
+    return outputs_of(problem, collide(problem, inputs, approach)[0])
+
+
+def collide(problem: Problem, inputs: Inputs, approach: Any) -> tuple[Motion, Response, Parameters]:
+    """What becomes of the bodies; what the impact does to them, and by which parameters."""
     scene, contact = inputs.scene, inputs.scene.contact
-    approach = GEOMETRIES[problem.geometry].prepare(*scene[:3])
     restitution = contact.restitution
     if inputs.threshold is not None:
         speed = -(approach.n_u / approach.n.norm())
         restitution = _pick((speed > 0) & (speed < inputs.threshold), 0.0, restitution)
     parameters = Parameters(restitution, contact.friction, scene.tangential_restitution)
-    impulse = LAWS[problem.law](approach, parameters).impulse
     approaching = approach.n_u < 0
-    j = _factor(impulse, approach.n)
-    if j is None:
-        response = approach.respond(_pick(approaching, impulse, impulse * 0))
+    if problem.law is Law.FRICTIONLESS:
+        j = _pick(approaching, factor(approach, parameters), 0.0)
+        response = _respond_along_normal(approach, j)
     else:
-        response = _respond_along_normal(approach, _pick(approaching, j, 0.0))
+        impulse = LAWS[problem.law](approach, parameters).impulse
+        response = approach.respond(_pick(approaching, impulse, impulse * 0))
     a, b = scene.body_a.moved_by(response.change_a), scene.body_b.moved_by(response.change_b)
-    return Motion(
+    motion = Motion(
         a.velocity,
         b.velocity,
         a.angular_velocity,
@@ -149,20 +172,7 @@ def _resolve(problem: Problem, inputs: Inputs) -> Motion:
         response.impulse,
         _pick(approaching, StatusCode.OK, StatusCode.SEPARATING),
     )
-
-
-def _factor(vector: Any, direction: Any) -> Symbol | None:
-    """``j`` if the tape has ``vector`` as ``direction * j``."""
-    factors = {}
-    for component, along in zip(vector, direction, strict=True):
-        is_negative = component.node.op == "neg"
-        product = component.operands()[0] if is_negative else component
-        others = [x for x in product.operands() if product.node.op == "mul" and x.place != along.place]
-        if len(others) != 1:
-            return None
-        factor = -others[0] if is_negative else others[0]
-        factors[factor.place] = factor
-    return factors.popitem()[1] if len(factors) == 1 else None
+    return motion, response, parameters
 
 
 def _respond_along_normal(approach: Any, j: Scalar) -> Response:
@@ -189,12 +199,7 @@ _SINGLE = 2.0**29
 """How much coarser float32 rounds."""
 
 
-def _no_answer(status: Scalar) -> Motion:
-    nothing = Vec3(math.nan, math.nan, math.nan)
-    return Motion(nothing, nothing, nothing, nothing, nothing, status)
-
-
-def _outputs(problem: Problem, motion: Motion) -> dict[Slot, Scalar]:
+def outputs_of(problem: Problem, motion: Motion) -> dict[Slot, Scalar]:
     """The results as far as the geometry models them, by where they go."""
     axes = slice(2) if problem.geometry is Geometry.PLANAR else slice(3)
     turns = {Geometry.POINT: slice(0), Geometry.PLANAR: slice(2, 3), Geometry.SPATIAL: slice(3)}[
@@ -209,10 +214,6 @@ def _outputs(problem: Problem, motion: Motion) -> dict[Slot, Scalar]:
     outputs |= {Slot("impulse", row): component for row, component in enumerate(motion.impulse[axes])}
     outputs[Slot("status", 0)] = motion.status
     return outputs
-
-
-def _numbers(outputs: dict[Slot, Scalar]) -> list[Scalar]:
-    return [result for slot, result in outputs.items() if slot.array != "status"]
 
 
 def _program(tape: Tape, inputs: Inputs, outputs: dict[Slot, Scalar]) -> Program:

@@ -27,6 +27,14 @@ class Tangential(Enum):
     CONTACTS = "a row of the contacts"
 
 
+class Arithmetic(Enum):
+    """What is computed, and how."""
+
+    PLAIN = "as the arrays have it"
+    BOUNDED = "as the arrays have it, with an error bound for each contact"
+    DOUBLED = "in double-double arithmetic, with an error bound for each contact"
+
+
 class Problem(NamedTuple):
     """What is traced.
 
@@ -36,6 +44,7 @@ class Problem(NamedTuple):
         oriented: whether the bodies have orientations, else their axes are those of the world.
         tangential: where ``e_t`` comes from.
         threshold: whether there is an approach speed under which restitution is taken as 0.
+        arithmetic: see :class:`Arithmetic`.
     """
 
     geometry: Geometry
@@ -43,6 +52,7 @@ class Problem(NamedTuple):
     oriented: bool = False
     tangential: Tangential = Tangential.ZERO
     threshold: bool = False
+    arithmetic: Arithmetic = Arithmetic.PLAIN
 
 
 TANGENTIAL = Slot("model", 0)

@@ -15,9 +15,11 @@
            [0.]])
 
 What a row of ``bodies`` and of ``contacts`` holds, :mod:`~collision_response.batch.rows` says. The numbers
-are those of :func:`~collision_response.resolve` in plain arithmetic, SINGLE's or DOUBLE's; no error bound is
-computed. A contact that cannot be answered has its own status and NaN for results, and does its
-neighbours no harm. Beyond input and output, the memory is that of a few blocks, whatever N is.
+are those of :func:`~collision_response.resolve` in plain arithmetic, SINGLE's or DOUBLE's; a grazing approach
+speed stays as rounded as it comes. With a tolerance, every contact gets an error bound, and those whose
+bound is above the tolerance are computed again in EXTENDED. A contact that cannot be answered has its own
+status and NaN for results, and does its neighbours no harm. Beyond input and output, the memory is that of a
+few blocks, whatever N is.
 
 One call uses one core. Calls in several threads are independent.
 """
@@ -33,9 +35,9 @@ from numpy.typing import ArrayLike
 from ..model import Geometry, ImpactModel, Law, Precision
 from ..status import ImpactError, StatusCode
 from ..validate import check_model
-from .backends import Backend, is_compiled, one_by_one, prepare
-from .kernels import general
-from .problem import Problem, Tangential, contact_count
+from .backends import Arrays, Backend, is_compiled, one_by_one, prepare, programs_for
+from .more_digits import make_exact, unsure
+from .problem import Arithmetic, Problem, Tangential, contact_count
 from .rows import body_rows, contact_rows
 
 Array = np.ndarray[Any, Any]
@@ -45,8 +47,11 @@ DEFAULT = ImpactModel()
 FEW = 20
 """Up to so many contacts a Python loop is faster than NumPy's calls."""
 
-_PRECISIONS = {np.dtype(np.float32): Precision.SINGLE, np.dtype(np.float64): Precision.DOUBLE}
-_ARRAYS = ("bodies", "contacts", "model", "velocity", "angular_velocity", "impulse", "status")
+_PRECISIONS = {
+    np.dtype(np.float32): (Precision.SINGLE,),
+    np.dtype(np.float64): (Precision.DOUBLE, Precision.EXTENDED),
+}
+_ARRAYS = ("bodies", "contacts", "model", "velocity", "angular_velocity", "impulse", "status", "error_bound")
 _LAWS = (Law.AUTO, Law.FRICTIONLESS, Law.COULOMB)
 _TABLES = {
     body_rows(geometry, oriented=oriented).height: (geometry, oriented)
@@ -68,12 +73,23 @@ class BatchResult(NamedTuple):
             POINT ``(0, 2, N)``.
         impulse: on body_a [N s], shape ``(3, N)``; PLANAR ``(2, N)``.
         status: a :class:`~collision_response.StatusCode` for each contact, uint8, shape ``(N,)``.
+        error_bound: of each contact, as that of :class:`~collision_response.Impact`, shape ``(N,)``; there
+            only with a tolerance or EXTENDED. NaN where there is no answer.
+        precision: the :class:`~collision_response.Precision` used for each contact, uint8, shape ``(N,)``;
+            there only with the error bound.
     """
 
     velocity: Array
     angular_velocity: Array
     impulse: Array
     status: Array
+    error_bound: Array | None = None
+    precision: Array | None = None
+
+
+def is_bounded(model: ImpactModel) -> bool:
+    """Whether results in this model have error bounds."""
+    return bool(model.tolerance) or model.precision is Precision.EXTENDED
 
 
 class Preparation(NamedTuple):
@@ -103,7 +119,8 @@ def resolve_batch(
         bodies: the pairs, shape ``(rows, 2, N)``: ``[:, 0]`` are body_a, to whom the normals point. The
             number of rows tells the geometry.
         contacts: the contacts, shape ``(rows, N)``, of the same type: float32 or float64.
-        model: which law; AUTO is COULOMB if ``contacts`` has a row of friction.
+        model: which law; AUTO is COULOMB if ``contacts`` has a row of friction. A tolerance, or EXTENDED,
+            is for float64.
         out: where to write the results: an earlier result, or arrays like one. They must not overlap
             the input.
         backend: AUTO is the fastest that is installed. All give the same bits.
@@ -120,12 +137,29 @@ def resolve_batch(
     else:
         _check_out(plan, n, out, (bodies, contacts))
     if n:
-        given = bodies, contacts[: plan.contact_rows], plan.model
-        arrays = dict(zip(_ARRAYS, (*given, *out[:-1], out.status[np.newaxis]), strict=True))
-        is_small = n <= FEW and bodies.dtype == np.float64 and not is_compiled(backend)
-        run = one_by_one(plan.problem) if is_small else prepare(backend, plan.problem, bodies.dtype).run
-        run({name: arrays[name] for name in plan.arrays})
+        given = bodies, contacts[: plan.contact_rows], plan.constants
+        results = (*out[:3], *(row[np.newaxis] for row in out[3:5] if row is not None))
+        arrays = dict(zip(_ARRAYS, (*given, *results), strict=False))
+        _compute(plan, {name: arrays[name] for name in plan.arrays}, out, backend)
     return out
+
+
+def _compute(plan: _Plan, arrays: Arrays, out: BatchResult, backend: Backend) -> None:
+    n, dtype, model = out.status.size, plan.constants.dtype, plan.model
+    is_small = n <= FEW and dtype == np.float64 and not is_compiled(backend)
+    run = one_by_one(plan.problem) if is_small else prepare(backend, plan.problem, dtype).run
+    run(arrays)
+    if out.precision is None:
+        return
+    out.precision[:] = Precision.DOUBLE
+    if model.precision is not Precision.DOUBLE:
+        limit = model.tolerance if model.precision is Precision.AUTO else 0.0
+        wanting = unsure(arrays, limit)
+        out.precision[wanting] = Precision.EXTENDED
+        make_exact(arrays, wanting, plan.problem, model, backend)
+    if model.tolerance:
+        answered = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)
+        out.status[answered & ~(out.error_bound <= model.tolerance)] = StatusCode.TOLERANCE_NOT_MET
 
 
 def prepare_batch(
@@ -151,17 +185,19 @@ class _Plan(NamedTuple):
     """All that does not depend on the numbers, nor on how many contacts there are."""
 
     problem: Problem
+    model: ImpactModel
     arrays: list[str]
     contact_rows: int
-    model: Array
+    constants: Array
     axes: int
     turns: int
 
     def results(self, n: int) -> tuple[tuple[tuple[int, ...], np.dtype[Any]], ...]:
         """Shapes and types of a :class:`BatchResult`."""
-        dtype = self.model.dtype
-        shapes = (self.axes, 2, n), (self.turns, 2, n), (self.axes, n), (n,)
-        return tuple(zip(shapes, (dtype, dtype, dtype, np.dtype(np.uint8)), strict=True))
+        dtype, code = self.constants.dtype, np.dtype(np.uint8)
+        shapes = (self.axes, 2, n), (self.turns, 2, n), (self.axes, n), (n,), (n,), (n,)
+        all_results = tuple(zip(shapes, (dtype, dtype, dtype, code, dtype, code), strict=True))
+        return all_results if self.problem.arithmetic is Arithmetic.BOUNDED else all_results[:4]
 
 
 def _plan_for(bodies: Array, contacts: Array, model: ImpactModel) -> _Plan:
@@ -175,7 +211,8 @@ def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> _
     of = body_rows(problem.geometry)
     return _Plan(
         problem,
-        general(problem).arrays(),
+        model._replace(law=problem.law, geometry=problem.geometry),
+        programs_for(problem, dtype)[1].arrays(),
         contact_count(problem),
         np.array([[model.tangential_restitution], [model.restitution_threshold]], dtype),
         of.velocity.stop - of.velocity.start,
@@ -202,7 +239,8 @@ def _problem(
         tangential = Tangential.CONTACTS
     elif law is Law.COULOMB and model.tangential_restitution:
         tangential = Tangential.MODEL
-    return Problem(geometry, law, oriented, tangential, threshold=model.restitution_threshold > 0)
+    arithmetic = Arithmetic.BOUNDED if is_bounded(model) else Arithmetic.PLAIN
+    return Problem(geometry, law, oriented, tangential, model.restitution_threshold > 0, arithmetic)
 
 
 def _check_tables(bodies: Array, contacts: Array) -> None:
@@ -220,25 +258,32 @@ def _check_tables(bodies: Array, contacts: Array) -> None:
 
 def _check_model(model: ImpactModel, geometry: Geometry, dtype: np.dtype[Any]) -> None:
     check_model(model)
-    for field, value, possible in (
-        ("law", model.law, _LAWS),
-        ("geometry", model.geometry, (Geometry.AUTO, geometry)),
-        ("precision", model.precision, (Precision.AUTO, _PRECISIONS[dtype])),
-        ("tolerance", model.tolerance, (0.0,)),
-    ):
-        if value not in possible:
-            known = ", ".join(str(getattr(one, "name", one)) for one in possible)
+    possible: dict[str, tuple[Any, ...]] = {
+        "law": _LAWS,
+        "geometry": (Geometry.AUTO, geometry),
+        "precision": (Precision.AUTO, *_PRECISIONS[dtype]),
+    }
+    if dtype == np.float32:
+        possible["tolerance"] = (0.0,)
+    for field, known in possible.items():
+        value = getattr(model, field)
+        if value not in known:
+            names = ", ".join(str(getattr(one, "name", one)) for one in known)
             reason = (
-                f"must be {known} for a batch of {geometry.name} {dtype}; is {getattr(value, 'name', value)}"
+                f"must be {names} for a batch of {geometry.name} {dtype}; is {getattr(value, 'name', value)}"
             )
             raise ImpactError(StatusCode.INVALID_MODEL, f"model.{field}", reason)
 
 
 def _check_out(plan: _Plan, n: int, out: BatchResult, inputs: tuple[Array, ...]) -> None:
-    for field, array, (shape, dtype) in zip(BatchResult._fields, out, plan.results(n), strict=True):
-        if array.shape != shape or array.dtype != dtype:
-            raise ValueError(
-                f"out.{field}: must be {dtype} of shape {shape}, is {array.dtype} of {array.shape}"
-            )
-        if any(np.may_share_memory(array, other) for other in inputs):
-            raise ValueError(f"out.{field}: overlaps the input")
+    expected = plan.results(n)
+    for field, array, (shape, dtype) in zip(BatchResult._fields, out, expected, strict=False):
+        if array is None or array.shape != shape or array.dtype != dtype:
+            found = None if array is None else f"{array.dtype} of {array.shape}"
+            raise ValueError(f"out.{field}: must be {dtype} of shape {shape}, is {found}")
+        for given in inputs:
+            if np.may_share_memory(array, given):
+                raise ValueError(f"out.{field}: overlaps the input")
+    for field, array in zip(BatchResult._fields[len(expected) :], out[len(expected) :], strict=True):
+        if array is not None:
+            raise ValueError(f"out.{field}: must be None, for this model has neither tolerance nor EXTENDED")

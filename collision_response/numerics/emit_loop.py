@@ -52,13 +52,13 @@ def emit_loop(ordinary: Program, general: Program, number: str) -> str:
             '@njit(error_model="numpy", cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)',
             scalar,
             "",
-            f'@njit([types.void({", ".join(_types(general, number))})], error_model="numpy", cache=True)',
+            f'@njit([types.void({", ".join(types_of(general, number))})], error_model="numpy", cache=True)',
             loop,
         ]
     )
 
 
-def _types(program: Program, number: str) -> list[str]:
+def types_of(program: Program, number: str) -> list[str]:
     """The types of the arrays, in the order of :meth:`Program.arrays`; inputs may be read-only."""
     read = {slot.array for slot in program.inputs}
     dimensions = {slot.array: 2 if slot.lane is None else 3 for slot in [*program.inputs, *program.outputs]}

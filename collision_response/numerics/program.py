@@ -75,15 +75,14 @@ class Program(NamedTuple):
         for place in self.needed():
             depth[place] = 1 + max((depth[arg] for arg in self.tape.nodes[place].args), default=0)
         done: dict[int, None] = {}
-
-        def visit(place: int) -> None:
-            if place not in done:
-                for arg in sorted(self.tape.nodes[place].args, key=lambda arg: -depth[arg]):
-                    visit(unit(arg))
-                done[place] = None
-
-        for place in self.outputs.values():
-            visit(unit(place))
+        waiting = [unit(place) for place in reversed(self.outputs.values())]
+        while waiting:
+            deepest_first = sorted(self.tape.nodes[waiting[-1]].args, key=lambda arg: -depth[arg])
+            first = next((unit(arg) for arg in deepest_first if unit(arg) not in done), None)
+            if first is None or waiting[-1] in done:
+                done[waiting.pop()] = None
+            else:
+                waiting.append(first)
         return list(done)
 
     def taking(self, given: Mapping[Slot, int]) -> Program:

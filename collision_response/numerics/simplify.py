@@ -67,6 +67,15 @@ def _div(x: Symbol, y: Symbol) -> Any:
     return None if minus_y is None else -(x / minus_y)
 
 
+def _fma(x: Symbol, y: Symbol, z: Symbol) -> Any:
+    if x.is_value(0) or y.is_value(0):
+        return z
+    minus_x, minus_y = _negated(x), _negated(y)
+    if minus_x is not None:
+        return -x.tape.record("fma", minus_x, y, -z)
+    return None if minus_y is None else -x.tape.record("fma", x, minus_y, -z)
+
+
 def _lt(x: Symbol, y: Symbol) -> Any:
     if x.node.op == "mul" and y.place in x.node.args:
         factor = next((arg for arg in x.operands() if arg.node.op == "constant"), None)
@@ -110,6 +119,7 @@ SIMPLER: dict[str, Callable[..., Any]] = {
     "mul": _mul,
     "div": _div,
     "neg": _negated,
+    "fma": _fma,
     "lt": _lt,
     "not": _not,
     "and": _and,

@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 from .simplify import SIMPLER
@@ -41,7 +42,8 @@ class Node(NamedTuple):
 
     Attributes:
         op: ``input``, ``constant``, ``truth``, ``add``, ``sub``, ``mul``, ``div``, ``neg``, ``sqrt``,
-            ``lt``, ``le``, ``eq``, ``and``, ``or``, ``not`` or ``select`` (condition, if true, if false).
+            ``fma`` (of ``a b + c``), ``lt``, ``le``, ``eq``, ``and``, ``or``, ``not`` or ``select``
+            (condition, if true, if false).
         args: the operands, as places on the tape; all of them earlier.
         value: the name of an input (anything hashable), or the value of a constant.
     """
@@ -57,11 +59,13 @@ class Tape:
     Args:
         assumes: of a name of an input, whether a condition on such inputs alone is taken to hold. No
             choice by it is recorded; the condition is added to ``assumed`` instead.
+        fused: whether what the formula is for can add to a product before it is rounded.
     """
 
-    def __init__(self, assumes: Callable[[Any], bool] | None = None) -> None:
+    def __init__(self, assumes: Callable[[Any], bool] | None = None, *, fused: bool = False) -> None:
         self.nodes: list[Node] = []
         self.assumed: list[Symbol] = []
+        self.fused = fused
         self._assumes = assumes
         self._places: dict[Node, int] = {}
 
@@ -120,6 +124,13 @@ class Tape:
         self.assumed.append(condition)
         return True
 
+    @contextmanager
+    def assuming_nothing(self) -> Iterator[None]:
+        """For a part of the formula: every choice is recorded."""
+        assumes, self._assumes = self._assumes, None
+        yield
+        self._assumes = assumes
+
     def write(self, node: Node) -> Symbol:
         """The result of an operation, as it is."""
         if node not in self._places:
@@ -151,6 +162,10 @@ class Symbol:
     def is_value(self, value: float) -> bool:
         """Whether this is known to be ``value``."""
         return self.node.op == "constant" and self.node.value == value
+
+    def product_error(self, other: Any, product: Symbol) -> Symbol | None:
+        """What rounding left out of the product, if that is one operation."""
+        return self.tape.record("fma", self, other, -product) if self.tape.fused else None
 
     def operands(self) -> list[Symbol]:
         """What the operation takes."""

@@ -79,8 +79,10 @@ def _where_of(condition: Any) -> Callable[..., Any]:
 
 
 def _merge(where: Callable[..., Any], condition: Any, if_true: Any, if_false: Any) -> Any:
-    if isinstance(if_true, tuple):
-        return type(if_true)(
-            *(_merge(where, condition, t, f) for t, f in zip(if_true, if_false, strict=True))
-        )
-    return where(condition, if_true, if_false)
+    values = if_true, if_false
+    kind: Any = next((type(value) for value in values if isinstance(value, tuple)), None)
+    if kind is None:
+        return where(condition, if_true, if_false)
+    # A plain number beside one of several parts becomes one.
+    parts = (value if isinstance(value, tuple) else kind(value) for value in values)
+    return kind(*(_merge(where, condition, t, f) for t, f in zip(*parts, strict=True)))

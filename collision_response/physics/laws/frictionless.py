@@ -17,11 +17,16 @@ Rigid Body Simulation*, SIGGRAPH course notes 2001, eq. 8-18.
 from __future__ import annotations
 
 from ..effective_mass import Approach
+from ..number import Scalar
 from ..vector import V
 from .law import Outcome, Parameters, Regime
 
 
 def frictionless(approach: Approach[V], parameters: Parameters) -> Outcome:
     """The impulse of a contact without friction; only ``parameters.restitution`` matters."""
-    j = -(1 + parameters.restitution) * approach.n_u / approach.n_Kn
-    return Outcome(approach.n * j, Regime.SLIDING)
+    return Outcome(approach.n * factor(approach, parameters), Regime.SLIDING)
+
+
+def factor(approach: Approach[V], parameters: Parameters) -> Scalar:
+    """``j``, of which the impulse is ``n j``."""
+    return -(1 + parameters.restitution) * approach.n_u / approach.n_Kn
