@@ -144,10 +144,13 @@ def service(results: Results) -> str:
             row += [_microseconds(times), _ratio(quotient) if quotient else ""]
         rows.append(row)
     head = ["server", "1 client [µs]", "of the echo", "8 clients, per answer [µs]", "of the echo"]
-    alone = found["callback"]["s"]
+    alone, quotient = found["callback"]["s"], found["ratios"]["batch"]
+    answered, echoed = (_milliseconds(found["s"][f"{name}, batch"]) for name in ("plain", "echo"))
     return (
         _table(head, rows)
         + f"\n\nThe node's callback by itself, without the transport, takes {_microseconds(alone)} µs."
+        + f"\n\nA batch of 1e4 contacts in space takes the node {answered} ms, the echo {echoed} ms: "
+        f"{_ratio(quotient)} times as long."
     )
 
 
@@ -230,7 +233,15 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _microseconds(times: dict[str, float]) -> str:
-    least, middle, most = (_significant(times[key] * 1e6) for key in ("min", "median", "max"))
+    return _times(times, 1e6)
+
+
+def _milliseconds(times: dict[str, float]) -> str:
+    return _times(times, 1e3)
+
+
+def _times(times: dict[str, float], in_a_second: float) -> str:
+    least, middle, most = (_significant(times[key] * in_a_second) for key in ("min", "median", "max"))
     return f"**{middle}** ({least} … {most})"
 
 

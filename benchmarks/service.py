@@ -14,15 +14,16 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from timing import Samples, ratio, spread
 
 HERE = Path(__file__).resolve().parent
-COMMANDS = {"echo": "serve-echo", "measure": "measure-service"}
+COMMANDS = {"echo": "serve-echo", "measure": "measure-service", "measure batch": "measure-batch-service"}
 DEADLINE = 30.0
 """Seconds for anything to happen that should take much less."""
 
@@ -31,6 +32,13 @@ CALLS = 24
 """In a round, one after the other; of concurrent ones, together."""
 
 CONCURRENT = 8
+BATCH = "batch"
+CONTACTS, BODIES, BATCH_CALLS = 10_000, 4_000, 3
+"""Of a batch, in which each body touches five others; and in a round."""
+
+LARGE_DATA = {"FASTDDS_BUILTIN_TRANSPORTS": "LARGE_DATA"}
+"""By its other transports Fast DDS loses parts of a batch, and both servers wait until they are repeated."""
+
 CALLBACK = "the callback alone"
 
 
@@ -38,7 +46,7 @@ CALLBACK = "the callback alone"
 
 
 def echo() -> None:
-    """Serve a prebuilt answer under the name of the node's service."""
+    """Serve prebuilt answers under the names of the node's services."""
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
@@ -46,7 +54,7 @@ def echo() -> None:
 
     from collision_response.ros.node import SERVICE_QOS
     from collision_response.ros.signals import on_signal
-    from collision_response.srv import ResolveCollision
+    from collision_response.srv import ResolveCollision, ResolveCollisionBatch
 
     stop = on_signal()
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
@@ -57,11 +65,28 @@ def echo() -> None:
     node.create_service(
         ResolveCollision, "~/resolve_collision", lambda request, _: response, qos_profile=SERVICE_QOS
     )
+    batch = batch_response()
+    node.create_service(
+        ResolveCollisionBatch, "~/resolve_collision_batch", lambda request, _: batch, qos_profile=SERVICE_QOS
+    )
     executor.add_node(node)
     executor.spin_until_future_complete(stop)
     executor.shutdown()
     node.destroy_node()
     rclpy.try_shutdown()
+
+
+def batch_response() -> Any:
+    """As many bytes as the node answers to :func:`batch`."""
+    from collision_response import Geometry
+    from collision_response.ros.batch_fields import Response, result_shapes, with_zeros
+
+    response = Response(success=True)
+    response.header.frame_id = "world"
+    with_zeros(response.status, (CONTACTS,))
+    for name, shape in result_shapes(Geometry.SPATIAL, CONTACTS).items():
+        with_zeros(getattr(response, name), shape)
+    return response
 
 
 @contextmanager
@@ -102,26 +127,44 @@ def impact() -> Any:
     return request
 
 
-class Clients:
-    """Clients of every server, in one node."""
+def batch() -> Any:
+    """A request: many contacts in space between fewer bodies, without friction."""
+    import numpy as np
+    from batch import FRICTIONLESS, scene
 
-    def __init__(self, servers: list[str]) -> None:
+    from collision_response import Geometry
+    from collision_response.ros.batch_client import pack
+
+    bodies, contacts = scene(Geometry.SPATIAL, CONTACTS)
+    body_a, step = np.random.default_rng(0).integers((BODIES, BODIES - 1), size=(CONTACTS, 2)).T
+    pairs = body_a, (body_a + 1 + step) % BODIES
+    return pack(bodies[:, 0, :BODIES], pairs, contacts[:-1], FRICTIONLESS, frame_id="world")
+
+
+class Clients:
+    """Clients of one service of every server, in one node."""
+
+    def __init__(self, servers: list[str], service: str, number: int) -> None:
         import rclpy
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.node import Node
 
+        from collision_response import srv
         from collision_response.ros.node import SERVICE_QOS
-        from collision_response.srv import ResolveCollision
 
         rclpy.init()
         self._node, self._executor = Node("clients"), SingleThreadedExecutor()
         self._executor.add_node(self._node)
+        kind = {
+            "resolve_collision": srv.ResolveCollision,
+            "resolve_collision_batch": srv.ResolveCollisionBatch,
+        }
         self._clients = {
             name: [
                 self._node.create_client(
-                    ResolveCollision, f"/{name}/collision_response/resolve_collision", qos_profile=SERVICE_QOS
+                    kind[service], f"/{name}/collision_response/{service}", qos_profile=SERVICE_QOS
                 )
-                for _ in range(CONCURRENT)
+                for _ in range(number)
             ]
             for name in servers
         }
@@ -146,12 +189,12 @@ class Clients:
         future = self._clients[name][0].call_async(request)
         return self._result(future)
 
-    def one_after_the_other(self, name: str, request: Any) -> float:
+    def one_after_the_other(self, name: str, request: Any, calls: int = CALLS) -> float:
         """Seconds of a call."""
         start = time.perf_counter()
-        for _ in range(CALLS):
+        for _ in range(calls):
             self.call(name, request)
-        return (time.perf_counter() - start) / CALLS
+        return (time.perf_counter() - start) / calls
 
     def at_once(self, name: str, request: Any) -> float:
         """Seconds between answers, when each client asks again as soon as it has its answer."""
@@ -198,32 +241,48 @@ class Clients:
 
 def round_trips() -> Samples:
     """Seconds of a round trip, by kind."""
-    node, echoing = [_script("collision_response_node")], _self("echo")
+    node, names = [_script("collision_response_node")], ["echo", "plain", "recording"]
     with ExitStack() as stack:
         directory = stack.enter_context(tempfile.TemporaryDirectory())
-        stack.enter_context(server(echoing, "echo"))
+        stack.enter_context(server(_self("echo"), "echo"))
         stack.enter_context(server(node, "plain"))
         record = ("recording.enabled:=true", f"recording.directory:={directory}")
         stack.enter_context(server(node, "recording", *record))
-        names = ["echo", "plain", "recording"]
-        clients = Clients(names)
+        clients = Clients(names, "resolve_collision", CONCURRENT)
         stack.callback(clients.close)
         clients.wait()
-        return _rounds(clients, names)
+        request, calls = impact(), {}
+        for name in names:
+            assert clients.call(name, request).success, name
+            clients.at_once(name, request)
+            calls[f"{name}, 1 client"] = partial(clients.one_after_the_other, name, request)
+            calls[f"{name}, {CONCURRENT} clients"] = partial(clients.at_once, name, request)
+        return _rounds(calls)
 
 
-def _rounds(clients: Clients, names: list[str]) -> Samples:
-    request = impact()
-    for name in names:
-        assert clients.call(name, request).success, name
-        clients.at_once(name, request)
-    kinds = {"1 client": clients.one_after_the_other, f"{CONCURRENT} clients": clients.at_once}
-    order, draw = [(name, kind) for name in names for kind in kinds], random.Random(0)
-    samples: Samples = {f"{name}, {kind}": [] for name, kind in order}
+def batch_round_trips() -> Samples:
+    """Seconds of a round trip of a batch, by server."""
+    names = ["echo", "plain"]
+    with ExitStack() as stack:
+        stack.enter_context(server(_self("echo"), "echo"))
+        stack.enter_context(server([_script("collision_response_node")], "plain"))
+        clients = Clients(names, "resolve_collision_batch", 1)
+        stack.callback(clients.close)
+        clients.wait()
+        request, calls = batch(), {}
+        for name in names:
+            assert clients.call(name, request).success, name
+            calls[f"{name}, {BATCH}"] = partial(clients.one_after_the_other, name, request, BATCH_CALLS)
+        return _rounds(calls)
+
+
+def _rounds(calls: dict[str, Callable[[], float]]) -> Samples:
+    order, draw = list(calls), random.Random(0)
+    samples: Samples = {name: [] for name in order}
     for _ in range(ROUNDS):
         draw.shuffle(order)
-        for name, kind in order:
-            samples[f"{name}, {kind}"].append(kinds[kind](name, request))
+        for name in order:
+            samples[name].append(calls[name]())
     return samples
 
 
@@ -252,20 +311,8 @@ def callback_profile() -> dict[str, Any]:
         rclpy.try_shutdown()
 
 
-def batch_service(skipped: dict[str, str]) -> dict[str, Any] | None:
-    """The batch service against an echo of the same bytes, once there is one."""
-    from collision_response import srv
-
-    if not hasattr(srv, "ResolveCollisionBatch"):
-        skipped["batch service"] = "this version has none"
-        return None
-    skipped["batch service"] = "not measured yet"
-    return None
-
-
 def measure() -> dict[str, Any]:
-    """All there is to say of the services."""
-    skipped: dict[str, str] = {}
+    """All there is to say of the service for one impact."""
     samples = round_trips()
     ratios = {
         f"{name}, {kind}": ratio(samples, f"{name}, {kind}", f"echo, {kind}")
@@ -276,17 +323,30 @@ def measure() -> dict[str, Any]:
         "s": {name: spread(values) for name, values in samples.items()},
         "ratios": ratios,
         "callback": callback_profile(),
-        "batch": batch_service(skipped),
-        "skipped": skipped,
+    }
+
+
+def measure_batch() -> dict[str, Any]:
+    """The same of that for a batch."""
+    samples = batch_round_trips()
+    return {
+        "s": {name: spread(values) for name, values in samples.items()},
+        "ratios": {BATCH: ratio(samples, f"plain, {BATCH}", f"echo, {BATCH}")},
     }
 
 
 def in_own_process() -> dict[str, Any]:
-    """:func:`measure`, out of the way of whatever else this process has imported."""
+    """All there is to say, measured out of the way of whatever else this process has imported."""
     with _own_domain() as environment:
-        done = subprocess.run(
-            _self("measure"), env=environment, stdout=subprocess.PIPE, text=True, timeout=600, check=True
-        )
+        found = _by(_self("measure"), environment)
+        of_batch = _by(_self("measure batch"), {**environment, **LARGE_DATA})
+    return {**found, **{key: {**found[key], **more} for key, more in of_batch.items()}}
+
+
+def _by(command: list[str], environment: dict[str, str]) -> dict[str, Any]:
+    done = subprocess.run(
+        command, env=environment, stdout=subprocess.PIPE, text=True, timeout=600, check=True
+    )
     return json.loads(done.stdout.splitlines()[-1])
 
 

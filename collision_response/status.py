@@ -27,6 +27,7 @@ class StatusCode(IntEnum):
     OUT_OF_RANGE = 16
     TOLERANCE_NOT_MET = 17
     PATH_TOO_LONG = 18
+    INVALID_TABLE = 19
     INTERNAL_ERROR = 100
 
     @property

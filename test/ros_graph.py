@@ -18,7 +18,7 @@ from rclpy.task import Future
 from collision_response import Body, Contact
 from collision_response.msg import BodyState
 from collision_response.ros.node import SERVICE_QOS, CollisionResponseNode
-from collision_response.srv import ResolveCollision
+from collision_response.srv import ResolveCollision, ResolveCollisionBatch
 
 DEADLINE = 20.0
 """Seconds after which nothing is waited for any more: far more than anything takes."""
@@ -27,7 +27,7 @@ _numbers = itertools.count()
 
 
 class Graph:
-    """A context, a thread that spins its nodes, and a client of the service."""
+    """A context, a thread that spins its nodes, and a client of each service."""
 
     def __init__(self) -> None:
         self.context = Context()
@@ -40,7 +40,11 @@ class Graph:
         self._thread = threading.Thread(target=self._executor.spin_until_future_complete, args=[self._stop])
         self._thread.start()
         self.user = self.add(Node("user", context=self.context, namespace=self.namespace))
-        self._client = self.user.create_client(ResolveCollision, self.service, qos_profile=SERVICE_QOS)
+        services = (ResolveCollision, self.service), (ResolveCollisionBatch, f"{self.service}_batch")
+        self._clients = {
+            kind.Request: self.user.create_client(kind, name, qos_profile=SERVICE_QOS)
+            for kind, name in services
+        }
 
     def add(self, node: Node) -> Any:
         """Have a node spun until the test ends."""
@@ -56,12 +60,13 @@ class Graph:
         )
         return self.add(self.node)
 
-    def call_async(self, request: ResolveCollision.Request) -> Any:
-        """Send a request, once there is someone to answer it."""
-        until(self._client.service_is_ready)
-        return self._client.call_async(request)
+    def call_async(self, request: Any) -> Any:
+        """Send a request to the service that takes it, once there is someone to answer it."""
+        client = self._clients[type(request)]
+        until(client.service_is_ready)
+        return client.call_async(request)
 
-    def call(self, request: ResolveCollision.Request) -> ResolveCollision.Response:
+    def call(self, request: Any) -> Any:
         """The answer to a request."""
         answered = threading.Event()
         future = self.call_async(request)

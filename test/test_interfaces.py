@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from enum import IntEnum
+from pathlib import Path
 
 import pytest
 
@@ -18,8 +20,13 @@ from collision_response import (
     Regime,
     StatusCode,
     msg,
+    srv,
 )
+from collision_response.batch.rows import body_rows, contact_rows
+from collision_response.ros.batch_fields import LAYOUTS
 from collision_response.ros.convert import NOTES, NUMBERS
+
+SRV = Path(__file__).parent.parent / "srv"
 
 
 def constants(message):
@@ -53,6 +60,27 @@ def test_every_number_of_an_impact_is_in_the_result():
     fields = msg.CollisionResult.get_fields_and_field_types()
     assert {field for field, kind in fields.items() if kind == "double"} == set(NUMBERS)
     assert set(NUMBERS) <= set(Impact._fields)
+
+
+def test_layouts_of_a_batch():
+    named = {layout.name: number for number, layout in LAYOUTS.items()}
+    assert constants(srv.ResolveCollisionBatch.Request) == named
+    for number in (srv.ResolveCollisionBatch.Request.POINT, srv.ResolveCollisionBatch.Request.PLANAR):
+        assert LAYOUTS[number].geometry == number
+
+
+def test_the_rows_of_a_batch_are_listed():
+    text = (SRV / "ResolveCollisionBatch.srv").read_text()
+    listed = re.findall(r"^#   (POINT|PLANAR|SPATIAL) +(.*)$", text, re.MULTILINE)
+    heights = [(name, len(rows.replace(",", "").split())) for name, rows in listed]
+    assert heights == [
+        *((geometry.name, body_rows(geometry).height) for geometry in Geometry if geometry > Geometry.AUTO),
+        *(
+            (geometry.name, contact_rows(geometry).height + 1)
+            for geometry in Geometry
+            if geometry > Geometry.AUTO
+        ),
+    ]
 
 
 def test_nothing_constructed_is_a_success():

@@ -18,7 +18,7 @@ MAY_IMPORT = {
     "physics": {"physics", "numerics", "status"},
     "": CORE,
     "recording": CORE | {"recording"},
-    "ros": CORE | {"recording", "ros", "msg", "srv"},
+    "ros": CORE | {"batch", "recording", "ros", "msg", "srv"},
 }
 """For each room the rooms it may import; ``""`` are the modules on top, with ``status`` for one of them."""
 

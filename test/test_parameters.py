@@ -85,6 +85,25 @@ def test_a_new_value_counts_from_the_next_answer(graph):
     assert (result.normal_velocity_after, result.contact.restitution) == (1.0, 0.25)
 
 
+def test_values_set_together_count_together_and_refused_ones_do_not(graph):
+    node = graph.serve()
+    request = balls_meet()
+    request.contact.restitution = request.contact.friction = -1.0
+
+    def used():
+        result = graph.call(request).result
+        return result.contact.restitution, result.contact.friction, result.model.law
+
+    wanted = {"restitution": 0.25, "friction": 0.5, "law": "moreau"}
+    together = [Parameter(name, value=value) for name, value in wanted.items()]
+    assert node.set_parameters_atomically(together).successful
+    assert used() == (0.25, 0.5, ImpactModel.MOREAU)
+
+    refused = [Parameter("restitution", value=0.75), Parameter("law", value="coulomp")]
+    assert not node.set_parameters_atomically(refused).successful
+    assert used() == (0.25, 0.5, ImpactModel.MOREAU)
+
+
 @pytest.mark.parametrize(
     ("rule", "restitution", "friction"),
     [

@@ -12,6 +12,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from rcl_interfaces.msg import Log
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_graph import DEADLINE, assign, balls_meet, request_of, until
 from test_error_bound import grazing
@@ -212,7 +213,8 @@ def test_a_refusal_names_the_field_and_its_value(tried_node, case):
 def test_every_reason_for_a_refusal_is_among_these():
     answers = {code for code in StatusCode if code.is_answer}
     by_tests_of_their_own = {StatusCode.STALE_STATE, StatusCode.PATH_TOO_LONG, StatusCode.INTERNAL_ERROR}
-    others = answers | by_tests_of_their_own | {StatusCode.UNSET}
+    of_batches = {StatusCode.INVALID_TABLE}
+    others = answers | by_tests_of_their_own | of_batches | {StatusCode.UNSET}
     assert {case.code for case in REFUSALS} == set(StatusCode) - others
 
 
@@ -264,18 +266,82 @@ def test_a_thousand_requests_at_once_get_a_thousand_answers(graph):
     assert {answer.result.sequence for answer in answers} == set(range(1, total + 1))
 
 
+LATE = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def subscribe(graph):
+    """A subscription to the results that asks for earlier ones, and the list of what it gets."""
+    received = []
+    subscription = graph.user.create_subscription(
+        CollisionResult, "collision_response/result", received.append, LATE
+    )
+    return subscription, received
+
+
 def test_results_reach_subscribers_that_come_late(graph):
     graph.serve()
     bad = balls_meet()
     bad.contact.normal.x = 0.0
     answers = [graph.call(balls_meet()).result, graph.call(bad).result]
 
-    received = []
-    late = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    graph.user.create_subscription(CollisionResult, "collision_response/result", received.append, late)
+    _, received = subscribe(graph)
 
     until(lambda: len(received) == 2)
     assert received == answers
+
+
+def test_results_from_before_and_after_a_subscription_arrive_in_order_once(graph):
+    graph.serve()
+    before = [graph.call(balls_meet()).result for _ in range(3)]
+    _, first = subscribe(graph)
+    after = [graph.call(balls_meet()).result for _ in range(3)]
+    _, second = subscribe(graph)
+    until(lambda: len(second) >= 6)
+    last = graph.call(balls_meet()).result
+    until(lambda: last in first and last in second)
+    assert first == second == [*before, *after, last]
+
+
+def test_results_wait_again_when_the_last_subscriber_has_left(graph):
+    node = graph.serve()
+    subscription, received = subscribe(graph)
+    heard = graph.call(balls_meet()).result
+    until(lambda: received == [heard])
+    graph.user.destroy_subscription(subscription)
+    until(lambda: node.count_subscribers("collision_response/result") == 0)
+    unheard = graph.call(balls_meet()).result
+
+    _, received = subscribe(graph)
+
+    until(lambda: len(received) == 2)
+    assert received == [heard, unheard]
+
+
+def test_the_last_hundred_results_wait(graph):
+    graph.serve()
+    answers = [graph.call(balls_meet()).result for _ in range(103)]
+    _, received = subscribe(graph)
+    until(lambda: answers[-1] in received)
+    assert received == answers[3:]
+
+
+def test_what_nobody_hears_is_not_published(graph, monkeypatch):
+    published, publish = [], Publisher.publish
+
+    def note(publisher, message):
+        if isinstance(message, CollisionResult):
+            published.append(message.sequence)
+        publish(publisher, message)
+
+    monkeypatch.setattr(Publisher, "publish", note)
+    graph.serve()
+    graph.call(balls_meet())
+    assert published == []
+    _, received = subscribe(graph)
+    until(lambda: received)
+    graph.call(balls_meet())
+    until(lambda: len(received) == 2)
+    assert published == [1, 2]
 
 
 @pytest.mark.parametrize("system", all_systems(), ids=attrgetter("name"))

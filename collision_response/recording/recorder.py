@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import queue
 import threading
 from collections.abc import Callable, Iterator
@@ -13,7 +14,7 @@ from .record import Entry
 CAPACITY = 10_000
 """Entries that may wait. Those that come on top of them are dropped."""
 
-INTERVAL = 0.2
+INTERVAL = 0.5
 """Entries are written in batches, this often [s]: one by one they would cost more than the impacts."""
 
 
@@ -85,6 +86,7 @@ class Recorder:
         try:
             from .writer import Writer
 
+            gc.freeze()  # what waits grows old: the collector would soon search all of rerun too, for 50 ms
             with Writer(self.path) as writer:
                 for batch in self._batches():
                     writer.write(batch)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,6 @@ import numpy as np
 import rerun as rr
 
 from ..physics.body import Body, Twist
-from ..physics.vector import Vec3
 from .layout import AFTER, BEFORE, GREEN, GREY, LOG, RED, SERIES, WORLD, blueprint, body_path
 from .piped_file import PipedFile
 from .record import Entry, Record, Refusal, Sighting
@@ -24,8 +24,9 @@ causes along itself; a normal, as 1 m/s. So all arrows of a scene are of one sca
 POINT_RADIUS = rr.Radius.ui_points(6)
 ARROW_RADIUS = rr.Radius.ui_points(2)
 
-Columns = tuple[str, Sequence[Entry], Any]
-"""An entity, the entries of which each gives it a row, and the columns."""
+Times = list[rr.TimeColumn]
+Columns = tuple[str, Times, Any]
+"""An entity, when each of its rows was, and the columns."""
 
 
 class Writer:
@@ -67,14 +68,14 @@ class Writer:
         impacts = [entry for entry in batch if isinstance(entry, Record)]
         sightings = [entry for entry in batch if isinstance(entry, Sighting)]
         answers = [entry for entry in batch if not isinstance(entry, Sighting)]
-        for path, rows, columns in (
+        for path, times, columns in (
             *seen(sightings),
             *bodies(impacts),
             *contacts(impacts),
             *series(impacts),
             *log(answers),
         ):
-            self._stream.send_columns(path, indexes=_indexes(rows), columns=columns)
+            self._stream.send_columns(path, indexes=times, columns=columns)
         for sighting in sightings:
             self._log_body_style(sighting.name, sighting.body)
         for impact in impacts:
@@ -115,14 +116,11 @@ def seen(sightings: Iterable[Sighting]) -> Iterator[Columns]:
     for sighting in sightings:
         by_name[sighting.name].append(sighting)
     for name, rows in by_name.items():
-        path, positions = body_path(name), _array(row.body.position for row in rows)
-        yield from _poses(path, rows, [row.body for row in rows])
-        yield (
-            f"{path}/velocity_before",
-            rows,
-            _arrows(positions[:0], positions[:0]).partition([0] * len(rows)),
-        )
-        yield f"{path}/velocity_after", rows, _arrows(positions, _array(row.body.velocity for row in rows))
+        path, times, positions = body_path(name), _times(rows), _array(row.body.position for row in rows)
+        yield from _poses(path, times, positions, [row.body for row in rows])
+        nothing = _arrows(positions[:0], positions[:0]).partition([0] * len(rows))
+        yield f"{path}/velocity_before", times, nothing
+        yield f"{path}/velocity_after", times, _arrows(positions, _array(row.body.velocity for row in rows))
 
 
 def bodies(impacts: Iterable[Record]) -> Iterator[Columns]:
@@ -132,36 +130,37 @@ def bodies(impacts: Iterable[Record]) -> Iterator[Columns]:
         by_name[impact.name_a].append((impact, impact.body_a, impact.impact.twist_a))
         by_name[impact.name_b].append((impact, impact.body_b, impact.impact.twist_b))
     for name, appearances in by_name.items():
-        rows = [row for row, _, _ in appearances]
-        path, positions = body_path(name), _array(body.position for _, body, _ in appearances)
-        yield from _poses(path, rows, [body for _, body, _ in appearances])
+        path, times = body_path(name), _times([row for row, _, _ in appearances])
+        positions = _array(body.position for _, body, _ in appearances)
+        yield from _poses(path, times, positions, [body for _, body, _ in appearances])
         before = _array(body.velocity for _, body, _ in appearances)
         after = _array(twist.linear for _, _, twist in appearances)
-        yield f"{path}/velocity_before", rows, _arrows(positions, before)
-        yield f"{path}/velocity_after", rows, _arrows(positions, after)
+        yield f"{path}/velocity_before", times, _arrows(positions, before)
+        yield f"{path}/velocity_after", times, _arrows(positions, after)
 
 
 def contacts(impacts: Sequence[Record]) -> Iterator[Columns]:
     """Contact points, normals and impulses."""
     if not impacts:
         return
-    answers = [row.impact for row in impacts]
+    times, answers = _times(impacts), [row.impact for row in impacts]
     positions = _array(answer.contact.position for answer in answers)
     normals = _array(answer.contact.normal / answer.contact.normal.norm() for answer in answers)
     changes = _array(answer.impulse / answer.effective_mass for answer in answers)
     labels = [f"{answer.impulse.norm():.3g} N s" for answer in answers]
-    yield f"{WORLD}/contact/point", impacts, rr.Points3D.columns(positions=positions)
-    yield f"{WORLD}/contact/normal", impacts, _arrows(positions, normals)
-    yield f"{WORLD}/contact/impulse", impacts, _arrows(positions, changes, labels=labels)
+    yield f"{WORLD}/contact/point", times, rr.Points3D.columns(positions=positions)
+    yield f"{WORLD}/contact/normal", times, _arrows(positions, normals)
+    yield f"{WORLD}/contact/impulse", times, _arrows(positions, changes, labels=labels)
 
 
 def series(impacts: Sequence[Record]) -> Iterator[Columns]:
     """Numbers over time."""
     if not impacts:
         return
+    times = _times(impacts)
     for path, (field, _) in SERIES.items():
         scalars = np.array([getattr(row.impact, field) for row in impacts], dtype=np.float64)
-        yield path, impacts, rr.Scalars.columns(scalars=scalars)
+        yield path, times, rr.Scalars.columns(scalars=scalars)
 
 
 def log(batch: Sequence[Record | Refusal]) -> Iterator[Columns]:
@@ -169,7 +168,8 @@ def log(batch: Sequence[Record | Refusal]) -> Iterator[Columns]:
     if not batch:
         return
     levels = [rr.TextLogLevel.WARN if isinstance(entry, Refusal) else rr.TextLogLevel.INFO for entry in batch]
-    yield LOG, batch, rr.TextLog.columns(text=[_in_words(entry) for entry in batch], level=levels)
+    words = rr.TextLog.columns(text=[_in_words(entry) for entry in batch], level=levels)
+    yield LOG, _times(batch), words
 
 
 def _in_words(entry: Record | Refusal) -> str:
@@ -184,23 +184,22 @@ def _in_words(entry: Record | Refusal) -> str:
     )
 
 
-def _poses(path: str, rows: Sequence[Entry], bodies: Sequence[Body]) -> Iterator[Columns]:
-    positions = _array(body.position for body in bodies)
-    yield path, rows, rr.Points3D.columns(positions=positions)
+def _poses(path: str, times: Times, positions: np.ndarray, bodies: Sequence[Body]) -> Iterator[Columns]:
+    yield path, times, rr.Points3D.columns(positions=positions)
     if any(body.inverse_mass for body in bodies):
-        turned = np.array([body.orientation or (0.0, 0.0, 0.0, 1.0) for body in bodies], dtype=np.float64)
-        yield f"{path}/solid", rows, rr.Transform3D.columns(translation=positions, quaternion=turned)
+        turned = _array((body.orientation or (0.0, 0.0, 0.0, 1.0) for body in bodies), length=4)
+        yield f"{path}/solid", times, rr.Transform3D.columns(translation=positions, quaternion=turned)
 
 
 def _arrows(origins: np.ndarray, velocities: np.ndarray, **components: Any) -> Any:
     return rr.Arrows3D.columns(origins=origins, vectors=velocities * ARROW_TIME, **components)
 
 
-def _array(vectors: Iterable[Vec3]) -> np.ndarray:
-    return np.array(list(vectors), dtype=np.float64).reshape(-1, 3)
+def _array(tuples: Iterable[tuple[float, ...]], length: int = 3) -> np.ndarray:
+    return np.fromiter(chain.from_iterable(tuples), np.float64).reshape(-1, length)
 
 
-def _indexes(rows: Sequence[Entry]) -> list[rr.TimeColumn]:
+def _times(rows: Sequence[Entry]) -> Times:
     stamps = np.array([row.stamp for row in rows], dtype="datetime64[ns]")
     times = [rr.TimeColumn("ros_time", timestamp=stamps)]
     if not isinstance(rows[0], Sighting):

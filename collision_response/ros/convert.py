@@ -1,4 +1,4 @@
-"""Messages to bodies, answers to messages: the only file that knows both.
+"""Messages to bodies, answers to messages: the only file that knows both, but for batches.
 
 A message gives the pose and the twist of the *origin of the body frame*; the numeric core knows a
 body by its centre of mass. With ``c`` from the one to the other, in world axes,
@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from operator import attrgetter
 from typing import NamedTuple
 
 from geometry_msgs.msg import Twist, Vector3
@@ -52,11 +51,12 @@ NOTES = {
 
 POSE = *(f"pose.position.{axis}" for axis in "xyz"), *(f"pose.orientation.{axis}" for axis in "xyzw")
 TWIST = *(f"twist.linear.{axis}" for axis in "xyz"), *(f"twist.angular.{axis}" for axis in "xyz")
-TENSOR = tuple(f"inertia.i{axes}" for axes in ("xx", "xy", "xz", "yy", "yz", "zz"))
 MOTION = POSE + TWIST
+"""What :func:`_motion` reads."""
+
+TENSOR = tuple(f"inertia.i{axes}" for axes in ("xx", "xy", "xz", "yy", "yz", "zz"))
 INERTIA = ("inertia.m", "inertia.com.x", "inertia.com.y", "inertia.com.z", *TENSOR)
-NUMBERS_OF = {fields: attrgetter(*fields) for fields in (MOTION, INERTIA)}
-"""Functions that read all of these fields of a ``BodyState`` at once."""
+"""What :func:`_inertia` reads."""
 
 NUMBERS = (
     "normal_impulse",
@@ -119,15 +119,17 @@ def placed(owner: str, state: BodyState) -> Placed:
         ImpactError: NOT_FINITE, INVALID_MASS, INVALID_ORIENTATION or INVALID_MOTION_TYPE, its field
             starting with ``owner``.
     """
-    motion = _finite(owner, MOTION, state)
-    position, velocity, angular_velocity = Vec3(*motion[0:3]), Vec3(*motion[7:10]), Vec3(*motion[10:13])
+    motion = _motion(state)
+    _check_finite(owner, MOTION, motion)
+    position, velocity, angular_velocity = motion[0:3], motion[7:10], motion[10:13]
     orientation = _orientation(owner, Quaternion(*motion[3:7]))
-    _check_motion_type(owner, state.motion_type, motion[7:])
     if state.motion_type != BodyState.DYNAMIC:
+        _check_immovable(owner, state.motion_type, motion[7:])
         body = Body.kinematic(position, velocity, angular_velocity)
         return Placed(body._replace(orientation=orientation), ZERO)
 
-    mass, x, y, z, *tensor = _finite(owner, INERTIA, state)
+    mass, x, y, z, *tensor = inertia = _inertia(state)
+    _check_finite(owner, INERTIA, inertia)
     try:
         body = Body.dynamic(mass, tensor, position, orientation, velocity, angular_velocity)
     except ImpactError as error:
@@ -136,15 +138,24 @@ def placed(owner: str, state: BodyState) -> Placed:
         return Placed(body, ZERO)
     com = Vec3(x, y, z)
     centre = com if orientation is None else _to_world(orientation, com)
-    return Placed(body._replace(position=position + centre, velocity=body.velocity_at(centre)), centre)
+    return Placed(body._replace(position=body.position + centre, velocity=body.velocity_at(centre)), centre)
 
 
-def _finite(owner: str, fields: tuple[str, ...], state: BodyState) -> tuple[float, ...]:
-    numbers = NUMBERS_OF[fields](state)
+def _motion(state: BodyState) -> tuple[float, ...]:
+    p, q = state.pose.position, state.pose.orientation
+    v, w = state.twist.linear, state.twist.angular
+    return p.x, p.y, p.z, q.x, q.y, q.z, q.w, v.x, v.y, v.z, w.x, w.y, w.z
+
+
+def _inertia(state: BodyState) -> tuple[float, ...]:
+    i, c = state.inertia, state.inertia.com
+    return i.m, c.x, c.y, c.z, i.ixx, i.ixy, i.ixz, i.iyy, i.iyz, i.izz
+
+
+def _check_finite(owner: str, fields: tuple[str, ...], numbers: tuple[float, ...]) -> None:
     if not all(map(math.isfinite, numbers)):
         field, number = next(pair for pair in zip(fields, numbers, strict=True) if not math.isfinite(pair[1]))
         raise ImpactError(StatusCode.NOT_FINITE, f"{owner}.{field}", f"must be finite, is {number}")
-    return numbers
 
 
 def _orientation(owner: str, q: Quaternion) -> Quaternion | None:
@@ -161,9 +172,9 @@ def _to_world(q: Quaternion, com: Vec3) -> Vec3:
     return Quaternion(*(component / longest for component in q)).to_world(com)
 
 
-def _check_motion_type(owner: str, motion_type: int, twist: tuple[float, ...]) -> None:
+def _check_immovable(owner: str, motion_type: int, twist: tuple[float, ...]) -> None:
     field = f"{owner}.motion_type"
-    if motion_type not in (BodyState.DYNAMIC, BodyState.KINEMATIC, BodyState.STATIC):
+    if motion_type not in (BodyState.KINEMATIC, BodyState.STATIC):
         reason = f"must be DYNAMIC (0), KINEMATIC (1) or STATIC (2), is {motion_type}"
         raise ImpactError(StatusCode.INVALID_MOTION_TYPE, field, reason)
     if motion_type == BodyState.STATIC and any(twist):
@@ -221,9 +232,7 @@ def write_answer(
     result.status.message = "; ".join(_notes(impact))
     result.contact.restitution = float(impact.contact.restitution)
     result.contact.friction = float(impact.contact.friction)
-    for field in ImpactModel._fields:
-        kind = int if field in ("law", "geometry", "precision") else float
-        setattr(result.model, field, kind(getattr(impact.model, field)))
+    _write_model(result.model, impact.model)
     _write_twist(result.twist_a, request.body_a.twist, scene.a, impact.change_a)
     _write_twist(result.twist_b, request.body_b.twist, scene.b, impact.change_b)
     _write_vector(result.impulse, impact.impulse)
@@ -256,7 +265,7 @@ def as_in_message(error: ImpactError) -> str:
     """What an error says, its field named as the messages name it."""
     owner, _, field = error.field.partition(".")
     head, dot, rest = field.partition(".")
-    if owner in ("body_a", "body_b") and head in CORE_TO_MESSAGE:
+    if owner.startswith(("body_a", "body_b", "names[")) and head in CORE_TO_MESSAGE:
         return f"{owner}.{CORE_TO_MESSAGE[head]}{dot}{rest}: {error.reason}"
     return str(error)
 
@@ -268,14 +277,26 @@ def _echo(result: CollisionResult, request: ResolveCollision.Request) -> None:
     result.contact.body_b = request.contact.body_b or request.body_b.name
 
 
+def _write_model(message: ImpactModelMessage, model: ImpactModel) -> None:
+    law, geometry, precision, tolerance, tangential_restitution, restitution_threshold = model
+    message.law, message.geometry, message.precision = int(law), int(geometry), int(precision)
+    message.tolerance = float(tolerance)
+    message.tangential_restitution = float(tangential_restitution)
+    message.restitution_threshold = float(restitution_threshold)
+
+
 def _write_twist(message: Twist, before: Twist, body: Placed, change: Change) -> None:
-    _write_vector(message.linear, _vec3(before.linear) + (change.linear - change.angular.cross(body.centre)))
-    _write_vector(message.angular, _vec3(before.angular) + change.angular)
+    linear, angular = change
+    if body.centre is not ZERO:
+        linear -= angular.cross(body.centre)
+    _write_sum(message.linear, before.linear, linear)
+    _write_sum(message.angular, before.angular, angular)
+
+
+def _write_sum(message: Vector3, before: Vector3, change: Vec3) -> None:
+    x, y, z = change
+    message.x, message.y, message.z = float(before.x + x), float(before.y + y), float(before.z + z)
 
 
 def _write_vector(message: Vector3, vector: Vec3) -> None:
     message.x, message.y, message.z = float(vector.x), float(vector.y), float(vector.z)
-
-
-def _vec3(message: Vector3) -> Vec3:
-    return Vec3(message.x, message.y, message.z)

@@ -11,7 +11,7 @@ import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.signals import SignalHandlerOptions
 
@@ -19,10 +19,11 @@ from ..msg import BodyState, CollisionResult
 from ..recording import Record, Recorder, Refusal, Sighting
 from ..resolve import resolve
 from ..scene import SceneRequirements, nothing_required
-from ..srv import ResolveCollision
+from ..srv import ResolveCollision, ResolveCollisionBatch
 from ..status import ImpactError, StatusCode
-from . import convert, parameters
+from . import convert, convert_batch, parameters
 from .request import complete
+from .results import Results
 from .signals import on_signal
 from .states import LatestStates, nanoseconds
 
@@ -32,23 +33,16 @@ SERVICE_QOS = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=Reliability
 STATE_QOS = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Sensor data, but deep enough for the states of many bodies to arrive at once."""
 
-RESULT_QOS = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=100,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
-"""Whoever subscribes late still gets the last results."""
-
 
 class CollisionResponseNode(Node):
     """Collision response as a service.
 
     Interfaces (all may be remapped):
         service ``~/resolve_collision``: every request is answered, with a code and a message.
+        service ``~/resolve_collision_batch``: the same for many contacts, as arrays.
         subscription ``body_states``, or the parameter ``body_state_topics``: bodies that requests
             may then give by name only.
-        publisher ``~/result``: every answer, refusals included.
+        publisher ``~/result``: every answer of the first, refusals included, once anybody subscribes.
 
     Args:
         options: those of :class:`rclpy.node.Node`.
@@ -61,11 +55,10 @@ class CollisionResponseNode(Node):
         self._recorder: Recorder | None = None
         self._required: SceneRequirements | None = None
         parameters.declare(self)
+        self._latest = parameters.LatestParameters(self)
         start = parameters.StartParameters.of(self)
         overridable = QoSOverridingOptions.with_default_policies()
-        self._results = self.create_publisher(
-            CollisionResult, "~/result", RESULT_QOS, qos_overriding_options=overridable
-        )
+        self._results = Results(self)
         topics = [
             self.create_subscription(
                 BodyState, topic, self._hear, STATE_QOS, qos_overriding_options=overridable
@@ -73,6 +66,9 @@ class CollisionResponseNode(Node):
             for topic in start.body_state_topics
         ]
         self.create_service(ResolveCollision, "~/resolve_collision", self._serve, qos_profile=SERVICE_QOS)
+        self.create_service(
+            ResolveCollisionBatch, "~/resolve_collision_batch", self._serve_batch, qos_profile=SERVICE_QOS
+        )
         if start.scene_tolerance:
             self._required = nothing_required(start.scene_tolerance)
         if start.recording_directory is not None:
@@ -82,7 +78,7 @@ class CollisionResponseNode(Node):
         self.get_logger().info(
             f"serving {self.resolve_service_name('~/resolve_collision')}; "
             f"bodies from {', '.join(topics) or 'requests only'}; "
-            f"results on {self._results.topic_name}; "
+            f"results on {self._results.topic}; "
             f"{'not recording' if self._recorder is None else f'recording to {self._recorder.path}'}"
         )
 
@@ -111,7 +107,7 @@ class CollisionResponseNode(Node):
         return response
 
     def _answer(self, request: ResolveCollision.Request, result: CollisionResult) -> None:
-        current = parameters.Parameters.of(self)
+        current = self._latest.values
         complete(request, self._states, current, self._now)
         scene = convert.scene_of(request, current)
         impact = resolve(scene.a.body, scene.b.body, scene.contact, scene.model)
@@ -141,6 +137,20 @@ class CollisionResponseNode(Node):
         if self._recorder is not None:
             text = f"{code.name}: {message}"
             self._recorder.add(Refusal(self._stamp(response.result), self._answers, text))
+
+    def _serve_batch(
+        self, request: ResolveCollisionBatch.Request, response: ResolveCollisionBatch.Response
+    ) -> ResolveCollisionBatch.Response:
+        try:
+            current = self._latest.values
+            convert_batch.answer(request, response, self._states, current, self._now)
+        except ImpactError as error:
+            return convert_batch.refusal(request, error.code, convert.as_in_message(error))
+        except Exception as error:
+            self.get_logger().error(traceback.format_exc())
+            message = f"{type(error).__name__}: {error}"
+            return convert_batch.refusal(request, StatusCode.INTERNAL_ERROR, message)
+        return response
 
     def _stamp(self, message: BodyState | CollisionResult) -> int:
         """When that was [ns]: now, if nobody said."""

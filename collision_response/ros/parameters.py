@@ -112,6 +112,23 @@ class Parameters:
 PARAMETERS = tuple(field for field in Parameters.__dataclass_fields__ if field != "model")
 
 
+class LatestParameters:
+    """The parameters of a node as they were last set: reading them costs a request nothing.
+
+    Attributes:
+        values: the present ones.
+    """
+
+    def __init__(self, node: Node) -> None:
+        """Read them, now and after each change; all must have been declared."""
+        self._node = node
+        self.values = Parameters.of(node)
+        node.add_post_set_parameters_callback(self._read)
+
+    def _read(self, _: list[Parameter]) -> None:
+        self.values = Parameters.of(self._node)
+
+
 @dataclass(frozen=True)
 class StartParameters:
     """What is read once."""

@@ -1,0 +1,102 @@
+"""For clients of the batch service: arrays to a request, a response to arrays.
+
+    >>> import numpy as np
+    >>> from collision_response import Geometry
+    >>> from collision_response.batch.rows import body_rows, contact_rows
+    >>> of, at = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    >>> bodies, contacts = np.zeros((of.height, 3)), np.zeros((at.height, 2))
+    >>> bodies[of.mass] = [[1.0, 2.0, np.inf]]
+    >>> contacts[at.normal] = [[0.0], [0.0], [1.0]]
+    >>> request = pack(bodies, [[0, 1], [2, 2]], contacts)  # the first two bodies each touch the third
+
+The rows are those of :mod:`collision_response.batch.rows`. It takes a client of rclpy to send the request.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..batch import BatchResult
+from ..model import ImpactModel
+from ..status import ImpactError, StatusCode
+from .batch_fields import LAYOUTS, Array, Request, Response, append, result_shapes, write_model
+
+LAYOUT_OF = {layout.bodies.height: number for number, layout in LAYOUTS.items()}
+"""The layout whose table of bodies has so many rows."""
+
+DEFAULT = ImpactModel()
+
+
+def pack(
+    bodies: ArrayLike,
+    pairs: ArrayLike,
+    contacts: ArrayLike,
+    model: ImpactModel = DEFAULT,
+    *,
+    names: Iterable[str] = (),
+    frame_id: str = "",
+) -> Request:
+    """The request for a batch of N contacts.
+
+    Args:
+        bodies: a column for each body, shape ``(rows, B)``, of which B may be 0. The number of rows tells
+            the layout.
+        pairs: for each contact the column of body_a, to whom its normal points, and that of body_b, shape
+            ``(2, N)``. Columns from B on are the bodies of ``names``.
+        contacts: a column for each contact, shape ``(rows, N)``.
+        model: what is 0 in it, the law AUTO too, is left to the node's parameter of the same name.
+        names: of bodies whose latest states the node has received.
+        frame_id: the inertial frame of all bodies and contacts.
+
+    Raises:
+        ValueError: an array has not the right shape, or ``pairs`` holds what is no index.
+    """
+    bodies, pairs, contacts = np.asarray(bodies), np.asarray(pairs), np.asarray(contacts)
+    _check_shapes(bodies, pairs, contacts)
+    request = Request(names=list(names))
+    request.header.frame_id = frame_id
+    request.layout = LAYOUT_OF[bodies.shape[0]]
+    append(request.bodies, bodies)
+    append(request.pairs, _indices(pairs))
+    append(request.contacts, contacts)
+    write_model(request.model, model)
+    return request
+
+
+def unpack(response: Response) -> BatchResult:
+    """The results of a batch; the arrays are the memory of the response.
+
+    Raises:
+        ImpactError: the request as a whole was refused.
+    """
+    if not response.success:
+        field, _, reason = response.message.partition(": ")
+        raise ImpactError(StatusCode(response.code), field, reason)
+    status = np.asarray(response.status)
+    shapes = result_shapes(response.model.geometry, len(status))
+    tables = {name: np.asarray(getattr(response, name)).reshape(shape) for name, shape in shapes.items()}
+    if response.error_bounds:
+        tables["error_bound"] = np.asarray(response.error_bounds)
+        tables["precision"] = np.asarray(response.precisions)
+    return BatchResult(**tables, status=status)
+
+
+def _check_shapes(bodies: Array, pairs: Array, contacts: Array) -> None:
+    if bodies.ndim != 2 or bodies.shape[0] not in LAYOUT_OF:
+        heights = " or ".join(map(str, LAYOUT_OF))
+        raise ValueError(f"bodies: must be of shape ({heights}, B), is {bodies.shape}")
+    if pairs.ndim != 2 or pairs.shape[0] != 2:
+        raise ValueError(f"pairs: must be of shape (2, N), is {pairs.shape}")
+    if contacts.ndim != 2 or contacts.shape[1] != pairs.shape[1]:
+        raise ValueError(f"contacts: must be of shape (rows, {pairs.shape[1]}), is {contacts.shape}")
+
+
+def _indices(pairs: Array) -> Array:
+    indices = pairs.astype(np.uint32)
+    if (indices != pairs).any():
+        wrong = pairs[indices != pairs][0]
+        raise ValueError(f"pairs: must be columns of bodies, counted from 0; one is {wrong}")
+    return indices

@@ -1,0 +1,254 @@
+"""Requests for a batch to arrays, results to responses.
+
+Contacts are read where they arrived, and results written where they are sent from. The bodies alone are
+copied: of each contact its two.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..batch import BatchResult, is_bounded, resolve_batch
+from ..model import Geometry, ImpactModel, Law, Precision
+from ..msg import BodyState
+from ..physics.orientation import Quaternion
+from ..status import ImpactError, StatusCode
+from . import convert
+from .batch_fields import (
+    LAYOUTS,
+    Array,
+    Layout,
+    Request,
+    Response,
+    result_shapes,
+    with_zeros,
+    write_model,
+)
+from .parameters import Parameters
+from .states import LatestStates, check_age
+
+PARALLEL = Quaternion(0.0, 0.0, 0.0, 1.0)
+"""The orientation of a body whose axes are those of the frame."""
+
+
+class Bodies(NamedTuple):
+    """The bodies of a request, those of the table first.
+
+    Attributes:
+        table: a column for each, shape ``(rows, bodies)``.
+        faults: a :class:`StatusCode` for each that cannot be used, whatever its column holds; else UNSET.
+        errors: what is wrong with those.
+    """
+
+    table: Array
+    faults: Array
+    errors: list[ImpactError]
+
+
+def answer(
+    request: Request,
+    response: Response,
+    states: LatestStates,
+    parameters: Parameters,
+    now: Callable[[], int],
+) -> None:
+    """Fill in the response to a request.
+
+    Args:
+        request: left as it is.
+        response: as constructed; of no use after an error.
+        states: the latest states received.
+        parameters: of the node.
+        now: the time by the node's clock [ns].
+
+    Raises:
+        ImpactError: the request as a whole is refused.
+    """
+    check_world_frame(request, parameters.world_frame)
+    layout = layout_of(request)
+    pairs = pairs_of(request)
+    contacts = contacts_of(request, layout, pairs.shape[1])
+    model = model_of(request, layout, contacts, parameters.model)
+    bodies = bodies_of(request, layout, states, parameters, now)
+    faults = faults_of(pairs, bodies.faults)
+
+    shapes = result_shapes(layout.geometry, len(faults))
+    tables = {name: with_zeros(getattr(response, name), shape) for name, shape in shapes.items()}
+    tables["status"] = with_zeros(response.status, faults.shape)
+    if is_bounded(model):
+        tables["error_bound"] = with_zeros(response.error_bounds, faults.shape)
+        tables["precision"] = with_zeros(response.precisions, faults.shape)
+    out = BatchResult(**tables)
+    resolve_batch(columns_of(bodies.table, pairs, faults), contacts, model, out=out)
+    np.copyto(out.status, faults, where=faults != StatusCode.UNSET)
+    response.success, response.code, response.header = True, int(StatusCode.OK), request.header
+    response.message = note_of(bodies.errors)
+    write_model(response.model, model)
+
+
+def refusal(request: Request, code: StatusCode, message: str) -> Response:
+    """The response that says why there is none; its model is that of the request."""
+    return Response(header=request.header, model=request.model, code=int(code), message=message)
+
+
+def check_world_frame(request: Request, world_frame: str) -> None:
+    """Raises: ImpactError: FRAME_MISMATCH."""
+    frame = request.header.frame_id
+    if world_frame and frame != world_frame:
+        reason = f"is {frame!r}, but the parameter world_frame is {world_frame!r}"
+        raise ImpactError(StatusCode.FRAME_MISMATCH, "header.frame_id", reason)
+
+
+def layout_of(request: Request) -> Layout:
+    """Raises: ImpactError: INVALID_TABLE."""
+    if request.layout not in LAYOUTS:
+        known = ", ".join(f"{layout.name} ({number})" for number, layout in LAYOUTS.items())
+        reason = f"must be one of {known}; is {request.layout}"
+        raise ImpactError(StatusCode.INVALID_TABLE, "layout", reason)
+    return LAYOUTS[request.layout]
+
+
+def pairs_of(request: Request) -> Array:
+    """Columns of bodies, shape ``(2, N)``.
+
+    Raises:
+        ImpactError: INVALID_TABLE.
+    """
+    indices = np.asarray(request.pairs)
+    if indices.size % 2:
+        reason = f"must hold two indices for each contact, holds {indices.size} in all"
+        raise ImpactError(StatusCode.INVALID_TABLE, "pairs", reason)
+    return indices.reshape(2, -1).astype(np.intp)
+
+
+def contacts_of(request: Request, layout: Layout, n: int) -> Array:
+    """The contacts, shape ``(rows, n)``.
+
+    Raises:
+        ImpactError: INVALID_TABLE.
+    """
+    numbers, at = np.asarray(request.contacts), layout.contacts
+    rows = numbers.size // n if n else at.height
+    if numbers.size != rows * n or not at.friction.start <= rows <= at.height + 1:
+        least, most = at.friction.start, at.height + 1
+        reason = f"must hold {least} to {most} rows of {n} for {layout.name}, holds {numbers.size} numbers"
+        raise ImpactError(StatusCode.INVALID_TABLE, "contacts", reason)
+    return numbers.reshape(rows, n)
+
+
+def model_of(request: Request, layout: Layout, contacts: Array, defaults: ImpactModel) -> ImpactModel:
+    """What to model: every AUTO decided, but for a precision that depends on each contact.
+
+    Raises:
+        ImpactError: INVALID_MODEL.
+    """
+    model = convert.model_of(request.model, defaults._replace(geometry=layout.geometry))
+    has_friction = len(contacts) >= layout.contacts.height
+    if model.law is Law.AUTO:
+        model = model._replace(law=Law.COULOMB if has_friction else Law.FRICTIONLESS)
+    if model.law is Law.COULOMB and not has_friction:
+        raise ImpactError(StatusCode.INVALID_MODEL, "model.law", "is COULOMB, but contacts has no row mu")
+    if model.geometry is Geometry.AUTO:
+        model = model._replace(geometry=layout.geometry)
+    if model.precision is Precision.AUTO and not model.tolerance:
+        model = model._replace(precision=Precision.DOUBLE)
+    return model
+
+
+def bodies_of(
+    request: Request, layout: Layout, states: LatestStates, parameters: Parameters, now: Callable[[], int]
+) -> Bodies:
+    """The bodies of the table and those given by name.
+
+    Raises:
+        ImpactError: INVALID_TABLE, or SAME_BODY for a name that is there twice.
+    """
+    numbers, height = np.asarray(request.bodies), layout.bodies.height
+    if numbers.size % height:
+        reason = f"must hold {height} rows for {layout.name}, all of one length; holds {numbers.size} numbers"
+        raise ImpactError(StatusCode.INVALID_TABLE, "bodies", reason)
+    table = numbers.reshape(height, -1)
+    faults = np.zeros(table.shape[1] + len(request.names), np.uint8)
+    if not request.names:
+        return Bodies(table, faults, [])
+
+    check_names(request.names)
+    columns, errors = np.full((height, len(request.names)), math.nan), []
+    time = now() if parameters.max_state_age else 0
+    for i, name in enumerate(request.names):
+        try:
+            state = _received(f"names[{i}]", name, request.header.frame_id, states)
+            if parameters.max_state_age:
+                check_age(f"names[{i}]", state, time, parameters.max_state_age)
+            columns[:, i] = _column(f"names[{i}]", state, layout)
+        except ImpactError as error:
+            errors.append(error)
+            faults[table.shape[1] + i] = error.code
+    return Bodies(np.concatenate([table, columns], axis=1), faults, errors)
+
+
+def check_names(names: Sequence[str]) -> None:
+    """Raises: ImpactError: SAME_BODY."""
+    first: dict[str, int] = {}
+    for i, name in enumerate(names):
+        if first.setdefault(name, i) != i:
+            reason = f"is {name!r}, as names[{first[name]}]: a body has one column"
+            raise ImpactError(StatusCode.SAME_BODY, f"names[{i}]", reason)
+
+
+def _received(owner: str, name: str, frame: str, states: LatestStates) -> BodyState:
+    try:
+        state = states.find(owner, name)
+    except ImpactError as error:
+        raise ImpactError(error.code, owner, error.reason) from None
+    own = state.header.frame_id
+    if own != frame:
+        reason = f"is {own!r}, but header.frame_id is {frame!r}"
+        raise ImpactError(StatusCode.FRAME_MISMATCH, f"{owner}.header.frame_id", reason)
+    return state
+
+
+def _column(owner: str, state: BodyState, layout: Layout) -> list[float]:
+    body = convert.placed(owner, state).body
+    mass = body.mass if body.inverse_mass else math.inf
+    position, velocity, angular_velocity = body.position, body.velocity, body.angular_velocity
+    if layout.geometry is Geometry.POINT:
+        return [mass, *velocity]
+    if layout.geometry is Geometry.PLANAR:
+        return [mass, body.inertia.zz, *position[:2], *velocity[:2], angular_velocity.z]
+    column = [mass, *body.inertia, *position, *velocity, *angular_velocity]
+    if layout.oriented:
+        return [*column, *(body.orientation or PARALLEL)]
+    if body.orientation and body.inverse_mass:
+        reason = f"is {tuple(body.orientation)}, for which the layout must be SPATIAL_ORIENTED"
+        raise ImpactError(StatusCode.INVALID_ORIENTATION, f"{owner}.pose.orientation", reason)
+    return column
+
+
+def faults_of(pairs: Array, of_bodies: Array) -> Array:
+    """Why a contact cannot be answered, apart from its numbers; UNSET if it can. Shape ``(N,)``."""
+    of_a, of_b = np.append(of_bodies, np.uint8(StatusCode.UNKNOWN_BODY)).take(pairs, mode="clip")
+    faults = np.where(of_a, of_a, of_b)
+    faults[pairs[0] == pairs[1]] = StatusCode.SAME_BODY
+    return faults
+
+
+def columns_of(table: Array, pairs: Array, faults: Array) -> Array:
+    """The two bodies of each contact, shape ``(rows, 2, N)``; NaN for the mass where there is a fault."""
+    if not table.shape[1]:
+        return np.full((len(table), *pairs.shape), math.nan)
+    bodies = table.take(pairs, axis=1, mode="clip")
+    bodies[0, 0, faults != StatusCode.UNSET] = math.nan
+    return bodies
+
+
+def note_of(errors: list[ImpactError]) -> str:
+    """What is wrong with the first of the bodies that cannot be used, and how many there are."""
+    if not errors:
+        return ""
+    first = convert.as_in_message(errors[0])
+    return first if len(errors) == 1 else f"{first}; {len(errors)} bodies in all cannot be used"

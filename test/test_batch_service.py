@@ -1,0 +1,458 @@
+"""The service for batches, called over DDS: the answers of ``resolve_batch``, and what it adds to them."""
+
+from __future__ import annotations
+
+import doctest
+import math
+from functools import partial
+from itertools import product
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+
+from batches import FIRST_FAULTY, N, scene_of, some
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_graph import assign, ball, balls_meet, request_of, until
+from test_batch import assert_same, columns
+
+from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, StatusCode
+from collision_response.batch import resolve_batch
+from collision_response.batch.rows import body_rows, contact_rows
+from collision_response.msg import BodyState, CollisionResult
+from collision_response.ros import batch_client, convert_batch
+from collision_response.ros.batch_client import pack, unpack
+from collision_response.ros.batch_fields import LAYOUTS, Request, Response
+from collision_response.ros.convert import placed
+from collision_response.srv import ResolveCollision
+
+nan, inf = math.nan, math.inf
+LAWS = Law.FRICTIONLESS, Law.COULOMB
+PAIRS = np.arange(2 * N).reshape(2, N)
+"""Of the shared batch: body_a of each contact, then body_b."""
+
+xyz = attrgetter("x", "y", "z")
+
+
+def packed(layout: int, model: ImpactModel, **options: Any) -> Request:
+    """The shared batch as a request."""
+    bodies, contacts = some(LAYOUTS[layout].geometry, oriented=LAYOUTS[layout].oriented)
+    return pack(bodies.reshape(len(bodies), 2 * N), PAIRS, contacts, model, **options)
+
+
+def balls_in_a_row() -> Request:
+    """Point masses of 1, 2 and 3 kg on the x axis; the first runs into the second, the third stands."""
+    of, at = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    bodies, contacts = np.zeros((of.height, 3)), np.zeros((at.height, 2))
+    bodies[of.mass] = [[1.0, 2.0, 3.0]]
+    bodies[of.velocity][0] = [4.0, 1.0, 0.0]
+    contacts[at.normal][0], contacts[at.restitution] = 1.0, 0.5
+    return pack(bodies, [[1, 2], [0, 1]], contacts, frame_id="world")
+
+
+# the answers
+
+
+@pytest.mark.parametrize(("layout", "law"), list(product(LAYOUTS, LAWS)))
+def test_the_answers_are_those_of_resolve_batch(tried_node, layout, law):
+    geometry, model = LAYOUTS[layout].geometry, ImpactModel(law)
+    bodies, contacts = some(geometry, oriented=LAYOUTS[layout].oriented)
+    response = tried_node.call(packed(layout, model))
+    assert (response.success, response.code, response.message) == (True, StatusCode.OK, "")
+    assert (response.model.law, response.model.geometry, response.model.precision) == (
+        law,
+        geometry,
+        Precision.DOUBLE,
+    )
+    assert_same(unpack(response), resolve_batch(bodies, contacts, model))
+
+
+@pytest.mark.parametrize("model", [ImpactModel(tolerance=1e-14), ImpactModel(precision=Precision.EXTENDED)])
+def test_bounds_and_tiers_come_with_a_tolerance_or_extended(tried_node, model):
+    response = tried_node.call(packed(Request.SPATIAL, model))
+    assert (response.model.precision, response.model.tolerance) == (model.precision, model.tolerance)
+    result = unpack(response)
+    assert {Precision.EXTENDED} <= set(result.precision.tolist()) <= {Precision.DOUBLE, Precision.EXTENDED}
+    assert_same(result, resolve_batch(*some(Geometry.SPATIAL), model))
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_answers_are_those_of_the_service_for_one(tried_node, law):
+    result = unpack(tried_node.call(packed(Request.SPATIAL_ORIENTED, ImpactModel(law))))
+    bodies, contacts = some(Geometry.SPATIAL, oriented=True)
+    for i in range(20):
+        request = request_of(*scene_of(Geometry.SPATIAL, bodies, contacts, i), law=law)
+        one = tried_node.call(request).result
+        assert result.status[i] == one.status.code
+        # The answers differ by roundings; no scene here amplifies them a thousandfold.
+        close = partial(np.testing.assert_allclose, rtol=1e-11, atol=1e-11)
+        close(result.impulse[:, i], xyz(one.impulse))
+        for lane, twist in enumerate((one.twist_a, one.twist_b)):
+            close(result.velocity[:, lane, i], xyz(twist.linear))
+            close(result.angular_velocity[:, lane, i], xyz(twist.angular))
+
+
+def test_contacts_of_one_body_are_answered_each_for_itself(tried_node):
+    request = balls_in_a_row()
+    request.header.stamp.sec = 12
+    response = tried_node.call(request)
+    assert response.header == request.header
+    result = unpack(response)
+    # Reduced masses 2/3 and 6/5 kg, approach at 3 and 1 m/s, e = 0.5.
+    np.testing.assert_allclose(result.impulse[0], [3.0, 1.8], rtol=1e-14)
+    np.testing.assert_allclose(result.velocity[0], [[2.5, 0.6], [1.0, 0.1]], rtol=1e-14)
+
+
+def test_ten_thousand_contacts(tried_node):
+    some_bodies, some_contacts = (a[..., :FIRST_FAULTY] for a in some(Geometry.SPATIAL))
+    bodies, contacts = some_bodies.reshape(16, -1), np.tile(some_contacts, 100)
+    pairs = np.random.default_rng(0).integers(bodies.shape[1], size=(2, 10_000))
+    result = unpack(tried_node.call(pack(bodies, pairs, contacts)))
+    same = pairs[0] == pairs[1]
+    assert (result.status[same] == StatusCode.SAME_BODY).all()
+    assert_same(columns(result, ~same), columns(resolve_batch(bodies[:, pairs], contacts), ~same))
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_no_contacts(tried_node, layout):
+    response = tried_node.call(Request(layout=layout))
+    assert response.success
+    assert_same(unpack(response), resolve_batch(*(a[..., :0] for a in some(LAYOUTS[layout].geometry))))
+
+
+@pytest.mark.parametrize("row", (False, True), ids=["of the model", "of each contact"])
+def test_tangential_restitution(tried_node, row):
+    bodies, contacts = some(Geometry.SPATIAL)
+    model = ImpactModel(Law.COULOMB, tangential_restitution=0.0 if row else 0.5)
+    if row:
+        contacts = np.concatenate([contacts, np.linspace(0, 1, N)[np.newaxis]])
+    result = unpack(tried_node.call(pack(bodies.reshape(16, -1), PAIRS, contacts, model)))
+    assert_same(result, resolve_batch(bodies, contacts, model))
+
+
+def test_friction_decides_the_law(tried_node):
+    request = balls_in_a_row()
+    assert tried_node.call(request).model.law == Law.COULOMB
+    del request.contacts[-2:]
+    assert tried_node.call(request).model.law == Law.FRICTIONLESS
+
+
+def test_the_parameters_of_the_node_count_but_for_geometry(graph):
+    graph.serve(law="frictionless", geometry="spatial", restitution_threshold=2.0)
+    response = graph.call(balls_in_a_row())
+    assert (response.model.law, response.model.geometry) == (Law.FRICTIONLESS, Geometry.POINT)
+    assert response.model.restitution_threshold == 2.0
+    np.testing.assert_allclose(unpack(response).impulse[0], [3.0, 1.2], rtol=1e-15)
+
+
+def test_a_batch_is_not_published(graph):
+    graph.serve()
+    received = []
+    late = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    graph.user.create_subscription(CollisionResult, "collision_response/result", received.append, late)
+    assert graph.call(balls_in_a_row()).success
+    one = graph.call(balls_meet()).result
+    until(lambda: received)
+    assert received == [one]
+    assert one.sequence == 1
+
+
+# contacts that cannot be answered
+
+
+def test_a_bad_pair_spoils_itself_alone(tried_node):
+    good = unpack(tried_node.call(packed(Request.SPATIAL, ImpactModel())))
+    request = packed(Request.SPATIAL, ImpactModel())
+    bad = {0: (5, 5, "SAME_BODY"), 7: (2 * N, 1, "UNKNOWN_BODY"), 20: (1, 2**32 - 1, "UNKNOWN_BODY")}
+    for i, (a, b, _) in bad.items():
+        request.pairs[i], request.pairs[N + i] = a, b
+    response = tried_node.call(request)
+    assert (response.success, response.code, response.message) == (True, StatusCode.OK, "")
+    result = unpack(response)
+    at = list(bad)
+    assert [StatusCode(code).name for code in result.status[at]] == [name for _, _, name in bad.values()]
+    for array in columns(result, at)[:3]:
+        assert np.isnan(array).all()
+    others = np.delete(np.arange(N), at)
+    assert_same(columns(result, others), columns(good, others))
+
+
+def test_a_table_without_bodies(tried_node):
+    request = balls_in_a_row()
+    del request.bodies[:]
+    result = unpack(tried_node.call(request))
+    assert (result.status == StatusCode.UNKNOWN_BODY).all()
+    assert np.isnan(result.velocity).all()
+
+
+# refusals
+
+
+class Refused(NamedTuple):
+    """One change to a good request, and the refusal it must meet."""
+
+    code: StatusCode
+    field: str
+    value: Any
+    says: str
+    shown: str
+
+
+def refused(code: StatusCode, field: str, value: Any, shown: str, says: str | None = None) -> Refused:
+    return Refused(code, field, value, says or field, shown)
+
+
+REFUSALS = [
+    refused(StatusCode.INVALID_TABLE, "layout", 0, "is 0"),
+    refused(StatusCode.INVALID_TABLE, "layout", 6, "is 6"),
+    refused(StatusCode.INVALID_TABLE, "bodies", [1.0] * 13, "4 rows for POINT"),
+    refused(StatusCode.INVALID_TABLE, "pairs", [0, 1, 2], "3"),
+    refused(StatusCode.INVALID_TABLE, "contacts", [1.0] * 7, "4 to 6 rows of 2 for POINT"),
+    refused(StatusCode.INVALID_TABLE, "contacts", [1.0] * 6, "holds 6"),
+    refused(StatusCode.INVALID_TABLE, "contacts", [1.0] * 14, "holds 14"),
+    refused(StatusCode.INVALID_TABLE, "contacts", [], "holds 0"),
+    refused(StatusCode.INVALID_TABLE, "pairs", [], "0 for POINT", says="contacts"),
+    refused(StatusCode.SAME_BODY, "names", ["cup", "dish", "cup"], "'cup', as names[0]", says="names[2]"),
+    refused(StatusCode.INVALID_MODEL, "model.law", Law.MOREAU, "MOREAU"),
+    refused(StatusCode.INVALID_MODEL, "model.law", 77, "77"),
+    refused(StatusCode.INVALID_MODEL, "model.geometry", Geometry.SPATIAL, "SPATIAL"),
+    refused(StatusCode.INVALID_MODEL, "model.precision", Precision.SINGLE, "SINGLE"),
+    refused(StatusCode.INVALID_MODEL, "model.tolerance", -0.125, "-0.125"),
+    refused(StatusCode.NOT_FINITE, "model.restitution_threshold", nan, "nan"),
+    refused(StatusCode.INVALID_COEFFICIENT, "model.tangential_restitution", -1.25, "-1.25"),
+]
+
+
+@pytest.mark.parametrize("case", REFUSALS, ids=lambda case: f"{case.code.name}-{case.field}-{case.shown}")
+def test_a_refusal_names_the_field_and_its_value(tried_node, case):
+    request = balls_in_a_row()
+    assign(request, case.field, case.value)
+    response = tried_node.call(request)
+    assert StatusCode(response.code) is case.code, response.message
+    assert response.message.startswith(f"{case.says}: ")
+    assert case.shown in response.message
+    assert not response.success
+    assert response.header == request.header
+    assert not response.status and not response.velocity
+    with pytest.raises(ImpactError) as raised:
+        unpack(response)
+    assert (raised.value.code, str(raised.value)) == (case.code, response.message)
+
+
+def test_coulomb_needs_friction(tried_node):
+    request = balls_in_a_row()
+    request.model.law = ImpactModel(Law.COULOMB).law
+    del request.contacts[-2:]
+    response = tried_node.call(request)
+    assert response.code == StatusCode.INVALID_MODEL
+    assert response.message == "model.law: is COULOMB, but contacts has no row mu"
+
+
+def test_a_constructed_request_is_refused(tried_node):
+    assert tried_node.call(Request()).code == StatusCode.INVALID_TABLE
+    assert not Response().success and Response().code == StatusCode.UNSET
+
+
+def test_another_frame_than_that_of_the_world_is_refused(graph):
+    graph.serve(world_frame="map")
+    response = graph.call(balls_in_a_row())
+    assert response.code == StatusCode.FRAME_MISMATCH
+    assert response.message == "header.frame_id: is 'world', but the parameter world_frame is 'map'"
+
+
+def test_a_fault_of_the_package_is_answered_too(tried_node, monkeypatch):
+    def fail(*_: Any, **__: Any) -> None:
+        raise RuntimeError("a bolt is loose")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(convert_batch, "resolve_batch", fail)
+        response = tried_node.call(balls_in_a_row())
+    assert (response.success, response.code) == (False, StatusCode.INTERNAL_ERROR)
+    assert response.message == "RuntimeError: a bolt is loose"
+    assert not response.status
+    assert tried_node.call(balls_in_a_row()).success
+
+
+# bodies that the node has received
+
+
+def top() -> BodyState:
+    """A body that is turned, spins, and has its centre of mass beside the origin of its frame."""
+    state = ball(0.5, -1.0, name="top")
+    state.inertia.ixx, state.inertia.iyy, state.inertia.izz = 0.2, 0.3, 0.4
+    state.inertia.com.x, state.inertia.com.y = 0.1, -0.2
+    q = state.pose.orientation
+    q.x, q.y, q.z, q.w = 0.1, 0.7, -0.1, 0.7
+    state.twist.linear.y, state.twist.angular.x, state.twist.angular.z = 0.5, 1.0, 2.0
+    return state
+
+
+def floor() -> BodyState:
+    state = BodyState(name="floor", motion_type=BodyState.KINEMATIC)
+    state.header.frame_id = "world"
+    state.twist.linear.x, state.twist.angular.z = 3.0, 0.5
+    return state
+
+
+def hear(graph: Any, *states: BodyState) -> None:
+    """Publish states until the node has them; best effort may lose one."""
+    publisher = graph.user.create_publisher(BodyState, "body_states", 10)
+    request = Request(layout=Request.SPATIAL_ORIENTED, names=[state.name for state in states])
+
+    def heard() -> bool:
+        for state in states:
+            publisher.publish(state)
+        return "no state has been received" not in graph.call(request).message
+
+    until(heard)
+
+
+def column(layout: int, state: BodyState) -> np.ndarray:
+    """The column of a table that a client would write for a body in this state."""
+    of, body = LAYOUTS[layout].bodies, placed("body", state).body
+    numbers = np.zeros(of.height)
+    numbers[of.mass] = body.mass or inf
+    for rows, quantity in (
+        (of.inertia, body.inertia),
+        (of.position, body.position),
+        (of.velocity, body.velocity),
+        (of.angular_velocity, body.angular_velocity),
+        (of.orientation, body.orientation or (0, 0, 0, 1)),
+    ):
+        width = rows.stop - rows.start
+        last = rows in (of.inertia, of.angular_velocity)
+        numbers[rows] = quantity[len(quantity) - width :] if last else quantity[:width]
+    return numbers
+
+
+@pytest.fixture(scope="module")
+def node_that_heard(tried_node):
+    other = ball(name="other", frame="map")
+    broken = ball(name="broken")
+    broken.inertia.m = -1.5
+    hear(tried_node, top(), floor(), ball(0.5, -1.0, name="ball"), other, broken)
+    return tried_node
+
+
+def contacts_of(layout: int, n: int) -> np.ndarray:
+    at = LAYOUTS[layout].contacts
+    contacts = np.full((at.height, n), 0.25)
+    contacts[at.normal][0] = 1.0
+    return contacts
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_bodies_by_name_follow_those_of_the_table(node_that_heard, layout):
+    turning = ball(0.5, -1.0, name="ball") if layout == Request.SPATIAL else top()
+    table = np.array([column(layout, ball(-0.5, 3.0)), column(layout, ball(-0.4, 2.0))]).T
+    contacts, pairs = contacts_of(layout, 3), np.array([[2, 2, 3], [0, 3, 1]])
+
+    names = [turning.name, "floor"]
+    response = node_that_heard.call(pack(table, pairs, contacts, names=names, frame_id="world"))
+
+    assert (response.success, response.message) == (True, "")
+    in_full = np.column_stack([table, column(layout, turning), column(layout, floor())])
+    result = unpack(response)
+    assert (result.status[:2] == StatusCode.OK).all()
+    assert_same(result, resolve_batch(in_full[:, pairs], contacts))
+
+
+def test_only_bodies_by_name(node_that_heard):
+    table, contacts = np.empty((20, 0)), contacts_of(Request.SPATIAL_ORIENTED, 1)
+    request = pack(table, [[0], [1]], contacts, names=["top", "floor"], frame_id="world")
+    result = unpack(node_that_heard.call(request))
+    one = ResolveCollision.Request(body_a=top(), body_b=floor())
+    one.contact.header.frame_id = "world"
+    one.contact.position.x = one.contact.position.y = one.contact.position.z = 0.25
+    one.contact.normal.x, one.contact.normal.y, one.contact.normal.z = 1.0, 0.25, 0.25
+    one.contact.restitution = one.contact.friction = 0.25
+    expected = node_that_heard.call(one).result
+    np.testing.assert_allclose(result.impulse[:, 0], xyz(expected.impulse), rtol=1e-13)
+    np.testing.assert_allclose(result.angular_velocity[:, 0, 0], xyz(expected.twist_a.angular), rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("name", "layout", "code", "message"),
+    [
+        ("ghost", Request.POINT, StatusCode.UNKNOWN_BODY, "names[1]: is 'ghost', of which no state"),
+        ("", Request.POINT, StatusCode.UNKNOWN_BODY, "names[1]: is '', of which no state"),
+        ("other", Request.PLANAR, StatusCode.FRAME_MISMATCH, "names[1].header.frame_id: is 'map', but"),
+        ("broken", Request.PLANAR, StatusCode.INVALID_MASS, "names[1].inertia.m: must be positive"),
+        ("top", Request.SPATIAL, StatusCode.INVALID_ORIENTATION, "names[1].pose.orientation: is (0.1,"),
+    ],
+)
+def test_a_received_body_that_cannot_be_used_spoils_its_contacts_alone(
+    node_that_heard, name, layout, code, message
+):
+    contacts, table = contacts_of(layout, 3), column(layout, ball(-0.5, 3.0))[:, np.newaxis]
+    request = pack(table, [[1, 2, 0], [0, 0, 2]], contacts, names=["ball", name], frame_id="world")
+    response = node_that_heard.call(request)
+    assert (response.success, response.code) == (True, StatusCode.OK)
+    assert response.message.startswith(message)
+    result = unpack(response)
+    assert result.status.tolist() == [StatusCode.OK, code, code]
+    assert np.isnan(result.velocity[..., 1:]).all() and np.isfinite(result.velocity[..., 0]).all()
+
+
+def test_several_that_cannot_be_used_are_counted(node_that_heard):
+    request = Request(layout=Request.POINT, names=["ghost", "ball", "other"])
+    request.header.frame_id = "world"
+    message = node_that_heard.call(request).message
+    assert message.startswith("names[0]: is 'ghost'")
+    assert message.endswith("; 2 bodies in all cannot be used")
+
+
+def test_a_stale_state_is_not_used(graph):
+    graph.serve(max_state_age=1.0)
+    hear(graph, ball(name="ball"))  # of 1970
+    request = pack(
+        column(Request.POINT, ball())[:, np.newaxis],
+        [[0], [1]],
+        np.ones((5, 1)),
+        names=["ball"],
+        frame_id="world",
+    )
+    response = graph.call(request)
+    assert unpack(response).status.tolist() == [StatusCode.STALE_STATE]
+    assert response.message.startswith("names[0].header.stamp: the last state of 'ball' is ")
+
+
+# the client's side
+
+
+@pytest.mark.parametrize(
+    ("message", "changes"),
+    [
+        ("bodies: must be of shape (4 or 7 or 16 or 20, B), is (5, 3)", {"bodies": np.zeros((5, 3))}),
+        ("bodies: must be of shape (4 or 7 or 16 or 20, B), is (4,)", {"bodies": np.zeros(4)}),
+        ("pairs: must be of shape (2, N), is (3, 2)", {"pairs": np.zeros((3, 2), int)}),
+        ("contacts: must be of shape (rows, 2), is (5, 3)", {"contacts": np.zeros((5, 3))}),
+        ("pairs: must be columns of bodies, counted from 0; one is -1", {"pairs": [[0, -1], [1, 2]]}),
+        (
+            "pairs: must be columns of bodies, counted from 0; one is 4294967296",
+            {"pairs": [[2**32, 1], [1, 2]]},
+        ),
+        ("pairs: must be columns of bodies, counted from 0; one is 0.5", {"pairs": [[0.5, 1], [1, 2]]}),
+    ],
+)
+def test_what_is_no_request(message, changes):
+    with pytest.raises(ValueError) as raised:
+        pack(
+            **{"bodies": np.zeros((4, 3)), "pairs": [[0, 1], [1, 2]], "contacts": np.zeros((5, 2)), **changes}
+        )
+    assert str(raised.value) == message
+
+
+def test_arrays_of_any_order_and_type_are_packed():
+    bodies = np.arange(12.0).reshape(3, 4).T
+    request = pack(bodies.astype(np.float32), np.array([[0, 1], [1, 2]]).T.tolist(), np.ones((5, 2), int))
+    assert request.bodies.tolist() == bodies.ravel().tolist()
+    assert request.pairs.tolist() == [0, 1, 1, 2]
+    assert request.contacts.tolist() == [1.0] * 10
+
+
+def test_the_example_runs():
+    assert doctest.testmod(batch_client) == (0, 8)
