@@ -23,10 +23,11 @@ from typing import Any
 
 import numpy as np
 
-from collision_response import Geometry, ImpactModel, Law
+from collision_response import Geometry, ImpactModel, Law, Precision
 from collision_response.batch import BatchResult, prepare_batch, resolve_batch
 from collision_response.batch.backends import Backend, prepare
-from collision_response.batch.problem import Arithmetic, Problem, contact_count
+from collision_response.batch.more_digits import MANY
+from collision_response.batch.problem import Problem, contact_count
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.numerics import compiled
 
@@ -119,18 +120,14 @@ def by_batch(
     return lambda: resolve_batch(bodies, contacts, model, out=out, backend=backend)
 
 
-def by_loop(
-    bodies: Array, contacts: Array, arithmetic: Arithmetic = Arithmetic.PLAIN
-) -> Callable[[], object]:
+def by_loop(bodies: Array, contacts: Array) -> Callable[[], object]:
     """The compiled loop alone, without what :func:`resolve_batch` looks after."""
     out = resolve_batch(bodies, contacts, FRICTIONLESS, backend=Backend.COMPILED)
-    problem = Problem(Geometry.SPATIAL, Law.FRICTIONLESS, arithmetic=arithmetic)
+    problem = Problem(Geometry.SPATIAL, Law.FRICTIONLESS)
     run = prepare(Backend.COMPILED, problem, bodies.dtype).run
     given = {"bodies": bodies, "contacts": contacts[: contact_count(problem)]}
     results = {"velocity": out.velocity, "angular_velocity": out.angular_velocity, "impulse": out.impulse}
     arrays = {**given, **results, "status": out.status[np.newaxis]}
-    if arithmetic is not Arithmetic.PLAIN:
-        arrays["error_bound"] = np.empty((1, bodies.shape[-1]))
     return lambda: run(arrays)
 
 
@@ -164,8 +161,11 @@ def spatial(n: int, dtype: Any, library: ctypes.CDLL | None) -> dict[str, list[f
     if compiled.is_available():
         runs["compiled"] = by_batch(bodies, contacts, Backend.COMPILED)
         runs["its loop"] = by_loop(bodies, contacts)
-        if dtype == np.float64:
-            runs["EXTENDED"] = by_loop(bodies, contacts, Arithmetic.DOUBLED)
+        if dtype == np.float64 and n >= MANY:
+            to_tolerance = ImpactModel(Law.FRICTIONLESS, tolerance=1e-9)
+            extended = ImpactModel(Law.FRICTIONLESS, precision=Precision.EXTENDED)
+            runs["to 1e-9"] = by_batch(bodies, contacts, Backend.COMPILED, to_tolerance)
+            runs["EXTENDED"] = by_batch(bodies, contacts, Backend.COMPILED, extended)
     runs["NumPy"] = by_batch(bodies, contacts, Backend.NUMPY)
     runs["cross and solve"] = by_cross_and_solve(bodies, contacts)
     return in_turns(runs, n)

@@ -52,15 +52,24 @@ def make_exact(
         model: every AUTO decided.
         backend: for the double-double program.
     """
-    if columns.size < MANY and extended.AVAILABLE:
+    if not pays_in_double_double(columns.size):
         _one_by_one(arrays, columns, model)
         return
-    problem = problem._replace(arithmetic=Arithmetic.DOUBLED)
-    run, program = prepare(backend, problem, FLOAT64).run, programs_for(problem, FLOAT64)[1]
+    program = programs_for(problem._replace(arithmetic=Arithmetic.DOUBLED), FLOAT64)[1]
     for few in column_blocks(arrays, columns, program, CHUNK):
-        run(few)
-        if extended.AVAILABLE:
-            _one_by_one(few, unsure(few, ULP), model)
+        make_all_exact(few, problem, model, backend)
+
+
+def make_all_exact(arrays: Arrays, problem: Problem, model: ImpactModel, backend: Backend) -> None:
+    """The same, for the whole batch: by the double-double program, and what that cannot, one by one."""
+    prepare(backend, problem._replace(arithmetic=Arithmetic.DOUBLED), FLOAT64).run(arrays)
+    if extended.AVAILABLE:
+        _one_by_one(arrays, unsure(arrays, ULP), model)
+
+
+def pays_in_double_double(count: int) -> bool:
+    """Whether to get the double-double program ready for so many contacts."""
+    return count >= MANY or not extended.AVAILABLE
 
 
 def _one_by_one(arrays: Arrays, columns: Array, model: ImpactModel) -> None:

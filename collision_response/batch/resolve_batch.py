@@ -36,7 +36,7 @@ from ..model import Geometry, ImpactModel, Law, Precision
 from ..status import ImpactError, StatusCode
 from ..validate import check_model
 from .backends import Arrays, Backend, is_compiled, one_by_one, prepare, programs_for
-from .more_digits import make_exact, unsure
+from .more_digits import make_all_exact, make_exact, pays_in_double_double, unsure
 from .problem import Arithmetic, Problem, Tangential, contact_count
 from .rows import body_rows, contact_rows
 
@@ -146,17 +146,19 @@ def resolve_batch(
 
 def _compute(plan: _Plan, arrays: Arrays, out: BatchResult, backend: Backend) -> None:
     n, dtype, model = out.status.size, plan.constants.dtype, plan.model
-    is_small = n <= FEW and dtype == np.float64 and not is_compiled(backend)
-    run = one_by_one(plan.problem) if is_small else prepare(backend, plan.problem, dtype).run
-    run(arrays)
-    if out.precision is None:
-        return
-    out.precision[:] = Precision.DOUBLE
-    if model.precision is not Precision.DOUBLE:
-        limit = model.tolerance if model.precision is Precision.AUTO else 0.0
-        wanting = unsure(arrays, limit)
-        out.precision[wanting] = Precision.EXTENDED
-        make_exact(arrays, wanting, plan.problem, model, backend)
+    if out.precision is not None:
+        used = Precision.DOUBLE if model.precision is Precision.AUTO else model.precision
+        out.precision[:] = used
+    if model.precision is Precision.EXTENDED and pays_in_double_double(n):
+        make_all_exact(arrays, plan.problem, model, backend)
+    else:
+        is_small = n <= FEW and dtype == np.float64 and not is_compiled(backend)
+        run = one_by_one(plan.problem) if is_small else prepare(backend, plan.problem, dtype).run
+        run(arrays)
+        if out.precision is not None and model.precision is not Precision.DOUBLE:
+            wanting = unsure(arrays, model.tolerance if model.precision is Precision.AUTO else 0.0)
+            out.precision[wanting] = Precision.EXTENDED
+            make_exact(arrays, wanting, plan.problem, model, backend)
     if model.tolerance:
         answered = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)
         out.status[answered & ~(out.error_bound <= model.tolerance)] = StatusCode.TOLERANCE_NOT_MET
