@@ -29,7 +29,7 @@ MARKERS = {"POINT": "v", "PLANAR": "s", "SPATIAL": "o", "AUTO": "*"}
 FLOOR, CEILING = 1e-17, 10.0
 WRONG = 0.1
 """Above this error, motion that decides the answer is not modelled."""
-BETWEEN = 20.0
+BETWEEN = 8.0
 """A contact of a batch takes less, ``resolve()`` more [µs]."""
 
 

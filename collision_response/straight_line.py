@@ -84,10 +84,9 @@ def _answer(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
         return None
     if law is Law.FRICTIONLESS and contact.friction:
         contact = contact._replace(friction=0.0)
-    *most, regime, bound = computed
-    return tuple.__new__(
-        Impact, (StatusCode.OK, contact, model, *most, REGIMES[regime], bound, Adjustment.NONE)
-    )
+    *most, regime, bound, is_normalised = computed
+    adjustments = Adjustment.NORMALISED_ORIENTATION if is_normalised else Adjustment.NONE
+    return tuple.__new__(Impact, (StatusCode.OK, contact, model, *most, REGIMES[regime], bound, adjustments))
 
 
 @cache
@@ -120,7 +119,9 @@ def computation(
     model = ImpactModel(law, geometry, precision)
     impact = report(body_a, body_b, contact, model, approach, outcome, Adjustment.NONE)
     impact = impact._replace(error_bound=bound_of_collision(impact, approach, sizes, outcome, parameters))
-    computed = tuple(impact[COMPUTED])
+    orientations = [body.orientation for body in (body_a, body_b) if body.orientation is not None]
+    is_normalised = reduce(operator.or_, map(is_off_unit, orientations), False)
+    computed = (*impact[COMPUTED], is_normalised)
 
     def conditions() -> Iterator[Any]:
         yield approach.n_u < 0
@@ -131,7 +132,7 @@ def computation(
             yield ((body.mass > 0) & (body.inverse_mass > 0)) | ((body.mass == 0) & (body.inverse_mass == 0))
             yield is_tensor(body.inertia)
             if body.orientation is not None:
-                yield ~is_off_unit(body.orientation)
+                yield body.orientation.squared_length() > 0
         yield (body_a.inverse_mass > 0) | (body_b.inverse_mass > 0)
         yield from are_coefficients(Scene(body_a, body_b, contact, e_t))
         unchecked = body_a.position, body_a.orientation, body_b.position, body_b.orientation, contact[:2]
