@@ -72,7 +72,7 @@ def draw(points: Sequence[Point], path: Path) -> None:
 def panel(axes: Axes, name: str, points: Sequence[Point]) -> None:
     """One scene."""
     axes.set(xscale="log", yscale="log", xlim=(5e-3, 1.5e4), ylim=(FLOOR / 5, CEILING * 3))
-    axes.set_title(name, loc="left", fontsize=10, fontweight="bold")
+    axes.set_title(name, loc="left", fontsize=10, fontweight="bold", pad=14)
     axes.axhspan(WRONG, CEILING * 3, color="#ececec", lw=0)
     axes.axvline(BETWEEN, color="#999999", lw=0.8, ls=":")
     beside = {"transform": axes.get_xaxis_transform(), "va": "bottom", "fontsize": 8, "color": "#555555"}
