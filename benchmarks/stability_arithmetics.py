@@ -19,6 +19,7 @@ from scenes import Scene
 
 from collision_response import Geometry, ImpactModel, Law
 from collision_response.numerics import extended
+from collision_response.numerics.double_double import DoubleDouble
 from collision_response.physics.body import Body
 from collision_response.physics.effective_mass import Spatial
 from collision_response.physics.laws import Parameters, frictionless
@@ -34,75 +35,6 @@ SCENES = {
     "grazing 1e-12": scene_named("grazing, |u_n|/|u| = 1e-12"),
     "rod 1e-12": scene_named("rod, moments 1 : 1e-12, in turned axes"),
 }
-
-
-class DoubleDouble:
-    """The unevaluated sum of two float64: some 106 bits. Source: Dekker, Numer. Math. 18 (1971)."""
-
-    __slots__ = ("high", "low")
-
-    def __init__(self, high: float, low: float = 0.0) -> None:
-        self.high, self.low = high, low
-
-    def __add__(self, other: Any) -> DoubleDouble:
-        other = _double_double(other)
-        a, b = self.high, other.high
-        s = a + b
-        t = s - a
-        low = ((a - (s - t)) + (b - t)) + (self.low + other.low)
-        return _renormalised(s, low)
-
-    def __neg__(self) -> DoubleDouble:
-        return DoubleDouble(-self.high, -self.low)
-
-    def __sub__(self, other: Any) -> DoubleDouble:
-        return self + -_double_double(other)
-
-    def __mul__(self, other: Any) -> DoubleDouble:
-        other = _double_double(other)
-        a, b = self.high, other.high
-        product = a * b
-        a_1, a_2 = _halves(a)
-        b_1, b_2 = _halves(b)
-        low = ((a_1 * b_1 - product) + a_1 * b_2 + a_2 * b_1) + a_2 * b_2
-        return _renormalised(product, low + (a * other.low + self.low * b))
-
-    def __truediv__(self, other: Any) -> DoubleDouble:
-        other = _double_double(other)
-        first = self.high / other.high
-        rest = self - other * first
-        second = rest.high / other.high
-        third = (rest - other * second).high / other.high
-        return DoubleDouble(first) + second + third
-
-    def __rtruediv__(self, other: Any) -> DoubleDouble:
-        return _double_double(other) / self
-
-    def __gt__(self, other: Any) -> bool:
-        return (self - other).high > 0
-
-    def __lt__(self, other: Any) -> bool:
-        return (self - other).high < 0
-
-    def __float__(self) -> float:
-        return self.high + self.low
-
-    __radd__, __rmul__ = __add__, __mul__
-
-
-def _double_double(x: Any) -> DoubleDouble:
-    return x if isinstance(x, DoubleDouble) else DoubleDouble(float(x))
-
-
-def _renormalised(high: float, low: float) -> DoubleDouble:
-    s = high + low
-    return DoubleDouble(s, low - (s - high))
-
-
-def _halves(x: float) -> tuple[float, float]:
-    t = 134217729.0 * x
-    high = t - (t - x)
-    return high, x - high
 
 
 class Arithmetic(NamedTuple):
@@ -158,7 +90,7 @@ def _impact(arithmetic: Arithmetic, scene: Scene) -> Any:
     with arithmetic.context():
         body_a, body_b, contact = (_mapped(part, arithmetic.number) for part in scene)
         response = _respond(_with_inverse_mass(body_a), _with_inverse_mass(body_b), contact)
-        return SimpleNamespace(**{f: _mapped(getattr(response, f), float) for f in FIELDS})
+        return SimpleNamespace(**{f: _mapped(getattr(response, f), _rounded) for f in FIELDS})
 
 
 FIELDS = ("impulse", "change_a", "change_b")
@@ -187,10 +119,14 @@ def _with_inverse_mass(body: Body) -> Body:
     return body._replace(inverse_mass=1 / body.mass) if body.inverse_mass else body
 
 
+def _rounded(number: Any) -> float:
+    return number.high if isinstance(number, DoubleDouble) else float(number)
+
+
 def _mapped(value: Any, number: Callable[[Any], Any]) -> Any:
     """Every number in nested named tuples, as another kind."""
     if value is None:
         return None
-    if isinstance(value, tuple):
+    if isinstance(value, tuple) and not isinstance(value, DoubleDouble):
         return type(value)(*(_mapped(part, number) for part in value))
     return number(value)

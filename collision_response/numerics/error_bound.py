@@ -102,17 +102,6 @@ class Amplification(NamedTuple):
     speed_squared: Scalar
     mass: Scalar
 
-    @property
-    def q(self) -> Scalar:
-        """Roundings of ``I^-1 L`` in world axes, in the norm of the energy."""
-        return self.solve + self.turn * square_root(self.condition)
-
-    @property
-    def twist(self) -> Scalar:
-        """Roundings of the change of twist beyond those of the impulse."""
-        torque = (CROSS + self.turn) * square_root(self.ss * self.mass)
-        return self.turn + square_root(self.condition) * (self.solve + torque)
-
 
 class Sizes(NamedTuple):
     """What decides the error: the two bodies, and the speeds and masses they meet with.
@@ -123,9 +112,11 @@ class Sizes(NamedTuple):
         u_n: normal velocity [m/s], and its absolute error in units of roundoff.
         u_n_error: see ``u_n``.
         u_error: absolute error of the relative velocity, in units of roundoff [m/s].
-        turn, q: the greater of the two bodies'.
+        turn: the greater of the two bodies'.
+        solve: the greater of the two bodies'.
+        spread: at least the greater root of the two bodies' condition.
         inverse_mass: ``1/m_A + 1/m_B`` [1/kg].
-        inverse_mass_n: inverse effective mass along the unit normal [1/kg].
+        turning: ``s^2`` of both bodies over that: how much of ``K`` may be due to rotation.
         dropped: what the geometry leaves out.
     """
 
@@ -135,10 +126,16 @@ class Sizes(NamedTuple):
     u_n_error: Scalar
     u_error: Scalar
     turn: Scalar
-    q: Scalar
+    solve: Scalar
+    spread: Scalar
     inverse_mass: Scalar
-    inverse_mass_n: Scalar
+    turning: Scalar
     dropped: Dropped
+
+    @property
+    def q(self) -> Scalar:
+        """Roundings of ``I^-1 L`` in world axes, in the norm of the energy."""
+        return self.solve + self.turn * self.spread
 
 
 def survey(approach: Any, dropped: Dropped = NOTHING) -> Sizes:
@@ -150,10 +147,10 @@ def survey(approach: Any, dropped: Dropped = NOTHING) -> Sizes:
         bodies = _planar(a, approach.r_a), _planar(b, approach.r_b)
     else:
         bodies = _point(a), _point(b)
-    nn = _square(approach.n)
-    length = square_root(nn)
+    length = square_root(_square(approach.n))
     v = square_root(_square(a.velocity - b.velocity))
     w = square_root(2 * (bodies[0].speed_squared + bodies[1].speed_squared))
+    inverse_mass = a.inverse_mass + b.inverse_mass
     return Sizes(
         bodies,
         length,
@@ -161,17 +158,17 @@ def survey(approach: Any, dropped: Dropped = NOTHING) -> Sizes:
         SPEED * v + SPIN_SPEED * w + dropped.speed / UNIT_ROUNDOFF,
         2 * v + 5 * w + dropped.speed / UNIT_ROUNDOFF,
         _greatest(bodies[0].turn, bodies[1].turn),
-        _greatest(bodies[0].q, bodies[1].q),
-        a.inverse_mass + b.inverse_mass,
-        approach.n_Kn / nn,
+        _greatest(bodies[0].solve, bodies[1].solve),
+        square_root(bodies[0].condition + bodies[1].condition),
+        inverse_mass,
+        (bodies[0].ss + bodies[1].ss) / inverse_mass,
         dropped,
     )
 
 
 def frictionless_error(sizes: Sizes) -> Scalar:
     """Relative error of a frictionless impulse, in units of roundoff."""
-    a, b = sizes.bodies
-    torque = 2 * (CROSS + sizes.turn) * square_root(2 * (a.ss + b.ss) / sizes.inverse_mass_n)
+    torque = 2 * (CROSS + sizes.turn) * square_root(2 * sizes.turning)
     mobility = 6 + sizes.q + torque + sizes.dropped.mobility / UNIT_ROUNDOFF
     return sizes.u_n_error / abs(sizes.u_n) + mobility + 6
 
@@ -181,21 +178,19 @@ def coulomb_error(
 ) -> Scalar:
     """Relative error of Chatterjee & Ruina's impulse, in units of roundoff."""
     e, mu, e_t, _ = parameters
-    length, m = sizes.length, sizes.inverse_mass
-    P_I = split.j * length
-    D_n = n.dot(split.D) / n.dot(n)
-    D_t = split.D - n * D_n
-    D_n, D_t = D_n * length, square_root(D_t.dot(D_t))
+    j, nn = split.j, n.dot(n)  # impulses are in units of |n|
+    D_n = n.dot(split.D) / nn
+    tangential = split.D - n * D_n
+    D_t = square_root(tangential.dot(tangential) / nn)
     D = D_t + abs(D_n)
 
-    a, b = sizes.bodies
-    turning = (a.ss + b.ss) / m
-    stiff = 1 + turning
-    K_error = 3 + (sizes.q + 2 * sizes.turn + 5) * turning + sizes.dropped.mobility / UNIT_ROUNDOFF
+    stiff = 1 + sizes.turning
+    K_error = 3 + (sizes.q + 2 * sizes.turn + 5) * sizes.turning + sizes.dropped.mobility / UNIT_ROUNDOFF
     j_error = frictionless_error(sizes)
-    D_error = sizes.u_error / m + (3 * stiff + K_error) * P_I + (SOLVE * stiff + K_error) * D
-    stick, reach, S = 1 + e_t, mu * (1 + e) * P_I, D_t - mu * D_n
-    S_error = ((1 + mu) * (D_error + 4 * D) + mu * j_error * P_I) * roundoff
+    D_error = sizes.u_error / (sizes.inverse_mass * sizes.length)
+    D_error = D_error + (3 * stiff + K_error) * j + (SOLVE * stiff + K_error) * D
+    stick, reach, S = 1 + e_t, mu * (1 + e) * j, D_t - mu * D_n
+    S_error = ((1 + mu) * (D_error + 4 * D) + mu * j_error * j) * roundoff
     kappa = choose(reach < stick * S, lambda: reach / S, lambda: stick)
     is_clear = S_error < S
 
@@ -204,30 +199,32 @@ def coulomb_error(
 
     may_slip = reach < stick * (S + S_error)
     kappa_error = choose(may_slip, lambda: near_cone() + kappa * (j_error + 4), lambda: 0.0)
-    along_n = (abs(1 + e - kappa) * j_error + 4) * P_I
-    return (along_n + kappa * D_error + kappa_error * D) / P.norm() + 4
+    along_n = (abs(1 + e - kappa) * j_error + 4) * j
+    return (along_n + kappa * D_error + kappa_error * D) / square_root(P.dot(P) / nn) + 4
 
 
 def twist_error(sizes: Sizes) -> Scalar:
     """What the twist changes add to the relative error of the impulse, in units of roundoff."""
     a, b = sizes.bodies
-    return 3 + _greatest(a.twist, b.twist) + sizes.dropped.spin / UNIT_ROUNDOFF
+    torque = square_root(a.condition * a.ss * a.mass + b.condition * b.ss * b.mass)
+    turning = sizes.solve * sizes.spread + (CROSS + sizes.turn) * torque
+    return 3 + sizes.turn + turning + sizes.dropped.spin / UNIT_ROUNDOFF
 
 
 def total(roundings: Scalar, sizes: Sizes, roundoff: float = UNIT_ROUNDOFF) -> Scalar:
     """The relative error that so many roundings make, or infinity if that is beyond first order."""
     error = roundings * roundoff
     a, b = sizes.bodies
-    is_first_order = (error < FIRST_ORDER) & (sizes.u_error + a.ss + b.ss < RANGE)
-    is_first_order = is_first_order & are_in_range([sizes.length, abs(sizes.u_n), a.mass, b.mass])
+    deciding = [sizes.length, abs(sizes.u_n), a.mass, b.mass]
+    are_small = sum(deciding) + sizes.u_error + a.ss + b.ss < RANGE
+    is_first_order = (error < FIRST_ORDER) & are_small & _are_not_tiny(deciding)
     return choose(is_first_order, lambda: error / (1 - 4 * error), lambda: math.inf)
 
 
 def are_in_range(sizes: Iterable[Scalar]) -> Any:
     """Whether no product of the sizes, none of them negative, in a law overflows or underflows."""
     sizes = list(sizes)
-    are_not_tiny = reduce(operator.and_, ((size > LEAST) | (size == 0) for size in sizes))
-    return are_not_tiny & (sum(sizes) < RANGE)
+    return _are_not_tiny(sizes) & (sum(sizes) < RANGE)
 
 
 def gain(sizes: Sizes, bodies: tuple[Body, Body], changes: tuple[Twist, Twist], P: Any) -> Scalar:
@@ -260,6 +257,10 @@ def _square(v: V) -> Scalar:
         lambda: square,
         lambda: choose(are_zero(v), lambda: 0.0, lambda: math.inf),
     )
+
+
+def _are_not_tiny(sizes: Iterable[Scalar]) -> Any:
+    return reduce(operator.and_, ((size > LEAST) | (size == 0) for size in sizes))
 
 
 def _greatest(x: Scalar, y: Scalar) -> Scalar:
