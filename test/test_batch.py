@@ -26,15 +26,16 @@ from collision_response import (
 )
 from collision_response.batch import FEW, BatchResult, prepare_batch, resolve_batch
 from collision_response.batch.backends import Backend
-from collision_response.batch.kernels import GEOMETRIES, LAWS
 from collision_response.batch.rows import body_rows, contact_rows
+from collision_response.model import EXACT_LAWS
 from collision_response.numerics import compiled
 from collision_response.physics.effective_mass import Spatial
 from collision_response.physics.laws import Parameters, chatterjee_ruina, frictionless
 from collision_response.physics.tensor import Symmetric3
 from collision_response.physics.vector import Vec3
+from collision_response.tiers import GEOMETRIES
 
-KINDS = list(product(GEOMETRIES, LAWS))
+KINDS = list(product(GEOMETRIES, EXACT_LAWS))
 ROOT = Path(__file__).parents[1]
 STICKS = 7
 """A contact of the spatial batch that sticks."""

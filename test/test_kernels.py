@@ -11,16 +11,18 @@ import pytest
 from batches import IMMOVABLE, N, scene_of, some
 
 from collision_response import Geometry, Law
-from collision_response.batch.kernels import GEOMETRIES, LAWS, bare, general, ordinary, unchecked
+from collision_response.batch.kernels import bare, general, ordinary, unchecked
 from collision_response.batch.problem import Problem
+from collision_response.model import EXACT_LAWS
 from collision_response.numerics.emit_blocks import emit_blocks
 from collision_response.numerics.emit_scalar import emit_scalar
 from collision_response.numerics.program import Program, Slot
 from collision_response.numerics.tape import Tape
 from collision_response.physics.laws import Parameters
 from collision_response.physics.number import choose, square_root
+from collision_response.tiers import GEOMETRIES, LAWS
 
-PROBLEMS = [Problem(*both) for both in product(GEOMETRIES, LAWS)]
+PROBLEMS = [Problem(*both) for both in product(GEOMETRIES, EXACT_LAWS)]
 
 
 def ids(problem: Problem) -> str:

@@ -22,7 +22,8 @@ from ..physics.effective_mass import Response
 from ..physics.laws import Parameters
 from ..physics.laws.chatterjee_ruina import Split, split
 from ..physics.number import Scalar, choose
-from .kernels import GEOMETRIES, collide, outputs_of, trace_general, trace_ordinary
+from ..tiers import GEOMETRIES
+from .kernels import collide, outputs_of, trace_general, trace_ordinary
 from .problem import Inputs, Problem
 
 BOUND = Slot("error_bound", 0)

@@ -25,8 +25,9 @@ from ..numerics.program import Program, Slot
 from ..physics.body import Body
 from ..physics.laws.chatterjee_ruina import split
 from ..physics.number import Scalar, choose, square_root
+from ..tiers import GEOMETRIES
 from .bounded import BOUND, error_bound
-from .kernels import GEOMETRIES, collide, outputs_of, trace_general, trace_ordinary
+from .kernels import collide, outputs_of, trace_general, trace_ordinary
 from .problem import Inputs, Problem
 
 ULP = 2 * UNIT_ROUNDOFF

@@ -22,25 +22,19 @@ from ..model import Geometry, Law
 from ..numerics.program import Program, Slot
 from ..numerics.tape import Symbol, Tape
 from ..physics.body import PIVOT_LIMIT
-from ..physics.effective_mass import Planar, Point, Response, Spatial
-from ..physics.laws import Parameters, chatterjee_ruina, frictionless
+from ..physics.effective_mass import Response
+from ..physics.laws import Parameters
 from ..physics.laws.frictionless import factor
 from ..physics.number import Scalar, choose
 from ..physics.vector import Vec3
 from ..soundness import CLEARANCE, Scene, all_finite, are_coefficients, is_clearly_tensor, requirements
 from ..status import StatusCode
+from ..tiers import GEOMETRIES, LAWS
 from .problem import Inputs, Problem, inputs_of
 from .rows import body_rows
 
-GEOMETRIES: dict[Geometry, Any] = {
-    Geometry.POINT: Point,
-    Geometry.PLANAR: Planar,
-    Geometry.SPATIAL: Spatial,
-}
 MOTION = ("velocity", "angular_velocity", "impulse")
 """The arrays of results that are numbers."""
-
-LAWS: dict[Law, Callable[..., Any]] = {Law.FRICTIONLESS: frictionless, Law.COULOMB: chatterjee_ruina}
 
 
 class Motion(NamedTuple):
