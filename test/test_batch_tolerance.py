@@ -13,7 +13,7 @@ from reference import exact_answer
 from test_extended_batch import table_of
 
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, StatusCode, resolve
-from collision_response.batch import more_digits, resolve_batch
+from collision_response.batch import more_digits, prepare_batch, resolve_batch
 from collision_response.batch.backends import Backend
 from collision_response.batch.doubled import ULP
 
@@ -142,3 +142,15 @@ def test_extended_is_for_float64():
     bodies, contacts = (array.astype(np.float32) for array in some(Geometry.POINT))
     with pytest.raises(ImpactError, match="precision"):
         resolve_batch(bodies, contacts, ImpactModel(precision=Precision.EXTENDED))
+
+
+def test_getting_ready_includes_the_digits_that_may_be_wanted():
+    bodies, contacts = some(Geometry.POINT)
+    plain, exact = (
+        prepare_batch(
+            bodies, contacts, ImpactModel(precision=precision, tolerance=1e-9), backend=Backend.NUMPY
+        )
+        for precision in (Precision.DOUBLE, Precision.AUTO)
+    )
+    assert exact.backend is plain.backend is Backend.NUMPY
+    assert exact.seconds > plain.seconds  # by what the double-double program took

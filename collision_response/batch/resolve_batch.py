@@ -179,8 +179,12 @@ def prepare_batch(
         as :func:`resolve_batch`.
     """
     bodies, contacts = np.asarray(bodies), np.asarray(contacts)
-    ready = prepare(backend, _plan_for(bodies, contacts, model).problem, bodies.dtype)
-    return Preparation(ready.backend, ready.seconds)
+    problem = _plan_for(bodies, contacts, model).problem
+    ready = prepare(backend, problem, bodies.dtype)
+    seconds = ready.seconds
+    if is_bounded(model) and model.precision is not Precision.DOUBLE:
+        seconds += prepare(backend, problem._replace(arithmetic=Arithmetic.DOUBLED), bodies.dtype).seconds
+    return Preparation(ready.backend, seconds)
 
 
 class _Plan(NamedTuple):
