@@ -17,14 +17,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from .model import Adjustment, Geometry, ImpactModel, Law, Precision
+from .model import EXACT_LAWS, Adjustment, Geometry, ImpactModel, Law, Precision
 from .numerics import extended
 from .numerics.error_bound import (
     NOTHING,
     UNIT_ROUNDOFF,
     Sizes,
+    closed_form_bound,
     coulomb_error,
-    frictionless_error,
     gain,
     survey,
     total,
@@ -176,17 +176,16 @@ def bound_of_collision(
     impact: Impact, approach: Any, sizes: Sizes, outcome: Outcome, parameters: Parameters
 ) -> Scalar:
     """The error bound of a rounded answer about bodies that approach each other, but for MOREAU."""
-    law = impact.model.law
-    if law is Law.FRICTIONLESS:
-        return total(frictionless_error(sizes) + twist_error(sizes), sizes)
-    parts = outcome.split or split(approach)
+    law, changes = impact.model.law, (impact.change_a, impact.change_b)
+    parts = None if law is Law.FRICTIONLESS else outcome.split or split(approach)
+    if law in EXACT_LAWS:
+        return closed_form_bound(approach, sizes, parts, parameters, outcome.impulse, changes)
     roundings = coulomb_error(sizes, parts, parameters, approach.n, outcome.impulse)
-    if law is not Law.COULOMB:
-        curved = impact.model.geometry is Geometry.SPATIAL
-        integrated = INTEGRATION_MARGIN * path_tolerance(parameters) / UNIT_ROUNDOFF if curved else 0.0
-        roundings = (PATH_MARGIN * roundings + integrated) * outcome.condition
-    bodies, changes = (approach.body_a, approach.body_b), (impact.change_a, impact.change_b)
-    return total(roundings * gain(sizes, bodies, changes, impact.impulse) + twist_error(sizes), sizes)
+    curved = impact.model.geometry is Geometry.SPATIAL
+    integrated = INTEGRATION_MARGIN * path_tolerance(parameters) / UNIT_ROUNDOFF if curved else 0.0
+    roundings = (PATH_MARGIN * roundings + integrated) * outcome.condition
+    bodies = approach.body_a, approach.body_b
+    return total(roundings * gain(sizes, bodies, changes, outcome.impulse) + twist_error(sizes), sizes)
 
 
 def _ball_error(body_a: Body, body_b: Body, impact: Impact) -> float:

@@ -7,15 +7,7 @@ from functools import cache
 from typing import Any
 
 from ..model import Law
-from ..numerics.error_bound import (
-    UNIT_ROUNDOFF,
-    coulomb_error,
-    frictionless_error,
-    gain,
-    survey,
-    total,
-    twist_error,
-)
+from ..numerics.error_bound import UNIT_ROUNDOFF, closed_form_bound, survey
 from ..numerics.program import Program, Slot
 from ..physics.body import Body
 from ..physics.effective_mass import Response
@@ -76,13 +68,8 @@ def error_bound(
     u_n_error = sizes.u_n_error * roundoff
 
     def colliding() -> Scalar:
-        if parts is None:
-            roundings = frictionless_error(sizes)
-        else:
-            n, P, changes = approach.n, response.impulse, (response.change_a, response.change_b)
-            roundings = coulomb_error(sizes, parts, parameters, n, P, roundoff)
-            roundings = roundings * gain(sizes, (approach.body_a, approach.body_b), changes, P)
-        return total(roundings + twist_error(sizes), sizes, roundoff)
+        changes = response.change_a, response.change_b
+        return closed_form_bound(approach, sizes, parts, parameters, response.impulse, changes, roundoff)
 
     def separating() -> Scalar:
         return choose(sizes.u_n >= u_n_error, lambda: 0.0, lambda: math.inf)

@@ -211,6 +211,27 @@ def twist_error(sizes: Sizes) -> Scalar:
     return 3 + sizes.turn + turning + sizes.dropped.spin / UNIT_ROUNDOFF
 
 
+def closed_form_bound(
+    approach: Any,
+    sizes: Sizes,
+    split: Split | None,
+    parameters: Parameters,
+    P: Any,
+    changes: tuple[Twist, Twist],
+    roundoff: float = UNIT_ROUNDOFF,
+) -> Scalar:
+    """The bound of a law in closed form, on its impulse and both changes of twist.
+
+    Args:
+        split: of the impulse by Chatterjee & Ruina; ``None`` if it is frictionless.
+    """
+    if split is None:
+        return total(frictionless_error(sizes) + twist_error(sizes), sizes, roundoff)
+    roundings = coulomb_error(sizes, split, parameters, approach.n, P, roundoff)
+    roundings = roundings * gain(sizes, (approach.body_a, approach.body_b), changes, P)
+    return total(roundings + twist_error(sizes), sizes, roundoff)
+
+
 def total(roundings: Scalar, sizes: Sizes, roundoff: float = UNIT_ROUNDOFF) -> Scalar:
     """The relative error that so many roundings make, or infinity if that is beyond first order."""
     error = roundings * roundoff
