@@ -1,23 +1,22 @@
 """A rigid body at the instant of impact, and what an impulse does to it.
 
-An immovable body (static or kinematic) has inverse mass and inverse inertia 0. It enters every
-formula like any other body; none has a branch for it.
+An immovable body, static or kinematic, has infinite mass: ``1/m`` and the inverse inertia are 0. It
+enters every formula like any other body.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from ..status import ImpactError, StatusCode
-from .number import Scalar, choose
+from ..numbers.number import Condition, Scalar, choose, given_roundoff
 from .orientation import Quaternion
-from .tensor import ZERO_TENSOR, Factor3, Symmetric3
+from .tensor import ZERO_TENSOR, Factor3, InverseTensor, Symmetric3
 from .vector import ZERO, Vec3
 
-PIVOT_LIMIT = 2.0**-50
-"""A pivot of the inertia tensor at or below this part of its diagonal is rounding, not inertia."""
+ROUNDINGS = 8
+"""A pivot of the inertia tensor of at most so many roundings of its diagonal is rounding, not inertia."""
 
 
 class Twist(NamedTuple):
@@ -30,24 +29,28 @@ class Twist(NamedTuple):
 class Body(NamedTuple):
     """A rigid body: build one with :meth:`dynamic`, :meth:`kinematic` or :meth:`static`.
 
+    ``position`` and ``velocity`` are those of the body's reference point: the origin of its axes. It is
+    the centre of mass, unless ``com`` says that this lies elsewhere.
+
     Attributes:
-        mass: [kg]; 0 for an immovable body, which takes part in no energy or momentum balance.
-        inverse_mass: ``1 / mass`` [1/kg]; 0 for an immovable body.
+        mass: [kg]; infinite for an immovable body, which takes part in no energy or momentum balance.
         inertia: about the centre of mass, in body axes [kg m^2]. One zero moment: a thin rod. All
-            zero: rotation does not respond to impulses (a point mass, or an immovable body).
-        position: of the centre of mass, in world axes [m].
+            zero: a point mass, or an immovable body. What has no inertia about some axis has no
+            rotation about it either: an angular velocity about it moves no contact.
+        position: of the reference point, in world axes [m].
         orientation: from body axes to world axes; ``None`` where the two are parallel.
-        velocity: of the centre of mass, in world axes [m/s].
+        velocity: of the reference point, in world axes [m/s].
         angular_velocity: in world axes [rad/s].
+        com: the centre of mass, from the reference point, in body axes [m].
     """
 
     mass: Scalar
-    inverse_mass: Scalar
     inertia: Symmetric3
     position: Vec3
     orientation: Quaternion | None
     velocity: Vec3
     angular_velocity: Vec3
+    com: Vec3 = ZERO
 
     @classmethod
     def dynamic(
@@ -58,29 +61,30 @@ class Body(NamedTuple):
         orientation: Sequence[Scalar] | None = None,
         velocity: Sequence[Scalar] = ZERO,
         angular_velocity: Sequence[Scalar] = ZERO,
+        com: Sequence[Scalar] = ZERO,
     ) -> Body:
         """A body that impulses move.
 
         Args:
-            mass: [kg], > 0.
+            mass: [kg], > 0 and finite.
             inertia: ``(xx, xy, xz, yy, yz, zz)`` about the centre of mass in body axes [kg m^2].
                 Left out: a point mass.
-            position: of the centre of mass [m].
+            position: of the reference point [m].
             orientation: ``(x, y, z, w)``, from body axes to world axes; any length but 0.
-            velocity: of the centre of mass [m/s].
+            velocity: of the reference point [m/s].
             angular_velocity: in world axes [rad/s].
-
-        Raises:
-            ImpactError: INVALID_MASS if ``mass`` is not positive or its inverse overflows.
+            com: the centre of mass, from the reference point, in body axes [m].
         """
-        if not mass > 0:
-            raise ImpactError(StatusCode.INVALID_MASS, "mass", f"must be positive, is {mass}")
-        inverse_mass = 1 / mass
-        if inverse_mass == math.inf:
-            raise ImpactError(
-                StatusCode.INVALID_MASS, "mass", f"is so small that 1/mass overflows, is {mass}"
-            )
-        return cls._of(mass, inverse_mass, inertia, position, orientation, velocity, angular_velocity)
+        turn = None if orientation is None else Quaternion(*orientation)
+        return cls(
+            mass,
+            Symmetric3(*inertia),
+            Vec3(*position),
+            turn,
+            Vec3(*velocity),
+            Vec3(*angular_velocity),
+            Vec3(*com),
+        )
 
     @classmethod
     def kinematic(
@@ -90,102 +94,82 @@ class Body(NamedTuple):
         angular_velocity: Sequence[Scalar] = ZERO,
     ) -> Body:
         """A body that moves as it does, whatever strikes it."""
-        return cls._of(0, 0, ZERO_TENSOR, position, None, velocity, angular_velocity)
+        return cls(
+            math.inf, ZERO_TENSOR, Vec3(*position), None, Vec3(*velocity), Vec3(*angular_velocity), ZERO
+        )
 
     @classmethod
     def static(cls, position: Sequence[Scalar] = ZERO) -> Body:
         """A body at rest for ever."""
         return cls.kinematic(position)
 
-    @classmethod
-    def _of(
-        cls,
-        mass: Scalar,
-        inverse_mass: Scalar,
-        inertia: Sequence[Scalar],
-        position: Sequence[Scalar],
-        orientation: Sequence[Scalar] | None,
-        velocity: Sequence[Scalar],
-        angular_velocity: Sequence[Scalar],
-    ) -> Body:
-        return cls(
-            mass,
-            inverse_mass,
-            Symmetric3(*inertia),
-            Vec3(*position),
-            None if orientation is None else Quaternion(*orientation),
-            Vec3(*velocity),
-            Vec3(*angular_velocity),
-        )
+    def is_movable(self) -> Condition:
+        """Whether impulses move the body."""
+        return self.mass < math.inf
 
-    def twist(self) -> Twist:
-        """The twist of the centre of mass."""
-        return Twist(self.velocity, self.angular_velocity)
+    def inverse_mass(self) -> Scalar:
+        """``1/m`` [1/kg]; 0 for an immovable body."""
+        return choose(self.is_movable(), lambda: 1 / self.mass, lambda: 0)
 
-    def velocity_at(self, lever_arm: Vec3) -> Vec3:
-        """Velocity of the body's point at ``lever_arm`` from its centre of mass [m/s]."""
-        return self.velocity + self.angular_velocity.cross(lever_arm)
+    def to_world(self, v: Vec3) -> Vec3:
+        """World components of a vector given in body axes."""
+        return v if self.orientation is None else self.orientation.rotation().to_world(v)
 
-    def spin(self, angular_impulse: Vec3) -> Vec3:
-        """The change of angular velocity that an angular impulse [N m s] causes [rad/s].
+    def to_body(self, v: Vec3) -> Vec3:
+        """Body components of a vector given in world axes."""
+        return v if self.orientation is None else self.orientation.rotation().to_body(v)
 
-        Both are in world axes; the inertia is undone in body axes, where it is best conditioned.
+    def inverse_inertia(self) -> InverseTensor:
+        """``I^-1`` in body axes [1/(kg m^2)]; the pseudo-inverse where there is no inertia about some axis.
+
+        A tensor of a real body has ``I_1 <= I_2 + I_3`` for its moments in any order. If one moment is
+        0 the other two are therefore equal, to ``c = tr(I)/2``: the body is a thin rod, ``I/c``
+        projects across its axis, and the pseudo-inverse is ``(I/c) (1/c) (I/c)``. If two are 0, so is
+        the third.
         """
-        if self.orientation is None:
-            return solve_inertia(self.inertia, angular_impulse)
-        in_body_axes = self.orientation.to_body(angular_impulse)
-        return self.orientation.to_world(solve_inertia(self.inertia, in_body_axes))
+        is_definite, factor = _factor(self.inertia)
 
-    def spin_about_z(self, angular_impulse: Scalar) -> Scalar:
-        """The same about z alone, for a body turned about z whose inertia does not couple z to x and y."""
-        has_inertia, zz = _pivot(self.inertia.zz, 0)
-        return choose(has_inertia, lambda: angular_impulse / zz, lambda: angular_impulse * 0)
+        def of_rod() -> InverseTensor:
+            xx, xy, xz, yy, yz, zz = (component * factor.i_z for component in self.inertia)
+            d = Vec3(factor.i_z, factor.i_z, factor.i_z)
+            return InverseTensor(Vec3(xx, xy, xz), Vec3(xy, yy, yz), Vec3(xz, yz, zz), d)
 
-    def response(self, impulse: Vec3, lever_arm: Vec3) -> Twist:
-        """The change of twist that ``impulse`` [N s] at ``lever_arm`` [m] causes."""
-        return Twist(impulse * self.inverse_mass, self.spin(lever_arm.cross(impulse)))
+        return choose(is_definite, factor.inverse, of_rod)
 
-    def moved_by(self, change: Twist) -> Body:
-        """This body with its twist changed."""
-        return self._replace(
-            velocity=self.velocity + change.linear,
-            angular_velocity=self.angular_velocity + change.angular,
-        )
+    def driving_spin(self) -> Vec3:
+        """The angular velocity but for its part about axes without inertia, in world axes [rad/s].
+
+        What has no inertia has no rotation to give. That of an immovable body is prescribed.
+        """
+        is_definite, factor = _factor(self.inertia)
+
+        def across() -> Vec3:
+            return self.to_world((self.inertia @ self.to_body(self.angular_velocity)) * factor.i_z)
+
+        spin = choose(is_definite, lambda: self.angular_velocity, across)
+        return choose(self.is_movable(), lambda: spin, lambda: self.angular_velocity)
 
 
-def solve_inertia(inertia: Symmetric3, angular_impulse: Vec3) -> Vec3:
-    """``I^-1 L``, or its pseudo-inverse where the body has no inertia about some axis.
+def _factor(inertia: Symmetric3) -> tuple[Condition, Factor3]:
+    """Whether there is inertia about every axis, and then the factors of the tensor.
 
-    A tensor of a real body has ``I_1 <= I_2 + I_3`` for its moments in any order. If one moment is
-    0 the other two are therefore equal, to ``c = tr(I) / 2``: the body is a thin rod, ``I / c``
-    projects across its axis, and the pseudo-inverse is ``I / c^2``. If two are 0, so is the third.
+    If there is not, ``i_z`` is ``1/c``: of a rod, the inverse of its moment; 1 of a point mass.
     """
-    is_definite, factor = factor_inertia(inertia)
-    return choose(
-        is_definite,
-        lambda: factor.solve(angular_impulse),
-        lambda: _solve_rod(inertia, angular_impulse),
-    )
-
-
-def factor_inertia(inertia: Symmetric3) -> tuple[Any, Factor3]:
-    """Whether there is inertia about every axis, and then the factors of the tensor; no pivot is ever 0."""
     xx, xy, xz, yy, yz, zz = inertia
     has_x, d_x = _pivot(xx, xx)
-    l_yx, l_zx = xy / d_x, xz / d_x
+    i_x = 1 / d_x
+    l_yx, l_zx = xy * i_x, xz * i_x
     has_y, d_y = _pivot(yy - l_yx * xy, yy)
+    i_y = 1 / d_y
     w = yz - l_zx * xy
-    l_zy = w / d_y
+    l_zy = w * i_y
     has_z, d_z = _pivot(zz - l_zx * xz - l_zy * w, zz)
-    return has_x & has_y & has_z, Factor3(l_yx, l_zx, l_zy, d_x, d_y, d_z)
+    is_definite = has_x & has_y & has_z
+    _, c = _pivot((xx + yy + zz) / 2, 0)
+    return is_definite, Factor3(l_yx, l_zx, l_zy, i_x, i_y, 1 / choose(is_definite, lambda: d_z, lambda: c))
 
 
-def _solve_rod(inertia: Symmetric3, angular_impulse: Vec3) -> Vec3:
-    _, c = _pivot(inertia.trace() / 2, 0)
-    return (inertia @ angular_impulse) / c / c
-
-
-def _pivot(value: Scalar, diagonal: Scalar) -> tuple[bool, Scalar]:
+def _pivot(value: Scalar, diagonal: Scalar) -> tuple[Condition, Scalar]:
     """Whether a pivot is more than rounding, and a divisor that is never 0."""
-    is_inertia = value > diagonal * PIVOT_LIMIT
+    is_inertia = value > diagonal * (ROUNDINGS * given_roundoff(diagonal))
     return is_inertia, choose(is_inertia, lambda: value, lambda: value * 0 + 1)

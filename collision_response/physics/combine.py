@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum
 
-from .number import Scalar, choose, square_root
+from ..numbers.number import Scalar, choose, square_root
 
 
 class CombineRule(Enum):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from .number import Scalar
+from ..numbers.number import Scalar
 from .vector import Vec3
 
 
@@ -21,7 +21,7 @@ class Contact(NamedTuple):
 
     position: Vec3
     normal: Vec3
-    restitution: Scalar | Callable[[Scalar], Scalar]
+    restitution: Scalar
     friction: Scalar
 
     @classmethod
@@ -29,7 +29,7 @@ class Contact(NamedTuple):
         cls,
         position: Sequence[Scalar],
         normal: Sequence[Scalar],
-        restitution: Scalar | Callable[[Scalar], Scalar] = 1.0,
+        restitution: Scalar = 1.0,
         friction: Scalar = 0.0,
     ) -> Contact:
         """A contact from plain sequences."""

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Sequence
 from itertools import product
 from typing import NamedTuple
 
-from .number import Scalar
+from ..numbers.number import Scalar
 from .tensor import ZERO_TENSOR, Symmetric3
 from .vector import ZERO, Vec3
 

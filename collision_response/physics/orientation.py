@@ -1,16 +1,35 @@
 """Orientations as quaternions, rational in their components.
 
-A quaternion ``(v, w)`` turns ``a`` into ``a + 2 (w t + v x t) / (q.q)`` with ``t = v x a``. The
-division by ``q.q = v.v + w^2`` makes the length of the quaternion immaterial, takes no square root,
-and keeps the rotation exact in exact arithmetic.
+A quaternion ``q = (v, w)`` of any length turns a body's axes into those of the world by
+
+    R = 1 + 2 / (q.q) (w [v]x + [v]x [v]x)
+
+The division by ``q.q = v.v + w^2`` makes the length immaterial, takes no square root, and keeps the
+rotation exact in exact arithmetic.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from .number import Scalar
+from ..numbers.number import Scalar
 from .vector import Vec3
+
+
+class Rotation(NamedTuple):
+    """The rows of a rotation matrix, from body axes to world axes."""
+
+    x: Vec3
+    y: Vec3
+    z: Vec3
+
+    def to_world(self, a: Vec3) -> Vec3:
+        """World components of a vector given in body axes."""
+        return Vec3(self.x.dot(a), self.y.dot(a), self.z.dot(a))
+
+    def to_body(self, a: Vec3) -> Vec3:
+        """Body components of a vector given in world axes."""
+        return self.x * a[0] + self.y * a[1] + self.z * a[2]
 
 
 class Quaternion(NamedTuple):
@@ -21,20 +40,24 @@ class Quaternion(NamedTuple):
     z: Scalar
     w: Scalar
 
-    def to_world(self, a: Vec3) -> Vec3:
-        """World components of a vector given in body axes."""
-        return self._turn(a, self.w)
-
-    def to_body(self, a: Vec3) -> Vec3:
-        """Body components of a vector given in world axes."""
-        return self._turn(a, -self.w)
-
     def squared_length(self) -> Scalar:
         """``q.q``, 1 for a unit quaternion."""
         x, y, z, w = self
         return x * x + y * y + z * z + w * w
 
-    def _turn(self, a: Vec3, w: Scalar) -> Vec3:
-        v = Vec3(self.x, self.y, self.z)
-        t = v.cross(a)
-        return a + (t * w + v.cross(t)) * (2 / self.squared_length())
+    def rotation(self) -> Rotation:
+        """The rotation matrix."""
+        x, y, z, w = self
+        s = 2 / self.squared_length()
+        sx, sy, sz = x * s, y * s, z * s
+        xx, xy, xz, xw = x * sx, y * sx, z * sx, w * sx
+        yy, yz, yw, zz, zw = y * sy, z * sy, w * sy, z * sz, w * sz
+        return Rotation(
+            Vec3(1 - (yy + zz), xy - zw, xz + yw),
+            Vec3(xy + zw, 1 - (xx + zz), yz - xw),
+            Vec3(xz - yw, yz + xw, 1 - (xx + yy)),
+        )
+
+
+ALIGNED = Rotation(Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
+"""Body axes parallel to those of the world."""

@@ -1,51 +1,11 @@
-"""Symmetric tensors: apply one with ``@``, undo it with :meth:`solve`.
-
-The three forms share both operations, so a law need not know in which geometry it works.
-"""
+"""Symmetric tensors of space: apply one with ``@``, undo it with :meth:`Symmetric3.solve`."""
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
-from .number import Scalar
-from .vector import V, Vec2, Vec3
-
-
-class Isotropic(NamedTuple):
-    """``scale`` times the identity, of any dimension."""
-
-    scale: Scalar
-
-    def __matmul__(self, v: V) -> V:
-        return v * self.scale
-
-    def solve(self, v: V) -> V:
-        """The vector that this tensor maps to ``v``."""
-        return v / self.scale
-
-
-class Symmetric2(NamedTuple):
-    """A symmetric 2x2 tensor."""
-
-    xx: Scalar
-    xy: Scalar
-    yy: Scalar
-
-    def __matmul__(self, v: Vec2) -> Vec2:
-        xx, xy, yy = self
-        x, y = v
-        return Vec2(xx * x + xy * y, xy * x + yy * y)
-
-    def __add__(self, other: Symmetric2) -> Symmetric2:  # type: ignore[override]
-        return Symmetric2(*(a + b for a, b in zip(self, other, strict=True)))
-
-    def solve(self, v: Vec2) -> Vec2:
-        """The vector that this positive definite tensor maps to ``v``, by ``L D L^T``."""
-        xx, xy, yy = self
-        l_yx = xy / xx
-        d_y = yy - l_yx * xy
-        y = (v[1] - l_yx * v[0]) / d_y
-        return Vec2(v[0] / xx - l_yx * y, y)
+from ..numbers.number import Scalar
+from .vector import Vec3
 
 
 class Symmetric3(NamedTuple):
@@ -73,11 +33,12 @@ class Symmetric3(NamedTuple):
     def factor(self) -> Factor3:
         """The triangular factors ``L D L^T``. Meaningful as far as the pivots are positive."""
         xx, xy, xz, yy, yz, zz = self
-        l_yx, l_zx = xy / xx, xz / xx
-        d_y = yy - l_yx * xy
+        i_x = 1 / xx
+        l_yx, l_zx = xy * i_x, xz * i_x
+        i_y = 1 / (yy - l_yx * xy)
         w = yz - l_zx * xy
-        l_zy = w / d_y
-        return Factor3(l_yx, l_zx, l_zy, xx, d_y, zz - l_zx * xz - l_zy * w)
+        l_zy = w * i_y
+        return Factor3(l_yx, l_zx, l_zy, i_x, i_y, 1 / (zz - l_zx * xz - l_zy * w))
 
     def solve(self, v: Vec3) -> Vec3:
         """The vector that this positive definite tensor maps to ``v``."""
@@ -85,32 +46,53 @@ class Symmetric3(NamedTuple):
 
 
 class Factor3(NamedTuple):
-    """``L D L^T`` of a :class:`Symmetric3`: ``L`` is unit lower triangular, ``D`` diagonal."""
+    """``L D L^T`` of a :class:`Symmetric3`: ``L`` unit lower triangular, ``D`` diagonal; ``i`` is ``1/D``."""
 
     l_yx: Scalar
     l_zx: Scalar
     l_zy: Scalar
-    d_x: Scalar
-    d_y: Scalar
-    d_z: Scalar
+    i_x: Scalar
+    i_y: Scalar
+    i_z: Scalar
 
     def solve(self, v: Vec3) -> Vec3:
         """The vector that the factored tensor maps to ``v``."""
-        l_yx, l_zx, l_zy, d_x, d_y, d_z = self
+        l_yx, l_zx, l_zy, i_x, i_y, i_z = self
         x, y, z = v
         y = y - l_yx * x
-        z = (z - l_zx * x - l_zy * y) / d_z
-        y = y / d_y - l_zy * z
-        return Vec3(x / d_x - l_yx * y - l_zx * z, y, z)
+        z = (z - l_zx * x - l_zy * y) * i_z
+        y = y * i_y - l_zy * z
+        return Vec3(x * i_x - l_yx * y - l_zx * z, y, z)
+
+    def inverse(self) -> InverseTensor:
+        """``L^-T D^-1 L^-1``."""
+        l_yx, l_zx, l_zy, i_x, i_y, i_z = self
+        rows = Vec3(1, 0, 0), Vec3(-l_yx, 1, 0), Vec3(l_yx * l_zy - l_zx, -l_zy, 1)
+        return InverseTensor(*rows, Vec3(i_x, i_y, i_z))
 
 
-class Tensor(Protocol[V]):
-    """What the three forms share."""
+class InverseTensor(NamedTuple):
+    """``M^T D M`` with the rows ``x, y, z`` of ``M`` and ``D`` diagonal.
 
-    def __matmul__(self, v: V) -> V: ...
+    Kept apart, the two lose fewer digits of an ill-conditioned tensor than their product would.
+    """
 
-    def solve(self, v: V) -> V:
-        """The vector that this tensor maps to ``v``."""
+    x: Vec3
+    y: Vec3
+    z: Vec3
+    d: Vec3
+
+    def reduced(self, v: Vec3) -> Vec3:
+        """``M v``."""
+        return Vec3(self.x.dot(v), self.y.dot(v), self.z.dot(v))
+
+    def scaled(self, w: Vec3) -> Vec3:
+        """``D w``."""
+        return Vec3(self.d[0] * w[0], self.d[1] * w[1], self.d[2] * w[2])
+
+    def __matmul__(self, v: Vec3) -> Vec3:
+        w = self.scaled(self.reduced(v))
+        return self.x * w[0] + self.y * w[1] + self.z * w[2]
 
 
 ZERO_TENSOR = Symmetric3(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

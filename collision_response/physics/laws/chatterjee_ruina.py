@@ -19,7 +19,7 @@ whose denominator is positive there. Hence ``n.u+ = -e n.u`` exactly. Along ``ka
 parabola, symmetric about ``kappa = 1``: for ``kappa`` in [0, 2] friction never adds any, and the law
 cannot create energy for ``e`` in [0, 1] and ``e_t`` in [-1, 1]. No iteration, no branch but the cone.
 The two losses separate: restitution takes ``(1 - e^2) j^2 (n.Kn) / 2``, with ``P_I = j n``, and friction
-``kappa (2 - kappa) D.KD / 2``.
+``kappa (2 - kappa) D.KD / 2``, where ``K D = -(u + K P_I)``.
 
 Source: Chatterjee & Ruina, "A New Algebraic Rigid-Body Collision Law Based on Impulse Space
 Considerations", J. Appl. Mech. 65 (1998) 939-951, eqs. 17-22.
@@ -27,38 +27,19 @@ Considerations", J. Appl. Mech. 65 (1998) 939-951, eqs. 17-22.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
-from ..effective_mass import Approach
-from ..number import Scalar, choose, square_root
-from ..tensor import Tensor
-from ..vector import V
-from .law import Outcome, Parameters, Regime, slipping
+from ...numbers.number import Scalar, choose, square_root
+from ..effective_mass import ContactKinematics
+from .law import Coefficients, Outcome, Regime, slipping
 
 
-class Split(NamedTuple):
-    """The two impulses between which the law chooses: ``P_I = j n`` and ``P_II = P_I + D``."""
-
-    j: Scalar
-    D: Any
-    K: Tensor[Any]
-
-
-def split(approach: Approach[V]) -> Split:
-    """``P_I`` and ``D`` of an approach."""
-    n, K = approach.n, approach.mobility()
-    Kn = K @ n
-    j = -approach.n_u / n.dot(Kn)
-    return Split(j, -K.solve(approach.u + Kn * j), K)
-
-
-def chatterjee_ruina(approach: Approach[V], parameters: Parameters) -> Outcome:
+def chatterjee_ruina(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     """The impulse of a contact with Coulomb friction and tangential restitution."""
-    e, mu, e_t, _ = parameters
-    n = approach.n
-    parts = split(approach)
-    j, D, K = parts
-    nn = n.dot(n)
+    e, mu, e_t, _ = coefficients
+    n, u, K = contact.n, contact.u, contact.inverse_effective_mass()
+    nn, Kn = n.dot(n), K @ n
+    j = -contact.n_u / contact.n_Kn
+    plastic = u + Kn * j
+    D = -K.solve(plastic)
     D_n = n.dot(D) / nn
     D_t = D - n * D_n
     slip = D_t.dot(D_t)
@@ -68,9 +49,11 @@ def chatterjee_ruina(approach: Approach[V], parameters: Parameters) -> Outcome:
     in_cone = (reach >= 0) & (stick * stick * slip <= reach * reach * nn)
 
     def on_cone() -> Scalar:
-        return mu * (1 + e) * j / (square_root(slip / nn) - mu * D_n)
+        reached = mu * (1 + e) * j / (square_root(slip / nn) - mu * D_n)
+        return choose(mu > 0, lambda: reached, lambda: mu)
 
     kappa = choose(in_cone, lambda: stick, on_cone)
     P = n * ((1 + e) * j) + D * kappa
-    regime = choose(in_cone, lambda: Regime.STICKING, lambda: slipping(approach, approach.u + K @ P))
-    return Outcome(P, regime, (e * e - 1) * j * j * n.dot(K @ n) / 2, split=parts)
+    regime = choose(in_cone, lambda: 1.0 * Regime.STICKING, lambda: slipping(contact, u + K @ P))
+    lost_restitution = (1 - e) * (1 + e) * j * -contact.n_u / 2
+    return Outcome(P, regime, lost_restitution, -(kappa * (2 - kappa)) * D.dot(plastic) / 2)

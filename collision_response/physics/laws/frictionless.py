@@ -16,17 +16,14 @@ Rigid Body Simulation*, SIGGRAPH course notes 2001, eq. 8-18.
 
 from __future__ import annotations
 
-from ..effective_mass import Approach
-from ..number import Scalar
-from ..vector import V
-from .law import Outcome, Parameters, Regime
+from ..effective_mass import ContactKinematics
+from .law import Coefficients, Outcome, Regime
 
 
-def frictionless(approach: Approach[V], parameters: Parameters) -> Outcome:
-    """The impulse of a contact without friction; only ``parameters.restitution`` matters."""
-    return Outcome(approach.n * factor(approach, parameters), Regime.SLIDING)
-
-
-def factor(approach: Approach[V], parameters: Parameters) -> Scalar:
-    """``j``, of which the impulse is ``n j``."""
-    return -(1 + parameters.restitution) * approach.n_u / approach.n_Kn
+def frictionless(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
+    """The impulse of a contact without friction; only ``coefficients.restitution`` matters."""
+    e = coefficients.restitution
+    j = -contact.n_u / contact.n_Kn
+    lost = (1 - e) * (1 + e) * j * -contact.n_u / 2
+    j = (1 + e) * j
+    return Outcome(contact.n * j, 1.0 * Regime.SLIDING, lost, lost * 0, along_normal=j)

@@ -1,98 +1,121 @@
 """L3, Coulomb friction in one step: Moreau's law, to which iterative engines converge.
 
-The normal velocity is reversed, ``u_n+ = -e u_n``, and Coulomb's law is applied to the velocity
-*after* the impact. With the unit normal ``n``:
+The normal velocity is reversed, ``u_n+ = -e u_n``, and Coulomb's law is applied to the velocity *after*
+the impact. Without friction the normal impulse would be ``j`` and the slip left ``V``. Friction ``-f``
+adds ``beta.f`` to the normal impulse and takes ``S f`` from the slip, where ``S`` is the compliance across
+a normal whose velocity is held:
 
-    stick   u+ = -e u_n n, so P = K^-1 (-e u_n n - u), if that lies in the friction cone;
-    slide   P = p (n - mu t),  p = -(1 + e) u_n / (n.K (n - mu t)),  where the slip that remains has
-            the direction t of the friction it meets: (u + K P)_t = s t, s >= 0.
+    j = -(1 + e) u_n / K_nn     beta = K_tn / K_nn     V = u_t + j K_tn     S = K_tt - K_tn beta
+    P_n = j + beta.f            P_t = -f               u_t+ = V - S f
 
-In the plane ``t`` is one of two directions. In space its angle solves
+Friction opposes the slip that remains: ``u_t+ = rho f`` with ``rho >= 0``. So ``f = (rho + S)^-1 V``, and
 
-    (u_t x t) (n.K (n - mu t)) - (1 + e) u_n (K (n - mu t))_t x t = 0,
+    stick   rho = 0         if |f| <= mu P_n
+    slide   |f| = mu P_n    one equation for rho
 
-a trigonometric polynomial of degree two with up to four roots. If several slide, the one that leaves
-the least energy is taken.
+``S`` is positive definite: no slide is lost by this, and ``rho + S`` is never singular. Without fractions
+the equation is that of ``sliding.py``, whose ``sigma`` in [0, 1] is ``rho`` in units of ``tr(S) / h``:
 
-The law may *create* energy (Kane's paradox), and at high friction it may have no solution. Both are
-detected; the answer is then Chatterjee & Ruina's, and says so.
+    x = sigma v + h w     d = sigma^2 + h sigma + h^2 D     d + mu beta.x = |x|     f = mu j x / d
 
-Source: Moreau, "Unilateral Contact and Dry Friction in Finite Freedom Dynamics", 1988, section 9;
+    v = c V     w = adj(S) v / tr(S)     D = det(S) / tr(S)^2     h = mu c j tr(S)
+
+with any ``c > 0``; it is chosen such that ``mu``, masses and speeds may have any size. There is always a
+solution, and sometimes there are three: the one that loses most energy is then taken.
+
+The law may *create* energy (Kane's paradox). That is detected; the answer is then Chatterjee & Ruina's,
+and says so.
+
+Sources: Moreau, "Unilateral Contact and Dry Friction in Finite Freedom Dynamics", 1988, section 9;
 Kane & Levinson, *Dynamics: Theory and Applications*, 1985, section 5.8, for the paradox.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+import math
+from typing import NamedTuple
 
-from ...numerics.trigonometric_roots import trigonometric_roots
-from ..effective_mass import Approach
-from ..vector import V, Vec2
+from ...numbers.number import Scalar, certain, choose, error_of, square_root, widened
+from ..effective_mass import ContactKinematics
+from ..vector import Vec3
 from .chatterjee_ruina import chatterjee_ruina
-from .law import Outcome, Parameters, Regime, slipping
-from .tangent_plane import direction, tangents
+from .contact_frame import ContactFrame, Tangential
+from .law import Coefficients, Outcome, Regime
+from .sliding import NEAR, Sliding, divisor
 
-ROUNDING = 2.0**-48
-"""Work that is less than this part of the work against the approach is rounding."""
-
-
-def moreau(approach: Approach[V], parameters: Parameters) -> Outcome:
-    """The one-step impulse, or Chatterjee & Ruina's where that one is unsound."""
-    outcome = one_step(approach, parameters)
-    if outcome is None or creates_energy(approach, outcome):
-        return chatterjee_ruina(approach, parameters)._replace(fell_back=True)
-    return outcome
+ROUNDING = 2.0**-44
+"""An energy that is less than this part of the work against the approach is rounding."""
 
 
-def one_step(approach: Approach[V], parameters: Parameters) -> Outcome | None:
-    """Moreau's law as it is, energy or not; ``None`` if it has no solution."""
-    e, mu = parameters.restitution, parameters.friction
-    K, u, n = approach.mobility(), approach.u, approach.n / approach.n.norm()
-    u_n = approach.n_u / approach.n.norm()
-    P = K.solve(-u - n * (e * u_n))
-    P_n = n.dot(P)
-    if (P - n * P_n).norm() <= mu * P_n:
-        return Outcome(P, Regime.STICKING)
-    sliding = list(_sliding_impulses(K, u, u_n, n, e, mu))
-    if not sliding:
-        return None
-    P = min(sliding, key=lambda impulse: impulse.dot(u * 2 + K @ impulse))
-    return Outcome(P, slipping(approach, u + K @ P))
+class Answer(NamedTuple):
+    """An :class:`Outcome` without its flags."""
+
+    impulse: Vec3
+    regime: Scalar
+    lost_restitution: Scalar
+    lost_friction: Scalar
 
 
-def creates_energy(approach: Approach[V], outcome: Outcome) -> bool:
-    """Whether the bodies end with more kinetic energy than they had."""
-    P: Any = outcome.impulse
-    u = approach.u
-    work = P.dot(u * 2 + approach.mobility() @ P) / 2
-    return bool(work > ROUNDING * abs(P.dot(u)))
+def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
+    """The one-step impulse, or Chatterjee & Ruina's where that one creates energy."""
+    e, mu, _, _ = coefficients
+    frame = ContactFrame.of(contact)
+    k, approach = frame.Knn, -frame.un
+    j = (1 + e) * approach / k
+    u, K_tn = Tangential(frame.u1, frame.u2), Tangential(frame.K1n, frame.K2n)
+    beta, V = K_tn / k, u + K_tn * j
+    S11, S12, S22 = frame.K11 - K_tn.x * beta.x, frame.K12 - K_tn.x * beta.y, frame.K22 - K_tn.y * beta.y
+    trace = S11 + S22
 
+    # c = unit * share
+    share = certain(1 / (1 + mu))
+    scale = certain(share * (V.size() + mu * (V.size() * beta.size() + j * trace)))
+    unit = certain(1 / divisor(scale))
+    s11, s12, s22 = S11 / trace, S12 / trace, S22 / trace
+    W = Tangential(s22 * V.x - s12 * V.y, s11 * V.y - s12 * V.x)
+    det = s11 * s22 - s12 * s12
+    v, w, h, mu_beta = V * unit * share, W * unit * share, mu * share * (j * trace * unit), beta * mu
+    w_length = square_root(w.dot(w))
+    spare = h * det + mu_beta.dot(w) - w_length
+    sticks = spare >= 0
 
-def _sliding_impulses(K: Any, u: Any, u_n: float, n: Any, e: float, mu: float) -> Iterator[Any]:
-    for t in _candidate_directions(K, u, u_n, n, e, mu):
-        along = n - t * mu
-        inverse_mass = n.dot(K @ along)
-        if inverse_mass > 0:
-            P = along * (-(1 + e) * u_n / inverse_mass)
-            if t.dot(u + K @ P) >= 0:
-                yield P
+    sliding = Sliding(v, w * h, h, h * h * det, mu_beta)
+    slope = h + mu_beta.dot(v) - w.dot(v) / divisor(w_length)
+    root = sliding.value().solution(
+        certain(spare * h), certain(slope), certain(spare) < 0,
+        mu, (u * unit * share).value(), certain((1 - e) * approach * unit * share),
+    )  # fmt: skip
+    doubt = sliding.doubt(root.sigma)
+    known = (doubt < 1) & (root.open == 0)
+    sigma = widened(root.sigma, choose(known, lambda: doubt, lambda: 0 * doubt))
 
-
-def _candidate_directions(K: Any, u: Any, u_n: float, n: Any, e: float, mu: float) -> list[Any]:
-    """Directions in which the slip that remains may be parallel to the friction it meets."""
-    if isinstance(n, Vec2):
-        return [*tangents(n), *(-t for t in tangents(n))]
-    t_1, t_2 = tangents(n)
-    K_1, K_2 = K @ t_1, K @ t_2
-    u_1, u_2, k_1, k_2, k_n = t_1.dot(u), t_2.dot(u), n.dot(K_1), n.dot(K_2), n.dot(K @ n)
-    k_11, k_12, k_22 = t_1.dot(K_1), t_1.dot(K_2), t_2.dot(K_2)
-    j = (1 + e) * u_n
-    angles = trigonometric_roots(
-        constant=mu * (u_2 * k_1 - u_1 * k_2) / 2,
-        cosine=j * k_2 - u_2 * k_n,
-        sine=u_1 * k_n - j * k_1,
-        cosine_2=mu * ((u_1 * k_2 + u_2 * k_1) / 2 - j * k_12),
-        sine_2=mu * ((u_2 * k_2 - u_1 * k_1) + j * (k_11 - k_22)) / 2,
+    x = sliding.x(sigma)
+    g = x / divisor(sliding.d(sigma))
+    slide = choose(known, lambda: g * mu * j, lambda: _in_cone(g * mu * j, mu * j, mu_beta))
+    slip = choose(
+        known,
+        lambda: g / share * (sigma / unit),
+        lambda: Tangential(V.x - S11 * slide.x - S12 * slide.y, V.y - S12 * slide.x - S22 * slide.y),
     )
-    return [direction(t_1, t_2, angle) for angle in angles]
+    f = choose(sticks, lambda: W / (divisor(det) * trace), lambda: slide)
+    slip = choose(sticks, lambda: slip * 0, lambda: slip)
+    P_n = j + beta.dot(f)
+
+    regime = choose(u.dot(x) < 0, lambda: 1.0 * Regime.REVERSED, lambda: 1.0 * Regime.SLIDING)
+    regime = choose(sticks, lambda: 1.0 * Regime.STICKING, lambda: regime)
+    lost_restitution, lost_friction = P_n * (1 - e) * approach / 2, f.dot(u + slip) / 2
+    own = Answer(frame.to_world(-f, P_n), regime, lost_restitution, lost_friction)
+    creates_energy = lost_restitution + lost_friction < -ROUNDING * (P_n * approach + abs(f.dot(u)))
+    answer = choose(creates_energy, lambda: Answer(*chatterjee_ruina(contact, coefficients)[:4]), lambda: own)
+    return Outcome(*answer, fell_back=creates_energy, unfinished=root.unfinished > 0)
+
+
+def _in_cone(f: Tangential, mu_j: Scalar, mu_beta: Tangential) -> Tangential:
+    """Friction of which no more is known than ``|f| <= mu P_n = mu (j + beta.f)``."""
+    most = certain(mu_beta.size() + error_of(mu_beta.x) + error_of(mu_beta.y)) * (1 + NEAR)
+    reach = choose(
+        most < 1,
+        lambda: 2 * certain(mu_j + error_of(mu_j)) * (1 + NEAR) / divisor(1 - most),
+        lambda: math.inf + most,
+    )
+    return Tangential(widened(certain(f.x), reach), widened(certain(f.y), reach))

@@ -1,327 +1,278 @@
 """L4, Coulomb friction along the path of the impulse: Routh's method.
 
 The impact is followed in the normal impulse ``p``, with the unit normal ``n`` and the unit slip
-direction ``t``. From the first touch
-
-    dP/dp = n - mu t,    du/dp = K (n - mu t)        while the contact slips.
-
-The path is straight, and has a closed form, except while ``t`` turns, which it does only in space
-and only before the slip first stops (``hodograph.py``). When it stops, the contact sticks along
-
-    dP/dp = K^-1 n / (n.K^-1 n)
-
-if that direction lies in the friction cone; else it slips on, for good, along the one ray
-``t`` on which the slip grows straight, ``(K (n - mu t))_t = s t`` with ``s > 0``.
-
-Compression lasts until ``u_n`` first rises to 0, at ``p_c``; the work ``W = int u_n dp`` is then
-``W_c < 0``. Friction may press the bodies together at first (``du_n/dp < 0``: jam, Painleve's
-paradox); then ``mu`` is so large that the slip always stops, the contact sticks, and ``u_n`` rises.
-The impact ends with
+direction ``t``: ``dP/dp = n - mu t`` and ``du/dp = K (n - mu t)`` while the contact slips. When slip stops,
+the contact sticks if friction can hold it; else it slips on, for good, along the one ray ``z`` on which slip
+grows straight from rest. Compression ends where ``u_n`` rises to 0, at ``p_c`` and with the work ``W_c``
+(``W = int u_n dp``), and the impact with
 
     Poisson    p = (1 + e) p_c              restitution of impulse
     Stronge    W = (1 - e^2) W_c            restitution of energy
 
-Neither creates energy for e in [0, 1]: friction opposes the slip all along the path, and Stronge's
-normal work is ``(1 - e^2) W_c <= 0``; for Poisson's see Wang & Mason 1992. But Poisson's loses some at
-e = 1 where the slip stops on the way, though nothing is lost but by friction; Stronge's does not.
+Neither creates energy for e in [0, 1]. Restitution counts ``p`` and ``W`` from its own beginning: with a
+small e they are small. Friction may press the bodies together at first (``du_n/dp < 0``: jam, Painleve's
+paradox); then slip always stops, and ``u_n`` rises after all.
 
-A grazing impact changes a fast slip by a slow ``u_n``. They are therefore kept apart, and nothing of the
-impulse is taken from the slip but its direction. For the same reason restitution counts ``p`` and ``W``
-from its own beginning: with a small e they are small.
+**Units.** ``n.K n``, the first ``|u_n|`` and their quotient, an impulse, are 1. Tangential axes 1, 2:
+``A`` is ``K`` across the normal, ``b = K n`` there; both bodies' response along ``n`` is 1. Instead of
+``p`` the slip counts ``x = (1 + mu) p``: with ``c = 1 / (1 + mu)`` and ``m = mu c``
 
-At a given ``p`` errors of the path do not grow, because friction draws any two slips together (in the norm
-of ``K_tt^-1``). But they move the ends of the two phases: a relative error ``x`` of the path, whose ``u_n``
-changes at ``L = n.K n + mu |K n|_t`` at most, moves them by
+    dp = c dx    dP_t = -m t dx    du_t/dx = f(t) = c b - m A t    du_n/dx = r(t) = c - m b.t
 
-    Rest       x L p_c / (du_n/dp)
-    Poisson    e times that
-    Stronge    x L (e^2 p_c^2 + p^2) / u_n           p and u_n where restitution ends
+are of order 1 for all mu. With ``q`` across ``t``: slip speed changes at ``g = t.f``, and ``t`` turns at
+``w / s`` with ``w = q.f``, infinitely fast where slip stops. In ``dx = s dT`` nothing is singular,
 
-which is the ``doubt``; and where ``u_n`` turns back just before the end, the error can be all that follows.
+    dt/dT = w q    ds/dT = g s    dx/dT = s    du_n/dT = r s    dW/dT = c u_n s
+
+and no direction is ever taken from a difference (Keller 1986). Planar slip has ``w = 0``. The loop of
+``routh_path.py`` ends as soon as slip turns no more, to the tolerance, before it stops or the impact ends, or
+is that near a direction it is drawn to; it aims its steps at the ends of the phases. The rest is straight.
+
+**After the stop** the contact goes on along ``dP_t/dp = -k z``, ``k = min(mu, |A^-1 b|)``, with the unit
+vector ``z = (G + k A)^-1 b``. The root ``G >= 0`` is how fast slip grows: 0 if the contact sticks.
+``1 / |z|`` is concave in ``G``, so that Newton's method climbs to the root from below.
+
+**Error.** Friction draws any two slips together in the norm of ``A^-1``. So at a given ``p`` the slip errs
+by at most ``E = |du_t| + p |db| + |P_t| |dA| + ...``, all that is amiss in the data and in ``du_t = f dx``,
+over the root ``l`` of the least eigenvalue of ``A`` in that norm; hence ``P_t = A^-1 (u_t - u_t0 - b p)`` by
+``2 E / l^2``. Fast slip has an error of direction besides, ``m x E L / (l s)``, ``L^2`` the greatest
+eigenvalue, which is less where the impact grazes. So ``u_n`` errs by ``D = |b| |dP_t| + |P_t| |db|`` and
+that moves the ends:
+
+    compression    D / (du_n/dp)
+    Poisson        e times that
+    Stronge        D (e^2 p_c + p) / u_n, or the root of 2 D (...) / (du_n/dp) if less
+
+Only rounding in the straight pieces is left to the numbers themselves.
 
 Sources: Routh, *Dynamics of a System of Rigid Bodies*, 1905, sections 180-199; Keller, "Impact With
 Friction", J. Appl. Mech. 53 (1986); Stronge, "Rigid body collisions with friction", Proc. R. Soc. A
 431 (1990); Wang & Mason, "Two-Dimensional Rigid-Body Collisions With Friction", J. Appl. Mech. 59
-(1992); Batlle, "Rough balanced collisions", J. Appl. Mech. 63 (1996), for the diverging ray.
+(1992); Batlle, "Rough balanced collisions", J. Appl. Mech. 63 (1996), for the ray.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
-from ...numerics.trigonometric_roots import trigonometric_roots
-from ..effective_mass import Approach
-from ..tensor import Tensor
-from ..vector import V, Vec2
-from .law import Outcome, Parameters, Regime, slipping
-from .tangent_plane import across, direction, tangents
+from ...numbers.number import (
+    Condition,
+    Scalar,
+    certain,
+    choose,
+    error_of,
+    greater,
+    iterate,
+    lesser,
+    square_root,
+    widened,
+)
+from ..effective_mass import ContactKinematics
+from .contact_frame import ContactFrame, Tangential
+from .law import Coefficients, Outcome, Regime
+from .routh_path import STEPS, Path, Turn, outlook, step
 
-DOUBLE_TOLERANCE = 1e-12
-"""Relative error of a curved path when the request asks for none, and the least there is."""
-
-SHARE = 1 / 128
-"""Of the tolerance asked for, the path's: margins and the condition of most impacts leave as much of it."""
-
-
-def path_tolerance(parameters: Parameters) -> float:
-    """Relative error to which a curved path is followed."""
-    return max(parameters.tolerance * SHARE, DOUBLE_TOLERANCE)
-
-
-class Goal(Protocol):
-    """Where a phase of the impact ends: at an ``excess`` of 0."""
-
-    def distance(self, state: State, rate: float) -> float:
-        """Normal impulse still to go if ``u_n`` changes at ``rate`` [1/kg]; infinite if never."""
-
-    def excess(self, u_n: float, p: float, W: float) -> float:
-        """Negative before the end, 0 at it, positive after."""
-
-    def slope(self, u_n: float, rate: float) -> float:
-        """``d excess / dp``."""
-
-    def doubt(self, p: float, steepest: float) -> float:
-        """Error of the excess per relative error of the path, if ``u_n`` changes by ``steepest`` at most."""
+DEFAULT_TOLERANCE = 1e-12  # of the impulse, relative, if none is asked for
+LEAST_TOLERANCE = 1e-13  # steps of doubles round by about as much
+PATH_SHARE = 1 / 256  # of the tolerance, that the path may take: the bound counts the rest
+COARSEST = 4e-9  # a coarser path is no faster, and its bound loses proportion
+GREATEST_FRICTION = 1e100  # more sticks no better: slip stops within 1e-100 of its impulse
+LEAST_RESTITUTION = 1e-140  # less gives back nothing that would count
+RAY_STEPS = 60
+SAFETY = 2.01
 
 
-class State(NamedTuple):
-    """A point of the path.
-
-    Attributes:
-        P: impulse so far [N s].
-        slip: tangential velocity of body_a relative to body_b at the contact [m/s].
-        u_n: the normal one [m/s].
-        p: normal impulse since the phase began [N s].
-        W: its work [J].
-        doubt: error of the impulse where the phases end, per relative error of the path [N s].
-        course: ``dP/dp`` once the slip has stopped for the first time, until then ``None``.
-        sticks: whether that course is without slip.
-        jammed: whether ``u_n`` has fallen on the way.
-    """
-
-    P: Any
-    slip: Any
-    u_n: float
-    p: float = 0.0
-    W: float = 0.0
-    doubt: float = 0.0
-    course: Any = None
-    sticks: bool = False
-    jammed: bool = False
-
-    @classmethod
-    def of(cls, approach: Approach[Any]) -> State:
-        """The first touch."""
-        length = approach.n.norm()
-        n = approach.n / length
-        return cls(n * 0.0, across(n, approach.u), approach.n_u / length)
-
-
-class Rest(NamedTuple):
-    """The end of compression: the normal velocity rises to 0."""
-
-    def distance(self, state: State, rate: float) -> float:
-        return -state.u_n / rate if rate > 0 else math.inf
-
-    def excess(self, u_n: float, p: float, W: float) -> float:
-        return u_n
-
-    def slope(self, u_n: float, rate: float) -> float:
-        return rate
-
-    def doubt(self, p: float, steepest: float) -> float:
-        return steepest * p
-
-
-class Impulse(NamedTuple):
-    """Poisson's end of restitution: the normal impulse reaches ``p``, known to within ``error``."""
-
-    p: float
-    error: float
-
-    def distance(self, state: State, rate: float) -> float:
-        return self.p - state.p
-
-    def excess(self, u_n: float, p: float, W: float) -> float:
-        return p - self.p
-
-    def slope(self, u_n: float, rate: float) -> float:
-        return 1.0
-
-    def doubt(self, p: float, steepest: float) -> float:
-        return self.error
-
-
-class Work(NamedTuple):
-    """Stronge's end of restitution: the normal work reaches ``W``, known to within ``error``."""
-
-    W: float
-    error: float
-
-    def distance(self, state: State, rate: float) -> float:
-        missing = self.W - state.W
-        square = state.u_n**2 + 2 * rate * missing
-        return 2 * missing / (state.u_n + math.sqrt(square)) if square >= 0 else math.inf
-
-    def excess(self, u_n: float, p: float, W: float) -> float:
-        return W - self.W
-
-    def slope(self, u_n: float, rate: float) -> float:
-        return u_n
-
-    def doubt(self, p: float, steepest: float) -> float:
-        return self.error + steepest * p * p
-
-
-def routh_poisson(approach: Approach[V], parameters: Parameters) -> Outcome:
+def routh_poisson(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     """Routh's path, ended by restitution of impulse."""
-
-    def end(e: float, rest: State, path: Path) -> Goal:
-        return Impulse(e * rest.p, e * rest.doubt)
-
-    return _follow(approach, parameters, end)
+    return _follow(contact, coefficients, energetic=False)
 
 
-def routh_stronge(approach: Approach[V], parameters: Parameters) -> Outcome:
+def routh_stronge(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     """Routh's path, ended by restitution of energy."""
-
-    def end(e: float, rest: State, path: Path) -> Goal:
-        return Work(-e * e * rest.W, e * e * path.steepest * rest.p * rest.p)
-
-    return _follow(approach, parameters, end)
+    return _follow(contact, coefficients, energetic=True)
 
 
-def _follow(
-    approach: Approach[V], parameters: Parameters, end: Callable[[float, State, Path], Goal]
-) -> Outcome:
-    path = Path.of(approach, parameters)
-    rest = path.travel(State.of(approach), Rest())
-    last = rest._replace(u_n=0.0, p=0.0, W=0.0)
-    goal = end(parameters.restitution, rest, path)
-    if goal.excess(last.u_n, last.p, last.W) < 0:
-        last = path.travel(last, goal)
-    condition = 1 + last.doubt / last.P.norm()
-    return Outcome(last.P, path.regime(approach, last), rest.W + last.W, condition=condition)
+class Ray(NamedTuple):
+    """The way on from rest: against the unit vector ``z``, with the friction ``k``; slip grows by ``G``."""
+
+    z1: Scalar
+    z2: Scalar
+    k: Scalar
+    G: Scalar
+    rate: Scalar
+    misfit: Scalar
+    sticks: Condition
 
 
-class Path(NamedTuple):
-    """What stays the same on the way.
+class Root(NamedTuple):
+    """Of Newton's method for ``G``."""
 
-    Attributes:
-        K: inverse effective mass [1/kg].
-        n: unit normal.
-        mu: friction.
-        tolerance: relative error of the curved part.
-        steepest: the most that ``du_n/dp`` can be, up or down [1/kg].
-        least: the normal impulse without which no compression can end [N s].
-    """
+    G: Scalar
+    step: Scalar
 
-    K: Tensor[Any]
-    n: Any
-    mu: float
-    tolerance: float
-    steepest: float
-    least: float
 
-    @classmethod
-    def of(cls, approach: Approach[Any], parameters: Parameters) -> Path:
-        K, length, mu = approach.mobility(), approach.n.norm(), parameters.friction
-        n = approach.n / length
-        Kn = K @ n
-        steepest = n.dot(Kn) + mu * across(n, Kn).norm()
-        return cls(K, n, mu, path_tolerance(parameters), steepest, -approach.n_u / length / steepest)
+def _values(state: Any) -> Any:
+    """Every number without its error."""
+    return type(state)(*(certain(x) for x in state))
 
-    def travel(self, state: State, goal: Goal) -> State:
-        """From ``state`` to ``goal``, through the stop of the slip if it comes first."""
-        course = state.course
-        if course is None:
-            state, course = self._slip(state, goal)
-        if course is None:
-            course, sticks = self._course_from_rest()
-            state = state._replace(course=course, sticks=sticks)
-        if state.course is not None:
-            state = self._straight(state, course, goal.distance(state, self.rate(course)))
-        moved = goal.doubt(state.p, self.steepest) / goal.slope(state.u_n, self.rate(course))
-        return state._replace(doubt=state.doubt + course.norm() * moved)
 
-    def rate(self, course: Any) -> float:
-        """``du_n/dp`` on a course [1/kg]."""
-        return float(self.n.dot(self.K @ course))
+def _length(v1: Scalar, v2: Scalar) -> Scalar:
+    return square_root(v1 * v1 + v2 * v2)
 
-    def _slip(self, state: State, goal: Goal) -> tuple[State, Any]:
-        """Slip until the goal, and the course there; or until the stop, and ``None``."""
-        if self._turns(state, goal):
-            from .hodograph import slip_along_curve  # SciPy takes half a second to import
 
-            state = slip_along_curve(self, state, goal)
-        speed = state.slip.norm()
-        if speed == 0:
-            return state, None
-        t = state.slip / speed
-        course = self.n - t * self.mu
-        growth = t.dot(self.K @ course)
-        to_goal = goal.distance(state, self.rate(course))
-        left = speed + growth * to_goal
-        if left > 0:
-            return self._straight(state, course, to_goal)._replace(slip=t * left), course
-        return self._straight(state, course, -speed / growth)._replace(slip=self.n * 0.0), None
+def _ray(path: Path, mu: Scalar) -> Ray:
+    """The way on from rest. All but ``A`` counts in units of ``|b|``, however small that is."""
+    A11, A12, A22, b1, b2, *_ = path
+    size, trace = _length(b1, b2), certain(A11 + A22)
+    some, one = certain(size) > 0, 1 + 0 * b1
+    a1, a2 = choose(some, lambda: b1 / size, lambda: one), choose(some, lambda: b2 / size, lambda: 0 * one)
+    hold = _length(A22 * a1 - A12 * a2, A11 * a2 - A12 * a1) / (A11 * A22 - A12 * A12)
+    sticks = hold * size <= mu
+    k = choose(sticks, lambda: hold, lambda: choose(some, lambda: mu / size, lambda: hold))
+    value, v1, v2 = certain(k), certain(a1), certain(a2)
 
-    def _turns(self, state: State, goal: Goal) -> bool:
-        """Whether the slip changes direction by more than the tolerance before the goal or its stop."""
-        speed = state.slip.norm()
-        if isinstance(state.slip, Vec2) or speed == 0:
-            return False
-        t = state.slip / speed
-        course = self.n - t * self.mu
-        change = across(self.n, self.K @ course)
-        growth = t.dot(change)
-        to_stop = -speed / growth if growth < 0 else math.inf
-        distance = min(to_stop, goal.distance(state, self.rate(course)))
-        return bool((change - t * growth).norm() * distance > self.tolerance * speed)
+    def solve(G: Scalar, k: Scalar, v1: Scalar, v2: Scalar) -> tuple[Scalar, Scalar]:
+        M11, M12, M22 = G + k * A11, k * A12, G + k * A22
+        det = M11 * M22 - M12 * M12
+        return (M22 * v1 - M12 * v2) / det, (M11 * v2 - M12 * v1) / det
 
-    def regime(self, approach: Approach[Any], last: State) -> Regime:
-        """What friction did, seen from the end."""
-        if last.jammed:
-            return Regime.JAMMED
-        return Regime.STICKING if last.sticks else Regime(slipping(approach, last.slip))
+    def climb(root: Root) -> Root:
+        z1, z2 = solve(root.G, value, v1, v2)
+        y1, y2 = solve(root.G, value, z1, z2)
+        square = z1 * z1 + z2 * z2
+        step = (square_root(square) - 1) * square / (z1 * y1 + z2 * y2)
+        return Root(root.G + step, step)
 
-    def _course_from_rest(self) -> tuple[Any, bool]:
-        """How the path goes on once the contact has stopped slipping; whether it sticks."""
-        stick = self.K.solve(self.n)
-        stick = stick / self.n.dot(stick)
-        if across(self.n, stick).norm() <= self.mu:
-            return stick, True
-        return self.n - self._diverging_direction() * self.mu, False
+    low = choose(sticks, lambda: 0 * one, lambda: greater(1 - value * trace, 0 * one))
+    start = Root(low, choose(sticks, lambda: 0 * one, lambda: one))
+    root = iterate(
+        _values(start), lambda root: root.step > 1e-15 * (root.G + value * trace), climb, RAY_STEPS
+    )
+    G = certain(root.G)
+    z1, z2 = solve(G, k, a1, a2)
+    misfit, k = abs(z1 * z1 + z2 * z2 - 1), k * size
+    return Ray(z1, z2, k, G * size, 1 - k * (b1 * z1 + b2 * z2), misfit, sticks)
 
-    def _diverging_direction(self) -> Any:
-        """The direction in which slip grows straight from rest, when the contact cannot stick."""
-        return max(self._invariant_directions(), key=lambda t: t.dot(self.K @ (self.n - t * self.mu)))
 
-    def _invariant_directions(self) -> list[Any]:
-        """Directions that slip keeps: ``K (n - mu t)`` has no part across both ``t`` and ``n``."""
-        if isinstance(self.n, Vec2):
-            (t,) = tangents(self.n)
-            return [t, -t]
-        t_1, t_2 = tangents(self.n)
-        K_1, K_2 = self.K @ t_1, self.K @ t_2
-        angles = trigonometric_roots(
-            constant=0.0,
-            cosine=self.n.dot(K_2),
-            sine=-self.n.dot(K_1),
-            cosine_2=-self.mu * t_1.dot(K_2),
-            sine_2=self.mu * (t_1.dot(K_1) - t_2.dot(K_2)) / 2,
-        )
-        return [direction(t_1, t_2, angle) for angle in angles]
+def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: bool) -> Outcome:
+    e, mu, _, tolerance = coefficients
+    e_e, e_mu, mu = error_of(e) + LEAST_RESTITUTION, error_of(mu), lesser(certain(mu), GREATEST_FRICTION)
+    e = choose(certain(e) < LEAST_RESTITUTION, lambda: 0 * certain(e), lambda: certain(e))
+    frame = ContactFrame.of(contact)
+    k, u_n, slip1, slip2 = frame.Knn, frame.un, frame.u1, frame.u2
+    speed = choose(certain(u_n) < 0, lambda: -u_n, lambda: 1 + 0 * u_n)
+    j = speed / k
+    data = (frame.K11 / k, frame.K12 / k, frame.K22 / k, frame.K1n / k, frame.K2n / k)
+    e_A = error_of(data[0]) + 2 * error_of(data[1]) + error_of(data[2])
+    e_b, e_u = error_of(data[3]) + error_of(data[4]), error_of(slip1 / speed) + error_of(slip2 / speed)
 
-    def _straight(self, state: State, course: Any, distance: float) -> State:
-        rate = self.rate(course)
-        return state._replace(
-            P=state.P + course * distance,
-            slip=state.slip + across(self.n, self.K @ course) * distance,
-            u_n=state.u_n + rate * distance,
-            p=state.p + distance,
-            W=state.W + (state.u_n + rate * distance / 2) * distance,
-            jammed=state.jammed or rate < 0,
-        )
+    o = 0 * certain(slip1)
+    tolerance = choose(
+        tolerance > 0,
+        lambda: greater(lesser(PATH_SHARE * tolerance, COARSEST + o), LEAST_TOLERANCE + o),
+        lambda: DEFAULT_TOLERANCE + o,
+    )
+    c = 1 / (1 + mu)
+    A11, A12, A22, b1, b2 = (certain(x) for x in data)
+    path = Path(A11, A12, A22, b1, b2, c, mu * c, e, energetic, tolerance)
+    ray, m = _ray(path, mu), path.m
+
+    # The first slip: along the ray if there is none, or none that is known.
+    v1, v2 = certain(slip1), certain(slip2)
+    span = abs(v1) + abs(v2)
+    slips = span > certain(error_of(slip1) + error_of(slip2))
+    d1, d2 = (
+        choose(slips, lambda: v1 / span, lambda: ray.z1),
+        choose(slips, lambda: v2 / span, lambda: ray.z2),
+    )
+    size = _length(d1, d2)
+    d1, d2, s = d1 / size, d2 / size, choose(slips, lambda: span * size / certain(speed), lambda: o)
+    pace = 0.3 / (c * (abs(b1) + abs(b2)) + m * (A11 + A22) + 1e-300)
+    first = Turn(d1, d2, s, o - 1, o, o, o, o, o, o, o, pace, o, o, o, o, s, 1 + o, o - 1)
+    values = path._replace(c=certain(c), m=certain(m))
+    y = iterate(outlook(values, _values(first)), lambda y: y.left > 0, lambda y: step(values, y), STEPS)
+    turned, over = y.doubt > 0, y.p_c > 0
+    s1, s2 = choose(turned, lambda: y.t1, lambda: d1), choose(turned, lambda: y.t2, lambda: d2)
+    s = choose(turned, lambda: y.s, lambda: s)
+
+    # The rest of compression: slip x, then y_c after its stop.
+    g, w, r = path.rates(s1, s2)
+    on_slip = (r > 0) & (s * r - g * y.u_n >= 0)
+    x = choose(over, lambda: o, lambda: choose(on_slip, lambda: -y.u_n / r, lambda: s / -g))
+    s_c = choose(on_slip | over, lambda: s + g * x, lambda: o)
+    u_c = choose(on_slip | over, lambda: o, lambda: y.u_n + r * x)
+    y_c = choose(on_slip | over, lambda: o, lambda: -u_c / ray.rate)
+    W_c = choose(over, lambda: y.W_c, lambda: y.W + c * (y.u_n + r * x / 2) * x + u_c * y_c / 2)
+    p_c = choose(over, lambda: y.p_c, lambda: c * (y.x + x) + y_c)
+    p, W, u = choose(over, lambda: (c * y.x, y.W, y.u_n), lambda: (o, o, o))
+    on_slip = on_slip | over
+
+    # Restitution, likewise.
+    to_goal = path.distance(path.missing(p_c, W_c, p, W) / c, u, r)
+    to_end = on_slip & (s_c + g * to_goal >= 0)
+    x_r = choose(on_slip, lambda: choose(to_end, lambda: to_goal, lambda: s_c / -g), lambda: o)
+    s_e = choose(to_end, lambda: s_c + g * x_r, lambda: o)
+    p, W, u = p + c * x_r, W + c * (u + r * x_r / 2) * x_r, u + r * x_r
+    y_r = choose(to_end, lambda: o, lambda: path.distance(path.missing(p_c, W_c, p, W), u, ray.rate))
+    p, W, u = p + y_r, W + (u + ray.rate * y_r / 2) * y_r, u + ray.rate * y_r
+    along, rest = x + x_r, y_c + y_r
+    P1 = y.P1 - m * s1 * along - ray.k * ray.z1 * rest
+    P2 = y.P2 - m * s2 * along - ray.k * ray.z2 * rest
+    heat = y.heat + m * ((s + s_c) * x + (s_c + s_e) * x_r) / 2 + ray.k * ray.G * rest * rest / 2
+    lost = (1 - e) * (1 + e) * -W_c if energetic else -(W_c + W)
+
+    final1, final2 = s_e * s1 + ray.G * rest * ray.z1, s_e * s2 + ray.G * rest * ray.z2
+    back = d1 * final1 + d2 * final2 < 0
+    slides = choose(back, lambda: 1.0 * Regime.REVERSED + o, lambda: 1.0 * Regime.SLIDING + o)
+    holds = choose(ray.sticks & (rest > 0), lambda: 1.0 * Regime.STICKING + o, lambda: slides)
+    least = lesser(y.least, choose(along > 0, lambda: r, lambda: 1 + o))
+    regime = choose(certain(least) < 0, lambda: 1.0 * Regime.JAMMED + o, lambda: holds)
+
+    # The error, from values alone.
+    whole, X = p_c + p, choose(over, lambda: y.p_c / c + y.x, lambda: y.x) + along
+    known = (X, along, rest, p_c, p, s_c, s_e, u_c, u, W_c, g, w, r, *ray[2:6])
+    X, along, rest, p_c, p, s_c, s_e, u_c, u, W_c, g, w, r, k_z, G, rate, misfit = (certain(v) for v in known)
+    endless, L2, P_t, b = math.inf + o, A11 + A22, m * X + k_z * rest, _length(b1, b2)
+    E = e_u + e_b * (p_c + p) + e_A * P_t + e_mu * L2 * c * X
+    E = certain(E + abs(w) * abs(along) + y.doubt + misfit * k_z * L2 * rest)
+    room, reach = (
+        certain(path.least_eigenvalue() - e_A),
+        certain(E * square_root(L2 / path.least_eigenvalue())),
+    )
+    slowest = certain(lesser(y.slowest, choose(to_end, lambda: lesser(s_c, s_e), lambda: o)) - reach)
+    by_slip = certain(choose(room > 0, lambda: SAFETY * E / room, lambda: endless))
+    by_turn = certain(choose(slowest > 0, lambda: P_t * reach / slowest, lambda: endless))
+    e_P = certain(lesser(lesser(by_slip, by_turn), certain(SAFETY * P_t)) + y.drift + e_mu * c * X)
+    D = certain(P_t * e_b + b * e_P + y.drift)
+    R = certain(r / c)
+    either = choose(r > 0, lambda: lesser(R, rate), lambda: rate)
+    sliding = choose(certain(s_c * r + g * D * c) < 0, lambda: either, lambda: R)
+    held = choose(certain(u_c + D) > 0, lambda: either, lambda: rate)
+    e_c = certain(SAFETY * D / choose(on_slip, lambda: sliding, lambda: held))
+    if energetic:
+        e_W = certain(D * (e * e * p_c + p + e_c) - 2 * e * e_e * W_c)
+        alone = to_end & (slowest > 0)
+        flat = choose(alone, lambda: R, lambda: choose(on_slip, lambda: lesser(R, rate), lambda: rate))
+        both = choose(on_slip, lambda: greater(abs(R), rate), lambda: rate)
+        steep = choose(alone, lambda: abs(R), lambda: both)
+        root = choose(flat > 0, lambda: square_root(2 * e_W / flat), lambda: endless)
+        e_r = choose(certain(4 * steep * e_W) < certain(u * u), lambda: SAFETY * e_W / u, lambda: root)
+    else:
+        e_r = e * e_c + e_e * p_c
+    e_p, path_work = certain(e_c + e_r), y.doubt + y.drift
+    sound = (e_c >= 0) & (certain(-y.crest - 2 * D) > 0) & (y.left <= 0)
+    course = choose(to_end | (rest < e_p), lambda: mu, lambda: k_z)
+    e_P = choose(sound, lambda: e_P + course * e_p, lambda: endless)
+    e_p = choose(sound, lambda: e_p, lambda: endless)
+
+    across = Tangential(widened(P1, e_P) * j, widened(P2, e_P) * j)
+    lost = widened(lost, path_work + D * (p_c + p) + abs(u) * e_p)
+    heat = widened(heat, path_work + P_t * reach + course * (s_e + G * rest) * e_p)
+    return Outcome(
+        frame.to_world(across, widened(whole, e_p) * j),
+        regime,
+        lost * (speed * j),
+        heat * (speed * j),
+        unfinished=y.left > 0,
+    )

@@ -1,0 +1,93 @@
+"""A contact in axes of its own: two tangents and the normal.
+
+The tangents are those of Duff et al., with the pole in x: to a normal in the x-y plane one of them is
+along z, and a planar contact stays planar to the last digit.
+
+Source: Duff et al., "Building an Orthonormal Basis, Revisited", J. Comput. Graph. Tech. 6 (2017).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ...numbers.number import Scalar, certain, choose
+from ..effective_mass import ContactKinematics
+from ..vector import Vec3
+
+
+class Tangential(NamedTuple):
+    """A vector across the normal."""
+
+    x: Scalar
+    y: Scalar
+
+    def __add__(self, other: Tangential) -> Tangential:  # type: ignore[override]
+        return Tangential(self[0] + other[0], self[1] + other[1])
+
+    def __sub__(self, other: Tangential) -> Tangential:
+        return Tangential(self[0] - other[0], self[1] - other[1])
+
+    def __mul__(self, factor: Scalar) -> Tangential:
+        return Tangential(self[0] * factor, self[1] * factor)
+
+    def __neg__(self) -> Tangential:
+        return Tangential(-self[0], -self[1])
+
+    def __truediv__(self, divisor: Scalar) -> Tangential:
+        return self * (1 / divisor)
+
+    def value(self) -> Tangential:
+        """Without errors."""
+        return Tangential(certain(self[0]), certain(self[1]))
+
+    def dot(self, other: Tangential) -> Scalar:
+        """The scalar product."""
+        return self[0] * other[0] + self[1] * other[1]
+
+    def cross(self, other: Tangential) -> Scalar:
+        """The vector product, along the normal."""
+        return self[0] * other[1] - self[1] * other[0]
+
+    def size(self) -> Scalar:
+        """The sum of the magnitudes of the components: at least the length, at most sqrt(2) times it."""
+        return abs(self[0]) + abs(self[1])
+
+
+class ContactFrame(NamedTuple):
+    """The axes ``t1``, ``t2``, ``n`` of length 1, with ``u`` and ``K`` in them."""
+
+    t1: Vec3
+    t2: Vec3
+    n: Vec3
+    u1: Scalar
+    u2: Scalar
+    un: Scalar
+    K11: Scalar
+    K12: Scalar
+    K22: Scalar
+    K1n: Scalar
+    K2n: Scalar
+    Knn: Scalar
+
+    @classmethod
+    def of(cls, contact: ContactKinematics) -> ContactFrame:
+        """The frame of a contact."""
+        nn, length = contact.n.dot(contact.n), contact.n.norm()
+        n = contact.n / length
+        x, y, z = n
+        sign = choose(certain(x) < 0, lambda: -1.0, lambda: 1.0)
+        a = -1 / (sign + x)
+        b = y * z * a
+        t1 = Vec3(-(sign * y), 1 + sign * (y * y * a), sign * b)
+        t2 = Vec3(-z, b, sign + z * z * a)
+        u, K = contact.u, contact.inverse_effective_mass()
+        K1, K2 = K @ t1, K @ t2
+        return cls(
+            t1, t2, n,
+            t1.dot(u), t2.dot(u), contact.n_u / length,
+            t1.dot(K1), t2.dot(K1), t2.dot(K2), n.dot(K1), n.dot(K2), contact.n_Kn / nn,
+        )  # fmt: skip
+
+    def to_world(self, tangential: Tangential, normal: Scalar) -> Vec3:
+        """The vector with these components, in world axes."""
+        return self.t1 * tangential[0] + self.t2 * tangential[1] + self.n * normal
