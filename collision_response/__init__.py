@@ -6,15 +6,15 @@
     >>> resolve(ball, Body.static(), contact).twist_a.linear.z
     1.0
 
-This package needs neither ROS nor rerun; the node in :mod:`collision_response.ros` needs both.
+This package needs NumPy alone; the node in :mod:`collision_response.ros` needs ROS, recordings need rerun,
+the last digits of EXTENDED need python-flint.
 """
 
-from .model import Adjustment, Geometry, ImpactModel, Law, Precision
+from .answer import Impact
+from .model import Adjustment, Geometry, ImpactModel, Precision
 from .physics.body import Body, Twist
 from .physics.contact import Contact
-from .physics.laws import Regime
-from .report import Impact
-from .requirements import choose_model
+from .physics.laws import Law, Regime
 from .resolve import resolve
 from .scene import SceneContact, SceneRequirements, scene_requirements
 from .status import ImpactError, StatusCode
@@ -34,7 +34,6 @@ __all__ = [
     "SceneRequirements",
     "StatusCode",
     "Twist",
-    "choose_model",
     "resolve",
     "scene_requirements",
 ]

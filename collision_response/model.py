@@ -1,25 +1,13 @@
-"""What to model, and how exactly: the numbers of ``msg/ImpactModel.msg``, with names."""
+"""What to model, and how exactly: the numbers of ``msg/ImpactModel.msg``, named; and what AUTO becomes."""
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum, IntFlag
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-
-class Law(IntEnum):
-    """The impact laws; see ``docs/impact-laws.md`` for which to choose."""
-
-    AUTO = 0
-    """COULOMB where there is friction, else FRICTIONLESS."""
-    FRICTIONLESS = 1
-    COULOMB = 2
-    MOREAU = 3
-    ROUTH_POISSON = 4
-    ROUTH_STRONGE = 5
-
-
-EXACT_LAWS = (Law.FRICTIONLESS, Law.COULOMB)
-"""The laws that are formulas, and so can be computed to any precision."""
+from .physics.laws import Law as Law
+from .status import ImpactError, StatusCode
 
 
 class Geometry(IntEnum):
@@ -28,18 +16,25 @@ class Geometry(IntEnum):
     AUTO = 1
     """The cheapest that is exact for the bodies and the contact at hand."""
     POINT = 2
+    """No rotation."""
     PLANAR = 3
+    """Motion in the x-y plane, rotation about z."""
     SPATIAL = 4
+    """Everything."""
 
 
 class Precision(IntEnum):
-    """The tiers of arithmetic."""
+    """The kinds of arithmetic. Each bounds its own error."""
 
     AUTO = 1
-    """The cheapest that meets the tolerance."""
+    """DOUBLE, and where that does not meet the tolerance (without one: bounds nothing), EXTENDED."""
     SINGLE = 2
+    """32 bits, some 7 digits. One impact takes as long as in DOUBLE; batches of float32 take half as long."""
     DOUBLE = 3
+    """64 bits, some 16 digits."""
     EXTENDED = 4
+    """Right to a unit in the last place: by some 32 digits, and by as many as it takes where that is not
+    enough and python-flint is installed."""
 
 
 class Adjustment(IntFlag):
@@ -47,8 +42,13 @@ class Adjustment(IntFlag):
 
     NONE = 0
     NORMALISED_ORIENTATION = 1
+    """A quaternion was not of unit length."""
     RESTITUTION_THRESHOLD = 2
+    """The approach was slower than ``restitution_threshold``: restitution was taken as 0."""
     LAW_FALLBACK = 4
+    """MOREAU has no solution, or would create energy: COULOMB answered."""
+    MASSLESS_SPIN = 8
+    """A body turned about an axis without inertia: that rotation was left out, it moves no contact."""
 
 
 class ImpactModel(NamedTuple):
@@ -58,9 +58,10 @@ class ImpactModel(NamedTuple):
         law: see :class:`Law`.
         geometry: see :class:`Geometry`.
         precision: see :class:`Precision`.
-        tolerance: greatest relative error of the impulse wanted; 0: whatever DOUBLE gives.
+        tolerance: greatest relative error of the impulse wanted, >= 0; 0: any that is known. Without one
+            AUTO tries harder above ``USEFUL``.
         tangential_restitution: ``e_t`` in [-1, 1], for COULOMB.
-        restitution_threshold: approach speed [m/s] under which restitution is taken as 0.
+        restitution_threshold: approach speed [m/s] under which restitution is taken as 0, >= 0.
     """
 
     law: Law = Law.AUTO
@@ -69,3 +70,138 @@ class ImpactModel(NamedTuple):
     tolerance: float = 0.0
     tangential_restitution: float = 0.0
     restitution_threshold: float = 0.0
+
+
+class Plan(NamedTuple):
+    """What a model asks of the kernels: THE place where AUTO is decided, but for what depends on the answer.
+
+    Attributes:
+        law_without_friction, law_with_friction: for a contact.
+        geometry: AUTO is decided by what the scene requires.
+        first, last: precisions to climb through until the bound is within the limit.
+        wanted: error bound to climb to.
+        limit: error bound above which the tolerance is not met.
+        numbers: tangential restitution, threshold and tolerance.
+        errors: of those, where they are no floats.
+    """
+
+    law_without_friction: Law
+    law_with_friction: Law
+    geometry: Geometry
+    first: Precision
+    last: Precision
+    wanted: float
+    limit: float
+    numbers: tuple[float, float, float]
+    errors: tuple[float, float, float]
+
+
+def plan(model: ImpactModel) -> Plan:
+    """What a model comes to.
+
+    Raises:
+        ImpactError: NOT_FINITE, INVALID_MODEL or INVALID_COEFFICIENT.
+        TypeError: it is no model.
+    """
+    check_model(model)
+    law, geometry, precision, tolerance, e_t, threshold = model
+    numbers = float(e_t), float(threshold), float(tolerance)
+    errors = _lost(numbers[0], e_t), _lost(numbers[1], threshold), _lost(numbers[2], tolerance)
+    limit = numbers[2] or LARGEST
+    return Plan(
+        law_for(law, has_friction=False),
+        law_for(law, has_friction=True),
+        geometry,
+        _first(precision, numbers[2]),
+        Precision.EXTENDED if precision is Precision.AUTO else precision,
+        _wanted(precision, limit),
+        limit,
+        numbers,
+        errors,
+    )
+
+
+def _lost(x: float, given: Any) -> float:
+    """What rounding to a float may have cost."""
+    return 0.0 if x == given else abs(x) * 2.0**-53
+
+
+def law_for(law: Law, *, has_friction: bool) -> Law:
+    """What a law comes to, for contacts with friction or without."""
+    if law is not Law.AUTO:
+        return law
+    return Law.COULOMB if has_friction else Law.FRICTIONLESS
+
+
+def _first(precision: Precision, tolerance: float) -> Precision:
+    if precision is not Precision.AUTO:
+        return precision
+    return Precision.EXTENDED if 0 < tolerance < BEYOND_DOUBLE else Precision.DOUBLE
+
+
+BEYOND_DOUBLE = 2.0**-48
+"""An error bound that DOUBLE hardly ever gets below: AUTO does not try."""
+
+
+def _wanted(precision: Precision, limit: float) -> float:
+    if precision is Precision.EXTENDED:
+        return min(limit, ULP)
+    return min(limit, USEFUL) if precision is Precision.AUTO else limit
+
+
+USEFUL = 2.0**-20
+"""An error bound above this hardly says anything: AUTO tries a better precision."""
+
+LARGEST = math.nextafter(math.inf, 0.0)
+"""The greatest error bound that says anything."""
+
+ULP = 2.0**-52
+"""A unit in the last place, at its largest relative to a number: what EXTENDED promises."""
+
+
+def decided(model: ImpactModel, law: int, geometry: int, precision: int) -> ImpactModel:
+    """The model as used."""
+    return model._replace(law=Law(law), geometry=Geometry(geometry), precision=Precision(precision))
+
+
+def check_model(model: Any) -> None:
+    """Accept a model, or say what is wrong with it.
+
+    Raises:
+        ImpactError: NOT_FINITE, INVALID_MODEL or INVALID_COEFFICIENT.
+        TypeError: it is no model.
+    """
+    if not isinstance(model, ImpactModel):
+        hint = f": write ImpactModel(law={model!s})" if isinstance(model, Law) else ""
+        raise TypeError(f"model: must be an ImpactModel, is {model!r}{hint}")
+    for field, kind in (("law", Law), ("geometry", Geometry), ("precision", Precision)):
+        value = getattr(model, field)
+        if not isinstance(value, kind):
+            known = ", ".join(f"{member.name} ({member.value})" for member in kind)
+            raise ImpactError(
+                StatusCode.INVALID_MODEL, f"model.{field}", f"must be one of {known}; is {value!r}"
+            )
+    for field, least, most, code in (
+        ("tangential_restitution", -1, 1, StatusCode.INVALID_COEFFICIENT),
+        ("tolerance", 0, math.inf, StatusCode.INVALID_MODEL),
+        ("restitution_threshold", 0, math.inf, StatusCode.INVALID_MODEL),
+    ):
+        check_number(f"model.{field}", getattr(model, field), least, most, code)
+
+
+def check_number(field: str, value: Any, least: float, most: float, code: StatusCode) -> None:
+    """Raises: ImpactError: NOT_FINITE, or ``code`` beyond the limits. TypeError: no real number."""
+    is_truth = type(value).__name__.startswith("bool")
+    if is_truth or isinstance(value, (complex, str)) or not hasattr(value, "__float__"):
+        raise TypeError(f"{field}: must be a real number, is {value!r}")
+    try:
+        finite = math.isfinite(value)
+    except OverflowError:  # an integer beyond float64
+        finite = False
+    except TypeError:  # an array
+        raise TypeError(f"{field}: must be a real number, is {value!r}") from None
+    if not finite:
+        raise ImpactError(StatusCode.NOT_FINITE, field, f"must be finite, is {value}")
+    if not least <= value <= most:
+        limits = f"at least {least}" if most == math.inf else f"in [{least}, {most}]"
+        raise ImpactError(code, field, f"must be {limits}, is {value}")

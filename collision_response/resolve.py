@@ -1,25 +1,21 @@
-"""The front door: validate, choose what the scene requires, compute, report."""
+"""The front door for one impact: check, decide, compute in growing precision, answer."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
-from .model import EXACT_LAWS, ImpactModel, Precision
-from .numerics import extended
-from .numerics.error_bound import NOTHING
-from .physics.body import Body
+from . import exactly, validity
+from .answer import Impact
+from .geometry import flattened, flattened_contact
+from .kernels import library
+from .model import Adjustment, Geometry, ImpactModel, Precision, check_number, plan
+from .physics.body import Body, Twist
 from .physics.contact import Contact
-from .report import Impact
-from .requirements import Plan, plan
+from .physics.laws import Regime
+from .physics.vector import Vec3
 from .status import ImpactError, StatusCode
-from .straight_line import usual_answer, usual_attempt
-from .tiers import TIERS
-from .validate import check_request
 
 DEFAULT = ImpactModel()
-LARGEST = math.nextafter(math.inf, 0.0)
-"""The greatest error bound that says anything."""
 
 
 def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = DEFAULT) -> Impact:
@@ -32,40 +28,106 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = D
         model: what to model, and how exactly.
 
     Returns:
-        The twists, how they were computed and how exactly, and the books of energy.
+        The twists, how they were computed and how exactly, and what became of the energy.
 
     Raises:
         ImpactError: the request cannot be answered; its ``code``, ``field`` and ``reason`` say why.
+        TypeError: a field is not of the kind that it should be.
     """
-    usual = usual_answer(body_a, body_b, contact, model)
-    if usual is not None:
-        return usual
-    check_request(body_a, body_b, contact, model)
-    best = None
-    for attempt in _attempts(body_a, body_b, contact, model):
-        impact = usual_attempt(body_a, body_b, contact, attempt)
-        impact = impact or TIERS[attempt.model.precision](body_a, body_b, contact, attempt)
-        if impact is None:
-            continue
-        if impact.error_bound <= (model.tolerance or LARGEST):
-            return impact
-        best = impact
-    if best is None:
-        raise ImpactError(StatusCode.OUT_OF_RANGE, "result", "a number of the answer is beyond float64")
-    return best._replace(status=StatusCode.TOLERANCE_NOT_MET)  # without one: the bound is infinite
+    impact = library.resolve(body_a, body_b, contact, model)
+    if impact.__class__ is Impact and impact.status is not StatusCode.TOLERANCE_NOT_MET:
+        return impact
+    return _unusual(body_a, body_b, contact, model, impact)
 
 
-def _attempts(body_a: Body, body_b: Body, contact: Contact, asked: ImpactModel) -> Iterator[Plan]:
-    """The computations to try, cheapest first, until the error bound of one meets the tolerance."""
-    first = plan(body_a, body_b, contact, asked)
-    if asked.precision is not Precision.AUTO:
-        precisions = [asked.precision]
-    else:
-        precisions = [Precision.SINGLE, Precision.DOUBLE] if asked.tolerance else [Precision.DOUBLE]
-        if extended.AVAILABLE and first.model.law in EXACT_LAWS:
-            precisions.append(Precision.EXTENDED)
-    if first.dropped != NOTHING:
-        yield first.at(precisions[0])
-        first = first.modelling_all(body_a, body_b, contact)
-    for precision in precisions:
-        yield first.at(precision)
+OF_BODIES = Adjustment.NORMALISED_ORIENTATION | Adjustment.MASSLESS_SPIN
+
+FAULT, FUNCTION, FORCED, BEYOND = range(4)
+"""Why the kernels leave a request to this module; see ``module.cpp``."""
+
+
+def _unusual(
+    body_a: Body, body_b: Body, contact: Contact, model: ImpactModel, answer: Impact | int
+) -> Impact:
+    if answer == FAULT:
+        if body_a is body_b:
+            raise ImpactError(StatusCode.SAME_BODY, "body_b", "is body_a: a body cannot strike itself")
+        a, b, numeric = exactly.read(body_a, body_b, contact)
+        validity.check(a, b, numeric, plan(model).numbers[0])
+        raise ImpactError(StatusCode.INTERNAL_ERROR, "request", "was refused for no known reason")
+    if answer == FUNCTION:
+        return resolve(body_a, body_b, _with_restitution(body_a, body_b, contact, model), model)
+    if answer == FORCED:
+        return _leaving_out(body_a, body_b, contact, model)
+    may_climb = plan(model).last is Precision.EXTENDED
+    more = exactly.resolve(body_a, body_b, contact, model) if may_climb else None
+    if more is not None:
+        return more
+    if not isinstance(answer, Impact):  # BEYOND
+        raise library.refusal(StatusCode.OUT_OF_RANGE)
+    return answer._replace(status=_status(answer)) if answer.error_bound <= plan(model).limit else answer
+
+
+def _status(answer: Impact) -> StatusCode:
+    return StatusCode.SEPARATING if answer.regime is Regime.SEPARATING else StatusCode.OK
+
+
+def _with_restitution(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Contact:
+    """The contact with the restitution that its function gives for the approach speed."""
+    elastic = contact._replace(restitution=1.0)
+    simple = model._replace(restitution_threshold=0.0, tolerance=0.0, precision=Precision.EXTENDED)
+    before = resolve(body_a, body_b, elastic, simple).normal_velocity_before
+    value = contact.restitution(max(-before, 0.0))
+    check_number("contact.restitution(approach_speed)", value, 0, 1, StatusCode.INVALID_COEFFICIENT)
+    return contact._replace(restitution=float(value))
+
+
+def _leaving_out(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:
+    """The answer of a geometry that leaves out what matters; the bound counts that too."""
+    geometry = model.geometry
+    if geometry is Geometry.PLANAR and not (contact.normal[0] or contact.normal[1]):
+        reason = f"has no part in the x-y plane, which is all that PLANAR models: {tuple(contact.normal)}"
+        raise ImpactError(StatusCode.INVALID_NORMAL, "contact.normal", reason)
+    whole = resolve(body_a, body_b, contact, model._replace(geometry=Geometry.SPATIAL))
+    flat_a, flat_b = (flattened(body, geometry) for body in (body_a, body_b))
+    flat = resolve(flat_a, flat_b, flattened_contact(contact, geometry), model)
+    bound = max(
+        flat.error_bound,
+        _apart(flat.impulse, whole.impulse, whole.error_bound),
+        _apart(_scaled(body_a, flat.change_a), _scaled(body_a, whole.change_a), whole.error_bound),
+        _apart(_scaled(body_b, flat.change_b), _scaled(body_b, whole.change_b), whole.error_bound),
+    )
+    limit = plan(model).limit
+    return flat._replace(
+        status=flat.status if bound <= limit else StatusCode.TOLERANCE_NOT_MET,
+        twist_a=_sum(body_a, flat.change_a),
+        twist_b=_sum(body_b, flat.change_b),
+        kinetic_energy_before=whole.kinetic_energy_before,
+        kinetic_energy_after=whole.kinetic_energy_before
+        + flat.kinetic_energy_after
+        - flat.kinetic_energy_before,
+        error_bound=bound,
+        adjustments=flat.adjustments | (whole.adjustments & OF_BODIES),
+    )
+
+
+def _sum(body: Body, change: Twist) -> Twist:
+    return Twist(Vec3(*body.velocity) + change.linear, Vec3(*body.angular_velocity) + change.angular)
+
+
+def _scaled(body: Body, change: Twist) -> tuple[float, ...]:
+    """The components of a twist change, with the weights of the error bound."""
+    if body.mass == math.inf:
+        return (0.0,)
+    arm = math.sqrt((body.inertia[0] + body.inertia[3] + body.inertia[5]) / 3 / body.mass)
+    return (*change.linear, *(arm * w for w in change.angular))
+
+
+def _apart(flat: tuple[float, ...], whole: tuple[float, ...], whole_bound: float) -> float:
+    """The relative distance of an answer from another, which is itself within a bound of the truth."""
+    size = math.hypot(*whole)
+    if size == 0.0:
+        return 0.0 if math.hypot(*flat) == 0.0 and whole_bound == 0.0 else math.inf
+    if not whole_bound < 1:
+        return math.inf
+    return (math.dist(flat, whole) / size + whole_bound) / (1 - whole_bound) * (1 + 2.0**-40)

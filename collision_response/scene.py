@@ -1,15 +1,30 @@
-"""What a whole scene requires: the least geometry, law and precision, and which contact asks for it."""
+"""What a whole scene requires: the least geometry, law and precision, and which contact asks for it.
+
+    >>> from collision_response import Body, Contact
+    >>> bodies = {"ball": Body.dynamic(1.0, velocity=(0, 0, -2)), "floor": Body.static()}
+    >>> contact = SceneContact("ball", "floor", Contact.of((0, 0, 0), normal=(0, 0, 1), friction=0.3))
+    >>> required = scene_requirements(bodies, [contact], tolerance=1e-5)
+    >>> [need.least.name for need in required[:3]]
+    ['POINT', 'FRICTIONLESS', 'SINGLE']
+    >>> required.law.reason
+    'friction changes no impact by more than the tolerance'
+
+The law is one for all contacts; geometry and precision are what that law needs.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from .model import Geometry, ImpactModel, Law, Precision
-from .physics.body import Body
+from .answer import Impact
+from .model import Geometry, ImpactModel, Precision
+from .physics.body import Body, Twist
 from .physics.contact import Contact
+from .physics.laws import Law
 from .resolve import resolve
-from .status import StatusCode
+from .status import ImpactError, StatusCode
 
 
 class SceneContact(NamedTuple):
@@ -28,38 +43,18 @@ class Need(NamedTuple):
 
 
 class SceneRequirements(NamedTuple):
-    """The least that a scene requires; grows as contacts are added.
+    """The least that a scene requires.
 
     Attributes:
         geometry, law, precision: a :class:`Need` each.
-        tolerance: relative error of each impulse that they meet.
+        tolerance: relative error that they meet in each impact; see ``error_bound`` of
+            :class:`~collision_response.Impact`.
     """
 
     geometry: Need
     law: Need
     precision: Need
     tolerance: float
-
-    def including(self, name: str, body_a: Body, body_b: Body, contact: Contact) -> SceneRequirements:
-        """What it takes to resolve one more contact.
-
-        Raises:
-            ImpactError: it cannot be resolved.
-        """
-        model = ImpactModel(tolerance=self.tolerance)
-        impact = resolve(body_a, body_b, contact, model)
-        if impact.status is StatusCode.SEPARATING:
-            return self
-        frictionless = resolve(body_a, body_b, contact._replace(friction=0.0), model)
-        rubs = (impact.impulse - frictionless.impulse).norm() / (impact.impulse.norm() or 1.0)
-        law = impact.model.law if rubs > self.tolerance else Law.FRICTIONLESS
-        needed = impact if law is impact.model.law else frictionless
-        geometry, precision = needed.model.geometry, needed.model.precision
-        return self._replace(
-            geometry=_greater(self.geometry, geometry, f"{name} {WHY_GEOMETRY[geometry]}"),
-            law=_greater(self.law, law, f"friction changes the impulse of {name} by {rubs:.2g} of it"),
-            precision=_greater(self.precision, precision, f"{name} {WHY_PRECISION[precision]}"),
-        )
 
     def __str__(self) -> str:
         needs = (self.geometry, self.law, self.precision)
@@ -73,19 +68,63 @@ WHY_GEOMETRY = {
 }
 WHY_PRECISION = {
     Precision.SINGLE: "is well-conditioned",
-    Precision.DOUBLE: "grazes: its approach speed cancels",
+    Precision.DOUBLE: "asks for more digits than float32 keeps",
     Precision.EXTENDED: "is ill-conditioned beyond float64, or asks for its last digits",
 }
 
 
-def nothing_required(tolerance: float) -> SceneRequirements:
-    """The requirements of a scene without contacts."""
-    return SceneRequirements(
-        Need(Geometry.POINT, "no impulse turns a body"),
-        Need(Law.FRICTIONLESS, "friction changes no impulse by more than the tolerance"),
-        Need(Precision.SINGLE, "the tolerance is met"),
-        tolerance,
-    )
+class SceneSurvey:
+    """The contacts of a scene, one by one. One law serves them all, and decides what else they need."""
+
+    def __init__(self, tolerance: float) -> None:
+        """No contacts yet.
+
+        Args:
+            tolerance: greatest relative error of each impact, > 0.
+
+        Raises:
+            ImpactError: INVALID_MODEL: that is no tolerance.
+        """
+        if not 0 < tolerance < math.inf:
+            raise ImpactError(StatusCode.INVALID_MODEL, "tolerance", f"must be above 0, is {tolerance}")
+        self._tolerance = tolerance
+        self._law = Need(Law.FRICTIONLESS, "friction changes no impact by more than the tolerance")
+        geometry = Need(Geometry.POINT, "no impulse turns a body")
+        precision = Need(Precision.SINGLE, "the tolerance is met")
+        self._others = {law: (geometry, precision) for law in (Law.FRICTIONLESS, Law.COULOMB)}
+
+    def add(self, name: str, body_a: Body, body_b: Body, contact: Contact) -> None:
+        """Consider one more contact.
+
+        Raises:
+            ImpactError: it cannot be resolved.
+        """
+        model = ImpactModel(tolerance=self._tolerance)
+        rough = resolve(body_a, body_b, contact, model)
+        if rough.status is StatusCode.SEPARATING:
+            return
+        smooth_contact = contact._replace(friction=0.0)
+        smooth = resolve(body_a, body_b, smooth_contact, model)
+        rubs = _difference(smooth, rough, body_a, body_b)
+        if rough.model.law is not Law.FRICTIONLESS and rubs > self._tolerance:
+            reason = f"friction changes the impact of {name} by {rubs:.2g} of it"
+            self._law = _greater(self._law, rough.model.law, reason)
+        for law, impact, touch in (
+            (Law.FRICTIONLESS, smooth, smooth_contact),
+            (Law.COULOMB, rough, contact),
+        ):
+            geometry, precision = self._others[law]
+            least = impact.model.geometry
+            enough = _least_precision(body_a, body_b, touch, model)
+            self._others[law] = (
+                _greater(geometry, least, f"{name} {WHY_GEOMETRY[least]}"),
+                _greater(precision, enough, f"{name} {WHY_PRECISION[enough]}"),
+            )
+
+    def requirements(self) -> SceneRequirements:
+        """What the contacts so far require."""
+        geometry, precision = self._others[self._law.least]
+        return SceneRequirements(geometry, self._law, precision, self._tolerance)
 
 
 def scene_requirements(
@@ -93,20 +132,54 @@ def scene_requirements(
 ) -> SceneRequirements:
     """The least geometry, law and precision with which every contact of a scene meets ``tolerance``.
 
+    The law is FRICTIONLESS or COULOMB.
+
     Args:
         bodies: by name.
         contacts: the contacts, of bodies by name.
-        tolerance: greatest relative error of each impulse, > 0.
+        tolerance: greatest relative error of each impact, > 0.
 
     Raises:
-        ImpactError: a contact cannot be resolved, or no tolerance is given.
+        ImpactError: a contact cannot be resolved, or that is no tolerance.
         KeyError: a contact names an unknown body.
     """
-    required = nothing_required(tolerance)
+    survey = SceneSurvey(tolerance)
     for a, b, contact in contacts:
-        required = required.including(f"{a} - {b}", bodies[a], bodies[b], contact)
-    return required
+        survey.add(f"{a} - {b}", bodies[a], bodies[b], contact)
+    return survey.requirements()
 
 
 def _greater(need: Need, candidate: Any, reason: str) -> Need:
     return Need(candidate, reason) if candidate > need.least else need
+
+
+def _least_precision(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Precision:
+    for precision in (Precision.SINGLE, Precision.DOUBLE):
+        try:
+            impact = resolve(body_a, body_b, contact, model._replace(precision=precision))
+        except ImpactError:  # of range: the request is sound
+            continue
+        if impact.status is not StatusCode.TOLERANCE_NOT_MET:
+            return precision
+    return Precision.EXTENDED
+
+
+def _difference(one: Impact, other: Impact, body_a: Body, body_b: Body) -> float:
+    """A bound on the relative difference of two answers, in the norms of ``error_bound``."""
+    apart = max(
+        _relative(one.impulse, other.impulse),
+        _relative(_weighted(body_a, one.change_a), _weighted(body_a, other.change_a)),
+        _relative(_weighted(body_b, one.change_b), _weighted(body_b, other.change_b)),
+    )
+    return apart + one.error_bound + other.error_bound
+
+
+def _relative(v: tuple[float, ...], w: tuple[float, ...]) -> float:
+    return math.dist(v, w) / (math.hypot(*w) or 1.0)
+
+
+def _weighted(body: Body, change: Twist) -> tuple[float, ...]:
+    if not body.is_movable():
+        return (0.0,)
+    arm = math.sqrt(body.inertia.trace() / 3 / body.mass)
+    return (*change.linear, *(arm * w for w in change.angular))

@@ -1,0 +1,80 @@
+"""What a scene requires: the least geometry whose answer is exactly that of SPATIAL."""
+
+from __future__ import annotations
+
+from .centre import com_in_world_axes
+from .model import Geometry
+from .numbers.number import Condition, all_of, all_zero
+from .physics.body import Body
+from .physics.contact import Contact
+from .physics.tensor import ZERO_TENSOR
+from .physics.vector import ZERO, Vec3
+
+
+def is_point(body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool) -> Condition:
+    """Whether rotation neither moves the contact, as far as the law looks, nor responds to it."""
+
+    def is_point_like(body: Body) -> Condition:
+        arm = contact.position - body.position
+        acts_centrally = _is_parallel(arm, contact.normal) if frictionless else all_zero(arm)
+        return (acts_centrally & all_zero(body.com)) | all_zero([*body.inertia, *body.angular_velocity])
+
+    return is_point_like(body_a) & is_point_like(body_b)
+
+
+def is_planar(body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool) -> Condition:
+    """Whether all that matters lies in the x-y plane."""
+    in_plane = contact.normal.z == 0
+    for body in (body_a, body_b):
+        in_plane = in_plane & (contact.position.z == body.position.z) & _turns_about_z(body)
+    if frictionless:
+        return in_plane
+    tumbling = [w for body in (body_a, body_b) for w in body.angular_velocity[:2]]
+    return in_plane & (body_a.velocity.z == body_b.velocity.z) & all_zero(tumbling)
+
+
+def required(body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool) -> Geometry:
+    """The least geometry, for plain numbers."""
+    if is_point(body_a, body_b, contact, frictionless=frictionless):
+        return Geometry.POINT
+    if is_planar(body_a, body_b, contact, frictionless=frictionless):
+        return Geometry.PLANAR
+    return Geometry.SPATIAL
+
+
+def flattened(body: Body, geometry: Geometry) -> Body:
+    """A body with what a geometry leaves out taken away."""
+    if geometry is Geometry.POINT:
+        return body._replace(inertia=ZERO_TENSOR, orientation=None, angular_velocity=ZERO, com=ZERO)
+    zz = body.inertia.zz  # only that matters
+    return body._replace(
+        inertia=ZERO_TENSOR._replace(xx=zz, yy=zz, zz=zz),
+        position=_in_plane(body.position),
+        orientation=None,
+        velocity=_in_plane(body.velocity),
+        angular_velocity=Vec3(0.0, 0.0, body.angular_velocity.z),
+        com=_in_plane(com_in_world_axes(body)),
+    )
+
+
+def flattened_contact(contact: Contact, geometry: Geometry) -> Contact:
+    """A contact with what a geometry leaves out taken away."""
+    if geometry is Geometry.POINT:
+        return contact
+    return contact._replace(position=_in_plane(contact.position), normal=_in_plane(contact.normal))
+
+
+def _in_plane(v: Vec3) -> Vec3:
+    return Vec3(v.x, v.y, 0.0)
+
+
+def _is_parallel(v: Vec3, w: Vec3) -> Condition:
+    """Whether two vectors lie along one axis of coordinates: then no rounding can hide a torque."""
+    return all_of((v[i] == 0) | (w[j] == 0) for i in range(3) for j in range(3) if i != j)
+
+
+def _turns_about_z(body: Body) -> Condition:
+    """Whether an impulse in the x-y plane through the centre of mass turns the body about z alone."""
+    inertia, q = body.inertia, body.orientation
+    is_uncoupled = all_zero([inertia.xz, inertia.yz, body.com.z])
+    return is_uncoupled if q is None else is_uncoupled & (all_zero([q.x, q.y]) | all_zero(inertia))

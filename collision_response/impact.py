@@ -1,0 +1,180 @@
+"""THE computation: two bodies, a contact and a decided model, of any numbers, to the numbers of an answer.
+
+It is what is traced and compiled, what exact rationals and balls run on, and what a gradient runs through:
+
+    kinematics   the bodies as seen from their contact      physics/effective_mass.py
+    law          the impulse                                physics/laws/
+    response     what it changes of the twists
+    report       velocities, energies, what was adjusted
+
+It takes what :mod:`~collision_response.validity` accepts.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from .numbers.number import Condition, Scalar, choose, square_root
+from .physics.body import Body, Twist
+from .physics.contact import Contact
+from .physics.effective_mass import ContactKinematics
+from .physics.energy import kinetic_energy
+from .physics.laws import LAWS, Coefficients, Law, Regime
+from .physics.vector import Vec3
+
+KEEPS_RESTITUTION = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU)
+"""The laws by which the normal velocity after is ``-e`` times that before."""
+
+
+class Changes(NamedTuple):
+    """What an impact changes: the numbers that ``error_bound`` is about.
+
+    Attributes:
+        impulse: on body_a, in world axes [N s].
+        change_a, change_b: of the twists of the bodies' reference points [m/s, rad/s].
+    """
+
+    impulse: Vec3
+    change_a: Twist
+    change_b: Twist
+
+
+class Report(NamedTuple):
+    """What follows from the changes: see :class:`~collision_response.Impact`."""
+
+    twist_a: Twist
+    twist_b: Twist
+    normal_impulse: Scalar
+    tangential_impulse: Scalar
+    normal_velocity_before: Scalar
+    normal_velocity_after: Scalar
+    effective_mass: Scalar
+    kinetic_energy_before: Scalar
+    kinetic_energy_after: Scalar
+    energy_lost_restitution: Scalar
+    energy_lost_friction: Scalar
+    restitution: Scalar
+    regime: Scalar
+
+
+class Flags(NamedTuple):
+    """What else is to be said of an answer.
+
+    Attributes:
+        separating: the bodies do not approach each other.
+        slow: the approach was slower than the threshold, and restitution is 0.
+        fell_back: the law had no sound answer, and this is COULOMB's.
+        idle_spin: a body turned about an axis without inertia, which moved no contact.
+        unfinished: a loop of the law ended by its budget.
+        unphysical: beyond its error the answer adds energy, pulls, leaves the friction cone, or misses
+            the restitution asked for: a fault of this package.
+    """
+
+    separating: Condition
+    slow: Condition
+    fell_back: Condition
+    idle_spin: Condition
+    unfinished: Condition
+    unphysical: Condition
+
+
+class Answer(NamedTuple):
+    """The numbers of an answer."""
+
+    changes: Changes
+    report: Report
+    flags: Flags
+
+
+def impact(
+    body_a: Body,
+    body_b: Body,
+    contact: Contact,
+    law: Law,
+    tangential_restitution: Scalar = 0.0,
+    restitution_threshold: Scalar = 0.0,
+    tolerance: Scalar = 0.0,
+) -> Answer:
+    """What becomes of two bodies that collide.
+
+    Args:
+        body_a, body_b: of numbers of one make, sound by :mod:`~collision_response.validity`.
+        contact: where they touch; its restitution is a number.
+        law: not AUTO.
+        tangential_restitution: ``e_t`` in [-1, 1], for COULOMB.
+        restitution_threshold: approach speed [m/s] under which restitution is taken as 0.
+        tolerance: relative error at which a law that integrates may stop.
+    """
+    kinematics = ContactKinematics.of(body_a, body_b, contact)
+    n, u = kinematics.n, kinematics.u
+    length = square_root(n.dot(n))
+    approaching = kinematics.n_u < 0
+    # -n_u / |n| < threshold, without the root
+    is_slow = approaching & (
+        kinematics.n_u * kinematics.n_u < restitution_threshold * restitution_threshold * n.dot(n)
+    )
+    e = choose(is_slow, lambda: contact.restitution * 0, lambda: contact.restitution)
+    friction = contact.friction * 0 if law is Law.FRICTIONLESS else contact.friction
+    outcome = LAWS[law](kinematics, Coefficients(e, friction, tangential_restitution, tolerance))
+
+    def when_approaching(x: Any) -> Any:
+        return choose(approaching, lambda: x, lambda: x * 0)
+
+    impulse = when_approaching(outcome.impulse)
+    change_a, change_b = kinematics.respond(impulse)
+    if outcome.along_normal is not None:
+        change_a, change_b = kinematics.respond_along_normal(impulse, when_approaching(outcome.along_normal))
+    a, b = _moved(body_a, change_a), _moved(body_b, change_b)
+    u_after = u + kinematics.velocity_change(change_a, change_b)
+    normal_impulse = impulse.dot(n) / length
+    tangential = impulse - n * (normal_impulse / length)
+    report = Report(
+        twist_a=Twist(a.velocity, a.angular_velocity),
+        twist_b=Twist(b.velocity, b.angular_velocity),
+        normal_impulse=normal_impulse,
+        tangential_impulse=square_root(tangential.dot(tangential)),
+        normal_velocity_before=kinematics.n_u / length,
+        normal_velocity_after=n.dot(u_after) / length,
+        effective_mass=n.dot(n) / kinematics.n_Kn,
+        kinetic_energy_before=kinetic_energy(body_a) + kinetic_energy(body_b),
+        kinetic_energy_after=kinetic_energy(a) + kinetic_energy(b),
+        energy_lost_restitution=when_approaching(outcome.lost_restitution),
+        energy_lost_friction=when_approaching(outcome.lost_friction),
+        restitution=e,
+        regime=choose(approaching, lambda: outcome.regime, lambda: 1.0 * Regime.SEPARATING),
+    )
+    flags = Flags(
+        separating=~approaching if not isinstance(approaching, bool) else not approaching,
+        slow=is_slow & (contact.restitution > 0),
+        fell_back=approaching & outcome.fell_back,
+        idle_spin=_is_idle(kinematics.side_a.idle) | _is_idle(kinematics.side_b.idle),
+        unfinished=approaching & outcome.unfinished,
+        unphysical=_is_unphysical(law, n, u, u_after, impulse, friction, e * kinematics.n_u, approaching),
+    )
+    return Answer(Changes(impulse, change_a, change_b), report, flags)
+
+
+def _moved(body: Body, change: Twist) -> Body:
+    return body._replace(
+        velocity=body.velocity + change.linear, angular_velocity=body.angular_velocity + change.angular
+    )
+
+
+def _is_idle(spin: Vec3) -> Condition:
+    return spin.dot(spin) > 0
+
+
+def _is_unphysical(
+    law: Law, n: Vec3, u: Vec3, u_after: Vec3, P: Vec3, mu: Scalar, e_n_u: Scalar, approaching: Condition
+) -> Condition:
+    """Whether the answer breaks what every answer keeps, seen from the changes of the twists alone."""
+    n_P, nn = n.dot(P), n.dot(n)
+    tangential = P * nn - n * n_P
+    gains = P.dot(u + u_after) > 0
+    pulls = n_P < 0
+    outside = tangential.dot(tangential) > mu * mu * n_P * n_P * nn
+    fault = gains | pulls | outside
+    if law in KEEPS_RESTITUTION:
+        rebound = n.dot(u_after) + e_n_u
+        fault = fault | (rebound > 0) | (rebound < 0)
+    return approaching & fault

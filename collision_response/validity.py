@@ -1,0 +1,198 @@
+"""What may be answered: THE conditions on a request, each with its code and field.
+
+They are formulas over numbers of any make. For plain numbers :func:`check` raises the first that does not
+hold; compiled, they give its code for every contact of a batch.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
+
+from .numbers.number import Condition, Scalar, all_of, all_zero, choose, given_roundoff, negation
+from .physics.body import ROUNDINGS, Body
+from .physics.contact import Contact
+from .physics.tensor import Symmetric3
+from .status import ImpactError, StatusCode
+
+UNIT_LENGTH_TOLERANCE = 1e-9
+"""How far the squared length of a quaternion may be from 1 before its normalising is reported."""
+
+
+class Requirement(NamedTuple):
+    """One condition.
+
+    Attributes:
+        holds: whether it does.
+        code: of what is wrong if it does not.
+        field: of the request.
+        must: what the field must be.
+    """
+
+    holds: Condition
+    code: StatusCode
+    field: str
+    must: str
+
+
+def requirements(
+    body_a: Body, body_b: Body, contact: Contact, tangential_restitution: Scalar
+) -> Iterator[Requirement]:
+    """All that must hold, in the order in which it is said."""
+    for name, body in (("body_a", body_a), ("body_b", body_b)):
+        yield from _of_body(name, body)
+    movable = body_a.is_movable() | body_b.is_movable()
+    yield Requirement(movable, StatusCode.NO_DYNAMIC_BODY, "body_a", "or body_b must be dynamic")
+    yield _finite("contact.position", contact.position)
+    yield _finite("contact.normal", contact.normal)
+    yield Requirement(
+        negation(all_zero(contact.normal)), StatusCode.INVALID_NORMAL, "contact.normal", "must not be 0"
+    )
+    e, mu = contact.restitution, contact.friction
+    yield from _within("contact.restitution", e, 0, 1)
+    yield from _within("contact.friction", mu, 0, math.inf)
+    yield from _within("model.tangential_restitution", tangential_restitution, -1, 1)
+
+
+def _of_body(name: str, body: Body) -> Iterator[Requirement]:
+    mass = body.mass
+    yield Requirement(mass == mass, StatusCode.NOT_FINITE, f"{name}.mass", "must be a number")
+    yield Requirement(
+        _is_mass(mass), StatusCode.INVALID_MASS, f"{name}.mass", "must be positive, 1/mass finite"
+    )
+    yield _finite(f"{name}.inertia", body.inertia)
+    yield Requirement(
+        _is_inertia(body.inertia) & (body.is_movable() | all_zero(body.inertia)),
+        StatusCode.INVALID_INERTIA,
+        f"{name}.inertia",
+        "must be positive semi-definite, no principal moment greater than the sum of the others, and 0 if "
+        "the body is immovable",
+    )
+    for field in ("position", "velocity", "angular_velocity", "com"):
+        yield _finite(f"{name}.{field}", getattr(body, field))
+    q = body.orientation
+    if q is not None:
+        yield _finite(f"{name}.orientation", q)
+        yield Requirement(
+            negation(all_zero(q)), StatusCode.INVALID_ORIENTATION, f"{name}.orientation", "must not be 0"
+        )
+
+
+def is_off_unit(body: Body) -> Condition:
+    """Whether a quaternion is so far from unit length that its normalising is reported."""
+    if body.orientation is None:
+        return False
+    return abs(body.orientation.squared_length() - 1) > UNIT_LENGTH_TOLERANCE
+
+
+def _is_mass(mass: Scalar) -> Condition:
+    return choose(mass > 0, lambda: 1 / mass < math.inf, lambda: mass > 0)
+
+
+def _is_inertia(inertia: Symmetric3) -> Condition:
+    """Whether a real body can have this tensor.
+
+    It can if the second moments of its mass, ``S = tr(I)/2 1 - I``, are positive semi-definite: that
+    is the triangle inequality of the principal moments, and makes ``I`` positive semi-definite too.
+    Rounding of the components is forgiven, nothing more. The tensor is brought into the middle of the
+    range of numbers first.
+    """
+    size = inertia.trace()
+    grow = choose(size < 2.0**-900, lambda: 2.0**150, lambda: 1.0)
+    scale = choose(size < 2.0**1000, lambda: grow, lambda: 2.0**-10)
+    moments = (inertia.xx >= 0) & (inertia.yy >= 0) & (inertia.zz >= 0)
+    scaled = Symmetric3(*(component * scale for component in inertia))
+    return (moments & _has_second_moments(scaled)) | all_zero(inertia)
+
+
+def _has_second_moments(inertia: Symmetric3) -> Condition:
+    xx, xy, xz, yy, yz, zz = inertia
+    forgiven = (xx / 2 + yy / 2 + zz / 2) * (1 + 2 * ROUNDINGS * given_roundoff(xx))
+    s_xx, s_yy, s_zz = forgiven - xx, forgiven - yy, forgiven - zz
+    positive = (s_xx > 0) & (s_yy > 0) & (s_zz > 0)
+    d_x = choose(positive, lambda: s_xx, lambda: s_xx * 0 + 1)
+    l_yx, l_zx = -xy / d_x, -xz / d_x
+    left = s_yy + l_yx * xy
+    d_y = choose(left > 0, lambda: left, lambda: left * 0 + 1)
+    w = -yz + l_zx * xy
+    d_z = s_zz + l_zx * xz - w / d_y * w
+    return positive & (left > 0) & (d_z > 0)
+
+
+def _is_plainly_inertia(inertia: Symmetric3) -> Condition:
+    """Whether the second moments are positive definite beyond all rounding, by their minors."""
+    xx, xy, xz, yy, yz, zz = inertia
+    h = (xx + yy + zz) / 2
+    s_xx, s_yy, s_zz = h - xx, h - yy, h - zz
+    minor = s_xx * s_yy - xy * xy
+    det = s_zz * minor - (s_yy * (xz * xz) + s_xx * (yz * yz) + 2 * (xy * xz * yz))
+    least = CLEARANCE * h
+    return (s_xx > least) & (minor > least * h) & (det > least * h * h)
+
+
+CLEARANCE = 2.0**-16
+"""Relative size of a second moment that no rounding explains, in float32 either."""
+
+
+def _finite(field: str, numbers: Iterable[Scalar]) -> Requirement:
+    return Requirement(sum(x - x for x in numbers) == 0, StatusCode.NOT_FINITE, field, "must be finite")
+
+
+def _within(field: str, x: Scalar, least: float, most: float) -> Iterator[Requirement]:
+    yield _finite(field, (x,))
+    limits = f"at least {least}" if most == math.inf else f"in [{least}, {most}]"
+    yield Requirement((x >= least) & (x <= most), StatusCode.INVALID_COEFFICIENT, field, f"must be {limits}")
+
+
+def is_plainly_sound(
+    body_a: Body, body_b: Body, contact: Contact, tangential_restitution: Scalar
+) -> Condition:
+    """Whether a request is sound and usual: half the work. One that is not may be sound all the same."""
+    e, mu, e_t = contact.restitution, contact.friction, tangential_restitution
+    numbers: list[Scalar] = [*contact.position, *contact.normal, mu]
+    conditions = [e >= 0, e <= 1, mu >= 0, e_t >= -1, e_t <= 1, contact.normal.dot(contact.normal) > 0]
+    conditions.append(body_a.is_movable() | body_b.is_movable())
+    for body in (body_a, body_b):
+        numbers += [*body.inertia, *body.position, *body.velocity, *body.angular_velocity, *body.com]
+        conditions += [_is_mass(body.mass), _is_plainly_inertia(body.inertia) | all_zero(body.inertia)]
+        conditions.append(body.is_movable() | all_zero(body.inertia))
+        if body.orientation is not None:
+            numbers += body.orientation
+            conditions.append(body.orientation.squared_length() > 0)
+    total = sum(numbers)  # not a number, or infinite, if any is
+    return all_of([*conditions, total - total == 0])
+
+
+def fault(*request: Any) -> Scalar:
+    """The code of the first requirement that does not hold, or 0."""
+    code: Scalar = 0.0
+    for requirement in reversed(list(requirements(*request))):
+        code = _or_else(requirement, code)
+    return code
+
+
+def _or_else(requirement: Requirement, code: Scalar) -> Scalar:
+    return choose(requirement.holds, lambda: code, lambda: 1.0 * requirement.code)
+
+
+def check(body_a: Body, body_b: Body, contact: Contact, tangential_restitution: float) -> None:
+    """Accept a request of plain floats, or say what is wrong with it.
+
+    Raises:
+        ImpactError: with the code, the field and its value.
+    """
+    request = body_a, body_b, contact, tangential_restitution
+    for requirement in requirements(*request):
+        if not requirement.holds:
+            reason = f"{requirement.must}; is {_value(requirement.field, *request)}"
+            raise ImpactError(requirement.code, requirement.field, reason)
+
+
+def _value(field: str, body_a: Body, body_b: Body, contact: Contact, e_t: float) -> str:
+    owner, _, name = field.partition(".")
+    if not name:
+        return "immovable, as is the other body"
+    owners = {"body_a": body_a, "body_b": body_b, "contact": contact}
+    value = getattr(owners[owner], name) if owner in owners else e_t
+    return str(tuple(value)) if isinstance(value, tuple) else str(value)
