@@ -19,8 +19,8 @@ help:
 	@echo 'make demo       collisions, answered by the node'
 	@echo "make test       the tests; make test ARGS='-k energy' some of them"
 	@echo 'make lint       ruff and mypy'
-	@echo 'make bench      times against peers and limits, into docs/trade-off.md: some five minutes'
-	@echo 'make stability  the measurements of docs/stability.md, anew: some ten minutes'
+	@echo 'make bench      times against peers and limits, and stability: some ten minutes'
+	@echo 'make stability  the measurements of docs/stability.md alone: some eight minutes'
 	@echo 'make colcon     a colcon build of this tree, and a call of the node it installs'
 	@echo 'make clean      remove all that these made'
 
@@ -44,7 +44,7 @@ stability: .bench-venv
 	@.bench-venv/bin/python -I benchmarks/stability.py
 
 .bench-venv:
-	@$(PYTHON) tools/setup_venv.py .bench-venv bench,plots,test benchmarks/requirements.txt
+	@$(PYTHON) tools/setup_venv.py .bench-venv plots,test benchmarks/requirements.txt
 
 colcon: .colcon-venv
 	@PATH="$(CURDIR)/.colcon-venv/bin:$$PATH"; \
@@ -57,5 +57,5 @@ colcon: .colcon-venv
 	@$(PYTHON) tools/setup_venv.py .colcon-venv
 
 clean:
-	rm -rf .venv .bench-venv .colcon-venv build install log .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .bench-venv .colcon-venv .kernels build install log .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +

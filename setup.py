@@ -40,6 +40,7 @@ def build_and_stage() -> None:
         f"-DCMAKE_PROJECT_INCLUDE={SOURCE / 'cmake' / 'ros_wheels.cmake'}",
         f"-DPython3_EXECUTABLE={sys.executable}",
         "-DPYTHON_INSTALL_DIR=python",
+        f"-DWITH_KERNELS={os.environ.get('COLLISION_RESPONSE_KERNELS', 'ON')}",
     )
     cmake("--build", binaries)
     cmake("--install", binaries)

@@ -22,6 +22,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "collision_response"
 BUILD_INPUTS = ["CMakeLists.txt", "cmake", "msg", "package.xml", "scripts", "setup.py", "srv"]
+KERNELS = PACKAGE / "kernels"
 COLCON = ["colcon-common-extensions", "ros-ament-cmake-pytest", "ros-domain-coordinator"]
 
 
@@ -120,11 +121,60 @@ def needs(environment):
     return digest(requirements, sys.version, environment.base_python, str(ROOT), Path(__file__).resolve())
 
 
+class Kernels:
+    """The compiled kernels, built beside the package: an edited formula compiles what it needs and no more.
+
+    Environments of one Python share them.
+    """
+
+    def __init__(self, environment):
+        self.environment = environment
+        self.path = ROOT / ".kernels" / sys.implementation.cache_tag
+        self.log = ROOT / ".kernels" / "build.log"
+        self.tools = {name: environment.path / "bin" / name for name in ("cmake", "ninja")}
+
+    def start(self):
+        """Begin to build what is not up to date."""
+        cache = self.path / "CMakeCache.txt"
+        if not cache.exists() or str(self.tools["ninja"]) not in cache.read_text():
+            shutil.rmtree(str(self.path), ignore_errors=True)
+            self.path.mkdir(parents=True)
+        script = '"$3" -C "$2"'
+        if not (self.path / "build.ninja").exists():
+            configure = '"$0" -G Ninja -S "$1" -B "$2" -DCMAKE_MAKE_PROGRAM="$3" -DPython3_EXECUTABLE="$4"'
+            script = f"{configure} && {script}"
+        arguments = [self.tools["cmake"], KERNELS, self.path, self.tools["ninja"], self.environment.python]
+        return subprocess.Popen(
+            ["sh", "-c", script, *map(str, arguments)],
+            stdin=subprocess.DEVNULL,
+            stdout=self.log.open("w"),
+            stderr=subprocess.STDOUT,
+        )
+
+    def wait(self, build):
+        """The compiled module, once it is there."""
+        started = time.monotonic()
+        if build.wait():
+            print(f"{self.log.read_text()}\n==> the kernels could not be built, output above.")
+            sys.exit(1)
+        seconds = time.monotonic() - started
+        if seconds > 2:
+            print(
+                f"==> {self.environment.path.name}: the kernels ... done in {seconds:.0f} s more", flush=True
+            )
+        return next(self.path.glob("_compiled*.so"))
+
+
 def install_package(name, extras):
-    environment = Environment(name)
+    environment, kernels = Environment(name), Kernels(Environment(name))
+    os.environ["COLLISION_RESPONSE_KERNELS"] = "OFF"  # of the pip build: they are built here
     needed, built = digest(needs(environment), extras), digest(*(ROOT / name for name in BUILD_INPUTS))
-    if not environment.is_current("needs.stamp", needed):
+    is_new = not environment.is_current("needs.stamp", needed)
+    if is_new:
         environment.create()
+        environment.pip_install("cmake and ninja", "cmake", "ninja")
+    build = kernels.start()
+    if is_new:
         environment.pip_install("the package and all it needs (2 min)", f".[{extras}]")
         (environment.path / "needs.stamp").write_text(needed)
         (environment.path / "build.stamp").write_text(built)
@@ -132,7 +182,8 @@ def install_package(name, extras):
         (environment.path / "build.stamp").unlink(missing_ok=True)  # an interruption must not go unnoticed
         environment.pip_install("the package anew (1 min)", "--no-deps", "--force-reinstall", ".")
         (environment.path / "build.stamp").write_text(built)
-    link_python(next(environment.path.glob("lib/python*/site-packages/collision_response")))
+    compiled = kernels.wait(build)
+    link_python(next(environment.path.glob("lib/python*/site-packages/collision_response")), compiled)
     return environment
 
 
@@ -150,13 +201,14 @@ def install_optional(environment, requirements):
             stamp.write_text("\n".join(sorted(installed)))
 
 
-def link_python(installed):
+def link_python(installed, compiled):
     """Make every installed module a link to that in the tree, as colcon --symlink-install does."""
     sources = {
         path.relative_to(PACKAGE): path
         for path in PACKAGE.rglob("*")
-        if path.is_file() and "__pycache__" not in path.parts
+        if path.suffix in (".py", ".typed") and "__pycache__" not in path.parts
     }
+    sources[Path("kernels", compiled.name)] = compiled
     for path in sorted(installed.rglob("*"), reverse=True):
         relative = path.relative_to(installed)
         if relative.parts[0] in ("msg", "srv") or "collision_response_s" in path.name:

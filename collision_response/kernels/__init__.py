@@ -1,0 +1,1 @@
+"""The formulas as machine code: written down on a tape, emitted as C++, compiled by the build."""

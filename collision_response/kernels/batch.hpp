@@ -1,0 +1,119 @@
+// Many impacts: columns of tables, some at a time in the lanes of vectors.
+#pragma once
+#include "answer_bound.hpp"
+#include "numbers.hpp"
+#include "sizes.hpp"
+
+enum { ROWS = 2 * ROWS_OF_BODY + ROWS_OF_CONTACT + ROWS_OF_MODEL };
+
+// Where the numbers of a batch are. All are float or all double.
+struct Batch {
+  const void* row[ROWS];  // in the order of the layout
+  bool one_for_all[ROWS];
+  void* velocity[3][2];  // null: not wanted
+  void* angular_velocity[3][2];
+  void* impulse[3];
+  void* error_bound;
+  unsigned char* status;
+};
+using BatchKernel = void (*)(const Batch& batch, long from, long to);
+
+template <class T> INLINE T load(const Lane<T>* from) {
+  T x;
+  std::memcpy(&x, from, sizeof x);
+  return x;
+}
+template <class T> INLINE void store(void* row, long at, T x) {
+  if (row) std::memcpy(static_cast<Lane<T>*>(row) + at, &x, sizeof x);
+}
+
+// The code of what is wrong with each, 0 if nothing is. Most are plainly sound.
+template <class T, class Validity, class Plainly>
+INLINE T fault_of(const T* x, Validity validity, Plainly plainly_sound) {
+  Mask<T> sound;
+  plainly_sound(x, nullptr, nullptr, &sound);
+  if (!any(negation(sound))) return T{};
+  T fault;
+  Mask<T> shapes[5];
+  validity(x, nullptr, &fault, shapes);
+  return fault;
+}
+
+// What becomes of `lanes` columns from `at` on.
+//   impact, validity   the traced programs
+//   counts             of the layout: inputs, places of masses and moments among them
+template <class N, class Layout, class Impact, class Validity, class Plainly>
+static __attribute__((noinline)) void some_impacts(Impact impact, Validity validity, Plainly plainly_sound, const Batch& batch, long at) {
+  using T = Base<N>;
+  T x[Layout::inputs];
+  for (int i = 0; i < Layout::inputs; ++i) {
+    auto row = static_cast<const Lane<T>*>(batch.row[i]);
+    bool fixed = i < Layout::given ? false : batch.one_for_all[i];
+    if constexpr (Layout::any_may_be_one_for_all) fixed = batch.one_for_all[i];
+    x[i] = fixed ? T{} + *row : load<T>(row + at);
+  }
+  N in[Layout::inputs], changes[15];
+  for (int i = 0; i < Layout::inputs; ++i) in[i] = Make<N>::read(x[i], T{});
+  T fault = fault_of(x, validity, plainly_sound);
+  Report<N> reported[23];
+  Mask<T> flags[FLAGS];
+  impact(in, changes, reported, flags);
+
+  T sum{};
+  for (int i = 0; i < 12; ++i) sum += reported[i] - reported[i];
+  for (int i = 0; i < 3; ++i) sum += high(changes[i]) - high(changes[i]);
+  T status = choose<T>(flags[FLAG_SEPARATING], spread<T>(2), spread<T>(1));
+  status = choose<T>(flags[FLAG_UNPHYSICAL], spread<T>(100), status);
+  status = choose<T>(flags[FLAG_UNFINISHED], spread<T>(18), status);
+  status = choose<T>(sum == 0, status, spread<T>(16));
+  status = choose<T>(fault == 0, status, fault);
+  Mask<T> answered = status <= 2;
+  T none = spread<T>(__builtin_nan(""));
+  for (int k = 0; k < 3; ++k) {
+    for (int side = 0; side < 2; ++side) {
+      store<T>(batch.velocity[k][side], at, choose<T>(answered, reported[6 * side + k], none));
+      store<T>(batch.angular_velocity[k][side], at, choose<T>(answered, reported[6 * side + 3 + k], none));
+    }
+    store<T>(batch.impulse[k], at, choose<T>(answered, high(changes[k]), none));
+  }
+  if constexpr (!std::is_same_v<N, T>) {
+    T mass[2] = {x[0], x[Layout::body]}, trace[2];
+    for (int side = 0; side < 2; ++side) trace[side] = Layout::trace(x + side * Layout::body);
+    store<T>(batch.error_bound, at, choose<T>(answered, error_bound<N>(changes, mass, trace), none));
+  }
+  for (std::size_t lane = 0; lane < lanes<T>; ++lane) {
+    if constexpr (is_scalar<T>) batch.status[at] = static_cast<unsigned char>(status);
+    else batch.status[at + lane] = static_cast<unsigned char>(status[lane]);
+  }
+}
+
+// All columns from `from` to `to`: the last ones together with some before them; a few by themselves.
+template <class N, class Layout, class Impact, class Validity, class Plainly>
+INLINE void all_impacts(Impact impact, Validity validity, Plainly plainly_sound, const Batch& batch, long from, long to) {
+  using T = Base<N>;
+  constexpr long width = lanes<T>;
+  if (to - from >= width) {
+    for (long at = from; at < to; at += width)
+      some_impacts<N, Layout>(impact, validity, plainly_sound, batch, at + width <= to ? at : to - width);
+    return;
+  }
+  Lane<T> given[Layout::inputs][width], results[16][width];
+  unsigned char status[width];
+  Batch few = batch;
+  for (int i = 0; i < Layout::inputs; ++i) {
+    for (long k = 0; k < width; ++k) {
+      long at = from + (k < to - from ? k : 0);
+      given[i][k] = static_cast<const Lane<T>*>(batch.row[i])[batch.one_for_all[i] ? 0 : at];
+    }
+    few.row[i] = given[i];
+    few.one_for_all[i] = false;
+  }
+  void** wanted = &few.velocity[0][0];  // 12 rows of velocities, 3 of the impulse, the bound
+  void* const* there = &batch.velocity[0][0];
+  for (int i = 0; i < 16; ++i) wanted[i] = there[i] ? results[i] : nullptr;
+  few.status = status;
+  some_impacts<N, Layout>(impact, validity, plainly_sound, few, 0);
+  for (int i = 0; i < 16; ++i)
+    for (long k = 0; there[i] && k < to - from; ++k) static_cast<Lane<T>*>(there[i])[from + k] = results[i][k];
+  for (long k = 0; k < to - from; ++k) batch.status[from + k] = status[k];
+}

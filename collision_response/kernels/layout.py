@@ -1,0 +1,142 @@
+"""Which numbers a kernel reads. What a layout leaves out is 0, and the formulas shrink by it."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Any, NamedTuple
+
+from ..physics.body import Body
+from ..physics.contact import Contact
+from ..physics.orientation import Quaternion
+from ..physics.tensor import ZERO_TENSOR, Symmetric3
+from ..physics.vector import ZERO, Vec3
+from .symbol import Symbol, Tape
+
+
+class Layout(Enum):
+    """The kinds of tables that batches have, and what one impact reads.
+
+    The value says, for a body and then for a contact, what there is of each field.
+    """
+
+    POINT = ("mass velocity=xyz", "normal=xyz")
+    PLANAR = ("mass inertia=zz position=xy velocity=xy angular_velocity=z", "position=xy normal=xy")
+    SPATIAL = (
+        "mass inertia=all position=xyz velocity=xyz angular_velocity=xyz",
+        "position=xyz normal=xyz",
+    )
+    SPATIAL_ORIENTED = (
+        "mass inertia=all position=xyz velocity=xyz angular_velocity=xyz orientation=xyzw",
+        "position=xyz normal=xyz",
+    )
+    EVERYTHING = (
+        "mass inertia=all position=xyz orientation=xyzw velocity=xyz angular_velocity=xyz com=xyz",
+        "position=xyz normal=xyz",
+    )
+
+    def fields(self, part: int) -> dict[str, list[str]]:
+        """For the body (0) or the contact (1): its fields, and the components of each."""
+        all_components = {"all": list(Symmetric3._fields), "zz": ["zz"], "": [""]}
+        fields = (text.partition("=") for text in self.value[part].split())
+        return {name: all_components.get(axes) or list(axes) for name, _, axes in fields}
+
+
+class Request(NamedTuple):
+    """What a kernel is given, as symbols.
+
+    Attributes:
+        names: of its inputs, in their order: those of body_a, of body_b, of the contact, of the model.
+        body_a, body_b, contact: of symbols, and of the 0s that the layout leaves out.
+        tangential_restitution, restitution_threshold, tolerance: of the model.
+    """
+
+    names: list[str]
+    body_a: Body
+    body_b: Body
+    contact: Contact
+    tangential_restitution: Symbol
+    restitution_threshold: Symbol
+    tolerance: Symbol
+
+
+MODEL = ("tangential_restitution", "restitution_threshold", "tolerance")
+
+
+def names_of_body(layout: Layout) -> list[str]:
+    """The numbers of one body, in order."""
+    return [f"{name}.{axis}" for name, axes in layout.fields(0).items() for axis in axes]
+
+
+def names_of_contact(layout: Layout) -> list[str]:
+    """The numbers of a contact, in order."""
+    names = [f"{name}.{axis}" for name, axes in layout.fields(1).items() for axis in axes]
+    return [*names, "restitution.", "friction."]
+
+
+def request(layout: Layout, tape: Tape) -> Request:
+    """The request of a layout, on a tape."""
+    names = [f"{body}.{name}" for body in ("body_a", "body_b") for name in names_of_body(layout)]
+    names += [f"contact.{name}" for name in names_of_contact(layout)] + [f"model.{name}" for name in MODEL]
+    symbols = {name: tape.input(name) for name in names}
+
+    def read(owner: str, field: str, axes: str | tuple[str, ...]) -> list[Any]:
+        return [symbols.get(f"{owner}.{field}.{axis}", 0.0) for axis in axes]
+
+    def vector(owner: str, field: str) -> Vec3:
+        return Vec3(*read(owner, field, "xyz"))
+
+    def body(owner: str) -> Body:
+        has = layout.fields(0)
+        inertia = Symmetric3(*read(owner, "inertia", Symmetric3._fields)) if "inertia" in has else ZERO_TENSOR
+        if has.get("inertia") == ["zz"]:  # only that matters
+            inertia = inertia._replace(xx=inertia.zz, yy=inertia.zz)
+        return Body(
+            symbols[f"{owner}.mass."],
+            inertia,
+            vector(owner, "position"),
+            Quaternion(*read(owner, "orientation", "xyzw")) if "orientation" in has else None,
+            vector(owner, "velocity"),
+            vector(owner, "angular_velocity"),
+            vector(owner, "com") if "com" in has else ZERO,
+        )
+
+    contact = Contact(
+        vector("contact", "position"),
+        vector("contact", "normal"),
+        symbols["contact.restitution."],
+        symbols["contact.friction."],
+    )
+    model = (symbols[f"model.{name}"] for name in MODEL)
+    return Request(names, body("body_a"), body("body_b"), contact, *model)
+
+
+DIMENSIONS = {
+    "mass": (1, 0, 0),
+    "inertia": (1, 2, 0),
+    "position": (0, 1, 0),
+    "com": (0, 1, 0),
+    "velocity": (0, 1, -1),
+    "angular_velocity": (0, 0, -1),
+    "restitution_threshold": (0, 1, -1),
+    "impulse": (1, 1, -1),
+    "linear": (0, 1, -1),
+    "angular": (0, 0, -1),
+    "normal_impulse": (1, 1, -1),
+    "tangential_impulse": (1, 1, -1),
+    "normal_velocity_before": (0, 1, -1),
+    "normal_velocity_after": (0, 1, -1),
+    "effective_mass": (1, 0, 0),
+    "kinetic_energy_before": (1, 2, -2),
+    "kinetic_energy_after": (1, 2, -2),
+    "energy_lost_restitution": (1, 2, -2),
+    "energy_lost_friction": (1, 2, -2),
+}
+"""Exponents of mass, length and time. What is not here has none."""
+
+
+def units(name: str) -> tuple[int, int, int, int, int, int]:
+    """Exponents of mass, length, time, and of the lengths of the two quaternions and of the normal."""
+    owner, field, *_ = [*name.split("."), ""]
+    own = {("body_a", "orientation"): (1, 0, 0), ("body_b", "orientation"): (0, 1, 0)}
+    own[("contact", "normal")] = (0, 0, 1)
+    return (*DIMENSIONS.get(field, (0, 0, 0)), *own.get((owner, field), (0, 0, 0)))

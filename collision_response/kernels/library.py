@@ -1,0 +1,59 @@
+"""The compiled kernels, told of the Python types that they take and give."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+from ..answer import Impact
+from ..model import Adjustment, decided, plan
+from ..physics.body import Twist
+from ..physics.contact import Contact
+from ..physics.laws import Regime
+from ..physics.vector import Vec3
+from ..status import ImpactError, StatusCode
+from . import _compiled  # type: ignore[attr-defined]  # made by the build
+
+_REFUSALS = {
+    StatusCode.OUT_OF_RANGE: ("result", "a number of the answer is beyond float64"),
+    StatusCode.PATH_TOO_LONG: ("contact", "the path of the impulse did not end within its budget of steps"),
+    StatusCode.INTERNAL_ERROR: (
+        "result",
+        "breaks a law of mechanics: a fault of this package, please report it",
+    ),
+}
+
+
+def refusal(code: int) -> ImpactError:
+    """Why there is no answer to a sound request."""
+    status = StatusCode(code)
+    return ImpactError(status, *_REFUSALS[status])
+
+
+_statuses = {int(status): status for status in StatusCode}
+_regimes = {int(regime): regime for regime in Regime}
+_compiled.setup(
+    Impact,
+    Twist,
+    Vec3,
+    Contact,
+    tuple(_statuses.get(i) for i in range(max(_statuses) + 1)),
+    tuple(_regimes.get(i) for i in range(max(_regimes) + 1)),
+    tuple(Adjustment(i) for i in range(16)),
+    plan,
+    decided,
+    refusal,
+)
+
+resolve = _compiled.resolve
+numbers = _compiled.numbers
+batch = _compiled.batch
+allow_long_vectors = _compiled.allow_long_vectors
+
+
+class Number(IntEnum):
+    """The number types that batches are computed in."""
+
+    PLAIN = 0
+    FLOAT = 1
+    BOUNDED = 2
+    EXTENDED = 3

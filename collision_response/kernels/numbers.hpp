@@ -1,0 +1,274 @@
+// The number types that a traced formula may run on. A base T is double, float, or a vector of one of them.
+//
+//   T                  rounds as IEEE 754 says
+//   DoubleDouble<T>    some 32 digits: an unevaluated sum of two
+//   Bounded<N>         N, and a bound on the error that it has gathered so far
+//
+// Running error: every operation adds what it rounds, and passes on what its operands carry (Wilkinson;
+// Higham, Accuracy and Stability of Numerical Algorithms, 2002, section 3.3). A comparison of two numbers
+// that are nearer to each other than their errors is undecided; a choice by it gives either branch, with an
+// error that covers the other.
+//
+// The same bits everywhere: no contraction, no fast-math; of NaN only that it is one.
+#pragma once
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
+#ifdef __AVX2__
+#include <immintrin.h>
+#endif
+
+#ifndef GIVEN_ROUNDOFF  // of the floats that the numbers were given in
+#define GIVEN_ROUNDOFF 0x1p-53
+#endif
+#define INLINE static inline __attribute__((always_inline))
+#ifdef OUT_OF_LINE  // long operations as calls: compiles in a third of the time, runs a little slower
+#define LONG static __attribute__((noinline))
+#else
+#define LONG INLINE
+#endif
+
+// --- Bases -------------------------------------------------------------------------------------------
+
+template <class T, class = void>
+struct LaneOf { using type = T; };
+template <class T>
+struct LaneOf<T, std::enable_if_t<!std::is_arithmetic_v<T>, std::void_t<decltype(T{}[0])>>> {
+  using type = std::remove_cv_t<std::remove_reference_t<decltype(T{}[0])>>;
+};
+template <class T> using Lane = typename LaneOf<T>::type;  // the float or double in a base
+template <class T> constexpr std::size_t lanes = sizeof(T) / sizeof(Lane<T>);
+template <class T> constexpr bool is_scalar = std::is_arithmetic_v<T>;
+
+template <class T> constexpr bool is_vector = !is_scalar<T> && !std::is_class_v<T>;
+template <class T, class = void>
+struct MaskOf {};
+template <class T>
+struct MaskOf<T, std::enable_if_t<is_scalar<T>>> { using type = bool; };
+template <class T>
+struct MaskOf<T, std::enable_if_t<is_vector<T>>> { using type = decltype(T{} < T{}); };
+template <class T> using Mask = typename MaskOf<T>::type;  // the result of comparing bases
+
+template <class T> INLINE T spread(double x) { return T{} + static_cast<Lane<T>>(x); }
+template <class T> INLINE Mask<T> spread_truth(bool x) { return x ? Mask<T>(T{} == T{}) : Mask<T>(T{} != T{}); }
+
+INLINE bool negation(bool m) { return !m; }
+template <class M, class = std::enable_if_t<is_vector<M>>> INLINE M negation(M m) { return ~m; }
+INLINE bool any(bool m) { return m; }
+template <class M, class = std::enable_if_t<is_vector<M>>> INLINE bool any(M m) {
+  for (std::size_t i = 0; i < lanes<M>; ++i)
+    if (m[i]) return true;
+  return false;
+}
+
+template <class T> INLINE T magnitude(T x) {
+  if constexpr (is_scalar<T>) return std::fabs(x);
+  else return (T)((Mask<T>)x & ~(Mask<T>)(-T{}));  // all bits but the sign
+}
+template <class T> INLINE T root_of_base(T x) {
+  if constexpr (is_scalar<T>) return std::sqrt(x);
+#ifdef __AVX2__
+  else if constexpr (std::is_same_v<Lane<T>, double>) return (T)_mm256_sqrt_pd((__m256d)x);
+  else return (T)_mm256_sqrt_ps((__m256)x);
+#endif
+}
+template <class T> INLINE T fused(T a, T b, T c) {  // a b + c, rounded once
+  if constexpr (is_scalar<T>) return std::fma(a, b, c);
+#ifdef __AVX2__
+  else return (T)_mm256_fmadd_pd((__m256d)a, (__m256d)b, (__m256d)c);
+#endif
+}
+template <class T> INLINE T lesser(T a, T b) { return a < b ? a : b; }
+
+// What reads alike on every number type: arithmetic, root, less, less_equal, equal, choose, constant, truth.
+#define BASE template <class T, class = std::enable_if_t<!std::is_class_v<T>>> INLINE
+BASE T root(T x) { return root_of_base(x); }
+BASE Mask<T> less(T a, T b) { return a < b; }
+BASE Mask<T> less_equal(T a, T b) { return a <= b; }
+BASE Mask<T> equal(T a, T b) { return a == b; }
+template <class T> INLINE T choose(Mask<T> m, T a, T b) { return m ? a : b; }
+INLINE bool choose(bool m, bool a, bool b) { return m ? a : b; }
+BASE T high(T x) { return x; }  // the number to the precision of the base
+BASE T error_of(T) { return T{}; }
+BASE T widened(T x, T) { return x; }
+BASE T value(T x) { return x; }
+BASE T report(T x) { return x; }
+INLINE bool decided(bool m) { return m; }
+INLINE bool certainly(bool) { return false; }  // without errors nothing is known to be certain
+template <class M, class = std::enable_if_t<is_vector<M>>> INLINE M decided(M m) { return m; }
+template <class M, class = std::enable_if_t<is_vector<M>>> INLINE M certainly(M) { return M{}; }
+
+// --- DoubleDouble ------------------------------------------------------------------------------------
+// Dekker 1971; Hida, Li & Bailey 2001. Every operation is right to 2^-102, short of under- and overflow.
+
+template <class T>
+struct DoubleDouble { T h, l; };
+
+template <class T> INLINE DoubleDouble<T> quick_sum(T a, T b) { T s = a + b; return {s, b - (s - a)}; }
+template <class T> INLINE DoubleDouble<T> exact_sum(T a, T b) {
+  T s = a + b, c = s - a;
+  return {s, (a - (s - c)) + (b - c)};
+}
+template <class T> INLINE DoubleDouble<T> exact_product(T a, T b) { T p = a * b; return {p, fused(a, b, -p)}; }
+
+template <class T> LONG DoubleDouble<T> operator+(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+  DoubleDouble<T> s = exact_sum(a.h, b.h), t = exact_sum(a.l, b.l);
+  s = quick_sum(s.h, s.l + t.h);
+  return quick_sum(s.h, s.l + t.l);
+}
+template <class T> INLINE DoubleDouble<T> operator-(const DoubleDouble<T>& a) { return {-a.h, -a.l}; }
+template <class T> INLINE DoubleDouble<T> operator-(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return a + (-b); }
+template <class T> LONG DoubleDouble<T> operator*(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+  DoubleDouble<T> p = exact_product(a.h, b.h);
+  return quick_sum(p.h, p.l + (a.h * b.l + a.l * b.h));
+}
+template <class T> LONG DoubleDouble<T> operator/(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+  T q = a.h / b.h;
+  DoubleDouble<T> p = exact_product(q, b.h);
+  p = quick_sum(p.h, q * b.l + p.l);
+  return quick_sum(q, ((a.h - p.h) + (a.l - p.l)) / b.h);
+}
+template <class T> LONG DoubleDouble<T> root(const DoubleDouble<T>& a) {
+  T s = root_of_base(a.h);
+  DoubleDouble<T> p = exact_product(s, s);
+  T rest = (((a.h - p.h) - p.l) + a.l) / (s + s);
+  return quick_sum(s, choose<T>(s == 0, T{}, rest));
+}
+template <class T> INLINE Mask<T> less(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+  return (a.h < b.h) | ((a.h == b.h) & (a.l < b.l));
+}
+template <class T> INLINE Mask<T> less_equal(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+  return (a.h < b.h) | ((a.h == b.h) & (a.l <= b.l));
+}
+template <class T> INLINE Mask<T> equal(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return (a.h == b.h) & (a.l == b.l); }
+template <class T> INLINE DoubleDouble<T> choose(Mask<T> m, const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+  return {choose<T>(m, a.h, b.h), choose<T>(m, a.l, b.l)};
+}
+template <class T> INLINE T high(const DoubleDouble<T>& a) { return a.h; }
+template <class T> INLINE DoubleDouble<T> value(const DoubleDouble<T>& a) { return a; }
+template <class T> INLINE T report(const DoubleDouble<T>& a) { return a.h; }
+template <class T> INLINE T error_of(DoubleDouble<T>) { return T{}; }
+template <class T> INLINE DoubleDouble<T> widened(const DoubleDouble<T>& x, DoubleDouble<T>) { return x; }
+
+// --- Traits ------------------------------------------------------------------------------------------
+
+template <class N> struct Bounded;
+template <class N> struct Traits {  // of a base
+  using Base = N; using Value = N; using Report = N;
+  static constexpr double roundoff = sizeof(Lane<N>) == 8 ? 0x1p-53 : 0x1p-24;
+};
+template <class T> struct Traits<DoubleDouble<T>> {
+  using Base = T; using Value = DoubleDouble<T>; using Report = T;
+  static constexpr double roundoff = 0x1p-102;
+};
+template <class N> struct Traits<Bounded<N>> {
+  using Base = typename Traits<N>::Base; using Value = N; using Report = typename Traits<N>::Report;
+  static constexpr double roundoff = Traits<N>::roundoff;
+};
+template <class N> using Base = typename Traits<N>::Base;
+template <class N> using Value = typename Traits<N>::Value;
+template <class N> using Report = typename Traits<N>::Report;
+
+// --- Bounded -----------------------------------------------------------------------------------------
+
+template <class N>
+struct Bounded { N value; Base<N> error; };
+template <class T>
+struct Truth { Mask<T> value, sure; };  // Kleene's logic
+
+// What an error may lack for being computed in rounded arithmetic itself.
+template <class T> constexpr double slack = sizeof(Lane<T>) == 8 ? 0x1p-30 : 0x1p-10;
+// More than an operation can lose by underflow.
+template <class T> constexpr double underflow = sizeof(Lane<T>) == 8 ? 0x1p-1060 : 0x1p-138;
+
+template <class N> INLINE Bounded<N> rounded(N x, Base<N> error) {
+  return {x, error + magnitude(high(x)) * spread<Base<N>>(Traits<N>::roundoff)};
+}
+template <class N> LONG Bounded<N> operator+(const Bounded<N>& a, const Bounded<N>& b) { return rounded(a.value + b.value, a.error + b.error); }
+template <class N> LONG Bounded<N> operator-(const Bounded<N>& a, const Bounded<N>& b) { return rounded(a.value - b.value, a.error + b.error); }
+template <class N> INLINE Bounded<N> operator-(const Bounded<N>& a) { return {-a.value, a.error}; }
+template <class N> LONG Bounded<N> operator*(const Bounded<N>& a, const Bounded<N>& b) {
+  using T = Base<N>;
+  T size_a = magnitude(high(a.value)) + a.error, size_b = magnitude(high(b.value));
+  T lost = lesser(size_a, size_b + b.error) > 0 ? spread<T>(underflow<T>) : T{};  // 0 times anything is 0
+  return rounded(a.value * b.value, (size_a * b.error + size_b * a.error) + lost);
+}
+template <class N> LONG Bounded<N> operator/(const Bounded<N>& a, const Bounded<N>& b) {
+  using T = Base<N>;
+  N q = a.value / b.value;
+  T least = magnitude(high(b.value)) - b.error * spread<T>(1 + slack<T>);
+  T lost = magnitude(high(a.value)) + a.error > 0 ? spread<T>(underflow<T>) : T{};
+  // The remainder of a long division may underflow, before it is divided.
+  T rest = std::is_same_v<N, T> ? T{} : lost;
+  T error = (a.error + magnitude(high(q)) * b.error + rest) / least;
+  return rounded(q, choose<T>(least > 0, error + lost, spread<T>(__builtin_inf())));
+}
+template <class N> LONG Bounded<N> root(const Bounded<N>& a) {
+  using T = Base<N>;
+  N s = root(a.value);
+  T error = a.error;
+  if constexpr (!std::is_same_v<N, T>) error += high(a.value) > 0 ? spread<T>(underflow<T>) : T{};
+  T far = error / high(s), near = root_of_base(error);
+  return rounded(s, choose<T>(far < near, far, near));
+}
+template <class N> INLINE Truth<Base<N>> compared(Mask<Base<N>> truth, const Bounded<N>& a, const Bounded<N>& b) {
+  using T = Base<N>;
+  T errors = (a.error + b.error) * spread<T>(1 + slack<T>);
+  return {truth, (Mask<T>)((magnitude(high(a.value - b.value)) > errors) | (errors == 0))};
+}
+template <class N> INLINE Truth<Base<N>> less(const Bounded<N>& a, const Bounded<N>& b) { return compared(less(a.value, b.value), a, b); }
+template <class N> INLINE Truth<Base<N>> less_equal(const Bounded<N>& a, const Bounded<N>& b) { return compared(less_equal(a.value, b.value), a, b); }
+template <class N> INLINE Truth<Base<N>> equal(const Bounded<N>& a, const Bounded<N>& b) { return compared(equal(a.value, b.value), a, b); }
+template <class T> INLINE Truth<T> operator&(const Truth<T>& a, const Truth<T>& b) {
+  return {(Mask<T>)(a.value & b.value),
+          (Mask<T>)((a.sure & b.sure) | (a.sure & negation(a.value)) | (b.sure & negation(b.value)))};
+}
+template <class T> INLINE Truth<T> operator|(const Truth<T>& a, const Truth<T>& b) {
+  return {(Mask<T>)(a.value | b.value), (Mask<T>)((a.sure & b.sure) | (a.sure & a.value) | (b.sure & b.value))};
+}
+template <class T> INLINE Truth<T> negation(const Truth<T>& a) { return {negation(a.value), a.sure}; }
+template <class N> INLINE Bounded<N> choose(const Truth<Base<N>>& c, const Bounded<N>& a, const Bounded<N>& b) {
+  using T = Base<N>;
+  T own = choose<T>(c.value, a.error, b.error), other = choose<T>(c.value, b.error, a.error);
+  T hull = magnitude(high(a.value - b.value)) * spread<T>(1 + slack<T>) + other;
+  return {choose(c.value, a.value, b.value), choose<T>(c.sure, own, choose<T>(hull <= own, own, hull))};
+}
+template <class T> INLINE Truth<T> choose(const Truth<T>& c, const Truth<T>& a, const Truth<T>& b) { return (c & a) | (negation(c) & b) | (a & b); }
+template <class N> INLINE N value(const Bounded<N>& a) { return a.value; }
+template <class N> INLINE Report<N> report(const Bounded<N>& a) { return report(a.value); }
+template <class N> INLINE Base<N> high(const Bounded<N>& a) { return high(a.value); }
+template <class N> INLINE Base<N> error_of(const Bounded<N>& a) { return a.error; }
+template <class N> INLINE Bounded<N> widened(const Bounded<N>& x, N by) { return {x.value, x.error + magnitude(high(by)) * spread<Base<N>>(1 + slack<Base<N>>)}; }
+template <class T> INLINE Mask<T> decided(const Truth<T>& a) { return a.value; }
+template <class T> INLINE Mask<T> certainly(const Truth<T>& a) { return a.value & a.sure; }
+
+// --- Constants, and numbers without an error as numbers with one -------------------------------------
+
+template <class N> struct Make {  // of a base
+  INLINE N constant(double x) { return spread<N>(x); }
+  INLINE Mask<N> truth(bool x) { return spread_truth<N>(x); }
+  INLINE N lifted(N x) { return x; }
+  INLINE N read(Base<N> x, Base<N>) { return x; }
+};
+template <class T> struct Make<DoubleDouble<T>> {
+  INLINE DoubleDouble<T> constant(double x) { return {spread<T>(x), T{}}; }
+  INLINE Mask<T> truth(bool x) { return spread_truth<T>(x); }
+  INLINE DoubleDouble<T> lifted(T x) { return {x, T{}}; }
+  INLINE DoubleDouble<T> lifted(const DoubleDouble<T>& x) { return x; }
+  INLINE DoubleDouble<T> read(T x, T) { return {x, T{}}; }
+};
+template <class N> struct Make<Bounded<N>> {
+  INLINE Bounded<N> constant(double x) {
+    double lost = x - x == 0 ? x - static_cast<double>(static_cast<Lane<Base<N>>>(x)) : 0;
+    return {Make<N>::constant(x), spread<Base<N>>((lost < 0 ? -lost : lost) * (1 + slack<Base<N>>))};
+  }
+  INLINE Truth<Base<N>> truth(bool x) { return {spread_truth<Base<N>>(x), spread_truth<Base<N>>(true)}; }
+  INLINE Bounded<N> lifted(Base<N> x) { return {Make<N>::lifted(x), Base<N>{}}; }
+  INLINE Bounded<N> lifted(const DoubleDouble<Base<N>>& x) { return {x, Base<N>{}}; }
+  INLINE Bounded<N> read(Base<N> x, Base<N> error) { return {Make<N>::read(x, error), error}; }
+};
+template <class N> INLINE N constant(double x) { return Make<N>::constant(x); }
+template <class N> INLINE auto truth(bool x) { return Make<N>::truth(x); }
+template <class N, class X> INLINE N lifted(X x) { return Make<N>::lifted(x); }

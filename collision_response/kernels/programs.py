@@ -1,0 +1,175 @@
+"""What is compiled: the impact by each law, and the conditions under which it may be asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from .. import geometry, validity
+from ..impact import Flags, Report, impact
+from ..physics.laws import LAWS, PATHS, Law
+from .emit import emit
+from .layout import MODEL, Layout, names_of_body, names_of_contact, request, units
+from .symbol import Tape, numbers_in
+
+HEAD = '#pragma once\n#include "numbers.hpp"\n\n'
+
+
+def headers(what: str) -> Iterator[tuple[str, str]]:
+    """Names and texts of the C++ headers of a law (in lower case), of ``validity`` or of ``sizes``."""
+    if what == "sizes":
+        yield "sizes", sizes()
+        return
+    for layout in Layout:
+        text = validity_of(layout) if what == "validity" else impact_by(Law[what.upper()], layout)
+        yield f"{what}_{layout.name.lower()}", HEAD + text
+
+
+def impact_by(law: Law, layout: Layout) -> str:
+    """The impact: the changes with their error, the report without, the flags."""
+    tape = Tape()
+    asked = request(layout, tape)
+    answer = impact(
+        asked.body_a,
+        asked.body_b,
+        asked.contact,
+        law,
+        asked.tangential_restitution,
+        asked.restitution_threshold,
+        asked.tolerance,
+    )
+    *flags, unphysical = (tape.symbol(flag) for flag in answer.flags)
+    return emit(
+        "impact",
+        list(asked.names),
+        map(tape.symbol, numbers_in(answer.changes)),
+        map(tape.symbol, numbers_in(answer.report)),
+        flags,
+        [unphysical],
+    )
+
+
+def validity_of(layout: Layout) -> str:
+    """The code of what is wrong with a request, 0 if nothing is; what it takes of the geometries,
+    and whether a quaternion was not of unit length."""
+    tape = Tape()
+    asked = request(layout, tape)
+    scene = asked.body_a, asked.body_b, asked.contact
+    code = validity.fault(*scene, asked.tangential_restitution)
+    shapes = [
+        geometry.is_point(*scene, frictionless=True),
+        geometry.is_point(*scene, frictionless=False),
+        geometry.is_planar(*scene, frictionless=True),
+        geometry.is_planar(*scene, frictionless=False),
+        validity.is_off_unit(asked.body_a) | validity.is_off_unit(asked.body_b),
+    ]
+    plain = tape.symbol(validity.is_plainly_sound(*scene, asked.tangential_restitution))
+    return (
+        emit("validity", list(asked.names), [], [tape.symbol(code)], map(tape.symbol, shapes))
+        + emit("plainly_sound", list(asked.names), [], [], [plain])
+        + _counts_of(layout)
+    )
+
+
+def _counts_of(layout: Layout) -> str:
+    """What a batch needs to know of a layout, as a C++ type."""
+    body, contact = names_of_body(layout), names_of_contact(layout)
+    moments = [
+        f"x[{body.index(f'inertia.{axes}')}]" for axes in ("xx", "yy", "zz") if f"inertia.{axes}" in body
+    ]
+    if moments and len(moments) < 3:
+        moments *= 3
+    mentioned = " + ".join(moments) or "*x - *x"
+    is_general = layout is Layout.EVERYTHING
+    return (
+        f"\nstruct Layout_{layout.name.lower()} {{\n"
+        f"  static constexpr int body = {len(body)}, inputs = {2 * len(body) + len(contact) + len(MODEL)};\n"
+        f"  static constexpr int given = {2 * len(body) + contact.index('friction.')};\n"
+        f"  static constexpr bool any_may_be_one_for_all = {'true' if is_general else 'false'};\n"
+        f"  template <class T> INLINE T trace(const T* x) {{ return {mentioned}; }}\n"
+        "};\n"
+    )
+
+
+def sizes() -> str:
+    """How many numbers one impact has of each kind, their names and units; and which laws there are."""
+    asked = request(Layout.EVERYTHING, Tape())
+    changes = ["x.impulse"] * 3 + (["x.linear"] * 3 + ["x.angular"] * 3) * 2
+    twists = (["x.linear"] * 3 + ["x.angular"] * 3) * 2
+    reported = twists + [f"x.{field}" for field in Report._fields[2:]]
+
+    def table(name: str, names: list[str]) -> str:
+        rows = ", ".join("{" + ", ".join(map(str, units(one))) + "}" for one in names)
+        return f"static const signed char {name}[{len(names)}][6] = {{{rows}}};\n"
+
+    spelled = ", ".join('"' + name.rstrip(".") + '"' for name in asked.names)
+    numbers = {
+        "INPUTS": len(asked.names),
+        "BODY": len(names_of_body(Layout.EVERYTHING)),
+        "CHANGES": len(changes),
+        "REPORTED": len(reported),
+        "FLAGS": len(Flags._fields),
+    }
+    numbers |= {f"IN_{name.replace('.', '_').upper().rstrip('_')}": i for i, name in enumerate(asked.names)}
+    numbers |= {f"OUT_{field.upper()}": 12 + i for i, field in enumerate(Report._fields[2:])}
+    numbers |= {f"FLAG_{field.upper()}": i for i, field in enumerate(Flags._fields)}
+    numbers |= {f"LAW_{law.name}": int(law) for law in Law}
+    numbers |= {f"LAYOUT_{layout.name}": i for i, layout in enumerate(Layout)}
+    tables = "".join(f"  {_table_of(layout)},\n" for layout in TABLES)
+    listed = "".join(f"  {name} = {value},\n" for name, value in numbers.items())
+    each_law = " ".join(f"X({law.name.lower()}, {int(law)})" for law in LAWS)
+    in_float32 = " ".join(f"X({law.name.lower()}, {int(law)})" for law in LAWS if law not in PATHS)
+    return (
+        f"#pragma once\nenum {{\n{listed}}};\n"
+        f"enum {{ ROWS_OF_BODY = BODY, ROWS_OF_CONTACT = {len(names_of_contact(Layout.EVERYTHING))}, "
+        f"ROWS_OF_MODEL = {len(MODEL)} }};\n"
+        f"#define EACH_LAW(X) {each_law}\n"
+        f"#define EACH_LAW_IN_FLOAT32(X) {in_float32}\n"
+        f"{TABLE}#ifdef WITH_TABLES\n"
+        f"static const char* const input_names[] = {{{spelled}}};\n"
+        f"{table('input_units', list(asked.names))}"
+        f"{table('change_units', changes)}"
+        f"{table('reported_units', reported)}"
+        f"static const Table tables[] = {{\n{tables}}};\n"
+        "#endif\n"
+    )
+
+
+TABLE = """
+// How the general layout finds its rows in the tables of another: their indices, or -1: 0, -2: 1 for all.
+struct Table {
+  int body_rows, contact_rows;  // with friction
+  int axes, first_spin;         // of velocities; the first axis that bodies turn about, 3 if none
+  int body[ROWS_OF_BODY], contact[ROWS_OF_CONTACT];
+};
+"""
+
+TABLES = (Layout.POINT, Layout.PLANAR, Layout.SPATIAL, Layout.SPATIAL_ORIENTED)
+"""The layouts that tables of batches have."""
+
+
+def _table_of(layout: Layout) -> str:
+    """How the general layout finds its rows in tables of this one: see ``Table`` in ``batch.hpp``."""
+
+    def place(name: str, names: list[str]) -> int:
+        if name in names:
+            return names.index(name)
+        if name in ("inertia.xx", "inertia.yy") and "inertia.zz" in names:
+            return names.index("inertia.zz")
+        return ONE if name == "orientation.w" else ZERO
+
+    body, contact = names_of_body(layout), names_of_contact(layout)
+    of_body = [place(name, body) for name in names_of_body(Layout.EVERYTHING)]
+    of_contact = [place(name, contact) for name in names_of_contact(Layout.EVERYTHING)]
+    axes, spins = layout.fields(0)["velocity"], layout.fields(0).get("angular_velocity", [])
+    numbers = [len(body), len(contact), len(axes), 3 - len(spins)]
+    rows = ", ".join("{" + ", ".join(map(str, row)) + "}" for row in (of_body, of_contact))
+    return "{" + ", ".join(map(str, numbers)) + ", " + rows + "}"
+
+
+ZERO, ONE = -1, -2
+"""Rows that a table has not: 0 for all, or 1 for all."""
+
+
+def names_of_laws(*, in_float32: bool = False) -> list[str]:
+    """As the build calls them; perhaps only those that there are batches of float32 for."""
+    return [law.name.lower() for law in LAWS if not (in_float32 and law in PATHS)]

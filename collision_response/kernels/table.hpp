@@ -1,0 +1,104 @@
+// Which kernel computes what: by law, as numbered in Python, and precision or layout.
+#pragma once
+#include "batch.hpp"
+#include "single.hpp"
+
+using Kernel = void (*)(const double* x, const double* error, Numbers* y);
+
+extern "C" void check_request(const double* x, double* fault, bool* shapes);
+
+#define X(law, number)                                                            \
+  extern "C" void impact_##law##_single(const double*, const double*, Numbers*);  \
+  extern "C" void impact_##law##_double(const double*, const double*, Numbers*);  \
+  extern "C" void impact_##law##_extended(const double*, const double*, Numbers*);
+EACH_LAW(X)
+#undef X
+
+// By law and precision.
+static Kernel kernel_of(int law, int precision) {
+#define X(law, number) {number, {impact_##law##_single, impact_##law##_double, impact_##law##_extended}},
+  static const struct { int law; Kernel by_precision[3]; } table[] = {EACH_LAW(X)};
+#undef X
+  for (const auto& row : table)
+    if (row.law == law) return row.by_precision[precision - 2];
+  return nullptr;
+}
+
+enum Number { PLAIN, FLOAT, BOUNDED, LONG_BOUNDED };
+
+#define DECLARE(name) extern "C" void batch_##name(const Batch&, long, long);
+#define X(law, number)                   \
+  DECLARE(law##_everything_plain_base)   \
+  DECLARE(law##_everything_bounded_base) \
+  DECLARE(law##_everything_extended_base)
+EACH_LAW(X)
+#undef X
+#define X(law, number) DECLARE(law##_everything_float_base)
+EACH_LAW_IN_FLOAT32(X)
+#undef X
+#ifdef WITH_AVX2
+#define X(law, number)                       \
+  DECLARE(law##_point_plain_avx2)            \
+  DECLARE(law##_planar_plain_avx2)           \
+  DECLARE(law##_spatial_plain_avx2)          \
+  DECLARE(law##_spatial_oriented_plain_avx2) \
+  DECLARE(law##_everything_bounded_avx2)     \
+  DECLARE(law##_everything_extended_avx2)
+EACH_LAW(X)
+#undef X
+#define X(law, number)              \
+  DECLARE(law##_point_float_avx2)   \
+  DECLARE(law##_planar_float_avx2)  \
+  DECLARE(law##_spatial_float_avx2) \
+  DECLARE(law##_spatial_oriented_float_avx2)
+EACH_LAW_IN_FLOAT32(X)
+#undef X
+#endif
+#undef DECLARE
+
+static bool may_use_long_vectors = true;  // tests compare the levels of the machine
+
+struct BatchRow { int law, layout; Number number; BatchKernel kernel; };
+
+// By law, layout and number; null if that layout has no kernel of its own on this machine.
+static BatchKernel batch_kernel(int law, int layout, int number) {
+  auto find = [=](const auto& table) -> BatchKernel {
+    for (const BatchRow& row : table)
+      if (row.law == law && row.layout == layout && row.number == number) return row.kernel;
+    return nullptr;
+  };
+#ifdef WITH_AVX2
+  static const BatchRow long_vectors[] = {
+#define X(law, number)                                                                    \
+  {number, LAYOUT_POINT, PLAIN, batch_##law##_point_plain_avx2},                          \
+  {number, LAYOUT_PLANAR, PLAIN, batch_##law##_planar_plain_avx2},                        \
+  {number, LAYOUT_SPATIAL, PLAIN, batch_##law##_spatial_plain_avx2},                      \
+  {number, LAYOUT_SPATIAL_ORIENTED, PLAIN, batch_##law##_spatial_oriented_plain_avx2},    \
+  {number, LAYOUT_EVERYTHING, BOUNDED, batch_##law##_everything_bounded_avx2},            \
+  {number, LAYOUT_EVERYTHING, LONG_BOUNDED, batch_##law##_everything_extended_avx2},
+      EACH_LAW(X)
+#undef X
+#define X(law, number)                                                                    \
+  {number, LAYOUT_POINT, FLOAT, batch_##law##_point_float_avx2},                          \
+  {number, LAYOUT_PLANAR, FLOAT, batch_##law##_planar_float_avx2},                        \
+  {number, LAYOUT_SPATIAL, FLOAT, batch_##law##_spatial_float_avx2},                      \
+  {number, LAYOUT_SPATIAL_ORIENTED, FLOAT, batch_##law##_spatial_oriented_float_avx2},
+      EACH_LAW_IN_FLOAT32(X)
+#undef X
+  };
+  static const bool has_long_vectors = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+  if (has_long_vectors && may_use_long_vectors) return find(long_vectors);
+#endif
+  static const BatchRow every_machine[] = {
+#define X(law, number)                                                         \
+  {number, LAYOUT_EVERYTHING, PLAIN, batch_##law##_everything_plain_base},     \
+  {number, LAYOUT_EVERYTHING, BOUNDED, batch_##law##_everything_bounded_base}, \
+  {number, LAYOUT_EVERYTHING, LONG_BOUNDED, batch_##law##_everything_extended_base},
+      EACH_LAW(X)
+#undef X
+#define X(law, number) {number, LAYOUT_EVERYTHING, FLOAT, batch_##law##_everything_float_base},
+      EACH_LAW_IN_FLOAT32(X)
+#undef X
+  };
+  return find(every_machine);
+}
