@@ -1,5 +1,14 @@
 """Many independent contacts at once: arrays in, arrays out."""
 
-from .resolve_batch import FEW, BatchResult, Preparation, is_bounded, prepare_batch, resolve_batch
+from .resolve_batch import BatchResult, is_bounded, resolve_batch
+from .rows import BodyRows, ContactRows, body_rows, contact_rows
 
-__all__ = ["FEW", "BatchResult", "Preparation", "is_bounded", "prepare_batch", "resolve_batch"]
+__all__ = [
+    "BatchResult",
+    "BodyRows",
+    "ContactRows",
+    "body_rows",
+    "contact_rows",
+    "is_bounded",
+    "resolve_batch",
+]

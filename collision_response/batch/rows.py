@@ -1,4 +1,4 @@
-"""The rows of a batch's arrays: which quantity lies where, for each geometry.
+"""The rows of a batch's tables: which quantity lies where, for each geometry.
 
 Only what a geometry and a law need is there. Write ``bodies[rows.velocity] = ...``.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from ..kernels.layout import Layout
 from ..model import Geometry
 
 NOWHERE = slice(0, 0)
@@ -55,32 +56,26 @@ class ContactRows(NamedTuple):
     height: int
 
 
-_BODY_WIDTHS = {
-    Geometry.POINT: {"mass": 1, "velocity": 3},
-    Geometry.PLANAR: {"mass": 1, "inertia": 1, "position": 2, "velocity": 2, "angular_velocity": 1},
-    Geometry.SPATIAL: {"mass": 1, "inertia": 6, "position": 3, "velocity": 3, "angular_velocity": 3},
-}
-_CONTACT_WIDTHS = {
-    Geometry.POINT: {"normal": 3, "restitution": 1, "friction": 1},
-    Geometry.PLANAR: {"position": 2, "normal": 2, "restitution": 1, "friction": 1},
-    Geometry.SPATIAL: {"position": 3, "normal": 3, "restitution": 1, "friction": 1},
-}
+def layout_of(geometry: Geometry, *, oriented: bool = False) -> Layout:
+    """The layout of the tables of a geometry; only SPATIAL bodies may be oriented."""
+    if oriented and geometry is not Geometry.SPATIAL:
+        raise ValueError(f"orientation has no effect in {geometry.name}: leave it out")
+    return Layout.SPATIAL_ORIENTED if oriented else Layout[geometry.name]
 
 
 def body_rows(geometry: Geometry, *, oriented: bool = False) -> BodyRows:
     """The rows of ``bodies``; only SPATIAL bodies may be oriented."""
-    if oriented and geometry is not Geometry.SPATIAL:
-        raise ValueError(f"orientation has no effect in {geometry.name}: leave it out")
-    widths = dict(_BODY_WIDTHS[geometry], **({"orientation": 4} if oriented else {}))
-    places, height = _one_after_the_other(widths)
-    return BodyRows(*(places.get(field, NOWHERE) for field in BodyRows._fields[:-1]), height)
+    fields = layout_of(geometry, oriented=oriented).fields(0)
+    places, height = _one_after_the_other({name: len(axes) for name, axes in fields.items()})
+    return BodyRows._make([*(places.get(field, NOWHERE) for field in BodyRows._fields[:-1]), height])
 
 
 def contact_rows(geometry: Geometry) -> ContactRows:
     """The rows of ``contacts``."""
-    places, height = _one_after_the_other(_CONTACT_WIDTHS[geometry])
+    widths = {name: len(axes) for name, axes in layout_of(geometry).fields(1).items()}
+    places, height = _one_after_the_other({**widths, "restitution": 1, "friction": 1})
     places["tangential_restitution"] = slice(height, height + 1)
-    return ContactRows(*(places.get(field, NOWHERE) for field in ContactRows._fields[:-1]), height)
+    return ContactRows._make([*(places.get(field, NOWHERE) for field in ContactRows._fields[:-1]), height])
 
 
 def _one_after_the_other(widths: dict[str, int]) -> tuple[dict[str, slice], int]:
