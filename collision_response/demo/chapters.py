@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from operator import attrgetter
 
-from ..msg import BodyState
+from builtin_interfaces.msg import Time
+
+from ..msg import BodyState, CollisionResult
 from ..physics.body import Body
 from ..physics.vector import Vec3
 from ..srv import ResolveCollision
@@ -61,7 +63,7 @@ def systems(client: Client) -> Iterator[str]:
         yield f"a difference from a closed form is {worst:.1e}, above {DIFFERENCE:g}"
 
 
-def _resolve_system(client: Client, system: System):
+def _resolve_system(client: Client, system: System) -> CollisionResult:
     stamp = time_of(client.now())
     names = f"{system.name}_a", f"{system.name}_b"
     states = [
@@ -120,11 +122,11 @@ class Stage:
         stamp = self._stamp(now)
         self._publish([state_of(name, body, stamp) for name, body in bodies.items()])
 
-    def _publish(self, states) -> None:
+    def _publish(self, states: Collection[BodyState]) -> None:
         self._client.publish(states)
         self.published += len(states)
 
-    def _stamp(self, now: float):
+    def _stamp(self, now: float) -> Time:
         return time_of(self._begin + round(now * 1e9))
 
 

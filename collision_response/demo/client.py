@@ -55,7 +55,7 @@ class Client:
         self._node = Node("demo", context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
-        self._service = self._node.create_client(
+        self._service: Any = self._node.create_client(
             ResolveCollision, "collision_response/resolve_collision", qos_profile=SERVICE_QOS
         )
         self._states = self._node.create_publisher(BodyState, "body_states", STATE_QOS)

@@ -24,7 +24,7 @@ def time_of(nanoseconds: int) -> Time:
 
 
 def state_of(name: str, body: Body, stamp: Time) -> BodyState:
-    """A body as the service wants to know it; the origin of its frame is its centre of mass."""
+    """A body as the service wants to know it; one that does not give way stands still."""
     state = BodyState(name=name)
     state.header.frame_id, state.header.stamp = FRAME, stamp
     pose, inertia = state.pose, state.inertia
@@ -34,15 +34,19 @@ def state_of(name: str, body: Body, stamp: Time) -> BodyState:
         q.x, q.y, q.z, q.w = map(float, body.orientation)
     _write(state.twist.linear, body.velocity)
     _write(state.twist.angular, body.angular_velocity)
-    state.motion_type = BodyState.DYNAMIC if body.inverse_mass else BodyState.STATIC
+    if not body.is_movable():
+        state.motion_type = BodyState.STATIC
+        return state
     inertia.m = float(body.mass)
+    _write(inertia.com, body.com)
     inertia.ixx, inertia.ixy, inertia.ixz, inertia.iyy, inertia.iyz, inertia.izz = map(float, body.inertia)
     return state
 
 
 def contact_of(contact: Contact, stamp: Time) -> ContactMessage:
     """A contact; the names of the bodies are left to the bodies."""
-    message = ContactMessage(restitution=float(contact.restitution), friction=float(contact.friction))
+    message = ContactMessage()
+    message.restitution, message.friction = map(float, contact[2:])
     message.header.frame_id, message.header.stamp = FRAME, stamp
     message.position.x, message.position.y, message.position.z = map(float, contact.position)
     _write(message.normal, contact.normal)

@@ -34,7 +34,7 @@ class Encounter(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What a scene needs to know of an impact: twists of the centres of mass, impulse on body_a, losses."""
+    """What a scene needs to know of an impact: twists, impulse on body_a, losses."""
 
     twist_a: Twist
     twist_b: Twist

@@ -263,7 +263,8 @@ def _reaction_model(a: Body, b: Body, contact: Contact) -> dict[str, float]:
     at_contact = [[p + q for p, q in zip(v[i], _cross(w[i], r[i]), strict=True)] for i in range(2)]
     approach = _dot([p - q for p, q in zip(*at_contact, strict=True)], unit)
     turning = [p + q for p, q in zip(_cross(spin[0], r[0]), _cross(spin[1], r[1]), strict=True)]
-    j = -(1 + F(contact.restitution)) * approach / (1 / F(a.mass) + 1 / F(b.mass) + _dot(turning, unit))
+    restitution: Any = contact.restitution
+    j = -(1 + F(restitution)) * approach / (1 / F(a.mass) + 1 / F(b.mass) + _dot(turning, unit))
     expected = {"normal_impulse": j}
     for name, sign, body, change, v_0, w_0 in (
         ("a", 1, a, spin[0], v[0], w[0]),

@@ -7,7 +7,7 @@ energy (T3 in docs/impact-laws.md): restitution 0.9, friction 0.3, the rod at an
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from ..physics.body import Body
@@ -91,7 +91,7 @@ class Tumbling:
     def _rate(self) -> float:
         return -self.body.angular_velocity.y  # turning about +y lowers the +x end
 
-    def _gap(self, end: int):
+    def _gap(self, end: int) -> Callable[[float], tuple[float, float]]:
         """Height of an end above the floor, and its rate, at a time from now."""
         z, v = self.body.position.z, self.body.velocity.z
         angle, rate, half = self.angle, self._rate(), end * LENGTH / 2

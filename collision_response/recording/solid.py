@@ -29,12 +29,12 @@ class Solid(NamedTuple):
     @classmethod
     def of(cls, body: Body) -> Solid | None:
         """``None`` for a point mass, and for a body that nothing moves."""
-        xx, xy, xz, yy, yz, zz = (float(i) for i in body.inertia)
+        xx, xy, xz, yy, yz, zz = body.inertia
         moments, columns = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
         if not moments[2] > 0:
             return None
         is_ball = bool(moments[2] - moments[0] <= EQUAL * moments[2])
-        mean_squares = np.maximum(moments.sum() / 2 - moments, 0.0) / float(body.mass)
+        mean_squares = np.maximum(moments.sum() / 2 - moments, 0.0) / body.mass
         columns[:, 2] = np.cross(columns[:, 0], columns[:, 1])  # right-handed
         return cls(is_ball, np.sqrt(mean_squares * (5 if is_ball else 3)), _quaternion(columns))
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from ..centre import at_centre
 from ..physics.body import Body, Twist
 from .layout import AFTER, BEFORE, GREEN, GREY, LOG, RED, SERIES, WORLD, blueprint, body_path
 from .piped_file import PipedFile
@@ -93,14 +94,14 @@ class Writer:
             log(f"{WORLD}/contact/{arrow}", style, static=True)
         for path, (_, colour) in SERIES.items():
             name = path.rpartition("/")[2]
-            style = rr.SeriesPoints(colors=colour, names=name, markers="circle", marker_sizes=3)
-            log(path, style, static=True)
+            points = rr.SeriesPoints(colors=colour, names=name, markers="circle", marker_sizes=3)
+            log(path, points, static=True)
 
     def _log_body_style(self, name: str, body: Body) -> None:
         if name in self._known:
             return
         self._known.add(name)
-        path, colour = body_path(name), None if body.inverse_mass else GREY
+        path, colour = body_path(name), None if body.is_movable() else GREY
         style = rr.Points3D.from_fields(radii=POINT_RADIUS, colors=colour, labels=name, show_labels=True)
         self._stream.log(path, style, static=True)
         for moment, colour in (("before", BEFORE), ("after", AFTER)):
@@ -114,7 +115,7 @@ def seen(sightings: Iterable[Sighting]) -> Iterator[Columns]:
     """Where bodies were, and how they moved, between impacts."""
     by_name: dict[str, list[Sighting]] = defaultdict(list)
     for sighting in sightings:
-        by_name[sighting.name].append(sighting)
+        by_name[sighting.name].append(sighting._replace(body=at_centre(sighting.body)))
     for name, rows in by_name.items():
         path, times, positions = body_path(name), _times(rows), _array(row.body.position for row in rows)
         yield from _poses(path, times, positions, [row.body for row in rows])
@@ -125,16 +126,19 @@ def seen(sightings: Iterable[Sighting]) -> Iterator[Columns]:
 
 def bodies(impacts: Iterable[Record]) -> Iterator[Columns]:
     """Centres of mass, and their velocities before and after."""
-    by_name: dict[str, list[tuple[Record, Body, Twist]]] = defaultdict(list)
-    for impact in impacts:
-        by_name[impact.name_a].append((impact, impact.body_a, impact.impact.twist_a))
-        by_name[impact.name_b].append((impact, impact.body_b, impact.impact.twist_b))
+    by_name: dict[str, list[tuple[Record, Body, Body]]] = defaultdict(list)
+    for row in impacts:
+        for name, body, twist in (
+            (row.name_a, row.body_a, row.impact.twist_a),
+            (row.name_b, row.body_b, row.impact.twist_b),
+        ):
+            by_name[name].append((row, at_centre(body), at_centre(_moving(body, twist))))
     for name, appearances in by_name.items():
         path, times = body_path(name), _times([row for row, _, _ in appearances])
         positions = _array(body.position for _, body, _ in appearances)
         yield from _poses(path, times, positions, [body for _, body, _ in appearances])
         before = _array(body.velocity for _, body, _ in appearances)
-        after = _array(twist.linear for _, _, twist in appearances)
+        after = _array(body.velocity for _, _, body in appearances)
         yield f"{path}/velocity_before", times, _arrows(positions, before)
         yield f"{path}/velocity_after", times, _arrows(positions, after)
 
@@ -145,7 +149,7 @@ def contacts(impacts: Sequence[Record]) -> Iterator[Columns]:
         return
     times, answers = _times(impacts), [row.impact for row in impacts]
     positions = _array(answer.contact.position for answer in answers)
-    normals = _array(answer.contact.normal / answer.contact.normal.norm() for answer in answers)
+    normals = _units(_array(answer.contact.normal for answer in answers))
     changes = _array(answer.impulse / answer.effective_mass for answer in answers)
     labels = [f"{answer.impulse.norm():.3g} N s" for answer in answers]
     yield f"{WORLD}/contact/point", times, rr.Points3D.columns(positions=positions)
@@ -186,9 +190,13 @@ def _in_words(entry: Record | Refusal) -> str:
 
 def _poses(path: str, times: Times, positions: np.ndarray, bodies: Sequence[Body]) -> Iterator[Columns]:
     yield path, times, rr.Points3D.columns(positions=positions)
-    if any(body.inverse_mass for body in bodies):
-        turned = _array((body.orientation or (0.0, 0.0, 0.0, 1.0) for body in bodies), length=4)
+    if any(body.is_movable() for body in bodies):
+        turned = _units(_array((body.orientation or (0.0, 0.0, 0.0, 1.0) for body in bodies), length=4))
         yield f"{path}/solid", times, rr.Transform3D.columns(translation=positions, quaternion=turned)
+
+
+def _moving(body: Body, twist: Twist) -> Body:
+    return body._replace(velocity=twist.linear, angular_velocity=twist.angular)
 
 
 def _arrows(origins: np.ndarray, velocities: np.ndarray, **components: Any) -> Any:
@@ -199,9 +207,14 @@ def _array(tuples: Iterable[tuple[float, ...]], length: int = 3) -> np.ndarray:
     return np.fromiter(chain.from_iterable(tuples), np.float64).reshape(-1, length)
 
 
+def _units(rows: np.ndarray) -> np.ndarray:
+    """Each row of length 1: first its longest component, so that no square overflows, or is 0."""
+    rows = rows / abs(rows).max(axis=1, keepdims=True)
+    return rows / np.linalg.norm(rows, axis=1, keepdims=True)
+
+
 def _times(rows: Sequence[Entry]) -> Times:
     stamps = np.array([row.stamp for row in rows], dtype="datetime64[ns]")
     times = [rr.TimeColumn("ros_time", timestamp=stamps)]
-    if not isinstance(rows[0], Sighting):
-        times.append(rr.TimeColumn("answer", sequence=[row.sequence for row in rows]))
-    return times
+    answers = [row.sequence for row in rows if not isinstance(row, Sighting)]
+    return [*times, rr.TimeColumn("answer", sequence=answers)] if answers else times

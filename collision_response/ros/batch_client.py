@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..batch import BatchResult
-from ..model import ImpactModel
+from ..model import Geometry, ImpactModel
 from ..status import ImpactError, StatusCode
 from .batch_fields import LAYOUTS, Array, Request, Response, append, result_shapes, write_model
 
@@ -76,7 +76,7 @@ def unpack(response: Response) -> BatchResult:
         field, _, reason = response.message.partition(": ")
         raise ImpactError(StatusCode(response.code), field, reason)
     status = np.asarray(response.status)
-    shapes = result_shapes(response.model.geometry, len(status))
+    shapes = result_shapes(Geometry(response.model.geometry), len(status))
     tables = {name: np.asarray(getattr(response, name)).reshape(shape) for name, shape in shapes.items()}
     if response.error_bounds:
         tables["error_bound"] = np.asarray(response.error_bounds)

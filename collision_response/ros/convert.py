@@ -1,12 +1,7 @@
 """Messages to bodies, answers to messages: the only file that knows both, but for batches.
 
-A message gives the pose and the twist of the *origin of the body frame*; the numeric core knows a
-body by its centre of mass. With ``c`` from the one to the other, in world axes,
-
-    x = p + c        v_com = v + w x c        v+ = v + (dv_com - dw x c)
-
-The last form adds the impact's change to the twist that came in, so that the detour over the centre
-of mass rounds nothing that the impact did not touch.
+The core takes a body as a message describes it: pose and twist of the origin of the body frame, and where
+the centre of mass is from there. So nothing is computed here.
 
 Errors name fields as the messages do: ``body_a.inertia.m``, not the core's ``body_a.mass``.
 """
@@ -15,23 +10,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple
 
-from geometry_msgs.msg import Twist, Vector3
+from geometry_msgs.msg import Twist as TwistMessage
+from geometry_msgs.msg import Vector3
 
-from .. import Impact
-from ..model import Adjustment, Geometry, ImpactModel, Law, Precision
+from ..answer import Impact
+from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number
 from ..msg import BodyState, CollisionResult
 from ..msg import ImpactModel as ImpactModelMessage
-from ..physics.body import Body
-from ..physics.body import Twist as Change
+from ..physics.body import Body, Twist
 from ..physics.combine import CombineRule, combine
 from ..physics.contact import Contact
+from ..physics.laws import Law
 from ..physics.orientation import Quaternion
+from ..physics.tensor import Symmetric3
 from ..physics.vector import ZERO, Vec3
+from ..resolve import resolve
 from ..srv import ResolveCollision
 from ..status import ImpactError, StatusCode
-from ..validate import check_coefficient
 from .parameters import Parameters
 
 CORE_TO_MESSAGE = {
@@ -40,6 +38,7 @@ CORE_TO_MESSAGE = {
     "orientation": "pose.orientation",
     "velocity": "twist.linear",
     "angular_velocity": "twist.angular",
+    "com": "inertia.com",
 }
 """What the message calls the fields of the core's ``Body``, where the two differ."""
 
@@ -47,16 +46,8 @@ NOTES = {
     Adjustment.NORMALISED_ORIENTATION: "a pose.orientation was not of unit length: normalised",
     Adjustment.RESTITUTION_THRESHOLD: "approach slower than restitution_threshold: restitution taken as 0",
     Adjustment.LAW_FALLBACK: "MOREAU has no solution here, or would create energy: COULOMB answered",
+    Adjustment.MASSLESS_SPIN: "a body turned about an axis without inertia: that rotation was left out",
 }
-
-POSE = *(f"pose.position.{axis}" for axis in "xyz"), *(f"pose.orientation.{axis}" for axis in "xyzw")
-TWIST = *(f"twist.linear.{axis}" for axis in "xyz"), *(f"twist.angular.{axis}" for axis in "xyz")
-MOTION = POSE + TWIST
-"""What :func:`_motion` reads."""
-
-TENSOR = tuple(f"inertia.i{axes}" for axes in ("xx", "xy", "xz", "yy", "yz", "zz"))
-INERTIA = ("inertia.m", "inertia.com.x", "inertia.com.y", "inertia.com.z", *TENSOR)
-"""What :func:`_inertia` reads."""
 
 NUMBERS = (
     "normal_impulse",
@@ -70,30 +61,25 @@ NUMBERS = (
     "energy_lost_friction",
     "error_bound",
 )
-"""Fields of ``CollisionResult`` and of :class:`~collision_response.resolve.Impact` alike."""
+"""Fields of ``CollisionResult`` and of :class:`~collision_response.Impact` alike."""
 
-LAWS = {int(law): law for law in Law}
-GEOMETRIES = {int(geometry): geometry for geometry in Geometry}
-PRECISIONS = {int(precision): precision for precision in Precision}
+LAWS: dict[int, Any] = {int(law): law for law in Law}
+GEOMETRIES: dict[int, Any] = {int(geometry): geometry for geometry in Geometry}
+PRECISIONS: dict[int, Any] = {int(precision): precision for precision in Precision}
 
 
-class Placed(NamedTuple):
-    """A body, and where the message's reference point lies on it.
+PARALLEL = Quaternion(0.0, 0.0, 0.0, 1.0)
+"""The orientation of a body whose axes are those of the frame."""
 
-    Attributes:
-        body: as the numeric core knows it.
-        centre: from the origin of the body frame to the centre of mass, in world axes [m].
-    """
 
-    body: Body
-    centre: Vec3
+AT_REST = Twist(ZERO, ZERO)
 
 
 class Scene(NamedTuple):
     """A request in the terms of the numeric core."""
 
-    a: Placed
-    b: Placed
+    body_a: Body
+    body_b: Body
     contact: Contact
     model: ImpactModel
 
@@ -105,80 +91,65 @@ def scene_of(request: ResolveCollision.Request, parameters: Parameters) -> Scene
         ImpactError: it cannot be put to the numeric core.
     """
     return Scene(
-        placed("body_a", request.body_a),
-        placed("body_b", request.body_b),
+        body_of("body_a", request.body_a),
+        body_of("body_b", request.body_b),
         contact_of(request, parameters),
         model_of(request.model, parameters.model),
     )
 
 
-def placed(owner: str, state: BodyState) -> Placed:
-    """The body of a message.
+def body_of(owner: str, state: BodyState) -> Body:
+    """The body of a message. What must hold of its numbers, the core sees to.
 
     Raises:
-        ImpactError: NOT_FINITE, INVALID_MASS, INVALID_ORIENTATION or INVALID_MOTION_TYPE, its field
-            starting with ``owner``.
+        ImpactError: NOT_FINITE or INVALID_MOTION_TYPE, its field starting with ``owner``.
     """
-    motion = _motion(state)
-    _check_finite(owner, MOTION, motion)
-    position, velocity, angular_velocity = motion[0:3], motion[7:10], motion[10:13]
-    orientation = _orientation(owner, Quaternion(*motion[3:7]))
+    p, q, v, w = state.pose.position, state.pose.orientation, state.twist.linear, state.twist.angular
+    position, turn = Vec3(p.x, p.y, p.z), Quaternion(q.x, q.y, q.z, q.w)
+    velocity, angular_velocity = Vec3(v.x, v.y, v.z), Vec3(w.x, w.y, w.z)
+    orientation = None if turn == PARALLEL else turn
     if state.motion_type != BodyState.DYNAMIC:
-        _check_immovable(owner, state.motion_type, motion[7:])
-        body = Body.kinematic(position, velocity, angular_velocity)
-        return Placed(body._replace(orientation=orientation), ZERO)
-
-    mass, x, y, z, *tensor = inertia = _inertia(state)
-    _check_finite(owner, INERTIA, inertia)
-    try:
-        body = Body.dynamic(mass, tensor, position, orientation, velocity, angular_velocity)
-    except ImpactError as error:
-        raise error.within(owner) from None
-    if not (x or y or z):
-        return Placed(body, ZERO)
-    com = Vec3(x, y, z)
-    centre = com if orientation is None else _to_world(orientation, com)
-    return Placed(body._replace(position=body.position + centre, velocity=body.velocity_at(centre)), centre)
-
-
-def _motion(state: BodyState) -> tuple[float, ...]:
-    p, q = state.pose.position, state.pose.orientation
-    v, w = state.twist.linear, state.twist.angular
-    return p.x, p.y, p.z, q.x, q.y, q.z, q.w, v.x, v.y, v.z, w.x, w.y, w.z
-
-
-def _inertia(state: BodyState) -> tuple[float, ...]:
+        _check_immovable(owner, state.motion_type, Twist(velocity, angular_velocity))
+        return Body.kinematic(position, velocity, angular_velocity)._replace(orientation=orientation)
     i, c = state.inertia, state.inertia.com
-    return i.m, c.x, c.y, c.z, i.ixx, i.ixy, i.ixz, i.iyy, i.iyz, i.izz
+    if not math.isfinite(i.m):  # in the core an infinite mass is that of an immovable body
+        raise ImpactError(StatusCode.NOT_FINITE, f"{owner}.mass", f"must be finite; is {i.m}")
+    return Body(
+        i.m,
+        Symmetric3(i.ixx, i.ixy, i.ixz, i.iyy, i.iyz, i.izz),
+        position,
+        orientation,
+        velocity,
+        angular_velocity,
+        Vec3(c.x, c.y, c.z),
+    )
 
 
-def _check_finite(owner: str, fields: tuple[str, ...], numbers: tuple[float, ...]) -> None:
-    if not all(map(math.isfinite, numbers)):
-        field, number = next(pair for pair in zip(fields, numbers, strict=True) if not math.isfinite(pair[1]))
-        raise ImpactError(StatusCode.NOT_FINITE, f"{owner}.{field}", f"must be finite, is {number}")
+TRIAL = Body.dynamic(1.0), Contact.of((0, 0, 0), normal=(1, 0, 0)), ImpactModel(precision=Precision.SINGLE)
+"""An impact that nothing is wrong with but what is wrong with body_a."""
 
 
-def _orientation(owner: str, q: Quaternion) -> Quaternion | None:
-    if q == (0, 0, 0, 1):
-        return None
-    if not any(q):
-        reason = f"is a quaternion of length 0: {tuple(q)}"
-        raise ImpactError(StatusCode.INVALID_ORIENTATION, f"{owner}.pose.orientation", reason)
-    return q
+def check_body(owner: str, body: Body) -> None:
+    """Whether the core takes a body.
+
+    Raises:
+        ImpactError: it does not; the field starts with ``owner``.
+    """
+    try:
+        resolve(body, *TRIAL)
+    except ImpactError as error:
+        of, _, field = error.field.partition(".")
+        if of == "body_a":
+            raise ImpactError(error.code, f"{owner}.{field}", error.reason) from None
 
 
-def _to_world(q: Quaternion, com: Vec3) -> Vec3:
-    longest = max(map(abs, q))  # so that no square overflows, or is 0
-    return Quaternion(*(component / longest for component in q)).to_world(com)
-
-
-def _check_immovable(owner: str, motion_type: int, twist: tuple[float, ...]) -> None:
+def _check_immovable(owner: str, motion_type: int, twist: Twist) -> None:
     field = f"{owner}.motion_type"
     if motion_type not in (BodyState.KINEMATIC, BodyState.STATIC):
-        reason = f"must be DYNAMIC (0), KINEMATIC (1) or STATIC (2), is {motion_type}"
+        reason = f"must be DYNAMIC (0), KINEMATIC (1) or STATIC (2); is {motion_type}"
         raise ImpactError(StatusCode.INVALID_MOTION_TYPE, field, reason)
-    if motion_type == BodyState.STATIC and any(twist):
-        reason = f"is STATIC, but the twist is not 0: {twist}"
+    if motion_type == BodyState.STATIC and twist != AT_REST:
+        reason = f"is STATIC, but the twist is not 0: {(*twist.linear, *twist.angular)}"
         raise ImpactError(StatusCode.INVALID_MOTION_TYPE, field, reason)
 
 
@@ -206,38 +177,50 @@ def _coefficient(
     of_a, of_b = getattr(request.body_a, field), getattr(request.body_b, field)
     if of_a < 0 or of_b < 0:
         return default
-    check_coefficient(f"body_a.{field}", of_a, 0, most)
-    check_coefficient(f"body_b.{field}", of_b, 0, most)
+    check_number(f"body_a.{field}", of_a, 0, most, StatusCode.INVALID_COEFFICIENT)
+    check_number(f"body_b.{field}", of_b, 0, most, StatusCode.INVALID_COEFFICIENT)
     return combine(rule, of_a, of_b)
 
 
 def model_of(message: ImpactModelMessage, defaults: ImpactModel) -> ImpactModel:
     """What to model. A number without a name stays a number, for the core to refuse by name."""
+    return _model(*(getattr(message, field) for field in ImpactModel._fields), defaults)
+
+
+@lru_cache(maxsize=64)
+def _model(
+    law: int,
+    geometry: int,
+    precision: int,
+    tolerance: float,
+    tangential_restitution: float,
+    restitution_threshold: float,
+    defaults: ImpactModel,
+) -> ImpactModel:
+    """Equal ones are one object: the core remembers by that what a model comes to."""
     return ImpactModel(
-        LAWS.get(message.law, message.law) or defaults.law,
-        GEOMETRIES.get(message.geometry, message.geometry) or defaults.geometry,
-        PRECISIONS.get(message.precision, message.precision) or defaults.precision,
-        message.tolerance or defaults.tolerance,
-        message.tangential_restitution or defaults.tangential_restitution,
-        message.restitution_threshold or defaults.restitution_threshold,
+        LAWS.get(law, law) or defaults.law,
+        GEOMETRIES.get(geometry, geometry) or defaults.geometry,
+        PRECISIONS.get(precision, precision) or defaults.precision,
+        tolerance or defaults.tolerance,
+        tangential_restitution or defaults.tangential_restitution,
+        restitution_threshold or defaults.restitution_threshold,
     )
 
 
-def write_answer(
-    result: CollisionResult, request: ResolveCollision.Request, scene: Scene, impact: Impact
-) -> None:
+def write_answer(result: CollisionResult, request: ResolveCollision.Request, impact: Impact) -> None:
     """Fill in a result from what the core answered."""
     _echo(result, request)
     result.status.code = int(impact.status)
     result.status.message = "; ".join(_notes(impact))
-    result.contact.restitution = float(impact.contact.restitution)
-    result.contact.friction = float(impact.contact.friction)
+    result.contact.restitution = impact.contact.restitution
+    result.contact.friction = impact.contact.friction
     _write_model(result.model, impact.model)
-    _write_twist(result.twist_a, request.body_a.twist, scene.a, impact.change_a)
-    _write_twist(result.twist_b, request.body_b.twist, scene.b, impact.change_b)
+    _write_twist(result.twist_a, impact.twist_a)
+    _write_twist(result.twist_b, impact.twist_b)
     _write_vector(result.impulse, impact.impulse)
     for field in NUMBERS:
-        setattr(result, field, float(getattr(impact, field)))
+        setattr(result, field, getattr(impact, field))
     result.regime = int(impact.regime)
     result.adjustments = int(impact.adjustments)
 
@@ -280,23 +263,15 @@ def _echo(result: CollisionResult, request: ResolveCollision.Request) -> None:
 def _write_model(message: ImpactModelMessage, model: ImpactModel) -> None:
     law, geometry, precision, tolerance, tangential_restitution, restitution_threshold = model
     message.law, message.geometry, message.precision = int(law), int(geometry), int(precision)
-    message.tolerance = float(tolerance)
-    message.tangential_restitution = float(tangential_restitution)
-    message.restitution_threshold = float(restitution_threshold)
+    message.tolerance = tolerance
+    message.tangential_restitution = tangential_restitution
+    message.restitution_threshold = restitution_threshold
 
 
-def _write_twist(message: Twist, before: Twist, body: Placed, change: Change) -> None:
-    linear, angular = change
-    if body.centre is not ZERO:
-        linear -= angular.cross(body.centre)
-    _write_sum(message.linear, before.linear, linear)
-    _write_sum(message.angular, before.angular, angular)
-
-
-def _write_sum(message: Vector3, before: Vector3, change: Vec3) -> None:
-    x, y, z = change
-    message.x, message.y, message.z = float(before.x + x), float(before.y + y), float(before.z + z)
+def _write_twist(message: TwistMessage, twist: Twist) -> None:
+    _write_vector(message.linear, twist.linear)
+    _write_vector(message.angular, twist.angular)
 
 
 def _write_vector(message: Vector3, vector: Vec3) -> None:
-    message.x, message.y, message.z = float(vector.x), float(vector.y), float(vector.z)
+    message.x, message.y, message.z = vector

@@ -13,9 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..batch import BatchResult, is_bounded, resolve_batch
-from ..model import Geometry, ImpactModel, Law, Precision
+from ..centre import at_centre
+from ..model import Geometry, ImpactModel, check_model, law_for
 from ..msg import BodyState
-from ..physics.orientation import Quaternion
+from ..physics.laws import Law
 from ..status import ImpactError, StatusCode
 from . import convert
 from .batch_fields import (
@@ -30,9 +31,6 @@ from .batch_fields import (
 )
 from .parameters import Parameters
 from .states import LatestStates, check_age
-
-PARALLEL = Quaternion(0.0, 0.0, 0.0, 1.0)
-"""The orientation of a body whose axes are those of the frame."""
 
 
 class Bodies(NamedTuple):
@@ -141,21 +139,20 @@ def contacts_of(request: Request, layout: Layout, n: int) -> Array:
 
 
 def model_of(request: Request, layout: Layout, contacts: Array, defaults: ImpactModel) -> ImpactModel:
-    """What to model: every AUTO decided, but for a precision that depends on each contact.
+    """What to model: every AUTO decided, but for the precision, which depends on each contact.
 
     Raises:
-        ImpactError: INVALID_MODEL.
+        ImpactError: NOT_FINITE, INVALID_MODEL or INVALID_COEFFICIENT.
     """
     model = convert.model_of(request.model, defaults._replace(geometry=layout.geometry))
+    check_model(model)
     has_friction = len(contacts) >= layout.contacts.height
-    if model.law is Law.AUTO:
-        model = model._replace(law=Law.COULOMB if has_friction else Law.FRICTIONLESS)
-    if model.law is Law.COULOMB and not has_friction:
-        raise ImpactError(StatusCode.INVALID_MODEL, "model.law", "is COULOMB, but contacts has no row mu")
+    model = model._replace(law=law_for(model.law, has_friction=has_friction))
+    if model.law is not Law.FRICTIONLESS and not has_friction:
+        reason = f"is {model.law.name}, but contacts has no row mu"
+        raise ImpactError(StatusCode.INVALID_MODEL, "model.law", reason)
     if model.geometry is Geometry.AUTO:
         model = model._replace(geometry=layout.geometry)
-    if model.precision is Precision.AUTO and not model.tolerance:
-        model = model._replace(precision=Precision.DOUBLE)
     return model
 
 
@@ -213,17 +210,21 @@ def _received(owner: str, name: str, frame: str, states: LatestStates) -> BodySt
 
 
 def _column(owner: str, state: BodyState, layout: Layout) -> list[float]:
-    body = convert.placed(owner, state).body
-    mass = body.mass if body.inverse_mass else math.inf
-    position, velocity, angular_velocity = body.position, body.velocity, body.angular_velocity
+    body = convert.body_of(owner, state)
+    convert.check_body(owner, body)
+    body = at_centre(body)
+    if not all(map(math.isfinite, (*body.position, *body.velocity))):
+        reason = "the centre of mass is, or moves, beyond float64"
+        raise ImpactError(StatusCode.OUT_OF_RANGE, f"{owner}.com", reason)
     if layout.geometry is Geometry.POINT:
-        return [mass, *velocity]
+        return [body.mass, *body.velocity]
     if layout.geometry is Geometry.PLANAR:
-        return [mass, body.inertia.zz, *position[:2], *velocity[:2], angular_velocity.z]
-    column = [mass, *body.inertia, *position, *velocity, *angular_velocity]
+        motion = *body.position[:2], *body.velocity[:2], body.angular_velocity.z
+        return [body.mass, body.inertia.zz, *motion]
+    column = [body.mass, *body.inertia, *body.position, *body.velocity, *body.angular_velocity]
     if layout.oriented:
-        return [*column, *(body.orientation or PARALLEL)]
-    if body.orientation and body.inverse_mass:
+        return [*column, *(body.orientation or convert.PARALLEL)]
+    if body.orientation and body.is_movable():
         reason = f"is {tuple(body.orientation)}, for which the layout must be SPATIAL_ORIENTED"
         raise ImpactError(StatusCode.INVALID_ORIENTATION, f"{owner}.pose.orientation", reason)
     return column

@@ -18,7 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from ..msg import BodyState, CollisionResult
 from ..recording import Record, Recorder, Refusal, Sighting
 from ..resolve import resolve
-from ..scene import SceneRequirements, nothing_required
+from ..scene import SceneSurvey
 from ..srv import ResolveCollision, ResolveCollisionBatch
 from ..status import ImpactError, StatusCode
 from . import convert, convert_batch, parameters
@@ -53,7 +53,7 @@ class CollisionResponseNode(Node):
         self._answers = 0
         self._states = LatestStates()
         self._recorder: Recorder | None = None
-        self._required: SceneRequirements | None = None
+        self._survey: SceneSurvey | None = None
         parameters.declare(self)
         self._latest = parameters.LatestParameters(self)
         start = parameters.StartParameters.of(self)
@@ -70,7 +70,7 @@ class CollisionResponseNode(Node):
             ResolveCollisionBatch, "~/resolve_collision_batch", self._serve_batch, qos_profile=SERVICE_QOS
         )
         if start.scene_tolerance:
-            self._required = nothing_required(start.scene_tolerance)
+            self._survey = SceneSurvey(start.scene_tolerance)
         if start.recording_directory is not None:
             self._recorder = Recorder(
                 start.recording_directory, self.get_logger().warning, name=start.recording_file
@@ -86,7 +86,8 @@ class CollisionResponseNode(Node):
         self._states.remember(state)
         if self._recorder is not None and state.name:
             with suppress(ImpactError):  # it is refused when it is asked for
-                body = convert.placed(state.name, state).body
+                body = convert.body_of(state.name, state)
+                convert.check_body(state.name, body)
                 self._recorder.add(Sighting(self._stamp(state), state.name, body))
 
     def _serve(
@@ -110,20 +111,22 @@ class CollisionResponseNode(Node):
         current = self._latest.values
         complete(request, self._states, current, self._now)
         scene = convert.scene_of(request, current)
-        impact = resolve(scene.a.body, scene.b.body, scene.contact, scene.model)
-        convert.write_answer(result, request, scene, impact)
+        impact = resolve(*scene)
+        convert.write_answer(result, request, impact)
         names = result.contact.body_a or "body_a", result.contact.body_b or "body_b"
-        if self._required is not None:
-            self._log_requirements(self._required, " - ".join(names), scene)
+        if self._survey is not None:
+            self._log_requirements(self._survey, " - ".join(names), scene)
         if self._recorder is not None:
             self._recorder.add(
-                Record(self._stamp(result), self._answers, *names, scene.a.body, scene.b.body, impact)
+                Record(self._stamp(result), self._answers, *names, scene.body_a, scene.body_b, impact)
             )
 
-    def _log_requirements(self, before: SceneRequirements, name: str, scene: convert.Scene) -> None:
-        self._required = before.including(name, scene.a.body, scene.b.body, scene.contact)
-        if self._required != before:
-            self.get_logger().info(f"the scene requires {self._required}")
+    def _log_requirements(self, survey: SceneSurvey, name: str, scene: convert.Scene) -> None:
+        before = survey.requirements()
+        with suppress(ImpactError):  # without friction there is no answer
+            survey.add(name, scene.body_a, scene.body_b, scene.contact)
+        if survey.requirements() != before:
+            self.get_logger().info(f"the scene requires {survey.requirements()}")
 
     def _refuse(
         self,

@@ -13,10 +13,10 @@ from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParam
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from ..model import Geometry, ImpactModel, Law, Precision
+from ..model import Geometry, ImpactModel, Precision, check_model
 from ..physics.combine import CombineRule
+from ..physics.laws import Law
 from ..status import ImpactError
-from ..validate import check_model
 
 
 def _by_name(kind: type[IntEnum]) -> dict[str, IntEnum]:
@@ -65,8 +65,8 @@ DECLARATIONS = (
     Declaration("combine_friction", "average", "How the bodies' two coefficients become one."),
     Declaration("law", "auto", "Impact law. auto: coulomb where there is friction, else frictionless."),
     Declaration("geometry", "auto", "How much motion is modelled. auto: the cheapest that is exact."),
-    Declaration("precision", "auto", "Arithmetic. auto: the cheapest that meets the tolerance."),
-    Declaration("tolerance", 0.0, "Greatest relative error of the impulse wanted. 0: whatever double gives."),
+    Declaration("precision", "auto", "Arithmetic. auto: double, or what the tolerance asks for."),
+    Declaration("tolerance", 0.0, "Greatest relative error of the impulse wanted. 0: any that is known."),
     Declaration("tangential_restitution", 0.0, "For the law coulomb; 1: superball.", -1.0, 1.0),
     Declaration("restitution_threshold", 0.0, "Approach speed [m/s] under which restitution is taken as 0."),
     Declaration(
@@ -104,8 +104,8 @@ class Parameters:
     def of(cls, node: Node) -> Parameters:
         """The present values of a node."""
         return cls(
-            *(_value(node, field) for field in PARAMETERS),
-            ImpactModel(*(_value(node, field) for field in ImpactModel._fields)),
+            **{field: _value(node, field) for field in PARAMETERS},
+            model=ImpactModel(*(_value(node, field) for field in ImpactModel._fields)),
         )
 
 
@@ -125,7 +125,7 @@ class LatestParameters:
         self.values = Parameters.of(node)
         node.add_post_set_parameters_callback(self._read)
 
-    def _read(self, _: list[Parameter]) -> None:
+    def _read(self, _: list[Parameter[Any]]) -> None:
         self.values = Parameters.of(self._node)
 
 
@@ -164,7 +164,7 @@ def declare(node: Node) -> None:
         node.declare_parameter(declaration.name, declaration.default, declaration.descriptor())
 
 
-def validate(parameters: list[Parameter]) -> SetParametersResult:
+def validate(parameters: list[Parameter[Any]]) -> SetParametersResult:
     """Accept new values, or say what is wrong with one; types and ranges rclpy checks itself."""
     for parameter in parameters:
         if isinstance(parameter.value, float) and not math.isfinite(parameter.value):

@@ -9,7 +9,7 @@ import threading
 from rclpy.task import Future
 
 
-def on_signal() -> Future:
+def on_signal() -> Future[None]:
     """A future that SIGINT and SIGTERM complete. To be called in the main thread.
 
     rclpy's own handlers wake the executor before they shut the context down, so now and then it
@@ -17,7 +17,7 @@ def on_signal() -> Future:
     would not run while the main thread waits for DDS; what Python writes to the wake-up pipe
     arrives at once.
     """
-    stop: Future = Future()
+    stop: Future[None] = Future()
     source, sink = os.pipe()
     os.set_blocking(sink, False)
     signal.set_wakeup_fd(sink)
