@@ -6,8 +6,20 @@ import math
 from functools import cache
 
 import numpy as np
+from scenes import Scene
 
-from collision_response import Body, Contact, Geometry
+from collision_response import (
+    Body,
+    Contact,
+    Geometry,
+    ImpactError,
+    ImpactModel,
+    Precision,
+    Regime,
+    StatusCode,
+    resolve,
+)
+from collision_response.batch import BatchResult
 from collision_response.batch.rows import NOWHERE, body_rows, contact_rows
 from collision_response.physics.vector import Vec3
 
@@ -67,12 +79,8 @@ def _spoil(bodies: np.ndarray, contacts: np.ndarray, random: np.random.Generator
         array[(*index, i)] = fault
 
 
-def scene_of(geometry: Geometry, bodies: np.ndarray, contacts: np.ndarray, i: int, number=float):
-    """The bodies and the contact of a column, as the API for one impact takes them.
-
-    Raises:
-        ImpactError: INVALID_MASS.
-    """
+def scene_of(geometry: Geometry, bodies: np.ndarray, contacts: np.ndarray, i: int, number=float) -> Scene:
+    """The bodies and the contact of a column, as the API for one impact takes them."""
     of = body_rows(geometry, oriented=bodies.shape[0] == body_rows(Geometry.SPATIAL, oriented=True).height)
     at = contact_rows(geometry)
 
@@ -87,16 +95,14 @@ def scene_of(geometry: Geometry, bodies: np.ndarray, contacts: np.ndarray, i: in
         position, velocity = vector(read(column, of.position)), vector(read(column, of.velocity))
         turning = vector(read(column, of.angular_velocity), at_end=True)
         inertia = read(column, of.inertia)
-        if geometry is not Geometry.SPATIAL:  # a flat body's: what PLANAR does not know is made up
-            half, zz = (inertia[0] / 2, inertia[0]) if inertia else (number(0.0), number(0.0))
-            inertia = [half, number(0.0), number(0.0), half, number(0.0), zz]
-        if column[of.mass][0] == math.inf:
-            return Body.kinematic(position, velocity, turning)
+        if geometry is not Geometry.SPATIAL:  # only the moment about z is known, and matters
+            zz = inertia[0] if inertia else number(0.0)
+            inertia = [zz, number(0.0), number(0.0), zz, number(0.0), zz]
         orientation = read(column, of.orientation) if of.orientation != NOWHERE else None
         return Body.dynamic(number(column[of.mass][0]), inertia, position, orientation, velocity, turning)
 
     contact = contacts[:, i]
-    return (
+    return Scene(
         body(bodies[:, 0, i]),
         body(bodies[:, 1, i]),
         Contact(
@@ -105,4 +111,77 @@ def scene_of(geometry: Geometry, bodies: np.ndarray, contacts: np.ndarray, i: in
             number(contact[at.restitution][0]),
             number(contact[at.friction][0]),
         ),
+    )
+
+
+def table_of(scenes: list[Scene], models: list[ImpactModel]) -> tuple[np.ndarray, np.ndarray]:
+    """Scenes in space as the columns of a batch, with tangential restitution of their own."""
+    of, at = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
+    bodies, contacts = np.zeros((of.height, 2, len(scenes))), np.zeros((at.height + 1, len(scenes)))
+    for i, (scene, model) in enumerate(zip(scenes, models, strict=True)):
+        for side, body in enumerate(scene[:2]):
+            bodies[of.mass, side, i] = body.mass
+            bodies[of.inertia, side, i] = body.inertia
+            bodies[of.position, side, i] = body.position
+            bodies[of.orientation, side, i] = body.orientation or (0, 0, 0, 1)
+            bodies[of.velocity, side, i] = body.velocity
+            bodies[of.angular_velocity, side, i] = body.angular_velocity
+        contact = scene.contact
+        contacts[:, i] = (
+            *contact.position,
+            *contact.normal,
+            contact.restitution,
+            contact.friction,
+            model.tangential_restitution,
+        )
+    return bodies, contacts
+
+
+def by_single_impacts(geometry: Geometry, scenes: list[Scene], models: list[ImpactModel]) -> BatchResult:
+    """What a batch should give: each contact by the front door for one impact, in the precision of its model.
+
+    AUTO without a tolerance is DOUBLE in batches. Its errors are not known there, nor if they are too large.
+    """
+    axes, spins = {Geometry.POINT: (3, 0), Geometry.PLANAR: (2, 1), Geometry.SPATIAL: (3, 3)}[geometry]
+    n = len(scenes)
+    velocity, spin, impulse = (np.full(shape, np.nan) for shape in ((axes, 2, n), (spins, 2, n), (axes, n)))
+    status, bound, precision = np.zeros(n, np.uint8), np.full(n, np.nan), np.zeros(n, np.uint8)
+    for i, (scene, model) in enumerate(zip(scenes, models, strict=True)):
+        bounded = model.tolerance or model.precision is Precision.EXTENDED
+        if not bounded and model.precision is Precision.AUTO:
+            model = model._replace(precision=Precision.DOUBLE)
+        try:
+            impact = resolve(*scene, model)
+        except ImpactError as refusal:
+            status[i] = refusal.code
+            continue
+        for side, twist in enumerate((impact.twist_a, impact.twist_b)):
+            velocity[:, side, i], spin[:, side, i] = twist.linear[:axes], twist.angular[3 - spins :]
+        impulse[:, i] = impact.impulse[:axes]
+        status[i], bound[i], precision[i] = impact.status, impact.error_bound, impact.model.precision
+        if not bounded and impact.status is StatusCode.TOLERANCE_NOT_MET:
+            status[i] = StatusCode.SEPARATING if impact.regime is Regime.SEPARATING else StatusCode.OK
+    return BatchResult(velocity, spin, impulse, status, bound, precision)
+
+
+def each(function, result: BatchResult) -> BatchResult:
+    """The result with a function applied to each array that there is."""
+    return BatchResult(*(None if array is None else function(array) for array in result))
+
+
+def columns(result: BatchResult, at) -> BatchResult:
+    """Some contacts of a result."""
+    return each(lambda array: array[..., at], result)
+
+
+def assert_same(one: BatchResult, other: BatchResult) -> None:
+    """To the bit, but for the sign of a zero."""
+    for field, a, b in zip(BatchResult._fields, one, other, strict=True):
+        np.testing.assert_array_equal(a, b, err_msg=field)
+
+
+def assert_same_values(one: BatchResult, other: BatchResult) -> None:
+    """Whatever is known of their errors."""
+    assert_same(
+        one._replace(error_bound=None, precision=None), other._replace(error_bound=None, precision=None)
     )

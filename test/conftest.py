@@ -43,14 +43,3 @@ def tried_node(ros_domain):
     graph.serve()
     yield graph
     graph.close()
-
-
-@pytest.fixture(scope="session")
-def machine_code(request):
-    """numba, with its machine code kept from one run of the tests to the next."""
-    from collision_response.numerics import compiled
-
-    pytest.importorskip("numba")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(compiled.CACHE_VARIABLE, str(request.config.cache.mkdir("kernels")))
-        yield

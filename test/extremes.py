@@ -9,7 +9,7 @@ from random_impacts import turned_tensor
 from scenes import Scene
 
 from collision_response import Body, Contact, Geometry, ImpactModel, Precision, resolve
-from collision_response.physics.effective_mass import Spatial
+from collision_response.physics.effective_mass import ContactKinematics
 from collision_response.physics.mass_properties import Particle, of_particles
 from collision_response.physics.vector import Vec3
 
@@ -110,7 +110,7 @@ def grazing(share: float, scene: Scene = ORDINARY) -> Scene:
     for _ in range(3):  # each time to the rounding of what is left
         exactly = ImpactModel(geometry=Geometry.SPATIAL, precision=Precision.EXTENDED)
         u_n = resolve(*scene, exactly).normal_velocity_before
-        slip = Spatial.prepare(*scene).u.norm()
+        slip = ContactKinematics.of(*scene).u.norm()
         velocity = scene.body_a.velocity - n * ((u_n + share * slip) / n.norm())
         scene = scene._replace(body_a=scene.body_a._replace(velocity=velocity))
     return scene
@@ -121,7 +121,7 @@ def _both(scene: Scene, change: Callable[[Body], Body]) -> Scene:
 
 
 def _heavier(body: Body, factor: float) -> Body:
-    return Body.dynamic(body.mass * factor, [i * factor for i in body.inertia], *body[3:])
+    return Body.dynamic(body.mass * factor, [i * factor for i in body.inertia], *body[2:])
 
 
 def _faster(scene: Scene, factor: float) -> Scene:
@@ -155,7 +155,7 @@ def _with_inertia(inertia: tuple[float, ...], orientation: tuple[float, ...] | N
 
 def _with_orientation(quaternion: tuple[float, ...]) -> Scene:
     body = ORDINARY.body_a
-    return ORDINARY._replace(body_a=Body.dynamic(*body[:1], *body[2:4], quaternion, *body[5:]))
+    return ORDINARY._replace(body_a=Body.dynamic(*body[:3], quaternion, *body[4:]))
 
 
 def _collinear() -> tuple[float, ...]:

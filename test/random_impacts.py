@@ -8,8 +8,8 @@ import random
 from scenes import Scene
 
 from collision_response import Body, Contact, Geometry, ImpactError, ImpactModel, Law
-from collision_response.physics.vector import Vec3
-from collision_response.validate import check_request
+from collision_response.physics.vector import ZERO, Vec3
+from collision_response.validity import check
 
 
 class RandomImpacts:
@@ -32,7 +32,7 @@ class RandomImpacts:
             e_t = self.draw.choice([0.0, self.draw.uniform(-1, 1)])
             model = ImpactModel(law, geometry, tangential_restitution=e_t)
             try:
-                check_request(*scene, model)
+                check(*scene, e_t)
             except ImpactError:
                 continue
             return scene, model
@@ -55,9 +55,9 @@ class RandomImpacts:
         if kind > 0.6:
             inertia = turned_tensor(moments, self._quaternion())
         orientation = self._quaternion() if draw.random() < 0.6 else None
-        return Body.dynamic(
-            mass, inertia, self._vector(size), orientation, self._vector(), self._vector(self._magnitude(0.3))
-        )
+        com = self._vector(size) if draw.random() < 0.3 else ZERO
+        spin = self._vector(self._magnitude(0.3))
+        return Body.dynamic(mass, inertia, self._vector(size), orientation, self._vector(), spin, com)
 
     def _contact(self) -> Contact:
         draw = self.draw

@@ -11,10 +11,12 @@ from typing import NamedTuple
 
 from flint import arb, ctx
 
-from collision_response import Body, Contact, Impact, ImpactModel
-from collision_response.numerics.extended import lift, with_inverse_mass
+from collision_response import Body, Contact, Impact, ImpactModel, Law
+from collision_response.exactly import read
+from collision_response.impact import Changes, Report, impact
+from collision_response.model import plan
+from collision_response.numbers.balls import Ball
 from collision_response.physics.vector import Vec3
-from collision_response.tiers import GEOMETRIES, answer
 
 BITS = 2600
 """Some 780 digits: exact for every sum of products of two float64, ample for every quotient."""
@@ -23,18 +25,21 @@ BITS = 2600
 class Truth(NamedTuple):
     """The exact answer to a request, with the bodies that its norms need."""
 
-    impact: Impact
+    impact: Changes
+    report: Report
     body_a: Body
     body_b: Body
 
 
 def exact_answer(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Truth:
-    """The answer of the law and geometry named in ``model`` to the inputs as given."""
+    """The answer of the law named in ``model``, which has no loops, to the inputs as given, in space."""
     with ctx.workprec(BITS):
-        a, b = with_inverse_mass(lift(body_a)), with_inverse_mass(lift(body_b))
-        lifted = lift(contact)
-        approach = GEOMETRIES[model.geometry].prepare(a, b, lifted)
-        return Truth(answer(a, b, lifted, lift(model), approach)[0], a, b)
+        a, b, touch = read(body_a, body_b, contact, _ball)
+        chosen = plan(model)
+        law = chosen.law_with_friction if contact.friction > 0 else chosen.law_without_friction
+        assert law in (Law.FRICTIONLESS, Law.COULOMB)
+        answer = impact(a, b, touch, law, *map(Ball, chosen.numbers))
+        return Truth(answer.changes, answer.report, a, b)
 
 
 def true_error(impact: Impact, truth: Truth) -> float:
@@ -44,36 +49,38 @@ def true_error(impact: Impact, truth: Truth) -> float:
     """
     with ctx.workprec(BITS):
         exact = truth.impact
-        errors = [_relative(impact.impulse, exact.impulse, _euclidean)]
+        errors = [_relative(impact.impulse, exact.impulse)]
         for body, change, exactly in (
             (truth.body_a, impact.change_a, exact.change_a),
             (truth.body_b, impact.change_b, exact.change_b),
         ):
-            if body.mass != 0:
+            if body.is_movable() is True:
                 spread = [_difference(given, wanted) for given, wanted in zip(change, exactly, strict=True)]
                 errors.append(_quotient(_twist_norm(body, *spread), _twist_norm(body, *exactly)))
         return max(errors)
 
 
-def _relative(given: Vec3, exact: Vec3, norm) -> float:
-    return _quotient(norm(_difference(given, exact)), norm(exact))
+def _ball(x: float, error: float) -> Ball | float:
+    assert error == 0
+    return Ball(x) if math.isfinite(x) else x
 
 
-def _quotient(error: arb, size: arb) -> float:
-    if error == 0:
+def _relative(given: Vec3, exact: Vec3) -> float:
+    difference = _difference(given, exact)
+    return _quotient(difference.dot(difference).sqrt(), exact.dot(exact).sqrt())
+
+
+def _quotient(error: Ball, size: Ball) -> float:
+    if (error == 0) is True:
         return 0.0
-    return float((error / size).mid()) if size > 0 else math.inf
+    return float((error / size).midpoint()) if (size > 0) is True else math.inf
 
 
 def _difference(given: Vec3, exact: Vec3) -> Vec3:
-    half = arb(2) ** -1075
-    apart = [arb(g) - e for g, e in zip(given, exact, strict=True)]
-    return Vec3(*(arb(0) if abs(d) <= half else d for d in apart))
+    half = Ball(arb(2) ** -1075)
+    apart = [Ball(g) - e for g, e in zip(given, exact, strict=True)]
+    return Vec3(*(Ball(0) if (abs(d) <= half) is True else d for d in apart))
 
 
-def _euclidean(v: Vec3) -> arb:
-    return v.dot(v).sqrt()
-
-
-def _twist_norm(body: Body, dv: Vec3, dw: Vec3) -> arb:
+def _twist_norm(body: Body, dv: Vec3, dw: Vec3) -> Ball:
     return (body.mass * dv.dot(dv) + body.inertia.trace() / 3 * dw.dot(dw)).sqrt()

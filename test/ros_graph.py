@@ -139,12 +139,14 @@ def request_of(body_a: Body, body_b: Body, contact: Contact, **model: Any) -> Re
 
 
 def state_of(body: Body) -> BodyState:
-    """The state of a body whose frame has its origin at the centre of mass."""
-    state = BodyState(motion_type=BodyState.DYNAMIC if body.inverse_mass else BodyState.KINEMATIC)
+    """The state of a body."""
+    state = BodyState(motion_type=BodyState.DYNAMIC if body.is_movable() else BodyState.KINEMATIC)
     state.header.frame_id = "world"
-    state.inertia.m = float(body.mass)
-    for field, value in zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), body.inertia, strict=True):
-        setattr(state.inertia, field, float(value))
+    if body.is_movable():
+        state.inertia.m = float(body.mass)
+        for field, value in zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), body.inertia, strict=True):
+            setattr(state.inertia, field, float(value))
+        _fill(state.inertia.com, body.com)
     if body.orientation is not None:
         _fill(state.pose.orientation, body.orientation)
     _fill(state.pose.position, body.position)

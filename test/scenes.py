@@ -7,11 +7,12 @@ import random
 from typing import NamedTuple
 
 from hypothesis import strategies as st
+from mpmath import mp
 from oracle import laws as oracle
 
 from collision_response import Body, Contact, ImpactModel, Law, resolve
 from collision_response.physics.orientation import Quaternion
-from collision_response.physics.vector import Vec3
+from collision_response.physics.vector import ZERO, Vec3
 
 LAWS_WITH_FRICTION = [Law.COULOMB, Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE]
 ALL_LAWS = [Law.FRICTIONLESS, *LAWS_WITH_FRICTION]
@@ -43,7 +44,7 @@ class Scene(NamedTuple):
             _turned(self.body_a, q),
             _turned(self.body_b, q),
             self.contact._replace(
-                position=q.to_world(self.contact.position), normal=q.to_world(self.contact.normal)
+                position=turn(q, self.contact.position), normal=turn(q, self.contact.normal)
             ),
         )
 
@@ -61,13 +62,18 @@ class Scene(NamedTuple):
         )
 
 
+def turn(q: Quaternion, v: Vec3) -> Vec3:
+    """``v`` turned by ``q``."""
+    return q.rotation().to_world(v)
+
+
 def _turned(body: Body, q: Quaternion) -> Body:
     orientation = body.orientation or Quaternion(0.0, 0.0, 0.0, 1.0)
     return body._replace(
-        position=q.to_world(body.position),
-        velocity=q.to_world(body.velocity),
-        angular_velocity=q.to_world(body.angular_velocity),
-        orientation=_product(q, orientation),
+        position=turn(q, body.position),
+        velocity=turn(q, body.velocity),
+        angular_velocity=turn(q, body.angular_velocity),
+        orientation=_product(q, orientation) if body.is_movable() else None,
     )
 
 
@@ -77,13 +83,23 @@ def _product(p: Quaternion, q: Quaternion) -> Quaternion:
 
 
 def _for_oracle(body: Body) -> oracle.Body:
+    """The oracle's bodies have their centre of mass for reference point."""
     xx, xy, xz, yy, yz, zz = body.inertia
+    position, velocity = body.position, body.velocity
+    if any(body.com):
+        with mp.workdps(60):
+            numbers = [Vec3(*map(mp.mpf, v)) for v in (position, velocity, body.angular_velocity, body.com)]
+            turned = body._replace(
+                orientation=body.orientation and Quaternion(*map(mp.mpf, body.orientation))
+            )
+            com = turned.to_world(numbers[3])
+            position, velocity = numbers[0] + com, numbers[1] + numbers[2].cross(com)
     return oracle.Body(
-        mass=body.mass or None,
+        mass=body.mass if body.is_movable() else None,
         inertia=((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)),
         quaternion=body.orientation or (0, 0, 0, 1),
-        position=body.position,
-        velocity=body.velocity,
+        position=position,
+        velocity=velocity,
         angular_velocity=body.angular_velocity,
     )
 
@@ -116,6 +132,7 @@ def bodies(draw) -> Body:
         draw(quaternions),
         draw(_vectors(3.0)),
         draw(_vectors(3.0)),
+        draw(st.just(ZERO) | _vectors(0.5)),
     )
 
 
@@ -140,7 +157,8 @@ def planar_scenes(draw) -> Scene:
             position=in_plane(body.position),
             velocity=in_plane(body.velocity),
             angular_velocity=Vec3(0.0, 0.0, body.angular_velocity.z),
-            orientation=Quaternion(0.0, 0.0, math.hypot(x, y, z), w),
+            orientation=Quaternion(0.0, 0.0, math.hypot(x, y, z), w) if body.is_movable() else None,
+            com=in_plane(body.com),
         )
 
     scene = draw(scenes().filter(lambda s: in_plane(s.contact.normal).norm() > 0.1))
@@ -150,8 +168,14 @@ def planar_scenes(draw) -> Scene:
     return Scene(flat(scene.body_a), flat(scene.body_b), contact)
 
 
-def random_scene(seed: int, *, slender: bool = False, friction: float | None = None) -> Scene:
-    """A scene whose bodies approach; ``slender`` ones have one moment 1e-4 of the others."""
+def random_scene(
+    seed: int, *, slender: bool = False, friction: float | None = None, off_centre: bool = False
+) -> Scene:
+    """A scene whose bodies approach.
+
+    ``slender`` ones have one moment 1e-4 of the others, ``off_centre`` ones their reference points away
+    from their centres of mass.
+    """
     rng = random.Random(seed)
 
     def vector(size: float) -> Vec3:
@@ -163,7 +187,7 @@ def random_scene(seed: int, *, slender: bool = False, friction: float | None = N
         x, y, z = 0.1 * mass * least, 0.1 * mass * least, 0.1 * mass * rng.uniform(0.5, 1)
         return Body.dynamic(
             mass, (y + z, 0.0, 0.0, x + z, 0.0, x + y), vector(0.5), [rng.gauss(0, 1) for _ in range(4)],
-            vector(2.0), vector(3.0),
+            vector(2.0), vector(3.0), vector(0.4) if off_centre else ZERO,
         )  # fmt: skip
 
     while True:

@@ -1,8 +1,9 @@
-"""Bodies whose frame does not start at the centre of mass."""
+"""Bodies in messages: where their frames start, and what reaches the core."""
 
 from __future__ import annotations
 
 import copy
+import math
 
 import pytest
 
@@ -12,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from ros_graph import ball
 
-from collision_response import ImpactModel, resolve
+from collision_response import ImpactError, ImpactModel, Precision, StatusCode, resolve
 from collision_response.msg import BodyState, CollisionResult
 from collision_response.physics.combine import CombineRule
 from collision_response.physics.orientation import Quaternion
@@ -48,10 +49,13 @@ def test_a_rod_whose_frame_starts_at_one_end_is_struck_at_the_other(graph):
 
 
 def answer_to(request):
-    scene, result = convert.scene_of(request, PARAMETERS), CollisionResult()
-    impact = resolve(scene.a.body, scene.b.body, scene.contact, scene.model)
-    convert.write_answer(result, request, scene, impact)
+    result = CollisionResult()
+    convert.write_answer(result, request, impact_of(request))
     return result
+
+
+def impact_of(request):
+    return resolve(*convert.scene_of(request, PARAMETERS))
 
 
 def set_vector(message, vector):
@@ -94,7 +98,8 @@ def test_where_a_body_frame_starts_does_not_change_what_happens(request, com):
     """Moved by -com, the same material body has the same angular velocity, and its origin v - w x c."""
     a = request.body_a
     orientation = a.pose.orientation
-    centre = Quaternion(orientation.x, orientation.y, orientation.z, orientation.w).to_world(com)
+    q = Quaternion(orientation.x, orientation.y, orientation.z, orientation.w)
+    centre = q.rotation().to_world(com)
     moved = copy.deepcopy(request)
     set_vector(moved.body_a.inertia.com, com)
     set_vector(moved.body_a.pose.position, vector_of(a.pose.position) - centre)
@@ -123,6 +128,33 @@ def test_bodies_that_separate_keep_their_twists_to_the_last_bit(request, com):
     assert (result.twist_a, result.twist_b) == (request.body_a.twist, request.body_b.twist)
 
 
+@given(request=requests(), com=vectors)
+def test_a_twist_is_that_of_the_message_plus_what_the_impact_changes(request, com):
+    set_vector(request.body_a.inertia.com, com)
+    impact, result = impact_of(request), answer_to(request)
+    for state, after, change in (
+        (request.body_a, result.twist_a, impact.change_a),
+        (request.body_b, result.twist_b, impact.change_b),
+    ):
+        assert vector_of(after.linear) == vector_of(state.twist.linear) + change.linear
+        assert vector_of(after.angular) == vector_of(state.twist.angular) + change.angular
+
+
+@given(request=requests(), com=vectors, far=st.sampled_from([1e3, 1e8, 1e13]))
+def test_a_frame_that_starts_far_from_the_body_costs_digits_that_the_bound_counts(request, com, far):
+    com = com * far
+    a = request.body_a
+    set_vector(a.inertia.com, com)
+    set_vector(a.pose.position, vector_of(a.pose.position) - com)
+    request.model.precision = int(Precision.DOUBLE)
+    given = answer_to(request)
+    request.model.precision = int(Precision.EXTENDED)
+    exact = answer_to(request)
+    size = vector_of(exact.impulse).norm()
+    apart = (vector_of(given.impulse) - vector_of(exact.impulse)).norm()
+    assert apart <= (given.error_bound + exact.error_bound) * size or given.error_bound == math.inf
+
+
 @pytest.mark.parametrize("length", [1e-200, 1e200])
 def test_the_length_of_a_quaternion_does_not_matter(length):
     request = ResolveCollision.Request(body_a=ball(0.5, -1.0), body_b=ball(-0.5))
@@ -144,3 +176,25 @@ def test_the_inertia_of_an_immovable_body_is_ignored(motion_type):
     floor.motion_type, floor.inertia.m, floor.inertia.com.y = motion_type, float("nan"), 7.0
     result = answer_to(request)
     assert (result.twist_a.linear.x, result.twist_b) == (0.5, floor.twist)
+
+
+def test_an_answer_beyond_float64_is_refused():
+    """The contact is 1e308 m from the centre of mass in y, and so is the origin on the other side."""
+    request = ResolveCollision.Request(body_a=ball(0.5, -1.0), body_b=ball(-0.5))
+    request.contact.normal.x, request.contact.restitution, request.contact.friction = 1.0, 0.5, 0.0
+    a = request.body_a
+    a.pose.position.y, a.inertia.com.y, a.twist.angular.z = -1e308, 1e308, 1.0
+    with pytest.raises(ImpactError) as raised:
+        answer_to(request)
+    assert raised.value.code is StatusCode.OUT_OF_RANGE
+
+
+@pytest.mark.parametrize("mass", [math.inf, -math.inf, math.nan])
+def test_a_dynamic_body_without_finite_mass_is_refused_by_name(mass):
+    """In the core an infinite mass is that of an immovable body."""
+    request = ResolveCollision.Request(body_a=ball(0.5, -1.0), body_b=ball(-0.5))
+    request.body_a.inertia.m = mass
+    with pytest.raises(ImpactError) as raised:
+        answer_to(request)
+    assert raised.value.code is StatusCode.NOT_FINITE
+    assert convert.as_in_message(raised.value).startswith("body_a.inertia.m: must be finite")

@@ -1,139 +1,266 @@
-"""Double-doubles: exact transforms, and errors below the bound, against fractions."""
+"""The kernels' number types against fractions: double-doubles, and bounds that no error is above."""
 
 from __future__ import annotations
 
+import ctypes
 import math
+from collections.abc import Callable
 from fractions import Fraction as F
+from itertools import product
 
-import numpy as np
+import pytest
+from compiled import compiled
 from hypothesis import given
 from hypothesis import strategies as st
 
-from collision_response.numerics.double_double import (
-    ROUNDOFF,
-    DoubleDouble,
-    double_double,
-    lift,
-    lower,
-    two_product,
-    two_sum,
-)
-from collision_response.numerics.emit_scalar import emit_scalar
-from collision_response.numerics.program import Program, Slot
-from collision_response.numerics.tape import Tape
-from collision_response.physics.number import choose, square_root
-from collision_response.physics.vector import Vec3
+ROUNDOFF = F(2) ** -102
+"""What every operation on double-doubles is right to."""
+
+SOURCE = """
+#include "numbers.hpp"
+
+template <class N> N calculated(int op, const N& a, const N& b) {
+  switch (op) {
+    case '+': return a + b;
+    case '-': return a - b;
+    case '*': return a * b;
+    case '/': return a / b;
+    case 'n': return -a;
+    default: return root(a);
+  }
+}
+template <class N> auto compared(int op, const N& a, const N& b) {
+  return op == '<' ? less(a, b) : op == 'l' ? less_equal(a, b) : equal(a, b);
+}
+
+using Pair = DoubleDouble<double>;
+
+extern "C" void on_pairs(int op, const double* x, double* y) {
+  Pair z = calculated<Pair>(op, {x[0], x[1]}, {x[2], x[3]});
+  y[0] = z.h; y[1] = z.l;
+}
+extern "C" int compare_pairs(int op, const double* x) {
+  return compared<Pair>(op, {x[0], x[1]}, {x[2], x[3]});
+}
+
+#define BOUNDED(name, T)                                                                          \\
+  extern "C" void on_##name(int op, const double* x, double* y) {                                 \\
+    auto z = calculated<Bounded<T>>(op, {T(x[0]), T(x[1])}, {T(x[2]), T(x[3])});                  \\
+    y[0] = z.value; y[1] = z.error;                                                               \\
+  }                                                                                               \\
+  extern "C" int compare_##name(int op, const double* x) {                                        \\
+    auto truth = compared<Bounded<T>>(op, {T(x[0]), T(x[1])}, {T(x[2]), T(x[3])});                \\
+    return truth.value + 2 * truth.sure;                                                          \\
+  }                                                                                               \\
+  extern "C" void choose_##name(int truth, const double* x, double* y) {                          \\
+    Truth<T> c{truth % 2 == 1, truth >= 2};                                                       \\
+    auto z = choose<T>(c, Bounded<T>{T(x[0]), T(x[1])}, Bounded<T>{T(x[2]), T(x[3])});            \\
+    y[0] = z.value; y[1] = z.error;                                                               \\
+  }
+BOUNDED(doubles, double)
+BOUNDED(floats, float)
+extern "C" void on_bounded_pairs(int op, const double* x, double* y) {
+  auto z = calculated<Bounded<Pair>>(op, {{x[0], x[1]}, x[2]}, {{x[3], x[4]}, x[5]});
+  y[0] = z.value.h; y[1] = z.value.l; y[2] = z.error;
+}
+extern "C" int both(int a, int b, int op) {
+  Truth<double> x{a % 2 == 1, a >= 2}, y{b % 2 == 1, b >= 2};
+  auto z = op == '&' ? x & y : op == '|' ? x | y : negation(x);
+  return z.value + 2 * z.sure;
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def numbers(tmp_path_factory) -> ctypes.CDLL:
+    return compiled(SOURCE, tmp_path_factory.mktemp("numbers"))
+
+
+def call(function, op: str | int, *x: float, count: int = 2) -> list[float]:
+    result = (ctypes.c_double * count)()
+    function(ord(op) if isinstance(op, str) else op, (ctypes.c_double * len(x))(*x), result)
+    return list(result)
+
+
+def ask(function, op: str, *x: float) -> int:
+    return function(ord(op), (ctypes.c_double * len(x))(*x))
+
 
 sizes = st.floats(2.0**-200, 2.0**200)
 """Whose products, and the errors of those, neither overflow nor underflow."""
-numbers = sizes | sizes.map(lambda x: -x) | st.just(0.0)
-doubled = st.builds(
-    lambda high, share: two_sum(high, high * share * 2.0**-53), numbers, st.floats(-0.99, 0.99)
-)
+plain = sizes | sizes.map(lambda x: -x) | st.just(0.0)
+
+
+def pair(high: float, share: float) -> tuple[float, float]:
+    low = high * share * 2.0**-53
+    total = high + low
+    return total, low - (total - high)
+
+
+shares = st.floats(-0.99, 0.99)
+pairs = st.builds(pair, plain, shares)
 """Of which some parts cancel: the second of a sum need not be smaller than the other's first."""
 
 
-def value(number: DoubleDouble) -> F:
-    return F(number.high) + F(number.low)
+def value(number) -> F:
+    return F(number[0]) + F(number[1])
 
 
-def assert_close(result: DoubleDouble, exact: F) -> None:
-    assert result.high == result.high + result.low
-    assert abs(value(result) - exact) <= abs(exact) * F(ROUNDOFF)
+def assert_close(result, exact: F) -> None:
+    assert result[0] == result[0] + result[1]
+    assert abs(value(result) - exact) <= abs(exact) * ROUNDOFF
 
 
-@given(numbers, numbers)
-def test_the_transforms_lose_nothing(a, b):
-    assert value(two_sum(a, b)) == F(a) + F(b)
-    assert value(two_product(a, b)) == F(a) * F(b)
+@given(x=pairs, y=pairs)
+def test_operations(numbers, x, y):
+    a, b = value(x), value(y)
+    assert_close(call(numbers.on_pairs, "+", *x, *y), a + b)
+    assert_close(call(numbers.on_pairs, "-", *x, *y), a - b)
+    assert_close(call(numbers.on_pairs, "*", *x, *y), a * b)
+    assert value(call(numbers.on_pairs, "n", *x, *y)) == -a
+    if b:
+        assert_close(call(numbers.on_pairs, "/", *x, *y), a / b)
 
 
-@given(doubled, doubled)
-def test_operations(x, y):
-    assert_close(x + y, value(x) + value(y))
-    assert_close(x - y, value(x) - value(y))
-    assert_close(x * y, value(x) * value(y))
-    if y.high:
-        assert_close(x / y, value(x) / value(y))
+@given(x=pairs, share=shares, tail=shares)
+def test_a_sum_that_cancels(numbers, x, share, tail):
+    y = pair(-x[0] * (1 + share * 2.0**-50), tail)
+    assert_close(call(numbers.on_pairs, "+", *x, *y), value(x) + value(y))
 
 
-@given(doubled, st.floats(-0.999, 0.999))
-def test_a_sum_that_cancels(x, share):
-    y = two_sum(-x.high, x.high * share * 2.0**-52) + x.low * share
-    assert_close(x + y, value(x) + value(y))
-
-
-@given(doubled, numbers | st.sampled_from([0, 1, -1, 2, 3, 0.5]))
-def test_operations_with_a_plain_number(x, y):
-    assert_close(x + y, value(x) + F(y))
-    assert_close(y - x, F(y) - value(x))
-    assert_close(y * x, value(x) * F(y))
-    if y:
-        assert_close(x / y, value(x) / F(y))
-    if x.high:
-        assert_close(y / x, F(y) / value(x))
-
-
-@given(doubled)
-def test_the_square_root(x):
-    x = -x if x.high < 0 else x
-    root = square_root(x)
+@given(x=pairs)
+def test_the_square_root(numbers, x):
+    x = (abs(x[0]), x[1] if x[0] > 0 else -x[1])
+    root = call(numbers.on_pairs, "r", *x, 0.0, 0.0)
     # The square of a root that is off by r is off by 2 r + r^2.
-    assert abs(value(root) ** 2 - value(x)) <= value(x) * (2 * F(ROUNDOFF) + F(ROUNDOFF) ** 2)
+    assert abs(value(root) ** 2 - value(x)) <= value(x) * (2 * ROUNDOFF + ROUNDOFF**2)
 
 
-@given(doubled, doubled | numbers)
-def test_comparisons(x, y):
-    a, b = value(x), value(double_double(y))
-    assert (x < y, x <= y, x > y, x >= y, x == y, x != y) == (a < b, a <= b, a > b, a >= b, a == b, a != b)
-    assert x == x and x <= x and not x < x
+@given(x=pairs, y=pairs)
+def test_comparisons(numbers, x, y):
+    for one, other in ((x, y), (y, x), (x, x), (x, pair(x[0], 0.5))):
+        a, b = value(one), value(other)
+        found = [ask(numbers.compare_pairs, op, *one, *other) for op in "<l="]
+        assert found == [a < b, a <= b, a == b]
 
 
-def test_nearly_equal_numbers_are_told_apart():
-    x = DoubleDouble(1.0, 2.0**-80)
-    assert 1 < x < 1 + 2.0**-52 and x != 1 and x > DoubleDouble(1.0, 2.0**-81)
+# Bounds.
+
+OPERATIONS: dict[str, Callable[[F, F], F]] = {
+    "+": lambda a, b: a + b,
+    "-": lambda a, b: a - b,
+    "*": lambda a, b: a * b,
+    "/": lambda a, b: a / b,
+}
+anything = st.floats(allow_nan=False, allow_infinity=False)
+errors = st.just(0.0) | st.floats(0, 1e-3) | st.floats(0, 1e-300) | st.floats(0, 10)
 
 
-def test_named_tuples_of_numbers():
-    v = Vec3(1.0, 2.0, DoubleDouble(3.0, 2.0**-60))
-    assert all(isinstance(x, DoubleDouble) for x in lift(v))
-    assert lower(lift(v)) == Vec3(1.0, 2.0, 3.0)
+def forgiven(error: float, kind: str) -> F:
+    """An error, but for what its own arithmetic rounds: the slack that is added where bounds are used."""
+    return F(error) * (1 + (F(2) ** -50 if kind == "doubles" else F(2) ** -21))
 
 
-def formula(x, y):
-    """One with everything in it."""
-    larger = choose(x < y, lambda: y, lambda: x)
-    return square_root(x * x + y * y / 3) - choose(larger > 0, lambda: larger * 2, lambda: 1.0) / (
-        x - y * 0.3
-    )
+def narrowed(x: float, kind: str) -> float:
+    return x if kind == "doubles" else ctypes.c_float(x).value
 
 
-@given(numbers, numbers)
-def test_on_floats_on_arrays_and_traced_it_is_the_same(x, y):
-    tape, inputs = Tape(), (Slot("x", 0), Slot("y", 0))
-    traced = formula(*(DoubleDouble(tape.input(slot)) for slot in inputs))
-    outputs = {Slot("result", i): tape.symbol(part).place for i, part in enumerate(traced)}
-    names = {"inf": math.inf, "nan": math.nan, "sqrt": math.sqrt}
-    exec(emit_scalar(Program(tape, inputs, outputs)), names)
-    if x - y * 0.3 == 0:
+def within(number: float, error: float) -> list[F]:
+    return [F(number) - F(error), F(number), F(number) + F(error)]
+
+
+both_kinds = pytest.mark.parametrize("kind", ["doubles", "floats"])
+
+
+@both_kinds
+@given(a=anything | plain, b=anything | plain, relative=st.tuples(errors, errors))
+def test_no_error_is_above_its_bound(numbers, kind, a, b, relative):
+    """Whatever numbers within the errors of the operands are meant, down into the subnormals."""
+    a, b = narrowed(a, kind), narrowed(b, kind)
+    errors = [narrowed(min(abs(x) * e, 1e300), kind) for x, e in zip((a, b), relative, strict=True)]
+    if not all(map(math.isfinite, (a, b, *errors))):
         return
-    direct = formula(DoubleDouble(x), DoubleDouble(y))
-    with np.errstate(all="ignore"):
-        arrays = formula(*(DoubleDouble(np.array([number]), np.zeros(1)) for number in (x, y)))
-    assert names["kernel"](x, y) == tuple(direct) == tuple(float(part[0]) for part in arrays)
+    function = getattr(numbers, f"on_{kind}")
+    for op, exact in OPERATIONS.items():
+        result, error = call(function, op, a, errors[0], b, errors[1])
+        if not error < math.inf or not math.isfinite(result):
+            continue
+        for x, y in product(within(a, errors[0]), within(b, errors[1])):
+            assert op != "/" or y != 0, "a quotient by what may be 0 has no bound"
+            assert abs(exact(x, y) - F(result)) <= forgiven(error, kind)
 
 
-def test_what_is_known_to_be_zero_is_not_computed():
-    tape = Tape()
-    x, y = tape.input("x"), tape.input("y")
-    total = DoubleDouble(x, tape.symbol(0.0)) + DoubleDouble(y)
-    assert len(tape.needed_for(part.place for part in total)) == 2 + 6  # Knuth's six operations
+@both_kinds
+@given(a=plain, relative=errors)
+def test_the_bound_of_a_root(numbers, kind, a, relative):
+    a = narrowed(abs(a), kind)
+    error_of_a = narrowed(a * relative, kind)
+    if not math.isfinite(a):
+        return
+    root, error = call(getattr(numbers, f"on_{kind}"), "r", a, error_of_a, 0.0, 0.0)
+    for x in within(a, error_of_a):
+        if x >= 0:
+            spread = forgiven(error, kind)
+            low, high = max(F(root) - spread, F(0)), F(root) + spread
+            assert low**2 <= x <= high**2
 
 
-def test_a_fused_multiply_add_gives_the_error_of_a_product_at_once():
-    tape = Tape(fused=True)
-    x, y = tape.input("x"), tape.input("y")
-    parts = [part for factor in (x, -x) for part in two_product(factor, y)]
-    ops = [tape.nodes[place].op for place in tape.needed_for(part.place for part in parts)]
-    assert ops.count("mul") == ops.count("fma") == 1  # the others are these, negated
-    assert [part.is_value(0) for part in two_product(x, tape.symbol(0.0))] == [True, True]
+@given(a=pairs, b=pairs, relative=st.tuples(errors, errors))
+def test_the_bounds_of_double_doubles(numbers, a, b, relative):
+    errors = [abs(x[0]) * e * 2.0**-60 for x, e in zip((a, b), relative, strict=True)]
+    for op, exact in OPERATIONS.items():
+        if op == "/" and b[0] == 0:
+            continue
+        *result, error = call(numbers.on_bounded_pairs, op, *a, errors[0], *b, errors[1], count=3)
+        for x, y in product((-1, 0, 1), repeat=2):
+            meant = exact(value(a) + x * F(errors[0]), value(b) + y * F(errors[1]))
+            assert abs(meant - value(result)) <= forgiven(error, "doubles")
+
+
+@both_kinds
+@given(a=plain, b=plain, relative=st.tuples(errors, errors), near=st.booleans())
+def test_a_comparison_that_is_sure_holds_for_all_that_is_meant(numbers, kind, a, b, relative, near):
+    b = a * (1 + relative[0] / 2) if near else b
+    a, b = narrowed(a, kind), narrowed(b, kind)
+    errors = [narrowed(abs(x) * e, kind) for x, e in zip((a, b), relative, strict=True)]
+    if not all(map(math.isfinite, (a, b, *errors))):
+        return
+    for op, exact in (("<", F.__lt__), ("l", F.__le__), ("=", F.__eq__)):
+        truth = ask(getattr(numbers, f"compare_{kind}"), op, a, errors[0], b, errors[1])
+        assert truth % 2 == exact(F(a), F(b))
+        if truth >= 2:
+            meant = product(within(a, errors[0]), within(b, errors[1]))
+            assert {exact(x, y) for x, y in meant} == {truth % 2 == 1}
+        else:
+            assert errors != [0, 0]
+
+
+@both_kinds
+@given(a=plain, b=plain, relative=st.tuples(errors, errors), truth=st.integers(0, 3))
+def test_a_choice_in_doubt_covers_both(numbers, kind, a, b, relative, truth):
+    a, b = narrowed(a, kind), narrowed(b, kind)
+    errors = [narrowed(abs(x) * e, kind) for x, e in zip((a, b), relative, strict=True)]
+    if not all(map(math.isfinite, (a, b, *errors))):
+        return
+    result, error = call(getattr(numbers, f"choose_{kind}"), truth, a, errors[0], b, errors[1])
+    taken, other = (0, 1) if truth % 2 else (1, 0)
+    assert result == (a, b)[taken]
+    if truth >= 2:
+        assert error == errors[taken]
+    elif error < math.inf:
+        for x in (*within(a, errors[0]), *within(b, errors[1])):
+            assert abs(x - F(result)) <= forgiven(error, kind)
+    assert error >= errors[taken] or error >= errors[other]
+
+
+def test_truth_in_doubt_is_kleenes(numbers):
+    """Of every pair of truth values, known or not: sure only of what holds either way."""
+
+    def possible(truth: int) -> set[bool]:
+        return {truth % 2 == 1} if truth >= 2 else {False, True}
+
+    for a, b in product(range(4), repeat=2):
+        for op, exact in (("&", bool.__and__), ("|", bool.__or__), ("~", lambda x, _: not x)):
+            result = numbers.both(a, b, ord(op))
+            assert result % 2 == exact(a % 2 == 1, b % 2 == 1)
+            assert (result >= 2) == (len({exact(x, y) for x in possible(a) for y in possible(b)}) == 1)

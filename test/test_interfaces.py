@@ -26,7 +26,7 @@ from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.ros.batch_fields import LAYOUTS
 from collision_response.ros.convert import NOTES, NUMBERS
 
-SRV = Path(__file__).parent.parent / "srv"
+ROOT = Path(__file__).parent.parent
 
 
 def constants(message):
@@ -70,7 +70,7 @@ def test_layouts_of_a_batch():
 
 
 def test_the_rows_of_a_batch_are_listed():
-    text = (SRV / "ResolveCollisionBatch.srv").read_text()
+    text = (ROOT / "srv" / "ResolveCollisionBatch.srv").read_text()
     listed = re.findall(r"^#   (POINT|PLANAR|SPATIAL) +(.*)$", text, re.MULTILINE)
     heights = [(name, len(rows.replace(",", "").split())) for name, rows in listed]
     assert heights == [
@@ -81,6 +81,14 @@ def test_the_rows_of_a_batch_are_listed():
             if geometry > Geometry.AUTO
         ),
     ]
+
+
+@pytest.mark.parametrize(
+    "file", [*ROOT.glob("msg/*.msg"), *ROOT.glob("srv/*.srv")], ids=lambda file: file.name
+)
+def test_comments_stand_above_what_they_explain(file):
+    """``ros2 interface show`` mangles comments that follow nested fields."""
+    assert re.findall(r"^[^#\n].*#.*$", file.read_text(), re.MULTILINE) == []
 
 
 def test_nothing_constructed_is_a_success():

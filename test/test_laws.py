@@ -8,13 +8,12 @@ from itertools import product
 
 import numpy as np
 import pytest
+from mpmath import mp
 from scenes import LAWS_WITH_FRICTION, Scene, random_scene
 
 from collision_response import Adjustment, Body, Contact, Geometry, Impact, ImpactModel, Law, Regime, resolve
-from collision_response.physics.effective_mass import Planar, Point, Spatial
+from collision_response.impact import impact as compute
 from collision_response.physics.energy import kinetic_energy
-from collision_response.physics.laws import Parameters, chatterjee_ruina, frictionless
-from collision_response.physics.laws.moreau import creates_energy, one_step
 from collision_response.physics.mass_properties import rod, sphere
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import Vec3
@@ -74,20 +73,15 @@ def test_rod_on_plane(case, law, geometry):
     assert impact.adjustments == Adjustment.NONE
 
 
-@pytest.mark.parametrize(
-    ("case", "gain", "p"), [(T3, 0.01925, (0.37, 1.465)), (T3_ELASTIC, 0.1, (0.4, 1.55))]
-)
-def test_moreau_creates_energy_on_t3_and_is_replaced(case, gain, p):
+@pytest.mark.parametrize(("case", "gain"), [(T3, 0.01925), (T3_ELASTIC, 0.1)])
+def test_moreau_creates_energy_on_t3_and_is_replaced(case, gain):
     scene = rod_on_plane(case)
-    approach = Planar.prepare(*scene)
-    raw = one_step(approach, Parameters(scene.contact.restitution, 0.3))
-    assert raw.impulse == pytest.approx(p, abs=1e-15 * 10)  # ten roundings of numbers about 1
-    assert creates_energy(approach, raw)
-    after = scene.body_a.moved_by(approach.respond(raw.impulse).change_a)
-    assert kinetic_energy(after) - kinetic_energy(scene.body_a) == pytest.approx(gain, rel=1e-13)
+    assert float(scene.by_oracle(Law.MOREAU).report.energy) == pytest.approx(gain, rel=1e-13)
 
     impact = scene.resolve(Law.MOREAU)
-    assert impact.impulse == scene.resolve(Law.COULOMB).impulse
+    # the same formulas, in another order of roundings
+    assert impact.impulse == pytest.approx(scene.resolve(Law.COULOMB).impulse, abs=1e-14)
+    assert impact.kinetic_energy_after < impact.kinetic_energy_before
     assert impact.model.law is Law.COULOMB
     assert impact.adjustments == Adjustment.LAW_FALLBACK
 
@@ -142,76 +136,80 @@ def test_t9_three_balls_in_a_row():
 def exact_bodies() -> tuple[Body, Body]:
     a = Body.dynamic(
         F(2), map(F, (3, 1, -1, 4, F(1, 2), 5)), map(F, (1, 2, -1)), map(F, (1, 2, -2, 4)),
-        map(F, (-1, F(1, 2), 2)), map(F, (F(1, 2), -1, 2)),
+        map(F, (-1, F(1, 2), 2)), map(F, (F(1, 2), -1, 2)), map(F, (F(1, 3), 0, F(-1, 4))),
     )  # fmt: skip
     b = Body.dynamic(
         F(5), map(F, (6, -1, 1, 7, 2, 8)), map(F, (-1, 0, 1)), None,
-        map(F, (2, 1, F(-1, 2))), map(F, (1, F(1, 4), F(-1, 2))),
+        map(F, (2, 1, F(-1, 2))), map(F, (1, F(1, 4), F(-1, 2))), map(F, (0, 0, 0)),
     )  # fmt: skip
     return a, b
 
 
 EXACT_CONTACT = Contact.of(map(F, (0, 1, 1)), map(F, (2, 1, -2)), F(3, 4), F(10))
-PARAMETERS = Parameters(F(3, 4), F(10), F(1, 2))
+"""It sticks, so that COULOMB takes no root but those of the report."""
+E_T = F(1, 2)
 
 
-@pytest.mark.parametrize("law", [frictionless, chatterjee_ruina])
-@pytest.mark.parametrize("geometry", [Point, Planar, Spatial])
-def test_conservation_is_exact_in_exact_arithmetic(law, geometry):
+def test_frictionless_conserves_exactly_in_exact_arithmetic():
     """Momentum, angular momentum, ``u_n+ = -e u_n`` and the energy's books, with no rounding at all."""
     a, b = exact_bodies()
-    if geometry is Planar:
-        a, b = (body._replace(orientation=None) for body in (a, b))
-    approach = geometry.prepare(a, b, EXACT_CONTACT)
-    outcome = law(approach, PARAMETERS)
-    response = approach.respond(outcome.impulse)
-    n = approach.n
-    assert n.dot(response.velocity_after) == -PARAMETERS.restitution * approach.n_u
+    # a normal of length 1, so that no root is taken
+    contact = EXACT_CONTACT._replace(normal=Vec3(F(2, 3), F(1, 3), F(-2, 3)))
+    answer = compute(a, b, contact, Law.FRICTIONLESS)
+    changes, report, _ = answer
+    P = changes.impulse
+    assert all(isinstance(x, F) for x in (*P, *changes.change_a.angular, *report.twist_b.linear))
+    assert contact.normal * P.dot(contact.normal) == P
+    for body, change, twist, impulse in (
+        (a, changes.change_a, report.twist_a, P),
+        (b, changes.change_b, report.twist_b, -P),
+    ):
+        com = body.to_world(body.com)
+        assert (change.linear + change.angular.cross(com)) * body.mass == impulse
+        gained = body.to_world(body.inertia @ body.to_body(change.angular))
+        assert gained == (contact.position - body.position - com).cross(impulse)
+        assert twist == (body.velocity + change.linear, body.angular_velocity + change.angular)
 
-    assert response.change_a.linear * a.mass + response.change_b.linear * b.mass == (0, 0, 0)
-    if geometry is Spatial:
-        after_a, after_b = a.moved_by(response.change_a), b.moved_by(response.change_b)
-        for body, arm, change, impulse in (
-            (a, approach.r_a, response.change_a, response.impulse),
-            (b, approach.r_b, response.change_b, -response.impulse),
-        ):
-            q = body.orientation
-            in_body = change.angular if q is None else q.to_body(change.angular)
-            gained = body.inertia @ in_body
-            assert (gained if q is None else q.to_world(gained)) == arm.cross(impulse)
-        work = outcome.impulse.dot(approach.u + response.velocity_after) / 2
-        energy = [sum(map(kinetic_energy, pair)) for pair in ((a, b), (after_a, after_b))]
-        assert energy[1] - energy[0] == work
-        assert work < 0
+    def velocity(body: Body, twist) -> Vec3:
+        return twist.linear + twist.angular.cross(contact.position - body.position)
+
+    before = velocity(a, (twist := report.twist_a)._replace(linear=a.velocity, angular=a.angular_velocity))
+    before -= velocity(b, twist._replace(linear=b.velocity, angular=b.angular_velocity))
+    after = velocity(a, report.twist_a) - velocity(b, report.twist_b)
+    assert contact.normal.dot(after) == -contact.restitution * contact.normal.dot(before)
+    moved = [
+        body._replace(velocity=twist.linear, angular_velocity=twist.angular)
+        for body, twist in ((a, report.twist_a), (b, report.twist_b))
+    ]
+    lost = sum(map(kinetic_energy, (a, b))) - sum(map(kinetic_energy, moved))
+    assert lost == -P.dot(before + after) / 2 == report.energy_lost_restitution > 0
+    assert report.energy_lost_friction == 0
 
 
-@pytest.mark.parametrize("law", [frictionless, chatterjee_ruina])
-@pytest.mark.parametrize("geometry", [Point, Planar, Spatial])
-@pytest.mark.parametrize("mu", [0.05, 10.0])
-def test_one_law_on_floats_arrays_and_fractions(law, geometry, mu):
+@pytest.mark.parametrize(
+    ("law", "mu"), [(Law.FRICTIONLESS, 10), (Law.COULOMB, 0.05), (Law.COULOMB, 10), (Law.MOREAU, 10)]
+)
+def test_one_law_on_floats_arrays_and_exact_numbers(law, mu):
     """The array of many contacts gives, element by element, what a float gives alone: to the bit."""
-    a, b = exact_bodies()
     speeds = [F(k, 4) for k in range(5)]
 
     def answer(number, speed):
-        bodies = [_converted(body, number) for body in (a, b)]
-        bodies[0] = bodies[0]._replace(velocity=bodies[0].velocity._replace(x=number(-1 - speed)))
-        approach = geometry.prepare(*bodies, _converted(EXACT_CONTACT, number))
-        return law(approach, Parameters(number(F(3, 4)), number(F(mu)), number(F(1, 2)))).impulse
+        a, b = (_converted(body, number) for body in exact_bodies())
+        a = a._replace(velocity=a.velocity._replace(x=speed))
+        contact = _converted(EXACT_CONTACT._replace(friction=F(mu)), number)
+        return compute(a, b, contact, law, number(E_T)).changes.impulse
 
-    exact = [answer(F, speed) for speed in speeds] if (law is frictionless or mu > 1) else None
-    floats = [answer(float, speed) for speed in speeds]
-    whole = np.array([float(-1 - s) for s in speeds])
-    bodies = [_converted(body, float) for body in (a, b)]
-    bodies[0] = bodies[0]._replace(velocity=bodies[0].velocity._replace(x=whole))
-    approach = geometry.prepare(*bodies, _converted(EXACT_CONTACT, float))
-    together = law(approach, Parameters(0.75, mu, 0.5)).impulse
-
-    for i in range(len(speeds)):
+    floats = [answer(float, float(-1 - speed)) for speed in speeds]
+    together = answer(np.float64, np.array([float(-1 - speed) for speed in speeds]))
+    for i, speed in enumerate(speeds):
         assert tuple(np.broadcast_to(c, 5)[i] for c in together) == floats[i]
-        if exact is not None:
-            # some fifty roundings, at a condition number of K below 20
-            assert floats[i] == pytest.approx([float(c) for c in exact[i]], rel=1e-13)
+        if law is Law.FRICTIONLESS:
+            exact = answer(F, -1 - speed)
+        else:
+            with mp.workdps(40):
+                exact = answer(lambda x: mp.mpf(F(x).numerator) / F(x).denominator, -1 - mp.mpf(float(speed)))
+        # some fifty roundings, at a condition number of K below 20
+        assert floats[i] == pytest.approx([float(c) for c in exact], rel=1e-13)
 
 
 def _converted(value, number):
@@ -225,14 +223,15 @@ ORACLE_TOLERANCE = {Law.COULOMB: 1e-12, Law.MOREAU: 1e-11, Law.ROUTH_POISSON: 1e
 algebraic laws; for the integrated ones what is asked of them."""
 
 
-@pytest.mark.parametrize("law", [Law.COULOMB, Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
-@pytest.mark.parametrize("seed", range(6))
-def test_against_the_oracle(law, seed):
-    _agree(random_scene(seed), law, ORACLE_TOLERANCE[law])
+@pytest.mark.parametrize("off_centre", [False, True])
+@pytest.mark.parametrize("law", LAWS_WITH_FRICTION)
+@pytest.mark.parametrize("seed", range(2))
+def test_against_the_oracle(law, seed, off_centre):
+    _agree(random_scene(seed, off_centre=off_centre), law, ORACLE_TOLERANCE[law])
 
 
 @pytest.mark.parametrize("law", [Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
-@pytest.mark.parametrize(("seed", "mu"), [*product(range(100, 104), [0.5, 1.5, 3.0])])
+@pytest.mark.parametrize(("seed", "mu"), [*product(range(100, 102), [0.5, 3.0])])
 def test_slender_bodies_against_the_oracle(law, seed, mu):
     _agree(random_scene(seed, slender=True, friction=mu), law, ORACLE_TOLERANCE[law])
 
@@ -284,25 +283,28 @@ def test_every_kind_of_path_against_the_oracle(path, law):
     assert _agree(scene, law, ORACLE_TOLERANCE[law]).regime is regime
 
 
-@pytest.mark.parametrize("seed", range(200, 206))
-def test_moreau_against_the_oracle(seed):
-    scene = random_scene(seed)
-    approach = Spatial.prepare(*scene)
-    raw = one_step(approach, Parameters(scene.contact.restitution, scene.contact.friction))
-    expected = scene.by_oracle(Law.MOREAU)
-    assert raw.impulse == pytest.approx(
-        [float(x) for x in expected.impulse], rel=ORACLE_TOLERANCE[Law.MOREAU]
-    )
-
-
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
-@pytest.mark.parametrize("seed", range(300, 304))
+@pytest.mark.parametrize("seed", (300,))
 def test_routh_is_as_exact_as_asked(tolerance, seed):
     _agree(random_scene(seed), Law.ROUTH_STRONGE, tolerance, tolerance=tolerance)
 
 
 def _agree(scene: Scene, law: Law, relative: float, **model) -> Impact:
-    impact = scene.resolve(law, geometry=Geometry.SPATIAL, **model)
-    expected = Vec3(*(float(x) for x in scene.by_oracle(law, digits=20).impulse))
+    """All that changes, against the oracle: the impulse, and the twists of the reference points."""
+    impact = scene.resolve(law, **model)
+    outcome = scene.by_oracle(law, digits=20)
+    if law is Law.MOREAU and outcome.report.energy > 0:
+        assert impact.adjustments & Adjustment.LAW_FALLBACK
+        outcome = scene.by_oracle(Law.COULOMB, digits=20)
+    expected = Vec3(*map(float, outcome.impulse))
     assert (impact.impulse - expected).norm() <= relative * expected.norm()
+    for body, twist, v, w in (
+        (scene.body_a, impact.twist_a, outcome.velocity_a, outcome.angular_velocity_a),
+        (scene.body_b, impact.twist_b, outcome.velocity_b, outcome.angular_velocity_b),
+    ):
+        spin = Vec3(*map(float, w))
+        velocity = Vec3(*map(float, v)) - spin.cross(body.to_world(body.com))
+        # the change of the twist is that of the impulse times at most the condition of the inertia
+        assert (twist.linear - velocity).norm() <= 100 * relative * (velocity.norm() + spin.norm())
+        assert (twist.angular - spin).norm() <= 100 * relative * (velocity.norm() + spin.norm())
     return impact

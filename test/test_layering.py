@@ -1,4 +1,4 @@
-"""Who may import whom: downwards only."""
+"""Who may import whom: downwards only; and what an import brings along."""
 
 from __future__ import annotations
 
@@ -12,73 +12,178 @@ import pytest
 import collision_response
 
 PACKAGE = Path(collision_response.__file__).parent
-CORE = {"", "physics", "numerics"}
-MAY_IMPORT = {
-    "numerics": {"physics", "numerics", "status"},
-    "physics": {"physics", "numerics", "status"},
-    "": CORE,
-    "recording": CORE | {"recording"},
-    "ros": CORE | {"batch", "recording", "ros", "msg", "srv"},
+FRONT = "collision_response"
+LAYERS = (
+    {"numbers"},
+    {"physics"},
+    {"status"},
+    {"model"},
+    {"centre"},
+    {"answer", "geometry", "impact", "validity"},
+    {"kernels"},
+    {"exactly"},
+    {"resolve"},
+    {"scene"},
+    {FRONT},
+    {"batch"},
+    {"recording"},
+    {"msg", "srv"},
+    {"ros"},
+    {"demo"},
+)
+"""Rooms and single modules, from the bottom. Each may import what lies below it, and its own."""
+
+HEIGHT = {unit: height for height, layer in enumerate(LAYERS) for unit in layer}
+NOTHING_BUT = {"status": set(), "physics": {"numbers"}}
+"""Some may import less than all that lies below."""
+NOT = {"recording": {"batch", "kernels"}, "ros": {"kernels"}, "demo": {"kernels"}}
+STRANGERS = {
+    "numbers": {"numpy", "flint"},
+    "batch": {"numpy", "dask", "torch"},
+    "recording": {"numpy", "rerun", "pyarrow"},
 }
-"""For each room the rooms it may import; ``""`` are the modules on top, with ``status`` for one of them."""
+"""What units below ROS may import that is neither Python's nor the package's."""
 
 
-def room_of(module: list[str]) -> str:
-    """The room of a module given by the parts of its name after the package's."""
-    return module[0] if module and (PACKAGE / module[0]).is_dir() else ""
+def unit_of(module: list[str]) -> str:
+    """The unit of a module given by the parts of its name after the package's."""
+    first = module[0] if module else ""
+    is_module = (PACKAGE / first).is_dir() or (PACKAGE / f"{first}.py").is_file()
+    return first if first and is_module and first != "__init__" else FRONT
 
 
-def imports(file: Path) -> list[list[str]]:
-    """Every module of this package that a file imports."""
+def imports(file: Path) -> tuple[list[list[str]], set[str]]:
+    """Every module of this package that a file imports, and the names of the other packages."""
     package = list(file.relative_to(PACKAGE).parts[:-1])
-    found = []
+    own, others = [], set()
     for node in ast.walk(ast.parse(file.read_text())):
-        if isinstance(node, ast.ImportFrom):
-            base = package[: len(package) - node.level + 1] if node.level else []
-            name = (node.module or "").split(".") if node.module else []
-            if node.level:
-                found += [base + name + [alias.name] for alias in node.names]
-            elif name[:1] == ["collision_response"]:
-                found += [[*name[1:], alias.name] for alias in node.names]
+        if isinstance(node, ast.ImportFrom) and node.level:
+            base = package[: len(package) - node.level + 1]
+            name = node.module.split(".") if node.module else []
+            own += [base + name + [alias.name] for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            name = node.module.split(".")
+            if name[0] == FRONT:
+                own += [[*name[1:], alias.name] for alias in node.names]
+            else:
+                others.add(name[0])
         elif isinstance(node, ast.Import):
-            names = (alias.name.split(".") for alias in node.names)
-            found += [name[1:] for name in names if name[0] == "collision_response"]
-    return found
+            for alias in node.names:
+                name = alias.name.split(".")
+                if name[0] == FRONT:
+                    own.append(name[1:])
+                else:
+                    others.add(name[0])
+    return own, others - set(sys.stdlib_module_names)
 
 
-FILES = [
-    file
-    for file in sorted(PACKAGE.rglob("*.py"))
-    if room_of(list(file.relative_to(PACKAGE).parts)) in MAY_IMPORT
-]
+def names(file: Path) -> list[str]:
+    parts = list(file.relative_to(PACKAGE).with_suffix("").parts)
+    return parts if len(parts) > 1 else ([] if parts == ["__init__"] else parts)
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(PACKAGE)))
+FILES = [file for file in sorted(PACKAGE.rglob("*.py")) if unit_of(names(file)) not in ("msg", "srv")]
+each_file = pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(PACKAGE)))
+
+
+@each_file
 def test_imports_go_downwards(file):
-    allowed = MAY_IMPORT[room_of(list(file.relative_to(PACKAGE).parts))]
-    for module in imports(file):
-        room = room_of(module)
-        assert room in allowed or module[0] in allowed, ".".join(module)
+    unit = unit_of(names(file))
+    assert unit in HEIGHT, "a new unit: say in which layer it is"
+    for module in imports(file)[0]:
+        other = unit_of(module)
+        if other == unit:
+            continue
+        assert HEIGHT[other] < HEIGHT[unit], ".".join(module)
+        assert unit not in NOTHING_BUT or other in NOTHING_BUT[unit], ".".join(module)
+        assert other not in NOT.get(unit, ()), ".".join(module)
 
 
-def strangers_among(modules: list[str], names: list[str], directory: Path) -> list[str]:
-    """Those of ``names`` that a fresh interpreter has loaded after importing ``modules``."""
-    program = f"import sys, {', '.join(modules)}; print(*[name for name in {names} if name in sys.modules])"
+@each_file
+def test_only_the_rooms_that_say_so_import_strangers(file):
+    unit = unit_of(names(file))
+    if HEIGHT[unit] < HEIGHT["ros"]:
+        assert imports(file)[1] <= STRANGERS.get(unit, set())
+
+
+def test_the_oracle_shares_no_code():
+    for file in (Path(__file__).parent / "oracle").glob("*.py"):
+        assert FRONT not in file.read_text()
+
+
+def run(program: str, directory: Path) -> list[str]:
+    """What a fresh interpreter prints."""
     command = [sys.executable, "-c", program]
-    result = subprocess.run(command, cwd=directory, capture_output=True, text=True, check=True)
+    result = subprocess.run(command, cwd=directory, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
     return result.stdout.split()
 
 
-def test_the_core_and_the_recording_know_no_ros_and_load_no_rerun(tmp_path):
-    rooms = [
-        "collision_response",
-        *(f"collision_response.{room}" for room in ("physics", "numerics", "recording")),
-    ]
-    assert (
-        strangers_among(rooms, ["rclpy", "geometry_msgs", "collision_response.msg", "rerun"], tmp_path) == []
-    )
+def loaded_with(modules: list[str], directory: Path) -> set[str]:
+    """All modules that a fresh interpreter has loaded after importing ``modules``."""
+    return set(run(f"import sys, {', '.join(modules)}; print(*sys.modules)", directory))
 
 
-def test_a_node_that_does_not_record_loads_no_rerun(tmp_path):
-    pytest.importorskip("rclpy")
-    assert strangers_among(["collision_response.ros.node"], ["rerun", "pyarrow"], tmp_path) == []
+ROS = {"rclpy", "geometry_msgs", "std_msgs", "collision_response.msg", "collision_response.srv"}
+
+
+def test_an_import_loads_what_one_impact_needs_and_no_more(tmp_path):
+    """python-flint is loaded where it is installed: balls are numbers."""
+    loaded = loaded_with(["collision_response"], tmp_path)
+    assert not loaded & (ROS | {"rerun", "scipy", "dask", "torch", "mpmath", "matplotlib"})
+    rooms = {name.split(".")[1] for name in loaded if name.startswith("collision_response.")}
+    assert not rooms & {"batch", "recording", "ros", "demo"}
+    tracer = {"symbol", "emit", "layout", "programs", "trace"}  # which is the build's
+    assert not loaded & {f"collision_response.kernels.{name}" for name in tracer}
+
+
+def test_batches_load_numpy_and_no_other_arrays(tmp_path):
+    loaded = loaded_with(["collision_response.batch"], tmp_path)
+    assert not loaded & (ROS | {"rerun", "scipy", "dask", "torch"})
+
+
+def test_the_recording_knows_no_ros_and_a_node_that_does_not_record_no_rerun(tmp_path):
+    assert not loaded_with(["collision_response.recording"], tmp_path) & (ROS | {"rerun"})
+    assert not loaded_with(["collision_response.ros.node"], tmp_path) & {"rerun", "pyarrow"}
+
+
+WITHOUT = """
+import sys
+
+class Blocked:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in BLOCKED:
+            raise ImportError(name)
+
+sys.meta_path.insert(0, Blocked())
+
+from collision_response import *
+
+ball = Body.dynamic(1.0, (0.4, 0, 0, 0.4, 0, 0.4), (0.0, 0.1, 1.0), None, (0.1, 0.0, -2.0))
+contact = Contact.of((0, 0, 0), (0, 0, 1), restitution=0.5, friction=0.3)
+for law in Law:
+    for precision in (Precision.AUTO, Precision.DOUBLE, Precision.EXTENDED):
+        assert resolve(ball, Body.static(), contact, ImpactModel(law, precision=precision)).impulse.z > 2
+exact = resolve(ball, Body.static(), contact, ImpactModel(precision=Precision.EXTENDED, tolerance=1e-15))
+assert exact.status is StatusCode.OK
+print(resolve(ball, Body.static(), contact, ImpactModel(tolerance=1e-17)).status.name)
+"""
+
+
+def test_one_impact_needs_no_other_package(tmp_path):
+    blocked = {"flint", "numpy", "rclpy", "geometry_msgs", "rerun", "scipy", "mpmath", "dask", "torch"}
+    assert run(f"BLOCKED = {blocked}\n{WITHOUT}", tmp_path) == ["TOLERANCE_NOT_MET"]
+
+
+def test_batches_need_numpy_alone(tmp_path):
+    blocked = {"flint", "rclpy", "geometry_msgs", "rerun", "scipy", "mpmath", "dask", "torch"}
+    batch = """
+import numpy as np
+from collision_response.batch import body_rows, contact_rows, resolve_batch
+
+of, at = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+bodies, contacts = np.zeros((of.height, 2, 3)), np.zeros((at.height, 3))
+bodies[of.mass], bodies[of.velocity, 0], contacts[at.normal] = 1.0, -1.0, 1.0
+print(*resolve_batch(bodies, contacts, ImpactModel(Law.FRICTIONLESS, precision=Precision.EXTENDED)).status)
+"""
+    assert run(f"BLOCKED = {blocked}\n{WITHOUT}{batch}", tmp_path)[1:] == ["1", "1", "1"]

@@ -5,10 +5,9 @@ from math import cos, pi, sin, sqrt
 
 import numpy as np
 import pytest
+from integrate import until
 from mpmath import mp
 from oracle import LAWS, Body, impact, impulse, mobility
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 FLOOR = Body(None, None)
 UP = (0, 0, 1)
@@ -180,9 +179,9 @@ def test_ideal_rod_struck_by_a_point():
 
 
 def by_steps(K, u, e, mu, stronge):
-    """The impulse by DOP853 in p, friction read off the slip; the direction in which slip
-    resumes is looked for by a scan."""
-    K, p, y = np.array(K.tolist(), float), 0.0, np.array([*u, 0.0, 0.0, 0.0], float)
+    """The impulse by steps in p, friction read off the slip; the direction in which slip
+    resumes is looked for by a scan. y: u, work of the normal impulse, tangential impulse, p."""
+    K, y = np.array(K.tolist(), float), np.array([*u, 0.0, 0.0, 0.0, 0.0], float)
     p_c = W_c = push = None
     stopped = np.hypot(*y[:2]) == 0
     while True:
@@ -192,30 +191,24 @@ def by_steps(K, u, e, mu, stronge):
             if np.hypot(*push[:2]) > mu:
                 push = resumed(K, mu)
 
-        def rhs(p, y, push=push):
+        def rhs(y, push=push):
             f = push if push is not None else np.array([*(-mu * y[:2] / np.hypot(*y[:2])), 1])
-            return [*(K @ f), y[2], f[0], f[1]]
+            return [*(K @ f), y[2], f[0], f[1], 1.0]
 
-        def stop(p, y, slips=push is None):
-            return np.hypot(*y[:2]) - 1e-11 if slips else 1.0
+        def stop(y, slips=push is None):
+            return 1e-11 - np.hypot(*y[:2]) if slips else -1.0
 
-        def un(p, y):
-            return y[2]
+        def goal(y, p_c=p_c, W_c=W_c):
+            if p_c is None:
+                return y[2]
+            return y[3] - (1 - e * e) * W_c if stronge else y[6] - (1 + e) * p_c
 
-        def left(p, y, p_c=p_c, W_c=W_c):
-            return y[3] - (1 - e * e) * W_c if stronge else p - (1 + e) * p_c
-
-        goal = un if p_c is None else left
-        stop.terminal = goal.terminal = True
-        goal.direction = 1
-        run = solve_ivp(rhs, (p, p + 1e4), y, "DOP853", events=(stop, goal), rtol=1e-12, atol=1e-13)
-        p, y = run.t[-1], run.y[:, -1].copy()
-        stopped, reached = (times.size > 0 for times in run.t_events)
-        assert stopped or reached
-        if reached and goal is left:
-            return np.array([*y[4:], p])
-        if reached:
-            p_c, W_c = p, y[3]
+        _, y, event = until(rhs, y, (stop, goal))
+        stopped = event == 0
+        if not stopped and p_c is not None:
+            return y[4:]
+        if not stopped:
+            p_c, W_c = y[6], y[3]
 
 
 def resumed(K, mu):
@@ -227,7 +220,9 @@ def resumed(K, mu):
     t = np.linspace(0, 2 * pi, 2001)
     grow, turn = np.transpose([polar(x) for x in t])
     (i,) = np.nonzero((turn[:-1] * turn[1:] <= 0) & (grow[:-1] > 0))[0]
-    at = brentq(lambda x: polar(x)[1], t[i], t[i + 1], xtol=1e-15)
+    low, high = t[i], t[i + 1]
+    while low < (at := (low + high) / 2) < high:
+        low, high = (at, high) if polar(at)[1] * turn[i] > 0 else (low, at)
     return np.array([-mu * cos(at), -mu * sin(at), 1])
 
 
@@ -240,7 +235,7 @@ def wild_contact(rng):
 
 
 def agree(P, Q):
-    """1e-9 of the impulse: the integrator's rtol and the 1e-11 of slip that it takes for a
+    """1e-9 of the impulse: the integrator's tolerance and the 1e-11 of slip that it takes for a
     stop leave up to 2e-10 here."""
     return np.abs(np.array(P.tolist(), float)[:, 0] - Q).max() < 1e-9 * np.abs(Q).max()
 

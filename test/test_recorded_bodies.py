@@ -10,12 +10,12 @@ pytest.importorskip("rerun")
 
 from test_recording import impact, read, recorded, verify
 
-from collision_response import Body
+from collision_response import Body, Contact, resolve
 from collision_response.physics.mass_properties import box, rod, sphere
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.tensor import Symmetric3
 from collision_response.physics.vector import Vec3
-from collision_response.recording import Sighting
+from collision_response.recording import Record, Sighting
 from collision_response.recording.solid import Solid
 
 EIGEN = 1e-12
@@ -33,6 +33,37 @@ def test_a_body_is_seen_between_its_impacts(tmp_path):
     assert seen(path, f"{entity}/velocity_before", "Arrows3D:vectors") == [(1_500_000_000, [])]
     ((_, [velocity]),) = seen(path, f"{entity}/velocity_after", "Arrows3D:vectors")
     assert velocity == pytest.approx([0.0, 0.2, 0.0], rel=1e-6)
+
+
+@pytest.mark.parametrize("length", [1e-200, 1.0, 1e200])
+def test_a_body_is_shown_at_its_centre_of_mass(tmp_path, length):
+    """Its frame starts 2 m below, and is turned by a right angle about z; the quaternion has any length."""
+    ball = Body.dynamic(
+        2.0,
+        sphere(2.0, 0.5).inertia,
+        (1.0, -2.0, 0.5),
+        (0.0, 0.0, length, length),
+        (-3.0, 0.0, -3.0),
+        (0.0, 0.0, -1.5),
+        (2.0, 0.0, 0.0),
+    )
+    floor, contact = Body.static(), Contact.of((1.0, 0.0, 0.0), (0.0, 0.0, length), 0.5)
+    answer = resolve(ball, floor, contact)
+    path = recorded(tmp_path, [Record(2, 1, "ball", "floor", ball, floor, answer), Sighting(1, "ball", ball)])
+    verify(path)
+    entity = "/world/bodies/ball"
+    for component, place in (("Points3D:positions", entity), ("Transform3D:translation", f"{entity}/solid")):
+        for rows in (read(path, place, component), seen(path, place, component)):
+            assert rows[0][-1] == [pytest.approx([1.0, 0.0, 0.5], abs=1e-6)]
+    ((_, [turn]),) = seen(path, f"{entity}/solid", "Transform3D:quaternion")
+    assert turn == pytest.approx([0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)], rel=1e-6)
+    # the centre of mass falls straight down
+    ((_, _, [before]),) = read(path, f"{entity}/velocity_before", "Arrows3D:vectors")
+    ((_, _, [after]),) = read(path, f"{entity}/velocity_after", "Arrows3D:vectors")
+    assert before == pytest.approx([0.0, 0.0, -0.3], abs=1e-7)
+    assert after == pytest.approx([0.0, 0.0, 0.15], abs=1e-7)
+    ((_, _, [normal]),) = read(path, "/world/contact/normal", "Arrows3D:vectors")
+    assert normal == pytest.approx([0.0, 0.0, 0.1], rel=1e-6)
 
 
 def seen(path, entity, component):
@@ -65,12 +96,13 @@ def test_a_box_at_an_angle_to_its_axes_is_shown_as_it_is():
     size, turn = (1.0, 2.0, 4.0), math.radians(30)
     about_z = Quaternion(0.0, 0.0, math.sin(turn / 2), math.cos(turn / 2))
     inertia = box(6.0, size).inertia
-    columns = [about_z.to_world(inertia @ about_z.to_body(axis)) for axis in AXES]
+    turned_by = about_z.rotation()
+    columns = [turned_by.to_world(inertia @ turned_by.to_body(axis)) for axis in AXES]
     turned = Symmetric3(*columns[0], columns[1].y, columns[1].z, columns[2].z)
     solid = Solid.of(Body.dynamic(6.0, turned))
     assert sorted(solid.half_sizes) == pytest.approx([0.5, 1.0, 2.0], rel=EIGEN)
     for axis, edge in zip(AXES, size, strict=True):
-        expected = about_z.to_world(axis)
+        expected = turned_by.to_world(axis)
         along = direction(solid, edge / 2)
         assert abs(along.dot(expected)) == pytest.approx(1.0, rel=EIGEN)
 
@@ -81,7 +113,7 @@ AXES = Vec3(1.0, 0.0, 0.0), Vec3(0.0, 1.0, 0.0), Vec3(0.0, 0.0, 1.0)
 def direction(solid, half_size):
     """Where, in body axes, the edge of this half size points, up to its sign."""
     (axis,) = (axis for axis, h in zip(AXES, solid.half_sizes, strict=True) if abs(h - half_size) < 1e-6)
-    along = Quaternion(*solid.axes).to_world(axis)
+    along = Quaternion(*solid.axes).rotation().to_world(axis)
     return along if along.x >= 0 else -along
 
 

@@ -1,0 +1,22 @@
+"""The kernels' C++ compiled for a test: the package is built from source, so there is a compiler."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shlex
+import subprocess
+from pathlib import Path
+
+KERNELS = Path(__file__).parents[1] / "collision_response" / "kernels"
+OPTIONS = ("-std=c++17", "-O1", "-fPIC", "-shared", "-ffp-contract=off", "-Wno-psabi")
+"""As CMakeLists.txt has them, where it matters."""
+
+
+def compiled(source: str, directory: Path) -> ctypes.CDLL:
+    """The functions of a source that may include the kernels' headers."""
+    file, library = directory / "test.cpp", directory / "test.so"
+    file.write_text(source)
+    compiler = shlex.split(os.environ.get("CXX", "c++"))
+    subprocess.run([*compiler, *OPTIONS, f"-I{KERNELS}", str(file), "-o", str(library)], check=True)
+    return ctypes.CDLL(str(library))

@@ -1,0 +1,444 @@
+"""The exact answer to a request, from the equations, in rational arithmetic.
+
+FRICTIONLESS is rational in its inputs; COULOMB needs one square root, taken to 1000 bits. Both are right to
+hundreds of digits at any magnitude. MOREAU and ROUTH take their impulse from the mpmath oracle of the
+tests, given K, u and n exactly. This module shares no code with the package.
+
+    u = v_A + w_A x r_A - v_B - w_B x r_B        K = sum of 1/m - [r]x I^-1 [r]x        u+ = u + K P
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+ROOT_BITS = 1000
+PIVOT_LIMIT = Fraction(1, 2**50)
+"""A pivot of the inertia tensor at or below this part of its diagonal is no inertia."""
+
+ORACLE_DIGITS = 35
+"""The path of Routh's law loses up to half of them where the work decides its end."""
+
+ORACLE_ERROR = 1e-15
+"""Of the impulse, by that."""
+
+LARGEST = Fraction(math.nextafter(math.inf, 0.0))
+LEAST = Fraction(1, 2**1074)
+
+Vec = tuple[Fraction, Fraction, Fraction]
+Mat = tuple[Vec, Vec, Vec]
+ZERO: Vec = (Fraction(0),) * 3
+
+
+class Solid(NamedTuple):
+    """A body as given. ``mass`` None: immovable. ``position`` and ``velocity`` of the reference point."""
+
+    mass: float | None = None
+    inertia: Sequence[float] = (0.0,) * 6
+    position: Sequence[float] = (0.0,) * 3
+    orientation: Sequence[float] | None = None
+    velocity: Sequence[float] = (0.0,) * 3
+    spin: Sequence[float] = (0.0,) * 3
+    com: Sequence[float] = (0.0,) * 3
+
+
+class Touch(NamedTuple):
+    """A contact as given."""
+
+    position: Sequence[float]
+    normal: Sequence[float]
+    restitution: Any = 1.0
+    friction: float = 0.0
+
+
+class Scene(NamedTuple):
+    """A request without its model."""
+
+    a: Solid
+    b: Solid
+    contact: Touch
+
+
+# vectors and tensors of fractions
+
+
+def vec(v: Sequence[float]) -> Vec:
+    return tuple(Fraction(x) for x in v)  # type: ignore[return-value]
+
+
+def dot(a: Vec, b: Vec) -> Fraction:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a: Vec, b: Vec) -> Vec:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def plus(a: Vec, b: Vec) -> Vec:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def minus(a: Vec, b: Vec) -> Vec:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def times(a: Vec, s: Fraction) -> Vec:
+    return a[0] * s, a[1] * s, a[2] * s
+
+
+def apply(m: Mat, v: Vec) -> Vec:
+    return dot(m[0], v), dot(m[1], v), dot(m[2], v)
+
+
+def transposed(m: Mat) -> Mat:
+    return tuple(zip(*m, strict=True))  # type: ignore[return-value]
+
+
+def inverse(m: Mat) -> Mat:
+    """By cofactors: exact, so its conditioning does not matter."""
+    x, y, z = m
+    adjugate = cross(y, z), cross(z, x), cross(x, y)
+    determinant = dot(x, adjugate[0])
+    return transposed(tuple(times(row, 1 / determinant) for row in adjugate))  # type: ignore[arg-type]
+
+
+def root(x: Fraction) -> Fraction:
+    """The square root of ``x >= 0``, relatively right to ``ROOT_BITS``; exact if it is rational."""
+    if x == 0:
+        return x
+    p, q = math.isqrt(x.numerator), math.isqrt(x.denominator)
+    if p * p == x.numerator and q * q == x.denominator:
+        return Fraction(p, q)
+    shift = 2 * ROOT_BITS + x.denominator.bit_length() - x.numerator.bit_length()
+    shift += shift % 2
+    scaled = x * Fraction(2) ** shift
+    return Fraction(math.isqrt(scaled.numerator // scaled.denominator)) / Fraction(2) ** (shift // 2)
+
+
+def length(v: Vec) -> Fraction:
+    return root(dot(v, v))
+
+
+def nearest(x: Fraction) -> float:
+    """The nearest float64; infinite beyond its range."""
+    try:
+        return float(x)
+    except OverflowError:
+        return math.copysign(math.inf, x)
+
+
+# bodies
+
+
+class Side(NamedTuple):
+    """One body as seen from the contact, in world axes."""
+
+    mass: Fraction | None
+    trace: Fraction
+    rotation: Mat
+    inertia: Mat
+    inverse_inertia: Mat
+    com: Vec
+    r: Vec
+    velocity: Vec
+    spin: Vec
+    idle: Vec
+    speed_scale: Fraction
+    """Of the terms of the contact's velocity, for the rounding that they bring."""
+
+    def contact_velocity(self) -> Vec:
+        """An angular velocity about an axis without inertia moves no contact."""
+        centre = plus(self.velocity, cross(self.spin, self.com))
+        return plus(centre, cross(minus(self.spin, self.idle), self.r))
+
+    def response(self, impulse: Vec) -> tuple[Vec, Vec]:
+        """The change of the twist of the reference point."""
+        if self.mass is None:
+            return ZERO, ZERO
+        angular = apply(self.inverse_inertia, cross(self.r, impulse))
+        return minus(times(impulse, 1 / self.mass), cross(angular, self.com)), angular
+
+    def energy(self, velocity: Vec, spin: Vec) -> Fraction:
+        if self.mass is None:
+            return Fraction(0)
+        centre = plus(velocity, cross(spin, self.com))
+        return (self.mass * dot(centre, centre) + dot(spin, apply(self.inertia, spin))) / 2
+
+
+def rotation_of(quaternion: Sequence[float] | None) -> Mat:
+    """Rational in the components: the length of the quaternion drops out."""
+    if quaternion is None:
+        quaternion = (0, 0, 0, 1)
+    x, y, z, w = (Fraction(c) for c in quaternion)
+    s = 2 / (x * x + y * y + z * z + w * w)
+    return (
+        (1 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)),
+        (s * (x * y + w * z), 1 - s * (x * x + z * z), s * (y * z - w * x)),
+        (s * (x * z - w * y), s * (y * z + w * x), 1 - s * (x * x + y * y)),
+    )
+
+
+def _tensor(inertia: Sequence[float]) -> Mat:
+    xx, xy, xz, yy, yz, zz = (Fraction(c) for c in inertia)
+    return (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
+
+
+def _is_definite(tensor: Mat) -> bool:
+    """Whether every pivot is more than rounding of its diagonal."""
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = tensor
+    if xx <= 0:
+        return False
+    d_y = yy - xy * xy / xx
+    if d_y <= yy * PIVOT_LIMIT:
+        return False
+    w = yz - xz * xy / xx
+    return zz - xz * xz / xx - w * w / d_y > zz * PIVOT_LIMIT
+
+
+def _turned(rotation: Mat, tensor: Mat) -> Mat:
+    """``R T R^T``."""
+    half = tuple(apply(tensor, row) for row in rotation)  # rows of R T, T being symmetric
+    return tuple(tuple(dot(h, row) for row in rotation) for h in half)  # type: ignore[return-value]
+
+
+def side_of(body: Solid, point: Vec) -> Side:
+    rotation = rotation_of(body.orientation)
+    com, spin, position = apply(rotation, vec(body.com)), vec(body.spin), vec(body.position)
+    r = minus(minus(point, position), com)
+    speed = length(vec(body.velocity)) + length(spin) * (length(point) + length(position) + length(com))
+    nothing: Mat = (ZERO, ZERO, ZERO)
+    if body.mass is None:
+        return Side(
+            None, Fraction(0), rotation, nothing, nothing, com, r, vec(body.velocity), spin, ZERO, speed
+        )
+    tensor = _tensor(body.inertia)
+    half_trace = (tensor[0][0] + tensor[1][1] + tensor[2][2]) / 2
+    idle = ZERO
+    if _is_definite(tensor):
+        undone = inverse(tensor)
+    elif half_trace == 0:
+        undone, idle = nothing, spin
+    else:  # a rod: I/c projects across its axis
+        squared = tuple(apply(tensor, row) for row in tensor)  # I I, for I is symmetric
+        undone = tuple(times(row, 1 / half_trace**3) for row in squared)  # type: ignore[assignment]
+        in_body = apply(transposed(rotation), spin)
+        across = times(apply(tensor, in_body), 1 / half_trace)
+        idle = apply(rotation, minus(in_body, across))
+    return Side(
+        Fraction(body.mass),
+        2 * half_trace,
+        rotation,
+        _turned(rotation, tensor),
+        _turned(rotation, undone),
+        com,
+        r,
+        vec(body.velocity),
+        spin,
+        idle,
+        speed,
+    )
+
+
+# both bodies
+
+
+class Pair(NamedTuple):
+    """Two bodies as seen from their contact."""
+
+    a: Side
+    b: Side
+    n: Vec
+    u: Vec
+    K: Mat
+    unit: Fraction
+    """The length of the normal."""
+
+    @property
+    def n_u(self) -> Fraction:
+        return dot(self.n, self.u)
+
+    @property
+    def n_Kn(self) -> Fraction:
+        return dot(self.n, apply(self.K, self.n))
+
+    @property
+    def approach_speed(self) -> Fraction:
+        return -self.n_u / self.unit
+
+    def energy_change(self, impulse: Vec) -> Fraction:
+        return dot(impulse, plus(times(self.u, Fraction(2)), apply(self.K, impulse))) / 2
+
+
+def pair_of(scene: Scene) -> Pair:
+    point = vec(scene.contact.position)
+    a, b = side_of(scene.a, point), side_of(scene.b, point)
+    n = vec(scene.contact.normal)
+    columns = []
+    for i in range(3):
+        unit: Vec = tuple(Fraction(int(i == k)) for k in range(3))  # type: ignore[assignment]
+        column = ZERO
+        for side in (a, b):
+            if side.mass is not None:
+                turning = cross(apply(side.inverse_inertia, cross(side.r, unit)), side.r)
+                column = plus(column, plus(times(unit, 1 / side.mass), turning))
+        columns.append(column)
+    return Pair(a, b, n, minus(a.contact_velocity(), b.contact_velocity()), tuple(columns), length(n))
+
+
+# laws
+
+
+class Answer(NamedTuple):
+    """What the equations say.
+
+    Attributes:
+        pair: the bodies.
+        separating: whether nothing happens.
+        impulses: those the law allows: one, but for MOREAU.
+        sticks: whether that of COULOMB brings the slip to where it wants it.
+        margin: how far that is from the edge of the cone, relatively.
+        restitution: as used.
+        below_threshold: whether the threshold took it away.
+        report: of the oracle, for MOREAU and ROUTH.
+    """
+
+    pair: Pair
+    separating: bool
+    impulses: list[Vec]
+    sticks: bool
+    margin: float
+    restitution: Fraction
+    below_threshold: bool
+    report: Any = None
+
+
+def answer(
+    scene: Scene, law: str, e_t: float = 0.0, threshold: float = 0.0, pair: Pair | None = None
+) -> Answer:
+    """The exact answer. ``law`` is decided, and the restitution a number."""
+    pair = pair or pair_of(scene)
+    e, mu = Fraction(scene.contact.restitution), Fraction(scene.contact.friction)
+    n_u, nn = pair.n_u, dot(pair.n, pair.n)
+    if n_u >= 0:
+        return Answer(pair, True, [ZERO], False, math.inf, e, False)
+    below = e != 0 and n_u * n_u < Fraction(threshold) ** 2 * nn
+    e = Fraction(0) if below else e
+    if law == "FRICTIONLESS":
+        return Answer(pair, False, [times(pair.n, -(1 + e) * n_u / pair.n_Kn)], False, math.inf, e, below)
+    if law == "COULOMB":
+        impulse, sticks, margin = _coulomb(pair, e, mu, Fraction(e_t))
+        return Answer(pair, False, [impulse], sticks, margin, e, below)
+    impulses, report = _by_oracle(pair, law, e, mu)
+    return Answer(pair, False, impulses, False, math.inf, e, below, report)
+
+
+def _coulomb(pair: Pair, e: Fraction, mu: Fraction, e_t: Fraction) -> tuple[Vec, bool, float]:
+    """``P = (1+e) P_I + kappa (P_II - P_I)``, with the largest kappa up to ``1 + e_t`` in the cone."""
+    n, nn = pair.n, dot(pair.n, pair.n)
+    plastic = times(n, -pair.n_u / pair.n_Kn)
+    rest = times(apply(inverse(pair.K), pair.u), Fraction(-1))
+    D = minus(rest, plastic)
+    base = times(plastic, 1 + e)
+
+    def parts(v: Vec) -> tuple[Fraction, Vec]:
+        along = dot(n, v)
+        return along, minus(v, times(n, along / nn))
+
+    wanted = plus(base, times(D, 1 + e_t))
+    P_n, P_t = parts(wanted)  # P_n times |n|
+    tangential, limit = dot(P_t, P_t) * nn, mu * P_n
+    sticks = P_n >= 0 and tangential <= limit * limit
+    if sticks:
+        margin = 1 - nearest(tangential / (limit * limit)) if limit else (math.inf if not tangential else 0.0)
+        return wanted, True, margin
+    D_n, D_t = parts(D)
+    kappa = mu * dot(n, base) / (root(dot(D_t, D_t) * nn) - mu * D_n)
+    margin = nearest(1 - kappa / (1 + e_t))
+    return plus(base, times(D, kappa)), False, margin
+
+
+_ORACLE_NAMES = {"MOREAU": "moreau", "ROUTH_POISSON": "routh_poisson", "ROUTH_STRONGE": "routh_stronge"}
+
+
+def _by_oracle(pair: Pair, law: str, e: Fraction, mu: Fraction) -> tuple[list[Vec], Any]:
+    """Scaled to the size of the problem, so that no magnitude matters."""
+    import oracle
+
+    mass, speed = _power_of_two(1 / pair.n_Kn * dot(pair.n, pair.n)), _power_of_two(length(pair.u))
+    size = mass * speed
+    K = tuple(times(row, mass) for row in pair.K)
+    u = times(pair.u, 1 / speed)
+    n = times(pair.n, 1 / pair.unit)
+    mu = min(mu, Fraction(10**20))  # more sticks no better, and the oracle loses the digits of mu
+    given = oracle.impulse(_ORACLE_NAMES[law], K, u, n, e, mu, digits=ORACLE_DIGITS)
+    impulses = [given[0]]
+    if given[1].candidates:
+        impulses = [P for _, P, _ in given[1].candidates]
+    return [times(_fractions(P), size) for P in impulses], given[1]
+
+
+def _power_of_two(x: Fraction) -> Fraction:
+    return Fraction(2) ** (x.numerator.bit_length() - x.denominator.bit_length())
+
+
+def _fractions(P: Any) -> Vec:
+    out = []
+    for x in P:
+        sign, man, exp, _ = x._mpf_
+        value = Fraction(int(man)) * Fraction(2) ** int(exp)
+        out.append(-value if sign else value)
+    return tuple(out)  # type: ignore[return-value]
+
+
+# how far an answer is from it
+
+
+def _difference(given: Sequence[float], exact: Vec) -> Vec:
+    """Numbers that are right to the nearest subnormal are right."""
+    apart = minus(vec(given), exact)
+    return tuple(Fraction(0) if abs(d) <= LEAST else d for d in apart)  # type: ignore[return-value]
+
+
+def _quotient(error2: Fraction, size2: Fraction) -> float:
+    if error2 == 0:
+        return 0.0
+    return nearest(root(error2 / size2)) if size2 > 0 else math.inf
+
+
+def impulse_error(given: Sequence[float], exact: Vec) -> float:
+    """Relative, Euclidean."""
+    apart = _difference(given, exact)
+    return _quotient(dot(apart, apart), dot(exact, exact))
+
+
+def twist_error(side: Side, linear: Sequence[float], angular: Sequence[float], impulse: Vec) -> float:
+    """Of a change of twist, relative, in the norm ``(m dv.dv + tr(I)/3 dw.dw)^(1/2)``."""
+    dv, dw = side.response(impulse)
+    if side.mass is None:
+        return 0.0 if not any((*linear, *angular)) else math.inf
+    m, moment = side.mass, side.trace / 3
+    error_v, error_w = _difference(linear, dv), _difference(angular, dw)
+    return _quotient(
+        m * dot(error_v, error_v) + moment * dot(error_w, error_w), m * dot(dv, dv) + moment * dot(dw, dw)
+    )
+
+
+def is_representable(exact: Answer) -> bool:
+    """Whether every number of the answer has a float64."""
+    pair = exact.pair
+    for P in exact.impulses[:1]:
+        sizes = [abs(x) for x in P]
+        after = plus(pair.u, apply(pair.K, P))
+        sizes += [abs(pair.n_u) / pair.unit, abs(dot(pair.n, after)) / pair.unit]
+        sizes += [abs(dot(P, pair.u)), abs(dot(P, after)), dot(pair.n, pair.n) / pair.n_Kn]
+        before = then = Fraction(0)
+        for side, impulse in ((pair.a, P), (pair.b, times(P, Fraction(-1)))):
+            dv, dw = side.response(impulse)
+            v, w = plus(side.velocity, dv), plus(side.spin, dw)
+            sizes += [abs(x) for x in (*dv, *dw, *v, *w)]
+            before, then = before + side.energy(side.velocity, side.spin), then + side.energy(v, w)
+        if max(*sizes, before, then) > LARGEST:
+            return False
+    return True

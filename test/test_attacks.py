@@ -1,0 +1,981 @@
+"""Attacks on every field of an answer: against exact arithmetic, and against what physics forbids.
+
+``attacks.py`` holds the requests, ``exact.py`` the right answers. Where a tolerance is not ``error_bound``
+itself, it allows for the rounding of the one number that is looked at: ``ROUNDINGS`` units of the precision
+used, times the size of the terms that the number is a sum of.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import random
+from fractions import Fraction
+from functools import lru_cache
+from itertools import product
+from typing import Any
+
+import attacks
+import exact
+import numpy as np
+import pytest
+from attacks import Case
+from exact import Scene, Solid, Touch, cross, dot, length, minus, nearest, plus, times, vec
+
+from collision_response import (
+    Adjustment,
+    Body,
+    Contact,
+    Geometry,
+    Impact,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Precision,
+    Regime,
+    StatusCode,
+    resolve,
+)
+from collision_response.batch import resolve_batch
+from collision_response.batch.rows import body_rows, contact_rows
+
+ROUNDINGS = 64
+"""More than any number of an answer has on its way from the inputs; a wrong digit is millions of them."""
+
+UNIT = {
+    Precision.SINGLE: Fraction(1, 2**24),
+    Precision.DOUBLE: Fraction(1, 2**53),
+    Precision.EXTENDED: Fraction(1, 2**53),
+}
+LARGEST = math.nextafter(math.inf, 0.0)
+DECIDED = 0.1
+"""An answer with a greater bound may have taken the wrong side of a decision: its bound covers both."""
+LAST_PLACE = 2.0**-52
+"""EXTENDED promises the impulse and the twist changes to one unit in the last place."""
+
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")  # nothing here may leak from NumPy
+
+FORMULAS = (Law.FRICTIONLESS, Law.COULOMB)
+ANSWERS = (StatusCode.OK, StatusCode.SEPARATING, StatusCode.TOLERANCE_NOT_MET)
+KNOWN = Adjustment.NORMALISED_ORIENTATION | Adjustment.RESTITUTION_THRESHOLD | Adjustment.LAW_FALLBACK
+ENUMS = {"law": Law, "geometry": Geometry, "precision": Precision}
+SCALARS = Impact._fields[Impact._fields.index("impulse") + 1 : Impact._fields.index("regime")]
+
+
+# requests
+
+
+def body_of(solid: Solid) -> Body:
+    if solid.mass is None:
+        return Body.kinematic(solid.position, solid.velocity, solid.spin)
+    more = {"com": solid.com} if any(solid.com) else {}
+    return Body.dynamic(
+        solid.mass, solid.inertia, solid.position, solid.orientation, solid.velocity, solid.spin, **more
+    )
+
+
+def contact_of(touch: Touch) -> Contact:
+    return Contact.of(touch.position, touch.normal, touch.restitution, touch.friction)
+
+
+def model_of(fields: dict[str, Any]) -> ImpactModel:
+    return ImpactModel(**{name: ENUMS[name][v] if name in ENUMS else v for name, v in fields.items()})
+
+
+def resolved(scene: Scene, model: ImpactModel) -> Impact:
+    return resolve(body_of(scene.a), body_of(scene.b), contact_of(scene.contact), model)
+
+
+@lru_cache(maxsize=4096)
+def pair_of(scene: Scene) -> exact.Pair:
+    return exact.pair_of(scene)
+
+
+@lru_cache(maxsize=4096)
+def right_answer(scene: Scene, law: str, e_t: float, threshold: float) -> exact.Answer:
+    coefficients_away = scene.contact._replace(restitution=0.0, friction=0.0)
+    pair = pair_of(scene._replace(contact=coefficients_away))
+    return exact.answer(scene, law, e_t, threshold, pair)
+
+
+def decided_law(law: Law, scene: Scene) -> Law:
+    if law is not Law.AUTO:
+        return law
+    return Law.COULOMB if scene.contact.friction else Law.FRICTIONLESS
+
+
+# what is wrong with an answer
+
+
+def numbers_of(impact: Impact) -> dict[str, Any]:
+    """Every number but the bound, by name."""
+    numbers = {name: getattr(impact, name) for name in SCALARS}
+    numbers |= {f"impulse.{axis}": x for axis, x in zip("xyz", impact.impulse, strict=True)}
+    for twist in ("twist_a", "twist_b", "change_a", "change_b"):
+        for part, v in zip(("linear", "angular"), getattr(impact, twist), strict=True):
+            numbers |= {f"{twist}.{part}.{axis}": x for axis, x in zip("xyz", v, strict=True)}
+    return numbers
+
+
+class Faults(list[str]):
+    """What was found, in words."""
+
+    def unless(self, holds: Any, what: str) -> None:
+        if not holds:
+            self.append(what)
+
+    def unless_near(self, name: str, given: float, right: Fraction, allowed: Fraction) -> None:
+        off = abs(Fraction(given) - right)
+        if off > allowed + exact.LEAST:
+            self.append(
+                f"{name} is {given!r}, not {nearest(right)!r}: "
+                f"off by {nearest(off):.2g} > {nearest(allowed):.2g}"
+            )
+
+
+def faults_of(case: Case) -> list[str]:
+    """Everything that is wrong with the answer to a case."""
+    asked = model_of(case.model)
+    scene, law = case.scene, decided_law(asked.law, case.scene)
+    right = right_answer(scene, law.name, asked.tangential_restitution, asked.restitution_threshold)
+    try:
+        impact = resolved(scene, asked)
+    except ImpactError as refusal:
+        return _faults_of_refusal(refusal, case, asked, law, right)
+    return _faults_of_answer(impact, case, asked, law, right)
+
+
+def _faults_of_refusal(
+    refusal: ImpactError, case: Case, asked: ImpactModel, law: Law, right: exact.Answer
+) -> list[str]:
+    """Every request here is valid. What has no float64 is out of range; so may be a narrower arithmetic."""
+    if refusal.code is StatusCode.OUT_OF_RANGE and not exact.is_representable(right):
+        return []
+    if refusal.code is StatusCode.OUT_OF_RANGE and case.within is None:
+        gives_up = asked.precision in (Precision.SINGLE, Precision.DOUBLE) or law not in FORMULAS
+        if gives_up:
+            return []
+    if asked.geometry is Geometry.PLANAR and refusal.code is StatusCode.INVALID_NORMAL:
+        return [] if not any(case.scene.contact.normal[:2]) else [f"refused: {refusal}"]
+    return [f"refused: {refusal.code.name} {refusal}"]
+
+
+def _faults_of_answer(
+    impact: Impact, case: Case, asked: ImpactModel, law: Law, right: exact.Answer
+) -> list[str]:
+    faults = Faults()
+    for name, x in numbers_of(impact).items():
+        faults.unless(isinstance(x, float) or type(x) is int, f"{name} is a {type(x).__name__}")
+        faults.unless(math.isfinite(x), f"{name} is {x}")
+    if faults:
+        return faults
+    _check_status(faults, impact, case, asked, law, right)
+    bound = impact.error_bound
+    fell_back = Adjustment.LAW_FALLBACK in impact.adjustments
+    if fell_back:
+        right = _after_fallback(faults, impact, case, asked, right)
+    known = bound if 0 <= bound < math.inf else case.within
+    if known is not None:
+        error, P = _check_error(faults, impact, right, case)
+        if case.fields and error < 1:
+            _check_fields(faults, impact, case.scene, right, P, Fraction(known))
+    return faults
+
+
+def _check_status(
+    faults: Faults, impact: Impact, case: Case, asked: ImpactModel, law: Law, right: exact.Answer
+) -> None:
+    bound, status, model = impact.error_bound, impact.status, impact.model
+    faults.unless(isinstance(bound, float) and bound >= 0, f"error_bound is {bound!r}")
+    faults.unless(status in ANSWERS, f"status is {status!r}")
+    meets = bound <= (asked.tolerance or LARGEST)
+    faults.unless(
+        (status is StatusCode.TOLERANCE_NOT_MET) == (not meets), f"{status!r} with error_bound {bound:.3g}"
+    )
+    separates = impact.regime == Regime.SEPARATING
+    if meets:
+        faults.unless(
+            (status is StatusCode.SEPARATING) == separates, f"{status!r} in regime {impact.regime!r}"
+        )
+        if bound < DECIDED:
+            faults.unless(
+                separates == right.separating,
+                f"regime is {impact.regime!r}, n.u = {nearest(right.pair.n_u):.3g}",
+            )
+    faults.unless(
+        separates == (not any(impact.impulse)) or not meets or impact.normal_impulse == 0,
+        "an impulse of separating bodies",
+    )
+    climbs = law in FORMULAS and asked.geometry in (Geometry.AUTO, Geometry.SPATIAL)
+    if climbs and asked.precision in (Precision.AUTO, Precision.EXTENDED):
+        faults.unless(meets, f"{asked.precision.name} stops at error_bound {bound:.3g}")
+    if climbs and asked.precision is Precision.EXTENDED:
+        faults.unless(bound <= LAST_PLACE, f"EXTENDED has error_bound {bound:.3g}")
+    for name in ("law", "geometry", "precision"):
+        used, wanted = getattr(model, name), getattr(asked, name)
+        faults.unless(used.name != "AUTO", f"model.{name} is left to AUTO")
+        fell_back = name == "law" and Adjustment.LAW_FALLBACK in impact.adjustments
+        # EXTENDED leaves nothing out: it may model more than was forced.
+        widened = name == "geometry" and used > wanted
+        if wanted.name != "AUTO":
+            faults.unless(
+                used is wanted or fell_back or widened, f"model.{name} is {used.name}, not {wanted.name}"
+            )
+    _check_adjustments(faults, impact, case.scene, right)
+
+
+def _check_adjustments(faults: Faults, impact: Impact, scene: Scene, right: exact.Answer) -> None:
+    off_unit = False
+    for solid in (scene.a, scene.b):
+        if solid.orientation is not None:
+            q = solid.orientation
+            off_unit = off_unit or abs(sum(Fraction(c) ** 2 for c in q) - 1) > Fraction(1, 1000)
+    says = Adjustment.NORMALISED_ORIENTATION in impact.adjustments
+    faults.unless(says or not off_unit, "NORMALISED_ORIENTATION is not said")
+    if 0 <= impact.error_bound < DECIDED:
+        says = Adjustment.RESTITUTION_THRESHOLD in impact.adjustments
+        faults.unless(says == right.below_threshold, f"RESTITUTION_THRESHOLD is {says}")
+        faults.unless(
+            Fraction(impact.contact.restitution) == right.restitution,
+            f"contact.restitution is {impact.contact.restitution!r}, not {nearest(right.restitution)!r}",
+        )
+    idle_moves = any(any(cross(side.idle, side.r)) for side in (right.pair.a, right.pair.b))
+    if idle_moves and case_models_rotation(impact):
+        faults.unless(int(impact.adjustments) & ~int(KNOWN), "spin that was left out is not said")
+
+
+def case_models_rotation(impact: Impact) -> bool:
+    return impact.model.geometry is Geometry.SPATIAL
+
+
+def _after_fallback(
+    faults: Faults, impact: Impact, case: Case, asked: ImpactModel, right: exact.Answer
+) -> exact.Answer:
+    """MOREAU gives way only where it creates energy; elastic impacts keep it, to the oracle's digits."""
+    faults.unless(impact.model.law is Law.COULOMB, f"fell back to {impact.model.law!r}")
+    faults.unless(asked.law is Law.MOREAU, f"{asked.law!r} fell back")
+    if asked.law is Law.MOREAU and not right.separating:
+        P = right.impulses[0]
+        gain, work = right.pair.energy_change(P), abs(dot(P, right.pair.u))
+        faults.unless(gain > -work / 10**12, f"fell back though the energy falls by {nearest(-gain):.3g}")
+    return right_answer(case.scene, "COULOMB", 0.0, asked.restitution_threshold)
+
+
+def _check_error(faults: Faults, impact: Impact, right: exact.Answer, case: Case) -> tuple[float, exact.Vec]:
+    """The impulse and both changes of twist are within the bound of one answer that the law allows."""
+    found = []
+    for P in right.impulses:
+        minus_P = times(P, Fraction(-1))
+        errors = (
+            exact.impulse_error(impact.impulse, P),
+            exact.twist_error(right.pair.a, *impact.change_a, P),
+            exact.twist_error(right.pair.b, *impact.change_b, minus_P),
+        )
+        found.append((max(errors), errors, P))
+    error, errors, P = min(found, key=lambda one: one[0])
+    slack = exact.ORACLE_ERROR if right.report is not None else 0.0
+    limit = impact.error_bound if impact.error_bound >= 0 else math.inf
+    faults.unless(
+        error <= limit + slack,
+        "the errors of impulse and twists are {:.3g}, {:.3g}, {:.3g}, ".format(*errors)
+        + f"the bound is {limit:.3g}",
+    )
+    if case.within is not None:
+        faults.unless(
+            error <= case.within, f"the error is {error:.3g}, of an impact that allows {case.within:.0e}"
+        )
+    return error, P
+
+
+def _norm(K: exact.Mat) -> Fraction:
+    return length(tuple(length(row) for row in K))  # type: ignore[arg-type]
+
+
+def _check_fields(
+    faults: Faults, impact: Impact, scene: Scene, right: exact.Answer, P: exact.Vec, bound: Fraction
+) -> None:
+    """What is reported beside impulse and twists, each to the bound and the rounding of its own terms."""
+    pair = right.pair
+    rounding = ROUNDINGS * UNIT[impact.model.precision]
+    slack = bound + Fraction(exact.ORACLE_ERROR) if right.report is not None else bound
+    unit, nn, size = pair.unit, dot(pair.n, pair.n), length(P)
+    u_after = plus(pair.u, exact.apply(pair.K, P))
+    pushed = _norm(pair.K) * size
+    speeds = pair.a.speed_scale + pair.b.speed_scale
+    u_n, u_n_after = pair.n_u / unit, dot(pair.n, u_after) / unit
+    near = faults.unless_near
+
+    # the exact speed is part of the impulse, so in EXTENDED no cancellation may show
+    lost_digits = 0 if impact.model.precision is Precision.EXTENDED else speeds
+    near(
+        "normal_velocity_before",
+        impact.normal_velocity_before,
+        u_n,
+        (slack + rounding) * abs(u_n) + rounding * lost_digits,
+    )
+    near(
+        "normal_velocity_after",
+        impact.normal_velocity_after,
+        u_n_after,
+        slack * (abs(u_n) + pushed) + rounding * (speeds + pushed),
+    )
+    mass = nn / pair.n_Kn
+    allowed = slack + rounding
+    near("effective_mass", impact.effective_mass, mass, allowed * mass + rounding * (speeds and mass))
+
+    normal = dot(P, pair.n) / unit
+    sideways = length(minus(P, times(pair.n, dot(P, pair.n) / nn)))
+    near("normal_impulse", impact.normal_impulse, normal, allowed * size)
+    near("tangential_impulse", impact.tangential_impulse, sideways, allowed * size)
+    faults.unless(impact.normal_impulse >= 0, f"normal_impulse is {impact.normal_impulse!r}")
+    mu = Fraction(scene.contact.friction) if impact.model.law is not Law.FRICTIONLESS else Fraction(0)
+    over = Fraction(impact.tangential_impulse) - mu * Fraction(impact.normal_impulse)
+    # mu times the error of the normal impulse is far below mu P_n + the error of the tangential one
+    faults.unless(
+        over <= allowed * (size + mu * normal) + exact.LEAST, f"outside the cone by {nearest(over):.3g}"
+    )
+    if impact.model.law in (*FORMULAS, Law.MOREAU) and not right.separating:
+        off = abs(Fraction(impact.normal_velocity_after) + right.restitution * u_n)
+        faults.unless(
+            off <= slack * (abs(u_n) + pushed) + rounding * (speeds + pushed) + exact.LEAST,
+            f"u_n after is {impact.normal_velocity_after!r}, -e u_n is {nearest(-right.restitution * u_n)!r}",
+        )
+    _check_twists(faults, impact, pair, rounding)
+    _check_energies(faults, impact, scene, pair, P, u_after, slack, rounding)
+    _check_regime(faults, impact, right, u_after, pushed, slack + rounding)
+
+
+def _check_twists(faults: Faults, impact: Impact, pair: exact.Pair, rounding: Fraction) -> None:
+    """After is before plus the change; what has no mass or no inertia keeps what it has."""
+    for name, side, twist, change in (
+        ("a", pair.a, impact.twist_a, impact.change_a),
+        ("b", pair.b, impact.twist_b, impact.change_b),
+    ):
+        for part, before, after, changed in (
+            ("linear", side.velocity, twist.linear, change.linear),
+            ("angular", side.spin, twist.angular, change.angular),
+        ):
+            for axis, x, y, d in zip("xyz", before, after, changed, strict=True):
+                size = abs(x) + abs(Fraction(d))
+                faults.unless_near(f"twist_{name}.{part}.{axis}", y, x + Fraction(d), rounding * size)
+        if side.mass is None or side.trace == 0:
+            faults.unless(not any(change.angular), f"change_{name}.angular is {change.angular}")
+
+
+def _check_energies(
+    faults: Faults,
+    impact: Impact,
+    scene: Scene,
+    pair: exact.Pair,
+    P: exact.Vec,
+    u_after: exact.Vec,
+    slack: Fraction,
+    rounding: Fraction,
+) -> None:
+    before = after = before_scale = after_scale = changed = Fraction(0)
+    for side, impulse in ((pair.a, P), (pair.b, times(P, Fraction(-1)))):
+        if side.mass is None:
+            continue
+        dv, dw = side.response(impulse)
+        v, w = plus(side.velocity, dv), plus(side.spin, dw)
+        before, after = before + side.energy(side.velocity, side.spin), after + side.energy(v, w)
+        m, arm, moment = side.mass, length(side.com), side.trace
+        before_scale += m * (length(side.velocity) + length(side.spin) * arm) ** 2
+        before_scale += moment * dot(side.spin, side.spin)
+        # what the roundings of velocity, spin and their changes bring
+        sizes = length(side.velocity) + length(dv), length(side.spin) + length(dw)
+        after_scale += m * (sizes[0] + sizes[1] * arm) ** 2 + moment * sizes[1] ** 2
+        # an error of the change, in the norm of the bound, is 3 times that of sqrt(2 E) at most
+        of_change = exact.root(m * dot(dv, dv) + moment / 3 * dot(dw, dw))
+        reach = 2 + 2 * (arm * exact.root(3 * m / moment) if moment else 0)
+        changed += of_change * reach * (exact.root(after_scale) + of_change)
+    tolerance_after = 2 * slack * changed + rounding * after_scale
+    near = faults.unless_near
+    near("kinetic_energy_before", impact.kinetic_energy_before, before, rounding * before_scale)
+    near("kinetic_energy_after", impact.kinetic_energy_after, after, tolerance_after)
+
+    mean = times(plus(pair.u, u_after), Fraction(1, 2))
+    if impact.model.law in FORMULAS and any(P):  # what (1+e) P_I loses; the rest is friction's
+        e = Fraction(impact.contact.restitution)
+        restitution = (1 - e * e) * pair.n_u**2 / (2 * pair.n_Kn)
+    else:
+        restitution = -dot(P, pair.n) * dot(pair.n, mean) / dot(pair.n, pair.n)
+    total = -dot(P, mean)
+    speeds = length(pair.u) + _norm(pair.K) * length(P)
+    of_terms = length(P) * (
+        4 * slack * speeds + rounding * (speeds + pair.a.speed_scale + pair.b.speed_scale)
+    )
+    lost = Fraction(impact.energy_lost_restitution) + Fraction(impact.energy_lost_friction)
+    follows_path = impact.model.law in (Law.ROUTH_POISSON, Law.ROUTH_STRONGE)
+    if not follows_path:
+        near("energy_lost_restitution", impact.energy_lost_restitution, restitution, of_terms)
+        near("energy_lost_friction", impact.energy_lost_friction, total - restitution, of_terms)
+    near("energy lost", nearest(lost), total, 2 * of_terms)
+    if impact.model.law in FORMULAS:
+        faults.unless(
+            impact.energy_lost_restitution >= 0, f"restitution gives {impact.energy_lost_restitution!r}"
+        )
+        faults.unless(impact.energy_lost_friction >= 0, f"friction gives {impact.energy_lost_friction!r}")
+    does_work = any(s.mass is None and (any(s.velocity) or any(s.spin)) for s in (scene.a, scene.b))
+    if not does_work:
+        given_before, given_after = (
+            Fraction(impact.kinetic_energy_before),
+            Fraction(impact.kinetic_energy_after),
+        )
+        books = tolerance_after + rounding * before_scale + 2 * of_terms + 2 * exact.LEAST
+        # what the bodies hold is known to the rounding of the whole, so the gain is
+        faults.unless(
+            given_after <= given_before + tolerance_after + rounding * before_scale + exact.LEAST,
+            f"the energy grows by {nearest(given_after - given_before):.3g}",
+        )
+        gap = given_before - given_after - lost
+        faults.unless(abs(gap) <= books, f"the books of energy are open by {nearest(gap):.3g}")
+
+
+def _check_regime(
+    faults: Faults, impact: Impact, right: exact.Answer, u_after: exact.Vec, pushed: Fraction, noise: Fraction
+) -> None:
+    """Where it is clear, not at the edge of the cone nor where no slip is left."""
+    if right.separating or noise > Fraction(1, 10**6):
+        return
+    law, regime, pair = impact.model.law, impact.regime, right.pair
+    if law is Law.FRICTIONLESS:
+        faults.unless(regime in (Regime.SLIDING, Regime.REVERSED), f"regime is {regime!r} without friction")
+        return
+    if law is Law.COULOMB and abs(right.margin) > 1e-3:
+        faults.unless(
+            (regime == Regime.STICKING) == right.sticks, f"regime is {regime!r}, but sticks: {right.sticks}"
+        )
+    if law is Law.COULOMB and not right.sticks and abs(right.margin) > 1e-3:
+        slip = minus(pair.u, times(pair.n, pair.n_u / dot(pair.n, pair.n)))
+        along = dot(slip, u_after)
+        if abs(along) > length(slip) * (length(pair.u) + pushed) / 10**3:
+            wanted = Regime.REVERSED if along < 0 else Regime.SLIDING
+            faults.unless(regime == wanted, f"regime is {regime!r}, not {wanted!r}")
+    if law in (Law.ROUTH_POISSON, Law.ROUTH_STRONGE) and right.report is not None:
+        faults.unless(regime != Regime.SEPARATING, "regime is SEPARATING")
+
+
+# one test for each family
+
+
+FAMILIES = {family.replace(" ", "_"): list(generate()) for family, generate in attacks.FAMILIES.items()}
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    if "case" in metafunc.fixturenames:
+        family = metafunc.function.__name__.removeprefix("test_")
+        metafunc.parametrize("case", FAMILIES[family], ids=lambda case: case.name)
+
+
+def _of_family(family: str) -> Any:
+    def test(case: Case) -> None:
+        found = faults_of(case)
+        assert not found, "\n".join(found)
+
+    test.__name__ = f"test_{family}"
+    test.__doc__ = inspect.getdoc(attacks.FAMILIES[family.replace("_", " ")])
+    return test
+
+
+for _family in FAMILIES:
+    globals()[f"test_{_family}"] = _of_family(_family)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_families_have_distinct_names(family):
+    names = [case.name for case in FAMILIES[family]]
+    assert len(names) == len(set(names)) >= 20
+
+
+def test_the_checks_can_fail():
+    """A digit wrong in any number of a good answer is found."""
+    case = Case("", attacks.TUMBLING, attacks.model("COULOMB", "EXTENDED"))
+    asked = model_of(case.model)
+    right = right_answer(case.scene, "COULOMB", 0.0, 0.0)
+    impact = resolved(case.scene, asked)
+    unseen = []
+    for name in SCALARS:
+        wrong = impact._replace(**{name: getattr(impact, name) * (1 + 1e-9) + 1e-9})
+        if not _faults_of_answer(wrong, case, asked, Law.COULOMB, right):
+            unseen.append(name)
+    wrong = impact._replace(impulse=impact.impulse * (1 + 2.0**-50))
+    if not _faults_of_answer(wrong, case, asked, Law.COULOMB, right):
+        unseen.append("impulse")
+    for name in ("change_a", "change_b", "twist_a", "twist_b"):
+        twist = getattr(impact, name)
+        wrong = impact._replace(**{name: twist._replace(angular=twist.angular * (1 + 1e-12))})
+        if not _faults_of_answer(wrong, case, asked, Law.COULOMB, right):
+            unseen.append(name)
+    assert not unseen
+
+
+# e: numbers of other makes
+
+
+GOOD = {
+    "mass": 0.5,
+    "inertia": 0.5,
+    "position": 0.5,
+    "velocity": 0.5,
+    "spin": 0.5,
+    "normal": 0.5,
+    "restitution": 0.5,
+    "friction": 0.5,
+    "tolerance": 0.5,
+    "e_t": 0.5,
+    "threshold": 0.5,
+}
+NAMES = {
+    "spin": "angular_velocity",
+    "e_t": "tangential_restitution",
+    "threshold": "restitution_threshold",
+}
+
+
+def _with(field: str, value: Any) -> Impact:
+    """The answer to a request with one value of another make."""
+    g = {**GOOD, field: value}
+    body = Body.dynamic(
+        g["mass"],
+        (g["inertia"], 0.0, 0.0, 0.6, 0.0, 0.7),
+        (0.25, g["position"], 0.5),
+        None,
+        (0.25, g["velocity"], -3.0),
+        (g["spin"], 0.25, 0.125),
+    )
+    contact = Contact.of((0.0, 0.0, 0.0), (0.25, g["normal"], 1.0), g["restitution"], g["friction"])
+    model = ImpactModel(
+        tolerance=g["tolerance"], tangential_restitution=g["e_t"], restitution_threshold=g["threshold"]
+    )
+    return resolve(body, Body.static((0.1, 0.2, -1.0)), contact, model)
+
+
+@pytest.mark.parametrize("given", list(attacks.kinds_of_number()), ids=lambda given: given.name)
+def test_e_kinds_of_number(given):
+    """Served as the float that it equals, to the bit, or refused by name."""
+    try:
+        impact = _with(given.field, given.value)
+    except (TypeError, ImpactError) as refusal:
+        name = NAMES.get(given.field, given.field)
+        assert name in str(refusal), f"the refusal does not name {name}: {refusal}"
+        return
+    assert given.is_number, f"{given.value!r} was taken for a number"
+    assert numbers_of(impact) == numbers_of(_with(given.field, float(given.value)))
+    wrong = {name: type(x).__name__ for name, x in numbers_of(impact).items() if type(x) is not float}
+    assert not wrong
+    assert type(impact.error_bound) is float
+
+
+# w: restitution as a function
+
+
+@pytest.mark.parametrize(
+    "precision", [Precision.AUTO, Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED]
+)
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.FRICTIONLESS, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize(
+    "restitution", list(attacks.restitutions()), ids=lambda restitution: restitution.name
+)
+def test_w_restitution_functions(restitution, law, precision):
+    if law is Law.ROUTH_STRONGE and precision is Precision.EXTENDED:
+        return
+    plane = attacks.rod_in_plane(0.6, 0.8, 1.0, -2.0, 0.5, 0.3)
+    for scene in (plane,) if law is Law.ROUTH_STRONGE else (plane, attacks.ON_FLOOR):
+        given = attacks.with_contact(scene, restitution=restitution.function)
+        model = ImpactModel(law, precision=precision)
+        if restitution.code:
+            with pytest.raises(ImpactError) as refusal:
+                resolved(given, model)
+            assert refusal.value.code.name == restitution.code
+            assert "restitution" in refusal.value.field
+            continue
+        impact = resolved(given, model)
+        used = impact.contact.restitution
+        assert isinstance(used, (float, int))
+        speed = nearest(pair_of(scene).approach_speed)
+        if impact.error_bound < math.inf:
+            # the function sees the speed rounded, in the precision used
+            near = speed * 4 * float(UNIT[impact.model.precision])
+            possible = [float(restitution.function(v)) for v in (speed - near, speed, speed + near)]
+            assert min(possible) <= used <= max(possible)
+        fixed = attacks.with_contact(scene, restitution=float(used))
+        as_number = Case("", fixed, {"law": law.name, "precision": precision.name})
+        right = right_answer(fixed, law.name, 0.0, 0.0)
+        found = _faults_of_answer(impact, as_number, model, law, right)
+        assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    "precision", [Precision.AUTO, Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED]
+)
+@pytest.mark.parametrize("error", attacks.RAISING, ids=lambda error: type(error).__name__)
+def test_w_an_error_of_the_users_function_is_the_users(error, precision):
+    def restitution(v: float) -> float:
+        raise error
+
+    scene = attacks.with_contact(attacks.ON_FLOOR, restitution=restitution)
+    with pytest.raises(type(error)) as raised:
+        resolved(scene, ImpactModel(precision=precision))
+    assert raised.value is error
+
+
+# v: bodies changed by hand
+
+
+@pytest.mark.parametrize("factor", [2.0, 0.3, 1e6, 1e-6, 1e100])
+@pytest.mark.parametrize(
+    "precision", [Precision.AUTO, Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED]
+)
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+def test_v_a_replaced_mass_is_the_mass(law, precision, factor):
+    for scene in (attacks.TUMBLING, attacks.ON_FLOOR):
+        body_a, body_b, contact = body_of(scene.a), body_of(scene.b), contact_of(scene.contact)
+        heavier = scene.a._replace(mass=scene.a.mass * factor)
+        model = ImpactModel(law, precision=precision)
+        replaced = resolve(body_a._replace(mass=body_a.mass * factor), body_b, contact, model)
+        assert replaced == resolve(body_of(heavier), body_b, contact, model)
+
+
+@pytest.mark.parametrize(
+    "precision", [Precision.AUTO, Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED]
+)
+@pytest.mark.parametrize("mass", [0.0, -0.0, -1.0, math.nan, -math.inf])
+def test_v_a_mass_that_is_none_is_refused(mass, precision):
+    """Whoever wrote it into the body, and whatever the precision."""
+    scene = attacks.TUMBLING
+    with pytest.raises(ImpactError) as refusal:
+        body = body_of(scene.a)._replace(mass=mass)
+        resolve(body, body_of(scene.b), contact_of(scene.contact), ImpactModel(precision=precision))
+    assert "mass" in refusal.value.field
+
+
+# k, l, m: batches
+
+
+GEOMETRIES = (Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL)
+
+
+def pack(geometry: Geometry, scenes: list[Scene], oriented: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """The arrays of some scenes, of which only what the geometry models is told."""
+    of, at = body_rows(geometry, oriented=oriented), contact_rows(geometry)
+    bodies, contacts = np.zeros((of.height, 2, len(scenes))), np.zeros((at.height, len(scenes)))
+    axes = slice(0, of.velocity.stop - of.velocity.start)
+    for i, scene in enumerate(scenes):
+        for lane, solid in enumerate(scene[:2]):
+            bodies[of.mass, lane, i] = math.inf if solid.mass is None else solid.mass
+            bodies[of.velocity, lane, i] = solid.velocity[axes]
+            if geometry is Geometry.POINT:
+                continue
+            planar = geometry is Geometry.PLANAR
+            inertia = (0.0,) * 6 if solid.mass is None else solid.inertia
+            bodies[of.inertia, lane, i] = inertia[5] if planar else inertia
+            bodies[of.position, lane, i] = solid.position[axes]
+            bodies[of.angular_velocity, lane, i] = solid.spin[2] if planar else solid.spin
+            if oriented:
+                bodies[of.orientation, lane, i] = solid.orientation or (0.0, 0.0, 0.0, 1.0)
+        contact = scene.contact
+        contacts[at.normal, i] = contact.normal[axes]
+        contacts[at.restitution, i], contacts[at.friction, i] = contact.restitution, contact.friction
+        if geometry is not Geometry.POINT:
+            contacts[at.position, i] = contact.position[axes]
+    return bodies, contacts
+
+
+def seen_by(geometry: Geometry, scene: Scene) -> Scene:
+    """The scene without what a batch of this geometry cannot tell: then AUTO comes to the same."""
+    if geometry is Geometry.SPATIAL:
+        return scene
+    flat = [solid._replace(orientation=None, inertia=_about_z(solid.inertia)) for solid in scene[:2]]
+    if geometry is Geometry.POINT:
+        here = scene.contact.position
+        flat = [s._replace(inertia=(0.0,) * 6, spin=(0.0,) * 3, position=here) for s in flat]
+    return Scene(*flat, scene.contact)
+
+
+def _about_z(inertia: tuple[float, ...]) -> tuple[float, ...]:
+    """The tensor that a batch of PLANAR takes a body to have: only its moment about z is told."""
+    zz = inertia[5]
+    return zz, 0.0, 0.0, zz, 0.0, zz
+
+
+def row_fits(geometry: Geometry, result: Any, i: int, impact: Impact) -> list[str]:
+    """Whether the numbers of a row are those of one impact, to the bit."""
+    axes = len(result.impulse)
+    first = {Geometry.POINT: 3, Geometry.PLANAR: 2, Geometry.SPATIAL: 0}[geometry]
+    found = []
+    if result.status[i] != impact.status:
+        found.append(f"status {result.status[i]}, not {impact.status!r}")
+    pairs = [("impulse", result.impulse[:, i], impact.impulse[:axes])]
+    for lane, twist in enumerate((impact.twist_a, impact.twist_b)):
+        pairs.append((f"velocity {lane}", result.velocity[:, lane, i], twist.linear[:axes]))
+        pairs.append((f"spin {lane}", result.angular_velocity[:, lane, i], twist.angular[first:]))
+    if result.error_bound is not None:
+        pairs.append(("error_bound", result.error_bound[i : i + 1], (impact.error_bound,)))
+    for name, row, one in pairs:
+        if row.tolist() != list(one):
+            found.append(f"{name} is {row.tolist()}, not {list(one)}")
+    return found
+
+
+def good_rows(geometry: Geometry) -> list[Scene]:
+    draw = random.Random("good rows")
+    return [seen_by(geometry, attacks.drawn(draw, planar=geometry is not Geometry.SPATIAL)) for _ in range(8)]
+
+
+BATCH_MODELS = {
+    "double": {"precision": Precision.DOUBLE},
+    "extended": {"precision": Precision.EXTENDED},
+    "tolerance 1e-6": {"tolerance": 1e-6},
+    "tolerance 1e-15": {"tolerance": 1e-15},
+    "threshold": {"precision": Precision.DOUBLE, "restitution_threshold": 1.0},
+    "e_t": {"precision": Precision.DOUBLE, "tangential_restitution": 0.5},
+}
+
+
+@pytest.mark.parametrize("fields", BATCH_MODELS.values(), ids=BATCH_MODELS)
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("repeats", [1, 8])
+def test_m_a_row_is_one_impact(geometry, law, fields, repeats):
+    """The same status and the same numbers as one impact has, in the same model."""
+    scenes = good_rows(geometry) * repeats
+    model = ImpactModel(law, **fields)
+    oriented = geometry is Geometry.SPATIAL
+    result = resolve_batch(*pack(geometry, scenes, oriented), model)
+    found = []
+    impacts = [resolved(scene, model._replace(geometry=geometry)) for scene in scenes[:8]]
+    for i in range(len(scenes)):
+        impact = impacts[i % 8]
+        found += [f"row {i}: {fault}" for fault in row_fits(geometry, result, i, impact)]
+    assert not found, "\n".join(found)
+
+
+def hostile_columns(geometry: Geometry) -> list[tuple[str, Any, Any, float]]:
+    """(name, row of bodies or None, row of contacts or None, value): one fault each."""
+    of, at = body_rows(geometry, oriented=geometry is Geometry.SPATIAL), contact_rows(geometry)
+    faults = []
+    for field in ("mass", "inertia", "position", "velocity", "angular_velocity", "orientation"):
+        rows = getattr(of, field)
+        if rows.stop > rows.start:
+            faults += [(f"{field} {bad}", rows.start, None, bad) for bad in (math.nan, -math.inf)]
+            if field not in ("mass",):
+                faults.append((f"{field} inf", rows.start, None, math.inf))
+    for field in ("position", "normal", "restitution", "friction"):
+        rows = getattr(at, field)
+        if rows.stop > rows.start:
+            faults += [(f"{field} {bad}", None, rows.start, bad) for bad in (math.nan, math.inf, -math.inf)]
+    faults += [("mass -1", of.mass.start, None, -1.0), ("mass 0", of.mass.start, None, 0.0)]
+    faults += [
+        ("restitution 1.5", None, at.restitution.start, 1.5),
+        ("friction -1", None, at.friction.start, -1.0),
+    ]
+    if geometry is not Geometry.POINT:
+        faults.append(("inertia -1", of.inertia.start, None, -1.0))
+        faults.append(
+            ("inertia 9", of.inertia.start, None, 9.0) if geometry is Geometry.SPATIAL else faults[-1]
+        )
+    return faults
+
+
+def whole_vectors(geometry: Geometry) -> list[tuple[str, str, str]]:
+    found = [("normal of length 0", "contacts", "normal")]
+    if geometry is Geometry.SPATIAL:
+        found.append(("quaternion of length 0", "bodies", "orientation"))
+    return found
+
+
+def scene_in(
+    geometry: Geometry, bodies: np.ndarray, contacts: np.ndarray, i: int
+) -> tuple[Body, Body, Contact]:
+    """The bodies and the contact of a column, right or wrong."""
+    of, at = body_rows(geometry, oriented=geometry is Geometry.SPATIAL), contact_rows(geometry)
+
+    def space(v: list[float]) -> tuple[float, ...]:
+        return (*v, *[0.0] * (3 - len(v)))
+
+    def body(lane: int) -> Body:
+        column = bodies[:, lane, i].tolist()
+        spin, inertia = column[of.angular_velocity], column[of.inertia]
+        if geometry is Geometry.PLANAR:
+            inertia = [inertia[0] / 2, 0.0, 0.0, inertia[0] / 2, 0.0, inertia[0]]
+        spin = [0.0] * (3 - len(spin)) + spin
+        mass, turn = column[of.mass][0], column[of.orientation] or None
+        where, velocity = space(column[of.position]), space(column[of.velocity])
+        if mass == math.inf and not any(inertia):
+            return Body.kinematic(where, velocity, spin)
+        return Body.dynamic(mass, inertia or (0.0,) * 6, where, turn, velocity, spin)
+
+    column = contacts[:, i].tolist()
+    contact = Contact.of(
+        space(column[at.position]),
+        space(column[at.normal]),
+        column[at.restitution][0],
+        column[at.friction][0],
+    )
+    return body(0), body(1), contact
+
+
+def spoilt(geometry: Geometry) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
+    """Good rows between hostile ones: bodies, contacts, which are good, and what is wrong with the others."""
+    good = good_rows(geometry)
+    faults, vectors = hostile_columns(geometry), whole_vectors(geometry)
+    oriented = geometry is Geometry.SPATIAL
+    count = 2 * (len(faults) + len(vectors))
+    bodies, contacts = pack(geometry, [good[i % len(good)] for i in range(count)], oriented)
+    of, at = body_rows(geometry, oriented=oriented), contact_rows(geometry)
+    names = [""] * count
+    for k, (name, row, contact_row, value) in enumerate(faults):
+        names[2 * k] = name
+        if row is not None:
+            bodies[row, k % 2, 2 * k] = value
+        else:
+            contacts[contact_row, 2 * k] = value
+    for k, (name, array, field) in enumerate(vectors, len(faults)):
+        names[2 * k] = name
+        if array == "bodies":
+            bodies[getattr(of, field), 0, 2 * k] = 0.0
+        else:
+            contacts[getattr(at, field), 2 * k] = 0.0
+    return bodies, contacts, np.array([not name for name in names]), names
+
+
+@pytest.mark.parametrize("fields", BATCH_MODELS.values(), ids=BATCH_MODELS)
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_m_hostile_rows_do_their_neighbours_no_harm(geometry, law, fields):
+    """Good rows have the bits that they have alone; bad ones have no numbers."""
+    bodies, contacts, is_good, names = spoilt(geometry)
+    model = ImpactModel(law, **fields)
+    together = resolve_batch(bodies, contacts, model)
+    alone = resolve_batch(bodies[..., is_good].copy(), contacts[..., is_good].copy(), model)
+    for field, mixed, clean in zip(together._fields, together, alone, strict=True):
+        if mixed is not None:
+            np.testing.assert_array_equal(mixed[..., is_good], clean, err_msg=field)
+    for i, name in enumerate(names):
+        if name and together.status[i] not in ANSWERS:
+            assert np.isnan(together.impulse[:, i]).all(), name
+            assert np.isnan(together.velocity[:, :, i]).all(), name
+    one = resolve_batch(bodies[..., 1:2].copy(), contacts[..., 1:2].copy(), model)
+    np.testing.assert_array_equal(one.impulse[:, 0], together.impulse[:, 1])
+
+
+@pytest.mark.parametrize("precision", [Precision.DOUBLE, Precision.EXTENDED])
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_m_a_hostile_row_has_the_code_of_one_impact(geometry, law, precision):
+    bodies, contacts, _, names = spoilt(geometry)
+    model = ImpactModel(law, precision=precision)
+    status = resolve_batch(bodies, contacts, model).status
+    found = []
+    for i, name in enumerate(names):
+        try:
+            code = resolve(*scene_in(geometry, bodies, contacts, i), model._replace(geometry=geometry)).status
+        except ImpactError as refusal:
+            code = refusal.code
+        if status[i] != code:
+            found.append(f"{name or 'good'}: {StatusCode(status[i]).name}, one impact: {code.name}")
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    ("geometry", "size"), [*product(GEOMETRIES, (1, 20)), (Geometry.POINT, 2000), (Geometry.SPATIAL, 2000)]
+)
+def test_k_batches_with_much_friction(geometry, size):
+    """Each row is right to its bound, in batches of any size."""
+    cases = list(attacks.batches_with_much_friction())
+    cases = (cases * (1 + size // len(cases)))[:size]
+    scenes = [case.scene for case in cases]
+    if geometry is not Geometry.SPATIAL:
+        flat = [attacks.drawn(random.Random(case.name), planar=True) for case in cases]
+        scenes = [
+            attacks.with_contact(seen_by(geometry, scene), friction=case.scene.contact.friction)
+            for scene, case in zip(flat, cases, strict=True)
+        ]
+    model = ImpactModel(Law.COULOMB, precision=Precision.EXTENDED)
+    result = resolve_batch(*pack(geometry, scenes, geometry is Geometry.SPATIAL), model)
+    found = []
+    for field, array in zip(result._fields, result, strict=True):
+        for start in range(20, size, 20):  # the same rows again
+            np.testing.assert_array_equal(array[..., start : start + 20], array[..., :20], err_msg=field)
+    for i, scene in enumerate(scenes[:20]):
+        right = right_answer(scene, "COULOMB", 0.0, 0.0)
+        row = [*result.impulse[:, i].tolist(), 0.0][:3]
+        error, bound, status = (
+            exact.impulse_error(row, right.impulses[0]),
+            result.error_bound[i],
+            result.status[i],
+        )
+        expected = StatusCode.SEPARATING if right.separating else StatusCode.OK
+        if not error <= bound <= LAST_PLACE or status != expected:
+            found.append(f"{cases[i].name}: error {error:.3g}, bound {bound:.3g}, status {status}")
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32, Fraction])
+@pytest.mark.parametrize("field", ["restitution_threshold", "tolerance", "tangential_restitution"])
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_l_a_model_with_numbers_of_other_makes(geometry, field, kind):
+    """As with plain floats, bit for bit, whichever comes first; or refused by name."""
+    arrays = pack(geometry, good_rows(geometry), geometry is Geometry.SPATIAL)
+    plain = resolve_batch(*arrays, ImpactModel(**{field: 0.5}))
+    try:
+        other = resolve_batch(*arrays, ImpactModel(**{field: kind(0.5)}))
+    except (TypeError, ImpactError) as refusal:
+        assert kind is not np.float64, refusal  # it is a float
+        assert field in str(refusal)
+        return
+    for name, a, b in zip(plain._fields, plain, other, strict=True):
+        np.testing.assert_array_equal(a, b, err_msg=name)
+
+
+# z: seen from the other side
+
+
+def swapped(scene: Scene) -> Scene:
+    turned = scene.contact._replace(normal=tuple(-c for c in scene.contact.normal))
+    return Scene(scene.b, scene.a, turned)
+
+
+@pytest.mark.parametrize("mirrored", list(attacks.swaps()), ids=lambda case: case.name)
+def test_z_swapped_bodies_have_the_mirrored_answer(mirrored):
+    """To the two bounds; where there is none, to 1e-9: the scenes are well-conditioned."""
+    model = model_of(mirrored.model)
+    one, other = resolved(mirrored.scene, model), resolved(swapped(mirrored.scene), model)
+    assert one.regime == other.regime
+    assert one.model == other.model
+    assert one.status == other.status
+    bounds = one.error_bound + other.error_bound
+    allowed = Fraction(bounds if 0 <= bounds < math.inf else 1e-9)
+    apart = plus(vec(one.impulse), vec(other.impulse))
+    assert length(apart) <= allowed * length(vec(one.impulse))
+    pair = pair_of(mirrored.scene)
+    for side, a, b in ((pair.a, one.change_a, other.change_b), (pair.b, one.change_b, other.change_a)):
+        size = error = Fraction(0)
+        for weight, x, y in ((side.mass, a.linear, b.linear), (side.trace / 3, a.angular, b.angular)):
+            off = minus(vec(x), vec(y))
+            size, error = size + weight * dot(vec(x), vec(x)), error + weight * dot(off, off)
+        assert error <= allowed**2 * size
+    for name in SCALARS:
+        x, y = getattr(one, name), getattr(other, name)
+        scale = max(abs(x), abs(y), one.kinetic_energy_before if "energy" in name else 10.0)
+        # 10: the terms of the velocities and impulses here
+        assert abs(x - y) <= (float(allowed) + ROUNDINGS * float(UNIT[one.model.precision])) * 10 * scale, (
+            name
+        )
+
+
+# x: units, bit for bit
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+@pytest.mark.parametrize("exponents", [(100, 0, 0), (0, 100, 0), (0, 0, 100), (-60, 40, 30), (-200, 0, 100)])
+def test_x_powers_of_two_change_no_digit(exponents, law):
+    """No rounding depends on them while nothing under- or overflows, so the impulse scales exactly."""
+    factors = [2.0**k for k in exponents]
+    model = ImpactModel(law, precision=Precision.DOUBLE)
+    plain = resolved(attacks.TUMBLING, model)
+    changed = resolved(attacks.in_units(attacks.TUMBLING, *factors), model)
+    size = factors[0] * factors[1] / factors[2]
+    assert [x * size for x in plain.impulse] == list(changed.impulse)
+    assert changed.regime == plain.regime

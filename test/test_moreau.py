@@ -1,0 +1,185 @@
+"""Moreau's law against the oracle, and its error bound."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from bounded import Bounded
+from mpmath import mp
+from oracle import impulse
+
+from collision_response.physics.laws import Coefficients, Outcome, Regime
+from collision_response.physics.laws.moreau import moreau
+from collision_response.physics.tensor import Symmetric3
+from collision_response.physics.vector import Vec3
+
+UP = (0.0, 1.0, 0.0)
+ROUNDED = 1e-11
+"""Relative: some hundred roundings, at condition numbers of K below 1e3."""
+OF_THE_ORACLE = 1e-45
+"""It has 50 digits."""
+
+
+class Given(NamedTuple):
+    """The part of ContactKinematics that the law reads."""
+
+    n: Vec3
+    u: Vec3
+    n_u: Any
+    n_Kn: Any
+    K: Symmetric3
+
+    def inverse_effective_mass(self) -> Symmetric3:
+        return self.K
+
+
+def solve(K, u, n, e: float, mu: float, number=float) -> Outcome:
+    n, u = Vec3(*map(number, n)), Vec3(*map(number, u))
+    K = Symmetric3(*(number(K[i][j]) for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))))
+    contact = Given(n, u, n.dot(u), n.dot(K @ n), K)
+    return moreau(contact, Coefficients(number(e), number(mu), number(0.0), number(0.0)))
+
+
+def truth(K, u, n, e: float, mu: float):
+    """Moreau's impulse, or Chatterjee & Ruina's where that one creates energy; whether so; the report."""
+    P, report = impulse("moreau", K, u, n, e, mu)
+    # What the law itself takes for rounding is 2^-44 of the work against the approach.
+    work = abs(mp.fdot(P, u))
+    fell_back = report.energy > 1e-13 * work
+    if fell_back:
+        P, _ = impulse("chatterjee_ruina", K, u, n, e, mu)
+    return P, fell_back, report
+
+
+def rod(theta: float) -> list[list[float]]:
+    """A uniform rod of mass and length 1 that strikes with its end; its K, the normal along y."""
+    s, c = math.sin(theta), math.cos(theta)
+    return [[1 + 3 * s * s, -3 * s * c, 0.0], [-3 * s * c, 1 + 3 * c * c, 0.0], [0.0, 0.0, 4.0]]
+
+
+@pytest.mark.parametrize(
+    ("theta", "e", "u", "P", "energy", "fell_back"),
+    [
+        (math.pi / 4, 0.5, (0.0, -1.0, 0.0), (9 / 41, 30 / 41), -0.243159, False),
+        (math.pi / 4, 0.5, (1.0, -1.0, 0.0), (-0.0625, 0.5625), -0.171875, False),
+        (math.atan(2), 0.9, (0.5, -1.0, 0.0), (0.1, 1.2625), -0.071875, True),
+        (math.atan(2), 1.0, (0.5, -1.0, 0.0), (0.1, 1.325), -0.0125, True),
+    ],
+)
+def test_reference(theta, e, u, P, energy, fell_back):
+    found = solve(rod(theta), u, UP, e, 0.3)
+    assert found.impulse == pytest.approx((*P, 0.0), abs=1e-14)
+    assert found.lost_restitution + found.lost_friction == pytest.approx(-energy, abs=6e-7)
+    assert found.fell_back is fell_back
+    bounded = solve(rod(theta), u, UP, e, 0.3, Bounded)
+    for own, value in zip(bounded.impulse, found.impulse, strict=True):
+        assert own.covers(value)
+        assert own.error < 1e-12
+
+
+def some_body(rng: np.random.Generator, spread: float):
+    """K of a body, its slip and normal, at random; ``spread`` is that of its moments."""
+    r, moments = rng.normal(size=3), np.exp(spread * rng.normal(size=3))
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    X = np.array([[0, -r[2], r[1]], [r[2], 0, -r[0]], [-r[1], r[0], 0]])
+    K = np.eye(3) - X @ turn @ np.diag(1 / moments) @ turn.T @ X
+    n, u = rng.normal(size=(2, 3))
+    return ((K + K.T) / 2).tolist(), (u if u @ n < 0 else -u).tolist(), n.tolist()
+
+
+def check(K, u, n, e: float, mu: float, limit: float = ROUNDED) -> None:
+    P, fell_back, _ = truth(K, u, n, e, mu)
+    size = max(abs(p) for p in P)
+    found, bounded = solve(K, u, n, e, mu), solve(K, u, n, e, mu, Bounded)
+    assert found.fell_back == fell_back
+    assert not found.unfinished
+    with mp.workdps(60):
+        K_P = [mp.fdot(row, P) for row in K]
+        lost = -sum(P[i] * (u[i] + K_P[i] / 2) for i in range(3))
+        work = sum(abs(P[i] * u[i]) for i in range(3))
+        assert abs(found.lost_restitution + found.lost_friction - lost) <= 10 * limit * work
+        own = bounded.lost_restitution + bounded.lost_friction
+        assert own.covers(lost, OF_THE_ORACLE * work)
+        for plain, own, p in zip(found.impulse, bounded.impulse, P, strict=True):
+            assert abs(plain - p) <= limit * size
+            assert own.covers(p, OF_THE_ORACLE * size)
+            assert own.error <= 100 * limit * size
+
+
+@pytest.mark.parametrize("mu", [0.0, 1e-300, 1e-8, 0.3, 1.0, 1e4, 1e150])
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("spread", [0.3, 2.5])
+def test_space(mu, e, spread):
+    rng = np.random.default_rng(1)
+    for _ in range(3):
+        check(*some_body(rng, spread), e, mu)
+
+
+@pytest.mark.parametrize("mu", [0.0, 1e-300, 1e-8, 0.3, 1.0, 1e4, 1e150])
+def test_plane(mu):
+    rng = np.random.default_rng(2)
+    for _ in range(6):
+        u = [rng.normal(), -abs(rng.normal()), 0.0]
+        check(rod(rng.uniform(0.1, 1.4)), u, UP, 0.5, mu)
+        assert solve(rod(1.0), u, UP, 0.5, mu).impulse.z == 0
+
+
+@pytest.mark.parametrize("mu", [0.0, 1e-300, 1e-8, 0.3, 1.0, 1e4])
+def test_head_on(mu):
+    sphere = (0.7 * np.eye(3)).tolist()
+    check(sphere, (0.6, -0.2, -1.4), (-0.3, 0.1, 0.7), 1.0, mu)
+    check(rod(0.7), (0.6, -0.2, -1.4), (-0.3, 0.1, 0.7), 1.0, mu)
+
+
+def test_edge_of_the_cone():
+    rng = np.random.default_rng(3)
+    edges = 0
+    for i in range(20):
+        K, u, n = some_body(rng, 0.5)
+        unit = np.array(n) / np.linalg.norm(n)
+        P = np.linalg.solve(K, -0.5 * (unit @ u) * unit - u)
+        P_n = P @ unit
+        if P_n > 0:
+            edges += 1
+            check(K, u, n, 0.5, float(np.linalg.norm(P - P_n * unit) / P_n) * (1 + (i % 3 - 1) * 1e-15))
+    assert edges > 10
+
+
+def test_three_slides():
+    """Three slides, of which the one that loses most counts."""
+    found = 0
+    rng = np.random.default_rng(4)
+    while found < 4:
+        S, beta = np.exp(rng.normal(0, 3, 2)), rng.normal(size=2) * np.exp(rng.normal(0, 2, 2))
+        V = rng.normal(size=(2000, 2)) * np.exp(rng.normal(0, 2, (2000, 2)))
+        mu = np.exp(rng.normal(size=2000))
+        f = V[:, None] / (np.append(0, np.geomspace(1e-5, 1e3, 200))[:, None] + S)
+        changes = np.diff(np.sign(mu[:, None] * (1 + f @ beta) - np.linalg.norm(f, axis=2)))
+        for i in np.nonzero((changes != 0).sum(1) > 2)[0][:1]:
+            K = np.diag([*S, 1.0])
+            K[:2, :2] += np.outer(beta, beta)
+            K[2, :2] = K[:2, 2] = beta
+            u = [*(V[i] - beta), -1 / 1.5]
+            case = K.tolist(), u, (0.0, 0.0, 1.0), 0.5, float(mu[i])
+            assert len(truth(*case)[2].candidates) == 3
+            check(*case, limit=1e-8)  # neighbouring roots: the condition is that of a square root
+            found += 1
+
+
+def test_sizes():
+    rng = np.random.default_rng(5)
+    K, u, n = map(np.array, some_body(rng, 0.5))
+    reference = np.array(solve(K, u, n, 0.5, 0.3).impulse)
+    for mass, speed, length in [(1e150, 1.0, 1e-50), (1e-150, 1e100, 1e50), (1.0, 1e-150, 1.0)]:
+        found = solve((K / mass).tolist(), (u * speed).tolist(), (n * length).tolist(), 0.5, 0.3)
+        assert np.array(found.impulse) / (mass * speed) == pytest.approx(reference, rel=1e-13)
+    assert all(map(math.isfinite, solve(K.tolist(), u.tolist(), n.tolist(), 0.5, 1e300).impulse))
+
+
+def test_regimes():
+    assert solve(rod(math.pi / 4), (0.5, -1.0, 0.0), UP, 0.5, 0.05).regime == Regime.REVERSED
+    assert solve(rod(math.pi / 4), (0.0, -1.0, 0.0), UP, 0.5, 5.0).regime == Regime.STICKING
+    assert solve(rod(math.pi / 2), (9.0, -1.0, 0.0), UP, 0.5, 0.1).regime == Regime.SLIDING

@@ -1,0 +1,251 @@
+"""Routh's law against published values and the oracle, and its error bound."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import pytest
+from bounded import ROUNDING, Bounded
+from mpmath import mp
+from oracle.laws import impulse
+
+from collision_response.physics.laws import Coefficients, Outcome, routh
+from collision_response.physics.tensor import Symmetric3
+from collision_response.physics.vector import Vec3
+
+LAWS = ("routh_poisson", "routh_stronge")
+MOST_ERROR = 3e-12
+"""Of an impulse, relative: the path is followed to 1e-12 of it, and the rest is rounding at condition
+numbers below 1e3."""
+MOST_BOUND = 1e-8
+"""The bound multiplies the path's error by the condition of K in the norm of friction."""
+
+
+class Given(NamedTuple):
+    """The part of ContactKinematics that the law reads."""
+
+    n: Vec3
+    u: Vec3
+    n_u: Any
+    n_Kn: Any
+    K: Symmetric3
+
+    def inverse_effective_mass(self) -> Symmetric3:
+        return self.K
+
+
+Problem = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
+"""``K``, ``u`` and ``n``."""
+
+
+def given(problem: Problem, number: Callable[[float], Any] = float, once: Callable = float) -> Given:
+    """The contact; ``n.u`` and ``n.K n`` are rounded once."""
+    K, u, n = problem
+    exact_K, exact_u, exact_n = Symmetric3(*map(Fraction, K)), *(Vec3(*map(Fraction, v)) for v in (u, n))
+    n_u, n_Kn = float(exact_n.dot(exact_u)), float(exact_n.dot(exact_K @ exact_n))
+    return Given(
+        Vec3(*map(number, n)), Vec3(*map(number, u)), once(n_u), once(n_Kn), Symmetric3(*map(number, K))
+    )
+
+
+def run(law: str, problem: Problem, e: float, mu: float) -> Outcome:
+    return getattr(routh, law)(given(problem), Coefficients(e, mu))
+
+
+def run_bounded(law: str, problem: Problem, e: float, mu: float) -> Outcome:
+    contact = given(problem, Bounded, lambda x: Bounded(x, abs(x) * ROUNDING))
+    return getattr(routh, law)(contact, Coefficients(Bounded(e), Bounded(mu)))
+
+
+def oracle(law: str, problem: Problem, e: float, mu: float):
+    (xx, xy, xz, yy, yz, zz), u, n = problem
+    digits = 20 if mu < 100 else 30 if mu < 1e5 else 150 if mu < 1e100 else 330
+    return impulse(law, [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], u, n, e, mu, digits=digits)
+
+
+def rod(angle: float) -> tuple[float, ...]:
+    """``K`` of a uniform rod of mass and length 1 that strikes with its end; the normal is along y."""
+    c, s = math.cos(angle), math.sin(angle)
+    return (1 + 3 * s * s, -3 * s * c, 0.0, 1 + 3 * c * c, 0.0, 1.0)
+
+
+def box(draw: random.Random) -> list[list[float]]:
+    """``K`` of a box, slender, flat or not, somewhere on it or in it."""
+    edges = draw.choice(
+        [
+            [draw.uniform(0.2, 2) for _ in "xyz"],
+            [0.02, 0.02, draw.uniform(1, 3)],
+            [0.02, draw.uniform(0.5, 2), draw.uniform(0.5, 2)],
+            [1.0, 1.0, 1.0],
+        ]
+    )
+    mass, squares = draw.uniform(0.2, 5), [edge * edge for edge in edges]
+    moments = [mass / 12 * (sum(squares) - square) for square in squares]
+    q = [draw.gauss(0, 1) for _ in range(4)]
+    x, y, z, w = (c / math.hypot(*q) for c in q)
+    R = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    is_corner = draw.random() < 0.5
+    at = [(draw.choice([-0.5, 0.5]) if is_corner else draw.uniform(-0.5, 0.5)) * edge for edge in edges]
+    r = Vec3(*(sum(R[i][j] * at[j] for j in range(3)) for i in range(3)))
+    arms = [(r.cross(Vec3(*(R[i][k] for i in range(3)))), moments[k]) for k in range(3)]
+    return [
+        [(i == j) / mass + sum(arm[i] * arm[j] / moment for arm, moment in arms) for j in range(3)]
+        for i in range(3)
+    ]
+
+
+def oblique(draw: random.Random, grazing: float = 0.0) -> Problem:
+    """Anything in space; the approach may be down to ``10**grazing`` of the slip."""
+    bodies = [box(draw)] + ([box(draw)] if draw.random() < 0.5 else [])
+    K = [[sum(body[i][j] for body in bodies) for j in range(3)] for i in range(3)]
+    n, u = (Vec3(*(draw.gauss(0, 1) for _ in "xyz")) for _ in "nu")
+    down = 10 ** draw.uniform(grazing, 0) if grazing else abs(u.dot(n)) / n.norm()
+    u = u - n * (u.dot(n) / n.dot(n)) - n * (down / n.norm())
+    return (K[0][0], K[0][1], K[0][2], K[1][1], K[1][2], K[2][2]), tuple(u), tuple(n)
+
+
+def planar(draw: random.Random) -> Problem:
+    turn, scale = draw.uniform(0, 7), draw.uniform(0.3, 3)
+    xx, xy, _, yy, _, zz = (scale * k for k in rod(draw.uniform(0, math.pi)))
+    c, s, ux, uy = math.cos(turn), math.sin(turn), draw.uniform(-2, 2), -draw.uniform(0.1, 2)
+    K = (c * c * xx - 2 * c * s * xy + s * s * yy, c * s * (xx - yy) + (c * c - s * s) * xy, 0.0,
+         s * s * xx + 2 * c * s * xy + c * c * yy, 0.0, zz)  # fmt: skip
+    return K, (c * ux - s * uy, s * ux + c * uy, 0.0), (-s, c, 0.0)
+
+
+def slow(draw: random.Random) -> Problem:
+    """Hardly any slip."""
+    K, u, n = oblique(draw)
+    u, n = Vec3(*u), Vec3(*n)
+    along = n * (u.dot(n) / n.dot(n))
+    return K, tuple((u - along) * 10 ** draw.uniform(-16, -3) + along), tuple(n)
+
+
+def head_on(draw: random.Random) -> Problem:
+    K, _, n = oblique(draw)
+    return K, tuple(-1.5 * x for x in n), n
+
+
+FRICTION = (0.1, 0.3, 1.0, 5.0)
+FAMILIES = {
+    "planar": (planar, (0.0, *FRICTION)),
+    "space": (oblique, FRICTION),
+    "grazing": (lambda draw: oblique(draw, -12), FRICTION),
+    "slow": (slow, FRICTION),
+    "head_on": (head_on, FRICTION),
+    "rough": (oblique, (1e4, 1e60, 1e300)),
+    "smooth": (oblique, (0.0, 1e-300, 1e-8)),
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("family", FAMILIES)
+def test_impulse_and_bound(family, law):
+    make, frictions = FAMILIES[family]
+    draw, compared = random.Random(family), 0
+    for _ in range(4 if make is planar else 2):
+        problem = make(draw)
+        e, mu = draw.choice([0.0, 1e-8, 0.5, 1.0, draw.random()]), draw.choice(frictions)
+        try:
+            P, report = oracle(law, problem, e, mu)
+        except ArithmeticError:  # two of the oracle's roots coincide
+            continue
+        compared += 1
+        size = float(mp.norm(P))
+        oracles = 1e-18 * size  # the oracle's own error
+        plain, bounded = run(law, problem, e, mu), run_bounded(law, problem, e, mu)
+        assert not plain.unfinished
+        for x, y, z in zip(plain.impulse, bounded.impulse, P, strict=True):
+            assert abs(x - z) <= MOST_ERROR * size
+            assert y.covers(z, oracles)
+            assert y.error <= MOST_BOUND * size
+        lost = bounded.lost_restitution + bounded.lost_friction
+        assert lost.covers(-report.energy, -report.un_before * oracles)
+        assert plain.lost_friction >= 0
+        if law == "routh_stronge":
+            assert plain.lost_restitution >= 0
+    assert compared >= 1
+
+
+REFERENCE = (
+    (
+        math.pi / 4, 0.5, (1.0, -1.0, 0.0),
+        (-0.11412429, 0.50847458, -0.19609148), (-0.11288499, 0.51260558, -0.19430798),
+    ),
+    (
+        math.atan(2), 0.9, (0.5, -1.0, 0.0),
+        (0.25, 1.28378378, -0.11918828), (0.25579294, 1.30309359, -0.10551032),
+    ),
+    (
+        math.atan(2), 1.0, (0.5, -1.0, 0.0),
+        (0.27027027, 1.35135135, -0.06939372), (0.27670687, 1.3728067, -0.05244936),
+    ),
+    (math.pi / 4, 0.5, (0.0, -1.0, 0.0), (9 / 41, 30 / 41, -0.243159), (9 / 41, 30 / 41, -0.243159)),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("angle", "e", "u", "poisson", "stronge"), REFERENCE)
+def test_rod_on_plane(angle, e, u, poisson, stronge):
+    for law, (x, y, energy) in zip(LAWS, (poisson, stronge), strict=True):
+        outcome = run(law, (rod(angle), u, (0.0, 1.0, 0.0)), e, 0.3)
+        assert outcome.impulse == pytest.approx((x, y, 0), abs=6e-9)  # half of the last digit given
+        assert outcome.lost_restitution + outcome.lost_friction == pytest.approx(-energy, abs=6e-7)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_everyday_numbers(law):
+    outcome = run(law, ((1.0, 0.0, 0.0, 1.0, 0.0, 1.0), (-3.0, -2.1, 0.0), (1.0, 0.7, 0.0)), 0.5, 0.5)
+    assert outcome.impulse == pytest.approx((4.5, 3.15, 0), rel=1e-15)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("e", [1e-100, 1e-170, 1e-300, 5e-324])
+def test_hardly_any_restitution_is_none(law, e):
+    """Its square may underflow."""
+    draw = random.Random(3)
+    for _ in range(6):
+        problem = oblique(draw)
+        outcome, plastic = run(law, problem, e, 0.3), run(law, problem, 0.0, 0.3)
+        assert not outcome.unfinished
+        assert outcome.impulse == pytest.approx(plastic.impulse, rel=1e-11, abs=1e-12)
+
+
+def test_planar_slip_takes_no_loop(monkeypatch):
+    def never(*_):
+        raise AssertionError
+
+    monkeypatch.setattr(routh, "step", never)
+    draw = random.Random(1)
+    for _ in range(50):
+        run("routh_stronge", planar(draw), 0.5, draw.choice((0.0, 0.3, 3.0)))
+
+
+def test_uncertain_data():
+    """The bound covers the answer to other data within the error of those given."""
+    draw = random.Random(2)
+    for _ in range(5):
+        K, u, n = problem = oblique(draw)
+        mu, law, part = draw.choice((0.1, 0.3, 1.0, 3.0)), draw.choice(LAWS), 10 ** draw.uniform(-13, -8)
+        k, v, nn = max(map(abs, K)) * part, max(map(abs, u)) * part, sum(map(abs, n))
+        contact = given(problem, Bounded)
+        contact = contact._replace(
+            K=Symmetric3(*(Bounded(x, k) for x in K)),
+            u=Vec3(*(Bounded(x, v) for x in u)),
+            n_u=Bounded(contact.n_u, v * nn),
+            n_Kn=Bounded(contact.n_Kn, k * nn * nn),
+        )
+        outcome = getattr(routh, law)(contact, Coefficients(Bounded(0.5), Bounded(mu)))
+        other_K = tuple(x + 0.99 * k * draw.choice((-1, 1)) for x in K)
+        other_u = tuple(x + 0.99 * v * draw.choice((-1, 1)) for x in u)
+        P, _ = oracle(law, (other_K, other_u, n), 0.5, mu)
+        for x, z in zip(outcome.impulse, P, strict=True):
+            assert x.covers(z)
+            assert x.error < math.inf
