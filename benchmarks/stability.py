@@ -2,166 +2,384 @@
 
     python benchmarks/stability.py [--quick]
 
-It needs ``pip install '.[test,plots]'``, and takes what else is installed of ``gmpy2``. With
-``--quick`` it measures a hundredth of it, for a look, and writes to a directory of its own.
+Random impacts and structured attacks, each against the exact answer: is any error above its bound?
+``--quick`` does a twentieth, and prints the tables instead.
 """
 
 from __future__ import annotations
 
 import argparse
 import datetime
-import json
+import math
 import multiprocessing
-import platform
+import random
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
+from statistics import median
 from typing import Any, NamedTuple
 
 HERE = Path(__file__).resolve().parent
-ROOT = HERE.parent
-sys.path[:0] = [str(HERE), str(ROOT / "test")]
+sys.path[:0] = [str(HERE)]
 
-import stability_drift  # noqa: E402
-import stability_measure  # noqa: E402
 import stability_page  # noqa: E402
-import stability_random  # noqa: E402
-from stability_arithmetics import compare  # noqa: E402
+from cases import PAIR, Scene, grazing  # noqa: E402
+from truth import Answer, error_of_impact, exact, request_of  # noqa: E402
 
-REQUESTS, NEARLY_PLANAR, SAMPLES = 100_000, 10_000, 600
-"""Of each law, wild and nearly planar; of one kind of ill condition."""
+from collision_response import (  # noqa: E402
+    Adjustment,
+    Body,
+    Contact,
+    Geometry,
+    Impact,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Precision,
+    StatusCode,
+    resolve,
+)
+from collision_response.physics.vector import Vec3  # noqa: E402
 
-IMPACTS = {"float32": 100_000, "SINGLE": 1_000_000, "DOUBLE": 1_000_000, "EXTENDED": 1_000_000}
-"""Of each drift."""
+FORMULAS = (Law.FRICTIONLESS, Law.COULOMB)
+PATHS = (Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE)
+PRECISIONS = (Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED, Precision.AUTO)
+WILDNESS = {"usual": 0.0, "1e±3": 3.0, "1e±10": 10.0, "1e±30": 30.0, "1e±150": 150.0}
+"""Spread of magnitudes in decades."""
 
+WILDEST_PATH = 3.0
+REQUESTS, PATH_REQUESTS, SAMPLES, IMPACTS = 1500, 500, 400, 1_000_000
+"""Of each law and wildness, of each path law and wildness, of an ill condition, of the drift."""
+
+PIECE = 50
 CORES = 2
+ULP = 2.0**-52
+Key = tuple[Any, ...]
 
 
-class Job(NamedTuple):
-    """A call for another process."""
+class Tally(NamedTuple):
+    """What came of many impacts, by whatever they are sorted by.
 
-    function: Callable[..., Any]
-    arguments: tuple[Any, ...]
+    Attributes:
+        counts: by key and outcome.
+        ratios: of error to bound; where there is an error, and a bound.
+        violations: the requests that broke a promise.
+    """
+
+    counts: Counter[tuple[Key, str]]
+    ratios: dict[Key, list[float]]
+    violations: list[str]
+
+    @classmethod
+    def empty(cls) -> Tally:
+        return cls(Counter(), {}, [])
+
+    def add(self, other: Tally) -> None:
+        self.counts.update(other.counts)
+        for key, found in other.ratios.items():
+            self.ratios.setdefault(key, []).extend(found)
+        self.violations.extend(other.violations)
+
+    def count(self, key: Key, name: str, scene: exact.Scene, model: ImpactModel) -> None:
+        """One answer, or its refusal."""
+        self.counts[key, "asked"] += 1
+        try:
+            impact = resolve(*request_of(scene), model)
+        except ImpactError as refusal:
+            self.counts[key, refusal.code.name] += 1
+            return
+        self.counts[key, impact.status.name] += 1
+        truth = right_answer(scene, impact, model)
+        error, bound = error_of_impact(impact, truth), impact.error_bound
+        self.counts[key, "bounded"] += bound < math.inf
+        slack = 0.0 if truth.report is None else exact.ORACLE_ERROR
+        if error > slack and bound < math.inf:
+            self.ratios.setdefault(key, []).append((error - slack) / bound if bound else math.inf)
+        if not error <= bound + slack:
+            self.violations.append(f"{key} {name}: error {error:.3g} above bound {bound:.3g}")
 
 
-def main() -> int:
-    arguments = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    arguments.add_argument("--quick", action="store_true", help="a hundredth of the work, to build/stability")
-    share = 100 if arguments.parse_args().quick else 1
-    start = time.monotonic()
-    results: dict[str, Any] = {"date": datetime.date.today().isoformat(), "machine": machine(), **timed()}
-    results |= checked(share)
-    results["seconds"] = round(time.monotonic() - start)
-    write(results, ROOT if share == 1 else ROOT / "build" / "stability")
-    violations = results["random"]["violations"]
-    for violation in violations:
-        print("VIOLATION", violation)
-    print(f"{len(violations)} violations; {results['seconds']} s")
-    return bool(violations)
+def right_answer(scene: exact.Scene, impact: Impact, model: ImpactModel) -> Answer:
+    """By the law that answered."""
+    e_t = model.tangential_restitution if Adjustment.LAW_FALLBACK not in impact.adjustments else 0.0
+    return _right_answer(scene, impact.model.law.name, e_t, model.restitution_threshold)
 
 
-def timed() -> dict[str, Any]:
-    """What is timed, one after the other and nothing else."""
-    return {
-        "extremes": say("extremes", stability_measure.all_extremes),
-        "tolerances": say("tolerances", stability_measure.tolerances),
-        "cost": say("cost of the bound", stability_measure.cost_of_the_bound),
-        "arithmetics": say("arithmetics", compare),
-    }
+@lru_cache(maxsize=64)
+def _right_answer(scene: exact.Scene, law: str, e_t: float, threshold: float) -> Answer:
+    return exact.answer(scene, law, e_t, threshold)
 
 
-def checked(share: int) -> dict[str, Any]:
-    """What takes long, on all cores."""
-    pieces = stability_random.pieces(REQUESTS // share, NEARLY_PLANAR // share)
-    long = {tier: Job(stability_drift.drift, (tier, impacts // share)) for tier, impacts in IMPACTS.items()}
-    long["conditions"] = Job(stability_measure.by_condition, (SAMPLES // share,))
-    jobs = _mixed([*reversed(long.values())], [Job(stability_random.run, (piece,)) for piece in pieces])
-    tally, others, done = stability_random.nothing(), {}, 0
+# Random impacts -------------------------------------------------------------------------------
+
+
+class Draw(random.Random):
+    """Requests over many magnitudes, with all the ill conditions together."""
+
+    wildness = 0.0
+
+    def magnitude(self, share: float = 1.0) -> float:
+        return 10 ** (self.uniform(-1, 1) * self.wildness * share)
+
+    def vector(self, size: float | None = None) -> tuple[float, ...]:
+        size = self.magnitude(0.3) if size is None else size
+        return tuple(size * self.gauss(0, 1) for _ in range(3))
+
+    def body(self) -> exact.Solid:
+        """A box, a rod or a blade, in its own axes or in turned ones; or immovable."""
+        if self.random() < 0.15:
+            return exact.Solid(None, position=self.vector(), velocity=self.vector(), spin=self.vector())
+        mass, size, kind = self.magnitude(), self.magnitude(0.5), self.random()
+        x, y, z = (mass * size * size * self.uniform(0.2, 1) * self.magnitude(0.3) for _ in range(3))
+        if self.wildness and kind < 0.1:
+            x, y = 0.0, 0.0
+        elif self.wildness and kind < 0.2:
+            x, y = x * 10 ** self.uniform(-15, 0), y * 10 ** self.uniform(-15, 0)
+        inertia = (y + z, 0.0, 0.0, x + z, 0.0, x + y)
+        if kind > 0.6:
+            inertia = turned((y + z, x + z, x + y), [self.gauss(0, 1) for _ in range(4)])
+        turn = [self.gauss(0, 1) for _ in range(4)] if self.random() < 0.6 else None
+        com = self.vector(size) if self.random() < 0.3 else (0.0,) * 3
+        spin = self.vector(self.magnitude(0.3))
+        return exact.Solid(mass, inertia, self.vector(size), turn and tuple(turn), self.vector(), spin, com)
+
+    def scene(self) -> exact.Scene:
+        """Two bodies that touch somewhere; often they just graze."""
+        e = self.choice([0.0, 1.0, self.random(), self.random()])
+        mu = self.choice([0.0, self.random(), 10 ** self.uniform(-3, 1)])
+        a, b, normal = self.body(), self.body(), self.vector(self.magnitude())
+        if self.random() < 0.3:
+            u = Vec3(*a.velocity) - Vec3(*b.velocity)
+            if 0 < u.norm() < math.inf:
+                across = u.cross(Vec3(*self.vector())) / u.norm()
+                into = u * (-(10 ** self.uniform(-16, -1)) * across.norm() / u.norm())
+                normal = tuple(across + into)
+        return exact.Scene(a, b, exact.Touch(self.vector(self.magnitude(0.2)), normal, e, mu))
+
+
+def turned(moments: tuple[float, float, float], quaternion: list[float]) -> tuple[float, ...]:
+    """The tensor of principal moments in turned axes, rounded."""
+    rows = [[float(x) for x in row] for row in exact.rotation_of(quaternion)]
+    pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+    return tuple(sum(rows[i][k] * moments[k] * rows[j][k] for k in range(3)) for i, j in pairs)
+
+
+def random_piece(law: Law, wildness: str, seed: int) -> Tally:
+    """Some random impacts by one law, in every precision. What is no request at all is drawn again."""
+    tally, draw = Tally.empty(), Draw(f"{law.name} {wildness} {seed}")
+    draw.wildness, done = WILDNESS[wildness], 0
+    while done < PIECE:
+        scene = draw.scene()
+        e_t = draw.choice([0.0, draw.uniform(-1, 1)]) if law is Law.COULOMB else 0.0
+        try:
+            resolve(*request_of(scene), ImpactModel(law))
+        except ImpactError as refusal:
+            if refusal.code not in (StatusCode.OUT_OF_RANGE, StatusCode.PATH_TOO_LONG):
+                continue
+        done += 1
+        for precision in PRECISIONS:
+            model = ImpactModel(law, precision=precision, tangential_restitution=e_t)
+            tally.count(("random", law.name, wildness, precision.name), f"{seed}, {done}", scene, model)
+    return tally
+
+
+# Attacks --------------------------------------------------------------------------------------
+
+
+def attack_family(family: str) -> Tally:
+    """All the attacks of one family of test/attacks.py."""
+    import attacks
+
+    enums = {"law": Law, "geometry": Geometry, "precision": Precision}
+    tally = Tally.empty()
+    for case in attacks.FAMILIES[family]():
+        fields = {name: enums[name][value] if name in enums else value for name, value in case.model.items()}
+        tally.count(("attack", family), case.name, case.scene, ImpactModel(**fields))
+    return tally
+
+
+# One ill condition at a time ------------------------------------------------------------------
+
+
+def by_condition(samples: int) -> dict[str, list[dict[str, Any]]]:
+    """True error and bound of frictional impacts that graze, and of ever more slender bodies."""
+    found: dict[str, list[dict[str, Any]]] = {"grazing": [], "inertia": []}
+    draw = random.Random(7)
+    while len(found["inertia"]) < samples:
+        condition = 10 ** draw.uniform(0, 15)
+        scene = _varied(draw, PAIR.body_a.inertia)
+        if len(found["grazing"]) < samples:
+            found["grazing"] += _sample(condition, grazing(scene, 1 / condition))
+        x, y, z = 1.0, draw.random() / condition, draw.random() / condition
+        moments = (y + z, x + z, x + y)
+        in_turned_axes = turned(moments, [draw.gauss(0, 1) for _ in range(4)])
+        inertia = draw.choice([(moments[0], 0.0, 0.0, moments[1], 0.0, moments[2]), in_turned_axes])
+        try:
+            found["inertia"] += _sample(max(moments) / min(moments), _varied(draw, inertia))
+        except ImpactError:  # rounding made it the tensor of no body
+            continue
+    return found
+
+
+def _sample(condition: float, scene: Scene) -> list[dict[str, Any]]:
+    """Error and bound in each precision; nothing for bodies that separate."""
+    sample: dict[str, Any] = {"condition": condition}
+    for precision in (Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED):
+        impact = resolve(*scene, ImpactModel(Law.COULOMB, Geometry.SPATIAL, precision))
+        solids = (exact.Solid(body.mass, *body[1:]) for body in scene[:2])
+        truth = _right_answer(exact.Scene(*solids, exact.Touch(*scene.contact)), "COULOMB", 0.0, 0.0)
+        if truth.separating:
+            return []
+        bound = impact.error_bound
+        sample[precision.name] = [error_of_impact(impact, truth), bound if bound < math.inf else None]
+    return [sample]
+
+
+def _varied(draw: random.Random, inertia: tuple[float, ...]) -> Scene:
+    """``PAIR`` with other velocities, and another body_a."""
+
+    def vector() -> Vec3:
+        return Vec3(*(draw.gauss(0, 1) for _ in range(3)))
+
+    a = PAIR.body_a
+    body = Body.dynamic(a.mass, inertia, a.position, a.orientation, vector(), vector())
+    return PAIR._replace(body_a=body, body_b=PAIR.body_b._replace(velocity=vector()))
+
+
+# Many impacts ---------------------------------------------------------------------------------
+
+
+def drift(precision: str, impacts: int) -> list[dict[str, float]]:
+    """How far energy and momenta of three bodies are off, after many elastic impacts where they are."""
+    draw = random.Random(20)
+
+    def vector() -> list[float]:
+        return [draw.gauss(0, 1) for _ in range(3)]
+
+    def body() -> Body:
+        mass = draw.uniform(0.5, 3)
+        x, y, z = (mass * draw.uniform(0.1, 0.4) for _ in range(3))
+        turn = [draw.gauss(0, 1) for _ in range(4)]
+        return Body.dynamic(mass, (y + z, 0, 0, x + z, 0, x + y), vector(), turn, vector(), vector())
+
+    bodies = [body() for _ in range(3)]
+    model = ImpactModel(Law.FRICTIONLESS, Geometry.SPATIAL, Precision[precision])
+    contacts = [
+        (pair, Contact.of(vector(), vector())) for pair in ((0, 1), (1, 2), (2, 0)) for _ in range(40)
+    ]
+    start, rows, done = invariants(bodies), [], 0
+    scale = math.sqrt(2 * start[0] * sum(one.mass for one in bodies))
+    marks = {count * 10**k for k in range(8) for count in (1, 2, 5)}
+    while done < impacts:
+        (a, b), contact = draw.choice(contacts)
+        impact = resolve(bodies[a], bodies[b], contact, model)
+        if impact.status is StatusCode.SEPARATING:  # see it from the other side
+            impact = resolve(bodies[a], bodies[b], contact._replace(normal=-contact.normal), model)
+        for i, twist in ((a, impact.twist_a), (b, impact.twist_b)):
+            bodies[i] = bodies[i]._replace(velocity=twist.linear, angular_velocity=twist.angular)
+        done += 1
+        if done in marks:
+            now = invariants(bodies)
+            apart = [math.dist(x, y) / scale for x, y in zip(now[1:], start[1:], strict=True)]
+            drifts = (abs(now[0] / start[0] - 1), *apart)
+            names = ("energy", "momentum", "angular momentum")
+            rows.append({"impacts": done, **dict(zip(names, drifts, strict=True))})
+    return rows
+
+
+def invariants(bodies: list[Body]) -> tuple[Any, ...]:
+    """What elastic impacts keep, in exact arithmetic but for the last rounding."""
+    energy, momentum, angular = exact.Fraction(0), exact.ZERO, exact.ZERO
+    for body in bodies:
+        side = exact.side_of(exact.Solid(*body), exact.ZERO)
+        v, w = exact.vec(body.velocity), exact.vec(body.angular_velocity)
+        p = exact.times(v, side.mass)
+        energy += side.energy(v, w)
+        momentum = exact.plus(momentum, p)
+        spin = exact.plus(exact.cross(exact.vec(body.position), p), exact.apply(side.inertia, w))
+        angular = exact.plus(angular, spin)
+    return float(energy), tuple(map(float, momentum)), tuple(map(float, angular))
+
+
+# All of it ------------------------------------------------------------------------------------
+
+
+def jobs(share: int) -> Iterator[tuple[str, tuple[Any, ...]]]:
+    """Functions of this module, and what to give them; the longest first."""
+    for precision in ("EXTENDED", "DOUBLE", "SINGLE"):
+        yield "drift", (precision, IMPACTS // share)
+    yield "by_condition", (SAMPLES // share,)
+    import attacks
+
+    for family in attacks.FAMILIES:
+        yield "attack_family", (family,)
+    for laws, total, wildest in ((PATHS, PATH_REQUESTS, WILDEST_PATH), (FORMULAS, REQUESTS, math.inf)):
+        for law in laws:
+            for name, decades in WILDNESS.items():
+                if decades <= wildest:
+                    yield from (
+                        ("random_piece", (law, name, seed)) for seed in range(max(1, total // PIECE // share))
+                    )
+
+
+def _done(job: tuple[str, tuple[Any, ...]]) -> tuple[tuple[str, tuple[Any, ...]], Any]:
+    return job, globals()[job[0]](*job[1])
+
+
+def measure(share: int = 1) -> dict[str, Any]:
+    """The figures of the report."""
+    start, tally, others = time.monotonic(), Tally.empty(), {}
+    todo = list(jobs(share))
     with multiprocessing.Pool(CORES) as pool:
-        for job, result in pool.imap_unordered(_done, jobs):
-            if isinstance(result, stability_random.Tally):
+        for done, (job, result) in enumerate(pool.imap_unordered(_done, todo), 1):
+            if isinstance(result, Tally):
                 tally.add(result)
             else:
                 others[job] = result
-            done += 1
-            if done % 10 == 0 or done == len(jobs):
-                print(f"\r{done} of {len(jobs)}, {len(tally.violations)} violations ", end="", flush=True)
+            print(f"\r    {done} of {len(todo)}, {len(tally.violations)} violations ", end="", flush=True)
     print()
     return {
-        "drift": {tier: others[long[tier]] for tier in IMPACTS},
-        "conditions": others[long["conditions"]],
-        "random": {
-            "counts": _by_tier(tally.counts),
-            "tightest": tally.tightest,
-            "violations": tally.violations,
-            "requests of each law": REQUESTS // share,
-            "wildest": stability_random.WILDEST,
-        },
+        "date": datetime.date.today().isoformat(),
+        "seconds": round(time.monotonic() - start),
+        "rows": rows_of(tally),
+        "violations": tally.violations,
+        "conditions": next(result for job, result in others.items() if job[0] == "by_condition"),
+        "drift": {job[1][0]: result for job, result in others.items() if job[0] == "drift"},
     }
 
 
-def _mixed(long: list[Job], short: list[Job]) -> list[Job]:
-    """Each long job before an equal share of the short ones: then there is always some progress to see."""
-    share = -(-len(short) // len(long))
-    return [job for i, first in enumerate(long) for job in (first, *short[i * share : (i + 1) * share])]
+def rows_of(tally: Tally) -> list[dict[str, Any]]:
+    """For each key what came of its impacts."""
+    rows: dict[Key, dict[str, Any]] = {}
+    for (key, outcome), count in tally.counts.items():
+        rows.setdefault(key, {"key": list(key), "statuses": {}})["statuses"][outcome] = count
+    for key, row in rows.items():
+        ratios = tally.ratios.get(key, [])
+        row |= {
+            "worst": max(ratios, default=0.0),
+            "looseness": 1 / median(ratios) if ratios else None,
+            "violations": sum(line.startswith(str(key)) for line in tally.violations),
+        }
+    return sorted(rows.values(), key=lambda row: row["key"])
 
 
-def _done(job: Job) -> tuple[Job, Any]:
-    return job, job.function(*job.arguments)
-
-
-def _by_tier(counts: dict[tuple[str, str], int]) -> dict[str, dict[str, int]]:
-    tiers: dict[str, dict[str, int]] = {}
-    for (tier, outcome), count in sorted(counts.items()):
-        tiers.setdefault(tier, {})[outcome] = count
-    return tiers
-
-
-def say(what: str, measure: Callable[[], Any]) -> Any:
-    print(f"{what} ...", flush=True)
-    return measure()
-
-
-def machine() -> dict[str, str]:
-    """What the times depend on."""
-    import flint
-    import numpy
-
-    names = dict(_cpu_lines())
-    return {
-        "processor": names.get("model name", platform.machine()),
-        "python": platform.python_version(),
-        "numpy": numpy.__version__,
-        "python-flint": flint.__version__,
-    }
-
-
-def _cpu_lines() -> Iterator[tuple[str, str]]:
-    path = Path("/proc/cpuinfo")
-    for line in path.read_text().splitlines() if path.exists() else []:
-        key, _, value = line.partition(":")
-        yield key.strip(), value.strip()
-
-
-def write(results: dict[str, Any], root: Path) -> None:
-    """The numbers as JSON, without the samples of the plots; the pictures; the tables in the page."""
-    path = root / "benchmarks" / "results" / f"stability-{results['date']}.json"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    kept = {key: value for key, value in results.items() if key != "conditions"}
-    parts = (f"{json.dumps(key)}: {json.dumps(_rounded(value))}" for key, value in kept.items())
-    path.write_text("{\n" + ",\n".join(parts) + "\n}\n")
-    stability_page.write(results, ROOT / "docs" / "stability.md", root / "docs")
-    print(f"wrote {path.relative_to(ROOT)} and {(root / 'docs' / 'stability.md').relative_to(ROOT)}")
-
-
-def _rounded(value: Any) -> Any:
-    """Three digits are enough to read, and change less from run to run."""
-    if isinstance(value, dict):
-        return {key: _rounded(part) for key, part in value.items()}
-    if isinstance(value, list):
-        return [_rounded(part) for part in value]
-    return float(f"{value:.3g}") if isinstance(value, float) else value
+def main() -> int:
+    """Measure, and write."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="a twentieth of the work, to the terminal")
+    quick = parser.parse_args().quick
+    results = measure(20 if quick else 1)
+    if quick:
+        print(*(part(results) for part in stability_page.PARTS.values()), sep="\n\n")
+    else:
+        stability_page.write(results)
+    for violation in results["violations"]:
+        print("VIOLATION", violation)
+    print(f"{len(results['violations'])} violations; {results['seconds']} s")
+    return bool(results["violations"])
 
 
 if __name__ == "__main__":

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +13,14 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
+from pages import DOCS, ROOT, power, rewrite, significant, store, table
 
-TIERS = ("SINGLE", "DOUBLE", "EXTENDED")
 LOW, HIGH = 1e-18, 30.0
 """Where an error of 0 and an infinite bound are drawn."""
 
 ERROR, BOUND, INK, GREY = "#2a7f9e", "#d95f02", "#222222", "#8a8a8a"
-DRIFT_COLOURS = {"float32": "#8c564b", "SINGLE": "#d95f02", "DOUBLE": "#6a3d9a", "EXTENDED": "#2a7f9e"}
+PRECISIONS = ("SINGLE", "DOUBLE", "EXTENDED")
+DRIFT_COLOURS = {"SINGLE": "#d95f02", "DOUBLE": "#6a3d9a", "EXTENDED": "#2a7f9e"}
 STYLE = {
     "font.size": 8,
     "axes.edgecolor": GREY,
@@ -30,195 +30,121 @@ STYLE = {
     "axes.spines.top": False,
     "axes.spines.right": False,
 }
+ANSWERS = ("OK", "SEPARATING", "TOLERANCE_NOT_MET")
+WILDNESS = ("usual", "1e±3", "1e±10", "1e±30", "1e±150")
+OTHER = (*ANSWERS, "asked", "bounded")
 
 
-def write(results: dict[str, Any], template: Path, docs: Path) -> None:
-    """The page with its generated parts replaced, and its pictures."""
-    text = template.read_text()
-    for name, part in PARTS.items():
-        text = _replaced(text, name, part(results))
-    images = docs / "images"
-    images.mkdir(parents=True, exist_ok=True)
-    (docs / template.name).write_text(text)
+def write(results: dict[str, Any]) -> None:
+    """The numbers, the tables and the pictures."""
+    kept = {key: value for key, value in results.items() if key != "conditions"}
+    store(kept, ROOT / "benchmarks" / "results" / f"stability-{results['date']}.json")
+    rewrite(DOCS / "stability.md", {name: part(results) for name, part in PARTS.items()})
     with plt.rc_context(STYLE):
-        _draw_conditions(results["conditions"], images / "stability-condition.png")
-        _draw_drift(results["drift"], images / "stability-drift.png")
+        draw_conditions(results["conditions"], DOCS / "images" / "stability-condition.png")
+        draw_drift(results["drift"], DOCS / "images" / "stability-drift.png")
+    print("==> wrote docs/stability.md and its pictures")
 
 
-def _replaced(text: str, name: str, part: str) -> str:
-    pattern = re.compile(rf"(<!-- generated: {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-    if not pattern.search(text):
-        raise ValueError(f"the page has no place for {name!r}")
-    return pattern.sub(lambda match: f"{match[1]}\n{part}\n\n{match[2]}", text)
-
-
-def _machine(results: dict[str, Any]) -> str:
-    m = results["machine"]
+def _summary(results: dict[str, Any]) -> str:
+    asked = sum(row["statuses"]["asked"] for row in results["rows"])
     return (
-        f"Measured on {results['date']} in {results['seconds'] / 60:.0f} minutes: {m['processor']}, "
-        f"Python {m['python']}, NumPy {m['numpy']}, python-flint {m['python-flint']}. "
-        "All times are medians of calls of `resolve` from Python."
+        f"Measured on {results['date']} in {results['seconds'] / 60:.0f} minutes: {asked:,} answers, "
+        f"{len(results['violations'])} above their bound."
     )
 
 
 def _random(results: dict[str, Any]) -> str:
-    found = results["random"]
     rows = []
-    for tier in (*TIERS, "AUTO"):
-        counts = found["counts"][tier]
-        refused = sum(count for outcome, count in counts.items() if outcome.startswith("refused"))
-        violations = sum(violation["tier"] == tier for violation in found["violations"])
-        tightest = found["tightest"].get(tier)
-        rows.append([
-            f"`{tier}`" + (", nearly planar, with a tolerance" if tier == "AUTO" else ""),
-            f"{counts['asked']:,}",
-            f"{counts['with a bound']:,}",
-            f"{counts['answered'] - counts['with a bound']:,}",
-            f"{refused:,}",
-            f"**{violations}**",
-            f"{tightest:.2g}" if tightest else "no error above an ulp",
-        ])  # fmt: skip
-    head = [
-        "tier",
-        "impacts",
-        "with a bound",
-        "no bound",
-        "refused",
-        "above the bound",
-        "closest: bound / error",
-    ]
-    return _table(head, rows)
+    for law in ("FRICTIONLESS", "COULOMB", "MOREAU", "ROUTH_POISSON", "ROUTH_STRONGE"):
+        found = {tuple(row["key"][2:]): row for row in results["rows"] if row["key"][:2] == ["random", law]}
+        for wildness in WILDNESS:
+            if (wildness, "AUTO") not in found:
+                continue
+            own = [found[wildness, precision] for precision in (*PRECISIONS, "AUTO")]
+            rows.append([
+                f"`{law}`",
+                wildness,
+                f"{own[0]['statuses']['asked']:,}",
+                *(_share(row) for row in own),
+                *("" if row["looseness"] is None else significant(row["looseness"]) for row in own[1:2]),
+                _worst(max(row["worst"] for row in own)),
+                f"**{sum(row['violations'] for row in own)}**",
+            ])  # fmt: skip
+    head = ["law", "magnitudes", "impacts", *(f"bounded, `{p}`" for p in PRECISIONS), "by default",
+            "bound / error, `DOUBLE`", "worst error / bound", "above"]  # fmt: skip
+    return table(head, rows)
 
 
-def _extremes(law: str) -> Callable[[dict[str, Any]], str]:
-    def table(results: dict[str, Any]) -> str:
-        rows = [
-            [
-                _code(row["extreme"]),
-                *(_cell(row["answers"][tier]) for tier in TIERS),
-                _default(row["answers"]["AUTO"]),
-            ]
-            for row in results["extremes"]
-            if row["law"] == law
-        ]
-        return _table(["extreme", *(f"`{tier}`" for tier in TIERS), "default"], rows)
-
-    return table
+def _share(row: dict[str, Any]) -> str:
+    """Of all impacts those that have an answer with a bound."""
+    share = row["statuses"].get("bounded", 0) / row["statuses"]["asked"]
+    return "all" if share == 1 else f"{100 * share:.3g} %" if share < 0.9995 else f"{100 * share:.2f} %"
 
 
-def _cell(answer: dict[str, Any]) -> str:
-    if "refused" in answer:
-        return f"`{answer['refused']}`"
-    bound = "no bound" if answer["bound"] is None else f"≤ {_power(answer['bound'])}"
-    return f"{_power(answer['error'])} {bound}, {_time(answer['microseconds'])}"
+def _worst(ratio: float) -> str:
+    return f"{ratio:.2f}" if ratio else ""
 
 
-def _default(answer: dict[str, Any]) -> str:
-    return f"`{answer.get('refused') or answer['tier']}`"
+def _attacks(results: dict[str, Any]) -> str:
+    rows = []
+    for row in results["rows"]:
+        if row["key"][0] == "attack":
+            statuses = row["statuses"]
+            refused = [f"{count} `{name}`" for name, count in sorted(statuses.items()) if name not in OTHER]
+            rows.append([
+                row["key"][1].partition(" ")[2],
+                str(statuses["asked"]),
+                *(str(statuses.get(name, "")) for name in ANSWERS),
+                ", ".join(refused),
+                _worst(row["worst"]),
+                f"**{row['violations']}**",
+            ])  # fmt: skip
+    head = ["family", "cases", *(f"`{name}`" for name in ANSWERS), "refused", "worst error / bound", "above"]
+    return table(head, rows)
 
 
 def _drift(results: dict[str, Any]) -> str:
     rows = [
-        [f"`{tier}`" if tier in TIERS else tier, f"{last['impacts']:,}"]
-        + [_power(last[key]) for key in ("energy", "momentum", "angular momentum")]
-        for tier, last in ((tier, results["drift"][tier][-1]) for tier in DRIFT_COLOURS)
+        [f"`{precision}`", f"{last['impacts']:,}"]
+        + [power(last[key]) for key in ("energy", "momentum", "angular momentum")]
+        for precision, last in ((precision, results["drift"][precision][-1]) for precision in PRECISIONS)
     ]
-    return _table(["velocities computed by", "impacts", "energy", "momentum", "angular momentum"], rows)
-
-
-def _cost(results: dict[str, Any]) -> str:
-    rows = [
-        [
-            f"`{row['geometry']}`, `{row['law']}`",
-            _time(row["impact"]),
-            _time(row["whole"] - row["impact"]),
-            f"{100 * (row['whole'] / row['impact'] - 1):.0f} %",
-        ]
-        for row in results["cost"]
-    ]
-    return _table(["`DOUBLE`", "impact", "its bound", "bound / impact"], rows)
-
-
-def _tolerances(results: dict[str, Any]) -> str:
-    rows = [
-        [
-            _power(row["tolerance"]),
-            f"`{row['tier']}`",
-            _time(row["microseconds"]),
-            _power(row["bound"]),
-            _power(row["error"]),
-            f"`{row['status']}`",
-        ]
-        for row in results["tolerances"]
-    ]
-    return _table(["tolerance", "tier", "time", "`error_bound`", "true error", "status"], rows)
-
-
-def _arithmetics(results: dict[str, Any]) -> str:
-    labels = list(results["arithmetics"][0]["errors"])
-    rows = [
-        [
-            row["arithmetic"],
-            _time(row["microseconds"]),
-            *(_power(row["errors"][label]) for label in labels),
-        ]
-        for row in results["arithmetics"]
-    ]
-    return _table(["arithmetic", "time", *(f"error, {label}" for label in labels)], rows)
+    return table(["precision", "impacts", "energy", "momentum", "angular momentum"], rows)
 
 
 PARTS: dict[str, Callable[[dict[str, Any]], str]] = {
-    "machine": _machine,
+    "summary": _summary,
     "random": _random,
-    "extremes FRICTIONLESS": _extremes("FRICTIONLESS"),
-    "extremes COULOMB": _extremes("COULOMB"),
+    "attacks": _attacks,
     "drift": _drift,
-    "cost": _cost,
-    "tolerances": _tolerances,
-    "arithmetics": _arithmetics,
 }
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def _code(name: str) -> str:
-    return name.replace("|u_n|/|u|", "`u_n / u`")
-
-
-def _power(x: float) -> str:
-    return "0" if x == 0 else f"{x:.0e}".replace("e-0", "e-").replace("e+0", "e")
-
-
-def _time(microseconds: float) -> str:
-    return f"{microseconds / 1000:.1f} ms" if microseconds >= 1000 else f"{microseconds:.0f} µs"
-
-
-def _draw_conditions(conditions: dict[str, list[dict[str, Any]]], path: Path) -> None:
+def draw_conditions(conditions: dict[str, list[dict[str, Any]]], path: Path) -> None:
+    """True errors and their bounds, a row for each ill condition, a column for each precision."""
     titles = {
         "grazing": "grazing: slip / approach speed",
         "inertia": "slender body: greatest / least moment",
     }
     figure, axes = plt.subplots(2, 3, figsize=(8, 5.2), sharex=True, sharey=True, layout="constrained")
     for row, (kind, title) in zip(axes, titles.items(), strict=True):
-        for ax, tier in zip(row, TIERS, strict=True):
-            _draw_condition(ax, conditions[kind], tier)
+        for ax, precision in zip(row, PRECISIONS, strict=True):
+            _draw_condition(ax, conditions[kind], precision)
             ax.set_xlabel(title)
         row[0].set_ylabel("relative error")
-    for ax, tier in zip(axes[0], TIERS, strict=True):
-        ax.set_title(tier, fontsize=9, color=INK)
+    for ax, precision in zip(axes[0], PRECISIONS, strict=True):
+        ax.set_title(precision, fontsize=9, color=INK)
     handles, labels = axes[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, markerscale=3)
     figure.savefig(path, dpi=200)
     plt.close(figure)
 
 
-def _draw_condition(ax: Axes, samples: list[dict[str, Any]], tier: str) -> None:
+def _draw_condition(ax: Axes, samples: list[dict[str, Any]], precision: str) -> None:
     x = [sample["condition"] for sample in samples]
-    errors = [max(sample[tier][0], LOW) for sample in samples]
-    bounds = [HIGH if sample[tier][1] is None else sample[tier][1] for sample in samples]
+    errors = [max(sample[precision][0], LOW) for sample in samples]
+    bounds = [HIGH if sample[precision][1] is None else sample[precision][1] for sample in samples]
     ax.scatter(x, bounds, s=4, color=BOUND, alpha=0.6, linewidths=0, label="error_bound of each impact")
     ax.scatter(x, errors, s=4, color=ERROR, alpha=0.6, linewidths=0, label="its true error")
     edges, least = _lower_envelope([(a, b) for a, b in zip(x, bounds, strict=True) if b < HIGH])
@@ -246,25 +172,20 @@ def _lower_envelope(points: Iterable[tuple[float, float]]) -> tuple[list[float],
     return [10 ** ((place + 0.5) / 2) for place in places], [least[place] for place in places]
 
 
-def _draw_drift(drifts: dict[str, list[dict[str, float]]], path: Path) -> None:
+def draw_drift(drifts: dict[str, list[dict[str, float]]], path: Path) -> None:
+    """What elastic impacts should keep, against their number."""
     figure, axes = plt.subplots(1, 3, figsize=(8, 2.9), sharex=True, sharey=True, layout="constrained")
     for ax, quantity in zip(axes, ("energy", "momentum", "angular momentum"), strict=True):
-        for tier, colour in DRIFT_COLOURS.items():
-            rows = [row for row in drifts[tier] if row[quantity] > 0]
-            ax.plot(
-                [row["impacts"] for row in rows],
-                [row[quantity] for row in rows],
-                color=colour,
-                linewidth=1.4,
-                linestyle="--" if tier == "SINGLE" else "-",
-                label=tier,
-            )
+        for precision, colour in DRIFT_COLOURS.items():
+            rows = [row for row in drifts[precision] if row[quantity] > 0]
+            numbers, found = [row["impacts"] for row in rows], [row[quantity] for row in rows]
+            ax.plot(numbers, found, color=colour, linewidth=1.4, label=precision)
         ax.set_title(quantity, fontsize=9, color=INK)
         ax.set_xscale("log")
         ax.set_yscale("log")
         ax.set_xlabel("elastic impacts")
         ax.grid(color="#e6e6e6", linewidth=0.6)
     axes[0].set_ylabel("relative drift")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
     figure.savefig(path, dpi=200)
     plt.close(figure)

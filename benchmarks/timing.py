@@ -7,7 +7,7 @@ import time
 import timeit
 from collections.abc import Callable, Mapping, Sequence
 from statistics import median
-from typing import Any, TypedDict, TypeVar
+from typing import Any, TypeVar
 
 Call = Callable[[], Any]
 T = TypeVar("T")
@@ -16,20 +16,16 @@ Samples = dict[str, list[float]]
 """Seconds of one call, one for each round, by name. The rounds of all names are in step."""
 
 
-class Spread(TypedDict):
-    """Least, middle and greatest of the rounds."""
-
-    min: float
-    median: float
-    max: float
-
-
 def interleaved(
-    calls: Mapping[T, Call], *, rounds: int = 101, seconds: float = 0.001
+    calls: Mapping[T, Call],
+    *,
+    rounds: int = 101,
+    seconds: float = 0.001,
+    clock: Callable[[], float] = time.process_time,
 ) -> dict[T, list[float]]:
     """Time every call in every round, each for about ``seconds``, in an order that changes.
 
-    It is the time of the processor, not of the clock: while another process has the core, none passes.
+    By default it is the time of the processor: while another process has the core, none passes.
     """
     numbers = {name: _repetitions(call, seconds) for name, call in calls.items()}
     samples: dict[T, list[float]] = {name: [] for name in calls}
@@ -37,26 +33,26 @@ def interleaved(
     for _ in range(rounds):
         draw.shuffle(order)
         for name in order:
-            spent = timeit.timeit(calls[name], timer=time.process_time, number=numbers[name])
+            spent = timeit.timeit(calls[name], timer=clock, number=numbers[name])
             samples[name].append(spent / numbers[name])
     return samples
 
 
 def _repetitions(call: Call, seconds: float) -> int:
     call()  # what is set up once is not measured
-    start, number = time.process_time(), 0
-    while (spent := time.process_time() - start) < seconds:
+    start, number = time.perf_counter(), 0
+    while (spent := time.perf_counter() - start) < seconds:
         call()
         number += 1
     return max(1, round(number * seconds / spent))
 
 
-def spread(values: Sequence[float]) -> Spread:
+def spread(values: Sequence[float]) -> dict[str, float]:
     """Least, middle and greatest."""
-    return Spread(min=min(values), median=median(values), max=max(values))
+    return {"min": min(values), "median": median(values), "max": max(values)}
 
 
-def ratio(samples: Samples, of: str, to: str) -> Spread | None:
+def ratio(samples: Mapping[Any, list[float]], of: Any, to: Any) -> dict[str, float] | None:
     """Quotients of two times of the same round; ``None`` where one was not taken."""
     if of not in samples or to not in samples:
         return None

@@ -1,8 +1,8 @@
-"""The picture of the trade: time against true error, a panel for each scene."""
+"""The picture of the trade: time against true error, for an easy impact and for two hard ones."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,107 +14,133 @@ import matplotlib.pyplot as plt
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 Point = dict[str, Any]
 
-COLOURS = {
-    "FRICTIONLESS": "#0072b2",
-    "COULOMB": "#d55e00",
-    "MOREAU": "#cc79a7",
-    "ROUTH_POISSON": "#009e73",
-    "ROUTH_STRONGE": "#222222",
+ONE, BATCH, PEER, EXACT = "#0072b2", "#009e73", "#d55e00", "#777777"
+STYLES = {  # marker, size, colour, filled
+    "DOUBLE": ("o", 9, ONE, True),
+    "EXTENDED": ("*", 15, ONE, True),
+    "batch": ("o", 7, BATCH, False),
+    "batch, with bound": ("o", 8, BATCH, True),
+    "batch, EXTENDED": ("*", 13, BATCH, True),
 }
-MARKERS = {"POINT": "v", "PLANAR": "s", "SPATIAL": "o", "AUTO": "*"}
-FLOOR, CEILING = 1e-17, 10.0
-WRONG = 0.1
-"""Above this error, motion that decides the answer is not modelled."""
-BETWEEN = 8.0
-"""A contact of a batch takes less, ``resolve()`` more [µs]."""
-
-
-def microseconds(point: Point) -> float:
-    """Of one impact."""
-    return point["s"]["median"] * 1e6
-
-
-def shown_error(point: Point) -> float:
-    """Within the picture."""
-    return min(max(point["error"], FLOOR), CEILING)
-
-
-def front(points: Iterable[Point]) -> list[Point]:
-    """Those that no other beats in both time and error, fastest first."""
-    best: list[Point] = []
-    for point in sorted(points, key=lambda p: (microseconds(p), p["error"])):
-        if not best or shown_error(point) < shown_error(best[-1]) / 1.5:
-            best.append(point)
-    return best
+NAMES = {
+    "pinocchio, J by hand": "pinocchio",
+    "MuJoCo, one step": "MuJoCo",
+    "pybullet, one step": "pybullet",
+    "fractions": "Fraction",
+}
+LABELS = {  # where a name goes, in points, if its mark is at the lower edge, and if not
+    "C": ((-11, 0), (-11, 0)),
+    "pinocchio": ((34, 34), (38, 16)),
+    "MuJoCo": ((26, 0), (26, 0)),
+    "pybullet": ((27, 0), (27, 0)),
+    "balls": ((-12, 13), (-12, 13)),
+    "Fraction": ((8, -15), (8, -15)),
+}
+FLOOR, CEILING = 1e-17, 3.0
 
 
 def draw(points: Sequence[Point], path: Path) -> None:
-    """All panels, to a file."""
-    plt.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
+    """A panel for each scene, to a file."""
+    plt.rcParams.update({"font.size": 11, "axes.spines.top": False, "axes.spines.right": False})
     names = list(dict.fromkeys(point["scene"] for point in points))
-    figure, grid = plt.subplots(3, 2, figsize=(8, 10.4), sharex=True, sharey=True)
-    for axes, name in zip(grid.flat, names, strict=True):
-        panel(axes, name, [point for point in points if point["scene"] == name])
-    for axes in grid[:, 0]:
-        axes.set_ylabel("true relative error of the impulse")
-    for axes in grid[-1]:
-        axes.set_xlabel("time of one impact [µs]")
-    figure.legend(handles=legend(), loc="upper center", ncols=3, frameon=False, fontsize=9, columnspacing=1.2)
-    figure.tight_layout(rect=(0, 0, 1, 0.915), h_pad=1.4)
-    figure.savefig(path, dpi=200)
+    figure, grid = plt.subplots(1, len(names), figsize=(12, 5.0), sharex=True, sharey=True)
+    for axes, name in zip(grid, names, strict=True):
+        panel(axes, name, {point["way"]: point for point in points if point["scene"] == name})
+    grid[0].set_ylabel("relative error of the answer")
+    figure.legend(
+        handles=legend(), loc="lower center", ncols=4, frameon=False, fontsize=10.5, columnspacing=2
+    )
+    figure.tight_layout(rect=(0, 0.13, 1, 1), w_pad=1.2)
+    figure.savefig(path, dpi=130)
     plt.close(figure)
 
 
-def panel(axes: Axes, name: str, points: Sequence[Point]) -> None:
+def panel(axes: Axes, name: str, points: dict[str, Point]) -> None:
     """One scene."""
-    axes.set(xscale="log", yscale="log", xlim=(5e-3, 1.5e4), ylim=(FLOOR / 5, CEILING * 3))
-    axes.set_title(name, loc="left", fontsize=10, fontweight="bold", pad=14)
-    axes.axhspan(WRONG, CEILING * 3, color="#ececec", lw=0)
-    axes.axvline(BETWEEN, color="#999999", lw=0.8, ls=":")
-    beside = {"transform": axes.get_xaxis_transform(), "va": "bottom", "fontsize": 8, "color": "#555555"}
-    axes.text(BETWEEN / 1.25, 1.01, "batch", ha="right", **beside)
-    axes.text(BETWEEN * 1.25, 1.01, "resolve()", ha="left", **beside)
-    axes.grid(True, lw=0.4, color="#e5e5e5")
-    for law, colour in COLOURS.items():
-        own = [point for point in points if point["law"] == law]
-        best = front(own)
-        axes.plot(
-            [microseconds(p) for p in best], [shown_error(p) for p in best], color=colour, lw=1.1, alpha=0.6,
-            drawstyle="steps-post",
-        )  # fmt: skip
-        for point in own:
-            mark(axes, point, colour, is_best=point in best)
+    axes.set(xscale="log", yscale="log", xlim=(4e-3, 2e4), ylim=(FLOOR / 30, CEILING))
+    axes.set_title(name, loc="left", fontsize=12, fontweight="bold")
+    axes.set_xticks([1e-2, 1, 1e2, 1e4], ["10 ns", "1 µs", "100 µs", "10 ms"])
+    axes.set_yticks([1e-16, 1e-12, 1e-8, 1e-4, 1], ["1e-16", "1e-12", "1e-8", "1e-4", "1"])
+    axes.minorticks_off()
+    axes.set_xlabel("time of one impact")
+    axes.grid(True, lw=0.5, color="#e8e8e8")
+    axes.set_axisbelow(True)
+    for ways in (("DOUBLE", "EXTENDED"), ("batch, with bound", "batch, EXTENDED")):
+        places = [place(points[way]) for way in ways if way in points]
+        axes.plot(*zip(*places, strict=True), color=STYLES[ways[0]][2], lw=1.2, ls=":", zorder=1)
+    for way, point in points.items():
+        mark(axes, way, point)
+    start, end = (place(points[way]) for way in ("DOUBLE", "EXTENDED"))
+    axes.annotate(
+        f"+ {end[0] - start[0]:.0f} µs", end, xytext=(11, 0), textcoords="offset points",
+        color=ONE, fontsize=12, fontweight="bold", va="center",
+    )  # fmt: skip
 
 
-def mark(axes: Axes, point: Point, colour: str, *, is_best: bool) -> None:
-    """One way to the answer."""
-    rough = point["precision"] in ("SINGLE", "float32")
-    axes.plot(
-        microseconds(point), shown_error(point), MARKERS[point["geometry"]], color=colour,
-        markerfacecolor="white" if rough else colour, markeredgewidth=1.0,
-        markersize=9 if point["geometry"] == "AUTO" else 6 if is_best else 3.5,
-        alpha=1.0 if is_best else 0.45, zorder=3 if is_best else 2,
+def place(point: Point) -> tuple[float, float]:
+    """Microseconds, and the error within the picture."""
+    return point["s"]["median"] * 1e6, shown(point["error"])
+
+
+def shown(error: float) -> float:
+    """Within the picture."""
+    return min(max(error, FLOOR), CEILING)
+
+
+def mark(axes: Axes, way: str, point: Point) -> None:
+    """One way to the answer; a bar reaches up to what it promises."""
+    x, y = place(point)
+    if point["bound"] is not None:
+        _, _, colour, _ = STYLES[way]
+        axes.plot([x, x], [y, shown(point["bound"])], color=colour, lw=1.6, alpha=0.55, zorder=2)
+        axes.plot(x, shown(point["bound"]), "_", color=colour, markersize=9, markeredgewidth=1.8, zorder=2)
+    if way in STYLES:
+        marker, size, colour, filled = STYLES[way]
+        face, edge = (colour, "white") if filled else ("white", colour)
+        axes.plot(x, y, marker, markersize=size, markerfacecolor=face, markeredgecolor=edge, zorder=4)
+        return
+    colour, marker = (EXACT, "D") if point["kind"] == "exact" else (PEER, "X")
+    axes.plot(x, y, marker, markersize=8, color=colour, markeredgecolor="white", zorder=3)
+    name = NAMES.get(way, way)
+    offset = LABELS[name][0 if y < 1e-15 else 1]
+    line = (
+        {"arrowstyle": "-", "color": colour, "lw": 0.7, "shrinkB": 5} if max(map(abs, offset)) > 30 else None
+    )
+    axes.annotate(
+        name, (x, y), xytext=offset, textcoords="offset points", ha="center", va="center", fontsize=10.5,
+        color=colour, arrowprops=line,
     )  # fmt: skip
 
 
 def legend() -> list[Artist]:
-    """What the colours and the marks mean."""
+    """What the marks mean."""
 
-    def dot(label: str, marker: str, colour: str = "#555555", face: str | None = None) -> Line2D:
-        return Line2D([], [], ls="", marker=marker, color=colour, markerfacecolor=face or colour, label=label)
+    def dot(text: str, way: str) -> Line2D:
+        marker, size, colour, filled = STYLES[way]
+        face, edge = (colour, "white") if filled else ("white", colour)
+        return Line2D(
+            [],
+            [],
+            ls="",
+            marker=marker,
+            markersize=size,
+            markerfacecolor=face,
+            markeredgecolor=edge,
+            label=text,
+        )
 
-    laws = [Line2D([], [], color=colour, lw=2.5, label=law) for law, colour in COLOURS.items()]
     return [
-        *laws,
-        dot("POINT", MARKERS["POINT"]),
-        dot("PLANAR", MARKERS["PLANAR"]),
-        dot("SPATIAL", MARKERS["SPATIAL"]),
-        dot("AUTO, by tolerance", MARKERS["AUTO"]),
-        dot("hollow: SINGLE, float32", "o", face="white"),
-        dot("filled: all more exact", "o"),
-        Patch(color="#dddddd", label="deciding motion not modelled"),
+        dot("resolve()", "DOUBLE"),
+        dot("the same, EXTENDED", "EXTENDED"),
+        dot("batch, with bound", "batch, with bound"),
+        dot("the same, EXTENDED", "batch, EXTENDED"),
+        dot("batch, no bound", "batch"),
+        Line2D(
+            [], [], ls="-", color=ONE, lw=1.6, alpha=0.7, marker="_", markersize=9, label="up to its bound"
+        ),
+        Line2D([], [], ls="", marker="X", markersize=8, color=PEER, label="peers, which have no bound"),
+        Line2D([], [], ls="", marker="D", markersize=7, color=EXACT, label="formulas on exact numbers"),
     ]

@@ -1,7 +1,7 @@
 """The pictures and the tables of impact-laws.md, computed by the package itself.
 
 It needs ``pip install '.[plots]'``. ``python docs/impact_laws.py`` writes the pictures to docs/images
-and the tables to the terminal; with ``--no-tables`` only the pictures.
+and the tables into the page; with ``--no-tables`` only the pictures.
 """
 
 from __future__ import annotations
@@ -26,37 +26,17 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from collision_response import Body, Contact, ImpactModel, Law, resolve
+from collision_response import Body, Contact, Impact, ImpactModel, Law, resolve
 from collision_response.physics import restitution
-from collision_response.physics.effective_mass import Planar, Spatial
-from collision_response.physics.laws import (
-    Parameters,
-    chatterjee_ruina,
-    frictionless,
-    moreau,
-    routh_poisson,
-    routh_stronge,
-)
-from collision_response.physics.laws import moreau as one_shot
-from collision_response.physics.laws.moreau import one_step
-from collision_response.physics.laws.routh import Impulse, Rest, State
-from collision_response.physics.laws.routh import Path as RouthPath
+from collision_response.physics.effective_mass import ContactKinematics
 from collision_response.physics.mass_properties import box, rod
-from collision_response.physics.vector import Vec2
 
-BLOCK = 8192
-"""Contacts in one block of arrays."""
+PAGE = Path(__file__).with_name("impact-laws.md")
 IMAGES = Path(__file__).parent / "images"
 INK, GREY = "#222222", "#8a8a8a"
 CONE, COMPRESSION, STICKING, ENERGY = "#dfe8f2", "#2a7f9e", "#8c564b", "#6a3d9a"
 PATH, ANSWER, RAW = "#d95f02", "#b30000", "#e7298a"
-LAWS = {
-    Law.FRICTIONLESS: frictionless,
-    Law.COULOMB: chatterjee_ruina,
-    Law.MOREAU: moreau,
-    Law.ROUTH_POISSON: routh_poisson,
-    Law.ROUTH_STRONGE: routh_stronge,
-}
+LAWS = [law for law in Law if law is not Law.AUTO]
 
 
 class Case(NamedTuple):
@@ -82,11 +62,8 @@ class Case(NamedTuple):
     def contact(self) -> Contact:
         return Contact.of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), self.e, self.mu)
 
-    def approach(self) -> Planar:
-        return Planar.prepare(self.rod(), Body.static(), self.contact())
-
-    def parameters(self) -> Parameters:
-        return Parameters(self.e, self.mu)
+    def resolve(self, law: Law) -> Impact:
+        return resolve(self.rod(), Body.static(), self.contact(), ImpactModel(law=law))
 
     def title(self) -> str:
         degrees, (u_t, u_n) = math.degrees(self.angle), self.velocity
@@ -104,9 +81,9 @@ CASES = (T2, T3)
 
 def kinetics(case: Case) -> tuple[np.ndarray, np.ndarray]:
     """``K`` and ``u`` in contact axes (t, n)."""
-    approach = case.approach()
-    k = approach.mobility()
-    return np.array([[k.xx, k.xy], [k.xy, k.yy]]), np.array([approach.u.x, approach.u.y])
+    contact = ContactKinematics.of(case.rod(), Body.static(), case.contact())
+    k, u = contact.inverse_effective_mass(), contact.u
+    return np.array([[k.xx, k.xy], [k.xy, k.yy]]), np.array([u.x, u.y])
 
 
 def energy_change(case: Case, p: np.ndarray) -> float:
@@ -212,12 +189,16 @@ def save(figure: Figure, name: str) -> None:
 # One drawing per law --------------------------------------------------------------------------
 
 
-def point(impulse: Vec2) -> np.ndarray:
-    return np.array([impulse.x, impulse.y])
-
-
 def answer(case: Case, law: Law) -> np.ndarray:
-    return point(LAWS[law](case.approach(), case.parameters()).impulse)
+    return np.array(case.resolve(law).impulse[:2])
+
+
+def raw_moreau(case: Case) -> np.ndarray:
+    """Moreau's own answer to T2 and T3, where the contact can stick: ``u+ = -e u_n n``."""
+    K, u = kinetics(case)
+    P: np.ndarray = np.linalg.solve(K, np.array([0.0, -case.e * u[1]]) - u)
+    assert abs(P[0]) <= case.mu * P[1]
+    return P
 
 
 def corners(case: Case) -> tuple[np.ndarray, np.ndarray]:
@@ -251,13 +232,10 @@ def draw_coulomb(ax: Axes, case: Case) -> None:
 
 def draw_moreau(ax: Axes, case: Case) -> None:
     K, u = kinetics(case)
-    outcome = one_shot(case.approach(), case.parameters())
-    raw_outcome = one_step(case.approach(), case.parameters())
-    assert raw_outcome is not None
-    raw, P = point(raw_outcome.impulse), point(outcome.impulse)
+    raw, P = raw_moreau(case), answer(case, Law.MOREAU)
     span = np.array(case.window[:2])
     ax.plot(span, (-(1 + case.e) * u[1] - K[1, 0] * span) / K[1, 1], color=COMPRESSION, lw=1.2)
-    if outcome.fell_back:
+    if not np.allclose(raw, P):
         gain = energy_change(case, raw)
         ax.plot(*np.array([[0, 0], raw]).T, color=RAW, lw=1.6, ls=":", zorder=4)
         mark(ax, raw, f"Moreau's answer\ngains {gain:.5f} J", (-30, 13), RAW, "X")
@@ -271,9 +249,9 @@ def draw_moreau(ax: Axes, case: Case) -> None:
 def draw_routh(law: Law, end: str) -> Callable[[Axes, Case], None]:
     def draw(ax: Axes, case: Case) -> None:
         P = answer(case, law)
-        legs = [point(leg) for leg in path_legs(case, P[1])]
-        draw_path(ax, np.array(legs))
-        rest = point(travel(case, Rest()).P)
+        legs, rest = path(case, P[1])
+        assert np.allclose(legs[-1], P)
+        draw_path(ax, legs)
         slope = 1 if case is T2 else -1
         mark(ax, legs[1], "slip stops", (22, -12))
         mark(ax, rest, "compression\nends, $p_c$", (26 * slope, -8 if case is T2 else 12))
@@ -282,26 +260,19 @@ def draw_routh(law: Law, end: str) -> Callable[[Axes, Case], None]:
     return draw
 
 
-def travel(case: Case, goal: Rest | Impulse) -> State:
-    """Routh's path from first touch to ``goal``."""
-    approach = case.approach()
-    return RouthPath.of(approach, case.parameters()).travel(State.of(approach), goal)
-
-
-def path_legs(case: Case, p_end: float) -> Iterator[Vec2]:
-    """Where the path starts, bends and ends, found by looking at it and not at the formula."""
-    p = np.linspace(0.0, p_end, 2001)
-    path = [travel(case, Impulse(float(x), 0.0)).P for x in p]
-    slope = np.diff([P.x for P in path]) / np.diff(p)
-    (bends,) = np.nonzero(np.abs(np.diff(slope)) > 1e-9)
-    yield path[0]
-    if len(bends):
-        first, last = bends[0], bends[-1] + 1  # the step in which it bends mixes both slopes
-        a, b, s, t = path[first], path[last + 1], slope[first - 1], slope[last + 1]
-        x = p[last + 1]
-        bend = (b.x - a.x + s * p[first] - t * x) / (s - t)
-        yield Vec2(a.x + s * (bend - p[first]), bend)
-    yield path[-1]
+def path(case: Case, p_end: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where Routh's path starts, bends and ends, and where compression ends, if slip stops and runs back."""
+    K, u = kinetics(case)
+    start = np.zeros(2)
+    first = np.array([-case.mu * np.sign(u[0]), 1.0])
+    stop = first * (-u[0] / (K @ first)[0])
+    second = first * (-1, 1)
+    assert 0 < stop[1] < p_end
+    assert (K @ second)[0] * u[0] < 0, "it would stick"
+    legs = np.array([start, stop, stop + second * (p_end - stop[1])])
+    u_n = u[1] + (K @ stop)[1]
+    rest = first * (-u[1] / (K @ first)[1]) if u_n > 0 else stop + second * (-u_n / (K @ second)[1])
+    return legs, rest
 
 
 # The other pictures ---------------------------------------------------------------------------
@@ -329,9 +300,7 @@ def draw_comparison() -> None:
         draw_plane(ax, case)
         for law, offset in labels[case].items():
             mark(ax, answer(case, law), law.name, offset, ANSWER)
-    raw = one_step(T3.approach(), T3.parameters())
-    assert raw is not None
-    mark(axes[1], point(raw.impulse), "MOREAU, raw", (-40, 14), RAW, "X")
+    mark(axes[1], raw_moreau(T3), "MOREAU, raw", (-40, 14), RAW, "X")
     axes[0].set(xlim=(-0.38, 0.24), ylim=(0.27, 0.8125))
     axes[1].set(xlim=(-0.5, 0.7), ylim=(0.60, 1.65))
     axes[0].set_ylabel("$p_n$  [N s]")
@@ -403,17 +372,14 @@ def values_table() -> Iterator[str]:
     yield "|---|---|---|---|---|---|---|---|---|---|"
     for case in (T1, T2, T3, T3._replace(name="T3, $e=1$", e=1.0)):
         for law in LAWS:
-            impact = resolve(case.rod(), Body.static(), case.contact(), ImpactModel(law=law))
+            impact = case.resolve(law)
             lost = [impact.energy_lost_restitution, impact.energy_lost_friction]
             gained = [-sum(lost), *(-x for x in lost)]
             P = np.array(impact.impulse[:2])
             name = f"`{law.name}`"
             if impact.model.law is not law:
-                raw = one_step(case.approach(), case.parameters())
-                assert raw is not None
-                yield row_of(
-                    case, f"{name}, raw", point(raw.impulse), [energy_change(case, point(raw.impulse))]
-                )
+                raw = raw_moreau(case)
+                yield row_of(case, f"{name}, raw", raw, [energy_change(case, raw)])
                 name += ", as answered"
             yield row_of(case, name, P, gained, impact.regime.name)
 
@@ -430,36 +396,21 @@ def decimals(x: float) -> str:
 
 
 def cost_table() -> Iterator[str]:
-    """Microseconds, and the ratio to the frictionless law in the same column."""
-    rows = [(law, 0.0) for law in LAWS] + [(Law.ROUTH_STRONGE, 1e-4)]
-    columns = ("law alone, plane", "law alone, space", "`resolve()`, plane", "`resolve()`, space")
-    block, parameters = block_of_contacts(), Parameters(0.5, 0.3)
-    blocks = [lambda: frictionless(block, parameters), lambda: chatterjee_ruina(block, parameters)]
-    costs = microseconds([call for law, tolerance in rows for call in calls(law, tolerance)] + blocks)
-    yield f"| law | {' | '.join(columns)} |"
-    yield "|---|---|---|---|---|"
-    for i, (law, tolerance) in enumerate(rows):
-        row = costs[4 * i : 4 * i + 4]
-        cells = [f"{us:.0f} µs ({us / base:.1f})" for us, base in zip(row, costs[:4], strict=True)]
-        name = f"`{law.name}`, tolerance {tolerance:g}" if tolerance else f"`{law.name}`"
-        yield f"| {name} | {' | '.join(cells)} |"
-    yield ""
-    each = [us / BLOCK for us in costs[-2:]]
-    yield f"planar contacts in blocks of {BLOCK}, law alone: FRICTIONLESS {each[0]:.2g} µs a contact,"
-    yield f"COULOMB {each[1]:.2g} µs a contact"
+    """Microseconds of a whole call, and the ratio to the frictionless law in the same column."""
+    costs = microseconds([call for law in LAWS for call in calls(law)])
+    yield "| law | `resolve()`, plane | `resolve()`, space |"
+    yield "|---|---|---|"
+    for i, law in enumerate(LAWS):
+        pairs = zip(costs[2 * i : 2 * i + 2], costs[:2], strict=True)
+        cells = [f"{us:.1f} µs ({us / base:.1f})" for us, base in pairs]
+        yield f"| `{law.name}` | {' | '.join(cells)} |"
 
 
-def calls(law: Law, tolerance: float) -> list[Callable[[], object]]:
+def calls(law: Law) -> list[Callable[[], object]]:
     """What is timed for one law, column by column."""
-    function, ground = LAWS[law], Body.static()
-    model = ImpactModel(law=law, tolerance=tolerance)
-    requests = ((T2.rod(), T2.contact(), Planar), (*tumbling_box(), Spatial))
-    parameters = [Parameters(c.restitution, c.friction, 0.0, tolerance) for _, c, _ in requests]
-    approaches = [geometry.prepare(body, ground, c) for body, c, geometry in requests]
-    return [
-        *(lambda a=a, p=p: function(a, p) for a, p in zip(approaches, parameters, strict=True)),
-        *(lambda b=body, c=c: resolve(b, ground, c, model) for body, c, _ in requests),
-    ]
+    model, ground = ImpactModel(law=law), Body.static()
+    requests = ((T2.rod(), T2.contact()), tumbling_box())
+    return [lambda body=body, c=c: resolve(body, ground, c, model) for body, c in requests]
 
 
 def tumbling_box() -> tuple[Body, Contact]:
@@ -473,18 +424,6 @@ def tumbling_box() -> tuple[Body, Contact]:
         (1.0, -2.0, 0.5),
     )
     return body, Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3)
-
-
-def block_of_contacts() -> Planar:
-    draw = np.random.default_rng(1).uniform
-    body = Body.dynamic(
-        1.0,
-        rod(1.0, 1.0).inertia,
-        (draw(-0.5, 0.5, BLOCK), draw(0.1, 0.5, BLOCK), 0.0),
-        None,
-        (draw(-1, 1, BLOCK), draw(-2, -1, BLOCK), 0.0),
-    )
-    return Planar.prepare(body, Body.static(), Contact.of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
 
 
 def microseconds(timed: Sequence[Callable[[], object]]) -> list[float]:
@@ -510,8 +449,14 @@ def main() -> None:
     draw_comparison()
     draw_restitution()
     if not arguments.no_tables:
-        for table in (values_table(), cost_table()):
-            print("", *table, sep="\n")
+        text = PAGE.read_text()
+        for name, table in (("values", values_table()), ("cost", cost_table())):
+            start = f"<!-- generated: {name} -->\n"
+            before, _, rest = text.partition(start)
+            after = rest[rest.index("<!-- end -->") :]
+            text = "\n".join([before + start, *table, "", after])
+        PAGE.write_text(text)
+        print(f"docs/{PAGE.name}")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,66 @@
+"""The package itself: how tight its bounds are, how long it is, how long it takes to import."""
+
+from __future__ import annotations
+
+import random
+import subprocess
+import sys
+from statistics import median
+from typing import Any
+
+from pages import ROOT
+from truth import error_of_impact, request_of, truth_of
+
+from collision_response import ImpactModel, Law, Precision, StatusCode, resolve
+
+PACKAGE = ROOT / "collision_response"
+SOURCES = {".py", ".hpp", ".cpp", ".in", ".txt"}
+BOXES = 400
+
+IMPORT = "import time; t = time.perf_counter(); import collision_response; print(time.perf_counter() - t)"
+
+
+def measure() -> dict[str, Any]:
+    """The targets."""
+    found = [
+        {
+            "what": f"error bound over true error, boxes, {law.name}, median",
+            "most": most,
+            "measured": tightness(law),
+        }
+        for law, most in ((Law.FRICTIONLESS, 70.0), (Law.COULOMB, 400.0))
+    ]
+    found.append({"what": "lines of the package, Python and C++", "most": 6000.0, "measured": lines()})
+    found.append({"what": "`import collision_response` [s]", "most": 0.15, "measured": import_time()})
+    return {"targets": found}
+
+
+def tightness(law: Law) -> float:
+    """Median of bound over error for usual boxes that approach; where there is an error."""
+    from attacks import drawn
+
+    draw, quotients = random.Random(5), []
+    model = ImpactModel(law, precision=Precision.DOUBLE)
+    while len(quotients) < BOXES:
+        scene = request_of(drawn(draw))
+        impact = resolve(*scene, model)
+        error = error_of_impact(impact, truth_of(scene, law))
+        if impact.status is StatusCode.OK and error:
+            quotients.append(impact.error_bound / error)
+    return median(quotients)
+
+
+def lines() -> int:
+    """All lines of the package but those of the demo."""
+    demo = PACKAGE / "demo"
+    files = [path for path in PACKAGE.rglob("*") if path.suffix in SOURCES and demo not in path.parents]
+    return sum(len(path.read_bytes().splitlines()) for path in files)
+
+
+def import_time() -> float:
+    """Seconds, NumPy's included; the best of some, files in memory."""
+    times = [
+        float(subprocess.run([sys.executable, "-I", "-c", IMPORT], capture_output=True, check=True).stdout)
+        for _ in range(7)
+    ]
+    return min(times)
