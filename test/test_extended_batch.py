@@ -18,7 +18,6 @@ from collision_response.batch import resolve_batch
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.kernels import library
 from collision_response.kernels.layout import Layout
-from collision_response.kernels.library import Number
 
 ULP = 2.0**-52
 FORMULAS = (Law.FRICTIONLESS, Law.COULOMB)
@@ -116,7 +115,7 @@ def in_double_doubles(bodies, contacts, law: Law):
     bound, status = np.empty(n), np.empty(n, np.uint8)
     tables = np.ascontiguousarray(bodies), np.ascontiguousarray(contacts), np.zeros(3)
     place = list(Layout).index(Layout.SPATIAL)
-    library.batch(law, place, Number.EXTENDED, *tables, velocity, spin, impulse, bound, status, 0, n)
+    library.batch(law, place, library.Number.EXTENDED, *tables, velocity, spin, impulse, bound, status, 0, n)
     return impulse, bound
 
 

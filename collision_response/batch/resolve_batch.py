@@ -28,7 +28,6 @@ import numpy as np
 
 from ..kernels import library
 from ..kernels.layout import Layout
-from ..kernels.library import Number
 from ..model import LARGEST, Geometry, ImpactModel, Law, Precision, check_model, law_for
 from ..physics.laws import PATHS
 from ..status import ImpactError, StatusCode
@@ -154,7 +153,7 @@ class Plan(NamedTuple):
     geometry: Geometry
     oriented: bool
     model: ImpactModel
-    number: Number
+    number: library.Number
     constants: Array
     axes: int
     spins: int
@@ -164,7 +163,11 @@ class Plan(NamedTuple):
         dtype, code = self.constants.dtype, UINT8
         shapes = (self.axes, 2, n), (self.spins, 2, n), (self.axes, n), (n,), (n,), (n,)
         all_results = tuple(zip(shapes, (dtype, dtype, dtype, code, dtype, code), strict=True))
-        return all_results if self.number in (Number.BOUNDED, Number.EXTENDED) else all_results[:4]
+        return (
+            all_results
+            if self.number in (library.Number.BOUNDED, library.Number.EXTENDED)
+            else all_results[:4]
+        )
 
 
 def _compute(plan: Plan, bodies: Array, contacts: Array, out: BatchResult, workers: int) -> None:
@@ -183,7 +186,7 @@ def _compute(plan: Plan, bodies: Array, contacts: Array, out: BatchResult, worke
     if model.precision is Precision.AUTO and wanting.size:
         few = BatchResult(*(np.empty((*array.shape[:-1], wanting.size), array.dtype) for array in out))
         some_bodies, some_contacts = bodies.take(wanting, -1), contacts.take(wanting, -1)
-        _run(plan, Number.EXTENDED, some_bodies, some_contacts, few, workers)
+        _run(plan, library.Number.EXTENDED, some_bodies, some_contacts, few, workers)
         few.precision[:] = Precision.EXTENDED
         for array, better in zip(out, few, strict=True):
             array[..., wanting] = better
@@ -202,7 +205,9 @@ def _wanting(out: BatchResult, limit: float) -> Array:
     return np.flatnonzero(sound & ~(out.error_bound <= limit))
 
 
-def _run(plan: Plan, number: Number, bodies: Array, contacts: Array, out: BatchResult, workers: int) -> int:
+def _run(
+    plan: Plan, number: library.Number, bodies: Array, contacts: Array, out: BatchResult, workers: int
+) -> int:
     """Compute all columns; the greatest status."""
     n = out.status.size
     arrays = (bodies, contacts, plan.constants, *out[:3], out.error_bound, out.status)
@@ -246,9 +251,9 @@ def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> P
     law = law_for(model.law, has_friction=height >= least.height)
     if law is not Law.FRICTIONLESS and height < least.height:
         raise ValueError(f"contacts: {law.name} needs a row of friction")
-    number = Number.FLOAT if dtype == np.float32 else Number.PLAIN
+    number = library.Number.FLOAT if dtype == np.float32 else library.Number.PLAIN
     if is_bounded(model):
-        number = Number.EXTENDED if model.precision is Precision.EXTENDED else Number.BOUNDED
+        number = library.Number.EXTENDED if model.precision is Precision.EXTENDED else library.Number.BOUNDED
     of = body_rows(geometry)
     return Plan(
         _LAYOUTS.index(layout_of(geometry, oriented=oriented)),
