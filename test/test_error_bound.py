@@ -276,3 +276,30 @@ def error_of(scene: Scene, impact: Impact) -> float:
 def apart(impact: Impact, exact) -> float:
     with mp.workdps(40):
         return float(mp.norm(mp.matrix(impact.impulse) - exact) / mp.norm(exact))
+
+
+def test_an_error_that_is_not_a_number_is_not_forgotten():
+    """In float32 both branches of an undecided choice are 0 here, and nothing is known of one of them."""
+    moment = 4.697040269710177e80
+    rod = Body.dynamic(
+        8.607564884429794e85,
+        (moment, 0.0, 0.0, moment, 0.0, 0.0),
+        (-11994213413512.99, 4079752772742.708, -1214296277927.9062),
+        None,
+        (3.8540722748524385, -16.405474624848416, 7.0473627453441665),
+        (1.2852439644602878, 0.4413428445784092, -0.761987689594408),
+    )
+    wheel = Body.kinematic(
+        (1.0588940958313549e-39, -3.7996853449478925e-39, -6.054663743809354e-39),
+        (-1.38613201367833e28, -4.5451329451605506e27, 1.1741652888440304e28),
+        (-1.6293172118879368e39, -4.172622566640952e39, -4.277801586855334e39),
+    )
+    contact = Contact.of(
+        (-6.834098883957725e-29, -3.286453798787782e-29, -3.750880325343817e-29),
+        (-9.6139570218032e-122, -2.7913158387272636e-121, -1.6651510190973857e-121),
+        0.7492254563046974,
+        0.05811043699660205,
+    )
+    model = ImpactModel(Law.COULOMB, precision=Precision.SINGLE, tangential_restitution=-0.36217341434364525)
+    assert resolve(rod, wheel, contact, model).error_bound == math.inf
+    assert any(resolve(rod, wheel, contact, model._replace(precision=Precision.EXTENDED)).impulse)

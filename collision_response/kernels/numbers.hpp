@@ -229,11 +229,13 @@ template <class T> INLINE Truth<T> operator|(const Truth<T>& a, const Truth<T>& 
   return {(Mask<T>)(a.value | b.value), (Mask<T>)((a.sure & b.sure) | (a.sure & a.value) | (b.sure & b.value))};
 }
 template <class T> INLINE Truth<T> negation(const Truth<T>& a) { return {negation(a.value), a.sure}; }
+// What is not a number stays so: it counts as infinite.
+template <class T> INLINE T greater_error(T a, T b) { return choose<T>(a < b, b, choose<T>(a >= b, a, a + b)); }
 template <class N> INLINE Bounded<N> choose(const Truth<Base<N>>& c, const Bounded<N>& a, const Bounded<N>& b) {
   using T = Base<N>;
   T own = choose<T>(c.value, a.error, b.error), other = choose<T>(c.value, b.error, a.error);
   T hull = magnitude(high(a.value - b.value)) * spread<T>(1 + slack<T>) + other;
-  return {choose(c.value, a.value, b.value), choose<T>(c.sure, own, choose<T>(hull <= own, own, hull))};
+  return {choose(c.value, a.value, b.value), choose<T>(c.sure, own, greater_error(own, hull))};
 }
 template <class T> INLINE Truth<T> choose(const Truth<T>& c, const Truth<T>& a, const Truth<T>& b) { return (c & a) | (negation(c) & b) | (a & b); }
 template <class N> INLINE N value(const Bounded<N>& a) { return a.value; }
