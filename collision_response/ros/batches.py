@@ -152,7 +152,8 @@ def compute(
             block *= 2
         elif taken > PAUSE[1] and block > 1:
             block //= 2
-        yield
+        if start < len(faults):
+            yield
 
 
 def check_world_frame(request: Request, world_frame: str) -> None:
