@@ -71,7 +71,10 @@ class Intake(Waitable[None]):
         node.add_waitable(self)
 
     def take_all(self) -> int:
-        """Handle all that waits now, and say how many those were; more, if it comes as fast, waits for later."""
+        """Handle all that waits now, and say how many those were.
+
+        What comes as fast as it can be handled must wait for the next time.
+        """
         number, end = 0, time.perf_counter() + LONGEST
         with self._source.handle:
             while time.perf_counter() < end:
