@@ -67,6 +67,10 @@ class CollisionResponseNode(Node):
         publisher ``~/result``: every answer of the first, refusals included, once anybody subscribes.
         publisher ``/diagnostics``: how it is doing.
 
+    Attributes:
+        parameters: as last set.
+        impacts: what answers the first service.
+
     Args:
         options: those of :class:`rclpy.node.Node`.
     """
@@ -85,13 +89,13 @@ class CollisionResponseNode(Node):
         self._states = LatestStates(start.max_bodies, self._now, self._warn)
         self._jumps = self.get_clock().create_jump_callback(JUMPS, post_callback=self._forget)
         results = Results(self)
-        impacts = Impacts(self.parameters, self._states, results, self._now, self.get_logger())
-        impacts.recorder = self._recorder
-        impacts.survey = SceneSurvey(start.scene_tolerance) if start.scene_tolerance else None
+        self.impacts = Impacts(self.parameters, self._states, results, self._now, self.get_logger())
+        self.impacts.recorder = self._recorder
+        self.impacts.survey = SceneSurvey(start.scene_tolerance) if start.scene_tolerance else None
         batches = Batches(self.parameters, self._states, self._now)
         warm_up()
         tally = Tally()
-        self._server = Server(self, (impacts, batches), tally, self._over_budget, start.service_introspection)
+        self._server = Server(self, (self.impacts, batches), tally, self._over_budget, start.service_introspection)
         self._hearing = [
             *(self._listen(BodyState, topic, STATE_QOS, self._hear) for topic in start.body_state_topics),
             self._listen(BodyStates, TABLE_TOPIC, TABLE_QOS, self._states.hear_table),
@@ -100,7 +104,7 @@ class CollisionResponseNode(Node):
         Diagnostics(self, tally, self._states, self._recorder, self._server.waiting)
         topics = [self.resolve_topic_name(topic) for topic in start.body_state_topics]
         self.get_logger().info(
-            f"serving {self.resolve_service_name(impacts.name)}; "
+            f"serving {self.resolve_service_name(self.impacts.name)}; "
             f"bodies from {', '.join(topics) or 'requests only'}; "
             f"results on {results.topic}; "
             f"{'not recording' if self._recorder is None else f'recording to {self._recorder.path}'}"
