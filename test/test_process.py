@@ -83,7 +83,7 @@ def test_a_parameter_that_there_is_not_is_warned_of(graph, start, given, meant):
 def test_what_has_been_received_is_answered_before_the_end(graph, start):
     node = start("-p", f"shutdown_timeout:={DEADLINE}")
     assert graph.call(balls_meet()).success
-    futures = [graph.call_async(balls_meet()) for _ in range(2000)]
+    futures = [graph.call_async(balls_meet()) for _ in range(500)]
     until(futures[0].done)
     node.send_signal(signal.SIGTERM)
     _, stderr = node.communicate(timeout=DEADLINE)

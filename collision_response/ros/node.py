@@ -20,7 +20,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.signals import SignalHandlerOptions
 
 from ..model import ImpactModel
-from ..msg import BodyState, BodyStates
+from ..msg import BodyState, BodyStates, CollisionResult
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
@@ -88,14 +88,16 @@ class CollisionResponseNode(Node):
             self._recorder = Recorder(start.recording_directory, self._warn, name=start.recording_file)
         self._states = LatestStates(start.max_bodies, self._now, self._warn)
         self._jumps = self.get_clock().create_jump_callback(JUMPS, post_callback=self._forget)
-        results = Results(self)
+        results = Results(self, CollisionResult, "~/result")
         self.impacts = Impacts(self.parameters, self._states, results, self._now, self.get_logger())
         self.impacts.recorder = self._recorder
         self.impacts.survey = SceneSurvey(start.scene_tolerance) if start.scene_tolerance else None
         batches = Batches(self.parameters, self._states, self._now)
         warm_up()
         tally = Tally()
-        self._server = Server(self, (self.impacts, batches), tally, self._over_budget, start.service_introspection)
+        self._server = Server(
+            self, (self.impacts, batches), tally, self._over_budget, start.service_introspection
+        )
         self._hearing = [
             *(self._listen(BodyState, topic, STATE_QOS, self._hear) for topic in start.body_state_topics),
             self._listen(BodyStates, TABLE_TOPIC, TABLE_QOS, self._states.hear_table),
@@ -116,12 +118,12 @@ class CollisionResponseNode(Node):
         It takes no longer than the parameter ``shutdown_timeout``. Nobody may spin the node any more.
         """
         start, limit = time.perf_counter(), self.parameters.values.shutdown_timeout
-        left = self._server.drain(start + 0.6 * limit, start + 0.8 * limit)
+        left = self._server.drain(start + 0.5 * limit, start + 0.6 * limit)
         if left:
             self._warn(f"{left} requests are left without an answer: shutdown_timeout is {limit:g} s")
         super().destroy_node()
         if self._recorder is not None:
-            self._recorder.close(max(0.0, start + 0.95 * limit - time.perf_counter()))
+            self._recorder.close(max(0.0, start + 0.8 * limit - time.perf_counter()))
 
     def destroy_node(self) -> None:
         """Give up every interface, then complete the recording."""
