@@ -15,8 +15,8 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from collision_response import Body, Contact, resolve
-from collision_response.recording import Record, Recorder, Refusal
-from collision_response.recording.layout import SERIES
+from collision_response.recording import Gap, Record, Recorder, Refusal, Sighting
+from collision_response.recording.layout import PLOTS
 
 DEADLINE = 20.0
 
@@ -72,17 +72,22 @@ def test_a_scene_is_where_it_was(tmp_path):
     assert path.parent == tmp_path / "made" / "here"
     stamps = [(1_000_000_001, 1), (2_000_000_001, 2)]
     for entity, component, value in (
-        (r"/world/bodies/ball\/1", "Points3D:positions", [0.0, 0.0, 0.5]),
-        (r"/world/bodies/the\ floor", "Points3D:positions", [0.0, 0.0, 0.0]),
-        (r"/world/bodies/ball\/1/velocity_before", "Arrows3D:vectors", [0.1, 0.0, -0.3]),
-        (r"/world/bodies/ball\/1/velocity_after", "Arrows3D:vectors", [0.1, 0.0, 0.15]),
-        ("/world/contact/point", "Points3D:positions", [0.0, 0.0, 0.0]),
-        ("/world/contact/normal", "Arrows3D:vectors", [0.0, 0.0, 0.1]),
-        ("/world/contact/impulse", "Arrows3D:vectors", [0.0, 0.0, 0.45]),
+        (r"/world/bodies/ball\/1", "Transform3D:translation", [[0.0, 0.0, 0.5]]),
+        (r"/world/bodies/the\ floor", "Transform3D:translation", [[0.0, 0.0, 0.0]]),
+        (r"/world/velocities/ball\/1", "Arrows3D:origins", [[0.0, 0.0, 0.5]] * 2),
+        (r"/world/velocities/ball\/1", "Arrows3D:vectors", [[0.1, 0.0, 0.15], [0.1, 0.0, -0.3]]),
+        ("/world/contact", "Points3D:positions", [[0.0, 0.0, 0.0]]),
+        ("/world/contact", "Arrows3D:vectors", [[0.0, 0.0, 0.1], [0.0, 0.0, 0.45]]),
     ):
         rows = read(path, entity, component)
         assert [row[:2] for row in rows] == stamps, entity
-        assert all(row[2] == [pytest.approx(value, rel=1e-6)] for row in rows), entity
+        assert all(row[2] == [pytest.approx(one, rel=1e-6) for one in value] for row in rows), entity
+    labels = [value for _, _, value in read(path, "/world/contact", "Points3D:labels")]
+    assert labels == [["9 N s"], ["9 N s"]]
+    # a body is there from its first appearance on, not before
+    for component, value in ("Points3D:positions", [[0.0, 0.0, 0.0]]), ("Ellipsoids3D:half_sizes", None):
+        rows = read(path, r"/world/bodies/ball\/1", component)
+        assert [row[:2] for row in rows] == (stamps[:1] if value else []), component
 
 
 def test_answers_are_told_in_words(tmp_path):
@@ -100,12 +105,12 @@ def test_what_does_not_fit_the_queue_is_dropped_and_counted(tmp_path, monkeypatc
     opened, go_on, written = threading.Event(), threading.Event(), []
 
     class SlowWriter:
-        def __init__(self, path):
+        def __init__(self, path, recording):
             opened.set()
             go_on.wait(DEADLINE)
 
         def __enter__(self):
-            return SimpleNamespace(write=written.extend)
+            return SimpleNamespace(write=written.extend, is_in_place=lambda: True)
 
         def __exit__(self, *_):
             pass
@@ -121,8 +126,9 @@ def test_what_does_not_fit_the_queue_is_dropped_and_counted(tmp_path, monkeypatc
     go_on.set()
     recorder.close()
     assert recorder.dropped == 15
-    assert [entry.sequence for entry in written] == [1, 2, 3, 4, 5]
-    assert problems[1:] == [f"recording {recorder.path} lacks 15 entries"]
+    assert [entry.sequence for entry in written[:5]] == [1, 2, 3, 4, 5]
+    assert written[5:] == [Gap(stamp=5_000_000_001, sequence=5, count=15)]
+    assert problems[1:] == [f"recording {recorder.path} lacks 15 entries, which came too fast"]
 
 
 def test_a_directory_that_cannot_be_is_reported_once(tmp_path):
@@ -133,7 +139,7 @@ def test_a_directory_that_cannot_be_is_reported_once(tmp_path):
     recorder.close()
     recorder.add(impact())
     assert len(problems) == 1
-    assert "has stopped" in problems[0]
+    assert problems[0].startswith(f"not recording to {recorder.path}: ")
 
 
 FILL_THE_DISK = """
@@ -180,9 +186,13 @@ class TestNode:
         verify(path)
         answers = [result for result in results if result.status.code == 1]
         assert len(answers) == 3
-        for entity, (field, _) in SERIES.items():
+        for entity, plot in PLOTS.items():
             assert read(path, entity, "Scalars:scalars") == [
-                (answer.header.stamp.sec * 10**9, answer.sequence, [getattr(answer, field)])
+                (
+                    answer.header.stamp.sec * 10**9,
+                    answer.sequence,
+                    [getattr(answer, field) for field in plot.fields],
+                )
                 for answer in answers
             ]
         told = read(path, "/log", "TextLog:text")
@@ -198,7 +208,7 @@ class TestNode:
         after = node.get_clock().now().nanoseconds
         graph.close()
         (path,) = tmp_path.glob("*.rrd")
-        ((stamp, _, _),) = read(path, "/impact/impulse/normal", "Scalars:scalars")
+        ((stamp, _, _),) = read(path, "/impact/impulse", "Scalars:scalars")
         assert before <= stamp <= after
 
     def test_a_bad_directory_does_not_keep_the_service_from_answering(self, graph, tmp_path, capfd):
@@ -208,7 +218,7 @@ class TestNode:
         graph.serve(recording__enabled=True, recording__directory=str(tmp_path / "file"))
         assert all(graph.call(balls_meet()).success for _ in range(20))
         graph.close()
-        assert capfd.readouterr().err.count("has stopped") == 1
+        assert capfd.readouterr().err.count("recording to") == 1
 
     def test_nothing_is_recorded_unless_asked(self, graph, tmp_path):
         from ros_graph import balls_meet

@@ -73,13 +73,18 @@ class CollisionResponseNode(Node):
             self._survey = SceneSurvey(start.scene_tolerance)
         if start.recording_directory is not None:
             self._recorder = Recorder(
-                start.recording_directory, self.get_logger().warning, name=start.recording_file
+                start.recording_directory,
+                self.get_logger().warning,
+                opened=self.get_logger().info,
+                name=start.recording_file,
+                max_size=start.recording_max_size,
+                max_duration=start.recording_max_duration,
             )
         self.get_logger().info(
             f"serving {self.resolve_service_name('~/resolve_collision')}; "
             f"bodies from {', '.join(topics) or 'requests only'}; "
-            f"results on {self._results.topic}; "
-            f"{'not recording' if self._recorder is None else f'recording to {self._recorder.path}'}"
+            f"results on {self._results.topic}"
+            f"{'; not recording' if self._recorder is None else ''}"
         )
 
     def _hear(self, state: BodyState) -> None:
