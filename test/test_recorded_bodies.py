@@ -67,15 +67,7 @@ def test_a_body_is_shown_at_its_centre_of_mass(tmp_path, length):
 
 def seen(path, entity, component):
     """Rows of an entity that are not those of an answer: stamp [ns], value."""
-    from rerun.chunk import RrdReader
-
-    rows = []
-    for chunk in RrdReader(str(path)).stream().filter(content=entity, components=component).to_chunks():
-        batch = chunk.to_record_batch()
-        if "ros_time" in batch.schema.names and "answer" not in batch.schema.names:
-            stamps = batch.column("ros_time").cast("int64").to_pylist()
-            rows += zip(stamps, batch.column(component).to_pylist(), strict=True)
-    return rows
+    return read(path, entity, component, timelines=("ros_time",))
 
 
 def test_a_ball_is_shown_as_it_is():

@@ -62,12 +62,12 @@ class Gap(NamedTuple):
     Attributes:
         stamp: of the last entry before them [ns]; 0 if nobody knows.
         sequence: number of the last answer before them.
-        count: how many.
+        missing: how many.
     """
 
     stamp: int
     sequence: int
-    count: int
+    missing: int
 
 
 Entry = Record | Sighting | Refusal | Gap

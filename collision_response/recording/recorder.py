@@ -165,7 +165,7 @@ class Recorder:
             self._stopped.set()
 
     def _fill(self, writer: Writer, first: list[Entry], batches: Iterator[list[Entry]]) -> list[Entry] | None:
-        """Write one file, from a batch on. Returns what belongs into the next one; ``None``: all is written."""
+        """Write one file, from a batch on. Returns what belongs into the next one; ``None``: that was all."""
         begin = None
         for batch in filter(None, chain([first], batches)):
             if not writer.is_in_place():
@@ -204,7 +204,7 @@ class Recorder:
                 told = dropped
             since = since if states else time.monotonic()
             states += (entry for entry in entries if isinstance(entry, Sighting))
-            batch = [entry for entry in entries if not isinstance(entry, Sighting)]
+            batch: list[Entry] = [entry for entry in entries if not isinstance(entry, Sighting)]
             is_old = time.monotonic() - since >= STATES_INTERVAL
             if last or is_old or len(states) >= self._capacity // 2:
                 batch, states = states + batch, []

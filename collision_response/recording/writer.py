@@ -217,7 +217,7 @@ def _in_words(row: Answer) -> str:
     if isinstance(row, Refusal):
         return row.reason
     if isinstance(row, Gap):
-        return f"{row.count} entries are missing here: they came faster than they could be written"
+        return f"{row.missing} entries are missing here: they came faster than they could be written"
     answer = row.impact
     lost = answer.energy_lost_restitution + answer.energy_lost_friction
     return (
