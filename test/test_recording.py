@@ -8,7 +8,6 @@ import sys
 import threading
 from pathlib import Path
 from types import SimpleNamespace
-from uuid import uuid4
 
 import pytest
 
@@ -20,7 +19,7 @@ from rerun.chunk import RrdReader
 from collision_response import Body, Contact, resolve
 from collision_response.recording import Gap, Record, Recorder, Refusal, Sighting
 from collision_response.recording.layout import PLOTS
-from collision_response.recording.writer import Writer
+from collision_response.recording.writer import Recording, Writer
 
 DEADLINE = 20.0
 
@@ -155,11 +154,21 @@ def test_chunks_are_few(tmp_path, rows, measured):
     sizes = []
     for count in (1, 21):
         path = tmp_path / f"{count}.rrd"
-        with Writer(path, uuid4()) as writer:
+        with Writer(path, Recording()) as writer:
             for batch in range(count):
                 writer.write([impact(rows * batch + n + 1) for n in range(rows)])
         sizes.append(path.stat().st_size)
     assert (sizes[1] - sizes[0]) / 20 < 1.2 * measured
+
+
+def test_nothing_of_a_file_outlives_it(tmp_path):
+    """Threads are counted: the memory that a stream or a layout for each file left behind went with theirs."""
+    recording, threads = Recording(), []
+    for number in range(12):
+        with Writer(tmp_path / f"{number}.rrd", recording) as writer:
+            writer.write([impact(number + 1)])
+        threads.append(len(list(Path("/proc/self/task").iterdir())))
+    assert threads[-1] - threads[1] < 10  # one that is ending may still be counted
 
 
 def test_body_states_wait_for_more_of_them(tmp_path, monkeypatch):
@@ -309,14 +318,13 @@ NO_MORE_ROOM = """
 import resource, sys
 from hashlib import sha256
 from pathlib import Path
-from uuid import uuid4
 from collision_response.recording import Refusal
-from collision_response.recording.writer import Writer
+from collision_response.recording.writer import Recording, Writer
 
 resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
 count = 0
 try:
-    with Writer(Path(sys.argv[1], "torn.rrd"), uuid4()) as writer:
+    with Writer(Path(sys.argv[1], "torn.rrd"), Recording()) as writer:
         while True:
             batch = range(count + 1, count + 51)
             writer.write([Refusal(n, n, sha256(str(n).encode()).hexdigest()) for n in batch])

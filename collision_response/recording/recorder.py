@@ -11,7 +11,6 @@ from datetime import datetime
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
-from uuid import uuid4
 
 from .record import Entry, Gap, Sighting
 
@@ -147,10 +146,10 @@ class Recorder:
     def _work(self) -> None:
         what = "not recording to {}: {}"
         try:
-            from .writer import Writer
+            from .writer import Recording, Writer
 
             gc.freeze()  # what waits grows old: the collector would soon search all of rerun too, for 50 ms
-            recording, batches = uuid4(), self._batches()
+            recording, batches = Recording(), self._batches()
             rest: list[Entry] | None = []
             while rest is not None:
                 with Writer(self.path, recording) as writer:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Any
-from uuid import UUID
+from uuid import uuid4
 
 import numpy as np
 import rerun as rr
@@ -36,6 +37,9 @@ ARROW_TIME = 0.1
 """A velocity is drawn as the way made in this time [s]; an impulse, as the change of velocity that it
 causes along itself; a normal, as 1 m/s. So all arrows of a scene are of one scale."""
 
+APPLICATION = "collision_response"
+LAYOUT = "layout.rbl"
+
 POINT_RADIUS = rr.Radius.ui_points(6)
 ARROW_RADIUS = rr.Radius.ui_points(2)
 
@@ -44,6 +48,21 @@ Columns = tuple[str, Times, Any]
 """An entity, when each of its rows was, and the columns."""
 Answer = Record | Refusal | Gap
 """What has a number."""
+
+
+class Recording:
+    """What all files of one recording share: the viewer shows them together.
+
+    Each file has the layout as contents of a layout's file, for a stream, or a blueprint in memory, for
+    each file would not do: two threads and 1 MB of either outlive it (rerun 0.41).
+    """
+
+    def __init__(self) -> None:
+        self.stream = rr.RecordingStream(APPLICATION, recording_id=uuid4())
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder, LAYOUT)
+            blueprint().save(APPLICATION, str(path))
+            self.layout = path.read_bytes()
 
 
 class Writer:
@@ -56,12 +75,12 @@ class Writer:
         path: of the file.
     """
 
-    def __init__(self, path: Path, recording: UUID) -> None:
+    def __init__(self, path: Path, recording: Recording) -> None:
         """Create the file, and its directory if need be.
 
         Args:
             path: of the file.
-            recording: the viewer shows all files of one recording together.
+            recording: what it is a part of, with no other file open.
 
         Raises:
             OSError: it exists, or cannot be created.
@@ -69,12 +88,13 @@ class Writer:
         path.parent.mkdir(parents=True, exist_ok=True)
         self.path = path
         self._known: set[tuple[str, bool, bool]] = set()
-        self._stream = rr.RecordingStream("collision_response", recording_id=recording)
+        self._stream = recording.stream
         self._file = PipedFile(path)
         try:
-            self._stream.save(self._file.name, default_blueprint=blueprint())
+            self._stream.save(self._file.name)
         finally:
             self._file.opened()
+        self._stream.log_file_from_contents(LAYOUT, recording.layout)
         self._log_styles()
 
     def __enter__(self) -> Writer:
