@@ -6,14 +6,18 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from contextlib import suppress
+from importlib import metadata
 from pathlib import Path
 
 from setuptools import Distribution, setup
 from setuptools.command.build import build
 
 SOURCE = Path(__file__).resolve().parent
+RELEASES = SOURCE / "tools" / "ros"
 WORK = tempfile.TemporaryDirectory()  # leaves the checkout, and colcon's build/ in it, as they are
 STAGE = Path(WORK.name, "stage")
+NO_WHEELS = "No ROS wheels found. Where ROS is installed, build with colcon: see README.md."
 
 
 def ros_prefix() -> Path:
@@ -22,7 +26,32 @@ def ros_prefix() -> Path:
         for parent in entry.parents:
             if (parent / "share" / "ament_index").is_dir():
                 return parent
-    raise SystemExit("No ROS wheels found. Where ROS is installed, build with colcon: see README.md.")
+    raise SystemExit(NO_WHEELS)
+
+
+def lines(path: Path) -> list[str]:
+    """The requirements in a file."""
+    return [line for line in (line.partition("#")[0].strip() for line in path.open()) if line]
+
+
+def run_time_requirements() -> list[str]:
+    """What the package needs to run: of ROS, the release it is built with and no other."""
+    installed: dict[str, str] = {}
+    releases = {file.stem for file in RELEASES.glob("*.txt")}
+    for release in sorted(releases):
+        for name, version in (line.split("==") for line in lines(RELEASES / f"{release}.txt")):
+            name = name.partition("[")[0]
+            with suppress(metadata.PackageNotFoundError):
+                installed[name] = metadata.version(name)
+                if not installed[name].startswith(version.rstrip("*")):
+                    releases -= {release}
+    if not installed:
+        raise SystemExit(NO_WHEELS)
+    if len(releases) != 1:
+        found = ", ".join(f"{name} {version}" for name, version in sorted(installed.items()))
+        raise SystemExit(f"These ROS wheels are not of one release; tools/ros lists those that are: {found}")
+    of_ros = (RELEASES / f"{releases.pop()}.txt").read_text().split("\n\n")[1]
+    return [*lines(SOURCE / "tools" / "python.txt"), *of_ros.split()]
 
 
 def build_and_stage() -> None:
@@ -71,6 +100,7 @@ setup(
     distclass=BinaryDistribution,
     cmdclass={"build": Build},
     packages=[],
+    install_requires=run_time_requirements(),
     options={
         "bdist_wheel": {"bdist_dir": WORK.name + "/wheel"},
         "build": {"build_base": WORK.name + "/build"},

@@ -347,6 +347,7 @@ def test_what_is_left_of_a_torn_file_is_recovered(tmp_path, program, code):
     assert rerun("rrd", "verify", torn).returncode != 0
     command = "rerun rrd merge --continue-on-error torn.rrd -o recovered.rrd"
     assert command in Recorder.__doc__
+    assert command in (Path(__file__).parent.parent / "docs" / "recordings.md").read_text()
     assert rerun(*command.split()[1:], cwd=tmp_path).returncode == 0
     verify(recovered)
     told = read(recovered, "/log", "TextLog:text")
