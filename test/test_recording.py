@@ -162,7 +162,7 @@ def test_chunks_are_few(tmp_path, rows, measured):
 
 
 def test_nothing_of_a_file_outlives_it(tmp_path):
-    """Threads are counted: the memory that a stream or a layout for each file left behind went with theirs."""
+    """Threads are counted: the memory that a stream or a layout for each file left went with theirs."""
     recording, threads = Recording(), []
     for number in range(12):
         with Writer(tmp_path / f"{number}.rrd", recording) as writer:
