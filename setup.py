@@ -34,23 +34,31 @@ def lines(path: Path) -> list[str]:
     return [line for line in (line.partition("#")[0].strip() for line in path.open()) if line]
 
 
+def release_of(name: str, version: str) -> str:
+    """The ROS release of a wheel."""
+    for file in sorted(RELEASES.glob("*.txt")):
+        pins = (line.split("==") for line in lines(file))
+        if any(pin.partition("[")[0] == name and version.startswith(of[:-1]) for pin, of in pins):
+            return file.stem
+    return "no release in tools/ros"
+
+
 def run_time_requirements() -> list[str]:
     """What the package needs to run: of ROS, the release it is built with and no other."""
-    installed: dict[str, str] = {}
-    releases = {file.stem for file in RELEASES.glob("*.txt")}
-    for release in sorted(releases):
-        for name, version in (line.split("==") for line in lines(RELEASES / f"{release}.txt")):
-            name = name.partition("[")[0]
-            with suppress(metadata.PackageNotFoundError):
-                installed[name] = metadata.version(name)
-                if not installed[name].startswith(version.rstrip("*")):
-                    releases -= {release}
-    if not installed:
+    names = {line.split("==")[0].partition("[")[0] for file in RELEASES.glob("*.txt") for line in lines(file)}
+    wheels: dict[str, list[str]] = {}
+    for name in sorted(names):
+        with suppress(metadata.PackageNotFoundError):
+            version = metadata.version(name)
+            wheels.setdefault(release_of(name, version), []).append(f"{name} {version}")
+    if not wheels:
         raise SystemExit(NO_WHEELS)
-    if len(releases) != 1:
-        found = ", ".join(f"{name} {version}" for name, version in sorted(installed.items()))
-        raise SystemExit(f"These ROS wheels are not of one release; tools/ros lists those that are: {found}")
-    of_ros = (RELEASES / f"{releases.pop()}.txt").read_text().split("\n\n")[1]
+    (release, *others) = wheels
+    file = RELEASES / f"{release}.txt"
+    if others or not file.exists():
+        found = "; ".join(f"of {release}: {', '.join(some)}" for release, some in sorted(wheels.items()))
+        raise SystemExit(f"ROS wheels that are not of one release: {found}")
+    of_ros = file.read_text().split("\n\n")[1]
     return [*lines(SOURCE / "tools" / "python.txt"), *of_ros.split()]
 
 

@@ -20,7 +20,7 @@ def check_release(package: str = "collision_response") -> None:
         requirements = metadata.requires(package) or []
     except metadata.PackageNotFoundError:
         return
-    pinned = [match for match in map(PINNED.match, requirements) if match]
+    pinned = [match for match in map(PINNED.fullmatch, requirements) if match]  # of no extra
     wrong = [
         f"{match['name']} {installed}"
         for match in pinned
