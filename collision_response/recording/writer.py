@@ -37,8 +37,7 @@ ARROW_TIME = 0.1
 """A velocity is drawn as the way made in this time [s]; an impulse, as the change of velocity that it
 causes along itself; a normal, as 1 m/s. So all arrows of a scene are of one scale."""
 
-APPLICATION = "collision_response"
-LAYOUT = "layout.rbl"
+EMPTY = "empty.rrd"
 
 POINT_RADIUS = rr.Radius.ui_points(6)
 ARROW_RADIUS = rr.Radius.ui_points(2)
@@ -53,16 +52,17 @@ Answer = Record | Refusal | Gap
 class Recording:
     """What all files of one recording share: the viewer shows them together.
 
-    Each file has the layout as contents of a layout's file, for a stream, or a blueprint in memory, for
-    each file would not do: two threads and 1 MB of either outlive it (rerun 0.41).
+    A stream for each file would not do, nor a layout: two threads and 1 MB of either outlive it (rerun
+    0.41). So there is one stream, and the contents of a file that holds the layout alone.
     """
 
     def __init__(self) -> None:
-        self.stream = rr.RecordingStream(APPLICATION, recording_id=uuid4())
+        self.stream = rr.RecordingStream("collision_response", recording_id=uuid4())
         with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder, LAYOUT)
-            blueprint().save(APPLICATION, str(path))
-            self.layout = path.read_bytes()
+            path = Path(folder, EMPTY)
+            self.stream.save(path, default_blueprint=blueprint())
+            self.stream.disconnect()
+            self.empty = path.read_bytes()
 
 
 class Writer:
@@ -94,7 +94,7 @@ class Writer:
             self._stream.save(self._file.name)
         finally:
             self._file.opened()
-        self._stream.log_file_from_contents(LAYOUT, recording.layout)
+        self._stream.log_file_from_contents(EMPTY, recording.empty)
         self._log_styles()
 
     def __enter__(self) -> Writer:
