@@ -40,6 +40,8 @@ DEFAULTS = {
     "recording.enabled": False,
     "recording.directory": "recordings",
     "recording.file": "",
+    "recording.max_size": 50.0,
+    "recording.max_duration": 3600.0,
 }
 
 

@@ -56,6 +56,10 @@ def test_it_answers_another_process_and_ends_on_a_signal(graph, start, number):
         (("-p", "body_state_topics:=[a b]"), "a b"),
         (("--params-file", "/nowhere/to/be/found.yaml"), "found.yaml"),
         (("-p", "=1"), "=1"),
+        (
+            ("-p", "recording.file:=../../x.rrd"),
+            "must be a plain file name, without a directory; is '../../x.rrd'",
+        ),
     ],
 )
 def test_a_start_that_is_not_allowed_is_one_line(start, arguments, shown):

@@ -85,7 +85,14 @@ class CollisionResponseNode(Node):
         self.parameters = parameters.LatestParameters(self)
         start = parameters.StartParameters.of(self)
         if start.recording_directory is not None:
-            self._recorder = Recorder(start.recording_directory, self._warn, name=start.recording_file)
+            self._recorder = Recorder(
+                start.recording_directory,
+                self.get_logger().warning,
+                opened=self.get_logger().info,
+                name=start.recording_file,
+                max_size=start.recording_max_size,
+                max_duration=start.recording_max_duration,
+            )
         self._states = LatestStates(start.max_bodies, self._now, self._warn)
         self._jumps = self.get_clock().create_jump_callback(JUMPS, post_callback=self._forget)
         results = Results(self, CollisionResult, "~/result")
@@ -108,8 +115,8 @@ class CollisionResponseNode(Node):
         self.get_logger().info(
             f"serving {self.resolve_service_name(self.impacts.name)}; "
             f"bodies from {', '.join(topics) or 'requests only'}; "
-            f"results on {results.topic}; "
-            f"{'not recording' if self._recorder is None else f'recording to {self._recorder.path}'}"
+            f"results on {results.topic}"
+            f"{'; not recording' if self._recorder is None else ''}"
         )
 
     def shut_down(self) -> None:
