@@ -29,7 +29,7 @@ demo: .venv
 	@$(DEMO)
 
 test: .venv
-	@$(VENV_PYTHON) -m pytest $(ARGS)
+	@$(VENV_PYTHON) -m pytest -n auto --dist loadscope $(ARGS)
 
 lint: .venv
 	@$(VENV_PYTHON) -m ruff check .

@@ -32,6 +32,9 @@ from .validity import is_off_unit
 BITS = tuple(2**k for k in range(7, 15))
 """Precisions to try. Products of three numbers of the whole float64 range are exact at the last."""
 
+LEAST = 2.0**-1074
+"""The least float."""
+
 ENOUGH = 2.0**-60
 """Relative radius at which a ball rounds to float64 as its exact content does, but for 1 in 128 of them,
 which end within 0.51 units in the last place instead of 0.5."""
@@ -131,8 +134,12 @@ def _relative_error(weighted: Iterable[tuple[Any, Any]], error: Callable[[Ball],
 
 
 def _error_as_float(x: Ball) -> Any:
-    """How far the float that a ball rounds to may be from the number; 0 where it is that float."""
-    return abs(x.arb - float(x)).upper()
+    """How far the float that a ball rounds to may be from the number; 0 where it is that float.
+
+    The bound does not speak of what is smaller than all floats.
+    """
+    error = abs(x.arb - float(x)).upper()
+    return error if error > LEAST else Ball(0).arb
 
 
 def _rounded(

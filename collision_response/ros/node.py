@@ -78,10 +78,11 @@ class CollisionResponseNode(Node):
     _recorder: Recorder | None = None
 
     def __init__(self, **options: Any) -> None:
-        super().__init__("collision_response", **options)
-        parameters.declare(self)
-        for name, like in parameters.unknown(self, options).items():
-            self._warn(f"there is no parameter {name!r}; did you mean {like!r}?")
+        super().__init__(
+            "collision_response", automatically_declare_parameters_from_overrides=True, **options
+        )
+        for name, like in parameters.declare(self).items():
+            self.get_logger().warning(f"there is no parameter {name!r}; did you mean {like!r}?")
         self.parameters = parameters.LatestParameters(self)
         start = parameters.StartParameters.of(self)
         if start.recording_directory is not None:

@@ -218,37 +218,31 @@ class StartParameters:
         )
 
 
-def declare(node: Node) -> None:
+OWN_BY_RCLPY = {"use_sim_time", "start_type_description_service"}
+"""What every node declares by itself."""
+
+
+def declare(node: Node) -> dict[str, str]:
     """Declare every parameter of the node.
+
+    Args:
+        node: made with ``automatically_declare_parameters_from_overrides``, which tells what it was given.
+
+    Returns:
+        The names that it was given and does not have; for each, the name it has that is most like it.
 
     Raises:
         rclpy.exceptions.ParameterException: the node was started with a value that is not allowed.
     """
+    given = set(node.get_parameters_by_prefix("")) - OWN_BY_RCLPY
+    for name in given:
+        node.undeclare_parameter(name)
     node.add_on_set_parameters_callback(validate)
     for declaration in DECLARATIONS:
         node.declare_parameter(declaration.name, declaration.default, declaration.descriptor())
-
-
-def unknown(node: Node, options: Mapping[str, Any]) -> dict[str, str]:
-    """Parameters that the node was given and does not have; of each, the name it has that is most like it.
-
-    A node of the same name that declares whatever it is given tells which those are.
-    """
-    everything: dict[str, Any] = {
-        **options,
-        "automatically_declare_parameters_from_overrides": True,
-        "allow_undeclared_parameters": True,
-        "start_parameter_services": False,
-        "enable_rosout": False,
-    }
-    trial = Node(node.get_name(), **everything)
-    given = trial.get_parameters_by_prefix("")
-    trial.destroy_node()
-    strangers = [
-        name for name in given if not node.has_parameter(name) and not name.startswith("qos_overrides.")
-    ]
     known = [declaration.name for declaration in DECLARATIONS]
-    return {name: next(iter(get_close_matches(name, known, 1, 0.0))) for name in strangers}
+    strangers = [name for name in given.difference(known) if not name.startswith("qos_overrides.")]
+    return {name: get_close_matches(name, known, 1, 0.0)[0] for name in sorted(strangers)}
 
 
 def validate(parameters: list[Parameter[Any]]) -> SetParametersResult:
