@@ -172,9 +172,9 @@ class Plan(NamedTuple):
 
 def _compute(plan: Plan, bodies: Array, contacts: Array, out: BatchResult, workers: int) -> None:
     """Fill in the results, climbing to more digits where the bound is above the limit."""
-    greatest = _run(plan, plan.number, bodies, contacts, out, workers)
+    worst, loosest = _run(plan, plan.number, bodies, contacts, out, workers)
     if out.precision is None:
-        if greatest >= StatusCode.OUT_OF_RANGE:
+        if worst >= StatusCode.OUT_OF_RANGE:
             odd = np.flatnonzero(out.status >= StatusCode.OUT_OF_RANGE)
             one_by_one.retry(plan, bodies, contacts, out, odd)
         return
@@ -182,6 +182,9 @@ def _compute(plan: Plan, bodies: Array, contacts: Array, out: BatchResult, worke
     exact = model.precision is Precision.EXTENDED
     out.precision[:] = Precision.EXTENDED if exact else Precision.DOUBLE
     limit = ULP if exact else model.tolerance
+    tolerance = model.tolerance or LARGEST
+    if worst <= StatusCode.SEPARATING and loosest <= min(limit, tolerance):
+        return
     wanting = _wanting(out, limit)
     if model.precision is Precision.AUTO and wanting.size:
         few = BatchResult(*(np.empty((*array.shape[:-1], wanting.size), array.dtype) for array in out))
@@ -195,8 +198,7 @@ def _compute(plan: Plan, bodies: Array, contacts: Array, out: BatchResult, worke
         wanting = _wanting(out, LARGEST)
     one_by_one.retry(plan, bodies, contacts, out, wanting)
     answered = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)
-    enough = out.error_bound <= (model.tolerance or LARGEST)
-    out.status[answered & ~enough] = StatusCode.TOLERANCE_NOT_MET
+    out.status[answered & ~(out.error_bound <= tolerance)] = StatusCode.TOLERANCE_NOT_MET
 
 
 def _wanting(out: BatchResult, limit: float) -> Array:
@@ -207,13 +209,13 @@ def _wanting(out: BatchResult, limit: float) -> Array:
 
 def _run(
     plan: Plan, number: library.Number, bodies: Array, contacts: Array, out: BatchResult, workers: int
-) -> int:
-    """Compute all columns; the greatest status."""
+) -> tuple[int, float]:
+    """Compute all columns; the greatest status, and the greatest error bound."""
     n = out.status.size
     arrays = (bodies, contacts, plan.constants, *out[:3], out.error_bound, out.status)
     law, layout = plan.model.law, plan.layout
 
-    def run(start: int, stop: int) -> int:
+    def run(start: int, stop: int) -> tuple[int, float]:
         return library.batch(law, layout, number, *arrays, start, stop)
 
     shares = max(1, min(workers, n // SHARE))
@@ -221,7 +223,8 @@ def _run(
         return run(0, n)
     cuts = [n * i // shares // 64 * 64 for i in range(shares)] + [n]
     with ThreadPoolExecutor(shares) as pool:
-        return max(pool.map(run, cuts[:-1], cuts[1:]))
+        statuses, bounds = zip(*pool.map(run, cuts[:-1], cuts[1:]), strict=True)
+    return max(statuses), max(bounds)
 
 
 def _plan_for(bodies: Array, contacts: Array, model: ImpactModel) -> Plan:

@@ -24,6 +24,14 @@ static __attribute__((noinline, cold)) bool read_other(PyObject* o, const Door& 
     x = PyFloat_AS_DOUBLE(o);
     return true;
   }
+  if (PyLong_CheckExact(o)) {
+    int overflow;
+    long long whole = PyLong_AsLongLongAndOverflow(o, &overflow);
+    if (!overflow && -(1LL << 53) <= whole && whole <= 1LL << 53) {
+      x = static_cast<double>(whole);
+      return true;
+    }
+  }
   PyNumberMethods* as_number = Py_TYPE(o)->tp_as_number;
   if (PyBool_Check(o) || std::strncmp(Py_TYPE(o)->tp_name, "numpy.bool", 10) == 0 || PyComplex_Check(o) || PyUnicode_Check(o) || !as_number ||
       !(as_number->nb_float || as_number->nb_index))
