@@ -22,6 +22,7 @@ from collision_response.impact import Answer, impact
 from collision_response.kernels import programs
 from collision_response.kernels.emit import emit
 from collision_response.kernels.layout import Layout, names_of_body, request
+from collision_response.kernels.pairs import PAIR, in_pairs
 from collision_response.kernels.symbol import Loop, Node, Tape, numbers_in
 from collision_response.numbers.number import (
     certain,
@@ -58,7 +59,7 @@ def less(x, y, if_true, if_false):
         (lambda x, y: x * 0 + y, lambda x, y: y),
         (lambda x, y: 0 + x * 1 - 0, lambda x, y: x),
         (lambda x, y: x * y + y * x, lambda x, y: x * y + x * y),
-        (lambda x, y: x + y, lambda x, y: y + x),
+        (lambda x, y: (x + y) * (y + x), lambda x, y: (x + y) * (x + y)),
         (lambda x, y: -x * y, lambda x, y: -(x * y)),
         (lambda x, y: -x * -y, lambda x, y: x * y),
         (lambda x, y: x * -1, lambda x, y: -x),
@@ -293,6 +294,19 @@ def test_a_loop_that_never_goes_is_no_loop():
     start = Newton(1.0, 2.0)
     tape, _ = traced(lambda x, y: iterate(start, lambda at: (x < y) & False, lambda at: at, 5).root)
     assert not any(node.op == "loop" for node in tape.nodes)
+
+
+def test_what_is_done_to_both_bodies_is_done_once():
+    tape = Tape()
+    a, b, shared = (tape.input(name) for name in ("body_a.x", "body_b.x", "contact.y"))
+    of_a, of_b = a * shared + 1, b * shared + 1
+    [[first, difference]] = in_pairs([[of_a, of_a / shared - of_b]])
+    ops = [(node.op, node.value == PAIR) for node in first.tape.nodes]
+    assert ops.count(("mul", True)) == ops.count(("add", True)) == 1
+    assert ops.count(("div", False)) == ops.count(("sub", False)) == 1
+    assert not {("mul", False), ("add", False)} & set(ops)
+    assert first.node.op == "first"
+    assert [one.node.op for one in difference.operands()] == ["div", "second"]
 
 
 # The emitter.
