@@ -157,17 +157,20 @@ class Plan(NamedTuple):
     constants: Array
     axes: int
     spins: int
+    has_bounds: bool
 
     def results(self, n: int) -> tuple[tuple[tuple[int, ...], np.dtype[Any]], ...]:
         """Shapes and types of a :class:`BatchResult`."""
-        dtype, code = self.constants.dtype, UINT8
-        shapes = (self.axes, 2, n), (self.spins, 2, n), (self.axes, n), (n,), (n,), (n,)
-        all_results = tuple(zip(shapes, (dtype, dtype, dtype, code, dtype, code), strict=True))
-        return (
-            all_results
-            if self.number in (library.Number.BOUNDED, library.Number.EXTENDED)
-            else all_results[:4]
+        real, code = self.constants.dtype, UINT8
+        found = (
+            ((self.axes, 2, n), real),
+            ((self.spins, 2, n), real),
+            ((self.axes, n), real),
+            ((n,), code),
+            ((n,), real),
+            ((n,), code),
         )
+        return found if self.has_bounds else found[:4]
 
 
 def _compute(plan: Plan, bodies: Array, contacts: Array, out: BatchResult, workers: int) -> None:
@@ -267,6 +270,7 @@ def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> P
         np.array([model.tangential_restitution, model.restitution_threshold, model.tolerance], dtype),
         of.velocity.stop - of.velocity.start,
         of.angular_velocity.stop - of.angular_velocity.start,
+        is_bounded(model),
     )
 
 
@@ -304,10 +308,12 @@ def _check_model(model: ImpactModel, geometry: Geometry, dtype: np.dtype[Any]) -
 
 def _check_out(plan: Plan, n: int, out: BatchResult) -> None:
     expected = plan.results(n)
-    for field, array, (shape, dtype) in zip(BatchResult._fields, out, expected, strict=False):
-        if array is None or array.shape != shape or (array.dtype is not dtype and array.dtype != dtype):
-            found = None if array is None else f"{array.dtype} of {array.shape}"
-            raise ValueError(f"out.{field}: must be {dtype} of shape {shape}, is {found}")
-    for field, array in zip(BatchResult._fields[len(expected) :], out[len(expected) :], strict=True):
-        if array is not None:
-            raise ValueError(f"out.{field}: must be None, for this model has neither tolerance nor EXTENDED")
+    found = tuple(None if array is None else (array.shape, array.dtype) for array in out)
+    if found == expected + (None,) * (len(found) - len(expected)):
+        return
+    for field, own, (shape, dtype) in zip(BatchResult._fields, found, expected, strict=False):
+        if own != (shape, dtype):
+            what = None if own is None else f"{own[1]} of {own[0]}"
+            raise ValueError(f"out.{field}: must be {dtype} of shape {shape}, is {what}")
+    field = next(name for name in BatchResult._fields[len(expected) :] if getattr(out, name) is not None)
+    raise ValueError(f"out.{field}: must be None, for this model has neither tolerance nor EXTENDED")
