@@ -23,18 +23,26 @@ Call = Callable[[], Any]
 SIZES = (1_000, 1_000_000)
 LAWS = (Law.FRICTIONLESS, Law.COULOMB)
 TOLERANCE = 1e-9
-FLAGS = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math")
+C, C_TUNED = "C", "C, tuned"
+FLAGS = {
+    C: ("-O3", "-march=native"),
+    C_TUNED: ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math"),
+}
+"""As a user compiles it; and so that roots and choices are vectorised too."""
 
 
-def c_library() -> ctypes.CDLL | None:
-    """The loops in C; ``None`` where there is no compiler."""
+def c_libraries() -> dict[str, ctypes.CDLL]:
+    """The loops in C, by how they were compiled; none where there is no compiler."""
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     if compiler is None:
-        return None
-    library = Path(tempfile.mkdtemp()) / "impacts.so"
-    source = Path(__file__).with_name("impacts.c")
-    subprocess.run([compiler, *FLAGS, "-shared", "-fPIC", "-o", library, source], check=True)
-    return ctypes.CDLL(str(library))
+        return {}
+    folder, source = Path(tempfile.mkdtemp()), Path(__file__).with_name("impacts.c")
+    libraries = {}
+    for way, flags in FLAGS.items():
+        library = folder / f"{len(flags)}.so"
+        subprocess.run([compiler, *flags, "-shared", "-fPIC", "-o", library, source], check=True)
+        libraries[way] = ctypes.CDLL(str(library))
+    return libraries
 
 
 def by_c(library: ctypes.CDLL, law: Law, bodies: np.ndarray, contacts: np.ndarray) -> tuple[Call, np.ndarray]:
@@ -54,7 +62,7 @@ def by_batch(bodies: np.ndarray, contacts: np.ndarray, model: ImpactModel, worke
     return lambda: resolve_batch(bodies, contacts, model, out=out, workers=workers)
 
 
-def runs_of(n: int, library: ctypes.CDLL | None) -> dict[str, Call]:
+def runs_of(n: int, libraries: dict[str, ctypes.CDLL]) -> dict[str, Call]:
     """All that is timed for one size, by name."""
     bodies, contacts = tables(Geometry.SPATIAL, n)
     flat = tables(Geometry.PLANAR, n)
@@ -63,10 +71,10 @@ def runs_of(n: int, library: ctypes.CDLL | None) -> dict[str, Call]:
     runs: dict[str, Call] = {"memcpy": lambda: np.copyto(target, source)}
     for law in LAWS:
         name = law.name
-        if library:
-            runs[f"C, {name}"], impulse = by_c(library, law, bodies, contacts)
-            runs[f"C, {name}"]()
-            ours = resolve_batch(bodies, contacts, ImpactModel(law)).impulse
+        ours = resolve_batch(bodies, contacts, ImpactModel(law)).impulse
+        for way, library in libraries.items():
+            runs[f"{way}, {name}"], impulse = by_c(library, law, bodies, contacts)
+            runs[f"{way}, {name}"]()
             assert np.allclose(impulse, ours, rtol=1e-9, atol=1e-9 * np.abs(ours).max()), name
         runs[name] = by_batch(bodies, contacts, ImpactModel(law))
         runs[f"{name}, with bound"] = by_batch(bodies, contacts, ImpactModel(law, tolerance=TOLERANCE))
@@ -87,13 +95,13 @@ def runs_of(n: int, library: ctypes.CDLL | None) -> dict[str, Call]:
 
 def measure(say: Callable[[str], object] = print) -> dict[str, Any]:
     """``ns`` per contact by size and name, and the targets."""
-    library = c_library()
+    libraries = c_libraries()
     ns: dict[str, dict[str, dict[str, float]]] = {}
     samples: dict[int, Samples] = {}
     for n in SIZES:
         size = f"{n:.0e}".replace("e+0", "e")
         say(f"    {size} contacts")
-        runs = runs_of(n, library)
+        runs = runs_of(n, libraries)
         samples[n] = interleaved(runs, rounds=41 if n < 100_000 else 7, seconds=0.01)
         ns[size] = {name: spread([1e9 * t / n for t in times]) for name, times in samples[n].items()}
     return {"ns": ns, "targets": targets(samples)}
@@ -111,6 +119,7 @@ def targets(samples: dict[int, Samples]) -> list[dict[str, Any]]:
         for law, most in zip(LAWS, mosts, strict=True):
             name = law.name
             against(f"{name}, N = {size}, against C", most, n, name, f"C, {name}")
+            against(f"{name}, N = {size}, against tuned C", most, n, name, f"{C_TUNED}, {name}")
             against(
                 f"the same with error bounds, to {TOLERANCE:.0e}", 5.0, n, f"{name}, with bound", f"C, {name}"
             )

@@ -2,8 +2,8 @@
  *
  * The arrays are those of resolve_batch, SPATIAL: one row a quantity, both bodies of a pair side by side. The
  * tensor is solved here, once for each body. Nothing is checked, and nothing reported but velocities and impulse.
- * `cc -O3 -march=native -fno-math-errno -fno-trapping-math`: without the last two no root and no choice would be
- * vectorised.
+ * Compiled twice: with `cc -O3 -march=native`, and tuned, with `-fno-math-errno -fno-trapping-math` too. Without
+ * these no root and no choice is vectorised.
  */
 
 #include <math.h>

@@ -17,6 +17,8 @@ from .status import ImpactError, StatusCode
 
 DEFAULT = ImpactModel()
 
+NOT_MET = StatusCode.TOLERANCE_NOT_MET
+
 
 def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = DEFAULT) -> Impact:
     """The twists of two bodies after they collide.
@@ -35,7 +37,7 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = D
         TypeError: a field is not of the kind that it should be.
     """
     impact = library.resolve(body_a, body_b, contact, model)
-    if impact.__class__ is Impact and impact.status is not StatusCode.TOLERANCE_NOT_MET:
+    if impact.__class__ is Impact and impact.status is not NOT_MET:
         return impact
     return _unusual(body_a, body_b, contact, model, impact)
 

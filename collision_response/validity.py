@@ -150,17 +150,17 @@ def is_plainly_sound(
 ) -> Condition:
     """Whether a request is sound and usual: half the work. One that is not may be sound all the same."""
     e, mu, e_t = contact.restitution, contact.friction, tangential_restitution
-    numbers: list[Scalar] = [*contact.position, *contact.normal, mu]
+    vectors: list[Iterable[Scalar]] = [contact.position, contact.normal, (mu,)]
     conditions = [e >= 0, e <= 1, mu >= 0, e_t >= -1, e_t <= 1, contact.normal.dot(contact.normal) > 0]
     conditions.append(body_a.is_movable() | body_b.is_movable())
     for body in (body_a, body_b):
-        numbers += [*body.inertia, *body.position, *body.velocity, *body.angular_velocity, *body.com]
+        vectors += [body.inertia, body.position, body.velocity, body.angular_velocity, body.com]
         conditions += [_is_mass(body.mass), _is_plainly_inertia(body.inertia) | all_zero(body.inertia)]
         conditions.append(body.is_movable() | all_zero(body.inertia))
         if body.orientation is not None:
-            numbers += body.orientation
+            vectors.append(body.orientation)
             conditions.append(body.orientation.squared_length() > 0)
-    total = sum(numbers)  # not a number, or infinite, if any is
+    total = sum(map(sum, vectors))  # not a number, or infinite, if any is
     return all_of([*conditions, total - total == 0])
 
 

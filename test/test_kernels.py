@@ -22,6 +22,7 @@ from collision_response.impact import Answer, impact
 from collision_response.kernels import programs
 from collision_response.kernels.emit import emit
 from collision_response.kernels.layout import Layout, names_of_body, request
+from collision_response.kernels.pairs import PAIR, in_pairs
 from collision_response.kernels.symbol import Loop, Node, Tape, numbers_in
 from collision_response.numbers.number import (
     certain,
@@ -58,7 +59,7 @@ def less(x, y, if_true, if_false):
         (lambda x, y: x * 0 + y, lambda x, y: y),
         (lambda x, y: 0 + x * 1 - 0, lambda x, y: x),
         (lambda x, y: x * y + y * x, lambda x, y: x * y + x * y),
-        (lambda x, y: x + y, lambda x, y: y + x),
+        (lambda x, y: (x + y) * (y + x), lambda x, y: (x + y) * (x + y)),
         (lambda x, y: -x * y, lambda x, y: -(x * y)),
         (lambda x, y: -x * -y, lambda x, y: x * y),
         (lambda x, y: x * -1, lambda x, y: -x),
@@ -295,6 +296,19 @@ def test_a_loop_that_never_goes_is_no_loop():
     assert not any(node.op == "loop" for node in tape.nodes)
 
 
+def test_what_is_done_to_both_bodies_is_done_once():
+    tape = Tape()
+    a, b, shared = (tape.input(name) for name in ("body_a.x", "body_b.x", "contact.y"))
+    of_a, of_b = a * shared + 1, b * shared + 1
+    [[first, difference]] = in_pairs([[of_a, of_a / shared - of_b]])
+    ops = [(node.op, node.value == PAIR) for node in first.tape.nodes]
+    assert ops.count(("mul", True)) == ops.count(("add", True)) == 1
+    assert ops.count(("div", False)) == ops.count(("sub", False)) == 1
+    assert not {("mul", False), ("add", False)} & set(ops)
+    assert first.node.op == "first"
+    assert [one.node.op for one in difference.operands()] == ["div", "second"]
+
+
 # The emitter.
 
 
@@ -344,13 +358,18 @@ def test_of_a_loop_the_state_is_of_values_and_its_condition_comes_first():
     assert code[going + 1].startswith("if (!any(")
     division = next(i for i, line in enumerate(code[start:], start) if " / " in line)
     assert start < going < division
-    assert any(re.fullmatch(r"Value<N> t\d+_0 = .*;", line) for line in code[:start])
+    assert any(re.fullmatch(r"Value<N> t\d+_0, .*;", line) for line in code[:start])
+
+
+def quotients(x, y):
+    return x / (y * y + 1) - (x + y) / (x * x + 2) + choose(y < 1, lambda: x / 3 + y / 7, lambda: y)
 
 
 FUNCTIONS = {
     "arithmetic": lambda x, y: (x - y) * (x + 3) / (y * y + 1) - x / 8,
     "choices": lambda x, y: choose((x < y) & ~(y == 2.5), lambda: -x, lambda: square_root(y * y)) + abs(x),
     "newtons_root": newtons_root,
+    "branches": lambda x, y: choose(x < y, lambda: quotients(x, y), lambda: abs(x)),
     "mixed": lambda x, y: widened(certain(x) + y, abs(y)) * choose(certain(x) < y, lambda: y, lambda: 2.0),
 }
 
@@ -365,15 +384,18 @@ def library(tmp_path_factory) -> ctypes.CDLL:
         inputs = [tape.input(which) for which in ("x", "y")]
         result = tape.symbol(formula(*inputs))
         truth = tape.symbol(inputs[0] < inputs[1])
-        source += emit(name, ["x", "y"], [result], [result], [truth], [truth])
-        for kind, number in types.items():
+        straight = emit(f"{name}_straight", ["x", "y"], [result], [result], [truth], [truth])
+        branched = emit(name, ["x", "y"], [result], [result], [truth], [truth], branches=True)
+        assert ("if (may_hold" in branched) is (name == "branches")
+        source += straight + branched
+        for (kind, number), way in product(types.items(), ("", "_straight")):
             source += f"""
-extern "C" void {name}_{kind}(double x, double y, double* to) {{
+extern "C" void {name}{way}_{kind}(double x, double y, double* to) {{
   using N = {number};
   N in[2] = {{Make<N>::read(x, 0), Make<N>::read(y, 0)}}, bounded[1];
   Report<N> reported[1];
   Mask<Base<N>> flags[2];
-  {name}<N>(in, bounded, reported, flags);
+  {name}{way}<N>(in, bounded, reported, flags);
   to[0] = high(bounded[0]); to[1] = error_of(bounded[0]); to[2] = reported[0];
   to[3] = flags[0]; to[4] = flags[1];
 }}
@@ -388,8 +410,10 @@ def test_emitted_code_computes_its_formula(library, name, kind):
     for x, y in product((0.3, 1.0, 2.5, 40.0), (-1.0, 0.0, 2.5, 7.0)):
         if name == "newtons_root" and y < 0:
             continue
-        to = (ctypes.c_double * 5)()
+        to, same = (ctypes.c_double * 5)(), (ctypes.c_double * 5)()
         getattr(library, f"{name}_{kind}")(ctypes.c_double(x), ctypes.c_double(y), to)
+        getattr(library, f"{name}_straight_{kind}")(ctypes.c_double(x), ctypes.c_double(y), same)
+        assert bytes(to) == bytes(same)
         value, error, reported, below, surely = to
         expected = formula(x, y)
         assert below == (x < y)

@@ -168,24 +168,27 @@ class Plan(NamedTuple):
     constants: Array
     axes: int
     spins: int
+    has_bounds: bool
 
     def results(self, n: int) -> tuple[tuple[tuple[int, ...], np.dtype[Any]], ...]:
         """Shapes and types of a :class:`BatchResult`."""
-        dtype, code = self.constants.dtype, UINT8
-        shapes = (self.axes, 2, n), (self.spins, 2, n), (self.axes, n), (n,), (n,), (n,)
-        all_results = tuple(zip(shapes, (dtype, dtype, dtype, code, dtype, code), strict=True))
-        return (
-            all_results
-            if self.number in (library.Number.BOUNDED, library.Number.EXTENDED)
-            else all_results[:4]
+        real, code = self.constants.dtype, UINT8
+        found = (
+            ((self.axes, 2, n), real),
+            ((self.spins, 2, n), real),
+            ((self.axes, n), real),
+            ((n,), code),
+            ((n,), real),
+            ((n,), code),
         )
+        return found if self.has_bounds else found[:4]
 
 
 def _compute(plan: Plan, bodies: Array, contacts: Array, out: BatchResult, workers: int) -> Iterator[None]:
     """Fill in the results, climbing to more digits where the bound is above the limit."""
-    greatest = _run(plan, plan.number, bodies, contacts, out, workers)
+    worst, loosest = _run(plan, plan.number, bodies, contacts, out, workers)
     if out.precision is None:
-        if greatest >= StatusCode.OUT_OF_RANGE:
+        if worst >= StatusCode.OUT_OF_RANGE:
             odd = np.flatnonzero(out.status >= StatusCode.OUT_OF_RANGE)
             yield from one_by_one.retry(plan, bodies, contacts, out, odd)
         return
@@ -193,6 +196,9 @@ def _compute(plan: Plan, bodies: Array, contacts: Array, out: BatchResult, worke
     exact = model.precision is Precision.EXTENDED
     out.precision[:] = Precision.EXTENDED if exact else Precision.DOUBLE
     limit = ULP if exact else model.tolerance
+    tolerance = model.tolerance or LARGEST
+    if worst <= StatusCode.SEPARATING and loosest <= min(limit, tolerance):
+        return
     wanting = _wanting(out, limit)
     if model.precision is Precision.AUTO and wanting.size:
         few = BatchResult(*(np.empty((*array.shape[:-1], wanting.size), array.dtype) for array in out))
@@ -206,8 +212,7 @@ def _compute(plan: Plan, bodies: Array, contacts: Array, out: BatchResult, worke
         wanting = _wanting(out, LARGEST)
     yield from one_by_one.retry(plan, bodies, contacts, out, wanting)
     answered = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)
-    enough = out.error_bound <= (model.tolerance or LARGEST)
-    out.status[answered & ~enough] = StatusCode.TOLERANCE_NOT_MET
+    out.status[answered & ~(out.error_bound <= tolerance)] = StatusCode.TOLERANCE_NOT_MET
 
 
 def _wanting(out: BatchResult, limit: float) -> Array:
@@ -218,13 +223,13 @@ def _wanting(out: BatchResult, limit: float) -> Array:
 
 def _run(
     plan: Plan, number: library.Number, bodies: Array, contacts: Array, out: BatchResult, workers: int
-) -> int:
-    """Compute all columns; the greatest status."""
+) -> tuple[int, float]:
+    """Compute all columns; the greatest status, and the greatest error bound."""
     n = out.status.size
     arrays = (bodies, contacts, plan.constants, *out[:3], out.error_bound, out.status)
     law, layout = plan.model.law, plan.layout
 
-    def run(start: int, stop: int) -> int:
+    def run(start: int, stop: int) -> tuple[int, float]:
         return library.batch(law, layout, number, *arrays, start, stop)
 
     shares = max(1, min(workers, n // SHARE))
@@ -232,7 +237,8 @@ def _run(
         return run(0, n)
     cuts = [n * i // shares // 64 * 64 for i in range(shares)] + [n]
     with ThreadPoolExecutor(shares) as pool:
-        return max(pool.map(run, cuts[:-1], cuts[1:]))
+        statuses, bounds = zip(*pool.map(run, cuts[:-1], cuts[1:]), strict=True)
+    return max(statuses), max(bounds)
 
 
 def _plan_for(bodies: Array, contacts: Array, model: ImpactModel) -> Plan:
@@ -275,6 +281,7 @@ def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> P
         np.array([model.tangential_restitution, model.restitution_threshold, model.tolerance], dtype),
         of.velocity.stop - of.velocity.start,
         of.angular_velocity.stop - of.angular_velocity.start,
+        is_bounded(model),
     )
 
 
@@ -312,10 +319,12 @@ def _check_model(model: ImpactModel, geometry: Geometry, dtype: np.dtype[Any]) -
 
 def _check_out(plan: Plan, n: int, out: BatchResult) -> None:
     expected = plan.results(n)
-    for field, array, (shape, dtype) in zip(BatchResult._fields, out, expected, strict=False):
-        if array is None or array.shape != shape or (array.dtype is not dtype and array.dtype != dtype):
-            found = None if array is None else f"{array.dtype} of {array.shape}"
-            raise ValueError(f"out.{field}: must be {dtype} of shape {shape}, is {found}")
-    for field, array in zip(BatchResult._fields[len(expected) :], out[len(expected) :], strict=True):
-        if array is not None:
-            raise ValueError(f"out.{field}: must be None, for this model has neither tolerance nor EXTENDED")
+    found = tuple(None if array is None else (array.shape, array.dtype) for array in out)
+    if found == expected + (None,) * (len(found) - len(expected)):
+        return
+    for field, own, (shape, dtype) in zip(BatchResult._fields, found, expected, strict=False):
+        if own != (shape, dtype):
+            what = None if own is None else f"{own[1]} of {own[0]}"
+            raise ValueError(f"out.{field}: must be {dtype} of shape {shape}, is {what}")
+    field = next(name for name in BatchResult._fields[len(expected) :] if getattr(out, name) is not None)
+    raise ValueError(f"out.{field}: must be None, for this model has neither tolerance nor EXTENDED")

@@ -18,6 +18,8 @@ struct Batch {
 };
 using BatchKernel = void (*)(const Batch& batch, long from, long to);
 
+#define UNROLLED _Pragma("GCC unroll 64")
+
 template <class T> INLINE T load(const Lane<T>* from) {
   T x;
   std::memcpy(&x, from, sizeof x);
@@ -46,31 +48,30 @@ template <class N, class Layout, class Impact, class Validity, class Plainly>
 static __attribute__((noinline)) void some_impacts(Impact impact, Validity validity, Plainly plainly_sound, const Batch& batch, long at) {
   using T = Base<N>;
   T x[Layout::inputs];
-  for (int i = 0; i < Layout::inputs; ++i) {
+  UNROLLED for (int i = 0; i < Layout::inputs; ++i) {
     auto row = static_cast<const Lane<T>*>(batch.row[i]);
     bool fixed = i < Layout::given ? false : batch.one_for_all[i];
     if constexpr (Layout::any_may_be_one_for_all) fixed = batch.one_for_all[i];
     x[i] = fixed ? T{} + *row : load<T>(row + at);
   }
   N in[Layout::inputs], changes[15];
-  for (int i = 0; i < Layout::inputs; ++i) in[i] = Make<N>::read(x[i], T{});
+  UNROLLED for (int i = 0; i < Layout::inputs; ++i) in[i] = Make<N>::read(x[i], T{});
   T fault = fault_of(x, validity, plainly_sound);
   Report<N> reported[23];
   Mask<T> flags[FLAGS];
   impact(in, changes, reported, flags);
 
-  T sum{};
-  for (int i = 0; i < 12; ++i) sum += reported[i] - reported[i];
-  for (int i = 0; i < 3; ++i) sum += high(changes[i]) - high(changes[i]);
+  T sum = high(changes[0]) + high(changes[1]) + high(changes[2]);
+  UNROLLED for (int i = 0; i < 12; i += 3) sum += reported[i] + reported[i + 1] + reported[i + 2];
   T status = choose<T>(flags[FLAG_SEPARATING], spread<T>(2), spread<T>(1));
   status = choose<T>(flags[FLAG_UNPHYSICAL], spread<T>(100), status);
   status = choose<T>(flags[FLAG_UNFINISHED], spread<T>(18), status);
-  status = choose<T>(sum == 0, status, spread<T>(16));
+  status = choose<T>(sum - sum == 0, status, spread<T>(16));
   status = choose<T>(fault == 0, status, fault);
   Mask<T> answered = status <= 2;
   T none = spread<T>(__builtin_nan(""));
-  for (int k = 0; k < 3; ++k) {
-    for (int side = 0; side < 2; ++side) {
+  UNROLLED for (int k = 0; k < 3; ++k) {
+    UNROLLED for (int side = 0; side < 2; ++side) {
       store<T>(batch.velocity[k][side], at, choose<T>(answered, reported[6 * side + k], none));
       store<T>(batch.angular_velocity[k][side], at, choose<T>(answered, reported[6 * side + 3 + k], none));
     }

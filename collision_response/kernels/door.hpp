@@ -20,9 +20,19 @@ static __attribute__((noinline, cold)) bool read_other(PyObject* o, const Door& 
     PyErr_Format(PyExc_TypeError, "%s: %s, is %R", door.names[i], why, o);
     return false;
   };
-  if (PyFloat_Check(o)) {  // np.float64 among others
+  static PyTypeObject* known = &PyFloat_Type;  // np.float64, if that was the last: to ask for its bases takes longer
+  if (Py_TYPE(o) == known || PyFloat_Check(o)) {
+    if (!(Py_TYPE(o)->tp_flags & Py_TPFLAGS_HEAPTYPE)) known = Py_TYPE(o);  // it is there for ever
     x = PyFloat_AS_DOUBLE(o);
     return true;
+  }
+  if (PyLong_CheckExact(o)) {
+    int overflow;
+    long long whole = PyLong_AsLongLongAndOverflow(o, &overflow);
+    if (!overflow && -(1LL << 53) <= whole && whole <= 1LL << 53) {
+      x = static_cast<double>(whole);
+      return true;
+    }
   }
   PyNumberMethods* as_number = Py_TYPE(o)->tp_as_number;
   if (PyBool_Check(o) || std::strncmp(Py_TYPE(o)->tp_name, "numpy.bool", 10) == 0 || PyComplex_Check(o) || PyUnicode_Check(o) || !as_number ||

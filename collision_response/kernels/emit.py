@@ -5,6 +5,9 @@ Not every result needs all that a number type carries. Each operation is written
     bounded   ``N``: the number type, with the error it carries
     value     ``Value<N>``: the same number without its error
     report    ``Report<N>``: in double precision at most
+
+Nor does every request need all operations: what only one branch of a choice takes is computed where that
+branch may be taken, by any lane. The results are the same to the bit.
 """
 
 from __future__ import annotations
@@ -12,7 +15,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from enum import IntEnum
+from itertools import groupby
+from typing import TypeAlias
 
+from .pairs import PAIR
 from .symbol import CONDITIONS, Symbol, Tape
 
 
@@ -29,6 +35,9 @@ _TYPES = {Form.REPORT: "Report<N>", Form.VALUE: "Value<N>", Form.BOUNDED: "N"}
 _CASTS = {Form.REPORT: "report", Form.VALUE: "value"}
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "and": "&", "or": "|"}
 _PREFIX = {"sqrt": "root", "lt": "less", "le": "less_equal", "eq": "equal", "not": "negation"}
+_PREFIX |= {"first": "at<0>", "second": "at<1>", "swapped": "swapped"}
+_OF_EITHER = ("select", "join", "both", "first", "second", "swapped")
+"""Operations on numbers and on conditions."""
 
 
 def emit(
@@ -38,6 +47,8 @@ def emit(
     reported: Iterable[Symbol],
     flags: Iterable[Symbol],
     certainties: Iterable[Symbol] = (),
+    *,
+    branches: bool = False,
 ) -> str:
     """A function template ``name<N>(in, bounded, reported, flags)``.
 
@@ -48,12 +59,15 @@ def emit(
         reported: what it writes without.
         flags: truth values, taken as they are.
         certainties: truth values that follow those: of them, one that is undecided counts as false.
+        branches: whether to skip what no lane needs.
     """
     bounded, reported, flags, certainties = map(list, (bounded, reported, flags, certainties))
     tape = (bounded + reported + flags)[0].tape
     wanted = [(x.place, Form.BOUNDED) for x in [*bounded, *certainties]]
     wanted += [(x.place, Form.REPORT) for x in [*reported, *flags]]
-    scope = _Scope(tape, dict(_forms(tape, wanted)), "t", {name: i for i, name in enumerate(inputs)}, None)
+    forms = _forms(tape, wanted)
+    guards = _guards(tape, forms, {place for place, _ in wanted}) if branches else {}
+    scope = _Scope(tape, forms, "t", {name: i for i, name in enumerate(inputs)}, None, guards)
     lines = list(scope.lines())
     lines += [f"bounded[{i}] = {scope.use(x.place, Form.BOUNDED)};" for i, x in enumerate(bounded)]
     lines += [f"reported[{i}] = {scope.use(x.place, Form.REPORT)};" for i, x in enumerate(reported)]
@@ -90,24 +104,58 @@ def _forms(tape: Tape, wanted: Iterable[tuple[int, Form]]) -> dict[int, Form]:
             if form is Form.BOUNDED:
                 need(node.args[1], Form.VALUE)
         elif node.op == "loop":
-            for outer in _outer_places(node.value):
-                need(outer, Form.VALUE)
-            for arg in node.args:
-                need(arg, Form.VALUE)
+            for operand in node.operands():
+                need(operand, Form.VALUE)
         else:
             for arg in node.args:
                 need(arg, form)
     return forms
 
 
+Guard: TypeAlias = frozenset[tuple[int, bool]]
+"""Places of conditions, and what each must be, perhaps: only then is an operation needed."""
+
+ALWAYS: Guard = frozenset()
+
+WORTH = 12
+"""Additions that must be saved for a branch to pay."""
+
+
+def _guards(tape: Tape, forms: dict[int, Form], results: Iterable[int]) -> dict[int, Guard]:
+    """When each operation is needed."""
+    guards: dict[int, Guard] = dict.fromkeys(results, ALWAYS)
+
+    def need(place: int, guard: Guard) -> None:
+        guards[place] = guards[place] & guard if place in guards else guard
+
+    for place in sorted(forms, reverse=True):
+        node, own = tape.nodes[place], guards[place]
+        if node.op == "select":
+            condition, is_not = _positive(tape, node.args[0])
+            need(node.args[0], own)
+            need(node.args[1], own | {(condition, not is_not)})
+            need(node.args[2], own | {(condition, is_not)})
+        else:
+            for operand in node.operands():
+                need(operand, own)
+    saved: dict[tuple[int, bool], int] = {}
+    for place, guard in guards.items():
+        for literal in guard:
+            saved[literal] = saved.get(literal, 0) + _WEIGHTS.get(tape.nodes[place].op, 1)
+    return {place: frozenset(x for x in guard if saved[x] >= WORTH) for place, guard in guards.items()}
+
+
+_WEIGHTS = {"div": 6, "sqrt": 6, "loop": 100} | dict.fromkeys(("input", *CONSTANTS, "part", "neg"), 0)
+
+
+def _positive(tape: Tape, condition: int) -> tuple[int, bool]:
+    """A condition without its negation, and whether it had one."""
+    node = tape.nodes[condition]
+    return (node.args[0], True) if node.op == "not" else (condition, False)
+
+
 def _turn_forms(turn: Tape, going: int, after: Iterable[int]) -> dict[int, Form]:
     return _forms(turn, [(place, Form.VALUE) for place in (going, *after)])
-
-
-def _outer_places(loop: object) -> Iterable[int]:
-    forms = _turn_forms(loop.tape, loop.going, loop.after)  # type: ignore[attr-defined]
-    nodes = loop.tape.nodes  # type: ignore[attr-defined]
-    return [nodes[place].value for place in forms if nodes[place].op == "outer"]
 
 
 class _Scope:
@@ -120,12 +168,14 @@ class _Scope:
         prefix: str,
         inputs: dict[object, int],
         outside: _Scope | None,
+        guards: dict[int, Guard],
     ) -> None:
         self.tape = tape
         self.forms = forms
         self.prefix = prefix
         self.inputs = inputs
         self.outside = outside
+        self.guards = guards
 
     def use(self, place: int, form: Form) -> str:
         """The number at a place, in a form that it has or less."""
@@ -136,27 +186,94 @@ class _Scope:
             return f"constant<{_TYPES[form]}>(GIVEN_ROUNDOFF)"
         if node.op == "truth":
             return f"truth<{_TYPES[form]}>({'true' if node.value else 'false'})"
-        if node.op in ("loop", "part"):
-            own = Form.VALUE
         name = f"{self.prefix}{place}"
+        if node.op == "part":
+            own, name = Form.VALUE, f"{self.prefix}{node.args[0]}_{node.value}"
         if own is form:
             return name
         if own < form:
-            return f"lifted<{_TYPES[form]}>({name})"
-        return f"{_CASTS[form]}({name})" if node.op not in CONDITIONS else f"decided({name})"
+            return f"lifted<{self._type(place, form)}>({name})"
+        return f"{_CASTS[form]}({name})" if not self._is_condition(place) else f"decided({name})"
 
     def lines(self) -> Iterable[str]:
         """One or more for each operation needed."""
-        for place in sorted(self.forms):
-            node, form = self.tape.nodes[place], self.forms[place]
-            if node.op in CONSTANTS:
-                continue
-            if node.op == "loop":
-                yield from self._loop(place)
-            elif node.op == "part":
-                yield f"const Value<N> {self.prefix}{place} = {self.prefix}{node.args[0]}_{node.value};"
-            else:
-                yield f"const auto {self.prefix}{place} = {self._expression(place, form)};"
+        branched = {place for guard in self.guards.values() for place, _ in guard}
+        nodes = self.tape.nodes
+
+        def choice(place: int) -> int | None:
+            """The condition of a choice that may be made for all lanes at once."""
+            by = nodes[place].args[0] if nodes[place].op == "select" else None
+            return None if by is None or _positive(self.tape, by)[0] not in branched else by
+
+        places = [place for place in self._order() if nodes[place].op not in (*CONSTANTS, "part")]
+        for guard, block in groupby(places, lambda place: self.guards.get(place, ALWAYS)):
+            together = list(block)
+            if guard:
+                yield from map(self._declaration, together)
+                yield f"if ({' && '.join(self._may_be(*one) for one in sorted(guard))}) {{"
+            for by, some in groupby(together, choice):
+                alike = list(some)
+                if by is not None:
+                    yield from self._choices(by, alike, declared=bool(guard))
+                    continue
+                for place in alike:
+                    yield from self._operation(place, declared=bool(guard))
+            if guard:
+                yield "}"
+
+    def _order(self) -> list[int]:
+        """The places needed, each after the conditions that it is needed under, as early as these allow."""
+        keys: dict[int, tuple[int, int]] = {}
+
+        def key(place: int) -> tuple[int, int]:
+            if place not in keys:
+                after = [key(condition) for condition, _ in self.guards.get(place, ALWAYS)]
+                before = [key(operand) for operand in self.tape.nodes[place].operands()]
+                keys[place] = max([(place, 0), *before, *((at, hops + 1) for at, hops in after)])
+            return keys[place]
+
+        return sorted(self.forms, key=lambda place: (key(place), place))
+
+    def _may_be(self, condition: int, value: bool) -> str:
+        name = f"{self.prefix}{condition}"
+        return f"may_hold({name if value else f'negation({name})'})"
+
+    def _declaration(self, place: int) -> str:
+        node, form = self.tape.nodes[place], self.forms[place]
+        if node.op == "loop":
+            return f"Value<N> {', '.join(f'{self.prefix}{place}_{i}' for i in range(len(node.args)))};"
+        kind = self._type(place, form)
+        return f"{f'Condition<{kind}>' if self._is_condition(place) else kind} {self.prefix}{place};"
+
+    def _type(self, place: int, form: Form) -> str:
+        return f"Pair<{_TYPES[form]}>" if self.tape.nodes[place].value == PAIR else _TYPES[form]
+
+    def _is_condition(self, place: int) -> bool:
+        node = self.tape.nodes[place]
+        return self._is_condition(node.args[-1]) if node.op in _OF_EITHER else node.op in CONDITIONS
+
+    def _operation(self, place: int, *, declared: bool) -> Iterable[str]:
+        if self.tape.nodes[place].op == "loop":
+            if not declared:
+                yield self._declaration(place)
+            yield from self._loop(place)
+        else:
+            kind = "" if declared else "const auto "
+            yield f"{kind}{self.prefix}{place} = {self._expression(place, self.forms[place])};"
+
+    def _choices(self, by: int, places: list[int], *, declared: bool) -> Iterable[str]:
+        """Choices by one condition, which may be the same for all lanes."""
+        if not declared:
+            yield from map(self._declaration, places)
+        name = f"{self.prefix}{by}"
+        never, always = f"if (!may_hold({name}))", f"if (!may_hold(negation({name})))"
+        for test, arm in ((always, 1), (f"else {never}", 2), ("else", 0)):
+            yield f"{test} {{"
+            for place in places:
+                form, args = self.forms[place], self.tape.nodes[place].args
+                taken = self.use(args[arm], form) if arm else self._expression(place, form)
+                yield f"  {self.prefix}{place} = {taken};"
+            yield "}"
 
     def _expression(self, place: int, form: Form) -> str:
         node = self.tape.nodes[place]
@@ -184,6 +301,9 @@ class _Scope:
             return f"{args[0]} {_INFIX[node.op]} {args[1]}"
         if node.op == "neg":
             return f"-{args[0]}"
+        if node.op in ("join", "both"):
+            name = f"join_truths<{_TYPES[form]}>" if self._is_condition(place) else "join"
+            return f"{name}({args[0]}, {args[-1]})"
         if node.op == "select":
             return f"choose({', '.join(args)})"
         return f"{_PREFIX[node.op]}({', '.join(args)})"
@@ -192,11 +312,11 @@ class _Scope:
         node = self.tape.nodes[place]
         loop, name = node.value, f"{self.prefix}{place}"
         turn = _Scope(
-            loop.tape, _turn_forms(loop.tape, loop.going, loop.after), f"{name}_turn", self.inputs, self
+            loop.tape, _turn_forms(loop.tape, loop.going, loop.after), f"{name}_turn", self.inputs, self, {}
         )
         count = len(node.args)
         for i, arg in enumerate(node.args):
-            yield f"Value<N> {name}_{i} = {self.use(arg, Form.VALUE)};"
+            yield f"{name}_{i} = {self.use(arg, Form.VALUE)};"
         yield f"for (int turn = 0; turn < {loop.budget}; ++turn) {{"
         for i in range(count):
             yield f"  const Value<N> state_{turn.prefix}{i} = {name}_{i}; (void)state_{turn.prefix}{i};"

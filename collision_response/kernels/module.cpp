@@ -256,7 +256,8 @@ const float zero_float = 0, one_float = 1;
 
 // batch(law, table, number, bodies, contacts, model, velocity, angular_velocity, impulse, error_bound, status,
 // from, to): the columns from `from` to `to`, without the GIL. The arrays are contiguous and of the right shapes,
-// as resolve_batch.py sees to; results that overlap the tables are refused. The answer is the greatest status.
+// as resolve_batch.py sees to; results that overlap the tables are refused. The answer is the greatest status and
+// the greatest error bound, infinite where one is not a number.
 // model holds e_t, the threshold and the tolerance, in the type of the tables.
 PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 13) return PyErr_Format(PyExc_TypeError, "batch() takes 13 arguments");
@@ -310,11 +311,16 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   given.error_bound = bound.view.buf;
   given.status = static_cast<unsigned char*>(status.view.buf);
   unsigned char most = 0;
+  double loosest = 0;
   Py_BEGIN_ALLOW_THREADS;
   if (to > from) kernel(given, from, to);
   for (long at = from; at < to; ++at) most = std::max(most, given.status[at]);
+  for (long at = from; given.error_bound && at < to; ++at) {
+    double one = static_cast<const double*>(given.error_bound)[at];
+    loosest = one <= loosest ? loosest : one - one == 0 ? one : INFINITY;
+  }
   Py_END_ALLOW_THREADS;
-  return PyLong_FromLong(most);
+  return Py_BuildValue("id", most, loosest);
 }
 
 // allow_long_vectors(yes): whether batches use them, where there are any. The results are the same.

@@ -24,7 +24,7 @@
 #define GIVEN_ROUNDOFF 0x1p-53
 #endif
 #define INLINE static inline __attribute__((always_inline))
-#ifdef OUT_OF_LINE  // long operations as calls: compiles in a third of the time, runs a little slower
+#ifdef OUT_OF_LINE  // operations with bounds as calls: compiles in a third of the time, runs slower
 #define LONG static __attribute__((noinline))
 #else
 #define LONG INLINE
@@ -58,6 +58,9 @@ INLINE bool negation(bool m) { return !m; }
 template <class M, class = std::enable_if_t<is_vector<M>>> INLINE M negation(M m) { return ~m; }
 INLINE bool any(bool m) { return m; }
 template <class M, class = std::enable_if_t<is_vector<M>>> INLINE bool any(M m) {
+#ifdef __AVX2__
+  if constexpr (sizeof m == 32) return !_mm256_testz_si256((__m256i)m, (__m256i)m);
+#endif
   for (std::size_t i = 0; i < lanes<M>; ++i)
     if (m[i]) return true;
   return false;
@@ -70,16 +73,39 @@ template <class T> INLINE T magnitude(T x) {
 template <class T> INLINE T root_of_base(T x) {
   if constexpr (is_scalar<T>) return std::sqrt(x);
 #ifdef __AVX2__
-  else if constexpr (std::is_same_v<Lane<T>, double>) return (T)_mm256_sqrt_pd((__m256d)x);
-  else return (T)_mm256_sqrt_ps((__m256)x);
+  else if constexpr (sizeof x == 32 && sizeof(Lane<T>) == 8) return (T)_mm256_sqrt_pd((__m256d)x);
+  else if constexpr (sizeof x == 32) return (T)_mm256_sqrt_ps((__m256)x);
 #endif
+  else {
+    for (std::size_t i = 0; i < lanes<T>; ++i) x[i] = std::sqrt(x[i]);
+    return x;
+  }
 }
-template <class T> INLINE T fused(T a, T b, T c) {  // a b + c, rounded once
+template <class T> INLINE T fused_by_library(T a, T b, T c) {
   if constexpr (is_scalar<T>) return std::fma(a, b, c);
-#ifdef __AVX2__
-  else return (T)_mm256_fmadd_pd((__m256d)a, (__m256d)b, (__m256d)c);
-#endif
+  else {
+    for (std::size_t i = 0; i < lanes<T>; ++i) c[i] = std::fma(a[i], b[i], c[i]);
+    return c;
+  }
 }
+#if defined(__x86_64__) && !defined(__FMA__)
+// The instruction where the machine has it: a call takes as long as ten operations.
+static const bool has_fma = __builtin_cpu_supports("fma");
+template <class T> static __attribute__((noinline, cold)) T fused_by_calls(T a, T b, T c) { return fused_by_library(a, b, c); }
+template <class T> INLINE T fused(T a, T b, T c) {  // a b + c, rounded once
+  if (!has_fma) return fused_by_calls(a, b, c);
+  if constexpr (is_scalar<T>) __asm__("vfmadd231sd %2, %1, %0" : "+x"(c) : "x"(a), "x"(b));
+  else __asm__("vfmadd231pd %2, %1, %0" : "+x"(c) : "x"(a), "x"(b));
+  return c;
+}
+#else
+template <class T> INLINE T fused(T a, T b, T c) {
+#ifdef __AVX2__
+  if constexpr (sizeof a == 32) return (T)_mm256_fmadd_pd((__m256d)a, (__m256d)b, (__m256d)c);
+#endif
+  return fused_by_library(a, b, c);
+}
+#endif
 template <class T> INLINE T lesser(T a, T b) { return a < b ? a : b; }
 
 // What reads alike on every number type: arithmetic, root, less, less_equal, equal, choose, constant, truth.
@@ -97,6 +123,8 @@ BASE T value(T x) { return x; }
 BASE T report(T x) { return x; }
 INLINE bool decided(bool m) { return m; }
 INLINE bool certainly(bool) { return false; }  // without errors nothing is known to be certain
+INLINE bool may_hold(bool m) { return m; }
+template <class M, class = std::enable_if_t<is_vector<M>>> INLINE bool may_hold(M m) { return any(m); }
 template <class M, class = std::enable_if_t<is_vector<M>>> INLINE M decided(M m) { return m; }
 template <class M, class = std::enable_if_t<is_vector<M>>> INLINE M certainly(M) { return M{}; }
 
@@ -113,24 +141,24 @@ template <class T> INLINE DoubleDouble<T> exact_sum(T a, T b) {
 }
 template <class T> INLINE DoubleDouble<T> exact_product(T a, T b) { T p = a * b; return {p, fused(a, b, -p)}; }
 
-template <class T> LONG DoubleDouble<T> operator+(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+template <class T> INLINE DoubleDouble<T> operator+(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
   DoubleDouble<T> s = exact_sum(a.h, b.h), t = exact_sum(a.l, b.l);
   s = quick_sum(s.h, s.l + t.h);
   return quick_sum(s.h, s.l + t.l);
 }
 template <class T> INLINE DoubleDouble<T> operator-(const DoubleDouble<T>& a) { return {-a.h, -a.l}; }
 template <class T> INLINE DoubleDouble<T> operator-(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return a + (-b); }
-template <class T> LONG DoubleDouble<T> operator*(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+template <class T> INLINE DoubleDouble<T> operator*(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
   DoubleDouble<T> p = exact_product(a.h, b.h);
   return quick_sum(p.h, p.l + (a.h * b.l + a.l * b.h));
 }
-template <class T> LONG DoubleDouble<T> operator/(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+template <class T> INLINE DoubleDouble<T> operator/(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
   T q = a.h / b.h;
   DoubleDouble<T> p = exact_product(q, b.h);
   p = quick_sum(p.h, q * b.l + p.l);
   return quick_sum(q, ((a.h - p.h) + (a.l - p.l)) / b.h);
 }
-template <class T> LONG DoubleDouble<T> root(const DoubleDouble<T>& a) {
+template <class T> INLINE DoubleDouble<T> root(const DoubleDouble<T>& a) {
   T s = root_of_base(a.h);
   DoubleDouble<T> p = exact_product(s, s);
   T rest = (((a.h - p.h) - p.l) + a.l) / (s + s);
@@ -244,6 +272,7 @@ template <class N> INLINE Base<N> high(const Bounded<N>& a) { return high(a.valu
 template <class N> INLINE Base<N> error_of(const Bounded<N>& a) { return a.error; }
 template <class N> INLINE Bounded<N> widened(const Bounded<N>& x, N by) { return {x.value, x.error + magnitude(high(by)) * spread<Base<N>>(1 + slack<Base<N>>)}; }
 template <class T> INLINE Mask<T> decided(const Truth<T>& a) { return a.value; }
+template <class T> INLINE bool may_hold(const Truth<T>& a) { return any((Mask<T>)(a.value | negation(a.sure))); }
 template <class T> INLINE Mask<T> certainly(const Truth<T>& a) { return a.value & a.sure; }
 
 // --- Constants, and numbers without an error as numbers with one -------------------------------------
@@ -273,4 +302,5 @@ template <class N> struct Make<Bounded<N>> {
 };
 template <class N> INLINE N constant(double x) { return Make<N>::constant(x); }
 template <class N> INLINE auto truth(bool x) { return Make<N>::truth(x); }
+template <class N> using Condition = decltype(Make<N>::truth(true));
 template <class N, class X> INLINE N lifted(X x) { return Make<N>::lifted(x); }

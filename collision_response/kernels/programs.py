@@ -9,9 +9,10 @@ from ..impact import Flags, Report, impact
 from ..physics.laws import LAWS, PATHS, Law
 from .emit import emit
 from .layout import MODEL, Layout, names_of_body, names_of_contact, request, units
+from .pairs import in_pairs
 from .symbol import Tape, numbers_in
 
-HEAD = '#pragma once\n#include "numbers.hpp"\n\n'
+HEAD = '#pragma once\n#include "pairs.hpp"\n\n'
 
 
 def headers(what: str) -> Iterator[tuple[str, str]]:
@@ -38,14 +39,12 @@ def impact_by(law: Law, layout: Layout) -> str:
         asked.tolerance,
     )
     *flags, unphysical = (tape.symbol(flag) for flag in answer.flags)
-    return emit(
-        "impact",
-        list(asked.names),
-        map(tape.symbol, numbers_in(answer.changes)),
-        map(tape.symbol, numbers_in(answer.report)),
-        flags,
-        [unphysical],
-    )
+    results = [[tape.symbol(x) for x in numbers_in(part)] for part in (answer.changes, answer.report)]
+    results += flags, [unphysical]
+    text = emit("impact", list(asked.names), *results, branches=True)
+    if layout is Layout.EVERYTHING:
+        text += emit("impact_in_pairs", list(asked.names), *in_pairs(results), branches=True)
+    return text
 
 
 def validity_of(layout: Layout) -> str:

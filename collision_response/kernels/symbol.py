@@ -52,6 +52,10 @@ class Node(NamedTuple):
     args: tuple[int, ...] = ()
     value: Any = None
 
+    def operands(self) -> list[int]:
+        """The places that the result takes; of a loop those outside too."""
+        return [*self.args, *(self.value.outer() if self.op == "loop" else ())]
+
 
 class Loop(NamedTuple):
     """What is repeated.
@@ -67,6 +71,11 @@ class Loop(NamedTuple):
     going: int
     after: tuple[int, ...]
     budget: int
+
+    def outer(self) -> list[int]:
+        """What the turns take of the tape outside."""
+        nodes = (self.tape.nodes[place] for place in sorted(self.tape.needed_for([self.going, *self.after])))
+        return [node.value for node in nodes if node.op == "outer"]
 
 
 class Tape:
@@ -106,17 +115,28 @@ class Tape:
         """The number at a place."""
         return Symbol(self, place)
 
-    def find(self, op: str, args: Iterable[int]) -> int | None:
+    def find(self, op: str, args: Iterable[int], value: Any = None) -> int | None:
         """The place of this operation, if it is on the tape."""
-        return self._places.get(Node(op, _ordered(op, args)))
+        return self._places.get(Node(op, _ordered(op, args), value))
+
+    def needed_for(self, places: Iterable[int]) -> set[int]:
+        """The places of all operations that some results take."""
+        needed: set[int] = set()
+        left = list(places)
+        while left:
+            place = left.pop()
+            if place not in needed:
+                needed.add(place)
+                left += self.nodes[place].operands()
+        return needed
 
     def write(self, node: Node) -> Symbol:
-        """The result of an operation, as it is."""
-        node = node._replace(args=_ordered(node.op, node.args))
-        if node not in self._places:
-            self._places[node] = len(self.nodes)
+        """The result of an operation, as it is: its error may be rounded by the order of operands."""
+        same = node._replace(args=_ordered(node.op, node.args))
+        if same not in self._places:
+            self._places[same] = len(self.nodes)
             self.nodes.append(node)
-        return self.at(self._places[node])
+        return self.at(self._places[same])
 
 
 def record(op: str, *operands: Any) -> Symbol:
@@ -286,7 +306,7 @@ def rebuilt(value: Any, numbers: Iterator[Any]) -> Any:
 
 
 def _ordered(op: str, args: Iterable[int]) -> tuple[int, ...]:
-    """The operands, in the one order in which a tape keeps them."""
+    """The operands, in one order."""
     return tuple(sorted(args)) if op in _COMMUTATIVE else tuple(args)
 
 
@@ -326,10 +346,10 @@ def _mul(x: Symbol, y: Symbol) -> Any:
             return other
         if factor.is_value(-1):
             return -other
-        minus = factor.negated()
-        if minus is not None:
-            return -(minus * other)
-    return None
+    minus_x, minus_y = x.negated(), y.negated()
+    if minus_x is not None:
+        return -(minus_x * y)
+    return None if minus_y is None else -(x * minus_y)
 
 
 def _div(x: Symbol, y: Symbol) -> Any:

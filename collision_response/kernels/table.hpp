@@ -9,14 +9,14 @@ extern "C" void check_request(const double* x, double* fault, bool* shapes);
 
 #define X(law, number)                                                            \
   extern "C" void impact_##law##_single(const double*, const double*, Numbers*);  \
-  extern "C" void impact_##law##_double(const double*, const double*, Numbers*);  \
+  extern "C" void impact_##law##_bounded(const double*, const double*, Numbers*);  \
   extern "C" void impact_##law##_extended(const double*, const double*, Numbers*);
 EACH_LAW(X)
 #undef X
 
 // By law and precision.
 static Kernel kernel_of(int law, int precision) {
-#define X(law, number) {number, {impact_##law##_single, impact_##law##_double, impact_##law##_extended}},
+#define X(law, number) {number, {impact_##law##_single, impact_##law##_bounded, impact_##law##_extended}},
   static const struct { int law; Kernel by_precision[3]; } table[] = {EACH_LAW(X)};
 #undef X
   for (const auto& row : table)

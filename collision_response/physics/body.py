@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ..numbers.number import Condition, Scalar, choose, given_roundoff
+from ..numbers.number import Condition, Scalar, choose, given_roundoff, negation
 from .orientation import Quaternion
 from .tensor import ZERO_TENSOR, Factor3, InverseTensor, Symmetric3
 from .vector import ZERO, Vec3
@@ -136,8 +136,8 @@ class Body(NamedTuple):
 
         return choose(is_definite, factor.inverse, of_rod)
 
-    def driving_spin(self) -> Vec3:
-        """The angular velocity but for its part about axes without inertia, in world axes [rad/s].
+    def driving_spin(self) -> tuple[Condition, Vec3]:
+        """Whether all of the angular velocity moves contacts, and the part that does, in world axes [rad/s].
 
         What has no inertia has no rotation to give. That of an immovable body is prescribed.
         """
@@ -146,8 +146,8 @@ class Body(NamedTuple):
         def across() -> Vec3:
             return self.to_world((self.inertia @ self.to_body(self.angular_velocity)) * factor.i_z)
 
-        spin = choose(is_definite, lambda: self.angular_velocity, across)
-        return choose(self.is_movable(), lambda: spin, lambda: self.angular_velocity)
+        drives = is_definite | negation(self.is_movable())
+        return drives, choose(drives, lambda: self.angular_velocity, across)
 
 
 def _factor(inertia: Symmetric3) -> tuple[Condition, Factor3]:

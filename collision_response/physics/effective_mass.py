@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ..numbers.number import Scalar
+from ..numbers.number import Condition, Scalar, all_zero, choose, negation
 from .body import Body, Twist
 from .contact import Contact
 from .orientation import ALIGNED, Rotation
@@ -38,38 +38,48 @@ class Side(NamedTuple):
         inverse_mass: [1/kg].
         inverse_inertia: in body axes [1/(kg m^2)].
         rotation: from body axes to world axes.
-        com: from the reference point to the centre of mass, in world axes [m].
+        is_eccentric: whether the reference point is not the centre of mass.
+        com: from the one to the other, in world axes [m].
         r: lever arm: from the centre of mass to the contact point, in world axes [m].
         d: from the reference point to the contact point [m].
         spin: angular velocity, but for what moves no contact for want of inertia [rad/s].
         idle: that rest of it [rad/s].
+        drives: whether there is no such rest.
     """
 
     inverse_mass: Scalar
     inverse_inertia: InverseTensor
     rotation: Rotation
+    is_eccentric: Condition
     com: Vec3
     r: Vec3
     d: Vec3
     spin: Vec3
     idle: Vec3
+    drives: Condition
 
     @classmethod
     def of(cls, body: Body, point: Vec3) -> Side:
         rotation = ALIGNED if body.orientation is None else body.orientation.rotation()
-        com = rotation.to_world(body.com)
+        eccentric = negation(all_zero(body.com))
+        com = choose(eccentric, lambda: rotation.to_world(body.com), lambda: body.com)
         d = point - body.position
-        spin = body.driving_spin()
-        idle = body.angular_velocity - spin
-        return cls(body.inverse_mass(), body.inverse_inertia(), rotation, com, d - com, d, spin, idle)
+        r = choose(eccentric, lambda: d - com, lambda: d)
+        drives, spin = body.driving_spin()
+        idle = choose(drives, lambda: spin * 0, lambda: body.angular_velocity - spin)
+        return cls(
+            body.inverse_mass(), body.inverse_inertia(), rotation, eccentric, com, r, d, spin, idle, drives
+        )
 
     def velocity(self) -> Vec3:
         """Of the body's material at the contact point, relative to the reference point [m/s]."""
-        return self.spin.cross(self.d) + self.idle.cross(self.com)
+        driven = self.spin.cross(self.d)
+        return choose(self.drives, lambda: driven, lambda: driven + self.idle.cross(self.com))
 
     def normal_velocity(self, n: Vec3) -> Scalar:
         """``n.velocity``, summed so that it keeps its accuracy far from the bodies."""
-        return self.spin.dot(self.d.cross(n)) + self.idle.dot(self.com.cross(n))
+        driven = self.spin.dot(self.d.cross(n))
+        return choose(self.drives, lambda: driven, lambda: driven + self.idle.dot(self.com.cross(n)))
 
     def compliance(self, n: Vec3) -> Scalar:
         """``n.K n``, of this body without its mass."""
@@ -79,7 +89,12 @@ class Side(NamedTuple):
     def response_along(self, n: Vec3, j: Scalar, impulse: Vec3) -> Twist:
         """The change of twist that ``impulse = j n`` causes; the compliance has most of it already."""
         angular = self.rotation.to_world(self.inverse_inertia @ self._moment(n)) * j
-        return Twist(impulse * self.inverse_mass - angular.cross(self.com), angular)
+        return Twist(self._linear(impulse, angular), angular)
+
+    def _linear(self, impulse: Vec3, angular: Vec3) -> Vec3:
+        """The change of the velocity of the reference point."""
+        of_centre = impulse * self.inverse_mass
+        return choose(self.is_eccentric, lambda: of_centre - angular.cross(self.com), lambda: of_centre)
 
     def _moment(self, impulse: Vec3) -> Vec3:
         """In body axes, that an impulse at the contact has."""
@@ -87,27 +102,21 @@ class Side(NamedTuple):
 
     def mobility(self) -> Symmetric3:
         """``K``, of this body alone: ``1/m + G^T I^-1 G``."""
-        x, y, z = (self.inverse_inertia.reduced(moment) for moment in self._moments())
+        x, y, z = (self.inverse_inertia.reduced(moment) for moment in self.rotation.moments(self.r))
         jx, jy, jz = (self.inverse_inertia.scaled(w) for w in (x, y, z))
         m = self.inverse_mass
         return Symmetric3(m + x.dot(jx), x.dot(jy), x.dot(jz), m + y.dot(jy), y.dot(jz), m + z.dot(jz))
 
     def response(self, impulse: Vec3) -> Twist:
         """The change of the twist of the reference point that an impulse at the contact causes."""
-        x, y, z = self._moments()
+        x, y, z = self.rotation.moments(self.r)
         moment = x * impulse[0] + y * impulse[1] + z * impulse[2]
         angular = self.rotation.to_world(self.inverse_inertia @ moment)
-        return Twist(impulse * self.inverse_mass - angular.cross(self.com), angular)
+        return Twist(self._linear(impulse, angular), angular)
 
     def velocity_of(self, change: Twist) -> Vec3:
         """What a change of the twist does to the velocity at the contact."""
         return change.linear + change.angular.cross(self.d)
-
-    def _moments(self) -> tuple[Vec3, Vec3, Vec3]:
-        """The columns of ``G``: the moments, in body axes, of unit impulses along the axes of the world."""
-        x, y, z = self.r
-        rows = self.rotation
-        return rows.y * z - rows.z * y, rows.z * x - rows.x * z, rows.x * y - rows.y * x
 
 
 class ContactKinematics(NamedTuple):

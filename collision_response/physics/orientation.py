@@ -12,24 +12,35 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ..numbers.number import Scalar
+from ..numbers.number import Condition, Scalar, all_zero, choose, negation
 from .vector import Vec3
 
 
 class Rotation(NamedTuple):
-    """The rows of a rotation matrix, from body axes to world axes."""
+    """The rows of a rotation matrix, from body axes to world axes; and whether it turns anything."""
 
     x: Vec3
     y: Vec3
     z: Vec3
+    turns: Condition
 
     def to_world(self, a: Vec3) -> Vec3:
         """World components of a vector given in body axes."""
-        return Vec3(self.x.dot(a), self.y.dot(a), self.z.dot(a))
+        return choose(self.turns, lambda: Vec3(self.x.dot(a), self.y.dot(a), self.z.dot(a)), lambda: a)
 
     def to_body(self, a: Vec3) -> Vec3:
         """Body components of a vector given in world axes."""
-        return self.x * a[0] + self.y * a[1] + self.z * a[2]
+        return choose(self.turns, lambda: self.x * a[0] + self.y * a[1] + self.z * a[2], lambda: a)
+
+    def moments(self, r: Vec3) -> tuple[Vec3, Vec3, Vec3]:
+        """The columns of ``R^T [r]x``: the moments, in body axes, of unit forces along the world's axes."""
+        x, y, z = r
+        zero = 0 * x
+        return choose(
+            self.turns,
+            lambda: (self.y * z - self.z * y, self.z * x - self.x * z, self.x * y - self.y * x),
+            lambda: (Vec3(zero, z, -y), Vec3(-z, zero, x), Vec3(y, -x, zero)),
+        )
 
 
 class Quaternion(NamedTuple):
@@ -56,8 +67,9 @@ class Quaternion(NamedTuple):
             Vec3(1 - (yy + zz), xy - zw, xz + yw),
             Vec3(xy + zw, 1 - (xx + zz), yz - xw),
             Vec3(xz - yw, yz + xw, 1 - (xx + yy)),
+            negation(all_zero((x, y, z))),
         )
 
 
-ALIGNED = Rotation(Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
+ALIGNED = Rotation(Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1), False)
 """Body axes parallel to those of the world."""
