@@ -1,0 +1,80 @@
+"""The tables of docs/reliability.md, from what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from pages import significant, table
+
+Found = dict[str, Any]
+NAMES = {
+    1: "OK", 2: "SEPARATING", 3: "INVALID_INERTIA", 4: "INVALID_NORMAL", 5: "INVALID_COEFFICIENT", 6: "NOT_FINITE",
+    7: "FRAME_MISMATCH", 8: "UNKNOWN_BODY", 9: "STALE_STATE", 10: "INVALID_MODEL", 11: "NO_DYNAMIC_BODY",
+    12: "INVALID_MASS", 13: "INVALID_ORIENTATION", 14: "INVALID_MOTION_TYPE", 15: "SAME_BODY", 16: "OUT_OF_RANGE",
+    17: "TOLERANCE_NOT_MET", 18: "PATH_TOO_LONG", 19: "INVALID_TABLE", 20: "BUDGET_EXCEEDED", 21: "SHUTTING_DOWN",
+    100: "INTERNAL_ERROR",
+}  # fmt: skip
+"""Of the codes of msg/Status.msg."""
+
+ANSWERS = (1, 2, 17)
+
+
+def parts(stored: Mapping[str, Found]) -> dict[str, str]:
+    """The generated parts of the page; what has not been measured says so."""
+    return {
+        name: write(stored[part]) if part in stored else f"Not measured yet: `make {part}` does."
+        for part, writers in PARTS.items()
+        for name, write in writers.items()
+    }
+
+
+def _measured(found: Found) -> str:
+    machine, broken = found["machine"], found["broken"]
+    line = f"Measured on {found['date']}: {machine['processor']}, {machine['cores']} cores, Python {machine['python']}."
+    return "\n".join([f"{line} Promises broken: {len(broken)}.", *(f"* {promise}" for promise in broken)])
+
+
+def milliseconds(seconds: float | None) -> str:
+    """Two digits."""
+    return "" if seconds is None else significant(seconds * 1e3)
+
+
+def _spread(spread: dict[str, float] | None) -> list[str]:
+    return [milliseconds(spread[name]) for name in ("p50", "p99", "max")] if spread else [""] * 3
+
+
+def refusals(codes: Mapping[Any, int]) -> dict[str, int]:
+    """By name."""
+    return {NAMES[int(code)]: n for code, n in codes.items() if int(code) not in ANSWERS}
+
+
+# Faults ---------------------------------------------------------------------------------------
+
+
+def faults(found: Found) -> str:
+    """A row for each case."""
+    rows = []
+    for name, row in found["cases"].items():
+        apart = "" if row["apart"] is None else "{1:,} of {0:,}".format(*row["apart"])
+        late = {code: n for code, n in refusals(row["codes"]).items() if code in ("BUDGET_EXCEEDED", "SHUTTING_DOWN")}
+        notes = [f"{n:,} {code}" for code, n in late.items()] + ([row["notes"]] if row["notes"] else [])
+        rows.append(
+            [
+                name,
+                f"{row['asked']:,}",
+                f"{row['asked'] - row['answered']:,}",
+                apart,
+                *_spread(row["latency"]),
+                "" if row["peak"] is None else f"{row['peak']:.0f}",
+                "; ".join(notes),
+            ]
+        )
+    head = ["case", "asked", "unanswered", "apart", "half within [ms]", "99 % [ms]", "all [ms]", "peak [MiB]", ""]
+    return table(head, rows)
+
+
+PARTS: dict[str, dict[str, Callable[[Found], str]]] = {
+    "faults": {"faults measured": _measured, "faults": faults},
+}
+"""The generated parts of the page, by what measures them."""
