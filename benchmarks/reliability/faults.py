@@ -84,6 +84,20 @@ def row(
     }
 
 
+def started(stage: Stage, **parameters: Any) -> NodeProcess:
+    """The node, after it has answered each kind of small request."""
+    node = stage.node(**parameters)
+    calls(stage, 60)
+    return node
+
+
+def calls(stage: Stage, number: int) -> Report:
+    """So many, one after the other, by a new client."""
+    client = stage.client(kinds=SMALL, requests=number, window=1, seed=2)
+    stage.start(client)
+    return client.report()
+
+
 def steady(stage: Stage) -> Child:
     """A client that asks one thing after the other until it is told to stop."""
     return stage.client(kinds=SMALL, requests=1_000_000, window=1, seconds=300.0, seed=1)
@@ -93,6 +107,12 @@ def stopped(client: Child) -> Report:
     """Tell it to stop."""
     client.tell("stop")
     return client.report()
+
+
+@case("the first requests of all")
+def first(stage: Stage) -> Row:
+    node = stage.node()
+    return row(node, [], others=calls(stage, 60))
 
 
 # Crowds ---------------------------------------------------------------------------------------
@@ -115,7 +135,7 @@ def processes(stage: Stage) -> Row:
 
 @case("a burst of 5000, and another client")
 def fairness(stage: Stage) -> Row:
-    node, client, other = stage.node(), stage.client(kinds=SMALL, requests=5000, window=5000), steady(stage)
+    node, client, other = started(stage), stage.client(kinds=SMALL, requests=5000, window=5000), steady(stage)
     stage.start(other, client)
     found = client.report()
     return row(node, [found], others=stopped(other))
@@ -126,7 +146,7 @@ def fairness(stage: Stage) -> Row:
 
 @case("one leaves with 500 out")
 def leaves(stage: Stage) -> Row:
-    node, other = stage.node(), steady(stage)
+    node, other = started(stage), steady(stage)
     client = stage.client(kinds=("full",), requests=500, window=500, leaves=True)
     stage.start(other, client)
     went = client.report()
@@ -136,7 +156,7 @@ def leaves(stage: Stage) -> Row:
 
 @case("one is killed with 500 out")
 def killed(stage: Stage) -> Row:
-    node, other = stage.node(), steady(stage)
+    node, other = started(stage), steady(stage)
     client = stage.client(kinds=("full",), requests=500, window=500)
     stage.start(other, client)
     client.until("sent")
@@ -145,15 +165,8 @@ def killed(stage: Stage) -> Row:
     return row(node, [], others=stopped(other), apart=(500, 0))
 
 
-def calls(stage: Stage, number: int) -> Report:
-    """So many more, by a new client."""
-    client = stage.client(kinds=SMALL, requests=number, window=1, seed=2)
-    stage.start(client)
-    return client.report()
-
-
 def _stop(stage: Stage, number: int, seconds: float) -> Row:
-    node, other = stage.node(), steady(stage)
+    node, other = started(stage), steady(stage)
     client = stage.client(kinds=("full",), requests=number, window=number, patience=30.0)
     stage.start(other, client)
     client.until("sent")
@@ -179,7 +192,7 @@ def stops_for_long(stage: Stage) -> Row:
 
 @case("one reads an answer every 5 ms, 2000 out")
 def reads_slowly(stage: Stage) -> Row:
-    node, other = stage.node(), steady(stage)
+    node, other = started(stage), steady(stage)
     client = stage.client(kinds=("full",), requests=2000, window=2000, pause=0.005)
     stage.start(other, client)
     went = client.report()
@@ -203,7 +216,7 @@ def results_unread(stage: Stage) -> Row:
 
 
 def _long(stage: Stage, kind: str, parameters: dict[str, Any]) -> Row:
-    node, other = stage.node(**stage.known(parameters)), steady(stage)
+    node, other = started(stage, **stage.known(parameters)), steady(stage)
     client = stage.client(kinds=(kind,), requests=1, window=1, patience=300.0)
     stage.start(other, client)
     found = client.report()
@@ -253,10 +266,10 @@ def sigterm_in_burst(stage: Stage) -> Row:
     return _end(node, [client])
 
 
-@case("SIGTERM in a batch of 5e5, EXTENDED")
+@case("SIGTERM in a batch of 5e5, ROUTH, EXTENDED")
 def sigterm_in_batch(stage: Stage) -> Row:
     node = stage.node(**stage.known(AMPLE))
-    client = stage.client(kinds=("extended batch of 5e5",), requests=1, window=1, patience=20.0)
+    client = stage.client(kinds=("routh batch of 5e5",), requests=1, window=1, patience=20.0)
     stage.start(client)
     client.until("sent")
     time.sleep(3.0)  # its way to the node, and into the computation
@@ -275,6 +288,8 @@ def measure(named: str) -> dict[str, Row]:
                 print(f"==> {name} ...", flush=True)
                 with Stage(environment, large="batch of" in name) as stage:
                     found[name] = run(stage)
+                for what in found[name]["broken"]:
+                    print(f"    BROKEN: {what}\n{found[name]['log']}", flush=True)
     return found
 
 

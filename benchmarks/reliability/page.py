@@ -74,7 +74,25 @@ def faults(found: Found) -> str:
     return table(head, rows)
 
 
+# Hostile input --------------------------------------------------------------------------------
+
+
+def fuzz(found: Found) -> str:
+    """A row for each part."""
+    rows = []
+    for name, row in found["parts"].items():
+        how, what = name.split()
+        sender = "values by rclpy" if how == "values" else "bytes by Cyclone DDS"
+        faults = sum(row["counts"].values())
+        memory = f"{row['before']:.0f} → {row['after']:.0f}" if row["after"] else "it died"
+        numbers = [f"{n:,}" for n in (row["sent"], faults, row["unanswered"], row["other"])]
+        rows.append([f"{sender}, `{what}`", *numbers, *_spread(row["latency"]), memory])
+    head = ["what", "sent", "wrong answers", "unanswered", "another asked", "half within [ms]", "99 % [ms]", "all [ms]"]
+    return table([*head, "memory [MiB]"], rows)
+
+
 PARTS: dict[str, dict[str, Callable[[Found], str]]] = {
     "faults": {"faults measured": _measured, "faults": faults},
+    "fuzz": {"fuzz measured": _measured, "fuzz": fuzz},
 }
 """The generated parts of the page, by what measures them."""

@@ -184,8 +184,8 @@ class Environment:
         self.large = {**self.usual, **service.LARGE_DATA}
         return self
 
-    def __exit__(self, *error: Any) -> None:
-        self._domain.__exit__(*error)
+    def __exit__(self, *_: object) -> None:
+        self._domain.__exit__(None, None, None)  # what it cannot do is to end with an error
 
     @cached_property
     def parameters(self) -> dict[str, Any]:
