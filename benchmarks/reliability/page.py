@@ -91,8 +91,49 @@ def fuzz(found: Found) -> str:
     return table([*head, "memory [MiB]"], rows)
 
 
+# Soak -----------------------------------------------------------------------------------------
+
+
+def soak(found: Found) -> str:
+    """A row for each kind of client."""
+    rows = []
+    for name, row in found["clients"].items():
+        refused = ", ".join(f"{n:,} {code}" for code, n in refusals(row["codes"]).items())
+        left = row["asked"] - row["answered"]
+        rows.append([name, f"{row['asked']:,}", f"{row['answered']:,}", f"{left:,}", refused, *_spread(row["latency"])])
+    for name, (asked, answered) in found["apart"].items():
+        rows.append([f"apart: {name}", f"{asked:,}", f"{answered:,}", "", "", "", "", ""])
+    head = ["clients", "asked", "answered", "unanswered", "of those answered, refused"]
+    seconds, code = found["exit"]
+    slope = "" if found["slope"] is None else f" Memory in the second half: {found['slope']:+.1f} MiB an hour."
+    return (
+        f"{table([*head, 'half within [ms]', '99 % [ms]', 'all [ms]'], rows)}\n\n"
+        f"{found['minutes']:.1f} minutes, {found['faults']} faults, {found['states']:,} body states, "
+        f"{found['log_lines']:,} lines in the log.{slope} At the end SIGTERM: exit code {code} after "
+        f"{significant(seconds)} s."
+    )
+
+
+def over_time(found: Found) -> str:
+    """A row for each stretch of time."""
+    rows = [
+        [
+            f"{row['minutes']:.1f}",
+            significant(row["answers"] / row["seconds"], 3),
+            *_spread(row["latency"]),
+            f"{row['memory']:.1f}",
+            f"{row['descriptors']:.0f}",
+            f"{row['threads']:.0f}",
+        ]
+        for row in found["over time"]
+    ]
+    head = ["to minute", "answers a second", "half within [ms]", "99 % [ms]", "all [ms]", "memory [MiB]"]
+    return table([*head, "descriptors", "threads"], rows)
+
+
 PARTS: dict[str, dict[str, Callable[[Found], str]]] = {
     "faults": {"faults measured": _measured, "faults": faults},
     "fuzz": {"fuzz measured": _measured, "fuzz": fuzz},
+    "soak": {"soak measured": _measured, "soak": soak, "over time": over_time},
 }
 """The generated parts of the page, by what measures them."""
