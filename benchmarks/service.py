@@ -52,7 +52,7 @@ def echo() -> None:
     from rclpy.node import Node
     from rclpy.signals import SignalHandlerOptions
 
-    from collision_response.ros.node import SERVICE_QOS
+    from collision_response.ros.server import SERVICE_QOS
     from collision_response.ros.signals import on_signal
     from collision_response.srv import ResolveCollision, ResolveCollisionBatch
 
@@ -150,7 +150,7 @@ class Clients:
         from rclpy.node import Node
 
         from collision_response import srv
-        from collision_response.ros.node import SERVICE_QOS
+        from collision_response.ros.server import SERVICE_QOS
 
         rclpy.init()
         self._node, self._executor = Node("clients"), SingleThreadedExecutor()

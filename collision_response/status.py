@@ -28,6 +28,8 @@ class StatusCode(IntEnum):
     TOLERANCE_NOT_MET = 17
     PATH_TOO_LONG = 18
     INVALID_TABLE = 19
+    BUDGET_EXCEEDED = 20
+    SHUTTING_DOWN = 21
     INTERNAL_ERROR = 100
 
     @property
@@ -50,6 +52,10 @@ class ImpactError(ValueError):
         self.code = code
         self.field = field
         self.reason = reason
+
+    def __reduce__(self) -> tuple[type[ImpactError], tuple[StatusCode, str, str]]:
+        """How it is pickled: an exception is made again from its ``args``, which hold the text alone."""
+        return type(self), (self.code, self.field, self.reason)
 
     def within(self, owner: str) -> ImpactError:
         """The same error, seen from ``owner``, of which ``field`` is a part."""

@@ -17,7 +17,8 @@ from rclpy.task import Future
 
 from collision_response import Body, Contact
 from collision_response.msg import BodyState
-from collision_response.ros.node import SERVICE_QOS, CollisionResponseNode
+from collision_response.ros.node import CollisionResponseNode
+from collision_response.ros.server import SERVICE_QOS
 from collision_response.srv import ResolveCollision, ResolveCollisionBatch
 
 DEADLINE = 20.0

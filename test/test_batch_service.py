@@ -22,7 +22,7 @@ from collision_response.batch import BatchResult, resolve_batch
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.centre import at_centre
 from collision_response.msg import BodyState, CollisionResult
-from collision_response.ros import batch_client, convert_batch
+from collision_response.ros import batch_client, batches
 from collision_response.ros.batch_client import pack, unpack
 from collision_response.ros.batch_fields import LAYOUTS, Request, Response
 from collision_response.ros.convert import body_of
@@ -274,7 +274,7 @@ def test_a_fault_of_the_package_is_answered_too(tried_node, monkeypatch):
         raise RuntimeError("a bolt is loose")
 
     with monkeypatch.context() as patch:
-        patch.setattr(convert_batch, "resolve_batch", fail)
+        patch.setattr(batches, "resolve_with_pauses", fail)
         response = tried_node.call(balls_in_a_row())
     assert (response.success, response.code) == (False, StatusCode.INTERNAL_ERROR)
     assert response.message == "RuntimeError: a bolt is loose"
@@ -418,7 +418,9 @@ def test_several_that_cannot_be_used_are_counted(node_that_heard):
 
 def test_a_stale_state_is_not_used(graph):
     graph.serve(max_state_age=1.0)
-    hear(graph, ball(name="ball"))  # of 1970
+    state = ball(name="ball")
+    state.header.stamp.sec = 1  # of 1970
+    hear(graph, state)
     request = pack(
         column(Request.POINT, ball())[:, np.newaxis],
         [[0], [1]],
@@ -429,6 +431,7 @@ def test_a_stale_state_is_not_used(graph):
     response = graph.call(request)
     assert unpack(response).status.tolist() == [StatusCode.STALE_STATE]
     assert response.message.startswith("names[0].header.stamp: the last state of 'ball' is ")
+    assert response.state_stamps[0].sec == 1 and response.state_ages[0] > 1e9
 
 
 # the client's side

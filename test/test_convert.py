@@ -22,7 +22,19 @@ from collision_response.ros import convert
 from collision_response.ros.parameters import Parameters
 from collision_response.srv import ResolveCollision
 
-PARAMETERS = Parameters("", 0.0, 1.0, 0.0, CombineRule.AVERAGE, CombineRule.AVERAGE, ImpactModel())
+PARAMETERS = Parameters(
+    world_frame="",
+    max_state_age=0.0,
+    max_state_wait=0.5,
+    budget_contacts=1000,
+    budget_time=0.0,
+    shutdown_timeout=5.0,
+    restitution=1.0,
+    friction=0.0,
+    combine_restitution=CombineRule.AVERAGE,
+    combine_friction=CombineRule.AVERAGE,
+    model=ImpactModel(),
+)
 
 
 def test_a_rod_whose_frame_starts_at_one_end_is_struck_at_the_other(graph):

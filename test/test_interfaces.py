@@ -24,7 +24,7 @@ from collision_response import (
 )
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.ros.batch_fields import LAYOUTS
-from collision_response.ros.convert import NOTES, NUMBERS
+from collision_response.ros.convert import NOTES, NUMBERS, Source
 
 ROOT = Path(__file__).parent.parent
 
@@ -52,13 +52,15 @@ def test_models():
 
 def test_regimes_and_adjustments():
     adjustments = {flag.name: flag.value for flag in Adjustment if flag}
-    assert constants(msg.CollisionResult) == members(Regime) | adjustments
+    sources = {f"FROM_{name}": value for name, value in members(Source).items()}
+    assert constants(msg.CollisionResult) == members(Regime) | adjustments | sources
     assert set(NOTES) == {flag for flag in Adjustment if flag}
 
 
 def test_every_number_of_an_impact_is_in_the_result():
     fields = msg.CollisionResult.get_fields_and_field_types()
-    assert {field for field, kind in fields.items() if kind == "double"} == set(NUMBERS)
+    of_states = {"state_age_a", "state_age_b"}
+    assert {field for field, kind in fields.items() if kind == "double"} == {*NUMBERS, *of_states}
     assert set(NUMBERS) <= set(Impact._fields)
 
 

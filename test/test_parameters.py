@@ -17,7 +17,9 @@ from collision_response.ros.parameters import CHOICES, DECLARATIONS
 DEFAULTS = {
     "world_frame": "",
     "body_state_topics": ["body_states"],
+    "max_bodies": 10_000,
     "max_state_age": 0.0,
+    "max_state_wait": 0.5,
     "restitution": 1.0,
     "friction": 0.0,
     "combine_restitution": "average",
@@ -29,6 +31,11 @@ DEFAULTS = {
     "tangential_restitution": 0.0,
     "restitution_threshold": 0.0,
     "scene_tolerance": 0.0,
+    "budget.contacts": 1_000_000,
+    "budget.time": 60.0,
+    "memory_limit": 4096,
+    "shutdown_timeout": 5.0,
+    "service_introspection": "off",
     "recording.enabled": False,
     "recording.directory": "recordings",
     "recording.file": "",
@@ -43,6 +50,7 @@ def test_parameters_have_defaults_descriptions_and_limits(tried_node):
         descriptor = node.describe_parameter(name)
         assert descriptor.description.endswith(".")
         assert len(descriptor.floating_point_range) == isinstance(default, float)
+        assert len(descriptor.integer_range) == (type(default) is int)
         for choice in CHOICES.get(name, ()):
             assert choice in descriptor.additional_constraints
 
@@ -57,6 +65,10 @@ def test_parameters_have_defaults_descriptions_and_limits(tried_node):
         ("max_state_age", -1.0, "-1.0"),
         ("tangential_restitution", -1.5, "-1.5"),
         ("tolerance", math.inf, "inf"),
+        ("tolerance", 2.0, "2.0"),
+        ("friction", 1e300, "1e+300"),
+        ("budget.contacts", 0, "0"),
+        ("max_bodies", 5, "read-only"),
         ("law", "coulomp", "frictionless, coulomb"),
         ("geometry", "flat", "point, planar, spatial"),
         ("precision", "half", "single, double, extended"),

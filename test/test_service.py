@@ -24,7 +24,7 @@ from collision_response.demo.systems import all_systems
 from collision_response.kernels import library
 from collision_response.msg import BodyState, CollisionResult, ImpactModel
 from collision_response.physics.mass_properties import box, rod, sphere
-from collision_response.ros import node as node_module
+from collision_response.ros import impacts
 from collision_response.ros.convert import NUMBERS
 from collision_response.srv import ResolveCollision
 
@@ -219,7 +219,13 @@ def test_a_refusal_names_the_field_and_its_value(tried_node, case):
 
 def test_every_reason_for_a_refusal_is_among_these():
     answers = {code for code in StatusCode if code.is_answer}
-    by_tests_of_their_own = {StatusCode.STALE_STATE, StatusCode.PATH_TOO_LONG, StatusCode.INTERNAL_ERROR}
+    by_tests_of_their_own = {
+        StatusCode.STALE_STATE,
+        StatusCode.PATH_TOO_LONG,
+        StatusCode.BUDGET_EXCEEDED,
+        StatusCode.SHUTTING_DOWN,
+        StatusCode.INTERNAL_ERROR,
+    }
     of_batches = {StatusCode.INVALID_TABLE}
     others = answers | by_tests_of_their_own | of_batches | {StatusCode.UNSET}
     assert {case.code for case in REFUSALS} == set(StatusCode) - others
@@ -230,7 +236,7 @@ def test_a_path_that_does_not_end_is_refused(tried_node, monkeypatch):
         raise library.refusal(StatusCode.PATH_TOO_LONG)
 
     with monkeypatch.context() as patch:
-        patch.setattr(node_module, "resolve", give_up)
+        patch.setattr(impacts, "resolve", give_up)
         answer = tried_node.call(balls_meet())
     assert not answer.success
     assert answer.result.status.code == StatusCode.PATH_TOO_LONG
@@ -248,7 +254,7 @@ def test_a_fault_of_the_package_is_answered_too(tried_node, monkeypatch):
         raise RuntimeError("a bolt is loose")
 
     with monkeypatch.context() as patch:
-        patch.setattr(node_module, "resolve", fail)
+        patch.setattr(impacts, "resolve", fail)
         answer = tried_node.call(balls_meet())
     assert not answer.success
     assert answer.result.status.code == StatusCode.INTERNAL_ERROR

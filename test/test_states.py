@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 pytest.importorskip("rclpy")
 
-from ros_graph import ball, balls_meet, until
+from rcl_interfaces.msg import Log
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_graph import DEADLINE, assign, ball, balls_meet, until
 from rosgraph_msgs.msg import Clock
 
 from collision_response import StatusCode
-from collision_response.msg import BodyState
+from collision_response.msg import BodyState, BodyStates
 
 
 def by_name(name="left"):
@@ -32,6 +36,9 @@ class Publisher:
     def __init__(self, graph, topic="body_states"):
         self._graph = graph
         self._publisher = graph.user.create_publisher(BodyState, topic, 10)
+
+    def send(self, state):
+        self._publisher.publish(state)
 
     def publish(self, state, *, until_answer=lambda answer: True):
         def answer():
@@ -143,3 +150,183 @@ def test_age_is_by_the_clock_of_the_machine(graph):
 def test_states_never_grow_stale_unless_asked(graph):
     graph.serve()
     assert Publisher(graph).publish(left_ball(stamp=1.0)).success
+
+
+def test_a_request_overtakes_no_state_published_before_it(graph):
+    """Each state is the last of many: taken one at a time, the request would be answered with the first."""
+    graph.serve()
+    states = graph.user.create_publisher(BodyState, "body_states", 1000)
+    until(lambda: states.get_subscription_count() == 1)
+    for speed in range(1, 20):
+        for other in range(30):
+            states.publish(ball(name=f"other {other}"))
+        state = left_ball(float(speed), stamp=float(speed))
+        states.publish(state)
+        request = by_name()
+        request.not_before = state.header.stamp
+        result = graph.call(request).result
+        assert result.status.code == StatusCode.OK, result.status.message
+        assert result.normal_velocity_before == -1.0 - speed
+
+
+def test_a_request_waits_for_the_state_that_it_asks_for(graph):
+    graph.serve(max_state_wait=DEADLINE)
+    publisher = Publisher(graph)
+    publisher.publish(left_ball(3.0, stamp=10.0))
+    request = by_name()
+    request.not_before.sec = 20
+    future = graph.call_async(request)
+    assert graph.call(by_name()).result.normal_velocity_before == -4.0  # another one does not wait for it
+    assert not future.done()
+
+    def answered():
+        publisher.send(left_ball(5.0, stamp=20.5))
+        return future.done()
+
+    until(answered)
+    result = future.result().result
+    assert (result.normal_velocity_before, result.state_stamp_b.sec) == (-6.0, 20)
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("left", "body_b.header.stamp: the last state of 'left' is 10 s older than not_before asks for"),
+        ("ghost", "body_b.name: is 'ghost', of which no state has been received; heard of: left"),
+    ],
+)
+def test_it_does_not_wait_for_ever(graph, name, reason):
+    graph.serve(max_state_wait=0.05)
+    Publisher(graph).publish(left_ball(3.0, stamp=10.0))
+    request = by_name(name)
+    request.not_before.sec = 20
+    status = graph.call(request).result.status
+    assert status.code == StatusCode.STALE_STATE
+    assert status.message == f"{reason}; waited 0.05 s (max_state_wait)"
+
+
+def test_an_answer_says_which_states_were_used(graph):
+    graph.serve()
+    Publisher(graph).publish(left_ball(stamp=10.25))
+    request = by_name()
+    request.contact.header.stamp.sec = 12
+    result = graph.call(request).result
+    assert (result.state_stamp_b.sec, result.state_stamp_b.nanosec) == (10, 250_000_000)
+    assert (result.state_age_a, result.state_age_b) == (0.0, 1.75)
+    assert (result.state_stamp_a.sec, result.state_stamp_a.nanosec) == (0, 0)
+
+
+def test_a_state_without_a_stamp_has_no_age(graph):
+    graph.serve()
+    Publisher(graph).publish(left_ball())
+    assert math.isnan(graph.call(by_name()).result.state_age_b)
+
+
+@pytest.mark.parametrize(
+    ("stamp", "reason"),
+    [
+        (8.0, "is 2 s old"),
+        (102.0, "is 92 s ahead: do the clocks agree?"),
+        (0.0, "has no stamp"),
+    ],
+)
+def test_age_is_at_the_time_of_the_contact_and_to_either_side(graph, stamp, reason):
+    graph.serve(max_state_age=1.0)
+    publisher = Publisher(graph)
+    request = by_name()
+    request.contact.header.stamp.sec = 10
+    publisher.publish(left_ball(stamp=stamp))
+    status = graph.call(request).result.status
+    assert status.code == StatusCode.STALE_STATE
+    assert status.message == f"body_b.header.stamp: the last state of 'left' {reason}; max_state_age is 1 s"
+    request.contact.header.stamp.sec = int(stamp) or 10
+    assert graph.call(request).success == bool(stamp)
+
+
+def test_bodies_may_be_named_by_the_contact_alone(graph):
+    graph.serve()
+    publisher = Publisher(graph)
+    publisher.publish(left_ball())
+    publisher.publish(ball(0.5, -1.0, name="right"))
+    request = balls_meet()
+    request.body_a, request.body_b = BodyState(), BodyState()
+    request.contact.body_a, request.contact.body_b = "right", "left"
+    answer = graph.call(request)
+    assert answer.success
+    assert answer.result.normal_velocity_before == -4.0
+    request.contact.body_b = "ghost"
+    status = graph.call(request).result.status
+    assert (status.code, status.message.split(":")[0]) == (StatusCode.UNKNOWN_BODY, "body_b.name")
+
+
+def test_states_of_many_bodies_come_in_a_table(graph):
+    graph.serve()
+    message = BodyStates(names=["right", "left"])
+    message.header.frame_id, message.header.stamp.sec = "world", 7
+    columns = {0: (2.0, 2.0), 10: (0.5, -0.5), 16: (1.0, 1.0), 17: (-1.0, 3.0)}
+    message.numbers = [number for row in range(23) for number in columns.get(row, (0.0, 0.0))]
+    tables = graph.user.create_publisher(BodyStates, "all_body_states", 10)
+
+    def answer():
+        tables.publish(message)
+        return next(filter(lambda answer: answer.success, [graph.call(by_name())]), None)
+
+    answer = until(answer)
+    assert answer.result.normal_velocity_before == -4.0
+    assert answer.result.state_stamp_b.sec == 7
+
+
+def test_when_the_clock_is_set_back_states_are_forgotten(graph):
+    node = graph.serve(use_sim_time=True)
+    clock = graph.user.create_publisher(Clock, "/clock", 1)
+
+    def set_clock(seconds):
+        message = Clock()
+        message.clock.sec = seconds
+
+        def arrived():
+            clock.publish(message)
+            return node.get_clock().now().nanoseconds == seconds * 10**9
+
+        until(arrived)
+
+    set_clock(100)
+    publisher = Publisher(graph)
+    publisher.publish(left_ball(1.0, stamp=100.0))
+    set_clock(5)
+    assert graph.call(by_name()).result.status.code == StatusCode.UNKNOWN_BODY
+    assert publisher.publish(left_ball(2.0, stamp=5.0)).result.normal_velocity_before == -3.0
+
+
+@pytest.mark.parametrize("value", [-0.5, -2.0])
+@pytest.mark.parametrize("field", ["contact.restitution", "body_a.restitution", "body_b.friction"])
+def test_only_minus_one_leaves_a_coefficient_open(graph, field, value):
+    graph.serve()
+    request = balls_meet()
+    request.contact.restitution = request.contact.friction = -1.0
+    request.body_a.restitution = request.body_b.restitution = 0.5
+    assign(request, field, value)
+    status = graph.call(request).result.status
+    assert status.code == StatusCode.INVALID_COEFFICIENT
+    assert status.message.startswith(f"{field}: ") and str(value) in status.message
+
+
+def test_an_answer_says_where_its_coefficients_came_from(graph):
+    said = []
+    graph.user.create_subscription(
+        Log, "/rosout", said.append, QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    )
+    graph.serve()
+    request = balls_meet()
+    result = graph.call(request).result
+    assert (result.restitution_from, result.friction_from) == (result.FROM_CONTACT, result.FROM_CONTACT)
+    request.contact.restitution = request.contact.friction = -1.0
+    request.body_a.restitution, request.body_b.restitution = 0.5, 0.25
+    request.body_a.friction = 0.5
+    result = graph.call(request).result
+    assert (result.restitution_from, result.friction_from) == (result.FROM_BODIES, result.FROM_PARAMETER)
+    until(
+        lambda: any(
+            log.msg.startswith("only one of two bodies has a coefficient of friction") for log in said
+        )
+    )

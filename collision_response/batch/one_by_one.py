@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
 Array = np.ndarray[Any, Any]
 
 
-def retry(plan: Plan, bodies: Array, contacts: Array, out: BatchResult, columns: Array) -> None:
-    """Answer these columns anew, with as many digits as it takes."""
+def retry(plan: Plan, bodies: Array, contacts: Array, out: BatchResult, columns: Array) -> Iterator[None]:
+    """Answer these columns anew, with as many digits as it takes; a pause after each."""
     model = plan.model
     if out.velocity.dtype == np.float32:
         model = model._replace(precision=Precision.SINGLE)
@@ -47,6 +48,7 @@ def retry(plan: Plan, bodies: Array, contacts: Array, out: BatchResult, columns:
             _refuse(out, i, error.code)
         else:
             _write(plan, out, i, impact)
+        yield
 
 
 def _write(plan: Plan, out: BatchResult, i: int, impact: Impact) -> None:

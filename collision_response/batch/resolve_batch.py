@@ -21,6 +21,7 @@ cannot be answered has its own status and NaN for results, and does its neighbou
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
@@ -126,24 +127,34 @@ def resolve_batch(
         bodies = np.asarray(bodies)
     contacts = np.asarray(contacts)
     plan = _plan_for(bodies, contacts, model)
-    n = bodies.shape[2]
     if out is None:
-        out = BatchResult(*(np.empty(shape, dtype) for shape, dtype in plan.results(n)))
+        out = BatchResult(*(np.empty(shape, dtype) for shape, dtype in plan.results(bodies.shape[2])))
     else:
-        _check_out(plan, n, out)
-    if n:
-        target = out
-        if not all(array is None or array.flags.c_contiguous for array in out):
-            target = BatchResult(
-                *(None if array is None else np.empty_like(array, order="C") for array in out)
-            )
-        bodies, contacts = np.ascontiguousarray(bodies), np.ascontiguousarray(contacts)
-        _compute(plan, bodies, contacts, target, workers)
-        if target is not out:
-            for written, wanted in zip(target, out, strict=True):
-                if wanted is not None:
-                    wanted[...] = written
+        _check_out(plan, bodies.shape[2], out)
+    for _ in resolve_with_pauses(bodies, contacts, model, out, workers):
+        pass
     return out
+
+
+def resolve_with_pauses(
+    bodies: Array, contacts: Array, model: ImpactModel, out: BatchResult, workers: int = 1
+) -> Iterator[None]:
+    """The same on NumPy's arrays, with a pause after each contact that needs more than the kernels give.
+
+    So whoever has other things to do meanwhile can do them. The results are complete at the end.
+    """
+    if not bodies.shape[2]:
+        return
+    plan = _plan_for(bodies, contacts, model)
+    target = out
+    if not all(array is None or array.flags.c_contiguous for array in out):
+        target = BatchResult(*(None if array is None else np.empty_like(array, order="C") for array in out))
+    bodies, contacts = np.ascontiguousarray(bodies), np.ascontiguousarray(contacts)
+    yield from _compute(plan, bodies, contacts, target, workers)
+    if target is not out:
+        for written, wanted in zip(target, out, strict=True):
+            if wanted is not None:
+                wanted[...] = written
 
 
 class Plan(NamedTuple):
@@ -170,13 +181,13 @@ class Plan(NamedTuple):
         )
 
 
-def _compute(plan: Plan, bodies: Array, contacts: Array, out: BatchResult, workers: int) -> None:
+def _compute(plan: Plan, bodies: Array, contacts: Array, out: BatchResult, workers: int) -> Iterator[None]:
     """Fill in the results, climbing to more digits where the bound is above the limit."""
     greatest = _run(plan, plan.number, bodies, contacts, out, workers)
     if out.precision is None:
         if greatest >= StatusCode.OUT_OF_RANGE:
             odd = np.flatnonzero(out.status >= StatusCode.OUT_OF_RANGE)
-            one_by_one.retry(plan, bodies, contacts, out, odd)
+            yield from one_by_one.retry(plan, bodies, contacts, out, odd)
         return
     model = plan.model
     exact = model.precision is Precision.EXTENDED
@@ -193,7 +204,7 @@ def _compute(plan: Plan, bodies: Array, contacts: Array, out: BatchResult, worke
         wanting = wanting[_wanting(few, limit)]
     if model.precision is Precision.DOUBLE:
         wanting = _wanting(out, LARGEST)
-    one_by_one.retry(plan, bodies, contacts, out, wanting)
+    yield from one_by_one.retry(plan, bodies, contacts, out, wanting)
     answered = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)
     enough = out.error_bound <= (model.tolerance or LARGEST)
     out.status[answered & ~enough] = StatusCode.TOLERANCE_NOT_MET

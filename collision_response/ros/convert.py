@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from enum import IntEnum
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -73,6 +74,18 @@ PARALLEL = Quaternion(0.0, 0.0, 0.0, 1.0)
 
 
 AT_REST = Twist(ZERO, ZERO)
+
+
+class Source(IntEnum):
+    """Where a coefficient came from."""
+
+    CONTACT = CollisionResult.FROM_CONTACT
+    BODIES = CollisionResult.FROM_BODIES
+    PARAMETER = CollisionResult.FROM_PARAMETER
+
+
+UNSET = -1.0
+"""What a coefficient is that a message does not give."""
 
 
 class Scene(NamedTuple):
@@ -154,7 +167,7 @@ def _check_immovable(owner: str, motion_type: int, twist: Twist) -> None:
 
 
 def contact_of(request: ResolveCollision.Request, parameters: Parameters) -> Contact:
-    """Where the bodies touch, with coefficients filled in.
+    """Where the bodies touch, with coefficients filled in from where :func:`source_of` says.
 
     Raises:
         ImpactError: NOT_FINITE or INVALID_COEFFICIENT, for a coefficient of a body.
@@ -171,15 +184,31 @@ def contact_of(request: ResolveCollision.Request, parameters: Parameters) -> Con
 def _coefficient(
     field: str, most: float, request: ResolveCollision.Request, rule: CombineRule, default: float
 ) -> float:
-    asked = getattr(request.contact, field)
-    if not -math.inf < asked < 0:
-        return asked  # NaN and infinity too, for the core to refuse
+    source = source_of(field, request)
+    if source is Source.CONTACT:
+        return getattr(request.contact, field)  # for the core to refuse, if need be
+    coefficients = []
+    for owner in ("body_a", "body_b"):
+        own = getattr(getattr(request, owner), field)
+        if own != UNSET:
+            check_number(f"{owner}.{field}", own, 0, most, StatusCode.INVALID_COEFFICIENT)
+            coefficients.append(own)
+    return combine(rule, *coefficients) if source is Source.BODIES else default
+
+
+def source_of(field: str, request: ResolveCollision.Request) -> Source:
+    """Who says what a coefficient is: the contact; else the bodies, if both do; else the node's parameter."""
+    if getattr(request.contact, field) != UNSET:
+        return Source.CONTACT
+    if UNSET in (getattr(request.body_a, field), getattr(request.body_b, field)):
+        return Source.PARAMETER
+    return Source.BODIES
+
+
+def only_one_body_says(field: str, request: ResolveCollision.Request) -> bool:
+    """Whether the coefficient of one body is of no use, because the other has none."""
     of_a, of_b = getattr(request.body_a, field), getattr(request.body_b, field)
-    if of_a < 0 or of_b < 0:
-        return default
-    check_number(f"body_a.{field}", of_a, 0, most, StatusCode.INVALID_COEFFICIENT)
-    check_number(f"body_b.{field}", of_b, 0, most, StatusCode.INVALID_COEFFICIENT)
-    return combine(rule, of_a, of_b)
+    return getattr(request.contact, field) == UNSET and (of_a == UNSET) != (of_b == UNSET)
 
 
 def model_of(message: ImpactModelMessage, defaults: ImpactModel) -> ImpactModel:
@@ -213,6 +242,8 @@ def write_answer(result: CollisionResult, request: ResolveCollision.Request, imp
     _echo(result, request)
     result.status.code = int(impact.status)
     result.status.message = "; ".join(_notes(impact))
+    result.restitution_from = source_of("restitution", request)
+    result.friction_from = source_of("friction", request)
     result.contact.restitution = impact.contact.restitution
     result.contact.friction = impact.contact.friction
     _write_model(result.model, impact.model)

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import sys
-import traceback
+import time
+from collections.abc import Callable
 from contextlib import suppress
+from itertools import product
 from typing import Any
 
 import rclpy
+from rclpy.clock import JumpThreshold, TimeJump
+from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -15,23 +19,40 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.signals import SignalHandlerOptions
 
-from ..msg import BodyState, CollisionResult
-from ..recording import Record, Recorder, Refusal, Sighting
+from ..model import ImpactModel
+from ..msg import BodyState, BodyStates
+from ..physics.body import Body
+from ..physics.contact import Contact
+from ..physics.laws import Law
+from ..recording import Recorder, Sighting
 from ..resolve import resolve
 from ..scene import SceneSurvey
-from ..srv import ResolveCollision, ResolveCollisionBatch
 from ..status import ImpactError, StatusCode
-from . import convert, convert_batch, parameters
-from .request import complete
+from . import convert, parameters
+from .batches import Batches
+from .diagnostics import Diagnostics
+from .impacts import Impacts, stamp_of
+from .intake import Intake, OutOfReach, RCLError
+from .memory import limit_memory
 from .results import Results
+from .serialized import Broken
+from .server import THROTTLE, Server
 from .signals import on_signal
-from .states import LatestStates, nanoseconds
-
-SERVICE_QOS = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE)
-"""With a limited history, requests that arrive faster than they are answered would be lost unnoticed."""
+from .states import LatestStates
+from .tally import Tally
 
 STATE_QOS = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Sensor data, but deep enough for the states of many bodies to arrive at once."""
+
+TABLE_QOS = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+TABLE_TOPIC = "all_body_states"
+
+NOT_ALLOWED = (ParameterException, NameValidationException, RCLError)
+"""What a start with arguments raises that are not allowed."""
+
+JUMPS = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
+"""Of the clock, after which the stamps of states mean nothing any more."""
 
 
 class CollisionResponseNode(Node):
@@ -42,125 +63,61 @@ class CollisionResponseNode(Node):
         service ``~/resolve_collision_batch``: the same for many contacts, as arrays.
         subscription ``body_states``, or the parameter ``body_state_topics``: bodies that requests
             may then give by name only.
+        subscription ``all_body_states``: the same for many bodies, as a table.
         publisher ``~/result``: every answer of the first, refusals included, once anybody subscribes.
+        publisher ``/diagnostics``: how it is doing.
 
     Args:
         options: those of :class:`rclpy.node.Node`.
     """
 
+    _recorder: Recorder | None = None
+
     def __init__(self, **options: Any) -> None:
         super().__init__("collision_response", **options)
-        self._answers = 0
-        self._states = LatestStates()
-        self._recorder: Recorder | None = None
-        self._survey: SceneSurvey | None = None
         parameters.declare(self)
-        self._latest = parameters.LatestParameters(self)
+        for name, like in parameters.unknown(self, options).items():
+            self._warn(f"there is no parameter {name!r}; did you mean {like!r}?")
+        self.parameters = parameters.LatestParameters(self)
         start = parameters.StartParameters.of(self)
-        overridable = QoSOverridingOptions.with_default_policies()
-        self._results = Results(self)
-        topics = [
-            self.create_subscription(
-                BodyState, topic, self._hear, STATE_QOS, qos_overriding_options=overridable
-            ).topic_name
-            for topic in start.body_state_topics
-        ]
-        self.create_service(ResolveCollision, "~/resolve_collision", self._serve, qos_profile=SERVICE_QOS)
-        self.create_service(
-            ResolveCollisionBatch, "~/resolve_collision_batch", self._serve_batch, qos_profile=SERVICE_QOS
-        )
-        if start.scene_tolerance:
-            self._survey = SceneSurvey(start.scene_tolerance)
         if start.recording_directory is not None:
-            self._recorder = Recorder(
-                start.recording_directory, self.get_logger().warning, name=start.recording_file
-            )
+            self._recorder = Recorder(start.recording_directory, self._warn, name=start.recording_file)
+        self._states = LatestStates(start.max_bodies, self._now, self._warn)
+        self._jumps = self.get_clock().create_jump_callback(JUMPS, post_callback=self._forget)
+        results = Results(self)
+        impacts = Impacts(self.parameters, self._states, results, self._now, self.get_logger())
+        impacts.recorder = self._recorder
+        impacts.survey = SceneSurvey(start.scene_tolerance) if start.scene_tolerance else None
+        batches = Batches(self.parameters, self._states, self._now)
+        warm_up()
+        tally = Tally()
+        self._server = Server(self, (impacts, batches), tally, self._over_budget, start.service_introspection)
+        self._hearing = [
+            *(self._listen(BodyState, topic, STATE_QOS, self._hear) for topic in start.body_state_topics),
+            self._listen(BodyStates, TABLE_TOPIC, TABLE_QOS, self._states.hear_table),
+        ]
+        self._states.take_all = self._take_states
+        Diagnostics(self, tally, self._states, self._recorder, self._server.waiting)
+        topics = [self.resolve_topic_name(topic) for topic in start.body_state_topics]
         self.get_logger().info(
-            f"serving {self.resolve_service_name('~/resolve_collision')}; "
+            f"serving {self.resolve_service_name(impacts.name)}; "
             f"bodies from {', '.join(topics) or 'requests only'}; "
-            f"results on {self._results.topic}; "
+            f"results on {results.topic}; "
             f"{'not recording' if self._recorder is None else f'recording to {self._recorder.path}'}"
         )
 
-    def _hear(self, state: BodyState) -> None:
-        self._states.remember(state)
-        if self._recorder is not None and state.name:
-            with suppress(ImpactError):  # it is refused when it is asked for
-                body = convert.body_of(state.name, state)
-                convert.check_body(state.name, body)
-                self._recorder.add(Sighting(self._stamp(state), state.name, body))
+    def shut_down(self) -> None:
+        """Answer the requests that have arrived, then give up every interface and complete the recording.
 
-    def _serve(
-        self, request: ResolveCollision.Request, response: ResolveCollision.Response
-    ) -> ResolveCollision.Response:
-        self._answers += 1
-        try:
-            self._answer(request, response.result)
-        except ImpactError as error:
-            self._refuse(request, response, error.code, convert.as_in_message(error))
-        except Exception as error:  # if it left this callback, spin() would end and nobody be answered
-            self.get_logger().error(traceback.format_exc())
-            self._refuse(request, response, StatusCode.INTERNAL_ERROR, f"{type(error).__name__}: {error}")
-        else:
-            response.success = True
-        response.result.sequence = self._answers
-        self._results.publish(response.result)
-        return response
-
-    def _answer(self, request: ResolveCollision.Request, result: CollisionResult) -> None:
-        current = self._latest.values
-        complete(request, self._states, current, self._now)
-        scene = convert.scene_of(request, current)
-        impact = resolve(*scene)
-        convert.write_answer(result, request, impact)
-        names = result.contact.body_a or "body_a", result.contact.body_b or "body_b"
-        if self._survey is not None:
-            self._log_requirements(self._survey, " - ".join(names), scene)
+        It takes no longer than the parameter ``shutdown_timeout``. Nobody may spin the node any more.
+        """
+        start, limit = time.perf_counter(), self.parameters.values.shutdown_timeout
+        left = self._server.drain(start + 0.6 * limit, start + 0.8 * limit)
+        if left:
+            self._warn(f"{left} requests are left without an answer: shutdown_timeout is {limit:g} s")
+        super().destroy_node()
         if self._recorder is not None:
-            self._recorder.add(
-                Record(self._stamp(result), self._answers, *names, scene.body_a, scene.body_b, impact)
-            )
-
-    def _log_requirements(self, survey: SceneSurvey, name: str, scene: convert.Scene) -> None:
-        before = survey.requirements()
-        with suppress(ImpactError):  # without friction there is no answer
-            survey.add(name, scene.body_a, scene.body_b, scene.contact)
-        if survey.requirements() != before:
-            self.get_logger().info(f"the scene requires {survey.requirements()}")
-
-    def _refuse(
-        self,
-        request: ResolveCollision.Request,
-        response: ResolveCollision.Response,
-        code: StatusCode,
-        message: str,
-    ) -> None:
-        response.result = CollisionResult()
-        convert.write_refusal(response.result, request, code, message)
-        if self._recorder is not None:
-            text = f"{code.name}: {message}"
-            self._recorder.add(Refusal(self._stamp(response.result), self._answers, text))
-
-    def _serve_batch(
-        self, request: ResolveCollisionBatch.Request, response: ResolveCollisionBatch.Response
-    ) -> ResolveCollisionBatch.Response:
-        try:
-            current = self._latest.values
-            convert_batch.answer(request, response, self._states, current, self._now)
-        except ImpactError as error:
-            return convert_batch.refusal(request, error.code, convert.as_in_message(error))
-        except Exception as error:
-            self.get_logger().error(traceback.format_exc())
-            message = f"{type(error).__name__}: {error}"
-            return convert_batch.refusal(request, StatusCode.INTERNAL_ERROR, message)
-        return response
-
-    def _stamp(self, message: BodyState | CollisionResult) -> int:
-        """When that was [ns]: now, if nobody said."""
-        return nanoseconds(message.header.stamp) or self._now()
-
-    def _now(self) -> int:
-        return self.get_clock().now().nanoseconds
+            self._recorder.close(max(0.0, start + 0.95 * limit - time.perf_counter()))
 
     def destroy_node(self) -> None:
         """Give up every interface, then complete the recording."""
@@ -168,23 +125,80 @@ class CollisionResponseNode(Node):
         if self._recorder is not None:
             self._recorder.close()
 
+    def _listen(self, kind: Any, topic: str, qos: QoSProfile, hear: Callable[[bytes, Any], object]) -> Intake:
+        subscription = self.create_subscription(
+            kind,
+            topic,
+            _by_the_intake,
+            qos,
+            raw=True,
+            callback_group=OutOfReach(),
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+        )
+        return Intake(self, subscription, hear, self._server.wake, self._states.cannot_take)
+
+    def _take_states(self) -> None:
+        for intake in self._hearing:
+            intake.take_all()
+
+    def _hear(self, message: bytes, info: Any) -> None:
+        heard = self._states.hear(message, info)
+        if heard is None or self._recorder is None:
+            return
+        with suppress(ImpactError, Broken):  # it is refused when it is asked for
+            body = convert.body_of(heard.name, heard.state)
+            convert.check_body(heard.name, body)
+            self._recorder.add(Sighting(stamp_of(heard.state, self._now), heard.name, body))
+
+    def _forget(self, jump: TimeJump) -> None:
+        self._states.forget()
+        self._warn("the clock was changed or set back: the states of all bodies are forgotten")
+
+    def _over_budget(self, spent: float) -> ImpactError | None:
+        limit = self.parameters.values.budget_time
+        if not limit or spent <= limit:
+            return None
+        reason = (
+            f"took {spent:.3g} s to compute so far; budget.time is {limit:g} s: send fewer contacts at a time"
+        )
+        return ImpactError(StatusCode.BUDGET_EXCEEDED, "request", reason)
+
+    def _warn(self, text: str) -> None:
+        self.get_logger().warning(text, throttle_duration_sec=THROTTLE)
+
+    def _now(self) -> int:
+        return self.get_clock().now().nanoseconds
+
+
+def warm_up() -> None:
+    """Compute an impact by every law, in all it takes: the first one must not keep everybody waiting."""
+    ball = Body.dynamic(1.0, (0.4, 0, 0, 0.4, 0, 0.4), (0.0, 0.1, 1.0), None, (0.1, 0.2, -2.0))
+    contact = Contact.of((0, 0, 0), (0, 0, 1), restitution=0.5, friction=0.3)
+    for law, tolerance in product(Law, (0.0, 1e-15, 1e-17)):
+        resolve(ball, Body.static(), contact, ImpactModel(law, tolerance=tolerance))
+
+
+def _by_the_intake(message: bytes) -> None:
+    raise AssertionError("the executor leaves messages to the intake")
+
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM; the exit code is 0 then."""
     stop = on_signal()
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    executor = SingleThreadedExecutor()
-    node = None
     try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = CollisionResponseNode()
-        executor.add_node(node)
-        executor.spin_until_future_complete(stop)
-    except (ParameterException, NameValidationException) as error:
+    except NOT_ALLOWED as error:
         print("collision_response:", *str(error).split(), file=sys.stderr)  # on one line
+        rclpy.try_shutdown()
         return 1
+    limit_memory(parameters.StartParameters.of(node).memory_limit)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        executor.spin_until_future_complete(stop)
     finally:
         executor.shutdown()
-        if node is not None:
-            node.destroy_node()
+        node.shut_down()
         rclpy.try_shutdown()
     return 0

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from enum import IntEnum
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.service_introspection import ServiceIntrospectionState
 
 from ..model import Geometry, ImpactModel, Precision, check_model
 from ..physics.combine import CombineRule
@@ -29,6 +31,11 @@ CHOICES: Mapping[str, Mapping[str, Any]] = {
     "precision": _by_name(Precision),
     "combine_restitution": {rule.value: rule for rule in CombineRule},
     "combine_friction": {rule.value: rule for rule in CombineRule},
+    "service_introspection": {
+        "off": ServiceIntrospectionState.OFF,
+        "metadata": ServiceIntrospectionState.METADATA,
+        "contents": ServiceIntrospectionState.CONTENTS,
+    },
 }
 """The words that some parameters may be, and what they mean."""
 
@@ -48,6 +55,8 @@ class Declaration(NamedTuple):
         descriptor = ParameterDescriptor(description=self.description, read_only=self.read_only)
         if isinstance(self.default, float):
             descriptor.floating_point_range = [FloatingPointRange(from_value=self.least, to_value=self.most)]
+        elif type(self.default) is int:
+            descriptor.integer_range = [IntegerRange(from_value=int(self.least), to_value=int(self.most))]
         if self.name in CHOICES:
             descriptor.additional_constraints = "one of: " + ", ".join(CHOICES[self.name])
         return descriptor
@@ -58,21 +67,44 @@ DECLARATIONS = (
     Declaration(
         "body_state_topics", ["body_states"], "Topics of BodyState to listen to; '' for none.", read_only=True
     ),
-    Declaration("max_state_age", 0.0, "Age [s] above which a body's state is refused. 0: never."),
+    Declaration("max_bodies", 10_000, "States remembered; more: the stalest are forgotten.", 1, 10**6, True),
+    Declaration(
+        "max_state_age", 0.0, "Time [s] between a state and the contact above which it is refused. 0: any."
+    ),
+    Declaration(
+        "max_state_wait",
+        0.5,
+        "Longest wait [s] for a state that not_before of a request asks for.",
+        most=60.0,
+    ),
     Declaration("restitution", 1.0, "Where neither the contact nor both bodies give one.", most=1.0),
-    Declaration("friction", 0.0, "Where neither the contact nor both bodies give one."),
+    Declaration("friction", 0.0, "Where neither the contact nor both bodies give one.", most=1000.0),
     Declaration("combine_restitution", "average", "How the bodies' two coefficients become one."),
     Declaration("combine_friction", "average", "How the bodies' two coefficients become one."),
     Declaration("law", "auto", "Impact law. auto: coulomb where there is friction, else frictionless."),
     Declaration("geometry", "auto", "How much motion is modelled. auto: the cheapest that is exact."),
     Declaration("precision", "auto", "Arithmetic. auto: double, or what the tolerance asks for."),
-    Declaration("tolerance", 0.0, "Greatest relative error of the impulse wanted. 0: any that is known."),
+    Declaration(
+        "tolerance", 0.0, "Greatest relative error of the impulse wanted. 0: any that is known.", most=1.0
+    ),
     Declaration("tangential_restitution", 0.0, "For the law coulomb; 1: superball.", -1.0, 1.0),
     Declaration("restitution_threshold", 0.0, "Approach speed [m/s] under which restitution is taken as 0."),
     Declaration(
         "scene_tolerance",
         0.0,
         "Log the least that meets this tolerance in every impact so far, when it grows. 0: do not.",
+        read_only=True,
+    ),
+    Declaration("budget.contacts", 1_000_000, "Contacts that one batch may have.", 1, 10**9),
+    Declaration("budget.time", 60.0, "Computing time [s] that one request may take. 0: any."),
+    Declaration("memory_limit", 4096, "Memory [MiB] that the process may take. 0: any.", 0, 10**9, True),
+    Declaration(
+        "shutdown_timeout", 5.0, "Time [s] from SIGINT or SIGTERM to the end, in which requests are answered."
+    ),
+    Declaration(
+        "service_introspection",
+        "off",
+        "What of each call is published for ros2 service echo.",
         read_only=True,
     ),
     Declaration("recording.enabled", False, "Record every impact for the rerun viewer.", read_only=True),
@@ -90,10 +122,17 @@ DECLARATIONS = (
 
 @dataclass(frozen=True)
 class Parameters:
-    """What may change while the node runs, as it was at one moment. Fields are named as the parameters."""
+    """What may change while the node runs, as it was at one moment.
+
+    Fields are named as the parameters, with an underscore for a dot.
+    """
 
     world_frame: str
     max_state_age: float
+    max_state_wait: float
+    budget_contacts: int
+    budget_time: float
+    shutdown_timeout: float
     restitution: float
     friction: float
     combine_restitution: CombineRule
@@ -104,7 +143,7 @@ class Parameters:
     def of(cls, node: Node) -> Parameters:
         """The present values of a node."""
         return cls(
-            **{field: _value(node, field) for field in PARAMETERS},
+            **{field: _value(node, field.replace("budget_", "budget.")) for field in PARAMETERS},
             model=ImpactModel(*(_value(node, field) for field in ImpactModel._fields)),
         )
 
@@ -139,6 +178,10 @@ class StartParameters:
     recording_file: str
     scene_tolerance: float
     """0: do not log what the scene requires."""
+    max_bodies: int
+    memory_limit: int
+    """In MiB; 0: none."""
+    service_introspection: ServiceIntrospectionState
 
     @classmethod
     def of(cls, node: Node) -> StartParameters:
@@ -150,6 +193,9 @@ class StartParameters:
             directory,
             _value(node, "recording.file"),
             _value(node, "scene_tolerance"),
+            _value(node, "max_bodies"),
+            _value(node, "memory_limit"),
+            _value(node, "service_introspection"),
         )
 
 
@@ -162,6 +208,28 @@ def declare(node: Node) -> None:
     node.add_on_set_parameters_callback(validate)
     for declaration in DECLARATIONS:
         node.declare_parameter(declaration.name, declaration.default, declaration.descriptor())
+
+
+def unknown(node: Node, options: Mapping[str, Any]) -> dict[str, str]:
+    """Parameters that the node was given and does not have; of each, the name it has that is most like it.
+
+    A node of the same name that declares whatever it is given tells which those are.
+    """
+    everything: dict[str, Any] = {
+        **options,
+        "automatically_declare_parameters_from_overrides": True,
+        "allow_undeclared_parameters": True,
+        "start_parameter_services": False,
+        "enable_rosout": False,
+    }
+    trial = Node(node.get_name(), **everything)
+    given = trial.get_parameters_by_prefix("")
+    trial.destroy_node()
+    strangers = [
+        name for name in given if not node.has_parameter(name) and not name.startswith("qos_overrides.")
+    ]
+    known = [declaration.name for declaration in DECLARATIONS]
+    return {name: next(iter(get_close_matches(name, known, 1, 0.0))) for name in strangers}
 
 
 def validate(parameters: list[Parameter[Any]]) -> SetParametersResult:

@@ -2,58 +2,148 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from typing import NamedTuple
+
+from builtin_interfaces.msg import Time
 
 from ..msg import BodyState
 from ..srv import ResolveCollision
 from ..status import ImpactError, StatusCode
 from .parameters import Parameters
-from .states import LatestStates, check_age
+from .serialized import nanoseconds
+from .states import Known, LatestStates, quoted
+
+OWNERS = ("body_a", "body_b")
+
+
+class Used(NamedTuple):
+    """Which state stood for a body.
+
+    Attributes:
+        stamp: of the state.
+        age: how much older it was than the contact [s]; NaN if it has no stamp.
+    """
+
+    stamp: Time
+    age: float
+
+
+IN_FULL = Used(Time(), 0.0)
+"""Of a body that was given in full."""
+
+
+class TooEarly(ImpactError):
+    """A state may still come that would do."""
 
 
 def complete(
     request: ResolveCollision.Request, states: LatestStates, parameters: Parameters, now: Callable[[], int]
-) -> None:
+) -> list[Used]:
     """Replace the bodies that are given by name only, and check that the parts belong together.
 
     Args:
-        request: changed in place.
+        request: changed in place; left as it is by an error.
         states: the latest states received.
         parameters: of the node.
         now: the time by the node's clock [ns]; reading it is not free, and rarely needed.
 
+    Returns:
+        Which state stood for body_a, and for body_b.
+
     Raises:
+        TooEarly: a state is older than ``not_before``, or unknown.
         ImpactError: SAME_BODY, UNKNOWN_BODY, STALE_STATE or FRAME_MISMATCH.
     """
     check_names(request)
-    for owner in ("body_a", "body_b"):
-        given = getattr(request, owner)
-        if is_name_only(given):
-            state = states.find(owner, given.name)
-            if parameters.max_state_age:
-                check_age(owner, state, now(), parameters.max_state_age)
-            setattr(request, owner, state)
+    names = [_name_only(getattr(request, owner), getattr(request.contact, owner)) for owner in OWNERS]
+    used = [IN_FULL, IN_FULL]
+    if any(names):
+        time = nanoseconds(request.contact.header.stamp) or now()
+        known = [
+            find(states, owner, f"{owner}.name", name, nanoseconds(request.not_before)) if name else None
+            for owner, name in zip(OWNERS, names, strict=True)
+        ]
+        for i, state in enumerate(known):
+            if state is not None:
+                used[i] = Used(state.state.header.stamp, age_of(state, time))
+                check_age(OWNERS[i], names[i], used[i].age, parameters.max_state_age)
+        for owner, state in zip(OWNERS, known, strict=True):
+            if state is not None:
+                setattr(request, owner, state.state)
     check_frames(request, parameters.world_frame)
+    return used
 
 
-def is_name_only(body: BodyState) -> bool:
-    """Whether a body has a name, and every other field as constructed."""
-    if not body.name or body.inertia.m or body.motion_type:
-        return False  # most bodies given in full; the comparison below takes ten times as long
-    return body == BodyState(name=body.name)
+def _name_only(body: BodyState, in_contact: str) -> str:
+    """The name of a body of which nothing else is given; else nothing."""
+    if body.inertia.m or body.motion_type or not (body.name or in_contact):
+        return ""  # most bodies given in full; the comparison below takes ten times as long
+    return body.name or in_contact if body == BodyState(name=body.name) else ""
+
+
+def find(states: LatestStates, owner: str, field: str, name: str, not_before: int) -> Known:
+    """The latest state of a body given by name.
+
+    Args:
+        states: the latest states received.
+        owner, field: of the body and of its name, for the error.
+        name: of the body.
+        not_before: the least stamp [ns]; 0: any.
+
+    Raises:
+        TooEarly: there is none yet.
+        ImpactError: UNKNOWN_BODY.
+    """
+    try:
+        known = states.find(field, name)
+    except ImpactError as error:
+        raise TooEarly(error.code, error.field, error.reason) if not_before else error from None
+    if known.stamp < not_before:
+        late = (not_before - known.stamp) / 1e9
+        reason = f"the last state of {quoted(name)} is {late:.6g} s older than not_before asks for"
+        raise TooEarly(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
+    return known
+
+
+def age_of(known: Known, time: int) -> float:
+    """How much older than a time [ns] a state is [s]; NaN if it has no stamp."""
+    return (time - known.stamp) / 1e9 if known.stamp else math.nan
+
+
+def check_age(owner: str, name: str, age: float, limit: float) -> None:
+    """Refuse a state that is too far from the time of the contact.
+
+    Args:
+        owner: of the state, for the error.
+        name: of the body.
+        age: of the state [s]; NaN: not known.
+        limit: the greatest allowed [s], to either side; 0: any.
+
+    Raises:
+        ImpactError: STALE_STATE.
+    """
+    if not limit or abs(age) <= limit:
+        return
+    when = f"is {age:.6g} s old" if age > 0 else f"is {-age:.6g} s ahead: do the clocks agree?"
+    if math.isnan(age):
+        when = "has no stamp"
+    reason = f"the last state of {quoted(name)} {when}; max_state_age is {limit:.6g} s"
+    raise ImpactError(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
 
 
 def check_names(request: ResolveCollision.Request) -> None:
     """Raises: ImpactError: UNKNOWN_BODY or SAME_BODY."""
     names = []
-    for owner in ("body_a", "body_b"):
+    for owner in OWNERS:
         own, in_contact = getattr(request, owner).name, getattr(request.contact, owner)
         if own and in_contact and own != in_contact:
-            reason = f"is {in_contact!r}, but {owner}.name is {own!r}"
+            reason = f"is {quoted(in_contact)}, but {owner}.name is {quoted(own)}"
             raise ImpactError(StatusCode.UNKNOWN_BODY, f"contact.{owner}", reason)
         names.append(own or in_contact)
     if names[0] and names[0] == names[1]:
-        reason = f"is {names[1]!r}, as that of body_a: a body cannot strike itself"
+        reason = f"is {quoted(names[1])}, as that of body_a: a body cannot strike itself"
         raise ImpactError(StatusCode.SAME_BODY, "body_b.name", reason)
 
 
@@ -61,10 +151,10 @@ def check_frames(request: ResolveCollision.Request, world_frame: str) -> None:
     """Raises: ImpactError: FRAME_MISMATCH."""
     frame = request.contact.header.frame_id
     if world_frame and frame != world_frame:
-        reason = f"is {frame!r}, but the parameter world_frame is {world_frame!r}"
+        reason = f"is {quoted(frame)}, but the parameter world_frame is {world_frame!r}"
         raise ImpactError(StatusCode.FRAME_MISMATCH, "contact.header.frame_id", reason)
-    for owner in ("body_a", "body_b"):
+    for owner in OWNERS:
         own = getattr(request, owner).header.frame_id
         if own != frame:
-            reason = f"is {own!r}, but contact.header.frame_id is {frame!r}"
+            reason = f"is {quoted(own)}, but contact.header.frame_id is {quoted(frame)}"
             raise ImpactError(StatusCode.FRAME_MISMATCH, f"{owner}.header.frame_id", reason)

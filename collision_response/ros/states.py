@@ -1,56 +1,200 @@
-"""The latest state of every body that has been heard of."""
+"""The latest state of every body that has been heard of.
+
+Messages are kept as they arrived. Of one that nobody asks for, the stamp and the names are all that is read:
+the rest takes ten times as long.
+"""
 
 from __future__ import annotations
 
-from builtin_interfaces.msg import Time
+from collections.abc import Callable
+from itertools import islice
+from typing import Any, NamedTuple
 
 from ..msg import BodyState
 from ..status import ImpactError, StatusCode
+from .serialized import Broken, Serialized, SerializedState, SerializedTable
+
+SHOWN = 60
+"""Characters of a name that a message quotes."""
+
+PUBLISHERS = 1000
+"""Publishers whose messages are counted; and a tenth of that, of tables."""
 
 
-def nanoseconds(stamp: Time) -> int:
-    """A stamp as one number [ns]."""
-    return stamp.sec * 1_000_000_000 + stamp.nanosec
+def quoted(name: str) -> str:
+    """A name for a message, however long it is."""
+    return repr(name if len(name) <= SHOWN else f"{name[:SHOWN]}...")
+
+
+class Known(NamedTuple):
+    """The latest state of a body.
+
+    Attributes:
+        state: as published.
+        stamp: when [ns]; 0 if it was not said.
+    """
+
+    state: BodyState
+    stamp: int
+
+
+class _Source(NamedTuple):
+    """The state of a body by name, and whom it came from: the publisher, and the one before that."""
+
+    latest: SerializedState
+    publisher: bytes
+    earlier: bytes | None
 
 
 class LatestStates:
-    """Body states by name: of each body, the one that arrived last."""
+    """Body states by name: of each body the one with the latest stamp.
 
-    def __init__(self) -> None:
-        self._by_name: dict[str, BodyState] = {}
+    A state without a stamp counts as the latest when it arrives. So does every state while the one that is
+    known is stamped in the future: a wrong clock must not shut out the right ones.
 
-    def remember(self, state: BodyState) -> None:
-        """Take note of a state. One without a name could not be asked for, and is passed over."""
-        if state.name:
-            self._by_name[state.name] = state
-
-    def find(self, owner: str, name: str) -> BodyState:
-        """The state of a body given by name only.
-
-        Raises:
-            ImpactError: UNKNOWN_BODY, its field starting with ``owner``.
-        """
-        try:
-            return self._by_name[name]
-        except KeyError:
-            heard_of = ", ".join(sorted(self._by_name)[:10]) or "no body"
-            reason = f"is {name!r}, of which no state has been received; heard of: {heard_of}"
-            raise ImpactError(StatusCode.UNKNOWN_BODY, f"{owner}.name", reason) from None
-
-
-def check_age(owner: str, state: BodyState, now: int, limit: float) -> None:
-    """Refuse a state that is too old.
+    Attributes:
+        received: number of messages taken.
+        lost: number of messages that publishers sent and that did not arrive.
+        broken: number of messages that could not be read.
+        overtaken: number of states passed over as older than the one that was known.
+        evicted: number of bodies forgotten because there were too many.
 
     Args:
-        owner: of the state, for the error.
-        state: stamped by whoever published it.
-        now: by the node's clock [ns].
-        limit: the greatest age allowed [s].
-
-    Raises:
-        ImpactError: STALE_STATE.
+        most: the number of bodies to remember; those that were heard of last.
+        now: the time by the node's clock [ns].
+        take_all: takes what waits on the subscriptions.
+        report: told what a person should know, in words.
     """
-    age = (now - nanoseconds(state.header.stamp)) / 1e9
-    if age > limit:
-        reason = f"the last state of {state.name!r} is {age:.6g} s old; max_state_age is {limit:.6g} s"
-        raise ImpactError(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
+
+    def __init__(
+        self,
+        most: int,
+        now: Callable[[], int],
+        report: Callable[[str], object],
+        take_all: Callable[[], object] = lambda: None,
+    ) -> None:
+        self.received = self.lost = self.broken = self.overtaken = self.evicted = 0
+        self.take_all = take_all
+        self._most = most
+        self._now = now
+        self._report = report
+        self._by_name: dict[str, _Source] = {}
+        self._tables: dict[bytes, SerializedTable] = {}
+        self._counts: dict[bytes, int] = {}
+        self._shared_names: set[str] = set()
+
+    def __len__(self) -> int:
+        """How many bodies are known."""
+        return len(self._by_name) + sum(len(table.columns) for table in self._tables.values())
+
+    def hear(self, message: bytes, info: Any) -> SerializedState | None:
+        """Take note of a ``BodyState``. One without a name could not be asked for, and is passed over."""
+        publisher = self._count(info)
+        state = self._read(SerializedState, message)
+        if state is None or not state.name:
+            return None
+        old = self._by_name.pop(
+            state.name, None
+        )  # the order of names is that in which they were heard of last
+        if old is None:
+            self._by_name[state.name] = _Source(state, publisher, None)
+            self._make_room()
+            return state
+        earlier = old.earlier
+        if publisher != old.publisher:
+            self._check_publisher(state.name, publisher, earlier)
+            earlier = old.publisher
+        is_latest = self._is_later(state, old.latest)
+        self._by_name[state.name] = _Source(state if is_latest else old.latest, publisher, earlier)
+        return state
+
+    def hear_table(self, message: bytes, info: Any) -> None:
+        """Take note of a ``BodyStates``; it stands for the one before it from the same publisher."""
+        publisher = self._count(info)
+        table = self._read(SerializedTable, message)
+        if table is None:
+            return
+        old = self._tables.get(publisher)
+        if old is None or self._is_later(table, old):
+            self._tables[publisher] = table
+        if len(self._tables) > PUBLISHERS // 10:
+            del self._tables[next(iter(self._tables))]
+
+    def cannot_take(self, error: Exception) -> None:
+        """Take note of a message that could not even be taken."""
+        self.broken += 1
+        self._report(f"a state could not be taken: {error}")
+
+    def find(self, field: str, name: str) -> Known:
+        """The state of a body given by name only, after taking what has arrived.
+
+        Raises:
+            ImpactError: UNKNOWN_BODY, for the field that holds the name.
+        """
+        self.take_all()
+        found = [table for table in self._tables.values() if name in table.columns]
+        source = self._by_name.get(name)
+        latest: Serialized | None = max(found, key=lambda table: table.stamp, default=None)
+        if source is not None and (latest is None or source.latest.stamp >= latest.stamp):
+            latest = source.latest
+        if latest is None:
+            raise ImpactError(StatusCode.UNKNOWN_BODY, field, self._unknown(name))
+        try:
+            return Known(latest.state_of(name), latest.stamp)
+        except Broken as error:
+            reason = f"is {quoted(name)}, whose last state cannot be read: {error}"
+            raise ImpactError(StatusCode.UNKNOWN_BODY, field, reason) from None
+
+    def forget(self) -> None:
+        """Forget every body."""
+        self._by_name.clear()
+        self._tables.clear()
+
+    def _unknown(self, name: str) -> str:
+        some = [quoted(known)[1:-1] for known in islice(self._by_name, 10)]
+        more = ", ..." if len(self._by_name) > len(some) else ""
+        heard_of = f"{', '.join(some) or 'no body'}{more}"
+        return f"is {quoted(name)}, of which no state has been received; heard of: {heard_of}"
+
+    def _read(self, kind: Any, message: bytes) -> Any:
+        try:
+            return kind(message)
+        except Broken as error:
+            self.broken += 1
+            self._report(f"a state could not be read: {error}")
+            return None
+
+    def _is_later(self, new: Serialized, old: Serialized) -> bool:
+        if new.stamp >= old.stamp or not new.stamp or old.stamp > self._now():
+            return True
+        self.overtaken += 1
+        return False
+
+    def _count(self, info: Any) -> bytes:
+        """The publisher of a message; messages between this and its last one were lost."""
+        self.received += 1
+        publisher, number = bytes(info["publisher_gid"]["data"]), info["publication_sequence_number"]
+        last = self._counts.get(publisher)
+        if last is None and len(self._counts) >= PUBLISHERS:
+            self._counts.clear()
+        elif last is not None and number > last + 1:
+            self.lost += number - last - 1
+            self._report(
+                f"{self.lost} states in all were sent and did not arrive: publish fewer, or as BodyStates"
+            )
+        self._counts[publisher] = number
+        return publisher
+
+    def _check_publisher(self, name: str, publisher: bytes, earlier: bytes | None) -> None:
+        """Two publishers of one name take turns; one that replaces another does not."""
+        if publisher == earlier and name not in self._shared_names and len(self._shared_names) < PUBLISHERS:
+            self._shared_names.add(name)
+            self._report(f"two publishers send states of {quoted(name)}: which is used, the stamps decide")
+
+    def _make_room(self) -> None:
+        if len(self._by_name) > self._most:
+            del self._by_name[next(iter(self._by_name))]
+            self.evicted += 1
+            self._report(
+                f"more than {self._most} bodies: those not heard of for longest are forgotten; see max_bodies"
+            )

@@ -7,16 +7,21 @@ copied: of each contact its two.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+import time
+from array import array
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from builtin_interfaces.msg import Time
 
-from ..batch import BatchResult, is_bounded, resolve_batch
+from ..batch import BatchResult, is_bounded, resolve_with_pauses
 from ..centre import at_centre
 from ..model import Geometry, ImpactModel, check_model, law_for
 from ..msg import BodyState
 from ..physics.laws import Law
+from ..srv import ResolveCollisionBatch
 from ..status import ImpactError, StatusCode
 from . import convert
 from .batch_fields import (
@@ -29,8 +34,12 @@ from .batch_fields import (
     with_zeros,
     write_model,
 )
-from .parameters import Parameters
-from .states import LatestStates, check_age
+from .parameters import LatestParameters, Parameters
+from .patience import when_not_too_early
+from .request import TooEarly, age_of, check_age, find
+from .serialized import nanoseconds
+from .server import Answer
+from .states import LatestStates, quoted
 
 
 class Bodies(NamedTuple):
@@ -40,57 +49,110 @@ class Bodies(NamedTuple):
         table: a column for each, shape ``(rows, bodies)``.
         faults: a :class:`StatusCode` for each that cannot be used, whatever its column holds; else UNSET.
         errors: what is wrong with those.
+        stamps: of the states that stand for those given by name.
+        ages: how much older those are than the request [s]; NaN if that is not known.
     """
 
     table: Array
     faults: Array
     errors: list[ImpactError]
+    stamps: list[Time]
+    ages: list[float]
 
 
-def answer(
-    request: Request,
-    response: Response,
-    states: LatestStates,
-    parameters: Parameters,
-    now: Callable[[], int],
-) -> None:
-    """Fill in the response to a request.
+BLOCK = 256
+"""Contacts that are computed without a pause at first; more or fewer when it is known how long they take."""
+
+PAUSE = 0.001, 0.004
+"""Times [s] between pauses: computing less, more contacts are taken together; computing longer, fewer."""
+
+
+class Batches:
+    """The service for many impacts.
 
     Args:
-        request: left as it is.
-        response: as constructed; of no use after an error.
-        states: the latest states received.
         parameters: of the node.
+        states: of the bodies that it has heard of.
         now: the time by the node's clock [ns].
-
-    Raises:
-        ImpactError: the request as a whole is refused.
     """
-    check_world_frame(request, parameters.world_frame)
-    layout = layout_of(request)
-    pairs = pairs_of(request)
-    contacts = contacts_of(request, layout, pairs.shape[1])
-    model = model_of(request, layout, contacts, parameters.model)
-    bodies = bodies_of(request, layout, states, parameters, now)
-    faults = faults_of(pairs, bodies.faults)
 
-    shapes = result_shapes(layout.geometry, len(faults))
+    interface = ResolveCollisionBatch
+    name = "~/resolve_collision_batch"
+
+    def __init__(self, parameters: LatestParameters, states: LatestStates, now: Callable[[], int]) -> None:
+        self._parameters = parameters
+        self._states = states
+        self._now = now
+
+    def answer(self, request: Request) -> Answer:
+        """The work for a request, in parts."""
+        current = self._parameters.values
+        response = Response()
+        check_world_frame(request, current.world_frame)
+        layout = layout_of(request)
+        pairs = pairs_of(request, current.budget_contacts)
+        contacts = contacts_of(request, layout, pairs.shape[1])
+        model = model_of(request, layout, contacts, current.model)
+        bodies = yield from when_not_too_early(
+            partial(bodies_of, request, layout, self._states, current, self._now), current.max_state_wait
+        )
+        faults = faults_of(pairs, bodies.faults)
+
+        out = result_in(response, layout.geometry, len(faults), bounded=is_bounded(model))
+        yield from compute(bodies.table, pairs, faults, contacts, model, out)
+        np.copyto(out.status, faults, where=faults != StatusCode.UNSET)
+        response.success, response.code, response.header = True, int(StatusCode.OK), request.header
+        response.message = note_of(bodies.errors)
+        response.state_stamps, response.state_ages = bodies.stamps, array("d", bodies.ages)
+        write_model(response.model, model)
+        return response
+
+    def refusal(self, request: Request, error: ImpactError) -> Response:
+        """The response that says why there is none; its model is that of the request."""
+        return Response(
+            header=request.header,
+            model=request.model,
+            code=int(error.code),
+            message=convert.as_in_message(error),
+        )
+
+    def code(self, response: Response) -> StatusCode:
+        """How the request ended."""
+        return StatusCode(response.code)
+
+
+def result_in(response: Response, geometry: Geometry, n: int, *, bounded: bool) -> BatchResult:
+    """A result of ``n`` contacts whose arrays are the fields of a response."""
+    shapes = result_shapes(geometry, n)
     tables = {name: with_zeros(getattr(response, name), shape) for name, shape in shapes.items()}
-    tables["status"] = with_zeros(response.status, faults.shape)
-    if is_bounded(model):
-        tables["error_bound"] = with_zeros(response.error_bounds, faults.shape)
-        tables["precision"] = with_zeros(response.precisions, faults.shape)
-    out = BatchResult(**tables)
-    resolve_batch(columns_of(bodies.table, pairs, faults), contacts, model, out=out)
-    np.copyto(out.status, faults, where=faults != StatusCode.UNSET)
-    response.success, response.code, response.header = True, int(StatusCode.OK), request.header
-    response.message = note_of(bodies.errors)
-    write_model(response.model, model)
+    tables["status"] = with_zeros(response.status, (n,))
+    if bounded:
+        tables["error_bound"] = with_zeros(response.error_bounds, (n,))
+        tables["precision"] = with_zeros(response.precisions, (n,))
+    return BatchResult(**tables)
 
 
-def refusal(request: Request, code: StatusCode, message: str) -> Response:
-    """The response that says why there is none; its model is that of the request."""
-    return Response(header=request.header, model=request.model, code=int(code), message=message)
+def compute(
+    table: Array, pairs: Array, faults: Array, contacts: Array, model: ImpactModel, out: BatchResult
+) -> Iterator[None]:
+    """Fill in the results, with pauses."""
+    start, block = 0, BLOCK
+    while start < len(faults):
+        began = time.perf_counter()
+        some = slice(start, start + block)
+        yield from resolve_with_pauses(
+            columns_of(table, pairs[:, some], faults[some]),
+            contacts[:, some],
+            model,
+            BatchResult(*(None if whole is None else whole[..., some] for whole in out)),
+        )
+        start += block
+        taken = time.perf_counter() - began
+        if taken < PAUSE[0]:
+            block *= 2
+        elif taken > PAUSE[1] and block > 1:
+            block //= 2
+        yield
 
 
 def check_world_frame(request: Request, world_frame: str) -> None:
@@ -110,16 +172,19 @@ def layout_of(request: Request) -> Layout:
     return LAYOUTS[request.layout]
 
 
-def pairs_of(request: Request) -> Array:
+def pairs_of(request: Request, most: int) -> Array:
     """Columns of bodies, shape ``(2, N)``.
 
     Raises:
-        ImpactError: INVALID_TABLE.
+        ImpactError: INVALID_TABLE, or BUDGET_EXCEEDED for more than ``most`` contacts.
     """
     indices = np.asarray(request.pairs)
     if indices.size % 2:
         reason = f"must hold two indices for each contact, holds {indices.size} in all"
         raise ImpactError(StatusCode.INVALID_TABLE, "pairs", reason)
+    if indices.size > 2 * most:
+        reason = f"has {indices.size // 2} contacts; budget.contacts is {most}: send fewer at a time"
+        raise ImpactError(StatusCode.BUDGET_EXCEEDED, "pairs", reason)
     return indices.reshape(2, -1).astype(np.intp)
 
 
@@ -162,30 +227,53 @@ def bodies_of(
     """The bodies of the table and those given by name.
 
     Raises:
+        TooEarly: a state is older than ``not_before``, or unknown.
         ImpactError: INVALID_TABLE, or SAME_BODY for a name that is there twice.
     """
     numbers, height = np.asarray(request.bodies), layout.bodies.height
     if numbers.size % height:
         reason = f"must hold {height} rows for {layout.name}, all of one length; holds {numbers.size} numbers"
         raise ImpactError(StatusCode.INVALID_TABLE, "bodies", reason)
-    table = numbers.reshape(height, -1)
+    table = without_give(numbers.reshape(height, -1), request.immovable, layout)
     faults = np.zeros(table.shape[1] + len(request.names), np.uint8)
     if not request.names:
-        return Bodies(table, faults, [])
+        return Bodies(table, faults, [], [], [])
 
     check_names(request.names)
     columns, errors = np.full((height, len(request.names)), math.nan), []
-    time = now() if parameters.max_state_age else 0
+    stamps, ages = [Time() for _ in request.names], [math.nan] * len(request.names)
+    at, not_before = nanoseconds(request.header.stamp) or now(), nanoseconds(request.not_before)
     for i, name in enumerate(request.names):
+        owner = f"names[{i}]"
         try:
-            state = _received(f"names[{i}]", name, request.header.frame_id, states)
-            if parameters.max_state_age:
-                check_age(f"names[{i}]", state, time, parameters.max_state_age)
-            columns[:, i] = _column(f"names[{i}]", state, layout)
+            known = find(states, owner, owner, name, not_before)
+            stamps[i], ages[i] = known.state.header.stamp, age_of(known, at)
+            check_frame(owner, known.state, request.header.frame_id)
+            check_age(owner, name, ages[i], parameters.max_state_age)
+            columns[:, i] = _column(owner, known.state, layout)
+        except TooEarly:
+            raise
         except ImpactError as error:
             errors.append(error)
             faults[table.shape[1] + i] = error.code
-    return Bodies(np.concatenate([table, columns], axis=1), faults, errors)
+    return Bodies(np.concatenate([table, columns], axis=1), faults, errors, stamps, ages)
+
+
+def without_give(table: Array, immovable: Sequence[int], layout: Layout) -> Array:
+    """The bodies of the table; those that do not give way with infinite mass and no inertia.
+
+    Raises:
+        ImpactError: INVALID_TABLE.
+    """
+    if not immovable:
+        return table
+    columns, rows = np.asarray(immovable), layout.bodies
+    if columns.max() >= table.shape[1]:
+        reason = f"must hold indices below {table.shape[1]}, holds {columns.max()}"
+        raise ImpactError(StatusCode.INVALID_TABLE, "immovable", reason)
+    table = table.copy()
+    table[rows.mass, columns], table[rows.inertia, columns] = math.inf, 0.0
+    return table
 
 
 def check_names(names: Sequence[str]) -> None:
@@ -193,20 +281,16 @@ def check_names(names: Sequence[str]) -> None:
     first: dict[str, int] = {}
     for i, name in enumerate(names):
         if first.setdefault(name, i) != i:
-            reason = f"is {name!r}, as names[{first[name]}]: a body has one column"
+            reason = f"is {quoted(name)}, as names[{first[name]}]: a body has one column"
             raise ImpactError(StatusCode.SAME_BODY, f"names[{i}]", reason)
 
 
-def _received(owner: str, name: str, frame: str, states: LatestStates) -> BodyState:
-    try:
-        state = states.find(owner, name)
-    except ImpactError as error:
-        raise ImpactError(error.code, owner, error.reason) from None
+def check_frame(owner: str, state: BodyState, frame: str) -> None:
+    """Raises: ImpactError: FRAME_MISMATCH."""
     own = state.header.frame_id
     if own != frame:
-        reason = f"is {own!r}, but header.frame_id is {frame!r}"
+        reason = f"is {quoted(own)}, but header.frame_id is {quoted(frame)}"
         raise ImpactError(StatusCode.FRAME_MISMATCH, f"{owner}.header.frame_id", reason)
-    return state
 
 
 def _column(owner: str, state: BodyState, layout: Layout) -> list[float]:

@@ -1,0 +1,97 @@
+"""How the node is doing, on /diagnostics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+from ..recording import Recorder
+from ..status import StatusCode
+from .states import LatestStates
+from .tally import Tally
+
+PERIOD = 1.0
+"""Time [s] between messages."""
+
+
+class Diagnostics:
+    """Publishes what was counted, once a second.
+
+    Args:
+        node: that publishes.
+        tally: of the services.
+        states: that the node has heard of.
+        recorder: or ``None``.
+        waiting: tells how many requests are not answered yet.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        tally: Tally,
+        states: LatestStates,
+        recorder: Recorder | None,
+        waiting: Callable[[], int],
+    ) -> None:
+        self._node = node
+        self._tally = tally
+        self._states = states
+        self._recorder = recorder
+        self._waiting = waiting
+        self._troubles = self._count_troubles()
+        self._counts = self._count()
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        node.create_timer(PERIOD, self._publish)
+
+    def _count(self) -> dict[str, int]:
+        answers = sum(self._tally.answers.values())
+        return {"requests": self._tally.requests, "answers": answers, "states": self._states.received}
+
+    def _count_troubles(self) -> dict[str, int]:
+        tally, states = self._tally, self._states
+        return {
+            "requests that could not be read": tally.unreadable,
+            "requests of clients that left": tally.dropped,
+            "answers that could not be sent": tally.unsent,
+            "answers to clients that left, perhaps not received": tally.at_risk,
+            "requests over budget": tally.answers[StatusCode.BUDGET_EXCEEDED],
+            "internal errors": tally.answers[StatusCode.INTERNAL_ERROR],
+            "states lost on the way": states.lost,
+            "states that could not be read": states.broken,
+            "states older than the one known": states.overtaken,
+            "bodies forgotten": states.evicted,
+            "entries not recorded": self._recorder.dropped if self._recorder else 0,
+        }
+
+    def _publish(self) -> None:
+        counts, troubles = self._count(), self._count_troubles()
+        new = [
+            f"{name}: {troubles[name] - before}"
+            for name, before in self._troubles.items()
+            if troubles[name] > before
+        ]
+        rates = {f"{name} per second": (counts[name] - old) / PERIOD for name, old in self._counts.items()}
+        self._counts, self._troubles = counts, troubles
+        values: Mapping[str, object] = {
+            **counts,
+            **rates,
+            "requests waiting": self._waiting(),
+            "bodies known": len(self._states),
+            **{f"latency {name} [ms]": f"{value:.3g}" for name, value in self._tally.percentiles().items()},
+            **{f"answered {code.name}": number for code, number in sorted(self._tally.answers.items())},
+            **troubles,
+        }
+        message = DiagnosticArray()
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.status = [
+            DiagnosticStatus(
+                level=DiagnosticStatus.WARN if new else DiagnosticStatus.OK,
+                name=self._node.get_fully_qualified_name(),
+                message="; ".join(new) or "all is well",
+                hardware_id="",
+                values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+            )
+        ]
+        self._publisher.publish(message)

@@ -1,0 +1,159 @@
+"""States of bodies as they come over the wire: read as far as needed, when needed.
+
+Messages of ROS 2 are in CDR (OMG, "DDS-XTypes" 1.3, 7.4): four bytes that say the byte order, then the
+fields, each aligned to its size.
+"""
+
+from __future__ import annotations
+
+import struct
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from rclpy.serialization import deserialize_message
+
+from ..msg import BodyState, BodyStates
+
+ROWS = 23
+"""Of ``BodyStates.numbers``."""
+
+LONGEST = 4096
+"""Bytes of a ``BodyState``: only its names may be long."""
+
+LARGEST = 1 << 24
+"""Bytes of a ``BodyStates``."""
+
+
+class Broken(ValueError):
+    """A message that is none of its type."""
+
+
+class Serialized:
+    """A message that starts with a header.
+
+    Attributes:
+        stamp: of the header [ns].
+
+    Raises:
+        Broken: it is too short or too long.
+    """
+
+    def __init__(self, message: bytes, longest: int) -> None:
+        if len(message) > longest:
+            raise Broken(f"it has {len(message)} bytes, more than {longest}")
+        self._message = message
+        self._order = "<" if len(message) > 1 and message[1] & 1 else ">"
+        self.stamp, self._end = 0, 4
+        seconds, nanoseconds = self._integer(signed=True), self._integer()
+        self.stamp = seconds * 1_000_000_000 + nanoseconds
+        self._string()  # frame_id
+
+    def state_of(self, name: str) -> BodyState:
+        """The state of a body.
+
+        Raises:
+            Broken: the rest of the message is none of its type.
+        """
+        raise NotImplementedError
+
+    def _integer(self, *, signed: bool = False) -> int:
+        start = -(-self._end // 4) * 4
+        self._end = start + 4
+        try:
+            return struct.unpack_from(self._order + ("i" if signed else "I"), self._message, start)[0]
+        except struct.error:
+            raise Broken("it ends too early") from None
+
+    def _string(self) -> str:
+        size = self._integer()
+        start, self._end = self._end, self._end + size
+        if self._end > len(self._message):
+            raise Broken("a text in it ends after its end")
+        try:
+            return self._message[start : max(start, self._end - 1)].decode()  # without the 0 at its end
+        except UnicodeDecodeError as error:
+            raise Broken(str(error)) from None
+
+
+class SerializedState(Serialized):
+    """A ``BodyState``.
+
+    Attributes:
+        name: of the body.
+    """
+
+    def __init__(self, message: bytes) -> None:
+        super().__init__(message, LONGEST)
+        self.name = self._string()
+
+    def state_of(self, name: str) -> BodyState:
+        """The state, whatever the name."""
+        return self.state
+
+    @cached_property
+    def state(self) -> BodyState:
+        """All of it."""
+        return _deserialized(self._message, BodyState)
+
+
+class SerializedTable(Serialized):
+    """A ``BodyStates``."""
+
+    def __init__(self, message: bytes) -> None:
+        super().__init__(message, LARGEST)
+        least = 8 * self._integer()  # bytes, of as many names
+        if least > len(message):
+            raise Broken(f"its names alone need {least} bytes, but it has {len(message)}")
+
+    @cached_property
+    def columns(self) -> dict[str, int]:
+        """The columns of the bodies by their names; none if the message cannot be read."""
+        try:
+            return {name: column for column, name in enumerate(self._table.names)}
+        except Broken:
+            return {}
+
+    def state_of(self, name: str) -> BodyState:
+        """The state of one of its bodies."""
+        table = self._table
+        size, column = len(table.names), self.columns[name]
+        if len(table.numbers) != ROWS * size or len(table.motion_types) not in (0, size):
+            raise Broken(
+                f"{len(table.numbers)} numbers and {len(table.motion_types)} motion types of {size} bodies"
+            )
+        state = BodyState(header=table.header, name=name)
+        numbers = iter(np.asarray(table.numbers).reshape(ROWS, size)[:, column].tolist())
+        inertia, pose, twist = state.inertia, state.pose, state.twist
+        inertia.m = next(numbers)
+        for field in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
+            setattr(inertia, field, next(numbers))
+        for part, axes in (
+            (inertia.com, "xyz"),
+            (pose.position, "xyz"),
+            (pose.orientation, "xyzw"),
+            (twist.linear, "xyz"),
+            (twist.angular, "xyz"),
+        ):
+            for axis in axes:
+                setattr(part, axis, next(numbers))
+        if table.motion_types:
+            state.motion_type = table.motion_types[column]
+        return state
+
+    @cached_property
+    def _table(self) -> BodyStates:
+        return _deserialized(self._message, BodyStates)
+
+
+def nanoseconds(stamp: Time) -> int:
+    """A stamp as one number [ns]."""
+    return stamp.sec * 1_000_000_000 + stamp.nanosec
+
+
+def _deserialized(message: bytes, kind: type) -> Any:
+    try:
+        return deserialize_message(message, kind)
+    except Exception as error:  # whatever the typesupport makes of broken bytes
+        raise Broken(str(error)) from None
