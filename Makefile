@@ -13,7 +13,7 @@ unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH 
 unexport RMW_IMPLEMENTATION ROS_DISTRO VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help demo test lint bench stability colcon clean .venv .bench-venv .colcon-venv
+.PHONY: help demo test lint bench stability faults fuzz states soak reliability colcon clean .venv .bench-venv .colcon-venv
 
 help:
 	@echo 'make demo       collisions, answered by the node'
@@ -21,6 +21,11 @@ help:
 	@echo 'make lint       ruff and mypy'
 	@echo 'make bench      times against peers and limits, and stability: some ten minutes'
 	@echo 'make stability  the measurements of docs/stability.md alone: some eight minutes'
+	@echo 'make faults     clients that crowd, leave and stop, and SIGTERM: docs/reliability.md'
+	@echo 'make fuzz       hostile input, to the node from outside'
+	@echo 'make states     body states at rates'
+	@echo "make soak       load and faults for ten minutes; make soak ARGS='--minutes 1' for one"
+	@echo 'make reliability  these four: some half an hour'
 	@echo 'make colcon     a colcon build of this tree, and a call of the node it installs'
 	@echo 'make clean      remove all that these made'
 
@@ -35,13 +40,21 @@ lint: .venv
 	@$(VENV_PYTHON) -m mypy
 
 .venv:
-	@$(PYTHON) tools/setup_venv.py .venv $(EXTRAS)
+	@$(PYTHON) tools/setup_venv.py .venv $(EXTRAS) $(OPTIONAL)
 
 bench: .bench-venv
 	@.bench-venv/bin/python -I benchmarks $(ARGS)
 
 stability: .bench-venv
 	@.bench-venv/bin/python -I benchmarks/stability.py
+
+reliability fuzz: OPTIONAL := benchmarks/reliability/requirements.txt
+
+faults fuzz states soak: .venv
+	@$(VENV_PYTHON) benchmarks/reliability $@ $(ARGS)
+
+reliability: .venv
+	@$(VENV_PYTHON) benchmarks/reliability all
 
 .bench-venv:
 	@$(PYTHON) tools/setup_venv.py .bench-venv plots,test benchmarks/requirements.txt

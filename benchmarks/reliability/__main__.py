@@ -12,7 +12,7 @@ from pathlib import Path
 
 sys.path[0] = str(Path(__file__).resolve().parent.parent)
 
-CHILDREN = ("client", "listener", "publisher", "raw", "values", "look")
+CHILDREN = ("client", "listener", "publisher", "raw", "values", "look", "known", "newcomers")
 PARTS = ("faults", "fuzz", "states", "soak")
 
 

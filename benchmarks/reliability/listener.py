@@ -25,7 +25,7 @@ def run(order: dict[str, Any], parent: Parent) -> None:
 
     def hear(message: Any) -> None:
         times.append(time.monotonic())
-        names.add(getattr(message, "name", ""))
+        names.update(message.names if order["type"] == "BodyStates" else [getattr(message, "name", "")])
 
     reliability = ReliabilityPolicy.RELIABLE if order["reliable"] else ReliabilityPolicy.BEST_EFFORT
     qos = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=reliability)

@@ -131,9 +131,38 @@ def over_time(found: Found) -> str:
     return table([*head, "descriptors", "threads"], rows)
 
 
+# States ---------------------------------------------------------------------------------------
+
+
+def states(found: Found) -> str:
+    """A row for each rate."""
+    rows = []
+    for row in found["rows"]:
+        node, bare = row["node"], row["bare"]
+        numbers = [significant(one[key], 3) for one, key in ((node, "offered"), (node, "heard"), (bare, "heard"))]
+        said = node["said lost"]
+        rows.append(
+            [
+                f"`{row['type']}`",
+                *numbers,
+                f"{100 * node['lost']:.1f} %",
+                "" if said is None else f"{int(said):,}",
+                *_spread(node["latency"]),
+            ]
+        )
+    head = ["type", "offered a second", "heard by the node", "by a bare subscription", "lost by the node"]
+    head += ["lost, says the node", "half within [ms]", "99 % [ms]", "all [ms]"]
+    node, bare = found["most"]["node"], found["most"]["bare"]
+    return (
+        f"{table(head, rows)}\n\nAt most {significant(node, 3)} `BodyState` a second by the node, "
+        f"{significant(bare, 3)} by the bare subscription: {significant(node / bare)} times as many."
+    )
+
+
 PARTS: dict[str, dict[str, Callable[[Found], str]]] = {
     "faults": {"faults measured": _measured, "faults": faults},
     "fuzz": {"fuzz measured": _measured, "fuzz": fuzz},
+    "states": {"states measured": _measured, "states": states},
     "soak": {"soak measured": _measured, "soak": soak, "over time": over_time},
 }
 """The generated parts of the page, by what measures them."""

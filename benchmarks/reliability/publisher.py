@@ -9,51 +9,74 @@ from typing import Any
 from .child import Parent
 from .kinds import NAMES, full
 
-NAME = "body_0000000"
 TICK = 0.002
 """Seconds; the states of one tick go out together."""
 
+TABLE = 1000
+"""Bodies of one message of ``BodyStates``."""
 
-class States:
-    """The bytes of a state, with a name and the present time filled in."""
 
-    def __init__(self) -> None:
+def name_of(number: int) -> str:
+    """Of a body. All are of one length, so that one can take the place of another."""
+    return f"body_{number:07}"
+
+
+class Template:
+    """The bytes of a message about bodies, with their names and the present time filled in.
+
+    Attributes:
+        bodies: of one message.
+        kind: of message.
+    """
+
+    def __init__(self, name: str) -> None:
         from rclpy.serialization import serialize_message
 
-        state = full().body_a
-        state.name = NAME
-        self._bytes = bytearray(serialize_message(state))
-        self._name = self._bytes.index(NAME.encode())
+        from collision_response import msg
 
-    def of(self, number: int) -> bytes:
-        """Of the body of that number."""
-        name = f"body_{number:07}".encode()
-        self._bytes[self._name : self._name + len(name)] = name
+        self.kind = getattr(msg, name)
+        self.bodies = 1 if name == "BodyState" else TABLE
+        if name == "BodyState":
+            message = full().body_a
+            message.name = name_of(0)
+        else:
+            message = self.kind(names=list(map(name_of, range(TABLE))))
+            message.header.frame_id = "world"
+            column = [2.0, 0.3, 0, 0, 0.4, 0, 0.5, 0, 0, 0, 0.1, 0.2, 0.6, 0, 0, 0, 1, 0.3, -0.2, -1.5, 0, 0, 0]
+            message.numbers.extend(float(number) for number in column for _ in range(TABLE))
+        self._bytes = bytearray(serialize_message(message))
+        first = self._bytes.index(name_of(0).encode())
+        second = self._bytes.find(name_of(1).encode())
+        self._places = range(first, first + (second - first) * self.bodies, max(1, second - first))[: self.bodies]
+
+    def of(self, first: int) -> bytes:
+        """Of the bodies from that number on."""
+        for number, at in enumerate(self._places, first):
+            name = name_of(number).encode()
+            self._bytes[at : at + len(name)] = name
         now = time.time_ns()
         struct.pack_into("<iI", self._bytes, 4, now // 1_000_000_000, now % 1_000_000_000)
         return bytes(self._bytes)
 
 
 def run(order: dict[str, Any], parent: Parent) -> None:
-    """As a process: publish at ``rate``, round about ``bodies``, until ``number`` or told to stop; say ``sent``."""
+    """As a process: publish states at ``rate``, round about ``bodies``, until ``number`` or told to stop; say ``sent``."""
     import rclpy
     from rclpy.node import Node
     from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-    from collision_response.msg import BodyState
-
     qos = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
     rclpy.init()
-    node, states = Node("publisher"), States()
-    publisher = node.create_publisher(BodyState, order["topic"], qos)
-    asked_for = [full().body_a, full().body_b]
-    for state, name in zip(asked_for, NAMES, strict=True):
+    node, template = Node("publisher"), Template(order["type"])
+    publisher = node.create_publisher(template.kind, order["topic"], qos)
+    asked_for = [full().body_a, full().body_b] if order["type"] == "BodyState" else []
+    for state, name in zip(asked_for, NAMES, strict=False):
         state.name = name
     try:
         parent.wait_until(publisher.get_subscription_count)
         parent.say("ready")
         parent.wait_for("go")
-        began, sent, announced = time.monotonic(), 0, 0.0
+        began, sent, announced, step = time.monotonic(), 0, 0.0, template.bodies
         while sent < order["number"] and not parent.has_said("stop") and not parent.is_gone():
             elapsed = time.monotonic() - began
             if elapsed >= announced:  # those that clients ask for by name, ten times a second
@@ -61,10 +84,10 @@ def run(order: dict[str, Any], parent: Parent) -> None:
                 for state in asked_for:
                     state.header.stamp = node.get_clock().now().to_msg()
                     publisher.publish(state)
-            due = min(order["number"], int(elapsed * order["rate"]) + 1)
-            for number in range(sent, min(due, sent + 1000)):
-                publisher.publish(states.of(number % order["bodies"]))
-            sent = min(due, sent + 1000)
+            due = min(order["number"], int(elapsed * order["rate"]) + step, sent + 1000 * step)
+            while sent + step <= due:
+                publisher.publish(template.of(sent % order["bodies"]))
+                sent += step
             parent.pause(TICK)
         parent.say("sent", {"states": sent, "seconds": time.monotonic() - began})
     finally:

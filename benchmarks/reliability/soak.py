@@ -55,8 +55,9 @@ class Soak:
     def run(self, seconds: float, requests: int) -> dict[str, Any]:
         """So long, or until so many were asked."""
         stage = self.stage
+        topic = f"{NAMESPACE}/body_states"
         publisher = stage.child(
-            "publisher", topic=f"{NAMESPACE}/body_states", rate=500, bodies=1000, number=10**9
+            "publisher", type="BodyState", topic=topic, rate=500, bodies=1000, number=10**9
         )
         stage.start(publisher)
         each = requests // len(WINDOWS) or 10**9
