@@ -1,6 +1,6 @@
-"""``make faults``, ``make fuzz``, ``make states``, ``make soak`` and ``make reliability``: the node from outside.
+"""``make faults``, ``fuzz``, ``states``, ``soak``, and ``make reliability`` for all: the node from outside.
 
-With arguments they only print, for a look. Without they also write benchmarks/results and docs/reliability.md.
+With arguments they only print, for a look. Without, they write benchmarks/results and docs/reliability.md too.
 """
 
 from __future__ import annotations

@@ -54,8 +54,8 @@ class Report:
         asked: requests sent.
         answered: of those, answered, whichever the code.
         codes: how often each was answered, by kind.
-        wrong: answers with a code that was not to be expected, or with the number of another request; by kind and
-            code.
+        wrong: answers with a code that was not to be expected, or with the number of another request; by kind
+            and code.
         blocked: sends that the client's own middleware refused for now; tried again.
     """
 

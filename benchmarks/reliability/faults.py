@@ -183,7 +183,11 @@ def _stop(stage: Stage, number: int, seconds: float) -> Row:
     client.resume()
     went = client.report()
     return row(
-        node, [], others=found, apart=(went.asked, went.answered), notes=f"stopped for {seconds:.0f} s or more"
+        node,
+        [],
+        others=found,
+        apart=(went.asked, went.answered),
+        notes=f"stopped for {seconds:.0f} s or more",
     )
 
 
@@ -228,7 +232,9 @@ def _long(stage: Stage, kind: str, parameters: dict[str, Any]) -> Row:
     stage.start(other, client)
     found = client.report()
     took = found.latencies.spread()
-    return row(node, [found], others=stopped(other), notes=f"the batch took {took['max']:.2g} s" if took else "")
+    return row(
+        node, [found], others=stopped(other), notes=f"the batch took {took['max']:.2g} s" if took else ""
+    )
 
 
 @case("a batch of 1e6, POINT, as the node comes")

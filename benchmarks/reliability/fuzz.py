@@ -15,11 +15,6 @@ from . import results
 from .faults import LONGEST_WAIT, started, steady, stopped
 from .processes import Environment, Stage
 
-WHAT = {
-    "single": "`~/resolve_collision`",
-    "batch": "`~/resolve_collision_batch`",
-    "states": "`body_states`",
-}
 SHARES = {"values single": 0.4, "values batch": 0.2, "values states": 0.1} | dict.fromkeys(
     ("raw single", "raw batch", "raw states"), 0.1
 )
@@ -57,10 +52,10 @@ def values(stage: Stage, what: str, number: int, seed: int) -> Row:
     return {**_row(node, before, stopped(other), done["asked"] - done["answered"]), **done}
 
 
-def raw(stage: Stage, what: str, number: int, seed: int, domain: int) -> Row:
+def raw(stage: Stage, what: str, number: int, seed: int) -> Row:
     """Bytes."""
     node, other = started(stage), steady(stage)
-    sender = stage.child("raw", what=what, number=number, seed=seed, pace=PACE, domain=domain)
+    sender = stage.child("raw", what=what, number=number, seed=seed, pace=PACE)
     stage.start(other, sender)
     before = node.usage()
     done = sender.until("done", 540.0)
@@ -111,10 +106,8 @@ def measure(number: int, seed: int, word: str) -> dict[str, Row]:
                 continue
             print(f"==> {name}, {round(number * share):,} ...", flush=True)
             with Stage(environment) as stage:
-                if how == "raw":
-                    found[name] = raw(stage, what, round(number * share), seed, int(environment.usual["ROS_DOMAIN_ID"]))
-                else:
-                    found[name] = values(stage, what, round(number * share), seed)
+                run = raw if how == "raw" else values
+                found[name] = run(stage, what, round(number * share), seed)
             for line in broken(name, found[name]):
                 print(f"    BROKEN: {line}", flush=True)
             for fault in found[name]["faults"].values():

@@ -115,7 +115,16 @@ def _kinds() -> dict[str, Kind]:
 
 KINDS = _kinds()
 
-SMALL = ("full", "coulomb", "routh_stronge", "extended", "separating", "unknown", "without normal", "not finite")
+SMALL = (
+    "full",
+    "coulomb",
+    "routh_stronge",
+    "extended",
+    "separating",
+    "unknown",
+    "without normal",
+    "not finite",
+)
 """For many at once: answers and refusals."""
 
 MIXED = (*SMALL, "moreau", "routh_poisson", "batch of 100", "wrong table")

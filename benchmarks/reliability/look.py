@@ -52,4 +52,6 @@ def diagnostics(node: Any) -> dict[str, str]:
     while not heard and time.monotonic() < end:
         rclpy.spin_once(node, timeout_sec=0.1)
     node.destroy_subscription(subscription)
-    return {pair.key: pair.value for message in heard[-1:] for status in message.status for pair in status.values}
+    return {
+        pair.key: pair.value for message in heard[-1:] for status in message.status for pair in status.values
+    }

@@ -7,17 +7,11 @@ from typing import Any
 
 from pages import significant, table
 
-Found = dict[str, Any]
-NAMES = {
-    1: "OK", 2: "SEPARATING", 3: "INVALID_INERTIA", 4: "INVALID_NORMAL", 5: "INVALID_COEFFICIENT", 6: "NOT_FINITE",
-    7: "FRAME_MISMATCH", 8: "UNKNOWN_BODY", 9: "STALE_STATE", 10: "INVALID_MODEL", 11: "NO_DYNAMIC_BODY",
-    12: "INVALID_MASS", 13: "INVALID_ORIENTATION", 14: "INVALID_MOTION_TYPE", 15: "SAME_BODY", 16: "OUT_OF_RANGE",
-    17: "TOLERANCE_NOT_MET", 18: "PATH_TOO_LONG", 19: "INVALID_TABLE", 20: "BUDGET_EXCEEDED", 21: "SHUTTING_DOWN",
-    100: "INTERNAL_ERROR",
-}  # fmt: skip
-"""Of the codes of msg/Status.msg."""
+from collision_response import StatusCode
 
-ANSWERS = (1, 2, 17)
+Found = dict[str, Any]
+REFUSED_FOR_NOW = ("BUDGET_EXCEEDED", "SHUTTING_DOWN")
+TIMES = ("half within [ms]", "99 % [ms]", "all [ms]")
 
 
 def parts(stored: Mapping[str, Found]) -> dict[str, str]:
@@ -31,8 +25,9 @@ def parts(stored: Mapping[str, Found]) -> dict[str, str]:
 
 def _measured(found: Found) -> str:
     machine, broken = found["machine"], found["broken"]
-    line = f"Measured on {found['date']}: {machine['processor']}, {machine['cores']} cores, Python {machine['python']}."
-    return "\n".join([f"{line} Promises broken: {len(broken)}.", *(f"* {promise}" for promise in broken)])
+    on = f"{machine['processor']}, {machine['cores']} cores, Python {machine['python']}"
+    line = f"Measured on {found['date']}: {on}. Promises broken: {len(broken)}."
+    return "\n".join([line, *(f"* {promise}" for promise in broken)])
 
 
 def milliseconds(seconds: float | None) -> str:
@@ -46,7 +41,8 @@ def _spread(spread: dict[str, float] | None) -> list[str]:
 
 def refusals(codes: Mapping[Any, int]) -> dict[str, int]:
     """By name."""
-    return {NAMES[int(code)]: n for code, n in codes.items() if int(code) not in ANSWERS}
+    named = {StatusCode(int(code)): n for code, n in codes.items()}
+    return {code.name: n for code, n in named.items() if not code.is_answer}
 
 
 # Faults ---------------------------------------------------------------------------------------
@@ -57,8 +53,9 @@ def faults(found: Found) -> str:
     rows = []
     for name, row in found["cases"].items():
         apart = "" if row["apart"] is None else "{1:,} of {0:,}".format(*row["apart"])
-        late = {code: n for code, n in refusals(row["codes"]).items() if code in ("BUDGET_EXCEEDED", "SHUTTING_DOWN")}
-        notes = [f"{n:,} {code}" for code, n in late.items()] + ([row["notes"]] if row["notes"] else [])
+        refused = refusals(row["codes"])
+        notes = [f"{refused[code]:,} {code}" for code in REFUSED_FOR_NOW if code in refused]
+        notes += [row["notes"]] if row["notes"] else []
         rows.append(
             [
                 name,
@@ -70,8 +67,7 @@ def faults(found: Found) -> str:
                 "; ".join(notes),
             ]
         )
-    head = ["case", "asked", "unanswered", "apart", "half within [ms]", "99 % [ms]", "all [ms]", "peak [MiB]", ""]
-    return table(head, rows)
+    return table(["case", "asked", "unanswered", "apart", *TIMES, "peak [MiB]", ""], rows)
 
 
 # Hostile input --------------------------------------------------------------------------------
@@ -87,8 +83,8 @@ def fuzz(found: Found) -> str:
         memory = f"{row['before']:.0f} → {row['after']:.0f}" if row["after"] else "it died"
         numbers = [f"{n:,}" for n in (row["sent"], faults, row["unanswered"], row["other"])]
         rows.append([f"{sender}, `{what}`", *numbers, *_spread(row["latency"]), memory])
-    head = ["what", "sent", "wrong answers", "unanswered", "another asked", "half within [ms]", "99 % [ms]", "all [ms]"]
-    return table([*head, "memory [MiB]"], rows)
+    head = ["what", "sent", "wrong answers", "unanswered", "another asked"]
+    return table([*head, *TIMES, "memory [MiB]"], rows)
 
 
 # Soak -----------------------------------------------------------------------------------------
@@ -100,14 +96,17 @@ def soak(found: Found) -> str:
     for name, row in found["clients"].items():
         refused = ", ".join(f"{n:,} {code}" for code, n in refusals(row["codes"]).items())
         left = row["asked"] - row["answered"]
-        rows.append([name, f"{row['asked']:,}", f"{row['answered']:,}", f"{left:,}", refused, *_spread(row["latency"])])
+        numbers = [f"{number:,}" for number in (row["asked"], row["answered"], left)]
+        rows.append([name, *numbers, refused, *_spread(row["latency"])])
     for name, (asked, answered) in found["apart"].items():
         rows.append([f"apart: {name}", f"{asked:,}", f"{answered:,}", "", "", "", "", ""])
     head = ["clients", "asked", "answered", "unanswered", "of those answered, refused"]
     seconds, code = found["exit"]
-    slope = "" if found["slope"] is None else f" Memory in the second half: {found['slope']:+.1f} MiB an hour."
+    slope = (
+        "" if found["slope"] is None else f" Memory in the second half: {found['slope']:+.1f} MiB an hour."
+    )
     return (
-        f"{table([*head, 'half within [ms]', '99 % [ms]', 'all [ms]'], rows)}\n\n"
+        f"{table([*head, *TIMES], rows)}\n\n"
         f"{found['minutes']:.1f} minutes, {found['faults']} faults, {found['states']:,} body states, "
         f"{found['log_lines']:,} lines in the log.{slope} At the end SIGTERM: exit code {code} after "
         f"{significant(seconds)} s."
@@ -127,8 +126,8 @@ def over_time(found: Found) -> str:
         ]
         for row in found["over time"]
     ]
-    head = ["to minute", "answers a second", "half within [ms]", "99 % [ms]", "all [ms]", "memory [MiB]"]
-    return table([*head, "descriptors", "threads"], rows)
+    head = ["to minute", "answers a second", *TIMES, "memory [MiB]", "descriptors", "threads"]
+    return table(head, rows)
 
 
 # States ---------------------------------------------------------------------------------------
@@ -139,7 +138,9 @@ def states(found: Found) -> str:
     rows = []
     for row in found["rows"]:
         node, bare = row["node"], row["bare"]
-        numbers = [significant(one[key], 3) for one, key in ((node, "offered"), (node, "heard"), (bare, "heard"))]
+        numbers = [
+            significant(one[key], 3) for one, key in ((node, "offered"), (node, "heard"), (bare, "heard"))
+        ]
         said = node["said lost"]
         rows.append(
             [
@@ -151,7 +152,7 @@ def states(found: Found) -> str:
             ]
         )
     head = ["type", "offered a second", "heard by the node", "by a bare subscription", "lost by the node"]
-    head += ["lost, says the node", "half within [ms]", "99 % [ms]", "all [ms]"]
+    head += ["lost, says the node", *TIMES]
     node, bare = found["most"]["node"], found["most"]["bare"]
     return (
         f"{table(head, rows)}\n\nAt most {significant(node, 3)} `BodyState` a second by the node, "

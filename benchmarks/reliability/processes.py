@@ -34,10 +34,8 @@ class Process:
     """
 
     def __init__(self, command: list[str], environment: dict[str, str], **pipes: Any) -> None:
-        self._errors = tempfile.TemporaryFile("w+")
-        self._process = subprocess.Popen(
-            command, env=environment, stderr=self._errors, text=True, **pipes
-        )
+        self._errors = tempfile.TemporaryFile("w+")  # noqa: SIM115  it lives as long as this
+        self._process = subprocess.Popen(command, env=environment, stderr=self._errors, text=True, **pipes)
         self._is_held = False
         self.pid = self._process.pid
 
@@ -105,7 +103,16 @@ class NodeProcess(Process):
     """The node under test, as installed."""
 
     def __init__(self, environment: dict[str, str], parameters: dict[str, Any]) -> None:
-        words = [sys.executable, "-I", str(NODE), "--ros-args", "-r", f"__ns:={NAMESPACE}", "--log-level", "warn"]
+        words = [
+            sys.executable,
+            "-I",
+            str(NODE),
+            "--ros-args",
+            "-r",
+            f"__ns:={NAMESPACE}",
+            "--log-level",
+            "warn",
+        ]
         for name, value in parameters.items():
             words += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
         super().__init__(words, environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)

@@ -1,4 +1,4 @@
-"""Publishes body states at a rate, as bytes made beforehand: Python would be too slow to make them on the way."""
+"""Publishes body states at a rate, as bytes made beforehand: making messages on the way is too slow."""
 
 from __future__ import annotations
 
@@ -42,12 +42,36 @@ class Template:
         else:
             message = self.kind(names=list(map(name_of, range(TABLE))))
             message.header.frame_id = "world"
-            column = [2.0, 0.3, 0, 0, 0.4, 0, 0.5, 0, 0, 0, 0.1, 0.2, 0.6, 0, 0, 0, 1, 0.3, -0.2, -1.5, 0, 0, 0]
+            column = [
+                2.0,
+                0.3,
+                0,
+                0,
+                0.4,
+                0,
+                0.5,
+                0,
+                0,
+                0,
+                0.1,
+                0.2,
+                0.6,
+                0,
+                0,
+                0,
+                1,
+                0.3,
+                -0.2,
+                -1.5,
+                0,
+                0,
+                0,
+            ]
             message.numbers.extend(float(number) for number in column for _ in range(TABLE))
         self._bytes = bytearray(serialize_message(message))
         first = self._bytes.index(name_of(0).encode())
         second = self._bytes.find(name_of(1).encode())
-        self._places = range(first, first + (second - first) * self.bodies, max(1, second - first))[: self.bodies]
+        self._places = [first + number * (second - first) for number in range(self.bodies)]
 
     def of(self, first: int) -> bytes:
         """Of the bodies from that number on."""
@@ -60,7 +84,7 @@ class Template:
 
 
 def run(order: dict[str, Any], parent: Parent) -> None:
-    """As a process: publish states at ``rate``, round about ``bodies``, until ``number`` or told to stop; say ``sent``."""
+    """As a process: publish at ``rate`` until ``number`` are out or it is told to stop; say ``sent``."""
     import rclpy
     from rclpy.node import Node
     from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy

@@ -3,6 +3,7 @@
 It reaches a node of Fast DDS only if that does not propagate its types (``fastdds.type_propagation``).
 """
 
+import os
 import random
 import struct
 from typing import Any
@@ -64,10 +65,18 @@ class Draw(random.Random):
         return header + bytes(found)
 
     def of_another_encoding(self, header: bytes, body: bytes) -> bytes:
-        return bytes((self.choice((0, 0, 255)), self.randrange(16), self.randrange(256), self.randrange(256))) + body
+        return bytes((self.choice((0, 0, 255)), self.randrange(16))) + self.randbytes(2) + body
 
 
-WAYS = (Draw.truncated, Draw.oversized, Draw.garbage, Draw.claimed, Draw.claimed, Draw.flipped, Draw.of_another_encoding)
+WAYS = (
+    Draw.truncated,
+    Draw.oversized,
+    Draw.garbage,
+    Draw.claimed,
+    Draw.claimed,
+    Draw.flipped,
+    Draw.of_another_encoding,
+)
 
 
 def run(order: dict[str, Any], parent: Parent) -> None:
@@ -93,7 +102,7 @@ def run(order: dict[str, Any], parent: Parent) -> None:
             return self.given
 
     qos = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.History.KeepLast(1000))
-    participant = DomainParticipant(order["domain"])
+    participant = DomainParticipant(int(os.environ["ROS_DOMAIN_ID"]))
     writer = DataWriter(participant, Topic(participant, topic, Raw), qos=qos)
     parent.wait_until(writer.get_matched_subscriptions)
     parent.say("ready")

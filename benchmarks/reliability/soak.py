@@ -1,7 +1,7 @@
 """Load and faults together, for long: what was asked and answered, and what the node took of the machine.
 
-Clients that stay must get every answer. What was asked by those that left, were killed or were stopped is counted
-apart.
+Clients that stay must get every answer. What was asked by those that left, were killed or were stopped is
+counted apart.
 """
 
 from __future__ import annotations
@@ -108,7 +108,9 @@ class Soak:
             "clients": {
                 name: _summary(Report.together(reports)) for name, reports in self.reports.items() if reports
             },
-            "apart": {name: [sum(n) for n in zip(*counts, strict=True)] for name, counts in self.apart.items()},
+            "apart": {
+                name: [sum(n) for n in zip(*counts, strict=True)] for name, counts in self.apart.items()
+            },
             "one at a time": first,
             "over time": self._over_time(began),
             "slope": slope(self._samples),
@@ -248,7 +250,8 @@ def broken(found: dict[str, Any]) -> list[str]:
     promises = {
         "the node died": found["alive"],
         f"exit {found['exit']}": found["exit"][1] == 0,
-        f"one that asks one at a time waited {longest or 0:.2g} s": longest is None or longest <= LONGEST_WAIT,
+        f"one that asks one at a time waited {longest or 0:.2g} s": longest is None
+        or longest <= LONGEST_WAIT,
         f"{growth:.0f} MiB more at the end than in the middle": growth <= MOST_GROWTH,
     }
     for name, row in found["clients"].items():

@@ -1,6 +1,6 @@
-"""States at a rate: how many the node takes in, against a bare subscription of rclpy; and its service meanwhile.
+"""States at a rate: how many the node takes in, against a bare subscription of rclpy, and how it serves.
 
-Every state is of another body, so that afterwards each can be asked for by name: one that is not known was lost.
+Every state is of another body. Afterwards each is asked for by name: one that is not known was lost.
 """
 
 from __future__ import annotations
@@ -79,7 +79,9 @@ def measure(seconds: float) -> dict[str, Any]:
                     with Stage(environment) as stage:
                         row[who] = run(stage, kind, rate, seconds)
                 rows.append(row)
-    most = {who: max(row[who]["heard"] for row in rows if row["type"] == "BodyState") for who in ("node", "bare")}
+    most = {
+        who: max(row[who]["heard"] for row in rows if row["type"] == "BodyState") for who in ("node", "bare")
+    }
     return {"rows": rows, "most": most}
 
 
