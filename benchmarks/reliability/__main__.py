@@ -1,6 +1,6 @@
 """``make faults``, ``fuzz``, ``states``, ``soak``, and ``make reliability`` for all: the node from outside.
 
-With arguments they only print, for a look. Without, they write benchmarks/results and docs/reliability.md too.
+With arguments they only print. Without, they write benchmarks/results and docs/reliability.md too.
 """
 
 from __future__ import annotations
