@@ -26,7 +26,10 @@ def parts(stored: Mapping[str, Found]) -> dict[str, str]:
 def _measured(found: Found) -> str:
     machine, broken = found["machine"], found["broken"]
     on = f"{machine['processor']}, {machine['cores']} cores, Python {machine['python']}"
-    line = f"Measured on {found['date']}: {on}. Promises broken: {len(broken)}."
+    line = (
+        f"Measured on {found['date']}: {on}, a load of {found['load']:.1f} before. "
+        f"Promises broken: {len(broken)}."
+    )
     return "\n".join([line, *(f"* {promise}" for promise in broken)])
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import json
+import os
 from typing import Any
 
 import pages
@@ -12,11 +13,14 @@ from machine import machine
 from . import page
 
 STORED = pages.ROOT / "benchmarks" / "results"
+LOAD = os.getloadavg()[0]
+"""Of the machine, before anything was started: what it does besides is in every time."""
 
 
 def finish(part: str, found: dict[str, Any], *, is_whole: bool, broken: list[str]) -> int:
     """The exit code: 1 if a promise was broken."""
-    found = {"date": datetime.date.today().isoformat(), "machine": machine(), **found, "broken": broken}
+    when = {"date": datetime.date.today().isoformat(), "machine": machine(), "load": LOAD}
+    found = {**when, **found, "broken": broken}
     print("\n\n".join(write(found) for write in page.PARTS[part].values()))
     for promise in broken:
         print(f"==> BROKEN: {promise}")
