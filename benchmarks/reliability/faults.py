@@ -141,10 +141,10 @@ def fairness(stage: Stage) -> Row:
     return row(node, [found], others=stopped(other))
 
 
-@case("100 clients, each asks as soon as it sees the service")
+@case("60 clients, each asks as soon as it sees the service")
 def newcomers(stage: Stage) -> Row:
     node = started(stage)
-    newcomers = stage.child("newcomers", number=100, namespace=NAMESPACE)
+    newcomers = stage.child("newcomers", number=60, namespace=NAMESPACE)
     return row(node, [newcomers.report()])
 
 
