@@ -1,6 +1,7 @@
 """States at a rate: how many the node takes in, against a bare subscription of rclpy, and how it serves.
 
-Every state is of another body. Afterwards each is asked for by name: one that is not known was lost.
+Every state is of another body. Afterwards each is asked for by name: one that is not known was lost. Of tables,
+each of which takes the place of the one before, the node's own count has to do.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import Any
 from . import results
 from .faults import LONGEST_WAIT, started, steady, stopped
 from .processes import NAMESPACE, Environment, Stage
+from .publisher import TABLE
 
 KINDS = {
     "BodyState": (f"{NAMESPACE}/body_states", (2_000, 5_000, 10_000, 20_000)),
@@ -33,8 +35,11 @@ def by_the_node(stage: Stage, kind: str, rate: int, seconds: float) -> Row:
     stage.start(other, publisher)
     sent = publisher.until("sent", 120.0)
     found = stopped(other)
-    known = stage.child("known", namespace=NAMESPACE, bodies=sent["states"]).until("known", 300.0)
     values = stage.child("look", namespace=NAMESPACE).until("found")["diagnostics"]
+    if kind == "BodyState":
+        known = stage.child("known", namespace=NAMESPACE, bodies=sent["states"]).until("known", 300.0)
+    else:  # a table takes the place of the one before it: what was heard only the node can tell
+        known = int(values["states"]) * TABLE
     return {
         **_row(sent, known),
         "alive": node.is_alive(),
