@@ -24,7 +24,7 @@ PACE = 500
 """Raw messages a second."""
 
 MOST_GROWTH = 200.0
-"""MiB that the memory may be above that before."""
+"""MiB that the memory may ever be above that before."""
 
 FAST_DDS = """<?xml version="1.0" encoding="UTF-8"?>
 <dds xmlns="http://www.eprosima.com"><profiles>
@@ -79,12 +79,12 @@ def _row(node: Any, before: Any, other: Any, unanswered: int) -> Row:
 def broken(name: str, row: Row) -> list[str]:
     """The promises that were."""
     wait = row["latency"] and row["latency"]["max"]
-    is_flat = row["after"] is not None and row["after"] - row["before"] <= MOST_GROWTH
+    is_flat = row["peak"] is not None and row["peak"] - row["before"] <= MOST_GROWTH
     promises = {
         "the node died": row["alive"],
         f"{row['unanswered']} unanswered": row["unanswered"] == 0,
         f"another waited {wait or 0:.2g} s": wait is None or wait <= LONGEST_WAIT,
-        f"memory from {row['before']} to {row['after']} MiB": is_flat or not row["alive"],
+        f"memory up to {row['peak'] or 0:.0f} MiB": is_flat or not row["alive"],
     }
     found = [f"{name}: {what}" for what, holds in promises.items() if not holds]
     return found + [f"{name}: {n} times {kind}" for kind, n in row["counts"].items()]

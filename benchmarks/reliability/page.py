@@ -83,7 +83,9 @@ def fuzz(found: Found) -> str:
         how, what = name.split()
         sender = "values by rclpy" if how == "values" else "bytes by Cyclone DDS"
         faults = sum(row["counts"].values())
-        memory = f"{row['before']:.0f} → {row['after']:.0f}" if row["after"] else "it died"
+        memory = "it died"
+        if row["after"]:
+            memory = f"{row['before']:.0f} → {row['after']:.0f}, at most {row['peak']:.0f}"
         numbers = [f"{n:,}" for n in (row["sent"], faults, row["unanswered"], row["other"])]
         rows.append([f"{sender}, `{what}`", *numbers, *_spread(row["latency"]), memory])
     head = ["what", "sent", "wrong answers", "unanswered", "another asked"]

@@ -1,7 +1,7 @@
 """States at a rate: how many the node takes in, against a bare subscription of rclpy, and how it serves.
 
-Every state is of another body. Afterwards each is asked for by name: one that is not known was lost. Of tables,
-each of which takes the place of the one before, the node's own count has to do.
+Every state is of another body. Afterwards each is asked for by name: one that is not known was lost. Of
+tables, each of which takes the place of the one before, the node's own count has to do.
 """
 
 from __future__ import annotations
