@@ -13,12 +13,14 @@ unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH 
 unexport RMW_IMPLEMENTATION ROS_DISTRO VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help demo test lint bench stability faults fuzz states soak reliability colcon clean .venv .bench-venv .colcon-venv
+.PHONY: help demo test lint audit bench stability faults fuzz states soak reliability colcon clean
+.PHONY: .venv .audit-venv .bench-venv .colcon-venv
 
 help:
 	@echo 'make demo       collisions, answered by the node'
 	@echo "make test       the tests; make test ARGS='-k energy' some of them"
 	@echo 'make lint       ruff and mypy'
+	@echo 'make audit      known weaknesses of what the package needs; asks the package index'
 	@echo 'make bench      times against peers and limits, and stability: some ten minutes'
 	@echo 'make stability  the measurements of docs/stability.md alone: some eight minutes'
 	@echo 'make faults     clients that crowd, leave and stop, and SIGTERM: docs/reliability.md'
@@ -38,6 +40,17 @@ test: .venv
 lint: .venv
 	@$(VENV_PYTHON) -m ruff check .
 	@$(VENV_PYTHON) -m mypy
+
+audit: .venv .audit-venv
+	@.audit-venv/bin/pip-audit --progress-spinner off > .audit-venv/report 2>&1 \
+		--path "$$($(VENV_PYTHON) -c 'import site; print(*site.getsitepackages())')"; status=$$?; \
+	cat .audit-venv/report; \
+	if grep -q '^numpy .*could not be audited' .audit-venv/report; then \
+		echo 'This package index keeps no record of weaknesses: nothing was audited.'; exit 1; \
+	fi; exit $$status
+
+.audit-venv:
+	@test -x .audit-venv/bin/pip-audit || { $(PYTHON) -m venv .audit-venv && .audit-venv/bin/pip install -q pip-audit; }
 
 .venv:
 	@$(PYTHON) tools/setup_venv.py .venv $(EXTRAS) $(OPTIONAL)
@@ -70,5 +83,5 @@ colcon: .colcon-venv
 	@$(PYTHON) tools/setup_venv.py .colcon-venv
 
 clean:
-	rm -rf .venv .bench-venv .colcon-venv .kernels build install log .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .audit-venv .bench-venv .colcon-venv .kernels build install log .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +

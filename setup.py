@@ -6,14 +6,18 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from contextlib import suppress
+from importlib import metadata
 from pathlib import Path
 
 from setuptools import Distribution, setup
 from setuptools.command.build import build
 
 SOURCE = Path(__file__).resolve().parent
+RELEASES = SOURCE / "tools" / "ros"
 WORK = tempfile.TemporaryDirectory()  # leaves the checkout, and colcon's build/ in it, as they are
 STAGE = Path(WORK.name, "stage")
+NO_WHEELS = "No ROS wheels found. Where ROS is installed, build with colcon: see README.md."
 
 
 def ros_prefix() -> Path:
@@ -22,7 +26,40 @@ def ros_prefix() -> Path:
         for parent in entry.parents:
             if (parent / "share" / "ament_index").is_dir():
                 return parent
-    raise SystemExit("No ROS wheels found. Where ROS is installed, build with colcon: see README.md.")
+    raise SystemExit(NO_WHEELS)
+
+
+def lines(path: Path) -> list[str]:
+    """The requirements in a file."""
+    return [line for line in (line.partition("#")[0].strip() for line in path.open()) if line]
+
+
+def release_of(name: str, version: str) -> str:
+    """The ROS release of a wheel."""
+    for file in sorted(RELEASES.glob("*.txt")):
+        pins = (line.split("==") for line in lines(file))
+        if any(pin.partition("[")[0] == name and version.startswith(of[:-1]) for pin, of in pins):
+            return file.stem
+    return "no release in tools/ros"
+
+
+def run_time_requirements() -> list[str]:
+    """What the package needs to run: of ROS, the release it is built with and no other."""
+    names = {line.split("==")[0].partition("[")[0] for file in RELEASES.glob("*.txt") for line in lines(file)}
+    wheels: dict[str, list[str]] = {}
+    for name in sorted(names):
+        with suppress(metadata.PackageNotFoundError):
+            version = metadata.version(name)
+            wheels.setdefault(release_of(name, version), []).append(f"{name} {version}")
+    if not wheels:
+        raise SystemExit(NO_WHEELS)
+    (release, *others) = wheels
+    file = RELEASES / f"{release}.txt"
+    if others or not file.exists():
+        found = "; ".join(f"of {release}: {', '.join(some)}" for release, some in sorted(wheels.items()))
+        raise SystemExit(f"ROS wheels that are not of one release: {found}")
+    of_ros = file.read_text().split("\n\n")[1]
+    return [*lines(SOURCE / "tools" / "python.txt"), *of_ros.split()]
 
 
 def build_and_stage() -> None:
@@ -71,6 +108,7 @@ setup(
     distclass=BinaryDistribution,
     cmdclass={"build": Build},
     packages=[],
+    install_requires=run_time_requirements(),
     options={
         "bdist_wheel": {"bdist_dir": WORK.name + "/wheel"},
         "build": {"build_base": WORK.name + "/build"},

@@ -287,21 +287,20 @@ def _rounds(calls: dict[str, Callable[[], float]]) -> Samples:
 
 
 def callback_time() -> dict[str, float]:
-    """Seconds that the node's callback takes by itself."""
+    """Seconds that the node's work for a request takes by itself."""
     import rclpy
     from timing import interleaved
 
     from collision_response.ros.node import CollisionResponseNode
-    from collision_response.srv import ResolveCollision
 
     rclpy.init(args=["--ros-args", "--log-level", "warn"])
     node = CollisionResponseNode()
     try:
-        (service,) = (s for s in node.services if s.srv_name.endswith("/resolve_collision"))
         request = impact()
 
-        def call() -> Any:
-            return service.callback(request, ResolveCollision.Response())
+        def call() -> None:
+            for _ in node.impacts.answer(request):
+                pass
 
         return spread(interleaved({CALLBACK: call}, rounds=11, seconds=0.02)[CALLBACK])
     finally:

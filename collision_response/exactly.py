@@ -77,8 +77,8 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
             a, b, touch = read(body_a, body_b, contact, _ball)
             numbers = map(Ball, chosen.numbers, chosen.errors)
             answer = impact(a, b, touch, law, *numbers)
-            bound = _bound((a, b), answer)
-            given = _rounded(answer, contact, used, bound, is_off_unit(plain[0]) or is_off_unit(plain[1]))
+            bound = _bound((a, b), answer, Ball.radius)
+            given = _rounded((a, b), answer, contact, used, is_off_unit(plain[0]) or is_off_unit(plain[1]))
         if given is None:  # beyond float64; or nothing is known yet
             if bound < math.inf:
                 return None
@@ -98,22 +98,28 @@ def _ball(x: float, error: float) -> Any:
     return Ball(x, error) if math.isfinite(x) else x
 
 
-def _bound(bodies: tuple[Body, Body], answer: Answer) -> float:
-    """The greatest relative radius of the impulse and of the twist changes, in the norms of the bound."""
+def _bound(bodies: tuple[Body, Body], answer: Answer, error: Callable[[Ball], Any]) -> float:
+    """The greatest relative error of the impulse and of the twist changes, in the norms of the bound.
+
+    Args:
+        bodies: in balls.
+        answer: in balls.
+        error: of a number: the radius of its ball, or its error when it is rounded to a float.
+    """
     changes = answer.changes
-    errors = [_relative_radius((x, 1) for x in changes.impulse)]
+    errors = [_relative_error(((x, 1) for x in changes.impulse), error)]
     for body, change in zip(bodies, (changes.change_a, changes.change_b), strict=True):
         if isinstance(body.mass, Ball):
             moment = body.inertia.trace() / 3
             weighted = [*((x, body.mass) for x in change.linear), *((x, moment) for x in change.angular)]
-            errors.append(_relative_radius(weighted))
+            errors.append(_relative_error(weighted, error))
     return max(errors)
 
 
-def _relative_radius(weighted: Iterable[tuple[Any, Any]]) -> float:
-    """The radius of a vector over its length, from pairs of a component and the weight of its square."""
+def _relative_error(weighted: Iterable[tuple[Any, Any]], error: Callable[[Ball], Any]) -> float:
+    """The error of a vector over its length, from pairs of a component and the weight of its square."""
     pairs = [(Ball(value), Ball(weight)) for value, weight in weighted]
-    radius = sum((w.midpoint() * x.radius() ** 2 for x, w in pairs), start=Ball(0).arb).sqrt()
+    radius = sum((w.midpoint() * error(x) ** 2 for x, w in pairs), start=Ball(0).arb).sqrt()
     if radius == 0:
         return 0.0
     if not radius.is_finite():
@@ -124,12 +130,18 @@ def _relative_radius(weighted: Iterable[tuple[Any, Any]]) -> float:
     return float((radius / (length - radius)).upper()) * (1 + 2.0**-50)
 
 
+def _error_as_float(x: Ball) -> Any:
+    """How far the float that a ball rounds to may be from the number; 0 where it is that float."""
+    return abs(x.arb - float(x)).upper()
+
+
 def _rounded(
-    answer: Answer, contact: Contact, model: ImpactModel, bound: float, normalised: bool
+    bodies: tuple[Body, Body], answer: Answer, contact: Contact, model: ImpactModel, normalised: bool
 ) -> Impact | None:
     changes, report, flags = _lower(answer.changes), _lower(answer.report), answer.flags
     if not all(math.isfinite(x) for x in _numbers((changes, report))):
         return None
+    bound = _bound(bodies, answer, _error_as_float)
     restitution, regime = report.restitution, report.regime
     separating = flags.separating is True
     adjustments = Adjustment(
@@ -163,7 +175,7 @@ def _rounded(
         report.energy_lost_restitution,
         report.energy_lost_friction,
         Regime(round(regime)),
-        bound + 2.0**-53 if bound else 0.0,
+        bound,
         adjustments,
     )
 

@@ -269,6 +269,27 @@ def test_another_frame_than_that_of_the_world_is_refused(graph):
     assert response.message == "header.frame_id: is 'world', but the parameter world_frame is 'map'"
 
 
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_a_body_can_be_said_not_to_give_way_without_an_infinity(tried_node, layout):
+    """JSON has none."""
+    infinite = packed(layout, ImpactModel())
+    rows, of = len(infinite.bodies) // (2 * N), LAYOUTS[layout].bodies
+    walls = list(range(N, 2 * N))  # every body_b
+    table = np.asarray(infinite.bodies).reshape(rows, 2 * N)
+    finite = packed(layout, ImpactModel())
+    table[of.mass, N:], table[of.inertia, N:] = inf, 0.0
+    finite.immovable = walls
+    assert_same(unpack(tried_node.call(finite)), unpack(tried_node.call(infinite)))
+
+
+def test_what_does_not_give_way_must_be_of_the_table(tried_node):
+    request = balls_in_a_row()
+    request.immovable = [0, 3]
+    response = tried_node.call(request)
+    assert response.code == StatusCode.INVALID_TABLE
+    assert response.message == "immovable: must hold indices below 3, holds 3"
+
+
 def test_a_fault_of_the_package_is_answered_too(tried_node, monkeypatch):
     def fail(*_: Any, **__: Any) -> None:
         raise RuntimeError("a bolt is loose")

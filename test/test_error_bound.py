@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 import random
 import statistics
+from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
 from itertools import product
 
 import extremes
 import pytest
+from flint import ctx
 from mpmath import mp
 from random_impacts import RandomImpacts
 from reference import exact_answer, true_error
@@ -27,7 +30,7 @@ from collision_response import (
     StatusCode,
     resolve,
 )
-from collision_response.model import USEFUL
+from collision_response.model import LARGEST, USEFUL
 from collision_response.physics.effective_mass import ContactKinematics
 from collision_response.physics.mass_properties import sphere
 from collision_response.physics.vector import Vec3
@@ -303,3 +306,31 @@ def test_an_error_that_is_not_a_number_is_not_forgotten():
     model = ImpactModel(Law.COULOMB, precision=Precision.SINGLE, tangential_restitution=-0.36217341434364525)
     assert resolve(rod, wheel, contact, model).error_bound == math.inf
     assert any(resolve(rod, wheel, contact, model._replace(precision=Precision.EXTENDED)).impulse)
+
+
+@pytest.mark.parametrize("precision", [Precision.AUTO, Precision.DOUBLE, Precision.EXTENDED])
+@pytest.mark.parametrize("tolerance", [0.0, 1e-17, 1e-30])
+@pytest.mark.parametrize("mass", [1.0, 2.0, 2.0**-1000, 2.0**-1020])
+@pytest.mark.parametrize("speed", [1.0, 1.5, 3.0, 7.0, 2.0**-60, 3 * 2.0**-60, 1.0 + 2.0**-52])
+@pytest.mark.parametrize("restitution", [0.5, 0.3, 0.1, 2.0**-52, 1 - 2.0**-53])
+def test_an_impulse_that_is_known_exactly_and_is_no_float(precision, tolerance, mass, speed, restitution):
+    """``m (1 + e) v``: float64, or what is left of it near 1e-308, does not hold all its digits."""
+    ball = Body.dynamic(mass, velocity=(0.0, 0.0, -speed))
+    contact = Contact.of((0, 0, 0), (0, 0, 1), restitution)
+    impact = resolve(ball, Body.static(), contact, ImpactModel(precision=precision, tolerance=tolerance))
+    exact = Fraction(mass) * (1 + Fraction(restitution)) * Fraction(speed)
+    error = abs(Fraction(impact.impulse.z) - exact) / exact
+    assert error <= impact.error_bound
+    assert (impact.status is StatusCode.OK) == (impact.error_bound <= (tolerance or LARGEST))
+    assert impact.error_bound > 0 or error == 0
+
+
+def test_threads_do_not_take_digits_from_each_other():
+    """FLINT's precision is that of the process."""
+    scenes = [random_scene(seed) for seed in range(8)] * 4
+    model = ImpactModel(Law.COULOMB, precision=Precision.EXTENDED, tolerance=1e-30)
+    alone = [resolve(*scene, model) for scene in scenes]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(lambda scene: resolve(*scene, model), scenes))
+    assert together == alone
+    assert ctx.prec == 53

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import pytest
 
@@ -39,6 +40,8 @@ DEFAULTS = {
     "recording.enabled": False,
     "recording.directory": "recordings",
     "recording.file": "",
+    "recording.max_size": 50.0,
+    "recording.max_duration": 3600.0,
 }
 
 
@@ -157,3 +160,11 @@ def test_what_a_request_leaves_open_the_parameters_decide(graph):
     request.model.law, request.model.geometry = ImpactModel.FRICTIONLESS, ImpactModel.POINT
     result = graph.call(request).result
     assert (result.model.law, result.model.geometry) == (ImpactModel.FRICTIONLESS, ImpactModel.POINT)
+
+
+def test_every_law_goes_with_every_precision(graph):
+    node = graph.serve()
+    for law, precision in product(CHOICES["law"], CHOICES["precision"]):
+        wanted = [Parameter("law", value=law), Parameter("precision", value=precision)]
+        assert node.set_parameters_atomically(wanted).successful
+        assert graph.call(balls_meet()).success, (law, precision)

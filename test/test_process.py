@@ -11,7 +11,10 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from ros_graph import DEADLINE, balls_meet
+from ros_graph import DEADLINE, balls_meet, until
+from test_load import falling
+
+from collision_response import ImpactModel, StatusCode
 
 NODE = Path(__file__).resolve().parent.parent / "scripts" / "collision_response_node"
 
@@ -51,6 +54,12 @@ def test_it_answers_another_process_and_ends_on_a_signal(graph, start, number):
     [
         (("-p", "restitution:=2.0"), "restitution"),
         (("-p", "body_state_topics:=[a b]"), "a b"),
+        (("--params-file", "/nowhere/to/be/found.yaml"), "found.yaml"),
+        (("-p", "=1"), "=1"),
+        (
+            ("-p", "recording.file:=../../x.rrd"),
+            "must be a plain file name, without a directory; is '../../x.rrd'",
+        ),
     ],
 )
 def test_a_start_that_is_not_allowed_is_one_line(start, arguments, shown):
@@ -59,3 +68,42 @@ def test_a_start_that_is_not_allowed_is_one_line(start, arguments, shown):
     assert node.returncode == 1
     assert "Traceback" not in stderr
     assert shown in stderr.splitlines()[-1], stderr
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"), [("restitutoin", "restitution"), ("recording.enable", "recording.enabled")]
+)
+def test_a_parameter_that_there_is_not_is_warned_of(graph, start, given, meant):
+    node = start("-p", f"{given}:=0.5", "-p", "friction:=0.25")
+    request = balls_meet()
+    request.contact.friction = -1.0
+    assert graph.call(request).result.contact.friction == 0.25
+    node.send_signal(signal.SIGTERM)
+    _, stderr = node.communicate(timeout=DEADLINE)
+    assert stderr.count("there is no parameter") == 1
+    assert f"there is no parameter '{given}'; did you mean '{meant}'?" in stderr
+
+
+def test_what_has_been_received_is_answered_before_the_end(graph, start):
+    node = start("-p", f"shutdown_timeout:={DEADLINE}")
+    assert graph.call(balls_meet()).success
+    futures = [graph.call_async(balls_meet()) for _ in range(500)]
+    until(futures[0].done)
+    node.send_signal(signal.SIGTERM)
+    _, stderr = node.communicate(timeout=DEADLINE)
+    assert node.returncode == 0, stderr
+    until(lambda: all(future.done() for future in futures))
+    assert all(future.result().success for future in futures)
+
+
+def test_what_there_is_no_time_for_is_refused_before_the_end(graph, start):
+    node = start("-p", "shutdown_timeout:=0.5")
+    assert graph.call(balls_meet()).success
+    long = graph.call_async(falling(50_000, ImpactModel(tolerance=1e-30)))
+    assert graph.call(balls_meet()).success
+    node.send_signal(signal.SIGTERM)
+    _, stderr = node.communicate(timeout=DEADLINE)
+    assert node.returncode == 0, stderr
+    until(long.done)
+    assert long.result().code == StatusCode.SHUTTING_DOWN
+    assert long.result().message.startswith("node: is shutting down")

@@ -28,10 +28,9 @@ def test_a_body_is_seen_between_its_impacts(tmp_path):
     verify(path)
     # on the timeline of answers there are impacts only
     entity = r"/world/bodies/ball\/1"
-    assert [sequence for _, sequence, _ in read(path, entity, "Points3D:positions")] == [1, 2]
-    assert seen(path, entity, "Points3D:positions") == [(1_500_000_000, [[3.0, 0.0, 0.5]])]
-    assert seen(path, f"{entity}/velocity_before", "Arrows3D:vectors") == [(1_500_000_000, [])]
-    ((_, [velocity]),) = seen(path, f"{entity}/velocity_after", "Arrows3D:vectors")
+    assert [sequence for _, sequence, _ in read(path, entity, "Transform3D:translation")] == [1, 2]
+    assert seen(path, entity, "Transform3D:translation") == [(1_500_000_000, [[3.0, 0.0, 0.5]])]
+    ((_, [velocity]),) = seen(path, r"/world/velocities/ball\/1", "Arrows3D:vectors")
     assert velocity == pytest.approx([0.0, 0.2, 0.0], rel=1e-6)
 
 
@@ -52,31 +51,23 @@ def test_a_body_is_shown_at_its_centre_of_mass(tmp_path, length):
     path = recorded(tmp_path, [Record(2, 1, "ball", "floor", ball, floor, answer), Sighting(1, "ball", ball)])
     verify(path)
     entity = "/world/bodies/ball"
-    for component, place in (("Points3D:positions", entity), ("Transform3D:translation", f"{entity}/solid")):
+    velocities = "/world/velocities/ball"
+    for component, place in (("Transform3D:translation", entity), ("Arrows3D:origins", velocities)):
         for rows in (read(path, place, component), seen(path, place, component)):
-            assert rows[0][-1] == [pytest.approx([1.0, 0.0, 0.5], abs=1e-6)]
-    ((_, [turn]),) = seen(path, f"{entity}/solid", "Transform3D:quaternion")
+            assert rows[0][-1][0] == pytest.approx([1.0, 0.0, 0.5], abs=1e-6)
+    ((_, [turn]),) = seen(path, entity, "Transform3D:quaternion")
     assert turn == pytest.approx([0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)], rel=1e-6)
     # the centre of mass falls straight down
-    ((_, _, [before]),) = read(path, f"{entity}/velocity_before", "Arrows3D:vectors")
-    ((_, _, [after]),) = read(path, f"{entity}/velocity_after", "Arrows3D:vectors")
+    ((_, _, [after, before]),) = read(path, velocities, "Arrows3D:vectors")
     assert before == pytest.approx([0.0, 0.0, -0.3], abs=1e-7)
     assert after == pytest.approx([0.0, 0.0, 0.15], abs=1e-7)
-    ((_, _, [normal]),) = read(path, "/world/contact/normal", "Arrows3D:vectors")
+    ((_, _, [normal, _]),) = read(path, "/world/contact", "Arrows3D:vectors")
     assert normal == pytest.approx([0.0, 0.0, 0.1], rel=1e-6)
 
 
 def seen(path, entity, component):
     """Rows of an entity that are not those of an answer: stamp [ns], value."""
-    from rerun.chunk import RrdReader
-
-    rows = []
-    for chunk in RrdReader(str(path)).stream().filter(content=entity, components=component).to_chunks():
-        batch = chunk.to_record_batch()
-        if "ros_time" in batch.schema.names and "answer" not in batch.schema.names:
-            stamps = batch.column("ros_time").cast("int64").to_pylist()
-            rows += zip(stamps, batch.column(component).to_pylist(), strict=True)
-    return rows
+    return read(path, entity, component, timelines=("ros_time",))
 
 
 def test_a_ball_is_shown_as_it_is():

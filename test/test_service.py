@@ -29,6 +29,7 @@ from collision_response.ros.convert import NUMBERS
 from collision_response.srv import ResolveCollision
 
 nan, inf = math.nan, math.inf
+LAWS = [law for law in Law if law]
 
 
 def test_an_impact_is_answered(graph):
@@ -243,6 +244,28 @@ def test_a_path_that_does_not_end_is_refused(tried_node, monkeypatch):
     assert answer.result.status.message.startswith("contact: ")
 
 
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"pose.orientation.x": 0.1, "pose.orientation.z": 1e308},
+        {"pose.position.y": -1e308, "inertia.com.y": 1e308},
+        {"pose.position.y": -1e308, "inertia.com.y": 1e308, "twist.angular.z": 1.0},
+        {"pose.position.y": 1e308, "inertia.com.y": 1e308},
+    ],
+    ids=str,
+)
+def test_numbers_at_the_end_of_their_range_are_answered_or_refused_by_name(tried_node, law, changes):
+    request = request_of(*boxes_in_space(), law=law)
+    for field, value in changes.items():
+        assign(request.body_a, field, value)
+    result = tried_node.call(request).result
+    status = StatusCode(result.status.code)
+    assert status.is_answer or status is StatusCode.OUT_OF_RANGE
+    vectors = result.twist_a.linear, result.twist_a.angular, result.twist_b.linear, result.impulse
+    assert all(math.isfinite(getattr(vector, axis)) for vector in vectors for axis in "xyz")
+
+
 def test_a_constructed_request_is_refused(tried_node):
     answer = tried_node.call(ResolveCollision.Request())
     assert not answer.success
@@ -400,7 +423,6 @@ SCENES = {
     "reversed": FALLS_BACK,
     "in space": boxes_in_space(),
 }
-LAWS = [law for law in Law if law]
 
 
 def assert_same(result: CollisionResult, impact: Impact) -> None:

@@ -21,9 +21,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "collision_response"
-BUILD_INPUTS = ["CMakeLists.txt", "cmake", "msg", "package.xml", "scripts", "setup.py", "srv"]
+BUILD_INPUTS = ["CMakeLists.txt", "cmake", "msg", "package.xml", "scripts", "security", "setup.py", "srv"]
+RUN_TIME = [ROOT / "tools" / "python.txt", ROOT / "tools" / "ros" / "kilted.txt"]
 KERNELS = PACKAGE / "kernels"
-COLCON = ["colcon-common-extensions", "ros-ament-cmake-pytest", "ros-domain-coordinator"]
+COLCON = ["colcon-common-extensions", "ros-ament-cmake-pytest==2.7.*", "ros-domain-coordinator==0.12.*"]
 
 
 def missing():
@@ -118,7 +119,8 @@ class Environment:
 def needs(environment):
     """A digest of all that, if it changes, makes the installed dependencies the wrong ones."""
     requirements = (ROOT / "pyproject.toml").read_text().partition("\n[tool.")[0]
-    return digest(requirements, sys.version, environment.base_python, str(ROOT), Path(__file__).resolve())
+    files = [Path(__file__).resolve(), *RUN_TIME]
+    return digest(requirements, sys.version, environment.base_python, str(ROOT), *files)
 
 
 class Kernels:
@@ -242,10 +244,11 @@ def install_colcon():
             "try: import tomllib\n"
             "except ImportError: from pip._vendor import tomli as tomllib\n"
             "project = tomllib.load(open('pyproject.toml', 'rb'))\n"
-            "print(*project['build-system']['requires'], *project['project']['dependencies'], sep='\\n')",
+            "print(*project['build-system']['requires'], sep='\\n')",
         ],
     )
-    environment.pip_install("colcon, ROS and its build tools (1 min)", *COLCON, *requirements.split())
+    files = [argument for path in RUN_TIME for argument in ("-r", str(path))]
+    environment.pip_install("colcon, ROS and its build tools (1 min)", *COLCON, *requirements.split(), *files)
     (environment.path / "needs.stamp").write_text(needed)
 
 

@@ -17,8 +17,6 @@ def impacts_in(path: Path) -> int:
     """The number of impacts that a recording holds."""
     from rerun.chunk import RrdReader
 
-    rows = (
-        RrdReader(str(path)).stream().filter(content="/impact/impulse/normal", components="Scalars:scalars")
-    )
+    rows = RrdReader(str(path)).stream().filter(content="/impact/impulse", components="Scalars:scalars")
     batches = (chunk.to_record_batch() for chunk in rows.to_chunks())
     return sum(batch.num_rows for batch in batches if "answer" in batch.schema.names)

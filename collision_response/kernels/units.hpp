@@ -55,8 +55,6 @@ struct Units {
   }
 };
 
-
-
 // An impact in other units, and back.
 static void impact_in_other_units(Kernel kernel, const double* x, const double* error, Numbers& y) {
   Units units = Units::of(x);
@@ -67,7 +65,16 @@ static void impact_in_other_units(Kernel kernel, const double* x, const double* 
     if (x[i] - x[i] == 0) Units::scale(scaled[i], lost[i], units.of(input_units[i]));
   }
   kernel(scaled, lost, &y);
-  for (int i = 0; i < CHANGES; ++i) Units::scale(y.change[i], y.error[i], -units.of(change_units[i]));
+  for (int i = 0; i < CHANGES; i += 3) {  // each a vector
+    double most = 0, rounding = 0;
+    for (int k = i; k < i + 3; ++k) {
+      double exact = y.error[k];
+      Units::scale(y.change[k], y.error[k], -units.of(change_units[k]));
+      rounding += y.error[k] - std::ldexp(exact, -units.of(change_units[k]));
+      most = std::max(most, std::fabs(y.change[k]));
+    }
+    if (rounding > 0) y.error_bound += rounding < most / 4 ? 2 * rounding / most : INFINITY;
+  }
   for (int i = 0; i < REPORTED; ++i) Units::scale(y.reported[i], none, -units.of(reported_units[i]));
 }
 

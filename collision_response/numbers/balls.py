@@ -9,6 +9,9 @@ Trans. Comput. 66 (2017).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import RLock
 from typing import Any
 
 try:
@@ -140,9 +143,17 @@ class Truth:
         raise TypeError("an undecided comparison has no truth value: branch with choose()")
 
 
-def working_precision(bits: int) -> Any:
-    """A context in which balls have that many bits."""
-    return ctx.workprec(bits)
+_ONE_AT_A_TIME = RLock()
+
+
+@contextmanager
+def working_precision(bits: int) -> Iterator[None]:
+    """A context in which balls have that many bits.
+
+    FLINT's precision is that of the process, so other threads that want one wait.
+    """
+    with _ONE_AT_A_TIME, ctx.workprec(bits):
+        yield
 
 
 def _arb(value: Any) -> Any:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import rerun as rr
 import rerun.blueprint as rrb
 
 WORLD = "/world"
+CONTACT = f"{WORLD}/contact"
 LOG = "/log"
+
+Colour = tuple[int, int, int]
 
 BLUE, ORANGE, GREEN, RED, VIOLET, GREY = (
     (90, 160, 230),
@@ -18,31 +23,62 @@ BLUE, ORANGE, GREEN, RED, VIOLET, GREY = (
 )
 BEFORE, AFTER = BLUE, ORANGE
 
-SERIES = {
-    "/impact/kinetic_energy/before": ("kinetic_energy_before", BEFORE),
-    "/impact/kinetic_energy/after": ("kinetic_energy_after", AFTER),
-    "/impact/energy_lost/restitution": ("energy_lost_restitution", RED),
-    "/impact/energy_lost/friction": ("energy_lost_friction", VIOLET),
-    "/impact/normal_velocity/before": ("normal_velocity_before", BEFORE),
-    "/impact/normal_velocity/after": ("normal_velocity_after", AFTER),
-    "/impact/impulse/normal": ("normal_impulse", GREEN),
-    "/impact/impulse/tangential": ("tangential_impulse", VIOLET),
+
+class Plot(NamedTuple):
+    """Numbers over time in one view.
+
+    Attributes:
+        title: of the view.
+        fields: of ``Impact``, one for each curve.
+        names: of the curves.
+        colours: of the curves.
+    """
+
+    title: str
+    fields: tuple[str, str]
+    names: tuple[str, str]
+    colours: tuple[Colour, Colour]
+
+
+PLOTS = {
+    "/impact/kinetic_energy": Plot(
+        "Kinetic energy [J]",
+        ("kinetic_energy_before", "kinetic_energy_after"),
+        ("before", "after"),
+        (BEFORE, AFTER),
+    ),
+    "/impact/energy_lost": Plot(
+        "Energy lost [J]",
+        ("energy_lost_restitution", "energy_lost_friction"),
+        ("restitution", "friction"),
+        (RED, VIOLET),
+    ),
+    "/impact/normal_velocity": Plot(
+        "Normal velocity [m/s]",
+        ("normal_velocity_before", "normal_velocity_after"),
+        ("before", "after"),
+        (BEFORE, AFTER),
+    ),
+    "/impact/impulse": Plot(
+        "Impulse [N s]",
+        ("normal_impulse", "tangential_impulse"),
+        ("normal", "tangential"),
+        (GREEN, VIOLET),
+    ),
 }
-"""The entity of each time series: the field of ``Impact`` that it shows, and its colour."""
+"""By entity: all curves of a view are columns of one, for what a recording costs goes with its entities."""
 
 SCENE = "Velocity before (blue), after (orange); contact normal (grey), impulse (green)"
 
-VIEWS = {
-    "/impact/kinetic_energy": "Kinetic energy [J]",
-    "/impact/energy_lost": "Energy lost [J]",
-    "/impact/normal_velocity": "Normal velocity [m/s]",
-    "/impact/impulse": "Impulse [N s]",
-}
-
 
 def body_path(name: str) -> str:
-    """The entity of a body, whatever its name."""
+    """The entity of a body, whatever its name: the frame of its centre of mass."""
     return f"{WORLD}/bodies/{rr.escape_entity_path_part(name)}"
+
+
+def velocity_path(name: str) -> str:
+    """The entity of a body's velocities, in the world's frame."""
+    return f"{WORLD}/velocities/{rr.escape_entity_path_part(name)}"
 
 
 def blueprint(eye: rrb.EyeControls3D | None = None, time_axis: rrb.TimeAxis | None = None) -> rrb.Blueprint:
@@ -53,8 +89,10 @@ def blueprint(eye: rrb.EyeControls3D | None = None, time_axis: rrb.TimeAxis | No
         time_axis: of the plots; left out, they show all of the time.
     """
     plots = [
-        rrb.TimeSeriesView(origin=origin, name=name, axis_x=time_axis, plot_legend=rrb.Corner2D.RightTop)
-        for origin, name in VIEWS.items()
+        rrb.TimeSeriesView(
+            origin=entity, name=plot.title, axis_x=time_axis, plot_legend=rrb.Corner2D.RightTop
+        )
+        for entity, plot in PLOTS.items()
     ]
     return rrb.Blueprint(
         rrb.Vertical(

@@ -28,6 +28,7 @@ class PipedFile:
             OSError: it exists, or cannot be created.
         """
         self.error: OSError | None = None
+        self._path = path
         self._file = path.open("xb", buffering=0)
         self._source, self._sink = os.pipe()
         self.name = f"/dev/fd/{self._sink}"
@@ -37,6 +38,21 @@ class PipedFile:
     def opened(self) -> None:
         """To be called once ``name`` has been opened: the file ends when whoever did so closes it."""
         os.close(self._sink)
+
+    def size(self) -> int:
+        """What has been written [bytes]; before :meth:`join` only."""
+        return os.fstat(self._file.fileno()).st_size
+
+    def is_in_place(self) -> bool:
+        """Whether the file is still where it was created; before :meth:`join` only.
+
+        Raises:
+            OSError: nobody can tell.
+        """
+        try:
+            return os.path.samestat(self._path.stat(), os.fstat(self._file.fileno()))
+        except (FileNotFoundError, NotADirectoryError):
+            return False
 
     def check(self) -> None:
         """Raises: OSError: something went wrong with the file."""

@@ -12,7 +12,7 @@ class Record(NamedTuple):
     """One impact.
 
     Attributes:
-        stamp: when [ns].
+        stamp: when [ns]; 0 if nobody knows.
         sequence: number of the answer.
         name_a, name_b: of the bodies.
         body_a, body_b: before the impact.
@@ -46,7 +46,7 @@ class Refusal(NamedTuple):
     """One request that could not be answered.
 
     Attributes:
-        stamp: when [ns].
+        stamp: when [ns]; 0 if nobody knows.
         sequence: number of the answer.
         reason: in words.
     """
@@ -56,4 +56,18 @@ class Refusal(NamedTuple):
     reason: str
 
 
-Entry = Record | Sighting | Refusal
+class Gap(NamedTuple):
+    """Entries that are missing, for they came faster than they could be written.
+
+    Attributes:
+        stamp: of the last entry before them [ns]; 0 if nobody knows.
+        sequence: number of the last answer before them.
+        missing: how many.
+    """
+
+    stamp: int
+    sequence: int
+    missing: int
+
+
+Entry = Record | Sighting | Refusal | Gap

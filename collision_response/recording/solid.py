@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import rerun as rr
@@ -38,10 +38,12 @@ class Solid(NamedTuple):
         columns[:, 2] = np.cross(columns[:, 0], columns[:, 1])  # right-handed
         return cls(is_ball, np.sqrt(mean_squares * (5 if is_ball else 3)), _quaternion(columns))
 
-    def shape(self) -> rr.Ellipsoids3D | rr.Boxes3D:
-        """What is drawn."""
+    def columns(self) -> Any:
+        """What is drawn, as one row."""
         kind = rr.Ellipsoids3D if self.is_ball else rr.Boxes3D
-        return kind(half_sizes=[self.half_sizes], quaternions=[self.axes], fill_mode="solid")
+        return kind.columns(
+            half_sizes=[self.half_sizes], quaternions=[self.axes], fill_mode=[rr.components.FillMode.Solid]
+        )
 
 
 def _quaternion(m: np.ndarray) -> np.ndarray:

@@ -2,25 +2,42 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 import rerun as rr
 
 from ..centre import at_centre
 from ..physics.body import Body, Twist
-from .layout import AFTER, BEFORE, GREEN, GREY, LOG, RED, SERIES, WORLD, blueprint, body_path
+from .layout import (
+    AFTER,
+    BEFORE,
+    CONTACT,
+    GREEN,
+    GREY,
+    LOG,
+    PLOTS,
+    RED,
+    WORLD,
+    blueprint,
+    body_path,
+    velocity_path,
+)
 from .piped_file import PipedFile
-from .record import Entry, Record, Refusal, Sighting
+from .record import Entry, Gap, Record, Refusal, Sighting
 from .solid import Solid
 
 ARROW_TIME = 0.1
 """A velocity is drawn as the way made in this time [s]; an impulse, as the change of velocity that it
 causes along itself; a normal, as 1 m/s. So all arrows of a scene are of one scale."""
+
+EMPTY = "empty.rrd"
 
 POINT_RADIUS = rr.Radius.ui_points(6)
 ARROW_RADIUS = rr.Radius.ui_points(2)
@@ -28,28 +45,56 @@ ARROW_RADIUS = rr.Radius.ui_points(2)
 Times = list[rr.TimeColumn]
 Columns = tuple[str, Times, Any]
 """An entity, when each of its rows was, and the columns."""
+Answer = Record | Refusal | Gap
+"""What has a number."""
+
+
+class Recording:
+    """What all files of one recording share: the viewer shows them together.
+
+    A stream for each file would not do, nor a layout: two threads and 1 MB of either outlive it (rerun
+    0.41). So there is one stream, and the contents of a file that holds the layout alone.
+    """
+
+    def __init__(self) -> None:
+        self.stream = rr.RecordingStream("collision_response", recording_id=uuid4())
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder, EMPTY)
+            self.stream.save(path, default_blueprint=blueprint())
+            self.stream.disconnect()
+            self.empty = path.read_bytes()
 
 
 class Writer:
-    """One file, complete when the context is left.
+    """One file, complete in itself when the context is left.
 
-    Timelines: ``ros_time``, and ``answer``, which counts.
+    Timelines: ``answer``, which counts, and ``ros_time``. What has no stamp (of 0: so it is before the
+    first ``/clock`` of a simulation) is on the first only.
+
+    Attributes:
+        path: of the file.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, recording: Recording) -> None:
         """Create the file, and its directory if need be.
+
+        Args:
+            path: of the file.
+            recording: what it is a part of, with no other file open.
 
         Raises:
             OSError: it exists, or cannot be created.
         """
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._known: set[str] = set()
-        self._stream = rr.RecordingStream("collision_response")
+        self.path = path
+        self._known: set[tuple[str, bool, bool]] = set()
+        self._stream = recording.stream
         self._file = PipedFile(path)
         try:
-            self._stream.save(self._file.name, default_blueprint=blueprint())
+            self._stream.save(self._file.name)
         finally:
             self._file.opened()
+        self._stream.log_file_from_contents(EMPTY, recording.empty)
         self._log_styles()
 
     def __enter__(self) -> Writer:
@@ -60,55 +105,71 @@ class Writer:
         self._file.join()
         self._file.check()
 
+    def size(self) -> int:
+        """Of the file by now [bytes]."""
+        return self._file.size()
+
+    def is_in_place(self) -> bool:
+        """Whether the file is still where it was created, neither moved nor removed.
+
+        Raises:
+            OSError: nobody can tell.
+        """
+        return self._file.is_in_place()
+
     def write(self, batch: Sequence[Entry]) -> None:
         """Append entries, and have them written before long.
 
         Raises:
             OSError: these or earlier ones cannot be.
         """
-        impacts = [entry for entry in batch if isinstance(entry, Record)]
-        sightings = [entry for entry in batch if isinstance(entry, Sighting)]
-        answers = [entry for entry in batch if not isinstance(entry, Sighting)]
-        for path, times, columns in (
-            *seen(sightings),
-            *bodies(impacts),
-            *contacts(impacts),
-            *series(impacts),
-            *log(answers),
-        ):
+        for path, times, columns in _columns(batch):
             self._stream.send_columns(path, indexes=times, columns=columns)
-        for sighting in sightings:
-            self._log_body_style(sighting.name, sighting.body)
-        for impact in impacts:
-            self._log_body_style(impact.name_a, impact.body_a)
-            self._log_body_style(impact.name_b, impact.body_b)
+        for entry in batch:
+            if isinstance(entry, Sighting):
+                self._show(entry, entry.name, entry.body)
+            elif isinstance(entry, Record):
+                self._show(entry, entry.name_a, entry.body_a)
+                self._show(entry, entry.name_b, entry.body_b)
         self._stream.flush(timeout_sec=5.0)
         self._file.check()
 
     def _log_styles(self) -> None:
         log = self._stream.log
         log(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        log(f"{WORLD}/contact/point", rr.Points3D.from_fields(radii=POINT_RADIUS, colors=RED), static=True)
-        for arrow, colour in (("normal", GREY), ("impulse", GREEN)):
-            style = rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=colour)
-            log(f"{WORLD}/contact/{arrow}", style, static=True)
-        for path, (_, colour) in SERIES.items():
-            name = path.rpartition("/")[2]
-            points = rr.SeriesPoints(colors=colour, names=name, markers="circle", marker_sizes=3)
-            log(path, points, static=True)
+        log(CONTACT, rr.Points3D.from_fields(radii=POINT_RADIUS, colors=RED), static=True)
+        log(CONTACT, rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=[GREY, GREEN]), static=True)
+        for entity, plot in PLOTS.items():
+            points = rr.SeriesPoints(colors=plot.colours, names=plot.names, markers="circle", marker_sizes=3)
+            log(entity, points, static=True)
 
-    def _log_body_style(self, name: str, body: Body) -> None:
-        if name in self._known:
+    def _show(self, entry: Record | Sighting, name: str, body: Body) -> None:
+        """What a body looks like, from its first appearance on each timeline on."""
+        appearance = name, isinstance(entry, Sighting), entry.stamp == 0
+        if appearance in self._known:
             return
-        self._known.add(name)
+        self._known.add(appearance)
         path, colour = body_path(name), None if body.is_movable() else GREY
         style = rr.Points3D.from_fields(radii=POINT_RADIUS, colors=colour, labels=name, show_labels=True)
         self._stream.log(path, style, static=True)
-        for moment, colour in (("before", BEFORE), ("after", AFTER)):
-            arrow = rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=colour)
-            self._stream.log(f"{path}/velocity_{moment}", arrow, static=True)
+        arrows = rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=[AFTER, BEFORE])
+        self._stream.log(velocity_path(name), arrows, static=True)
+        shape = [*rr.Points3D.columns(positions=[(0.0, 0.0, 0.0)])]
         if (solid := Solid.of(body)) is not None:
-            self._stream.log(f"{path}/solid", solid.shape(), static=True)
+            shape += solid.columns()
+        self._stream.send_columns(path, indexes=_times([entry]), columns=shape)
+
+
+def _columns(batch: Sequence[Entry]) -> Iterator[Columns]:
+    """All of a batch. The rows of one table have the same timelines."""
+    yield from seen([entry for entry in batch if isinstance(entry, Sighting)])
+    answers = [entry for entry in batch if not isinstance(entry, Sighting)]
+    for rows in ([row for row in answers if row.stamp], [row for row in answers if not row.stamp]):
+        impacts = [row for row in rows if isinstance(row, Record)]
+        yield from bodies(impacts)
+        yield from contacts(impacts)
+        yield from series(impacts)
+        yield from log(rows)
 
 
 def seen(sightings: Iterable[Sighting]) -> Iterator[Columns]:
@@ -117,15 +178,13 @@ def seen(sightings: Iterable[Sighting]) -> Iterator[Columns]:
     for sighting in sightings:
         by_name[sighting.name].append(sighting._replace(body=at_centre(sighting.body)))
     for name, rows in by_name.items():
-        path, times, positions = body_path(name), _times(rows), _array(row.body.position for row in rows)
-        yield from _poses(path, times, positions, [row.body for row in rows])
-        nothing = _arrows(positions[:0], positions[:0]).partition([0] * len(rows))
-        yield f"{path}/velocity_before", times, nothing
-        yield f"{path}/velocity_after", times, _arrows(positions, _array(row.body.velocity for row in rows))
+        times, positions = _times(rows), _array(row.body.position for row in rows)
+        yield body_path(name), times, _poses(positions, [row.body for row in rows])
+        yield velocity_path(name), times, _arrows(positions, _array(row.body.velocity for row in rows))
 
 
 def bodies(impacts: Iterable[Record]) -> Iterator[Columns]:
-    """Centres of mass, and their velocities before and after."""
+    """Centres of mass, and their velocities: after, then before."""
     by_name: dict[str, list[tuple[Record, Body, Body]]] = defaultdict(list)
     for row in impacts:
         for name, body, twist in (
@@ -134,27 +193,25 @@ def bodies(impacts: Iterable[Record]) -> Iterator[Columns]:
         ):
             by_name[name].append((row, at_centre(body), at_centre(_moving(body, twist))))
     for name, appearances in by_name.items():
-        path, times = body_path(name), _times([row for row, _, _ in appearances])
+        times = _times([row for row, _, _ in appearances])
         positions = _array(body.position for _, body, _ in appearances)
-        yield from _poses(path, times, positions, [body for _, body, _ in appearances])
-        before = _array(body.velocity for _, body, _ in appearances)
         after = _array(body.velocity for _, _, body in appearances)
-        yield f"{path}/velocity_before", times, _arrows(positions, before)
-        yield f"{path}/velocity_after", times, _arrows(positions, after)
+        before = _array(body.velocity for _, body, _ in appearances)
+        yield body_path(name), times, _poses(positions, [body for _, body, _ in appearances])
+        yield velocity_path(name), times, _arrows(positions, after, before)
 
 
 def contacts(impacts: Sequence[Record]) -> Iterator[Columns]:
-    """Contact points, normals and impulses."""
+    """Contact points; from each, the normal and the impulse."""
     if not impacts:
         return
-    times, answers = _times(impacts), [row.impact for row in impacts]
+    answers = [row.impact for row in impacts]
     positions = _array(answer.contact.position for answer in answers)
     normals = _units(_array(answer.contact.normal for answer in answers))
     changes = _array(answer.impulse / answer.effective_mass for answer in answers)
     labels = [f"{answer.impulse.norm():.3g} N s" for answer in answers]
-    yield f"{WORLD}/contact/point", times, rr.Points3D.columns(positions=positions)
-    yield f"{WORLD}/contact/normal", times, _arrows(positions, normals)
-    yield f"{WORLD}/contact/impulse", times, _arrows(positions, changes, labels=labels)
+    points = rr.Points3D.columns(positions=positions, labels=labels)
+    yield CONTACT, _times(impacts), [*points, *_arrows(positions, normals, changes)]
 
 
 def series(impacts: Sequence[Record]) -> Iterator[Columns]:
@@ -162,45 +219,48 @@ def series(impacts: Sequence[Record]) -> Iterator[Columns]:
     if not impacts:
         return
     times = _times(impacts)
-    for path, (field, _) in SERIES.items():
-        scalars = np.array([getattr(row.impact, field) for row in impacts], dtype=np.float64)
-        yield path, times, rr.Scalars.columns(scalars=scalars)
+    for entity, plot in PLOTS.items():
+        values = np.array([[getattr(row.impact, field) for field in plot.fields] for row in impacts], float)
+        lengths = [len(plot.fields)] * len(impacts)
+        yield entity, times, rr.Scalars.columns(scalars=values.ravel()).partition(lengths)
 
 
-def log(batch: Sequence[Record | Refusal]) -> Iterator[Columns]:
+def log(rows: Sequence[Answer]) -> Iterator[Columns]:
     """Every answer in words."""
-    if not batch:
+    if not rows:
         return
-    levels = [rr.TextLogLevel.WARN if isinstance(entry, Refusal) else rr.TextLogLevel.INFO for entry in batch]
-    words = rr.TextLog.columns(text=[_in_words(entry) for entry in batch], level=levels)
-    yield LOG, _times(batch), words
+    levels = [rr.TextLogLevel.INFO if isinstance(row, Record) else rr.TextLogLevel.WARN for row in rows]
+    yield LOG, _times(rows), rr.TextLog.columns(text=[_in_words(row) for row in rows], level=levels)
 
 
-def _in_words(entry: Record | Refusal) -> str:
-    if isinstance(entry, Refusal):
-        return entry.reason
-    answer = entry.impact
+def _in_words(row: Answer) -> str:
+    if isinstance(row, Refusal):
+        return row.reason
+    if isinstance(row, Gap):
+        return f"{row.missing} entries are missing here: they came faster than they could be written"
+    answer = row.impact
     lost = answer.energy_lost_restitution + answer.energy_lost_friction
     return (
-        f"{entry.name_a} on {entry.name_b}: {answer.regime.name}, "
+        f"{row.name_a} on {row.name_b}: {answer.regime.name}, "
         f"{answer.normal_impulse:.6g} N s along the normal, {answer.tangential_impulse:.6g} N s across, "
         f"{lost:.6g} J lost ({', '.join(choice.name for choice in answer.model[:3])})"
     )
 
 
-def _poses(path: str, times: Times, positions: np.ndarray, bodies: Sequence[Body]) -> Iterator[Columns]:
-    yield path, times, rr.Points3D.columns(positions=positions)
-    if any(body.is_movable() for body in bodies):
-        turned = _units(_array((body.orientation or (0.0, 0.0, 0.0, 1.0) for body in bodies), length=4))
-        yield f"{path}/solid", times, rr.Transform3D.columns(translation=positions, quaternion=turned)
+def _poses(positions: np.ndarray, bodies: Sequence[Body]) -> Any:
+    turned = _units(_array((body.orientation or (0.0, 0.0, 0.0, 1.0) for body in bodies), length=4))
+    return rr.Transform3D.columns(translation=positions, quaternion=turned)
 
 
 def _moving(body: Body, twist: Twist) -> Body:
     return body._replace(velocity=twist.linear, angular_velocity=twist.angular)
 
 
-def _arrows(origins: np.ndarray, velocities: np.ndarray, **components: Any) -> Any:
-    return rr.Arrows3D.columns(origins=origins, vectors=velocities * ARROW_TIME, **components)
+def _arrows(origins: np.ndarray, *velocities: np.ndarray) -> Any:
+    """In each row as many arrows as there are arrays of velocities."""
+    count, vectors = len(velocities), np.stack(velocities, axis=1) * ARROW_TIME
+    columns = rr.Arrows3D.columns(origins=origins.repeat(count, axis=0), vectors=vectors.reshape(-1, 3))
+    return columns.partition([count] * len(origins))
 
 
 def _array(tuples: Iterable[tuple[float, ...]], length: int = 3) -> np.ndarray:
@@ -214,7 +274,11 @@ def _units(rows: np.ndarray) -> np.ndarray:
 
 
 def _times(rows: Sequence[Entry]) -> Times:
-    stamps = np.array([row.stamp for row in rows], dtype="datetime64[ns]")
-    times = [rr.TimeColumn("ros_time", timestamp=stamps)]
-    answers = [row.sequence for row in rows if not isinstance(row, Sighting)]
-    return [*times, rr.TimeColumn("answer", sequence=answers)] if answers else times
+    """Of rows that all have a stamp or none, and all a number or none."""
+    times = []
+    if rows[0].stamp:
+        stamps = np.array([row.stamp for row in rows], dtype="datetime64[ns]")
+        times.append(rr.TimeColumn("ros_time", timestamp=stamps))
+    if answers := [row.sequence for row in rows if not isinstance(row, Sighting)]:
+        times.append(rr.TimeColumn("answer", sequence=answers))
+    return times

@@ -73,5 +73,8 @@ def with_zeros(field: array[Any], shape: tuple[int, ...]) -> Array:
 
 def write_model(message: ImpactModelMessage, model: ImpactModel) -> None:
     """Fill in a model."""
-    for field, value in model._asdict().items():
-        setattr(message, field, int(value) if field in ("law", "geometry", "precision") else float(value))
+    law, geometry, precision, tolerance, tangential_restitution, restitution_threshold = model
+    message.law, message.geometry, message.precision = int(law), int(geometry), int(precision)
+    message.tolerance = float(tolerance)
+    message.tangential_restitution = float(tangential_restitution)
+    message.restitution_threshold = float(restitution_threshold)

@@ -36,7 +36,7 @@ from .batch_fields import (
 )
 from .parameters import LatestParameters, Parameters
 from .patience import when_not_too_early
-from .request import TooEarly, age_of, check_age, find
+from .request import TooEarly, age_of, check_age, check_frame, check_world_frame, find
 from .serialized import nanoseconds
 from .server import Answer
 from .states import LatestStates, quoted
@@ -88,7 +88,7 @@ class Batches:
         """The work for a request, in parts."""
         current = self._parameters.values
         response = Response()
-        check_world_frame(request, current.world_frame)
+        check_world_frame("header.frame_id", request.header.frame_id, current.world_frame)
         layout = layout_of(request)
         pairs = pairs_of(request, current.budget_contacts)
         contacts = contacts_of(request, layout, pairs.shape[1])
@@ -152,15 +152,8 @@ def compute(
             block *= 2
         elif taken > PAUSE[1] and block > 1:
             block //= 2
-        yield
-
-
-def check_world_frame(request: Request, world_frame: str) -> None:
-    """Raises: ImpactError: FRAME_MISMATCH."""
-    frame = request.header.frame_id
-    if world_frame and frame != world_frame:
-        reason = f"is {frame!r}, but the parameter world_frame is {world_frame!r}"
-        raise ImpactError(StatusCode.FRAME_MISMATCH, "header.frame_id", reason)
+        if start < len(faults):
+            yield
 
 
 def layout_of(request: Request) -> Layout:
@@ -248,7 +241,7 @@ def bodies_of(
         try:
             known = find(states, owner, owner, name, not_before)
             stamps[i], ages[i] = known.state.header.stamp, age_of(known, at)
-            check_frame(owner, known.state, request.header.frame_id)
+            check_frame(f"{owner}.header.frame_id", known.state, "header.frame_id", request.header.frame_id)
             check_age(owner, name, ages[i], parameters.max_state_age)
             columns[:, i] = _column(owner, known.state, layout)
         except TooEarly:
@@ -283,14 +276,6 @@ def check_names(names: Sequence[str]) -> None:
         if first.setdefault(name, i) != i:
             reason = f"is {quoted(name)}, as names[{first[name]}]: a body has one column"
             raise ImpactError(StatusCode.SAME_BODY, f"names[{i}]", reason)
-
-
-def check_frame(owner: str, state: BodyState, frame: str) -> None:
-    """Raises: ImpactError: FRAME_MISMATCH."""
-    own = state.header.frame_id
-    if own != frame:
-        reason = f"is {quoted(own)}, but header.frame_id is {quoted(frame)}"
-        raise ImpactError(StatusCode.FRAME_MISMATCH, f"{owner}.header.frame_id", reason)
 
 
 def _column(owner: str, state: BodyState, layout: Layout) -> list[float]:

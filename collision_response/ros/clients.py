@@ -7,9 +7,14 @@ everybody else waits too.
 from __future__ import annotations
 
 import ctypes
+import time
 from typing import Any
 
 from rclpy.node import Node
+from rclpy.utilities import get_rmw_implementation_identifier
+
+INTERVAL = 0.01
+"""Least time [s] between two looks at who is there: one takes most of a millisecond."""
 
 NOBODY = b""
 """The client of every request where the middleware does not tell them apart."""
@@ -52,31 +57,33 @@ def client_of(header: Any) -> bytes:
 class Presence:
     """Which clients of a service are there: those whose subscription to its answers is matched.
 
-    Only a client that has been seen there can be missed: with a middleware that names them otherwise, all
-    count as present.
+    Only Fast DDS names clients by that subscription; with another middleware all count as present.
     """
 
     def __init__(self, node: Node, service_name: str) -> None:
         self._node = node
         self._answers = f"rr{service_name}Reply"
-        self._asked: set[bytes] = set()
-        self._seen: set[bytes] = set()
+        self._tells = "fastrtps" in get_rmw_implementation_identifier()
+        self._present: set[bytes] = set()
+        self._looked = 0.0
 
-    def note(self, client: bytes) -> None:
-        """A client has asked."""
-        if client not in self._seen and client not in self._asked:
-            self._asked.add(client)
+    def is_there(self, client: bytes) -> bool:
+        """Whether a client can be answered. One that has just come may have to be discovered first."""
+        if client in self._present or client == NOBODY or not self._tells:
+            return True
+        if time.perf_counter() - self._looked > INTERVAL:
             self._look()
+        return client in self._present
 
     def departed(self) -> set[bytes]:
         """The clients that have left since the last call."""
-        gone = self._seen - self._look() if self._seen or self._asked else set()
-        self._seen -= gone
-        self._asked.clear()
-        return gone
+        if not self._present:
+            return set()
+        before = self._present
+        self._look()
+        return before - self._present
 
-    def _look(self) -> set[bytes]:
+    def _look(self) -> None:
         endpoints = self._node.get_subscriptions_info_by_topic(self._answers, no_mangle=True)
-        present = {bytes(endpoint.endpoint_gid[:16]) for endpoint in endpoints}
-        self._seen |= self._asked & present
-        return present
+        self._present = {bytes(endpoint.endpoint_gid[:16]) for endpoint in endpoints}
+        self._looked = time.perf_counter()

@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator
 from enum import IntEnum
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from geometry_msgs.msg import Twist as TwistMessage
 from geometry_msgs.msg import Vector3
@@ -31,6 +31,7 @@ from ..physics.vector import ZERO, Vec3
 from ..resolve import resolve
 from ..srv import ResolveCollision
 from ..status import ImpactError, StatusCode
+from .batch_fields import write_model
 from .parameters import Parameters
 
 CORE_TO_MESSAGE = {
@@ -166,49 +167,55 @@ def _check_immovable(owner: str, motion_type: int, twist: Twist) -> None:
         raise ImpactError(StatusCode.INVALID_MOTION_TYPE, field, reason)
 
 
-def contact_of(request: ResolveCollision.Request, parameters: Parameters) -> Contact:
+class Touch(Protocol):
+    """A contact and its two bodies, such as a request for one impact."""
+
+    contact: Any
+    body_a: BodyState
+    body_b: BodyState
+
+
+def contact_of(touch: Touch, parameters: Parameters) -> Contact:
     """Where the bodies touch, with coefficients filled in from where :func:`source_of` says.
 
     Raises:
         ImpactError: NOT_FINITE or INVALID_COEFFICIENT, for a coefficient of a body.
     """
-    position, normal = request.contact.position, request.contact.normal
+    position, normal = touch.contact.position, touch.contact.normal
     return Contact(
         Vec3(position.x, position.y, position.z),
         Vec3(normal.x, normal.y, normal.z),
-        _coefficient("restitution", 1.0, request, parameters.combine_restitution, parameters.restitution),
-        _coefficient("friction", math.inf, request, parameters.combine_friction, parameters.friction),
+        _coefficient("restitution", 1.0, touch, parameters.combine_restitution, parameters.restitution),
+        _coefficient("friction", math.inf, touch, parameters.combine_friction, parameters.friction),
     )
 
 
-def _coefficient(
-    field: str, most: float, request: ResolveCollision.Request, rule: CombineRule, default: float
-) -> float:
-    source = source_of(field, request)
+def _coefficient(field: str, most: float, touch: Touch, rule: CombineRule, default: float) -> float:
+    source = source_of(field, touch)
     if source is Source.CONTACT:
-        return getattr(request.contact, field)  # for the core to refuse, if need be
+        return getattr(touch.contact, field)  # for the core to refuse, if need be
     coefficients = []
     for owner in ("body_a", "body_b"):
-        own = getattr(getattr(request, owner), field)
+        own = getattr(getattr(touch, owner), field)
         if own != UNSET:
             check_number(f"{owner}.{field}", own, 0, most, StatusCode.INVALID_COEFFICIENT)
             coefficients.append(own)
     return combine(rule, *coefficients) if source is Source.BODIES else default
 
 
-def source_of(field: str, request: ResolveCollision.Request) -> Source:
+def source_of(field: str, touch: Touch) -> Source:
     """Who says what a coefficient is: the contact; else the bodies, if both do; else the node's parameter."""
-    if getattr(request.contact, field) != UNSET:
+    if getattr(touch.contact, field) != UNSET:
         return Source.CONTACT
-    if UNSET in (getattr(request.body_a, field), getattr(request.body_b, field)):
+    if UNSET in (getattr(touch.body_a, field), getattr(touch.body_b, field)):
         return Source.PARAMETER
     return Source.BODIES
 
 
-def only_one_body_says(field: str, request: ResolveCollision.Request) -> bool:
+def only_one_body_says(field: str, touch: Touch) -> bool:
     """Whether the coefficient of one body is of no use, because the other has none."""
-    of_a, of_b = getattr(request.body_a, field), getattr(request.body_b, field)
-    return getattr(request.contact, field) == UNSET and (of_a == UNSET) != (of_b == UNSET)
+    of_a, of_b = getattr(touch.body_a, field), getattr(touch.body_b, field)
+    return getattr(touch.contact, field) == UNSET and (of_a == UNSET) != (of_b == UNSET)
 
 
 def model_of(message: ImpactModelMessage, defaults: ImpactModel) -> ImpactModel:
@@ -241,12 +248,12 @@ def write_answer(result: CollisionResult, request: ResolveCollision.Request, imp
     """Fill in a result from what the core answered."""
     _echo(result, request)
     result.status.code = int(impact.status)
-    result.status.message = "; ".join(_notes(impact))
+    result.status.message = "; ".join(notes(impact))
     result.restitution_from = source_of("restitution", request)
     result.friction_from = source_of("friction", request)
     result.contact.restitution = impact.contact.restitution
     result.contact.friction = impact.contact.friction
-    _write_model(result.model, impact.model)
+    write_model(result.model, impact.model)
     _write_twist(result.twist_a, impact.twist_a)
     _write_twist(result.twist_b, impact.twist_b)
     _write_vector(result.impulse, impact.impulse)
@@ -256,7 +263,8 @@ def write_answer(result: CollisionResult, request: ResolveCollision.Request, imp
     result.adjustments = int(impact.adjustments)
 
 
-def _notes(impact: Impact) -> Iterator[str]:
+def notes(impact: Impact) -> Iterator[str]:
+    """What a person should know of an answer."""
     yield from (note for flag, note in NOTES.items() if flag in impact.adjustments)
     if impact.status is StatusCode.TOLERANCE_NOT_MET:
         tolerance = impact.model.tolerance
@@ -291,12 +299,18 @@ def _echo(result: CollisionResult, request: ResolveCollision.Request) -> None:
     result.contact.body_b = request.contact.body_b or request.body_b.name
 
 
-def _write_model(message: ImpactModelMessage, model: ImpactModel) -> None:
-    law, geometry, precision, tolerance, tangential_restitution, restitution_threshold = model
-    message.law, message.geometry, message.precision = int(law), int(geometry), int(precision)
-    message.tolerance = tolerance
-    message.tangential_restitution = tangential_restitution
-    message.restitution_threshold = restitution_threshold
+def twist_message(twist: Twist) -> TwistMessage:
+    """A new message."""
+    message = TwistMessage()
+    _write_twist(message, twist)
+    return message
+
+
+def vector_message(vector: Vec3) -> Vector3:
+    """A new message."""
+    message = Vector3()
+    _write_vector(message, vector)
+    return message
 
 
 def _write_twist(message: TwistMessage, twist: Twist) -> None:

@@ -6,6 +6,7 @@ before it, and a state costs ten times as much as taking it does.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -20,6 +21,10 @@ RCLError: type[Exception] = rclpy_implementation.RCLError
 
 UNREADABLE = (RCLError, MemoryError, UnicodeError, ValueError)
 """What taking a message may raise that is broken, or larger than memory allows."""
+
+
+LONGEST = 0.05
+"""Time [s] to take messages for, that come faster than they can be taken."""
 
 
 class OutOfReach(CallbackGroup):
@@ -66,19 +71,23 @@ class Intake(Waitable[None]):
         node.add_waitable(self)
 
     def take_all(self) -> int:
-        """Handle all that waits now, and say how many those were."""
-        number = 0
+        """Handle all that waits now, and say how many those were.
+
+        What comes as fast as it can be handled must wait for the next time.
+        """
+        number, end = 0, time.perf_counter() + LONGEST
         with self._source.handle:
-            while True:
+            while time.perf_counter() < end:
                 try:
                     taken = self._take()
                 except UNREADABLE as error:
                     self._unreadable(error)
                     continue
                 if taken is None:
-                    return number
+                    break
                 self._handle(*taken)
                 number += 1
+        return number
 
     def _take(self) -> tuple[Any, Any] | None:
         if isinstance(self._source, Service):

@@ -20,7 +20,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.signals import SignalHandlerOptions
 
 from ..model import ImpactModel
-from ..msg import BodyState, BodyStates
+from ..msg import BodyState, BodyStates, CollisionResult
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
@@ -67,6 +67,10 @@ class CollisionResponseNode(Node):
         publisher ``~/result``: every answer of the first, refusals included, once anybody subscribes.
         publisher ``/diagnostics``: how it is doing.
 
+    Attributes:
+        parameters: as last set.
+        impacts: what answers the first service.
+
     Args:
         options: those of :class:`rclpy.node.Node`.
     """
@@ -81,17 +85,26 @@ class CollisionResponseNode(Node):
         self.parameters = parameters.LatestParameters(self)
         start = parameters.StartParameters.of(self)
         if start.recording_directory is not None:
-            self._recorder = Recorder(start.recording_directory, self._warn, name=start.recording_file)
+            self._recorder = Recorder(
+                start.recording_directory,
+                self.get_logger().warning,
+                opened=self.get_logger().info,
+                name=start.recording_file,
+                max_size=start.recording_max_size,
+                max_duration=start.recording_max_duration,
+            )
         self._states = LatestStates(start.max_bodies, self._now, self._warn)
         self._jumps = self.get_clock().create_jump_callback(JUMPS, post_callback=self._forget)
-        results = Results(self)
-        impacts = Impacts(self.parameters, self._states, results, self._now, self.get_logger())
-        impacts.recorder = self._recorder
-        impacts.survey = SceneSurvey(start.scene_tolerance) if start.scene_tolerance else None
+        results = Results(self, CollisionResult, "~/result")
+        self.impacts = Impacts(self.parameters, self._states, results, self._now, self.get_logger())
+        self.impacts.recorder = self._recorder
+        self.impacts.survey = SceneSurvey(start.scene_tolerance) if start.scene_tolerance else None
         batches = Batches(self.parameters, self._states, self._now)
         warm_up()
         tally = Tally()
-        self._server = Server(self, (impacts, batches), tally, self._over_budget, start.service_introspection)
+        self._server = Server(
+            self, (self.impacts, batches), tally, self._over_budget, start.service_introspection
+        )
         self._hearing = [
             *(self._listen(BodyState, topic, STATE_QOS, self._hear) for topic in start.body_state_topics),
             self._listen(BodyStates, TABLE_TOPIC, TABLE_QOS, self._states.hear_table),
@@ -100,10 +113,10 @@ class CollisionResponseNode(Node):
         Diagnostics(self, tally, self._states, self._recorder, self._server.waiting)
         topics = [self.resolve_topic_name(topic) for topic in start.body_state_topics]
         self.get_logger().info(
-            f"serving {self.resolve_service_name(impacts.name)}; "
+            f"serving {self.resolve_service_name(self.impacts.name)}; "
             f"bodies from {', '.join(topics) or 'requests only'}; "
-            f"results on {results.topic}; "
-            f"{'not recording' if self._recorder is None else f'recording to {self._recorder.path}'}"
+            f"results on {results.topic}"
+            f"{'; not recording' if self._recorder is None else ''}"
         )
 
     def shut_down(self) -> None:
@@ -112,12 +125,12 @@ class CollisionResponseNode(Node):
         It takes no longer than the parameter ``shutdown_timeout``. Nobody may spin the node any more.
         """
         start, limit = time.perf_counter(), self.parameters.values.shutdown_timeout
-        left = self._server.drain(start + 0.6 * limit, start + 0.8 * limit)
+        left = self._server.drain(start + 0.5 * limit, start + 0.6 * limit)
         if left:
             self._warn(f"{left} requests are left without an answer: shutdown_timeout is {limit:g} s")
         super().destroy_node()
         if self._recorder is not None:
-            self._recorder.close(max(0.0, start + 0.95 * limit - time.perf_counter()))
+            self._recorder.close(max(0.0, start + 0.8 * limit - time.perf_counter()))
 
     def destroy_node(self) -> None:
         """Give up every interface, then complete the recording."""

@@ -18,6 +18,7 @@ from rclpy.service_introspection import ServiceIntrospectionState
 from ..model import Geometry, ImpactModel, Precision, check_model
 from ..physics.combine import CombineRule
 from ..physics.laws import Law
+from ..recording.recorder import MAX_DURATION, MAX_SIZE, check_name
 from ..status import ImpactError
 
 
@@ -109,12 +110,24 @@ DECLARATIONS = (
     ),
     Declaration("recording.enabled", False, "Record every impact for the rerun viewer.", read_only=True),
     Declaration(
-        "recording.directory", "recordings", "Where to; one file for each start of the node.", read_only=True
+        "recording.directory", "recordings", "Where to; new files for each start of the node.", read_only=True
     ),
     Declaration(
         "recording.file",
         "",
-        "Name of that file, which must be new. Empty: made from the time.",
+        "Name of the first file, which must be new. Empty: made from the time.",
+        read_only=True,
+    ),
+    Declaration(
+        "recording.max_size",
+        MAX_SIZE,
+        "Size [MB] at which the next file begins. 0: any.",
+        read_only=True,
+    ),
+    Declaration(
+        "recording.max_duration",
+        MAX_DURATION,
+        "Time [s] after which the next file begins. 0: any.",
         read_only=True,
     ),
 )
@@ -176,6 +189,10 @@ class StartParameters:
     recording_directory: Path | None
     """``None``: do not record."""
     recording_file: str
+    recording_max_size: float
+    """Of a file [MB]; 0: any."""
+    recording_max_duration: float
+    """Of a file [s]; 0: any."""
     scene_tolerance: float
     """0: do not log what the scene requires."""
     max_bodies: int
@@ -192,6 +209,8 @@ class StartParameters:
             tuple(topic for topic in topics if topic),
             directory,
             _value(node, "recording.file"),
+            _value(node, "recording.max_size"),
+            _value(node, "recording.max_duration"),
             _value(node, "scene_tolerance"),
             _value(node, "max_bodies"),
             _value(node, "memory_limit"),
@@ -238,6 +257,11 @@ def validate(parameters: list[Parameter[Any]]) -> SetParametersResult:
         if isinstance(parameter.value, float) and not math.isfinite(parameter.value):
             reason = f"{parameter.name} must be finite, is {parameter.value}"
             return SetParametersResult(successful=False, reason=reason)
+        if parameter.name == "recording.file":
+            try:
+                check_name(parameter.value)
+            except ValueError as error:
+                return SetParametersResult(successful=False, reason=f"{parameter.name} {error}")
         choices = CHOICES.get(parameter.name)
         if choices is not None and parameter.value not in choices:
             reason = f"{parameter.name} must be one of {', '.join(choices)}; is {parameter.value!r}"

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
 
-from ..msg import BodyState
+from ..msg import BodyState, Contact
 from ..srv import ResolveCollision
 from ..status import ImpactError, StatusCode
 from .parameters import Parameters
@@ -57,7 +57,7 @@ def complete(
         ImpactError: SAME_BODY, UNKNOWN_BODY, STALE_STATE or FRAME_MISMATCH.
     """
     check_names(request)
-    names = [_name_only(getattr(request, owner), getattr(request.contact, owner)) for owner in OWNERS]
+    names = [_name_to_look_up(getattr(request, owner), getattr(request.contact, owner)) for owner in OWNERS]
     used = [IN_FULL, IN_FULL]
     if any(names):
         time = nanoseconds(request.contact.header.stamp) or now()
@@ -76,11 +76,17 @@ def complete(
     return used
 
 
-def _name_only(body: BodyState, in_contact: str) -> str:
+def _name_to_look_up(body: BodyState, in_contact: str) -> str:
     """The name of a body of which nothing else is given; else nothing."""
-    if body.inertia.m or body.motion_type or not (body.name or in_contact):
-        return ""  # most bodies given in full; the comparison below takes ten times as long
-    return body.name or in_contact if body == BodyState(name=body.name) else ""
+    name = body.name or in_contact
+    return name if name and is_name_only(body) else ""
+
+
+def is_name_only(body: BodyState) -> bool:
+    """Whether of a body every field but the name is as constructed."""
+    if body.inertia.m or body.motion_type:
+        return False  # most bodies given in full; the comparison below takes ten times as long
+    return body == BodyState(name=body.name)
 
 
 def find(states: LatestStates, owner: str, field: str, name: str, not_before: int) -> Known:
@@ -149,12 +155,26 @@ def check_names(request: ResolveCollision.Request) -> None:
 
 def check_frames(request: ResolveCollision.Request, world_frame: str) -> None:
     """Raises: ImpactError: FRAME_MISMATCH."""
-    frame = request.contact.header.frame_id
+    frame, field = request.contact.header.frame_id, "contact.header.frame_id"
+    check_world_frame(field, frame, world_frame)
+    for owner in OWNERS:
+        check_frame(f"{owner}.header.frame_id", getattr(request, owner), field, frame)
+
+
+def check_world_frame(field: str, frame: str, world_frame: str) -> None:
+    """Raises: ImpactError: FRAME_MISMATCH."""
     if world_frame and frame != world_frame:
         reason = f"is {quoted(frame)}, but the parameter world_frame is {world_frame!r}"
-        raise ImpactError(StatusCode.FRAME_MISMATCH, "contact.header.frame_id", reason)
-    for owner in OWNERS:
-        own = getattr(request, owner).header.frame_id
-        if own != frame:
-            reason = f"is {quoted(own)}, but contact.header.frame_id is {quoted(frame)}"
-            raise ImpactError(StatusCode.FRAME_MISMATCH, f"{owner}.header.frame_id", reason)
+        raise ImpactError(StatusCode.FRAME_MISMATCH, field, reason)
+
+
+def check_frame(field: str, message: BodyState | Contact, of: str, frame: str) -> None:
+    """Whether a message is in the same frame as another one, whose field is ``of``.
+
+    Raises:
+        ImpactError: FRAME_MISMATCH.
+    """
+    own = message.header.frame_id
+    if own != frame:
+        reason = f"is {quoted(own)}, but {of} is {quoted(frame)}"
+        raise ImpactError(StatusCode.FRAME_MISMATCH, field, reason)

@@ -1,15 +1,14 @@
-"""The topic of results, on which nothing is published that nobody hears."""
+"""A topic of results, on which nothing is published that nobody hears."""
 
 from __future__ import annotations
 
 from collections import deque
+from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks, QoSPublisherMatchedInfo
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
-
-from ..msg import CollisionResult
 
 RESULT_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
@@ -28,20 +27,25 @@ class Results:
 
     Attributes:
         topic: its name.
+
+    Args:
+        node: that publishes.
+        kind: of messages.
+        topic: its name, not yet resolved.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, kind: Any, topic: str) -> None:
         self._publisher = node.create_publisher(
-            CollisionResult,
-            "~/result",
+            kind,
+            topic,
             RESULT_QOS,
             event_callbacks=PublisherEventCallbacks(matched=self._matched),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
-        self._waiting: deque[CollisionResult] = deque(maxlen=self._publisher.qos_profile.depth)
+        self._waiting: deque[Any] = deque(maxlen=self._publisher.qos_profile.depth)
         self.topic: str = self._publisher.topic_name
 
-    def publish(self, result: CollisionResult) -> None:
+    def publish(self, result: Any) -> None:
         """Publish a result, after those before it: now, or as soon as somebody subscribes."""
         if self._publisher.get_subscription_count():
             self._publish_waiting()

@@ -34,6 +34,9 @@ may have waiting. With KEEP_ALL its answers would fill the history, and nobody's
 POLL = 0.2
 """How often [s] clients are looked for that have left."""
 
+DISCOVERY = 5.0
+"""Longest wait [s] for a client to be discovered that has sent a request already."""
+
 PATIENCE = 0.01
 """How often [s] it is looked whether a request has waited long enough for a state."""
 
@@ -122,16 +125,16 @@ class Server:
             self._turns.wake(all_of_them=True)
             self._work()
 
-    def drain(self, until: float, at_last: float) -> int:
+    def drain(self, answer_until: float, refuse_until: float) -> int:
         """Answer what has been received, and what arrives meanwhile; how many are left without an answer.
 
         Args:
-            until: the time [s], by ``time.perf_counter``, until which requests are answered.
-            at_last: the time until which those that are left are refused.
+            answer_until: the time [s], by ``time.perf_counter``, until which requests are answered.
+            refuse_until: until which those that are left are refused.
         """
         clock = time.perf_counter
         last = clock()
-        while clock() < until and (self._turns or clock() - last < QUIET):
+        while clock() < answer_until and (self._turns or clock() - last < QUIET):
             if sum(intake.take_all() for intake in self._intakes):
                 last = clock()
             self._turns.wake(all_of_them=False)
@@ -139,21 +142,21 @@ class Server:
                 time.sleep(PATIENCE)
             self._turns.work()
         reason = "is shutting down: ask again when it is back, or another node"
-        return self._turns.end(ImpactError(StatusCode.SHUTTING_DOWN, "node", reason), at_last)
+        return self._turns.end(ImpactError(StatusCode.SHUTTING_DOWN, "node", reason), refuse_until)
 
     def _note(
         self, kind: Kind, service: Service[Any, Any], presence: Presence, request: Any, header: Any
     ) -> None:
         client = client_of(header)
-        presence.note(client)
         self._unconfirmed.pop(client, None)  # it is alive
         self._tally.requests += 1
         send = partial(self._send, kind, service, client, header, time.perf_counter())
-        self._turns.add(
-            client, Job(self._parts(kind, request, send), lambda error: send(kind.refusal(request, error)))
-        )
+        parts = self._parts(kind, request, send, partial(presence.is_there, client))
+        self._turns.add(client, Job(parts, lambda error: send(kind.refusal(request, error))))
 
-    def _parts(self, kind: Kind, request: Any, send: Callable[[Any], None]) -> Parts:
+    def _parts(
+        self, kind: Kind, request: Any, send: Callable[[Any], None], client_is_there: Callable[[], bool]
+    ) -> Parts:
         """Every request is answered, whatever happens: what left this would end ``spin()``."""
         try:
             response = yield from kind.answer(request)
@@ -166,6 +169,9 @@ class Server:
             self._log.error(traceback.format_exc(), throttle_duration_sec=THROTTLE)
             fault = ImpactError(StatusCode.INTERNAL_ERROR, type(error).__name__, str(error))
             response = kind.refusal(request, fault)
+        until = time.perf_counter() + DISCOVERY
+        while not client_is_there() and time.perf_counter() < until:
+            yield min(until, time.perf_counter() + PATIENCE)
         send(response)
 
     def _work(self) -> None:
@@ -206,7 +212,9 @@ class Server:
                 dropped, at_risk = self._turns.drop(client), self._unconfirmed.pop(client, 0)
                 self._tally.dropped += dropped
                 self._tally.at_risk += at_risk
-                if dropped:
+                if (
+                    dropped or at_risk > 1
+                ):  # the last answer to somebody who then leaves is nothing to speak of
                     self._log.warning(
                         f"a client has left, or was silent for too long: {dropped} of its requests were "
                         f"dropped, and of {at_risk} answers it is not known whether they arrived",

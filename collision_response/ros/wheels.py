@@ -1,0 +1,40 @@
+"""ROS from wheels: all of the release that this package was built with."""
+
+from __future__ import annotations
+
+import re
+from importlib import metadata
+
+PINNED = re.compile(r"(?P<name>ros-[\w-]+)(\[\w+\])?==(?P<series>[\d.]+\.)\*")
+
+
+def check_release(package: str = "collision_response") -> None:
+    """Make sure that the installed ROS wheels are those a package was built with.
+
+    A package that colcon built has no requirements to read, and nothing is checked.
+
+    Raises:
+        ImportError: a wheel is missing or of another release. It says what to install.
+    """
+    try:
+        requirements = metadata.requires(package) or []
+    except metadata.PackageNotFoundError:
+        return
+    pinned = [match for match in map(PINNED.fullmatch, requirements) if match]  # of no extra
+    wrong = [
+        f"{match['name']} {installed}"
+        for match in pinned
+        if not (installed := _version(match["name"])).startswith(match["series"])
+    ]
+    if wrong:
+        wanted = " ".join(f"'{match.group()}'" for match in pinned)
+        raise ImportError(
+            f"{package} was built with other ROS wheels than {', '.join(wrong)}: pip install {wanted}"
+        )
+
+
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "(missing)"

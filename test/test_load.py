@@ -1,0 +1,235 @@
+"""Long requests, many requests, clients that leave, and the end of the node: nobody is left waiting."""
+
+from __future__ import annotations
+
+import multiprocessing
+import pickle
+import resource
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from ros_graph import DEADLINE, balls_meet, until
+
+from collision_response import Geometry, ImpactError, ImpactModel, Precision, StatusCode
+from collision_response.batch.rows import body_rows, contact_rows
+from collision_response.msg import BodyState
+from collision_response.ros import batches
+from collision_response.ros.batch_client import pack, unpack
+from collision_response.ros.server import SERVICE_QOS
+from collision_response.srv import ResolveCollision, ResolveCollisionBatch
+
+EXTENDED = ImpactModel(precision=Precision.EXTENDED)
+
+
+def falling(n, model=EXTENDED):
+    """A mass that strikes the ground ``n`` times over."""
+    of, at = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    bodies, contacts = np.zeros((of.height, 2)), np.zeros((at.height, n))
+    bodies[of.mass] = [[2.0, np.inf]]
+    bodies[of.velocity][2] = [-3.0, 0.0]
+    contacts[at.normal][2], contacts[at.restitution] = 1.0, 0.3
+    return pack(bodies, [np.zeros(n), np.ones(n)], contacts, model)
+
+
+# turns
+
+
+def test_a_short_request_overtakes_a_long_one(graph):
+    graph.serve()
+    order, both = [], threading.Event()
+
+    def note(name):
+        order.append(name)
+        if len(order) == 2:
+            both.set()
+
+    long = graph.call_async(falling(300_000))
+    long.add_done_callback(lambda _: note("long"))
+    short = graph.call_async(balls_meet())
+    short.add_done_callback(lambda _: note("short"))
+    assert both.wait(DEADLINE)
+    assert order == ["short", "long"]
+    response = long.result()
+    assert response.success and set(response.status) == {StatusCode.OK}
+    assert (unpack(response).velocity[2, 0] == 0.3 * 3.0).all()
+
+
+def test_contacts_that_need_many_digits_do_not_hold_others_either(graph):
+    """Each of these rows takes a thousand times as long as one that the kernels answer alone."""
+    graph.serve()
+    request = falling(200, ImpactModel(tolerance=1e-30))
+    long, short = graph.call_async(request), graph.call_async(balls_meet())
+    until(short.done)
+    assert not long.done()
+    until(long.done)
+    assert set(long.result().status) == {StatusCode.TOLERANCE_NOT_MET}
+
+
+# budgets
+
+
+def test_a_batch_of_too_many_contacts_is_refused_by_name(graph):
+    graph.serve(budget__contacts=10)
+    assert graph.call(falling(10)).success
+    response = graph.call(falling(11))
+    assert response.code == StatusCode.BUDGET_EXCEEDED
+    assert response.message == "pairs: has 11 contacts; budget.contacts is 10: send fewer at a time"
+
+
+def test_a_request_that_takes_too_long_is_refused_by_name(graph):
+    node = graph.serve(budget__time=1e-9)
+    response = graph.call(falling(100_000))
+    assert response.code == StatusCode.BUDGET_EXCEEDED
+    assert response.message.startswith("request: took ") and "budget.time is 1e-09 s" in response.message
+    assert not response.status
+    assert graph.call(falling(1)).success  # one part is always done
+    node.set_parameters([Parameter("budget.time", value=0.0)])
+    assert graph.call(falling(100_000)).success
+
+
+def test_what_needs_too_much_memory_is_refused_by_name(tried_node, monkeypatch):
+    def fail(*_, **__):
+        raise MemoryError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(batches, "result_in", fail)
+        response = tried_node.call(falling(1))
+    assert response.code == StatusCode.BUDGET_EXCEEDED
+    assert response.message == "request: needs more memory than the parameter memory_limit allows"
+    assert tried_node.call(falling(1)).success
+
+
+LIMITED = """
+import resource
+import numpy as np
+from collision_response.ros.memory import limit_memory
+
+limit_memory(0)
+np.empty(1 << 27)
+limit_memory(512)
+try:
+    np.empty(1 << 27)
+except MemoryError:
+    np.empty(1 << 20)
+    print("refused")
+limit_memory(1024)
+print(resource.getrlimit(resource.RLIMIT_DATA)[0] >> 20)
+"""
+
+
+def test_the_process_takes_no_more_memory_than_it_may(tmp_path):
+    command = [sys.executable, "-c", LIMITED]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=DEADLINE)
+    assert result.stdout.split() == ["refused", "1024"], result.stderr
+    assert resource.getrlimit(resource.RLIMIT_DATA)[0] == resource.RLIM_INFINITY
+
+
+# clients that leave
+
+
+def by_name(seconds):
+    """A request that waits for a state of this time."""
+    request = balls_meet()
+    request.body_b = BodyState(name="left")
+    request.not_before.sec = seconds
+    return request
+
+
+def diagnostics(graph):
+    """The last message of the node, as a level and a dictionary."""
+    received = []
+    graph.user.create_subscription(DiagnosticArray, "/diagnostics", received.append, 10)
+
+    def last():
+        for message in reversed(received):
+            (status,) = message.status
+            if status.name.startswith(graph.namespace):
+                return status, {value.key: value.value for value in status.values}
+        return None
+
+    return last
+
+
+def test_requests_of_a_client_that_leaves_are_dropped_and_counted(graph):
+    graph.serve(max_state_wait=60.0)
+    last = diagnostics(graph)
+    other = graph.add(Node("other", context=graph.context, namespace=graph.namespace))
+    client = other.create_client(ResolveCollision, graph.service, qos_profile=SERVICE_QOS)
+    until(client.service_is_ready)
+    answered = client.call_async(balls_meet())
+    until(answered.done)
+    for _ in range(5):
+        client.call_async(by_name(10))
+    until(lambda: last() and last()[1]["requests waiting"] == "5")
+
+    other.destroy_client(client)
+
+    until(lambda: last()[1]["requests of clients that left"] == "5")
+    assert last()[1]["requests waiting"] == "0"
+    assert graph.call(balls_meet()).success
+
+
+def test_requests_of_a_client_that_stays_are_not_dropped(graph):
+    graph.serve(max_state_wait=1.0)
+    futures = [graph.call_async(by_name(10)) for _ in range(5)]
+    until(lambda: all(future.done() for future in futures))
+    assert {future.result().result.status.code for future in futures} == {StatusCode.STALE_STATE}
+
+
+# what is told
+
+
+def test_diagnostics_tell_what_was_answered_and_what_went_wrong(graph):
+    graph.serve()
+    last = diagnostics(graph)
+    bad = balls_meet()
+    bad.contact.normal.x = 0.0
+    for request in (balls_meet(), balls_meet(), bad):
+        graph.call(request)
+    until(lambda: last() and last()[1]["requests"] == "3")
+    status, values = last()
+    assert (values["answered OK"], values["answered INVALID_NORMAL"]) == ("2", "1")
+    assert 0 < float(values["latency p50 [ms]"]) <= float(values["latency max [ms]"])
+    assert status.level == DiagnosticStatus.OK
+    states = graph.user.create_publisher(BodyState, "body_states", 10)
+    until(lambda: states.get_subscription_count() == 1)
+    states.publish(BodyState(name="x" * 5000))
+    until(lambda: last()[1]["states that could not be read"] == "1")
+    assert last()[1]["states"] == "1"
+
+
+@pytest.mark.parametrize(("word", "publishers"), [("off", 0), ("metadata", 1), ("contents", 1)])
+def test_calls_can_be_watched(graph, word, publishers):
+    graph.serve(service_introspection=word)
+    assert graph.call(balls_meet()).success
+    until(lambda: graph.node.count_publishers(f"{graph.service}/_service_event") == publishers)
+
+
+def test_an_error_survives_pickling():
+    error = ImpactError(StatusCode.INVALID_MASS, "body_a.mass", "must be positive")
+    again = pickle.loads(pickle.dumps(error))
+    assert (again.code, again.field, again.reason, str(again)) == (
+        error.code,
+        error.field,
+        error.reason,
+        str(error),
+    )
+    with multiprocessing.get_context("spawn").Pool(1) as pool, pytest.raises(ImpactError):
+        pool.apply(_refused)
+
+
+def _refused():
+    raise ImpactError(StatusCode.INVALID_MASS, "body_a.mass", "must be positive")
+
+
+def test_the_first_names_of_a_batch_are_as_many_as_the_interface_allows():
+    assert ResolveCollisionBatch.Request.get_fields_and_field_types()["names"] == "sequence<string, 65536>"

@@ -1,0 +1,138 @@
+"""ROS wheels are of one release: pinned wherever they are named, and refused where they are mixed."""
+
+from __future__ import annotations
+
+import re
+import runpy
+import sys
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+RELEASES = ROOT / "tools" / "ros"
+PIN = re.compile(r"(ros-[\w-]+)(\[\w+\])?==(\d+\.\d+)\.\*")
+
+
+def pins(text: str) -> dict[str, str]:
+    return {name: series for name, _, series in PIN.findall(text)}
+
+
+def wheels(release: str) -> dict[str, str]:
+    """Versions of all wheels of a release, as a user may have them."""
+    return {name: f"{series}.9" for name, series in pins((RELEASES / f"{release}.txt").read_text()).items()}
+
+
+@pytest.mark.parametrize(
+    "file", ["pyproject.toml", "tools/setup_venv.py", *map(str, sorted(RELEASES.iterdir()))]
+)
+def test_every_ros_wheel_is_pinned_to_its_release(file):
+    """``~=5.5`` is none: it takes any 5.x, and so the next release."""
+    text = re.sub(r"#.*", "", (ROOT / file).read_text())
+    named = set(re.findall(r"\bros-[\w-]+", text)) - {"ros-releases"}
+    assert named == set(pins(text)) != set()
+
+
+def test_pip_builds_with_kilted():
+    kilted = wheels("kilted") | {"ros-domain-coordinator": "0.12.9"}
+    named = pins((ROOT / "pyproject.toml").read_text())
+    assert named == {name: kilted[name].removesuffix(".9") for name in named}
+
+
+def test_no_version_is_of_two_releases():
+    """Else a mixture could pass for either."""
+    kilted, jazzy = wheels("kilted"), wheels("jazzy")
+    assert not {name for name in kilted if jazzy.get(name) == kilted[name]}
+
+
+@pytest.fixture
+def requirements(monkeypatch):
+    """What the build says is needed at run time, with these wheels installed."""
+
+    def run(installed):
+        def version(name):
+            try:
+                return installed[name]
+            except KeyError:
+                raise metadata.PackageNotFoundError(name) from None
+
+        asked = {}
+        monkeypatch.setattr(metadata, "version", version)
+        monkeypatch.setattr("setuptools.setup", lambda **options: asked.update(options))
+        monkeypatch.setattr(sys, "path", list(sys.path))
+        runpy.run_path(str(ROOT / "setup.py"))
+        return asked["install_requires"]
+
+    pytest.importorskip("setuptools")
+    return run
+
+
+@pytest.mark.parametrize("release", ["kilted", "jazzy"])
+def test_a_package_needs_the_release_it_is_built_with(requirements, release):
+    needed = requirements(wheels(release))
+    assert {"numpy", "python-flint"} < set(needed)
+    of_ros = pins("\n".join(needed))
+    assert of_ros.keys() == {
+        "ros-diagnostic-msgs",
+        "ros-geometry-msgs",
+        "ros-rcl-interfaces",
+        "ros-rclpy",
+        "ros-rosidl-default-runtime",
+        "ros-std-msgs",
+    }
+    assert all(wheels(release)[name] == f"{series}.9" for name, series in of_ros.items())
+
+
+@pytest.mark.parametrize("name", sorted(wheels("kilted").keys() & wheels("jazzy").keys()))
+def test_a_build_refuses_a_mixture_in_one_line(requirements, name):
+    mixed = wheels("kilted") | {name: wheels("jazzy")[name]}
+    wrong = f"not of one release: of jazzy: {name} {wheels('jazzy')[name]}; of kilted: ros-"
+    with pytest.raises(SystemExit, match=wrong) as refusal:
+        requirements(mixed)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_build_refuses_a_release_that_is_not_listed(requirements):
+    with pytest.raises(
+        SystemExit, match="not of one release: of no release in tools/ros: ros-ament-cmake 99"
+    ):
+        requirements({name: "99.0.0" for name in wheels("kilted")})
+    with pytest.raises(SystemExit, match="No ROS wheels"):
+        requirements({})
+
+
+class TestStart:
+    """The node, before it imports any of ROS."""
+
+    @pytest.fixture(autouse=True)
+    def need_ros(self):
+        pytest.importorskip("rclpy")
+
+    @pytest.fixture
+    def check(self, monkeypatch):
+        from collision_response.ros.wheels import check_release
+
+        def check(installed, needed):
+            monkeypatch.setattr(metadata, "requires", lambda _: needed)
+            monkeypatch.setattr(metadata, "version", installed.__getitem__)
+            check_release()
+
+        return check
+
+    def test_it_refuses_wheels_of_another_release(self, check):
+        needed = ["numpy", "ros-rclpy[fastrtps]==9.1.*", "ros-std-msgs==5.5.*", 'ros-x==1.*; extra == "test"']
+        check({"ros-rclpy": "9.1.2", "ros-std-msgs": "5.5.1"}, needed)
+        with pytest.raises(ImportError) as refusal:
+            check({"ros-rclpy": "9.10.2", "ros-std-msgs": "5.5.1"}, needed)
+        assert str(refusal.value) == (
+            "collision_response was built with other ROS wheels than ros-rclpy 9.10.2: "
+            "pip install 'ros-rclpy[fastrtps]==9.1.*' 'ros-std-msgs==5.5.*'"
+        )
+
+    def test_what_pip_installed_says_what_it_needs(self):
+        try:
+            needed = metadata.requires("collision_response") or []
+        except metadata.PackageNotFoundError:
+            pytest.skip("built with colcon")
+        assert pins("\n".join(needed)).keys() >= {"ros-rclpy", "ros-geometry-msgs"}
