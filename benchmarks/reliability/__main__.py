@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import signal
 import sys
 from pathlib import Path
 
@@ -24,6 +25,7 @@ def main() -> int:
 
         importlib.import_module(f"reliability.{name}").run(json.loads(arguments[0]), Parent())
         return 0
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # not without ending what was started
     names = PARTS if name == "all" else (name,)
     return max([importlib.import_module(f"reliability.{part}").main(arguments) for part in names])
 
