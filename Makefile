@@ -13,7 +13,8 @@ unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH 
 unexport RMW_IMPLEMENTATION ROS_DISTRO VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help demo test lint audit bench stability colcon clean .venv .audit-venv .bench-venv .colcon-venv
+.PHONY: help demo test lint audit bench stability faults fuzz states soak reliability colcon clean
+.PHONY: .venv .audit-venv .bench-venv .colcon-venv
 
 help:
 	@echo 'make demo       collisions, answered by the node'
@@ -22,6 +23,11 @@ help:
 	@echo 'make audit      known weaknesses of what the package needs; asks the package index'
 	@echo 'make bench      times against peers and limits, and stability: some ten minutes'
 	@echo 'make stability  the measurements of docs/stability.md alone: some eight minutes'
+	@echo 'make faults     clients that crowd, leave and stop, and SIGTERM: docs/reliability.md'
+	@echo 'make fuzz       hostile input, to the node from outside'
+	@echo 'make states     body states at rates'
+	@echo "make soak       load and faults for ten minutes; make soak ARGS='--minutes 1' for one"
+	@echo 'make reliability  these four: some half an hour'
 	@echo 'make colcon     a colcon build of this tree, and a call of the node it installs'
 	@echo 'make clean      remove all that these made'
 
@@ -47,13 +53,21 @@ audit: .venv .audit-venv
 	@test -x .audit-venv/bin/pip-audit || { $(PYTHON) -m venv .audit-venv && .audit-venv/bin/pip install -q pip-audit; }
 
 .venv:
-	@$(PYTHON) tools/setup_venv.py .venv $(EXTRAS)
+	@$(PYTHON) tools/setup_venv.py .venv $(EXTRAS) $(OPTIONAL)
 
 bench: .bench-venv
 	@.bench-venv/bin/python -I benchmarks $(ARGS)
 
 stability: .bench-venv
 	@.bench-venv/bin/python -I benchmarks/stability.py
+
+reliability fuzz: OPTIONAL := benchmarks/reliability/requirements.txt
+
+faults fuzz states soak: .venv
+	@$(VENV_PYTHON) benchmarks/reliability $@ $(ARGS)
+
+reliability: .venv
+	@$(VENV_PYTHON) benchmarks/reliability all
 
 .bench-venv:
 	@$(PYTHON) tools/setup_venv.py .bench-venv plots,test benchmarks/requirements.txt

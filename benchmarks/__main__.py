@@ -12,18 +12,16 @@ import argparse
 import datetime
 import importlib.metadata
 import json
-import os
-import platform
 import re
 import subprocess
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pages
 import service
+from machine import machine
 
 Skipped = dict[str, str]
 
@@ -121,17 +119,6 @@ def measure(names: list[str]) -> dict[str, Any]:
         say(f"==> left out: {what}: {why}")
     results["seconds"] = round(time.monotonic() - start)
     return results
-
-
-def machine() -> dict[str, Any]:
-    """What the times depend on, but for versions."""
-    info = Path("/proc/cpuinfo")
-    found = re.search(r"^model name\s*:\s*(.*)$", info.read_text(), re.MULTILINE) if info.exists() else None
-    return {
-        "processor": found[1] if found else platform.machine(),
-        "cores": os.cpu_count(),
-        "python": platform.python_version(),
-    }
 
 
 def versions() -> dict[str, str]:

@@ -336,7 +336,7 @@ def in_own_process() -> dict[str, Any]:
     """All there is to say, measured out of the way of whatever else this process has imported."""
     import rclpy  # noqa: F401  without ROS there is nothing to measure
 
-    with _own_domain() as environment:
+    with own_domain() as environment:
         found = _by(_self("measure"), environment)
         of_batch = _by(_self("measure batch"), {**environment, **LARGE_DATA})
     merged = {**found, **{key: {**found[key], **more} for key, more in of_batch.items()}}
@@ -359,7 +359,7 @@ def _by(command: list[str], environment: dict[str, str]) -> dict[str, Any]:
 
 
 @contextmanager
-def _own_domain() -> Iterator[dict[str, str]]:
+def own_domain() -> Iterator[dict[str, str]]:
     """An environment in which no other session on this machine is met, and none beyond it."""
     import domain_coordinator
 

@@ -1,0 +1,20 @@
+"""What a measurement was taken on."""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+from pathlib import Path
+from typing import Any
+
+
+def machine() -> dict[str, Any]:
+    """What the times depend on, but for versions."""
+    info = Path("/proc/cpuinfo")
+    found = re.search(r"^model name\s*:\s*(.*)$", info.read_text(), re.MULTILINE) if info.exists() else None
+    return {
+        "processor": found[1] if found else platform.machine(),
+        "cores": os.cpu_count(),
+        "python": platform.python_version(),
+    }

@@ -1,0 +1,64 @@
+"""A process of this room, as itself: how it talks to the one that started it."""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+DEADLINE = 120.0
+"""Seconds for anything to happen that should take much less, on a machine that is busy with all this."""
+
+
+class Parent:
+    """Who started this process: told by lines on standard output, heard by lines on standard input."""
+
+    def __init__(self) -> None:
+        self._said: set[str] = set()
+        self._heard = threading.Condition()
+        self._is_gone = False
+        threading.Thread(target=self._listen, name="parent", daemon=True).start()
+
+    def _listen(self) -> None:
+        for line in sys.stdin:
+            with self._heard:
+                self._said.add(line.strip())
+                self._heard.notify_all()
+        with self._heard:
+            self._is_gone = True
+            self._heard.notify_all()
+
+    def say(self, word: str, what: Any = None) -> None:
+        """A word, and what there is to it."""
+        print(word, json.dumps(what, default=list), flush=True)
+
+    def has_said(self, word: str) -> bool:
+        return word in self._said
+
+    def is_gone(self) -> bool:
+        """Whether there is nobody left to talk to."""
+        return self._is_gone
+
+    def wait_for(self, word: str, seconds: float = DEADLINE) -> None:
+        """Raises: TimeoutError: it was not said, or there is nobody to say it."""
+        with self._heard:
+            if not self._heard.wait_for(lambda: word in self._said or self._is_gone, seconds):
+                raise TimeoutError(f"{word} was not said")
+        if word not in self._said:
+            raise TimeoutError(f"{word} will not be said")
+
+    def pause(self, seconds: float) -> None:
+        """Do nothing for a while, but not longer than there is somebody to do it for."""
+        with self._heard:
+            self._heard.wait_for(lambda: self._is_gone, seconds)
+
+    def wait_until(self, condition: Callable[[], Any], seconds: float = DEADLINE) -> None:
+        """Raises: TimeoutError: the condition never held."""
+        end = time.monotonic() + seconds
+        while not condition():
+            if time.monotonic() > end or self._is_gone:
+                raise TimeoutError("this did not happen")
+            self.pause(0.01)

@@ -1,0 +1,316 @@
+"""Clients that come in crowds, leave, stop, read slowly; long requests; and SIGTERM in the midst of it all.
+
+Each case has a node of its own. What is counted, is counted by the clients: each knows all it has asked.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from typing import Any
+
+from . import results
+from .client import Report
+from .kinds import MIXED, SMALL
+from .processes import NAMESPACE, Child, Environment, NodeProcess, Stage
+
+Row = dict[str, Any]
+AMPLE = {"budget__contacts": 2_000_000, "budget__time": 600.0}
+"""Budgets that let the longest of these requests pass; where the node has them."""
+
+LONGEST_WAIT = 1.0
+"""Seconds that a client may wait because of another."""
+
+LONGEST_EXIT = 15.0
+"""Seconds: the default of shutdown_timeout, and some to take things down."""
+
+CASES: dict[str, Callable[[Stage], Row]] = {}
+
+
+def case(name: str) -> Callable[[Callable[[Stage], Row]], Callable[[Stage], Row]]:
+    """Enter a case under its name."""
+
+    def enter(run: Callable[[Stage], Row]) -> Callable[[Stage], Row]:
+        CASES[name] = run
+        return run
+
+    return enter
+
+
+def row(
+    node: NodeProcess,
+    reports: list[Report],
+    *,
+    others: Report | None = None,
+    apart: tuple[int, int] | None = None,
+    wait: float | None = LONGEST_WAIT,
+    must: dict[str, bool] | None = None,
+    notes: str = "",
+) -> Row:
+    """What came of a case, and which promises it broke.
+
+    Args:
+        node: as it is now.
+        reports: of clients that were there from beginning to end.
+        others: of the client that did nothing unusual, if there is one: its waits are what is looked at.
+        apart: what was asked and answered by clients that left, were killed or stopped.
+        wait: the longest that the other may have waited [s].
+        must: what else must hold, by its name.
+        notes: what else there is to say.
+    """
+    everyone = Report.together(reports + ([others] if others else []))
+    looked_at = (others or everyone).latencies.spread()
+    usage = node.usage()
+    promises = {
+        f"{everyone.unanswered} unanswered": everyone.unanswered == 0,
+        f"wrong answers {dict(everyone.wrong)}": not everyone.wrong,
+        "no INTERNAL_ERROR": 100 not in everyone.by_code(),
+        **(must or {"the node lives": node.is_alive()}),
+    }
+    if others is not None and wait is not None and looked_at is not None:
+        promises[f"another waited {looked_at['max']:.2g} s"] = looked_at["max"] <= wait
+    return {
+        "asked": everyone.asked,
+        "answered": everyone.answered,
+        "codes": dict(sorted(everyone.by_code().items())),
+        "apart": apart,
+        "others": others is not None,
+        "latency": looked_at,
+        "peak": usage and usage.peak,
+        "notes": notes,
+        "broken": [what for what, holds in promises.items() if not holds],
+        "log": node.log()[-1000:] if not all(promises.values()) else "",
+    }
+
+
+def started(stage: Stage, **parameters: Any) -> NodeProcess:
+    """The node, after it has answered each kind of small request."""
+    node = stage.node(**parameters)
+    calls(stage, 60)
+    return node
+
+
+def calls(stage: Stage, number: int) -> Report:
+    """So many, one after the other, by a new client."""
+    client = stage.client(kinds=SMALL, requests=number, window=1, seed=2)
+    stage.start(client)
+    return client.report()
+
+
+def steady(stage: Stage) -> Child:
+    """A client that asks one thing after the other until it is told to stop."""
+    return stage.client(kinds=SMALL, requests=1_000_000, window=1, seconds=300.0, seed=1)
+
+
+def stopped(client: Child) -> Report:
+    """Tell it to stop."""
+    client.tell("stop")
+    return client.report()
+
+
+@case("the first requests of all")
+def first(stage: Stage) -> Row:
+    node = stage.node()
+    return row(node, [], others=calls(stage, 60))
+
+
+# Crowds ---------------------------------------------------------------------------------------
+
+
+@case("a burst of 5000")
+def burst(stage: Stage) -> Row:
+    node, client = stage.node(), stage.client(kinds=MIXED, requests=5000, window=5000)
+    stage.start(client)
+    return row(node, [client.report()])
+
+
+@case("16 client processes, each 500, 50 at once")
+def processes(stage: Stage) -> Row:
+    node = stage.node()
+    clients = [stage.client(kinds=SMALL, requests=500, window=50, seed=seed) for seed in range(16)]
+    stage.start(*clients)
+    return row(node, [client.report() for client in clients])
+
+
+@case("a burst of 5000, and another client")
+def fairness(stage: Stage) -> Row:
+    node, client, other = started(stage), stage.client(kinds=SMALL, requests=5000, window=5000), steady(stage)
+    stage.start(other, client)
+    found = client.report()
+    return row(node, [found], others=stopped(other))
+
+
+@case("60 clients, each asks as soon as it sees the service")
+def newcomers(stage: Stage) -> Row:
+    node = started(stage)
+    newcomers = stage.child("newcomers", number=60, namespace=NAMESPACE)
+    return row(node, [newcomers.report()])
+
+
+# Clients that leave, die, stop or dawdle -------------------------------------------------------
+
+
+@case("one leaves with 500 out")
+def leaves(stage: Stage) -> Row:
+    node, other = started(stage), steady(stage)
+    client = stage.client(kinds=("full",), requests=500, window=500, leaves=True)
+    stage.start(other, client)
+    went = client.report()
+    calls(stage, 500)
+    return row(node, [], others=stopped(other), apart=(went.asked, went.answered))
+
+
+@case("one is killed with 500 out")
+def killed(stage: Stage) -> Row:
+    node, other = started(stage), steady(stage)
+    client = stage.client(kinds=("full",), requests=500, window=500)
+    stage.start(other, client)
+    client.until("sent")
+    client.kill()
+    calls(stage, 500)
+    return row(node, [], others=stopped(other), apart=(500, 0))
+
+
+def _stop(stage: Stage, number: int, seconds: float) -> Row:
+    node, other = started(stage), steady(stage)
+    client = stage.client(kinds=("full",), requests=number, window=number, patience=30.0)
+    stage.start(other, client)
+    client.until("sent")
+    client.hold()
+    time.sleep(seconds)
+    found = stopped(other)
+    client.resume()
+    went = client.report()
+    return row(
+        node,
+        [],
+        others=found,
+        apart=(went.asked, went.answered),
+        notes=f"stopped for {seconds:.0f} s or more",
+    )
+
+
+@case("one is stopped with 3000 out, for 10 s")
+def stops(stage: Stage) -> Row:
+    return _stop(stage, 3000, 10.0)
+
+
+@case("one is stopped with 3000 out, for 40 s")
+def stops_for_long(stage: Stage) -> Row:
+    return _stop(stage, 3000, 40.0)
+
+
+@case("one reads an answer every 5 ms, 2000 out")
+def reads_slowly(stage: Stage) -> Row:
+    node, other = started(stage), steady(stage)
+    client = stage.client(kinds=("full",), requests=2000, window=2000, pause=0.005)
+    stage.start(other, client)
+    went = client.report()
+    return row(node, [went], others=stopped(other))
+
+
+@case("a subscriber of the results is stopped")
+def results_unread(stage: Stage) -> Row:
+    node = stage.node()
+    topic = f"{NAMESPACE}/collision_response/result"
+    listener = stage.child("listener", topic=topic, type="CollisionResult", reliable=True)
+    client = stage.client(kinds=SMALL, requests=5000, window=1)
+    listener.until("ready")
+    calls(stage, 10)  # it has heard something
+    listener.hold()
+    stage.start(client)
+    return row(node, [], others=client.report())
+
+
+# Long requests --------------------------------------------------------------------------------
+
+
+def _long(stage: Stage, kind: str, parameters: dict[str, Any]) -> Row:
+    node, other = started(stage, **stage.known(parameters)), steady(stage)
+    client = stage.client(kinds=(kind,), requests=1, window=1, patience=300.0)
+    stage.start(other, client)
+    found = client.report()
+    took = found.latencies.spread()
+    return row(
+        node, [found], others=stopped(other), notes=f"the batch took {took['max']:.2g} s" if took else ""
+    )
+
+
+@case("a batch of 1e6, POINT, as the node comes")
+def long_batch_by_default(stage: Stage) -> Row:
+    return _long(stage, "point batch of 1e6", {})
+
+
+@case("a batch of 1e6, POINT, ample budget")
+def long_batch(stage: Stage) -> Row:
+    return _long(stage, "point batch of 1e6", AMPLE)
+
+
+@case("a batch of 1e6, SPATIAL, EXTENDED, as the node comes")
+def long_extended_by_default(stage: Stage) -> Row:
+    return _long(stage, "extended batch of 1e6", {})
+
+
+@case("a batch of 1e6, SPATIAL, EXTENDED, ample budget")
+def long_extended(stage: Stage) -> Row:
+    return _long(stage, "extended batch of 1e6", AMPLE)
+
+
+# The end --------------------------------------------------------------------------------------
+
+
+def _end(node: NodeProcess, clients: list[Child]) -> Row:
+    seconds, code = node.terminate(120.0)
+    must = {
+        f"it took {seconds:.1f} s to exit": seconds <= LONGEST_EXIT,
+        f"it exited with {code}": code == 0,
+    }
+    found = [client.report() for client in clients]
+    return row(node, found, must=must, notes=f"exit code {code} after {seconds:.2g} s")
+
+
+@case("SIGTERM in a burst of 5000")
+def sigterm_in_burst(stage: Stage) -> Row:
+    node = stage.node()
+    client = stage.client(kinds=SMALL, requests=5000, window=5000, patience=10.0)
+    stage.start(client)
+    client.until("sent")
+    return _end(node, [client])
+
+
+@case("SIGTERM in a batch of 5e5, ROUTH, EXTENDED")
+def sigterm_in_batch(stage: Stage) -> Row:
+    node = stage.node(**stage.known(AMPLE))
+    client = stage.client(kinds=("routh batch of 5e5",), requests=1, window=1, patience=20.0)
+    stage.start(client)
+    client.until("sent")
+    time.sleep(3.0)  # its way to the node, and into the computation
+    return _end(node, [client])
+
+
+# Running --------------------------------------------------------------------------------------
+
+
+def measure(named: str) -> dict[str, Row]:
+    """Every case whose name contains a word."""
+    found = {}
+    with Environment() as environment:
+        for name, run in CASES.items():
+            if named in name:
+                print(f"==> {name} ...", flush=True)
+                with Stage(environment, large="batch of" in name) as stage:
+                    found[name] = run(stage)
+                for what in found[name]["broken"]:
+                    print(f"    BROKEN: {what}\n{found[name]['log']}", flush=True)
+    return found
+
+
+def main(arguments: list[str]) -> int:
+    """The cases, all or some."""
+    parser = argparse.ArgumentParser(prog="make faults", description=__doc__)
+    parser.add_argument("word", nargs="?", default="", help="only cases whose name contains this")
+    asked = parser.parse_args(arguments)
+    found = measure(asked.word)
+    broken = [f"{name}: {what}" for name, row in found.items() for what in row["broken"]]
+    return results.finish("faults", {"cases": found}, is_whole=not asked.word, broken=broken)

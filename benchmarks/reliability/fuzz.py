@@ -1,0 +1,127 @@
+"""Hostile input: odd values through rclpy, and bytes that are no messages from another DDS implementation.
+
+Another client asks all the while, and counts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from . import results
+from .faults import LONGEST_WAIT, started, steady, stopped
+from .processes import Environment, Stage
+
+SHARES = {"values single": 0.4, "values batch": 0.2, "values states": 0.1} | dict.fromkeys(
+    ("raw single", "raw batch", "raw states"), 0.1
+)
+"""Of all that is sent."""
+
+PACE = 500
+"""Raw messages a second."""
+
+MOST_GROWTH = 200.0
+"""MiB that the memory may ever be above that before."""
+
+FAST_DDS = """<?xml version="1.0" encoding="UTF-8"?>
+<dds xmlns="http://www.eprosima.com"><profiles>
+<participant profile_name="fuzzed" is_default_profile="true"><rtps><propertiesPolicy><properties>
+<property><name>fastdds.type_propagation</name><value>disabled</value></property>
+</properties></propertiesPolicy></rtps></participant>
+</profiles></dds>
+"""
+CYCLONE_DDS = (
+    '<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"/></Interfaces>'
+    "<AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"
+    '<MaxAutoParticipantIndex>100</MaxAutoParticipantIndex><Peers><Peer Address="127.0.0.1"/></Peers>'
+    "</Discovery></Domain></CycloneDDS>"
+)
+Row = dict[str, Any]
+
+
+def values(stage: Stage, what: str, number: int, seed: int) -> Row:
+    """Messages with odd values."""
+    node, other = started(stage), steady(stage)
+    fuzzer = stage.child("values", what=what, number=number, seed=seed)
+    stage.start(other, fuzzer)
+    before = node.usage()
+    done = fuzzer.until("done", 540.0)
+    return {**_row(node, before, stopped(other), done["asked"] - done["answered"]), **done}
+
+
+def raw(stage: Stage, what: str, number: int, seed: int) -> Row:
+    """Bytes."""
+    node, other = started(stage), steady(stage)
+    sender = stage.child("raw", what=what, number=number, seed=seed, pace=PACE)
+    stage.start(other, sender)
+    before = node.usage()
+    done = sender.until("done", 540.0)
+    return {**_row(node, before, stopped(other), 0), **done, "counts": {}, "faults": {}, "codes": {}}
+
+
+def _row(node: Any, before: Any, other: Any, unanswered: int) -> Row:
+    after = node.usage()
+    return {
+        "alive": node.is_alive(),
+        "unanswered": unanswered + other.unanswered,
+        "other": other.asked,
+        "latency": other.latencies.spread(),
+        "before": before and before.memory,
+        "after": after and after.memory,
+        "peak": after and after.peak,
+        "log_lines": node.log().count("\n"),
+    }
+
+
+def broken(name: str, row: Row) -> list[str]:
+    """The promises that were."""
+    wait = row["latency"] and row["latency"]["max"]
+    is_flat = row["peak"] is not None and row["peak"] - row["before"] <= MOST_GROWTH
+    promises = {
+        "the node died": row["alive"],
+        f"{row['unanswered']} unanswered": row["unanswered"] == 0,
+        f"another waited {wait or 0:.2g} s": wait is None or wait <= LONGEST_WAIT,
+        f"memory up to {row['peak'] or 0:.0f} MiB": is_flat or not row["alive"],
+    }
+    found = [f"{name}: {what}" for what, holds in promises.items() if not holds]
+    return found + [f"{name}: {n} times {kind}" for kind, n in row["counts"].items()]
+
+
+def measure(number: int, seed: int, word: str) -> dict[str, Row]:
+    """Each part of the share that is its."""
+    has_cyclone = importlib.util.find_spec("cyclonedds") is not None
+    if not has_cyclone:
+        print("==> left out: raw bytes; the package cyclonedds is not installed")
+    found = {}
+    with Environment() as environment, tempfile.TemporaryDirectory() as directory:
+        profile = Path(directory, "fast_dds.xml")
+        profile.write_text(FAST_DDS)
+        environment.usual |= {"FASTDDS_DEFAULT_PROFILES_FILE": str(profile), "CYCLONEDDS_URI": CYCLONE_DDS}
+        for name, share in SHARES.items():
+            how, what = name.split()
+            if word not in name or (how == "raw" and not has_cyclone):
+                continue
+            print(f"==> {name}, {round(number * share):,} ...", flush=True)
+            with Stage(environment) as stage:
+                run = raw if how == "raw" else values
+                found[name] = run(stage, what, round(number * share), seed)
+            for line in broken(name, found[name]):
+                print(f"    BROKEN: {line}", flush=True)
+            for fault in found[name]["faults"].values():
+                print(f"    {fault}", flush=True)
+    return found
+
+
+def main(arguments: list[str]) -> int:
+    """All, or some."""
+    parser = argparse.ArgumentParser(prog="make fuzz", description=__doc__)
+    parser.add_argument("word", nargs="?", default="", help="only parts whose name contains this")
+    parser.add_argument("--number", type=int, default=100_000, help="of messages in all")
+    parser.add_argument("--seed", type=int, default=0)
+    asked = parser.parse_args(arguments)
+    found = measure(asked.number, asked.seed, asked.word)
+    broke = [line for name, row in found.items() for line in broken(name, row)]
+    return results.finish("fuzz", {"parts": found}, is_whole=not arguments, broken=broke)

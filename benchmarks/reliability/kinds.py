@@ -1,0 +1,149 @@
+"""What clients ask: each kind of request with the codes that are right for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+REFUSALS_AT_ANY_TIME = frozenset({20, 21})
+"""BUDGET_EXCEEDED and SHUTTING_DOWN."""
+
+ANSWERS = frozenset({1, 2, 17})
+"""OK, SEPARATING and TOLERANCE_NOT_MET."""
+
+NAMES = ("known_a", "known_b")
+"""Bodies whose states the publisher of this room sends."""
+
+
+class Kind(NamedTuple):
+    """Of a request.
+
+    Attributes:
+        make: the message.
+        codes: with which it may be answered.
+        is_numbered: whether its stamp may hold its number, for the answer to echo. Not where a stamp asks for
+            a state of that time.
+    """
+
+    make: Callable[[], Any]
+    codes: frozenset[int]
+    is_numbered: bool = True
+
+
+def full(**model: Any) -> Any:
+    """Two bodies in space, in full."""
+    from service import impact
+
+    request = impact()
+    for field, value in model.items():
+        setattr(request.model, field, value)
+    return request
+
+
+def separating() -> Any:
+    request = full()
+    for body, side in ((request.body_a, 1.0), (request.body_b, -1.0)):
+        body.twist.linear.z, body.twist.angular.x, body.twist.angular.y = 9.0 * side, 0.0, 0.0
+    return request
+
+
+def by_name(*names: str) -> Any:
+    """Two bodies by name only."""
+    request = full()
+    for owner, name in zip(("body_a", "body_b"), names, strict=True):
+        setattr(request, owner, type(request.body_a)(name=name))
+    return request
+
+
+def without_normal() -> Any:
+    request = full()
+    request.contact.normal.z = 0.0
+    return request
+
+
+def not_a_number() -> Any:
+    request = full()
+    request.body_a.twist.linear.x = float("nan")
+    return request
+
+
+def batch(contacts: int, *, law: int = 2, extended: bool = False, by_point: bool = False) -> Any:
+    """Contacts between a quarter as many bodies, with friction; few bytes each if by point."""
+    from cases import tables
+
+    from collision_response import Geometry, ImpactModel, Law, Precision
+    from collision_response.ros.batch_client import pack
+
+    geometry = Geometry.POINT if by_point else Geometry.SPATIAL
+    bodies, touch = tables(geometry, contacts)
+    number = max(2, contacts // 4)
+    body_a = np.arange(contacts) % number
+    model = ImpactModel(Law(law), precision=Precision.EXTENDED if extended else Precision.AUTO)
+    return pack(bodies[:, 0, :number], (body_a, (body_a + 1) % number), touch, model, frame_id="world")
+
+
+def wrong_table() -> Any:
+    request = batch(10)
+    request.bodies.append(0.0)
+    return request
+
+
+def _kinds() -> dict[str, Kind]:
+    ok = frozenset({1, 2, 17})
+    law = {"coulomb": 2, "moreau": 3, "routh_poisson": 4, "routh_stronge": 5}
+    return {
+        "full": Kind(full, frozenset({1})),
+        **{name: Kind(partial(full, law=number), frozenset({1})) for name, number in law.items()},
+        "extended": Kind(partial(full, precision=4), frozenset({1})),
+        "separating": Kind(separating, frozenset({2})),
+        "named": Kind(partial(by_name, *NAMES), ok | {9}, is_numbered=False),
+        "unknown": Kind(partial(by_name, "nobody", "noone"), frozenset({8}), is_numbered=False),
+        "without normal": Kind(without_normal, frozenset({4})),
+        "not finite": Kind(not_a_number, frozenset({6})),
+        "batch of 100": Kind(partial(batch, 100), frozenset({1})),
+        "batch of 1e4": Kind(partial(batch, 10_000), frozenset({1})),
+        "extended batch of 1e4": Kind(partial(batch, 10_000, extended=True), frozenset({1})),
+        "wrong table": Kind(wrong_table, frozenset({19})),
+        "point batch of 1e6": Kind(partial(batch, 1_000_000, by_point=True), frozenset({1})),
+        "extended batch of 1e6": Kind(partial(batch, 1_000_000, extended=True), frozenset({1})),
+        "routh batch of 5e5": Kind(partial(batch, 500_000, law=5, extended=True), frozenset({1})),
+    }
+
+
+KINDS = _kinds()
+
+SMALL = (
+    "full",
+    "coulomb",
+    "routh_stronge",
+    "extended",
+    "separating",
+    "unknown",
+    "without normal",
+    "not finite",
+)
+"""For many at once: answers and refusals."""
+
+MIXED = (*SMALL, "moreau", "routh_poisson", "batch of 100", "wrong table")
+"""For long: both services."""
+
+
+def code_of(response: Any) -> int:
+    """Of either service."""
+    return int(response.code if hasattr(response, "code") else response.result.status.code)
+
+
+def stamp_of(message: Any) -> Any:
+    """Of a request or a response of either service, the stamp that is echoed."""
+    if hasattr(message, "result"):
+        return message.result.header.stamp
+    return message.contact.header.stamp if hasattr(message, "contact") else message.header.stamp
+
+
+def is_right(kind: Kind, response: Any) -> bool:
+    """Whether a code is one that was to be expected, and the response agrees with itself."""
+    code = code_of(response)
+    return code in kind.codes | REFUSALS_AT_ANY_TIME and bool(response.success) == (code in ANSWERS)

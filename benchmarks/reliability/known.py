@@ -1,0 +1,54 @@
+"""How many bodies a node has heard of: it is asked for each by name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .child import DEADLINE, Parent
+from .publisher import name_of
+
+AT_ONCE = 1000
+UNKNOWN_BODY = 8
+
+
+def run(order: dict[str, Any], parent: Parent) -> None:
+    """As a process: say ``known``, of so many bodies."""
+    import rclpy
+    from rclpy.node import Node
+    from rclpy.qos import HistoryPolicy, QoSProfile
+
+    from collision_response import Geometry
+    from collision_response.batch.rows import body_rows, contact_rows
+    from collision_response.ros.batch_client import pack
+    from collision_response.srv import ResolveCollisionBatch
+
+    rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    ground = np.zeros((rows.height, 1))
+    ground[rows.mass] = np.inf
+    rclpy.init()
+    node = Node("known")
+    name = f"{order['namespace']}/collision_response/resolve_collision_batch"
+    qos = QoSProfile(history=HistoryPolicy.KEEP_ALL)
+    client = node.create_client(ResolveCollisionBatch, name, qos_profile=qos)
+    try:
+        parent.wait_until(client.service_is_ready)
+        known = 0
+        for begin in range(0, order["bodies"], AT_ONCE):
+            names = [name_of(number) for number in range(begin, min(order["bodies"], begin + AT_ONCE))]
+            contacts = np.zeros((touch.height, len(names)))
+            contacts[touch.normal][2] = 1.0
+            pairs = np.array([range(1, len(names) + 1), [0] * len(names)])
+            request = pack(ground, pairs, contacts, names=names, frame_id="world")
+            future = client.call_async(request)
+            rclpy.spin_until_future_complete(node, future, timeout_sec=DEADLINE)
+            if not future.done():
+                raise TimeoutError("no answer")
+            if not future.result().success:
+                raise RuntimeError(future.result().message)
+            known += int((np.asarray(future.result().status) != UNKNOWN_BODY).sum())
+        parent.say("known", known)
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()

@@ -1,0 +1,42 @@
+"""A bare subscription of rclpy: it counts what it hears."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from .child import Parent
+
+
+def run(order: dict[str, Any], parent: Parent) -> None:
+    """As a process: say ``ready``; told to stop, say ``heard``: how many, how many names, in how long."""
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.node import Node
+    from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+    from collision_response import msg
+
+    rclpy.init()
+    node, executor = Node("listener"), SingleThreadedExecutor()
+    executor.add_node(node)
+    names: set[str] = set()
+    times: list[float] = []
+
+    def hear(message: Any) -> None:
+        times.append(time.monotonic())
+        names.update(message.names if order["type"] == "BodyStates" else [getattr(message, "name", "")])
+
+    reliability = ReliabilityPolicy.RELIABLE if order["reliable"] else ReliabilityPolicy.BEST_EFFORT
+    qos = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=reliability)
+    node.create_subscription(getattr(msg, order["type"]), order["topic"], hear, qos)
+    try:
+        parent.say("ready")
+        while not parent.has_said("stop") and not parent.is_gone():
+            executor.spin_once(timeout_sec=0.1)
+        seconds = times[-1] - times[0] if times else 0.0
+        parent.say("heard", {"messages": len(times), "names": len(names), "seconds": seconds})
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown()

@@ -1,0 +1,174 @@
+"""The tables of docs/reliability.md, from what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from pages import significant, table
+
+from collision_response import StatusCode
+
+Found = dict[str, Any]
+REFUSED_FOR_NOW = ("BUDGET_EXCEEDED", "SHUTTING_DOWN")
+TIMES = ("half within [ms]", "99 % [ms]", "all [ms]")
+
+
+def parts(stored: Mapping[str, Found]) -> dict[str, str]:
+    """The generated parts of the page; what has not been measured says so."""
+    return {
+        name: write(stored[part]) if part in stored else f"Not measured yet: `make {part}` does."
+        for part, writers in PARTS.items()
+        for name, write in writers.items()
+    }
+
+
+def _measured(found: Found) -> str:
+    machine, broken = found["machine"], found["broken"]
+    on = f"{machine['processor']}, {machine['cores']} cores, Python {machine['python']}"
+    line = (
+        f"Measured on {found['date']}: {on}, a load of {found['load']:.1f} before. "
+        f"Promises broken: {len(broken)}."
+    )
+    return "\n".join([line, *(f"* {promise}" for promise in broken)])
+
+
+def milliseconds(seconds: float | None) -> str:
+    """Two digits."""
+    return "" if seconds is None else significant(seconds * 1e3)
+
+
+def _spread(spread: dict[str, float] | None) -> list[str]:
+    return [milliseconds(spread[name]) for name in ("p50", "p99", "max")] if spread else [""] * 3
+
+
+def refusals(codes: Mapping[Any, int]) -> dict[str, int]:
+    """By name."""
+    named = {StatusCode(int(code)): n for code, n in codes.items()}
+    return {code.name: n for code, n in named.items() if not code.is_answer}
+
+
+# Faults ---------------------------------------------------------------------------------------
+
+
+def faults(found: Found) -> str:
+    """A row for each case."""
+    rows = []
+    for name, row in found["cases"].items():
+        apart = "" if row["apart"] is None else "{1:,} of {0:,}".format(*row["apart"])
+        refused = refusals(row["codes"])
+        notes = [f"{refused[code]:,} {code}" for code in REFUSED_FOR_NOW if code in refused]
+        notes += [row["notes"]] if row["notes"] else []
+        rows.append(
+            [
+                name,
+                f"{row['asked']:,}",
+                f"{row['asked'] - row['answered']:,}",
+                apart,
+                *_spread(row["latency"]),
+                "" if row["peak"] is None else f"{row['peak']:.0f}",
+                "; ".join(notes),
+            ]
+        )
+    return table(["case", "asked", "unanswered", "apart", *TIMES, "peak [MiB]", ""], rows)
+
+
+# Hostile input --------------------------------------------------------------------------------
+
+
+def fuzz(found: Found) -> str:
+    """A row for each part."""
+    rows = []
+    for name, row in found["parts"].items():
+        how, what = name.split()
+        sender = "values by rclpy" if how == "values" else "bytes by Cyclone DDS"
+        faults = sum(row["counts"].values())
+        memory = "it died"
+        if row["after"]:
+            memory = f"{row['before']:.0f} → {row['after']:.0f}, at most {row['peak']:.0f}"
+        numbers = [f"{n:,}" for n in (row["sent"], faults, row["unanswered"], row["other"])]
+        rows.append([f"{sender}, `{what}`", *numbers, *_spread(row["latency"]), memory])
+    head = ["what", "sent", "wrong answers", "unanswered", "another asked"]
+    return table([*head, *TIMES, "memory [MiB]"], rows)
+
+
+# Soak -----------------------------------------------------------------------------------------
+
+
+def soak(found: Found) -> str:
+    """A row for each kind of client."""
+    rows = []
+    for name, row in found["clients"].items():
+        refused = ", ".join(f"{n:,} {code}" for code, n in refusals(row["codes"]).items())
+        left = row["asked"] - row["answered"]
+        numbers = [f"{number:,}" for number in (row["asked"], row["answered"], left)]
+        rows.append([name, *numbers, refused, *_spread(row["latency"])])
+    for name, (asked, answered) in found["apart"].items():
+        rows.append([f"apart: {name}", f"{asked:,}", f"{answered:,}", "", "", "", "", ""])
+    head = ["clients", "asked", "answered", "unanswered", "of those answered, refused"]
+    seconds, code = found["exit"]
+    slope = (
+        "" if found["slope"] is None else f" Memory in the second half: {found['slope']:+.1f} MiB an hour."
+    )
+    return (
+        f"{table([*head, *TIMES], rows)}\n\n"
+        f"{found['minutes']:.1f} minutes, {found['faults']} faults, {found['states']:,} body states, "
+        f"{found['log_lines']:,} lines in the log.{slope} At the end SIGTERM: exit code {code} after "
+        f"{significant(seconds)} s."
+    )
+
+
+def over_time(found: Found) -> str:
+    """A row for each stretch of time."""
+    rows = [
+        [
+            f"{row['minutes']:.1f}",
+            significant(row["answers"] / row["seconds"], 3),
+            *_spread(row["latency"]),
+            f"{row['memory']:.1f}",
+            f"{row['descriptors']:.0f}",
+            f"{row['threads']:.0f}",
+        ]
+        for row in found["over time"]
+    ]
+    head = ["to minute", "answers a second", *TIMES, "memory [MiB]", "descriptors", "threads"]
+    return table(head, rows)
+
+
+# States ---------------------------------------------------------------------------------------
+
+
+def states(found: Found) -> str:
+    """A row for each rate."""
+    rows = []
+    for row in found["rows"]:
+        node, bare = row["node"], row["bare"]
+        numbers = [
+            significant(one[key], 3) for one, key in ((node, "offered"), (node, "heard"), (bare, "heard"))
+        ]
+        said = node["said lost"]
+        rows.append(
+            [
+                f"`{row['type']}`",
+                *numbers,
+                f"{100 * node['lost']:.1f} %",
+                "" if said is None else f"{int(said):,}",
+                *_spread(node["latency"]),
+            ]
+        )
+    head = ["type", "offered a second", "heard by the node", "by a bare subscription", "lost by the node"]
+    head += ["lost, says the node", *TIMES]
+    node, bare = found["most"]["node"], found["most"]["bare"]
+    return (
+        f"{table(head, rows)}\n\nAt most {significant(node, 3)} `BodyState` a second by the node, "
+        f"{significant(bare, 3)} by the bare subscription: {significant(node / bare)} times as many."
+    )
+
+
+PARTS: dict[str, dict[str, Callable[[Found], str]]] = {
+    "faults": {"faults measured": _measured, "faults": faults},
+    "fuzz": {"fuzz measured": _measured, "fuzz": fuzz},
+    "states": {"states measured": _measured, "states": states},
+    "soak": {"soak measured": _measured, "soak": soak, "over time": over_time},
+}
+"""The generated parts of the page, by what measures them."""

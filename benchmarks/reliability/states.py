@@ -1,0 +1,111 @@
+"""States at a rate: how many the node takes in, against a bare subscription of rclpy, and how it serves.
+
+Every state is of another body. Afterwards each is asked for by name: one that is not known was lost. Of
+tables, each of which takes the place of the one before, the node's own count has to do.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from . import results
+from .faults import LONGEST_WAIT, started, steady, stopped
+from .processes import NAMESPACE, Environment, Stage
+from .publisher import TABLE
+
+KINDS = {
+    "BodyState": (f"{NAMESPACE}/body_states", (2_000, 5_000, 10_000, 20_000)),
+    "BodyStates": (f"{NAMESPACE}/all_body_states", (20_000, 100_000)),
+}
+"""Topic, and states offered a second, by type."""
+
+SECONDS = 4.0
+GOAL = 5.0
+"""Times as many as the bare subscription takes in."""
+
+Row = dict[str, Any]
+
+
+def by_the_node(stage: Stage, kind: str, rate: int, seconds: float) -> Row:
+    """What the node has heard of, and how its service did."""
+    number = int(rate * seconds)
+    node = started(stage, **stage.known({"max_bodies": 2 * number}))
+    other, publisher = steady(stage), _publisher(stage, kind, rate, number)
+    stage.start(other, publisher)
+    sent = publisher.until("sent", 120.0)
+    found = stopped(other)
+    values = stage.child("look", namespace=NAMESPACE).until("found")["diagnostics"]
+    if kind == "BodyState":
+        known = stage.child("known", namespace=NAMESPACE, bodies=sent["states"]).until("known", 300.0)
+    else:  # a table takes the place of the one before it: what was heard only the node can tell
+        known = int(values["states"]) * TABLE
+    return {
+        **_row(sent, known),
+        "alive": node.is_alive(),
+        "unanswered": found.unanswered,
+        "latency": found.latencies.spread(),
+        "said lost": values.get("states lost on the way"),
+    }
+
+
+def by_a_subscription(stage: Stage, kind: str, rate: int, seconds: float) -> Row:
+    """What a bare subscription has heard of."""
+    listener = stage.child("listener", topic=KINDS[kind][0], type=kind, reliable=False)
+    publisher = _publisher(stage, kind, rate, int(rate * seconds))
+    listener.until("ready")
+    stage.start(publisher)
+    sent = publisher.until("sent", 120.0)
+    listener.tell("stop")
+    return _row(sent, listener.until("heard")["names"])
+
+
+def _publisher(stage: Stage, kind: str, rate: int, number: int) -> Any:
+    return stage.child("publisher", type=kind, topic=KINDS[kind][0], rate=rate, bodies=number, number=number)
+
+
+def _row(sent: dict[str, Any], heard: int) -> Row:
+    states, seconds = sent["states"], sent["seconds"]
+    return {"offered": states / seconds, "heard": heard / seconds, "lost": 1 - heard / states}
+
+
+def measure(seconds: float) -> dict[str, Any]:
+    """Each rate, by the node and by a bare subscription, one after the other."""
+    rows = []
+    with Environment() as environment:
+        has_tables = "max_bodies" in environment.parameters
+        for kind, (_, rates) in KINDS.items():
+            if kind == "BodyStates" and not has_tables:
+                continue
+            for rate in rates:
+                print(f"==> {rate:,} a second, {kind} ...", flush=True)
+                row = {"type": kind, "rate": rate}
+                for who, run in (("node", by_the_node), ("bare", by_a_subscription)):
+                    with Stage(environment) as stage:
+                        row[who] = run(stage, kind, rate, seconds)
+                rows.append(row)
+    most = {
+        who: max(row[who]["heard"] for row in rows if row["type"] == "BodyState") for who in ("node", "bare")
+    }
+    return {"rows": rows, "most": most}
+
+
+def broken(found: dict[str, Any]) -> list[str]:
+    """The promises that were."""
+    times = found["most"]["node"] / found["most"]["bare"]
+    promises = {f"{times:.1f} times the bare subscription; the goal is {GOAL:g}": times >= GOAL}
+    for row in found["rows"]:
+        node, what = row["node"], f"{row['rate']:,} {row['type']} a second"
+        promises[f"{what}: the node died"] = node["alive"]
+        promises[f"{what}: {node['unanswered']} unanswered"] = node["unanswered"] == 0
+        wait = node["latency"] and node["latency"]["max"]
+        promises[f"{what}: another waited {wait or 0:.2g} s"] = wait is None or wait <= LONGEST_WAIT
+    return [what for what, holds in promises.items() if not holds]
+
+
+def main(arguments: list[str]) -> int:
+    """All rates."""
+    parser = argparse.ArgumentParser(prog="make states", description=__doc__)
+    parser.add_argument("--seconds", type=float, default=SECONDS, help="of each rate")
+    found = measure(parser.parse_args(arguments).seconds)
+    return results.finish("states", found, is_whole=not arguments, broken=broken(found))
