@@ -28,6 +28,7 @@ class StatusCode(IntEnum):
     TOLERANCE_NOT_MET = 17
     PATH_TOO_LONG = 18
     INVALID_TABLE = 19
+    CONTRADICTORY_CONTACTS = 20
     INTERNAL_ERROR = 100
 
     @property

@@ -11,7 +11,7 @@ from ..physics.contact import Contact
 from ..physics.laws import Regime
 from ..physics.vector import Vec3
 from ..status import ImpactError, StatusCode
-from . import _compiled  # type: ignore[attr-defined]  # made by the build
+from . import _compiled, _scene  # type: ignore[attr-defined]  # made by the build
 
 _REFUSALS = {
     StatusCode.OUT_OF_RANGE: ("result", "a number of the answer is beyond float64"),
@@ -48,6 +48,9 @@ resolve = _compiled.resolve
 numbers = _compiled.numbers
 batch = _compiled.batch
 allow_long_vectors = _compiled.allow_long_vectors
+
+_scene.setup(Vec3, Twist)
+assemble = _scene.assemble
 
 
 class Number(IntEnum):

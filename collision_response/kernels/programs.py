@@ -6,6 +6,8 @@ from collections.abc import Iterator
 
 from .. import geometry, validity
 from ..impact import Flags, Report, impact
+from ..physics.column import Column
+from ..physics.energy import kinetic_energy
 from ..physics.laws import LAWS, PATHS, Law
 from .emit import emit
 from .layout import MODEL, Layout, names_of_body, names_of_contact, request, units
@@ -15,9 +17,12 @@ HEAD = '#pragma once\n#include "numbers.hpp"\n\n'
 
 
 def headers(what: str) -> Iterator[tuple[str, str]]:
-    """Names and texts of the C++ headers of a law (in lower case), of ``validity`` or of ``sizes``."""
+    """Names and texts of the C++ headers of a law (in lower case), of ``validity``, ``sizes`` or ``column``."""
     if what == "sizes":
         yield "sizes", sizes()
+        return
+    if what == "column":
+        yield "column", HEAD + column()
         return
     for layout in Layout:
         text = validity_of(layout) if what == "validity" else impact_by(Law[what.upper()], layout)
@@ -67,6 +72,20 @@ def validity_of(layout: Layout) -> str:
         emit("validity", list(asked.names), [], [tape.symbol(code)], map(tape.symbol, shapes))
         + emit("plainly_sound", list(asked.names), [], [], [plain])
         + _counts_of(layout)
+    )
+
+
+def column() -> str:
+    """What a scene needs of a body at a contact, in one direction; and its kinetic energy."""
+    names, tape = names_of_body(Layout.EVERYTHING), Tape()
+    asked = request(Layout.EVERYTHING, tape)
+    of_contact = [f"contact.{field}.{axis}" for field in ("position", "normal") for axis in "xyz"]
+    inputs = [*(f"body_a.{name}" for name in names), *of_contact]
+    body, contact = asked.body_a, asked.contact
+    outputs = map(tape.symbol, numbers_in(Column.of(body, contact.position, contact.normal)))
+    idle = body.angular_velocity - body.driving_spin()
+    return emit("column", list(inputs), outputs, [], []) + emit(
+        "motion", list(inputs), [], [tape.symbol(kinetic_energy(body))], [tape.symbol(idle.dot(idle) > 0)]
     )
 
 

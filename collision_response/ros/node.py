@@ -17,8 +17,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from ..msg import BodyState, CollisionResult
 from ..recording import Record, Recorder, Refusal, Sighting
+from ..requirements import SceneSurvey
 from ..resolve import resolve
-from ..scene import SceneSurvey
 from ..srv import ResolveCollision, ResolveCollisionBatch
 from ..status import ImpactError, StatusCode
 from . import convert, convert_batch, parameters
