@@ -21,10 +21,17 @@ struct Cluster {
   bool idle, off_unit;
 };
 
+// A float, or an integer that is one. Python sees to the rest.
 bool exact_float(PyObject* o, double& x) {
-  if (!PyFloat_CheckExact(o)) return false;
-  x = PyFloat_AS_DOUBLE(o);
-  return true;
+  if (PyFloat_Check(o)) {
+    x = PyFloat_AS_DOUBLE(o);
+    return true;
+  }
+  if (!PyLong_CheckExact(o)) return false;
+  int overflow;
+  long long whole = PyLong_AsLongLongAndOverflow(o, &overflow);
+  x = static_cast<double>(whole);
+  return !overflow && whole >= -(1LL << 53) && whole <= (1LL << 53);
 }
 bool floats(PyObject* o, int count, double* x) {
   if (!PyTuple_Check(o) || PyTuple_GET_SIZE(o) != count) return false;
@@ -307,7 +314,7 @@ double in_norm(const double* body) {
 // answer(p, tangential, error): of normal impulses, and of tangential ones (pairs of floats in the axes of each
 // contact, or None). The changes and the twists of the movable bodies, the impulses, the velocities before and
 // after, the energies before and after, what restitution and friction lost, the relative error, and for each
-// contact: slip after, slip before along it, whether friction is at its limit.
+// contact: the slip after relative to the fastest speed before, and its product with that before.
 PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
   const DD* p = argc == 3 ? impulses(self, args[0]) : nullptr;
   if (!p) return nullptr;
@@ -318,18 +325,15 @@ PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
   std::vector<Axes> P(count, Axes{0, 0, 0});
   std::vector<double> reported = rounded(p, count), lower(count, 0.0);
   if (rubs)
-    for (int i = 0; i < count; ++i) {
+    for (int i = 0; i < count; ++i)
       for (int k = 0; k < 2; ++k) P[i][1 + k] = PyFloat_AsDouble(PyList_GET_ITEM(args[1], 2 * i + k));
-      double size = std::hypot(P[i][1], P[i][2]) / scene.touches[i].length;
-      lower[i] = size > 0 ? std::fmin(size / scene.touches[i].mu, reported[i]) : 0;
-    }
   if (PyErr_Occurred()) return nullptr;
   std::vector<N> sums = scene.changes(p);
   Motion with_friction(scene);
   for (size_t i = 0; i < sums.size(); ++i) with_friction.twists[i] = high(sums[i]);
   if (rubs)
     for (int i = 0; i < count; ++i) with_friction.push(i, P[i]);
-  scene.least_norm(reported, lower, true);
+  if (!rubs) scene.least_norm(reported, lower, true);
 
   PyObject *changes = PyList_New(scene.bodies), *after = PyList_New(scene.bodies), *pushes = PyList_New(count);
   double energies = 0, energies_after = 0, largest = 0, worst = 0, rounding = 0;
@@ -354,7 +358,9 @@ PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
   }
   PyObject *before = PyList_New(count), *then = PyList_New(count), *slips = PyList_New(count);
   std::vector<N> u = scene.velocities(p);
-  double lost_n = 0, lost_t = 0;
+  double lost_n = 0, lost_t = 0, fastest = 0;
+  for (const Touch& touch : scene.touches)
+    fastest = std::fmax(fastest, std::hypot(touch.plain[0].velocity, touch.plain[1].velocity, touch.plain[2].velocity));
   for (int i = 0; i < count; ++i) {
     const Touch& touch = scene.touches[i];
     double push[3];
@@ -363,8 +369,7 @@ PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
     Axes u_after = with_friction.velocity(i);
     if (!rubs) u_after[0] = high(u[i]) / touch.length;
     double speed = std::hypot(u_after[1], u_after[2]), back = u_before[1] * u_after[1] + u_before[2] * u_after[2];
-    double across = std::hypot(P[i][1], P[i][2]), most = touch.mu * reported[i] * touch.length;
-    if (rubs && across > 0) {
+    if (rubs) {
       double x = touch.normal[0] / touch.length, y = touch.normal[1] / touch.length, z = touch.normal[2] / touch.length;
       double sign = x < 0 ? -1 : 1, c = -1 / (sign + x), d = y * z * c;
       double t1[3] = {-(sign * y), 1 + sign * (y * y * c), sign * d}, t2[3] = {-z, d, sign + z * z * c};
@@ -375,7 +380,7 @@ PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
     PyList_SET_ITEM(pushes, i, vector(push));
     PyList_SET_ITEM(before, i, PyFloat_FromDouble(u_before[0]));
     PyList_SET_ITEM(then, i, PyFloat_FromDouble(u_after[0]));
-    PyList_SET_ITEM(slips, i, Py_BuildValue("(ddd)", speed, back, most > 0 ? across / most : across > 0 ? 1.0 : 0.0));
+    PyList_SET_ITEM(slips, i, Py_BuildValue("(dd)", fastest > 0 ? speed / fastest : 0, back));
   }
   double bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0) : (worst > 0 ? INFINITY : 0);
   if (!(bound == bound)) bound = INFINITY;

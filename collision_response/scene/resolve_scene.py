@@ -346,7 +346,10 @@ def _together(
         slow |= Adjustment.NORMALISED_ORIENTATION
     if idle:
         slow |= Adjustment.MASSLESS_SPIN
-    regimes = [_regime(impulse, slip, used_law) for impulse, slip in zip(impulses, slips, strict=True)]
+    regimes = [
+        _regime(impulse, contact.friction, slip)
+        for impulse, contact, slip in zip(impulses, parts.contacts, slips, strict=True)
+    ]
     used = parts.contacts
     if struck.restitution is not None:
         used = [
@@ -490,17 +493,17 @@ def _check_geometry(parts: Parts, geometry: Geometry) -> None:
             raise ImpactError(StatusCode.INVALID_MODEL, "model.geometry", reason)
 
 
-AT_LIMIT = 1 - 2.0**-30
-"""Friction beyond this part of its limit is at it."""
+AT_REST = 2.0**-20
+"""Slip below this part of the fastest speed before is none."""
 
 
-def _regime(impulse: Vec3, slip: tuple[float, float, float], law: Law) -> Regime:
+def _regime(impulse: Vec3, friction: Scalar, slip: tuple[float, float]) -> Regime:
     if not any(impulse):
         return Regime.SEPARATING
-    _, back, share = slip
-    if law is Law.FRICTIONLESS:
+    speed, back = slip
+    if friction == 0:
         return Regime.SLIDING
-    if share < AT_LIMIT:
+    if speed < AT_REST:
         return Regime.STICKING
     return Regime.REVERSED if back < 0 else Regime.SLIDING
 

@@ -18,12 +18,10 @@ struct ConeProgram {
   };
   std::vector<Cone> cones;
 
-  using V3 = double[3];
-
   // x on return; the gap between its value and the least, or a bound on it. Starts at 0.
   double solve(std::vector<double>& x) const {
     size_t m = cones.size();
-    std::vector<double> s(3 * m), z(3 * m), w(3 * m), lambda(3 * m), ds(3 * m), dz(3 * m), q(3 * m), rs(3 * m), beta(m);
+    std::vector<double> s(3 * m), z(3 * m), w(3 * m), lambda(3 * m), ds(3 * m), dz(3 * m), q(3 * m), rs(3 * m), t(3 * m), left(3 * m), beta(m);
     std::vector<double> M(static_cast<size_t>(n) * n), rx(n), dx(n), rhs(n), best(n, 0.0), gi(n);
     x.assign(n, 0.0);
     double size = 1e-300;
@@ -32,6 +30,7 @@ struct ConeProgram {
       s[3 * i] = cones[i].g;
       z[3 * i] = size;
     }
+    std::vector<double> best_s(s), best_z(z);
     double least_gap = INFINITY;
     for (int turn = 0; turn < 60; ++turn) {
       // Residuals.
@@ -57,6 +56,8 @@ struct ConeProgram {
       if (merit < least_gap) {
         least_gap = merit;
         best = x;
+        best_s = s;
+        best_z = z;
       } else if (turn > 25) {
         break;
       }
@@ -76,22 +77,29 @@ struct ConeProgram {
       }
       // H + G^T W^-2 G
       M = H;
-      for (size_t i = 0; i < m; ++i) {
+      for (size_t i = 0; i < m; ++i) {  // by the eigenvectors of W^-2: nothing cancels
         const Cone& cone = cones[i];
-        double c = 1 / (beta[i] * beta[i]), a[3] = {w[3 * i], -w[3 * i + 1], -w[3 * i + 2]};
-        for (int k = 0; k < n; ++k) gi[k] = a[0] * cone.row[k];
-        if (cone.place >= 0) {
-          gi[cone.place] += a[1] * cone.entry;
-          gi[cone.place + 1] += a[2] * cone.entry;
-          M[cone.place * n + cone.place] += c * cone.entry * cone.entry;
-          M[(cone.place + 1) * n + cone.place + 1] += c * cone.entry * cone.entry;
+        double across = std::hypot(w[3 * i + 1], w[3 * i + 2]), far = w[3 * i] + across;
+        double d1 = across > 0 ? -w[3 * i + 1] / across : 1, d2 = across > 0 ? -w[3 * i + 2] / across : 0;
+        for (double sign : {1.0, -1.0}) {
+          double c = (sign > 0 ? far : 1 / far) / beta[i] * std::sqrt(0.5);
+          for (int k = 0; k < n; ++k) gi[k] = c * cone.row[k];
+          if (cone.place >= 0) {
+            gi[cone.place] += sign * c * d1 * cone.entry;
+            gi[cone.place + 1] += sign * c * d2 * cone.entry;
+          }
+          for (int k = 0; k < n; ++k)
+            for (int l = 0; l <= k; ++l) M[k * n + l] += gi[k] * gi[l];
         }
-        for (int k = 0; k < n; ++k) {
-          double left = 2 * c * gi[k], minus = c * cone.row[k];
-          for (int l = 0; l <= k; ++l) M[k * n + l] += left * gi[l] - minus * cone.row[l];
+        if (cone.place >= 0) {
+          double c = cone.entry / beta[i], p1 = -c * d2, p2 = c * d1;
+          int k = cone.place;
+          M[k * n + k] += p1 * p1;
+          M[(k + 1) * n + k] += p1 * p2;
+          M[(k + 1) * n + k + 1] += p2 * p2;
         }
       }
-      if (!factor(M)) break;
+      factor(M);
 
       // Predictor, then corrector.
       double target = 0;
@@ -110,29 +118,42 @@ struct ConeProgram {
           }
           divide(l, r, &q[3 * i]);
         }
-        for (int a = 0; a < n; ++a) rhs[a] = -rx[a];
-        std::vector<double> t(3 * m);
-        for (size_t i = 0; i < m; ++i) {
-          double a[3], b[3], c[3];
-          scale(i, w, beta, &q[3 * i], a, true);  // W^-1 q
-          scale(i, w, beta, &rs[3 * i], b, true);
-          scale(i, w, beta, b, c, true);  // W^-2 rs
-          for (int k = 0; k < 3; ++k) t[3 * i + k] = a[k] - c[k];
+        // H dx - G^T dz = -rx and W dz + W^-1 (G dx + rs) = q, with what rounding left of them twice more.
+        std::fill(dx.begin(), dx.end(), 0.0);
+        std::fill(dz.begin(), dz.end(), 0.0);
+        ds = rs;
+        for (int pass = 0; pass < 3; ++pass) {
+          for (int a = 0; a < n; ++a) {
+            double sum = rx[a];
+            for (int b = 0; b < n; ++b) sum += H[a * n + b] * dx[b];
+            rhs[a] = -sum;
+          }
+          add_transposed(dz, 1, rhs);
+          for (size_t i = 0; i < m; ++i) {
+            double a[3], b[3];
+            scale(i, w, beta, &dz[3 * i], a, false);
+            scale(i, w, beta, &ds[3 * i], b, true);
+            for (int k = 0; k < 3; ++k) left[3 * i + k] = q[3 * i + k] - a[k] - b[k];
+            scale(i, w, beta, &left[3 * i], &t[3 * i], true);
+          }
+          add_transposed(t, 1, rhs);
+          substitute(M, rhs);
+          for (int a = 0; a < n; ++a) dx[a] += rhs[a];
+          for (size_t i = 0; i < m; ++i) {
+            double by[3], a[3], b[3];
+            apply(i, rhs, by);
+            scale(i, w, beta, by, a, true);
+            for (int k = 0; k < 3; ++k) {
+              ds[3 * i + k] += by[k];
+              a[k] = left[3 * i + k] - a[k];
+            }
+            scale(i, w, beta, a, b, true);
+            for (int k = 0; k < 3; ++k) dz[3 * i + k] += b[k];
+          }
         }
-        add_transposed(t, 1, rhs);
-        dx = rhs;
-        substitute(M, dx);
         double most = 1;
-        for (size_t i = 0; i < m; ++i) {
-          double t3[3], a[3], b[3], c[3];
-          apply(i, dx, t3);
-          for (int k = 0; k < 3; ++k) ds[3 * i + k] = t3[k] + rs[3 * i + k];
-          scale(i, w, beta, &q[3 * i], a, true);
-          scale(i, w, beta, &ds[3 * i], b, true);
-          scale(i, w, beta, b, c, true);
-          for (int k = 0; k < 3; ++k) dz[3 * i + k] = a[k] - c[k];
+        for (size_t i = 0; i < m; ++i)
           most = std::fmin(most, std::fmin(reach(&s[3 * i], &ds[3 * i]), reach(&z[3 * i], &dz[3 * i])));
-        }
         if (phase == 0) {
           double after = 0;
           for (size_t i = 0; i < 3 * m; ++i) after += (s[i] + most * ds[i]) * (z[i] + most * dz[i]);
@@ -149,10 +170,91 @@ struct ConeProgram {
       }
     }
     x = best;
-    return least_gap;
+    return std::fmin(least_gap, polish(best_s, best_z, x));
   }
 
  private:
+  // Newton's method on the conditions of the least, with the active cones taken from an approximate solution: of
+  // the direction of friction that knows only the root of the gap. The gap after it; x is left if that is no less.
+  double polish(const std::vector<double>& s, const std::vector<double>& z, std::vector<double>& x) const {
+    constexpr double PENALTY = 1e6;
+    std::vector<size_t> active;
+    std::vector<double> multiplier;
+    for (size_t i = 0; i < cones.size(); ++i) {
+      double slack = s[3 * i] - std::hypot(s[3 * i + 1], s[3 * i + 2]);
+      if (slack < z[3 * i] && (cones[i].place < 0 || std::hypot(s[3 * i + 1], s[3 * i + 2]) > 1e-9)) {
+        active.push_back(i);
+        multiplier.push_back(z[3 * i]);
+      }
+    }
+    std::vector<double> y(x), M, rhs(n), slope(active.size() * n), value(active.size());
+    double before = INFINITY;
+    for (int turn = 0; turn < 12; ++turn) {
+      M = H;
+      for (int a = 0; a < n; ++a) {
+        double sum = h[a];
+        for (int b = 0; b < n; ++b) sum += H[a * n + b] * y[b];
+        rhs[a] = -sum;
+      }
+      double off = 0;
+      for (size_t k = 0; k < active.size(); ++k) {
+        const Cone& cone = cones[active[k]];
+        double* d = &slope[k * n];
+        double along = cone.g;
+        for (int a = 0; a < n; ++a) {
+          along += cone.row[a] * y[a];
+          d[a] = -cone.row[a];
+        }
+        value[k] = -along;
+        if (cone.place >= 0) {
+          double t1 = y[cone.place], t2 = y[cone.place + 1], size = std::hypot(t1, t2);
+          if (!(size > 0)) return INFINITY;
+          value[k] += cone.entry * size;
+          d[cone.place] += cone.entry * t1 / size;
+          d[cone.place + 1] += cone.entry * t2 / size;
+          double curvature = std::fmax(multiplier[k], 0) * cone.entry / size;
+          int p = cone.place;
+          M[p * n + p] += curvature * t2 * t2 / (size * size);
+          M[(p + 1) * n + p] -= curvature * t1 * t2 / (size * size);
+          M[(p + 1) * n + p + 1] += curvature * t1 * t1 / (size * size);
+        }
+        for (int a = 0; a < n; ++a) rhs[a] -= d[a] * multiplier[k];
+        off = std::fmax(off, std::fabs(value[k]));
+      }
+      for (double r : rhs) off = std::fmax(off, std::fabs(r));
+      if (off >= before / 2 && (turn > 2 || off < 1e-15)) break;
+      before = off;
+      for (size_t k = 0; k < active.size(); ++k)
+        for (int a = 0; a < n; ++a) {
+          double d = PENALTY * slope[k * n + a];
+          rhs[a] -= d * value[k];
+          for (int b = 0; b <= a; ++b) M[a * n + b] += d * slope[k * n + b];
+        }
+      factor(M);
+      substitute(M, rhs);
+      for (int a = 0; a < n; ++a) y[a] += rhs[a];
+      for (size_t k = 0; k < active.size(); ++k) {
+        double change = value[k];
+        for (int a = 0; a < n; ++a) change += slope[k * n + a] * rhs[a];
+        multiplier[k] += PENALTY * change;
+      }
+    }
+    // Whether it is the least: multipliers of the right sign, the other cones kept.
+    double worst = before;
+    for (double m : multiplier) worst = std::fmax(worst, -m);
+    for (size_t i = 0; i < cones.size(); ++i) {
+      double t[3];
+      apply(i, y, t);
+      worst = std::fmax(worst, std::hypot(t[1], t[2]) - t[0] - cones[i].g);
+    }
+    if (!(worst < 1e-11)) return INFINITY;
+    x = y;
+    double sum = 0;
+    for (double m : multiplier) sum += std::fabs(m);
+    for (double v : y) sum += std::fabs(v);
+    return worst * (sum + 1);
+  }
+
   static double norm(const double* v) {
     double t = std::hypot(v[1], v[2]);
     return std::fmax((v[0] - t) * (v[0] + t), 1e-300);
@@ -204,19 +306,16 @@ struct ConeProgram {
         for (int k = 0; k < 2; ++k) out[cone.place + k] += sign * cone.entry * y[3 * i + 1 + k];
     }
   }
-  bool factor(std::vector<double>& M) const {
-    for (int i = 0; i < n; ++i)
+  // A direction that nothing resists is left out.
+  void factor(std::vector<double>& M) const {
+    for (int i = 0; i < n; ++i) {
+      double whole = M[i * n + i];
       for (int j = 0; j <= i; ++j) {
         double sum = M[i * n + j];
         for (int k = 0; k < j; ++k) sum -= M[i * n + k] * M[j * n + k];
-        if (i == j) {
-          if (!(sum > 0)) return false;
-          M[i * n + i] = std::sqrt(sum);
-        } else {
-          M[i * n + j] = sum / M[j * n + j];
-        }
+        M[i * n + j] = i != j ? sum / M[j * n + j] : sum > 0x1p-50 * whole ? std::sqrt(sum) : 0x1p500;
       }
-    return true;
+    }
   }
   void substitute(const std::vector<double>& M, std::vector<double>& y) const {
     for (int i = 0; i < n; ++i) {
