@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from fractions import Fraction
 
 from ..answer import Impact
 from ..model import Adjustment, decided, plan
@@ -49,8 +50,9 @@ numbers = _compiled.numbers
 batch = _compiled.batch
 allow_long_vectors = _compiled.allow_long_vectors
 
-_scene.setup(Vec3, Twist)
+_scene.setup(Vec3, Twist, Fraction)
 assemble = _scene.assemble
+is_rational = _scene.is_rational
 
 
 class Number(IntEnum):

@@ -7,11 +7,13 @@ from collections.abc import Iterator
 from .. import geometry, validity
 from ..impact import Flags, Report, impact
 from ..physics.column import Column
+from ..physics.effective_mass import Side
 from ..physics.energy import kinetic_energy
 from ..physics.laws import LAWS, PATHS, Law
+from ..physics.vector import Vec3
 from .emit import emit
 from .layout import MODEL, Layout, names_of_body, names_of_contact, request, units
-from .symbol import Tape, numbers_in
+from .symbol import Tape, numbers_in, rebuilt
 
 HEAD = '#pragma once\n#include "numbers.hpp"\n\n'
 
@@ -76,17 +78,21 @@ def validity_of(layout: Layout) -> str:
 
 
 def column() -> str:
-    """What a scene needs of a body at a contact, in one direction; and its kinetic energy."""
-    names, tape = names_of_body(Layout.EVERYTHING), Tape()
-    asked = request(Layout.EVERYTHING, tape)
-    of_contact = [f"contact.{field}.{axis}" for field in ("position", "normal") for axis in "xyz"]
-    inputs = [*(f"body_a.{name}" for name in names), *of_contact]
-    body, contact = asked.body_a, asked.contact
-    outputs = map(tape.symbol, numbers_in(Column.of(body, contact.position, contact.normal)))
-    idle = body.angular_velocity - body.driving_spin()
-    return emit("column", list(inputs), outputs, [], []) + emit(
-        "motion", list(inputs), [], [tape.symbol(kinetic_energy(body))], [tape.symbol(idle.dot(idle) > 0)]
-    )
+    """What a scene needs: of a body, of the body at a contact in one direction; and its kinetic energy."""
+    names, tape = [f"body_a.{name}" for name in names_of_body(Layout.EVERYTHING)], Tape()
+    body = request(Layout.EVERYTHING, tape).body_a
+    centre = Side.of(body, body.position)
+    idle = centre.idle.dot(centre.idle) > 0
+    of_centre = map(tape.symbol, numbers_in(centre))
+    text = emit("centre", list(names), of_centre, [tape.symbol(kinetic_energy(body))], [tape.symbol(idle)])
+    count = len(list(numbers_in(centre)))
+    tape = Tape()
+    inputs = [f"x{i}" for i in range(count + 9)]
+    symbols = [tape.input(name) for name in inputs]
+    seen = rebuilt(centre, iter(symbols[:count]))
+    velocity, d, direction = (Vec3(*symbols[i : i + 3]) for i in range(count, count + 9, 3))
+    outputs = map(tape.symbol, numbers_in(Column.at(seen, velocity, d, direction)))
+    return f"constexpr int CENTRE = {count};\n{text}{emit('column', list(inputs), outputs, [], [])}"
 
 
 def _counts_of(layout: Layout) -> str:

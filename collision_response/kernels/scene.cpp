@@ -11,13 +11,13 @@
 namespace {
 
 struct Types {
-  PyTypeObject *vec3, *twist;
+  PyTypeObject *vec3, *twist, *fraction;
 } types;
 
 struct Cluster {
   PyObject_HEAD
   Assembly* scene;
-  std::vector<double>* energies;  // of the movable bodies
+  double energy;  // of the movable bodies
   bool idle, off_unit;
 };
 
@@ -56,22 +56,9 @@ bool read_contact(PyObject* o, double* x) {
          exact_float(PyTuple_GET_ITEM(o, 3), x[7]);
 }
 
-struct Moving {
-  double energy;
-  bool idle;
-};
-Moving motion_of(const double* body) {
-  double in[BODY + 6] = {}, energy;
-  std::copy(body, body + BODY, in);
-  bool idle;
-  motion<double>(in, nullptr, &energy, &idle);
-  return {energy, idle};
-}
-
 void dealloc(PyObject* self) {
   auto* cluster = reinterpret_cast<Cluster*>(self);
   delete cluster->scene;
-  delete cluster->energies;
   PyTypeObject* type = Py_TYPE(self);
   type->tp_free(self);
   Py_DECREF(type);
@@ -88,17 +75,19 @@ PyObject* assemble(PyObject*, PyObject* const* args, Py_ssize_t count) {
   std::vector<Given> given(bodies);
   std::vector<int> place(bodies, -1);
   auto* scene = new Assembly;
-  auto* energies = new std::vector<double>;
+  double energies = 0;
   bool idle = false, off_unit = false;
   auto give_up = [&](PyObject* answer) {
     delete scene;
-    delete energies;
     return answer;
   };
   for (Py_ssize_t i = 0; i < bodies; ++i) {
     if (!read_body(PyList_GET_ITEM(args[0], i), given[i].x)) return give_up(Py_NewRef(Py_None));
+    given[i].look();
     if (!given[i].movable()) continue;
     place[i] = scene->bodies++;
+    energies += given[i].energy;
+    idle = idle || given[i].idle;
     scene->given.push_back(given[i]);
   }
   scene->touches.reserve(contacts);
@@ -117,16 +106,11 @@ PyObject* assemble(PyObject*, PyObject* const* args, Py_ssize_t count) {
                PyLong_AsDouble(PyList_GET_ITEM(args[3], k)));
     scene->add_plain(given[a], given[b], scene->touches.back());
   }
-  for (const Given& body : scene->given) {
-    Moving moving = motion_of(body.x);
-    energies->push_back(moving.energy);
-    idle = idle || moving.idle;
-  }
   scene->finish();
   auto* cluster = PyObject_New(Cluster, reinterpret_cast<PyTypeObject*>(cluster_type));
   if (!cluster) return give_up(nullptr);
   cluster->scene = scene;
-  cluster->energies = energies;
+  cluster->energy = energies;
   cluster->idle = idle;
   cluster->off_unit = off_unit;
   return reinterpret_cast<PyObject*>(cluster);
@@ -336,13 +320,13 @@ PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
   if (!rubs) scene.least_norm(reported, lower, true);
 
   PyObject *changes = PyList_New(scene.bodies), *after = PyList_New(scene.bodies), *pushes = PyList_New(count);
-  double energies = 0, energies_after = 0, largest = 0, worst = 0, rounding = 0;
-  for (double energy : *reinterpret_cast<Cluster*>(self)->energies) energies += energy;
+  double energies = reinterpret_cast<Cluster*>(self)->energy, energies_after = 0, largest = 0, worst = 0, rounding = 0;
   for (int b = 0; b < scene.bodies; ++b) {
     const double *change = &with_friction.twists[6 * b], *body = scene.given[b].x;
     Given moved = scene.given[b];
     for (int k = 0; k < 6; ++k) moved.x[IN_BODY_A_VELOCITY_X + k] += change[k];
-    energies_after += motion_of(moved.x).energy;
+    moved.fill(moved.plain);
+    energies_after += moved.energy;
     double arm = (body[1] + body[4] + body[6]) / 3, size = 0, off = 0;
     for (int k = 0; k < 6; ++k) {
       double weight = k < 3 ? body[0] : arm;
@@ -459,16 +443,29 @@ PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {"count", 
 PyType_Slot slots[] = {{Py_tp_dealloc, reinterpret_cast<void*>(dealloc)}, {Py_tp_methods, methods}, {Py_tp_getset, fields}, {}};
 PyType_Spec spec = {"collision_response.kernels._scene.Cluster", sizeof(Cluster), 0, Py_TPFLAGS_DEFAULT, slots};
 
+// Whether there is a fraction in it.
+bool holds_fraction(PyObject* o) {
+  if (PyFloat_CheckExact(o) || o == Py_None) return false;
+  if (PyTuple_Check(o) || PyList_Check(o)) {
+    for (Py_ssize_t i = 0; i < PySequence_Fast_GET_SIZE(o); ++i)
+      if (holds_fraction(PySequence_Fast_GET_ITEM(o, i))) return true;
+    return false;
+  }
+  return PyObject_TypeCheck(o, types.fraction);
+}
+PyObject* is_rational(PyObject*, PyObject* o) { return PyBool_FromLong(holds_fraction(o)); }
+
 PyObject* setup(PyObject*, PyObject* args) {
-  PyObject *vec3, *twist;
-  if (!PyArg_ParseTuple(args, "OO", &vec3, &twist)) return nullptr;
+  PyObject *vec3, *twist, *fraction;
+  if (!PyArg_ParseTuple(args, "OOO", &vec3, &twist, &fraction)) return nullptr;
+  types.fraction = reinterpret_cast<PyTypeObject*>(fraction);
   types.vec3 = reinterpret_cast<PyTypeObject*>(vec3);
   types.twist = reinterpret_cast<PyTypeObject*>(twist);
   Py_INCREF(args);  // keeps both for ever
   Py_RETURN_NONE;
 }
 
-PyMethodDef functions[] = {FAST("assemble", assemble), {"setup", setup, METH_VARARGS, ""}, {}};
+PyMethodDef functions[] = {FAST("assemble", assemble), {"is_rational", is_rational, METH_O, ""}, {"setup", setup, METH_VARARGS, ""}, {}};
 PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_scene", "", -1, functions, nullptr, nullptr, nullptr, nullptr};
 
 }  // namespace

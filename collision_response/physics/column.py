@@ -29,6 +29,11 @@ class Column(NamedTuple):
     @classmethod
     def of(cls, body: Body, point: Vec3, direction: Vec3) -> Column:
         """The column of a body at a point, along a direction."""
-        side = Side.of(body, point)
-        velocity = direction.dot(body.velocity) + side.normal_velocity(direction)
-        return cls(velocity, side.d.cross(direction), side.response_along(direction, 1, direction))
+        return cls.at(Side.of(body, body.position), body.velocity, point - body.position, direction)
+
+    @classmethod
+    def at(cls, centre: Side, velocity: Vec3, d: Vec3, direction: Vec3) -> Column:
+        """The same of a body as seen from its reference point, which moves with ``velocity``; ``d`` from there."""
+        side = centre._replace(r=d - centre.com, d=d)
+        along = direction.dot(velocity) + side.normal_velocity(direction)
+        return cls(along, side.d.cross(direction), side.response_along(direction, 1, direction))

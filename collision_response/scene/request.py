@@ -61,15 +61,6 @@ def _as_pair(i: int, pair: Any) -> Pair:
     return a, b
 
 
-def is_rational(bodies: Sequence[Body], contacts: Sequence[Contact]) -> bool:
-    """Whether a number is a fraction: then all are taken as the exact numbers that they are."""
-    return any(isinstance(x, Fraction) for item in (*bodies, *contacts) for x in _numbers(item))
-
-
-def _numbers(value: Any) -> list[Any]:
-    return [x for part in value for x in _numbers(part)] if isinstance(value, (tuple, list)) else [value]
-
-
 def as_fractions(body: Body) -> Body:
     """A body of exact numbers; an infinite mass stays."""
     return _converted(body, _fraction)

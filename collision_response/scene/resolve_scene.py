@@ -109,7 +109,7 @@ def resolve_scene(
     """
     bodies, pairs, contacts = request.check_shape(bodies, pairs, contacts)
     limit = plan(model).limit
-    exact = request.is_rational(bodies, contacts)
+    exact = library.is_rational(bodies) or library.is_rational(contacts)
     law = law_for(model.law, has_friction=any(contact.friction > 0 for contact in contacts))
     _check_options(threshold, stiffness, exponent, orders, len(contacts))
     options = Options(model, law, threshold, stiffness, exponent)

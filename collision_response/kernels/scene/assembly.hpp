@@ -18,9 +18,35 @@ INLINE N exact(DD x) { return {x, 0}; }
 INLINE N exact(double x) { return {{x, 0}, 0}; }
 INLINE double width(const N& x) { return x.error * (1 + 0x1p-30); }
 
+template <class T>
+struct Centre {  // a body as seen from its reference point, at x, which moves with v
+  T numbers[CENTRE], x[3], v[3];
+};
+
 struct Given {  // a body
   double x[BODY];
+  double energy;
+  bool idle;
+  Centre<N> centre;
+  Centre<double> plain;
+
   bool movable() const { return x[0] < INFINITY; }
+  void look() {
+    fill(centre);
+    fill(plain);
+  }
+  template <class T>
+  void fill(Centre<T>& seen) {
+    T in[BODY];
+    Report<T> motion[1];
+    for (int i = 0; i < BODY; ++i) in[i] = Make<T>::constant(x[i]);
+    ::centre<T>(in, seen.numbers, motion, &idle);
+    energy = motion[0];
+    for (int k = 0; k < 3; ++k) {
+      seen.x[k] = in[IN_BODY_A_POSITION_X + k];
+      seen.v[k] = in[IN_BODY_A_VELOCITY_X + k];
+    }
+  }
 };
 
 struct Plain {  // one direction of one contact, in doubles
@@ -62,7 +88,7 @@ struct Assembly {
     for (int k = 0; k < 3; ++k) direction[k] = exact(touch.normal[k]);
     const Given* both[2] = {&a, &b};
     for (int side = 0; side < 2; ++side)
-      velocity[side] = fill<N>(*both[side], touch, direction, side ? -1 : 1, touch.reach[side], touch.response[side]);
+      velocity[side] = fill<N>(both[side]->centre, touch, direction, side ? -1 : 1, touch.reach[side], touch.response[side]);
     touch.velocity = velocity[0] - velocity[1];
     touches.push_back(touch);
     ++count;
@@ -77,29 +103,28 @@ struct Assembly {
     for (int axis = 0; axis < 3; ++axis) {
       double velocity[2];
       for (int side = 0; side < 2; ++side)
-        velocity[side] = fill<double>(*both[side], touch, axes[axis], side ? -1 : 1, touch.plain[axis].reach[side], touch.plain[axis].response[side]);
+        velocity[side] = fill<double>(both[side]->plain, touch, axes[axis], side ? -1 : 1, touch.plain[axis].reach[side], touch.plain[axis].response[side]);
       touch.plain[axis].velocity = velocity[0] - velocity[1];
     }
     touch.plain[0].velocity = high(touch.velocity) / touch.length;
   }
 
   template <class T>
-  static T fill(const Given& body, const Touch& touch, const T* direction, double sign, T* reach, T* response) {
-    T in[BODY + 6], out[10];
-    for (int i = 0; i < BODY; ++i) in[i] = Make<T>::constant(body.x[i]);
+  static T fill(const Centre<T>& body, const Touch& touch, const T* direction, double sign, T* reach, T* response) {
+    T in[CENTRE + 9], out[10];
+    std::copy(body.numbers, body.numbers + CENTRE, in);
     for (int k = 0; k < 3; ++k) {
-      in[BODY + k] = Make<T>::constant(touch.point[k]);
-      in[BODY + 3 + k] = direction[k];
+      in[CENTRE + k] = body.v[k];
+      in[CENTRE + 3 + k] = Make<T>::constant(touch.point[k]) - body.x[k];
+      in[CENTRE + 6 + k] = direction[k];
     }
     column<T>(in, out, nullptr, nullptr);
-    T factor = Make<T>::constant(sign);
     for (int k = 0; k < 3; ++k) {
       reach[k] = sign < 0 ? -direction[k] : direction[k];
       reach[3 + k] = sign < 0 ? -out[1 + k] : out[1 + k];
       response[k] = sign < 0 ? -out[4 + k] : out[4 + k];
       response[3 + k] = sign < 0 ? -out[7 + k] : out[7 + k];
     }
-    (void)factor;
     return out[0];
   }
 

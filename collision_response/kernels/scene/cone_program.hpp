@@ -62,6 +62,10 @@ struct ConeProgram {
         break;
       }
       if (merit < 1e-28 * size || !(gap == gap)) break;
+      if (turn >= 3 && merit < 1e-4 * size) {
+        double polished = polish(s, z, x);
+        if (polished < INFINITY) return polished;
+      }
 
       // Scaling.
       for (size_t i = 0; i < m; ++i) {
@@ -122,7 +126,7 @@ struct ConeProgram {
         std::fill(dx.begin(), dx.end(), 0.0);
         std::fill(dz.begin(), dz.end(), 0.0);
         ds = rs;
-        for (int pass = 0; pass < 3; ++pass) {
+        for (int pass = 0; pass < (gap < 1e-5 * size ? 3 : 1); ++pass) {
           for (int a = 0; a < n; ++a) {
             double sum = rx[a];
             for (int b = 0; b < n; ++b) sum += H[a * n + b] * dx[b];
