@@ -298,7 +298,8 @@ double in_norm(const double* body) {
 // answer(p, tangential, error): of normal impulses, and of tangential ones (pairs of floats in the axes of each
 // contact, or None). The changes and the twists of the movable bodies, the impulses, the velocities before and
 // after, the energies before and after, what restitution and friction lost, the relative error, and for each
-// contact: the slip after relative to the fastest speed before, and its product with that before.
+// contact: the slip after relative to the fastest speed before, its product with that before, and
+// friction relative to its limit.
 PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
   const DD* p = argc == 3 ? impulses(self, args[0]) : nullptr;
   if (!p) return nullptr;
@@ -353,6 +354,7 @@ PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
     Axes u_after = with_friction.velocity(i);
     if (!rubs) u_after[0] = high(u[i]) / touch.length;
     double speed = std::hypot(u_after[1], u_after[2]), back = u_before[1] * u_after[1] + u_before[2] * u_after[2];
+    double across = std::hypot(P[i][1], P[i][2]), most = touch.mu * p[i].h * touch.length;
     if (rubs) {
       double x = touch.normal[0] / touch.length, y = touch.normal[1] / touch.length, z = touch.normal[2] / touch.length;
       double sign = x < 0 ? -1 : 1, c = -1 / (sign + x), d = y * z * c;
@@ -364,7 +366,7 @@ PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
     PyList_SET_ITEM(pushes, i, vector(push));
     PyList_SET_ITEM(before, i, PyFloat_FromDouble(u_before[0]));
     PyList_SET_ITEM(then, i, PyFloat_FromDouble(u_after[0]));
-    PyList_SET_ITEM(slips, i, Py_BuildValue("(dd)", fastest > 0 ? speed / fastest : 0, back));
+    PyList_SET_ITEM(slips, i, Py_BuildValue("(ddd)", fastest > 0 ? speed / fastest : 0, back, most > 0 ? across / most : 1.0));
   }
   double bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0) : (worst > 0 ? INFINITY : 0);
   if (!(bound == bound)) bound = INFINITY;

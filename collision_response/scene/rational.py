@@ -40,7 +40,7 @@ class Motions(NamedTuple):
     lost_restitution: Scalar
     lost_friction: Scalar
     error_bound: float
-    details: tuple[list[tuple[Scalar, Scalar]], bool, bool]
+    details: tuple[list[tuple[Scalar, Scalar, Scalar]], bool, bool]
 
 
 class RationalCluster:
@@ -140,7 +140,7 @@ class RationalCluster:
             lost,
             NOUGHT,
             0.0,
-            ([(NOUGHT, NOUGHT)] * self.count, any(spin.dot(spin) > 0 for spin in idle), False),
+            ([(NOUGHT, NOUGHT, NOUGHT)] * self.count, any(spin.dot(spin) > 0 for spin in idle), False),
         )
 
     def _changes(self, p: Numbers) -> list[Twist]:

@@ -133,10 +133,13 @@ def resolve_scene(
     bound, margin, adjustments, models = 0.0, math.inf, Adjustment.NONE, []
     touched = set()
     for cluster in clusters:
-        if len(cluster) == 1 and not exact:
-            answered, places = _alone(bodies, pairs, contacts, cluster[0], model)
+        parts, of_parts = _parts(pairs, contacts, cluster, join=law is not Law.ROUTH_STRONGE)
+        if len(parts.contacts) == 1 and not exact:
+            answered, places = _alone(bodies, pairs, contacts, cluster, model)
         else:
-            answered, places = _together(bodies, pairs, contacts, cluster, options, exact)
+            parts.bodies.extend(bodies[i] for i in of_parts)
+            answered = _together(parts, pairs, contacts, cluster, options, exact)
+            places = [i for i in of_parts if movable[i]]
         for place, change, twist in zip(places, answered.changes, answered.twists, strict=True):
             changes[place], twists[place] = change, twist
         touched |= set(places)
@@ -201,9 +204,14 @@ def _check_options(threshold: Any, stiffness: Any, exponent: Any, orders: Any, c
 
 
 def _alone(
-    bodies: Sequence[Body], pairs: Sequence[Pair], contacts: Sequence[Contact], i: int, model: ImpactModel
+    bodies: Sequence[Body],
+    pairs: Sequence[Pair],
+    contacts: Sequence[Contact],
+    cluster: Sequence[int],
+    model: ImpactModel,
 ) -> tuple[Answered, list[int]]:
-    """A cluster of one contact."""
+    """A cluster of one contact, perhaps given several times."""
+    i, count = cluster[0], len(cluster)
     a, b = pairs[i]
     try:
         impact = resolve(bodies[a], bodies[b], contacts[i], model)
@@ -213,20 +221,25 @@ def _alone(
         raise TypeError(request.named(str(error), request.Name(i, a, b))) from None
     sides = ((a, impact.change_a, impact.twist_a), (b, impact.change_b, impact.twist_b))
     moved = [side for side in sides if bodies[side[0]].is_movable()]
+    shares = [impact.impulse if count == 1 else impact.impulse * (1 / count)]
+    shares += [shares[0] if pairs[k] == (a, b) else -shares[0] for k in cluster[1:]]
+    used = [impact.contact]
+    for k in cluster[1:]:
+        used.append(contacts[k]._replace(restitution=impact.contact.restitution, friction=impact.contact.friction))
     answered = Answered(
         [change for _, change, _ in moved],
         [twist for _, _, twist in moved],
-        [impact.impulse],
-        [impact.normal_velocity_before],
-        [impact.normal_velocity_after],
+        shares,
+        [impact.normal_velocity_before] * count,
+        [impact.normal_velocity_after] * count,
         (
             impact.kinetic_energy_before, impact.kinetic_energy_after,
             impact.energy_lost_restitution, impact.energy_lost_friction,
         ),
         impact.error_bound,
         math.inf,
-        [impact.contact],
-        [impact.regime],
+        used,
+        [impact.regime] * count,
         impact.adjustments,
         impact.model,
     )  # fmt: skip
@@ -282,13 +295,13 @@ def _parts(
 
 
 def _together(
-    bodies: Sequence[Body],
+    parts: Parts,
     pairs: Sequence[Pair],
     contacts: Sequence[Contact],
     cluster: Sequence[int],
     options: Options,
     exact: bool,
-) -> tuple[Answered, list[int]]:
+) -> Answered:
     """A cluster of several contacts."""
     model, law = options.model, options.law
     if law is Law.ROUTH_POISSON:
@@ -303,8 +316,6 @@ def _together(
             "model.tangential_restitution",
             f"must be 0 for clusters of several contacts, is {model.tangential_restitution}",
         )
-    parts, scene_bodies = _parts(pairs, contacts, cluster, join=law is not Law.ROUTH_STRONGE)
-    parts.bodies.extend(bodies[i] for i in scene_bodies)
     if law is Law.FRICTIONLESS and any(contact.friction for contact in parts.contacts):
         parts = parts._replace(
             contacts=[contact._replace(friction=contact.friction * 0) for contact in parts.contacts]
@@ -347,7 +358,7 @@ def _together(
     if idle:
         slow |= Adjustment.MASSLESS_SPIN
     regimes = [
-        _regime(impulse, contact.friction, slip)
+        _regime(impulse, contact.friction, slip, used_law)
         for impulse, contact, slip in zip(impulses, parts.contacts, slips, strict=True)
     ]
     used = parts.contacts
@@ -364,7 +375,7 @@ def _together(
         for place, sign in parts.place_of
     ]
     order = [place for place, _ in parts.place_of]
-    answered = Answered(
+    return Answered(
         changes,
         twists,
         shared,
@@ -389,8 +400,6 @@ def _together(
             else Precision.EXTENDED,
         ),
     )
-    return answered, [i for i in scene_bodies if bodies[i].is_movable()]
-
 
 def _assembled(parts: Parts, names: Sequence[request.Name], exact: bool) -> tuple[Any, Parts]:
     """What impulses do in a cluster, and its parts in the numbers that are used."""
@@ -494,16 +503,16 @@ def _check_geometry(parts: Parts, geometry: Geometry) -> None:
 
 
 AT_REST = 2.0**-20
-"""Slip below this part of the fastest speed before is none."""
+"""Of slip, relative to the fastest speed before, and of what friction lacks to its limit: this counts as none."""
 
 
-def _regime(impulse: Vec3, friction: Scalar, slip: tuple[float, float]) -> Regime:
+def _regime(impulse: Vec3, friction: Scalar, slip: tuple[float, float, float], law: Law) -> Regime:
     if not any(impulse):
         return Regime.SEPARATING
-    speed, back = slip
+    speed, back, share = slip
     if friction == 0:
         return Regime.SLIDING
-    if speed < AT_REST:
+    if speed < AT_REST if law is Law.ROUTH_STRONGE else share < 1 - AT_REST:
         return Regime.STICKING
     return Regime.REVERSED if back < 0 else Regime.SLIDING
 

@@ -98,8 +98,18 @@ inline Friction least_work(const Assembly& scene, const std::vector<double>& p) 
       programme.H[c * n + d] = programme.H[d * n + c] = sum;
     }
     trace = std::fmax(trace, programme.H[c * n + c]);
+  }
+  // The work of the normal impulses that friction entails counts too.
+  std::vector<double> kept(r);
+  for (size_t k = 0; k < r; ++k) kept[k] = free.velocity(held[k], 0);
+  double speed = 0;
+  for (double u : kept) speed = std::fmax(speed, std::fabs(u));
+  for (int c = 0; c < n; ++c) {
+    auto [i, a] = direction(c);
     programme.h[c] = free.velocity(i, a);
-    slip = std::fmax(slip, std::fabs(programme.h[c]));
+    for (size_t k = 0; k < r; ++k) programme.h[c] -= answer[c][k] * kept[k];
+    if (c < nt) slip = std::fmax(slip, std::fabs(programme.h[c]));
+    else if (std::fabs(programme.h[c]) < 1e-10 * speed) programme.h[c] = 0;  // of contacts of one body: none
   }
   if (!(slip > 0) || !(trace > 0)) return result;
   // Impulses in units of the largest, velocities in units of what it does.
@@ -140,7 +150,7 @@ inline Friction least_work(const Assembly& scene, const std::vector<double>& p) 
   Motion moved(scene);
   for (int i = 0; i < count; ++i) moved.push(i, result.P[i]);
   std::vector<double> b(count), y(count, 0.0);
-  double speed = slip;
+  speed = std::fmax(speed, slip);
   for (int i = 0; i < count; ++i) speed = std::fmax(speed, std::fabs(scene.touches[i].plain[0].velocity));
   bool approaches = false;
   for (int i = 0; i < count; ++i) {
