@@ -22,6 +22,7 @@ R. Soc. A 464 (2008).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -76,12 +77,13 @@ def compressed(
         fine = max(tolerance / COARSER, FINEST) if tolerance else DEFAULT
         struck = path(fine)
         return struck, apart(path(fine * COARSER), struck) + fine
-    step, error = FIRST_STEP, 0.0
+    step, error, change = FIRST_STEP, math.inf, math.inf
     struck = path(step)
     for _ in range(HALVINGS):
         step /= 2
         finer = path(step)
-        error, struck = apart(struck, finer), finer
+        before, change, struck = change, apart(struck, finer), finer
+        error = 2 * max(change, before / 2)  # one change may be small by chance
         if error <= (tolerance or SETTLED):
             break
-    return struck, 2 * error
+    return struck, error

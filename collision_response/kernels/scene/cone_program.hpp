@@ -182,13 +182,21 @@ struct ConeProgram {
   // the direction of friction that knows only the root of the gap. The gap after it; x is left if that is no less.
   double polish(const std::vector<double>& s, const std::vector<double>& z, std::vector<double>& x) const {
     constexpr double PENALTY = 1e6;
-    std::vector<size_t> active;
-    std::vector<double> multiplier;
+    // Each is one number that is 0: of a cone with s on its boundary, or each of s where s is 0.
+    struct Active {
+      size_t cone;
+      int part;  // of s, or BOUNDARY
+      double multiplier;
+    };
+    constexpr int BOUNDARY = -1;
+    std::vector<Active> active;
     for (size_t i = 0; i < cones.size(); ++i) {
-      double slack = s[3 * i] - std::hypot(s[3 * i + 1], s[3 * i + 2]);
-      if (slack < z[3 * i] && (cones[i].place < 0 || std::hypot(s[3 * i + 1], s[3 * i + 2]) > 1e-9)) {
-        active.push_back(i);
-        multiplier.push_back(z[3 * i]);
+      double across = std::hypot(s[3 * i + 1], s[3 * i + 2]), slack = s[3 * i] - across;
+      double pull = std::hypot(z[3 * i + 1], z[3 * i + 2]);
+      if (s[3 * i] + across < z[3 * i] - pull) {
+        for (int part = 0; part < (cones[i].place < 0 ? 1 : 3); ++part) active.push_back({i, part, z[3 * i + part]});
+      } else if (slack < z[3 * i]) {
+        active.push_back({i, BOUNDARY, z[3 * i]});
       }
     }
     std::vector<double> y(x), M, rhs(n), slope(active.size() * n), value(active.size());
@@ -202,27 +210,36 @@ struct ConeProgram {
       }
       double off = 0;
       for (size_t k = 0; k < active.size(); ++k) {
-        const Cone& cone = cones[active[k]];
+        const Cone& cone = cones[active[k].cone];
         double* d = &slope[k * n];
+        if (active[k].part > 0) {
+          int p = cone.place + active[k].part - 1;
+          std::fill(d, d + n, 0.0);
+          d[p] = -cone.entry;
+          value[k] = -cone.entry * y[p];
+          rhs[p] -= d[p] * active[k].multiplier;
+          off = std::fmax(off, std::fabs(value[k]));
+          continue;
+        }
         double along = cone.g;
         for (int a = 0; a < n; ++a) {
           along += cone.row[a] * y[a];
           d[a] = -cone.row[a];
         }
         value[k] = -along;
-        if (cone.place >= 0) {
+        if (cone.place >= 0 && active[k].part == BOUNDARY) {
           double t1 = y[cone.place], t2 = y[cone.place + 1], size = std::hypot(t1, t2);
           if (!(size > 0)) return INFINITY;
           value[k] += cone.entry * size;
           d[cone.place] += cone.entry * t1 / size;
           d[cone.place + 1] += cone.entry * t2 / size;
-          double curvature = std::fmax(multiplier[k], 0) * cone.entry / size;
+          double curvature = std::fmax(active[k].multiplier, 0) * cone.entry / size;
           int p = cone.place;
           M[p * n + p] += curvature * t2 * t2 / (size * size);
           M[(p + 1) * n + p] -= curvature * t1 * t2 / (size * size);
           M[(p + 1) * n + p + 1] += curvature * t1 * t1 / (size * size);
         }
-        for (int a = 0; a < n; ++a) rhs[a] -= d[a] * multiplier[k];
+        for (int a = 0; a < n; ++a) rhs[a] -= d[a] * active[k].multiplier;
         off = std::fmax(off, std::fabs(value[k]));
       }
       for (double r : rhs) off = std::fmax(off, std::fabs(r));
@@ -240,12 +257,19 @@ struct ConeProgram {
       for (size_t k = 0; k < active.size(); ++k) {
         double change = value[k];
         for (int a = 0; a < n; ++a) change += slope[k * n + a] * rhs[a];
-        multiplier[k] += PENALTY * change;
+        active[k].multiplier += PENALTY * change;
       }
     }
     // Whether it is the least: multipliers of the right sign, the other cones kept.
-    double worst = before;
-    for (double m : multiplier) worst = std::fmax(worst, -m);
+    double worst = before, sum = 0;
+    for (size_t k = 0; k < active.size(); ++k) {
+      double pull = active[k].multiplier;
+      sum += std::fabs(pull);
+      if (active[k].part > 0) continue;
+      if (active[k].part == 0 && cones[active[k].cone].place >= 0)
+        pull -= std::hypot(active[k + 1].multiplier, active[k + 2].multiplier);
+      worst = std::fmax(worst, -pull);
+    }
     for (size_t i = 0; i < cones.size(); ++i) {
       double t[3];
       apply(i, y, t);
@@ -253,8 +277,6 @@ struct ConeProgram {
     }
     if (!(worst < 1e-11)) return INFINITY;
     x = y;
-    double sum = 0;
-    for (double m : multiplier) sum += std::fabs(m);
     for (double v : y) sum += std::fabs(v);
     return worst * (sum + 1);
   }
