@@ -12,7 +12,7 @@ one contact it gives u+ = -e u for any of them. Friction opposes the slip, with 
 
 Without friction the equation is integrated by a pair of orders 5 and 4, and the answer for a coarser tolerance
 tells its error. With friction a step solves for the slip at its end, so that contacts stick, and is of first order:
-steps are halved until the answer settles. Both errors are estimates.
+steps are refined until the answer settles. Both errors are estimates.
 
 A contact given twice is twice as stiff. For e towards 0 a contact takes ever more compressions to end.
 
@@ -37,9 +37,15 @@ FINEST = 1e-13
 DEFAULT = 1e-11
 COARSER = 100
 FIRST_STEP = 1 / 64
-HALVINGS = 7
+REFINEMENTS = 14
+FINER = 0.618
+"""No simple ratio: slip ends somewhere within a step, and the error is how far from its end."""
+
+LOOK_BACK = 3
+"""So many changes must be small: one may be by chance."""
+
 SETTLED = 1e-4
-"""Relative change at which steps with friction are halved no more, without a tolerance."""
+"""Relative change at which steps with friction are refined no more, without a tolerance."""
 
 
 def compressed(
@@ -77,13 +83,13 @@ def compressed(
         fine = max(tolerance / COARSER, FINEST) if tolerance else DEFAULT
         struck = path(fine)
         return struck, apart(path(fine * COARSER), struck) + fine
-    step, error, change = FIRST_STEP, math.inf, math.inf
+    step, changes = FIRST_STEP, [math.inf] * LOOK_BACK
     struck = path(step)
-    for _ in range(HALVINGS):
-        step /= 2
+    for _ in range(REFINEMENTS):
+        step *= FINER
         finer = path(step)
-        before, change, struck = change, apart(struck, finer), finer
-        error = 2 * max(change, before / 2)  # one change may be small by chance
-        if error <= (tolerance or SETTLED):
+        changes = [*changes[1:], apart(struck, finer)]
+        struck = finer
+        if max(changes) <= (tolerance or SETTLED):
             break
-    return struck, error
+    return struck, 2 * max(changes)

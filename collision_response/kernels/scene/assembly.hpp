@@ -317,6 +317,12 @@ struct Assembly {
     parting = std::sqrt(square) * (1 + 1e-9);
   }
 
+  static std::vector<double> rounded(const std::vector<DD>& p) {
+    std::vector<double> out;
+    for (const DD& x : p) out.push_back(x.h);
+    return out;
+  }
+
   // Of all impulses that do the same, p + Z z >= lower, those of least sum of n.n p^2; where copies share one
   // impulse, of the sum over all of them.
   void least_norm(std::vector<double>& p, const std::vector<double>& lower, bool shared) const {
@@ -327,15 +333,32 @@ struct Assembly {
     for (int i = 0; i < count; ++i)
       if (!basis.append(i)) rest.push_back(i);
     if (rest.empty()) return;
-    int k = static_cast<int>(rest.size());
-    std::vector<double> Z(static_cast<size_t>(count) * k, 0.0), w;  // of impulses times lengths
-    for (int c = 0; c < k; ++c) {
-      basis.line(rest[c], w);
-      auto entry = [&](int i) -> double& { return Z[static_cast<size_t>(i) * k + c]; };
-      entry(rest[c]) = touches[rest[c]].scale * weight[rest[c]];
-      for (size_t m = 0; m < w.size(); ++m)
-        entry(basis.members[m]) = -w[m] * touches[basis.members[m]].scale * weight[basis.members[m]];
+    std::vector<std::vector<double>> found;  // of impulses
+    std::vector<double> w;
+    for (int i : rest) {
+      std::vector<DD> z(count, DD{0, 0});
+      basis.line(i, w);
+      z[i].h = touches[i].scale;
+      for (size_t m = 0; m < w.size(); ++m) z[basis.members[m]].h = -w[m] * touches[basis.members[m]].scale;
+      // What doubles take for nothing must do nothing to all digits.
+      double square = 0;
+      for (int turn = 0; turn < 2; ++turn) {
+        std::vector<N> twists = changes(z.data());
+        square = 0;
+        for (int n = 0; n < count; ++n)
+          if (z[n].h != 0) square += z[n].h * high(velocity_change(touches[n], twists));
+        if (turn) break;
+        for (size_t m = 0; m < w.size(); ++m) w[m] = -high(velocity_change(touches[basis.members[m]], twists)) * touches[basis.members[m]].scale;
+        basis.solve(w.data());
+        for (size_t m = 0; m < w.size(); ++m) z[basis.members[m]] = z[basis.members[m]] + DD{w[m] * touches[basis.members[m]].scale, 0};
+      }
+      if (std::fabs(square) < 1e-26) found.push_back(rounded(z));
     }
+    if (found.empty()) return;
+    int k = static_cast<int>(found.size());
+    std::vector<double> Z(static_cast<size_t>(count) * k, 0.0);  // of impulses times weights
+    for (int c = 0; c < k; ++c)
+      for (int i = 0; i < count; ++i) Z[static_cast<size_t>(i) * k + c] = found[c][i] * weight[i];
     for (int c = 0; c < k; ++c) {  // orthonormal columns, twice is enough
       for (int turn = 0; turn < 2; ++turn)
         for (int d = 0; d < c; ++d) {

@@ -121,8 +121,10 @@ struct Compliant {
       bool done = true;
       // Half a step of x, a step of the forces, half a step of x.
       for (int i = 0; i < count; ++i) x[i] = std::fmax(x[i] + h / 2 * rate(i, x[i], motion.velocity(i, 0)), 0);
+      double most = 0;
       for (int i = 0; i < count; ++i) {
         double by = h * force(i, x[i]);
+        most = std::fmax(most, by);
         limit[i] = scene.touches[i].mu * by;
         double size = std::hypot(friction[i][1], friction[i][2]), fits = size > limit[i] ? limit[i] / size : 1;
         friction[i] = {0, friction[i][1] * fits, friction[i][2] * fits};
@@ -140,7 +142,7 @@ struct Compliant {
           motion.push(i, by);
           change = std::fmax(change, std::fabs(by[1]) + std::fabs(by[2]));
         }
-        if (change <= 1e-13 * mass * speed) break;
+        if (change <= 1e-11 * most) break;
       }
       for (int i = 0; i < count; ++i) {
         P[i][1] += friction[i][1];
