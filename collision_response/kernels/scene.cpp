@@ -84,7 +84,10 @@ PyObject* assemble(PyObject*, PyObject* const* args, Py_ssize_t count) {
   for (Py_ssize_t i = 0; i < bodies; ++i) {
     if (!read_body(PyList_GET_ITEM(args[0], i), given[i].x)) return give_up(Py_NewRef(Py_None));
     given[i].look();
-    if (!given[i].movable()) continue;
+    if (!given[i].movable()) {
+      for (int k = 0; k < 6; ++k) scene->driven = scene->driven || given[i].x[IN_BODY_A_VELOCITY_X + k] != 0;
+      continue;
+    }
     place[i] = scene->bodies++;
     energies += given[i].energy;
     idle = idle || given[i].idle;

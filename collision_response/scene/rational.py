@@ -176,8 +176,8 @@ class RationalCluster:
 
     def _find_held(self) -> list[int]:
         """The contacts that hold."""
-        u, everyone = self._u, range(self.count)
-        matrix = [[a + u[i] * u[j] for j, a in enumerate(row)] for i, row in enumerate(self.A)]
+        everyone = range(self.count)
+        matrix = self._with_work()
         held: set[int] = set()
         while True:
             found = least(matrix, [NOUGHT if i in held else Fraction(-1) for i in everyone], everyone, [])
@@ -185,9 +185,13 @@ class RationalCluster:
                 return sorted(held)
             held |= {i for i in everyone if found.ray[i] > 0}
 
+    def _with_work(self) -> list[Numbers]:
+        """``A + u u^T``: impulses that it maps to 0 move nothing, and do no work on walls that move either."""
+        return [[a + x * y for a, y in zip(row, self._u, strict=True)] for row, x in zip(self.A, self._u, strict=True)]
+
     def least_norm(self, p: Numbers) -> Numbers:
         """Of the impulses ``>= 0`` that do the same, those of least sum of squares; by their vectors in space."""
-        Z = null_space(self.A)
+        Z = null_space(self._with_work())
         if not Z:
             return p
         weights = [c.normal.dot(c.normal) for c in self._contacts]

@@ -65,8 +65,10 @@ def reflections(cluster: Any, threshold: Scalar) -> Struck:
     speed, doubt = cluster.approach()
     if not speed > 0:
         return Struck(zero)
-    inelastic, error_P = projection(cluster, zero, None)
-    e, e_error = cluster.joined_restitution(inelastic)
+    first, error_P = projection(cluster, zero, None)
+    e, e_error = cluster.joined_restitution(first)
+    inelastic, rounding = cluster.combine(1, zero, 1, first)
+    error_P += rounding
     if not e > 0:
         return Struck(inelastic, error=error_P, restitution=e)
     p, error, margin = zero, 0.0, math.inf
@@ -78,7 +80,7 @@ def reflections(cluster: Any, threshold: Scalar) -> Struck:
         if not violated:
             break
         is_first = turn == 0 and len(violated) == cluster.count
-        q, q_error = (inelastic, error_P) if is_first else projection(cluster, p, violated)
+        q, q_error = (first, error_P) if is_first else projection(cluster, p, violated)
         p, rounding = cluster.combine(1, p, 2, q)
         error += 2 * q_error + rounding
     else:

@@ -61,6 +61,22 @@ def _as_pair(i: int, pair: Any) -> Pair:
     return a, b
 
 
+def is_movable(i: int, body: Body) -> bool:
+    """Whether impulses move a body. Raises: TypeError: its mass is no number."""
+    try:
+        return bool(body.mass < math.inf)
+    except TypeError:
+        raise TypeError(f"bodies[{i}].mass: must be a real number, is {body.mass!r}") from None
+
+
+def has_friction(i: int, contact: Contact) -> bool:
+    """Whether a contact has friction. Raises: TypeError: its friction is no number."""
+    try:
+        return bool(contact.friction > 0)
+    except TypeError:
+        raise TypeError(f"contacts[{i}].friction: must be a real number, is {contact.friction!r}") from None
+
+
 def as_fractions(body: Body) -> Body:
     """A body of exact numbers; an infinite mass stays."""
     return _converted(body, _fraction)

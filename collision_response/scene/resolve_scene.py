@@ -110,7 +110,7 @@ def resolve_scene(
     bodies, pairs, contacts = request.check_shape(bodies, pairs, contacts)
     limit = plan(model).limit
     exact = library.is_rational(bodies) or library.is_rational(contacts)
-    law = law_for(model.law, has_friction=any(contact.friction > 0 for contact in contacts))
+    law = law_for(model.law, has_friction=any(request.has_friction(i, contact) for i, contact in enumerate(contacts)))
     _check_options(threshold, stiffness, exponent, orders, len(contacts))
     options = Options(model, law, threshold, stiffness, exponent)
     if exact:
@@ -122,7 +122,7 @@ def resolve_scene(
             )
         bodies = list(map(request.as_fractions, bodies))
         contacts = list(map(request.contact_as_fractions, contacts))
-    movable = [body.is_movable() for body in bodies]
+    movable = [request.is_movable(i, body) for i, body in enumerate(bodies)]
     clusters = clusters_of(pairs, movable)
 
     twists = [Twist(Vec3(*body.velocity), Vec3(*body.angular_velocity)) for body in bodies]
@@ -213,8 +213,9 @@ def _alone(
     """A cluster of one contact, perhaps given several times."""
     i, count = cluster[0], len(cluster)
     a, b = pairs[i]
+    body_b = bodies[b] if bodies[b] is not bodies[a] else Body(*bodies[b])  # two bodies may be equal
     try:
-        impact = resolve(bodies[a], bodies[b], contacts[i], model)
+        impact = resolve(bodies[a], body_b, contacts[i], model)
     except ImpactError as error:
         raise request.renamed(error, request.Name(i, a, b)) from None
     except TypeError as error:
@@ -316,10 +317,9 @@ def _together(
             "model.tangential_restitution",
             f"must be 0 for clusters of several contacts, is {model.tangential_restitution}",
         )
-    if law is Law.FRICTIONLESS and any(contact.friction for contact in parts.contacts):
-        parts = parts._replace(
-            contacts=[contact._replace(friction=contact.friction * 0) for contact in parts.contacts]
-        )
+    if law is Law.FRICTIONLESS:
+        smooth = [c._replace(friction=c.friction * 0) if 0 < c.friction < math.inf else c for c in parts.contacts]
+        parts = parts._replace(contacts=smooth)
     names = [request.Name(i, *pairs[i]) for i in parts.field_of]
     slow = Adjustment.NONE
     has_function = any(callable(contact.restitution) for contact in parts.contacts)

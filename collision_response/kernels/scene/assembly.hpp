@@ -69,6 +69,7 @@ struct Assembly {
   std::vector<double> A;         // n.K n of all pairs, scaled to a diagonal of 1
   std::vector<double> room;      // of a velocity that parts all contacts: by how much, scaled
   double parting = 0;            // its size, in the metric of kinetic energy
+  bool driven = false;           // a wall moves
   bool locked = false;           // there is no such velocity, as far as doubles can tell
 
   // What two bodies do at a contact. The places are of the movable ones.
@@ -328,7 +329,20 @@ struct Assembly {
   void least_norm(std::vector<double>& p, const std::vector<double>& lower, bool shared) const {
     std::vector<double> weight(count);
     for (int i = 0; i < count; ++i) weight[i] = touches[i].length / (shared ? std::sqrt(touches[i].copies) : 1);
-    ActiveSet basis(A.data(), count);
+    // With a row for the work of walls that move, which the same impulses do as well.
+    std::vector<double> u(count, 0.0), B, scale(count);
+    double fastest = 0;
+    for (int i = 0; i < count; ++i) fastest = std::fmax(fastest, std::fabs(high(touches[i].velocity)) * touches[i].scale);
+    for (int i = 0; i < count; ++i) {
+      u[i] = driven && fastest > 0 ? high(touches[i].velocity) * touches[i].scale / fastest : 0;
+      scale[i] = touches[i].scale / std::sqrt(1 + u[i] * u[i]);
+    }
+    if (driven) {
+      B = A;
+      for (int i = 0; i < count; ++i)
+        for (int j = 0; j < count; ++j) B[i * count + j] = i == j ? 1 : (A[i * count + j] + u[i] * u[j]) * scale[i] / touches[i].scale * scale[j] / touches[j].scale;
+    }
+    ActiveSet basis(driven ? B.data() : A.data(), count);
     std::vector<int> rest;
     for (int i = 0; i < count; ++i)
       if (!basis.append(i)) rest.push_back(i);
@@ -338,19 +352,24 @@ struct Assembly {
     for (int i : rest) {
       std::vector<DD> z(count, DD{0, 0});
       basis.line(i, w);
-      z[i].h = touches[i].scale;
-      for (size_t m = 0; m < w.size(); ++m) z[basis.members[m]].h = -w[m] * touches[basis.members[m]].scale;
+      z[i].h = scale[i];
+      for (size_t m = 0; m < w.size(); ++m) z[basis.members[m]].h = -w[m] * scale[basis.members[m]];
       // What doubles take for nothing must do nothing to all digits.
       double square = 0;
       for (int turn = 0; turn < 2; ++turn) {
         std::vector<N> twists = changes(z.data());
-        square = 0;
+        double work = 0;
+        for (int n = 0; n < count; ++n) work += (z[n].h + z[n].l) * u[n] / touches[n].scale;
+        square = work * work * 1e-6;  // which is known to doubles only
         for (int n = 0; n < count; ++n)
           if (z[n].h != 0) square += z[n].h * high(velocity_change(touches[n], twists));
         if (turn) break;
-        for (size_t m = 0; m < w.size(); ++m) w[m] = -high(velocity_change(touches[basis.members[m]], twists)) * touches[basis.members[m]].scale;
+        for (size_t m = 0; m < w.size(); ++m) {
+          int j = basis.members[m];
+          w[m] = -(high(velocity_change(touches[j], twists)) + u[j] / touches[j].scale * work) * scale[j];
+        }
         basis.solve(w.data());
-        for (size_t m = 0; m < w.size(); ++m) z[basis.members[m]] = z[basis.members[m]] + DD{w[m] * touches[basis.members[m]].scale, 0};
+        for (size_t m = 0; m < w.size(); ++m) z[basis.members[m]] = z[basis.members[m]] + DD{w[m] * scale[basis.members[m]], 0};
       }
       if (std::fabs(square) < 1e-26) found.push_back(rounded(z));
     }
@@ -378,7 +397,7 @@ struct Assembly {
       for (int i = 0; i < count; ++i) P[i] -= along * Z[i * k + c];
     }
     // P + Z Z^T x >= lower, x >= 0: the same programme, scaled to a unit diagonal.
-    std::vector<double> B(static_cast<size_t>(count) * count), s(count);
+    std::vector<double> dual(static_cast<size_t>(count) * count), s(count);
     std::vector<int> among;
     for (int i = 0; i < count; ++i) {
       double square = 0;
@@ -391,10 +410,10 @@ struct Assembly {
       for (int j : among) {
         double sum = 0;
         for (int c = 0; c < k; ++c) sum += Z[i * k + c] * Z[j * k + c];
-        B[i * count + j] = i == j ? 1 : sum * s[i] * s[j];
+        dual[i * count + j] = i == j ? 1 : sum * s[i] * s[j];
       }
-    ActiveSet active(B.data(), count);
-    if (least(B.data(), count, among, b.data(), x.data(), active) != Found::LEAST) return;
+    ActiveSet active(dual.data(), count);
+    if (least(dual.data(), count, among, b.data(), x.data(), active) != Found::LEAST) return;
     for (int c = 0; c < k; ++c) {
       double along = 0;
       for (int i : among) along += Z[i * k + c] * x[i] * s[i];
