@@ -388,16 +388,13 @@ PyObject* friction_answer(const Friction& friction, const Assembly& scene) {
 }
 
 // least_work(p), one_step(p): impulses along the normals, across them, and the error; None if there are none.
-PyObject* cluster_least_work(PyObject* self, PyObject* o) {
+template <Friction law(const Assembly&, const std::vector<double>&)>
+PyObject* with_friction(PyObject* self, PyObject* o) {
   const DD* p = impulses(self, o);
   if (!p) return nullptr;
   std::vector<double> normal = rounded(p, of(self).count);
   of(self).least_norm(normal, std::vector<double>(of(self).count, 0.0), false);
-  return friction_answer(least_work(of(self), normal), of(self));
-}
-PyObject* cluster_one_step(PyObject* self, PyObject* o) {
-  const DD* p = impulses(self, o);
-  return p ? friction_answer(one_step(of(self), rounded(p, of(self).count)), of(self)) : nullptr;
+  return friction_answer(law(of(self), normal), of(self));
 }
 
 // compress(stiffness, exponent, tolerance or step, budget, friction): as above, along a law with compliance.
@@ -440,8 +437,8 @@ PyMethodDef methods[] = {
     FAST("combine", combine),
     {"joined_restitution", joined_restitution, METH_O, ""},
     FAST("answer", answer),
-    {"least_work", cluster_least_work, METH_O, ""},
-    {"one_step", cluster_one_step, METH_O, ""},
+    {"least_work", with_friction<least_work>, METH_O, ""},
+    {"one_step", with_friction<one_step>, METH_O, ""},
     FAST("compress", compress),
     {}};
 PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {"count", get_floats, nullptr, "", nullptr}, {}};

@@ -7,6 +7,7 @@
 // exchange it for, there is no least (Keller, "The General Quadratic Optimization Problem", Math. Programming 5,
 // 1973).
 #pragma once
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -106,20 +107,23 @@ Found enter(ActiveSet& active, int i, double slope, Move move, At at) {
 // In plain doubles. x and active start as found: x is 0 outside the active set, and A x + b is 0 on it.
 inline Found least(const double* A, int stride, const std::vector<int>& among, const double* b, double* x, ActiveSet& active) {
   size_t n = among.size();
-  double size = 0;
-  for (int i : among) size = std::fmax(size, std::fabs(b[i]));
-  std::vector<double> slopes(n);
+  std::vector<char> is_active(stride);
   for (size_t turn = 0; turn < 50 * n + 200; ++turn) {
+    std::fill(is_active.begin(), is_active.end(), 0);
+    for (int j : active.members) is_active[j] = 1;
     int entering = -1;
-    double most = -1e-13 * size;
+    double most = 0;
     for (size_t k = 0; k < n; ++k) {
       int i = among[k];
-      bool is_active = false;
-      for (int j : active.members) is_active |= i == j;
-      if (is_active) continue;
-      double slope = b[i];
-      for (int j : active.members) slope += A[i * stride + j] * x[j];
-      if (turn < 20 * n + 100 ? slope < most : (entering < 0 && slope < most)) {
+      if (is_active[i]) continue;
+      double slope = b[i], terms = std::fabs(b[i]);
+      for (int j : active.members) {
+        double term = A[i * stride + j] * x[j];
+        slope += term;
+        terms += std::fabs(term);
+      }
+      bool is_less = turn < 20 * n + 100 ? slope < most : entering < 0;
+      if (slope < -1e-14 * terms && is_less) {  // what is less is rounding
         most = slope;
         entering = i;
       }

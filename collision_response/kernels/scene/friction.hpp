@@ -39,6 +39,9 @@ inline double coupling(const Assembly& scene, int i, int a, int j, int b) {
       [b](const Touch& t, int side, int k) { return t.plain[b].response[side][k]; });
 }
 
+// Friction beyond these sticks no better, or does not show.
+constexpr double GREATEST_FRICTION = 1e30, LEAST_FRICTION = 1e-30, GREATEST_IN_ONE_STEP = 1e6;
+
 struct Friction {
   std::vector<Axes> P;
   double error = 0;  // of the velocities, in the metric of kinetic energy
@@ -62,7 +65,7 @@ inline Friction least_work(const Assembly& scene, const std::vector<double>& p) 
     if (result.P[i][0] > 1e-12 * largest) {
       loaded.push_back(i);
       if (!basis.append(i)) rest.push_back(i);
-      if (scene.touches[i].mu > 0) tangents.push_back(i);
+      if (scene.touches[i].mu > LEAST_FRICTION) tangents.push_back(i);
     }
   if (tangents.empty()) return result;
   const std::vector<int>& held = basis.members;
@@ -125,7 +128,7 @@ inline Friction least_work(const Assembly& scene, const std::vector<double>& p) 
         for (int c = 0; c < n; ++c) cone.row[c] = -answer[c][k];
     for (int c = 0; c < nz; ++c)
       if (rest[c] == i) cone.row[nt + c] = 1;
-    if (place[i] >= 0) cone.entry = 1 / scene.touches[i].mu;
+    if (place[i] >= 0) cone.entry = 1 / std::fmin(scene.touches[i].mu, GREATEST_FRICTION);
     programme.cones.push_back(cone);
   }
   std::vector<double> x;
@@ -193,7 +196,7 @@ inline Friction one_step(const Assembly& scene, const std::vector<double>& p) {
     }
     for (int i = 0; i < count; ++i) {
       Axes u = motion.velocity(i), &P = result.P[i];
-      double mu = scene.touches[i].mu;
+      double mu = std::fmin(scene.touches[i].mu, GREATEST_IN_ONE_STEP);
       double n = P[0] - rho[i] * (u[0] + bounce[i] + mu * std::hypot(u[1], u[2]));
       double t1 = P[1] - rho[i] * u[1], t2 = P[2] - rho[i] * u[2], size = std::hypot(t1, t2);
       if (size > mu * n) {
@@ -211,6 +214,12 @@ inline Friction one_step(const Assembly& scene, const std::vector<double>& p) {
     if (change <= 1e-15 * largest) break;
   }
   result.found = change <= 1e-12 * largest;
+  double speed = 0, off = 0;
+  for (int i = 0; i < count; ++i) {
+    speed = std::fmax(speed, std::fabs(scene.touches[i].plain[0].velocity));
+    off = std::fmax(off, -motion.velocity(i, 0) - bounce[i]);
+  }
+  result.found = result.found && off <= 1e-8 * speed;
   double sum = 0;
   for (int i = 0; i < count; ++i) sum += 1e3 * std::fmax(change, 1e-15 * largest) / std::sqrt(rho[i]);
   result.error = sum;
