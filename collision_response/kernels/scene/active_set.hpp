@@ -34,6 +34,33 @@ class ActiveSet {
     return true;
   }
 
+  // Make an independent part of `among` active, the farthest from dependent first. What depends on it is returned.
+  std::vector<int> span(const std::vector<int>& among) {
+    std::vector<int> left(among);
+    std::vector<std::vector<double>> rows(stride);
+    std::vector<double> pivot(stride);
+    for (int i : left) pivot[i] = A[i * stride + i];
+    while (!left.empty()) {
+      size_t best = 0;
+      for (size_t k = 1; k < left.size(); ++k)
+        if (pivot[left[k]] > pivot[left[best]]) best = k;
+      int chosen = left[best];
+      if (!(pivot[chosen] > DEPENDENT)) break;
+      left.erase(left.begin() + static_cast<long>(best));
+      double root = std::sqrt(pivot[chosen]);
+      for (int i : left) {
+        double y = A[i * stride + chosen];
+        for (size_t k = 0; k < rows[chosen].size(); ++k) y -= rows[i][k] * rows[chosen][k];
+        rows[i].push_back(y / root);
+        pivot[i] -= rows[i].back() * rows[i].back();
+      }
+      rows[chosen].push_back(root);
+      factor.insert(factor.end(), rows[chosen].begin(), rows[chosen].end());
+      members.push_back(chosen);
+    }
+    return left;
+  }
+
   void drop(size_t place) {
     std::vector<int> later(members.begin() + place + 1, members.end());
     members.resize(place);

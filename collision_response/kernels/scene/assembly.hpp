@@ -343,9 +343,7 @@ struct Assembly {
         for (int j = 0; j < count; ++j) B[i * count + j] = i == j ? 1 : (A[i * count + j] + u[i] * u[j]) * scale[i] / touches[i].scale * scale[j] / touches[j].scale;
     }
     ActiveSet basis(driven ? B.data() : A.data(), count);
-    std::vector<int> rest;
-    for (int i = 0; i < count; ++i)
-      if (!basis.append(i)) rest.push_back(i);
+    std::vector<int> rest = basis.span(all());
     if (rest.empty()) return;
     std::vector<std::vector<double>> found;  // of impulses
     std::vector<double> w;

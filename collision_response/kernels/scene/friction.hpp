@@ -59,15 +59,15 @@ inline Friction least_work(const Assembly& scene, const std::vector<double>& p) 
     result.P[i][0] = p[i] * scene.touches[i].length;
     largest = std::fmax(largest, result.P[i][0]);
   }
-  std::vector<int> loaded, tangents, rest;
+  std::vector<int> loaded, tangents;
   ActiveSet basis(scene.A.data(), count);
   for (int i = 0; i < count; ++i)
     if (result.P[i][0] > 1e-12 * largest) {
       loaded.push_back(i);
-      if (!basis.append(i)) rest.push_back(i);
       if (scene.touches[i].mu > LEAST_FRICTION) tangents.push_back(i);
     }
   if (tangents.empty()) return result;
+  std::vector<int> rest = basis.span(loaded);
   const std::vector<int>& held = basis.members;
   int nt = 2 * static_cast<int>(tangents.size()), nz = static_cast<int>(rest.size()), n = nt + nz;
   size_t r = held.size();
