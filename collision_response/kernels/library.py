@@ -52,6 +52,7 @@ allow_long_vectors = _compiled.allow_long_vectors
 
 _scene.setup(Vec3, Twist, Fraction)
 assemble = _scene.assemble
+Cluster = _scene.Cluster
 is_rational = _scene.is_rational
 
 

@@ -83,9 +83,9 @@ PyObject* assemble(PyObject*, PyObject* const* args, Py_ssize_t count) {
   };
   for (Py_ssize_t i = 0; i < bodies; ++i) {
     if (!read_body(PyList_GET_ITEM(args[0], i), given[i].x)) return give_up(Py_NewRef(Py_None));
-    given[i].look();
+    if (!given[i].rests()) given[i].look();
     if (!given[i].movable()) {
-      for (int k = 0; k < 6; ++k) scene->driven = scene->driven || given[i].x[IN_BODY_A_VELOCITY_X + k] != 0;
+      scene->driven = scene->driven || given[i].moves();
       continue;
     }
     place[i] = scene->bodies++;
@@ -474,5 +474,7 @@ PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_scene", "", -1, functions, nu
 
 PyMODINIT_FUNC PyInit__scene() {
   cluster_type = PyType_FromSpec(&spec);
-  return cluster_type ? PyModule_Create(&definition) : nullptr;
+  PyObject* module = cluster_type ? PyModule_Create(&definition) : nullptr;
+  if (module && PyModule_AddObjectRef(module, "Cluster", cluster_type) < 0) Py_CLEAR(module);
+  return module;
 }

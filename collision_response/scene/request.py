@@ -30,7 +30,7 @@ def check_shape(bodies: Any, pairs: Any, contacts: Any) -> tuple[list[Body], lis
     bodies, pairs, contacts = list(bodies), list(pairs), list(contacts)
     for name, items, kind in (("bodies", bodies, Body), ("contacts", contacts, Contact)):
         for i, item in enumerate(items):
-            if not isinstance(item, kind):
+            if item.__class__ is not kind and not isinstance(item, kind):
                 raise TypeError(f"{name}[{i}]: must be a {kind.__name__}, is {item!r}")
     if len(pairs) != len(contacts):
         raise ValueError(

@@ -38,6 +38,9 @@ ENERGY_ROUNDING = 2.0**-40
 """Part of the energy before that a law may seem to create by rounding."""
 
 
+UNCHANGED = Twist(Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
+
+
 class Options(NamedTuple):
     """What else is asked: see :func:`resolve_scene`."""
 
@@ -108,10 +111,12 @@ def resolve_scene(
         ValueError: there is not one pair, or not one stiffness, for each contact.
     """
     bodies, pairs, contacts = request.check_shape(bodies, pairs, contacts)
-    limit = plan(model).limit
+    limit = _limit_of(model)
     exact = library.is_rational(bodies) or library.is_rational(contacts)
-    law = law_for(model.law, has_friction=any(request.has_friction(i, contact) for i, contact in enumerate(contacts)))
-    _check_options(threshold, stiffness, exponent, orders, len(contacts))
+    has_friction = any([request.has_friction(i, contact) for i, contact in enumerate(contacts)])
+    law = law_for(model.law, has_friction=has_friction)
+    if not (threshold is THRESHOLD and stiffness is None and exponent == 1.5 and orders == 0):
+        _check_options(threshold, stiffness, exponent, orders, len(contacts))
     options = Options(model, law, threshold, stiffness, exponent)
     if exact:
         if law not in (Law.FRICTIONLESS, Law.MOREAU) or (
@@ -125,13 +130,11 @@ def resolve_scene(
     movable = [request.is_movable(i, body) for i, body in enumerate(bodies)]
     clusters = clusters_of(pairs, movable)
 
-    twists = [Twist(Vec3(*body.velocity), Vec3(*body.angular_velocity)) for body in bodies]
-    zero = Vec3(0.0, 0.0, 0.0)
-    changes = [Twist(zero, zero)] * len(bodies)
+    twists: list[Any] = [None] * len(bodies)
+    changes = [UNCHANGED] * len(bodies)
     of_contacts: list[Any] = [None] * len(contacts)
     energies = [0.0, 0.0, 0.0, 0.0] if not exact else [Fraction(0)] * 4
     bound, margin, adjustments, models = 0.0, math.inf, Adjustment.NONE, []
-    touched = set()
     for cluster in clusters:
         parts, of_parts = _parts(pairs, contacts, cluster, join=law is not Law.ROUTH_STRONGE)
         if len(parts.contacts) == 1 and not exact:
@@ -142,37 +145,31 @@ def resolve_scene(
             places = [i for i in of_parts if movable[i]]
         for place, change, twist in zip(places, answered.changes, answered.twists, strict=True):
             changes[place], twists[place] = change, twist
-        touched |= set(places)
-        rows = zip(
-            cluster,
-            answered.contacts,
-            answered.impulses,
-            answered.before,
-            answered.after,
-            answered.regimes,
-            strict=True,
-        )
-        for i, *row in rows:
+        rows = zip(answered.contacts, answered.impulses, answered.before, answered.after, answered.regimes, strict=True)
+        for i, row in zip(cluster, rows, strict=True):
             of_contacts[i] = row
         energies = [x + y for x, y in zip(energies, answered.energies, strict=True)]
         bound, margin = max(bound, answered.bound), min(margin, answered.margin)
         adjustments |= answered.adjustments
         models.append(answered.model)
     for place, body in enumerate(bodies):
-        if movable[place] and place not in touched:
-            energy = _energy_of_untouched(place, body)
-            energies[0] += energy
-            energies[1] += energy
+        if twists[place] is None:
+            twists[place] = Twist(Vec3(*body.velocity), Vec3(*body.angular_velocity))
+            if movable[place]:
+                energy = _energy_of_untouched(place, body)
+                energies[0] += energy
+                energies[1] += energy
     used, impulses, before, after, regimes = zip(*of_contacts, strict=True) if contacts else ((),) * 5
-    separating = all(regime is Regime.SEPARATING for regime in regimes)
+    separating = all([regime is Regime.SEPARATING for regime in regimes])
     status = StatusCode.SEPARATING if separating else StatusCode.OK
     fallen = [m.law for m in models if adjustments & Adjustment.LAW_FALLBACK and m.law is not law]
     return SceneImpact(
         status if bound <= limit else StatusCode.TOLERANCE_NOT_MET,
-        model._replace(
-            law=fallen[0] if fallen else law,
-            geometry=max((m.geometry for m in models), default=Geometry.SPATIAL),
-            precision=max((m.precision for m in models), default=Precision.DOUBLE),
+        ImpactModel(
+            fallen[0] if fallen else law,
+            max([m.geometry for m in models], default=Geometry.SPATIAL),
+            max([m.precision for m in models], default=Precision.DOUBLE),
+            *model[3:],
         ),
         used,
         tuple(twists),
@@ -188,6 +185,20 @@ def resolve_scene(
         margin,
         adjustments,
     )
+
+
+_checked: tuple[Any, float] = (None, 0.0)
+"""The last model, and its limit: many scenes are resolved by one."""
+
+
+def _limit_of(model: ImpactModel) -> float:
+    """The error bound above which the tolerance is not met, of a model that is sound."""
+    global _checked
+    last, limit = _checked
+    if model is not last:
+        limit = plan(model).limit
+        _checked = model, limit
+    return limit
 
 
 def _check_options(threshold: Any, stiffness: Any, exponent: Any, orders: Any, count: int) -> None:
@@ -281,7 +292,10 @@ def _parts(
             if a > b:
                 key = b, a, contact._replace(normal=Vec3(*(-x for x in contact.normal)))
                 sign = -1
-        place = known.setdefault(key, len(known))
+        try:
+            place = known.setdefault(key, len(known))
+        except TypeError:  # of lists or arrays, which have no hash
+            place = known.setdefault(i, len(known))
         if place == len(parts.contacts):
             parts.pairs.append(local)
             parts.contacts.append(contact)
@@ -318,16 +332,16 @@ def _together(
             f"must be 0 for clusters of several contacts, is {model.tangential_restitution}",
         )
     if law is Law.FRICTIONLESS:
-        smooth = [c._replace(friction=c.friction * 0) if 0 < c.friction < math.inf else c for c in parts.contacts]
-        parts = parts._replace(contacts=smooth)
-    names = [request.Name(i, *pairs[i]) for i in parts.field_of]
+        for place, contact in enumerate(parts.contacts):
+            if 0 < contact.friction < math.inf:
+                parts.contacts[place] = contact._replace(friction=contact.friction * 0)
     slow = Adjustment.NONE
-    has_function = any(callable(contact.restitution) for contact in parts.contacts)
+    has_function = any([callable(contact.restitution) for contact in parts.contacts])
     placeholder = parts
     if has_function:
         simple = [c._replace(restitution=1.0) if callable(c.restitution) else c for c in parts.contacts]
         placeholder = parts._replace(contacts=simple)
-    kinetics, placeholder = _assembled(placeholder, names, exact)
+    kinetics, placeholder = _assembled(placeholder, pairs, exact)
     if model.geometry in (Geometry.POINT, Geometry.PLANAR):
         _check_geometry(placeholder, model.geometry)
     if has_function or model.restitution_threshold:
@@ -343,9 +357,9 @@ def _together(
             if 0 < speed < model.restitution_threshold and e > 0:
                 e, slow = e * 0, Adjustment.RESTITUTION_THRESHOLD
             final.append(contact._replace(restitution=Fraction(e) if exact else float(e)))
-        kinetics, placeholder = _assembled(placeholder._replace(contacts=final), names, exact)
+        kinetics, placeholder = _assembled(placeholder._replace(contacts=final), pairs, exact)
     parts = placeholder
-    has_friction = law is not Law.FRICTIONLESS and any(contact.friction > 0 for contact in parts.contacts)
+    has_friction = law is not Law.FRICTIONLESS and any([contact.friction > 0 for contact in parts.contacts])
 
     struck, bound, motions = _by_law(kinetics, parts, options, exact, has_friction)
     used_law = law
@@ -367,49 +381,61 @@ def _together(
             c if c.restitution == struck.restitution else c._replace(restitution=struck.restitution)
             for c in used
         ]
-    shared = [
-        impulses[place]
-        if parts.copies[place] == 1
-        else impulses[place]
-        * (sign / parts.copies[place] if not exact else Fraction(sign, parts.copies[place]))
-        for place, sign in parts.place_of
-    ]
-    order = [place for place, _ in parts.place_of]
-    return Answered(
+    exactness = Precision.DOUBLE if has_friction or used_law is Law.ROUTH_STRONGE else Precision.EXTENDED
+    geometry = Geometry.SPATIAL if model.geometry is Geometry.AUTO else model.geometry
+    answered = Answered(
         changes,
         twists,
-        shared,
-        [before[place] for place in order],
-        [after[place] for place in order],
+        impulses,
+        before,
+        after,
         tuple(energies),
         own_bound if bound is None else bound,
         struck.margin,
-        [
-            used[place]
-            if sign > 0
-            else contacts[i]._replace(restitution=used[place].restitution, friction=used[place].friction)
-            for i, (place, sign) in zip(cluster, parts.place_of, strict=True)
-        ],
-        [regimes[place] for place in order],
+        used,
+        regimes,
         slow,
-        model._replace(
-            law=used_law,
-            geometry=Geometry.SPATIAL if model.geometry is Geometry.AUTO else model.geometry,
-            precision=Precision.DOUBLE
-            if has_friction or used_law is Law.ROUTH_STRONGE
-            else Precision.EXTENDED,
-        ),
+        ImpactModel(used_law, geometry, exactness, *model[3:]),
+    )
+    return answered if len(used) == len(cluster) else _dealt(answered, parts, contacts, cluster, exact)
+
+
+def _dealt(
+    answered: Answered, parts: Parts, contacts: Sequence[Contact], cluster: Sequence[int], exact: bool
+) -> Answered:
+    """What each of several equal contacts has of what they have together."""
+
+    def share(place: int, sign: int) -> Vec3:
+        copies = parts.copies[place]
+        return answered.impulses[place] * (Fraction(sign, copies) if exact else sign / copies)
+
+    def used(i: int, place: int, sign: int) -> Contact:
+        own = answered.contacts[place]
+        return own if sign > 0 else contacts[i]._replace(restitution=own.restitution, friction=own.friction)
+
+    places = [place for place, _ in parts.place_of]
+    return answered._replace(
+        impulses=[share(place, sign) for place, sign in parts.place_of],
+        before=[answered.before[place] for place in places],
+        after=[answered.after[place] for place in places],
+        contacts=[used(i, *which) for i, which in zip(cluster, parts.place_of, strict=True)],
+        regimes=[answered.regimes[place] for place in places],
     )
 
-def _assembled(parts: Parts, names: Sequence[request.Name], exact: bool) -> tuple[Any, Parts]:
+
+def _assembled(parts: Parts, pairs: Sequence[Pair], exact: bool) -> tuple[Any, Parts]:
     """What impulses do in a cluster, and its parts in the numbers that are used."""
     if not exact:
         made = library.assemble(parts.bodies, parts.pairs, parts.contacts, parts.copies)
+        if made.__class__ is library.Cluster:
+            return made, parts
+    names = [request.Name(i, *pairs[i]) for i in parts.field_of]
+    if not exact:
         if made is None:
             bodies, contacts = request.as_floats(parts.bodies, parts.pairs, parts.contacts, names)
             parts = parts._replace(bodies=bodies, contacts=contacts)
             made = library.assemble(parts.bodies, parts.pairs, parts.contacts, parts.copies)
-        if not isinstance(made, int):
+        if made.__class__ is library.Cluster:
             return made, parts
     for (a, b), contact, name in zip(parts.pairs, parts.contacts, names, strict=True):
         request.check_contact(parts.bodies[a], parts.bodies[b], contact, name)

@@ -31,6 +31,12 @@ struct Given {  // a body
   Centre<double> plain;
 
   bool movable() const { return x[0] < INFINITY; }
+  bool moves() const {
+    for (int k = 0; k < 6; ++k)
+      if (x[IN_BODY_A_VELOCITY_X + k] != 0) return true;
+    return false;
+  }
+  bool rests() const { return !movable() && !moves(); }
   void look() {
     fill(centre);
     fill(plain);
@@ -88,8 +94,10 @@ struct Assembly {
     N direction[3], velocity[2];
     for (int k = 0; k < 3; ++k) direction[k] = exact(touch.normal[k]);
     const Given* both[2] = {&a, &b};
-    for (int side = 0; side < 2; ++side)
-      velocity[side] = fill<N>(both[side]->centre, touch, direction, side ? -1 : 1, touch.reach[side], touch.response[side]);
+    for (int side = 0; side < 2; ++side) {
+      if (both[side]->rests()) velocity[side] = exact(0.0);
+      else velocity[side] = fill<N>(both[side]->centre, touch, direction, side ? -1 : 1, touch.reach[side], touch.response[side]);
+    }
     touch.velocity = velocity[0] - velocity[1];
     touches.push_back(touch);
     ++count;
@@ -104,7 +112,7 @@ struct Assembly {
     for (int axis = 0; axis < 3; ++axis) {
       double velocity[2];
       for (int side = 0; side < 2; ++side)
-        velocity[side] = fill<double>(both[side]->plain, touch, axes[axis], side ? -1 : 1, touch.plain[axis].reach[side], touch.plain[axis].response[side]);
+        velocity[side] = both[side]->rests() ? 0 : fill<double>(both[side]->plain, touch, axes[axis], side ? -1 : 1, touch.plain[axis].reach[side], touch.plain[axis].response[side]);
       touch.plain[axis].velocity = velocity[0] - velocity[1];
     }
     touch.plain[0].velocity = high(touch.velocity) / touch.length;
