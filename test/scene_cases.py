@@ -19,7 +19,9 @@ class Case(NamedTuple):
     pairs: list[tuple[int, int]]
     contacts: list[Contact]
 
-    def resolve(self, law: Law = Law.AUTO, *, options: dict[str, Any] | None = None, **model: Any) -> SceneImpact:
+    def resolve(
+        self, law: Law = Law.AUTO, *, options: dict[str, Any] | None = None, **model: Any
+    ) -> SceneImpact:
         return resolve_scene(*self, ImpactModel(law, **model), **(options or {}))
 
     def with_contacts(self, **fields: Any) -> Case:
@@ -46,16 +48,31 @@ def speeds(answer: SceneImpact) -> list[Any]:
     return [twist.linear.x for twist in answer.twists]
 
 
-def box(velocity=(0, 0, -1), spin=(0, 0, 0), e: Any = 1.0, mu: Any = 0.0, size=(1, 1, 1), mass: Any = 1, number: Any = float) -> Case:
+def box(
+    velocity=(0, 0, -1),
+    spin=(0, 0, 0),
+    e: Any = 1.0,
+    mu: Any = 0.0,
+    size=(1, 1, 1),
+    mass: Any = 1,
+    number: Any = float,
+) -> Case:
     """A box flat on a floor, with four corners."""
     x, y, z = (number(s) for s in size)
     mass = number(mass)
     inertia = (mass * (y * y + z * z) / 12, 0, 0, mass * (x * x + z * z) / 12, 0, mass * (x * x + y * y) / 12)
     body = Body.dynamic(
-        mass, tuple(map(number, inertia)), (number(0), number(0), z / 2), None, tuple(map(number, velocity)), tuple(map(number, spin))
+        mass,
+        tuple(map(number, inertia)),
+        (number(0), number(0), z / 2),
+        None,
+        tuple(map(number, velocity)),
+        tuple(map(number, spin)),
     )
     contacts = [
-        Contact.of((a * x / 2, b * y / 2, number(0)), (number(0), number(0), number(1)), number(e), number(mu))
+        Contact.of(
+            (a * x / 2, b * y / 2, number(0)), (number(0), number(0), number(1)), number(e), number(mu)
+        )
         for a in (-1, 1)
         for b in (-1, 1)
     ]
@@ -74,8 +91,8 @@ def product(p: Quaternion, q: Quaternion) -> Quaternion:
 def random_case(seed: int, e: float | None = None, mu: float | None = None, contacts: int = 12) -> Case:
     """Some bodies that touch here and there: stacks, patches of contacts, doubled ones, walls that may move.
 
-    Every contact is between points that lie on a line through both bodies' surfaces, so that there is a velocity
-    that parts all: bodies move away from one point.
+    The normals point from body to body, more or less, so that there is a velocity that parts all: away from
+    the middle.
     """
     rng = random.Random(seed)
 
@@ -161,6 +178,9 @@ def apart_by(case: Case, one, other) -> float:
     for body, x, y in zip(case.bodies, one, other, strict=True):
         if body.is_movable():
             arm = float(body.inertia.trace() / 3)
-            off += float(body.mass) * math.dist(x.linear, y.linear) ** 2 + arm * math.dist(x.angular, y.angular) ** 2
+            off += (
+                float(body.mass) * math.dist(x.linear, y.linear) ** 2
+                + arm * math.dist(x.angular, y.angular) ** 2
+            )
             size += float(body.mass) * math.hypot(*y.linear) ** 2 + arm * math.hypot(*y.angular) ** 2
     return math.sqrt(off / size) if size else math.sqrt(off)

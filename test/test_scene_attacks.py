@@ -1,4 +1,5 @@
-"""Scenes built to break the answer: ties, cancellations, decisions on their edge, opposite ranges in one cluster."""
+"""Scenes built to break the answer: ties, cancellations, decisions on their edge, opposite ranges in
+one cluster."""
 
 from __future__ import annotations
 
@@ -49,21 +50,30 @@ def test_masses_of_opposite_range(masses, e):
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
 @pytest.mark.parametrize("mass", [1e-12, 1e12])
 def test_a_box_of_any_mass(mass, law):
-    one, other = box((1, 0.5, -1), e=0.5, mu=0.3).resolve(law), box((1, 0.5, -1), e=0.5, mu=0.3, mass=mass).resolve(law)
+    one, other = (
+        box((1, 0.5, -1), e=0.5, mu=0.3).resolve(law),
+        box((1, 0.5, -1), e=0.5, mu=0.3, mass=mass).resolve(law),
+    )
     assert other.twists[0].linear == pytest.approx(one.twists[0].linear, abs=1e-7)
 
 
 @pytest.mark.parametrize("size", [1e-6, 1e6])
 def test_a_box_of_any_size(size):
     case = box((1, 0.5, -1), e=0.5, mu=0.3, size=(size, size, size))
-    assert case.resolve().twists[0].linear == pytest.approx(box((1, 0.5, -1), e=0.5, mu=0.3).resolve().twists[0].linear, abs=1e-7)
+    assert case.resolve().twists[0].linear == pytest.approx(
+        box((1, 0.5, -1), e=0.5, mu=0.3).resolve().twists[0].linear, abs=1e-7
+    )
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 def test_normals_of_any_length(law):
     case = box((1, 0.5, -1), (0.3, -0.2, 0.1), e=0.5, mu=0.3)
     lengths = (1e-9, 0.3, 7.0, 1e9)
-    odd = Case(case.bodies, case.pairs, [c._replace(normal=c.normal * k) for c, k in zip(case.contacts, lengths, strict=True)])
+    odd = Case(
+        case.bodies,
+        case.pairs,
+        [c._replace(normal=c.normal * k) for c, k in zip(case.contacts, lengths, strict=True)],
+    )
     one, other = case.resolve(law), odd.resolve(law)
     assert apart(case, one, other) < 1e-7
     for P, Q in zip(one.impulses, other.impulses, strict=True):
@@ -77,9 +87,19 @@ def test_a_flat_box_turned_anyhow():
         q = Quaternion(math.sin(k), math.cos(2 * k), math.sin(3 * k + 1), 1.0)
         flat = box(e=0.7)
         turned = Case(
-            [flat.bodies[0]._replace(orientation=q, velocity=q.rotation().to_world(flat.bodies[0].velocity), position=q.rotation().to_world(flat.bodies[0].position)), flat.bodies[1]],
+            [
+                flat.bodies[0]._replace(
+                    orientation=q,
+                    velocity=q.rotation().to_world(flat.bodies[0].velocity),
+                    position=q.rotation().to_world(flat.bodies[0].position),
+                ),
+                flat.bodies[1],
+            ],
             flat.pairs,
-            [c._replace(position=q.rotation().to_world(c.position), normal=q.rotation().to_world(c.normal)) for c in flat.contacts],
+            [
+                c._replace(position=q.rotation().to_world(c.position), normal=q.rotation().to_world(c.normal))
+                for c in flat.contacts
+            ],
         )
         answer = turned.resolve()
         assert answer.error_bound < 1e-12
@@ -99,7 +119,9 @@ def test_contacts_that_almost_depend_on_each_other(tilt):
     assert min(answer.normal_velocities_after) >= -1e-12
 
 
-@pytest.mark.parametrize("speed", [0.0, -0.0, 5e-324, -5e-324, 1e-300, -1e-300, 1e-17, -1e-17, -1e-9, -(2.0**-30), 1e-9])
+@pytest.mark.parametrize(
+    "speed", [0.0, -0.0, 5e-324, -5e-324, 1e-300, -1e-300, 1e-17, -1e-17, -1e-9, -(2.0**-30), 1e-9]
+)
 @pytest.mark.parametrize("threshold", [0, 2.0**-30])
 def test_a_contact_on_the_edge_of_approaching(speed, threshold):
     """With the decision exactly where the velocities are equal, too: then rationals decide."""
@@ -122,7 +144,9 @@ def test_a_decision_on_its_edge_is_made_exactly():
 
 
 def test_rods_and_points_have_no_spin_to_give():
-    rod = Body.dynamic(1.0, (0.0, 0.0, 0.0, 1 / 12, 0.0, 1 / 12), (0.0, 0.0, 0.1), None, (0.0, 0.0, -1.0), (9.0, 0.0, 0.0))
+    rod = Body.dynamic(
+        1.0, (0.0, 0.0, 0.0, 1 / 12, 0.0, 1 / 12), (0.0, 0.0, 0.1), None, (0.0, 0.0, -1.0), (9.0, 0.0, 0.0)
+    )
     point = Body.dynamic(2.0, position=(0.4, 0.0, 0.3), velocity=(0.0, 0.0, -2.0))
     contacts = [Contact.of((x, 0.0, 0.0), (0.0, 0.0, 1.0), 0.5, 0.2) for x in (-0.5, 0.5)]
     contacts.append(Contact.of((0.4, 0.1, 0.2), (0.0, 0.2, 1.0), 0.5, 0.2))
@@ -139,7 +163,11 @@ def test_rods_and_points_have_no_spin_to_give():
 def test_an_offset_centre_of_mass_is_the_same_body():
     case = box((1, 0.5, -1), (0.3, -0.2, 0.5), e=0.5, mu=0.3)
     body, c = case.bodies[0], Vec3(0.3, -0.1, 0.2)
-    moved = body._replace(com=c, position=body.position - c, velocity=Vec3(*body.velocity) - Vec3(*body.angular_velocity).cross(c))
+    moved = body._replace(
+        com=c,
+        position=body.position - c,
+        velocity=Vec3(*body.velocity) - Vec3(*body.angular_velocity).cross(c),
+    )
     one, other = case.resolve(), Case([moved, case.bodies[1]], *case[1:]).resolve()
     angular = other.twists[0].angular
     assert angular == pytest.approx(one.twists[0].angular, abs=1e-9)
@@ -161,7 +189,9 @@ def test_a_moving_wall_may_give_but_contacts_take():
     lift = Case([case.bodies[0], Body.kinematic(velocity=(0.2, 0.0, 3.0))], *case[1:])
     for law in (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE):
         answer = lift.resolve(law)
-        assert answer.twists[0].linear.z == pytest.approx(5.0, abs=1e-6 if law is not Law.ROUTH_STRONGE else 0.01)
+        assert answer.twists[0].linear.z == pytest.approx(
+            5.0, abs=1e-6 if law is not Law.ROUTH_STRONGE else 0.01
+        )
         assert answer.kinetic_energy_after > answer.kinetic_energy_before
         assert answer.energy_lost_restitution + answer.energy_lost_friction > 0
 
@@ -172,7 +202,12 @@ def test_a_wall_that_turns_and_a_patch_of_points_without_inertia():
     wall = Body.kinematic((0.0, 0.0, 0.0), (0.0, 0.0, 0.3), (0.0, 0.5, 0.0))
     contacts = [Contact.of((x, 0.0, 0.0), (0.0, 0.0, 1.0), 1.0) for x in (-0.2, -0.1, 0.0, 0.1)]
     answer = resolve_scene([body, wall], [(0, 1)] * 4, contacts)
-    lost = -sum(P.z * (u + w) / 2 for P, u, w in zip(answer.impulses, answer.normal_velocities_before, answer.normal_velocities_after, strict=True))
+    lost = -sum(
+        P.z * (u + w) / 2
+        for P, u, w in zip(
+            answer.impulses, answer.normal_velocities_before, answer.normal_velocities_after, strict=True
+        )
+    )
     assert lost == pytest.approx(answer.energy_lost_restitution, abs=1e-12)
     assert lost >= -1e-12
 
@@ -181,7 +216,9 @@ def test_a_wall_that_turns_and_a_patch_of_points_without_inertia():
 def test_stacks_come_to_rest_and_bounce_as_one(number):
     """Boxes on boxes on a floor, all falling: at e = 0 all stop, with the load that mechanics gives."""
     flat = box(e=0.0, mu=0.5)
-    bodies = [flat.bodies[0]._replace(position=Vec3(0.0, 0.0, k + 0.5)) for k in range(number)] + [Body.static()]
+    bodies = [flat.bodies[0]._replace(position=Vec3(0.0, 0.0, k + 0.5)) for k in range(number)] + [
+        Body.static()
+    ]
     pairs, contacts = [], []
     for k in range(number):
         below = k - 1 if k else number

@@ -7,7 +7,18 @@ import math
 import pytest
 from scene_cases import Case, apart, box, random_case, row
 
-from collision_response import Adjustment, Body, Contact, ImpactError, ImpactModel, Law, Regime, StatusCode, resolve, resolve_scene
+from collision_response import (
+    Adjustment,
+    Body,
+    Contact,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Regime,
+    StatusCode,
+    resolve,
+    resolve_scene,
+)
 from collision_response.physics.vector import Vec3
 
 
@@ -101,13 +112,21 @@ def test_a_box_that_sticks_comes_to_rest():
 def test_friction_does_not_depend_on_what_the_floor_does():
     """A moving floor and a box that moves along: as at rest."""
     still = box((1.0, 0.5, -1.0), (0.3, -0.2, 0.5), e=0.5, mu=0.3)
-    moving = Case([still.bodies[0]._replace(velocity=Vec3(1.0 + 5, 0.5 - 3, -1.0 + 2)), Body.kinematic(velocity=(5.0, -3.0, 2.0))], *still[1:])
+    moving = Case(
+        [
+            still.bodies[0]._replace(velocity=Vec3(1.0 + 5, 0.5 - 3, -1.0 + 2)),
+            Body.kinematic(velocity=(5.0, -3.0, 2.0)),
+        ],
+        *still[1:],
+    )
     assert apart(still, still.resolve(), moving.resolve()) < 1e-9
 
 
 def test_friction_that_pushes_into_another_contact_meets_it():
-    """A box slides along the floor into a wall; the wall's friction presses it down, or the floor would give way."""
-    body = Body.dynamic(1.0, (0.2, 0.0, 0.0, 0.2, 0.0, 0.2), (0.0, 0.0, 0.5), None, (1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
+    """A box slides along the floor into a wall, whose friction presses it down."""
+    body = Body.dynamic(
+        1.0, (0.2, 0.0, 0.0, 0.2, 0.0, 0.2), (0.0, 0.0, 0.5), None, (1.0, 0.0, 0.0), (0.0, -1.0, 0.0)
+    )
     contacts = [Contact.of((-0.5, y, 0.0), (0.0, 0.0, 1.0), 0.0, 0.5) for y in (-0.5, 0.5)]
     contacts += [Contact.of((0.5, y, 0.9), (-1.0, 0.0, 0.0), 0.0, 0.5) for y in (-0.5, 0.5)]
     answer = resolve_scene([body, Body.static()], [(0, 1)] * 4, contacts)
@@ -119,7 +138,10 @@ def test_friction_that_pushes_into_another_contact_meets_it():
 def test_tangential_restitution_is_for_one_contact():
     with pytest.raises(ImpactError) as refused:
         box(mu=0.3).resolve(Law.COULOMB, tangential_restitution=0.5)
-    assert (refused.value.code, refused.value.field) == (StatusCode.INVALID_MODEL, "model.tangential_restitution")
+    assert (refused.value.code, refused.value.field) == (
+        StatusCode.INVALID_MODEL,
+        "model.tangential_restitution",
+    )
 
 
 def test_newton_for_all_at_once_may_create_energy_and_is_replaced():

@@ -10,7 +10,19 @@ from fractions import Fraction as F
 import pytest
 from scene_cases import Case, box, row, speeds
 
-from collision_response import Body, Contact, Geometry, ImpactError, ImpactModel, Law, Precision, Regime, StatusCode, resolve, resolve_scene
+from collision_response import (
+    Body,
+    Contact,
+    Geometry,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Precision,
+    Regime,
+    StatusCode,
+    resolve,
+    resolve_scene,
+)
 
 UP = Contact.of((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 BALL = Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0))
@@ -48,7 +60,11 @@ def test_pairs_are_named(pairs, code, field):
         ({"friction": -0.1}, StatusCode.INVALID_COEFFICIENT, "contacts[2].friction"),
         ({"friction": math.inf}, StatusCode.NOT_FINITE, "contacts[2].friction"),
         ({"restitution": 1.5}, StatusCode.INVALID_COEFFICIENT, "contacts[2].restitution"),
-        ({"restitution": lambda v: 2.0}, StatusCode.INVALID_COEFFICIENT, "contacts[2].restitution(approach_speed)"),
+        (
+            {"restitution": lambda v: 2.0},
+            StatusCode.INVALID_COEFFICIENT,
+            "contacts[2].restitution(approach_speed)",
+        ),
         ({"normal": (0.0, 0.0, 0.0)}, StatusCode.INVALID_NORMAL, "contacts[2].normal"),
         ({"position": (0.0, math.nan, 0.0)}, StatusCode.NOT_FINITE, "contacts[2].position"),
     ],
@@ -70,7 +86,9 @@ def test_contacts_are_named(change, code, field, pairs):
 )
 @pytest.mark.parametrize("number", [float, F])
 def test_bodies_are_named(change, code, field, number):
-    bad = BALL._replace(**{k: type(getattr(BALL, k))(*v) if isinstance(v, tuple) else v for k, v in change.items()})
+    bad = BALL._replace(
+        **{k: type(getattr(BALL, k))(*v) if isinstance(v, tuple) else v for k, v in change.items()}
+    )
     contacts = [UP._replace(friction=number(0)), UP._replace(position=(1.0, 0.0, 0.0))]
     error = refusal([bad, FLOOR], [(0, 1)] * 2, contacts)
     assert (error.code, error.field) == (code, field)
@@ -92,7 +110,9 @@ def test_bodies_are_named(change, code, field, number):
             id="no number",
         ),
         pytest.param(
-            ([BALL, FLOOR], [(0, 1)] * 2, [UP, UP._replace(normal=(0.0, 1.0))]), r"contacts\[1\].normal: must be 3", id="two numbers"
+            ([BALL, FLOOR], [(0, 1)] * 2, [UP, UP._replace(normal=(0.0, 1.0))]),
+            r"contacts\[1\].normal: must be 3",
+            id="two numbers",
         ),
     ],
 )
@@ -122,8 +142,14 @@ def test_what_is_for_one_contact_is_refused_for_several(model, field):
 
 @pytest.mark.parametrize(
     ("option", "field"),
-    [({"threshold": -1}, "threshold"), ({"threshold": 1}, "threshold"), ({"exponent": 0.5}, "exponent"), ({"orders": -1}, "orders"), ({"stiffness": [1, 1, 0, 1]}, "stiffness[2]")],
-)  # fmt: skip
+    [
+        ({"threshold": -1}, "threshold"),
+        ({"threshold": 1}, "threshold"),
+        ({"exponent": 0.5}, "exponent"),
+        ({"orders": -1}, "orders"),
+        ({"stiffness": [1, 1, 0, 1]}, "stiffness[2]"),
+    ],
+)
 def test_options_are_named(option, field):
     error = refusal(*box(), **option)
     assert (error.code, error.field) == (StatusCode.INVALID_MODEL, field)
@@ -205,7 +231,9 @@ def test_what_is_held_moves_with_the_walls_and_free_contacts_still_bounce():
     case = squeezed(1, F(1, 2), F(1, 2), number=F)
     striker = Body.dynamic(F(1), velocity=(F(0), F(-1), F(0)))
     contact = Contact.of((F(0), F(1), F(0)), (F(0), F(1), F(0)))
-    answer = Case([*case.bodies, striker], [*case.pairs, (3, 0)], [*case.contacts, contact]).resolve(Law.FRICTIONLESS)
+    answer = Case([*case.bodies, striker], [*case.pairs, (3, 0)], [*case.contacts, contact]).resolve(
+        Law.FRICTIONLESS
+    )
     assert answer.twists[0].linear == (F(1, 2), -1, 0)
     assert answer.twists[3].linear == (0, 0, 0)
 
@@ -220,7 +248,10 @@ def test_walls_that_part_let_a_ball_bounce_until_it_is_slower():
 def test_a_cradle_between_walls_is_held():
     case = row((1, 0, 0))
     wall = Body.static()
-    contacts = [Contact.of((F(-1, 2), F(0), F(0)), (F(1), F(0), F(0))), Contact.of((F(5, 2), F(0), F(0)), (F(-1), F(0), F(0)))]
+    contacts = [
+        Contact.of((F(-1, 2), F(0), F(0)), (F(1), F(0), F(0))),
+        Contact.of((F(5, 2), F(0), F(0)), (F(-1), F(0), F(0))),
+    ]
     answer = Case([*case.bodies, wall], [*case.pairs, (0, 3), (2, 3)], [*case.contacts, *contacts]).resolve()
     assert speeds(answer)[:3] == [0, 0, 0]
 
@@ -250,7 +281,11 @@ def test_restitution_may_depend_on_speed_and_ends_below_the_threshold():
 
 def test_what_was_modelled_is_said():
     answer = box(mu=0.3).resolve()
-    assert (answer.model.law, answer.model.geometry, answer.model.precision) == (Law.COULOMB, Geometry.SPATIAL, Precision.DOUBLE)
+    assert (answer.model.law, answer.model.geometry, answer.model.precision) == (
+        Law.COULOMB,
+        Geometry.SPATIAL,
+        Precision.DOUBLE,
+    )
     assert box().resolve().model[:3] == (Law.FRICTIONLESS, Geometry.SPATIAL, Precision.EXTENDED)
     smooth = box(mu=0.3).resolve(Law.FRICTIONLESS)
     assert {c.friction for c in smooth.contacts} == {0}

@@ -16,12 +16,12 @@ GR, LCP, LZB = Law.FRICTIONLESS, Law.MOREAU, Law.ROUTH_STRONGE
     ("velocities", "e", "masses", "law", "expected"),
     [
         pytest.param((1, 0, 0), 1, None, GR, (0, 0, 1), id="cradle of 3"),
-        pytest.param((1, 0, 0), 1, None, LCP, (F(-1, 3), F(2, 3), F(2, 3)), id="cradle of 3, all at once"),
+        pytest.param((1, 0, 0), 1, None, LCP, (F(-1, 3), F(2, 3), F(2, 3)), id="cradle of 3, LCP"),
         pytest.param((1, 0, 0, 0, 0), 1, None, GR, (0, 0, 0, 0, 1), id="cradle of 5"),
-        pytest.param((1, 0, 0, 0, 0), 1, None, LCP, (F(-3, 5), *(F(2, 5),) * 4), id="cradle of 5, all at once"),
+        pytest.param((1, 0, 0, 0, 0), 1, None, LCP, (F(-3, 5), *(F(2, 5),) * 4), id="cradle of 5, LCP"),
         pytest.param((1, 1, 1, 0, 0), 1, None, GR, (0, 0, 1, 1, 1), id="three of 5 move"),
         pytest.param(
-            (1, 1, 1, 0, 0), 1, None, LCP, (*(F(1, 5),) * 3, *(F(6, 5),) * 2), id="three of 5 move, all at once"
+            (1, 1, 1, 0, 0), 1, None, LCP, (*(F(1, 5),) * 3, *(F(6, 5),) * 2), id="three of 5 move, LCP"
         ),
         pytest.param((1, 0, 0), 1, (1, 1, 2), GR, (F(-1, 3), 0, F(2, 3)), id="the last is heavy"),
         pytest.param((1, 0, 0), F(1, 2), None, GR, (F(1, 6), F(1, 6), F(2, 3)), id="cradle of 3, e = 1/2"),
@@ -59,7 +59,9 @@ def test_a_cradle_of_springs_loses_energy():
 
 
 @pytest.mark.parametrize(
-    ("ratio", "expected"), [(1e-8, (-1 / 3, 2 / 3, 2 / 3)), (1e8, (0, 0, 1))], ids=["soft first", "stiff first"]
+    ("ratio", "expected"),
+    [(1e-8, (-1 / 3, 2 / 3, 2 / 3)), (1e8, (0, 0, 1))],
+    ids=["soft first", "stiff first"],
 )
 def test_the_ratio_of_stiffnesses_leads_from_all_at_once_to_one_after_another(ratio, expected):
     options = {"stiffness": [ratio, 1.0]}
@@ -106,7 +108,11 @@ def test_a_flat_box_does_not_spin(law):
 @pytest.mark.parametrize("law", [GR, LCP, LZB])
 def test_a_flat_block_on_two_corners_does_not_spin(law):
     case = box(size=(1, 1, 0.5))
-    two = Case(case.bodies, case.pairs[:2], [c._replace(position=c.position._replace(y=0.0)) for c in case.contacts[::2]])
+    two = Case(
+        case.bodies,
+        case.pairs[:2],
+        [c._replace(position=c.position._replace(y=0.0)) for c in case.contacts[::2]],
+    )
     answer = two.resolve(law)
     assert answer.twists[0].linear == pytest.approx((0, 0, 1), abs=1e-9)
     assert answer.twists[0].angular == pytest.approx((0, 0, 0), abs=1e-9)
@@ -118,7 +124,10 @@ def test_a_rack(rows, expected):
     c, s = 3**0.5 / 2, 0.5
     at = [(c * (i + 1), s * (2 * j - i)) for i in range(rows) for j in range(i + 1)]
     at.insert(0, (0.0, 0.0))
-    bodies = [Body.dynamic(1.0, position=(x, y, 0.0), velocity=(float(i == 0), 0.0, 0.0)) for i, (x, y) in enumerate(at)]
+    bodies = [
+        Body.dynamic(1.0, position=(x, y, 0.0), velocity=(float(i == 0), 0.0, 0.0))
+        for i, (x, y) in enumerate(at)
+    ]
     pairs, contacts = [], []
     for i, (x, y) in enumerate(at):
         for j, (z, w) in enumerate(at[:i]):

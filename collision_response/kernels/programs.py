@@ -19,7 +19,7 @@ HEAD = '#pragma once\n#include "numbers.hpp"\n\n'
 
 
 def headers(what: str) -> Iterator[tuple[str, str]]:
-    """Names and texts of the C++ headers of a law (in lower case), of ``validity``, ``sizes`` or ``column``."""
+    """Names and texts of the C++ headers of a law (in lower case), ``validity``, ``sizes`` or ``column``."""
     if what == "sizes":
         yield "sizes", sizes()
         return

@@ -1,6 +1,7 @@
 """One body at one contact, in one direction: the column that a contact adds to the equations of a scene.
 
-With ``d`` the unit direction of an impulse ``p`` on a body, at the point ``C``, its reference point ``x``:
+With ``d`` the unit direction of an impulse ``p`` on a body, at the point ``C``, its reference point
+``x``:
 
     velocity    of the body's material at C along d            d.v + w.((C - x) x d)
     arm         (C - x) x d: what turning the body does to it  d(velocity) = d.dv + arm.dw
@@ -33,7 +34,7 @@ class Column(NamedTuple):
 
     @classmethod
     def at(cls, centre: Side, velocity: Vec3, d: Vec3, direction: Vec3) -> Column:
-        """The same of a body as seen from its reference point, which moves with ``velocity``; ``d`` from there."""
+        """The same, given a body as seen from its reference point: its velocity, and ``d`` from there."""
         side = centre._replace(r=d - centre.com, d=d)
         along = direction.dot(velocity) + side.normal_velocity(direction)
         return cls(along, side.d.cross(direction), side.response_along(direction, 1, direction))

@@ -8,8 +8,8 @@ From the request to its answer:
     resolve_scene.py  puts these together
     answer.py         what comes out
 
-The laws are written over a cluster, which knows what impulses do: ``collision_response.kernels._scene`` in
-double-double with a bound on its error, :mod:`~collision_response.scene.rational` exactly.
+The laws are written over a cluster, which knows what impulses do: ``collision_response.kernels._scene``
+in double-double with a bound on its error, :mod:`~collision_response.scene.rational` exactly.
 """
 
 from .answer import SceneImpact

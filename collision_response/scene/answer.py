@@ -64,22 +64,28 @@ class SceneImpact(NamedTuple):
         """A table of the contacts, one of the bodies, and what holds for all."""
         of = {contact: number for number, cluster in enumerate(self.clusters) for contact in cluster}
         contacts = [
-            (
-                str(i), str(of[i]), self.regimes[i].name, _number(contact.restitution), _number(contact.friction),
-                _number(self.normal_velocities_before[i]), _number(self.normal_velocities_after[i]),
+            [
+                str(i),
+                str(of[i]),
+                self.regimes[i].name,
+                *map(_number, (contact.restitution, contact.friction)),
+                *map(_number, (self.normal_velocities_before[i], self.normal_velocities_after[i])),
                 _vector(self.impulses[i]),
-            )
+            ]
             for i, contact in enumerate(self.contacts)
-        ]  # fmt: skip
-        bodies = [
-            (str(i), _vector(twist.linear), _vector(twist.angular)) for i, twist in enumerate(self.twists)
         ]
-        lost = f"{_number(self.energy_lost_restitution)} restitution, {_number(self.energy_lost_friction)} friction"
+        bodies = [
+            [str(i), _vector(twist.linear), _vector(twist.angular)] for i, twist in enumerate(self.twists)
+        ]
+        before, after = _number(self.kinetic_energy_before), _number(self.kinetic_energy_after)
+        lost = _number(self.energy_lost_restitution), _number(self.energy_lost_friction)
         lines = [
             f"{self.status.name} by {self.model.law.name}, error <= {self.error_bound:.2g}",
-            *_table(("contact", "cluster", "regime", "e", "mu", "u before", "u after", "impulse"), contacts),
-            *_table(("body", "velocity", "angular velocity"), bodies),
-            f"energy {_number(self.kinetic_energy_before)} -> {_number(self.kinetic_energy_after)} J; lost: {lost}",
+            *_table(
+                [*["contact", "cluster", "regime", "e", "mu"], "u before", "u after", "impulse"], contacts
+            ),
+            *_table(["body", "velocity", "angular velocity"], bodies),
+            f"energy {before} -> {after} J; lost: {lost[0]} restitution, {lost[1]} friction",
         ]
         if self.order_sensitivity is not None:
             lines.append(f"order sensitivity {self.order_sensitivity:.2g}")
@@ -98,7 +104,7 @@ def _vector(v: Vec3) -> str:
     return "(" + ", ".join(map(_number, v)) + ")"
 
 
-def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> list[str]:
+def _table(head: list[str], rows: list[list[str]]) -> list[str]:
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
     return [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()

@@ -1,7 +1,7 @@
 """Which contacts belong together.
 
-Two contacts are of one cluster if they share a body that can move, directly or through further contacts. What
-happens in one cluster does not matter to another.
+Two contacts are of one cluster if they share a body that can move, directly or through further
+contacts. What happens in one cluster does not matter to another.
 """
 
 from __future__ import annotations

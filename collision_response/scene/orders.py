@@ -1,8 +1,8 @@
 """How much the order matters: contacts resolved one after another, as game engines do.
 
-In each order the contacts that approach are resolved one by one, and again, until none approaches. Where the
-answers of several orders lie apart, the answer for all at once is a matter of modelling: a flat box; where they
-agree, it is not: two balls that strike one wall.
+In each order the contacts that approach are resolved one by one, and again, until none approaches.
+Where the answers of several orders lie apart, the answer for all at once is a matter of modelling: a
+flat box; where they agree, it is not: two balls that strike one wall.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def _one_after_another(
 
 
 def distance(bodies: Sequence[Body], one: Sequence[Twist], other: Sequence[Twist]) -> float:
-    """How far apart two motions are, relative to the second, in the norm of ``error_bound`` over all bodies."""
+    """How far apart two motions are, relative to the second, in the norm of ``error_bound``."""
     apart = size = 0.0
     for body, x, y in zip(bodies, one, other, strict=True):
         if body.is_movable():

@@ -1,11 +1,13 @@
-"""A cluster in exact arithmetic: what :class:`collision_response.kernels._scene.Cluster` is in double-double.
+"""A cluster in exact arithmetic: what :class:`collision_response.kernels._scene.Cluster` is in double-
+double.
 
-Every method has the name and the meaning it has there; impulses are lists of fractions, and no error is above 0.
-It is the answer for rational input, and decides what double-double can't.
+Every method has the name and the meaning it has there; impulses are lists of fractions, and no error is
+above 0. It is the answer for rational input, and decides what double-double can't.
 
-Self-locking contacts, of which some impulses ``p >= 0``, not all 0, do nothing (``N p = 0``), are found here. The
-sum of ``p_i u_i`` is then the same before and after. Where it is 0, no velocity of theirs can be above 0
-afterwards: they hold, as bilateral constraints do. Where it is negative, no velocity is admissible at all.
+Self-locking contacts, of which some impulses ``p >= 0``, not all 0, do nothing (``N p = 0``), are found
+here. The sum of ``p_i u_i`` is then the same before and after. Where it is 0, no velocity of theirs can
+be above 0 afterwards: they hold, as bilateral constraints do. Where it is negative, no velocity is
+admissible at all.
 """
 
 from __future__ import annotations
@@ -186,11 +188,14 @@ class RationalCluster:
             held |= {i for i in everyone if found.ray[i] > 0}
 
     def _with_work(self) -> list[Numbers]:
-        """``A + u u^T``: impulses that it maps to 0 move nothing, and do no work on walls that move either."""
-        return [[a + x * y for a, y in zip(row, self._u, strict=True)] for row, x in zip(self.A, self._u, strict=True)]
+        """``A + u u^T``: impulses that it maps to 0 move nothing, and do no work on moving walls either."""
+        return [
+            [a + x * y for a, y in zip(row, self._u, strict=True)]
+            for row, x in zip(self.A, self._u, strict=True)
+        ]
 
     def least_norm(self, p: Numbers) -> Numbers:
-        """Of the impulses ``>= 0`` that do the same, those of least sum of squares; by their vectors in space."""
+        """Of the impulses ``>= 0`` that do the same, those of least sum of squares, as vectors in space."""
         Z = null_space(self._with_work())
         if not Z:
             return p
@@ -282,7 +287,8 @@ def solve(matrix: Sequence[Sequence[Scalar]], right: Sequence[Scalar]) -> Number
 
 def null_space(matrix: Sequence[Sequence[Scalar]]) -> list[Numbers]:
     """Vectors that span what a matrix maps to 0."""
-    rows, pivots = [list(row) for row in matrix], []
+    rows = [list(row) for row in matrix]
+    pivots: list[int] = []
     n = len(rows)
     for k in range(n):
         found = next((i for i in range(len(pivots), n) if rows[i][k] != 0), None)

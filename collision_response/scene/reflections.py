@@ -1,22 +1,23 @@
 """FRICTIONLESS for several contacts: generalised reflections.
 
-The inelastic projection of a velocity keeps a set V of contacts from approaching by the least change, in the
-metric of kinetic energy; it is unique, and so is the reflection at it:
+The inelastic projection of a velocity keeps a set V of contacts from approaching by the least change,
+in the metric of kinetic energy; it is unique, and so is the reflection at it:
 
     q = argmin_{q >= 0} |v + M^-1 N_V q|         P(v) = v + M^-1 N_V q         R(v) = v + 2 M^-1 N_V q
 
-GR, for e = 1: reflect at all contacts that approach faster than the threshold, at once, until there are none. A
-reflection keeps the energy. All at once: so the answer is as symmetric as the scene, and depends on no order.
+GR, for e = 1: reflect at all contacts that approach faster than the threshold, at once, until there are
+none. A reflection keeps the energy. All at once: so the answer is as symmetric as the scene, and
+depends on no order.
 
 GRR, for e < 1:      p = e p_GR + (1 - e) p_P          p_P: of one projection at all contacts
 
-Every step leaves v in exactly known linear relation to the impulses, and neither P nor R lets two velocities part:
-errors add and do not grow. What jumps is which contacts are in V: that a velocity is below the threshold must be
-certain.
+Every step leaves v in exactly known linear relation to the impulses, and neither P nor R lets two
+velocities part: errors add and do not grow. What jumps is which contacts are in V: that a velocity is
+below the threshold must be certain.
 
-Sources: Smith, Kaufman, Vouga, Tamstorf & Grinspun, "Reflections on Simultaneous Impact", ACM Trans. Graph. 31
-(2012); Vouga, Smith, Kaufman, Tamstorf & Grinspun, "All's Well That Ends Well", ACM Trans. Graph. 36 (2017), that
-it ends.
+Sources: Smith, Kaufman, Vouga, Tamstorf & Grinspun, "Reflections on Simultaneous Impact", ACM Trans.
+Graph. 31 (2012); Vouga, Smith, Kaufman, Tamstorf & Grinspun, "All's Well That Ends Well", ACM Trans.
+Graph. 36 (2017), that it ends.
 """
 
 from __future__ import annotations

@@ -109,7 +109,7 @@ def as_floats(
     """
     floats, touches = list(bodies), list(contacts)
     for i, ((a, b), name) in enumerate(zip(pairs, names, strict=True)):
-        lost = []
+        lost: list[float] = []
 
         def read(x: float, error: float, lost: list[float] = lost) -> float:
             lost.append(error)

@@ -81,8 +81,8 @@ def resolve_scene(
 ) -> SceneImpact:
     """The twists of bodies after several contacts strike at once.
 
-    Contacts that share a movable body, directly or through others, form a cluster; a cluster of one contact is
-    :func:`~collision_response.resolve`. For several, the laws are those of ``docs/scenes.md``:
+    Contacts that share a movable body, directly or through others, form a cluster; a cluster of one contact
+    is :func:`~collision_response.resolve`. For several, the laws are those of ``docs/scenes.md``:
 
     =============  =======================================================================================
     FRICTIONLESS   generalised reflections, with one restitution for a cluster
@@ -91,8 +91,8 @@ def resolve_scene(
     ROUTH_STRONGE  springs that give back the part e^2 of their work; e >= 0.05
     =============  =======================================================================================
 
-    Numbers that are :class:`fractions.Fraction` are computed with exactly, by FRICTIONLESS, and by MOREAU without
-    friction.
+    Numbers that are :class:`fractions.Fraction` are computed with exactly, by FRICTIONLESS, and by MOREAU
+    without friction.
 
     Args:
         bodies: that touch, or not.
@@ -145,7 +145,14 @@ def resolve_scene(
             places = [i for i in of_parts if movable[i]]
         for place, change, twist in zip(places, answered.changes, answered.twists, strict=True):
             changes[place], twists[place] = change, twist
-        rows = zip(answered.contacts, answered.impulses, answered.before, answered.after, answered.regimes, strict=True)
+        rows = zip(
+            answered.contacts,
+            answered.impulses,
+            answered.before,
+            answered.after,
+            answered.regimes,
+            strict=True,
+        )
         for i, row in zip(cluster, rows, strict=True):
             of_contacts[i] = row
         energies = [x + y for x, y in zip(energies, answered.energies, strict=True)]
@@ -178,7 +185,10 @@ def resolve_scene(
         before,
         after,
         regimes,
-        *energies,
+        energies[0],
+        energies[1],
+        energies[2],
+        energies[3],
         tuple(map(tuple, clusters)),
         order_sensitivity(bodies, pairs, used, model, orders) if orders else None,
         bound,
@@ -237,7 +247,9 @@ def _alone(
     shares += [shares[0] if pairs[k] == (a, b) else -shares[0] for k in cluster[1:]]
     used = [impact.contact]
     for k in cluster[1:]:
-        used.append(contacts[k]._replace(restitution=impact.contact.restitution, friction=impact.contact.friction))
+        used.append(
+            contacts[k]._replace(restitution=impact.contact.restitution, friction=impact.contact.friction)
+        )
     answered = Answered(
         [change for _, change, _ in moved],
         [twist for _, _, twist in moved],
@@ -286,12 +298,10 @@ def _parts(
         (a, b), contact = pairs[i], contacts[i]
         local = places.setdefault(a, len(places)), places.setdefault(b, len(places))
         key: Any = i
-        sign = 1
         if join:
             key = (a, b, contact)
             if a > b:
                 key = b, a, contact._replace(normal=Vec3(*(-x for x in contact.normal)))
-                sign = -1
         try:
             place = known.setdefault(key, len(known))
         except TypeError:  # of lists or arrays, which have no hash
@@ -468,7 +478,7 @@ def _by_reflections(cluster: Any, parts: Parts, options: Options, has_friction: 
     if cluster.locked:
         struck = _decided_in_rationals(cluster, parts, options)
         if struck is None:
-            reason = f"more than {RATIONAL_CONTACTS} contacts press on each other without end, as a ball between two walls"
+            reason = f"more than {RATIONAL_CONTACTS} press on each other without end, as a ball between walls"
             raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
     else:
         struck = reflections(cluster, options.threshold)
@@ -529,7 +539,7 @@ def _check_geometry(parts: Parts, geometry: Geometry) -> None:
 
 
 AT_REST = 2.0**-20
-"""Of slip, relative to the fastest speed before, and of what friction lacks to its limit: this counts as none."""
+"""Of slip, relative to the fastest speed before, and of what friction lacks to its limit: this is none."""
 
 
 def _regime(impulse: Vec3, friction: Scalar, slip: tuple[float, float, float], law: Law) -> Regime:

@@ -7,17 +7,18 @@ Each contact is a spring that gives back the part e^2 of the work it took, as St
          = -u_i / e_i^2    while u_i > 0 and x_i > 0     unloading
          = 0               else
 
-until all x_i are 0 and u >= 0. Only the ratios of the k_i matter; eta is 1 for linear springs, 3/2 for Hertz's. For
-one contact it gives u+ = -e u for any of them. Friction opposes the slip, with mu f_i at most.
+until all x_i are 0 and u >= 0. Only the ratios of the k_i matter; eta is 1 for linear springs, 3/2 for
+Hertz's. For one contact it gives u+ = -e u for any of them. Friction opposes the slip, with mu f_i at
+most.
 
-Without friction the equation is integrated by a pair of orders 5 and 4, and the answer for a coarser tolerance
-tells its error. With friction a step solves for the slip at its end, so that contacts stick, and is of first order:
-steps are refined until the answer settles. Both errors are estimates.
+Without friction the equation is integrated by a pair of orders 5 and 4, and the answer for a coarser
+tolerance tells its error. With friction a step solves for the slip at its end, so that contacts stick,
+and is of first order: steps are refined until the answer settles. Both errors are estimates.
 
 A contact given twice is twice as stiff. For e towards 0 a contact takes ever more compressions to end.
 
-Source: Liu, Zhao & Brogliato, "Frictionless Multiple Impacts in Multibody Systems. I. Theoretical Framework", Proc.
-R. Soc. A 464 (2008).
+Source: Liu, Zhao & Brogliato, "Frictionless Multiple Impacts in Multibody Systems. I. Theoretical
+Framework", Proc. R. Soc. A 464 (2008).
 """
 
 from __future__ import annotations

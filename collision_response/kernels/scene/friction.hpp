@@ -114,7 +114,7 @@ inline Friction least_work(const Assembly& scene, const std::vector<double>& p) 
     if (c < nt) slip = std::fmax(slip, std::fabs(programme.h[c]));
     else if (std::fabs(programme.h[c]) < 1e-10 * speed) programme.h[c] = 0;  // of contacts of one body: none
   }
-  if (!(slip > 0) || !(trace > 0)) return result;
+  if (!(slip > 1e-14 * speed) || !(trace > 0)) return result;
   // Impulses in units of the largest, velocities in units of what it does.
   double unit = largest * trace;
   for (double& x : programme.H) x /= trace;
