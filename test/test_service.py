@@ -220,8 +220,8 @@ def test_a_refusal_names_the_field_and_its_value(tried_node, case):
 def test_every_reason_for_a_refusal_is_among_these():
     answers = {code for code in StatusCode if code.is_answer}
     by_tests_of_their_own = {StatusCode.STALE_STATE, StatusCode.PATH_TOO_LONG, StatusCode.INTERNAL_ERROR}
-    of_batches = {StatusCode.INVALID_TABLE}
-    others = answers | by_tests_of_their_own | of_batches | {StatusCode.UNSET}
+    of_batches_and_scenes = {StatusCode.INVALID_TABLE, StatusCode.CONTRADICTORY_CONTACTS}
+    others = answers | by_tests_of_their_own | of_batches_and_scenes | {StatusCode.UNSET}
     assert {case.code for case in REFUSALS} == set(StatusCode) - others
 
 
