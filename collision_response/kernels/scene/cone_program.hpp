@@ -31,7 +31,7 @@ struct ConeProgram {
       z[3 * i] = size;
     }
     std::vector<double> best_s(s), best_z(z);
-    double least_gap = INFINITY;
+    double least_gap = INFINITY, try_at = 1e-4 * size;
     for (int turn = 0; turn < 60; ++turn) {
       // Residuals.
       for (int a = 0; a < n; ++a) {
@@ -62,7 +62,8 @@ struct ConeProgram {
         break;
       }
       if (merit < 1e-28 * size || !(gap == gap)) break;
-      if (turn >= 3 && merit < 1e-4 * size) {
+      if (turn >= 3 && merit < try_at) {
+        try_at = merit / 50;
         double polished = polish(s, z, x);
         if (polished < INFINITY) return polished;
       }
@@ -334,12 +335,15 @@ struct ConeProgram {
   }
   // A direction that nothing resists is left out.
   void factor(std::vector<double>& M) const {
-    for (int i = 0; i < n; ++i) {
-      double whole = M[i * n + i];
-      for (int j = 0; j <= i; ++j) {
-        double sum = M[i * n + j];
-        for (int k = 0; k < j; ++k) sum -= M[i * n + k] * M[j * n + k];
-        M[i * n + j] = i != j ? sum / M[j * n + j] : sum > 0x1p-50 * whole ? std::sqrt(sum) : 0x1p500;
+    std::vector<double> whole(n), column(n);
+    for (int i = 0; i < n; ++i) whole[i] = M[i * n + i];
+    for (int j = 0; j < n; ++j) {
+      double pivot = M[j * n + j];
+      double root = M[j * n + j] = pivot > 0x1p-50 * whole[j] ? std::sqrt(pivot) : 0x1p500;
+      for (int i = j + 1; i < n; ++i) column[i] = M[i * n + j] /= root;
+      for (int i = j + 1; i < n; ++i) {  // by rows: a compiler can make vectors of this
+        double left = column[i], *row = &M[i * n];
+        for (int k = j + 1; k <= i; ++k) row[k] -= left * column[k];
       }
     }
   }
