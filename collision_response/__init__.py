@@ -15,8 +15,9 @@ from .model import Adjustment, Geometry, ImpactModel, Precision
 from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.laws import Law, Regime
+from .requirements import SceneContact, SceneRequirements, scene_requirements
 from .resolve import resolve
-from .scene import SceneContact, SceneRequirements, scene_requirements
+from .scene import SceneImpact, resolve_scene
 from .status import ImpactError, StatusCode
 
 __all__ = [
@@ -31,9 +32,11 @@ __all__ = [
     "Precision",
     "Regime",
     "SceneContact",
+    "SceneImpact",
     "SceneRequirements",
     "StatusCode",
     "Twist",
     "resolve",
+    "resolve_scene",
     "scene_requirements",
 ]

@@ -30,6 +30,7 @@ class StatusCode(IntEnum):
     INVALID_TABLE = 19
     BUDGET_EXCEEDED = 20
     SHUTTING_DOWN = 21
+    CONTRADICTORY_CONTACTS = 22
     INTERNAL_ERROR = 100
 
     @property

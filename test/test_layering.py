@@ -23,7 +23,7 @@ LAYERS = (
     {"kernels"},
     {"exactly"},
     {"resolve"},
-    {"scene"},
+    {"requirements", "scene"},
     {FRONT},
     {"batch"},
     {"recording"},

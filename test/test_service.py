@@ -227,8 +227,8 @@ def test_every_reason_for_a_refusal_is_among_these():
         StatusCode.SHUTTING_DOWN,
         StatusCode.INTERNAL_ERROR,
     }
-    of_batches = {StatusCode.INVALID_TABLE}
-    others = answers | by_tests_of_their_own | of_batches | {StatusCode.UNSET}
+    of_batches_and_scenes = {StatusCode.INVALID_TABLE, StatusCode.CONTRADICTORY_CONTACTS}
+    others = answers | by_tests_of_their_own | of_batches_and_scenes | {StatusCode.UNSET}
     assert {case.code for case in REFUSALS} == set(StatusCode) - others
 
 

@@ -154,7 +154,7 @@ class Kernels:
         )
 
     def wait(self, build):
-        """The compiled module, once it is there."""
+        """The compiled modules, once they are there."""
         started = time.monotonic()
         if build.wait():
             print(f"{self.log.read_text()}\n==> the kernels could not be built, output above.")
@@ -164,7 +164,7 @@ class Kernels:
             print(
                 f"==> {self.environment.path.name}: the kernels ... done in {seconds:.0f} s more", flush=True
             )
-        return next(self.path.glob("_compiled*.so"))
+        return sorted(self.path.glob("_*.so"))
 
 
 def install_package(name, extras):
@@ -210,7 +210,7 @@ def link_python(installed, compiled):
         for path in PACKAGE.rglob("*")
         if path.suffix in (".py", ".typed") and "__pycache__" not in path.parts
     }
-    sources[Path("kernels", compiled.name)] = compiled
+    sources.update({Path("kernels", module.name): module for module in compiled})
     for path in sorted(installed.rglob("*"), reverse=True):
         relative = path.relative_to(installed)
         if relative.parts[0] in ("msg", "srv") or "collision_response_s" in path.name:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from fractions import Fraction
 
 from ..answer import Impact
 from ..model import Adjustment, decided, plan
@@ -11,7 +12,7 @@ from ..physics.contact import Contact
 from ..physics.laws import Regime
 from ..physics.vector import Vec3
 from ..status import ImpactError, StatusCode
-from . import _compiled  # type: ignore[attr-defined]  # made by the build
+from . import _compiled, _scene  # type: ignore[attr-defined]  # made by the build
 
 _REFUSALS = {
     StatusCode.OUT_OF_RANGE: ("result", "a number of the answer is beyond float64"),
@@ -48,6 +49,11 @@ resolve = _compiled.resolve
 numbers = _compiled.numbers
 batch = _compiled.batch
 allow_long_vectors = _compiled.allow_long_vectors
+
+_scene.setup(Vec3, Twist, Fraction)
+assemble = _scene.assemble
+Cluster = _scene.Cluster
+is_rational = _scene.is_rational
 
 
 class Number(IntEnum):

@@ -6,19 +6,26 @@ from collections.abc import Iterator
 
 from .. import geometry, validity
 from ..impact import Flags, Report, impact
+from ..physics.column import Column
+from ..physics.effective_mass import Side
+from ..physics.energy import kinetic_energy
 from ..physics.laws import LAWS, PATHS, Law
+from ..physics.vector import Vec3
 from .emit import emit
 from .layout import MODEL, Layout, names_of_body, names_of_contact, request, units
 from .pairs import in_pairs
-from .symbol import Tape, numbers_in
+from .symbol import Tape, numbers_in, rebuilt
 
 HEAD = '#pragma once\n#include "pairs.hpp"\n\n'
 
 
 def headers(what: str) -> Iterator[tuple[str, str]]:
-    """Names and texts of the C++ headers of a law (in lower case), of ``validity`` or of ``sizes``."""
+    """Names and texts of the C++ headers of a law (in lower case), ``validity``, ``sizes`` or ``column``."""
     if what == "sizes":
         yield "sizes", sizes()
+        return
+    if what == "column":
+        yield "column", HEAD + column()
         return
     for layout in Layout:
         text = validity_of(layout) if what == "validity" else impact_by(Law[what.upper()], layout)
@@ -67,6 +74,24 @@ def validity_of(layout: Layout) -> str:
         + emit("plainly_sound", list(asked.names), [], [], [plain])
         + _counts_of(layout)
     )
+
+
+def column() -> str:
+    """What a scene needs: of a body, of the body at a contact in one direction; and its kinetic energy."""
+    names, tape = [f"body_a.{name}" for name in names_of_body(Layout.EVERYTHING)], Tape()
+    body = request(Layout.EVERYTHING, tape).body_a
+    centre = Side.of(body, body.position)
+    idle = centre.idle.dot(centre.idle) > 0
+    of_centre = map(tape.symbol, numbers_in(centre))
+    text = emit("centre", list(names), of_centre, [tape.symbol(kinetic_energy(body))], [tape.symbol(idle)])
+    count = len(list(numbers_in(centre)))
+    tape = Tape()
+    inputs = [f"x{i}" for i in range(count + 9)]
+    symbols = [tape.input(name) for name in inputs]
+    seen = rebuilt(centre, iter(symbols[:count]))
+    velocity, d, direction = (Vec3(*symbols[i : i + 3]) for i in range(count, count + 9, 3))
+    outputs = map(tape.symbol, numbers_in(Column.at(seen, velocity, d, direction)))
+    return f"constexpr int CENTRE = {count};\n{text}{emit('column', list(inputs), outputs, [], [])}"
 
 
 def _counts_of(layout: Layout) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 from ..msg import BodyState, CollisionResult
 from ..recording import Record, Recorder, Refusal
 from ..resolve import resolve
-from ..scene import SceneSurvey
+from ..requirements import SceneSurvey
 from ..srv import ResolveCollision
 from ..status import ImpactError, StatusCode
 from . import convert

@@ -25,8 +25,8 @@ from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
 from ..recording import Recorder, Sighting
+from ..requirements import SceneSurvey
 from ..resolve import resolve
-from ..scene import SceneSurvey
 from ..status import ImpactError, StatusCode
 from . import convert, parameters
 from .batches import Batches

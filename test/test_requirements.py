@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scenes import scenes
 
-import collision_response.scene
+import collision_response.requirements
 from collision_response import (
     Body,
     Contact,
@@ -54,7 +54,7 @@ ROLLING = _on_ground("rolling", (0, 0, 1), friction=0.3)
 
 
 def test_the_example_runs():
-    assert doctest.testmod(collision_response.scene).failed == 0
+    assert doctest.testmod(collision_response.requirements).failed == 0
 
 
 def test_a_scene_without_contacts_requires_nothing():

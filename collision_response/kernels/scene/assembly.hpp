@@ -1,0 +1,430 @@
+// The contacts of one cluster: what an impulse along each normal does, in double-double with its error, and in
+// plain doubles along the normal and two tangents.
+//
+// Impulses p are numbers of double-double, without error: they are what was chosen. What they do, v = v0 + M^-1 N p
+// and u = u0 + A p, is computed from them with a bound, each time from the start.
+#pragma once
+#include <vector>
+
+#include "../numbers.hpp"
+#include "active_set.hpp"
+#include "column.hpp"
+#include "sizes.hpp"
+
+using DD = DoubleDouble<double>;
+using N = Bounded<DD>;
+
+INLINE N exact(DD x) { return {x, 0}; }
+INLINE N exact(double x) { return {{x, 0}, 0}; }
+INLINE double width(const N& x) { return x.error * (1 + 0x1p-30); }
+
+template <class T>
+struct Centre {  // a body as seen from its reference point, at x, which moves with v
+  T numbers[CENTRE], x[3], v[3];
+};
+
+struct Given {  // a body
+  double x[BODY];
+  double energy;
+  bool idle;
+  Centre<N> centre;
+  Centre<double> plain;
+
+  bool movable() const { return x[0] < INFINITY; }
+  bool moves() const {
+    for (int k = 0; k < 6; ++k)
+      if (x[IN_BODY_A_VELOCITY_X + k] != 0) return true;
+    return false;
+  }
+  bool rests() const { return !movable() && !moves(); }
+  void look() {
+    fill(centre);
+    fill(plain);
+  }
+  template <class T>
+  void fill(Centre<T>& seen) {
+    T in[BODY];
+    Report<T> motion[1];
+    for (int i = 0; i < BODY; ++i) in[i] = Make<T>::constant(x[i]);
+    ::centre<T>(in, seen.numbers, motion, &idle);
+    energy = motion[0];
+    for (int k = 0; k < 3; ++k) {
+      seen.x[k] = in[IN_BODY_A_POSITION_X + k];
+      seen.v[k] = in[IN_BODY_A_VELOCITY_X + k];
+    }
+  }
+};
+
+struct Plain {  // one direction of one contact, in doubles
+  double reach[2][6], response[2][6], velocity;
+};
+
+struct Touch {
+  int body[2];  // place among the movable ones, -1: immovable
+  double point[3], normal[3], length, scale;  // scale: 1 / sqrt(n.K n)
+  double e, mu, copies;           // how often it was given
+  N reach[2][6], response[2][6];  // with the sign of the side
+  N velocity;                     // before, times the length of the normal
+  Plain plain[3];                 // along the unit normal and two tangents
+};
+
+struct Assembly {
+  int count = 0, bodies = 0;
+  std::vector<Touch> touches;
+  std::vector<Given> given;      // the movable bodies
+  std::vector<double> A;         // n.K n of all pairs, scaled to a diagonal of 1
+  std::vector<double> room;      // of a velocity that parts all contacts: by how much, scaled
+  double parting = 0;            // its size, in the metric of kinetic energy
+  bool driven = false;           // a wall moves
+  bool locked = false;           // there is no such velocity, as far as doubles can tell
+
+  // What two bodies do at a contact. The places are of the movable ones.
+  void add(const Given& a, const Given& b, int place_a, int place_b, const double* contact, double copies) {
+    Touch touch{};
+    touch.body[0] = place_a;
+    touch.body[1] = place_b;
+    for (int k = 0; k < 3; ++k) {
+      touch.point[k] = contact[k];
+      touch.normal[k] = contact[3 + k];
+    }
+    touch.e = contact[6];
+    touch.mu = contact[7];
+    touch.copies = copies;
+    touch.length = std::sqrt(touch.normal[0] * touch.normal[0] + touch.normal[1] * touch.normal[1] + touch.normal[2] * touch.normal[2]);
+    N direction[3], velocity[2];
+    for (int k = 0; k < 3; ++k) direction[k] = exact(touch.normal[k]);
+    const Given* both[2] = {&a, &b};
+    for (int side = 0; side < 2; ++side) {
+      if (both[side]->rests()) velocity[side] = exact(0.0);
+      else velocity[side] = fill<N>(both[side]->centre, touch, direction, side ? -1 : 1, touch.reach[side], touch.response[side]);
+    }
+    touch.velocity = velocity[0] - velocity[1];
+    touches.push_back(touch);
+    ++count;
+  }
+
+  // The same along unit vectors, in doubles: the normal and two tangents (Duff et al. 2017).
+  void add_plain(const Given& a, const Given& b, Touch& touch) {
+    double x = touch.normal[0] / touch.length, y = touch.normal[1] / touch.length, z = touch.normal[2] / touch.length;
+    double sign = x < 0 ? -1 : 1, c = -1 / (sign + x), d = y * z * c;
+    double axes[3][3] = {{x, y, z}, {-(sign * y), 1 + sign * (y * y * c), sign * d}, {-z, d, sign + z * z * c}};
+    const Given* both[2] = {&a, &b};
+    for (int axis = 0; axis < 3; ++axis) {
+      double velocity[2];
+      for (int side = 0; side < 2; ++side)
+        velocity[side] = both[side]->rests() ? 0 : fill<double>(both[side]->plain, touch, axes[axis], side ? -1 : 1, touch.plain[axis].reach[side], touch.plain[axis].response[side]);
+      touch.plain[axis].velocity = velocity[0] - velocity[1];
+    }
+    touch.plain[0].velocity = high(touch.velocity) / touch.length;
+  }
+
+  template <class T>
+  static T fill(const Centre<T>& body, const Touch& touch, const T* direction, double sign, T* reach, T* response) {
+    T in[CENTRE + 9], out[10];
+    std::copy(body.numbers, body.numbers + CENTRE, in);
+    for (int k = 0; k < 3; ++k) {
+      in[CENTRE + k] = body.v[k];
+      in[CENTRE + 3 + k] = Make<T>::constant(touch.point[k]) - body.x[k];
+      in[CENTRE + 6 + k] = direction[k];
+    }
+    column<T>(in, out, nullptr, nullptr);
+    for (int k = 0; k < 3; ++k) {
+      reach[k] = sign < 0 ? -direction[k] : direction[k];
+      reach[3 + k] = sign < 0 ? -out[1 + k] : out[1 + k];
+      response[k] = sign < 0 ? -out[4 + k] : out[4 + k];
+      response[3 + k] = sign < 0 ? -out[7 + k] : out[7 + k];
+    }
+    return out[0];
+  }
+
+  // Sum of what acts on the bodies that two contacts share.
+  template <class Reach, class Response>
+  double coupling(const Touch& i, const Touch& j, Reach reach, Response response) const {
+    double sum = 0;
+    for (int a = 0; a < 2; ++a)
+      for (int b = 0; b < 2; ++b)
+        if (i.body[a] >= 0 && i.body[a] == j.body[b])
+          for (int k = 0; k < 6; ++k) sum += high(reach(i, a, k)) * high(response(j, b, k));
+    return sum;
+  }
+
+  // After the last contact.
+  void finish() {
+    A.assign(static_cast<size_t>(count) * count, 0);
+    auto reach = [](const Touch& t, int side, int k) { return t.reach[side][k]; };
+    auto response = [](const Touch& t, int side, int k) { return t.response[side][k]; };
+    for (int i = 0; i < count; ++i)
+      for (int j = 0; j <= i; ++j) A[i * count + j] = A[j * count + i] = coupling(touches[i], touches[j], reach, response);
+    for (int i = 0; i < count; ++i) touches[i].scale = 1 / std::sqrt(A[i * count + i]);
+    for (int i = 0; i < count; ++i)
+      for (int j = 0; j < count; ++j)
+        if (i != j) A[i * count + j] *= touches[i].scale * touches[j].scale;
+    for (int i = 0; i < count; ++i) A[i * count + i] = 1;
+    part();
+  }
+
+  // The changes of the twists of the movable bodies.
+  std::vector<N> changes(const DD* p) const {
+    std::vector<N> twists(6 * static_cast<size_t>(bodies), exact(0.0));
+    for (int i = 0; i < count; ++i) {
+      if (p[i].h == 0) continue;
+      for (int side = 0; side < 2; ++side)
+        if (touches[i].body[side] >= 0) {
+          N* twist = &twists[6 * touches[i].body[side]];
+          for (int k = 0; k < 6; ++k) twist[k] = twist[k] + touches[i].response[side][k] * exact(p[i]);
+        }
+    }
+    return twists;
+  }
+
+  N velocity_change(const Touch& touch, const std::vector<N>& twists) const {
+    N sum = exact(0.0);
+    for (int side = 0; side < 2; ++side)
+      if (touch.body[side] >= 0)
+        for (int k = 0; k < 6; ++k) sum = sum + touch.reach[side][k] * twists[6 * touch.body[side] + k];
+    return sum;
+  }
+
+  // Normal velocities, times the lengths of the normals.
+  std::vector<N> velocities(const DD* p) const {
+    std::vector<N> twists = changes(p), u;
+    u.reserve(count);
+    for (const Touch& touch : touches) u.push_back(touch.velocity + velocity_change(touch, twists));
+    return u;
+  }
+
+  // |M^-1 N dp| for impulses known to within `by`.
+  double size_of(const std::vector<double>& by) const {
+    double sum = 0;
+    for (int i = 0; i < count; ++i) sum += by[i] / touches[i].scale;
+    return sum * (1 + 1e-9);
+  }
+
+  struct Projection {
+    Found found;
+    std::vector<DD> q;
+    double error;  // of the velocities, in the metric of kinetic energy: bound
+  };
+
+  // The impulses q >= 0 of the contacts `among` that bring v nearest to v0 + M^-1 N p and give them velocities
+  // u + offset >= 0; and how far from that they are. With w the velocities reached, w* those asked for, r = u(w):
+  //
+  //     |w - w*|^2 = (q - q*).(r - r*) <= q.r + q*.max(-r, 0)        q*.r* = 0, q.r* >= 0
+  //     q*.rho <= |d| |w* - v|          for any velocity d that parts the contacts, N^T d = rho > 0
+  Projection project(const DD* p, const std::vector<int>& among, const N* offset) const {
+    Projection result{Found::LEAST, std::vector<DD>(count, DD{0, 0}), 0};
+    std::vector<DD>& q = result.q;
+    std::vector<N> start = velocities(p);
+    std::vector<double> b(count), x(count, 0.0);
+    double size = 0;
+    for (int i : among) {
+      if (offset) start[i] = start[i] + offset[i];
+      b[i] = high(start[i]) * touches[i].scale;
+      size = std::fmax(size, std::fabs(b[i]));
+    }
+    ActiveSet active(A.data(), count);
+    result.found = least(A.data(), count, among, b.data(), x.data(), active);
+    if (result.found != Found::LEAST) return result;
+    for (int j : active.members) q[j] = DD{x[j] * touches[j].scale, 0};
+
+    std::vector<N> r(count, exact(0.0));
+    auto look = [&] {
+      std::vector<N> twists = changes(q.data());
+      for (int i : among) r[i] = start[i] + velocity_change(touches[i], twists);
+    };
+    std::vector<double> y;
+    std::vector<char> is_active(count);
+    for (int round = 0; round < 4 * count + 20; ++round) {
+      for (int turn = 0; turn < 8; ++turn) {  // the active part, by Newton's method
+        look();
+        bool settled = true;
+        y.clear();
+        for (int j : active.members) {
+          y.push_back(-high(r[j]) * touches[j].scale);
+          settled = settled && std::fabs(high(r[j])) <= 2 * r[j].error;
+        }
+        if (settled) break;
+        active.solve(y.data());
+        for (size_t k = 0; k < y.size(); ++k) {
+          int j = active.members[k];
+          q[j] = q[j] + DD{y[k] * touches[j].scale, 0};
+        }
+      }
+      int worst = -1;
+      for (size_t k = 0; k < active.members.size(); ++k)
+        if (q[active.members[k]].h < 0 && (worst < 0 || q[active.members[k]].h * touches[active.members[worst]].scale < q[active.members[worst]].h * touches[active.members[k]].scale))
+          worst = static_cast<int>(k);
+      if (worst >= 0) {
+        q[active.members[worst]] = DD{0, 0};
+        active.drop(worst);
+        continue;
+      }
+      std::fill(is_active.begin(), is_active.end(), 0);
+      for (int j : active.members) is_active[j] = 1;
+      int entering = -1;
+      double most = 0;
+      for (int i : among) {
+        double slope = high(r[i]) * touches[i].scale;
+        if (!is_active[i] && high(r[i]) < -8 * r[i].error && slope < most) {
+          most = slope;
+          entering = i;
+        }
+      }
+      if (entering < 0) break;
+      Found found = enter(
+          active, entering, most,
+          [&](int place, double by) {
+            int j = place < 0 ? entering : active.members[place];
+            q[j] = by == -INFINITY ? DD{0, 0} : q[j] + DD{by * touches[j].scale, 0};
+          },
+          [&](size_t place) { return q[active.members[place]].h / touches[active.members[place]].scale; });
+      if (found != Found::LEAST) {  // beyond what doubles can tell: the bound says so
+        for (DD& one : q)
+          if (one.h < 0) one = DD{0, 0};
+        break;
+      }
+    }
+    for (DD& one : q)
+      if (one.h < 0) one = DD{0, 0};
+    look();
+    double gap = 0, far = 0, moved = 0;
+    for (int i : among) {
+      double low = high(r[i]) - width(r[i]), reach = std::fabs(high(r[i])) + width(r[i]);
+      gap += q[i].h * (1 + 1e-9) * reach;
+      if (low < 0) far = std::fmax(far, -low * touches[i].scale / room[i]);
+      moved += q[i].h * (std::fabs(high(start[i])) + width(start[i]));
+    }
+    far *= parting;
+    double distance = std::sqrt(moved);  // |w* - v|^2 <= -q.u
+    result.error = (far + std::sqrt(far * far + 4 * (gap + far * distance))) / 2 * (1 + 1e-9);
+    return result;
+  }
+
+  std::vector<int> all() const {
+    std::vector<int> everyone(count);
+    for (int i = 0; i < count; ++i) everyone[i] = i;
+    return everyone;
+  }
+
+  // A velocity that parts all contacts: the least d with N^T d >= 1, scaled.
+  void part() {
+    std::vector<double> b(count, -1.0), x(count, 0.0);
+    ActiveSet active(A.data(), count);
+    locked = least(A.data(), count, all(), b.data(), x.data(), active) != Found::LEAST;
+    if (locked) return;
+    std::vector<DD> d(count);
+    for (int i = 0; i < count; ++i) d[i] = DD{x[i] * touches[i].scale, 0};
+    std::vector<N> twists = changes(d.data());
+    room.resize(count);
+    double square = 0;
+    for (int i = 0; i < count; ++i) {
+      N rho = velocity_change(touches[i], twists);
+      room[i] = (high(rho) - width(rho)) * touches[i].scale;
+      square += d[i].h * (high(rho) + width(rho));
+      locked = locked || !(room[i] > 0.5);
+    }
+    parting = std::sqrt(square) * (1 + 1e-9);
+  }
+
+  static std::vector<double> rounded(const std::vector<DD>& p) {
+    std::vector<double> out;
+    for (const DD& x : p) out.push_back(x.h);
+    return out;
+  }
+
+  // Of all impulses that do the same, p + Z z >= lower, those of least sum of n.n p^2; where copies share one
+  // impulse, of the sum over all of them.
+  void least_norm(std::vector<double>& p, const std::vector<double>& lower, bool shared) const {
+    std::vector<double> weight(count);
+    for (int i = 0; i < count; ++i) weight[i] = touches[i].length / (shared ? std::sqrt(touches[i].copies) : 1);
+    // With a row for the work of walls that move, which the same impulses do as well.
+    std::vector<double> u(count, 0.0), B, scale(count);
+    double fastest = 0;
+    for (int i = 0; i < count; ++i) fastest = std::fmax(fastest, std::fabs(high(touches[i].velocity)) * touches[i].scale);
+    for (int i = 0; i < count; ++i) {
+      u[i] = driven && fastest > 0 ? high(touches[i].velocity) * touches[i].scale / fastest : 0;
+      scale[i] = touches[i].scale / std::sqrt(1 + u[i] * u[i]);
+    }
+    if (driven) {
+      B = A;
+      for (int i = 0; i < count; ++i)
+        for (int j = 0; j < count; ++j) B[i * count + j] = i == j ? 1 : (A[i * count + j] + u[i] * u[j]) * scale[i] / touches[i].scale * scale[j] / touches[j].scale;
+    }
+    ActiveSet basis(driven ? B.data() : A.data(), count);
+    std::vector<int> rest = basis.span(all());
+    if (rest.empty()) return;
+    std::vector<std::vector<double>> found;  // of impulses
+    std::vector<double> w;
+    for (int i : rest) {
+      std::vector<DD> z(count, DD{0, 0});
+      basis.line(i, w);
+      z[i].h = scale[i];
+      for (size_t m = 0; m < w.size(); ++m) z[basis.members[m]].h = -w[m] * scale[basis.members[m]];
+      // What doubles take for nothing must do nothing to all digits.
+      double square = 0;
+      for (int turn = 0; turn < 2; ++turn) {
+        std::vector<N> twists = changes(z.data());
+        double work = 0;
+        for (int n = 0; n < count; ++n) work += (z[n].h + z[n].l) * u[n] / touches[n].scale;
+        square = work * work * 1e-6;  // which is known to doubles only
+        for (int n = 0; n < count; ++n)
+          if (z[n].h != 0) square += z[n].h * high(velocity_change(touches[n], twists));
+        if (turn) break;
+        for (size_t m = 0; m < w.size(); ++m) {
+          int j = basis.members[m];
+          w[m] = -(high(velocity_change(touches[j], twists)) + u[j] / touches[j].scale * work) * scale[j];
+        }
+        basis.solve(w.data());
+        for (size_t m = 0; m < w.size(); ++m) z[basis.members[m]] = z[basis.members[m]] + DD{w[m] * scale[basis.members[m]], 0};
+      }
+      if (std::fabs(square) < 1e-26) found.push_back(rounded(z));
+    }
+    if (found.empty()) return;
+    int k = static_cast<int>(found.size());
+    std::vector<double> Z(static_cast<size_t>(count) * k, 0.0);  // of impulses times weights
+    for (int c = 0; c < k; ++c)
+      for (int i = 0; i < count; ++i) Z[static_cast<size_t>(i) * k + c] = found[c][i] * weight[i];
+    for (int c = 0; c < k; ++c) {  // orthonormal columns, twice is enough
+      for (int turn = 0; turn < 2; ++turn)
+        for (int d = 0; d < c; ++d) {
+          double along = 0;
+          for (int i = 0; i < count; ++i) along += Z[i * k + c] * Z[i * k + d];
+          for (int i = 0; i < count; ++i) Z[i * k + c] -= along * Z[i * k + d];
+        }
+      double length = 0;
+      for (int i = 0; i < count; ++i) length += Z[i * k + c] * Z[i * k + c];
+      for (int i = 0; i < count; ++i) Z[i * k + c] /= std::sqrt(length);
+    }
+    std::vector<double> P(count), b(count), x(count, 0.0);
+    for (int i = 0; i < count; ++i) P[i] = p[i] * weight[i];
+    for (int c = 0; c < k; ++c) {
+      double along = 0;
+      for (int i = 0; i < count; ++i) along += Z[i * k + c] * P[i];
+      for (int i = 0; i < count; ++i) P[i] -= along * Z[i * k + c];
+    }
+    // P + Z Z^T x >= lower, x >= 0: the same programme, scaled to a unit diagonal.
+    std::vector<double> dual(static_cast<size_t>(count) * count), s(count);
+    std::vector<int> among;
+    for (int i = 0; i < count; ++i) {
+      double square = 0;
+      for (int c = 0; c < k; ++c) square += Z[i * k + c] * Z[i * k + c];
+      s[i] = square > 1e-20 ? 1 / std::sqrt(square) : 0;
+      if (s[i] > 0) among.push_back(i);
+      b[i] = (P[i] - lower[i] * weight[i]) * s[i];
+    }
+    for (int i : among)
+      for (int j : among) {
+        double sum = 0;
+        for (int c = 0; c < k; ++c) sum += Z[i * k + c] * Z[j * k + c];
+        dual[i * count + j] = i == j ? 1 : sum * s[i] * s[j];
+      }
+    ActiveSet active(dual.data(), count);
+    if (least(dual.data(), count, among, b.data(), x.data(), active) != Found::LEAST) return;
+    for (int c = 0; c < k; ++c) {
+      double along = 0;
+      for (int i : among) along += Z[i * k + c] * x[i] * s[i];
+      for (int i = 0; i < count; ++i) P[i] += along * Z[i * k + c];
+    }
+    for (int i = 0; i < count; ++i) p[i] = std::fmax(P[i] / weight[i], lower[i]);
+  }
+};

@@ -1,0 +1,112 @@
+"""What an answer for a scene holds."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ..model import Adjustment, ImpactModel
+from ..numbers.number import Scalar
+from ..physics.body import Twist
+from ..physics.contact import Contact
+from ..physics.laws import Regime
+from ..physics.vector import Vec3
+from ..status import StatusCode
+
+
+class SceneImpact(NamedTuple):
+    """The answer for a scene. Of contacts and bodies there is one entry each, in the order given.
+
+    Attributes:
+        status: OK, SEPARATING (no contact approaches) or TOLERANCE_NOT_MET.
+        model: as used; its law is that of the clusters of several contacts.
+        contacts: as used: every restitution is a number, and one for a cluster where the law has one.
+        twists: of the bodies' reference points after the impact, in world axes [m/s, rad/s].
+        changes: what the impact changed of them.
+        impulses: on body_a of each contact, in world axes [N s]. Where several do the same, those of least
+            sum of squares.
+        normal_velocities_before, normal_velocities_after: of body_a relative to body_b [m/s]; negative when
+            approaching.
+        regimes: what friction did at each contact; SEPARATING where there is no impulse.
+        kinetic_energy_before, kinetic_energy_after: of the dynamic bodies [J].
+        energy_lost_restitution, energy_lost_friction: work done against the normal and against the
+            tangential impulses [J].
+        clusters: the contacts that were resolved together.
+        order_sensitivity: how far the answers of one impact after another lie apart, over the orders tried,
+            relative to the change of velocity; ``None`` if none were tried.
+        error_bound: upper bound on the error of the change of any twist, relative to the largest change in
+            its cluster, in the norm of :class:`~collision_response.Impact`. Infinite where nothing can be
+            said. Of MOREAU with friction and ROUTH_STRONGE in clusters: an estimate.
+        decision_margin: how far the nearest velocity that decided whether a contact is struck was from the
+            threshold, relative to the fastest approach of its cluster; the answer jumps there.
+        adjustments: what was changed from what was asked.
+    """
+
+    status: StatusCode
+    model: ImpactModel
+    contacts: tuple[Contact, ...]
+    twists: tuple[Twist, ...]
+    changes: tuple[Twist, ...]
+    impulses: tuple[Vec3, ...]
+    normal_velocities_before: tuple[Scalar, ...]
+    normal_velocities_after: tuple[Scalar, ...]
+    regimes: tuple[Regime, ...]
+    kinetic_energy_before: Scalar
+    kinetic_energy_after: Scalar
+    energy_lost_restitution: Scalar
+    energy_lost_friction: Scalar
+    clusters: tuple[tuple[int, ...], ...]
+    order_sensitivity: float | None
+    error_bound: float
+    decision_margin: float
+    adjustments: Adjustment
+
+    def __str__(self) -> str:
+        """A table of the contacts, one of the bodies, and what holds for all."""
+        of = {contact: number for number, cluster in enumerate(self.clusters) for contact in cluster}
+        contacts = [
+            [
+                str(i),
+                str(of[i]),
+                self.regimes[i].name,
+                *map(_number, (contact.restitution, contact.friction)),
+                *map(_number, (self.normal_velocities_before[i], self.normal_velocities_after[i])),
+                _vector(self.impulses[i]),
+            ]
+            for i, contact in enumerate(self.contacts)
+        ]
+        bodies = [
+            [str(i), _vector(twist.linear), _vector(twist.angular)] for i, twist in enumerate(self.twists)
+        ]
+        before, after = _number(self.kinetic_energy_before), _number(self.kinetic_energy_after)
+        lost = _number(self.energy_lost_restitution), _number(self.energy_lost_friction)
+        lines = [
+            f"{self.status.name} by {self.model.law.name}, error <= {self.error_bound:.2g}",
+            *_table(
+                [*["contact", "cluster", "regime", "e", "mu"], "u before", "u after", "impulse"], contacts
+            ),
+            *_table(["body", "velocity", "angular velocity"], bodies),
+            f"energy {before} -> {after} J; lost: {lost[0]} restitution, {lost[1]} friction",
+        ]
+        if self.order_sensitivity is not None:
+            lines.append(f"order sensitivity {self.order_sensitivity:.2g}")
+        if self.adjustments:
+            lines.append(
+                f"adjusted: {', '.join(flag.name or '' for flag in Adjustment if flag & self.adjustments)}"
+            )
+        return "\n".join(lines)
+
+
+def _number(x: Scalar) -> str:
+    return f"{float(x):.6g}"
+
+
+def _vector(v: Vec3) -> str:
+    return "(" + ", ".join(map(_number, v)) + ")"
+
+
+def _table(head: list[str], rows: list[list[str]]) -> list[str]:
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in (head, *rows)
+    ]

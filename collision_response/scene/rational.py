@@ -1,0 +1,330 @@
+"""A cluster in exact arithmetic: what :class:`collision_response.kernels._scene.Cluster` is in double-
+double.
+
+Every method has the name and the meaning it has there; impulses are lists of fractions, and no error is
+above 0. It is the answer for rational input, and decides what double-double can't.
+
+Self-locking contacts, of which some impulses ``p >= 0``, not all 0, do nothing (``N p = 0``), are found
+here. The sum of ``p_i u_i`` is then the same before and after. Where it is 0, no velocity of theirs can
+be above 0 afterwards: they hold, as bilateral constraints do. Where it is negative, no velocity is
+admissible at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from math import isqrt
+from typing import NamedTuple
+
+from ..numbers.number import Scalar
+from ..physics.body import Body, Twist
+from ..physics.column import Column
+from ..physics.contact import Contact
+from ..physics.energy import kinetic_energy
+from ..physics.vector import Vec3
+
+Numbers = list[Scalar]
+NOUGHT = Fraction(0)
+NOTHING = Vec3(NOUGHT, NOUGHT, NOUGHT)
+
+
+class Motions(NamedTuple):
+    """What becomes of a cluster: see ``answer`` in ``kernels/scene.cpp``."""
+
+    changes: list[Twist]
+    twists: list[Twist]
+    impulses: list[Vec3]
+    before: Numbers
+    after: Numbers
+    kinetic_energy_before: Scalar
+    kinetic_energy_after: Scalar
+    lost_restitution: Scalar
+    lost_friction: Scalar
+    error_bound: float
+    details: tuple[list[tuple[Scalar, Scalar, Scalar]], bool, bool]
+
+
+class RationalCluster:
+    """Contacts of one cluster, of fractions."""
+
+    def __init__(
+        self, bodies: Sequence[Body], pairs: Sequence[tuple[int, int]], contacts: Sequence[Contact]
+    ) -> None:
+        self.count = len(contacts)
+        self._bodies = [body for body in bodies if body.is_movable()]
+        places = iter(range(len(self._bodies)))
+        self._places = [next(places) if body.is_movable() else None for body in bodies]
+        self._contacts = contacts
+        self._pairs = pairs
+        columns = [
+            tuple(Column.of(bodies[body], contact.position, contact.normal) for body in pair)
+            for pair, contact in zip(pairs, contacts, strict=True)
+        ]
+        self._columns = columns
+        self._u = [a.velocity - b.velocity for a, b in columns]
+        units = [[Fraction(i == j) for j in range(self.count)] for i in range(self.count)]
+        self.A = [list(row) for row in zip(*(self._velocity_change(unit) for unit in units), strict=True)]
+        self._held = self._find_held()
+        self.locked = False
+
+    def none(self) -> Numbers:
+        """No impulses, but for those of contacts that hold."""
+        zero = [NOUGHT] * self.count
+        if not self._held:
+            return zero
+        found = self._least(self._u, [])
+        return zero if found is None else found
+
+    def approach(self) -> tuple[Scalar, float]:
+        """The speed of the fastest approach, and its error."""
+        speeds = (-u / length(c.normal) for u, c in zip(self._u, self._contacts, strict=True))
+        return max(NOUGHT, *speeds), 0.0
+
+    def violated(self, p: Numbers, _: float, limit: Scalar, __: float) -> tuple[list[int], Scalar, bool]:
+        """The contacts of velocity below ``-limit``; the least distance from that; that this is certain."""
+        u = [u / length(c.normal) for u, c in zip(self._velocities(p), self._contacts, strict=True)]
+        looked = [i for i in range(self.count) if i not in self._held]
+        margin = min((abs(u[i] + limit) for i in looked), default=NOUGHT)
+        return [i for i in looked if u[i] < -limit], margin, True
+
+    def approaching(self, p: Numbers, _: float) -> bool:
+        """Whether some contact approaches."""
+        return any(u < 0 for u in self._velocities(p))
+
+    def project(self, p: Numbers, among: list[int] | None, offset: bool) -> tuple[Numbers, float] | None:
+        """The impulses on top of ``p`` that just keep the contacts ``among`` from approaching."""
+        u = self._velocities(p)
+        if offset:
+            pairs = zip(u, self._u, self._contacts, strict=True)
+            u = [now + contact.restitution * min(before, NOUGHT) for now, before, contact in pairs]
+        chosen = range(self.count) if among is None else among
+        q = self._least(u, [i for i in chosen if i not in self._held])
+        return None if q is None else (q, 0.0)
+
+    def combine(self, a: Scalar, p: Numbers, b: Scalar, q: Numbers) -> tuple[Numbers, float]:
+        """``a p + b q``."""
+        return [a * x + b * y for x, y in zip(p, q, strict=True)], 0.0
+
+    def joined_restitution(self, q: Numbers) -> tuple[Scalar, float]:
+        """``sum e u q / sum u q`` over the contacts that approach."""
+        weights = [min(u, NOUGHT) * x for u, x in zip(self._u, q, strict=True)]
+        total = sum(weights)
+        if total == 0:
+            return NOUGHT, 0.0
+        return sum(w * c.restitution for w, c in zip(weights, self._contacts, strict=True)) / total, 0.0
+
+    def size(self, _: Numbers) -> float:
+        """For errors, of which there are none."""
+        return 0.0
+
+    def answer(self, p: Numbers, _: None, __: float) -> Motions:
+        """What becomes of the bodies."""
+        changes = self._changes(p)
+        moved = [
+            body._replace(
+                velocity=body.velocity + c.linear, angular_velocity=body.angular_velocity + c.angular
+            )
+            for body, c in zip(self._bodies, changes, strict=True)
+        ]
+        after = self._velocities(p)
+        lost = -sum((x * (b + a) for x, b, a in zip(p, self._u, after, strict=True)), start=NOUGHT) / 2
+        idle = [body.angular_velocity - body.driving_spin() for body in self._bodies]
+        lengths = [length(contact.normal) for contact in self._contacts]
+        return Motions(
+            changes,
+            [Twist(body.velocity, body.angular_velocity) for body in moved],
+            [c.normal * x for c, x in zip(self._contacts, self.least_norm(p), strict=True)],
+            [u / size for u, size in zip(self._u, lengths, strict=True)],
+            [u / size for u, size in zip(after, lengths, strict=True)],
+            sum(map(kinetic_energy, self._bodies)),
+            sum(map(kinetic_energy, moved)),
+            lost,
+            NOUGHT,
+            0.0,
+            ([(NOUGHT, NOUGHT, NOUGHT)] * self.count, any(spin.dot(spin) > 0 for spin in idle), False),
+        )
+
+    def _changes(self, p: Numbers) -> list[Twist]:
+        changes = [Twist(NOTHING, NOTHING) for _ in self._bodies]
+        for x, pair, sides in zip(p, self._pairs, self._columns, strict=True):
+            for body, side, sign in zip(pair, sides, (1, -1), strict=True):
+                place = self._places[body]
+                if place is not None and x != 0:
+                    linear, angular = changes[place]
+                    by = side.response
+                    changes[place] = Twist(linear + by.linear * (sign * x), angular + by.angular * (sign * x))
+        return changes
+
+    def _velocity_change(self, p: Numbers) -> Numbers:
+        changes, result = self._changes(p), []
+        for contact, pair, sides in zip(self._contacts, self._pairs, self._columns, strict=True):
+            total = NOUGHT
+            for body, side, sign in zip(pair, sides, (1, -1), strict=True):
+                place = self._places[body]
+                if place is not None:
+                    linear, angular = changes[place]
+                    total += sign * (contact.normal.dot(linear) + side.arm.dot(angular))
+            result.append(total)
+        return result
+
+    def _velocities(self, p: Numbers) -> Numbers:
+        rows = (sum((a * x for a, x in zip(row, p, strict=True) if x), start=NOUGHT) for row in self.A)
+        return [u + change for u, change in zip(self._u, rows, strict=True)]
+
+    def _least(self, b: Numbers, among: Sequence[int]) -> Numbers | None:
+        found = least(self.A, b, among, self._held)
+        return None if found.ray else found.x
+
+    def _find_held(self) -> list[int]:
+        """The contacts that hold."""
+        everyone = range(self.count)
+        matrix = self._with_work()
+        held: set[int] = set()
+        while True:
+            found = least(matrix, [NOUGHT if i in held else Fraction(-1) for i in everyone], everyone, [])
+            if not found.ray:
+                return sorted(held)
+            held |= {i for i in everyone if found.ray[i] > 0}
+
+    def _with_work(self) -> list[Numbers]:
+        """``A + u u^T``: impulses that it maps to 0 move nothing, and do no work on moving walls either."""
+        return [
+            [a + x * y for a, y in zip(row, self._u, strict=True)]
+            for row, x in zip(self.A, self._u, strict=True)
+        ]
+
+    def least_norm(self, p: Numbers) -> Numbers:
+        """Of the impulses ``>= 0`` that do the same, those of least sum of squares, as vectors in space."""
+        Z = null_space(self._with_work())
+        if not Z:
+            return p
+        weights = [c.normal.dot(c.normal) for c in self._contacts]
+        H = [[_dot3(weights, z, y) for y in Z] for z in Z]
+        back = solve(H, [_dot3(weights, z, p) for z in Z])
+        free = [x - sum(c * z[i] for c, z in zip(back, Z, strict=True)) for i, x in enumerate(p)]
+        responses = [solve(H, [z[j] for z in Z]) for j in range(self.count)]  # columns of H^-1 Z^T
+        matrix = [
+            [sum(z[i] * r for z, r in zip(Z, row, strict=True)) for row in responses]
+            for i in range(self.count)
+        ]
+        among = [i for i in range(self.count) if matrix[i][i] != 0]
+        x = least(matrix, free, among, []).x
+        return [f + _dot(row, x) for f, row in zip(free, matrix, strict=True)]
+
+
+class Least(NamedTuple):
+    """The least of ``x.A x / 2 + b.x``; or a ray ``A ray = 0``, ``b.ray < 0`` along which there is none."""
+
+    x: Numbers
+    ray: Numbers | None
+
+
+def least(A: Sequence[Numbers], b: Numbers, among: Sequence[int], free: Sequence[int]) -> Least:
+    """The least of ``x.A x / 2 + b.x`` over ``x_i >= 0`` for ``i`` in ``among`` and any ``x_i`` in ``free``.
+
+    The method of ``kernels/scene/active_set.hpp``, by the smallest index, which does not cycle. A column that
+    depends on the free ones stays out.
+    """
+    x = [NOUGHT] * len(b)
+    active: list[int] = []
+    for i in free:
+        w = solve([[A[j][k] for k in active] for j in active], [A[j][i] for j in active])
+        if A[i][i] - sum((A[i][j] * c for j, c in zip(active, w, strict=True)), start=NOUGHT) > 0:
+            active.append(i)
+    bound = len(active)
+    start = solve([[A[j][k] for k in active] for j in active], [-b[j] for j in active])
+    for j, value in zip(active, start, strict=True):
+        x[j] = value
+    while True:
+        slopes = {
+            i: b[i] + sum((A[i][j] * x[j] for j in active), start=NOUGHT) for i in among if i not in active
+        }
+        entering = next((i for i, slope in slopes.items() if slope < 0), None)
+        if entering is None:
+            return Least(x, None)
+        slope = slopes[entering]
+        while True:
+            w = solve([[A[j][k] for k in active] for j in active], [A[j][entering] for j in active])
+            curvature = A[entering][entering] - sum(
+                (A[entering][j] * c for j, c in zip(active, w, strict=True)), start=NOUGHT
+            )
+            steps = [(x[j] / c, j) for j, c in list(zip(active, w, strict=True))[bound:] if c > 0]
+            blocked, leaving = min(steps, default=(None, None))
+            if curvature > 0 and (blocked is None or -slope / curvature <= blocked):
+                step, leaving = -slope / curvature, None
+            elif blocked is None:
+                ray = [NOUGHT] * len(b)
+                ray[entering] = Fraction(1)
+                for j, c in zip(active, w, strict=True):
+                    ray[j] = -c
+                return Least(x, ray)
+            else:
+                step = blocked
+            x[entering] += step
+            for j, c in zip(active, w, strict=True):
+                x[j] -= step * c
+            slope += step * curvature
+            if leaving is None:
+                active.append(entering)
+                break
+            active.remove(leaving)
+
+
+def solve(matrix: Sequence[Sequence[Scalar]], right: Sequence[Scalar]) -> Numbers:
+    """The solution of a regular system."""
+    n = len(right)
+    rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
+    for k in range(n):
+        pivot = next(i for i in range(k, n) if rows[i][k] != 0)
+        rows[k], rows[pivot] = rows[pivot], rows[k]
+        for i in range(n):
+            if i != k and rows[i][k] != 0:
+                factor = rows[i][k] / rows[k][k]
+                rows[i] = [a - factor * c for a, c in zip(rows[i], rows[k], strict=True)]
+    return [rows[k][n] / rows[k][k] for k in range(n)]
+
+
+def null_space(matrix: Sequence[Sequence[Scalar]]) -> list[Numbers]:
+    """Vectors that span what a matrix maps to 0."""
+    rows = [list(row) for row in matrix]
+    pivots: list[int] = []
+    n = len(rows)
+    for k in range(n):
+        found = next((i for i in range(len(pivots), n) if rows[i][k] != 0), None)
+        if found is None:
+            continue
+        place = len(pivots)
+        rows[place], rows[found] = rows[found], rows[place]
+        rows[place] = [a / rows[place][k] for a in rows[place]]
+        for i in range(n):
+            if i != place and rows[i][k] != 0:
+                factor = rows[i][k]
+                rows[i] = [a - factor * c for a, c in zip(rows[i], rows[place], strict=True)]
+        pivots.append(k)
+    basis = []
+    for k in range(n):
+        if k not in pivots:
+            vector = [NOUGHT] * n
+            vector[k] = Fraction(1)
+            for place, pivot in enumerate(pivots):
+                vector[pivot] = -rows[place][k]
+            basis.append(vector)
+    return basis
+
+
+def length(v: Vec3) -> Scalar:
+    """The length of a vector: exact if it is rational, else in double precision."""
+    square = v.dot(v)
+    top, bottom = isqrt(square.numerator), isqrt(square.denominator)
+    if top * top == square.numerator and bottom * bottom == square.denominator:
+        return Fraction(top, bottom)
+    return Fraction(float(square) ** 0.5)
+
+
+def _dot(v: Sequence[Scalar], w: Sequence[Scalar]) -> Scalar:
+    return sum((a * b for a, b in zip(v, w, strict=True)), start=NOUGHT)
+
+
+def _dot3(v: Sequence[Scalar], w: Sequence[Scalar], z: Sequence[Scalar]) -> Scalar:
+    return sum((a * b * c for a, b, c in zip(v, w, z, strict=True)), start=NOUGHT)

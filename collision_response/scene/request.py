@@ -1,0 +1,195 @@
+"""What is asked of a scene, checked and in numbers of one make; and which field is at fault."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+from numbers import Rational
+from typing import Any, NamedTuple
+
+from .. import exactly, validity
+from ..model import check_number
+from ..physics.body import Body
+from ..physics.contact import Contact
+from ..physics.orientation import Quaternion
+from ..physics.tensor import Symmetric3
+from ..physics.vector import Vec3
+from ..status import ImpactError, StatusCode
+from .clusters import Pair
+
+
+def check_shape(bodies: Any, pairs: Any, contacts: Any) -> tuple[list[Body], list[Pair], list[Contact]]:
+    """The parts of a request, as lists.
+
+    Raises:
+        ImpactError: UNKNOWN_BODY, SAME_BODY or NO_DYNAMIC_BODY.
+        TypeError: a part is not of the kind that it should be.
+        ValueError: there is not one pair for each contact.
+    """
+    bodies, pairs, contacts = list(bodies), list(pairs), list(contacts)
+    for name, items, kind in (("bodies", bodies, Body), ("contacts", contacts, Contact)):
+        for i, item in enumerate(items):
+            if item.__class__ is not kind and not isinstance(item, kind):
+                raise TypeError(f"{name}[{i}]: must be a {kind.__name__}, is {item!r}")
+    if len(pairs) != len(contacts):
+        raise ValueError(
+            f"pairs: must be one for each contact; are {len(pairs)} for {len(contacts)} contacts"
+        )
+    for i, pair in enumerate(pairs):
+        if (
+            pair.__class__ is not tuple
+            or len(pair) != 2
+            or type(pair[0]) is not int
+            or type(pair[1]) is not int
+        ):
+            pairs[i] = pair = _as_pair(i, pair)
+        a, b = pair
+        if not (0 <= a < len(bodies) and 0 <= b < len(bodies)):
+            reason = f"must be two indices of bodies, from 0 to {len(bodies) - 1}; is {pair}"
+            raise ImpactError(StatusCode.UNKNOWN_BODY, f"pairs[{i}]", reason)
+        if a == b:
+            raise ImpactError(StatusCode.SAME_BODY, f"pairs[{i}]", f"a body cannot strike itself; is {pair}")
+    return bodies, pairs, contacts
+
+
+def _as_pair(i: int, pair: Any) -> Pair:
+    try:
+        a, b = (index.__index__() for index in pair)
+    except (AttributeError, TypeError, ValueError):
+        raise TypeError(f"pairs[{i}]: must be two indices of bodies, is {pair!r}") from None
+    return a, b
+
+
+def is_movable(i: int, body: Body) -> bool:
+    """Whether impulses move a body. Raises: TypeError: its mass is no number."""
+    try:
+        return bool(body.mass < math.inf)
+    except TypeError:
+        raise TypeError(f"bodies[{i}].mass: must be a real number, is {body.mass!r}") from None
+
+
+def has_friction(i: int, contact: Contact) -> bool:
+    """Whether a contact has friction. Raises: TypeError: its friction is no number."""
+    try:
+        return bool(contact.friction > 0)
+    except TypeError:
+        raise TypeError(f"contacts[{i}].friction: must be a real number, is {contact.friction!r}") from None
+
+
+def as_fractions(body: Body) -> Body:
+    """A body of exact numbers; an infinite mass stays."""
+    return _converted(body, _fraction)
+
+
+def contact_as_fractions(contact: Contact) -> Contact:
+    """A contact of exact numbers."""
+    return _converted_contact(contact, _fraction)
+
+
+def _fraction(x: Any) -> Any:
+    if isinstance(x, Rational):
+        return Fraction(x)
+    x = float(x)
+    return Fraction(x) if math.isfinite(x) else x
+
+
+def as_floats(
+    bodies: Sequence[Body], pairs: Sequence[Pair], contacts: Sequence[Contact], names: Sequence[Name]
+) -> tuple[list[Body], list[Contact]]:
+    """The same in floats, where numbers were of other kinds.
+
+    Args:
+        bodies, pairs, contacts: of a cluster.
+        names: of the contacts and their bodies in the scene.
+
+    Raises:
+        TypeError: something is no number.
+        ImpactError: INVALID_MODEL: a number is no float; give :class:`fractions.Fraction` for exact numbers.
+    """
+    floats, touches = list(bodies), list(contacts)
+    for i, ((a, b), name) in enumerate(zip(pairs, names, strict=True)):
+        lost: list[float] = []
+
+        def read(x: float, error: float, lost: list[float] = lost) -> float:
+            lost.append(error)
+            return x
+
+        try:
+            floats[a], floats[b], touches[i] = exactly.read(bodies[a], bodies[b], contacts[i], read)
+        except TypeError as error:
+            raise TypeError(named(str(error), name)) from None
+        if any(lost):
+            reason = (
+                "a number of it, or of its bodies, is no float: give fractions.Fraction for exact numbers"
+            )
+            raise ImpactError(StatusCode.INVALID_MODEL, f"contacts[{name.contact}]", reason)
+    return floats, touches
+
+
+class Name(NamedTuple):
+    """A contact and its bodies, as the scene numbers them."""
+
+    contact: int
+    body_a: int
+    body_b: int
+
+
+def named(text: str, name: Name) -> str:
+    """A message about one impact, in the words of the scene."""
+    fields = (("body_a", f"bodies[{name.body_a}]"), ("body_b", f"bodies[{name.body_b}]"))
+    for word, place in (*fields, ("contact", f"contacts[{name.contact}]")):
+        if text == word or text.startswith((word + ".", word + ":", word + "(")):
+            return place + text[len(word) :]
+    return text
+
+
+def renamed(error: ImpactError, name: Name) -> ImpactError:
+    """An error about one impact, in the words of the scene."""
+    if error.code is StatusCode.NO_DYNAMIC_BODY:
+        reason = f"one body must be dynamic; is {(name.body_a, name.body_b)}"
+        return ImpactError(error.code, f"pairs[{name.contact}]", reason)
+    return ImpactError(error.code, named(error.field, name), error.reason)
+
+
+def check_contact(body_a: Body, body_b: Body, contact: Contact, name: Name) -> None:
+    """Raises: ImpactError: what is wrong with one contact, or its bodies."""
+    try:
+        validity.check(body_a, body_b, contact, 0.0)
+    except ImpactError as error:
+        raise renamed(error, name) from None
+
+
+def restitution_of(contact: Contact, place: int, speed: float) -> float:
+    """The restitution of a contact for an approach speed."""
+    value = contact.restitution(speed)
+    check_number(
+        f"contacts[{place}].restitution(approach_speed)", value, 0, 1, StatusCode.INVALID_COEFFICIENT
+    )
+    return float(value)
+
+
+def _converted(body: Body, number: Any) -> Body:
+    def vector(v: Any) -> Vec3:
+        return Vec3(*map(number, v))
+
+    q = body.orientation
+    return Body(
+        number(body.mass),
+        Symmetric3(*map(number, body.inertia)),
+        vector(body.position),
+        None if q is None else Quaternion(*map(number, q)),
+        vector(body.velocity),
+        vector(body.angular_velocity),
+        vector(body.com),
+    )
+
+
+def _converted_contact(contact: Contact, number: Any) -> Contact:
+    e = contact.restitution
+    return Contact(
+        Vec3(*map(number, contact.position)),
+        Vec3(*map(number, contact.normal)),
+        e if callable(e) else number(e),
+        number(contact.friction),
+    )

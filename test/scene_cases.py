@@ -1,0 +1,186 @@
+"""Scenes of several contacts for every test that wants some, and what every answer must keep."""
+
+from __future__ import annotations
+
+import math
+import random
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+from collision_response import Body, Contact, ImpactModel, Law, SceneImpact, resolve_scene
+from collision_response.physics.orientation import Quaternion
+from collision_response.physics.vector import Vec3
+
+
+class Case(NamedTuple):
+    """A scene."""
+
+    bodies: list[Body]
+    pairs: list[tuple[int, int]]
+    contacts: list[Contact]
+
+    def resolve(
+        self, law: Law = Law.AUTO, *, options: dict[str, Any] | None = None, **model: Any
+    ) -> SceneImpact:
+        return resolve_scene(*self, ImpactModel(law, **model), **(options or {}))
+
+    def with_contacts(self, **fields: Any) -> Case:
+        return self._replace(contacts=[contact._replace(**fields) for contact in self.contacts])
+
+
+def row(velocities, e: Any = 1, masses=None, number: Any = Fraction) -> Case:
+    """Balls in a row along x, that touch."""
+    masses = masses or [1] * len(velocities)
+    zero = number(0)
+    bodies = [
+        Body.dynamic(number(m), position=(number(i), zero, zero), velocity=(number(v), zero, zero))
+        for i, (v, m) in enumerate(zip(velocities, masses, strict=True))
+    ]
+    contacts = [
+        Contact.of((number(2 * i + 1) / 2, zero, zero), (number(-1), zero, zero), number(e))
+        for i in range(len(bodies) - 1)
+    ]
+    return Case(bodies, [(i, i + 1) for i in range(len(contacts))], contacts)
+
+
+def speeds(answer: SceneImpact) -> list[Any]:
+    """Along x."""
+    return [twist.linear.x for twist in answer.twists]
+
+
+def box(
+    velocity=(0, 0, -1),
+    spin=(0, 0, 0),
+    e: Any = 1.0,
+    mu: Any = 0.0,
+    size=(1, 1, 1),
+    mass: Any = 1,
+    number: Any = float,
+) -> Case:
+    """A box flat on a floor, with four corners."""
+    x, y, z = (number(s) for s in size)
+    mass = number(mass)
+    inertia = (mass * (y * y + z * z) / 12, 0, 0, mass * (x * x + z * z) / 12, 0, mass * (x * x + y * y) / 12)
+    body = Body.dynamic(
+        mass,
+        tuple(map(number, inertia)),
+        (number(0), number(0), z / 2),
+        None,
+        tuple(map(number, velocity)),
+        tuple(map(number, spin)),
+    )
+    contacts = [
+        Contact.of(
+            (a * x / 2, b * y / 2, number(0)), (number(0), number(0), number(1)), number(e), number(mu)
+        )
+        for a in (-1, 1)
+        for b in (-1, 1)
+    ]
+    return Case([body, Body.static()], [(0, 1)] * 4, contacts)
+
+
+def turn(q: Quaternion, v) -> Vec3:
+    return q.rotation().to_world(Vec3(*v))
+
+
+def product(p: Quaternion, q: Quaternion) -> Quaternion:
+    a, b = Vec3(*p[:3]), Vec3(*q[:3])
+    return Quaternion(*(b * p.w + a * q.w + a.cross(b)), p.w * q.w - a.dot(b))
+
+
+def random_case(seed: int, e: float | None = None, mu: float | None = None, contacts: int = 12) -> Case:
+    """Some bodies that touch here and there: stacks, patches of contacts, doubled ones, walls that may move.
+
+    The normals point from body to body, more or less, so that there is a velocity that parts all: away from
+    the middle.
+    """
+    rng = random.Random(seed)
+
+    def vector(size: float = 1.0) -> Vec3:
+        return Vec3(*(rng.uniform(-size, size) for _ in range(3)))
+
+    bodies = []
+    for _ in range(rng.randint(2, 6)):
+        mass = math.exp(rng.uniform(-2, 2))
+        x, y, z = (mass * rng.uniform(0.02, 0.2) for _ in range(3))
+        kind = rng.random()
+        inertia = (y + z, 0.0, 0.0, x + z, 0.0, x + y) if kind < 0.8 else (0.0,) * 6
+        q = [rng.gauss(0, 1) for _ in range(4)] if kind < 0.5 else None
+        com = vector(0.2) if kind < 0.3 else Vec3(0.0, 0.0, 0.0)
+        bodies.append(Body.dynamic(mass, inertia, vector(2.0), q, vector(), vector(), com))
+    walls = [Body.static(), Body.kinematic((0.0, 0.0, 0.0), vector(0.5), vector(0.2))]
+    count = rng.randint(2, contacts)
+    pairs, touches = [], []
+    movable = len(bodies)
+    while len(touches) < count:
+        a, b = rng.randrange(movable), rng.randrange(movable + 2)
+        if a == b:
+            continue
+        other = bodies[b].position if b < movable else Vec3(0.0, 0.0, 0.0)
+        normal = bodies[a].position - other
+        length = normal.norm()
+        if length < 0.3:
+            continue
+        middle = other + normal * 0.5
+        normal = (normal * (1 / length) + vector(0.2)) * rng.choice([1.0, 1.0, 3.7])
+        ee = rng.choice([0.0, 0.5, 1.0]) if e is None else e
+        m = rng.choice([0.0, 0.3, 3.0]) if mu is None else mu
+        patch = rng.choice([1, 1, 2, 4])
+        for _ in range(min(patch, count - len(touches))):
+            pairs.append((a, b))
+            touches.append(Contact.of(middle + vector(0.3), normal, ee, m))
+        if rng.random() < 0.2:
+            pairs.append(pairs[-1])
+            touches.append(touches[-1])
+    return Case(bodies + walls, pairs, touches)
+
+
+def momentum(case: Case, twists) -> tuple[Vec3, Vec3]:
+    """Linear, and angular about the origin."""
+    linear = angular = Vec3(0, 0, 0)
+    for body, twist in zip(case.bodies, twists, strict=True):
+        if body.is_movable():
+            c = body.to_world(body.com)
+            v = twist.linear + twist.angular.cross(c)
+            spin = body.to_world(body.inertia @ body.to_body(twist.angular))
+            linear = linear + v * body.mass
+            angular = angular + spin + (body.position + c).cross(v) * body.mass
+    return linear, angular
+
+
+def size_of(case: Case, answer: SceneImpact) -> float:
+    """Of the change of velocity, in the metric of kinetic energy, at least that of any body."""
+    square = 0.0
+    for body, change in zip(case.bodies, answer.changes, strict=True):
+        if body.is_movable():
+            square += body.mass * change.linear.dot(change.linear)
+            square += body.inertia.trace() / 3 * change.angular.dot(change.angular)
+    return math.sqrt(float(square))
+
+
+def energy(case: Case, twists) -> Any:
+    total: Any = 0
+    for body, twist in zip(case.bodies, twists, strict=True):
+        if body.is_movable():
+            v = twist.linear + twist.angular.cross(body.to_world(body.com))
+            w = body.to_body(twist.angular)
+            total += (body.mass * v.dot(v) + w.dot(body.inertia @ w)) / 2
+    return total
+
+
+def apart(case: Case, one: SceneImpact, other: SceneImpact) -> float:
+    """The distance of two answers, relative to the change, in the norm of the error bound over all bodies."""
+    return apart_by(case, one.changes, other.changes)
+
+
+def apart_by(case: Case, one, other) -> float:
+    off = size = 0.0
+    for body, x, y in zip(case.bodies, one, other, strict=True):
+        if body.is_movable():
+            arm = float(body.inertia.trace() / 3)
+            off += (
+                float(body.mass) * math.dist(x.linear, y.linear) ** 2
+                + arm * math.dist(x.angular, y.angular) ** 2
+            )
+            size += float(body.mass) * math.hypot(*y.linear) ** 2 + arm * math.hypot(*y.angular) ** 2
+    return math.sqrt(off / size) if size else math.sqrt(off)

@@ -1,0 +1,243 @@
+"""Scenes built to break the answer: ties, cancellations, decisions on their edge, opposite ranges in
+one cluster."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from fractions import Fraction as F
+
+import pytest
+from scene_cases import Case, apart, box, row, size_of, speeds
+
+from collision_response import Body, Contact, Law, StatusCode, resolve_scene
+from collision_response.physics.orientation import Quaternion
+from collision_response.physics.vector import Vec3
+
+
+def exactly(case: Case, law: Law = Law.FRICTIONLESS, **options):
+    """The same with one number a fraction, so that all are."""
+    first = next(i for i, body in enumerate(case.bodies) if body.is_movable())
+    bodies = list(case.bodies)
+    bodies[first] = bodies[first]._replace(mass=F(bodies[first].mass))
+    return Case(bodies, *case[1:]).resolve(law, options=options)
+
+
+def assert_bounded(case: Case, answer, exact) -> None:
+    """Every change of twist is within the bound, relative to the largest of its cluster."""
+    assert answer.error_bound < math.inf
+    worst, largest = 0.0, 0.0
+    for body, change, true in zip(case.bodies, answer.changes, exact.changes, strict=True):
+        if not body.is_movable():
+            continue
+        weights = [body.mass] * 3 + [body.inertia.trace() / 3] * 3
+        off = [float(F(x) - y) for v, w in zip(change, true, strict=True) for x, y in zip(v, w, strict=True)]
+        size = [float(x) for v in true for x in v]
+        worst = max(worst, math.sqrt(sum(w * x * x for w, x in zip(weights, off, strict=True))))
+        largest = max(largest, math.sqrt(sum(w * x * x for w, x in zip(weights, size, strict=True))))
+    assert worst <= answer.error_bound * largest * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("masses", list(itertools.permutations((1e-12, 1.0, 1e12))))
+@pytest.mark.parametrize("e", [0.0, 0.3, 1.0])
+def test_masses_of_opposite_range(masses, e):
+    case = row((1, 0, -0.5), e, masses, float)
+    answer = case.resolve(Law.FRICTIONLESS)
+    assert_bounded(case, answer, exactly(case))
+    assert answer.error_bound < 1e-9  # in double-double, times the root of the ratio of masses
+
+
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("mass", [1e-12, 1e12])
+def test_a_box_of_any_mass(mass, law):
+    one, other = (
+        box((1, 0.5, -1), e=0.5, mu=0.3).resolve(law),
+        box((1, 0.5, -1), e=0.5, mu=0.3, mass=mass).resolve(law),
+    )
+    assert other.twists[0].linear == pytest.approx(one.twists[0].linear, abs=1e-7)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e6])
+def test_a_box_of_any_size(size):
+    case = box((1, 0.5, -1), e=0.5, mu=0.3, size=(size, size, size))
+    assert case.resolve().twists[0].linear == pytest.approx(
+        box((1, 0.5, -1), e=0.5, mu=0.3).resolve().twists[0].linear, abs=1e-7
+    )
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+def test_normals_of_any_length(law):
+    case = box((1, 0.5, -1), (0.3, -0.2, 0.1), e=0.5, mu=0.3)
+    lengths = (1e-9, 0.3, 7.0, 1e9)
+    odd = Case(
+        case.bodies,
+        case.pairs,
+        [c._replace(normal=c.normal * k) for c, k in zip(case.contacts, lengths, strict=True)],
+    )
+    one, other = case.resolve(law), odd.resolve(law)
+    assert apart(case, one, other) < 1e-7
+    for P, Q in zip(one.impulses, other.impulses, strict=True):
+        assert pytest.approx(P, abs=1e-6) == Q
+    assert other.normal_velocities_after == pytest.approx(one.normal_velocities_after, abs=1e-7)
+
+
+def test_a_flat_box_turned_anyhow():
+    """Its four contacts still depend on each other, by rounded numbers now."""
+    for k in range(12):
+        q = Quaternion(math.sin(k), math.cos(2 * k), math.sin(3 * k + 1), 1.0)
+        flat = box(e=0.7)
+        turned = Case(
+            [
+                flat.bodies[0]._replace(
+                    orientation=q,
+                    velocity=q.rotation().to_world(flat.bodies[0].velocity),
+                    position=q.rotation().to_world(flat.bodies[0].position),
+                ),
+                flat.bodies[1],
+            ],
+            flat.pairs,
+            [
+                c._replace(position=q.rotation().to_world(c.position), normal=q.rotation().to_world(c.normal))
+                for c in flat.contacts
+            ],
+        )
+        answer = turned.resolve()
+        assert answer.error_bound < 1e-12
+        assert size_of(turned, answer) == pytest.approx(1.7, abs=1e-12)
+        for P in answer.impulses:
+            assert P.norm() == pytest.approx(1.7 / 4, abs=1e-9)
+
+
+@pytest.mark.parametrize("tilt", [1e-300, 1e-17, 1e-15, 1e-12, 1e-9, 1e-6])
+def test_contacts_that_almost_depend_on_each_other(tilt):
+    """The fourth normal is not quite that of the others."""
+    case = box((0.1, 0, -1), (0.2, 0.1, 0), e=0.6)
+    contacts = [*case.contacts[:3], case.contacts[3]._replace(normal=Vec3(tilt, 0.0, 1.0))]
+    almost = Case(case.bodies, case.pairs, contacts)
+    answer = almost.resolve(Law.FRICTIONLESS)
+    assert_bounded(almost, answer, exactly(almost))
+    assert min(answer.normal_velocities_after) >= -1e-12
+
+
+@pytest.mark.parametrize(
+    "speed", [0.0, -0.0, 5e-324, -5e-324, 1e-300, -1e-300, 1e-17, -1e-17, -1e-9, -(2.0**-30), 1e-9]
+)
+@pytest.mark.parametrize("threshold", [0, 2.0**-30])
+def test_a_contact_on_the_edge_of_approaching(speed, threshold):
+    """With the decision exactly where the velocities are equal, too: then rationals decide."""
+    case = row((1.0, 0.0, speed), number=float)
+    answer = case.resolve(Law.FRICTIONLESS, options={"threshold": threshold})
+    exact = exactly(case, threshold=threshold)
+    assert_bounded(case, answer, exact)
+    for mine, right in zip(speeds(answer), speeds(exact), strict=True):
+        assert mine == pytest.approx(float(right), abs=1e-12)
+
+
+def test_a_decision_on_its_edge_is_made_exactly():
+    """u = -threshold to the last digit, of numbers that floats only come near."""
+    third = 1 / 3
+    case = row((third, 0.0, -third * 2.0**-30), number=float)
+    answer = case.resolve(Law.FRICTIONLESS)
+    exact = exactly(case)
+    assert_bounded(case, answer, exact)
+    assert exact.decision_margin == 0
+
+
+def test_rods_and_points_have_no_spin_to_give():
+    rod = Body.dynamic(
+        1.0, (0.0, 0.0, 0.0, 1 / 12, 0.0, 1 / 12), (0.0, 0.0, 0.1), None, (0.0, 0.0, -1.0), (9.0, 0.0, 0.0)
+    )
+    point = Body.dynamic(2.0, position=(0.4, 0.0, 0.3), velocity=(0.0, 0.0, -2.0))
+    contacts = [Contact.of((x, 0.0, 0.0), (0.0, 0.0, 1.0), 0.5, 0.2) for x in (-0.5, 0.5)]
+    contacts.append(Contact.of((0.4, 0.1, 0.2), (0.0, 0.2, 1.0), 0.5, 0.2))
+    case = Case([rod, Body.static(), point], [(0, 1), (0, 1), (2, 0)], contacts)
+    for law in (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE):
+        answer = case.resolve(law)
+        assert answer.adjustments.name == "MASSLESS_SPIN"
+        assert answer.changes[0].angular.x == 0
+        assert answer.changes[2].angular == (0, 0, 0)
+        assert min(answer.normal_velocities_after) > -1e-9
+    assert_bounded(case, case.resolve(Law.FRICTIONLESS), exactly(case))
+
+
+def test_an_offset_centre_of_mass_is_the_same_body():
+    case = box((1, 0.5, -1), (0.3, -0.2, 0.5), e=0.5, mu=0.3)
+    body, c = case.bodies[0], Vec3(0.3, -0.1, 0.2)
+    moved = body._replace(
+        com=c,
+        position=body.position - c,
+        velocity=Vec3(*body.velocity) - Vec3(*body.angular_velocity).cross(c),
+    )
+    one, other = case.resolve(), Case([moved, case.bodies[1]], *case[1:]).resolve()
+    angular = other.twists[0].angular
+    assert angular == pytest.approx(one.twists[0].angular, abs=1e-9)
+    assert other.twists[0].linear + angular.cross(c) == pytest.approx(one.twists[0].linear, abs=1e-9)
+    for P, Q in zip(one.impulses, other.impulses, strict=True):
+        assert pytest.approx(P, abs=1e-6) == Q
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+def test_friction_beyond_measure_and_next_to_nothing(law):
+    for mu, like in ((1e300, 1e6), (1e-300, 0.0)):
+        one, other = box((1, 0, -1), e=0.5, mu=mu).resolve(law), box((1, 0, -1), e=0.5, mu=like).resolve(law)
+        assert one.twists[0].linear == pytest.approx(other.twists[0].linear, abs=1e-5)
+
+
+def test_a_moving_wall_may_give_but_contacts_take():
+    """A lift carries a box upwards: energy grows, by the work of the lift, and the contacts still lose."""
+    case = box((0, 0, -1), e=0.5, mu=0.3)
+    lift = Case([case.bodies[0], Body.kinematic(velocity=(0.2, 0.0, 3.0))], *case[1:])
+    for law in (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE):
+        answer = lift.resolve(law)
+        assert answer.twists[0].linear.z == pytest.approx(
+            5.0, abs=1e-6 if law is not Law.ROUTH_STRONGE else 0.01
+        )
+        assert answer.kinetic_energy_after > answer.kinetic_energy_before
+        assert answer.energy_lost_restitution + answer.energy_lost_friction > 0
+
+
+def test_a_wall_that_turns_and_a_patch_of_points_without_inertia():
+    """The same impulses from elsewhere on a turning wall would do other work: they are not the same."""
+    body = Body.dynamic(1.0, position=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, -1.0))
+    wall = Body.kinematic((0.0, 0.0, 0.0), (0.0, 0.0, 0.3), (0.0, 0.5, 0.0))
+    contacts = [Contact.of((x, 0.0, 0.0), (0.0, 0.0, 1.0), 1.0) for x in (-0.2, -0.1, 0.0, 0.1)]
+    answer = resolve_scene([body, wall], [(0, 1)] * 4, contacts)
+    lost = -sum(
+        P.z * (u + w) / 2
+        for P, u, w in zip(
+            answer.impulses, answer.normal_velocities_before, answer.normal_velocities_after, strict=True
+        )
+    )
+    assert lost == pytest.approx(answer.energy_lost_restitution, abs=1e-12)
+    assert lost >= -1e-12
+
+
+@pytest.mark.parametrize("number", [2, 3, 8, 20])
+def test_stacks_come_to_rest_and_bounce_as_one(number):
+    """Boxes on boxes on a floor, all falling: at e = 0 all stop, with the load that mechanics gives."""
+    flat = box(e=0.0, mu=0.5)
+    bodies = [flat.bodies[0]._replace(position=Vec3(0.0, 0.0, k + 0.5)) for k in range(number)] + [
+        Body.static()
+    ]
+    pairs, contacts = [], []
+    for k in range(number):
+        below = k - 1 if k else number
+        pairs += [(k, below)] * 4
+        contacts += [c._replace(position=c.position._replace(z=float(k))) for c in flat.contacts]
+    case = Case(bodies, pairs, contacts)
+    for law in (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU):
+        answer = case.resolve(law)
+        for k in range(number):
+            assert answer.twists[k].linear == pytest.approx((0, 0, 0), abs=1e-7)
+            for P in answer.impulses[4 * k : 4 * k + 4]:
+                assert P.z == pytest.approx((number - k) / 4, abs=1e-5)
+    elastic = case.with_contacts(restitution=1.0, friction=0.0).resolve()
+    assert elastic.kinetic_energy_after == pytest.approx(elastic.kinetic_energy_before, rel=1e-9)
+    assert elastic.error_bound < 1e-9
+
+
+def test_a_long_chain_is_within_the_budget():
+    answer = row((1, *(0,) * 99), number=float).resolve(Law.FRICTIONLESS)
+    assert speeds(answer) == pytest.approx((*(0,) * 99, 1), abs=1e-12)
+    assert answer.status is StatusCode.OK
+    assert answer.error_bound < 1e-10

@@ -1,0 +1,316 @@
+"""What a scene may ask for: refused by code and by the name of the field, never a hang."""
+
+from __future__ import annotations
+
+import doctest
+import math
+import sys
+from fractions import Fraction as F
+
+import pytest
+from scene_cases import Case, box, row, speeds
+
+from collision_response import (
+    Body,
+    Contact,
+    Geometry,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Precision,
+    Regime,
+    StatusCode,
+    resolve,
+    resolve_scene,
+)
+
+UP = Contact.of((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+BALL = Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0))
+FLOOR = Body.static()
+
+
+def refusal(*request, **more) -> ImpactError:
+    with pytest.raises(ImpactError) as raised:
+        resolve_scene(*request, **more)
+    return raised.value
+
+
+def three(contacts):
+    """A cluster of three contacts of one ball."""
+    return [BALL, FLOOR], [(0, 1)] * 3, contacts
+
+
+@pytest.mark.parametrize(
+    ("pairs", "code", "field"),
+    [
+        pytest.param([(0, 1), (0, 1), (0, 7)], StatusCode.UNKNOWN_BODY, "pairs[2]", id="no such body"),
+        pytest.param([(0, 1), (-1, 1), (0, 1)], StatusCode.UNKNOWN_BODY, "pairs[1]", id="negative"),
+        pytest.param([(0, 1), (0, 1), (0, 0)], StatusCode.SAME_BODY, "pairs[2]", id="itself"),
+        pytest.param([(0, 1), (0, 1), (1, 2)], StatusCode.NO_DYNAMIC_BODY, "pairs[2]", id="two walls"),
+    ],
+)
+def test_pairs_are_named(pairs, code, field):
+    error = refusal([BALL, FLOOR, FLOOR], pairs, [UP] * 3)
+    assert (error.code, error.field) == (code, field)
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "field"),
+    [
+        ({"friction": -0.1}, StatusCode.INVALID_COEFFICIENT, "contacts[2].friction"),
+        ({"friction": math.inf}, StatusCode.NOT_FINITE, "contacts[2].friction"),
+        ({"restitution": 1.5}, StatusCode.INVALID_COEFFICIENT, "contacts[2].restitution"),
+        (
+            {"restitution": lambda v: 2.0},
+            StatusCode.INVALID_COEFFICIENT,
+            "contacts[2].restitution(approach_speed)",
+        ),
+        ({"normal": (0.0, 0.0, 0.0)}, StatusCode.INVALID_NORMAL, "contacts[2].normal"),
+        ({"position": (0.0, math.nan, 0.0)}, StatusCode.NOT_FINITE, "contacts[2].position"),
+    ],
+)
+@pytest.mark.parametrize("pairs", [[(0, 1)] * 3, [(0, 1), (2, 1), (3, 1)]], ids=["cluster", "alone"])
+def test_contacts_are_named(change, code, field, pairs):
+    contacts = [UP, UP._replace(position=(1.0, 0.0, 0.0)), UP._replace(**change)]
+    error = refusal([BALL, FLOOR, BALL, BALL], pairs, contacts)
+    assert (error.code, error.field) == (code, field)
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "field"),
+    [
+        ({"mass": -1.0}, StatusCode.INVALID_MASS, "bodies[0].mass"),
+        ({"inertia": (1.0, 0.0, 0.0, 1.0, 0.0, 9.0)}, StatusCode.INVALID_INERTIA, "bodies[0].inertia"),
+        ({"velocity": (0.0, 0.0, math.inf)}, StatusCode.NOT_FINITE, "bodies[0].velocity"),
+    ],
+)
+@pytest.mark.parametrize("number", [float, F])
+def test_bodies_are_named(change, code, field, number):
+    bad = BALL._replace(
+        **{k: type(getattr(BALL, k))(*v) if isinstance(v, tuple) else v for k, v in change.items()}
+    )
+    contacts = [UP._replace(friction=number(0)), UP._replace(position=(1.0, 0.0, 0.0))]
+    error = refusal([bad, FLOOR], [(0, 1)] * 2, contacts)
+    assert (error.code, error.field) == (code, field)
+    # A body without contacts must be sound too.
+    other = refusal([BALL, FLOOR, bad], [(0, 1)] * 2, contacts)
+    assert (other.code, other.field) == (code, field.replace("[0]", "[2]"))
+
+
+@pytest.mark.parametrize(
+    ("request_", "message"),
+    [
+        pytest.param(([BALL, 3], [(0, 1)], [UP]), r"bodies\[1\]: must be a Body", id="no body"),
+        pytest.param(([BALL, FLOOR], [(0, 1)], [3]), r"contacts\[0\]: must be a Contact", id="no contact"),
+        pytest.param(([BALL, FLOOR], [(0, "a")], [UP]), r"pairs\[0\]: must be two indices", id="no pair"),
+        pytest.param(([BALL, FLOOR], [0], [UP]), r"pairs\[0\]: must be two indices", id="one index"),
+        pytest.param(
+            ([BALL._replace(mass="1"), FLOOR], [(0, 1)] * 2, [UP, UP._replace(position=(1.0, 0.0, 0.0))]),
+            r"bodies\[0\].mass: must be a real number",
+            id="no number",
+        ),
+        pytest.param(
+            ([BALL, FLOOR], [(0, 1)] * 2, [UP, UP._replace(normal=(0.0, 1.0))]),
+            r"contacts\[1\].normal: must be 3",
+            id="two numbers",
+        ),
+    ],
+)
+def test_kinds_are_named(request_, message):
+    with pytest.raises(TypeError, match=message):
+        resolve_scene(*request_)
+
+
+def test_there_is_one_pair_for_each_contact():
+    with pytest.raises(ValueError, match="pairs: must be one for each contact"):
+        resolve_scene([BALL, FLOOR], [(0, 1)], [UP, UP])
+
+
+@pytest.mark.parametrize(
+    ("model", "field"),
+    [
+        (ImpactModel(Law.ROUTH_POISSON), "model.law"),
+        (ImpactModel(Law.COULOMB, tangential_restitution=0.5), "model.tangential_restitution"),
+        (ImpactModel(geometry=Geometry.POINT), "model.geometry"),
+        (ImpactModel(geometry=Geometry.PLANAR), "model.geometry"),
+    ],
+)
+def test_what_is_for_one_contact_is_refused_for_several(model, field):
+    error = refusal(*box(), model)
+    assert (error.code, error.field) == (StatusCode.INVALID_MODEL, field)
+
+
+@pytest.mark.parametrize(
+    ("option", "field"),
+    [
+        ({"threshold": -1}, "threshold"),
+        ({"threshold": 1}, "threshold"),
+        ({"exponent": 0.5}, "exponent"),
+        ({"orders": -1}, "orders"),
+        ({"stiffness": [1, 1, 0, 1]}, "stiffness[2]"),
+    ],
+)
+def test_options_are_named(option, field):
+    error = refusal(*box(), **option)
+    assert (error.code, error.field) == (StatusCode.INVALID_MODEL, field)
+
+
+def test_one_stiffness_for_each_contact():
+    with pytest.raises(ValueError, match="stiffness: must be one for each contact"):
+        resolve_scene(*box(), stiffness=[1.0])
+
+
+def test_springs_that_give_nothing_back_are_refused():
+    error = refusal(*box(e=0.01), ImpactModel(Law.ROUTH_STRONGE))
+    assert (error.code, error.field) == (StatusCode.PATH_TOO_LONG, "contacts[0].restitution")
+
+
+def test_fractions_are_for_rational_laws():
+    error = refusal(*box(mu=F(1, 3), number=F))
+    assert (error.code, error.field) == (StatusCode.INVALID_MODEL, "model.law")
+
+
+def test_a_number_that_is_no_float_is_refused_rather_than_rounded():
+    contacts = [UP._replace(position=(2**60 + 1, 0, 0)), UP]
+    error = refusal([BALL, FLOOR], [(0, 1)] * 2, contacts)
+    assert (error.code, error.field) == (StatusCode.INVALID_MODEL, "contacts[0]")
+
+
+def test_numbers_of_other_kinds_are_floats():
+    np = pytest.importorskip("numpy")
+    case = box()
+    bodies = [case.bodies[0]._replace(mass=np.float64(1), position=np.array([0, 0, 0.5])), case.bodies[1]]
+    assert resolve_scene(bodies, np.array(case.pairs), case.contacts).twists == case.resolve().twists
+
+
+def test_an_empty_scene_is_separating():
+    answer = resolve_scene([BALL, FLOOR], [], [])
+    assert answer.status is StatusCode.SEPARATING
+    assert answer.kinetic_energy_after == answer.kinetic_energy_before == 0.5
+    assert answer.twists[0].linear == (0, 0, -1)
+    assert str(answer).startswith("SEPARATING")
+    assert resolve_scene([], [], []).twists == ()
+
+
+def squeezed(v, left, right, e=1.0, number=float) -> Case:
+    """A ball that touches two walls, which move along x."""
+    zero = number(0)
+    bodies = [
+        Body.dynamic(number(1), velocity=(number(v), zero, zero)),
+        Body.kinematic((zero, zero, zero), (number(left), zero, zero)),
+        Body.kinematic((zero, zero, zero), (number(right), zero, zero)),
+    ]
+    contacts = [
+        Contact.of((number(-1), zero, zero), (number(1), zero, zero), number(e)),
+        Contact.of((number(1), zero, zero), (number(-1), zero, zero), number(e)),
+    ]
+    return Case(bodies, [(0, 1), (0, 2)], contacts)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("number", [float, F])
+def test_two_walls_that_close_in_contradict_each_other(law, number):
+    if number is F and law is Law.COULOMB:
+        return
+    error = refusal(*squeezed(0, 1, -1, number=number), ImpactModel(law))
+    assert (error.code, error.field) == (StatusCode.CONTRADICTORY_CONTACTS, "contacts")
+
+
+@pytest.mark.parametrize("number", [float, F])
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+@pytest.mark.parametrize("e", [0, 1])
+def test_a_ball_between_two_walls_is_held(number, e, law):
+    if number is F and law is Law.COULOMB:
+        return
+    answer = squeezed(1, 0, 0, e, number).resolve(law)
+    assert speeds(answer)[0] == 0
+    assert [P.x for P in answer.impulses] == [0, -1]
+
+
+def test_what_is_held_moves_with_the_walls_and_free_contacts_still_bounce():
+    case = squeezed(1, F(1, 2), F(1, 2), number=F)
+    striker = Body.dynamic(F(1), velocity=(F(0), F(-1), F(0)))
+    contact = Contact.of((F(0), F(1), F(0)), (F(0), F(1), F(0)))
+    answer = Case([*case.bodies, striker], [*case.pairs, (3, 0)], [*case.contacts, contact]).resolve(
+        Law.FRICTIONLESS
+    )
+    assert answer.twists[0].linear == (F(1, 2), -1, 0)
+    assert answer.twists[3].linear == (0, 0, 0)
+
+
+def test_walls_that_part_let_a_ball_bounce_until_it_is_slower():
+    answer = squeezed(1, F(-1, 8), F(1, 8), number=F).resolve(Law.FRICTIONLESS)
+    assert min(answer.normal_velocities_after) >= 0
+    in_floats = squeezed(1, -0.125, 0.125).resolve(Law.FRICTIONLESS)
+    assert speeds(in_floats)[0] == float(speeds(answer)[0])
+
+
+def test_a_cradle_between_walls_is_held():
+    case = row((1, 0, 0))
+    wall = Body.static()
+    contacts = [
+        Contact.of((F(-1, 2), F(0), F(0)), (F(1), F(0), F(0))),
+        Contact.of((F(5, 2), F(0), F(0)), (F(-1), F(0), F(0))),
+    ]
+    answer = Case([*case.bodies, wall], [*case.pairs, (0, 3), (2, 3)], [*case.contacts, *contacts]).resolve()
+    assert speeds(answer)[:3] == [0, 0, 0]
+
+
+def test_a_body_without_approach_is_separating():
+    answer = box((0, 0, 1)).resolve()
+    assert answer.status is StatusCode.SEPARATING
+    assert answer.regimes == (Regime.SEPARATING,) * 4
+    assert answer.error_bound == 0
+
+
+def test_a_tolerance_that_is_not_met_is_said():
+    assert box((1, 0, -1), mu=0.3).resolve(tolerance=1e-4).status is StatusCode.OK
+    assert box((1, 0, -1), mu=0.3).resolve(tolerance=1e-15).status is StatusCode.TOLERANCE_NOT_MET
+    assert box().resolve(tolerance=1e-13).status is StatusCode.OK
+
+
+def test_restitution_may_depend_on_speed_and_ends_below_the_threshold():
+    case = box(e=1.0)
+    fading = case.with_contacts(restitution=lambda v: 0.5 if v > 0.5 else 0.1)
+    assert {c.restitution for c in fading.resolve().contacts} == {0.5}
+    answer = case.resolve(restitution_threshold=2.0)
+    assert {c.restitution for c in answer.contacts} == {0.0}
+    assert answer.adjustments.name == "RESTITUTION_THRESHOLD"
+    assert answer.twists[0].linear == pytest.approx((0, 0, 0), abs=1e-15)
+
+
+def test_what_was_modelled_is_said():
+    answer = box(mu=0.3).resolve()
+    assert (answer.model.law, answer.model.geometry, answer.model.precision) == (
+        Law.COULOMB,
+        Geometry.SPATIAL,
+        Precision.DOUBLE,
+    )
+    assert box().resolve().model[:3] == (Law.FRICTIONLESS, Geometry.SPATIAL, Precision.EXTENDED)
+    smooth = box(mu=0.3).resolve(Law.FRICTIONLESS)
+    assert {c.friction for c in smooth.contacts} == {0}
+
+
+def test_the_order_matters_to_a_box_and_not_to_a_ball():
+    assert box().resolve(options={"orders": 4}).order_sensitivity > 0.3
+    assert resolve_scene([BALL, FLOOR], [(0, 1)], [UP], orders=4).order_sensitivity == 0
+    assert box().resolve().order_sensitivity is None
+    assert row((1, 0, 0), number=float).resolve(options={"orders": 4}).order_sensitivity == 0
+
+
+def test_the_table_shows_every_contact_and_body():
+    text = str(box((1, 0, -1), mu=0.3).resolve(options={"orders": 2}))
+    assert text.splitlines()[0].startswith("OK by COULOMB, error <= ")
+    assert len(text.splitlines()) == 1 + 5 + 3 + 1 + 1
+
+
+def test_a_contact_that_is_given_twice_shares_its_impulse():
+    one = resolve(BALL, FLOOR, UP)
+    answer = resolve_scene([BALL, FLOOR], [(0, 1), (1, 0)], [UP, UP._replace(normal=-UP.normal)])
+    assert answer.impulses[0] == one.impulse * 0.5
+    assert answer.impulses[1] == -one.impulse * 0.5
+    assert answer.twists[0] == one.twist_a
+
+
+def test_the_example_runs():
+    assert doctest.testmod(sys.modules["collision_response.scene.resolve_scene"]).failed == 0

@@ -1,0 +1,361 @@
+"""What every answer for a scene keeps, on many random ones."""
+
+from __future__ import annotations
+
+import math
+import random
+from fractions import Fraction
+
+import pytest
+from scene_cases import Case, apart, apart_by, energy, momentum, product, random_case, size_of, turn
+
+from collision_response import (
+    Body,
+    Contact,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Regime,
+    StatusCode,
+    resolve,
+    resolve_scene,
+)
+from collision_response.physics.orientation import Quaternion
+from collision_response.physics.vector import Vec3
+
+SEEDS = range(60)
+LAWS = [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU]
+each_seed = pytest.mark.parametrize("seed", SEEDS)
+each_law = pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+
+ENOUGH = {Law.FRICTIONLESS: 1e-9, Law.COULOMB: 1e-6, Law.MOREAU: 1e-6}
+"""How far two answers to the same question may be apart: COULOMB's bound is the root of a rounding."""
+
+
+def answered(case: Case, law: Law, **more):
+    """The answer, if there is one: a random scene may press bodies together without end."""
+    try:
+        return case.resolve(law, **more)
+    except ImpactError as refusal:
+        if refusal.code in (StatusCode.PATH_TOO_LONG, StatusCode.CONTRADICTORY_CONTACTS):
+            pytest.skip(f"refused: {refusal}")
+        raise
+
+
+def close(case: Case, one, other, law: Law) -> bool:
+    """Whether two answers agree, short of decisions that neither is sure of."""
+    if not (one.error_bound < 1 and other.error_bound < 1):
+        return True
+    if law is Law.MOREAU and (one.model.law, other.model.law) != (law, law):
+        return True
+    return apart(case, one, other) <= ENOUGH[law] + 2 * (one.error_bound + other.error_bound)
+
+
+@each_seed
+@each_law
+def test_momentum_energy_and_separation(seed, law):
+    case = random_case(seed)
+    answer = answered(case, law)
+    scale = size_of(case, answer)
+    lost = answer.energy_lost_restitution + answer.energy_lost_friction
+    assert lost >= -1e-9 * (answer.kinetic_energy_before + scale * scale)
+    # Impulses and changes agree, and the energies with the twists.
+    changed = [Vec3(0, 0, 0)] * len(case.bodies)
+    turned = [Vec3(0, 0, 0)] * len(case.bodies)
+    for (a, b), contact, impulse in zip(case.pairs, answer.contacts, answer.impulses, strict=True):
+        for body, P in ((a, impulse), (b, -impulse)):
+            changed[body] += P
+            turned[body] += contact.position.cross(P)
+    before = [
+        type(t)(Vec3(*b.velocity), Vec3(*b.angular_velocity))
+        for b, t in zip(case.bodies, answer.twists, strict=True)
+    ]
+    for i, body in enumerate(case.bodies):
+        only = Case([body], [], [])
+        if body.is_movable():
+            (p, before_), (q, after_) = momentum(only, [before[i]]), momentum(only, [answer.twists[i]])
+            size = sum(P.norm() for P in answer.impulses) + 1e-300
+            assert (q - p - changed[i]).norm() <= 1e-9 * (size + p.norm())
+            idle = body.inertia.trace() == 0
+            if not idle:
+                assert (after_ - before_ - turned[i]).norm() <= 1e-9 * (3 * size + before_.norm())
+        else:
+            assert answer.twists[i] == before[i]
+    assert answer.kinetic_energy_after == pytest.approx(energy(case, answer.twists), rel=1e-9)
+    # No contact approaches.
+    bound = (answer.error_bound if law is Law.FRICTIONLESS else 1e-6) * scale
+    lightest = min(body.mass for body in case.bodies if body.is_movable())
+    if answer.error_bound < 1:
+        for u in answer.normal_velocities_after:
+            assert u >= -1e3 * (bound + 1e-12 * scale) / math.sqrt(lightest)
+    # Impulses push, and friction is in its cone.
+    for contact, P in zip(answer.contacts, answer.impulses, strict=True):
+        n = contact.normal * (1 / contact.normal.norm())
+        normal = P.dot(n)
+        assert normal >= -1e-12 * P.norm()
+        across = (P - n * normal).norm()
+        assert across <= contact.friction * normal * (1 + 1e-9) + 1e-9 * scale
+
+
+@each_seed
+@each_law
+def test_the_order_of_contacts_and_of_bodies_does_not_matter(seed, law):
+    case = random_case(seed)
+    answer = answered(case, law)
+    rng = random.Random(seed)
+    order, places = list(range(len(case.pairs))), list(range(len(case.bodies)))
+    rng.shuffle(order)
+    rng.shuffle(places)
+    swap = [rng.random() < 0.5 for _ in order]
+    shuffled = Case(
+        [case.bodies[places.index(i)] for i in range(len(places))],
+        [
+            (places[b], places[a]) if swapped else (places[a], places[b])
+            for (a, b), swapped in zip((case.pairs[i] for i in order), swap, strict=True)
+        ],
+        [
+            case.contacts[i]._replace(normal=-case.contacts[i].normal) if swapped else case.contacts[i]
+            for i, swapped in zip(order, swap, strict=True)
+        ],
+    )
+    other = shuffled.resolve(law)
+    back = other._replace(changes=tuple(other.changes[place] for place in places))
+    assert close(case, answer, back, law)
+
+
+@each_seed
+@each_law
+def test_a_contact_given_again_changes_no_velocity(seed, law):
+    case = random_case(seed)
+    answer = answered(case, law)
+    rng = random.Random(seed)
+    again = [rng.randrange(len(case.pairs)) for _ in range(3)]
+    doubled = Case(
+        case.bodies,
+        case.pairs + [case.pairs[i] for i in again],
+        case.contacts + [case.contacts[i] for i in again],
+    )
+    other = doubled.resolve(law)
+    if all(len(cluster) > 1 for cluster in answer.clusters):
+        assert [t.linear for t in other.twists] == [t.linear for t in answer.twists]
+    assert close(case, answer, other, law) or len(answer.clusters) < len(case.pairs)
+
+
+@each_seed
+@each_law
+def test_a_mirror_shows_the_mirrored_answer(seed, law):
+    case = random_case(seed)
+    answer = answered(case, law)
+
+    def polar(v):
+        return Vec3(-v[0], v[1], v[2])
+
+    def axial(v):
+        return Vec3(v[0], -v[1], -v[2])
+
+    def mirrored(body: Body) -> Body:
+        xx, xy, xz, yy, yz, zz = body.inertia
+        q = body.orientation
+        return body._replace(
+            inertia=type(body.inertia)(xx, -xy, -xz, yy, yz, zz),
+            position=polar(body.position),
+            orientation=None if q is None else Quaternion(q.x, -q.y, -q.z, q.w),
+            velocity=polar(body.velocity),
+            angular_velocity=axial(body.angular_velocity),
+            com=polar(body.com),
+        )
+
+    image = Case(
+        [mirrored(body) for body in case.bodies],
+        case.pairs,
+        [c._replace(position=polar(c.position), normal=polar(c.normal)) for c in case.contacts],
+    ).resolve(law)
+    back = image._replace(changes=tuple(type(t)(polar(t.linear), axial(t.angular)) for t in image.changes))
+    assert close(case, answer, back, law)
+
+
+@each_seed
+@each_law
+def test_every_observer_sees_the_same(seed, law):
+    """Moving, and turned."""
+    case = random_case(seed)
+    answer = answered(case, law)
+    rng = random.Random(seed)
+    boost = Vec3(*(rng.uniform(-3, 3) for _ in range(3)))
+    q = Quaternion(*(rng.gauss(0, 1) for _ in range(4)))
+
+    def seen(body: Body) -> Body:
+        own = body.orientation or Quaternion(0.0, 0.0, 0.0, 1.0)
+        return body._replace(
+            position=turn(q, body.position),
+            orientation=product(q, own) if body.is_movable() else None,
+            velocity=turn(q, body.velocity) + boost,
+            angular_velocity=turn(q, body.angular_velocity),
+        )
+
+    other = Case(
+        [seen(body) for body in case.bodies],
+        case.pairs,
+        [c._replace(position=turn(q, c.position), normal=turn(q, c.normal)) for c in case.contacts],
+    ).resolve(law)
+    inverse = Quaternion(-q.x, -q.y, -q.z, q.w)
+    back = other._replace(
+        changes=tuple(type(t)(turn(inverse, t.linear), turn(inverse, t.angular)) for t in other.changes)
+    )
+    assert close(case, answer, back, law)
+    assert (
+        other.energy_lost_restitution + other.energy_lost_friction
+        == pytest.approx(
+            answer.energy_lost_restitution + answer.energy_lost_friction,
+            rel=1e-5,
+            abs=1e-6 * size_of(case, answer) ** 2,
+        )
+        or not close(case, answer, back, law)
+        or answer.error_bound >= 1
+    )
+
+
+@each_seed
+@pytest.mark.parametrize("law", [*LAWS, Law.ROUTH_POISSON, Law.ROUTH_STRONGE], ids=lambda law: law.name)
+def test_one_contact_is_resolve(seed, law):
+    case = random_case(seed)
+    model = ImpactModel(law)
+    (a, b), contact = case.pairs[0], case.contacts[0]
+    one = resolve(case.bodies[a], case.bodies[b], contact, model)
+    answer = resolve_scene(case.bodies, [(a, b)], [contact], model)
+    assert (answer.twists[a], answer.twists[b]) == (one.twist_a, one.twist_b)
+    assert (answer.changes[a], answer.impulses[0]) == (one.change_a, one.impulse)
+    assert (answer.contacts[0], answer.model, answer.error_bound) == (one.contact, one.model, one.error_bound)
+    assert answer.status is one.status
+    assert answer.regimes == (one.regime,)
+    assert answer.energy_lost_friction == one.energy_lost_friction
+
+
+@each_seed
+@each_law
+def test_far_clusters_are_separate_calls(seed, law):
+    one, other = random_case(seed), random_case(seed + 1000)
+    shift = len(one.bodies)
+    both = Case(
+        one.bodies + other.bodies,
+        one.pairs + [(a + shift, b + shift) for a, b in other.pairs],
+        one.contacts + other.contacts,
+    )
+    first, second, answer = answered(one, law), answered(other, law), answered(both, law)
+    assert answer.twists == first.twists + second.twists
+    assert answer.impulses == first.impulses + second.impulses
+    assert answer.error_bound == max(first.error_bound, second.error_bound)
+    count = len(one.pairs)
+    assert answer.clusters == first.clusters + tuple(tuple(i + count for i in c) for c in second.clusters)
+
+
+@each_seed
+def test_without_restitution_the_answer_is_the_projection(seed):
+    """Against Dykstra's alternating projections, which share nothing with the method."""
+    case = random_case(seed, e=0.0, contacts=6)
+    answer = answered(case, Law.FRICTIONLESS)
+    changes = _dykstra(case)
+    twists = [type(t)(*change) for t, change in zip(answer.twists, changes, strict=True)]
+    assert apart_by(case, twists, answer.changes) < 1e-6 or size_of(case, answer) < 1e-9
+
+
+def _dykstra(case: Case):
+    """The nearest velocities, in the metric of kinetic energy, by which no contact approaches."""
+    from collision_response.physics.effective_mass import ContactKinematics
+
+    seen = [
+        ContactKinematics.of(case.bodies[a], case.bodies[b], c)
+        for (a, b), c in zip(case.pairs, case.contacts, strict=True)
+    ]
+    zero = Vec3(0.0, 0.0, 0.0)
+    changes = [[zero, zero] for _ in case.bodies]
+    pushes = [0.0] * len(seen)
+    for _ in range(100_000):
+        most = 0.0
+        for i, ((a, b), k) in enumerate(zip(case.pairs, seen, strict=True)):
+            u = k.n_u
+            for body, side, sign in ((a, k.side_a, 1), (b, k.side_b, -1)):
+                linear, angular = changes[body]
+                u += sign * k.n.dot(linear + angular.cross(side.d))
+            by = max(-u / k.n_Kn, -pushes[i])
+            pushes[i] += by
+            most = max(most, abs(by) * k.n_Kn)
+            for body, side, sign in ((a, k.side_a, 1), (b, k.side_b, -1)):
+                if case.bodies[body].is_movable():
+                    twist = side.response(k.n * (by * sign))
+                    changes[body] = [changes[body][0] + twist.linear, changes[body][1] + twist.angular]
+        if most < 1e-11:
+            break
+    return changes
+
+
+def test_few_random_scenes_end_unbounded():
+    unbounded = total = 0
+    for seed in range(300):
+        case = random_case(seed)
+        try:
+            answer = case.resolve(Law.FRICTIONLESS)
+        except ImpactError:
+            continue
+        total += 1
+        unbounded += not answer.error_bound < 1e-6
+    assert total > 150
+    assert unbounded * 8 <= total
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_the_bound_holds_against_exact_rationals(seed):
+    case = random_case(seed, contacts=4)
+    answer = answered(case, Law.FRICTIONLESS)
+    if len(case.pairs) > 6:
+        pytest.skip("exact arithmetic would take long")
+    exact = Case(
+        [body._replace(mass=Fraction(body.mass)) if body.is_movable() else body for body in case.bodies],
+        *case[1:],
+    ).resolve(Law.FRICTIONLESS)
+    assert exact.error_bound == 0
+    if answer.error_bound == math.inf:
+        return
+    for cluster in answer.clusters:
+        bodies = {place for i in cluster for place in case.pairs[i] if case.bodies[place].is_movable()}
+        norms = {}
+        for place in bodies:
+            body, change, true = case.bodies[place], answer.changes[place], exact.changes[place]
+            off = [
+                float(Fraction(x) - y)
+                for v, w in zip(change, true, strict=True)
+                for x, y in zip(v, w, strict=True)
+            ]
+            arm = body.inertia.trace() / 3
+            weights = [body.mass] * 3 + [arm] * 3
+            size = [float(x) for v in true for x in v]
+            norms[place] = (
+                math.sqrt(sum(w * x * x for w, x in zip(weights, off, strict=True))),
+                math.sqrt(sum(w * x * x for w, x in zip(weights, size, strict=True))),
+            )
+        largest = max(size for _, size in norms.values())
+        for off, _ in norms.values():
+            assert off <= answer.error_bound * largest * (1 + 1e-9)
+
+
+@each_seed
+def test_the_rest_of_the_answer_is_consistent(seed):
+    case = random_case(seed)
+    answer = answered(case, Law.COULOMB)
+    for body, twist, change in zip(case.bodies, answer.twists, answer.changes, strict=True):
+        for after, before, by in (
+            (twist.linear, body.velocity, change.linear),
+            (twist.angular, body.angular_velocity, change.angular),
+        ):
+            assert after == pytest.approx(Vec3(*before) + by, abs=1e-15)
+    for regime, impulse in zip(answer.regimes, answer.impulses, strict=True):
+        assert (regime is Regime.SEPARATING) == (not any(impulse))
+    assert sorted(i for cluster in answer.clusters for i in cluster) == list(range(len(case.pairs)))
+    assert str(answer).count("\n") >= len(case.bodies) + len(case.pairs)
+
+
+def test_two_far_balls_on_one_floor_are_two_clusters():
+    balls = [Body.dynamic(1.0, position=(x, 0.0, 1.0), velocity=(0.0, 0.0, -1.0)) for x in (0.0, 9.0)]
+    contacts = [Contact.of((x, 0.0, 0.0), (0.0, 0.0, 1.0)) for x in (0.0, 9.0)]
+    answer = resolve_scene([*balls, Body.static()], [(0, 2), (1, 2)], contacts)
+    assert answer.clusters == ((0,), (1,))

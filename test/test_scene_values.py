@@ -1,0 +1,167 @@
+"""Known answers for several contacts at once: rational ones exactly."""
+
+from __future__ import annotations
+
+from fractions import Fraction as F
+
+import pytest
+from scene_cases import Case, box, row, speeds
+
+from collision_response import Body, Contact, Law, Regime, StatusCode
+
+GR, LCP, LZB = Law.FRICTIONLESS, Law.MOREAU, Law.ROUTH_STRONGE
+
+
+@pytest.mark.parametrize(
+    ("velocities", "e", "masses", "law", "expected"),
+    [
+        pytest.param((1, 0, 0), 1, None, GR, (0, 0, 1), id="cradle of 3"),
+        pytest.param((1, 0, 0), 1, None, LCP, (F(-1, 3), F(2, 3), F(2, 3)), id="cradle of 3, LCP"),
+        pytest.param((1, 0, 0, 0, 0), 1, None, GR, (0, 0, 0, 0, 1), id="cradle of 5"),
+        pytest.param((1, 0, 0, 0, 0), 1, None, LCP, (F(-3, 5), *(F(2, 5),) * 4), id="cradle of 5, LCP"),
+        pytest.param((1, 1, 1, 0, 0), 1, None, GR, (0, 0, 1, 1, 1), id="three of 5 move"),
+        pytest.param(
+            (1, 1, 1, 0, 0), 1, None, LCP, (*(F(1, 5),) * 3, *(F(6, 5),) * 2), id="three of 5 move, LCP"
+        ),
+        pytest.param((1, 0, 0), 1, (1, 1, 2), GR, (F(-1, 3), 0, F(2, 3)), id="the last is heavy"),
+        pytest.param((1, 0, 0), F(1, 2), None, GR, (F(1, 6), F(1, 6), F(2, 3)), id="cradle of 3, e = 1/2"),
+        pytest.param((1, 0, 0), 0, None, GR, (F(1, 3),) * 3, id="cradle of 3, e = 0"),
+    ],
+)  # fmt: skip
+def test_a_row_of_balls(velocities, e, masses, law, expected):
+    answer = row(velocities, e, masses).resolve(law)
+    assert tuple(speeds(answer)) == expected
+    assert answer.error_bound == 0
+    in_floats = row(velocities, e, masses, float).resolve(law)
+    for speed, exact in zip(speeds(in_floats), expected, strict=True):
+        assert abs(speed - exact) <= in_floats.error_bound * 2
+    assert in_floats.error_bound < 1e-13
+
+
+@pytest.mark.parametrize(
+    ("exponent", "expected"),
+    [
+        (1.5, (-0.070952353651, 0.07640303907, 0.994549314581)),
+        (1.0, (-0.130261695064, 0.150229569434, 0.98003212563)),
+    ],
+)
+def test_a_cradle_of_springs_disperses(exponent, expected):
+    answer = row((1, 0, 0), number=float).resolve(LZB, tolerance=1e-10, options={"exponent": exponent})
+    assert speeds(answer) == pytest.approx(expected, abs=1e-11)
+    assert answer.status is StatusCode.OK
+    assert answer.error_bound <= 1e-10
+    assert answer.kinetic_energy_after == pytest.approx(0.5, abs=1e-10)
+
+
+def test_a_cradle_of_springs_loses_energy():
+    answer = row((1, 0, 0), 0.5, number=float).resolve(LZB)
+    assert speeds(answer) == pytest.approx((0.209235, 0.218779, 0.571985), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "expected"),
+    [(1e-8, (-1 / 3, 2 / 3, 2 / 3)), (1e8, (0, 0, 1))],
+    ids=["soft first", "stiff first"],
+)
+def test_the_ratio_of_stiffnesses_leads_from_all_at_once_to_one_after_another(ratio, expected):
+    options = {"stiffness": [ratio, 1.0]}
+    answer = row((1, 0, 0), number=float).resolve(LZB, options=options)
+    assert speeds(answer) == pytest.approx(expected, abs=2e-2)
+
+
+def test_ten_balls_by_springs():
+    """Converged; the first-order steps of Siconos' stored reference end at .1469234 and .9859561."""
+    answer = row((1, *(0,) * 9), number=float).resolve(LZB)
+    assert speeds(answer)[-2:] == pytest.approx((0.1473903, 0.9858659), abs=1e-6)
+
+
+def cue_on_two(e: float) -> Case:
+    """One ball on two, at 30 degrees to either side, along x."""
+    c, s = 3**0.5 / 2, 0.5
+    bodies = [
+        Body.dynamic(1.0, velocity=(1.0, 0.0, 0.0)),
+        Body.dynamic(1.0, position=(c, s, 0.0)),
+        Body.dynamic(1.0, position=(c, -s, 0.0)),
+    ]
+    contacts = [Contact.of((c / 2, y / 2, 0.0), (-c, -y, 0.0), e) for y in (s, -s)]
+    return Case(bodies, [(0, 1), (0, 2)], contacts)
+
+
+@pytest.mark.parametrize("law", [GR, LCP, LZB])
+@pytest.mark.parametrize(("e", "cue", "x", "y"), [(1.0, -0.2, 0.6, 0.34641016), (0.5, 0.1, 0.45, 0.2598076)])
+def test_one_ball_on_two(law, e, cue, x, y):
+    twists = cue_on_two(e).resolve(law).twists
+    assert twists[0].linear == pytest.approx((cue, 0, 0), abs=1e-7)
+    assert twists[1].linear == pytest.approx((x, y, 0), abs=1e-7)
+    assert twists[2].linear == pytest.approx((x, -y, 0), abs=1e-7)
+
+
+@pytest.mark.parametrize("law", [GR, LCP])
+def test_a_flat_box_does_not_spin(law):
+    answer = box(number=F).resolve(law)
+    assert answer.twists[0].linear == (0, 0, 1)
+    assert answer.twists[0].angular == (0, 0, 0)
+    assert [tuple(impulse) for impulse in answer.impulses] == [(0, 0, F(1, 2))] * 4
+    assert answer.regimes == (Regime.SLIDING,) * 4
+
+
+@pytest.mark.parametrize("law", [GR, LCP, LZB])
+def test_a_flat_block_on_two_corners_does_not_spin(law):
+    case = box(size=(1, 1, 0.5))
+    two = Case(
+        case.bodies,
+        case.pairs[:2],
+        [c._replace(position=c.position._replace(y=0.0)) for c in case.contacts[::2]],
+    )
+    answer = two.resolve(law)
+    assert answer.twists[0].linear == pytest.approx((0, 0, 1), abs=1e-9)
+    assert answer.twists[0].angular == pytest.approx((0, 0, 0), abs=1e-9)
+
+
+@pytest.mark.parametrize(("rows", "expected"), [(2, F(3, 5)), (3, F(54, 95)), (4, None)])
+def test_a_rack(rows, expected):
+    """A cue ball breaks a triangle of balls. Root 3 scales y, which leaves the equations rational."""
+    c, s = 3**0.5 / 2, 0.5
+    at = [(c * (i + 1), s * (2 * j - i)) for i in range(rows) for j in range(i + 1)]
+    at.insert(0, (0.0, 0.0))
+    bodies = [
+        Body.dynamic(1.0, position=(x, y, 0.0), velocity=(float(i == 0), 0.0, 0.0))
+        for i, (x, y) in enumerate(at)
+    ]
+    pairs, contacts = [], []
+    for i, (x, y) in enumerate(at):
+        for j, (z, w) in enumerate(at[:i]):
+            if abs((x - z) ** 2 + (y - w) ** 2 - 1) < 1e-6:
+                pairs.append((j, i))
+                contacts.append(Contact.of(((x + z) / 2, (y + w) / 2, 0.0), (z - x, w - y, 0.0)))
+    # the cue ball strikes the first one head on
+    bodies[0] = bodies[0]._replace(position=bodies[0].position._replace(x=c - 1))
+    pairs.insert(0, (0, 1))
+    contacts.insert(0, Contact.of((c - 0.5, 0.0, 0.0), (-1.0, 0.0, 0.0)))
+    answer = Case(bodies, pairs, contacts).resolve(GR)
+    far = [answer.twists[-rows].linear, answer.twists[-1].linear]
+    assert far[0].x == pytest.approx(far[1].x, abs=1e-13)
+    assert far[0].y == pytest.approx(-far[1].y, abs=1e-13)
+    value = 0.539065974796 if expected is None else float(expected)
+    assert far[0].x == pytest.approx(value, abs=1e-12)
+
+
+@pytest.mark.parametrize("number", [F, float])
+def test_reflections_jump_where_a_contact_begins_to_approach(number):
+    """A gap that closes ever so slowly is struck at the same time as the first."""
+    case = row((1, 0, number(F(-1, 10**12))), number=number)
+    at_once = speeds(case.resolve(GR, options={"threshold": 0}))
+    assert at_once == pytest.approx((-1 / 3, 2 / 3, 2 / 3), abs=1e-11)
+    answer = case.resolve(GR)
+    assert speeds(answer) == pytest.approx((0, 0, 1), abs=1e-11)
+    assert answer.decision_margin < 1e-9
+
+
+def test_the_least_restitution_does_not_kill_a_bounce():
+    """A ball on a box that rests: the box' contacts do not approach, so theirs does not count."""
+    flat = box(velocity=(0, 0, 0), e=0.0)
+    ball = Body.dynamic(1.0, position=(0.0, 0.0, 1.5), velocity=(0.0, 0.0, -1.0))
+    contact = Contact.of((0.0, 0.0, 1.0), (0.0, 0.0, 1.0), 0.8)
+    answer = Case([*flat.bodies, ball], [*flat.pairs, (2, 0)], [*flat.contacts, contact]).resolve(GR)
+    assert {c.restitution for c in answer.contacts} == {0.8}
+    assert answer.twists[2].linear.z == pytest.approx(0.8, abs=1e-12)
