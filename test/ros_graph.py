@@ -19,7 +19,7 @@ from collision_response import Body, Contact
 from collision_response.msg import BodyState
 from collision_response.ros.node import CollisionResponseNode
 from collision_response.ros.server import SERVICE_QOS
-from collision_response.srv import ResolveCollision, ResolveCollisionBatch
+from collision_response.srv import ResolveCollision, ResolveCollisionBatch, ResolveScene
 
 DEADLINE = 20.0
 """Seconds after which nothing is waited for any more: far more than anything takes."""
@@ -41,7 +41,11 @@ class Graph:
         self._thread = threading.Thread(target=self._executor.spin_until_future_complete, args=[self._stop])
         self._thread.start()
         self.user = self.add(Node("user", context=self.context, namespace=self.namespace))
-        services = (ResolveCollision, self.service), (ResolveCollisionBatch, f"{self.service}_batch")
+        services = (
+            (ResolveCollision, self.service),
+            (ResolveCollisionBatch, f"{self.service}_batch"),
+            (ResolveScene, f"{self.namespace}/collision_response/resolve_scene"),
+        )
         self._clients = {
             kind.Request: self.user.create_client(kind, name, qos_profile=SERVICE_QOS)
             for kind, name in services

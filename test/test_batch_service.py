@@ -221,7 +221,7 @@ REFUSALS = [
     refused(StatusCode.INVALID_TABLE, "contacts", [1.0] * 14, "holds 14"),
     refused(StatusCode.INVALID_TABLE, "contacts", [], "holds 0"),
     refused(StatusCode.INVALID_TABLE, "pairs", [], "0 for POINT", says="contacts"),
-    refused(StatusCode.SAME_BODY, "names", ["cup", "dish", "cup"], "'cup', as names[0]", says="names[2]"),
+    refused(StatusCode.SAME_BODY, "names", "cup\ndish\ncup", "'cup', as names[0]", says="names[2]"),
     refused(StatusCode.INVALID_MODEL, "model.law", 77, "77"),
     refused(StatusCode.INVALID_MODEL, "model.geometry", Geometry.SPATIAL, "SPATIAL"),
     refused(StatusCode.INVALID_MODEL, "model.precision", Precision.SINGLE, "SINGLE"),
@@ -327,7 +327,7 @@ def floor() -> BodyState:
 def hear(graph: Any, *states: BodyState) -> None:
     """Publish states until the node has them; best effort may lose one."""
     publisher = graph.user.create_publisher(BodyState, "body_states", 10)
-    request = Request(layout=Request.SPATIAL_ORIENTED, names=[state.name for state in states])
+    request = Request(layout=Request.SPATIAL_ORIENTED, names="\n".join(state.name for state in states))
 
     def heard() -> bool:
         for state in states:
@@ -430,7 +430,7 @@ def test_a_received_body_that_cannot_be_used_spoils_its_contacts_alone(
 
 
 def test_several_that_cannot_be_used_are_counted(node_that_heard):
-    request = Request(layout=Request.POINT, names=["ghost", "ball", "other"])
+    request = Request(layout=Request.POINT, names="ghost\nball\nother")
     request.header.frame_id = "world"
     message = node_that_heard.call(request).message
     assert message.startswith("names[0]: is 'ghost'")

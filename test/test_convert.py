@@ -27,6 +27,7 @@ PARAMETERS = Parameters(
     max_state_age=0.0,
     max_state_wait=0.5,
     budget_contacts=1000,
+    budget_scene_contacts=100,
     budget_time=0.0,
     shutdown_timeout=5.0,
     restitution=1.0,

@@ -25,7 +25,7 @@ from collision_response.msg import BodyState
 from collision_response.ros import batches
 from collision_response.ros.batch_client import pack, unpack
 from collision_response.ros.server import SERVICE_QOS
-from collision_response.srv import ResolveCollision, ResolveCollisionBatch
+from collision_response.srv import ResolveCollision
 
 EXTENDED = ImpactModel(precision=Precision.EXTENDED)
 
@@ -229,7 +229,3 @@ def test_an_error_survives_pickling():
 
 def _refused():
     raise ImpactError(StatusCode.INVALID_MASS, "body_a.mass", "must be positive")
-
-
-def test_the_first_names_of_a_batch_are_as_many_as_the_interface_allows():
-    assert ResolveCollisionBatch.Request.get_fields_and_field_types()["names"] == "sequence<string, 65536>"

@@ -33,6 +33,7 @@ DEFAULTS = {
     "restitution_threshold": 0.0,
     "scene_tolerance": 0.0,
     "budget.contacts": 1_000_000,
+    "budget.scene_contacts": 256,
     "budget.time": 60.0,
     "memory_limit": 4096,
     "shutdown_timeout": 5.0,

@@ -30,7 +30,7 @@ def node(graph):
     return graph
 
 
-@pytest.mark.parametrize("code", PYTHON, ids=["client", "library", "batch"])
+@pytest.mark.parametrize("code", PYTHON, ids=["client", "library", "batch", "scene"])
 def test_the_examples_run(node, code):
     run = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, timeout=60)
     (promised,) = re.findall(r"^print.*  # (.*)$", code, re.MULTILINE)

@@ -52,13 +52,20 @@ def test_in_the_plane_it_is_the_law_of_one_contact(theta, velocity, mu, e, impul
     assert not any(answer.impulses[1])
 
 
-@pytest.mark.parametrize("seed", range(40))
-def test_where_a_contact_sticks_it_is_the_law_of_one_contact(seed):
+def one_contact(seed):
+    """A random scene, and the answer for its first contact alone."""
     case = random_case(seed, mu=1e4)
+    a, b = case.pairs[0]
+    return case, resolve(case.bodies[a], case.bodies[b], case.contacts[0], ImpactModel(Law.COULOMB))
+
+
+STICKING = [seed for seed in range(40) if one_contact(seed)[1].regime is Regime.STICKING]
+
+
+@pytest.mark.parametrize("seed", STICKING)
+def test_where_a_contact_sticks_it_is_the_law_of_one_contact(seed):
+    case, one = one_contact(seed)
     (a, b), contact = case.pairs[0], case.contacts[0]
-    one = resolve(case.bodies[a], case.bodies[b], contact, ImpactModel(Law.COULOMB))
-    if one.regime is not Regime.STICKING:
-        pytest.skip("does not stick")
     fly = Body.dynamic(1e-3, position=case.bodies[a].position, velocity=(50.0, 60.0, 70.0))
     leaving = Contact.of(case.bodies[a].position, (1.0, 1.0, 1.0))
     answer = resolve_scene([case.bodies[a], case.bodies[b], fly], [(0, 1), (2, 0)], [contact, leaving])

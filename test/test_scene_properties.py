@@ -32,16 +32,6 @@ ENOUGH = {Law.FRICTIONLESS: 1e-9, Law.COULOMB: 1e-6, Law.MOREAU: 1e-6}
 """How far two answers to the same question may be apart: COULOMB's bound is the root of a rounding."""
 
 
-def answered(case: Case, law: Law, **more):
-    """The answer, if there is one: a random scene may press bodies together without end."""
-    try:
-        return case.resolve(law, **more)
-    except ImpactError as refusal:
-        if refusal.code in (StatusCode.PATH_TOO_LONG, StatusCode.CONTRADICTORY_CONTACTS):
-            pytest.skip(f"refused: {refusal}")
-        raise
-
-
 def close(case: Case, one, other, law: Law) -> bool:
     """Whether two answers agree, short of decisions that neither is sure of."""
     if not (one.error_bound < 1 and other.error_bound < 1):
@@ -55,7 +45,7 @@ def close(case: Case, one, other, law: Law) -> bool:
 @each_law
 def test_momentum_energy_and_separation(seed, law):
     case = random_case(seed)
-    answer = answered(case, law)
+    answer = case.resolve(law)
     scale = size_of(case, answer)
     lost = answer.energy_lost_restitution + answer.energy_lost_friction
     assert lost >= -1e-9 * (answer.kinetic_energy_before + scale * scale)
@@ -101,7 +91,7 @@ def test_momentum_energy_and_separation(seed, law):
 @each_law
 def test_the_order_of_contacts_and_of_bodies_does_not_matter(seed, law):
     case = random_case(seed)
-    answer = answered(case, law)
+    answer = case.resolve(law)
     rng = random.Random(seed)
     order, places = list(range(len(case.pairs))), list(range(len(case.bodies)))
     rng.shuffle(order)
@@ -127,7 +117,7 @@ def test_the_order_of_contacts_and_of_bodies_does_not_matter(seed, law):
 @each_law
 def test_a_contact_given_again_changes_no_velocity(seed, law):
     case = random_case(seed)
-    answer = answered(case, law)
+    answer = case.resolve(law)
     rng = random.Random(seed)
     again = [rng.randrange(len(case.pairs)) for _ in range(3)]
     doubled = Case(
@@ -145,7 +135,7 @@ def test_a_contact_given_again_changes_no_velocity(seed, law):
 @each_law
 def test_a_mirror_shows_the_mirrored_answer(seed, law):
     case = random_case(seed)
-    answer = answered(case, law)
+    answer = case.resolve(law)
 
     def polar(v):
         return Vec3(-v[0], v[1], v[2])
@@ -179,7 +169,7 @@ def test_a_mirror_shows_the_mirrored_answer(seed, law):
 def test_every_observer_sees_the_same(seed, law):
     """Moving, and turned."""
     case = random_case(seed)
-    answer = answered(case, law)
+    answer = case.resolve(law)
     rng = random.Random(seed)
     boost = Vec3(*(rng.uniform(-3, 3) for _ in range(3)))
     q = Quaternion(*(rng.gauss(0, 1) for _ in range(4)))
@@ -241,7 +231,7 @@ def test_far_clusters_are_separate_calls(seed, law):
         one.pairs + [(a + shift, b + shift) for a, b in other.pairs],
         one.contacts + other.contacts,
     )
-    first, second, answer = answered(one, law), answered(other, law), answered(both, law)
+    first, second, answer = one.resolve(law), other.resolve(law), both.resolve(law)
     assert answer.twists == first.twists + second.twists
     assert answer.impulses == first.impulses + second.impulses
     assert answer.error_bound == max(first.error_bound, second.error_bound)
@@ -253,7 +243,7 @@ def test_far_clusters_are_separate_calls(seed, law):
 def test_without_restitution_the_answer_is_the_projection(seed):
     """Against Dykstra's alternating projections, which share nothing with the method."""
     case = random_case(seed, e=0.0, contacts=6)
-    answer = answered(case, Law.FRICTIONLESS)
+    answer = case.resolve(Law.FRICTIONLESS)
     changes = _dykstra(case)
     twists = [type(t)(*change) for t, change in zip(answer.twists, changes, strict=True)]
     assert apart_by(case, twists, answer.changes) < 1e-6 or size_of(case, answer) < 1e-9
@@ -306,9 +296,7 @@ def test_few_random_scenes_end_unbounded():
 @pytest.mark.parametrize("seed", range(25))
 def test_the_bound_holds_against_exact_rationals(seed):
     case = random_case(seed, contacts=4)
-    answer = answered(case, Law.FRICTIONLESS)
-    if len(case.pairs) > 6:
-        pytest.skip("exact arithmetic would take long")
+    answer = case.resolve(Law.FRICTIONLESS)
     exact = Case(
         [body._replace(mass=Fraction(body.mass)) if body.is_movable() else body for body in case.bodies],
         *case[1:],
@@ -341,7 +329,7 @@ def test_the_bound_holds_against_exact_rationals(seed):
 @each_seed
 def test_the_rest_of_the_answer_is_consistent(seed):
     case = random_case(seed)
-    answer = answered(case, Law.COULOMB)
+    answer = case.resolve(Law.COULOMB)
     for body, twist, change in zip(case.bodies, answer.twists, answer.changes, strict=True):
         for after, before, by in (
             (twist.linear, body.velocity, change.linear),

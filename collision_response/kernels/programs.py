@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from .. import geometry, validity
 from ..impact import Flags, Report, impact
+from ..numbers.number import choose
 from ..physics.column import Column
 from ..physics.effective_mass import Side
 from ..physics.energy import kinetic_energy
@@ -14,7 +15,7 @@ from ..physics.vector import Vec3
 from .emit import emit
 from .layout import MODEL, Layout, names_of_body, names_of_contact, request, units
 from .pairs import in_pairs
-from .symbol import Tape, numbers_in, rebuilt
+from .symbol import CONDITIONS, Symbol, Tape, numbers_in, rebuilt
 
 HEAD = '#pragma once\n#include "pairs.hpp"\n\n'
 
@@ -82,16 +83,31 @@ def column() -> str:
     body = request(Layout.EVERYTHING, tape).body_a
     centre = Side.of(body, body.position)
     idle = centre.idle.dot(centre.idle) > 0
-    of_centre = map(tape.symbol, numbers_in(centre))
-    text = emit("centre", list(names), of_centre, [tape.symbol(kinetic_energy(body))], [tape.symbol(idle)])
-    count = len(list(numbers_in(centre)))
-    tape = Tape()
+    of_centre = list(map(tape.symbol, numbers_in(centre)))
+    written = list(map(_as_number, of_centre))
+    text = emit("centre", list(names), written, [tape.symbol(kinetic_energy(body))], [tape.symbol(idle)])
+    tape, count = Tape(), len(of_centre)
     inputs = [f"x{i}" for i in range(count + 9)]
     symbols = [tape.input(name) for name in inputs]
-    seen = rebuilt(centre, iter(symbols[:count]))
+    read = (
+        symbol > 0.5 if _is_condition(one) else symbol
+        for symbol, one in zip(symbols, of_centre, strict=False)
+    )
+    seen = rebuilt(centre, read)
     velocity, d, direction = (Vec3(*symbols[i : i + 3]) for i in range(count, count + 9, 3))
     outputs = map(tape.symbol, numbers_in(Column.at(seen, velocity, d, direction)))
     return f"constexpr int CENTRE = {count};\n{text}{emit('column', list(inputs), outputs, [], [])}"
+
+
+def _is_condition(symbol: Symbol) -> bool:
+    return symbol.node.op in CONDITIONS
+
+
+def _as_number(symbol: Symbol) -> Symbol:
+    """A condition as 1 or 0: one that is open has the error of both."""
+    if not _is_condition(symbol):
+        return symbol
+    return symbol.tape.symbol(choose(symbol, lambda: 1.0, lambda: 0.0))
 
 
 def _counts_of(layout: Layout) -> str:

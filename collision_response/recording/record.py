@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from .. import Impact
+from .. import Impact, SceneImpact
 from ..physics.body import Body
 
 
@@ -26,6 +27,26 @@ class Record(NamedTuple):
     body_a: Body
     body_b: Body
     impact: Impact
+
+
+class SceneRecord(NamedTuple):
+    """Several contacts at once.
+
+    Attributes:
+        stamp: when [ns]; 0 if nobody knows.
+        sequence: number of the answer.
+        names: of the bodies.
+        bodies: before the impact.
+        pairs: for each contact, the indices of its body_a and its body_b.
+        impact: the answer.
+    """
+
+    stamp: int
+    sequence: int
+    names: Sequence[str]
+    bodies: Sequence[Body]
+    pairs: Sequence[tuple[int, int]]
+    impact: SceneImpact
 
 
 class Sighting(NamedTuple):
@@ -70,4 +91,4 @@ class Gap(NamedTuple):
     missing: int
 
 
-Entry = Record | Sighting | Refusal | Gap
+Entry = Record | SceneRecord | Sighting | Refusal | Gap

@@ -15,6 +15,8 @@ import rerun as rr
 
 from ..centre import at_centre
 from ..physics.body import Body, Twist
+from ..physics.contact import Contact
+from ..physics.vector import Vec3
 from .layout import (
     AFTER,
     BEFORE,
@@ -30,7 +32,7 @@ from .layout import (
     velocity_path,
 )
 from .piped_file import PipedFile
-from .record import Entry, Gap, Record, Refusal, Sighting
+from .record import Entry, Gap, Record, Refusal, SceneRecord, Sighting
 from .solid import Solid
 
 ARROW_TIME = 0.1
@@ -45,7 +47,8 @@ ARROW_RADIUS = rr.Radius.ui_points(2)
 Times = list[rr.TimeColumn]
 Columns = tuple[str, Times, Any]
 """An entity, when each of its rows was, and the columns."""
-Answer = Record | Refusal | Gap
+Struck = Record | SceneRecord
+Answer = Struck | Refusal | Gap
 """What has a number."""
 
 
@@ -128,9 +131,9 @@ class Writer:
         for entry in batch:
             if isinstance(entry, Sighting):
                 self._show(entry, entry.name, entry.body)
-            elif isinstance(entry, Record):
-                self._show(entry, entry.name_a, entry.body_a)
-                self._show(entry, entry.name_b, entry.body_b)
+            elif isinstance(entry, Struck):
+                for name, body, _ in _appearances(entry):
+                    self._show(entry, name, body)
         self._stream.flush(timeout_sec=5.0)
         self._file.check()
 
@@ -143,7 +146,7 @@ class Writer:
             points = rr.SeriesPoints(colors=plot.colours, names=plot.names, markers="circle", marker_sizes=3)
             log(entity, points, static=True)
 
-    def _show(self, entry: Record | Sighting, name: str, body: Body) -> None:
+    def _show(self, entry: Struck | Sighting, name: str, body: Body) -> None:
         """What a body looks like, from its first appearance on each timeline on."""
         appearance = name, isinstance(entry, Sighting), entry.stamp == 0
         if appearance in self._known:
@@ -165,7 +168,7 @@ def _columns(batch: Sequence[Entry]) -> Iterator[Columns]:
     yield from seen([entry for entry in batch if isinstance(entry, Sighting)])
     answers = [entry for entry in batch if not isinstance(entry, Sighting)]
     for rows in ([row for row in answers if row.stamp], [row for row in answers if not row.stamp]):
-        impacts = [row for row in rows if isinstance(row, Record)]
+        impacts = [row for row in rows if isinstance(row, Struck)]
         yield from bodies(impacts)
         yield from contacts(impacts)
         yield from series(impacts)
@@ -183,14 +186,18 @@ def seen(sightings: Iterable[Sighting]) -> Iterator[Columns]:
         yield velocity_path(name), times, _arrows(positions, _array(row.body.velocity for row in rows))
 
 
-def bodies(impacts: Iterable[Record]) -> Iterator[Columns]:
+def _appearances(row: Struck) -> list[tuple[str, Body, Twist]]:
+    """Every body that was struck: its name, and what it was before, and its twist after."""
+    if isinstance(row, SceneRecord):
+        return list(zip(row.names, row.bodies, row.impact.twists, strict=True))
+    return [(row.name_a, row.body_a, row.impact.twist_a), (row.name_b, row.body_b, row.impact.twist_b)]
+
+
+def bodies(impacts: Iterable[Struck]) -> Iterator[Columns]:
     """Centres of mass, and their velocities: after, then before."""
-    by_name: dict[str, list[tuple[Record, Body, Body]]] = defaultdict(list)
+    by_name: dict[str, list[tuple[Struck, Body, Body]]] = defaultdict(list)
     for row in impacts:
-        for name, body, twist in (
-            (row.name_a, row.body_a, row.impact.twist_a),
-            (row.name_b, row.body_b, row.impact.twist_b),
-        ):
+        for name, body, twist in _appearances(row):
             by_name[name].append((row, at_centre(body), at_centre(_moving(body, twist))))
     for name, appearances in by_name.items():
         times = _times([row for row, _, _ in appearances])
@@ -201,35 +208,44 @@ def bodies(impacts: Iterable[Record]) -> Iterator[Columns]:
         yield velocity_path(name), times, _arrows(positions, after, before)
 
 
-def contacts(impacts: Sequence[Record]) -> Iterator[Columns]:
+def contacts(impacts: Sequence[Struck]) -> Iterator[Columns]:
     """Contact points; from each, the normal and the impulse."""
-    if not impacts:
+    rows = [row for row in impacts if _touches(row)]
+    if not rows:
         return
-    answers = [row.impact for row in impacts]
-    positions = _array(answer.contact.position for answer in answers)
-    normals = _units(_array(answer.contact.normal for answer in answers))
-    changes = _array(answer.impulse / answer.effective_mass for answer in answers)
-    labels = [f"{answer.impulse.norm():.3g} N s" for answer in answers]
-    points = rr.Points3D.columns(positions=positions, labels=labels)
-    yield CONTACT, _times(impacts), [*points, *_arrows(positions, normals, changes)]
+    counts = [len(_touches(row)) for row in rows]
+    touches = [touch for row in rows for touch in _touches(row)]
+    positions = _array(contact.position for contact, _, _ in touches)
+    normals = _units(_array(contact.normal for contact, _, _ in touches))
+    changes = _array(impulse / mass for _, impulse, mass in touches)
+    labels = [f"{impulse.norm():.3g} N s" for _, impulse, _ in touches]
+    points = rr.Points3D.columns(positions=positions, labels=labels).partition(counts)
+    yield CONTACT, _times(rows), [*points, *_arrows(positions, normals, changes, rows=counts)]
 
 
-def series(impacts: Sequence[Record]) -> Iterator[Columns]:
-    """Numbers over time."""
-    if not impacts:
-        return
-    times = _times(impacts)
+def _touches(row: Struck) -> list[tuple[Contact, Vec3, float]]:
+    """Every contact, its impulse, and the mass [kg] that tells what change of velocity that is."""
+    if not isinstance(row, SceneRecord):
+        return [(row.impact.contact, row.impact.impulse, row.impact.effective_mass)]
+    masses = [1 / (1 / row.bodies[a].mass + 1 / row.bodies[b].mass) for a, b in row.pairs]
+    return list(zip(row.impact.contacts, row.impact.impulses, masses, strict=True))
+
+
+def series(impacts: Sequence[Struck]) -> Iterator[Columns]:
+    """Numbers over time; of a scene, those that are not of one contact."""
     for entity, plot in PLOTS.items():
-        values = np.array([[getattr(row.impact, field) for field in plot.fields] for row in impacts], float)
-        lengths = [len(plot.fields)] * len(impacts)
-        yield entity, times, rr.Scalars.columns(scalars=values.ravel()).partition(lengths)
+        rows = [row for row in impacts if hasattr(row.impact, plot.fields[0])]
+        if rows:
+            values = np.array([[getattr(row.impact, field) for field in plot.fields] for row in rows], float)
+            lengths = [len(plot.fields)] * len(rows)
+            yield entity, _times(rows), rr.Scalars.columns(scalars=values.ravel()).partition(lengths)
 
 
 def log(rows: Sequence[Answer]) -> Iterator[Columns]:
     """Every answer in words."""
     if not rows:
         return
-    levels = [rr.TextLogLevel.INFO if isinstance(row, Record) else rr.TextLogLevel.WARN for row in rows]
+    levels = [rr.TextLogLevel.INFO if isinstance(row, Struck) else rr.TextLogLevel.WARN for row in rows]
     yield LOG, _times(rows), rr.TextLog.columns(text=[_in_words(row) for row in rows], level=levels)
 
 
@@ -238,12 +254,15 @@ def _in_words(row: Answer) -> str:
         return row.reason
     if isinstance(row, Gap):
         return f"{row.missing} entries are missing here: they came faster than they could be written"
+    lost = row.impact.energy_lost_restitution + row.impact.energy_lost_friction
+    energy = f"{lost:.6g} J lost ({', '.join(choice.name for choice in row.impact.model[:3])})"
+    if isinstance(row, SceneRecord):
+        return f"{len(row.pairs)} contacts of {len(row.names)} bodies at once: {energy}"
     answer = row.impact
-    lost = answer.energy_lost_restitution + answer.energy_lost_friction
     return (
         f"{row.name_a} on {row.name_b}: {answer.regime.name}, "
         f"{answer.normal_impulse:.6g} N s along the normal, {answer.tangential_impulse:.6g} N s across, "
-        f"{lost:.6g} J lost ({', '.join(choice.name for choice in answer.model[:3])})"
+        f"{energy}"
     )
 
 
@@ -256,11 +275,16 @@ def _moving(body: Body, twist: Twist) -> Body:
     return body._replace(velocity=twist.linear, angular_velocity=twist.angular)
 
 
-def _arrows(origins: np.ndarray, *velocities: np.ndarray) -> Any:
-    """In each row as many arrows as there are arrays of velocities."""
+def _arrows(origins: np.ndarray, *velocities: np.ndarray, rows: Sequence[int] | None = None) -> Any:
+    """At each origin as many arrows as there are arrays of velocities.
+
+    Args:
+        origins, velocities: an entry each.
+        rows: how many origins are in each row; left out, one.
+    """
     count, vectors = len(velocities), np.stack(velocities, axis=1) * ARROW_TIME
     columns = rr.Arrows3D.columns(origins=origins.repeat(count, axis=0), vectors=vectors.reshape(-1, 3))
-    return columns.partition([count] * len(origins))
+    return columns.partition([count * number for number in rows or [1] * len(origins)])
 
 
 def _array(tuples: Iterable[tuple[float, ...]], length: int = 3) -> np.ndarray:

@@ -52,11 +52,12 @@ def pack(
         frame_id: the inertial frame of all bodies and contacts.
 
     Raises:
-        ValueError: an array has not the right shape, or ``pairs`` holds what is no index.
+        ValueError: an array has not the right shape, ``pairs`` holds what is no index, or a name has
+            several lines.
     """
     bodies, pairs, contacts = np.asarray(bodies), np.asarray(pairs), np.asarray(contacts)
     _check_shapes(bodies, pairs, contacts)
-    request = Request(names=list(names))
+    request = Request(names=_lines(names))
     request.header.frame_id = frame_id
     request.layout = LAYOUT_OF[bodies.shape[0]]
     append(request.bodies, bodies)
@@ -82,6 +83,14 @@ def unpack(response: Response) -> BatchResult:
         tables["error_bound"] = np.asarray(response.error_bounds)
         tables["precision"] = np.asarray(response.precisions)
     return BatchResult(**tables, status=status)
+
+
+def _lines(names: Iterable[str]) -> str:
+    names = list(names)
+    for i, name in enumerate(names):
+        if "\n" in name:
+            raise ValueError(f"names[{i}]: must be one line, is {name!r}")
+    return "\n".join(names)
 
 
 def _check_shapes(bodies: Array, pairs: Array, contacts: Array) -> None:

@@ -59,6 +59,11 @@ def result_shapes(geometry: Geometry, n: int) -> dict[str, tuple[int, ...]]:
     return {"velocity": (axes, 2, n), "angular_velocity": (turns, 2, n), "impulse": (axes, n)}
 
 
+def names_in(request: ResolveCollisionBatch.Request) -> list[str]:
+    """The bodies of a request that are given by name."""
+    return request.names.split("\n") if request.names else []
+
+
 def append(field: array[Any], numbers: Array) -> None:
     """Lengthen a field by the numbers of an array."""
     field.frombytes(np.ascontiguousarray(numbers, field.typecode).ravel().view(np.uint8).data)

@@ -30,6 +30,7 @@ from .batch_fields import (
     Layout,
     Request,
     Response,
+    names_in,
     result_shapes,
     with_zeros,
     write_model,
@@ -228,15 +229,16 @@ def bodies_of(
         reason = f"must hold {height} rows for {layout.name}, all of one length; holds {numbers.size} numbers"
         raise ImpactError(StatusCode.INVALID_TABLE, "bodies", reason)
     table = without_give(numbers.reshape(height, -1), request.immovable, layout)
-    faults = np.zeros(table.shape[1] + len(request.names), np.uint8)
-    if not request.names:
+    names = names_in(request)
+    faults = np.zeros(table.shape[1] + len(names), np.uint8)
+    if not names:
         return Bodies(table, faults, [], [], [])
 
-    check_names(request.names)
-    columns, errors = np.full((height, len(request.names)), math.nan), []
-    stamps, ages = [Time() for _ in request.names], [math.nan] * len(request.names)
+    check_names(names)
+    columns, errors = np.full((height, len(names)), math.nan), []
+    stamps, ages = [Time() for _ in names], [math.nan] * len(names)
     at, not_before = nanoseconds(request.header.stamp) or now(), nanoseconds(request.not_before)
-    for i, name in enumerate(request.names):
+    for i, name in enumerate(names):
         owner = f"names[{i}]"
         try:
             known = find(states, owner, owner, name, not_before)

@@ -29,6 +29,7 @@ from ..physics.orientation import Quaternion
 from ..physics.tensor import Symmetric3
 from ..physics.vector import ZERO, Vec3
 from ..resolve import resolve
+from ..scene import SceneImpact
 from ..srv import ResolveCollision
 from ..status import ImpactError, StatusCode
 from .batch_fields import write_model
@@ -127,7 +128,7 @@ def body_of(owner: str, state: BodyState) -> Body:
         return Body.kinematic(position, velocity, angular_velocity)._replace(orientation=orientation)
     i, c = state.inertia, state.inertia.com
     if not math.isfinite(i.m):  # in the core an infinite mass is that of an immovable body
-        raise ImpactError(StatusCode.NOT_FINITE, f"{owner}.mass", f"must be finite; is {i.m}")
+        raise ImpactError(StatusCode.NOT_FINITE, f"{owner}.inertia.m", f"must be finite; is {i.m}")
     return Body(
         i.m,
         Symmetric3(i.ixx, i.ixy, i.ixz, i.iyy, i.iyz, i.izz),
@@ -170,9 +171,17 @@ def _check_immovable(owner: str, motion_type: int, twist: Twist) -> None:
 class Touch(Protocol):
     """A contact and its two bodies, such as a request for one impact."""
 
-    contact: Any
-    body_a: BodyState
-    body_b: BodyState
+    @property
+    def contact(self) -> Any:
+        """Where, and the coefficients."""
+
+    @property
+    def body_a(self) -> BodyState:
+        """To whom the normal points."""
+
+    @property
+    def body_b(self) -> BodyState:
+        """The other one."""
 
 
 def contact_of(touch: Touch, parameters: Parameters) -> Contact:
@@ -263,7 +272,7 @@ def write_answer(result: CollisionResult, request: ResolveCollision.Request, imp
     result.adjustments = int(impact.adjustments)
 
 
-def notes(impact: Impact) -> Iterator[str]:
+def notes(impact: Impact | SceneImpact) -> Iterator[str]:
     """What a person should know of an answer."""
     yield from (note for flag, note in NOTES.items() if flag in impact.adjustments)
     if impact.status is StatusCode.TOLERANCE_NOT_MET:

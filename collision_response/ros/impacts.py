@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
 from typing import Any
 
 from ..msg import BodyState, CollisionResult
 from ..recording import Record, Recorder, Refusal
-from ..resolve import resolve
 from ..requirements import SceneSurvey
+from ..resolve import resolve
 from ..srv import ResolveCollision
 from ..status import ImpactError, StatusCode
 from . import convert
@@ -35,6 +35,7 @@ class Impacts:
         states: of the bodies that it has heard of.
         results: where answers are published.
         now: the time by the node's clock [ns].
+        sequence: counts the answers of the node.
         logger: of the node.
     """
 
@@ -47,6 +48,7 @@ class Impacts:
         states: LatestStates,
         results: Results,
         now: Callable[[], int],
+        sequence: Iterator[int],
         logger: Any,
     ) -> None:
         self.recorder: Recorder | None = None
@@ -56,6 +58,7 @@ class Impacts:
         self._results = results
         self._now = now
         self._log = logger
+        self._numbers = sequence
         self._sequence = 0
         self._warned: set[str] = set()
 
@@ -100,7 +103,7 @@ class Impacts:
         return StatusCode(response.result.status.code)
 
     def _publish(self, result: CollisionResult) -> None:
-        self._sequence += 1
+        self._sequence = next(self._numbers)
         result.sequence = self._sequence
         self._results.publish(result)
 

@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from itertools import product
+from itertools import count, product
 from typing import Any
 
 import rclpy
@@ -20,7 +20,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.signals import SignalHandlerOptions
 
 from ..model import ImpactModel
-from ..msg import BodyState, BodyStates, CollisionResult
+from ..msg import BodyState, BodyStates, CollisionResult, SceneResult
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
@@ -35,6 +35,7 @@ from .impacts import Impacts, stamp_of
 from .intake import Intake, OutOfReach, RCLError
 from .memory import limit_memory
 from .results import Results
+from .scenes import Scenes
 from .serialized import Broken
 from .server import THROTTLE, Server
 from .signals import on_signal
@@ -61,10 +62,12 @@ class CollisionResponseNode(Node):
     Interfaces (all may be remapped):
         service ``~/resolve_collision``: every request is answered, with a code and a message.
         service ``~/resolve_collision_batch``: the same for many contacts, as arrays.
+        service ``~/resolve_scene``: several contacts at once.
         subscription ``body_states``, or the parameter ``body_state_topics``: bodies that requests
             may then give by name only.
         subscription ``all_body_states``: the same for many bodies, as a table.
         publisher ``~/result``: every answer of the first, refusals included, once anybody subscribes.
+        publisher ``~/scene_result``: the same for scenes.
         publisher ``/diagnostics``: how it is doing.
 
     Attributes:
@@ -96,15 +99,18 @@ class CollisionResponseNode(Node):
             )
         self._states = LatestStates(start.max_bodies, self._now, self._warn)
         self._jumps = self.get_clock().create_jump_callback(JUMPS, post_callback=self._forget)
-        results = Results(self, CollisionResult, "~/result")
-        self.impacts = Impacts(self.parameters, self._states, results, self._now, self.get_logger())
+        results, sequence = Results(self, CollisionResult, "~/result"), count(1)
+        self.impacts = Impacts(self.parameters, self._states, results, self._now, sequence, self.get_logger())
         self.impacts.recorder = self._recorder
         self.impacts.survey = SceneSurvey(start.scene_tolerance) if start.scene_tolerance else None
+        scene_results = Results(self, SceneResult, "~/scene_result")
+        scenes = Scenes(self.parameters, self._states, scene_results, self._now, sequence)
+        scenes.recorder = self._recorder
         batches = Batches(self.parameters, self._states, self._now)
         warm_up()
         tally = Tally()
         self._server = Server(
-            self, (self.impacts, batches), tally, self._over_budget, start.service_introspection
+            self, (self.impacts, batches, scenes), tally, self._over_budget, start.service_introspection
         )
         self._hearing = [
             *(self._listen(BodyState, topic, STATE_QOS, self._hear) for topic in start.body_state_topics),

@@ -97,6 +97,7 @@ DECLARATIONS = (
         read_only=True,
     ),
     Declaration("budget.contacts", 1_000_000, "Contacts that one batch may have.", 1, 10**9),
+    Declaration("budget.scene_contacts", 256, "Contacts that one scene may have.", 1, 4096),
     Declaration("budget.time", 60.0, "Computing time [s] that one request may take. 0: any."),
     Declaration("memory_limit", 4096, "Memory [MiB] that the process may take. 0: any.", 0, 10**9, True),
     Declaration(
@@ -144,6 +145,7 @@ class Parameters:
     max_state_age: float
     max_state_wait: float
     budget_contacts: int
+    budget_scene_contacts: int
     budget_time: float
     shutdown_timeout: float
     restitution: float

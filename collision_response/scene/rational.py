@@ -129,7 +129,7 @@ class RationalCluster:
         ]
         after = self._velocities(p)
         lost = -sum((x * (b + a) for x, b, a in zip(p, self._u, after, strict=True)), start=NOUGHT) / 2
-        idle = [body.angular_velocity - body.driving_spin() for body in self._bodies]
+        idle = [body.angular_velocity - body.driving_spin()[1] for body in self._bodies]
         lengths = [length(contact.normal) for contact in self._contacts]
         return Motions(
             changes,

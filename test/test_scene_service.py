@@ -1,0 +1,244 @@
+"""The service for several contacts at once, called over DDS."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_graph import assign, ball, state_of, until
+
+from collision_response import Body, Contact, ImpactModel, Law, StatusCode, resolve_scene
+from collision_response.msg import BodyState, SceneResult
+from collision_response.msg import Contact as ContactMessage
+from collision_response.physics.mass_properties import box
+from collision_response.ros.scenes import NUMBERS
+from collision_response.srv import ResolveScene
+
+CUBE = Body.dynamic(
+    1.0, box(1.0, (1.0, 1.0, 1.0)).inertia, position=(0.0, 0.0, 0.5), velocity=(0.25, 0.0, -1.0)
+)
+CORNERS = [(x, y, 0.0) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+FLAT_BOX = (
+    [CUBE, Body.static()],
+    [(0, 1)] * 4,
+    [Contact.of(corner, (0, 0, 1), 0.5, 0.3) for corner in CORNERS],
+)
+CRADLE = (
+    [
+        Body.dynamic(1.0, position=(float(i), 0.0, 0.0), velocity=(1.0 if i == 0 else 0.0, 0, 0))
+        for i in range(3)
+    ],
+    [(0, 1), (1, 2)],
+    [Contact.of((0.5 + i, 0, 0), (-1, 0, 0), 1.0) for i in range(2)],
+)
+SCENES = {"flat box": FLAT_BOX, "cradle": CRADLE}
+
+
+def request_of(bodies, pairs, contacts, **model) -> ResolveScene.Request:
+    """A request in which the bodies are called ``body 0`` and so on."""
+    request = ResolveScene.Request()
+    for i, body in enumerate(bodies):
+        state = state_of(body)
+        state.name = f"body {i}"
+        request.bodies.append(state)
+    for (a, b), contact in zip(pairs, contacts, strict=True):
+        message = ContactMessage(body_a=f"body {a}", body_b=f"body {b}")
+        message.header.frame_id = "world"
+        message.position.x, message.position.y, message.position.z = map(float, contact.position)
+        message.normal.x, message.normal.y, message.normal.z = map(float, contact.normal)
+        message.restitution, message.friction = float(contact.restitution), float(contact.friction)
+        request.contacts.append(message)
+    for field, value in model.items():
+        setattr(request.model, field, value)
+    return request
+
+
+def xyz(vector) -> tuple[float, float, float]:
+    return vector.x, vector.y, vector.z
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("scene", SCENES)
+def test_an_answer_over_the_wire_is_that_of_the_library(tried_node, scene, law):
+    response = tried_node.call(request_of(*SCENES[scene], law=law))
+    assert response.success, response.result.status.message
+    result, expected = response.result, resolve_scene(*SCENES[scene], ImpactModel(law))
+    assert result.status.code == expected.status
+    assert result.body_names == [f"body {i}" for i in range(len(SCENES[scene][0]))]
+    assert [(xyz(twist.linear), xyz(twist.angular)) for twist in result.twists] == [
+        (tuple(twist.linear), tuple(twist.angular)) for twist in expected.twists
+    ]
+    assert list(map(xyz, result.impulses)) == list(map(tuple, expected.impulses))
+    assert tuple(result.normal_velocities_before) == expected.normal_velocities_before
+    assert tuple(result.normal_velocities_after) == expected.normal_velocities_after
+    assert tuple(result.regimes) == expected.regimes
+    assert list(result.clusters) == [0] * len(SCENES[scene][1])
+    for field in NUMBERS:
+        assert getattr(result, field) == getattr(expected, field), field
+    assert (result.model.law, result.adjustments) == (expected.model.law, expected.adjustments)
+    assert [(c.restitution, c.friction) for c in result.contacts] == [c[2:] for c in expected.contacts]
+
+
+def test_a_cradle_passes_its_speed_on(tried_node):
+    result = tried_node.call(request_of(*CRADLE)).result
+    assert [twist.linear.x for twist in result.twists] == pytest.approx([0, 0, 1], abs=result.error_bound)
+
+
+def test_bodies_may_be_named_by_contacts_alone(graph):
+    graph.serve()
+    states = graph.user.create_publisher(BodyState, "body_states", 10)
+    until(lambda: states.get_subscription_count() == 1)
+    request = request_of(*CRADLE)
+    last = request.bodies[2]
+    last.header.stamp.sec = 5
+    request.bodies = [request.bodies[0], BodyState(name="body 1")]
+    middle = state_of(CRADLE[0][1])
+    middle.name, middle.header.stamp.sec = "body 1", 4
+    states.publish(middle)
+    states.publish(last)
+    request.not_before.sec = 4
+    request.contacts[0].header.stamp.sec = 6
+    result = graph.call(request).result
+    assert result.status.code == StatusCode.OK, result.status.message
+    assert result.body_names == ["body 0", "body 1", "body 2"]
+    assert [twist.linear.x for twist in result.twists] == pytest.approx([0, 0, 1], abs=result.error_bound)
+    assert list(result.state_ages) == [0.0, 2.0, 1.0]
+    assert [stamp.sec for stamp in result.state_stamps] == [0, 4, 5]
+
+
+def test_coefficients_are_filled_in_for_each_contact(graph):
+    graph.serve(restitution=0.75, friction=0.125)
+    request = request_of(*FLAT_BOX, law=Law.MOREAU)
+    for contact in request.contacts:
+        contact.restitution = contact.friction = -1.0
+    request.contacts[1].restitution = 0.25
+    request.bodies[0].friction, request.bodies[1].friction = 0.5, 0.25
+    result = graph.call(request).result
+    assert [contact.restitution for contact in result.contacts] == [0.75, 0.25, 0.75, 0.75]
+    assert [contact.friction for contact in result.contacts] == [0.375] * 4
+
+
+def test_a_coefficient_of_a_body_is_refused_by_its_name(tried_node):
+    request = request_of(*FLAT_BOX)
+    request.contacts[2].friction, request.bodies[0].friction = -1.0, -0.5
+    status = tried_node.call(request).result.status
+    assert status.code == StatusCode.INVALID_COEFFICIENT
+    assert status.message.startswith("bodies[0].friction: must be at least 0")
+
+
+class Refused(NamedTuple):
+    """One change to a good request, and the refusal it must meet."""
+
+    code: StatusCode
+    field: str
+    value: Any
+    says: str
+
+
+REFUSALS = [
+    Refused(StatusCode.INVALID_COEFFICIENT, "contacts[3].friction", -0.5, "contacts[3].friction: must be"),
+    Refused(StatusCode.INVALID_NORMAL, "contacts[2].normal.z", 0.0, "contacts[2].normal: must not be 0"),
+    Refused(StatusCode.INVALID_MASS, "bodies[0].inertia.m", 0.0, "bodies[0].inertia.m: must be positive"),
+    Refused(StatusCode.NOT_FINITE, "bodies[0].inertia.m", math.inf, "bodies[0].inertia.m: must be finite"),
+    Refused(StatusCode.NOT_FINITE, "bodies[0].twist.linear.x", math.nan, "bodies[0].twist.linear: must be"),
+    Refused(StatusCode.UNKNOWN_BODY, "contacts[1].body_b", "ghost", "contacts[1].body_b: is 'ghost', of"),
+    Refused(StatusCode.UNKNOWN_BODY, "contacts[1].body_b", "", "contacts[1].body_b: is empty: a contact"),
+    Refused(StatusCode.UNKNOWN_BODY, "bodies[1].name", "", "bodies[1].name: is empty: contacts go by"),
+    Refused(
+        StatusCode.SAME_BODY, "bodies[1].name", "body 0", "bodies[1].name: is 'body 0', as bodies[0].name"
+    ),
+    Refused(StatusCode.SAME_BODY, "contacts[2].body_b", "body 0", "contacts[2]: a body cannot strike itself"),
+    Refused(
+        StatusCode.FRAME_MISMATCH, "contacts[2].header.frame_id", "map", "contacts[2].header.frame_id: is"
+    ),
+    Refused(StatusCode.FRAME_MISMATCH, "bodies[1].header.frame_id", "map", "bodies[1].header.frame_id: is"),
+    Refused(StatusCode.INVALID_MODEL, "model.law", 77, "model.law: must be one of"),
+    Refused(StatusCode.INVALID_MODEL, "model.law", Law.ROUTH_POISSON, "model.law: "),
+]
+
+
+def change(request, path, value):
+    """Set a field such as ``contacts[3].friction``."""
+    owner, _, field = path.partition(".")
+    message, _, index = owner.partition("[")
+    part = getattr(request, message)
+    assign(part[int(index[:-1])] if index else part, field, value)
+
+
+@pytest.mark.parametrize("case", REFUSALS, ids=lambda case: f"{case.code.name}-{case.field}")
+def test_a_refusal_names_the_body_or_the_contact(tried_node, case):
+    request = request_of(*FLAT_BOX)
+    change(request, case.field, case.value)
+    response = tried_node.call(request)
+    assert not response.success
+    assert StatusCode(response.result.status.code) is case.code, response.result.status.message
+    assert response.result.status.message.startswith(case.says), response.result.status.message
+    assert response.result.error_bound == -1.0
+
+
+def test_contacts_that_contradict_each_other_are_refused(tried_node):
+    walls = [Body.kinematic((0, 0, -1), (0, 0, 1)), Body.kinematic((0, 0, 1), (0, 0, -1))]
+    scene = (
+        [Body.dynamic(1.0), *walls],
+        [(0, 1), (0, 2)],
+        [Contact.of((0, 0, -1), (0, 0, 1), 0.5), Contact.of((0, 0, 1), (0, 0, -1), 0.5)],
+    )
+    assert tried_node.call(request_of(*scene)).result.status.code == StatusCode.CONTRADICTORY_CONTACTS
+
+
+def test_a_scene_of_too_many_contacts_is_refused_by_name(graph):
+    graph.serve(budget__scene_contacts=3)
+    status = graph.call(request_of(*FLAT_BOX)).result.status
+    assert status.code == StatusCode.BUDGET_EXCEEDED
+    assert status.message == "contacts: are 4; budget.scene_contacts is 3"
+    assert graph.call(request_of(*CRADLE)).success
+
+
+def test_a_scene_without_contacts_changes_nothing(tried_node):
+    request = ResolveScene.Request(bodies=[ball(0.0, 3.0, name="ball", frame="")])
+    result = tried_node.call(request).result
+    assert result.status.code == StatusCode.SEPARATING
+    assert result.twists[0].linear.x == 3.0
+
+
+def test_answers_are_published_refusals_included(graph):
+    graph.serve()
+    good, bad = request_of(*CRADLE), request_of(*CRADLE)
+    bad.contacts[0].normal.x = 0.0
+    answers = [graph.call(request).result for request in (good, bad)]
+    received = []
+    late = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    graph.user.create_subscription(SceneResult, "collision_response/scene_result", received.append, late)
+    until(lambda: len(received) == 2)
+    assert received == answers
+    assert [result.sequence for result in received] == [1, 2]
+
+
+def test_a_scene_is_recorded(graph, tmp_path):
+    pytest.importorskip("rerun")
+    from test_recording import read, verify
+
+    graph.serve(recording__enabled=True, recording__directory=str(tmp_path))
+    request = request_of(*FLAT_BOX)
+    request.contacts[0].header.stamp.sec = 3
+    result = graph.call(request).result
+    bad = request_of(*FLAT_BOX)
+    bad.contacts[0].normal.z = 0.0
+    graph.call(bad)
+    graph.close()
+    (path,) = tmp_path.glob("*.rrd")
+    verify(path)
+    ((_, _, points),) = read(path, "/world/contact", "Points3D:positions")
+    assert [tuple(point) for point in points] == CORNERS
+    ((_, _, arrows),) = read(path, "/world/contact", "Arrows3D:vectors")
+    assert len(arrows) == 8
+    ((_, _, energies),) = read(path, "/impact/kinetic_energy", "Scalars:scalars")
+    assert energies == [result.kinetic_energy_before, result.kinetic_energy_after]
+    told = [words for _, _, (words,) in read(path, "/log", "TextLog:text")]
+    assert told[0].startswith("4 contacts of 2 bodies at once: ")
+    assert told[1].startswith("INVALID_NORMAL: contacts[0].normal")
