@@ -16,7 +16,6 @@ from collision_response import (
     ImpactModel,
     Law,
     Regime,
-    StatusCode,
     resolve,
     resolve_scene,
 )
