@@ -15,8 +15,8 @@ from . import results
 from .faults import LONGEST_WAIT, started, steady, stopped
 from .processes import Environment, Stage
 
-SHARES = {"values single": 0.4, "values batch": 0.2, "values states": 0.1} | dict.fromkeys(
-    ("raw single", "raw batch", "raw states"), 0.1
+SHARES = {"values single": 0.3, "values batch": 0.2, "values states": 0.1} | dict.fromkeys(
+    ("raw single", "raw batch", "raw scene", "raw states"), 0.1
 )
 """Of all that is sent."""
 

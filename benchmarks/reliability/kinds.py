@@ -50,6 +50,16 @@ def separating() -> Any:
     return request
 
 
+def scene() -> Any:
+    """Two bodies in full, with two contacts."""
+    from collision_response import Body, Contact
+    from collision_response.ros.scene_client import pack
+
+    ball = Body.dynamic(2.0, (0.3, 0.0, 0.0, 0.4, 0.0, 0.5), velocity=(0.0, 0.0, -1.0))
+    contacts = [Contact.of((x, 0.0, 0.0), (0.0, 0.0, 1.0), 0.5, 0.3) for x in (-0.1, 0.1)]
+    return pack([ball, Body.static()], [(0, 1)] * 2, contacts, names=["a", "b"], frame_id="world")
+
+
 def by_name(*names: str) -> Any:
     """Two bodies by name only."""
     request = full()

@@ -6,16 +6,21 @@ It reaches a node of Fast DDS only if that does not propagate its types (``fastd
 import os
 import random
 import struct
+from functools import partial
 from typing import Any
 
 from .child import Parent
-from .kinds import batch, full
+from .kinds import batch, full, scene
 from .processes import NAMESPACE
 
 SERVICE = f"{NAMESPACE}/collision_response/resolve_collision"
 TOPICS = {
     "single": (f"rq{SERVICE}Request", "collision_response.srv.dds_.ResolveCollision_Request_"),
     "batch": (f"rq{SERVICE}_batchRequest", "collision_response.srv.dds_.ResolveCollisionBatch_Request_"),
+    "scene": (
+        f"rq{NAMESPACE}/collision_response/resolve_sceneRequest",
+        "collision_response.srv.dds_.ResolveScene_Request_",
+    ),
     "states": (f"rt{NAMESPACE}/body_states", "collision_response.msg.dds_.BodyState_"),
 }
 CLAIMS = (2**32 - 1, 2**31 - 1, 2**31, 20_000_000, 1_000_000, 65536, 0)
@@ -28,12 +33,12 @@ PORTION = 100
 
 
 def kept(what: str) -> list[bytes]:
-    """What did harm once, sent first: of a batch, 84 bytes that claim 20 million names."""
-    if what != "batch":
+    """What did harm once, sent first: a short message that claims 20 million names, or bodies."""
+    offsets = {"batch": 24, "scene": 24}  # after the header, and what comes before the names
+    if what not in offsets:
         return []
-    short = templates(what)[0]
-    names = HEADER + 24  # after the header, the layout, and the lengths of bodies and immovable
-    return [short[:names] + struct.pack("<I", 20_000_000) + short[names + 4 :]] * 5
+    short, at = templates(what)[0], HEADER + offsets[what]
+    return [short[:at] + struct.pack("<I", 20_000_000) + short[at + 4 :]] * 5
 
 
 def templates(what: str) -> list[bytes]:
@@ -44,7 +49,7 @@ def templates(what: str) -> list[bytes]:
         whole = full().body_a
         whole.name = "raw"
     else:
-        whole = full() if what == "single" else batch(6)
+        whole = {"single": full, "batch": partial(batch, 6), "scene": scene}[what]()
     return [serialize_message(type(whole)()), serialize_message(whole)]
 
 

@@ -57,7 +57,7 @@ def pack(
     """
     bodies, pairs, contacts = np.asarray(bodies), np.asarray(pairs), np.asarray(contacts)
     _check_shapes(bodies, pairs, contacts)
-    request = Request(names=_lines(names))
+    request = Request(names=as_lines(names))
     request.header.frame_id = frame_id
     request.layout = LAYOUT_OF[bodies.shape[0]]
     append(request.bodies, bodies)
@@ -85,7 +85,8 @@ def unpack(response: Response) -> BatchResult:
     return BatchResult(**tables, status=status)
 
 
-def _lines(names: Iterable[str]) -> str:
+def as_lines(names: Iterable[str]) -> str:
+    """Names as one string. Raises: ValueError: one has several lines."""
     names = list(names)
     for i, name in enumerate(names):
         if "\n" in name:

@@ -59,7 +59,7 @@ def result_shapes(geometry: Geometry, n: int) -> dict[str, tuple[int, ...]]:
     return {"velocity": (axes, 2, n), "angular_velocity": (turns, 2, n), "impulse": (axes, n)}
 
 
-def names_in(request: ResolveCollisionBatch.Request) -> list[str]:
+def names_in(request: Any) -> list[str]:
     """The bodies of a request that are given by name."""
     return request.names.split("\n") if request.names else []
 

@@ -79,14 +79,9 @@ def complete(
 def _name_to_look_up(body: BodyState, in_contact: str) -> str:
     """The name of a body of which nothing else is given; else nothing."""
     name = body.name or in_contact
-    return name if name and is_name_only(body) else ""
-
-
-def is_name_only(body: BodyState) -> bool:
-    """Whether of a body every field but the name is as constructed."""
-    if body.inertia.m or body.motion_type:
-        return False  # most bodies given in full; the comparison below takes ten times as long
-    return body == BodyState(name=body.name)
+    if body.inertia.m or body.motion_type or not name:
+        return ""  # most bodies given in full; the comparison below takes ten times as long
+    return name if body == BodyState(name=body.name) else ""
 
 
 def find(states: LatestStates, owner: str, field: str, name: str, not_before: int) -> Known:

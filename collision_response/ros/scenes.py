@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from std_msgs.msg import Header
+import numpy as np
 
 from ..model import ImpactModel
 from ..msg import BodyState, SceneResult
@@ -18,14 +18,15 @@ from ..scene import SceneImpact, resolve_scene
 from ..srv import ResolveScene
 from ..status import ImpactError, StatusCode
 from . import convert
-from .batch_fields import write_model
+from .batch_fields import names_in, write_model
+from .batches import check_names
 from .parameters import LatestParameters, Parameters
 from .patience import when_not_too_early
-from .request import IN_FULL, Used, age_of, check_age, check_frame, check_world_frame, find, is_name_only
+from .request import IN_FULL, Used, age_of, check_age, check_frame, check_world_frame, find
 from .results import Results
-from .serialized import nanoseconds
+from .serialized import ROWS, nanoseconds, state_from
 from .server import Answer
-from .states import LatestStates, quoted
+from .states import LatestStates
 
 NUMBERS = (
     "kinetic_energy_before",
@@ -36,6 +37,10 @@ NUMBERS = (
     "decision_margin",
 )
 """Fields of ``SceneResult`` and of :class:`~collision_response.SceneImpact` alike."""
+
+
+CONTACT_ROWS = ("x", "y", "z", "nx", "ny", "nz", "e", "mu")
+"""Of ``ResolveScene.contacts``."""
 
 
 class Named(NamedTuple):
@@ -107,17 +112,17 @@ class Scenes:
     def answer(self, request: ResolveScene.Request) -> Answer:
         """The work for a request."""
         current = self._parameters.values
-        check_size(request, current.budget_scene_contacts)
+        contacts = contacts_of(request, current.budget_scene_contacts)
         named = yield from when_not_too_early(
             partial(bodies_of, request, self._states, current, self._now), current.max_state_wait
         )
-        scene = scene_of(request, named, current)
+        scene = scene_of(request, contacts, named, current)
         try:
             impact = resolve_scene(*scene)
         except ImpactError as error:
             raise as_in_request(error, named) from None
         response = ResolveScene.Response(success=True)
-        write_answer(response.result, request, named, impact)
+        write_answer(response.result, request, contacts, named, impact)
         self._publish(response.result)
         if self.recorder is not None:
             stamp = nanoseconds(response.result.header.stamp) or self._now()
@@ -127,10 +132,10 @@ class Scenes:
         return response
 
     def refusal(self, request: ResolveScene.Request, error: ImpactError) -> ResolveScene.Response:
-        """The response that says why there is no answer; contacts and model are those of the request."""
+        """The response that says why there is no answer; its model is that of the request."""
         response = ResolveScene.Response()
         result = response.result
-        result.header, result.contacts, result.model = header_of(request), request.contacts, request.model
+        result.header, result.model = request.header, request.model
         result.error_bound = -1.0
         result.status.code, result.status.message = int(error.code), convert.as_in_message(error)
         self._publish(result)
@@ -150,95 +155,114 @@ class Scenes:
         self._results.publish(result)
 
 
-def check_size(request: ResolveScene.Request, most: int) -> None:
-    """Raises: ImpactError: BUDGET_EXCEEDED."""
-    if len(request.contacts) > most:
-        reason = f"are {len(request.contacts)}; budget.scene_contacts is {most}"
+def table_of(field: str, numbers: Any, rows: int) -> Any:
+    """A field as a table of so many rows.
+
+    Raises:
+        ImpactError: INVALID_TABLE.
+    """
+    numbers = np.asarray(numbers)
+    if numbers.size % rows:
+        reason = f"must hold {rows} rows, all of one length; holds {numbers.size} numbers"
+        raise ImpactError(StatusCode.INVALID_TABLE, field, reason)
+    return numbers.reshape(rows, -1)
+
+
+def contacts_of(request: ResolveScene.Request, most: int) -> list[ContactMessage]:
+    """The contacts as messages.
+
+    Raises:
+        ImpactError: INVALID_TABLE, or BUDGET_EXCEEDED for more than ``most``.
+    """
+    table = table_of("contacts", request.contacts, len(CONTACT_ROWS))
+    if table.shape[1] > most:
+        reason = f"are {table.shape[1]}; budget.scene_contacts is {most}"
         raise ImpactError(StatusCode.BUDGET_EXCEEDED, "contacts", reason)
-
-
-def header_of(request: ResolveScene.Request) -> Header:
-    """The header of the first contact."""
-    return request.contacts[0].header if request.contacts else Header()
+    if len(request.pairs) != 2 * table.shape[1]:
+        reason = (
+            f"must hold two indices for each of {table.shape[1]} contacts, holds {len(request.pairs)} in all"
+        )
+        raise ImpactError(StatusCode.INVALID_TABLE, "pairs", reason)
+    messages = []
+    for x, y, z, nx, ny, nz, restitution, friction in table.T.tolist():
+        message = ContactMessage(header=request.header, restitution=restitution, friction=friction)
+        message.position.x, message.position.y, message.position.z = x, y, z
+        message.normal.x, message.normal.y, message.normal.z = nx, ny, nz
+        messages.append(message)
+    return messages
 
 
 def bodies_of(
     request: ResolveScene.Request, states: LatestStates, parameters: Parameters, now: Callable[[], int]
 ) -> Named:
-    """The bodies of a request, then those that its contacts name besides.
+    """The bodies of the table, then those of which a state was received.
 
     Raises:
         TooEarly: a state is older than ``not_before``, or unknown.
-        ImpactError: SAME_BODY, UNKNOWN_BODY, STALE_STATE or FRAME_MISMATCH.
+        ImpactError: INVALID_TABLE, SAME_BODY, UNKNOWN_BODY, STALE_STATE or FRAME_MISMATCH.
     """
-    header = header_of(request)
+    header = request.header
+    check_world_frame("header.frame_id", header.frame_id, parameters.world_frame)
+    table = table_of("bodies", request.bodies, ROWS)
+    count = table.shape[1]
+    if len(request.motion_types) not in (0, count):
+        reason = f"must be one for each of {count} bodies, or none; are {len(request.motion_types)}"
+        raise ImpactError(StatusCode.INVALID_TABLE, "motion_types", reason)
+    names = names_in(request) or [f"body {i}" for i in range(count)]
+    if len(names) < count:
+        reason = f"must be empty, or a line for each of {count} bodies and more; has {len(names)}"
+        raise ImpactError(StatusCode.INVALID_TABLE, "names", reason)
+    check_names(names)
+    types = request.motion_types or [BodyState.DYNAMIC] * count
+    named = Named(names, [], [IN_FULL] * count, [f"bodies[{i}]" for i in range(count)])
+    for name, column, motion_type in zip(names, table.T.tolist(), types, strict=False):
+        named.states.append(state_from(column, BodyState(header=header, name=name, motion_type=motion_type)))
     time, not_before = nanoseconds(header.stamp) or now(), nanoseconds(request.not_before)
-    check_world_frame("contacts[0].header.frame_id", header.frame_id, parameters.world_frame)
-    wanted = _bodies_and_names(request)
-    named = Named([], [], [], [])
-    for owner, field, state in wanted:
-        used = IN_FULL
-        if is_name_only(state):
-            known = find(states, owner, field, state.name, not_before)
-            used = Used(known.state.header.stamp, age_of(known, time))
-            check_age(owner, state.name, used.age, parameters.max_state_age)
-            state = known.state
-        check_frame(f"{owner}.header.frame_id", state, "contacts[0].header.frame_id", header.frame_id)
-        named.names.append(state.name)
-        named.states.append(state)
+    for i, name in enumerate(names[count:], count):
+        owner = f"names[{i}]"
+        known = find(states, owner, owner, name, not_before)
+        used = Used(known.state.header.stamp, age_of(known, time))
+        check_age(owner, name, used.age, parameters.max_state_age)
+        check_frame(f"{owner}.header.frame_id", known.state, "header.frame_id", header.frame_id)
+        named.states.append(known.state)
         named.used.append(used)
         named.owners.append(owner)
     return named
 
 
-def _bodies_and_names(request: ResolveScene.Request) -> list[tuple[str, str, BodyState]]:
-    """Every body once: what errors call it, and its name; and the body, of which there may be only the name.
-
-    Raises:
-        ImpactError: SAME_BODY or UNKNOWN_BODY.
-    """
-    wanted: dict[str, tuple[str, str, BodyState]] = {}
-    for i, state in enumerate(request.bodies):
-        owner = f"bodies[{i}]"
-        if not state.name:
-            raise ImpactError(StatusCode.UNKNOWN_BODY, f"{owner}.name", "is empty: contacts go by names")
-        if state.name in wanted:
-            reason = f"is {quoted(state.name)}, as {wanted[state.name][1]}: a body is given once"
-            raise ImpactError(StatusCode.SAME_BODY, f"{owner}.name", reason)
-        wanted[state.name] = owner, f"{owner}.name", state
-    for i, contact in enumerate(request.contacts):
-        for end in ("body_a", "body_b"):
-            name, field = getattr(contact, end), f"contacts[{i}].{end}"
-            if not name:
-                raise ImpactError(StatusCode.UNKNOWN_BODY, field, "is empty: a contact names its bodies")
-            wanted.setdefault(name, (field, field, BodyState(name=name)))
-    return list(wanted.values())
-
-
-def scene_of(request: ResolveScene.Request, named: Named, parameters: Parameters) -> Scene:
+def scene_of(
+    request: ResolveScene.Request, messages: list[ContactMessage], named: Named, parameters: Parameters
+) -> Scene:
     """What a request asks for, in the terms of the numeric core.
+
+    Args:
+        request: for its pairs and its model.
+        messages: its contacts; the names of their bodies are filled in.
+        named: its bodies.
+        parameters: of the node.
 
     Raises:
         ImpactError: it cannot be put to it.
     """
     bodies = [convert.body_of(owner, state) for owner, state in zip(named.owners, named.states, strict=True)]
-    index = {name: i for i, name in enumerate(named.names)}
-    pairs, contacts = [], []
-    frame = header_of(request).frame_id
-    for i, message in enumerate(request.contacts):
-        check_frame(f"contacts[{i}].header.frame_id", message, "contacts[0].header.frame_id", frame)
-        pair = index[message.body_a], index[message.body_b]
+    of_a, of_b = np.asarray(request.pairs).reshape(2, -1).tolist()
+    pairs, contacts = list(zip(of_a, of_b, strict=True)), []
+    for i, (pair, message) in enumerate(zip(pairs, messages, strict=True)):
+        if max(pair) >= len(bodies):
+            reason = f"must be indices of {len(bodies)} bodies, from 0; those of contact {i} are {pair}"
+            raise ImpactError(StatusCode.UNKNOWN_BODY, "pairs", reason)
+        message.body_a, message.body_b = (named.names[place] for place in pair)
         touch = Touch(message, *(named.states[place] for place in pair))
+        places = {
+            "contact": f"contacts[{i}]",
+            "body_a": named.owners[pair[0]],
+            "body_b": named.owners[pair[1]],
+        }
         try:
             contacts.append(convert.contact_of(touch, parameters))
         except ImpactError as error:
-            places = {"contact": f"contacts[{i}]"}
-            places |= {
-                end: named.owners[place] for end, place in zip(("body_a", "body_b"), pair, strict=True)
-            }
             owner, _, field = error.field.partition(".")
             raise ImpactError(error.code, f"{places[owner]}.{field}", error.reason) from None
-        pairs.append(pair)
     return Scene(bodies, pairs, contacts, convert.model_of(request.model, parameters.model))
 
 
@@ -249,19 +273,23 @@ def as_in_request(error: ImpactError, named: Named) -> ImpactError:
         owner = named.owners[int(owner[len("bodies[") : -1])]
         head, dot, rest = field.partition(".")
         field = f"{convert.CORE_TO_MESSAGE.get(head, head)}{dot}{rest}"
-    if owner.startswith("pairs["):
+    if owner.startswith("pairs["):  # of one contact
         owner = f"contacts[{owner[len('pairs[') : -1]}]"
     return ImpactError(error.code, f"{owner}.{field}" if field else owner, error.reason)
 
 
 def write_answer(
-    result: SceneResult, request: ResolveScene.Request, named: Named, impact: SceneImpact
+    result: SceneResult,
+    request: ResolveScene.Request,
+    contacts: list[ContactMessage],
+    named: Named,
+    impact: SceneImpact,
 ) -> None:
     """Fill in a result from what the core answered."""
-    result.header = header_of(request)
+    result.header = request.header
     result.status.code = int(impact.status)
     result.status.message = "; ".join(convert.notes(impact))
-    result.contacts = request.contacts
+    result.contacts = contacts
     for message, contact in zip(result.contacts, impact.contacts, strict=True):
         message.restitution, message.friction = float(contact.restitution), contact.friction
     write_model(result.model, impact.model)

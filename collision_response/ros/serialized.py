@@ -7,6 +7,7 @@ fields, each aligned to its size.
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterable
 from functools import cached_property
 from typing import Any
 
@@ -123,28 +124,32 @@ class SerializedTable(Serialized):
             raise Broken(
                 f"{len(table.numbers)} numbers and {len(table.motion_types)} motion types of {size} bodies"
             )
-        state = BodyState(header=table.header, name=name)
-        numbers = iter(np.asarray(table.numbers).reshape(ROWS, size)[:, column].tolist())
-        inertia, pose, twist = state.inertia, state.pose, state.twist
-        inertia.m = next(numbers)
-        for field in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
-            setattr(inertia, field, next(numbers))
-        for part, axes in (
-            (inertia.com, "xyz"),
-            (pose.position, "xyz"),
-            (pose.orientation, "xyzw"),
-            (twist.linear, "xyz"),
-            (twist.angular, "xyz"),
-        ):
-            for axis in axes:
-                setattr(part, axis, next(numbers))
-        if table.motion_types:
-            state.motion_type = table.motion_types[column]
-        return state
+        numbers = np.asarray(table.numbers).reshape(ROWS, size)[:, column].tolist()
+        motion_type = table.motion_types[column] if table.motion_types else BodyState.DYNAMIC
+        return state_from(numbers, BodyState(header=table.header, name=name, motion_type=motion_type))
 
     @cached_property
     def _table(self) -> BodyStates:
         return _deserialized(self._message, BodyStates)
+
+
+def state_from(numbers: Iterable[float], state: BodyState) -> BodyState:
+    """A state with the numbers of a column of a table."""
+    rest = iter(numbers)
+    inertia, pose, twist = state.inertia, state.pose, state.twist
+    inertia.m = next(rest)
+    for field in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
+        setattr(inertia, field, next(rest))
+    for part, axes in (
+        (inertia.com, "xyz"),
+        (pose.position, "xyz"),
+        (pose.orientation, "xyzw"),
+        (twist.linear, "xyz"),
+        (twist.angular, "xyz"),
+    ):
+        for axis in axes:
+            setattr(part, axis, next(rest))
+    return state
 
 
 def nanoseconds(stamp: Time) -> int:

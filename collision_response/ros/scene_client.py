@@ -1,0 +1,68 @@
+"""For clients of the service for scenes: bodies and contacts to a request.
+
+    >>> from collision_response import Body, Contact
+    >>> ball = Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0))
+    >>> request = pack([ball, Body.static()], [(0, 1)], [Contact.of((0, 0, 0), (0, 0, 1), 0.5)])
+
+It takes a client of rclpy to send the request.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from ..model import ImpactModel
+from ..msg import BodyState
+from ..physics.body import Body
+from ..physics.contact import Contact
+from ..srv import ResolveScene
+from .batch_client import as_lines
+from .batch_fields import append, write_model
+from .convert import PARALLEL
+
+DEFAULT = ImpactModel()
+
+
+def pack(
+    bodies: Sequence[Body],
+    pairs: Iterable[tuple[int, int]],
+    contacts: Sequence[Contact],
+    model: ImpactModel = DEFAULT,
+    *,
+    names: Iterable[str] = (),
+    frame_id: str = "",
+) -> ResolveScene.Request:
+    """The request for a scene, as that of :func:`~collision_response.resolve_scene`.
+
+    Args:
+        bodies: that are given in full.
+        pairs: for each contact, the indices of its body_a and its body_b; from ``len(bodies)`` on, of names.
+        contacts: where they touch; an ``e`` or ``mu`` of -1 is filled in by the node.
+        model: what is 0 in it, the law AUTO too, is left to the node's parameter of the same name.
+        names: of the bodies, then of bodies whose latest states the node has received.
+        frame_id: the inertial frame of all.
+
+    Raises:
+        ValueError: a name has several lines.
+    """
+    request = ResolveScene.Request(names=as_lines(names))
+    request.header.frame_id = frame_id
+    append(request.bodies, np.array([_column(body) for body in bodies], float).T)
+    request.motion_types = [
+        BodyState.DYNAMIC if body.is_movable() else BodyState.KINEMATIC for body in bodies
+    ]
+    append(request.pairs, np.array([*pairs], np.uint32).T)
+    rows = [
+        [*contact.position, *contact.normal, contact.restitution, contact.friction] for contact in contacts
+    ]
+    append(request.contacts, np.array(rows, float).T)
+    write_model(request.model, model)
+    return request
+
+
+def _column(body: Body) -> list[float]:
+    mass = body.mass if body.is_movable() else 0.0
+    turn = body.orientation or PARALLEL
+    return [mass, *body.inertia, *body.com, *body.position, *turn, *body.velocity, *body.angular_velocity]
