@@ -14,7 +14,6 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ..model import ImpactModel
-from ..msg import BodyState
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..srv import ResolveScene
@@ -50,9 +49,7 @@ def pack(
     request = ResolveScene.Request(names=as_lines(names))
     request.header.frame_id = frame_id
     append(request.bodies, np.array([_column(body) for body in bodies], float).T)
-    request.motion_types = [
-        BodyState.DYNAMIC if body.is_movable() else BodyState.KINEMATIC for body in bodies
-    ]
+    request.immovable = [i for i, body in enumerate(bodies) if not body.is_movable()]
     append(request.pairs, np.array([*pairs], np.uint32).T)
     rows = [
         [*contact.position, *contact.normal, contact.restitution, contact.friction] for contact in contacts

@@ -205,17 +205,18 @@ def bodies_of(
     check_world_frame("header.frame_id", header.frame_id, parameters.world_frame)
     table = table_of("bodies", request.bodies, ROWS)
     count = table.shape[1]
-    if len(request.motion_types) not in (0, count):
-        reason = f"must be one for each of {count} bodies, or none; are {len(request.motion_types)}"
-        raise ImpactError(StatusCode.INVALID_TABLE, "motion_types", reason)
     names = names_in(request) or [f"body {i}" for i in range(count)]
     if len(names) < count:
         reason = f"must be empty, or a line for each of {count} bodies and more; has {len(names)}"
         raise ImpactError(StatusCode.INVALID_TABLE, "names", reason)
     check_names(names)
-    types = request.motion_types or [BodyState.DYNAMIC] * count
+    immovable = set(request.immovable)
+    if max(immovable, default=-1) >= count:
+        reason = f"must hold indices below {count}, holds {max(immovable)}"
+        raise ImpactError(StatusCode.INVALID_TABLE, "immovable", reason)
     named = Named(names, [], [IN_FULL] * count, [f"bodies[{i}]" for i in range(count)])
-    for name, column, motion_type in zip(names, table.T.tolist(), types, strict=False):
+    for i, (name, column) in enumerate(zip(names, table.T.tolist(), strict=False)):
+        motion_type = BodyState.KINEMATIC if i in immovable else BodyState.DYNAMIC
         named.states.append(state_from(column, BodyState(header=header, name=name, motion_type=motion_type)))
     time, not_before = nanoseconds(header.stamp) or now(), nanoseconds(request.not_before)
     for i, name in enumerate(names[count:], count):

@@ -1,0 +1,33 @@
+"""What requests must not be made of: a short message could claim to hold millions of it.
+
+rmw_fastrtps grows the buffer of a request by the length that a sequence claims, before it looks whether so
+much is there. Of sequences of numbers of several bytes the rest is then missing, and the request is dropped.
+Of sequences of bytes, strings and messages the garbage is taken for real: 80 bytes cost gigabytes, and
+seconds.
+"""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from collision_response import srv
+
+SAFE = re.compile(r"sequence<(double|float|u?int(16|32|64))>")
+
+
+def sequences(message, path=""):
+    for name, kind in message.get_fields_and_field_types().items():
+        if kind.startswith("sequence"):
+            yield f"{path}{name}", kind
+        elif "/" in kind and "[" not in kind:
+            yield from sequences(type(getattr(message(), name)), f"{path}{name}.")
+
+
+@pytest.mark.parametrize("name", [name for name in dir(srv) if name[0].isupper() and "_" not in name])
+def test_requests_hold_no_sequences_of_bytes_strings_or_messages(name):
+    request = getattr(srv, name).Request
+    assert [(field, kind) for field, kind in sequences(request) if not SAFE.fullmatch(kind)] == []
