@@ -1,4 +1,4 @@
-"""The extremes that break solvers, one by one; and what a scene requires."""
+"""The extremes that break solvers, one by one."""
 
 from __future__ import annotations
 
@@ -20,13 +20,10 @@ from collision_response import (
     ImpactModel,
     Law,
     Precision,
-    SceneContact,
     StatusCode,
     resolve,
-    scene_requirements,
 )
 from collision_response.model import USEFUL
-from collision_response.physics.mass_properties import sphere
 from collision_response.physics.vector import Vec3
 
 FORMULAS = [Law.FRICTIONLESS, Law.COULOMB]
@@ -200,94 +197,3 @@ def test_a_small_body_that_spins_wildly():
 
 
 # What a scene requires.
-
-
-def _ball(position, velocity=(0.0, 0.0, 0.0), spin=(0.0, 0.0, 0.0)) -> Body:
-    return Body.dynamic(1.0, sphere(1.0, 1.0).inertia, position, None, velocity, spin)
-
-
-GROUND = Body.static()
-CENTRAL = SceneContact("ball", "ground", Contact.of((0, 0, 0), (0, 0, 1), 0.5))
-IN_PLANE = SceneContact("tilted", "ground", Contact.of((0, 0, 0), (0, 1, 0), 0.5))
-IN_SPACE = SceneContact("thrown", "ground", Contact.of((0, 0, 0), (0.1, 0.2, 1), 0.5))
-RUBBING = SceneContact("thrown", "ground", Contact.of((0, 0, 0), (0.1, 0.2, 1), 0.5, 0.3))
-BODIES = {
-    "ground": GROUND,
-    "ball": _ball((0, 0, 1), (0, 0, -1)),
-    "tilted": _ball((0.3, 0.9, 0), (0.2, -1, 0), (0, 0, 0.4)),
-    "thrown": _ball((0.3, -0.4, 0.8), (0.5, 0.1, -1), (0.3, 0.2, 0.1)),
-    "leaving": _ball((0.3, -0.4, 0.8), (0, 0, 5)),
-}
-
-
-def test_a_scene_without_contacts_requires_nothing():
-    needs = scene_requirements(BODIES, [], 1e-6)
-    assert (needs.geometry.least, needs.law.least) == (Geometry.POINT, Law.FRICTIONLESS)
-    assert needs.precision.least is Precision.SINGLE
-    assert needs.tolerance == 1e-6
-
-
-@pytest.mark.parametrize("tolerance", [0.0, -1e-3, math.nan, math.inf])
-def test_a_scene_is_judged_by_a_tolerance(tolerance):
-    with pytest.raises(ImpactError) as refusal:
-        scene_requirements(BODIES, [], tolerance)
-    assert refusal.value.code is StatusCode.INVALID_MODEL
-
-
-@pytest.mark.parametrize(
-    ("contact", "geometry", "law"),
-    [
-        pytest.param(CENTRAL, Geometry.POINT, Law.FRICTIONLESS, id="central"),
-        pytest.param(IN_PLANE, Geometry.PLANAR, Law.FRICTIONLESS, id="in the plane"),
-        pytest.param(IN_SPACE, Geometry.SPATIAL, Law.FRICTIONLESS, id="in space"),
-        pytest.param(RUBBING, Geometry.SPATIAL, Law.COULOMB, id="with friction"),
-    ],
-)
-def test_each_contact_asks_for_no_more_than_it_needs(contact, geometry, law):
-    needs = scene_requirements(BODIES, [contact], 1e-4)
-    assert (needs.geometry.least, needs.law.least) == (geometry, law)
-    assert needs.precision.least is Precision.SINGLE
-    assert scene_requirements(BODIES, [contact], 1e-9).precision.least is Precision.DOUBLE
-
-
-def test_the_most_demanding_contact_decides_and_is_named():
-    needs = scene_requirements(BODIES, [CENTRAL, IN_PLANE, RUBBING, IN_PLANE], 1e-6)
-    assert needs.geometry.least is Geometry.SPATIAL
-    assert needs.law.least is Law.COULOMB
-    for need in (needs.geometry, needs.law):
-        assert "thrown - ground" in need.reason
-        assert need.reason in str(needs)
-
-
-def test_bodies_that_separate_require_nothing():
-    leaving = RUBBING._replace(body_a="leaving")
-    assert scene_requirements(BODIES, [leaving], 1e-6) == scene_requirements(BODIES, [], 1e-6)
-
-
-def test_friction_below_the_tolerance_is_not_required():
-    slippery = RUBBING._replace(contact=RUBBING.contact._replace(friction=1e-8))
-    assert scene_requirements(BODIES, [slippery], 1e-3).law.least is Law.FRICTIONLESS
-    assert scene_requirements(BODIES, [slippery], 1e-12).law.least is Law.COULOMB
-
-
-@pytest.mark.parametrize(
-    ("share", "tolerance", "precision"),
-    [
-        ("1e-03", 1e-1, Precision.SINGLE),
-        ("1e-03", 1e-6, Precision.DOUBLE),
-        ("1e-06", 1e-6, Precision.DOUBLE),
-        ("1e-09", 1e-9, Precision.EXTENDED),
-        ("1e-03", 1e-16, Precision.EXTENDED),
-    ],
-)
-def test_grazing_and_the_tolerance_ask_for_precision(share, tolerance, precision):
-    body_a, body_b, contact = scene_named(f"grazing, |u_n|/|u| = {share}")
-    scene = {"a": body_a, "b": body_b}
-    needs = scene_requirements(scene, [SceneContact("a", "b", contact)], tolerance)
-    assert needs.precision.least is precision
-    assert ("a - b" in needs.precision.reason) == (precision is not Precision.SINGLE)
-
-
-def test_a_scene_says_which_body_it_does_not_know():
-    with pytest.raises(KeyError, match="nobody"):
-        scene_requirements(BODIES, [CENTRAL._replace(body_a="nobody")], 1e-6)

@@ -79,6 +79,7 @@ def test_each_contact_asks_for_no_more_than_it_needs(contact, geometry, law):
     needs = scene_requirements(BODIES, [contact], 1e-4)
     assert (needs.geometry.least, needs.law.least) == (geometry, law)
     assert needs.precision.least is Precision.SINGLE
+    assert scene_requirements(BODIES, [contact], 1e-9).precision.least is Precision.DOUBLE
 
 
 def test_the_most_demanding_contact_decides_and_is_named():

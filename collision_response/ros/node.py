@@ -31,8 +31,9 @@ from ..status import ImpactError, StatusCode
 from . import convert, parameters
 from .batches import Batches
 from .diagnostics import Diagnostics
-from .impacts import Impacts, stamp_of
+from .impacts import Impacts
 from .intake import Intake, OutOfReach, RCLError
+from .journal import Journal
 from .memory import limit_memory
 from .results import Results
 from .scenes import Scenes
@@ -100,12 +101,17 @@ class CollisionResponseNode(Node):
         self._states = LatestStates(start.max_bodies, self._now, self._warn)
         self._jumps = self.get_clock().create_jump_callback(JUMPS, post_callback=self._forget)
         results, sequence = Results(self, CollisionResult, "~/result"), count(1)
-        self.impacts = Impacts(self.parameters, self._states, results, self._now, sequence, self.get_logger())
-        self.impacts.recorder = self._recorder
-        self.impacts.survey = SceneSurvey(start.scene_tolerance) if start.scene_tolerance else None
         scene_results = Results(self, SceneResult, "~/scene_result")
-        scenes = Scenes(self.parameters, self._states, scene_results, self._now, sequence)
-        scenes.recorder = self._recorder
+        self.impacts = Impacts(
+            self.parameters,
+            self._states,
+            Journal(results, self._recorder, sequence, self._now),
+            SceneSurvey(start.scene_tolerance) if start.scene_tolerance else None,
+            self._now,
+            self.get_logger(),
+        )
+        journal = Journal(scene_results, self._recorder, sequence, self._now)
+        scenes = Scenes(self.parameters, self._states, journal, self._now)
         batches = Batches(self.parameters, self._states, self._now)
         warm_up()
         tally = Tally()
@@ -168,7 +174,7 @@ class CollisionResponseNode(Node):
         with suppress(ImpactError, Broken):  # it is refused when it is asked for
             body = convert.body_of(heard.name, heard.state)
             convert.check_body(heard.name, body)
-            self._recorder.add(Sighting(stamp_of(heard.state, self._now), heard.name, body))
+            self._recorder.add(Sighting(heard.stamp or self._now(), heard.name, body))
 
     def _forget(self, jump: TimeJump) -> None:
         self._states.forget()

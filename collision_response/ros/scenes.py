@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -13,17 +13,17 @@ from ..msg import BodyState, SceneResult
 from ..msg import Contact as ContactMessage
 from ..physics.body import Body
 from ..physics.contact import Contact
-from ..recording import Recorder, Refusal, SceneRecord
+from ..recording import SceneRecord
 from ..scene import SceneImpact, resolve_scene
 from ..srv import ResolveScene
 from ..status import ImpactError, StatusCode
 from . import convert
 from .batch_fields import names_in, write_model
 from .batches import check_names
+from .journal import Journal
 from .parameters import LatestParameters, Parameters
 from .patience import when_not_too_early
 from .request import IN_FULL, Used, age_of, check_age, check_frame, check_world_frame, find
-from .results import Results
 from .serialized import ROWS, nanoseconds, state_from
 from .server import Answer
 from .states import LatestStates
@@ -77,37 +77,25 @@ class Scene(NamedTuple):
 
 
 class Scenes:
-    """Answers requests; publishes and records the answers, refusals included.
-
-    Attributes:
-        recorder: may be set; ``None``: nothing is recorded.
+    """Answers requests.
 
     Args:
         parameters: of the node.
         states: of the bodies that it has heard of.
-        results: where answers are published.
+        journal: of the answers.
         now: the time by the node's clock [ns].
-        sequence: counts the answers of the node.
     """
 
     interface = ResolveScene
     name = "~/resolve_scene"
 
     def __init__(
-        self,
-        parameters: LatestParameters,
-        states: LatestStates,
-        results: Results,
-        now: Callable[[], int],
-        sequence: Iterator[int],
+        self, parameters: LatestParameters, states: LatestStates, journal: Journal, now: Callable[[], int]
     ) -> None:
-        self.recorder: Recorder | None = None
         self._parameters = parameters
         self._states = states
-        self._results = results
+        self._journal = journal
         self._now = now
-        self._numbers = sequence
-        self._sequence = 0
 
     def answer(self, request: ResolveScene.Request) -> Answer:
         """The work for a request."""
@@ -123,36 +111,24 @@ class Scenes:
             raise as_in_request(error, named) from None
         response = ResolveScene.Response(success=True)
         write_answer(response.result, request, contacts, named, impact)
-        self._publish(response.result)
-        if self.recorder is not None:
-            stamp = nanoseconds(response.result.header.stamp) or self._now()
-            self.recorder.add(
-                SceneRecord(stamp, self._sequence, named.names, scene.bodies, scene.pairs, impact)
-            )
+        self._journal.enter(
+            response.result,
+            lambda stamp, number: SceneRecord(stamp, number, named.names, scene.bodies, scene.pairs, impact),
+        )
         return response
 
     def refusal(self, request: ResolveScene.Request, error: ImpactError) -> ResolveScene.Response:
         """The response that says why there is no answer; its model is that of the request."""
         response = ResolveScene.Response()
         result = response.result
-        result.header, result.model = request.header, request.model
-        result.error_bound = -1.0
+        result.header, result.model, result.error_bound = request.header, request.model, -1.0
         result.status.code, result.status.message = int(error.code), convert.as_in_message(error)
-        self._publish(result)
-        if self.recorder is not None:
-            stamp = nanoseconds(result.header.stamp) or self._now()
-            text = f"{error.code.name}: {result.status.message}"
-            self.recorder.add(Refusal(stamp, self._sequence, text))
+        self._journal.refuse(result, error.code)
         return response
 
     def code(self, response: ResolveScene.Response) -> StatusCode:
         """How the request ended."""
         return StatusCode(response.result.status.code)
-
-    def _publish(self, result: SceneResult) -> None:
-        self._sequence = next(self._numbers)
-        result.sequence = self._sequence
-        self._results.publish(result)
 
 
 def table_of(field: str, numbers: Any, rows: int) -> Any:
