@@ -8,6 +8,7 @@ import resource
 import subprocess
 import sys
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.msg import BodyState
 from collision_response.ros import batches
 from collision_response.ros.batch_client import pack, unpack
+from collision_response.ros.clients import Presence
 from collision_response.ros.server import SERVICE_QOS
 from collision_response.srv import ResolveCollision
 
@@ -176,6 +178,24 @@ def test_requests_of_a_client_that_leaves_are_dropped_and_counted(graph):
     until(lambda: last()[1]["requests of clients that left"] == "5")
     assert last()[1]["requests waiting"] == "0"
     assert graph.call(balls_meet()).success
+
+
+def test_a_client_that_leaves_is_missed_though_others_come_meanwhile():
+    """Whoever comes is looked for at once; that look must not hide who left just before."""
+    there = {b"a" * 16}
+
+    class Endpoints:
+        def get_subscriptions_info_by_topic(self, *_, **__):
+            return [SimpleNamespace(endpoint_gid=[*client, *bytes(8)]) for client in there]
+
+    presence = Presence(Endpoints(), "/service")
+    assert presence.is_there(b"a" * 16)
+    there.clear()
+    there.add(b"b" * 16)
+    until(lambda: presence.is_there(b"b" * 16))
+    assert presence.departed() == {b"a" * 16}
+    assert presence.departed() == set()
+    assert not presence.is_there(b"a" * 16)
 
 
 def test_requests_of_a_client_that_stays_are_not_dropped(graph):

@@ -65,6 +65,7 @@ class Presence:
         self._answers = f"rr{service_name}Reply"
         self._tells = "fastrtps" in get_rmw_implementation_identifier()
         self._present: set[bytes] = set()
+        self._gone: set[bytes] = set()
         self._looked = 0.0
 
     def is_there(self, client: bytes) -> bool:
@@ -77,13 +78,14 @@ class Presence:
 
     def departed(self) -> set[bytes]:
         """The clients that have left since the last call."""
-        if not self._present:
-            return set()
-        before = self._present
-        self._look()
-        return before - self._present
+        if self._present:
+            self._look()
+        gone, self._gone = self._gone, set()
+        return gone
 
     def _look(self) -> None:
         endpoints = self._node.get_subscriptions_info_by_topic(self._answers, no_mangle=True)
-        self._present = {bytes(endpoint.endpoint_gid[:16]) for endpoint in endpoints}
+        present = {bytes(endpoint.endpoint_gid[:16]) for endpoint in endpoints}
+        self._gone = (self._gone | self._present) - present
+        self._present = present
         self._looked = time.perf_counter()

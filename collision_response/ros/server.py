@@ -212,9 +212,7 @@ class Server:
                 dropped, at_risk = self._turns.drop(client), self._unconfirmed.pop(client, 0)
                 self._tally.dropped += dropped
                 self._tally.at_risk += at_risk
-                if (
-                    dropped or at_risk > 1
-                ):  # the last answer to somebody who then leaves is nothing to speak of
+                if dropped or at_risk > 1:  # nobody who has what he asked for confirms it
                     self._log.warning(
                         f"a client has left, or was silent for too long: {dropped} of its requests were "
                         f"dropped, and of {at_risk} answers it is not known whether they arrived",
