@@ -32,7 +32,7 @@ DEFAULTS = {
     "tangential_restitution": 0.0,
     "restitution_threshold": 0.0,
     "scene_tolerance": 0.0,
-    "budget.contacts": 1_000_000,
+    "budget.contacts": 200_000,
     "budget.scene_contacts": 256,
     "budget.time": 60.0,
     "memory_limit": 4096,

@@ -119,7 +119,8 @@ def _kinds() -> dict[str, Kind]:
         "wrong table": Kind(wrong_table, frozenset({19})),
         "point batch of 1e6": Kind(partial(batch, 1_000_000, by_point=True), frozenset({1})),
         "extended batch of 1e6": Kind(partial(batch, 1_000_000, extended=True), frozenset({1})),
-        "routh batch of 5e5": Kind(partial(batch, 500_000, law=5, extended=True), frozenset({1})),
+        "extended batch of 2e5": Kind(partial(batch, 200_000, extended=True), frozenset({1})),
+        "routh batch of 2e5": Kind(partial(batch, 200_000, law=5, extended=True), frozenset({1})),
     }
 
 

@@ -66,15 +66,21 @@ class Presence:
         self._tells = "fastrtps" in get_rmw_implementation_identifier()
         self._present: set[bytes] = set()
         self._gone: set[bytes] = set()
+        self._reached: set[bytes] = set()
         self._looked = 0.0
 
     def is_there(self, client: bytes) -> bool:
         """Whether a client can be answered. One that has just come may have to be discovered first."""
-        if client in self._present or client == NOBODY or not self._tells:
+        if client in self._present or client in self._reached or client == NOBODY or not self._tells:
             return True
         if time.perf_counter() - self._looked > INTERVAL:
             self._look()
         return client in self._present
+
+    def reached(self, client: bytes) -> None:
+        """A client could be answered: it is there, whether or not it has been discovered."""
+        if client not in self._present:
+            self._reached.add(client)
 
     def departed(self) -> set[bytes]:
         """The clients that have left since the last call."""
@@ -87,5 +93,6 @@ class Presence:
         endpoints = self._node.get_subscriptions_info_by_topic(self._answers, no_mangle=True)
         present = {bytes(endpoint.endpoint_gid[:16]) for endpoint in endpoints}
         self._gone = (self._gone | self._present) - present
+        self._reached -= present  # from now on it would be missed
         self._present = present
         self._looked = time.perf_counter()

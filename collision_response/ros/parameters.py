@@ -96,7 +96,7 @@ DECLARATIONS = (
         "Log the least that meets this tolerance in every impact so far, when it grows. 0: do not.",
         read_only=True,
     ),
-    Declaration("budget.contacts", 1_000_000, "Contacts that one batch may have.", 1, 10**9),
+    Declaration("budget.contacts", 200_000, "Contacts that one batch may have.", 1, 10**9),
     Declaration("budget.scene_contacts", 256, "Contacts that one scene may have.", 1, 4096),
     Declaration("budget.time", 60.0, "Computing time [s] that one request may take. 0: any."),
     Declaration("memory_limit", 4096, "Memory [MiB] that the process may take. 0: any.", 0, 10**9, True),

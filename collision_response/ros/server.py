@@ -34,7 +34,7 @@ may have waiting. With KEEP_ALL its answers would fill the history, and nobody's
 POLL = 0.2
 """How often [s] clients are looked for that have left."""
 
-DISCOVERY = 5.0
+DISCOVERY = 2.0
 """Longest wait [s] for a client to be discovered that has sent a request already."""
 
 PATIENCE = 0.01
@@ -150,7 +150,7 @@ class Server:
         client = client_of(header)
         self._unconfirmed.pop(client, None)  # it is alive
         self._tally.requests += 1
-        send = partial(self._send, kind, service, client, header, time.perf_counter())
+        send = partial(self._send, kind, service, presence, client, header, time.perf_counter())
         parts = self._parts(kind, request, send, partial(presence.is_there, client))
         self._turns.add(client, Job(parts, lambda error: send(kind.refusal(request, error))))
 
@@ -193,7 +193,14 @@ class Server:
         self._work()
 
     def _send(
-        self, kind: Kind, service: Service[Any, Any], client: bytes, header: Any, taken: float, response: Any
+        self,
+        kind: Kind,
+        service: Service[Any, Any],
+        presence: Presence,
+        client: bytes,
+        header: Any,
+        taken: float,
+        response: Any,
     ) -> None:
         if not _sent(service, response, header):
             self._tally.unsent += 1
@@ -202,6 +209,7 @@ class Server:
                 throttle_duration_sec=THROTTLE,
             )
             return
+        presence.reached(client)
         self._unconfirmed[client] += 1
         self._tally.answers[kind.code(response)] += 1
         self._tally.latencies.append(time.perf_counter() - taken)
