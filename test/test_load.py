@@ -54,7 +54,7 @@ def test_a_short_request_overtakes_a_long_one(graph):
         if len(order) == 2:
             both.set()
 
-    long = graph.call_async(falling(300_000))
+    long = graph.call_async(falling(200_000))
     long.add_done_callback(lambda _: note("long"))
     short = graph.call_async(balls_meet())
     short.add_done_callback(lambda _: note("short"))
