@@ -24,7 +24,7 @@ class Heard:
 
     def __init__(self, most=100):
         self.reports = []
-        self.states = LatestStates(most, lambda: NOW, self.reports.append)
+        self.states = LatestStates(most, lambda: NOW, lambda _, text: self.reports.append(text))
         self._numbers = {}
 
     def hear(self, state, publisher=1, number=None):

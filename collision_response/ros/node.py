@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable
@@ -98,7 +99,8 @@ class CollisionResponseNode(Node):
                 max_size=start.recording_max_size,
                 max_duration=start.recording_max_duration,
             )
-        self._states = LatestStates(start.max_bodies, self._now, self._warn)
+        self._reported: dict[str, float] = {}
+        self._states = LatestStates(start.max_bodies, self._now, self._report)
         self._jumps = self.get_clock().create_jump_callback(JUMPS, post_callback=self._forget)
         results, sequence = Results(self, CollisionResult, "~/result"), count(1)
         scene_results = Results(self, SceneResult, "~/scene_result")
@@ -140,7 +142,9 @@ class CollisionResponseNode(Node):
         start, limit = time.perf_counter(), self.parameters.values.shutdown_timeout
         left = self._server.drain(start + 0.5 * limit, start + 0.6 * limit)
         if left:
-            self._warn(f"{left} requests are left without an answer: shutdown_timeout is {limit:g} s")
+            self.get_logger().warning(
+                f"{left} requests are left without an answer: shutdown_timeout is {limit:g} s"
+            )
         super().destroy_node()
         if self._recorder is not None:
             self._recorder.close(max(0.0, start + 0.8 * limit - time.perf_counter()))
@@ -178,7 +182,7 @@ class CollisionResponseNode(Node):
 
     def _forget(self, jump: TimeJump) -> None:
         self._states.forget()
-        self._warn("the clock was changed or set back: the states of all bodies are forgotten")
+        self.get_logger().warning("the clock was changed or set back: the states of all bodies are forgotten")
 
     def _over_budget(self, spent: float) -> ImpactError | None:
         limit = self.parameters.values.budget_time
@@ -189,8 +193,12 @@ class CollisionResponseNode(Node):
         )
         return ImpactError(StatusCode.BUDGET_EXCEEDED, "request", reason)
 
-    def _warn(self, text: str) -> None:
-        self.get_logger().warning(text, throttle_duration_sec=THROTTLE)
+    def _report(self, about: str, text: str) -> None:
+        """Warn, but not of one thing all the time; rclpy would count all that is said here as one thing."""
+        now = time.perf_counter()
+        if now - self._reported.get(about, -math.inf) >= THROTTLE:
+            self._reported[about] = now
+            self.get_logger().warning(text)
 
     def _now(self) -> int:
         return self.get_clock().now().nanoseconds

@@ -158,6 +158,9 @@ class Server:
         self, kind: Kind, request: Any, send: Callable[[Any], None], client_is_there: Callable[[], bool]
     ) -> Parts:
         """Every request is answered, whatever happens: what left this would end ``spin()``."""
+        until = time.perf_counter() + DISCOVERY
+        while not client_is_there() and time.perf_counter() < until:
+            yield min(until, time.perf_counter() + PATIENCE)
         try:
             response = yield from kind.answer(request)
         except ImpactError as error:
@@ -169,9 +172,6 @@ class Server:
             self._log.error(traceback.format_exc(), throttle_duration_sec=THROTTLE)
             fault = ImpactError(StatusCode.INTERNAL_ERROR, type(error).__name__, str(error))
             response = kind.refusal(request, fault)
-        until = time.perf_counter() + DISCOVERY
-        while not client_is_there() and time.perf_counter() < until:
-            yield min(until, time.perf_counter() + PATIENCE)
         send(response)
 
     def _work(self) -> None:

@@ -63,14 +63,15 @@ class LatestStates:
         most: the number of bodies to remember; those that were heard of last.
         now: the time by the node's clock [ns].
         take_all: takes what waits on the subscriptions.
-        report: told what a person should know, in words.
+        report: told what a person should know: what it is about, of which he need not hear all the time, and
+            the words.
     """
 
     def __init__(
         self,
         most: int,
         now: Callable[[], int],
-        report: Callable[[str], object],
+        report: Callable[[str, str], object],
         take_all: Callable[[], object] = lambda: None,
     ) -> None:
         self.received = self.lost = self.broken = self.overtaken = self.evicted = 0
@@ -123,7 +124,7 @@ class LatestStates:
     def cannot_take(self, error: Exception) -> None:
         """Take note of a message that could not even be taken."""
         self.broken += 1
-        self._report(f"a state could not be taken: {error}")
+        self._report("broken", f"a state could not be taken: {error}")
 
     def find(self, field: str, name: str) -> Known:
         """The state of a body given by name only, after taking what has arrived.
@@ -161,7 +162,7 @@ class LatestStates:
             return kind(message)
         except Broken as error:
             self.broken += 1
-            self._report(f"a state could not be read: {error}")
+            self._report("broken", f"a state could not be read: {error}")
             return None
 
     def _is_later(self, new: Serialized, old: Serialized) -> bool:
@@ -180,7 +181,8 @@ class LatestStates:
         elif last is not None and number > last + 1:
             self.lost += number - last - 1
             self._report(
-                f"{self.lost} states in all were sent and did not arrive: publish fewer, or as BodyStates"
+                "lost",
+                f"{self.lost} states in all were sent and did not arrive: publish fewer, or as BodyStates",
             )
         self._counts[publisher] = number
         return publisher
@@ -189,12 +191,16 @@ class LatestStates:
         """Two publishers of one name take turns; one that replaces another does not."""
         if publisher == earlier and name not in self._shared_names and len(self._shared_names) < PUBLISHERS:
             self._shared_names.add(name)
-            self._report(f"two publishers send states of {quoted(name)}: which is used, the stamps decide")
+            self._report(
+                f"publishers of {name}",
+                f"two publishers send states of {quoted(name)}: which is used, the stamps decide",
+            )
 
     def _make_room(self) -> None:
         if len(self._by_name) > self._most:
             del self._by_name[next(iter(self._by_name))]
             self.evicted += 1
             self._report(
-                f"more than {self._most} bodies: those not heard of for longest are forgotten; see max_bodies"
+                "evicted",
+                f"more than {self._most} bodies: the stalest are forgotten; see max_bodies",
             )
