@@ -13,7 +13,7 @@ unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH 
 unexport RMW_IMPLEMENTATION ROS_DISTRO VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help demo test lint audit bench stability faults fuzz states soak reliability colcon clean
+.PHONY: help demo test lint audit bench stability faults fuzz states soak twice reliability colcon clean
 .PHONY: .venv .audit-venv .bench-venv .colcon-venv
 
 help:
@@ -28,6 +28,7 @@ help:
 	@echo 'make states     body states at rates'
 	@echo "make soak       load and faults for ten minutes; make soak ARGS='--minutes 1' for one"
 	@echo 'make reliability  these four: some half an hour'
+	@echo 'make twice      ten times two test suites at once, on busy cores: some half an hour'
 	@echo 'make colcon     a colcon build of this tree, and a call of the node it installs'
 	@echo 'make clean      remove all that these made'
 
@@ -63,7 +64,7 @@ stability: .bench-venv
 
 reliability fuzz: OPTIONAL := benchmarks/reliability/requirements.txt
 
-faults fuzz states soak: .venv
+faults fuzz states soak twice: .venv
 	@$(VENV_PYTHON) benchmarks/reliability $@ $(ARGS)
 
 reliability: .venv

@@ -8,6 +8,8 @@ import resource
 import subprocess
 import sys
 import threading
+import warnings
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,6 +20,7 @@ pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.service import Service
 from ros_graph import DEADLINE, balls_meet, until
 
 from collision_response import Geometry, ImpactError, ImpactModel, Precision, StatusCode
@@ -26,6 +29,7 @@ from collision_response.msg import BodyState
 from collision_response.ros import batches
 from collision_response.ros.batch_client import pack, unpack
 from collision_response.ros.clients import Presence
+from collision_response.ros.intake import RCLError
 from collision_response.ros.server import SERVICE_QOS
 from collision_response.srv import ResolveCollision
 
@@ -203,6 +207,31 @@ def test_requests_of_a_client_that_stays_are_not_dropped(graph):
     futures = [graph.call_async(by_name(10)) for _ in range(5)]
     until(lambda: all(future.done() for future in futures))
     assert {future.result().result.status.code for future in futures} == {StatusCode.STALE_STATE}
+
+
+def test_an_answer_that_cannot_be_sent_harms_nobody_and_is_counted(graph, monkeypatch):
+    """When a client that has stopped reading fills the history, rcl raises, or rclpy warns of a timeout."""
+    graph.serve()
+    last = diagnostics(graph)
+    assert graph.call(balls_meet()).success
+
+    def raise_error():
+        raise RCLError("failed to send response")
+
+    for fail in (raise_error, partial(warnings.warn, "timeout")):
+        failed = threading.Event()
+
+        def send(*_, fail=fail, failed=failed):
+            failed.set()
+            fail()
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Service, "send_response", send)
+            graph.call_async(balls_meet())
+            assert failed.wait(DEADLINE)
+        assert graph.call(balls_meet()).success
+    until(lambda: last() and last()[1]["answers that could not be sent"] == "2")
+    assert last()[1]["answers"] == "3"
 
 
 # what is told

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+import collision_response
+
 ROOT = Path(__file__).resolve().parent.parent
 RELEASES = ROOT / "tools" / "ros"
 PIN = re.compile(r"(ros-[\w-]+)(\[\w+\])?==(\d+\.\d+)\.\*")
@@ -44,6 +46,13 @@ def test_no_version_is_of_two_releases():
     """Else a mixture could pass for either."""
     kilted, jazzy = wheels("kilted"), wheels("jazzy")
     assert not {name for name in kilted if jazzy.get(name) == kilted[name]}
+
+
+@pytest.mark.parametrize("file", ["config/fast_dds.xml", "security/policy.xml"])
+def test_what_users_configure_with_is_installed_where_ros_looks(file):
+    prefixes = Path(collision_response.__file__).parents
+    (share,) = (share for prefix in prefixes if (share := prefix / "share/collision_response").is_dir())
+    assert (share / file).read_text() == (ROOT / file).read_text()
 
 
 @pytest.fixture

@@ -330,3 +330,8 @@ def test_an_answer_says_where_its_coefficients_came_from(graph):
             log.msg.startswith("only one of two bodies has a coefficient of friction") for log in said
         )
     )
+    graph.call(request)
+    request.body_a.restitution = -1.0
+    graph.call(request)
+    until(lambda: any("coefficient of restitution" in log.msg for log in said))
+    assert sum("coefficient of friction" in log.msg for log in said) == 1

@@ -21,7 +21,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "collision_response"
-BUILD_INPUTS = ["CMakeLists.txt", "cmake", "msg", "package.xml", "scripts", "security", "setup.py", "srv"]
+INSTALLED = ["config", "msg", "scripts", "security", "srv"]
+BUILD_INPUTS = ["CMakeLists.txt", "cmake", "package.xml", "setup.py", *INSTALLED]
 RUN_TIME = [ROOT / "tools" / "python.txt", ROOT / "tools" / "ros" / "kilted.txt"]
 KERNELS = PACKAGE / "kernels"
 COLCON = ["colcon-common-extensions", "ros-ament-cmake-pytest==2.7.*", "ros-domain-coordinator==0.12.*"]

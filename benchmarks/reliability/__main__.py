@@ -1,6 +1,7 @@
-"""``make faults``, ``fuzz``, ``states``, ``soak``, and ``make reliability`` for all: the node from outside.
+"""``make faults``, ``fuzz``, ``states``, ``soak``, and ``make reliability`` for these: the node from outside.
 
-With arguments they only print. Without, they write benchmarks/results and docs/reliability.md too.
+``make twice`` is for the tests. With arguments they only print. Without, they write benchmarks/results and
+docs/reliability.md too.
 """
 
 from __future__ import annotations

@@ -165,10 +165,23 @@ def states(found: Found) -> str:
     )
 
 
+# Tests ----------------------------------------------------------------------------------------
+
+
+def twice(found: Found) -> str:
+    """A sentence."""
+    seconds = sorted(found["seconds"])
+    return (
+        f"{len(seconds)} times two suites at once: {len(found['failed'])} failed. "
+        f"Each round took {seconds[0]:.0f} to {seconds[-1]:.0f} s."
+    )
+
+
 PARTS: dict[str, dict[str, Callable[[Found], str]]] = {
     "faults": {"faults measured": _measured, "faults": faults},
     "fuzz": {"fuzz measured": _measured, "fuzz": fuzz},
     "states": {"states measured": _measured, "states": states},
     "soak": {"soak measured": _measured, "soak": soak, "over time": over_time},
+    "twice": {"twice measured": _measured, "twice": twice},
 }
 """The generated parts of the page, by what measures them."""

@@ -16,6 +16,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import pages
 import service
 
 from .child import DEADLINE
@@ -182,13 +183,14 @@ class Environment:
     """Variables for the processes of one run, in a ROS domain of its own that nothing leaves.
 
     Attributes:
-        usual: as they come.
+        usual: with the profile for Fast DDS that the package recommends.
         large: for requests and answers of many megabytes.
     """
 
     def __enter__(self) -> Environment:
         self._domain = service.own_domain()
-        self.usual = self._domain.__enter__()
+        profile = pages.ROOT / "config" / "fast_dds.xml"
+        self.usual = {**self._domain.__enter__(), "FASTDDS_DEFAULT_PROFILES_FILE": str(profile)}
         self.large = {**self.usual, **service.LARGE_DATA}
         return self
 

@@ -84,7 +84,10 @@ class Template:
 
 
 def run(order: dict[str, Any], parent: Parent) -> None:
-    """As a process: publish at ``rate`` until ``number`` are out or it is told to stop; say ``sent``."""
+    """As a process: publish at ``rate`` until ``number`` are out or it is told to stop; say ``sent``.
+
+    The bodies are so many, from ``first`` on.
+    """
     import rclpy
     from rclpy.node import Node
     from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -110,7 +113,7 @@ def run(order: dict[str, Any], parent: Parent) -> None:
                     publisher.publish(state)
             due = min(order["number"], int(elapsed * order["rate"]) + step, sent + 1000 * step)
             while sent + step <= due:
-                publisher.publish(template.of(sent % order["bodies"]))
+                publisher.publish(template.of(order["first"] + sent % order["bodies"]))
                 sent += step
             parent.pause(TICK)
         parent.say("sent", {"states": sent, "seconds": time.monotonic() - began})

@@ -57,7 +57,7 @@ class Soak:
         stage = self.stage
         topic = f"{NAMESPACE}/body_states"
         publisher = stage.child(
-            "publisher", type="BodyState", topic=topic, rate=500, bodies=1000, number=10**9
+            "publisher", type="BodyState", topic=topic, rate=500, first=0, bodies=1000, number=10**9
         )
         stage.start(publisher)
         each = requests // len(WINDOWS) or 10**9
