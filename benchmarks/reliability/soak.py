@@ -20,8 +20,8 @@ from .kinds import MIXED, SMALL
 from .latency import SECONDS, spread
 from .processes import NAMESPACE, Child, Environment, NodeProcess, Stage
 
-WINDOWS = (1, 4, 16)
-"""Of the clients that ask all the time."""
+WINDOWS = {1: 1, 4: 2, 16: 4}
+"""Requests out at once, of the clients that ask all the time; and their shares in a number of requests."""
 
 LONGEST = 3600.0
 """Seconds that it may take to ask so many."""
@@ -60,10 +60,15 @@ class Soak:
             "publisher", type="BodyState", topic=topic, rate=500, first=0, bodies=1000, number=10**9
         )
         stage.start(publisher)
-        each = requests // len(WINDOWS) or 10**9
         steady = [
-            stage.client(kinds=(*MIXED, "named"), requests=each, window=window, seconds=seconds, seed=window)
-            for window in WINDOWS
+            stage.client(
+                kinds=(*MIXED, "named"),
+                requests=-(-requests * share // sum(WINDOWS.values())) or 10**9,
+                window=window,
+                seconds=seconds,
+                seed=window,
+            )
+            for window, share in WINDOWS.items()
         ]
         stage.start(*steady)
         self._watch.start()
