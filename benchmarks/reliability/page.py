@@ -158,6 +158,24 @@ def states(found: Found) -> str:
         )
     head = ["type", "offered a second", "heard by the node", "by a bare subscription", "lost by the node"]
     head += ["lost, says the node", *TIMES]
+    return table(head, rows)
+
+
+def capacity(found: Found) -> str:
+    """A row for each rate, and the most."""
+    rows = []
+    for row in found["capacity"]:
+        node, bare = row["node"], row["bare"]
+        offered = min(node["offered"], bare["offered"])
+        rows.append(
+            [
+                significant(offered, 3),
+                *(significant(one["heard"], 3) for one in (node, bare)),
+                *(significant(one["processor"] * 1e6) for one in (node, bare)),
+            ]
+        )
+    head = ["offered a second", "heard by the node", "by a bare subscription"]
+    head += ["processor time of each [µs], the node", "the subscription"]
     node, bare = found["most"]["node"], found["most"]["bare"]
     return (
         f"{table(head, rows)}\n\nAt most {significant(node, 3)} `BodyState` a second by the node, "
@@ -180,7 +198,7 @@ def twice(found: Found) -> str:
 PARTS: dict[str, dict[str, Callable[[Found], str]]] = {
     "faults": {"faults measured": _measured, "faults": faults},
     "fuzz": {"fuzz measured": _measured, "fuzz": fuzz},
-    "states": {"states measured": _measured, "states": states},
+    "states": {"states measured": _measured, "states": states, "capacity": capacity},
     "soak": {"soak measured": _measured, "soak": soak, "over time": over_time},
     "twice": {"twice measured": _measured, "twice": twice},
 }

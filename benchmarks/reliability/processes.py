@@ -27,6 +27,16 @@ NODE = ROOM.parent.parent / "scripts" / "collision_response_node"
 NAMESPACE = "/reliability"
 
 
+class Usage(NamedTuple):
+    """What a process takes of the machine; memory in MiB."""
+
+    memory: float
+    peak: float
+    threads: int
+    descriptors: int
+    processor_seconds: float
+
+
 class Process:
     """One that this process has started.
 
@@ -78,6 +88,21 @@ class Process:
         self._errors.seek(0)
         return self._errors.read()
 
+    def usage(self) -> Usage | None:
+        """``None`` if it is no more."""
+        try:
+            lines = Path(f"/proc/{self.pid}/status").read_text().splitlines()
+            words = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
+            descriptors = len(os.listdir(f"/proc/{self.pid}/fd"))
+        except OSError:
+            return None
+        found = dict(line.split(":", 1) for line in lines)
+        if "VmRSS" not in found:  # it has ended, and nobody has waited for it yet
+            return None
+        memory, peak = (int(found[name].split()[0]) / 1024 for name in ("VmRSS", "VmHWM"))
+        spent = (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+        return Usage(memory, peak, int(found["Threads"]), descriptors, spent)
+
     def close(self) -> None:
         """End it."""
         if self._is_held and self.is_alive():
@@ -89,16 +114,6 @@ class Process:
                 with suppress(BrokenPipeError):  # it has ended with words for it under way
                     pipe.close()
         self._errors.close()
-
-
-class Usage(NamedTuple):
-    """What a process takes of the machine; memory in MiB."""
-
-    memory: float
-    peak: float
-    threads: int
-    descriptors: int
-    processor_seconds: float
 
 
 class NodeProcess(Process):
@@ -118,21 +133,6 @@ class NodeProcess(Process):
         for name, value in parameters.items():
             words += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
         super().__init__(words, environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-
-    def usage(self) -> Usage | None:
-        """``None`` if it is no more."""
-        try:
-            lines = Path(f"/proc/{self.pid}/status").read_text().splitlines()
-            words = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
-            descriptors = len(os.listdir(f"/proc/{self.pid}/fd"))
-        except OSError:
-            return None
-        found = dict(line.split(":", 1) for line in lines)
-        if "VmRSS" not in found:  # it has ended, and nobody has waited for it yet
-            return None
-        memory, peak = (int(found[name].split()[0]) / 1024 for name in ("VmRSS", "VmHWM"))
-        spent = (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
-        return Usage(memory, peak, int(found["Threads"]), descriptors, spent)
 
 
 class Child(Process):

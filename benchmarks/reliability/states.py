@@ -11,7 +11,7 @@ from typing import Any
 
 from . import results
 from .faults import LONGEST_WAIT, started, steady, stopped
-from .processes import NAMESPACE, Environment, Stage
+from .processes import NAMESPACE, Environment, Stage, Usage
 from .publisher import TABLE
 
 KINDS = {
@@ -19,6 +19,12 @@ KINDS = {
     "BodyStates": (f"{NAMESPACE}/all_body_states", (20_000, 100_000)),
 }
 """Topic, and states offered a second, by type."""
+
+CAPACITY_RATES = (2_000, 10_000, 20_000, 40_000, 80_000)
+"""States offered a second, when the node has nothing else to do."""
+
+MOST = 20_000
+"""States a second of one publisher; more are offered by several."""
 
 SECONDS = 4.0
 GOAL = 5.0
@@ -31,15 +37,13 @@ def by_the_node(stage: Stage, kind: str, rate: int, seconds: float) -> Row:
     """What the node has heard of, and how its service did."""
     number = int(rate * seconds)
     node = started(stage, **stage.known({"max_bodies": 2 * number}))
-    other, publisher = steady(stage), _publisher(stage, kind, rate, number)
-    stage.start(other, publisher)
-    sent = publisher.until("sent", 120.0)
+    other, publishers = steady(stage), _publishers(stage, kind, rate, number)
+    stage.start(other, *publishers)
+    sent = _sent(publishers)
     found = stopped(other)
     values = stage.child("look", namespace=NAMESPACE).until("found")["diagnostics"]
-    if kind == "BodyState":
-        known = stage.child("known", namespace=NAMESPACE, bodies=sent["states"]).until("known", 300.0)
-    else:  # a table takes the place of the one before it: what was heard only the node can tell
-        known = int(values["states"]) * TABLE
+    # A table takes the place of the one before it: what was heard only the node can tell.
+    known = int(values["states"]) * TABLE if kind == "BodyStates" else _known(stage, sent["states"])
     return {
         **_row(sent, known),
         "alive": node.is_alive(),
@@ -50,23 +54,84 @@ def by_the_node(stage: Stage, kind: str, rate: int, seconds: float) -> Row:
 
 
 def by_a_subscription(stage: Stage, kind: str, rate: int, seconds: float) -> Row:
-    """What a bare subscription has heard of."""
+    """What a bare subscription has heard of, and the processor time of each [s]."""
     listener = stage.child("listener", topic=KINDS[kind][0], type=kind, reliable=False)
-    publisher = _publisher(stage, kind, rate, int(rate * seconds))
+    publishers = _publishers(stage, kind, rate, int(rate * seconds))
     listener.until("ready")
-    stage.start(publisher)
-    sent = publisher.until("sent", 120.0)
+    before = listener.usage()
+    stage.start(*publishers)
+    sent = _sent(publishers)
+    after = listener.usage()
     listener.tell("stop")
-    return _row(sent, listener.until("heard")["names"])
+    return {
+        **_row(sent, heard := listener.until("heard")["names"]),
+        "processor": _processor(before, after) / heard,
+    }
 
 
-def _publisher(stage: Stage, kind: str, rate: int, number: int) -> Any:
-    return stage.child("publisher", type=kind, topic=KINDS[kind][0], rate=rate, bodies=number, number=number)
+def by_the_node_alone(stage: Stage, kind: str, rate: int, seconds: float) -> Row:
+    """The same of a node that nobody asks for anything meanwhile."""
+    number = int(rate * seconds)
+    node = started(stage, max_bodies=2 * number)
+    publishers = _publishers(stage, kind, rate, number)
+    before = node.usage()
+    stage.start(*publishers)
+    sent = _sent(publishers)
+    after = node.usage()
+    return {
+        **_row(sent, heard := _known(stage, sent["states"])),
+        "processor": _processor(before, after) / heard,
+    }
+
+
+def _processor(before: Usage | None, after: Usage | None) -> float:
+    if before is None or after is None:
+        raise ChildProcessError("it has ended")
+    return after.processor_seconds - before.processor_seconds
+
+
+def _known(stage: Stage, bodies: int) -> int:
+    return stage.child("known", namespace=NAMESPACE, bodies=bodies).until("known", 300.0)
+
+
+def _publishers(stage: Stage, kind: str, rate: int, number: int) -> list[Any]:
+    """As many as it takes, so that they are not what is measured."""
+    several = -(-rate // MOST) if kind == "BodyState" else 1
+    return [
+        stage.child(
+            "publisher",
+            type=kind,
+            topic=KINDS[kind][0],
+            rate=rate // several,
+            first=first * (number // several),
+            bodies=number // several,
+            number=number // several,
+        )
+        for first in range(several)
+    ]
+
+
+def _sent(publishers: list[Any]) -> dict[str, Any]:
+    sent = [publisher.until("sent", 120.0) for publisher in publishers]
+    return {"states": sum(one["states"] for one in sent), "seconds": max(one["seconds"] for one in sent)}
 
 
 def _row(sent: dict[str, Any], heard: int) -> Row:
     states, seconds = sent["states"], sent["seconds"]
     return {"offered": states / seconds, "heard": heard / seconds, "lost": 1 - heard / states}
+
+
+def _capacity(environment: Environment, seconds: float) -> list[Row]:
+    """Of each rate that may be too much, what the node and a bare subscription take in."""
+    rows = []
+    for rate in CAPACITY_RATES:
+        print(f"==> {rate:,} a second, nothing else ...", flush=True)
+        row: Row = {"rate": rate}
+        for who, run in (("node", by_the_node_alone), ("bare", by_a_subscription)):
+            with Stage(environment) as stage:
+                row[who] = run(stage, "BodyState", rate, seconds)
+        rows.append(row)
+    return rows
 
 
 def measure(seconds: float) -> dict[str, Any]:
@@ -84,10 +149,9 @@ def measure(seconds: float) -> dict[str, Any]:
                     with Stage(environment) as stage:
                         row[who] = run(stage, kind, rate, seconds)
                 rows.append(row)
-    most = {
-        who: max(row[who]["heard"] for row in rows if row["type"] == "BodyState") for who in ("node", "bare")
-    }
-    return {"rows": rows, "most": most}
+        capacity = _capacity(environment, seconds)
+    most = {who: max(row[who]["heard"] for row in capacity) for who in ("node", "bare")}
+    return {"rows": rows, "capacity": capacity, "most": most}
 
 
 def broken(found: dict[str, Any]) -> list[str]:

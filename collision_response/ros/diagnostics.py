@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 
 from ..recording import Recorder
@@ -42,7 +43,12 @@ class Diagnostics:
         self._waiting = waiting
         self._troubles = self._count_troubles()
         self._counts = self._count()
-        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._publisher = node.create_publisher(
+            DiagnosticArray,
+            "/diagnostics",
+            10,
+            event_callbacks=PublisherEventCallbacks(use_default_callbacks=False),
+        )
         node.create_timer(PERIOD, self._publish)
 
     def _count(self) -> dict[str, int]:

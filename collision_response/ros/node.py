@@ -13,6 +13,7 @@ from typing import Any
 import rclpy
 from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -163,6 +164,7 @@ class CollisionResponseNode(Node):
             qos,
             raw=True,
             callback_group=OutOfReach(),
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
         return Intake(self, subscription, hear, self._server.wake, self._states.cannot_take)

@@ -39,7 +39,7 @@ class Results:
             kind,
             topic,
             RESULT_QOS,
-            event_callbacks=PublisherEventCallbacks(matched=self._matched),
+            event_callbacks=PublisherEventCallbacks(matched=self._matched, use_default_callbacks=False),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
         self._waiting: deque[Any] = deque(maxlen=self._publisher.qos_profile.depth)
