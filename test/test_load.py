@@ -49,35 +49,40 @@ def falling(n, model=EXTENDED):
 # turns
 
 
-def test_a_short_request_overtakes_a_long_one(graph):
-    graph.serve()
-    order, both = [], threading.Event()
+@pytest.mark.parametrize(
+    ("long", "status"),
+    [
+        (falling(20_000), StatusCode.OK),
+        # Each of these takes a thousand times as long as one that the kernels answer alone.
+        (falling(50, ImpactModel(tolerance=1e-30)), StatusCode.TOLERANCE_NOT_MET),
+    ],
+    ids=["many", "many digits"],
+)
+def test_a_short_request_overtakes_a_long_one(graph, monkeypatch, long, status):
+    node = graph.serve()
+    compute, answer, order = batches.compute, node.impacts.answer, []
+    short_is_there, long_has_begun = threading.Event(), threading.Event()
 
-    def note(name):
-        order.append(name)
-        if len(order) == 2:
-            both.set()
+    def compute_once_both_are_there(*arguments):
+        while not short_is_there.is_set():
+            yield
+        long_has_begun.set()
+        yield from compute(*arguments)
+        order.append("long")
 
-    long = graph.call_async(falling(200_000))
-    long.add_done_callback(lambda _: note("long"))
-    short = graph.call_async(balls_meet())
-    short.add_done_callback(lambda _: note("short"))
-    assert both.wait(DEADLINE)
+    def answer_once_the_other_has_begun(request):
+        short_is_there.set()
+        while not long_has_begun.is_set():
+            yield
+        order.append("short")
+        return (yield from answer(request))
+
+    monkeypatch.setattr(batches, "compute", compute_once_both_are_there)
+    monkeypatch.setattr(node.impacts, "answer", answer_once_the_other_has_begun)
+    futures = [graph.call_async(long), graph.call_async(balls_meet())]
+    until(lambda: all(future.done() for future in futures))
     assert order == ["short", "long"]
-    response = long.result()
-    assert response.success and set(response.status) == {StatusCode.OK}
-    assert (unpack(response).velocity[2, 0] == 0.3 * 3.0).all()
-
-
-def test_contacts_that_need_many_digits_do_not_hold_others_either(graph):
-    """Each of these rows takes a thousand times as long as one that the kernels answer alone."""
-    graph.serve()
-    request = falling(200, ImpactModel(tolerance=1e-30))
-    long, short = graph.call_async(request), graph.call_async(balls_meet())
-    until(short.done)
-    assert not long.done()
-    until(long.done)
-    assert set(long.result().status) == {StatusCode.TOLERANCE_NOT_MET}
+    assert set(futures[0].result().status) == {status}
 
 
 # budgets
@@ -99,7 +104,8 @@ def test_a_request_that_takes_too_long_is_refused_by_name(graph):
     assert not response.status
     assert graph.call(falling(1)).success  # one part is always done
     node.set_parameters([Parameter("budget.time", value=0.0)])
-    assert graph.call(falling(100_000)).success
+    answer = unpack(graph.call(falling(100_000)))
+    assert (answer.velocity[2, 0] == 0.3 * 3.0).all()
 
 
 def test_what_needs_too_much_memory_is_refused_by_name(tried_node, monkeypatch):
