@@ -1,5 +1,6 @@
 """Many independent contacts at once: arrays in, arrays out."""
 
+from .pairs import independent_sets, scatter_velocities
 from .resolve_batch import BatchResult, is_bounded, resolve_batch, resolve_with_pauses
 from .rows import BodyRows, ContactRows, body_rows, contact_rows
 
@@ -9,7 +10,9 @@ __all__ = [
     "ContactRows",
     "body_rows",
     "contact_rows",
+    "independent_sets",
     "is_bounded",
     "resolve_batch",
     "resolve_with_pauses",
+    "scatter_velocities",
 ]

@@ -48,6 +48,7 @@ _compiled.setup(
 resolve = _compiled.resolve
 numbers = _compiled.numbers
 batch = _compiled.batch
+independent_sets = _compiled.independent_sets
 allow_long_vectors = _compiled.allow_long_vectors
 
 _scene.setup(Vec3, Twist, Fraction)

@@ -6,6 +6,7 @@
 #include <Python.h>
 
 #include "scene/compliant.hpp"
+#include "scene/reflections.hpp"
 #include "validity_everything.hpp"
 
 namespace {
@@ -151,41 +152,21 @@ PyObject* from_floats(PyObject* self, PyObject* list) {
 
 // approach(): of the fastest contact [m/s], and its error.
 PyObject* approach(PyObject* self, PyObject*) {
-  double most = 0, error = 0;
-  for (const Touch& touch : of(self).touches) {
-    double speed = -high(touch.velocity) / touch.length;
-    most = std::fmax(most, speed);
-    error = std::fmax(error, width(touch.velocity) / touch.length + std::fabs(speed) * 0x1p-50);
-  }
-  return Py_BuildValue("dd", most, error);
+  Speed speed = approach(of(self));
+  return Py_BuildValue("dd", speed.most, speed.error);
 }
 
-// violated(p, error, limit, limit_error): the contacts of velocity below -limit; and the least distance of a
-// velocity from -limit, negative if that is less than is known of it.
-PyObject* violated(PyObject* self, PyObject* const* args, Py_ssize_t count) {
-  const DD* p = count == 4 ? impulses(self, args[0]) : nullptr;
-  if (!p) return nullptr;
-  const Assembly& scene = of(self);
-  double error = PyFloat_AsDouble(args[1]), limit = PyFloat_AsDouble(args[2]), doubt = PyFloat_AsDouble(args[3]);
+// reflections(threshold, budget): the impulses of GRR, the error, the margin and the restitution, None if nothing
+// approaches; or False where contacts contradict each other, True where the budget was too small.
+PyObject* reflections(PyObject* self, PyObject* const* args, Py_ssize_t count) {
+  if (count != 2) return PyErr_Format(PyExc_TypeError, "reflections() takes 2 arguments");
+  double threshold = PyFloat_AsDouble(args[0]);
+  int budget = static_cast<int>(PyLong_AsLong(args[1]));
   if (PyErr_Occurred()) return nullptr;
-  std::vector<N> u = scene.velocities(p);
-  PyObject* list = PyList_New(0);
-  double margin = INFINITY;
-  bool decided = true;
-  for (int i = 0; i < scene.count; ++i) {
-    const Touch& touch = scene.touches[i];
-    N off = u[i] + exact(limit) * exact(touch.length);  // the length is rounded, as limit is
-    double known = width(off) + error / touch.scale + (doubt + limit * 0x1p-50) * touch.length;
-    double distance = std::fabs(high(off));
-    decided = decided && (distance > known || (known == 0 && error == 0));
-    margin = std::fmin(margin, distance / touch.length);
-    if (high(off) < 0) {
-      PyObject* place = PyLong_FromLong(i);
-      PyList_Append(list, place);
-      Py_DECREF(place);
-    }
-  }
-  return Py_BuildValue("Ndi", list, margin, decided);
+  Struck struck = Reflections(of(self), threshold, budget).struck();
+  if (struck.outcome != Outcome::ANSWERED) return PyBool_FromLong(struck.outcome == Outcome::ENDLESS);
+  PyObject* e = struck.restitution < 0 ? Py_NewRef(Py_None) : PyFloat_FromDouble(struck.restitution);
+  return Py_BuildValue("NddN", bytes(struck.p), struck.error, struck.margin, e);
 }
 
 // size(p): at least that of the velocities by impulses p, in the metric of kinetic energy.
@@ -195,17 +176,6 @@ PyObject* size(PyObject* self, PyObject* o) {
   std::vector<double> sizes = rounded(p, of(self).count);
   for (double& x : sizes) x = std::fabs(x);
   return PyFloat_FromDouble(of(self).size_of(sizes));
-}
-
-// approaching(p, error): whether some contact approaches, beyond doubt.
-PyObject* approaching(PyObject* self, PyObject* const* args, Py_ssize_t count) {
-  const DD* p = count == 2 ? impulses(self, args[0]) : nullptr;
-  if (!p) return nullptr;
-  double error = PyFloat_AsDouble(args[1]);
-  std::vector<N> u = of(self).velocities(p);
-  for (int i = 0; i < of(self).count; ++i)
-    if (high(u[i]) < -width(u[i]) - error / of(self).touches[i].scale) Py_RETURN_TRUE;
-  Py_RETURN_FALSE;
 }
 
 // project(p, among, offset): the impulses on top of p that just keep the contacts among (None: all) from
@@ -226,42 +196,6 @@ PyObject* project(PyObject* self, PyObject* const* args, Py_ssize_t count) {
   Assembly::Projection projection = scene.project(p, among, offset.empty() ? nullptr : offset.data());
   if (projection.found != Found::LEAST) Py_RETURN_NONE;
   return Py_BuildValue("Nd", bytes(projection.q), projection.error);
-}
-
-// combine(a, p, b, q): a p + b q, and what rounding does to the velocities.
-PyObject* combine(PyObject* self, PyObject* const* args, Py_ssize_t count) {
-  const DD *p = count == 4 ? impulses(self, args[1]) : nullptr, *q = p ? impulses(self, args[3]) : nullptr;
-  if (!q) return nullptr;
-  double a = PyFloat_AsDouble(args[0]), b = PyFloat_AsDouble(args[2]);
-  std::vector<DD> sum(of(self).count);
-  std::vector<double> lost(of(self).count);
-  for (int i = 0; i < of(self).count; ++i) {
-    DD x = DD{a, 0} * p[i], y = DD{b, 0} * q[i];
-    sum[i] = x + y;
-    lost[i] = (std::fabs(x.h) + std::fabs(y.h)) * 0x1p-98;
-  }
-  return Py_BuildValue("Nd", bytes(sum), of(self).size_of(lost));
-}
-
-// joined_restitution(q): sum e u q / sum u q over the contacts that approach, and its error.
-PyObject* joined_restitution(PyObject* self, PyObject* o) {
-  const DD* q = impulses(self, o);
-  if (!q) return nullptr;
-  N above = exact(0.0), below = exact(0.0);
-  double least = 1, most = 0;
-  for (int i = 0; i < of(self).count; ++i) {
-    const Touch& touch = of(self).touches[i];
-    if (!(high(touch.velocity) < 0) || q[i].h == 0) continue;
-    N work = touch.velocity * exact(q[i]);
-    above = above + work * exact(touch.e);
-    below = below + work;
-    least = std::fmin(least, touch.e);
-    most = std::fmax(most, touch.e);
-  }
-  if (!(high(below) < 0)) return Py_BuildValue("dd", 0.0, 0.0);
-  if (least == most) return Py_BuildValue("dd", least, 0.0);
-  N e = above / below;
-  return Py_BuildValue("dd", std::fmin(std::fmax(high(e), 0), 1), width(e) + 0x1p-53);
 }
 
 PyObject* vector(const double* x) {
@@ -298,39 +232,38 @@ double in_norm(const double* body) {
   return std::sqrt(std::fmax(base, (shift + trace / 3) * inverse));
 }
 
-// answer(p, tangential, error): of normal impulses, and of tangential ones (pairs of floats in the axes of each
-// contact, or None). The changes and the twists of the movable bodies, the impulses, the velocities before and
-// after, the energies before and after, what restitution and friction lost, the relative error, and for each
-// contact: the slip after relative to the fastest speed before, its product with that before, and
-// friction relative to its limit.
-PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
-  const DD* p = argc == 3 ? impulses(self, args[0]) : nullptr;
-  if (!p) return nullptr;
-  const Assembly& scene = of(self);
+// What becomes of a cluster. Of movable bodies six numbers each, of contacts three, or one.
+struct Numbers {
+  std::vector<double> changes, after, pushes, before, then;
+  std::vector<std::array<double, 3>> slips;  // see answer()
+  double energy_after = 0, lost_restitution = 0, lost_friction = 0, bound = 0;
+};
+
+// Of normal impulses, and of tangential ones, pairs in the axes of each contact; empty if there are none.
+Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<double>& tangential, double error) {
+  Numbers answer;
   int count = scene.count;
-  double error = PyFloat_AsDouble(args[2]);
-  bool rubs = args[1] != Py_None;
+  bool rubs = !tangential.empty();
   std::vector<Axes> P(count, Axes{0, 0, 0});
   std::vector<double> reported = rounded(p, count), lower(count, 0.0);
   if (rubs)
     for (int i = 0; i < count; ++i)
-      for (int k = 0; k < 2; ++k) P[i][1 + k] = PyFloat_AsDouble(PyList_GET_ITEM(args[1], 2 * i + k));
-  if (PyErr_Occurred()) return nullptr;
+      for (int k = 0; k < 2; ++k) P[i][1 + k] = tangential[2 * i + k];
   std::vector<N> sums = scene.changes(p);
   Motion with_friction(scene);
   for (size_t i = 0; i < sums.size(); ++i) with_friction.twists[i] = high(sums[i]);
   if (rubs)
     for (int i = 0; i < count; ++i) with_friction.push(i, P[i]);
   if (!rubs) scene.least_norm(reported, lower, true);
+  answer.changes = with_friction.twists;
 
-  PyObject *changes = PyList_New(scene.bodies), *after = PyList_New(scene.bodies), *pushes = PyList_New(count);
-  double energies = reinterpret_cast<Cluster*>(self)->energy, energies_after = 0, largest = 0, worst = 0, rounding = 0;
+  double largest = 0, worst = 0, rounding = 0;
   for (int b = 0; b < scene.bodies; ++b) {
     const double *change = &with_friction.twists[6 * b], *body = scene.given[b].x;
     Given moved = scene.given[b];
     for (int k = 0; k < 6; ++k) moved.x[IN_BODY_A_VELOCITY_X + k] += change[k];
     moved.fill(moved.plain);
-    energies_after += moved.energy;
+    answer.energy_after += moved.energy;
     double arm = (body[1] + body[4] + body[6]) / 3, size = 0, off = 0;
     for (int k = 0; k < 6; ++k) {
       double weight = k < 3 ? body[0] : arm;
@@ -341,12 +274,10 @@ PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
     largest = std::fmax(largest, std::sqrt(size));
     rounding = std::fmax(rounding, std::sqrt(off));
     worst = std::fmax(worst, error * in_norm(body));
-    PyList_SET_ITEM(changes, b, twist(change));
-    PyList_SET_ITEM(after, b, twist(moved.x + IN_BODY_A_VELOCITY_X));
+    answer.after.insert(answer.after.end(), moved.x + IN_BODY_A_VELOCITY_X, moved.x + IN_BODY_A_VELOCITY_X + 6);
   }
-  PyObject *before = PyList_New(count), *then = PyList_New(count), *slips = PyList_New(count);
   std::vector<N> u = scene.velocities(p);
-  double lost_n = 0, lost_t = 0, fastest = 0;
+  double fastest = 0;
   for (const Touch& touch : scene.touches)
     fastest = std::fmax(fastest, std::hypot(touch.plain[0].velocity, touch.plain[1].velocity, touch.plain[2].velocity));
   for (int i = 0; i < count; ++i) {
@@ -364,16 +295,47 @@ PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
       double t1[3] = {-(sign * y), 1 + sign * (y * y * c), sign * d}, t2[3] = {-z, d, sign + z * z * c};
       for (int k = 0; k < 3; ++k) push[k] += P[i][1] * t1[k] + P[i][2] * t2[k];
     }
-    lost_n -= p[i].h * touch.length * (u_before[0] + u_after[0]) / 2;
-    lost_t -= (P[i][1] * (u_before[1] + u_after[1]) + P[i][2] * (u_before[2] + u_after[2])) / 2;
-    PyList_SET_ITEM(pushes, i, vector(push));
-    PyList_SET_ITEM(before, i, PyFloat_FromDouble(u_before[0]));
-    PyList_SET_ITEM(then, i, PyFloat_FromDouble(u_after[0]));
-    PyList_SET_ITEM(slips, i, Py_BuildValue("(ddd)", fastest > 0 ? speed / fastest : 0, back, most > 0 ? across / most : 1.0));
+    answer.lost_restitution -= p[i].h * touch.length * (u_before[0] + u_after[0]) / 2;
+    answer.lost_friction -= (P[i][1] * (u_before[1] + u_after[1]) + P[i][2] * (u_before[2] + u_after[2])) / 2;
+    answer.pushes.insert(answer.pushes.end(), push, push + 3);
+    answer.before.push_back(u_before[0]);
+    answer.then.push_back(u_after[0]);
+    answer.slips.push_back({fastest > 0 ? speed / fastest : 0, back, most > 0 ? across / most : 1.0});
   }
-  double bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0) : (worst > 0 ? INFINITY : 0);
-  if (!(bound == bound)) bound = INFINITY;
-  return Py_BuildValue("NNNNNddddd(NNN)", changes, after, pushes, before, then, energies, energies_after, lost_n, lost_t, bound, slips, PyBool_FromLong(reinterpret_cast<Cluster*>(self)->idle), PyBool_FromLong(reinterpret_cast<Cluster*>(self)->off_unit));
+  answer.bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0) : (worst > 0 ? INFINITY : 0);
+  if (!(answer.bound == answer.bound)) answer.bound = INFINITY;
+  return answer;
+}
+
+template <class Make> PyObject* listed(size_t count, Make make) {
+  PyObject* list = PyList_New(static_cast<Py_ssize_t>(count));
+  for (size_t i = 0; list && i < count; ++i) PyList_SET_ITEM(list, static_cast<Py_ssize_t>(i), make(i));
+  return list;
+}
+
+// answer(p, tangential, error): of normal impulses, and of tangential ones (pairs of floats in the axes of each
+// contact, or None). The changes and the twists of the movable bodies, the impulses, the velocities before and
+// after, the energies before and after, what restitution and friction lost, the relative error, and for each
+// contact: the slip after relative to the fastest speed before, its product with that before, and
+// friction relative to its limit.
+PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
+  const DD* p = argc == 3 ? impulses(self, args[0]) : nullptr;
+  if (!p) return nullptr;
+  std::vector<double> tangential;
+  if (args[1] != Py_None)
+    for (int i = 0; i < 2 * of(self).count; ++i) tangential.push_back(PyFloat_AsDouble(PyList_GET_ITEM(args[1], i)));
+  double error = PyFloat_AsDouble(args[2]);
+  if (PyErr_Occurred()) return nullptr;
+  const auto* cluster = reinterpret_cast<Cluster*>(self);
+  Numbers y = numbers_of(of(self), p, tangential, error);
+  auto number = [](const std::vector<double>& x) { return listed(x.size(), [&x](size_t i) { return PyFloat_FromDouble(x[i]); }); };
+  return Py_BuildValue(
+      "NNNNNddddd(NNN)", listed(of(self).bodies, [&](size_t b) { return twist(&y.changes[6 * b]); }),
+      listed(of(self).bodies, [&](size_t b) { return twist(&y.after[6 * b]); }),
+      listed(of(self).count, [&](size_t i) { return vector(&y.pushes[3 * i]); }), number(y.before), number(y.then),
+      cluster->energy, y.energy_after, y.lost_restitution, y.lost_friction, y.bound,
+      listed(of(self).count, [&](size_t i) { return Py_BuildValue("(ddd)", y.slips[i][0], y.slips[i][1], y.slips[i][2]); }),
+      PyBool_FromLong(cluster->idle), PyBool_FromLong(cluster->off_unit));
 }
 
 PyObject* friction_answer(const Friction& friction, const Assembly& scene) {
@@ -430,12 +392,9 @@ PyMethodDef methods[] = {
     {"none", none, METH_NOARGS, ""},
     {"from_floats", from_floats, METH_O, ""},
     {"approach", approach, METH_NOARGS, ""},
-    FAST("violated", violated),
     {"size", size, METH_O, ""},
-    FAST("approaching", approaching),
+    FAST("reflections", reflections),
     FAST("project", project),
-    FAST("combine", combine),
-    {"joined_restitution", joined_restitution, METH_O, ""},
     FAST("answer", answer),
     {"least_work", with_friction<least_work>, METH_O, ""},
     {"one_step", with_friction<one_step>, METH_O, ""},
