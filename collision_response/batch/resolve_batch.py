@@ -69,7 +69,7 @@ class BatchResult(NamedTuple):
         precision: the :class:`~collision_response.Precision` used for each contact, uint8, shape ``(N,)``;
             there only with the error bound.
         regime: what friction did at each contact, a :class:`~collision_response.Regime`, uint8, shape
-            ``(N,)``; 0 where there is no answer. This and the energies are there only if a report was asked for.
+            ``(N,)``; 0 where there is no answer. This and the energies are there only with a report.
         kinetic_energy_before, kinetic_energy_after: of the movable bodies of each contact [J],
             shape ``(N,)``.
         energy_lost_restitution, energy_lost_friction: work done at each contact against the normal and
@@ -141,7 +141,7 @@ def resolve_batch(
     contacts = np.asarray(contacts)
     pairs = None if pairs is None else as_pairs(pairs)
     if out is None:
-        plan = _plan_for(bodies, contacts, model, pairs)
+        plan = plan_for(bodies, contacts, model, pairs)
         shapes = plan.results(contacts.shape[1], report)
         out = BatchResult(*(None if one is None else np.empty(*one) for one in shapes))
     elif report and out.regime is None:
@@ -167,7 +167,7 @@ def resolve_with_pauses(
     So whoever has other things to do meanwhile can do them. The results of the contacts from ``start`` to
     ``stop`` are complete at the end.
     """
-    plan, target, n = _plan_for(bodies, contacts, model, pairs), out, contacts.shape[1]
+    plan, target, n = plan_for(bodies, contacts, model, pairs), out, contacts.shape[1]
     asked, columns = Asked(plan, bodies, pairs, contacts), (start, n if stop is None else min(stop, n))
     found = _run(asked, plan.number, out, workers, *columns)
     if found is None:  # some array has gaps between its numbers, or is not what it should be
@@ -294,7 +294,8 @@ def _run(
     return (max(statuses), max(bounds)) if found else None
 
 
-def _plan_for(bodies: Array, contacts: Array, model: ImpactModel, pairs: Array | None) -> Plan:
+def plan_for(bodies: Array, contacts: Array, model: ImpactModel, pairs: Array | None) -> Plan:
+    """What is to be done with such tables. Raises: as :func:`resolve_batch`."""
     shape, n = bodies.shape, contacts.shape[-1] if contacts.ndim == 2 else -1
     if pairs is None:
         fits = len(shape) == 3 and shape[1:] == (2, n)

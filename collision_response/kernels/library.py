@@ -55,6 +55,8 @@ _scene.setup(Vec3, Twist, Fraction)
 assemble = _scene.assemble
 Cluster = _scene.Cluster
 is_rational = _scene.is_rational
+clusters = _scene.clusters
+many_clusters = _scene.many
 
 
 class Number(IntEnum):
