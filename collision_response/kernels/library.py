@@ -48,12 +48,15 @@ _compiled.setup(
 resolve = _compiled.resolve
 numbers = _compiled.numbers
 batch = _compiled.batch
+independent_sets = _compiled.independent_sets
 allow_long_vectors = _compiled.allow_long_vectors
 
 _scene.setup(Vec3, Twist, Fraction)
 assemble = _scene.assemble
 Cluster = _scene.Cluster
 is_rational = _scene.is_rational
+clusters = _scene.clusters
+many_clusters = _scene.many
 
 
 class Number(IntEnum):

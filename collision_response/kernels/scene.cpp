@@ -2,10 +2,10 @@
 // collision_response/scene/.
 //
 // Impulses along the normals travel as bytes: a double-double for each contact.
-#define PY_SSIZE_T_CLEAN
-#include <Python.h>
-
+#include "arrays.hpp"
+#define WITH_TABLES
 #include "scene/compliant.hpp"
+#include "scene/many.hpp"
 #include "validity_everything.hpp"
 
 namespace {
@@ -130,12 +130,6 @@ const DD* impulses(PyObject* self, PyObject* o) {
   PyErr_SetString(PyExc_TypeError, "these are no impulses of this cluster");
   return nullptr;
 }
-std::vector<double> rounded(const DD* p, int count) {
-  std::vector<double> out(count);
-  for (int i = 0; i < count; ++i) out[i] = p[i].h;
-  return out;
-}
-
 // none(): no impulses.
 PyObject* none(PyObject* self, PyObject*) { return bytes(std::vector<DD>(of(self).count, DD{0, 0})); }
 
@@ -151,41 +145,21 @@ PyObject* from_floats(PyObject* self, PyObject* list) {
 
 // approach(): of the fastest contact [m/s], and its error.
 PyObject* approach(PyObject* self, PyObject*) {
-  double most = 0, error = 0;
-  for (const Touch& touch : of(self).touches) {
-    double speed = -high(touch.velocity) / touch.length;
-    most = std::fmax(most, speed);
-    error = std::fmax(error, width(touch.velocity) / touch.length + std::fabs(speed) * 0x1p-50);
-  }
-  return Py_BuildValue("dd", most, error);
+  Speed speed = approach(of(self));
+  return Py_BuildValue("dd", speed.most, speed.error);
 }
 
-// violated(p, error, limit, limit_error): the contacts of velocity below -limit; and the least distance of a
-// velocity from -limit, negative if that is less than is known of it.
-PyObject* violated(PyObject* self, PyObject* const* args, Py_ssize_t count) {
-  const DD* p = count == 4 ? impulses(self, args[0]) : nullptr;
-  if (!p) return nullptr;
-  const Assembly& scene = of(self);
-  double error = PyFloat_AsDouble(args[1]), limit = PyFloat_AsDouble(args[2]), doubt = PyFloat_AsDouble(args[3]);
+// reflections(threshold, budget): the impulses of GRR, the error, the margin and the restitution, None if nothing
+// approaches; or False where contacts contradict each other, True where the budget was too small.
+PyObject* reflections(PyObject* self, PyObject* const* args, Py_ssize_t count) {
+  if (count != 2) return PyErr_Format(PyExc_TypeError, "reflections() takes 2 arguments");
+  double threshold = PyFloat_AsDouble(args[0]);
+  int budget = static_cast<int>(PyLong_AsLong(args[1]));
   if (PyErr_Occurred()) return nullptr;
-  std::vector<N> u = scene.velocities(p);
-  PyObject* list = PyList_New(0);
-  double margin = INFINITY;
-  bool decided = true;
-  for (int i = 0; i < scene.count; ++i) {
-    const Touch& touch = scene.touches[i];
-    N off = u[i] + exact(limit) * exact(touch.length);  // the length is rounded, as limit is
-    double known = width(off) + error / touch.scale + (doubt + limit * 0x1p-50) * touch.length;
-    double distance = std::fabs(high(off));
-    decided = decided && (distance > known || (known == 0 && error == 0));
-    margin = std::fmin(margin, distance / touch.length);
-    if (high(off) < 0) {
-      PyObject* place = PyLong_FromLong(i);
-      PyList_Append(list, place);
-      Py_DECREF(place);
-    }
-  }
-  return Py_BuildValue("Ndi", list, margin, decided);
+  Struck struck = Reflections(of(self), threshold, budget).struck();
+  if (struck.outcome != Outcome::ANSWERED) return PyBool_FromLong(struck.outcome == Outcome::ENDLESS);
+  PyObject* e = struck.restitution < 0 ? Py_NewRef(Py_None) : PyFloat_FromDouble(struck.restitution);
+  return Py_BuildValue("NddN", bytes(struck.p), struck.error, struck.margin, e);
 }
 
 // size(p): at least that of the velocities by impulses p, in the metric of kinetic energy.
@@ -195,17 +169,6 @@ PyObject* size(PyObject* self, PyObject* o) {
   std::vector<double> sizes = rounded(p, of(self).count);
   for (double& x : sizes) x = std::fabs(x);
   return PyFloat_FromDouble(of(self).size_of(sizes));
-}
-
-// approaching(p, error): whether some contact approaches, beyond doubt.
-PyObject* approaching(PyObject* self, PyObject* const* args, Py_ssize_t count) {
-  const DD* p = count == 2 ? impulses(self, args[0]) : nullptr;
-  if (!p) return nullptr;
-  double error = PyFloat_AsDouble(args[1]);
-  std::vector<N> u = of(self).velocities(p);
-  for (int i = 0; i < of(self).count; ++i)
-    if (high(u[i]) < -width(u[i]) - error / of(self).touches[i].scale) Py_RETURN_TRUE;
-  Py_RETURN_FALSE;
 }
 
 // project(p, among, offset): the impulses on top of p that just keep the contacts among (None: all) from
@@ -228,42 +191,6 @@ PyObject* project(PyObject* self, PyObject* const* args, Py_ssize_t count) {
   return Py_BuildValue("Nd", bytes(projection.q), projection.error);
 }
 
-// combine(a, p, b, q): a p + b q, and what rounding does to the velocities.
-PyObject* combine(PyObject* self, PyObject* const* args, Py_ssize_t count) {
-  const DD *p = count == 4 ? impulses(self, args[1]) : nullptr, *q = p ? impulses(self, args[3]) : nullptr;
-  if (!q) return nullptr;
-  double a = PyFloat_AsDouble(args[0]), b = PyFloat_AsDouble(args[2]);
-  std::vector<DD> sum(of(self).count);
-  std::vector<double> lost(of(self).count);
-  for (int i = 0; i < of(self).count; ++i) {
-    DD x = DD{a, 0} * p[i], y = DD{b, 0} * q[i];
-    sum[i] = x + y;
-    lost[i] = (std::fabs(x.h) + std::fabs(y.h)) * 0x1p-98;
-  }
-  return Py_BuildValue("Nd", bytes(sum), of(self).size_of(lost));
-}
-
-// joined_restitution(q): sum e u q / sum u q over the contacts that approach, and its error.
-PyObject* joined_restitution(PyObject* self, PyObject* o) {
-  const DD* q = impulses(self, o);
-  if (!q) return nullptr;
-  N above = exact(0.0), below = exact(0.0);
-  double least = 1, most = 0;
-  for (int i = 0; i < of(self).count; ++i) {
-    const Touch& touch = of(self).touches[i];
-    if (!(high(touch.velocity) < 0) || q[i].h == 0) continue;
-    N work = touch.velocity * exact(q[i]);
-    above = above + work * exact(touch.e);
-    below = below + work;
-    least = std::fmin(least, touch.e);
-    most = std::fmax(most, touch.e);
-  }
-  if (!(high(below) < 0)) return Py_BuildValue("dd", 0.0, 0.0);
-  if (least == most) return Py_BuildValue("dd", least, 0.0);
-  N e = above / below;
-  return Py_BuildValue("dd", std::fmin(std::fmax(high(e), 0), 1), width(e) + 0x1p-53);
-}
-
 PyObject* vector(const double* x) {
   PyObject* v = types.vec3->tp_alloc(types.vec3, 3);
   if (v)
@@ -279,23 +206,14 @@ PyObject* twist(const double* x) {
   return t;
 }
 
-// A size in the metric of kinetic energy, in the norm of error_bound: at most how many times it is.
-double in_norm(const double* body) {
-  double mass = body[0], xx = body[1], xy = body[2], xz = body[3], yy = body[4], yz = body[5], zz = body[6];
-  double trace = xx + yy + zz, c = 0;
-  for (int k = 0; k < 3; ++k) c += body[IN_BODY_A_COM_X + k] * body[IN_BODY_A_COM_X + k];
-  double shift = 2 * mass * c, base = c > 0 ? 2 : 1;
-  if (!(trace > 0)) return std::sqrt(base);
-  if (xy == 0 && xz == 0 && yz == 0) {
-    double least = INFINITY;
-    for (double moment : {xx, yy, zz})
-      if (moment > trace * 0x1p-48) least = std::fmin(least, moment);
-    return std::sqrt(std::fmax(base, (shift + trace / 3) / least));
-  }
-  double det = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
-  double inverse = det > trace * trace * trace * 0x1p-46 ? (yy * zz - yz * yz + xx * zz - xz * xz + xx * yy - xy * xy) / det * (1 + 0x1p-4) : INFINITY;
-  if (inverse == INFINITY) inverse = 4 / trace * 0x1p46;
-  return std::sqrt(std::fmax(base, (shift + trace / 3) * inverse));
+template <class Make> PyObject* listed(size_t count, Make make) {
+  PyObject* list = PyList_New(static_cast<Py_ssize_t>(count));
+  for (size_t i = 0; list && i < count; ++i) PyList_SET_ITEM(list, static_cast<Py_ssize_t>(i), make(i));
+  return list;
+}
+
+PyObject* number_list(const std::vector<double>& x) {
+  return listed(x.size(), [&x](size_t i) { return PyFloat_FromDouble(x[i]); });
 }
 
 // answer(p, tangential, error): of normal impulses, and of tangential ones (pairs of floats in the axes of each
@@ -306,95 +224,32 @@ double in_norm(const double* body) {
 PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
   const DD* p = argc == 3 ? impulses(self, args[0]) : nullptr;
   if (!p) return nullptr;
-  const Assembly& scene = of(self);
-  int count = scene.count;
+  std::vector<double> tangential;
+  if (args[1] != Py_None)
+    for (int i = 0; i < 2 * of(self).count; ++i) tangential.push_back(PyFloat_AsDouble(PyList_GET_ITEM(args[1], i)));
   double error = PyFloat_AsDouble(args[2]);
-  bool rubs = args[1] != Py_None;
-  std::vector<Axes> P(count, Axes{0, 0, 0});
-  std::vector<double> reported = rounded(p, count), lower(count, 0.0);
-  if (rubs)
-    for (int i = 0; i < count; ++i)
-      for (int k = 0; k < 2; ++k) P[i][1 + k] = PyFloat_AsDouble(PyList_GET_ITEM(args[1], 2 * i + k));
   if (PyErr_Occurred()) return nullptr;
-  std::vector<N> sums = scene.changes(p);
-  Motion with_friction(scene);
-  for (size_t i = 0; i < sums.size(); ++i) with_friction.twists[i] = high(sums[i]);
-  if (rubs)
-    for (int i = 0; i < count; ++i) with_friction.push(i, P[i]);
-  if (!rubs) scene.least_norm(reported, lower, true);
-
-  PyObject *changes = PyList_New(scene.bodies), *after = PyList_New(scene.bodies), *pushes = PyList_New(count);
-  double energies = reinterpret_cast<Cluster*>(self)->energy, energies_after = 0, largest = 0, worst = 0, rounding = 0;
-  for (int b = 0; b < scene.bodies; ++b) {
-    const double *change = &with_friction.twists[6 * b], *body = scene.given[b].x;
-    Given moved = scene.given[b];
-    for (int k = 0; k < 6; ++k) moved.x[IN_BODY_A_VELOCITY_X + k] += change[k];
-    moved.fill(moved.plain);
-    energies_after += moved.energy;
-    double arm = (body[1] + body[4] + body[6]) / 3, size = 0, off = 0;
-    for (int k = 0; k < 6; ++k) {
-      double weight = k < 3 ? body[0] : arm;
-      size += weight * change[k] * change[k];
-      double lost = width(sums[6 * b + k]) + (std::fabs(change[k]) + std::fabs(high(sums[6 * b + k]))) * 0x1p-53 * (rubs ? 4 : 1);
-      off += weight * lost * lost;
-    }
-    largest = std::fmax(largest, std::sqrt(size));
-    rounding = std::fmax(rounding, std::sqrt(off));
-    worst = std::fmax(worst, error * in_norm(body));
-    PyList_SET_ITEM(changes, b, twist(change));
-    PyList_SET_ITEM(after, b, twist(moved.x + IN_BODY_A_VELOCITY_X));
-  }
-  PyObject *before = PyList_New(count), *then = PyList_New(count), *slips = PyList_New(count);
-  std::vector<N> u = scene.velocities(p);
-  double lost_n = 0, lost_t = 0, fastest = 0;
-  for (const Touch& touch : scene.touches)
-    fastest = std::fmax(fastest, std::hypot(touch.plain[0].velocity, touch.plain[1].velocity, touch.plain[2].velocity));
-  for (int i = 0; i < count; ++i) {
-    const Touch& touch = scene.touches[i];
-    double push[3];
-    for (int k = 0; k < 3; ++k) push[k] = reported[i] * touch.normal[k];
-    Axes u_before{touch.plain[0].velocity, touch.plain[1].velocity, touch.plain[2].velocity};
-    Axes u_after = with_friction.velocity(i);
-    if (!rubs) u_after[0] = high(u[i]) / touch.length;
-    double speed = std::hypot(u_after[1], u_after[2]), back = u_before[1] * u_after[1] + u_before[2] * u_after[2];
-    double across = std::hypot(P[i][1], P[i][2]), most = touch.mu * p[i].h * touch.length;
-    if (rubs) {
-      double x = touch.normal[0] / touch.length, y = touch.normal[1] / touch.length, z = touch.normal[2] / touch.length;
-      double sign = x < 0 ? -1 : 1, c = -1 / (sign + x), d = y * z * c;
-      double t1[3] = {-(sign * y), 1 + sign * (y * y * c), sign * d}, t2[3] = {-z, d, sign + z * z * c};
-      for (int k = 0; k < 3; ++k) push[k] += P[i][1] * t1[k] + P[i][2] * t2[k];
-    }
-    lost_n -= p[i].h * touch.length * (u_before[0] + u_after[0]) / 2;
-    lost_t -= (P[i][1] * (u_before[1] + u_after[1]) + P[i][2] * (u_before[2] + u_after[2])) / 2;
-    PyList_SET_ITEM(pushes, i, vector(push));
-    PyList_SET_ITEM(before, i, PyFloat_FromDouble(u_before[0]));
-    PyList_SET_ITEM(then, i, PyFloat_FromDouble(u_after[0]));
-    PyList_SET_ITEM(slips, i, Py_BuildValue("(ddd)", fastest > 0 ? speed / fastest : 0, back, most > 0 ? across / most : 1.0));
-  }
-  double bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0) : (worst > 0 ? INFINITY : 0);
-  if (!(bound == bound)) bound = INFINITY;
-  return Py_BuildValue("NNNNNddddd(NNN)", changes, after, pushes, before, then, energies, energies_after, lost_n, lost_t, bound, slips, PyBool_FromLong(reinterpret_cast<Cluster*>(self)->idle), PyBool_FromLong(reinterpret_cast<Cluster*>(self)->off_unit));
+  const auto* cluster = reinterpret_cast<Cluster*>(self);
+  Numbers y = numbers_of(of(self), p, tangential, error);
+  return Py_BuildValue(
+      "NNNNNddddd(NNN)", listed(of(self).bodies, [&](size_t b) { return twist(&y.changes[6 * b]); }),
+      listed(of(self).bodies, [&](size_t b) { return twist(&y.after[6 * b]); }),
+      listed(of(self).count, [&](size_t i) { return vector(&y.pushes[3 * i]); }), number_list(y.before), number_list(y.then),
+      cluster->energy, y.energy_after, y.lost_restitution, y.lost_friction, y.bound,
+      listed(of(self).count, [&](size_t i) { return Py_BuildValue("(ddd)", y.slips[i][0], y.slips[i][1], y.slips[i][2]); }),
+      PyBool_FromLong(cluster->idle), PyBool_FromLong(cluster->off_unit));
 }
 
 PyObject* friction_answer(const Friction& friction, const Assembly& scene) {
   if (!friction.found) Py_RETURN_NONE;
-  std::vector<DD> p(scene.count, DD{0, 0});
-  PyObject* tangential = PyList_New(2 * scene.count);
-  for (int i = 0; i < scene.count; ++i) {
-    p[i].h = friction.P[i][0] / scene.touches[i].length;
-    for (int k = 0; k < 2; ++k) PyList_SET_ITEM(tangential, 2 * i + k, PyFloat_FromDouble(friction.P[i][1 + k]));
-  }
-  return Py_BuildValue("NNd", bytes(p), tangential, friction.error);
+  return Py_BuildValue("NNd", bytes(along_normals(friction, scene)), number_list(across_normals(friction)), friction.error);
 }
 
 // least_work(p), one_step(p): impulses along the normals, across them, and the error; None if there are none.
 template <Friction law(const Assembly&, const std::vector<double>&)>
 PyObject* with_friction(PyObject* self, PyObject* o) {
   const DD* p = impulses(self, o);
-  if (!p) return nullptr;
-  std::vector<double> normal = rounded(p, of(self).count);
-  of(self).least_norm(normal, std::vector<double>(of(self).count, 0.0), false);
-  return friction_answer(law(of(self), normal), of(self));
+  return p ? friction_answer(rubbed<law>(of(self), p), of(self)) : nullptr;
 }
 
 // compress(stiffness, exponent, tolerance or step, budget, friction): as above, along a law with compliance.
@@ -430,12 +285,9 @@ PyMethodDef methods[] = {
     {"none", none, METH_NOARGS, ""},
     {"from_floats", from_floats, METH_O, ""},
     {"approach", approach, METH_NOARGS, ""},
-    FAST("violated", violated),
     {"size", size, METH_O, ""},
-    FAST("approaching", approaching),
+    FAST("reflections", reflections),
     FAST("project", project),
-    FAST("combine", combine),
-    {"joined_restitution", joined_restitution, METH_O, ""},
     FAST("answer", answer),
     {"least_work", with_friction<least_work>, METH_O, ""},
     {"one_step", with_friction<one_step>, METH_O, ""},
@@ -444,6 +296,49 @@ PyMethodDef methods[] = {
 PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {"count", get_floats, nullptr, "", nullptr}, {}};
 PyType_Slot slots[] = {{Py_tp_dealloc, reinterpret_cast<void*>(dealloc)}, {Py_tp_methods, methods}, {Py_tp_getset, fields}, {}};
 PyType_Spec spec = {"collision_response.kernels._scene.Cluster", sizeof(Cluster), 0, Py_TPFLAGS_DEFAULT, slots};
+
+// clusters(pairs, movable, order, starts, cluster): how many; see gather.hpp.
+PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
+  Array pairs, movable, order, starts, cluster;
+  if (count != 5 || !pairs.open(args[0]) || !movable.open(args[1]) || !order.open(args[2], true) || !starts.open(args[3], true) || !cluster.open(args[4], true))
+    return PyErr_Format(PyExc_TypeError, "clusters() takes five arrays");
+  long n = static_cast<long>(order.view.shape[0]), found;
+  Pairs who{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, movable.view.shape[0]};
+  Py_BEGIN_ALLOW_THREADS;
+  found = clusters(who, n, movable.at<bool>(), order.at<std::int64_t>(), starts.at<std::int64_t>(), cluster.at<std::int64_t>());
+  Py_END_ALLOW_THREADS;
+  return PyLong_FromLong(found);
+}
+
+// many(table, frictionless, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): the clusters
+// that `wanted` lists between two places, without the GIL. numbers are the threshold, the restitution threshold, the
+// limit of error bounds, AT_REST and the budget of reflections. The arrays are those of resolve_scenes.py, of the
+// right shapes. A status of 0: left to Python.
+PyObject* many(PyObject*, PyObject* const* args, Py_ssize_t count) {
+  constexpr int RESULTS = 12;
+  if (count != 12 || !PyTuple_Check(args[8]) || PyTuple_GET_SIZE(args[8]) != RESULTS) return PyErr_Format(PyExc_TypeError, "many() takes 12 arguments");
+  int place = static_cast<int>(PyLong_AsLong(args[0]));
+  double number[5];
+  if (PyErr_Occurred() || !floats(args[2], 5, number)) return PyErr_Format(PyExc_TypeError, "many(): numbers");
+  long from = PyLong_AsLong(args[10]), to = PyLong_AsLong(args[11]);
+  Array bodies, pairs, contacts, order, starts, wanted, result[RESULTS];
+  bool open = bodies.open(args[3]) && pairs.open(args[4]) && contacts.open(args[5]) && order.open(args[6]) && starts.open(args[7]) && wanted.open(args[9]);
+  for (int i = 0; i < RESULTS; ++i) open = open && (i == 4 || result[i].open(PyTuple_GET_ITEM(args[8], i), true));
+  if (!open || PyErr_Occurred()) return PyErr_Format(PyExc_TypeError, "many(): arrays must be contiguous");
+  long n = static_cast<long>(contacts.view.shape[1]);
+  auto numbers = [&result](int i) { return result[i].at<double>(); };
+  Many asked{tables[place], bodies.at<double>(), contacts.at<double>(),
+             {pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, bodies.view.shape[1]},
+             n, static_cast<long>(contacts.view.shape[0]), order.at<std::int64_t>(), starts.at<std::int64_t>(),
+             args[1] == Py_True, number[0], number[1], number[2], number[3], static_cast<int>(number[4]),
+             numbers(0), numbers(1), numbers(2), result[3].at<unsigned char>(), result[5].at<unsigned char>(),
+             numbers(6), numbers(7), {numbers(8), numbers(9), numbers(10), numbers(11)}};
+  Py_BEGIN_ALLOW_THREADS;
+  ManyClusters clusters(asked);
+  for (long i = from; i < to; ++i) clusters.answer(wanted.at<std::int64_t>()[i]);
+  Py_END_ALLOW_THREADS;
+  Py_RETURN_NONE;
+}
 
 // Whether there is a fraction in it.
 bool holds_fraction(PyObject* o) {
@@ -467,7 +362,7 @@ PyObject* setup(PyObject*, PyObject* args) {
   Py_RETURN_NONE;
 }
 
-PyMethodDef functions[] = {FAST("assemble", assemble), {"is_rational", is_rational, METH_O, ""}, {"setup", setup, METH_VARARGS, ""}, {}};
+PyMethodDef functions[] = {FAST("assemble", assemble), FAST("clusters", find_clusters), FAST("many", many), {"is_rational", is_rational, METH_O, ""}, {"setup", setup, METH_VARARGS, ""}, {}};
 PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_scene", "", -1, functions, nullptr, nullptr, nullptr, nullptr};
 
 }  // namespace

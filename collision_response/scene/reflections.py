@@ -52,57 +52,70 @@ class Struck(NamedTuple):
     fell_back: bool = False
 
 
+def compiled_reflections(cluster: Any, threshold: float) -> Struck:
+    """The impulses of GRR by the kernels, with a bound on their error: see ``kernels/scene/reflections.hpp``.
+
+    Raises:
+        ImpactError: CONTRADICTORY_CONTACTS or PATH_TOO_LONG.
+    """
+    found = cluster.reflections(threshold, REFLECTIONS)
+    if found is False:
+        raise contradictory()
+    if found is True:
+        raise endless()
+    p, error, margin, restitution = found
+    return Struck(p, None, error, margin, restitution)
+
+
 def reflections(cluster: Any, threshold: Scalar) -> Struck:
-    """The impulses of GRR.
+    """The impulses of GRR, without error.
 
     Args:
-        cluster: see ``collision_response/scene/__init__.py``.
+        cluster: of rational numbers.
         threshold: below this part of the fastest approach a contact does not count as approaching.
 
     Raises:
         ImpactError: CONTRADICTORY_CONTACTS or PATH_TOO_LONG.
     """
     zero = cluster.none()
-    speed, doubt = cluster.approach()
+    speed, _ = cluster.approach()
     if not speed > 0:
         return Struck(zero)
-    first, error_P = projection(cluster, zero, None)
-    e, e_error = cluster.joined_restitution(first)
-    inelastic, rounding = cluster.combine(1, zero, 1, first)
-    error_P += rounding
+    first = _projection(cluster, zero, None)
+    e, _ = cluster.joined_restitution(first)
+    inelastic, _ = cluster.combine(1, zero, 1, first)
     if not e > 0:
-        return Struck(inelastic, error=error_P, restitution=e)
-    p, error, margin = zero, 0.0, math.inf
-    for turn in range(REFLECTIONS):
-        violated, near, certain = cluster.violated(p, error, threshold * speed, threshold * doubt)
+        return Struck(inelastic, restitution=e)
+    p, margin = zero, math.inf
+    for _ in range(REFLECTIONS):
+        violated, near, _ = cluster.violated(p, 0.0, threshold * speed, 0.0)
         margin = min(margin, near / speed)
-        if not certain:
-            error = math.inf
         if not violated:
             break
-        is_first = turn == 0 and len(violated) == cluster.count
-        q, q_error = (first, error_P) if is_first else projection(cluster, p, violated)
-        p, rounding = cluster.combine(1, p, 2, q)
-        error += 2 * q_error + rounding
+        p, _ = cluster.combine(1, p, 2, _projection(cluster, p, violated))
     else:
-        reason = f"the reflections did not end within {REFLECTIONS}"
-        raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
-    elastic, rounding = cluster.combine(1, p, -1, inelastic)
-    p, more = cluster.combine(1, inelastic, e, elastic)
-    error = float(e) * error + float(1 - e) * error_P + rounding + more
-    if e_error:
-        error += e_error * cluster.size(elastic)
-    if cluster.approaching(p, error):  # slower than the threshold
-        q, q_error = projection(cluster, p, None)
-        p, rounding = cluster.combine(1, p, 1, q)
-        error += q_error + rounding
-    return Struck(p, error=error, margin=margin, restitution=e)
+        raise endless()
+    p, _ = cluster.combine(1 - e, inelastic, e, p)
+    if cluster.approaching(p, 0.0):  # slower than the threshold
+        p, _ = cluster.combine(1, p, 1, _projection(cluster, p, None))
+    return Struck(p, margin=margin, restitution=e)
 
 
-def projection(cluster: Any, p: Any, among: list[int] | None) -> tuple[Any, float]:
-    """The impulses on top of ``p`` that just keep contacts from approaching, and their error."""
+def _projection(cluster: Any, p: Any, among: list[int] | None) -> Any:
+    """The impulses on top of ``p`` that just keep contacts from approaching."""
     found = cluster.project(p, among, False)
     if found is None:
-        reason = "contradict each other: no velocities keep all of them from approaching"
-        raise ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
-    return found
+        raise contradictory()
+    return found[0]
+
+
+def contradictory() -> ImpactError:
+    """That no velocities satisfy a cluster."""
+    reason = "contradict each other: no velocities keep all of them from approaching"
+    return ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
+
+
+def endless() -> ImpactError:
+    """That the budget was too small."""
+    reason = f"the reflections did not end within {REFLECTIONS}"
+    return ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)

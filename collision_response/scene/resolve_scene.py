@@ -25,7 +25,7 @@ from .coulomb import with_friction
 from .moreau import one_step
 from .orders import distance, order_sensitivity
 from .rational import RationalCluster
-from .reflections import Struck, reflections
+from .reflections import Struck, compiled_reflections, reflections
 from .stronge import LEAST_RESTITUTION, compressed
 
 THRESHOLD = 2.0**-30
@@ -481,7 +481,10 @@ def _by_reflections(cluster: Any, parts: Parts, options: Options, has_friction: 
             reason = f"more than {RATIONAL_CONTACTS} press on each other without end, as a ball between walls"
             raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
     else:
-        struck = reflections(cluster, options.threshold)
+        if isinstance(cluster, RationalCluster):
+            struck = reflections(cluster, options.threshold)
+        else:
+            struck = compiled_reflections(cluster, float(options.threshold))
         if struck.error == math.inf:
             struck = _decided_in_rationals(cluster, parts, options) or struck
     return with_friction(cluster, struck) if has_friction else struck
