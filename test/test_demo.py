@@ -85,8 +85,11 @@ def test_every_ball_of_the_triangle_has_its_image_beyond_the_middle_line():
 
 def test_a_box_stands_on_its_corners():
     bodies, _, _, contacts, _ = at_once.flat_box("box", "floor", Vec3(1.0, 2.0, 3.0))
-    half = at_once.SIDE / 2
-    offsets = {tuple(round(x / half, 9) for x in c.position - bodies["box"].position) for c in contacts}
+    sizes = at_once.SIDE / 2, at_once.SIDE / 2, at_once.HEIGHT / 2
+    offsets = {
+        tuple(round(x / size, 9) for x, size in zip(c.position - bodies["box"].position, sizes, strict=True))
+        for c in contacts
+    }
     assert offsets == {(x, y, -1.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)}
 
 

@@ -17,7 +17,7 @@ from ..physics.orientation import Quaternion
 from ..physics.vector import Vec3
 
 RADIUS, MASS = 0.05, 0.5
-SIDE = 0.3
+SIDE, HEIGHT = 0.3, 0.15
 ROWS = 5
 """Of the rack."""
 
@@ -47,13 +47,13 @@ def cradle(law: Law, start: Vec3) -> Touching:
 
 
 def flat_box(name: str, floor: str, below: Vec3) -> Touching:
-    """A cube that comes down at 1 m/s, flat on a floor."""
+    """A box with a square base that comes down at 1 m/s, flat on a floor."""
     half = SIDE / 2
-    inertia = box(1.0, (SIDE, SIDE, SIDE)).inertia
-    cube = Body.dynamic(1.0, inertia, below + Vec3(0.0, 0.0, half), None, (0.0, 0.0, -1.0))
+    inertia = box(1.0, (SIDE, SIDE, HEIGHT)).inertia
+    body = Body.dynamic(1.0, inertia, below + Vec3(0.0, 0.0, HEIGHT / 2), None, (0.0, 0.0, -1.0))
     corners = [below + Vec3(x, y, 0.0) for x in (-half, half) for y in (-half, half)]
     contacts = [Contact.of(corner, (0.0, 0.0, 1.0), 1.0) for corner in corners]
-    return Touching({name: cube}, (floor,), [(0, 1)] * 4, contacts, Law.AUTO)
+    return Touching({name: body}, (floor,), [(0, 1)] * 4, contacts, Law.AUTO)
 
 
 def tight_rack(tip: Vec3) -> Touching:
@@ -74,7 +74,10 @@ def mirrored_in_rack() -> list[tuple[int, int]]:
 
 
 def drifted(bodies: Mapping[str, Body], time: float) -> dict[str, Body]:
-    """Where bodies are after a time in which nothing strikes them [s]; cubes and balls spin on as they do."""
+    """Where bodies are after a time in which nothing strikes them [s].
+
+    Their spin stays: they are balls, or boxes with a square base that turn about an axis along it.
+    """
     return {name: _drifted(body, time) for name, body in bodies.items()}
 
 

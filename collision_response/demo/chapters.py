@@ -236,7 +236,7 @@ def _flat_boxes(stage: Stage) -> Iterator[str]:
         other = with_twist(other, stage.resolve(encounter).twist_a)
     _play(stage, in_turn.bodies, {name: other})
     (box,) = moved.values()
-    print(f"   {'a cube flat on a floor, down at 1 m/s, e = 1':47} {'up [m/s]':>14} {'turning [rad/s]':>15}")
+    print(f"   {'a box flat on a floor, down at 1 m/s, e = 1':47} {'up [m/s]':>14} {'turning [rad/s]':>15}")
     for what, body in (("its four corners at once", box), ("one corner after another", other)):
         print(f"   {what:47} {body.velocity.z:14.6f} {body.angular_velocity.norm():15.6f}")
     print()
