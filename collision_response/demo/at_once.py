@@ -73,6 +73,12 @@ def mirrored_in_rack() -> list[tuple[int, int]]:
     return [(start + i, start + row - i) for row, start in enumerate(first) for i in range(row + 1)]
 
 
+def approaches(body: Body, contact: Contact) -> bool:
+    """Whether a body moves into what stands still at a contact."""
+    moves = body.velocity + body.angular_velocity.cross(contact.position - body.position)
+    return contact.normal.dot(moves) < 0
+
+
 def drifted(bodies: Mapping[str, Body], time: float) -> dict[str, Body]:
     """Where bodies are after a time in which nothing strikes them [s].
 

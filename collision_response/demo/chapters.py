@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
+from itertools import cycle
 from operator import attrgetter, mul
 
 from builtin_interfaces.msg import Time
@@ -17,7 +18,7 @@ from ..physics.laws import Law
 from ..physics.vector import Vec3
 from ..ros.scene_client import pack
 from ..srv import ResolveCollision
-from .at_once import Touching, cradle, drifted, flat_box, mirrored_in_rack, tight_rack
+from .at_once import Touching, approaches, cradle, drifted, flat_box, mirrored_in_rack, tight_rack
 from .billiards import Break, cushion_bodies, rack
 from .books import EnergyBook, momentum
 from .client import Client
@@ -231,9 +232,12 @@ def _flat_boxes(stage: Stage) -> Iterator[str]:
     at_once, in_turn = (flat_box(floor.replace("floor", "box"), floor, at) for floor, at in FLOORS.items())
     _, moved = _struck(stage, at_once)
     ((name, other),) = in_turn.bodies.items()
-    for contact in in_turn.contacts:
-        encounter = Encounter(STRIKE, name, in_turn.others[0], other, None, contact)
-        other = with_twist(other, stage.resolve(encounter).twist_a)
+    for contact in cycle(in_turn.contacts):
+        if approaches(other, contact):
+            encounter = Encounter(STRIKE, name, in_turn.others[0], other, None, contact)
+            other = with_twist(other, stage.resolve(encounter).twist_a)
+        elif not any(approaches(other, corner) for corner in in_turn.contacts):
+            break
     _play(stage, in_turn.bodies, {name: other})
     (box,) = moved.values()
     print(f"   {'a box flat on a floor, down at 1 m/s, e = 1':47} {'up [m/s]':>14} {'turning [rad/s]':>15}")
