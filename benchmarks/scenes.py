@@ -49,12 +49,13 @@ from collision_response import (  # noqa: E402
     Contact,
     ImpactModel,
     Law,
-    StatusCode,
     resolve,
     resolve_scene,
 )
+from collision_response.physics.body import Twist  # noqa: E402
 from collision_response.physics.mass_properties import box, sphere  # noqa: E402
 from collision_response.physics.vector import Vec3  # noqa: E402
+from collision_response.scene.orders import one_after_another  # noqa: E402
 
 Vectors = list[tuple[Any, Any]]
 """Velocity and angular velocity of each body that can move."""
@@ -145,24 +146,22 @@ def ours(law: Law) -> Callable[[Scene], Way]:
     return way
 
 
-def one_after_another(scene: Scene) -> Way:
+def in_turn(scene: Scene) -> Way:
     """Single impacts, contact by contact, until none approaches: what game engines do."""
+    order = range(len(scene.contacts))
 
-    def call() -> Vectors:
-        bodies, struck = list(scene.bodies), True
-        while struck:
-            struck = False
-            for (a, b), contact in zip(scene.pairs, scene.contacts, strict=True):
-                impact = resolve(bodies[a], bodies[b], contact)
-                if impact.status is not StatusCode.SEPARATING:
-                    struck = True
-                    for place, twist in ((a, impact.twist_a), (b, impact.twist_b)):
-                        if bodies[place].is_movable():
-                            v, w = twist
-                            bodies[place] = bodies[place]._replace(velocity=v, angular_velocity=w)
-        return [(body.velocity, body.angular_velocity) for body in bodies if body.is_movable()]
+    def call() -> list[Twist]:
+        return one_after_another(*scene[:3], ImpactModel(), order)
 
-    return Way(call, timed(call))
+    def answer() -> Vectors:
+        bodies = zip(scene.bodies, call(), strict=True)
+        return [
+            (body.velocity + by.linear, body.angular_velocity + by.angular)
+            for body, by in bodies
+            if body.is_movable()
+        ]
+
+    return Way(answer, timed(call))
 
 
 def mujoco(scene: Scene) -> Way:
@@ -323,7 +322,7 @@ OURS = {
 def measure(say: Callable[[str], object], *, quick: bool = False) -> dict[str, Any]:
     """The answers to the cradle and the flat box, the times by number of contacts, and what was left out."""
     skipped: dict[str, str] = {}
-    ways: dict[str, Callable[[Scene], Way]] = {**OURS, "one after another": one_after_another}
+    ways: dict[str, Callable[[Scene], Way]] = {**OURS, "one after another": in_turn}
     siconos = None
     try:
         siconos = Siconos()
