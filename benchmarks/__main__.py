@@ -1,7 +1,7 @@
 """``make bench``: times, errors and targets, side by side in one run.
 
-It writes them to benchmarks/results, and to docs/trade-off.md as tables and a plot. Then it makes the other
-pages with measured tables and pictures anew: docs/stability.md, docs/impact-laws.md and
+It writes them to benchmarks/results, and to docs/trade-off.md and docs/scenes.md as tables and plots. Then it
+makes the other pages with measured tables and pictures anew: docs/stability.md, docs/impact-laws.md and
 docs/square-on-incline.md. Named parts measure only those, for a look: ``make bench ARGS='one batch'``; then
 only the terminal is written to.
 """
@@ -58,14 +58,21 @@ def measure_trade(skipped: Skipped) -> dict[str, Any]:
     return trade.measure(skipped, say)
 
 
+def measure_scenes(_: Skipped) -> dict[str, Any]:
+    import scenes
+
+    return scenes.measure(say)
+
+
 PARTS: dict[str, tuple[str, Callable[[Skipped], Any]]] = {
     "one": ("one impact, against pinocchio, MuJoCo, pybullet and pymunk", measure_one),
     "batch": ("batches, against C", measure_batch),
     "package": ("how tight the bounds are, how long the package is", measure_package),
     "service": ("the service, against an echo", measure_service),
     "trade": ("time against true error", measure_trade),
+    "scenes": ("several contacts at once, against MuJoCo, pinocchio and Siconos", measure_scenes),
 }
-OTHERS = ("benchmarks/stability.py", "docs/impact_laws.py", "docs/square_on_incline.py")
+OTHERS = ("benchmarks/stability.py", "docs/impact_laws.py", "docs/scenes.py", "docs/square_on_incline.py")
 """What makes the other pages."""
 
 PACKAGES = ("pin", "mujoco", "pybullet", "pymunk", "numpy", "python-flint")
@@ -89,9 +96,11 @@ def main() -> int:
         parser.error(f"no part {', '.join(unknown)}: there are {', '.join(PARTS)}")
     results = measure(asked or list(PARTS))
     import report
+    import scenes
 
     if asked:
-        for text in report.parts(results).values():
+        texts = report.parts(results) | (scenes.parts(results) if "scenes" in results else {})
+        for text in texts.values():
             say(f"\n{text}")
         return 0
     write(results)
@@ -135,6 +144,7 @@ def versions() -> dict[str, str]:
 def write(results: dict[str, Any]) -> None:
     """The numbers, the tables and the picture."""
     import report
+    import scenes
     import trade_plot
 
     model = f"{results['machine']['processor']} {results['machine']['cores']} cores"
@@ -143,6 +153,7 @@ def write(results: dict[str, Any]) -> None:
     pages.rewrite(pages.DOCS / "trade-off.md", report.parts(results))
     trade_plot.draw(results["trade"]["plot"], pages.DOCS / "images" / "trade-off.png")
     say("==> wrote docs/trade-off.md and its plot")
+    scenes.write(results)
 
 
 def say(line: str) -> None:

@@ -30,7 +30,7 @@ def machine(results: Results) -> str:
 def targets(results: Results) -> str:
     """Every target with what was measured."""
     rows = []
-    for part in ("one", "batch", "package", "service"):
+    for part in ("one", "batch", "package", "service", "scenes"):
         for target in (results.get(part) or {}).get("targets", []):
             value, most, least = target["measured"], target.get("most"), target.get("least")
             middle = value["median"] if isinstance(value, dict) else value

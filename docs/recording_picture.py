@@ -27,6 +27,7 @@ ROOT = Path(__file__).resolve().parent.parent
 RECORDING = ROOT / "recordings" / "demo.rrd"
 PICTURE = ROOT / "docs" / "images" / "recording.png"
 VIEWER = Path(rerun_cli.__file__).with_name("rerun")
+APPLICATION = "collision_response"
 WIDTH = 1280
 PORT = 9433
 
@@ -54,13 +55,14 @@ def begin() -> np.datetime64:
 
 
 def with_layout(start: np.datetime64, folder: Path) -> Path:
-    """The recording with a layout of its own: looking at the rack, the plots at the time of the break."""
+    """The recording, its layout replaced: looking at the rack, the plots at the time of the break."""
     ends = (start, start + np.timedelta64(int(SPAN * 1e9), "ns"))
     bounds = (rrb.TimeRangeBoundary.absolute(int(end.astype("int64"))) for end in ends)
-    layout, merged = folder / "layout.rbl", folder / "merged.rrd"
+    bare, layout, merged = folder / "bare.rrd", folder / "layout.rbl", folder / "merged.rrd"
+    RrdReader(str(RECORDING)).stream().write_rrd(bare, application_id=APPLICATION, recording_id="demo")
     time_axis = rrb.TimeAxis(view_range=rrb.TimeRange(*bounds))
-    blueprint(EYE, time_axis).save("collision_response", str(layout))
-    subprocess.run([VIEWER, "rrd", "merge", RECORDING, layout, "-o", merged], check=True)
+    blueprint(EYE, time_axis).save(APPLICATION, str(layout))
+    subprocess.run([VIEWER, "rrd", "merge", bare, layout, "-o", merged], check=True)
     return merged
 
 

@@ -135,6 +135,88 @@ def random_case(seed: int, e: float | None = None, mu: float | None = None, cont
     return Case(bodies + walls, pairs, touches)
 
 
+def any_case(seed: int) -> Case:
+    """As :func:`random_case`; from the 60th on also stacks, grids and chains, of up to 30 contacts."""
+    if seed < 60:
+        return random_case(seed)
+    rng = random.Random(seed)
+    return rng.choice([heap, stack, grid, chain])(rng)
+
+
+def heap(rng: random.Random) -> Case:
+    return random_case(rng.randrange(10**9), contacts=30)
+
+
+def stack(rng: random.Random) -> Case:
+    """Boxes, each flat on four corners on the one below, not quite above it; some corners twice."""
+    bodies, touches, pairs = [], [], []
+    for level in range(rng.randint(1, 6)):
+        side, shift = rng.uniform(0.8, 1.2), rng.uniform(-0.1, 0.1)
+        mass = math.exp(rng.uniform(-2, 2))
+        moments = mass * (side * side + 1) / 12, mass * (side * side + 1) / 12, mass * side * side / 6
+        bodies.append(
+            Body.dynamic(
+                mass,
+                (moments[0], 0.0, 0.0, moments[1], 0.0, moments[2]),
+                (shift, 0.0, level + 0.5),
+                None,
+                _somewhere(rng),
+                _somewhere(rng),
+            )
+        )
+        for corner in [(x, y) for x in (-1, 1) for y in (-1, 1)] + [(1, 1)] * rng.randint(0, 1):
+            at = shift + corner[0] * side / 2, corner[1] * side / 2, float(level)
+            pairs.append((level, level - 1))
+            touches.append(_touch(rng, at, (0.0, 0.0, 1.0)))
+    floor = rng.choice([Body.static(), Body.kinematic((0.0, 0.0, 0.0), _somewhere(rng), _somewhere(rng))])
+    return Case([*bodies, floor], [(a, b if b >= 0 else len(bodies)) for a, b in pairs], touches)
+
+
+def grid(rng: random.Random) -> Case:
+    """Balls in rows and columns, on a wall or not; a few are points."""
+    rows, columns = rng.randint(2, 4), rng.randint(2, 4)
+    bodies = [_ball(rng, (float(i), float(k), 0.0)) for i in range(rows) for k in range(columns)]
+    pairs, touches = [], []
+    for i in range(rows):
+        for k in range(columns):
+            if i:
+                pairs.append((i * columns + k, (i - 1) * columns + k))
+                touches.append(_touch(rng, (i - 0.5, float(k), 0.0), (1.0, 0.0, 0.0)))
+            elif rows < 4:
+                pairs.append((k, rows * columns))
+                touches.append(_touch(rng, (-0.5, float(k), 0.0), (2.0, 0.0, 0.0)))
+            if k:
+                pairs.append((i * columns + k, i * columns + k - 1))
+                touches.append(_touch(rng, (float(i), k - 0.5, 0.0), (0.0, 1.0, 0.0)))
+    return Case([*bodies, Body.static()], pairs, touches)
+
+
+def chain(rng: random.Random) -> Case:
+    """Balls in a row, on a wall or not; unequal masses."""
+    count = rng.randint(3, 30)
+    bodies = [_ball(rng, (float(i), 0.0, 0.0)) for i in range(count)]
+    touches = [_touch(rng, (i - 0.5, 0.0, 0.0), (1.0, 0.0, 0.0)) for i in range(count)]
+    pairs = [(i, i - 1 if i else count) for i in range(count)]
+    first = rng.randint(0, 1)
+    return Case([*bodies, Body.static()], pairs[first:], touches[first:])
+
+
+def _ball(rng: random.Random, at: tuple[float, float, float]) -> Body:
+    mass = math.exp(rng.uniform(-2, 2))
+    moment = mass * 0.1 if rng.random() < 0.9 else 0.0
+    return Body.dynamic(
+        mass, (moment, 0.0, 0.0, moment, 0.0, moment), at, None, _somewhere(rng), _somewhere(rng)
+    )
+
+
+def _somewhere(rng: random.Random) -> Vec3:
+    return Vec3(*(rng.uniform(-1.0, 1.0) for _ in range(3)))
+
+
+def _touch(rng: random.Random, at, normal) -> Contact:
+    return Contact.of(at, normal, rng.choice([0.0, 0.5, 1.0]), rng.choice([0.0, 0.3, 3.0]))
+
+
 def momentum(case: Case, twists) -> tuple[Vec3, Vec3]:
     """Linear, and angular about the origin."""
     linear = angular = Vec3(0, 0, 0)

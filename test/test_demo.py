@@ -8,9 +8,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from collision_response.demo import at_once
 from collision_response.demo.books import EnergyBook, momentum, spin_momentum
 from collision_response.demo.time_of_impact import TOUCHING, until_spheres_touch, until_touch
 from collision_response.physics.body import Body
+from collision_response.physics.laws import Law
 from collision_response.physics.vector import Vec3
 
 vectors = st.builds(Vec3, *[st.floats(-3, 3)] * 3)
@@ -60,3 +62,53 @@ def test_the_momenta_are_those_of_all_bodies():
     b = Body.dynamic(1.0, velocity=(0.0, -6.0, 0.0), position=(-1.0, 0.0, 0.0))
     assert momentum([a, b]) == (0.0, 0.0, 0.0)
     assert spin_momentum([a, b]) == 6.0 + 1.0 + 6.0
+
+
+def test_the_balls_of_a_rack_touch_where_the_contacts_say():
+    bodies, _, pairs, contacts, _ = at_once.tight_rack(Vec3(0.5, -1.0, 0.2))
+    balls = [*bodies.values()]
+    assert len(contacts) == 1 + 3 * 10, "the cue ball's, and the sides of ten small triangles"
+    for (a, b), contact in zip(pairs, contacts, strict=True):
+        p, q = balls[a].position, balls[b].position
+        assert math.dist(p, contact.position) == pytest.approx(at_once.RADIUS)
+        assert math.dist(q, contact.position) == pytest.approx(at_once.RADIUS)
+        assert contact.normal.dot(p - q) == pytest.approx(contact.normal.norm() * 2 * at_once.RADIUS)
+
+
+def test_every_ball_of_the_triangle_has_its_image_beyond_the_middle_line():
+    balls = [*at_once.tight_rack(Vec3(0.0, 0.0, 0.0)).bodies.values()]
+    images = dict(at_once.mirrored_in_rack())
+    assert sorted(images) == sorted(images.values()) == list(range(1, 16))
+    for i, k in images.items():
+        assert balls[k].position == pytest.approx(balls[i].position._replace(y=-balls[i].position.y))
+
+
+def test_a_box_stands_on_its_corners():
+    bodies, _, _, contacts, _ = at_once.flat_box("box", "floor", Vec3(1.0, 2.0, 3.0))
+    sizes = at_once.SIDE / 2, at_once.SIDE / 2, at_once.HEIGHT / 2
+    offsets = {
+        tuple(round(x / size, 9) for x, size in zip(c.position - bodies["box"].position, sizes, strict=True))
+        for c in contacts
+    }
+    assert offsets == {(x, y, -1.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)}
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.MOREAU, Law.ROUTH_STRONGE])
+def test_what_is_expected_of_a_cradle_keeps_momentum_and_energy(law):
+    pytest.importorskip("rclpy")
+    from collision_response.demo.chapters import CRADLES
+
+    _, speeds, _ = CRADLES[law]
+    assert sum(speeds) == pytest.approx(1.0, abs=1e-11)  # the digits that are given
+    assert sum(v * v for v in speeds) == pytest.approx(1.0, abs=1e-11)
+
+
+def test_what_drifts_goes_on_and_turns():
+    body = Body.dynamic(
+        1.0, (1.0, 0, 0, 1.0, 0, 1.0), (1.0, 0.0, 0.0), None, (0.0, 2.0, 0.0), (0.0, 0.0, 3.0)
+    )
+    (moved,) = at_once.drifted({"it": body}, math.pi / 6).values()  # a quarter of a turn
+    assert moved.position == pytest.approx((1.0, math.pi / 3, 0.0))
+    assert moved.to_world(Vec3(1.0, 0.0, 0.0)) == pytest.approx((0.0, 1.0, 0.0), abs=1e-15)
+    (back,) = at_once.drifted({"it": body}, -math.pi / 6).values()
+    assert back.to_world(Vec3(1.0, 0.0, 0.0)) == pytest.approx((0.0, -1.0, 0.0), abs=1e-15)

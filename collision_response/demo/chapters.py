@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Collection, Iterator, Mapping
-from operator import attrgetter
+from collections.abc import Callable, Collection, Iterator, Mapping
+from itertools import cycle
+from operator import attrgetter, mul
 
 from builtin_interfaces.msg import Time
 
-from ..msg import BodyState, CollisionResult
+from ..model import ImpactModel
+from ..msg import BodyState, CollisionResult, SceneResult
 from ..physics.body import Body
+from ..physics.energy import kinetic_energy
+from ..physics.laws import Law
 from ..physics.vector import Vec3
+from ..ros.scene_client import pack
 from ..srv import ResolveCollision
+from .at_once import Touching, approaches, cradle, drifted, flat_box, mirrored_in_rack, tight_rack
 from .billiards import Break, cushion_bodies, rack
-from .books import EnergyBook
+from .books import EnergyBook, momentum
 from .client import Client
-from .messages import answer_of, contact_of, state_of, time_of
+from .messages import FRAME, answer_of, contact_of, state_of, time_of, twist_of
 from .progress import Progress
-from .scene import Answer, Encounter
+from .scene import FRAMES, Answer, Encounter, with_twist
 from .systems import System, all_systems
 from .tumbling_rod import FALL, Tumbling
 
@@ -30,12 +36,24 @@ ROWS = 4
 
 BURST = 500
 
-BREAK_LASTS = 4.0
+BREAK_LASTS, ROD_LASTS, AT_ONCE_LASTS = 4.0, 3.5, 1.5
 BOUNCES = 10
+STRIKE = 0.5
+"""When the bodies of the last chapter strike."""
 PAUSE = 1.0
 """Seconds of a scene's time."""
 
 ROD_FALLS_AT = Vec3(-0.5, -1.5, 0.0)
+CRADLES_AT, RACK_AT = Vec3(-0.8, 1.0, 0.05), Vec3(0.6, -1.5, 0.05)
+FLOORS = {"floor_at_once": Vec3(0.5, 1.2, 0.0), "floor_in_turn": Vec3(1.2, 1.2, 0.0)}
+"""Where the two boxes of the last chapter land."""
+
+CRADLES = {
+    Law.FRICTIONLESS: ("the shock goes through", (0.0, 0.0, 1.0), DIFFERENCE),
+    Law.MOREAU: ("as time steppers do", (-1 / 3, 2 / 3, 2 / 3), DIFFERENCE),
+    Law.ROUTH_STRONGE: ("Hertzian springs", (-0.070952353651, 0.07640303907, 0.994549314581), 1e-9),
+}
+"""What becomes of three balls, of which the first comes at 1 m/s, and how exactly that is asked for."""
 
 
 def systems(client: Client) -> Iterator[str]:
@@ -92,6 +110,10 @@ def burst(client: Client) -> Iterator[str]:
         yield "equal requests got different answers"
 
 
+Chapter = Callable[[Client, int], Iterator[str]]
+"""Is told when its scene begins [ns]."""
+
+
 class Stage:
     """Where scenes are played: their impacts go to the service, their bodies to the state topic.
 
@@ -116,6 +138,14 @@ class Stage:
             return answer_of(self._client.call(request))
         request.body_b = BodyState(name=encounter.name_b)
         return answer_of(self._client.call(request, self._fixed[encounter.name_b]))
+
+    def resolve_scene(self, touching: Touching, time: float, tolerance: float = 0.0) -> SceneResult:
+        """The service's answer to several contacts at once."""
+        bodies, others, pairs, contacts, law = touching
+        names, model = (*bodies, *others), ImpactModel(law, tolerance=tolerance)
+        request = pack([*bodies.values()], pairs, contacts, model, names=names, frame_id=FRAME)
+        request.header.stamp = self._stamp(time)
+        return self._client.call(request, *(self._fixed[name] for name in others))
 
     def show(self, now: float, bodies: Mapping[str, Body]) -> None:
         """Publish where everything is."""
@@ -172,6 +202,101 @@ def tumbling_rod(client: Client, begin: int) -> Iterator[str]:
     _print_energy(scene.energy)
     print()
     yield from _check("tumbling rod", scene.energy)
+
+
+def several_at_once(client: Client, begin: int) -> Iterator[str]:
+    """A cradle under three laws, a box that lands flat, a tight rack."""
+    stage = Stage(client, begin, {name: Body.static(at) for name, at in FLOORS.items()})
+    print("4. Several contacts at once: each line but one is one request to ~/resolve_scene.\n")
+    yield from _cradles(stage)
+    yield from _flat_boxes(stage)
+    yield from _tight_rack(stage)
+
+
+def _cradles(stage: Stage) -> Iterator[str]:
+    what = "three balls in a row, the first at 1 m/s, e = 1"
+    print(f"   {what:47} {'speeds after [m/s]':>30} {'diff.':>10}")
+    for place, (law, (what, expected, limit)) in enumerate(CRADLES.items()):
+        touching = cradle(law, CRADLES_AT + Vec3(0.0, 0.2 * place, 0.0))
+        _, moved = _struck(stage, touching, 0.0 if limit == DIFFERENCE else limit)
+        speeds = [ball.velocity.x for ball in moved.values()]
+        difference = max(abs(x - y) for x, y in zip(speeds, expected, strict=True))
+        print(f"   {law.name:14} {what:32} {''.join(f'{x:10.6f}' for x in speeds)} {difference:10.1e}")
+        if not difference <= limit:
+            yield f"cradle, {law.name}: a speed differs by {difference:.1e}, above {limit:g}"
+    print()
+
+
+def _flat_boxes(stage: Stage) -> Iterator[str]:
+    """One answered at once, the other one corner after another."""
+    at_once, in_turn = (flat_box(floor.replace("floor", "box"), floor, at) for floor, at in FLOORS.items())
+    _, moved = _struck(stage, at_once)
+    ((name, other),) = in_turn.bodies.items()
+    for contact in cycle(in_turn.contacts):
+        if approaches(other, contact):
+            encounter = Encounter(STRIKE, name, in_turn.others[0], other, None, contact)
+            other = with_twist(other, stage.resolve(encounter).twist_a)
+        elif not any(approaches(other, corner) for corner in in_turn.contacts):
+            break
+    _play(stage, in_turn.bodies, {name: other})
+    (box,) = moved.values()
+    print(f"   {'a box flat on a floor, down at 1 m/s, e = 1':47} {'up [m/s]':>14} {'turning [rad/s]':>15}")
+    for what, body in (("its four corners at once", box), ("one corner after another", other)):
+        print(f"   {what:47} {body.velocity.z:14.6f} {body.angular_velocity.norm():15.6f}")
+    print()
+    difference = max((box.velocity - Vec3(0.0, 0.0, 1.0)).norm(), box.angular_velocity.norm())
+    if not difference <= DIFFERENCE:
+        yield f"flat box: its twist differs by {difference:.1e}, above {DIFFERENCE:g}"
+
+
+def _tight_rack(stage: Stage) -> Iterator[str]:
+    touching = tight_rack(RACK_AT)
+    result, moved = _struck(stage, touching)
+    balls = [*moved.values()]
+    book = EnergyBook(result.kinetic_energy_before)
+    energy = math.fsum(map(kinetic_energy, balls))
+    book.enter(energy, result.energy_lost_restitution, result.energy_lost_friction)
+    given = momentum(touching.bodies.values())
+    change = (momentum(balls) - given).norm() / given.norm()
+    across = Vec3(1.0, -1.0, 1.0)
+    asymmetry = max(
+        math.dist(balls[i].velocity, map(mul, balls[k].velocity, across)) for i, k in mirrored_in_rack()
+    )
+    contacts, (left, right) = len(touching.contacts), (balls[i].velocity for i in (-1, -5))
+    print(f"   a tight rack of 15 balls, struck head on at 1 m/s: {contacts} contacts, e = 0.95")
+    print(f"   far corners leave at ({left.x:.6f}, {left.y:.6f}) and ({right.x:.6f}, {right.y:.6f}) m/s")
+    print(f"   left and right mirror each other to {asymmetry:.1e}; momentum is kept to {change:.1e}\n")
+    _print_energy(book)
+    print()
+    yield from _check("rack", book)
+    if not max(asymmetry, change) <= DIFFERENCE:
+        yield f"rack: left and right differ by {asymmetry:.1e}, momentum by {change:.1e}"
+
+
+def _struck(stage: Stage, touching: Touching, tolerance: float = 0.0) -> tuple[SceneResult, dict[str, Body]]:
+    """What is answered, and the bodies that now move so; they are shown before and after."""
+    result = stage.resolve_scene(touching, STRIKE, tolerance)
+    after = {
+        name: with_twist(body, twist_of(twist))
+        for (name, body), twist in zip(touching.bodies.items(), result.twists, strict=False)
+    }
+    _play(stage, touching.bodies, after)
+    return result, after
+
+
+def _play(stage: Stage, before: Mapping[str, Body], after: Mapping[str, Body]) -> None:
+    """Show bodies that glide up to the moment of the impact, and away from it."""
+    for frame in range(int(AT_ONCE_LASTS * FRAMES) + 1):
+        time = frame / FRAMES
+        stage.show(time, drifted(before if time <= STRIKE else after, time - STRIKE))
+
+
+RECORDED: tuple[tuple[Chapter, float], ...] = (
+    (break_shot, BREAK_LASTS),
+    (tumbling_rod, ROD_LASTS),
+    (several_at_once, AT_ONCE_LASTS),
+)
+"""The chapters that play scenes, and for how long [s]."""
 
 
 def _print_energy(book: EnergyBook) -> None:

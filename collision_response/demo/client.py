@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import rclpy
 from rclpy.context import Context
@@ -12,8 +13,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from ..msg import BodyState, CollisionResult, Status
-from ..srv import ResolveCollision
+from ..msg import BodyState, CollisionResult, SceneResult, Status
+from ..srv import ResolveCollision, ResolveScene
 
 SERVICE_QOS = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE)
 """What the node uses too: with a limited history, of many calls at once some would never be answered."""
@@ -37,15 +38,25 @@ class NoAnswer(Exception):
     """The service refused, or did not answer."""
 
 
+class Channel(NamedTuple):
+    """One service of the node, and the topic that tells its results.
+
+    Attributes:
+        service: its client.
+        answers: of the service, refusals included.
+        results: what came on the topic.
+    """
+
+    service: Any
+    answers: list[Any]
+    results: list[Any]
+
+
 class Client:
     """A node of its own context, to be used as a context manager.
 
     Args:
         check: is called while the service does not answer; may raise.
-
-    Attributes:
-        answers: of the service, refusals included.
-        results: what came on the result topic.
     """
 
     def __init__(self, check: Callable[[], None]) -> None:
@@ -55,15 +66,13 @@ class Client:
         self._node = Node("demo", context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
-        self._service: Any = self._node.create_client(
-            ResolveCollision, "collision_response/resolve_collision", qos_profile=SERVICE_QOS
-        )
         self._states = self._node.create_publisher(BodyState, "body_states", STATE_QOS)
-        self.answers: list[CollisionResult] = []
-        self.results: list[CollisionResult] = []
-        self._node.create_subscription(
-            CollisionResult, "collision_response/result", self.results.append, RESULT_QOS
-        )
+        self._channels = {
+            ResolveCollision.Request: self._channel(
+                ResolveCollision, "resolve_collision", CollisionResult, "result"
+            ),
+            ResolveScene.Request: self._channel(ResolveScene, "resolve_scene", SceneResult, "scene_result"),
+        }
 
     def __enter__(self) -> Client:
         return self
@@ -75,7 +84,8 @@ class Client:
 
     def wait_for_node(self) -> None:
         """Until the service is there, and listens to states."""
-        self._until(self._service.service_is_ready, "no service")
+        for channel in self._channels.values():
+            self._until(channel.service.service_is_ready, "no service")
         self._until(self._states.get_subscription_count, "nobody listens to body_states")
 
     def now(self) -> int:
@@ -87,26 +97,28 @@ class Client:
         for state in states:
             self._states.publish(state)
 
-    def call(self, request: ResolveCollision.Request, *named: BodyState) -> CollisionResult:
-        """The answer to a request.
+    def call(self, request: Any, *named: BodyState) -> Any:
+        """The result of a request.
 
         Args:
-            request: what to resolve.
+            request: what to resolve, of either service.
             named: bodies of the request that are in it by name only. A topic and a service are two
                 ways, and either may be the quicker one: they are published until the node knows them.
 
         Raises:
             NoAnswer: it is a refusal, or none came.
         """
+        channel = self._channels[type(request)]
         deadline = time.monotonic() + DEADLINE
         status = Status(code=Status.UNKNOWN_BODY)
         while status.code == Status.UNKNOWN_BODY and time.monotonic() < deadline:
-            future = self._service.call_async(request)
+            future = channel.service.call_async(request)
             self._until(future.done, "no answer")
-            self.answers.append(future.result().result)
-            if future.result().success:
-                return self.answers[-1]
-            status = self.answers[-1].status
+            response = future.result()
+            channel.answers.append(response.result)
+            if response.success:
+                return response.result
+            status = response.result.status
             if not named:
                 break
             self.publish(named)
@@ -119,7 +131,8 @@ class Client:
         Raises:
             NoAnswer: one is a refusal, or not all came.
         """
-        futures = [self._service.call_async(request) for request in requests]
+        service = self._channels[ResolveCollision.Request].service
+        futures = [service.call_async(request) for request in requests]
         for future in futures:
             self._until(future.done, "not all answers")
         for answer in (future.result() for future in futures):
@@ -127,10 +140,21 @@ class Client:
                 raise NoAnswer(f"status {answer.result.status.code}: {answer.result.status.message}")
         return [future.result().result for future in futures]
 
-    def topic_agrees(self) -> bool:
-        """Whether the result topic has brought every answer, and nothing else."""
-        self._until(lambda: len(self.results) >= len(self.answers), "too few results on the topic")
-        return self.results == self.answers
+    def answers(self) -> list[Any]:
+        """All answers of :meth:`call`, refusals included."""
+        return [answer for channel in self._channels.values() for answer in channel.answers]
+
+    def topics_agree(self) -> bool:
+        """Whether the topics of results have brought every answer, and nothing else."""
+        for channel in self._channels.values():
+            self._until(partial(_all_are_there, channel), "too few results on the topic")
+        return all(channel.results == channel.answers for channel in self._channels.values())
+
+    def _channel(self, kind: Any, service: str, of: Any, topic: str) -> Channel:
+        client: Any = self._node.create_client(kind, f"collision_response/{service}", qos_profile=SERVICE_QOS)
+        channel = Channel(client, [], [])
+        self._node.create_subscription(of, f"collision_response/{topic}", channel.results.append, RESULT_QOS)
+        return channel
 
     def _until(self, condition: Callable[[], Any], complaint: str) -> None:
         deadline = time.monotonic() + DEADLINE
@@ -139,3 +163,7 @@ class Client:
             if time.monotonic() > deadline:
                 raise NoAnswer(f"{complaint} within {DEADLINE:g} s")
             self._executor.spin_once(timeout_sec=0.02)
+
+
+def _all_are_there(channel: Channel) -> bool:
+    return len(channel.results) >= len(channel.answers)

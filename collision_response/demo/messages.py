@@ -56,13 +56,18 @@ def contact_of(contact: Contact, stamp: Time) -> ContactMessage:
 def answer_of(result: CollisionResult) -> Answer:
     """What a scene needs to know of a result."""
     return Answer(
-        _twist(result.twist_a),
-        _twist(result.twist_b),
+        twist_of(result.twist_a),
+        twist_of(result.twist_b),
         _vector(result.impulse),
         result.energy_lost_restitution,
         result.energy_lost_friction,
         Regime(result.regime),
     )
+
+
+def twist_of(message: Twist) -> BodyTwist:
+    """A twist that was answered."""
+    return BodyTwist(_vector(message.linear), _vector(message.angular))
 
 
 def _write(message: Vector3, vector: Vec3) -> None:
@@ -71,7 +76,3 @@ def _write(message: Vector3, vector: Vec3) -> None:
 
 def _vector(message: Vector3) -> Vec3:
     return Vec3(message.x, message.y, message.z)
-
-
-def _twist(message: Twist) -> BodyTwist:
-    return BodyTwist(_vector(message.linear), _vector(message.angular))

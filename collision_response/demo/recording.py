@@ -17,6 +17,7 @@ def impacts_in(path: Path) -> int:
     """The number of impacts that a recording holds."""
     from rerun.chunk import RrdReader
 
-    rows = RrdReader(str(path)).stream().filter(content="/impact/impulse", components="Scalars:scalars")
+    stream = RrdReader(str(path)).stream()
+    rows = stream.filter(content="/impact/kinetic_energy", components="Scalars:scalars")
     batches = (chunk.to_record_batch() for chunk in rows.to_chunks())
     return sum(batch.num_rows for batch in batches if "answer" in batch.schema.names)

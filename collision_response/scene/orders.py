@@ -41,17 +41,18 @@ def order_sensitivity(
         order = indices[::-1] if turn == 1 else list(indices)
         if turn > 1:
             shuffled.shuffle(order)
-        answers.append(_one_after_another(bodies, pairs, contacts, model, order))
+        answers.append(one_after_another(bodies, pairs, contacts, model, order))
     return max(distance(bodies, one, other) for one in answers for other in answers)
 
 
-def _one_after_another(
+def one_after_another(
     bodies: Sequence[Body],
     pairs: Sequence[Pair],
     contacts: Sequence[Contact],
     model: ImpactModel,
-    order: list[int],
+    order: Sequence[int],
 ) -> list[Twist]:
+    """The changes of velocity if contacts are resolved one by one, until none approaches."""
     moved = list(bodies)
     fastest = 0.0
     for _ in range(SWEEPS):

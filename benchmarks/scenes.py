@@ -1,0 +1,514 @@
+"""Several contacts at once: ``resolve_scene()`` and its peers, their answers and what they cost.
+
+    .bench-venv/bin/python -I benchmarks/scenes.py [--quick]
+
+measures anew and rewrites the generated parts of docs/scenes.md and its plot, as ``make bench`` does.
+
+What the peers are given, all at e = 1 and without friction:
+
+* MuJoCo: the scene. Its contacts are soft. Restitution is set as its guide says ("Restitution" in
+  "Tips and tricks"): ``solref`` with a large stiffness and no damping; the impedance is .9999, and a
+  contact lasts 20 steps. What is timed is the whole impact, until nothing touches.
+* pinocchio: the bodies, a point contact each, and the drift (1 + e) u where they approach. What is timed is
+  the mass matrix, the Jacobian, the Cholesky decomposition of the constraints and ADMM, to 1e-10.
+* Siconos: the matrix and the vector of the linear complementarity problem, by Lemke's method. They are
+  computed beforehand, for nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import json
+import math
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE)]
+
+import matplotlib  # noqa: E402
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt  # noqa: E402
+import numpy as np  # noqa: E402
+import pages  # noqa: E402
+from machine import machine  # noqa: E402
+
+from collision_response import (  # noqa: E402
+    Body,
+    Contact,
+    ImpactModel,
+    Law,
+    resolve,
+    resolve_scene,
+)
+from collision_response.physics.body import Twist  # noqa: E402
+from collision_response.physics.mass_properties import box, sphere  # noqa: E402
+from collision_response.physics.vector import Vec3  # noqa: E402
+from collision_response.scene.orders import one_after_another  # noqa: E402
+
+Vectors = list[tuple[Any, Any]]
+"""Velocity and angular velocity of each body that can move."""
+
+STIFFNESS, STEPS = 1e6, 20
+"""Of MuJoCo's contacts [1/s^2], and how many steps one lasts."""
+
+PATIENCE = 4.0
+"""A way that takes longer for one scene is not asked for a larger one [s]."""
+
+SIZES = (1, 4, 10, 32, 100, 316, 1000, 3160, 10000)
+ROUNDS = 7
+GIVEN = {"pinocchio": 320, "Siconos": 1000}
+"""Contacts beyond which dense matrices are too much."""
+
+
+class Scene(NamedTuple):
+    """What is resolved; ``mjcf`` is the same for MuJoCo."""
+
+    bodies: list[Body]
+    pairs: list[tuple[int, int]]
+    contacts: list[Contact]
+    mjcf: str
+
+
+def row(contacts: int) -> Scene:
+    """Balls in a row that touch, of which the first comes at 1 m/s."""
+    moments = sphere(1.0, 0.5).inertia
+    bodies = [
+        Body.dynamic(1.0, moments, (float(i), 0.0, 0.0), None, (float(i == 0), 0.0, 0.0))
+        for i in range(contacts + 1)
+    ]
+    touch = [Contact.of((i + 0.5, 0.0, 0.0), (-1.0, 0.0, 0.0), 1.0) for i in range(contacts)]
+    geom = '<freejoint/><geom type="sphere" size=".5" mass="1"/>'
+    balls = "".join(f'<body pos="{i} 0 0">{geom}</body>' for i in range(contacts + 1))
+    return Scene(bodies, [(i, i + 1) for i in range(contacts)], touch, balls)
+
+
+def boxes(contacts: int) -> Scene:
+    """Boxes side by side that land flat at 1 m/s, four corners each."""
+    moments, count = box(1.0, (1.0, 1.0, 1.0)).inertia, max(1, contacts // 4)
+    corners = [(x, y) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+    bodies = [Body.dynamic(1.0, moments, (2.0 * i, 0.0, 0.5), None, (0.0, 0.0, -1.0)) for i in range(count)]
+    touch = [
+        Contact.of((2.0 * i + x, y, 0.0), (0.0, 0.0, 1.0), 1.0) for i in range(count) for x, y in corners
+    ]
+    geom = '<freejoint/><geom type="box" size=".5 .5 .5" mass="1"/>'
+    falling = "".join(f'<body pos="{2 * i} 0 .5">{geom}</body>' for i in range(count))
+    pairs = [(i, count) for i in range(count) for _ in corners]
+    return Scene([*bodies, Body.static()], pairs, touch, f'<geom type="plane" size="9 9 1"/>{falling}')
+
+
+# Ways to the answer ---------------------------------------------------------------------------
+
+
+class Way(NamedTuple):
+    """One way to the answer of a scene.
+
+    Attributes:
+        answer: gives it.
+        seconds: resolves it so often, and says how long one took.
+    """
+
+    answer: Callable[[], Vectors]
+    seconds: Callable[[int], float]
+
+
+def timed(call: Callable[[], Any]) -> Callable[[int], float]:
+    """The time of the processor."""
+
+    def seconds(number: int) -> float:
+        start = time.thread_time()
+        for _ in range(number):
+            call()
+        return (time.thread_time() - start) / number
+
+    return seconds
+
+
+def ours(law: Law) -> Callable[[Scene], Way]:
+    def way(scene: Scene) -> Way:
+        def call() -> Any:
+            return resolve_scene(*scene[:3], ImpactModel(law))
+
+        movable = [i for i, body in enumerate(scene.bodies) if body.is_movable()]
+        return Way(lambda: [tuple(call().twists[i]) for i in movable], timed(call))
+
+    return way
+
+
+def in_turn(scene: Scene) -> Way:
+    """Single impacts, contact by contact, until none approaches: what game engines do."""
+    order = range(len(scene.contacts))
+
+    def call() -> list[Twist]:
+        return one_after_another(*scene[:3], ImpactModel(), order)
+
+    def answer() -> Vectors:
+        bodies = zip(scene.bodies, call(), strict=True)
+        return [
+            (body.velocity + by.linear, body.angular_velocity + by.angular)
+            for body, by in bodies
+            if body.is_movable()
+        ]
+
+    return Way(answer, timed(call))
+
+
+def mujoco(scene: Scene) -> Way:
+    import mujoco as mj
+
+    step = math.pi / math.sqrt(STIFFNESS) / STEPS
+    model = mj.MjModel.from_xml_string(
+        f"""<mujoco><size memory="2G"/><option timestep="{step!r}" gravity="0 0 0" integrator="implicitfast"/>
+        <default><geom condim="1" solref="{-STIFFNESS!r} 0" solimp=".9999 .9999 .001"/></default>
+        <worldbody>{scene.mjcf}</worldbody></mujoco>"""
+    )
+    data = mj.MjData(model)
+    q = data.qpos.copy()
+    v = np.concatenate(
+        [[*body.velocity, *body.angular_velocity] for body in scene.bodies if body.is_movable()]
+    )
+
+    def call() -> Any:
+        data.qpos[:], data.qvel[:] = q, v
+        data.qacc_warmstart[:] = 0
+        steps = 0
+        while steps < 2 or data.ncon:
+            mj.mj_step(model, data)
+            steps += 1
+        return data.qvel
+
+    return Way(lambda: [(tuple(part[:3]), tuple(part[3:])) for part in call().reshape(-1, 6)], timed(call))
+
+
+def pinocchio(scene: Scene) -> Way:
+    import pinocchio as pin
+
+    model = pin.Model()
+    joint_of = []
+    for body in scene.bodies:
+        if not body.is_movable():
+            joint_of.append(0)
+            continue
+        joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), str(model.njoints))
+        xx, xy, xz, yy, yz, zz = body.inertia
+        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        model.appendBodyToJoint(joint, pin.Inertia(body.mass, np.zeros(3), tensor), pin.SE3.Identity())
+        joint_of.append(joint)
+    constraints = pin.StdVec_ConstraintModel()
+    for (a, b), contact in zip(scene.pairs, scene.contacts, strict=True):
+        n = np.array(contact.normal)
+        across = np.cross(n, [0.0, 1.0, 0.0] if abs(n[1]) < 0.5 else [1.0, 0.0, 0.0])
+        axes = np.column_stack([across, np.cross(n, across), n])
+        places = [
+            pin.SE3(
+                axes, np.array(contact.position) - (np.array(scene.bodies[i].position) if joint_of[i] else 0)
+            )
+            for i in (b, a)
+        ]
+        point = pin.PointContactConstraintModel(model, joint_of[b], places[0], joint_of[a], places[1])
+        point.setFriction(0.0)
+        constraints.append(pin.ConstraintModel(point))
+    movable = [body for body in scene.bodies if body.is_movable()]
+    q = np.concatenate([[*body.position, 0.0, 0.0, 0.0, 1.0] for body in movable])
+    v = np.concatenate([[*body.velocity, *body.angular_velocity] for body in movable])
+    data, parts = model.createData(), pin.StdVec_ConstraintData()
+    for constraint in constraints:
+        parts.append(constraint.createData())
+    cholesky = pin.ConstraintCholeskyDecomposition(model, data, constraints, parts)
+    solver, settings, result = pin.ADMMConstraintSolver(), pin.ADMMSolverSettings(), pin.ADMMSolverResult()
+    for kind in ("feasibility", "complementarity"):
+        setattr(settings, f"absolute_{kind}_tol", 1e-10)
+        setattr(settings, f"relative_{kind}_tol", 1e-10)
+    settings.max_iterations = 10_000
+
+    def call() -> np.ndarray:
+        pin.crba(model, data, q, pin.Convention.WORLD)
+        for constraint, part in zip(constraints, parts, strict=True):
+            constraint.calc(model, data, part)
+        J = pin.getConstraintsJacobian(model, data, constraints, parts)
+        cholesky.compute(model, data, constraints, parts, 1e-12)
+        g = J @ v
+        g[2::3] += np.minimum(g[2::3], 0.0)
+        result.reset()
+        if not solver.solve(
+            cholesky.getDelassusOperatorCholeskyExpression(), g, constraints, parts, settings, result
+        ):
+            raise ArithmeticError("ADMM has not converged")
+        return J.T @ result.retrieveConstraintImpulses()
+
+    masses = np.concatenate([[body.mass] * 3 + list(body.inertia[i] for i in (0, 3, 5)) for body in movable])
+
+    def answer() -> Vectors:
+        return [(tuple(x[:3]), tuple(x[3:])) for x in (v + call() / masses).reshape(-1, 6)]
+
+    return Way(answer, timed(call))
+
+
+class Siconos:
+    """Its process, which stays."""
+
+    def __init__(self) -> None:
+        python = shutil.which("python3", path="/usr/bin")
+        check = [python or "python3", "-c", "import siconos.numerics"]
+        if python is None or subprocess.run(check, capture_output=True).returncode:
+            raise ImportError("no Python in /usr/bin has siconos: apt install python3-siconos")
+        self._process = subprocess.Popen(
+            [python, HERE / "siconos_lcp.py"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+
+    def ask(self, what: Any) -> tuple[list[float], float]:
+        """What it answers to a line."""
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._process.stdin.write(json.dumps(what) + "\n")
+        self._process.stdin.flush()
+        p, seconds = json.loads(self._process.stdout.readline())
+        if p is None:
+            raise ArithmeticError("Lemke's method has not found a solution")
+        return p, seconds
+
+    def close(self) -> None:
+        """End it."""
+        self._process.communicate()
+
+    def __call__(self, scene: Scene) -> Way:
+        movable = [body for body in scene.bodies if body.is_movable()]
+        v = np.concatenate([[*body.velocity, *body.angular_velocity] for body in movable])
+        masses = np.concatenate([[body.mass] * 3 + [body.inertia[i] for i in (0, 3, 5)] for body in movable])
+        J = np.zeros((len(scene.contacts), len(v)))
+        for line, ((a, b), contact) in enumerate(zip(scene.pairs, scene.contacts, strict=True)):
+            for place, sign in ((a, 1), (b, -1)):
+                if scene.bodies[place].is_movable():
+                    arm = contact.position - scene.bodies[place].position
+                    n = contact.normal * sign
+                    J[line, 6 * place : 6 * place + 6] = [*n, *Vec3(*arm).cross(n)]
+        u = J @ v
+        problem = [((J / masses) @ J.T).tolist(), (u + np.minimum(u, 0.0)).tolist()]
+
+        def answer() -> Vectors:
+            p, _ = self.ask(problem)
+            return [(tuple(x[:3]), tuple(x[3:])) for x in (v + J.T @ np.array(p) / masses).reshape(-1, 6)]
+
+        self.ask(problem)
+
+        def seconds(number: int) -> float:
+            if number == 1:
+                return self.ask(problem)[1]
+            self.ask(problem)
+            return self.ask(number)[1]
+
+        return Way(answer, seconds)
+
+
+# Measuring ------------------------------------------------------------------------------------
+
+OURS = {
+    "`FRICTIONLESS`": ours(Law.FRICTIONLESS),
+    "`MOREAU`": ours(Law.MOREAU),
+    "`ROUTH_STRONGE`": ours(Law.ROUTH_STRONGE),
+}
+
+
+def measure(say: Callable[[str], object], *, quick: bool = False) -> dict[str, Any]:
+    """The answers to the cradle and the flat box, the times by number of contacts, and what was left out."""
+    skipped: dict[str, str] = {}
+    ways: dict[str, Callable[[Scene], Way]] = {**OURS, "one after another": in_turn}
+    siconos = None
+    try:
+        siconos = Siconos()
+    except ImportError as missing:
+        skipped["siconos"] = str(missing)
+    for name, way in {"MuJoCo": mujoco, "pinocchio": pinocchio, "Siconos": siconos}.items():
+        try:
+            if way is not None:
+                way(boxes(4)).answer()
+                ways[name] = way
+        except Exception as failure:  # a peer's interface moves; the others are still worth measuring
+            skipped[name] = f"{type(failure).__name__}: {failure}"
+    answers = {name: [way(scene).answer() for scene in (row(2), boxes(4))] for name, way in ways.items()}
+    costs = {}
+    for what, build in (("row", row), ("boxes", boxes)):
+        costs[what] = dict(cost(build, ways, 300 if quick else max(SIZES), say))
+    targets = [
+        {"what": "a box flat on a floor against one impact, COULOMB", "most": 10.0, "measured": box_ratio()},
+        {
+            "what": "a cluster of 100 contacts in a row [ms]",
+            "most": 20.0,
+            "measured": 1e3 * costs["row"][100]["`FRICTIONLESS`"],
+        },
+    ]
+    if siconos is not None:
+        siconos.close()
+    return {"answers": answers, "seconds": costs, "targets": targets, "skipped": skipped}
+
+
+def cost(
+    build: Callable[[int], Scene], ways: dict[str, Any], most: int, say: Callable[[str], object]
+) -> Iterator[tuple[int, dict[str, float]]]:
+    """For each number of contacts the least time of each way, taken in turns [s]."""
+    left = {name: way for name, way in ways.items() if name != "`ROUTH_STRONGE`"}
+    for size in SIZES:
+        if size > most or (build is boxes and size < 4):
+            continue
+        built = {}
+        for name in list(left):
+            if size > GIVEN.get(name, most):
+                del left[name]
+                continue
+            try:
+                built[name] = left[name](build(size))
+            except Exception as failure:  # too large for it
+                say(f"    {name}, {size} contacts: {type(failure).__name__}: {failure}")
+                del left[name]
+        once = {name: way.seconds(1) for name, way in built.items()}
+        best = dict(once)
+        for _ in range(ROUNDS):
+            for name, way in built.items():
+                if once[name] < PATIENCE / 4:
+                    best[name] = min(best[name], way.seconds(max(1, int(0.02 / (best[name] + 1e-9)))))
+        for name, spent in once.items():
+            if spent > PATIENCE:
+                del left[name]
+        say(f"    {build.__name__}, {size} contacts: {', '.join(f'{n} {t:.2g} s' for n, t in best.items())}")
+        yield size, best
+
+
+def box_ratio() -> float:
+    """What a sliding flat box takes, against one of its corners alone; the least of each, in turns."""
+    bodies, pairs, contacts, _ = boxes(4)
+    bodies = [bodies[0]._replace(velocity=Vec3(0.25, 0.0, -1.0)), bodies[1]]
+    contacts = [contact._replace(restitution=0.5, friction=0.3) for contact in contacts]
+    together = timed(lambda: resolve_scene(bodies, pairs, contacts))
+    alone = timed(lambda: resolve(*bodies, contacts[0]))
+    rounds = [(together(100), alone(1000)) for _ in range(15)]
+    return min(t for t, _ in rounds) / min(t for _, t in rounds)
+
+
+# The page -------------------------------------------------------------------------------------
+
+
+def parts(results: dict[str, Any]) -> dict[str, str]:
+    """The generated parts of docs/scenes.md."""
+    found = results["scenes"]
+    lines = [f"Measured on {results['date']}: {_on(results['machine'])}; {_versions()}."]
+    lines += [f"* Left out: {what}: {why}." for what, why in found["skipped"].items()]
+    rows = [[name, *_row_cells(row), *_box_cells(flat)] for name, (row, flat) in found["answers"].items()]
+    head = ["", "cradle: speeds after", "energy kept", "flat box: up", "turning [rad/s]"]
+    tables = []
+    for what in ("row", "boxes"):
+        spent = found["seconds"][what]
+        names = [name for name in found["answers"] if name != "`ROUTH_STRONGE`"]
+        head_of = [{"row": "contacts, one cluster", "boxes": "contacts, four each"}[what], *names]
+        cells = [[f"{n:,}", *(_time(own.get(name)) for name in names)] for n, own in spent.items()]
+        tables.append(pages.table(head_of, cells))
+    return {
+        "measured": "\n".join(lines),
+        "answers": pages.table(head, rows),
+        "cost": "\n\n".join(tables),
+    }
+
+
+def _on(found: dict[str, Any]) -> str:
+    return f"{found['processor']}, {found['cores']} cores, Python {found['python']}"
+
+
+def _versions() -> str:
+    import importlib.metadata
+
+    known = {"MuJoCo": "mujoco", "pinocchio": "pin"}
+    return ", ".join(f"{name} {importlib.metadata.version(package)}" for name, package in known.items())
+
+
+def _row_cells(after: Vectors) -> list[str]:
+    speeds = [linear[0] for linear, _ in after]
+    return [
+        ", ".join(f"{v + 0.0:.5f}" for v in np.round(speeds, 5)),
+        f"{100 * sum(v * v for v in speeds):.2f} %",
+    ]
+
+
+def _box_cells(after: Vectors) -> list[str]:
+    ((linear, angular),) = after
+    return [f"{linear[2]:.5f}", f"{math.hypot(*angular):.5f}"]
+
+
+def _time(seconds: float | None) -> str:
+    if seconds is None:
+        return ""
+    unit, scale = ("µs", 1e6) if seconds < 1e-3 else ("ms", 1e3) if seconds < 1 else ("s", 1.0)
+    return f"{pages.significant(scale * seconds)} {unit}"
+
+
+COLOURS = {
+    "`FRICTIONLESS`": ("#0072b2", "o"),
+    "`MOREAU`": ("#56b4e9", "s"),
+    "one after another": ("#8a8a8a", "v"),
+    "MuJoCo": ("#d55e00", "X"),
+    "pinocchio": ("#009e73", "D"),
+    "Siconos": ("#cc79a7", "P"),
+}
+
+
+def draw(found: dict[str, Any], path: Path) -> None:
+    """Time against the number of contacts, a panel for each kind of scene."""
+    plt.rcParams.update({"font.size": 10, "axes.spines.top": False, "axes.spines.right": False})
+    figure, grid = plt.subplots(1, 2, figsize=(9, 4.3), sharex=True, sharey=True, layout="constrained")
+    titles = {"row": "balls in a row: one cluster", "boxes": "flat boxes: clusters of four"}
+    for axes, (what, title) in zip(grid, titles.items(), strict=True):
+        spent = {int(n): own for n, own in found["seconds"][what].items()}
+        axes.set(xscale="log", yscale="log", xlabel="contacts")
+        axes.set_title(title, loc="left", fontsize=11, fontweight="bold")
+        axes.grid(True, lw=0.5, color="#e8e8e8")
+        for name, (colour, marker) in COLOURS.items():
+            line = [(n, own[name]) for n, own in spent.items() if name in own]
+            if line:
+                label = name.strip("`")
+                axes.plot(*zip(*line, strict=True), marker=marker, color=colour, ms=5, lw=1.6, label=label)
+        axes.set_yticks([1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1, 10])
+        axes.set_yticklabels(["1 µs", "10 µs", "0.1 ms", "1 ms", "10 ms", "0.1 s", "1 s", "10 s"])
+        axes.minorticks_off()
+    handles, labels = grid[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=6, frameon=False, fontsize=9.5)
+    figure.savefig(path, dpi=110, metadata={"Software": None})
+    plt.close(figure)
+
+
+def write(results: dict[str, Any]) -> None:
+    """The generated parts of the page, and its plot."""
+    pages.rewrite(pages.DOCS / "scenes.md", parts(results))
+    draw(results["scenes"], pages.DOCS / "images" / "scenes-cost.png")
+    print("==> wrote docs/scenes.md and its plot of costs")
+
+
+def main() -> None:
+    """Measure, and write."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="fewer contacts; prints, and writes nothing")
+    quick = parser.parse_args().quick
+    results: dict[str, Any] = {
+        "date": datetime.date.today().isoformat(),
+        "machine": machine(),
+        "scenes": measure(print, quick=quick),
+    }
+    if quick:
+        for text in parts(results).values():
+            print(f"\n{text}")
+        return
+    pages.store(results, HERE / "results" / "scenes.json")
+    write(results)
+    for target in results["scenes"]["targets"]:
+        print(f"{target['what']}: {target['measured']:.3g}, at most {target['most']:g}")
+
+
+if __name__ == "__main__":
+    main()

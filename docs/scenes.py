@@ -1,0 +1,247 @@
+"""The pictures and the table of laws of scenes.md, computed by the package itself.
+
+It needs ``pip install '.[plots]'``. ``python docs/scenes.py`` writes the pictures to docs/images and the
+table into the page. What the page says of costs and of peers is from benchmarks/scenes.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from itertools import permutations
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Rectangle
+
+from collision_response import Body, Contact, ImpactModel, Law, SceneImpact, resolve_scene
+from collision_response.demo.at_once import RADIUS, tight_rack
+from collision_response.physics.mass_properties import box
+from collision_response.physics.vector import Vec3
+from collision_response.scene.orders import one_after_another
+
+PAGE = Path(__file__).with_name("scenes.md")
+IMAGES = Path(__file__).parent / "images"
+INK, GREY, PALE = "#222222", "#8a8a8a", "#dfe8f2"
+BLUE, ORANGE, GREEN, RED = "#2a7f9e", "#d95f02", "#3a8f5c", "#b30000"
+
+Options = dict[str, Any]
+WAYS: dict[str, tuple[Law, Options, str]] = {
+    "`FRICTIONLESS`": (Law.FRICTIONLESS, {}, "the shock goes through"),
+    "`MOREAU`": (Law.MOREAU, {}, "all that touch it leave together"),
+    "`ROUTH_STRONGE`, exponent 1.5": (Law.ROUTH_STRONGE, {}, "Hertzian springs: the shock disperses"),
+    "`ROUTH_STRONGE`, exponent 1": (
+        Law.ROUTH_STRONGE,
+        {"exponent": 1.0},
+        "linear springs: more so",
+    ),
+}
+COLOURS = (BLUE, ORANGE, GREEN, "#6a9f3c")
+
+
+def cradle(speeds: Sequence[float], e: float, law: Law, options: Options) -> list[float]:
+    """Equal balls in a row that touch: their speeds after."""
+    bodies = [
+        Body.dynamic(1.0, position=(float(i), 0.0, 0.0), velocity=(v, 0.0, 0.0)) for i, v in enumerate(speeds)
+    ]
+    contacts = [Contact.of((i + 0.5, 0.0, 0.0), (-1.0, 0.0, 0.0), e) for i in range(len(speeds) - 1)]
+    pairs = [(i, i + 1) for i in range(len(contacts))]
+    return [t.linear.x for t in resolve_scene(bodies, pairs, contacts, ImpactModel(law), **options).twists]
+
+
+def draw_cradle() -> None:
+    """Bars of velocities, a panel for each law."""
+    figure, grid = plt.subplots(1, 4, figsize=(9, 2.9), sharey=True, layout="constrained")
+    for ax, (name, (law, options, what)), colour in zip(grid, WAYS.items(), COLOURS, strict=True):
+        elastic, half = (cradle((1.0, 0.0, 0.0, 0.0, 0.0), e, law, options) for e in (1.0, 0.5))
+        places = np.arange(1, 6)
+        ax.bar(places - 0.2, elastic, 0.38, color=colour)
+        ax.bar(places + 0.2, half, 0.38, color=colour, alpha=0.4)
+        ax.axhline(0, color=INK, lw=0.8)
+        title, _, spring = name.replace("`", "").partition(", ")
+        ax.set_title(title + (f"\n{spring}" if spring else f"\n{what}"), fontsize=9)
+        ax.set(ylim=(-0.7, 1.1), xticks=places)
+        ax.tick_params(labelsize=8, length=0)
+        ax.spines[["bottom", "left"]].set_visible(False)
+        ax.grid(axis="y", color="#e5e5e5")
+        ax.set_axisbelow(True)
+        ax.set_xlabel("ball", fontsize=8.5)
+    grid[0].set_ylabel("speed after [m/s]", fontsize=9)
+    handles = [Rectangle((0, 0), 1, 1, color=GREY, alpha=alpha) for alpha in (1.0, 0.4)]
+    grid[0].legend(handles, ["e = 1", "e = 0.5"], loc="upper left", fontsize=8, frameon=False)
+    save(figure, "scenes-cradle.png")
+
+
+# The flat box ---------------------------------------------------------------------------------
+
+CORNERS = [(x, y) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+CUBE = Body.dynamic(
+    1.0, box(1.0, (1.0, 1.0, 1.0)).inertia, position=(0.0, 0.0, 0.5), velocity=(0.0, 0.0, -1.0)
+)
+
+
+def flat_box() -> tuple[list[Body], list[tuple[int, int]], list[Contact]]:
+    """A cube that lands on its four corners at 1 m/s, e = 1."""
+    contacts = [Contact.of((x, y, 0.0), (0.0, 0.0, 1.0)) for x, y in CORNERS]
+    return [CUBE, Body.static()], [(0, 1)] * 4, contacts
+
+
+def spins() -> Counter[tuple[float, float, float]]:
+    """Spin about x and y and the speed upwards, of all 24 orders, and how many of them give it."""
+    found: Counter[tuple[float, float, float]] = Counter()
+    for order in permutations(range(4)):
+        change, _ = one_after_another(*flat_box(), ImpactModel(), order)
+        up = CUBE.velocity.z + change.linear.z
+        found[round(change.angular.x, 9), round(change.angular.y, 9), round(up, 9)] += 1
+    return found
+
+
+def draw_box() -> None:
+    """The corners, and the spin by the order in which they are resolved."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.7), width_ratios=[1, 1.5], layout="constrained")
+    left.add_patch(Rectangle((-0.5, -0.5), 1, 1, fc=PALE, ec=INK, lw=1.2))
+    for i, (x, y) in enumerate(CORNERS):
+        left.plot(x, y, "o", color=INK, ms=7)
+        left.annotate(f"{i}", (x, y), (x * 1.28, y * 1.28), ha="center", va="center", fontsize=10)
+    left.set(xlim=(-0.85, 0.85), ylim=(-0.85, 0.85), aspect="equal")
+    left.set_title("a cube from above:\nfour corners touch the floor", fontsize=9.5)
+    left.set_axis_off()
+    change, _ = one_after_another(*flat_box(), ImpactModel(), range(4))
+    right.annotate("0, 1, 2, 3", change.angular[:2], (-14, -13), textcoords="offset points", fontsize=8.5)
+    for (x, y, _), count in spins().items():
+        right.plot([0, x], [0, y], color=RED, lw=0.8, alpha=0.45, zorder=1)
+        right.scatter(x, y, 16 + 14 * count, color=RED, zorder=2, lw=0)
+    answer = resolve_scene(*flat_box())
+    spin = answer.twists[0].angular
+    right.plot(spin.x, spin.y, "*", ms=17, color=BLUE, mec="white", zorder=4)
+    right.annotate(
+        "all four at once: no spin", (spin.x, spin.y), (0.0, -0.42), ha="center", color=BLUE, fontsize=9,
+        bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 1.0}, zorder=3,
+    )  # fmt: skip
+    right.axhline(0, color=GREY, lw=0.6, zorder=0)
+    right.axvline(0, color=GREY, lw=0.6, zorder=0)
+    right.set(xlim=(-1.4, 1.4), ylim=(-1.4, 1.4), aspect="equal")
+    right.set(xlabel="spin about x [rad/s]", ylabel="spin about y [rad/s]")
+    right.set_title("one corner after another: the spin by the order", fontsize=9.5)
+    right.tick_params(labelsize=8)
+    save(figure, "scenes-box.png")
+
+
+# The rack -------------------------------------------------------------------------------------
+
+
+def racked(law: Law) -> list[Vec3]:
+    """The velocities of the balls after a break, e = 0.95."""
+    bodies, _, pairs, contacts, _ = tight_rack(Vec3(0.0, 0.0, 0.0))
+    answer = resolve_scene([*bodies.values()], pairs, contacts, ImpactModel(law))
+    return [twist.linear for twist in answer.twists]
+
+
+def racked_in_turn() -> list[Vec3]:
+    """The same, contact by contact, in the order in which they are listed."""
+    bodies, _, pairs, contacts, _ = tight_rack(Vec3(0.0, 0.0, 0.0))
+    balls = [*bodies.values()]
+    changes = one_after_another(balls, pairs, contacts, ImpactModel(), range(len(pairs)))
+    return [ball.velocity + change.linear for ball, change in zip(balls, changes, strict=True)]
+
+
+def draw_rack() -> None:
+    """The fan of velocities, a panel for each way."""
+    at = [ball.position for ball in tight_rack(Vec3(0.0, 0.0, 0.0)).bodies.values()]
+    panels: dict[str, tuple[Callable[[], list[Vec3]], str]] = {
+        "one contact after another": (racked_in_turn, RED),
+        "FRICTIONLESS": (lambda: racked(Law.FRICTIONLESS), BLUE),
+        "MOREAU": (lambda: racked(Law.MOREAU), ORANGE),
+        "ROUTH_STRONGE": (lambda: racked(Law.ROUTH_STRONGE), GREEN),
+    }
+    figure, grid = plt.subplots(2, 2, figsize=(8, 4.9), sharex=True, sharey=True, layout="constrained")
+    for ax, (title, (velocities, colour)) in zip(grid.flat, panels.items(), strict=True):
+        for p in at:
+            ax.add_patch(Circle((p.x, p.y), RADIUS, fc=PALE, ec=GREY, lw=0.6))
+        for p, v in zip(at, velocities(), strict=True):
+            if v.norm() > 0.01:
+                tip = (p.x + 0.55 * v.x, p.y + 0.55 * v.y)
+                style = {"arrowstyle": "-|>", "color": colour, "lw": 1.4, "shrinkA": 0, "shrinkB": 0}
+                ax.annotate("", tip, (p.x, p.y), arrowprops={**style, "mutation_scale": 8})
+        ax.set(xlim=(-0.62, 0.8), ylim=(-0.47, 0.42), aspect="equal")
+        ax.set_title(title, fontsize=10, color=colour)
+        ax.set_axis_off()
+    save(figure, "scenes-rack.png")
+
+
+# The table ------------------------------------------------------------------------------------
+
+
+def law_table() -> Iterator[str]:
+    """Cradles of three and of five, and the flat box."""
+    yield "| law | three, e = 1 | three, e = 0.5 | five, e = 1 | |"
+    yield "|---|---|---|---|---|"
+    for name, (law, options, what) in WAYS.items():
+        cells = [
+            speeds_of(cradle((1.0, *[0.0] * (count - 1)), e, law, options))
+            for count, e in ((3, 1.0), (3, 0.5), (5, 1.0))
+        ]
+        yield f"| {name} | {' | '.join(cells)} | {what} |"
+
+
+def speeds_of(speeds: Sequence[float]) -> str:
+    return ", ".join("0" if abs(v) < 1e-12 else f"{v:.4f}".rstrip("0").rstrip(".") for v in speeds)
+
+
+def example() -> SceneImpact:
+    """What the example of the page prints."""
+    text = PAGE.read_text()
+    code = text.partition("```python\n")[2].partition("```")[0]
+    scope: dict[str, Any] = {"print": lambda _: None}
+    exec(code, scope)
+    answer: SceneImpact = scope["answer"]
+    return answer
+
+
+def facts() -> Iterator[str]:
+    """What the text below the picture of the box says."""
+    found = spins()
+    still = sum(count for (x, y, _), count in found.items() if x == y == 0)
+    ups = sorted({up for *_, up in found})
+    largest = max(math.hypot(x, y) for x, y, _ in found)
+    yield (
+        f"Of the 24 orders, {still} leave the cube without spin. The others make it turn at up to "
+        f"{largest:.2f} rad/s, in {sum(1 for x, y, _ in found if x or y)} directions, and throw it back at "
+        f"{' or '.join(f'{up:.4g}' for up in ups[:-1])} m/s instead of 1."
+    )
+    sensitivity = resolve_scene(*flat_box(), orders=8).order_sensitivity
+    yield f"`order_sensitivity` is {sensitivity:.2f}."
+
+
+def save(figure: Figure, name: str) -> None:
+    figure.savefig(IMAGES / name, dpi=110, metadata={"Software": None})
+    plt.close(figure)
+    print(f"docs/images/{name}")
+
+
+def main() -> None:
+    """Draw, and write the table."""
+    plt.rcParams.update({"font.size": 9.5, "axes.spines.top": False, "axes.spines.right": False})
+    draw_cradle()
+    draw_box()
+    draw_rack()
+    text = PAGE.read_text()
+    answer = ["```", str(example()), "```"]
+    for name, lines in (("laws", law_table()), ("orders", facts()), ("example", answer)):
+        start = f"<!-- generated: {name} -->\n"
+        before, _, rest = text.partition(start)
+        text = "\n".join([before + start, *lines, "", rest[rest.index("<!-- end -->") :]])
+    PAGE.write_text(text)
+    print(f"docs/{PAGE.name}")
+
+
+if __name__ == "__main__":
+    main()
