@@ -1,0 +1,96 @@
+"""``python -m collision_response.identify impacts.csv``: coefficients from a table of measured impacts."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ..model import Law
+from ..status import ImpactError
+from . import table
+from .compare import compare
+from .identification import identify
+from .measured import Measured
+from .plot import draw
+
+LAWS = {law.name.lower(): law for law in Law if law is not Law.AUTO}
+
+
+def parser() -> argparse.ArgumentParser:
+    """What it takes."""
+    it = argparse.ArgumentParser(
+        prog="collision_response identify",
+        description="Restitution and friction from measured impacts.",
+        epilog=table.__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    pair: dict[str, Any] = {"nargs": "+", "default": [], "metavar": "NAME=VALUE", "type": _pair}
+    it.add_argument("file", type=Path, help="CSV; its columns are explained below")
+    it.add_argument("--law", choices=LAWS, default="coulomb")
+    it.add_argument(
+        "--compare", action="store_true", help="fit all laws, and say which the impacts tell apart"
+    )
+    it.add_argument(
+        "--fit", nargs="+", default=[], metavar="NAME", help="restitution, friction, tangential_restitution"
+    )
+    it.add_argument("--given", help="coefficients that are known", **pair)
+    it.add_argument(
+        "--set", help="columns that the file lacks: a number, or another column: nz=1 vx_after=vx2", **pair
+    )
+    it.add_argument(
+        "--residuals", default="", help="kinetic, contact or linear; of readings all, or a quantity"
+    )
+    it.add_argument("--loss", default="soft_l1", help="of scipy.optimize.least_squares")
+    it.add_argument("--resamples", type=int, default=200, help="fits of the bootstrap")
+    it.add_argument("--plot", type=Path, metavar="FILE", help="write a picture: .png, .svg or .pdf")
+    sphere = it.add_argument_group("readings of a sphere")
+    sphere.add_argument("--speed", type=float, help="before [m/s]")
+    sphere.add_argument("--radius", type=float, help="[m]")
+    sphere.add_argument("--errors", help="of a reading: ratio=0.01 angle=1 (degrees) spin=40 (rad/s)", **pair)
+    return it
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Fit, print, draw; the exit status."""
+    arguments = parser().parse_args(argv)
+    law, given = LAWS[arguments.law], {name: float(value) for name, value in arguments.given}
+    options = {"kind": arguments.residuals, "loss": arguments.loss, "resamples": arguments.resamples}
+    try:
+        measured = read(arguments)
+        if arguments.compare:
+            print(compare(measured, given=given, fit=arguments.fit, **options))
+            return 0
+        found = identify(measured, law, arguments.fit, given, **options)
+        print(found)
+        if arguments.plot:
+            draw(found, measured, arguments.plot)
+    except (ImpactError, ImportError, OSError, ValueError) as error:
+        code = f" ({error.code.name})" if isinstance(error, ImpactError) else ""
+        print(f"{arguments.file}: {error}{code}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def read(arguments: argparse.Namespace) -> Measured:
+    """The impacts of a file."""
+    rows = table.rows_of(arguments.file, dict(arguments.set))
+    if "incidence" not in rows[0]:
+        return table.impacts_of(rows)
+    if not (arguments.speed and arguments.radius):
+        raise ValueError("readings of a sphere need --speed, --radius and --errors")
+    errors = {name: float(value) for name, value in arguments.errors}
+    return table.readings_of(rows, arguments.speed, arguments.radius, errors)
+
+
+def _pair(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise argparse.ArgumentTypeError(f"must be NAME=VALUE, is {text!r}")
+    return name, value
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

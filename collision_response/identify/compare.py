@@ -1,0 +1,78 @@
+"""Which law comes nearest to measured impacts, if they tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..model import Law
+from .identification import Identification, identify
+from .measured import Measured
+from .problem import ALIKE
+
+LAWS = tuple(law for law in Law if law is not Law.AUTO)
+REDRAWN = 4000
+
+
+class Excess(NamedTuple):
+    """How much more a law's sum of squares is than that of the best one, relative; with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+class Comparison(NamedTuple):
+    """What laws make of the same impacts.
+
+    Attributes:
+        fits: by law, the nearest first.
+        excess: of each law but the first.
+        candidates: the first, and the laws that these impacts do not tell from it.
+    """
+
+    fits: dict[Law, Identification]
+    excess: dict[Law, Excess]
+    candidates: tuple[Law, ...]
+
+    def __str__(self) -> str:
+        best, *others = self.fits
+        lines = [f"{best.name}: misfit {self.fits[best].misfit:.1%}"]
+        for law in others:
+            value, low, high = self.excess[law]
+            told = "cannot tell" if law in self.candidates else "worse"
+            squares = f"sum of squares {value:+.1%} [{low:+.1%}, {high:+.1%}]"
+            lines.append(f"{law.name}: misfit {self.fits[law].misfit:.1%}, {squares}: {told}")
+        return "\n".join(lines)
+
+
+def compare(measured: Measured, laws: Sequence[Law] = LAWS, *, seed: int = 0, **options: Any) -> Comparison:
+    """Fit several laws, and see whether the impacts tell them apart.
+
+    The interval of the excess is that of the bootstrap over the impacts, at the coefficients of the whole.
+    A law whose interval reaches 0 or below is not told from the best.
+
+    Args:
+        measured: see :func:`~collision_response.identify.identify`.
+        laws: to compare.
+        seed: of the bootstrap.
+        options: of :func:`~collision_response.identify.identify`.
+
+    Raises:
+        ImpactError, ImportError: as :func:`~collision_response.identify.identify`.
+    """
+    fits = {law: identify(measured, law, seed=seed, **options) for law in laws}
+    fits = dict(sorted(fits.items(), key=lambda item: float(item[1].squares.sum())))
+    best, *others = fits
+    used = measured.take(np.flatnonzero(measured.approaching()))
+    n, floor = len(used), ALIKE * (used.sizes(fits[best].kind) ** 2).sum(axis=0)
+    draws = np.random.default_rng(seed).integers(n, size=(REDRAWN, n))
+    least = fits[best].squares + floor
+    excess = {}
+    for law in others:
+        squares = fits[law].squares + floor
+        low, high = np.percentile(squares[draws].sum(axis=1) / least[draws].sum(axis=1) - 1, (2.5, 97.5))
+        excess[law] = Excess(float(squares.sum() / least.sum() - 1), float(low), float(high))
+    return Comparison(fits, excess, (best, *(law for law in others if excess[law].low <= 0)))

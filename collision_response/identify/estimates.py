@@ -1,0 +1,120 @@
+"""How well a fit knows its coefficients: intervals, lower bounds, and combinations.
+
+The formal intervals of least squares take every residual for independent noise of one size. Noise of a
+normal is not: it tilts the impulse, and the fit answers with other coefficients. So the intervals given are
+those of the bootstrap, of fits to impacts drawn from the measured ones with replacement. They hold what
+differs from impact to impact, not what is wrong with all of them, such as a geometry or a law.
+
+Source: Efron & Tibshirani, *An Introduction to the Bootstrap*, 1993, section 13.3.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .measured import Array
+from .problem import ALIKE, RANGES, Problem
+
+LARGE = 1e3
+"""As good as infinite, for a coefficient."""
+
+HALF_CHI_SQUARE = 1.92
+"""Half of the 95 % point of chi square with one degree of freedom."""
+
+BLURRED = 1e4
+"""Where one combination of coefficients is known this much better than another, the other is not known."""
+
+HALVINGS = 20
+"""Of the interval in which a lower bound is sought."""
+
+
+class Estimate(NamedTuple):
+    """A coefficient.
+
+    Attributes:
+        value: the best; NaN where the impacts do not tell.
+        low, high: 95 % interval of the bootstrap; with ``value`` NaN, of what is not ruled out.
+        formal: standard deviation by least squares, too small by far where normals are noisy.
+    """
+
+    value: float
+    low: float
+    high: float
+    formal: float
+
+    def __str__(self) -> str:
+        if not math.isnan(self.value):
+            return (
+                f"= {self.value:.4g}  [{self.low:.4g}, {self.high:.4g}]  (formal ± {1.96 * self.formal:.2g})"
+            )
+        if self.high == math.inf and self.low > 0:
+            return f">= {self.low:.4g}: the impacts stick, and do not tell how much more"
+        return f"in [{self.low:.4g}, {self.high:.4g}]: not determined by these impacts"
+
+
+def estimates(problem: Problem, best: Any, values: Array) -> tuple[dict[str, Estimate], Estimate | None]:
+    """What is known of each coefficient, and of ``friction (1 + restitution)`` where it alone is known.
+
+    Args:
+        problem: that was solved.
+        best: SciPy's solution.
+        values: those of the bootstrap, a row each.
+    """
+    residuals, x, names = best.fun[best.fun != 0], best.x, problem.names
+    variance = (residuals**2).sum() / max(residuals.size - x.size, 1)
+    allowed = (best.fun**2).sum() + 2 * HALF_CHI_SQUARE * variance
+    allowed += ALIKE * (problem.measured.sizes(problem.kind) ** 2).sum()
+    covariance = variance * np.linalg.pinv(best.jac.T @ best.jac)
+    low, high = np.percentile(values, (2.5, 97.5), axis=0, method="inverted_cdf")
+    formal = np.sqrt(np.diag(covariance))
+    found = {name: Estimate(*map(float, row)) for name, *row in zip(names, x, low, high, formal, strict=True)}
+    unknown = blurred(best.jac, names)
+    found |= {name: Estimate(math.nan, *RANGES[name][:2], math.inf) for name in unknown}
+    for name in set(names) - unknown:
+        found[name] = _unbounded(problem, best, name, allowed) or found[name]
+    return found, _product(x, values, names, covariance) if unknown == set(PRODUCT) else None
+
+
+def blurred(jacobian: Array, names: tuple[str, ...]) -> set[str]:
+    """The coefficients of which the impacts determine no more than a combination."""
+    effective = [i for i in range(len(names)) if jacobian[:, i].any()]
+    if len(effective) < 2:
+        return set()
+    _, sizes, directions = np.linalg.svd(jacobian[:, effective])
+    if sizes[-1] * BLURRED > sizes[0]:
+        return set()
+    return {
+        names[i]
+        for i, part in zip(effective, directions[len(effective) - 1], strict=True)
+        if abs(part) > 1e-3
+    }
+
+
+PRODUCT = ("restitution", "friction")
+
+
+def _product(x: Array, values: Array, names: tuple[str, ...], covariance: Array) -> Estimate:
+    """``friction (1 + restitution)``: all that a tangential velocity after sliding tells, or a spin."""
+    e, mu = (names.index(name) for name in PRODUCT)
+    low, high = np.percentile(values[:, mu] * (1 + values[:, e]), (2.5, 97.5))
+    slope = np.zeros(len(names))
+    slope[e], slope[mu] = x[mu], 1 + x[e]
+    return Estimate(x[mu] * (1 + x[e]), low, high, math.sqrt(slope @ covariance @ slope))
+
+
+def _unbounded(problem: Problem, best: Any, name: str, allowed: float) -> Estimate | None:
+    """What is not ruled out, of a coefficient that may be anything, or anything above some value."""
+    (least, most, _), x, i = RANGES[name], best.x, problem.names.index(name)
+    if problem.squares_with(x, name, min(most, LARGE)) > allowed:
+        return None
+    is_open = problem.squares_with(x, name, least) <= allowed
+    if most < math.inf and not is_open and best.jac[:, i].any():
+        return None
+    low, high = least, float(x[i])
+    for _ in range(0 if is_open else HALVINGS):
+        middle = (low + high) / 2
+        low, high = (low, middle) if problem.squares_with(x, name, middle) <= allowed else (middle, high)
+    return Estimate(math.nan, least if is_open else high, most, math.inf)

@@ -1,0 +1,179 @@
+"""Coefficients of a law from measured impacts, by robust least squares."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..model import ImpactModel, Law, check_number
+from ..status import ImpactError, StatusCode
+from .estimates import Estimate, blurred, estimates
+from .measured import Array, Measured
+from .problem import RANGES, Problem
+
+AT_LIMIT = 1e-6
+
+FEW = 10
+"""Of fewer impacts the bootstrap says little."""
+
+APART = 3.0
+"""Residuals of two kinds that lead this many formal deviations apart have more than noise in them."""
+
+
+class Identification(NamedTuple):
+    """What was found.
+
+    Attributes:
+        law: that was fitted.
+        values: of all coefficients at the best fit, given ones too; one that is not determined is as good
+            as others.
+        kind: of the residuals.
+        coefficients: by name.
+        combination: ``friction (1 + restitution)``, where the impacts determine it and not the two apart.
+        others: the values that residuals of other kinds lead to, by kind and name.
+        misfit: root of the sum of squares of the residuals, over that of what was measured.
+        squares: sum of squares of each impact's residuals; those that separate are left out. Shape ``(N,)``.
+        resampled: the coefficients of each fit of the bootstrap, a row each.
+        notes: what a person should know, in words.
+    """
+
+    law: Law
+    values: dict[str, float]
+    kind: str
+    coefficients: dict[str, Estimate]
+    combination: Estimate | None
+    others: dict[str, dict[str, float]]
+    misfit: float
+    squares: Array
+    resampled: Array
+    notes: tuple[str, ...]
+
+    def __str__(self) -> str:
+        lines = [
+            f"{self.law.name}, {len(self.squares)} impacts, residuals {self.kind}: misfit {self.misfit:.1%}"
+        ]
+        lines += [f"  {name} {estimate}" for name, estimate in self.coefficients.items()]
+        if self.combination is not None:
+            lines.append(f"  friction (1 + restitution) {self.combination}")
+        for kind, values in self.others.items():
+            told = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
+            lines.append(f"  residuals {kind}: {told}")
+        return "\n".join([*lines, *(f"  note: {note}" for note in self.notes)])
+
+
+def identify(
+    measured: Measured,
+    law: Law = Law.COULOMB,
+    fit: Sequence[str] = (),
+    given: Mapping[str, float] | None = None,
+    *,
+    kind: str = "",
+    loss: str = "soft_l1",
+    resamples: int = 200,
+    seed: int = 0,
+) -> Identification:
+    """The coefficients by which a law comes nearest to measured impacts.
+
+    Args:
+        measured: :class:`~collision_response.identify.Impacts` or
+            :class:`~collision_response.identify.SphereReadings`.
+        law: not AUTO.
+        fit: what to fit: "restitution", "friction", "tangential_restitution". Left out: restitution, and
+            friction if the law has any.
+        given: the coefficients that are known, by name; what is neither fitted nor given is 0, restitution 1.
+        kind: of the residuals, one of ``measured.kinds``; left out, the first.
+        loss: of SciPy's ``least_squares``. All but "linear" are robust against outliers.
+        resamples: fits of the bootstrap, >= 2.
+        seed: of the bootstrap.
+
+    Raises:
+        ImpactError: INVALID_TABLE: too few impacts, or nothing but separating ones. INVALID_MODEL: no such
+            law, coefficient or kind. INVALID_COEFFICIENT: a given one is out of range.
+        ImportError: SciPy is not installed.
+    """
+    fit = tuple(fit) or (("restitution",) if law is Law.FRICTIONLESS else ("restitution", "friction"))
+    given, kind = {"restitution": 1.0, "friction": 0.0} | dict(given or {}), kind or measured.kinds[0]
+    _check(measured, law, fit, given, kind)
+    used = _used(measured, len(fit))
+    problem, best = Problem(used, law, fit, given, kind, loss).best()
+    resampled = problem.resampled(best.x, resamples, seed)
+    coefficients, combination = estimates(problem, best, resampled)
+    others = {}
+    for other in used.kinds:
+        if other != kind and used.sizes(other).any():
+            _, nearest = problem._replace(kind=other, scale=0.0).best()
+            if not blurred(nearest.jac, fit):
+                others[other] = dict(zip(fit, nearest.x.tolist(), strict=True))
+    squares = (used.residuals(law, problem.at(best.x), kind) ** 2).sum(axis=0)
+    misfit = math.sqrt(squares.sum() / (used.sizes(kind) ** 2).sum())
+    notes = _notes(len(measured) - len(used), len(used), coefficients, others)
+    return Identification(
+        law,
+        problem.at(best.x),
+        kind,
+        coefficients,
+        combination,
+        others,
+        misfit,
+        squares,
+        resampled,
+        tuple(notes),
+    )
+
+
+def _check(measured: Measured, law: Law, fit: tuple[str, ...], given: Mapping[str, float], kind: str) -> None:
+    of_contact = {"restitution", "friction"}
+    for field, value, known in (
+        ("law", law, [one for one in Law if one is not Law.AUTO]),
+        ("kind", kind, measured.kinds),
+        *(("fit", name, RANGES) for name in fit),
+        *(("given", name, of_contact | set(ImpactModel._fields)) for name in given),
+    ):
+        if value not in known:
+            names = ", ".join(str(getattr(one, "name", one)) for one in known)
+            raise ImpactError(StatusCode.INVALID_MODEL, field, f"must be one of {names}; is {value!r}")
+    for name, value in given.items():
+        least, most, *_ = RANGES.get(name, (0.0, math.inf))
+        check_number(f"given.{name}", value, least, most, StatusCode.INVALID_COEFFICIENT)
+
+
+def _used(measured: Measured, count: int) -> Measured:
+    """The impacts that say anything."""
+    approaching = measured.approaching()
+    used = measured.take(np.flatnonzero(approaching))
+    if len(used) <= count:
+        of_all = f"{len(used)} of {len(measured)} impacts approach"
+        reason = f"must be more than {count}, the number of coefficients to fit: {of_all}"
+        raise ImpactError(StatusCode.INVALID_TABLE, "impacts", reason)
+    if not used.sizes(used.kinds[0]).any():
+        raise ImpactError(StatusCode.INVALID_TABLE, "impacts", "nothing was measured after them")
+    return used
+
+
+def _notes(
+    separating: int,
+    used: int,
+    coefficients: Mapping[str, Estimate],
+    others: Mapping[str, Mapping[str, float]],
+) -> Iterator[str]:
+    """What a person should know."""
+    if separating:
+        yield f"{separating} impacts separate, and do not count"
+    if used < FEW:
+        yield f"{used} impacts are few: the intervals say little"
+    for name, (value, low, high, formal) in coefficients.items():
+        if math.isnan(value):
+            continue
+        if min(abs(value - limit) for limit in RANGES[name][:2]) < AT_LIMIT:
+            yield f"{name} is at its limit: what was measured is beyond it, by the law or by an error"
+        if high - low > 2 * 2 * 1.96 * formal:
+            yield f"{name}: the formal interval is {(high - low) / (2 * 1.96 * formal):.1f} times too small"
+        apart = max((abs(values[name] - value) for values in others.values()), default=0.0)
+        if apart > APART * formal:
+            yield (
+                f"{name}: residuals of other kinds lead {apart:.2g} away, {apart / formal:.0f} formal "
+                "deviations: geometry, law or noise of the normals are in it, and no interval here holds that"
+            )

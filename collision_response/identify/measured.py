@@ -1,0 +1,277 @@
+"""Measured impacts, and how far a law's predictions are from them.
+
+:class:`Impacts` has the twists of both bodies, :class:`SphereReadings` what papers print of a sphere on a
+flat target.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..batch import body_rows, contact_rows, resolve_batch
+from ..centre import at_centre
+from ..model import Geometry, ImpactModel, Law
+from ..physics.body import Body, Twist
+from ..physics.contact import Contact
+from ..physics.vector import Vec3
+from ..resolve import resolve
+from ..status import ImpactError, StatusCode
+
+Array = np.ndarray[Any, Any]
+Coefficients = Mapping[str, float]
+"""By name: restitution, friction, or a field of :class:`~collision_response.ImpactModel`."""
+
+BODY, TOUCH = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
+
+
+class Measured(Protocol):
+    """What coefficients can be fitted to."""
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds of residuals there are, the first of them the best."""
+
+    def __len__(self) -> int:
+        """The number of impacts."""
+
+    def take(self, chosen: Array) -> Measured:
+        """Some of the impacts, by number, each as often as it is named."""
+
+    def approaching(self) -> Array:
+        """Whether the bodies approach each other, shape ``(N,)``."""
+
+    def residuals(self, law: Law, coefficients: Coefficients, kind: str) -> Array:
+        """Predicted less measured, shape ``(rows, N)``; 0 where nothing was measured."""
+
+    def sizes(self, kind: str) -> Array:
+        """What was measured, in the same norm as the residuals, shape ``(rows, N)``."""
+
+
+class Impacts:
+    """Twists of two bodies before and after each of N impacts: build them with :meth:`of`.
+
+    The kinds of residuals: ``kinetic``, whose square is twice the kinetic energy of what twists are off;
+    ``contact``, what the relative velocity at the contact point is off [m/s]; ``linear``, the linear part
+    of ``kinetic``.
+    """
+
+    kinds = ("kinetic", "contact", "linear")
+
+    def __init__(self, bodies: Array, contacts: Array, after: Array, root: Array) -> None:
+        """From tables.
+
+        Args:
+            bodies: before, of SPATIAL, oriented rows, shape ``(rows, 2, N)``; see
+                :func:`~collision_response.batch.resolve_batch`.
+            contacts: points and normals, shape ``(rows, N)``; coefficients in them do not count.
+            after: linear and angular velocities of the centres of mass, in world axes [m/s, rad/s], shape
+                ``(6, 2, N)``. NaN: not measured.
+            root: of the inertia in world axes, ``root^T root = I`` [kg^(1/2) m], shape ``(3, 3, 2, N)``.
+        """
+        self.bodies, self.contacts, self.after, self.root = bodies, contacts, after, root
+
+    @classmethod
+    def of(
+        cls,
+        bodies_a: Sequence[Body],
+        bodies_b: Sequence[Body],
+        contacts: Sequence[Contact],
+        after_a: Sequence[Twist],
+        after_b: Sequence[Twist],
+    ) -> Impacts:
+        """From what :func:`~collision_response.resolve` takes, and what was measured after.
+
+        Args:
+            bodies_a, bodies_b: before. A common factor of all masses of an impact does not count.
+            contacts: where they touch; their coefficients do not count.
+            after_a, after_b: twists of the reference points after; NaN where nothing was measured. Those of
+                immovable bodies do not count.
+
+        Raises:
+            ImpactError: a request is not sound; the field starts with the number of the impact.
+        """
+        n = len(contacts)
+        tables = np.zeros((BODY.height, 2, n)), np.zeros((TOUCH.height, n)), np.zeros((6, 2, n))
+        root = np.zeros((3, 3, 2, n))
+        rows = zip(bodies_a, bodies_b, contacts, after_a, after_b, strict=True)
+        for i, (a, b, contact, twist_a, twist_b) in enumerate(rows):
+            try:
+                resolve(a, b, contact._replace(restitution=1.0, friction=0.0))
+            except ImpactError as error:
+                raise error.within(f"impacts[{i}]") from None
+            tables[1][:, i] = *contact.position, *contact.normal, 1.0, 0.0
+            for side, (body, twist) in enumerate(((a, twist_a), (b, twist_b))):
+                _write(tables[0][:, side, i], tables[2][:, side, i], root[:, :, side, i], body, twist)
+        return cls(*tables, root)
+
+    def __len__(self) -> int:
+        return self.contacts.shape[1]
+
+    def take(self, chosen: Array) -> Impacts:
+        """See :class:`Measured`."""
+        return Impacts(*(table[..., chosen] for table in (self.bodies, self.contacts, self.after, self.root)))
+
+    def approaching(self) -> Array:
+        """See :class:`Measured`."""
+        before = self._at_contact(
+            np.concatenate([self.bodies[BODY.velocity], self.bodies[BODY.angular_velocity]])
+        )
+        return (before * self.contacts[TOUCH.normal]).sum(axis=0) < 0
+
+    def residuals(self, law: Law, coefficients: Coefficients, kind: str) -> Array:
+        """See :class:`Measured`."""
+        return self._in_norm(kind, self.predict(law, coefficients) - self.after)
+
+    def sizes(self, kind: str) -> Array:
+        """See :class:`Measured`."""
+        return self._in_norm(kind, self.after)
+
+    def predict(self, law: Law, coefficients: Coefficients) -> Array:
+        """The twists after, by a law, as those of ``after``.
+
+        Raises:
+            ImpactError: the law does not answer an impact.
+        """
+        of_model: dict[str, Any] = {
+            name: x for name, x in coefficients.items() if name in ImpactModel._fields
+        }
+        contacts = self.contacts.copy()
+        contacts[TOUCH.restitution], contacts[TOUCH.friction] = (
+            coefficients["restitution"],
+            coefficients.get("friction", 0.0),
+        )
+        result = resolve_batch(self.bodies, contacts, ImpactModel(law, **of_model))
+        if (refused := np.flatnonzero(result.status > StatusCode.SEPARATING)).size:
+            i = int(refused[0])
+            raise ImpactError(
+                StatusCode(int(result.status[i])), f"impacts[{i}]", f"{law.name} does not answer it"
+            )
+        return np.concatenate([result.velocity, result.angular_velocity])
+
+    def _in_norm(self, kind: str, twists: Array) -> Array:
+        twists = np.nan_to_num(twists)
+        if kind == "contact":
+            return self._at_contact(twists)
+        mass = self.bodies[BODY.mass][0]
+        linear = np.sqrt(np.where(np.isinf(mass), 0.0, mass)) * twists[:3]
+        angular = np.einsum("ijsn,jsn->isn", self.root, twists[3:])
+        rows = [linear] if kind == "linear" else [linear, angular]
+        return np.concatenate(rows).reshape(-1, len(self))
+
+    def _at_contact(self, twists: Array) -> Array:
+        """Velocities of body_a relative to body_b, there."""
+        arms = self.contacts[TOUCH.position][:, None] - self.bodies[BODY.position]
+        there = twists[:3] + np.cross(twists[3:], arms, axis=0)
+        return there[:, 0] - there[:, 1]
+
+
+def _write(column: Array, after: Array, root: Array, body: Body, twist: Twist) -> None:
+    """One body of one impact, by its centre of mass."""
+    centre = at_centre(body)
+    column[BODY.mass], column[BODY.inertia], column[BODY.position] = body.mass, body.inertia, centre.position
+    column[BODY.orientation] = body.orientation or (0.0, 0.0, 0.0, 1.0)
+    column[BODY.velocity], column[BODY.angular_velocity] = centre.velocity, body.angular_velocity
+    if not body.is_movable():
+        after[:3], after[3:] = centre.velocity, body.angular_velocity
+        return
+    moved = at_centre(body._replace(velocity=twist.linear, angular_velocity=twist.angular))
+    after[:3], after[3:] = moved.velocity, twist.angular
+    xx, xy, xz, yy, yz, zz = body.inertia
+    moments, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    across = [body.to_world(Vec3(*axis)) for axis in axes.T.tolist()]
+    root[...] = np.sqrt(np.maximum(moments, 0.0))[:, None] * np.array(across)
+
+
+class SphereReadings:
+    """What papers print of a sphere that strikes a flat target at one speed, without spin.
+
+    The kinds of residuals are those of the tables together, ``all``, and each table alone.
+    """
+
+    QUANTITIES = ("ratio", "angle", "spin")
+
+    def __init__(
+        self,
+        speed: float,
+        radius: float,
+        tables: Mapping[str, Sequence[tuple[float, float]]],
+        errors: Mapping[str, float],
+        gyration: float = 0.4,
+    ) -> None:
+        """From tables of pairs: incidence from the normal [degrees], reading.
+
+        Args:
+            speed: of the centre before [m/s], > 0.
+            radius: of the sphere [m], > 0.
+            tables: by name: ``ratio``, tangential velocity of the centre after over before; ``angle``, of
+                the rebound from the normal [degrees]; ``spin``, after [rad/s].
+            errors: of a reading, by name, > 0, in the same units: they say what a table counts.
+            gyration: ``I / (m R^2)``, 0.4 for a solid sphere.
+
+        Raises:
+            ValueError: there is no such table, or a number is out of range.
+        """
+        for name in tables:
+            if name not in self.QUANTITIES:
+                raise ValueError(f"tables: {name!r} is none of {', '.join(self.QUANTITIES)}")
+            if not errors.get(name, 0.0) > 0:
+                raise ValueError(f"errors[{name!r}]: must be positive, is {errors.get(name)}")
+        self.kinds = ("all", *tables) if len(tables) > 1 else tuple(tables)
+        self._rows = np.array(
+            [
+                (self.QUANTITIES.index(name), *row, errors[name])
+                for name, rows in tables.items()
+                for row in rows
+            ]
+        ).T
+        self._sphere = speed, radius, gyration
+        self._impacts = self._spheres(np.radians(self._rows[1]))
+
+    def _spheres(self, incidence: Array) -> Impacts:
+        speed, radius, gyration = self._sphere
+        ball = Body.dynamic(1.0, [gyration * radius * radius * x for x in (1, 0, 0, 1, 0, 1)])
+        moving = [
+            ball._replace(velocity=Vec3(speed * math.sin(a), 0.0, -speed * math.cos(a)))
+            for a in incidence.tolist()
+        ]
+        n = len(moving)
+        nothing = [Twist(Vec3(*[math.nan] * 3), Vec3(*[math.nan] * 3))] * n
+        touch = Contact.of((0.0, 0.0, -radius), (0.0, 0.0, 1.0))
+        return Impacts.of(moving, [Body.static()] * n, [touch] * n, nothing, nothing)
+
+    def __len__(self) -> int:
+        return self._rows.shape[1]
+
+    def take(self, chosen: Array) -> SphereReadings:
+        """See :class:`Measured`."""
+        some = object.__new__(SphereReadings)
+        some.kinds, some._sphere, some._rows = self.kinds, self._sphere, self._rows[:, chosen]
+        some._impacts = self._impacts.take(chosen)
+        return some
+
+    def approaching(self) -> Array:
+        """See :class:`Measured`."""
+        return self._impacts.approaching()
+
+    def residuals(self, law: Law, coefficients: Coefficients, kind: str) -> Array:
+        """See :class:`Measured`; in errors of a reading."""
+        return self._counted(kind, self.predict(law, coefficients) - self._rows[2])
+
+    def sizes(self, kind: str) -> Array:
+        """See :class:`Measured`."""
+        return self._counted(kind, self._rows[2])
+
+    def predict(self, law: Law, coefficients: Coefficients) -> Array:
+        """What would be read, shape ``(N,)``."""
+        before = self._impacts.bodies[BODY.velocity, 0]
+        after = self._impacts.predict(law, coefficients)[:, 0]
+        read = after[0] / before[0], np.degrees(np.arctan2(after[0], after[2])), after[4]
+        return np.choose(self._rows[0].astype(int), read)
+
+    def _counted(self, kind: str, numbers: Array) -> Array:
+        counts = kind == "all" or self._rows[0] == self.QUANTITIES.index(kind)
+        return (np.where(counts, numbers, 0.0) / self._rows[3])[None]

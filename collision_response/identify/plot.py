@@ -1,0 +1,61 @@
+"""The picture of an identification."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from .identification import Identification
+from .measured import Measured
+
+INK, BLUE, ORANGE, GREY = "#222222", "#0072b2", "#d55e00", "#8a8a8a"
+MARKERS = "sD^v"
+
+
+def draw(found: Identification, measured: Measured, path: Path) -> None:
+    """Left: predicted over measured. Right: the coefficients, how far they are known, and what other
+    residuals say.
+
+    Args:
+        found: in ``measured``.
+        measured: the impacts.
+        path: of the picture; its suffix tells the format.
+
+    Raises:
+        ImportError: matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise ImportError("a plot needs matplotlib: pip install matplotlib") from None
+    figure = Figure(figsize=(10, 4.6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    used = measured.take(np.flatnonzero(measured.approaching()))
+    sizes, off = used.sizes(found.kind), used.residuals(found.law, found.values, found.kind)
+    shown = sizes.any(axis=1)
+    left.axline((0, 0), slope=1, color=GREY, lw=1)
+    left.plot(sizes[shown].ravel(), (sizes + off)[shown].ravel(), "o", ms=4, alpha=0.6, color=BLUE, mew=0)
+    left.set_title(f"{found.law.name}: misfit {found.misfit:.1%}", loc="left", color=INK)
+    left.set(xlabel=f"measured ({found.kind})", ylabel="predicted")
+    names = list(found.coefficients)
+    across, up = names[0], names[-1]
+    cloud = dict(zip(names, found.resampled.T, strict=True))
+    if across == up:
+        right.hist(cloud[across], bins=30, color=BLUE, alpha=0.6, label="bootstrap")
+    else:
+        right.plot(cloud[across], cloud[up], ".", ms=4, color=BLUE, alpha=0.4, label="bootstrap")
+        right.set_ylabel(up)
+        best, formal = found.values, [1.96 * found.coefficients[name].formal for name in (across, up)]
+        if all(map(math.isfinite, formal)):
+            cross = {"xerr": formal[0], "yerr": formal[1], "fmt": "o", "capsize": 3}
+            right.errorbar(best[across], best[up], color=INK, label=f"{found.kind}, formal 95 %", **cross)
+        for marker, (kind, values) in zip(MARKERS, found.others.items(), strict=False):
+            right.plot(values[across], values[up], marker, color=ORANGE, label=f"residuals {kind}")
+    right.set_xlabel(across)
+    right.set_title("what is known of them", loc="left", color=INK)
+    right.legend(frameon=False)
+    for axes in (left, right):
+        axes.spines[["top", "right"]].set_visible(False)
+    figure.savefig(path, dpi=130)

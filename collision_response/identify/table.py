@@ -1,0 +1,127 @@
+"""Measured impacts from a table: CSV, with a line for each impact.
+
+Columns are named as the rows of ``BodyStates``, in SI units: ``m``, ``ixx ixy ixz iyy iyz izz``, ``comx
+comy comz``, ``x y z``, ``qx qy qz qw``, ``vx vy vz``, ``wx wy wz`` are of body_a before the impact. Those
+of body_b begin with ``b_``; without a ``b_m`` it is immovable. After the impact: ``vx_after`` and so on;
+empty, or no such column: not measured. The contact is at ``cx cy cz``, or at ``rx ry rz`` from the origin
+of body_a; its normal, from body_b to body_a, is ``nx ny nz``. What is not there is 0, of a quaternion the
+identity.
+
+A table with a column ``incidence`` is one of readings of a sphere on a flat target: see
+:class:`~collision_response.identify.SphereReadings`, whose tables are its other columns.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from ..physics.body import Body, Twist
+from ..physics.contact import Contact
+from ..physics.vector import Vec3
+from ..status import ImpactError, StatusCode
+from .measured import Impacts, SphereReadings
+
+INERTIA, COM = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"], ["comx", "comy", "comz"]
+POSITION, ORIENTATION = ["x", "y", "z"], ["qx", "qy", "qz", "qw"]
+LINEAR, ANGULAR = ["vx", "vy", "vz"], ["wx", "wy", "wz"]
+BODY = ["m", *INERTIA, *COM, *POSITION, *ORIENTATION, *LINEAR, *ANGULAR]
+AFTER = [f"{name}_after" for name in (*LINEAR, *ANGULAR)]
+POINT, ARM, NORMAL = ["cx", "cy", "cz"], ["rx", "ry", "rz"], ["nx", "ny", "nz"]
+KNOWN = {*BODY, *AFTER, *(f"b_{name}" for name in (*BODY, *AFTER)), *POINT, *ARM, *NORMAL}
+KNOWN |= {"incidence", *SphereReadings.QUANTITIES}
+
+Row = Mapping[str, float]
+
+
+def rows_of(path: Path, more: Mapping[str, str]) -> list[dict[str, float]]:
+    """The numbers of a CSV file, by column; an empty cell is NaN. Columns that mean nothing here are left
+    out.
+
+    Args:
+        path: of the file.
+        more: columns that it does not have: a number, the same in each row, or the name of the column to
+            take.
+
+    Raises:
+        ImpactError: INVALID_TABLE: a cell is no number, or there is no row.
+    """
+    rows = []
+    with path.open(newline="") as file:
+        for i, cells in enumerate(csv.DictReader(file)):
+            cells |= {name: cells.get(value, value) for name, value in more.items()}
+            rows.append({name: _number(f"rows[{i}].{name}", cells[name]) for name in cells if name in KNOWN})
+    if not rows:
+        raise ImpactError(StatusCode.INVALID_TABLE, "rows", f"there are none in {path}")
+    return rows
+
+
+def _number(field: str, cell: str | None) -> float:
+    try:
+        return float(cell) if cell else math.nan
+    except ValueError:
+        raise ImpactError(StatusCode.INVALID_TABLE, field, f"must be a number, is {cell!r}") from None
+
+
+def impacts_of(rows: list[dict[str, float]]) -> Impacts:
+    """The impacts in the rows of a table.
+
+    Raises:
+        ImpactError: INVALID_TABLE: a column is missing. Others: an impact is not sound.
+    """
+    _require(rows[0], ["m"], NORMAL, AFTER + [f"b_{name}" for name in AFTER])
+    bodies_a, bodies_b = ([_body(row, owner) for row in rows] for owner in ("", "b_"))
+    after_a, after_b = ([_twist(row, owner) for row in rows] for owner in ("", "b_"))
+    return Impacts.of(bodies_a, bodies_b, [_contact(row) for row in rows], after_a, after_b)
+
+
+def readings_of(
+    rows: list[dict[str, float]], speed: float, radius: float, errors: Mapping[str, float]
+) -> SphereReadings:
+    """The readings in the rows of a table.
+
+    Raises:
+        ImpactError: INVALID_TABLE: a column is missing.
+        ValueError: of :class:`~collision_response.identify.SphereReadings`.
+    """
+    _require(rows[0], ["incidence"], SphereReadings.QUANTITIES)
+    tables = {
+        name: [(row["incidence"], row[name]) for row in rows if not math.isnan(row[name])]
+        for name in SphereReadings.QUANTITIES
+        if name in rows[0]
+    }
+    return SphereReadings(speed, radius, tables, errors)
+
+
+def _require(row: Row, *groups: Sequence[str]) -> None:
+    """At least one column of each group."""
+    missing = [" or ".join(group) for group in groups if not any(name in row for name in group)]
+    if missing:
+        reason = f"must have {'; '.join(missing)}. Known are {', '.join(row)}"
+        raise ImpactError(StatusCode.INVALID_TABLE, "columns", reason)
+
+
+def _numbers(row: Row, names: list[str], default: float = 0.0) -> list[float]:
+    return [row.get(name, default) for name in names]
+
+
+def _body(row: Row, owner: str) -> Body:
+    def of(names: list[str]) -> list[float]:
+        return _numbers(row, [owner + name for name in names])
+
+    if owner + "m" not in row:
+        return Body.kinematic(of(POSITION), of(LINEAR), of(ANGULAR))
+    turn = of(ORIENTATION) if owner + "qw" in row else None
+    return Body.dynamic(row[owner + "m"], of(INERTIA), of(POSITION), turn, of(LINEAR), of(ANGULAR), of(COM))
+
+
+def _twist(row: Row, owner: str) -> Twist:
+    numbers = _numbers(row, [owner + name for name in AFTER], math.nan)
+    return Twist(Vec3(*numbers[:3]), Vec3(*numbers[3:]))
+
+
+def _contact(row: Row) -> Contact:
+    point = [x + r for x, r in zip(_numbers(row, POSITION), _numbers(row, ARM), strict=True)]
+    return Contact.of(_numbers(row, POINT) if "cx" in row else point, _numbers(row, NORMAL))

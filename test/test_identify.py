@@ -1,0 +1,243 @@
+"""Coefficients from impacts that are measured, or made with known ones."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("scipy")
+
+from scipy.spatial.transform import Rotation
+
+from collision_response import Body, Contact, ImpactError, ImpactModel, Law, StatusCode, Twist, resolve
+from collision_response.identify import Impacts, SphereReadings, compare, identify
+from collision_response.identify.__main__ import main
+from collision_response.identify.measured import BODY
+from collision_response.physics.vector import Vec3
+
+SOLVED = 1e-6
+"""Of a coefficient, where nothing is noisy: least squares stop at 1e-10 of the cost, its root of that."""
+
+KHARAZ = {
+    "ratio": [(30.2218, 0.6883), (39.3031, 0.7719), (49.5459, 0.8469), (59.8416, 0.9019)],
+    "angle": [(30.3767, 21.7809), (39.6233, 32.5455), (49.7831, 45.1051), (60.0571, 57.3652)],
+    "spin": [(31.0947, 612.6481), (39.0283, 595.4843), (50.2214, 452.9444), (60.2460, 381.3185)],
+}
+"""From 30 degrees on, of Kharaz, Gorham & Salman, Powder Technology 120 (2001) 281-291."""
+READING = {"ratio": 0.008, "angle": 0.84, "spin": 44.0}
+
+
+def cubes(count, e, mu, seed=1, *, tilt=0.0, speed=0.0, spin=0.0, law=Law.COULOMB, e_t=0.0):
+    """Corners of a cube that strike a floor: how fast and how turned, at random.
+
+    Args:
+        tilt: of the normals that are told, standard deviation [rad].
+        speed, spin: noise of the twists that are told, standard deviation [m/s, rad/s].
+    """
+    rng = np.random.default_rng(seed)
+    before, contacts, after = [], [], []
+    while len(before) < count:
+        turn = Rotation.random(rng=rng)
+        corners = turn.apply(np.array(np.meshgrid(*[[-0.05, 0.05]] * 3)).reshape(3, -1).T)
+        r = corners[np.argmin(corners[:, 2])]
+        velocity = (*rng.normal(0, 0.8, 2), -rng.uniform(0.7, 2))
+        cube = Body.dynamic(
+            0.37, (8.1e-4, 0, 0, 8.1e-4, 0, 8.1e-4), -r, turn.as_quat(), velocity, rng.normal(0, 3, 3)
+        )
+        touch = Contact.of((0.0, 0.0, 0.0), (0, 0, 1), e, mu)
+        model = ImpactModel(law, tangential_restitution=e_t)
+        answer = resolve(cube, Body.static(), touch, model)
+        if answer.status is not StatusCode.OK:
+            continue
+
+        def noisy(vector, sigma):
+            return Vec3(*np.add(vector, rng.normal(0, sigma, 3)).tolist())
+
+        before.append(
+            cube._replace(
+                velocity=noisy(cube.velocity, speed), angular_velocity=noisy(cube.angular_velocity, spin)
+            )
+        )
+        contacts.append(touch._replace(normal=Vec3(*rng.normal(0, tilt, 2).tolist(), 1.0)))
+        after.append(Twist(noisy(answer.twist_a.linear, speed), noisy(answer.twist_a.angular, spin)))
+    return Impacts.of(before, [Body.static()] * count, contacts, after, after)
+
+
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
+def test_without_noise_the_coefficients_are_found(law):
+    found = identify(cubes(20, 0.6, 0.15, law=law), law, resamples=2)
+    assert found.values["restitution"] == pytest.approx(0.6, abs=SOLVED)
+    assert found.values["friction"] == pytest.approx(0.15, abs=SOLVED)
+    assert found.misfit < SOLVED
+
+
+def test_tangential_restitution_is_found_where_friction_is_known():
+    measured = cubes(20, 0.6, 5.0, e_t=0.3)
+    names = ("restitution", "tangential_restitution")
+    found = identify(measured, Law.COULOMB, names, {"friction": 5.0}, resamples=2)
+    assert found.values["tangential_restitution"] == pytest.approx(0.3, abs=SOLVED)
+
+
+def test_noisy_normals_deceive_the_formal_interval_and_not_the_bootstrap():
+    """Friction of 0.2, normals off by 2 degrees: of 30 sets of 60 impacts, how many intervals hold it."""
+    holds = {"formal": 0, "bootstrap": 0}
+    for seed in range(30):
+        measured = cubes(60, 0.5, 0.2, seed, tilt=math.radians(2), speed=0.01, spin=0.1)
+        mu = identify(measured, loss="linear", resamples=60, seed=seed).coefficients["friction"]
+        holds["formal"] += abs(mu.value - 0.2) <= 1.96 * mu.formal
+        holds["bootstrap"] += mu.low <= 0.2 <= mu.high
+    assert holds["formal"] < 22 <= holds["bootstrap"], holds
+
+
+def test_impacts_that_all_stick_bound_friction_from_below_alone():
+    measured = cubes(30, 0.5, 20.0, speed=0.001, spin=0.01)
+    mu = identify(measured, resamples=20).coefficients["friction"]
+    assert math.isnan(mu.value) and mu.high == math.inf
+    twists = measured.predict(Law.COULOMB, {"restitution": 0.5, "friction": 1e3})
+    impulses = 0.37 * (twists[:3, 0] - measured.bodies[BODY.velocity, 0])
+    steepest = (np.hypot(*impulses[:2]) / impulses[2]).max()
+    assert mu.low == pytest.approx(steepest, rel=0.05)  # noise moves a twist by 1e-3
+    assert "friction >= " in str(identify(measured, resamples=2))
+
+
+def test_a_coefficient_without_effect_is_not_determined():
+    """All slide: what the tangential restitution is cannot be seen."""
+    found = identify(
+        cubes(20, 0.5, 0.001),
+        fit=("restitution", "tangential_restitution"),
+        given={"friction": 0.001},
+        resamples=2,
+    )
+    assert math.isnan(found.coefficients["tangential_restitution"].value)
+    assert found.values["restitution"] == pytest.approx(0.5, abs=SOLVED)
+
+
+@pytest.mark.parametrize("quantity", ["ratio", "spin"])
+def test_one_table_of_a_sliding_sphere_tells_a_product_alone(quantity):
+    """v_t+ = v_t - mu (1 + e) v_n, and w+ = 5/2 mu (1 + e) v_n / R: e is in neither but there."""
+    table = KHARAZ[quantity][1:]  # by COULOMB the first sticks
+    readings = SphereReadings(3.9, 0.0025, {quantity: table}, READING)
+    found = identify(readings, resamples=2, loss="linear")
+    assert all(math.isnan(one.value) for one in found.coefficients.values())
+    angles = np.radians([angle for angle, _ in table])
+    read = np.array([reading for _, reading in table])
+    if quantity == "ratio":  # 1 - product / tan
+        slope, offset = -1 / np.tan(angles), 1.0
+    else:
+        slope, offset = 2.5 * 3.9 * np.cos(angles) / 0.0025, 0.0
+    by_hand = (slope * (read - offset)).sum() / (slope * slope).sum()
+    assert found.combination.value == pytest.approx(by_hand, rel=1e-5)
+
+
+def test_three_tables_of_a_sliding_sphere_tell_both():
+    found = identify(SphereReadings(3.9, 0.0025, KHARAZ, READING), resamples=2, loss="linear")
+    assert found.values["friction"] == pytest.approx(0.0926, abs=5e-4)
+    assert found.values["restitution"] == pytest.approx(1.0, abs=SOLVED)  # beyond it, if it could be
+    assert any("limit" in note for note in found.notes)
+
+
+def test_laws_that_agree_cannot_be_told_apart_and_others_can():
+    """Central impacts of point masses: COULOMB and ROUTH_STRONGE are one; FRICTIONLESS is not."""
+    balls = [Body.dynamic(1.0, velocity=(vx, 0.0, -1.0)) for vx in np.linspace(0.5, 3.0, 12)]
+    touch = Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.2)
+    after = [resolve(ball, Body.static(), touch).twist_a for ball in balls]
+    rng = np.random.default_rng(1)
+    after = [
+        Twist(Vec3(*np.add(twist.linear, rng.normal(0, 0.01, 3)).tolist()), twist.angular) for twist in after
+    ]
+    measured = Impacts.of(balls, [Body.static()] * 12, [touch] * 12, after, after)
+    found = compare(measured, [Law.FRICTIONLESS, Law.COULOMB, Law.ROUTH_STRONGE], resamples=2)
+    assert set(found.candidates) == {Law.COULOMB, Law.ROUTH_STRONGE}
+    assert "cannot tell" in str(found) and "FRICTIONLESS" in str(found).splitlines()[-1]
+
+
+def falling(*speeds, after=0.5):
+    """Point masses on a floor."""
+    n = len(speeds)
+    twists = [Twist(Vec3(0.0, 0.0, after * speed), Vec3(0.0, 0.0, 0.0)) for speed in speeds]
+    balls = [Body.dynamic(1.0, velocity=(0.0, 0.0, -speed)) for speed in speeds]
+    return Impacts.of(balls, [Body.static()] * n, [Contact.of((0, 0, 0), (0, 0, 1))] * n, twists, twists)
+
+
+def test_separating_impacts_do_not_count():
+    found = identify(falling(1.0, 2.0, 3.0, -1.0), Law.FRICTIONLESS, resamples=2)
+    assert found.values["restitution"] == pytest.approx(0.5, abs=SOLVED)
+    assert found.squares.shape == (3,)
+    assert any(note.startswith("1 impacts separate") for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("measured", "options", "code", "field"),
+    [
+        (falling(1.0, 2.0), {}, StatusCode.INVALID_TABLE, "impacts"),
+        (falling(-1.0, -2.0, -3.0), {}, StatusCode.INVALID_TABLE, "impacts"),
+        (falling(1.0, 2.0, 3.0, after=math.nan), {}, StatusCode.INVALID_TABLE, "impacts"),
+        (falling(1.0, 2.0, 3.0), {"law": Law.AUTO}, StatusCode.INVALID_MODEL, "law"),
+        (falling(1.0, 2.0, 3.0), {"fit": ["bounce"]}, StatusCode.INVALID_MODEL, "fit"),
+        (falling(1.0, 2.0, 3.0), {"kind": "spin"}, StatusCode.INVALID_MODEL, "kind"),
+        (
+            falling(1.0, 2.0, 3.0),
+            {"given": {"friction": -1.0}},
+            StatusCode.INVALID_COEFFICIENT,
+            "given.friction",
+        ),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused_by_name(measured, options, code, field):
+    with pytest.raises(ImpactError) as refusal:
+        identify(measured, **options)
+    assert (refusal.value.code, refusal.value.field) == (code, field)
+
+
+def test_an_unsound_impact_is_refused_with_its_number():
+    balls = [Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0)), Body.dynamic(-1.0)]
+    twists = [Twist(Vec3(0.0, 0.0, 1.0), Vec3(0.0, 0.0, 0.0))] * 2
+    with pytest.raises(ImpactError) as refusal:
+        Impacts.of(balls, [Body.static()] * 2, [Contact.of((0, 0, 0), (0, 0, 1))] * 2, twists, twists)
+    assert (refusal.value.code, refusal.value.field) == (StatusCode.INVALID_MASS, "impacts[1].body_a.mass")
+
+
+TABLE = "vx,vz,vx_after,vz_after,note\n1,-1,.85,.5,a\n2,-1,1.85,.5,b\n1,-2,.7,1,\n2,-2,1.7,1,\n"
+
+
+def test_the_command_reads_a_table_and_draws(tmp_path: Path, capsys):
+    """A point mass that slides: e = 0.5, mu (1 + e) = 0.15."""
+    table, picture = tmp_path / "impacts.csv", tmp_path / "fit.png"
+    table.write_text(TABLE)
+    pytest.importorskip("matplotlib")
+    assert main([str(table), "--set", "m=2", "nz=1", "--resamples", "20", "--plot", str(picture)]) == 0
+    out = capsys.readouterr().out
+    assert "restitution = 0.5 " in out and "friction = 0.1 " in out
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert main([str(table), "--set", "m=2", "nz=1", "--resamples", "2", "--compare"]) == 0
+    assert "cannot tell" in capsys.readouterr().out
+
+
+def test_the_command_reads_what_papers_print(tmp_path: Path, capsys):
+    table = tmp_path / "sphere.csv"
+    table.write_text("incidence,ratio\n" + "".join(f"{a},{r}\n" for a, r in KHARAZ["ratio"]))
+    options = ["--speed", "3.9", "--radius", ".0025", "--errors", "ratio=.008", "--resamples", "2"]
+    assert main([str(table), *options]) == 0
+    assert "friction (1 + restitution) = 0.18" in capsys.readouterr().out
+    assert main([str(table)]) == 1
+    assert "--speed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("vz,vz_after\n-1,x\n", "rows[0].vz_after: must be a number, is 'x' (INVALID_TABLE)"),
+        ("vz,vz_after\n", "rows: there are none"),
+        ("vz,vz_after\n-1,1\n", "columns: must have m; nx or ny or nz"),
+        ("m,nz,vz,vz_after\n1,1,,1\n", "impacts[0].body_a.velocity: must be finite"),
+    ],
+)
+def test_a_bad_table_is_refused_in_one_line(tmp_path: Path, capsys, text, told):
+    table = tmp_path / "impacts.csv"
+    table.write_text(text)
+    assert main([str(table)]) == 1
+    err = capsys.readouterr().err
+    assert told in err and err.count("\n") == 1
