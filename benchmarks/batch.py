@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cases import tables, with_immovable
+from cases import flat_boxes, tables, with_immovable
 from timing import Samples, interleaved, ratio, spread
 
-from collision_response import Geometry, ImpactModel, Law, Precision
-from collision_response.batch import resolve_batch
+from collision_response import Geometry, ImpactModel, Law, Precision, resolve, resolve_scene
+from collision_response.batch import body_rows, contact_rows, resolve_batch, resolve_scenes
+from collision_response.batch.one_by_one import body_of, contact_of
 
 Call = Callable[[], Any]
 
@@ -56,10 +57,10 @@ def by_c(library: ctypes.CDLL, law: Law, bodies: np.ndarray, contacts: np.ndarra
     return lambda kept=arrays: function(ctypes.c_size_t(n), *pointers), impulse
 
 
-def by_batch(bodies: np.ndarray, contacts: np.ndarray, model: ImpactModel, workers: int = 1) -> Call:
+def by_batch(bodies: np.ndarray, contacts: np.ndarray, model: ImpactModel, **options: Any) -> Call:
     """``resolve_batch`` with ready memory for the results."""
-    out = resolve_batch(bodies, contacts, model)
-    return lambda: resolve_batch(bodies, contacts, model, out=out, workers=workers)
+    out = resolve_batch(bodies, contacts, model, **options)
+    return lambda: resolve_batch(bodies, contacts, model, out=out, **options)
 
 
 def runs_of(n: int, libraries: dict[str, ctypes.CDLL]) -> dict[str, Call]:
@@ -83,6 +84,10 @@ def runs_of(n: int, libraries: dict[str, ctypes.CDLL]) -> dict[str, Call]:
     runs["immovable bodies among them"] = by_batch(
         with_immovable(bodies, Geometry.SPATIAL), contacts, coulomb
     )
+    reported = resolve_batch(bodies, contacts, coulomb, report=True)
+    runs["COULOMB, with a report"] = lambda: resolve_batch(bodies, contacts, coulomb, out=reported)
+    table, pairs = bodies.reshape(len(bodies), -1), np.arange(2 * n).reshape(2, n)
+    runs["COULOMB, by pairs of one table"] = by_batch(table, contacts, coulomb, pairs=pairs)
     runs["COULOMB, planar"] = by_batch(*flat, coulomb)
     runs["MOREAU"] = by_batch(bodies, contacts, ImpactModel(Law.MOREAU))
     runs["ROUTH_STRONGE, planar"] = by_batch(*flat, ImpactModel(Law.ROUTH_STRONGE))
@@ -131,9 +136,33 @@ def targets(samples: dict[int, Samples]) -> list[dict[str, Any]]:
     )
     against("ROUTH_STRONGE in space to 1e-9, against COULOMB", 150.0, few, "ROUTH_STRONGE, 1e-9", "COULOMB")
     bodies, contacts = tables(Geometry.SPATIAL, many)
-    calls = {str(n): by_batch(bodies, contacts, ImpactModel(Law.COULOMB), n) for n in (1, 2)}
+    calls = {str(n): by_batch(bodies, contacts, ImpactModel(Law.COULOMB), workers=n) for n in (1, 2)}
     workers = interleaved(calls, rounds=11, seconds=0.01, clock=time.perf_counter)
     found.append(
         {"what": "batch, N = 1e6, one worker against two", "least": 1.7, "measured": ratio(workers, "1", "2")}
     )
-    return found
+    return found + boxes()
+
+
+BOXES = 500
+
+
+def boxes() -> list[dict[str, Any]]:
+    """Flat boxes, all by one call, one call each, and as many single impacts."""
+    tables_and_pairs = bodies, contacts, pairs = flat_boxes(BOXES)
+    rows, touch = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
+    scenes = [[body_of(rows, bodies[:, i]), body_of(rows, bodies[:, BOXES])] for i in range(BOXES)]
+    corners = [contact_of(touch, contacts[:, i]) for i in range(4)]
+    calls: dict[str, Call] = {
+        "one call": lambda: resolve_scenes(*tables_and_pairs[:2], pairs=pairs),
+        "a call each": lambda: [resolve_scene(scene, [(0, 1)] * 4, corners) for scene in scenes],
+        "single impacts": lambda: [resolve(*scene, corners[0]) for scene in scenes],
+    }
+    samples = interleaved(calls, rounds=11, seconds=0.05)
+    what = f"{BOXES} flat boxes with friction"
+    return [
+        {"what": f"{what}, one call against single impacts", "most": 10.0,
+         "measured": ratio(samples, "one call", "single impacts")},
+        {"what": f"{what}, a call each against one call", "least": 2.0,
+         "measured": ratio(samples, "a call each", "one call")},
+    ]  # fmt: skip

@@ -165,6 +165,21 @@ def with_immovable(bodies: np.ndarray, geometry: Geometry) -> np.ndarray:
     return bodies
 
 
+def flat_boxes(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Tables of boxes that land flat on four corners each, and slide; and the pairs. The floor comes last."""
+    random = np.random.default_rng(0)
+    rows, touch = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
+    bodies, contacts = np.zeros((rows.height, n + 1)), np.zeros((touch.height, 4 * n))
+    bodies[rows.mass], bodies[rows.mass, n] = 1.0, math.inf
+    bodies[rows.inertia][[0, 3, 5], :n] = 1 / 6
+    bodies[rows.velocity][:2, :n] = random.normal(size=(2, n))
+    bodies[rows.velocity][2, :n] = -1.0
+    contacts[touch.position] = np.tile([[-0.5, -0.5, 0.5, 0.5], [-0.5, 0.5, -0.5, 0.5], [-0.5] * 4], n)
+    contacts[touch.normal][2] = 1.0
+    contacts[touch.restitution], contacts[touch.friction] = 0.5, 0.3
+    return bodies, contacts, np.array([np.repeat(np.arange(n), 4), np.full(4 * n, n)])
+
+
 def copies(scene: Scene, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Tables of ``n`` times the same."""
     rows, touch = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)

@@ -404,11 +404,12 @@ def test_the_formulas_take_arrays_of_any_make(make, law):
 def test_every_level_of_the_machine_gives_the_same_bits(geometry, oriented, law, model):
     bodies, contacts = some(geometry, oriented=oriented)
     model = ImpactModel(law, **model)
-    with_long_vectors = resolve_batch(bodies, contacts, model)
-    library.allow_long_vectors(False)
-    try:
-        without = resolve_batch(bodies, contacts, model)
-    finally:
-        library.allow_long_vectors(True)
     usual = ~is_tiny(bodies)
-    assert_same(columns(with_long_vectors, usual), columns(without, usual))
+    by_longest = columns(resolve_batch(bodies, contacts, model, report=True), usual)
+    for bits in (256, 0):
+        library.limit_vectors(bits)
+        try:
+            by_others = columns(resolve_batch(bodies, contacts, model, report=True), usual)
+        finally:
+            library.limit_vectors(512)
+        assert_same(by_longest, by_others)

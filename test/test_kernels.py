@@ -34,7 +34,6 @@ from collision_response.numbers.number import (
     square_root,
     widened,
 )
-from collision_response.physics.laws import LAWS
 from collision_response.status import StatusCode
 
 
@@ -483,7 +482,6 @@ def test_every_layout_of_every_law_is_written():
         assert [name for name, _ in programs.headers(what)] == [
             f"{what}_{one.name.lower()}" for one in Layout
         ]
-    assert programs.names_of_laws() == [law.name.lower() for law in LAWS]
     (_, sizes), *rest = programs.headers("sizes")
     assert not rest
     assert all(f"LAW_{law.name} = {law.value}," in sizes for law in Law)

@@ -35,7 +35,9 @@ if TYPE_CHECKING:
 
 Array = np.ndarray[Any, Any]
 
-ANSWERS = [code for code in StatusCode if code.is_answer]
+IS_ANSWER = np.zeros(256, np.bool_)
+IS_ANSWER[[code for code in StatusCode if code.is_answer]] = True
+"""By code, whether there are numbers."""
 
 
 def as_pairs(pairs: Any) -> Array:
@@ -93,7 +95,7 @@ def scatter_velocities(bodies: Array, pairs: Any, result: BatchResult) -> None:
         result: what became of them.
     """
     pairs, rows = as_pairs(pairs), rows_of(bodies.shape[0])
-    answered = np.isin(result.status, ANSWERS)
+    answered = IS_ANSWER[result.status]
     velocity, spin = result.velocity, result.angular_velocity
     if not answered.all():
         pairs, velocity, spin = pairs[:, answered], velocity[..., answered], spin[..., answered]

@@ -175,8 +175,7 @@ def resolve_with_pauses(
         asked = Asked(plan, np.ascontiguousarray(bodies), pairs, np.ascontiguousarray(contacts))
         target = BatchResult(*(None if array is None else np.empty_like(array, order="C") for array in out))
         found = _run(asked, plan.number, target, workers, *columns)
-        if found is None:
-            raise ValueError("bodies, contacts, out: must be of the byte order of this machine")
+        assert found is not None, "copies fit"
     yield from _improve(
         *((asked, target) if columns == (0, n) else asked.part(target, *columns)), found, workers
     )

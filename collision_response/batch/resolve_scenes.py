@@ -37,7 +37,7 @@ from ..scene.reflections import REFLECTIONS
 from ..scene.resolve_scene import AT_REST, THRESHOLD
 from ..status import ImpactError, StatusCode
 from .one_by_one import REPORT, body_of, contact_of
-from .pairs import ANSWERS, as_pairs
+from .pairs import IS_ANSWER, as_pairs
 from .resolve_batch import DEFAULT, UINT8, Plan, plan_for, resolve_batch
 from .rows import body_rows, contact_rows
 
@@ -194,7 +194,7 @@ def _alone(
     found = resolve_batch(bodies, contacts.take(at, 1), wanted, pairs=own, report=True, workers=workers)
     result.impulse[:, at], result.regime[at] = found.impulse, found.regime
     result.status[alone], result.error_bound[alone] = found.status, found.error_bound
-    result.decision_margin[alone[np.isin(found.status, ANSWERS)]] = np.inf
+    result.decision_margin[alone[IS_ANSWER[found.status]]] = np.inf
     for field in REPORT[1:]:
         getattr(result, field)[alone] = getattr(found, field)
     of_bodies = ~np.isin(found.status, (StatusCode.SAME_BODY, StatusCode.UNKNOWN_BODY))

@@ -49,7 +49,7 @@ resolve = _compiled.resolve
 numbers = _compiled.numbers
 batch = _compiled.batch
 independent_sets = _compiled.independent_sets
-allow_long_vectors = _compiled.allow_long_vectors
+limit_vectors = _compiled.limit_vectors
 
 _scene.setup(Vec3, Twist, Fraction)
 assemble = _scene.assemble

@@ -375,10 +375,10 @@ PyObject* independent(PyObject*, PyObject* const* args, Py_ssize_t count) {
   return PyLong_FromLong(sets);
 }
 
-// allow_long_vectors(yes): whether batches use them, where there are any. The results are the same.
-PyObject* allow_long_vectors(PyObject*, PyObject* yes) {
-  may_use_long_vectors = yes == Py_True;
-  Py_RETURN_NONE;
+// limit_vectors(bits): the longest that batches use, where there are any. The results are the same.
+PyObject* limit_vectors(PyObject*, PyObject* bits) {
+  longest_vectors = PyLong_AsLong(bits);
+  return PyErr_Occurred() ? nullptr : Py_NewRef(Py_None);
 }
 
 PyObject* setup(PyObject*, PyObject* args) {
@@ -397,7 +397,7 @@ PyMethodDef methods[] = {
     {"numbers", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(numbers)), METH_FASTCALL, ""},
     {"batch", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(batch)), METH_FASTCALL, ""},
     {"independent_sets", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(independent)), METH_FASTCALL, ""},
-    {"allow_long_vectors", allow_long_vectors, METH_O, ""},
+    {"limit_vectors", limit_vectors, METH_O, ""},
     {"setup", setup, METH_VARARGS, ""},
     {}};
 PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_compiled", "", -1, methods};

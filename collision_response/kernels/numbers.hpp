@@ -58,6 +58,9 @@ INLINE bool negation(bool m) { return !m; }
 template <class M, class = std::enable_if_t<is_vector<M>>> INLINE M negation(M m) { return ~m; }
 INLINE bool any(bool m) { return m; }
 template <class M, class = std::enable_if_t<is_vector<M>>> INLINE bool any(M m) {
+#ifdef __AVX512F__
+  if constexpr (sizeof m == 64) return _mm512_test_epi64_mask((__m512i)m, (__m512i)m) != 0;
+#endif
 #ifdef __AVX2__
   if constexpr (sizeof m == 32) return !_mm256_testz_si256((__m256i)m, (__m256i)m);
 #endif

@@ -17,6 +17,13 @@ from .layout import MODEL, Layout, names_of_body, names_of_contact, request, uni
 from .pairs import in_pairs
 from .symbol import CONDITIONS, Symbol, Tape, numbers_in, rebuilt
 
+LISTS: dict[str, list[Law]] = {
+    "laws": list(LAWS),
+    "laws_in_float32": [law for law in LAWS if law not in PATHS],
+    "usual_laws": [Law.FRICTIONLESS, Law.COULOMB],
+}
+"""Laws by what the build makes for them: batches of float32, and of the laws that AUTO takes the fastest."""
+
 HEAD = '#pragma once\n#include "pairs.hpp"\n\n'
 
 
@@ -156,15 +163,13 @@ def sizes() -> str:
     numbers |= {f"LAYOUT_{layout.name}": i for i, layout in enumerate(Layout)}
     tables = "".join(f"  {_table_of(layout)},\n" for layout in TABLES)
     listed = "".join(f"  {name} = {value},\n" for name, value in numbers.items())
-    each_law = " ".join(f"X({law.name.lower()}, {int(law)})" for law in LAWS)
-    in_float32 = " ".join(f"X({law.name.lower()}, {int(law)})" for law in LAWS if law not in PATHS)
+    each = {name: " ".join(f"X({law.name.lower()}, {int(law)})" for law in LISTS[name]) for name in LISTS}
+    lists = "".join(f"#define EACH_OF_{name.upper()}(X) {laws}\n" for name, laws in each.items())
     return (
         f"#pragma once\nenum {{\n{listed}}};\n"
         f"enum {{ ROWS_OF_BODY = BODY, ROWS_OF_CONTACT = {len(names_of_contact(Layout.EVERYTHING))}, "
         f"ROWS_OF_MODEL = {len(MODEL)} }};\n"
-        f"#define EACH_LAW(X) {each_law}\n"
-        f"#define EACH_LAW_IN_FLOAT32(X) {in_float32}\n"
-        f"{TABLE}#ifdef WITH_TABLES\n"
+        f"{lists}{TABLE}#ifdef WITH_TABLES\n"
         f"static const char* const input_names[] = {{{spelled}}};\n"
         f"{table('input_units', list(asked.names))}"
         f"{table('change_units', changes)}"
@@ -208,8 +213,3 @@ def _table_of(layout: Layout) -> str:
 
 ZERO, ONE = -1, -2
 """Rows that a table has not: 0 for all, or 1 for all."""
-
-
-def names_of_laws(*, in_float32: bool = False) -> list[str]:
-    """As the build calls them; perhaps only those that there are batches of float32 for."""
-    return [law.name.lower() for law in LAWS if not (in_float32 and law in PATHS)]

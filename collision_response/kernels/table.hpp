@@ -11,13 +11,13 @@ extern "C" void check_request(const double* x, double* fault, bool* shapes);
   extern "C" void impact_##law##_single(const double*, const double*, Numbers*);  \
   extern "C" void impact_##law##_bounded(const double*, const double*, Numbers*);  \
   extern "C" void impact_##law##_extended(const double*, const double*, Numbers*);
-EACH_LAW(X)
+EACH_OF_LAWS(X)
 #undef X
 
 // By law and precision.
 static Kernel kernel_of(int law, int precision) {
 #define X(law, number) {number, {impact_##law##_single, impact_##law##_bounded, impact_##law##_extended}},
-  static const struct { int law; Kernel by_precision[3]; } table[] = {EACH_LAW(X)};
+  static const struct { int law; Kernel by_precision[3]; } table[] = {EACH_OF_LAWS(X)};
 #undef X
   for (const auto& row : table)
     if (row.law == law) return row.by_precision[precision - 2];
@@ -31,32 +31,37 @@ enum Number { PLAIN, FLOAT, BOUNDED, LONG_BOUNDED };
   DECLARE(law##_everything_plain_base)   \
   DECLARE(law##_everything_bounded_base) \
   DECLARE(law##_everything_extended_base)
-EACH_LAW(X)
+EACH_OF_LAWS(X)
 #undef X
 #define X(law, number) DECLARE(law##_everything_float_base)
-EACH_LAW_IN_FLOAT32(X)
+EACH_OF_LAWS_IN_FLOAT32(X)
 #undef X
-#ifdef WITH_AVX2
+#ifdef WITH_LONG_VECTORS
+#define X(law, number)                         \
+  DECLARE(law##_point_plain_avx2)              \
+  DECLARE(law##_point_float_avx2)              \
+  DECLARE(law##_spatial_plain_avx512)          \
+  DECLARE(law##_spatial_oriented_plain_avx512)
+EACH_OF_USUAL_LAWS(X)
+#undef X
 #define X(law, number)                       \
-  DECLARE(law##_point_plain_avx2)            \
   DECLARE(law##_planar_plain_avx2)           \
   DECLARE(law##_spatial_plain_avx2)          \
   DECLARE(law##_spatial_oriented_plain_avx2) \
   DECLARE(law##_everything_bounded_avx2)     \
   DECLARE(law##_everything_extended_avx2)
-EACH_LAW(X)
+EACH_OF_LAWS(X)
 #undef X
 #define X(law, number)              \
-  DECLARE(law##_point_float_avx2)   \
   DECLARE(law##_planar_float_avx2)  \
   DECLARE(law##_spatial_float_avx2) \
   DECLARE(law##_spatial_oriented_float_avx2)
-EACH_LAW_IN_FLOAT32(X)
+EACH_OF_LAWS_IN_FLOAT32(X)
 #undef X
 #endif
 #undef DECLARE
 
-static bool may_use_long_vectors = true;  // tests compare the levels of the machine
+static long longest_vectors = 512;  // bits that may be used: tests compare the levels of the machine
 
 struct BatchRow { int law, layout; Number number; BatchKernel kernel; };
 
@@ -67,37 +72,52 @@ static BatchKernel batch_kernel(int law, int layout, int number) {
       if (row.law == law && row.layout == layout && row.number == number) return row.kernel;
     return nullptr;
   };
-#ifdef WITH_AVX2
-  static const BatchRow long_vectors[] = {
+#ifdef WITH_LONG_VECTORS
+  static const BatchRow of_512_bits[] = {
+#define X(law, number)                                                          \
+  {number, LAYOUT_SPATIAL, PLAIN, batch_##law##_spatial_plain_avx512},          \
+  {number, LAYOUT_SPATIAL_ORIENTED, PLAIN, batch_##law##_spatial_oriented_plain_avx512},
+      EACH_OF_USUAL_LAWS(X)
+#undef X
+  };
+  static const BatchRow of_256_bits[] = {
 #define X(law, number)                                                                    \
-  {number, LAYOUT_POINT, PLAIN, batch_##law##_point_plain_avx2},                          \
   {number, LAYOUT_PLANAR, PLAIN, batch_##law##_planar_plain_avx2},                        \
   {number, LAYOUT_SPATIAL, PLAIN, batch_##law##_spatial_plain_avx2},                      \
   {number, LAYOUT_SPATIAL_ORIENTED, PLAIN, batch_##law##_spatial_oriented_plain_avx2},    \
   {number, LAYOUT_EVERYTHING, BOUNDED, batch_##law##_everything_bounded_avx2},            \
   {number, LAYOUT_EVERYTHING, LONG_BOUNDED, batch_##law##_everything_extended_avx2},
-      EACH_LAW(X)
+      EACH_OF_LAWS(X)
 #undef X
 #define X(law, number)                                                                    \
-  {number, LAYOUT_POINT, FLOAT, batch_##law##_point_float_avx2},                          \
   {number, LAYOUT_PLANAR, FLOAT, batch_##law##_planar_float_avx2},                        \
   {number, LAYOUT_SPATIAL, FLOAT, batch_##law##_spatial_float_avx2},                      \
   {number, LAYOUT_SPATIAL_ORIENTED, FLOAT, batch_##law##_spatial_oriented_float_avx2},
-      EACH_LAW_IN_FLOAT32(X)
+      EACH_OF_LAWS_IN_FLOAT32(X)
+#undef X
+#define X(law, number)                                          \
+  {number, LAYOUT_POINT, PLAIN, batch_##law##_point_plain_avx2}, \
+  {number, LAYOUT_POINT, FLOAT, batch_##law##_point_float_avx2},
+      EACH_OF_USUAL_LAWS(X)
 #undef X
   };
-  static const bool has_long_vectors = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
-  if (has_long_vectors && may_use_long_vectors) return find(long_vectors);
+  static const bool has_256_bits = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+  static const bool has_512_bits = has_256_bits && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
+                                   __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw");
+  if (has_512_bits && longest_vectors >= 512)
+    if (BatchKernel kernel = find(of_512_bits)) return kernel;
+  if (has_256_bits && longest_vectors >= 256)
+    if (BatchKernel kernel = find(of_256_bits)) return kernel;
 #endif
   static const BatchRow every_machine[] = {
 #define X(law, number)                                                         \
   {number, LAYOUT_EVERYTHING, PLAIN, batch_##law##_everything_plain_base},     \
   {number, LAYOUT_EVERYTHING, BOUNDED, batch_##law##_everything_bounded_base}, \
   {number, LAYOUT_EVERYTHING, LONG_BOUNDED, batch_##law##_everything_extended_base},
-      EACH_LAW(X)
+      EACH_OF_LAWS(X)
 #undef X
 #define X(law, number) {number, LAYOUT_EVERYTHING, FLOAT, batch_##law##_everything_float_base},
-      EACH_LAW_IN_FLOAT32(X)
+      EACH_OF_LAWS_IN_FLOAT32(X)
 #undef X
   };
   return find(every_machine);
