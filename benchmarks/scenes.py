@@ -27,6 +27,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -63,11 +64,11 @@ Vectors = list[tuple[Any, Any]]
 STIFFNESS, STEPS = 1e6, 20
 """Of MuJoCo's contacts [1/s^2], and how many steps one lasts."""
 
-PATIENCE = 4.0
+PATIENCE = 1.0
 """A way that takes longer for one scene is not asked for a larger one [s]."""
 
 SIZES = (1, 4, 10, 32, 100, 316, 1000, 3160, 10000)
-ROUNDS = 7
+ROUNDS = 5
 GIVEN = {"pinocchio": 320, "Siconos": 1000}
 """Contacts beyond which dense matrices are too much."""
 
@@ -498,7 +499,7 @@ def main() -> None:
     results: dict[str, Any] = {
         "date": datetime.date.today().isoformat(),
         "machine": machine(),
-        "scenes": measure(print, quick=quick),
+        "scenes": measure(partial(print, flush=True), quick=quick),
     }
     if quick:
         for text in parts(results).values():
