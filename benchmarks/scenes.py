@@ -109,6 +109,23 @@ def boxes(contacts: int) -> Scene:
     return Scene([*bodies, Body.static()], pairs, touch, f'<geom type="plane" size="9 9 1"/>{falling}')
 
 
+def stack(contacts: int) -> Scene:
+    """Boxes on each other that come down at 1 m/s, four corners each, sliding; for us alone."""
+    moments, count = box(1.0, (1.0, 1.0, 1.0)).inertia, max(1, contacts // 4)
+    bodies = [
+        Body.dynamic(1.0, moments, (0.0, 0.0, i + 0.5), None, (0.2 * (i + 1), 0.0, -1.0))
+        for i in range(count)
+    ]
+    touch = [
+        Contact.of((x, y, float(i)), (0.0, 0.0, 1.0), 0.5, 0.3)
+        for i in range(count)
+        for x in (-0.5, 0.5)
+        for y in (-0.5, 0.5)
+    ]
+    pairs = [(i, i - 1 if i else count) for i in range(count) for _ in range(4)]
+    return Scene([*bodies, Body.static()], pairs, touch, "")
+
+
 # Ways to the answer ---------------------------------------------------------------------------
 
 
@@ -318,6 +335,7 @@ OURS = {
     "`MOREAU`": ours(Law.MOREAU),
     "`ROUTH_STRONGE`": ours(Law.ROUTH_STRONGE),
 }
+FOR_FRICTION = {f"`{law.name}`": ours(law) for law in (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU)}
 
 
 def measure(say: Callable[[str], object], *, quick: bool = False) -> dict[str, Any]:
@@ -340,6 +358,7 @@ def measure(say: Callable[[str], object], *, quick: bool = False) -> dict[str, A
     costs = {}
     for what, build in (("row", row), ("boxes", boxes)):
         costs[what] = dict(cost(build, ways, 300 if quick else max(SIZES), say))
+    costs["stack"] = dict(cost(stack, FOR_FRICTION, 400, say))
     targets = [
         {"what": "a box flat on a floor against one impact, COULOMB", "most": 10.0, "measured": box_ratio()},
         {
@@ -359,7 +378,7 @@ def cost(
     """For each number of contacts the least time of each way, taken in turns [s]."""
     left = {name: way for name, way in ways.items() if name != "`ROUTH_STRONGE`"}
     for size in SIZES:
-        if size > most or (build is boxes and size < 4):
+        if size > most or (build is not row and size < 4):
             continue
         built = {}
         for name in list(left):
@@ -406,11 +425,16 @@ def parts(results: dict[str, Any]) -> dict[str, str]:
     rows = [[name, *_row_cells(row), *_box_cells(flat)] for name, (row, flat) in found["answers"].items()]
     head = ["", "cradle: speeds after", "energy kept", "flat box: up", "turning [rad/s]"]
     tables = []
-    for what in ("row", "boxes"):
+    heads = {
+        "row": "balls in a row, contacts",
+        "boxes": "flat boxes, contacts",
+        "stack": "a sliding stack of boxes, contacts",
+    }
+    for what, title in heads.items():
         spent = found["seconds"][what]
-        names = [name for name in found["answers"] if name != "`ROUTH_STRONGE`"]
-        head_of = [{"row": "contacts, one cluster", "boxes": "contacts, four each"}[what], *names]
-        cells = [[f"{n:,}", *(_time(own.get(name)) for name in names)] for n, own in spent.items()]
+        names = list(dict.fromkeys(name for own in spent.values() for name in own))
+        head_of = [title, *names]
+        cells = [[f"{int(n):,}", *(_time(own.get(name)) for name in names)] for n, own in spent.items()]
         tables.append(pages.table(head_of, cells))
     return {
         "measured": "\n".join(lines),
