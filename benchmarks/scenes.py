@@ -380,13 +380,13 @@ def cost(
     for size in SIZES:
         if size > most or (build is not row and size < 4):
             continue
-        built = {}
+        scene, built = build(size), {}
         for name in list(left):
             if size > GIVEN.get(name, most):
                 del left[name]
                 continue
             try:
-                built[name] = left[name](build(size))
+                built[name] = left[name](scene)
             except Exception as failure:  # too large for it
                 say(f"    {name}, {size} contacts: {type(failure).__name__}: {failure}")
                 del left[name]
@@ -399,8 +399,11 @@ def cost(
         for name, spent in once.items():
             if spent > PATIENCE:
                 del left[name]
-        say(f"    {build.__name__}, {size} contacts: {', '.join(f'{n} {t:.2g} s' for n, t in best.items())}")
-        yield size, best
+        number = len(scene.contacts)
+        say(
+            f"    {build.__name__}, {number} contacts: {', '.join(f'{n} {t:.2g} s' for n, t in best.items())}"
+        )
+        yield number, best
 
 
 def box_ratio() -> float:
