@@ -1,9 +1,8 @@
-"""What every answer for a scene keeps, on many random ones: with ``SCENES=1000`` on more, and larger."""
+"""What every answer for a scene keeps, on many random ones; benchmarks/scene_properties.py asks for more."""
 
 from __future__ import annotations
 
 import math
-import os
 import random
 from fractions import Fraction
 
@@ -23,7 +22,7 @@ from collision_response import (
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import Vec3
 
-SEEDS = range(int(os.environ.get("SCENES", "60")))
+SEEDS = range(60)
 LAWS = [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU]
 each_seed = pytest.mark.parametrize("seed", SEEDS)
 each_law = pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)

@@ -1,0 +1,98 @@
+"""The properties of test/test_scene_properties.py on 1000 scenes of up to 30 contacts:
+
+    .bench-venv/bin/python -I benchmarks/scene_properties.py [--scenes N]
+
+Violations are printed as they come. All 1000 rewrite the table of docs/scenes.md, fewer do not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import multiprocessing
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parent / "test")]
+
+import pages  # noqa: E402
+import test_scene_properties as properties  # noqa: E402
+
+from collision_response import Law  # noqa: E402
+
+FIRST, SCENES = 60, 1000
+"""The scenes before the first are those of the tests."""
+
+
+class Outcome(NamedTuple):
+    """One property of one scene; ``fault`` is empty if it holds."""
+
+    seed: int
+    name: str
+    law: str
+    fault: str
+
+
+def checks() -> Iterator[tuple[str, Callable[..., None], list[Law | None]]]:
+    """What takes any seed, by which laws."""
+    for name, check in vars(properties).items():
+        if name.startswith("test_") and any(
+            mark is properties.each_seed.mark for mark in getattr(check, "pytestmark", [])
+        ):
+            by_law = "law" in inspect.signature(check).parameters
+            yield name.removeprefix("test_"), check, list(properties.LAWS) if by_law else [None]
+
+
+def outcomes(seed: int) -> list[Outcome]:
+    """Of all checks for one scene."""
+    found = []
+    for name, check, laws in checks():
+        for law in laws:
+            fault = ""
+            try:
+                check(seed) if law is None else check(seed, law)
+            except Exception as error:  # whatever it is, the property does not hold
+                fault = type(error).__name__
+            found.append(Outcome(seed, name, law.name if law else "", fault))
+    return found
+
+
+def table(found: Counter[Any], asked: Counter[Any]) -> str:
+    """Violations by property and law."""
+    laws = [law.name for law in properties.LAWS]
+    rows = []
+    for name in dict.fromkeys(name for name, _ in asked):
+        cells = [str(found[name, law]) if asked[name, law] else "" for law in laws]
+        if asked[name, ""]:
+            cells = [str(found[name, ""]), "", ""]
+        rows.append([name.replace("_", " "), *cells])
+    return pages.table(["violations", *(f"`{law}`" for law in laws)], rows)
+
+
+def main() -> int:
+    """Check, print and write."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--scenes", type=int, default=SCENES, help=f"how many; {SCENES} if not given")
+    scenes = parser.parse_args().scenes
+    found: Counter[Any] = Counter()
+    asked: Counter[Any] = Counter()
+    with multiprocessing.Pool() as pool:
+        for results in pool.imap(outcomes, range(FIRST, FIRST + scenes)):
+            for seed, name, law, fault in results:
+                asked[name, law] += 1
+                if fault:
+                    found[name, law] += 1
+                    print(f"scene {seed}, {law or 'all laws'}: {name}: {fault}", flush=True)
+    text = f"{table(found, asked)}\n\n{sum(found.values())} violations in {sum(asked.values()):,} checks."
+    print(text)
+    if scenes == SCENES:
+        pages.rewrite(pages.DOCS / "scenes.md", {"random": text})
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
