@@ -19,7 +19,7 @@ LAYERS = (
     {"status"},
     {"model"},
     {"centre"},
-    {"answer", "geometry", "impact", "validity"},
+    {"answer", "geometry", "impact", "materials", "validity"},
     {"kernels"},
     {"exactly"},
     {"resolve"},
@@ -41,6 +41,7 @@ NOT = {"recording": {"batch", "kernels"}, "ros": {"kernels"}, "demo": {"kernels"
 STRANGERS = {
     "numbers": {"numpy", "flint"},
     "batch": {"numpy", "dask", "torch"},
+    "materials": {"yaml"},
     "identify": {"numpy", "scipy", "matplotlib"},
     "recording": {"numpy", "rerun", "pyarrow"},
 }

@@ -25,6 +25,7 @@ DEFAULTS = {
     "friction": 0.0,
     "combine_restitution": "average",
     "combine_friction": "average",
+    "materials_file": "",
     "law": "auto",
     "geometry": "auto",
     "precision": "auto",
