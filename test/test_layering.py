@@ -26,8 +26,8 @@ LAYERS = (
     {"requirements", "scene"},
     {FRONT},
     {"batch"},
-    {"identify"},
     {"recording"},
+    {"identify"},
     {"msg", "srv"},
     {"ros"},
     {"demo"},
@@ -42,7 +42,7 @@ STRANGERS = {
     "numbers": {"numpy", "flint"},
     "batch": {"numpy", "dask", "torch"},
     "materials": {"yaml"},
-    "identify": {"numpy", "scipy", "matplotlib"},
+    "identify": {"numpy", "scipy", "matplotlib", "rerun"},
     "recording": {"numpy", "rerun", "pyarrow"},
 }
 """What units below ROS may import that is neither Python's nor the package's."""

@@ -260,7 +260,9 @@ def _defaults(model: ImpactModel, pair: Pair) -> ImpactModel:
 
 
 def only_one_body_says(field: str, touch: Touch) -> bool:
-    """Whether the coefficient of one body is of no use, because the other has none."""
+    """Whether the coefficient of one body is of no use, because the other has none, nor both a material."""
+    if touch.body_a.material and touch.body_b.material:
+        return False
     of_a, of_b = getattr(touch.body_a, field), getattr(touch.body_b, field)
     return getattr(touch.contact, field) == UNSET and (of_a == UNSET) != (of_b == UNSET)
 
