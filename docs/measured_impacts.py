@@ -36,7 +36,8 @@ SHOWN = 10, 50, 90
 INK, BLUE, ORANGE, GREY = "#222222", "#0072b2", "#d55e00", "#8a8a8a"
 
 SPEED, RADIUS = 3.9, 0.0025
-BY_AUTHORS = {"restitution": 0.98, "friction": 0.092}
+BY_AUTHORS = {"restitution": 0.98, "friction": 0.092, "stiffness_ratio": 0.87}
+"""The last by Poisson's ratio 0.23, for a law that has it."""
 READING = {"ratio": 0.008, "angle": 0.84, "spin": 44.0}
 SLIDING = 25.0
 """Above this incidence the sphere slides all the time [degrees]."""
@@ -88,7 +89,9 @@ def of_impacts(measured: Impacts) -> dict[str, Any]:
 def rounding(measured: Impacts, coefficients: dict[str, list[float]]) -> np.ndarray:
     """How far COULOMB in 64 bits is from the same right to the last place, relative to the impulse."""
     rows, contacts = contact_rows(Geometry.SPATIAL), measured.contacts.copy()
-    contacts[rows.restitution], contacts[rows.friction] = (coefficients[name][0] for name in BY_AUTHORS)
+    contacts[rows.restitution], contacts[rows.friction] = (
+        coefficients[name][0] for name in ("restitution", "friction")
+    )
     plain, exact = (
         resolve_batch(measured.bodies, contacts, ImpactModel(Law.COULOMB, precision=precision)).impulse
         for precision in (Precision.DOUBLE, Precision.EXTENDED)

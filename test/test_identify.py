@@ -82,14 +82,14 @@ def test_tangential_restitution_is_found_where_friction_is_known():
 
 
 def test_noisy_normals_deceive_the_formal_interval_and_not_the_bootstrap():
-    """Friction of 0.2, normals off by 2 degrees: of 30 sets of 60 impacts, how many intervals hold it."""
+    """Friction of 0.2, normals off by 2 degrees: of 20 sets of 60 impacts, how many intervals hold it."""
     holds = {"formal": 0, "bootstrap": 0}
-    for seed in range(30):
+    for seed in range(20):
         measured = cubes(60, 0.5, 0.2, seed, tilt=math.radians(2), speed=0.01, spin=0.1)
-        mu = identify(measured, loss="linear", resamples=60, seed=seed).coefficients["friction"]
+        mu = identify(measured, loss="linear", resamples=40, seed=seed).coefficients["friction"]
         holds["formal"] += abs(mu.value - 0.2) <= 1.96 * mu.formal
         holds["bootstrap"] += mu.low <= 0.2 <= mu.high
-    assert holds["formal"] < 22 <= holds["bootstrap"], holds
+    assert holds["formal"] < 16 <= holds["bootstrap"], holds
 
 
 def test_impacts_that_all_stick_bound_friction_from_below_alone():
