@@ -25,6 +25,7 @@ import numpy as np
 from collision_response import Body, Contact, Geometry, ImpactModel, Law, Precision, Twist
 from collision_response.batch import contact_rows, resolve_batch
 from collision_response.identify import Impacts, SphereReadings, identify
+from collision_response.identify.plot import draw
 from collision_response.identify.table import impacts_of, readings_of, rows_of
 from collision_response.physics.vector import Vec3
 
@@ -215,7 +216,9 @@ def main() -> None:
     if arguments.ellipse:
         results["ellipse"] = of_impacts(ellipse(arguments.ellipse))
     if arguments.cubes:
-        results["cubes"] = of_impacts(impacts_of(rows_of(arguments.cubes, {})))
+        cubes = impacts_of(rows_of(arguments.cubes, {}))
+        results["cubes"] = of_impacts(cubes)
+        draw(identify(cubes), cubes, HERE / "images" / "identify.png")
     results["kharaz"] = of_kharaz()
     RESULTS.write_text(json.dumps(results, indent=1, ensure_ascii=False) + "\n")
     text = PAGE.read_text()
