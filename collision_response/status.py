@@ -31,6 +31,7 @@ class StatusCode(IntEnum):
     BUDGET_EXCEEDED = 20
     SHUTTING_DOWN = 21
     CONTRADICTORY_CONTACTS = 22
+    UNKNOWN_MATERIAL = 23
     INTERNAL_ERROR = 100
 
     @property

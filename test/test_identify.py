@@ -82,14 +82,14 @@ def test_tangential_restitution_is_found_where_friction_is_known():
 
 
 def test_noisy_normals_deceive_the_formal_interval_and_not_the_bootstrap():
-    """Friction of 0.2, normals off by 2 degrees: of 30 sets of 60 impacts, how many intervals hold it."""
+    """Friction of 0.2, normals off by 2 degrees: of 20 sets of 60 impacts, how many intervals hold it."""
     holds = {"formal": 0, "bootstrap": 0}
-    for seed in range(30):
+    for seed in range(20):
         measured = cubes(60, 0.5, 0.2, seed, tilt=math.radians(2), speed=0.01, spin=0.1)
-        mu = identify(measured, loss="linear", resamples=60, seed=seed).coefficients["friction"]
+        mu = identify(measured, loss="linear", resamples=40, seed=seed).coefficients["friction"]
         holds["formal"] += abs(mu.value - 0.2) <= 1.96 * mu.formal
         holds["bootstrap"] += mu.low <= 0.2 <= mu.high
-    assert holds["formal"] < 22 <= holds["bootstrap"], holds
+    assert holds["formal"] < 16 <= holds["bootstrap"], holds
 
 
 def test_impacts_that_all_stick_bound_friction_from_below_alone():
@@ -241,3 +241,63 @@ def test_a_bad_table_is_refused_in_one_line(tmp_path: Path, capsys, text, told):
     assert main([str(table)]) == 1
     err = capsys.readouterr().err
     assert told in err and err.count("\n") == 1
+
+
+def recording(path, answers, heard):
+    """A recording of balls on a floor, at the whole seconds; of states heard, stamp [ns] and velocity."""
+    rr = pytest.importorskip("rerun")
+    pa = pytest.importorskip("pyarrow")
+    at_rest = [math.inf, *[0.0] * 12, 0.0, 0.0, 0.0, 1.0, *[0.0] * 6]
+    columns: dict[str, list] = {}
+    for speed, rebound in answers:
+        ball = [2.0, *[0.0] * 6, 0.0, 0.0, 0.25, *[0.0] * 6, 1.0, 0.0, 0.0, -speed, *[0.0] * 3]
+        for name, value in (
+            ("request_a", ball),
+            ("request_b", at_rest),
+            ("request_contact", [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.9, 0.0, math.nan]),
+            ("twist_a_after", [0.0, 0.0, rebound, 0.0, 0.0, 0.0]),
+            ("twist_b_after", [0.0] * 6),
+            ("body_a", "ball"),
+            ("body_b", "floor"),
+        ):
+            columns.setdefault(name, []).append(value)
+
+    def arrow(values):
+        if isinstance(values[0], str):
+            return pa.array(values)
+        flat = np.array(values)
+        return pa.FixedSizeListArray.from_arrays(pa.array(flat.ravel()), flat.shape[1])
+
+    stream = rr.RecordingStream("test")
+    stream.save(path)
+    stamps = np.arange(1, 1 + len(answers)) * 10**9
+    times = [
+        rr.TimeColumn("ros_time", timestamp=stamps.astype("datetime64[ns]")),
+        rr.TimeColumn("answer", sequence=range(len(answers))),
+    ]
+    parts = {name: arrow(values) for name, values in columns.items()}
+    stream.send_columns("/impacts", times, rr.DynamicArchetype.columns(archetype="Impact", components=parts))
+    if heard:
+        when = np.array([stamp for stamp, _ in heard]).astype("datetime64[ns]")
+        arrows = rr.Arrows3D.columns(vectors=[[0.0, 0.0, 0.1 * v] for _, v in heard])
+        stream.send_columns("/world/velocities/ball", [rr.TimeColumn("ros_time", timestamp=when)], arrows)
+    stream.disconnect()
+    return path
+
+
+def test_the_command_takes_from_a_recording_what_was_heard_after_an_impact(tmp_path: Path, capsys):
+    """The node was told e = 0.9; the balls bounce with 0.5. One state is too late, and one is of before."""
+    heard = [(10**9 - 1, -1.0), (10**9 + 10**7, 0.5), (10**9 + 2 * 10**7, 9.0)]
+    heard += [(2 * 10**9 + 10**7, 1.0), (3 * 10**9 + 10**7, 1.5), (4 * 10**9 + 10**8, 9.0)]
+    path = recording(tmp_path / "a.rrd", [(1.0, 0.9), (2.0, 1.8), (3.0, 2.7), (4.0, 3.6)], heard)
+    options = [str(path), "--law", "frictionless", "--resamples", "2"]
+    assert main(options) == 0
+    assert "restitution = 0.5 " in capsys.readouterr().out
+    assert main([*options, "--within", "0"]) == 0
+    assert "restitution = 0.9 " in capsys.readouterr().out
+
+
+def test_a_recording_in_which_nothing_was_heard_is_refused(tmp_path: Path, capsys):
+    path = recording(tmp_path / "a.rrd", [(1.0, 0.9)] * 3, [])
+    assert main([str(path)]) == 1
+    assert "no state of a body was heard within 0.05 s" in capsys.readouterr().err

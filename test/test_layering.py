@@ -19,15 +19,15 @@ LAYERS = (
     {"status"},
     {"model"},
     {"centre"},
-    {"answer", "geometry", "impact", "validity"},
+    {"answer", "geometry", "impact", "materials", "validity"},
     {"kernels"},
     {"exactly"},
     {"resolve"},
     {"requirements", "scene"},
     {FRONT},
     {"batch"},
-    {"identify"},
     {"recording"},
+    {"identify"},
     {"msg", "srv"},
     {"ros"},
     {"demo"},
@@ -41,7 +41,8 @@ NOT = {"recording": {"batch", "kernels"}, "ros": {"kernels"}, "demo": {"kernels"
 STRANGERS = {
     "numbers": {"numpy", "flint"},
     "batch": {"numpy", "dask", "torch"},
-    "identify": {"numpy", "scipy", "matplotlib"},
+    "materials": {"yaml"},
+    "identify": {"numpy", "scipy", "matplotlib", "rerun"},
     "recording": {"numpy", "rerun", "pyarrow"},
 }
 """What units below ROS may import that is neither Python's nor the package's."""

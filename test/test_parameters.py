@@ -9,9 +9,11 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from rclpy.exceptions import ParameterException
 from rclpy.parameter import Parameter
 from ros_graph import balls_meet
 
+from collision_response import StatusCode
 from collision_response.msg import ImpactModel
 from collision_response.ros.parameters import CHOICES, DECLARATIONS
 
@@ -25,6 +27,7 @@ DEFAULTS = {
     "friction": 0.0,
     "combine_restitution": "average",
     "combine_friction": "average",
+    "materials_file": "",
     "law": "auto",
     "geometry": "auto",
     "precision": "auto",
@@ -148,6 +151,57 @@ def test_the_contact_comes_before_the_bodies_and_both_before_the_parameter(graph
     request.body_a.friction = 0.25  # of only one body: no use
     contact = graph.call(request).result.contact
     assert (contact.restitution, contact.friction) == (0.5, 0.375)
+
+
+MATERIALS = """
+pairs:
+  - materials: [glass, steel]
+    restitution: {yield_speed: 0.25, after: johnson}
+    friction: 0.125
+    tangential_restitution: 0.5
+    source: a page
+materials: {rubber: {restitution: 1.0, friction: 1.0}, steel: {restitution: 0.25}}
+"""
+
+
+def test_the_entry_of_a_pair_of_materials_comes_before_all_but_the_contact(graph, tmp_path):
+    file = tmp_path / "materials.yaml"
+    file.write_text(MATERIALS)
+    graph.serve(materials_file=str(file), combine_restitution="geometric_mean", friction=0.75)
+    request = balls_meet()
+    request.contact.restitution = request.contact.friction = -1.0
+    request.body_a.material, request.body_b.material = "steel", "glass"
+    request.body_a.restitution = request.body_b.restitution = 0.5
+    result = graph.call(request).result
+    assert (result.restitution_from, result.friction_from) == (result.FROM_PAIR, result.FROM_PAIR)
+    assert (result.restitution_rule, result.friction_rule) == ("a page", "a page")
+    johnson = 1.185 * (0.25 / 4.0) ** 0.25  # four digits
+    assert result.contact.restitution == pytest.approx(johnson, rel=1e-3)
+    assert (result.contact.friction, result.model.tangential_restitution) == (0.125, 0.5)
+
+    request.body_b.material = "rubber"
+    request.body_a.friction, request.body_b.friction = 0.25, 0.75
+    result = graph.call(request).result
+    assert (result.restitution_from, result.restitution_rule) == (result.FROM_MATERIALS, "geometric_mean")
+    assert (result.friction_from, result.friction_rule) == (result.FROM_BODIES, "average")
+    assert (result.contact.restitution, result.contact.friction) == (0.5, 0.5)
+    assert result.model.tangential_restitution == 0.0
+
+    request.contact.restitution = 0.75
+    result = graph.call(request).result
+    assert (result.restitution_from, result.restitution_rule) == (result.FROM_CONTACT, "")
+
+    request.body_b.material = "cheese"
+    status = graph.call(request).result.status
+    assert status.code == StatusCode.UNKNOWN_MATERIAL
+    assert status.message.startswith("body_b.material: is 'cheese'; known are glass, rubber, steel")
+
+
+def test_a_node_does_not_start_with_a_bad_file_of_materials(graph, tmp_path):
+    file = tmp_path / "materials.yaml"
+    file.write_text("materials: {steel: {restitution: 2}}")
+    with pytest.raises(ParameterException, match=r"materials\.steel\.restitution: must be in .*, is 2"):
+        graph.serve(materials_file=str(file))
 
 
 def test_what_a_request_leaves_open_the_parameters_decide(graph):

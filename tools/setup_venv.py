@@ -209,7 +209,7 @@ def link_python(installed, compiled):
     sources = {
         path.relative_to(PACKAGE): path
         for path in PACKAGE.rglob("*")
-        if path.suffix in (".py", ".typed") and "__pycache__" not in path.parts
+        if path.suffix in (".py", ".typed", ".yaml") and "__pycache__" not in path.parts
     }
     sources.update({Path("kernels", module.name): module for module in compiled})
     for path in sorted(installed.rglob("*"), reverse=True):

@@ -1,4 +1,4 @@
-"""``python -m collision_response.identify impacts.csv``: coefficients from a table of measured impacts."""
+"""``python -m collision_response.identify FILE``: coefficients from a table or a recording."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from .compare import compare
 from .identification import identify
 from .measured import Measured
 from .plot import draw
+from .recorded import impacts_in
 
 LAWS = {law.name.lower(): law for law in Law if law is not Law.AUTO}
 
@@ -28,7 +29,7 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     pair: dict[str, Any] = {"nargs": "+", "default": [], "metavar": "NAME=VALUE", "type": _pair}
-    it.add_argument("file", type=Path, help="CSV; its columns are explained below")
+    it.add_argument("file", type=Path, help="CSV, its columns explained below; or a recording, .rrd")
     it.add_argument("--law", choices=LAWS, default="coulomb")
     it.add_argument(
         "--compare", action="store_true", help="fit all laws, and say which the impacts tell apart"
@@ -46,6 +47,13 @@ def parser() -> argparse.ArgumentParser:
     it.add_argument("--loss", default="soft_l1", help="of scipy.optimize.least_squares")
     it.add_argument("--resamples", type=int, default=200, help="fits of the bootstrap")
     it.add_argument("--plot", type=Path, metavar="FILE", help="write a picture: .png, .svg or .pdf")
+    it.add_argument(
+        "--within",
+        type=float,
+        default=0.05,
+        metavar="SECONDS",
+        help="of a recording: the state heard so soon after is what was measured; 0: the node's answers are",
+    )
     sphere = it.add_argument_group("readings of a sphere")
     sphere.add_argument("--speed", type=float, help="before [m/s]")
     sphere.add_argument("--radius", type=float, help="[m]")
@@ -76,6 +84,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def read(arguments: argparse.Namespace) -> Measured:
     """The impacts of a file."""
+    if arguments.file.suffix == ".rrd":
+        return impacts_in(arguments.file, arguments.within)
     rows = table.rows_of(arguments.file, dict(arguments.set))
     if "incidence" not in rows[0]:
         return table.impacts_of(rows)

@@ -83,7 +83,7 @@ def blurred(jacobian: Array, names: tuple[str, ...]) -> set[str]:
     effective = [i for i in range(len(names)) if jacobian[:, i].any()]
     if len(effective) < 2:
         return set()
-    _, sizes, directions = np.linalg.svd(jacobian[:, effective])
+    _, sizes, directions = np.linalg.svd(jacobian[:, effective], full_matrices=False)
     if sizes[-1] * BLURRED > sizes[0]:
         return set()
     return {

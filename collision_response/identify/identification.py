@@ -125,12 +125,12 @@ def identify(
 
 
 def _check(measured: Measured, law: Law, fit: tuple[str, ...], given: Mapping[str, float], kind: str) -> None:
-    of_contact = {"restitution", "friction"}
+    here = {"restitution", "friction", *ImpactModel._fields}.intersection(RANGES)
     for field, value, known in (
         ("law", law, [one for one in Law if one is not Law.AUTO]),
         ("kind", kind, measured.kinds),
-        *(("fit", name, RANGES) for name in fit),
-        *(("given", name, of_contact | set(ImpactModel._fields)) for name in given),
+        *(("fit", name, here) for name in fit),
+        *(("given", name, here) for name in given),
     ):
         if value not in known:
             names = ", ".join(str(getattr(one, "name", one)) for one in known)

@@ -25,6 +25,7 @@ RANGES = {
     "restitution": Range(0.0, 1.0, (0.1, 0.3, 0.5, 0.7, 0.9)),
     "friction": Range(0.0, math.inf, (0.03, 0.1, 0.3, 1.0)),
     "tangential_restitution": Range(-1.0, 1.0, (-0.5, 0.0, 0.5)),
+    "stiffness_ratio": Range(1e-2, 1e2, (0.5, 1.0, 3.0)),
 }
 """THE coefficients that can be fitted: those of a contact, and fields of ``ImpactModel``."""
 

@@ -107,14 +107,15 @@ def _numbers(row: Row, names: list[str], default: float = 0.0) -> list[float]:
     return [row.get(name, default) for name in names]
 
 
-def _body(row: Row, owner: str) -> Body:
-    def of(names: list[str]) -> list[float]:
-        return _numbers(row, [owner + name for name in names])
+def body_of(numbers: Sequence[float]) -> Body:
+    """The body of the numbers of ``BODY``, in their order; of infinite mass: it is immovable."""
+    mass, inertia, com, position = numbers[0], numbers[1:7], numbers[7:10], numbers[10:13]
+    return Body.dynamic(mass, inertia, position, numbers[13:17], numbers[17:20], numbers[20:23], com)
 
-    if owner + "m" not in row:
-        return Body.kinematic(of(POSITION), of(LINEAR), of(ANGULAR))
-    turn = of(ORIENTATION) if owner + "qw" in row else None
-    return Body.dynamic(row[owner + "m"], of(INERTIA), of(POSITION), turn, of(LINEAR), of(ANGULAR), of(COM))
+
+def _body(row: Row, owner: str) -> Body:
+    defaults = {owner + "m": math.inf, owner + "qw": 0.0 if owner + "qx" in row else 1.0}
+    return body_of([row.get(owner + name, defaults.get(owner + name, 0.0)) for name in BODY])
 
 
 def _twist(row: Row, owner: str) -> Twist:

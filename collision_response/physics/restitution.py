@@ -7,7 +7,9 @@ approach speed ``v`` [m/s].
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 Restitution = Callable[[float], float]
 
@@ -56,5 +58,72 @@ def plastic(yield_speed: float) -> Restitution:
         q = yield_speed / v
         root = math.sqrt(6 / 5 - q * q / 5)
         return math.sqrt(6 * math.sqrt(3) / 5 * (1 - q * q / 6)) * (q / (q + 2 * root)) ** 0.25
+
+    return restitution
+
+
+def power_law(restitution: float, speed: float, exponent: float) -> Restitution:
+    """``restitution (v / speed)^-exponent``, but no more than 1.
+
+    Raises:
+        ValueError: ``restitution`` is not in (0, 1], ``speed`` [m/s] not positive, or ``exponent`` negative.
+    """
+    if not 0 < restitution <= 1:
+        raise ValueError(f"restitution must be in (0, 1], is {restitution}")
+    if not 0 < speed < math.inf:
+        raise ValueError(f"speed must be positive and finite, is {speed}")
+    if not 0 <= exponent < math.inf:
+        raise ValueError(f"exponent must be finite and not negative, is {exponent}")
+    return _power_law(restitution, speed, exponent)
+
+
+def _power_law(restitution: float, speed: float, exponent: float) -> Restitution:
+    if exponent == 0:
+        return lambda v: restitution
+    elastic = speed * restitution ** (1 / exponent)  # up to here it is 1
+    return lambda v: 1.0 if v <= elastic else (elastic / v) ** exponent
+
+
+def johnson(yield_speed: float) -> Restitution:
+    """Spheres that yield fully: 1 up to some 2 ``yield_speed`` [m/s], then falling as ``v^(-1/4)``.
+
+    It is the limit of :func:`plastic` for high speed, ``(6 sqrt(3) / 5)^(1/2) (24 / 5)^(-1/8) (yield_speed
+    / v)^(1/4)``.
+
+    Source: Johnson, *Contact Mechanics*, 1985, section 11.5.
+
+    Raises:
+        ValueError: ``yield_speed`` is not positive and finite.
+    """
+    if not 0 < yield_speed < math.inf:
+        raise ValueError(f"yield_speed must be positive and finite, is {yield_speed}")
+    return _power_law(math.sqrt(6 * math.sqrt(3) / 5) * (24 / 5) ** -0.125, yield_speed, 0.25)
+
+
+def tabulated(speeds: Sequence[float], values: Sequence[float]) -> Restitution:
+    """Measured values, with straight lines between them; outside as at the nearest.
+
+    Args:
+        speeds: of approach [m/s], >= 0, strictly increasing.
+        values: in [0, 1], one for each speed.
+
+    Raises:
+        ValueError: they are not so, or none.
+    """
+    if not speeds or len(speeds) != len(values):
+        raise ValueError(f"speeds and values must be as many, and some; are {len(speeds)} and {len(values)}")
+    rising = all(a < b for a, b in pairwise(speeds))
+    if not rising or speeds[0] < 0 or not math.isfinite(speeds[-1]):
+        raise ValueError(f"speeds must be finite, not negative and strictly increasing, are {list(speeds)}")
+    for value in values:
+        if not 0 <= value <= 1:
+            raise ValueError(f"values must be in [0, 1], one is {value}")
+
+    def restitution(v: float) -> float:
+        i = bisect_right(speeds, v)
+        if i == 0 or i == len(speeds):
+            return values[0] if i == 0 else values[-1]
+        part = (v - speeds[i - 1]) / (speeds[i] - speeds[i - 1])
+        return values[i - 1] * (1 - part) + values[i] * part
 
     return restitution

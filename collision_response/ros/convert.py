@@ -18,6 +18,7 @@ from geometry_msgs.msg import Twist as TwistMessage
 from geometry_msgs.msg import Vector3
 
 from ..answer import Impact
+from ..materials import Pair
 from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number
 from ..msg import BodyState, CollisionResult
 from ..msg import ImpactModel as ImpactModelMessage
@@ -84,6 +85,8 @@ class Source(IntEnum):
     CONTACT = CollisionResult.FROM_CONTACT
     BODIES = CollisionResult.FROM_BODIES
     PARAMETER = CollisionResult.FROM_PARAMETER
+    PAIR = CollisionResult.FROM_PAIR
+    MATERIALS = CollisionResult.FROM_MATERIALS
 
 
 UNSET = -1.0
@@ -109,7 +112,7 @@ def scene_of(request: ResolveCollision.Request, parameters: Parameters) -> Scene
         body_of("body_a", request.body_a),
         body_of("body_b", request.body_b),
         contact_of(request, parameters),
-        model_of(request.model, parameters.model),
+        model_of(request.model, _defaults(parameters.model, _pair_of(request, parameters))),
     )
 
 
@@ -185,44 +188,81 @@ class Touch(Protocol):
 
 
 def contact_of(touch: Touch, parameters: Parameters) -> Contact:
-    """Where the bodies touch, with coefficients filled in from where :func:`source_of` says.
+    """Where the bodies touch, with coefficients filled in.
 
     Raises:
-        ImpactError: NOT_FINITE or INVALID_COEFFICIENT, for a coefficient of a body.
+        ImpactError: UNKNOWN_MATERIAL, or for a coefficient of a body NOT_FINITE or INVALID_COEFFICIENT.
     """
     position, normal = touch.contact.position, touch.contact.normal
     return Contact(
         Vec3(position.x, position.y, position.z),
         Vec3(normal.x, normal.y, normal.z),
-        _coefficient("restitution", 1.0, touch, parameters.combine_restitution, parameters.restitution),
-        _coefficient("friction", math.inf, touch, parameters.combine_friction, parameters.friction),
+        filled("restitution", touch, parameters).value,
+        filled("friction", touch, parameters).value,
     )
 
 
-def _coefficient(field: str, most: float, touch: Touch, rule: CombineRule, default: float) -> float:
-    source = source_of(field, touch)
-    if source is Source.CONTACT:
-        return getattr(touch.contact, field)  # for the core to refuse, if need be
+class Filled(NamedTuple):
+    """A coefficient of a contact.
+
+    Attributes:
+        value: a number; of a pair of materials it may be a function of the approach speed.
+        source: where it came from.
+        rule: that combined two, or what the entry of a pair says of its source.
+    """
+
+    value: Any
+    source: Source
+    rule: str
+
+
+MOST = {"restitution": 1.0, "friction": math.inf}
+
+
+def filled(field: str, touch: Touch, parameters: Parameters) -> Filled:
+    """What the contact says; else the entry of the pair of materials; else both materials; else both bodies;
+    else the node's parameter.
+
+    Raises:
+        ImpactError: see :func:`contact_of`.
+    """
+    rule: CombineRule = getattr(parameters, f"combine_{field}")
+    materials = touch.body_a.material, touch.body_b.material
+    for owner, material in zip(("body_a", "body_b"), materials, strict=True):
+        if material:
+            parameters.materials.check(f"{owner}.material", material)
+    given = getattr(touch.contact, field)
+    if given != UNSET:
+        return Filled(given, Source.CONTACT, "")  # for the core to refuse, if need be
+    found = parameters.materials.find(field, *materials, rule) if all(materials) else None
+    if found is not None:
+        return Filled(found.value, Source.PAIR if found.is_of_pair else Source.MATERIALS, found.how)
     coefficients = []
     for owner in ("body_a", "body_b"):
         own = getattr(getattr(touch, owner), field)
         if own != UNSET:
-            check_number(f"{owner}.{field}", own, 0, most, StatusCode.INVALID_COEFFICIENT)
+            check_number(f"{owner}.{field}", own, 0, MOST[field], StatusCode.INVALID_COEFFICIENT)
             coefficients.append(own)
-    return combine(rule, *coefficients) if source is Source.BODIES else default
+    if len(coefficients) == 2:
+        return Filled(combine(rule, *coefficients), Source.BODIES, rule.value)
+    return Filled(getattr(parameters, field), Source.PARAMETER, "")
 
 
-def source_of(field: str, touch: Touch) -> Source:
-    """Who says what a coefficient is: the contact; else the bodies, if both do; else the node's parameter."""
-    if getattr(touch.contact, field) != UNSET:
-        return Source.CONTACT
-    if UNSET in (getattr(touch.body_a, field), getattr(touch.body_b, field)):
-        return Source.PARAMETER
-    return Source.BODIES
+def _pair_of(touch: Touch, parameters: Parameters) -> Pair:
+    return parameters.materials.between(touch.body_a.material, touch.body_b.material)
+
+
+@lru_cache(maxsize=64)
+def _defaults(model: ImpactModel, pair: Pair) -> ImpactModel:
+    """The node's model, with what a pair of materials says of it. Equal ones are one object."""
+    of_pair = {name: x for name, x in pair._asdict().items() if name in ImpactModel._fields and x is not None}
+    return model._replace(**of_pair)
 
 
 def only_one_body_says(field: str, touch: Touch) -> bool:
-    """Whether the coefficient of one body is of no use, because the other has none."""
+    """Whether the coefficient of one body is of no use, because the other has none, nor both a material."""
+    if touch.body_a.material and touch.body_b.material:
+        return False
     of_a, of_b = getattr(touch.body_a, field), getattr(touch.body_b, field)
     return getattr(touch.contact, field) == UNSET and (of_a == UNSET) != (of_b == UNSET)
 
@@ -253,13 +293,15 @@ def _model(
     )
 
 
-def write_answer(result: CollisionResult, request: ResolveCollision.Request, impact: Impact) -> None:
+def write_answer(
+    result: CollisionResult, request: ResolveCollision.Request, impact: Impact, parameters: Parameters
+) -> None:
     """Fill in a result from what the core answered."""
     _echo(result, request)
     result.status.code = int(impact.status)
     result.status.message = "; ".join(notes(impact))
-    result.restitution_from = source_of("restitution", request)
-    result.friction_from = source_of("friction", request)
+    _, result.restitution_from, result.restitution_rule = filled("restitution", request, parameters)
+    _, result.friction_from, result.friction_rule = filled("friction", request, parameters)
     result.contact.restitution = impact.contact.restitution
     result.contact.friction = impact.contact.friction
     write_model(result.model, impact.model)

@@ -64,7 +64,7 @@ class Impacts:
         impact = resolve(*scene)
         response = ResolveCollision.Response(success=True)
         result = response.result
-        convert.write_answer(result, request, impact)
+        convert.write_answer(result, request, impact, current)
         result.state_stamp_a, result.state_stamp_b = (state.stamp for state in used)
         result.state_age_a, result.state_age_b = (state.age for state in used)
         names = result.contact.body_a or "body_a", result.contact.body_b or "body_b"

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import IntEnum
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.service_introspection import ServiceIntrospectionState
 
+from ..materials import NOTHING, Materials
 from ..model import Geometry, ImpactModel, Precision, check_model
 from ..physics.combine import CombineRule
 from ..physics.laws import Law
@@ -31,7 +33,7 @@ CHOICES: Mapping[str, Mapping[str, Any]] = {
     "geometry": _by_name(Geometry),
     "precision": _by_name(Precision),
     "combine_restitution": {rule.value: rule for rule in CombineRule},
-    "combine_friction": {rule.value: rule for rule in CombineRule},
+    "combine_friction": {rule.value: rule for rule in CombineRule if rule is not CombineRule.ENERGETIC},
     "service_introspection": {
         "off": ServiceIntrospectionState.OFF,
         "metadata": ServiceIntrospectionState.METADATA,
@@ -82,6 +84,12 @@ DECLARATIONS = (
     Declaration("friction", 0.0, "Where neither the contact nor both bodies give one.", most=1000.0),
     Declaration("combine_restitution", "average", "How the bodies' two coefficients become one."),
     Declaration("combine_friction", "average", "How the bodies' two coefficients become one."),
+    Declaration(
+        "materials_file",
+        "",
+        "YAML file with the coefficients of pairs of materials. Empty: none.",
+        read_only=True,
+    ),
     Declaration("law", "auto", "Impact law. auto: coulomb where there is friction, else frictionless."),
     Declaration("geometry", "auto", "How much motion is modelled. auto: the cheapest that is exact."),
     Declaration("precision", "auto", "Arithmetic. auto: double, or what the tolerance asks for."),
@@ -153,6 +161,7 @@ class Parameters:
     combine_restitution: CombineRule
     combine_friction: CombineRule
     model: ImpactModel
+    materials: Materials = NOTHING
 
     @classmethod
     def of(cls, node: Node) -> Parameters:
@@ -160,10 +169,17 @@ class Parameters:
         return cls(
             **{field: _value(node, field.replace("budget_", "budget.")) for field in PARAMETERS},
             model=ImpactModel(*(_value(node, field) for field in ImpactModel._fields)),
+            materials=materials_in(_value(node, "materials_file")),
         )
 
 
-PARAMETERS = tuple(field for field in Parameters.__dataclass_fields__ if field != "model")
+@cache
+def materials_in(file: str) -> Materials:
+    """What a file says; nothing without one. Read once. Raises: see :meth:`Materials.read`."""
+    return Materials.read(Path(file)) if file else NOTHING
+
+
+PARAMETERS = tuple(field for field in Parameters.__dataclass_fields__ if field not in ("model", "materials"))
 
 
 class LatestParameters:
@@ -258,6 +274,11 @@ def validate(parameters: list[Parameter[Any]]) -> SetParametersResult:
                 check_name(parameter.value)
             except ValueError as error:
                 return SetParametersResult(successful=False, reason=f"{parameter.name} {error}")
+        if parameter.name == "materials_file":
+            try:
+                materials_in(parameter.value)
+            except (ImpactError, ImportError, OSError) as error:
+                return SetParametersResult(successful=False, reason=f"materials_file: {error}")
         choices = CHOICES.get(parameter.name)
         if choices is not None and parameter.value not in choices:
             reason = f"{parameter.name} must be one of {', '.join(choices)}; is {parameter.value!r}"

@@ -1,0 +1,112 @@
+"""Measured impacts from a recording of the node: its table ``/impacts``, and the states that it heard.
+
+What the table has after an impact is the answer of a law, which no measurement is. What was measured is the
+first state of a body that was heard after it. Of that a recording has the velocity of the centre of mass.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from ..centre import at_centre
+from ..physics.body import Body, Twist
+from ..physics.contact import Contact
+from ..physics.vector import Vec3
+from ..status import ImpactError, StatusCode
+from .measured import Impacts
+from .table import body_of
+
+TABLE = "/impacts"
+UNKNOWN = Vec3(math.nan, math.nan, math.nan)
+
+States = tuple[list[int], list[Vec3]]
+"""Stamps [ns], in order, and velocities."""
+
+
+def impacts_in(path: Path, within: float) -> Impacts:
+    """The impacts of a recording.
+
+    Args:
+        path: of the file.
+        within: the latest that a state may be after the impact for the velocity after it [s]. Gravity has
+            changed it until then. 0: the answers of the node stand for what was measured, to see what it
+            was told.
+
+    Raises:
+        ImpactError: INVALID_TABLE: it has no impacts, or nothing was heard after them.
+        ImportError: rerun is not installed.
+        OSError: it cannot be read.
+    """
+    rows = list(_rows(path, TABLE))
+    answered = [row for row in rows if row.get("Impact:request_a") and row.get("Impact:twist_a_after")]
+    if not answered:
+        raise ImpactError(StatusCode.INVALID_TABLE, TABLE, f"there are none in {path}")
+    bodies = {side: [at_centre(_body(row, side)) for row in answered] for side in "ab"}
+    contacts = [_contact(row["Impact:request_contact"][0]) for row in answered]
+    after = {side: [_answer(row, side) for row in answered] for side in "ab"}
+    if within:
+        names = {row[f"Impact:body_{side}"][0] for row in answered for side in "ab"}
+        heard = {name: _heard(path, name) for name in names}
+        for side, twists in after.items():
+            twists[:] = [
+                Twist(_next(heard[row[f"Impact:body_{side}"][0]], row, within), UNKNOWN) for row in answered
+            ]
+        movable = (
+            t for side in "ab" for b, t in zip(bodies[side], after[side], strict=True) if b.is_movable()
+        )
+        if all(math.isnan(twist.linear.x) for twist in movable):
+            reason = f"no state of a body was heard within {within:g} s after any of {len(answered)} impacts"
+            raise ImpactError(StatusCode.INVALID_TABLE, "states", reason)
+    return Impacts.of(bodies["a"], bodies["b"], contacts, after["a"], after["b"])
+
+
+def _rows(path: Path, entity: str) -> Iterator[dict[str, Any]]:
+    """The rows of an entity, by column."""
+    try:
+        from rerun.chunk import RrdReader
+    except ImportError:
+        raise ImportError("a recording needs rerun: pip install rerun-sdk") from None
+    for chunk in RrdReader(str(path)).stream().filter(content=entity).to_chunks():
+        batch = chunk.to_record_batch()
+        if "ros_time" in batch.schema.names:
+            column = batch.schema.names.index("ros_time")
+            batch = batch.set_column(column, "ros_time", batch.column("ros_time").cast("int64"))
+        yield from batch.to_pylist()
+
+
+def _body(row: dict[str, Any], side: str) -> Body:
+    return body_of(row[f"Impact:request_{side}"][0])
+
+
+def _contact(numbers: list[float]) -> Contact:
+    return Contact.of(numbers[:3], numbers[3:6])
+
+
+def _answer(row: dict[str, Any], side: str) -> Twist:
+    """After the impact, of the centre of mass."""
+    numbers = row[f"Impact:twist_{side}_after"][0]
+    body = _body(row, side)._replace(velocity=Vec3(*numbers[:3]), angular_velocity=Vec3(*numbers[3:]))
+    return Twist(at_centre(body).velocity, body.angular_velocity)
+
+
+def _heard(path: Path, name: str) -> States:
+    """What was heard of a body: of its velocity there is one arrow then."""
+    from ..recording.layout import velocity_path
+    from ..recording.writer import ARROW_TIME
+
+    arrows = [(row.get("ros_time"), row.get("Arrows3D:vectors")) for row in _rows(path, velocity_path(name))]
+    states = sorted((stamp, some[0]) for stamp, some in arrows if stamp and some and len(some) == 1)
+    return [stamp for stamp, _ in states], [Vec3(*arrow) * (1 / ARROW_TIME) for _, arrow in states]
+
+
+def _next(heard: States, row: dict[str, Any], within: float) -> Vec3:
+    """The first velocity heard after an impact."""
+    stamps, velocities = heard
+    stamp: int = row.get("ros_time") or 0  # 0: nobody knows
+    place = bisect_right(stamps, stamp) if stamp else len(stamps)
+    is_there = place < len(stamps) and stamps[place] - stamp <= within * 1e9
+    return velocities[place] if is_there else UNKNOWN

@@ -1,0 +1,242 @@
+"""Coefficients of pairs of materials, from a file.
+
+    pairs:
+      - materials: [steel, glass]
+        restitution: {yield_speed: 0.02, after: thornton}
+        friction: 0.1
+        tangential_restitution: 0.3
+        stiffness_ratio: 0.87
+        source: measured on 2026-01-31
+    materials:
+      steel: {restitution: 0.9, friction: 0.2, stiffness: 2.3e+11}
+
+An entry of a pair comes before what its two materials say each. ``restitution`` is a number, or depends on
+the approach speed [m/s]: ``{power: 0.25, speed: 1.0, value: 0.8}``, which is ``value (v / speed)^-power``
+and at most 1; ``{yield_speed: 0.02, after: thornton}``, or ``johnson``; ``{speeds: [0.1, 1.0], values:
+[0.9, 0.7]}``. ``stiffness`` is of a material, in any unit, for the rule "energetic". Whatever an entry
+leaves out is decided elsewhere.
+
+The file ``materials.yaml`` beside this module has published values, each with its source. They are of those
+bodies and
+surfaces: not truths about materials.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from .model import check_number
+from .physics.combine import CombineRule, combine
+from .physics.restitution import Restitution, johnson, plastic, power_law, tabulated
+from .status import ImpactError, StatusCode
+
+PUBLISHED = Path(__file__).with_name("materials.yaml")
+
+
+class Pair(NamedTuple):
+    """What is known of two materials.
+
+    Attributes:
+        restitution: in [0, 1], or a function of the approach speed [m/s]; ``None``: not known, as for the
+            rest.
+        friction: >= 0.
+        tangential_restitution: in [-1, 1].
+        stiffness_ratio: tangential over normal, > 0.
+        source: where it is from, in words.
+    """
+
+    restitution: float | Restitution | None = None
+    friction: float | None = None
+    tangential_restitution: float | None = None
+    stiffness_ratio: float | None = None
+    source: str = ""
+
+
+class Material(NamedTuple):
+    """What is known of one.
+
+    Attributes:
+        restitution, friction: to be combined with those of the other material; ``None``: not known.
+        stiffness: > 0, in any unit.
+    """
+
+    restitution: float | None = None
+    friction: float | None = None
+    stiffness: float | None = None
+
+
+RANGES = {
+    "restitution": (0.0, 1.0),
+    "friction": (0.0, math.inf),
+    "tangential_restitution": (-1.0, 1.0),
+    "stiffness_ratio": (1e-6, 1e6),
+    "stiffness": (1e-300, math.inf),
+}
+
+
+class Found(NamedTuple):
+    """A coefficient, and how it came about.
+
+    Attributes:
+        value: a number, or a function of the approach speed.
+        is_of_pair: whether an entry for the pair has it; else it is combined.
+        how: the source of the entry, or the rule.
+    """
+
+    value: float | Restitution
+    is_of_pair: bool
+    how: str
+
+
+class Materials(NamedTuple):
+    """The contents of a file: read one with :meth:`read`.
+
+    Attributes:
+        pairs: by the names of both materials, in alphabetical order.
+        materials: by name.
+    """
+
+    pairs: Mapping[tuple[str, str], Pair]
+    materials: Mapping[str, Material]
+
+    @classmethod
+    def read(cls, path: Path) -> Materials:
+        """The contents of a YAML file.
+
+        Raises:
+            ImpactError: INVALID_TABLE: it is not made as it should be; INVALID_COEFFICIENT, NOT_FINITE: a
+                number is out of range. The field says where.
+            OSError: it cannot be read.
+            ImportError: PyYAML is not installed.
+        """
+        try:
+            import yaml
+        except ImportError:
+            raise ImportError("a file of materials needs PyYAML: pip install pyyaml") from None
+        try:
+            tree = yaml.safe_load(path.read_text())
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            where = " ".join(str(error).split())
+            raise ImpactError(StatusCode.INVALID_TABLE, str(path), f"is no YAML: {where}") from None
+        return cls.of(tree)
+
+    @classmethod
+    def of(cls, tree: Any) -> Materials:
+        """The same from nested lists and mappings. Raises: ImpactError, as :meth:`read`."""
+        top = _mapping("materials file", tree, ("pairs", "materials"))
+        singles = {
+            str(name): Material(**_numbers(f"materials.{name}", entry, Material._fields))
+            for name, entry in _mapping("materials", top.get("materials"), None).items()
+        }
+        pairs: dict[tuple[str, str], Pair] = {}
+        entries = top.get("pairs") or []
+        if not isinstance(entries, list):
+            raise _malformed("pairs", "must be a list", entries)
+        for i, entry in enumerate(entries):
+            field = f"pairs[{i}]"
+            names, pair = _pair(field, entry)
+            if names in pairs:
+                raise _malformed(f"{field}.materials", "must not be there twice", list(names))
+            pairs[names] = pair
+        return cls(pairs, singles)
+
+    def known(self) -> set[str]:
+        """The names of all materials that are mentioned."""
+        return {name for names in self.pairs for name in names} | set(self.materials)
+
+    def check(self, field: str, name: str) -> None:
+        """Raises: ImpactError: UNKNOWN_MATERIAL: the file has nothing of this material."""
+        if name not in self.known():
+            names = ", ".join(sorted(self.known())) or "none"
+            raise ImpactError(StatusCode.UNKNOWN_MATERIAL, field, f"is {name!r}; known are {names}")
+
+    def between(self, a: str, b: str) -> Pair:
+        """The entry of two materials; an empty one if there is none."""
+        return self.pairs.get((min(a, b), max(a, b)), Pair())
+
+    def find(self, coefficient: str, a: str, b: str, rule: CombineRule) -> Found | None:
+        """A coefficient of two materials: of their pair, else combined; ``None``: nothing is known.
+
+        Args:
+            coefficient: "restitution" or "friction".
+            a, b: names of the materials.
+            rule: that combines.
+        """
+        pair = self.between(a, b)
+        value = getattr(pair, coefficient)
+        if value is not None:
+            return Found(value, True, pair.source)
+        both = [self.materials.get(name, Material()) for name in (a, b)]
+        values = [getattr(one, coefficient) for one in both]
+        if None in values:
+            return None
+        stiffnesses = [one.stiffness for one in both]
+        return Found(
+            combine(rule, *values, *(stiffnesses if None not in stiffnesses else ())), False, rule.value
+        )
+
+
+NOTHING = Materials({}, {})
+"""No file."""
+
+
+def _malformed(field: str, must: str, value: Any) -> ImpactError:
+    return ImpactError(StatusCode.INVALID_TABLE, field, f"{must}, is {value!r}")
+
+
+def _mapping(field: str, tree: Any, keys: tuple[str, ...] | None) -> Mapping[str, Any]:
+    if tree is None:
+        return {}
+    if not isinstance(tree, dict):
+        raise _malformed(field, "must be a mapping", tree)
+    strangers = [key for key in tree if keys is not None and key not in keys]
+    if strangers:
+        raise _malformed(field, f"may have {', '.join(keys or ())}", strangers[0])
+    return tree
+
+
+def _number(field: str, name: str, value: Any) -> float:
+    try:
+        check_number(f"{field}.{name}", value, *RANGES[name], StatusCode.INVALID_COEFFICIENT)
+    except TypeError:
+        raise _malformed(f"{field}.{name}", "must be a number", value) from None
+    return float(value)
+
+
+def _numbers(field: str, entry: Any, keys: tuple[str, ...]) -> dict[str, float]:
+    return {name: _number(field, name, value) for name, value in _mapping(field, entry, keys).items()}
+
+
+def _pair(field: str, entry: Any) -> tuple[tuple[str, str], Pair]:
+    numbers = dict(_mapping(field, entry, ("materials", *Pair._fields)))
+    names = numbers.pop("materials", None)
+    if not (isinstance(names, list) and len(names) == 2 and all(isinstance(name, str) for name in names)):
+        raise _malformed(f"{field}.materials", "must be two names", names)
+    source, law = str(numbers.pop("source", "")), numbers.pop("restitution", None)
+    restitution = None if law is None else _restitution(f"{field}.restitution", law)
+    a, b = sorted(names)
+    return (a, b), Pair(restitution, source=source, **_numbers(field, numbers, Pair._fields))
+
+
+YIELDING = {"thornton": plastic, "johnson": johnson}
+
+
+def _restitution(field: str, law: Any) -> float | Restitution:
+    if not isinstance(law, dict):
+        owner, _, name = field.rpartition(".")
+        return _number(owner, name, law)
+    try:
+        match sorted(law):
+            case ["power", "speed", "value"]:
+                return power_law(law["value"], law["speed"], law["power"])
+            case ["after", "yield_speed"] if law["after"] in YIELDING:
+                return YIELDING[law["after"]](law["yield_speed"])
+            case ["speeds", "values"]:
+                return tabulated(law["speeds"], law["values"])
+    except (TypeError, ValueError) as error:
+        raise ImpactError(StatusCode.INVALID_COEFFICIENT, field, str(error)) from None
+    must = "must have power, speed and value; yield_speed and after (thornton, johnson); or speeds and values"
+    raise _malformed(field, must, law)

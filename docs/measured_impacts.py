@@ -1,0 +1,236 @@
+"""The figures, the tables and the pictures of measured-impacts.md.
+
+    python docs/measured_impacts.py --ellipse CLONE --cubes FILE
+
+It needs ``pip install '.[identify]'``. CLONE is a clone of github.com/mcubelab/planar-impact-dataset; FILE
+a table, as ``python -m collision_response.identify --help`` describes it, of impacts of cubes. What is not
+given keeps the figures of ``measured-impacts.json``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from collision_response import Body, Contact, Geometry, ImpactModel, Law, Precision, Twist
+from collision_response.batch import contact_rows, resolve_batch
+from collision_response.identify import Impacts, SphereReadings, identify
+from collision_response.identify.plot import draw
+from collision_response.identify.table import impacts_of, readings_of, rows_of
+from collision_response.physics.vector import Vec3
+
+HERE = Path(__file__).parent
+PAGE, RESULTS, KHARAZ = HERE / "measured-impacts.md", HERE / "measured-impacts.json", HERE / "kharaz-2001.csv"
+LAWS = [law for law in Law if law is not Law.AUTO]
+SHOWN = 10, 50, 90
+"""Percentiles of the impacts."""
+INK, BLUE, ORANGE, GREY = "#222222", "#0072b2", "#d55e00", "#8a8a8a"
+
+SPEED, RADIUS = 3.9, 0.0025
+BY_AUTHORS = {"restitution": 0.98, "friction": 0.092, "stiffness_ratio": 0.87}
+"""The last by Poisson's ratio 0.23, for a law that has it."""
+READING = {"ratio": 0.008, "angle": 0.84, "spin": 44.0}
+SLIDING = 25.0
+"""Above this incidence the sphere slides all the time [degrees]."""
+
+MASS, GYRATION_SQUARED = 0.0364, 3.7e-4
+
+
+def ellipse(clone: Path) -> Impacts:
+    """Drops of an ellipse between two plates: planar, about z; up is y."""
+    from scipy.io import loadmat
+
+    data = loadmat(clone / "processed_data" / "data_ellipse.mat")["data"][0, 0]
+    before, after = ([Twist(Vec3(vx, vy, 0.0), Vec3(0.0, 0.0, w)) for *_, vx, vy, w in data[name].tolist()]
+                     for name in ("states_i", "states_f"))  # fmt: skip
+    moment = MASS * GYRATION_SQUARED
+    inertia = (moment, 0, 0, moment, 0, moment)
+    bodies = [Body.dynamic(MASS, inertia, velocity=t.linear, angular_velocity=t.angular) for t in before]
+    arms = zip(data["n"].tolist(), data["d"].tolist(), strict=True)
+    contacts = [Contact.of((n[2], -d[2], 0.0), (0.0, 1.0, 0.0)) for n, d in arms]
+    return Impacts.of(bodies, [Body.static()] * len(bodies), contacts, after, after)
+
+
+def norms(table: np.ndarray) -> np.ndarray:
+    return np.sqrt((table**2).sum(axis=0))
+
+
+def percentiles(values: np.ndarray) -> list[float]:
+    return [float(f"{x:.3g}") for x in np.percentile(values, SHOWN)]
+
+
+def of_impacts(measured: Impacts) -> dict[str, Any]:
+    """By law: the fit, and by how much of its twist after each impact is missed; and what rounding does."""
+    size = norms(measured.sizes("kinetic"))
+    results: dict[str, Any] = {"impacts": len(measured), "laws": {}}
+    for law in LAWS:
+        found = identify(measured, law, resamples=100)
+        missed = norms(measured.residuals(law, found.values, "kinetic")) / size
+        told = {name: [float(f"{x:.3g}") for x in one[:3]] for name, one in found.coefficients.items()}
+        results["laws"][law.name] = {
+            "coefficients": told,
+            "misfit": float(f"{found.misfit:.3g}"),
+            "missed": percentiles(missed),
+        }
+        print(found)
+    results["rounding"] = percentiles(rounding(measured, results["laws"]["COULOMB"]["coefficients"]))
+    return results
+
+
+def rounding(measured: Impacts, coefficients: dict[str, list[float]]) -> np.ndarray:
+    """How far COULOMB in 64 bits is from the same right to the last place, relative to the impulse."""
+    rows, contacts = contact_rows(Geometry.SPATIAL), measured.contacts.copy()
+    contacts[rows.restitution], contacts[rows.friction] = (
+        coefficients[name][0] for name in ("restitution", "friction")
+    )
+    plain, exact = (
+        resolve_batch(measured.bodies, contacts, ImpactModel(Law.COULOMB, precision=precision)).impulse
+        for precision in (Precision.DOUBLE, Precision.EXTENDED)
+    )
+    return np.maximum(norms(plain - exact) / norms(exact), 2.0**-54)
+
+
+def of_kharaz() -> dict[str, Any]:
+    """What COULOMB with the authors' coefficients misses of the tangential velocity, by the speed."""
+    rows = rows_of(KHARAZ, {})
+    results: dict[str, Any] = {"impacts": len(rows), "fits": {}}
+    sliding = [row for row in rows if row["incidence"] > SLIDING]
+    for name in ("ratio", "angle", "spin", "all"):
+        columns = ["ratio", "angle", "spin"] if name == "all" else [name]
+        some = [{"incidence": row["incidence"], **{c: row[c] for c in columns}} for row in sliding]
+        found = identify(readings_of(some, SPEED, RADIUS, READING), loss="linear")
+        results["fits"][name] = str(found).splitlines()[1:]
+        print(name, found, sep="\n")
+    angles, ratios = np.array([(row["incidence"], row["ratio"]) for row in rows if row["ratio"] > 0]).T
+    curves = {law.name: ratio_by(law, angles) for law in LAWS}
+    results["angles"], results["measured"] = angles.tolist(), ratios.tolist()
+    results["ratios"] = {name: [float(f"{x:.4g}") for x in curve] for name, curve in curves.items()}
+    missed = abs(curves["COULOMB"] - ratios) * np.sin(np.radians(angles))
+    results["missed"] = {
+        "sliding": percentiles(missed[angles > SLIDING]),
+        "sticking": percentiles(missed[angles < SLIDING]),
+    }
+    return results
+
+
+def ratio_by(law: Law, angles: np.ndarray) -> np.ndarray:
+    """Tangential velocity of the centre after, over before, with the authors' coefficients."""
+    readings = SphereReadings(SPEED, RADIUS, {"ratio": [(a, 0.0) for a in angles]}, READING)
+    return readings.predict(law, BY_AUTHORS)
+
+
+def picture(results: dict[str, Any], path: Path) -> None:
+    """What rounding costs and what laws miss, on one axis."""
+    cubes, drops, sphere = results["cubes"], results["ellipse"], results["kharaz"]["missed"]
+    rows = [
+        ("rounding in 64 bits: cubes", cubes["rounding"], BLUE),
+        ("rounding in 64 bits: ellipse", drops["rounding"], BLUE),
+        ("law: sphere, 30° to 60°", sphere["sliding"], ORANGE),
+        ("law: sphere, below 25°", sphere["sticking"], ORANGE),
+        ("law: corners of cubes", cubes["laws"]["COULOMB"]["missed"], ORANGE),
+        ("law: drops of an ellipse", drops["laws"]["COULOMB"]["missed"], ORANGE),
+    ]
+    figure, axes = plt.subplots(figsize=(10, 3.6), layout="constrained")
+    for y, (_, (low, middle, high), colour) in enumerate(rows):
+        axes.plot([low, high], [y, y], color=colour, lw=6, alpha=0.35, solid_capstyle="butt")
+        axes.plot(middle, y, "o", color=colour, ms=9)
+        percent = f"{middle:.0e}" if middle < 1e-3 else f"{middle:.1%}"
+        axes.annotate(
+            percent, (middle, y), xytext=(0, 9), textcoords="offset points", ha="center", color=colour
+        )
+    axes.axvline(2.0**-20, color=GREY, ls=":", lw=1)
+    axes.annotate("above this bound AUTO\ntakes more digits", (2.0**-20, 0.2), xytext=(6, 0), color=GREY,
+                  textcoords="offset points", fontsize=9)  # fmt: skip
+    axes.set(xscale="log", xlim=(1e-17, 3), ylim=(len(rows) - 0.5, -0.8), xlabel="relative error")
+    axes.set_yticks(range(len(rows)), [name for name, *_ in rows])
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def picture_of_sphere(results: dict[str, Any], path: Path) -> None:
+    """What was read and what the laws say, over the angle of incidence."""
+    figure, axes = plt.subplots(figsize=(8, 4.2), layout="constrained")
+    angles = np.linspace(0.5, 62, 200)
+    styles = {"COULOMB": ("-", INK), "COMPLIANT": ("-", ORANGE)}
+    for law in LAWS:
+        if law.name in styles:
+            line, colour = styles[law.name]
+            axes.plot(
+                angles, ratio_by(law, angles), line, color=colour, label=f"{law.name}, e = 0.98, μ = 0.092"
+            )
+    axes.plot(results["angles"], results["measured"], "o", color=BLUE, label="Kharaz, Gorham & Salman 2001")
+    axes.set(xlabel="incidence from the normal [degrees]", ylabel="tangential velocity, after / before")
+    axes.legend(frameon=False)
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def tables(results: dict[str, Any]) -> dict[str, str]:
+    """By the name of their place in the page."""
+    parts = {}
+    for name in ("cubes", "ellipse"):
+        lines = [
+            "| law | e | μ | misfit | an impact is missed by (10 %, half, 90 % of them) |",
+            "|---|---|---|---|---|",
+        ]
+        for law, one in results[name]["laws"].items():
+            told = [
+                f"{value:.3g} [{low:.3g}, {high:.3g}]" for value, low, high in one["coefficients"].values()
+            ]
+            missed = ", ".join(f"{x:.0%}" for x in one["missed"])
+            cells = [f"`{law}`", *told, *[""] * (2 - len(told)), f"{one['misfit']:.1%}", missed]
+            lines.append(f"| {' | '.join(cells)} |")
+        parts[name] = "\n".join(lines)
+    lines = [f"| law | {' | '.join(f'{a:.0f}°' for a in results['kharaz']['angles'])} |"]
+    lines.append("|---" * (1 + len(results["kharaz"]["angles"])) + "|")
+    lines.append(f"| measured | {' | '.join(f'{x:.3f}' for x in results['kharaz']['measured'])} |")
+    for law, ratios in results["kharaz"]["ratios"].items():
+        off = (x - m for x, m in zip(ratios, results["kharaz"]["measured"], strict=True))
+        lines.append(f"| `{law}` | {' | '.join(f'{x:+.3f}' for x in off)} |")
+    parts["sphere"] = "\n".join(lines)
+    fits = [f"{name}\n" + "\n".join(lines) for name, lines in results["kharaz"]["fits"].items()]
+    parts["fits"] = "```text\n" + "\n".join(fits) + "\n```"
+    return parts
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--ellipse", type=Path, metavar="CLONE")
+    parser.add_argument("--cubes", type=Path, metavar="FILE")
+    arguments = parser.parse_args()
+    results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    if arguments.ellipse:
+        results["ellipse"] = of_impacts(ellipse(arguments.ellipse))
+    if arguments.cubes:
+        cubes = impacts_of(rows_of(arguments.cubes, {}))
+        results["cubes"] = of_impacts(cubes)
+        draw(identify(cubes), cubes, HERE / "images" / "identify.png")
+    results["kharaz"] = of_kharaz()
+    RESULTS.write_text(json.dumps(results, indent=1, ensure_ascii=False) + "\n")
+    text = PAGE.read_text()
+    for name, part in tables(results).items():
+        place = rf"(<!-- generated: {name} -->\n).*?(<!-- end -->)"
+        text = re.sub(
+            place, lambda match, part=part: f"{match[1]}\n{part}\n\n{match[2]}", text, flags=re.DOTALL
+        )
+    PAGE.write_text(text)
+    picture(results, HERE / "images" / "measured-impacts.png")
+    picture_of_sphere(results["kharaz"], HERE / "images" / "measured-sphere.png")
+
+
+if __name__ == "__main__":
+    main()
