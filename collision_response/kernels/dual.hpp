@@ -4,7 +4,7 @@
 //
 // A branch is taken by the value. Where the value leaves a comparison open, or both sides are equal, the
 // directions in which they part are kept: a choice by it has a kink there if both branches have one value, else
-// a jump. A factor of 0 turns a jump into a kink, and a kink into nothing.
+// a jump. A factor of 0, if it does not jump itself, turns a jump into a kink, and a kink into nothing.
 //
 // A loop runs on Dual<Value<N>>: what a turn decides is no edge of the result.
 #pragma once
@@ -66,20 +66,11 @@ template <class N> struct Traits<Dual<N>> {
   static constexpr double roundoff = Traits<N>::roundoff;
 };
 
-struct Term { const Block* d; int from, to; double by; };
-
-FOR_EACH_LEVEL OUT void multiply(Block* y, Term a) {
-  for (int k = a.from; k < a.to; ++k) y[k] = a.d[k] * a.by;
+FOR_EACH_LEVEL OUT void multiply(Block* y, const Block* a, double by, int count) {
+  for (int k = 0; k < count; ++k) y[k] = a[k] * by;
 }
-FOR_EACH_LEVEL OUT void blend(Block* y, Term a, Term b) {
-  int low = a.from < b.from ? a.from : b.from, high = a.to < b.to ? b.to : a.to;
-  if (a.from == b.from && a.to == b.to) {
-    for (int k = low; k < high; ++k) y[k] = a.d[k] * a.by + b.d[k] * b.by;
-    return;
-  }
-  for (int k = low; k < high; ++k) y[k] = Block{};
-  for (int k = a.from; k < a.to; ++k) y[k] = a.d[k] * a.by;
-  for (int k = b.from; k < b.to; ++k) y[k] += b.d[k] * b.by;
+FOR_EACH_LEVEL OUT void blend(Block* y, const Block* a, double by_a, const Block* b, double by_b, int count) {
+  for (int k = 0; k < count; ++k) y[k] = a[k] * by_a + b[k] * by_b;
 }
 
 template <class N> INLINE Dual<N> scaled(N value, const Dual<N>& a, double by) {
@@ -88,25 +79,31 @@ template <class N> INLINE Dual<N> scaled(N value, const Dual<N>& a, double by) {
   y.jumps = by == 0 ? 0 : a.jumps;
   if (a.from >= a.to) return y;
   y.span(a.from, a.to);
-  multiply(y.d, {a.d, a.from, a.to, by});
+  multiply(y.d + y.from, a.d + y.from, by, y.to - y.from);
   return y;
 }
 // value, with the derivatives by_a a' + by_b b'
 template <class N> INLINE Dual<N> combined(N value, const Dual<N>& a, double by_a, const Dual<N>& b, double by_b) {
   Dual<N> y(value);
-  y.kinks = (by_a == 0 ? a.jumps : a.kinks) | (by_b == 0 ? b.jumps : b.kinks);
-  y.jumps = (by_a == 0 ? 0 : a.jumps) | (by_b == 0 ? 0 : b.jumps);
-  if (b.from >= b.to) {
-    if (a.from >= a.to) return y;
-    y.span(a.from, a.to);
-    multiply(y.d, {a.d, a.from, a.to, by_a});
-  } else if (a.from >= a.to) {
-    y.span(b.from, b.to);
-    multiply(y.d, {b.d, b.from, b.to, by_b});
-  } else {
-    y.span(a.from < b.from ? a.from : b.from, a.to < b.to ? b.to : a.to);
-    blend(y.d, {a.d, a.from, a.to, by_a}, {b.d, b.from, b.to, by_b});
+  if (a.kinks | a.jumps | b.kinks | b.jumps) {
+    y.kinks = (by_a == 0 ? a.jumps : a.kinks) | (by_b == 0 ? b.jumps : b.kinks);
+    y.jumps = (a.jumps & b.jumps) | (by_a == 0 ? 0 : a.jumps) | (by_b == 0 ? 0 : b.jumps);
   }
+  int from = a.from < b.from ? a.from : b.from, to = a.to < b.to ? b.to : a.to;
+  if (from >= to) return y;
+  y.span(from, to);
+  // Where one of them has no derivatives the other is taken alone.
+  int low = a.from < b.from ? b.from : a.from, high = a.to < b.to ? a.to : b.to;
+  if (low >= high) {
+    for (int k = from; k < to; ++k) y.d[k] = Block{};
+    if (a.from < a.to) multiply(y.d + a.from, a.d + a.from, by_a, a.to - a.from);
+    if (b.from < b.to) multiply(y.d + b.from, b.d + b.from, by_b, b.to - b.from);
+    return y;
+  }
+  const Dual<N>&first = a.from < b.from ? a : b, &last = a.to < b.to ? b : a;
+  if (from < low) multiply(y.d + from, first.d + from, &first == &a ? by_a : by_b, low - from);
+  blend(y.d + low, a.d + low, by_a, b.d + low, by_b, high - low);
+  if (high < to) multiply(y.d + high, last.d + high, &last == &a ? by_a : by_b, to - high);
   return y;
 }
 
