@@ -26,6 +26,7 @@ LAYERS = (
     {"requirements", "scene"},
     {FRONT},
     {"batch"},
+    {"derivatives"},
     {"recording"},
     {"identify"},
     {"msg", "srv"},
@@ -43,6 +44,7 @@ STRANGERS = {
     "batch": {"numpy", "dask", "torch"},
     "materials": {"yaml"},
     "identify": {"numpy", "scipy", "matplotlib", "rerun"},
+    "derivatives": {"numpy"},
     "recording": {"numpy", "rerun", "pyarrow"},
 }
 """What units below ROS may import that is neither Python's nor the package's."""
@@ -135,7 +137,7 @@ def test_an_import_loads_what_one_impact_needs_and_no_more(tmp_path):
     loaded = loaded_with(["collision_response"], tmp_path)
     assert not loaded & (ROS | {"rerun", "scipy", "dask", "torch", "mpmath", "matplotlib"})
     rooms = {name.split(".")[1] for name in loaded if name.startswith("collision_response.")}
-    assert not rooms & {"batch", "identify", "recording", "ros", "demo"}
+    assert not rooms & {"batch", "derivatives", "identify", "recording", "ros", "demo"}
     tracer = {"symbol", "emit", "layout", "programs", "trace"}  # which is the build's
     assert not loaded & {f"collision_response.kernels.{name}" for name in tracer}
 

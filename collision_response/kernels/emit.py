@@ -35,7 +35,7 @@ _TYPES = {Form.REPORT: "Report<N>", Form.VALUE: "Value<N>", Form.BOUNDED: "N"}
 _CASTS = {Form.REPORT: "report", Form.VALUE: "value"}
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "and": "&", "or": "|"}
 _PREFIX = {"sqrt": "root", "lt": "less", "le": "less_equal", "eq": "equal", "not": "negation"}
-_PREFIX |= {"first": "at<0>", "second": "at<1>", "swapped": "swapped"}
+_PREFIX |= {"varying_as": "varying_as", "first": "at<0>", "second": "at<1>", "swapped": "swapped"}
 _OF_EITHER = ("select", "join", "both", "first", "second", "swapped")
 """Operations on numbers and on conditions."""
 
@@ -317,6 +317,8 @@ class _Scope:
         count = len(node.args)
         for i, arg in enumerate(node.args):
             yield f"{name}_{i} = {self.use(arg, Form.VALUE)};"
+        if self.tape.of_derivatives:
+            yield f"Turns {name}_turns;"
         yield f"for (int turn = 0; turn < {loop.budget}; ++turn) {{"
         for i in range(count):
             yield f"  const Value<N> state_{turn.prefix}{i} = {name}_{i}; (void)state_{turn.prefix}{i};"
@@ -333,6 +335,8 @@ class _Scope:
                 yield "  " + line
         for i, after in enumerate(loop.after):
             yield f"  {name}_{i} = choose({name}_going, {turn.use(after, Form.VALUE)}, {name}_{i});"
+        if self.tape.of_derivatives:
+            yield f"  {name}_turns.keep({', '.join(f'{name}_{i}' for i in range(count))});"
         yield "}"
 
     def numbered_lines(self, places: Iterable[int]) -> Iterable[tuple[str, int]]:

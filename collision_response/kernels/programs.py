@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from .. import geometry, validity
-from ..impact import Flags, Report, impact
+from ..impact import Answer, Flags, Report, impact
 from ..numbers.number import choose
 from ..physics.column import Column
 from ..physics.effective_mass import Side
@@ -13,7 +13,7 @@ from ..physics.energy import kinetic_energy
 from ..physics.laws import LAWS, PATHS, Law
 from ..physics.vector import Vec3
 from .emit import emit
-from .layout import MODEL, Layout, names_of_body, names_of_contact, request, units
+from .layout import MODEL, Layout, Request, names_of_body, names_of_contact, request, units
 from .pairs import in_pairs
 from .symbol import CONDITIONS, Symbol, Tape, numbers_in, rebuilt
 
@@ -38,13 +38,12 @@ def headers(what: str) -> Iterator[tuple[str, str]]:
     for layout in Layout:
         text = validity_of(layout) if what == "validity" else impact_by(Law[what.upper()], layout)
         yield f"{what}_{layout.name.lower()}", HEAD + text
+    if what != "validity":
+        yield f"{what}_derivatives", HEAD + derivatives_by(Law[what.upper()])
 
 
-def impact_by(law: Law, layout: Layout) -> str:
-    """The impact: the changes with their error, the report without, the flags."""
-    tape = Tape()
-    asked = request(layout, tape)
-    answer = impact(
+def _answer(asked: Request, law: Law) -> Answer:
+    return impact(
         asked.body_a,
         asked.body_b,
         asked.contact,
@@ -53,6 +52,21 @@ def impact_by(law: Law, layout: Layout) -> str:
         asked.restitution_threshold,
         asked.tolerance,
     )
+
+
+def derivatives_by(law: Law) -> str:
+    """The changes alone, for numbers that carry derivatives."""
+    tape = Tape(of_derivatives=True)
+    asked = request(Layout.EVERYTHING, tape)
+    changes = map(tape.symbol, numbers_in(_answer(asked, law).changes))
+    return emit("changes", list(asked.names), changes, [], [], branches=True)
+
+
+def impact_by(law: Law, layout: Layout) -> str:
+    """The impact: the changes with their error, the report without, the flags."""
+    tape = Tape()
+    asked = request(layout, tape)
+    answer = _answer(asked, law)
     *flags, unphysical = (tape.symbol(flag) for flag in answer.flags)
     results = [[tape.symbol(x) for x in numbers_in(part)] for part in (answer.changes, answer.report)]
     results += flags, [unphysical]

@@ -41,7 +41,8 @@ class Node(NamedTuple):
         op: ``input``, ``constant``, ``truth``, ``given_roundoff``;
             ``add``, ``sub``, ``mul``, ``div``, ``neg``, ``sqrt``;
             ``lt``, ``le``, ``eq``, ``and``, ``or``, ``not``, ``select`` (condition, if true, if false);
-            ``certain``, ``error_of``, ``widened`` (number, by); ``loop`` (of the first state) and ``part``
+            ``certain``, ``error_of``, ``widened`` (number, by); ``varying_as`` (number, number with its
+            derivatives); ``loop`` (of the first state) and ``part``
             of its result; within a loop ``state``, and ``outer`` for what lies outside it.
         args: the operands, as places on the tape; all of them earlier.
         value: the name of an input, the value of a constant, a :class:`Loop`, the index of a part or
@@ -83,11 +84,14 @@ class Tape:
 
     Args:
         outside: the tape around a loop, if this is the tape of one turn of it.
+        of_derivatives: whether its numbers carry derivatives, not errors: see
+            :mod:`~collision_response.numbers.number`.
     """
 
-    def __init__(self, outside: Tape | None = None) -> None:
+    def __init__(self, outside: Tape | None = None, *, of_derivatives: bool = False) -> None:
         self.nodes: list[Node] = []
         self.outside = outside
+        self.of_derivatives: bool = of_derivatives if outside is None else outside.of_derivatives
         self.depth: int = 0 if outside is None else outside.depth + 1
         self._places: dict[Node, int] = {}
 
@@ -189,15 +193,19 @@ class Symbol:
 
     def certain(self) -> Symbol:
         """See :func:`~collision_response.numbers.number.certain`."""
-        return record("certain", self)
+        return self if self.tape.of_derivatives else record("certain", self)
 
     def error_of(self) -> Symbol:
         """See :func:`~collision_response.numbers.number.error_of`."""
-        return record("error_of", self)
+        return self.tape.symbol(0.0) if self.tape.of_derivatives else record("error_of", self)
 
     def widened(self, by: Any) -> Symbol:
         """See :func:`~collision_response.numbers.number.widened`."""
-        return record("widened", self, by)
+        return self if self.tape.of_derivatives else record("widened", self, by)
+
+    def varying_as(self, other: Callable[[], Any]) -> Symbol:
+        """See :func:`~collision_response.numbers.number.varying_as`."""
+        return record("varying_as", self, other()) if self.tape.of_derivatives else self
 
     def given_roundoff(self) -> Symbol:
         """See :func:`~collision_response.numbers.number.given_roundoff`."""

@@ -43,6 +43,14 @@ def square_root(x: Scalar) -> Scalar:
     """The square root of ``x >= 0``, in the arithmetic of ``x``."""
     if isinstance(x, float):
         return math.sqrt(x)
+    if hasattr(x, "shape"):
+        # Of arrays both branches of a choice are differentiated: a slope must be finite where it does not count.
+        is_zero = x == 0
+        return choose(is_zero, lambda: x, lambda: _root(choose(is_zero, lambda: x + 1, lambda: x)))
+    return _root(x)
+
+
+def _root(x: Scalar) -> Scalar:
     own = getattr(x, "sqrt", None)
     if own is not None:
         return own()
@@ -94,6 +102,21 @@ def widened(x: Scalar, by: Scalar) -> Scalar:
     """``x`` with a further error of at most ``by >= 0``. Numbers that carry no error stay as they are."""
     own = getattr(x, "widened", None)
     return x if own is None else own(by)
+
+
+def varying_as(x: Scalar, other: Callable[[], Scalar]) -> Scalar:
+    """``x``, which varies as ``other()`` does. Numbers that carry no derivatives stay as they are.
+
+    For a number that its formula gives where it is, but not next to it: a root that a loop found, a branch
+    that holds at one point alone.
+    """
+    own = getattr(x, "varying_as", None)
+    return x if own is None else own(other)
+
+
+def fixed(x: Scalar) -> Scalar:
+    """``x``, which does not vary."""
+    return varying_as(x, lambda: 0.0)
 
 
 def given_roundoff(x: Scalar) -> Scalar:

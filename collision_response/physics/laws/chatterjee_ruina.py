@@ -27,7 +27,7 @@ Considerations", J. Appl. Mech. 65 (1998) 939-951, eqs. 17-22.
 
 from __future__ import annotations
 
-from ...numbers.number import Scalar, choose, square_root
+from ...numbers.number import Scalar, choose, square_root, varying_as
 from ..effective_mass import ContactKinematics
 from .law import Coefficients, Outcome, Regime, slipping
 
@@ -49,8 +49,9 @@ def chatterjee_ruina(contact: ContactKinematics, coefficients: Coefficients) -> 
     in_cone = (reach >= 0) & (stick * stick * slip <= reach * reach * nn)
 
     def on_cone() -> Scalar:
-        reached = mu * (1 + e) * j / (square_root(slip / nn) - mu * D_n)
-        return choose(mu > 0, lambda: reached, lambda: mu)
+        slope = square_root(slip / nn) - mu * D_n
+        reached = mu * (1 + e) * j / choose(slope > 0, lambda: slope, lambda: slope * 0 + 1)
+        return choose(mu > 0, lambda: reached, lambda: varying_as(mu, lambda: reached))
 
     kappa = choose(in_cone, lambda: stick, on_cone)
     P = n * ((1 + e) * j) + D * kappa

@@ -35,7 +35,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ...numbers.number import Scalar, certain, choose, error_of, square_root, widened
+from ...numbers.number import Scalar, certain, choose, error_of, square_root, varying_as, widened
 from ..effective_mass import ContactKinematics
 from ..vector import Vec3
 from .chatterjee_ruina import chatterjee_ruina
@@ -88,6 +88,7 @@ def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     doubt = sliding.doubt(root.sigma)
     known = (doubt < 1) & (root.open == 0)
     sigma = widened(root.sigma, choose(known, lambda: doubt, lambda: 0 * doubt))
+    sigma = varying_as(sigma, lambda: sliding.variation(sigma))
 
     x = sliding.x(sigma)
     g = x / divisor(sliding.d(sigma))

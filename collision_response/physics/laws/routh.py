@@ -62,10 +62,12 @@ from ...numbers.number import (
     certain,
     choose,
     error_of,
+    fixed,
     greater,
     iterate,
     lesser,
     square_root,
+    varying_as,
     widened,
 )
 from ..effective_mass import ContactKinematics
@@ -98,6 +100,8 @@ class Ray(NamedTuple):
 
     z1: Scalar
     z2: Scalar
+    kz1: Scalar
+    kz2: Scalar
     k: Scalar
     G: Scalar
     rate: Scalar
@@ -150,15 +154,26 @@ def _ray(path: Path, mu: Scalar) -> Ray:
         _values(start), lambda root: root.step > 1e-15 * (root.G + value * trace), climb, RAY_STEPS
     )
     G = certain(root.G)
+    G = varying_as(G, lambda: climb(Root(fixed(G), G)).G)
     z1, z2 = solve(G, k, a1, a2)
     misfit, k = abs(z1 * z1 + z2 * z2 - 1), k * size
-    return Ray(z1, z2, k, G * size, 1 - k * (b1 * z1 + b2 * z2), misfit, sticks)
+    kz1, kz2, rate = k * z1, k * z2, 1 - k * (b1 * z1 + b2 * z2)
+    # What sticks is held by A^-1 b, which is smooth where b is 0.
+    h1, h2 = path.held(b1, b2)
+    kz1 = choose(sticks, lambda: varying_as(kz1, lambda: h1), lambda: kz1)
+    kz2 = choose(sticks, lambda: varying_as(kz2, lambda: h2), lambda: kz2)
+    rate = choose(sticks, lambda: varying_as(rate, lambda: 1 - (b1 * h1 + b2 * h2)), lambda: rate)
+    return Ray(z1, z2, kz1, kz2, k, G * size, rate, misfit, sticks)
 
 
 def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: bool) -> Outcome:
     e, mu, _, tolerance = coefficients
     e_e, e_mu, mu = error_of(e) + LEAST_RESTITUTION, error_of(mu), lesser(certain(mu), GREATEST_FRICTION)
-    e = choose(certain(e) < LEAST_RESTITUTION, lambda: 0 * certain(e), lambda: certain(e))
+    e = choose(
+        certain(e) < LEAST_RESTITUTION,
+        lambda: varying_as(0 * certain(e), lambda: certain(e)),
+        lambda: certain(e),
+    )
     frame = ContactFrame.of(contact)
     k, u_n, slip1, slip2 = frame.Knn, frame.un, frame.u1, frame.u2
     speed = choose(certain(u_n) < 0, lambda: -u_n, lambda: 1 + 0 * u_n)
@@ -188,8 +203,16 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
     )
     size = _length(d1, d2)
     d1, d2, s = d1 / size, d2 / size, choose(slips, lambda: span * size / certain(speed), lambda: o)
+    # Out of rest, slip grows along the ray; what sticks takes any slip back, at no way.
+    at_rest, (w1, w2) = fixed(span) <= 0, (v1 / certain(speed), v2 / certain(speed))
+    h1, h2 = path.held(w1, w2)
+    starts_stuck = ray.sticks & at_rest
+    slip = w1 * ray.z1 + w2 * ray.z2
+    s = choose(slips, lambda: s, lambda: varying_as(s, lambda: slip))
+    s = choose(starts_stuck, lambda: fixed(s), lambda: s)
+    rises = choose(starts_stuck, lambda: varying_as(o - 1, lambda: -(b1 * h1 + b2 * h2)), lambda: o - 1)
     pace = 0.3 / (c * (abs(b1) + abs(b2)) + m * (A11 + A22) + 1e-300)
-    first = Turn(d1, d2, s, o - 1, o, o, o, o, o, o, o, pace, o, o, o, o, s, 1 + o, o - 1)
+    first = Turn(d1, d2, s, rises, o, o, o, o, o, o, o, pace, o, o, o, o, s, 1 + o, o - 1)
     values = path._replace(c=certain(c), m=certain(m))
     y = iterate(outlook(values, _values(first)), lambda y: y.left > 0, lambda y: step(values, y), STEPS)
     turned, over = y.doubt > 0, y.p_c > 0
@@ -209,16 +232,29 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
     on_slip = on_slip | over
 
     # Restitution, likewise.
-    to_goal = path.distance(path.missing(p_c, W_c, p, W) / c, u, r)
+    def grown(way: Scalar, rate: Scalar) -> Scalar:
+        """A way of restitution, which grows from 0 with ``e``."""
+        if not energetic:
+            return way
+        by_e = varying_as(way, lambda: e * square_root(-2 * W_c / rate))
+        return choose(fixed(e) == 0, lambda: by_e, lambda: way)
+
+    to_goal = grown(path.distance(path.missing(p_c, W_c, p, W) / c, u, r), c * r)
     to_end = on_slip & (s_c + g * to_goal >= 0)
     x_r = choose(on_slip, lambda: choose(to_end, lambda: to_goal, lambda: s_c / -g), lambda: o)
     s_e = choose(to_end, lambda: s_c + g * x_r, lambda: o)
     p, W, u = p + c * x_r, W + c * (u + r * x_r / 2) * x_r, u + r * x_r
-    y_r = choose(to_end, lambda: o, lambda: path.distance(path.missing(p_c, W_c, p, W), u, ray.rate))
+
+    def stuck() -> Scalar:
+        return grown(path.distance(path.missing(p_c, W_c, p, W), u, ray.rate), ray.rate)
+
+    y_r = choose(to_end, lambda: o, stuck)
     p, W, u = p + y_r, W + (u + ray.rate * y_r / 2) * y_r, u + ray.rate * y_r
     along, rest = x + x_r, y_c + y_r
-    P1 = y.P1 - m * s1 * along - ray.k * ray.z1 * rest
-    P2 = y.P2 - m * s2 * along - ray.k * ray.z2 * rest
+    P1 = y.P1 - m * s1 * along - ray.kz1 * rest
+    P2 = y.P2 - m * s2 * along - ray.kz2 * rest
+    P1 = choose(starts_stuck, lambda: varying_as(P1, lambda: P1 - h1), lambda: P1)
+    P2 = choose(starts_stuck, lambda: varying_as(P2, lambda: P2 - h2), lambda: P2)
     heat = y.heat + m * ((s + s_c) * x + (s_c + s_e) * x_r) / 2 + ray.k * ray.G * rest * rest / 2
     lost = (1 - e) * (1 + e) * -W_c if energetic else -(W_c + W)
 
@@ -231,7 +267,7 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
 
     # The error, from values alone.
     whole, X = p_c + p, choose(over, lambda: y.p_c / c + y.x, lambda: y.x) + along
-    known = (X, along, rest, p_c, p, s_c, s_e, u_c, u, W_c, g, w, r, *ray[2:6])
+    known = (X, along, rest, p_c, p, s_c, s_e, u_c, u, W_c, g, w, r, *ray[4:8])
     X, along, rest, p_c, p, s_c, s_e, u_c, u, W_c, g, w, r, k_z, G, rate, misfit = (certain(v) for v in known)
     endless, L2, P_t, b = math.inf + o, A11 + A22, m * X + k_z * rest, _length(b1, b2)
     E = e_u + e_b * (p_c + p) + e_A * P_t + e_mu * L2 * c * X

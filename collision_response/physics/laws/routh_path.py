@@ -11,7 +11,7 @@ from functools import reduce
 from operator import add
 from typing import NamedTuple
 
-from ...numbers.number import Scalar, choose, greater, lesser, square_root
+from ...numbers.number import Scalar, choose, fixed, greater, lesser, square_root
 from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row
 
 STEP_SHARE = 1 / 2  # of the path's, that each step may take
@@ -43,6 +43,11 @@ class Path(NamedTuple):
         f2 = self.c * self.b2 - m * (self.A12 * t1 + self.A22 * t2)
         return t1 * f1 + t2 * f2, t1 * f2 - t2 * f1, self.c - m * (self.b1 * t1 + self.b2 * t2)
 
+    def held(self, v1: Scalar, v2: Scalar) -> tuple[Scalar, Scalar]:
+        """``A^-1 v``: what holds ``v``."""
+        det = self.A11 * self.A22 - self.A12 * self.A12
+        return (self.A22 * v1 - self.A12 * v2) / det, (self.A11 * v2 - self.A12 * v1) / det
+
     def least_eigenvalue(self) -> Scalar:
         """Of ``A``, from below."""
         return (self.A11 * self.A22 - self.A12 * self.A12) / (self.A11 + self.A22)
@@ -59,7 +64,7 @@ class Path(NamedTuple):
         both = u_n + square_root(choose(square > 0, lambda: square, lambda: 0 * square))
         there = (square >= 0) & (both > 0)
         ways = choose(there, lambda: 2 * missing / both, lambda: NEVER + 0 * rate)
-        return choose(self.e == 0, lambda: 0 * missing, lambda: ways)
+        return choose(fixed(self.e) == 0, lambda: 0 * missing, lambda: ways)
 
 
 class Turn(NamedTuple):

@@ -27,6 +27,7 @@ from ...numbers.number import (
     certain,
     choose,
     error_of,
+    fixed,
     greater,
     iterate,
     negation,
@@ -112,6 +113,11 @@ class Sliding(NamedTuple):
         turn = t.cross(self.v)
         slope = 2 * sigma + self.h + self.mu_beta.dot(self.v) - t.dot(self.v)
         return F, slope, length, turn * turn / divisor(length)
+
+    def variation(self, sigma: Scalar) -> Scalar:
+        """What varies as the root near ``sigma``: a step of Newton's method from there."""
+        F, slope, _, _ = self.at(fixed(sigma))
+        return -F / slope
 
     def doubt(self, sigma: Scalar) -> Scalar:
         """How far from ``sigma`` the root may be; more than 1, so anywhere, where that is not known."""

@@ -1,0 +1,182 @@
+"""A Kalman filter tracks a ball through its bounces, with the saltation matrix and without.
+
+    python examples/kalman_bounces.py                   # prints how far each filter may be believed
+    python examples/kalman_bounces.py --plot file.png   # needs matplotlib
+
+A camera sees where the ball is, to 1 cm, 20 times a second. Between bounces the motion is linear. At a bounce
+the filter that only multiplies by the derivatives of the impact, by the velocities, does not know that a
+ball which is higher than expected bounces later: it becomes too sure of itself. The other one takes the
+saltation matrix. A filter may be believed if its errors are as large as its covariance says: if the mean of
+``error . P^-1 error`` of position and velocity is 6, for they are six numbers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from collision_response import Body, Contact, ImpactModel, Law, resolve
+from collision_response.derivatives import differentiate, propagate_covariance, sphere_on_plane
+
+Array = np.ndarray[Any, Any]
+
+RADIUS, MASS, STEP, DURATION = 0.1, 0.5, 0.05, 2.5
+GRAVITY = np.array([0.0, 0.0, -9.81])
+MOMENT = 0.4 * MASS * RADIUS**2
+E, MU, E_SD, MU_SD, SEEN_SD = 0.8, 0.1, 0.02, 0.01, 0.01
+MODEL = ImpactModel(Law.COULOMB)
+START = np.array([0.0, 0.0, 1.0, 0, 0, 0, 1.5, 0.5, 0.0, 1.0, -4.0, 7.0])
+START_SD = np.array([0.02] * 3 + [0.0] * 3 + [0.1] * 3 + [1.0] * 3)
+POSITION, VELOCITY, SPIN = slice(0, 3), slice(6, 9), slice(9, 12)
+MOTION = [0, 1, 2, 6, 7, 8]
+
+
+class Track(NamedTuple):
+    """What a filter said, at each step: times, the true states, the estimates and their covariances."""
+
+    time: Array
+    truth: Array
+    estimate: Array
+    covariance: Array
+
+    def trust(self) -> Array:
+        """``error . P^-1 error`` of position and velocity: 6 in the mean."""
+        error = (self.estimate - self.truth)[:, MOTION]
+        P = self.covariance[:, MOTION][:, :, MOTION]
+        return np.einsum("ni,ni->n", error, np.linalg.solve(P, error[..., None])[..., 0])
+
+
+def ball(state: Array) -> Body:
+    """The ball in a state ``(x, theta, v, w)``; a ball looks the same however it is turned."""
+    x, v, w = (state[part].tolist() for part in (POSITION, VELOCITY, SPIN))
+    return Body.dynamic(MASS, (MOMENT, 0.0, 0.0, MOMENT, 0.0, MOMENT), x, None, v, w)
+
+
+def contact_of(state: Array, e: float, mu: float) -> Contact:
+    """Of the ball with the floor below it."""
+    return Contact.of((state[0], state[1], state[2] - RADIUS), (0.0, 0.0, 1.0), e, mu)
+
+
+def flown(state: Array, time: float) -> Array:
+    """The state after free flight."""
+    later = state.copy()
+    later[POSITION] += state[VELOCITY] * time + GRAVITY * (time * time / 2)
+    later[VELOCITY] += GRAVITY * time
+    return later
+
+
+def time_to_floor(state: Array) -> float:
+    """Until the ball meets the floor."""
+    height, speed, g = state[2] - RADIUS, state[8], -GRAVITY[2]
+    if height <= 0:
+        return 0.0 if speed < 0 else 2 * speed / g
+    return (speed + math.sqrt(speed * speed + 2 * g * height)) / g
+
+
+def struck(state: Array, e: float, mu: float) -> Array:
+    """The state after a bounce."""
+    impact = resolve(ball(state), Body.static(), contact_of(state, e, mu), MODEL)
+    after = state.copy()
+    after[VELOCITY], after[SPIN] = impact.twist_a.linear, impact.twist_a.angular
+    return after
+
+
+def covariance_after(state: Array, P: Array, with_matrix: bool) -> Array:
+    """Of a filter, at a bounce."""
+    request = ball(state), Body.static(), contact_of(state, E, MU), MODEL
+    if with_matrix:
+        known = propagate_covariance(
+            *request, P, sphere_on_plane(RADIUS), restitution_sd=E_SD, friction_sd=MU_SD, gravity=GRAVITY
+        )
+        return known.covariance
+    names = ("body_a.velocity", "body_a.angular_velocity", "contact.restitution", "contact.friction")
+    J = differentiate(*request, names).jacobian[:6]
+    reset, by = np.eye(12), np.zeros((12, 2))
+    reset[6:, 6:], by[6:] = J[:, :6], J[:, 6:] * [E_SD, MU_SD]
+    return reset @ P @ reset.T + by @ by.T
+
+
+def track(seed: int, with_matrix: bool) -> Track:
+    """One run: the ball flies, the camera sees it, the filter follows."""
+    random = np.random.default_rng(seed)
+    truth = START + START_SD * random.normal(size=12)
+    estimate, P = START.copy(), np.diag(START_SD**2)
+    steps = []
+    for i in range(round(DURATION / STEP)):
+        left = STEP
+        while (time := time_to_floor(truth)) < left:
+            e = min(1.0, E + E_SD * random.normal())
+            truth, left = struck(flown(truth, time), e, abs(MU + MU_SD * random.normal())), left - time
+        truth = flown(truth, left)
+
+        left = STEP
+        while (time := time_to_floor(estimate)) < left:
+            estimate, P = flown(estimate, time), flight(time) @ P @ flight(time).T
+            P = covariance_after(estimate, P, with_matrix)
+            estimate, left = struck(estimate, E, MU), left - time
+        estimate, P = flown(estimate, left), flight(left) @ P @ flight(left).T
+
+        seen = truth[POSITION] + SEEN_SD * random.normal(size=3)
+        gain = P[:, POSITION] @ np.linalg.inv(P[POSITION, POSITION] + SEEN_SD**2 * np.eye(3))
+        estimate = estimate + gain @ (seen - estimate[POSITION])
+        keep = np.eye(12)
+        keep[:, POSITION] -= gain
+        P = keep @ P @ keep.T + SEEN_SD**2 * gain @ gain.T
+        steps.append((STEP * (i + 1), truth, estimate, P))
+    return Track(*map(np.array, zip(*steps, strict=True)))
+
+
+def flight(time: float) -> Array:
+    """How small changes of a state grow in free flight."""
+    matrix = np.eye(12)
+    matrix[POSITION, VELOCITY] = matrix[3:6, SPIN] = np.eye(3) * time
+    return matrix
+
+
+def compare(runs: int) -> tuple[float, float]:
+    """The mean trust of the filters, with the matrix and without."""
+    with_matrix, without = (
+        float(np.mean([track(seed, choice).trust() for seed in range(runs)])) for choice in (True, False)
+    )
+    return with_matrix, without
+
+
+def plot(file: str) -> None:
+    """One run: the height, and its error beside what each filter says of it."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    figure, (above, *below) = plt.subplots(3, sharex=True, figsize=(8, 7), layout="constrained")
+    for axes, choice, name in zip(below, (True, False), ("with the saltation matrix", "without it"), strict=True):
+        run = track(5, choice)
+        if choice:
+            above.plot(run.time, run.truth[:, 2], label="the ball")
+            above.set_ylabel("height [m]")
+        sd = np.sqrt(run.covariance[:, 8, 8])
+        axes.fill_between(run.time, -2 * sd, 2 * sd, alpha=0.25, label="two standard deviations")
+        axes.plot(run.time, run.estimate[:, 8] - run.truth[:, 8], "k.-", lw=0.8, ms=3, label="error")
+        axes.set_ylim(-0.45, 0.45)
+        axes.set_ylabel("upward speed [m/s]")
+        axes.set_title(name, fontsize=10)
+    below[0].legend(loc="upper right", fontsize=8)
+    below[-1].set_xlabel("time [s]")
+    above.set_title("A filter that tracks a bouncing ball: what it says of its error, and its error", fontsize=11)
+    figure.savefig(file, dpi=110)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description="A Kalman filter tracks a bouncing ball.")
+    parser.add_argument("--plot", metavar="FILE", help="draw one run")
+    arguments = parser.parse_args()
+    good, naive = compare(runs=40)
+    print(f"mean of error . P^-1 error, which should be 6: {good:.2f} with the saltation matrix, {naive:.2f} without")
+    if not (5 < good < 7.5 < naive):
+        raise SystemExit("failed: the filter with the matrix is not the one to be believed")
+    print("passed: the filter with the matrix may be believed")
+    if arguments.plot:
+        plot(arguments.plot)

@@ -1,0 +1,329 @@
+"""The Jacobian of an impact: against values to many digits, and against differences of exact formulas."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpmath import mp, mpf
+from scenes import ALL_LAWS, LAWS_WITH_FRICTION, random_scene
+
+from collision_response import Body, Contact, Geometry, ImpactError, ImpactModel, Law, StatusCode, resolve
+from collision_response.batch import body_rows, contact_rows
+from collision_response.derivatives import (
+    PARAMETERS,
+    RESULTS,
+    Smoothness,
+    differentiate,
+    differentiate_batch,
+    unit_directions,
+)
+from collision_response.impact import impact
+from collision_response.physics.orientation import Quaternion
+from collision_response.physics.vector import Vec3
+
+REFERENCE = json.loads((Path(__file__).parent / "data" / "jacobians.json").read_text())
+SMOOTH, KINK, JUMP = Smoothness
+COEFFICIENTS = ("contact.restitution", "contact.friction", "model.tangential_restitution")
+SPHERE = (0.4, 0.0, 0.0, 0.4, 0.0, 0.4)
+
+BODY_A = Body.dynamic(
+    2.0, (0.03, 0.002, -0.001, 0.05, 0.003, 0.06), (0.1, 0.2, 0.9), (0.1, -0.2, 0.3, 0.9), (0.5, -0.3, -1.2),
+    (1.0, -2.0, 0.5),
+)  # fmt: skip
+BODY_B = Body.dynamic(
+    3.0, (0.08, -0.004, 0.002, 0.07, 0.005, 0.09), (-0.05, 0.1, -0.8), (-0.3, 0.1, 0.2, 0.8), (-0.1, 0.2, 0.4),
+    (0.3, 0.7, -1.0),
+)  # fmt: skip
+CONTACT = Contact.of((0.02, 0.05, 0.1), (0.1, -0.2, 1.0), 0.7, 0.2)
+
+
+def ball(velocity=(0.3, -0.2, -1.0), spin=(1.0, 2.0, 0.5), **given) -> Body:
+    return Body.dynamic(1.0, SPHERE, (0.0, 0.0, 1.0), None, velocity, spin, **given)
+
+
+def on_floor(restitution=0.5, friction=0.3) -> Contact:
+    return Contact.of((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), restitution, friction)
+
+
+# --- The oracle: differences of the formula as it is written, in many digits. It shares no code with dual numbers.
+
+
+def exact(body: Body) -> Body:
+    q = body.orientation or Quaternion(0.0, 0.0, 0.0, 1.0)
+    return Body(
+        mpf(body.mass), type(body.inertia)(*map(mpf, body.inertia)), Vec3(*map(mpf, body.position)),
+        Quaternion(*map(mpf, q)), Vec3(*map(mpf, body.velocity)), Vec3(*map(mpf, body.angular_velocity)),
+        Vec3(*map(mpf, body.com)),
+    )  # fmt: skip
+
+
+def changed(request: dict, name: str, axis: int, by) -> dict:
+    owner, field = name.split(".")
+    part = request[owner]
+    if field == "orientation":
+        v, w = Vec3(*part.orientation[:3]), part.orientation.w
+        angle = Vec3(*(by if i == axis else mpf(0) for i in range(3)))
+        sine, cosine = mp.sin(by / 2) / by, mp.cos(by / 2)
+        turned = angle * (sine * w) + v * cosine + (angle * sine).cross(v)
+        new = Quaternion(*turned, w * cosine - (angle * sine).dot(v))
+    elif isinstance(part, dict):
+        return request | {owner: part | {field: part[field] + by}}
+    elif isinstance(value := getattr(part, field), tuple):
+        new = type(value)(*(x + by if i == axis else x for i, x in enumerate(value)))
+    else:
+        new = value + by
+    return request | {owner: part._replace(**{field: new})}
+
+
+def results(request: dict, law: Law) -> list:
+    e_t = request["model"]["tangential_restitution"]
+    answer = impact(request["body_a"], request["body_b"], request["contact"], law, e_t, mpf(0), mpf(10) ** -13)
+    twists = [*answer.report.twist_a, *answer.report.twist_b]
+    return [x for v in (*twists, answer.changes.impulse) for x in v]
+
+
+def by_differences(scene, law: Law, name: str, axis: int = 0, e_t: float = 0.0, step="1e-18", digits=60, side=0):
+    """A central difference, or one to the side of the sign given."""
+    with mp.workdps(digits):
+        contact = scene[2]
+        request = {
+            "body_a": exact(scene[0]), "body_b": exact(scene[1]), "model": {"tangential_restitution": mpf(e_t)},
+            "contact": Contact(Vec3(*map(mpf, contact.position)), Vec3(*map(mpf, contact.normal)),
+                               mpf(contact.restitution), mpf(contact.friction)),
+        }  # fmt: skip
+        h = mpf(step)
+        high, low = (h, -h) if not side else (h * side, mpf(0))
+        ends = [results(changed(request, name, axis, x) if x else request, law) for x in (high, low)]
+        return [float((a - b) / (high - low)) for a, b in zip(*ends, strict=True)]
+
+
+def agrees(scene, model: ImpactModel, names=tuple(PARAMETERS), tolerance=1e-10, **how) -> None:
+    found = differentiate(*scene, model, names)
+    for name in names:
+        if scene[0 if "body_a" in name else 1].mass == math.inf and name.startswith("body"):
+            continue
+        for axis, column in enumerate(found.jacobian[:, found.columns[name]].T):
+            expected = by_differences(scene, model.law, name, axis, model.tangential_restitution, **how)
+            scale = max(1.0, max(map(abs, expected)))
+            np.testing.assert_allclose(column, expected, rtol=0, atol=tolerance * scale, err_msg=f"{name} {axis}")
+
+
+def reference_columns():
+    for side in "AB":
+        body = f"body_{side.lower()}"
+        for field, letter, axes in (
+            ("position", "x", "x y z"), ("orientation", "th", "x y z"), ("velocity", "v", "x y z"),
+            ("angular_velocity", "w", "x y z"), ("mass", "m", ""), ("inertia", "I", "xx xy xz yy yz zz"),
+        ):  # fmt: skip
+            for i, axis in enumerate(axes.split() or [""]):
+                yield f"{body}.{field}", i, f"{letter}{side}{axis}"
+    for field, letter in (("position", "c"), ("normal", "n")):
+        for i, axis in enumerate("xyz"):
+            yield f"contact.{field}", i, letter + axis
+    yield from zip(COEFFICIENTS, (0, 0, 0), ("e", "mu", "et"), strict=True)
+
+
+@pytest.mark.parametrize(("law", "case"), [(Law.FRICTIONLESS, "FRICTIONLESS"), (Law.COULOMB, "COULOMB sliding")])
+def test_the_jacobian_to_many_digits(law, case):
+    found = differentiate(BODY_A, BODY_B, CONTACT, ImpactModel(law))
+    for name, axis, key in reference_columns():
+        expected = [float(x) for x in REFERENCE[case]["J"][key]]
+        column = found.jacobian[:, found.columns[name]][:, axis]
+        np.testing.assert_allclose(column, expected, rtol=1e-12, atol=1e-13, err_msg=key)
+    assert (found.smoothness == SMOOTH).all()
+
+
+def test_the_length_of_the_normal_and_of_the_quaternion_do_not_matter():
+    found = differentiate(BODY_A, BODY_B, CONTACT)
+    along = found.jacobian[:, found.columns["contact.normal"]] @ np.array(CONTACT.normal)
+    np.testing.assert_allclose(along, 0, atol=1e-13)
+    longer = BODY_A._replace(orientation=Quaternion(*(3 * x for x in BODY_A.orientation)))
+    same = differentiate(longer, BODY_B, CONTACT)
+    np.testing.assert_allclose(same.jacobian, found.jacobian, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("seed", range(3))
+def test_agrees_with_differences_in_many_digits(law, seed):
+    agrees(random_scene(seed, off_centre=True), ImpactModel(law, tangential_restitution=0.25))
+
+
+@pytest.mark.parametrize("law", [Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("seed", range(2))
+def test_the_path_agrees_with_differences(law, seed):
+    """A path is integrated to 1e-13 here; a difference over 1e-4 sees that as 1e-9, and its own error as 1e-8."""
+    names = ("body_a.velocity", "body_b.orientation", "contact.friction", "contact.restitution")
+    agrees(random_scene(seed), ImpactModel(law, tolerance=1e-11), names, 3e-6, step="1e-4", digits=20)
+
+
+@pytest.mark.parametrize("law", ALL_LAWS)
+def test_a_ball_that_falls_without_slip_has_smooth_derivatives(law):
+    """Friction holds: P_t = -(2/7) m u_t for a solid ball, and the square root of no slip does not count."""
+    found = differentiate(ball((0.0, 0.0, -1.0), (0.0, 0.0, 0.0)), Body.static(), on_floor(), ImpactModel(law))
+    by_velocity = found.of("impulse", "body_a.velocity")
+    held = 0.0 if law is Law.FRICTIONLESS else -2 / 7
+    np.testing.assert_allclose(by_velocity, np.diag([held, held, -1.5]), atol=1e-14)
+    assert np.isfinite(found.jacobian).all()
+    velocities = found.columns["body_a.velocity"]
+    assert (found.smoothness[velocities] == SMOOTH).all()
+
+
+@pytest.mark.parametrize("law", LAWS_WITH_FRICTION)
+def test_without_friction_all_laws_are_frictionless_but_by_friction(law):
+    scene = ball(), Body.static(), on_floor(friction=0.0)
+    found = differentiate(*scene, ImpactModel(law))
+    plain = differentiate(*scene, ImpactModel(Law.FRICTIONLESS))
+    others = [i for i in range(found.jacobian.shape[1]) if i != found.columns["contact.friction"].start]
+    np.testing.assert_allclose(found.jacobian[:, others], plain.jacobian[:, others], atol=1e-14)
+    expected = by_differences(scene, law, "contact.friction", side=1, step="1e-10", digits=25)
+    np.testing.assert_allclose(found.jacobian[:, found.columns["contact.friction"]][:, 0], expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("law", ALL_LAWS)
+def test_restitution_at_both_ends_of_its_range(law):
+    for e, side in ((0.0, 1), (1.0, -1)):
+        scene = ball(), Body.static(), on_floor(restitution=e)
+        found = differentiate(*scene, ImpactModel(law))
+        expected = by_differences(scene, law, "contact.restitution", side=side, step="1e-10", digits=25)
+        np.testing.assert_allclose(found.jacobian[:, found.columns["contact.restitution"]][:, 0], expected, atol=1e-8)
+        assert np.isfinite(found.jacobian).all()
+
+
+def test_the_edge_of_the_cone_is_a_kink():
+    """A ball sticks iff (2/7)|u_t| <= mu (1 + e)|u_n|; on the edge the answer's regime counts."""
+    edge = ball((1.05, 0.0, -1.0), (0.0, 0.0, 0.0)), Body.static(), on_floor(0.5, 0.2)
+    names = ("body_a.velocity",)
+    found = differentiate(*edge, ImpactModel(Law.COULOMB), names)
+    assert found.smoothness.tolist() == [KINK, SMOOTH, KINK] or found.smoothness.tolist() == [KINK, KINK, KINK]
+    assert found.impact.regime.name == "STICKING"
+    np.testing.assert_allclose(found.of("impulse", "body_a.velocity")[0, 0], -2 / 7, rtol=1e-12)
+    for speed in (1.0499, 1.0501):
+        near = differentiate(ball((speed, 0.0, -1.0), (0.0, 0.0, 0.0)), *edge[1:], ImpactModel(Law.COULOMB), names)
+        assert (near.smoothness == SMOOTH).all()
+
+
+def test_no_approach_is_a_kink_and_the_answer_is_that_of_separating():
+    found = differentiate(ball((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)), Body.static(), on_floor(), with_respect_to=("body_a.velocity",))
+    assert found.smoothness.tolist() == [SMOOTH, SMOOTH, KINK]
+    np.testing.assert_array_equal(found.of("impulse", "body_a.velocity"), np.zeros((3, 3)))
+    np.testing.assert_array_equal(found.of("twist_a.linear", "body_a.velocity"), np.eye(3))
+
+
+def test_the_threshold_is_a_jump_where_restitution_is_lost():
+    model = ImpactModel(Law.COULOMB, restitution_threshold=1.0)
+    names = ("body_a.velocity", "contact.restitution")
+    at = differentiate(ball((0.1, 0.0, -1.0)), Body.static(), on_floor(), model, names)
+    assert at.smoothness[2] == JUMP
+    below = differentiate(ball((0.1, 0.0, -0.5)), Body.static(), on_floor(), model, names)
+    assert (below.smoothness == SMOOTH).all()
+    np.testing.assert_array_equal(below.of("impulse", "contact.restitution"), 0)
+
+
+def test_inertia_that_is_none_jumps_and_the_rest_is_smooth():
+    mass = Body.dynamic(2.0, position=(0.1, 0.0, 1.0), velocity=(0.1, 0.2, -1.0))
+    found = differentiate(mass, Body.static(), on_floor())
+    assert (found.smoothness[found.columns["body_a.inertia"]][[0, 3, 5]] == JUMP).all()
+    others = [i for name, place in found.columns.items() if not name.endswith("inertia") for i in range(1000)[place]]
+    assert (found.smoothness[others] == SMOOTH).all()
+    assert np.isfinite(found.jacobian).all()
+    immovable = [found.columns[f"body_b.{field}"] for field in ("mass", "inertia", "orientation", "com")]
+    for place in immovable:
+        np.testing.assert_array_equal(found.jacobian[:, place], 0)
+        assert (found.smoothness[place] == SMOOTH).all()
+
+
+def test_a_rod_agrees_with_differences():
+    rod = Body.dynamic(1.0, (0.0, 0.0, 0.0, 0.1, 0.0, 0.1), (0.1, 0.2, 0.5), (0.1, 0.3, -0.2, 0.9), (0.1, 0.0, -2.0), (0.5, 1.0, 2.0))
+    names = ("body_a.orientation", "body_a.velocity", "body_a.mass", "body_a.position", "contact.friction")
+    agrees((rod, BODY_B, CONTACT), ImpactModel(Law.COULOMB), names)
+
+
+def test_moreau_marks_its_fallback():
+    """Kane's paradox: somewhere between these speeds the one-step law begins to create energy."""
+    m = ImpactModel(Law.MOREAU)
+
+    def rod(slip):
+        cosine, sine = 1 / math.sqrt(5), 2 / math.sqrt(5)
+        inertia = (1 / 12, 0.0, 0.0, 1 / 12, 0.0, 1 / 12)
+        return Body.dynamic(1.0, inertia, (0.5 * cosine, 0.5 * sine, 0.0), None, (slip, -1.0, 0.0))
+
+    floor = Contact.of((0, 0, 0), (0, 1, 0), 0.9, 0.3)
+    assert resolve(rod(0.5), Body.static(), floor, m).adjustments.name == "LAW_FALLBACK"
+    found = differentiate(rod(0.5), Body.static(), floor, m)
+    other = differentiate(rod(0.5), Body.static(), floor, ImpactModel(Law.COULOMB))
+    np.testing.assert_allclose(found.jacobian, other.jacobian, atol=1e-12)
+
+
+@pytest.mark.parametrize("law", ALL_LAWS)
+def test_a_batch_has_the_same_derivatives(law):
+    rows, touch = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
+    scenes = [random_scene(seed) for seed in range(5)]
+    bodies, contacts = np.zeros((rows.height, 2, 5)), np.zeros((touch.height, 5))
+    for i, scene in enumerate(scenes):
+        for side, body in enumerate(scene[:2]):
+            for field in rows._fields[:-1]:
+                bodies[getattr(rows, field), side, i] = getattr(body, field)
+        for field in touch._fields[:-2]:
+            contacts[getattr(touch, field), i] = getattr(scene.contact, field)
+    contacts[touch.normal, 4] = 0.0
+    names = ("body_a.velocity", "contact.friction", "body_b.orientation")
+    found = differentiate_batch(bodies, contacts, unit_directions(*names), ImpactModel(law))
+    for i, scene in enumerate(scenes[:4]):
+        expected = differentiate(*scene, ImpactModel(law), names)
+        np.testing.assert_array_equal(found.jacobian[..., i], expected.jacobian)
+        np.testing.assert_array_equal(found.smoothness[:, i], expected.smoothness)
+    assert found.result.status[4] == StatusCode.INVALID_NORMAL
+    assert np.isnan(found.jacobian[..., 4]).all()
+    # A direction of many parameters is the sum of theirs, and each contact may have its own.
+    weights = np.arange(1.0, 8.0)
+    mixed = (unit_directions(*names) @ weights)[:, None, None] * np.arange(5.0)
+    along = differentiate_batch(bodies, contacts, mixed, ImpactModel(law))
+    expected = np.einsum("rkn,k,n->rn", found.jacobian, weights, np.arange(5.0))
+    np.testing.assert_allclose(along.jacobian[:, 0, :4], expected[:, :4], rtol=1e-11, atol=1e-11)
+
+
+def test_tables_of_a_geometry_may_leave_rows_out():
+    rows, touch = body_rows(Geometry.PLANAR), contact_rows(Geometry.PLANAR)
+    bodies, contacts = np.zeros((rows.height, 2, 1)), np.zeros((touch.height, 1))
+    bodies[rows.mass] = [[1.0], [np.inf]]
+    bodies[rows.inertia, 0], bodies[rows.position, 0, 0], bodies[rows.velocity, 0, 0] = 0.4, (0.1, 1.0), (0.3, -2.0)
+    contacts[touch.normal, 0], contacts[touch.restitution], contacts[touch.friction] = (0.0, 1.0), 0.5, 0.2
+    found = differentiate_batch(bodies, contacts, unit_directions())
+    body = Body.dynamic(1.0, (0.4, 0.0, 0.0, 0.4, 0.0, 0.4), (0.1, 1.0, 0.0), None, (0.3, -2.0, 0.0))
+    contact = Contact.of((0, 0, 0), (0, 1, 0), 0.5, 0.2)
+    assert found.jacobian.shape == (15, 0, 1)
+    names = ("body_a.velocity", "contact.normal", "body_a.inertia")
+    found = differentiate_batch(bodies, contacts, unit_directions(*names))
+    np.testing.assert_array_equal(found.jacobian[..., 0], differentiate(body, Body.static(), contact, with_respect_to=names).jacobian)
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "field"),
+    [
+        ({"with_respect_to": ("body_a.masses",)}, StatusCode.INVALID_MODEL, "with_respect_to"),
+        ({"contact": CONTACT._replace(restitution=lambda v: 0.5)}, StatusCode.INVALID_COEFFICIENT, "contact.restitution"),
+        ({"contact": CONTACT._replace(normal=Vec3(0.0, 0.0, 0.0))}, StatusCode.INVALID_NORMAL, "contact.normal"),
+        ({"model": ImpactModel(geometry=Geometry.PLANAR)}, StatusCode.INVALID_MODEL, "model.geometry"),
+        ({"body_a": BODY_A._replace(mass=-1.0)}, StatusCode.INVALID_MASS, "body_a.mass"),
+    ],
+)
+def test_bad_input_is_refused_by_name(change, code, field):
+    request = {"body_a": BODY_A, "body_b": BODY_B, "contact": CONTACT} | change
+    with pytest.raises(ImpactError) as refusal:
+        differentiate(**request)
+    assert (refusal.value.code, refusal.value.field) == (code, field)
+
+
+def test_directions_of_a_wrong_shape_are_refused():
+    rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    with pytest.raises(ValueError, match="directions: must be of shape"):
+        differentiate_batch(np.ones((rows.height, 2, 3)), np.ones((touch.height, 3)), np.ones((5, 2)))
+
+
+def test_places_cover_all_rows_and_columns():
+    for places, count in ((PARAMETERS, 53), (RESULTS, 15)):
+        assert sorted(i for place in places.values() for i in range(count)[place]) == list(range(count))

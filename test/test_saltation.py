@@ -1,0 +1,282 @@
+"""The saltation matrix and covariances: against values to many digits, a simulated bounce, and Monte Carlo."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import random_scene
+
+from collision_response import Body, Contact, Geometry, ImpactError, ImpactModel, Law, Regime, StatusCode, resolve
+from collision_response.batch import body_rows, contact_rows, resolve_batch
+from collision_response.derivatives import (
+    SurfaceMotion,
+    corner_on_plane,
+    point_on_plane,
+    propagate_covariance,
+    saltation_matrix,
+    sphere_on_plane,
+    sphere_on_sphere,
+)
+from collision_response.physics.orientation import Quaternion
+from collision_response.physics.vector import Vec3
+
+REFERENCE = json.loads((Path(__file__).parent / "data" / "saltation.json").read_text())
+G = (0.0, 0.0, -9.81)
+FLOOR = Contact.of((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.8, 0.1)
+RADIUS, MASS = 0.1, 0.5
+MOMENT = 0.4 * MASS * RADIUS**2
+
+
+def ball(**changes) -> Body:
+    state = {"velocity": (2.0, 0.5, -3.0), "angular_velocity": (1.0, -4.0, 7.0)} | changes
+    return Body.dynamic(MASS, (MOMENT, 0, 0, MOMENT, 0, MOMENT), (0.0, 0.0, RADIUS), **state)
+
+
+def test_a_point_on_an_incline():
+    normal = (math.sin(math.pi / 6), 0.0, math.cos(math.pi / 6))
+    point = Body.dynamic(2.0, velocity=(1.0, 0.5, -3.0))
+    contact = Contact.of((0, 0, 0), normal, 0.7)
+    found = saltation_matrix(point, Body.static(), contact, ImpactModel(Law.FRICTIONLESS), point_on_plane, G)
+    np.testing.assert_allclose(found, REFERENCE["a"], atol=6e-10)  # its last digit
+
+
+def test_a_ball_that_slides_on_a_plane():
+    found = saltation_matrix(ball(), Body.static(), FLOOR, ImpactModel(Law.COULOMB), sphere_on_plane(RADIUS), G)
+    np.testing.assert_allclose(found, REFERENCE["b ball mu=.1 sliding"], atol=6e-11 * 15)
+
+
+# --- A simulated bounce, of bodies that fly without torque: spheres, and bodies that do not turn.
+
+
+def flown(body: Body, time: float, gravity) -> Body:
+    """In free flight: the centre of mass falls. The tensor is a sphere's, so that the spin stays."""
+    v, w = Vec3(*body.velocity), Vec3(*body.angular_velocity)
+    if not body.is_movable():
+        return body._replace(position=Vec3(*body.position) + v * time)
+    c, g = body.to_world(body.com), Vec3(*gravity)
+    velocity = v + w.cross(c)
+    position = Vec3(*body.position) + c + velocity * time + g * (time * time / 2)
+    later = turned(body, w * time)
+    c = later.to_world(body.com)
+    return later._replace(position=position - c, velocity=velocity + g * time - w.cross(c))
+
+
+def turned(body: Body, by: Vec3) -> Body:
+    angle = math.sqrt(by.dot(by))
+    sine, cosine = (math.sin(angle / 2) / angle, math.cos(angle / 2)) if angle else (0.5, 1.0)
+    q = body.orientation or Quaternion(0.0, 0.0, 0.0, 1.0)
+    p, v = by * sine, Vec3(*q[:3])
+    return body._replace(orientation=Quaternion(*(p * q.w + v * cosine + p.cross(v)), cosine * q.w - p.dot(v)))
+
+
+def bounced(bodies, touch, model, gravity):
+    """The bodies at time 0 after a bounce at whatever time they meet: ``touch(bodies)`` gives distance and contact."""
+    time = 0.0
+    for _ in range(60):
+        now = [flown(body, time, gravity) for body in bodies]
+        gap, contact = touch(now)
+        speed = (touch([flown(body, time + 1e-6, gravity) for body in bodies])[0] - gap) / 1e-6
+        time -= gap / speed
+    now = [flown(body, time, gravity) for body in bodies]
+    impact = resolve(*now, touch(now)[1], model)
+    after = [
+        body._replace(velocity=twist.linear, angular_velocity=twist.angular)
+        for body, twist in zip(now, (impact.twist_a, impact.twist_b), strict=True)
+    ]
+    return [flown(body, -time, gravity) for body in after]
+
+
+def changed(body: Body, change) -> Body:
+    dx, theta, dv, dw = (Vec3(*part) for part in np.split(np.asarray(change, float), 4))
+    moved = body._replace(
+        position=Vec3(*body.position) + dx,
+        velocity=Vec3(*body.velocity) + dv,
+        angular_velocity=Vec3(*body.angular_velocity) + dw,
+    )
+    return turned(moved, theta) if any(theta) else moved
+
+
+def difference(one: Body, other: Body) -> np.ndarray:
+    """Small changes from ``other`` to ``one``, as a state has them."""
+    p, q = (body.orientation or Quaternion(0.0, 0.0, 0.0, 1.0) for body in (one, other))
+    v, w = Vec3(*p[:3]), Vec3(*q[:3])
+    theta = (v * q.w - w * p.w - v.cross(w)) * 2.0  # p q^-1, near 1
+    parts = (Vec3(*one.position) - other.position, theta, Vec3(*one.velocity) - other.velocity)
+    return np.concatenate([*parts, Vec3(*one.angular_velocity) - other.angular_velocity])
+
+
+def by_simulation(bodies, touch, model, gravity=G, step=1e-5) -> np.ndarray:
+    movable = [side for side, body in enumerate(bodies) if body.is_movable()]
+    columns = []
+    for side in movable:
+        for axis in range(12):
+            ends = []
+            for sign in (step, -step):
+                some = list(bodies)
+                some[side] = changed(some[side], np.eye(12)[axis] * sign)
+                ends.append(bounced(some, touch, model, gravity))
+            columns.append(
+                np.concatenate([difference(ends[0][i], ends[1][i]) for i in movable]) / (2 * step)
+            )
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize("friction", [0.05, 0.6])
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+def test_a_ball_on_a_moving_plane_as_simulated(law, friction):
+    plane = Body.kinematic((0.0, 0.0, 0.0), (0.1, 0.0, 0.7))
+
+    def touch(bodies):
+        a, b = bodies
+        contact = Contact.of((a.position[0], a.position[1], a.position[2] - RADIUS), (0, 0, 1), 0.8, friction)
+        return a.position[2] - RADIUS - b.position[2], contact
+
+    bodies = ball(), plane
+    expected = by_simulation(bodies, touch, ImpactModel(law))
+    found = saltation_matrix(*bodies, touch(bodies)[1], ImpactModel(law), sphere_on_plane(RADIUS), G)
+    # Differences over 1e-5: 1e-10 of curvature and 1e-16/1e-5 of rounding, with rates of up to 100.
+    np.testing.assert_allclose(found, expected, atol=3e-7)
+
+
+@pytest.mark.parametrize("off_centre", [False, True])
+def test_a_corner_that_turns_as_simulated(off_centre):
+    com = (0.02, -0.01, 0.03) if off_centre else (0.0, 0.0, 0.0)
+    corner = Vec3(0.1, -0.2, 0.3)  # in body axes
+    body = Body.dynamic(2.0, (0.03, 0, 0, 0.03, 0, 0.03), (0.0, 0.0, 0.0), (0.3, 0.4, -0.2, 0.8), (0.4, 0.1, -2.0),
+                        (1.0, 2.0, -1.5), com)  # fmt: skip
+    body = body._replace(position=Vec3(0.0, 0.0, -body.to_world(corner).z))
+
+    def touch(bodies):
+        at = Vec3(*bodies[0].position) + bodies[0].to_world(corner)
+        return at.z, Contact.of(at, (0, 0, 1), 0.6, 0.2)
+
+    expected = by_simulation((body, Body.static()), touch, ImpactModel(Law.COULOMB))
+    found = saltation_matrix(body, Body.static(), touch((body, None))[1], ImpactModel(Law.COULOMB), corner_on_plane, G)
+    np.testing.assert_allclose(found, expected, atol=3e-7)
+
+
+def test_two_spheres_as_simulated():
+    radius_b, moment = 0.2, 0.4 * 1.5 * 0.04
+    n = Vec3(0.6, 0.48, 0.64)
+    other = Body.dynamic(1.5, (moment, 0, 0, moment, 0, moment), (0.0, 0.0, 0.0), None, (0.3, 0.2, 0.5), (0.5, 1.0, -2.0))
+    one = ball(velocity=(-2.0, -1.0, -1.0))._replace(position=n * (RADIUS + radius_b))
+
+    def touch(bodies):
+        apart = Vec3(*bodies[0].position) - bodies[1].position
+        distance = math.sqrt(apart.dot(apart))
+        normal = apart / distance
+        return distance - RADIUS - radius_b, Contact.of(Vec3(*bodies[1].position) + normal * radius_b, normal, 0.7, 0.3)
+
+    model, forms = ImpactModel(Law.COULOMB), sphere_on_sphere(RADIUS, radius_b)
+    found = saltation_matrix(one, other, touch((one, other))[1], model, forms, G)
+    assert found.shape == (24, 24)
+    np.testing.assert_allclose(found, by_simulation((one, other), touch, model), atol=2e-6)
+
+
+def test_a_plain_derivative_by_the_pose_is_another_matrix():
+    """With the contact held where it is, a ball on a plane turns the plane's force about its centre."""
+    held = SurfaceMotion(np.zeros((3, 12)), np.zeros((3, 12)), np.zeros((3, 3)))
+    args = ball(), Body.static(), FLOOR._replace(friction=0.6), ImpactModel(Law.COULOMB)
+    right, wrong = (saltation_matrix(*args, form, G) for form in (sphere_on_plane(RADIUS), held))
+    assert np.linalg.norm(wrong - right) > 50 * np.linalg.norm(right)
+
+
+# --- Covariances
+
+
+SD = np.array([0.005] * 3 + [0.0] * 3 + [0.05] * 3 + [0.5] * 3)
+TABLE = {  # x, z, v_x, v_z, w_x, w_y; the last three digits of a Monte Carlo of 4e5 are open
+    0.1: (0.00508, 0.00400, 0.07822, 0.07948, 0.50235, 1.42616),
+    0.3: (0.00513, 0.00400, 0.04468, 0.07932, 0.40008, 0.40008),
+}
+SHOWN = [0, 2, 6, 8, 9, 10]
+UNCERTAIN = {"restitution_sd": 0.02, "friction_sd": 0.01, "normal_sd": 0.005}
+
+
+def propagated(friction: float, **given):
+    args = ball(), Body.static(), FLOOR._replace(friction=friction), ImpactModel(Law.COULOMB), np.diag(SD**2)
+    return propagate_covariance(*args, sphere_on_plane(RADIUS), **(UNCERTAIN | {"gravity": G} | given))
+
+
+@pytest.mark.parametrize("friction", TABLE)
+def test_covariances_of_the_reference(friction):
+    after = propagated(friction)
+    np.testing.assert_allclose(np.sqrt(np.diag(after.covariance))[SHOWN], TABLE[friction], atol=6e-6)
+    assert after.is_reliable
+
+
+def test_it_says_where_both_stick_and_slip_are_likely():
+    after = propagated(0.13089224)
+    assert not after.is_reliable
+    assert {Regime.STICKING, Regime.SLIDING} <= set(after.regimes)
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.3])
+def test_covariances_against_many_impacts(friction):
+    count, random = 400_000, np.random.default_rng(1)
+    state = random.normal(size=(12, count)) * SD[:, None]
+    e, mu = 0.8 + 0.02 * random.normal(size=count), np.abs(friction + 0.01 * random.normal(size=count))
+    tilt = 0.005 * random.normal(size=(2, count))
+    normal = np.array([tilt[0], tilt[1], np.ones(count)])
+    normal /= np.linalg.norm(normal, axis=0)
+    g = np.array(G)[:, None]
+    x = np.array([[0.0], [0.0], [RADIUS]]) + state[:3]
+    v, w = np.array([[2.0], [0.5], [-3.0]]) + state[6:9], np.array([[1.0], [-4.0], [7.0]]) + state[9:]
+    # The plane is tilted about the mean contact point: when is the centre a radius above it?
+    a, b, c = (normal * g).sum(0) / 2, (normal * v).sum(0), (normal * x).sum(0) - RADIUS
+    time = (-b - np.sqrt(b * b - 4 * a * c)) / (2 * a)
+    x, v = x + v * time + g * time**2 / 2, v + g * time
+    rows, touch = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
+    bodies, contacts = np.zeros((rows.height, 2, count)), np.zeros((touch.height, count))
+    bodies[rows.mass, 0], bodies[rows.mass, 1] = MASS, np.inf
+    bodies[rows.inertia, 0] = np.array([MOMENT, 0, 0, MOMENT, 0, MOMENT])[:, None]
+    bodies[rows.position, 0], bodies[rows.velocity, 0], bodies[rows.angular_velocity, 0] = x, v, w
+    contacts[touch.position], contacts[touch.normal] = x - RADIUS * normal, normal
+    contacts[touch.restitution], contacts[touch.friction] = np.minimum(e, 1.0), mu
+    result = resolve_batch(bodies, contacts)
+    v, w = result.velocity[:, 0], result.angular_velocity[:, 0]
+    x, v = x - v * time + g * time**2 / 2, v - g * time
+    found = np.std(np.concatenate([x, v, w]), axis=1)
+    expected = np.sqrt(np.diag(propagated(friction).covariance))[[0, 1, 2, *range(6, 12)]]
+    # 1/sqrt(2 count) = .0011 of each, and the second order: 1 % where it slides.
+    np.testing.assert_allclose(found, expected, rtol=0.012)
+
+
+def test_two_bodies_have_one_covariance_of_both():
+    scene = random_scene(3)
+    surfaces = sphere_on_sphere(0.3, 0.4)
+    S = np.eye(24) * 1e-6
+    after = propagate_covariance(*scene, ImpactModel(Law.COULOMB), S, surfaces, gravity=G)
+    Xi = saltation_matrix(*scene, ImpactModel(Law.COULOMB), surfaces, G)
+    np.testing.assert_allclose(after.covariance, Xi @ S @ Xi.T, rtol=1e-9, atol=1e-18)
+
+
+# --- Bad input
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "field"),
+    [
+        ({"surfaces": None}, StatusCode.INVALID_NORMAL, "surfaces"),
+        ({"surfaces": SurfaceMotion(np.zeros((3, 12)), None, np.zeros((3, 3)))}, StatusCode.INVALID_NORMAL, "surfaces.normal"),
+        ({"body_a": ball(velocity=(0.0, 0.0, 1.0))}, StatusCode.SEPARATING, "contact.normal"),
+        ({"covariance": np.eye(24)}, StatusCode.INVALID_TABLE, "covariance"),
+        ({"covariance": None}, StatusCode.INVALID_TABLE, "covariance"),
+        ({"covariance": -np.eye(12)}, StatusCode.INVALID_TABLE, "covariance"),
+        ({"covariance": np.triu(np.ones((12, 12)))}, StatusCode.INVALID_TABLE, "covariance"),
+        ({"friction_sd": -0.1}, StatusCode.INVALID_COEFFICIENT, "friction_sd"),
+        ({"restitution_sd": math.nan}, StatusCode.INVALID_COEFFICIENT, "restitution_sd"),
+    ],
+)
+def test_bad_input_is_refused_by_name(change, code, field):
+    request = {
+        "body_a": ball(), "body_b": Body.static(), "contact": FLOOR, "covariance": np.diag(SD**2),
+        "surfaces": sphere_on_plane(RADIUS),
+    } | change  # fmt: skip
+    with pytest.raises(ImpactError) as refusal:
+        propagate_covariance(**request)
+    assert (refusal.value.code, refusal.value.field) == (code, field)
