@@ -10,10 +10,11 @@ from ..numbers.number import choose
 from ..physics.column import Column
 from ..physics.effective_mass import Side
 from ..physics.energy import kinetic_energy
-from ..physics.laws import LAWS, PATHS, Law
+from ..physics.inverse_inertia import InverseInertia
+from ..physics.laws import LAWS, PATHS, STEPPED, Law
 from ..physics.vector import Vec3
 from .emit import emit
-from .layout import MODEL, Layout, names_of_body, names_of_contact, request, units
+from .layout import MODEL, Layout, names_of_body, names_of_contact, names_of_inverse_inertia, request, units
 from .pairs import in_pairs
 from .symbol import CONDITIONS, Symbol, Tape, numbers_in, rebuilt
 
@@ -28,7 +29,8 @@ def headers(what: str) -> Iterator[tuple[str, str]]:
     if what == "column":
         yield "column", HEAD + column()
         return
-    for layout in Layout:
+    one_kernel = what.upper() in (law.name for law in STEPPED)
+    for layout in (Layout.EVERYTHING, Layout.ARTICULATED) if one_kernel else Layout:
         text = validity_of(layout) if what == "validity" else impact_by(Law[what.upper()], layout)
         yield f"{what}_{layout.name.lower()}", HEAD + text
 
@@ -45,12 +47,13 @@ def impact_by(law: Law, layout: Layout) -> str:
         asked.tangential_restitution,
         asked.restitution_threshold,
         asked.tolerance,
+        asked.stiffness_ratio,
     )
     *flags, unphysical = (tape.symbol(flag) for flag in answer.flags)
     results = [[tape.symbol(x) for x in numbers_in(part)] for part in (answer.changes, answer.report)]
     results += flags, [unphysical]
     text = emit("impact", list(asked.names), *results, branches=True)
-    if layout is Layout.EVERYTHING:
+    if layout in (Layout.EVERYTHING, Layout.ARTICULATED):
         text += emit("impact_in_pairs", list(asked.names), *in_pairs(results), branches=True)
     return text
 
@@ -119,7 +122,7 @@ def _counts_of(layout: Layout) -> str:
     if moments and len(moments) < 3:
         moments *= 3
     mentioned = " + ".join(moments) or "*x - *x"
-    is_general = layout is Layout.EVERYTHING
+    is_general = layout in (Layout.EVERYTHING, Layout.ARTICULATED)
     return (
         f"\nstruct Layout_{layout.name.lower()} {{\n"
         f"  static constexpr int body = {len(body)}, inputs = {2 * len(body) + len(contact) + len(MODEL)};\n"
@@ -141,13 +144,17 @@ def sizes() -> str:
         rows = ", ".join("{" + ", ".join(map(str, units(one))) + "}" for one in names)
         return f"static const signed char {name}[{len(names)}][6] = {{{rows}}};\n"
 
-    spelled = ", ".join('"' + name.rstrip(".") + '"' for name in asked.names)
+    names = [*asked.names, *names_of_inverse_inertia()]
+    spelled = ", ".join('"' + name.rstrip(".") + '"' for name in names)
     numbers = {
         "INPUTS": len(asked.names),
+        "INVERSE_INERTIA": len(InverseInertia._fields),
+        "ALL_INPUTS": len(names),
         "BODY": len(names_of_body(Layout.EVERYTHING)),
         "CHANGES": len(changes),
         "REPORTED": len(reported),
         "FLAGS": len(Flags._fields),
+        "LAW_COUNT": max(LAWS) + 1,
     }
     numbers |= {f"IN_{name.replace('.', '_').upper().rstrip('_')}": i for i, name in enumerate(asked.names)}
     numbers |= {f"OUT_{field.upper()}": 12 + i for i, field in enumerate(Report._fields[2:])}
@@ -156,17 +163,19 @@ def sizes() -> str:
     numbers |= {f"LAYOUT_{layout.name}": i for i, layout in enumerate(Layout)}
     tables = "".join(f"  {_table_of(layout)},\n" for layout in TABLES)
     listed = "".join(f"  {name} = {value},\n" for name, value in numbers.items())
-    each_law = " ".join(f"X({law.name.lower()}, {int(law)})" for law in LAWS)
-    in_float32 = " ".join(f"X({law.name.lower()}, {int(law)})" for law in LAWS if law not in PATHS)
+    each_law, stepped, in_float32 = (
+        " ".join(f"X({name}, {int(Law[name.upper()])})" for name in names_of_laws(kind)) for kind in KINDS
+    )
     return (
         f"#pragma once\nenum {{\n{listed}}};\n"
         f"enum {{ ROWS_OF_BODY = BODY, ROWS_OF_CONTACT = {len(names_of_contact(Layout.EVERYTHING))}, "
         f"ROWS_OF_MODEL = {len(MODEL)} }};\n"
         f"#define EACH_LAW(X) {each_law}\n"
+        f"#define EACH_STEPPED_LAW(X) {stepped}\n"
         f"#define EACH_LAW_IN_FLOAT32(X) {in_float32}\n"
         f"{TABLE}#ifdef WITH_TABLES\n"
         f"static const char* const input_names[] = {{{spelled}}};\n"
-        f"{table('input_units', list(asked.names))}"
+        f"{table('input_units', names)}"
         f"{table('change_units', changes)}"
         f"{table('reported_units', reported)}"
         f"static const Table tables[] = {{\n{tables}}};\n"
@@ -210,6 +219,11 @@ ZERO, ONE = -1, -2
 """Rows that a table has not: 0 for all, or 1 for all."""
 
 
-def names_of_laws(*, in_float32: bool = False) -> list[str]:
-    """As the build calls them; perhaps only those that there are batches of float32 for."""
-    return [law.name.lower() for law in LAWS if not (in_float32 and law in PATHS)]
+KINDS = ("laws", "stepped_laws", "laws_in_float32")
+"""Laws with kernels for each precision; with one for all; and those that there are batches of float32 for."""
+
+
+def names_of_laws(kind: str) -> list[str]:
+    """The laws of a kind, as the build calls them."""
+    stepped = [law for law in LAWS if (law in STEPPED) == (kind == "stepped_laws")]
+    return [law.name.lower() for law in stepped if not (kind == "laws_in_float32" and law in PATHS)]

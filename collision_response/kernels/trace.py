@@ -21,8 +21,8 @@ def main(package: Path, folder: Path, what: str) -> None:
 
     from collision_response.kernels import programs
 
-    if what in ("laws", "laws_in_float32"):
-        print(end=";".join(programs.names_of_laws(in_float32=what != "laws")))
+    if what in programs.KINDS:
+        print(end=";".join(programs.names_of_laws(what)))
         return
 
     for name, text in programs.headers(what):
