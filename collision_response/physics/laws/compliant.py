@@ -89,7 +89,7 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     o, one = 0 * A11, 1 + 0 * A11
 
     # Axis 1 along the first slip; what is rounding across it is 0.
-    c1, c2 = _direction(*map(certain, slip), b1, b2)
+    c1, c2 = map(certain, _direction(*map(certain, slip), b1, b2))
     s = c1 * certain(slip[0]) + c2 * certain(slip[1])
     b1, b2 = c1 * b1 + c2 * b2, c1 * b2 - c2 * b1
     A11, A12, A22 = (
@@ -97,7 +97,8 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
         c1 * c2 * (A22 - A11) + (c1 * c1 - c2 * c2) * A12,
         c2 * c2 * A11 - 2 * c1 * c2 * A12 + c1 * c1 * A22,
     )
-    trace = A11 + A22
+    A11, A12, A22, b1, b2, s = map(certain, (A11, A12, A22, b1, b2, s))
+    trace = certain(A11 + A22)
     planar = (abs(b2) <= PLANAR * (1 + trace)) & (abs(A12) <= PLANAR * trace)
     lost_turn = choose(planar, lambda: abs(b2) + abs(A12), lambda: o)
     b2, A12 = choose(planar, lambda: (o, o), lambda: (b2, A12))
@@ -105,23 +106,23 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     tolerance = choose(
         tolerance > 0, lambda: greater(lesser(SHARE * tolerance, COARSEST + o), TOLERANCE + o), lambda: TOLERANCE + o
     )
-    springs = Springs(A11, A12, A22, b1, b2, s, o, mu, kappa, e, certain(tolerance))
+    springs = _values(Springs(A11, A12, A22, b1, b2, s, o, mu, kappa, e, tolerance))
     y = iterate(_values(_start(springs)), lambda y: y.going > 0, lambda y: step(springs, y), STEPS)
 
-    # The rest of the way, straight.
+    # The rest of the way, straight. All of this are values: the bound counts what is off.
     stiff = choose(y.unloads > 0, lambda: one / choose(e > LEAST, lambda: e * e, lambda: one), lambda: one)
-    u1, u2, u_n = springs.velocity(y.P1, y.P2, y.Pn)
+    u_n = certain(springs.velocity(y.P1, y.P2, y.Pn)[2])
     plastic = e < LEAST
-    rate = choose(u_n > 0, lambda: stiff * u_n, lambda: one)
-    left = choose(plastic, lambda: o, lambda: y.F / rate)
-    force = square_root(y.a1 * y.a1 + y.a2 * y.a2)
+    rate = certain(choose(u_n > 0, lambda: stiff * u_n, lambda: one))
+    left = certain(choose(plastic, lambda: o, lambda: y.F / rate))
+    force = certain(square_root(y.a1 * y.a1 + y.a2 * y.a2))
     slides = (y.slips > 0) | (mu <= 0)
     grip = mu * y.F
-    brief = lesser(force / choose(mu > 0, lambda: mu, lambda: one) / rate, left)
-    across = choose(slides, lambda: -grip * left / 2, lambda: left - brief / 2)
-    P1, P2, P_n = y.P1 + y.a1 * across, y.P2 + y.a2 * across, y.Pn + y.F * left / 2
+    brief = lesser(certain(force / choose(mu > 0, lambda: mu, lambda: one) / rate), left)
+    across = certain(choose(slides, lambda: -grip * left / 2, lambda: left - brief / 2))
+    P1, P2, P_n = map(certain, (y.P1 + y.a1 * across, y.P2 + y.a2 * across, y.Pn + y.F * left / 2))
     w1, w2, w_n = springs.velocity(P1, P2, P_n)
-    total = -(P1 * (s + w1) + P2 * w2 + P_n * (w_n - 1)) / 2
+    total = certain(-(P1 * (s + w1) + P2 * w2 + P_n * (w_n - 1)) / 2)
     lost = (1 - e) * (1 + e) * y.most * y.most / 2
     heat = greater(total - lost, o)
 

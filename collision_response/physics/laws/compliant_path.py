@@ -151,7 +151,7 @@ def step(springs: Springs, y: Course) -> Course:
     e5, e3 = (_size(e, slips, mu, kappa, k, y.most) for e in (fifth, third))
     square = e5 * e5
     err = choose(square > 0, lambda: square / square_root(square + 0.01 * e3 * e3), lambda: zero)
-    ratio = choose(err < 1e3, lambda: err / springs.tolerance, lambda: 1e30 * one)
+    ratio = choose(square < 1e6, lambda: err / springs.tolerance, lambda: 1e30 * one)  # nor if it is none
     factor = 0.9 / square_root(square_root(square_root(ratio + 1e-6)))
     size = h * greater(lesser(factor, 4 * one), 0.2 * one)
 
