@@ -166,7 +166,7 @@ def _start(springs: Springs) -> Course:
     """At first touch, or soon after where slip turns."""
     A11, A12, A22, b1, b2, s, _, mu, kappa, _, _ = springs
     o, one = 0 * s, 1 + 0 * s
-    slips = kappa * s > mu
+    slips = (kappa * s > mu) | (mu <= 0)
     fastest = 1 + abs(b1) + abs(b2) + (mu + kappa) * (A11 + A22)
     w = b2 - mu * A12
     turns = slips & ((w > 0) | (w < 0)) & (mu > 0)
