@@ -238,12 +238,14 @@ class ContactKinematics(NamedTuple):
 
     def moves_normal(self) -> Condition:
         """Whether an impulse along the normal moves the contact."""
-        return self.n_Kn > LEAST * (self.n.dot(self.n) * self._mobility().trace())
+        n, K = _scaled(self.n), self._mobility()
+        return n.dot(K @ n) > LEAST * (n.dot(n) * K.trace())
 
     def can_rest(self) -> Condition:
         """Whether some impulse brings the contact to rest: ``u`` lies in the range of ``K``."""
-        rest = self._mobility().null_space() @ self.u
-        return rest.dot(rest) <= ACROSS * self.u.dot(self.u)
+        u = _scaled(self.u)
+        rest = self._mobility().null_space() @ u
+        return rest.dot(rest) <= ACROSS * u.dot(u)
 
     def _mobility(self) -> Symmetric3:
         return self.side_a.mobility() + self.side_b.mobility()
@@ -268,6 +270,12 @@ class ContactKinematics(NamedTuple):
 def _side_of(body: Body, point: Vec3) -> Side | ArticulatedSide:
     side = Side.of(body, point)
     return side if body.inverse_inertia is None else ArticulatedSide(side, body.inverse_inertia)
+
+
+def _scaled(v: Vec3) -> Vec3:
+    """A vector in the middle of the range of numbers."""
+    size = abs(v.x) + abs(v.y) + abs(v.z)
+    return v / choose(size > 0, lambda: size, lambda: size * 0 + 1)
 
 
 ACROSS = 2.0**-60

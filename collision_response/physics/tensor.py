@@ -55,14 +55,16 @@ class Symmetric3(NamedTuple):
 
         Of rank 2 it is the adjugate over its trace, of rank 1 all but the tensor over its trace.
         """
-        xx, xy, xz, yy, yz, zz = self
+        largest = self.trace()
+        unit = 1 / choose(certain(largest) > 0, lambda: largest, lambda: largest * 0 + 1)
+        xx, xy, xz, yy, yz, zz = self * unit
         a_xx, a_yy, a_zz = yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy
         a_xy, a_xz, a_yz = xz * yz - xy * zz, xy * yz - xz * yy, xy * xz - xx * yz
         det = xx * a_xx + xy * a_xy + xz * a_xz
         is_definite = certain(det) > certain(SINGULAR * (xx * yy * zz))
         whole = xx * yy + yy * zz + xx * zz
         is_plane = certain(a_xx + a_yy + a_zz) > certain(SINGULAR * whole)
-        size = choose(is_plane, lambda: a_xx + a_yy + a_zz, lambda: self.trace())
+        size = choose(is_plane, lambda: a_xx + a_yy + a_zz, lambda: xx + yy + zz)
         size = choose(certain(size) > 0, lambda: size, lambda: size * 0 + 1)
 
         def of_line() -> Symmetric3:
