@@ -116,7 +116,12 @@ def plan(model: ImpactModel) -> Plan:
     check_model(model)
     law, geometry, precision, tolerance, e_t, threshold, ratio = model
     numbers = float(e_t), float(threshold), float(tolerance), float(ratio)
-    errors = tuple(_lost(x, given) for x, given in zip(numbers, (e_t, threshold, tolerance, ratio)))
+    errors = (
+        _lost(numbers[0], e_t),
+        _lost(numbers[1], threshold),
+        _lost(numbers[2], tolerance),
+        _lost(numbers[3], ratio),
+    )
     limit = numbers[2] or LARGEST
     return Plan(
         law_for(law, has_friction=False),

@@ -64,17 +64,26 @@ def joints_after(impulse) -> np.ndarray:
 REFERENCE = {
     "FRICTIONLESS": (
         Law.FRICTIONLESS, 0.0, (0.292660820065, -0.234128656052, 0.312171541403),
-        (0.416775764480, -0.768787866911, 0.192244153905, 0.831931330103, -3.054617803250, -7.059533201356, 3.727394859650),
+        (
+            0.416775764480, -0.768787866911, 0.192244153905, 0.831931330103,
+            -3.054617803250, -7.059533201356, 3.727394859650,
+        ),
         (-0.442131190527, 0.294135048034, 0.639044416175), -0.109747807524,
     ),
     "COULOMB sticks": (
         Law.COULOMB, 1.0, (0.345572656439, -0.191719994065, 0.303443911025),
-        (0.411759493074, -0.759004141293, 0.216805406972, 0.787521306348, -3.293838985727, -6.912052206130, 3.886536216348),
+        (
+            0.411759493074, -0.759004141293, 0.216805406972, 0.787521306348,
+            -3.293838985727, -6.912052206130, 3.886536216348,
+        ),
         (-0.574410781462, 0.188113393066, 0.660863492120), -0.131219489430,
     ),
     "COULOMB slides": (
         Law.COULOMB, 0.1, (0.330872370672, -0.203502224524, 0.305868673978),
-        (0.413153143875, -0.761722315000, 0.209981651389, 0.799859567214, -3.227377112830, -6.953026266445, 3.842322604025),
+        (
+            0.413153143875, -0.761722315000, 0.209981651389, 0.799859567214,
+            -3.227377112830, -6.953026266445, 3.842322604025,
+        ),
         (-0.537660067046, 0.217568969214, 0.654801584737), -0.129562148140,
     ),
 }  # fmt: skip
@@ -108,7 +117,9 @@ def test_the_last_link_alone_is_a_third_of_the_arm():
     mass, com, moments = LINKS[-1][2:]
     R = ARM.last
     w = math.sqrt(1 + np.trace(R)) / 2
-    q = Quaternion(*[(R[(i + 2) % 3, (i + 1) % 3] - R[(i + 1) % 3, (i + 2) % 3]) / 4 / w for i in range(3)], w)
+    q = Quaternion(
+        *[(R[(i + 2) % 3, (i + 1) % 3] - R[(i + 1) % 3, (i + 2) % 3]) / 4 / w for i in range(3)], w
+    )
     inertia = (moments[0], 0, 0, moments[1], 0, moments[2])
     link = Body.dynamic(mass, inertia, ARM.tip, q, com=np.array(com) - TIP)
     moving = [body._replace(velocity=(-0.6, 0.48, -0.64)) for body in (tip(), link)]
@@ -173,7 +184,9 @@ def test_two_links_of_one_arm_need_their_relative_jacobian():
 @each_law
 def test_a_bare_contact_is_that_of_two_bodies(law):
     a = Body.dynamic(2.0, (0.3, 0, 0, 0.5, 0, 0.6), (0.1, 0.2, 0.9), None, (0.5, -0.3, -1.2), (1, -2, 0.5))
-    b = Body.dynamic(3.0, (0.8, 0, 0, 0.7, 0, 0.9), (-0.05, 0.1, -0.8), None, (-0.1, 0.2, 0.4), (0.3, 0.7, -1))
+    b = Body.dynamic(
+        3.0, (0.8, 0, 0, 0.7, 0, 0.9), (-0.05, 0.1, -0.8), None, (-0.1, 0.2, 0.4), (0.3, 0.7, -1)
+    )
     contact = Contact.of((0.02, 0.05, 0.1), (0.1, -0.2, 1), 0.7, 0.2)
     seen = ContactKinematics.of(a, b, contact)
     k = seen.inverse_effective_mass()
@@ -181,7 +194,9 @@ def test_a_bare_contact_is_that_of_two_bodies(law):
     whole = resolve(a, b, contact, ImpactModel(law))
     alone = resolve_contact(K, seen.u, contact.normal, 0.7, 0.2, ImpactModel(law))
     assert alone.impulse == pytest.approx(whole.impulse, rel=1e-11)
-    assert alone.energy_change == pytest.approx(whole.kinetic_energy_after - whole.kinetic_energy_before, abs=1e-12)
+    assert alone.energy_change == pytest.approx(
+        whole.kinetic_energy_after - whole.kinetic_energy_before, abs=1e-12
+    )
     assert alone.regime is whole.regime
     assert alone.velocity_after.dot(contact.normal) / contact.normal.norm() == pytest.approx(
         whole.normal_velocity_after, abs=1e-12
@@ -194,7 +209,9 @@ def test_bare_contacts_are_exact_to_the_last_digit():
     """By rationals: COULOMB that sticks, P = (1 + e) P_I + D."""
     K, u, e = [[F(7, 2), F(1, 2), 0], [F(1, 2), 3, F(1, 4)], [0, F(1, 4), 1]], [F(1, 8), F(0), F(-1)], F(1, 2)
     model = ImpactModel(Law.COULOMB, precision=Precision.EXTENDED)
-    found = resolve_contact([[float(x) for x in row] for row in K], list(map(float, u)), (0, 0, 1), 0.5, 5.0, model)
+    found = resolve_contact(
+        [[float(x) for x in row] for row in K], list(map(float, u)), (0, 0, 1), 0.5, 5.0, model
+    )
     j = -u[2] / K[2][2]
     plastic = [u[i] + K[i][2] * j for i in range(3)]
     D = _solve(K, [-x for x in plastic])
@@ -213,7 +230,9 @@ def _solve(K, v):
             for i in range(3)
         )
 
-    return [det([[v[r] if c == i else K[r][c] for c in range(3)] for r in range(3)]) / det(K) for i in range(3)]
+    return [
+        det([[v[r] if c == i else K[r][c] for c in range(3)] for r in range(3)]) / det(K) for i in range(3)
+    ]
 
 
 PLANE = np.array([[2.5, -1.5, 0], [-1.5, 2.5, 0], [0, 0, 0]])
@@ -223,7 +242,9 @@ PLANE = np.array([[2.5, -1.5, 0], [-1.5, 2.5, 0], [0, 0, 0]])
 def test_a_planar_mechanism_needs_no_third_direction(law):
     """Of rank 2; as if it moved there as easily as you like."""
     whole = PLANE + np.diag([0, 0, 4.0])
-    flat, full = (resolve_contact(K, (1, -1, 0), (0, 1, 0), 0.5, 0.3, ImpactModel(law)) for K in (PLANE, whole))
+    flat, full = (
+        resolve_contact(K, (1, -1, 0), (0, 1, 0), 0.5, 0.3, ImpactModel(law)) for K in (PLANE, whole)
+    )
     assert flat.impulse == pytest.approx(full.impulse, abs=1e-10)
     assert flat.error_bound < 1e-9
     assert flat.impulse.z == 0
@@ -297,7 +318,11 @@ BAD = {
     "infinite slip": (StatusCode.NOT_FINITE, "u", {"u": (math.inf, 0, -1)}),
     "restitution": (StatusCode.INVALID_COEFFICIENT, "restitution", {"e": 1.5}),
     "friction": (StatusCode.INVALID_COEFFICIENT, "friction", {"mu": -0.1}),
-    "geometry": (StatusCode.INVALID_MODEL, "model.geometry", {"model": ImpactModel(geometry=Geometry.PLANAR)}),
+    "geometry": (
+        StatusCode.INVALID_MODEL,
+        "model.geometry",
+        {"model": ImpactModel(geometry=Geometry.PLANAR)},
+    ),
 }
 
 
@@ -331,7 +356,9 @@ def test_matrices_that_are_none():
     indefinite[0, 4] = indefinite[4, 0] = 1.1
     contact = Contact.of((0, 0, 0), (0, 0, 1))
     body = Body.articulated(indefinite, velocity=(0, 0, -1))
-    refused(StatusCode.INVALID_INERTIA, "body_a.inverse_inertia", lambda: resolve(body, Body.static(), contact))
+    refused(
+        StatusCode.INVALID_INERTIA, "body_a.inverse_inertia", lambda: resolve(body, Body.static(), contact)
+    )
     nothing = Body.articulated(np.zeros(36), velocity=(0, 0, -1))
     refused(StatusCode.NO_DYNAMIC_BODY, "body_a", lambda: resolve(nothing, Body.static(), contact))
 

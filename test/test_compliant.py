@@ -45,15 +45,38 @@ def incidence(degrees):
 
 
 SPHERE = (3.5, 0.0, 1.0)
+ROD, SHORT = (2.5, -1.5, 2.5), (3.4, -1.2, 1.6)
 REFERENCE = {
-    "S02": ((SPHERE, incidence(2), 0.98, 0.092, SAME), (0.01891157034068, 0.9794030104787, -0.00456797896052, 1.978793837498)),
-    "S10": ((SPHERE, incidence(10), 0.98, 0.092, SAME), (-0.04084933344691, 0.965111597952, -0.06128500317538, 1.949919350964)),
-    "S20": ((SPHERE, incidence(20), 0.98, 0.092, SAME), (-0.1461976508808, 0.9208987683702, -0.1394907983447, 1.860591389156)),
-    "S40": ((SPHERE, incidence(40), 0.98, 0.092, SAME), (0.1543883145316, 0.7507235542566, -0.1395426557586, 1.516767997376)),
-    "T2k1": (((2.5, -1.5, 2.5), (1, -1), 0.5, 0.3, SAME), (-0.1440677966102, 0.5, -0.1525423728814, 0.5084745762712)),
-    "T2k10": (((2.5, -1.5, 2.5), (1, -1), 0.5, 0.3, 10.0), (-0.1293406143585, 0.4913854192066, -0.1465683517716, 0.5086131566197)),
-    "T3e1": (((3.4, -1.2, 1.6), (0.5, -1), 1.0, 0.3, SAME), (-0.8508151490827, 0.8157269340889, 0.004392020593598, 1.138123349251)),
-}  # fmt: skip
+    # K, u, e, mu, kappa; u after and P
+    "S02": (
+        (SPHERE, incidence(2), 0.98, 0.092, SAME),
+        (0.01891157034068, 0.9794030104787, -0.00456797896052, 1.978793837498),
+    ),
+    "S10": (
+        (SPHERE, incidence(10), 0.98, 0.092, SAME),
+        (-0.04084933344691, 0.965111597952, -0.06128500317538, 1.949919350964),
+    ),
+    "S20": (
+        (SPHERE, incidence(20), 0.98, 0.092, SAME),
+        (-0.1461976508808, 0.9208987683702, -0.1394907983447, 1.860591389156),
+    ),
+    "S40": (
+        (SPHERE, incidence(40), 0.98, 0.092, SAME),
+        (0.1543883145316, 0.7507235542566, -0.1395426557586, 1.516767997376),
+    ),
+    "T2k1": (
+        (ROD, (1, -1), 0.5, 0.3, SAME),
+        (-0.1440677966102, 0.5, -0.1525423728814, 0.5084745762712),
+    ),
+    "T2k10": (
+        (ROD, (1, -1), 0.5, 0.3, 10.0),
+        (-0.1293406143585, 0.4913854192066, -0.1465683517716, 0.5086131566197),
+    ),
+    "T3e1": (
+        (SHORT, (0.5, -1), 1.0, 0.3, SAME),
+        (-0.8508151490827, 0.8157269340889, 0.004392020593598, 1.138123349251),
+    ),
+}
 ENERGY = {"S20": -0.03114155788937, "T2k10": -0.193149589274, "T3e1": -0.1056331331554}
 X1 = [[115 / 48, -1 / 8, 2 / 3], [-1 / 8, 13 / 4, 1 / 2], [2 / 3, 1 / 2, 35 / 24]]
 
@@ -72,7 +95,9 @@ def test_reference_values(name):
 def test_reference_in_space():
     model = ImpactModel(Law.COMPLIANT, stiffness_ratio=0.8)
     impact = resolve_contact(X1, (1.05, 1, -0.75), (0, 0, 1), 0.6, 0.3, model)
-    assert impact.velocity_after == pytest.approx((1.193064151555, 0.897328082976, 0.449797821245), abs=DIGITS)
+    assert impact.velocity_after == pytest.approx(
+        (1.193064151555, 0.897328082976, 0.449797821245), abs=DIGITS
+    )
     assert impact.impulse == pytest.approx((-0.226510149158, -0.192985188368, 0.992432353052), abs=DIGITS)
     assert impact.energy_change == pytest.approx(-0.5860816838411, abs=DIGITS)
 
@@ -88,16 +113,25 @@ def test_the_same_as_two_bodies():
 
 KHARAZ = (
     # incidence [deg], v_t'/v_t of the centre as measured, this law less that
-    (2.0275, 0.7938, 0.0748), (3.9282, 0.7450, 0.0816), (9.6304, 0.6728, -0.0175), (20.0845, 0.5964, -0.0040),
-    (30.2218, 0.6883, -0.0010), (39.3031, 0.7719, 0.0056), (49.5459, 0.8469, -0.0022), (59.8416, 0.9019, -0.0077),
-)  # fmt: skip
+    (2.0275, 0.7938, 0.0748),
+    (3.9282, 0.7450, 0.0816),
+    (9.6304, 0.6728, -0.0175),
+    (20.0845, 0.5964, -0.0040),
+    (30.2218, 0.6883, -0.0010),
+    (39.3031, 0.7719, 0.0056),
+    (49.5459, 0.8469, -0.0022),
+    (59.8416, 0.9019, -0.0077),
+)
 SPEED = 3.9
 
 
 @pytest.mark.parametrize(("angle", "measured", "off"), KHARAZ)
 def test_measured_spheres(angle, measured, off):
-    """Kharaz, Gorham & Salman, "An experimental study of the elastic rebound of spheres", Powder Technol. 120
-    (2001): 5 mm alumina on soda-lime glass. Steeper than 9 degrees it takes microslip, which is not modelled."""
+    """Spheres of alumina, 5 mm, on soda-lime glass. Steeper than 9 degrees it takes microslip.
+
+    Kharaz, Gorham & Salman, "An experimental study of the elastic rebound of spheres", Powder Technol. 120
+    (2001).
+    """
     u_t, u_n = incidence(angle)
     before = SPEED * u_t
     impact = planar(SPHERE, (before, SPEED * u_n), 0.98, 0.092, SAME)
@@ -139,10 +173,8 @@ SHAPES = {
     "a plane": np.array([[2.5, 0, -1.5], [0, 0, 0], [-1.5, 0, 2.5]]),
     "the normal alone": np.diag([0.0, 0.0, 1.0]),
 }
-EDGES = [
-    (e, mu, kappa, slip)
-    for e, mu, kappa, slip in product((0.0, 1e-3, 0.5, 1.0), (0.0, 0.25, 1.0), (1e-6, 0.5, 1.0, 30.0), (0.0, 0.25, 1.0))
-]  # fmt: skip
+EDGES = list(product((0.0, 1e-3, 0.5, 1.0), (0.0, 0.25, 1.0), (1e-6, 0.5, 1.0, 30.0), (0.0, 0.25, 1.0)))
+"""Restitution, friction, stiffness ratio, slip."""
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -167,7 +199,9 @@ def test_edges_create_no_energy(name):
         assert np.hypot(*P[:2]) <= mu * P[2] * (1 + 1e-9) + 1e-14
         assert impact.energy_lost_friction >= 0
         assert impact.energy_lost_restitution >= 0
-        assert impact.velocity_after == pytest.approx((slip * moves, 0, -1) + K @ P, abs=1e-12 * (1 + K.max()))
+        assert impact.velocity_after == pytest.approx(
+            (slip * moves, 0, -1) + K @ P, abs=1e-12 * (1 + K.max())
+        )
         lost = impact.energy_lost_friction + impact.energy_lost_restitution
         assert -impact.energy_change == pytest.approx(lost, abs=1e-11 * scale)
     assert answered > 0.9 * len(EDGES)
@@ -190,7 +224,10 @@ def test_answers_turn_with_the_axes(degrees):
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     R = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     model = ImpactModel(Law.COMPLIANT)
-    for K, u in ((np.diag([3.5, 3.5, 1.0]), np.array([0.2, 0, -1])), (np.array(X1), np.array([1.05, 1, -0.75]))):
+    for K, u in (
+        (np.diag([3.5, 3.5, 1.0]), np.array([0.2, 0, -1])),
+        (np.array(X1), np.array([1.05, 1, -0.75])),
+    ):
         straight = resolve_contact(K, u, (0, 0, 1), 0.6, 0.3, model)
         turned = resolve_contact(R @ K @ R.T, R @ u, (0, 0, 1), 0.6, 0.3, model)
         assert np.array(turned.impulse) == pytest.approx(R @ np.array(straight.impulse), abs=1e-11)
@@ -233,4 +270,7 @@ def test_the_ratio_of_two_materials():
 def test_no_such_stiffness(ratio):
     with pytest.raises(ImpactError) as caught:
         planar(SPHERE, (0.2, -1.0), 0.5, 0.3, ratio)
-    assert (caught.value.code, caught.value.field) == (StatusCode.INVALID_COEFFICIENT, "model.stiffness_ratio")
+    assert (caught.value.code, caught.value.field) == (
+        StatusCode.INVALID_COEFFICIENT,
+        "model.stiffness_ratio",
+    )

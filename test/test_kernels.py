@@ -484,7 +484,7 @@ def test_every_layout_of_every_law_is_written():
             f"{what}_{one.name.lower()}" for one in Layout
         ]
     kinds = [programs.names_of_laws(kind) for kind in ("laws", "stepped_laws")]
-    assert sum(kinds, []) == [law.name.lower() for law in LAWS]
+    assert [*kinds[0], *kinds[1]] == [law.name.lower() for law in LAWS]
     (_, sizes), *rest = programs.headers("sizes")
     assert not rest
     assert all(f"LAW_{law.name} = {law.value}," in sizes for law in Law)

@@ -110,27 +110,33 @@ class InverseInertia(NamedTuple):
         By the pivots of the matrix in units of its diagonal, or of what is rounding beside the block's.
         """
         full = {(i, j): x for (i, j), x in zip(_PLACES, self, strict=True)}
-        floors = [(self.xx + self.yy + self.zz) * ROUNDING] * 3 + [(self.aa + self.bb + self.cc) * ROUNDING] * 3
-        units = [square_root(greater(greater(full[i, i], floors[i]), 0 * floors[i])) for i in range(6)]
-        units = [choose(unit > 0, lambda x=unit: x, lambda x=unit: x * 0 + 1) for unit in units]
+        linear, angular = self.xx + self.yy + self.zz, self.aa + self.bb + self.cc
+        floors = [ROUNDING * linear] * 3 + [ROUNDING * angular] * 3
+        units = [
+            _positive(square_root(greater(greater(full[i, i], floors[i]), 0 * linear))) for i in range(6)
+        ]
         s = {(i, j): full[i, j] / units[i] / units[j] for i, j in _PLACES}
         sound = []
         for i in range(6):
             pivot = s[i, i]
             counts = pivot > ROUNDING
             sound.append(pivot >= -MISFIT)
-            divisor = choose(counts, lambda x=pivot: x, lambda x=pivot: x * 0 + 1)
             for j in range(i + 1, 6):
                 square, least = s[i, j] * s[i, j], greater(pivot * s[j, j], 0 * pivot)
                 sound.append(counts | (square <= least + MISFIT * MISFIT))
-            rows = {j: choose(counts, lambda x=s[i, j]: x, lambda x=pivot: x * 0) for j in range(i + 1, 6)}
+            share = choose(counts, lambda: 1.0, lambda: 0.0) / _positive(pivot)
             for j, k in _PLACES:
                 if i < j:
-                    s[j, k] = s[j, k] - rows[j] * rows[k] / divisor
+                    s[j, k] = s[j, k] - s[i, j] * s[i, k] * share
         return all_of(sound)
 
 
 _PLACES = [(i, j) for i in range(6) for j in range(i, 6)]
+
+
+def _positive(x: Scalar) -> Scalar:
+    """``x``, or 1 where that is not positive."""
+    return choose(x > 0, lambda: x, lambda: x * 0 + 1)
 
 
 def _flat(matrix: Iterable[Any]) -> list[Any]:

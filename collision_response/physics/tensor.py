@@ -8,7 +8,7 @@ from ..numbers.number import Scalar, certain, choose
 from .vector import Vec3
 
 SINGULAR = 2.0**-40
-"""A determinant of at most this part of the product of its diagonal is rounding of what the tensor was computed from."""
+"""A determinant of at most this part of the product of its diagonal is rounding of the tensor's making."""
 
 
 class Symmetric3(NamedTuple):
@@ -29,7 +29,7 @@ class Symmetric3(NamedTuple):
     def __add__(self, other: Symmetric3) -> Symmetric3:  # type: ignore[override]
         return Symmetric3(*(a + b for a, b in zip(self, other, strict=True)))
 
-    def __mul__(self, factor: Scalar) -> Symmetric3:  # type: ignore[override]
+    def __mul__(self, factor: Scalar) -> Symmetric3:
         return Symmetric3(*(x * factor for x in self))
 
     def trace(self) -> Scalar:

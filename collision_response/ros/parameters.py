@@ -92,7 +92,11 @@ DECLARATIONS = (
     Declaration("tangential_restitution", 0.0, "For the law coulomb; 1: superball.", -1.0, 1.0),
     Declaration("restitution_threshold", 0.0, "Approach speed [m/s] under which restitution is taken as 0."),
     Declaration(
-        "stiffness_ratio", METAL_ON_METAL, "Tangential over normal stiffness, for the law compliant.", 1e-6, 1e6
+        "stiffness_ratio",
+        METAL_ON_METAL,
+        "Tangential over normal stiffness, for the law compliant.",
+        1e-6,
+        1e6,
     ),
     Declaration(
         "scene_tolerance",

@@ -12,19 +12,20 @@ compression ``delta``, the deflection ``x`` of the tangential spring and the for
     slip        kappa |x| = mu F_n,  x' = u_t - lambda x/|x|     while lambda > 0
                 lambda = (x/|x|).u_t - mu F_n' / kappa
 
-It begins with stick if ``kappa |u_t| <= mu |u_n|``, and ends where ``F_n`` is 0: then ``F_t`` is 0 too, and no
-energy is left in the springs. ``k_n`` drops out: it only says how long the impact takes. What is lost,
+It begins with stick if ``kappa |u_t| <= mu |u_n|``, and ends where ``F_n`` is 0: then ``F_t`` is 0 too, and
+no energy is left in the springs. ``k_n`` drops out: it only says how long the impact takes. What is lost,
 
     restitution  (1 - e^2) F_max^2 / 2        friction  int mu F_n lambda dt
 
-is never negative: the law creates no energy for ``e`` in [0, 1]. As ``kappa`` grows it becomes ROUTH_STRONGE,
-with a difference of about ``kappa^(-1/2)``. With a ``kappa`` of order 1 the tangential spring gives back what it
-took within the same impact: a sphere that comes in steeply ends with its contact moving backwards.
+is never negative: the law creates no energy for ``e`` in [0, 1]. As ``kappa`` grows it becomes
+ROUTH_STRONGE, with a difference of about ``kappa^(-1/2)``. With a ``kappa`` of order 1 the tangential spring
+gives back within the same impact what it took: a sphere that comes in steeply ends with its contact moving
+backwards.
 
 **Units.** ``n.K n``, the first ``|u_n|`` and ``k_n`` are 1. Axis 1 is that of the first slip, or of ``K_tn``
-without one: planar impacts, and those of spheres, stay on it to the last digit. In space slip turns the spring:
-its direction ``a = x/|x|`` by ``kappa (q.u_t) / (mu F_n)``, ``q`` across it. That is steep where ``F_n`` is small:
-the course begins at ``F_n = t`` with the first term of the turn, ``c t^2 q``,
+without one: planar impacts, and those of spheres, stay on it to the last digit. In space slip turns the
+spring: its direction ``a = x/|x|`` by ``kappa (q.u_t) / (mu F_n)``, with ``q`` across it. That is steep where
+``F_n`` is small: the course begins at ``F_n = t`` with the first term of the turn, ``c t^2 q``,
 
     c = w / (2 s + 4 mu / kappa)        w = q.(K_tn - mu A a),  s = |u_t|
 
@@ -34,11 +35,15 @@ and ends straight from ``F_n = END F_max`` on. The course itself is in ``complia
 
     V = du.K^-1 du + dF_t^2 / kappa + dF_n^2 / k        k = k_n: 1, or 1 / e^2
 
-and slip does not add to it but for what the normal force does to friction, ``V' <= 2 mu |a.du_t| |dF_n|`` and,
-where it turns by ``phi``, ``2 mu |phi'| |dF_t| |dF_n| / kappa``; to stick again adds ``mu^2 k / kappa`` of ``V``. So
-errors, the root of ``V``, grow at most by ``exp(int mu (a.Aa k)^(1/2) / 2 dt + mu (k / kappa)^(1/2) / 2 |d phi|)``
-over the slip, and by ``(1 + mu^2 k / kappa)^(1/2)`` with each stick after it. What is amiss in
-the data and in the steps, times that, over the root of the least eigenvalue of ``K``, bounds ``dP``.
+and slip adds to it only what the normal force does to friction: ``V' <= 2 mu |a.du_t| |dF_n|``, and where it
+turns by ``phi`` also ``2 mu |phi'| |dF_t| |dF_n| / kappa``. To stick again adds ``mu^2 k / kappa`` of ``V``.
+So errors, of the size of its root, grow at most by
+
+    exp(int mu (a.Aa k)^(1/2) / 2 dt + mu (k / kappa)^(1/2) / 2 |d phi|)        over the slip
+    (1 + mu^2 k / kappa)^(1/2)                                                  with each stick after it
+
+What is amiss in the data and in the steps, times that, over the root of the least eigenvalue of ``K``, bounds
+``dP``. That is to first order; ``SAFETY`` covers the moments when of two near courses only one slips.
 
 Sources: Stronge, *Impact Mechanics*, 2000, chapter 5; Maw, Barber & Fawcett, "The oblique impact of elastic
 spheres", Wear 38 (1976), for what the bilinear springs stand in for.
@@ -83,13 +88,18 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     data = (frame.K11 / k, frame.K12 / k, frame.K22 / k, frame.K1n / k, frame.K2n / k)
     slip = frame.u1 / speed, frame.u2 / speed
     e_K = sum(map(error_of, data[2:]), error_of(data[0]) + 2 * error_of(data[1]))
-    e_u, e_e, e_mu, e_kappa = error_of(slip[0]) + error_of(slip[1]), error_of(e), error_of(mu), error_of(kappa)
+    e_u, e_e, e_mu, e_kappa = (
+        error_of(slip[0]) + error_of(slip[1]),
+        error_of(e),
+        error_of(mu),
+        error_of(kappa),
+    )
     e, mu, kappa = certain(e), lesser(certain(mu), GREATEST_FRICTION + 0 * certain(mu)), certain(kappa)
     A11, A12, A22, b1, b2 = map(certain, data)
     o, one = 0 * A11, 1 + 0 * A11
 
     # Axis 1 along the first slip; what is rounding across it is 0.
-    c1, c2 = map(certain, _direction(*map(certain, slip), b1, b2))
+    c1, c2 = map(certain, _direction(certain(slip[0]), certain(slip[1]), b1, b2))
     s = c1 * certain(slip[0]) + c2 * certain(slip[1])
     b1, b2 = c1 * b1 + c2 * b2, c1 * b2 - c2 * b1
     A11, A12, A22 = (
@@ -104,7 +114,9 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     b2, A12 = choose(planar, lambda: (o, o), lambda: (b2, A12))
 
     tolerance = choose(
-        tolerance > 0, lambda: greater(lesser(SHARE * tolerance, COARSEST + o), TOLERANCE + o), lambda: TOLERANCE + o
+        tolerance > 0,
+        lambda: greater(lesser(SHARE * tolerance, COARSEST + o), TOLERANCE + o),
+        lambda: TOLERANCE + o,
     )
     springs = _values(Springs(A11, A12, A22, b1, b2, s, o, mu, kappa, e, tolerance))
     y = iterate(_values(_start(springs)), lambda y: y.going > 0, lambda y: step(springs, y), STEPS)

@@ -115,7 +115,11 @@ def step(springs: Springs, y: Course) -> Course:
     def rates(a1: Scalar, a2: Scalar, F: Scalar, *P: Scalar) -> tuple[Scalar, ...]:
         u1, u2, u_n = springs.velocity(*P)
         grip = mu * F
-        w = choose(grip > 0, lambda: kappa * (a1 * u2 - a2 * u1) / choose(grip > 0, lambda: grip, lambda: one), lambda: zero)
+        w = choose(
+            grip > 0,
+            lambda: kappa * (a1 * u2 - a2 * u1) / choose(grip > 0, lambda: grip, lambda: one),
+            lambda: zero,
+        )
         forces = choose(slips, lambda: (-grip * a1, -grip * a2), lambda: (a1, a2))
         turns = choose(slips, lambda: (-w * a2, w * a1), lambda: (-kappa * u1, -kappa * u2))
         return (*turns, -k * u_n, *forces, F)
@@ -138,7 +142,8 @@ def step(springs: Springs, y: Course) -> Course:
         return [rough, choose(unloads, lambda: Event(y.most - F, -dF), lambda: Event(-u_n, -dun))]
 
     start = (y.a1, y.a2, y.F, y.P1, y.P2, y.Pn)
-    h, slopes = y.h, []
+    h = y.h
+    slopes: list[tuple[Scalar, ...]] = []
 
     def total(row: Row, i: int) -> Scalar:
         return h * reduce(add, (weight * slopes[j][i] for j, weight in row))
@@ -160,14 +165,17 @@ def step(springs: Springs, y: Course) -> Course:
     to = [_aim(first, last, h) for first, last in zip(before, after, strict=True)]
     F = end[2]
     fell = F < 0
-    to.append(choose(fell, lambda: 0.98 * h * y.F / choose(fell, lambda: y.F - F, lambda: one), lambda: 2 * h))
+    to.append(
+        choose(fell, lambda: 0.98 * h * y.F / choose(fell, lambda: y.F - F, lambda: one), lambda: 2 * h)
+    )
     nearest = reduce(lesser, to)
-    passed = (nearest < h) & (ratio <= 1)
-    again = choose(ratio <= 1, lambda: nearest, lambda: size)
+    is_fine = ratio <= 1
+    passed = (nearest < h) & is_fine
+    again = choose(is_fine, lambda: nearest, lambda: size)
 
     def accepted() -> Course:
-        u1, u2, u_n = springs.velocity(*end[3:])
-        a1, a2 = end[:2]
+        a1, a2, F, P1, P2, Pn = end
+        u_n = springs.velocity(P1, P2, Pn)[2]
         length = choose(slips, lambda: 0.5 * (3 - a1 * a1 - a2 * a2), lambda: one)
         a1, a2 = a1 * length, a2 * length
         switches, turns = (event.is_now() for event in after)
@@ -181,15 +189,17 @@ def step(springs: Springs, y: Course) -> Course:
         unloads_now = choose(turns, lambda: 1 - y.unloads, lambda: y.unloads)
         begins = turns & (y.unloads < 1)
         most = greater(y.most, F)
-        over = choose(springs.e < LEAST, lambda: begins, lambda: (y.unloads > 0) & (F <= END * most) & (u_n > 0))
+        over = choose(
+            springs.e < LEAST, lambda: begins, lambda: (y.unloads > 0) & (END * most >= F) & (u_n > 0)
+        )
         along = y.a1 * y.a1 * springs.A11 + 2 * y.a1 * y.a2 * springs.A12 + y.a2 * y.a2 * springs.A22
         slid = mu * square_root(along * k) * h / 2
         turned = mu * square_root(k / kappa) * (abs(a1 - y.a1) + abs(a2 - y.a2)) / 2
         gain = choose(slips, lambda: slid + turned, lambda: zero)
         held = choose(slips & switches, lambda: mu * mu * k / kappa, lambda: zero)
-        pressed = (y.unloads < 1) & (u_n < springs.velocity(*start[3:])[2])
+        pressed = (y.unloads < 1) & (u_n < springs.velocity(y.P1, y.P2, y.Pn)[2])
         return Course(
-            b1, b2, F, *end[3:], now, unloads_now, most,
+            b1, b2, F, P1, P2, Pn, now, unloads_now, most,
             choose(begins, lambda: size * springs.e, lambda: size),
             choose(over, lambda: zero, lambda: one),
             y.growth * _exponential(gain) * square_root(1 + held),
@@ -197,7 +207,7 @@ def step(springs: Springs, y: Course) -> Course:
             choose(now > 0, lambda: y.stuck, lambda: one), choose(pressed, lambda: one, lambda: y.jams),
         )  # fmt: skip
 
-    return choose((ratio <= 1) & negation(passed), accepted, lambda: y._replace(h=again))
+    return choose(is_fine & negation(passed), accepted, lambda: y._replace(h=again))
 
 
 LEAST = 1e-12
@@ -224,7 +234,11 @@ def _aim(first: Event, last: Event, h: Scalar) -> Scalar:
     guess = choose(inside, lambda: back, lambda: greater(lesser(chord, 0.9 * h), 0.1 * h))
     # A dip between two ends above 0: the least of the cubic.
     dips = (first.slope < 0) & (last.slope > 0) & (last.value > 0)
-    fall = choose(dips, lambda: -first.slope / choose(dips, lambda: last.slope - first.slope, lambda: 1 + 0 * h), lambda: 0 * h)
+    fall = choose(
+        dips,
+        lambda: -first.slope / choose(dips, lambda: last.slope - first.slope, lambda: 1 + 0 * h),
+        lambda: 0 * h,
+    )
     low = _cubic(first, last, h, fall)
     passed = choose(last.is_passed(), lambda: guess, lambda: never)
     return choose(dips & (low < 0) & (fall < 0.99), lambda: fall * h, lambda: passed)
