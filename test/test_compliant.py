@@ -158,6 +158,21 @@ def test_slip_all_the_way_is_coulomb():
     assert planar(K, u, 0.5, 0.01, 1.0).regime is Regime.SLIDING
 
 
+@pytest.mark.parametrize(
+    ("asked", "regime"),
+    [
+        (REFERENCE["S02"][0], Regime.STICKING),
+        (REFERENCE["S10"][0], Regime.REVERSED),
+        (REFERENCE["S40"][0], Regime.SLIDING),
+        (REFERENCE["T2k1"][0], Regime.REVERSED),
+        (((2.5, 2.0, 2.5), (4, -1), 0.5, 2.0, 1.0), Regime.JAMMED),
+    ],
+)
+def test_regimes(asked, regime):
+    """T2k1 slips all the way, and is thrown back in the end, as by COULOMB."""
+    assert planar(*asked).regime is regime
+
+
 def test_without_tangential_motion_the_spring_stays_at_rest():
     impact = planar(SPHERE, (0.0, -1.0), 0.7, 0.3, 1.0)
     assert impact.tangential_impulse == 0

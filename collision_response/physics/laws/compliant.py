@@ -139,8 +139,8 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     heat = greater(total - lost, o)
 
     stuck = (y.stuck > 0) & (mu > 0)
-    back = choose(w1 * s < 0, lambda: 1.0 * Regime.REVERSED + o, lambda: 1.0 * Regime.STICKING + o)
-    regime = choose(stuck, lambda: back, lambda: 1.0 * Regime.SLIDING + o)
+    ahead = choose(stuck, lambda: 1.0 * Regime.STICKING + o, lambda: 1.0 * Regime.SLIDING + o)
+    regime = choose(w1 * s < 0, lambda: 1.0 * Regime.REVERSED + o, lambda: ahead)
     regime = choose(y.jams > 0, lambda: 1.0 * Regime.JAMMED + o, lambda: regime)
 
     # The error, from values alone.
