@@ -13,8 +13,8 @@ unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH 
 unexport RMW_IMPLEMENTATION ROS_DISTRO VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help demo test lint audit bench stability faults fuzz states soak twice reliability colcon clean
-.PHONY: .venv .audit-venv .bench-venv .colcon-venv
+.PHONY: help demo test lint audit bench stability faults fuzz states soak twice reliability examples colcon clean
+.PHONY: .venv .audit-venv .bench-venv .colcon-venv .examples-venv
 
 help:
 	@echo 'make demo       collisions, answered by the node'
@@ -29,6 +29,7 @@ help:
 	@echo "make soak       load and faults for ten minutes; make soak ARGS='--minutes 1' for one"
 	@echo 'make reliability  these four: some half an hour'
 	@echo 'make twice      ten times two test suites at once, on busy cores: some half an hour'
+	@echo 'make examples   all programs of examples/: each checks what it prints'
 	@echo 'make colcon     a colcon build of this tree, and a call of the node it installs'
 	@echo 'make clean      remove all that these made'
 
@@ -73,6 +74,12 @@ reliability: .venv
 .bench-venv:
 	@$(PYTHON) tools/setup_venv.py .bench-venv plots,test benchmarks/requirements.txt
 
+examples: .examples-venv
+	@set -e; for example in examples/*.py; do echo "== $$example"; .examples-venv/bin/python -I $$example; done
+
+.examples-venv:
+	@$(PYTHON) tools/setup_venv.py .examples-venv plots examples/requirements.txt
+
 colcon: .colcon-venv
 	@PATH="$(CURDIR)/.colcon-venv/bin:$$PATH"; \
 	export PATH AMENT_PREFIX_PATH="$(CURDIR)/.colcon-venv" CMAKE_PREFIX_PATH="$(CURDIR)/.colcon-venv"; \
@@ -84,5 +91,5 @@ colcon: .colcon-venv
 	@$(PYTHON) tools/setup_venv.py .colcon-venv
 
 clean:
-	rm -rf .venv .audit-venv .bench-venv .colcon-venv .kernels build install log .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .audit-venv .bench-venv .colcon-venv .examples-venv .kernels build install log .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +

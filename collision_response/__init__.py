@@ -17,6 +17,7 @@ from .physics.contact import Contact
 from .physics.laws import Law, Regime
 from .requirements import SceneContact, SceneRequirements, scene_requirements
 from .resolve import resolve
+from .resolve_contact import ContactImpact, resolve_contact
 from .scene import SceneImpact, resolve_scene
 from .status import ImpactError, StatusCode
 
@@ -24,6 +25,7 @@ __all__ = [
     "Adjustment",
     "Body",
     "Contact",
+    "ContactImpact",
     "Geometry",
     "Impact",
     "ImpactError",
@@ -37,6 +39,7 @@ __all__ = [
     "StatusCode",
     "Twist",
     "resolve",
+    "resolve_contact",
     "resolve_scene",
     "scene_requirements",
 ]

@@ -27,14 +27,17 @@ class Impact(NamedTuple):
         normal_velocity_before, normal_velocity_after: of body_a relative to body_b at the contact
             [m/s]; negative when approaching.
         effective_mass: of the two bodies along the normal [kg].
-        kinetic_energy_before, kinetic_energy_after: of the dynamic bodies [J].
+        kinetic_energy_before, kinetic_energy_after: of the dynamic bodies [J]. Of an articulated body only
+            the change is known: it counts as 0 before, and as its change after.
         energy_lost_restitution, energy_lost_friction: work done against the normal and against the
             tangential impulse [J].
         regime: what friction did.
         error_bound: upper bound on the relative error of the impulse, and of each twist change
             ``(dv, dw)`` in the norm ``(m dv.dv + tr(I)/3 dw.dw)^(1/2)``, from rounding and from what
-            was not modelled; infinite where nothing can be said in this precision. Numbers below 2.3e-308
-            are right to the nearest, not relatively.
+            was not modelled. For an articulated body ``m`` is 1 over the trace of the linear part of its
+            inverse inertia, and ``tr(I)/3`` 1 over that of the angular part. The bound is infinite where
+            nothing can be said in this precision. Numbers below 2.3e-308 are right to the nearest, not
+            relatively.
         adjustments: what was changed from what was asked.
     """
 

@@ -22,6 +22,7 @@ from .numbers import balls
 from .numbers.balls import Ball, Truth
 from .physics.body import Body
 from .physics.contact import Contact
+from .physics.inverse_inertia import InverseInertia
 from .physics.laws import PATHS, Regime
 from .physics.orientation import Quaternion
 from .physics.tensor import Symmetric3
@@ -44,17 +45,21 @@ def read(
     body_a: Body, body_b: Body, contact: Contact, number: Callable[[float, float], Any] = lambda x, _: x
 ) -> tuple[Body, Body, Contact]:
     """The same request in other numbers, each made from a float and the error of the conversion to it."""
-    it = map(number, *library.numbers(body_a, body_b, contact))
+    numbers = list(map(number, *library.numbers(body_a, body_b, contact)))
+    own, it = iter(numbers[-2 * len(InverseInertia._fields) :]), iter(numbers)
 
     def take(kind: Callable[..., Any], count: int) -> Any:
         return kind(*(next(it) for _ in range(count)))
 
-    def body() -> Body:
+    def body(given: Body) -> Body:
         mass, inertia, position = next(it), take(Symmetric3, 6), take(Vec3, 3)
         q, velocity, spin, com = take(Quaternion, 4), take(Vec3, 3), take(Vec3, 3), take(Vec3, 3)
-        return Body(mass, inertia, position, q, velocity, spin, com)
+        matrix = InverseInertia(*(next(own) for _ in InverseInertia._fields))
+        return Body(
+            mass, inertia, position, q, velocity, spin, com, None if given.inverse_inertia is None else matrix
+        )
 
-    a, b = body(), body()
+    a, b = body(body_a), body(body_b)
     return a, b, Contact(take(Vec3, 3), take(Vec3, 3), next(it), next(it))
 
 
@@ -112,7 +117,13 @@ def _bound(bodies: tuple[Body, Body], answer: Answer, error: Callable[[Ball], An
     changes = answer.changes
     errors = [_relative_error(((x, 1) for x in changes.impulse), error)]
     for body, change in zip(bodies, (changes.change_a, changes.change_b), strict=True):
-        if isinstance(body.mass, Ball):
+        if body.inverse_inertia is not None:
+            L, _, W = body.inverse_inertia.blocks()
+            linear, angular = L.trace(), W.trace()
+            pairs = [(change.linear, linear), (change.angular, angular)]
+            weighted = [(x, 1 / part) for vector, part in pairs if part.arb > 0 for x in vector]
+            errors.append(_relative_error(weighted, error))
+        elif isinstance(body.mass, Ball):
             moment = body.inertia.trace() / 3
             weighted = [*((x, body.mass) for x in change.linear), *((x, moment) for x in change.angular)]
             errors.append(_relative_error(weighted, error))
@@ -156,6 +167,7 @@ def _rounded(
         + 2 * (flags.slow is True)
         + 4 * (flags.fell_back is True)
         + 8 * (flags.idle_spin is True)
+        + 16 * any(body.inverse_inertia is not None for body in bodies)
     )
     friction = 0.0 if model.law is Law.FRICTIONLESS else contact.friction
     used = contact._replace(friction=friction)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .centre import com_in_world_axes
 from .model import Geometry
-from .numbers.number import Condition, all_of, all_zero
+from .numbers.number import Condition, all_of, all_zero, negation
 from .physics.body import Body
 from .physics.contact import Contact
 from .physics.tensor import ZERO_TENSOR
@@ -17,7 +17,9 @@ def is_point(body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool
     def is_point_like(body: Body) -> Condition:
         arm = contact.position - body.position
         acts_centrally = _is_parallel(arm, contact.normal) if frictionless else all_zero(arm)
-        return (acts_centrally & all_zero(body.com)) | all_zero([*body.inertia, *body.angular_velocity])
+        is_central = acts_centrally & all_zero(body.com)
+        is_particle = is_central | all_zero([*body.inertia, *body.angular_velocity])
+        return is_particle & negation(body.is_articulated())
 
     return is_point_like(body_a) & is_point_like(body_b)
 
@@ -27,6 +29,7 @@ def is_planar(body_a: Body, body_b: Body, contact: Contact, *, frictionless: boo
     in_plane = contact.normal.z == 0
     for body in (body_a, body_b):
         in_plane = in_plane & (contact.position.z == body.position.z) & _turns_about_z(body)
+        in_plane = in_plane & negation(body.is_articulated())
     if frictionless:
         return in_plane
     tumbling = [w for body in (body_a, body_b) for w in body.angular_velocity[:2]]

@@ -3,6 +3,7 @@
 It is what is traced and compiled, what exact rationals and balls run on, and what a gradient runs through:
 
     kinematics   the bodies as seen from their contact      physics/effective_mass.py
+                 rigid, or given by their inverse inertia   physics/inverse_inertia.py
     law          the impulse                                physics/laws/
     response     what it changes of the twists
     report       velocities, energies, what was adjusted
@@ -94,6 +95,7 @@ def impact(
     tangential_restitution: Scalar = 0.0,
     restitution_threshold: Scalar = 0.0,
     tolerance: Scalar = 0.0,
+    stiffness_ratio: Scalar = 1.0,
 ) -> Answer:
     """What becomes of two bodies that collide.
 
@@ -104,6 +106,7 @@ def impact(
         tangential_restitution: ``e_t`` in [-1, 1], for COULOMB.
         restitution_threshold: approach speed [m/s] under which restitution is taken as 0.
         tolerance: relative error at which a law that integrates may stop.
+        stiffness_ratio: tangential over normal stiffness, for COMPLIANT.
     """
     kinematics = ContactKinematics.of(body_a, body_b, contact)
     n, u = kinematics.n, kinematics.u
@@ -115,7 +118,8 @@ def impact(
     )
     e = choose(is_slow, lambda: contact.restitution * 0, lambda: contact.restitution)
     friction = contact.friction * 0 if law is Law.FRICTIONLESS else contact.friction
-    outcome = LAWS[law](kinematics, Coefficients(e, friction, tangential_restitution, tolerance))
+    coefficients = Coefficients(e, friction, tangential_restitution, tolerance, stiffness_ratio)
+    outcome = LAWS[law](kinematics, coefficients)
 
     def when_approaching(x: Any) -> Any:
         return choose(approaching, lambda: x, lambda: x * 0)
@@ -137,7 +141,10 @@ def impact(
         normal_velocity_after=n.dot(u_after) / length,
         effective_mass=n.dot(n) / kinematics.n_Kn,
         kinetic_energy_before=kinetic_energy(body_a) + kinetic_energy(body_b),
-        kinetic_energy_after=kinetic_energy(a) + kinetic_energy(b),
+        kinetic_energy_after=kinetic_energy(a)
+        + kinetic_energy(b)
+        + kinematics.side_a.energy_gained(body_a.velocity, impulse, change_a)
+        + kinematics.side_b.energy_gained(body_b.velocity, -impulse, change_b),
         energy_lost_restitution=when_approaching(outcome.lost_restitution),
         energy_lost_friction=when_approaching(outcome.lost_friction),
         restitution=e,

@@ -7,6 +7,7 @@ from enum import IntEnum, IntFlag
 from typing import Any, NamedTuple
 
 from .physics.laws import Law as Law
+from .physics.stiffness import METAL_ON_METAL
 from .status import ImpactError, StatusCode
 
 
@@ -49,6 +50,8 @@ class Adjustment(IntFlag):
     """MOREAU has no solution, or would create energy: COULOMB answered."""
     MASSLESS_SPIN = 8
     """A body turned about an axis without inertia: that rotation was left out, it moves no contact."""
+    ENERGY_CHANGE_ONLY = 16
+    """A body is articulated: of its kinetic energy only the change is known, so it counts from 0."""
 
 
 class ImpactModel(NamedTuple):
@@ -62,6 +65,8 @@ class ImpactModel(NamedTuple):
             AUTO tries harder above ``USEFUL``.
         tangential_restitution: ``e_t`` in [-1, 1], for COULOMB.
         restitution_threshold: approach speed [m/s] under which restitution is taken as 0, >= 0.
+        stiffness_ratio: tangential over normal stiffness of the contact, in [1e-6, 1e6], for COMPLIANT: see
+            :func:`~collision_response.physics.stiffness.stiffness_ratio`.
     """
 
     law: Law = Law.AUTO
@@ -70,6 +75,11 @@ class ImpactModel(NamedTuple):
     tolerance: float = 0.0
     tangential_restitution: float = 0.0
     restitution_threshold: float = 0.0
+    stiffness_ratio: float = METAL_ON_METAL
+
+
+STIFFNESS_RATIOS = 1e-6, 1e6
+"""Greater and smaller ones differ from ROUTH_STRONGE and FRICTIONLESS by less than any measurement shows."""
 
 
 class Plan(NamedTuple):
@@ -81,7 +91,7 @@ class Plan(NamedTuple):
         first, last: precisions to climb through until the bound is within the limit.
         wanted: error bound to climb to.
         limit: error bound above which the tolerance is not met.
-        numbers: tangential restitution, threshold and tolerance.
+        numbers: tangential restitution, threshold, tolerance and stiffness ratio.
         errors: of those, where they are no floats.
     """
 
@@ -92,8 +102,8 @@ class Plan(NamedTuple):
     last: Precision
     wanted: float
     limit: float
-    numbers: tuple[float, float, float]
-    errors: tuple[float, float, float]
+    numbers: tuple[float, float, float, float]
+    errors: tuple[float, float, float, float]
 
 
 def plan(model: ImpactModel) -> Plan:
@@ -104,9 +114,14 @@ def plan(model: ImpactModel) -> Plan:
         TypeError: it is no model.
     """
     check_model(model)
-    law, geometry, precision, tolerance, e_t, threshold = model
-    numbers = float(e_t), float(threshold), float(tolerance)
-    errors = _lost(numbers[0], e_t), _lost(numbers[1], threshold), _lost(numbers[2], tolerance)
+    law, geometry, precision, tolerance, e_t, threshold, ratio = model
+    numbers = float(e_t), float(threshold), float(tolerance), float(ratio)
+    errors = (
+        _lost(numbers[0], e_t),
+        _lost(numbers[1], threshold),
+        _lost(numbers[2], tolerance),
+        _lost(numbers[3], ratio),
+    )
     limit = numbers[2] or LARGEST
     return Plan(
         law_for(law, has_friction=False),
@@ -185,6 +200,7 @@ def check_model(model: Any) -> None:
         ("tangential_restitution", -1, 1, StatusCode.INVALID_COEFFICIENT),
         ("tolerance", 0, math.inf, StatusCode.INVALID_MODEL),
         ("restitution_threshold", 0, math.inf, StatusCode.INVALID_MODEL),
+        ("stiffness_ratio", *STIFFNESS_RATIOS, StatusCode.INVALID_COEFFICIENT),
     ):
         check_number(f"model.{field}", getattr(model, field), least, most, code)
 

@@ -87,6 +87,9 @@ def _with_restitution(body_a: Body, body_b: Body, contact: Contact, model: Impac
 def _leaving_out(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:
     """The answer of a geometry that leaves out what matters; the bound counts that too."""
     geometry = model.geometry
+    if body_a.is_articulated() or body_b.is_articulated():
+        reason = f"must be AUTO or SPATIAL for an articulated body, is {geometry.name}"
+        raise ImpactError(StatusCode.INVALID_MODEL, "model.geometry", reason)
     if geometry is Geometry.PLANAR and not (contact.normal[0] or contact.normal[1]):
         reason = f"has no part in the x-y plane, which is all that PLANAR models: {tuple(contact.normal)}"
         raise ImpactError(StatusCode.INVALID_NORMAL, "contact.normal", reason)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from .numbers.number import Condition, Scalar, all_of, all_zero, choose, given_roundoff, negation
 from .physics.body import ROUNDINGS, Body
 from .physics.contact import Contact
+from .physics.effective_mass import ContactKinematics
 from .physics.tensor import Symmetric3
 from .status import ImpactError, StatusCode
 
@@ -49,6 +50,8 @@ def requirements(
     yield Requirement(
         negation(all_zero(contact.normal)), StatusCode.INVALID_NORMAL, "contact.normal", "must not be 0"
     )
+    if body_a.inverse_inertia is not None or body_b.inverse_inertia is not None:
+        yield from _of_mechanism(ContactKinematics.of(body_a, body_b, contact), contact)
     e, mu = contact.restitution, contact.friction
     yield from _within("contact.restitution", e, 0, 1)
     yield from _within("contact.friction", mu, 0, math.inf)
@@ -63,12 +66,19 @@ def _of_body(name: str, body: Body) -> Iterator[Requirement]:
     )
     yield _finite(f"{name}.inertia", body.inertia)
     yield Requirement(
-        _is_inertia(body.inertia) & (body.is_movable() | all_zero(body.inertia)),
+        _is_inertia(body.inertia) & (body.has_mass() | all_zero(body.inertia)),
         StatusCode.INVALID_INERTIA,
         f"{name}.inertia",
         "must be positive semi-definite, no principal moment greater than the sum of the others, and 0 if "
         "the body is immovable",
     )
+    if body.inverse_inertia is not None:
+        yield Requirement(
+            body.inverse_inertia.is_semi_definite(),
+            StatusCode.INVALID_INERTIA,
+            f"{name}.inverse_inertia",
+            "must be positive semi-definite",
+        )
     for field in ("position", "velocity", "angular_velocity", "com"):
         yield _finite(f"{name}.{field}", getattr(body, field))
     q = body.orientation
@@ -77,6 +87,22 @@ def _of_body(name: str, body: Body) -> Iterator[Requirement]:
         yield Requirement(
             negation(all_zero(q)), StatusCode.INVALID_ORIENTATION, f"{name}.orientation", "must not be 0"
         )
+
+
+def _of_mechanism(kinematics: ContactKinematics, contact: Contact) -> Iterator[Requirement]:
+    """What rigid bodies cannot lack: mechanisms move in some directions only."""
+    yield Requirement(
+        kinematics.moves_normal(),
+        StatusCode.INVALID_NORMAL,
+        "contact.normal",
+        "must have an impulse along it that moves the contact: n.K n is 0",
+    )
+    yield Requirement(
+        (contact.friction == 0) | kinematics.can_rest(),
+        StatusCode.INVALID_COEFFICIENT,
+        "contact.friction",
+        "must be 0 where the contact slips in a direction in which no impulse moves it",
+    )
 
 
 def is_off_unit(body: Body) -> Condition:
@@ -156,7 +182,7 @@ def is_plainly_sound(
     for body in (body_a, body_b):
         vectors += [body.inertia, body.position, body.velocity, body.angular_velocity, body.com]
         conditions += [_is_mass(body.mass), _is_plainly_inertia(body.inertia) | all_zero(body.inertia)]
-        conditions.append(body.is_movable() | all_zero(body.inertia))
+        conditions.append(body.has_mass() | all_zero(body.inertia))
         if body.orientation is not None:
             vectors.append(body.orientation)
             conditions.append(body.orientation.squared_length() > 0)

@@ -26,10 +26,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from collision_response import Body, Contact, Impact, ImpactModel, Law, resolve
+from collision_response import Body, Contact, Impact, ImpactModel, Law, resolve, resolve_contact
 from collision_response.physics import restitution
 from collision_response.physics.effective_mass import ContactKinematics
 from collision_response.physics.mass_properties import box, rod
+from collision_response.physics.stiffness import Elastic, stiffness_ratio
 
 PAGE = Path(__file__).with_name("impact-laws.md")
 IMAGES = Path(__file__).parent / "images"
@@ -331,6 +332,48 @@ def draw_rods() -> None:
     save(figure, "impact-law-rods.png")
 
 
+SPHERE = [[3.5, 0.0, 0.0], [0.0, 3.5, 0.0], [0.0, 0.0, 1.0]]
+"""Inverse effective mass of a solid sphere of 1 kg at its contact; the normal is z."""
+
+KHARAZ = (
+    (2.0275, 0.7938), (3.9282, 0.7450), (9.6304, 0.6728), (20.0845, 0.5964),
+    (30.2218, 0.6883), (39.3031, 0.7719), (49.5459, 0.8469), (59.8416, 0.9019),
+)  # fmt: skip
+"""Angle of incidence [deg], and tangential velocity of the centre after over that before."""
+
+
+def rebound(degrees: float, law: Law, kappa: float) -> tuple[float, float]:
+    """Of a sphere of speed 1: the slip at its contact after, and the ratio of its centre's tangential velocity."""
+    u_t, u_n = math.sin(math.radians(degrees)), -math.cos(math.radians(degrees))
+    model = ImpactModel(law, stiffness_ratio=kappa)
+    impact = resolve_contact(SPHERE, (u_t, 0, u_n), (0, 0, 1), 0.98, 0.092, model)
+    return impact.velocity_after.x, (u_t + impact.impulse.x) / u_t
+
+
+def draw_compliant() -> None:
+    """The slip that a sphere ends with, and its centre beside measurements."""
+    figure, axes = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
+    angles, own = np.linspace(0.5, 65, 200), stiffness_ratio(Elastic(0.23), Elastic(0.23))
+    curves = [
+        ("COMPLIANT, κ = 0.87", Law.COMPLIANT, own, ANSWER, "-"),
+        ("COMPLIANT, κ = 20", Law.COMPLIANT, 20.0, PATH, "--"),
+        ("ROUTH_STRONGE, COULOMB", Law.ROUTH_STRONGE, own, COMPRESSION, "-."),
+    ]
+    for label, law, kappa, color, style in curves:
+        slips, ratios = zip(*(rebound(angle, law, kappa) for angle in angles), strict=True)
+        axes[0].plot(angles, slips, color=color, ls=style, lw=1.8, label=label)
+        axes[1].plot(angles, ratios, color=color, ls=style, lw=1.8)
+    axes[0].axhline(0, color=GREY, lw=0.8)
+    axes[0].set(xlim=(0, 50), ylim=(-0.17, 0.4), ylabel="slip after, over the speed before")
+    axes[0].legend(loc="upper left", fontsize=8.5, frameon=False)
+    axes[1].plot(*zip(*KHARAZ, strict=True), "o", color=INK, ms=5, label="measured (Kharaz et al. 2001)")
+    axes[1].set(xlim=(0, 65), ylim=(0.5, 1), ylabel="tangential velocity of the centre, after / before")
+    axes[1].legend(loc="upper left", fontsize=8.5, frameon=False)
+    for ax in axes:
+        ax.set_xlabel("angle of incidence from the normal  [°]")
+    save(figure, "impact-law-compliant.png")
+
+
 def arrow(
     ax: Axes,
     start: np.ndarray,
@@ -446,6 +489,7 @@ def main() -> None:
     picture("impact-law-moreau.png", draw_moreau, bounce)
     picture("impact-law-routh-poisson.png", draw_routh(Law.ROUTH_POISSON, "$p = (1+e)\\,p_c$"))
     picture("impact-law-routh-stronge.png", draw_routh(Law.ROUTH_STRONGE, "$W = (1-e^2)\\,W_c$"))
+    draw_compliant()
     draw_comparison()
     draw_restitution()
     if not arguments.no_tables:

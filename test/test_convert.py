@@ -211,3 +211,39 @@ def test_a_dynamic_body_without_finite_mass_is_refused_by_name(mass):
         answer_to(request)
     assert raised.value.code is StatusCode.NOT_FINITE
     assert convert.as_in_message(raised.value).startswith("body_a.inertia.m: must be finite")
+
+
+def link(**fields) -> BodyState:
+    """A door on a hinge in z at the origin of its frame: only its last number is not 0."""
+    state = BodyState(inverse_inertia=[0.0] * 35 + [2.0], **fields)
+    state.inertia.m = math.nan  # ignored
+    state.twist.angular.z = -1.0
+    return state
+
+
+def test_a_link_given_by_its_inverse_inertia(graph):
+    graph.serve()
+    request = ResolveCollision.Request(body_a=link())
+    request.body_b.motion_type = BodyState.STATIC
+    request.contact.position.x, request.contact.normal.y, request.contact.restitution = 0.5, 1.0, 0.5
+    result = graph.call(request).result
+    assert result.status.code == StatusCode.OK
+    assert result.adjustments == CollisionResult.ENERGY_CHANGE_ONLY
+    assert "articulated" in result.status.message
+    assert result.twist_a.angular.z == pytest.approx(0.5, abs=1e-15)
+    assert result.kinetic_energy_before == 0
+    assert result.kinetic_energy_after == pytest.approx(-(1 - 0.25) / 2 / 2, rel=1e-14)
+
+
+@pytest.mark.parametrize("count", [1, 35])
+def test_an_inverse_inertia_of_the_wrong_length(count):
+    state = BodyState(inverse_inertia=[1.0] * count)
+    with pytest.raises(ImpactError) as caught:
+        convert.body_of("body_a", state)
+    assert caught.value.code is StatusCode.INVALID_INERTIA
+    assert caught.value.field == "body_a.inverse_inertia"
+
+
+def test_an_immovable_body_needs_no_inverse_inertia():
+    body = convert.body_of("body_b", link(motion_type=BodyState.KINEMATIC))
+    assert body.inverse_inertia is None

@@ -16,7 +16,7 @@ pytest.importorskip("rclpy")
 
 from collision_response import srv
 
-SAFE = re.compile(r"sequence<(double|float|u?int(16|32|64))>")
+SAFE = re.compile(r"sequence<(double|float|u?int(16|32|64))(, \d+)?>")
 
 
 def sequences(message, path=""):

@@ -482,6 +482,8 @@ def test_every_layout_of_every_law_is_written():
         assert [name for name, _ in programs.headers(what)] == [
             f"{what}_{one.name.lower()}" for one in Layout
         ]
+    kinds = [programs.LISTS[kind] for kind in ("laws", "stepped_laws")]
+    assert [*kinds[0], *kinds[1]] == list(LAWS)
     (_, sizes), *rest = programs.headers("sizes")
     assert not rest
     assert all(f"LAW_{law.name} = {law.value}," in sizes for law in Law)

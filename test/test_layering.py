@@ -14,16 +14,15 @@ import collision_response
 PACKAGE = Path(collision_response.__file__).parent
 FRONT = "collision_response"
 LAYERS = (
-    {"numbers"},
+    {"numbers", "status"},
     {"physics"},
-    {"status"},
     {"model"},
     {"centre"},
     {"answer", "geometry", "impact", "materials", "validity"},
     {"kernels"},
     {"exactly"},
     {"resolve"},
-    {"requirements", "scene"},
+    {"requirements", "resolve_contact", "scene"},
     {FRONT},
     {"batch"},
     {"derivatives"},
@@ -36,7 +35,7 @@ LAYERS = (
 """Rooms and single modules, from the bottom. Each may import what lies below it, and its own."""
 
 HEIGHT = {unit: height for height, layer in enumerate(LAYERS) for unit in layer}
-NOTHING_BUT = {"status": set(), "physics": {"numbers"}}
+NOTHING_BUT = {"status": set(), "physics": {"numbers", "status"}}
 """Some may import less than all that lies below."""
 NOT = {"recording": {"batch", "kernels"}, "ros": {"kernels"}, "demo": {"kernels"}}
 STRANGERS = {

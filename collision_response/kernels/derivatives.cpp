@@ -8,14 +8,14 @@
 #include "derivatives.hpp"
 
 #define X(law, number) extern "C" void derivatives_##law(const double*, const Seeds&, int, Derivatives*);
-EACH_LAW(X)
+EACH_OF_LAWS(X)
 #undef X
 
 namespace {
 
 DerivativeKernel kernel_of(int law) {
 #define X(law, number) {number, derivatives_##law},
-  static const struct { int law; DerivativeKernel kernel; } table[] = {EACH_LAW(X)};
+  static const struct { int law; DerivativeKernel kernel; } table[] = {EACH_OF_LAWS(X)};
 #undef X
   for (const auto& row : table)
     if (row.law == law) return row.kernel;

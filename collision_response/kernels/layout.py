@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from ..physics.body import Body
 from ..physics.contact import Contact
+from ..physics.inverse_inertia import InverseInertia
 from ..physics.orientation import Quaternion
 from ..physics.tensor import ZERO_TENSOR, Symmetric3
 from ..physics.vector import ZERO, Vec3
@@ -33,6 +34,8 @@ class Layout(Enum):
         "mass inertia=all position=xyz orientation=xyzw velocity=xyz angular_velocity=xyz com=xyz",
         "position=xyz normal=xyz",
     )
+    ARTICULATED = (EVERYTHING[0], EVERYTHING[1], "inverse_inertia")
+    """Everything, and then the inverse inertia of both bodies: 0 of a rigid one."""
 
     def fields(self, part: int) -> dict[str, list[str]]:
         """For the body (0) or the contact (1): its fields, and the components of each."""
@@ -47,7 +50,7 @@ class Request(NamedTuple):
     Attributes:
         names: of its inputs, in their order: those of body_a, of body_b, of the contact, of the model.
         body_a, body_b, contact: of symbols, and of the 0s that the layout leaves out.
-        tangential_restitution, restitution_threshold, tolerance: of the model.
+        tangential_restitution, restitution_threshold, tolerance, stiffness_ratio: of the model.
     """
 
     names: list[str]
@@ -57,9 +60,10 @@ class Request(NamedTuple):
     tangential_restitution: Symbol
     restitution_threshold: Symbol
     tolerance: Symbol
+    stiffness_ratio: Symbol
 
 
-MODEL = ("tangential_restitution", "restitution_threshold", "tolerance")
+MODEL = ("tangential_restitution", "restitution_threshold", "tolerance", "stiffness_ratio")
 
 
 def names_of_body(layout: Layout) -> list[str]:
@@ -73,10 +77,18 @@ def names_of_contact(layout: Layout) -> list[str]:
     return [*names, "restitution.", "friction."]
 
 
+def names_of_inverse_inertia() -> list[str]:
+    """The numbers that articulated bodies have besides."""
+    owners = ("body_a", "body_b")
+    return [f"{body}.inverse_inertia.{entry}" for body in owners for entry in InverseInertia._fields]
+
+
 def request(layout: Layout, tape: Tape) -> Request:
     """The request of a layout, on a tape."""
     names = [f"{body}.{name}" for body in ("body_a", "body_b") for name in names_of_body(layout)]
     names += [f"contact.{name}" for name in names_of_contact(layout)] + [f"model.{name}" for name in MODEL]
+    if layout is Layout.ARTICULATED:
+        names += names_of_inverse_inertia()
     symbols = {name: tape.input(name) for name in names}
 
     def read(owner: str, field: str, axes: str | tuple[str, ...]) -> list[Any]:
@@ -98,6 +110,9 @@ def request(layout: Layout, tape: Tape) -> Request:
             vector(owner, "velocity"),
             vector(owner, "angular_velocity"),
             vector(owner, "com") if "com" in has else ZERO,
+            InverseInertia(*read(owner, "inverse_inertia", InverseInertia._fields))
+            if layout is Layout.ARTICULATED
+            else None,
         )
 
     contact = Contact(
@@ -139,4 +154,7 @@ def units(name: str) -> tuple[int, int, int, int, int, int]:
     owner, field, *_ = [*name.split("."), ""]
     own = {("body_a", "orientation"): (1, 0, 0), ("body_b", "orientation"): (0, 1, 0)}
     own[("contact", "normal")] = (0, 0, 1)
-    return (*DIMENSIONS.get(field, (0, 0, 0)), *own.get((owner, field), (0, 0, 0)))
+    dimensions = DIMENSIONS.get(field, (0, 0, 0))
+    if field == "inverse_inertia":  # the angular axes are a, b and c
+        dimensions = (-1, -sum(axis in "abc" for axis in name.rpartition(".")[2]), 0)
+    return (*dimensions, *own.get((owner, field), (0, 0, 0)))

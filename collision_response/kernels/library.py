@@ -39,7 +39,7 @@ _compiled.setup(
     Contact,
     tuple(_statuses.get(i) for i in range(max(_statuses) + 1)),
     tuple(_regimes.get(i) for i in range(max(_regimes) + 1)),
-    tuple(Adjustment(i) for i in range(16)),
+    tuple(Adjustment(i) for i in range(32)),
     plan,
     decided,
     refusal,

@@ -14,7 +14,7 @@ namespace {
 enum Geometry { AUTO_GEOMETRY = 1, POINT, PLANAR, SPATIAL };
 enum Precision { AUTO_PRECISION = 1, SINGLE, DOUBLE, EXTENDED };
 enum Status { OK = 1, SEPARATING_STATUS = 2, PATH_TOO_LONG = 18, OUT_OF_RANGE = 16, TOLERANCE_NOT_MET = 17, INTERNAL_ERROR = 100 };
-constexpr int LAWS = 6, GEOMETRIES = 5, PRECISIONS = 5;
+constexpr int LAWS = LAW_COUNT, GEOMETRIES = 5, PRECISIONS = 5;
 
 // What Python's side knows, given by setup().
 struct Types {
@@ -26,7 +26,7 @@ struct Types {
 struct Plan {  // of an ImpactModel
   PyObject* model;
   int law_without_friction, law_with_friction, geometry, first, last;
-  double numbers[3], errors[3], wanted;
+  double numbers[ROWS_OF_MODEL], errors[ROWS_OF_MODEL], wanted;
   PyObject* decided[LAWS][GEOMETRIES][PRECISIONS];
 };
 constexpr int KEPT = 8;
@@ -41,10 +41,10 @@ Plan* plan_of(PyObject* model) {
   if (!made) return nullptr;
   Plan plan{};
   double limit;
-  bool read = PyArg_ParseTuple(made, "iiiiidd(ddd)(ddd)", &plan.law_without_friction, &plan.law_with_friction,
+  bool read = PyArg_ParseTuple(made, "iiiiidd(dddd)(dddd)", &plan.law_without_friction, &plan.law_with_friction,
                                &plan.geometry, &plan.first, &plan.last, &plan.wanted, &limit, &plan.numbers[0],
-                               &plan.numbers[1], &plan.numbers[2], &plan.errors[0], &plan.errors[1],
-                               &plan.errors[2]);
+                               &plan.numbers[1], &plan.numbers[2], &plan.numbers[3], &plan.errors[0], &plan.errors[1],
+                               &plan.errors[2], &plan.errors[3]);
   Py_DECREF(made);
   if (!read) return nullptr;
   Plan& place = plans[next_plan++ % KEPT];
@@ -64,21 +64,33 @@ PyObject* decided(Plan* plan, int law, int geometry, int precision) {
   return place;
 }
 
+bool is_articulated(PyObject* body) {
+  return PyTuple_Check(body) && PyTuple_GET_SIZE(body) == 8 && PyTuple_GET_ITEM(body, 7) != Py_None;
+}
+
+// Of an articulated body no mass, inertia, orientation or centre of mass is read.
 bool read_body(PyObject* body, const Door& door, int i) {
-  if (!PyTuple_Check(body) || PyTuple_GET_SIZE(body) != 7) {
+  if (!PyTuple_Check(body) || PyTuple_GET_SIZE(body) != 8) {
     std::string name(door.names[i]);
     name.resize(name.find('.'));
     PyErr_Format(PyExc_TypeError, "%s: must be a Body, is %R", name.c_str(), body);
     return false;
   }
-  PyObject* turn = PyTuple_GET_ITEM(body, 3);
-  bool read = read_number(PyTuple_GET_ITEM(body, 0), door, i) &&
-              read_numbers<6>(PyTuple_GET_ITEM(body, 1), door, i + IN_BODY_A_INERTIA_XX) &&
+  PyObject *turn = PyTuple_GET_ITEM(body, 3), *own = PyTuple_GET_ITEM(body, 7);
+  bool rigid = own == Py_None;
+  if (!rigid) {
+    turn = Py_None;
+    std::fill_n(door.x + i, BODY, 0.0);
+    door.x[i] = INFINITY;
+  }
+  bool read = (rigid ? read_number(PyTuple_GET_ITEM(body, 0), door, i) &&
+                           read_numbers<6>(PyTuple_GET_ITEM(body, 1), door, i + IN_BODY_A_INERTIA_XX)
+                     : read_numbers<INVERSE_INERTIA>(own, door, INPUTS + i / BODY * INVERSE_INERTIA)) &&
               read_numbers<3>(PyTuple_GET_ITEM(body, 2), door, i + IN_BODY_A_POSITION_X) &&
               (turn == Py_None || read_numbers<4>(turn, door, i + IN_BODY_A_ORIENTATION_X)) &&
               read_numbers<3>(PyTuple_GET_ITEM(body, 4), door, i + IN_BODY_A_VELOCITY_X) &&
               read_numbers<3>(PyTuple_GET_ITEM(body, 5), door, i + IN_BODY_A_ANGULAR_VELOCITY_X) &&
-              read_numbers<3>(PyTuple_GET_ITEM(body, 6), door, i + IN_BODY_A_COM_X);
+              (!rigid || read_numbers<3>(PyTuple_GET_ITEM(body, 6), door, i + IN_BODY_A_COM_X));
   if (turn == Py_None) {
     double* q = door.x + i + IN_BODY_A_ORIENTATION_X;
     q[0] = q[1] = q[2] = 0;
@@ -131,7 +143,7 @@ PyObject* used_contact(PyObject* contact, double e, bool e_changed, bool without
   return used;
 }
 
-PyObject* answer(PyObject* contact, PyObject* model, const double* x, const Numbers& y, double bound, bool frictionless, bool normalised, int status) {
+PyObject* answer(PyObject* contact, PyObject* model, const double* x, const Numbers& y, double bound, bool frictionless, bool normalised, bool articulated, int status) {
   PyObject* impact = types.impact->tp_alloc(types.impact, 20);
   if (!impact) return nullptr;
   int i = 0;
@@ -147,7 +159,7 @@ PyObject* answer(PyObject* contact, PyObject* model, const double* x, const Numb
   for (int k = OUT_NORMAL_IMPULSE; k <= OUT_ENERGY_LOST_FRICTION; ++k) put(PyFloat_FromDouble(y.reported[k]));
   put(kept(PyTuple_GET_ITEM(types.regimes, static_cast<int>(y.reported[OUT_REGIME]))));
   put(PyFloat_FromDouble(bound));
-  int adjusted = normalised + 2 * y.flags[FLAG_SLOW] + 4 * y.flags[FLAG_FELL_BACK] + 8 * y.flags[FLAG_IDLE_SPIN];
+  int adjusted = normalised + 2 * y.flags[FLAG_SLOW] + 4 * y.flags[FLAG_FELL_BACK] + 8 * y.flags[FLAG_IDLE_SPIN] + 16 * articulated;
   put(kept(PyTuple_GET_ITEM(types.adjustments, adjusted)));
   return impact;
 }
@@ -160,7 +172,8 @@ PyObject* refuse(int status) {
 }
 
 // resolve(body_a, body_b, contact, model): an Impact; or a number that says what is left to Python:
-// 0 a fault in the request, 1 restitution is a function, 2 a geometry that leaves something out.
+// 0 a fault in the request, 1 restitution is a function, 2 a geometry that leaves something out, 3 no number
+// of the answer is known.
 PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 4) {
     PyErr_SetString(PyExc_TypeError, "resolve() takes two bodies, a contact and a model");
@@ -169,18 +182,24 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   PyObject* contact = args[2];
   Plan* plan = plan_of(args[3]);
   if (!plan) return nullptr;
-  double x[INPUTS], error[INPUTS] = {};
+  double x[ALL_INPUTS], error[ALL_INPUTS];
+  std::fill_n(error, INPUTS, 0.0);
+  bool articulated = is_articulated(args[0]) || is_articulated(args[1]);
+  if (articulated) {
+    std::fill_n(x + INPUTS, ALL_INPUTS - INPUTS, 0.0);
+    std::fill_n(error + INPUTS, ALL_INPUTS - INPUTS, 0.0);
+  }
   const Door door{x, error, input_names};
   bool has_function;
   if (!read_body(args[0], door, 0) || !read_body(args[1], door, BODY) || !read_contact(contact, door, &has_function)) return nullptr;
   if (has_function) return PyLong_FromLong(1);
-  for (int k = 0; k < 3; ++k) {
+  for (int k = 0; k < ROWS_OF_MODEL; ++k) {
     x[IN_MODEL_TANGENTIAL_RESTITUTION + k] = plan->numbers[k];
     error[IN_MODEL_TANGENTIAL_RESTITUTION + k] = plan->errors[k];
   }
   double fault;
   bool shapes[5];
-  check_request(x, &fault, shapes);
+  (articulated ? check_articulated : check_everything)(x, &fault, shapes);
   if (fault != 0 || args[0] == args[1]) return PyLong_FromLong(0);
 
   int law = x[IN_CONTACT_FRICTION] > 0 ? plan->law_with_friction : plan->law_without_friction;
@@ -193,12 +212,12 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   Numbers y;
   int precision = plan->first;
   for (;; ++precision) {
-    Kernel kernel = kernel_of(law, precision);
+    Kernel kernel = kernel_of(law, articulated, precision);
     if (!kernel) return PyErr_Format(PyExc_LookupError, "no kernel of law %d", law);
     kernel(x, error, &y);
     if (!(y.error_bound < INFINITY) || is_extreme(y, precision == SINGLE) || !all_finite(y)) {
       Numbers scaled;
-      impact_in_other_units(kernel, x, error, scaled);
+      impact_in_other_units(kernel, articulated, x, error, scaled);
       bool knows_more = scaled.error_bound < INFINITY || !(y.error_bound < INFINITY);
       if ((all_finite(scaled) && knows_more) || !all_finite(y)) y = scaled;
     }
@@ -214,7 +233,7 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   PyObject* model = decided(plan, y.flags[FLAG_FELL_BACK] ? LAW_COULOMB : law, required, precision);
   if (!model) return nullptr;
   int status = bound <= plan->wanted ? (y.flags[FLAG_SEPARATING] ? SEPARATING_STATUS : OK) : TOLERANCE_NOT_MET;
-  return answer(contact, model, x, y, bound, frictionless, shapes[4], status);
+  return answer(contact, model, x, y, bound, frictionless, shapes[4], articulated, status);
 }
 
 // numbers(body_a, body_b, contact): what resolve() reads of them, and the error of each.
@@ -223,12 +242,12 @@ PyObject* numbers(PyObject*, PyObject* const* args, Py_ssize_t count) {
     PyErr_SetString(PyExc_TypeError, "numbers() takes two bodies and a contact");
     return nullptr;
   }
-  double x[INPUTS] = {}, error[INPUTS] = {};
+  double x[ALL_INPUTS] = {}, error[ALL_INPUTS] = {};
   const Door door{x, error, input_names};
   bool has_function;
   if (!read_body(args[0], door, 0) || !read_body(args[1], door, BODY) || !read_contact(args[2], door, &has_function)) return nullptr;
-  PyObject *values = PyTuple_New(IN_MODEL_TANGENTIAL_RESTITUTION), *errors = PyTuple_New(IN_MODEL_TANGENTIAL_RESTITUTION);
-  for (int i = 0; i < IN_MODEL_TANGENTIAL_RESTITUTION; ++i) {
+  PyObject *values = PyTuple_New(ALL_INPUTS), *errors = PyTuple_New(ALL_INPUTS);
+  for (int i = 0; i < ALL_INPUTS; ++i) {
     PyTuple_SET_ITEM(values, i, PyFloat_FromDouble(x[i]));
     PyTuple_SET_ITEM(errors, i, PyFloat_FromDouble(error[i]));
   }
@@ -266,8 +285,8 @@ void gathered(BatchKernel kernel, const Batch& batch, int body_rows, const Pairs
 }
 
 // batch(law, table, number, bodies, pairs, contacts, model, results, from, to): the columns from `from` to `to`,
-// without the GIL. Without pairs (None) the bodies lie side by side. model holds e_t, the threshold and the tolerance,
-// in the type of the tables; results is a BatchResult. The answer is the greatest status and the greatest error bound,
+// without the GIL. Without pairs (None) the bodies lie side by side. model holds e_t, the threshold, the tolerance and
+// the stiffness ratio, in the type of the tables; results is a BatchResult. The answer is the greatest status and the greatest error bound,
 // infinite where one is not a number; or None if an array is not contiguous or not of its type and shape, of which
 // resolve_batch.py sees to the rest. Results that overlap the tables are refused.
 PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {

@@ -10,19 +10,30 @@ from ..numbers.number import choose
 from ..physics.column import Column
 from ..physics.effective_mass import Side
 from ..physics.energy import kinetic_energy
-from ..physics.laws import LAWS, PATHS, Law
+from ..physics.inverse_inertia import InverseInertia
+from ..physics.laws import LAWS, PATHS, STEPPED, Law
 from ..physics.vector import Vec3
 from .emit import emit
-from .layout import MODEL, Layout, Request, names_of_body, names_of_contact, request, units
+from .layout import (
+    MODEL,
+    Layout,
+    Request,
+    names_of_body,
+    names_of_contact,
+    names_of_inverse_inertia,
+    request,
+    units,
+)
 from .pairs import in_pairs
 from .symbol import CONDITIONS, Symbol, Tape, numbers_in, rebuilt
 
 LISTS: dict[str, list[Law]] = {
-    "laws": list(LAWS),
+    "laws": [law for law in LAWS if law not in STEPPED],
+    "stepped_laws": list(STEPPED),
     "laws_in_float32": [law for law in LAWS if law not in PATHS],
     "usual_laws": [Law.FRICTIONLESS, Law.COULOMB],
 }
-"""Laws by what the build makes for them: batches of float32, and of the laws that AUTO takes the fastest."""
+"""Laws by what the build makes for them: all kernels, one for all precisions, batches of float32, the fastest batches."""
 
 HEAD = '#pragma once\n#include "pairs.hpp"\n\n'
 
@@ -35,10 +46,11 @@ def headers(what: str) -> Iterator[tuple[str, str]]:
     if what == "column":
         yield "column", HEAD + column()
         return
-    for layout in Layout:
+    one_kernel = what in (law.name.lower() for law in STEPPED)
+    for layout in (Layout.EVERYTHING, Layout.ARTICULATED) if one_kernel else Layout:
         text = validity_of(layout) if what == "validity" else impact_by(Law[what.upper()], layout)
         yield f"{what}_{layout.name.lower()}", HEAD + text
-    if what != "validity":
+    if what != "validity" and not one_kernel:
         yield f"{what}_derivatives", HEAD + derivatives_by(Law[what.upper()])
 
 
@@ -51,6 +63,7 @@ def _answer(asked: Request, law: Law) -> Answer:
         asked.tangential_restitution,
         asked.restitution_threshold,
         asked.tolerance,
+        asked.stiffness_ratio,
     )
 
 
@@ -71,7 +84,7 @@ def impact_by(law: Law, layout: Layout) -> str:
     results = [[tape.symbol(x) for x in numbers_in(part)] for part in (answer.changes, answer.report)]
     results += flags, [unphysical]
     text = emit("impact", list(asked.names), *results, branches=True)
-    if layout is Layout.EVERYTHING:
+    if layout in (Layout.EVERYTHING, Layout.ARTICULATED):
         text += emit("impact_in_pairs", list(asked.names), *in_pairs(results), branches=True)
     return text
 
@@ -140,7 +153,7 @@ def _counts_of(layout: Layout) -> str:
     if moments and len(moments) < 3:
         moments *= 3
     mentioned = " + ".join(moments) or "*x - *x"
-    is_general = layout is Layout.EVERYTHING
+    is_general = layout in (Layout.EVERYTHING, Layout.ARTICULATED)
     return (
         f"\nstruct Layout_{layout.name.lower()} {{\n"
         f"  static constexpr int body = {len(body)}, inputs = {2 * len(body) + len(contact) + len(MODEL)};\n"
@@ -162,13 +175,17 @@ def sizes() -> str:
         rows = ", ".join("{" + ", ".join(map(str, units(one))) + "}" for one in names)
         return f"static const signed char {name}[{len(names)}][6] = {{{rows}}};\n"
 
-    spelled = ", ".join('"' + name.rstrip(".") + '"' for name in asked.names)
+    names = [*asked.names, *names_of_inverse_inertia()]
+    spelled = ", ".join('"' + name.rstrip(".") + '"' for name in names)
     numbers = {
         "INPUTS": len(asked.names),
+        "INVERSE_INERTIA": len(InverseInertia._fields),
+        "ALL_INPUTS": len(names),
         "BODY": len(names_of_body(Layout.EVERYTHING)),
         "CHANGES": len(changes),
         "REPORTED": len(reported),
         "FLAGS": len(Flags._fields),
+        "LAW_COUNT": max(LAWS) + 1,
     }
     numbers |= {f"IN_{name.replace('.', '_').upper().rstrip('_')}": i for i, name in enumerate(asked.names)}
     numbers |= {f"OUT_{field.upper()}": 12 + i for i, field in enumerate(Report._fields[2:])}
@@ -185,7 +202,7 @@ def sizes() -> str:
         f"ROWS_OF_MODEL = {len(MODEL)} }};\n"
         f"{lists}{TABLE}#ifdef WITH_TABLES\n"
         f"static const char* const input_names[] = {{{spelled}}};\n"
-        f"{table('input_units', list(asked.names))}"
+        f"{table('input_units', names)}"
         f"{table('change_units', changes)}"
         f"{table('reported_units', reported)}"
         f"static const Table tables[] = {{\n{tables}}};\n"

@@ -13,12 +13,16 @@ struct Numbers {
   double error_bound;
 };
 
-template <class N, class F>
+// The inverse inertia of a body, on its diagonal; none of a rigid one.
+INLINE double linear_part(const double* d) { return d[0] + d[6] + d[11]; }
+INLINE double angular_part(const double* d) { return d[15] + d[18] + d[20]; }
+
+template <class N, int inputs, class F>
 INLINE void one_impact(F impact, const double* x, const double* error, Numbers* y) {
   using T = Base<N>;
-  N in[INPUTS], changes[CHANGES];
+  N in[inputs], changes[CHANGES];
   Report<N> reported[REPORTED];
-  for (int i = 0; i < INPUTS; ++i) {
+  for (int i = 0; i < inputs; ++i) {
     T number = static_cast<T>(x[i]);
     double lost = error[i] + __builtin_fabs(x[i] - static_cast<double>(number));
     if (!(x[i] - x[i] == 0)) lost = 0;  // infinity is exact
@@ -32,6 +36,14 @@ INLINE void one_impact(F impact, const double* x, const double* error, Numbers* 
     const double* moment = x + side * BODY + IN_BODY_A_INERTIA_XX;
     mass[side] = static_cast<T>(x[side * BODY]);
     trace[side] = static_cast<T>(moment[0] + moment[3] + moment[5]);
+    if constexpr (inputs > INPUTS) {
+      const double* own = x + INPUTS + side * INVERSE_INERTIA;
+      double linear = linear_part(own), angular = angular_part(own);
+      if (linear > 0 || angular > 0) {  // as of a body that is moved as easily
+        mass[side] = 1;
+        trace[side] = static_cast<T>(angular > 0 ? linear > 0 ? 3 * linear / angular : 3 : 0);
+      }
+    }
   }
   y->error_bound = error_bound<N>(changes, mass, trace);
   for (int i = 0; i < CHANGES; ++i) {

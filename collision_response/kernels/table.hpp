@@ -5,22 +5,39 @@
 
 using Kernel = void (*)(const double* x, const double* error, Numbers* y);
 
-extern "C" void check_request(const double* x, double* fault, bool* shapes);
+extern "C" void check_everything(const double* x, double* fault, bool* shapes);
+extern "C" void check_articulated(const double* x, double* fault, bool* shapes);
 
 #define X(law, number)                                                            \
-  extern "C" void impact_##law##_single(const double*, const double*, Numbers*);  \
-  extern "C" void impact_##law##_bounded(const double*, const double*, Numbers*);  \
-  extern "C" void impact_##law##_extended(const double*, const double*, Numbers*);
+  extern "C" void impact_##law##_everything_single(const double*, const double*, Numbers*);   \
+  extern "C" void impact_##law##_everything_bounded(const double*, const double*, Numbers*);  \
+  extern "C" void impact_##law##_everything_extended(const double*, const double*, Numbers*); \
+  extern "C" void impact_##law##_articulated_bounded(const double*, const double*, Numbers*); \
+  extern "C" void impact_##law##_articulated_extended(const double*, const double*, Numbers*);
 EACH_OF_LAWS(X)
 #undef X
 
-// By law and precision.
-static Kernel kernel_of(int law, int precision) {
-#define X(law, number) {number, {impact_##law##_single, impact_##law##_bounded, impact_##law##_extended}},
-  static const struct { int law; Kernel by_precision[3]; } table[] = {EACH_OF_LAWS(X)};
+#define X(law, number)                                                                       \
+  extern "C" void impact_##law##_everything_bounded(const double*, const double*, Numbers*);  \
+  extern "C" void impact_##law##_articulated_bounded(const double*, const double*, Numbers*);
+EACH_OF_STEPPED_LAWS(X)
 #undef X
+
+// By law, whether a body is articulated, and precision.
+static Kernel kernel_of(int law, bool articulated, int precision) {
+#define X(law, number)                                                                                           \
+  {number,                                                                                                       \
+   {{impact_##law##_everything_single, impact_##law##_everything_bounded, impact_##law##_everything_extended},   \
+    {impact_##law##_articulated_bounded, impact_##law##_articulated_bounded, impact_##law##_articulated_extended}}},
+  static const struct { int law; Kernel by_precision[2][3]; } table[] = {EACH_OF_LAWS(X)};
+#undef X
+#define X(law, number) {number, {impact_##law##_everything_bounded, impact_##law##_articulated_bounded}},
+  static const struct { int law; Kernel of[2]; } stepped[] = {EACH_OF_STEPPED_LAWS(X)};
+#undef X
+  for (const auto& row : stepped)
+    if (row.law == law) return row.of[articulated];
   for (const auto& row : table)
-    if (row.law == law) return row.by_precision[precision - 2];
+    if (row.law == law) return row.by_precision[articulated][precision - 2];
   return nullptr;
 }
 
@@ -32,6 +49,9 @@ enum Number { PLAIN, FLOAT, BOUNDED, LONG_BOUNDED };
   DECLARE(law##_everything_bounded_base) \
   DECLARE(law##_everything_extended_base)
 EACH_OF_LAWS(X)
+#undef X
+#define X(law, number) DECLARE(law##_everything_bounded_base)
+EACH_OF_STEPPED_LAWS(X)
 #undef X
 #define X(law, number) DECLARE(law##_everything_float_base)
 EACH_OF_LAWS_IN_FLOAT32(X)
@@ -118,6 +138,12 @@ static BatchKernel batch_kernel(int law, int layout, int number) {
 #undef X
 #define X(law, number) {number, LAYOUT_EVERYTHING, FLOAT, batch_##law##_everything_float_base},
       EACH_OF_LAWS_IN_FLOAT32(X)
+#undef X
+#define X(law, number)                                                     \
+  {number, LAYOUT_EVERYTHING, PLAIN, batch_##law##_everything_bounded_base},   \
+  {number, LAYOUT_EVERYTHING, BOUNDED, batch_##law##_everything_bounded_base}, \
+  {number, LAYOUT_EVERYTHING, LONG_BOUNDED, batch_##law##_everything_bounded_base},
+      EACH_OF_STEPPED_LAWS(X)
 #undef X
   };
   return find(every_machine);

@@ -15,9 +15,16 @@ struct Units {
     return most > 0 && most < INFINITY ? std::ilogb(most) : 0;
   }
 
-  static Units of(const double* x) {
+  static Units of(const double* x, bool articulated) {
     const double *a = x, *b = x + BODY, *point = x + IN_CONTACT_POSITION_X;
-    double mass = std::min(a[0], b[0]);
+    double mass = std::min(a[0], b[0]), reach[2] = {};
+    for (int side = 0; articulated && side < 2; ++side) {
+      const double* own = x + INPUTS + side * INVERSE_INERTIA;
+      double linear = linear_part(own), angular = angular_part(own);
+      if (linear > 0) mass = std::min(mass, 1 / linear);
+      if (linear > 0 && angular > 0) reach[side] = std::sqrt(linear) / std::sqrt(angular);
+    }
+    if (!(mass < INFINITY)) mass = 1;
     double lengths[8], speeds[6];
     for (int k = 0; k < 3; ++k) {
       lengths[k] = point[k] - a[IN_BODY_A_POSITION_X + k];
@@ -27,7 +34,7 @@ struct Units {
     for (int side = 0; side < 2; ++side) {
       double trace = x[side * BODY + IN_BODY_A_INERTIA_XX] / 4 + x[side * BODY + IN_BODY_A_INERTIA_YY] / 4 +
                      x[side * BODY + IN_BODY_A_INERTIA_ZZ] / 4;
-      lengths[6 + side] = trace > 0 ? std::sqrt(trace) / std::sqrt(x[side * BODY]) : 0;
+      lengths[6 + side] = trace > 0 ? std::sqrt(trace) / std::sqrt(x[side * BODY]) : reach[side];
     }
     int length = exponent(lengths, 8);
     int spin = std::max(exponent(a + IN_BODY_A_ANGULAR_VELOCITY_X, 3), exponent(b + IN_BODY_A_ANGULAR_VELOCITY_X, 3));
@@ -58,10 +65,10 @@ struct Units {
 
 
 // An impact in other units, and back.
-static void impact_in_other_units(Kernel kernel, const double* x, const double* error, Numbers& y) {
-  Units units = Units::of(x);
-  double scaled[INPUTS], lost[INPUTS], none = 0;
-  for (int i = 0; i < INPUTS; ++i) {
+static void impact_in_other_units(Kernel kernel, bool articulated, const double* x, const double* error, Numbers& y) {
+  Units units = Units::of(x, articulated);
+  double scaled[ALL_INPUTS], lost[ALL_INPUTS], none = 0;
+  for (int i = 0; i < (articulated ? ALL_INPUTS : INPUTS); ++i) {
     scaled[i] = x[i];
     lost[i] = error[i];
     if (x[i] - x[i] == 0) Units::scale(scaled[i], lost[i], units.of(input_units[i]));

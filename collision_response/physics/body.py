@@ -7,10 +7,11 @@ enters every formula like any other body.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
-from ..numbers.number import Condition, Scalar, choose, given_roundoff, negation
+from ..numbers.number import Condition, Scalar, all_zero, choose, given_roundoff, negation
+from .inverse_inertia import InverseInertia
 from .orientation import Quaternion
 from .tensor import ZERO_TENSOR, Factor3, InverseTensor, Symmetric3
 from .vector import ZERO, Vec3
@@ -27,7 +28,7 @@ class Twist(NamedTuple):
 
 
 class Body(NamedTuple):
-    """A rigid body: build one with :meth:`dynamic`, :meth:`kinematic` or :meth:`static`.
+    """A body: build one with :meth:`dynamic`, :meth:`kinematic`, :meth:`static` or :meth:`articulated`.
 
     ``position`` and ``velocity`` are those of the body's reference point: the origin of its axes. It is
     the centre of mass, unless ``com`` says that this lies elsewhere.
@@ -42,6 +43,7 @@ class Body(NamedTuple):
         velocity: of the reference point, in world axes [m/s].
         angular_velocity: in world axes [rad/s].
         com: the centre of mass, from the reference point, in body axes [m].
+        inverse_inertia: of an articulated body, at the reference point, in world axes; else ``None``.
     """
 
     mass: Scalar
@@ -51,6 +53,7 @@ class Body(NamedTuple):
     velocity: Vec3
     angular_velocity: Vec3
     com: Vec3 = ZERO
+    inverse_inertia: InverseInertia | None = None
 
     @classmethod
     def dynamic(
@@ -99,17 +102,50 @@ class Body(NamedTuple):
         )
 
     @classmethod
+    def articulated(
+        cls,
+        inverse_inertia: Iterable[Any],
+        position: Sequence[Scalar] = ZERO,
+        velocity: Sequence[Scalar] = ZERO,
+        angular_velocity: Sequence[Scalar] = ZERO,
+    ) -> Body:
+        """A link of a mechanism: what an impulse on it moves is given by its inverse inertia.
+
+        Two bodies of one mechanism also move each other, which their two matrices do not say: for these,
+        :func:`~collision_response.resolve_contact` with the Jacobian of their relative velocity.
+
+        Args:
+            inverse_inertia: Khatib's ``J M^-1 J^T``, 6x6 or its 36 numbers; rows linear [1/kg], then angular
+                [1/(kg m^2)], in world axes, at the origin of the body frame; ``J`` has these rows too.
+            position: of the origin of the body frame [m].
+            velocity, angular_velocity: the twist ``J q'`` there, in world axes [m/s, rad/s].
+
+        Raises:
+            ImpactError: INVALID_INERTIA or NOT_FINITE: no 36 finite numbers, or not symmetric.
+        """
+        moving = cls.kinematic(position, velocity, angular_velocity)
+        return moving._replace(inverse_inertia=InverseInertia.of(inverse_inertia))
+
+    @classmethod
     def static(cls, position: Sequence[Scalar] = ZERO) -> Body:
         """A body at rest for ever."""
         return cls.kinematic(position)
 
     def is_movable(self) -> Condition:
         """Whether impulses move the body."""
+        return self.has_mass() if self.inverse_inertia is None else self.has_mass() | self.is_articulated()
+
+    def has_mass(self) -> Condition:
+        """Whether the body is rigid, and impulses move it."""
         return self.mass < math.inf
+
+    def is_articulated(self) -> Condition:
+        """Whether the body is a link that impulses move."""
+        return False if self.inverse_inertia is None else negation(all_zero(self.inverse_inertia))
 
     def inverse_mass(self) -> Scalar:
         """``1/m`` [1/kg]; 0 for an immovable body."""
-        return choose(self.is_movable(), lambda: 1 / self.mass, lambda: 0)
+        return choose(self.has_mass(), lambda: 1 / self.mass, lambda: 0)
 
     def to_world(self, v: Vec3) -> Vec3:
         """World components of a vector given in body axes."""
@@ -119,7 +155,7 @@ class Body(NamedTuple):
         """Body components of a vector given in world axes."""
         return v if self.orientation is None else self.orientation.rotation().to_body(v)
 
-    def inverse_inertia(self) -> InverseTensor:
+    def inverse_tensor(self) -> InverseTensor:
         """``I^-1`` in body axes [1/(kg m^2)]; the pseudo-inverse where there is no inertia about some axis.
 
         A tensor of a real body has ``I_1 <= I_2 + I_3`` for its moments in any order. If one moment is
@@ -146,7 +182,7 @@ class Body(NamedTuple):
         def across() -> Vec3:
             return self.to_world((self.inertia @ self.to_body(self.angular_velocity)) * factor.i_z)
 
-        drives = is_definite | negation(self.is_movable())
+        drives = is_definite | negation(self.has_mass())
         return drives, choose(drives, lambda: self.angular_velocity, across)
 
 

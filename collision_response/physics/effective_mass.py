@@ -26,6 +26,7 @@ from typing import NamedTuple
 from ..numbers.number import Condition, Scalar, all_zero, choose, negation
 from .body import Body, Twist
 from .contact import Contact
+from .inverse_inertia import InverseInertia
 from .orientation import ALIGNED, Rotation
 from .tensor import InverseTensor, Symmetric3
 from .vector import Vec3
@@ -68,7 +69,7 @@ class Side(NamedTuple):
         drives, spin = body.driving_spin()
         idle = choose(drives, lambda: spin * 0, lambda: body.angular_velocity - spin)
         return cls(
-            body.inverse_mass(), body.inverse_inertia(), rotation, eccentric, com, r, d, spin, idle, drives
+            body.inverse_mass(), body.inverse_tensor(), rotation, eccentric, com, r, d, spin, idle, drives
         )
 
     def velocity(self) -> Vec3:
@@ -118,6 +119,72 @@ class Side(NamedTuple):
         """What a change of the twist does to the velocity at the contact."""
         return change.linear + change.angular.cross(self.d)
 
+    def energy_gained(self, velocity: Vec3, impulse: Vec3, change: Twist) -> Scalar:
+        """Besides what its mass and inertia say: nothing."""
+        return 0.0
+
+
+class ArticulatedSide(NamedTuple):
+    """A link of a mechanism as seen from the contact.
+
+    Attributes:
+        rigid: what it is besides: a body that no impulse moves.
+        own: its inverse inertia.
+    """
+
+    rigid: Side
+    own: InverseInertia
+
+    @property
+    def inverse_mass(self) -> Scalar:
+        """[1/kg]."""
+        return self.rigid.inverse_mass
+
+    @property
+    def idle(self) -> Vec3:
+        """Angular velocity that moves no contact [rad/s]."""
+        return self.rigid.idle
+
+    def velocity(self) -> Vec3:
+        """As of a rigid body."""
+        return self.rigid.velocity()
+
+    def normal_velocity(self, n: Vec3) -> Scalar:
+        """As of a rigid body."""
+        return self.rigid.normal_velocity(n)
+
+    def compliance(self, n: Vec3) -> Scalar:
+        """``n.K n``, of this body."""
+        return self.rigid.compliance(n) + n.dot(self.own.mobility(self.rigid.d) @ n)
+
+    def response_along(self, n: Vec3, j: Scalar, impulse: Vec3) -> Twist:
+        """The change of twist that ``impulse = j n`` causes."""
+        return self._with_own(self.rigid.response_along(n, j, impulse), impulse)
+
+    def mobility(self) -> Symmetric3:
+        """``K``, of this body alone."""
+        return self.rigid.mobility() + self.own.mobility(self.rigid.d)
+
+    def response(self, impulse: Vec3) -> Twist:
+        """The change of the twist of the reference point that an impulse at the contact causes."""
+        return self._with_own(self.rigid.response(impulse), impulse)
+
+    def _with_own(self, change: Twist, impulse: Vec3) -> Twist:
+        linear, angular = self.own.response(self.rigid.d, impulse)
+        return Twist(change.linear + linear, change.angular + angular)
+
+    def velocity_of(self, change: Twist) -> Vec3:
+        """As of a rigid body."""
+        return self.rigid.velocity_of(change)
+
+    def energy_gained(self, velocity: Vec3, impulse: Vec3, change: Twist) -> Scalar:
+        """What the mechanism gains: all that is known of its energy [J].
+
+        The work of the impulse, at the mean of the contact's velocities before and after.
+        """
+        mean = velocity + self.rigid.velocity() + self.rigid.velocity_of(change) * 0.5
+        return choose(all_zero(self.own), lambda: 0.0 * mean.x, lambda: impulse.dot(mean))
+
 
 class ContactKinematics(NamedTuple):
     """What a law is given: two bodies about to collide, as seen from their contact.
@@ -134,14 +201,14 @@ class ContactKinematics(NamedTuple):
     u: Vec3
     n_u: Scalar
     n_Kn: Scalar
-    side_a: Side
-    side_b: Side
+    side_a: Side | ArticulatedSide
+    side_b: Side | ArticulatedSide
 
     @classmethod
     def of(cls, body_a: Body, body_b: Body, contact: Contact) -> ContactKinematics:
         """Two bodies as seen from their contact."""
         n = contact.normal
-        a, b = Side.of(body_a, contact.position), Side.of(body_b, contact.position)
+        a, b = (_side_of(body, contact.position) for body in (body_a, body_b))
         v = body_a.velocity - body_b.velocity
         return cls(
             n,
@@ -153,8 +220,38 @@ class ContactKinematics(NamedTuple):
         )
 
     def inverse_effective_mass(self) -> Symmetric3:
-        """``K``: the inverse effective mass in every direction [1/kg]."""
+        """``K``: the inverse effective mass in every direction [1/kg].
+
+        Across the normal it is made up where it is 0, and where ``u`` is 0 too: no impulse is wasted there.
+        """
+        K = self._mobility()
+        if self._is_rigid():
+            return K
+        n, idle = self.n, K.null_space()
+        along = idle @ n
+        apart = along.dot(along) <= ACROSS * n.dot(n)
+        return choose(apart, lambda: K + idle * K.trace(), lambda: K)
+
+    def impulse_for(self, K: Symmetric3, change: Vec3) -> Vec3:
+        """The least impulse that changes ``u`` so, where ``K`` is the inverse effective mass."""
+        return (K if self._is_rigid() else K + K.null_space() * K.trace()).solve(change)
+
+    def moves_normal(self) -> Condition:
+        """Whether an impulse along the normal moves the contact."""
+        n, K = _scaled(self.n), self._mobility()
+        return n.dot(K @ n) > LEAST * (n.dot(n) * K.trace())
+
+    def can_rest(self) -> Condition:
+        """Whether some impulse brings the contact to rest: ``u`` lies in the range of ``K``."""
+        u = _scaled(self.u)
+        rest = self._mobility().null_space() @ u
+        return rest.dot(rest) <= ACROSS * u.dot(u)
+
+    def _mobility(self) -> Symmetric3:
         return self.side_a.mobility() + self.side_b.mobility()
+
+    def _is_rigid(self) -> bool:
+        return isinstance(self.side_a, Side) and isinstance(self.side_b, Side)
 
     def respond(self, impulse: Vec3) -> tuple[Twist, Twist]:
         """What ``impulse`` on body_a changes of the twists of both bodies' reference points."""
@@ -168,3 +265,21 @@ class ContactKinematics(NamedTuple):
     def velocity_change(self, change_a: Twist, change_b: Twist) -> Vec3:
         """What changes of the twists do to ``u``."""
         return self.side_a.velocity_of(change_a) - self.side_b.velocity_of(change_b)
+
+
+def _side_of(body: Body, point: Vec3) -> Side | ArticulatedSide:
+    side = Side.of(body, point)
+    return side if body.inverse_inertia is None else ArticulatedSide(side, body.inverse_inertia)
+
+
+def _scaled(v: Vec3) -> Vec3:
+    """A vector in the middle of the range of numbers."""
+    size = abs(v.x) + abs(v.y) + abs(v.z)
+    return v / choose(size > 0, lambda: size, lambda: size * 0 + 1)
+
+
+ACROSS = 2.0**-60
+"""Square of the sine of an angle that is rounding."""
+
+LEAST = 2.0**-70
+"""A part of ``K`` that is less than this of the whole is rounding: a lever arm of 2^-35."""

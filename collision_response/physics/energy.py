@@ -12,8 +12,8 @@ from .body import Body
 
 
 def kinetic_energy(body: Body) -> Scalar:
-    """Kinetic energy [J]; 0 for an immovable body."""
+    """Kinetic energy [J]; 0 for an immovable body, and for an articulated one, of which it is not known."""
     spin = body.to_body(body.angular_velocity)
     v = body.velocity + body.angular_velocity.cross(body.to_world(body.com))
     energy = (body.mass * v.dot(v) + spin.dot(body.inertia @ spin)) / 2
-    return choose(body.is_movable(), lambda: energy, lambda: spin.x * 0)
+    return choose(body.has_mass(), lambda: energy, lambda: spin.x * 0)

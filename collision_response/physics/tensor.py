@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ..numbers.number import Scalar
+from ..numbers.number import Scalar, certain, choose
 from .vector import Vec3
+
+SINGULAR = 2.0**-40
+"""A determinant of at most this part of the product of its diagonal is rounding of the tensor's making."""
 
 
 class Symmetric3(NamedTuple):
@@ -26,6 +29,9 @@ class Symmetric3(NamedTuple):
     def __add__(self, other: Symmetric3) -> Symmetric3:  # type: ignore[override]
         return Symmetric3(*(a + b for a, b in zip(self, other, strict=True)))
 
+    def __mul__(self, factor: Scalar) -> Symmetric3:
+        return Symmetric3(*(x * factor for x in self))
+
     def trace(self) -> Scalar:
         """The sum of the diagonal."""
         return self.xx + self.yy + self.zz
@@ -43,6 +49,32 @@ class Symmetric3(NamedTuple):
     def solve(self, v: Vec3) -> Vec3:
         """The vector that this positive definite tensor maps to ``v``."""
         return self.factor().solve(v)
+
+    def null_space(self) -> Symmetric3:
+        """The projection on what this positive semi-definite tensor maps to 0, to rounding; 0 if nothing.
+
+        Of rank 2 it is the adjugate over its trace, of rank 1 all but the tensor over its trace.
+        """
+        largest = self.trace()
+        unit = 1 / choose(certain(largest) > 0, lambda: largest, lambda: largest * 0 + 1)
+        xx, xy, xz, yy, yz, zz = self * unit
+        a_xx, a_yy, a_zz = yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy
+        a_xy, a_xz, a_yz = xz * yz - xy * zz, xy * yz - xz * yy, xy * xz - xx * yz
+        det = xx * a_xx + xy * a_xy + xz * a_xz
+        is_definite = certain(det) > certain(SINGULAR * (xx * yy * zz))
+        whole = xx * yy + yy * zz + xx * zz
+        is_plane = certain(a_xx + a_yy + a_zz) > certain(SINGULAR * whole)
+        size = choose(is_plane, lambda: a_xx + a_yy + a_zz, lambda: xx + yy + zz)
+        size = choose(certain(size) > 0, lambda: size, lambda: size * 0 + 1)
+
+        def of_line() -> Symmetric3:
+            return Symmetric3(1 - xx / size, -xy / size, -xz / size, 1 - yy / size, -yz / size, 1 - zz / size)
+
+        def of_plane() -> Symmetric3:
+            return Symmetric3(*(x / size for x in (a_xx, a_xy, a_xz, a_yy, a_yz, a_zz)))
+
+        projection = choose(is_plane, of_plane, of_line)
+        return choose(is_definite, lambda: projection * 0, lambda: projection)
 
 
 class Factor3(NamedTuple):

@@ -83,8 +83,9 @@ def with_zeros(field: array[Any], shape: tuple[int, ...]) -> Array:
 
 def write_model(message: ImpactModelMessage, model: ImpactModel) -> None:
     """Fill in a model."""
-    law, geometry, precision, tolerance, tangential_restitution, restitution_threshold = model
+    law, geometry, precision, tolerance, tangential_restitution, threshold, stiffness_ratio = model
     message.law, message.geometry, message.precision = int(law), int(geometry), int(precision)
     message.tolerance = float(tolerance)
     message.tangential_restitution = float(tangential_restitution)
-    message.restitution_threshold = float(restitution_threshold)
+    message.restitution_threshold = float(threshold)
+    message.stiffness_ratio = float(stiffness_ratio)

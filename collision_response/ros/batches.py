@@ -281,6 +281,9 @@ def check_names(names: Sequence[str]) -> None:
 def _column(owner: str, state: BodyState, layout: Layout) -> list[float]:
     body = convert.body_of(owner, state)
     convert.check_body(owner, body)
+    if body.is_articulated():
+        reason = "is for ~/resolve_collision: tables hold rigid bodies"
+        raise ImpactError(StatusCode.INVALID_INERTIA, f"{owner}.inverse_inertia", reason)
     body = at_centre(body)
     if not all(map(math.isfinite, (*body.position, *body.velocity))):
         reason = "the centre of mass is, or moves, beyond float64"

@@ -50,6 +50,7 @@ NOTES = {
     Adjustment.NORMALISED_ORIENTATION: "a pose.orientation was not of unit length: normalised",
     Adjustment.RESTITUTION_THRESHOLD: "approach slower than restitution_threshold: restitution taken as 0",
     Adjustment.LAW_FALLBACK: "MOREAU has no solution here, or would create energy: COULOMB answered",
+    Adjustment.ENERGY_CHANGE_ONLY: "a body is articulated: kinetic energies count its change alone",
     Adjustment.MASSLESS_SPIN: "a body turned about an axis without inertia: that rotation was left out",
 }
 
@@ -129,6 +130,11 @@ def body_of(owner: str, state: BodyState) -> Body:
     if state.motion_type != BodyState.DYNAMIC:
         _check_immovable(owner, state.motion_type, Twist(velocity, angular_velocity))
         return Body.kinematic(position, velocity, angular_velocity)._replace(orientation=orientation)
+    if state.inverse_inertia:
+        try:
+            return Body.articulated(state.inverse_inertia, position, velocity, angular_velocity)
+        except ImpactError as error:
+            raise error.within(owner) from None
     i, c = state.inertia, state.inertia.com
     if not math.isfinite(i.m):  # in the core an infinite mass is that of an immovable body
         raise ImpactError(StatusCode.NOT_FINITE, f"{owner}.inertia.m", f"must be finite; is {i.m}")
@@ -280,6 +286,7 @@ def _model(
     tolerance: float,
     tangential_restitution: float,
     restitution_threshold: float,
+    stiffness_ratio: float,
     defaults: ImpactModel,
 ) -> ImpactModel:
     """Equal ones are one object: the core remembers by that what a model comes to."""
@@ -290,6 +297,7 @@ def _model(
         tolerance or defaults.tolerance,
         tangential_restitution or defaults.tangential_restitution,
         restitution_threshold or defaults.restitution_threshold,
+        stiffness_ratio or defaults.stiffness_ratio,
     )
 
 

@@ -20,6 +20,7 @@ from ..materials import NOTHING, Materials
 from ..model import Geometry, ImpactModel, Precision, check_model
 from ..physics.combine import CombineRule
 from ..physics.laws import Law
+from ..physics.stiffness import METAL_ON_METAL
 from ..recording.recorder import MAX_DURATION, MAX_SIZE, check_name
 from ..status import ImpactError
 
@@ -98,6 +99,13 @@ DECLARATIONS = (
     ),
     Declaration("tangential_restitution", 0.0, "For the law coulomb; 1: superball.", -1.0, 1.0),
     Declaration("restitution_threshold", 0.0, "Approach speed [m/s] under which restitution is taken as 0."),
+    Declaration(
+        "stiffness_ratio",
+        METAL_ON_METAL,
+        "Tangential over normal stiffness, for the law compliant.",
+        1e-6,
+        1e6,
+    ),
     Declaration(
         "scene_tolerance",
         0.0,

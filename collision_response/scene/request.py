@@ -62,7 +62,15 @@ def _as_pair(i: int, pair: Any) -> Pair:
 
 
 def is_movable(i: int, body: Body) -> bool:
-    """Whether impulses move a body. Raises: TypeError: its mass is no number."""
+    """Whether impulses move a body.
+
+    Raises:
+        ImpactError: INVALID_INERTIA: it is articulated.
+        TypeError: its mass is no number.
+    """
+    if body.inverse_inertia is not None:
+        field, reason = f"bodies[{i}].inverse_inertia", "is for one impact, by resolve(), not for scenes"
+        raise ImpactError(StatusCode.INVALID_INERTIA, field, reason)
     try:
         return bool(body.mass < math.inf)
     except TypeError:

@@ -329,11 +329,11 @@ def _together(
 ) -> Answered:
     """A cluster of several contacts."""
     model, law = options.model, options.law
-    if law is Law.ROUTH_POISSON:
+    if law in (Law.ROUTH_POISSON, Law.COMPLIANT):
         raise ImpactError(
             StatusCode.INVALID_MODEL,
             "model.law",
-            "ROUTH_POISSON is for clusters of one contact: try ROUTH_STRONGE",
+            f"{law.name} is for clusters of one contact: try ROUTH_STRONGE",
         )
     if model.tangential_restitution and law is Law.COULOMB:
         raise ImpactError(

@@ -6,6 +6,7 @@ To add one: write its file, enter it here twice, and in ``msg/ImpactModel.msg`` 
 from enum import IntEnum
 
 from .chatterjee_ruina import chatterjee_ruina
+from .compliant import compliant
 from .frictionless import frictionless
 from .law import Coefficients, Outcome, Regime
 from .moreau import moreau
@@ -27,6 +28,8 @@ class Law(IntEnum):
     """Friction along the path of the impulse; restitution of impulse."""
     ROUTH_STRONGE = 5
     """Friction along the path of the impulse; restitution of energy."""
+    COMPLIANT = 6
+    """Springs along and across the normal, friction between them; restitution of energy."""
 
 
 LAWS = {
@@ -35,9 +38,13 @@ LAWS = {
     Law.MOREAU: moreau,
     Law.ROUTH_POISSON: routh_poisson,
     Law.ROUTH_STRONGE: routh_stronge,
+    Law.COMPLIANT: compliant,
 }
 
-PATHS = (Law.ROUTH_POISSON, Law.ROUTH_STRONGE)
+PATHS = (Law.ROUTH_POISSON, Law.ROUTH_STRONGE, Law.COMPLIANT)
 """The laws that follow a path, step by step where slip turns. They need the digits of float64."""
 
-__all__ = ["LAWS", "PATHS", "Coefficients", "Law", "Outcome", "Regime"]
+STEPPED = (Law.COMPLIANT,)
+"""The laws that are steps throughout: no arithmetic makes them more exact, and one kernel serves all."""
+
+__all__ = ["LAWS", "PATHS", "STEPPED", "Coefficients", "Law", "Outcome", "Regime"]

@@ -34,12 +34,12 @@ from .law import Coefficients, Outcome, Regime, slipping
 
 def chatterjee_ruina(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     """The impulse of a contact with Coulomb friction and tangential restitution."""
-    e, mu, e_t, _ = coefficients
+    e, mu, e_t, *_ = coefficients
     n, u, K = contact.n, contact.u, contact.inverse_effective_mass()
     nn, Kn = n.dot(n), K @ n
     j = -contact.n_u / contact.n_Kn
     plastic = u + Kn * j
-    D = -K.solve(plastic)
+    D = -contact.impulse_for(K, plastic)
     D_n = n.dot(D) / nn
     D_t = D - n * D_n
     slip = D_t.dot(D_t)

@@ -23,12 +23,14 @@ class Coefficients(NamedTuple):
         friction: ``mu`` >= 0.
         tangential_restitution: ``e_t`` in [-1, 1].
         tolerance: relative error of the impulse at which a law that integrates may stop.
+        stiffness_ratio: tangential over normal stiffness of the contact, > 0.
     """
 
     restitution: Scalar
     friction: Scalar = 0.0
     tangential_restitution: Scalar = 0.0
     tolerance: Scalar = 0.0
+    stiffness_ratio: Scalar = 1.0
 
 
 class Regime(IntEnum):

@@ -167,7 +167,7 @@ def _ray(path: Path, mu: Scalar) -> Ray:
 
 
 def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: bool) -> Outcome:
-    e, mu, _, tolerance = coefficients
+    e, mu, _, tolerance, _ = coefficients
     e_e, e_mu, mu = error_of(e) + LEAST_RESTITUTION, error_of(mu), lesser(certain(mu), GREATEST_FRICTION)
     e = choose(
         certain(e) < LEAST_RESTITUTION,

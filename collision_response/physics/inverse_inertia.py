@@ -1,0 +1,148 @@
+"""What moves of a mechanism at one of its points: Khatib's inverse inertia ``J M^-1 J^T``, 6x6.
+
+An impulse ``P`` with the moment ``T`` about the origin of the body frame changes the twist of that frame by
+
+    (dv, dw) = Lambda^-1 (P, T)        Lambda^-1 = [[L, C], [C^T, W]]
+
+in world axes. With ``d`` from the origin to the contact point, ``T = d x P``, the velocity of the contact
+changes by ``K P``:
+
+    K = [1 -[d]x] Lambda^-1 [1 -[d]x]^T = L - C [d]x + [d]x C^T - [d]x W [d]x
+
+Source: Khatib, "A Unified Approach for Motion and Force Control of Robot Manipulators", IEEE J. Robotics
+and Automation 3 (1987), eq. 51.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+from ..numbers.number import Condition, Scalar, all_of, choose, greater, square_root
+from ..status import ImpactError, StatusCode
+from .tensor import Symmetric3
+from .vector import Vec3
+
+ROUNDING = 2.0**-40
+"""A pivot of at most this part of its diagonal is rounding of the computation that the matrix comes from."""
+
+MISFIT = 2.0**-30
+"""How far, in units of the diagonal, entries may be from symmetry, or beside a pivot that is rounding."""
+
+
+class InverseInertia(NamedTuple):
+    """A symmetric 6x6 matrix: the rows from the diagonal on, ``x y z`` linear and ``a b c`` about them.
+
+    ``xx`` to ``zz`` in 1/kg, ``xa`` to ``zc`` in 1/(kg m), ``aa`` to ``cc`` in 1/(kg m^2).
+    """
+
+    xx: Scalar
+    xy: Scalar
+    xz: Scalar
+    xa: Scalar
+    xb: Scalar
+    xc: Scalar
+    yy: Scalar
+    yz: Scalar
+    ya: Scalar
+    yb: Scalar
+    yc: Scalar
+    zz: Scalar
+    za: Scalar
+    zb: Scalar
+    zc: Scalar
+    aa: Scalar
+    ab: Scalar
+    ac: Scalar
+    bb: Scalar
+    bc: Scalar
+    cc: Scalar
+
+    @classmethod
+    def of(cls, matrix: Iterable[Any]) -> InverseInertia:
+        """From six rows of six numbers, or the 36 numbers row by row.
+
+        Raises:
+            ImpactError: INVALID_INERTIA or NOT_FINITE, of the field ``inverse_inertia``: not 36 finite
+                numbers, or not symmetric.
+        """
+        numbers = _flat(matrix)
+        if len(numbers) != 36:
+            raise _refused(StatusCode.INVALID_INERTIA, f"must be 6 x 6 numbers, are {len(numbers)}")
+        if not all(map(math.isfinite, numbers)):
+            raise _refused(StatusCode.NOT_FINITE, "must be finite")
+        rows = [numbers[i : i + 6] for i in range(0, 36, 6)]
+        for i in range(6):
+            for j in range(i):
+                scale = math.sqrt(abs(rows[i][i])) * math.sqrt(abs(rows[j][j]))
+                if not abs(rows[i][j] - rows[j][i]) <= MISFIT * scale:
+                    reason = f"must be symmetric; ({i}, {j}) is {rows[i][j]} and ({j}, {i}) {rows[j][i]}"
+                    raise _refused(StatusCode.INVALID_INERTIA, reason)
+        return cls(*(rows[i][j] / 2 + rows[j][i] / 2 for i in range(6) for j in range(i, 6)))
+
+    def blocks(self) -> tuple[Symmetric3, tuple[Vec3, Vec3, Vec3], Symmetric3]:
+        """``L``, the rows of ``C``, and ``W``."""
+        xx, xy, xz, xa, xb, xc, yy, yz, ya, yb, yc, zz, za, zb, zc, *angular = self
+        rows = Vec3(xa, xb, xc), Vec3(ya, yb, yc), Vec3(za, zb, zc)
+        return Symmetric3(xx, xy, xz, yy, yz, zz), rows, Symmetric3(*angular)
+
+    def response(self, d: Vec3, impulse: Vec3) -> tuple[Vec3, Vec3]:
+        """The change of the twist that an impulse causes at ``d`` from the origin."""
+        L, (x, y, z), W = self.blocks()
+        moment = d.cross(impulse)
+        linear = L @ impulse + Vec3(x.dot(moment), y.dot(moment), z.dot(moment))
+        return linear, x * impulse[0] + y * impulse[1] + z * impulse[2] + W @ moment
+
+    def mobility(self, d: Vec3) -> Symmetric3:
+        """``K`` of the point at ``d`` from the origin."""
+
+        def column(axis: Vec3) -> Vec3:
+            linear, angular = self.response(d, axis)
+            return linear + angular.cross(d)
+
+        x, y, z = column(Vec3(1.0, 0.0, 0.0)), column(Vec3(0.0, 1.0, 0.0)), column(Vec3(0.0, 0.0, 1.0))
+        return Symmetric3(x.x, y.x, z.x, y.y, z.y, z.z)
+
+    def is_semi_definite(self) -> Condition:
+        """Whether no impulse creates energy, to a tolerance that no choice of units changes.
+
+        By the pivots of the matrix in units of its diagonal, or of what is rounding beside the block's.
+        """
+        full = {(i, j): x for (i, j), x in zip(_PLACES, self, strict=True)}
+        linear, angular = self.xx + self.yy + self.zz, self.aa + self.bb + self.cc
+        floors = [ROUNDING * linear] * 3 + [ROUNDING * angular] * 3
+        units = [
+            _positive(square_root(greater(greater(full[i, i], floors[i]), 0 * linear))) for i in range(6)
+        ]
+        s = {(i, j): full[i, j] / units[i] / units[j] for i, j in _PLACES}
+        sound = []
+        for i in range(6):
+            pivot = s[i, i]
+            counts = pivot > ROUNDING
+            sound.append(pivot >= -MISFIT)
+            for j in range(i + 1, 6):
+                square, least = s[i, j] * s[i, j], greater(pivot * s[j, j], 0 * pivot)
+                sound.append(counts | (square <= least + MISFIT * MISFIT))
+            share = choose(counts, lambda: 1.0, lambda: 0.0) / _positive(pivot)
+            for j, k in _PLACES:
+                if i < j:
+                    s[j, k] = s[j, k] - s[i, j] * s[i, k] * share
+        return all_of(sound)
+
+
+_PLACES = [(i, j) for i in range(6) for j in range(i, 6)]
+
+
+def _positive(x: Scalar) -> Scalar:
+    """``x``, or 1 where that is not positive."""
+    return choose(x > 0, lambda: x, lambda: x * 0 + 1)
+
+
+def _flat(matrix: Iterable[Any]) -> list[Any]:
+    """The numbers of rows, or of one row."""
+    return [x for row in matrix for x in (row if isinstance(row, Iterable) else (row,))]
+
+
+def _refused(code: StatusCode, reason: str) -> ImpactError:
+    return ImpactError(code, "inverse_inertia", reason)

@@ -1,0 +1,133 @@
+"""The front door for whatever has an inverse effective mass: mechanisms, soft robots, two links of one arm.
+
+    >>> K = [[3.5, 0, 0], [0, 3.5, 0], [0, 0, 1]]  # a solid sphere of 1 kg
+    >>> impact = resolve_contact(K, u=(0.2, 0, -1), n=(0, 0, 1), restitution=0.5, friction=0.3)
+    >>> impact.velocity_after.z, impact.regime.name
+    (0.5, 'STICKING')
+
+It asks ``resolve`` about a body at whose origin the contact is, and whose inverse inertia is ``K`` there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from .model import Adjustment, ImpactModel
+from .physics.body import Body
+from .physics.contact import Contact
+from .physics.laws import Regime
+from .physics.vector import ZERO, Vec3
+from .resolve import DEFAULT, resolve
+from .status import ImpactError, StatusCode
+
+
+class ContactImpact(NamedTuple):
+    """What becomes of one contact.
+
+    Attributes:
+        status: OK, SEPARATING or TOLERANCE_NOT_MET.
+        model: as used, every AUTO decided.
+        velocity_after: relative velocity at the contact after the impact, ``u + K P`` [m/s].
+        velocity_change: ``K P`` [m/s].
+        impulse: ``P``, on the body that the normal points to [N s].
+        normal_impulse, tangential_impulse: its part along the normal, and the length of the rest [N s].
+        energy_change: ``P.(u + u_after) / 2`` of all that moves together, <= 0 but for rounding [J].
+        energy_lost_restitution, energy_lost_friction: the two shares of what is lost [J].
+        regime: what friction did.
+        error_bound: upper bound on the relative error of the impulse and of the velocity change, each in
+            the Euclidean norm, from rounding and from numbers given that are no floats.
+        adjustments: what was changed from what was asked.
+    """
+
+    status: StatusCode
+    model: ImpactModel
+    velocity_after: Vec3
+    velocity_change: Vec3
+    impulse: Vec3
+    normal_impulse: float
+    tangential_impulse: float
+    energy_change: float
+    energy_lost_restitution: float
+    energy_lost_friction: float
+    regime: Regime
+    error_bound: float
+    adjustments: Adjustment
+
+
+def resolve_contact(
+    K: Sequence[Sequence[float]],
+    u: Sequence[float],
+    n: Sequence[float],
+    restitution: float | Callable[[float], float] = 1.0,
+    friction: float = 0.0,
+    model: ImpactModel = DEFAULT,
+) -> ContactImpact:
+    """The impulse at a contact of which no more is known than how easily it moves.
+
+    Args:
+        K: inverse effective mass, 3x3, symmetric and positive semi-definite [1/kg]: an impulse ``P``
+            changes the relative velocity by ``K P``. Of mechanisms ``J M^-1 J^T``, with ``J`` of the relative
+            velocity at the contact. It may be singular as long as ``n.K n`` is not 0 and, with friction,
+            ``u`` lies in its range.
+        u: relative velocity of the first body to the second at the contact [m/s].
+        n: the normal, from the second body to the first; any length but 0.
+        restitution: ``e`` in [0, 1], or a function that gives it for an approach speed [m/s].
+        friction: Coulomb's coefficient, >= 0.
+        model: what to model, and how exactly; its geometry is AUTO or SPATIAL.
+
+    Raises:
+        ImpactError: the request cannot be answered; ``field`` is the name of an argument.
+        TypeError: an argument is not of the kind that it should be.
+    """
+    try:
+        rows = [[*map(float, row), 0.0, 0.0, 0.0] for row in K]
+    except TypeError:
+        raise TypeError(f"K: must be 3 x 3 numbers, is {K!r}") from None
+    if [len(row) for row in rows] != [6, 6, 6]:
+        raise ImpactError(StatusCode.INVALID_INERTIA, "K", f"must be 3 x 3 numbers, is {K!r}")
+    contact = Contact(ZERO, _vector("n", n), restitution, friction)
+    try:
+        body = Body.articulated([*rows, *[[0.0] * 6] * 3], velocity=_vector("u", u))
+        impact = resolve(body, Body.static(), contact, model)
+    except ImpactError as error:
+        raise ImpactError(error.code, _named(error.field), error.reason) from None
+    return ContactImpact(
+        impact.status,
+        impact.model,
+        impact.twist_a.linear,
+        impact.change_a.linear,
+        impact.impulse,
+        impact.normal_impulse,
+        impact.tangential_impulse,
+        impact.kinetic_energy_after,
+        impact.energy_lost_restitution,
+        impact.energy_lost_friction,
+        impact.regime,
+        impact.error_bound,
+        impact.adjustments & ~Adjustment.ENERGY_CHANGE_ONLY,
+    )
+
+
+def _vector(name: str, v: Any) -> Vec3:
+    try:
+        return Vec3(*v)
+    except TypeError:
+        raise TypeError(f"{name}: must be 3 numbers, is {v!r}") from None
+
+
+_ARGUMENTS = {
+    "inverse_inertia": "K",
+    "body_a.inverse_inertia": "K",
+    "body_a": "K",
+    "body_a.velocity": "u",
+    "contact.normal": "n",
+    "contact.restitution": "restitution",
+    "contact.restitution(approach_speed)": "restitution(approach_speed)",
+    "contact.friction": "friction",
+}
+
+
+def _named(field: str) -> str:
+    """A field of ``resolve`` as an argument of this module."""
+    return _ARGUMENTS.get(field, field)

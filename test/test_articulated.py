@@ -1,0 +1,420 @@
+"""Whatever has an inverse effective mass: links of mechanisms, and bare contacts."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from fractions import Fraction as F
+from pathlib import Path
+
+import numpy as np
+import pytest
+from arm import LINKS, TIP, V, arm
+
+from collision_response import (
+    Adjustment,
+    Body,
+    Contact,
+    Geometry,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Precision,
+    Regime,
+    StatusCode,
+    resolve,
+    resolve_contact,
+    resolve_scene,
+)
+from collision_response.physics.effective_mass import ContactKinematics
+from collision_response.physics.orientation import Quaternion
+
+ALL_LAWS = [law for law in Law if law is not Law.AUTO]
+each_law = pytest.mark.parametrize("law", ALL_LAWS, ids=lambda law: law.name)
+
+NORMAL = np.array([0.6, -0.48, 0.64])
+RADIUS, BALL = 0.05, 0.4
+MOMENT = 0.4 * BALL * RADIUS**2
+DIGITS = 2e-12
+"""Of the reference values."""
+
+ARM = arm()
+
+
+def tip() -> Body:
+    twist = ARM.J @ V
+    return Body.articulated(ARM.inverse_inertia(), ARM.tip, twist[:3], twist[3:])
+
+
+def ball() -> Body:
+    return Body.dynamic(
+        BALL,
+        (MOMENT, 0, 0, MOMENT, 0, MOMENT),
+        ARM.tip - RADIUS * NORMAL,
+        None,
+        (0.289520859636, -0.291186592097, 1.419473269682),
+        (3.0, -5.0, 2.0),
+    )
+
+
+def joints_after(impulse) -> np.ndarray:
+    return V + np.linalg.solve(ARM.M, ARM.J[:3].T @ np.array(impulse))
+
+
+REFERENCE = {
+    "FRICTIONLESS": (
+        Law.FRICTIONLESS, 0.0, (0.292660820065, -0.234128656052, 0.312171541403),
+        (
+            0.416775764480, -0.768787866911, 0.192244153905, 0.831931330103,
+            -3.054617803250, -7.059533201356, 3.727394859650,
+        ),
+        (-0.442131190527, 0.294135048034, 0.639044416175), -0.109747807524,
+    ),
+    "COULOMB sticks": (
+        Law.COULOMB, 1.0, (0.345572656439, -0.191719994065, 0.303443911025),
+        (
+            0.411759493074, -0.759004141293, 0.216805406972, 0.787521306348,
+            -3.293838985727, -6.912052206130, 3.886536216348,
+        ),
+        (-0.574410781462, 0.188113393066, 0.660863492120), -0.131219489430,
+    ),
+    "COULOMB slides": (
+        Law.COULOMB, 0.1, (0.330872370672, -0.203502224524, 0.305868673978),
+        (
+            0.413153143875, -0.761722315000, 0.209981651389, 0.799859567214,
+            -3.227377112830, -6.953026266445, 3.842322604025,
+        ),
+        (-0.537660067046, 0.217568969214, 0.654801584737), -0.129562148140,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFERENCE)
+def test_an_arm_strikes_a_ball(name):
+    law, friction, impulse, joints, velocity, lost = REFERENCE[name]
+    impact = resolve(tip(), ball(), Contact.of(ARM.tip, NORMAL, 0.7, friction), ImpactModel(law))
+    assert impact.impulse == pytest.approx(impulse, abs=DIGITS)
+    assert joints_after(impact.impulse) == pytest.approx(joints, abs=20 * DIGITS)
+    assert impact.twist_b.linear == pytest.approx(velocity, abs=DIGITS)
+    change = impact.kinetic_energy_after - impact.kinetic_energy_before
+    assert change == pytest.approx(lost, abs=DIGITS)
+    assert impact.energy_lost_restitution + impact.energy_lost_friction == pytest.approx(-lost, abs=DIGITS)
+    assert impact.adjustments == Adjustment.ENERGY_CHANGE_ONLY
+    assert impact.error_bound < 1e-12
+    # the energies of the joints and of the ball, with nothing of this package
+    after, spin = joints_after(impact.impulse), np.array(impact.twist_b.angular)
+    energies = [
+        v @ ARM.M @ v / 2 + BALL * np.array(u) @ np.array(u) / 2 + MOMENT * np.array(w) @ np.array(w) / 2
+        for v, u, w in ((V, ball().velocity, ball().angular_velocity), (after, impact.twist_b.linear, spin))
+    ]
+    assert energies[1] - energies[0] == pytest.approx(change, abs=1e-14)
+    assert np.array(impact.twist_a.linear) == pytest.approx(ARM.J[:3] @ after, abs=1e-12)
+    assert np.array(impact.twist_a.angular) == pytest.approx(ARM.J[3:] @ after, abs=1e-12)
+
+
+def test_the_last_link_alone_is_a_third_of_the_arm():
+    contact = Contact.of(ARM.tip, NORMAL)
+    mass, com, moments = LINKS[-1][2:]
+    R = ARM.last
+    w = math.sqrt(1 + np.trace(R)) / 2
+    q = Quaternion(
+        *[(R[(i + 2) % 3, (i + 1) % 3] - R[(i + 1) % 3, (i + 2) % 3]) / 4 / w for i in range(3)], w
+    )
+    inertia = (moments[0], 0, 0, moments[1], 0, moments[2])
+    link = Body.dynamic(mass, inertia, ARM.tip, q, com=np.array(com) - TIP)
+    moving = [body._replace(velocity=(-0.6, 0.48, -0.64)) for body in (tip(), link)]
+    whole, alone = (resolve(body, Body.static(), contact).effective_mass for body in moving)
+    assert whole == pytest.approx(0.366583042049, abs=1e-12)
+    assert whole / alone == pytest.approx(3.5, abs=0.05)
+
+
+@each_law
+def test_a_rigid_body_given_by_its_inverse_inertia(law):
+    """Off its centre, turned: the same as by mass and inertia."""
+    rigid = Body.dynamic(
+        2.0, (0.03, 0.002, -0.001, 0.05, 0.003, 0.06), (0.1, 0.2, 0.9), None, (0.5, -0.3, -1.2), (1, -2, 0.5)
+    )
+    inertia = np.array([[0.03, 0.002, -0.001], [0.002, 0.05, 0.003], [-0.001, 0.003, 0.06]])
+    matrix = np.zeros((6, 6))
+    matrix[:3, :3], matrix[3:, 3:] = np.eye(3) / 2, np.linalg.inv(inertia)
+    same = Body.articulated(matrix, rigid.position, rigid.velocity, rigid.angular_velocity)
+    other = Body.dynamic(3.0, (0.08, 0, 0, 0.07, 0, 0.09), (-0.05, 0.1, -0.8), None, (-0.1, 0.2, 0.4))
+    contact = Contact.of((0.02, 0.05, 0.1), (0.1, -0.2, 1), 0.7, 0.2)
+    for one, two, swap in ((rigid, same, False), (rigid, same, True)):
+        pairs = [(a, other) if not swap else (other, a) for a in (one, two)]
+        touch = contact._replace(normal=-contact.normal) if swap else contact
+        expected, found = (resolve(*pair, touch, ImpactModel(law)) for pair in pairs)
+        assert found.impulse == pytest.approx(expected.impulse, rel=1e-10)
+        for mine, theirs in ((found.twist_a, expected.twist_a), (found.twist_b, expected.twist_b)):
+            assert np.ravel(mine) == pytest.approx(np.ravel(theirs), abs=1e-10)
+        changes = [x.kinetic_energy_after - x.kinetic_energy_before for x in (expected, found)]
+        assert changes[0] == pytest.approx(changes[1], abs=1e-10)
+        assert found.regime is expected.regime
+        assert found.adjustments & Adjustment.ENERGY_CHANGE_ONLY
+
+
+def test_the_reference_point_of_a_link_is_free():
+    """Moved by ``d``: ``Lambda^-1`` becomes ``X Lambda^-1 X^T``."""
+    d = np.array([0.1, -0.3, 0.2])
+    X = np.eye(6)
+    X[:3, 3:] = -np.array([[0, -d[2], d[1]], [d[2], 0, -d[0]], [-d[1], d[0], 0]])
+    moved = X @ ARM.J @ V
+    elsewhere = Body.articulated(X @ ARM.inverse_inertia() @ X.T, ARM.tip + d, moved[:3], moved[3:])
+    contact = Contact.of(ARM.tip, NORMAL, 0.7, 0.1)
+    first, second = (resolve(body, ball(), contact) for body in (tip(), elsewhere))
+    assert second.impulse == pytest.approx(first.impulse, rel=1e-12)
+    assert second.twist_a.angular == pytest.approx(first.twist_a.angular, rel=1e-11)
+
+
+def test_two_links_of_one_arm_need_their_relative_jacobian():
+    """A pincer: two fingers on one joint each, on a body that both push. The matrices of the fingers alone
+    leave out how one moves the other."""
+    M = np.diag([2 / 3, 0.5, 0.5])
+    J_a, J_b = np.array([[1.0, 0.5, 0.0]]), np.array([[1.0, 0.0, 0.5]])
+    relative = J_a - J_b
+    right = (relative @ np.linalg.solve(M, relative.T)).item()
+    apart = sum((J @ np.linalg.solve(M, J.T)).item() for J in (J_a, J_b))
+    assert apart == pytest.approx(4 * right, rel=1e-13)
+    K = np.diag([0.0, 0.0, right])
+    impact = resolve_contact(K, (0, 0, -1), (0, 0, 1), 0.5)
+    rates = np.linalg.solve(M, relative.T)[:, 0] * impact.impulse.z
+    assert (relative @ rates).item() == pytest.approx(1.5, rel=1e-13)
+
+
+@each_law
+def test_a_bare_contact_is_that_of_two_bodies(law):
+    a = Body.dynamic(2.0, (0.3, 0, 0, 0.5, 0, 0.6), (0.1, 0.2, 0.9), None, (0.5, -0.3, -1.2), (1, -2, 0.5))
+    b = Body.dynamic(
+        3.0, (0.8, 0, 0, 0.7, 0, 0.9), (-0.05, 0.1, -0.8), None, (-0.1, 0.2, 0.4), (0.3, 0.7, -1)
+    )
+    contact = Contact.of((0.02, 0.05, 0.1), (0.1, -0.2, 1), 0.7, 0.2)
+    seen = ContactKinematics.of(a, b, contact)
+    k = seen.inverse_effective_mass()
+    K = [[k.xx, k.xy, k.xz], [k.xy, k.yy, k.yz], [k.xz, k.yz, k.zz]]
+    whole = resolve(a, b, contact, ImpactModel(law))
+    alone = resolve_contact(K, seen.u, contact.normal, 0.7, 0.2, ImpactModel(law))
+    assert alone.impulse == pytest.approx(whole.impulse, rel=1e-11)
+    assert alone.energy_change == pytest.approx(
+        whole.kinetic_energy_after - whole.kinetic_energy_before, abs=1e-12
+    )
+    assert alone.regime is whole.regime
+    assert alone.velocity_after.dot(contact.normal) / contact.normal.norm() == pytest.approx(
+        whole.normal_velocity_after, abs=1e-12
+    )
+    assert alone.adjustments is Adjustment.NONE
+    assert alone.model.law is whole.model.law
+
+
+def test_bare_contacts_are_exact_to_the_last_digit():
+    """By rationals: COULOMB that sticks, P = (1 + e) P_I + D."""
+    K, u, e = [[F(7, 2), F(1, 2), 0], [F(1, 2), 3, F(1, 4)], [0, F(1, 4), 1]], [F(1, 8), F(0), F(-1)], F(1, 2)
+    model = ImpactModel(Law.COULOMB, precision=Precision.EXTENDED)
+    found = resolve_contact(
+        [[float(x) for x in row] for row in K], list(map(float, u)), (0, 0, 1), 0.5, 5.0, model
+    )
+    j = -u[2] / K[2][2]
+    plastic = [u[i] + K[i][2] * j for i in range(3)]
+    D = _solve(K, [-x for x in plastic])
+    P = [D[0], D[1], (1 + e) * j + D[2]]
+    assert found.regime is Regime.STICKING
+    assert all(abs(F(x) - y) <= abs(y) * F(1, 2**52) for x, y in zip(found.impulse, P, strict=True))
+    assert found.error_bound <= 2.0**-52
+
+
+def _solve(K, v):
+    """By Cramer's rule."""
+
+    def det(m):
+        return sum(
+            m[0][i] * (m[1][(i + 1) % 3] * m[2][(i + 2) % 3] - m[1][(i + 2) % 3] * m[2][(i + 1) % 3])
+            for i in range(3)
+        )
+
+    return [
+        det([[v[r] if c == i else K[r][c] for c in range(3)] for r in range(3)]) / det(K) for i in range(3)
+    ]
+
+
+PLANE = np.array([[2.5, -1.5, 0], [-1.5, 2.5, 0], [0, 0, 0]])
+
+
+@each_law
+def test_a_planar_mechanism_needs_no_third_direction(law):
+    """Of rank 2; as if it moved there as easily as you like."""
+    whole = PLANE + np.diag([0, 0, 4.0])
+    flat, full = (
+        resolve_contact(K, (1, -1, 0), (0, 1, 0), 0.5, 0.3, ImpactModel(law)) for K in (PLANE, whole)
+    )
+    assert flat.impulse == pytest.approx(full.impulse, abs=1e-10)
+    assert flat.error_bound < 1e-9
+    assert flat.impulse.z == 0
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+def test_a_stretched_arm(law):
+    """Of rank 1, across to the normal: the frictionless impulse already brings such a contact to rest."""
+    k = np.array([0.5, -0.2, 0.7])
+    impact = resolve_contact(np.outer(k, k), -k, (0, 0, 1), 0.5, 0.3, ImpactModel(law))
+    assert np.array(impact.velocity_after) == pytest.approx(0.5 * k, abs=1e-13)
+    assert impact.impulse == pytest.approx((0, 0, 1.5 / 0.7), abs=1e-12)
+
+
+def test_the_impulse_of_a_singular_contact_is_the_least():
+    """The pseudo-inverse: of rank 2, with the normal not in the range."""
+    z = np.array([0.6, 0.0, 0.8])
+    A = np.array([[1.0, 0.2, 0.3], [0.2, 2.0, -0.1], [0.3, -0.1, 1.5]])
+    project = np.eye(3) - np.outer(z, z)
+    K = project @ A @ project
+    u = K @ np.array([0.3, -0.2, -1.0])
+    e, n = 0.5, np.array([0, 0, 1.0])
+    impact = resolve_contact(K, u, n, e, 50.0, ImpactModel(Law.COULOMB))
+    j = -u[2] / K[2, 2]
+    expected = (1 + e) * j * n - np.linalg.pinv(K, rcond=1e-9) @ (u + K[:, 2] * j)
+    assert impact.impulse == pytest.approx(expected, abs=1e-12)
+    assert impact.velocity_after.z == pytest.approx(-e * u[2], abs=1e-12)
+
+
+RATIOS = [10.0**k for k in (-12, -6, 0, 6, 12)]
+
+
+@each_law
+@pytest.mark.parametrize("ratio", RATIOS)
+def test_huge_ratios_of_the_directions(law, ratio):
+    """Heavy one way and light another, coupled as far as it may be: never energy, never a pull."""
+    for shear in (0.0, 0.5, -0.999):
+        K = np.array([[ratio, shear * math.sqrt(ratio), 0], [shear * math.sqrt(ratio), 1, 0], [0, 0, 1.0]])
+        u = np.array([0.25 * math.sqrt(ratio), 0.125, -1.0])
+        try:
+            impact = resolve_contact(K, u, (0, 0, 1), 0.5, 0.3, ImpactModel(law))
+        except ImpactError as error:
+            assert error.code is StatusCode.PATH_TOO_LONG
+            continue
+        assert impact.energy_change <= 1e-12
+        assert impact.impulse.z > 0
+        assert impact.velocity_after.z > 0
+
+
+def refused(code, field, call):
+    with pytest.raises(ImpactError) as caught:
+        call()
+    assert (caught.value.code, caught.value.field) == (code, field), caught.value
+
+
+def contact_with(K=np.eye(3), u=(0.1, 0, -1), n=(0, 0, 1), e=0.5, mu=0.3, model=ImpactModel()):  # noqa: B008
+    return lambda: resolve_contact(K, u, n, e, mu, model)
+
+
+BAD = {
+    "not symmetric": (StatusCode.INVALID_INERTIA, "K", {"K": [[1, 0.5, 0], [0, 1, 0], [0, 0, 1]]}),
+    "indefinite": (StatusCode.INVALID_INERTIA, "K", {"K": [[1, 2, 0], [2, 1, 0], [0, 0, 1]]}),
+    "slightly indefinite": (StatusCode.INVALID_INERTIA, "K", {"K": [[1, 1, 0], [1, 1 - 1e-8, 0], [0, 0, 1]]}),
+    "negative": (StatusCode.INVALID_INERTIA, "K", {"K": np.diag([1, -1e-3, 1])}),
+    "2x2": (StatusCode.INVALID_INERTIA, "K", {"K": np.eye(2)}),
+    "nan": (StatusCode.NOT_FINITE, "K", {"K": np.diag([1, math.nan, 1])}),
+    "zero": (StatusCode.NO_DYNAMIC_BODY, "K", {"K": np.zeros((3, 3))}),
+    "normal does not move": (StatusCode.INVALID_NORMAL, "n", {"K": np.diag([1, 1, 0])}),
+    "slip does not move": (StatusCode.INVALID_COEFFICIENT, "friction", {"K": np.diag([0, 1, 1])}),
+    "no normal": (StatusCode.INVALID_NORMAL, "n", {"n": (0, 0, 0)}),
+    "infinite slip": (StatusCode.NOT_FINITE, "u", {"u": (math.inf, 0, -1)}),
+    "restitution": (StatusCode.INVALID_COEFFICIENT, "restitution", {"e": 1.5}),
+    "friction": (StatusCode.INVALID_COEFFICIENT, "friction", {"mu": -0.1}),
+    "geometry": (
+        StatusCode.INVALID_MODEL,
+        "model.geometry",
+        {"model": ImpactModel(geometry=Geometry.PLANAR)},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_contacts_that_cannot_be(name):
+    code, field, given = BAD[name]
+    refused(code, field, contact_with(**given))
+
+
+def test_without_friction_any_slip_will_do():
+    impact = resolve_contact(np.diag([0, 1, 1]), (0.1, 0, -1), (0, 0, 1), 0.5)
+    assert impact.velocity_after == pytest.approx((0.1, 0, 0.5), abs=1e-15)
+
+
+@pytest.mark.parametrize("wrong", [None, 3.0, [1, 2, 3]])
+def test_what_is_no_matrix(wrong):
+    with pytest.raises((TypeError, ImpactError), match="K: must be 3 x 3 numbers"):
+        resolve_contact(wrong, (0, 0, -1), (0, 0, 1))
+    with pytest.raises(TypeError, match="n: must be 3 numbers"):
+        resolve_contact(np.eye(3), (0, 0, -1), 3.0)
+
+
+def test_matrices_that_are_none():
+    refused(StatusCode.INVALID_INERTIA, "inverse_inertia", lambda: Body.articulated(np.eye(5)))
+    refused(StatusCode.INVALID_INERTIA, "inverse_inertia", lambda: Body.articulated([1.0] * 35))
+    skew = np.eye(6)
+    skew[0, 4] = 1e-3
+    refused(StatusCode.INVALID_INERTIA, "inverse_inertia", lambda: Body.articulated(skew))
+    refused(StatusCode.NOT_FINITE, "inverse_inertia", lambda: Body.articulated(np.full((6, 6), np.inf)))
+    indefinite = np.eye(6)
+    indefinite[0, 4] = indefinite[4, 0] = 1.1
+    contact = Contact.of((0, 0, 0), (0, 0, 1))
+    body = Body.articulated(indefinite, velocity=(0, 0, -1))
+    refused(
+        StatusCode.INVALID_INERTIA, "body_a.inverse_inertia", lambda: resolve(body, Body.static(), contact)
+    )
+    nothing = Body.articulated(np.zeros(36), velocity=(0, 0, -1))
+    refused(StatusCode.NO_DYNAMIC_BODY, "body_a", lambda: resolve(nothing, Body.static(), contact))
+
+
+@pytest.mark.parametrize("unit", [2.0**-20, 1.0, 2.0**20])
+def test_the_check_of_the_matrix_knows_no_units(unit):
+    """In other units of length the angular rows grow by ``unit``, and their block by its square."""
+    X = np.diag([1, 1, 1, unit, unit, unit])
+    matrix = X @ ARM.inverse_inertia() @ X
+    body = Body.articulated(matrix, velocity=-NORMAL)
+    contact = Contact.of((0, 0, 0), NORMAL)
+    assert resolve(body, Body.static(), contact).effective_mass == pytest.approx(0.366583042049, abs=1e-11)
+    matrix[0, 3] = matrix[3, 0] = 1.01 * math.sqrt(matrix[0, 0] * matrix[3, 3])
+    broken = Body.articulated(matrix, velocity=-NORMAL)
+    refused(
+        StatusCode.INVALID_INERTIA, "body_a.inverse_inertia", lambda: resolve(broken, Body.static(), contact)
+    )
+
+
+def test_one_joint_at_the_origin_of_the_frame():
+    """No linear rows at all."""
+    matrix = np.zeros((6, 6))
+    matrix[5, 5] = 2.0
+    door = Body.articulated(matrix, angular_velocity=(0, 0, -1.0))
+    impact = resolve(door, Body.static(), Contact.of((0.5, 0, 0), (0, 1, 0), 0.5))
+    assert impact.twist_a.angular.z == pytest.approx(0.5, abs=1e-15)
+    assert impact.effective_mass == pytest.approx(2.0, rel=1e-15)
+    assert impact.error_bound < 1e-14
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5])
+def test_restitution_may_be_a_function(e):
+    by_function, by_number = (contact_with(e=given)() for given in (lambda speed: e * speed, e))
+    assert by_function.impulse == pytest.approx(by_number.impulse, rel=1e-14)
+
+
+def test_at_the_ends_of_the_range_of_floats():
+    for scale in (1e-140, 1e140):
+        impact = resolve_contact(np.diag([3.5, 3.5, 1.0]) * scale, (0.2, 0, -1), (0, 0, 1), 0.5, 0.3)
+        assert np.array(impact.impulse) * scale == pytest.approx((-0.2 / 3.5, 0, 1.5), rel=1e-13)
+
+
+def test_scenes_are_for_rigid_bodies():
+    contact = Contact.of((0, 0, 0), (0, 0, 1))
+    refused(
+        StatusCode.INVALID_INERTIA,
+        "bodies[0].inverse_inertia",
+        lambda: resolve_scene([tip(), Body.static()], [(0, 1)], [contact]),
+    )
+
+
+def test_the_example_agrees_with_pinocchio(capsys):
+    pytest.importorskip("pinocchio")
+    path = Path(__file__).parents[1] / "examples" / "arm_strikes_ball.py"
+    spec = importlib.util.spec_from_file_location("arm_strikes_ball", path)
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    example.main()
+    assert "pinocchio differs" in capsys.readouterr().out
