@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from enum import IntEnum, IntFlag
+from enum import IntFlag
 from typing import Any, NamedTuple
 
+from .named import Named
 from .physics.laws import Law as Law
 from .status import ImpactError, StatusCode
 
 
-class Geometry(IntEnum):
+class Geometry(Named):
     """How much of the motion is modelled."""
 
     AUTO = 1
@@ -23,7 +24,7 @@ class Geometry(IntEnum):
     """Everything."""
 
 
-class Precision(IntEnum):
+class Precision(Named):
     """The kinds of arithmetic. Each bounds its own error."""
 
     AUTO = 1
@@ -49,6 +50,10 @@ class Adjustment(IntFlag):
     """MOREAU has no solution, or would create energy: COULOMB answered."""
     MASSLESS_SPIN = 8
     """A body turned about an axis without inertia: that rotation was left out, it moves no contact."""
+
+    def __str__(self) -> str:
+        """The names of what was changed."""
+        return ", ".join(flag.name or "" for flag in Adjustment if flag & self) or "NONE"
 
 
 class ImpactModel(NamedTuple):
@@ -172,7 +177,7 @@ def check_model(model: Any) -> None:
         TypeError: it is no model.
     """
     if not isinstance(model, ImpactModel):
-        hint = f": write ImpactModel(law={model!s})" if isinstance(model, Law) else ""
+        hint = f": write ImpactModel(law=Law.{model})" if isinstance(model, Law) else ""
         raise TypeError(f"model: must be an ImpactModel, is {model!r}{hint}")
     for field, kind in (("law", Law), ("geometry", Geometry), ("precision", Precision)):
         value = getattr(model, field)

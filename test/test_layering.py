@@ -14,7 +14,7 @@ import collision_response
 PACKAGE = Path(collision_response.__file__).parent
 FRONT = "collision_response"
 LAYERS = (
-    {"numbers"},
+    {"named", "numbers"},
     {"physics"},
     {"status"},
     {"model"},
@@ -30,13 +30,14 @@ LAYERS = (
     {"msg", "srv"},
     {"ros"},
     {"demo"},
+    {"cli"},
 )
 """Rooms and single modules, from the bottom. Each may import what lies below it, and its own."""
 
 HEIGHT = {unit: height for height, layer in enumerate(LAYERS) for unit in layer}
-NOTHING_BUT = {"status": set(), "physics": {"numbers"}}
+NOTHING_BUT = {"status": {"named"}, "physics": {"named", "numbers"}}
 """Some may import less than all that lies below."""
-NOT = {"recording": {"batch", "kernels"}, "ros": {"kernels"}, "demo": {"kernels"}}
+NOT = {"recording": {"batch", "kernels"}, "ros": {"kernels"}, "demo": {"kernels"}, "cli": {"kernels"}}
 STRANGERS = {
     "numbers": {"numpy", "flint"},
     "batch": {"numpy", "dask", "torch"},
