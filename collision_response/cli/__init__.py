@@ -27,6 +27,10 @@ COMMANDS = {
     ),
     "node": Command("collision_response.cli.node", "run the ROS node that answers requests"),
     "call": Command("collision_response.cli.call", "send the node one request, and read the answer"),
+    "report": Command(
+        "collision_response.cli.report", "what happened in a recording: in words, plots, a table"
+    ),
+    "replay": Command("collision_response.cli.replay", "ask a recording again, and report what differs"),
 }
 
 EXAMPLE = """
