@@ -10,6 +10,8 @@ This package needs NumPy alone; the node in :mod:`collision_response.ros` needs 
 the last digits of EXTENDED need python-flint.
 """
 
+from __future__ import annotations
+
 from .answer import Impact
 from .model import Adjustment, Geometry, ImpactModel, Precision
 from .physics.body import Body, Twist
@@ -43,3 +45,17 @@ __all__ = [
     "resolve_scene",
     "scene_requirements",
 ]
+
+
+def __getattr__(name: str) -> str:
+    """``__version__``, looked up when it is asked for: pip's record, or what colcon installed."""
+    if name != "__version__":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from contextlib import suppress
+    from importlib import metadata
+    from pathlib import Path
+
+    with suppress(metadata.PackageNotFoundError):
+        return metadata.version(__name__)
+    description = Path(__file__).parents[4] / "share" / __name__ / "package.xml"
+    return description.read_text().partition("<version>")[2].partition("</version>")[0]

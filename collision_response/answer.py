@@ -1,10 +1,11 @@
-"""What an answer holds."""
+"""What an answer holds, and how it reads."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from .model import Adjustment, ImpactModel
+from .model import Adjustment, Geometry, ImpactModel, Law, Precision
+from .numbers.number import Scalar
 from .physics.body import Twist
 from .physics.contact import Contact
 from .physics.laws import Regime
@@ -13,7 +14,7 @@ from .status import StatusCode
 
 
 class Impact(NamedTuple):
-    """The answer to one request.
+    """The answer to one request. ``print`` shows it as a table.
 
     Attributes:
         status: OK, SEPARATING or TOLERANCE_NOT_MET.
@@ -61,3 +62,72 @@ class Impact(NamedTuple):
     regime: Regime
     error_bound: float
     adjustments: Adjustment
+
+    def __str__(self) -> str:
+        """What happened, as a table."""
+        return as_table(self)
+
+    def __repr__(self) -> str:
+        """In one line: what to look at first. Every field has its name."""
+        chosen = f"{self.status}, {self.model.law}, {self.regime}"
+        return f"Impact({chosen}, impulse={as_tuple(self.impulse)}, error_bound={self.error_bound:.2g})"
+
+
+def as_table(answer: Any, names: tuple[str, str] = ("body_a", "body_b")) -> str:
+    """An :class:`Impact`, or a ``CollisionResult`` message: its fields have the same names.
+
+    Args:
+        answer: what to show.
+        names: of the bodies.
+    """
+    model, contact = answer.model, answer.contact
+    status = StatusCode(getattr(answer.status, "code", answer.status))
+    chosen = Law(model.law), Geometry(model.geometry), Precision(model.precision)
+    touch = [
+        str(Regime(answer.regime)),
+        *map(in_digits, (contact.restitution, contact.friction)),
+        *map(in_digits, (answer.normal_velocity_before, answer.normal_velocity_after)),
+        as_tuple(answer.impulse),
+    ]
+    bodies = [
+        [name, as_tuple(twist.linear), as_tuple(twist.angular)]
+        for name, twist in zip(names, (answer.twist_a, answer.twist_b), strict=True)
+    ]
+    before, after, restitution, friction = map(
+        in_digits,
+        (
+            answer.kinetic_energy_before,
+            answer.kinetic_energy_after,
+            answer.energy_lost_restitution,
+            answer.energy_lost_friction,
+        ),
+    )
+    lines = [
+        f"{status} by {chosen[0]} ({chosen[1]}, {chosen[2]}), "
+        f"relative error at most {answer.error_bound:.2g}",
+        *in_columns(["regime", "e", "mu", "u before [m/s]", "u after [m/s]", "impulse [N s]"], [touch]),
+        *in_columns(["body", "velocity [m/s]", "angular velocity [rad/s]"], bodies),
+        f"energy {before} -> {after} J; lost: {restitution} restitution, {friction} friction",
+    ]
+    if answer.adjustments:
+        lines.append(f"adjusted: {Adjustment(answer.adjustments)}")
+    return "\n".join(lines)
+
+
+def in_digits(x: Scalar) -> str:
+    """A number of six digits; 0 without its sign."""
+    return f"{float(x) + 0.0:.6g}"
+
+
+def as_tuple(v: Any) -> str:
+    """A vector."""
+    return "(" + ", ".join(map(in_digits, (v.x, v.y, v.z))) + ")"
+
+
+def in_columns(head: list[str], rows: list[list[str]]) -> list[str]:
+    """The lines of a table."""
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in (head, *rows)
+    ]

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from enum import IntEnum, IntFlag
+from enum import IntFlag
 from typing import Any, NamedTuple
 
+from .named import Named
 from .physics.laws import Law as Law
 from .physics.stiffness import METAL_ON_METAL
 from .status import ImpactError, StatusCode
 
 
-class Geometry(IntEnum):
+class Geometry(Named):
     """How much of the motion is modelled."""
 
     AUTO = 1
@@ -24,7 +25,7 @@ class Geometry(IntEnum):
     """Everything."""
 
 
-class Precision(IntEnum):
+class Precision(Named):
     """The kinds of arithmetic. Each bounds its own error."""
 
     AUTO = 1
@@ -52,6 +53,10 @@ class Adjustment(IntFlag):
     """A body turned about an axis without inertia: that rotation was left out, it moves no contact."""
     ENERGY_CHANGE_ONLY = 16
     """A body is articulated: of its kinetic energy only the change is known, so it counts from 0."""
+
+    def __str__(self) -> str:
+        """The names of what was changed."""
+        return ", ".join(flag.name or "" for flag in Adjustment if flag & self) or "NONE"
 
 
 class ImpactModel(NamedTuple):
@@ -187,7 +192,7 @@ def check_model(model: Any) -> None:
         TypeError: it is no model.
     """
     if not isinstance(model, ImpactModel):
-        hint = f": write ImpactModel(law={model!s})" if isinstance(model, Law) else ""
+        hint = f": write ImpactModel(law=Law.{model})" if isinstance(model, Law) else ""
         raise TypeError(f"model: must be an ImpactModel, is {model!r}{hint}")
     for field, kind in (("law", Law), ("geometry", Geometry), ("precision", Precision)):
         value = getattr(model, field)

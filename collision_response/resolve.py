@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
+from typing import Any
 
 from . import exactly, validity
 from .answer import Impact
@@ -44,7 +46,7 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = D
 
 OF_BODIES = Adjustment.NORMALISED_ORIENTATION | Adjustment.MASSLESS_SPIN
 
-FAULT, FUNCTION, FORCED, BEYOND = range(4)
+FAULT, MORE, FORCED, BEYOND = range(4)
 """Why the kernels leave a request to this module; see ``module.cpp``."""
 
 
@@ -57,7 +59,9 @@ def _unusual(
         a, b, numeric = exactly.read(body_a, body_b, contact)
         validity.check(a, b, numeric, plan(model).numbers[0])
         raise ImpactError(StatusCode.INTERNAL_ERROR, "request", "was refused for no known reason")
-    if answer == FUNCTION:
+    if answer == MORE:
+        if contact.tangential_restitution is not None:
+            return _with_own_tangential(body_a, body_b, contact, model)
         return resolve(body_a, body_b, _with_restitution(body_a, body_b, contact, model), model)
     if answer == FORCED:
         return _leaving_out(body_a, body_b, contact, model)
@@ -82,6 +86,21 @@ def _with_restitution(body_a: Body, body_b: Body, contact: Contact, model: Impac
     value = contact.restitution(max(-before, 0.0))
     check_number("contact.restitution(approach_speed)", value, 0, 1, StatusCode.INVALID_COEFFICIENT)
     return contact._replace(restitution=float(value))
+
+
+def _with_own_tangential(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:
+    """The answer where the contact, not the model, says what the tangential restitution is."""
+    e_t = contact.tangential_restitution
+    check_number("contact.tangential_restitution", e_t, -1, 1, StatusCode.INVALID_COEFFICIENT)
+    given = contact._replace(tangential_restitution=None)
+    impact = resolve(body_a, body_b, given, model_with(model, e_t))
+    return impact._replace(contact=impact.contact._replace(tangential_restitution=e_t))
+
+
+@lru_cache(maxsize=64)
+def model_with(model: ImpactModel, tangential_restitution: Any) -> ImpactModel:
+    """Equal ones are one object: the kernels remember by that what a model comes to."""
+    return model._replace(tangential_restitution=tangential_restitution)
 
 
 def _leaving_out(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:

@@ -2,37 +2,62 @@
 
 from __future__ import annotations
 
-from enum import IntEnum
+from .named import Named
 
 
-class StatusCode(IntEnum):
-    """The codes of ``msg/Status.msg``, where each is explained."""
+class StatusCode(Named):
+    """How a request ended: the codes of ``msg/Status.msg``."""
 
     UNSET = 0
+    """Of a default-constructed message: no answer."""
     OK = 1
+    """The answer holds."""
     SEPARATING = 2
+    """The bodies do not approach, so the impulse is zero. An answer, too."""
     INVALID_INERTIA = 3
+    """Of no real body: not positive semi-definite, or against the triangle inequality."""
     INVALID_NORMAL = 4
+    """Of length 0."""
     INVALID_COEFFICIENT = 5
+    """Restitution, friction or tangential restitution out of range."""
     NOT_FINITE = 6
+    """NaN or infinite number."""
     FRAME_MISMATCH = 7
+    """``frame_id``s of the bodies and the contact differ. Of the node only."""
     UNKNOWN_BODY = 8
+    """A body given by name only, and no state of that name received. Of the node only."""
     STALE_STATE = 9
+    """A body's last state is too old. Of the node only."""
     INVALID_MODEL = 10
+    """Unknown or unavailable law, geometry, precision or tolerance."""
     NO_DYNAMIC_BODY = 11
+    """Neither body can move."""
     INVALID_MASS = 12
+    """Not positive, or so small that its inverse overflows."""
     INVALID_ORIENTATION = 13
+    """A quaternion of length 0."""
     INVALID_MOTION_TYPE = 14
+    """Unknown, or a static body that moves. Of the node only."""
     SAME_BODY = 15
+    """``body_a`` and ``body_b`` are one body."""
     OUT_OF_RANGE = 16
+    """A number of the answer is beyond float64."""
     TOLERANCE_NOT_MET = 17
+    """An answer, but its error bound is above the tolerance asked for, or infinite."""
     PATH_TOO_LONG = 18
+    """A path of Routh's did not end within its budget of steps."""
     INVALID_TABLE = 19
+    """Of a batch or scene: a table whose size does not fit."""
     BUDGET_EXCEEDED = 20
+    """More contacts, time or memory than the node allows one request."""
     SHUTTING_DOWN = 21
+    """The node is shutting down and did not get to this request."""
     CONTRADICTORY_CONTACTS = 22
+    """Of a scene: no velocities keep all contacts from approaching."""
     UNKNOWN_MATERIAL = 23
+    """A material that the node has no entry for. Of the node only."""
     INTERNAL_ERROR = 100
+    """A fault of this package: please report the message."""
 
     @property
     def is_answer(self) -> bool:

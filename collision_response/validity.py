@@ -62,7 +62,10 @@ def _of_body(name: str, body: Body) -> Iterator[Requirement]:
     mass = body.mass
     yield Requirement(mass == mass, StatusCode.NOT_FINITE, f"{name}.mass", "must be a number")
     yield Requirement(
-        _is_mass(mass), StatusCode.INVALID_MASS, f"{name}.mass", "must be positive, 1/mass finite"
+        _is_mass(mass),
+        StatusCode.INVALID_MASS,
+        f"{name}.mass",
+        "must be positive, 1/mass finite; what nothing moves is Body.static(), motion_type STATIC",
     )
     yield _finite(f"{name}.inertia", body.inertia)
     yield Requirement(

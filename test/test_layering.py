@@ -14,7 +14,8 @@ import collision_response
 PACKAGE = Path(collision_response.__file__).parent
 FRONT = "collision_response"
 LAYERS = (
-    {"numbers", "status"},
+    {"named", "numbers"},
+    {"status"},
     {"physics"},
     {"model"},
     {"centre"},
@@ -31,13 +32,14 @@ LAYERS = (
     {"msg", "srv"},
     {"ros"},
     {"demo"},
+    {"cli"},
 )
 """Rooms and single modules, from the bottom. Each may import what lies below it, and its own."""
 
 HEIGHT = {unit: height for height, layer in enumerate(LAYERS) for unit in layer}
-NOTHING_BUT = {"status": set(), "physics": {"numbers", "status"}}
+NOTHING_BUT = {"status": {"named"}, "physics": {"named", "numbers", "status"}}
 """Some may import less than all that lies below."""
-NOT = {"recording": {"batch", "kernels"}, "ros": {"kernels"}, "demo": {"kernels"}}
+NOT = {"recording": {"batch", "kernels"}, "ros": {"kernels"}, "demo": {"kernels"}, "cli": {"kernels"}}
 STRANGERS = {
     "numbers": {"numpy", "flint"},
     "batch": {"numpy", "dask", "torch"},

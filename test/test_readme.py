@@ -15,6 +15,7 @@ pytest.importorskip("rclpy")
 import yaml
 from ros_graph import assign
 
+from collision_response.cli import main
 from collision_response.ros.parameters import DECLARATIONS
 from collision_response.srv import ResolveCollision
 
@@ -30,7 +31,7 @@ def node(graph):
     return graph
 
 
-@pytest.mark.parametrize("code", PYTHON, ids=["client", "library", "batch", "scene"])
+@pytest.mark.parametrize("code", PYTHON, ids=["library", "client", "batch", "scene"])
 def test_the_examples_run(node, code):
     run = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, timeout=60)
     (promised,) = re.findall(r"^print.*  # (.*)$", code, re.MULTILINE)
@@ -43,6 +44,13 @@ def test_the_service_call_is_a_request(tried_node):
     for path, value in _leaves(yaml.safe_load(text)):
         assign(request, path, value)
     assert tried_node.call(request).result.twist_a.linear.z == 1.5
+
+
+def test_the_command_line_answers_as_shown(node, capsys):
+    (typed,) = re.findall(r"collision_response call '(.*?)'\n", README, re.DOTALL)
+    (shown,) = re.findall(r"```text\n(.*?)```", README, re.DOTALL)
+    assert main(["call", typed]) == 0
+    assert capsys.readouterr().out == shown
 
 
 def test_every_parameter_is_listed_with_its_default():

@@ -10,7 +10,7 @@ pytest.importorskip("rerun")
 
 from test_recording import impact, read, recorded, verify
 
-from collision_response import Body, Contact, resolve
+from collision_response import Body, Contact, ImpactModel, resolve
 from collision_response.physics.mass_properties import box, rod, sphere
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.tensor import Symmetric3
@@ -47,8 +47,9 @@ def test_a_body_is_shown_at_its_centre_of_mass(tmp_path, length):
         (2.0, 0.0, 0.0),
     )
     floor, contact = Body.static(), Contact.of((1.0, 0.0, 0.0), (0.0, 0.0, length), 0.5)
-    answer = resolve(ball, floor, contact)
-    path = recorded(tmp_path, [Record(2, 1, "ball", "floor", ball, floor, answer), Sighting(1, "ball", ball)])
+    request = ball, floor, contact, ImpactModel()
+    answer = resolve(*request)
+    path = recorded(tmp_path, [Record(2, 1, "ball", "floor", *request, answer), Sighting(1, "ball", ball)])
     verify(path)
     entity = "/world/bodies/ball"
     velocities = "/world/velocities/ball"

@@ -16,7 +16,7 @@ pytest.importorskip("rerun")
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from collision_response import Body, Contact, resolve
+from collision_response import Body, Contact, ImpactModel, resolve
 from collision_response.recording import Gap, Record, Recorder, Refusal, Sighting
 from collision_response.recording.layout import PLOTS
 from collision_response.recording.writer import Recording, Writer
@@ -69,7 +69,8 @@ def impact(sequence=1):
     floor = Body.static()
     contact = Contact.of((0.0, 0.0, 0.0), normal=(0.0, 0.0, 2.0), restitution=0.5)
     answer = resolve(ball, floor, contact)
-    return Record(1_000_000_000 * sequence + 1, sequence, "ball/1", "the floor", ball, floor, answer)
+    request = ball, floor, contact, ImpactModel()
+    return Record(1_000_000_000 * sequence + 1, sequence, "ball/1", "the floor", *request, answer)
 
 
 def recorded(directory, entries):

@@ -433,7 +433,7 @@ def assert_same(result: CollisionResult, impact: Impact) -> None:
         assert getattr(result, field) == getattr(impact, field), field
     assert result.status.code == impact.status
     assert tuple(getattr(result.model, field) for field in Model._fields) == impact.model
-    assert (result.contact.restitution, result.contact.friction) == impact.contact[2:]
+    assert (result.contact.restitution, result.contact.friction) == impact.contact[2:4]
     for message, vector in (
         (result.impulse, impact.impulse),
         (result.twist_a.linear, impact.twist_a.linear),

@@ -46,7 +46,7 @@ def state_of(name: str, body: Body, stamp: Time) -> BodyState:
 def contact_of(contact: Contact, stamp: Time) -> ContactMessage:
     """A contact; the names of the bodies are left to the bodies."""
     message = ContactMessage()
-    message.restitution, message.friction = map(float, contact[2:])
+    message.restitution, message.friction = map(float, contact[2:4])
     message.header.frame_id, message.header.stamp = FRAME, stamp
     message.position.x, message.position.y, message.position.z = map(float, contact.position)
     _write(message.normal, contact.normal)

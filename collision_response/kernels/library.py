@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 from fractions import Fraction
+from pathlib import Path
 
 from ..answer import Impact
 from ..model import Adjustment, decided, plan
@@ -12,7 +13,14 @@ from ..physics.contact import Contact
 from ..physics.laws import Regime
 from ..physics.vector import Vec3
 from ..status import ImpactError, StatusCode
-from . import _compiled, _scene  # type: ignore[attr-defined]  # made by the build
+
+try:
+    from . import _compiled, _scene  # type: ignore[attr-defined]  # made by the build
+except ImportError as error:
+    raise ImportError(
+        f"{Path(__file__).parents[1]} is not compiled. In a source tree, Python takes the directory of that "
+        "name for the package: run .venv/bin/python -I, which does not, or change to another directory"
+    ) from error
 
 _REFUSALS = {
     StatusCode.OUT_OF_RANGE: ("result", "a number of the answer is beyond float64"),

@@ -73,7 +73,9 @@ bool read_body(PyObject* body, const Door& door, int i) {
   if (!PyTuple_Check(body) || PyTuple_GET_SIZE(body) != 8) {
     std::string name(door.names[i]);
     name.resize(name.find('.'));
-    PyErr_Format(PyExc_TypeError, "%s: must be a Body, is %R", name.c_str(), body);
+    bool is_message = !strcmp(Py_TYPE(body)->tp_name, "BodyState");
+    const char* hint = is_message ? "; collision_response.ros.convert.body_of(name, message) makes one" : "; Body.dynamic(...) and Body.static() make one";
+    PyErr_Format(PyExc_TypeError, "%s: must be a Body, is %R%s", name.c_str(), body, hint);
     return false;
   }
   PyObject *turn = PyTuple_GET_ITEM(body, 3), *own = PyTuple_GET_ITEM(body, 7);
@@ -99,17 +101,18 @@ bool read_body(PyObject* body, const Door& door, int i) {
   return read;
 }
 
-// Restitution that is a function is left out: the caller sees to it.
-bool read_contact(PyObject* contact, const Door& door, bool* has_function) {
-  if (!PyTuple_Check(contact) || PyTuple_GET_SIZE(contact) != 4) {
-    PyErr_Format(PyExc_TypeError, "contact: must be a Contact, is %R", contact);
+// Restitution that is a function, and tangential restitution, are left out: the caller sees to them.
+bool read_contact(PyObject* contact, const Door& door, bool* has_more) {
+  if (!PyTuple_Check(contact) || PyTuple_GET_SIZE(contact) != 5) {
+    PyErr_Format(PyExc_TypeError, "contact: must be a Contact, made by Contact.of(...); is %R", contact);
     return false;
   }
   PyObject* e = PyTuple_GET_ITEM(contact, 2);
-  *has_function = !PyFloat_CheckExact(e) && PyCallable_Check(e);
+  bool has_function = !PyFloat_CheckExact(e) && PyCallable_Check(e);
+  *has_more = has_function || PyTuple_GET_ITEM(contact, 4) != Py_None;
   return read_numbers<3>(PyTuple_GET_ITEM(contact, 0), door, IN_CONTACT_POSITION_X) &&
          read_numbers<3>(PyTuple_GET_ITEM(contact, 1), door, IN_CONTACT_NORMAL_X) &&
-         (*has_function || read_number(e, door, IN_CONTACT_RESTITUTION)) &&
+         (has_function || read_number(e, door, IN_CONTACT_RESTITUTION)) &&
          read_number(PyTuple_GET_ITEM(contact, 3), door, IN_CONTACT_FRICTION);
 }
 
@@ -135,11 +138,12 @@ PyObject* kept(PyObject* o) {
 // The contact as used.
 PyObject* used_contact(PyObject* contact, double e, bool e_changed, bool without_friction) {
   if (!e_changed && !without_friction) return kept(contact);
-  PyObject* used = types.contact->tp_alloc(types.contact, 4);
+  PyObject* used = types.contact->tp_alloc(types.contact, 5);
   if (!used) return nullptr;
   for (int k = 0; k < 2; ++k) PyTuple_SET_ITEM(used, k, kept(PyTuple_GET_ITEM(contact, k)));
   PyTuple_SET_ITEM(used, 2, e_changed ? PyFloat_FromDouble(e) : kept(PyTuple_GET_ITEM(contact, 2)));
   PyTuple_SET_ITEM(used, 3, without_friction ? PyFloat_FromDouble(0) : kept(PyTuple_GET_ITEM(contact, 3)));
+  PyTuple_SET_ITEM(used, 4, kept(PyTuple_GET_ITEM(contact, 4)));
   return used;
 }
 
@@ -172,8 +176,8 @@ PyObject* refuse(int status) {
 }
 
 // resolve(body_a, body_b, contact, model): an Impact; or a number that says what is left to Python:
-// 0 a fault in the request, 1 restitution is a function, 2 a geometry that leaves something out, 3 no number
-// of the answer is known.
+// 0 a fault in the request, 1 the contact says more than numbers, or overrides the model, 2 a geometry that leaves
+// something out, 3 no number of the answer is known.
 PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 4) {
     PyErr_SetString(PyExc_TypeError, "resolve() takes two bodies, a contact and a model");
@@ -190,9 +194,9 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
     std::fill_n(error + INPUTS, ALL_INPUTS - INPUTS, 0.0);
   }
   const Door door{x, error, input_names};
-  bool has_function;
-  if (!read_body(args[0], door, 0) || !read_body(args[1], door, BODY) || !read_contact(contact, door, &has_function)) return nullptr;
-  if (has_function) return PyLong_FromLong(1);
+  bool has_more;
+  if (!read_body(args[0], door, 0) || !read_body(args[1], door, BODY) || !read_contact(contact, door, &has_more)) return nullptr;
+  if (has_more) return PyLong_FromLong(1);
   for (int k = 0; k < ROWS_OF_MODEL; ++k) {
     x[IN_MODEL_TANGENTIAL_RESTITUTION + k] = plan->numbers[k];
     error[IN_MODEL_TANGENTIAL_RESTITUTION + k] = plan->errors[k];
@@ -244,8 +248,8 @@ PyObject* numbers(PyObject*, PyObject* const* args, Py_ssize_t count) {
   }
   double x[ALL_INPUTS] = {}, error[ALL_INPUTS] = {};
   const Door door{x, error, input_names};
-  bool has_function;
-  if (!read_body(args[0], door, 0) || !read_body(args[1], door, BODY) || !read_contact(args[2], door, &has_function)) return nullptr;
+  bool has_more;
+  if (!read_body(args[0], door, 0) || !read_body(args[1], door, BODY) || !read_contact(args[2], door, &has_more)) return nullptr;
   PyObject *values = PyTuple_New(ALL_INPUTS), *errors = PyTuple_New(ALL_INPUTS);
   for (int i = 0; i < ALL_INPUTS; ++i) {
     PyTuple_SET_ITEM(values, i, PyFloat_FromDouble(x[i]));

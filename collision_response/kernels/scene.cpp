@@ -51,7 +51,7 @@ bool read_body(PyObject* o, double* x) {
          floats(item(6), 3, x + IN_BODY_A_COM_X);
 }
 bool read_contact(PyObject* o, double* x) {
-  return PyTuple_Check(o) && PyTuple_GET_SIZE(o) == 4 && floats(PyTuple_GET_ITEM(o, 0), 3, x) &&
+  return PyTuple_Check(o) && PyTuple_GET_SIZE(o) == 5 && floats(PyTuple_GET_ITEM(o, 0), 3, x) &&
          floats(PyTuple_GET_ITEM(o, 1), 3, x + 3) && exact_float(PyTuple_GET_ITEM(o, 2), x[6]) &&
          exact_float(PyTuple_GET_ITEM(o, 3), x[7]);
 }

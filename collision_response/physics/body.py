@@ -8,13 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 from ..numbers.number import Condition, Scalar, all_zero, choose, given_roundoff, negation
+from . import mass_properties as solids
 from .inverse_inertia import InverseInertia
+from .mass_properties import MassProperties
 from .orientation import Quaternion
 from .tensor import ZERO_TENSOR, Factor3, InverseTensor, Symmetric3
-from .vector import ZERO, Vec3
+from .vector import ZERO, Vec3, as_vector
+
+if TYPE_CHECKING:
+    from typing import Unpack
 
 ROUNDINGS = 8
 """A pivot of the inertia tensor of at most so many roundings of its diagonal is rounding, not inertia."""
@@ -27,8 +32,19 @@ class Twist(NamedTuple):
     angular: Vec3
 
 
+class Placement(TypedDict, total=False):
+    """Where a body is and how it moves, as for :meth:`Body.dynamic`; what is left out is 0."""
+
+    position: Sequence[Scalar]
+    orientation: Sequence[Scalar] | None
+    velocity: Sequence[Scalar]
+    angular_velocity: Sequence[Scalar]
+
+
 class Body(NamedTuple):
-    """A body: build one with :meth:`dynamic`, :meth:`kinematic`, :meth:`static` or :meth:`articulated`.
+    """A body: build one with :meth:`dynamic`, :meth:`kinematic`, :meth:`static` or :meth:`articulated`, or by its shape.
+
+    A shape is a homogeneous solid about its centre of mass: ``Body.sphere(2.0, 0.1, velocity=(0, 0, -3))``.
 
     ``position`` and ``velocity`` are those of the body's reference point: the origin of its axes. It is
     the centre of mass, unless ``com`` says that this lies elsewhere.
@@ -70,24 +86,80 @@ class Body(NamedTuple):
 
         Args:
             mass: [kg], > 0 and finite.
-            inertia: ``(xx, xy, xz, yy, yz, zz)`` about the centre of mass in body axes [kg m^2].
-                Left out: a point mass.
+            inertia: about the centre of mass in body axes [kg m^2]: ``(xx, xy, xz, yy, yz, zz)`` or a
+                matrix. Left out: a point mass, which does not turn.
             position: of the reference point [m].
-            orientation: ``(x, y, z, w)``, from body axes to world axes; any length but 0.
+            orientation: ``(x, y, z, w)``, w last as in ROS, from body axes to world axes; any length but 0.
             velocity: of the reference point [m/s].
             angular_velocity: in world axes [rad/s].
             com: the centre of mass, from the reference point, in body axes [m].
+
+        Raises:
+            TypeError: a vector has not as many components.
+            ValueError: the inertia is neither six numbers nor a symmetric matrix.
         """
-        turn = None if orientation is None else Quaternion(*orientation)
+        try:
+            tensor = Symmetric3.of(inertia)
+        except TypeError:
+            raise TypeError(
+                f"inertia: must be (xx, xy, xz, yy, yz, zz) or a matrix, is {inertia!r}"
+            ) from None
+        except ValueError as error:
+            raise ValueError(f"inertia: {error}") from None
         return cls(
             mass,
-            Symmetric3(*inertia),
-            Vec3(*position),
-            turn,
-            Vec3(*velocity),
-            Vec3(*angular_velocity),
-            Vec3(*com),
+            tensor,
+            as_vector("position", position),
+            None if orientation is None else _quaternion(orientation),
+            as_vector("velocity", velocity),
+            as_vector("angular_velocity", angular_velocity),
+            as_vector("com", com),
         )
+
+    @classmethod
+    def of(cls, matter: MassProperties, **placement: Unpack[Placement]) -> Body:
+        """A body of some matter: see :mod:`~collision_response.physics.mass_properties`."""
+        return cls.dynamic(matter.mass, matter.inertia, com=matter.com, **placement)
+
+    @classmethod
+    def sphere(cls, mass: Scalar, radius: Scalar, **placement: Unpack[Placement]) -> Body:
+        """A solid sphere."""
+        return cls.of(solids.sphere(mass, radius), **placement)
+
+    @classmethod
+    def hollow_sphere(cls, mass: Scalar, radius: Scalar, **placement: Unpack[Placement]) -> Body:
+        """A thin spherical shell, such as a table tennis ball."""
+        return cls.of(solids.hollow_sphere(mass, radius), **placement)
+
+    @classmethod
+    def box(cls, mass: Scalar, size: Sequence[Scalar], **placement: Unpack[Placement]) -> Body:
+        """A solid box with edges ``size = (x, y, z)`` [m] along the body's axes."""
+        return cls.of(solids.box(mass, size), **placement)
+
+    @classmethod
+    def cylinder(cls, mass: Scalar, radius: Scalar, length: Scalar, **placement: Unpack[Placement]) -> Body:
+        """A solid cylinder about the body's z axis."""
+        return cls.of(solids.cylinder(mass, radius, length), **placement)
+
+    @classmethod
+    def capsule(cls, mass: Scalar, radius: Scalar, length: Scalar, **placement: Unpack[Placement]) -> Body:
+        """A solid cylinder about the body's z axis with round ends; ``length`` is the cylinder's."""
+        return cls.of(solids.capsule(mass, radius, length), **placement)
+
+    @classmethod
+    def cone(cls, mass: Scalar, radius: Scalar, height: Scalar, **placement: Unpack[Placement]) -> Body:
+        """A solid cone about the body's z axis; ``position`` is its centre of mass."""
+        return cls.of(solids.cone(mass, radius, height), **placement)
+
+    @classmethod
+    def rod(cls, mass: Scalar, length: Scalar, **placement: Unpack[Placement]) -> Body:
+        """A thin rod along the body's x axis."""
+        return cls.of(solids.rod(mass, length), **placement)
+
+    @classmethod
+    def mesh(cls, mass: Scalar, shape: Any, **placement: Unpack[Placement]) -> Body:
+        """A solid of any shape, such as ``trimesh.load_mesh("part.stl")``; ``position`` is its origin's."""
+        return cls.of(solids.mesh(mass, shape), **placement)
 
     @classmethod
     def kinematic(
@@ -98,7 +170,13 @@ class Body(NamedTuple):
     ) -> Body:
         """A body that moves as it does, whatever strikes it."""
         return cls(
-            math.inf, ZERO_TENSOR, Vec3(*position), None, Vec3(*velocity), Vec3(*angular_velocity), ZERO
+            math.inf,
+            ZERO_TENSOR,
+            as_vector("position", position),
+            None,
+            as_vector("velocity", velocity),
+            as_vector("angular_velocity", angular_velocity),
+            ZERO,
         )
 
     @classmethod
@@ -184,6 +262,13 @@ class Body(NamedTuple):
 
         drives = is_definite | negation(self.has_mass())
         return drives, choose(drives, lambda: self.angular_velocity, across)
+
+
+def _quaternion(values: Sequence[Scalar]) -> Quaternion:
+    try:
+        return Quaternion(*values)
+    except TypeError:
+        raise TypeError(f"orientation: must be a quaternion (x, y, z, w), is {values!r}") from None
 
 
 def _factor(inertia: Symmetric3) -> tuple[Condition, Factor3]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from ..numbers.number import Scalar
-from .vector import Vec3
+from .vector import Vec3, as_vector
 
 
 class Contact(NamedTuple):
@@ -17,12 +17,14 @@ class Contact(NamedTuple):
         normal: from body_b to body_a: it pushes body_a away. Any length but 0.
         restitution: ``e`` in [0, 1], or a function that gives it for an approach speed [m/s].
         friction: Coulomb's coefficient, >= 0.
+        tangential_restitution: ``e_t`` in [-1, 1], for COULOMB; ``None``: that of the model.
     """
 
     position: Vec3
     normal: Vec3
     restitution: Scalar
     friction: Scalar
+    tangential_restitution: Scalar | None = None
 
     @classmethod
     def of(
@@ -31,6 +33,17 @@ class Contact(NamedTuple):
         normal: Sequence[Scalar],
         restitution: Scalar = 1.0,
         friction: Scalar = 0.0,
+        tangential_restitution: Scalar | None = None,
     ) -> Contact:
-        """A contact from plain sequences."""
-        return cls(Vec3(*position), Vec3(*normal), restitution, friction)
+        """A contact from plain sequences.
+
+        Raises:
+            TypeError: position or normal has not three components.
+        """
+        return cls(
+            as_vector("position", position),
+            as_vector("normal", normal),
+            restitution,
+            friction,
+            tangential_restitution,
+        )

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ..numbers.number import Scalar
 from .tensor import ZERO_TENSOR, Symmetric3
@@ -67,6 +67,12 @@ def sphere(mass: Scalar, radius: Scalar) -> MassProperties:
     return _principal(mass, moment, moment, moment)
 
 
+def hollow_sphere(mass: Scalar, radius: Scalar) -> MassProperties:
+    """A thin spherical shell."""
+    moment = 2 * mass * radius * radius / 3
+    return _principal(mass, moment, moment, moment)
+
+
 def box(mass: Scalar, size: Sequence[Scalar]) -> MassProperties:
     """A solid box with edges ``size = (x, y, z)`` [m] along the axes."""
     xx, yy, zz = (edge * edge for edge in size)
@@ -77,6 +83,42 @@ def cylinder(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
     """A solid cylinder about the z axis."""
     across = mass * (3 * radius * radius + length * length) / 12
     return _principal(mass, across, across, mass * radius * radius / 2)
+
+
+def capsule(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
+    """A solid cylinder about the z axis with a half ball on either end; ``length`` is the cylinder's [m]."""
+    whole = 3 * length + 4 * radius
+    middle, ends = mass * 3 * length / whole, mass * 4 * radius / whole
+    r, h = radius * radius, length * length
+    across = middle * (3 * r + h) / 12 + ends * (2 * r / 5 + h / 4 + 3 * length * radius / 8)
+    return _principal(mass, across, across, middle * r / 2 + ends * 2 * r / 5)
+
+
+def cone(mass: Scalar, radius: Scalar, height: Scalar) -> MassProperties:
+    """A solid cone about the z axis: the base is height/4 below its centre of mass, the tip above."""
+    across = 3 * mass * (4 * radius * radius + height * height) / 80
+    return _principal(mass, across, across, 3 * mass * radius * radius / 10)
+
+
+def mesh(mass: Scalar, shape: Any) -> MassProperties:
+    """A solid of any shape, of one density; the axes are those of the mesh.
+
+    Args:
+        mass: [kg].
+        shape: a mesh of `trimesh <https://trimesh.org>`_, in metres; or what has its ``is_volume``, ``mass``,
+            ``center_mass`` and ``moment_inertia``.
+
+    Raises:
+        ValueError: the mesh is not closed, or has its inside out.
+    """
+    if not shape.is_volume:
+        raise ValueError(
+            "the mesh does not enclose a volume: try trimesh's repair.fill_holes and fix_normals"
+        )
+    per_mass = mass / float(shape.mass)
+    com = Vec3(*(float(x) for x in shape.center_mass))
+    inertia = [[per_mass * float(x) for x in row] for row in shape.moment_inertia]
+    return MassProperties(mass, com, Symmetric3.of(inertia))
 
 
 def rod(mass: Scalar, length: Scalar) -> MassProperties:

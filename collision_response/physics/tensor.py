@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 from ..numbers.number import Scalar, certain, choose
 from .vector import Vec3
 
 SINGULAR = 2.0**-40
 """A determinant of at most this part of the product of its diagonal is rounding of the tensor's making."""
+ASYMMETRY = 1e-9
+"""How far the two halves of a matrix may differ, relative to its largest component: by rounding."""
 
 
 class Symmetric3(NamedTuple):
@@ -20,6 +23,28 @@ class Symmetric3(NamedTuple):
     yy: Scalar
     yz: Scalar
     zz: Scalar
+
+    @classmethod
+    def of(cls, values: Iterable[Any]) -> Symmetric3:
+        """From ``(xx, xy, xz, yy, yz, zz)``, or from the three rows of a matrix.
+
+        Raises:
+            ValueError: it is neither, or the matrix is not symmetric to ``ASYMMETRY`` of its largest
+                component. Less asymmetry is averaged out.
+        """
+        values = tuple(values)
+        if len(values) == 6:
+            return cls(*values)
+        if len(values) != 3 or [len(row) if hasattr(row, "__len__") else 0 for row in values] != [3, 3, 3]:
+            raise ValueError(f"must be (xx, xy, xz, yy, yz, zz) or three rows of three, is {values}")
+        allowed = ASYMMETRY * max(abs(x) for row in values for x in row)
+
+        def mean(i: int, j: int) -> Scalar:
+            if abs(values[i][j] - values[j][i]) > allowed:
+                raise ValueError(f"must be symmetric, is {values}")
+            return (values[i][j] + values[j][i]) / 2
+
+        return cls(values[0][0], mean(0, 1), mean(0, 2), values[1][1], mean(1, 2), values[2][2])
 
     def __matmul__(self, v: Vec3) -> Vec3:
         xx, xy, xz, yy, yz, zz = self

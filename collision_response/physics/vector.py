@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from ..numbers.number import Scalar, square_root
@@ -45,6 +46,14 @@ class Vec3(NamedTuple):
     def norm(self) -> Scalar:
         """The Euclidean length."""
         return square_root(self.dot(self))
+
+
+def as_vector(field: str, values: Sequence[Scalar]) -> Vec3:
+    """``Vec3(*values)``. Raises: TypeError: they are not three; it says so of the field."""
+    try:
+        return Vec3(*values)
+    except TypeError:
+        raise TypeError(f"{field}: must be (x, y, z), is {values!r}") from None
 
 
 ZERO = Vec3(0.0, 0.0, 0.0)

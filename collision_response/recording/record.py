@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from .. import Impact, SceneImpact
-from ..physics.body import Body
+from .. import Body, Contact, Impact, ImpactModel, SceneImpact
 
 
 class Record(NamedTuple):
@@ -16,8 +16,9 @@ class Record(NamedTuple):
         stamp: when [ns]; 0 if nobody knows.
         sequence: number of the answer.
         name_a, name_b: of the bodies.
-        body_a, body_b: before the impact.
+        body_a, body_b, contact, model: the request.
         impact: the answer.
+        duration: of the computation [s]; NaN if nobody measured it.
     """
 
     stamp: int
@@ -26,7 +27,10 @@ class Record(NamedTuple):
     name_b: str
     body_a: Body
     body_b: Body
+    contact: Contact
+    model: ImpactModel
     impact: Impact
+    duration: float = math.nan
 
 
 class SceneRecord(NamedTuple):

@@ -34,6 +34,7 @@ from .layout import (
 from .piped_file import PipedFile
 from .record import Entry, Gap, Record, Refusal, SceneRecord, Sighting
 from .solid import Solid
+from .table import TABLE, impact_columns, refusal_columns
 
 ARROW_TIME = 0.1
 """A velocity is drawn as the way made in this time [s]; an impulse, as the change of velocity that it
@@ -172,6 +173,7 @@ def _columns(batch: Sequence[Entry]) -> Iterator[Columns]:
         yield from bodies(impacts)
         yield from contacts(impacts)
         yield from series(impacts)
+        yield from table(rows)
         yield from log(rows)
 
 
@@ -239,6 +241,16 @@ def series(impacts: Sequence[Struck]) -> Iterator[Columns]:
             values = np.array([[getattr(row.impact, field) for field in plot.fields] for row in rows], float)
             lengths = [len(plot.fields)] * len(rows)
             yield entity, _times(rows), rr.Scalars.columns(scalars=values.ravel()).partition(lengths)
+
+
+def table(rows: Sequence[Answer]) -> Iterator[Columns]:
+    """Single impacts with all that was asked and answered, and refusals."""
+    impacts = [row for row in rows if isinstance(row, Record)]
+    if impacts:
+        yield TABLE, _times(impacts), impact_columns(impacts)
+    refusals = [row for row in rows if isinstance(row, Refusal)]
+    if refusals:
+        yield TABLE, _times(refusals), refusal_columns(refusals)
 
 
 def log(rows: Sequence[Answer]) -> Iterator[Columns]:

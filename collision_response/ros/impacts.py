@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -61,7 +62,9 @@ class Impacts:
         )
         self._warn_of_coefficients(request)
         scene = convert.scene_of(request, current)
+        begin = time.perf_counter()
         impact = resolve(*scene)
+        duration = time.perf_counter() - begin
         response = ResolveCollision.Response(success=True)
         result = response.result
         convert.write_answer(result, request, impact, current)
@@ -69,7 +72,18 @@ class Impacts:
         result.state_age_a, result.state_age_b = (state.age for state in used)
         names = result.contact.body_a or "body_a", result.contact.body_b or "body_b"
         self._journal.enter(
-            result, lambda stamp, number: Record(stamp, number, *names, scene.body_a, scene.body_b, impact)
+            result,
+            lambda stamp, number: Record(
+                stamp,
+                number,
+                *names,
+                scene.body_a,
+                scene.body_b,
+                scene.contact,
+                scene.model,
+                impact,
+                duration,
+            ),
         )
         if self._survey is not None:
             self._log_requirements(self._survey, " - ".join(names), scene)

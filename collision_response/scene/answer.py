@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from ..answer import as_tuple, in_columns, in_digits
 from ..model import Adjustment, ImpactModel
 from ..numbers.number import Scalar
 from ..physics.body import Twist
@@ -68,45 +69,27 @@ class SceneImpact(NamedTuple):
                 str(i),
                 str(of[i]),
                 self.regimes[i].name,
-                *map(_number, (contact.restitution, contact.friction)),
-                *map(_number, (self.normal_velocities_before[i], self.normal_velocities_after[i])),
-                _vector(self.impulses[i]),
+                *map(in_digits, (contact.restitution, contact.friction)),
+                *map(in_digits, (self.normal_velocities_before[i], self.normal_velocities_after[i])),
+                as_tuple(self.impulses[i]),
             ]
             for i, contact in enumerate(self.contacts)
         ]
         bodies = [
-            [str(i), _vector(twist.linear), _vector(twist.angular)] for i, twist in enumerate(self.twists)
+            [str(i), as_tuple(twist.linear), as_tuple(twist.angular)] for i, twist in enumerate(self.twists)
         ]
-        before, after = _number(self.kinetic_energy_before), _number(self.kinetic_energy_after)
-        lost = _number(self.energy_lost_restitution), _number(self.energy_lost_friction)
+        before, after = in_digits(self.kinetic_energy_before), in_digits(self.kinetic_energy_after)
+        lost = in_digits(self.energy_lost_restitution), in_digits(self.energy_lost_friction)
         lines = [
             f"{self.status.name} by {self.model.law.name}, error <= {self.error_bound:.2g}",
-            *_table(
+            *in_columns(
                 [*["contact", "cluster", "regime", "e", "mu"], "u before", "u after", "impulse"], contacts
             ),
-            *_table(["body", "velocity", "angular velocity"], bodies),
+            *in_columns(["body", "velocity", "angular velocity"], bodies),
             f"energy {before} -> {after} J; lost: {lost[0]} restitution, {lost[1]} friction",
         ]
         if self.order_sensitivity is not None:
             lines.append(f"order sensitivity {self.order_sensitivity:.2g}")
         if self.adjustments:
-            lines.append(
-                f"adjusted: {', '.join(flag.name or '' for flag in Adjustment if flag & self.adjustments)}"
-            )
+            lines.append(f"adjusted: {self.adjustments}")
         return "\n".join(lines)
-
-
-def _number(x: Scalar) -> str:
-    return f"{float(x):.6g}"
-
-
-def _vector(v: Vec3) -> str:
-    return "(" + ", ".join(map(_number, v)) + ")"
-
-
-def _table(head: list[str], rows: list[list[str]]) -> list[str]:
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    return [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in (head, *rows)
-    ]

@@ -200,4 +200,5 @@ def _converted_contact(contact: Contact, number: Any) -> Contact:
         Vec3(*map(number, contact.normal)),
         e if callable(e) else number(e),
         number(contact.friction),
+        contact.tangential_restitution,
     )

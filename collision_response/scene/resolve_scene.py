@@ -335,12 +335,15 @@ def _together(
             "model.law",
             f"{law.name} is for clusters of one contact: try ROUTH_STRONGE",
         )
-    if model.tangential_restitution and law is Law.COULOMB:
-        raise ImpactError(
-            StatusCode.INVALID_MODEL,
-            "model.tangential_restitution",
-            f"must be 0 for clusters of several contacts, is {model.tangential_restitution}",
-        )
+    for i in cluster if law is Law.COULOMB else ():
+        own = contacts[i].tangential_restitution
+        field, e_t = ("model", model.tangential_restitution) if own is None else (f"contacts[{i}]", own)
+        if e_t:
+            raise ImpactError(
+                StatusCode.INVALID_MODEL,
+                f"{field}.tangential_restitution",
+                f"must be 0 for clusters of several contacts, is {e_t}",
+            )
     if law is Law.FRICTIONLESS:
         for place, contact in enumerate(parts.contacts):
             if 0 < contact.friction < math.inf:

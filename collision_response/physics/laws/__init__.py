@@ -3,8 +3,7 @@
 To add one: write its file, enter it here twice, and in ``msg/ImpactModel.msg`` for those who call the node.
 """
 
-from enum import IntEnum
-
+from ...named import Named
 from .chatterjee_ruina import chatterjee_ruina
 from .compliant import compliant
 from .frictionless import frictionless
@@ -13,7 +12,7 @@ from .moreau import moreau
 from .routh import routh_poisson, routh_stronge
 
 
-class Law(IntEnum):
+class Law(Named):
     """The impact laws; see ``docs/impact-laws.md`` for which to choose."""
 
     AUTO = 0

@@ -7,9 +7,9 @@ only where they approach each other, ``n.u < 0``.
 
 from __future__ import annotations
 
-from enum import IntEnum
 from typing import NamedTuple
 
+from ...named import Named
 from ...numbers.number import Condition, Scalar, choose
 from ..effective_mass import ContactKinematics
 from ..vector import Vec3
@@ -33,14 +33,19 @@ class Coefficients(NamedTuple):
     stiffness_ratio: Scalar = 1.0
 
 
-class Regime(IntEnum):
+class Regime(Named):
     """What friction did: the constants of ``msg/CollisionResult.msg``."""
 
     SEPARATING = 1
+    """The bodies do not approach: no impulse."""
     STICKING = 2
+    """Friction holds: it stays below its limit, or the path of the impulse ends without slip."""
     SLIDING = 3
+    """Friction is at its limit; or there is none."""
     REVERSED = 4
+    """As SLIDING, and the slip ends against its first direction."""
     JAMMED = 5
+    """Friction pressed the bodies together for a while (Painleve)."""
 
 
 class Outcome(NamedTuple):

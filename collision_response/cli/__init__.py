@@ -1,0 +1,81 @@
+"""``collision_response COMMAND``: all that the package does, from one command line.
+
+A command is a module with ``main(arguments) -> int``; it is imported when it is called, so each needs only
+what it works with.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from importlib import import_module
+from typing import NamedTuple
+
+import collision_response
+
+
+class Command(NamedTuple):
+    """A module, and what it does."""
+
+    module: str
+    purpose: str
+
+
+COMMANDS = {
+    "demo": Command(
+        "collision_response.cli.demo", "see it work: known answers, a break shot, a tumbling rod"
+    ),
+    "node": Command("collision_response.cli.node", "run the ROS node that answers requests"),
+    "call": Command("collision_response.cli.call", "send the node one request, and read the answer"),
+    "report": Command(
+        "collision_response.cli.report", "what happened in a recording: in words, plots, a table"
+    ),
+    "replay": Command("collision_response.cli.replay", "ask a recording again, and report what differs"),
+}
+
+EXAMPLE = """
+first steps:
+  collision_response demo
+  collision_response node                              in one terminal, and in another:
+  collision_response call 'body_a: {inertia: {m: 2.0}, twist: {linear: {z: -3.0}}}
+  body_b: {motion_type: STATIC}
+  contact: {normal: {z: 1.0}, restitution: 0.5}'
+
+"collision_response COMMAND --help" says more of each.
+"""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run a command; the exit code is its own.
+
+    Args:
+        arguments: of the command line; left out, those of this process.
+    """
+    words = sys.argv[1:] if arguments is None else arguments
+    name, *rest = words or ["--help"]
+    if name not in COMMANDS:
+        _parser().parse_args([name])  # --help, --version, or no such command
+    try:
+        module = import_module(COMMANDS[name].module)
+    except ModuleNotFoundError as error:
+        if (error.name or "").startswith("collision_response"):
+            raise
+        print(f"collision_response {name} needs {error.name}, which is not installed", file=sys.stderr)
+        return 1
+    return module.main(rest)
+
+
+def _parser() -> argparse.ArgumentParser:
+    width = max(map(len, COMMANDS))
+    commands = "\n".join(f"  {name:{width}}  {command.purpose}" for name, command in COMMANDS.items())
+    parser = argparse.ArgumentParser(
+        prog="collision_response",
+        usage="collision_response COMMAND ...",
+        description=f"Collision response: two bodies and a contact in, the twists after the impact out.\n\n"
+        f"commands:\n{commands}",
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help=argparse.SUPPRESS)
+    parser.add_argument("--version", action="version", version=collision_response.__version__)
+    return parser

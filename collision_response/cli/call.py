@@ -1,0 +1,248 @@
+"""``collision_response call``: a request in YAML, the answer as a table."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from array import array
+from difflib import get_close_matches
+from typing import Any
+
+import rclpy
+import yaml
+from rclpy.qos import HistoryPolicy, QoSProfile
+
+from .. import Adjustment, Geometry, ImpactError, ImpactModel, Law, Precision, Regime, SceneImpact, StatusCode
+from ..answer import as_table, in_columns, in_digits
+from ..msg import BodyState, SceneResult
+from ..named import Named
+from ..physics.body import Twist
+from ..physics.contact import Contact
+from ..physics.vector import Vec3
+from ..ros.batch_client import unpack
+from ..srv import ResolveCollision, ResolveCollisionBatch, ResolveScene
+
+DESCRIPTION = """Sends a request to the node and shows the answer as a table. The request is YAML, as for
+ros2 service call; what is left out has its default, and constants may be written by name:
+
+  collision_response call '
+  body_a: {inertia: {m: 2.0}, twist: {linear: {z: -3.0}}}
+  body_b: {motion_type: STATIC}
+  contact: {normal: {z: 1.0}, restitution: 0.5, friction: 0.3}
+  model: {law: ROUTH_STRONGE}'
+
+A body without inertia is a point mass. All fields: the files in share/collision_response/srv, or
+ros2 interface show collision_response/srv/ResolveCollision. The exit code is 1 for a refusal, 2 if the
+request cannot be sent, 3 if nobody answers.
+"""
+
+MODEL: dict[str, type[Named]] = {"law": Law, "geometry": Geometry, "precision": Precision}
+NAMES: dict[str, dict[str, int]] = {
+    **{field: {member.name: int(member) for member in kind} for field, kind in MODEL.items()},
+    "motion_type": {name: getattr(BodyState, name) for name in ("DYNAMIC", "KINEMATIC", "STATIC")},
+    "layout": {
+        name: getattr(ResolveCollisionBatch.Request, name)
+        for name in ("POINT", "PLANAR", "SPATIAL", "SPATIAL_ORIENTED")
+    },
+}
+"""Fields that may be given by name."""
+
+SHOWN = 20
+"""Contacts of a batch that are shown."""
+
+
+class Unclear(Exception):
+    """A request that cannot be sent: the message names the field, and says what to write."""
+
+
+def main(arguments: list[str]) -> int:
+    """Send the request, print the answer."""
+    parser = argparse.ArgumentParser(
+        prog="collision_response call",
+        description=DESCRIPTION,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("request", metavar="YAML", help="the request; - reads it from standard input")
+    parser.add_argument("--type", choices=SERVICES, default="ResolveCollision", help="of the service")
+    parser.add_argument("--service", metavar="NAME", help="where it is not /collision_response/...")
+    parser.add_argument("--timeout", type=float, default=5.0, metavar="S", help="to wait for the node [s]")
+    given = parser.parse_args(arguments)
+    kind, default, show = SERVICES[given.type]
+    text = sys.stdin.read() if given.request == "-" else given.request
+    try:
+        request = kind.Request()
+        fill(request, yaml.safe_load(text) or {})
+    except (Unclear, yaml.YAMLError) as error:
+        print(f"collision_response call: {error}", file=sys.stderr)
+        return 2
+    try:
+        response = answer(kind, request, given.service or f"/collision_response/{default}", given.timeout)
+    except TimeoutError as error:
+        print(f"collision_response call: {error}", file=sys.stderr)
+        return 3
+    try:
+        print(show(response))
+    except ImpactError as error:
+        print(f"{error.code}: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def fill(message: Any, tree: Any, path: str = "") -> None:
+    """Write YAML into a message.
+
+    Raises:
+        Unclear: a field is not there, or is not of the kind that it should be.
+    """
+    types = message.get_fields_and_field_types()
+    if not isinstance(tree, dict):
+        raise Unclear(f"{path or 'the request'}: has the fields {', '.join(types)}; is {tree!r}")
+    for name, value in tree.items():
+        where = f"{path}.{name}" if path else str(name)
+        if name not in types:
+            like = get_close_matches(str(name), types, 1)
+            hint = f"write {like[0]}" if like else f"there are {', '.join(types)}"
+            raise Unclear(f"{where}: there is no such field; {hint}")
+        if hasattr(getattr(message, name), "get_fields_and_field_types"):
+            fill(getattr(message, name), value, where)
+        else:
+            setattr(message, name, _value(where, name, value, getattr(message, name), types[name]))
+
+
+def _value(where: str, name: str, value: Any, default: Any, kind: str) -> Any:
+    if isinstance(default, array | list):
+        if not isinstance(value, list):
+            raise Unclear(f"{where}: must be a list in brackets, is {value!r}")
+        item = kind.partition("[")[0].removeprefix("sequence<").rstrip(">")
+        return [
+            _value(f"{where}[{i}]", name, one, 0.0 if "float" in item or item == "double" else 0, item)
+            for i, one in enumerate(value)
+        ]
+    if isinstance(default, str):
+        return str(value)
+    if name in NAMES and isinstance(value, str):
+        if value.upper() in NAMES[name]:
+            return NAMES[name][value.upper()]
+        raise Unclear(f"{where}: must be one of {', '.join(NAMES[name])}; is {value}")
+    try:
+        if isinstance(value, bool):
+            raise ValueError
+        if isinstance(default, float):
+            return float(value)  # YAML takes 1e-3 for a word
+        least, most = _range(kind)
+        if int(value) != value or not least <= value <= most:
+            raise ValueError
+        return value
+    except (TypeError, ValueError):
+        must = "a number" if isinstance(default, float) else f"a {kind}"
+        raise Unclear(f"{where}: must be {must}, is {value!r}") from None
+
+
+def _range(kind: str) -> tuple[int, int]:
+    bits = int(kind.lstrip("uint"))
+    return (0, 2**bits - 1) if kind.startswith("u") else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+
+
+def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:
+    """The response of the node.
+
+    Raises:
+        TimeoutError: none came.
+    """
+    rclpy.init()
+    node = rclpy.create_node("collision_response_call")
+    try:
+        client: Any = node.create_client(
+            kind, service, qos_profile=QoSProfile(history=HistoryPolicy.KEEP_ALL)
+        )
+        end = time.monotonic() + timeout
+        if not client.wait_for_service(timeout):
+            raise TimeoutError(
+                f"nobody serves {service} within {timeout:g} s; start the node with: collision_response node"
+            )
+        future = client.call_async(request)
+        rclpy.spin_until_future_complete(node, future, timeout_sec=max(end - time.monotonic(), 1.0))
+        if not future.done():
+            raise TimeoutError(f"no answer from {service} within {timeout:g} s")
+        return future.result()
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _of_impact(response: Any) -> str:
+    result = _valid(response)
+    names = result.contact.body_a or "body_a", result.contact.body_b or "body_b"
+    return "\n".join(filter(None, [as_table(result, names), result.status.message]))
+
+
+def _of_scene(response: Any) -> str:
+    result: SceneResult = _valid(response)
+    numbers = list(result.clusters)
+    clusters = tuple(
+        tuple(i for i, number in enumerate(numbers) if number == cluster) for cluster in sorted({*numbers})
+    )
+    impact = SceneImpact(
+        StatusCode(result.status.code),
+        ImpactModel(Law(result.model.law)),
+        tuple(
+            Contact(_vector(c.position), _vector(c.normal), c.restitution, c.friction)
+            for c in result.contacts
+        ),
+        tuple(Twist(_vector(twist.linear), _vector(twist.angular)) for twist in result.twists),
+        (),
+        tuple(map(_vector, result.impulses)),
+        tuple(result.normal_velocities_before),
+        tuple(result.normal_velocities_after),
+        tuple(map(Regime, result.regimes)),
+        result.kinetic_energy_before,
+        result.kinetic_energy_after,
+        result.energy_lost_restitution,
+        result.energy_lost_friction,
+        clusters,
+        None,
+        result.error_bound,
+        result.decision_margin,
+        Adjustment(result.adjustments),
+    )
+    return "\n".join(filter(None, [str(impact), result.status.message]))
+
+
+def _of_batch(response: Any) -> str:
+    batch = unpack(response)
+    rows = [
+        [
+            str(i),
+            str(StatusCode(batch.status[i])),
+            *(_row(numbers) for numbers in (*batch.velocity[:, :, i].T, batch.impulse[:, i])),
+        ]
+        for i in range(min(len(batch.status), SHOWN))
+    ]
+    lines = in_columns(["contact", "status", "velocity a [m/s]", "velocity b [m/s]", "impulse [N s]"], rows)
+    if len(batch.status) > SHOWN:
+        lines.append(f"and {len(batch.status) - SHOWN} more")
+    return "\n".join(lines)
+
+
+def _valid(response: Any) -> Any:
+    if response.success:
+        return response.result
+    field, _, reason = response.result.status.message.partition(": ")
+    raise ImpactError(StatusCode(response.result.status.code), field, reason)
+
+
+def _vector(v: Any) -> Vec3:
+    return Vec3(v.x, v.y, v.z)
+
+
+def _row(numbers: Any) -> str:
+    return f"({', '.join(map(in_digits, numbers))})"
+
+
+SERVICES = {
+    "ResolveCollision": (ResolveCollision, "resolve_collision", _of_impact),
+    "ResolveScene": (ResolveScene, "resolve_scene", _of_scene),
+    "ResolveCollisionBatch": (ResolveCollisionBatch, "resolve_collision_batch", _of_batch),
+}
+"""What may be called: its type, its name under the node's, and how its answer is shown."""

@@ -1,0 +1,50 @@
+"""``collision_response replay``: recordings as regression tests."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from typing import Any
+
+from ..recording.table import differences, read, rows_of
+
+DESCRIPTION = """Asks again what a recording holds, in this process, and reports every answer that is now
+another one. So a recording made with one version is a test of the next. The exit code is 1 if there is a
+difference. Refusals and scenes are not asked again."""
+
+
+def main(arguments: list[str]) -> int:
+    """Compare, and print what differs."""
+    parser = argparse.ArgumentParser(prog="collision_response replay", description=DESCRIPTION)
+    parser.add_argument("files", nargs="+", metavar="FILE.rrd")
+    parser.add_argument(
+        "--tolerance",
+        type=float,
+        default=0.0,
+        metavar="T",
+        help="forgive a number that differs by this part of itself; 0: none",
+    )
+    given = parser.parse_args(arguments)
+    try:
+        rows = [row for row in rows_of(read(given.files)) if row.get("request_a") is not None]
+    except (OSError, RuntimeError, ValueError) as error:
+        print(f"collision_response replay: {error}", file=sys.stderr)
+        return 2
+    differing = 0
+    for row in rows:
+        found = [d for d in differences(row) if _distance(*d[1:]) > given.tolerance]
+        differing += bool(found)
+        for name, was, now in found:
+            print(f"answer {row['answer']}, {row['body_a']} on {row['body_b']}: {name} was {was}, is {now}")
+    print(f"{len(rows)} impacts asked again, {differing} of them answered differently")
+    return 1 if differing else 0
+
+
+def _distance(was: Any, now: Any) -> float:
+    """Of numbers or vectors, relative to their size; infinite for words that differ."""
+    if isinstance(was, str):
+        return math.inf
+    before, after = (was, now) if isinstance(was, list) else ([was], [now])
+    size = math.hypot(*before)
+    return math.dist(before, after) / size if 0 < size < math.inf else math.inf

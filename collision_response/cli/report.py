@@ -1,0 +1,52 @@
+"""``collision_response report``: what happened in a recording."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from ..recording.report import in_words, page
+from ..recording.table import read
+
+DESCRIPTION = """Prints what happened in recordings, and writes it to one page with plots, which any browser
+shows and which needs no other file. Several files are taken as one recording."""
+
+
+def main(arguments: list[str]) -> int:
+    """Print the report, write the page and, if asked for, the table."""
+    parser = argparse.ArgumentParser(prog="collision_response report", description=DESCRIPTION)
+    parser.add_argument("files", nargs="+", metavar="FILE.rrd")
+    parser.add_argument("--html", type=Path, metavar="PAGE", help="default: the first file's name, .html")
+    parser.add_argument(
+        "--csv", type=Path, metavar="TABLE", help="also write every impact as a row of numbers"
+    )
+    given = parser.parse_args(arguments)
+    try:
+        impacts = read(given.files)
+        print("\n".join(in_words(impacts)))
+        target = given.html or Path(given.files[0]).with_suffix(".html")
+        target.write_text(page(impacts, [Path(file).name for file in given.files]), encoding="utf-8")
+        if given.csv is not None:
+            write_csv(impacts, given.csv)
+    except (OSError, RuntimeError, ValueError) as error:
+        print(f"collision_response report: {error}", file=sys.stderr)
+        return 2
+    print(f"\nplots: {target}")
+    return 0
+
+
+def write_csv(impacts: object, target: Path) -> None:
+    """One column for each component of a vector: ``impulse.0``, ``impulse.1`` ..."""
+    import pyarrow as pa
+    from pyarrow import compute, csv
+
+    assert isinstance(impacts, pa.Table)
+    flat = {}
+    for name, column in zip(impacts.column_names, impacts.columns, strict=True):
+        if pa.types.is_fixed_size_list(column.type):
+            for i in range(column.type.list_size):
+                flat[f"{name}.{i}"] = compute.list_element(column, i)
+        else:
+            flat[name] = column
+    csv.write_csv(pa.table(flat), target)

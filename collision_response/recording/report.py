@@ -1,0 +1,335 @@
+"""What happened in a recording: in words, and as a page with plots that needs no other file."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from .layout import BLUE, GREEN, GREY, ORANGE, RED, VIOLET, Colour
+from .table import rows_of
+
+SHOWN = 3000
+"""Points of a plot: of more impacts, evenly chosen ones. The tables look at all."""
+
+LISTED = 10
+
+COLOURS = {
+    "STICKING": GREEN,
+    "SLIDING": BLUE,
+    "REVERSED": ORANGE,
+    "JAMMED": RED,
+    "SEPARATING": GREY,
+    "restitution": RED,
+    "friction": VIOLET,
+}
+
+Row = dict[str, Any]
+
+
+class Summary(NamedTuple):
+    """The rows of a recording, sorted by what they are.
+
+    Attributes:
+        answers: with an answer.
+        refusals: without.
+        residuals: of each answer: by how much the energy before, after and lost disagree, relative;
+            NaN where an immovable body moves, for it does work.
+    """
+
+    answers: list[Row]
+    refusals: list[Row]
+    residuals: np.ndarray
+
+    @classmethod
+    def of(cls, impacts: pa.Table) -> Summary:
+        """From what :func:`~collision_response.recording.table.read` gives."""
+        rows = rows_of(impacts)
+        answers = [row for row in rows if row.get("regime")]
+        before, after, restitution, friction = (
+            np.array([row[name] for row in answers], float)
+            for name in (
+                "kinetic_energy_before",
+                "kinetic_energy_after",
+                "energy_lost_restitution",
+                "energy_lost_friction",
+            )
+        )
+        gap = abs(before - after - restitution - friction)
+        gap[[any(map(_is_driven, (row["request_a"], row["request_b"]))) for row in answers]] = math.nan
+        residuals = np.divide(gap, before, out=np.zeros_like(gap), where=before > 0)
+        return cls(answers, [row for row in rows if not row.get("regime")], residuals)
+
+    def worst(self, name: str) -> list[Row]:
+        """The answers that have most of a column."""
+        known = [row for row in self.answers if not math.isnan(row[name])]
+        return sorted(known, key=lambda row: row[name], reverse=True)[:LISTED]
+
+
+def in_words(impacts: pa.Table) -> list[str]:
+    """Lines that say what happened."""
+    summary = Summary.of(impacts)
+    answers = summary.answers
+    lines = [f"{len(answers)} impacts, {len(summary.refusals)} refusals"]
+    if answers:
+        lost = sum(row["energy_lost_restitution"] for row in answers)
+        rubbed = sum(row["energy_lost_friction"] for row in answers)
+        slowest, loosest = summary.worst("duration")[:1], summary.worst("error_bound")[0]
+        lines += [
+            f"laws: {_counted(row['law'] for row in answers)}",
+            f"regimes: {_counted(row['regime'] for row in answers)}",
+            f"energy lost: {lost:.6g} J by restitution, {rubbed:.6g} J by friction",
+            f"energy unaccounted for: at most {_greatest(summary.residuals):.2g} of that before an impact",
+            f"error bound: at most {loosest['error_bound']:.2g} (answer {loosest['answer']})",
+            *(f"slowest: {_micro(row)} us (answer {row['answer']})" for row in slowest),
+        ]
+        adjusted = [row["adjustments"] for row in answers if row["adjustments"] != "NONE"]
+        if adjusted:
+            lines.append(f"adjusted: {_counted(adjusted)}")
+    lines += [f"refused {number} times: {what}" for what, number in _refused(summary).most_common(LISTED)]
+    return lines
+
+
+def page(impacts: pa.Table, files: Sequence[str]) -> str:
+    """The report as HTML."""
+    summary = Summary.of(impacts)
+    answers = summary.answers
+    words = "\n".join(in_words(impacts))
+    parts = [f"<pre>{escape(words)}</pre>"]
+    if answers:
+        parts += [*_plots(summary), *_tables(summary)]
+    if summary.refusals:
+        rows = [[row["answer"], row["status"], row["message"] or ""] for row in summary.refusals[:100]]
+        parts += ["<h2>Refused requests</h2>", _table(["answer", "code", "why"], rows)]
+    title = escape(", ".join(files))
+    body = "\n".join(parts)
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>Impacts of {title}</title>
+<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head>
+<body><h1>Impacts of {title}</h1>
+{body}
+</body></html>
+"""
+
+
+def _plots(summary: Summary) -> list[str]:
+    answers = summary.answers
+    number = np.array([row["answer"] for row in answers], float)
+    book = [np.cumsum([row[f"energy_lost_{by}"] for row in answers]) for by in ("restitution", "friction")]
+    shown = _spread(len(answers))
+    regimes = [answers[i]["regime"] for i in shown]
+    titles = [_title(answers[i]) for i in shown]
+    lost = np.concatenate([*book, [0.0]])
+    energy = Plot("Energy lost so far [J]", "answer", _limits(number), _limits(lost))
+    for name, values in zip(("restitution", "friction"), book, strict=True):
+        energy.line(number[shown], values[shown], COLOURS[name], name)
+
+    key = {"found": BLUE, "error bound of the answer": ORANGE}
+    residual = Plot(
+        "Energy unaccounted for, relative", "answer", _limits(number), (-18.0, 0.0), log_y=True, key=key
+    )
+    for colour, values in (
+        (ORANGE, np.array([row["error_bound"] for row in answers], float)),
+        (BLUE, summary.residuals),
+    ):
+        residual.points(
+            number[shown], np.log10(np.clip(values[shown], 1e-18, 1.0)), [colour] * len(shown), titles
+        )
+
+    colours = [COLOURS[regime] for regime in regimes]
+    key = {name: COLOURS[name] for name in sorted({*regimes})}
+    plots = [energy, residual]
+    duration = np.array([row["duration"] for row in answers], float)[shown]
+    if np.isfinite(duration).any():
+        speed = Plot("Time to compute [s]", "answer", _limits(number), (-6.0, 0.0), log_y=True, key=key)
+        speed.points(number[shown], np.log10(np.clip(duration, 1e-6, 1.0)), colours, titles)
+        plots.append(speed)
+
+    mu = np.array([row["friction"] for row in answers], float)[shown]
+    along = np.array([row["normal_impulse"] for row in answers], float)[shown]
+    across = np.array([row["tangential_impulse"] for row in answers], float)[shown]
+    rubs = (mu > 0) & (along > 0)
+    if rubs.any():
+        slope = np.divide(across, along, out=np.full_like(across, np.nan), where=rubs)
+        top = 1.05 * max(mu[rubs].max(), slope[rubs].max())
+        limits = (0.0, top)
+        cone = Plot(
+            "Impulses in their cones: tangential over normal", "friction", limits, limits, key=dict(key)
+        )
+        cone.line(np.array(limits), np.array(limits), GREY, "edge of the cone")
+        cone.points(mu, slope, colours, titles)
+        plots.append(cone)
+    left_out = len(answers) - len(shown)
+    note = f"<p>The plots show {len(shown)} of {len(answers)} impacts.</p>" if left_out else ""
+    return [f'<div class="plots">{"".join(plot.svg() for plot in plots)}</div>{note}']
+
+
+def _tables(summary: Summary) -> list[str]:
+    head = ["answer", "bodies", "law", "regime", "energy before [J]", "lost [J]", "error bound", "time [us]"]
+
+    def row(one: Row) -> list[object]:
+        lost = one["energy_lost_restitution"] + one["energy_lost_friction"]
+        return [
+            one["answer"],
+            f"{one['body_a']} on {one['body_b']}",
+            one["law"],
+            one["regime"],
+            f"{one['kinetic_energy_before']:.6g}",
+            f"{lost:.6g}",
+            f"{one['error_bound']:.2g}",
+            _micro(one),
+        ]
+
+    order = np.argsort(-summary.residuals)[:LISTED]
+    parts = [
+        "<h2>Worst residuals of energy</h2>",
+        _table(
+            [*head, "residual"],
+            [[*row(summary.answers[i]), f"{summary.residuals[i]:.2g}"] for i in order],
+        ),
+    ]
+    for title, name in (
+        ("Largest error bounds", "error_bound"),
+        ("Slowest answers", "duration"),
+    ):
+        worst = summary.worst(name)
+        if worst:
+            parts += [f"<h2>{title}</h2>", _table(head, [row(one) for one in worst])]
+    return parts
+
+
+@dataclass
+class Plot:
+    """A plot as SVG.
+
+    Attributes:
+        title: above it.
+        across: what the x axis is.
+        x, y: limits of the axes.
+        log_y: whether y is the exponent of ten of what it shows.
+        marks: what is drawn.
+        key: what colours mean.
+    """
+
+    title: str
+    across: str
+    x: tuple[float, float]
+    y: tuple[float, float]
+    log_y: bool = False
+    marks: list[str] = field(default_factory=list)
+    key: dict[str, Colour] = field(default_factory=dict)
+
+    def line(self, x: np.ndarray, y: np.ndarray, colour: Colour, name: str) -> None:
+        """A curve."""
+        places = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(*self._places(x, y), strict=True))
+        self.marks.append(f'<polyline points="{places}" stroke="{_css(colour)}"/>')
+        self.key[name] = colour
+
+    def points(self, x: np.ndarray, y: np.ndarray, colours: Sequence[Colour], titles: Sequence[str]) -> None:
+        """Dots; a title appears under the mouse."""
+        for a, b, colour, title in zip(*self._places(x, y), colours, titles, strict=True):
+            if math.isfinite(b):
+                dot = f'<circle cx="{a:.1f}" cy="{b:.1f}" r="2.5" fill="{_css(colour)}">'
+                self.marks.append(f"{dot}<title>{escape(title)}</title></circle>")
+
+    def svg(self) -> str:
+        """The picture."""
+        parts = [f'<text class="title" x="{LEFT}" y="16">{escape(self.title)}</text>']
+        for value in _ticks(*self.x):
+            at = self._places(np.array([value]), np.array([self.y[0]]))[0][0]
+            parts.append(f'<text class="x" x="{at:.1f}" y="{HEIGHT - BOTTOM + 15}">{value:g}</text>')
+        for value in _ticks(*self.y):
+            at = self._places(np.array([self.x[0]]), np.array([value]))[1][0]
+            label = f"1e{value:g}" if self.log_y else f"{value:g}"
+            parts.append(f'<line class="grid" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{at:.1f}" y2="{at:.1f}"/>')
+            parts.append(f'<text class="y" x="{LEFT - 6}" y="{at + 4:.1f}">{label}</text>')
+        parts.append(
+            f'<text class="x" x="{(LEFT + WIDTH - RIGHT) / 2}" y="{HEIGHT - 4}">{escape(self.across)}</text>'
+        )
+        at = LEFT
+        for name, colour in self.key.items():
+            parts.append(f'<rect x="{at}" y="24" width="10" height="10" fill="{_css(colour)}"/>')
+            parts.append(f'<text x="{at + 14}" y="33">{escape(name)}</text>')
+            at += 26 + 7 * len(name)
+        return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}">{"".join(parts + self.marks)}</svg>'
+
+    def _places(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        across = (np.asarray(x, float) - self.x[0]) / (self.x[1] - self.x[0])
+        up = (np.asarray(y, float) - self.y[0]) / (self.y[1] - self.y[0])
+        return LEFT + across * (WIDTH - LEFT - RIGHT), HEIGHT - BOTTOM - up * (HEIGHT - TOP - BOTTOM)
+
+
+WIDTH, HEIGHT = 560, 320
+LEFT, RIGHT, TOP, BOTTOM = 64, 12, 44, 40
+
+STYLE = """
+:root { color-scheme: light dark; font: 15px/1.5 system-ui, sans-serif }
+body { max-width: 1180px; margin: 1.5em auto; padding: 0 1em }
+pre { font-size: 14px } h1 { font-size: 1.5em } h2 { font-size: 1.1em; margin-bottom: .3em }
+.plots { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(440px, 100%), 1fr)); gap: 1em }
+svg { width: 100%; fill: currentColor; font-size: 12px }
+svg .title { font-weight: 600; font-size: 14px } svg .x { text-anchor: middle } svg .y { text-anchor: end }
+svg .grid { stroke: currentColor; opacity: .15 } svg polyline { fill: none; stroke-width: 2 }
+table { border-collapse: collapse } th, td { text-align: left; padding: .15em .9em .15em 0 }
+td { font-variant-numeric: tabular-nums } th { font-weight: 600; border-bottom: 1px solid }
+.wide { overflow-x: auto }
+"""
+
+
+def _is_driven(body: list[float]) -> bool:
+    return body[0] == math.inf and any(body[17:])
+
+
+def _css(colour: Colour) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*colour)
+
+
+def _limits(values: np.ndarray) -> tuple[float, float]:
+    low, high = float(values.min()), float(values.max())
+    return (low, high) if high > low else (low - 0.5, high + 0.5)
+
+
+def _ticks(low: float, high: float) -> Iterable[float]:
+    """Round numbers between two, about six."""
+    rough = (high - low) / 6
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = power * next(n for n in (1, 2, 5, 10) if n * power >= rough)
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [n * step for n in range(first, last + 1)]
+
+
+def _spread(count: int) -> np.ndarray:
+    """Indices of all, or of as many as are shown, evenly chosen, the last among them."""
+    return np.unique(np.linspace(0, count - 1, min(count, SHOWN)).round().astype(int))
+
+
+def _greatest(values: np.ndarray) -> float:
+    return max(values[~np.isnan(values)], default=0.0)
+
+
+def _title(row: Row) -> str:
+    return f"{row['answer']}: {row['body_a']} on {row['body_b']}, {row['regime']} by {row['law']}"
+
+
+def _micro(row: Row) -> str:
+    return "" if math.isnan(row["duration"]) else f"{row['duration'] * 1e6:.1f}"
+
+
+def _counted(words: Iterable[str]) -> str:
+    return ", ".join(f"{number} {word}" for word, number in Counter(words).most_common())
+
+
+def _refused(summary: Summary) -> Counter[str]:
+    return Counter(f"{row['status']} {(row['message'] or '').partition(':')[0]}" for row in summary.refusals)
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    lines = ["".join(f"<th>{escape(cell)}</th>" for cell in head)]
+    lines += ["".join(f"<td>{escape(str(cell))}</td>" for cell in row) for row in rows]
+    return f'<div class="wide"><table>{"".join(f"<tr>{line}</tr>" for line in lines)}</table></div>'

@@ -1,0 +1,196 @@
+"""Impacts as rows of a table, ``/impacts`` in a recording: written here, read here, asked again from here.
+
+The columns, after the timelines:
+
+* words: ``status``; ``message``, of a refusal; ``body_a``, ``body_b``; ``law``, ``geometry``, ``precision``,
+  as used; ``regime``; ``adjustments``
+* numbers, as in :class:`~collision_response.Impact`: those of ``NUMBERS``
+* ``restitution``, ``friction``: as used; ``duration``: of the computation [s]
+* vectors: ``position``, ``normal``, ``impulse``; ``twist_a_before``, ``twist_a_after``, ``twist_b_before``,
+  ``twist_b_after``, each ``vx vy vz wx wy wz``
+* the request, complete: ``request_a``, ``request_b``, the rows of ``BodyStates.msg`` (of a body that does not
+  give way the mass is infinite); ``request_contact``: ``x y z nx ny nz e mu et``, et NaN if the model's;
+  ``request_model``: the fields of :class:`~collision_response.ImpactModel`
+
+A refusal has a status and a message and nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+from rerun.chunk import RrdReader
+
+from .. import Body, Contact, Geometry, ImpactError, ImpactModel, Law, Precision, resolve
+from ..physics.orientation import Quaternion
+from ..physics.tensor import Symmetric3
+from ..physics.vector import Vec3
+from .record import Record, Refusal
+
+TABLE = "/impacts"
+ARCHETYPE = "Impact"
+TIMELINES = ("ros_time", "answer")
+
+NUMBERS = (
+    "normal_impulse",
+    "tangential_impulse",
+    "normal_velocity_before",
+    "normal_velocity_after",
+    "effective_mass",
+    "kinetic_energy_before",
+    "kinetic_energy_after",
+    "energy_lost_restitution",
+    "energy_lost_friction",
+    "error_bound",
+)
+WORDS = ("status", "body_a", "body_b", "law", "geometry", "precision", "regime", "adjustments")
+PARALLEL = Quaternion(0.0, 0.0, 0.0, 1.0)
+
+
+def answer_of(row: Record) -> dict[str, Any]:
+    """The columns of an answer, but for the request and how long it took."""
+    impact, model = row.impact, row.impact.model
+    return {
+        "status": str(impact.status),
+        "body_a": row.name_a,
+        "body_b": row.name_b,
+        "law": str(model.law),
+        "geometry": str(model.geometry),
+        "precision": str(model.precision),
+        "regime": str(impact.regime),
+        "adjustments": str(impact.adjustments),
+        **{name: float(getattr(impact, name)) for name in NUMBERS},
+        "restitution": float(impact.contact.restitution),
+        "friction": float(impact.contact.friction),
+        "position": [*impact.contact.position],
+        "normal": [*impact.contact.normal],
+        "impulse": [*impact.impulse],
+        "twist_a_before": [*row.body_a.velocity, *row.body_a.angular_velocity],
+        "twist_a_after": [*impact.twist_a.linear, *impact.twist_a.angular],
+        "twist_b_before": [*row.body_b.velocity, *row.body_b.angular_velocity],
+        "twist_b_after": [*impact.twist_b.linear, *impact.twist_b.angular],
+    }
+
+
+def _request_of(row: Record) -> dict[str, list[float]]:
+    contact, own = row.contact, row.contact.tangential_restitution
+    e = row.impact.contact.restitution if callable(contact.restitution) else contact.restitution
+    return {
+        "request_a": _numbers_of(row.body_a),
+        "request_b": _numbers_of(row.body_b),
+        "request_contact": [
+            *contact.position,
+            *contact.normal,
+            e,
+            contact.friction,
+            math.nan if own is None else own,
+        ],
+        "request_model": [*row.model],
+    }
+
+
+def _numbers_of(body: Body) -> list[float]:
+    turn = body.orientation or PARALLEL
+    return [
+        body.mass,
+        *body.inertia,
+        *body.com,
+        *body.position,
+        *turn,
+        *body.velocity,
+        *body.angular_velocity,
+    ]
+
+
+def impact_columns(rows: Sequence[Record]) -> Any:
+    """What is written of impacts."""
+    dicts = [answer_of(row) | _request_of(row) | {"duration": row.duration} for row in rows]
+    return _columns({name: [one[name] for one in dicts] for name in dicts[0]})
+
+
+def refusal_columns(rows: Sequence[Refusal]) -> Any:
+    """What is written of requests that were refused."""
+    parts = [row.reason.partition(": ") for row in rows]
+    return _columns({"status": [code for code, _, _ in parts], "message": [said for _, _, said in parts]})
+
+
+def _columns(table: dict[str, list[Any]]) -> Any:
+    return rr.DynamicArchetype.columns(
+        archetype=ARCHETYPE, components={name: _array(values) for name, values in table.items()}
+    )
+
+
+def _array(values: list[Any]) -> pa.Array:
+    if isinstance(values[0], list):
+        flat = np.array(values, np.float64)
+        return pa.FixedSizeListArray.from_arrays(pa.array(flat.ravel()), flat.shape[1])
+    return pa.array(values)
+
+
+def read(paths: Iterable[Path | str]) -> pa.Table:
+    """All impacts and refusals of some recordings, in the order of their answers.
+
+    Raises:
+        OSError: a file cannot be read.
+    """
+    tables = []
+    for path in paths:
+        for chunk in RrdReader(str(path)).stream().filter(content=TABLE).to_chunks():
+            batch = chunk.to_record_batch()
+            found = {
+                name.removeprefix(f"{ARCHETYPE}:"): batch.column(name)
+                for name in batch.schema.names
+                if name in TIMELINES or name.startswith(f"{ARCHETYPE}:")
+            }
+            tables.append(
+                pa.table({name: c if name in TIMELINES else c.flatten() for name, c in found.items()})
+            )
+    if not tables:
+        return pa.table({"status": pa.array([], pa.string())})
+    return pa.concat_tables(tables, promote_options="default").sort_by("answer")
+
+
+def rows_of(impacts: pa.Table) -> list[dict[str, Any]]:
+    """The rows, but for their time, which Python's own times are too coarse for."""
+    return impacts.select([name for name in impacts.column_names if name != "ros_time"]).to_pylist()
+
+
+def differences(row: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
+    """Ask again what a row of :func:`read` asked: each column whose value is now another one; was, is."""
+    request = _asked(row)
+    try:
+        impact = resolve(*request)
+    except ImpactError as error:
+        yield "status", row["status"], str(error.code)
+        return
+    now = answer_of(Record(0, 0, row["body_a"], row["body_b"], *request, impact))
+    for name, value in now.items():
+        if name in row and row[name] is not None and not _same(row[name], value):
+            yield name, row[name], value
+
+
+def _asked(row: dict[str, Any]) -> tuple[Body, Body, Contact, ImpactModel]:
+    *place, e, mu, e_t = row["request_contact"]
+    contact = Contact(Vec3(*place[:3]), Vec3(*place[3:]), e, mu, None if math.isnan(e_t) else e_t)
+    law, geometry, precision, *numbers = row["request_model"]
+    model = ImpactModel(Law(int(law)), Geometry(int(geometry)), Precision(int(precision)), *numbers)
+    return _body(row["request_a"]), _body(row["request_b"]), contact, model
+
+
+def _body(numbers: list[float]) -> Body:
+    mass, inertia, com, position = numbers[0], numbers[1:7], numbers[7:10], numbers[10:13]
+    turn, velocity, spin = Quaternion(*numbers[13:17]), numbers[17:20], numbers[20:23]
+    orientation = None if turn == PARALLEL else turn
+    return Body(
+        mass, Symmetric3(*inertia), Vec3(*position), orientation, Vec3(*velocity), Vec3(*spin), Vec3(*com)
+    )
+
+
+def _same(was: Any, now: Any) -> bool:
+    return bool(was == now if isinstance(now, str) else np.array_equal(was, now, equal_nan=True))

@@ -1,0 +1,270 @@
+"""How answers, names and errors read, and what the constructors of bodies forgive."""
+
+from __future__ import annotations
+
+import math
+import pickle
+import re
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from collision_response import (
+    Adjustment,
+    Body,
+    Contact,
+    Geometry,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Precision,
+    Regime,
+    StatusCode,
+    resolve,
+    resolve_scene,
+)
+from collision_response.physics import mass_properties
+from collision_response.physics.vector import Vec3
+
+BALL = Body.sphere(2.0, 0.1, position=(0.0, 0.0, 0.1), velocity=(1.0, 0.0, -3.0))
+FLOOR = Body.static()
+TOUCH = Contact.of((0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), restitution=0.5, friction=0.3)
+
+
+def test_an_impact_prints_as_a_table():
+    """Rolling friction: the impulse across is 2/7 of m v, and 2/7 of that kinetic energy is lost."""
+    impact = resolve(BALL, FLOOR, TOUCH)
+    head, *rows = str(impact).splitlines()
+    assert re.fullmatch(r"OK by COULOMB \(SPATIAL, DOUBLE\), relative error at most \d(\.\d)?e-1\d", head)
+    assert rows == [
+        "regime    e    mu   u before [m/s]  u after [m/s]  impulse [N s]",
+        "STICKING  0.5  0.3  -3              1.5            (-0.571429, 0, 9)",
+        "body    velocity [m/s]      angular velocity [rad/s]",
+        "body_a  (0.714286, 0, 1.5)  (0, 7.14286, 0)",
+        "body_b  (0, 0, 0)           (0, 0, 0)",
+        "energy 10 -> 2.96429 J; lost: 6.75 restitution, 0.285714 friction",
+    ]
+    assert repr(impact).startswith("Impact(OK, COULOMB, STICKING, impulse=(-0.571429, 0, 9), error_bound=")
+    assert pickle.loads(pickle.dumps(impact)) == impact
+
+
+def test_what_was_adjusted_is_in_the_table():
+    turning = Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0), angular_velocity=(1.0, 0.0, 0.0))
+    slow = ImpactModel(restitution_threshold=2.0)
+    text = str(resolve(turning, FLOOR, TOUCH, slow))
+    assert text.splitlines()[-1] == "adjusted: RESTITUTION_THRESHOLD, MASSLESS_SPIN"
+
+
+@pytest.mark.parametrize("kind", [Law, Geometry, Precision, Regime, StatusCode])
+def test_numbers_print_as_their_names(kind):
+    for member in kind:
+        assert (str(member), f"{member:>12}") == (member.name, member.name.rjust(12))
+        assert int(member) == member
+    assert str(Adjustment(9)) == "NORMALISED_ORIENTATION, MASSLESS_SPIN"
+    assert str(Adjustment.NONE) == "NONE"
+
+
+def test_every_code_is_explained_where_an_editor_looks():
+    """A string below each member."""
+    room = Path(mass_properties.__file__).parent
+    files = (
+        room.parent / "status.py",
+        room.parent / "model.py",
+        room / "laws" / "law.py",
+        room / "laws" / "__init__.py",
+    )
+    for file in files:
+        lines = file.read_text().splitlines()
+        members = [i for i, line in enumerate(lines) if re.match(r"    [A-Z_]+ = \d+$", line)]
+        assert members
+        assert [
+            lines[i] for i in members if not lines[i + 1].startswith('    """') and "NONE" not in lines[i]
+        ] == []
+
+
+class TestInertia:
+    def test_a_matrix_is_as_good_as_six_numbers(self):
+        six = (2.0, 0.1, 0.2, 3.0, 0.3, 4.0)
+        xx, xy, xz, yy, yz, zz = six
+        rows = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+        for given in (rows, np.array(rows), np.array(six), iter(six)):
+            assert Body.dynamic(1.0, given).inertia == six
+
+    def test_the_halves_of_a_matrix_may_differ_by_rounding_and_no_more(self):
+        rows = [[2.0, 0.1, 0.0], [0.1 + 2e-10, 3.0, 0.0], [0.0, 0.0, 4.0]]
+        assert Body.dynamic(1.0, rows).inertia.xy == pytest.approx(0.1 + 1e-10, abs=1e-16)
+        rows[0][1] = 0.2
+        with pytest.raises(ValueError, match=r"^inertia: must be symmetric, is \("):
+            Body.dynamic(1.0, rows)
+
+    @pytest.mark.parametrize("wrong", [(1.0, 2.0, 3.0), [[1.0, 2.0], [3.0, 4.0]], ()])
+    def test_anything_else_is_refused(self, wrong):
+        with pytest.raises(ValueError, match=r"^inertia: must be \(xx, xy, xz, yy, yz, zz\) or three rows"):
+            Body.dynamic(1.0, wrong)
+        with pytest.raises(TypeError, match=r"^inertia: must be .* is 3\.0"):
+            Body.dynamic(1.0, 3.0)
+
+
+def shell_of_revolution(radius_at, low, high, n=2000):
+    """Volume, centre and moments over the volume of a solid of revolution, by Simpson's rule."""
+    z = np.linspace(low, high, 2 * n + 1)
+    weights = np.ones_like(z)
+    weights[1:-1:2], weights[2:-1:2] = 4, 2
+    weights *= (high - low) / (6 * n)
+    r = radius_at(z)
+    volume = (weights * np.pi * r**2).sum()
+    centre = (weights * np.pi * r**2 * z).sum() / volume
+    axial = (weights * np.pi * r**4 / 2).sum() / volume
+    across = (weights * np.pi * (r**4 / 4 + r**2 * (z - centre) ** 2)).sum() / volume
+    return centre, axial, across
+
+
+class TestShapes:
+    def test_a_capsule_is_the_integral_of_its_discs(self):
+        radius, length = 0.3, 1.1
+
+        def at(z):
+            return np.sqrt(np.maximum(radius**2 - np.maximum(abs(z) - length / 2, 0.0) ** 2, 0.0))
+
+        inertia = mass_properties.capsule(2.0, radius, length).inertia
+        _, axial, across = shell_of_revolution(at, -length / 2 - radius, length / 2 + radius)
+        assert (inertia.zz, inertia.xx, inertia.yy) == pytest.approx(
+            (2 * axial, 2 * across, 2 * across), rel=1e-5
+        )  # Simpson's error where the discs begin and end
+
+    def test_a_cone_is_the_integral_of_its_discs(self):
+        radius, height = 0.3, 1.1
+
+        def at(z):
+            return radius * (3 / 4 - z / height)
+
+        inertia = mass_properties.cone(2.0, radius, height).inertia
+        centre, axial, across = shell_of_revolution(at, -height / 4, 3 * height / 4)
+        assert centre == pytest.approx(0.0, abs=1e-15)
+        assert (inertia.zz, inertia.xx) == pytest.approx((2 * axial, 2 * across), rel=1e-12)
+
+    def test_limits_are_the_simpler_shapes(self):
+        one = Fraction(1)
+        assert mass_properties.capsule(one, one, 0 * one) == mass_properties.sphere(one, one)
+        assert mass_properties.cone(one, 0 * one, one).inertia.xx == Fraction(3, 80)
+        shell = mass_properties.hollow_sphere(one, one).inertia.xx
+        outer, inner = (one * r**5 * Fraction(2, 5) for r in (1, Fraction(999, 1000)))
+        volume = 1 - Fraction(999, 1000) ** 3
+        assert float((outer - inner) / volume) == pytest.approx(
+            float(shell), rel=2e-3
+        )  # one part in a thousand thick
+
+    def test_every_shape_makes_a_body(self):
+        where = {"position": (1.0, 2.0, 3.0), "velocity": (0.0, 0.0, -1.0)}
+        bodies = [
+            Body.sphere(1.0, 0.1, **where),
+            Body.hollow_sphere(1.0, 0.1, **where),
+            Body.box(1.0, (0.1, 0.2, 0.3), **where),
+            Body.cylinder(1.0, 0.1, 0.2, **where),
+            Body.capsule(1.0, 0.1, 0.2, **where),
+            Body.cone(1.0, 0.1, 0.2, **where),
+            Body.rod(1.0, 0.2, **where),
+        ]
+        for body in bodies:
+            assert body[2:5] == ((1.0, 2.0, 3.0), None, (0.0, 0.0, -1.0))
+            assert resolve(body, FLOOR, TOUCH).status is StatusCode.OK
+        with pytest.raises(TypeError, match="speed"):
+            Body.sphere(1.0, 0.1, speed=3.0)
+
+    def test_a_mesh_is_what_it_encloses(self):
+        trimesh = pytest.importorskip("trimesh")
+        shape = trimesh.creation.box(extents=(0.1, 0.2, 0.3))
+        shape.apply_translation((1.0, 0.0, 0.0))
+        shape.density = 7.0
+        found, exact = mass_properties.mesh(2.0, shape), mass_properties.box(2.0, (0.1, 0.2, 0.3))
+        assert found.com == pytest.approx((1.0, 0.0, 0.0), abs=1e-12)
+        assert found.inertia == pytest.approx(exact.inertia, abs=1e-12)
+        assert Body.mesh(2.0, shape).com == found.com
+        shape.faces = shape.faces[1:]
+        with pytest.raises(ValueError, match="does not enclose a volume"):
+            Body.mesh(2.0, shape)
+
+
+def test_vectors_scale_from_both_sides():
+    v = Vec3(1.0, -2.0, 3.0)
+    assert 2 * v == v * 2 == 2.0 * v == Vec3(2.0, -4.0, 6.0)
+    assert Fraction(1, 2) * v == v / 2 == Vec3(0.5, -1.0, 1.5)
+
+
+def test_a_new_mass_is_a_new_mass():
+    """Nothing else in a body says what its mass is."""
+    heavy = BALL._replace(mass=4.0)
+    assert (heavy.inverse_mass(), heavy.is_movable()) == (0.25, True)
+    assert resolve(heavy, FLOOR, TOUCH).impulse.z == pytest.approx(18.0, rel=1e-14)
+    assert BALL._replace(mass=math.inf).inverse_mass() == 0
+
+
+class TestTangentialRestitution:
+    def test_the_contact_says_it_louder_than_the_model(self):
+        """A superball: e = e_t = 1, all energy is kept and the slip reverses."""
+        own = TOUCH._replace(restitution=1.0, friction=10.0, tangential_restitution=1.0)
+        impact = resolve(BALL, FLOOR, own, ImpactModel(tangential_restitution=-1.0))
+        assert impact.kinetic_energy_after == pytest.approx(impact.kinetic_energy_before, rel=1e-14)
+        by_model = resolve(BALL, FLOOR, own._replace(tangential_restitution=None), impact.model)
+        assert impact[2:] == by_model[2:]
+        assert (impact.contact, impact.model.tangential_restitution) == (own, 1.0)
+        alone = resolve_scene([BALL, FLOOR], [(0, 1)], [own])
+        assert alone.impulses == (impact.impulse,)
+
+    def test_zero_is_said_too(self):
+        impact = resolve(
+            BALL, FLOOR, TOUCH._replace(tangential_restitution=0.0), ImpactModel(tangential_restitution=1.0)
+        )
+        assert impact.impulse == resolve(BALL, FLOOR, TOUCH).impulse
+
+    @pytest.mark.parametrize("wrong, code", [(1.1, "INVALID_COEFFICIENT"), (math.nan, "NOT_FINITE")])
+    def test_what_is_wrong_with_it(self, wrong, code):
+        with pytest.raises(ImpactError, match=r"contact\.tangential_restitution") as error:
+            resolve(BALL, FLOOR, TOUCH._replace(tangential_restitution=wrong))
+        assert error.value.code.name == code
+
+    def test_several_contacts_at_once_have_none(self):
+        own = TOUCH._replace(tangential_restitution=0.5)
+        with pytest.raises(ImpactError, match=r"contacts\[1\]\.tangential_restitution: must be 0"):
+            resolve_scene([BALL, FLOOR], [(0, 1)] * 2, [TOUCH._replace(position=Vec3(0.1, 0.0, 0.0)), own])
+
+
+class TestErrorsSayWhatToWrite:
+    @pytest.mark.parametrize(
+        "field, wrong, says",
+        [
+            ("velocity", 3.0, r"velocity: must be \(x, y, z\), is 3\.0"),
+            ("position", (1.0, 2.0), r"position: must be \(x, y, z\), is \(1\.0, 2\.0\)"),
+            ("orientation", (0.0, 0.0, 1.0), r"orientation: must be a quaternion \(x, y, z, w\), is "),
+        ],
+    )
+    def test_vectors(self, field, wrong, says):
+        with pytest.raises(TypeError, match=says):
+            Body.dynamic(1.0, **{field: wrong})
+
+    def test_a_normal_of_two_components(self):
+        with pytest.raises(TypeError, match=r"normal: must be \(x, y, z\), is \(0, 1\)"):
+            Contact.of((0, 0, 0), (0, 1))
+
+    def test_a_law_for_a_model(self):
+        with pytest.raises(TypeError, match=r"write ImpactModel\(law=Law\.COULOMB\)"):
+            resolve(BALL, FLOOR, TOUCH, Law.COULOMB)
+
+    def test_no_body(self):
+        with pytest.raises(TypeError, match=r"body_b: must be a Body, is None; Body\.dynamic\(\.\.\.\)"):
+            resolve(BALL, None, TOUCH)
+
+    def test_a_message_for_a_body(self):
+        state = type("BodyState", (), {})()
+        with pytest.raises(TypeError, match=r"collision_response\.ros\.convert\.body_of"):
+            resolve(state, FLOOR, TOUCH)
+
+    def test_a_plain_tuple_for_a_contact(self):
+        with pytest.raises(TypeError, match=r"contact: must be a Contact, made by Contact\.of\(\.\.\.\)"):
+            resolve(BALL, FLOOR, ((0, 0, 0), (0, 0, 1), 0.5, 0.0))
+
+    def test_no_mass(self):
+        with pytest.raises(ImpactError, match=r"body_b\.mass: .* Body\.static\(\) .* STATIC; is 0"):
+            resolve(BALL, Body.dynamic(0.0), TOUCH)

@@ -1,0 +1,178 @@
+"""The command line: what a user types, and what it says to that."""
+
+from __future__ import annotations
+
+import io
+import re
+import subprocess
+import sys
+
+import pytest
+
+import collision_response
+from collision_response.cli import COMMANDS, main
+
+BOUNCE = """
+body_a: {name: ball, inertia: {m: 2}, twist: {linear: {z: -3}}}
+body_b: {name: floor, motion_type: static}
+contact: {normal: {z: 1e0}, restitution: 0.5, friction: 3e-1}
+model: {law: ROUTH_STRONGE, tolerance: 1e-12}"""
+
+
+def test_help_names_every_command(capsys):
+    with pytest.raises(SystemExit) as end:
+        main([])
+    assert end.value.code == 0
+    text = capsys.readouterr().out
+    assert re.findall(
+        r"^  (\w+) +\w", text.partition("commands:")[2].partition("options:")[0], re.MULTILINE
+    ) == [*COMMANDS]
+
+
+def test_an_unknown_command_is_refused(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["nodes"])
+    assert end.value.code == 2
+    assert "invalid choice: 'nodes'" in capsys.readouterr().err
+
+
+def test_its_version_is_that_of_the_package(capsys):
+    with pytest.raises(SystemExit):
+        main(["--version"])
+    assert capsys.readouterr().out.strip() == collision_response.__version__
+
+
+def test_a_command_that_needs_more_says_what(capsys, monkeypatch):
+    monkeypatch.setitem(COMMANDS, "plan", collision_response.cli.Command("no_such_package.plan", ""))
+    assert main(["plan"]) == 1
+    assert (
+        capsys.readouterr().err == "collision_response plan needs no_such_package, which is not installed\n"
+    )
+
+
+def test_in_a_source_tree_it_says_how_to_get_out(tmp_path):
+    """As where Python takes the directory of that name for the package."""
+    source = collision_response.__file__
+    program = f"""
+import importlib.util, sys
+spec = importlib.util.spec_from_file_location("collision_response", {source!r})
+sys.modules["collision_response.kernels._compiled"] = None
+module = importlib.util.module_from_spec(spec)
+sys.modules["collision_response"] = module
+spec.loader.exec_module(module)
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert re.search(r"is not compiled\. .* run \.venv/bin/python -I", run.stderr)
+
+
+class TestCall:
+    @pytest.fixture(autouse=True)
+    def need_ros(self):
+        pytest.importorskip("rclpy")
+
+    @pytest.fixture
+    def call(self, tried_node, capsys):
+        """The exit code, what is printed, and what is complained of."""
+
+        def call(request, kind="ResolveCollision", suffix="collision"):
+            service = tried_node.service.replace("resolve_collision", f"resolve_{suffix}")
+            code = main(["call", request, "--type", kind, "--service", service, "--timeout", "20"])
+            said = capsys.readouterr()
+            return code, said.out, said.err
+
+        return call
+
+    def test_the_answer_is_a_table(self, call):
+        code, said, wrong = call(BOUNCE)
+        assert (code, wrong) == (0, "")
+        assert said.startswith("OK by ROUTH_STRONGE (")
+        assert said.splitlines()[2:] == [
+            "STICKING  0.5  0.3  -3              1.5            (0, 0, 9)",
+            "body   velocity [m/s]  angular velocity [rad/s]",
+            "ball   (0, 0, 1.5)     (0, 0, 0)",
+            "floor  (0, 0, 0)       (0, 0, 0)",
+            "energy 9 -> 2.25 J; lost: 6.75 restitution, 0 friction",
+        ]
+
+    def test_a_request_may_come_through_a_pipe(self, call, monkeypatch):
+        monkeypatch.setattr(sys, "stdin", io.StringIO(BOUNCE))
+        assert call("-")[1] == call(BOUNCE)[1]
+
+    def test_a_refusal_names_the_field_and_ends_with_1(self, call):
+        code, said, wrong = call("body_a: {}")
+        assert (code, said) == (1, "")
+        assert wrong.startswith("INVALID_MASS: body_a.inertia.m: must be positive")
+
+    def test_a_scene(self, call):
+        """Two balls that do not touch each other fall on the floor, the third body."""
+        columns = [
+            [1.0, 0.4, 0, 0, 0.4, 0, 0.4, 0, 0, 0, x, 0, 1, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0] for x in (0, 5)
+        ]
+        columns.append([0.0] * 16 + [1.0] + [0.0] * 6)
+        touches = [[x, 0, 0, 0, 0, 1, 0.5, 0] for x in (0, 5)]
+        table = [number for row in zip(*columns, strict=True) for number in row]
+        contacts = [number for row in zip(*touches, strict=True) for number in row]
+        request = f"{{bodies: {table}, immovable: [2], pairs: [0, 1, 2, 2], contacts: {contacts}}}"
+        code, said, wrong = call(request, "ResolveScene", "scene")
+        assert (code, wrong) == (0, "")
+        assert re.search(r"^1 +1 +SLIDING +0\.5 +0 +-1 +0\.5 +\(0, 0, 1\.5\)$", said, re.MULTILINE)
+        assert re.search(r"^1 +\(0, 0, 0\.5\) +\(0, 0, 0\)$", said, re.MULTILINE)
+
+    def test_a_batch(self, call):
+        request = """
+layout: POINT
+bodies: [2, 0,  0, 0,  0, 0,  -3, 0]
+immovable: [1]
+pairs: [0, 1, 1, 1]
+contacts: [0, 0,  0, 0,  1, 1,  0.5, 0.5]"""
+        code, said, wrong = call(request, "ResolveCollisionBatch", "collision_batch")
+        assert (code, wrong) == (0, "")
+        assert said.splitlines()[1].split(None, 2) == [
+            "0",
+            "OK",
+            "(0, 0, 1.5)       (0, 0, 0)         (0, 0, 9)",
+        ]
+        assert said.splitlines()[2].split()[:2] == ["1", "SAME_BODY"]
+
+    @pytest.mark.parametrize(
+        "request_, says",
+        [
+            ("body_c: {}", "body_c: there is no such field; write body_b"),
+            ("body_a: {inertia: 3}", "body_a.inertia: has the fields m, com, ixx, "),
+            ("body_a: {inertia: {m: heavy}}", "body_a.inertia.m: must be a number, is 'heavy'"),
+            ("body_a: {motion_type: 300}", "body_a.motion_type: must be a uint8, is 300"),
+            ("body_a: {motion_type: 1.5}", "body_a.motion_type: must be a uint8, is 1.5"),
+            ("body_a: {motion_type: fixed}", "must be one of DYNAMIC, KINEMATIC, STATIC; is fixed"),
+            ("model: {law: POINT}", "model.law: must be one of AUTO, FRICTIONLESS, COULOMB, "),
+            ("[1, 2]", "the request: has the fields body_a, body_b, "),
+            ("body_a: {", "while parsing a flow"),
+        ],
+    )
+    def test_a_request_that_cannot_be_sent_says_what_to_write(self, call, request_, says):
+        code, said, wrong = call(request_)
+        assert (code, said) == (2, "")
+        assert says in wrong
+
+    def test_lists_are_of_numbers(self, call):
+        code, _, wrong = call("bodies: [1, two]", "ResolveScene", "scene")
+        assert (code, wrong) == (2, "collision_response call: bodies[1]: must be a number, is 'two'\n")
+        code, _, wrong = call("pairs: 3", "ResolveScene", "scene")
+        assert (code, wrong) == (2, "collision_response call: pairs: must be a list in brackets, is 3\n")
+
+    def test_without_a_node_it_says_how_to_start_one(self, ros_domain, capsys):
+        assert main(["call", "{}", "--service", "/nobody", "--timeout", "0.1"]) == 3
+        assert "start the node with: collision_response node" in capsys.readouterr().err
+
+
+def test_the_node_lists_its_parameters(capsys):
+    pytest.importorskip("rclpy")
+    from collision_response.ros.parameters import DECLARATIONS
+
+    assert main(["node", "--help"]) == 0
+    text = capsys.readouterr().out
+    assert all(
+        re.search(rf"^  {re.escape(d.name)} +{re.escape(repr(d.default))}: ", text, re.MULTILINE)
+        for d in DECLARATIONS
+    )

@@ -1,0 +1,238 @@
+"""The table of impacts in a recording: read back, reported, and asked again."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from fractions import Fraction
+from html.parser import HTMLParser
+
+import pytest
+
+pytest.importorskip("rerun")
+
+from collision_response import Body, Contact, Geometry, ImpactModel, Law, Precision, resolve
+from collision_response.cli import main
+from collision_response.recording import Record, Recorder, Refusal
+from collision_response.recording.table import read, rows_of
+
+FLOOR = Body.static((0.0, 0.0, -1.0))
+HALF = math.sqrt(0.5)
+
+
+def requests():
+    """One of every kind that decides something on its own."""
+    ball = Body.sphere(
+        2.0, 0.1, position=(0.0, 0.0, 0.1), velocity=(1.0, 0.5, -3.0), angular_velocity=(1.0, 2.0, 3.0)
+    )
+    rod = Body.rod(
+        1.0, 1.0, position=(0.0, 0.0, 0.3), orientation=(0.0, HALF, 0.0, HALF), velocity=(0.1, 0.0, -1.0)
+    )
+    off = Body.dynamic(1.0, (0.1, 0.01, 0.0, 0.2, 0.0, 0.2), velocity=(0.0, 0.0, -1.0), com=(0.1, 0.0, 0.2))
+    moving = Body.kinematic(velocity=(0.0, 0.0, 1.0))
+    touch = Contact.of((0.05, 0.0, 0.0), (0.0, 0.0, 2.0), 0.5, 0.3)
+    yield from ((ball, FLOOR, touch, ImpactModel(law)) for law in Law)
+    yield rod, FLOOR, touch, ImpactModel(Law.ROUTH_STRONGE, tolerance=1e-12)
+    yield rod, ball, touch, ImpactModel(precision=Precision.EXTENDED)
+    yield off, moving, touch, ImpactModel(restitution_threshold=3.0, tangential_restitution=0.5)
+    yield ball, FLOOR, touch._replace(tangential_restitution=0.25), ImpactModel(geometry=Geometry.POINT)
+    yield ball, FLOOR, touch._replace(restitution=lambda speed: 1 / (1 + speed)), ImpactModel()
+    yield ball._replace(velocity=-ball.velocity), FLOOR, touch, ImpactModel()
+    turning = Body.dynamic(
+        1.0, velocity=(0.0, 0.0, -1.0), angular_velocity=(1.0, 0.0, 0.0), orientation=(0, 0, 2, 0)
+    )
+    yield turning, FLOOR, touch, ImpactModel()
+
+
+def record(number, request, **changes):
+    row = Record(10**18 + number, number, f"a{number}", "floor", *request, resolve(*request), 2e-6 * number)
+    return row._replace(**changes)
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """Puts entries into a file."""
+
+    def write(entries, name="some.rrd"):
+        problems = []
+        recorder = Recorder(tmp_path, problems.append, name=name)
+        for entry in entries:
+            recorder.add(entry)
+        recorder.close()
+        assert problems == []
+        return recorder.path
+
+    return write
+
+
+@pytest.fixture
+def all_kinds(recording):
+    rows = [record(number, request) for number, request in enumerate(requests(), start=1)]
+    return recording(
+        [*rows, Refusal(10**18, 100, "INVALID_MASS: body_a.inertia.m: must be <positive>; is 0")]
+    )
+
+
+def test_every_field_of_an_answer_is_a_column(all_kinds):
+    rows = rows_of(read([all_kinds]))
+    asked = [*requests()]
+    assert [row["answer"] for row in rows] == [*range(1, len(asked) + 1), 100]
+    for row, request in zip(rows, asked, strict=False):
+        body_a, body_b, contact, _ = request
+        impact = resolve(*request)
+        for word, value in (
+            ("status", impact.status),
+            ("regime", impact.regime),
+            ("adjustments", impact.adjustments),
+        ):
+            assert row[word] == str(value)
+        for word in ("law", "geometry", "precision"):
+            assert row[word] == getattr(impact.model, word).name
+        assert row["impulse"] == [*impact.impulse]
+        assert row["twist_a_before"] == [*body_a.velocity, *body_a.angular_velocity]
+        assert row["twist_b_after"] == [*impact.twist_b.linear, *impact.twist_b.angular]
+        assert row["kinetic_energy_after"] == impact.kinetic_energy_after
+        assert (row["restitution"], row["friction"]) == impact.contact[2:4]
+        assert row["request_b"][0] == body_b.mass
+        assert row["position"] == [*contact.position]
+    refusal = rows[-1]
+    assert (refusal["status"], refusal["message"]) == (
+        "INVALID_MASS",
+        "body_a.inertia.m: must be <positive>; is 0",
+    )
+    assert all(
+        value is None for name, value in refusal.items() if name not in ("answer", "status", "message")
+    )
+
+
+def test_files_of_one_recording_are_one_table_and_an_empty_one_is_no_error(recording):
+    request = next(requests())
+    later, earlier = recording([record(2, request)], "b.rrd"), recording([record(1, request)], "a.rrd")
+    assert read([later, earlier])["answer"].to_pylist() == [1, 2]
+    assert read([recording([], "empty.rrd")]).num_rows == 0
+
+
+class TestReplay:
+    def test_nothing_differs_where_nothing_changed(self, all_kinds, capsys):
+        assert main(["replay", str(all_kinds)]) == 0
+        count = len([*requests()])
+        assert capsys.readouterr().out == f"{count} impacts asked again, 0 of them answered differently\n"
+
+    def test_every_difference_is_reported(self, recording, capsys):
+        request = next(requests())
+        right = record(1, request)
+        wrong = right.impact._replace(kinetic_energy_after=1.0, regime=right.impact.regime.__class__.JAMMED)
+        path = str(recording([right, record(2, request, impact=wrong)]))
+        assert main(["replay", path]) == 1
+        lines = capsys.readouterr().out.splitlines()
+        assert [re.sub(r"is .*", "is", line) for line in lines[:-1]] == [
+            "answer 2, a2 on floor: regime was JAMMED, is",
+            "answer 2, a2 on floor: kinetic_energy_after was 1.0, is",
+        ]
+        assert lines[-1] == "2 impacts asked again, 1 of them answered differently"
+
+    def test_a_tolerance_forgives_numbers_but_no_words(self, recording, capsys):
+        right = record(1, next(requests()))
+        near = right.impact._replace(kinetic_energy_after=right.impact.kinetic_energy_after * (1 + 1e-9))
+        path = str(recording([right._replace(impact=near)]))
+        assert main(["replay", path]) == 1
+        assert main(["replay", path, "--tolerance", "1e-8"]) == 0
+        other = right.impact._replace(status=right.impact.status.TOLERANCE_NOT_MET)
+        assert (
+            main(["replay", str(recording([right._replace(impact=other)], "b.rrd")), "--tolerance", "1"]) == 1
+        )
+
+    def test_a_request_that_is_refused_now_differs(self, recording, capsys):
+        body, floor, contact, model = next(requests())
+        impact = resolve(body, floor, contact, model)
+        row = Record(1, 1, "a", "b", body._replace(mass=-1.0), floor, contact, model, impact)
+        assert main(["replay", str(recording([row]))]) == 1
+        assert "status was OK, is INVALID_MASS" in capsys.readouterr().out
+
+    def test_what_is_no_recording_is_said(self, tmp_path, capsys):
+        (tmp_path / "no.rrd").write_bytes(b"something else")
+        for name in ("no.rrd", "missing.rrd"):
+            for command in ("replay", "report"):
+                assert main([command, str(tmp_path / name)]) == 2
+                assert capsys.readouterr().err.startswith(f"collision_response {command}: ")
+
+
+class Page(HTMLParser):
+    """Counts what a page has, and notes what it fetches; every tag that opens must close."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.fetched, self.open, self.text = [], [], [], ""
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append(tag)
+        self.fetched += [value for name, value in attributes if name in ("src", "href")]
+        if tag != "meta":
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attributes):
+        self.tags.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+class TestReport:
+    def test_it_says_what_happened(self, all_kinds, tmp_path, capsys):
+        assert main(["report", str(all_kinds)]) == 0
+        text = capsys.readouterr().out
+        count = len([*requests()])
+        assert text.startswith(f"{count} impacts, 1 refusals\n")
+        assert "refused 1 times: INVALID_MASS body_a.inertia.m\n" in text
+        assert f"slowest: {2.0 * count:.1f} us (answer {count})" in text
+        lost = sum(resolve(*request).energy_lost_friction for request in requests())
+        assert f"{lost:.6g} J by friction" in text
+        (gap,) = re.findall(r"unaccounted for: at most (\S+) of", text)
+        assert float(gap) < 1e-10, (
+            "what Routh's paths are integrated to; the floor that moves does work, and is left out"
+        )
+
+    def test_the_page_needs_no_other_file_and_shows_every_impact(self, all_kinds):
+        assert main(["report", str(all_kinds)]) == 0
+        text = all_kinds.with_suffix(".html").read_text(encoding="utf-8")
+        page = Page(text)
+        assert (page.fetched, "url(" in text, "script" in page.tags) == ([], False, False)
+        assert page.tags.count("svg") == 4
+        count = len([*requests()])
+        assert page.tags.count("circle") >= 3 * count
+        assert "must be <positive>; is 0" in page.text
+        assert not re.search(r'(nan|inf)[^<>"]*"', text), "no place of a plot is infinite"
+
+    @pytest.mark.parametrize("entries", [[], [Refusal(1, 1, "INVALID_MASS: body_a.mass: no")]])
+    def test_a_recording_without_an_answer(self, recording, entries, capsys):
+        path = recording(entries)
+        assert main(["report", str(path)]) == 0
+        assert capsys.readouterr().out.startswith(f"0 impacts, {len(entries)} refusals\n")
+        Page(path.with_suffix(".html").read_text(encoding="utf-8"))
+
+    def test_one_impact_of_bodies_at_rest_has_no_energy_to_relate_to(self, recording, capsys):
+        touch = Contact.of((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.5)
+        request = Body.dynamic(1.0), FLOOR, touch, ImpactModel()
+        row = record(1, request, duration=math.nan)
+        path = recording([row])
+        assert main(["report", str(path)]) == 0
+        assert "unaccounted for: at most 0 of that" in capsys.readouterr().out
+        Page(path.with_suffix(".html").read_text(encoding="utf-8"))
+
+    def test_the_table_has_a_number_in_every_place(self, all_kinds, tmp_path, capsys):
+        target = tmp_path / "table.csv"
+        assert main(["report", str(all_kinds), "--csv", str(target)]) == 0
+        with target.open() as file:
+            rows = [*csv.DictReader(file)]
+        for row, request in zip(rows, requests(), strict=False):
+            impact = resolve(*request)
+            assert [float(row[f"impulse.{i}"]) for i in range(3)] == [*impact.impulse]
+            assert Fraction(row["kinetic_energy_after"]) == pytest.approx(
+                Fraction(impact.kinetic_energy_after)
+            )
