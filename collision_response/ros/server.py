@@ -46,6 +46,9 @@ QUIET = 0.1
 THROTTLE = 5.0
 """The same warning is logged no more often than this [s]."""
 
+MOST_UNCONFIRMED = 10_000
+"""Clients of which it is remembered how many answers they have not confirmed."""
+
 CYCLE = 0.01
 """Time [s] of serving after which the node sees to its other business."""
 
@@ -211,6 +214,8 @@ class Server:
             return
         presence.reached(client)
         self._unconfirmed[client] += 1
+        if len(self._unconfirmed) > MOST_UNCONFIRMED:  # nobody says of all of them that they have left
+            del self._unconfirmed[next(iter(self._unconfirmed))]
         self._tally.answers[kind.code(response)] += 1
         self._tally.latencies.append(time.perf_counter() - taken)
 
