@@ -26,7 +26,7 @@ from ros_graph import DEADLINE, balls_meet, until
 from collision_response import Geometry, ImpactError, ImpactModel, Precision, StatusCode
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.msg import BodyState
-from collision_response.ros import batches
+from collision_response.ros import batches, clients
 from collision_response.ros.batch_client import pack, unpack
 from collision_response.ros.clients import Presence
 from collision_response.ros.intake import RCLError
@@ -206,6 +206,16 @@ def test_a_client_that_leaves_is_missed_though_others_come_meanwhile():
     assert presence.departed() == {b"a" * 16}
     assert presence.departed() == set()
     assert not presence.is_there(b"a" * 16)
+
+
+def test_clients_that_come_and_go_unseen_are_not_remembered_for_ever():
+    nobody = SimpleNamespace(get_subscriptions_info_by_topic=lambda *_, **__: [])
+    presence = Presence(nobody, "/service")
+    guests = [number.to_bytes(16, "big") for number in range(2 * clients.MOST)]
+    for guest in guests:
+        presence.reached(guest)
+    assert presence.is_there(guests[-1])
+    assert not presence.is_there(guests[0])
 
 
 def test_requests_of_a_client_that_stays_are_not_dropped(graph):

@@ -16,6 +16,9 @@ from rclpy.utilities import get_rmw_implementation_identifier
 INTERVAL = 0.01
 """Least time [s] between two looks at who is there: one takes most of a millisecond."""
 
+MOST = 1000
+"""Clients remembered that were answered and never discovered, such as those of other middleware."""
+
 NOBODY = b""
 """The client of every request where the middleware does not tell them apart."""
 
@@ -66,7 +69,7 @@ class Presence:
         self._tells = "fastrtps" in get_rmw_implementation_identifier()
         self._present: set[bytes] = set()
         self._gone: set[bytes] = set()
-        self._reached: set[bytes] = set()
+        self._reached: dict[bytes, None] = {}  # in the order of their last answers
         self._looked = 0.0
 
     def is_there(self, client: bytes) -> bool:
@@ -79,8 +82,12 @@ class Presence:
 
     def reached(self, client: bytes) -> None:
         """A client could be answered: it is there, whether or not it has been discovered."""
-        if client not in self._present:
-            self._reached.add(client)
+        if client in self._present:
+            return
+        self._reached.pop(client, None)
+        self._reached[client] = None
+        if len(self._reached) > MOST:
+            del self._reached[next(iter(self._reached))]
 
     def departed(self) -> set[bytes]:
         """The clients that have left since the last call."""
@@ -93,6 +100,7 @@ class Presence:
         endpoints = self._node.get_subscriptions_info_by_topic(self._answers, no_mangle=True)
         present = {bytes(endpoint.endpoint_gid[:16]) for endpoint in endpoints}
         self._gone = (self._gone | self._present) - present
-        self._reached -= present  # from now on it would be missed
+        for client in self._reached.keys() & present:
+            del self._reached[client]  # from now on it would be missed
         self._present = present
         self._looked = time.perf_counter()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import math
 import sys
 import time
@@ -51,6 +52,9 @@ STATE_QOS = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=
 TABLE_QOS = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 TABLE_TOPIC = "all_body_states"
+
+SHORTEST = 2.0
+"""Time [s] that it may always take to give up every interface."""
 
 NOT_ALLOWED = (ParameterException, NameValidationException, RCLError)
 """What a start with arguments raises that are not allowed."""
@@ -138,10 +142,12 @@ class CollisionResponseNode(Node):
     def shut_down(self) -> None:
         """Answer the requests that have arrived, then give up every interface and complete the recording.
 
-        It takes no longer than the parameter ``shutdown_timeout``. Nobody may spin the node any more.
+        It takes no longer than the parameter ``shutdown_timeout``: if the middleware hangs, the process ends
+        then with exit code 1 and says where it was. Nobody may spin the node any more.
         """
         start, limit = time.perf_counter(), self.parameters.values.shutdown_timeout
-        left = self._server.drain(start + 0.5 * limit, start + 0.6 * limit)
+        faulthandler.dump_traceback_later(max(limit, SHORTEST), exit=True)
+        left = self._server.drain(0.5 * limit, 0.2 * limit)
         if left:
             self.get_logger().warning(
                 f"{left} requests are left without an answer: shutdown_timeout is {limit:g} s"
@@ -149,6 +155,7 @@ class CollisionResponseNode(Node):
         super().destroy_node()
         if self._recorder is not None:
             self._recorder.close(max(0.0, start + 0.8 * limit - time.perf_counter()))
+        faulthandler.cancel_dump_traceback_later()
 
     def destroy_node(self) -> None:
         """Give up every interface, then complete the recording."""

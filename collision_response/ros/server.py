@@ -46,6 +46,9 @@ QUIET = 0.1
 THROTTLE = 5.0
 """The same warning is logged no more often than this [s]."""
 
+MOST_UNCONFIRMED = 10_000
+"""Clients of which it is remembered how many answers they have not confirmed."""
+
 CYCLE = 0.01
 """Time [s] of serving after which the node sees to its other business."""
 
@@ -125,16 +128,16 @@ class Server:
             self._turns.wake(all_of_them=True)
             self._work()
 
-    def drain(self, answer_until: float, refuse_until: float) -> int:
+    def drain(self, answering: float, refusing: float) -> int:
         """Answer what has been received, and what arrives meanwhile; how many are left without an answer.
 
         Args:
-            answer_until: the time [s], by ``time.perf_counter``, until which requests are answered.
-            refuse_until: until which those that are left are refused.
+            answering: the time [s] in which requests are answered.
+            refusing: that in which those that are left are then refused, however late that begins.
         """
         clock = time.perf_counter
-        last = clock()
-        while clock() < answer_until and (self._turns or clock() - last < QUIET):
+        start = last = clock()
+        while clock() - start < answering and (self._turns or clock() - last < QUIET):
             if sum(intake.take_all() for intake in self._intakes):
                 last = clock()
             self._turns.wake(all_of_them=False)
@@ -142,7 +145,7 @@ class Server:
                 time.sleep(PATIENCE)
             self._turns.work()
         reason = "is shutting down: ask again when it is back, or another node"
-        return self._turns.end(ImpactError(StatusCode.SHUTTING_DOWN, "node", reason), refuse_until)
+        return self._turns.end(ImpactError(StatusCode.SHUTTING_DOWN, "node", reason), clock() + refusing)
 
     def _note(
         self, kind: Kind, service: Service[Any, Any], presence: Presence, request: Any, header: Any
@@ -211,6 +214,8 @@ class Server:
             return
         presence.reached(client)
         self._unconfirmed[client] += 1
+        if len(self._unconfirmed) > MOST_UNCONFIRMED:  # nobody says of all of them that they have left
+            del self._unconfirmed[next(iter(self._unconfirmed))]
         self._tally.answers[kind.code(response)] += 1
         self._tally.latencies.append(time.perf_counter() - taken)
 
