@@ -343,7 +343,7 @@ KHARAZ = (
 
 
 def rebound(degrees: float, law: Law, kappa: float) -> tuple[float, float]:
-    """Of a sphere of speed 1: the slip at its contact after, and the ratio of its centre's tangential velocity."""
+    """Of a sphere of speed 1: the slip after, and what is left of its centre's tangential velocity."""
     u_t, u_n = math.sin(math.radians(degrees)), -math.cos(math.radians(degrees))
     model = ImpactModel(law, stiffness_ratio=kappa)
     impact = resolve_contact(SPHERE, (u_t, 0, u_n), (0, 0, 1), 0.98, 0.092, model)

@@ -1,6 +1,6 @@
 """A robot arm of seven joints strikes a ball: with the arm's inverse inertia, from pinocchio.
 
-    pip install pin
+    pip install pin    # or all of it: make examples
     python examples/arm_strikes_ball.py
 
 At its tip the arm is a body whose inverse inertia is ``J M^-1 J^T``. What becomes of the joints follows from

@@ -448,6 +448,7 @@ def inputs_of(scene: Scene, layout: Layout, e_t: float = 0.0, threshold: float =
         "model.tangential_restitution": e_t,
         "model.restitution_threshold": threshold,
         "model.tolerance": 0.0,
+        "model.stiffness_ratio": 1.0,
     }
 
 

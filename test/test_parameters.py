@@ -34,6 +34,7 @@ DEFAULTS = {
     "tolerance": 0.0,
     "tangential_restitution": 0.0,
     "restitution_threshold": 0.0,
+    "stiffness_ratio": 14 / 17,
     "scene_tolerance": 0.0,
     "budget.contacts": 200_000,
     "budget.scene_contacts": 256,

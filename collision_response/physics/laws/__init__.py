@@ -1,6 +1,7 @@
 """Impact laws, cheapest first: one file each, one signature (see ``law.py``).
 
 To add one: write its file, enter it here twice, and in ``msg/ImpactModel.msg`` for those who call the node.
+One that needs a coefficient of its own has it in ``model.py`` too, wherever ``stiffness_ratio`` stands.
 """
 
 from ...named import Named
