@@ -26,6 +26,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from reprlib import repr as quoted
 from typing import Any, NamedTuple
 
 from .model import check_number
@@ -151,7 +152,7 @@ class Materials(NamedTuple):
         """Raises: ImpactError: UNKNOWN_MATERIAL: the file has nothing of this material."""
         if name not in self.known():
             names = ", ".join(sorted(self.known())) or "none"
-            raise ImpactError(StatusCode.UNKNOWN_MATERIAL, field, f"is {name!r}; known are {names}")
+            raise ImpactError(StatusCode.UNKNOWN_MATERIAL, field, f"is {quoted(name)}; known are {names}")
 
     def between(self, a: str, b: str) -> Pair:
         """The entry of two materials; an empty one if there is none."""

@@ -63,7 +63,7 @@ def test_a_rod_whose_frame_starts_at_one_end_is_struck_at_the_other(graph):
 
 def answer_to(request):
     result = CollisionResult()
-    convert.write_answer(result, request, impact_of(request))
+    convert.write_answer(result, request, impact_of(request), PARAMETERS)
     return result
 
 
