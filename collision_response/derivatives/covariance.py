@@ -191,12 +191,10 @@ def _regime_at(
         _moved(body, shift[12 * side : 12 * side + 12]) for side, body in enumerate((body_a, body_b))
     )
     poses, tilt = shift[POSES], shift[26:]
-    point = contact.position + motion.position @ poses + motion.position_by_normal @ tilt
+    point = np.array(contact.position) + motion.position @ poses + motion.position_by_normal @ tilt
     normal = unit_normal(contact) + motion.normal @ poses + tilt
     e, mu = contact.restitution + shift[24], contact.friction + shift[25]
-    moved = Contact.of(
-        point.tolist(), normal.tolist(), min(max(float(e), 0.0), 1.0), max(float(mu), 0.0)
-    )
+    moved = Contact.of(point.tolist(), normal.tolist(), min(max(float(e), 0.0), 1.0), max(float(mu), 0.0))
     return resolve(moved_a, moved_b, moved, model).regime
 
 
