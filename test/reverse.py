@@ -1,5 +1,7 @@
-"""Numbers that are differentiated in reverse, as array libraries do it: both branches of a choice, and what is not
-taken adds its slope times 0. That is NaN where the slope is infinite."""
+"""Numbers that are differentiated in reverse, as array libraries do it: in both branches of a choice.
+
+What is not taken adds its slope times 0. That is NaN where the slope is infinite.
+"""
 
 from __future__ import annotations
 

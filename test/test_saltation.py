@@ -158,7 +158,7 @@ def test_a_ball_on_a_moving_plane_as_simulated(law, friction):
 def test_a_corner_that_turns_as_simulated(off_centre):
     com = (0.02, -0.01, 0.03) if off_centre else (0.0, 0.0, 0.0)
     corner = Vec3(0.1, -0.2, 0.3)  # in body axes
-    body = Body.dynamic(2.0, (0.03, 0, 0, 0.03, 0, 0.03), (0.0, 0.0, 0.0), (0.3, 0.4, -0.2, 0.8), (0.4, 0.1, -2.0),
+    body = Body.dynamic(2.0, (0.03, 0, 0, 0.03, 0, 0.03), (0.0, 0.0, 0.0), (0.3, 0.4, -0.2, 0.8), (0.4, 0.1, -2.0),  # noqa: E501
                         (1.0, 2.0, -1.5), com)  # fmt: skip
     body = body._replace(position=Vec3(0.0, 0.0, -body.to_world(corner).z))
 

@@ -75,7 +75,7 @@ def propagate_covariance(
 
     Raises:
         ImpactError: as ``saltation_matrix``; INVALID_TABLE: ``covariance`` is not symmetric, positive
-            semi-definite and of its shape; INVALID_COEFFICIENT: a standard deviation is negative or not finite.
+            semi-definite and of its shape; INVALID_COEFFICIENT: a standard deviation is negative or infinite.
     """
     passage = linearised(body_a, body_b, contact, model, surfaces, gravity)
     deviations = {

@@ -71,7 +71,7 @@ class Smoothness(IntEnum):
     SMOOTH = 0
     """It holds all around."""
     KINK = 1
-    """On an edge, to rounding: it holds on the side of the answer's regime. On the other side it is another."""
+    """On an edge, to rounding: it holds on the side of the answer's regime, not on the other."""
     JUMP = 2
     """At a jump: next to here the answer itself is another."""
 

@@ -33,7 +33,7 @@ from ..physics.orientation import Quaternion
 from ..physics.vector import Vec3
 from ..status import ImpactError, StatusCode
 from .differentiate import DEFAULT, Derivatives, Smoothness, differentiate
-from .surfaces import SurfaceMotion, Surfaces, cross_matrix, unit_normal
+from .surfaces import SurfaceMotion, Surfaces, unit_normal
 
 Array = np.ndarray[Any, Any]
 
