@@ -49,7 +49,7 @@ def on_floor(restitution=0.5, friction=0.3) -> Contact:
     return Contact.of((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), restitution, friction)
 
 
-# --- The oracle: differences of the formula as it is written, in many digits. It shares no code with dual numbers.
+# --- The oracle: differences of the formula as it is written, in many digits. It shares no code with Dual.
 
 
 def exact(body: Body) -> Body:
@@ -163,7 +163,7 @@ def test_agrees_with_differences_in_many_digits(law, seed):
 @pytest.mark.parametrize("law", [Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
 @pytest.mark.parametrize("seed", range(2))
 def test_the_path_agrees_with_differences(law, seed):
-    """A path is integrated to 1e-13 here; a difference over 1e-4 sees that as 1e-9, and its own error as 1e-8."""
+    """A path is integrated to 1e-13; a difference over 1e-4 sees that as 1e-9, and its own error as 1e-8."""
     names = ("body_a.velocity", "body_b.orientation", "contact.friction", "contact.restitution")
     agrees(random_scene(seed), ImpactModel(law, tolerance=1e-11), names, 3e-6, step="1e-4", digits=20)
 

@@ -1,4 +1,4 @@
-"""The saltation matrix and covariances: against values to many digits, a simulated bounce, and Monte Carlo."""
+"""The saltation matrix and covariances: against values of a reference, a simulated bounce and Monte Carlo."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def turned(body: Body, by: Vec3) -> Body:
 
 
 def bounced(bodies, touch, model, gravity):
-    """The bodies at time 0 after a bounce, whenever they meet: ``touch(bodies)`` gives distance and contact."""
+    """The bodies at time 0 after a bounce: ``touch(bodies)`` gives distance , contact."""
     time = 0.0
     for _ in range(60):
         now = [flown(body, time, gravity) for body in bodies]
