@@ -205,7 +205,8 @@ def _moved(body: Body, shift: Array) -> Body:
     half = theta * 0.5
     q = body.orientation or Quaternion(0.0, 0.0, 0.0, 1.0)
     v = Vec3(*q[:3])
-    turned = Quaternion(*(v + half * q.w + half.cross(v)), q.w - half.dot(v))
+    x, y, z = v + half * q.w + half.cross(v)
+    turned = Quaternion(x, y, z, q.w - half.dot(v))
     return body._replace(
         position=Vec3(*body.position) + dx,
         orientation=turned,

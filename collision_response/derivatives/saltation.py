@@ -154,8 +154,8 @@ def _checked(
         )
         raise ImpactError(StatusCode.INVALID_NORMAL, "surfaces", reason)
     for name, shape in (("position", (3, 12)), ("normal", (3, 12)), ("position_by_normal", (3, 3))):
-        value = getattr(motion, name, None)
-        if np.shape(value) != shape or not np.isfinite(value).all():
+        value: Any = getattr(motion, name, None)
+        if np.shape(value) != shape or not np.isfinite(np.asarray(value, float)).all():
             reason = f"must be finite numbers of shape {shape}, is {value}"
             raise ImpactError(StatusCode.INVALID_NORMAL, f"surfaces.{name}", reason)
     return motion
