@@ -21,3 +21,10 @@ def test_a_batch_by_the_chunk():
     np.testing.assert_array_equal(result.velocity.compute(), whole.velocity)
     answered = (result.status == example["StatusCode"].OK).sum()
     assert 300 < answered.compute() < 700
+
+
+def test_a_filter_with_the_saltation_matrix_may_be_believed():
+    example = runpy.run_path(str(EXAMPLES / "kalman_bounces.py"))
+    good, naive = example["compare"](runs=8)
+    # Of 8 runs of 50 steps, which depend on each other: sd of the mean some .6.
+    assert 4 < good < 8 < naive

@@ -75,7 +75,7 @@ def propagate_covariance(
 
     Raises:
         ImpactError: as ``saltation_matrix``; INVALID_TABLE: ``covariance`` is not symmetric, positive
-            semi-definite and of its shape; INVALID_COEFFICIENT: a standard deviation is negative or not finite.
+            semi-definite and of its shape; INVALID_COEFFICIENT: a standard deviation is negative or infinite.
     """
     passage = linearised(body_a, body_b, contact, model, surfaces, gravity)
     deviations = {
@@ -191,12 +191,10 @@ def _regime_at(
         _moved(body, shift[12 * side : 12 * side + 12]) for side, body in enumerate((body_a, body_b))
     )
     poses, tilt = shift[POSES], shift[26:]
-    point = contact.position + motion.position @ poses + motion.position_by_normal @ tilt
+    point = np.array(contact.position) + motion.position @ poses + motion.position_by_normal @ tilt
     normal = unit_normal(contact) + motion.normal @ poses + tilt
     e, mu = contact.restitution + shift[24], contact.friction + shift[25]
-    moved = Contact.of(
-        point.tolist(), normal.tolist(), min(max(float(e), 0.0), 1.0), max(float(mu), 0.0)
-    )
+    moved = Contact.of(point.tolist(), normal.tolist(), min(max(float(e), 0.0), 1.0), max(float(mu), 0.0))
     return resolve(moved_a, moved_b, moved, model).regime
 
 
@@ -207,7 +205,8 @@ def _moved(body: Body, shift: Array) -> Body:
     half = theta * 0.5
     q = body.orientation or Quaternion(0.0, 0.0, 0.0, 1.0)
     v = Vec3(*q[:3])
-    turned = Quaternion(*(v + half * q.w + half.cross(v)), q.w - half.dot(v))
+    x, y, z = v + half * q.w + half.cross(v)
+    turned = Quaternion(x, y, z, q.w - half.dot(v))
     return body._replace(
         position=Vec3(*body.position) + dx,
         orientation=turned,

@@ -71,7 +71,7 @@ class Smoothness(IntEnum):
     SMOOTH = 0
     """It holds all around."""
     KINK = 1
-    """On an edge, to rounding: it holds on the side of the answer's regime. On the other side it is another."""
+    """On an edge, to rounding: it holds on the side of the answer's regime, not on the other."""
     JUMP = 2
     """At a jump: next to here the answer itself is another."""
 
@@ -141,7 +141,9 @@ def differentiate(
     law = law_for(model.law, has_friction=contact.friction > 0)
     jacobian, smoothness = _derivatives_of(law, np.array(numbers, float)[:, None], directions)
     if not np.isfinite(jacobian).all():
-        raise ImpactError(StatusCode.OUT_OF_RANGE, "result", "a derivative is beyond float64, or there is none")
+        raise ImpactError(
+            StatusCode.OUT_OF_RANGE, "result", "a derivative is beyond float64, or there is none"
+        )
     return Derivatives(impact, jacobian[..., 0], smoothness[:, 0], columns)
 
 
@@ -170,7 +172,11 @@ def differentiate_batch(
     for name, array in (("bodies", bodies), ("contacts", contacts), ("directions", directions)):
         if array.dtype != float:
             raise ValueError(f"{name}: must be float64, is {array.dtype}")
-    if directions.ndim not in (2, 3) or directions.shape[0] != COUNT or directions.shape[2:] not in ((), (n,)):
+    if (
+        directions.ndim not in (2, 3)
+        or directions.shape[0] != COUNT
+        or directions.shape[2:] not in ((), (n,))
+    ):
         raise ValueError(
             f"directions: must be of shape ({COUNT}, K) or ({COUNT}, K, {n}), is {directions.shape}"
         )

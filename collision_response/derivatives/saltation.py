@@ -33,7 +33,7 @@ from ..physics.orientation import Quaternion
 from ..physics.vector import Vec3
 from ..status import ImpactError, StatusCode
 from .differentiate import DEFAULT, Derivatives, Smoothness, differentiate
-from .surfaces import SurfaceMotion, Surfaces, cross_matrix, unit_normal
+from .surfaces import SurfaceMotion, Surfaces, unit_normal
 
 Array = np.ndarray[Any, Any]
 
@@ -154,8 +154,8 @@ def _checked(
         )
         raise ImpactError(StatusCode.INVALID_NORMAL, "surfaces", reason)
     for name, shape in (("position", (3, 12)), ("normal", (3, 12)), ("position_by_normal", (3, 3))):
-        value = getattr(motion, name, None)
-        if np.shape(value) != shape or not np.isfinite(value).all():
+        value: Any = getattr(motion, name, None)
+        if np.shape(value) != shape or not np.isfinite(np.asarray(value, float)).all():
             reason = f"must be finite numbers of shape {shape}, is {value}"
             raise ImpactError(StatusCode.INVALID_NORMAL, f"surfaces.{name}", reason)
     return motion

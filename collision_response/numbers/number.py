@@ -44,7 +44,7 @@ def square_root(x: Scalar) -> Scalar:
     if isinstance(x, float):
         return math.sqrt(x)
     if hasattr(x, "shape"):
-        # Of arrays both branches of a choice are differentiated: a slope must be finite where it does not count.
+        # Arrays are differentiated in both branches of a choice: slopes that do not count must be finite.
         is_zero = x == 0
         return choose(is_zero, lambda: x, lambda: _root(choose(is_zero, lambda: x + 1, lambda: x)))
     return _root(x)

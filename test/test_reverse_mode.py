@@ -1,0 +1,83 @@
+"""Gradients in reverse through the formula as it is written: as dual numbers give them, and never NaN."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import numpy as np
+import pytest
+from reverse import Reverse
+from scenes import ALL_LAWS, random_scene
+
+from collision_response import Body, Contact, ImpactModel, Law
+from collision_response.derivatives import differentiate
+from collision_response.impact import impact
+from collision_response.physics.vector import Vec3
+
+SPHERE = (0.4, 0.0, 0.0, 0.4, 0.0, 0.4)
+HEAD_ON = (
+    Body.dynamic(1.0, SPHERE, (0.0, 0.0, 1.0), None, (0.0, 0.0, -1.0)),
+    Body.static(),
+    Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3),
+)
+
+
+def number_of(make, body: Body) -> Body:
+    """A body of numbers of a make."""
+    turn = body.orientation and type(body.orientation)(*map(make, body.orientation))
+    vectors = (
+        type(v)(*map(make, v))
+        for v in (body.inertia, body.position, body.velocity, body.angular_velocity, body.com)
+    )
+    inertia, x, v, w, com = vectors
+    return Body(make(body.mass), inertia, x, turn, v, w, com)
+
+
+def by_reverse(scene, law: Law) -> np.ndarray:
+    """The impulse by the velocity of body_a and by friction, shape (3, 4)."""
+    make = Reverse
+    a, b = (number_of(make, body) for body in scene[:2])
+    c = scene[2]
+    contact = Contact(
+        Vec3(*map(make, c.position)), Vec3(*map(make, c.normal)), make(c.restitution), make(c.friction)
+    )
+    answer = impact(a, b, contact, law, make(0.0), make(0.0), make(1e-12))
+    return np.array([P.gradient(*a.velocity, contact.friction) for P in answer.changes.impulse])
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+@pytest.mark.parametrize("scene", [HEAD_ON, *(random_scene(seed) for seed in range(4))], ids=lambda _: "")
+def test_reverse_and_forward_agree(law, scene):
+    names = ("body_a.velocity", "contact.friction")
+    expected = differentiate(*scene, ImpactModel(law), names).jacobian[12:]
+    np.testing.assert_allclose(by_reverse(scene, law), expected, rtol=1e-10, atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    "law", [law for law in ALL_LAWS if law.name in ("FRICTIONLESS", "COULOMB", "MOREAU")]
+)
+def test_no_gradient_is_nan_at_a_head_on_impact(law):
+    assert np.isfinite(by_reverse(HEAD_ON, law)).all()
+
+
+@pytest.mark.skipif(importlib.util.find_spec("jax") is None, reason="JAX is not installed")
+def test_jax_has_the_gradient_of_a_head_on_impact():
+    import jax
+    import jax.numpy as jnp
+
+    jax.config.update("jax_enable_x64", True)
+    a, b, contact = HEAD_ON
+
+    def impulse(v):
+        body = number_of(jnp.asarray, a)._replace(velocity=Vec3(*v))
+        other = number_of(jnp.asarray, b)
+        touch = Contact(
+            Vec3(*map(jnp.asarray, contact.position)),
+            Vec3(*map(jnp.asarray, contact.normal)),
+            jnp.asarray(0.5),
+            jnp.asarray(0.3),
+        )
+        return jnp.stack(list(impact(body, other, touch, Law.COULOMB).changes.impulse))
+
+    gradient = jax.jacrev(impulse)(jnp.array([0.0, 0.0, -1.0]))
+    np.testing.assert_allclose(gradient, np.diag([-2 / 7, -2 / 7, -1.5]), atol=1e-12)
