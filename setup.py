@@ -83,6 +83,11 @@ def build_and_stage() -> None:
     cmake("--install", binaries)
 
 
+def version() -> str:
+    """It is set in package.xml alone, where ROS's release tools change it."""
+    return (SOURCE / "package.xml").read_text().partition("<version>")[2].partition("</version>")[0]
+
+
 class Build(build):
     """Puts the staged Python where setuptools expects it, and lists the rest as data files."""
 
@@ -105,6 +110,7 @@ class BinaryDistribution(Distribution):
 
 
 setup(
+    version=version(),
     distclass=BinaryDistribution,
     cmdclass={"build": Build},
     packages=[],

@@ -59,9 +59,12 @@ def test_a_body_is_shown_at_its_centre_of_mass(tmp_path, length):
     ((_, [turn]),) = seen(path, entity, "Transform3D:quaternion")
     assert turn == pytest.approx([0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)], rel=1e-6)
     # the centre of mass falls straight down
-    ((_, _, [after, before]),) = read(path, velocities, "Arrows3D:vectors")
+    ((_, _, [after, spin_after, before, spin_before]),) = read(path, velocities, "Arrows3D:vectors")
     assert before == pytest.approx([0.0, 0.0, -0.3], abs=1e-7)
     assert after == pytest.approx([0.0, 0.0, 0.15], abs=1e-7)
+    gyration = 0.5 * math.sqrt(3 / 5)  # <r^2> of a solid sphere
+    assert spin_before == pytest.approx([0.0, 0.0, -0.15 * gyration], rel=1e-6)
+    assert spin_after == pytest.approx([0.1 * gyration * w for w in answer.twist_a.angular], abs=1e-7)
     ((_, _, [normal, _]),) = read(path, "/world/contact", "Arrows3D:vectors")
     assert normal == pytest.approx([0.0, 0.0, 0.1], rel=1e-6)
 
@@ -82,6 +85,36 @@ def test_a_rod_is_shown_as_it_is():
     assert not solid.is_ball
     assert sorted(solid.half_sizes) == pytest.approx([0.0, 0.0, 1.0], rel=EIGEN, abs=EIGEN)
     assert direction(solid, 1.0) == pytest.approx([1.0, 0.0, 0.0], abs=EIGEN)
+
+
+def test_what_is_thin_has_a_thickness_for_the_eye():
+    columns = Solid.of(Body.rod(3.0, 2.0)).columns()
+    (drawn,) = (
+        column.as_arrow_array().to_pylist()
+        for column in columns
+        if "half_sizes" in str(column.component_descriptor())
+    )
+    assert sorted(drawn[0][0]) == pytest.approx([0.02, 0.02, 1.0], rel=1e-6)
+
+
+@pytest.mark.parametrize("normal", [(0, 0, 1), (0, 0, -2), (1, 0, 0), (1, -2, 3), (1e-9, 0, -1)])
+def test_a_friction_cone_stands_on_the_normal_and_holds_the_impulse(tmp_path, normal):
+    """The cone's axis is turned to the normal; its height is the way of the impulse along it."""
+    n = Vec3(*normal) / math.sqrt(sum(x * x for x in normal))
+    request = (
+        Body.dynamic(2.0, velocity=n * -3.0),
+        Body.static(),
+        Contact.of((0, 0, 0), normal, 0.5, 0.25),
+        ImpactModel(),
+    )
+    path = recorded(tmp_path, [Record(2, 1, "ball", "floor", *request, resolve(*request))])
+    ((_, _, [turn]),) = read(path, "/world/friction_cone", "InstancePoses3D:quaternions")
+    axis = Quaternion(*turn).rotation().to_world(Vec3(0.0, 0.0, 1.0))
+    assert axis == pytest.approx(n, abs=1e-6)  # a float of 32 bits
+    ((_, _, [scale]),) = read(path, "/world/friction_cone", "InstancePoses3D:scales")
+    assert scale == pytest.approx([0.25 * 0.45, 0.25 * 0.45, 0.45], rel=1e-6)
+    ((_, _, regime),) = read(path, "/impact/regime", "StateChange:state")
+    assert regime == ["STICKING"]
 
 
 def test_a_box_at_an_angle_to_its_axes_is_shown_as_it_is():

@@ -146,9 +146,9 @@ class TestReplay:
     def test_a_request_that_is_refused_now_differs(self, recording, capsys):
         body, floor, contact, model = next(requests())
         impact = resolve(body, floor, contact, model)
-        row = Record(1, 1, "a", "b", body._replace(mass=-1.0), floor, contact, model, impact)
+        row = Record(1, 1, "a", "b", body, floor, contact._replace(friction=-1.0), model, impact)
         assert main(["replay", str(recording([row]))]) == 1
-        assert "status was OK, is INVALID_MASS" in capsys.readouterr().out
+        assert "status was OK, is INVALID_COEFFICIENT" in capsys.readouterr().out
 
     def test_what_is_no_recording_is_said(self, tmp_path, capsys):
         (tmp_path / "no.rrd").write_bytes(b"something else")

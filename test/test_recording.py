@@ -92,8 +92,12 @@ def test_a_scene_is_where_it_was(tmp_path):
     for entity, component, value in (
         (r"/world/bodies/ball\/1", "Transform3D:translation", [[0.0, 0.0, 0.5]]),
         (r"/world/bodies/the\ floor", "Transform3D:translation", [[0.0, 0.0, 0.0]]),
-        (r"/world/velocities/ball\/1", "Arrows3D:origins", [[0.0, 0.0, 0.5]] * 2),
-        (r"/world/velocities/ball\/1", "Arrows3D:vectors", [[0.1, 0.0, 0.15], [0.1, 0.0, -0.3]]),
+        (r"/world/velocities/ball\/1", "Arrows3D:origins", [[0.0, 0.0, 0.5]] * 4),
+        (
+            r"/world/velocities/ball\/1",
+            "Arrows3D:vectors",
+            [[0.1, 0.0, 0.15], [0.0] * 3, [0.1, 0.0, -0.3], [0.0] * 3],
+        ),
         ("/world/contact", "Points3D:positions", [[0.0, 0.0, 0.0]]),
         ("/world/contact", "Arrows3D:vectors", [[0.0, 0.0, 0.1], [0.0, 0.0, 0.45]]),
     ):

@@ -9,6 +9,8 @@ import rerun.blueprint as rrb
 
 WORLD = "/world"
 CONTACT = f"{WORLD}/contact"
+CONE = f"{WORLD}/friction_cone"
+REGIME = "/impact/regime"
 LOG = "/log"
 
 Colour = tuple[int, int, int]
@@ -22,6 +24,11 @@ BLUE, ORANGE, GREEN, RED, VIOLET, GREY = (
     (150, 150, 150),
 )
 BEFORE, AFTER = BLUE, ORANGE
+SPIN_BEFORE, SPIN_AFTER = (60, 110, 170), (180, 100, 20)
+REGIMES = {"STICKING": GREEN, "SLIDING": BLUE, "REVERSED": ORANGE, "JAMMED": RED, "SEPARATING": GREY}
+
+HAS_STATES = hasattr(rr, "StateChange")
+"""Whether this rerun shows states over time: 0.39, the last for Python 3.10, does not."""
 
 
 class Plot(NamedTuple):
@@ -68,7 +75,9 @@ PLOTS = {
 }
 """By entity: all curves of a view are columns of one, for what a recording costs goes with its entities."""
 
-SCENE = "Velocity before (blue), after (orange); contact normal (grey), impulse (green)"
+SCENE = (
+    "Velocity before (blue), after (orange), spin darker; contact normal (grey), impulse (green) in its cone"
+)
 
 
 def body_path(name: str) -> str:
@@ -94,11 +103,12 @@ def blueprint(eye: rrb.EyeControls3D | None = None, time_axis: rrb.TimeAxis | No
         )
         for entity, plot in PLOTS.items()
     ]
+    states = [rrb.StateTimelineView(origin=REGIME, name="What friction did")] if HAS_STATES else []
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(
                 rrb.Spatial3DView(origin=WORLD, name=SCENE, eye_controls=eye),
-                rrb.Vertical(*plots),
+                rrb.Vertical(*plots, *states),
                 column_shares=[3, 2],
             ),
             rrb.TextLogView(origin=LOG, name="Answers"),

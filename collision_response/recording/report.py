@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from .layout import BLUE, GREEN, GREY, ORANGE, RED, VIOLET, Colour
+from .layout import BLUE, GREY, ORANGE, RED, REGIMES, VIOLET, Colour
 from .table import rows_of
 
 SHOWN = 3000
@@ -20,15 +20,7 @@ SHOWN = 3000
 
 LISTED = 10
 
-COLOURS = {
-    "STICKING": GREEN,
-    "SLIDING": BLUE,
-    "REVERSED": ORANGE,
-    "JAMMED": RED,
-    "SEPARATING": GREY,
-    "restitution": RED,
-    "friction": VIOLET,
-}
+COLOURS = {**REGIMES, "restitution": RED, "friction": VIOLET}
 
 Row = dict[str, Any]
 

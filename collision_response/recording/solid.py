@@ -12,6 +12,9 @@ from ..physics.body import Body
 EQUAL = 1e-6
 """Moments of inertia that differ by less than this part of the largest are those of a ball."""
 
+THINNEST = 0.02
+"""Least half-size that is drawn, of the largest."""
+
 
 class Solid(NamedTuple):
     """The homogeneous ball or box that has a body's mass and inertia.
@@ -39,10 +42,11 @@ class Solid(NamedTuple):
         return cls(is_ball, np.sqrt(mean_squares * (5 if is_ball else 3)), _quaternion(columns))
 
     def columns(self) -> Any:
-        """What is drawn, as one row."""
+        """What is drawn, as one row; the thin is given a thickness, or the viewer would show nothing."""
+        half_sizes = np.maximum(self.half_sizes, THINNEST * self.half_sizes.max())
         kind = rr.Ellipsoids3D if self.is_ball else rr.Boxes3D
         return kind.columns(
-            half_sizes=[self.half_sizes], quaternions=[self.axes], fill_mode=[rr.components.FillMode.Solid]
+            half_sizes=[half_sizes], quaternions=[self.axes], fill_mode=[rr.components.FillMode.Solid]
         )
 
 

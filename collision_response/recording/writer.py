@@ -20,12 +20,19 @@ from ..physics.vector import Vec3
 from .layout import (
     AFTER,
     BEFORE,
+    CONE,
     CONTACT,
     GREEN,
     GREY,
+    HAS_STATES,
     LOG,
     PLOTS,
     RED,
+    REGIME,
+    REGIMES,
+    SPIN_AFTER,
+    SPIN_BEFORE,
+    VIOLET,
     WORLD,
     blueprint,
     body_path,
@@ -39,6 +46,17 @@ from .table import TABLE, impact_columns, refusal_columns
 ARROW_TIME = 0.1
 """A velocity is drawn as the way made in this time [s]; an impulse, as the change of velocity that it
 causes along itself; a normal, as 1 m/s. So all arrows of a scene are of one scale."""
+
+WIDEST = 3.0
+"""The friction coefficient above which a cone is not drawn any wider."""
+
+ROUND = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+CONE_MESH = rr.Mesh3D(
+    vertex_positions=[(0.0, 0.0, 0.0), *np.stack([np.cos(ROUND), np.sin(ROUND), np.ones(32)], axis=1)],
+    triangle_indices=[(0, 1 + i, 1 + (i + 1) % 32) for i in range(32)],
+    albedo_factor=(*VIOLET, 70),
+)
+"""Of height and slope 1, about the z axis."""
 
 EMPTY = "empty.rrd"
 
@@ -143,6 +161,9 @@ class Writer:
         log(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         log(CONTACT, rr.Points3D.from_fields(radii=POINT_RADIUS, colors=RED), static=True)
         log(CONTACT, rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=[GREY, GREEN]), static=True)
+        log(CONE, CONE_MESH, static=True)
+        if HAS_STATES:
+            log(REGIME, rr.StateConfiguration(values=[*REGIMES], colors=[*REGIMES.values()]), static=True)
         for entity, plot in PLOTS.items():
             points = rr.SeriesPoints(colors=plot.colours, names=plot.names, markers="circle", marker_sizes=3)
             log(entity, points, static=True)
@@ -156,7 +177,7 @@ class Writer:
         path, colour = body_path(name), None if body.is_movable() else GREY
         style = rr.Points3D.from_fields(radii=POINT_RADIUS, colors=colour, labels=name, show_labels=True)
         self._stream.log(path, style, static=True)
-        arrows = rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=[AFTER, BEFORE])
+        arrows = rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=[AFTER, SPIN_AFTER, BEFORE, SPIN_BEFORE])
         self._stream.log(velocity_path(name), arrows, static=True)
         shape = [*rr.Points3D.columns(positions=[(0.0, 0.0, 0.0)])]
         if (solid := Solid.of(body)) is not None:
@@ -173,6 +194,7 @@ def _columns(batch: Sequence[Entry]) -> Iterator[Columns]:
         yield from bodies(impacts)
         yield from contacts(impacts)
         yield from series(impacts)
+        yield from regimes(impacts)
         yield from table(rows)
         yield from log(rows)
 
@@ -185,7 +207,7 @@ def seen(sightings: Iterable[Sighting]) -> Iterator[Columns]:
     for name, rows in by_name.items():
         times, positions = _times(rows), _array(row.body.position for row in rows)
         yield body_path(name), times, _poses(positions, [row.body for row in rows])
-        yield velocity_path(name), times, _arrows(positions, _array(row.body.velocity for row in rows))
+        yield velocity_path(name), times, _arrows(positions, *_motions([row.body for row in rows]))
 
 
 def _appearances(row: Struck) -> list[tuple[str, Body, Twist]]:
@@ -196,7 +218,7 @@ def _appearances(row: Struck) -> list[tuple[str, Body, Twist]]:
 
 
 def bodies(impacts: Iterable[Struck]) -> Iterator[Columns]:
-    """Centres of mass, and their velocities: after, then before."""
+    """Centres of mass, and their velocities and spins: after, then before."""
     by_name: dict[str, list[tuple[Struck, Body, Body]]] = defaultdict(list)
     for row in impacts:
         for name, body, twist in _appearances(row):
@@ -204,14 +226,14 @@ def bodies(impacts: Iterable[Struck]) -> Iterator[Columns]:
     for name, appearances in by_name.items():
         times = _times([row for row, _, _ in appearances])
         positions = _array(body.position for _, body, _ in appearances)
-        after = _array(body.velocity for _, _, body in appearances)
-        before = _array(body.velocity for _, body, _ in appearances)
+        after = _motions([body for _, _, body in appearances])
+        before = _motions([body for _, body, _ in appearances])
         yield body_path(name), times, _poses(positions, [body for _, body, _ in appearances])
-        yield velocity_path(name), times, _arrows(positions, after, before)
+        yield velocity_path(name), times, _arrows(positions, *after, *before)
 
 
 def contacts(impacts: Sequence[Struck]) -> Iterator[Columns]:
-    """Contact points; from each, the normal and the impulse."""
+    """Contact points; from each, the normal, the impulse, and the cone that friction keeps it in."""
     rows = [row for row in impacts if _touches(row)]
     if not rows:
         return
@@ -223,6 +245,14 @@ def contacts(impacts: Sequence[Struck]) -> Iterator[Columns]:
     labels = [f"{impulse.norm():.3g} N s" for _, impulse, _ in touches]
     points = rr.Points3D.columns(positions=positions, labels=labels).partition(counts)
     yield CONTACT, _times(rows), [*points, *_arrows(positions, normals, changes, rows=counts)]
+    heights = np.maximum((normals * changes).sum(axis=1), 0.0) * ARROW_TIME
+    slopes = np.minimum(np.array([contact.friction for contact, _, _ in touches], float), WIDEST)
+    cones = rr.InstancePoses3D.columns(
+        translations=positions,
+        quaternions=_from_z_axis(normals),
+        scales=np.stack([slopes * heights, slopes * heights, heights], axis=1),
+    )
+    yield CONE, _times(rows), cones.partition(counts)
 
 
 def _touches(row: Struck) -> list[tuple[Contact, Vec3, float]]:
@@ -241,6 +271,13 @@ def series(impacts: Sequence[Struck]) -> Iterator[Columns]:
             values = np.array([[getattr(row.impact, field) for field in plot.fields] for row in rows], float)
             lengths = [len(plot.fields)] * len(rows)
             yield entity, _times(rows), rr.Scalars.columns(scalars=values.ravel()).partition(lengths)
+
+
+def regimes(impacts: Sequence[Struck]) -> Iterator[Columns]:
+    """What friction did, over time."""
+    rows = [row for row in impacts if isinstance(row, Record)]
+    if rows and HAS_STATES:
+        yield REGIME, _times(rows), rr.StateChange.columns(state=[str(row.impact.regime) for row in rows])
 
 
 def table(rows: Sequence[Answer]) -> Iterator[Columns]:
@@ -281,6 +318,20 @@ def _in_words(row: Answer) -> str:
 def _poses(positions: np.ndarray, bodies: Sequence[Body]) -> Any:
     turned = _units(_array((body.orientation or (0.0, 0.0, 0.0, 1.0) for body in bodies), length=4))
     return rr.Transform3D.columns(translation=positions, quaternion=turned)
+
+
+def _motions(bodies: Sequence[Body]) -> tuple[np.ndarray, np.ndarray]:
+    """Velocities; and spins, as velocities of points as far from their axes as the mass is in the mean."""
+    arms = np.array([[(body.inertia.trace() / 2 / body.mass) ** 0.5] for body in bodies], float)
+    return _array(body.velocity for body in bodies), arms * _array(body.angular_velocity for body in bodies)
+
+
+def _from_z_axis(normals: np.ndarray) -> np.ndarray:
+    """Quaternions ``(x, y, z, w)`` that turn the z axis to unit vectors."""
+    x, y, z = normals.T
+    turned = np.stack([-y, x, 0 * x, 1 + z], axis=1)
+    turned[z < -1 + 1e-12] = 1.0, 0.0, 0.0, 0.0
+    return _units(turned)
 
 
 def _moving(body: Body, twist: Twist) -> Body:
