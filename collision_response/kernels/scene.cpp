@@ -311,22 +311,26 @@ PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
   double error = PyFloat_AsDouble(args[2]);
   bool rubs = args[1] != Py_None;
   std::vector<Axes> P(count, Axes{0, 0, 0});
-  std::vector<double> reported = rounded(p, count), lower(count, 0.0);
+  std::vector<double> reported = rounded(p, count);
   if (rubs)
     for (int i = 0; i < count; ++i)
       for (int k = 0; k < 2; ++k) P[i][1 + k] = PyFloat_AsDouble(PyList_GET_ITEM(args[1], 2 * i + k));
   if (PyErr_Occurred()) return nullptr;
   std::vector<N> sums = scene.changes(p);
-  Motion with_friction(scene);
-  for (size_t i = 0; i < sums.size(); ++i) with_friction.twists[i] = high(sums[i]);
-  if (rubs)
-    for (int i = 0; i < count; ++i) with_friction.push(i, P[i]);
-  if (!rubs) scene.least_norm(reported, lower, true);
+  Motion motion(scene), across(scene);
+  for (int i = 0; i < count; ++i) {
+    if (rubs) across.push(i, P[i]);
+    motion.push(i, {reported[i] * scene.touches[i].length, P[i][1], P[i][2]});
+  }
+  if (!rubs) scene.least_norm(reported, true);
 
   PyObject *changes = PyList_New(scene.bodies), *after = PyList_New(scene.bodies), *pushes = PyList_New(count);
   double energies = reinterpret_cast<Cluster*>(self)->energy, energies_after = 0, largest = 0, worst = 0, rounding = 0;
   for (int b = 0; b < scene.bodies; ++b) {
-    const double *change = &with_friction.twists[6 * b], *body = scene.given[b].x;
+    const double* body = scene.given[b].x;
+    double change[6] = {};
+    if (rubs) scene.given[b].twist_of(&across.y[6 * b], change);
+    for (int k = 0; k < 6; ++k) change[k] += high(sums[6 * b + k]);
     Given moved = scene.given[b];
     for (int k = 0; k < 6; ++k) moved.x[IN_BODY_A_VELOCITY_X + k] += change[k];
     moved.fill(moved.plain);
@@ -354,7 +358,7 @@ PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
     double push[3];
     for (int k = 0; k < 3; ++k) push[k] = reported[i] * touch.normal[k];
     Axes u_before{touch.plain[0].velocity, touch.plain[1].velocity, touch.plain[2].velocity};
-    Axes u_after = with_friction.velocity(i);
+    Axes u_after = motion.velocity(i);
     if (!rubs) u_after[0] = high(u[i]) / touch.length;
     double speed = std::hypot(u_after[1], u_after[2]), back = u_before[1] * u_after[1] + u_before[2] * u_after[2];
     double across = std::hypot(P[i][1], P[i][2]), most = touch.mu * p[i].h * touch.length;
@@ -387,15 +391,15 @@ PyObject* friction_answer(const Friction& friction, const Assembly& scene) {
   return Py_BuildValue("NNd", bytes(p), tangential, friction.error);
 }
 
-// least_work(p), one_step(p): impulses along the normals, across them, and the error; None if there are none.
-template <Friction law(const Assembly&, const std::vector<double>&)>
-PyObject* with_friction(PyObject* self, PyObject* o) {
+// least_work(p), one_step(): impulses along the normals, across them, and the error; None if there are none.
+PyObject* with_least_work(PyObject* self, PyObject* o) {
   const DD* p = impulses(self, o);
   if (!p) return nullptr;
   std::vector<double> normal = rounded(p, of(self).count);
-  of(self).least_norm(normal, std::vector<double>(of(self).count, 0.0), false);
-  return friction_answer(law(of(self), normal), of(self));
+  of(self).least_norm(normal, false);
+  return friction_answer(least_work(of(self), normal), of(self));
 }
+PyObject* in_one_step(PyObject* self, PyObject*) { return friction_answer(one_step(of(self)), of(self)); }
 
 // compress(stiffness, exponent, tolerance or step, budget, friction): as above, along a law with compliance.
 PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
@@ -437,8 +441,8 @@ PyMethodDef methods[] = {
     FAST("combine", combine),
     {"joined_restitution", joined_restitution, METH_O, ""},
     FAST("answer", answer),
-    {"least_work", with_friction<least_work>, METH_O, ""},
-    {"one_step", with_friction<one_step>, METH_O, ""},
+    {"least_work", with_least_work, METH_O, ""},
+    {"one_step", in_one_step, METH_NOARGS, ""},
     FAST("compress", compress),
     {}};
 PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {"count", get_floats, nullptr, "", nullptr}, {}};

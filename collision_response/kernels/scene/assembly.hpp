@@ -29,6 +29,8 @@ struct Given {  // a body
   bool idle;
   Centre<N> centre;
   Centre<double> plain;
+  // M^-1 = L L^T: a twist is L y, and |y| its size in the metric of kinetic energy.
+  double root, turn[3][3], com[3];  // L: of velocities 1 / root(m), of moments
 
   bool movable() const { return x[0] < INFINITY; }
   bool moves() const {
@@ -40,6 +42,22 @@ struct Given {  // a body
   void look() {
     fill(centre);
     fill(plain);
+    const double* of = plain.numbers;
+    root = std::sqrt(of[CENTRE_INVERSE_MASS]);
+    for (int k = 0; k < 3; ++k) {
+      com[k] = of[CENTRE_COM + k];
+      for (int j = 0; j < 3; ++j) {
+        turn[k][j] = 0;
+        for (int l = 0; l < 3; ++l) turn[k][j] += of[CENTRE_INVERSE_INERTIA + 3 * k + l] * of[CENTRE_ROTATION + 3 * j + l];
+        turn[k][j] *= std::sqrt(of[CENTRE_INVERSE_INERTIA + 9 + k]);
+      }
+    }
+  }
+  // L y
+  void twist_of(const double* y, double* twist) const {
+    for (int j = 0; j < 3; ++j) twist[3 + j] = turn[0][j] * y[3] + turn[1][j] * y[4] + turn[2][j] * y[5];
+    const double* w = twist + 3;
+    for (int j = 0, k = 1, l = 2; j < 3; ++j, k = (k + 1) % 3, l = (l + 1) % 3) twist[j] = root * y[j] - (w[k] * com[l] - w[l] * com[k]);
   }
   template <class T>
   void fill(Centre<T>& seen) {
@@ -55,8 +73,8 @@ struct Given {  // a body
   }
 };
 
-struct Plain {  // one direction of one contact, in doubles
-  double reach[2][6], response[2][6], velocity;
+struct Plain {  // one direction of one contact, in doubles: velocity + row.y
+  double row[2][6], velocity;
 };
 
 struct Touch {
@@ -110,9 +128,20 @@ struct Assembly {
     double axes[3][3] = {{x, y, z}, {-(sign * y), 1 + sign * (y * y * c), sign * d}, {-z, d, sign + z * z * c}};
     const Given* both[2] = {&a, &b};
     for (int axis = 0; axis < 3; ++axis) {
-      double velocity[2];
-      for (int side = 0; side < 2; ++side)
-        velocity[side] = both[side]->rests() ? 0 : fill<double>(both[side]->plain, touch, axes[axis], side ? -1 : 1, touch.plain[axis].reach[side], touch.plain[axis].response[side]);
+      const double* n = axes[axis];
+      double velocity[2] = {0, 0};
+      for (int side = 0; side < 2; ++side) {
+        const Given& body = *both[side];
+        double* row = touch.plain[axis].row[side];
+        if (body.rests()) continue;
+        double reach[6], response[6], sign = side ? -1 : 1;
+        velocity[side] = fill<double>(body.plain, touch, n, sign, reach, response);
+        if (!body.movable()) continue;
+        for (int k = 0; k < 3; ++k) row[k] = body.root * reach[k];
+        double moment[3];  // about the centre of mass
+        for (int j = 0, k = 1, l = 2; j < 3; ++j, k = (k + 1) % 3, l = (l + 1) % 3) moment[j] = reach[3 + j] - (body.com[k] * reach[l] - body.com[l] * reach[k]);
+        for (int k = 0; k < 3; ++k) row[3 + k] = body.turn[k][0] * moment[0] + body.turn[k][1] * moment[1] + body.turn[k][2] * moment[2];
+      }
       touch.plain[axis].velocity = velocity[0] - velocity[1];
     }
     touch.plain[0].velocity = high(touch.velocity) / touch.length;
@@ -332,9 +361,8 @@ struct Assembly {
     return out;
   }
 
-  // Of all impulses that do the same, p + Z z >= lower, those of least sum of n.n p^2; where copies share one
-  // impulse, of the sum over all of them.
-  void least_norm(std::vector<double>& p, const std::vector<double>& lower, bool shared) const {
+  // Of all impulses that do the same, p + Z z >= 0, those of least sum of n.n p^2; `shared`: over all copies.
+  void least_norm(std::vector<double>& p, bool shared) const {
     std::vector<double> weight(count);
     for (int i = 0; i < count; ++i) weight[i] = touches[i].length / (shared ? std::sqrt(touches[i].copies) : 1);
     // With a row for the work of walls that move, which the same impulses do as well.
@@ -402,7 +430,7 @@ struct Assembly {
       for (int i = 0; i < count; ++i) along += Z[i * k + c] * P[i];
       for (int i = 0; i < count; ++i) P[i] -= along * Z[i * k + c];
     }
-    // P + Z Z^T x >= lower, x >= 0: the same programme, scaled to a unit diagonal.
+    // P + Z Z^T x >= 0, x >= 0: the same programme, scaled to a unit diagonal.
     std::vector<double> dual(static_cast<size_t>(count) * count), s(count);
     std::vector<int> among;
     for (int i = 0; i < count; ++i) {
@@ -410,7 +438,7 @@ struct Assembly {
       for (int c = 0; c < k; ++c) square += Z[i * k + c] * Z[i * k + c];
       s[i] = square > 1e-20 ? 1 / std::sqrt(square) : 0;
       if (s[i] > 0) among.push_back(i);
-      b[i] = (P[i] - lower[i] * weight[i]) * s[i];
+      b[i] = P[i] * s[i];
     }
     for (int i : among)
       for (int j : among) {
@@ -425,6 +453,6 @@ struct Assembly {
       for (int i : among) along += Z[i * k + c] * x[i] * s[i];
       for (int i = 0; i < count; ++i) P[i] += along * Z[i * k + c];
     }
-    for (int i = 0; i < count; ++i) p[i] = std::fmax(P[i] / weight[i], lower[i]);
+    for (int i = 0; i < count; ++i) p[i] = std::fmax(P[i] / weight[i], 0);
   }
 };
