@@ -42,6 +42,9 @@ inline double coupling(const Assembly& scene, int i, int a, int j, int b) {
 // Friction beyond these sticks no better, or does not show.
 constexpr double GREATEST_FRICTION = 1e30, LEAST_FRICTION = 1e-30, GREATEST_IN_ONE_STEP = 1e6;
 
+// A load that is this part of another of its bodies, or of the whole cluster, is rounding.
+constexpr double UNLOADED = 1e-9, UNLOADED_IN_ALL = 1e-12;
+
 struct Friction {
   std::vector<Axes> P;
   double error = 0;  // of the velocities, in the metric of kinetic energy
@@ -70,17 +73,24 @@ inline Friction least_work(const Assembly& scene, const std::vector<double>& p) 
   int count = scene.count;
   Friction result;
   result.P.assign(count, Axes{0, 0, 0});
-  double largest = 0, mean = 0, speed = 0;
+  double mean = 0, speed = 0, greatest = 0;
+  std::vector<double> most(scene.bodies, 0.0);  // of the loads of each body
+  auto load = [&](int i) { return p[i] / scene.touches[i].scale; };
   for (int i = 0; i < count; ++i) {
     result.P[i][0] = p[i] * scene.touches[i].length;
-    largest = std::fmax(largest, result.P[i][0]);
+    for (int body : scene.touches[i].body)
+      if (body >= 0) most[body] = std::fmax(most[body], load(i));
+    greatest = std::fmax(greatest, load(i));
   }
   std::vector<int> loaded;
   bool rubs = false;
   Motion free(scene);
   for (int i = 0; i < count; ++i) {
     const Touch& touch = scene.touches[i];
-    if (!(result.P[i][0] > 1e-12 * largest)) continue;
+    double least = INFINITY;  // of its bodies
+    for (int body : touch.body)
+      if (body >= 0) least = std::fmin(least, most[body]);
+    if (!(load(i) > UNLOADED * least && load(i) > UNLOADED_IN_ALL * greatest)) continue;
     loaded.push_back(i);
     rubs = rubs || touch.mu > LEAST_FRICTION;
     free.push(i, {result.P[i][0], 0, 0});

@@ -1,0 +1,132 @@
+// Generalised reflections in double-double: what collision_response/scene/reflections.py writes down, and computes
+// of fractions.
+#pragma once
+#include "assembly.hpp"
+
+enum class End { DONE, CONTRADICTORY, TOO_LONG };
+
+struct Reflected {
+  End end = End::DONE;
+  std::vector<DD> p;
+  double error = 0, margin = INFINITY, e = -1;  // e: of all contacts; -1: each has its own
+};
+
+class Reflections {
+ public:
+  explicit Reflections(const Assembly& assembly) : scene(assembly) {}
+
+  Reflected resolve(double threshold, int budget) {
+    Reflected result;
+    std::vector<DD>& p = result.p;
+    p.assign(scene.count, DD{0, 0});
+    double speed = 0, doubt = 0;  // of the fastest approach
+    for (const Touch& touch : scene.touches) {
+      double own = -high(touch.velocity) / touch.length;
+      speed = std::fmax(speed, own);
+      doubt = std::fmax(doubt, width(touch.velocity) / touch.length + std::fabs(own) * 0x1p-50);
+    }
+    if (!(speed > 0)) return result;
+    const Assembly::Projection first = scene.project(p.data(), scene.all(), nullptr);
+    if (first.found != Found::LEAST) return {End::CONTRADICTORY};
+    double e_error;
+    result.e = joined_restitution(first.q.data(), e_error);
+    if (!(result.e > 0)) {
+      p = first.q;
+      result.error = first.error;
+      return result;
+    }
+    double error = 0;
+    std::vector<int> violated;
+    for (int turn = 0;; ++turn) {
+      if (turn == budget) return {End::TOO_LONG};
+      double near;
+      if (!look(p.data(), error, threshold * speed, threshold * doubt, violated, near)) error = INFINITY;
+      result.margin = std::fmin(result.margin, near / speed);
+      if (violated.empty()) break;
+      bool is_first = turn == 0 && static_cast<int>(violated.size()) == scene.count;
+      Assembly::Projection next = is_first ? first : scene.project(p.data(), violated, nullptr);
+      if (next.found != Found::LEAST) return {End::CONTRADICTORY};
+      double rounding = add(p, 2, next.q);
+      error += 2 * next.error + rounding;
+    }
+    // e p_GR + (1 - e) p_P
+    double rounding = add(p, -1, first.q);
+    if (e_error > 0) error += e_error * size_of(p);
+    for (DD& x : p) x = DD{result.e, 0} * x;
+    result.error = result.e * error + (1 - result.e) * first.error + rounding + size_of(p) * 0x1p-98;
+    result.error += add(p, 1, first.q);
+    if (approaches(p.data(), result.error)) {  // slower than the threshold
+      Assembly::Projection last = scene.project(p.data(), scene.all(), nullptr);
+      if (last.found != Found::LEAST) return {End::CONTRADICTORY};
+      result.error += add(p, 1, last.q) + last.error;
+    }
+    return result;
+  }
+
+ private:
+  const Assembly& scene;
+
+  // sum e u q / sum u q over the contacts that approach.
+  double joined_restitution(const DD* q, double& error) const {
+    N above = exact(0.0), below = exact(0.0);
+    double least = 1, most = 0;
+    error = 0;
+    for (int i = 0; i < scene.count; ++i) {
+      const Touch& touch = scene.touches[i];
+      if (!(high(touch.velocity) < 0) || q[i].h == 0) continue;
+      N work = touch.velocity * exact(q[i]);
+      above = above + work * exact(touch.e);
+      below = below + work;
+      least = std::fmin(least, touch.e);
+      most = std::fmax(most, touch.e);
+    }
+    if (!(high(below) < 0)) return 0;
+    if (least == most) return least;
+    N e = above / below;
+    error = width(e) + 0x1p-53;
+    return std::fmin(std::fmax(high(e), 0), 1);
+  }
+
+  // The contacts of velocity below -limit, and the least distance of one from that; whether all this is certain.
+  bool look(const DD* p, double error, double limit, double doubt, std::vector<int>& violated, double& margin) const {
+    std::vector<N> u = scene.velocities(p);
+    violated.clear();
+    margin = INFINITY;
+    bool certain = true;
+    for (int i = 0; i < scene.count; ++i) {
+      const Touch& touch = scene.touches[i];
+      N off = u[i] + exact(limit) * exact(touch.length);  // the length is rounded, as limit is
+      double known = width(off) + error / touch.scale + (doubt + limit * 0x1p-50) * touch.length;
+      double distance = std::fabs(high(off));
+      certain = certain && (distance > known || (known == 0 && error == 0));
+      margin = std::fmin(margin, distance / touch.length);
+      if (high(off) < 0) violated.push_back(i);
+    }
+    return certain;
+  }
+
+  // Whether some contact approaches, beyond doubt.
+  bool approaches(const DD* p, double error) const {
+    std::vector<N> u = scene.velocities(p);
+    for (int i = 0; i < scene.count; ++i)
+      if (high(u[i]) < -width(u[i]) - error / scene.touches[i].scale) return true;
+    return false;
+  }
+
+  // p += a q for a power of two; what rounding does to the velocities.
+  double add(std::vector<DD>& p, double a, const std::vector<DD>& q) const {
+    double lost = 0;
+    for (int i = 0; i < scene.count; ++i) {
+      DD by = DD{a * q[i].h, a * q[i].l};
+      lost += (std::fabs(p[i].h) + std::fabs(by.h)) / scene.touches[i].scale;
+      p[i] = p[i] + by;
+    }
+    return lost * 0x1p-98;
+  }
+
+  double size_of(const std::vector<DD>& p) const {
+    double sum = 0;
+    for (int i = 0; i < scene.count; ++i) sum += std::fabs(p[i].h) / scene.touches[i].scale;
+    return sum * (1 + 1e-9);
+  }
+};
