@@ -32,13 +32,14 @@ def refusal(code: int) -> ImpactError:
 
 _statuses = {int(status): status for status in StatusCode}
 _regimes = {int(regime): regime for regime in Regime}
+_regimes_by_number = tuple(_regimes.get(i) for i in range(max(_regimes) + 1))
 _compiled.setup(
     Impact,
     Twist,
     Vec3,
     Contact,
     tuple(_statuses.get(i) for i in range(max(_statuses) + 1)),
-    tuple(_regimes.get(i) for i in range(max(_regimes) + 1)),
+    _regimes_by_number,
     tuple(Adjustment(i) for i in range(16)),
     plan,
     decided,
@@ -50,7 +51,7 @@ numbers = _compiled.numbers
 batch = _compiled.batch
 allow_long_vectors = _compiled.allow_long_vectors
 
-_scene.setup(Vec3, Twist, Fraction)
+_scene.setup(Vec3, Twist, Fraction, _regimes_by_number)
 assemble = _scene.assemble
 Cluster = _scene.Cluster
 is_rational = _scene.is_rational

@@ -1,14 +1,12 @@
 // The compiled part of the package: nested named tuples in, an Impact out. See library.py.
 #include "door.hpp"
-
+#include "python.hpp"
 
 #define WITH_TABLES
 #include "table.hpp"
 #include "units.hpp"
 
-
 namespace {
-
 
 enum Geometry { AUTO_GEOMETRY = 1, POINT, PLANAR, SPATIAL };
 enum Precision { AUTO_PRECISION = 1, SINGLE, DOUBLE, EXTENDED };
@@ -100,20 +98,8 @@ bool read_contact(PyObject* contact, const Door& door, bool* has_function) {
          read_number(PyTuple_GET_ITEM(contact, 3), door, IN_CONTACT_FRICTION);
 }
 
-PyObject* vector(const double* x) {
-  PyObject* v = types.vec3->tp_alloc(types.vec3, 3);
-  if (v)
-    for (int k = 0; k < 3; ++k) PyTuple_SET_ITEM(v, k, PyFloat_FromDouble(x[k]));
-  return v;
-}
-PyObject* twist(const double* x) {
-  PyObject* t = types.twist->tp_alloc(types.twist, 2);
-  if (t) {
-    PyTuple_SET_ITEM(t, 0, vector(x));
-    PyTuple_SET_ITEM(t, 1, vector(x + 3));
-  }
-  return t;
-}
+PyObject* vector(const double* x) { return tuple_of(types.vec3, x, 3); }
+PyObject* twist(const double* x) { return twist_of(types.twist, types.vec3, x); }
 PyObject* kept(PyObject* o) {
   Py_INCREF(o);
   return o;

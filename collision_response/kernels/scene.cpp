@@ -5,13 +5,16 @@
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
 
+#include "python.hpp"
 #include "scene/compliant.hpp"
+#include "scene/reflections.hpp"
 #include "validity_everything.hpp"
 
 namespace {
 
 struct Types {
   PyTypeObject *vec3, *twist, *fraction;
+  PyObject* regimes;  // by number
 } types;
 
 struct Cluster {
@@ -149,135 +152,26 @@ PyObject* from_floats(PyObject* self, PyObject* list) {
   return bytes(p);
 }
 
-// approach(): of the fastest contact [m/s], and its error.
-PyObject* approach(PyObject* self, PyObject*) {
-  double most = 0, error = 0;
-  for (const Touch& touch : of(self).touches) {
-    double speed = -high(touch.velocity) / touch.length;
-    most = std::fmax(most, speed);
-    error = std::fmax(error, width(touch.velocity) / touch.length + std::fabs(speed) * 0x1p-50);
-  }
-  return Py_BuildValue("dd", most, error);
-}
-
-// violated(p, error, limit, limit_error): the contacts of velocity below -limit; and the least distance of a
-// velocity from -limit, negative if that is less than is known of it.
-PyObject* violated(PyObject* self, PyObject* const* args, Py_ssize_t count) {
-  const DD* p = count == 4 ? impulses(self, args[0]) : nullptr;
-  if (!p) return nullptr;
-  const Assembly& scene = of(self);
-  double error = PyFloat_AsDouble(args[1]), limit = PyFloat_AsDouble(args[2]), doubt = PyFloat_AsDouble(args[3]);
-  if (PyErr_Occurred()) return nullptr;
-  std::vector<N> u = scene.velocities(p);
-  PyObject* list = PyList_New(0);
-  double margin = INFINITY;
-  bool decided = true;
-  for (int i = 0; i < scene.count; ++i) {
-    const Touch& touch = scene.touches[i];
-    N off = u[i] + exact(limit) * exact(touch.length);  // the length is rounded, as limit is
-    double known = width(off) + error / touch.scale + (doubt + limit * 0x1p-50) * touch.length;
-    double distance = std::fabs(high(off));
-    decided = decided && (distance > known || (known == 0 && error == 0));
-    margin = std::fmin(margin, distance / touch.length);
-    if (high(off) < 0) {
-      PyObject* place = PyLong_FromLong(i);
-      PyList_Append(list, place);
-      Py_DECREF(place);
-    }
-  }
-  return Py_BuildValue("Ndi", list, margin, decided);
-}
-
 // size(p): at least that of the velocities by impulses p, in the metric of kinetic energy.
 PyObject* size(PyObject* self, PyObject* o) {
   const DD* p = impulses(self, o);
-  if (!p) return nullptr;
-  std::vector<double> sizes = rounded(p, of(self).count);
-  for (double& x : sizes) x = std::fabs(x);
-  return PyFloat_FromDouble(of(self).size_of(sizes));
+  return p ? PyFloat_FromDouble(of(self).size_of(p)) : nullptr;
 }
 
-// approaching(p, error): whether some contact approaches, beyond doubt.
-PyObject* approaching(PyObject* self, PyObject* const* args, Py_ssize_t count) {
-  const DD* p = count == 2 ? impulses(self, args[0]) : nullptr;
-  if (!p) return nullptr;
-  double error = PyFloat_AsDouble(args[1]);
-  std::vector<N> u = of(self).velocities(p);
-  for (int i = 0; i < of(self).count; ++i)
-    if (high(u[i]) < -width(u[i]) - error / of(self).touches[i].scale) Py_RETURN_TRUE;
-  Py_RETURN_FALSE;
+// reflections(threshold, budget): how they ended, impulses, their error, the margin of decisions, and the restitution
+// of all contacts, or None.
+PyObject* reflect(PyObject* self, PyObject* const* args, Py_ssize_t count) {
+  if (count != 2) return PyErr_Format(PyExc_TypeError, "reflections() takes 2 arguments");
+  double threshold = PyFloat_AsDouble(args[0]);
+  long budget = PyLong_AsLong(args[1]);
+  if (PyErr_Occurred()) return nullptr;
+  Reflected found = reflections(of(self), threshold, budget);
+  PyObject* e = found.e < 0 ? Py_NewRef(Py_None) : PyFloat_FromDouble(found.e);
+  return Py_BuildValue("iNddN", static_cast<int>(found.end), bytes(found.p), found.error, found.margin, e);
 }
 
-// project(p, among, offset): the impulses on top of p that just keep the contacts among (None: all) from
-// approaching, and the error of that; None if there are none. With offset, from a velocity e min(u, 0) higher.
-PyObject* project(PyObject* self, PyObject* const* args, Py_ssize_t count) {
-  const DD* p = count == 3 ? impulses(self, args[0]) : nullptr;
-  if (!p) return nullptr;
-  const Assembly& scene = of(self);
-  std::vector<int> among;
-  if (args[1] == Py_None) among = scene.all();
-  else
-    for (Py_ssize_t k = 0; k < PyList_GET_SIZE(args[1]); ++k)
-      among.push_back(static_cast<int>(PyLong_AsLong(PyList_GET_ITEM(args[1], k))));
-  std::vector<N> offset;
-  if (args[2] == Py_True)
-    for (const Touch& touch : scene.touches)
-      offset.push_back(high(touch.velocity) < 0 ? touch.velocity * exact(touch.e) : N{{0, 0}, high(touch.velocity) < width(touch.velocity) ? width(touch.velocity) : 0});
-  Assembly::Projection projection = scene.project(p, among, offset.empty() ? nullptr : offset.data());
-  if (projection.found != Found::LEAST) Py_RETURN_NONE;
-  return Py_BuildValue("Nd", bytes(projection.q), projection.error);
-}
-
-// combine(a, p, b, q): a p + b q, and what rounding does to the velocities.
-PyObject* combine(PyObject* self, PyObject* const* args, Py_ssize_t count) {
-  const DD *p = count == 4 ? impulses(self, args[1]) : nullptr, *q = p ? impulses(self, args[3]) : nullptr;
-  if (!q) return nullptr;
-  double a = PyFloat_AsDouble(args[0]), b = PyFloat_AsDouble(args[2]);
-  std::vector<DD> sum(of(self).count);
-  std::vector<double> lost(of(self).count);
-  for (int i = 0; i < of(self).count; ++i) {
-    DD x = DD{a, 0} * p[i], y = DD{b, 0} * q[i];
-    sum[i] = x + y;
-    lost[i] = (std::fabs(x.h) + std::fabs(y.h)) * 0x1p-98;
-  }
-  return Py_BuildValue("Nd", bytes(sum), of(self).size_of(lost));
-}
-
-// joined_restitution(q): sum e u q / sum u q over the contacts that approach, and its error.
-PyObject* joined_restitution(PyObject* self, PyObject* o) {
-  const DD* q = impulses(self, o);
-  if (!q) return nullptr;
-  N above = exact(0.0), below = exact(0.0);
-  double least = 1, most = 0;
-  for (int i = 0; i < of(self).count; ++i) {
-    const Touch& touch = of(self).touches[i];
-    if (!(high(touch.velocity) < 0) || q[i].h == 0) continue;
-    N work = touch.velocity * exact(q[i]);
-    above = above + work * exact(touch.e);
-    below = below + work;
-    least = std::fmin(least, touch.e);
-    most = std::fmax(most, touch.e);
-  }
-  if (!(high(below) < 0)) return Py_BuildValue("dd", 0.0, 0.0);
-  if (least == most) return Py_BuildValue("dd", least, 0.0);
-  N e = above / below;
-  return Py_BuildValue("dd", std::fmin(std::fmax(high(e), 0), 1), width(e) + 0x1p-53);
-}
-
-PyObject* vector(const double* x) {
-  PyObject* v = types.vec3->tp_alloc(types.vec3, 3);
-  if (v)
-    for (int k = 0; k < 3; ++k) PyTuple_SET_ITEM(v, k, PyFloat_FromDouble(x[k]));
-  return v;
-}
-PyObject* twist(const double* x) {
-  PyObject* t = types.twist->tp_alloc(types.twist, 2);
-  if (t) {
-    PyTuple_SET_ITEM(t, 0, vector(x));
-    PyTuple_SET_ITEM(t, 1, vector(x + 3));
-  }
-  return t;
-}
+PyObject* vector(const double* x) { return tuple_of(types.vec3, x, 3); }
+PyObject* twist(const double* x) { return twist_of(types.twist, types.vec3, x); }
 
 // A size in the metric of kinetic energy, in the norm of error_bound: at most how many times it is.
 double in_norm(const double* body) {
@@ -298,13 +192,18 @@ double in_norm(const double* body) {
   return std::sqrt(std::fmax(base, (shift + trace / 3) * inverse));
 }
 
-// answer(p, tangential, error): of normal impulses, and of tangential ones (pairs of floats in the axes of each
-// contact, or None). The changes and the twists of the movable bodies, the impulses, the velocities before and
-// after, the energies before and after, what restitution and friction lost, the relative error, and for each
-// contact: the slip after relative to the fastest speed before, its product with that before, and
-// friction relative to its limit.
+enum Regime { REGIME_SEPARATING = 1, REGIME_STICKING, REGIME_SLIDING, REGIME_REVERSED };
+
+// Of slip, relative to the fastest speed before, and of what friction lacks to its limit: this is none.
+constexpr double AT_REST = 0x1p-20;
+
+// answer(p, tangential, error, by_slip): of normal impulses, and of tangential ones (pairs of floats in the axes of
+// each contact, or None): the changes and the twists of the movable bodies, the impulses, the velocities before and
+// after, the regimes (by_slip: sticking is no slip, else it is less than all friction), the energies before and
+// after, what restitution and friction lost, the relative error, whether a body turned about an axis without
+// inertia, and whether a quaternion was not of unit length.
 PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
-  const DD* p = argc == 3 ? impulses(self, args[0]) : nullptr;
+  const DD* p = argc == 4 ? impulses(self, args[0]) : nullptr;
   if (!p) return nullptr;
   const Assembly& scene = of(self);
   int count = scene.count;
@@ -348,7 +247,7 @@ PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
     PyList_SET_ITEM(changes, b, twist(change));
     PyList_SET_ITEM(after, b, twist(moved.x + IN_BODY_A_VELOCITY_X));
   }
-  PyObject *before = PyList_New(count), *then = PyList_New(count), *slips = PyList_New(count);
+  PyObject *before = PyList_New(count), *then = PyList_New(count), *regimes = PyList_New(count);
   std::vector<N> u = scene.velocities(p);
   double lost_n = 0, lost_t = 0, fastest = 0;
   for (const Touch& touch : scene.touches)
@@ -373,11 +272,16 @@ PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
     PyList_SET_ITEM(pushes, i, vector(push));
     PyList_SET_ITEM(before, i, PyFloat_FromDouble(u_before[0]));
     PyList_SET_ITEM(then, i, PyFloat_FromDouble(u_after[0]));
-    PyList_SET_ITEM(slips, i, Py_BuildValue("(ddd)", fastest > 0 ? speed / fastest : 0, back, most > 0 ? across / most : 1.0));
+    Regime regime = back < 0 ? REGIME_REVERSED : REGIME_SLIDING;
+    if (push[0] == 0 && push[1] == 0 && push[2] == 0) regime = REGIME_SEPARATING;
+    else if (touch.mu == 0) regime = REGIME_SLIDING;
+    else if (args[3] == Py_True ? speed <= AT_REST * fastest : across < (1 - AT_REST) * most) regime = REGIME_STICKING;
+    PyList_SET_ITEM(regimes, i, Py_NewRef(PyTuple_GET_ITEM(types.regimes, regime)));
   }
   double bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0) : (worst > 0 ? INFINITY : 0);
   if (!(bound == bound)) bound = INFINITY;
-  return Py_BuildValue("NNNNNddddd(NNN)", changes, after, pushes, before, then, energies, energies_after, lost_n, lost_t, bound, slips, PyBool_FromLong(reinterpret_cast<Cluster*>(self)->idle), PyBool_FromLong(reinterpret_cast<Cluster*>(self)->off_unit));
+  auto* cluster = reinterpret_cast<Cluster*>(self);
+  return Py_BuildValue("NNNNNN(dddd)dNN", changes, after, pushes, before, then, regimes, energies, energies_after, lost_n, lost_t, bound, PyBool_FromLong(cluster->idle), PyBool_FromLong(cluster->off_unit));
 }
 
 PyObject* friction_answer(const Friction& friction, const Assembly& scene) {
@@ -391,7 +295,7 @@ PyObject* friction_answer(const Friction& friction, const Assembly& scene) {
   return Py_BuildValue("NNd", bytes(p), tangential, friction.error);
 }
 
-// least_work(p), one_step(): impulses along the normals, across them, and the error; None if there are none.
+// least_work(p), one_step(friction): impulses along the normals, across them, and the error; None if there are none.
 PyObject* with_least_work(PyObject* self, PyObject* o) {
   const DD* p = impulses(self, o);
   if (!p) return nullptr;
@@ -399,7 +303,13 @@ PyObject* with_least_work(PyObject* self, PyObject* o) {
   of(self).least_norm(normal, false);
   return friction_answer(least_work(of(self), normal), of(self));
 }
-PyObject* in_one_step(PyObject* self, PyObject*) { return friction_answer(one_step(of(self)), of(self)); }
+PyObject* in_one_step(PyObject* self, PyObject* rubs) {
+  const Assembly& scene = of(self);
+  if (rubs == Py_True) return friction_answer(one_step(scene), scene);
+  Assembly::Projection found = scene.rebound();
+  if (found.found != Found::LEAST) Py_RETURN_NONE;
+  return Py_BuildValue("NOd", bytes(found.q), Py_None, found.error);
+}
 
 // compress(stiffness, exponent, tolerance or step, budget, friction): as above, along a law with compliance.
 PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
@@ -433,16 +343,11 @@ PyObject* get_floats(PyObject* self, void*) { return PyLong_FromLong(of(self).co
 PyMethodDef methods[] = {
     {"none", none, METH_NOARGS, ""},
     {"from_floats", from_floats, METH_O, ""},
-    {"approach", approach, METH_NOARGS, ""},
-    FAST("violated", violated),
     {"size", size, METH_O, ""},
-    FAST("approaching", approaching),
-    FAST("project", project),
-    FAST("combine", combine),
-    {"joined_restitution", joined_restitution, METH_O, ""},
+    FAST("reflections", reflect),
     FAST("answer", answer),
     {"least_work", with_least_work, METH_O, ""},
-    {"one_step", in_one_step, METH_NOARGS, ""},
+    {"one_step", in_one_step, METH_O, ""},
     FAST("compress", compress),
     {}};
 PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {"count", get_floats, nullptr, "", nullptr}, {}};
@@ -463,11 +368,11 @@ PyObject* is_rational(PyObject*, PyObject* o) { return PyBool_FromLong(holds_fra
 
 PyObject* setup(PyObject*, PyObject* args) {
   PyObject *vec3, *twist, *fraction;
-  if (!PyArg_ParseTuple(args, "OOO", &vec3, &twist, &fraction)) return nullptr;
+  if (!PyArg_ParseTuple(args, "OOOO", &vec3, &twist, &fraction, &types.regimes)) return nullptr;
   types.fraction = reinterpret_cast<PyTypeObject*>(fraction);
   types.vec3 = reinterpret_cast<PyTypeObject*>(vec3);
   types.twist = reinterpret_cast<PyTypeObject*>(twist);
-  Py_INCREF(args);  // keeps both for ever
+  Py_INCREF(args);  // keeps all of them for ever
   Py_RETURN_NONE;
 }
 

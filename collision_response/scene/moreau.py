@@ -30,8 +30,5 @@ from .reflections import Struck
 
 def one_step(cluster: Any, *, has_friction: bool) -> Struck | None:
     """The impulses; ``None`` if none are found."""
-    if has_friction:
-        rubbed = cluster.one_step()
-        return None if rubbed is None else Struck(*rubbed)
-    found = cluster.project(cluster.none(), None, True)
-    return None if found is None else Struck(found[0], error=found[1])
+    found = cluster.one_step(has_friction)
+    return None if found is None else Struck(*found)

@@ -15,6 +15,8 @@ Every step leaves v in exactly known linear relation to the impulses, and neithe
 velocities part: errors add and do not grow. What jumps is which contacts are in V: that a velocity is
 below the threshold must be certain.
 
+It stands here for fractions, and in ``kernels/scene/reflections.hpp`` for double-double, with the errors.
+
 Sources: Smith, Kaufman, Vouga, Tamstorf & Grinspun, "Reflections on Simultaneous Impact", ACM Trans.
 Graph. 31 (2012); Vouga, Smith, Kaufman, Tamstorf & Grinspun, "All's Well That Ends Well", ACM Trans.
 Graph. 36 (2017), that it ends.
@@ -23,13 +25,18 @@ Graph. 36 (2017), that it ends.
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 from ..numbers.number import Scalar
 from ..status import ImpactError, StatusCode
+from .rational import RationalCluster
 
 REFLECTIONS = 10_000
 """A budget. A chain of n equal balls takes n."""
+
+DONE, CONTRADICTORY, TOO_LONG = range(3)
+"""How reflections end."""
 
 
 class Struck(NamedTuple):
@@ -62,47 +69,47 @@ def reflections(cluster: Any, threshold: Scalar) -> Struck:
     Raises:
         ImpactError: CONTRADICTORY_CONTACTS or PATH_TOO_LONG.
     """
-    zero = cluster.none()
-    speed, doubt = cluster.approach()
-    if not speed > 0:
-        return Struck(zero)
-    first, error_P = projection(cluster, zero, None)
-    e, e_error = cluster.joined_restitution(first)
-    inelastic, rounding = cluster.combine(1, zero, 1, first)
-    error_P += rounding
-    if not e > 0:
-        return Struck(inelastic, error=error_P, restitution=e)
-    p, error, margin = zero, 0.0, math.inf
-    for turn in range(REFLECTIONS):
-        violated, near, certain = cluster.violated(p, error, threshold * speed, threshold * doubt)
-        margin = min(margin, near / speed)
-        if not certain:
-            error = math.inf
-        if not violated:
-            break
-        is_first = turn == 0 and len(violated) == cluster.count
-        q, q_error = (first, error_P) if is_first else projection(cluster, p, violated)
-        p, rounding = cluster.combine(1, p, 2, q)
-        error += 2 * q_error + rounding
+    if isinstance(cluster, RationalCluster):
+        end, struck = _exactly(cluster, Fraction(threshold))
     else:
-        reason = f"the reflections did not end within {REFLECTIONS}"
-        raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
-    elastic, rounding = cluster.combine(1, p, -1, inelastic)
-    p, more = cluster.combine(1, inelastic, e, elastic)
-    error = float(e) * error + float(1 - e) * error_P + rounding + more
-    if e_error:
-        error += e_error * cluster.size(elastic)
-    if cluster.approaching(p, error):  # slower than the threshold
-        q, q_error = projection(cluster, p, None)
-        p, rounding = cluster.combine(1, p, 1, q)
-        error += q_error + rounding
-    return Struck(p, error=error, margin=margin, restitution=e)
-
-
-def projection(cluster: Any, p: Any, among: list[int] | None) -> tuple[Any, float]:
-    """The impulses on top of ``p`` that just keep contacts from approaching, and their error."""
-    found = cluster.project(p, among, False)
-    if found is None:
+        end, p, error, margin, e = cluster.reflections(threshold, REFLECTIONS)
+        struck = Struck(p, None, error, margin, e)
+    if end == CONTRADICTORY:
         reason = "contradict each other: no velocities keep all of them from approaching"
         raise ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
-    return found
+    if end == TOO_LONG:
+        reason = f"the reflections did not end within {REFLECTIONS}"
+        raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
+    return struck
+
+
+def _exactly(cluster: RationalCluster, threshold: Fraction) -> tuple[int, Struck]:
+    p, speed = cluster.none(), cluster.approach()
+    if not speed > 0:
+        return DONE, Struck(p)
+    q = cluster.project(p)
+    if q is None:
+        return CONTRADICTORY, Struck(p)
+    e = cluster.joined_restitution(q)
+    inelastic = [x + y for x, y in zip(p, q, strict=True)]
+    if e == 0:
+        return DONE, Struck(inelastic, restitution=e)
+    margin: Scalar = math.inf
+    for _ in range(REFLECTIONS):
+        violated, near = cluster.violated(p, threshold * speed)
+        margin = min(margin, near / speed)
+        if not violated:
+            break
+        q = cluster.project(p, violated)
+        if q is None:
+            return CONTRADICTORY, Struck(p)
+        p = [x + 2 * y for x, y in zip(p, q, strict=True)]
+    else:
+        return TOO_LONG, Struck(p)
+    p = [e * x + (1 - e) * y for x, y in zip(p, inelastic, strict=True)]
+    if cluster.approaching(p):  # slower than the threshold
+        q = cluster.project(p)
+        if q is None:
+            return CONTRADICTORY, Struck(p)
+        p = [x + y for x, y in zip(p, q, strict=True)]
+    return DONE, Struck(p, margin=margin, restitution=e)

@@ -222,10 +222,10 @@ struct Assembly {
     return u;
   }
 
-  // |M^-1 N dp| for impulses known to within `by`.
-  double size_of(const std::vector<double>& by) const {
+  // At least |M^-1 N p|.
+  double size_of(const DD* p) const {
     double sum = 0;
-    for (int i = 0; i < count; ++i) sum += by[i] / touches[i].scale;
+    for (int i = 0; i < count; ++i) sum += std::fabs(p[i].h) / touches[i].scale;
     return sum * (1 + 1e-9);
   }
 
@@ -327,6 +327,16 @@ struct Assembly {
     double distance = std::sqrt(moved);  // |w* - v|^2 <= -q.u
     result.error = (far + std::sqrt(far * far + 4 * (gap + far * distance))) / 2 * (1 + 1e-9);
     return result;
+  }
+
+  // The impulses that give all contacts velocities of at least -e min(u, 0).
+  Projection rebound() const {
+    std::vector<N> offset;
+    for (const Touch& touch : touches) {
+      double u = high(touch.velocity), doubt = width(touch.velocity);
+      offset.push_back(u < 0 ? touch.velocity * exact(touch.e) : N{{0, 0}, u < doubt ? doubt : 0});
+    }
+    return project(std::vector<DD>(count, DD{0, 0}).data(), all(), offset.data());
   }
 
   std::vector<int> all() const {

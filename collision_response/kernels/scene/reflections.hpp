@@ -15,7 +15,7 @@ class Reflections {
  public:
   explicit Reflections(const Assembly& assembly) : scene(assembly) {}
 
-  Reflected resolve(double threshold, int budget) {
+  Reflected resolve(double threshold, long budget) {
     Reflected result;
     std::vector<DD>& p = result.p;
     p.assign(scene.count, DD{0, 0});
@@ -37,7 +37,7 @@ class Reflections {
     }
     double error = 0;
     std::vector<int> violated;
-    for (int turn = 0;; ++turn) {
+    for (long turn = 0;; ++turn) {
       if (turn == budget) return {End::TOO_LONG};
       double near;
       if (!look(p.data(), error, threshold * speed, threshold * doubt, violated, near)) error = INFINITY;
@@ -51,9 +51,9 @@ class Reflections {
     }
     // e p_GR + (1 - e) p_P
     double rounding = add(p, -1, first.q);
-    if (e_error > 0) error += e_error * size_of(p);
+    if (e_error > 0) error += e_error * scene.size_of(p.data());
     for (DD& x : p) x = DD{result.e, 0} * x;
-    result.error = result.e * error + (1 - result.e) * first.error + rounding + size_of(p) * 0x1p-98;
+    result.error = result.e * error + (1 - result.e) * first.error + rounding + scene.size_of(p.data()) * 0x1p-98;
     result.error += add(p, 1, first.q);
     if (approaches(p.data(), result.error)) {  // slower than the threshold
       Assembly::Projection last = scene.project(p.data(), scene.all(), nullptr);
@@ -123,10 +123,8 @@ class Reflections {
     }
     return lost * 0x1p-98;
   }
-
-  double size_of(const std::vector<DD>& p) const {
-    double sum = 0;
-    for (int i = 0; i < scene.count; ++i) sum += std::fabs(p[i].h) / scene.touches[i].scale;
-    return sum * (1 + 1e-9);
-  }
 };
+
+inline Reflected reflections(const Assembly& scene, double threshold, long budget) {
+  return Reflections(scene).resolve(threshold, budget);
+}
