@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
@@ -108,22 +109,24 @@ def _put_together(
     changes = [UNCHANGED] * len(scene.bodies)
     of_contacts: list[Any] = [None] * len(scene.contacts)
     energies: Sequence[Scalar] = [Fraction(0) if asked.exact else 0.0] * 4
-    bound, margin, adjustments, used_law = 0.0, math.inf, 0, asked.law
-    geometry, precision = (Geometry.SPATIAL, Precision.DOUBLE) if not answers else (Geometry(1), Precision(1))
+    bound, margin, adjustments, law = 0.0, math.inf, 0, asked.law
+    model = None
     for cluster, answered in zip(clusters, answers, strict=True):
         for place, change, twist in zip(answered.places, answered.changes, answered.twists, strict=True):
             changes[place], twists[place] = change, twist
-        for i, *row in zip(cluster, *answered[3:8], strict=True):
+        for i, row in zip(cluster, zip(*answered[3:8], strict=True), strict=True):
             of_contacts[i] = row
-        energies = [x + y for x, y in zip(energies, answered.energies, strict=True)]
+        energies = list(map(operator.add, energies, answered.energies))
         bound, margin = max(bound, answered.bound), min(margin, answered.margin)
         adjustments |= answered.adjustments
-        geometry = max(geometry, answered.model.geometry)
-        precision = max(precision, answered.model.precision)
-        if answered.adjustments & LAW_FALLBACK and used_law is asked.law:
-            used_law = answered.model.law
-    for place, body in enumerate(scene.bodies):
-        if twists[place] is None:
+        if answered.adjustments & FELL_BACK and law is asked.law:
+            law = answered.model.law
+        model = answered.model if model is None else _of_both(model, answered.model)
+    if model is None:
+        model = ImpactModel(law, Geometry.SPATIAL, Precision.DOUBLE, *asked.model[3:])
+    for place, twist in enumerate(twists):
+        if twist is None:
+            body = scene.bodies[place]
             twists[place] = Twist(Vec3(*body.velocity), Vec3(*body.angular_velocity))
             if scene.movable[place]:
                 energy = _energy_of_untouched(place, body)
@@ -136,7 +139,7 @@ def _put_together(
         status = StatusCode.SEPARATING
     return SceneImpact(
         status,
-        ImpactModel(used_law, geometry, precision, *asked.model[3:]),
+        model if model.law is law else model._replace(law=law),
         contacts,
         tuple(twists),
         tuple(changes),
@@ -149,11 +152,19 @@ def _put_together(
         None,
         bound,
         margin,
-        Adjustment(adjustments),
+        ADJUSTMENTS[adjustments],
     )
 
 
-LAW_FALLBACK = int(Adjustment.LAW_FALLBACK)
+ADJUSTMENTS = tuple(map(Adjustment, range(16)))
+FELL_BACK = int(Adjustment.LAW_FALLBACK)
+
+
+def _of_both(one: ImpactModel, other: ImpactModel) -> ImpactModel:
+    """The greater geometry and precision of two clusters."""
+    return one._replace(
+        geometry=max(one.geometry, other.geometry), precision=max(one.precision, other.precision)
+    )
 
 
 def _as_fractions(scene: request.Request, law: Law) -> request.Request:

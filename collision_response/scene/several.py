@@ -52,14 +52,14 @@ class Parts(NamedTuple):
         pairs: of its contacts, by places among those bodies.
         contacts: each once; the numbers of ``bodies`` and ``contacts`` are of one kind.
         counts: how often each is given.
-        names: of each, what the scene calls it and its bodies.
+        first: of each, its index in the scene.
     """
 
     bodies: list[Body]
     pairs: list[Pair]
     contacts: list[Contact]
     counts: list[int]
-    names: list[Name]
+    first: list[int]
 
 
 def several(scene: Request, copies: Copies, asked: Asked) -> Answered:
@@ -72,16 +72,15 @@ def several(scene: Request, copies: Copies, asked: Asked) -> Answered:
     model, law = asked.model, asked.law
     _check_model(model, law)
     places: dict[int, int] = {}
-    pairs, names = [], []
+    pairs = []
     for i in copies.first:
         a, b = scene.pairs[i]
         pairs.append((places.setdefault(a, len(places)), places.setdefault(b, len(places))))
-        names.append(Name(i, a, b))
     contacts = [scene.contacts[i] for i in copies.first]
     if law is Law.FRICTIONLESS and scene.has_friction:
         contacts = [c._replace(friction=c.friction * 0) if c.friction else c for c in contacts]
-    parts = Parts([scene.bodies[place] for place in places], pairs, contacts, copies.counts, names)
-    cluster, parts, slow = _with_restitution(parts, asked)
+    parts = Parts([scene.bodies[place] for place in places], pairs, contacts, copies.counts, copies.first)
+    cluster, parts, slow = _with_restitution(scene, parts, asked)
     if model.geometry in (Geometry.POINT, Geometry.PLANAR):
         _check_geometry(parts, model.geometry)
     has_friction = scene.has_friction and law is not Law.FRICTIONLESS
@@ -140,39 +139,43 @@ def _check_geometry(parts: Parts, geometry: Geometry) -> None:
             raise ImpactError(StatusCode.INVALID_MODEL, "model.geometry", reason)
 
 
-def _with_restitution(parts: Parts, asked: Asked) -> tuple[Any, Parts, bool]:
+def _with_restitution(scene: Request, parts: Parts, asked: Asked) -> tuple[Any, Parts, bool]:
     """The assembled cluster, every restitution a number; and whether one is 0 for want of speed."""
     given, threshold = parts.contacts, asked.model.restitution_threshold
     has_function = any([callable(contact.restitution) for contact in given])
     if has_function:
         numbers = [c._replace(restitution=1.0) if callable(c.restitution) else c for c in given]
         parts = parts._replace(contacts=numbers)
-    cluster, parts = _assembled(parts, asked.exact)
+    cluster, parts = _assembled(scene, parts, asked.exact)
     if not (has_function or threshold):
         return cluster, parts, False
     speeds = [-u for u in _motions(cluster, Struck(cluster.none()))[3]]
     fastest, slow, contacts = max(0.0, *speeds), False, []
-    for original, contact, speed, name in zip(given, parts.contacts, speeds, parts.names, strict=True):
+    for original, contact, speed, i in zip(given, parts.contacts, speeds, parts.first, strict=True):
         e = contact.restitution
         if callable(original.restitution):
-            e = request.restitution_of(original, name.contact, float(speed if speed > 0 else fastest))
+            e = request.restitution_of(original, i, float(speed if speed > 0 else fastest))
         if 0 < speed < threshold and e > 0:
             e, slow = e * 0, True
         contacts.append(contact._replace(restitution=Fraction(e) if asked.exact else float(e)))
-    return *_assembled(parts._replace(contacts=contacts), asked.exact), slow
+    return *_assembled(scene, parts._replace(contacts=contacts), asked.exact), slow
 
 
-def _assembled(parts: Parts, exact: bool) -> tuple[Any, Parts]:
+def _assembled(scene: Request, parts: Parts, exact: bool) -> tuple[Any, Parts]:
     """What impulses do in a cluster, and its parts in the numbers that are used."""
     if not exact:
         made = library.assemble(*parts[:4])
+        if made.__class__ is library.Cluster:
+            return made, parts
+    names = [Name(i, *scene.pairs[i]) for i in parts.first]
+    if not exact:
         if made is None:  # a number is no float
-            bodies, contacts = request.as_floats(parts.bodies, parts.pairs, parts.contacts, parts.names)
+            bodies, contacts = request.as_floats(parts.bodies, parts.pairs, parts.contacts, names)
             parts = parts._replace(bodies=bodies, contacts=contacts)
             made = library.assemble(*parts[:4])
         if made.__class__ is library.Cluster:
             return made, parts
-    for (a, b), contact, name in zip(parts.pairs, parts.contacts, parts.names, strict=True):
+    for (a, b), contact, name in zip(parts.pairs, parts.contacts, names, strict=True):
         request.check_contact(parts.bodies[a], parts.bodies[b], contact, name)
     if not exact:
         raise ImpactError(StatusCode.INTERNAL_ERROR, "contacts", "were refused for no known reason")
@@ -236,11 +239,11 @@ def _by_springs(cluster: Any, parts: Parts, asked: Asked, has_friction: bool) ->
     restitution = [contact.restitution for contact in parts.contacts]
     least = min(restitution)
     if least < LEAST_RESTITUTION:
-        field = f"contacts[{parts.names[restitution.index(least)].contact}].restitution"
+        field = f"contacts[{parts.first[restitution.index(least)]}].restitution"
         reason = f"must be at least {LEAST_RESTITUTION} for ROUTH_STRONGE in a cluster, is {least}"
         raise ImpactError(StatusCode.PATH_TOO_LONG, field, reason)
     given = asked.stiffness
-    stiffness = [1.0 if given is None else float(given[name.contact]) for name in parts.names]
+    stiffness = [1.0 if given is None else float(given[i]) for i in parts.first]
     struck, error = compressed(
         cluster, stiffness, float(asked.exponent), asked.model.tolerance,
         has_friction=has_friction, apart=apart,

@@ -216,9 +216,12 @@ struct Assembly {
 
   // Normal velocities, times the lengths of the normals.
   std::vector<N> velocities(const DD* p) const {
-    std::vector<N> twists = changes(p), u;
+    std::vector<N> u;
     u.reserve(count);
-    for (const Touch& touch : touches) u.push_back(touch.velocity + velocity_change(touch, twists));
+    for (const Touch& touch : touches) u.push_back(touch.velocity);
+    if (std::all_of(p, p + count, [](const DD& x) { return x.h == 0; })) return u;
+    std::vector<N> twists = changes(p);
+    for (int i = 0; i < count; ++i) u[i] = u[i] + velocity_change(touches[i], twists);
     return u;
   }
 
@@ -257,7 +260,9 @@ struct Assembly {
     for (int j : active.members) q[j] = DD{x[j] * touches[j].scale, 0};
 
     std::vector<N> r(count, exact(0.0));
+    bool seen = false;  // r is that of q
     auto look = [&] {
+      seen = true;
       std::vector<N> twists = changes(q.data());
       for (int i : among) r[i] = start[i] + velocity_change(touches[i], twists);
     };
@@ -274,6 +279,7 @@ struct Assembly {
         }
         if (settled) break;
         active.solve(y.data());
+        seen = false;
         for (size_t k = 0; k < y.size(); ++k) {
           int j = active.members[k];
           q[j] = q[j] + DD{y[k] * touches[j].scale, 0};
@@ -300,6 +306,7 @@ struct Assembly {
         }
       }
       if (entering < 0) break;
+      seen = false;
       Found found = enter(
           active, entering, most,
           [&](int place, double by) {
@@ -314,8 +321,11 @@ struct Assembly {
       }
     }
     for (DD& one : q)
-      if (one.h < 0) one = DD{0, 0};
-    look();
+      if (one.h < 0) {
+        one = DD{0, 0};
+        seen = false;
+      }
+    if (!seen) look();
     double gap = 0, far = 0, moved = 0;
     for (int i : among) {
       double low = high(r[i]) - width(r[i]), reach = std::fabs(high(r[i])) + width(r[i]);

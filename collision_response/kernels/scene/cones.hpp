@@ -57,7 +57,7 @@ class Cones {
   // Of all solutions that of least squares, nearly; and how much more than the least its work is, at most.
   double solve() {
     const std::vector<Axes> none(P.size(), Axes{0, 0, 0});
-    if (!settle(GREATEST, none, true, 5))
+    if (!settle(GREATEST, none, true, 12))
       for (double size = 1; size <= GREATEST; size *= 100) settle(size, none, size == 1, 60);
     return mend();
   }
@@ -86,7 +86,7 @@ class Cones {
       newton(gradient, step);
       for (int i = 0; i < variables; ++i) x[i] += step[i];
     }
-    double value = look(x, gradient, false), off = norm(gradient), enough = 1e-15 + 1e-16 * rho;
+    double value = look(x, gradient, false), off = norm(gradient), enough = 1e-14 + 2e-16 * rho;
     for (int turn = 0; turn < budget && off > enough; ++turn) {
       newton(gradient, step);
       double slope = 0;
@@ -143,7 +143,7 @@ class Cones {
 
   static double norm(const std::vector<double>& g) {
     double most = 0;
-    for (double v : g) most = std::fmax(most, std::fabs(v));
+    for (double v : g) most = std::max(most, std::fabs(v));
     return most;
   }
   static Axes velocity(const Cone& cone, const double* y) {
@@ -166,7 +166,7 @@ class Cones {
 
   // The nearest of the cone, and the derivative of that.
   static void onto(double mu, Axes& q, Slope& slope) {
-    double t = std::hypot(q[1], q[2]);
+    double t = std::sqrt(q[1] * q[1] + q[2] * q[2]);
     slope = {};
     if (t <= mu * q[0]) {
       for (int k = 0; k < 3; ++k) slope.d[k][k] = 1;
@@ -319,8 +319,9 @@ class Cones {
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone& cone = cones[i];
       double own = rho * cone.share, part[2][3][6];
+      if (slopes[i].d[0][0] == 0) continue;  // open
       for (int side = 0; side < 2; ++side)
-        for (int a = 0; a < 3; ++a)
+        for (int a = 0; cone.body[side] >= 0 && a < 3; ++a)
           for (int k = 0; k < 6; ++k)
             part[side][a][k] = own * (slopes[i].d[a][0] * cone.row[side][0][k] + slopes[i].d[a][1] * cone.row[side][1][k] + slopes[i].d[a][2] * cone.row[side][2][k]);
       for (int s = 0; s < 2; ++s)

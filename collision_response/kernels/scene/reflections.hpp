@@ -36,11 +36,12 @@ class Reflections {
       return result;
     }
     double error = 0;
+    bool all_part = false;  // to all digits
     std::vector<int> violated;
     for (long turn = 0;; ++turn) {
       if (turn == budget) return {End::TOO_LONG};
       double near;
-      if (!look(p.data(), error, threshold * speed, threshold * doubt, violated, near)) error = INFINITY;
+      if (!look(p.data(), error, threshold * speed, threshold * doubt, violated, near, all_part)) error = INFINITY;
       result.margin = std::fmin(result.margin, near / speed);
       if (violated.empty()) break;
       bool is_first = turn == 0 && static_cast<int>(violated.size()) == scene.count;
@@ -55,7 +56,7 @@ class Reflections {
     for (DD& x : p) x = DD{result.e, 0} * x;
     result.error = result.e * error + (1 - result.e) * first.error + rounding + scene.size_of(p.data()) * 0x1p-98;
     result.error += add(p, 1, first.q);
-    if (approaches(p.data(), result.error)) {  // slower than the threshold
+    if (!all_part && approaches(p.data(), result.error)) {  // slower than the threshold
       Assembly::Projection last = scene.project(p.data(), scene.all(), nullptr);
       if (last.found != Found::LEAST) return {End::CONTRADICTORY};
       result.error += add(p, 1, last.q) + last.error;
@@ -88,11 +89,12 @@ class Reflections {
   }
 
   // The contacts of velocity below -limit, and the least distance of one from that; whether all this is certain.
-  bool look(const DD* p, double error, double limit, double doubt, std::vector<int>& violated, double& margin) const {
+  bool look(const DD* p, double error, double limit, double doubt, std::vector<int>& violated, double& margin, bool& all_part) const {
     std::vector<N> u = scene.velocities(p);
     violated.clear();
     margin = INFINITY;
     bool certain = true;
+    all_part = true;
     for (int i = 0; i < scene.count; ++i) {
       const Touch& touch = scene.touches[i];
       N off = u[i] + exact(limit) * exact(touch.length);  // the length is rounded, as limit is
@@ -101,6 +103,7 @@ class Reflections {
       certain = certain && (distance > known || (known == 0 && error == 0));
       margin = std::fmin(margin, distance / touch.length);
       if (high(off) < 0) violated.push_back(i);
+      all_part = all_part && high(u[i]) >= 0;
     }
     return certain;
   }
