@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from . import exactly, validity
+from . import exactly, rationally, validity
 from .answer import Impact
 from .geometry import flattened, flattened_contact
 from .kernels import library
@@ -24,7 +24,8 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = D
     """The twists of two bodies after they collide.
 
     Args:
-        body_a: one body; the contact's normal points to it.
+        body_a: one body; the contact's normal points to it. If a number of the request is a
+            :class:`fractions.Fraction`, FRICTIONLESS answers exactly, in fractions.
         body_b: the other body.
         contact: where they touch, and the coefficients.
         model: what to model, and how exactly.
@@ -44,7 +45,7 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = D
 
 OF_BODIES = Adjustment.NORMALISED_ORIENTATION | Adjustment.MASSLESS_SPIN
 
-FAULT, FUNCTION, FORCED, BEYOND = range(4)
+FAULT, FUNCTION, FORCED, BEYOND, RATIONAL = range(5)
 """Why the kernels leave a request to this module; see ``module.cpp``."""
 
 
@@ -59,6 +60,8 @@ def _unusual(
         raise ImpactError(StatusCode.INTERNAL_ERROR, "request", "was refused for no known reason")
     if answer == FUNCTION:
         return resolve(body_a, body_b, _with_restitution(body_a, body_b, contact, model), model)
+    if answer == RATIONAL:
+        return rationally.resolve(body_a, body_b, contact, model)
     if answer == FORCED:
         return _leaving_out(body_a, body_b, contact, model)
     may_climb = plan(model).last is Precision.EXTENDED
@@ -79,7 +82,7 @@ def _with_restitution(body_a: Body, body_b: Body, contact: Contact, model: Impac
     elastic = contact._replace(restitution=1.0)
     simple = model._replace(restitution_threshold=0.0, tolerance=0.0, precision=Precision.EXTENDED)
     before = resolve(body_a, body_b, elastic, simple).normal_velocity_before
-    value = contact.restitution(max(-before, 0.0))
+    value = contact.restitution(float(max(-before, 0.0)))
     check_number("contact.restitution(approach_speed)", value, 0, 1, StatusCode.INVALID_COEFFICIENT)
     return contact._replace(restitution=float(value))
 

@@ -19,6 +19,7 @@ from batches import (
     by_single_impacts,
     columns,
     each,
+    is_tiny,
     scene_of,
     some,
 )
@@ -54,14 +55,6 @@ every_kind = pytest.mark.parametrize(("geometry", "oriented", "law"), KINDS)
 
 def scenes_of(geometry: Geometry, bodies, contacts):
     return [scene_of(geometry, bodies, contacts, i) for i in range(bodies.shape[-1])]
-
-
-def is_tiny(bodies: np.ndarray) -> np.ndarray:
-    """The contacts with a number near the end of the range, where products underflow.
-
-    There the programs of two layouts may differ, and one impact is computed in other units.
-    """
-    return ((bodies != 0) & (abs(bodies) < 1e-290)).any(axis=(0, 1))
 
 
 # against one impact at a time

@@ -88,6 +88,18 @@ def test_bounds_and_precisions_come_with_a_tolerance_or_extended(tried_node, mod
 
 
 @pytest.mark.parametrize("law", LAWS)
+def test_regimes_and_energies_come_when_they_are_asked_for(tried_node, law):
+    response = tried_node.call(packed(Request.SPATIAL, ImpactModel(law), report=True))
+    assert_same(unpack(response), resolve_batch(*some(Geometry.SPATIAL), ImpactModel(law), report=True))
+    one = tried_node.call(request_of(*scene_of(Geometry.SPATIAL, *some(Geometry.SPATIAL), 7), law=law)).result
+    assert response.regimes[7] == one.regime
+    assert response.kinetic_energy_after[7] == one.kinetic_energy_after
+    assert response.energy_lost_friction[7] == one.energy_lost_friction
+    without = tried_node.call(packed(Request.SPATIAL, ImpactModel(law)))
+    assert not (without.regimes or without.kinetic_energy_before or without.energy_lost_restitution)
+
+
+@pytest.mark.parametrize("law", LAWS)
 def test_the_answers_are_those_of_the_service_for_one(tried_node, law):
     result = unpack(tried_node.call(packed(Request.SPATIAL_ORIENTED, ImpactModel(law))))
     bodies, contacts = some(Geometry.SPATIAL, oriented=True)

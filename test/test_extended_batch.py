@@ -14,7 +14,7 @@ from scenes import Scene
 from test_batch_tolerance import ill_conditioned
 
 from collision_response import Geometry, ImpactModel, Law, Precision, StatusCode
-from collision_response.batch import resolve_batch
+from collision_response.batch import BatchResult, resolve_batch
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.kernels import library
 from collision_response.kernels.layout import Layout
@@ -113,9 +113,10 @@ def in_double_doubles(bodies, contacts, law: Law):
     n = bodies.shape[-1]
     velocity, spin, impulse = (np.empty(shape) for shape in ((3, 2, n), (3, 2, n), (3, n)))
     bound, status = np.empty(n), np.empty(n, np.uint8)
-    tables = np.ascontiguousarray(bodies), np.ascontiguousarray(contacts), np.zeros(3)
-    place = list(Layout).index(Layout.SPATIAL)
-    library.batch(law, place, library.Number.EXTENDED, *tables, velocity, spin, impulse, bound, status, 0, n)
+    out = BatchResult(velocity, spin, impulse, status, bound, np.empty_like(status))
+    tables = np.ascontiguousarray(bodies), None, np.ascontiguousarray(contacts), np.zeros(3)
+    kernel = law, list(Layout).index(Layout.SPATIAL), library.Number.EXTENDED
+    assert library.batch(*kernel, *tables, out, 0, n) is not None
     return impulse, bound
 
 

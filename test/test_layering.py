@@ -21,7 +21,7 @@ LAYERS = (
     {"centre"},
     {"answer", "geometry", "impact", "validity"},
     {"kernels"},
-    {"exactly"},
+    {"exactly", "rationally"},
     {"resolve"},
     {"requirements", "scene"},
     {FRONT},

@@ -1,15 +1,21 @@
 """Many independent contacts at once: arrays in, arrays out."""
 
+from .pairs import independent_sets, scatter_velocities
 from .resolve_batch import BatchResult, is_bounded, resolve_batch, resolve_with_pauses
+from .resolve_scenes import ScenesResult, resolve_scenes
 from .rows import BodyRows, ContactRows, body_rows, contact_rows
 
 __all__ = [
     "BatchResult",
     "BodyRows",
     "ContactRows",
+    "ScenesResult",
     "body_rows",
     "contact_rows",
+    "independent_sets",
     "is_bounded",
     "resolve_batch",
+    "resolve_scenes",
     "resolve_with_pauses",
+    "scatter_velocities",
 ]

@@ -19,28 +19,37 @@ from ..status import ImpactError, StatusCode
 from .rows import BodyRows, ContactRows, body_rows, contact_rows
 
 if TYPE_CHECKING:
-    from .resolve_batch import BatchResult, Plan
+    from .resolve_batch import Asked, BatchResult, Plan
 
 Array = np.ndarray[Any, Any]
 
+REPORT = (
+    "regime",
+    "kinetic_energy_before",
+    "kinetic_energy_after",
+    "energy_lost_restitution",
+    "energy_lost_friction",
+)
 
-def retry(plan: Plan, bodies: Array, contacts: Array, out: BatchResult, columns: Array) -> Iterator[None]:
-    """Answer these columns anew, with as many digits as it takes; a pause after each."""
+
+def retry(asked: Asked, out: BatchResult, columns: Array) -> Iterator[None]:
+    """Answer some columns anew, with as many digits as it takes; a pause after each."""
+    plan, bodies, _, contacts = asked
     model = plan.model
     if out.velocity.dtype == np.float32:
         model = model._replace(precision=Precision.SINGLE)
     elif out.precision is not None and model.precision is Precision.AUTO:
         model = model._replace(precision=Precision.EXTENDED)
     rows, touch = body_rows(plan.geometry, oriented=plan.oriented), contact_rows(plan.geometry)
-    for i in columns.tolist():
-        contact = contacts[:, i]
+    for k, i in enumerate(columns.tolist()):
+        contact = contacts[:, k]
         own = model
         if contact.size > touch.height:
             own = model._replace(tangential_restitution=float(contact[touch.height]))
         try:
             impact = resolve(
-                body_of(rows, bodies[:, 0, i]),
-                body_of(rows, bodies[:, 1, i]),
+                body_of(rows, bodies[:, 0, k]),
+                body_of(rows, bodies[:, 1, k]),
                 contact_of(touch, contact),
                 own,
             )
@@ -58,6 +67,8 @@ def _write(plan: Plan, out: BatchResult, i: int, impact: Impact) -> None:
     out.angular_velocity[..., i] = np.array([twist.angular[3 - spins :] for twist in twists]).T
     out.impulse[..., i] = impact.impulse[:axes]
     out.status[i] = impact.status
+    for field in REPORT if out.regime is not None else ():
+        getattr(out, field)[i] = getattr(impact, field)
     if out.precision is None:
         if impact.status is StatusCode.TOLERANCE_NOT_MET:  # of which this batch knows nothing
             separating = impact.regime == impact.regime.SEPARATING
@@ -67,11 +78,10 @@ def _write(plan: Plan, out: BatchResult, i: int, impact: Impact) -> None:
 
 
 def _refuse(out: BatchResult, i: int, code: StatusCode) -> None:
-    for array in (out.velocity, out.angular_velocity, out.impulse):
-        array[..., i] = math.nan
+    for array in out:
+        if array is not None:
+            array[..., i] = math.nan if array.dtype.kind == "f" else 0
     out.status[i] = code
-    if out.error_bound is not None:
-        out.error_bound[i] = math.nan
 
 
 def body_of(rows: BodyRows, column: Array) -> Body:

@@ -33,7 +33,8 @@ from ..model import LARGEST, Geometry, ImpactModel, Law, Precision, check_model,
 from ..physics.laws import PATHS
 from ..status import ImpactError, StatusCode
 from . import one_by_one
-from .rows import body_rows, contact_rows, layout_of
+from .pairs import as_pairs
+from .rows import TABLES, body_rows, contact_rows, layout_of
 
 Array = np.ndarray[Any, Any]
 
@@ -52,15 +53,6 @@ _PRECISIONS = {
     np.dtype(np.float64): (Precision.DOUBLE, Precision.EXTENDED),
 }
 _LAYOUTS = (Layout.POINT, Layout.PLANAR, Layout.SPATIAL, Layout.SPATIAL_ORIENTED)
-_TABLES = {
-    body_rows(geometry, oriented=oriented).height: (geometry, oriented)
-    for geometry, oriented in (
-        (Geometry.POINT, False),
-        (Geometry.PLANAR, False),
-        (Geometry.SPATIAL, False),
-        (Geometry.SPATIAL, True),
-    )
-}
 
 
 class BatchResult(NamedTuple):
@@ -76,6 +68,12 @@ class BatchResult(NamedTuple):
             only with a tolerance or EXTENDED. NaN where there is no answer.
         precision: the :class:`~collision_response.Precision` used for each contact, uint8, shape ``(N,)``;
             there only with the error bound.
+        regime: what friction did at each contact, a :class:`~collision_response.Regime`, uint8, shape
+            ``(N,)``; 0 where there is no answer. This and the energies are there only with a report.
+        kinetic_energy_before, kinetic_energy_after: of the movable bodies of each contact [J],
+            shape ``(N,)``.
+        energy_lost_restitution, energy_lost_friction: work done at each contact against the normal and
+            against the tangential impulse [J], shape ``(N,)``.
     """
 
     velocity: Any
@@ -84,6 +82,11 @@ class BatchResult(NamedTuple):
     status: Any
     error_bound: Any = None
     precision: Any = None
+    regime: Any = None
+    kinetic_energy_before: Any = None
+    kinetic_energy_after: Any = None
+    energy_lost_restitution: Any = None
+    energy_lost_friction: Any = None
 
 
 def is_bounded(model: ImpactModel) -> bool:
@@ -96,23 +99,31 @@ def resolve_batch(
     contacts: Any,
     model: ImpactModel = DEFAULT,
     *,
+    pairs: Any = None,
+    report: bool = False,
     out: BatchResult | None = None,
     workers: int = 1,
 ) -> BatchResult:
     """The motion of N pairs of bodies after they collide.
 
+    Each contact is answered for itself, as if it were the only one; for what follows from that see
+    :func:`~collision_response.batch.independent_sets`.
+
     Args:
         bodies: the pairs, shape ``(rows, 2, N)``: ``[:, 0]`` are body_a, to whom the normals point. The
-            number of rows tells the geometry.
+            number of rows tells the geometry. With ``pairs``, a table of bodies, shape ``(rows, B)``.
         contacts: the contacts, shape ``(rows, N)``, of the same type: float32 or float64.
         model: which law; AUTO is COULOMB if ``contacts`` has a row of friction. A tolerance, or EXTENDED,
             is for float64.
+        pairs: for each contact the column of its body_a and that of its body_b, integers, shape ``(2, N)``.
+            A pair of one body twice gets the status SAME_BODY, a column that is not there UNKNOWN_BODY.
+        report: whether to report regimes and energies, too.
         out: where to write the results: an earlier result, or arrays like one. They must not overlap
-            the input.
+            the input. Those of a report are written if they are there.
         workers: threads to use. Each takes its share of the contacts; Python runs on meanwhile.
 
     Returns:
-        Arrays of the library that the input is made of. Of Dask they are lazy, cut as the input is.
+        Arrays of the library that the input is made of. Of Dask they are lazy, cut as the contacts are.
 
     Raises:
         ImpactError: INVALID_MODEL or INVALID_COEFFICIENT: the model is none for a batch.
@@ -121,40 +132,59 @@ def resolve_batch(
     if not isinstance(bodies, np.ndarray):
         from . import elsewhere
 
-        converted = elsewhere.resolve_batch(bodies, contacts, model, out, workers)
+        converted = elsewhere.resolve_batch(
+            bodies, contacts, model, pairs=pairs, report=report, out=out, workers=workers
+        )
         if converted is not None:
             return converted
         bodies = np.asarray(bodies)
     contacts = np.asarray(contacts)
-    plan = _plan_for(bodies, contacts, model)
+    pairs = None if pairs is None else as_pairs(pairs)
     if out is None:
-        out = BatchResult(*(np.empty(shape, dtype) for shape, dtype in plan.results(bodies.shape[2])))
-    else:
-        _check_out(plan, bodies.shape[2], out)
-    for _ in resolve_with_pauses(bodies, contacts, model, out, workers):
+        plan = plan_for(bodies, contacts, model, pairs)
+        shapes = plan.results(contacts.shape[1], report)
+        out = BatchResult(*(None if one is None else np.empty(*one) for one in shapes))
+    elif report and out.regime is None:
+        raise ValueError("out.regime: must be there for a report, is None")
+    for _ in resolve_with_pauses(bodies, contacts, model, out, workers, pairs=pairs):
         pass
     return out
 
 
 def resolve_with_pauses(
-    bodies: Array, contacts: Array, model: ImpactModel, out: BatchResult, workers: int = 1
+    bodies: Array,
+    contacts: Array,
+    model: ImpactModel,
+    out: BatchResult,
+    workers: int = 1,
+    *,
+    pairs: Array | None = None,
+    start: int = 0,
+    stop: int | None = None,
 ) -> Iterator[None]:
     """The same on NumPy's arrays, with a pause after each contact that needs more than the kernels give.
 
-    So whoever has other things to do meanwhile can do them. The results are complete at the end.
+    So whoever has other things to do meanwhile can do them. The results of the contacts from ``start`` to
+    ``stop`` are complete at the end.
     """
-    if not bodies.shape[2]:
-        return
-    plan = _plan_for(bodies, contacts, model)
-    target = out
-    if not all(array is None or array.flags.c_contiguous for array in out):
+    plan, target, n = plan_for(bodies, contacts, model, pairs), out, contacts.shape[1]
+    asked, columns = Asked(plan, bodies, pairs, contacts), (start, n if stop is None else min(stop, n))
+    found = _run(asked, plan.number, out, workers, *columns)
+    if found is None:  # some array has gaps between its numbers, or is not what it should be
+        _check_out(plan, n, out)
+        asked = Asked(plan, np.ascontiguousarray(bodies), pairs, np.ascontiguousarray(contacts))
         target = BatchResult(*(None if array is None else np.empty_like(array, order="C") for array in out))
-    bodies, contacts = np.ascontiguousarray(bodies), np.ascontiguousarray(contacts)
-    yield from _compute(plan, bodies, contacts, target, workers)
+        found = _run(asked, plan.number, target, workers, *columns)
+        if found is None:
+            raise ValueError("bodies, contacts, out: must be of the byte order of this machine")
+    yield from _improve(
+        *((asked, target) if columns == (0, n) else asked.part(target, *columns)), found, workers
+    )
     if target is not out:
         for written, wanted in zip(target, out, strict=True):
             if wanted is not None:
-                wanted[...] = written
+                own = (..., slice(*columns))
+                wanted[own] = written[own]
 
 
 class Plan(NamedTuple):
@@ -170,29 +200,48 @@ class Plan(NamedTuple):
     spins: int
     has_bounds: bool
 
-    def results(self, n: int) -> tuple[tuple[tuple[int, ...], np.dtype[Any]], ...]:
+    def results(self, n: int, report: bool) -> tuple[tuple[tuple[int, ...], np.dtype[Any]] | None, ...]:
         """Shapes and types of a :class:`BatchResult`."""
-        real, code = self.constants.dtype, UINT8
-        found = (
-            ((self.axes, 2, n), real),
-            ((self.spins, 2, n), real),
-            ((self.axes, n), real),
-            ((n,), code),
-            ((n,), real),
-            ((n,), code),
-        )
-        return found if self.has_bounds else found[:4]
+        real, number, code = self.constants.dtype, ((n,), self.constants.dtype), ((n,), UINT8)
+        motion = ((self.axes, 2, n), real), ((self.spins, 2, n), real), ((self.axes, n), real), code
+        bounds = (number, code) if self.has_bounds else (None, None)
+        return *motion, *bounds, *((code, *[number] * 4) if report else [None] * 5)
 
 
-def _compute(plan: Plan, bodies: Array, contacts: Array, out: BatchResult, workers: int) -> Iterator[None]:
-    """Fill in the results, climbing to more digits where the bound is above the limit."""
-    worst, loosest = _run(plan, plan.number, bodies, contacts, out, workers)
+class Asked(NamedTuple):
+    """What is asked of a batch: see :func:`resolve_batch`."""
+
+    plan: Plan
+    bodies: Array
+    pairs: Array | None
+    contacts: Array
+
+    def some(self, columns: Array) -> Asked:
+        """Of some contacts, each with its own two bodies."""
+        at = columns if self.pairs is None else self.pairs.take(columns, 1)
+        return Asked(self.plan, self.bodies.take(at, -1), None, self.contacts.take(columns, -1))
+
+    def part(self, out: BatchResult, *columns: int) -> tuple[Asked, BatchResult]:
+        """Of contacts that follow each other, and what became of them."""
+        own = slice(*columns)
+        bodies, pairs = self.bodies, self.pairs
+        if pairs is None:
+            bodies = bodies[..., own]
+        else:
+            pairs = pairs[:, own]
+        part = BatchResult(*(None if array is None else array[..., own] for array in out))
+        return Asked(self.plan, bodies, pairs, self.contacts[:, own]), part
+
+
+def _improve(asked: Asked, out: BatchResult, found: tuple[int, float], workers: int) -> Iterator[None]:
+    """Climb to more digits where the bound is above the limit."""
+    worst, loosest = found
+    model = asked.plan.model
     if out.precision is None:
         if worst >= StatusCode.OUT_OF_RANGE:
             odd = np.flatnonzero(out.status >= StatusCode.OUT_OF_RANGE)
-            yield from one_by_one.retry(plan, bodies, contacts, out, odd)
+            yield from one_by_one.retry(asked.some(odd), out, odd)
         return
-    model = plan.model
     exact = model.precision is Precision.EXTENDED
     out.precision[:] = Precision.EXTENDED if exact else Precision.DOUBLE
     limit = ULP if exact else model.tolerance
@@ -201,16 +250,19 @@ def _compute(plan: Plan, bodies: Array, contacts: Array, out: BatchResult, worke
         return
     wanting = _wanting(out, limit)
     if model.precision is Precision.AUTO and wanting.size:
-        few = BatchResult(*(np.empty((*array.shape[:-1], wanting.size), array.dtype) for array in out))
-        some_bodies, some_contacts = bodies.take(wanting, -1), contacts.take(wanting, -1)
-        _run(plan, library.Number.EXTENDED, some_bodies, some_contacts, few, workers)
+        few = BatchResult(
+            *(None if a is None else np.empty((*a.shape[:-1], wanting.size), a.dtype) for a in out)
+        )
+        _run(asked.some(wanting), library.Number.EXTENDED, few, workers, 0, wanting.size)
         few.precision[:] = Precision.EXTENDED
         for array, better in zip(out, few, strict=True):
-            array[..., wanting] = better
+            if array is not None:
+                array[..., wanting] = better
         wanting = wanting[_wanting(few, limit)]
     if model.precision is Precision.DOUBLE:
         wanting = _wanting(out, LARGEST)
-    yield from one_by_one.retry(plan, bodies, contacts, out, wanting)
+    if wanting.size:
+        yield from one_by_one.retry(asked.some(wanting), out, wanting)
     answered = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)
     out.status[answered & ~(out.error_bound <= tolerance)] = StatusCode.TOLERANCE_NOT_MET
 
@@ -222,33 +274,41 @@ def _wanting(out: BatchResult, limit: float) -> Array:
 
 
 def _run(
-    plan: Plan, number: library.Number, bodies: Array, contacts: Array, out: BatchResult, workers: int
-) -> tuple[int, float]:
-    """Compute all columns; the greatest status, and the greatest error bound."""
-    n = out.status.size
-    arrays = (bodies, contacts, plan.constants, *out[:3], out.error_bound, out.status)
-    law, layout = plan.model.law, plan.layout
-
-    def run(start: int, stop: int) -> tuple[int, float]:
-        return library.batch(law, layout, number, *arrays, start, stop)
-
+    asked: Asked, number: library.Number, out: BatchResult, workers: int, start: int, stop: int
+) -> tuple[int, float] | None:
+    """Compute columns; the greatest status, and the greatest error bound; ``None`` if arrays do not fit."""
+    plan, *tables = asked
+    n = max(0, stop - start)
+    kernel = plan.model.law, plan.layout, number
     shares = max(1, min(workers, n // SHARE))
     if shares == 1:
-        return run(0, n)
-    cuts = [n * i // shares // 64 * 64 for i in range(shares)] + [n]
+        return library.batch(*kernel, *tables, plan.constants, out, start, start + n)
+
+    def run(*columns: int) -> tuple[int, float] | None:
+        return library.batch(*kernel, *tables, plan.constants, out, *columns)
+
+    cuts = [start + n * i // shares // 64 * 64 for i in range(shares)] + [start + n]
     with ThreadPoolExecutor(shares) as pool:
-        statuses, bounds = zip(*pool.map(run, cuts[:-1], cuts[1:]), strict=True)
-    return max(statuses), max(bounds)
+        found = [each for each in pool.map(run, cuts[:-1], cuts[1:]) if each is not None]
+    statuses, bounds = zip(*found, strict=True) if found else ((), ())
+    return (max(statuses), max(bounds)) if found else None
 
 
-def _plan_for(bodies: Array, contacts: Array, model: ImpactModel) -> Plan:
-    _check_tables(bodies, contacts)
-    key = bodies.shape[0], contacts.shape[0], bodies.dtype, id(model)
+def plan_for(bodies: Array, contacts: Array, model: ImpactModel, pairs: Array | None) -> Plan:
+    """What is to be done with such tables. Raises: as :func:`resolve_batch`."""
+    shape, n = bodies.shape, contacts.shape[-1] if contacts.ndim == 2 else -1
+    if pairs is None:
+        fits = len(shape) == 3 and shape[1:] == (2, n)
+    else:
+        fits = len(shape) == 2 and pairs.shape[1] == n
+    key = shape[0] if fits else 0, contacts.shape[:1], bodies.dtype, contacts.dtype, id(model)
     model_and_plan = _RECENT.get(key)
     if model_and_plan is None:
+        _check_tables(bodies, contacts, pairs)
         if len(_RECENT) >= KEPT:
             _RECENT.clear()
-        model_and_plan = _RECENT[key] = model, _plan(*key[:3], model)  # the model stays alive, and so its id
+        plan = _plan(shape[0], contacts.shape[0], bodies.dtype, model)
+        model_and_plan = _RECENT[key] = model, plan  # the model stays alive, and so its id
     return model_and_plan[1]
 
 
@@ -258,7 +318,7 @@ _RECENT: dict[tuple[Any, ...], tuple[ImpactModel, Plan]] = {}
 
 
 def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> Plan:
-    geometry, oriented = _TABLES[rows]
+    geometry, oriented = TABLES[rows]
     least = contact_rows(geometry)
     if height not in (least.friction.start, least.height, least.height + 1):
         raise ValueError(
@@ -285,17 +345,21 @@ def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> P
     )
 
 
-def _check_tables(bodies: Array, contacts: Array) -> None:
+def _check_tables(bodies: Array, contacts: Array, pairs: Array | None) -> None:
     if bodies.dtype not in _PRECISIONS or contacts.dtype != bodies.dtype:
         raise ValueError(
             f"bodies, contacts: must both be float32 or float64; are {bodies.dtype}, {contacts.dtype}"
         )
-    if bodies.ndim != 3 or bodies.shape[1] != 2 or bodies.shape[0] not in _TABLES:
-        raise ValueError(
-            f"bodies: must be of shape ({' or '.join(map(str, _TABLES))}, 2, N), is {bodies.shape}"
-        )
-    if contacts.ndim != 2 or contacts.shape[1] != bodies.shape[2]:
-        raise ValueError(f"contacts: must be of shape (rows, {bodies.shape[2]}), is {contacts.shape}")
+    heights = " or ".join(map(str, TABLES))
+    if pairs is not None:
+        n, shape, fits = pairs.shape[1], f"({heights}, B)", bodies.ndim == 2
+    else:
+        n, shape = bodies.shape[-1] if bodies.ndim else 0, f"({heights}, 2, N)"
+        fits = bodies.ndim == 3 and bodies.shape[1] == 2
+    if not fits or bodies.shape[0] not in TABLES:
+        raise ValueError(f"bodies: must be of shape {shape}, is {bodies.shape}")
+    if contacts.ndim != 2 or contacts.shape[1] != n:
+        raise ValueError(f"contacts: must be of shape (rows, {n}), is {contacts.shape}")
 
 
 def _check_model(model: ImpactModel, geometry: Geometry, dtype: np.dtype[Any]) -> None:
@@ -318,13 +382,13 @@ def _check_model(model: ImpactModel, geometry: Geometry, dtype: np.dtype[Any]) -
 
 
 def _check_out(plan: Plan, n: int, out: BatchResult) -> None:
-    expected = plan.results(n)
-    found = tuple(None if array is None else (array.shape, array.dtype) for array in out)
-    if found == expected + (None,) * (len(found) - len(expected)):
-        return
-    for field, own, (shape, dtype) in zip(BatchResult._fields, found, expected, strict=False):
-        if own != (shape, dtype):
-            what = None if own is None else f"{own[1]} of {own[0]}"
-            raise ValueError(f"out.{field}: must be {dtype} of shape {shape}, is {what}")
-    field = next(name for name in BatchResult._fields[len(expected) :] if getattr(out, name) is not None)
-    raise ValueError(f"out.{field}: must be None, for this model has neither tolerance nor EXTENDED")
+    for field, array, expected in zip(
+        BatchResult._fields, out, plan.results(n, out.regime is not None), strict=True
+    ):
+        found = None if array is None else (array.shape, array.dtype)
+        if found != expected:
+            raise ValueError(f"out.{field}: must be {_described(expected)}, is {_described(found)}")
+
+
+def _described(array: tuple[tuple[int, ...], np.dtype[Any]] | None) -> str:
+    return "None" if array is None else f"{array[1]} of shape {array[0]}"

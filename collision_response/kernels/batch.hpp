@@ -5,6 +5,7 @@
 #include "sizes.hpp"
 
 enum { ROWS = 2 * ROWS_OF_BODY + ROWS_OF_CONTACT + ROWS_OF_MODEL };
+enum { ENERGIES = OUT_ENERGY_LOST_FRICTION - OUT_KINETIC_ENERGY_BEFORE + 1, RESULTS = 12 + 3 + 1 + ENERGIES };
 
 // Where the numbers of a batch are. All are float or all double.
 struct Batch {
@@ -14,7 +15,8 @@ struct Batch {
   void* angular_velocity[3][2];
   void* impulse[3];
   void* error_bound;
-  unsigned char* status;
+  void* energy[ENERGIES];
+  unsigned char *status, *regime;  // null: no report is wanted, energies neither
 };
 using BatchKernel = void (*)(const Batch& batch, long from, long to);
 
@@ -27,6 +29,12 @@ template <class T> INLINE T load(const Lane<T>* from) {
 }
 template <class T> INLINE void store(void* row, long at, T x) {
   if (row) std::memcpy(static_cast<Lane<T>*>(row) + at, &x, sizeof x);
+}
+template <class T> INLINE void store_codes(unsigned char* to, T codes) {
+  for (std::size_t lane = 0; lane < lanes<T>; ++lane) {
+    if constexpr (is_scalar<T>) *to = static_cast<unsigned char>(codes);
+    else to[lane] = static_cast<unsigned char>(codes[lane]);
+  }
 }
 
 // The code of what is wrong with each, 0 if nothing is. Most are plainly sound.
@@ -82,9 +90,11 @@ static __attribute__((noinline)) void some_impacts(Impact impact, Validity valid
     for (int side = 0; side < 2; ++side) trace[side] = Layout::trace(x + side * Layout::body);
     store<T>(batch.error_bound, at, choose<T>(answered, error_bound<N>(changes, mass, trace), none));
   }
-  for (std::size_t lane = 0; lane < lanes<T>; ++lane) {
-    if constexpr (is_scalar<T>) batch.status[at] = static_cast<unsigned char>(status);
-    else batch.status[at + lane] = static_cast<unsigned char>(status[lane]);
+  store_codes<T>(batch.status + at, status);
+  if (__builtin_expect(batch.regime != nullptr, 0)) {  // the compiler moves what leads to it in here
+    UNROLLED for (int k = 0; k < ENERGIES; ++k)
+      store<T>(batch.energy[k], at, choose<T>(answered, reported[OUT_KINETIC_ENERGY_BEFORE + k], none));
+    store_codes<T>(batch.regime + at, choose<T>(answered, reported[OUT_REGIME], T{}));
   }
 }
 
@@ -98,8 +108,8 @@ INLINE void all_impacts(Impact impact, Validity validity, Plainly plainly_sound,
       some_impacts<N, Layout>(impact, validity, plainly_sound, batch, at + width <= to ? at : to - width);
     return;
   }
-  Lane<T> given[Layout::inputs][width], results[16][width];
-  unsigned char status[width];
+  Lane<T> given[Layout::inputs][width], results[RESULTS][width];
+  unsigned char status[width], regime[width];
   Batch few = batch;
   for (int i = 0; i < Layout::inputs; ++i) {
     for (long k = 0; k < width; ++k) {
@@ -109,12 +119,16 @@ INLINE void all_impacts(Impact impact, Validity validity, Plainly plainly_sound,
     few.row[i] = given[i];
     few.one_for_all[i] = false;
   }
-  void** wanted = &few.velocity[0][0];  // 12 rows of velocities, 3 of the impulse, the bound
+  void** wanted = &few.velocity[0][0];  // 12 rows of velocities, 3 of the impulse, the bound, the energies
   void* const* there = &batch.velocity[0][0];
-  for (int i = 0; i < 16; ++i) wanted[i] = there[i] ? results[i] : nullptr;
+  for (int i = 0; i < RESULTS; ++i) wanted[i] = there[i] ? results[i] : nullptr;
   few.status = status;
+  if (few.regime) few.regime = regime;
   some_impacts<N, Layout>(impact, validity, plainly_sound, few, 0);
-  for (int i = 0; i < 16; ++i)
+  for (int i = 0; i < RESULTS; ++i)
     for (long k = 0; there[i] && k < to - from; ++k) static_cast<Lane<T>*>(there[i])[from + k] = results[i][k];
-  for (long k = 0; k < to - from; ++k) batch.status[from + k] = status[k];
+  for (long k = 0; k < to - from; ++k) {
+    batch.status[from + k] = status[k];
+    if (batch.regime) batch.regime[from + k] = regime[k];
+  }
 }

@@ -38,6 +38,7 @@ _compiled.setup(
     Twist,
     Vec3,
     Contact,
+    Fraction,
     tuple(_statuses.get(i) for i in range(max(_statuses) + 1)),
     _regimes_by_number,
     tuple(Adjustment(i) for i in range(16)),
@@ -49,12 +50,15 @@ _compiled.setup(
 resolve = _compiled.resolve
 numbers = _compiled.numbers
 batch = _compiled.batch
+independent_sets = _compiled.independent_sets
 allow_long_vectors = _compiled.allow_long_vectors
 
 _scene.setup(Vec3, Twist, Fraction, _regimes_by_number)
 assemble = _scene.assemble
 Cluster = _scene.Cluster
 is_rational = _scene.is_rational
+clusters = _scene.clusters
+many_clusters = _scene.many
 
 
 class Number(IntEnum):

@@ -1,5 +1,7 @@
 // The compiled part of the package: nested named tuples in, an Impact out. See library.py.
+#include "arrays.hpp"
 #include "door.hpp"
+#include "gather.hpp"
 #include "python.hpp"
 
 #define WITH_TABLES
@@ -15,7 +17,7 @@ constexpr int LAWS = 6, GEOMETRIES = 5, PRECISIONS = 5;
 
 // What Python's side knows, given by setup().
 struct Types {
-  PyTypeObject *impact, *twist, *vec3, *contact;
+  PyTypeObject *impact, *twist, *vec3, *contact, *fraction;
   PyObject *statuses, *regimes, *adjustments;  // by number
   PyObject *plan, *decided, *refusal;          // functions
 } types;
@@ -145,7 +147,8 @@ PyObject* refuse(int status) {
 }
 
 // resolve(body_a, body_b, contact, model): an Impact; or a number that says what is left to Python:
-// 0 a fault in the request, 1 restitution is a function, 2 a geometry that leaves something out.
+// 0 a fault in the request, 1 restitution is a function, 2 a geometry that leaves something out, 3 a result beyond
+// float64, 4 fractions, of a law that is rational.
 PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 4) {
     PyErr_SetString(PyExc_TypeError, "resolve() takes two bodies, a contact and a model");
@@ -155,7 +158,8 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   Plan* plan = plan_of(args[3]);
   if (!plan) return nullptr;
   double x[INPUTS], error[INPUTS] = {};
-  const Door door{x, error, input_names};
+  bool rational = false;
+  const Door door{x, error, input_names, types.fraction, &rational};
   bool has_function;
   if (!read_body(args[0], door, 0) || !read_body(args[1], door, BODY) || !read_contact(contact, door, &has_function)) return nullptr;
   if (has_function) return PyLong_FromLong(1);
@@ -175,6 +179,7 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
     if (plan->geometry < required) return PyLong_FromLong(2);
     required = plan->geometry;
   }
+  if (rational && frictionless) return PyLong_FromLong(4);
   Numbers y;
   int precision = plan->first;
   for (;; ++precision) {
@@ -220,86 +225,124 @@ PyObject* numbers(PyObject*, PyObject* const* args, Py_ssize_t count) {
   return Py_BuildValue("NN", values, errors);
 }
 
-// An array that a batch reads or writes.
-struct Array {
-  Py_buffer view{};
-  ~Array() { PyBuffer_Release(&view); }
-  bool open(PyObject* o, bool writable) {
-    return PyObject_GetBuffer(o, &view, PyBUF_C_CONTIGUOUS | (writable ? PyBUF_WRITABLE : 0)) == 0;
-  }
-  char* row(Py_ssize_t index, Py_ssize_t columns) const {
-    return static_cast<char*>(view.buf) + index * columns * view.itemsize;
-  }
-  bool overlaps(const Array& other) const {
-    auto begin = static_cast<char*>(view.buf), theirs = static_cast<char*>(other.view.buf);
-    return begin < theirs + other.view.len && theirs < begin + view.len;
-  }
-  Py_ssize_t rows(Py_ssize_t columns) const { return columns ? view.len / view.itemsize / columns : 0; }
-};
-
 const double zero_double = 0, one_double = 1;
 const float zero_float = 0, one_float = 1;
 
-// batch(law, table, number, bodies, contacts, model, velocity, angular_velocity, impulse, error_bound, status,
-// from, to): the columns from `from` to `to`, without the GIL. The arrays are contiguous and of the right shapes,
-// as resolve_batch.py sees to; results that overlap the tables are refused. The answer is the greatest status and
-// the greatest error bound, infinite where one is not a number.
-// model holds e_t, the threshold and the tolerance, in the type of the tables.
+enum { VELOCITY, ANGULAR_VELOCITY, IMPULSE, STATUS, ERROR_BOUND, REGIME = 6, ENERGY, WANTED = ENERGY + ENERGIES };  // of BatchResult
+
+// The rows from a column on, of bodies that have been gathered.
+Batch from_column(const Batch& batch, int body_rows, long at, int size) {
+  Batch moved = batch;
+  for (int i = body_rows; i < ROWS; ++i)
+    if (!moved.one_for_all[i]) moved.row[i] = static_cast<const char*>(moved.row[i]) + at * size;
+  void** results = &moved.velocity[0][0];
+  for (int i = 0; i < RESULTS; ++i)
+    if (results[i]) results[i] = static_cast<char*>(results[i]) + at * size;
+  moved.status += at;
+  if (moved.regime) moved.regime += at;
+  return moved;
+}
+
+// The columns from `from` to `to` of contacts between the bodies of one table, whose rows the batch finds in `there`.
+template <class T>
+void gathered(BatchKernel kernel, const Batch& batch, int body_rows, const Pairs& pairs, const T* table, int rows, T* there, long from, long to) {
+  for (long at = from; at < to; at += BLOCK) {
+    long count = std::min<long>(BLOCK, to - at);
+    bool any_fault = pairs.gather(table, rows, at, count, there);
+    kernel(from_column(batch, body_rows, at, sizeof(T)), 0, count);
+    for (long k = at; any_fault && k < at + count; ++k)
+      if (int fault = pairs.fault(k)) batch.status[k] = static_cast<unsigned char>(fault);
+  }
+}
+
+// batch(law, table, number, bodies, pairs, contacts, model, results, from, to): the columns from `from` to `to`,
+// without the GIL. Without pairs (None) the bodies lie side by side. model holds e_t, the threshold and the tolerance,
+// in the type of the tables; results is a BatchResult. The answer is the greatest status and the greatest error bound,
+// infinite where one is not a number; or None if an array is not contiguous or not of its type and shape, of which
+// resolve_batch.py sees to the rest. Results that overlap the tables are refused.
 PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
-  if (count != 13) return PyErr_Format(PyExc_TypeError, "batch() takes 13 arguments");
+  if (count != 10 || !PyTuple_Check(args[7]) || PyTuple_GET_SIZE(args[7]) != WANTED)
+    return PyErr_Format(PyExc_TypeError, "batch() takes 10 arguments");
   int law = static_cast<int>(PyLong_AsLong(args[0])), number = static_cast<int>(PyLong_AsLong(args[2]));
   int place = static_cast<int>(PyLong_AsLong(args[1]));
-  long from = PyLong_AsLong(args[11]), to = PyLong_AsLong(args[12]);
-  Array bodies, contacts, model, velocity, spin, impulse, bound, status;
-  if (PyErr_Occurred() || !bodies.open(args[3], false) || !contacts.open(args[4], false) || !model.open(args[5], false) ||
-      !velocity.open(args[6], true) || !spin.open(args[7], true) || !impulse.open(args[8], true) ||
-      (args[9] != Py_None && !bound.open(args[9], true)) || !status.open(args[10], true))
-    return nullptr;
-  for (const Array* input : {&bodies, &contacts})
-    for (const Array* result : {&velocity, &spin, &impulse, &bound, &status})
-      if (input->overlaps(*result)) return PyErr_Format(PyExc_ValueError, "out: overlaps the input");
+  long from = PyLong_AsLong(args[8]), to = PyLong_AsLong(args[9]);
+  if (PyErr_Occurred()) return nullptr;
+  Array bodies, pairs, contacts, model, result[WANTED];
+  if (!bodies.open(args[3]) || (args[4] != Py_None && !pairs.open(args[4])) || !contacts.open(args[5]) || !model.open(args[6]))
+    Py_RETURN_NONE;
+  for (int i = 0; i < WANTED; ++i) {
+    PyObject* o = PyTuple_GET_ITEM(args[7], i);
+    if (o != Py_None && !result[i].open(o, true)) Py_RETURN_NONE;
+  }
   const Table& table = tables[place];
+  char real = *model.view.format;
+  Py_ssize_t n = contacts.view.ndim == 2 ? contacts.view.shape[1] : -1, axes = table.axes, spins = 3 - table.first_spin;
+  bool bounded = number == BOUNDED || number == LONG_BOUNDED, report = result[REGIME].is_there();
+  bool fits = result[VELOCITY].is(real, {axes, 2, n}) && result[ANGULAR_VELOCITY].is(real, {spins, 2, n}) &&
+              result[IMPULSE].is(real, {axes, n}) && result[STATUS].is('B', {n}) &&
+              result[ERROR_BOUND].is_there() == bounded && (!bounded || (result[ERROR_BOUND].is(real, {n}) && result[ERROR_BOUND + 1].is('B', {n}))) &&
+              (!report || result[REGIME].is('B', {n}));
+  for (int i = ENERGY; i < WANTED; ++i) fits = fits && result[i].is_there() == report && (!report || result[i].is(real, {n}));
+  if (pairs.is_there()) fits = fits && pairs.is_whole() && pairs.view.ndim == 2 && pairs.view.shape[0] == 2 && pairs.view.shape[1] == n && bodies.view.ndim == 2;
+  if (!fits) Py_RETURN_NONE;
+  for (const Array* input : {&bodies, &pairs, &contacts})
+    for (const Array& written : result)
+      if (input->overlaps(written)) return PyErr_Format(PyExc_ValueError, "out: overlaps the input");
   BatchKernel own = batch_kernel(law, place, number);
   bool general = !own;
   BatchKernel kernel = own ? own : batch_kernel(law, LAYOUT_EVERYTHING, number);
   if (!kernel) return PyErr_Format(PyExc_LookupError, "no kernel of law %d for numbers of kind %d", law, number);
 
-  Py_ssize_t n = status.view.len, contact_rows = contacts.rows(n);
-  bool is_double = bodies.view.itemsize == 8;
+  Py_ssize_t contact_rows = contacts.view.shape[0];
+  bool is_double = real == 'd';
+  int size = is_double ? 8 : 4;
   const void* zero = is_double ? static_cast<const void*>(&zero_double) : &zero_float;
   const void* one = is_double ? static_cast<const void*>(&one_double) : &one_float;
+  double there[2 * ROWS_OF_BODY * BLOCK];  // the bodies of some contacts
   Batch given{};
   int row = 0;
   auto put = [&](const void* at, bool for_all) {
     given.row[row] = at;
     given.one_for_all[row++] = for_all;
   };
-  auto take = [&](int index, const Array& array, Py_ssize_t step, Py_ssize_t shift, Py_ssize_t rows) {
-    if (index >= 0 && index < rows) put(array.row(index * step + shift, n), false);
-    else put(index == -2 ? one : zero, true);
-  };
+  auto absent = [&](int index) { put(index == -2 ? one : zero, true); };
+  int body_rows = general ? ROWS_OF_BODY : table.body_rows;
   for (int side = 0; side < 2; ++side)
-    for (int i = 0; i < (general ? ROWS_OF_BODY : table.body_rows); ++i)
-      take(general ? table.body[i] : i, bodies, 2, side, table.body_rows);
-  for (int i = 0; i < (general ? ROWS_OF_CONTACT : table.contact_rows); ++i)
-    take(general ? table.contact[i] : i, contacts, 1, 0, std::min<Py_ssize_t>(contact_rows, table.contact_rows));
+    for (int i = 0; i < body_rows; ++i) {
+      int index = general ? table.body[i] : i;
+      if (index < 0) absent(index);
+      else put(pairs.is_there() ? reinterpret_cast<char*>(there) + (2 * index + side) * BLOCK * size : bodies.row(2 * index + side), false);
+    }
+  for (int i = 0; i < (general ? ROWS_OF_CONTACT : table.contact_rows); ++i) {
+    int index = general ? table.contact[i] : i;
+    if (index >= 0 && index < contact_rows) put(contacts.row(index), false);
+    else absent(index);
+  }
   for (int i = 0; i < ROWS_OF_MODEL; ++i) {
     bool own_row = i == 0 && contact_rows > table.contact_rows;  // e_t of each contact
-    put(own_row ? contacts.row(table.contact_rows, n) : model.row(i, 1), !own_row);
+    put(own_row ? contacts.row(table.contact_rows) : model.at(i * size), !own_row);
   }
   for (int k = 0; k < 3; ++k) {
     for (int side = 0; side < 2; ++side) {
-      if (k < table.axes) given.velocity[k][side] = velocity.row(2 * k + side, n);
-      if (k >= table.first_spin) given.angular_velocity[k][side] = spin.row(2 * (k - table.first_spin) + side, n);
+      if (k < table.axes) given.velocity[k][side] = result[VELOCITY].row(2 * k + side);
+      if (k >= table.first_spin) given.angular_velocity[k][side] = result[ANGULAR_VELOCITY].row(2 * (k - table.first_spin) + side);
     }
-    if (k < table.axes) given.impulse[k] = impulse.row(k, n);
+    if (k < table.axes) given.impulse[k] = result[IMPULSE].row(k);
   }
-  given.error_bound = bound.view.buf;
-  given.status = static_cast<unsigned char*>(status.view.buf);
+  given.error_bound = result[ERROR_BOUND].view.buf;
+  given.status = result[STATUS].at<unsigned char>();
+  given.regime = result[REGIME].at<unsigned char>();
+  for (int i = 0; i < ENERGIES; ++i) given.energy[i] = result[ENERGY + i].view.buf;
   unsigned char most = 0;
   double loosest = 0;
   Py_BEGIN_ALLOW_THREADS;
-  if (to > from) kernel(given, from, to);
+  if (pairs.is_there()) {
+    const Pairs who{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, bodies.view.shape[1]};
+    if (is_double) gathered(kernel, given, 2 * body_rows, who, bodies.at<double>(), table.body_rows, there, from, to);
+    else gathered(kernel, given, 2 * body_rows, who, bodies.at<float>(), table.body_rows, reinterpret_cast<float*>(there), from, to);
+  } else if (to > from) {
+    kernel(given, from, to);
+  }
   for (long at = from; at < to; ++at) most = std::max(most, given.status[at]);
   for (long at = from; given.error_bound && at < to; ++at) {
     double one = static_cast<const double*>(given.error_bound)[at];
@@ -309,6 +352,19 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   return Py_BuildValue("id", most, loosest);
 }
 
+// independent_sets(pairs, movable, order, starts): see gather.hpp; the arrays are of the right shapes.
+PyObject* independent(PyObject*, PyObject* const* args, Py_ssize_t count) {
+  Array pairs, movable, order, starts;
+  if (count != 4 || !pairs.open(args[0]) || !movable.open(args[1]) || !order.open(args[2], true) || !starts.open(args[3], true))
+    return PyErr_Format(PyExc_TypeError, "independent_sets() takes four arrays");
+  long n = static_cast<long>(order.view.shape[0]), sets;
+  Pairs who{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, movable.view.shape[0]};
+  Py_BEGIN_ALLOW_THREADS;
+  sets = independent_sets(who, n, movable.at<bool>(), order.at<std::int64_t>(), starts.at<std::int64_t>());
+  Py_END_ALLOW_THREADS;
+  return PyLong_FromLong(sets);
+}
+
 // allow_long_vectors(yes): whether batches use them, where there are any. The results are the same.
 PyObject* allow_long_vectors(PyObject*, PyObject* yes) {
   may_use_long_vectors = yes == Py_True;
@@ -316,12 +372,13 @@ PyObject* allow_long_vectors(PyObject*, PyObject* yes) {
 }
 
 PyObject* setup(PyObject*, PyObject* args) {
-  PyObject *impact, *twist, *vec3, *contact;
-  if (!PyArg_ParseTuple(args, "OOOOOOOOOO", &impact, &twist, &vec3, &contact, &types.statuses, &types.regimes, &types.adjustments, &types.plan, &types.decided, &types.refusal)) return nullptr;
+  PyObject *impact, *twist, *vec3, *contact, *fraction;
+  if (!PyArg_ParseTuple(args, "OOOOOOOOOOO", &impact, &twist, &vec3, &contact, &fraction, &types.statuses, &types.regimes, &types.adjustments, &types.plan, &types.decided, &types.refusal)) return nullptr;
   types.impact = reinterpret_cast<PyTypeObject*>(impact);
   types.twist = reinterpret_cast<PyTypeObject*>(twist);
   types.vec3 = reinterpret_cast<PyTypeObject*>(vec3);
   types.contact = reinterpret_cast<PyTypeObject*>(contact);
+  types.fraction = reinterpret_cast<PyTypeObject*>(fraction);
   Py_INCREF(args);  // keeps all of them for ever
   Py_RETURN_NONE;
 }
@@ -330,6 +387,7 @@ PyMethodDef methods[] = {
     {"resolve", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(resolve)), METH_FASTCALL, ""},
     {"numbers", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(numbers)), METH_FASTCALL, ""},
     {"batch", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(batch)), METH_FASTCALL, ""},
+    {"independent_sets", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(independent)), METH_FASTCALL, ""},
     {"allow_long_vectors", allow_long_vectors, METH_O, ""},
     {"setup", setup, METH_VARARGS, ""},
     {}};

@@ -2,12 +2,11 @@
 // collision_response/scene/.
 //
 // Impulses along the normals travel as bytes: a double-double for each contact.
-#define PY_SSIZE_T_CLEAN
-#include <Python.h>
-
+#include "arrays.hpp"
 #include "python.hpp"
+#define WITH_TABLES
 #include "scene/compliant.hpp"
-#include "scene/reflections.hpp"
+#include "scene/many.hpp"
 #include "validity_everything.hpp"
 
 namespace {
@@ -133,12 +132,6 @@ const DD* impulses(PyObject* self, PyObject* o) {
   PyErr_SetString(PyExc_TypeError, "these are no impulses of this cluster");
   return nullptr;
 }
-std::vector<double> rounded(const DD* p, int count) {
-  std::vector<double> out(count);
-  for (int i = 0; i < count; ++i) out[i] = p[i].h;
-  return out;
-}
-
 // none(): no impulses.
 PyObject* none(PyObject* self, PyObject*) { return bytes(std::vector<DD>(of(self).count, DD{0, 0})); }
 
@@ -165,143 +158,56 @@ PyObject* reflect(PyObject* self, PyObject* const* args, Py_ssize_t count) {
   double threshold = PyFloat_AsDouble(args[0]);
   long budget = PyLong_AsLong(args[1]);
   if (PyErr_Occurred()) return nullptr;
-  Reflected found = reflections(of(self), threshold, budget);
-  PyObject* e = found.e < 0 ? Py_NewRef(Py_None) : PyFloat_FromDouble(found.e);
-  return Py_BuildValue("iNddN", static_cast<int>(found.end), bytes(found.p), found.error, found.margin, e);
+  Struck found = reflections(of(self), threshold, budget);
+  PyObject* e = found.restitution < 0 ? Py_NewRef(Py_None) : PyFloat_FromDouble(found.restitution);
+  return Py_BuildValue("iNddN", static_cast<int>(found.outcome), bytes(found.p), found.error, found.margin, e);
 }
 
 PyObject* vector(const double* x) { return tuple_of(types.vec3, x, 3); }
 PyObject* twist(const double* x) { return twist_of(types.twist, types.vec3, x); }
 
-// A size in the metric of kinetic energy, in the norm of error_bound: at most how many times it is.
-double in_norm(const double* body) {
-  double mass = body[0], xx = body[1], xy = body[2], xz = body[3], yy = body[4], yz = body[5], zz = body[6];
-  double trace = xx + yy + zz, c = 0;
-  for (int k = 0; k < 3; ++k) c += body[IN_BODY_A_COM_X + k] * body[IN_BODY_A_COM_X + k];
-  double shift = 2 * mass * c, base = c > 0 ? 2 : 1;
-  if (!(trace > 0)) return std::sqrt(base);
-  if (xy == 0 && xz == 0 && yz == 0) {
-    double least = INFINITY;
-    for (double moment : {xx, yy, zz})
-      if (moment > trace * 0x1p-48) least = std::fmin(least, moment);
-    return std::sqrt(std::fmax(base, (shift + trace / 3) / least));
-  }
-  double det = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
-  double inverse = det > trace * trace * trace * 0x1p-46 ? (yy * zz - yz * yz + xx * zz - xz * xz + xx * yy - xy * xy) / det * (1 + 0x1p-4) : INFINITY;
-  if (inverse == INFINITY) inverse = 4 / trace * 0x1p46;
-  return std::sqrt(std::fmax(base, (shift + trace / 3) * inverse));
+template <class Make> PyObject* listed(size_t count, Make make) {
+  PyObject* list = PyList_New(static_cast<Py_ssize_t>(count));
+  for (size_t i = 0; list && i < count; ++i) PyList_SET_ITEM(list, static_cast<Py_ssize_t>(i), make(i));
+  return list;
 }
 
-enum Regime { REGIME_SEPARATING = 1, REGIME_STICKING, REGIME_SLIDING, REGIME_REVERSED };
-
-// Of slip, relative to the fastest speed before, and of what friction lacks to its limit: this is none.
-constexpr double AT_REST = 0x1p-20;
+PyObject* number_list(const std::vector<double>& x) {
+  return listed(x.size(), [&x](size_t i) { return PyFloat_FromDouble(x[i]); });
+}
 
 // answer(p, tangential, error, by_slip): of normal impulses, and of tangential ones (pairs of floats in the axes of
 // each contact, or None): the changes and the twists of the movable bodies, the impulses, the velocities before and
-// after, the regimes (by_slip: sticking is no slip, else it is less than all friction), the energies before and
-// after, what restitution and friction lost, the relative error, whether a body turned about an axis without
-// inertia, and whether a quaternion was not of unit length.
+// after, the regimes, the energies before and after and what restitution and friction lost, the relative error,
+// whether a body turned about an axis without inertia, and whether a quaternion was not of unit length.
 PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
   const DD* p = argc == 4 ? impulses(self, args[0]) : nullptr;
   if (!p) return nullptr;
-  const Assembly& scene = of(self);
-  int count = scene.count;
+  std::vector<double> tangential;
+  if (args[1] != Py_None)
+    for (int i = 0; i < 2 * of(self).count; ++i) tangential.push_back(PyFloat_AsDouble(PyList_GET_ITEM(args[1], i)));
   double error = PyFloat_AsDouble(args[2]);
-  bool rubs = args[1] != Py_None;
-  std::vector<Axes> P(count, Axes{0, 0, 0});
-  std::vector<double> reported = rounded(p, count);
-  if (rubs)
-    for (int i = 0; i < count; ++i)
-      for (int k = 0; k < 2; ++k) P[i][1 + k] = PyFloat_AsDouble(PyList_GET_ITEM(args[1], 2 * i + k));
   if (PyErr_Occurred()) return nullptr;
-  std::vector<N> sums = scene.changes(p);
-  Motion motion(scene), across(scene);
-  for (int i = 0; i < count; ++i) {
-    if (rubs) across.push(i, P[i]);
-    motion.push(i, {reported[i] * scene.touches[i].length, P[i][1], P[i][2]});
-  }
-  if (!rubs) scene.least_norm(reported, true);
-
-  PyObject *changes = PyList_New(scene.bodies), *after = PyList_New(scene.bodies), *pushes = PyList_New(count);
-  double energies = reinterpret_cast<Cluster*>(self)->energy, energies_after = 0, largest = 0, worst = 0, rounding = 0;
-  for (int b = 0; b < scene.bodies; ++b) {
-    const double* body = scene.given[b].x;
-    double change[6] = {};
-    if (rubs) scene.given[b].twist_of(&across.y[6 * b], change);
-    for (int k = 0; k < 6; ++k) change[k] += high(sums[6 * b + k]);
-    Given moved = scene.given[b];
-    for (int k = 0; k < 6; ++k) moved.x[IN_BODY_A_VELOCITY_X + k] += change[k];
-    moved.fill(moved.plain);
-    energies_after += moved.energy;
-    double arm = (body[1] + body[4] + body[6]) / 3, size = 0, off = 0;
-    for (int k = 0; k < 6; ++k) {
-      double weight = k < 3 ? body[0] : arm;
-      size += weight * change[k] * change[k];
-      double lost = width(sums[6 * b + k]) + (std::fabs(change[k]) + std::fabs(high(sums[6 * b + k]))) * 0x1p-53 * (rubs ? 4 : 1);
-      off += weight * lost * lost;
-    }
-    largest = std::fmax(largest, std::sqrt(size));
-    rounding = std::fmax(rounding, std::sqrt(off));
-    worst = std::fmax(worst, error * in_norm(body));
-    PyList_SET_ITEM(changes, b, twist(change));
-    PyList_SET_ITEM(after, b, twist(moved.x + IN_BODY_A_VELOCITY_X));
-  }
-  PyObject *before = PyList_New(count), *then = PyList_New(count), *regimes = PyList_New(count);
-  std::vector<N> u = scene.velocities(p);
-  double lost_n = 0, lost_t = 0, fastest = 0;
-  for (const Touch& touch : scene.touches)
-    fastest = std::fmax(fastest, std::hypot(touch.plain[0].velocity, touch.plain[1].velocity, touch.plain[2].velocity));
-  for (int i = 0; i < count; ++i) {
-    const Touch& touch = scene.touches[i];
-    double push[3];
-    for (int k = 0; k < 3; ++k) push[k] = reported[i] * touch.normal[k];
-    Axes u_before{touch.plain[0].velocity, touch.plain[1].velocity, touch.plain[2].velocity};
-    Axes u_after = motion.velocity(i);
-    if (!rubs) u_after[0] = high(u[i]) / touch.length;
-    double speed = std::hypot(u_after[1], u_after[2]), back = u_before[1] * u_after[1] + u_before[2] * u_after[2];
-    double across = std::hypot(P[i][1], P[i][2]), most = touch.mu * p[i].h * touch.length;
-    if (rubs) {
-      double x = touch.normal[0] / touch.length, y = touch.normal[1] / touch.length, z = touch.normal[2] / touch.length;
-      double sign = x < 0 ? -1 : 1, c = -1 / (sign + x), d = y * z * c;
-      double t1[3] = {-(sign * y), 1 + sign * (y * y * c), sign * d}, t2[3] = {-z, d, sign + z * z * c};
-      for (int k = 0; k < 3; ++k) push[k] += P[i][1] * t1[k] + P[i][2] * t2[k];
-    }
-    lost_n -= p[i].h * touch.length * (u_before[0] + u_after[0]) / 2;
-    lost_t -= (P[i][1] * (u_before[1] + u_after[1]) + P[i][2] * (u_before[2] + u_after[2])) / 2;
-    PyList_SET_ITEM(pushes, i, vector(push));
-    PyList_SET_ITEM(before, i, PyFloat_FromDouble(u_before[0]));
-    PyList_SET_ITEM(then, i, PyFloat_FromDouble(u_after[0]));
-    Regime regime = back < 0 ? REGIME_REVERSED : REGIME_SLIDING;
-    if (push[0] == 0 && push[1] == 0 && push[2] == 0) regime = REGIME_SEPARATING;
-    else if (touch.mu == 0) regime = REGIME_SLIDING;
-    else if (args[3] == Py_True ? speed <= AT_REST * fastest : across < (1 - AT_REST) * most) regime = REGIME_STICKING;
-    PyList_SET_ITEM(regimes, i, Py_NewRef(PyTuple_GET_ITEM(types.regimes, regime)));
-  }
-  double bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0) : (worst > 0 ? INFINITY : 0);
-  if (!(bound == bound)) bound = INFINITY;
-  auto* cluster = reinterpret_cast<Cluster*>(self);
-  return Py_BuildValue("NNNNNN(dddd)dNN", changes, after, pushes, before, then, regimes, energies, energies_after, lost_n, lost_t, bound, PyBool_FromLong(cluster->idle), PyBool_FromLong(cluster->off_unit));
+  const auto* cluster = reinterpret_cast<Cluster*>(self);
+  Numbers y = numbers_of(of(self), p, tangential, error, args[3] == Py_True);
+  return Py_BuildValue(
+      "NNNNNN(dddd)dNN", listed(of(self).bodies, [&](size_t b) { return twist(&y.changes[6 * b]); }),
+      listed(of(self).bodies, [&](size_t b) { return twist(&y.after[6 * b]); }),
+      listed(of(self).count, [&](size_t i) { return vector(&y.pushes[3 * i]); }), number_list(y.before), number_list(y.then),
+      listed(of(self).count, [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(types.regimes, y.regimes[i])); }),
+      cluster->energy, y.energy_after, y.lost_restitution, y.lost_friction, y.bound,
+      PyBool_FromLong(cluster->idle), PyBool_FromLong(cluster->off_unit));
 }
 
 PyObject* friction_answer(const Friction& friction, const Assembly& scene) {
   if (!friction.found) Py_RETURN_NONE;
-  std::vector<DD> p(scene.count, DD{0, 0});
-  PyObject* tangential = PyList_New(2 * scene.count);
-  for (int i = 0; i < scene.count; ++i) {
-    p[i].h = friction.P[i][0] / scene.touches[i].length;
-    for (int k = 0; k < 2; ++k) PyList_SET_ITEM(tangential, 2 * i + k, PyFloat_FromDouble(friction.P[i][1 + k]));
-  }
-  return Py_BuildValue("NNd", bytes(p), tangential, friction.error);
+  return Py_BuildValue("NNd", bytes(along_normals(friction, scene)), number_list(across_normals(friction)), friction.error);
 }
 
 // least_work(p), one_step(friction): impulses along the normals, across them, and the error; None if there are none.
 PyObject* with_least_work(PyObject* self, PyObject* o) {
   const DD* p = impulses(self, o);
-  if (!p) return nullptr;
-  std::vector<double> normal = rounded(p, of(self).count);
-  of(self).least_norm(normal, false);
-  return friction_answer(least_work(of(self), normal), of(self));
+  return p ? friction_answer(rubbed(of(self), p), of(self)) : nullptr;
 }
 PyObject* in_one_step(PyObject* self, PyObject* rubs) {
   const Assembly& scene = of(self);
@@ -354,6 +260,49 @@ PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {"count", 
 PyType_Slot slots[] = {{Py_tp_dealloc, reinterpret_cast<void*>(dealloc)}, {Py_tp_methods, methods}, {Py_tp_getset, fields}, {}};
 PyType_Spec spec = {"collision_response.kernels._scene.Cluster", sizeof(Cluster), 0, Py_TPFLAGS_DEFAULT, slots};
 
+// clusters(pairs, movable, order, starts, cluster): how many; see gather.hpp.
+PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
+  Array pairs, movable, order, starts, cluster;
+  if (count != 5 || !pairs.open(args[0]) || !movable.open(args[1]) || !order.open(args[2], true) || !starts.open(args[3], true) || !cluster.open(args[4], true))
+    return PyErr_Format(PyExc_TypeError, "clusters() takes five arrays");
+  long n = static_cast<long>(order.view.shape[0]), found;
+  Pairs who{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, movable.view.shape[0]};
+  Py_BEGIN_ALLOW_THREADS;
+  found = clusters(who, n, movable.at<bool>(), order.at<std::int64_t>(), starts.at<std::int64_t>(), cluster.at<std::int64_t>());
+  Py_END_ALLOW_THREADS;
+  return PyLong_FromLong(found);
+}
+
+// many(table, frictionless, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): the clusters
+// that `wanted` lists between two places, without the GIL. numbers are the threshold, the restitution threshold, the
+// limit of error bounds and the budget of reflections. The arrays are those of resolve_scenes.py, of the
+// right shapes. A status of 0: left to Python.
+PyObject* many(PyObject*, PyObject* const* args, Py_ssize_t count) {
+  constexpr int RESULTS = 12;
+  if (count != 12 || !PyTuple_Check(args[8]) || PyTuple_GET_SIZE(args[8]) != RESULTS) return PyErr_Format(PyExc_TypeError, "many() takes 12 arguments");
+  int place = static_cast<int>(PyLong_AsLong(args[0]));
+  double number[4];
+  if (PyErr_Occurred() || !floats(args[2], 4, number)) return PyErr_Format(PyExc_TypeError, "many(): numbers");
+  long from = PyLong_AsLong(args[10]), to = PyLong_AsLong(args[11]);
+  Array bodies, pairs, contacts, order, starts, wanted, result[RESULTS];
+  bool open = bodies.open(args[3]) && pairs.open(args[4]) && contacts.open(args[5]) && order.open(args[6]) && starts.open(args[7]) && wanted.open(args[9]);
+  for (int i = 0; i < RESULTS; ++i) open = open && (i == 4 || result[i].open(PyTuple_GET_ITEM(args[8], i), true));
+  if (!open || PyErr_Occurred()) return PyErr_Format(PyExc_TypeError, "many(): arrays must be contiguous");
+  long n = static_cast<long>(contacts.view.shape[1]);
+  auto numbers = [&result](int i) { return result[i].at<double>(); };
+  Many asked{tables[place], bodies.at<double>(), contacts.at<double>(),
+             {pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, bodies.view.shape[1]},
+             n, static_cast<long>(contacts.view.shape[0]), order.at<std::int64_t>(), starts.at<std::int64_t>(),
+             args[1] == Py_True, number[0], number[1], number[2], static_cast<int>(number[3]),
+             numbers(0), numbers(1), numbers(2), result[3].at<unsigned char>(), result[5].at<unsigned char>(),
+             numbers(6), numbers(7), {numbers(8), numbers(9), numbers(10), numbers(11)}};
+  Py_BEGIN_ALLOW_THREADS;
+  ManyClusters clusters(asked);
+  for (long i = from; i < to; ++i) clusters.answer(wanted.at<std::int64_t>()[i]);
+  Py_END_ALLOW_THREADS;
+  Py_RETURN_NONE;
+}
+
 // Whether there is a fraction in it.
 bool holds_fraction(PyObject* o) {
   if (PyFloat_CheckExact(o) || o == Py_None) return false;
@@ -376,7 +325,7 @@ PyObject* setup(PyObject*, PyObject* args) {
   Py_RETURN_NONE;
 }
 
-PyMethodDef functions[] = {FAST("assemble", assemble), {"is_rational", is_rational, METH_O, ""}, {"setup", setup, METH_VARARGS, ""}, {}};
+PyMethodDef functions[] = {FAST("assemble", assemble), FAST("clusters", find_clusters), FAST("many", many), {"is_rational", is_rational, METH_O, ""}, {"setup", setup, METH_VARARGS, ""}, {}};
 PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_scene", "", -1, functions, nullptr, nullptr, nullptr, nullptr};
 
 }  // namespace

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from ..batch import BatchResult
 from ..model import Geometry, ImpactModel
 from ..status import ImpactError, StatusCode
-from .batch_fields import LAYOUTS, Array, Request, Response, append, result_shapes, write_model
+from .batch_fields import ENERGIES, LAYOUTS, Array, Request, Response, append, result_shapes, write_model
 
 LAYOUT_OF = {layout.bodies.height: number for number, layout in LAYOUTS.items()}
 """The layout whose table of bodies has so many rows."""
@@ -38,6 +38,7 @@ def pack(
     *,
     names: Iterable[str] = (),
     frame_id: str = "",
+    report: bool = False,
 ) -> Request:
     """The request for a batch of N contacts.
 
@@ -50,6 +51,7 @@ def pack(
         model: what is 0 in it, the law AUTO too, is left to the node's parameter of the same name.
         names: of bodies whose latest states the node has received.
         frame_id: the inertial frame of all bodies and contacts.
+        report: whether to ask for regimes and energies.
 
     Raises:
         ValueError: an array has not the right shape, ``pairs`` holds what is no index, or a name has
@@ -57,7 +59,7 @@ def pack(
     """
     bodies, pairs, contacts = np.asarray(bodies), np.asarray(pairs), np.asarray(contacts)
     _check_shapes(bodies, pairs, contacts)
-    request = Request(names=as_lines(names))
+    request = Request(names=as_lines(names), report=report)
     request.header.frame_id = frame_id
     request.layout = LAYOUT_OF[bodies.shape[0]]
     append(request.bodies, bodies)
@@ -82,6 +84,9 @@ def unpack(response: Response) -> BatchResult:
     if response.error_bounds:
         tables["error_bound"] = np.asarray(response.error_bounds)
         tables["precision"] = np.asarray(response.precisions)
+    if response.regimes:
+        tables["regime"] = np.asarray(response.regimes)
+        tables |= {name: np.asarray(getattr(response, name)) for name in ENERGIES}
     return BatchResult(**tables, status=status)
 
 

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..batch import BatchResult
 from ..batch.rows import BodyRows, ContactRows, body_rows, contact_rows
 from ..model import Geometry, ImpactModel
 from ..msg import ImpactModel as ImpactModelMessage
@@ -50,6 +51,10 @@ LAYOUTS = {
     Request.SPATIAL: Layout("SPATIAL", Geometry.SPATIAL),
     Request.SPATIAL_ORIENTED: Layout("SPATIAL_ORIENTED", Geometry.SPATIAL, oriented=True),
 }
+
+
+ENERGIES = BatchResult._fields[-4:]
+"""Fields of a response, of the same names."""
 
 
 def result_shapes(geometry: Geometry, n: int) -> dict[str, tuple[int, ...]]:

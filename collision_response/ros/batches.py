@@ -1,7 +1,6 @@
 """Requests for a batch to arrays, results to responses.
 
-Contacts are read where they arrived, and results written where they are sent from. The bodies alone are
-copied: of each contact its two.
+Tables are read where they arrived, and results written where they are sent from.
 """
 
 from __future__ import annotations
@@ -25,6 +24,7 @@ from ..srv import ResolveCollisionBatch
 from ..status import ImpactError, StatusCode
 from . import convert
 from .batch_fields import (
+    ENERGIES,
     LAYOUTS,
     Array,
     Layout,
@@ -97,11 +97,11 @@ class Batches:
         bodies = yield from when_not_too_early(
             partial(bodies_of, request, layout, self._states, current, self._now), current.max_state_wait
         )
-        faults = faults_of(pairs, bodies.faults)
-
-        out = result_in(response, layout.geometry, len(faults), bounded=is_bounded(model))
-        yield from compute(bodies.table, pairs, faults, contacts, model, out)
-        np.copyto(out.status, faults, where=faults != StatusCode.UNSET)
+        shape = layout.geometry, pairs.shape[1]
+        out = result_in(response, *shape, bounded=is_bounded(model), report=request.report)
+        yield from compute(bodies.table, pairs, contacts, model, out)
+        if bodies.errors:
+            blame(pairs, bodies.faults, out.status)
         response.success, response.code, response.header = True, int(StatusCode.OK), request.header
         response.message = note_of(bodies.errors)
         response.state_stamps, response.state_ages = bodies.stamps, array("d", bodies.ages)
@@ -122,7 +122,7 @@ class Batches:
         return StatusCode(response.code)
 
 
-def result_in(response: Response, geometry: Geometry, n: int, *, bounded: bool) -> BatchResult:
+def result_in(response: Response, geometry: Geometry, n: int, *, bounded: bool, report: bool) -> BatchResult:
     """A result of ``n`` contacts whose arrays are the fields of a response."""
     shapes = result_shapes(geometry, n)
     tables = {name: with_zeros(getattr(response, name), shape) for name, shape in shapes.items()}
@@ -130,30 +130,28 @@ def result_in(response: Response, geometry: Geometry, n: int, *, bounded: bool) 
     if bounded:
         tables["error_bound"] = with_zeros(response.error_bounds, (n,))
         tables["precision"] = with_zeros(response.precisions, (n,))
+    if report:
+        tables["regime"] = with_zeros(response.regimes, (n,))
+        tables |= {name: with_zeros(getattr(response, name), (n,)) for name in ENERGIES}
     return BatchResult(**tables)
 
 
 def compute(
-    table: Array, pairs: Array, faults: Array, contacts: Array, model: ImpactModel, out: BatchResult
+    table: Array, pairs: Array, contacts: Array, model: ImpactModel, out: BatchResult
 ) -> Iterator[None]:
     """Fill in the results, with pauses."""
-    start, block = 0, BLOCK
-    while start < len(faults):
+    start, block, n = 0, BLOCK, pairs.shape[1]
+    while start < n:
         began = time.perf_counter()
-        some = slice(start, start + block)
-        yield from resolve_with_pauses(
-            columns_of(table, pairs[:, some], faults[some]),
-            contacts[:, some],
-            model,
-            BatchResult(*(None if whole is None else whole[..., some] for whole in out)),
-        )
-        start += block
+        stop = start + block
+        yield from resolve_with_pauses(table, contacts, model, out, pairs=pairs, start=start, stop=stop)
+        start = stop
         taken = time.perf_counter() - began
         if taken < PAUSE[0]:
             block *= 2
         elif taken > PAUSE[1] and block > 1:
             block //= 2
-        if start < len(faults):
+        if start < n:
             yield
 
 
@@ -179,7 +177,7 @@ def pairs_of(request: Request, most: int) -> Array:
     if indices.size > 2 * most:
         reason = f"has {indices.size // 2} contacts; budget.contacts is {most}: send fewer at a time"
         raise ImpactError(StatusCode.BUDGET_EXCEEDED, "pairs", reason)
-    return indices.reshape(2, -1).astype(np.intp)
+    return indices.reshape(2, -1).astype(np.int64)
 
 
 def contacts_of(request: Request, layout: Layout, n: int) -> Array:
@@ -301,21 +299,11 @@ def _column(owner: str, state: BodyState, layout: Layout) -> list[float]:
     return column
 
 
-def faults_of(pairs: Array, of_bodies: Array) -> Array:
-    """Why a contact cannot be answered, apart from its numbers; UNSET if it can. Shape ``(N,)``."""
-    of_a, of_b = np.append(of_bodies, np.uint8(StatusCode.UNKNOWN_BODY)).take(pairs, mode="clip")
-    faults = np.where(of_a, of_a, of_b)
-    faults[pairs[0] == pairs[1]] = StatusCode.SAME_BODY
-    return faults
-
-
-def columns_of(table: Array, pairs: Array, faults: Array) -> Array:
-    """The two bodies of each contact, shape ``(rows, 2, N)``; NaN for the mass where there is a fault."""
-    if not table.shape[1]:
-        return np.full((len(table), *pairs.shape), math.nan)
-    bodies = table.take(pairs, axis=1, mode="clip")
-    bodies[0, 0, faults != StatusCode.UNSET] = math.nan
-    return bodies
+def blame(pairs: Array, faults: Array, status: Array) -> None:
+    """Write why bodies cannot be used into the status of their contacts."""
+    of_a, of_b = np.append(faults, np.uint8(StatusCode.UNKNOWN_BODY)).take(pairs, mode="clip")
+    found = np.where(of_a, of_a, of_b)
+    np.copyto(status, found, where=(found != StatusCode.UNSET) & (status != StatusCode.SAME_BODY))
 
 
 def note_of(errors: list[ImpactError]) -> str:

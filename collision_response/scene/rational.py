@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
-from math import isqrt
 from typing import Any, NamedTuple
 
 from ..numbers.number import Scalar
@@ -84,12 +83,12 @@ class RationalCluster:
 
     def approach(self) -> Scalar:
         """The speed of the fastest approach."""
-        speeds = (-u / length(c.normal) for u, c in zip(self._u, self._contacts, strict=True))
+        speeds = (-u / c.normal.norm() for u, c in zip(self._u, self._contacts, strict=True))
         return max(NOUGHT, *speeds)
 
     def violated(self, p: Numbers, limit: Scalar) -> tuple[list[int], Scalar]:
         """The contacts of velocity below ``-limit``; the least distance from that."""
-        u = [u / length(c.normal) for u, c in zip(self._velocities(p), self._contacts, strict=True)]
+        u = [u / c.normal.norm() for u, c in zip(self._velocities(p), self._contacts, strict=True)]
         looked = [i for i in range(self.count) if i not in self._held]
         margin = min((abs(u[i] + limit) for i in looked), default=NOUGHT)
         return [i for i in looked if u[i] < -limit], margin
@@ -128,7 +127,7 @@ class RationalCluster:
         after = self._velocities(p)
         lost = -sum((x * (b + a) for x, b, a in zip(p, self._u, after, strict=True)), start=NOUGHT) / 2
         idle = [body.angular_velocity - body.driving_spin()[1] for body in self._bodies]
-        lengths = [length(contact.normal) for contact in self._contacts]
+        lengths = [contact.normal.norm() for contact in self._contacts]
         impulses = [c.normal * x for c, x in zip(self._contacts, self.least_norm(p), strict=True)]
         return Motions(
             changes,
@@ -312,15 +311,6 @@ def null_space(matrix: Sequence[Sequence[Scalar]]) -> list[Numbers]:
                 vector[pivot] = -rows[place][k]
             basis.append(vector)
     return basis
-
-
-def length(v: Vec3) -> Scalar:
-    """The length of a vector: exact if it is rational, else in double precision."""
-    square = v.dot(v)
-    top, bottom = isqrt(square.numerator), isqrt(square.denominator)
-    if top * top == square.numerator and bottom * bottom == square.denominator:
-        return Fraction(top, bottom)
-    return Fraction(float(square) ** 0.5)
 
 
 def _dot(v: Sequence[Scalar], w: Sequence[Scalar]) -> Scalar:

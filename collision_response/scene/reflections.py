@@ -35,7 +35,7 @@ from .rational import RationalCluster
 REFLECTIONS = 10_000
 """A budget. A chain of n equal balls takes n."""
 
-DONE, CONTRADICTORY, TOO_LONG = range(3)
+ANSWERED, CONTRADICTORY, ENDLESS = range(3)
 """How reflections end."""
 
 
@@ -77,7 +77,7 @@ def reflections(cluster: Any, threshold: Scalar) -> Struck:
     if end == CONTRADICTORY:
         reason = "contradict each other: no velocities keep all of them from approaching"
         raise ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
-    if end == TOO_LONG:
+    if end == ENDLESS:
         reason = f"the reflections did not end within {REFLECTIONS}"
         raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
     return struck
@@ -86,14 +86,14 @@ def reflections(cluster: Any, threshold: Scalar) -> Struck:
 def _exactly(cluster: RationalCluster, threshold: Fraction) -> tuple[int, Struck]:
     p, speed = cluster.none(), cluster.approach()
     if not speed > 0:
-        return DONE, Struck(p)
+        return ANSWERED, Struck(p)
     q = cluster.project(p)
     if q is None:
         return CONTRADICTORY, Struck(p)
     e = cluster.joined_restitution(q)
     inelastic = [x + y for x, y in zip(p, q, strict=True)]
     if e == 0:
-        return DONE, Struck(inelastic, restitution=e)
+        return ANSWERED, Struck(inelastic, restitution=e)
     margin: Scalar = math.inf
     for _ in range(REFLECTIONS):
         violated, near = cluster.violated(p, threshold * speed)
@@ -105,11 +105,11 @@ def _exactly(cluster: RationalCluster, threshold: Fraction) -> tuple[int, Struck
             return CONTRADICTORY, Struck(p)
         p = [x + 2 * y for x, y in zip(p, q, strict=True)]
     else:
-        return TOO_LONG, Struck(p)
+        return ENDLESS, Struck(p)
     p = [e * x + (1 - e) * y for x, y in zip(p, inelastic, strict=True)]
     if cluster.approaching(p):  # slower than the threshold
         q = cluster.project(p)
         if q is None:
             return CONTRADICTORY, Struck(p)
         p = [x + y for x, y in zip(p, q, strict=True)]
-    return DONE, Struck(p, margin=margin, restitution=e)
+    return ANSWERED, Struck(p, margin=margin, restitution=e)

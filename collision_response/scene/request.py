@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from fractions import Fraction
-from numbers import Rational
 from typing import Any, NamedTuple
 
 from .. import exactly, validity
 from ..model import check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
-from ..physics.orientation import Quaternion
-from ..physics.tensor import Symmetric3
-from ..physics.vector import Vec3
 from ..status import ImpactError, StatusCode
 from .clusters import Pair
 
@@ -83,23 +78,6 @@ def _as_pair(i: int, pair: Any) -> Pair:
     except (AttributeError, TypeError, ValueError):
         raise TypeError(f"pairs[{i}]: must be two indices of bodies, is {pair!r}") from None
     return a, b
-
-
-def as_fractions(body: Body) -> Body:
-    """A body of exact numbers; an infinite mass stays."""
-    return _converted(body, _fraction)
-
-
-def contact_as_fractions(contact: Contact) -> Contact:
-    """A contact of exact numbers."""
-    return _converted_contact(contact, _fraction)
-
-
-def _fraction(x: Any) -> Any:
-    if isinstance(x, Rational):
-        return Fraction(x)
-    x = float(x)
-    return Fraction(x) if math.isfinite(x) else x
 
 
 def as_floats(bodies: Sequence[Body], pairs: Sequence[Pair], contacts: Sequence[Contact], names: Sequence[Name]) -> tuple[list[Body], list[Contact]]:
@@ -173,29 +151,3 @@ def restitution_of(contact: Contact, place: int, speed: float) -> float:
         f"contacts[{place}].restitution(approach_speed)", value, 0, 1, StatusCode.INVALID_COEFFICIENT
     )
     return float(value)
-
-
-def _converted(body: Body, number: Any) -> Body:
-    def vector(v: Any) -> Vec3:
-        return Vec3(*map(number, v))
-
-    q = body.orientation
-    return Body(
-        number(body.mass),
-        Symmetric3(*map(number, body.inertia)),
-        vector(body.position),
-        None if q is None else Quaternion(*map(number, q)),
-        vector(body.velocity),
-        vector(body.angular_velocity),
-        vector(body.com),
-    )
-
-
-def _converted_contact(contact: Contact, number: Any) -> Contact:
-    e = contact.restitution
-    return Contact(
-        Vec3(*map(number, contact.position)),
-        Vec3(*map(number, contact.normal)),
-        e if callable(e) else number(e),
-        number(contact.friction),
-    )

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
+from .. import rationally
 from ..kernels import library
 from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
 from ..numbers.number import Scalar
@@ -87,7 +88,7 @@ def resolve_scene(
     answers = []
     for cluster in clusters:
         copies = copies_of(cluster, scene.pairs, scene.contacts, join=law is not Law.ROUTH_STRONGE)
-        if len(copies.first) == 1 and not exact:
+        if len(copies.first) == 1 and not (exact and law is Law.MOREAU):
             answered = alone(scene, cluster[0], model)
         else:
             answered = several(scene, copies, asked)
@@ -172,8 +173,8 @@ def _as_fractions(scene: request.Request, law: Law) -> request.Request:
     if not (law is Law.FRICTIONLESS or (law is Law.MOREAU and not scene.has_friction)):
         raise ImpactError(StatusCode.INVALID_MODEL, "model.law", f"{law.name} is not rational: give floats")
     return scene._replace(
-        bodies=list(map(request.as_fractions, scene.bodies)),
-        contacts=list(map(request.contact_as_fractions, scene.contacts)),
+        bodies=list(map(rationally.body_as_fractions, scene.bodies)),
+        contacts=list(map(rationally.contact_as_fractions, scene.contacts)),
     )
 
 

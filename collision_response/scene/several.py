@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
+from .. import rationally
 from ..geometry import required
 from ..kernels import library
 from ..model import Geometry, ImpactModel, Precision
@@ -210,8 +211,8 @@ def _by_reflections(cluster: Any, parts: Parts, threshold: Scalar) -> Struck:
     if struck is not None and struck.error < math.inf:
         return struck
     if len(parts.contacts) <= RATIONAL_CONTACTS:
-        bodies = list(map(request.as_fractions, parts.bodies))
-        contacts = list(map(request.contact_as_fractions, parts.contacts))
+        bodies = list(map(rationally.body_as_fractions, parts.bodies))
+        contacts = list(map(rationally.contact_as_fractions, parts.contacts))
         exactly = RationalCluster(bodies, parts.pairs, contacts, parts.counts)
         p, _, _, margin, e, _ = reflections(exactly, threshold)
         p = cluster.from_floats([float(x) for x in exactly.least_norm(p)])

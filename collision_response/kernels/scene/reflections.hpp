@@ -3,20 +3,22 @@
 #pragma once
 #include "assembly.hpp"
 
-enum class End { DONE, CONTRADICTORY, TOO_LONG };
+enum class Outcome { ANSWERED, CONTRADICTORY, ENDLESS };
 
-struct Reflected {
-  End end = End::DONE;
-  std::vector<DD> p;
-  double error = 0, margin = INFINITY, e = -1;  // e: of all contacts; -1: each has its own
+struct Struck {
+  Outcome outcome = Outcome::ANSWERED;
+  std::vector<DD> p;          // impulses along the normals
+  double error = 0;           // of the velocities, in the metric of kinetic energy
+  double margin = INFINITY;   // the least distance of a decision from its threshold, relative to the fastest approach
+  double restitution = -1;    // of all contacts; -1: each has its own
 };
 
 class Reflections {
  public:
   explicit Reflections(const Assembly& assembly) : scene(assembly) {}
 
-  Reflected resolve(double threshold, long budget) {
-    Reflected result;
+  Struck resolve(double threshold, long budget) {
+    Struck result;
     std::vector<DD>& p = result.p;
     p.assign(scene.count, DD{0, 0});
     double speed = 0, doubt = 0;  // of the fastest approach
@@ -27,10 +29,10 @@ class Reflections {
     }
     if (!(speed > 0)) return result;
     const Assembly::Projection first = scene.project(p.data(), scene.all(), nullptr);
-    if (first.found != Found::LEAST) return {End::CONTRADICTORY};
+    if (first.found != Found::LEAST) return {Outcome::CONTRADICTORY};
     double e_error;
-    result.e = joined_restitution(first.q.data(), e_error);
-    if (!(result.e > 0)) {
+    result.restitution = joined_restitution(first.q.data(), e_error);
+    if (!(result.restitution > 0)) {
       p = first.q;
       result.error = first.error;
       return result;
@@ -39,26 +41,26 @@ class Reflections {
     bool all_part = false;  // to all digits
     std::vector<int> violated;
     for (long turn = 0;; ++turn) {
-      if (turn == budget) return {End::TOO_LONG};
+      if (turn == budget) return {Outcome::ENDLESS};
       double near;
       if (!look(p.data(), error, threshold * speed, threshold * doubt, violated, near, all_part)) error = INFINITY;
       result.margin = std::fmin(result.margin, near / speed);
       if (violated.empty()) break;
       bool is_first = turn == 0 && static_cast<int>(violated.size()) == scene.count;
       Assembly::Projection next = is_first ? first : scene.project(p.data(), violated, nullptr);
-      if (next.found != Found::LEAST) return {End::CONTRADICTORY};
+      if (next.found != Found::LEAST) return {Outcome::CONTRADICTORY};
       double rounding = add(p, 2, next.q);
       error += 2 * next.error + rounding;
     }
     // e p_GR + (1 - e) p_P
     double rounding = add(p, -1, first.q);
     if (e_error > 0) error += e_error * scene.size_of(p.data());
-    for (DD& x : p) x = DD{result.e, 0} * x;
-    result.error = result.e * error + (1 - result.e) * first.error + rounding + scene.size_of(p.data()) * 0x1p-98;
+    for (DD& x : p) x = DD{result.restitution, 0} * x;
+    result.error = result.restitution * error + (1 - result.restitution) * first.error + rounding + scene.size_of(p.data()) * 0x1p-98;
     result.error += add(p, 1, first.q);
     if (!all_part && approaches(p.data(), result.error)) {  // slower than the threshold
       Assembly::Projection last = scene.project(p.data(), scene.all(), nullptr);
-      if (last.found != Found::LEAST) return {End::CONTRADICTORY};
+      if (last.found != Found::LEAST) return {Outcome::CONTRADICTORY};
       result.error += add(p, 1, last.q) + last.error;
     }
     return result;
@@ -128,6 +130,6 @@ class Reflections {
   }
 };
 
-inline Reflected reflections(const Assembly& scene, double threshold, long budget) {
+inline Struck reflections(const Assembly& scene, double threshold, long budget) {
   return Reflections(scene).resolve(threshold, budget);
 }

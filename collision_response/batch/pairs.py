@@ -1,0 +1,101 @@
+"""Contacts of one table of bodies: which may be answered at once, and the way back into the table.
+
+A simulator that resolves its contacts one after another, each on what those before it left, goes through a
+step by the set:
+
+    >>> import numpy as np
+    >>> from collision_response import Geometry
+    >>> from collision_response.batch import body_rows, contact_rows, resolve_batch
+    >>> rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    >>> bodies, contacts = np.zeros((rows.height, 3)), np.zeros((touch.height, 2))
+    >>> bodies[rows.mass] = 1.0
+    >>> bodies[rows.velocity][0] = [3.0, 0.0, 0.0]  # the first of three equal balls in a row moves
+    >>> contacts[touch.normal][0], contacts[touch.restitution] = -1.0, 1.0
+    >>> pairs = np.array([[0, 1], [1, 2]])
+    >>> for some in independent_sets(pairs):
+    ...     result = resolve_batch(bodies, contacts[:, some], pairs=pairs[:, some])
+    ...     scatter_velocities(bodies, pairs[:, some], result)
+    >>> bodies[rows.velocity][0]
+    array([0., 0., 3.])
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..kernels import library
+from ..status import StatusCode
+from .rows import rows_of
+
+if TYPE_CHECKING:
+    from .resolve_batch import BatchResult
+
+Array = np.ndarray[Any, Any]
+
+ANSWERS = [code for code in StatusCode if code.is_answer]
+
+
+def as_pairs(pairs: Any) -> Array:
+    """Columns of bodies, int64, shape ``(2, N)``. Raises: ValueError: they are not."""
+    array = np.asarray(pairs)
+    if array.ndim != 2 or array.shape[0] != 2 or (array.dtype.kind not in "iu" and array.size):
+        raise ValueError(f"pairs: must be integers of shape (2, N), are {array.dtype} of {array.shape}")
+    return np.ascontiguousarray(array, np.int64)
+
+
+def independent_sets(pairs: Any, movable: Any = None) -> list[Array]:
+    """Sets of contacts in which no movable body appears twice.
+
+    Whoever answers the sets in turn answers the contacts of each body in the order given: a contact is in the
+    set after the last one with which it shares a movable body, and no later.
+
+    Args:
+        pairs: the columns of both bodies of each contact, shape ``(2, N)``.
+        movable: for each body whether impulses move it, bool, shape ``(B,)``: ``isfinite`` of its mass. Left
+            out, all are. Immovable bodies, as a floor, part no contacts.
+
+    Returns:
+        Indices of contacts, in order.
+
+    Raises:
+        ValueError: an array has not the right shape or type, or a pair is not of two bodies.
+    """
+    pairs = as_pairs(pairs)
+    n = pairs.shape[1]
+    if movable is None:
+        movable = np.ones(max(pairs.max(initial=-1) + 1, 0), np.bool_)
+    movable = np.ascontiguousarray(movable)
+    if movable.ndim != 1 or movable.dtype != np.bool_:
+        raise ValueError(f"movable: must be bool of shape (B,), is {movable.dtype} of {movable.shape}")
+    order, starts = np.empty(n, np.int64), np.empty(n + 1, np.int64)
+    sets = library.independent_sets(pairs, movable, order, starts)
+    if sets < 0:
+        first = -1 - sets
+        wrong = tuple(pairs[:, first].tolist())
+        raise ValueError(
+            f"pairs: must be columns of bodies, from 0 to {movable.size - 1}; contact {first} has {wrong}"
+        )
+    return [order[start:stop] for start, stop in pairwise(starts[: sets + 1].tolist())]
+
+
+def scatter_velocities(bodies: Array, pairs: Any, result: BatchResult) -> None:
+    """Write the velocities of a result into the table of bodies.
+
+    Bodies of contacts without an answer keep theirs.
+
+    Args:
+        bodies: the table, shape ``(rows, B)``. It is changed.
+        pairs: of the contacts, as given to :func:`~collision_response.batch.resolve_batch`. Of a movable body
+            that is in several the last one counts, so let them be of one of the :func:`independent_sets`.
+        result: what became of them.
+    """
+    pairs, rows = as_pairs(pairs), rows_of(bodies.shape[0])
+    answered = np.isin(result.status, ANSWERS)
+    velocity, spin = result.velocity, result.angular_velocity
+    if not answered.all():
+        pairs, velocity, spin = pairs[:, answered], velocity[..., answered], spin[..., answered]
+    bodies[rows.velocity][:, pairs] = velocity
+    bodies[rows.angular_velocity][:, pairs] = spin

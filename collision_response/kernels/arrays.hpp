@@ -1,0 +1,29 @@
+// Arrays of NumPy, by the buffer protocol.
+#pragma once
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+
+#include <algorithm>
+#include <initializer_list>
+
+// Contiguous, and of the numbers and the shape that it should be; or not there.
+struct Array {
+  Py_buffer view{};
+  Array() = default;
+  Array(const Array&) = delete;
+  ~Array() { PyBuffer_Release(&view); }
+  bool open(PyObject* o, bool writable = false) {
+    if (PyObject_GetBuffer(o, &view, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT | (writable ? PyBUF_WRITABLE : 0)) == 0) return true;
+    PyErr_Clear();
+    return false;
+  }
+  bool is(char format, std::initializer_list<Py_ssize_t> shape) const {
+    return *view.format == format && !view.format[1] && view.ndim == static_cast<int>(shape.size()) &&
+           std::equal(shape.begin(), shape.end(), view.shape);
+  }
+  bool is_whole() const { return view.itemsize == 8 && (*view.format == 'l' || *view.format == 'q'); }
+  bool is_there() const { return view.obj; }
+  template <class T = char> T* at(Py_ssize_t index = 0) const { return static_cast<T*>(view.buf) + index; }
+  char* row(Py_ssize_t index) const { return at(index * view.shape[view.ndim - 1] * view.itemsize); }
+  bool overlaps(const Array& other) const { return at() < other.at(other.view.len) && other.at() < at(view.len); }
+};

@@ -1,0 +1,134 @@
+// What becomes of the bodies and the contacts of a cluster by impulses.
+#pragma once
+#include "friction.hpp"
+
+inline std::vector<double> rounded(const DD* p, int count) {
+  std::vector<double> out(count);
+  for (int i = 0; i < count; ++i) out[i] = p[i].h;
+  return out;
+}
+
+// A size in the metric of kinetic energy, in the norm of error_bound: at most how many times it is.
+inline double in_norm(const double* body) {
+  double mass = body[0], xx = body[1], xy = body[2], xz = body[3], yy = body[4], yz = body[5], zz = body[6];
+  double trace = xx + yy + zz, c = 0;
+  for (int k = 0; k < 3; ++k) c += body[IN_BODY_A_COM_X + k] * body[IN_BODY_A_COM_X + k];
+  double shift = 2 * mass * c, base = c > 0 ? 2 : 1;
+  if (!(trace > 0)) return std::sqrt(base);
+  if (xy == 0 && xz == 0 && yz == 0) {
+    double least = INFINITY;
+    for (double moment : {xx, yy, zz})
+      if (moment > trace * 0x1p-48) least = std::fmin(least, moment);
+    return std::sqrt(std::fmax(base, (shift + trace / 3) / least));
+  }
+  double det = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
+  double inverse = det > trace * trace * trace * 0x1p-46 ? (yy * zz - yz * yz + xx * zz - xz * xz + xx * yy - xy * xy) / det * (1 + 0x1p-4) : INFINITY;
+  if (inverse == INFINITY) inverse = 4 / trace * 0x1p46;
+  return std::sqrt(std::fmax(base, (shift + trace / 3) * inverse));
+}
+
+enum Regime : unsigned char { REGIME_SEPARATING = 1, STICKING, SLIDING, REVERSED };
+
+// Of slip, relative to the fastest speed before, and of what friction lacks to its limit: this is none.
+constexpr double AT_REST = 0x1p-20;
+
+// What becomes of a cluster. Of movable bodies six numbers each, of contacts three, or one.
+struct Numbers {
+  std::vector<double> changes, after, pushes, before, then;
+  std::vector<Regime> regimes;
+  double energy_after = 0, lost_restitution = 0, lost_friction = 0, bound = 0;
+};
+
+// Of normal impulses, and of tangential ones, pairs in the axes of each contact; empty if there are none. A contact
+// sticks if it does not slip (by_slip), or if its friction is below the limit.
+inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<double>& tangential, double error, bool by_slip) {
+  Numbers answer;
+  int count = scene.count;
+  bool rubs = !tangential.empty();
+  std::vector<Axes> P(count, Axes{0, 0, 0});
+  std::vector<double> reported = rounded(p, count);
+  if (rubs)
+    for (int i = 0; i < count; ++i)
+      for (int k = 0; k < 2; ++k) P[i][1 + k] = tangential[2 * i + k];
+  std::vector<N> sums = scene.changes(p);
+  Motion motion(scene), across(scene);
+  for (int i = 0; i < count; ++i) {
+    if (rubs) across.push(i, P[i]);
+    motion.push(i, {reported[i] * scene.touches[i].length, P[i][1], P[i][2]});
+  }
+  if (!rubs) scene.least_norm(reported, true);
+
+  double largest = 0, worst = 0, rounding = 0;
+  for (int b = 0; b < scene.bodies; ++b) {
+    const double* body = scene.given[b].x;
+    double change[6] = {};
+    if (rubs) scene.given[b].twist_of(&across.y[6 * b], change);
+    for (int k = 0; k < 6; ++k) change[k] += high(sums[6 * b + k]);
+    answer.changes.insert(answer.changes.end(), change, change + 6);
+    Given moved = scene.given[b];
+    for (int k = 0; k < 6; ++k) moved.x[IN_BODY_A_VELOCITY_X + k] += change[k];
+    moved.fill(moved.plain);
+    answer.energy_after += moved.energy;
+    double arm = (body[1] + body[4] + body[6]) / 3, size = 0, off = 0;
+    for (int k = 0; k < 6; ++k) {
+      double weight = k < 3 ? body[0] : arm;
+      size += weight * change[k] * change[k];
+      double lost = width(sums[6 * b + k]) + (std::fabs(change[k]) + std::fabs(high(sums[6 * b + k]))) * 0x1p-53 * (rubs ? 4 : 1);
+      off += weight * lost * lost;
+    }
+    largest = std::fmax(largest, std::sqrt(size));
+    rounding = std::fmax(rounding, std::sqrt(off));
+    worst = std::fmax(worst, error * in_norm(body));
+    answer.after.insert(answer.after.end(), moved.x + IN_BODY_A_VELOCITY_X, moved.x + IN_BODY_A_VELOCITY_X + 6);
+  }
+  std::vector<N> u = scene.velocities(p);
+  double fastest = 0;
+  for (const Touch& touch : scene.touches)
+    fastest = std::fmax(fastest, std::hypot(touch.plain[0].velocity, touch.plain[1].velocity, touch.plain[2].velocity));
+  for (int i = 0; i < count; ++i) {
+    const Touch& touch = scene.touches[i];
+    double push[3];
+    for (int k = 0; k < 3; ++k) push[k] = reported[i] * touch.normal[k];
+    Axes u_before{touch.plain[0].velocity, touch.plain[1].velocity, touch.plain[2].velocity};
+    Axes u_after = motion.velocity(i);
+    if (!rubs) u_after[0] = high(u[i]) / touch.length;
+    double speed = std::hypot(u_after[1], u_after[2]), back = u_before[1] * u_after[1] + u_before[2] * u_after[2];
+    double friction = std::hypot(P[i][1], P[i][2]), most = touch.mu * p[i].h * touch.length;
+    if (rubs) {
+      double x = touch.normal[0] / touch.length, y = touch.normal[1] / touch.length, z = touch.normal[2] / touch.length;
+      double sign = x < 0 ? -1 : 1, c = -1 / (sign + x), d = y * z * c;
+      double t1[3] = {-(sign * y), 1 + sign * (y * y * c), sign * d}, t2[3] = {-z, d, sign + z * z * c};
+      for (int k = 0; k < 3; ++k) push[k] += P[i][1] * t1[k] + P[i][2] * t2[k];
+    }
+    answer.lost_restitution -= p[i].h * touch.length * (u_before[0] + u_after[0]) / 2;
+    answer.lost_friction -= (P[i][1] * (u_before[1] + u_after[1]) + P[i][2] * (u_before[2] + u_after[2])) / 2;
+    answer.pushes.insert(answer.pushes.end(), push, push + 3);
+    answer.before.push_back(u_before[0]);
+    answer.then.push_back(u_after[0]);
+    Regime regime = back < 0 ? REVERSED : SLIDING;
+    if (push[0] == 0 && push[1] == 0 && push[2] == 0) regime = REGIME_SEPARATING;
+    else if (touch.mu == 0) regime = SLIDING;
+    else if (by_slip ? speed <= AT_REST * fastest : friction < (1 - AT_REST) * most) regime = STICKING;
+    answer.regimes.push_back(regime);
+  }
+  answer.bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0) : (worst > 0 ? INFINITY : 0);
+  if (!(answer.bound == answer.bound)) answer.bound = INFINITY;
+  return answer;
+}
+
+// COULOMB's impulses, from frictionless ones.
+inline Friction rubbed(const Assembly& scene, const DD* p) {
+  std::vector<double> normal = rounded(p, scene.count);
+  scene.least_norm(normal, false);
+  return least_work(scene, normal);
+}
+inline std::vector<DD> along_normals(const Friction& friction, const Assembly& scene) {
+  std::vector<DD> p(scene.count, DD{0, 0});
+  for (int i = 0; i < scene.count; ++i) p[i].h = friction.P[i][0] / scene.touches[i].length;
+  return p;
+}
+inline std::vector<double> across_normals(const Friction& friction) {
+  std::vector<double> tangential;
+  for (const Axes& P : friction.P) tangential.insert(tangential.end(), {P[1], P[2]});
+  return tangential;
+}

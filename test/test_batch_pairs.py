@@ -1,0 +1,440 @@
+"""Batches over one table of bodies: what pairs mean, independent sets, the way back; regimes and energies."""
+
+from __future__ import annotations
+
+import doctest
+import math
+import runpy
+from fractions import Fraction
+from itertools import product
+
+import array_api_strict
+import dask.array as da
+import numpy as np
+import pytest
+from batches import FIRST_FAULTY, N, assert_same, columns, is_tiny, scene_of, some
+from scenes import ALL_LAWS
+from test_examples import EXAMPLES
+
+import collision_response.batch.pairs
+from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, Regime, StatusCode, resolve
+from collision_response.batch import (
+    BatchResult,
+    body_rows,
+    contact_rows,
+    independent_sets,
+    resolve_batch,
+    scatter_velocities,
+)
+
+KINDS = [
+    (Geometry.POINT, False),
+    (Geometry.PLANAR, False),
+    (Geometry.SPATIAL, False),
+    (Geometry.SPATIAL, True),
+]
+OWN = np.arange(2 * N).reshape(2, N)
+"""The pairs of the shared batch, as columns of its table."""
+MODELS = [ImpactModel(), ImpactModel(tolerance=1e-14), ImpactModel(precision=Precision.EXTENDED)]
+REPORT = BatchResult._fields[BatchResult._fields.index("regime") :]
+
+of, at = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
+
+
+def table_of(bodies: np.ndarray) -> np.ndarray:
+    """Every body of a batch once: those of all body_a, then those of all body_b."""
+    return bodies.reshape(len(bodies), -1)
+
+
+def crowd(seed: int = 0, contacts: int = 1000, bodies: int = 60) -> tuple[np.ndarray, ...]:
+    """Bodies that have many contacts each, some of them immovable; and pairs with every fault."""
+    random = np.random.default_rng(seed)
+    shared, touches = some(Geometry.SPATIAL)
+    table = table_of(shared[..., 10:FIRST_FAULTY])[:, :bodies].copy()
+    table[of.mass, :3], table[of.inertia, :3] = math.inf, 0.0
+    table[of.velocity, 5] = math.nan
+    pairs = random.integers(bodies, size=(2, contacts))
+    pairs[:, 7], pairs[:, 8], pairs[:, 9] = (4, bodies), (-1, 4), (2**40, 2**40)
+    return table, pairs, touches.take(random.integers(FIRST_FAULTY, size=contacts), axis=1)
+
+
+# pairs
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize(("geometry", "oriented"), KINDS)
+def test_the_answers_are_those_of_bodies_side_by_side(geometry, oriented, model):
+    bodies, contacts = some(geometry, oriented=oriented)
+    by_pairs = resolve_batch(table_of(bodies), contacts, model, pairs=OWN, report=True)
+    assert_same(by_pairs, resolve_batch(bodies, contacts, model, report=True))
+
+
+@pytest.mark.parametrize("law", ALL_LAWS)
+def test_bodies_in_many_contacts_are_answered_each_time_for_themselves(law):
+    table, pairs, contacts = crowd()
+    result = resolve_batch(table, contacts, ImpactModel(law), pairs=pairs, report=True)
+    known = ((pairs >= 0) & (pairs < table.shape[1])).all(axis=0)
+    same = pairs[0] == pairs[1]
+    np.testing.assert_array_equal(result.status[same], StatusCode.SAME_BODY)  # of no body either
+    np.testing.assert_array_equal(result.status[~known & ~same], StatusCode.UNKNOWN_BODY)
+    assert [int(result.status[i]) for i in (7, 8, 9)] == [8, 8, 15]
+    sound = known & ~same
+    side_by_side = resolve_batch(table[:, pairs[:, sound]], contacts[:, sound], ImpactModel(law), report=True)
+    assert_same(columns(result, sound), side_by_side)
+    assert np.isnan(columns(result, ~sound).velocity).all()
+    assert set(result.status) >= {StatusCode.OK, StatusCode.NOT_FINITE, StatusCode.NO_DYNAMIC_BODY}
+
+
+@pytest.mark.parametrize("dtype", [np.int8, np.uint8, np.int32, np.uint32, np.int64, np.uint64, list])
+def test_pairs_of_any_integers(dtype):
+    table, pairs, contacts = crowd()
+    kept = ~((pairs < 0) | (pairs >= 60)).any(axis=0)
+    pairs, contacts = pairs[:, kept], contacts[:, kept]
+    given = pairs.tolist() if dtype is list else pairs.astype(dtype)
+    assert_same(resolve_batch(table, contacts, pairs=given), resolve_batch(table, contacts, pairs=pairs))
+
+
+def test_a_pair_may_be_given_twice_and_turned_round():
+    """The other body first, the other normal: the same motion."""
+    table, _, contacts = crowd()
+    one = contacts[:, :1]
+    turned = one.copy()
+    turned[at.normal] *= -1
+    both = resolve_batch(table, np.hstack([one, one, turned]), pairs=[[10, 10, 11], [11, 11, 10]])
+    assert_same(columns(both, 0), columns(both, 1))
+    np.testing.assert_array_equal(both.velocity[:, ::-1, 2], both.velocity[..., 0])
+    np.testing.assert_array_equal(both.impulse[:, 2], -both.impulse[:, 0])
+
+
+@pytest.mark.parametrize("workers", [2, 3])
+def test_many_hands_give_the_same_bits(workers):
+    table, pairs, contacts = crowd(contacts=5000)
+    shared = resolve_batch(table, contacts, pairs=pairs, workers=workers)
+    assert_same(shared, resolve_batch(table, contacts, pairs=pairs))
+
+
+def test_float32():
+    table, pairs, contacts = crowd()
+    table, contacts = table.astype(np.float32), contacts.astype(np.float32)
+    result = resolve_batch(table, contacts, pairs=pairs, report=True)
+    assert {getattr(result, name).dtype for name in REPORT[1:]} == {np.dtype(np.float32)}
+    sound = result.status < StatusCode.UNKNOWN_BODY
+    assert_same(
+        columns(result, sound), resolve_batch(table[:, pairs[:, sound]], contacts[:, sound], report=True)
+    )
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_no_contacts_and_no_bodies(model):
+    table, _, contacts = crowd()
+    none = resolve_batch(table, contacts[:, :0], model, pairs=np.empty((2, 0), int))
+    assert none.velocity.shape == (3, 2, 0)
+    lost = resolve_batch(table[:, :0], contacts[:, :3], model, pairs=[[0, 1, 2], [1, 0, 2]])
+    assert lost.status.tolist() == [StatusCode.UNKNOWN_BODY, StatusCode.UNKNOWN_BODY, StatusCode.SAME_BODY]
+
+
+def test_arrays_with_gaps_give_the_same():
+    table, pairs, contacts = crowd()
+    expected = resolve_batch(table, contacts, pairs=pairs)
+    spread = (np.repeat(array, 2, axis=1)[:, ::2] for array in (table, contacts, pairs))
+    spread_table, spread_contacts, spread_pairs = spread
+    out = BatchResult(*(None if a is None else np.repeat(a, 2, axis=-1)[..., ::2] for a in expected))
+    assert not out.velocity.flags.c_contiguous
+    assert resolve_batch(spread_table, spread_contacts, pairs=spread_pairs, out=out) is out
+    assert_same(out, expected)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"pairs": np.zeros((2, 3))}, "pairs: must be integers of shape (2, N), are float64 of (2, 3)"),
+        ({"pairs": np.zeros((2, 3), bool)}, "pairs: must be integers of shape (2, N), are bool of (2, 3)"),
+        ({"pairs": np.zeros((3, 2), int)}, "pairs: must be integers of shape (2, N), are int64 of (3, 2)"),
+        ({"pairs": np.zeros(6, int)}, "pairs: must be integers of shape (2, N), are int64 of (6,)"),
+        ({"pairs": np.zeros((2, 4), int)}, "contacts: must be of shape (rows, 4), is (8, 3)"),
+        ({"bodies": np.zeros((16, 2, 3))}, "bodies: must be of shape (4 or 7 or 16 or 20, B), is (16, 2, 3)"),
+        ({"bodies": np.zeros((15, 3))}, "bodies: must be of shape (4 or 7 or 16 or 20, B), is (15, 3)"),
+        (
+            {"bodies": np.zeros((16, 3), int)},
+            "bodies, contacts: must both be float32 or float64; are int64, ",
+        ),
+        ({"contacts": np.zeros(3)}, "contacts: must be of shape (rows, 3), is (3,)"),
+    ],
+)
+def test_what_is_no_request_is_refused_by_name(change, message):
+    request = {"bodies": np.zeros((16, 5)), "contacts": np.zeros((8, 3)), "pairs": np.zeros((2, 3), int)}
+    with pytest.raises(ValueError) as refusal:
+        resolve_batch(**(request | change))
+    assert str(refusal.value).startswith(message)
+
+
+def test_the_input_may_not_be_written_to():
+    table, pairs, contacts = crowd(contacts=24)
+    out = resolve_batch(table, contacts, pairs=pairs)
+    of_pairs = pairs.view(np.float64).reshape(-1)[:24]
+    for overlapping in ({"impulse": contacts[:3]}, {"velocity": table.reshape(-1)[:144].reshape(3, 2, 24)}):
+        with pytest.raises(ValueError, match="out: overlaps the input"):
+            resolve_batch(table, contacts, pairs=pairs, out=out._replace(**overlapping))
+    bounded = resolve_batch(table, contacts, ImpactModel(tolerance=1e-9), pairs=pairs)
+    with pytest.raises(ValueError, match="out: overlaps the input"):
+        resolve_batch(
+            table,
+            contacts,
+            ImpactModel(tolerance=1e-9),
+            pairs=pairs,
+            out=bounded._replace(error_bound=of_pairs),
+        )
+
+
+@pytest.mark.parametrize("make", [array_api_strict.asarray])
+def test_arrays_of_other_libraries(make):
+    table, pairs, contacts = crowd()
+    result = resolve_batch(make(table), make(contacts), pairs=make(pairs), report=True)
+    assert type(result.regime) is type(make(table))
+    here = BatchResult(*(None if array is None else np.from_dlpack(array) for array in result))
+    assert_same(here, resolve_batch(table, contacts, pairs=pairs, report=True))
+
+
+@pytest.mark.parametrize("cut", [True, False])
+def test_dask_cuts_contacts_and_keeps_the_table_whole(cut):
+    table, pairs, contacts = crowd()
+    lazy_pairs = da.from_array(pairs, chunks=(1, 77)) if cut else pairs
+    lazy = resolve_batch(
+        da.from_array(table, chunks=(5, 7)),
+        da.from_array(contacts, chunks=(3, 300)),
+        pairs=lazy_pairs,
+        report=True,
+    )
+    assert lazy.status.chunks == lazy.kinetic_energy_after.chunks == ((300, 300, 300, 100),)
+    here = BatchResult(*(None if array is None else array.compute() for array in lazy))
+    assert_same(here, resolve_batch(table, contacts, pairs=pairs, report=True))
+
+
+# regimes and energies
+
+
+@pytest.mark.parametrize(("kind", "law"), list(product(KINDS, ALL_LAWS)))
+def test_regimes_and_energies_are_those_of_one_impact(kind, law):
+    geometry, oriented = kind
+    bodies, contacts = some(geometry, oriented=oriented)
+    result = resolve_batch(bodies, contacts, ImpactModel(law), report=True)
+    refused, tiny = 0, is_tiny(bodies)
+    for i in np.flatnonzero(~tiny).tolist():
+        try:
+            impact = resolve(
+                *scene_of(geometry, bodies, contacts, i), ImpactModel(law, precision=Precision.DOUBLE)
+            )
+        except ImpactError:
+            refused += 1
+            assert result.regime[i] == 0
+            assert all(np.isnan(getattr(result, name)[i]) for name in REPORT[1:])
+            continue
+        assert [getattr(result, name)[i] for name in REPORT] == [getattr(impact, name) for name in REPORT]
+    assert refused > 20
+
+
+@pytest.mark.parametrize("model", [{}, {"tolerance": 1e-14}, {"precision": Precision.EXTENDED}])
+@pytest.mark.parametrize("law", ALL_LAWS)
+def test_a_report_changes_nothing_else(law, model):
+    bodies, contacts = some(Geometry.SPATIAL)
+    with_report = resolve_batch(bodies, contacts, ImpactModel(law, **model), report=True)
+    without = resolve_batch(bodies, contacts, ImpactModel(law, **model))
+    assert all(getattr(without, name) is None for name in REPORT)
+    assert_same(with_report._replace(**dict.fromkeys(REPORT)), without)
+    for count in (1, 2, 3, 5):  # vectors have ends
+        part = resolve_batch(bodies[..., :count], contacts[:, :count], ImpactModel(law, **model), report=True)
+        assert_same(part, columns(with_report, slice(count)))
+
+
+@pytest.mark.parametrize("law", ALL_LAWS)
+def test_energy_is_accounted_for(law):
+    """What is lost is what restitution and friction took, beside walls at rest."""
+    bodies, contacts = (array[..., :FIRST_FAULTY] for array in some(Geometry.SPATIAL))
+    result = resolve_batch(bodies, contacts, ImpactModel(law), report=True)
+    movable = np.isfinite(bodies[of.mass]).all(axis=(0, 1))
+    change = result.kinetic_energy_before - result.kinetic_energy_after
+    lost = result.energy_lost_restitution + result.energy_lost_friction
+    size = result.kinetic_energy_before[movable]
+    assert (abs(change - lost)[movable] <= 1e-12 * size).all()
+    assert (lost >= -1e-12 * result.kinetic_energy_before).all()
+    assert set(result.regime) >= {Regime.SEPARATING, Regime.SLIDING}
+
+
+def test_out_says_whether_a_report_is_written():
+    bodies, contacts = some(Geometry.SPATIAL)
+    expected = resolve_batch(bodies, contacts, report=True)
+    out = resolve_batch(bodies[..., ::-1], contacts[..., ::-1], report=True)
+    assert_same(resolve_batch(bodies, contacts, out=out), expected)
+    with pytest.raises(ValueError, match=r"out.regime: must be there for a report, is None"):
+        resolve_batch(bodies, contacts, report=True, out=resolve_batch(bodies, contacts))
+    with pytest.raises(
+        ValueError, match=r"out.energy_lost_friction: must be float64 of shape \(300,\), is None"
+    ):
+        resolve_batch(bodies, contacts, out=expected._replace(energy_lost_friction=None))
+    with pytest.raises(ValueError, match=r"out.regime: must be uint8 of shape \(300,\), is int64 of shape"):
+        resolve_batch(bodies, contacts, out=expected._replace(regime=np.zeros(N, int)))
+    with pytest.raises(ValueError, match=r"out.kinetic_energy_after: must be None, is float64 of shape"):
+        resolve_batch(bodies, contacts, out=expected._replace(regime=None, kinetic_energy_before=None))
+
+
+def test_the_report_of_what_leaves_the_range_on_the_way():
+    """Contacts that are answered one by one, too."""
+    bodies, contacts = (array[..., 7:9].copy() for array in some(Geometry.SPATIAL))
+    contacts[at.normal, 0] *= 1e-200
+    result = resolve_batch(bodies, contacts, ImpactModel(Law.COULOMB), report=True)
+    impact = resolve(*scene_of(Geometry.SPATIAL, bodies, contacts, 0))
+    assert [getattr(result, name)[0] for name in REPORT] == [getattr(impact, name) for name in REPORT]
+
+
+# independent sets
+
+
+def by_the_definition(pairs: np.ndarray, movable: np.ndarray) -> list[list[int]]:
+    """Contact by contact."""
+    sets: list[list[int]] = []
+    for i, pair in enumerate(pairs.T.tolist()):
+        own = {body for body in pair if movable[body]}
+        after = [k for k, some_ in enumerate(sets) if any(own & set(pairs[:, j].tolist()) for j in some_)]
+        place = max(after, default=-1) + 1
+        if place == len(sets):
+            sets.append([])
+        sets[place].append(i)
+    return sets
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_sets_are_what_they_say(seed):
+    random = np.random.default_rng(seed)
+    count = int(random.integers(1, 12))
+    pairs = random.integers(count, size=(2, int(random.integers(1, 60))))
+    movable = random.random(count) < random.choice([0.0, 0.5, 1.0])
+    found = independent_sets(pairs, movable)
+    assert [one.tolist() for one in found] == by_the_definition(pairs, movable)
+    for one in found:
+        bodies = pairs[:, one]
+        in_two = [body for body in range(count) if movable[body] and (bodies == body).any(axis=0).sum() > 1]
+        assert not in_two
+    assert sorted(np.concatenate(found).tolist()) == list(range(pairs.shape[1]))
+    everything = independent_sets(pairs)
+    assert [one.tolist() for one in everything] == by_the_definition(pairs, np.ones(count, bool))
+
+
+def test_sets_of_structured_pairs():
+    n = 50
+    star = np.array([np.zeros(n, int), np.arange(1, n + 1)])
+    assert [one.tolist() for one in independent_sets(star)] == [[i] for i in range(n)]  # a body in every pair
+    fixed = np.arange(n + 1) > 0
+    assert [one.tolist() for one in independent_sets(star, fixed)] == [list(range(n))]  # a floor
+    chain = np.array([np.arange(n), np.arange(1, n + 1)])
+    assert len(independent_sets(chain)) == n
+    assert [one.tolist() for one in independent_sets(chain[:, [0, 2, 4, 1, 3, 5]])] == [[0, 1, 2], [3, 4, 5]]
+    assert [one.tolist() for one in independent_sets(np.ones((2, 3), int))] == [
+        [0],
+        [1],
+        [2],
+    ]  # one body twice
+    assert [one.tolist() for one in independent_sets([[1, 1], [2, 2]])] == [[0], [1]]  # a pair twice
+    assert [one.tolist() for one in independent_sets([[1, 1], [2, 2]], np.zeros(3, bool))] == [[0, 1]]
+    assert independent_sets(np.empty((2, 0), int)) == []
+    assert independent_sets(np.empty((2, 0), int), np.empty(0, bool)) == []
+
+
+@pytest.mark.parametrize(
+    ("pairs", "movable", "message"),
+    [
+        (
+            [[0, 1], [1, 2]],
+            [True, True],
+            "pairs: must be columns of bodies, from 0 to 1; contact 1 has (1, 2)",
+        ),
+        ([[0, -1], [1, 0]], None, "pairs: must be columns of bodies, from 0 to 1; contact 1 has (-1, 0)"),
+        ([[-3], [-4]], None, "pairs: must be columns of bodies, from 0 to -1; contact 0 has (-3, -4)"),
+        ([[0.5], [1]], None, "pairs: must be integers of shape (2, N), are float64 of (2, 1)"),
+        ([[0], [1]], [1, 1], "movable: must be bool of shape (B,), is int64 of (2,)"),
+        ([[0], [1]], [[True, True]], "movable: must be bool of shape (B,), is bool of (1, 2)"),
+    ],
+)
+def test_sets_of_what_is_none_are_refused(pairs, movable, message):
+    with pytest.raises(ValueError) as refusal:
+        independent_sets(pairs, movable)
+    assert str(refusal.value) == message
+
+
+# the way back
+
+
+def one_after_another(
+    table: np.ndarray, pairs: np.ndarray, contacts: np.ndarray, model: ImpactModel
+) -> np.ndarray:
+    """What a simulator does: each contact by ``resolve``, on what those before it left."""
+    table = table.copy()
+    for i, pair in enumerate(pairs.T.tolist()):
+        try:
+            impact = resolve(
+                *scene_of(Geometry.SPATIAL, table[:, [pair]].swapaxes(1, 2), contacts[:, [i]], 0), model
+            )
+        except ImpactError:
+            continue
+        for body, twist in zip(pair, (impact.twist_a, impact.twist_b), strict=True):
+            table[of.velocity, body], table[of.angular_velocity, body] = twist.linear, twist.angular
+    return table
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.ROUTH_STRONGE])
+def test_a_step_by_sets_is_the_step_by_contacts(law):
+    table, pairs, contacts = crowd(contacts=300)
+    known = ((pairs >= 0) & (pairs < table.shape[1])).all(axis=0) & (pairs[0] != pairs[1])
+    pairs, contacts = pairs[:, known], contacts[:, known]
+    model = ImpactModel(law, precision=Precision.DOUBLE)
+    expected = one_after_another(table, pairs, contacts, model)
+    for group in independent_sets(pairs, np.isfinite(table[0])):
+        own = pairs[:, group]
+        scatter_velocities(table, own, resolve_batch(table, contacts[:, group], model, pairs=own))
+    np.testing.assert_array_equal(table, expected)
+
+
+def test_bodies_without_an_answer_keep_their_velocity():
+    table, _, contacts = crowd()
+    before = table.copy()
+    pairs = np.array([[10, 5, 20, 30], [11, 21, 99, 30]])
+    result = resolve_batch(table, contacts[:, :4], pairs=pairs)
+    answered = result.status <= StatusCode.SEPARATING
+    assert answered.tolist() == [True, False, False, False]
+    scatter_velocities(table, pairs, result)
+    changed = (table != before).any(axis=0) & ~np.isnan(before).any(axis=0)
+    assert set(np.flatnonzero(changed)) <= {10, 11}
+    np.testing.assert_array_equal(table[of.velocity, 10], result.velocity[:, 0, 0])
+    assert np.isnan(table).any(axis=0).sum() == np.isnan(before).any(axis=0).sum()
+
+
+def test_a_cradle_passes_its_momentum_on_exactly():
+    """Equal balls at e = 1, one after another: the last one flies off, to the bit."""
+    rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    n = 40
+    bodies, contacts = np.zeros((rows.height, n)), np.zeros((touch.height, n - 1))
+    bodies[rows.mass], contacts[touch.restitution] = 1.0, 1.0
+    contacts[touch.normal] = [[-1.0], [0.0], [0.0]]
+    bodies[rows.velocity][0, 0] = 3.0
+    pairs = np.array([np.arange(n - 1), np.arange(1, n)])
+    for group in independent_sets(pairs):
+        own = pairs[:, group]
+        scatter_velocities(bodies, own, resolve_batch(bodies, contacts[:, group], pairs=own))
+    assert [Fraction(v) for v in bodies[rows.velocity][0].tolist()] == [0] * (n - 1) + [3]
+
+
+def test_the_docstring_is_right():
+    assert doctest.testmod(collision_response.batch.pairs).failed == 0
+
+
+def test_the_example_of_a_step_keeps_momentum_and_gains_no_energy():
+    example = runpy.run_path(str(EXAMPLES / "step_of_arrays.py"))
+    steps = example["steps"](balls=60, count=40, seed=1)
+    momenta = np.array([step.momentum for step in steps])
+    energies = np.array([step.energy for step in steps])
+    contacts = [step.contacts for step in steps]
+    assert sum(contacts) > 60
+    assert abs(momenta - momenta[0]).max() < 1e-12 * np.sqrt(2 * energies[0] * 60)
+    assert (np.diff(energies) <= 1e-12 * energies[0]).all()
+    lost = sum(step.lost for step in steps[1:])
+    assert lost == pytest.approx(energies[0] - energies[-1], rel=1e-9)
+    assert lost > 0.05 * energies[0]

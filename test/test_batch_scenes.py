@@ -1,0 +1,276 @@
+"""Many scenes from tables: the bits of ``resolve_scene`` for each cluster, and nothing of one in another."""
+
+from __future__ import annotations
+
+import doctest
+import math
+import sys
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from scene_cases import Case, box, random_case, row
+
+from collision_response import (
+    Body,
+    Contact,
+    Geometry,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Precision,
+    StatusCode,
+    resolve_scene,
+)
+from collision_response.batch import ScenesResult, body_rows, contact_rows, resolve_scenes
+from collision_response.physics.vector import ZERO
+
+of, at = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
+ENERGIES = ScenesResult._fields[-4:]
+
+
+def tables(cases: list[Case], *, floor: Body | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """All scenes side by side; a common immovable body comes last."""
+    bodies = [body for case in cases for body in case.bodies] + ([] if floor is None else [floor])
+    contacts = [contact for case in cases for contact in case.contacts]
+    starts = np.cumsum([0, *(len(case.bodies) for case in cases)])
+    pairs = [
+        [start + i for i in pair] for case, start in zip(cases, starts, strict=False) for pair in case.pairs
+    ]
+    table, touches = np.zeros((of.height, len(bodies))), np.zeros((at.height, len(contacts)))
+    for i, body in enumerate(bodies):
+        table[of.mass, i], table[of.inertia, i] = body.mass, body.inertia
+        table[of.position, i], table[of.velocity, i] = body.position, body.velocity
+        table[of.angular_velocity, i] = body.angular_velocity
+        table[of.orientation, i] = body.orientation or (0, 0, 0, 1)
+    for i, contact in enumerate(contacts):
+        touches[:, i] = (*contact.position, *contact.normal, contact.restitution, contact.friction)
+    return table, touches, np.array(pairs, int).reshape(-1, 2).T
+
+
+def clusters_of(case: Case) -> list[list[int]]:
+    """By the definition: contacts that share a movable body, through others too."""
+    left, found = list(range(len(case.contacts))), []
+    while left:
+        own = [left.pop(0)]
+        grown = True
+        while grown:
+            bodies = {b for i in own for b in case.pairs[i] if case.bodies[b].is_movable()}
+            more = [i for i in left if bodies & set(case.pairs[i])]
+            own, left, grown = own + more, [i for i in left if i not in more], bool(more)
+        found.append(sorted(own))
+    return found
+
+
+def part(case: Case, own: list[int]) -> tuple[Case, list[int]]:
+    """A cluster by itself, and which bodies it has."""
+    places = list(dict.fromkeys(b for i in own for b in case.pairs[i]))
+    pairs = [tuple(places.index(b) for b in case.pairs[i]) for i in own]
+    return Case([case.bodies[b] for b in places], pairs, [case.contacts[i] for i in own]), places
+
+
+def assert_same_as_single_scenes(cases: list[Case], model: ImpactModel, result: ScenesResult) -> list[int]:
+    """The codes of all clusters."""
+    codes, first_body, first_contact = [], 0, 0
+    for case in cases:
+        for own in clusters_of(case):
+            cluster = len(codes)
+            contacts = [first_contact + i for i in own]
+            assert set(result.cluster[contacts]) == {cluster}
+            scene, places = part(case, own)
+            moved = [(k, first_body + b) for k, b in enumerate(places) if case.bodies[b].is_movable()]
+            try:
+                answer = resolve_scene(*scene, model)
+            except ImpactError as error:
+                codes.append(error.code)
+                assert result.status[cluster] == error.code
+                assert np.isnan(result.impulse[:, contacts]).all() and not result.regime[contacts].any()
+                assert all(np.isnan(result.velocity[:, b]).all() for _, b in moved)
+                assert all(np.isnan(getattr(result, name)[cluster]) for name in (*ENERGIES, "error_bound"))
+                continue
+            codes.append(answer.status)
+            assert result.status[cluster] == answer.status
+            for k, b in moved:
+                assert tuple(result.velocity[:, b]) == tuple(answer.twists[k].linear)
+                assert tuple(result.angular_velocity[:, b]) == tuple(answer.twists[k].angular)
+            assert [tuple(P) for P in result.impulse[:, contacts].T] == [tuple(P) for P in answer.impulses]
+            assert tuple(result.regime[contacts]) == answer.regimes
+            assert [getattr(result, name)[cluster] for name in ENERGIES] == [
+                getattr(answer, name) for name in ENERGIES
+            ]
+            assert result.error_bound[cluster] == answer.error_bound
+            assert result.decision_margin[cluster] == answer.decision_margin
+        first_body += len(case.bodies)
+        first_contact += len(case.contacts)
+    assert len(result.status) == len(codes)
+    return codes
+
+
+def plain(case: Case) -> Case:
+    """Tables have no centre of mass beside the reference point."""
+    return case._replace(bodies=[body._replace(com=ZERO) for body in case.bodies])
+
+
+RANDOM = [plain(random_case(seed)) for seed in range(120)]
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        ImpactModel(Law.FRICTIONLESS),
+        ImpactModel(Law.COULOMB),
+        ImpactModel(Law.COULOMB, restitution_threshold=0.4),
+        ImpactModel(Law.FRICTIONLESS, tolerance=1e-14),
+        ImpactModel(Law.MOREAU),
+    ],
+)
+def test_random_scenes_are_answered_as_each_by_itself(model):
+    codes = assert_same_as_single_scenes(
+        RANDOM, model, resolve_scenes(*tables(RANDOM)[:2], model, pairs=tables(RANDOM)[2])
+    )
+    assert len(codes) > 150
+    assert {StatusCode.OK, StatusCode.SEPARATING} <= set(codes)
+
+
+def resolved(cases: list[Case], model: ImpactModel, **options: Any) -> ScenesResult:
+    bodies, contacts, pairs = tables(cases)
+    return resolve_scenes(bodies, contacts, model, pairs=pairs, **options)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+def test_structured_scenes(law):
+    """Doubled contacts, chains, a ball between walls, walls that contradict, single contacts."""
+    wall = Body.kinematic((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    ball = Body.dynamic(1.0)
+    left, right = (
+        Contact.of((-1.0, 0, 0), (1.0, 0, 0), 1.0, 0.0),
+        Contact.of((1.0, 0, 0), (-1.0, 0, 0), 1.0, 0.0),
+    )
+    moving = ball._replace(velocity=type(ball.velocity)(-1.0, 0.0, 0.0))
+    doubled = box(e=0.5, mu=0.3, velocity=(0.2, 0, -1), spin=(0, 0.3, 0))
+    doubled = Case(doubled.bodies, [*doubled.pairs, (1, 0)], [
+        *doubled.contacts, doubled.contacts[0]._replace(normal=-doubled.contacts[0].normal)
+    ])  # fmt: skip
+    cases = [
+        box(e=0.5, mu=0.3, velocity=(0.2, 0, -1)),
+        box(velocity=(0, 0, 1)),
+        row([1.0, 0.0, 0.0], e=1.0, number=float),
+        row([1.0, 1.0, 1.0, 0.0, 0.0], e=0.5, number=float),
+        row([1.0, -1.0], e=0.25, number=float),
+        doubled,
+        Case([moving, Body.static()], [(0, 1), (0, 1)], [left, right]),
+        Case([ball, wall, Body.static()], [(0, 1), (0, 2)], [left, right]),
+    ]
+    model = ImpactModel(law)
+    codes = assert_same_as_single_scenes(cases, model, resolved(cases, model))
+    assert StatusCode.CONTRADICTORY_CONTACTS in codes or law is Law.ROUTH_STRONGE
+    assert codes.count(StatusCode.OK) >= 5
+
+
+def test_the_laws_that_are_refused_for_clusters_are_refused_for_each():
+    cases = [box(), row([1.0, -1.0], number=float)]
+    assert resolved(cases, ImpactModel(Law.ROUTH_POISSON)).status.tolist() == [10, 1]
+    assert resolved(cases, ImpactModel(Law.COULOMB, tangential_restitution=0.5)).status.tolist() == [10, 1]
+
+
+@pytest.mark.parametrize("workers", [2, 3])
+def test_many_hands_give_the_same_bits(workers):
+    alone, shared = (resolved(RANDOM * 3, ImpactModel(Law.COULOMB), workers=n) for n in (1, workers))
+    for name, one, other in zip(ScenesResult._fields, alone, shared, strict=True):
+        np.testing.assert_array_equal(one, other, err_msg=name)
+
+
+def test_boxes_on_one_floor_come_out_right():
+    """Flat boxes: (0, 0, e), no spin, every corner the same quarter of the impulse."""
+    es = np.linspace(0, 1, 11)
+    cases = [Case([case.bodies[0]], case.pairs, case.contacts) for case in (box(e=float(e)) for e in es)]
+    bodies, contacts, pairs = tables(cases, floor=Body.static())
+    pairs[1] = len(cases)
+    answer = resolve_scenes(bodies, contacts, pairs=pairs)
+    assert answer.cluster.tolist() == np.repeat(np.arange(11), 4).tolist()
+    np.testing.assert_allclose(answer.velocity[2, :-1], es, atol=1e-15)
+    assert abs(answer.angular_velocity).max() < 1e-30 and abs(answer.velocity[:2]).max() < 1e-30
+    np.testing.assert_allclose(answer.impulse[2], np.repeat(1 + es, 4) / 4, rtol=1e-15)
+    np.testing.assert_allclose(answer.kinetic_energy_after, es**2 / 2, atol=1e-15)
+    np.testing.assert_allclose(answer.energy_lost_restitution, (1 - es**2) / 2, atol=1e-15)
+
+
+def test_cradles_are_those_of_exact_arithmetic():
+    speeds = [(1, 0, 0), (1, 0, 0, 0, 0), (1, 1, 1, 0, 0), (3, -2, 1, -1), (1, 0)]
+    answer = resolved(
+        [row(list(map(float, v)), e=0.5, number=float) for v in speeds], ImpactModel(Law.FRICTIONLESS)
+    )
+    exact = [resolve_scene(*row(v, e=Fraction(1, 2)), ImpactModel(Law.FRICTIONLESS)) for v in speeds]
+    expected = [twist.linear.x for one in exact for twist in one.twists]
+    np.testing.assert_allclose(answer.velocity[0], [float(x) for x in expected], rtol=1e-15, atol=1e-16)
+
+
+@pytest.mark.parametrize("geometry", [Geometry.POINT, Geometry.PLANAR])
+def test_tables_of_less_geometry(geometry):
+    rows, touch = body_rows(geometry), contact_rows(geometry)
+    bodies, contacts = np.zeros((rows.height, 4)), np.zeros((touch.height, 3))
+    bodies[rows.mass], contacts[touch.restitution] = 1.0, 1.0
+    bodies[rows.inertia] = 0.4
+    bodies[rows.velocity][0, 0], contacts[touch.normal][0] = 1.0, -1.0
+    answer = resolve_scenes(bodies, contacts, pairs=[[0, 1, 2], [1, 2, 3]])
+    np.testing.assert_allclose(answer.velocity[0], [0, 0, 0, 1], atol=1e-30)
+    assert answer.impulse.shape == (2 if geometry is Geometry.PLANAR else 3, 3)
+    assert answer.angular_velocity.shape == (rows.angular_velocity.stop - rows.angular_velocity.start, 4)
+
+
+def test_a_fault_spoils_its_cluster_alone():
+    cases = [box(e=0.5), box(e=0.5), box(e=0.5), row([1.0, -1.0], number=float), box(e=0.5)]
+    bodies, contacts, pairs = tables(cases)
+    contacts[at.restitution, 5], bodies[of.velocity, 4] = 1.5, math.nan
+    pairs = np.hstack(
+        [pairs, [[0, -1, 6, 3, 1], [99, 6, 6, 1, 3]]]
+    )  # no body, one body twice, two immovable ones
+    contacts = np.hstack([contacts, contacts[:, :5]])
+    answer = resolve_scenes(bodies, contacts, pairs=pairs)
+    code = StatusCode
+    assert answer.status.tolist() == [
+        code.OK, code.INVALID_COEFFICIENT, code.NOT_FINITE, code.OK, code.OK,
+        code.UNKNOWN_BODY, code.UNKNOWN_BODY, code.SAME_BODY, code.NO_DYNAMIC_BODY, code.NO_DYNAMIC_BODY,
+    ]  # fmt: skip
+    np.testing.assert_array_equal(answer.velocity[2, [0, 8]], 0.5)
+    assert np.isnan(answer.velocity[:, [2, 4]]).all()
+    np.testing.assert_array_equal(answer.velocity[:, [1, 3, 5, 9]], 0.0)
+    np.testing.assert_array_equal(answer.velocity[0, [6, 7]], [-1.0, 1.0])
+    assert answer.cluster.tolist() == [0] * 4 + [1] * 4 + [2] * 4 + [3] + [4] * 4 + [5, 6, 7, 8, 9]
+
+
+def test_no_contacts_and_no_bodies():
+    bodies, contacts, _ = tables([box()])
+    answer = resolve_scenes(bodies, contacts[:, :0], pairs=np.empty((2, 0), int))
+    np.testing.assert_array_equal(answer.velocity, bodies[of.velocity])
+    assert answer.status.shape == (0,)
+    lost = resolve_scenes(bodies[:, :0], contacts[:, :2], pairs=[[0, 1], [1, 1]])
+    assert lost.status.tolist() == [StatusCode.UNKNOWN_BODY, StatusCode.SAME_BODY]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"bodies": np.zeros((20, 2), np.float32)},
+            "bodies, contacts: must both be float32 or float64; are float32",
+        ),
+        ({"contacts": np.zeros((9, 4))}, "bodies, contacts: must be float64, and without rows of tangential"),
+        ({"pairs": np.zeros((2, 4))}, "pairs: must be integers of shape (2, N), are float64 of (2, 4)"),
+        ({"pairs": np.zeros((2, 5), int)}, "contacts: must be of shape (rows, 5), is (8, 4)"),
+        ({"bodies": np.zeros((20, 2, 4))}, "bodies: must be of shape (4 or 7 or 16 or 20, B), is (20, 2, 4)"),
+        ({"threshold": 1.0}, "threshold: must be "),
+        ({"model": ImpactModel(precision=Precision.SINGLE)}, "model.precision: must be "),
+        ({"model": ImpactModel(geometry=Geometry.PLANAR)}, "model.geometry: must be "),
+    ],
+)
+def test_what_is_no_request_is_refused_by_name(change, message):
+    bodies, contacts, pairs = tables([box()])
+    with pytest.raises(ValueError) as refusal:
+        resolve_scenes(**({"bodies": bodies, "contacts": contacts, "pairs": pairs} | change))
+    assert str(refusal.value).startswith(message)
+
+
+def test_the_docstring_is_right():
+    assert doctest.testmod(sys.modules["collision_response.batch.resolve_scenes"]).failed == 0
