@@ -37,7 +37,6 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     validity.check(a, b, touch, model.tangential_restitution)
     threshold = Fraction(model.restitution_threshold)
     changes, report, flags = impact(a, b, touch, Law.FRICTIONLESS, Fraction(0), threshold, Fraction(0))
-    *numbers, restitution, regime = report
     geometry = model.geometry
     if geometry is Geometry.AUTO:
         geometry = required(a, b, touch, frictionless=True)
@@ -48,14 +47,23 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     )
     return Impact(
         StatusCode.SEPARATING if flags.separating else StatusCode.OK,
-        touch._replace(restitution=restitution, friction=Fraction(0)),
+        touch._replace(restitution=report.restitution, friction=Fraction(0)),
         model._replace(law=Law.FRICTIONLESS, geometry=geometry, precision=Precision.EXTENDED),
-        *numbers[:2],
+        report.twist_a,
+        report.twist_b,
         changes.change_a,
         changes.change_b,
         changes.impulse,
-        *numbers[2:],
-        Regime(round(regime)),
+        report.normal_impulse,
+        report.tangential_impulse,
+        report.normal_velocity_before,
+        report.normal_velocity_after,
+        report.effective_mass,
+        report.kinetic_energy_before,
+        report.kinetic_energy_after,
+        report.energy_lost_restitution,
+        report.energy_lost_friction,
+        Regime(round(report.regime)),
         0.0,
         Adjustment(adjustments),
     )

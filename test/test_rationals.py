@@ -7,7 +7,16 @@ from fractions import Fraction as F
 
 import pytest
 
-from collision_response import Body, Contact, ImpactError, ImpactModel, Law, StatusCode, resolve, resolve_scene
+from collision_response import (
+    Body,
+    Contact,
+    ImpactError,
+    ImpactModel,
+    Law,
+    StatusCode,
+    resolve,
+    resolve_scene,
+)
 from collision_response.numbers.number import square_root
 
 FLOOR = Body.static()
@@ -28,7 +37,9 @@ def test_an_answer_to_fractions_is_exact():
 
 
 def test_one_fraction_makes_the_answer_exact():
-    impact = resolve(Body.dynamic(1.0, velocity=(0.0, 0.0, F(-1, 3))), FLOOR, Contact.of((0, 0, 0), (0, 0, 1)))
+    impact = resolve(
+        Body.dynamic(1.0, velocity=(0.0, 0.0, F(-1, 3))), FLOOR, Contact.of((0, 0, 0), (0, 0, 1))
+    )
     assert impact.twist_a.linear.z == F(1, 3)
 
 

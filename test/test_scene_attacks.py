@@ -274,7 +274,9 @@ def test_impulses_with_friction_are_those_of_least_squares():
         columns = []
         for contact, impulse in zip(case.contacts, answer.impulses, strict=True):
             arm = contact.position - case.bodies[0].position
-            axes = [Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1)] if sticks else [impulse * (1 / impulse.norm())]
+            axes = (
+                [Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1)] if sticks else [impulse * (1 / impulse.norm())]
+            )
             columns += [[*axis, *arm.cross(axis)] for axis in axes]
         matrix = numpy.array(columns).T
         own = numpy.array(answer.impulses)

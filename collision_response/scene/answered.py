@@ -43,7 +43,7 @@ class Answered(NamedTuple):
 
 
 def dealt(answered: Answered, scene: Request, cluster: Sequence[int], copies: Copies) -> Answered:
-    """With an entry for every copy of a contact: they share the impulse, whichever way their bodies are given."""
+    """With an entry for every copy of a contact: they share its impulse, whichever body is given first."""
     contacts, impulses = [], []
     for i, place in zip(cluster, copies.places, strict=True):
         used, count = answered.contacts[place], copies.counts[place]
@@ -51,9 +51,7 @@ def dealt(answered: Answered, scene: Request, cluster: Sequence[int], copies: Co
         share: Scalar = Fraction(1, count) if isinstance(answered.impulses[place].x, Fraction) else 1 / count
         impulses.append(answered.impulses[place] * (share if same else -share))
         own = scene.contacts[i]
-        contacts.append(
-            used if same else own._replace(restitution=used.restitution, friction=used.friction)
-        )
+        contacts.append(used if same else own._replace(restitution=used.restitution, friction=used.friction))
     return answered._replace(
         contacts=contacts,
         impulses=impulses,

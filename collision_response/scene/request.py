@@ -80,7 +80,9 @@ def _as_pair(i: int, pair: Any) -> Pair:
     return a, b
 
 
-def as_floats(bodies: Sequence[Body], pairs: Sequence[Pair], contacts: Sequence[Contact], names: Sequence[Name]) -> tuple[list[Body], list[Contact]]:
+def as_floats(
+    bodies: Sequence[Body], pairs: Sequence[Pair], contacts: Sequence[Contact], names: Sequence[Name]
+) -> tuple[list[Body], list[Contact]]:
     """The same in floats, where numbers were of other kinds.
 
     Args:
