@@ -6,7 +6,7 @@ import math
 from functools import lru_cache
 from typing import Any
 
-from . import exactly, validity
+from . import exactly, rationally, validity
 from .answer import Impact
 from .geometry import flattened, flattened_contact
 from .kernels import library
@@ -26,7 +26,8 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = D
     """The twists of two bodies after they collide.
 
     Args:
-        body_a: one body; the contact's normal points to it.
+        body_a: one body; the contact's normal points to it. If a number of the request is a
+            :class:`fractions.Fraction`, FRICTIONLESS answers exactly, in fractions.
         body_b: the other body.
         contact: where they touch, and the coefficients.
         model: what to model, and how exactly.
@@ -46,7 +47,7 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = D
 
 OF_BODIES = Adjustment.NORMALISED_ORIENTATION | Adjustment.MASSLESS_SPIN
 
-FAULT, MORE, FORCED, BEYOND = range(4)
+FAULT, MORE, FORCED, BEYOND, RATIONAL = range(5)
 """Why the kernels leave a request to this module; see ``module.cpp``."""
 
 
@@ -63,6 +64,8 @@ def _unusual(
         if contact.tangential_restitution is not None:
             return _with_own_tangential(body_a, body_b, contact, model)
         return resolve(body_a, body_b, _with_restitution(body_a, body_b, contact, model), model)
+    if answer == RATIONAL:
+        return rationally.resolve(body_a, body_b, contact, model)
     if answer == FORCED:
         return _leaving_out(body_a, body_b, contact, model)
     may_climb = plan(model).last is Precision.EXTENDED
@@ -83,7 +86,7 @@ def _with_restitution(body_a: Body, body_b: Body, contact: Contact, model: Impac
     elastic = contact._replace(restitution=1.0)
     simple = model._replace(restitution_threshold=0.0, tolerance=0.0, precision=Precision.EXTENDED)
     before = resolve(body_a, body_b, elastic, simple).normal_velocity_before
-    value = contact.restitution(max(-before, 0.0))
+    value = contact.restitution(float(max(-before, 0.0)))
     check_number("contact.restitution(approach_speed)", value, 0, 1, StatusCode.INVALID_COEFFICIENT)
     return contact._replace(restitution=float(value))
 

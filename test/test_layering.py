@@ -21,7 +21,7 @@ LAYERS = (
     {"centre"},
     {"answer", "geometry", "impact", "materials", "validity"},
     {"kernels"},
-    {"exactly"},
+    {"exactly", "rationally"},
     {"resolve"},
     {"requirements", "resolve_contact", "scene"},
     {FRONT},

@@ -8,7 +8,7 @@ import math
 from fractions import Fraction as F
 
 import pytest
-from scene_cases import Case, apart, box, row, size_of, speeds
+from scene_cases import Case, apart, box, random_case, row, size_of, speeds
 
 from collision_response import Body, Contact, Law, StatusCode, resolve_scene
 from collision_response.physics.orientation import Quaternion
@@ -241,3 +241,85 @@ def test_a_long_chain_is_within_the_budget():
     assert speeds(answer) == pytest.approx((*(0,) * 99, 1), abs=1e-12)
     assert answer.status is StatusCode.OK
     assert answer.error_bound < 1e-10
+
+
+def reordered(case: Case, turn: int) -> Case:
+    """The same contacts in another order, some seen from their other body."""
+    count = len(case.pairs)
+    order = [(i * 7 + turn) % count for i in range(count)] if count % 7 else list(reversed(range(count)))
+    pairs, contacts = [], []
+    for place, i in enumerate(order):
+        (a, b), contact = case.pairs[i], case.contacts[i]
+        other_side = place % 2 == 0
+        pairs.append((b, a) if other_side else (a, b))
+        contacts.append(contact._replace(normal=-Vec3(*contact.normal)) if other_side else contact)
+    return Case(case.bodies, pairs, contacts)
+
+
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
+def test_great_friction_has_one_answer_in_whatever_order(law):
+    """At mu = 3 Coulomb's law has several solutions: always the same one is found."""
+    for seed in (16, 133, 400, *range(600, 630)):
+        case = random_case(seed, mu=3.0, contacts=30)
+        assert apart(case, case.resolve(law), reordered(case, seed).resolve(law)) < 1e-6
+
+
+def test_impulses_with_friction_are_those_of_least_squares():
+    """A box that slides and turns: four corners share six equations."""
+    numpy = pytest.importorskip("numpy")
+    for velocity, spin, mu in (((1, 0.5, -1), (0, 0, 0), 0.3), ((0.1, 0.02, -1), (0, 0, 0.1), 3.0)):
+        case = box(velocity, spin, e=0.5, mu=mu)
+        answer = case.resolve(Law.COULOMB)
+        sticks = mu == 3.0
+        columns = []
+        for contact, impulse in zip(case.contacts, answer.impulses, strict=True):
+            arm = contact.position - case.bodies[0].position
+            axes = (
+                [Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1)] if sticks else [impulse * (1 / impulse.norm())]
+            )
+            columns += [[*axis, *arm.cross(axis)] for axis in axes]
+        matrix = numpy.array(columns).T
+        own = numpy.array(answer.impulses)
+        given = own.ravel() if sticks else numpy.linalg.norm(own, axis=1)
+        least = numpy.linalg.pinv(matrix) @ (matrix @ given)
+        assert given == pytest.approx(least, abs=1e-5)
+
+
+@pytest.mark.parametrize("ratio", [1e-12, 1e-6, 1e6, 1e12])
+def test_friction_in_a_chain_of_extreme_masses(ratio):
+    """Balls that scrape along each other: energy is lost, no contact approaches, momentum stays."""
+    bodies = [
+        Body.dynamic(
+            ratio**k, (0.4 * ratio**k, 0, 0, 0.4 * ratio**k, 0, 0.4 * ratio**k), (2.0 * k, 0, 0), None,
+            (1.0 - k, 0.3 * k, 0.0),
+        )
+        for k in range(3)
+    ]  # fmt: skip
+    contacts = [Contact.of((2.0 * k + 1, 0, 0), (-1, 0, 0), 0.5, 0.3) for k in range(2)]
+    answer = Case(bodies, [(0, 1), (1, 2)], contacts).resolve(Law.COULOMB)
+    assert answer.energy_lost_friction >= -1e-12 * answer.kinetic_energy_before
+    assert answer.kinetic_energy_after <= answer.kinetic_energy_before * (1 + 1e-12)
+    assert min(answer.normal_velocities_after) >= -1e-9
+
+
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
+def test_no_friction_beside_much(law):
+    """Two corners slide, two would stick: the smooth ones have no tangential impulse."""
+    case = box((1, 0.5, -1), e=0.5)
+    mixed = case._replace(
+        contacts=[c._replace(friction=mu) for c, mu in zip(case.contacts, (0.0, 3.0, 0.0, 3.0), strict=True)]
+    )
+    answer = mixed.resolve(law)
+    for contact, impulse in zip(answer.contacts, answer.impulses, strict=True):
+        assert math.hypot(impulse.x, impulse.y) <= contact.friction * impulse.z * (1 + 1e-9)
+    assert answer.energy_lost_friction > 0
+
+
+@pytest.mark.parametrize("speed", [1e-150, 1e150])
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+def test_units_of_speed_do_not_matter(speed, law):
+    one = box((1, 0.5, -1), (0.3, -0.2, 0.1), e=0.5, mu=0.3).resolve(law)
+    other = box(
+        (speed, 0.5 * speed, -speed), (0.3 * speed, -0.2 * speed, 0.1 * speed), e=0.5, mu=0.3
+    ).resolve(law)
+    assert other.twists[0].linear * (1 / speed) == pytest.approx(one.twists[0].linear, abs=1e-7)

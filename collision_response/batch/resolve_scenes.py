@@ -34,7 +34,7 @@ from ..model import LARGEST, ImpactModel, Law, check_number, plan
 from ..physics.laws import PATHS
 from ..scene import SceneImpact, resolve_scene
 from ..scene.reflections import REFLECTIONS
-from ..scene.resolve_scene import AT_REST, THRESHOLD
+from ..scene.resolve_scene import THRESHOLD
 from ..status import ImpactError, StatusCode
 from .one_by_one import REPORT, body_of, contact_of
 from .pairs import IS_ANSWER, as_pairs
@@ -134,7 +134,7 @@ def resolve_scenes(
     else:
         _alone(bodies, contacts, pairs, clusters, alone, model, result, workers)
     if model.law in (Law.FRICTIONLESS, Law.COULOMB) and not model.tangential_restitution:
-        numbers = threshold, model.restitution_threshold, plan(model).limit, AT_REST, REFLECTIONS
+        numbers = threshold, model.restitution_threshold, plan(model).limit, REFLECTIONS
         tables = bodies, pairs, contacts, *clusters, result, together
         kernel = here.layout, model.law is Law.FRICTIONLESS, tuple(map(float, numbers))
         _share(lambda *part: library.many_clusters(*kernel, *tables, *part), together.size, workers)

@@ -10,6 +10,8 @@ struct Door {
   double* x;
   double* error;
   const char* const* names;  // of the numbers, for messages
+  PyTypeObject* fraction = nullptr;
+  bool* rational = nullptr;  // set where a number is a fraction
 };
 
 // Anything that is not exactly a float. Python floats never come here.
@@ -34,6 +36,7 @@ static __attribute__((noinline, cold)) bool read_other(PyObject* o, const Door& 
       return true;
     }
   }
+  if (door.rational && PyObject_TypeCheck(o, door.fraction)) *door.rational = true;
   PyNumberMethods* as_number = Py_TYPE(o)->tp_as_number;
   if (PyBool_Check(o) || std::strncmp(Py_TYPE(o)->tp_name, "numpy.bool", 10) == 0 || PyComplex_Check(o) || PyUnicode_Check(o) || !as_number ||
       !(as_number->nb_float || as_number->nb_index))

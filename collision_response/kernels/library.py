@@ -40,13 +40,15 @@ def refusal(code: int) -> ImpactError:
 
 _statuses = {int(status): status for status in StatusCode}
 _regimes = {int(regime): regime for regime in Regime}
+_regimes_by_number = tuple(_regimes.get(i) for i in range(max(_regimes) + 1))
 _compiled.setup(
     Impact,
     Twist,
     Vec3,
     Contact,
+    Fraction,
     tuple(_statuses.get(i) for i in range(max(_statuses) + 1)),
-    tuple(_regimes.get(i) for i in range(max(_regimes) + 1)),
+    _regimes_by_number,
     tuple(Adjustment(i) for i in range(32)),
     plan,
     decided,
@@ -59,7 +61,7 @@ batch = _compiled.batch
 independent_sets = _compiled.independent_sets
 limit_vectors = _compiled.limit_vectors
 
-_scene.setup(Vec3, Twist, Fraction)
+_scene.setup(Vec3, Twist, Fraction, _regimes_by_number)
 assemble = _scene.assemble
 Cluster = _scene.Cluster
 is_rational = _scene.is_rational

@@ -2,14 +2,13 @@
 #include "arrays.hpp"
 #include "door.hpp"
 #include "gather.hpp"
+#include "python.hpp"
 
 #define WITH_TABLES
 #include "table.hpp"
 #include "units.hpp"
 
-
 namespace {
-
 
 enum Geometry { AUTO_GEOMETRY = 1, POINT, PLANAR, SPATIAL };
 enum Precision { AUTO_PRECISION = 1, SINGLE, DOUBLE, EXTENDED };
@@ -18,7 +17,7 @@ constexpr int LAWS = LAW_COUNT, GEOMETRIES = 5, PRECISIONS = 5;
 
 // What Python's side knows, given by setup().
 struct Types {
-  PyTypeObject *impact, *twist, *vec3, *contact;
+  PyTypeObject *impact, *twist, *vec3, *contact, *fraction;
   PyObject *statuses, *regimes, *adjustments;  // by number
   PyObject *plan, *decided, *refusal;          // functions
 } types;
@@ -116,20 +115,8 @@ bool read_contact(PyObject* contact, const Door& door, bool* has_more) {
          read_number(PyTuple_GET_ITEM(contact, 3), door, IN_CONTACT_FRICTION);
 }
 
-PyObject* vector(const double* x) {
-  PyObject* v = types.vec3->tp_alloc(types.vec3, 3);
-  if (v)
-    for (int k = 0; k < 3; ++k) PyTuple_SET_ITEM(v, k, PyFloat_FromDouble(x[k]));
-  return v;
-}
-PyObject* twist(const double* x) {
-  PyObject* t = types.twist->tp_alloc(types.twist, 2);
-  if (t) {
-    PyTuple_SET_ITEM(t, 0, vector(x));
-    PyTuple_SET_ITEM(t, 1, vector(x + 3));
-  }
-  return t;
-}
+PyObject* vector(const double* x) { return tuple_of(types.vec3, x, 3); }
+PyObject* twist(const double* x) { return twist_of(types.twist, types.vec3, x); }
 PyObject* kept(PyObject* o) {
   Py_INCREF(o);
   return o;
@@ -177,7 +164,7 @@ PyObject* refuse(int status) {
 
 // resolve(body_a, body_b, contact, model): an Impact; or a number that says what is left to Python:
 // 0 a fault in the request, 1 the contact says more than numbers, or overrides the model, 2 a geometry that leaves
-// something out, 3 no number of the answer is known.
+// something out, 3 no number of the answer is known, 4 fractions, of a law that is rational.
 PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 4) {
     PyErr_SetString(PyExc_TypeError, "resolve() takes two bodies, a contact and a model");
@@ -193,7 +180,8 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
     std::fill_n(x + INPUTS, ALL_INPUTS - INPUTS, 0.0);
     std::fill_n(error + INPUTS, ALL_INPUTS - INPUTS, 0.0);
   }
-  const Door door{x, error, input_names};
+  bool rational = false;
+  const Door door{x, error, input_names, types.fraction, &rational};
   bool has_more;
   if (!read_body(args[0], door, 0) || !read_body(args[1], door, BODY) || !read_contact(contact, door, &has_more)) return nullptr;
   if (has_more) return PyLong_FromLong(1);
@@ -213,6 +201,7 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
     if (plan->geometry < required) return PyLong_FromLong(2);
     required = plan->geometry;
   }
+  if (rational && frictionless && !articulated) return PyLong_FromLong(4);
   Numbers y;
   int precision = plan->first;
   for (;; ++precision) {
@@ -405,12 +394,13 @@ PyObject* limit_vectors(PyObject*, PyObject* bits) {
 }
 
 PyObject* setup(PyObject*, PyObject* args) {
-  PyObject *impact, *twist, *vec3, *contact;
-  if (!PyArg_ParseTuple(args, "OOOOOOOOOO", &impact, &twist, &vec3, &contact, &types.statuses, &types.regimes, &types.adjustments, &types.plan, &types.decided, &types.refusal)) return nullptr;
+  PyObject *impact, *twist, *vec3, *contact, *fraction;
+  if (!PyArg_ParseTuple(args, "OOOOOOOOOOO", &impact, &twist, &vec3, &contact, &fraction, &types.statuses, &types.regimes, &types.adjustments, &types.plan, &types.decided, &types.refusal)) return nullptr;
   types.impact = reinterpret_cast<PyTypeObject*>(impact);
   types.twist = reinterpret_cast<PyTypeObject*>(twist);
   types.vec3 = reinterpret_cast<PyTypeObject*>(vec3);
   types.contact = reinterpret_cast<PyTypeObject*>(contact);
+  types.fraction = reinterpret_cast<PyTypeObject*>(fraction);
   Py_INCREF(args);  // keeps all of them for ever
   Py_RETURN_NONE;
 }

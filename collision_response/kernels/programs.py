@@ -130,7 +130,11 @@ def column() -> str:
     seen = rebuilt(centre, read)
     velocity, d, direction = (Vec3(*symbols[i : i + 3]) for i in range(count, count + 9, 3))
     outputs = map(tape.symbol, numbers_in(Column.at(seen, velocity, d, direction)))
-    return f"constexpr int CENTRE = {count};\n{text}{emit('column', list(inputs), outputs, [], [])}"
+    places, at = [], 0
+    for name, part in zip(Side._fields, centre, strict=True):
+        places.append(f"CENTRE_{name.upper()} = {at}")
+        at += len(list(numbers_in(part)))
+    return f"enum {{ {', '.join(places)}, CENTRE }};\n{text}{emit('column', list(inputs), outputs, [], [])}"
 
 
 def _is_condition(symbol: Symbol) -> bool:

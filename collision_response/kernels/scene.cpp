@@ -3,6 +3,7 @@
 //
 // Impulses along the normals travel as bytes: a double-double for each contact.
 #include "arrays.hpp"
+#include "python.hpp"
 #define WITH_TABLES
 #include "scene/compliant.hpp"
 #include "scene/many.hpp"
@@ -12,6 +13,7 @@ namespace {
 
 struct Types {
   PyTypeObject *vec3, *twist, *fraction;
+  PyObject* regimes;  // by number
 } types;
 
 struct Cluster {
@@ -143,68 +145,26 @@ PyObject* from_floats(PyObject* self, PyObject* list) {
   return bytes(p);
 }
 
-// approach(): of the fastest contact [m/s], and its error.
-PyObject* approach(PyObject* self, PyObject*) {
-  Speed speed = approach(of(self));
-  return Py_BuildValue("dd", speed.most, speed.error);
-}
-
-// reflections(threshold, budget): the impulses of GRR, the error, the margin and the restitution, None if nothing
-// approaches; or False where contacts contradict each other, True where the budget was too small.
-PyObject* reflections(PyObject* self, PyObject* const* args, Py_ssize_t count) {
-  if (count != 2) return PyErr_Format(PyExc_TypeError, "reflections() takes 2 arguments");
-  double threshold = PyFloat_AsDouble(args[0]);
-  int budget = static_cast<int>(PyLong_AsLong(args[1]));
-  if (PyErr_Occurred()) return nullptr;
-  Struck struck = Reflections(of(self), threshold, budget).struck();
-  if (struck.outcome != Outcome::ANSWERED) return PyBool_FromLong(struck.outcome == Outcome::ENDLESS);
-  PyObject* e = struck.restitution < 0 ? Py_NewRef(Py_None) : PyFloat_FromDouble(struck.restitution);
-  return Py_BuildValue("NddN", bytes(struck.p), struck.error, struck.margin, e);
-}
-
 // size(p): at least that of the velocities by impulses p, in the metric of kinetic energy.
 PyObject* size(PyObject* self, PyObject* o) {
   const DD* p = impulses(self, o);
-  if (!p) return nullptr;
-  std::vector<double> sizes = rounded(p, of(self).count);
-  for (double& x : sizes) x = std::fabs(x);
-  return PyFloat_FromDouble(of(self).size_of(sizes));
+  return p ? PyFloat_FromDouble(of(self).size_of(p)) : nullptr;
 }
 
-// project(p, among, offset): the impulses on top of p that just keep the contacts among (None: all) from
-// approaching, and the error of that; None if there are none. With offset, from a velocity e min(u, 0) higher.
-PyObject* project(PyObject* self, PyObject* const* args, Py_ssize_t count) {
-  const DD* p = count == 3 ? impulses(self, args[0]) : nullptr;
-  if (!p) return nullptr;
-  const Assembly& scene = of(self);
-  std::vector<int> among;
-  if (args[1] == Py_None) among = scene.all();
-  else
-    for (Py_ssize_t k = 0; k < PyList_GET_SIZE(args[1]); ++k)
-      among.push_back(static_cast<int>(PyLong_AsLong(PyList_GET_ITEM(args[1], k))));
-  std::vector<N> offset;
-  if (args[2] == Py_True)
-    for (const Touch& touch : scene.touches)
-      offset.push_back(high(touch.velocity) < 0 ? touch.velocity * exact(touch.e) : N{{0, 0}, high(touch.velocity) < width(touch.velocity) ? width(touch.velocity) : 0});
-  Assembly::Projection projection = scene.project(p, among, offset.empty() ? nullptr : offset.data());
-  if (projection.found != Found::LEAST) Py_RETURN_NONE;
-  return Py_BuildValue("Nd", bytes(projection.q), projection.error);
+// reflections(threshold, budget): how they ended, impulses, their error, the margin of decisions, and the restitution
+// of all contacts, or None.
+PyObject* reflect(PyObject* self, PyObject* const* args, Py_ssize_t count) {
+  if (count != 2) return PyErr_Format(PyExc_TypeError, "reflections() takes 2 arguments");
+  double threshold = PyFloat_AsDouble(args[0]);
+  long budget = PyLong_AsLong(args[1]);
+  if (PyErr_Occurred()) return nullptr;
+  Struck found = reflections(of(self), threshold, budget);
+  PyObject* e = found.restitution < 0 ? Py_NewRef(Py_None) : PyFloat_FromDouble(found.restitution);
+  return Py_BuildValue("iNddN", static_cast<int>(found.outcome), bytes(found.p), found.error, found.margin, e);
 }
 
-PyObject* vector(const double* x) {
-  PyObject* v = types.vec3->tp_alloc(types.vec3, 3);
-  if (v)
-    for (int k = 0; k < 3; ++k) PyTuple_SET_ITEM(v, k, PyFloat_FromDouble(x[k]));
-  return v;
-}
-PyObject* twist(const double* x) {
-  PyObject* t = types.twist->tp_alloc(types.twist, 2);
-  if (t) {
-    PyTuple_SET_ITEM(t, 0, vector(x));
-    PyTuple_SET_ITEM(t, 1, vector(x + 3));
-  }
-  return t;
-}
+PyObject* vector(const double* x) { return tuple_of(types.vec3, x, 3); }
+PyObject* twist(const double* x) { return twist_of(types.twist, types.vec3, x); }
 
 template <class Make> PyObject* listed(size_t count, Make make) {
   PyObject* list = PyList_New(static_cast<Py_ssize_t>(count));
@@ -216,13 +176,12 @@ PyObject* number_list(const std::vector<double>& x) {
   return listed(x.size(), [&x](size_t i) { return PyFloat_FromDouble(x[i]); });
 }
 
-// answer(p, tangential, error): of normal impulses, and of tangential ones (pairs of floats in the axes of each
-// contact, or None). The changes and the twists of the movable bodies, the impulses, the velocities before and
-// after, the energies before and after, what restitution and friction lost, the relative error, and for each
-// contact: the slip after relative to the fastest speed before, its product with that before, and
-// friction relative to its limit.
+// answer(p, tangential, error, by_slip): of normal impulses, and of tangential ones (pairs of floats in the axes of
+// each contact, or None): the changes and the twists of the movable bodies, the impulses, the velocities before and
+// after, the regimes, the energies before and after and what restitution and friction lost, the relative error,
+// whether a body turned about an axis without inertia, and whether a quaternion was not of unit length.
 PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
-  const DD* p = argc == 3 ? impulses(self, args[0]) : nullptr;
+  const DD* p = argc == 4 ? impulses(self, args[0]) : nullptr;
   if (!p) return nullptr;
   std::vector<double> tangential;
   if (args[1] != Py_None)
@@ -230,13 +189,13 @@ PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
   double error = PyFloat_AsDouble(args[2]);
   if (PyErr_Occurred()) return nullptr;
   const auto* cluster = reinterpret_cast<Cluster*>(self);
-  Numbers y = numbers_of(of(self), p, tangential, error);
+  Numbers y = numbers_of(of(self), p, tangential, error, args[3] == Py_True);
   return Py_BuildValue(
-      "NNNNNddddd(NNN)", listed(of(self).bodies, [&](size_t b) { return twist(&y.changes[6 * b]); }),
+      "NNNNNN(dddd)dNN", listed(of(self).bodies, [&](size_t b) { return twist(&y.changes[6 * b]); }),
       listed(of(self).bodies, [&](size_t b) { return twist(&y.after[6 * b]); }),
       listed(of(self).count, [&](size_t i) { return vector(&y.pushes[3 * i]); }), number_list(y.before), number_list(y.then),
+      listed(of(self).count, [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(types.regimes, y.regimes[i])); }),
       cluster->energy, y.energy_after, y.lost_restitution, y.lost_friction, y.bound,
-      listed(of(self).count, [&](size_t i) { return Py_BuildValue("(ddd)", y.slips[i][0], y.slips[i][1], y.slips[i][2]); }),
       PyBool_FromLong(cluster->idle), PyBool_FromLong(cluster->off_unit));
 }
 
@@ -245,11 +204,17 @@ PyObject* friction_answer(const Friction& friction, const Assembly& scene) {
   return Py_BuildValue("NNd", bytes(along_normals(friction, scene)), number_list(across_normals(friction)), friction.error);
 }
 
-// least_work(p), one_step(p): impulses along the normals, across them, and the error; None if there are none.
-template <Friction law(const Assembly&, const std::vector<double>&)>
-PyObject* with_friction(PyObject* self, PyObject* o) {
+// least_work(p), one_step(friction): impulses along the normals, across them, and the error; None if there are none.
+PyObject* with_least_work(PyObject* self, PyObject* o) {
   const DD* p = impulses(self, o);
-  return p ? friction_answer(rubbed<law>(of(self), p), of(self)) : nullptr;
+  return p ? friction_answer(rubbed(of(self), p), of(self)) : nullptr;
+}
+PyObject* in_one_step(PyObject* self, PyObject* rubs) {
+  const Assembly& scene = of(self);
+  if (rubs == Py_True) return friction_answer(one_step(scene), scene);
+  Assembly::Projection found = scene.rebound();
+  if (found.found != Found::LEAST) Py_RETURN_NONE;
+  return Py_BuildValue("NOd", bytes(found.q), Py_None, found.error);
 }
 
 // compress(stiffness, exponent, tolerance or step, budget, friction): as above, along a law with compliance.
@@ -284,13 +249,11 @@ PyObject* get_floats(PyObject* self, void*) { return PyLong_FromLong(of(self).co
 PyMethodDef methods[] = {
     {"none", none, METH_NOARGS, ""},
     {"from_floats", from_floats, METH_O, ""},
-    {"approach", approach, METH_NOARGS, ""},
     {"size", size, METH_O, ""},
-    FAST("reflections", reflections),
-    FAST("project", project),
+    FAST("reflections", reflect),
     FAST("answer", answer),
-    {"least_work", with_friction<least_work>, METH_O, ""},
-    {"one_step", with_friction<one_step>, METH_O, ""},
+    {"least_work", with_least_work, METH_O, ""},
+    {"one_step", in_one_step, METH_O, ""},
     FAST("compress", compress),
     {}};
 PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {"count", get_floats, nullptr, "", nullptr}, {}};
@@ -312,14 +275,14 @@ PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
 
 // many(table, frictionless, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): the clusters
 // that `wanted` lists between two places, without the GIL. numbers are the threshold, the restitution threshold, the
-// limit of error bounds, AT_REST and the budget of reflections. The arrays are those of resolve_scenes.py, of the
+// limit of error bounds and the budget of reflections. The arrays are those of resolve_scenes.py, of the
 // right shapes. A status of 0: left to Python.
 PyObject* many(PyObject*, PyObject* const* args, Py_ssize_t count) {
   constexpr int RESULTS = 12;
   if (count != 12 || !PyTuple_Check(args[8]) || PyTuple_GET_SIZE(args[8]) != RESULTS) return PyErr_Format(PyExc_TypeError, "many() takes 12 arguments");
   int place = static_cast<int>(PyLong_AsLong(args[0]));
-  double number[5];
-  if (PyErr_Occurred() || !floats(args[2], 5, number)) return PyErr_Format(PyExc_TypeError, "many(): numbers");
+  double number[4];
+  if (PyErr_Occurred() || !floats(args[2], 4, number)) return PyErr_Format(PyExc_TypeError, "many(): numbers");
   long from = PyLong_AsLong(args[10]), to = PyLong_AsLong(args[11]);
   Array bodies, pairs, contacts, order, starts, wanted, result[RESULTS];
   bool open = bodies.open(args[3]) && pairs.open(args[4]) && contacts.open(args[5]) && order.open(args[6]) && starts.open(args[7]) && wanted.open(args[9]);
@@ -330,7 +293,7 @@ PyObject* many(PyObject*, PyObject* const* args, Py_ssize_t count) {
   Many asked{tables[place], bodies.at<double>(), contacts.at<double>(),
              {pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, bodies.view.shape[1]},
              n, static_cast<long>(contacts.view.shape[0]), order.at<std::int64_t>(), starts.at<std::int64_t>(),
-             args[1] == Py_True, number[0], number[1], number[2], number[3], static_cast<int>(number[4]),
+             args[1] == Py_True, number[0], number[1], number[2], static_cast<int>(number[3]),
              numbers(0), numbers(1), numbers(2), result[3].at<unsigned char>(), result[5].at<unsigned char>(),
              numbers(6), numbers(7), {numbers(8), numbers(9), numbers(10), numbers(11)}};
   Py_BEGIN_ALLOW_THREADS;
@@ -354,11 +317,11 @@ PyObject* is_rational(PyObject*, PyObject* o) { return PyBool_FromLong(holds_fra
 
 PyObject* setup(PyObject*, PyObject* args) {
   PyObject *vec3, *twist, *fraction;
-  if (!PyArg_ParseTuple(args, "OOO", &vec3, &twist, &fraction)) return nullptr;
+  if (!PyArg_ParseTuple(args, "OOOO", &vec3, &twist, &fraction, &types.regimes)) return nullptr;
   types.fraction = reinterpret_cast<PyTypeObject*>(fraction);
   types.vec3 = reinterpret_cast<PyTypeObject*>(vec3);
   types.twist = reinterpret_cast<PyTypeObject*>(twist);
-  Py_INCREF(args);  // keeps both for ever
+  Py_INCREF(args);  // keeps all of them for ever
   Py_RETURN_NONE;
 }
 

@@ -14,6 +14,7 @@ import math
 import operator
 import sys
 from collections.abc import Callable, Iterable
+from fractions import Fraction
 from functools import reduce
 from importlib import import_module
 from typing import Any, TypeAlias, TypeVar
@@ -40,9 +41,11 @@ def choose(condition: Condition, if_true: Callable[[], T], if_false: Callable[[]
 
 
 def square_root(x: Scalar) -> Scalar:
-    """The square root of ``x >= 0``, in the arithmetic of ``x``."""
+    """The square root of ``x >= 0``, in the arithmetic of ``x``; of a fraction, exact where that is one."""
     if isinstance(x, float):
         return math.sqrt(x)
+    if isinstance(x, Fraction):
+        return _rational_root(x)
     if hasattr(x, "shape"):
         # Arrays are differentiated in both branches of a choice: slopes that do not count must be finite.
         is_zero = x == 0
@@ -56,6 +59,15 @@ def _root(x: Scalar) -> Scalar:
         return own()
     namespace = getattr(x, "__array_namespace__", None)
     return x**0.5 if namespace is None else namespace().sqrt(x)
+
+
+def _rational_root(x: Fraction) -> Fraction:
+    """Exact if it is rational, else within a part of 2^-62."""
+    scale = 0 if x == 0 else max(0, 128 - x.numerator.bit_length() + x.denominator.bit_length()) // 2 + 1
+    top, bottom = math.isqrt(x.numerator), math.isqrt(x.denominator)
+    if top * top == x.numerator and bottom * bottom == x.denominator:
+        return Fraction(top, bottom)
+    return Fraction(math.isqrt((x.numerator << 2 * scale) // x.denominator), 1 << scale)
 
 
 def iterate(state: T, going: Callable[[T], Condition], step: Callable[[T], T], budget: int) -> T:

@@ -2,11 +2,12 @@
 
 From the request to its answer:
 
-    request.py        what is asked, checked, of plain floats or exact rationals
+    resolve_scene.py  the front door: check, divide, answer each cluster, put together
+    request.py        what is asked, checked
     clusters.py       contacts that share a movable body, directly or through others
+    alone.py          a cluster of one contact;  several.py: of more, by
     laws              reflections.py (FRICTIONLESS)  coulomb.py  moreau.py  stronge.py: one file each
-    resolve_scene.py  puts these together
-    answer.py         what comes out
+    answered.py       what becomes of one cluster;  answer.py: of the scene
 
 The laws are written over a cluster, which knows what impulses do: ``collision_response.kernels._scene``
 in double-double with a bound on its error, :mod:`~collision_response.scene.rational` exactly.

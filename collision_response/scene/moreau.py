@@ -3,18 +3,22 @@
     u_n+ + e min(u_n, 0) >= 0    complementary to    P_n >= 0
 
 so that a contact that separates never comes to approach, and friction opposes the slip after the
-impact, as in the single contact. Without friction this is one linear complementarity problem; with it,
-block Gauss-Seidel on
+impact, as in the single contact. Without friction this is one linear complementarity problem. With it,
 
-    P = proj_cone(P - rho (u+ + (e min(u_n, 0) + mu |u_t+|) n))
+    u_n+ + e min(u_n, 0) + s    s = mu |u_t+|
 
-Unequal coefficients, and friction, may create energy: that is detected, and COULOMB answers, or
-FRICTIONLESS.
+takes the place of ``u_n+ + e min(u_n, 0)``. With ``s`` held this is a convex programme, that of
+``coulomb.py``, with one ``u+``; ``s`` begins at 0 and is renewed until it stays. So of several
+solutions, of which there may be many where friction is great, always the same one is found, in whatever
+order the contacts are given.
+
+Where ``s`` does not settle, COULOMB answers. Unequal coefficients, and friction, may create energy: that
+is detected, and COULOMB answers, or FRICTIONLESS.
 
 Sources: Moreau, "Unilateral Contact and Dry Friction in Finite Freedom Dynamics", 1988; De Saxce &
-Feng, "The Bipotential Method", Math. Comput. Model. 28 (1998), for the shift by mu |u_t|; Jourdan,
-Alart & Jean, "A Gauss-Seidel Like Algorithm to Solve Frictional Contact Problems", Comput. Methods
-Appl. Mech. Eng. 155 (1998).
+Feng, "The Bipotential Method", Math. Comput. Model. 28 (1998), for the shift by mu |u_t|; Acary, Cadoux,
+Lemarechal & Malick, "A Formulation of the Linear Discrete Coulomb Friction Problem via Convex
+Optimization", Z. Angew. Math. Mech. 91 (2011), for the convex programmes.
 """
 
 from __future__ import annotations
@@ -26,14 +30,5 @@ from .reflections import Struck
 
 def one_step(cluster: Any, *, has_friction: bool) -> Struck | None:
     """The impulses; ``None`` if none are found."""
-    found = cluster.project(cluster.none(), None, True)
-    if found is None:
-        return None
-    p, error = found
-    if not has_friction:
-        return Struck(p, error=error)
-    rubbed = cluster.one_step(p)
-    if rubbed is None:
-        return None
-    p, tangential, off = rubbed
-    return Struck(p, tangential, error + off)
+    found = cluster.one_step(has_friction)
+    return None if found is None else Struck(*found)

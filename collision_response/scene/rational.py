@@ -1,8 +1,8 @@
 """A cluster in exact arithmetic: what :class:`collision_response.kernels._scene.Cluster` is in double-
 double.
 
-Every method has the name and the meaning it has there; impulses are lists of fractions, and no error is
-above 0. It is the answer for rational input, and decides what double-double can't.
+Impulses are lists of fractions. It is the answer for rational input, and decides what double-double
+can't.
 
 Self-locking contacts, of which some impulses ``p >= 0``, not all 0, do nothing (``N p = 0``), are found
 here. The sum of ``p_i u_i`` is then the same before and after. Where it is 0, no velocity of theirs can
@@ -12,17 +12,18 @@ admissible at all.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
-from math import isqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ..numbers.number import Scalar
 from ..physics.body import Body, Twist
 from ..physics.column import Column
 from ..physics.contact import Contact
 from ..physics.energy import kinetic_energy
+from ..physics.laws import Regime
 from ..physics.vector import Vec3
+from ..validity import is_off_unit
 
 Numbers = list[Scalar]
 NOUGHT = Fraction(0)
@@ -37,25 +38,29 @@ class Motions(NamedTuple):
     impulses: list[Vec3]
     before: Numbers
     after: Numbers
-    kinetic_energy_before: Scalar
-    kinetic_energy_after: Scalar
-    lost_restitution: Scalar
-    lost_friction: Scalar
+    regimes: list[Regime]
+    energies: tuple[Scalar, Scalar, Scalar, Scalar]
     error_bound: float
-    details: tuple[list[tuple[Scalar, Scalar, Scalar]], bool, bool]
+    idle: bool
+    off_unit: bool
 
 
 class RationalCluster:
     """Contacts of one cluster, of fractions."""
 
     def __init__(
-        self, bodies: Sequence[Body], pairs: Sequence[tuple[int, int]], contacts: Sequence[Contact]
+        self,
+        bodies: Sequence[Body],
+        pairs: Sequence[tuple[int, int]],
+        contacts: Sequence[Contact],
+        copies: Sequence[int],
     ) -> None:
         self.count = len(contacts)
         self._bodies = [body for body in bodies if body.is_movable()]
         places = iter(range(len(self._bodies)))
         self._places = [next(places) if body.is_movable() else None for body in bodies]
         self._contacts = contacts
+        self._copies = copies
         self._pairs = pairs
         columns = [
             tuple(Column.of(bodies[body], contact.position, contact.normal) for body in pair)
@@ -76,49 +81,41 @@ class RationalCluster:
         found = self._least(self._u, [])
         return zero if found is None else found
 
-    def approach(self) -> tuple[Scalar, float]:
-        """The speed of the fastest approach, and its error."""
-        speeds = (-u / length(c.normal) for u, c in zip(self._u, self._contacts, strict=True))
-        return max(NOUGHT, *speeds), 0.0
+    def approach(self) -> Scalar:
+        """The speed of the fastest approach."""
+        speeds = (-u / c.normal.norm() for u, c in zip(self._u, self._contacts, strict=True))
+        return max(NOUGHT, *speeds)
 
-    def violated(self, p: Numbers, _: float, limit: Scalar, __: float) -> tuple[list[int], Scalar, bool]:
-        """The contacts of velocity below ``-limit``; the least distance from that; that this is certain."""
-        u = [u / length(c.normal) for u, c in zip(self._velocities(p), self._contacts, strict=True)]
+    def violated(self, p: Numbers, limit: Scalar) -> tuple[list[int], Scalar]:
+        """The contacts of velocity below ``-limit``; the least distance from that."""
+        u = [u / c.normal.norm() for u, c in zip(self._velocities(p), self._contacts, strict=True)]
         looked = [i for i in range(self.count) if i not in self._held]
         margin = min((abs(u[i] + limit) for i in looked), default=NOUGHT)
-        return [i for i in looked if u[i] < -limit], margin, True
+        return [i for i in looked if u[i] < -limit], margin
 
-    def approaching(self, p: Numbers, _: float) -> bool:
+    def approaching(self, p: Numbers) -> bool:
         """Whether some contact approaches."""
         return any(u < 0 for u in self._velocities(p))
 
-    def project(self, p: Numbers, among: list[int] | None, offset: bool) -> tuple[Numbers, float] | None:
+    def project(self, p: Numbers, among: list[int] | None = None) -> Numbers | None:
         """The impulses on top of ``p`` that just keep the contacts ``among`` from approaching."""
-        u = self._velocities(p)
-        if offset:
-            pairs = zip(u, self._u, self._contacts, strict=True)
-            u = [now + contact.restitution * min(before, NOUGHT) for now, before, contact in pairs]
-        chosen = range(self.count) if among is None else among
-        q = self._least(u, [i for i in chosen if i not in self._held])
-        return None if q is None else (q, 0.0)
+        return self._keep_apart(self._velocities(p), range(self.count) if among is None else among)
 
-    def combine(self, a: Scalar, p: Numbers, b: Scalar, q: Numbers) -> tuple[Numbers, float]:
-        """``a p + b q``."""
-        return [a * x + b * y for x, y in zip(p, q, strict=True)], 0.0
+    def one_step(self, _: bool) -> tuple[Numbers, None, float] | None:
+        """The impulses of MOREAU, without friction."""
+        pairs = zip(self._u, self._contacts, strict=True)
+        q = self._keep_apart([u + c.restitution * min(u, NOUGHT) for u, c in pairs], range(self.count))
+        return None if q is None else (q, None, 0.0)
 
-    def joined_restitution(self, q: Numbers) -> tuple[Scalar, float]:
+    def joined_restitution(self, q: Numbers) -> Scalar:
         """``sum e u q / sum u q`` over the contacts that approach."""
         weights = [min(u, NOUGHT) * x for u, x in zip(self._u, q, strict=True)]
         total = sum(weights)
         if total == 0:
-            return NOUGHT, 0.0
-        return sum(w * c.restitution for w, c in zip(weights, self._contacts, strict=True)) / total, 0.0
+            return NOUGHT
+        return sum(w * c.restitution for w, c in zip(weights, self._contacts, strict=True)) / total
 
-    def size(self, _: Numbers) -> float:
-        """For errors, of which there are none."""
-        return 0.0
-
-    def answer(self, p: Numbers, _: None, __: float) -> Motions:
+    def answer(self, p: Numbers, *_: Any) -> Motions:
         """What becomes of the bodies."""
         changes = self._changes(p)
         moved = [
@@ -130,19 +127,19 @@ class RationalCluster:
         after = self._velocities(p)
         lost = -sum((x * (b + a) for x, b, a in zip(p, self._u, after, strict=True)), start=NOUGHT) / 2
         idle = [body.angular_velocity - body.driving_spin()[1] for body in self._bodies]
-        lengths = [length(contact.normal) for contact in self._contacts]
+        lengths = [contact.normal.norm() for contact in self._contacts]
+        impulses = [c.normal * x for c, x in zip(self._contacts, self.least_norm(p), strict=True)]
         return Motions(
             changes,
             [Twist(body.velocity, body.angular_velocity) for body in moved],
-            [c.normal * x for c, x in zip(self._contacts, self.least_norm(p), strict=True)],
+            impulses,
             [u / size for u, size in zip(self._u, lengths, strict=True)],
             [u / size for u, size in zip(after, lengths, strict=True)],
-            sum(map(kinetic_energy, self._bodies)),
-            sum(map(kinetic_energy, moved)),
-            lost,
-            NOUGHT,
+            [Regime.SLIDING if any(impulse) else Regime.SEPARATING for impulse in impulses],
+            (sum(map(kinetic_energy, self._bodies)), sum(map(kinetic_energy, moved)), lost, NOUGHT),
             0.0,
-            ([(NOUGHT, NOUGHT, NOUGHT)] * self.count, any(spin.dot(spin) > 0 for spin in idle), False),
+            any(spin.dot(spin) > 0 for spin in idle),
+            any(map(is_off_unit, self._bodies)),
         )
 
     def _changes(self, p: Numbers) -> list[Twist]:
@@ -172,6 +169,9 @@ class RationalCluster:
         rows = (sum((a * x for a, x in zip(row, p, strict=True) if x), start=NOUGHT) for row in self.A)
         return [u + change for u, change in zip(self._u, rows, strict=True)]
 
+    def _keep_apart(self, u: Numbers, among: Iterable[int]) -> Numbers | None:
+        return self._least(u, [i for i in among if i not in self._held])
+
     def _least(self, b: Numbers, among: Sequence[int]) -> Numbers | None:
         found = least(self.A, b, among, self._held)
         return None if found.ray else found.x
@@ -195,11 +195,11 @@ class RationalCluster:
         ]
 
     def least_norm(self, p: Numbers) -> Numbers:
-        """Of the impulses ``>= 0`` that do the same, those of least sum of squares, as vectors in space."""
+        """Of the impulses ``>= 0`` that do the same, those of least sum of squares over all copies."""
         Z = null_space(self._with_work())
         if not Z:
             return p
-        weights = [c.normal.dot(c.normal) for c in self._contacts]
+        weights = [c.normal.dot(c.normal) / n for c, n in zip(self._contacts, self._copies, strict=True)]
         H = [[_dot3(weights, z, y) for y in Z] for z in Z]
         back = solve(H, [_dot3(weights, z, p) for z in Z])
         free = [x - sum(c * z[i] for c, z in zip(back, Z, strict=True)) for i, x in enumerate(p)]
@@ -311,15 +311,6 @@ def null_space(matrix: Sequence[Sequence[Scalar]]) -> list[Numbers]:
                 vector[pivot] = -rows[place][k]
             basis.append(vector)
     return basis
-
-
-def length(v: Vec3) -> Scalar:
-    """The length of a vector: exact if it is rational, else in double precision."""
-    square = v.dot(v)
-    top, bottom = isqrt(square.numerator), isqrt(square.denominator)
-    if top * top == square.numerator and bottom * bottom == square.denominator:
-        return Fraction(top, bottom)
-    return Fraction(float(square) ** 0.5)
 
 
 def _dot(v: Sequence[Scalar], w: Sequence[Scalar]) -> Scalar:

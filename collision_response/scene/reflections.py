@@ -15,6 +15,8 @@ Every step leaves v in exactly known linear relation to the impulses, and neithe
 velocities part: errors add and do not grow. What jumps is which contacts are in V: that a velocity is
 below the threshold must be certain.
 
+It stands here for fractions, and in ``kernels/scene/reflections.hpp`` for double-double, with the errors.
+
 Sources: Smith, Kaufman, Vouga, Tamstorf & Grinspun, "Reflections on Simultaneous Impact", ACM Trans.
 Graph. 31 (2012); Vouga, Smith, Kaufman, Tamstorf & Grinspun, "All's Well That Ends Well", ACM Trans.
 Graph. 36 (2017), that it ends.
@@ -23,13 +25,18 @@ Graph. 36 (2017), that it ends.
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 from ..numbers.number import Scalar
 from ..status import ImpactError, StatusCode
+from .rational import RationalCluster
 
 REFLECTIONS = 10_000
 """A budget. A chain of n equal balls takes n."""
+
+ANSWERED, CONTRADICTORY, ENDLESS = range(3)
+"""How reflections end."""
 
 
 class Struck(NamedTuple):
@@ -52,70 +59,57 @@ class Struck(NamedTuple):
     fell_back: bool = False
 
 
-def compiled_reflections(cluster: Any, threshold: float) -> Struck:
-    """The impulses of GRR by the kernels, with a bound on their error: see ``kernels/scene/reflections.hpp``.
-
-    Raises:
-        ImpactError: CONTRADICTORY_CONTACTS or PATH_TOO_LONG.
-    """
-    found = cluster.reflections(threshold, REFLECTIONS)
-    if found is False:
-        raise contradictory()
-    if found is True:
-        raise endless()
-    p, error, margin, restitution = found
-    return Struck(p, None, error, margin, restitution)
-
-
 def reflections(cluster: Any, threshold: Scalar) -> Struck:
-    """The impulses of GRR, without error.
+    """The impulses of GRR.
 
     Args:
-        cluster: of rational numbers.
+        cluster: see ``collision_response/scene/__init__.py``.
         threshold: below this part of the fastest approach a contact does not count as approaching.
 
     Raises:
         ImpactError: CONTRADICTORY_CONTACTS or PATH_TOO_LONG.
     """
-    zero = cluster.none()
-    speed, _ = cluster.approach()
+    if isinstance(cluster, RationalCluster):
+        end, struck = _exactly(cluster, Fraction(threshold))
+    else:
+        end, p, error, margin, e = cluster.reflections(threshold, REFLECTIONS)
+        struck = Struck(p, None, error, margin, e)
+    if end == CONTRADICTORY:
+        reason = "contradict each other: no velocities keep all of them from approaching"
+        raise ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
+    if end == ENDLESS:
+        reason = f"the reflections did not end within {REFLECTIONS}"
+        raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
+    return struck
+
+
+def _exactly(cluster: RationalCluster, threshold: Fraction) -> tuple[int, Struck]:
+    p, speed = cluster.none(), cluster.approach()
     if not speed > 0:
-        return Struck(zero)
-    first = _projection(cluster, zero, None)
-    e, _ = cluster.joined_restitution(first)
-    inelastic, _ = cluster.combine(1, zero, 1, first)
-    if not e > 0:
-        return Struck(inelastic, restitution=e)
-    p, margin = zero, math.inf
+        return ANSWERED, Struck(p)
+    q = cluster.project(p)
+    if q is None:
+        return CONTRADICTORY, Struck(p)
+    e = cluster.joined_restitution(q)
+    inelastic = [x + y for x, y in zip(p, q, strict=True)]
+    if e == 0:
+        return ANSWERED, Struck(inelastic, restitution=e)
+    margin: Scalar = math.inf
     for _ in range(REFLECTIONS):
-        violated, near, _ = cluster.violated(p, 0.0, threshold * speed, 0.0)
+        violated, near = cluster.violated(p, threshold * speed)
         margin = min(margin, near / speed)
         if not violated:
             break
-        p, _ = cluster.combine(1, p, 2, _projection(cluster, p, violated))
+        q = cluster.project(p, violated)
+        if q is None:
+            return CONTRADICTORY, Struck(p)
+        p = [x + 2 * y for x, y in zip(p, q, strict=True)]
     else:
-        raise endless()
-    p, _ = cluster.combine(1 - e, inelastic, e, p)
-    if cluster.approaching(p, 0.0):  # slower than the threshold
-        p, _ = cluster.combine(1, p, 1, _projection(cluster, p, None))
-    return Struck(p, margin=margin, restitution=e)
-
-
-def _projection(cluster: Any, p: Any, among: list[int] | None) -> Any:
-    """The impulses on top of ``p`` that just keep contacts from approaching."""
-    found = cluster.project(p, among, False)
-    if found is None:
-        raise contradictory()
-    return found[0]
-
-
-def contradictory() -> ImpactError:
-    """That no velocities satisfy a cluster."""
-    reason = "contradict each other: no velocities keep all of them from approaching"
-    return ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
-
-
-def endless() -> ImpactError:
-    """That the budget was too small."""
-    reason = f"the reflections did not end within {REFLECTIONS}"
-    return ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
+        return ENDLESS, Struck(p)
+    p = [e * x + (1 - e) * y for x, y in zip(p, inelastic, strict=True)]
+    if cluster.approaching(p):  # slower than the threshold
+        q = cluster.project(p)
+        if q is None:
+            return CONTRADICTORY, Struck(p)
+        p = [x + y for x, y in zip(p, q, strict=True)]
+    return ANSWERED, Struck(p, margin=margin, restitution=e)

@@ -3,54 +3,76 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from fractions import Fraction
-from numbers import Rational
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 from .. import exactly, validity
 from ..model import check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
-from ..physics.orientation import Quaternion
-from ..physics.tensor import Symmetric3
-from ..physics.vector import Vec3
 from ..status import ImpactError, StatusCode
 from .clusters import Pair
 
 
-def check_shape(bodies: Any, pairs: Any, contacts: Any) -> tuple[list[Body], list[Pair], list[Contact]]:
-    """The parts of a request, as lists.
+class Request(NamedTuple):
+    """The parts of a request.
+
+    Attributes:
+        bodies, pairs, contacts: as given.
+        movable: of each body, whether impulses move it.
+        has_friction: whether any contact has.
+    """
+
+    bodies: list[Body]
+    pairs: list[Pair]
+    contacts: list[Contact]
+    movable: list[bool]
+    has_friction: bool
+
+
+def check(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterable[Any]) -> Request:
+    """What can be told of a request without its numbers.
 
     Raises:
-        ImpactError: UNKNOWN_BODY, SAME_BODY or NO_DYNAMIC_BODY.
+        ImpactError: UNKNOWN_BODY, SAME_BODY, NO_DYNAMIC_BODY; INVALID_INERTIA: a body is articulated.
         TypeError: a part is not of the kind that it should be.
         ValueError: there is not one pair for each contact.
     """
     bodies, pairs, contacts = list(bodies), list(pairs), list(contacts)
-    for name, items, kind in (("bodies", bodies, Body), ("contacts", contacts, Contact)):
-        for i, item in enumerate(items):
-            if item.__class__ is not kind and not isinstance(item, kind):
-                raise TypeError(f"{name}[{i}]: must be a {kind.__name__}, is {item!r}")
+    movable, has_friction = [], False
+    for i, body in enumerate(bodies):
+        if not isinstance(body, Body):
+            raise TypeError(f"bodies[{i}]: must be a Body, is {body!r}")
+        if body.inverse_inertia is not None:
+            field, reason = f"bodies[{i}].inverse_inertia", "is for one impact, by resolve(), not for scenes"
+            raise ImpactError(StatusCode.INVALID_INERTIA, field, reason)
+        try:
+            movable.append(bool(body[0] < math.inf))
+        except TypeError:
+            raise TypeError(f"bodies[{i}].mass: must be a real number, is {body.mass!r}") from None
+    for i, contact in enumerate(contacts):
+        if not isinstance(contact, Contact):
+            raise TypeError(f"contacts[{i}]: must be a Contact, is {contact!r}")
+        try:
+            has_friction = bool(contact[3] > 0) or has_friction
+        except TypeError:
+            reason = f"must be a real number, is {contact.friction!r}"
+            raise TypeError(f"contacts[{i}].friction: {reason}") from None
+    count = len(bodies)
     if len(pairs) != len(contacts):
         raise ValueError(
             f"pairs: must be one for each contact; are {len(pairs)} for {len(contacts)} contacts"
         )
     for i, pair in enumerate(pairs):
-        if (
-            pair.__class__ is not tuple
-            or len(pair) != 2
-            or type(pair[0]) is not int
-            or type(pair[1]) is not int
-        ):
+        if not (pair.__class__ is tuple and len(pair) == 2 and type(pair[0]) is type(pair[1]) is int):
             pairs[i] = pair = _as_pair(i, pair)
         a, b = pair
-        if not (0 <= a < len(bodies) and 0 <= b < len(bodies)):
-            reason = f"must be two indices of bodies, from 0 to {len(bodies) - 1}; is {pair}"
+        if not (0 <= a < count and 0 <= b < count):
+            reason = f"must be two indices of bodies, from 0 to {count - 1}; is {pair}"
             raise ImpactError(StatusCode.UNKNOWN_BODY, f"pairs[{i}]", reason)
         if a == b:
             raise ImpactError(StatusCode.SAME_BODY, f"pairs[{i}]", f"a body cannot strike itself; is {pair}")
-    return bodies, pairs, contacts
+    return Request(bodies, pairs, contacts, movable, has_friction)
 
 
 def _as_pair(i: int, pair: Any) -> Pair:
@@ -59,47 +81,6 @@ def _as_pair(i: int, pair: Any) -> Pair:
     except (AttributeError, TypeError, ValueError):
         raise TypeError(f"pairs[{i}]: must be two indices of bodies, is {pair!r}") from None
     return a, b
-
-
-def is_movable(i: int, body: Body) -> bool:
-    """Whether impulses move a body.
-
-    Raises:
-        ImpactError: INVALID_INERTIA: it is articulated.
-        TypeError: its mass is no number.
-    """
-    if body.inverse_inertia is not None:
-        field, reason = f"bodies[{i}].inverse_inertia", "is for one impact, by resolve(), not for scenes"
-        raise ImpactError(StatusCode.INVALID_INERTIA, field, reason)
-    try:
-        return bool(body.mass < math.inf)
-    except TypeError:
-        raise TypeError(f"bodies[{i}].mass: must be a real number, is {body.mass!r}") from None
-
-
-def has_friction(i: int, contact: Contact) -> bool:
-    """Whether a contact has friction. Raises: TypeError: its friction is no number."""
-    try:
-        return bool(contact.friction > 0)
-    except TypeError:
-        raise TypeError(f"contacts[{i}].friction: must be a real number, is {contact.friction!r}") from None
-
-
-def as_fractions(body: Body) -> Body:
-    """A body of exact numbers; an infinite mass stays."""
-    return _converted(body, _fraction)
-
-
-def contact_as_fractions(contact: Contact) -> Contact:
-    """A contact of exact numbers."""
-    return _converted_contact(contact, _fraction)
-
-
-def _fraction(x: Any) -> Any:
-    if isinstance(x, Rational):
-        return Fraction(x)
-    x = float(x)
-    return Fraction(x) if math.isfinite(x) else x
 
 
 def as_floats(
@@ -175,30 +156,3 @@ def restitution_of(contact: Contact, place: int, speed: float) -> float:
         f"contacts[{place}].restitution(approach_speed)", value, 0, 1, StatusCode.INVALID_COEFFICIENT
     )
     return float(value)
-
-
-def _converted(body: Body, number: Any) -> Body:
-    def vector(v: Any) -> Vec3:
-        return Vec3(*map(number, v))
-
-    q = body.orientation
-    return Body(
-        number(body.mass),
-        Symmetric3(*map(number, body.inertia)),
-        vector(body.position),
-        None if q is None else Quaternion(*map(number, q)),
-        vector(body.velocity),
-        vector(body.angular_velocity),
-        vector(body.com),
-    )
-
-
-def _converted_contact(contact: Contact, number: Any) -> Contact:
-    e = contact.restitution
-    return Contact(
-        Vec3(*map(number, contact.position)),
-        Vec3(*map(number, contact.normal)),
-        e if callable(e) else number(e),
-        number(contact.friction),
-        contact.tangential_restitution,
-    )

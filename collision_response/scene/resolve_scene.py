@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any
 
-from ..geometry import required
+from .. import rationally
 from ..kernels import library
 from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
 from ..numbers.number import Scalar
@@ -19,53 +20,17 @@ from ..physics.vector import Vec3
 from ..resolve import DEFAULT, resolve
 from ..status import ImpactError, StatusCode
 from . import request
+from .alone import alone
 from .answer import SceneImpact
-from .clusters import Pair, clusters_of
-from .coulomb import with_friction
-from .moreau import one_step
-from .orders import distance, order_sensitivity
-from .rational import RationalCluster
-from .reflections import Struck, compiled_reflections, reflections
-from .stronge import LEAST_RESTITUTION, compressed
+from .answered import Answered, dealt
+from .clusters import Pair, clusters_of, copies_of
+from .orders import order_sensitivity
+from .several import Asked, several
 
 THRESHOLD = 2.0**-30
 """An approach slower than this part of the fastest one does not count as one: no rounding decides it."""
 
-RATIONAL_CONTACTS = 8
-"""Clusters up to this size are decided in rationals where double-double can't."""
-
-ENERGY_ROUNDING = 2.0**-40
-"""Part of the energy before that a law may seem to create by rounding."""
-
-
 UNCHANGED = Twist(Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
-
-
-class Options(NamedTuple):
-    """What else is asked: see :func:`resolve_scene`."""
-
-    model: ImpactModel
-    law: Law
-    threshold: Scalar
-    stiffness: Sequence[float] | None
-    exponent: float
-
-
-class Answered(NamedTuple):
-    """What became of one cluster. Of bodies and contacts there is one entry each, in its order."""
-
-    changes: Sequence[Twist]
-    twists: Sequence[Twist]
-    impulses: Sequence[Vec3]
-    before: Sequence[Scalar]
-    after: Sequence[Scalar]
-    energies: tuple[Scalar, Scalar, Scalar, Scalar]
-    bound: float
-    margin: Scalar
-    contacts: Sequence[Contact]
-    regimes: Sequence[Regime]
-    adjustments: Adjustment
-    model: ImpactModel
 
 
 def resolve_scene(
@@ -110,75 +75,73 @@ def resolve_scene(
         TypeError: a field is not of the kind that it should be.
         ValueError: there is not one pair, or not one stiffness, for each contact.
     """
-    bodies, pairs, contacts = request.check_shape(bodies, pairs, contacts)
+    scene = request.check(bodies, pairs, contacts)
     limit = _limit_of(model)
-    exact = library.is_rational(bodies) or library.is_rational(contacts)
-    has_friction = any([request.has_friction(i, contact) for i, contact in enumerate(contacts)])
-    law = law_for(model.law, has_friction=has_friction)
+    law = law_for(model.law, has_friction=scene.has_friction)
+    exact = library.is_rational(scene.bodies) or library.is_rational(scene.contacts)
     if not (threshold is THRESHOLD and stiffness is None and exponent == 1.5 and orders == 0):
-        _check_options(threshold, stiffness, exponent, orders, len(contacts))
-    options = Options(model, law, threshold, stiffness, exponent)
+        _check_options(threshold, stiffness, exponent, orders, len(scene.contacts))
+    asked = Asked(model, law, threshold, stiffness, exponent, exact)
     if exact:
-        if law not in (Law.FRICTIONLESS, Law.MOREAU) or (
-            law is Law.MOREAU and any(c.friction > 0 for c in contacts)
-        ):
-            raise ImpactError(
-                StatusCode.INVALID_MODEL, "model.law", f"{law.name} is not rational: give floats"
-            )
-        bodies = list(map(request.as_fractions, bodies))
-        contacts = list(map(request.contact_as_fractions, contacts))
-    movable = [request.is_movable(i, body) for i, body in enumerate(bodies)]
-    clusters = clusters_of(pairs, movable)
-
-    twists: list[Any] = [None] * len(bodies)
-    changes = [UNCHANGED] * len(bodies)
-    of_contacts: list[Any] = [None] * len(contacts)
-    energies = [0.0, 0.0, 0.0, 0.0] if not exact else [Fraction(0)] * 4
-    bound, margin, adjustments, models = 0.0, math.inf, Adjustment.NONE, []
+        scene = _as_fractions(scene, law)
+    clusters = clusters_of(scene.pairs, scene.movable)
+    answers = []
     for cluster in clusters:
-        parts, of_parts = _parts(pairs, contacts, cluster, join=law is not Law.ROUTH_STRONGE)
-        if len(parts.contacts) == 1 and not exact:
-            answered, places = _alone(bodies, pairs, contacts, cluster, model)
+        copies = copies_of(cluster, scene.pairs, scene.contacts, join=law is not Law.ROUTH_STRONGE)
+        if len(copies.first) == 1 and not (exact and law is Law.MOREAU):
+            answered = alone(scene, cluster[0], model)
         else:
-            parts.bodies.extend(bodies[i] for i in of_parts)
-            answered = _together(parts, pairs, contacts, cluster, options, exact)
-            places = [i for i in of_parts if movable[i]]
-        for place, change, twist in zip(places, answered.changes, answered.twists, strict=True):
+            answered = several(scene, copies, asked)
+        if len(copies.first) < len(cluster):
+            answered = dealt(answered, scene, cluster, copies)
+        answers.append(answered)
+    answer = _put_together(scene, asked, limit, clusters, answers)
+    if orders:
+        spread = order_sensitivity(scene.bodies, scene.pairs, answer.contacts, model, orders)
+        answer = answer._replace(order_sensitivity=spread)
+    return answer
+
+
+def _put_together(
+    scene: request.Request, asked: Asked, limit: float, clusters: list[list[int]], answers: list[Answered]
+) -> SceneImpact:
+    """The answer for the scene, from those for its clusters."""
+    twists: list[Any] = [None] * len(scene.bodies)
+    changes = [UNCHANGED] * len(scene.bodies)
+    of_contacts: list[Any] = [None] * len(scene.contacts)
+    energies: Sequence[Scalar] = [Fraction(0) if asked.exact else 0.0] * 4
+    bound, margin, adjustments, law = 0.0, math.inf, 0, asked.law
+    model = None
+    for cluster, answered in zip(clusters, answers, strict=True):
+        for place, change, twist in zip(answered.places, answered.changes, answered.twists, strict=True):
             changes[place], twists[place] = change, twist
-        rows = zip(
-            answered.contacts,
-            answered.impulses,
-            answered.before,
-            answered.after,
-            answered.regimes,
-            strict=True,
-        )
-        for i, row in zip(cluster, rows, strict=True):
+        for i, row in zip(cluster, zip(*answered[3:8], strict=True), strict=True):
             of_contacts[i] = row
-        energies = [x + y for x, y in zip(energies, answered.energies, strict=True)]
+        energies = list(map(operator.add, energies, answered.energies))
         bound, margin = max(bound, answered.bound), min(margin, answered.margin)
         adjustments |= answered.adjustments
-        models.append(answered.model)
-    for place, body in enumerate(bodies):
-        if twists[place] is None:
+        if answered.adjustments & FELL_BACK and law is asked.law:
+            law = answered.model.law
+        model = answered.model if model is None else _of_both(model, answered.model)
+    if model is None:
+        model = ImpactModel(law, Geometry.SPATIAL, Precision.DOUBLE, *asked.model[3:])
+    for place, twist in enumerate(twists):
+        if twist is None:
+            body = scene.bodies[place]
             twists[place] = Twist(Vec3(*body.velocity), Vec3(*body.angular_velocity))
-            if movable[place]:
+            if scene.movable[place]:
                 energy = _energy_of_untouched(place, body)
-                energies[0] += energy
-                energies[1] += energy
-    used, impulses, before, after, regimes = zip(*of_contacts, strict=True) if contacts else ((),) * 5
-    separating = all([regime is Regime.SEPARATING for regime in regimes])
-    status = StatusCode.SEPARATING if separating else StatusCode.OK
-    fallen = [m.law for m in models if adjustments & Adjustment.LAW_FALLBACK and m.law is not law]
+                energies = [energies[0] + energy, energies[1] + energy, *energies[2:]]
+    contacts, impulses, before, after, regimes = zip(*of_contacts, strict=True) if of_contacts else ((),) * 5
+    status = StatusCode.OK
+    if bound > limit:
+        status = StatusCode.TOLERANCE_NOT_MET
+    elif regimes.count(Regime.SEPARATING) == len(regimes):
+        status = StatusCode.SEPARATING
     return SceneImpact(
-        status if bound <= limit else StatusCode.TOLERANCE_NOT_MET,
-        ImpactModel(
-            fallen[0] if fallen else law,
-            max([m.geometry for m in models], default=Geometry.SPATIAL),
-            max([m.precision for m in models], default=Precision.DOUBLE),
-            *model[3:],
-        ),
-        used,
+        status,
+        model if model.law is law else model._replace(law=law),
+        contacts,
         tuple(twists),
         tuple(changes),
         impulses,
@@ -190,10 +153,31 @@ def resolve_scene(
         energies[2],
         energies[3],
         tuple(map(tuple, clusters)),
-        order_sensitivity(bodies, pairs, used, model, orders) if orders else None,
+        None,
         bound,
         margin,
-        adjustments,
+        ADJUSTMENTS[adjustments],
+    )
+
+
+ADJUSTMENTS = tuple(map(Adjustment, range(16)))
+FELL_BACK = int(Adjustment.LAW_FALLBACK)
+
+
+def _of_both(one: ImpactModel, other: ImpactModel) -> ImpactModel:
+    """The greater geometry and precision of two clusters."""
+    return one._replace(
+        geometry=max(one.geometry, other.geometry), precision=max(one.precision, other.precision)
+    )
+
+
+def _as_fractions(scene: request.Request, law: Law) -> request.Request:
+    """Raises: ImpactError: the law is not rational."""
+    if not (law is Law.FRICTIONLESS or (law is Law.MOREAU and not scene.has_friction)):
+        raise ImpactError(StatusCode.INVALID_MODEL, "model.law", f"{law.name} is not rational: give floats")
+    return scene._replace(
+        bodies=list(map(rationally.body_as_fractions, scene.bodies)),
+        contacts=list(map(rationally.contact_as_fractions, scene.contacts)),
     )
 
 
@@ -222,341 +206,6 @@ def _check_options(threshold: Any, stiffness: Any, exponent: Any, orders: Any, c
             )
         for i, k in enumerate(stiffness):
             check_number(f"stiffness[{i}]", k, math.nextafter(0, 1), math.inf, StatusCode.INVALID_MODEL)
-
-
-def _alone(
-    bodies: Sequence[Body],
-    pairs: Sequence[Pair],
-    contacts: Sequence[Contact],
-    cluster: Sequence[int],
-    model: ImpactModel,
-) -> tuple[Answered, list[int]]:
-    """A cluster of one contact, perhaps given several times."""
-    i, count = cluster[0], len(cluster)
-    a, b = pairs[i]
-    body_b = bodies[b] if bodies[b] is not bodies[a] else Body(*bodies[b])  # two bodies may be equal
-    try:
-        impact = resolve(bodies[a], body_b, contacts[i], model)
-    except ImpactError as error:
-        raise request.renamed(error, request.Name(i, a, b)) from None
-    except TypeError as error:
-        raise TypeError(request.named(str(error), request.Name(i, a, b))) from None
-    sides = ((a, impact.change_a, impact.twist_a), (b, impact.change_b, impact.twist_b))
-    moved = [side for side in sides if bodies[side[0]].is_movable()]
-    shares = [impact.impulse if count == 1 else impact.impulse * (1 / count)]
-    shares += [shares[0] if pairs[k] == (a, b) else -shares[0] for k in cluster[1:]]
-    used = [impact.contact]
-    for k in cluster[1:]:
-        used.append(
-            contacts[k]._replace(restitution=impact.contact.restitution, friction=impact.contact.friction)
-        )
-    answered = Answered(
-        [change for _, change, _ in moved],
-        [twist for _, _, twist in moved],
-        shares,
-        [impact.normal_velocity_before] * count,
-        [impact.normal_velocity_after] * count,
-        (
-            impact.kinetic_energy_before, impact.kinetic_energy_after,
-            impact.energy_lost_restitution, impact.energy_lost_friction,
-        ),
-        impact.error_bound,
-        math.inf,
-        used,
-        [impact.regime] * count,
-        impact.adjustments,
-        impact.model,
-    )  # fmt: skip
-    return answered, [place for place, _, _ in moved]
-
-
-class Parts(NamedTuple):
-    """A cluster by itself: its bodies, and its contacts each once, with how often each was given.
-
-    Attributes:
-        bodies, pairs, contacts, copies: the pairs by places among the bodies.
-        place_of: for each contact of the cluster, its place among those, and -1 if its bodies were swapped.
-        field_of: for each contact here, its index in the scene.
-    """
-
-    bodies: list[Body]
-    pairs: list[Pair]
-    contacts: list[Contact]
-    copies: list[int]
-    place_of: list[tuple[int, int]]
-    field_of: list[int]
-
-
-def _parts(
-    pairs: Sequence[Pair], contacts: Sequence[Contact], cluster: Sequence[int], *, join: bool
-) -> tuple[Parts, list[int]]:
-    """The parts of a cluster, and the indices of its bodies in the scene."""
-    places: dict[int, int] = {}
-    known: dict[Any, int] = {}
-    parts = Parts([], [], [], [], [], [])
-    for i in cluster:
-        (a, b), contact = pairs[i], contacts[i]
-        local = places.setdefault(a, len(places)), places.setdefault(b, len(places))
-        key: Any = i
-        if join:
-            key = (a, b, contact)
-            if a > b:
-                key = b, a, contact._replace(normal=Vec3(*(-x for x in contact.normal)))
-        try:
-            place = known.setdefault(key, len(known))
-        except TypeError:  # of lists or arrays, which have no hash
-            place = known.setdefault(i, len(known))
-        if place == len(parts.contacts):
-            parts.pairs.append(local)
-            parts.contacts.append(contact)
-            parts.copies.append(1)
-            parts.field_of.append(i)
-            parts.place_of.append((place, 1))
-        else:
-            parts.copies[place] += 1
-            first = pairs[parts.field_of[place]]
-            parts.place_of.append((place, 1 if first == (a, b) else -1))
-    return parts, list(places)
-
-
-def _together(
-    parts: Parts,
-    pairs: Sequence[Pair],
-    contacts: Sequence[Contact],
-    cluster: Sequence[int],
-    options: Options,
-    exact: bool,
-) -> Answered:
-    """A cluster of several contacts."""
-    model, law = options.model, options.law
-    if law in (Law.ROUTH_POISSON, Law.COMPLIANT):
-        raise ImpactError(
-            StatusCode.INVALID_MODEL,
-            "model.law",
-            f"{law.name} is for clusters of one contact: try ROUTH_STRONGE",
-        )
-    for i in cluster if law is Law.COULOMB else ():
-        own = contacts[i].tangential_restitution
-        field, e_t = ("model", model.tangential_restitution) if own is None else (f"contacts[{i}]", own)
-        if e_t:
-            raise ImpactError(
-                StatusCode.INVALID_MODEL,
-                f"{field}.tangential_restitution",
-                f"must be 0 for clusters of several contacts, is {e_t}",
-            )
-    if law is Law.FRICTIONLESS:
-        for place, contact in enumerate(parts.contacts):
-            if 0 < contact.friction < math.inf:
-                parts.contacts[place] = contact._replace(friction=contact.friction * 0)
-    slow = Adjustment.NONE
-    has_function = any([callable(contact.restitution) for contact in parts.contacts])
-    placeholder = parts
-    if has_function:
-        simple = [c._replace(restitution=1.0) if callable(c.restitution) else c for c in parts.contacts]
-        placeholder = parts._replace(contacts=simple)
-    kinetics, placeholder = _assembled(placeholder, pairs, exact)
-    if model.geometry in (Geometry.POINT, Geometry.PLANAR):
-        _check_geometry(placeholder, model.geometry)
-    if has_function or model.restitution_threshold:
-        speeds = [-u for u in kinetics.answer(kinetics.none(), None, 0.0)[3]]
-        fastest = max(0.0, *speeds)
-        final = []
-        for original, contact, speed, i in zip(
-            parts.contacts, placeholder.contacts, speeds, parts.field_of, strict=True
-        ):
-            e = contact.restitution
-            if callable(original.restitution):
-                e = request.restitution_of(original, i, float(speed if speed > 0 else fastest))
-            if 0 < speed < model.restitution_threshold and e > 0:
-                e, slow = e * 0, Adjustment.RESTITUTION_THRESHOLD
-            final.append(contact._replace(restitution=Fraction(e) if exact else float(e)))
-        kinetics, placeholder = _assembled(placeholder._replace(contacts=final), pairs, exact)
-    parts = placeholder
-    has_friction = law is not Law.FRICTIONLESS and any([contact.friction > 0 for contact in parts.contacts])
-
-    struck, bound, motions = _by_law(kinetics, parts, options, exact, has_friction)
-    used_law = law
-    if struck.fell_back:
-        used_law = Law.COULOMB if has_friction else Law.FRICTIONLESS
-        slow |= Adjustment.LAW_FALLBACK
-    changes, twists, impulses, before, after, *energies, own_bound, (slips, idle, off_unit) = motions
-    if off_unit:
-        slow |= Adjustment.NORMALISED_ORIENTATION
-    if idle:
-        slow |= Adjustment.MASSLESS_SPIN
-    regimes = [
-        _regime(impulse, contact.friction, slip, used_law)
-        for impulse, contact, slip in zip(impulses, parts.contacts, slips, strict=True)
-    ]
-    used = parts.contacts
-    if struck.restitution is not None:
-        used = [
-            c if c.restitution == struck.restitution else c._replace(restitution=struck.restitution)
-            for c in used
-        ]
-    exactness = Precision.DOUBLE if has_friction or used_law is Law.ROUTH_STRONGE else Precision.EXTENDED
-    geometry = Geometry.SPATIAL if model.geometry is Geometry.AUTO else model.geometry
-    answered = Answered(
-        changes,
-        twists,
-        impulses,
-        before,
-        after,
-        tuple(energies),
-        own_bound if bound is None else bound,
-        struck.margin,
-        used,
-        regimes,
-        slow,
-        ImpactModel(used_law, geometry, exactness, *model[3:]),
-    )
-    return answered if len(used) == len(cluster) else _dealt(answered, parts, contacts, cluster, exact)
-
-
-def _dealt(
-    answered: Answered, parts: Parts, contacts: Sequence[Contact], cluster: Sequence[int], exact: bool
-) -> Answered:
-    """What each of several equal contacts has of what they have together."""
-
-    def share(place: int, sign: int) -> Vec3:
-        copies = parts.copies[place]
-        return answered.impulses[place] * (Fraction(sign, copies) if exact else sign / copies)
-
-    def used(i: int, place: int, sign: int) -> Contact:
-        own = answered.contacts[place]
-        return own if sign > 0 else contacts[i]._replace(restitution=own.restitution, friction=own.friction)
-
-    places = [place for place, _ in parts.place_of]
-    return answered._replace(
-        impulses=[share(place, sign) for place, sign in parts.place_of],
-        before=[answered.before[place] for place in places],
-        after=[answered.after[place] for place in places],
-        contacts=[used(i, *which) for i, which in zip(cluster, parts.place_of, strict=True)],
-        regimes=[answered.regimes[place] for place in places],
-    )
-
-
-def _assembled(parts: Parts, pairs: Sequence[Pair], exact: bool) -> tuple[Any, Parts]:
-    """What impulses do in a cluster, and its parts in the numbers that are used."""
-    if not exact:
-        made = library.assemble(parts.bodies, parts.pairs, parts.contacts, parts.copies)
-        if made.__class__ is library.Cluster:
-            return made, parts
-    names = [request.Name(i, *pairs[i]) for i in parts.field_of]
-    if not exact:
-        if made is None:
-            bodies, contacts = request.as_floats(parts.bodies, parts.pairs, parts.contacts, names)
-            parts = parts._replace(bodies=bodies, contacts=contacts)
-            made = library.assemble(parts.bodies, parts.pairs, parts.contacts, parts.copies)
-        if made.__class__ is library.Cluster:
-            return made, parts
-    for (a, b), contact, name in zip(parts.pairs, parts.contacts, names, strict=True):
-        request.check_contact(parts.bodies[a], parts.bodies[b], contact, name)
-    if not exact:
-        raise ImpactError(StatusCode.INTERNAL_ERROR, "contacts", "were refused for no known reason")
-    return RationalCluster(parts.bodies, parts.pairs, parts.contacts), parts
-
-
-def _by_law(
-    cluster: Any, parts: Parts, options: Options, exact: bool, has_friction: bool
-) -> tuple[Struck, float | None, Any]:
-    """What the law gives; the relative error, where the law estimates it; what becomes of the bodies."""
-    law = options.law
-    if law is Law.MOREAU:
-        struck = one_step(cluster, has_friction=has_friction)
-        if struck is not None:
-            motions = cluster.answer(struck.p, struck.tangential, struck.error)
-            lost, energy = motions[7] + motions[8], motions[5]
-            if lost >= (0 if exact else -ENERGY_ROUNDING * energy):
-                return struck, None, motions
-        struck = _by_reflections(cluster, parts, options, has_friction)._replace(fell_back=True)
-    elif law is Law.ROUTH_STRONGE:
-        return _by_springs(cluster, parts, options, has_friction)
-    else:
-        struck = _by_reflections(cluster, parts, options, has_friction)
-    return struck, None, cluster.answer(struck.p, struck.tangential, struck.error)
-
-
-def _by_reflections(cluster: Any, parts: Parts, options: Options, has_friction: bool) -> Struck:
-    if cluster.locked:
-        struck = _decided_in_rationals(cluster, parts, options)
-        if struck is None:
-            reason = f"more than {RATIONAL_CONTACTS} press on each other without end, as a ball between walls"
-            raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
-    else:
-        if isinstance(cluster, RationalCluster):
-            struck = reflections(cluster, options.threshold)
-        else:
-            struck = compiled_reflections(cluster, float(options.threshold))
-        if struck.error == math.inf:
-            struck = _decided_in_rationals(cluster, parts, options) or struck
-    return with_friction(cluster, struck) if has_friction else struck
-
-
-def _decided_in_rationals(cluster: Any, parts: Parts, options: Options) -> Struck | None:
-    """The impulses of GRR, exact but for the rounding of each; ``None`` for clusters too large for that."""
-    if len(parts.contacts) > RATIONAL_CONTACTS:
-        return None
-    bodies = list(map(request.as_fractions, parts.bodies))
-    contacts = list(map(request.contact_as_fractions, parts.contacts))
-    exactly = RationalCluster(bodies, parts.pairs, contacts)
-    struck = reflections(exactly, Fraction(options.threshold))
-    p = cluster.from_floats([float(x) for x in exactly.least_norm(struck.p)])
-    restitution = None if struck.restitution is None else float(struck.restitution)
-    return Struck(p, None, cluster.size(p) * 2.0**-53, float(struck.margin), restitution)
-
-
-def _by_springs(
-    cluster: Any, parts: Parts, options: Options, has_friction: bool
-) -> tuple[Struck, float, Any]:
-    movable = [body for body in parts.bodies if body.is_movable()]
-
-    def motions_of(struck: Struck) -> Any:
-        return cluster.answer(struck.p, struck.tangential, 0.0)
-
-    def apart(one: Struck, other: Struck) -> float:
-        return distance(movable, motions_of(one)[0], motions_of(other)[0])
-
-    if not cluster.approach()[0] > 0:
-        struck = Struck(cluster.none())
-        return struck, 0.0, motions_of(struck)
-    given = options.stiffness
-    stiffness = [1.0] * len(parts.contacts) if given is None else [float(given[i]) for i in parts.field_of]
-    restitution = [contact.restitution for contact in parts.contacts]
-    least = min(restitution)
-    if least < LEAST_RESTITUTION:
-        field = f"contacts[{parts.field_of[restitution.index(least)]}].restitution"
-        reason = f"must be at least {LEAST_RESTITUTION} for ROUTH_STRONGE in a cluster, is {least}"
-        raise ImpactError(StatusCode.PATH_TOO_LONG, field, reason)
-    struck, error = compressed(
-        cluster, stiffness, float(options.exponent), options.model.tolerance,
-        has_friction=has_friction, apart=apart,
-    )  # fmt: skip
-    return struck, error, motions_of(struck)
-
-
-def _check_geometry(parts: Parts, geometry: Geometry) -> None:
-    for (a, b), contact in zip(parts.pairs, parts.contacts, strict=True):
-        if required(parts.bodies[a], parts.bodies[b], contact, frictionless=False) > geometry:
-            reason = (
-                f"{geometry.name} leaves out motion that matters, which a cluster of several contacts can't"
-            )
-            raise ImpactError(StatusCode.INVALID_MODEL, "model.geometry", reason)
-
-
-AT_REST = 2.0**-20
-"""Of slip, relative to the fastest speed before, and of what friction lacks to its limit: this is none."""
-
-
-def _regime(impulse: Vec3, friction: Scalar, slip: tuple[float, float, float], law: Law) -> Regime:
-    if not any(impulse):
-        return Regime.SEPARATING
-    speed, back, share = slip
-    if friction == 0:
-        return Regime.SLIDING
-    if speed < AT_REST if law is Law.ROUTH_STRONGE else share < 1 - AT_REST:
-        return Regime.STICKING
-    return Regime.REVERSED if back < 0 else Regime.SLIDING
 
 
 PROBE = Body.dynamic(1.0)

@@ -27,34 +27,44 @@ inline double in_norm(const double* body) {
   return std::sqrt(std::fmax(base, (shift + trace / 3) * inverse));
 }
 
+enum Regime : unsigned char { REGIME_SEPARATING = 1, STICKING, SLIDING, REVERSED };
+
+// Of slip, relative to the fastest speed before, and of what friction lacks to its limit: this is none.
+constexpr double AT_REST = 0x1p-20;
+
 // What becomes of a cluster. Of movable bodies six numbers each, of contacts three, or one.
 struct Numbers {
   std::vector<double> changes, after, pushes, before, then;
-  std::vector<std::array<double, 3>> slips;  // see answer()
+  std::vector<Regime> regimes;
   double energy_after = 0, lost_restitution = 0, lost_friction = 0, bound = 0;
 };
 
-// Of normal impulses, and of tangential ones, pairs in the axes of each contact; empty if there are none.
-inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<double>& tangential, double error) {
+// Of normal impulses, and of tangential ones, pairs in the axes of each contact; empty if there are none. A contact
+// sticks if it does not slip (by_slip), or if its friction is below the limit.
+inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<double>& tangential, double error, bool by_slip) {
   Numbers answer;
   int count = scene.count;
   bool rubs = !tangential.empty();
   std::vector<Axes> P(count, Axes{0, 0, 0});
-  std::vector<double> reported = rounded(p, count), lower(count, 0.0);
+  std::vector<double> reported = rounded(p, count);
   if (rubs)
     for (int i = 0; i < count; ++i)
       for (int k = 0; k < 2; ++k) P[i][1 + k] = tangential[2 * i + k];
   std::vector<N> sums = scene.changes(p);
-  Motion with_friction(scene);
-  for (size_t i = 0; i < sums.size(); ++i) with_friction.twists[i] = high(sums[i]);
-  if (rubs)
-    for (int i = 0; i < count; ++i) with_friction.push(i, P[i]);
-  if (!rubs) scene.least_norm(reported, lower, true);
-  answer.changes = with_friction.twists;
+  Motion motion(scene), across(scene);
+  for (int i = 0; i < count; ++i) {
+    if (rubs) across.push(i, P[i]);
+    motion.push(i, {reported[i] * scene.touches[i].length, P[i][1], P[i][2]});
+  }
+  if (!rubs) scene.least_norm(reported, true);
 
   double largest = 0, worst = 0, rounding = 0;
   for (int b = 0; b < scene.bodies; ++b) {
-    const double *change = &with_friction.twists[6 * b], *body = scene.given[b].x;
+    const double* body = scene.given[b].x;
+    double change[6] = {};
+    if (rubs) scene.given[b].twist_of(&across.y[6 * b], change);
+    for (int k = 0; k < 6; ++k) change[k] += high(sums[6 * b + k]);
+    answer.changes.insert(answer.changes.end(), change, change + 6);
     Given moved = scene.given[b];
     for (int k = 0; k < 6; ++k) moved.x[IN_BODY_A_VELOCITY_X + k] += change[k];
     moved.fill(moved.plain);
@@ -80,10 +90,10 @@ inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<
     double push[3];
     for (int k = 0; k < 3; ++k) push[k] = reported[i] * touch.normal[k];
     Axes u_before{touch.plain[0].velocity, touch.plain[1].velocity, touch.plain[2].velocity};
-    Axes u_after = with_friction.velocity(i);
+    Axes u_after = motion.velocity(i);
     if (!rubs) u_after[0] = high(u[i]) / touch.length;
     double speed = std::hypot(u_after[1], u_after[2]), back = u_before[1] * u_after[1] + u_before[2] * u_after[2];
-    double across = std::hypot(P[i][1], P[i][2]), most = touch.mu * p[i].h * touch.length;
+    double friction = std::hypot(P[i][1], P[i][2]), most = touch.mu * p[i].h * touch.length;
     if (rubs) {
       double x = touch.normal[0] / touch.length, y = touch.normal[1] / touch.length, z = touch.normal[2] / touch.length;
       double sign = x < 0 ? -1 : 1, c = -1 / (sign + x), d = y * z * c;
@@ -95,19 +105,22 @@ inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<
     answer.pushes.insert(answer.pushes.end(), push, push + 3);
     answer.before.push_back(u_before[0]);
     answer.then.push_back(u_after[0]);
-    answer.slips.push_back({fastest > 0 ? speed / fastest : 0, back, most > 0 ? across / most : 1.0});
+    Regime regime = back < 0 ? REVERSED : SLIDING;
+    if (push[0] == 0 && push[1] == 0 && push[2] == 0) regime = REGIME_SEPARATING;
+    else if (touch.mu == 0) regime = SLIDING;
+    else if (by_slip ? speed <= AT_REST * fastest : friction < (1 - AT_REST) * most) regime = STICKING;
+    answer.regimes.push_back(regime);
   }
   answer.bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0) : (worst > 0 ? INFINITY : 0);
   if (!(answer.bound == answer.bound)) answer.bound = INFINITY;
   return answer;
 }
 
-// The impulses by a law with friction, from frictionless ones.
-template <Friction law(const Assembly&, const std::vector<double>&)>
-Friction rubbed(const Assembly& scene, const DD* p) {
+// COULOMB's impulses, from frictionless ones.
+inline Friction rubbed(const Assembly& scene, const DD* p) {
   std::vector<double> normal = rounded(p, scene.count);
-  scene.least_norm(normal, std::vector<double>(scene.count, 0.0), false);
-  return law(scene, normal);
+  scene.least_norm(normal, false);
+  return least_work(scene, normal);
 }
 inline std::vector<DD> along_normals(const Friction& friction, const Assembly& scene) {
   std::vector<DD> p(scene.count, DD{0, 0});

@@ -29,6 +29,8 @@ struct Given {  // a body
   bool idle;
   Centre<N> centre;
   Centre<double> plain;
+  // M^-1 = L L^T: a twist is L y, and |y| its size in the metric of kinetic energy.
+  double root, turn[3][3], com[3];  // L: of velocities 1 / root(m), of moments
 
   bool movable() const { return x[0] < INFINITY; }
   bool moves() const {
@@ -40,6 +42,22 @@ struct Given {  // a body
   void look() {
     fill(centre);
     fill(plain);
+    const double* of = plain.numbers;
+    root = std::sqrt(of[CENTRE_INVERSE_MASS]);
+    for (int k = 0; k < 3; ++k) {
+      com[k] = of[CENTRE_COM + k];
+      for (int j = 0; j < 3; ++j) {
+        turn[k][j] = 0;
+        for (int l = 0; l < 3; ++l) turn[k][j] += of[CENTRE_INVERSE_INERTIA + 3 * k + l] * of[CENTRE_ROTATION + 3 * j + l];
+        turn[k][j] *= std::sqrt(of[CENTRE_INVERSE_INERTIA + 9 + k]);
+      }
+    }
+  }
+  // L y
+  void twist_of(const double* y, double* twist) const {
+    for (int j = 0; j < 3; ++j) twist[3 + j] = turn[0][j] * y[3] + turn[1][j] * y[4] + turn[2][j] * y[5];
+    const double* w = twist + 3;
+    for (int j = 0, k = 1, l = 2; j < 3; ++j, k = (k + 1) % 3, l = (l + 1) % 3) twist[j] = root * y[j] - (w[k] * com[l] - w[l] * com[k]);
   }
   template <class T>
   void fill(Centre<T>& seen) {
@@ -55,8 +73,8 @@ struct Given {  // a body
   }
 };
 
-struct Plain {  // one direction of one contact, in doubles
-  double reach[2][6], response[2][6], velocity;
+struct Plain {  // one direction of one contact, in doubles: velocity + row.y
+  double row[2][6], velocity;
 };
 
 struct Touch {
@@ -110,9 +128,20 @@ struct Assembly {
     double axes[3][3] = {{x, y, z}, {-(sign * y), 1 + sign * (y * y * c), sign * d}, {-z, d, sign + z * z * c}};
     const Given* both[2] = {&a, &b};
     for (int axis = 0; axis < 3; ++axis) {
-      double velocity[2];
-      for (int side = 0; side < 2; ++side)
-        velocity[side] = both[side]->rests() ? 0 : fill<double>(both[side]->plain, touch, axes[axis], side ? -1 : 1, touch.plain[axis].reach[side], touch.plain[axis].response[side]);
+      const double* n = axes[axis];
+      double velocity[2] = {0, 0};
+      for (int side = 0; side < 2; ++side) {
+        const Given& body = *both[side];
+        double* row = touch.plain[axis].row[side];
+        if (body.rests()) continue;
+        double reach[6], response[6], sign = side ? -1 : 1;
+        velocity[side] = fill<double>(body.plain, touch, n, sign, reach, response);
+        if (!body.movable()) continue;
+        for (int k = 0; k < 3; ++k) row[k] = body.root * reach[k];
+        double moment[3];  // about the centre of mass
+        for (int j = 0, k = 1, l = 2; j < 3; ++j, k = (k + 1) % 3, l = (l + 1) % 3) moment[j] = reach[3 + j] - (body.com[k] * reach[l] - body.com[l] * reach[k]);
+        for (int k = 0; k < 3; ++k) row[3 + k] = body.turn[k][0] * moment[0] + body.turn[k][1] * moment[1] + body.turn[k][2] * moment[2];
+      }
       touch.plain[axis].velocity = velocity[0] - velocity[1];
     }
     touch.plain[0].velocity = high(touch.velocity) / touch.length;
@@ -187,16 +216,19 @@ struct Assembly {
 
   // Normal velocities, times the lengths of the normals.
   std::vector<N> velocities(const DD* p) const {
-    std::vector<N> twists = changes(p), u;
+    std::vector<N> u;
     u.reserve(count);
-    for (const Touch& touch : touches) u.push_back(touch.velocity + velocity_change(touch, twists));
+    for (const Touch& touch : touches) u.push_back(touch.velocity);
+    if (std::all_of(p, p + count, [](const DD& x) { return x.h == 0; })) return u;
+    std::vector<N> twists = changes(p);
+    for (int i = 0; i < count; ++i) u[i] = u[i] + velocity_change(touches[i], twists);
     return u;
   }
 
-  // |M^-1 N dp| for impulses known to within `by`.
-  double size_of(const std::vector<double>& by) const {
+  // At least |M^-1 N p|.
+  double size_of(const DD* p) const {
     double sum = 0;
-    for (int i = 0; i < count; ++i) sum += by[i] / touches[i].scale;
+    for (int i = 0; i < count; ++i) sum += std::fabs(p[i].h) / touches[i].scale;
     return sum * (1 + 1e-9);
   }
 
@@ -228,7 +260,9 @@ struct Assembly {
     for (int j : active.members) q[j] = DD{x[j] * touches[j].scale, 0};
 
     std::vector<N> r(count, exact(0.0));
+    bool seen = false;  // r is that of q
     auto look = [&] {
+      seen = true;
       std::vector<N> twists = changes(q.data());
       for (int i : among) r[i] = start[i] + velocity_change(touches[i], twists);
     };
@@ -245,6 +279,7 @@ struct Assembly {
         }
         if (settled) break;
         active.solve(y.data());
+        seen = false;
         for (size_t k = 0; k < y.size(); ++k) {
           int j = active.members[k];
           q[j] = q[j] + DD{y[k] * touches[j].scale, 0};
@@ -271,6 +306,7 @@ struct Assembly {
         }
       }
       if (entering < 0) break;
+      seen = false;
       Found found = enter(
           active, entering, most,
           [&](int place, double by) {
@@ -285,8 +321,11 @@ struct Assembly {
       }
     }
     for (DD& one : q)
-      if (one.h < 0) one = DD{0, 0};
-    look();
+      if (one.h < 0) {
+        one = DD{0, 0};
+        seen = false;
+      }
+    if (!seen) look();
     double gap = 0, far = 0, moved = 0;
     for (int i : among) {
       double low = high(r[i]) - width(r[i]), reach = std::fabs(high(r[i])) + width(r[i]);
@@ -298,6 +337,16 @@ struct Assembly {
     double distance = std::sqrt(moved);  // |w* - v|^2 <= -q.u
     result.error = (far + std::sqrt(far * far + 4 * (gap + far * distance))) / 2 * (1 + 1e-9);
     return result;
+  }
+
+  // The impulses that give all contacts velocities of at least -e min(u, 0).
+  Projection rebound() const {
+    std::vector<N> offset;
+    for (const Touch& touch : touches) {
+      double u = high(touch.velocity), doubt = width(touch.velocity);
+      offset.push_back(u < 0 ? touch.velocity * exact(touch.e) : N{{0, 0}, u < doubt ? doubt : 0});
+    }
+    return project(std::vector<DD>(count, DD{0, 0}).data(), all(), offset.data());
   }
 
   std::vector<int> all() const {
@@ -332,9 +381,8 @@ struct Assembly {
     return out;
   }
 
-  // Of all impulses that do the same, p + Z z >= lower, those of least sum of n.n p^2; where copies share one
-  // impulse, of the sum over all of them.
-  void least_norm(std::vector<double>& p, const std::vector<double>& lower, bool shared) const {
+  // Of all impulses that do the same, p + Z z >= 0, those of least sum of n.n p^2; `shared`: over all copies.
+  void least_norm(std::vector<double>& p, bool shared) const {
     std::vector<double> weight(count);
     for (int i = 0; i < count; ++i) weight[i] = touches[i].length / (shared ? std::sqrt(touches[i].copies) : 1);
     // With a row for the work of walls that move, which the same impulses do as well.
@@ -402,7 +450,7 @@ struct Assembly {
       for (int i = 0; i < count; ++i) along += Z[i * k + c] * P[i];
       for (int i = 0; i < count; ++i) P[i] -= along * Z[i * k + c];
     }
-    // P + Z Z^T x >= lower, x >= 0: the same programme, scaled to a unit diagonal.
+    // P + Z Z^T x >= 0, x >= 0: the same programme, scaled to a unit diagonal.
     std::vector<double> dual(static_cast<size_t>(count) * count), s(count);
     std::vector<int> among;
     for (int i = 0; i < count; ++i) {
@@ -410,7 +458,7 @@ struct Assembly {
       for (int c = 0; c < k; ++c) square += Z[i * k + c] * Z[i * k + c];
       s[i] = square > 1e-20 ? 1 / std::sqrt(square) : 0;
       if (s[i] > 0) among.push_back(i);
-      b[i] = (P[i] - lower[i] * weight[i]) * s[i];
+      b[i] = P[i] * s[i];
     }
     for (int i : among)
       for (int j : among) {
@@ -425,6 +473,6 @@ struct Assembly {
       for (int i : among) along += Z[i * k + c] * x[i] * s[i];
       for (int i = 0; i < count; ++i) P[i] += along * Z[i * k + c];
     }
-    for (int i = 0; i < count; ++i) p[i] = std::fmax(P[i] / weight[i], lower[i]);
+    for (int i = 0; i < count; ++i) p[i] = std::fmax(P[i] / weight[i], 0);
   }
 };

@@ -7,7 +7,6 @@
 #include "validity_everything.hpp"
 
 enum Code : unsigned char { LEFT_TO_PYTHON = 0, OK = 1, SEPARATING = 2, TOLERANCE_NOT_MET = 17, PATH_TOO_LONG = 18, CONTRADICTORY = 22 };
-enum Regime : unsigned char { REGIME_SEPARATING = 1, STICKING, SLIDING, REVERSED };
 
 // What is asked, as in resolve_scenes.py, and where the answers go. A quantity of bodies or contacts is a row.
 struct Many {
@@ -17,7 +16,7 @@ struct Many {
   long count, rows;  // of contacts
   const std::int64_t *order, *starts;
   bool frictionless;
-  double threshold, restitution_threshold, limit, at_rest;
+  double threshold, restitution_threshold, limit;
   int budget;
   double *velocity, *spin, *impulse;  // of bodies, and of contacts
   unsigned char *regime, *status;     // of contacts, and of clusters
@@ -107,22 +106,22 @@ class ManyClusters {
       double speed = -touch.plain[0].velocity;
       if (speed > 0 && speed < many.restitution_threshold) touch.e = 0;
     }
-    Struck struck = Reflections(scene, many.threshold, many.budget).struck();
+    Struck struck = reflections(scene, many.threshold, many.budget);
     if (struck.outcome == Outcome::CONTRADICTORY) return refused(cluster, first, last, CONTRADICTORY);
     if (struck.outcome == Outcome::ENDLESS) return refused(cluster, first, last, PATH_TOO_LONG);
     if (struck.error == INFINITY) return LEFT_TO_PYTHON;
     std::vector<double> tangential;
     if (rubs) {
-      Friction friction = rubbed<least_work>(scene, struck.p.data());
+      Friction friction = rubbed(scene, struck.p.data());
       if (!friction.found) return refused(cluster, first, last, CONTRADICTORY);
       struck.p = along_normals(friction, scene);
       tangential = across_normals(friction);
       struck.error += friction.error;
     }
-    return write(cluster, first, last, numbers_of(scene, struck.p.data(), tangential, struck.error), energy, struck.margin, movable, scene);
+    return write(cluster, first, last, numbers_of(scene, struck.p.data(), tangential, struck.error, false), energy, struck.margin, movable);
   }
 
-  Code write(long cluster, const std::int64_t* first, const std::int64_t* last, const Numbers& y, double energy, double margin, const std::vector<int>& movable, const Assembly& scene) {
+  Code write(long cluster, const std::int64_t* first, const std::int64_t* last, const Numbers& y, double energy, double margin, const std::vector<int>& movable) {
     long bodies = many.pairs.bodies, axes = many.table.axes, spin = many.table.first_spin;
     for (size_t i = 0; i < used.size(); ++i) {
       const double* after = movable[i] < 0 ? nullptr : &y.after[6 * movable[i]];
@@ -134,11 +133,7 @@ class ManyClusters {
       size_t i = k - first;
       const double* push = &y.pushes[3 * i];
       for (int axis = 0; axis < axes; ++axis) many.impulse[axis * many.count + *k] = push[axis];
-      Regime regime = SLIDING;
-      if (push[0] == 0 && push[1] == 0 && push[2] == 0) regime = REGIME_SEPARATING;
-      else if (scene.touches[i].mu == 0) regime = SLIDING;
-      else if (y.slips[i][2] < 1 - many.at_rest) regime = STICKING;
-      else if (y.slips[i][1] < 0) regime = REVERSED;
+      Regime regime = y.regimes[i];
       many.regime[*k] = regime;
       separating = separating && regime == REGIME_SEPARATING;
     }

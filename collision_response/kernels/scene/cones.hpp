@@ -1,0 +1,363 @@
+// Impulses in cones of friction,  K_i = { |P_t| <= mu_i P_n },  that do the least work on relative velocities:
+//
+//     |y|^2 / 2 + w.P -> least       y = B^T P, what they do to the bodies, in the metric of kinetic energy
+//
+// and, if asked, with given normal velocities N y = c. Its dual has no constraints and one velocity eta for all
+// bodies, however many contacts they have; P solves it and its dual together where
+//
+//     P_i = proj_K_i(P_i - rho_i (w + B eta)_i)       eta + N^T lambda = B^T P        N (eta + N^T lambda) = c
+//
+// Augmented Lagrangian steps: with Q for the P on the right, the least over eta and lambda of
+//
+//     |eta + N^T lambda|^2 / 2 - c.lambda + sum |P_i|^2 / (2 rho_i) + |lambda - lambda_0|^2 / (2 rho)
+//
+// is found by Newton's method, as its gradient is piecewise smooth. From Q = 0 with rho great, P is that of least
+// sum of squares among all that do the same; further steps, with lesser rho, leave that and mend the rest.
+//
+// Rockafellar, "Augmented Lagrangians and Applications of the Proximal Point Algorithm in Convex Programming",
+// Math. Oper. Res. 1 (1976); Li, Sun & Toh, "A Highly Efficient Semismooth Newton Augmented Lagrangian Method",
+// SIAM J. Optim. 28 (2018).
+#pragma once
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+using Axes = std::array<double, 3>;
+
+class Cones {
+ public:
+  static constexpr double GREATEST = 1e6, LEAST = 1e2;  // rho
+
+  struct Cone {
+    int body[2];  // -1: none
+    double row[2][3][6];
+    Axes w;
+    double mu, share;  // share: of rho
+  };
+  std::vector<Cone> cones;
+  std::vector<double> kept;  // c, or empty
+  std::vector<Axes> P, z;    // z: w + B eta
+
+  explicit Cones(int bodies) : bodies(bodies) {}
+
+  void add(const Cone& cone) { cones.push_back(cone); }
+
+  // After the last one.
+  void begin() {
+    size_t n = cones.size();
+    P.assign(n, Axes{0, 0, 0});
+    z = P;
+    variables = 6 * bodies + static_cast<int>(kept.size());
+    x.assign(variables, 0.0);
+    order();
+    profile();
+  }
+
+  // Of all solutions that of least squares, nearly; and how much more than the least its work is, at most.
+  double solve() {
+    const std::vector<Axes> none(P.size(), Axes{0, 0, 0});
+    if (!settle(GREATEST, none, true, 12))
+      for (double size = 1; size <= GREATEST; size *= 100) settle(size, none, size == 1, 60);
+    return mend();
+  }
+
+  // The same without regard to the squares: steps from where it is, until they gain nothing.
+  double mend() {
+    double least = gap();
+    for (double size = GREATEST; size >= LEAST;) {
+      settle(size, std::vector<Axes>(P), false, 60);
+      double now = gap();
+      if (now < 1e-14 * size) size = std::fmin(size, LEAST * 100) / 100;  // what rounding leaves at this size
+      else if (now > least / 10) size /= 100;
+      least = now;
+    }
+    return least;
+  }
+
+  // One step, from impulses Q; whether Newton's method ended.
+  bool settle(double size, const std::vector<Axes>& Q, bool afresh, int budget) {
+    rho = size;
+    from = Q;
+    lambda_before.assign(x.begin() + 6 * bodies, x.end());
+    std::vector<double> gradient(variables), trial(variables), step(variables), before;
+    if (afresh) {  // as if all contacts held
+      look(x, gradient, true);
+      newton(gradient, step);
+      for (int i = 0; i < variables; ++i) x[i] += step[i];
+    }
+    double value = look(x, gradient, false), off = norm(gradient), enough = 1e-14 + 2e-16 * rho;
+    for (int turn = 0; turn < budget && off > enough; ++turn) {
+      newton(gradient, step);
+      double slope = 0;
+      for (int i = 0; i < variables; ++i) slope += gradient[i] * step[i];
+      double length = 1, old = off, now = 0;
+      before = gradient;
+      for (;; length /= 2) {
+        for (int i = 0; i < variables; ++i) trial[i] = x[i] + length * step[i];
+        now = look(trial, gradient, false);
+        off = norm(gradient);
+        if (off <= old / 2 || now <= value + 1e-4 * length * slope) break;
+        if (length < 1e-3) break;
+      }
+      if (off >= old && old < 1e4 * enough) {  // rounding
+        look(x, gradient, false);
+        return true;
+      }
+      x = trial;
+      value = now;
+    }
+    return off <= 1e6 * enough;
+  }
+
+  // How much more than the least the work is, at most, by weak duality; of P as it is.
+  double gap() const {
+    std::vector<double> y(6 * static_cast<size_t>(bodies), 0.0), dual;
+    for (size_t i = 0; i < cones.size(); ++i) add_row(cones[i], P[i], y);
+    dual = y;
+    const double* lambda = x.data() + 6 * bodies;
+    for (size_t i = 0; i < kept.size(); ++i) add_row(cones[i], Axes{-lambda[i], 0, 0}, dual);
+    double sum = 0;
+    for (size_t i = 0; i < cones.size(); ++i) {
+      const Cone& cone = cones[i];
+      Axes v = velocity(cone, dual.data());
+      for (int k = 0; k < 3; ++k) v[k] += cone.w[k];
+      sum += std::fabs(v[0] * P[i][0] + v[1] * P[i][1] + v[2] * P[i][2]);
+      double outside = std::fmax(cone.mu * std::hypot(v[1], v[2]) - v[0], 0);
+      sum += outside * P[i][0];
+      if (!kept.empty()) sum += std::fabs(lambda[i] * (velocity(cone, y.data())[0] - kept[i]));
+    }
+    return sum;
+  }
+
+ private:
+  int bodies, variables = 0;
+  double rho = 1;
+  std::vector<double> x;  // eta, lambda
+  std::vector<double> lambda_before;
+  std::vector<Axes> from;
+  struct Slope {
+    double d[3][3];
+  };
+  std::vector<Slope> slopes;
+
+  static double norm(const std::vector<double>& g) {
+    double most = 0;
+    for (double v : g) most = std::max(most, std::fabs(v));
+    return most;
+  }
+  static Axes velocity(const Cone& cone, const double* y) {
+    Axes v{0, 0, 0};
+    for (int side = 0; side < 2; ++side)
+      if (cone.body[side] >= 0) {
+        const double* of = y + 6 * cone.body[side];
+        for (int a = 0; a < 3; ++a)
+          for (int k = 0; k < 6; ++k) v[a] += cone.row[side][a][k] * of[k];
+      }
+    return v;
+  }
+  static void add_row(const Cone& cone, const Axes& by, std::vector<double>& y) {
+    for (int side = 0; side < 2; ++side)
+      if (cone.body[side] >= 0) {
+        double* of = &y[6 * cone.body[side]];
+        for (int k = 0; k < 6; ++k) of[k] += cone.row[side][0][k] * by[0] + cone.row[side][1][k] * by[1] + cone.row[side][2][k] * by[2];
+      }
+  }
+
+  // The nearest of the cone, and the derivative of that.
+  static void onto(double mu, Axes& q, Slope& slope) {
+    double t = std::sqrt(q[1] * q[1] + q[2] * q[2]);
+    slope = {};
+    if (t <= mu * q[0]) {
+      for (int k = 0; k < 3; ++k) slope.d[k][k] = 1;
+      return;
+    }
+    if (mu * t <= -q[0]) {
+      q = {0, 0, 0};
+      return;
+    }
+    double d[2] = {t > 0 ? q[1] / t : 0, t > 0 ? q[2] / t : 0}, whole = 1 / (1 + mu * mu);
+    double n = (q[0] + mu * t) * whole, round = t > 0 ? mu * n / t : 0;
+    slope.d[0][0] = whole;
+    for (int k = 0; k < 2; ++k) {
+      slope.d[0][1 + k] = slope.d[1 + k][0] = mu * whole * d[k];
+      for (int l = 0; l < 2; ++l) slope.d[1 + k][1 + l] = (mu * mu * whole - round) * d[k] * d[l] + (k == l ? round : 0);
+    }
+    q = {n, mu * n * d[0], mu * n * d[1]};
+  }
+
+  // The value of the dual, its gradient, P and slopes there. `holding`: with no cones.
+  double look(const std::vector<double>& at, std::vector<double>& gradient, bool holding) {
+    slopes.resize(cones.size());
+    const double* lambda = at.data() + 6 * bodies;
+    std::vector<double>& y = whole;
+    y.assign(at.begin(), at.begin() + 6 * bodies);
+    for (size_t i = 0; i < kept.size(); ++i) add_row(cones[i], Axes{lambda[i], 0, 0}, y);
+    double value = 0;
+    for (double v : y) value += v * v / 2;
+    for (size_t i = 0; i < kept.size(); ++i) {
+      double by = lambda[i] - lambda_before[i];
+      gradient[6 * bodies + i] = velocity(cones[i], y.data())[0] - kept[i] + by / rho;
+      value += by * by / (2 * rho) - kept[i] * lambda[i];
+    }
+    for (size_t i = 0; i < cones.size(); ++i) {
+      const Cone& cone = cones[i];
+      double own = rho * cone.share;
+      z[i] = velocity(cone, at.data());
+      for (int k = 0; k < 3; ++k) {
+        z[i][k] += cone.w[k];
+        P[i][k] = from[i][k] - own * z[i][k];
+      }
+      if (holding) {
+        slopes[i] = {};
+        for (int k = 0; k < 3; ++k) slopes[i].d[k][k] = k == 0 || cone.mu > 0;
+        if (!(cone.mu > 0)) P[i][1] = P[i][2] = 0;
+      } else {
+        onto(cone.mu, P[i], slopes[i]);
+      }
+      value += (P[i][0] * P[i][0] + P[i][1] * P[i][1] + P[i][2] * P[i][2]) / (2 * own);
+      add_row(cone, Axes{-P[i][0], -P[i][1], -P[i][2]}, y);
+    }
+    std::copy(y.begin(), y.end(), gradient.begin());
+    return value;
+  }
+
+  // The matrix of Newton's method by rows, each from its first entry to the diagonal.
+  std::vector<int> place, first;
+  std::vector<size_t> start;
+  std::vector<double> constant, M, rhs, whole;
+  double& at(std::vector<double>& matrix, int i, int j) const {
+    int a = std::max(place[i], place[j]), b = std::min(place[i], place[j]);
+    return matrix[start[a] + static_cast<size_t>(b - first[a])];
+  }
+
+  // Bodies by breadth from one with few neighbours, each followed by the multipliers of its contacts: rows are short.
+  void order() {
+    std::vector<std::vector<int>> touching(bodies);
+    for (size_t i = 0; i < cones.size(); ++i)
+      for (int body : cones[i].body)
+        if (body >= 0) touching[body].push_back(static_cast<int>(i));
+    std::vector<int> roots(bodies), queue;
+    for (int b = 0; b < bodies; ++b) roots[b] = b;
+    auto fewer = [&](int a, int b) { return touching[a].size() < touching[b].size(); };
+    std::stable_sort(roots.begin(), roots.end(), fewer);
+    std::vector<char> seen(bodies), placed(kept.size());
+    place.assign(variables, 0);
+    int next = 0;
+    for (int root : roots) {
+      if (seen[root]) continue;
+      queue.assign(1, root);
+      seen[root] = 1;
+      for (size_t k = 0; k < queue.size(); ++k) {
+        int body = queue[k];
+        for (int c = 0; c < 6; ++c) place[6 * body + c] = next++;
+        std::vector<int> near;
+        for (int i : touching[body]) {
+          int other = cones[i].body[0] == body ? cones[i].body[1] : cones[i].body[0];
+          if (!kept.empty() && !placed[i] && (other < 0 || seen[other])) {
+            placed[i] = 1;
+            place[6 * bodies + i] = next++;
+          }
+          if (other >= 0 && !seen[other]) {
+            seen[other] = 1;
+            near.push_back(other);
+          }
+        }
+        std::stable_sort(near.begin(), near.end(), fewer);
+        queue.insert(queue.end(), near.begin(), near.end());
+      }
+    }
+    members.assign(bodies, {});
+    for (int b = 0; b < bodies; ++b) {
+      for (int c = 0; c < 6; ++c) members[b].push_back(6 * b + c);
+      if (!kept.empty())
+        for (int i : touching[b]) members[b].push_back(6 * bodies + i);
+    }
+  }
+  std::vector<std::vector<int>> members;  // the variables that a body brings together
+
+  void profile() {
+    first.assign(variables, 0);
+    for (int i = 0; i < variables; ++i) first[place[i]] = place[i];
+    auto join = [&](const std::vector<int>& all) {
+      int least = variables;
+      for (int i : all) least = std::min(least, place[i]);
+      for (int i : all) first[place[i]] = std::min(first[place[i]], least);
+    };
+    for (const auto& some : members) join(some);
+    for (const Cone& cone : cones)
+      if (cone.body[0] >= 0 && cone.body[1] >= 0) {
+        std::vector<int> both;
+        for (int body : cone.body)
+          for (int k = 0; k < 6; ++k) both.push_back(6 * body + k);
+        join(both);
+      }
+    start.assign(variables + 1, 0);
+    for (int i = 0; i < variables; ++i) start[i + 1] = start[i] + static_cast<size_t>(i - first[i] + 1);
+    constant.assign(start[variables], 0.0);
+    for (int i = 0; i < 6 * bodies; ++i) at(constant, i, i) = 1;
+    for (int b = 0; b < bodies && !kept.empty(); ++b)
+      for (size_t s = 6; s < members[b].size(); ++s) {
+        int i = members[b][s];
+        const double* row = normal(i - 6 * bodies, b);
+        for (int k = 0; k < 6; ++k) at(constant, 6 * b + k, i) += row[k];
+        for (size_t t = 6; t <= s; ++t) {
+          int j = members[b][t];
+          const double* other = normal(j - 6 * bodies, b);
+          double sum = 0;
+          for (int k = 0; k < 6; ++k) sum += row[k] * other[k];
+          at(constant, i, j) += sum;
+        }
+      }
+  }
+  const double* normal(int i, int body) const { return cones[i].row[cones[i].body[0] == body ? 0 : 1][0]; }
+
+  // step <- - M^-1 gradient
+  void newton(const std::vector<double>& gradient, std::vector<double>& step) {
+    M = constant;
+    for (size_t i = 0; i < kept.size(); ++i) at(M, 6 * bodies + static_cast<int>(i), 6 * bodies + static_cast<int>(i)) += 1 / rho;
+    for (size_t i = 0; i < cones.size(); ++i) {
+      const Cone& cone = cones[i];
+      double own = rho * cone.share, part[2][3][6];
+      if (slopes[i].d[0][0] == 0) continue;  // open
+      for (int side = 0; side < 2; ++side)
+        for (int a = 0; cone.body[side] >= 0 && a < 3; ++a)
+          for (int k = 0; k < 6; ++k)
+            part[side][a][k] = own * (slopes[i].d[a][0] * cone.row[side][0][k] + slopes[i].d[a][1] * cone.row[side][1][k] + slopes[i].d[a][2] * cone.row[side][2][k]);
+      for (int s = 0; s < 2; ++s)
+        for (int t = 0; t < 2; ++t) {
+          if (cone.body[s] < 0 || cone.body[t] < 0) continue;
+          int rows = place[6 * cone.body[s]], columns = place[6 * cone.body[t]];
+          if (columns > rows) continue;
+          for (int k = 0; k < 6; ++k) {
+            double* row = &M[start[rows + k] + static_cast<size_t>(columns - first[rows + k])];
+            int last = rows == columns ? k + 1 : 6;
+            for (int l = 0; l < last; ++l) row[l] += cone.row[s][0][k] * part[t][0][l] + cone.row[s][1][k] * part[t][1][l] + cone.row[s][2][k] * part[t][2][l];
+          }
+        }
+    }
+    rhs.resize(variables);
+    for (int i = 0; i < variables; ++i) rhs[place[i]] = -gradient[i];
+    for (int i = 0; i < variables; ++i) {
+      double* row = &M[start[i]];
+      for (int j = first[i]; j < i; ++j) {
+        int from = std::max(first[i], first[j]);
+        const double *p = row + (from - first[i]), *q = &M[start[j]] + (from - first[j]);
+        double sum = row[j - first[i]];
+        for (int k = 0; k < j - from; ++k) sum -= p[k] * q[k];
+        row[j - first[i]] = sum / M[start[j + 1] - 1];
+      }
+      double pivot = row[i - first[i]];
+      for (int j = first[i]; j < i; ++j) pivot -= row[j - first[i]] * row[j - first[i]];
+      row[i - first[i]] = pivot > 0 ? std::sqrt(pivot) : 0x1p200;
+      for (int j = first[i]; j < i; ++j) rhs[i] -= row[j - first[i]] * rhs[j];
+      rhs[i] /= row[i - first[i]];
+    }
+    for (int i = variables; i-- > 0;) {
+      const double* row = &M[start[i]];
+      rhs[i] /= row[i - first[i]];
+      for (int j = first[i]; j < i; ++j) rhs[j] -= row[j - first[i]] * rhs[i];
+    }
+    for (int i = 0; i < variables; ++i) step[i] = rhs[place[i]];
+  }
+};

@@ -1,0 +1,106 @@
+"""Exact rationals: what FRICTIONLESS gives of fractions.
+
+The law takes no square root, so impulses and twists are exact. Only what is along the normal is relative
+to its length: where that is no fraction, ``normal_impulse`` and the normal velocities are the nearest
+ones to some 60 bits. The other laws are not rational: they answer fractions by floats, and their bounds
+count the rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from numbers import Rational
+from typing import Any
+
+from . import validity
+from .answer import Impact
+from .geometry import required
+from .impact import impact
+from .model import Adjustment, Geometry, ImpactModel, Precision
+from .physics.body import Body
+from .physics.contact import Contact
+from .physics.laws import Law, Regime
+from .physics.orientation import Quaternion
+from .physics.tensor import Symmetric3
+from .physics.vector import Vec3
+from .status import StatusCode
+
+
+def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:
+    """The answer of FRICTIONLESS to a request with fractions in it; the numbers of the answer are fractions.
+
+    Raises:
+        ImpactError: the request cannot be answered.
+    """
+    a, b, touch = body_as_fractions(body_a), body_as_fractions(body_b), contact_as_fractions(contact)
+    validity.check(a, b, touch, model.tangential_restitution)
+    threshold = Fraction(model.restitution_threshold)
+    changes, report, flags = impact(a, b, touch, Law.FRICTIONLESS, Fraction(0), threshold, Fraction(0))
+    geometry = model.geometry
+    if geometry is Geometry.AUTO:
+        geometry = required(a, b, touch, frictionless=True)
+    adjustments = (
+        (validity.is_off_unit(a) or validity.is_off_unit(b)) * Adjustment.NORMALISED_ORIENTATION
+        | flags.slow * Adjustment.RESTITUTION_THRESHOLD
+        | flags.idle_spin * Adjustment.MASSLESS_SPIN
+    )
+    return Impact(
+        StatusCode.SEPARATING if flags.separating else StatusCode.OK,
+        touch._replace(restitution=report.restitution, friction=Fraction(0)),
+        model._replace(law=Law.FRICTIONLESS, geometry=geometry, precision=Precision.EXTENDED),
+        report.twist_a,
+        report.twist_b,
+        changes.change_a,
+        changes.change_b,
+        changes.impulse,
+        report.normal_impulse,
+        report.tangential_impulse,
+        report.normal_velocity_before,
+        report.normal_velocity_after,
+        report.effective_mass,
+        report.kinetic_energy_before,
+        report.kinetic_energy_after,
+        report.energy_lost_restitution,
+        report.energy_lost_friction,
+        Regime(round(report.regime)),
+        0.0,
+        Adjustment(adjustments),
+    )
+
+
+def body_as_fractions(body: Body) -> Body:
+    """A body of exact numbers; an infinite mass stays."""
+    q = body.orientation
+    return Body(
+        _fraction(body.mass),
+        Symmetric3(*map(_fraction, body.inertia)),
+        _vector(body.position),
+        None if q is None else Quaternion(*map(_fraction, q)),
+        _vector(body.velocity),
+        _vector(body.angular_velocity),
+        _vector(body.com),
+    )
+
+
+def contact_as_fractions(contact: Contact) -> Contact:
+    """A contact of exact numbers; a restitution that is a function stays."""
+    e = contact.restitution
+    return Contact(
+        _vector(contact.position),
+        _vector(contact.normal),
+        e if callable(e) else _fraction(e),
+        _fraction(contact.friction),
+        contact.tangential_restitution,
+    )
+
+
+def _vector(v: Any) -> Vec3:
+    return Vec3(*map(_fraction, v))
+
+
+def _fraction(x: Any) -> Any:
+    if isinstance(x, Rational):
+        return Fraction(x)
+    x = float(x)
+    return Fraction(x) if math.isfinite(x) else x

@@ -1,0 +1,255 @@
+"""A cluster of several contacts: from the numbers of its bodies through a law to what becomes of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+from .. import rationally
+from ..geometry import required
+from ..kernels import library
+from ..model import Geometry, ImpactModel, Precision
+from ..numbers.number import Scalar
+from ..physics.body import Body
+from ..physics.contact import Contact
+from ..physics.laws import Law
+from ..status import ImpactError, StatusCode
+from . import request
+from .answered import Answered
+from .clusters import Copies, Pair
+from .coulomb import with_friction
+from .moreau import one_step
+from .orders import distance
+from .rational import RationalCluster
+from .reflections import Struck, reflections
+from .request import Name, Request
+from .stronge import LEAST_RESTITUTION, compressed
+
+RATIONAL_CONTACTS = 8
+"""Clusters up to this size are decided in rationals where double-double can't."""
+
+ENERGY_ROUNDING = 2.0**-40
+"""Part of the energy before that a law may seem to create by rounding."""
+
+
+class Asked(NamedTuple):
+    """What is asked of a scene beside its parts: see :func:`~collision_response.resolve_scene`."""
+
+    model: ImpactModel
+    law: Law
+    threshold: Scalar
+    stiffness: Sequence[float] | None
+    exponent: float
+    exact: bool
+
+
+class Parts(NamedTuple):
+    """A cluster by itself.
+
+    Attributes:
+        bodies: those that it touches.
+        pairs: of its contacts, by places among those bodies.
+        contacts: each once; the numbers of ``bodies`` and ``contacts`` are of one kind.
+        counts: how often each is given.
+        first: of each, its index in the scene.
+    """
+
+    bodies: list[Body]
+    pairs: list[Pair]
+    contacts: list[Contact]
+    counts: list[int]
+    first: list[int]
+
+
+def several(scene: Request, copies: Copies, asked: Asked) -> Answered:
+    """What the law says of the contacts of a cluster, each once.
+
+    Raises:
+        ImpactError: the request can't be answered; ``field`` names the body or the contact.
+        TypeError: something is no number.
+    """
+    model, law = asked.model, asked.law
+    _check_model(scene, copies.first, model, law)
+    places: dict[int, int] = {}
+    pairs = []
+    for i in copies.first:
+        a, b = scene.pairs[i]
+        pairs.append((places.setdefault(a, len(places)), places.setdefault(b, len(places))))
+    contacts = [scene.contacts[i] for i in copies.first]
+    if law is Law.FRICTIONLESS and scene.has_friction:
+        contacts = [c._replace(friction=c.friction * 0) if c.friction else c for c in contacts]
+    parts = Parts([scene.bodies[place] for place in places], pairs, contacts, copies.counts, copies.first)
+    cluster, parts, slow = _with_restitution(scene, parts, asked)
+    if model.geometry in (Geometry.POINT, Geometry.PLANAR):
+        _check_geometry(parts, model.geometry)
+    has_friction = scene.has_friction and law is not Law.FRICTIONLESS
+    has_friction = has_friction and any([contact.friction > 0 for contact in parts.contacts])
+
+    struck, bound, motions = _by_law(cluster, parts, asked, has_friction)
+    if struck.fell_back:
+        law = Law.COULOMB if has_friction else Law.FRICTIONLESS
+    changes, twists, impulses, before, after, regimes, energies, own_bound, idle, off_unit = motions
+    e, used = struck.restitution, parts.contacts
+    if e is not None:
+        used = [c if c.restitution == e else c._replace(restitution=e) for c in used]
+    in_doubles = has_friction or law is Law.ROUTH_STRONGE
+    return Answered(
+        [place for place in places if scene.movable[place]],
+        changes,
+        twists,
+        used,
+        impulses,
+        before,
+        after,
+        regimes,
+        energies,
+        own_bound if bound is None else bound,
+        struck.margin,
+        # in order: NORMALISED_ORIENTATION, RESTITUTION_THRESHOLD, LAW_FALLBACK, MASSLESS_SPIN
+        off_unit + 2 * slow + 4 * struck.fell_back + 8 * idle,
+        ImpactModel(
+            law,
+            Geometry.SPATIAL if model.geometry is Geometry.AUTO else model.geometry,
+            Precision.DOUBLE if in_doubles else Precision.EXTENDED,
+            *model[3:],
+        ),
+    )
+
+
+def _check_model(scene: Request, first: Sequence[int], model: ImpactModel, law: Law) -> None:
+    """Raises: ImpactError: it is for one contact."""
+    field, reason = "", ""
+    if law in (Law.ROUTH_POISSON, Law.COMPLIANT):
+        field, reason = "model.law", f"{law.name} is for clusters of one contact: try ROUTH_STRONGE"
+    for i in first if law is Law.COULOMB else ():
+        own = scene.contacts[i].tangential_restitution
+        place, e_t = ("model", model.tangential_restitution) if own is None else (f"contacts[{i}]", own)
+        if e_t:
+            field = f"{place}.tangential_restitution"
+            reason = f"must be 0 for clusters of several contacts, is {e_t}"
+    if field:
+        raise ImpactError(StatusCode.INVALID_MODEL, field, reason)
+
+
+def _check_geometry(parts: Parts, geometry: Geometry) -> None:
+    """Raises: ImpactError: it leaves out what matters."""
+    for (a, b), contact in zip(parts.pairs, parts.contacts, strict=True):
+        if required(parts.bodies[a], parts.bodies[b], contact, frictionless=False) > geometry:
+            reason = (
+                f"{geometry.name} leaves out motion that matters, which a cluster of several contacts can't"
+            )
+            raise ImpactError(StatusCode.INVALID_MODEL, "model.geometry", reason)
+
+
+def _with_restitution(scene: Request, parts: Parts, asked: Asked) -> tuple[Any, Parts, bool]:
+    """The assembled cluster, every restitution a number; and whether one is 0 for want of speed."""
+    given, threshold = parts.contacts, asked.model.restitution_threshold
+    has_function = any([callable(contact.restitution) for contact in given])
+    if has_function:
+        numbers = [c._replace(restitution=1.0) if callable(c.restitution) else c for c in given]
+        parts = parts._replace(contacts=numbers)
+    cluster, parts = _assembled(scene, parts, asked.exact)
+    if not (has_function or threshold):
+        return cluster, parts, False
+    speeds = [-u for u in _motions(cluster, Struck(cluster.none()))[3]]
+    fastest, slow, contacts = max(0.0, *speeds), False, []
+    for original, contact, speed, i in zip(given, parts.contacts, speeds, parts.first, strict=True):
+        e = contact.restitution
+        if callable(original.restitution):
+            e = request.restitution_of(original, i, float(speed if speed > 0 else fastest))
+        if 0 < speed < threshold and e > 0:
+            e, slow = e * 0, True
+        contacts.append(contact._replace(restitution=Fraction(e) if asked.exact else float(e)))
+    return *_assembled(scene, parts._replace(contacts=contacts), asked.exact), slow
+
+
+def _assembled(scene: Request, parts: Parts, exact: bool) -> tuple[Any, Parts]:
+    """What impulses do in a cluster, and its parts in the numbers that are used."""
+    if not exact:
+        made = library.assemble(*parts[:4])
+        if made.__class__ is library.Cluster:
+            return made, parts
+    names = [Name(i, *scene.pairs[i]) for i in parts.first]
+    if not exact:
+        if made is None:  # a number is no float
+            bodies, contacts = request.as_floats(parts.bodies, parts.pairs, parts.contacts, names)
+            parts = parts._replace(bodies=bodies, contacts=contacts)
+            made = library.assemble(*parts[:4])
+        if made.__class__ is library.Cluster:
+            return made, parts
+    for (a, b), contact, name in zip(parts.pairs, parts.contacts, names, strict=True):
+        request.check_contact(parts.bodies[a], parts.bodies[b], contact, name)
+    if not exact:
+        raise ImpactError(StatusCode.INTERNAL_ERROR, "contacts", "were refused for no known reason")
+    return RationalCluster(*parts[:4]), parts
+
+
+def _motions(cluster: Any, struck: Struck, *, by_slip: bool = False) -> Any:
+    return cluster.answer(struck.p, struck.tangential, struck.error, by_slip)
+
+
+def _by_law(cluster: Any, parts: Parts, asked: Asked, has_friction: bool) -> tuple[Struck, float | None, Any]:
+    """What the law gives; the relative error, where the law estimates it; what becomes of the bodies."""
+    if asked.law is Law.ROUTH_STRONGE:
+        return _by_springs(cluster, parts, asked, has_friction)
+    fell_back = asked.law is Law.MOREAU
+    if asked.law is Law.MOREAU:
+        struck = one_step(cluster, has_friction=has_friction)
+        if struck is not None:
+            motions = _motions(cluster, struck)
+            energy, _, *lost = motions[6]
+            if sum(lost) >= (0 if asked.exact else -ENERGY_ROUNDING * energy):
+                return struck, None, motions
+    struck = _by_reflections(cluster, parts, asked.threshold)
+    if has_friction:
+        struck = with_friction(cluster, struck)
+    return struck._replace(fell_back=True) if fell_back else struck, None, _motions(cluster, struck)
+
+
+def _by_reflections(cluster: Any, parts: Parts, threshold: Scalar) -> Struck:
+    """FRICTIONLESS; what double-double can't decide, decided in rationals."""
+    struck = None if cluster.locked else reflections(cluster, threshold)
+    if struck is not None and struck.error < math.inf:
+        return struck
+    if len(parts.contacts) <= RATIONAL_CONTACTS:
+        bodies = list(map(rationally.body_as_fractions, parts.bodies))
+        contacts = list(map(rationally.contact_as_fractions, parts.contacts))
+        exactly = RationalCluster(bodies, parts.pairs, contacts, parts.counts)
+        p, _, _, margin, e, _ = reflections(exactly, threshold)
+        p = cluster.from_floats([float(x) for x in exactly.least_norm(p)])
+        error = cluster.size(p) * 2.0**-53
+        return Struck(p, None, error, float(margin), None if e is None else float(e))
+    if struck is None:
+        reason = f"more than {RATIONAL_CONTACTS} press on each other without end, as a ball between walls"
+        raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
+    return struck
+
+
+def _by_springs(cluster: Any, parts: Parts, asked: Asked, has_friction: bool) -> tuple[Struck, float, Any]:
+    movable = [body for body in parts.bodies if body.is_movable()]
+
+    def motions_of(struck: Struck) -> Any:
+        return _motions(cluster, struck, by_slip=True)
+
+    def apart(one: Struck, other: Struck) -> float:
+        return distance(movable, motions_of(one)[0], motions_of(other)[0])
+
+    struck = Struck(cluster.none())
+    motions = motions_of(struck)
+    if not min(motions[3]) < 0:
+        return struck, 0.0, motions
+    restitution = [contact.restitution for contact in parts.contacts]
+    least = min(restitution)
+    if least < LEAST_RESTITUTION:
+        field = f"contacts[{parts.first[restitution.index(least)]}].restitution"
+        reason = f"must be at least {LEAST_RESTITUTION} for ROUTH_STRONGE in a cluster, is {least}"
+        raise ImpactError(StatusCode.PATH_TOO_LONG, field, reason)
+    given = asked.stiffness
+    stiffness = [1.0 if given is None else float(given[i]) for i in parts.first]
+    struck, error = compressed(
+        cluster, stiffness, float(asked.exponent), asked.model.tolerance,
+        has_friction=has_friction, apart=apart,
+    )  # fmt: skip
+    return struck, error, motions_of(struck)

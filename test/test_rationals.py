@@ -1,0 +1,89 @@
+"""Fractions in, fractions out: FRICTIONLESS is exact; other laws count what rounding costs."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction as F
+
+import pytest
+
+from collision_response import (
+    Body,
+    Contact,
+    ImpactError,
+    ImpactModel,
+    Law,
+    StatusCode,
+    resolve,
+    resolve_scene,
+)
+from collision_response.numbers.number import square_root
+
+FLOOR = Body.static()
+BOX = Body.dynamic(F(1), (F(1, 6), 0, 0, F(1, 6), 0, F(1, 6)), velocity=(F(1, 3), 0, -1))
+CORNER = Contact.of((F(1, 3), 0, F(-1, 2)), (0, 0, 1), F(1, 2))
+
+
+def test_an_answer_to_fractions_is_exact():
+    """K = 1 + (1/3)^2 6 = 5/3, so P = (1 + 1/2) 3/5."""
+    impact = resolve(BOX, FLOOR, CORNER)
+    assert impact.impulse == (0, 0, F(9, 10))
+    assert impact.twist_a.linear == (F(1, 3), 0, F(-1, 10))
+    assert impact.twist_a.angular == (0, F(-9, 5), 0)
+    assert impact.kinetic_energy_before - impact.kinetic_energy_after == impact.energy_lost_restitution
+    assert (impact.normal_velocity_after, impact.effective_mass) == (F(1, 2), F(3, 5))
+    assert (impact.error_bound, impact.model.law) == (0, Law.FRICTIONLESS)
+    assert isinstance(impact.impulse.z, F)
+
+
+def test_one_fraction_makes_the_answer_exact():
+    impact = resolve(
+        Body.dynamic(1.0, velocity=(0.0, 0.0, F(-1, 3))), FLOOR, Contact.of((0, 0, 0), (0, 0, 1))
+    )
+    assert impact.twist_a.linear.z == F(1, 3)
+
+
+def test_the_length_of_a_normal_need_not_be_rational():
+    slanted = resolve(BOX, FLOOR, CORNER._replace(normal=(0, F(3), F(4))))
+    assert slanted.normal_velocity_before == F(-4, 5)
+    odd = resolve(BOX, FLOOR, CORNER._replace(normal=(0, 1, 1)))
+    assert abs(odd.normal_velocity_before**2 - F(1, 2)) < F(1, 2**60)
+    assert isinstance(odd.impulse.y, F)
+
+
+@pytest.mark.parametrize("x", [F(0), F(4, 9), F(1, 3), F(10**40, 3), F(3, 10**40), F(2**400 + 1)])
+def test_roots_of_fractions(x):
+    root = square_root(x)
+    assert abs(root * root - x) <= x / 2**60
+    assert square_root(x * x) == x
+
+
+def test_a_law_that_is_not_rational_counts_the_rounding():
+    impact = resolve(BOX, FLOOR, CORNER._replace(friction=F(1, 3)))
+    assert isinstance(impact.impulse.z, float)
+    assert 0 < impact.error_bound < 1e-12
+
+
+def test_faults_of_fractions_are_named():
+    with pytest.raises(ImpactError) as refused:
+        resolve(BOX._replace(mass=F(-1)), FLOOR, CORNER)
+    assert (refused.value.code, refused.value.field) == (StatusCode.INVALID_MASS, "body_a.mass")
+
+
+def test_thresholds_and_functions_hold_for_fractions():
+    slow = resolve(BOX, FLOOR, CORNER, ImpactModel(restitution_threshold=2.0))
+    assert slow.contact.restitution == 0
+    assert slow.adjustments.name == "RESTITUTION_THRESHOLD"
+    assert resolve(BOX, FLOOR, CORNER._replace(restitution=lambda v: v / 2)).impulse == (0, 0, F(9, 10))
+
+
+def test_a_scene_of_one_contact_is_that_answer():
+    one, scene = resolve(BOX, FLOOR, CORNER), resolve_scene([BOX, FLOOR], [(0, 1)], [CORNER])
+    assert (scene.twists[0], scene.impulses[0]) == (one.twist_a, one.impulse)
+    assert scene.decision_margin == math.inf
+
+
+def test_copies_share_exactly():
+    turned = CORNER._replace(normal=(0, 0, -1))
+    scene = resolve_scene([BOX, FLOOR], [(0, 1), (0, 1), (1, 0)], [CORNER, CORNER, turned])
+    assert [impulse.z for impulse in scene.impulses] == [F(3, 10), F(3, 10), F(-3, 10)]
