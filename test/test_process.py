@@ -153,7 +153,7 @@ def test_with_the_profile_no_memory_is_shared(ros_domain, tmp_path, profile, sha
 
 
 def test_what_there_is_no_time_for_is_refused_before_the_end(graph, start):
-    node = start("-p", "shutdown_timeout:=0.5")
+    node = start("-p", "shutdown_timeout:=5.0")
     assert graph.call(balls_meet()).success
     last = diagnostics(graph)
     long = graph.call_async(falling(50_000, ImpactModel(tolerance=1e-30)))

@@ -147,7 +147,7 @@ class CollisionResponseNode(Node):
         """
         start, limit = time.perf_counter(), self.parameters.values.shutdown_timeout
         faulthandler.dump_traceback_later(max(limit, SHORTEST), exit=True)
-        left = self._server.drain(0.5 * limit, 0.2 * limit)
+        left = self._server.drain(0.5 * limit, 0.1 * limit)
         if left:
             self.get_logger().warning(
                 f"{left} requests are left without an answer: shutdown_timeout is {limit:g} s"

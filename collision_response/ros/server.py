@@ -49,6 +49,9 @@ THROTTLE = 5.0
 MOST_UNCONFIRMED = 10_000
 """Clients of which it is remembered how many answers they have not confirmed."""
 
+LINGER = 0.5
+"""Time [s] for DDS to hand over the last answers, which it forgets with the interfaces."""
+
 CYCLE = 0.01
 """Time [s] of serving after which the node sees to its other business."""
 
@@ -135,7 +138,7 @@ class Server:
             answering: the time [s] in which requests are answered.
             refusing: that in which those that are left are then refused, however late that begins.
         """
-        clock = time.perf_counter
+        clock, answers = time.perf_counter, self._tally.answers.total()
         start = last = clock()
         while clock() - start < answering and (self._turns or clock() - last < QUIET):
             if sum(intake.take_all() for intake in self._intakes):
@@ -145,7 +148,10 @@ class Server:
                 time.sleep(PATIENCE)
             self._turns.work()
         reason = "is shutting down: ask again when it is back, or another node"
-        return self._turns.end(ImpactError(StatusCode.SHUTTING_DOWN, "node", reason), clock() + refusing)
+        left = self._turns.end(ImpactError(StatusCode.SHUTTING_DOWN, "node", reason), clock() + refusing)
+        if self._tally.answers.total() > answers:
+            time.sleep(min(LINGER, refusing))
+        return left
 
     def _note(
         self, kind: Kind, service: Service[Any, Any], presence: Presence, request: Any, header: Any
