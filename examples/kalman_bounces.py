@@ -170,6 +170,7 @@ def plot(file: str) -> None:
         below.plot(runs[0].time[often], np.nanmean(trust[:, often], 0), ".-", label=name)
     above.plot(runs[0].time, runs[0].truth[:, 2])
     above.set_ylabel("height of one ball [m]")
+    below.set_yscale("log")
     below.axhline(6, color="0.6", lw=1)
     below.set_ylabel("error . P^-1 error; should be 6")
     below.set_xlabel("time [s]")
