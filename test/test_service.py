@@ -195,6 +195,7 @@ REFUSALS = [
         "result",
         "float64",
     ),
+    refused(StatusCode.UNKNOWN_MATERIAL, "body_a.material", "cheese"),
     refused(StatusCode.INVALID_MOTION_TYPE, "body_b.motion_type", 9),
     Refused(
         StatusCode.INVALID_MOTION_TYPE, {"body_b.motion_type": BodyState.STATIC}, "body_b.motion_type", "3.0"
