@@ -266,5 +266,5 @@ class TestErrorsSayWhatToWrite:
             resolve(BALL, FLOOR, ((0, 0, 0), (0, 0, 1), 0.5, 0.0))
 
     def test_no_mass(self):
-        with pytest.raises(ImpactError, match=r"body_b\.mass: .* Body\.static\(\) .* STATIC; is 0"):
+        with pytest.raises(ImpactError, match=r"body_b\.mass: .* Body\.static\(\), motion_type STATIC; is 0"):
             resolve(BALL, Body.dynamic(0.0), TOUCH)

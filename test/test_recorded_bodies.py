@@ -30,7 +30,7 @@ def test_a_body_is_seen_between_its_impacts(tmp_path):
     entity = r"/world/bodies/ball\/1"
     assert [sequence for _, sequence, _ in read(path, entity, "Transform3D:translation")] == [1, 2]
     assert seen(path, entity, "Transform3D:translation") == [(1_500_000_000, [[3.0, 0.0, 0.5]])]
-    ((_, [velocity]),) = seen(path, r"/world/velocities/ball\/1", "Arrows3D:vectors")
+    ((_, [velocity, _]),) = seen(path, r"/world/velocities/ball\/1", "Arrows3D:vectors")
     assert velocity == pytest.approx([0.0, 0.2, 0.0], rel=1e-6)
 
 
