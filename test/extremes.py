@@ -121,7 +121,7 @@ def _both(scene: Scene, change: Callable[[Body], Body]) -> Scene:
 
 
 def _heavier(body: Body, factor: float) -> Body:
-    return Body.dynamic(body.mass * factor, [i * factor for i in body.inertia], *body[2:])
+    return Body.dynamic(body.mass * factor, [i * factor for i in body.inertia], *body[2:7])
 
 
 def _faster(scene: Scene, factor: float) -> Scene:
@@ -155,7 +155,7 @@ def _with_inertia(inertia: tuple[float, ...], orientation: tuple[float, ...] | N
 
 def _with_orientation(quaternion: tuple[float, ...]) -> Scene:
     body = ORDINARY.body_a
-    return ORDINARY._replace(body_a=Body.dynamic(*body[:3], quaternion, *body[4:]))
+    return ORDINARY._replace(body_a=Body.dynamic(*body[:3], quaternion, *body[4:7]))
 
 
 def _collinear() -> tuple[float, ...]:

@@ -896,6 +896,8 @@ def test_k_batches_with_much_friction(geometry, size):
     result = resolve_batch(*pack(geometry, scenes, geometry is Geometry.SPATIAL), model)
     found = []
     for field, array in zip(result._fields, result, strict=True):
+        if array is None:  # of a report, which was not asked for
+            continue
         for start in range(20, size, 20):  # the same rows again
             np.testing.assert_array_equal(array[..., start : start + 20], array[..., :20], err_msg=field)
     for i, scene in enumerate(scenes[:20]):

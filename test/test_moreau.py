@@ -35,6 +35,9 @@ class Given(NamedTuple):
     def inverse_effective_mass(self) -> Symmetric3:
         return self.K
 
+    def impulse_for(self, K: Symmetric3, change: Vec3) -> Vec3:
+        return K.solve(change)
+
 
 def solve(K, u, n, e: float, mu: float, number=float) -> Outcome:
     n, u = Vec3(*map(number, n)), Vec3(*map(number, u))

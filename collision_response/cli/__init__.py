@@ -31,6 +31,9 @@ COMMANDS = {
         "collision_response.cli.report", "what happened in a recording: in words, plots, a table"
     ),
     "replay": Command("collision_response.cli.replay", "ask a recording again, and report what differs"),
+    "identify": Command(
+        "collision_response.identify.__main__", "find restitution and friction from measured impacts"
+    ),
 }
 
 EXAMPLE = """

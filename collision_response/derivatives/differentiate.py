@@ -23,6 +23,7 @@ from ..kernels.layout import MODEL, Layout, names_of_body, names_of_contact
 from ..model import Geometry, ImpactModel, law_for
 from ..physics.body import Body
 from ..physics.contact import Contact
+from ..physics.laws import STEPPED, Law
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 
@@ -60,6 +61,9 @@ RESULTS = _places(
     }
 )
 """What is differentiated, and its rows in a Jacobian. Twists are those after the impact."""
+
+PARTS = 2 * len(names_of_body(Layout.EVERYTHING)) + len(names_of_contact(Layout.EVERYTHING))
+"""How many inputs there are of the bodies and the contact."""
 
 COUNT = max(place.stop for place in PARAMETERS.values())
 ROWS = max(place.stop for place in RESULTS.values())
@@ -137,14 +141,33 @@ def differentiate(
     if model.geometry not in (Geometry.AUTO, Geometry.SPATIAL):
         reason = f"must be AUTO or SPATIAL: derivatives look out of {model.geometry.name}"
         raise ImpactError(StatusCode.INVALID_MODEL, "model.geometry", reason)
-    numbers = (*library.numbers(body_a, body_b, contact)[0], *(getattr(model, name) for name in MODEL))
     law = law_for(model.law, has_friction=contact.friction > 0)
+    _check(body_a, body_b, law)
+    if contact.tangential_restitution is not None:
+        model = model._replace(tangential_restitution=contact.tangential_restitution)
+    parts = library.numbers(body_a, body_b, contact)[0][:PARTS]
+    numbers = (*parts, *(getattr(model, name) for name in MODEL))
     jacobian, smoothness = _derivatives_of(law, np.array(numbers, float)[:, None], directions)
     if not np.isfinite(jacobian).all():
         raise ImpactError(
             StatusCode.OUT_OF_RANGE, "result", "a derivative is beyond float64, or there is none"
         )
     return Derivatives(impact, jacobian[..., 0], smoothness[:, 0], columns)
+
+
+def _check(body_a: Body, body_b: Body, law: Law) -> None:
+    """Raises: ImpactError: there are no derivatives of such."""
+    for name, body in (("body_a", body_a), ("body_b", body_b)):
+        if body.inverse_inertia is not None:
+            reason = "is not differentiated: give the rigid body"
+            raise ImpactError(StatusCode.INVALID_INERTIA, f"{name}.inverse_inertia", reason)
+    _check_law(law)
+
+
+def _check_law(law: Law) -> None:
+    if law in STEPPED:
+        reason = f"{law.name} has no derivatives: try ROUTH_STRONGE"
+        raise ImpactError(StatusCode.INVALID_MODEL, "model.law", reason)
 
 
 def unit_directions(*with_respect_to: str) -> Array:
@@ -183,12 +206,13 @@ def differentiate_batch(
     inputs = _inputs_of(bodies, contacts, model)
     has_friction = contacts.shape[0] > names_of_contact(_layout_of(bodies)).index("friction.")
     law = law_for(model.law, has_friction=has_friction)
+    _check_law(law)
     jacobian, smoothness = _derivatives_of(law, inputs, directions)
     jacobian[..., result.status > StatusCode.SEPARATING] = np.nan
     return BatchDerivatives(result, jacobian, smoothness)
 
 
-def _derivatives_of(law: int, inputs: Array, directions: Array) -> tuple[Array, Array]:
+def _derivatives_of(law: Law, inputs: Array, directions: Array) -> tuple[Array, Array]:
     """Shapes ``(15, K, N)`` and ``(K, N)``, of inputs of shape ``(., N)``."""
     n, count = inputs.shape[1], directions.shape[1]
     jacobian, smoothness = np.empty((ROWS, count, n)), np.empty((count, n), np.uint8)

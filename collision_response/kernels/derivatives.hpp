@@ -4,8 +4,8 @@
 #include "sizes.hpp"
 
 // What an impact is differentiated by: its inputs, but for three rotations about the axes of the world instead of
-// the four numbers of a quaternion, and without the threshold and the tolerance.
-enum { PARAMETERS_OF_BODY = BODY - 1, PARAMETERS = INPUTS - 4 };
+// the four numbers of a quaternion, and of the model only the tangential restitution.
+enum { PARAMETERS_OF_BODY = BODY - 1, PARAMETERS = IN_MODEL_RESTITUTION_THRESHOLD - 2 };
 
 // The derivatives of inputs and of results, in up to DIRECTIONS directions.
 using Seeds = double[INPUTS][DIRECTIONS];

@@ -33,7 +33,7 @@ LISTS: dict[str, list[Law]] = {
     "laws_in_float32": [law for law in LAWS if law not in PATHS],
     "usual_laws": [Law.FRICTIONLESS, Law.COULOMB],
 }
-"""Laws by what the build makes for them: all kernels, one for all precisions, batches of float32, the fastest batches."""
+"""Laws by what is compiled for them: all kernels, one for all precisions, those of float32, the fastest."""
 
 HEAD = '#pragma once\n#include "pairs.hpp"\n\n'
 

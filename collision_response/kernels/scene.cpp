@@ -42,7 +42,7 @@ bool floats(PyObject* o, int count, double* x) {
   return true;
 }
 bool read_body(PyObject* o, double* x) {
-  if (!PyTuple_Check(o) || PyTuple_GET_SIZE(o) != 7) return false;
+  if (!PyTuple_Check(o) || PyTuple_GET_SIZE(o) != 8) return false;
   auto item = [o](int k) { return PyTuple_GET_ITEM(o, k); };
   double* q = x + IN_BODY_A_ORIENTATION_X;
   q[0] = q[1] = q[2] = 0;

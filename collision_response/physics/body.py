@@ -42,7 +42,7 @@ class Placement(TypedDict, total=False):
 
 
 class Body(NamedTuple):
-    """A body: build one with :meth:`dynamic`, :meth:`kinematic`, :meth:`static` or :meth:`articulated`, or by its shape.
+    """A body: of a shape, or :meth:`dynamic`, :meth:`kinematic`, :meth:`static` or :meth:`articulated`.
 
     A shape is a homogeneous solid about its centre of mass: ``Body.sphere(2.0, 0.1, velocity=(0, 0, -3))``.
 
