@@ -174,7 +174,8 @@ class TestShapes:
             Body.sphere(1.0, 0.1, speed=3.0)
 
     def test_a_mesh_is_what_it_encloses(self):
-        trimesh = pytest.importorskip("trimesh")
+        import trimesh
+
         shape = trimesh.creation.box(extents=(0.1, 0.2, 0.3))
         shape.apply_translation((1.0, 0.0, 0.0))
         shape.density = 7.0

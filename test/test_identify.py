@@ -7,9 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("scipy")
-
 from scipy.spatial.transform import Rotation
 
 from collision_response import Body, Contact, ImpactError, ImpactModel, Law, StatusCode, Twist, resolve
@@ -207,7 +204,6 @@ def test_the_command_reads_a_table_and_draws(tmp_path: Path, capsys):
     """A point mass that slides: e = 0.5, mu (1 + e) = 0.15."""
     table, picture = tmp_path / "impacts.csv", tmp_path / "fit.png"
     table.write_text(TABLE)
-    pytest.importorskip("matplotlib")
     assert main([str(table), "--set", "m=2", "nz=1", "--resamples", "20", "--plot", str(picture)]) == 0
     out = capsys.readouterr().out
     assert "restitution = 0.5 " in out and "friction = 0.1 " in out

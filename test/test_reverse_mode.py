@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-
 import numpy as np
 import pytest
 from reverse import Reverse
@@ -58,26 +56,3 @@ def test_reverse_and_forward_agree(law, scene):
 )
 def test_no_gradient_is_nan_at_a_head_on_impact(law):
     assert np.isfinite(by_reverse(HEAD_ON, law)).all()
-
-
-@pytest.mark.skipif(importlib.util.find_spec("jax") is None, reason="JAX is not installed")
-def test_jax_has_the_gradient_of_a_head_on_impact():
-    import jax
-    import jax.numpy as jnp
-
-    jax.config.update("jax_enable_x64", True)
-    a, b, contact = HEAD_ON
-
-    def impulse(v):
-        body = number_of(jnp.asarray, a)._replace(velocity=Vec3(*v))
-        other = number_of(jnp.asarray, b)
-        touch = Contact(
-            Vec3(*map(jnp.asarray, contact.position)),
-            Vec3(*map(jnp.asarray, contact.normal)),
-            jnp.asarray(0.5),
-            jnp.asarray(0.3),
-        )
-        return jnp.stack(list(impact(body, other, touch, Law.COULOMB).changes.impulse))
-
-    gradient = jax.jacrev(impulse)(jnp.array([0.0, 0.0, -1.0]))
-    np.testing.assert_allclose(gradient, np.diag([-2 / 7, -2 / 7, -1.5]), atol=1e-12)

@@ -121,7 +121,7 @@ class Side(NamedTuple):
 
     def energy_gained(self, velocity: Vec3, impulse: Vec3, change: Twist) -> Scalar:
         """Besides what its mass and inertia say: nothing."""
-        return 0.0
+        return 0
 
 
 class ArticulatedSide(NamedTuple):
