@@ -148,7 +148,8 @@ def flight(time: float) -> Array:
 def compare(runs: int) -> tuple[float, float]:
     """The mean trust of the filters, with the matrix and without."""
     with_matrix, without = (
-        float(np.mean(np.concatenate([track(seed, choice).trust() for seed in range(runs)]))) for choice in (True, False)  # noqa: E501
+        float(np.mean(np.concatenate([track(seed, choice).trust() for seed in range(runs)])))
+        for choice in (True, False)  # noqa: E501
     )
     return with_matrix, without
 

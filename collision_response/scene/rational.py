@@ -108,8 +108,9 @@ class RationalCluster:
         return None if q is None else (q, None, 0.0)
 
     def joined_restitution(self, q: Numbers) -> Scalar:
-        """``sum e u q / sum u q`` over the contacts that approach."""
-        weights = [min(u, NOUGHT) * x for u, x in zip(self._u, q, strict=True)]
+        """``sum e u q / sum u q`` over the contacts that approach, of the ``q`` of least norm."""
+        own = self.least_norm(q, shared=False)
+        weights = [min(u, NOUGHT) * x for u, x in zip(self._u, own, strict=True)]
         total = sum(weights)
         if total == 0:
             return NOUGHT
@@ -194,12 +195,13 @@ class RationalCluster:
             for row, x in zip(self.A, self._u, strict=True)
         ]
 
-    def least_norm(self, p: Numbers) -> Numbers:
-        """Of the impulses ``>= 0`` that do the same, those of least sum of squares over all copies."""
+    def least_norm(self, p: Numbers, *, shared: bool = True) -> Numbers:
+        """Of the impulses ``>= 0`` that do the same, those of least sum of squares; ``shared``: over all copies."""
         Z = null_space(self._with_work())
         if not Z:
             return p
-        weights = [c.normal.dot(c.normal) / n for c, n in zip(self._contacts, self._copies, strict=True)]
+        copies = self._copies if shared else [1] * self.count
+        weights = [c.normal.dot(c.normal) / n for c, n in zip(self._contacts, copies, strict=True)]
         H = [[_dot3(weights, z, y) for y in Z] for z in Z]
         back = solve(H, [_dot3(weights, z, p) for z in Z])
         free = [x - sum(c * z[i] for c, z in zip(back, Z, strict=True)) for i, x in enumerate(p)]

@@ -381,8 +381,9 @@ struct Assembly {
     return out;
   }
 
-  // Of all impulses that do the same, p + Z z >= 0, those of least sum of n.n p^2; `shared`: over all copies.
-  void least_norm(std::vector<double>& p, bool shared) const {
+  // Of all impulses that do the same, p + Z z >= 0, those of least sum of n.n p^2; `shared`: over all copies. Whether
+  // there are others.
+  bool least_norm(std::vector<double>& p, bool shared) const {
     std::vector<double> weight(count);
     for (int i = 0; i < count; ++i) weight[i] = touches[i].length / (shared ? std::sqrt(touches[i].copies) : 1);
     // With a row for the work of walls that move, which the same impulses do as well.
@@ -400,7 +401,7 @@ struct Assembly {
     }
     ActiveSet basis(driven ? B.data() : A.data(), count);
     std::vector<int> rest = basis.span(all());
-    if (rest.empty()) return;
+    if (rest.empty()) return false;
     std::vector<std::vector<double>> found;  // of impulses
     std::vector<double> w;
     for (int i : rest) {
@@ -427,7 +428,7 @@ struct Assembly {
       }
       if (std::fabs(square) < 1e-26) found.push_back(rounded(z));
     }
-    if (found.empty()) return;
+    if (found.empty()) return false;
     int k = static_cast<int>(found.size());
     std::vector<double> Z(static_cast<size_t>(count) * k, 0.0);  // of impulses times weights
     for (int c = 0; c < k; ++c)
@@ -458,7 +459,6 @@ struct Assembly {
       for (int c = 0; c < k; ++c) square += Z[i * k + c] * Z[i * k + c];
       s[i] = square > 1e-20 ? 1 / std::sqrt(square) : 0;
       if (s[i] > 0) among.push_back(i);
-      b[i] = P[i] * s[i];
     }
     for (int i : among)
       for (int j : among) {
@@ -466,13 +466,22 @@ struct Assembly {
         for (int c = 0; c < k; ++c) sum += Z[i * k + c] * Z[j * k + c];
         dual[i * count + j] = i == j ? 1 : sum * s[i] * s[j];
       }
-    ActiveSet active(dual.data(), count);
-    if (least(dual.data(), count, among, b.data(), x.data(), active) != Found::LEAST) return;
+    double greatest = 0;
+    for (double y : P) greatest = std::fmax(greatest, std::fabs(y));
+    auto found_with = [&](double room) {
+      for (int i : among) b[i] = (P[i] + room * greatest) * s[i];
+      std::fill(x.begin(), x.end(), 0.0);
+      ActiveSet active(dual.data(), count);
+      return least(dual.data(), count, among, b.data(), x.data(), active) == Found::LEAST;
+    };
+    // Where impulses are just 0, rounding may leave no solution without some room.
+    if (!found_with(0) && !found_with(1e-13)) return true;
     for (int c = 0; c < k; ++c) {
       double along = 0;
       for (int i : among) along += Z[i * k + c] * x[i] * s[i];
       for (int i = 0; i < count; ++i) P[i] += along * Z[i * k + c];
     }
     for (int i = 0; i < count; ++i) p[i] = std::fmax(P[i] / weight[i], 0);
+    return true;
   }
 };

@@ -68,9 +68,10 @@ inline Cones::Cone cone_of(const Touch& touch, double speed, double mean) {
 }
 
 // From frictionless impulses p, the least work on relative velocities over the cones of friction, with the normal
-// velocities of the loaded contacts kept.
-inline Friction least_work(const Assembly& scene, const std::vector<double>& p) {
+// velocities of the loaded contacts kept: those of the impulses of least norm, as others depend on the order.
+inline Friction least_work(const Assembly& scene, std::vector<double> p) {
   int count = scene.count;
+  scene.least_norm(p, false);
   Friction result;
   result.P.assign(count, Axes{0, 0, 0});
   double mean = 0, speed = 0, greatest = 0;

@@ -31,7 +31,7 @@ class Reflections {
     const Assembly::Projection first = scene.project(p.data(), scene.all(), nullptr);
     if (first.found != Found::LEAST) return {Outcome::CONTRADICTORY};
     double e_error;
-    result.restitution = joined_restitution(first.q.data(), e_error);
+    result.restitution = joined_restitution(first.q, e_error);
     if (!(result.restitution > 0)) {
       p = first.q;
       result.error = first.error;
@@ -69,24 +69,29 @@ class Reflections {
  private:
   const Assembly& scene;
 
-  // sum e u q / sum u q over the contacts that approach.
-  double joined_restitution(const DD* q, double& error) const {
-    N above = exact(0.0), below = exact(0.0);
+  // sum e u q / sum u q over the contacts that approach, of the q of least norm: of others e would depend on the order.
+  double joined_restitution(const std::vector<DD>& q, double& error) const {
     double least = 1, most = 0;
     error = 0;
-    for (int i = 0; i < scene.count; ++i) {
-      const Touch& touch = scene.touches[i];
-      if (!(high(touch.velocity) < 0) || q[i].h == 0) continue;
-      N work = touch.velocity * exact(q[i]);
-      above = above + work * exact(touch.e);
-      below = below + work;
+    for (const Touch& touch : scene.touches) {
+      if (!(high(touch.velocity) < 0)) continue;
       least = std::fmin(least, touch.e);
       most = std::fmax(most, touch.e);
     }
+    if (least >= most) return most;
+    std::vector<double> shared = Assembly::rounded(q);
+    bool is_unique = !scene.least_norm(shared, false);
+    N above = exact(0.0), below = exact(0.0);
+    for (int i = 0; i < scene.count; ++i) {
+      const Touch& touch = scene.touches[i];
+      if (!(high(touch.velocity) < 0)) continue;
+      N work = touch.velocity * exact(is_unique ? q[i] : DD{shared[i], 0});
+      above = above + work * exact(touch.e);
+      below = below + work;
+    }
     if (!(high(below) < 0)) return 0;
-    if (least == most) return least;
     N e = above / below;
-    error = width(e) + 0x1p-53;
+    error = width(e) + (is_unique ? 0x1p-53 : 0x1p-36 * (most - least));  // least squares in doubles
     return std::fmin(std::fmax(high(e), 0), 1);
   }
 
