@@ -354,7 +354,10 @@ def measure(say: Callable[[str], object], *, quick: bool = False) -> dict[str, A
                 ways[name] = way
         except Exception as failure:  # a peer's interface moves; the others are still worth measuring
             skipped[name] = f"{type(failure).__name__}: {failure}"
-    answers = {name: [way(scene).answer() for scene in (row(2), boxes(4))] for name, way in ways.items()}
+    answers = {  # as text: of numbers a few digits are kept
+        name: [*_row_cells(way(row(2)).answer()), *_box_cells(way(boxes(4)).answer())]
+        for name, way in ways.items()
+    }
     costs = {}
     for what, build in (("row", row), ("boxes", boxes)):
         costs[what] = dict(cost(build, ways, 300 if quick else max(SIZES), say))
@@ -425,7 +428,7 @@ def parts(results: dict[str, Any]) -> dict[str, str]:
     found = results["scenes"]
     lines = [f"Measured on {results['date']}: {_on(results['machine'])}; {_versions()}."]
     lines += [f"* Left out: {what}: {why}." for what, why in found["skipped"].items()]
-    rows = [[name, *_row_cells(row), *_box_cells(flat)] for name, (row, flat) in found["answers"].items()]
+    rows = [[name, *cells] for name, cells in found["answers"].items()]
     head = ["", "cradle: speeds after", "energy kept", "flat box: up", "turning [rad/s]"]
     tables = []
     heads = {

@@ -22,7 +22,7 @@ from collision_response import (
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import Vec3
 
-SEEDS = range(60)
+SEEDS = range(100)
 LAWS = [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU]
 each_seed = pytest.mark.parametrize("seed", SEEDS)
 each_law = pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
@@ -192,16 +192,11 @@ def test_every_observer_sees_the_same(seed, law):
         changes=tuple(type(t)(turn(inverse, t.linear), turn(inverse, t.angular)) for t in other.changes)
     )
     assert close(case, answer, back, law)
-    assert (
-        other.energy_lost_restitution + other.energy_lost_friction
-        == pytest.approx(
-            answer.energy_lost_restitution + answer.energy_lost_friction,
-            rel=1e-5,
-            abs=1e-6 * size_of(case, answer) ** 2,
-        )
-        or not close(case, answer, back, law)
-        or answer.error_bound >= 1
-    )
+    bounds = answer.error_bound + other.error_bound
+    if bounds < 1 and answer.model.law is other.model.law:
+        lost, other_lost = (x.energy_lost_restitution + x.energy_lost_friction for x in (answer, other))
+        # As the velocities are near one another, so are the works on them.
+        assert abs(lost - other_lost) <= (ENOUGH[law] + 4 * bounds) * size_of(case, answer) ** 2 + 1e-5 * lost
 
 
 @each_seed
