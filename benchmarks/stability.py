@@ -229,8 +229,8 @@ def _sample(condition: float, scene: Scene) -> list[dict[str, Any]]:
     sample: dict[str, Any] = {"condition": condition}
     for precision in (Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED):
         impact = resolve(*scene, ImpactModel(Law.COULOMB, Geometry.SPATIAL, precision))
-        solids = (exact.Solid(body.mass, *body[1:]) for body in scene[:2])
-        truth = _right_answer(exact.Scene(*solids, exact.Touch(*scene.contact)), "COULOMB", 0.0, 0.0)
+        solids = (exact.Solid(body.mass, *body[1:7]) for body in scene[:2])
+        truth = _right_answer(exact.Scene(*solids, exact.Touch(*scene.contact[:4])), "COULOMB", 0.0, 0.0)
         if truth.separating:
             return []
         bound = impact.error_bound
@@ -294,7 +294,7 @@ def invariants(bodies: list[Body]) -> tuple[Any, ...]:
     """What elastic impacts keep, in exact arithmetic but for the last rounding."""
     energy, momentum, angular = exact.Fraction(0), exact.ZERO, exact.ZERO
     for body in bodies:
-        side = exact.side_of(exact.Solid(*body), exact.ZERO)
+        side = exact.side_of(exact.Solid(*body[:7]), exact.ZERO)
         v, w = exact.vec(body.velocity), exact.vec(body.angular_velocity)
         p = exact.times(v, side.mass)
         energy += side.energy(v, w)

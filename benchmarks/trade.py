@@ -22,7 +22,7 @@ from collision_response.batch import resolve_batch
 from collision_response.impact import impact
 from collision_response.physics.mass_properties import sphere
 
-LAWS = [law for law in Law if law is not Law.AUTO]
+LAWS = [law for law in Law if law not in (Law.AUTO, Law.COMPLIANT)]  # of this no exact answer is known
 ROUNDS, FEW, CONTACTS = 9, 3, 512
 """Turns of the clock, and of that for batches; contacts in a batch."""
 
@@ -184,8 +184,8 @@ def plotted(name: str, scene: Scene, skipped: dict[str, str]) -> list[dict[str, 
             bound,
             batch.by_batch(bodies, contacts, model),
         )
-    if library := batch.c_library():
-        call, impulse = batch.by_c(library, Law.FRICTIONLESS, bodies, contacts)
+    if libraries := batch.c_libraries():
+        call, impulse = batch.by_c(list(libraries.values())[-1], Law.FRICTIONLESS, bodies, contacts)
         call()
         note("batch", "C", error_of_impulse(impulse[:, 0], truth), None, call)
     of_batches = interleaved(calls, rounds=FEW, seconds=0.002)

@@ -24,10 +24,10 @@ __all__ = ["Answer", "error_of_impact", "error_of_impulse", "error_of_twists", "
 def truth_of(scene: Scene, law: Law) -> Answer:
     """The exact answer to a request."""
     solids = (
-        Solid(None if body.mass == math.inf else body.mass, *body[1:])
+        Solid(None if body.mass == math.inf else body.mass, *body[1:7])
         for body in (scene.body_a, scene.body_b)
     )
-    return exact.answer(exact.Scene(*solids, Touch(*scene.contact)), law.name)
+    return exact.answer(exact.Scene(*solids, Touch(*scene.contact[:4])), law.name)
 
 
 def request_of(scene: exact.Scene) -> Scene:
