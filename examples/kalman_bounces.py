@@ -149,7 +149,7 @@ def compare(runs: int) -> tuple[float, float]:
     """The mean trust of the filters, with the matrix and without."""
     with_matrix, without = (
         float(np.mean(np.concatenate([track(seed, choice).trust() for seed in range(runs)])))
-        for choice in (True, False)  # noqa: E501
+        for choice in (True, False)
     )
     return with_matrix, without
 

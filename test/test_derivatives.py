@@ -357,6 +357,12 @@ def test_tables_of_a_geometry_may_leave_rows_out():
         ),
         ({"model": ImpactModel(geometry=Geometry.PLANAR)}, StatusCode.INVALID_MODEL, "model.geometry"),
         ({"body_a": BODY_A._replace(mass=-1.0)}, StatusCode.INVALID_MASS, "body_a.mass"),
+        ({"model": ImpactModel(Law.COMPLIANT)}, StatusCode.INVALID_MODEL, "model.law"),
+        (
+            {"body_a": Body.articulated(np.eye(6), velocity=BODY_A.velocity)},
+            StatusCode.INVALID_INERTIA,
+            "body_a.inverse_inertia",
+        ),
     ],
 )
 def test_bad_input_is_refused_by_name(change, code, field):
@@ -364,6 +370,12 @@ def test_bad_input_is_refused_by_name(change, code, field):
     with pytest.raises(ImpactError) as refusal:
         differentiate(**request)
     assert (refusal.value.code, refusal.value.field) == (code, field)
+
+
+def test_a_contact_with_its_own_tangential_restitution_overrides_the_model():
+    model = ImpactModel(Law.COULOMB, tangential_restitution=0.7)
+    own = differentiate(BODY_A, BODY_B, CONTACT._replace(tangential_restitution=0.7))
+    assert np.array_equal(own.jacobian, differentiate(BODY_A, BODY_B, CONTACT, model).jacobian)
 
 
 def test_directions_of_a_wrong_shape_are_refused():

@@ -196,7 +196,7 @@ class RationalCluster:
         ]
 
     def least_norm(self, p: Numbers, *, shared: bool = True) -> Numbers:
-        """Of the impulses ``>= 0`` that do the same, those of least sum of squares; ``shared``: over all copies."""
+        """Of the impulses ``>= 0`` that do the same, those of least squares; ``shared``: over all copies."""
         Z = null_space(self._with_work())
         if not Z:
             return p
