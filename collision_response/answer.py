@@ -12,6 +12,20 @@ from .physics.laws import Regime
 from .physics.vector import Vec3
 from .status import StatusCode
 
+NUMBERS = (
+    "normal_impulse",
+    "tangential_impulse",
+    "normal_velocity_before",
+    "normal_velocity_after",
+    "effective_mass",
+    "kinetic_energy_before",
+    "kinetic_energy_after",
+    "energy_lost_restitution",
+    "energy_lost_friction",
+    "error_bound",
+)
+"""Fields of :class:`Impact` that are one number; messages and recordings have them by the same names."""
+
 
 class Impact(NamedTuple):
     """The answer to one request. ``print`` shows it as a table.
@@ -71,6 +85,41 @@ class Impact(NamedTuple):
         """In one line: what to look at first. Every field has its name."""
         chosen = f"{self.status}, {self.model.law}, {self.regime}"
         return f"Impact({chosen}, impulse={as_tuple(self.impulse)}, error_bound={self.error_bound:.2g})"
+
+
+def impact_of(
+    changes: Any,
+    report: Any,
+    status: StatusCode,
+    contact: Contact,
+    model: ImpactModel,
+    regime: Regime,
+    error_bound: Scalar,
+    adjustments: Adjustment,
+) -> Impact:
+    """An answer, of what ``impact.py`` computes and of what was decided about it."""
+    return Impact(
+        status,
+        contact,
+        model,
+        report.twist_a,
+        report.twist_b,
+        changes.change_a,
+        changes.change_b,
+        changes.impulse,
+        report.normal_impulse,
+        report.tangential_impulse,
+        report.normal_velocity_before,
+        report.normal_velocity_after,
+        report.effective_mass,
+        report.kinetic_energy_before,
+        report.kinetic_energy_after,
+        report.energy_lost_restitution,
+        report.energy_lost_friction,
+        regime,
+        error_bound,
+        adjustments,
+    )
 
 
 def as_table(answer: Any, names: tuple[str, str] = ("body_a", "body_b")) -> str:

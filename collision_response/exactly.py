@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
-from .answer import Impact
+from .answer import Impact, impact_of
 from .geometry import required
 from .impact import Answer, impact
 from .kernels import library
@@ -175,24 +175,12 @@ def _rounded(
         used = used._replace(restitution=restitution)
     if not math.isfinite(bound) and isinstance(flags.separating, Truth):
         regime = Regime.SEPARATING
-    return Impact(
+    return impact_of(
+        changes,
+        report,
         StatusCode.SEPARATING if separating else StatusCode.OK,
         used,
         model._replace(law=Law.COULOMB) if flags.fell_back is True else model,
-        report.twist_a,
-        report.twist_b,
-        changes.change_a,
-        changes.change_b,
-        changes.impulse,
-        report.normal_impulse,
-        report.tangential_impulse,
-        report.normal_velocity_before,
-        report.normal_velocity_after,
-        report.effective_mass,
-        report.kinetic_energy_before,
-        report.kinetic_energy_after,
-        report.energy_lost_restitution,
-        report.energy_lost_friction,
         Regime(round(regime)),
         bound,
         adjustments,

@@ -14,7 +14,7 @@ from numbers import Rational
 from typing import Any
 
 from . import validity
-from .answer import Impact
+from .answer import Impact, impact_of
 from .geometry import required
 from .impact import impact
 from .model import Adjustment, Geometry, ImpactModel, Precision
@@ -45,24 +45,12 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
         | flags.slow * Adjustment.RESTITUTION_THRESHOLD
         | flags.idle_spin * Adjustment.MASSLESS_SPIN
     )
-    return Impact(
+    return impact_of(
+        changes,
+        report,
         StatusCode.SEPARATING if flags.separating else StatusCode.OK,
         touch._replace(restitution=report.restitution, friction=Fraction(0)),
         model._replace(law=Law.FRICTIONLESS, geometry=geometry, precision=Precision.EXTENDED),
-        report.twist_a,
-        report.twist_b,
-        changes.change_a,
-        changes.change_b,
-        changes.impulse,
-        report.normal_impulse,
-        report.tangential_impulse,
-        report.normal_velocity_before,
-        report.normal_velocity_after,
-        report.effective_mass,
-        report.kinetic_energy_before,
-        report.kinetic_energy_after,
-        report.energy_lost_restitution,
-        report.energy_lost_friction,
         Regime(round(report.regime)),
         0.0,
         Adjustment(adjustments),

@@ -43,6 +43,8 @@ def requests():
         1.0, velocity=(0.0, 0.0, -1.0), angular_velocity=(1.0, 0.0, 0.0), orientation=(0, 0, 2, 0)
     )
     yield turning, FLOOR, touch, ImpactModel()
+    link = [[1.0 + (i == j) if i < 3 > j else 0.5 * (i == j) for j in range(6)] for i in range(6)]
+    yield Body.articulated(link, velocity=(0.3, 0.0, -1.0)), ball, touch, ImpactModel()
 
 
 def record(number, request, **changes):

@@ -10,7 +10,9 @@ The columns, after the timelines:
   ``twist_b_after``, each ``vx vy vz wx wy wz``
 * the request, complete: ``request_a``, ``request_b``, the rows of ``BodyStates.msg`` (of a body that does not
   give way the mass is infinite); ``request_contact``: ``x y z nx ny nz e mu et``, et NaN if the model's;
-  ``request_model``: the fields of :class:`~collision_response.ImpactModel`
+  ``request_model``: the fields of :class:`~collision_response.ImpactModel`; where a body is a link of a
+  mechanism also ``inverse_inertia_a``, ``inverse_inertia_b``, the 21 numbers from the diagonal on, NaN of a
+  rigid body
 
 A refusal has a status and a message and nothing else.
 """
@@ -28,6 +30,8 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from .. import Body, Contact, Geometry, ImpactError, ImpactModel, Law, Precision, resolve
+from ..answer import NUMBERS
+from ..physics.inverse_inertia import InverseInertia
 from ..physics.orientation import Quaternion
 from ..physics.tensor import Symmetric3
 from ..physics.vector import Vec3
@@ -37,18 +41,6 @@ TABLE = "/impacts"
 ARCHETYPE = "Impact"
 TIMELINES = ("ros_time", "answer")
 
-NUMBERS = (
-    "normal_impulse",
-    "tangential_impulse",
-    "normal_velocity_before",
-    "normal_velocity_after",
-    "effective_mass",
-    "kinetic_energy_before",
-    "kinetic_energy_after",
-    "energy_lost_restitution",
-    "energy_lost_friction",
-    "error_bound",
-)
 WORDS = ("status", "body_a", "body_b", "law", "geometry", "precision", "regime", "adjustments")
 PARALLEL = Quaternion(0.0, 0.0, 0.0, 1.0)
 
@@ -95,6 +87,14 @@ def _request_of(row: Record) -> dict[str, list[float]]:
     }
 
 
+def _inverse_inertias_of(row: Record) -> dict[str, list[float]]:
+    rigid = [math.nan] * len(InverseInertia._fields)
+    return {
+        "inverse_inertia_a": [*(row.body_a.inverse_inertia or rigid)],
+        "inverse_inertia_b": [*(row.body_b.inverse_inertia or rigid)],
+    }
+
+
 def _numbers_of(body: Body) -> list[float]:
     turn = body.orientation or PARALLEL
     return [
@@ -111,6 +111,9 @@ def _numbers_of(body: Body) -> list[float]:
 def impact_columns(rows: Sequence[Record]) -> Any:
     """What is written of impacts."""
     dicts = [answer_of(row) | _request_of(row) | {"duration": row.duration} for row in rows]
+    if any(body.inverse_inertia for row in rows for body in (row.body_a, row.body_b)):
+        for one, row in zip(dicts, rows, strict=True):
+            one |= _inverse_inertias_of(row)
     return _columns({name: [one[name] for one in dicts] for name in dicts[0]})
 
 
@@ -180,15 +183,24 @@ def _asked(row: dict[str, Any]) -> tuple[Body, Body, Contact, ImpactModel]:
     contact = Contact(Vec3(*place[:3]), Vec3(*place[3:]), e, mu, None if math.isnan(e_t) else e_t)
     law, geometry, precision, *numbers = row["request_model"]
     model = ImpactModel(Law(int(law)), Geometry(int(geometry)), Precision(int(precision)), *numbers)
-    return _body(row["request_a"]), _body(row["request_b"]), contact, model
+    a, b = (_body(row[f"request_{side}"], row.get(f"inverse_inertia_{side}")) for side in "ab")
+    return a, b, contact, model
 
 
-def _body(numbers: list[float]) -> Body:
+def _body(numbers: list[float], inverse_inertia: list[float] | None) -> Body:
+    is_rigid = inverse_inertia is None or math.isnan(inverse_inertia[0])
     mass, inertia, com, position = numbers[0], numbers[1:7], numbers[7:10], numbers[10:13]
     turn, velocity, spin = Quaternion(*numbers[13:17]), numbers[17:20], numbers[20:23]
     orientation = None if turn == PARALLEL else turn
     return Body(
-        mass, Symmetric3(*inertia), Vec3(*position), orientation, Vec3(*velocity), Vec3(*spin), Vec3(*com)
+        mass,
+        Symmetric3(*inertia),
+        Vec3(*position),
+        orientation,
+        Vec3(*velocity),
+        Vec3(*spin),
+        Vec3(*com),
+        None if is_rigid else InverseInertia(*inverse_inertia or ()),
     )
 
 

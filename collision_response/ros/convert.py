@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, Protocol
 from geometry_msgs.msg import Twist as TwistMessage
 from geometry_msgs.msg import Vector3
 
-from ..answer import Impact
+from ..answer import NUMBERS, Impact
 from ..materials import Pair
 from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number
 from ..msg import BodyState, CollisionResult
@@ -53,20 +53,6 @@ NOTES = {
     Adjustment.ENERGY_CHANGE_ONLY: "a body is articulated: kinetic energies count its change alone",
     Adjustment.MASSLESS_SPIN: "a body turned about an axis without inertia: that rotation was left out",
 }
-
-NUMBERS = (
-    "normal_impulse",
-    "tangential_impulse",
-    "normal_velocity_before",
-    "normal_velocity_after",
-    "effective_mass",
-    "kinetic_energy_before",
-    "kinetic_energy_after",
-    "energy_lost_restitution",
-    "energy_lost_friction",
-    "error_bound",
-)
-"""Fields of ``CollisionResult`` and of :class:`~collision_response.Impact` alike."""
 
 LAWS: dict[int, Any] = {int(law): law for law in Law}
 GEOMETRIES: dict[int, Any] = {int(geometry): geometry for geometry in Geometry}
