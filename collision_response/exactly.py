@@ -23,7 +23,7 @@ from .numbers.balls import Ball, Truth
 from .physics.body import Body
 from .physics.contact import Contact
 from .physics.inverse_inertia import InverseInertia
-from .physics.laws import PATHS, Regime
+from .physics.laws import PATHS, Regime, Settings
 from .physics.orientation import Quaternion
 from .physics.tensor import Symmetric3
 from .physics.vector import Vec3
@@ -83,8 +83,8 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     for bits in BITS:
         with balls.working_precision(bits):
             a, b, touch = read(body_a, body_b, contact, _ball)
-            numbers = map(Ball, chosen.numbers, chosen.errors)
-            answer = impact(a, b, touch, law, *numbers)
+            settings = Settings(*map(Ball, chosen.settings, chosen.errors))
+            answer = impact(a, b, touch, law, settings)
             bound = _bound((a, b), answer, Ball.radius)
             given = _rounded((a, b), answer, contact, used, is_off_unit(plain[0]) or is_off_unit(plain[1]))
         if given is None:  # beyond float64; or nothing is known yet

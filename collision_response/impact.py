@@ -20,7 +20,7 @@ from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics
 from .physics.energy import kinetic_energy
-from .physics.laws import LAWS, Coefficients, Law, Regime
+from .physics.laws import LAWS, Coefficients, Law, Regime, Settings
 from .physics.vector import Vec3
 
 KEEPS_RESTITUTION = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU)
@@ -87,39 +87,29 @@ class Answer(NamedTuple):
     flags: Flags
 
 
-def impact(
-    body_a: Body,
-    body_b: Body,
-    contact: Contact,
-    law: Law,
-    tangential_restitution: Scalar = 0.0,
-    restitution_threshold: Scalar = 0.0,
-    tolerance: Scalar = 0.0,
-    stiffness_ratio: Scalar = 1.0,
-) -> Answer:
+DEFAULT = Settings()
+
+
+def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Settings = DEFAULT) -> Answer:
     """What becomes of two bodies that collide.
 
     Args:
         body_a, body_b: of numbers of one make, sound by :mod:`~collision_response.validity`.
         contact: where they touch; its restitution is a number.
         law: not AUTO.
-        tangential_restitution: ``e_t`` in [-1, 1], for COULOMB.
-        restitution_threshold: approach speed [m/s] under which restitution is taken as 0.
-        tolerance: relative error at which a law that integrates may stop.
-        stiffness_ratio: tangential over normal stiffness, for COMPLIANT.
+        settings: the numbers of the model.
     """
     kinematics = ContactKinematics.of(body_a, body_b, contact)
     n, u = kinematics.n, kinematics.u
     length = square_root(n.dot(n))
     approaching = kinematics.n_u < 0
-    # -n_u / |n| < threshold, without the root
-    is_slow = approaching & (
-        kinematics.n_u * kinematics.n_u < restitution_threshold * restitution_threshold * n.dot(n)
+    threshold = settings.restitution_threshold
+    is_slow = approaching & (  # -n_u / |n| < threshold, without the root
+        kinematics.n_u * kinematics.n_u < threshold * threshold * n.dot(n)
     )
     e = choose(is_slow, lambda: contact.restitution * 0, lambda: contact.restitution)
     friction = contact.friction * 0 if law is Law.FRICTIONLESS else contact.friction
-    coefficients = Coefficients(e, friction, tangential_restitution, tolerance, stiffness_ratio)
-    outcome = LAWS[law](kinematics, coefficients)
+    outcome = LAWS[law](kinematics, Coefficients(e, friction, settings))
 
     def when_approaching(x: Any) -> Any:
         return choose(approaching, lambda: x, lambda: x * 0)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from .named import Named
 from .physics.laws import Law as Law
+from .physics.laws import Settings
 from .physics.stiffness import METAL_ON_METAL
 from .status import ImpactError, StatusCode
 
@@ -96,8 +97,8 @@ class Plan(NamedTuple):
         first, last: precisions to climb through until the bound is within the limit.
         wanted: error bound to climb to.
         limit: error bound above which the tolerance is not met.
-        numbers: tangential restitution, threshold, tolerance and stiffness ratio.
-        errors: of those, where they are no floats.
+        settings: the numbers of the model, as floats.
+        errors: of those, where they were none.
     """
 
     law_without_friction: Law
@@ -107,8 +108,8 @@ class Plan(NamedTuple):
     last: Precision
     wanted: float
     limit: float
-    numbers: tuple[float, float, float, float]
-    errors: tuple[float, float, float, float]
+    settings: Settings
+    errors: Settings
 
 
 def plan(model: ImpactModel) -> Plan:
@@ -119,25 +120,20 @@ def plan(model: ImpactModel) -> Plan:
         TypeError: it is no model.
     """
     check_model(model)
-    law, geometry, precision, tolerance, e_t, threshold, ratio = model
-    numbers = float(e_t), float(threshold), float(tolerance), float(ratio)
-    errors = (
-        _lost(numbers[0], e_t),
-        _lost(numbers[1], threshold),
-        _lost(numbers[2], tolerance),
-        _lost(numbers[3], ratio),
-    )
-    limit = numbers[2] or LARGEST
+    law, geometry, precision = model[:3]
+    given = [getattr(model, name) for name in Settings._fields]
+    settings = Settings(*map(float, given))
+    limit = settings.tolerance or LARGEST
     return Plan(
         law_for(law, has_friction=False),
         law_for(law, has_friction=True),
         geometry,
-        _first(precision, numbers[2]),
+        _first(precision, settings.tolerance),
         Precision.EXTENDED if precision is Precision.AUTO else precision,
         _wanted(precision, limit),
         limit,
-        numbers,
-        errors,
+        settings,
+        Settings(*map(_lost, settings, given)),
     )
 
 

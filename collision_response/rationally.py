@@ -20,7 +20,7 @@ from .impact import impact
 from .model import Adjustment, Geometry, ImpactModel, Precision
 from .physics.body import Body
 from .physics.contact import Contact
-from .physics.laws import Law, Regime
+from .physics.laws import Law, Regime, Settings
 from .physics.orientation import Quaternion
 from .physics.tensor import Symmetric3
 from .physics.vector import Vec3
@@ -35,8 +35,8 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     """
     a, b, touch = body_as_fractions(body_a), body_as_fractions(body_b), contact_as_fractions(contact)
     validity.check(a, b, touch, model.tangential_restitution)
-    threshold = Fraction(model.restitution_threshold)
-    changes, report, flags = impact(a, b, touch, Law.FRICTIONLESS, Fraction(0), threshold, Fraction(0))
+    settings = Settings(restitution_threshold=Fraction(model.restitution_threshold))
+    changes, report, flags = impact(a, b, touch, Law.FRICTIONLESS, settings)
     geometry = model.geometry
     if geometry is Geometry.AUTO:
         geometry = required(a, b, touch, frictionless=True)

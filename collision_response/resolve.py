@@ -58,7 +58,7 @@ def _unusual(
         if body_a is body_b:
             raise ImpactError(StatusCode.SAME_BODY, "body_b", "is body_a: a body cannot strike itself")
         a, b, numeric = exactly.read(body_a, body_b, contact)
-        validity.check(a, b, numeric, plan(model).numbers[0])
+        validity.check(a, b, numeric, plan(model).settings.tangential_restitution)
         raise ImpactError(StatusCode.INTERNAL_ERROR, "request", "was refused for no known reason")
     if answer == MORE:
         if contact.tangential_restitution is not None:

@@ -16,6 +16,7 @@ from collision_response.exactly import read
 from collision_response.impact import Changes, Report, impact
 from collision_response.model import plan
 from collision_response.numbers.balls import Ball
+from collision_response.physics.laws import Settings
 from collision_response.physics.vector import Vec3
 
 BITS = 2600
@@ -38,7 +39,7 @@ def exact_answer(body_a: Body, body_b: Body, contact: Contact, model: ImpactMode
         chosen = plan(model)
         law = chosen.law_with_friction if contact.friction > 0 else chosen.law_without_friction
         assert law in (Law.FRICTIONLESS, Law.COULOMB)
-        answer = impact(a, b, touch, law, *map(Ball, chosen.numbers))
+        answer = impact(a, b, touch, law, Settings(*map(Ball, chosen.settings)))
         return Truth(answer.changes, answer.report, a, b)
 
 

@@ -22,6 +22,7 @@ from collision_response.derivatives import (
     unit_directions,
 )
 from collision_response.impact import impact
+from collision_response.physics.laws import Settings
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import Vec3
 
@@ -81,9 +82,8 @@ def changed(request: dict, name: str, axis: int, by) -> dict:
 
 def results(request: dict, law: Law) -> list:
     e_t = request["model"]["tangential_restitution"]
-    answer = impact(
-        request["body_a"], request["body_b"], request["contact"], law, e_t, mpf(0), mpf(10) ** -13
-    )
+    settings = Settings(e_t, mpf(0), mpf(10) ** -13)
+    answer = impact(request["body_a"], request["body_b"], request["contact"], law, settings)
     twists = [*answer.report.twist_a, *answer.report.twist_b]
     return [x for v in (*twists, answer.changes.impulse) for x in v]
 

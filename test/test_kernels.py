@@ -24,6 +24,7 @@ from collision_response.kernels.emit import emit
 from collision_response.kernels.layout import Layout, names_of_body, request
 from collision_response.kernels.pairs import PAIR, in_pairs
 from collision_response.kernels.symbol import Loop, Node, Tape, numbers_in
+from collision_response.model import plan
 from collision_response.numbers.number import (
     certain,
     choose,
@@ -34,6 +35,7 @@ from collision_response.numbers.number import (
     square_root,
     widened,
 )
+from collision_response.physics.laws import Settings
 from collision_response.status import StatusCode
 
 
@@ -461,17 +463,14 @@ def values(answer: Answer) -> list[float]:
 def test_a_traced_law_rounds_as_the_law(law, layout):
     tape = Tape()
     asked = request(layout, tape)
-    traced = impact(
-        asked.body_a, asked.body_b, asked.contact, law,
-        asked.tangential_restitution, asked.restitution_threshold, asked.tolerance,
-    )  # fmt: skip
+    traced = impact(asked.body_a, asked.body_b, asked.contact, law, asked.settings)
     places = [tape.symbol(x).place for x in numbers_in((traced.changes, traced.report))]
     compared = 0
     for seed in range(6):
         scene = random_scene(seed, off_centre=layout is Layout.EVERYTHING)
         if layout is Layout.SPATIAL:
             scene = Scene(*(body._replace(orientation=None) for body in scene[:2]), scene.contact)
-        direct = impact(*scene, law, 0.25, 0.5, 0.0)
+        direct = impact(*scene, law, Settings(0.25, 0.5))
         once = _Run(tape, inputs_of(scene, layout, 0.25, 0.5), None, ())
         assert [once[place] for place in places] == values(direct)
         compared += direct.flags.separating is False
@@ -497,9 +496,7 @@ def test_every_layout_of_every_law_is_written():
 def same_bits(scene: Scene, model: ImpactModel) -> bool:
     """Whether a request is answered, and then by the bits of the formulas on plain floats."""
     try:
-        direct = impact(
-            *scene, model.law, model.tangential_restitution, model.restitution_threshold, model.tolerance
-        )
+        direct = impact(*scene, model.law, plan(model).settings)
     except (ZeroDivisionError, OverflowError):  # which machines do not mind
         return False
     try:

@@ -11,7 +11,7 @@ from bounded import Bounded
 from mpmath import mp
 from oracle import impulse
 
-from collision_response.physics.laws import Coefficients, Outcome, Regime
+from collision_response.physics.laws import Coefficients, Outcome, Regime, Settings
 from collision_response.physics.laws.moreau import moreau
 from collision_response.physics.tensor import Symmetric3
 from collision_response.physics.vector import Vec3
@@ -43,7 +43,7 @@ def solve(K, u, n, e: float, mu: float, number=float) -> Outcome:
     n, u = Vec3(*map(number, n)), Vec3(*map(number, u))
     K = Symmetric3(*(number(K[i][j]) for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))))
     contact = Given(n, u, n.dot(u), n.dot(K @ n), K)
-    return moreau(contact, Coefficients(number(e), number(mu), number(0.0), number(0.0)))
+    return moreau(contact, Coefficients(number(e), number(mu), Settings(number(0.0))))
 
 
 def truth(K, u, n, e: float, mu: float):

@@ -10,6 +10,7 @@ from scenes import ALL_LAWS, random_scene
 from collision_response import Body, Contact, ImpactModel, Law
 from collision_response.derivatives import differentiate
 from collision_response.impact import impact
+from collision_response.physics.laws import Settings
 from collision_response.physics.vector import Vec3
 
 SPHERE = (0.4, 0.0, 0.0, 0.4, 0.0, 0.4)
@@ -39,7 +40,7 @@ def by_reverse(scene, law: Law) -> np.ndarray:
     contact = Contact(
         Vec3(*map(make, c.position)), Vec3(*map(make, c.normal)), make(c.restitution), make(c.friction)
     )
-    answer = impact(a, b, contact, law, make(0.0), make(0.0), make(1e-12))
+    answer = impact(a, b, contact, law, Settings(make(0.0), make(0.0), make(1e-12)))
     return np.array([P.gradient(*a.velocity, contact.friction) for P in answer.changes.impulse])
 
 

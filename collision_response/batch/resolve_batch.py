@@ -30,7 +30,7 @@ import numpy as np
 from ..kernels import library
 from ..kernels.layout import Layout
 from ..model import LARGEST, Geometry, ImpactModel, Law, Precision, check_model, law_for
-from ..physics.laws import PATHS
+from ..physics.laws import PATHS, Settings
 from ..status import ImpactError, StatusCode
 from . import one_by_one
 from .pairs import as_pairs
@@ -311,9 +311,6 @@ def plan_for(bodies: Array, contacts: Array, model: ImpactModel, pairs: Array | 
     return model_and_plan[1]
 
 
-NUMBERS = ("tangential_restitution", "restitution_threshold", "tolerance", "stiffness_ratio")
-"""Of a model, in the order of the kernels."""
-
 KEPT = 64
 _RECENT: dict[tuple[Any, ...], tuple[ImpactModel, Plan]] = {}
 """The plans of the last models, by identity: to hash one takes as long as a hundred contacts."""
@@ -340,7 +337,7 @@ def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> P
         oriented,
         model._replace(law=law, geometry=geometry),
         number,
-        np.array([getattr(model, name) for name in NUMBERS], dtype),
+        np.array([getattr(model, name) for name in Settings._fields], dtype),
         of.velocity.stop - of.velocity.start,
         of.angular_velocity.stop - of.angular_velocity.start,
         is_bounded(model),

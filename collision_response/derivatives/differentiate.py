@@ -19,11 +19,11 @@ import numpy as np
 from ..answer import Impact
 from ..batch import BatchResult, resolve_batch
 from ..kernels import _derivatives, library  # type: ignore[attr-defined]  # made by the build
-from ..kernels.layout import MODEL, Layout, names_of_body, names_of_contact
+from ..kernels.layout import Layout, names_of_body, names_of_contact
 from ..model import Geometry, ImpactModel, law_for
 from ..physics.body import Body
 from ..physics.contact import Contact
-from ..physics.laws import STEPPED, Law
+from ..physics.laws import STEPPED, Law, Settings
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 
@@ -146,7 +146,7 @@ def differentiate(
     if contact.tangential_restitution is not None:
         model = model._replace(tangential_restitution=contact.tangential_restitution)
     parts = library.numbers(body_a, body_b, contact)[0][:PARTS]
-    numbers = (*parts, *(getattr(model, name) for name in MODEL))
+    numbers = (*parts, *(getattr(model, name) for name in Settings._fields))
     jacobian, smoothness = _derivatives_of(law, np.array(numbers, float)[:, None], directions)
     if not np.isfinite(jacobian).all():
         raise ImpactError(
@@ -250,8 +250,8 @@ def _inputs_of(bodies: Array, contacts: Array, model: ImpactModel) -> Array:
         row: Array = bodies[rows.index(name), side] if name in rows else missing.get(name, zeros)
         return row
 
-    contact = dict(zip([*names_of_contact(layout), MODEL[0]], contacts, strict=False))
+    contact = dict(zip([*names_of_contact(layout), Settings._fields[0]], contacts, strict=False))
     everything = [of_body(side, name) for side in (0, 1) for name in names_of_body(Layout.EVERYTHING)]
     everything += [contact.get(name, zeros) for name in names_of_contact(Layout.EVERYTHING)]
-    everything += [contact.get(name, zeros + getattr(model, name)) for name in MODEL]
+    everything += [contact.get(name, zeros + getattr(model, name)) for name in Settings._fields]
     return np.array(everything)

@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.inverse_inertia import InverseInertia
+from ..physics.laws import Settings
 from ..physics.orientation import Quaternion
 from ..physics.tensor import ZERO_TENSOR, Symmetric3
 from ..physics.vector import ZERO, Vec3
-from .symbol import Symbol, Tape
+from .symbol import Tape
 
 
 class Layout(Enum):
@@ -50,20 +51,14 @@ class Request(NamedTuple):
     Attributes:
         names: of its inputs, in their order: those of body_a, of body_b, of the contact, of the model.
         body_a, body_b, contact: of symbols, and of the 0s that the layout leaves out.
-        tangential_restitution, restitution_threshold, tolerance, stiffness_ratio: of the model.
+        settings: the numbers of the model.
     """
 
     names: list[str]
     body_a: Body
     body_b: Body
     contact: Contact
-    tangential_restitution: Symbol
-    restitution_threshold: Symbol
-    tolerance: Symbol
-    stiffness_ratio: Symbol
-
-
-MODEL = ("tangential_restitution", "restitution_threshold", "tolerance", "stiffness_ratio")
+    settings: Settings
 
 
 def names_of_body(layout: Layout) -> list[str]:
@@ -77,6 +72,11 @@ def names_of_contact(layout: Layout) -> list[str]:
     return [*names, "restitution.", "friction."]
 
 
+def names_of_model() -> list[str]:
+    """The numbers of a model, in order."""
+    return [f"model.{name}" for name in Settings._fields]
+
+
 def names_of_inverse_inertia() -> list[str]:
     """The numbers that articulated bodies have besides."""
     owners = ("body_a", "body_b")
@@ -86,7 +86,7 @@ def names_of_inverse_inertia() -> list[str]:
 def request(layout: Layout, tape: Tape) -> Request:
     """The request of a layout, on a tape."""
     names = [f"{body}.{name}" for body in ("body_a", "body_b") for name in names_of_body(layout)]
-    names += [f"contact.{name}" for name in names_of_contact(layout)] + [f"model.{name}" for name in MODEL]
+    names += [f"contact.{name}" for name in names_of_contact(layout)] + names_of_model()
     if layout is Layout.ARTICULATED:
         names += names_of_inverse_inertia()
     symbols = {name: tape.input(name) for name in names}
@@ -121,8 +121,8 @@ def request(layout: Layout, tape: Tape) -> Request:
         symbols["contact.restitution."],
         symbols["contact.friction."],
     )
-    model = (symbols[f"model.{name}"] for name in MODEL)
-    return Request(names, body("body_a"), body("body_b"), contact, *model)
+    settings = Settings(*(symbols[name] for name in names_of_model()))
+    return Request(names, body("body_a"), body("body_b"), contact, settings)
 
 
 DIMENSIONS = {

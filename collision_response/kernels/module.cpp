@@ -25,7 +25,7 @@ struct Types {
 struct Plan {  // of an ImpactModel
   PyObject* model;
   int law_without_friction, law_with_friction, geometry, first, last;
-  double numbers[ROWS_OF_MODEL], errors[ROWS_OF_MODEL], wanted;
+  double settings[ROWS_OF_MODEL], errors[ROWS_OF_MODEL], wanted;
   PyObject* decided[LAWS][GEOMETRIES][PRECISIONS];
 };
 constexpr int KEPT = 8;
@@ -40,10 +40,13 @@ Plan* plan_of(PyObject* model) {
   if (!made) return nullptr;
   Plan plan{};
   double limit;
-  bool read = PyArg_ParseTuple(made, "iiiiidd(dddd)(dddd)", &plan.law_without_friction, &plan.law_with_friction,
-                               &plan.geometry, &plan.first, &plan.last, &plan.wanted, &limit, &plan.numbers[0],
-                               &plan.numbers[1], &plan.numbers[2], &plan.numbers[3], &plan.errors[0], &plan.errors[1],
-                               &plan.errors[2], &plan.errors[3]);
+  PyObject *settings, *errors;
+  bool read = PyArg_ParseTuple(made, "iiiiiddOO", &plan.law_without_friction, &plan.law_with_friction, &plan.geometry,
+                               &plan.first, &plan.last, &plan.wanted, &limit, &settings, &errors);
+  for (int k = 0; read && k < ROWS_OF_MODEL; ++k) {
+    plan.settings[k] = PyFloat_AsDouble(PyTuple_GET_ITEM(settings, k));
+    plan.errors[k] = PyFloat_AsDouble(PyTuple_GET_ITEM(errors, k));
+  }
   Py_DECREF(made);
   if (!read) return nullptr;
   Plan& place = plans[next_plan++ % KEPT];
@@ -186,7 +189,7 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (!read_body(args[0], door, 0) || !read_body(args[1], door, BODY) || !read_contact(contact, door, &has_more)) return nullptr;
   if (has_more) return PyLong_FromLong(1);
   for (int k = 0; k < ROWS_OF_MODEL; ++k) {
-    x[IN_MODEL_TANGENTIAL_RESTITUTION + k] = plan->numbers[k];
+    x[IN_MODEL_TANGENTIAL_RESTITUTION + k] = plan->settings[k];
     error[IN_MODEL_TANGENTIAL_RESTITUTION + k] = plan->errors[k];
   }
   double fault;

@@ -15,12 +15,12 @@ from ..physics.laws import LAWS, PATHS, STEPPED, Law
 from ..physics.vector import Vec3
 from .emit import emit
 from .layout import (
-    MODEL,
     Layout,
     Request,
     names_of_body,
     names_of_contact,
     names_of_inverse_inertia,
+    names_of_model,
     request,
     units,
 )
@@ -55,16 +55,7 @@ def headers(what: str) -> Iterator[tuple[str, str]]:
 
 
 def _answer(asked: Request, law: Law) -> Answer:
-    return impact(
-        asked.body_a,
-        asked.body_b,
-        asked.contact,
-        law,
-        asked.tangential_restitution,
-        asked.restitution_threshold,
-        asked.tolerance,
-        asked.stiffness_ratio,
-    )
+    return impact(asked.body_a, asked.body_b, asked.contact, law, asked.settings)
 
 
 def derivatives_by(law: Law) -> str:
@@ -95,7 +86,7 @@ def validity_of(layout: Layout) -> str:
     tape = Tape()
     asked = request(layout, tape)
     scene = asked.body_a, asked.body_b, asked.contact
-    code = validity.fault(*scene, asked.tangential_restitution)
+    code = validity.fault(*scene, asked.settings.tangential_restitution)
     shapes = [
         geometry.is_point(*scene, frictionless=True),
         geometry.is_point(*scene, frictionless=False),
@@ -103,7 +94,7 @@ def validity_of(layout: Layout) -> str:
         geometry.is_planar(*scene, frictionless=False),
         validity.is_off_unit(asked.body_a) | validity.is_off_unit(asked.body_b),
     ]
-    plain = tape.symbol(validity.is_plainly_sound(*scene, asked.tangential_restitution))
+    plain = tape.symbol(validity.is_plainly_sound(*scene, asked.settings.tangential_restitution))
     return (
         emit("validity", list(asked.names), [], [tape.symbol(code)], map(tape.symbol, shapes))
         + emit("plainly_sound", list(asked.names), [], [], [plain])
@@ -158,9 +149,10 @@ def _counts_of(layout: Layout) -> str:
         moments *= 3
     mentioned = " + ".join(moments) or "*x - *x"
     is_general = layout in (Layout.EVERYTHING, Layout.ARTICULATED)
+    inputs = 2 * len(body) + len(contact) + len(names_of_model())
     return (
         f"\nstruct Layout_{layout.name.lower()} {{\n"
-        f"  static constexpr int body = {len(body)}, inputs = {2 * len(body) + len(contact) + len(MODEL)};\n"
+        f"  static constexpr int body = {len(body)}, inputs = {inputs};\n"
         f"  static constexpr int given = {2 * len(body) + contact.index('friction.')};\n"
         f"  static constexpr bool any_may_be_one_for_all = {'true' if is_general else 'false'};\n"
         f"  template <class T> INLINE T trace(const T* x) {{ return {mentioned}; }}\n"
@@ -203,7 +195,7 @@ def sizes() -> str:
     return (
         f"#pragma once\nenum {{\n{listed}}};\n"
         f"enum {{ ROWS_OF_BODY = BODY, ROWS_OF_CONTACT = {len(names_of_contact(Layout.EVERYTHING))}, "
-        f"ROWS_OF_MODEL = {len(MODEL)} }};\n"
+        f"ROWS_OF_MODEL = {len(names_of_model())} }};\n"
         f"{lists}{TABLE}#ifdef WITH_TABLES\n"
         f"static const char* const input_names[] = {{{spelled}}};\n"
         f"{table('input_units', names)}"

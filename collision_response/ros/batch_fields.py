@@ -15,6 +15,7 @@ from ..batch import BatchResult
 from ..batch.rows import BodyRows, ContactRows, body_rows, contact_rows
 from ..model import Geometry, ImpactModel
 from ..msg import ImpactModel as ImpactModelMessage
+from ..physics.laws import Settings
 from ..srv import ResolveCollisionBatch
 
 Array = np.ndarray[Any, Any]
@@ -83,9 +84,7 @@ def with_zeros(field: array[Any], shape: tuple[int, ...]) -> Array:
 
 def write_model(message: ImpactModelMessage, model: ImpactModel) -> None:
     """Fill in a model."""
-    law, geometry, precision, tolerance, tangential_restitution, threshold, stiffness_ratio = model
-    message.law, message.geometry, message.precision = int(law), int(geometry), int(precision)
-    message.tolerance = float(tolerance)
-    message.tangential_restitution = float(tangential_restitution)
-    message.restitution_threshold = float(threshold)
-    message.stiffness_ratio = float(stiffness_ratio)
+    for field in ("law", "geometry", "precision"):
+        setattr(message, field, int(getattr(model, field)))
+    for field in Settings._fields:
+        setattr(message, field, float(getattr(model, field)))

@@ -261,30 +261,16 @@ def only_one_body_says(field: str, touch: Touch) -> bool:
 
 def model_of(message: ImpactModelMessage, defaults: ImpactModel) -> ImpactModel:
     """What to model. A number without a name stays a number, for the core to refuse by name."""
-    return _model(*(getattr(message, field) for field in ImpactModel._fields), defaults)
+    return _model(tuple(getattr(message, field) for field in ImpactModel._fields), defaults)
 
 
 @lru_cache(maxsize=64)
-def _model(
-    law: int,
-    geometry: int,
-    precision: int,
-    tolerance: float,
-    tangential_restitution: float,
-    restitution_threshold: float,
-    stiffness_ratio: float,
-    defaults: ImpactModel,
-) -> ImpactModel:
+def _model(fields: tuple[Any, ...], defaults: ImpactModel) -> ImpactModel:
     """Equal ones are one object: the core remembers by that what a model comes to."""
-    return ImpactModel(
-        LAWS.get(law, law) or defaults.law,
-        GEOMETRIES.get(geometry, geometry) or defaults.geometry,
-        PRECISIONS.get(precision, precision) or defaults.precision,
-        tolerance or defaults.tolerance,
-        tangential_restitution or defaults.tangential_restitution,
-        restitution_threshold or defaults.restitution_threshold,
-        stiffness_ratio or defaults.stiffness_ratio,
-    )
+    law, geometry, precision, *numbers = fields
+    named = LAWS.get(law, law), GEOMETRIES.get(geometry, geometry), PRECISIONS.get(precision, precision)
+    chosen: list[Any] = [x or default for x, default in zip((*named, *numbers), defaults, strict=True)]
+    return ImpactModel(*chosen)
 
 
 def write_answer(

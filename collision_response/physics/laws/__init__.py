@@ -1,14 +1,14 @@
 """Impact laws, cheapest first: one file each, one signature (see ``law.py``).
 
 To add one: write its file, enter it here twice, and in ``msg/ImpactModel.msg`` for those who call the node.
-One that needs a coefficient of its own has it in ``model.py`` too, wherever ``stiffness_ratio`` stands.
+One that needs a coefficient of its own enters that in ``Settings`` and in ``ImpactModel``.
 """
 
 from ...named import Named
 from .chatterjee_ruina import chatterjee_ruina
 from .compliant import compliant
 from .frictionless import frictionless
-from .law import Coefficients, Outcome, Regime
+from .law import Coefficients, Outcome, Regime, Settings
 from .moreau import moreau
 from .routh import routh_poisson, routh_stronge
 
@@ -47,4 +47,4 @@ PATHS = (Law.ROUTH_POISSON, Law.ROUTH_STRONGE, Law.COMPLIANT)
 STEPPED = (Law.COMPLIANT,)
 """The laws that are steps throughout: no arithmetic makes them more exact, and one kernel serves all."""
 
-__all__ = ["LAWS", "PATHS", "STEPPED", "Coefficients", "Law", "Outcome", "Regime"]
+__all__ = ["LAWS", "PATHS", "STEPPED", "Coefficients", "Law", "Outcome", "Regime", "Settings"]

@@ -34,7 +34,8 @@ from .law import Coefficients, Outcome, Regime, slipping
 
 def chatterjee_ruina(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     """The impulse of a contact with Coulomb friction and tangential restitution."""
-    e, mu, e_t, *_ = coefficients
+    e, mu, settings = coefficients
+    e_t = settings.tangential_restitution
     n, u, K = contact.n, contact.u, contact.inverse_effective_mass()
     nn, Kn = n.dot(n), K @ n
     j = -contact.n_u / contact.n_Kn

@@ -81,7 +81,8 @@ SAFETY = 4.0
 
 def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     """The impulse of a contact between springs."""
-    e, mu, _, tolerance, kappa = coefficients
+    e, mu, settings = coefficients
+    tolerance, kappa = settings.tolerance, settings.stiffness_ratio
     frame = ContactFrame.of(contact)
     k, speed = frame.Knn, choose(certain(frame.un) < 0, lambda: -frame.un, lambda: 1 + 0 * frame.un)
     j = speed / k

@@ -15,22 +15,34 @@ from ..effective_mass import ContactKinematics
 from ..vector import Vec3
 
 
+class Settings(NamedTuple):
+    """The numbers of a model, by the names that they have in :class:`~collision_response.ImpactModel`.
+
+    Attributes:
+        tangential_restitution: ``e_t`` in [-1, 1], for COULOMB.
+        restitution_threshold: approach speed [m/s] under which restitution is taken as 0. Laws need not mind.
+        tolerance: relative error of the impulse at which a law that integrates may stop.
+        stiffness_ratio: tangential over normal stiffness of the contact, > 0, for COMPLIANT.
+    """
+
+    tangential_restitution: Scalar = 0.0
+    restitution_threshold: Scalar = 0.0
+    tolerance: Scalar = 0.0
+    stiffness_ratio: Scalar = 1.0
+
+
 class Coefficients(NamedTuple):
     """What a law needs to know besides the bodies.
 
     Attributes:
         restitution: ``e`` in [0, 1].
         friction: ``mu`` >= 0.
-        tangential_restitution: ``e_t`` in [-1, 1].
-        tolerance: relative error of the impulse at which a law that integrates may stop.
-        stiffness_ratio: tangential over normal stiffness of the contact, > 0.
+        settings: of the model.
     """
 
     restitution: Scalar
     friction: Scalar = 0.0
-    tangential_restitution: Scalar = 0.0
-    tolerance: Scalar = 0.0
-    stiffness_ratio: Scalar = 1.0
+    settings: Settings = Settings()
 
 
 class Regime(Named):

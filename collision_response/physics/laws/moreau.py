@@ -58,7 +58,7 @@ class Answer(NamedTuple):
 
 def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     """The one-step impulse, or Chatterjee & Ruina's where that one creates energy."""
-    e, mu, *_ = coefficients
+    e, mu, _ = coefficients
     frame = ContactFrame.of(contact)
     k, approach = frame.Knn, -frame.un
     j = (1 + e) * approach / k

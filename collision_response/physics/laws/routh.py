@@ -167,7 +167,7 @@ def _ray(path: Path, mu: Scalar) -> Ray:
 
 
 def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: bool) -> Outcome:
-    e, mu, _, tolerance, _ = coefficients
+    e, mu, settings = coefficients
     e_e, e_mu, mu = error_of(e) + LEAST_RESTITUTION, error_of(mu), lesser(certain(mu), GREATEST_FRICTION)
     e = choose(
         certain(e) < LEAST_RESTITUTION,
@@ -184,8 +184,8 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
 
     o = 0 * certain(slip1)
     tolerance = choose(
-        tolerance > 0,
-        lambda: greater(lesser(PATH_SHARE * tolerance, COARSEST + o), LEAST_TOLERANCE + o),
+        settings.tolerance > 0,
+        lambda: greater(lesser(PATH_SHARE * settings.tolerance, COARSEST + o), LEAST_TOLERANCE + o),
         lambda: DEFAULT_TOLERANCE + o,
     )
     c = 1 / (1 + mu)
