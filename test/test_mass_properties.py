@@ -47,3 +47,26 @@ def test_solid_equals_a_fine_grid_of_particles(solid, inside, half):
 def test_particles_must_have_mass():
     with pytest.raises(ValueError, match="add up to more than 0"):
         mp.of_particles([mp.Particle(0.0, Vec3(1.0, 2.0, 3.0))])
+
+
+@pytest.mark.parametrize(
+    ("make", "field"),
+    [
+        (lambda: mp.sphere(1.0, -0.1), "radius"),
+        (lambda: mp.hollow_sphere(1.0, -0.1), "radius"),
+        (lambda: mp.box(1.0, (1.0, -1.0, 1.0)), "size.y"),
+        (lambda: mp.cylinder(1.0, 0.1, -1.0), "length"),
+        (lambda: mp.capsule(1.0, -0.1, 1.0), "radius"),
+        (lambda: mp.capsule(1.0, 0.0, 0.0), "capsule"),
+        (lambda: mp.cone(1.0, 0.1, -1.0), "height"),
+        (lambda: mp.rod(1.0, -1.0), "length"),
+    ],
+)
+def test_a_size_below_zero_is_named(make, field):
+    with pytest.raises(ValueError, match=field):
+        make()
+
+
+def test_a_box_has_three_edges():
+    with pytest.raises(TypeError, match="size: must be"):
+        mp.box(1.0, (1.0, 2.0))

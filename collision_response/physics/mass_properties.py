@@ -4,8 +4,9 @@ For particles of mass ``m`` at ``(x, y, z)`` from their centre of mass
 
     I_xx = sum m (y^2 + z^2)    I_xy = -sum m x y    and so on in turn.
 
-Every solid is also there as a few particles with the same mass, centre of mass and inertia: the
-nodes of a quadrature that is exact for the second moments (``*_particles``).
+A solid with a size below 0 is a ``ValueError``. Every solid is also there as a few particles with the same
+mass, centre of mass and inertia: the nodes of a quadrature that is exact for the second moments
+(``*_particles``).
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import Any, NamedTuple
 
 from ..numbers.number import Scalar
 from .tensor import ZERO_TENSOR, Symmetric3
-from .vector import ZERO, Vec3
+from .vector import ZERO, Vec3, as_vector
 
 
 class MassProperties(NamedTuple):
@@ -63,31 +64,39 @@ def of_particles(particles: Iterable[Particle]) -> MassProperties:
 
 def sphere(mass: Scalar, radius: Scalar) -> MassProperties:
     """A solid sphere."""
+    _check_sizes(radius=radius)
     moment = 2 * mass * radius * radius / 5
     return _principal(mass, moment, moment, moment)
 
 
 def hollow_sphere(mass: Scalar, radius: Scalar) -> MassProperties:
     """A thin spherical shell."""
+    _check_sizes(radius=radius)
     moment = 2 * mass * radius * radius / 3
     return _principal(mass, moment, moment, moment)
 
 
 def box(mass: Scalar, size: Sequence[Scalar]) -> MassProperties:
     """A solid box with edges ``size = (x, y, z)`` [m] along the axes."""
-    xx, yy, zz = (edge * edge for edge in size)
+    edges = as_vector("size", size)
+    _check_sizes(**{f"size.{axis}": edge for axis, edge in edges._asdict().items()})
+    xx, yy, zz = (edge * edge for edge in edges)
     return _principal(mass, mass * (yy + zz) / 12, mass * (xx + zz) / 12, mass * (xx + yy) / 12)
 
 
 def cylinder(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
     """A solid cylinder about the z axis."""
+    _check_sizes(radius=radius, length=length)
     across = mass * (3 * radius * radius + length * length) / 12
     return _principal(mass, across, across, mass * radius * radius / 2)
 
 
 def capsule(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
     """A solid cylinder about the z axis with a half ball on either end; ``length`` is the cylinder's [m]."""
+    _check_sizes(radius=radius, length=length)
     whole = 3 * length + 4 * radius
+    if whole == 0:
+        raise ValueError("a capsule must have a radius or a length above 0")
     middle, ends = mass * 3 * length / whole, mass * 4 * radius / whole
     r, h = radius * radius, length * length
     across = middle * (3 * r + h) / 12 + ends * (2 * r / 5 + h / 4 + 3 * length * radius / 8)
@@ -96,6 +105,7 @@ def capsule(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
 
 def cone(mass: Scalar, radius: Scalar, height: Scalar) -> MassProperties:
     """A solid cone about the z axis: the base is height/4 below its centre of mass, the tip above."""
+    _check_sizes(radius=radius, height=height)
     across = 3 * mass * (4 * radius * radius + height * height) / 80
     return _principal(mass, across, across, 3 * mass * radius * radius / 10)
 
@@ -123,6 +133,7 @@ def mesh(mass: Scalar, shape: Any) -> MassProperties:
 
 def rod(mass: Scalar, length: Scalar) -> MassProperties:
     """A thin rod along the x axis: it has no inertia about its own axis."""
+    _check_sizes(length=length)
     across = mass * length * length / 12
     return _principal(mass, across * 0, across, across)
 
@@ -149,6 +160,12 @@ def cylinder_particles(mass: float, radius: float, length: float) -> list[Partic
 def rod_particles(mass: float, length: float) -> list[Particle]:
     """Two particles at the Gauss nodes of a thin rod along x."""
     return _equal_shares(mass, ((x, 0, 0) for x in _gauss_nodes(length)))
+
+
+def _check_sizes(**sizes: Scalar) -> None:
+    for name, size in sizes.items():
+        if size < 0:
+            raise ValueError(f"{name}: must be at least 0, is {size}")
 
 
 def _principal(mass: Scalar, xx: Scalar, yy: Scalar, zz: Scalar) -> MassProperties:
