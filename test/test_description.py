@@ -82,7 +82,9 @@ def test_two_halves_joined_are_the_whole():
     agree(body_of(text, "left"), whole._replace(com=Vec3(0.2, 0.3, 0.1)))
     # from the right half's frame: x there is y of the box, y there is -x
     xx, _, _, yy, _, zz = whole.inertia
-    agree(body_of(text, "right"), whole._replace(com=Vec3(0, 0.1, 0), inertia=Symmetric3(yy, 0, 0, xx, 0, zz)))
+    agree(
+        body_of(text, "right"), whole._replace(com=Vec3(0, 0.1, 0), inertia=Symmetric3(yy, 0, 0, xx, 0, zz))
+    )
 
 
 def test_links_on_movable_joints_belong_to_the_body_only_if_they_are_locked():

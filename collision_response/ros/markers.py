@@ -32,7 +32,7 @@ DECLARATIONS = (
     Declaration(
         "contact_duration",
         1.0,
-        "Time [s] by which a wrench is less than its impulse. 1: the numbers are N s and N m s.",
+        "Time [s] by which an impulse is divided for a wrench. 1: its numbers are N s and N m s.",
         1e-9,
         1e9,
     ),

@@ -184,7 +184,7 @@ class BodySource(Node):
                 try:
                     found = buffer.lookup_transform(world, frame, Time())
                 except tf2_ros.TransformException as error:
-                    self._warn_of_tf(error)
+                    self.get_logger().warning(str(error), throttle_duration_sec=THROTTLE)
                     continue
                 before, latest[frame] = latest.get(frame), found
                 if before is not None and nanoseconds(found.header.stamp) > nanoseconds(before.header.stamp):
@@ -222,9 +222,6 @@ class BodySource(Node):
             link = frame if frame in links else frame.rpartition("/")[2]  # without a frame_prefix
             known = self._matter[frame, locked] = self._description.mass_properties(link, locked=locked)
         return known
-
-    def _warn_of_tf(self, error: Exception) -> None:
-        self.get_logger().warning(str(error), throttle_duration_sec=THROTTLE)
 
 
 def main(args: list[str] | None = None) -> int:
