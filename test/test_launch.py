@@ -35,8 +35,8 @@ def prefix(monkeypatch):
     """Where the package is installed; ament looks there, and the shell for its Python."""
     index = "share/ament_index/resource_index/packages/collision_response"
     prefix = next(up for up in Path(collision_response.__file__).parents if (up / index).is_file())
-    monkeypatch.setenv("AMENT_PREFIX_PATH", str(prefix))
-    monkeypatch.setenv("PATH", str(Path(sys.executable).parent), prepend=os.pathsep)
+    for variable, path in (("AMENT_PREFIX_PATH", prefix), ("PATH", Path(sys.executable).parent)):
+        monkeypatch.setenv(variable, str(path), prepend=os.pathsep)
     return prefix
 
 
