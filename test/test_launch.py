@@ -110,5 +110,5 @@ def test_it_launches(graph, prefix):
     with subprocess.Popen([*command, "states:=true", "markers:=true"], start_new_session=True) as launched:
         assert graph.call(balls_meet()).result.twist_a.linear.x == 2.0
         until(lambda: set(NODES) < set(graph.user.get_node_names()))
-        launched.send_signal(signal.SIGINT)
+        os.killpg(launched.pid, signal.SIGINT)  # Ctrl-C is for all of them
         assert launched.wait(DEADLINE) == 0
