@@ -19,7 +19,7 @@ LAYERS = (
     {"physics"},
     {"model"},
     {"centre"},
-    {"answer", "geometry", "impact", "materials", "validity"},
+    {"answer", "description", "geometry", "impact", "materials", "validity"},
     {"kernels"},
     {"exactly", "rationally"},
     {"resolve"},
@@ -43,6 +43,7 @@ NOT = {"recording": {"batch", "kernels"}, "ros": {"kernels"}, "demo": {"kernels"
 STRANGERS = {
     "numbers": {"numpy", "flint"},
     "batch": {"numpy", "dask", "torch"},
+    "description": {"numpy"},
     "materials": {"yaml"},
     "identify": {"numpy", "scipy", "matplotlib", "rerun"},
     "derivatives": {"numpy"},

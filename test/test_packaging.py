@@ -85,10 +85,12 @@ def test_a_package_needs_the_release_it_is_built_with(requirements, release):
     assert of_ros.keys() == {
         "ros-diagnostic-msgs",
         "ros-geometry-msgs",
+        "ros-nav-msgs",
         "ros-rcl-interfaces",
         "ros-rclpy",
         "ros-rosidl-default-runtime",
         "ros-std-msgs",
+        "ros-visualization-msgs",
     }
     assert all(wheels(release)[name] == f"{series}.9" for name, series in of_ros.items())
 

@@ -15,7 +15,7 @@ from ros_graph import assign, state_of, until
 from collision_response import Body, Contact, ImpactModel, Law, StatusCode, resolve_scene
 from collision_response.msg import BodyState, SceneResult
 from collision_response.physics.mass_properties import box
-from collision_response.ros.scene_client import pack
+from collision_response.ros.scene_client import Touch, pack, pack_named
 from collision_response.ros.scenes import NUMBERS
 from collision_response.srv import ResolveScene
 
@@ -49,6 +49,19 @@ def request_of(bodies, pairs, contacts, names=(), **model) -> ResolveScene.Reque
 
 def xyz(vector) -> tuple[float, float, float]:
     return vector.x, vector.y, vector.z
+
+
+def test_a_scene_by_names_is_the_same_scene():
+    """The cube by name, and the ground in full: by name the order is that of first mention."""
+    touches = [Touch("cube", "ground", corner, (0, 0, 1)) for corner in CORNERS]
+    ground = Body.static()
+    by_name = pack_named(touches, {"ground": ground}, restitution=0.5, friction=0.3, frame_id="world")
+    pairs, contacts = [(1, 0)] * 4, FLAT_BOX[2]
+    assert by_name == request_of([ground], pairs, contacts, ("ground", "cube"))
+
+    in_full = pack_named(touches[:1], {"cube": CUBE, "ground": ground})
+    open_ = Contact.of(CORNERS[0], (0, 0, 1), -1.0, -1.0)
+    assert in_full == pack([CUBE, ground], [(0, 1)], [open_], names=["cube", "ground"])
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])

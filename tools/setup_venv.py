@@ -21,7 +21,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "collision_response"
-INSTALLED = ["config", "msg", "scripts", "security", "srv"]
+INSTALLED = ["config", "launch", "msg", "scripts", "security", "srv"]
 BUILD_INPUTS = ["CMakeLists.txt", "cmake", "package.xml", "setup.py", *INSTALLED]
 RUN_TIME = [ROOT / "tools" / "python.txt", ROOT / "tools" / "ros" / "kilted.txt"]
 KERNELS = PACKAGE / "kernels"

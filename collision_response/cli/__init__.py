@@ -27,6 +27,8 @@ COMMANDS = {
     ),
     "node": Command("collision_response.cli.node", "run the ROS node that answers requests"),
     "call": Command("collision_response.cli.call", "send the node one request, and read the answer"),
+    "states": Command("collision_response.cli.states", "tell the node where a robot is: odometry, TF, URDF"),
+    "markers": Command("collision_response.cli.markers", "show the answers in RViz or Foxglove"),
     "report": Command(
         "collision_response.cli.report", "what happened in a recording: in words, plots, a table"
     ),

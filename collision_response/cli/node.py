@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
-
-from ..ros import node
+from ..ros.node import main as run_node
 from ..ros.parameters import DECLARATIONS
+from . import ros_node
 
 DESCRIPTION = """Runs the node collision_response until Ctrl-C. It is the same as
 ros2 run collision_response collision_response_node, and takes the same arguments after --ros-args, which
@@ -19,14 +18,4 @@ may be left out here:
 
 def main(arguments: list[str]) -> int:
     """Run the node, or list its parameters."""
-    if {"-h", "--help"} & set(arguments):
-        width = max(len(declaration.name) for declaration in DECLARATIONS)
-        lines = [f"  {d.name:{width}}  {d.default!r}: {d.description}" for d in DECLARATIONS]
-        argparse.ArgumentParser(
-            prog="collision_response node",
-            usage="collision_response node [ROS ARGUMENT ...]",
-            description=DESCRIPTION + "\nparameters, with their defaults:\n" + "\n".join(lines),
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        ).print_help()
-        return 0
-    return node.main(arguments if "--ros-args" in arguments else ["--ros-args", *arguments])
+    return ros_node.run("node", DESCRIPTION, DECLARATIONS, run_node, arguments)

@@ -4,23 +4,18 @@ from __future__ import annotations
 
 import faulthandler
 import math
-import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from itertools import count, product
 from typing import Any
 
-import rclpy
 from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.exceptions import NameValidationException, ParameterException
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from rclpy.signals import SignalHandlerOptions
 
 from ..model import ImpactModel
 from ..msg import BodyState, BodyStates, CollisionResult, SceneResult
@@ -35,14 +30,14 @@ from . import convert, parameters
 from .batches import Batches
 from .diagnostics import Diagnostics
 from .impacts import Impacts
-from .intake import Intake, OutOfReach, RCLError
+from .intake import Intake, OutOfReach
 from .journal import Journal
 from .memory import limit_memory
+from .process import run
 from .results import Results
 from .scenes import Scenes
 from .serialized import Broken
 from .server import THROTTLE, Server
-from .signals import on_signal
 from .states import LatestStates
 from .tally import Tally
 
@@ -55,9 +50,6 @@ TABLE_TOPIC = "all_body_states"
 
 SHORTEST = 2.0
 """Time [s] that it may always take to give up every interface."""
-
-NOT_ALLOWED = (ParameterException, NameValidationException, RCLError)
-"""What a start with arguments raises that are not allowed."""
 
 JUMPS = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
 """Of the clock, after which the stamps of states mean nothing any more."""
@@ -91,8 +83,7 @@ class CollisionResponseNode(Node):
         super().__init__(
             "collision_response", automatically_declare_parameters_from_overrides=True, **options
         )
-        for name, like in parameters.declare(self).items():
-            self.get_logger().warning(f"there is no parameter {name!r}; did you mean {like!r}?")
+        parameters.declare(self)
         self.parameters = parameters.LatestParameters(self)
         start = parameters.StartParameters.of(self)
         if start.recording_directory is not None:
@@ -227,21 +218,10 @@ def _by_the_intake(message: bytes) -> None:
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM; the exit code is 0 then."""
-    stop = on_signal()
-    try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-        node = CollisionResponseNode()
-    except NOT_ALLOWED as error:
-        print("collision_response:", *str(error).split(), file=sys.stderr)  # on one line
-        rclpy.try_shutdown()
-        return 1
+    return run(_within_memory, args, CollisionResponseNode.shut_down)
+
+
+def _within_memory() -> CollisionResponseNode:
+    node = CollisionResponseNode()
     limit_memory(parameters.StartParameters.of(node).memory_limit)
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    try:
-        executor.spin_until_future_complete(stop)
-    finally:
-        executor.shutdown()
-        node.shut_down()
-        rclpy.try_shutdown()
-    return 0
+    return node

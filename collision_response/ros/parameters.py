@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import IntEnum
@@ -248,14 +248,12 @@ OWN_BY_RCLPY = {"use_sim_time", "start_type_description_service"}
 """What every node declares by itself."""
 
 
-def declare(node: Node) -> dict[str, str]:
-    """Declare every parameter of the node.
+def declare(node: Node, declarations: Iterable[Declaration] = DECLARATIONS) -> None:
+    """Declare every parameter of a node, and warn of those that it was given and does not have.
 
     Args:
         node: made with ``automatically_declare_parameters_from_overrides``, which tells what it was given.
-
-    Returns:
-        The names that it was given and does not have; for each, the name it has that is most like it.
+        declarations: of its parameters.
 
     Raises:
         rclpy.exceptions.ParameterException: the node was started with a value that is not allowed.
@@ -264,11 +262,14 @@ def declare(node: Node) -> dict[str, str]:
     for name in given:
         node.undeclare_parameter(name)
     node.add_on_set_parameters_callback(validate)
-    for declaration in DECLARATIONS:
+    known = []
+    for declaration in declarations:
         node.declare_parameter(declaration.name, declaration.default, declaration.descriptor())
-    known = [declaration.name for declaration in DECLARATIONS]
-    strangers = [name for name in given.difference(known) if not name.startswith("qos_overrides.")]
-    return {name: get_close_matches(name, known, 1, 0.0)[0] for name in sorted(strangers)}
+        known.append(declaration.name)
+    for name in sorted(given.difference(known)):
+        if not name.startswith("qos_overrides."):
+            (like,) = get_close_matches(name, known, 1, 0.0)
+            node.get_logger().warning(f"there is no parameter {name!r}; did you mean {like!r}?")
 
 
 def validate(parameters: list[Parameter[Any]]) -> SetParametersResult:

@@ -9,7 +9,10 @@ It takes a client of rclpy to send the request.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -57,6 +60,52 @@ def pack(
     append(request.contacts, np.array(rows, float).T)
     write_model(request.model, model)
     return request
+
+
+class Touch(NamedTuple):
+    """A contact as simulators tell it.
+
+    Attributes:
+        body_a: its name.
+        body_b: the same.
+        position: of the contact point [m].
+        normal: from body_b to body_a. Any length but 0.
+    """
+
+    body_a: str
+    body_b: str
+    position: Sequence[float]
+    normal: Sequence[float]
+
+
+def pack_named(
+    touches: Iterable[Touch],
+    bodies: Mapping[str, Body] = MappingProxyType({}),
+    model: ImpactModel = DEFAULT,
+    *,
+    restitution: float = -1.0,
+    friction: float = -1.0,
+    frame_id: str = "",
+) -> ResolveScene.Request:
+    """The request for a scene whose bodies have names.
+
+    Args:
+        touches: the contacts.
+        bodies: those that are given in full, such as the ground. Of the others the node uses the latest
+            states that it has received.
+        model: as for :func:`pack`.
+        restitution: of all contacts; -1: filled in by the node.
+        friction: the same.
+        frame_id: the inertial frame of all.
+
+    Raises:
+        ValueError: a name has several lines.
+    """
+    touches = [*touches]
+    names = [*dict.fromkeys(chain(bodies, *((touch.body_a, touch.body_b) for touch in touches)))]
+    pairs = [(names.index(touch.body_a), names.index(touch.body_b)) for touch in touches]
+    contacts = [Contact.of(touch.position, touch.normal, restitution, friction) for touch in touches]
+    return pack([*bodies.values()], pairs, contacts, model, names=names, frame_id=frame_id)
 
 
 def _column(body: Body) -> list[float]:

@@ -1,0 +1,260 @@
+"""The rigid bodies of a robot, from its description in URDF or SDF.
+
+A body is a link with all that fixed joints join to it; or, with ``locked`` joints, all links of the robot,
+each joint at 0. Of links with masses ``m_i``, centres of mass ``c_i`` and inertias ``I_i`` about these, in
+the same axes:
+
+    m = sum m_i    c = sum m_i c_i / m    I = sum I_i + m_i (d_i.d_i 1 - d_i d_i^T)    d_i = c_i - c
+
+Poses are homogeneous matrices, shape (4, 4). What a format leaves out has the default that it says: a link
+without ``inertial`` has no mass in URDF, and 1 kg in SDF.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from .physics.mass_properties import MassProperties
+from .physics.orientation import Quaternion
+from .physics.tensor import Symmetric3
+from .physics.vector import Vec3
+
+Pose = Any
+"""A matrix of shape (4, 4)."""
+
+MODEL = "__model__"
+"""What SDF calls the frame of the model."""
+
+
+class Inertial(NamedTuple):
+    """Of a link: mass [kg], centre of mass [m] and inertia about it [kg m^2], in axes of the link."""
+
+    mass: float
+    com: Any
+    inertia: Any
+
+
+class Joint(NamedTuple):
+    """Two links, and the pose of the child in axes of the parent, the joint at 0."""
+
+    parent: str
+    child: str
+    pose: Pose
+    is_fixed: bool
+
+
+class Description(NamedTuple):
+    """What a robot consists of.
+
+    Attributes:
+        name: of the robot.
+        inertials: by the names of the links.
+        joints: between them.
+    """
+
+    name: str
+    inertials: dict[str, Inertial]
+    joints: tuple[Joint, ...]
+
+    @classmethod
+    def read(cls, text: str) -> Description:
+        """From the text of a URDF, or of an SDF with one model.
+
+        Raises:
+            ValueError: it is neither, or holds what is no number; it says where.
+        """
+        try:
+            root = ElementTree.fromstring(text)
+        except ElementTree.ParseError as error:
+            raise ValueError(f"the description is no XML: {error}") from None
+        if root.tag == "robot":
+            return cls(root.get("name", ""), *_urdf(root))
+        models = [*root.iterfind("model"), *root.iterfind("world/model")]
+        if root.tag != "sdf" or len(models) != 1:
+            raise ValueError(
+                f"the description must be a URDF <robot>, or an <sdf> with one <model>; "
+                f"is a <{root.tag}> with {len(models)}"
+            )
+        return cls(models[0].get("name", ""), *_sdf(models[0]))
+
+    def mass_properties(self, link: str, *, locked: bool = False) -> MassProperties:
+        """Of the body that a link belongs to, in axes of the link.
+
+        Args:
+            link: its name.
+            locked: whether movable joints hold, too.
+
+        Raises:
+            ValueError: there is no such link, or the body has no mass.
+        """
+        if link not in self.inertials:
+            raise ValueError(f"{self.name!r} has no link {link!r}; it has {', '.join(self.inertials)}")
+        parts = [_seen_from(pose, self.inertials[name]) for name, pose in self._joined(link, locked)]
+        mass = sum(part.mass for part in parts)
+        if not mass > 0:
+            raise ValueError(f"link {link!r} of {self.name!r} has no mass")
+        com = sum(part.mass * part.com for part in parts) / mass
+        inertia = sum(part.inertia + part.mass * _second_moment(part.com - com) for part in parts)
+        rows = [[float(x) for x in row] for row in inertia]
+        return MassProperties(mass, Vec3(*map(float, com)), Symmetric3.of(rows))
+
+    def _joined(self, link: str, locked: bool) -> Iterator[tuple[str, Pose]]:
+        """The links of a body, and their poses in axes of the first."""
+        found, joints = {link: np.eye(4)}, [joint for joint in self.joints if locked or joint.is_fixed]
+        waiting = [link]
+        while waiting:
+            name = waiting.pop()
+            yield name, found[name]
+            for joint in joints:
+                if joint.parent == name and joint.child not in found:
+                    found[joint.child] = found[name] @ joint.pose
+                    waiting.append(joint.child)
+                elif joint.child == name and joint.parent not in found:
+                    found[joint.parent] = found[name] @ np.linalg.inv(joint.pose)
+                    waiting.append(joint.parent)
+
+
+def _seen_from(pose: Pose, part: Inertial) -> Inertial:
+    turn = pose[:3, :3]
+    return Inertial(part.mass, turn @ part.com + pose[:3, 3], turn @ part.inertia @ turn.T)
+
+
+def _second_moment(d: Any) -> Any:
+    return d @ d * np.eye(3) - np.outer(d, d)
+
+
+def _urdf(robot: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
+    inertials = {link.get("name", ""): _urdf_inertial(link) for link in robot.iterfind("link")}
+    joints = []
+    for joint in robot.iterfind("joint"):
+        where = f"joint {joint.get('name')!r}"
+        parent, child = (_child(joint, end, where).get("link", "") for end in ("parent", "child"))
+        _check_links(where, (parent, child), inertials)
+        joints.append(Joint(parent, child, _urdf_pose(joint, where), joint.get("type") == "fixed"))
+    return inertials, tuple(joints)
+
+
+def _urdf_inertial(link: Element) -> Inertial:
+    where = f"link {link.get('name')!r}"
+    inertial = link.find("inertial")
+    if inertial is None:
+        return Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
+    (mass,) = _numbers(_child(inertial, "mass", where).get("value"), 1, f"mass of {where}")
+    numbers = _child(inertial, "inertia", where).attrib
+    at_com = Inertial(mass, np.zeros(3), _tensor(numbers, 0.0, where))
+    return _seen_from(_urdf_pose(inertial, where), at_com)
+
+
+def _urdf_pose(owner: Element, where: str) -> Pose:
+    origin = owner.find("origin")
+    if origin is None:
+        return np.eye(4)
+    return _pose(*(_numbers(origin.get(key, "0 0 0"), 3, f"{key} of {where}") for key in ("xyz", "rpy")))
+
+
+def _sdf(model: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
+    for tag in ("model", "include"):
+        if model.find(tag) is not None:
+            raise ValueError(f"model {model.get('name')!r}: a <{tag}> inside a model is not supported")
+    places = {e.get("name", ""): e for tag in ("link", "joint", "frame") for e in model.iterfind(tag)}
+
+    def place(name: str, trail: tuple[str, ...] = ()) -> Pose:
+        """Of a link, joint or frame, in axes of the model."""
+        if name == MODEL:
+            return np.eye(4)
+        if name not in places or name in trail:
+            raise ValueError(f"the pose of {trail[-1]!r} is relative to {name!r}, which has none")
+        element = places[name]
+        pose = element.find("pose")
+        usual = element.findtext("child") if element.tag == "joint" else element.get("attached_to")
+        base = (None if pose is None else pose.get("relative_to")) or usual or MODEL
+        return place(base, (*trail, name)) @ _sdf_pose(pose, f"{element.tag} {name!r}")
+
+    inertials = {link.get("name", ""): _sdf_inertial(link) for link in model.iterfind("link")}
+    joints = []
+    for joint in model.iterfind("joint"):
+        parent, child = (joint.findtext(end, "").strip() for end in ("parent", "child"))
+        if "world" not in (parent, child):
+            _check_links(f"joint {joint.get('name')!r}", (parent, child), inertials)
+            pose = np.linalg.inv(place(parent)) @ place(child)
+            joints.append(Joint(parent, child, pose, joint.get("type") == "fixed"))
+    return inertials, tuple(joints)
+
+
+def _sdf_inertial(link: Element) -> Inertial:
+    where = f"link {link.get('name')!r}"
+    inertial = link.find("inertial")
+    if inertial is None:
+        return Inertial(1.0, np.zeros(3), np.eye(3))
+    if inertial.get("auto") == "true":
+        raise ValueError(f"{where}: an inertial with auto='true' is not supported: write its numbers")
+    (mass,) = _numbers(inertial.findtext("mass", "1"), 1, f"mass of {where}")
+    numbers = {e.tag: e.text or "" for e in inertial.iterfind("inertia/*")}
+    at_com = Inertial(mass, np.zeros(3), _tensor(numbers, 1.0, where))
+    return _seen_from(_sdf_pose(inertial.find("pose"), where), at_com)
+
+
+def _sdf_pose(pose: Element | None, where: str) -> Pose:
+    if pose is None or not (pose.text or "").strip():
+        return np.eye(4)
+    if pose.get("rotation_format") == "quat_xyzw":
+        numbers = _numbers(pose.text, 7, f"pose of {where}")
+        matrix = _pose(numbers[:3], (0.0, 0.0, 0.0))
+        matrix[:3, :3] = Quaternion(*numbers[3:]).rotation()[:3]
+        return matrix
+    numbers = _numbers(pose.text, 6, f"pose of {where}")
+    unit = math.pi / 180 if pose.get("degrees") == "true" else 1.0
+    return _pose(numbers[:3], [unit * angle for angle in numbers[3:]])
+
+
+def _pose(xyz: Any, rpy: Any) -> Pose:
+    """Roll about x, then pitch about y, then yaw about z: fixed axes, as in both formats."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    pose = np.eye(4)
+    pose[:3, :3] = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    pose[:3, 3] = xyz
+    return pose
+
+
+def _tensor(numbers: Any, moment: float, where: str) -> Any:
+    """From ``ixx`` and so on; moments left out are ``moment``, products 0."""
+
+    def number(name: str) -> float:
+        usual = moment if name[1] == name[2] else 0.0
+        return _numbers(numbers.get(name, str(usual)), 1, f"{name} of {where}")[0]
+
+    xx, xy, xz, yy, yz, zz = map(number, ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def _numbers(text: str | None, count: int, what: str) -> list[float]:
+    try:
+        numbers = [float(word) for word in (text or "").split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise ValueError(f"{what}: must be {count} finite numbers, is {text!r}")
+    return numbers
+
+
+def _child(owner: Element, tag: str, where: str) -> Element:
+    child = owner.find(tag)
+    if child is None:
+        raise ValueError(f"{where} has no <{tag}>")
+    return child
+
+
+def _check_links(where: str, ends: tuple[str, str], links: dict[str, Inertial]) -> None:
+    for end in ends:
+        if end not in links:
+            raise ValueError(f"{where}: there is no link {end!r}")

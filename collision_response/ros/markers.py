@@ -1,0 +1,185 @@
+"""Answers as standard messages: markers for RViz and Foxglove, and wrenches.
+
+A node of its own: what it shows is all in the results of the service.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import count, pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import Point, WrenchStamped
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from ..msg import CollisionResult, SceneResult
+from ..physics.vector import Vec3
+from ..status import StatusCode
+from .convert import vector_message
+from .parameters import Declaration, declare
+from .process import run
+
+DECLARATIONS = (
+    Declaration("metres_per_newton_second", 0.1, "Length of an impulse's arrow [m/(N s)].", 1e-9, 1e9),
+    Declaration("size", 0.1, "Length of a normal's arrow [m]; points and shafts go with it.", 1e-9, 1e9),
+    Declaration("lifetime", 1.0, "Time [s] for which an impact is shown. 0: for ever."),
+    Declaration(
+        "contact_duration",
+        1.0,
+        "Time [s] by which an impulse is divided for a wrench. 1: its numbers are N s and N m s.",
+        1e-9,
+        1e9,
+    ),
+)
+
+RESULTS = QoSProfile(depth=100)
+
+RED, GREY, GREEN, VIOLET = (
+    ColorRGBA(r=r / 255, g=g / 255, b=b / 255, a=a)
+    for r, g, b, a in ((220, 80, 80, 1.0), (150, 150, 150, 1.0), (110, 190, 110, 1.0), (160, 120, 210, 0.3))
+)
+"""As in recordings."""
+
+ROUND = np.linspace(0.0, 2 * np.pi, 33)
+
+
+class Drawing(NamedTuple):
+    """How impacts are drawn: the parameters of the same names."""
+
+    metres_per_newton_second: float
+    size: float
+    lifetime: float
+
+
+class Touch(NamedTuple):
+    """What is drawn of a contact; ``normal`` is of length 1."""
+
+    position: Vec3
+    normal: Vec3
+    friction: float
+    impulse: Vec3
+
+
+def touches_of(result: CollisionResult | SceneResult) -> list[Touch]:
+    """The contacts of an answer; none of a refusal."""
+    if not StatusCode(result.status.code).is_answer:
+        return []
+    if isinstance(result, CollisionResult):
+        return [_touch(result.contact, result.impulse)]
+    return [
+        _touch(contact, impulse) for contact, impulse in zip(result.contacts, result.impulses, strict=True)
+    ]
+
+
+def markers_of(
+    header: Any, touches: Sequence[Touch], drawing: Drawing, numbers: Iterator[int]
+) -> MarkerArray:
+    """A point, two arrows and a cone for each contact, with the next of ``numbers`` as their id.
+
+    The cone has the directions that friction allows the impulse, and its edge is as long as the impulse: one
+    that slides ends on the rim. Without friction or impulse there is none.
+    """
+    array = MarkerArray()
+    for touch in touches:
+        number = next(numbers) % 2**31
+        for namespace, kind, colour, scale, points in _shapes(touch, drawing):
+            marker = Marker(header=header, ns=namespace, id=number, type=kind, color=colour, points=points)
+            marker.scale.x, marker.scale.y, marker.scale.z = scale
+            marker.pose.orientation.w = 1.0
+            seconds, rest = divmod(drawing.lifetime, 1.0)
+            marker.lifetime = Duration(sec=int(seconds), nanosec=int(rest * 1e9))
+            array.markers.append(marker)
+    return array
+
+
+def wrench_of(header: Any, touch: Touch, contact_duration: float) -> WrenchStamped:
+    """The mean force on body_a while the impact lasts, and its moment about the origin of the frame.
+
+    Args:
+        header: of the answer.
+        touch: its contact.
+        contact_duration: ``T`` [s]: force ``P/T`` [N], torque ``x cross P/T`` [N m].
+    """
+    wrench = WrenchStamped(header=header)
+    wrench.wrench.force = vector_message(touch.impulse / contact_duration)
+    wrench.wrench.torque = vector_message(touch.position.cross(touch.impulse) / contact_duration)
+    return wrench
+
+
+def _touch(contact: Any, impulse: Any) -> Touch:
+    x, n, p = (Vec3(v.x, v.y, v.z) for v in (contact.position, contact.normal, impulse))
+    n = n / max(map(abs, n))  # of any length, its square perhaps too small
+    return Touch(x, n / n.norm(), contact.friction, p)
+
+
+def _shapes(touch: Touch, drawing: Drawing) -> Iterator[tuple[str, int, ColorRGBA, Any, list[Point]]]:
+    """Namespace, type, colour, scale and points of each marker."""
+    size, tip = drawing.size, touch.impulse * drawing.metres_per_newton_second
+    shaft = (size / 10, size / 5, 0.0)
+    here = np.array(touch.position)
+    yield "point", Marker.SPHERE_LIST, RED, (size / 5,) * 3, _points([here])
+    yield "normal", Marker.ARROW, GREY, shaft, _points([here, here + size * np.array(touch.normal)])
+    if not tip.norm():
+        return
+    yield "impulse", Marker.ARROW, GREEN, shaft, _points([here, here + np.array(tip)])
+    if touch.friction > 0:
+        rim = here + tip.norm() * _rim(np.array(touch.normal), math.atan(touch.friction))
+        corners = [corner for a, b in pairwise(rim) for corner in (here, a, b)]
+        yield "friction cone", Marker.TRIANGLE_LIST, VIOLET, (1.0, 1.0, 1.0), _points(corners)
+
+
+def _rim(normal: Any, angle: float) -> Any:
+    """Unit vectors at an angle to the normal, all round it."""
+    across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    across /= np.linalg.norm(across)
+    circle = np.outer(np.cos(ROUND), across) + np.outer(np.sin(ROUND), np.cross(normal, across))
+    return math.cos(angle) * normal + math.sin(angle) * circle
+
+
+def _points(rows: Any) -> list[Point]:
+    return [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in rows]
+
+
+class ContactMarkers(Node):
+    """Shows the answers of the service.
+
+    Interfaces (all may be remapped):
+        subscriptions ``collision_response/result``, ``collision_response/scene_result``.
+        publisher ``collision_response/markers``: every contact of every answer.
+        publisher ``collision_response/wrench``: of every single impact, on body_a.
+
+    Args:
+        options: those of :class:`rclpy.node.Node`.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(
+            "collision_response_markers", automatically_declare_parameters_from_overrides=True, **options
+        )
+        declare(self, DECLARATIONS)
+        self._numbers = count()
+        self._markers = self.create_publisher(MarkerArray, "collision_response/markers", 100)
+        self._wrenches = self.create_publisher(WrenchStamped, "collision_response/wrench", 100)
+        self.create_subscription(CollisionResult, "collision_response/result", self._hear, RESULTS)
+        self.create_subscription(SceneResult, "collision_response/scene_result", self._hear, RESULTS)
+
+    def _hear(self, result: CollisionResult | SceneResult) -> None:
+        touches = touches_of(result)
+        if not touches:
+            return
+        drawing = Drawing(*(self.get_parameter(name).value for name in Drawing._fields))
+        self._markers.publish(markers_of(result.header, touches, drawing, self._numbers))
+        if isinstance(result, CollisionResult):
+            duration = self.get_parameter("contact_duration").value
+            self._wrenches.publish(wrench_of(result.header, touches[0], duration))
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node until SIGINT or SIGTERM."""
+    return run(ContactMarkers, args)

@@ -1,0 +1,193 @@
+"""MuJoCo finds the contacts, the service resolves them, and MuJoCo goes on with the velocities.
+
+    pip install mujoco    # or all of it: make examples
+    python examples/mujoco_bounce.py
+
+MuJoCo's own contacts are springs with dampers: how high a ball bounces follows from their stiffness. Here
+restitution is a number, and the kinetic energy that MuJoCo itself finds missing after each impact is what the
+service says is lost.
+
+A step is Moreau's: forces change velocities, then impacts do, and then bodies move.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+import rclpy
+from rclpy.qos import HistoryPolicy, QoSProfile
+
+from collision_response import Body, Contact, ImpactModel, Law
+from collision_response.demo.__main__ import free_domain
+from collision_response.demo.node_process import NodeProcess
+from collision_response.ros.scene_client import pack
+from collision_response.srv import ResolveScene
+
+BALL, BOX = 1, 2
+HEIGHT, RADIUS = 1.0, 0.1
+RESTITUTION = {BALL: 0.8, BOX: 0.4}
+FRICTION = 0.3
+GRAVITY, STEP, STEPS = 9.81, 0.001, 1600
+
+STIFFNESS = 1e5
+DAMPING = -2 * np.sqrt(STIFFNESS) * np.log(RESTITUTION[BALL]) / np.hypot(np.pi, np.log(RESTITUTION[BALL]))
+"""Of MuJoCo's spring [1/s^2] and damper [1/s]: after half a period of the two, e of the speed is left."""
+
+SCENE = f"""
+<mujoco>
+  <option timestep="{STEP}" gravity="0 0 -{GRAVITY}" cone="elliptic"/>
+  <default>
+    <geom friction="{FRICTION} 0 0" solref="-{STIFFNESS} -{DAMPING}" solimp="0.99 0.99 0.001"/>
+  </default>
+  <worldbody>
+    <geom type="plane" size="5 5 0.1"/>
+    <body pos="0 0 {HEIGHT + RADIUS}"><freejoint/><geom type="sphere" size="{RADIUS}" mass="1"/></body>
+    <body pos="1 0 0.6" euler="20 30 0">
+      <freejoint/>
+      <geom type="box" size="0.2 0.15 0.1" mass="2"/>
+      <geom type="sphere" size="0.05" pos="0.1 0.05 0.05" mass="1"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+class Run(NamedTuple):
+    """What became of the bodies.
+
+    Attributes:
+        heights: of the lowest point of the ball after each step [m].
+        gained: most kinetic energy [J] that a scene gave to all bodies.
+        books: greatest difference of MuJoCo's energies and those of the answers [J].
+        impacts: number of requests.
+    """
+
+    heights: np.ndarray
+    gained: float
+    books: float
+    impacts: int
+
+
+def body_of(model: Any, data: Any, i: int) -> Body:
+    """A body of MuJoCo: free, or one that does not give way.
+
+    MuJoCo's velocity of a free joint is that of the origin, in world axes; the angular one is in body axes.
+    The inertia is in axes of its own, at the centre of mass.
+    """
+    if not model.body_dofnum[i]:
+        return Body.static()
+    turn = np.empty(9)
+    mujoco.mju_quat2Mat(turn, model.body_iquat[i])
+    inertia = turn.reshape(3, 3) @ np.diag(model.body_inertia[i]) @ turn.reshape(3, 3).T
+    velocity, spin = data.qvel[dofs(model, i)].reshape(2, 3)
+    w, x, y, z = data.xquat[i]
+    to_world = data.xmat[i].reshape(3, 3)
+    place, com = data.xpos[i], model.body_ipos[i]
+    return Body.dynamic(model.body_mass[i], inertia, place, (x, y, z, w), velocity, to_world @ spin, com)
+
+
+def dofs(model: Any, i: int) -> slice:
+    """Where the six velocities of a free body are."""
+    return slice(model.body_dofadr[i], model.body_dofadr[i] + 6)
+
+
+def request_of(model: Any, data: Any) -> ResolveScene.Request:
+    """All contacts that MuJoCo has found. Its normals point to the second body, ours to the first."""
+    bodies = [body_of(model, data, i) for i in range(model.nbody)]
+    pairs, contacts = [], []
+    for contact in data.contact:
+        b, a = (int(model.geom_bodyid[geom]) for geom in contact.geom)
+        e = min(RESTITUTION.get(a, 1.0), RESTITUTION.get(b, 1.0))
+        pairs.append((a, b))
+        contacts.append(Contact.of(contact.pos, contact.frame[:3], e, contact.friction[0]))
+    return pack(bodies, pairs, contacts, ImpactModel(Law.COULOMB))
+
+
+def energy(model: Any, data: Any) -> float:
+    """Kinetic energy by MuJoCo's own mass matrix."""
+    momentum = np.empty(model.nv)
+    mujoco.mj_mulM(model, data, momentum, data.qvel)
+    return float(data.qvel @ momentum) / 2
+
+
+def by_the_service(model: Any, ask: Any) -> Run:
+    """MuJoCo without its contact forces."""
+    data = mujoco.MjData(model)
+    heights, gained, books, impacts = [], 0.0, 0.0, 0
+    for _ in range(STEPS):
+        mujoco.mj_forward(model, data)
+        data.qvel += STEP * data.qacc_smooth
+        if data.ncon:
+            result, before = ask(request_of(model, data)), energy(model, data)
+            for i, twist in enumerate(result.twists):
+                if model.body_dofnum[i]:
+                    spin = [twist.angular.x, twist.angular.y, twist.angular.z] @ data.xmat[i].reshape(3, 3)
+                    data.qvel[dofs(model, i)] = twist.linear.x, twist.linear.y, twist.linear.z, *spin
+            change = energy(model, data) - before
+            books = max(books, abs(change + result.energy_lost_restitution + result.energy_lost_friction))
+            gained, impacts = max(gained, change), impacts + 1
+        mujoco.mj_integratePos(model, data.qpos, data.qvel, STEP)
+        heights.append(data.qpos[2] - RADIUS)
+    return Run(np.array(heights), gained, books, impacts)
+
+
+def by_mujoco(model: Any) -> np.ndarray:
+    """The heights with MuJoCo as it is."""
+    data, heights = mujoco.MjData(model), []
+    for _ in range(STEPS):
+        mujoco.mj_step(model, data)
+        heights.append(data.qpos[2] - RADIUS)
+    return np.array(heights)
+
+
+def rebounds(heights: np.ndarray) -> np.ndarray:
+    """The heights of the tops between bounces."""
+    inner = heights[1:-1]
+    return inner[(inner > heights[:-2]) & (inner >= heights[2:]) & (inner > 0)]
+
+
+def main() -> None:
+    """Print how high the ball bounces, and check it."""
+    model = mujoco.MjModel.from_xml_string(SCENE)
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ["ROS_DOMAIN_ID"] = str(free_domain())
+    with NodeProcess({}):
+        rclpy.init()
+        node = rclpy.create_node("mujoco_bounce")
+        qos = QoSProfile(history=HistoryPolicy.KEEP_ALL)
+        client = node.create_client(ResolveScene, "collision_response/resolve_scene", qos_profile=qos)
+        client.wait_for_service()
+
+        def ask(request: ResolveScene.Request) -> Any:
+            future = client.call_async(request)
+            rclpy.spin_until_future_complete(node, future)
+            response = future.result()
+            assert response.success, response.result.status.message
+            return response.result
+
+        ours = by_the_service(model, ask)
+        node.destroy_node()
+        rclpy.shutdown()
+
+    e = RESTITUTION[BALL]
+    exact = HEIGHT * e ** (2 * np.arange(1, 3))
+    print(f"a ball falls {HEIGHT:g} m, e = {e:g}; tops of its bounces [m]")
+    for name, tops in (
+        ("exact", exact),
+        ("service", rebounds(ours.heights)),
+        ("MuJoCo", rebounds(by_mujoco(model))),
+    ):
+        print(f"  {name:8}", "  ".join(f"{top:.4f}" for top in tops[:2]))
+    print(f"{ours.impacts} scenes of ball and box; most energy gained in one: {ours.gained:.1e} J")
+    print(f"MuJoCo's energies differ from the books of the answers by {ours.books:.1e} J")
+    way = STEP * np.sqrt(2 * GRAVITY * HEIGHT)  # in one step: so far too late a contact may be found
+    assert np.abs(rebounds(ours.heights)[:2] - exact).max() < 2 * way
+    assert ours.books < 1e-12
+    assert ours.gained < 1e-12
+
+
+if __name__ == "__main__":
+    main()

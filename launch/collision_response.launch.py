@@ -1,0 +1,47 @@
+"""The node, and beside it what feeds it and what shows its answers.
+
+ros2 launch collision_response collision_response.launch.py states:=true markers:=true
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+PACKAGE = "collision_response"
+PARAMETERS = PathJoinSubstitution([FindPackageShare(PACKAGE), "config", "collision_response.yaml"])
+
+
+def generate_launch_description() -> LaunchDescription:
+    """One argument for each choice; ``ros2 launch --show-args`` lists them."""
+
+    def node(executable: str, **options: object) -> Node:
+        use_sim_time = ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool)
+        return Node(
+            package=PACKAGE,
+            executable=executable,
+            namespace=LaunchConfiguration("namespace"),
+            parameters=[LaunchConfiguration("params_file"), {"use_sim_time": use_sim_time}],
+            output="screen",
+            **options,
+        )
+
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument(
+                "params_file", default_value=PARAMETERS, description="parameters of all nodes"
+            ),
+            DeclareLaunchArgument("namespace", default_value="", description="of all nodes"),
+            DeclareLaunchArgument("use_sim_time", default_value="false", description="time from /clock"),
+            DeclareLaunchArgument("states", default_value="false", description="body states from odom or TF"),
+            DeclareLaunchArgument(
+                "markers", default_value="false", description="answers for RViz or Foxglove"
+            ),
+            node("collision_response_node"),
+            node("collision_response_states", condition=IfCondition(LaunchConfiguration("states"))),
+            node("collision_response_markers", condition=IfCondition(LaunchConfiguration("markers"))),
+        ]
+    )

@@ -1,0 +1,177 @@
+"""Bodies from URDF and SDF."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from collision_response import Body
+from collision_response.description import Description
+from collision_response.physics import mass_properties
+from collision_response.physics.tensor import Symmetric3
+from collision_response.physics.vector import Vec3
+
+ROUNDING = 1e-14
+"""A few operations on numbers of size 1."""
+
+
+def urdf(*parts: str) -> str:
+    return f"<robot name='robot'>{''.join(parts)}</robot>"
+
+
+def link(name: str, mass: float, moments=(0.0, 0.0, 0.0), xyz="0 0 0", rpy="0 0 0") -> str:
+    xx, yy, zz = moments
+    return (
+        f"<link name='{name}'><inertial><origin xyz='{xyz}' rpy='{rpy}'/><mass value='{mass}'/>"
+        f"<inertia ixx='{xx!r}' ixy='0' ixz='0' iyy='{yy!r}' iyz='0' izz='{zz!r}'/></inertial></link>"
+    )
+
+
+def joint(parent: str, child: str, kind="fixed", xyz="0 0 0", rpy="0 0 0") -> str:
+    return (
+        f"<joint name='{parent}-{child}' type='{kind}'><parent link='{parent}'/><child link='{child}'/>"
+        f"<origin xyz='{xyz}' rpy='{rpy}'/></joint>"
+    )
+
+
+def sdf(*parts: str, before: str = "") -> str:
+    return f"<sdf version='1.9'>{before}<model name='model'>{''.join(parts)}</model></sdf>"
+
+
+def body_of(text: str, name: str, **options):
+    return Description.read(text).mass_properties(name, **options)
+
+
+def agree(found, expected):
+    assert found.mass == pytest.approx(expected.mass, rel=ROUNDING)
+    assert tuple(found.com) == pytest.approx(tuple(expected.com), abs=ROUNDING)
+    assert tuple(found.inertia) == pytest.approx(tuple(expected.inertia), abs=ROUNDING)
+
+
+def test_a_link_as_it_is_written():
+    found = body_of(urdf(link("base", 2.0, (0.1, 0.2, 0.25), "0.1 0.2 0.3")), "base")
+    assert found == (2.0, Vec3(0.1, 0.2, 0.3), Symmetric3(0.1, 0.0, 0.0, 0.2, 0.0, 0.25))
+
+
+def test_roll_pitch_and_yaw_turn_in_that_order_about_fixed_axes():
+    """A quarter turn about x, then y, then z takes x to -z, then stays; y to z, to x, to y; z to -y, to x."""
+    found = body_of(urdf(link("base", 1.0, (1.0, 2.0, 2.5), rpy=f"{math.pi / 2} {math.pi / 2} 0")), "base")
+    # roll: y -> z, z -> -y; pitch: z -> x, x -> -z: the principal axes x, y, z lie along -z, x, -y
+    assert tuple(found.inertia) == pytest.approx((2.0, 0, 0, 2.5, 0, 1.0), abs=ROUNDING)
+    yaw = body_of(urdf(link("base", 1.0, (1.0, 2.0, 2.5), rpy=f"0 0 {math.pi / 4}")), "base")
+    assert tuple(yaw.inertia) == pytest.approx((1.5, -0.5, 0, 1.5, 0, 2.5), abs=ROUNDING)
+
+
+def test_two_halves_joined_are_the_whole():
+    """A box cut across x, its halves turned and moved by joints, about its corner."""
+    size = (0.4, 0.6, 0.2)
+    half = mass_properties.box(1.5, (0.2, 0.6, 0.2)).inertia
+    moments = half.xx, half.yy, half.zz
+    turned = half.yy, half.xx, half.zz  # in the axes of a link that is a quarter turn about z ahead
+    text = urdf(
+        "<link name='corner'/>",
+        link("left", 1.5, moments, xyz="0.1 0.3 0.1"),
+        link("right", 1.5, turned),
+        joint("corner", "left"),
+        joint("left", "right", xyz="0.3 0.3 0.1", rpy=f"0 0 {math.pi / 2}"),
+    )
+    whole = mass_properties.box(3.0, size)
+    agree(body_of(text, "corner"), whole._replace(com=Vec3(0.2, 0.3, 0.1)))
+    agree(body_of(text, "left"), whole._replace(com=Vec3(0.2, 0.3, 0.1)))
+    # from the right half's frame: x there is y of the box, y there is -x
+    xx, _, _, yy, _, zz = whole.inertia
+    agree(
+        body_of(text, "right"), whole._replace(com=Vec3(0, 0.1, 0), inertia=Symmetric3(yy, 0, 0, xx, 0, zz))
+    )
+
+
+def test_links_on_movable_joints_belong_to_the_body_only_if_they_are_locked():
+    text = urdf(
+        "<link name='base_footprint'/>",
+        link("base_link", 8.0),
+        link("left_wheel", 1.0),
+        link("right_wheel", 1.0),
+        joint("base_footprint", "base_link", xyz="0 0 0.1"),
+        joint("base_link", "left_wheel", "continuous", xyz="0 0.25 0"),
+        joint("base_link", "right_wheel", "continuous", xyz="0 -0.25 0"),
+    )
+    assert body_of(text, "base_footprint").mass == 8.0
+    assert body_of(text, "left_wheel").mass == 1.0
+    robot = body_of(text, "base_footprint", locked=True)
+    assert robot.mass == 10.0
+    assert tuple(robot.com) == pytest.approx((0, 0, 0.1), abs=ROUNDING)
+    assert tuple(robot.inertia) == pytest.approx((0.125, 0, 0, 0, 0, 0.125), abs=ROUNDING)
+    assert body_of(text, "left_wheel", locked=True).com.y == pytest.approx(-0.25)
+
+
+def test_a_body_of_it_is_one_for_the_core():
+    found = body_of(urdf(link("base", 2.0, (0.1, 0.2, 0.25), "0.1 0 0")), "base")
+    body = Body.dynamic(found.mass, found.inertia, com=found.com)
+    assert (body.mass, body.com, body.inertia) == found
+
+
+def test_links_of_an_sdf_are_placed_in_the_model():
+    text = sdf(
+        "<link name='a'><pose>0 0 1 0 0 0</pose><inertial><mass>1</mass></inertial></link>",
+        "<link name='b'><pose degrees='true'>0 0 2 0 90 0</pose><inertial><pose>0 0 1 0 0 0</pose>"
+        "<mass>1</mass><inertia><ixx>0.5</ixx></inertia></inertial></link>",
+        "<joint name='j' type='fixed'><parent>a</parent><child>b</child></joint>",
+    )
+    found = body_of(text, "a")  # b's mass lies one metre along its z axis, which is x
+    assert (found.mass, *found.com) == pytest.approx((2.0, 0.5, 0.0, 0.5), abs=ROUNDING)
+    # own: 1 and (1, 1, .5); of places half of (1, 0, 1) to either side: 1/2 times (1, 2, 1), xz -1/2
+    assert tuple(found.inertia) == pytest.approx((2.5, 0, -0.5, 3.0, 0, 2.0), abs=ROUNDING)
+
+
+def test_an_sdf_says_what_a_pose_is_relative_to():
+    text = sdf(
+        "<frame name='f' attached_to='a'><pose>1 0 0 0 0 0</pose></frame>",
+        "<link name='a'><pose relative_to='__model__'>0 1 0 0 0 0</pose></link>",
+        "<link name='b'><pose relative_to='j' rotation_format='quat_xyzw'>0 0 1  0 0 1 0</pose></link>",
+        "<joint name='j' type='fixed'><pose relative_to='f'/><parent>a</parent><child>b</child></joint>",
+        "<joint name='ground' type='fixed'><parent>world</parent><child>a</child></joint>",
+    )
+    found = body_of(text, "a")
+    assert (found.mass, *found.com) == pytest.approx((2.0, 0.5, 0.0, 0.5), abs=ROUNDING)
+    (joint,) = Description.read(text).joints
+    np.testing.assert_allclose(joint.pose[:3, :3], np.diag([-1.0, -1.0, 1.0]), atol=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "the description is no XML: no element found"),
+        ("<robot", "the description is no XML"),
+        ("<html/>", "must be a URDF <robot>, or an <sdf> with one <model>; is a <html> with 0"),
+        (sdf(before="<model name='other'/>"), "is a <sdf> with 2"),
+        (urdf(link("base", "${m}")), "mass of link 'base': must be 1 finite numbers, is '${m}'"),
+        (urdf(link("base", math.inf)), "mass of link 'base': must be 1 finite numbers, is 'inf'"),
+        (urdf(link("base", 1.0, xyz="0 0")), "xyz of link 'base': must be 3 finite numbers, is '0 0'"),
+        (urdf("<link name='a'><inertial/></link>"), "link 'a' has no <mass>"),
+        (urdf(link("a", 1.0), joint("a", "b")), "joint 'a-b': there is no link 'b'"),
+        (sdf("<include/>"), "model 'model': a <include> inside a model is not supported"),
+        (sdf("<link name='a'><inertial auto='true'/></link>"), "link 'a': an inertial with auto='true'"),
+        (
+            sdf(
+                "<frame name='f' attached_to='g'/><frame name='g' attached_to='f'/>",
+                "<link name='a'><pose relative_to='f'/></link><link name='b'/>",
+                "<joint name='j' type='fixed'><parent>a</parent><child>b</child></joint>",
+            ),
+            "the pose of 'g' is relative to 'f', which has none",
+        ),
+    ],
+)
+def test_what_cannot_be_read_is_refused_by_name(text, message):
+    with pytest.raises(ValueError) as refusal:
+        Description.read(text)
+    assert message in str(refusal.value)
+
+
+def test_what_is_no_body_is_refused_by_name():
+    description = Description.read(urdf("<link name='world'/>", link("base", 1.0)))
+    with pytest.raises(ValueError, match="'robot' has no link 'bass'; it has world, base"):
+        description.mass_properties("bass")
+    with pytest.raises(ValueError, match="link 'world' of 'robot' has no mass"):
+        description.mass_properties("world")

@@ -1,0 +1,128 @@
+"""Answers as markers and wrenches."""
+
+from __future__ import annotations
+
+import math
+from itertools import count
+
+import numpy as np
+import pytest
+
+pytest.importorskip("visualization_msgs")
+
+from geometry_msgs.msg import WrenchStamped
+from rclpy.parameter import Parameter
+from ros_graph import balls_meet, until
+from std_msgs.msg import Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from collision_response import Body, Contact, StatusCode
+from collision_response.msg import CollisionResult
+from collision_response.physics.vector import Vec3
+from collision_response.ros.markers import ContactMarkers, Drawing, Touch, markers_of, touches_of, wrench_of
+from collision_response.ros.scene_client import pack
+
+DRAWING = Drawing(metres_per_newton_second=0.5, size=0.25, lifetime=1.5)
+SLIDES = Touch(Vec3(1.0, 2.0, 3.0), Vec3(0.0, 0.6, 0.8), 0.75, Vec3(-3.0, 2.4, 3.2))
+"""An impulse of 4 N s along the normal, and 3 N s across: on the edge of the cone of friction 3/4."""
+
+
+def drawn(*touches: Touch) -> dict[str, Marker]:
+    markers = markers_of(Header(frame_id="world"), touches, DRAWING, count()).markers
+    return {marker.ns: marker for marker in markers}
+
+
+def points(marker: Marker) -> np.ndarray:
+    return np.array([(p.x, p.y, p.z) for p in marker.points])
+
+
+def test_arrows_show_normal_and_impulse():
+    markers = drawn(SLIDES)
+    np.testing.assert_allclose(points(markers["point"]), [(1, 2, 3)])
+    np.testing.assert_allclose(points(markers["normal"]), [(1, 2, 3), (1, 2.15, 3.2)])
+    np.testing.assert_allclose(points(markers["impulse"]), [(1, 2, 3), (-0.5, 3.2, 4.6)])
+    assert {marker.header.frame_id for marker in markers.values()} == {"world"}
+    assert {(marker.lifetime.sec, marker.lifetime.nanosec) for marker in markers.values()} == {
+        (1, 500_000_000)
+    }
+    assert all(marker.color.a > 0 and marker.scale.x > 0 for marker in markers.values())  # else none is seen
+    assert all(marker.pose.orientation.w == 1.0 for marker in markers.values())
+
+
+@pytest.mark.parametrize("normal", [(0.0, 0.6, 0.8), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)])
+@pytest.mark.parametrize("friction", [1e-3, 0.75, 1000.0])
+def test_the_rim_of_the_cone_is_where_an_impulse_that_slides_ends(normal, friction):
+    touch = SLIDES._replace(normal=Vec3(*normal), friction=friction)
+    triangles = points(drawn(touch)["friction cone"]).reshape(-1, 3, 3) - np.array(touch.position)
+    apex, rim = triangles[:, 0], triangles[:, 1]
+    np.testing.assert_array_equal(apex, 0.0)
+    along = rim @ np.array(normal)
+    across = np.linalg.norm(rim - np.outer(along, normal), axis=1)
+    np.testing.assert_allclose(across / along, friction, rtol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(rim, axis=1), 2.5)
+    np.testing.assert_allclose(triangles[:, 2], np.roll(rim, -1, axis=0), atol=1e-12)  # it is closed
+    np.testing.assert_allclose(rim.mean(axis=0), along.mean() * np.array(normal), atol=1e-12)
+
+
+def test_without_impulse_or_friction_there_is_no_cone():
+    assert drawn(SLIDES._replace(friction=0.0)).keys() == {"point", "normal", "impulse"}
+    assert drawn(SLIDES._replace(impulse=Vec3(0.0, 0.0, 0.0))).keys() == {"point", "normal"}
+
+
+def test_each_contact_has_a_number_of_its_own():
+    numbers = count(2**31 - 1)
+    markers = markers_of(Header(), [SLIDES, SLIDES], DRAWING, numbers).markers
+    assert [marker.id for marker in markers] == [2**31 - 1] * 4 + [0] * 4
+
+
+def test_a_refusal_has_nothing_to_show_and_a_normal_may_have_any_length():
+    result = CollisionResult()
+    assert touches_of(result) == []
+    result.status.code = int(StatusCode.SEPARATING)
+    result.contact.normal.y = -1e-200
+    assert touches_of(result)[0].normal == (0, -1, 0)
+
+
+def test_a_wrench_is_of_the_origin_of_the_frame():
+    """Force P/T, torque x cross P/T."""
+    wrench = wrench_of(Header(frame_id="world"), SLIDES, 0.5)
+    assert (wrench.wrench.force.x, wrench.wrench.force.y, wrench.wrench.force.z) == (-6.0, 4.8, 6.4)
+    torque = wrench.wrench.torque.x, wrench.wrench.torque.y, wrench.wrench.torque.z
+    assert torque == pytest.approx((2 * (2 * 3.2 - 3 * 2.4), 2 * (-9 - 3.2), 2 * (2.4 + 6)))
+    assert wrench.header.frame_id == "world"
+
+
+def test_answers_are_shown_over_the_wire(graph):
+    """Of one impact four markers and a wrench less the cone; of a scene the markers of each contact."""
+    graph.serve()
+    graph.add(
+        ContactMarkers(
+            context=graph.context,
+            namespace=graph.namespace,
+            parameter_overrides=[Parameter("contact_duration", value=0.25)],
+        )
+    )
+    shown, wrenches = [], []
+    graph.user.create_subscription(MarkerArray, "collision_response/markers", shown.append, 10)
+    graph.user.create_subscription(WrenchStamped, "collision_response/wrench", wrenches.append, 10)
+
+    def ask(request, heard):
+        graph.call(request)
+        return heard[-1] if heard else None
+
+    request = balls_meet()  # 2 kg each, 4 m/s, e = 1/2: 6 N s
+    markers = until(lambda: ask(request, shown)).markers
+    assert [marker.ns for marker in markers] == ["point", "normal", "impulse"]
+    assert markers[0].header.frame_id == "world"
+    np.testing.assert_allclose(points(markers[2])[1], (0.6, 0, 0))
+    wrench = until(lambda: ask(request, wrenches))
+    assert (wrench.header.frame_id, wrench.wrench.force.x) == ("world", 24.0)
+
+    cube = Body.box(1.0, (1.0, 1.0, 1.0), position=(0.0, 0.0, 0.5), velocity=(0.0, 0.0, -1.0))
+    corners = [Contact.of((x, y, 0), (0, 0, 1), 0.5, 0.3) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+    shown.clear(), wrenches.clear()
+    scene = pack([cube, Body.static()], [(0, 1)] * 4, corners, frame_id="world")
+    until(lambda: ask(scene, shown) and any(len(array.markers) == 16 for array in shown))
+    array = next(array for array in shown if len(array.markers) == 16)
+    tips = [points(marker)[1] - points(marker)[0] for marker in array.markers if marker.ns == "impulse"]
+    assert math.fsum(tip[2] for tip in tips) == pytest.approx(0.1 * 1.5)

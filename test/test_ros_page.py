@@ -1,0 +1,76 @@
+"""What docs/ros.md tells a reader to type."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("nav_msgs")
+
+import yaml
+from ros_graph import assign, state_of, until
+
+from collision_response import Body
+from collision_response.msg import BodyState
+from collision_response.ros import markers, sources
+from collision_response.srv import ResolveCollision
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = (ROOT / "docs" / "ros.md").read_text()
+
+
+def xyz(*numbers: float) -> SimpleNamespace:
+    return SimpleNamespace(**dict(zip("xyz", numbers, strict=True)))
+
+
+def test_contacts_of_gazebo_become_a_request(graph):
+    """Shaped as ros_gz_interfaces/Contacts: a cube lands flat, known by its name, in full restitution."""
+    (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    names = {}
+    exec(code, names)
+    corners = [(x, y, 0.0) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+    contact = SimpleNamespace(
+        collision1=SimpleNamespace(name="crate::link::collision"),
+        collision2=SimpleNamespace(name="ground_plane::link::collision"),
+        positions=[xyz(*corner) for corner in corners],
+        normals=[xyz(0.0, 0.0, 1.0)] * 4,
+    )
+    graph.serve(restitution=1.0)
+    states = graph.user.create_publisher(BodyState, "body_states", 10)
+    state = state_of(Body.box(1.0, (1.0, 1.0, 1.0), position=(0.0, 0.0, 0.5), velocity=(0.0, 0.0, -1.0)))
+    state.name = "crate"
+
+    def ask():
+        states.publish(state)
+        response = graph.call(names["request_of"](SimpleNamespace(contacts=[contact])))
+        return response.result if response.success else None
+
+    result = until(ask)
+    assert list(result.body_names) == ["ground_plane", "crate"]
+    assert result.twists[1].linear.z == pytest.approx(1.0)
+    assert sum(impulse.z for impulse in result.impulses) == pytest.approx(2.0)
+
+
+def test_the_service_call_is_a_request():
+    (text,) = re.findall(r'ResolveCollision "(.*?)"\n', PAGE, re.DOTALL)
+    request = ResolveCollision.Request()
+    for owner, fields in yaml.safe_load(text).items():
+        for field, value in fields.items():
+            for name, number in value.items() if isinstance(value, dict) else [("", value)]:
+                assign(request, f"{owner}.{field}.{name}".rstrip("."), number)
+    assert (request.contact.body_a, request.body_b.motion_type) == ("base_footprint", BodyState.STATIC)
+
+
+def test_the_parameters_it_names_exist():
+    known = {declared.name for declared in (*sources.DECLARATIONS, *markers.DECLARATIONS)}
+    assert set(re.findall(r"-p '?(\w+):=", PAGE)) <= known
+    assert set(re.findall(r"param set /collision_response_markers (\w+)", PAGE)) <= known
+
+
+def test_the_files_it_names_exist():
+    names = re.findall(r"\]\((\.\./[\w/.-]+)", PAGE)
+    assert len(names) > 4
+    assert [name for name in names if not (ROOT / "docs" / name).exists()] == []

@@ -1,0 +1,272 @@
+"""States of bodies from odometry, TF and robot descriptions."""
+
+from __future__ import annotations
+
+import math
+import sys
+import types
+from itertools import count
+
+import pytest
+
+pytest.importorskip("nav_msgs")
+
+from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import Odometry
+from rclpy.parameter import Parameter
+from ros_graph import until
+from std_msgs.msg import String
+
+from collision_response import StatusCode
+from collision_response.msg import BodyState
+from collision_response.physics.mass_properties import MassProperties
+from collision_response.physics.tensor import Symmetric3
+from collision_response.physics.vector import Vec3
+from collision_response.ros import sources
+from collision_response.ros.process import Unusable
+from collision_response.ros.sources import LATCHED, BodySource, from_odometry, from_transforms, main
+from collision_response.srv import ResolveCollision
+
+MATTER = MassProperties(2.0, Vec3(0.5, 0.0, 0.0), Symmetric3(0.1, 0.01, 0.02, 0.2, 0.03, 0.25))
+ROUNDING = 1e-14
+"""A few operations on numbers of size 1."""
+
+ROBOT = """
+<robot name="robot">
+  <link name="base_footprint"/>
+  <link name="base_link">
+    <inertial><origin xyz="0.25 0 0"/><mass value="9"/><inertia ixx="1" iyy="1" izz="1"/></inertial>
+  </link>
+  <link name="wheel"><inertial><mass value="1"/><inertia/></inertial></link>
+  <joint name="fixed" type="fixed"><parent link="base_footprint"/><child link="base_link"/></joint>
+  <joint name="axle" type="continuous"><parent link="base_link"/><child link="wheel"/></joint>
+</robot>
+"""
+
+
+def components(message) -> tuple[float, ...]:
+    return tuple(getattr(message, name.lstrip("_")) for name in message.__slots__ if name != "_check_fields")
+
+
+def fill(message, *numbers: float) -> None:
+    for axis, number in zip("xyzw", numbers, strict=False):
+        setattr(message, axis, float(number))
+
+
+def odometry(*, turn=(0, 0, 0, 1), linear=(0, 0, 0), angular=(0, 0, 0), child="base_footprint") -> Odometry:
+    message = Odometry(child_frame_id=child)
+    message.header.frame_id, message.header.stamp.sec = "odom", 7
+    message.pose.pose.position.x = 3.0
+    fill(message.pose.pose.orientation, *turn)
+    fill(message.twist.twist.linear, *linear)
+    fill(message.twist.twist.angular, *angular)
+    return message
+
+
+def transform(
+    seconds: float, place=(0, 0, 0), angle: float = 0.0, axis=(0, 0, 1), sign=1
+) -> TransformStamped:
+    message = TransformStamped(child_frame_id="tool")
+    message.header.frame_id = "map"
+    message.header.stamp.sec, rest = int(seconds), seconds % 1
+    message.header.stamp.nanosec = round(rest * 1e9)
+    fill(message.transform.translation, *place)
+    s, c = sign * math.sin(angle / 2), sign * math.cos(angle / 2)
+    fill(message.transform.rotation, *(s * x for x in axis), c)
+    return message
+
+
+@pytest.mark.parametrize("length", [1.0, 2.0])
+def test_a_twist_in_axes_of_the_robot_becomes_one_in_axes_of_the_world(length):
+    """A quarter turn about z, of a quaternion of any length: x becomes y, y becomes -x."""
+    h = length * math.sqrt(0.5)
+    state = from_odometry(odometry(turn=(0, 0, h, h), linear=(1, 2, 3), angular=(4, 5, 6)), MATTER)
+    assert components(state.twist.linear) == pytest.approx((-2, 1, 3), abs=ROUNDING)
+    assert components(state.twist.angular) == pytest.approx((-5, 4, 6), abs=ROUNDING)
+    assert (state.header.frame_id, state.header.stamp.sec) == ("odom", 7)
+    assert (state.name, state.motion_type) == ("base_footprint", BodyState.DYNAMIC)
+    assert (state.pose.position.x, state.pose.orientation.z) == (3.0, h)
+    assert (state.restitution, state.friction) == (-1.0, -1.0)
+
+
+def test_mass_and_inertia_are_filled_in():
+    inertia = from_odometry(odometry(), MATTER, "robot").inertia
+    assert (inertia.m, inertia.com.x) == (2.0, 0.5)
+    assert tuple(getattr(inertia, f"i{x}") for x in Symmetric3._fields) == MATTER.inertia
+
+
+def test_an_odometry_without_orientation_is_refused():
+    with pytest.raises(ValueError, match="the quaternion of an orientation is 0"):
+        from_odometry(odometry(turn=(0, 0, 0, 0)), MATTER)
+
+
+@pytest.mark.parametrize("signs", [(1, 1), (1, -1), (-1, 1)])
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 0.3, -3.0])
+def test_two_transforms_give_the_mean_twist_between_them(angle, signs):
+    """A quaternion and its opposite are one orientation."""
+    axis = (0.48, -0.6, 0.64)
+    earlier = transform(1.5, (1, 2, 3), 0.7, axis, signs[0])
+    later = transform(2.0, (1, 2.5, 3), 0.7 + angle, axis, signs[1])
+    state = from_transforms(earlier, later, MATTER)
+    assert components(state.twist.linear) == pytest.approx((0, 1, 0), abs=ROUNDING)
+    spin = tuple(2 * angle * x for x in axis)
+    assert components(state.twist.angular) == pytest.approx(spin, abs=10 * ROUNDING)
+    assert (state.name, state.header, state.pose.position.y) == ("tool", later.header, 2.5)
+    assert state.pose.orientation == later.transform.rotation
+
+
+def test_the_axis_of_a_turn_is_that_of_the_world():
+    """First a quarter turn about z, then one about x of the world: of the body that was y."""
+    h = math.sqrt(0.5)
+    earlier, later = transform(0.0, (), math.pi / 2), transform(1.0)
+    fill(later.transform.rotation, 0.5, -0.5, 0.5, 0.5)  # (h, 0, 0, h) times (0, 0, h, h)
+    assert h * h == pytest.approx(0.5)
+    spin = components(from_transforms(earlier, later, MATTER).twist.angular)
+    assert spin == pytest.approx((math.pi / 2, 0, 0), abs=ROUNDING)
+
+
+def test_transforms_at_one_time_are_refused():
+    with pytest.raises(ValueError, match="must be some time apart, not 0"):
+        from_transforms(transform(1.0), transform(1.0), MATTER)
+
+
+@pytest.fixture
+def start(graph):
+    """Start the node under test; what it publishes is in ``heard``."""
+
+    def start(**parameters):
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        return graph.add(
+            BodySource(context=graph.context, namespace=graph.namespace, parameter_overrides=overrides)
+        )
+
+    start.heard = []
+    graph.user.create_subscription(BodyState, "body_states", start.heard.append, 10)
+    return start
+
+
+def test_a_robot_drives_against_a_wall(graph, start):
+    """From odometry and description to the twist after: the mass of all links, the wheel included."""
+    graph.serve()
+    start()
+    description = graph.user.create_publisher(String, "robot_description", LATCHED)
+    odom = graph.user.create_publisher(Odometry, "odom", 10)
+    until(odom.get_subscription_count)
+    h = math.sqrt(0.5)
+    driving = odometry(turn=(0, 0, h, h), linear=(2, 0, 0), child="robot1/base_footprint")
+
+    def ask():
+        odom.publish(driving)
+        request = ResolveCollision.Request()
+        request.contact.body_a = "robot1/base_footprint"
+        request.body_b.header.frame_id = request.contact.header.frame_id = "odom"
+        request.body_b.motion_type = BodyState.STATIC
+        fill(request.contact.position, 3, 0.25 * 0.9 + 1, 0)
+        request.contact.normal.y, request.contact.restitution = -1.0, 0.5
+        result = graph.call(request).result
+        return result if result.status.code != StatusCode.UNKNOWN_BODY else None
+
+    assert ask() is None  # nobody has said what it weighs
+    description.publish(String(data=ROBOT))
+    result = until(ask)
+    assert components(result.twist_a.linear) == pytest.approx((0, -1, 0), abs=ROUNDING)
+    assert components(result.impulse) == pytest.approx((0, -30, 0), abs=1e-12)
+    assert result.effective_mass == pytest.approx(10.0)
+
+
+def test_a_description_may_be_a_file_and_the_body_have_another_name(graph, start, tmp_path):
+    file = tmp_path / "box.sdf"
+    file.write_text(
+        "<sdf version='1.9'><model name='box'><link name='link'>"
+        "<inertial><mass>3</mass></inertial></link></model></sdf>"
+    )
+    start(description_file=str(file), name="crate")
+    odom = graph.user.create_publisher(Odometry, "odom", 10)
+    until(odom.get_subscription_count)
+    until(lambda: odom.publish(odometry(child="box/link")) or start.heard)
+    assert (start.heard[0].name, start.heard[0].inertia.m) == ("crate", 3.0)
+
+
+@pytest.fixture
+def tf2_ros(monkeypatch):
+    """tf2_ros; where it is not installed, what of it is used here. Its latest buffer is ``buffers[-1]``."""
+    try:
+        import tf2_ros
+    except ImportError:
+        tf2_ros = types.ModuleType("tf2_ros")
+        tf2_ros.TransformException = type("TransformException", (Exception,), {})
+
+        class Buffer:
+            def __init__(self):
+                self.latest = {}
+
+            def set_transform(self, transform, authority):
+                self.latest[transform.header.frame_id, transform.child_frame_id] = transform
+
+            def lookup_transform(self, target, source, time):
+                if (target, source) not in self.latest:
+                    raise tf2_ros.TransformException(f"no {source} in {target}")
+                return self.latest[target, source]
+
+        tf2_ros.Buffer, tf2_ros.TransformListener = Buffer, lambda buffer, node: None
+        monkeypatch.setitem(sys.modules, "tf2_ros", tf2_ros)
+    buffers = []
+
+    def make():
+        buffers.append(Buffer())
+        return buffers[-1]
+
+    Buffer = tf2_ros.Buffer
+    monkeypatch.setattr(tf2_ros, "Buffer", make)
+    tf2_ros.buffers = buffers
+    return tf2_ros
+
+
+def test_a_frame_of_tf_is_a_link_with_what_is_fixed_to_it(graph, start, tf2_ros, tmp_path):
+    file = tmp_path / "robot.urdf"
+    file.write_text(ROBOT.replace("base_footprint", "tool"))
+    start(description_file=str(file), frames=["tool", "lost"], world_frame="map", rate=1000.0)
+    (buffer,) = tf2_ros.buffers
+
+    steps = count()
+
+    def move():
+        i = next(steps)
+        buffer.set_transform(transform(1 + 0.001 * i, (0.002 * i, 0, 0), 0.004 * i), "test")
+
+    until(lambda: move() or len(start.heard) >= 5)
+    for state in start.heard:
+        assert (state.name, state.inertia.m, state.inertia.com.x) == ("tool", 9.0, 0.25)
+        assert components(state.twist.linear) == pytest.approx((2, 0, 0), abs=1e-9)
+        assert components(state.twist.angular) == pytest.approx((0, 0, 4), abs=1e-9)  # over a millisecond
+        seconds = state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec
+        assert state.pose.position.x == pytest.approx(2 * (seconds - 1))
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"frames": ["tool"]}, "frames needs world_frame"),
+        ({"description_file": "/nowhere.urdf"}, "description_file: .*No such file"),
+        ({"description_file": __file__}, "description_file: the description is no XML"),
+    ],
+)
+def test_what_it_cannot_start_with_it_says(start, parameters, message):
+    with pytest.raises(Unusable, match=message):
+        start(**parameters)
+
+
+def test_without_tf2_ros_it_says_what_to_install(start, monkeypatch):
+    monkeypatch.setitem(sys.modules, "tf2_ros", None)
+    with pytest.raises(Unusable, match=r"frames needs tf2_ros, .* apt install"):
+        start(frames=["tool"], world_frame="map")
+
+
+def test_a_start_that_fails_ends_with_1_and_one_line(ros_domain, capsys, monkeypatch):
+    def refuse():
+        raise Unusable("no\nsuch thing")
+
+    monkeypatch.setattr(sources, "BodySource", refuse)
+    monkeypatch.setattr("collision_response.ros.process.on_signal", lambda: None)
+    assert main([]) == 1
+    assert capsys.readouterr().err == "collision_response: no such thing\n"
