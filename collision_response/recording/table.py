@@ -71,8 +71,9 @@ def answer_of(row: Record) -> dict[str, Any]:
 
 
 def _request_of(row: Record) -> dict[str, list[float]]:
-    contact, own = row.contact, row.contact.tangential_restitution
-    e = row.impact.contact.restitution if callable(contact.restitution) else contact.restitution
+    contact, used, own = row.contact, row.impact.contact, row.contact.tangential_restitution
+    e = used.restitution if callable(contact.restitution) else contact.restitution
+    mu = used.friction if callable(contact.friction) else contact.friction
     return {
         "request_a": _numbers_of(row.body_a),
         "request_b": _numbers_of(row.body_b),
@@ -80,7 +81,7 @@ def _request_of(row: Record) -> dict[str, list[float]]:
             *contact.position,
             *contact.normal,
             e,
-            contact.friction,
+            mu,
             math.nan if own is None else own,
         ],
         "request_model": [*row.model],
