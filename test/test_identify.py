@@ -93,9 +93,7 @@ def test_intervals_of_springs_hold_what_is_sought():
     """Of six sets of 40 noisy impacts: an interval of 95 % misses twice in one of fifty such tests."""
     holds = dict.fromkeys(SPRINGS, 0)
     for seed in range(6):
-        measured = cubes(
-            40, 0.5, 0.5, seed, speed=0.01, spin=0.1, law=Law.COMPLIANT, stiffness_ratio=0.8
-        )
+        measured = cubes(40, 0.5, 0.5, seed, speed=0.01, spin=0.1, law=Law.COMPLIANT, stiffness_ratio=0.8)
         found = identify(measured, Law.COMPLIANT, SPRINGS, loss="linear", resamples=30, seed=seed)
         for name, true in zip(SPRINGS, (0.5, 0.5, 0.8), strict=True):
             low, high = found.coefficients[name][1:3]

@@ -126,7 +126,11 @@ def test_coefficients_are_filled_in_for_each_contact(graph):
 
 MATERIALS = """
 pairs:
-  - {materials: [rubber, steel], restitution: 0.5, friction: 0.25, tangential_restitution: 0.75, source: a page}
+  - materials: [rubber, steel]
+    restitution: 0.5
+    friction: 0.25
+    tangential_restitution: 0.75
+    source: a page
   - {materials: [steel, steel], friction: {static: 0.5, kinetic: 0.25, speed: 1.0}, stiffness_ratio: 0.5}
 materials:
   steel: {restitution: 0.75}
@@ -141,7 +145,11 @@ def test_pairs_of_materials_count_in_scenes(graph, tmp_path):
     states = graph.user.create_publisher(BodyState, "body_states", 10)
     until(lambda: states.get_subscription_count() == 1)
     ball = Body.dynamic(1.0, (0.4, 0, 0, 0.4, 0, 0.4), (0, 0, 1), velocity=(0.5, 0.0, -1.0))
-    for name, body, material in (("ball", ball, "rubber"), ("bolt", ball, "steel"), ("floor", Body.static(), "steel")):
+    for name, body, material in (
+        ("ball", ball, "rubber"),
+        ("bolt", ball, "steel"),
+        ("floor", Body.static(), "steel"),
+    ):
         state = state_of(body)
         state.name, state.material, state.header.stamp.sec = name, material, 1
         states.publish(state)
@@ -154,14 +162,21 @@ def test_pairs_of_materials_count_in_scenes(graph, tmp_path):
 
     both = ask([(0, 2), (1, 2)])
     assert both.status.code == StatusCode.OK, both.status.message
-    assert [(c.restitution, c.friction) for c in both.contacts] == [(0.5, 0.25), (0.75, 0.25 + 0.25 * math.exp(-0.5))]
+    assert [(c.restitution, c.friction) for c in both.contacts] == [
+        (0.5, 0.25),
+        (0.75, 0.25 + 0.25 * math.exp(-0.5)),
+    ]
     assert list(both.restitution_from) == [both.FROM_PAIR, both.FROM_MATERIALS]
     assert list(both.friction_from) == [both.FROM_PAIR] * 2
     assert both.restitution_rules == ["a page", "average"]
-    alone = resolve(ball, Body.static(), up._replace(restitution=0.5, friction=0.25, tangential_restitution=0.75))
+    alone = resolve(
+        ball, Body.static(), up._replace(restitution=0.5, friction=0.25, tangential_restitution=0.75)
+    )
     assert xyz(both.impulses[0]) == tuple(alone.impulse)
     with_own = ask([(0, 2)], tangential_restitution=0.125)
-    alone = resolve(ball, Body.static(), up._replace(restitution=0.5, friction=0.25, tangential_restitution=0.125))
+    alone = resolve(
+        ball, Body.static(), up._replace(restitution=0.5, friction=0.25, tangential_restitution=0.125)
+    )
     assert xyz(with_own.impulses[0]) == tuple(alone.impulse)
     cluster = ask([(0, 2), (0, 1)])
     assert (cluster.status.code, cluster.status.message[:35]) == (
@@ -169,7 +184,9 @@ def test_pairs_of_materials_count_in_scenes(graph, tmp_path):
         "contacts[0].tangential_restitution:",
     )
     springs = ask([(1, 2)], law=Law.COMPLIANT)
-    assert springs.status.message.startswith("model.stiffness_ratio: must be given in a scene: contacts[0] has 0.5")
+    assert springs.status.message.startswith(
+        "model.stiffness_ratio: must be given in a scene: contacts[0] has 0.5"
+    )
     assert ask([(0, 2)], law=Law.COMPLIANT, stiffness_ratio=1.0).status.code == StatusCode.OK
 
 

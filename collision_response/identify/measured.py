@@ -103,7 +103,9 @@ class Impacts:
             for name, body in (("body_a", a), ("body_b", b)):
                 if body.is_articulated():
                     field = f"impacts[{i}].{name}.inverse_inertia"
-                    raise ImpactError(StatusCode.INVALID_INERTIA, field, "is of a mechanism: give rigid bodies")
+                    raise ImpactError(
+                        StatusCode.INVALID_INERTIA, field, "is of a mechanism: give rigid bodies"
+                    )
             try:
                 resolve(a, b, contact._replace(restitution=1.0, friction=0.0))
             except ImpactError as error:

@@ -69,7 +69,7 @@ class Touch(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """A request in the terms of the numeric core; and where restitution and friction of each contact are from."""
+    """A request in the terms of the numeric core; and where each contact's restitution and friction are from."""
 
     bodies: list[Body]
     pairs: list[tuple[int, int]]
@@ -245,7 +245,7 @@ def scene_of(
             raise ImpactError(error.code, f"{places[owner]}.{field}", error.reason) from None
         entry = convert.pair_of(touch, parameters)
         if model.law is Law.COMPLIANT and not given.stiffness_ratio and entry.stiffness_ratio is not None:
-            reason = f"must be given in a scene: contacts[{i}] has {entry.stiffness_ratio} of its own by its materials"
+            reason = f"must be given in a scene: contacts[{i}] has {entry.stiffness_ratio} by its materials"
             raise ImpactError(StatusCode.INVALID_MODEL, "model.stiffness_ratio", reason)
         own = None if given.tangential_restitution else entry.tangential_restitution
         contacts.append(convert.contact_with(touch, e, mu, own))

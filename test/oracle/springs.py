@@ -41,25 +41,25 @@ def springs(K, u, e, mu, kappa):
         series = [z]
         for j in range(1, TERMS):
             series.append([x / j for x in rate(series[-1])])
-        normal = [(0, lambda z: -z[U_N])] if loading else [(0, lambda z: z[F_N]), (most, lambda z: -z[F_N])]
+        normal = [({U_N: -1}, 0)] if loading else [({F_N: 1}, 0), ({F_N: -1}, most)]
         if sticks:
-            friction = [(0, lambda z: mu * z[F_N] - z[F_T]), (0, lambda z: mu * z[F_N] + z[F_T])]
+            friction = [({F_N: mu, F_T: -1}, 0), ({F_N: mu, F_T: 1}, 0)]
         else:
-            friction = [(0, lambda z: s * z[U_T] + mu * k * z[U_N] / kappa)] if mu else []
-        forms = [(form, [form(c) for c in series], constant) for constant, form in normal + friction]
+            friction = [({U_T: s, U_N: mu * k / kappa}, 0)] if mu else []
         ends = []
-        for form, values, constant in forms:
+        for which, (weights, constant) in enumerate(normal + friction):
+            values = [sum(w * c[i] for i, w in weights.items()) for c in series]
             values[0] += constant
             end = _first_below(values, step, tiny)
             if end is not None:
-                ends.append((end, len(ends), form))
-        t, _, form = min(ends, default=(step, 0, None))
+                ends.append((end, which))
+        t, which = min(ends, default=(step, None))
         z = [_value([c[i] for c in series], t) for i in range(6)]
         if not sticks:
             z[F_T] = -s * mu * z[F_N]
-        if form is None:
+        if which is None:
             continue
-        if form in [f for _, f in friction]:
+        if which >= len(normal):
             if sticks:
                 s = mp.mpf(-1 if z[F_T] > 0 else 1)
             sticks = not sticks
@@ -67,7 +67,7 @@ def springs(K, u, e, mu, kappa):
             if e == 0:
                 return z[P_T], z[P_N]
             loading, most, k = False, z[F_N], 1 / e**2
-        elif form is normal[0][1]:
+        elif which == 0:
             return z[P_T], z[P_N]
         else:  # up again, past F_max
             loading, k = True, mp.mpf(1)
