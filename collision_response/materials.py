@@ -13,24 +13,27 @@
 An entry of a pair comes before what its two materials say each. ``restitution`` is a number, or depends on
 the approach speed [m/s]: ``{power: 0.25, speed: 1.0, value: 0.8}``, which is ``value (v / speed)^-power``
 and at most 1; ``{yield_speed: 0.02, after: thornton}``, or ``johnson``; ``{speeds: [0.1, 1.0], values:
-[0.9, 0.7]}``. ``stiffness`` is of a material, in any unit, for the rule "energetic". Whatever an entry
-leaves out is decided elsewhere.
+[0.9, 0.7]}``. ``friction`` of a pair is a number, or depends on the slip speed [m/s]: ``{static: 0.5,
+kinetic: 0.3, speed: 0.1}``, which is ``kinetic + (static - kinetic) exp(-v / speed)``; or such a table.
+``stiffness`` is of a material, in any unit, for the rule "energetic". Whatever an entry leaves out is
+decided elsewhere.
 
 The file ``materials.yaml`` beside this module has published values, each with its source. They are of those
-bodies and
-surfaces: not truths about materials.
+bodies and surfaces: not truths about materials.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from reprlib import repr as quoted
 from typing import Any, NamedTuple
 
 from .model import check_number
+from .physics import friction
 from .physics.combine import CombineRule, combine
+from .physics.friction import Friction
 from .physics.restitution import Restitution, johnson, plastic, power_law, tabulated
 from .status import ImpactError, StatusCode
 
@@ -43,14 +46,14 @@ class Pair(NamedTuple):
     Attributes:
         restitution: in [0, 1], or a function of the approach speed [m/s]; ``None``: not known, as for the
             rest.
-        friction: >= 0.
+        friction: >= 0, or a function of the slip speed [m/s].
         tangential_restitution: in [-1, 1].
         stiffness_ratio: tangential over normal, > 0.
         source: where it is from, in words.
     """
 
     restitution: float | Restitution | None = None
-    friction: float | None = None
+    friction: float | Friction | None = None
     tangential_restitution: float | None = None
     stiffness_ratio: float | None = None
     source: str = ""
@@ -82,12 +85,12 @@ class Found(NamedTuple):
     """A coefficient, and how it came about.
 
     Attributes:
-        value: a number, or a function of the approach speed.
+        value: a number, or a function: of the approach speed, or for friction of the slip speed.
         is_of_pair: whether an entry for the pair has it; else it is combined.
         how: the source of the entry, or the rule.
     """
 
-    value: float | Restitution
+    value: float | Restitution | Friction
     is_of_pair: bool
     how: str
 
@@ -216,20 +219,21 @@ def _pair(field: str, entry: Any) -> tuple[tuple[str, str], Pair]:
     names = numbers.pop("materials", None)
     if not (isinstance(names, list) and len(names) == 2 and all(isinstance(name, str) for name in names)):
         raise _malformed(f"{field}.materials", "must be two names", names)
-    source, law = str(numbers.pop("source", "")), numbers.pop("restitution", None)
-    restitution = None if law is None else _restitution(f"{field}.restitution", law)
+    source = str(numbers.pop("source", ""))
+    by_speed = {
+        name: read(f"{field}.{name}", numbers.pop(name))
+        for name, read in (("restitution", _restitution), ("friction", _friction))
+        if name in numbers
+    }
     a, b = sorted(names)
-    return (a, b), Pair(restitution, source=source, **_numbers(field, numbers, Pair._fields))
+    return (a, b), Pair(source=source, **by_speed, **_numbers(field, numbers, Pair._fields))
 
 
 YIELDING = {"thornton": plastic, "johnson": johnson}
 
 
-def _restitution(field: str, law: Any) -> float | Restitution:
-    if not isinstance(law, dict):
-        owner, _, name = field.rpartition(".")
-        return _number(owner, name, law)
-    try:
+def _restitution(field: str, law: Any) -> Any:
+    def read() -> Restitution | None:
         match sorted(law):
             case ["power", "speed", "value"]:
                 return power_law(law["value"], law["speed"], law["power"])
@@ -237,7 +241,37 @@ def _restitution(field: str, law: Any) -> float | Restitution:
                 return YIELDING[law["after"]](law["yield_speed"])
             case ["speeds", "values"]:
                 return tabulated(law["speeds"], law["values"])
+        return None
+
+    keys = "power, speed and value; yield_speed and after (thornton, johnson); or speeds and values"
+    return _by_speed(field, law, read, keys)
+
+
+def _friction(field: str, law: Any) -> Any:
+    def read() -> Friction | None:
+        match sorted(law):
+            case ["kinetic", "speed", "static"]:
+                return friction.stribeck(law["static"], law["kinetic"], law["speed"])
+            case ["speeds", "values"]:
+                return friction.tabulated(law["speeds"], law["values"])
+        return None
+
+    return _by_speed(field, law, read, "static, kinetic and speed; or speeds and values")
+
+
+def _by_speed(field: str, law: Any, read: Callable[[], Any], keys: str) -> Any:
+    """A number, or the function that ``read`` makes of a mapping.
+
+    Raises:
+        ImpactError: it makes none, or a number is wrong.
+    """
+    if not isinstance(law, dict):
+        owner, _, name = field.rpartition(".")
+        return _number(owner, name, law)
+    try:
+        function = read()
     except (TypeError, ValueError) as error:
         raise ImpactError(StatusCode.INVALID_COEFFICIENT, field, str(error)) from None
-    must = "must have power, speed and value; yield_speed and after (thornton, johnson); or speeds and values"
-    raise _malformed(field, must, law)
+    if function is None:
+        raise _malformed(field, f"must have {keys}", law)
+    return function

@@ -61,10 +61,10 @@ def body_as_fractions(body: Body) -> Body:
     """A body of exact numbers; an infinite mass stays."""
     q = body.orientation
     return Body(
-        _fraction(body.mass),
-        Symmetric3(*map(_fraction, body.inertia)),
+        as_fraction(body.mass),
+        Symmetric3(*map(as_fraction, body.inertia)),
         _vector(body.position),
-        None if q is None else Quaternion(*map(_fraction, q)),
+        None if q is None else Quaternion(*map(as_fraction, q)),
         _vector(body.velocity),
         _vector(body.angular_velocity),
         _vector(body.com),
@@ -72,22 +72,23 @@ def body_as_fractions(body: Body) -> Body:
 
 
 def contact_as_fractions(contact: Contact) -> Contact:
-    """A contact of exact numbers; a restitution that is a function stays."""
-    e = contact.restitution
+    """A contact of exact numbers for FRICTIONLESS; a restitution that is a function stays."""
+    e, mu = contact.restitution, contact.friction
     return Contact(
         _vector(contact.position),
         _vector(contact.normal),
-        e if callable(e) else _fraction(e),
-        _fraction(contact.friction),
+        e if callable(e) else as_fraction(e),
+        Fraction(0) if callable(mu) else as_fraction(mu),
         contact.tangential_restitution,
     )
 
 
 def _vector(v: Any) -> Vec3:
-    return Vec3(*map(_fraction, v))
+    return Vec3(*map(as_fraction, v))
 
 
-def _fraction(x: Any) -> Any:
+def as_fraction(x: Any) -> Any:
+    """Exactly; what is not finite stays."""
     if isinstance(x, Rational):
         return Fraction(x)
     x = float(x)

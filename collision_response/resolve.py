@@ -8,12 +8,13 @@ from typing import Any
 
 from . import exactly, rationally, validity
 from .answer import Impact
+from .by_speed import friction_at_first, restitution_at
 from .geometry import flattened, flattened_contact
 from .kernels import library
-from .model import Adjustment, Geometry, ImpactModel, Precision, check_number, plan
+from .model import Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
 from .physics.body import Body, Twist
 from .physics.contact import Contact
-from .physics.laws import Regime
+from .physics.laws import Law, Regime
 from .physics.vector import Vec3
 from .status import ImpactError, StatusCode
 
@@ -63,7 +64,7 @@ def _unusual(
     if answer == MORE:
         if contact.tangential_restitution is not None:
             return _with_own_tangential(body_a, body_b, contact, model)
-        return resolve(body_a, body_b, _with_restitution(body_a, body_b, contact, model), model)
+        return resolve(body_a, body_b, _with_numbers(body_a, body_b, contact, model), model)
     if answer == RATIONAL:
         return rationally.resolve(body_a, body_b, contact, model)
     if answer == FORCED:
@@ -81,14 +82,19 @@ def _status(answer: Impact) -> StatusCode:
     return StatusCode.SEPARATING if answer.regime is Regime.SEPARATING else StatusCode.OK
 
 
-def _with_restitution(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Contact:
-    """The contact with the restitution that its function gives for the approach speed."""
-    elastic = contact._replace(restitution=1.0)
-    simple = model._replace(restitution_threshold=0.0, tolerance=0.0, precision=Precision.EXTENDED)
-    before = resolve(body_a, body_b, elastic, simple).normal_velocity_before
-    value = contact.restitution(float(max(-before, 0.0)))
-    check_number("contact.restitution(approach_speed)", value, 0, 1, StatusCode.INVALID_COEFFICIENT)
-    return contact._replace(restitution=float(value))
+def _with_numbers(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Contact:
+    """The contact with the coefficients that its functions give for the speeds at first touch."""
+    if callable(contact.friction):
+        law = law_for(model.law, has_friction=True)
+        mu = 0.0 if law is Law.FRICTIONLESS else friction_at_first(body_a, body_b, contact, law, "contact")
+        contact = contact._replace(friction=mu)
+    if callable(contact.restitution):
+        elastic = contact._replace(restitution=1.0)
+        simple = model._replace(restitution_threshold=0.0, tolerance=0.0, precision=Precision.EXTENDED)
+        before = resolve(body_a, body_b, elastic, simple).normal_velocity_before
+        e = restitution_at(float(max(-before, 0.0)), contact, "contact")
+        contact = contact._replace(restitution=e)
+    return contact
 
 
 def _with_own_tangential(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:

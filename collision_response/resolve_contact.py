@@ -60,7 +60,7 @@ def resolve_contact(
     u: Sequence[float],
     n: Sequence[float],
     restitution: float | Callable[[float], float] = 1.0,
-    friction: float = 0.0,
+    friction: float | Callable[[float], float] = 0.0,
     model: ImpactModel = DEFAULT,
 ) -> ContactImpact:
     """The impulse at a contact of which no more is known than how easily it moves.
@@ -73,7 +73,7 @@ def resolve_contact(
         u: relative velocity of the first body to the second at the contact [m/s].
         n: the normal, from the second body to the first; any length but 0.
         restitution: ``e`` in [0, 1], or a function that gives it for an approach speed [m/s].
-        friction: Coulomb's coefficient, >= 0.
+        friction: Coulomb's coefficient, >= 0, or a function that gives it for a slip speed [m/s].
         model: what to model, and how exactly; its geometry is AUTO or SPATIAL.
 
     Raises:
@@ -125,6 +125,7 @@ _ARGUMENTS = {
     "contact.restitution": "restitution",
     "contact.restitution(approach_speed)": "restitution(approach_speed)",
     "contact.friction": "friction",
+    "contact.friction(slip_speed)": "friction(slip_speed)",
 }
 
 

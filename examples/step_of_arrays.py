@@ -9,6 +9,7 @@ The momentum shown is that of balls and walls together; energy is only ever lost
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -105,7 +106,13 @@ def steps(balls: int, count: int, seed: int = 0) -> list[Step]:
 
 if __name__ == "__main__":
     print("step  contacts  momentum of balls and walls [N s]        energy [J]")
-    for number, step in enumerate(steps(balls=200, count=100)):
+    done = steps(balls=200, count=100)
+    for number, step in enumerate(done):
         if number % 10 == 0:
             momentum = "  ".join(f"{x:11.8f}" for x in step.momentum)
             print(f"{number:4d}  {step.contacts:8d}  {momentum}  {step.energy:10.4f}")
+    drift = max(np.abs(step.momentum - done[0].momentum).max() for step in done)
+    amiss = max(abs(before.energy - after.energy - after.lost) for before, after in pairwise(done))
+    print(f"momentum drifts by {drift:.1g} N s; energy is lost as reported, to {amiss:.1g} J a step")
+    assert drift < 1e-10
+    assert amiss < 1e-10

@@ -7,6 +7,8 @@ from itertools import product
 
 import numpy as np
 import pytest
+from mpmath import mp
+from oracle.springs import springs
 
 from collision_response import (
     Body,
@@ -38,6 +40,10 @@ def planar(K, u, e, mu, kappa, law=Law.COMPLIANT):
     matrix = [[tt, tn, 0.0], [tn, nn, 0.0], [0.0, 0.0, tt]]
     model = ImpactModel(law, stiffness_ratio=kappa, precision=Precision.DOUBLE)
     return resolve_contact(matrix, (*u, 0.0), (0, 1, 0), e, mu, model)
+
+
+CLOSE = 30
+"""Digits of the oracle."""
 
 
 def incidence(degrees):
@@ -90,6 +96,41 @@ def test_reference_values(name):
     assert impact.error_bound < 1e-10
     if name in ENERGY:
         assert impact.energy_change == pytest.approx(ENERGY[name], abs=DIGITS)
+
+
+TIE = 1.0  # with kappa 1 and mu 1 as much slip as friction
+STRUCTURED = {
+    "a tie of stick and slip": (SPHERE, (TIE, -1), 0.5, 1.0, 1.0),
+    "just slip": (SPHERE, (TIE * (1 + 2.0**-40), -1), 0.5, 1.0, 1.0),
+    "just stick": (ROD, (TIE * (1 - 2.0**-40), -1), 0.5, 1.0, 1.0),
+    "no friction": (ROD, (1, -1), 0.5, 0.0, 0.5),
+    "no restitution": (ROD, (1, -1), 0.0, 0.5, 1.0),
+    "no restitution, and stick": (SHORT, (0.1, -1), 0.0, 1.0, 20.0),
+    "nothing lost along the normal": (SHORT, (0.3, -1), 1.0, 1.0, 20.0),
+    "grazing": (ROD, (5, -(2.0**-10)), 0.5, 0.3, 1.0),
+    "head-on, and coupled": (ROD, (0, -1), 0.5, 5.0, 20.0),
+    "backwards": (ROD, (-0.75, -1), 0.5, 0.25, 2.0),
+    "jam": ((2.5, 2.0, 2.5), (4, -1), 0.5, 2.0, 1.0),
+    "wedged": ((1.0, 0.999, 1.0), (0.25, -1), 0.5, 5.0, 1.0),
+    "up and down again": ((2.5, 2.0, 2.5), (0.1, -1), 0.5, 5.0, 20.0),
+    "light across": ((100.0, 9.0, 1.0), (5, -1), 0.1, 0.1, 20.0),
+    "heavy across": ((2.0**-10, 0.0, 1.0), (0.5, -1), 0.5, 0.5, 1.0),
+}
+
+
+@pytest.mark.parametrize("name", STRUCTURED)
+def test_the_bound_holds_the_error(name):
+    """Against series in 30 digits, phase by phase, that share nothing with the integrator."""
+    K, u, e, mu, kappa = STRUCTURED[name]
+    impact = planar(K, u, e, mu, kappa)
+    with mp.workdps(CLOSE):
+        P = springs(K, u, e, mu, kappa)
+        KP = K[0] * P[0] + K[1] * P[1], K[1] * P[0] + K[2] * P[1]
+        for found, true in ((impact.impulse, P), (impact.velocity_change, KP)):
+            assert mp.hypot(found.x - true[0], found.y - true[1]) <= impact.error_bound * mp.hypot(*true)
+    assert found.z == 0
+    assert impact.error_bound < 1e-6
+    assert impact.energy_change <= 0
 
 
 def test_reference_in_space():

@@ -238,6 +238,60 @@ def test_no_approach_is_a_kink_and_the_answer_is_that_of_separating():
     np.testing.assert_array_equal(found.of("twist_a.linear", "body_a.velocity"), np.eye(3))
 
 
+@pytest.mark.parametrize("law", LAWS_WITH_FRICTION)
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("slip", [5.0, 0.25])
+def test_sliding_and_sticking_on_walls_and_floors_is_smooth(law, axis, sign, slip):
+    """Away from every edge; the axes of the contact, which the laws choose, are no concern of the answer."""
+    n, t = np.roll([sign, 0.0, 0.0], axis), np.roll([0.0, 0.6, 0.8], axis)
+    struck = Body.dynamic(2.0, SPHERE, n.tolist(), None, (slip * t - n).tolist())
+    found = differentiate(
+        struck, Body.static(), Contact.of((0, 0, 0), n.tolist(), 0.25, 0.3), ImpactModel(law)
+    )
+    for name, columns in found.columns.items():
+        if name.startswith(("body_a", "contact")):
+            assert not found.smoothness[columns].any(), name
+
+
+UNITS = {
+    "position": (0, 1, 0), "orientation": (0, 0, 0), "velocity": (0, 1, -1), "angular_velocity": (0, 0, -1),
+    "mass": (1, 0, 0), "inertia": (1, 2, 0), "com": (0, 1, 0), "normal": (0, 0, 0), "restitution": (0, 0, 0),
+    "friction": (0, 0, 0), "tangential_restitution": (0, 0, 0),
+    "linear": (0, 1, -1), "angular": (0, 0, -1), "impulse": (1, 1, -1),
+}  # fmt: skip
+"""Powers of mass, length and time."""
+
+
+@pytest.mark.parametrize("law", ALL_LAWS)
+@pytest.mark.parametrize("powers", [(3, 0, 0), (0, 5, 0), (0, 0, -4), (-20, 13, 7)])
+def test_other_units_change_no_bit(law, powers):
+    """Of 2^k kg, m and s: the laws compare nothing with a number that has a unit."""
+
+    def factor(name: str) -> float:
+        return 2.0 ** np.dot(UNITS[name.rpartition(".")[2]], powers)
+
+    def moved(body: Body) -> Body:
+        fields = {
+            name: getattr(body, name) for name in Body._fields if name in UNITS and name != "orientation"
+        }
+        scaled = {
+            name: type(x)(*(v * factor(name) for v in x)) if isinstance(x, tuple) else x * factor(name)
+            for name, x in fields.items()
+        }
+        return body._replace(**scaled)
+
+    there = CONTACT._replace(position=Vec3(*(x * factor("position") for x in CONTACT.position)))
+    here, other = (
+        differentiate(*request, ImpactModel(law))
+        for request in ((BODY_A, BODY_B, CONTACT), (moved(BODY_A), moved(BODY_B), there))
+    )
+    rows = np.repeat([factor(name) for name in RESULTS], 3)
+    columns = np.concatenate([[factor(name)] * (at.stop - at.start) for name, at in PARAMETERS.items()])
+    np.testing.assert_array_equal(other.jacobian / rows[:, None] * columns, here.jacobian)
+    np.testing.assert_array_equal(other.smoothness, here.smoothness)
+
+
 def test_the_threshold_is_a_jump_where_restitution_is_lost():
     model = ImpactModel(Law.COULOMB, restitution_threshold=1.0)
     names = ("body_a.velocity", "contact.restitution")

@@ -22,6 +22,7 @@ LAYERS = (
     {"answer", "description", "geometry", "impact", "materials", "validity"},
     {"kernels"},
     {"exactly", "rationally"},
+    {"by_speed"},
     {"resolve"},
     {"requirements", "resolve_contact", "scene"},
     {FRONT},

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import pytest
 
-from collision_response import Body, Contact, ImpactError, resolve
+from collision_response import Body, Contact, ImpactError, StatusCode, resolve
 from collision_response.physics.combine import CombineRule, combine
 from collision_response.physics.restitution import johnson, plastic, power_law, tabulated
 
@@ -176,3 +176,36 @@ def test_the_published_values_name_their_sources():
     assert pair.stiffness_ratio == pytest.approx(
         2 * (1 - 0.23) / (2 - 0.23), abs=5e-4
     )  # two digits are given
+
+
+def test_friction_of_a_pair_may_depend_on_the_slip_speed():
+    read = Materials.of(
+        {
+            "pairs": [
+                {"materials": ["a", "b"], "friction": {"static": 0.5, "kinetic": 0.25, "speed": 2}},
+                {"materials": ["a", "c"], "friction": {"speeds": [1, 3], "values": [2.0, 1.0]}},
+            ]
+        }
+    )
+    assert read.find("friction", "b", "a", CombineRule.AVERAGE).value(2.0) == pytest.approx(
+        0.25 + 0.25 / math.e, rel=1e-15
+    )
+    assert read.find("friction", "a", "c", CombineRule.AVERAGE).value(2.0) == 1.5
+
+
+@pytest.mark.parametrize(
+    ("friction", "code"),
+    [
+        ({"static": 0.5, "kinetic": 0.2}, StatusCode.INVALID_TABLE),
+        ({"power": 1, "speed": 1, "value": 0.5}, StatusCode.INVALID_TABLE),
+        ({"static": -0.5, "kinetic": 0.2, "speed": 1}, StatusCode.INVALID_COEFFICIENT),
+        ({"static": "high", "kinetic": 0.2, "speed": 1}, StatusCode.INVALID_COEFFICIENT),
+        ({"speeds": [1, 1], "values": [0.1, 0.2]}, StatusCode.INVALID_COEFFICIENT),
+        (None, StatusCode.INVALID_TABLE),
+        (-1, StatusCode.INVALID_COEFFICIENT),
+    ],
+)
+def test_friction_by_speed_is_checked(friction, code):
+    with pytest.raises(ImpactError) as error:
+        Materials.of({"pairs": [{"materials": ["a", "b"], "friction": friction}]})
+    assert (error.value.code, error.value.field) == (code, "pairs[0].friction")

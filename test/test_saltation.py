@@ -273,6 +273,28 @@ def test_two_bodies_have_one_covariance_of_both():
     np.testing.assert_allclose(after.covariance, Xi @ S @ Xi.T, rtol=1e-9, atol=1e-18)
 
 
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
+def test_on_a_floor_every_law_can_be_believed(law):
+    """The ball slides, far from sticking."""
+    after = propagate_covariance(
+        ball(), Body.static(), FLOOR._replace(friction=0.1), ImpactModel(law), np.diag(SD**2) * 1e-4,
+        sphere_on_plane(RADIUS),
+    )  # fmt: skip
+    assert (after.regimes, after.is_reliable) == ((Regime.SLIDING,), True)
+
+
+@pytest.mark.parametrize("speed", [1e-310, 5e-324])
+def test_an_impact_that_hardly_approaches_is_refused_and_not_answered_by_infinity(speed):
+    slow = ball(velocity=(1.0, 0.0, -speed)), Body.static(), FLOOR, ImpactModel(Law.COULOMB)
+    with pytest.raises(ImpactError) as refusal:
+        saltation_matrix(*slow, sphere_on_plane(RADIUS))
+    assert (refusal.value.code, refusal.value.field) == (StatusCode.OUT_OF_RANGE, "matrix")
+    nearly = ball(velocity=(1.0, 0.0, -1e-200)), *slow[1:]
+    with pytest.raises(ImpactError) as refusal:
+        propagate_covariance(*nearly, np.diag(SD**2), sphere_on_plane(RADIUS))
+    assert (refusal.value.code, refusal.value.field) == (StatusCode.OUT_OF_RANGE, "covariance")
+
+
 # --- Bad input
 
 

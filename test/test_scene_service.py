@@ -12,7 +12,7 @@ pytest.importorskip("rclpy")
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_graph import assign, state_of, until
 
-from collision_response import Body, Contact, ImpactModel, Law, StatusCode, resolve_scene
+from collision_response import Body, Contact, ImpactModel, Law, StatusCode, resolve, resolve_scene
 from collision_response.msg import BodyState, SceneResult
 from collision_response.physics.mass_properties import box
 from collision_response.ros.scene_client import Touch, pack, pack_named
@@ -131,6 +131,76 @@ def test_coefficients_are_filled_in_for_each_contact(graph):
     assert result.status.code == StatusCode.OK, result.status.message
     assert [contact.restitution for contact in result.contacts] == [0.75, 0.25, 0.75, 0.75]
     assert [contact.friction for contact in result.contacts] == [0.375] * 4
+    told = result.FROM_PARAMETER, result.FROM_CONTACT, result.FROM_BODIES
+    assert list(result.restitution_from) == [told[0], told[1], told[0], told[0]]
+    assert list(result.friction_from) == [told[2]] * 4
+    assert (result.restitution_rules, result.friction_rules) == ([""] * 4, ["average"] * 4)
+
+
+MATERIALS = """
+pairs:
+  - materials: [rubber, steel]
+    restitution: 0.5
+    friction: 0.25
+    tangential_restitution: 0.75
+    source: a page
+  - {materials: [steel, steel], friction: {static: 0.5, kinetic: 0.25, speed: 1.0}, stiffness_ratio: 0.5}
+materials:
+  steel: {restitution: 0.75}
+"""
+
+
+def test_pairs_of_materials_count_in_scenes(graph, tmp_path):
+    """One contact alone takes the tangential restitution of its pair, a cluster of two refuses it by name."""
+    file = tmp_path / "materials.yaml"
+    file.write_text(MATERIALS)
+    graph.serve(materials_file=str(file), friction=0.125)
+    states = graph.user.create_publisher(BodyState, "body_states", 10)
+    until(lambda: states.get_subscription_count() == 1)
+    ball = Body.dynamic(1.0, (0.4, 0, 0, 0.4, 0, 0.4), (0, 0, 1), velocity=(0.5, 0.0, -1.0))
+    for name, body, material in (
+        ("ball", ball, "rubber"),
+        ("bolt", ball, "steel"),
+        ("floor", Body.static(), "steel"),
+    ):
+        state = state_of(body)
+        state.name, state.material, state.header.stamp.sec = name, material, 1
+        states.publish(state)
+    up = Contact.of((0, 0, 0), (0, 0, 1), -1.0, -1.0)
+
+    def ask(pairs, **model):
+        request = request_of([], pairs, [up] * len(pairs), ["ball", "bolt", "floor"], **model)
+        request.not_before.sec = 1
+        return graph.call(request).result
+
+    both = ask([(0, 2), (1, 2)])
+    assert both.status.code == StatusCode.OK, both.status.message
+    assert [(c.restitution, c.friction) for c in both.contacts] == [
+        (0.5, 0.25),
+        (0.75, 0.25 + 0.25 * math.exp(-0.5)),
+    ]
+    assert list(both.restitution_from) == [both.FROM_PAIR, both.FROM_MATERIALS]
+    assert list(both.friction_from) == [both.FROM_PAIR] * 2
+    assert both.restitution_rules == ["a page", "average"]
+    alone = resolve(
+        ball, Body.static(), up._replace(restitution=0.5, friction=0.25, tangential_restitution=0.75)
+    )
+    assert xyz(both.impulses[0]) == tuple(alone.impulse)
+    with_own = ask([(0, 2)], tangential_restitution=0.125)
+    alone = resolve(
+        ball, Body.static(), up._replace(restitution=0.5, friction=0.25, tangential_restitution=0.125)
+    )
+    assert xyz(with_own.impulses[0]) == tuple(alone.impulse)
+    cluster = ask([(0, 2), (0, 1)])
+    assert (cluster.status.code, cluster.status.message[:35]) == (
+        StatusCode.INVALID_MODEL,
+        "contacts[0].tangential_restitution:",
+    )
+    springs = ask([(1, 2)], law=Law.COMPLIANT)
+    assert springs.status.message.startswith(
+        "model.stiffness_ratio: must be given in a scene: contacts[0] has 0.5"
+    )
+    assert ask([(0, 2)], law=Law.COMPLIANT, stiffness_ratio=1.0).status.code == StatusCode.OK
 
 
 class Refused(NamedTuple):

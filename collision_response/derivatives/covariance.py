@@ -26,7 +26,7 @@ from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 from .differentiate import DEFAULT
-from .saltation import POSES, STANDARD_GRAVITY, Passage, linearised, may_be_off
+from .saltation import POSES, STANDARD_GRAVITY, Passage, finite, linearised, may_be_off
 from .surfaces import SurfaceMotion, Surfaces, unit_normal
 
 Array = np.ndarray[Any, Any]
@@ -92,14 +92,17 @@ def propagate_covariance(
     for i, name in enumerate(("contact.restitution", "contact.friction")):
         by_coefficients[twists, i] = J[:12, columns[name]][:, 0]
     of_coefficients = by_coefficients * [restitution_sd, friction_sd]
-    spread = np.hstack([passage.matrix[:, kept] @ root, of_coefficients, passage.by_normal * normal_sd])[kept]
+    with np.errstate(over="ignore", invalid="ignore"):
+        by_state = passage.matrix[:, kept] @ root
+        spread = np.hstack([by_state, of_coefficients, passage.by_normal * normal_sd])[kept]
+        after = finite("covariance", spread @ spread.T)
     found = list(
         _regimes(passage, body_a, body_b, contact, model, root, (restitution_sd, friction_sd, normal_sd))
     )
     regimes = tuple(dict.fromkeys(found))
     sticking, separating = Regime.STICKING in regimes, Regime.SEPARATING in regimes
     is_reliable = len(regimes) == 1 or not (sticking or separating)
-    return CovarianceAfter(spread @ spread.T, regimes, is_reliable and not may_be_off(passage.derivatives))
+    return CovarianceAfter(after, regimes, is_reliable and not may_be_off(passage.derivatives))
 
 
 def _root(covariance: Array | None, size: int) -> Array:

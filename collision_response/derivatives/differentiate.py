@@ -134,9 +134,10 @@ def differentiate(
             asked for has no derivative here; or OUT_OF_RANGE: it is beyond float64.
     """
     directions, columns = _unit(tuple(with_respect_to))
-    if callable(contact.restitution):
-        reason = "must be a number here: differentiate by it, and multiply by the slope of the function"
-        raise ImpactError(StatusCode.INVALID_COEFFICIENT, "contact.restitution", reason)
+    for name in ("restitution", "friction"):
+        if callable(getattr(contact, name)):
+            reason = "must be a number here: differentiate by it, and multiply by the slope of the function"
+            raise ImpactError(StatusCode.INVALID_COEFFICIENT, f"contact.{name}", reason)
     impact = resolve(body_a, body_b, contact, model)
     if model.geometry not in (Geometry.AUTO, Geometry.SPATIAL):
         reason = f"must be AUTO or SPATIAL: derivatives look out of {model.geometry.name}"

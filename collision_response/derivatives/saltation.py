@@ -85,7 +85,7 @@ def saltation_matrix(
 
     Raises:
         ImpactError: as ``differentiate``; INVALID_NORMAL: ``surfaces`` is missing, or not of its shape;
-            SEPARATING: there is no impact.
+            SEPARATING: there is no impact; OUT_OF_RANGE: a number is beyond float64.
     """
     passage = linearised(body_a, body_b, contact, model, surfaces, gravity)
     return passage.matrix[np.ix_(passage.kept, passage.kept)]
@@ -133,9 +133,19 @@ def linearised(
             for body, twist in zip(bodies, answers, strict=True)
         ]
     )
-    matrix = reset + np.outer(after - reset @ before, guard) / u_n
+    with np.errstate(over="ignore", invalid="ignore"):
+        matrix = finite("matrix", reset + np.outer(after - reset @ before, guard) / u_n)
     kept = [12 * side + i for side, body in enumerate(bodies) if body.is_movable() for i in range(12)]
     return Passage(derivatives, matrix, by_normal, motion, kept)
+
+
+def finite(name: str, numbers: Array) -> Array:
+    """Raises: ImpactError: OUT_OF_RANGE: a number is beyond float64, as where the bodies hardly approach."""
+    if not np.isfinite(numbers).all():
+        raise ImpactError(
+            StatusCode.OUT_OF_RANGE, name, "a number is beyond float64: the bodies hardly approach"
+        )
+    return numbers
 
 
 def may_be_off(derivatives: Derivatives) -> bool:

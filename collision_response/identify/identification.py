@@ -81,8 +81,8 @@ def identify(
         measured: :class:`~collision_response.identify.Impacts` or
             :class:`~collision_response.identify.SphereReadings`.
         law: not AUTO.
-        fit: what to fit: "restitution", "friction", "tangential_restitution". Left out: restitution, and
-            friction if the law has any.
+        fit: what to fit: "restitution", "friction", "tangential_restitution", "stiffness_ratio" of COMPLIANT.
+            Left out: restitution, and friction if the law has any.
         given: the coefficients that are known, by name; what is neither fitted nor given is 0, restitution 1.
         kind: of the residuals, one of ``measured.kinds``; left out, the first.
         loss: of SciPy's ``least_squares``. All but "linear" are robust against outliers.

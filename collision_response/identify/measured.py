@@ -92,13 +92,20 @@ class Impacts:
                 immovable bodies do not count.
 
         Raises:
-            ImpactError: a request is not sound; the field starts with the number of the impact.
+            ImpactError: a request is not sound, or of a mechanism; the field starts with the number of the
+                impact.
         """
         n = len(contacts)
         tables = np.zeros((BODY.height, 2, n)), np.zeros((TOUCH.height, n)), np.zeros((6, 2, n))
         root = np.zeros((3, 3, 2, n))
         rows = zip(bodies_a, bodies_b, contacts, after_a, after_b, strict=True)
         for i, (a, b, contact, twist_a, twist_b) in enumerate(rows):
+            for name, body in (("body_a", a), ("body_b", b)):
+                if body.is_articulated():
+                    field = f"impacts[{i}].{name}.inverse_inertia"
+                    raise ImpactError(
+                        StatusCode.INVALID_INERTIA, field, "is of a mechanism: give rigid bodies"
+                    )
             try:
                 resolve(a, b, contact._replace(restitution=1.0, friction=0.0))
             except ImpactError as error:

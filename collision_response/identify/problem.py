@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..model import Law
+from ..status import ImpactError, StatusCode
 from .measured import Array, Measured
 
 
@@ -25,7 +26,7 @@ RANGES = {
     "restitution": Range(0.0, 1.0, (0.1, 0.3, 0.5, 0.7, 0.9)),
     "friction": Range(0.0, math.inf, (0.03, 0.1, 0.3, 1.0)),
     "tangential_restitution": Range(-1.0, 1.0, (-0.5, 0.0, 0.5)),
-    "stiffness_ratio": Range(1e-2, 1e2, (0.5, 1.0, 3.0)),
+    "stiffness_ratio": Range(0.05, 20.0, (0.5, 1.0, 3.0)),
 }
 """THE coefficients that can be fitted: those of a contact, and fields of ``ImpactModel``."""
 
@@ -37,6 +38,9 @@ ROUGHLY = 1e-4
 
 ALIKE = 1e-12
 """A sum of squares this small, relative to that of what was measured, is as good as 0."""
+
+BEYOND = 1e6
+"""A residual this many times what was measured is that of no answer."""
 
 PLACES = 4
 """From so many of the starts there is a search."""
@@ -64,8 +68,15 @@ class Problem(NamedTuple):
         return {**self.given, **dict(zip(self.names, map(float, x), strict=True))}
 
     def residuals(self, x: Iterable[float]) -> Array:
-        """All of them, one after the other."""
-        return self.measured.residuals(self.law, self.at(x), self.kind).ravel()
+        """All of them, one after the other; beyond all measure where the law does not follow an impact to its
+        end, so that no search stays there."""
+        try:
+            return self.measured.residuals(self.law, self.at(x), self.kind).ravel()
+        except ImpactError as error:
+            if error.code is not StatusCode.PATH_TOO_LONG:
+                raise
+            sizes = self.measured.sizes(self.kind).ravel()
+            return np.full(sizes.shape, BEYOND * abs(sizes).max())
 
     def start(self) -> Array:
         """Where the search begins: a rough solution, the best of those from several places."""

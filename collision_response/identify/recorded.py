@@ -18,7 +18,6 @@ from ..physics.contact import Contact
 from ..physics.vector import Vec3
 from ..status import ImpactError, StatusCode
 from .measured import Impacts
-from .table import body_of
 
 TABLE = "/impacts"
 UNKNOWN = Vec3(math.nan, math.nan, math.nan)
@@ -79,7 +78,10 @@ def _rows(path: Path, entity: str) -> Iterator[dict[str, Any]]:
 
 
 def _body(row: dict[str, Any], side: str) -> Body:
-    return body_of(row[f"Impact:request_{side}"][0])
+    from ..recording.table import body_of
+
+    own = row.get(f"Impact:inverse_inertia_{side}")
+    return body_of(row[f"Impact:request_{side}"][0], own[0] if own else None)
 
 
 def _contact(numbers: list[float]) -> Contact:

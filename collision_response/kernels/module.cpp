@@ -103,19 +103,23 @@ bool read_body(PyObject* body, const Door& door, int i) {
   return read;
 }
 
-// Restitution that is a function, and tangential restitution, are left out: the caller sees to them.
+bool is_function(PyObject* o) { return !PyFloat_CheckExact(o) && PyCallable_Check(o); }
+
+// Coefficients that are functions, and tangential restitution, are left out: the caller sees to them.
 bool read_contact(PyObject* contact, const Door& door, bool* has_more) {
   if (!PyTuple_Check(contact) || PyTuple_GET_SIZE(contact) != 5) {
     PyErr_Format(PyExc_TypeError, "contact: must be a Contact, made by Contact.of(...); is %R", contact);
     return false;
   }
-  PyObject* e = PyTuple_GET_ITEM(contact, 2);
-  bool has_function = !PyFloat_CheckExact(e) && PyCallable_Check(e);
-  *has_more = has_function || PyTuple_GET_ITEM(contact, 4) != Py_None;
+  PyObject *e = PyTuple_GET_ITEM(contact, 2), *mu = PyTuple_GET_ITEM(contact, 3);
+  bool e_by_speed = is_function(e), mu_by_speed = is_function(mu);
+  if (e_by_speed) door.x[IN_CONTACT_RESTITUTION] = 1;
+  if (mu_by_speed) door.x[IN_CONTACT_FRICTION] = 0;
+  *has_more = e_by_speed || mu_by_speed || PyTuple_GET_ITEM(contact, 4) != Py_None;
   return read_numbers<3>(PyTuple_GET_ITEM(contact, 0), door, IN_CONTACT_POSITION_X) &&
          read_numbers<3>(PyTuple_GET_ITEM(contact, 1), door, IN_CONTACT_NORMAL_X) &&
-         (has_function || read_number(e, door, IN_CONTACT_RESTITUTION)) &&
-         read_number(PyTuple_GET_ITEM(contact, 3), door, IN_CONTACT_FRICTION);
+         (e_by_speed || read_number(e, door, IN_CONTACT_RESTITUTION)) &&
+         (mu_by_speed || read_number(mu, door, IN_CONTACT_FRICTION));
 }
 
 PyObject* vector(const double* x) { return tuple_of(types.vec3, x, 3); }

@@ -100,12 +100,12 @@ def johnson(yield_speed: float) -> Restitution:
     return _power_law(math.sqrt(6 * math.sqrt(3) / 5) * (24 / 5) ** -0.125, yield_speed, 0.25)
 
 
-def tabulated(speeds: Sequence[float], values: Sequence[float]) -> Restitution:
+def tabulated(speeds: Sequence[float], values: Sequence[float], most: float = 1.0) -> Restitution:
     """Measured values, with straight lines between them; outside as at the nearest.
 
     Args:
         speeds: of approach [m/s], >= 0, strictly increasing.
-        values: in [0, 1], one for each speed.
+        values: in [0, ``most``] and finite, one for each speed.
 
     Raises:
         ValueError: they are not so, or none.
@@ -116,8 +116,8 @@ def tabulated(speeds: Sequence[float], values: Sequence[float]) -> Restitution:
     if not rising or speeds[0] < 0 or not math.isfinite(speeds[-1]):
         raise ValueError(f"speeds must be finite, not negative and strictly increasing, are {list(speeds)}")
     for value in values:
-        if not 0 <= value <= 1:
-            raise ValueError(f"values must be in [0, 1], one is {value}")
+        if not (0 <= value <= most and value < math.inf):
+            raise ValueError(f"values must be finite and in [0, {most:g}], one is {value}")
 
     def restitution(v: float) -> float:
         i = bisect_right(speeds, v)

@@ -71,8 +71,9 @@ def answer_of(row: Record) -> dict[str, Any]:
 
 
 def _request_of(row: Record) -> dict[str, list[float]]:
-    contact, own = row.contact, row.contact.tangential_restitution
-    e = row.impact.contact.restitution if callable(contact.restitution) else contact.restitution
+    contact, used, own = row.contact, row.impact.contact, row.contact.tangential_restitution
+    e = used.restitution if callable(contact.restitution) else contact.restitution
+    mu = used.friction if callable(contact.friction) else contact.friction
     return {
         "request_a": _numbers_of(row.body_a),
         "request_b": _numbers_of(row.body_b),
@@ -80,7 +81,7 @@ def _request_of(row: Record) -> dict[str, list[float]]:
             *contact.position,
             *contact.normal,
             e,
-            contact.friction,
+            mu,
             math.nan if own is None else own,
         ],
         "request_model": [*row.model],
@@ -183,11 +184,12 @@ def _asked(row: dict[str, Any]) -> tuple[Body, Body, Contact, ImpactModel]:
     contact = Contact(Vec3(*place[:3]), Vec3(*place[3:]), e, mu, None if math.isnan(e_t) else e_t)
     law, geometry, precision, *numbers = row["request_model"]
     model = ImpactModel(Law(int(law)), Geometry(int(geometry)), Precision(int(precision)), *numbers)
-    a, b = (_body(row[f"request_{side}"], row.get(f"inverse_inertia_{side}")) for side in "ab")
+    a, b = (body_of(row[f"request_{side}"], row.get(f"inverse_inertia_{side}")) for side in "ab")
     return a, b, contact, model
 
 
-def _body(numbers: list[float], inverse_inertia: list[float] | None) -> Body:
+def body_of(numbers: list[float], inverse_inertia: list[float] | None) -> Body:
+    """The body of a row, of its columns ``request_a`` and ``inverse_inertia_a``, or those of b."""
     is_rigid = inverse_inertia is None or math.isnan(inverse_inertia[0])
     mass, inertia, com, position = numbers[0], numbers[1:7], numbers[7:10], numbers[10:13]
     turn, velocity, spin = Quaternion(*numbers[13:17]), numbers[17:20], numbers[20:23]

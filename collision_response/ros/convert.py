@@ -99,7 +99,7 @@ def scene_of(request: ResolveCollision.Request, parameters: Parameters) -> Scene
         body_of("body_a", request.body_a),
         body_of("body_b", request.body_b),
         contact_of(request, parameters),
-        model_of(request.model, _defaults(parameters.model, _pair_of(request, parameters))),
+        model_of(request.model, _defaults(parameters.model, pair_of(request, parameters))),
     )
 
 
@@ -185,12 +185,19 @@ def contact_of(touch: Touch, parameters: Parameters) -> Contact:
     Raises:
         ImpactError: UNKNOWN_MATERIAL, or for a coefficient of a body NOT_FINITE or INVALID_COEFFICIENT.
     """
+    e, mu = (filled(field, touch, parameters) for field in MOST)
+    return contact_with(touch, e, mu)
+
+
+def contact_with(touch: Touch, e: Filled, mu: Filled, tangential_restitution: float | None = None) -> Contact:
+    """Where the bodies touch, with these coefficients."""
     position, normal = touch.contact.position, touch.contact.normal
     return Contact(
         Vec3(position.x, position.y, position.z),
         Vec3(normal.x, normal.y, normal.z),
-        filled("restitution", touch, parameters).value,
-        filled("friction", touch, parameters).value,
+        e.value,
+        mu.value,
+        tangential_restitution,
     )
 
 
@@ -198,7 +205,7 @@ class Filled(NamedTuple):
     """A coefficient of a contact.
 
     Attributes:
-        value: a number; of a pair of materials it may be a function of the approach speed.
+        value: a number; of a pair of materials it may be a function of the approach or slip speed.
         source: where it came from.
         rule: that combined two, or what the entry of a pair says of its source.
     """
@@ -240,7 +247,8 @@ def filled(field: str, touch: Touch, parameters: Parameters) -> Filled:
     return Filled(getattr(parameters, field), Source.PARAMETER, "")
 
 
-def _pair_of(touch: Touch, parameters: Parameters) -> Pair:
+def pair_of(touch: Touch, parameters: Parameters) -> Pair:
+    """The entry of the two materials."""
     return parameters.materials.between(touch.body_a.material, touch.body_b.material)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ from ..msg import BodyState, SceneResult
 from ..msg import Contact as ContactMessage
 from ..physics.body import Body
 from ..physics.contact import Contact
+from ..physics.laws import Law
 from ..recording import SceneRecord
 from ..scene import SceneImpact, resolve_scene
 from ..srv import ResolveScene
@@ -68,12 +69,13 @@ class Touch(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """A request in the terms of the numeric core."""
+    """A request in the terms of the numeric core; and where each contact's restitution and friction are from."""
 
     bodies: list[Body]
     pairs: list[tuple[int, int]]
     contacts: list[Contact]
     model: ImpactModel
+    filled: list[tuple[convert.Filled, convert.Filled]]
 
 
 class Scenes:
@@ -106,11 +108,11 @@ class Scenes:
         )
         scene = scene_of(request, contacts, named, current)
         try:
-            impact = resolve_scene(*scene)
+            impact = resolve_scene(*scene[:4])
         except ImpactError as error:
             raise as_in_request(error, named) from None
         response = ResolveScene.Response(success=True)
-        write_answer(response.result, request, contacts, named, impact)
+        write_answer(response.result, request, contacts, named, scene, impact)
         self._journal.enter(
             response.result,
             lambda stamp, number: SceneRecord(stamp, number, named.names, scene.bodies, scene.pairs, impact),
@@ -223,7 +225,8 @@ def scene_of(
     """
     bodies = [convert.body_of(owner, state) for owner, state in zip(named.owners, named.states, strict=True)]
     of_a, of_b = np.asarray(request.pairs).reshape(2, -1).tolist()
-    pairs, contacts = list(zip(of_a, of_b, strict=True)), []
+    model, given = convert.model_of(request.model, parameters.model), request.model
+    pairs, contacts, filled = list(zip(of_a, of_b, strict=True)), [], []
     for i, (pair, message) in enumerate(zip(pairs, messages, strict=True)):
         if max(pair) >= len(bodies):
             reason = f"must be indices of {len(bodies)} bodies, from 0; those of contact {i} are {pair}"
@@ -236,11 +239,18 @@ def scene_of(
             "body_b": named.owners[pair[1]],
         }
         try:
-            contacts.append(convert.contact_of(touch, parameters))
+            e, mu = (convert.filled(field, touch, parameters) for field in ("restitution", "friction"))
         except ImpactError as error:
             owner, _, field = error.field.partition(".")
             raise ImpactError(error.code, f"{places[owner]}.{field}", error.reason) from None
-    return Scene(bodies, pairs, contacts, convert.model_of(request.model, parameters.model))
+        entry = convert.pair_of(touch, parameters)
+        if model.law is Law.COMPLIANT and not given.stiffness_ratio and entry.stiffness_ratio is not None:
+            reason = f"must be given in a scene: contacts[{i}] has {entry.stiffness_ratio} by its materials"
+            raise ImpactError(StatusCode.INVALID_MODEL, "model.stiffness_ratio", reason)
+        own = None if given.tangential_restitution else entry.tangential_restitution
+        contacts.append(convert.contact_with(touch, e, mu, own))
+        filled.append((e, mu))
+    return Scene(bodies, pairs, contacts, model, filled)
 
 
 def as_in_request(error: ImpactError, named: Named) -> ImpactError:
@@ -260,6 +270,7 @@ def write_answer(
     request: ResolveScene.Request,
     contacts: list[ContactMessage],
     named: Named,
+    scene: Scene,
     impact: SceneImpact,
 ) -> None:
     """Fill in a result from what the core answered."""
@@ -269,6 +280,8 @@ def write_answer(
     result.contacts = contacts
     for message, contact in zip(result.contacts, impact.contacts, strict=True):
         message.restitution, message.friction = float(contact.restitution), contact.friction
+    result.restitution_from, result.restitution_rules = _sources(e for e, _ in scene.filled)
+    result.friction_from, result.friction_rules = _sources(mu for _, mu in scene.filled)
     write_model(result.model, impact.model)
     result.body_names = named.names
     result.state_stamps = [used.stamp for used in named.used]
@@ -282,6 +295,12 @@ def write_answer(
     for field in NUMBERS:
         setattr(result, field, float(getattr(impact, field)))
     result.adjustments = int(impact.adjustments)
+
+
+def _sources(filled: Iterable[convert.Filled]) -> tuple[list[int], list[str]]:
+    """Where each coefficient is from, and by which rule."""
+    some = list(filled)
+    return [int(one.source) for one in some], [one.rule for one in some]
 
 
 def _cluster_of_each(clusters: Sequence[Sequence[int]], n: int) -> list[int]:

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 from .. import exactly, validity
-from ..model import check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..status import ImpactError, StatusCode
@@ -54,7 +53,7 @@ def check(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterable[Any]) 
         if not isinstance(contact, Contact):
             raise TypeError(f"contacts[{i}]: must be a Contact, is {contact!r}")
         try:
-            has_friction = bool(contact[3] > 0) or has_friction
+            has_friction = has_friction or callable(contact[3]) or bool(contact[3] > 0)
         except TypeError:
             reason = f"must be a real number, is {contact.friction!r}"
             raise TypeError(f"contacts[{i}].friction: {reason}") from None
@@ -147,12 +146,3 @@ def check_contact(body_a: Body, body_b: Body, contact: Contact, name: Name) -> N
         validity.check(body_a, body_b, contact, 0.0)
     except ImpactError as error:
         raise renamed(error, name) from None
-
-
-def restitution_of(contact: Contact, place: int, speed: float) -> float:
-    """The restitution of a contact for an approach speed."""
-    value = contact.restitution(speed)
-    check_number(
-        f"contacts[{place}].restitution(approach_speed)", value, 0, 1, StatusCode.INVALID_COEFFICIENT
-    )
-    return float(value)

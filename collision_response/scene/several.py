@@ -8,6 +8,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from .. import rationally
+from ..by_speed import friction_at_first, restitution_at
 from ..geometry import required
 from ..kernels import library
 from ..model import Geometry, ImpactModel, Precision
@@ -77,9 +78,7 @@ def several(scene: Request, copies: Copies, asked: Asked) -> Answered:
     for i in copies.first:
         a, b = scene.pairs[i]
         pairs.append((places.setdefault(a, len(places)), places.setdefault(b, len(places))))
-    contacts = [scene.contacts[i] for i in copies.first]
-    if law is Law.FRICTIONLESS and scene.has_friction:
-        contacts = [c._replace(friction=c.friction * 0) if c.friction else c for c in contacts]
+    contacts = [_with_friction(scene, i, law) for i in copies.first]
     parts = Parts([scene.bodies[place] for place in places], pairs, contacts, copies.counts, copies.first)
     cluster, parts, slow = _with_restitution(scene, parts, asked)
     if model.geometry in (Geometry.POINT, Geometry.PLANAR):
@@ -143,6 +142,25 @@ def _check_geometry(parts: Parts, geometry: Geometry) -> None:
             raise ImpactError(StatusCode.INVALID_MODEL, "model.geometry", reason)
 
 
+def _with_friction(scene: Request, i: int, law: Law) -> Contact:
+    """A contact, its friction a number."""
+    contact = scene.contacts[i]
+    mu = contact.friction
+    if not callable(mu):
+        is_left_out = law is Law.FRICTIONLESS and mu > 0
+        return contact._replace(friction=mu * 0) if is_left_out else contact
+    if law is Law.FRICTIONLESS:
+        return contact._replace(friction=0.0)
+    a, b = scene.pairs[i]
+    try:
+        mu = friction_at_first(scene.bodies[a], scene.bodies[b], contact, law, "contact")
+    except ImpactError as error:
+        raise request.renamed(error, Name(i, a, b)) from None
+    except TypeError as error:
+        raise TypeError(request.named(str(error), Name(i, a, b))) from None
+    return contact._replace(friction=mu)
+
+
 def _with_restitution(scene: Request, parts: Parts, asked: Asked) -> tuple[Any, Parts, bool]:
     """The assembled cluster, every restitution a number; and whether one is 0 for want of speed."""
     given, threshold = parts.contacts, asked.model.restitution_threshold
@@ -158,7 +176,7 @@ def _with_restitution(scene: Request, parts: Parts, asked: Asked) -> tuple[Any, 
     for original, contact, speed, i in zip(given, parts.contacts, speeds, parts.first, strict=True):
         e = contact.restitution
         if callable(original.restitution):
-            e = request.restitution_of(original, i, float(speed if speed > 0 else fastest))
+            e = restitution_at(float(speed if speed > 0 else fastest), original, f"contacts[{i}]")
         if 0 < speed < threshold and e > 0:
             e, slow = e * 0, True
         contacts.append(contact._replace(restitution=Fraction(e) if asked.exact else float(e)))

@@ -17,7 +17,7 @@ from ...numbers.number import Condition, Scalar, choose, greater, lesser, negati
 from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row
 
 EVENT = 2.0**-48
-"""How far past its event a phase may end."""
+"""How far past its event a phase may end, relative to what the event is decided by."""
 
 END = 1e-8
 """Normal force, relative to its greatest, from which on the rest of the way is straight."""
@@ -56,6 +56,11 @@ class Springs(NamedTuple):
             self.v2 + self.A12 * P1 + self.A22 * P2 + self.b2 * Pn,
             self.b1 * P1 + self.b2 * P2 + Pn - 1,
         )
+
+    def reach(self, P1: Scalar, P2: Scalar, Pn: Scalar) -> Scalar:
+        """The size of what :meth:`velocity` sums up, and so of its rounding."""
+        b, P_t = abs(self.b1) + abs(self.b2), abs(P1) + abs(P2)
+        return 1 + abs(self.v1) + abs(self.v2) + (self.A11 + self.A22 + b) * P_t + (1 + b) * Pn
 
 
 class Course(NamedTuple):
@@ -132,16 +137,18 @@ def step(springs: Springs, y: Course) -> Course:
         dun = springs.b1 * F1 + springs.b2 * F2 + F
         size = square_root(a1 * a1 + a2 * a2)
         safe = choose(size > 0, lambda: size, lambda: one)
-        # In units in which both terms round alike.
-        stick = Event((mu * F - size) / (1 + mu), (mu * dF - (a1 * d1 + a2 * d2) / safe) / (1 + mu))
-        share = mu * k / kappa
+        # In units in which what they are made of is 1: EVENT is more than its rounding.
+        grip, speed = (1 + mu) * (1 + y.most), (1 + share) * reach
+        stick = Event((mu * F - size) / grip, (mu * dF - (a1 * d1 + a2 * d2) / safe) / grip)
         fades = a1 * du1 + a2 * du2 + d1 * u1 + d2 * u2 + share * dun
-        slip = Event((a1 * u1 + a2 * u2 + share * u_n) / (1 + share), fades / (1 + share))
+        slip = Event((a1 * u1 + a2 * u2 + share * u_n) / speed, fades / speed)
         friction = choose(slips, lambda: slip, lambda: stick)
         rough = choose(mu > 0, lambda: friction, lambda: Event(one, zero))
-        return [rough, choose(unloads, lambda: Event(y.most - F, -dF), lambda: Event(-u_n, -dun))]
+        full = Event((y.most - F) / (1 + y.most), -dF / (1 + y.most))
+        return [rough, choose(unloads, lambda: full, lambda: Event(-u_n / reach, -dun / reach))]
 
     start = (y.a1, y.a2, y.F, y.P1, y.P2, y.Pn)
+    share, reach = mu * k / kappa, springs.reach(y.P1, y.P2, y.Pn)
     h = y.h
     slopes: list[tuple[Scalar, ...]] = []
 
@@ -203,7 +210,7 @@ def step(springs: Springs, y: Course) -> Course:
             choose(begins, lambda: size * springs.e, lambda: size),
             choose(over, lambda: zero, lambda: one),
             y.growth * _exponential(gain) * square_root(1 + held),
-            y.doubt + err + STEP_ROUNDING + choose(switches | turns, lambda: EVENT + zero, lambda: zero),
+            y.doubt + err + STEP_ROUNDING + choose(switches | turns, lambda: EVENT * reach, lambda: zero),
             choose(now > 0, lambda: y.stuck, lambda: one), choose(pressed, lambda: one, lambda: y.jams),
         )  # fmt: skip
 

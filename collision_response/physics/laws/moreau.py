@@ -35,7 +35,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ...numbers.number import Scalar, certain, choose, error_of, square_root, varying_as, widened
+from ...numbers.number import Scalar, certain, choose, error_of, fixed, square_root, varying_as, widened
 from ..effective_mass import ContactKinematics
 from ..vector import Vec3
 from .chatterjee_ruina import chatterjee_ruina
@@ -67,10 +67,10 @@ def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     S11, S12, S22 = frame.K11 - K_tn.x * beta.x, frame.K12 - K_tn.x * beta.y, frame.K22 - K_tn.y * beta.y
     trace = S11 + S22
 
-    # c = unit * share
-    share = certain(1 / (1 + mu))
+    # c = unit * share: all that follows is relative to it, so that it need not vary
+    share = fixed(certain(1 / (1 + mu)))
     scale = certain(share * (V.size() + mu * (V.size() * beta.size() + j * trace)))
-    unit = certain(1 / divisor(scale))
+    unit = fixed(certain(1 / divisor(scale)))
     s11, s12, s22 = S11 / trace, S12 / trace, S22 / trace
     W = Tangential(s22 * V.x - s12 * V.y, s11 * V.y - s12 * V.x)
     det = s11 * s22 - s12 * s12
