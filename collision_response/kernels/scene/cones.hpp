@@ -57,10 +57,15 @@ class Cones {
 
   // Of all solutions that of least squares, nearly; and how much more than the least its work is, at most.
   double solve() {
+    start_afresh();
+    return mend();
+  }
+
+  // The first step towards that.
+  void start_afresh() {
     const std::vector<Axes> none(P.size(), Axes{0, 0, 0});
     if (!settle(GREATEST, none, true, 12))
       for (double size = 1; size <= GREATEST; size *= 100) settle(size, none, size == 1, 60);
-    return mend();
   }
 
   // The same without regard to the squares: steps from where it is, until they gain nothing.
@@ -128,6 +133,7 @@ class Cones {
     for (int i = 0; i < variables; ++i) x[i] += step[i];
     for (size_t i = 0; i < cones.size(); ++i) {
       Axes by = velocity(cones[i], step.data());
+      for (int a = 0; a < 3; ++a) z[i][a] += by[a];
       for (int a = 0; a < 3; ++a)
         for (int k = 0; k < 3; ++k) P[i][a] -= rho * cones[i].share * slopes[i].d[a][k] * by[k];
       Slope unused;
