@@ -199,7 +199,7 @@ class Cones {
   static void onto(double mu, Axes& q, Slope& slope) {
     double t = std::sqrt(q[1] * q[1] + q[2] * q[2]);
     slope = {};
-    if (t <= mu * q[0]) {
+    if (q[0] >= 0 && t <= mu * q[0]) {
       for (int k = 0; k < 3; ++k) slope.d[k][k] = 1;
       return;
     }
