@@ -174,7 +174,7 @@ inline Friction one_step(const Assembly& scene) {
       along += off[i] * by;
       square += by * by;
     }
-    bool slow = change > 0.7 * last_change;
+    bool slow = change > 0.9 * last_change;
     last_change = change;
     double leap = slow && square > 0 ? std::fmin(std::fmax(along / square, -20), 0.5) : 0;
     for (int i = 0; i < count; ++i) {
