@@ -59,10 +59,11 @@ struct Compliant {
     }
   }
 
-  // What is left in the springs is too little to show.
+  // Whether what is left in a spring is too little to show.
+  bool is_over(int i, double x, double u) const { return force(i, x) * x <= mass * slow * slow && u >= -slow; }
   bool ended(const double* y) const {
     for (int i = 0; i < count; ++i)
-      if (force(i, y[i]) * y[i] > mass * slow * slow || velocity(i, y + count) < -slow) return false;
+      if (!is_over(i, y[i], velocity(i, y + count))) return false;
     return true;
   }
 
@@ -120,7 +121,8 @@ struct Compliant {
   }
 
   // With friction: steps of equal length, in each of which friction opposes the slip at its end.
-  bool follow_with_friction(double h, long budget, std::vector<Axes>& P) const {
+  bool follow_with_friction(double h, long budget, std::vector<Axes>& P) {
+    slow = 1e-8 * speed;  // steps of first order do not tell less
     Motion motion(scene);
     P.assign(count, Axes{0, 0, 0});
     std::vector<double> x(count, 0.0), limit(count), rho(count);
@@ -158,7 +160,7 @@ struct Compliant {
         P[i][2] += friction[i][2];
         double u = motion.velocity(i, 0);
         x[i] = std::fmax(x[i] + h / 2 * rate(i, x[i], u), 0);
-        done = done && x[i] <= 0 && u >= -1e-13 * speed;
+        done = done && is_over(i, x[i], u);
       }
       if (done) return true;
     }
