@@ -104,7 +104,7 @@ def resolve_scenes(
     """The motion of bodies after several contacts strike at once, in as many clusters as there are.
 
     The numbers are those of :func:`~collision_response.resolve_scene` for each cluster by itself, bit by bit.
-    Clusters by FRICTIONLESS and COULOMB are computed without Python, but for the few that need more digits
+    Clusters by FRICTIONLESS, COULOMB and MOREAU are computed without Python, but for the few that need more digits
     or have a contact twice; those by other laws are computed one after the other.
 
     Args:
@@ -133,10 +133,10 @@ def resolve_scenes(
         together = np.flatnonzero(sizes > 0)
     else:
         _alone(bodies, contacts, pairs, clusters, alone, model, result, workers)
-    if model.law in (Law.FRICTIONLESS, Law.COULOMB) and not model.tangential_restitution:
+    if model.law in (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU) and not model.tangential_restitution:
         numbers = threshold, model.restitution_threshold, plan(model).limit, REFLECTIONS
         tables = bodies, pairs, contacts, *clusters, result, together
-        kernel = here.layout, model.law is Law.FRICTIONLESS, tuple(map(float, numbers))
+        kernel = here.layout, int(model.law), tuple(map(float, numbers))
         _share(lambda *part: library.many_clusters(*kernel, *tables, *part), together.size, workers)
         together = together[result.status[together] == StatusCode.UNSET]
     for cluster in together.tolist():

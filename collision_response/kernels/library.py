@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..answer import Impact
 from ..model import Adjustment, decided, plan
-from ..physics.body import Twist
+from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..physics.laws import Regime
 from ..physics.vector import Vec3
@@ -41,15 +41,17 @@ def refusal(code: int) -> ImpactError:
 _statuses = {int(status): status for status in StatusCode}
 _regimes = {int(regime): regime for regime in Regime}
 _regimes_by_number = tuple(_regimes.get(i) for i in range(max(_regimes) + 1))
+_statuses_by_number = tuple(_statuses.get(i) for i in range(max(_statuses) + 1))
+_adjustments_by_number = tuple(Adjustment(i) for i in range(32))
 _compiled.setup(
     Impact,
     Twist,
     Vec3,
     Contact,
     Fraction,
-    tuple(_statuses.get(i) for i in range(max(_statuses) + 1)),
+    _statuses_by_number,
     _regimes_by_number,
-    tuple(Adjustment(i) for i in range(32)),
+    _adjustments_by_number,
     plan,
     decided,
     refusal,
@@ -61,7 +63,10 @@ batch = _compiled.batch
 independent_sets = _compiled.independent_sets
 limit_vectors = _compiled.limit_vectors
 
-_scene.setup(Vec3, Twist, Fraction, _regimes_by_number)
+_scene.setup(
+    Vec3, Twist, Fraction, Body, Contact, _regimes_by_number, _statuses_by_number, _adjustments_by_number
+)
+usual_scene = _scene.usual
 assemble = _scene.assemble
 Cluster = _scene.Cluster
 is_rational = _scene.is_rational

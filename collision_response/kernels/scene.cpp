@@ -2,6 +2,8 @@
 // collision_response/scene/.
 //
 // Impulses along the normals travel as bytes: a double-double for each contact.
+#include <memory>
+
 #include "arrays.hpp"
 #include "python.hpp"
 #define WITH_TABLES
@@ -12,15 +14,13 @@
 namespace {
 
 struct Types {
-  PyTypeObject *vec3, *twist, *fraction;
-  PyObject* regimes;  // by number
+  PyTypeObject *vec3, *twist, *fraction, *body, *contact;
+  PyObject *regimes, *statuses, *adjustments;  // by number
 } types;
 
-struct Cluster {
+struct ClusterObject {
   PyObject_HEAD
-  Assembly* scene;
-  double energy;  // of the movable bodies
-  bool idle, off_unit;
+  Cluster* cluster;
 };
 
 // A float, or an integer that is one. Python sees to the rest.
@@ -58,9 +58,23 @@ bool read_contact(PyObject* o, double* x) {
          exact_float(PyTuple_GET_ITEM(o, 3), x[7]);
 }
 
+// Indices of two bodies.
+bool read_pair(PyObject* o, long bodies, std::int64_t* pair) {
+  if (!PyTuple_CheckExact(o) || PyTuple_GET_SIZE(o) != 2) return false;
+  for (int side = 0; side < 2; ++side) {
+    PyObject* index = PyTuple_GET_ITEM(o, side);
+    if (!PyLong_CheckExact(index)) return false;
+    pair[side] = PyLong_AsLong(index);
+    if (pair[side] < 0 || pair[side] >= bodies) {
+      PyErr_Clear();
+      return false;
+    }
+  }
+  return pair[0] != pair[1];
+}
+
 void dealloc(PyObject* self) {
-  auto* cluster = reinterpret_cast<Cluster*>(self);
-  delete cluster->scene;
+  delete reinterpret_cast<ClusterObject*>(self)->cluster;
   PyTypeObject* type = Py_TYPE(self);
   type->tp_free(self);
   Py_DECREF(type);
@@ -68,60 +82,30 @@ void dealloc(PyObject* self) {
 
 PyObject* cluster_type;
 
-// assemble(bodies, pairs, contacts, copies): a cluster, of contacts each given so many times; or the place of the first contact at fault; or None if a number
-// is no float.
+// assemble(bodies, pairs, contacts, copies): a cluster, of contacts each given so many times; or the place of the
+// first contact at fault; or None if a number is no float.
 PyObject* assemble(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 4 || !PyList_Check(args[0]) || !PyList_Check(args[1]) || !PyList_Check(args[2]) || !PyList_Check(args[3]))
     return PyErr_Format(PyExc_TypeError, "assemble() takes four lists");
-  Py_ssize_t bodies = PyList_GET_SIZE(args[0]), contacts = PyList_GET_SIZE(args[2]);
-  std::vector<Given> given(bodies);
-  std::vector<int> place(bodies, -1);
-  auto* scene = new Assembly;
-  double energies = 0;
-  bool idle = false, off_unit = false;
-  auto give_up = [&](PyObject* answer) {
-    delete scene;
-    return answer;
-  };
-  for (Py_ssize_t i = 0; i < bodies; ++i) {
-    if (!read_body(PyList_GET_ITEM(args[0], i), given[i].x)) return give_up(Py_NewRef(Py_None));
-    if (!given[i].rests()) given[i].look();
-    if (!given[i].movable()) {
-      scene->driven = scene->driven || given[i].moves();
-      continue;
-    }
-    place[i] = scene->bodies++;
-    energies += given[i].energy;
-    idle = idle || given[i].idle;
-    scene->given.push_back(given[i]);
+  Parts parts;
+  parts.bodies.resize(PyList_GET_SIZE(args[0]));
+  for (size_t i = 0; i < parts.bodies.size(); ++i)
+    if (!read_body(PyList_GET_ITEM(args[0], i), parts.bodies[i].data())) Py_RETURN_NONE;
+  for (Py_ssize_t k = 0; k < PyList_GET_SIZE(args[2]); ++k) {
+    std::int64_t pair[2];
+    Parts::Contact contact{{}, {}, PyLong_AsDouble(PyList_GET_ITEM(args[3], k))};
+    if (!read_contact(PyList_GET_ITEM(args[2], k), contact.x) || !read_pair(PyList_GET_ITEM(args[1], k), parts.bodies.size(), pair)) Py_RETURN_NONE;
+    for (int side = 0; side < 2; ++side) contact.body[side] = static_cast<int>(pair[side]);
+    parts.contacts.push_back(contact);
   }
-  scene->touches.reserve(contacts);
-  for (Py_ssize_t k = 0; k < contacts; ++k) {
-    double in[INPUTS] = {}, fault;
-    bool shapes[5];
-    PyObject* pair = PyList_GET_ITEM(args[1], k);
-    long a = PyLong_AsLong(PyTuple_GET_ITEM(pair, 0)), b = PyLong_AsLong(PyTuple_GET_ITEM(pair, 1));
-    std::copy(given[a].x, given[a].x + BODY, in);
-    std::copy(given[b].x, given[b].x + BODY, in + BODY);
-    if (!read_contact(PyList_GET_ITEM(args[2], k), in + IN_CONTACT_POSITION_X)) return give_up(Py_NewRef(Py_None));
-    validity<double>(in, nullptr, &fault, shapes);
-    if (fault != 0) return give_up(PyLong_FromSsize_t(k));
-    off_unit = off_unit || shapes[4];
-    scene->add(given[a], given[b], place[a], place[b], in + IN_CONTACT_POSITION_X,
-               PyLong_AsDouble(PyList_GET_ITEM(args[3], k)));
-    scene->add_plain(given[a], given[b], scene->touches.back());
-  }
-  scene->finish();
-  auto* cluster = PyObject_New(Cluster, reinterpret_cast<PyTypeObject*>(cluster_type));
-  if (!cluster) return give_up(nullptr);
-  cluster->scene = scene;
-  cluster->energy = energies;
-  cluster->idle = idle;
-  cluster->off_unit = off_unit;
-  return reinterpret_cast<PyObject*>(cluster);
+  auto cluster = std::make_unique<Cluster>(parts, false);
+  if (cluster->fault) return PyLong_FromSize_t(cluster->at_fault);
+  auto* object = PyObject_New(ClusterObject, reinterpret_cast<PyTypeObject*>(cluster_type));
+  if (object) object->cluster = cluster.release();
+  return reinterpret_cast<PyObject*>(object);
 }
 
-Assembly& of(PyObject* self) { return *reinterpret_cast<Cluster*>(self)->scene; }
+Assembly& of(PyObject* self) { return reinterpret_cast<ClusterObject*>(self)->cluster->scene; }
 
 PyObject* bytes(const std::vector<DD>& p) {
   return PyBytes_FromStringAndSize(reinterpret_cast<const char*>(p.data()), p.size() * sizeof(DD));
@@ -179,7 +163,8 @@ PyObject* number_list(const std::vector<double>& x) {
 // answer(p, tangential, error, by_slip): of normal impulses, and of tangential ones (pairs of floats in the axes of
 // each contact, or None): the changes and the twists of the movable bodies, the impulses, the velocities before and
 // after, the regimes, the energies before and after and what restitution and friction lost, the relative error,
-// whether a body turned about an axis without inertia, and whether a quaternion was not of unit length.
+// whether a body turned about an axis without inertia, whether a quaternion was not of unit length, and whether energy
+// was created.
 PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
   const DD* p = argc == 4 ? impulses(self, args[0]) : nullptr;
   if (!p) return nullptr;
@@ -188,34 +173,30 @@ PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
     for (int i = 0; i < 2 * of(self).count; ++i) tangential.push_back(PyFloat_AsDouble(PyList_GET_ITEM(args[1], i)));
   double error = PyFloat_AsDouble(args[2]);
   if (PyErr_Occurred()) return nullptr;
-  const auto* cluster = reinterpret_cast<Cluster*>(self);
+  const Cluster& cluster = *reinterpret_cast<ClusterObject*>(self)->cluster;
   Numbers y = numbers_of(of(self), p, tangential, error, args[3] == Py_True);
   return Py_BuildValue(
-      "NNNNNN(dddd)dNN", listed(of(self).bodies, [&](size_t b) { return twist(&y.changes[6 * b]); }),
+      "NNNNNN(dddd)dNNN", listed(of(self).bodies, [&](size_t b) { return twist(&y.changes[6 * b]); }),
       listed(of(self).bodies, [&](size_t b) { return twist(&y.after[6 * b]); }),
       listed(of(self).count, [&](size_t i) { return vector(&y.pushes[3 * i]); }), number_list(y.before), number_list(y.then),
       listed(of(self).count, [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(types.regimes, y.regimes[i])); }),
-      cluster->energy, y.energy_after, y.lost_restitution, y.lost_friction, y.bound,
-      PyBool_FromLong(cluster->idle), PyBool_FromLong(cluster->off_unit));
+      cluster.energy, y.energy_after, y.lost_restitution, y.lost_friction, y.bound,
+      PyBool_FromLong(cluster.idle), PyBool_FromLong(cluster.off_unit),
+      PyBool_FromLong(y.creates_energy()));
 }
 
-PyObject* friction_answer(const Friction& friction, const Assembly& scene) {
-  if (!friction.found) Py_RETURN_NONE;
-  return Py_BuildValue("NNd", bytes(along_normals(friction, scene)), number_list(across_normals(friction)), friction.error);
+PyObject* struck_answer(const Struck& struck) {
+  if (struck.outcome != Outcome::ANSWERED) Py_RETURN_NONE;
+  PyObject* across = struck.tangential.empty() ? Py_NewRef(Py_None) : number_list(struck.tangential);
+  return Py_BuildValue("NNd", bytes(struck.p), across, struck.error);
 }
 
 // least_work(p), one_step(friction): impulses along the normals, across them, and the error; None if there are none.
 PyObject* with_least_work(PyObject* self, PyObject* o) {
   const DD* p = impulses(self, o);
-  return p ? friction_answer(rubbed(of(self), p), of(self)) : nullptr;
+  return p ? struck_answer(struck_by(rubbed(of(self), p), of(self))) : nullptr;
 }
-PyObject* in_one_step(PyObject* self, PyObject* rubs) {
-  const Assembly& scene = of(self);
-  if (rubs == Py_True) return friction_answer(one_step(scene), scene);
-  Assembly::Projection found = scene.rebound();
-  if (found.found != Found::LEAST) Py_RETURN_NONE;
-  return Py_BuildValue("NOd", bytes(found.q), Py_None, found.error);
-}
+PyObject* in_one_step(PyObject* self, PyObject* rubs) { return struck_answer(stepped(of(self), rubs == Py_True)); }
 
 // compress(stiffness, exponent, tolerance or step, budget, friction): as above, along a law with compliance.
 PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
@@ -239,7 +220,7 @@ PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
     for (size_t i = 0; i < p.size(); ++i) result.P[i][0] = p[i];
   }
   Py_END_ALLOW_THREADS;
-  return friction_answer(result, scene);
+  return struck_answer(struck_by(result, scene));
 }
 
 PyObject* get_locked(PyObject* self, void*) { return PyBool_FromLong(of(self).locked); }
@@ -258,7 +239,7 @@ PyMethodDef methods[] = {
     {}};
 PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {"count", get_floats, nullptr, "", nullptr}, {}};
 PyType_Slot slots[] = {{Py_tp_dealloc, reinterpret_cast<void*>(dealloc)}, {Py_tp_methods, methods}, {Py_tp_getset, fields}, {}};
-PyType_Spec spec = {"collision_response.kernels._scene.Cluster", sizeof(Cluster), 0, Py_TPFLAGS_DEFAULT, slots};
+PyType_Spec spec = {"collision_response.kernels._scene.Cluster", sizeof(ClusterObject), 0, Py_TPFLAGS_DEFAULT, slots};
 
 // clusters(pairs, movable, order, starts, cluster): how many; see gather.hpp.
 PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
@@ -273,14 +254,14 @@ PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   return PyLong_FromLong(found);
 }
 
-// many(table, frictionless, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): the clusters
+// many(table, law, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): the clusters
 // that `wanted` lists between two places, without the GIL. numbers are the threshold, the restitution threshold, the
 // limit of error bounds and the budget of reflections. The arrays are those of resolve_scenes.py, of the
 // right shapes. A status of 0: left to Python.
 PyObject* many(PyObject*, PyObject* const* args, Py_ssize_t count) {
   constexpr int RESULTS = 12;
   if (count != 12 || !PyTuple_Check(args[8]) || PyTuple_GET_SIZE(args[8]) != RESULTS) return PyErr_Format(PyExc_TypeError, "many() takes 12 arguments");
-  int place = static_cast<int>(PyLong_AsLong(args[0]));
+  int place = static_cast<int>(PyLong_AsLong(args[0])), law = static_cast<int>(PyLong_AsLong(args[1]));
   double number[4];
   if (PyErr_Occurred() || !floats(args[2], 4, number)) return PyErr_Format(PyExc_TypeError, "many(): numbers");
   long from = PyLong_AsLong(args[10]), to = PyLong_AsLong(args[11]);
@@ -293,7 +274,7 @@ PyObject* many(PyObject*, PyObject* const* args, Py_ssize_t count) {
   Many asked{tables[place], bodies.at<double>(), contacts.at<double>(),
              {pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, bodies.view.shape[1]},
              n, static_cast<long>(contacts.view.shape[0]), order.at<std::int64_t>(), starts.at<std::int64_t>(),
-             args[1] == Py_True, number[0], number[1], number[2], static_cast<int>(number[3]),
+             {law, number[0], number[1], static_cast<int>(number[3])}, number[2],
              numbers(0), numbers(1), numbers(2), result[3].at<unsigned char>(), result[5].at<unsigned char>(),
              numbers(6), numbers(7), {numbers(8), numbers(9), numbers(10), numbers(11)}};
   Py_BEGIN_ALLOW_THREADS;
@@ -301,6 +282,160 @@ PyObject* many(PyObject*, PyObject* const* args, Py_ssize_t count) {
   for (long i = from; i < to; ++i) clusters.answer(wanted.at<std::int64_t>()[i]);
   Py_END_ALLOW_THREADS;
   Py_RETURN_NONE;
+}
+
+struct Request {  // a scene from Python
+  std::vector<std::array<double, BODY>> bodies;
+  std::vector<std::array<double, 8>> contacts;
+  std::vector<std::int64_t> a, b, order, starts, cluster;
+  std::unique_ptr<bool[]> movable;
+  long count;  // of clusters
+  bool rubs = false;
+
+  // Whether it is usual: of floats, and with no cluster of one contact, nor a movable body without contacts.
+  bool read(PyObject* body_list, PyObject* pair_list, PyObject* contact_list) {
+    for (PyObject* list : {body_list, pair_list, contact_list})
+      if (!PyList_Check(list) && !PyTuple_Check(list)) return false;
+    long n = PySequence_Fast_GET_SIZE(contact_list), of_bodies = PySequence_Fast_GET_SIZE(body_list);
+    if (PySequence_Fast_GET_SIZE(pair_list) != n) return false;
+    bodies.resize(of_bodies);
+    contacts.resize(n);
+    for (auto* numbers : {&a, &b, &order, &cluster}) numbers->resize(n);
+    starts.resize(n + 1);
+    movable.reset(new bool[of_bodies]);
+    std::vector<char> touched(of_bodies);
+    for (long i = 0; i < of_bodies; ++i) {
+      PyObject* body = PySequence_Fast_GET_ITEM(body_list, i);
+      if (Py_TYPE(body) != types.body || PyTuple_GET_ITEM(body, 7) != Py_None || !read_body(body, bodies[i].data())) return false;
+      movable[i] = bodies[i][0] < INFINITY;
+    }
+    for (long k = 0; k < n; ++k) {
+      PyObject* contact = PySequence_Fast_GET_ITEM(contact_list, k);
+      std::int64_t pair[2];
+      if (Py_TYPE(contact) != types.contact || PyTuple_GET_ITEM(contact, 4) != Py_None || !read_contact(contact, contacts[k].data())) return false;
+      if (!read_pair(PySequence_Fast_GET_ITEM(pair_list, k), of_bodies, pair)) return false;
+      a[k] = pair[0];
+      b[k] = pair[1];
+      touched[a[k]] = touched[b[k]] = 1;
+      rubs = rubs || contacts[k][7] > 0;
+    }
+    for (long i = 0; i < of_bodies; ++i)
+      if (movable[i] && !touched[i]) return false;
+    count = clusters({a.data(), b.data(), of_bodies}, n, movable.get(), order.data(), starts.data(), cluster.data());
+    for (long c = 0; c < count; ++c)
+      if (starts[c + 1] - starts[c] == 1) return false;
+    return count > 0;
+  }
+
+  // The numbers of a cluster, and which bodies it has.
+  Parts parts(long c, std::vector<long>& places, std::vector<int>& place_of) const {
+    Parts parts;
+    for (long k = starts[c]; k < starts[c + 1]; ++k) {
+      Parts::Contact contact{{}, {}, 1};
+      std::copy(contacts[order[k]].begin(), contacts[order[k]].end(), contact.x);
+      for (int side = 0; side < 2; ++side) {
+        long body = static_cast<long>(side ? b[order[k]] : a[order[k]]);
+        if (place_of[body] < 0) {
+          place_of[body] = static_cast<int>(places.size());
+          places.push_back(body);
+          parts.bodies.push_back(bodies[body]);
+        }
+        contact.body[side] = place_of[body];
+      }
+      parts.contacts.push_back(contact);
+    }
+    for (long body : places) place_of[body] = -1;
+    return parts;
+  }
+};
+
+// A contact as used: with the restitution of its cluster, and no friction where the law has none.
+PyObject* used_contact(PyObject* contact, const double* x, double e, bool frictionless) {
+  bool smooth = frictionless && x[7] != 0;
+  if (e == x[6] && !smooth) return Py_NewRef(contact);
+  PyObject* used = types.contact->tp_alloc(types.contact, 5);
+  for (int k = 0; used && k < 5; ++k) {
+    bool changed = (k == 2 && e != x[6]) || (k == 3 && smooth);
+    PyTuple_SET_ITEM(used, k, changed ? PyFloat_FromDouble(k == 2 ? e : 0) : Py_NewRef(PyTuple_GET_ITEM(contact, k)));
+  }
+  return used;
+}
+
+// usual(bodies, pairs, contacts, laws, numbers, models): the fields of a SceneImpact; or None, if something is unusual.
+// laws: without friction and with; numbers: the threshold, the restitution threshold, the limit of error bounds and the
+// budget of reflections; models: as used, by law and whether impulses are known beyond doubles.
+PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
+  double number[4];
+  int laws[2];
+  if (argc != 6 || !PyArg_ParseTuple(args[3], "ii", &laws[0], &laws[1]) || !floats(args[4], 4, number))
+    return PyErr_Occurred() ? nullptr : PyErr_Format(PyExc_TypeError, "usual() takes 6 arguments");
+  Request request;
+  if (!request.read(args[0], args[1], args[2])) Py_RETURN_NONE;
+  Asked asked{laws[request.rubs], number[0], number[1], static_cast<int>(number[3])};
+  bool frictionless = asked.law == LAW_FRICTIONLESS;
+  std::vector<std::vector<long>> places(request.count);
+  std::vector<Cluster> clusters;
+  clusters.reserve(request.count);
+  std::vector<Answer> answers;
+  std::vector<int> place_of(request.bodies.size(), -1);
+  for (long c = 0; c < request.count; ++c) {
+    Parts parts = request.parts(c, places[c], place_of);
+    if (parts.has_copies()) Py_RETURN_NONE;
+    clusters.emplace_back(parts, frictionless);
+    if (clusters[c].fault) Py_RETURN_NONE;
+    answers.push_back(answered(clusters[c], asked));
+    if (answers[c].code != OK) Py_RETURN_NONE;
+  }
+
+  enum { CONTACTS, TWISTS, CHANGES, IMPULSES, BEFORE, AFTER, REGIMES, CLUSTERS, COLUMNS };
+  auto bodies = static_cast<Py_ssize_t>(request.bodies.size()), contacts = static_cast<Py_ssize_t>(request.contacts.size());
+  PyObject* column[COLUMNS];
+  for (int i = 0; i < COLUMNS; ++i) column[i] = PyTuple_New(i == CLUSTERS ? request.count : i == TWISTS || i == CHANGES ? bodies : contacts);
+  for (Py_ssize_t i = 0; i < bodies; ++i) {
+    if (request.movable[i]) continue;
+    const double none[6] = {};
+    PyTuple_SET_ITEM(column[TWISTS], i, twist(&request.bodies[i][IN_BODY_A_VELOCITY_X]));
+    PyTuple_SET_ITEM(column[CHANGES], i, twist(none));
+  }
+  double energies[4] = {}, bound = 0, margin = INFINITY;
+  int adjusted = 0, law = asked.law;
+  bool separates = true, beyond_doubles = false;
+  for (long c = 0; c < request.count; ++c) {
+    const Cluster& cluster = clusters[c];
+    const Answer& found = answers[c];
+    const Numbers& y = found.numbers;
+    for (size_t i = 0; i < places[c].size(); ++i) {
+      if (cluster.movable[i] < 0) continue;
+      PyTuple_SET_ITEM(column[TWISTS], places[c][i], twist(&y.after[6 * cluster.movable[i]]));
+      PyTuple_SET_ITEM(column[CHANGES], places[c][i], twist(&y.changes[6 * cluster.movable[i]]));
+    }
+    long from = static_cast<long>(request.starts[c]), to = static_cast<long>(request.starts[c + 1]);
+    PyObject* own = PyTuple_New(to - from);
+    for (long i = 0; i < to - from; ++i) {
+      auto k = static_cast<Py_ssize_t>(request.order[from + i]);
+      double e = found.restitution < 0 ? cluster.scene.touches[i].e : found.restitution;
+      PyTuple_SET_ITEM(own, i, PyLong_FromSsize_t(k));
+      PyTuple_SET_ITEM(column[CONTACTS], k, used_contact(PySequence_Fast_GET_ITEM(args[2], k), request.contacts[k].data(), e, frictionless));
+      PyTuple_SET_ITEM(column[IMPULSES], k, vector(&y.pushes[3 * i]));
+      PyTuple_SET_ITEM(column[BEFORE], k, PyFloat_FromDouble(y.before[i]));
+      PyTuple_SET_ITEM(column[AFTER], k, PyFloat_FromDouble(y.then[i]));
+      PyTuple_SET_ITEM(column[REGIMES], k, Py_NewRef(PyTuple_GET_ITEM(types.regimes, y.regimes[i])));
+    }
+    PyTuple_SET_ITEM(column[CLUSTERS], c, own);
+    const double own_energies[4] = {cluster.energy, y.energy_after, y.lost_restitution, y.lost_friction};
+    for (int i = 0; i < 4; ++i) energies[i] += own_energies[i];
+    bound = std::fmax(bound, y.bound);
+    margin = std::fmin(margin, found.margin);
+    adjusted |= cluster.off_unit + 2 * found.slow + 4 * found.fell_back + 8 * cluster.idle;
+    if (found.fell_back && law == asked.law) law = cluster.rubs ? LAW_COULOMB : LAW_FRICTIONLESS;
+    separates = separates && y.separates();
+    beyond_doubles = beyond_doubles || !cluster.rubs;
+  }
+  PyObject* status = PyTuple_GET_ITEM(types.statuses, bound > number[2] ? TOLERANCE_NOT_MET : separates ? SEPARATING : OK);
+  PyObject* model = PyTuple_GET_ITEM(PyTuple_GET_ITEM(args[5], law), beyond_doubles);
+  return Py_BuildValue("OONNNNNNNddddNOddO", status, model, column[CONTACTS], column[TWISTS], column[CHANGES], column[IMPULSES],
+                       column[BEFORE], column[AFTER], column[REGIMES], energies[0], energies[1], energies[2], energies[3],
+                       column[CLUSTERS], Py_None, bound, margin, PyTuple_GET_ITEM(types.adjustments, adjusted));
 }
 
 // Whether there is a fraction in it.
@@ -316,16 +451,18 @@ bool holds_fraction(PyObject* o) {
 PyObject* is_rational(PyObject*, PyObject* o) { return PyBool_FromLong(holds_fraction(o)); }
 
 PyObject* setup(PyObject*, PyObject* args) {
-  PyObject *vec3, *twist, *fraction;
-  if (!PyArg_ParseTuple(args, "OOOO", &vec3, &twist, &fraction, &types.regimes)) return nullptr;
+  PyObject *vec3, *twist, *fraction, *body, *contact;
+  if (!PyArg_ParseTuple(args, "OOOOOOOO", &vec3, &twist, &fraction, &body, &contact, &types.regimes, &types.statuses, &types.adjustments)) return nullptr;
   types.fraction = reinterpret_cast<PyTypeObject*>(fraction);
   types.vec3 = reinterpret_cast<PyTypeObject*>(vec3);
   types.twist = reinterpret_cast<PyTypeObject*>(twist);
+  types.body = reinterpret_cast<PyTypeObject*>(body);
+  types.contact = reinterpret_cast<PyTypeObject*>(contact);
   Py_INCREF(args);  // keeps all of them for ever
   Py_RETURN_NONE;
 }
 
-PyMethodDef functions[] = {FAST("assemble", assemble), FAST("clusters", find_clusters), FAST("many", many), {"is_rational", is_rational, METH_O, ""}, {"setup", setup, METH_VARARGS, ""}, {}};
+PyMethodDef functions[] = {FAST("assemble", assemble), FAST("clusters", find_clusters), FAST("many", many), FAST("usual", usual), {"is_rational", is_rational, METH_O, ""}, {"setup", setup, METH_VARARGS, ""}, {}};
 PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_scene", "", -1, functions, nullptr, nullptr, nullptr, nullptr};
 
 }  // namespace

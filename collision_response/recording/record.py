@@ -42,6 +42,7 @@ class SceneRecord(NamedTuple):
         names: of the bodies.
         bodies: before the impact.
         pairs: for each contact, the indices of its body_a and its body_b.
+        contacts, model: as asked.
         impact: the answer.
     """
 
@@ -50,6 +51,8 @@ class SceneRecord(NamedTuple):
     names: Sequence[str]
     bodies: Sequence[Body]
     pairs: Sequence[tuple[int, int]]
+    contacts: Sequence[Contact]
+    model: ImpactModel
     impact: SceneImpact
 
 

@@ -43,6 +43,7 @@ class Motions(NamedTuple):
     error_bound: float
     idle: bool
     off_unit: bool
+    creates_energy: bool
 
 
 class RationalCluster:
@@ -141,6 +142,7 @@ class RationalCluster:
             0.0,
             any(spin.dot(spin) > 0 for spin in idle),
             any(map(is_off_unit, self._bodies)),
+            lost < 0,
         )
 
     def _changes(self, p: Numbers) -> list[Twist]:

@@ -6,11 +6,11 @@ import math
 import operator
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 from .. import rationally
 from ..kernels import library
-from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
+from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number, decided, law_for, plan
 from ..numbers.number import Scalar
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
@@ -25,10 +25,16 @@ from .answer import SceneImpact
 from .answered import Answered, dealt
 from .clusters import Pair, clusters_of, copies_of
 from .orders import order_sensitivity
+from .reflections import REFLECTIONS
 from .several import Asked, several
 
 THRESHOLD = 2.0**-30
 """An approach slower than this part of the fastest one does not count as one: no rounding decides it."""
+
+IN_KERNELS = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU)
+"""The laws by which scenes are resolved without Python, where nothing is unusual."""
+
+PRECISIONS = (Precision.DOUBLE, Precision.EXTENDED)
 
 UNCHANGED = Twist(Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
 
@@ -75,12 +81,15 @@ def resolve_scene(
         TypeError: a field is not of the kind that it should be.
         ValueError: there is not one pair, or not one stiffness, for each contact.
     """
+    wanted = _wanted_of(model)
+    if threshold is THRESHOLD and stiffness is None and exponent == 1.5 and orders == 0:
+        found = library.usual_scene(bodies, pairs, contacts, *wanted[:3]) if wanted.models else None
+        if found is not None:
+            return SceneImpact._make(found)
     scene = request.check(bodies, pairs, contacts)
-    limit = _limit_of(model)
     law = law_for(model.law, has_friction=scene.has_friction)
     exact = library.is_rational(scene.bodies) or library.is_rational(scene.contacts)
-    if not (threshold is THRESHOLD and stiffness is None and exponent == 1.5 and orders == 0):
-        _check_options(threshold, stiffness, exponent, orders, len(scene.contacts))
+    _check_options(threshold, stiffness, exponent, orders, len(scene.contacts))
     asked = Asked(model, law, threshold, stiffness, exponent, exact)
     if exact:
         scene = _as_fractions(scene, law)
@@ -95,7 +104,7 @@ def resolve_scene(
         if len(copies.first) < len(cluster):
             answered = dealt(answered, scene, cluster, copies)
         answers.append(answered)
-    answer = _put_together(scene, asked, limit, clusters, answers)
+    answer = _put_together(scene, asked, wanted.numbers[2], clusters, answers)
     if orders:
         spread = order_sensitivity(scene.bodies, scene.pairs, answer.contacts, model, orders)
         answer = answer._replace(order_sensitivity=spread)
@@ -181,18 +190,47 @@ def _as_fractions(scene: request.Request, law: Law) -> request.Request:
     )
 
 
-_checked: tuple[Any, float] = (None, 0.0)
-"""The last model, and its limit: many scenes are resolved by one."""
+class Wanted(NamedTuple):
+    """What a model comes to.
+
+    Attributes:
+        laws: without friction, and with.
+        numbers: the threshold, the restitution threshold, the limit of error bounds, the budget of
+            reflections.
+        models: as used, by law and precision; empty if the kernels leave all such scenes to Python.
+    """
+
+    laws: tuple[Law, Law]
+    numbers: tuple[float, float, float, int]
+    models: tuple[tuple[ImpactModel, ...], ...]
 
 
-def _limit_of(model: ImpactModel) -> float:
-    """The error bound above which the tolerance is not met, of a model that is sound."""
-    global _checked
-    last, limit = _checked
+_last: tuple[Any, Any] = (None, None)
+"""The last model, and what it comes to: many scenes are resolved by one."""
+
+
+def _wanted_of(model: ImpactModel) -> Wanted:
+    """Raises: ImpactError, TypeError: the model is not sound."""
+    global _last
+    last, wanted = _last
     if model is not last:
-        limit = plan(model).limit
-        _checked = model, limit
-    return limit
+        wanted = _wanted(model)
+        _last = model, wanted
+    return wanted
+
+
+def _wanted(model: ImpactModel) -> Wanted:
+    found = plan(model)
+    laws = Law(found.law_without_friction), Law(found.law_with_friction)
+    usual = model.geometry in (Geometry.AUTO, Geometry.SPATIAL) and not model.tangential_restitution
+    models: tuple[tuple[ImpactModel, ...], ...] = ()
+    if usual and laws[1] in IN_KERNELS:
+        models = tuple(
+            tuple(decided(model, law, Geometry.SPATIAL, precision) for precision in PRECISIONS)
+            for law in range(max(IN_KERNELS) + 1)
+        )
+    numbers = THRESHOLD, found.numbers[1], found.limit, REFLECTIONS
+    return Wanted(laws, numbers, models)
 
 
 def _check_options(threshold: Any, stiffness: Any, exponent: Any, orders: Any, count: int) -> None:

@@ -31,9 +31,6 @@ from .stronge import LEAST_RESTITUTION, compressed
 RATIONAL_CONTACTS = 8
 """Clusters up to this size are decided in rationals where double-double can't."""
 
-ENERGY_ROUNDING = 2.0**-40
-"""Part of the energy before that a law may seem to create by rounding."""
-
 
 class Asked(NamedTuple):
     """What is asked of a scene beside its parts: see :func:`~collision_response.resolve_scene`."""
@@ -89,7 +86,7 @@ def several(scene: Request, copies: Copies, asked: Asked) -> Answered:
     struck, bound, motions = _by_law(cluster, parts, asked, has_friction)
     if struck.fell_back:
         law = Law.COULOMB if has_friction else Law.FRICTIONLESS
-    changes, twists, impulses, before, after, regimes, energies, own_bound, idle, off_unit = motions
+    changes, twists, impulses, before, after, regimes, energies, own_bound, idle, off_unit, _ = motions
     e, used = struck.restitution, parts.contacts
     if e is not None:
         used = [c if c.restitution == e else c._replace(restitution=e) for c in used]
@@ -217,8 +214,7 @@ def _by_law(cluster: Any, parts: Parts, asked: Asked, has_friction: bool) -> tup
         struck = one_step(cluster, has_friction=has_friction)
         if struck is not None:
             motions = _motions(cluster, struck)
-            energy, _, *lost = motions[6]
-            if sum(lost) >= (0 if asked.exact else -ENERGY_ROUNDING * energy):
+            if not motions[10]:
                 return struck, None, motions
     struck = _by_reflections(cluster, parts, asked.threshold)
     if has_friction:

@@ -37,6 +37,13 @@ struct Numbers {
   std::vector<double> changes, after, pushes, before, then;
   std::vector<Regime> regimes;
   double energy_after = 0, lost_restitution = 0, lost_friction = 0, bound = 0;
+  double work = 0;  // the sizes of what was lost and won at each contact
+
+  bool separates() const {
+    return std::all_of(regimes.begin(), regimes.end(), [](Regime regime) { return regime == REGIME_SEPARATING; });
+  }
+  // More than rounding may seem to. By work on relative velocities, which is the same for every observer.
+  bool creates_energy() const { return lost_restitution + lost_friction < -0x1p-40 * work; }
 };
 
 // Of normal impulses, and of tangential ones, pairs in the axes of each contact; empty if there are none. A contact
@@ -100,8 +107,11 @@ inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<
       double t1[3] = {-(sign * y), 1 + sign * (y * y * c), sign * d}, t2[3] = {-z, d, sign + z * z * c};
       for (int k = 0; k < 3; ++k) push[k] += P[i][1] * t1[k] + P[i][2] * t2[k];
     }
-    answer.lost_restitution -= p[i].h * touch.length * (u_before[0] + u_after[0]) / 2;
-    answer.lost_friction -= (P[i][1] * (u_before[1] + u_after[1]) + P[i][2] * (u_before[2] + u_after[2])) / 2;
+    double normal = p[i].h * touch.length * (u_before[0] + u_after[0]) / 2;
+    double along = (P[i][1] * (u_before[1] + u_after[1]) + P[i][2] * (u_before[2] + u_after[2])) / 2;
+    answer.lost_restitution -= normal;
+    answer.lost_friction -= along;
+    answer.work += p[i].h * touch.length * (std::fabs(u_before[0]) + std::fabs(u_after[0])) + std::fabs(along);
     answer.pushes.insert(answer.pushes.end(), push, push + 3);
     answer.before.push_back(u_before[0]);
     answer.then.push_back(u_after[0]);

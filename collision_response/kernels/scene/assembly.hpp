@@ -326,6 +326,8 @@ struct Assembly {
         seen = false;
       }
     if (!seen) look();
+    result.error = INFINITY;
+    if (locked) return result;
     double gap = 0, far = 0, moved = 0;
     for (int i : among) {
       double low = high(r[i]) - width(r[i]), reach = std::fabs(high(r[i])) + width(r[i]);

@@ -11,17 +11,24 @@
 struct Compliant {
   const Assembly& scene;
   double exponent;
-  std::vector<double> stiffness, C;  // C: normal velocities by unit normal impulses
+  std::vector<double> stiffness;
+  struct Coupled {
+    int other;
+    double by;
+  };
+  std::vector<std::vector<Coupled>> C;  // normal velocities by unit normal impulses
   int count;
   double speed = 0, mass = 0;
+  double slow = 0;  // an approach below it is none: rounding would keep some contact for ever
 
   Compliant(const Assembly& assembly, double exponent, std::vector<double> ratios)
       : scene(assembly), exponent(exponent), stiffness(std::move(ratios)), count(assembly.count) {
-    C.resize(static_cast<size_t>(count) * count);
+    C.resize(count);
     for (int i = 0; i < count; ++i) {
       speed = std::fmax(speed, std::fabs(scene.touches[i].plain[0].velocity));
-      for (int j = 0; j < count; ++j) C[i * count + j] = coupling(scene, i, 0, j, 0);
-      mass += 1 / C[i * count + i] / count;
+      for (int j = 0; j < count; ++j)
+        if (double by = coupling(scene, i, 0, j, 0); by != 0) C[i].push_back({j, by});
+      mass += 1 / coupling(scene, i, 0, i, 0) / count;
     }
     double most = 0;
     for (double k : stiffness) most = std::fmax(most, k);
@@ -34,32 +41,35 @@ struct Compliant {
   }
   double rate(int i, double x, double u) const {
     double e = scene.touches[i].e;
-    return u < 0 ? -u : x > 0 ? -u / (e * e) : 0;
+    return u < -slow ? -u : x > 0 && u > 0 ? -u / (e * e) : 0;
+  }
+  double velocity(int i, const double* p) const {
+    double u = scene.touches[i].plain[0].velocity;
+    for (const Coupled& j : C[i]) u += j.by * p[j.other];
+    return u;
   }
 
   // y: x_i, p_i. Dormand & Prince's pair of orders 5 and 4.
   void derivative(const double* y, double* d) const {
     const double *x = y, *p = y + count;
     for (int i = 0; i < count; ++i) {
-      double u = scene.touches[i].plain[0].velocity;
-      for (int j = 0; j < count; ++j) u += C[i * count + j] * p[j];
+      double u = velocity(i, p);
       d[i] = rate(i, x[i], u);
       d[count + i] = force(i, x[i]);
     }
   }
 
+  // Whether what is left in a spring is too little to show.
+  bool is_over(int i, double x, double u) const { return force(i, x) * x <= mass * slow * slow && u >= -slow; }
   bool ended(const double* y) const {
-    for (int i = 0; i < count; ++i) {
-      if (y[i] > 0) return false;
-      double u = scene.touches[i].plain[0].velocity;
-      for (int j = 0; j < count; ++j) u += C[i * count + j] * y[count + j];
-      if (u < -1e-14 * speed) return false;
-    }
+    for (int i = 0; i < count; ++i)
+      if (!is_over(i, y[i], velocity(i, y + count))) return false;
     return true;
   }
 
   // The normal impulses without friction; whether it ended within its budget of steps.
-  bool follow(double tolerance, long budget, std::vector<double>& p) const {
+  bool follow(double tolerance, long budget, std::vector<double>& p) {
+    slow = std::fmax(tolerance / 10, 2e-14) * speed;
     size_t n = 2 * static_cast<size_t>(count);
     std::vector<double> y(n, 0.0), k[7], t(n), z(n);
     for (auto& one : k) one.resize(n);
@@ -111,7 +121,8 @@ struct Compliant {
   }
 
   // With friction: steps of equal length, in each of which friction opposes the slip at its end.
-  bool follow_with_friction(double h, long budget, std::vector<Axes>& P) const {
+  bool follow_with_friction(double h, long budget, std::vector<Axes>& P) {
+    slow = 1e-8 * speed;  // steps of first order do not tell less
     Motion motion(scene);
     P.assign(count, Axes{0, 0, 0});
     std::vector<double> x(count, 0.0), limit(count), rho(count);
@@ -149,7 +160,7 @@ struct Compliant {
         P[i][2] += friction[i][2];
         double u = motion.velocity(i, 0);
         x[i] = std::fmax(x[i] + h / 2 * rate(i, x[i], u), 0);
-        done = done && x[i] <= 0 && u >= -1e-13 * speed;
+        done = done && is_over(i, x[i], u);
       }
       if (done) return true;
     }

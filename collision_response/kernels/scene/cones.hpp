@@ -28,6 +28,7 @@ using Axes = std::array<double, 3>;
 class Cones {
  public:
   static constexpr double GREATEST = 1e6, LEAST = 1e2;  // rho
+  static constexpr double ENOUGH = 1e-15;               // of the gap
 
   struct Cone {
     int body[2];  // -1: none
@@ -56,22 +57,36 @@ class Cones {
 
   // Of all solutions that of least squares, nearly; and how much more than the least its work is, at most.
   double solve() {
+    start_afresh();
+    return mend();
+  }
+
+  // The first step towards that.
+  void start_afresh() {
     const std::vector<Axes> none(P.size(), Axes{0, 0, 0});
     if (!settle(GREATEST, none, true, 12))
       for (double size = 1; size <= GREATEST; size *= 100) settle(size, none, size == 1, 60);
-    return mend();
   }
 
   // The same without regard to the squares: steps from where it is, until they gain nothing.
   double mend() {
     double least = gap();
-    for (double size = GREATEST; size >= LEAST;) {
-      settle(size, std::vector<Axes>(P), false, 60);
-      double now = gap();
-      if (now < 1e-14 * size) size = std::fmin(size, LEAST * 100) / 100;  // what rounding leaves at this size
-      else if (now > least / 10) size /= 100;
-      least = now;
-    }
+    for (double size = 100 * GREATEST; size >= LEAST; size /= 100)
+      for (bool gains = true; gains && least > ENOUGH;) {
+        const std::vector<Axes> old_P = P, old_z = z;
+        const std::vector<double> old_x = x;
+        settle(size, old_P, false, 60);
+        sharpen();
+        double now = gap();
+        gains = now < least / 10;
+        if (now < least) {
+          least = now;
+        } else {
+          P = old_P;
+          z = old_z;
+          x = old_x;
+        }
+      }
     return least;
   }
 
@@ -108,6 +123,22 @@ class Cones {
       value = now;
     }
     return off <= 1e6 * enough;
+  }
+
+  // A last step of Newton's, by which P changes but is not computed anew: of rho (w + B eta) it has the rounding.
+  void sharpen() {
+    std::vector<double> gradient(variables), step(variables);
+    look(x, gradient, false);
+    newton(gradient, step);
+    for (int i = 0; i < variables; ++i) x[i] += step[i];
+    for (size_t i = 0; i < cones.size(); ++i) {
+      Axes by = velocity(cones[i], step.data());
+      for (int a = 0; a < 3; ++a) z[i][a] += by[a];
+      for (int a = 0; a < 3; ++a)
+        for (int k = 0; k < 3; ++k) P[i][a] -= rho * cones[i].share * slopes[i].d[a][k] * by[k];
+      Slope unused;
+      onto(cones[i].mu, P[i], unused);
+    }
   }
 
   // How much more than the least the work is, at most, by weak duality; of P as it is.
@@ -168,7 +199,7 @@ class Cones {
   static void onto(double mu, Axes& q, Slope& slope) {
     double t = std::sqrt(q[1] * q[1] + q[2] * q[2]);
     slope = {};
-    if (t <= mu * q[0]) {
+    if (q[0] >= 0 && t <= mu * q[0]) {
       for (int k = 0; k < 3; ++k) slope.d[k][k] = 1;
       return;
     }

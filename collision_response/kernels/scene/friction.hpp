@@ -71,7 +71,6 @@ inline Cones::Cone cone_of(const Touch& touch, double speed, double mean) {
 // velocities of the loaded contacts kept: those of the impulses of least norm, as others depend on the order.
 inline Friction least_work(const Assembly& scene, std::vector<double> p) {
   int count = scene.count;
-  scene.least_norm(p, false);
   Friction result;
   result.P.assign(count, Axes{0, 0, 0});
   double mean = 0, speed = 0, greatest = 0;
@@ -141,7 +140,7 @@ inline Friction one_step(const Assembly& scene) {
   double mean = 0, speed = 0;
   for (const Touch& touch : scene.touches) {
     mean += 1 / (touch.scale * touch.scale * touch.length * touch.length) / count;
-    for (const Plain& plain : touch.plain) speed = std::fmax(speed, std::fabs(plain.velocity) * touch.scale * touch.length);
+    speed = std::fmax(speed, std::hypot(touch.plain[0].velocity, touch.plain[1].velocity, touch.plain[2].velocity) * touch.scale * touch.length);
   }
   if (!(speed > 0)) return result;
   Cones programme(scene.bodies);
@@ -154,9 +153,10 @@ inline Friction one_step(const Assembly& scene) {
     programme.add(cone);
   }
   programme.begin();
-  programme.solve();
+  programme.start_afresh();
+  programme.sharpen();
   std::vector<double> shift(count, 0.0), off(count), last_off, last_shift;
-  double change = INFINITY;
+  double change = INFINITY, last_change = INFINITY;
   int round = 0;
   for (; round < 300 && change > 1e-12; ++round) {
     change = 0;
@@ -166,14 +166,17 @@ inline Friction one_step(const Assembly& scene) {
       off[i] = found[i] - shift[i];
       change = std::fmax(change, std::fabs(off[i]));
     }
-    // The secant of the last two, which leaps where the shifts settle slowly (Anderson 1965).
+    // The secant of the last two, which leaps where the shifts settle slowly (Anderson 1965). Elsewhere it would make
+    // much of rounding.
     double along = 0, square = 0;
     for (size_t i = 0; i < last_off.size(); ++i) {
       double by = off[i] - last_off[i];
       along += off[i] * by;
       square += by * by;
     }
-    double leap = square > 0 ? std::fmin(std::fmax(along / square, -20), 0.5) : 0;
+    bool slow = change > 0.9 * last_change;
+    last_change = change;
+    double leap = slow && square > 0 ? std::fmin(std::fmax(along / square, -20), 0.5) : 0;
     for (int i = 0; i < count; ++i) {
       double next = found[i] - (last_off.empty() ? 0 : leap * (found[i] - last_shift[i]));
       shift[i] = std::fmax(next, 0);
@@ -182,7 +185,10 @@ inline Friction one_step(const Assembly& scene) {
     last_shift = found;
     last_off = off;
     programme.settle(Cones::GREATEST, std::vector<Axes>(programme.P), false, 60);
+    programme.sharpen();
   }
+  // Of several splits of a load, that of the most friction.
+  for (int i = 0; i < count; ++i) programme.cones[i].w[0] = start[i] + shift[i] * (1 - 1e-9);
   double gap = programme.solve();
   change = 0;
   for (int i = 0; i < count; ++i) change = std::fmax(change, std::fabs(programme.cones[i].mu * std::hypot(programme.z[i][1], programme.z[i][2]) - shift[i]));

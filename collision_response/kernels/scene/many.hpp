@@ -1,12 +1,7 @@
-// Many clusters from tables: what resolve_scene.py does with one of several contacts by FRICTIONLESS or COULOMB.
+// Many clusters from tables.
 #pragma once
 #include "../gather.hpp"
-#include "answer.hpp"
-#include "friction.hpp"
-#include "reflections.hpp"
-#include "validity_everything.hpp"
-
-enum Code : unsigned char { LEFT_TO_PYTHON = 0, OK = 1, SEPARATING = 2, TOLERANCE_NOT_MET = 17, PATH_TOO_LONG = 18, CONTRADICTORY = 22 };
+#include "cluster.hpp"
 
 // What is asked, as in resolve_scenes.py, and where the answers go. A quantity of bodies or contacts is a row.
 struct Many {
@@ -15,31 +10,11 @@ struct Many {
   Pairs pairs;
   long count, rows;  // of contacts
   const std::int64_t *order, *starts;
-  bool frictionless;
-  double threshold, restitution_threshold, limit;
-  int budget;
+  Asked asked;
+  double limit;
   double *velocity, *spin, *impulse;  // of bodies, and of contacts
   unsigned char *regime, *status;     // of contacts, and of clusters
   double *bound, *margin, *energy[4];
-
-  void body(std::int64_t column, double* x) const {
-    for (int i = 0; i < BODY; ++i) x[i] = table.body[i] < 0 ? table.body[i] == -2 : bodies[table.body[i] * pairs.bodies + column];
-  }
-  void contact(std::int64_t column, double* x) const {
-    for (int i = 0; i < 8; ++i) x[i] = table.contact[i] < 0 || table.contact[i] >= rows ? 0 : contacts[table.contact[i] * count + column];
-    if (frictionless && x[7] > 0 && x[7] < INFINITY) x[7] = 0;
-  }
-  // Whether two contacts are one that was given twice.
-  bool same(std::int64_t i, std::int64_t j) const {
-    double x[8], y[8];
-    bool turned = pairs.a[i] == pairs.b[j] && pairs.b[i] == pairs.a[j];
-    if (!turned && !(pairs.a[i] == pairs.a[j] && pairs.b[i] == pairs.b[j])) return false;
-    contact(i, x);
-    contact(j, y);
-    for (int k = 0; k < 8; ++k)
-      if (x[k] != (turned && k >= 3 && k < 6 ? -y[k] : y[k])) return false;
-    return true;
-  }
 };
 
 // Answers clusters, one after the other.
@@ -49,103 +24,62 @@ class ManyClusters {
 
   // Of several contacts without copies.
   void answer(long cluster) {
-    const std::int64_t *first = many.order + many.starts[cluster], *last = many.order + many.starts[cluster + 1];
+    first = many.order + many.starts[cluster];
+    last = many.order + many.starts[cluster + 1];
+    Parts parts;
     used.clear();
-    for (auto k = first; k != last; ++k)
-      for (std::int64_t body : {many.pairs.a[*k], many.pairs.b[*k]})
-        if (place[body] < 0) {
-          place[body] = static_cast<long>(used.size());
-          used.push_back(body);
-        }
-    Code code = answer(cluster, first, last);
-    many.status[cluster] = code;
+    for (auto k = first; k != last; ++k) {
+      Parts::Contact contact{{place_of(many.pairs.a[*k], parts), place_of(many.pairs.b[*k], parts)}, {}, 1};
+      for (int i = 0; i < 8; ++i) contact.x[i] = many.table.contact[i] < 0 || many.table.contact[i] >= many.rows ? 0 : many.contacts[many.table.contact[i] * many.count + *k];
+      parts.contacts.push_back(contact);
+    }
     for (std::int64_t body : used) place[body] = -1;
+    many.status[cluster] = parts.has_copies() ? LEFT_TO_PYTHON : answer(cluster, parts);
   }
 
  private:
   const Many& many;
-  std::vector<long> place;         // in the cluster, of each body; -1: not of it
+  std::vector<int> place;          // in the cluster, of each body; -1: not of it
   std::vector<std::int64_t> used;  // the bodies of the cluster
+  const std::int64_t *first, *last;
 
-  Code answer(long cluster, const std::int64_t* first, const std::int64_t* last) {
-    for (auto k = first; k != last; ++k)
-      for (auto j = first; j != k; ++j)
-        if (many.same(*j, *k)) return LEFT_TO_PYTHON;
-    Assembly scene;
-    std::vector<Given> given(used.size());
-    std::vector<int> movable(used.size(), -1);
-    double energy = 0;
-    for (size_t i = 0; i < used.size(); ++i) {
-      many.body(used[i], given[i].x);
-      if (!given[i].rests()) given[i].look();
-      if (!given[i].movable()) {
-        scene.driven = scene.driven || given[i].moves();
-        continue;
-      }
-      movable[i] = scene.bodies++;
-      energy += given[i].energy;
-      scene.given.push_back(given[i]);
+  int place_of(std::int64_t body, Parts& parts) {
+    if (place[body] < 0) {
+      place[body] = static_cast<int>(used.size());
+      used.push_back(body);
+      parts.bodies.emplace_back();
+      for (int i = 0; i < BODY; ++i) parts.bodies.back()[i] = many.table.body[i] < 0 ? many.table.body[i] == -2 : many.bodies[many.table.body[i] * many.pairs.bodies + body];
     }
-    bool rubs = false;
-    for (auto k = first; k != last; ++k) {
-      double in[INPUTS] = {}, fault;
-      bool shapes[5];
-      long a = place[many.pairs.a[*k]], b = place[many.pairs.b[*k]];
-      std::copy(given[a].x, given[a].x + BODY, in);
-      std::copy(given[b].x, given[b].x + BODY, in + BODY);
-      many.contact(*k, in + IN_CONTACT_POSITION_X);
-      validity<double>(in, nullptr, &fault, shapes);
-      if (fault != 0) return refused(cluster, first, last, static_cast<Code>(fault));
-      rubs = rubs || in[IN_CONTACT_FRICTION] > 0;
-      scene.add(given[a], given[b], movable[a], movable[b], in + IN_CONTACT_POSITION_X, 1);
-      scene.add_plain(given[a], given[b], scene.touches.back());
-    }
-    scene.finish();
-    if (scene.locked) return LEFT_TO_PYTHON;
-    for (Touch& touch : scene.touches) {
-      double speed = -touch.plain[0].velocity;
-      if (speed > 0 && speed < many.restitution_threshold) touch.e = 0;
-    }
-    Struck struck = reflections(scene, many.threshold, many.budget);
-    if (struck.outcome == Outcome::CONTRADICTORY) return refused(cluster, first, last, CONTRADICTORY);
-    if (struck.outcome == Outcome::ENDLESS) return refused(cluster, first, last, PATH_TOO_LONG);
-    if (struck.error == INFINITY) return LEFT_TO_PYTHON;
-    std::vector<double> tangential;
-    if (rubs) {
-      Friction friction = rubbed(scene, struck.p.data());
-      if (!friction.found) return refused(cluster, first, last, CONTRADICTORY);
-      struck.p = along_normals(friction, scene);
-      tangential = across_normals(friction);
-      struck.error += friction.error;
-    }
-    return write(cluster, first, last, numbers_of(scene, struck.p.data(), tangential, struck.error, false), energy, struck.margin, movable);
+    return place[body];
   }
 
-  Code write(long cluster, const std::int64_t* first, const std::int64_t* last, const Numbers& y, double energy, double margin, const std::vector<int>& movable) {
+  Code answer(long number, Parts& parts) {
+    Cluster cluster(parts, many.asked.law == LAW_FRICTIONLESS);
+    if (cluster.fault) return refused(number, static_cast<Code>(cluster.fault));
+    Answer found = answered(cluster, many.asked);
+    if (found.code == LEFT_TO_PYTHON) return LEFT_TO_PYTHON;
+    if (found.code != OK) return refused(number, found.code);
+    const Numbers& y = found.numbers;
     long bodies = many.pairs.bodies, axes = many.table.axes, spin = many.table.first_spin;
     for (size_t i = 0; i < used.size(); ++i) {
-      const double* after = movable[i] < 0 ? nullptr : &y.after[6 * movable[i]];
+      const double* after = cluster.movable[i] < 0 ? nullptr : &y.after[6 * cluster.movable[i]];
       for (int k = 0; after && k < axes; ++k) many.velocity[k * bodies + used[i]] = after[k];
       for (int k = static_cast<int>(spin); after && k < 3; ++k) many.spin[(k - spin) * bodies + used[i]] = after[3 + k];
     }
-    bool separating = true;
     for (auto k = first; k != last; ++k) {
       size_t i = k - first;
-      const double* push = &y.pushes[3 * i];
-      for (int axis = 0; axis < axes; ++axis) many.impulse[axis * many.count + *k] = push[axis];
-      Regime regime = y.regimes[i];
-      many.regime[*k] = regime;
-      separating = separating && regime == REGIME_SEPARATING;
+      for (int axis = 0; axis < axes; ++axis) many.impulse[axis * many.count + *k] = y.pushes[3 * i + axis];
+      many.regime[*k] = y.regimes[i];
     }
-    many.bound[cluster] = y.bound;
-    many.margin[cluster] = margin;
-    double energies[4] = {energy, y.energy_after, y.lost_restitution, y.lost_friction};
-    for (int i = 0; i < 4; ++i) many.energy[i][cluster] = energies[i];
-    return y.bound <= many.limit ? (separating ? SEPARATING : OK) : TOLERANCE_NOT_MET;
+    many.bound[number] = y.bound;
+    many.margin[number] = found.margin;
+    double energies[4] = {cluster.energy, y.energy_after, y.lost_restitution, y.lost_friction};
+    for (int i = 0; i < 4; ++i) many.energy[i][number] = energies[i];
+    return y.bound <= many.limit ? (y.separates() ? SEPARATING : OK) : TOLERANCE_NOT_MET;
   }
 
   // The answer that there is none. The bodies that could move have no velocity that is known.
-  Code refused(long cluster, const std::int64_t* first, const std::int64_t* last, Code code) {
+  Code refused(long number, Code code) {
     long bodies = many.pairs.bodies, axes = many.table.axes, spins = 3 - many.table.first_spin;
     for (std::int64_t body : used) {
       if (!(many.bodies[body] < INFINITY)) continue;
@@ -156,8 +90,8 @@ class ManyClusters {
       for (int axis = 0; axis < axes; ++axis) many.impulse[axis * many.count + *k] = NAN;
       many.regime[*k] = 0;
     }
-    many.bound[cluster] = many.margin[cluster] = NAN;
-    for (double* energy : many.energy) energy[cluster] = NAN;
+    many.bound[number] = many.margin[number] = NAN;
+    for (double* energy : many.energy) energy[number] = NAN;
     return code;
   }
 };

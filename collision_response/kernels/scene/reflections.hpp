@@ -11,6 +11,7 @@ struct Struck {
   double error = 0;           // of the velocities, in the metric of kinetic energy
   double margin = INFINITY;   // the least distance of a decision from its threshold, relative to the fastest approach
   double restitution = -1;    // of all contacts; -1: each has its own
+  std::vector<double> tangential{};  // impulses across the normals, or none
 };
 
 class Reflections {
@@ -29,7 +30,7 @@ class Reflections {
     }
     if (!(speed > 0)) return result;
     const Assembly::Projection first = scene.project(p.data(), scene.all(), nullptr);
-    if (first.found != Found::LEAST) return {Outcome::CONTRADICTORY};
+    if (first.found != Found::LEAST) return {Outcome::CONTRADICTORY, {}};
     double e_error;
     result.restitution = joined_restitution(first.q, e_error);
     if (!(result.restitution > 0)) {
@@ -41,14 +42,14 @@ class Reflections {
     bool all_part = false;  // to all digits
     std::vector<int> violated;
     for (long turn = 0;; ++turn) {
-      if (turn == budget) return {Outcome::ENDLESS};
+      if (turn == budget) return {Outcome::ENDLESS, {}};
       double near;
       if (!look(p.data(), error, threshold * speed, threshold * doubt, violated, near, all_part)) error = INFINITY;
       result.margin = std::fmin(result.margin, near / speed);
       if (violated.empty()) break;
       bool is_first = turn == 0 && static_cast<int>(violated.size()) == scene.count;
       Assembly::Projection next = is_first ? first : scene.project(p.data(), violated, nullptr);
-      if (next.found != Found::LEAST) return {Outcome::CONTRADICTORY};
+      if (next.found != Found::LEAST) return {Outcome::CONTRADICTORY, {}};
       double rounding = add(p, 2, next.q);
       error += 2 * next.error + rounding;
     }
@@ -60,7 +61,7 @@ class Reflections {
     result.error += add(p, 1, first.q);
     if (!all_part && approaches(p.data(), result.error)) {  // slower than the threshold
       Assembly::Projection last = scene.project(p.data(), scene.all(), nullptr);
-      if (last.found != Found::LEAST) return {Outcome::CONTRADICTORY};
+      if (last.found != Found::LEAST) return {Outcome::CONTRADICTORY, {}};
       result.error += add(p, 1, last.q) + last.error;
     }
     return result;

@@ -1,0 +1,144 @@
+// One cluster of several contacts, from its numbers to what becomes of it.
+#pragma once
+#include <array>
+
+#include "answer.hpp"
+#include "reflections.hpp"
+#include "validity_everything.hpp"
+
+enum Code : unsigned char { LEFT_TO_PYTHON = 0, OK = 1, SEPARATING = 2, TOLERANCE_NOT_MET = 17, PATH_TOO_LONG = 18, CONTRADICTORY = 22 };
+
+// The numbers of a cluster. Contacts name bodies by their places here.
+struct Parts {
+  struct Contact {
+    int body[2];
+    double x[8], copies;
+  };
+  std::vector<std::array<double, BODY>> bodies;
+  std::vector<Contact> contacts;
+
+  // Whether a contact is given twice, whichever of its bodies is named first.
+  bool has_copies() const {
+    for (const Contact& one : contacts)
+      for (const Contact* other = contacts.data(); other != &one; ++other)
+        if (one.x[0] == other->x[0] && is_copy(one, *other)) return true;
+    return false;
+  }
+
+ private:
+  static bool is_copy(const Contact& one, const Contact& other) {
+    bool turned = one.body[0] == other.body[1] && one.body[1] == other.body[0];
+    if (!turned && !(one.body[0] == other.body[0] && one.body[1] == other.body[1])) return false;
+    for (int k = 0; k < 8; ++k)
+      if (one.x[k] != (turned && k >= 3 && k < 6 ? -other.x[k] : other.x[k])) return false;
+    return true;
+  }
+};
+
+struct Cluster {
+  Assembly scene;
+  std::vector<int> movable;  // of each body, its place among those that can move, or -1
+  double energy = 0;         // of those
+  bool idle = false, off_unit = false, rubs = false;
+  int fault = 0;             // of the first contact that has one, and its place
+  size_t at_fault = 0;
+
+  Cluster(const Parts& parts, bool frictionless) {
+    std::vector<Given> given(parts.bodies.size());
+    for (size_t i = 0; i < given.size(); ++i) {
+      std::copy(parts.bodies[i].begin(), parts.bodies[i].end(), given[i].x);
+      if (!given[i].rests()) given[i].look();
+      movable.push_back(given[i].movable() ? scene.bodies++ : -1);
+      if (movable[i] < 0) {
+        scene.driven = scene.driven || given[i].moves();
+        continue;
+      }
+      energy += given[i].energy;
+      idle = idle || given[i].idle;
+      scene.given.push_back(given[i]);
+    }
+    scene.touches.reserve(parts.contacts.size());
+    for (Parts::Contact contact : parts.contacts) {
+      auto [a, b] = contact.body;
+      if (frictionless && contact.x[7] < INFINITY) contact.x[7] = std::fmin(contact.x[7], 0);  // what is at fault stays so
+      double in[INPUTS] = {}, found;
+      bool shapes[5];
+      std::copy(given[a].x, given[a].x + BODY, in);
+      std::copy(given[b].x, given[b].x + BODY, in + BODY);
+      std::copy(contact.x, contact.x + 8, in + IN_CONTACT_POSITION_X);
+      validity<double>(in, nullptr, &found, shapes);
+      fault = static_cast<int>(found);
+      if (fault) return;
+      ++at_fault;
+      off_unit = off_unit || shapes[4];
+      rubs = rubs || contact.x[7] > 0;
+      scene.add(given[a], given[b], movable[a], movable[b], contact.x, contact.copies);
+      scene.add_plain(given[a], given[b], scene.touches.back());
+    }
+    scene.finish();
+  }
+};
+
+// By which law, and with which numbers: see resolve_scene.py.
+struct Asked {
+  int law;
+  double threshold, restitution_threshold;
+  int budget;  // of reflections
+};
+
+struct Answer {
+  Code code;
+  Numbers numbers;
+  double margin = INFINITY, restitution = -1;  // of all contacts; -1: each has its own
+  bool slow = false, fell_back = false;
+};
+
+inline Struck struck_by(const Friction& friction, const Assembly& scene) {
+  return {friction.found ? Outcome::ANSWERED : Outcome::CONTRADICTORY, along_normals(friction, scene), friction.error, INFINITY, -1, across_normals(friction)};
+}
+
+// MOREAU's impulses.
+inline Struck stepped(const Assembly& scene, bool rubs) {
+  if (rubs) return struck_by(one_step(scene), scene);
+  Assembly::Projection found = scene.rebound();
+  return {found.found == Found::LEAST ? Outcome::ANSWERED : Outcome::CONTRADICTORY, found.q, found.error};
+}
+
+// What several.py does, where doubles can decide it.
+inline Answer answered(Cluster& cluster, const Asked& asked) {
+  Assembly& scene = cluster.scene;
+  Answer answer{LEFT_TO_PYTHON, {}};
+  if (scene.locked) return answer;
+  for (Touch& touch : scene.touches) {
+    double speed = -touch.plain[0].velocity;
+    bool slow = speed > 0 && speed < asked.restitution_threshold && touch.e > 0;
+    if (slow) touch.e = 0;
+    answer.slow = answer.slow || slow;
+  }
+  Struck struck;
+  auto finish = [&] {
+    answer.code = OK;
+    answer.numbers = numbers_of(scene, struck.p.data(), struck.tangential, struck.error, false);
+    answer.margin = struck.margin;
+    answer.restitution = struck.restitution;
+  };
+  if (asked.law == LAW_MOREAU) {
+    struck = stepped(scene, cluster.rubs);
+    if (struck.outcome == Outcome::ANSWERED) finish();
+    if (answer.code == OK && !answer.numbers.creates_energy()) return answer;
+    answer.fell_back = true;
+  }
+  struck = reflections(scene, asked.threshold, asked.budget);
+  double undecided = struck.error;
+  if (cluster.rubs && struck.outcome == Outcome::ANSWERED) {
+    Struck free = std::move(struck);
+    struck = struck_by(rubbed(scene, free.p.data()), scene);
+    struck.error += free.error;
+    struck.margin = free.margin;
+    struck.restitution = free.restitution;
+  }
+  if (struck.outcome != Outcome::ANSWERED) answer.code = struck.outcome == Outcome::ENDLESS ? PATH_TOO_LONG : CONTRADICTORY;
+  else if (undecided == INFINITY) answer.code = LEFT_TO_PYTHON;
+  else finish();
+  return answer;
+}

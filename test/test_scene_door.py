@@ -1,0 +1,108 @@
+"""Scenes of nothing but floats are answered without Python: the same answers as with it, to the last bit."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from scene_cases import Case, any_case, box, row
+
+from collision_response import Body, Contact, ImpactError, ImpactModel, Law, resolve_scene
+from collision_response.kernels import library
+
+LAWS = [Law.AUTO, Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU]
+
+
+@pytest.fixture
+def both(monkeypatch):
+    """The answer of a scene without Python, which must be one, and that with it."""
+
+    def answers(case: Case, model: ImpactModel):
+        found = []
+        compiled = library.usual_scene
+        with monkeypatch.context() as patch:
+            patch.setattr(library, "usual_scene", lambda *args: found.append(compiled(*args)) or found[-1])
+            one = resolve_scene(*case, model)
+            patch.setattr(library, "usual_scene", lambda *_: None)
+            other = resolve_scene(*case, model)
+        return one if found and found[-1] is not None else None, other
+
+    return answers
+
+
+def together(case: Case) -> Case:
+    """The contacts of clusters of several, none twice, and bodies that they touch."""
+    kept = []
+    for cluster in case.resolve(Law.FRICTIONLESS).clusters:
+        own = list({(case.pairs[i], case.contacts[i]): i for i in cluster}.values())
+        kept += own if len(own) > 1 else []
+    places = sorted({b for i in kept for b in case.pairs[i]})
+    return Case(
+        [case.bodies[b] for b in places],
+        [(places.index(case.pairs[i][0]), places.index(case.pairs[i][1])) for i in kept],
+        [case.contacts[i] for i in kept],
+    )
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+@pytest.mark.parametrize("threshold", [0.0, 0.4])
+def test_the_same_to_the_last_bit(both, law, threshold):
+    compiled = 0
+    for seed in range(30, 110):
+        case = together(any_case(seed))
+        one, other = both(case, ImpactModel(law, restitution_threshold=threshold))
+        compiled += one is not None
+        assert one is None or one == other
+        assert one is None or (type(one), one.status, one.model) == (type(other), other.status, other.model)
+    assert compiled > 60
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_every_adjustment_and_status_is_the_same(both, law):
+    turned = box((1, 0.5, -1), e=0.5, mu=0.3)
+    off_unit = [turned.bodies[0]._replace(orientation=(0.0, 0.0, 0.0, 2.0)), turned.bodies[1]]
+    point = Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0), angular_velocity=(1.0, 0.0, 0.0))
+    contacts = [Contact.of((x, 0.0, 0.0), (0.0, 0.1 * x, 1.0), 0.5, 0.3) for x in (-1.0, 1.0)]
+    gains = [c._replace(restitution=e) for c, e in zip(turned.contacts, (0.0, 1.0, 1.0, 0.0), strict=True)]
+    cases = [
+        turned._replace(bodies=off_unit),
+        Case([point, Body.static()], [(0, 1)] * 2, contacts),
+        box((1, 0, 1), mu=0.3),
+        turned._replace(contacts=gains),
+        box((1, 2, -1), (3, 2, 1), e=0.9, mu=0.4)._replace(contacts=gains),
+        Case([Body.kinematic(velocity=(0, 0, 1)), turned.bodies[0]], [(1, 0)] * 4, turned.contacts),
+    ]
+    for case in cases:
+        for tolerance in (0.0, 1e-15):
+            one, other = both(case, ImpactModel(law, tolerance=tolerance))
+            assert one is not None
+            assert one == other
+
+
+@pytest.mark.parametrize(
+    "unusual",
+    [
+        box().with_contacts(restitution=lambda _: 0.5),
+        box()._replace(pairs=[[0, 1]] * 4),
+        row((1, 0, 0)),
+        Case(*box()[:2], [c._replace(tangential_restitution=0.0) for c in box().contacts]),
+        Case(box().bodies, [(0, 1)] * 5, [*box().contacts, box().contacts[0]]),
+        Case([*box().bodies, Body.dynamic(1.0)], *box()[1:]),
+        Case(box().bodies, [(0, 1)], box().contacts[:1]),
+    ],
+)
+def test_what_is_unusual_is_left_to_python(both, unusual):
+    one, other = both(unusual, ImpactModel())
+    assert one is None
+    assert len(other.contacts) == len(unusual.contacts)
+
+
+@pytest.mark.parametrize("field, value", [("friction", -1.0), ("friction", math.nan), ("restitution", 2.0)])
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_faults_are_told_by_name(law, field, value):
+    case = box(e=0.5, mu=0.3)
+    contacts = [*case.contacts[:3], case.contacts[3]._replace(**{field: value})]
+    if law is Law.FRICTIONLESS and field == "friction" and value < 0:
+        return  # it is not looked at
+    with pytest.raises(ImpactError, match=rf"contacts\[3\].{field}"):
+        case._replace(contacts=contacts).resolve(law)
