@@ -6,13 +6,16 @@ ros2 launch collision_response collision_response.launch.py states:=true markers
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import EnvironmentVariable, LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 PACKAGE = "collision_response"
-PARAMETERS = PathJoinSubstitution([FindPackageShare(PACKAGE), "config", "collision_response.yaml"])
+CONFIG = PathJoinSubstitution([FindPackageShare(PACKAGE), "config"])
+PARAMETERS = PathJoinSubstitution([CONFIG, "collision_response.yaml"])
+
+PROFILES = "FASTDDS_DEFAULT_PROFILES_FILE"  # docs/reliability.md says what for
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -25,6 +28,11 @@ def generate_launch_description() -> LaunchDescription:
             executable=executable,
             namespace=LaunchConfiguration("namespace"),
             parameters=[LaunchConfiguration("params_file"), {"use_sim_time": use_sim_time}],
+            additional_env={
+                PROFILES: EnvironmentVariable(
+                    PROFILES, default_value=PathJoinSubstitution([CONFIG, "fast_dds.xml"])
+                )
+            },
             output="screen",
             **options,
         )
@@ -40,7 +48,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "markers", default_value="false", description="answers for RViz or Foxglove"
             ),
-            node("collision_response_node"),
+            node("collision_response_node", respawn=True, respawn_delay=1.0),
             node("collision_response_states", condition=IfCondition(LaunchConfiguration("states"))),
             node("collision_response_markers", condition=IfCondition(LaunchConfiguration("markers"))),
         ]

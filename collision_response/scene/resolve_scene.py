@@ -229,7 +229,7 @@ def _wanted(model: ImpactModel) -> Wanted:
             tuple(decided(model, law, Geometry.SPATIAL, precision) for precision in PRECISIONS)
             for law in range(max(IN_KERNELS) + 1)
         )
-    numbers = THRESHOLD, found.numbers[1], found.limit, REFLECTIONS
+    numbers = THRESHOLD, found.settings.restitution_threshold, found.limit, REFLECTIONS
     return Wanted(laws, numbers, models)
 
 
