@@ -113,7 +113,7 @@ class Scenes:
         write_answer(response.result, request, contacts, named, impact)
         self._journal.enter(
             response.result,
-            lambda stamp, number: SceneRecord(stamp, number, named.names, scene.bodies, scene.pairs, impact),
+            lambda stamp, number: SceneRecord(stamp, number, named.names, *scene, impact),
         )
         return response
 
