@@ -12,9 +12,20 @@ import pytest
 
 pytest.importorskip("rerun")
 
-from collision_response import Body, Contact, Geometry, ImpactModel, Law, Precision, resolve
+from collision_response import (
+    Body,
+    Contact,
+    Geometry,
+    ImpactModel,
+    Law,
+    Precision,
+    Regime,
+    resolve,
+    resolve_scene,
+)
 from collision_response.cli import main
-from collision_response.recording import Record, Recorder, Refusal
+from collision_response.recording import Record, Recorder, Refusal, SceneRecord
+from collision_response.recording import scenes as scenes_table
 from collision_response.recording.table import read, rows_of
 
 FLOOR = Body.static((0.0, 0.0, -1.0))
@@ -238,3 +249,41 @@ class TestReport:
             assert Fraction(row["kinetic_energy_after"]) == pytest.approx(
                 Fraction(impact.kinetic_energy_after)
             )
+
+
+def scene(number, law=Law.AUTO, e=0.5):
+    box = Body.dynamic(1.0, (1 / 6, 0, 0, 1 / 6, 0, 1 / 6), (0.0, 0.0, 0.5), None, (0.25, 0.1, -1.0))
+    contacts = [Contact.of((x, y, 0.0), (0.0, 0.0, 1.0), e, 0.3) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+    asked = [box, FLOOR], [(0, 1)] * 4, contacts, ImpactModel(law)
+    return SceneRecord(10**18 + number, number, ["box", "the floor"], *asked, resolve_scene(*asked))
+
+
+def test_scenes_are_in_a_table_and_asked_again(recording, capsys):
+    ball = Body.sphere(2.0, 0.1, position=(0.0, 0.0, 0.1), velocity=(1.0, 0.5, -3.0))
+    single = record(1, (ball, FLOOR, Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3), ImpactModel()))
+    scenes = [scene(2), scene(3, Law.FRICTIONLESS), scene(4, Law.MOREAU, e=lambda speed: 1 / (1 + speed))]
+    path = recording([single, *scenes])
+    rows = rows_of(scenes_table.read([path]))
+    assert [row["answer"] for row in rows] == [2, 3, 4]
+    assert [row["law"] for row in rows] == ["COULOMB", "FRICTIONLESS", "MOREAU"]
+    for row, entry in zip(rows, scenes, strict=True):
+        assert row["bodies"] == ["box", "the floor"]
+        assert row["impulses"] == [x for impulse in entry.impact.impulses for x in impulse]
+        assert row["twists"][:3] == [*entry.impact.twists[0].linear]
+        assert row["error_bound"] == entry.impact.error_bound
+    assert main(["replay", str(path)]) == 0
+    assert capsys.readouterr().out == "1 impacts and 3 scenes asked again, 0 of them answered differently\n"
+
+
+def test_a_scene_that_is_answered_differently_is_told(recording, capsys):
+    was = scene(1)
+    changed = was.impact._replace(
+        impulses=(was.impact.impulses[0] * 2, *was.impact.impulses[1:]), regimes=(Regime.REVERSED,) * 4
+    )
+    path = recording([was._replace(impact=changed)])
+    assert main(["replay", str(path)]) == 1
+    first, second, last = capsys.readouterr().out.splitlines()
+    assert first.startswith("answer 1, scene of box, the floor: impulses was [")
+    assert second.startswith("answer 1, scene of box, the floor: regimes was ['REVERSED', ")
+    assert last == "0 impacts and 1 scenes asked again, 1 of them answered differently"
+    assert main(["replay", "--tolerance", "2", str(path)]) == 1  # words are not forgiven

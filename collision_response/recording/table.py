@@ -71,19 +71,10 @@ def answer_of(row: Record) -> dict[str, Any]:
 
 
 def _request_of(row: Record) -> dict[str, list[float]]:
-    contact, used, own = row.contact, row.impact.contact, row.contact.tangential_restitution
-    e = used.restitution if callable(contact.restitution) else contact.restitution
-    mu = used.friction if callable(contact.friction) else contact.friction
     return {
-        "request_a": _numbers_of(row.body_a),
-        "request_b": _numbers_of(row.body_b),
-        "request_contact": [
-            *contact.position,
-            *contact.normal,
-            e,
-            mu,
-            math.nan if own is None else own,
-        ],
+        "request_a": numbers_of_body(row.body_a),
+        "request_b": numbers_of_body(row.body_b),
+        "request_contact": numbers_of_contact(row.contact, row.impact.contact),
         "request_model": [*row.model],
     }
 
@@ -96,7 +87,16 @@ def _inverse_inertias_of(row: Record) -> dict[str, list[float]]:
     }
 
 
-def _numbers_of(body: Body) -> list[float]:
+def numbers_of_contact(asked: Contact, used: Contact) -> list[float]:
+    """The numbers of a contact; a coefficient that is a function is what it gave."""
+    e_t = asked.tangential_restitution
+    e = used.restitution if callable(asked.restitution) else asked.restitution
+    mu = used.friction if callable(asked.friction) else asked.friction
+    return [*asked.position, *asked.normal, e, mu, math.nan if e_t is None else e_t]
+
+
+def numbers_of_body(body: Body) -> list[float]:
+    """The numbers of a body, in the order of ``BodyStates.msg``."""
     turn = body.orientation or PARALLEL
     return [
         body.mass,
@@ -137,15 +137,20 @@ def _array(values: list[Any]) -> pa.Array:
     return pa.array(values)
 
 
-def read(paths: Iterable[Path | str]) -> pa.Table:
+def read(paths: Iterable[Path | str], table: str = TABLE, lists: Sequence[str] = ()) -> pa.Table:
     """All impacts and refusals of some recordings, in the order of their answers.
+
+    Args:
+        paths: of the files.
+        table: another one to read instead.
+        lists: its columns with several values in a row.
 
     Raises:
         OSError: a file cannot be read.
     """
     tables = []
     for path in paths:
-        for chunk in RrdReader(str(path)).stream().filter(content=TABLE).to_chunks():
+        for chunk in RrdReader(str(path)).stream().filter(content=table).to_chunks():
             batch = chunk.to_record_batch()
             found = {
                 name.removeprefix(f"{ARCHETYPE}:"): batch.column(name)
@@ -153,7 +158,9 @@ def read(paths: Iterable[Path | str]) -> pa.Table:
                 if name in TIMELINES or name.startswith(f"{ARCHETYPE}:")
             }
             tables.append(
-                pa.table({name: c if name in TIMELINES else c.flatten() for name, c in found.items()})
+                pa.table(
+                    {name: c if name in (*TIMELINES, *lists) else c.flatten() for name, c in found.items()}
+                )
             )
     if not tables:
         return pa.table({"status": pa.array([], pa.string())})
@@ -174,22 +181,28 @@ def differences(row: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
         yield "status", row["status"], str(error.code)
         return
     now = answer_of(Record(0, 0, row["body_a"], row["body_b"], *request, impact))
-    for name, value in now.items():
-        if name in row and row[name] is not None and not _same(row[name], value):
-            yield name, row[name], value
+    yield from changed(row, now)
 
 
 def _asked(row: dict[str, Any]) -> tuple[Body, Body, Contact, ImpactModel]:
-    *place, e, mu, e_t = row["request_contact"]
-    contact = Contact(Vec3(*place[:3]), Vec3(*place[3:]), e, mu, None if math.isnan(e_t) else e_t)
-    law, geometry, precision, *numbers = row["request_model"]
-    model = ImpactModel(Law(int(law)), Geometry(int(geometry)), Precision(int(precision)), *numbers)
     a, b = (body_of(row[f"request_{side}"], row.get(f"inverse_inertia_{side}")) for side in "ab")
-    return a, b, contact, model
+    return a, b, contact_of(row["request_contact"]), model_of(row["request_model"])
 
 
-def body_of(numbers: list[float], inverse_inertia: list[float] | None) -> Body:
-    """The body of a row, of its columns ``request_a`` and ``inverse_inertia_a``, or those of b."""
+def model_of(numbers: Sequence[float]) -> ImpactModel:
+    """The model with these numbers."""
+    law, geometry, precision, *others = numbers
+    return ImpactModel(Law(int(law)), Geometry(int(geometry)), Precision(int(precision)), *others)
+
+
+def contact_of(numbers: Sequence[float]) -> Contact:
+    """The contact with these numbers."""
+    *place, e, mu, e_t = numbers
+    return Contact(Vec3(*place[:3]), Vec3(*place[3:]), e, mu, None if math.isnan(e_t) else e_t)
+
+
+def body_of(numbers: Sequence[float], inverse_inertia: list[float] | None = None) -> Body:
+    """The body with these numbers."""
     is_rigid = inverse_inertia is None or math.isnan(inverse_inertia[0])
     mass, inertia, com, position = numbers[0], numbers[1:7], numbers[7:10], numbers[10:13]
     turn, velocity, spin = Quaternion(*numbers[13:17]), numbers[17:20], numbers[20:23]
@@ -206,5 +219,12 @@ def body_of(numbers: list[float], inverse_inertia: list[float] | None) -> Body:
     )
 
 
-def _same(was: Any, now: Any) -> bool:
-    return bool(was == now if isinstance(now, str) else np.array_equal(was, now, equal_nan=True))
+def changed(was: dict[str, Any], now: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
+    """Each column of a row whose value is another one now."""
+    for name, value in now.items():
+        old = was.get(name)
+        if old is None or old == value:
+            continue
+        first = value[0] if isinstance(value, list) else value
+        if isinstance(first, str) or not np.array_equal(old, value, equal_nan=True):
+            yield name, old, value

@@ -40,6 +40,8 @@ from .layout import (
 )
 from .piped_file import PipedFile
 from .record import Entry, Gap, Record, Refusal, SceneRecord, Sighting
+from .scenes import TABLE as SCENES
+from .scenes import scene_columns
 from .solid import Solid
 from .table import TABLE, impact_columns, refusal_columns
 
@@ -281,7 +283,10 @@ def regimes(impacts: Sequence[Struck]) -> Iterator[Columns]:
 
 
 def table(rows: Sequence[Answer]) -> Iterator[Columns]:
-    """Single impacts with all that was asked and answered, and refusals."""
+    """Impacts and scenes with all that was asked and answered, and refusals."""
+    scenes = [row for row in rows if isinstance(row, SceneRecord)]
+    if scenes:
+        yield SCENES, _times(scenes), scene_columns(scenes)
     impacts = [row for row in rows if isinstance(row, Record)]
     if impacts:
         yield TABLE, _times(impacts), impact_columns(impacts)
