@@ -34,7 +34,8 @@ GRAVITY, STEP, STEPS = 9.81, 0.001, 1600
 
 STIFFNESS = 1e5
 DAMPING = -2 * np.sqrt(STIFFNESS) * np.log(RESTITUTION[BALL]) / np.hypot(np.pi, np.log(RESTITUTION[BALL]))
-"""Of MuJoCo's spring [1/s^2] and damper [1/s]: after half a period of the two, e of the speed is left."""
+"""Of MuJoCo's spring [1/s^2] and damper [1/s]: half a period of the two leaves e of the speed. A contact that
+does not pull ends a little before."""
 
 SCENE = f"""
 <mujoco>

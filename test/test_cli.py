@@ -6,6 +6,7 @@ import io
 import re
 import subprocess
 import sys
+from importlib import import_module
 
 import pytest
 
@@ -166,13 +167,16 @@ contacts: [0, 0,  0, 0,  1, 1,  0.5, 0.5]"""
         assert "start the node with: collision_response node" in capsys.readouterr().err
 
 
-def test_the_node_lists_its_parameters(capsys):
+@pytest.mark.parametrize(
+    ("command", "room"), [("node", "parameters"), ("states", "sources"), ("markers", "markers")]
+)
+def test_a_node_lists_its_parameters(capsys, command, room):
     pytest.importorskip("rclpy")
-    from collision_response.ros.parameters import DECLARATIONS
-
-    assert main(["node", "--help"]) == 0
+    declarations = import_module(f"collision_response.ros.{room}").DECLARATIONS
+    assert main([command, "--help"]) == 0
     text = capsys.readouterr().out
+    assert f"usage: collision_response {command} " in text
     assert all(
         re.search(rf"^  {re.escape(d.name)} +{re.escape(repr(d.default))}: ", text, re.MULTILINE)
-        for d in DECLARATIONS
+        for d in declarations
     )

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+import signal
+import subprocess
 import sys
 import types
 from itertools import count
+from pathlib import Path
 
 import pytest
 
@@ -14,7 +17,7 @@ pytest.importorskip("nav_msgs")
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.parameter import Parameter
-from ros_graph import until
+from ros_graph import DEADLINE, until
 from std_msgs.msg import String
 
 from collision_response import StatusCode
@@ -22,9 +25,8 @@ from collision_response.msg import BodyState
 from collision_response.physics.mass_properties import MassProperties
 from collision_response.physics.tensor import Symmetric3
 from collision_response.physics.vector import Vec3
-from collision_response.ros import sources
 from collision_response.ros.process import Unusable
-from collision_response.ros.sources import LATCHED, BodySource, from_odometry, from_transforms, main
+from collision_response.ros.sources import LATCHED, BodySource, from_odometry, from_transforms
 from collision_response.srv import ResolveCollision
 
 MATTER = MassProperties(2.0, Vec3(0.5, 0.0, 0.0), Symmetric3(0.1, 0.01, 0.02, 0.2, 0.03, 0.25))
@@ -197,7 +199,7 @@ def tf2_ros(monkeypatch):
         tf2_ros.TransformException = type("TransformException", (Exception,), {})
 
         class Buffer:
-            def __init__(self):
+            def __init__(self, node):
                 self.latest = {}
 
             def set_transform(self, transform, authority):
@@ -212,8 +214,8 @@ def tf2_ros(monkeypatch):
         monkeypatch.setitem(sys.modules, "tf2_ros", tf2_ros)
     buffers = []
 
-    def make():
-        buffers.append(Buffer())
+    def make(node):
+        buffers.append(Buffer(node=node))
         return buffers[-1]
 
     Buffer = tf2_ros.Buffer
@@ -262,11 +264,21 @@ def test_without_tf2_ros_it_says_what_to_install(start, monkeypatch):
         start(frames=["tool"], world_frame="map")
 
 
-def test_a_start_that_fails_ends_with_1_and_one_line(ros_domain, capsys, monkeypatch):
-    def refuse():
-        raise Unusable("no\nsuch thing")
+def run(*arguments: str) -> subprocess.Popen:
+    script = Path(__file__).resolve().parent.parent / "scripts" / "collision_response_states"
+    command = [sys.executable, str(script), "--ros-args", *arguments]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
 
-    monkeypatch.setattr(sources, "BodySource", refuse)
-    monkeypatch.setattr("collision_response.ros.process.on_signal", lambda: None)
-    assert main([]) == 1
-    assert capsys.readouterr().err == "collision_response: no such thing\n"
+
+def test_the_process_ends_on_a_signal(graph):
+    process = run("-r", f"__ns:={graph.namespace}")
+    until(lambda: "collision_response_states" in graph.user.get_node_names())
+    process.send_signal(signal.SIGINT)
+    assert (process.communicate(timeout=DEADLINE)[1], process.returncode) == ("", 0)
+
+
+def test_a_start_that_fails_ends_with_1_and_one_line(ros_domain):
+    process = run("-p", "frames:=[tool]")
+    message = "frames needs world_frame: the inertial frame in which the bodies are given"
+    assert process.communicate(timeout=DEADLINE)[1] == f"collision_response: {message}\n"
+    assert process.returncode == 1

@@ -175,7 +175,7 @@ class BodySource(Node):
             raise Unusable(
                 "frames needs tf2_ros, which is not installed: apt install ros-$ROS_DISTRO-tf2-ros-py"
             ) from None
-        buffer = tf2_ros.Buffer()
+        buffer = tf2_ros.Buffer(node=self)  # whose clock empties it when it is set back
         self._listener = tf2_ros.TransformListener(buffer, self)
         latest: dict[str, TransformStamped] = {}
 
