@@ -35,7 +35,11 @@ def parser() -> argparse.ArgumentParser:
         "--compare", action="store_true", help="fit all laws, and say which the impacts tell apart"
     )
     it.add_argument(
-        "--fit", nargs="+", default=[], metavar="NAME", help="restitution, friction, tangential_restitution"
+        "--fit",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="restitution, friction, tangential_restitution, stiffness_ratio",
     )
     it.add_argument("--given", help="coefficients that are known", **pair)
     it.add_argument(

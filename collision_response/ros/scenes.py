@@ -69,7 +69,7 @@ class Touch(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """A request in the terms of the numeric core; and where each contact has its coefficients from."""
+    """A request in the terms of the numeric core; and where restitution and friction are from."""
 
     bodies: list[Body]
     pairs: list[tuple[int, int]]

@@ -116,17 +116,15 @@ def several(scene: Request, copies: Copies, asked: Asked) -> Answered:
 
 def _check_model(scene: Request, first: Sequence[int], model: ImpactModel, law: Law) -> None:
     """Raises: ImpactError: it is for one contact."""
-    field, reason = "", ""
     if law in (Law.ROUTH_POISSON, Law.COMPLIANT):
-        field, reason = "model.law", f"{law.name} is for clusters of one contact: try ROUTH_STRONGE"
+        reason = f"{law.name} is for clusters of one contact: try ROUTH_STRONGE"
+        raise ImpactError(StatusCode.INVALID_MODEL, "model.law", reason)
     for i in first if law is Law.COULOMB else ():
         own = scene.contacts[i].tangential_restitution
         place, e_t = ("model", model.tangential_restitution) if own is None else (f"contacts[{i}]", own)
         if e_t:
-            field = f"{place}.tangential_restitution"
             reason = f"must be 0 for clusters of several contacts, is {e_t}"
-    if field:
-        raise ImpactError(StatusCode.INVALID_MODEL, field, reason)
+            raise ImpactError(StatusCode.INVALID_MODEL, f"{place}.tangential_restitution", reason)
 
 
 def _check_geometry(parts: Parts, geometry: Geometry) -> None:
