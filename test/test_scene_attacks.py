@@ -383,7 +383,8 @@ def test_a_ball_between_walls_that_almost_lock(law, tilt, e):
 def test_corners_doubled_and_tripled(law, again):
     """No bit of a velocity changes; copies share what their corner takes."""
     case = box((1, 0.5, -1), (0.3, -0.2, 0.1), e=0.5, mu=0.3)
-    more = Case(case.bodies, [(0, 1)] * (4 + len(again)), [*case.contacts, *(case.contacts[i] for i in again)])
+    copies = [case.contacts[i] for i in again]
+    more = Case(case.bodies, [(0, 1)] * (4 + len(again)), [*case.contacts, *copies])
     one, other = case.resolve(law), more.resolve(law)
     assert one.twists == other.twists
     total = [sum((other.impulses[4 + k].z for k, i in enumerate(again) if i == c), other.impulses[c].z)

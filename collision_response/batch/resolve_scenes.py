@@ -104,8 +104,8 @@ def resolve_scenes(
     """The motion of bodies after several contacts strike at once, in as many clusters as there are.
 
     The numbers are those of :func:`~collision_response.resolve_scene` for each cluster by itself, bit by bit.
-    Clusters by FRICTIONLESS, COULOMB and MOREAU are computed without Python, but for the few that need more digits
-    or have a contact twice; those by other laws are computed one after the other.
+    Clusters by FRICTIONLESS, COULOMB and MOREAU are computed without Python, but for the few that need more
+    digits or have a contact twice; those by other laws are computed one after the other.
 
     Args:
         bodies: a table of bodies, float64, shape ``(rows, B)``; the number of rows tells the geometry.

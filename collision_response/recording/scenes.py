@@ -2,13 +2,14 @@
 
 The columns, after the timelines. Those of bodies and contacts hold all of a scene, one after the other:
 
-* words: ``status``, ``law``, ``geometry``, ``precision``, ``adjustments``; lists of them: ``bodies``, ``regimes``
+* words: ``status``, ``law``, ``geometry``, ``precision``, ``adjustments``; lists of words: ``bodies``,
+  ``regimes``
 * numbers, as in :class:`~collision_response.SceneImpact`: those of ``SCENE_NUMBERS``
 * of bodies: ``twists``, ``vx vy vz wx wy wz`` after the impact
-* of contacts: ``impulses``, ``x y z``; ``normal_velocities_before``, ``normal_velocities_after``; ``restitution``,
-  ``friction``, as used
-* the request, complete: ``request_bodies``, ``request_contacts`` and ``request_model`` as ``/impacts`` has them;
-  ``request_pairs``: ``a b``
+* of contacts: ``impulses``, ``x y z``; ``normal_velocities_before``, ``normal_velocities_after``;
+  ``restitution``, ``friction``, as used
+* the request, complete: ``request_bodies``, ``request_contacts`` and ``request_model`` as ``/impacts`` has
+  them; ``request_pairs``: ``a b``
 """
 
 from __future__ import annotations

@@ -197,7 +197,8 @@ class Wanted(NamedTuple):
         laws: without friction, and with.
         numbers: the threshold, the restitution threshold, the limit of error bounds, the budget of
             reflections.
-        models: as used, by the number of the law and by precision; empty if the kernels leave all such scenes to Python.
+        models: as used, by the number of the law and by precision; empty if the kernels leave all such
+            scenes to Python.
     """
 
     laws: tuple[Law, Law]
