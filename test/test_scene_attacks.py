@@ -8,9 +8,9 @@ import math
 from fractions import Fraction as F
 
 import pytest
-from scene_cases import Case, apart, box, random_case, row, size_of, speeds
+from scene_cases import Case, any_case, apart, box, random_case, row, size_of, speeds
 
-from collision_response import Body, Contact, Law, StatusCode, resolve_scene
+from collision_response import Body, Contact, ImpactModel, Law, StatusCode, resolve_scene
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import Vec3
 
@@ -323,3 +323,95 @@ def test_units_of_speed_do_not_matter(speed, law):
         (speed, 0.5 * speed, -speed), (0.3 * speed, -0.2 * speed, 0.1 * speed), e=0.5, mu=0.3
     ).resolve(law)
     assert other.twists[0].linear * (1 / speed) == pytest.approx(one.twists[0].linear, abs=1e-7)
+
+
+def in_units(case: Case, mass: int, length: int, time: int) -> Case:
+    """The same in units that are powers of two of the old ones."""
+    m, d, t = 2.0**mass, 2.0**length, 2.0**time
+    bodies = [
+        body._replace(
+            mass=body.mass * m,
+            inertia=type(body.inertia)(*(x * m * d * d for x in body.inertia)),
+            position=body.position * d,
+            velocity=Vec3(*body.velocity) * (d / t),
+            angular_velocity=Vec3(*body.angular_velocity) * (1 / t),
+            com=Vec3(*body.com) * d,
+        )
+        for body in case.bodies
+    ]
+    return Case(bodies, case.pairs, [c._replace(position=Vec3(*c.position) * d) for c in case.contacts])
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("units", [(2, 0, 0), (40, 0, 0), (0, 6, 0), (0, 0, 7), (20, -10, -8)])
+def test_units_that_are_powers_of_two_change_no_bit(law, units):
+    """Of mass even ones: its root is taken."""
+    mass, length, time = (2.0**k for k in units)
+    for seed in range(60, 80):
+        case = any_case(seed)
+        one, other = case.resolve(law), in_units(case, *units).resolve(law)
+        assert [t.linear * (length / time) for t in one.changes] == [t.linear for t in other.changes]
+        assert [P * (mass * length / time) for P in one.impulses] == list(other.impulses)
+        assert (one.regimes, one.error_bound, one.model, one.adjustments) == (
+            other.regimes,
+            other.error_bound,
+            other.model,
+            other.adjustments,
+        )
+        energy = mass * (length / time) ** 2
+        for field in ("kinetic_energy_after", "energy_lost_restitution", "energy_lost_friction"):
+            assert getattr(one, field) * energy == getattr(other, field)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("tilt", [0.0, 1e-300, 1e-17, 1e-16, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-3])
+@pytest.mark.parametrize("e", [0.0, 1.0])
+def test_a_ball_between_walls_that_almost_lock(law, tilt, e):
+    """Normals nearly opposite: no energy is won, and where doubles can't tell the answer says so."""
+    ball = Body.dynamic(1.0, (0.1, 0, 0, 0.1, 0, 0.1), velocity=(0.0, 0.0, -1.0))
+    contacts = [Contact.of((-x, 0, 0), (x, 0.0, tilt), e, 0.3) for x in (1.0, -1.0)]
+    answer = resolve_scene([ball, Body.static()], [(0, 1)] * 2, contacts, ImpactModel(law))
+    assert answer.kinetic_energy_after <= 0.5 * (1 + 1e-9)
+    assert -1 <= answer.twists[0].linear.z <= 1
+    assert answer.twists[0].linear.x == pytest.approx(0, abs=1e-9)
+    if law is Law.FRICTIONLESS and answer.error_bound < 1e-3 and tilt:
+        assert answer.twists[0].linear.z == pytest.approx(e, abs=answer.error_bound + 1e-12)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("again", [[0], [0, 0], [0, 3], [0, 1, 2, 3], [0, 0, 1, 1, 2, 2, 3, 3]])
+def test_corners_doubled_and_tripled(law, again):
+    """No bit of a velocity changes; copies share what their corner takes."""
+    case = box((1, 0.5, -1), (0.3, -0.2, 0.1), e=0.5, mu=0.3)
+    copies = [case.contacts[i] for i in again]
+    more = Case(case.bodies, [(0, 1)] * (4 + len(again)), [*case.contacts, *copies])
+    one, other = case.resolve(law), more.resolve(law)
+    assert one.twists == other.twists
+    total = [sum((other.impulses[4 + k].z for k, i in enumerate(again) if i == c), other.impulses[c].z)
+             for c in range(4)]  # fmt: skip
+    assert sum(total) == pytest.approx(sum(P.z for P in one.impulses), rel=1e-9)
+    for place, i in enumerate(again):
+        assert other.impulses[4 + place] == other.impulses[i]
+
+
+@pytest.mark.parametrize("off", [1e-12, -1e-12, 1e-15, -1e-15])
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.MOREAU])
+def test_a_cradle_with_slight_differences(law, off):
+    """Masses, speeds and restitution a hair apart move the answer by a hair."""
+    even, odd = row((1, 0, 0), 0.5, None, float), row((1 + off, 0, off), 0.5, (1, 1 + off, 1 - off), float)
+    odd = odd._replace(contacts=[odd.contacts[0], odd.contacts[1]._replace(restitution=0.5 + off)])
+    assert speeds(odd.resolve(law)) == pytest.approx(speeds(even.resolve(law)), abs=1e-10)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+def test_losses_are_what_the_energy_lacks(law):
+    """Without moving walls, on whatever scene."""
+    for seed in range(60, 160):
+        case = any_case(seed)
+        walls = [body for body in case.bodies if not body.is_movable()]
+        if any(x for wall in walls for x in (*wall.velocity, *wall.angular_velocity)):
+            continue
+        answer = case.resolve(law)
+        lost = answer.energy_lost_restitution + answer.energy_lost_friction
+        size = answer.kinetic_energy_before + size_of(case, answer) ** 2
+        assert abs(answer.kinetic_energy_before - answer.kinetic_energy_after - lost) <= 1e-12 * size

@@ -23,7 +23,7 @@ def generated(name: str) -> str:
 
 
 def test_the_example_prints_what_the_page_shows():
-    (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    code, _ = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     run = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, timeout=60)
     printed, shown = run.stdout.strip(), generated("example").strip("`\n")
     assert re.sub(r"\s+", " ", NUMBER.sub("", printed)) == re.sub(r"\s+", " ", NUMBER.sub("", shown))
@@ -45,3 +45,9 @@ def test_the_pictures_are_there():
     pictures = re.findall(r"!\[.*?\]\((.*?)\)", PAGE)
     assert len(pictures) == 4
     assert [picture for picture in pictures if not (ROOT / "docs" / picture).exists()] == []
+
+
+def test_many_scenes_in_one_call_are_as_the_page_says():
+    _, code = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    run = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, timeout=60)
+    assert run.stdout.startswith("[0.5 0.5 0.5] ")

@@ -25,19 +25,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..status import ImpactError, StatusCode
 from .reflections import Struck
 
 
 def with_friction(cluster: Any, struck: Struck) -> Struck:
-    """The impulses with friction, from those of GRR.
-
-    Raises:
-        ImpactError: CONTRADICTORY_CONTACTS.
-    """
-    found = cluster.least_work(struck.p)
-    if found is None:
-        reason = "contradict each other: friction drives bodies to where they cannot go"
-        raise ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
-    p, tangential, error = found
+    """The impulses with friction, from those of GRR."""
+    p, tangential, error = cluster.least_work(struck.p)
     return struck._replace(p=p, tangential=tangential, error=struck.error + error)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from .. import rationally
 from ..kernels import library
-from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number, decided, law_for, plan
+from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
 from ..numbers.number import Scalar
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
@@ -197,7 +197,8 @@ class Wanted(NamedTuple):
         laws: without friction, and with.
         numbers: the threshold, the restitution threshold, the limit of error bounds, the budget of
             reflections.
-        models: as used, by law and precision; empty if the kernels leave all such scenes to Python.
+        models: as used, by the number of the law and by precision; empty if the kernels leave all such
+            scenes to Python.
     """
 
     laws: tuple[Law, Law]
@@ -221,13 +222,13 @@ def _wanted_of(model: ImpactModel) -> Wanted:
 
 def _wanted(model: ImpactModel) -> Wanted:
     found = plan(model)
-    laws = Law(found.law_without_friction), Law(found.law_with_friction)
+    laws = found.law_without_friction, found.law_with_friction
     usual = model.geometry in (Geometry.AUTO, Geometry.SPATIAL) and not model.tangential_restitution
     models: tuple[tuple[ImpactModel, ...], ...] = ()
     if usual and laws[1] in IN_KERNELS:
         models = tuple(
-            tuple(decided(model, law, Geometry.SPATIAL, precision) for precision in PRECISIONS)
-            for law in range(max(IN_KERNELS) + 1)
+            tuple(ImpactModel(law, Geometry.SPATIAL, precision, *model[3:]) for precision in PRECISIONS)
+            for law in (Law.AUTO, *IN_KERNELS)
         )
     numbers = THRESHOLD, found.settings.restitution_threshold, found.limit, REFLECTIONS
     return Wanted(laws, numbers, models)

@@ -125,7 +125,8 @@ inline Friction least_work(const Assembly& scene, std::vector<double> p) {
   }
   if (approaches) {
     ActiveSet active(scene.A.data(), count);
-    result.found = least(scene.A.data(), count, scene.all(), b.data(), y.data(), active) == Found::LEAST;
+    // GRR has found velocities that part them: if none are found here, doubles can't tell.
+    if (least(scene.A.data(), count, scene.all(), b.data(), y.data(), active) != Found::LEAST) result.error = INFINITY;
     for (int i = 0; i < count; ++i) result.P[i][0] += y[i] * scene.touches[i].scale * scene.touches[i].length;
   }
   return result;
