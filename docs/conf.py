@@ -1,8 +1,8 @@
 """The reference site: `make docs`, and rosdoc2 for the ROS index, let Sphinx read this.
 
-The pages are Markdown that reads well where it lies. This adds the README as the first page, the interfaces as they are
-written, the API by its docstrings, and every file of the repository that a page links to. All of that is written beside
-the pages, so Sphinx is to be given a copy of this folder, as both of them do.
+The pages are Markdown that reads well where it lies. This adds the README as the first page, the interfaces
+as they are written, the API by its docstrings, and every file of the repository that a page links to. All of
+that is written beside the pages, so Sphinx is to be given a copy of this folder, as both of them do.
 """
 
 from __future__ import annotations
@@ -104,8 +104,10 @@ def source_page(path: Path) -> Path:
 
 
 def code(path: Path) -> str:
+    """A file, coloured by the language that its name says."""
     lexer = find_lexer_class_for_filename(path.name)
-    return f"``````{{code-block}} {lexer.aliases[0] if lexer else 'text'}\n:force:\n\n{path.read_text()}``````\n"
+    language = lexer.aliases[0] if lexer else "python"  # for interfaces: comments and numbers are alike
+    return f"``````{{code-block}} {language}\n:force:\n\n{path.read_text()}``````\n"
 
 
 def write(name: Path | str, text: str) -> None:
@@ -124,9 +126,7 @@ def write_pages(*_: Any) -> None:
     parts = [f"## {path.stem}\n\n{code(path)}" for files in INTERFACES.values() for path in files]
     write("interfaces.md", "\n".join(["# Messages and services\n", *parts]))
     for module, what in API.items():
-        write(
-            f"api/{module}.rst", f"{what}\n{'=' * len(what)}\n\n.. automodule:: {module}\n   :members:\n"
-        )
+        write(f"api/{module}.rst", f"{what}\n{'=' * len(what)}\n\n.. automodule:: {module}\n   :members:\n")
 
 
 def read_page(_: Any, name: str, content: list[str]) -> None:

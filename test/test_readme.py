@@ -60,13 +60,6 @@ def test_every_parameter_is_listed_with_its_default():
     }
 
 
-def test_the_files_it_names_exist():
-    root = Path(__file__).parent.parent
-    names = re.findall(r"\]\(([\w/.-]+)\)", README)
-    assert len(names) > 10
-    assert [name for name in names if not (root / name).exists()] == []
-
-
 def _leaves(tree, path=""):
     for key, value in tree.items():
         if isinstance(value, dict):
