@@ -39,7 +39,7 @@ def test_a_cube_loses_energy_and_comes_to_rest_on_a_face():
     for _ in range(1500):
         cube = example["step"](cube)
         energies.append(example["energy"](cube))
-    # A step is exact without an impact. With one it may err by the weight's work at the speed of a step's fall.
+    # Exact without an impact. With one, a step may err by the work of the weight at the speed of its fall.
     assert max(np.diff(energies)) < cube.mass * (example["GRAVITY"] * example["STEP"]) ** 2
     assert cube.velocity.norm() < 1e-9
     up = cube.to_body(Vec3(0.0, 0.0, 1.0))
