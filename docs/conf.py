@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from pygments.lexers import find_lexer_class_for_filename
+from sphinx.ext.napoleon import Config, GoogleDocstring
 
 HERE = Path(__file__).parent
 ROOT = next(path for path in [*HERE.parents, *map(Path, sys.path)] if (path / "package.xml").exists())
@@ -25,16 +26,16 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.mathjax",
-    "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
 ]
 exclude_patterns = ["README.md"]  # index.rst includes it
 html_theme = "sphinx_rtd_theme"
 html_show_sourcelink = False
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 myst_enable_extensions = ["dollarmath"]
 myst_fence_as_directive = ["math"]
 myst_heading_anchors = 4
-napoleon_use_ivar = True
 autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
 # The source is read as it lies: some of these are made by its build, the others are not needed to read it.
@@ -135,11 +136,13 @@ def read_page(_: Any, name: str, content: list[str]) -> None:
         content[0] = for_site(page, content[0])
 
 
-def with_formulas(_: Any, what: str, __: str, ___: object, ____: Any, lines: list[str]) -> None:
-    """Indented blocks of a module's docstring, as they stand."""
+def as_sphinx_reads(app: Any, what: str, name: str, member: object, options: Any, lines: list[str]) -> None:
+    """Docstrings: sections as Sphinx writes them, and formulas, which a module indents, as they stand."""
+    kind = "" if what == "attribute" else what  # else their first colon would end a type
+    text = str(GoogleDocstring(lines, Config(napoleon_use_ivar=True), app, kind, name, member, options))
     if what == "module":
-        text = re.sub(r"^(\S.*(?<!::)\n\n)(?= {4})", r"\1::\n\n", "\n".join(lines), flags=re.MULTILINE)
-        lines[:] = text.split("\n")
+        text = re.sub(r"^(\S.*(?<!::)\n\n)(?= {4})", r"\1::\n\n", text, flags=re.MULTILINE)
+    lines[:] = text.split("\n")
 
 
 def is_left_out(_: Any, __: str, ___: str, member: object, skip: bool, ____: Any) -> bool:
@@ -150,5 +153,5 @@ def is_left_out(_: Any, __: str, ___: str, member: object, skip: bool, ____: Any
 def setup(app: Any) -> None:
     app.connect("builder-inited", write_pages)
     app.connect("source-read", read_page)
-    app.connect("autodoc-process-docstring", with_formulas)
+    app.connect("autodoc-process-docstring", as_sphinx_reads)
     app.connect("autodoc-skip-member", is_left_out)

@@ -124,7 +124,13 @@ class TestStart:
 
         def check(installed, needed):
             monkeypatch.setattr(metadata, "requires", lambda _: needed)
-            monkeypatch.setattr(metadata, "version", installed.__getitem__)
+
+            def version(name):
+                if name not in installed:
+                    raise metadata.PackageNotFoundError(name)
+                return installed[name]
+
+            monkeypatch.setattr(metadata, "version", version)
             check_release()
 
         return check
@@ -137,6 +143,13 @@ class TestStart:
         assert str(refusal.value) == (
             "collision_response was built with other ROS wheels than ros-rclpy 9.10.2: "
             "pip install 'ros-rclpy[fastrtps]==9.1.*' 'ros-std-msgs==5.5.*'"
+        )
+
+    def test_it_says_what_to_install_where_there_is_no_ros(self, check):
+        with pytest.raises(ImportError) as refusal:
+            check({}, ["numpy", "ros-rclpy[fastrtps]==9.1.*"])
+        assert str(refusal.value) == (
+            "collision_response needs ROS for this: pip install 'ros-rclpy[fastrtps]==9.1.*'"
         )
 
     def test_what_pip_installed_says_what_it_needs(self):
