@@ -141,7 +141,8 @@ def as_sphinx_reads(app: Any, what: str, name: str, member: object, options: Any
     kind = "" if what == "attribute" else what  # else their first colon would end a type
     text = str(GoogleDocstring(lines, Config(napoleon_use_ivar=True), app, kind, name, member, options))
     if what == "module":
-        text = re.sub(r"^(\S.*(?<!::)\n\n)(?= {4})", r"\1::\n\n", text, flags=re.MULTILINE)
+        formulas = r"^(\S.*(?<!::)\n\n)(?= {4}(?!>>>))"
+        text = re.sub(formulas, r"\1.. code-block:: text\n\n", text, flags=re.MULTILINE)
     lines[:] = text.split("\n")
 
 
