@@ -84,7 +84,8 @@ def for_site(page: Path, text: str) -> str:
     """A page of the repository, its links led to pages of the site, and its formulas as MyST writes them."""
 
     def led(link: re.Match[str]) -> str:
-        return f"]({in_site((page.parent / link[1]).resolve())}{link[2] or ''})"
+        target = (page.parent / link[1]).resolve()
+        return f"]({in_site(target)}{link[2] or ''})" if target.exists() else link[0]  # of that, Sphinx warns
 
     return re.sub(r"\$`(.+?)`\$", r"$\1$", re.sub(r"\]\(([\w./-]+)(#[\w-]+)?\)", led, text))
 

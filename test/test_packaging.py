@@ -48,6 +48,17 @@ def test_no_version_is_of_two_releases():
     assert not {name for name in kilted if jazzy.get(name) == kilted[name]}
 
 
+def test_ros_reads_the_package_and_its_change_log():
+    """As its release tools do, which take the newest entry for the version of the package."""
+    changelog = pytest.importorskip("catkin_pkg.changelog")
+    from catkin_pkg.package import parse_package
+
+    warnings: list[str] = []
+    package = parse_package(str(ROOT), warnings=warnings)
+    released = [version for version, _, _ in changelog.get_changelog_from_path(str(ROOT)).foreach_version()]
+    assert (released[0], warnings) == (package.version, [])
+
+
 @pytest.mark.parametrize("file", ["config/fast_dds.xml", "security/policy.xml"])
 def test_what_users_configure_with_is_installed_where_ros_looks(file):
     prefixes = Path(collision_response.__file__).parents
