@@ -28,7 +28,8 @@ extensions = [
     "sphinx.ext.mathjax",
     "sphinx.ext.viewcode",
 ]
-exclude_patterns = ["README.md"]  # index.rst includes it
+# index.rst includes the README; the others are what rosdoc2 adds of its own, which this site has in its way.
+exclude_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.rst", "__*", "msg", "srv"]
 html_theme = "sphinx_rtd_theme"
 html_show_sourcelink = False
 html_static_path = ["_static"]
