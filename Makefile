@@ -13,8 +13,8 @@ unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH 
 unexport RMW_IMPLEMENTATION ROS_DISTRO VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help demo test lint audit bench stability faults fuzz states soak twice reliability examples colcon clean
-.PHONY: .venv .audit-venv .bench-venv .colcon-venv .examples-venv
+.PHONY: help demo test lint audit bench stability faults fuzz states soak twice reliability examples colcon docs clean
+.PHONY: .venv .audit-venv .bench-venv .colcon-venv .docs-venv .examples-venv
 
 help:
 	@echo 'make demo       collisions, answered by the node'
@@ -31,6 +31,7 @@ help:
 	@echo 'make twice      ten times two test suites at once, on busy cores: some half an hour'
 	@echo 'make examples   all programs of examples/: each checks what it prints'
 	@echo 'make colcon     a colcon build of this tree, and a call of the node it installs'
+	@echo 'make docs       the reference site: these pages, the API, the interfaces'
 	@echo 'make clean      remove all that these made'
 
 demo: .venv
@@ -90,6 +91,15 @@ colcon: .colcon-venv
 .colcon-venv:
 	@$(PYTHON) tools/setup_venv.py .colcon-venv
 
+docs: .docs-venv
+	@rm -rf .docs && mkdir .docs && cp -r docs .docs/source
+	@.docs-venv/bin/python -m sphinx -q -W --keep-going .docs/source .docs/html
+	@echo '==> .docs/html/index.html'
+
+.docs-venv:
+	@test -x .docs-venv/bin/sphinx-build || \
+		{ $(PYTHON) -m venv .docs-venv && .docs-venv/bin/pip install -q -r docs/requirements.txt; }
+
 clean:
-	rm -rf .venv .audit-venv .bench-venv .colcon-venv .examples-venv .kernels build install log .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .audit-venv .bench-venv .colcon-venv .docs-venv .examples-venv .docs .kernels build install log .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -161,7 +161,7 @@ class Materials(NamedTuple):
         """The entry of two materials; an empty one if there is none."""
         return self.pairs.get((min(a, b), max(a, b)), Pair())
 
-    def find(self, coefficient: str, a: str, b: str, rule: CombineRule) -> Found | None:
+    def find(self, coefficient: str, a: str, b: str, rule: CombineRule = CombineRule.AVERAGE) -> Found | None:
         """A coefficient of two materials: of their pair, else combined; ``None``: nothing is known.
 
         Args:

@@ -23,7 +23,7 @@ class StatusCode(Named):
     NOT_FINITE = 6
     """NaN or infinite number."""
     FRAME_MISMATCH = 7
-    """``frame_id``s of the bodies and the contact differ. Of the node only."""
+    """``frame_id`` is not the same of the bodies and the contact. Of the node only."""
     UNKNOWN_BODY = 8
     """A body given by name only, and no state of that name received. Of the node only."""
     STALE_STATE = 9

@@ -9,6 +9,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import pytest
+
+pytest.importorskip("flint")
+
 from flint import arb, ctx
 
 from collision_response import Body, Contact, Impact, ImpactModel, Law

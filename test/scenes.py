@@ -6,6 +6,10 @@ import math
 import random
 from typing import NamedTuple
 
+import pytest
+
+pytest.importorskip("mpmath")
+
 from hypothesis import strategies as st
 from mpmath import mp
 from oracle import laws as oracle

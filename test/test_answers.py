@@ -174,7 +174,7 @@ class TestShapes:
             Body.sphere(1.0, 0.1, speed=3.0)
 
     def test_a_mesh_is_what_it_encloses(self):
-        import trimesh
+        trimesh = pytest.importorskip("trimesh")
 
         shape = trimesh.creation.box(extents=(0.1, 0.2, 0.3))
         shape.apply_translation((1.0, 0.0, 0.0))

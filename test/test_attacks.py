@@ -15,10 +15,13 @@ from functools import lru_cache
 from itertools import product
 from typing import Any
 
+import pytest
+
+pytest.importorskip("flint")  # EXTENDED must be exact here
+
 import attacks
 import exact
 import numpy as np
-import pytest
 from attacks import Case
 from exact import Scene, Solid, Touch, cross, dot, length, minus, nearest, plus, times, vec
 

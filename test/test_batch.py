@@ -6,11 +6,15 @@ import re
 import tracemalloc
 from itertools import product
 
+import pytest
+
+pytest.importorskip("array_api_strict")
+pytest.importorskip("dask.array")
+
 import array_api_strict
 import dask
 import dask.array as da
 import numpy as np
-import pytest
 from batches import (
     FIRST_FAULTY,
     N,

@@ -8,10 +8,14 @@ import runpy
 from fractions import Fraction
 from itertools import product
 
+import pytest
+
+pytest.importorskip("array_api_strict")
+pytest.importorskip("dask.array")
+
 import array_api_strict
 import dask.array as da
 import numpy as np
-import pytest
 from batches import FIRST_FAULTY, N, assert_same, columns, is_tiny, scene_of, some
 from scenes import ALL_LAWS
 from test_examples import EXAMPLES

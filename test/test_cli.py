@@ -51,6 +51,17 @@ def test_a_command_that_needs_more_says_what(capsys, monkeypatch):
     )
 
 
+def test_a_command_without_ros_says_what_to_install(capsys, monkeypatch):
+    def without_ros(module):
+        raise ImportError("collision_response needs ROS for this: pip install 'ros-rclpy==9.1.*'")
+
+    monkeypatch.setattr(collision_response.cli, "import_module", without_ros)
+    assert main(["node"]) == 1
+    assert (
+        capsys.readouterr().err == "collision_response needs ROS for this: pip install 'ros-rclpy==9.1.*'\n"
+    )
+
+
 def test_in_a_source_tree_it_says_how_to_get_out(tmp_path):
     """As where Python takes the directory of that name for the package."""
     source = collision_response.__file__

@@ -6,8 +6,11 @@ import json
 import math
 from pathlib import Path
 
-import numpy as np
 import pytest
+
+pytest.importorskip("mpmath")
+
+import numpy as np
 from mpmath import mp, mpf
 from scenes import ALL_LAWS, LAWS_WITH_FRICTION, random_scene
 

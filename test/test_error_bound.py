@@ -9,8 +9,12 @@ from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from itertools import product
 
-import extremes
 import pytest
+
+pytest.importorskip("flint")
+pytest.importorskip("mpmath")
+
+import extremes
 from flint import ctx
 from mpmath import mp
 from random_impacts import RandomImpacts

@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from itertools import product
 
-import numpy as np
 import pytest
+
+pytest.importorskip("flint")
+
+import numpy as np
 from batches import FIRST_FAULTY, N, by_single_impacts, scene_of, some
 from flint import ctx
 from reference import BITS, exact_answer

@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import numpy as np
 import pytest
+
+pytest.importorskip("scipy")
+
+import numpy as np
 from scipy.spatial.transform import Rotation
 
 from collision_response import Body, Contact, ImpactError, ImpactModel, Law, StatusCode, Twist, resolve

@@ -6,8 +6,11 @@ import math
 from fractions import Fraction as F
 from itertools import product
 
-import numpy as np
 import pytest
+
+pytest.importorskip("mpmath")
+
+import numpy as np
 from mpmath import mp
 from scenes import LAWS_WITH_FRICTION, Scene, random_scene
 

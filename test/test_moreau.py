@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
 import pytest
+
+pytest.importorskip("mpmath")
+
+import numpy as np
 from bounded import Bounded
 from mpmath import mp
 from oracle import impulse

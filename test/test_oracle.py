@@ -3,8 +3,11 @@
 from fractions import Fraction as F
 from math import cos, pi, sin, sqrt
 
-import numpy as np
 import pytest
+
+pytest.importorskip("mpmath")
+
+import numpy as np
 from integrate import until
 from mpmath import mp
 from oracle import LAWS, Body, impact, impulse, mobility

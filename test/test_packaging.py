@@ -48,6 +48,17 @@ def test_no_version_is_of_two_releases():
     assert not {name for name in kilted if jazzy.get(name) == kilted[name]}
 
 
+def test_ros_reads_the_package_and_its_change_log():
+    """As its release tools do, which take the newest entry for the version of the package."""
+    changelog = pytest.importorskip("catkin_pkg.changelog")
+    from catkin_pkg.package import parse_package
+
+    warnings: list[str] = []
+    package = parse_package(str(ROOT), warnings=warnings)
+    released = [version for version, _, _ in changelog.get_changelog_from_path(str(ROOT)).foreach_version()]
+    assert (released[0], warnings) == (package.version, [])
+
+
 @pytest.mark.parametrize("file", ["config/fast_dds.xml", "security/policy.xml"])
 def test_what_users_configure_with_is_installed_where_ros_looks(file):
     prefixes = Path(collision_response.__file__).parents
@@ -126,7 +137,13 @@ class TestStart:
 
         def check(installed, needed):
             monkeypatch.setattr(metadata, "requires", lambda _: needed)
-            monkeypatch.setattr(metadata, "version", installed.__getitem__)
+
+            def version(name):
+                if name not in installed:
+                    raise metadata.PackageNotFoundError(name)
+                return installed[name]
+
+            monkeypatch.setattr(metadata, "version", version)
             check_release()
 
         return check
@@ -139,6 +156,13 @@ class TestStart:
         assert str(refusal.value) == (
             "collision_response was built with other ROS wheels than ros-rclpy 9.10.2: "
             "pip install 'ros-rclpy[fastrtps]==9.1.*' 'ros-std-msgs==5.5.*'"
+        )
+
+    def test_it_says_what_to_install_where_there_is_no_ros(self, check):
+        with pytest.raises(ImportError) as refusal:
+            check({}, ["numpy", "ros-rclpy[fastrtps]==9.1.*"])
+        assert str(refusal.value) == (
+            "collision_response needs ROS for this: pip install 'ros-rclpy[fastrtps]==9.1.*'"
         )
 
     def test_what_pip_installed_says_what_it_needs(self):

@@ -9,6 +9,9 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 import pytest
+
+pytest.importorskip("mpmath")
+
 from bounded import ROUNDING, Bounded
 from mpmath import mp
 from oracle.laws import impulse

@@ -67,6 +67,11 @@ def main(arguments: list[str] | None = None) -> int:
             raise
         print(f"collision_response {name} needs {error.name}, which is not installed", file=sys.stderr)
         return 1
+    except ImportError as error:
+        if error.name:
+            raise
+        print(error, file=sys.stderr)  # check_release() says what to install
+        return 1
     return module.main(rest)
 
 

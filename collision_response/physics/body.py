@@ -227,11 +227,11 @@ class Body(NamedTuple):
 
     def to_world(self, v: Vec3) -> Vec3:
         """World components of a vector given in body axes."""
-        return v if self.orientation is None else self.orientation.rotation().to_world(v)
+        return v if self.orientation is None else Quaternion(*self.orientation).rotation().to_world(v)
 
     def to_body(self, v: Vec3) -> Vec3:
         """Body components of a vector given in world axes."""
-        return v if self.orientation is None else self.orientation.rotation().to_body(v)
+        return v if self.orientation is None else Quaternion(*self.orientation).rotation().to_body(v)
 
     def inverse_tensor(self) -> InverseTensor:
         """``I^-1`` in body axes [1/(kg m^2)]; the pseudo-inverse where there is no inertia about some axis.

@@ -23,14 +23,14 @@ CAPACITY = 10_000
 INTERVAL = 2.0
 """Entries are written in batches, this often [s], or when half of the capacity waits.
 
-Each batch costs the file some 1 kB for each entity in it, whatever the number of rows, and as much
-memory until the file is complete. A killed process loses what it had not written."""
+Each batch costs the file some 2 kB for each entity in it, whatever the number of rows, and up to five
+times as much memory until the file is complete. A killed process loses what it had not written."""
 
 STATES_INTERVAL = 10.0
 """Body states are written this often [s], or when half of the capacity waits: there are many bodies."""
 
 MAX_SIZE = 50.0
-"""Of a file [MB]. Until it is complete, memory grows with it: at most about twice as much."""
+"""Of a file [MB]. Until it is complete, memory grows with it: with these limits by at most some 200 MB."""
 
 MAX_DURATION = 3600.0
 """Of a file [s], from the first entry in it."""

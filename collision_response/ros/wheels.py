@@ -7,6 +7,8 @@ from importlib import metadata
 
 PINNED = re.compile(r"(?P<name>ros-[\w-]+)(\[\w+\])?==(?P<series>[\d.]+\.)\*")
 
+MISSING = "(missing)"
+
 
 def check_release(package: str = "collision_response") -> None:
     """Make sure that the installed ROS wheels are those a package was built with.
@@ -28,13 +30,14 @@ def check_release(package: str = "collision_response") -> None:
     ]
     if wrong:
         wanted = " ".join(f"'{match.group()}'" for match in pinned)
-        raise ImportError(
-            f"{package} was built with other ROS wheels than {', '.join(wrong)}: pip install {wanted}"
-        )
+        other = f"was built with other ROS wheels than {', '.join(wrong)}"
+        has_none = sum(wheel.endswith(MISSING) for wheel in wrong) == len(pinned)
+        fault = "needs ROS for this" if has_none else other
+        raise ImportError(f"{package} {fault}: pip install {wanted}")
 
 
 def _version(name: str) -> str:
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
-        return "(missing)"
+        return MISSING

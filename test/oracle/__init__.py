@@ -1,5 +1,9 @@
 """Impact laws of two rigid bodies in arbitrary precision, to check solvers against."""
 
+import pytest
+
+pytest.importorskip("mpmath")
+
 from .bodies import Body, mobility, relative_velocity
 from .laws import LAWS, Outcome, Report, impact, impulse
 
