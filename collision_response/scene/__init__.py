@@ -10,8 +10,8 @@ From the request to its answer:
     answered.py       what becomes of one cluster;  answer.py: of the scene
 
 A scene of floats in which nothing is unusual goes no further than the front door: ``usual`` in
-``kernels/scene.cpp`` answers it, by the same steps. What is unusual: a cluster of one contact, a contact given
-twice, a restitution that is a function, fractions, ROUTH_STRONGE, decisions that need more digits, and faults.
+``kernels/scene.cpp`` answers it, by the same steps. Unusual are a cluster of one contact, a contact given
+twice, a restitution that is a function, fractions, ROUTH_STRONGE, what needs more digits, and faults.
 
 The laws are written over a cluster, which knows what impulses do: ``collision_response.kernels._scene``
 in double-double with a bound on its error, :mod:`~collision_response.scene.rational` exactly.
