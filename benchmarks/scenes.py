@@ -365,7 +365,7 @@ def measure(say: Callable[[str], object], *, quick: bool = False) -> dict[str, A
     targets = [
         {"what": "a box flat on a floor against one impact, COULOMB", "most": 10.0, "measured": box_ratio()},
         {
-            "what": "a cluster of 100 contacts: of those below, the slowest but for ROUTH_STRONGE [ms]",
+            "what": "a cluster of 100 contacts, by its slowest law but ROUTH_STRONGE [ms]",
             "most": 20.0,
             "measured": 1e3 * max(*costs["stack"]["100"].values(), costs["row"]["100"]["`FRICTIONLESS`"]),
         },
@@ -510,7 +510,7 @@ def draw(found: dict[str, Any], path: Path) -> None:
         axes.set_yticklabels(["1 µs", "10 µs", "0.1 ms", "1 ms", "10 ms", "0.1 s", "1 s", "10 s"])
         axes.minorticks_off()
     handles, labels = grid[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=7, frameon=False, fontsize=9.5)
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9.5)
     figure.savefig(path, dpi=110, metadata={"Software": None})
     plt.close(figure)
 

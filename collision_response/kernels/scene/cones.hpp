@@ -11,8 +11,9 @@
 //
 //     |eta + N^T lambda|^2 / 2 - c.lambda + sum |P_i|^2 / (2 rho_i) + |lambda - lambda_0|^2 / (2 rho)
 //
-// is found by Newton's method, as its gradient is piecewise smooth. From Q = 0 with rho great, P is that of least
-// sum of squares among all that do the same; further steps, with lesser rho, leave that and mend the rest.
+// is found by Newton's method, as its gradient is piecewise smooth. From Q = 0, P is that of least sum of squares among
+// all that do the same, nearly; further steps, from the greatest rho down, mend the rest. Each ends with a step that
+// changes P instead of computing it anew, for rho times a rounding is no small number.
 //
 // Rockafellar, "Augmented Lagrangians and Applications of the Proximal Point Algorithm in Convex Programming",
 // Math. Oper. Res. 1 (1976); Li, Sun & Toh, "A Highly Efficient Semismooth Newton Augmented Lagrangian Method",
