@@ -17,6 +17,7 @@ from scenes import LAWS_WITH_FRICTION, Scene, random_scene
 from collision_response import Adjustment, Body, Contact, Geometry, Impact, ImpactModel, Law, Regime, resolve
 from collision_response.impact import impact as compute
 from collision_response.physics.energy import kinetic_energy
+from collision_response.physics.laws import Settings
 from collision_response.physics.mass_properties import rod, sphere
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import Vec3
@@ -200,7 +201,7 @@ def test_one_law_on_floats_arrays_and_exact_numbers(law, mu):
         a, b = (_converted(body, number) for body in exact_bodies())
         a = a._replace(velocity=a.velocity._replace(x=speed))
         contact = _converted(EXACT_CONTACT._replace(friction=F(mu)), number)
-        return compute(a, b, contact, law, number(E_T)).changes.impulse
+        return compute(a, b, contact, law, Settings(number(E_T))).changes.impulse
 
     floats = [answer(float, float(-1 - speed)) for speed in speeds]
     together = answer(np.float64, np.array([float(-1 - speed) for speed in speeds]))

@@ -120,6 +120,7 @@ class Writer:
             self._file.opened()
         self._stream.log_file_from_contents(EMPTY, recording.empty)
         self._log_styles()
+        self._stream.flush(timeout_sec=5.0)  # columns do not wait for what is logged, and a file may be torn
 
     def __enter__(self) -> Writer:
         return self
