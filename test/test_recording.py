@@ -313,10 +313,15 @@ recorder = Recorder(
     Path(sys.argv[1]), print, opened=lambda _: opened.set(), name="torn.rrd", capacity=1_000_000_000
 )
 opened.wait()
-count = 0
-while recorder.path.stat().st_size < 300_000:
-    count += 1
-    recorder.add(impact(count))
+count = size = 0
+while size < 300_000:
+    for _ in range(50):
+        count += 1
+        recorder.add(impact(count))
+    written = size
+    while size == written:  # a batch at a time
+        os.sched_yield()
+        size = recorder.path.stat().st_size
 os.kill(os.getpid(), signal.SIGKILL)
 """
 
