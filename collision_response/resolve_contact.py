@@ -11,19 +11,20 @@ It asks ``resolve`` about a body at whose origin the contact is, and whose inver
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from .answer import as_tuple, in_columns, in_digits
 from .model import Adjustment, ImpactModel
 from .physics.body import Body
 from .physics.contact import Contact
 from .physics.laws import Regime
-from .physics.vector import ZERO, Vec3
+from .physics.vector import ZERO, Vec3, as_vector
 from .resolve import DEFAULT, resolve
 from .status import ImpactError, StatusCode
 
 
 class ContactImpact(NamedTuple):
-    """What becomes of one contact.
+    """What becomes of one contact. ``print`` shows it as a table.
 
     Attributes:
         status: OK, SEPARATING or TOLERANCE_NOT_MET.
@@ -53,6 +54,26 @@ class ContactImpact(NamedTuple):
     regime: Regime
     error_bound: float
     adjustments: Adjustment
+
+    def __str__(self) -> str:
+        """What happened."""
+        touch = [str(self.regime), as_tuple(self.velocity_after), as_tuple(self.impulse)]
+        lost = map(in_digits, (self.energy_change, self.energy_lost_restitution, self.energy_lost_friction))
+        lines = [
+            f"{self.status} by {self.model.law} ({self.model.precision}), "
+            f"relative error at most {self.error_bound:.2g}",
+            *in_columns(["regime", "velocity after [m/s]", "impulse [N s]"], [touch]),
+            "energy changed by {} J; lost: {} restitution, {} friction".format(*lost),
+        ]
+        if self.adjustments:
+            lines.append(f"adjusted: {self.adjustments}")
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        """In one line: what to look at first. Every field has its name."""
+        chosen = f"{self.status}, {self.model.law}, {self.regime}"
+        bound = f"error_bound={self.error_bound:.2g}"
+        return f"ContactImpact({chosen}, impulse={as_tuple(self.impulse)}, {bound})"
 
 
 def resolve_contact(
@@ -86,12 +107,14 @@ def resolve_contact(
         raise TypeError(f"K: must be 3 x 3 numbers, is {K!r}") from None
     if [len(row) for row in rows] != [6, 6, 6]:
         raise ImpactError(StatusCode.INVALID_INERTIA, "K", f"must be 3 x 3 numbers, is {K!r}")
-    contact = Contact(ZERO, _vector("n", n), restitution, friction)
+    contact = Contact(ZERO, as_vector("n", n), restitution, friction)
     try:
-        body = Body.articulated([*rows, *[[0.0] * 6] * 3], velocity=_vector("u", u))
+        body = Body.articulated([*rows, *[[0.0] * 6] * 3], velocity=as_vector("u", u))
         impact = resolve(body, Body.static(), contact, model)
     except ImpactError as error:
-        raise ImpactError(error.code, _named(error.field), error.reason) from None
+        field = _ARGUMENTS.get(error.field, error.field)
+        reason = f"{error.reason.partition('; is ')[0]}; is {K!r}" if field == "K" else error.reason
+        raise ImpactError(error.code, field, reason) from None
     return ContactImpact(
         impact.status,
         impact.model,
@@ -109,13 +132,6 @@ def resolve_contact(
     )
 
 
-def _vector(name: str, v: Any) -> Vec3:
-    try:
-        return Vec3(*v)
-    except TypeError:
-        raise TypeError(f"{name}: must be 3 numbers, is {v!r}") from None
-
-
 _ARGUMENTS = {
     "inverse_inertia": "K",
     "body_a.inverse_inertia": "K",
@@ -127,8 +143,4 @@ _ARGUMENTS = {
     "contact.friction": "friction",
     "contact.friction(slip_speed)": "friction(slip_speed)",
 }
-
-
-def _named(field: str) -> str:
-    """A field of ``resolve`` as an argument of this module."""
-    return _ARGUMENTS.get(field, field)
+"""What fields of ``resolve`` are called here."""

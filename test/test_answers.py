@@ -23,6 +23,7 @@ from collision_response import (
     Regime,
     StatusCode,
     resolve,
+    resolve_contact,
     resolve_scene,
 )
 from collision_response.physics import mass_properties
@@ -48,6 +49,20 @@ def test_an_impact_prints_as_a_table():
     ]
     assert repr(impact).startswith("Impact(OK, COULOMB, STICKING, impulse=(-0.571429, 0, 9), error_bound=")
     assert pickle.loads(pickle.dumps(impact)) == impact
+
+
+def test_an_impact_of_a_contact_alone_prints_as_a_table():
+    """It slips too slowly to go on slipping."""
+    K = [[4, 0, 0], [0, 4, 0], [0, 0, 1]]
+    impact = resolve_contact(K, (0.25, 0, -1), (0, 0, 1), 0.5, 0.3)
+    head, *rows = str(impact).splitlines()
+    assert re.fullmatch(r"OK by COULOMB \(DOUBLE\), relative error at most \d(\.\d)?e-1\d", head)
+    assert rows == [
+        "regime    velocity after [m/s]  impulse [N s]",
+        "STICKING  (0, 0, 0.5)           (-0.0625, 0, 1.5)",
+        "energy changed by -0.382812 J; lost: 0.375 restitution, 0.0078125 friction",
+    ]
+    assert repr(impact).startswith("ContactImpact(OK, COULOMB, STICKING, impulse=(-0.0625, 0, 1.5), error")
 
 
 def test_what_was_adjusted_is_in_the_table():
@@ -191,6 +206,11 @@ class TestShapes:
 def test_vectors_scale_from_both_sides():
     v = Vec3(1.0, -2.0, 3.0)
     assert 2 * v == v * 2 == 2.0 * v == Vec3(2.0, -4.0, 6.0)
+
+
+def test_a_tuple_and_a_vector_are_added_not_joined():
+    v = Vec3(1.0, -2.0, 3.0)
+    assert (1, 1, 1) + v == v + (1, 1, 1) == Vec3(2.0, -1.0, 4.0)  # noqa: RUF005
     assert Fraction(1, 2) * v == v / 2 == Vec3(0.5, -1.0, 1.5)
 
 

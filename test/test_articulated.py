@@ -339,8 +339,10 @@ def test_without_friction_any_slip_will_do():
 def test_what_is_no_matrix(wrong):
     with pytest.raises((TypeError, ImpactError), match="K: must be 3 x 3 numbers"):
         resolve_contact(wrong, (0, 0, -1), (0, 0, 1))
-    with pytest.raises(TypeError, match="n: must be 3 numbers"):
+    with pytest.raises(TypeError, match=r"n: must be \(x, y, z\)"):
         resolve_contact(np.eye(3), (0, 0, -1), 3.0)
+    with pytest.raises(ImpactError, match=r"positive semi-definite; is \[\[-1, 0, 0\], "):
+        resolve_contact([[-1, 0, 0], [0, 1, 0], [0, 0, 1]], (0, 0, -1), (0, 0, 1))
 
 
 def test_matrices_that_are_none():

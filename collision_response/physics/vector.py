@@ -18,6 +18,9 @@ class Vec3(NamedTuple):
     def __add__(self, other: Vec3) -> Vec3:  # type: ignore[override]
         return Vec3(self[0] + other[0], self[1] + other[1], self[2] + other[2])
 
+    def __radd__(self, other: Vec3) -> Vec3:
+        return self + other  # a plain tuple, which would else be lengthened
+
     def __sub__(self, other: Vec3) -> Vec3:
         return Vec3(self[0] - other[0], self[1] - other[1], self[2] - other[2])
 
