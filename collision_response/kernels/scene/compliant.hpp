@@ -6,6 +6,8 @@
 //          = -u_i / e_i^2    while u_i > 0 and x_i > 0         unloading
 //          = 0               else
 #pragma once
+#include <numeric>
+
 #include "friction.hpp"
 
 struct Compliant {
@@ -50,9 +52,9 @@ struct Compliant {
   }
 
   // y: x_i, p_i. Dormand & Prince's pair of orders 5 and 4.
-  void derivative(const double* y, double* d) const {
+  void derivative(const double* y, double* d, const std::vector<int>& awake) const {
     const double *x = y, *p = y + count;
-    for (int i = 0; i < count; ++i) {
+    for (int i : awake) {
       double u = velocity(i, p);
       d[i] = rate(i, x[i], u);
       d[count + i] = force(i, x[i]);
@@ -61,17 +63,27 @@ struct Compliant {
 
   // Whether what is left in a spring is too little to show.
   bool is_over(int i, double x, double u) const { return force(i, x) * x <= mass * slow * slow && u >= -slow; }
-  bool ended(const double* y) const {
-    for (int i = 0; i < count; ++i)
-      if (!is_over(i, y[i], velocity(i, y + count))) return false;
-    return true;
+  // Of some contacts those that are not over, and what these may strike within a step: two contacts away.
+  std::vector<int> still_awake(const double* y, const std::vector<int>& some) const {
+    std::vector<int> found;
+    std::vector<char> listed(count, 0);
+    auto list = [&](int i) {
+      if (!listed[i]) found.push_back(i);
+      listed[i] = 1;
+    };
+    for (int i : some)
+      if (!is_over(i, y[i], velocity(i, y + count))) list(i);
+    for (int away = 0; away < 2; ++away)
+      for (size_t of_these = found.size(), k = 0; k < of_these; ++k)
+        for (const Coupled& j : C[found[k]]) list(j.other);
+    return found;
   }
 
   // The normal impulses without friction; whether it ended within its budget of steps.
   bool follow(double tolerance, long budget, std::vector<double>& p) {
     slow = std::fmax(tolerance / 10, 2e-14) * speed;
     size_t n = 2 * static_cast<size_t>(count);
-    std::vector<double> y(n, 0.0), k[7], t(n), z(n);
+    std::vector<double> y(n, 0.0), k[7], z(n, 0.0);
     for (auto& one : k) one.resize(n);
     static const double a[7][6] = {
         {},
@@ -83,36 +95,36 @@ struct Compliant {
         {35.0 / 384, 0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84}};
     static const double error[7] = {71.0 / 57600, 0, -71.0 / 16695, 71.0 / 1920, -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
     double h = 1e-4;
-    derivative(y.data(), k[0].data());
+    std::vector<int> awake(count);
+    std::iota(awake.begin(), awake.end(), 0);
+    awake = still_awake(y.data(), awake);
+    derivative(y.data(), k[0].data(), awake);
     for (long step = 0; step < budget; ++step) {
-      if (ended(y.data())) {
+      if (awake.empty()) {
         p.assign(y.begin() + count, y.end());
         return true;
       }
       for (int s = 1; s < 7; ++s) {
-        for (size_t i = 0; i < n; ++i) {
-          double sum = 0;
-          for (int j = 0; j < s; ++j) sum += a[s][j] * k[j][i];
-          z[i] = y[i] + h * sum;
-        }
-        derivative(z.data(), k[s].data());
+        for (int contact : awake)
+          for (int i : {contact, count + contact}) {
+            double sum = 0;
+            for (int j = 0; j < s; ++j) sum += a[s][j] * k[j][i];
+            z[i] = y[i] + h * sum;
+          }
+        derivative(z.data(), k[s].data(), awake);
       }
       double worst = 0;
-      for (size_t i = 0; i < n; ++i) {
-        double off = 0;
-        for (int j = 0; j < 7; ++j) off += error[j] * k[j][i];
-        worst = std::fmax(worst, std::fabs(h * off) / (tolerance * (i < static_cast<size_t>(count) ? speed : mass * speed)));
-      }
+      for (int contact : awake)
+        for (int i : {contact, count + contact}) {
+          double off = 0;
+          for (int j = 0; j < 7; ++j) off += error[j] * k[j][i];
+          worst = std::fmax(worst, std::fabs(h * off) / (tolerance * (i < count ? speed : mass * speed)));
+        }
       if (worst <= 1 || h < 1e-13) {
-        y = z;
-        bool clamped = false;
-        for (int i = 0; i < count; ++i)
-          if (y[i] < 0) {
-            y[i] = 0;
-            clamped = true;
-          }
-        if (clamped) derivative(y.data(), k[0].data());
-        else k[0] = k[6];
+        for (int i : awake) z[i] = std::fmax(z[i], 0);
+        y = z;  // of those asleep they are the same
+        awake = still_awake(y.data(), awake);
+        derivative(y.data(), k[0].data(), awake);
       }
       h *= std::fmin(4.0, std::fmax(0.2, 0.9 * std::pow(std::fmax(worst, 1e-10), -0.2)));
       if (h > 0.2) h = 0.2;
