@@ -275,6 +275,18 @@ def test_scenes_are_in_a_table_and_asked_again(recording, capsys):
     assert capsys.readouterr().out == "1 impacts and 3 scenes asked again, 0 of them answered differently\n"
 
 
+def test_scenes_are_reported(recording, capsys):
+    path = recording([scene(1), scene(2, Law.FRICTIONLESS)])
+    assert main(["report", str(path)]) == 0
+    head, scenes, bound, *_ = capsys.readouterr().out.splitlines()
+    assert head == "0 impacts, 0 refusals"
+    assert scenes == "2 scenes of 8 contacts in all, by 1 COULOMB, 1 FRICTIONLESS"
+    assert re.fullmatch(r"error bound of scenes: at most \S+e-\d+ \(answer 1\)", bound)
+    page = Page(path.with_suffix(".html").read_text(encoding="utf-8"))
+    assert page.tags.count("tr") == 3
+    assert page.text.count("box, the floor") == 2
+
+
 def test_a_scene_that_is_answered_differently_is_told(recording, capsys):
     was = scene(1)
     changed = was.impact._replace(

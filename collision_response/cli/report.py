@@ -6,7 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from ..recording.report import in_words, page
+from ..recording import scenes
+from ..recording.report import Summary, in_words, page
 from ..recording.table import read
 
 DESCRIPTION = """Prints what happened in recordings, and writes it to one page with plots, which any browser
@@ -24,9 +25,10 @@ def main(arguments: list[str]) -> int:
     given = parser.parse_args(arguments)
     try:
         impacts = read(given.files)
-        print("\n".join(in_words(impacts)))
+        summary = Summary.of(impacts, scenes.read(given.files))
+        print("\n".join(in_words(summary)))
         target = given.html or Path(given.files[0]).with_suffix(".html")
-        target.write_text(page(impacts, [Path(file).name for file in given.files]), encoding="utf-8")
+        target.write_text(page(summary, [Path(file).name for file in given.files]), encoding="utf-8")
         if given.csv is not None:
             write_csv(impacts, given.csv)
     except (OSError, RuntimeError, ValueError) as error:

@@ -33,15 +33,17 @@ class Summary(NamedTuple):
         refusals: without.
         residuals: of each answer: by how much the energy before, after and lost disagree, relative;
             NaN where an immovable body moves, for it does work.
+        scenes: several contacts at once, each with an answer.
     """
 
     answers: list[Row]
     refusals: list[Row]
     residuals: np.ndarray
+    scenes: list[Row]
 
     @classmethod
-    def of(cls, impacts: pa.Table) -> Summary:
-        """From what :func:`~collision_response.recording.table.read` gives."""
+    def of(cls, impacts: pa.Table, scenes: pa.Table) -> Summary:
+        """From what ``read`` of :mod:`~collision_response.recording.table` and of ``scenes`` give."""
         rows = rows_of(impacts)
         answers = [row for row in rows if row.get("regime")]
         before, after, restitution, friction = (
@@ -56,18 +58,16 @@ class Summary(NamedTuple):
         gap = abs(before - after - restitution - friction)
         gap[[any(map(_is_driven, (row["request_a"], row["request_b"]))) for row in answers]] = math.nan
         residuals = np.divide(gap, before, out=np.zeros_like(gap), where=before > 0)
-        return cls(answers, [row for row in rows if not row.get("regime")], residuals)
+        return cls(answers, [row for row in rows if not row.get("regime")], residuals, rows_of(scenes))
 
     def worst(self, name: str) -> list[Row]:
         """The answers that have most of a column."""
-        known = [row for row in self.answers if not math.isnan(row[name])]
-        return sorted(known, key=lambda row: row[name], reverse=True)[:LISTED]
+        return _most(self.answers, name)
 
 
-def in_words(impacts: pa.Table) -> list[str]:
+def in_words(summary: Summary) -> list[str]:
     """Lines that say what happened."""
-    summary = Summary.of(impacts)
-    answers = summary.answers
+    answers, scenes = summary.answers, summary.scenes
     lines = [f"{len(answers)} impacts, {len(summary.refusals)} refusals"]
     if answers:
         lost = sum(row["energy_lost_restitution"] for row in answers)
@@ -84,18 +84,25 @@ def in_words(impacts: pa.Table) -> list[str]:
         adjusted = [row["adjustments"] for row in answers if row["adjustments"] != "NONE"]
         if adjusted:
             lines.append(f"adjusted: {_counted(adjusted)}")
+    if scenes:
+        loosest = _most(scenes, "error_bound")[0]
+        contacts, laws = sum(len(row["regimes"]) for row in scenes), _counted(row["law"] for row in scenes)
+        lines += [
+            f"{len(scenes)} scenes of {contacts} contacts in all, by {laws}",
+            f"error bound of scenes: at most {loosest['error_bound']:.2g} (answer {loosest['answer']})",
+        ]
     lines += [f"refused {number} times: {what}" for what, number in _refused(summary).most_common(LISTED)]
     return lines
 
 
-def page(impacts: pa.Table, files: Sequence[str]) -> str:
+def page(summary: Summary, files: Sequence[str]) -> str:
     """The report as HTML."""
-    summary = Summary.of(impacts)
-    answers = summary.answers
-    words = "\n".join(in_words(impacts))
+    words = "\n".join(in_words(summary))
     parts = [f"<pre>{escape(words)}</pre>"]
-    if answers:
+    if summary.answers:
         parts += [*_plots(summary), *_tables(summary)]
+    if summary.scenes:
+        parts += ["<h2>Several contacts at once: largest error bounds</h2>", _table_of_scenes(summary.scenes)]
     if summary.refusals:
         rows = [[row["answer"], row["status"], row["message"] or ""] for row in summary.refusals[:100]]
         parts += ["<h2>Refused requests</h2>", _table(["answer", "code", "why"], rows)]
@@ -194,6 +201,23 @@ def _tables(summary: Summary) -> list[str]:
         if worst:
             parts += [f"<h2>{title}</h2>", _table(head, [row(one) for one in worst])]
     return parts
+
+
+def _table_of_scenes(scenes: list[Row]) -> str:
+    head = ["answer", "bodies", "contacts", "law", "energy before [J]", "lost [J]", "error bound"]
+    rows = [
+        [
+            row["answer"],
+            ", ".join(row["bodies"]),
+            len(row["regimes"]),
+            row["law"],
+            f"{row['kinetic_energy_before']:.6g}",
+            f"{row['energy_lost_restitution'] + row['energy_lost_friction']:.6g}",
+            f"{row['error_bound']:.2g}",
+        ]
+        for row in _most(scenes, "error_bound")
+    ]
+    return _table(head, rows)
 
 
 @dataclass
@@ -299,6 +323,11 @@ def _ticks(low: float, high: float) -> Iterable[float]:
 def _spread(count: int) -> np.ndarray:
     """Indices of all, or of as many as are shown, evenly chosen, the last among them."""
     return np.unique(np.linspace(0, count - 1, min(count, SHOWN)).round().astype(int))
+
+
+def _most(rows: list[Row], name: str) -> list[Row]:
+    known = [row for row in rows if not math.isnan(row[name])]
+    return sorted(known, key=lambda row: row[name], reverse=True)[:LISTED]
 
 
 def _greatest(values: np.ndarray) -> float:
