@@ -100,7 +100,7 @@ def calls(stage: Stage, number: int) -> Report:
 
 def steady(stage: Stage) -> Child:
     """A client that asks one thing after the other until it is told to stop."""
-    return stage.client(kinds=SMALL, requests=1_000_000, window=1, seconds=300.0, seed=1)
+    return stage.client(kinds=SMALL, requests=1_000_000, window=1, seconds=900.0, seed=1)
 
 
 def stopped(client: Child) -> Report:
