@@ -30,11 +30,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..kernels import library
-from ..model import LARGEST, ImpactModel, Law, check_number, plan
+from ..model import LARGEST, ImpactModel, check_number, plan
 from ..physics.laws import PATHS
 from ..scene import SceneImpact, resolve_scene
 from ..scene.reflections import REFLECTIONS
-from ..scene.resolve_scene import THRESHOLD
+from ..scene.resolve_scene import IN_KERNELS, THRESHOLD
 from ..status import ImpactError, StatusCode
 from .one_by_one import REPORT, body_of, contact_of
 from .pairs import IS_ANSWER, as_pairs
@@ -133,7 +133,7 @@ def resolve_scenes(
         together = np.flatnonzero(sizes > 0)
     else:
         _alone(bodies, contacts, pairs, clusters, alone, model, result, workers)
-    if model.law in (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU) and not model.tangential_restitution:
+    if model.law in IN_KERNELS and not model.tangential_restitution:
         numbers = threshold, model.restitution_threshold, plan(model).limit, REFLECTIONS
         tables = bodies, pairs, contacts, *clusters, result, together
         kernel = here.layout, int(model.law), tuple(map(float, numbers))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 
 from ..ros.parameters import Declaration
 
@@ -11,7 +11,7 @@ from ..ros.parameters import Declaration
 def run(
     command: str,
     description: str,
-    declarations: Iterable[Declaration],
+    declarations: Sequence[Declaration],
     main: Callable[[list[str]], int],
     arguments: list[str],
 ) -> int:

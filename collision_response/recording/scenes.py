@@ -4,7 +4,7 @@ The columns, after the timelines. Those of bodies and contacts hold all of a sce
 
 * words: ``status``, ``law``, ``geometry``, ``precision``, ``adjustments``; lists of them: ``bodies``,
   ``regimes``
-* numbers, as in :class:`~collision_response.SceneImpact`: those of ``SCENE_NUMBERS``
+* numbers, as in :class:`~collision_response.SceneImpact`: those of ``NUMBERS``
 * of bodies: ``twists``, ``vx vy vz wx wy wz`` after the impact
 * of contacts: ``impulses``, ``x y z``; ``normal_velocities_before``, ``normal_velocities_after``;
   ``restitution``, ``friction``, as used
@@ -23,6 +23,7 @@ import pyarrow as pa
 import rerun as rr
 
 from .. import ImpactError, SceneImpact, resolve_scene
+from ..scene.answer import NUMBERS
 from . import table
 from .record import SceneRecord
 from .table import (
@@ -37,14 +38,6 @@ from .table import (
 
 TABLE = "/scenes"
 
-SCENE_NUMBERS = (
-    "kinetic_energy_before",
-    "kinetic_energy_after",
-    "energy_lost_restitution",
-    "energy_lost_friction",
-    "error_bound",
-    "decision_margin",
-)
 LISTS = (
     "bodies",
     "regimes",
@@ -86,7 +79,7 @@ def _answer_of(impact: SceneImpact) -> dict[str, Any]:
         "status": str(impact.status),
         **{name: str(getattr(impact.model, name)) for name in ("law", "geometry", "precision")},
         "adjustments": str(impact.adjustments),
-        **{name: float(getattr(impact, name)) for name in SCENE_NUMBERS},
+        **{name: float(getattr(impact, name)) for name in NUMBERS},
         "twists": [float(x) for twist in impact.twists for x in (*twist.linear, *twist.angular)],
         "impulses": [*chain.from_iterable(impact.impulses)],
         "normal_velocities_before": [*impact.normal_velocities_before],

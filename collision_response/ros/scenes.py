@@ -16,6 +16,7 @@ from ..physics.contact import Contact
 from ..physics.laws import Law
 from ..recording import SceneRecord
 from ..scene import SceneImpact, resolve_scene
+from ..scene.answer import NUMBERS
 from ..srv import ResolveScene
 from ..status import ImpactError, StatusCode
 from . import convert
@@ -28,17 +29,6 @@ from .request import IN_FULL, Used, age_of, check_age, check_frame, check_world_
 from .serialized import ROWS, nanoseconds, state_from
 from .server import Answer
 from .states import LatestStates
-
-NUMBERS = (
-    "kinetic_energy_before",
-    "kinetic_energy_after",
-    "energy_lost_restitution",
-    "energy_lost_friction",
-    "error_bound",
-    "decision_margin",
-)
-"""Fields of ``SceneResult`` and of :class:`~collision_response.SceneImpact` alike."""
-
 
 CONTACT_ROWS = ("x", "y", "z", "nx", "ny", "nz", "e", "mu")
 """Of ``ResolveScene.contacts``."""

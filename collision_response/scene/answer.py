@@ -13,6 +13,16 @@ from ..physics.laws import Regime
 from ..physics.vector import Vec3
 from ..status import StatusCode
 
+NUMBERS = (
+    "kinetic_energy_before",
+    "kinetic_energy_after",
+    "energy_lost_restitution",
+    "energy_lost_friction",
+    "error_bound",
+    "decision_margin",
+)
+"""Fields of :class:`SceneImpact` that are one number; messages and recordings have them by the same names."""
+
 
 class SceneImpact(NamedTuple):
     """The answer for a scene. Of contacts and bodies there is one entry each, in the order given.
