@@ -41,6 +41,7 @@ from collision_response import (
 )
 from collision_response.batch import resolve_batch
 from collision_response.batch.rows import body_rows, contact_rows
+from collision_response.kernels import library
 
 ROUNDINGS = 64
 """More than any number of an answer has on its way from the inputs; a wrong digit is millions of them."""
@@ -483,6 +484,21 @@ def _of_family(family: str) -> Any:
 
 for _family in FAMILIES:
     globals()[f"test_{_family}"] = _of_family(_family)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_level_of_the_machine_gives_one_answer(family):
+    for case in FAMILIES[family]:
+        answers = []
+        for bits in (512, 256, 0):
+            library.limit_vectors(bits)
+            try:
+                answers.append(resolved(case.scene, model_of(case.model)))
+            except ImpactError as error:
+                answers.append(str(error))
+            finally:
+                library.limit_vectors(512)
+        assert answers == answers[:1] * 3, case.name
 
 
 @pytest.mark.parametrize("family", FAMILIES)

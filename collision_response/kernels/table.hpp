@@ -8,37 +8,83 @@ using Kernel = void (*)(const double* x, const double* error, Numbers* y);
 extern "C" void check_everything(const double* x, double* fault, bool* shapes);
 extern "C" void check_articulated(const double* x, double* fault, bool* shapes);
 
-#define X(law, number)                                                            \
-  extern "C" void impact_##law##_everything_single(const double*, const double*, Numbers*);   \
-  extern "C" void impact_##law##_everything_bounded(const double*, const double*, Numbers*);  \
-  extern "C" void impact_##law##_everything_extended(const double*, const double*, Numbers*); \
-  extern "C" void impact_##law##_articulated_bounded(const double*, const double*, Numbers*); \
-  extern "C" void impact_##law##_articulated_extended(const double*, const double*, Numbers*);
+#define ONE(name) extern "C" void impact_##name(const double*, const double*, Numbers*);
+#define X(law, number)                \
+  ONE(law##_everything_bounded_base)  \
+  ONE(law##_everything_extended_base) \
+  ONE(law##_articulated_bounded_base) \
+  ONE(law##_articulated_extended_base)
 EACH_OF_LAWS(X)
 #undef X
-
-#define X(law, number)                                                                       \
-  extern "C" void impact_##law##_everything_bounded(const double*, const double*, Numbers*);  \
-  extern "C" void impact_##law##_articulated_bounded(const double*, const double*, Numbers*);
+#define X(law, number)                \
+  ONE(law##_everything_bounded_base)  \
+  ONE(law##_articulated_bounded_base)
 EACH_OF_STEPPED_LAWS(X)
 #undef X
+#define X(law, number) ONE(law##_everything_single_base)
+EACH_OF_LAWS_IN_FLOAT32(X)
+#undef X
+#ifdef WITH_LONG_VECTORS
+#define X(law, number) ONE(law##_everything_bounded_avx2)
+EACH_OF_LAWS(X)
+#undef X
+#define X(law, number) ONE(law##_everything_extended_avx2)
+EACH_OF_LAWS_IN_FLOAT32(X)
+#undef X
+#endif
+#undef ONE
 
-// By law, whether a body is articulated, and precision.
+static long longest_vectors = 512;  // bits that may be used: tests compare the levels of the machine
+
+#ifdef WITH_LONG_VECTORS
+static const bool has_256_bits = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+static const bool has_512_bits = has_256_bits && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
+                                 __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw");
+#endif
+
+enum Precision { AUTO_PRECISION = 1, SINGLE, DOUBLE, EXTENDED };
+
+struct Row { int law; bool articulated; int precision; Kernel kernel; };
+
+// By law, whether a body is articulated, and precision: the fastest that the machine has. Where a precision has no
+// kernel of its own, DOUBLE's answers.
 static Kernel kernel_of(int law, bool articulated, int precision) {
-#define X(law, number)                                                                                           \
-  {number,                                                                                                       \
-   {{impact_##law##_everything_single, impact_##law##_everything_bounded, impact_##law##_everything_extended},   \
-    {impact_##law##_articulated_bounded, impact_##law##_articulated_bounded, impact_##law##_articulated_extended}}},
-  static const struct { int law; Kernel by_precision[2][3]; } table[] = {EACH_OF_LAWS(X)};
+  auto find = [=](const auto& table) -> Kernel {
+    for (const Row& row : table)
+      if (row.law == law && row.articulated == articulated && row.precision == precision) return row.kernel;
+    return nullptr;
+  };
+#ifdef WITH_LONG_VECTORS
+  static const Row of_256_bits[] = {
+#define X(law, number) {number, false, DOUBLE, impact_##law##_everything_bounded_avx2},
+      EACH_OF_LAWS(X)
 #undef X
-#define X(law, number) {number, {impact_##law##_everything_bounded, impact_##law##_articulated_bounded}},
-  static const struct { int law; Kernel of[2]; } stepped[] = {EACH_OF_STEPPED_LAWS(X)};
+#define X(law, number) {number, false, EXTENDED, impact_##law##_everything_extended_avx2},
+      EACH_OF_LAWS_IN_FLOAT32(X)
 #undef X
-  for (const auto& row : stepped)
-    if (row.law == law) return row.of[articulated];
-  for (const auto& row : table)
-    if (row.law == law) return row.by_precision[articulated][precision - 2];
-  return nullptr;
+  };
+  if (has_256_bits && longest_vectors >= 256)
+    if (Kernel kernel = find(of_256_bits)) return kernel;
+#endif
+  static const Row every_machine[] = {
+#define X(law, number)                                                    \
+  {number, false, DOUBLE, impact_##law##_everything_bounded_base},        \
+  {number, false, EXTENDED, impact_##law##_everything_extended_base},     \
+  {number, true, DOUBLE, impact_##law##_articulated_bounded_base},        \
+  {number, true, EXTENDED, impact_##law##_articulated_extended_base},
+      EACH_OF_LAWS(X)
+#undef X
+#define X(law, number)                                                    \
+  {number, false, DOUBLE, impact_##law##_everything_bounded_base},        \
+  {number, true, DOUBLE, impact_##law##_articulated_bounded_base},
+      EACH_OF_STEPPED_LAWS(X)
+#undef X
+#define X(law, number) {number, false, SINGLE, impact_##law##_everything_single_base},
+      EACH_OF_LAWS_IN_FLOAT32(X)
+#undef X
+  };
+  Kernel kernel = find(every_machine);
+  return kernel || precision == DOUBLE ? kernel : kernel_of(law, articulated, DOUBLE);
 }
 
 enum Number { PLAIN, FLOAT, BOUNDED, LONG_BOUNDED };
@@ -59,6 +105,8 @@ EACH_OF_LAWS_IN_FLOAT32(X)
 #ifdef WITH_LONG_VECTORS
 #define X(law, number)                         \
   DECLARE(law##_point_plain_avx2)              \
+  DECLARE(law##_everything_bounded_avx512)          \
+  DECLARE(law##_everything_extended_avx512)         \
   DECLARE(law##_point_float_avx2)              \
   DECLARE(law##_spatial_plain_avx512)          \
   DECLARE(law##_spatial_oriented_plain_avx512)
@@ -81,8 +129,6 @@ EACH_OF_LAWS_IN_FLOAT32(X)
 #endif
 #undef DECLARE
 
-static long longest_vectors = 512;  // bits that may be used: tests compare the levels of the machine
-
 struct BatchRow { int law, layout; Number number; BatchKernel kernel; };
 
 // By law, layout and number; null if that layout has no kernel of its own on this machine.
@@ -96,6 +142,8 @@ static BatchKernel batch_kernel(int law, int layout, int number) {
   static const BatchRow of_512_bits[] = {
 #define X(law, number)                                                          \
   {number, LAYOUT_SPATIAL, PLAIN, batch_##law##_spatial_plain_avx512},          \
+  {number, LAYOUT_EVERYTHING, BOUNDED, batch_##law##_everything_bounded_avx512},          \
+  {number, LAYOUT_EVERYTHING, LONG_BOUNDED, batch_##law##_everything_extended_avx512},          \
   {number, LAYOUT_SPATIAL_ORIENTED, PLAIN, batch_##law##_spatial_oriented_plain_avx512},
       EACH_OF_USUAL_LAWS(X)
 #undef X
@@ -121,9 +169,6 @@ static BatchKernel batch_kernel(int law, int layout, int number) {
       EACH_OF_USUAL_LAWS(X)
 #undef X
   };
-  static const bool has_256_bits = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
-  static const bool has_512_bits = has_256_bits && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
-                                   __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw");
   if (has_512_bits && longest_vectors >= 512)
     if (BatchKernel kernel = find(of_512_bits)) return kernel;
   if (has_256_bits && longest_vectors >= 256)
