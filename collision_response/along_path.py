@@ -1,0 +1,99 @@
+"""One impact by a law that follows slip, where friction is a function of the slip speed.
+
+The request is read as fractions, so that nothing is rounded but on the path: there the numbers are floats, and what
+they may be off by is estimated, as a function that is only asked for values allows no bound.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+from . import validity
+from .answer import Impact, impact_of
+from .by_speed import friction_at, slip_speed
+from .exactly import as_floats, weighted
+from .geometry import required
+from .impact import Answer, impact
+from .kernels import library
+from .model import Geometry, ImpactModel, Precision, plan
+from .physics.body import Body
+from .physics.contact import Contact
+from .physics.laws import Regime, Settings
+from .physics.laws.routh_by_speed import FINEST
+from .rationally import adjusted, as_fraction, body_as_fractions, contact_as_fractions
+from .status import ImpactError, StatusCode
+
+SAFETY = 2.0
+"""The bound is the estimate times this; it is twice what was seen to change."""
+
+LEAST_BOUND = 2.0**-46
+"""Rounding on the path, where the estimate sees none."""
+
+
+def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact | None:
+    """The answer of a law of ``BY_SPEED``; ``None`` if the geometry leaves out what matters.
+
+    Args:
+        body_a, body_b: of one impact.
+        contact: its friction is a function of the slip speed, its restitution a number.
+        model: its law is one of ``BY_SPEED``.
+
+    Raises:
+        ImpactError: the request cannot be answered; of a value that is no coefficient, the field is
+            ``contact.friction(slip_speed)``.
+    """
+    if body_a is body_b:
+        raise ImpactError(StatusCode.SAME_BODY, "body_b", "is body_a: a body cannot strike itself")
+    a, b, touch = body_as_fractions(body_a), body_as_fractions(body_b), contact_as_fractions(contact)
+    chosen = plan(model)
+    validity.check(a, b, touch, chosen.settings.tangential_restitution)
+    geometry = required(a, b, touch, frictionless=False)
+    if model.geometry is not Geometry.AUTO:
+        if model.geometry < geometry:
+            return None
+        geometry = model.geometry
+    first = friction_at(slip_speed(body_a, body_b, contact), contact, "contact")
+    # Friction that begins with 0 need not stay so.
+    validity.check(a, b, touch._replace(friction=first or 1), chosen.settings.tangential_restitution)
+    touch = touch._replace(friction=lambda v: friction_at(v, contact, "contact"))
+    settings = Settings(*map(as_fraction, chosen.settings))
+    best, bound = None, math.inf
+    for tolerance in (settings.tolerance, FINEST):
+        answer = impact(a, b, touch, model.law, settings._replace(tolerance=tolerance))
+        if not answer.flags.unfinished and (best is None or _bound(a, b, answer) < bound):
+            best, bound = answer, _bound(a, b, answer)
+        if bound <= chosen.limit:
+            break
+    if best is None:
+        raise library.refusal(StatusCode.PATH_TOO_LONG)
+    changes, report, flags, _ = best
+    try:
+        changes, report = as_floats(changes), as_floats(report)
+    except OverflowError:
+        raise library.refusal(StatusCode.OUT_OF_RANGE) from None
+    status = StatusCode.SEPARATING if flags.separating else StatusCode.OK
+    return impact_of(
+        changes,
+        report,
+        status if bound <= chosen.limit else StatusCode.TOLERANCE_NOT_MET,
+        contact._replace(friction=first, **({"restitution": report.restitution} if flags.slow else {})),
+        model._replace(geometry=geometry, precision=Precision.DOUBLE),
+        Regime(round(report.regime)),
+        bound,
+        adjusted(a, b, flags),
+    )
+
+
+def _bound(body_a: Body, body_b: Body, answer: Answer) -> float:
+    """What the doubt comes to, in the norms of ``Impact.error_bound``."""
+    if answer.flags.separating:
+        return 0.0
+    worst = 0.0
+    pairs = zip(*(weighted((body_a, body_b), x) for x in (answer.changes, answer.doubt)), strict=True)
+    for values, doubts in pairs:
+        size, doubt = (sum(weight * x * x for x, weight in part) for part in (values, doubts))
+        if doubt > size / 16:
+            return math.inf
+        worst = max(worst, math.sqrt(doubt / size) if size else 0.0)
+    return SAFETY * worst + LEAST_BOUND
