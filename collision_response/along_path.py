@@ -7,7 +7,7 @@ they may be off by is estimated, as a function that is only asked for values all
 from __future__ import annotations
 
 import math
-from fractions import Fraction
+from operator import itemgetter
 
 from . import validity
 from .answer import Impact, impact_of
@@ -58,16 +58,14 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     validity.check(a, b, touch._replace(friction=first or 1), chosen.settings.tangential_restitution)
     touch = touch._replace(friction=lambda v: friction_at(v, contact, "contact"))
     settings = Settings(*map(as_fraction, chosen.settings))
-    best, bound = None, math.inf
-    for tolerance in (settings.tolerance, FINEST):
-        answer = impact(a, b, touch, model.law, settings._replace(tolerance=tolerance))
-        if not answer.flags.unfinished and (best is None or _bound(a, b, answer) < bound):
-            best, bound = answer, _bound(a, b, answer)
-        if bound <= chosen.limit:
-            break
-    if best is None:
+    answer = impact(a, b, touch, model.law, settings)
+    bound = _bound(a, b, answer)
+    if answer.flags.unfinished:
         raise library.refusal(StatusCode.PATH_TOO_LONG)
-    changes, report, flags, _ = best
+    if bound > chosen.limit:
+        finer = impact(a, b, touch, model.law, settings._replace(tolerance=FINEST))
+        answer, bound = min((answer, bound), (finer, _bound(a, b, finer)), key=itemgetter(1))
+    changes, report, flags, _ = answer
     try:
         changes, report = as_floats(changes), as_floats(report)
     except OverflowError:
@@ -86,7 +84,9 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
 
 
 def _bound(body_a: Body, body_b: Body, answer: Answer) -> float:
-    """What the doubt comes to, in the norms of ``Impact.error_bound``."""
+    """What the doubt comes to, in the norms of ``Impact.error_bound``; infinite where nothing is known."""
+    if answer.flags.unfinished:
+        return math.inf
     if answer.flags.separating:
         return 0.0
     worst = 0.0

@@ -65,6 +65,7 @@ FINEST = LEAST_TOLERANCE / PATH_SHARE
 COARSEST = 1e-9
 COARSER = 100.0
 OTHER = 2.0**-50
+TIE = 2.0**-45  # more than the others can move a tie of stick and slip
 STEPS = 4000
 ROUNDING = 2.0**-50
 STRAIGHT = 1 / 16  # of the tolerance, that a straight step may leave out
@@ -142,7 +143,7 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
     found = walk(data, 1.0, tolerance)
     sticks = found is not None and found[1] is Regime.STICKING
     beside = [x * (1 + i * OTHER) for i, x in enumerate(data)]
-    other = found and walk(beside, 1 - OTHER if sticks else 1 + OTHER, COARSER * tolerance)
+    other = found and walk(beside, 1 - TIE if sticks else 1 + TIE, COARSER * tolerance)
     if found is None or other is None:
         return Outcome(nothing, 1.0 * Regime.SLIDING, 0, 0, doubt=nothing, unfinished=True)
     end, regime = found
@@ -284,20 +285,21 @@ class Walk:
         return abs(at.w) * h <= allowed or (pull > 0 and at.s * abs(at.w) <= allowed * pull)
 
     def _step(self, y: Point, at: Slope, h: float, *, turns: bool) -> tuple[Point, float]:
-        """Where a step leads, and its error in units of the tolerance; infinite if it leads nowhere."""
+        """Where a step leads, and its error in units of the tolerance: infinite if it leads past the stop of slip,
+        where ``y`` is returned, or is not as straight as it was taken to be.
+        """
         slopes: list[tuple[float, ...]] = []
 
         def total(row: Row, i: int) -> float:
             return h * sum([weight * slopes[j][i] for j, weight in row])
 
-        start = (y.v1, y.v2, y.u)
+        start, bends = (y.v1, y.v2, y.u), False
         for row in ((), *STAGES):
             v1, v2, u = (x + total(row, i) for i, x in enumerate(start)) if row else start
             if not at.t1 * v1 + at.t2 * v2 > 0:
                 return y, math.inf
             here = self._slope(v1, v2) if row else at
-            if not (turns or self._is_straight(here, h)):
-                return y, math.inf
+            bends = bends or not (turns or self._is_straight(here, h))
             t1, t2, s, c, m, g, w, r = here
             w = w if turns else 0.0
             slopes.append((g * t1 - w * t2, g * t2 + w * t1, r, c, c * u, -m * t1, -m * t2, m * s))
@@ -310,7 +312,7 @@ class Walk:
         third = [rises[i] - total(ORDER_3, i) for i in range(3)]
         e5, e3 = (math.hypot(e[0], e[1]) / size + abs(e[2]) for e in (fifth, third))
         error = e5 * e5 / math.hypot(e5, 0.1 * e3) if e5 > 0 else e5
-        return to, error / self._path.tolerance
+        return to, math.inf if bends else error / self._path.tolerance
 
     def _cut(self, y: Point, at: Slope, h: float, to: Point, *, turns: bool) -> Point:
         """Where the phase ends, on the step that leads across its end."""
