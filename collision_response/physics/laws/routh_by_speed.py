@@ -183,7 +183,8 @@ class Walk:
 
     def course(self, v1: float, v2: float) -> tuple[Point, Regime] | None:
         """The end of the path from a first slip, and what friction did; ``None`` if none is in sight."""
-        y, first, jams, length = Point(v1, v2), (v1, v2), False, 0.0
+        y, jams, length = Point(v1, v2), False, 0.0
+        first = (v1, v2) if math.hypot(v1, v2) > self._none else (0.0, 0.0)
         for _ in range(STEPS):
             if y.v1 == y.v2 == 0:
                 way = ray_from_rest(self._path, max(self._friction(0.0), self._friction(self._none)))
@@ -192,7 +193,6 @@ class Walk:
                 y, length = self._out_of_rest(y, way), 0.0
                 first = first if any(first) else (y.v1, y.v2)
             at = self._slope(y.v1, y.v2)
-            jams = jams or at.r < 0
             if at.g < 0 and at.s <= self._none:
                 y = self._stopped(y)
                 continue
@@ -210,6 +210,7 @@ class Walk:
                 length = h * max(0.2, factor)
                 continue
             length = max(length, h * min(4.0, factor))
+            jams = jams or at.r * h < -self._path.tolerance
             if self._left(to) <= 0:
                 y = self._cut(y, at, h, to, turns=turns)
                 y = _turned_over(y) if y.p_c == 0 else y
