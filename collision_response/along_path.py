@@ -1,7 +1,8 @@
 """One impact by a law that follows slip, where friction is a function of the slip speed.
 
-The request is read as fractions, so that nothing is rounded but on the path: there the numbers are floats, and what
-they may be off by is estimated, as a function that is only asked for values allows no bound.
+The request is read as fractions, and so is all but the path exact, to the rounding of roots. The path is
+followed in floats. How far it may be off is estimated: a function that is only asked for values allows no
+bound.
 """
 
 from __future__ import annotations
@@ -19,16 +20,16 @@ from .kernels import library
 from .model import Geometry, ImpactModel, Precision, plan
 from .physics.body import Body
 from .physics.contact import Contact
-from .physics.laws import Regime, Settings
-from .physics.laws.routh_by_speed import FINEST
+from .physics.laws import Law, Regime, Settings
+from .physics.laws.routh_by_speed import FINEST, of_path
 from .rationally import adjusted, as_fraction, body_as_fractions, contact_as_fractions
 from .status import ImpactError, StatusCode
 
-SAFETY = 2.0
-"""The bound is the estimate times this; it is twice what was seen to change."""
+SAFETY = 4.0
+"""The bound is this times the estimate, and more."""
 
-LEAST_BOUND = 2.0**-46
-"""Rounding on the path, where the estimate sees none."""
+STEPS = 8.0
+"""As many errors of whole steps are counted besides, for luck may keep the estimate from seeing them."""
 
 
 def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact | None:
@@ -58,13 +59,12 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     validity.check(a, b, touch._replace(friction=first or 1), chosen.settings.tangential_restitution)
     touch = touch._replace(friction=lambda v: friction_at(v, contact, "contact"))
     settings = Settings(*map(as_fraction, chosen.settings))
-    answer = impact(a, b, touch, model.law, settings)
-    bound = _bound(a, b, answer)
+    answer, bound = _followed(a, b, touch, model.law, settings)
     if answer.flags.unfinished:
         raise library.refusal(StatusCode.PATH_TOO_LONG)
     if bound > chosen.limit:
-        finer = impact(a, b, touch, model.law, settings._replace(tolerance=FINEST))
-        answer, bound = min((answer, bound), (finer, _bound(a, b, finer)), key=itemgetter(1))
+        finer = _followed(a, b, touch, model.law, settings._replace(tolerance=FINEST))
+        answer, bound = min((answer, bound), finer, key=itemgetter(1))
     changes, report, flags, _ = answer
     try:
         changes, report = as_floats(changes), as_floats(report)
@@ -83,17 +83,18 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     )
 
 
-def _bound(body_a: Body, body_b: Body, answer: Answer) -> float:
-    """What the doubt comes to, in the norms of ``Impact.error_bound``; infinite where nothing is known."""
-    if answer.flags.unfinished:
-        return math.inf
+def _followed(a: Body, b: Body, touch: Contact, law: Law, settings: Settings) -> tuple[Answer, float]:
+    """The answer, and its bound in the norms of ``Impact.error_bound``: infinite where nothing is known."""
+    answer = impact(a, b, touch, law, settings)
     if answer.flags.separating:
-        return 0.0
+        return answer, 0.0
+    if answer.doubt is None:
+        return answer, math.inf
     worst = 0.0
-    pairs = zip(*(weighted((body_a, body_b), x) for x in (answer.changes, answer.doubt)), strict=True)
-    for values, doubts in pairs:
+    parts = zip(weighted((a, b), answer.changes), weighted((a, b), answer.doubt), strict=True)
+    for values, doubts in parts:
         size, doubt = (sum(weight * x * x for x, weight in part) for part in (values, doubts))
-        if doubt > size / 16:
-            return math.inf
+        if doubt > 0 and doubt * 16 >= size:
+            return answer, math.inf
         worst = max(worst, math.sqrt(doubt / size) if size else 0.0)
-    return SAFETY * worst + LEAST_BOUND
+    return answer, SAFETY * worst + STEPS * of_path(settings.tolerance)

@@ -39,17 +39,17 @@ def friction_at_first(body_a: Body, body_b: Body, contact: Contact, law: Law, fi
 
     Args:
         body_a, body_b, contact: of one impact.
-        law: not AUTO. COMPLIANT takes no such function; nor do Routh's laws for clusters of several contacts, and
-            for one contact they follow it: see ``along_path.py``.
+        law: not AUTO. COMPLIANT takes no such function; Routh's laws, of one contact, follow it on its way
+            instead: see ``along_path.py``.
         field: how the contact is called.
 
     Raises:
         ImpactError: INVALID_MODEL, INVALID_COEFFICIENT or NOT_FINITE; or the request cannot be answered.
     """
     if law in PATHS:
-        of_several = " of several contacts at once" if law in BY_SPEED else ""
-        reason = f"{law.name} takes no friction{of_several} that depends on slip speed: give a number, or ask COULOMB"
-        raise ImpactError(StatusCode.INVALID_MODEL, f"{field}.friction", reason)
+        of_several = " of several contacts" if law in BY_SPEED else ""
+        reason = f"{law.name} takes no friction{of_several} that depends on slip speed: give a number"
+        raise ImpactError(StatusCode.INVALID_MODEL, f"{field}.friction", f"{reason}, or ask COULOMB")
     validity.check(*exactly.read(body_a, body_b, contact._replace(friction=0.0)), 0.0)
     return friction_at(slip_speed(body_a, body_b, contact), contact, field)
 

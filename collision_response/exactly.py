@@ -119,8 +119,9 @@ def _bound(bodies: tuple[Body, Body], answer: Answer, error: Callable[[Ball], An
 
 
 def weighted(bodies: tuple[Body, Body], changes: Changes) -> Iterator[list[tuple[Any, Any]]]:
-    """The norms of the error bound: of the impulse and of each body's twist change, pairs of a component and the
-    weight of its square."""
+    """The norms of the error bound: components of the impulse and of each body's twist change, with the
+    weights of their squares.
+    """
     yield [(x, 1) for x in changes.impulse]
     for body, change in zip(bodies, (changes.change_a, changes.change_b), strict=True):
         if body.inverse_inertia is not None:

@@ -1,12 +1,14 @@
-"""Routh's path with friction that depends on the slip speed, by an implicit integrator for stiff systems.
+"""Routh's path with friction that depends on the slip speed, by SciPy's integrator for stiff systems.
 
-The normal is z. Slip has the angle a and the logarithm l of its speed s; the normal impulse grows by dp = s dT:
+The normal is z. Slip has the angle a and the logarithm l of its speed s; the impulse grows by dp = s dT:
 
     f = b - mu A t      da/dT = q.f      dl/dT = t.f      du_n/dT = s (k - mu b.t)      dP/dT = s (-mu t, 1)
 
-Where slip stops it sticks if mu(0) holds it, and to the end; else it goes on in the direction in which it grows
-straight, found as the root of q.f by bisection.
+Where slip stops it sticks if mu(0) holds it, and to the end; else it goes on in the direction in which it
+grows straight, a root of q.f.
 """
+
+from itertools import pairwise
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -23,11 +25,7 @@ def _directions(mu, A, b):
         return (b - mu * A @ (np.cos(a), np.sin(a))) @ (-np.sin(a), np.cos(a))
 
     grid = np.linspace(0, 2 * np.pi, 721) + 1e-3
-    roots = [
-        brentq(across, x, y, xtol=1e-15)
-        for x, y in zip(grid, grid[1:], strict=False)
-        if across(x) * across(y) <= 0
-    ]
+    roots = [brentq(across, x, y, xtol=1e-15) for x, y in pairwise(grid) if across(x) * across(y) <= 0]
     grows = [(b - mu * A @ (np.cos(a), np.sin(a))) @ (np.cos(a), np.sin(a)) for a in roots]
     return [a for a, g in zip(roots, grows, strict=True) if g > 0]
 

@@ -4,34 +4,37 @@ The letters, the units and both ends of the path are those of ``routh.py``:
 
     dp = c dx    dP_t = -m t dx    du_t/dx = f = c b - m A t    du_n/dx = r = c - m b.t
 
-Now ``c = 1 / (1 + mu)`` and ``m = mu c`` vary with the slip ``s = |u_t|`` on the way, and so slip may turn, or
-stop, more than once. The slip ``v = u_t`` follows a law of its own, ``dv/dx = f(v)``; all else are integrals along
-it. That is integrated by the method of ``dormand_prince.py``. ``f`` is smooth but where slip stops, and no step
-leads farther than ``LONGEST`` of the way there. So steps shrink with the slip, down to a slip ``l`` times the
-tolerance, which is none: its impulse ``A^-1 v`` is below the tolerance. ``l`` is the least eigenvalue of ``A``.
+Now ``c = 1 / (1 + mu)`` and ``m = mu c`` vary with the slip ``s = |u_t|`` on the way, so that slip may turn
+in each phase and stop more than once. ``v = u_t`` follows a law of its own, ``dv/dx = f(v)``, and all else
+is integrated beside it, by the method of ``dormand_prince.py``. ``f`` is smooth but where slip stops and
+where ``mu`` is not, and no step leads farther than ``LONGEST`` of the way to the stop. So steps shrink with
+the slip, down to one that is none: ``l`` times the tolerance, with the least eigenvalue ``l`` of ``A``. The
+impulse that stops it, ``A^-1 v``, is below the tolerance. Friction opposes slip whatever its size, so energy
+never grows, by either end.
 
-**Straight steps.** Slip near a direction that it is drawn to would take steps as short as the time in which it gets
-there, however long it stays. So a step keeps its direction if all that it turns by moves the slip by less than the
-tolerance: ``|w| dx``, or, where slip is drawn back with ``pull > 0``, ``s |w| / pull``. Planar slip takes no others.
+**Straight steps.** Slip near a direction that it is drawn to would take steps as short as the time in which
+it gets there, however long it stays. So a step keeps its direction if what it would turn by moves the slip
+by less than counts: ``|w| dx``, or ``s |w| / pull`` where slip is drawn back at the rate ``pull / s``.
+Planar slip takes no other steps.
 
-**Slip stops.** ``h = A^-1 b`` holds it, and the contact sticks if ``|h| <= mu(0)``, to the end: the ratio of the
-forces stays the same. Otherwise it slips on along the ray of ``mu(0)``, at first. At speeds that are none, and for
-speed above, the friction is another if the function jumps at 0 (static above kinetic friction); the direction then
-follows within a few of its first speeds, for slip that grows is drawn to the ray of its friction.
+**Slip stops.** ``h = A^-1 b`` would hold it: it sticks if ``|h| <= mu(0)``, to the end, for the forces keep
+their ratio. Else it slips on along the ray of ``mu(0)`` at first. If friction jumps at 0 (static above
+kinetic) it soon follows the ray of the friction beside 0 instead: slip that grows from rest is drawn to
+that.
 
-**Slip stays.** Where friction rises with speed through ``|h|``, at the slip ``s h / |h|`` nothing moves slip any
-more, and that is stable: ``f = 0``. It stays so to the end. Such is the creep of friction that is 0 at rest, and
-what is left of slip where ``mu`` jumps upwards. The contact counts as there if it is to the tolerance.
+**Slip stays** where friction rises with the speed through ``|h|``: at ``v = s h / |h|`` there is ``f = 0``,
+and slip is drawn to it. So friction that is 0 at rest never sticks, but creeps; and slip ends at a speed at
+which friction jumps upwards, once it has the direction of ``h``. What is so near that it counts as there
+stays.
 
-**The ends of the phases** are found by shortening the step that leads across, until it leads there: an iteration by
-secants, of whole steps from the same point.
+**The ends of the phases** lie on a step that leads across: it is cut, by secants, until it leads there.
 
-**Error.** Nothing bounds it for a function of which only values are seen. It is estimated: the path is followed again,
-with ``COARSER`` times the tolerance, with data and friction that are ``OTHER`` beside those given, and with a
-friction that decides a tie of stick and slip the other way. The difference is the doubt.
+**Error.** Of a function that is only asked for values, nothing can bound it. So the path is followed once
+more, to a tolerance ``COARSER`` times as great, with data and friction ``OTHER`` than those given, and with
+a tie of stick and slip decided the other way. The difference is the doubt.
 
-Sources: those of ``routh.py``; Stronge, *Impact Mechanics*, 2000, section 5.1, for friction that varies; Filippov,
-*Differential Equations with Discontinuous Righthand Sides*, 1988, for slip that stays at a jump.
+Sources: those of ``routh.py``, Keller's equation first; for slip that stays at a jump, Filippov,
+*Differential Equations with Discontinuous Righthand Sides*, 1988.
 """
 
 from __future__ import annotations
@@ -60,17 +63,17 @@ from .routh import (
 from .routh_path import LONGEST, Path
 
 FINEST = LEAST_TOLERANCE / PATH_SHARE
-"""The least tolerance asked for that makes a difference."""
+"""The least tolerance that makes a difference."""
 
-COARSEST = 1e-9
-COARSER = 100.0
-OTHER = 2.0**-50
-TIE = 2.0**-45  # more than the others can move a tie of stick and slip
+COARSEST = 1e-9  # a coarser path is hardly faster, and passes by what the function has
+COARSER = 10.0
+OTHER = 2.0**-50  # relative, times a small number for each
+TIE = 2.0**-45  # friction, relative: more than the other data can move a tie of stick and slip
 STEPS = 4000
 ROUNDING = 2.0**-50
 STRAIGHT = 1 / 16  # of the tolerance, that a straight step may leave out
-CUTS = 60  # a step that leads across an end is shortened so often at most
-BEYOND = 1.01  # a step aims so far beyond the end of a phase, so that it leads across
+CUTS = 60
+BEYOND = 1.01  # a step aims so far beyond the end of a phase, to lead across
 
 
 def routh_poisson_by_speed(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
@@ -120,21 +123,26 @@ class Slope(NamedTuple):
     r: float
 
 
+def of_path(tolerance: Scalar) -> float:
+    """To what tolerance the path is followed."""
+    return max(LEAST_TOLERANCE, min(PATH_SHARE * tolerance, COARSEST)) if tolerance else DEFAULT_TOLERANCE
+
+
 def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: bool) -> Outcome:
     frame = ContactFrame.of(contact)
     k, speed, nothing = frame.Knn, -frame.un, contact.n * 0
     if not speed > 0:
-        return Outcome(nothing, 1.0 * Regime.SEPARATING, 0, 0, doubt=nothing)
+        return Outcome(nothing, 1.0 * Regime.SEPARATING, 0, 0)
     j = speed / k
     of_K = (K / k for K in (frame.K11, frame.K12, frame.K22, frame.K1n, frame.K2n))
     unit, *data = _floats(speed, *of_K, frame.u1 / speed, frame.u2 / speed)
-    e, asked = float(coefficients.restitution), float(coefficients.settings.tolerance)
+    e = float(coefficients.restitution)
     e = 0.0 if e < LEAST_RESTITUTION else e
-    tolerance = max(LEAST_TOLERANCE, min(PATH_SHARE * asked, COARSEST)) if asked else DEFAULT_TOLERANCE
+    tolerance = of_path(coefficients.settings.tolerance)
 
     def walk(data: list[float], factor: float, tolerance: float) -> tuple[Point, Regime] | None:
         *K, v1, v2 = data
-        path = Path(*K, math.nan, math.nan, e, energetic, tolerance)
+        path = Path._make([*K, math.nan, math.nan, e, energetic, tolerance])
         return Walk(path, lambda s: factor * coefficients.friction(s * unit)).course(v1, v2)
 
     def impulse(P1: Fraction, P2: Fraction, p: Fraction) -> Vec3:
@@ -145,7 +153,7 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
     beside = [x * (1 + i * OTHER) for i, x in enumerate(data)]
     other = found and walk(beside, 1 - TIE if sticks else 1 + TIE, COARSER * tolerance)
     if found is None or other is None:
-        return Outcome(nothing, 1.0 * Regime.SLIDING, 0, 0, doubt=nothing, unfinished=True)
+        return Outcome(nothing, 1.0 * Regime.SLIDING, 0, 0, unfinished=True)
     end, regime = found
     ends = [[Fraction(x) for x in (y.P1, y.P2, y.p_c + y.p)] for y in (end, other[0])]
     lost = (1 - e) * (1 + e) * -end.W_c if energetic else -(end.W_c + end.W)
@@ -188,9 +196,10 @@ class Walk:
         for _ in range(STEPS):
             if y.v1 == y.v2 == 0:
                 way = ray_from_rest(self._path, max(self._friction(0.0), self._friction(self._none)))
-                if not way.G > 0:
+                start, length = self._out_of_rest(y, way), 0.0
+                if start.v1 == start.v2 == 0:  # it sticks, or slip never counts
                     return self._held(y, Regime.JAMMED if jams else Regime.STICKING)
-                y, length = self._out_of_rest(y, way), 0.0
+                y = start
                 first = first if any(first) else (y.v1, y.v2)
             at = self._slope(y.v1, y.v2)
             if at.g < 0 and at.s <= self._none:
@@ -258,7 +267,7 @@ class Walk:
         return 0.3 * min(1.0, at.s) / pace if pace > 0 else 1.0
 
     def _longest(self, y: Point, at: Slope, length: float) -> float:
-        """A step no longer than ``length``, nor than to the stop of slip or just beyond the end of the phase."""
+        """At most ``length``, not to the stop of slip, and hardly beyond the end of the phase."""
         if at.g < 0:
             length = min(length, LONGEST * at.s / -at.g)
         if y.p_c == 0:
@@ -274,8 +283,10 @@ class Walk:
         """Whether slip is where nothing moves it any more."""
         (h1, h2), hold, near = self._h, self._hold, self._path.tolerance * max(at.s, self._room)
         apart = math.hypot(hold * at.t1 - h1, hold * at.t2 - h2) * at.s
-        return hold > 0 and apart <= near * hold and (
-            self._friction(max(at.s - near, 0.0)) <= hold <= self._friction(at.s + near)
+        return (
+            hold > 0
+            and apart <= near * hold
+            and (self._friction(max(at.s - near, 0.0)) <= hold <= self._friction(at.s + near))
         )
 
     def _is_straight(self, at: Slope, h: float) -> bool:
@@ -286,8 +297,10 @@ class Walk:
         return abs(at.w) * h <= allowed or (pull > 0 and at.s * abs(at.w) <= allowed * pull)
 
     def _step(self, y: Point, at: Slope, h: float, *, turns: bool) -> tuple[Point, float]:
-        """Where a step leads, and its error in units of the tolerance: infinite if it leads past the stop of slip,
-        where ``y`` is returned, or is not as straight as it was taken to be.
+        """Where a step leads, and its error in units of the tolerance.
+
+        It is infinite if the step leads past the stop of slip, which gives ``y``, or is not as straight as it
+        was taken to be.
         """
         slopes: list[tuple[float, ...]] = []
 
@@ -305,7 +318,7 @@ class Walk:
             w = w if turns else 0.0
             slopes.append((g * t1 - w * t2, g * t2 + w * t1, r, c, c * u, -m * t1, -m * t2, m * s))
         rises = [total(WEIGHTS, i) for i in range(8)]
-        to = Point(*(x + rise for x, rise in zip(y, rises, strict=False)), y.p_c, y.W_c)
+        to = Point._make([*(x + rise for x, rise in zip(y[:8], rises, strict=True)), y.p_c, y.W_c])
         if not at.t1 * to.v1 + at.t2 * to.v2 > 0:
             return y, math.inf
         size = max(min(at.s, math.hypot(to.v1, to.v2)), self._room)
