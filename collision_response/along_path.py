@@ -23,7 +23,7 @@ from .physics.contact import Contact
 from .physics.laws import Law, Regime, Settings
 from .physics.laws.routh_by_speed import FINEST, of_path
 from .rationally import adjusted, as_fraction, body_as_fractions, contact_as_fractions
-from .status import ImpactError, StatusCode
+from .status import StatusCode
 
 SAFETY = 4.0
 """The bound is this times the estimate, and more."""
@@ -44,8 +44,7 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
         ImpactError: the request cannot be answered; of a value that is no coefficient, the field is
             ``contact.friction(slip_speed)``.
     """
-    if body_a is body_b:
-        raise ImpactError(StatusCode.SAME_BODY, "body_b", "is body_a: a body cannot strike itself")
+    validity.check_two(body_a, body_b)
     a, b, touch = body_as_fractions(body_a), body_as_fractions(body_b), contact_as_fractions(contact)
     chosen = plan(model)
     validity.check(a, b, touch, chosen.settings.tangential_restitution)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 
 from . import exactly, validity
+from .kernels import library
 from .model import check_number
 from .numbers.number import square_root
 from .physics.body import Body
@@ -55,11 +56,18 @@ def friction_at_first(body_a: Body, body_b: Body, contact: Contact, law: Law, fi
 
 
 def slip_speed(body_a: Body, body_b: Body, contact: Contact) -> float:
-    """Of body_a relative to body_b across the normal, before the impact, to rounding [m/s]."""
+    """Of body_a relative to body_b across the normal, before the impact, to rounding [m/s].
+
+    Raises:
+        ImpactError: OUT_OF_RANGE.
+    """
     a, b, touch = exactly.read(body_a, body_b, contact, lambda x, _: as_fraction(x))
     kinematics = ContactKinematics.of(a, b, touch)
     n, u = touch.normal, kinematics.u
-    return float(square_root(u.dot(u) - kinematics.n_u * kinematics.n_u / n.dot(n)))
+    try:
+        return float(square_root(u.dot(u) - kinematics.n_u * kinematics.n_u / n.dot(n)))
+    except OverflowError:
+        raise library.refusal(StatusCode.OUT_OF_RANGE) from None
 
 
 def _value(function: Callable[[float], float], speed: float, most: float, field: str) -> float:

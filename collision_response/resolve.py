@@ -56,8 +56,7 @@ def _unusual(
     body_a: Body, body_b: Body, contact: Contact, model: ImpactModel, answer: Impact | int
 ) -> Impact:
     if answer == FAULT:
-        if body_a is body_b:
-            raise ImpactError(StatusCode.SAME_BODY, "body_b", "is body_a: a body cannot strike itself")
+        validity.check_two(body_a, body_b)
         a, b, numeric = exactly.read(body_a, body_b, contact)
         validity.check(a, b, numeric, plan(model).settings.tangential_restitution)
         raise ImpactError(StatusCode.INTERNAL_ERROR, "request", "was refused for no known reason")

@@ -133,6 +133,14 @@ def test_the_slip_speed_is_right_to_rounding_where_it_cancels(scale, length):
     assert slip_speed(spinning, FLOOR, Contact.of((0, 0, 0), (0, 0, length))) == scale * 2.0**-50
 
 
+def test_a_slip_speed_beyond_floats_is_refused_by_name():
+    fast = Body.dynamic(1.0, velocity=(1.7e308, 1.7e308, -1.0))
+    for law in (Law.COULOMB, Law.ROUTH_STRONGE):
+        with pytest.raises(ImpactError) as error:
+            resolve(fast, FLOOR, touch(lambda v: 0.5), ImpactModel(law))
+        assert error.value.code is StatusCode.OUT_OF_RANGE
+
+
 def test_the_slip_speed_of_turned_and_eccentric_bodies_and_of_mechanisms():
     """A centre beside the origin of a turned body: the twist is of the origin, so neither counts."""
     q = (0, 0, Fraction(1, 2), 1)

@@ -71,6 +71,7 @@ OTHER = 2.0**-50  # relative, times a small number for each
 TIE = 2.0**-45  # friction, relative: more than the other data can move a tie of stick and slip
 STEPS = 4000
 ROUNDING = 2.0**-50
+STEP_SHARE = 1 / 16  # of the tolerance, that a step may seem to err by
 STRAIGHT = 1 / 16  # of the tolerance, that a straight step may leave out
 CUTS = 60
 BEYOND = 1.01  # a step aims so far beyond the end of a phase, to lead across
@@ -297,7 +298,7 @@ class Walk:
         return abs(at.w) * h <= allowed or (pull > 0 and at.s * abs(at.w) <= allowed * pull)
 
     def _step(self, y: Point, at: Slope, h: float, *, turns: bool) -> tuple[Point, float]:
-        """Where a step leads, and its error in units of the tolerance.
+        """Where a step leads, and its error in units of what it may be.
 
         It is infinite if the step leads past the stop of slip, which gives ``y``, or is not as straight as it
         was taken to be.
@@ -326,7 +327,7 @@ class Walk:
         third = [rises[i] - total(ORDER_3, i) for i in range(3)]
         e5, e3 = (math.hypot(e[0], e[1]) / size + abs(e[2]) for e in (fifth, third))
         error = e5 * e5 / math.hypot(e5, 0.1 * e3) if e5 > 0 else e5
-        return to, math.inf if bends else error / self._path.tolerance
+        return to, math.inf if bends else error / (STEP_SHARE * self._path.tolerance)
 
     def _cut(self, y: Point, at: Slope, h: float, to: Point, *, turns: bool) -> Point:
         """Where the phase ends, on the step that leads across its end."""
