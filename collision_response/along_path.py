@@ -61,7 +61,7 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     answer, bound = _followed(a, b, touch, model.law, settings)
     if answer.flags.unfinished:
         raise library.refusal(StatusCode.PATH_TOO_LONG)
-    if bound > chosen.limit:
+    if bound > chosen.wanted:
         finer = _followed(a, b, touch, model.law, settings._replace(tolerance=FINEST))
         answer, bound = min((answer, bound), finer, key=itemgetter(1))
     changes, report, flags, _ = answer

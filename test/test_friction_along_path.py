@@ -212,6 +212,9 @@ def test_the_bound_holds_the_error_and_a_tolerance_is_met_or_said_not_to_be():
             assert found.status is StatusCode.OK
             assert found.error_bound <= tolerance
             assert apart(found, best) <= found.error_bound + best.error_bound
+        extended = follow(K, u, 0.6, FUNCTIONS[name], precision=Precision.EXTENDED)
+        assert extended.status is StatusCode.OK
+        assert extended.error_bound <= best.error_bound
 
 
 STRANGE = {
