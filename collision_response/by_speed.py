@@ -6,12 +6,13 @@ import math
 from collections.abc import Callable
 
 from . import exactly, validity
+from .kernels import library
 from .model import check_number
 from .numbers.number import square_root
 from .physics.body import Body
 from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics
-from .physics.laws import PATHS, Law
+from .physics.laws import BY_SPEED, PATHS, Law
 from .rationally import as_fraction
 from .status import ImpactError, StatusCode
 
@@ -25,35 +26,54 @@ def restitution_at(speed: float, contact: Contact, field: str) -> float:
     return _value(contact.restitution, speed, 1.0, f"{field}.restitution(approach_speed)")
 
 
+def friction_at(speed: float, contact: Contact, field: str) -> float:
+    """What the function of the friction gives for a slip speed [m/s].
+
+    Raises:
+        ImpactError: INVALID_COEFFICIENT or NOT_FINITE: it gives no coefficient.
+    """
+    return _value(contact.friction, speed, math.inf, f"{field}.friction(slip_speed)")
+
+
 def friction_at_first(body_a: Body, body_b: Body, contact: Contact, law: Law, field: str) -> float:
     """What the function of the friction gives for the slip speed at first touch.
 
     Args:
         body_a, body_b, contact: of one impact.
-        law: not AUTO. One that follows slip on its way takes no such function.
+        law: not AUTO. COMPLIANT takes no such function; Routh's laws, of one contact, follow it on its way
+            instead: see ``along_path.py``.
         field: how the contact is called.
 
     Raises:
         ImpactError: INVALID_MODEL, INVALID_COEFFICIENT or NOT_FINITE; or the request cannot be answered.
     """
     if law in PATHS:
-        reason = f"{law.name} takes no friction that depends on slip speed: give a number, or ask COULOMB"
-        raise ImpactError(StatusCode.INVALID_MODEL, f"{field}.friction", reason)
+        of_several = " of several contacts" if law in BY_SPEED else ""
+        reason = f"{law.name} takes no friction{of_several} that depends on slip speed: give a number"
+        raise ImpactError(StatusCode.INVALID_MODEL, f"{field}.friction", f"{reason}, or ask COULOMB")
     validity.check(*exactly.read(body_a, body_b, contact._replace(friction=0.0)), 0.0)
-    return _value(
-        contact.friction, slip_speed(body_a, body_b, contact), math.inf, f"{field}.friction(slip_speed)"
-    )
+    return friction_at(slip_speed(body_a, body_b, contact), contact, field)
 
 
 def slip_speed(body_a: Body, body_b: Body, contact: Contact) -> float:
-    """Of body_a relative to body_b across the normal, before the impact, to rounding [m/s]."""
+    """Of body_a relative to body_b across the normal, before the impact, to rounding [m/s].
+
+    Raises:
+        ImpactError: OUT_OF_RANGE.
+    """
     a, b, touch = exactly.read(body_a, body_b, contact, lambda x, _: as_fraction(x))
     kinematics = ContactKinematics.of(a, b, touch)
     n, u = touch.normal, kinematics.u
-    return float(square_root(u.dot(u) - kinematics.n_u * kinematics.n_u / n.dot(n)))
+    try:
+        return float(square_root(u.dot(u) - kinematics.n_u * kinematics.n_u / n.dot(n)))
+    except OverflowError:
+        raise library.refusal(StatusCode.OUT_OF_RANGE) from None
 
 
 def _value(function: Callable[[float], float], speed: float, most: float, field: str) -> float:
     value = function(speed)
-    check_number(field, value, 0, most, StatusCode.INVALID_COEFFICIENT)
+    try:
+        check_number(field, value, 0, most, StatusCode.INVALID_COEFFICIENT)
+    except ImpactError as error:
+        raise ImpactError(error.code, field, f"{error.reason} at {speed:.6g} m/s") from None
     return float(value)

@@ -15,7 +15,7 @@ from typing import Any
 
 from .answer import Impact, impact_of
 from .geometry import required
-from .impact import Answer, impact
+from .impact import Answer, Changes, impact
 from .kernels import library
 from .model import Adjustment, Geometry, ImpactModel, Law, Precision, plan
 from .numbers import balls
@@ -114,20 +114,23 @@ def _bound(bodies: tuple[Body, Body], answer: Answer, error: Callable[[Ball], An
         answer: in balls.
         error: of a number: the radius of its ball, or its error when it is rounded to a float.
     """
-    changes = answer.changes
-    errors = [_relative_error(((x, 1) for x in changes.impulse), error)]
+    errors = [_relative_error(pairs, error) for pairs in weighted(bodies, answer.changes)]
+    return max(errors)
+
+
+def weighted(bodies: tuple[Body, Body], changes: Changes) -> Iterator[list[tuple[Any, Any]]]:
+    """The norms of the error bound: components of the impulse and of each body's twist change, with the
+    weights of their squares.
+    """
+    yield [(x, 1) for x in changes.impulse]
     for body, change in zip(bodies, (changes.change_a, changes.change_b), strict=True):
         if body.inverse_inertia is not None:
             L, _, W = body.inverse_inertia.blocks()
-            linear, angular = L.trace(), W.trace()
-            pairs = [(change.linear, linear), (change.angular, angular)]
-            weighted = [(x, 1 / part) for vector, part in pairs if part.arb > 0 for x in vector]
-            errors.append(_relative_error(weighted, error))
-        elif isinstance(body.mass, Ball):
+            parts = [(change.linear, L.trace()), (change.angular, W.trace())]
+            yield [(x, 1 / part) for vector, part in parts if (part > 0) is True for x in vector]
+        elif body.has_mass() is True:
             moment = body.inertia.trace() / 3
-            weighted = [*((x, body.mass) for x in change.linear), *((x, moment) for x in change.angular)]
-            errors.append(_relative_error(weighted, error))
-    return max(errors)
+            yield [*((x, body.mass) for x in change.linear), *((x, moment) for x in change.angular)]
 
 
 def _relative_error(weighted: Iterable[tuple[Any, Any]], error: Callable[[Ball], Any]) -> float:
@@ -156,7 +159,7 @@ def _error_as_float(x: Ball) -> Any:
 def _rounded(
     bodies: tuple[Body, Body], answer: Answer, contact: Contact, model: ImpactModel, normalised: bool
 ) -> Impact | None:
-    changes, report, flags = _lower(answer.changes), _lower(answer.report), answer.flags
+    changes, report, flags = as_floats(answer.changes), as_floats(answer.report), answer.flags
     if not all(math.isfinite(x) for x in _numbers((changes, report))):
         return None
     bound = _bound(bodies, answer, _error_as_float)
@@ -187,10 +190,14 @@ def _rounded(
     )
 
 
-def _lower(value: Any) -> Any:
-    """Balls as the nearest float64, through nested named tuples."""
+def as_floats(value: Any) -> Any:
+    """Balls or fractions as the nearest float64, through nested named tuples.
+
+    Raises:
+        OverflowError: a fraction is beyond float64.
+    """
     if isinstance(value, tuple):
-        return type(value)(*map(_lower, value))
+        return type(value)(*map(as_floats, value))
     return float(value)
 
 

@@ -20,7 +20,7 @@ from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics
 from .physics.energy import kinetic_energy
-from .physics.laws import LAWS, Coefficients, Law, Regime, Settings
+from .physics.laws import BY_SPEED, LAWS, Coefficients, Law, Regime, Settings
 from .physics.vector import Vec3
 
 KEEPS_RESTITUTION = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU)
@@ -80,11 +80,17 @@ class Flags(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """The numbers of an answer."""
+    """The numbers of an answer.
+
+    Attributes:
+        changes, report, flags: see there.
+        doubt: an estimate of the error of the changes, by a law that can give no bound.
+    """
 
     changes: Changes
     report: Report
     flags: Flags
+    doubt: Changes | None = None
 
 
 DEFAULT = Settings()
@@ -95,7 +101,8 @@ def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Set
 
     Args:
         body_a, body_b: of numbers of one make, sound by :mod:`~collision_response.validity`.
-        contact: where they touch; its restitution is a number.
+        contact: where they touch; its restitution is a number, and so is its friction but for the laws of
+            ``BY_SPEED``.
         law: not AUTO.
         settings: the numbers of the model.
     """
@@ -109,7 +116,8 @@ def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Set
     )
     e = choose(is_slow, lambda: contact.restitution * 0, lambda: contact.restitution)
     friction = contact.friction * 0 if law is Law.FRICTIONLESS else contact.friction
-    outcome = LAWS[law](kinematics, Coefficients(e, friction, settings))
+    by_speed = callable(friction)
+    outcome = (BY_SPEED if by_speed else LAWS)[law](kinematics, Coefficients(e, friction, settings))
 
     def when_approaching(x: Any) -> Any:
         return choose(approaching, lambda: x, lambda: x * 0)
@@ -146,9 +154,11 @@ def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Set
         fell_back=approaching & outcome.fell_back,
         idle_spin=_is_idle(kinematics.side_a.idle) | _is_idle(kinematics.side_b.idle),
         unfinished=approaching & outcome.unfinished,
-        unphysical=_is_unphysical(law, n, u, u_after, impulse, friction, e * kinematics.n_u, approaching),
+        unphysical=not by_speed
+        and _is_unphysical(law, n, u, u_after, impulse, friction, e * kinematics.n_u, approaching),
     )
-    return Answer(Changes(impulse, change_a, change_b), report, flags)
+    doubt = outcome.doubt and Changes(outcome.doubt, *kinematics.respond(outcome.doubt))
+    return Answer(Changes(impulse, change_a, change_b), report, flags, doubt)
 
 
 def _moved(body: Body, change: Twist) -> Body:

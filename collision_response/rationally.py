@@ -16,10 +16,11 @@ from typing import Any
 from . import validity
 from .answer import Impact, impact_of
 from .geometry import required
-from .impact import impact
+from .impact import Flags, impact
 from .model import Adjustment, Geometry, ImpactModel, Precision
 from .physics.body import Body
 from .physics.contact import Contact
+from .physics.inverse_inertia import InverseInertia
 from .physics.laws import Law, Regime, Settings
 from .physics.orientation import Quaternion
 from .physics.tensor import Symmetric3
@@ -36,15 +37,10 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     a, b, touch = body_as_fractions(body_a), body_as_fractions(body_b), contact_as_fractions(contact)
     validity.check(a, b, touch, model.tangential_restitution)
     settings = Settings(restitution_threshold=Fraction(model.restitution_threshold))
-    changes, report, flags = impact(a, b, touch, Law.FRICTIONLESS, settings)
+    changes, report, flags, _ = impact(a, b, touch, Law.FRICTIONLESS, settings)
     geometry = model.geometry
     if geometry is Geometry.AUTO:
         geometry = required(a, b, touch, frictionless=True)
-    adjustments = (
-        (validity.is_off_unit(a) or validity.is_off_unit(b)) * Adjustment.NORMALISED_ORIENTATION
-        | flags.slow * Adjustment.RESTITUTION_THRESHOLD
-        | flags.idle_spin * Adjustment.MASSLESS_SPIN
-    )
     return impact_of(
         changes,
         report,
@@ -53,7 +49,18 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
         model._replace(law=Law.FRICTIONLESS, geometry=geometry, precision=Precision.EXTENDED),
         Regime(round(report.regime)),
         0.0,
-        Adjustment(adjustments),
+        adjusted(a, b, flags),
+    )
+
+
+def adjusted(body_a: Body, body_b: Body, flags: Flags) -> Adjustment:
+    """What was changed from what was asked, where the law fell back to no other."""
+    bodies = body_a, body_b
+    return Adjustment(
+        any(map(validity.is_off_unit, bodies)) * Adjustment.NORMALISED_ORIENTATION
+        | flags.slow * Adjustment.RESTITUTION_THRESHOLD
+        | flags.idle_spin * Adjustment.MASSLESS_SPIN
+        | any(body.inverse_inertia is not None for body in bodies) * Adjustment.ENERGY_CHANGE_ONLY
     )
 
 
@@ -68,6 +75,7 @@ def body_as_fractions(body: Body) -> Body:
         _vector(body.velocity),
         _vector(body.angular_velocity),
         _vector(body.com),
+        None if body.inverse_inertia is None else InverseInertia(*map(as_fraction, body.inverse_inertia)),
     )
 
 

@@ -6,7 +6,7 @@ import math
 from functools import lru_cache
 from typing import Any
 
-from . import exactly, rationally, validity
+from . import along_path, exactly, rationally, validity
 from .answer import Impact
 from .by_speed import friction_at_first, restitution_at
 from .geometry import flattened, flattened_contact
@@ -14,7 +14,7 @@ from .kernels import library
 from .model import Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
 from .physics.body import Body, Twist
 from .physics.contact import Contact
-from .physics.laws import Law, Regime
+from .physics.laws import BY_SPEED, Law, Regime
 from .physics.vector import Vec3
 from .status import ImpactError, StatusCode
 
@@ -56,15 +56,17 @@ def _unusual(
     body_a: Body, body_b: Body, contact: Contact, model: ImpactModel, answer: Impact | int
 ) -> Impact:
     if answer == FAULT:
-        if body_a is body_b:
-            raise ImpactError(StatusCode.SAME_BODY, "body_b", "is body_a: a body cannot strike itself")
+        validity.check_two(body_a, body_b)
         a, b, numeric = exactly.read(body_a, body_b, contact)
         validity.check(a, b, numeric, plan(model).settings.tangential_restitution)
         raise ImpactError(StatusCode.INTERNAL_ERROR, "request", "was refused for no known reason")
     if answer == MORE:
         if contact.tangential_restitution is not None:
             return _with_own_tangential(body_a, body_b, contact, model)
-        return resolve(body_a, body_b, _with_numbers(body_a, body_b, contact, model), model)
+        contact = _with_numbers(body_a, body_b, contact, model)
+        if callable(contact.friction):
+            return _along_path(body_a, body_b, contact, model)
+        return resolve(body_a, body_b, contact, model)
     if answer == RATIONAL:
         return rationally.resolve(body_a, body_b, contact, model)
     if answer == FORCED:
@@ -83,18 +85,27 @@ def _status(answer: Impact) -> StatusCode:
 
 
 def _with_numbers(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Contact:
-    """The contact with the coefficients that its functions give for the speeds at first touch."""
-    if callable(contact.friction):
+    """The contact with the coefficients that its functions give for the speeds at first touch.
+
+    Friction stays a function for laws that follow it on its way.
+    """
+    if callable(contact.friction) and model.law not in BY_SPEED:
         law = law_for(model.law, has_friction=True)
         mu = 0.0 if law is Law.FRICTIONLESS else friction_at_first(body_a, body_b, contact, law, "contact")
         contact = contact._replace(friction=mu)
     if callable(contact.restitution):
-        elastic = contact._replace(restitution=1.0)
+        elastic = contact._replace(restitution=1.0, friction=0.0)
         simple = model._replace(restitution_threshold=0.0, tolerance=0.0, precision=Precision.EXTENDED)
         before = resolve(body_a, body_b, elastic, simple).normal_velocity_before
         e = restitution_at(float(max(-before, 0.0)), contact, "contact")
         contact = contact._replace(restitution=e)
     return contact
+
+
+def _along_path(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:
+    """The answer where friction is a function, by a law that follows it."""
+    impact = along_path.resolve(body_a, body_b, contact, model)
+    return _leaving_out(body_a, body_b, contact, model) if impact is None else impact
 
 
 def _with_own_tangential(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:

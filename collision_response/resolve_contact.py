@@ -37,7 +37,8 @@ class ContactImpact(NamedTuple):
         energy_lost_restitution, energy_lost_friction: the two shares of what is lost [J].
         regime: what friction did.
         error_bound: upper bound on the relative error of the impulse and of the velocity change, each in
-            the Euclidean norm, from rounding and from numbers given that are no floats.
+            the Euclidean norm, from rounding and from numbers given that are no floats; an estimate where
+            friction is followed as a function of the slip speed, as in :class:`Impact`.
         adjustments: what was changed from what was asked.
     """
 
@@ -94,7 +95,8 @@ def resolve_contact(
         u: relative velocity of the first body to the second at the contact [m/s].
         n: the normal, from the second body to the first; any length but 0.
         restitution: ``e`` in [0, 1], or a function that gives it for an approach speed [m/s].
-        friction: Coulomb's coefficient, >= 0, or a function that gives it for a slip speed [m/s].
+        friction: Coulomb's coefficient, >= 0, or a function that gives it for a slip speed [m/s], as in
+            :class:`Contact`.
         model: what to model, and how exactly; its geometry is AUTO or SPATIAL.
 
     Raises:

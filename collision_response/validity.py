@@ -205,6 +205,16 @@ def _or_else(requirement: Requirement, code: Scalar) -> Scalar:
     return choose(requirement.holds, lambda: code, lambda: 1.0 * requirement.code)
 
 
+def check_two(body_a: Body, body_b: Body) -> None:
+    """Whether two bodies are two.
+
+    Raises:
+        ImpactError: SAME_BODY.
+    """
+    if body_a is body_b:
+        raise ImpactError(StatusCode.SAME_BODY, "body_b", "is body_a: a body cannot strike itself")
+
+
 def check(body_a: Body, body_b: Body, contact: Contact, tangential_restitution: float) -> None:
     """Accept a request of plain floats, or say what is wrong with it.
 

@@ -23,6 +23,7 @@ LAYERS = (
     {"kernels"},
     {"exactly", "rationally"},
     {"by_speed"},
+    {"along_path"},
     {"resolve"},
     {"requirements", "resolve_contact", "scene"},
     {FRONT},

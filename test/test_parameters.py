@@ -13,7 +13,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.parameter import Parameter
 from ros_graph import balls_meet
 
-from collision_response import StatusCode
+from collision_response import Law, StatusCode
 from collision_response.msg import ImpactModel
 from collision_response.ros.parameters import CHOICES, DECLARATIONS
 
@@ -196,6 +196,23 @@ def test_the_entry_of_a_pair_of_materials_comes_before_all_but_the_contact(graph
     status = graph.call(request).result.status
     assert status.code == StatusCode.UNKNOWN_MATERIAL
     assert status.message.startswith("body_b.material: is 'cheese'; known are glass, rubber, steel")
+
+
+def test_the_node_takes_friction_by_slip_speed_at_first_touch_and_refuses_to_follow_it(graph, tmp_path):
+    file = tmp_path / "materials.yaml"
+    friction = "{static: 0.5, kinetic: 0.25, speed: 1.0}"
+    file.write_text(f"pairs: [{{materials: [glass, steel], friction: {friction}}}]")
+    graph.serve(materials_file=str(file))
+    request = balls_meet()
+    request.contact.friction = -1.0
+    request.body_a.material, request.body_b.material = "steel", "glass"
+    assert 0.25 < graph.call(request).result.contact.friction <= 0.5
+    for law in (Law.ROUTH_POISSON, Law.ROUTH_STRONGE, Law.COMPLIANT):
+        request.model.law = law
+        status = graph.call(request).result.status
+        assert status.code == StatusCode.INVALID_MODEL
+        assert status.message.startswith("contact.friction: ")
+        assert law.name in status.message
 
 
 def test_a_node_does_not_start_with_a_bad_file_of_materials(graph, tmp_path):

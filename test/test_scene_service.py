@@ -201,6 +201,10 @@ def test_pairs_of_materials_count_in_scenes(graph, tmp_path):
         "model.stiffness_ratio: must be given in a scene: contacts[0] has 0.5"
     )
     assert ask([(0, 2)], law=Law.COMPLIANT, stiffness_ratio=1.0).status.code == StatusCode.OK
+    by_speed = ask([(0, 2), (1, 2)], law=Law.ROUTH_STRONGE)
+    assert by_speed.status.message.startswith(
+        "contacts[1].friction: depends on slip speed, which ROUTH_STRONGE"
+    )
 
 
 class Refused(NamedTuple):

@@ -16,8 +16,8 @@ class Contact(NamedTuple):
         position: of the contact point, in world axes [m].
         normal: from body_b to body_a: it pushes body_a away. Any length but 0.
         restitution: ``e`` in [0, 1], or a function that gives it for an approach speed [m/s].
-        friction: Coulomb's coefficient, >= 0, or a function that gives it for a slip speed [m/s]: taken at
-            first touch, by COULOMB and MOREAU.
+        friction: Coulomb's coefficient, >= 0, or a function that gives it for a slip speed [m/s]: COULOMB and
+            MOREAU take its value at first touch, Routh's laws follow it along the path of one impact.
         tangential_restitution: ``e_t`` in [-1, 1], for COULOMB; ``None``: that of the model.
     """
 

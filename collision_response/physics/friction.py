@@ -1,7 +1,8 @@
 """Friction that depends on the slip speed, for :attr:`Contact.friction`.
 
 Each function takes constants of the two surfaces and returns ``mu(v)``: the coefficient, >= 0, for a slip
-speed ``v`` [m/s].
+speed ``v`` [m/s]. One of your own is asked for speeds >= 0 only; Routh's laws also ask it for some that slip
+does not come to, near those that it does. At 0 it gives static friction, which may be a value by itself.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ from ..msg import ImpactModel as ImpactModelMessage
 from ..physics.body import Body, Twist
 from ..physics.combine import CombineRule, combine
 from ..physics.contact import Contact
-from ..physics.laws import Law
+from ..physics.laws import BY_SPEED, Law
 from ..physics.orientation import Quaternion
 from ..physics.tensor import Symmetric3
 from ..physics.vector import ZERO, Vec3
@@ -95,12 +95,10 @@ def scene_of(request: ResolveCollision.Request, parameters: Parameters) -> Scene
     Raises:
         ImpactError: it cannot be put to the numeric core.
     """
-    return Scene(
-        body_of("body_a", request.body_a),
-        body_of("body_b", request.body_b),
-        contact_of(request, parameters),
-        model_of(request.model, _defaults(parameters.model, pair_of(request, parameters))),
-    )
+    bodies = body_of("body_a", request.body_a), body_of("body_b", request.body_b)
+    e, mu = (filled(field, request, parameters) for field in MOST)
+    model = model_of(request.model, _defaults(parameters.model, pair_of(request, parameters)))
+    return Scene(*bodies, contact_with(request, e, mu, model.law), model)
 
 
 def body_of(owner: str, state: BodyState) -> Body:
@@ -179,18 +177,18 @@ class Touch(Protocol):
         """The other one."""
 
 
-def contact_of(touch: Touch, parameters: Parameters) -> Contact:
-    """Where the bodies touch, with coefficients filled in.
+def contact_with(
+    touch: Touch, e: Filled, mu: Filled, law: Law, tangential_restitution: float | None = None
+) -> Contact:
+    """Where the bodies touch, with these coefficients.
 
     Raises:
-        ImpactError: UNKNOWN_MATERIAL, or for a coefficient of a body NOT_FINITE or INVALID_COEFFICIENT.
+        ImpactError: INVALID_MODEL: the law follows friction by slip speed along its path. An answer has one
+            number for it, which would not give the same again.
     """
-    e, mu = (filled(field, touch, parameters) for field in MOST)
-    return contact_with(touch, e, mu)
-
-
-def contact_with(touch: Touch, e: Filled, mu: Filled, tangential_restitution: float | None = None) -> Contact:
-    """Where the bodies touch, with these coefficients."""
+    if callable(mu.value) and law in BY_SPEED:
+        reason = f"depends on slip speed, which {law.name} follows in Python alone: give a number"
+        raise ImpactError(StatusCode.INVALID_MODEL, "contact.friction", f"{reason}, or ask COULOMB")
     position, normal = touch.contact.position, touch.contact.normal
     return Contact(
         Vec3(position.x, position.y, position.z),
@@ -223,7 +221,7 @@ def filled(field: str, touch: Touch, parameters: Parameters) -> Filled:
     else the node's parameter.
 
     Raises:
-        ImpactError: see :func:`contact_of`.
+        ImpactError: UNKNOWN_MATERIAL, or for a coefficient of a body NOT_FINITE or INVALID_COEFFICIENT.
     """
     rule: CombineRule = getattr(parameters, f"combine_{field}")
     materials = touch.body_a.material, touch.body_b.material

@@ -230,15 +230,15 @@ def scene_of(
         }
         try:
             e, mu = (convert.filled(field, touch, parameters) for field in ("restitution", "friction"))
+            entry = convert.pair_of(touch, parameters)
+            own = None if given.tangential_restitution else entry.tangential_restitution
+            contacts.append(convert.contact_with(touch, e, mu, model.law, own))
         except ImpactError as error:
             owner, _, field = error.field.partition(".")
             raise ImpactError(error.code, f"{places[owner]}.{field}", error.reason) from None
-        entry = convert.pair_of(touch, parameters)
         if model.law is Law.COMPLIANT and not given.stiffness_ratio and entry.stiffness_ratio is not None:
             reason = f"must be given in a scene: contacts[{i}] has {entry.stiffness_ratio} by its materials"
             raise ImpactError(StatusCode.INVALID_MODEL, "model.stiffness_ratio", reason)
-        own = None if given.tangential_restitution else entry.tangential_restitution
-        contacts.append(convert.contact_with(touch, e, mu, own))
         filled.append((e, mu))
     return Scene(bodies, pairs, contacts, model, filled)
 

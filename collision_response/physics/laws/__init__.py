@@ -11,6 +11,7 @@ from .frictionless import frictionless
 from .law import Coefficients, Outcome, Regime, Settings
 from .moreau import moreau
 from .routh import routh_poisson, routh_stronge
+from .routh_by_speed import routh_poisson_by_speed, routh_stronge_by_speed
 
 
 class Law(Named):
@@ -41,10 +42,13 @@ LAWS = {
     Law.COMPLIANT: compliant,
 }
 
+BY_SPEED = {Law.ROUTH_POISSON: routh_poisson_by_speed, Law.ROUTH_STRONGE: routh_stronge_by_speed}
+"""The laws that follow friction along its path where it is a function of the slip speed."""
+
 PATHS = (Law.ROUTH_POISSON, Law.ROUTH_STRONGE, Law.COMPLIANT)
 """The laws that follow a path, step by step where slip turns. They need the digits of float64."""
 
 STEPPED = (Law.COMPLIANT,)
 """The laws that are steps throughout: no arithmetic makes them more exact, and one kernel serves all."""
 
-__all__ = ["LAWS", "PATHS", "STEPPED", "Coefficients", "Law", "Outcome", "Regime", "Settings"]
+__all__ = ["BY_SPEED", "LAWS", "PATHS", "STEPPED", "Coefficients", "Law", "Outcome", "Regime", "Settings"]

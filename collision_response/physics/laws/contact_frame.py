@@ -75,7 +75,7 @@ class ContactFrame(NamedTuple):
         nn, length = contact.n.dot(contact.n), contact.n.norm()
         n = contact.n / length
         x, y, z = n
-        sign = choose(fixed(certain(x)) < 0, lambda: -1.0, lambda: 1.0)  # either does: no answer turns on it
+        sign = choose(fixed(certain(x)) < 0, lambda: -1, lambda: 1)  # either does: no answer turns on it
         a = -1 / (sign + x)
         b = y * z * a
         t1 = Vec3(-(sign * y), 1 + sign * (y * y * a), sign * b)

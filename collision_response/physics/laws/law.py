@@ -36,7 +36,7 @@ class Coefficients(NamedTuple):
 
     Attributes:
         restitution: ``e`` in [0, 1].
-        friction: ``mu`` >= 0.
+        friction: ``mu`` >= 0; for the laws of ``BY_SPEED`` a function that gives it for a slip speed [m/s].
         settings: of the model.
     """
 
@@ -71,6 +71,7 @@ class Outcome(NamedTuple):
         along_normal: ``j``, if the impulse is ``j n`` by the law; the response is then cheaper.
         fell_back: whether the law had no sound answer, and this is Chatterjee & Ruina's.
         unfinished: whether a loop of the law ended by its budget.
+        doubt: an estimate of the error of ``impulse`` by a law that can give no bound [N s].
     """
 
     impulse: Vec3
@@ -80,6 +81,7 @@ class Outcome(NamedTuple):
     along_normal: Scalar | None = None
     fell_back: Condition = False
     unfinished: Condition = False
+    doubt: Vec3 | None = None
 
 
 def slipping(contact: ContactKinematics, velocity_after: Vec3) -> Scalar:

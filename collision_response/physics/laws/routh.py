@@ -125,7 +125,7 @@ def _length(v1: Scalar, v2: Scalar) -> Scalar:
     return square_root(v1 * v1 + v2 * v2)
 
 
-def _ray(path: Path, mu: Scalar) -> Ray:
+def ray_from_rest(path: Path, mu: Scalar) -> Ray:
     """The way on from rest. All but ``A`` counts in units of ``|b|``, however small that is."""
     A11, A12, A22, b1, b2, *_ = path
     size, trace = _length(b1, b2), certain(A11 + A22)
@@ -191,7 +191,7 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
     c = 1 / (1 + mu)
     A11, A12, A22, b1, b2 = (certain(x) for x in data)
     path = Path(A11, A12, A22, b1, b2, c, mu * c, e, energetic, tolerance)
-    ray, m = _ray(path, mu), path.m
+    ray, m = ray_from_rest(path, mu), path.m
 
     # The first slip: along the ray if there is none, or none that is known.
     v1, v2 = certain(slip1), certain(slip2)

@@ -1,0 +1,99 @@
+"""One impact by a law that follows slip, where friction is a function of the slip speed.
+
+The request is read as fractions, and so is all but the path exact, to the rounding of roots. The path is
+followed in floats. How far it may be off is estimated: a function that is only asked for values allows no
+bound.
+"""
+
+from __future__ import annotations
+
+import math
+from operator import itemgetter
+
+from . import validity
+from .answer import Impact, impact_of
+from .by_speed import friction_at, slip_speed
+from .exactly import as_floats, weighted
+from .geometry import required
+from .impact import Answer, impact
+from .kernels import library
+from .model import Geometry, ImpactModel, Precision, plan
+from .physics.body import Body
+from .physics.contact import Contact
+from .physics.laws import Law, Regime, Settings
+from .physics.laws.routh_by_speed import FINEST, of_path
+from .rationally import adjusted, as_fraction, body_as_fractions, contact_as_fractions
+from .status import StatusCode
+
+SAFETY = 4.0
+"""The bound is this times the estimate, and more."""
+
+STEPS = 8.0
+"""As many errors of whole steps are counted besides, for luck may keep the estimate from seeing them."""
+
+
+def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact | None:
+    """The answer of a law of ``BY_SPEED``; ``None`` if the geometry leaves out what matters.
+
+    Args:
+        body_a, body_b: of one impact.
+        contact: its friction is a function of the slip speed, its restitution a number.
+        model: its law is one of ``BY_SPEED``.
+
+    Raises:
+        ImpactError: the request cannot be answered; of a value that is no coefficient, the field is
+            ``contact.friction(slip_speed)``.
+    """
+    validity.check_two(body_a, body_b)
+    a, b, touch = body_as_fractions(body_a), body_as_fractions(body_b), contact_as_fractions(contact)
+    chosen = plan(model)
+    validity.check(a, b, touch, chosen.settings.tangential_restitution)
+    geometry = required(a, b, touch, frictionless=False)
+    if model.geometry is not Geometry.AUTO:
+        if model.geometry < geometry:
+            return None
+        geometry = model.geometry
+    first = friction_at(slip_speed(body_a, body_b, contact), contact, "contact")
+    # Friction that begins with 0 need not stay so.
+    validity.check(a, b, touch._replace(friction=first or 1), chosen.settings.tangential_restitution)
+    touch = touch._replace(friction=lambda v: friction_at(v, contact, "contact"))
+    settings = Settings(*map(as_fraction, chosen.settings))
+    answer, bound = _followed(a, b, touch, model.law, settings)
+    if answer.flags.unfinished:
+        raise library.refusal(StatusCode.PATH_TOO_LONG)
+    if bound > chosen.wanted:
+        finer = _followed(a, b, touch, model.law, settings._replace(tolerance=FINEST))
+        answer, bound = min((answer, bound), finer, key=itemgetter(1))
+    changes, report, flags, _ = answer
+    try:
+        changes, report = as_floats(changes), as_floats(report)
+    except OverflowError:
+        raise library.refusal(StatusCode.OUT_OF_RANGE) from None
+    status = StatusCode.SEPARATING if flags.separating else StatusCode.OK
+    return impact_of(
+        changes,
+        report,
+        status if bound <= chosen.limit else StatusCode.TOLERANCE_NOT_MET,
+        contact._replace(friction=first, **({"restitution": report.restitution} if flags.slow else {})),
+        model._replace(geometry=geometry, precision=Precision.DOUBLE),
+        Regime(round(report.regime)),
+        bound,
+        adjusted(a, b, flags),
+    )
+
+
+def _followed(a: Body, b: Body, touch: Contact, law: Law, settings: Settings) -> tuple[Answer, float]:
+    """The answer, and its bound in the norms of ``Impact.error_bound``: infinite where nothing is known."""
+    answer = impact(a, b, touch, law, settings)
+    if answer.flags.separating:
+        return answer, 0.0
+    if answer.doubt is None:
+        return answer, math.inf
+    worst = 0.0
+    parts = zip(weighted((a, b), answer.changes), weighted((a, b), answer.doubt), strict=True)
+    for values, doubts in parts:
+        size, doubt = (sum(weight * x * x for x, weight in part) for part in (values, doubts))
+        if doubt > 0 and doubt * 16 >= size:
+            return answer, math.inf
+        worst = max(worst, math.sqrt(doubt / size) if size else 0.0)
+    return answer, SAFETY * worst + STEPS * of_path(settings.tolerance)

@@ -1,0 +1,422 @@
+"""Routh's laws with friction that is a function of the slip speed: followed along the path of the impulse."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+from fractions import Fraction
+
+import pytest
+
+pytest.importorskip("mpmath")
+pytest.importorskip("scipy")
+
+from oracle.routh_by_speed import routh_by_speed
+from test_routh import FAMILIES
+
+from collision_response import (
+    Body,
+    Contact,
+    Geometry,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Precision,
+    Regime,
+    StatusCode,
+    resolve,
+    resolve_contact,
+    resolve_scene,
+)
+from collision_response.materials import Materials
+from collision_response.physics.friction import stribeck, tabulated
+
+LAWS = (Law.ROUTH_POISSON, Law.ROUTH_STRONGE)
+UP = (0, 0, 1)
+SPHERE = [[3.5, 0, 0], [0, 3.5, 0], [0, 0, 1]]
+ROD = [[2.5, 0, -1.5], [0, 1, 0], [-1.5, 0, 2.5]]
+"""What holds it is 1.5 / 2.5 = 0.6."""
+SHORT = [[3.4, 0, -1.2], [0, 1, 0], [-1.2, 0, 1.6]]
+OBLIQUE = [[115 / 48, -1 / 8, 2 / 3], [-1 / 8, 13 / 4, 1 / 2], [2 / 3, 1 / 2, 35 / 24]]
+FLOOR = Body.static()
+TINY = 1e-13
+"""Of an answer of order 1 to which all steps are straight: the rounding of some hundred operations."""
+FOLLOWED = 2e-12
+"""Of an answer of order 1: the path is followed to 1e-12."""
+
+
+def follow(K, u, e, mu, law=Law.ROUTH_STRONGE, **model):
+    return resolve_contact(K, u, UP, e, mu, ImpactModel(law, **model))
+
+
+def apart(one, other):
+    return math.dist(one.impulse, other.impulse) / math.hypot(*other.impulse)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_constant_function_is_a_number(family, law):
+    """Of the kernels both the answer and the bound are known to be right."""
+    make, frictions = FAMILIES[family]
+    draw, regimes = random.Random(family), set()
+    for _ in range(12):
+        (xx, xy, xz, yy, yz, zz), u, n = make(draw)
+        K, mu = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], draw.choice(frictions)
+        e = draw.choice([0.0, 1e-8, 0.5, 1.0, draw.random()])
+        try:
+            number = resolve_contact(K, u, n, e, mu, ImpactModel(law))
+        except ImpactError as error:  # slip that turns for ever, to its budget
+            assert error.code is StatusCode.PATH_TOO_LONG
+            continue
+        followed = resolve_contact(K, u, n, e, lambda _, mu=mu: mu, ImpactModel(law))
+        assert apart(followed, number) <= followed.error_bound + number.error_bound
+        assert followed.error_bound < 1e-6
+        size = math.hypot(*number.impulse) * math.hypot(*u)
+        for field in ("energy_change", "energy_lost_restitution", "energy_lost_friction"):
+            assert getattr(followed, field) == pytest.approx(getattr(number, field), abs=1e-8 * size)
+        if family not in ("slow", "head_on"):  # there a number's slip is no more than its rounding
+            assert followed.regime is number.regime
+        regimes.add(followed.regime)
+    assert family != "space" or len(regimes) >= 3
+
+
+FUNCTIONS = {
+    "stribeck": stribeck(0.5, 0.2, 0.3),
+    "fast stribeck": stribeck(0.4, 0.1, 0.05),
+    "rough stribeck": stribeck(3.0, 1.0, 0.3),
+    "table": tabulated([0.01, 1.0], [0.4, 0.25]),
+    "bent table": tabulated([0.1, 0.3, 0.6, 1.5], [0.1, 0.6, 0.2, 0.3]),
+    "rising": lambda v: 0.1 + 0.3 * v / (1 + v),
+}
+SLIPS = ((1, 0, -1), (0.5, 0.1, -1), (0, 0, -1), (1.05, 1, -0.75), (-0.5, 0.3, -2), (5, 2, -0.1))
+ORACLE = 3e-9
+"""Relative to the impulse: the oracle's tolerance of 1e-11, through some hundred steps and an event."""
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_against_an_integrator_that_shares_nothing(name, law):
+    mu = FUNCTIONS[name]
+    for K, u in itertools.product((SPHERE, ROD, SHORT, OBLIQUE), SLIPS):
+        P, heat, after = routh_by_speed(K, u, 0.6, mu, law is Law.ROUTH_STRONGE)
+        found = follow(K, u, 0.6, mu, law)
+        size = math.hypot(*P)
+        assert math.dist(found.impulse, P) <= ORACLE * size
+        assert math.dist(found.velocity_after, after) <= 4 * ORACLE * size
+        assert found.energy_lost_friction == pytest.approx(heat, abs=ORACLE)
+        assert found.error_bound <= 1e-8
+        assert found.energy_change < 0
+
+
+def test_a_sphere_with_linear_friction_slows_down_exponentially():
+    """Nothing couples it, so p ends at (1 + e), and ds/dp = -3.5 (a + b s)."""
+    for law, (a, b), e in itertools.product(LAWS, ((0.05, 0.3), (0.2, -0.05), (0.0, 0.25)), (0.0, 0.5, 1.0)):
+        found = follow(SPHERE, (1.2, 1.6, -1), e, lambda v, a=a, b=b: a + b * v, law)
+        slip = (2 + a / b) * math.exp(-3.5 * b * (1 + e)) - a / b
+        along = (2 - slip) / 3.5
+        assert found.regime is Regime.SLIDING
+        P = (-0.6 * along, -0.8 * along, 1 + e)
+        assert math.dist(found.impulse, P) <= found.error_bound * math.hypot(*P)
+        assert found.error_bound < 1e-10
+        assert found.velocity_after == pytest.approx((0.6 * slip, 0.8 * slip, e), abs=FOLLOWED)
+        assert found.energy_lost_friction == pytest.approx((4 - slip**2) / 7, abs=FOLLOWED)
+        assert found.energy_lost_restitution == pytest.approx((1 - e * e) / 2, abs=FOLLOWED)
+
+
+def test_a_sphere_with_friction_that_rises_from_rest_never_stops_and_one_with_a_constant_part_does():
+    creeping = follow(SPHERE, (1, 0, -1), 1.0, lambda v: 2 * v)
+    assert creeping.velocity_after.x == pytest.approx(math.exp(-14), rel=1e-8)
+    assert creeping.regime is Regime.SLIDING
+    stopped = follow(SPHERE, (1, 0, -1), 1.0, lambda v: 0.5 + 2 * v)
+    assert stopped.velocity_after.x == pytest.approx(0.0, abs=TINY)
+    assert stopped.regime is Regime.STICKING
+    assert stopped.impulse == pytest.approx((-1 / 3.5, 0, 2), abs=TINY)
+
+
+def straight(K, u, e, phases):
+    """Poisson's impulse in the plane, in fractions: friction before and after slip stops."""
+    (A, _, b), _, (_, _, k) = [[Fraction(x) for x in row] for row in K]
+    (s, _, un), e = map(Fraction, u), Fraction(e)
+    sliding, later = map(Fraction, phases)
+    push = -sliding if s > 0 else sliding
+    p = s / -(b + A * push)
+    Pt, un = push * p, un + p * (k + b * push)
+    assert un < 0  # slip stops while they are compressed
+    rate = k + b * later
+    p_c = p - un / rate
+    return Pt + later * ((1 + e) * p_c - p), (1 + e) * p_c
+
+
+def test_static_friction_above_kinetic_holds_what_kinetic_does_not():
+    """The rod needs 0.6 to stick, and it is 0.2 while it slips."""
+
+    def friction(static):
+        return lambda v: static if v == 0 else 0.2
+
+    u = (0.25, 0.0, -1.0)
+    sticks = follow(ROD, u, 0.5, friction(0.75), Law.ROUTH_POISSON)
+    assert sticks.regime is Regime.STICKING
+    P = straight(ROD, u, 0.5, ("0.2", "0.6"))
+    assert (sticks.impulse.x, sticks.impulse.z) == pytest.approx(tuple(map(float, P)), rel=TINY)
+    slips_on = follow(ROD, u, 0.5, friction(0.5), Law.ROUTH_POISSON)
+    assert slips_on.regime is Regime.REVERSED
+    P = straight(ROD, u, 0.5, ("0.2", "0.2"))
+    assert (slips_on.impulse.x, slips_on.impulse.z) == pytest.approx(tuple(map(float, P)), rel=TINY)
+
+
+@pytest.mark.parametrize("K", [ROD, OBLIQUE])
+def test_from_rest_static_friction_decides_and_kinetic_friction_acts(K):
+    for law in LAWS:
+        held = follow(K, (0, 0, -1), 0.5, lambda v: 0.875 if v == 0 else 0.125, law)
+        assert held.regime is Regime.STICKING
+        assert apart(held, follow(K, (0, 0, -1), 0.5, 0.875, law)) < TINY
+        slips = follow(K, (0, 0, -1), 0.5, lambda v: 0.25 if v == 0 else 0.125, law)
+        assert apart(slips, follow(K, (0, 0, -1), 0.5, 0.125, law)) < 1e-11
+
+
+def test_a_tie_that_decides_between_two_answers_is_an_answer_of_which_nothing_is_known():
+    """Exactly at 0.6 it sticks, but a rounding less and it would slip on with 0.2."""
+    for static in (0.6, math.nextafter(0.6, 1), math.nextafter(0.6, 0)):
+        found = follow(ROD, (0, 0, -1), 0.5, lambda v, static=static: static if v == 0 else 0.2)
+        assert (found.status, found.error_bound) == (StatusCode.TOLERANCE_NOT_MET, math.inf)
+    clear = follow(ROD, (0, 0, -1), 0.5, lambda v: 0.6001 if v == 0 else 0.2)
+    assert clear.error_bound < 1e-11
+
+
+@pytest.mark.parametrize("speed", [1e-1, 1e-3, 1e-6, 1e-9, 1e-14])
+def test_friction_that_is_0_at_rest_never_sticks_but_creeps(speed):
+    """Where its friction is 0.6, at tanh(v / speed) = 2/3: the slip stays there."""
+    found = follow(ROD, (0, 0, -1), 0.5, lambda v: 0.9 * math.tanh(v / speed))
+    creep = speed * math.atanh(2 / 3)
+    assert found.velocity_after.x == pytest.approx(-creep, rel=1e-3 if speed > 1e-2 else 0, abs=FOLLOWED)
+    assert found.regime is (Regime.STICKING if speed == 1e-14 else Regime.SLIDING)
+    stuck = follow(ROD, (0, 0, -1), 0.5, 0.9)
+    assert apart(found, stuck) < 3 * creep + 1e-11
+
+
+def test_slip_stays_at_a_speed_at_which_friction_jumps_upwards():
+    """From rest it gains speed below 0.125 m/s, and would lose it above."""
+    for law in LAWS:
+        found = follow(ROD, (0, 0, -1), 0.5, lambda v: 0.1 if v < 0.125 else 2.0, law)
+        assert found.velocity_after.x == pytest.approx(-0.125, rel=1e-11)
+        assert found.error_bound < 1e-8
+
+
+def test_the_bound_holds_the_error_and_a_tolerance_is_met_or_said_not_to_be():
+    for name, K, u in itertools.product(FUNCTIONS, (ROD, SHORT, OBLIQUE), SLIPS):
+        best = follow(K, u, 0.6, FUNCTIONS[name], tolerance=1e-15)
+        assert (best.status, best.model.precision) == (StatusCode.TOLERANCE_NOT_MET, Precision.DOUBLE)
+        for tolerance in (1e-3, 1e-6, 1e-9):
+            found = follow(K, u, 0.6, FUNCTIONS[name], tolerance=tolerance)
+            assert found.status is StatusCode.OK
+            assert found.error_bound <= tolerance
+            assert apart(found, best) <= found.error_bound + best.error_bound
+        extended = follow(K, u, 0.6, FUNCTIONS[name], precision=Precision.EXTENDED)
+        assert extended.status is StatusCode.OK
+        assert extended.error_bound <= best.error_bound
+
+
+STRANGE = {
+    "none": lambda v: 0.0,
+    "hardly any": lambda v: 5e-324,
+    "without end": lambda v: 1e300,
+    "an integer": lambda v: 1,
+    "a fraction": lambda v: Fraction(1, 3),
+    "none above a speed": lambda v: 0.8 if v < 0.3 else 0.0,
+    "without end when slow": lambda v: 1e300 if v < 0.1 else 0.1,
+    "less at rest than in motion": lambda v: 0.2 if v == 0 else 0.8,
+    "infinitely steep": math.sqrt,
+    "steep": lambda v: 1e12 * v,
+    "falls with the speed": lambda v: 0.1 / v if v else 1e300,
+    "is none at rest and without end beside": lambda v: 0.1 / v if v else 0.0,
+    "waves": lambda v: 0.5 + 0.4 * math.sin(50 * v),
+    "a step far below": lambda v: 0.2 if v > 1e-7 else 0.9,
+}
+
+
+@pytest.mark.parametrize("name", STRANGE)
+def test_strange_functions_are_followed_and_create_no_energy(name):
+    slips = ((0.5, 0.0, -1), (0, 0, -1), (1e-15, 0, -1), (-0.6, 0.3, -1), (50, -3, -1e-2), (1e-3, 2e-4, -10))
+    for K, u, law in itertools.product((SPHERE, ROD, OBLIQUE), slips, LAWS):
+        found = follow(K, u, 0.5, STRANGE[name], law)
+        assert found.error_bound < 1e-8
+        assert found.energy_change <= 0
+        assert found.energy_lost_friction >= 0
+        assert found.energy_lost_restitution > 0
+        lost = found.energy_lost_friction + found.energy_lost_restitution
+        energy = sum(x * x for x in u)  # more than there is to lose
+        assert lost == pytest.approx(-found.energy_change, abs=1e-9 * energy)
+
+
+def test_a_path_without_end_is_given_up_by_name():
+    """It keeps slip at a speed and turns it there; or is another each time it is asked."""
+    draw = random.Random(1)
+    for K, mu in ((OBLIQUE, lambda v: 0.05 if v < 0.3 else 2.0), (ROD, lambda v: draw.random())):
+        with pytest.raises(ImpactError) as error:
+            follow(K, (0.5, 0.2, -1), 0.5, mu)
+        assert error.value.code is StatusCode.PATH_TOO_LONG
+
+
+@pytest.mark.parametrize(
+    ("value", "code"),
+    [(-0.1, "INVALID_COEFFICIENT"), (math.nan, "NOT_FINITE"), (math.inf, "NOT_FINITE")],
+)
+def test_a_value_on_the_way_that_is_no_coefficient_is_refused_with_its_speed(value, code):
+    with pytest.raises(ImpactError) as error:
+        follow(SPHERE, (1, 0, -1), 0.5, lambda v: 0.5 if v > 0.25 else value)
+    assert (error.value.code.name, error.value.field) == (code, "friction(slip_speed)")
+    assert float(error.value.reason.split()[-2]) <= 0.25
+    with pytest.raises(ZeroDivisionError):
+        follow(SPHERE, (1, 0, -1), 0.5, lambda v: 1 / 0)
+
+
+BOX = Body.box(
+    1.5, (1, 2, 3), position=(0.1, 0.2, 1.3), orientation=(1, 2, 3, 9), velocity=(1, 0.5, -2),
+    angular_velocity=(1, 2, 3),
+)  # fmt: skip
+TABLE = Body.box(2.5, (3, 2, 1), position=(0, 0.5, -0.5), orientation=(0, 1, 0, 3))
+CORNER = Contact.of((0.4, 0.5, 0.0), (0.125, 0.25, 1), 0.5, stribeck(0.5, 0.2, 0.3))
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_bodies_in_space_and_what_the_answer_says(law):
+    impact = resolve(BOX, TABLE, CORNER, ImpactModel(law))
+    assert (impact.status, impact.model) == (
+        StatusCode.OK,
+        ImpactModel(law, Geometry.SPATIAL, Precision.DOUBLE),
+    )
+    number = resolve(BOX, TABLE, CORNER._replace(friction=0.3), ImpactModel(law))
+    for field in ("normal_velocity_before", "effective_mass", "kinetic_energy_before"):
+        assert getattr(impact, field) == pytest.approx(getattr(number, field), rel=1e-15)
+    assert 0.2 < impact.contact.friction < 0.5  # at first touch
+    assert impact.contact == CORNER._replace(friction=impact.contact.friction)
+    lost = impact.energy_lost_restitution + impact.energy_lost_friction
+    assert impact.kinetic_energy_before - impact.kinetic_energy_after == pytest.approx(lost, rel=1e-11)
+    assert f"{impact.contact.friction:.6g}" in str(impact)
+    swapped = resolve(TABLE, BOX, CORNER._replace(normal=-CORNER.normal), ImpactModel(law))
+    assert math.dist(swapped.impulse, -impact.impulse) <= 1e-11 * math.hypot(*impact.impulse)
+    assert math.dist(swapped.twist_a.angular, impact.twist_b.angular) <= 1e-11
+    alone = resolve_scene([BOX, TABLE], [(0, 1)], [CORNER], ImpactModel(law))
+    assert (alone.impulses, alone.contacts) == ((impact.impulse,), (impact.contact,))
+
+
+def test_units_do_not_matter_to_the_last_digit():
+    """Lengths, masses and times in powers of two of themselves; friction takes speeds in its own units."""
+    mu = CORNER.friction
+    impact = resolve(BOX, TABLE, CORNER, ImpactModel(Law.ROUTH_STRONGE))
+    for length, mass, time in ((2.0**10, 1.0, 1.0), (1.0, 2.0**300, 1.0), (2.0**-200, 2.0**-300, 2.0**100)):
+        speed = length / time
+
+        def scaled(body, length=length, mass=mass, time=time, speed=speed):
+            return body._replace(
+                mass=body.mass * mass,
+                inertia=body.inertia * (mass * length * length),
+                position=body.position * length,
+                velocity=body.velocity * speed,
+                angular_velocity=body.angular_velocity * (1 / time),
+            )
+
+        contact = CORNER._replace(
+            position=CORNER.position * length, friction=lambda v, speed=speed: mu(v / speed)
+        )
+        found = resolve(scaled(BOX), scaled(TABLE), contact, ImpactModel(Law.ROUTH_STRONGE))
+        assert found.impulse == impact.impulse * (mass * speed)
+        assert (found.error_bound, found.regime) == (impact.error_bound, impact.regime)
+
+
+def test_both_coefficients_may_be_functions_and_the_threshold_counts():
+    def e(v):
+        return 1 / (1 + v)
+
+    ball = Body.dynamic(1.0, (0.4, 0, 0, 0.4, 0, 0.4), (0, 0, 1), velocity=(2, 0, -1))
+    contact = Contact.of((0, 0, 0), UP, e, lambda v: 0.1 * v, tangential_restitution=0.5)
+    model = ImpactModel(Law.ROUTH_STRONGE)
+    both = resolve(ball, FLOOR, contact, model)
+    assert both.contact == contact._replace(restitution=0.5, friction=0.2)
+    assert both.twist_a.linear.z == pytest.approx(0.5, abs=FOLLOWED)
+    slip = 2 * math.exp(-3.5 * 0.1 * 1.5)
+    assert both.tangential_impulse == pytest.approx((2 - slip) / 3.5, abs=FOLLOWED)
+    slow = resolve(ball, FLOOR, contact, model._replace(restitution_threshold=1.5))
+    assert slow.contact.restitution == 0.0
+    assert str(slow.adjustments) == "RESTITUTION_THRESHOLD"
+    assert slow.twist_a.linear.z == pytest.approx(0.0, abs=FOLLOWED)
+
+
+def test_bodies_that_separate_have_no_path():
+    away = BOX._replace(velocity=type(BOX.velocity)(0, 0, 9))
+    impact = resolve(away, TABLE, CORNER, ImpactModel(Law.ROUTH_STRONGE))
+    assert (impact.status, impact.regime) == (StatusCode.SEPARATING, Regime.SEPARATING)
+    assert (impact.error_bound, tuple(impact.impulse)) == (0.0, (0, 0, 0))
+    assert impact.twist_a.linear == away.velocity
+
+
+def test_geometry_is_the_least_that_does_or_that_asked_for():
+    mu, law = CORNER.friction, Law.ROUTH_POISSON
+    flat = Body.dynamic(1.0, (1, 0, 0, 1, 0, 0.125), (0, 1, 0), None, (1, -1, 0), (0, 0, 1))
+    contact = Contact.of((0.25, 0, 0), (0, 1, 0), 0.5, mu)
+    planar = resolve(flat, FLOOR, contact, ImpactModel(law))
+    assert planar.model.geometry is Geometry.PLANAR
+    spatial = resolve(flat, FLOOR, contact, ImpactModel(law, Geometry.SPATIAL))
+    assert (spatial.impulse, spatial.model.geometry) == (planar.impulse, Geometry.SPATIAL)
+    point = resolve(flat, FLOOR, contact, ImpactModel(law, Geometry.POINT))
+    number = resolve(flat, FLOOR, contact._replace(friction=0.3), ImpactModel(law, Geometry.POINT))
+    assert (point.status, point.error_bound) == (number.status, number.error_bound)
+    assert tuple(point.twist_a.angular) == (0, 0, 1)
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "field"),
+    [
+        ({"body_b": BOX}, "SAME_BODY", "body_b"),
+        ({"body_a": BOX._replace(mass=math.nan)}, "NOT_FINITE", "body_a.mass"),
+        ({"contact": CORNER._replace(restitution=2.0)}, "INVALID_COEFFICIENT", "contact.restitution"),
+        ({"contact": CORNER._replace(normal=CORNER.normal * 0.0)}, "INVALID_NORMAL", "contact.normal"),
+        ({"model": ImpactModel(Law.ROUTH_STRONGE, tolerance=-1.0)}, "INVALID_MODEL", "model.tolerance"),
+    ],
+)
+def test_an_unsound_request_is_refused_before_the_function_is_asked(change, code, field):
+    def never(v):
+        raise AssertionError
+
+    request = {"body_a": BOX, "body_b": TABLE, "contact": CORNER, "model": ImpactModel(Law.ROUTH_STRONGE)}
+    request |= change
+    request["contact"] = request["contact"]._replace(friction=never)
+    with pytest.raises(ImpactError) as error:
+        resolve(**request)
+    assert (error.value.code.name, error.value.field) == (code, field)
+
+
+def test_a_mechanism_that_an_impulse_cannot_stop_is_refused_even_if_friction_begins_with_none():
+    K = [[0, 0, 0], [0, 1, 0], [0, 0, 1]]
+    with pytest.raises(ImpactError) as error:
+        follow(K, (1, 0, -1), 0.5, lambda v: 0.0 if v > 0.5 else 0.5)
+    assert (error.value.code, error.value.field) == (StatusCode.INVALID_COEFFICIENT, "friction")
+    slides = follow(K, (0, 1, -1), 0.5, lambda v: 0.25)
+    assert slides.impulse == pytest.approx((0, -0.375, 1.5), abs=TINY)
+
+
+def test_numbers_that_are_no_floats_are_taken_as_they_are():
+    third = Fraction(1, 3)
+    ball = Body.dynamic(third, (third, 0, 0, third, 0, third), (0, 0, third), velocity=(1, 0, -third))
+    contact = Contact.of((0, 0, 0), UP, third, lambda v: v)
+    impact = resolve(ball, FLOOR, contact, ImpactModel(Law.ROUTH_STRONGE))
+    normal = float((1 + third) * third * third)
+    A = 3 + third  # 1/m + r^2 / I
+    slip = math.exp(-float(A) * normal)
+    assert impact.impulse == pytest.approx((-(1 - slip) / float(A), 0, normal), abs=FOLLOWED)
+    assert all(type(x) is float for x in impact.impulse)
+
+
+def test_numbers_too_unlike_for_floats_are_refused_by_name():
+    with pytest.raises(ImpactError) as error:
+        follow(SPHERE, (1e300, 0, -1e-300), 0.5, CORNER.friction)
+    assert error.value.code is StatusCode.OUT_OF_RANGE
+
+
+def test_materials_with_friction_by_speed():
+    pair = {"materials": ["a", "b"], "friction": {"static": 0.5, "kinetic": 0.2, "speed": 0.3}}
+    mu = Materials.of({"pairs": [pair]}).find("friction", "a", "b").value
+    for law in LAWS:
+        found = resolve(BOX, TABLE, CORNER._replace(friction=mu), ImpactModel(law))
+        assert found == resolve(BOX, TABLE, CORNER, ImpactModel(law))
