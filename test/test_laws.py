@@ -266,6 +266,7 @@ PATHS = {
     "stops and sticks": (rod_in_space(0.2, 0.9, drift=0.1), Regime.STICKING),
     "starts without slip, sticks": (rod_in_space(0.0, 0.9), Regime.STICKING),
     "starts without slip, slips": (rod_in_space(0.0, 0.3), Regime.SLIDING),
+    "starts without slip, which would jam": (rod_in_space(0.0, 1.9, thickness=0.05), Regime.STICKING),
     "jams": (rod_in_space(-0.5, 1.9, thickness=0.05), Regime.JAMMED),
     "jams while it turns": (rod_in_space(-0.5, 1.9, drift=0.2, thickness=0.05), Regime.JAMMED),
     "thin, K nearly singular": (rod_in_space(0.4, 0.6, drift=0.3, thickness=1e-5), Regime.STICKING),

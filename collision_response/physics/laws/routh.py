@@ -262,7 +262,8 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
     back = d1 * final1 + d2 * final2 < 0
     slides = choose(back, lambda: 1.0 * Regime.REVERSED + o, lambda: 1.0 * Regime.SLIDING + o)
     holds = choose(ray.sticks & (rest > 0), lambda: 1.0 * Regime.STICKING + o, lambda: slides)
-    least = lesser(y.least, choose(along > 0, lambda: r, lambda: 1 + o))
+    slid = choose(along > 0, lambda: r, lambda: 1 + o)
+    least = choose(starts_stuck, lambda: 1 + o, lambda: lesser(y.least, slid))
     regime = choose(certain(least) < 0, lambda: 1.0 * Regime.JAMMED + o, lambda: holds)
 
     # The error, from values alone.
