@@ -11,21 +11,23 @@ until all x_i are 0 and u >= 0. Only the ratios of the k_i matter; eta is 1 for 
 Hertz's. For one contact it gives u+ = -e u for any of them. Friction opposes the slip, with mu f_i at
 most.
 
-Without friction the equation is integrated by a pair of orders 5 and 4, and the answer for a coarser
-tolerance tells its error. With friction a step solves for the slip at its end, so that contacts stick,
-and is of first order: steps are refined until the answer settles. Both errors are estimates.
+Without friction the equation is integrated by a pair of orders 5 and 4. With friction a step solves for
+the slip at its end, so that contacts stick; it is of order 2, and extrapolated to 3. Steps adapt to an
+error for each; one in which a spring turns, where its rate bends, ends there. The whole path is followed
+with ever smaller errors, and how far the last two answers are apart is the estimate of the error.
 
 A contact given twice is twice as stiff. For e towards 0 a contact takes ever more compressions to end.
 
-Source: Liu, Zhao & Brogliato, "Frictionless Multiple Impacts in Multibody Systems. I. Theoretical
-Framework", Proc. R. Soc. A 464 (2008).
+Sources: Liu, Zhao & Brogliato, "Frictionless Multiple Impacts in Multibody Systems. I. Theoretical
+Framework", Proc. R. Soc. A 464 (2008); Ascher, Ruuth & Spiteri, "Implicit-Explicit Runge-Kutta Methods for
+Time-Dependent Partial Differential Equations", Appl. Numer. Math. 25 (1997), for the steps with friction.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..status import ImpactError, StatusCode
 from .reflections import Struck
@@ -33,20 +35,25 @@ from .reflections import Struck
 LEAST_RESTITUTION = 0.05
 """Below it a path takes too many compressions to end."""
 
-STEPS = 2_000_000
+WORK = 200_000_000
+"""A budget for all paths together, in couplings of two contacts: about a second."""
+
+
+class Paths(NamedTuple):
+    """With which errors of a step the path is followed, relative to the motion.
+
+    Attributes:
+        first, ratio: of the first path, and of one to the next.
+        enough: the estimate that suffices without a tolerance.
+    """
+
+    first: float
+    ratio: float
+    enough: float
+
+
+SMOOTH, RUBBING = Paths(1e-7, 1e-2, 1e-6), Paths(1e-4, 1e-1, 1e-5)
 FINEST = 1e-13
-DEFAULT = 1e-9
-COARSER = 100
-FIRST_STEP = 1 / 64
-REFINEMENTS = 14
-FINER = 0.618
-"""No simple ratio: slip ends somewhere within a step, and the error is how far from its end."""
-
-LOOK_BACK = 3
-"""So many changes must be small: one may be by chance."""
-
-SETTLED = 1e-4
-"""Relative change at which steps with friction are refined no more, without a tolerance."""
 
 
 def compressed(
@@ -69,28 +76,23 @@ def compressed(
         apart: how far two answers are apart, relative to the change.
 
     Raises:
-        ImpactError: PATH_TOO_LONG.
+        ImpactError: PATH_TOO_LONG: the budget was spent before there were two paths to compare.
     """
 
-    def path(fineness: float) -> Struck:
-        found = cluster.compress(list(stiffness), exponent, fineness, STEPS, has_friction)
+    paths = RUBBING if has_friction else SMOOTH
+    work, estimate, last = WORK, math.inf, None
+    fine = paths.first
+    while fine >= FINEST and estimate > (tolerance or paths.enough):
+        found = cluster.compress(list(stiffness), exponent, fine, work, has_friction)
         if found is None:
-            reason = f"the path of the impulses did not end within {STEPS} steps"
-            raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
-        p, tangential, _ = found
-        return Struck(p, tangential if has_friction else None)
-
-    if not has_friction:
-        fine = max(tolerance / COARSER, FINEST) if tolerance else DEFAULT
-        struck = path(fine)
-        return struck, apart(path(fine * COARSER), struck) + fine
-    step, changes = FIRST_STEP, [math.inf] * LOOK_BACK
-    struck = path(step)
-    for _ in range(REFINEMENTS):
-        step *= FINER
-        finer = path(step)
-        changes = [*changes[1:], apart(struck, finer)]
-        struck = finer
-        if max(changes) <= (tolerance or SETTLED):
             break
-    return struck, 2 * max(changes)
+        p, tangential, work = found
+        struck = Struck(p, tangential)
+        if last is not None:
+            estimate = apart(last, struck) + fine
+        last = struck
+        fine *= paths.ratio
+    if last is None or estimate == math.inf:
+        reason = "the path of the impulses did not end within its budget"
+        raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
+    return last, estimate

@@ -5,12 +5,12 @@
 #include "cones.hpp"
 
 struct Motion {  // of the movable bodies: y, and their twists have changed by L y
-  const Assembly& scene;
+  const Assembly* scene;
   std::vector<double> y;
-  explicit Motion(const Assembly& assembly) : scene(assembly), y(6 * static_cast<size_t>(assembly.bodies), 0.0) {}
+  explicit Motion(const Assembly& assembly) : scene(&assembly), y(6 * static_cast<size_t>(assembly.bodies), 0.0) {}
 
   void push(int i, const Axes& by) {
-    const Touch& touch = scene.touches[i];
+    const Touch& touch = scene->touches[i];
     for (int side = 0; side < 2; ++side)
       if (touch.body[side] >= 0) {
         double* of = &y[6 * touch.body[side]];
@@ -19,7 +19,7 @@ struct Motion {  // of the movable bodies: y, and their twists have changed by L
       }
   }
   double velocity(int i, int axis) const {
-    const Touch& touch = scene.touches[i];
+    const Touch& touch = scene->touches[i];
     double sum = touch.plain[axis].velocity;
     for (int side = 0; side < 2; ++side)
       if (touch.body[side] >= 0)
