@@ -35,7 +35,7 @@ from .reflections import Struck
 LEAST_RESTITUTION = 0.05
 """Below it a path takes too many compressions to end."""
 
-WORK = 200_000_000
+WORK = 500_000_000
 """A budget for all paths together, in couplings of two contacts: about a second."""
 
 
@@ -52,7 +52,7 @@ class Paths(NamedTuple):
     enough: float
 
 
-SMOOTH, RUBBING = Paths(1e-7, 1e-2, 1e-6), Paths(1e-4, 1e-1, 1e-5)
+SMOOTH, RUBBING = Paths(1e-5, 1e-2, 1e-6), Paths(1e-4, 1e-1, 1e-5)
 FINEST = 1e-13
 
 

@@ -193,14 +193,10 @@ struct Compliant {
     while (change > enough && work > 0) {
       change = 0;
       for (int i : rubbing) {
-        Axes& old = to.friction[i];
-        double most = scene.touches[i].mu * old[0];
-        double t1 = old[1] - rho[i] * to.motion.velocity(i, 1), t2 = old[2] - rho[i] * to.motion.velocity(i, 2);
-        double size = std::hypot(t1, t2), fits = size > most ? most / size : 1;
-        Axes by{0, t1 * fits - old[1], t2 * fits - old[2]};
-        old = {old[0], t1 * fits, t2 * fits};
+        Axes by = rubs[i].change(to.friction[i], scene.touches[i].mu * to.friction[i][0], to.motion.velocity(i, 1), to.motion.velocity(i, 2));
         to.motion.push(i, by);
-        change = std::fmax(change, std::hypot(by[1], by[2]) / rho[i]);
+        for (int k = 1; k < 3; ++k) to.friction[i][k] += by[k];
+        change = std::fmax(change, std::hypot(by[1], by[2]) * rubs[i].trace);
       }
       work -= RUB * static_cast<long>(rubbing.size() + 1);
     }
@@ -211,6 +207,28 @@ struct Compliant {
     work -= RUB * count;
     return change <= enough;
   }
+
+  // What tangential impulses do to the slip of their own contact.
+  struct Rub {
+    double c[3], trace;  // c: of 11, 12, 22
+
+    // To the friction of at most some size that opposes the slip, or near it; v: the slip now.
+    Axes change(const Axes& now, double most, double v1, double v2) const {
+      double det = c[0] * c[2] - c[1] * c[1], t1 = now[1], t2 = now[2];
+      if (det > 1e-6 * trace * trace) {
+        double s1 = t1 - (c[2] * v1 - c[1] * v2) / det, s2 = t2 - (c[0] * v2 - c[1] * v1) / det;
+        if (s1 * s1 + s2 * s2 <= most * most) return {0, s1 - t1, s2 - t2};
+      }
+      for (int turn = 0; turn < 4; ++turn) {
+        double d1 = t1 - now[1], d2 = t2 - now[2];
+        double s1 = t1 - (v1 + c[0] * d1 + c[1] * d2) / trace, s2 = t2 - (v2 + c[1] * d1 + c[2] * d2) / trace;
+        double size = std::hypot(s1, s2), fits = size > most ? most / size : 1;
+        t1 = s1 * fits;
+        t2 = s2 * fits;
+      }
+      return {0, t1 - now[1], t2 - now[2]};
+    }
+  };
 
   bool step(const State& from, double h, double enough, State& to) {
     static const double g = 1 - std::sqrt(0.5), d = 1 - 0.5 / g;
@@ -239,15 +257,18 @@ struct Compliant {
     slow = std::fmax(tolerance / 10, 2e-14) * speed;
     const std::vector<Axes> none(count, Axes{0, 0, 0});
     const std::vector<double> zero(count, 0.0);
-    first = load = rho = zero;
+    first = load = zero;
+    rubs.resize(count);
     State now{zero, zero, Motion(scene), none, none};
     for (int i = 0; i < count; ++i) {
-      rho[i] = 1 / (coupling(scene, i, 1, i, 1) + coupling(scene, i, 2, i, 2));
+      Rub& rub = rubs[i];
+      rub = {{coupling(scene, i, 1, i, 1), coupling(scene, i, 1, i, 2), coupling(scene, i, 2, i, 2)}, 0};
+      rub.trace = rub.c[0] + rub.c[2];
       now.u[i] = now.motion.velocity(i, 0);
     }
     State whole = now, half = now, both = now;
     Pace pace{1e-3};
-    double enough = 1e-2 * tolerance * speed;
+    double enough = 0.1 * tolerance * speed;
     for (;;) {
       bool done = true;
       for (int i = 0; i < count; ++i) done = done && is_over(i, now.x[i], now.u[i]);
@@ -284,6 +305,7 @@ struct Compliant {
   }
 
  private:
-  std::vector<double> first, load, rho;
+  std::vector<double> first, load;
+  std::vector<Rub> rubs;
   std::vector<int> rubbing;
 };
