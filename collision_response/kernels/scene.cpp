@@ -198,8 +198,8 @@ PyObject* with_least_work(PyObject* self, PyObject* o) {
 }
 PyObject* in_one_step(PyObject* self, PyObject* rubs) { return struck_answer(stepped(of(self), rubs == Py_True)); }
 
-// compress(stiffness, exponent, tolerance, budget, friction): impulses along a law with compliance, and what is left of
-// the budget; None if it ran out.
+// compress(stiffness, exponent, tolerance, budget, friction): impulses along a law with compliance, the energy that
+// friction took on the way, and what is left of the budget; None if it ran out.
 PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
   if (count != 5) return PyErr_Format(PyExc_TypeError, "compress() takes 5 arguments");
   const Assembly& scene = of(self);
@@ -222,7 +222,7 @@ PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
   Py_END_ALLOW_THREADS;
   if (!result.found) Py_RETURN_NONE;
   PyObject* across = rubs ? number_list(across_normals(result)) : Py_NewRef(Py_None);
-  return Py_BuildValue("NNl", bytes(along_normals(result, scene)), across, law.work);
+  return Py_BuildValue("NNdl", bytes(along_normals(result, scene)), across, law.rubbed, law.work);
 }
 
 PyObject* get_locked(PyObject* self, void*) { return PyBool_FromLong(of(self).locked); }

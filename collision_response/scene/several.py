@@ -87,6 +87,9 @@ def several(scene: Request, copies: Copies, asked: Asked) -> Answered:
     if struck.fell_back:
         law = Law.COULOMB if has_friction else Law.FRICTIONLESS
     changes, twists, impulses, before, after, regimes, energies, own_bound, idle, off_unit, _ = motions
+    if struck.rubbed is not None:
+        e_before, e_after, restitution, friction = energies
+        energies = e_before, e_after, restitution + friction - struck.rubbed, struck.rubbed
     e, used = struck.restitution, parts.contacts
     if e is not None:
         used = [c if c.restitution == e else c._replace(restitution=e) for c in used]

@@ -9,7 +9,7 @@ Each contact is a spring that gives back the part e^2 of the work it took, as St
 
 until all x_i are 0 and u >= 0. Only the ratios of the k_i matter; eta is 1 for linear springs, 3/2 for
 Hertz's. For one contact it gives u+ = -e u for any of them. Friction opposes the slip, with mu f_i at
-most.
+most. So a contact loses (1 - e^2) of what compresses it, and friction the work along its path.
 
 Without friction the equation is integrated by a pair of orders 5 and 4. With friction a step solves for
 the slip at its end, so that contacts stick; it is of order 2, and extrapolated to 3. Steps adapt to an
@@ -52,7 +52,7 @@ class Paths(NamedTuple):
     enough: float
 
 
-SMOOTH, RUBBING = Paths(1e-5, 1e-2, 1e-6), Paths(1e-4, 1e-1, 1e-5)
+SMOOTH, RUBBING = Paths(1e-7, 1e-2, 1e-6), Paths(1e-4, 1e-1, 1e-5)
 FINEST = 1e-13
 
 
@@ -86,8 +86,8 @@ def compressed(
         found = cluster.compress(list(stiffness), exponent, fine, work, has_friction)
         if found is None:
             break
-        p, tangential, work = found
-        struck = Struck(p, tangential)
+        p, tangential, rubbed, work = found
+        struck = Struck(p, tangential, rubbed=rubbed)
         if last is not None:
             estimate = apart(last, struck) + fine
         last = struck

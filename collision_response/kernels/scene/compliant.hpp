@@ -23,6 +23,7 @@ struct Compliant {
   double speed = 0, mass = 0;
   double slow = 0;  // an approach below it is none: rounding would keep some contact for ever
   long work;        // that may still be done, in couplings of two contacts
+  double rubbed = 0;  // energy that friction took
 
   Compliant(const Assembly& assembly, double exponent, std::vector<double> ratios, long budget)
       : scene(assembly), exponent(exponent), stiffness(std::move(ratios)), count(assembly.count), work(budget) {
@@ -252,6 +253,15 @@ struct Compliant {
     return true;
   }
 
+  // Against friction between two states: at the mean of the slip.
+  double work_of_friction(const State& from, const State& to) const {
+    double sum = 0;
+    for (int i = 0; i < count; ++i)
+      for (int axis = 1; axis < 3; ++axis)
+        if (double by = to.P[i][axis] - from.P[i][axis]; by != 0) sum -= by * (from.motion.velocity(i, axis) + to.motion.velocity(i, axis)) / 2;
+    return sum;
+  }
+
   // The impulses with friction; whether it ended within its budget.
   bool follow_with_friction(double tolerance, std::vector<Axes>& P) {
     slow = std::fmax(tolerance / 10, 2e-14) * speed;
@@ -294,6 +304,7 @@ struct Compliant {
       double worst = std::fmax(off, std::sqrt(square / mass)) / (3 * tolerance * speed);
       if (!pace.accepts(worst, 3, turns, longest(fastest))) continue;
       auto mended = [](double fine, double coarse) { return fine + (fine - coarse) / 3; };
+      rubbed += mended(work_of_friction(now, half) + work_of_friction(half, both), work_of_friction(now, whole));
       for (size_t k = 0; k < both.motion.y.size(); ++k) now.motion.y[k] = mended(both.motion.y[k], whole.motion.y[k]);
       for (int i = 0; i < count; ++i) {
         now.x[i] = std::fmax(mended(both.x[i], whole.x[i]), 0);
