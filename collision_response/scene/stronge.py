@@ -80,7 +80,7 @@ def compressed(
     """
 
     paths = RUBBING if has_friction else SMOOTH
-    work, estimate, last = WORK, math.inf, None
+    work, estimate, change, last = WORK, math.inf, 0.0, None
     fine = paths.first
     while fine >= FINEST and estimate > (tolerance or paths.enough):
         found = cluster.compress(list(stiffness), exponent, fine, work, has_friction)
@@ -89,7 +89,9 @@ def compressed(
         p, tangential, rubbed, work = found
         struck = Struck(p, tangential, rubbed=rubbed)
         if last is not None:
-            estimate = apart(last, struck) + fine
+            # A change may be small by chance: no less than the one before leads to expect.
+            change = max(apart(last, struck), change * paths.ratio)
+            estimate = 2 * change + fine
         last = struck
         fine *= paths.ratio
     if last is None or estimate == math.inf:
