@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 
 import pytest
 from scene_cases import Case, any_case, apart, apart_by, box, random_case, row, size_of
@@ -355,3 +356,29 @@ def test_units_move_no_answer_beyond_its_bound(law):
         one, other = case.resolve(law), case._replace(bodies=bodies).resolve(law)
         back = [Twist(t.linear * 0.125, t.angular * 0.125) for t in other.changes]
         assert apart_by(case, one.changes, back) <= one.error_bound + other.error_bound
+
+
+@pytest.mark.parametrize("seed", [61, 64, 65, 66, 67, 70, 74, 79])
+def test_springs_with_friction_of_all_kinds(seed):
+    """Order and observer do not matter, momentum stays, and every impulse lies in its cone."""
+    case, rng = any_case(seed), random.Random(seed)
+    case = case._replace(
+        contacts=[
+            c._replace(restitution=rng.choice([0.1, 0.5, 1.0]), friction=rng.choice([0.0, 0.3, 3.0, 1e5]))
+            for c in case.contacts
+        ]
+    )
+    answer = case.resolve(Law.ROUTH_STRONGE)
+    off, size = answer.error_bound, size_of(case, answer)
+    order = rng.sample(range(len(case.pairs)), len(case.pairs))
+    other = Case(case.bodies, [case.pairs[i] for i in order], [case.contacts[i] for i in order])
+    v = Vec3(0.7, -3.0, 1.1)
+    boosted = case._replace(bodies=[b._replace(velocity=Vec3(*b.velocity) + v) for b in case.bodies])
+    for same in (other.resolve(Law.ROUTH_STRONGE), boosted.resolve(Law.ROUTH_STRONGE)):
+        assert apart(case, answer, same) <= off + same.error_bound
+    assert min(answer.energy_lost_restitution, answer.energy_lost_friction) >= -off * size * size
+    for contact, P in zip(case.contacts, answer.impulses, strict=True):
+        n = Vec3(*contact.normal)
+        along = P.dot(n) / n.norm()
+        across = (P - n * (along / n.norm())).norm()
+        assert across <= contact.friction * along + 10 * off * P.norm()

@@ -36,7 +36,7 @@ LEAST_RESTITUTION = 0.05
 """Below it a path takes too many compressions to end."""
 
 WORK = 500_000_000
-"""A budget for all paths together, in couplings of two contacts: about a second."""
+"""A budget for all paths together, in couplings of two contacts: a second or two."""
 
 
 class Paths(NamedTuple):

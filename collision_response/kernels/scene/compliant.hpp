@@ -21,8 +21,8 @@ struct Compliant {
   std::vector<std::vector<Coupled>> C;  // normal velocities by unit normal impulses
   int count;
   double speed = 0, mass = 0;
-  double slow = 0;  // an approach below it is none: rounding would keep some contact for ever
-  long work;        // that may still be done, in couplings of two contacts
+  double slow = 0;    // an approach below it is none: rounding would keep some contact for ever
+  long work;          // that may still be done, in couplings of two contacts
   double rubbed = 0;  // energy that friction took
 
   Compliant(const Assembly& assembly, double exponent, std::vector<double> ratios, long budget)
@@ -168,7 +168,7 @@ struct Compliant {
   // With friction. A step is the method (2, 2, 2) of Ascher, Ruuth & Spiteri, of order 2: velocities that are known
   // compress the springs, and friction opposes the slip at the end of each of two stages, so that contacts stick. A
   // step and two of half its length tell its error, and make it of order 3.
-  static constexpr long RUB = 20;  // the work of one contact in a sweep
+  static constexpr long SWEEP = 20;  // the work of one contact in a sweep
   struct State {
     std::vector<double> x, u;  // u: normal velocities
     Motion motion;
@@ -194,23 +194,23 @@ struct Compliant {
     while (change > enough && work > 0) {
       change = 0;
       for (int i : rubbing) {
-        Axes by = rubs[i].change(to.friction[i], scene.touches[i].mu * to.friction[i][0], to.motion.velocity(i, 1), to.motion.velocity(i, 2));
+        Axes by = slips[i].change(to.friction[i], scene.touches[i].mu * to.friction[i][0], to.motion.velocity(i, 1), to.motion.velocity(i, 2));
         to.motion.push(i, by);
         for (int k = 1; k < 3; ++k) to.friction[i][k] += by[k];
-        change = std::fmax(change, std::hypot(by[1], by[2]) * rubs[i].trace);
+        change = std::fmax(change, std::hypot(by[1], by[2]) * slips[i].trace);
       }
-      work -= RUB * static_cast<long>(rubbing.size() + 1);
+      work -= SWEEP * static_cast<long>(rubbing.size() + 1);
     }
     for (int i = 0; i < count; ++i) {
       for (double& along : to.friction[i]) along /= time;
       to.u[i] = to.motion.velocity(i, 0);
     }
-    work -= RUB * count;
+    work -= SWEEP * count;
     return change <= enough;
   }
 
   // What tangential impulses do to the slip of their own contact.
-  struct Rub {
+  struct Slip {
     double c[3], trace;  // c: of 11, 12, 22
 
     // To the friction of at most some size that opposes the slip, or near it; v: the slip now.
@@ -268,12 +268,12 @@ struct Compliant {
     const std::vector<Axes> none(count, Axes{0, 0, 0});
     const std::vector<double> zero(count, 0.0);
     first = load = zero;
-    rubs.resize(count);
+    slips.resize(count);
     State now{zero, zero, Motion(scene), none, none};
     for (int i = 0; i < count; ++i) {
-      Rub& rub = rubs[i];
-      rub = {{coupling(scene, i, 1, i, 1), coupling(scene, i, 1, i, 2), coupling(scene, i, 2, i, 2)}, 0};
-      rub.trace = rub.c[0] + rub.c[2];
+      Slip& slip = slips[i];
+      slip = {{coupling(scene, i, 1, i, 1), coupling(scene, i, 1, i, 2), coupling(scene, i, 2, i, 2)}, 0};
+      slip.trace = slip.c[0] + slip.c[2];
       now.u[i] = now.motion.velocity(i, 0);
     }
     State whole = now, half = now, both = now;
@@ -298,6 +298,7 @@ struct Compliant {
         double rates = rate(i, now.x[i], now.u[i]) + 2 * rate(i, half.x[i], half.u[i]) + rate(i, both.x[i], both.u[i]);
         double by_ends = std::fmax(now.x[i] + h / 4 * rates, 0);
         off = std::fmax(off, std::fmax(std::fabs(both.x[i] - whole.x[i]), std::fabs(both.x[i] - by_ends)));
+        off = std::fmax(off, std::fabs(both.u[i] - whole.u[i]));  // light bodies count for little in the norm
         turns = std::fmin(turns, turn(i, now.x[i], now.u[i], both.u[i]));
         fastest = std::fmax(fastest, motion_of(i, both.x[i], both.u[i]));
       }
@@ -317,6 +318,6 @@ struct Compliant {
 
  private:
   std::vector<double> first, load;
-  std::vector<Rub> rubs;
+  std::vector<Slip> slips;
   std::vector<int> rubbing;
 };
