@@ -52,8 +52,16 @@ class Paths(NamedTuple):
     enough: float
 
 
-SMOOTH, RUBBING = Paths(1e-7, 1e-2, 1e-6), Paths(1e-4, 1e-1, 1e-5)
+SMOOTH, RUBBING = Paths(1e-5, 1e-2, 1e-6), Paths(1e-2, 1e-1, 1e-5)
+LEAST_PATHS = 3
+"""So many are followed at least: two may be near each other by chance."""
+
 FINEST = 1e-13
+COARSEST_RATIO = 0.5
+"""A path that is hardly finer than the one before tells nothing."""
+
+WORST = 0.1
+"""An answer with a greater estimate is none."""
 
 
 def compressed(
@@ -76,25 +84,28 @@ def compressed(
         apart: how far two answers are apart, relative to the change.
 
     Raises:
-        ImpactError: PATH_TOO_LONG: the budget was spent before there were two paths to compare.
+        ImpactError: PATH_TOO_LONG: the budget was spent before two paths came near each other.
     """
 
     paths = RUBBING if has_friction else SMOOTH
-    work, estimate, change, last = WORK, math.inf, 0.0, None
-    fine = paths.first
-    while fine >= FINEST and estimate > (tolerance or paths.enough):
-        found = cluster.compress(list(stiffness), exponent, fine, work, has_friction)
-        if found is None:
+    fine, ratio, work, change, estimate = paths.first, paths.ratio, WORK, 0.0, math.inf
+    found: list[Struck] = []
+    while fine >= FINEST and (len(found) < LEAST_PATHS or estimate > (tolerance or paths.enough)):
+        path = cluster.compress(list(stiffness), exponent, fine, work, has_friction)
+        if path is None:
             break
-        p, tangential, rubbed, work = found
-        struck = Struck(p, tangential, rubbed=rubbed)
-        if last is not None:
+        p, tangential, rubbed, left = path
+        found.append(Struck(p, tangential, rubbed=rubbed))
+        if len(found) > 1:
             # A change may be small by chance: no less than the one before leads to expect.
-            change = max(apart(last, struck), change * paths.ratio)
+            change = max(apart(*found[-2:]), change * ratio)
             estimate = 2 * change + fine
-        last = struck
-        fine *= paths.ratio
-    if last is None or estimate == math.inf:
-        reason = "the path of the impulses did not end within its budget"
+        # The work of a path grows with the root of its fineness, or faster: no finer than the budget allows.
+        ratio = max(paths.ratio, (1.25 * (work - left) / max(left, 1)) ** 2)
+        if ratio > COARSEST_RATIO:
+            break
+        fine, work = fine * ratio, left
+    if estimate > WORST:
+        reason = "the path of the impulses did not settle within its budget"
         raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
-    return last, estimate
+    return found[-1], estimate
