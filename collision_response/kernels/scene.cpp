@@ -198,29 +198,31 @@ PyObject* with_least_work(PyObject* self, PyObject* o) {
 }
 PyObject* in_one_step(PyObject* self, PyObject* rubs) { return struck_answer(stepped(of(self), rubs == Py_True)); }
 
-// compress(stiffness, exponent, tolerance or step, budget, friction): as above, along a law with compliance.
+// compress(stiffness, exponent, tolerance, budget, friction): impulses along a law with compliance, the energy that
+// friction took on the way, and what is left of the budget; None if it ran out.
 PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
   if (count != 5) return PyErr_Format(PyExc_TypeError, "compress() takes 5 arguments");
   const Assembly& scene = of(self);
   std::vector<double> ratios;
   for (int i = 0; i < scene.count; ++i) ratios.push_back(PyFloat_AsDouble(PyList_GET_ITEM(args[0], i)));
-  Compliant law(scene, PyFloat_AsDouble(args[1]), ratios);
-  double fineness = PyFloat_AsDouble(args[2]);
-  long budget = PyLong_AsLong(args[3]);
+  Compliant law(scene, PyFloat_AsDouble(args[1]), ratios, PyLong_AsLong(args[3]));
+  double tolerance = PyFloat_AsDouble(args[2]);
   if (PyErr_Occurred()) return nullptr;
   Friction result;
   result.P.assign(scene.count, Axes{0, 0, 0});
   bool rubs = args[4] == Py_True;
   Py_BEGIN_ALLOW_THREADS;
   if (rubs) {
-    result.found = law.follow_with_friction(fineness, budget, result.P);
+    result.found = law.follow_with_friction(tolerance, result.P);
   } else {
     std::vector<double> p;
-    result.found = law.follow(fineness, budget, p);
+    result.found = law.follow(tolerance, p);
     for (size_t i = 0; i < p.size(); ++i) result.P[i][0] = p[i];
   }
   Py_END_ALLOW_THREADS;
-  return struck_answer(struck_by(result, scene));
+  if (!result.found) Py_RETURN_NONE;
+  PyObject* across = rubs ? number_list(across_normals(result)) : Py_NewRef(Py_None);
+  return Py_BuildValue("NNdl", bytes(along_normals(result, scene)), across, law.rubbed, law.work);
 }
 
 PyObject* get_locked(PyObject* self, void*) { return PyBool_FromLong(of(self).locked); }

@@ -46,7 +46,8 @@ class SceneImpact(NamedTuple):
             relative to the change of velocity; ``None`` if none were tried.
         error_bound: upper bound on the error of the change of any twist, relative to the largest change in
             its cluster, in the norm of :class:`~collision_response.Impact`. Infinite where nothing can be
-            said. Of MOREAU with friction and ROUTH_STRONGE in clusters: an estimate.
+            said. Of MOREAU with friction and ROUTH_STRONGE in clusters: an estimate; of MOREAU infinite where
+            the law has several answers.
         decision_margin: how far the nearest velocity that decided whether a contact is struck was from the
             threshold, relative to the fastest approach of its cluster; the answer jumps there.
         adjustments: what was changed from what was asked.

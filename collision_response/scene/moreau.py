@@ -12,6 +12,10 @@ takes the place of ``u_n+ + e min(u_n, 0)``. With ``s`` held this is a convex pr
 solutions, of which there may be many where friction is great, always the same one is found, in whatever
 order the contacts are given.
 
+The error bound is an estimate: it looks at shifts beside those found, and how much nearer a round
+takes them. Where it does not, as when contacts lock, or where several splits of a load leave several
+``u+``, it is infinite.
+
 Where ``s`` does not settle, COULOMB answers. Unequal coefficients, and friction, may create energy: that
 is detected, and COULOMB answers, or FRICTIONLESS.
 

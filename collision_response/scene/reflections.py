@@ -48,6 +48,8 @@ class Struck(NamedTuple):
         error: of the velocities, in the metric of kinetic energy.
         margin: the least distance of a decision from its threshold, relative to the fastest approach.
         restitution: of all contacts, or ``None``: each has its own.
+        rubbed: the energy that friction took on the way; ``None``: that at the mean of the slip before and
+            after.
         fell_back: whether the law had no sound answer, and this is another's.
     """
 
@@ -56,6 +58,7 @@ class Struck(NamedTuple):
     error: float = 0.0
     margin: Scalar = math.inf
     restitution: Scalar | None = None
+    rubbed: float | None = None
     fell_back: bool = False
 
 

@@ -87,6 +87,9 @@ def several(scene: Request, copies: Copies, asked: Asked) -> Answered:
     if struck.fell_back:
         law = Law.COULOMB if has_friction else Law.FRICTIONLESS
     changes, twists, impulses, before, after, regimes, energies, own_bound, idle, off_unit, _ = motions
+    if struck.rubbed is not None:
+        e_before, e_after, restitution, friction = energies
+        energies = e_before, e_after, restitution + friction - struck.rubbed, struck.rubbed
     e, used = struck.restitution, parts.contacts
     if e is not None:
         used = [c if c.restitution == e else c._replace(restitution=e) for c in used]
@@ -229,10 +232,10 @@ def _by_reflections(cluster: Any, parts: Parts, threshold: Scalar) -> Struck:
         bodies = list(map(rationally.body_as_fractions, parts.bodies))
         contacts = list(map(rationally.contact_as_fractions, parts.contacts))
         exactly = RationalCluster(bodies, parts.pairs, contacts, parts.counts)
-        p, _, _, margin, e, _ = reflections(exactly, threshold)
-        p = cluster.from_floats([float(x) for x in exactly.least_norm(p)])
-        error = cluster.size(p) * 2.0**-53
-        return Struck(p, None, error, float(margin), None if e is None else float(e))
+        exact = reflections(exactly, threshold)
+        p = cluster.from_floats([float(x) for x in exactly.least_norm(exact.p)])
+        e = None if exact.restitution is None else float(exact.restitution)
+        return Struck(p, None, cluster.size(p) * 2.0**-53, float(exact.margin), e)
     if struck is None:
         reason = f"more than {RATIONAL_CONTACTS} press on each other without end, as a ball between walls"
         raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)

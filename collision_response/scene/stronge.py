@@ -9,23 +9,25 @@ Each contact is a spring that gives back the part e^2 of the work it took, as St
 
 until all x_i are 0 and u >= 0. Only the ratios of the k_i matter; eta is 1 for linear springs, 3/2 for
 Hertz's. For one contact it gives u+ = -e u for any of them. Friction opposes the slip, with mu f_i at
-most.
+most. So a contact loses (1 - e^2) of what compresses it, and friction the work along its path.
 
-Without friction the equation is integrated by a pair of orders 5 and 4, and the answer for a coarser
-tolerance tells its error. With friction a step solves for the slip at its end, so that contacts stick,
-and is of first order: steps are refined until the answer settles. Both errors are estimates.
+Without friction the equation is integrated by a pair of orders 5 and 4. With friction a step solves for
+the slip at its end, so that contacts stick; it is of order 2, and extrapolated to 3. Steps adapt to an
+error for each; one in which a spring turns, where its rate bends, ends there. The whole path is followed
+with ever smaller errors, and how far the last two answers are apart is the estimate of the error.
 
 A contact given twice is twice as stiff. For e towards 0 a contact takes ever more compressions to end.
 
-Source: Liu, Zhao & Brogliato, "Frictionless Multiple Impacts in Multibody Systems. I. Theoretical
-Framework", Proc. R. Soc. A 464 (2008).
+Sources: Liu, Zhao & Brogliato, "Frictionless Multiple Impacts in Multibody Systems. I. Theoretical
+Framework", Proc. R. Soc. A 464 (2008); Ascher, Ruuth & Spiteri, "Implicit-Explicit Runge-Kutta Methods for
+Time-Dependent Partial Differential Equations", Appl. Numer. Math. 25 (1997), for the steps with friction.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..status import ImpactError, StatusCode
 from .reflections import Struck
@@ -33,20 +35,33 @@ from .reflections import Struck
 LEAST_RESTITUTION = 0.05
 """Below it a path takes too many compressions to end."""
 
-STEPS = 2_000_000
+WORK = 500_000_000
+"""A budget for all paths together, in couplings of two contacts: a second or two."""
+
+
+class Paths(NamedTuple):
+    """With which errors of a step the path is followed, relative to the motion.
+
+    Attributes:
+        first, ratio: of the first path, and of one to the next.
+        enough: the estimate that suffices without a tolerance.
+    """
+
+    first: float
+    ratio: float
+    enough: float
+
+
+SMOOTH, RUBBING = Paths(1e-5, 1e-2, 1e-6), Paths(1e-2, 1e-1, 1e-5)
+LEAST_PATHS = 3
+"""So many are followed at least: two may be near each other by chance."""
+
 FINEST = 1e-13
-DEFAULT = 1e-9
-COARSER = 100
-FIRST_STEP = 1 / 64
-REFINEMENTS = 14
-FINER = 0.618
-"""No simple ratio: slip ends somewhere within a step, and the error is how far from its end."""
+COARSEST_RATIO = 0.5
+"""A path that is hardly finer than the one before tells nothing."""
 
-LOOK_BACK = 3
-"""So many changes must be small: one may be by chance."""
-
-SETTLED = 1e-4
-"""Relative change at which steps with friction are refined no more, without a tolerance."""
+WORST = 0.1
+"""An answer with a greater estimate is none."""
 
 
 def compressed(
@@ -69,28 +84,28 @@ def compressed(
         apart: how far two answers are apart, relative to the change.
 
     Raises:
-        ImpactError: PATH_TOO_LONG.
+        ImpactError: PATH_TOO_LONG: the budget was spent before two paths came near each other.
     """
 
-    def path(fineness: float) -> Struck:
-        found = cluster.compress(list(stiffness), exponent, fineness, STEPS, has_friction)
-        if found is None:
-            reason = f"the path of the impulses did not end within {STEPS} steps"
-            raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
-        p, tangential, _ = found
-        return Struck(p, tangential if has_friction else None)
-
-    if not has_friction:
-        fine = max(tolerance / COARSER, FINEST) if tolerance else DEFAULT
-        struck = path(fine)
-        return struck, apart(path(fine * COARSER), struck) + fine
-    step, changes = FIRST_STEP, [math.inf] * LOOK_BACK
-    struck = path(step)
-    for _ in range(REFINEMENTS):
-        step *= FINER
-        finer = path(step)
-        changes = [*changes[1:], apart(struck, finer)]
-        struck = finer
-        if max(changes) <= (tolerance or SETTLED):
+    paths = RUBBING if has_friction else SMOOTH
+    fine, ratio, work, change, estimate = paths.first, paths.ratio, WORK, 0.0, math.inf
+    found: list[Struck] = []
+    while fine >= FINEST and (len(found) < LEAST_PATHS or estimate > (tolerance or paths.enough)):
+        path = cluster.compress(list(stiffness), exponent, fine, work, has_friction)
+        if path is None:
             break
-    return struck, 2 * max(changes)
+        p, tangential, rubbed, left = path
+        found.append(Struck(p, tangential, rubbed=rubbed))
+        if len(found) > 1:
+            # A change may be small by chance: no less than the one before leads to expect.
+            change = max(apart(*found[-2:]), change * ratio)
+            estimate = 2 * change + fine
+        # The work of a path grows with the root of its fineness, or faster: no finer than the budget allows.
+        ratio = max(paths.ratio, (1.25 * (work - left) / max(left, 1)) ** 2)
+        if ratio > COARSEST_RATIO:
+            break
+        fine, work = fine * ratio, left
+    if estimate > WORST:
+        reason = "the path of the impulses did not settle within its budget"
+        raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
+    return found[-1], estimate

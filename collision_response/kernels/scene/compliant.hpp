@@ -21,10 +21,12 @@ struct Compliant {
   std::vector<std::vector<Coupled>> C;  // normal velocities by unit normal impulses
   int count;
   double speed = 0, mass = 0;
-  double slow = 0;  // an approach below it is none: rounding would keep some contact for ever
+  double slow = 0;    // an approach below it is none: rounding would keep some contact for ever
+  long work;          // that may still be done, in couplings of two contacts
+  double rubbed = 0;  // energy that friction took
 
-  Compliant(const Assembly& assembly, double exponent, std::vector<double> ratios)
-      : scene(assembly), exponent(exponent), stiffness(std::move(ratios)), count(assembly.count) {
+  Compliant(const Assembly& assembly, double exponent, std::vector<double> ratios, long budget)
+      : scene(assembly), exponent(exponent), stiffness(std::move(ratios)), count(assembly.count), work(budget) {
     C.resize(count);
     for (int i = 0; i < count; ++i) {
       speed = std::fmax(speed, std::fabs(scene.touches[i].plain[0].velocity));
@@ -52,9 +54,10 @@ struct Compliant {
   }
 
   // y: x_i, p_i. Dormand & Prince's pair of orders 5 and 4.
-  void derivative(const double* y, double* d, const std::vector<int>& awake) const {
+  void derivative(const double* y, double* d, const std::vector<int>& awake) {
     const double *x = y, *p = y + count;
     for (int i : awake) {
+      work -= static_cast<long>(C[i].size());
       double u = velocity(i, p);
       d[i] = rate(i, x[i], u);
       d[count + i] = force(i, x[i]);
@@ -79,8 +82,33 @@ struct Compliant {
     return found;
   }
 
-  // The normal impulses without friction; whether it ended within its budget of steps.
-  bool follow(double tolerance, long budget, std::vector<double>& p) {
+  // How long steps are. An error that is too large is mostly that of a spring that turns within the step, where its
+  // rate bends: the step then ends there, by the secant.
+  struct Pace {
+    double h;
+
+    // worst: the error relative to that allowed. turns: after which part of the step the first spring turns.
+    bool accepts(double worst, double order, double turns, double longest) {
+      double by = 0.9 * std::pow(std::fmax(worst, 1e-10), -1 / order);
+      if (worst <= 1 || h < 1e-13) {
+        h = std::fmin(h * std::fmin(4.0, std::fmax(0.2, by)), longest);
+        return true;
+      }
+      h *= turns > 1e-6 && turns < 1 ? turns : std::fmax(0.2, by);
+      return false;
+    }
+  };
+  double turn(int i, double x, double before, double after) const {
+    bool bends = x > 0 ? scene.touches[i].e < 1 : after < 0;
+    return bends && (before < 0) != (after < 0) ? before / (before - after) : 1;
+  }
+  // How much motion is left at a contact, as a velocity.
+  double motion_of(int i, double x, double u) const { return x > 0 || u < 0 ? std::sqrt(u * u + force(i, x) * x / mass) : 0; }
+  // The longest step, where the fastest motion is this: less of it compresses springs for longer.
+  double longest(double fastest) const { return 0.2 * std::pow(std::fmin(std::fmax(fastest, slow) / speed, 1), (1 - exponent) / (1 + exponent)); }
+
+  // The normal impulses without friction; whether it ended within its budget.
+  bool follow(double tolerance, std::vector<double>& p) {
     slow = std::fmax(tolerance / 10, 2e-14) * speed;
     size_t n = 2 * static_cast<size_t>(count);
     std::vector<double> y(n, 0.0), k[7], z(n, 0.0);
@@ -94,16 +122,17 @@ struct Compliant {
         {9017.0 / 3168, -355.0 / 33, 46732.0 / 5247, 49.0 / 176, -5103.0 / 18656},
         {35.0 / 384, 0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84}};
     static const double error[7] = {71.0 / 57600, 0, -71.0 / 16695, 71.0 / 1920, -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
-    double h = 1e-4;
+    Pace pace{1e-4};
     std::vector<int> awake(count);
     std::iota(awake.begin(), awake.end(), 0);
     awake = still_awake(y.data(), awake);
     derivative(y.data(), k[0].data(), awake);
-    for (long step = 0; step < budget; ++step) {
+    while (work > 0) {
       if (awake.empty()) {
         p.assign(y.begin() + count, y.end());
         return true;
       }
+      const double h = pace.h;
       for (int s = 1; s < 7; ++s) {
         for (int contact : awake)
           for (int i : {contact, count + contact}) {
@@ -120,62 +149,175 @@ struct Compliant {
           for (int j = 0; j < 7; ++j) off += error[j] * k[j][i];
           worst = std::fmax(worst, std::fabs(h * off) / (tolerance * (i < count ? speed : mass * speed)));
         }
-      if (worst <= 1 || h < 1e-13) {
+      double turns = 1, fastest = 0;
+      for (int i : awake) {
+        double u = velocity(i, z.data() + count);
+        turns = std::fmin(turns, turn(i, y[i], velocity(i, y.data() + count), u));
+        fastest = std::fmax(fastest, motion_of(i, z[i], u));
+      }
+      if (pace.accepts(worst, 5, turns, longest(fastest))) {
         for (int i : awake) z[i] = std::fmax(z[i], 0);
         y = z;  // of those asleep they are the same
         awake = still_awake(y.data(), awake);
         derivative(y.data(), k[0].data(), awake);
       }
-      h *= std::fmin(4.0, std::fmax(0.2, 0.9 * std::pow(std::fmax(worst, 1e-10), -0.2)));
-      if (h > 0.2) h = 0.2;
     }
     return false;
   }
 
-  // With friction: steps of equal length, in each of which friction opposes the slip at its end.
-  bool follow_with_friction(double h, long budget, std::vector<Axes>& P) {
-    slow = 1e-8 * speed;  // steps of first order do not tell less
-    Motion motion(scene);
-    P.assign(count, Axes{0, 0, 0});
-    std::vector<double> x(count, 0.0), limit(count), rho(count);
-    std::vector<Axes> friction(count, Axes{0, 0, 0});
-    for (int i = 0; i < count; ++i) rho[i] = 1 / (coupling(scene, i, 1, i, 1) + coupling(scene, i, 2, i, 2));
-    for (long step = 0; step < budget; ++step) {
-      bool done = true;
-      // Half a step of x, a step of the forces, half a step of x.
-      for (int i = 0; i < count; ++i) x[i] = std::fmax(x[i] + h / 2 * rate(i, x[i], motion.velocity(i, 0)), 0);
-      double most = 0;
-      for (int i = 0; i < count; ++i) {
-        double by = h * force(i, x[i]);
-        most = std::fmax(most, by);
-        limit[i] = scene.touches[i].mu * by;
-        double size = std::hypot(friction[i][1], friction[i][2]), fits = size > limit[i] ? limit[i] / size : 1;
-        friction[i] = {0, friction[i][1] * fits, friction[i][2] * fits};
-        motion.push(i, {by, friction[i][1], friction[i][2]});
-        P[i][0] += by;
+  // With friction. A step is the method (2, 2, 2) of Ascher, Ruuth & Spiteri, of order 2: velocities that are known
+  // compress the springs, and friction opposes the slip at the end of each of two stages, so that contacts stick. A
+  // step and two of half its length tell its error, and make it of order 3.
+  static constexpr long SWEEP = 20;  // the work of one contact in a sweep
+  struct State {
+    std::vector<double> x, u;  // u: normal velocities
+    Motion motion;
+    std::vector<Axes> P, friction;  // friction: forces in the last stage, which are near those of the next
+  };
+
+  // Loads act for some time, and friction that opposes the slip after it, to within `enough`; from forces of friction
+  // that are near. Whether that ended within the budget.
+  bool rub(State& to, double time, const std::vector<double>& load, double enough) {
+    rubbing.clear();
+    for (int i = 0; i < count; ++i) {
+      if (!(load[i] > 0)) {
+        to.friction[i] = {0, 0, 0};
+        continue;
       }
-      for (int sweep = 0; sweep < 200; ++sweep) {
-        double change = 0;
-        for (int i = 0; i < count; ++i) {
-          if (!(limit[i] > 0)) continue;
-          double t1 = friction[i][1] - rho[i] * motion.velocity(i, 1), t2 = friction[i][2] - rho[i] * motion.velocity(i, 2);
-          double size = std::hypot(t1, t2), fits = size > limit[i] ? limit[i] / size : 1;
-          Axes by{0, t1 * fits - friction[i][1], t2 * fits - friction[i][2]};
-          friction[i] = {0, t1 * fits, t2 * fits};
-          motion.push(i, by);
-          change = std::fmax(change, std::fabs(by[1]) + std::fabs(by[2]));
-        }
-        if (change <= 1e-11 * most) break;
-      }
-      for (int i = 0; i < count; ++i) {
-        P[i][1] += friction[i][1];
-        P[i][2] += friction[i][2];
-        double u = motion.velocity(i, 0);
-        x[i] = std::fmax(x[i] + h / 2 * rate(i, x[i], u), 0);
-        done = done && is_over(i, x[i], u);
-      }
-      if (done) return true;
+      double most = scene.touches[i].mu * load[i], size = std::hypot(to.friction[i][1], to.friction[i][2]);
+      double fits = time * (size > most ? most / size : 1);
+      to.friction[i] = {time * load[i], fits * to.friction[i][1], fits * to.friction[i][2]};
+      to.motion.push(i, to.friction[i]);
+      if (most > 0) rubbing.push_back(i);
     }
-    return false;
+    double change = INFINITY;
+    while (change > enough && work > 0) {
+      change = 0;
+      for (int i : rubbing) {
+        Axes by = slips[i].change(to.friction[i], scene.touches[i].mu * to.friction[i][0], to.motion.velocity(i, 1), to.motion.velocity(i, 2));
+        to.motion.push(i, by);
+        for (int k = 1; k < 3; ++k) to.friction[i][k] += by[k];
+        change = std::fmax(change, std::hypot(by[1], by[2]) * slips[i].trace);
+      }
+      work -= SWEEP * static_cast<long>(rubbing.size() + 1);
+    }
+    for (int i = 0; i < count; ++i) {
+      for (double& along : to.friction[i]) along /= time;
+      to.u[i] = to.motion.velocity(i, 0);
+    }
+    work -= SWEEP * count;
+    return change <= enough;
   }
+
+  // What tangential impulses do to the slip of their own contact.
+  struct Slip {
+    double c[3], trace;  // c: of 11, 12, 22
+
+    // To the friction of at most some size that opposes the slip, or near it; v: the slip now.
+    Axes change(const Axes& now, double most, double v1, double v2) const {
+      double det = c[0] * c[2] - c[1] * c[1], t1 = now[1], t2 = now[2];
+      if (det > 1e-6 * trace * trace) {
+        double s1 = t1 - (c[2] * v1 - c[1] * v2) / det, s2 = t2 - (c[0] * v2 - c[1] * v1) / det;
+        if (s1 * s1 + s2 * s2 <= most * most) return {0, s1 - t1, s2 - t2};
+      }
+      for (int turn = 0; turn < 4; ++turn) {
+        double d1 = t1 - now[1], d2 = t2 - now[2];
+        double s1 = t1 - (v1 + c[0] * d1 + c[1] * d2) / trace, s2 = t2 - (v2 + c[1] * d1 + c[2] * d2) / trace;
+        double size = std::hypot(s1, s2), fits = size > most ? most / size : 1;
+        t1 = s1 * fits;
+        t2 = s2 * fits;
+      }
+      return {0, t1 - now[1], t2 - now[2]};
+    }
+  };
+
+  bool step(const State& from, double h, double enough, State& to) {
+    static const double g = 1 - std::sqrt(0.5), d = 1 - 0.5 / g;
+    to = from;
+    for (int i = 0; i < count; ++i) {
+      first[i] = rate(i, from.x[i], from.u[i]);
+      to.x[i] = std::fmax(from.x[i] + h * g * first[i], 0);
+      load[i] = force(i, to.x[i]);
+    }
+    if (!rub(to, h * g, load, enough)) return false;
+    for (size_t k = 0; k < to.motion.y.size(); ++k) to.motion.y[k] = from.motion.y[k] + (to.motion.y[k] - from.motion.y[k]) * (1 - g) / g;
+    for (int i = 0; i < count; ++i) {
+      for (int k = 0; k < 3; ++k) to.P[i][k] += h * (1 - g) * to.friction[i][k];
+      double second = rate(i, to.x[i], to.u[i]);
+      to.x[i] = std::fmax(from.x[i] + h * (d * first[i] + (1 - d) * second), 0);
+      load[i] = force(i, to.x[i]);
+    }
+    if (!rub(to, h * g, load, enough)) return false;
+    for (int i = 0; i < count; ++i)
+      for (int k = 0; k < 3; ++k) to.P[i][k] += h * g * to.friction[i][k];
+    return true;
+  }
+
+  // Against friction between two states: at the mean of the slip.
+  double work_of_friction(const State& from, const State& to) const {
+    double sum = 0;
+    for (int i = 0; i < count; ++i)
+      for (int axis = 1; axis < 3; ++axis)
+        if (double by = to.P[i][axis] - from.P[i][axis]; by != 0) sum -= by * (from.motion.velocity(i, axis) + to.motion.velocity(i, axis)) / 2;
+    return sum;
+  }
+
+  // The impulses with friction; whether it ended within its budget.
+  bool follow_with_friction(double tolerance, std::vector<Axes>& P) {
+    slow = std::fmax(tolerance / 10, 2e-14) * speed;
+    const std::vector<Axes> none(count, Axes{0, 0, 0});
+    const std::vector<double> zero(count, 0.0);
+    first = load = zero;
+    slips.resize(count);
+    State now{zero, zero, Motion(scene), none, none};
+    for (int i = 0; i < count; ++i) {
+      Slip& slip = slips[i];
+      slip = {{coupling(scene, i, 1, i, 1), coupling(scene, i, 1, i, 2), coupling(scene, i, 2, i, 2)}, 0};
+      slip.trace = slip.c[0] + slip.c[2];
+      now.u[i] = now.motion.velocity(i, 0);
+    }
+    State whole = now, half = now, both = now;
+    Pace pace{1e-3};
+    double enough = 0.1 * tolerance * speed;
+    for (;;) {
+      bool done = true;
+      for (int i = 0; i < count; ++i) done = done && is_over(i, now.x[i], now.u[i]);
+      if (done) {
+        P = now.P;
+        return true;
+      }
+      const double h = pace.h;
+      if (!step(now, h, enough, whole) || !step(now, h / 2, enough, half) || !step(half, h / 2, enough, both)) return false;
+      double off = 0, square = 0, turns = 1, fastest = 0;
+      for (size_t k = 0; k < both.motion.y.size(); ++k) {
+        double by = both.motion.y[k] - whole.motion.y[k];
+        square += by * by;
+      }
+      for (int i = 0; i < count; ++i) {
+        // By the trapezoidal rule too, which sees a spring turn later than any stage.
+        double rates = rate(i, now.x[i], now.u[i]) + 2 * rate(i, half.x[i], half.u[i]) + rate(i, both.x[i], both.u[i]);
+        double by_ends = std::fmax(now.x[i] + h / 4 * rates, 0);
+        off = std::fmax(off, std::fmax(std::fabs(both.x[i] - whole.x[i]), std::fabs(both.x[i] - by_ends)));
+        off = std::fmax(off, std::fabs(both.u[i] - whole.u[i]));  // light bodies count for little in the norm
+        turns = std::fmin(turns, turn(i, now.x[i], now.u[i], both.u[i]));
+        fastest = std::fmax(fastest, motion_of(i, both.x[i], both.u[i]));
+      }
+      double worst = std::fmax(off, std::sqrt(square / mass)) / (3 * tolerance * speed);
+      if (!pace.accepts(worst, 3, turns, longest(fastest))) continue;
+      auto mended = [](double fine, double coarse) { return fine + (fine - coarse) / 3; };
+      rubbed += mended(work_of_friction(now, half) + work_of_friction(half, both), work_of_friction(now, whole));
+      for (size_t k = 0; k < both.motion.y.size(); ++k) now.motion.y[k] = mended(both.motion.y[k], whole.motion.y[k]);
+      for (int i = 0; i < count; ++i) {
+        now.x[i] = std::fmax(mended(both.x[i], whole.x[i]), 0);
+        now.u[i] = now.motion.velocity(i, 0);
+        for (int k = 0; k < 3; ++k) now.P[i][k] = mended(both.P[i][k], whole.P[i][k]);
+      }
+      now.friction = both.friction;
+    }
+  }
+
+ private:
+  std::vector<double> first, load;
+  std::vector<Slip> slips;
+  std::vector<int> rubbing;
 };

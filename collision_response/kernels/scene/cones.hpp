@@ -142,11 +142,17 @@ class Cones {
     }
   }
 
+  // y
+  std::vector<double> motion() const {
+    std::vector<double> y(6 * static_cast<size_t>(bodies), 0.0);
+    for (size_t i = 0; i < cones.size(); ++i) add_row(cones[i], P[i], y);
+    return y;
+  }
+
   // How much more than the least the work is, at most, by weak duality; of P as it is.
   double gap() const {
-    std::vector<double> y(6 * static_cast<size_t>(bodies), 0.0), dual;
-    for (size_t i = 0; i < cones.size(); ++i) add_row(cones[i], P[i], y);
-    dual = y;
+    const std::vector<double> y = motion();
+    std::vector<double> dual = y;
     const double* lambda = x.data() + 6 * bodies;
     for (size_t i = 0; i < kept.size(); ++i) add_row(cones[i], Axes{-lambda[i], 0, 0}, dual);
     double sum = 0;

@@ -5,12 +5,12 @@
 #include "cones.hpp"
 
 struct Motion {  // of the movable bodies: y, and their twists have changed by L y
-  const Assembly& scene;
+  const Assembly* scene;
   std::vector<double> y;
-  explicit Motion(const Assembly& assembly) : scene(assembly), y(6 * static_cast<size_t>(assembly.bodies), 0.0) {}
+  explicit Motion(const Assembly& assembly) : scene(&assembly), y(6 * static_cast<size_t>(assembly.bodies), 0.0) {}
 
   void push(int i, const Axes& by) {
-    const Touch& touch = scene.touches[i];
+    const Touch& touch = scene->touches[i];
     for (int side = 0; side < 2; ++side)
       if (touch.body[side] >= 0) {
         double* of = &y[6 * touch.body[side]];
@@ -19,7 +19,7 @@ struct Motion {  // of the movable bodies: y, and their twists have changed by L
       }
   }
   double velocity(int i, int axis) const {
-    const Touch& touch = scene.touches[i];
+    const Touch& touch = scene->touches[i];
     double sum = touch.plain[axis].velocity;
     for (int side = 0; side < 2; ++side)
       if (touch.body[side] >= 0)
@@ -132,6 +132,62 @@ inline Friction least_work(const Assembly& scene, std::vector<double> p) {
   return result;
 }
 
+// The shifts that a solution leaves.
+inline std::vector<double> shifts_of(const Cones& programme) {
+  std::vector<double> shifts;
+  for (size_t i = 0; i < programme.cones.size(); ++i) shifts.push_back(programme.cones[i].mu * std::hypot(programme.z[i][1], programme.z[i][2]));
+  return shifts;
+}
+inline double distance(const std::vector<double>& one, const std::vector<double>& other) {
+  double most = 0;
+  for (size_t i = 0; i < one.size(); ++i) most = std::fmax(most, std::fabs(one[i] - other[i]));
+  return most;
+}
+
+// How far the velocities may be from those of shifts that stay, if these shifts are `off` after one more round. One
+// round takes shifts a little beside them nearer, by some rate: if by more than `off`, some that stay are no farther.
+// Where contacts lock, or share a load in several ways, shifts all around stay, and nothing can be said. The rate is
+// that of the direction in which rounds are slowest, by the power method: an estimate.
+inline double spread(Cones programme, const std::vector<double>& start, const std::vector<double>& shift, double off) {
+  constexpr double LEAST = 1e-9, WIDER = 30, WIDEST = 1e-3, SEEN = 1e-12, STAYS = 1 - 1e-5;
+  constexpr int ROUNDS = 20;
+  auto look = [&](const std::vector<double>& by) {
+    for (size_t i = 0; i < by.size(); ++i) programme.cones[i].w[0] = start[i] + std::fmax(shift[i] + by[i], 0);
+    if (!programme.settle(Cones::GREATEST, std::vector<Axes>(programme.P), false, 60)) programme.start_afresh();
+    programme.sharpen();
+    return shifts_of(programme);
+  };
+  const std::vector<double> zero(shift.size(), 0.0), here = look(zero), y = programme.motion();
+  off = std::fmax(off, SEEN) + distance(here, shift);
+  double turned = 0;  // the velocities, at most
+  auto rate_beside = [&](double beside, double uneven) {
+    std::vector<double> by;
+    for (size_t i = 0; i < shift.size(); ++i) by.push_back(beside * (1 + std::fmod(uneven * static_cast<double>(i), 1)));
+    double rate = 0, last = -1;
+    for (int round = 0; round < ROUNDS && std::fabs(rate - last) > 0.01 * (1 - rate); ++round) {
+      double size = distance(by, zero);
+      if (!(size > 0)) break;
+      for (double& x : by) x *= beside / size;
+      const std::vector<double> there = look(by), moved = programme.motion();
+      double square = 0;
+      for (size_t k = 0; k < y.size(); ++k) square += (moved[k] - y[k]) * (moved[k] - y[k]);
+      turned = std::fmax(turned, std::sqrt(square));
+      for (size_t i = 0; i < by.size(); ++i) by[i] = there[i] - here[i];
+      last = rate;
+      rate = distance(by, zero) / beside;
+    }
+    return rate;
+  };
+  for (double beside = LEAST; beside < WIDEST; beside *= WIDER) {
+    if (off > beside / 2) continue;
+    double nearer = 1 - off / beside, rate = rate_beside(beside, 0);  // as symmetric as the scene
+    if (rate <= nearer) rate = rate_beside(beside, 0.618);             // or not
+    if (rate <= nearer) return 2 * turned;
+    if (rate > STAYS) break;
+  }
+  return INFINITY;
+}
+
 // Coulomb's law on the velocities after, by convex programmes: with the shift s = mu |u_t+| of normal velocities held,
 // this is least work again; s is then what that leaves, until it stays.
 inline Friction one_step(const Assembly& scene) {
@@ -160,13 +216,9 @@ inline Friction one_step(const Assembly& scene) {
   double change = INFINITY, last_change = INFINITY;
   int round = 0;
   for (; round < 300 && change > 1e-12; ++round) {
-    change = 0;
-    std::vector<double> found(count);
-    for (int i = 0; i < count; ++i) {
-      found[i] = programme.cones[i].mu * std::hypot(programme.z[i][1], programme.z[i][2]);
-      off[i] = found[i] - shift[i];
-      change = std::fmax(change, std::fabs(off[i]));
-    }
+    const std::vector<double> found = shifts_of(programme);
+    for (int i = 0; i < count; ++i) off[i] = found[i] - shift[i];
+    change = distance(found, shift);
     // The secant of the last two, which leaps where the shifts settle slowly (Anderson 1965). Elsewhere it would make
     // much of rounding.
     double along = 0, square = 0;
@@ -189,13 +241,13 @@ inline Friction one_step(const Assembly& scene) {
     programme.sharpen();
   }
   // Of several splits of a load, that of the most friction.
-  for (int i = 0; i < count; ++i) programme.cones[i].w[0] = start[i] + shift[i] * (1 - 1e-9);
+  for (double& s : shift) s *= 1 - 1e-9;
+  for (int i = 0; i < count; ++i) programme.cones[i].w[0] = start[i] + shift[i];
   double gap = programme.solve();
-  change = 0;
-  for (int i = 0; i < count; ++i) change = std::fmax(change, std::fabs(programme.cones[i].mu * std::hypot(programme.z[i][1], programme.z[i][2]) - shift[i]));
+  change = distance(shifts_of(programme), shift);
   result.found = change <= 1e-8;
   for (int i = 0; i < count; ++i)
     for (int axis = 0; axis < 3; ++axis) result.P[i][axis] = programme.P[i][axis] * speed * scene.touches[i].scale * scene.touches[i].length;
-  result.error = speed * (std::sqrt(2 * gap) + change);
+  result.error = speed * (std::sqrt(2 * gap) + (result.found && !scene.locked ? spread(programme, start, shift, change) : INFINITY));
   return result;
 }
