@@ -262,12 +262,12 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
     back = d1 * final1 + d2 * final2 < 0
     slides = choose(back, lambda: 1.0 * Regime.REVERSED + o, lambda: 1.0 * Regime.SLIDING + o)
     holds = choose(ray.sticks & (rest > 0), lambda: 1.0 * Regime.STICKING + o, lambda: slides)
-    slid = choose(along > 0, lambda: r, lambda: 1 + o)
-    least = choose(starts_stuck, lambda: 1 + o, lambda: lesser(y.least, slid))
-    regime = choose(certain(least) < 0, lambda: 1.0 * Regime.JAMMED + o, lambda: holds)
+    least = lesser(y.least, choose(along > 0, lambda: r, lambda: 1 + o))
+    whole, X = p_c + p, choose(over, lambda: y.p_c / c + y.x, lambda: y.x) + along
+    jams = (certain(least) < 0) & (certain(X) > tolerance)  # not while slip is as good as none
+    regime = choose(jams, lambda: 1.0 * Regime.JAMMED + o, lambda: holds)
 
     # The error, from values alone.
-    whole, X = p_c + p, choose(over, lambda: y.p_c / c + y.x, lambda: y.x) + along
     known = (X, along, rest, p_c, p, s_c, s_e, u_c, u, W_c, g, w, r, *ray[4:8])
     X, along, rest, p_c, p, s_c, s_e, u_c, u, W_c, g, w, r, k_z, G, rate, misfit = (certain(v) for v in known)
     endless, L2, P_t, b = math.inf + o, A11 + A22, m * X + k_z * rest, _length(b1, b2)
