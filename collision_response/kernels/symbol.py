@@ -42,8 +42,8 @@ class Node(NamedTuple):
             ``add``, ``sub``, ``mul``, ``div``, ``neg``, ``sqrt``;
             ``lt``, ``le``, ``eq``, ``and``, ``or``, ``not``, ``select`` (condition, if true, if false);
             ``certain``, ``error_of``, ``widened`` (number, by); ``varying_as`` (number, number with its
-            derivatives); ``loop`` (of the first state) and ``part``
-            of its result; within a loop ``state``, and ``outer`` for what lies outside it.
+            derivatives); ``law``, of what it sees, left open; ``loop`` (of the first state); ``part`` of the
+            result of either; within a loop ``state``, and ``outer`` for what lies outside it.
         args: the operands, as places on the tape; all of them earlier.
         value: the name of an input, the value of a constant, a :class:`Loop`, the index of a part or
             state, the place of what lies outside.

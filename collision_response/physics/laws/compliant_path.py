@@ -13,7 +13,7 @@ from functools import reduce
 from operator import add
 from typing import NamedTuple
 
-from ...numbers.number import Condition, Scalar, choose, greater, lesser, negation, square_root
+from ...numbers.number import Condition, Scalar, choose, fixed, greater, lesser, negation, square_root, varying_as
 from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row
 
 EVENT = 2.0**-48
@@ -109,6 +109,10 @@ class Event(NamedTuple):
         """Whether it is just over."""
         return (self.value <= 0) & (self.slope < 0)
 
+    def delay(self) -> Scalar:
+        """0: by how much later it comes as its value varies."""
+        return varying_as(0 * self.value, lambda: -self.value / fixed(self.slope))
+
 
 def step(springs: Springs, y: Course) -> Course:
     """One step of the course, or a shorter one to try next."""
@@ -149,7 +153,7 @@ def step(springs: Springs, y: Course) -> Course:
 
     start = (y.a1, y.a2, y.F, y.P1, y.P2, y.Pn)
     share, reach = mu * k / kappa, springs.reach(y.P1, y.P2, y.Pn)
-    h = y.h
+    h = fixed(y.h)
     slopes: list[tuple[Scalar, ...]] = []
 
     def total(row: Row, i: int) -> Scalar:
@@ -181,11 +185,13 @@ def step(springs: Springs, y: Course) -> Course:
     again = choose(is_fine, lambda: nearest, lambda: size)
 
     def accepted() -> Course:
-        a1, a2, F, P1, P2, Pn = end
+        switches, turns = (event.is_now() for event in after)
+        delay = choose(turns, after[1].delay, lambda: zero)
+        delay = choose(switches, after[0].delay, lambda: delay)
+        a1, a2, F, P1, P2, Pn = (v + rate * delay for v, rate in zip(end, rates(*end), strict=True))
         u_n = springs.velocity(P1, P2, Pn)[2]
         length = choose(slips, lambda: 0.5 * (3 - a1 * a1 - a2 * a2), lambda: one)
         a1, a2 = a1 * length, a2 * length
-        switches, turns = (event.is_now() for event in after)
         # stick <-> slip
         grip = mu * F
         force = square_root(a1 * a1 + a2 * a2)
