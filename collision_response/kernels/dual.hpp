@@ -163,6 +163,11 @@ DUAL OUT Dual<N, D> root(const Dual<N, D>& a) {
   N s = root(a.value);
   return scaled(s, a, 0.5 / high(s));
 }
+// log(1 + x) / x and (exp(x) - 1) / x, as values.
+INLINE double log1p_over(double x) { return x == 0 ? 1 : std::log1p(x) / x; }
+INLINE double expm1_over(double x) { return x == 0 ? 1 : std::expm1(x) / x; }
+DUAL OUT Dual<N, D> log1p_over(const Dual<N, D>& a) { return {lifted<N>(log1p_over(high(a.value)))}; }
+DUAL OUT Dual<N, D> expm1_over(const Dual<N, D>& a) { return {lifted<N>(expm1_over(high(a.value)))}; }
 DUAL INLINE Dual<N, D> varying_as(const Dual<N, D>& x, const Dual<N, D>& y) { return {x.value, y}; }
 DUAL INLINE Dual<typename Traits<N>::Value, D> value(const Dual<N, D>& a) { return {value(a.value), a}; }
 DUAL INLINE Report<N> report(const Dual<N, D>& a) { return report(a.value); }

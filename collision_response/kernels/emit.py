@@ -35,6 +35,7 @@ _TYPES = {Form.REPORT: "Report<N>", Form.VALUE: "Value<N>", Form.BOUNDED: "N"}
 _CASTS = {Form.REPORT: "report", Form.VALUE: "value"}
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "and": "&", "or": "|"}
 _PREFIX = {"sqrt": "root", "lt": "less", "le": "less_equal", "eq": "equal", "not": "negation"}
+_PREFIX |= {"log1p_over": "log1p_over", "expm1_over": "expm1_over"}
 _PREFIX |= {"varying_as": "varying_as", "first": "at<0>", "second": "at<1>", "swapped": "swapped"}
 _KNOWN = ("state", "outer")
 """What a turn of a loop begins with."""

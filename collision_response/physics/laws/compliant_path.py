@@ -13,7 +13,7 @@ from functools import reduce
 from operator import add
 from typing import NamedTuple
 
-from ...numbers.number import Condition, Scalar, choose, fixed, greater, lesser, negation, square_root, varying_as
+from ...numbers.number import Condition, Scalar, choose, fixed, for_derivatives, greater, lesser, negation, square_root, varying_as
 from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row
 
 EVENT = 2.0**-48
@@ -22,6 +22,7 @@ EVENT = 2.0**-48
 END = 1e-8
 """Normal force, relative to its greatest, from which on the rest of the way is straight."""
 
+END_OF_DERIVATIVES = 1e-5
 STEP_ROUNDING = 4e-15
 STEPS = 10000
 
@@ -153,7 +154,7 @@ def step(springs: Springs, y: Course) -> Course:
 
     start = (y.a1, y.a2, y.F, y.P1, y.P2, y.Pn)
     share, reach = mu * k / kappa, springs.reach(y.P1, y.P2, y.Pn)
-    h = fixed(y.h)
+    h = for_derivatives(y.h, lambda: fixed(choose(slips, lambda: lesser(y.h, _reach(springs, y, k)), lambda: y.h)))
     slopes: list[tuple[Scalar, ...]] = []
 
     def total(row: Row, i: int) -> Scalar:
@@ -184,6 +185,8 @@ def step(springs: Springs, y: Course) -> Course:
     passed = (nearest < h) & is_fine
     again = choose(is_fine, lambda: nearest, lambda: size)
 
+    end_at = for_derivatives(one * END, lambda: one * END_OF_DERIVATIVES)
+
     def accepted() -> Course:
         switches, turns = (event.is_now() for event in after)
         delay = choose(turns, after[1].delay, lambda: zero)
@@ -203,7 +206,7 @@ def step(springs: Springs, y: Course) -> Course:
         begins = turns & (y.unloads < 1)
         most = greater(y.most, F)
         over = choose(
-            springs.e < LEAST, lambda: begins, lambda: (y.unloads > 0) & (END * most >= F) & (u_n > 0)
+            springs.e < LEAST, lambda: begins, lambda: (y.unloads > 0) & (end_at * most >= F) & (u_n > 0)
         )
         along = y.a1 * y.a1 * springs.A11 + 2 * y.a1 * y.a2 * springs.A12 + y.a2 * y.a2 * springs.A22
         slid = mu * square_root(along * k) * h / 2
@@ -225,6 +228,16 @@ def step(springs: Springs, y: Course) -> Course:
 
 LEAST = 1e-12
 """Less restitution gives back nothing that would count: 0 is answered, and the bound says so."""
+
+
+def _reach(springs: Springs, y: Course, k: Scalar) -> Scalar:
+    """How far slip may go in one step, if it may leave its plane: that is stiff where ``F_n`` is small."""
+    u1, u2, u_n = springs.velocity(y.P1, y.P2, y.Pn)
+    return LONGEST * y.F / (k * abs(u_n) + springs.kappa * (abs(u1) + abs(u2)) / (STIFF * springs.mu))
+
+
+LONGEST = 0.5
+STIFF = 3.0
 
 
 def _exponential(x: Scalar) -> Scalar:

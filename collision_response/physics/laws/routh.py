@@ -66,6 +66,8 @@ from ...numbers.number import (
     greater,
     iterate,
     lesser,
+    relative_exponential,
+    relative_logarithm,
     square_root,
     varying_as,
     widened,
@@ -253,6 +255,17 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
     along, rest = x + x_r, y_c + y_r
     P1 = y.P1 - m * s1 * along - ray.kz1 * rest
     P2 = y.P2 - m * s2 * along - ray.kz2 * rest
+
+    # As it varies, slip leaves its straight way: by y = s phi across it, y' = w - m A_qq y / s.
+    def veer() -> Scalar:
+        stiffness = A11 * s2 * s2 - 2 * A12 * s1 * s2 + A22 * s1 * s1
+        moves = (s > 0) & (s_e > 0)
+        time = along / s * relative_logarithm(g * along / s)
+        kept = choose(moves, lambda: s_e * time * relative_exponential(-(g + m * stiffness) * time), lambda: o)
+        return w * fixed(choose(s > 0, lambda: (kept - along) / stiffness, lambda: o))
+
+    veers = varying_as(o, veer)
+    P1, P2 = P1 - s2 * veers, P2 + s1 * veers
     P1 = choose(starts_stuck, lambda: varying_as(P1, lambda: P1 - h1), lambda: P1)
     P2 = choose(starts_stuck, lambda: varying_as(P2, lambda: P2 - h2), lambda: P2)
     heat = y.heat + m * ((s + s_c) * x + (s_c + s_e) * x_r) / 2 + ray.k * ray.G * rest * rest / 2
