@@ -19,17 +19,17 @@
 typedef double Block __attribute__((vector_size(32)));  // the derivatives in four directions
 using Edges = std::uint64_t;                            // a bit for each direction
 
-#define OUT static __attribute__((noinline, unused))
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
 #define FOR_EACH_LEVEL __attribute__((target_clones("avx2", "default")))
 #else
 #define FOR_EACH_LEVEL
 #endif
+#define OUT FOR_EACH_LEVEL static __attribute__((noinline, unused))
 
-FOR_EACH_LEVEL OUT void multiply(Block* y, const Block* a, double by, int count) {
+INLINE void multiply(Block* y, const Block* a, double by, int count) {
   for (int k = 0; k < count; ++k) y[k] = a[k] * by;
 }
-FOR_EACH_LEVEL OUT void blend(Block* y, const Block* a, double by_a, const Block* b, double by_b, int count) {
+INLINE void blend(Block* y, const Block* a, double by_a, const Block* b, double by_b, int count) {
   for (int k = 0; k < count; ++k) y[k] = a[k] * by_a + b[k] * by_b;
 }
 
@@ -38,12 +38,12 @@ struct Few {
   Block d[BLOCKS];
 
   double at(int direction) const { return d[direction / 4][direction % 4]; }
-  Few scaled(double by) const {
+  __attribute__((always_inline)) Few scaled(double by) const {
     Few y;
     for (int k = 0; k < BLOCKS; ++k) y.d[k] = d[k] * by;
     return y;
   }
-  Few blended(double by, const Few& b, double by_b) const {
+  __attribute__((always_inline)) Few blended(double by, const Few& b, double by_b) const {
     Few y;
     for (int k = 0; k < BLOCKS; ++k) y.d[k] = d[k] * by + b.d[k] * by_b;
     return y;
@@ -77,12 +77,12 @@ struct Many {
     int block = direction / 4;
     return from <= block && block < to ? d[block][direction % 4] : 0;
   }
-  Many scaled(double by) const {
+  __attribute__((always_inline)) Many scaled(double by) const {
     Many y(from, to);
     if (from < to) multiply(y.d + from, d + from, by, to - from);
     return y;
   }
-  Many blended(double by, const Many& b, double by_b) const {
+  __attribute__((always_inline)) Many blended(double by, const Many& b, double by_b) const {
     if (b.from >= b.to) return scaled(by);
     if (from >= to) return b.scaled(by_b);
     Many y(std::min(from, b.from), std::max(to, b.to));
@@ -106,6 +106,7 @@ struct Many {
 template <class N, class D>
 struct Dual {
   using Number = N;
+  using Derivatives = D;
   N value;
   Edges kinks, jumps;
   D d;
@@ -171,6 +172,15 @@ DUAL OUT Dual<N, D> expm1_over(const Dual<N, D>& a) { return {lifted<N>(expm1_ov
 DUAL INLINE Dual<N, D> varying_as(const Dual<N, D>& x, const Dual<N, D>& y) { return {x.value, y}; }
 DUAL INLINE Dual<typename Traits<N>::Value, D> value(const Dual<N, D>& a) { return {value(a.value), a}; }
 DUAL INLINE Report<N> report(const Dual<N, D>& a) { return report(a.value); }
+
+// What a loop carries has the edges of all that goes into it.
+template <class... Outer> INLINE auto share_edges(const Outer&... outer) {
+  return [&](auto&... state) {
+    Edges kinks = (Edges{} | ... | outer.kinks) | (state.kinks | ...), jumps = (Edges{} | ... | outer.jumps) | (state.jumps | ...);
+    ((state.kinks = kinks), ...);
+    ((state.jumps = jumps), ...);
+  };
+}
 
 // The directions in which two numbers part.
 DUAL OUT Edges parting(const Dual<N, D>& a, const Dual<N, D>& b) {

@@ -37,8 +37,6 @@ _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "and": "&", "or": "|"}
 _PREFIX = {"sqrt": "root", "lt": "less", "le": "less_equal", "eq": "equal", "not": "negation"}
 _PREFIX |= {"log1p_over": "log1p_over", "expm1_over": "expm1_over"}
 _PREFIX |= {"varying_as": "varying_as", "first": "at<0>", "second": "at<1>", "swapped": "swapped"}
-_KNOWN = ("state", "outer")
-"""What a turn of a loop begins with."""
 _OF_EITHER = ("select", "join", "both", "first", "second", "swapped")
 """Operations on numbers and on conditions."""
 
@@ -253,7 +251,6 @@ class _Scope:
         inputs: the places of the inputs.
         outside: the scope around a turn of a loop.
         guards: when each operation is needed.
-        values: the scope of this tape where what is not written here is known by its value.
     """
 
     def __init__(
@@ -264,7 +261,6 @@ class _Scope:
         inputs: dict[object, int],
         outside: _Scope | None,
         guards: dict[int, Guard],
-        values: _Scope | None = None,
     ) -> None:
         self.tape = tape
         self.forms = forms
@@ -272,7 +268,6 @@ class _Scope:
         self.inputs = inputs
         self.outside = outside
         self.guards = guards
-        self.values = values
 
     def use(self, place: int, form: Form) -> str:
         """The number at a place, in a form that it has or less."""
@@ -283,11 +278,7 @@ class _Scope:
             return f"constant<{_TYPES[form]}>(GIVEN_ROUNDOFF)"
         if node.op == "truth":
             return f"truth<{_TYPES[form]}>({'true' if node.value else 'false'})"
-        if self.values is not None and place not in self.forms:
-            return self.values.use(place, Form.REPORT if self._is_condition(place) else form)
-        own, name = self.forms[place], f"{self.prefix}{place}"
-        if node.op == "part":
-            name = f"{self.prefix}{node.args[0]}_{node.value}"
+        own, name = self.forms[place], self._name(place)
         if own is form:
             return name
         if own < form:
@@ -340,8 +331,8 @@ class _Scope:
         return f"may_hold({name if value else f'negation({name})'})"
 
     def _name(self, place: int) -> str:
-        known = self.values is not None and place not in self.forms
-        return self.values._name(place) if known else f"{self.prefix}{place}"
+        node = self.tape.nodes[place]
+        return f"{self.prefix}{place}" if node.op != "part" else f"{self.prefix}{node.args[0]}_{node.value}"
 
     def _declaration(self, place: int) -> str:
         node, form = self.tape.nodes[place], self.forms[place]
@@ -373,7 +364,7 @@ class _Scope:
             yield f"const N {name}_in[] = {{{', '.join(self.use(arg, Form.BOUNDED) for arg in args)}}};"
             yield f"const auto [{name}_0, {name}_1, {name}_2] = law({name}_in);"
         else:
-            kind = "" if declared else "const auto& " if op in _KNOWN else "const auto "
+            kind = "" if declared else "const auto "
             yield f"{kind}{self.prefix}{place} = {self._expression(place, self.forms[place])};"
 
     def _choices(self, by: int, places: list[int], *, declared: bool) -> Iterable[str]:
@@ -413,10 +404,8 @@ class _Scope:
             return f"widened({self.use(node.args[0], form)}, {self.use(node.args[1], Form.VALUE)})"
         if node.op == "varying_as" and form is Form.REPORT:
             return self.use(node.args[0], form)
-        if node.op in _INFIX and self.tape.of_derivatives and form > Form.REPORT:
-            args = [self._factor(arg, form) for arg in node.args]
-        else:
-            args = [self.use(arg, form) for arg in node.args]
+        plain = node.op in _INFIX and self.tape.of_derivatives and form > Form.REPORT
+        args = [self._factor(arg, form) if plain else self.use(arg, form) for arg in node.args]
         if node.op in _INFIX:
             return f"{args[0]} {_INFIX[node.op]} {args[1]}"
         if node.op == "neg":
@@ -433,8 +422,7 @@ class _Scope:
         node = self.tape.nodes[place]
         if node.op == "constant":
             return f"constant<Number<{_TYPES[form]}>>({_literal(node.value)})"
-        values = self.values if place not in self.forms else None
-        return self.use(place, form) if values is None else values.use(place, Form.REPORT)
+        return self.use(place, form)
 
     def _varying(self, place: int) -> _Varying:
         parts = _parts(self.tape, self.forms, place)
@@ -451,6 +439,11 @@ class _Scope:
         count = len(node.args)
         for i, arg in enumerate(node.args):
             yield f"{name}_{i} = {self.use(arg, varying.form_of_state(i))};"
+        if varying.states:
+            nodes = (loop.tape.nodes[place] for place in sorted(varying.places or ()))
+            outer = [one.value for one in nodes if one.op == "outer" and self.forms[one.value] > Form.REPORT]
+            states = ", ".join(f"{name}_{i}" for i in sorted(varying.states))
+            yield f"share_edges({', '.join(map(self._name, outer))})({states});"
         yield f"for (int turn = 0; turn < {loop.budget}; ++turn) {{"
         for i in range(count):
             read = f"report({name}_{i})" if of_values is Form.REPORT else f"{name}_{i}"
@@ -467,27 +460,14 @@ class _Scope:
             if at not in written:
                 yield "  " + line
         if varying.places is not None:
-            turn = self._derivatives_of(loop, turn, varying)
-            for i in varying.states:
-                yield f"  const auto state_{turn.prefix}{i} = {name}_{i};"
-            yield from ("  " + line for line in turn.lines())
+            yield from _Tangents(loop, name, self, turn, varying.places).blocks(varying.states)
         for i, after in enumerate(loop.after):
-            form = varying.form_of_state(i)
             if of_values is Form.REPORT:
-                yield f"  {name}_{i} = {turn.use(after, form)};"
+                part = ".value" if i in varying.states else ""
+                yield f"  {name}_{i}{part} = {turn.use(after, Form.REPORT)};"
             else:
-                yield f"  {name}_{i} = choose({name}_going, {turn.use(after, form)}, {name}_{i});"
+                yield f"  {name}_{i} = choose({name}_going, {turn.use(after, Form.VALUE)}, {name}_{i});"
         yield "}"
-
-    def _derivatives_of(self, loop: Loop, values: _Scope, varying: _Varying) -> _Scope:
-        """What of a turn carries derivatives, where the values are known."""
-        assert varying.places is not None
-        forms = dict.fromkeys(sorted(varying.places), Form.VALUE)
-        guards = _guards(loop.tape, forms, {loop.after[i] for i in varying.states})
-        for place in forms:
-            if loop.tape.nodes[place].op in _KNOWN:
-                guards[place] = ALWAYS
-        return _Scope(loop.tape, forms, f"{values.prefix}d", self.inputs, self, guards, values)
 
     def numbered_lines(self, places: Iterable[int]) -> Iterable[tuple[str, int]]:
         """The lines of some operations, each with its place."""
@@ -495,6 +475,66 @@ class _Scope:
             node, form = self.tape.nodes[place], self.forms[place]
             if node.op not in CONSTANTS:
                 yield f"const auto {self.prefix}{place} = {self._expression(place, form)};", place
+
+
+class _Tangents(_Scope):
+    """The lines of a turn for derivatives, in four directions at a time, where the values are known."""
+
+    def __init__(self, loop: Loop, name: str, outside: _Scope, values: _Scope, places: Iterable[int]) -> None:
+        forms = dict.fromkeys(sorted(places), Form.VALUE)
+        guards = _guards(loop.tape, forms, [place for place in loop.after if place in forms])
+        super().__init__(loop.tape, forms, f"{values.prefix}_d", {}, outside, guards)
+        self.name = name
+        self.after = loop.after
+        self.values = values
+
+    def blocks(self, states: Iterable[int]) -> Iterable[str]:
+        """The turn of some parts of the state."""
+        yield "  for (int block = 0; block < N::Derivatives::BLOCKS; ++block) {"
+        yield from ("    " + line for line in self.lines())
+        for i in sorted(states):
+            yield f"    {self.name}_{i}.d.d[block] = {self.use(self.after[i], Form.VALUE)};"
+        yield "  }"
+
+    def use(self, place: int, form: Form) -> str:
+        """The derivatives of a number."""
+        return f"{self.prefix}{place}" if place in self.forms else "Block{}"
+
+    def _name(self, place: int) -> str:
+        return self.values._name(place)
+
+    def _declaration(self, place: int) -> str:
+        return f"Block {self.prefix}{place};"
+
+    def _expression(self, place: int, form: Form) -> str:
+        node, known = self.tape.nodes[place], self.values.use
+        if node.op == "state":
+            return f"{self.name}_{node.value}.d.d[block]"
+        if node.op == "outer":
+            assert self.outside is not None
+            known_only = self.outside.forms[node.value] is Form.REPORT
+            return "Block{}" if known_only else f"{self.outside._name(node.value)}.d.d[block]"
+        if node.op == "varying_as":
+            return self.use(node.args[1], form)
+        d = [self.use(arg, form) for arg in node.args]
+        if node.op == "select":
+            return f"{known(node.args[0], Form.REPORT)} ? {d[1]} : {d[2]}"
+        value = [known(arg, Form.REPORT) for arg in node.args]
+        varies = [arg in self.forms for arg in node.args]
+        if node.op == "mul":
+            return " + ".join(f"{d[i]} * {value[1 - i]}" for i in (0, 1) if varies[i])
+        if node.op == "div":
+            change = f"{known(place, Form.REPORT)} * {d[1]}"
+            top = f"({d[0]} - {change})" if all(varies) else d[0] if varies[0] else f"-({change})"
+            return f"{top} * (1 / {value[1]})"
+        if node.op == "sqrt":
+            return f"{d[0]} * (0.5 / {known(place, Form.REPORT)})"
+        if node.op == "neg":
+            return f"-{d[0]}"
+        assert node.op in ("add", "sub"), node.op
+        if all(varies):
+            return f"{d[0]} {_INFIX[node.op]} {d[1]}"
+        return d[0] if varies[0] else f"-{d[1]}" if node.op == "sub" else d[1]
 
 
 def _literal(value: float) -> str:

@@ -22,7 +22,6 @@ EVENT = 2.0**-48
 END = 1e-8
 """Normal force, relative to its greatest, from which on the rest of the way is straight."""
 
-END_OF_DERIVATIVES = 1e-5
 STEP_ROUNDING = 4e-15
 STEPS = 10000
 
@@ -185,8 +184,6 @@ def step(springs: Springs, y: Course) -> Course:
     passed = (nearest < h) & is_fine
     again = choose(is_fine, lambda: nearest, lambda: size)
 
-    end_at = for_derivatives(one * END, lambda: one * END_OF_DERIVATIVES)
-
     def accepted() -> Course:
         switches, turns = (event.is_now() for event in after)
         delay = choose(turns, after[1].delay, lambda: zero)
@@ -206,7 +203,7 @@ def step(springs: Springs, y: Course) -> Course:
         begins = turns & (y.unloads < 1)
         most = greater(y.most, F)
         over = choose(
-            springs.e < LEAST, lambda: begins, lambda: (y.unloads > 0) & (end_at * most >= F) & (u_n > 0)
+            springs.e < LEAST, lambda: begins, lambda: (y.unloads > 0) & (END * most >= F) & (u_n > 0)
         )
         along = y.a1 * y.a1 * springs.A11 + 2 * y.a1 * y.a2 * springs.A12 + y.a2 * y.a2 * springs.A22
         slid = mu * square_root(along * k) * h / 2
@@ -237,7 +234,7 @@ def _reach(springs: Springs, y: Course, k: Scalar) -> Scalar:
 
 
 LONGEST = 0.5
-STIFF = 3.0
+STIFF = 2.0
 
 
 def _exponential(x: Scalar) -> Scalar:
