@@ -158,7 +158,9 @@ struct Job {
       Many d = change.d;
       if (i < TWISTS) d = d.blended(1, parameters[VELOCITY + (i < TWISTS / 2 ? i : PARAMETERS_OF_BODY + i - TWISTS / 2)], 1);
       double* row = jacobian + (i * count + from) * n + at;
-      for (int k = 0; k < width; ++k) row[k * n] = d.at(k);
+      double line[Many::DIRECTIONS] = {};
+      if (d.from < d.to) std::memcpy(line + 4 * d.from, d.d + d.from, (d.to - d.from) * sizeof(Block));
+      for (int k = 0; k < width; ++k) row[k * n] = line[k];
       kinks |= change.kinks;
       jumps |= change.jumps;
     }
@@ -170,14 +172,22 @@ struct Job {
 
   // How a parameter changes in some directions.
   Many parameter(int p, long at, long from, int width) const {
-    const double* row = directions + (p * count + from) * (apart ? n : 1) + apart * at;
     long step = apart ? n : 1;
-    int first = 0, last = width;
-    while (first < last && row[first * step] == 0) ++first;
-    while (first < last && row[(last - 1) * step] == 0) --last;
-    Many d(first / 4, (last + 3) / 4);
-    if (first == last) return {};
-    for (int k = 4 * d.from; k < 4 * d.to; ++k) d.d[k / 4][k % 4] = k < width ? row[k * step] : 0;
+    const double* row = directions + (p * count + from) * step + apart * at;
+    double line[Many::DIRECTIONS];
+    if (step == 1) std::memcpy(line, row, width * sizeof *row);
+    else for (int k = 0; k < width; ++k) line[k] = row[k * step];
+    int first = 0, last = (width + 3) / 4;
+    for (int k = width; k < 4 * last; ++k) line[k] = 0;
+    auto is_zero = [&](int block) {
+      std::uint64_t bits[4];
+      std::memcpy(bits, line + 4 * block, sizeof bits);
+      return !(bits[0] | bits[1] | bits[2] | bits[3]);
+    };
+    while (first < last && is_zero(first)) ++first;
+    while (first < last && is_zero(last - 1)) --last;
+    Many d(first, last);
+    if (first < last) std::memcpy(d.d + first, line + 4 * first, (last - first) * sizeof(Block));
     return d;
   }
   // The changes of parameters as changes of inputs.

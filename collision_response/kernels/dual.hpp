@@ -33,11 +33,19 @@ INLINE void blend(Block* y, const Block* a, double by_a, const Block* b, double 
   for (int k = 0; k < count; ++k) y[k] = a[k] * by_a + b[k] * by_b;
 }
 
+// The directions in which there are any.
+INLINE Edges edges_of(const Block* d, int from, int to) {
+  Edges some = 0;
+  for (int i = 4 * from; i < 4 * to; ++i) some |= Edges(d[i / 4][i % 4] != 0) << i;
+  return some;
+}
+
 struct Few {
   static constexpr int BLOCKS = 4, DIRECTIONS = 4 * BLOCKS;
   Block d[BLOCKS];
 
   double at(int direction) const { return d[direction / 4][direction % 4]; }
+  Edges edges() const { return edges_of(d, 0, BLOCKS); }
   __attribute__((always_inline)) Few scaled(double by) const {
     Few y;
     for (int k = 0; k < BLOCKS; ++k) y.d[k] = d[k] * by;
@@ -77,6 +85,7 @@ struct Many {
     int block = direction / 4;
     return from <= block && block < to ? d[block][direction % 4] : 0;
   }
+  Edges edges() const { return edges_of(d, from, to); }
   __attribute__((always_inline)) Many scaled(double by) const {
     Many y(from, to);
     if (from < to) multiply(y.d + from, d + from, by, to - from);
@@ -184,9 +193,7 @@ template <class... Outer> INLINE auto share_edges(const Outer&... outer) {
 
 // The directions in which two numbers part.
 DUAL OUT Edges parting(const Dual<N, D>& a, const Dual<N, D>& b) {
-  Edges apart = 0;
-  for (int i = 0; i < D::DIRECTIONS; ++i) apart |= Edges(a.at(i) != b.at(i)) << i;
-  return apart;
+  return a.d.blended(1, b.d, -1).edges();
 }
 
 // The truth of a comparison: by value; and the directions in which the least step may change it.
