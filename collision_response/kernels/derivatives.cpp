@@ -123,10 +123,7 @@ struct Blow {
     for (int i = 0; i < AXES; ++i) {
       P[i] = Wide(y.value[i]);
       for (int k = 0; k < Few::DIRECTIONS; ++k) {
-        const Wide& one = in[free_numbers[k]];
-        P[i].kinks |= one.kinks;
-        P[i].jumps |= one.jumps;
-        P[i].d = P[i].d.blended(1, one.d, y.d[i][k]);
+        P[i] = combined(P[i].value, P[i], 1, in[free_numbers[k]], y.d[i][k]);
       }
     }
     return P;

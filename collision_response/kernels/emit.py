@@ -439,11 +439,12 @@ class _Scope:
         count = len(node.args)
         for i, arg in enumerate(node.args):
             yield f"{name}_{i} = {self.use(arg, varying.form_of_state(i))};"
+        shared = ""
         if varying.states:
             nodes = (loop.tape.nodes[place] for place in sorted(varying.places or ()))
             outer = [one.value for one in nodes if one.op == "outer" and self.forms[one.value] > Form.REPORT]
             states = ", ".join(f"{name}_{i}" for i in sorted(varying.states))
-            yield f"share_edges({', '.join(map(self._name, outer))})({states});"
+            shared = f"  if (turn == 0) share_edges({', '.join(map(self._name, outer))})({states});"
         yield f"for (int turn = 0; turn < {loop.budget}; ++turn) {{"
         for i in range(count):
             read = f"report({name}_{i})" if of_values is Form.REPORT else f"{name}_{i}"
@@ -460,6 +461,7 @@ class _Scope:
             if at not in written:
                 yield "  " + line
         if varying.places is not None:
+            yield shared
             yield from _Tangents(loop, name, self, turn, varying.places).blocks(varying.states)
         for i, after in enumerate(loop.after):
             if of_values is Form.REPORT:
