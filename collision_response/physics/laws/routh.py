@@ -228,12 +228,13 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
     v1, v2 = certain(slip1), certain(slip2)
     span = abs(v1) + abs(v2)
     slips = span > certain(error_of(slip1) + error_of(slip2))
+    scale = fixed(span)
     d1, d2 = (
-        choose(slips, lambda: v1 / span, lambda: ray.z1),
-        choose(slips, lambda: v2 / span, lambda: ray.z2),
+        choose(slips, lambda: v1 / scale, lambda: ray.z1),
+        choose(slips, lambda: v2 / scale, lambda: ray.z2),
     )
     size = _length(d1, d2)
-    d1, d2, s = d1 / size, d2 / size, choose(slips, lambda: span * size / certain(speed), lambda: o)
+    d1, d2, s = d1 / size, d2 / size, choose(slips, lambda: scale * size / certain(speed), lambda: o)
     # Out of rest, slip grows along the ray; what sticks takes any slip back, at no way.
     at_rest, (w1, w2) = fixed(span) <= 0, (v1 / certain(speed), v2 / certain(speed))
     h1, h2 = path.held(w1, w2)
