@@ -80,6 +80,10 @@ void seed_each(const Bounded<double>* seen, Seeds& seeds) {
 // by e at 0 too, and that is as far off.
 constexpr double LEAST_RESTITUTION = 1e-7;
 
+FOR_EACH_LEVEL void add(Block* y, const Block* a, double by, int count) {
+  for (int k = 0; k < count; ++k) y[k] += a[k] * by;
+}
+
 // The impulse of a law, in many directions: by each number that it sees, and what those change. On an edge, and in
 // few directions, as they are.
 struct Blow {
@@ -118,12 +122,17 @@ struct Blow {
         if (!(d - d == 0)) return false;
     return true;
   }
-  static std::array<Wide, AXES> by_each(const Wide* in, const Impulse& y) {
+  std::array<Wide, AXES> by_each(const Wide* in, const Impulse& y) const {
     std::array<Wide, AXES> P;
     for (int i = 0; i < AXES; ++i) {
-      P[i] = Wide(y.value[i]);
+      P[i] = Wide(y.value[i], 0, 0, Many(0, (directions + 3) / 4));
+      std::fill_n(P[i].d.d, P[i].d.to, Block{});
       for (int k = 0; k < Few::DIRECTIONS; ++k) {
-        P[i] = combined(P[i].value, P[i], 1, in[free_numbers[k]], y.d[i][k]);
+        const Wide& one = in[free_numbers[k]];
+        double by = y.d[i][k];
+        P[i].kinks |= by == 0 ? one.jumps : one.kinks;
+        P[i].jumps |= by == 0 ? 0 : one.jumps;
+        if (by != 0 && one.d.from < one.d.to) add(P[i].d.d + one.d.from, one.d.d + one.d.from, by, one.d.to - one.d.from);
       }
     }
     return P;
