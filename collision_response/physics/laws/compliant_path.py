@@ -228,13 +228,12 @@ LEAST = 1e-12
 
 
 def _reach(springs: Springs, y: Course, k: Scalar) -> Scalar:
-    """How far slip may go in one step, if it may leave its plane: that is stiff where ``F_n`` is small."""
+    """How far slip may go in one step: its direction is stiff where ``F_n`` is small.
+
+    Steps that are fine for planar slip are too long for how it leaves its plane as the data vary.
+    """
     u1, u2, u_n = springs.velocity(y.P1, y.P2, y.Pn)
-    return LONGEST * y.F / (k * abs(u_n) + springs.kappa * (abs(u1) + abs(u2)) / (STIFF * springs.mu))
-
-
-LONGEST = 0.5
-STIFF = 2.0
+    return y.F / (2 * k * abs(u_n) + 2 * springs.kappa * (abs(u1) + abs(u2)) / springs.mu)
 
 
 def _exponential(x: Scalar) -> Scalar:
