@@ -101,18 +101,18 @@ struct Blow {
       if (!(y.kinks | y.jumps) && is_finite(y)) return by_each(in, y);
     }
     std::array<Wide, AXES> P;
-    for (int from = 0; from < Many::BLOCKS; from += Few::BLOCKS) {
-      int blocks = std::min(Few::BLOCKS, Many::BLOCKS - from);
+    const int all = (directions + 3) / 4;
+    for (int from = 0; from < all; from += Few::BLOCKS) {
+      int blocks = std::min(Few::BLOCKS, all - from);
       for (int i = 0; i < SEEN; ++i)
         for (int k = 0; k < Few::DIRECTIONS; ++k) seeds[i][k] = k < 4 * blocks ? in[i].at(4 * from + k) : 0;
       differentiate(law, seen, seeds, &y);
       for (int i = 0; i < AXES; ++i) {
-        if (from == 0) P[i] = {y.value[i], 0, 0, Many(0, Many::BLOCKS)};
+        if (from == 0) P[i] = {y.value[i], 0, 0, Many(0, all)};
         std::memcpy(P[i].d.d + from, y.d[i], blocks * sizeof(Block));
         P[i].kinks |= y.kinks << 4 * from;
         P[i].jumps |= y.jumps << 4 * from;
       }
-      if (4 * (from + blocks) >= directions) break;
     }
     return P;
   }

@@ -60,6 +60,7 @@ from ...numbers.number import (
     choose,
     error_of,
     fixed,
+    for_derivatives,
     greater,
     iterate,
     lesser,
@@ -139,6 +140,7 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     brief = lesser(certain(force / choose(mu > 0, lambda: mu, lambda: one) / rate), left)
     push = certain(choose(slides, lambda: -grip * left / 2, lambda: left - brief / 2))
     P1, P2, P_n = map(certain, (y.P1 + y.a1 * push, y.P2 + y.a2 * push, y.Pn + y.F * left / 2))
+    P_n = for_derivatives(P_n, lambda: P_n * choose(y.going > 0, lambda: math.nan + o, lambda: one))
     w1, w2, w_n = springs.velocity(P1, P2, P_n)
     total = certain(-(P1 * (s + w1) + P2 * w2 + P_n * (w_n - 1)) / 2)
     lost = (1 - e) * (1 + e) * y.most * y.most / 2
@@ -188,7 +190,7 @@ def _start(springs: Springs) -> Course:
     fastest = 1 + abs(b1) + abs(b2) + (mu + kappa) * (A11 + A22)
     lean = choose(slips, lambda: varying_as(o, lambda: across / s), lambda: o)
     w = b2 - mu * A12 - lean * (b1 + mu * (A22 - A11))
-    turns = slips & negation(w == 0) & (mu > 0)
+    turns = slips & negation((w == 0) & (lean == 0)) & (mu > 0)
     t = choose(turns, lambda: EARLY / square_root(fastest), lambda: o)
     turned = lean + t * t * w / choose(turns, lambda: 2 * s + 4 * mu / kappa, lambda: one)
     F = t - (1 - mu * b1) * t * t * t / 6

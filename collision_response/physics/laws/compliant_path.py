@@ -233,7 +233,9 @@ def _reach(springs: Springs, y: Course, k: Scalar) -> Scalar:
     Steps that are fine for planar slip are too long for how it leaves its plane as the data vary.
     """
     u1, u2, u_n = springs.velocity(y.P1, y.P2, y.Pn)
-    return y.F / (2 * k * abs(u_n) + 2 * springs.kappa * (abs(u1) + abs(u2)) / springs.mu)
+    force, turn = y.F / (k * abs(u_n)), springs.mu * y.F / (springs.kappa * (abs(u1) + abs(u2)))
+    far = lesser(force / 2, lesser(turn / 2 + force / 100, 3 * turn))
+    return choose(y.F > 0, lambda: far, lambda: y.h)
 
 
 def _exponential(x: Scalar) -> Scalar:
