@@ -133,7 +133,7 @@ def by_resolving(scene, model: ImpactModel, name: str, axis: int, step: float) -
     def after(by: float) -> np.ndarray:
         here = changed(request, name, axis, by)
         turned = (here[body]._replace(orientation=Quaternion(*map(float, here[body].orientation))) for body in ("body_a", "body_b"))
-        impact = resolve(*turned, here["contact"], model._replace(tolerance=1e-10, **here["model"]))
+        impact = resolve(*turned, here["contact"], model._replace(**here["model"]))
         return np.concatenate([*impact.twist_a, *impact.twist_b, impact.impulse])
 
     near, far = (after(k * step) - after(-k * step) for k in (1, 2))
@@ -209,9 +209,9 @@ IN_AND_OUT_OF_A_PLANE = {
 @pytest.mark.parametrize("law", [*LAWS_WITH_FRICTION, Law.COMPLIANT])
 @pytest.mark.parametrize("case", IN_AND_OUT_OF_A_PLANE)
 def test_all_columns_agree_with_differences_also_out_of_the_plane(law, case):
-    """A path to 1e-13 over steps of 2e-4, of which the fourth power counts: some 1e-9, and more for light parts."""
+    """Steps of 4e-4 that err by their fourth power, on paths that err by some 1e-13."""
     *scene, stiffness_ratio, regime = IN_AND_OUT_OF_A_PLANE[case]
-    model = ImpactModel(law, stiffness_ratio=stiffness_ratio)
+    model = ImpactModel(law, stiffness_ratio=stiffness_ratio, tolerance=1e-12)
     found = differentiate(*scene, model)
     assert law is not Law.COMPLIANT or found.impact.regime.name == regime
     for name in PARAMETERS:
@@ -222,9 +222,9 @@ def test_all_columns_agree_with_differences_also_out_of_the_plane(law, case):
         size = max(map(abs, body.inertia)) if field == "inertia" else 1.0
         size = min(size, scene[2].restitution) if field == "restitution" else size
         for axis, column in enumerate(found.jacobian[:, found.columns[name]].T):
-            expected = by_resolving(scene, model, name, axis, 2e-4 * size)
+            expected = by_resolving(scene, model, name, axis, 4e-4 * size)
             scale = max(1.0, np.abs(expected).max())
-            np.testing.assert_allclose(column, expected, rtol=0, atol=2e-7 * scale, err_msg=f"{name} {axis}")
+            np.testing.assert_allclose(column, expected, rtol=0, atol=1e-7 * scale, err_msg=f"{name} {axis}")
 
 
 def test_compliant_to_many_digits():
@@ -248,7 +248,7 @@ def test_compliant_to_many_digits():
 
 
 def test_the_springs_of_compliant_stay_what_they_are_where_stick_and_slip_begin_alike():
-    """It begins with stick if kappa |u_t| <= mu |u_n|: the answer and its derivatives are the same on both sides."""
+    """It begins with stick if kappa |u_t| <= mu |u_n|. On both sides are the same derivatives, to the root of how far."""
     names = ("body_a.velocity", "contact.friction", "model.stiffness_ratio")
     at, before, beyond = (
         differentiate(
@@ -259,7 +259,7 @@ def test_the_springs_of_compliant_stay_what_they_are_where_stick_and_slip_begin_
     )  # fmt: skip
     assert (at.smoothness == SMOOTH).all()
     for near in (before, beyond):
-        np.testing.assert_allclose(near.jacobian, at.jacobian, rtol=0, atol=1e-7)
+        np.testing.assert_allclose(near.jacobian, at.jacobian, rtol=0, atol=1e-5)
 
 
 def test_compliant_without_friction_is_as_hard_by_friction():

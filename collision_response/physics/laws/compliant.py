@@ -186,7 +186,7 @@ def _start(springs: Springs) -> Course:
     """At first touch, or soon after where slip turns."""
     A11, A12, A22, b1, b2, s, across, mu, kappa, _, _ = springs
     o, one = 0 * s, 1 + 0 * s
-    slips = (fixed(kappa * s) > mu) | (mu <= 0)  # where either will do, they differ by the square of the rest
+    slips = (fixed(kappa * s) > mu) | (mu <= 0)  # no kink: there either does
     fastest = 1 + abs(b1) + abs(b2) + (mu + kappa) * (A11 + A22)
     lean = choose(slips, lambda: varying_as(o, lambda: across / s), lambda: o)
     w = b2 - mu * A12 - lean * (b1 + mu * (A22 - A11))
