@@ -95,20 +95,22 @@ struct Blow {
     if (double& e = seen[SEEN_RESTITUTION].value; law == LAW_COMPLIANT && e < LEAST_RESTITUTION) e = LEAST_RESTITUTION;
     Seeds seeds;
     Impulse y;
-    if (directions > Few::DIRECTIONS) {
+    std::array<Wide, AXES> P{Wide(Bounded<double>{}), Wide(Bounded<double>{}), Wide(Bounded<double>{})};
+    const int all = (directions + 3) / 4;
+    const bool has_edges = std::any_of(in, in + SEEN, [](const Wide& one) { return one.kinks | one.jumps; });
+    if (has_edges || directions > Few::DIRECTIONS) {
       seed_each(seen, seeds);
       differentiate(law, seen, seeds, &y);
-      if (!(y.kinks | y.jumps) && is_finite(y)) return by_each(in, y);
+      for (int i = 0; i < AXES; ++i) P[i] = by_each(in, y, i);
+      if (!(y.kinks | y.jumps) && is_finite(y)) return P;
     }
-    std::array<Wide, AXES> P;
-    const int all = (directions + 3) / 4;
     for (int from = 0; from < all; from += Few::BLOCKS) {
       int blocks = std::min(Few::BLOCKS, all - from);
       for (int i = 0; i < SEEN; ++i)
         for (int k = 0; k < Few::DIRECTIONS; ++k) seeds[i][k] = k < 4 * blocks ? in[i].at(4 * from + k) : 0;
       differentiate(law, seen, seeds, &y);
       for (int i = 0; i < AXES; ++i) {
-        if (from == 0) P[i] = {y.value[i], 0, 0, Many(0, all)};
+        if (from == 0) P[i] = {y.value[i], P[i].kinks, P[i].jumps, Many(0, all)};
         std::memcpy(P[i].d.d + from, y.d[i], blocks * sizeof(Block));
         P[i].kinks |= y.kinks << 4 * from;
         P[i].jumps |= y.jumps << 4 * from;
@@ -122,18 +124,15 @@ struct Blow {
         if (!(d - d == 0)) return false;
     return true;
   }
-  std::array<Wide, AXES> by_each(const Wide* in, const Impulse& y) const {
-    std::array<Wide, AXES> P;
-    for (int i = 0; i < AXES; ++i) {
-      P[i] = Wide(y.value[i], 0, 0, Many(0, (directions + 3) / 4));
-      std::fill_n(P[i].d.d, P[i].d.to, Block{});
-      for (int k = 0; k < Few::DIRECTIONS; ++k) {
-        const Wide& one = in[free_numbers[k]];
-        double by = y.d[i][k];
-        P[i].kinks |= by == 0 ? one.jumps : one.kinks;
-        P[i].jumps |= by == 0 ? 0 : one.jumps;
-        if (by != 0 && one.d.from < one.d.to) add(P[i].d.d + one.d.from, one.d.d + one.d.from, by, one.d.to - one.d.from);
-      }
+  Wide by_each(const Wide* in, const Impulse& y, int axis) const {
+    Wide P(y.value[axis], 0, 0, Many(0, (directions + 3) / 4));
+    std::fill_n(P.d.d, P.d.to, Block{});
+    for (int k = 0; k < Few::DIRECTIONS; ++k) {
+      const Wide& one = in[free_numbers[k]];
+      double by = y.d[axis][k];
+      P.kinks |= by == 0 ? one.jumps : one.kinks;
+      P.jumps |= by == 0 ? 0 : one.jumps;
+      if (by != 0 && one.d.from < one.d.to) add(P.d.d + one.d.from, one.d.d + one.d.from, by, one.d.to - one.d.from);
     }
     return P;
   }

@@ -13,7 +13,18 @@ from functools import reduce
 from operator import add
 from typing import NamedTuple
 
-from ...numbers.number import Condition, Scalar, choose, fixed, for_derivatives, greater, lesser, negation, square_root, varying_as
+from ...numbers.number import (
+    Condition,
+    Scalar,
+    choose,
+    fixed,
+    for_derivatives,
+    greater,
+    lesser,
+    negation,
+    square_root,
+    varying_as,
+)
 from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row
 
 EVENT = 2.0**-48
@@ -153,7 +164,9 @@ def step(springs: Springs, y: Course) -> Course:
 
     start = (y.a1, y.a2, y.F, y.P1, y.P2, y.Pn)
     share, reach = mu * k / kappa, springs.reach(y.P1, y.P2, y.Pn)
-    h = for_derivatives(y.h, lambda: fixed(choose(slips, lambda: lesser(y.h, _reach(springs, y, k)), lambda: y.h)))
+    h = for_derivatives(
+        y.h, lambda: fixed(choose(slips, lambda: lesser(y.h, _reach(springs, y, k)), lambda: y.h))
+    )
     slopes: list[tuple[Scalar, ...]] = []
 
     def total(row: Row, i: int) -> Scalar:
