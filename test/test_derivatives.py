@@ -253,7 +253,7 @@ def test_compliant_to_many_digits():
 
 
 def test_the_springs_of_compliant_stay_what_they_are_where_stick_and_slip_begin_alike():
-    """It begins with stick if kappa |u_t| <= mu |u_n|. The derivatives go over by the root of how far that is off."""
+    """It begins with stick if kappa |u_t| <= mu |u_n|. Near that, derivatives change by its root."""
     names = ("body_a.velocity", "contact.friction", "model.stiffness_ratio")
     at, before, beyond = (
         differentiate(

@@ -23,7 +23,7 @@ from ..kernels.layout import Layout, names_of_body, names_of_contact
 from ..model import Geometry, ImpactModel, law_for
 from ..physics.body import Body
 from ..physics.contact import Contact
-from ..physics.laws import Law, Settings
+from ..physics.laws import Settings
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 

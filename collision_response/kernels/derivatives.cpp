@@ -95,7 +95,8 @@ struct Blow {
     if (double& e = seen[SEEN_RESTITUTION].value; law == LAW_COMPLIANT && e < LEAST_RESTITUTION) e = LEAST_RESTITUTION;
     Seeds seeds;
     Impulse y;
-    std::array<Wide, AXES> P{Wide(Bounded<double>{}), Wide(Bounded<double>{}), Wide(Bounded<double>{})};
+    std::array<Wide, AXES> P;
+    P.fill(Wide(Bounded<double>{}));
     const int all = (directions + 3) / 4;
     const bool has_edges = std::any_of(in, in + SEEN, [](const Wide& one) { return one.kinks | one.jumps; });
     if (has_edges || directions > Few::DIRECTIONS) {

@@ -108,8 +108,8 @@ def _forms(tape: Tape, wanted: Iterable[tuple[int, Form]]) -> dict[int, Form]:
                 need(node.args[1], Form.VALUE)
         elif node.op == "loop":
             parts = _parts(tape, forms, place)
-            wanted = {tape.nodes[part].value for part in parts if forms[part] > Form.REPORT}
-            varying = _varying(tape, node, wanted)
+            derived = {tape.nodes[part].value for part in parts if forms[part] > Form.REPORT}
+            varying = _varying(tape, node, derived)
             for part in parts:
                 forms[part] = varying.form_of_state(tape.nodes[part].value)
             for i, arg in enumerate(node.args):
@@ -157,9 +157,8 @@ def _varying(tape: Tape, node: Node, wanted: set[int]) -> _Varying:
     while True:
         varying: set[int] = set()
         for place, one in enumerate(turn.nodes):
-            if one.op == "outer" or (one.op == "state" and one.value in varying_states):
-                varying.add(place)
-            elif varying.intersection(_sources(one)):
+            begins = one.op == "outer" or (one.op == "state" and one.value in varying_states)
+            if begins or varying.intersection(_sources(one)):
                 varying.add(place)
         more = {i for i, after in enumerate(loop.after) if after in varying} - varying_states
         if not more:
@@ -337,7 +336,8 @@ class _Scope:
     def _declaration(self, place: int) -> str:
         node, form = self.tape.nodes[place], self.forms[place]
         if node.op == "loop":
-            varying, names = self._varying(place), {Form.VALUE: [], Form.REPORT: []}
+            varying = self._varying(place)
+            names: dict[Form, list[str]] = {Form.VALUE: [], Form.REPORT: []}
             for i in range(len(node.args)):
                 names[varying.form_of_state(i)].append(f"{self.prefix}{place}_{i}")
             return " ".join(f"{_TYPES[form]} {', '.join(some)};" for form, some in names.items() if some)
@@ -448,7 +448,8 @@ class _Scope:
         yield f"for (int turn = 0; turn < {loop.budget}; ++turn) {{"
         for i in range(count):
             read = f"report({name}_{i})" if of_values is Form.REPORT else f"{name}_{i}"
-            yield f"  const {_TYPES[of_values]} state_{turn.prefix}{i} = {read}; (void)state_{turn.prefix}{i};"
+            state = f"state_{turn.prefix}{i}"
+            yield f"  const {_TYPES[of_values]} {state} = {read}; (void){state};"
         # The condition first: most of a turn is needless after the last one.
         first = _turn_forms(loop.tape, of_values, loop.going)
         written = set()

@@ -41,7 +41,7 @@ HEAD = '#pragma once\n#include "pairs.hpp"\n\n'
 
 
 def headers(what: str) -> Iterator[tuple[str, str]]:
-    """Names and texts of the C++ headers of a law (in lower case), ``validity``, ``sizes``, ``column`` or ``changes``."""
+    """Names and texts of the C++ headers of a law (in lower case), or of what else ``trace.py`` takes."""
     if what == "sizes":
         yield "sizes", sizes()
         return

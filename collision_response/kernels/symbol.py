@@ -40,7 +40,8 @@ class Node(NamedTuple):
     Attributes:
         op: ``input``, ``constant``, ``truth``, ``given_roundoff``;
             ``add``, ``sub``, ``mul``, ``div``, ``neg``, ``sqrt``;
-            ``log1p_over``, ``expm1_over`` (values); ``lt``, ``le``, ``eq``, ``and``, ``or``, ``not``, ``select`` (condition, if true, if false);
+            ``log1p_over``, ``expm1_over`` (values);
+            ``lt``, ``le``, ``eq``, ``and``, ``or``, ``not``, ``select`` (condition, if true, if false);
             ``certain``, ``error_of``, ``widened`` (number, by); ``varying_as`` (number, number with its
             derivatives); ``law``, of what it sees, left open; ``loop`` (of the first state); ``part`` of the
             result of either; within a loop ``state``, and ``outer`` for what lies outside it.

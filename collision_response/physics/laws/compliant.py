@@ -103,7 +103,7 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     A11, A12, A22, b1, b2 = map(certain, data)
     o, one = 0 * A11, 1 + 0 * A11
 
-    # Axis 1 along the first slip; what is rounding across it is 0. Axes are fixed, and slip may turn from them.
+    # Axis 1 along the first slip; what is rounding across it is 0. Axes are fixed: slip may vary from them.
     v1, v2 = map(certain, slip)
     c1, c2 = map(fixed, map(certain, _direction(v1, v2, b1, b2)))
     s, across = c1 * v1 + c2 * v2, varying_as(o, lambda: c1 * v2 - c2 * v1)
