@@ -183,8 +183,8 @@ def _veer(path: Path, way: Straight) -> Scalar:
     """The impulse across a straight way, as ``w`` varies from 0.
 
     Slip across the way, ``y``, then grows from 0 by ``dy/dx = w - m A_qq y / s``, and takes the impulse
-    ``(y - w x) / A_qq``. With ``T = int dx / s`` and ``a = g + m A_qq`` it is ``w s (1 - exp(-a T)) / a``, and
-    0 where slip stops.
+    ``(y - w x) / A_qq``. With ``T = int dx / s`` and ``a = g + m A_qq`` it is ``w s (1 - exp(-a T)) / a``,
+    and 0 where slip stops.
     """
     s1, s2, first, last, along, g = way
     A_qq = path.A11 * s2 * s2 - 2 * path.A12 * s1 * s2 + path.A22 * s1 * s1
