@@ -128,7 +128,8 @@ def differentiate(
 
     Raises:
         ImpactError: as :func:`~collision_response.resolve`, or INVALID_COEFFICIENT, INVALID_MODEL: what is
-            asked for has no derivative here; or OUT_OF_RANGE: it is beyond float64.
+            asked for has no derivative here; or OUT_OF_RANGE: it is beyond float64, or the path of COMPLIANT
+            too long.
     """
     directions, columns = _unit(tuple(with_respect_to))
     for name in ("restitution", "friction"):

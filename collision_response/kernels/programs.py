@@ -60,7 +60,7 @@ def _answer(asked: Request, law: Law) -> Answer:
     return impact(asked.body_a, asked.body_b, asked.contact, law, asked.settings)
 
 
-class Approach(NamedTuple):
+class Seen(NamedTuple):
     """What a law sees of rigid bodies: as :class:`ContactKinematics`, but all of it numbers."""
 
     n: Vec3
@@ -70,7 +70,7 @@ class Approach(NamedTuple):
     K: Symmetric3
 
     @classmethod
-    def of(cls, contact: ContactKinematics) -> Approach:
+    def of(cls, contact: ContactKinematics) -> Seen:
         """Of a contact."""
         return cls(contact.n, contact.u, contact.n_u, contact.n_Kn, contact.inverse_effective_mass())
 
@@ -89,18 +89,18 @@ def changes() -> str:
     asked = request(Layout.EVERYTHING, tape)
     contact = ContactKinematics.of(asked.body_a, asked.body_b, asked.contact)
     coefficients = Coefficients(asked.contact.restitution, asked.contact.friction, asked.settings)
-    seen = (*Approach.of(contact), *coefficients)
+    seen = (*Seen.of(contact), *coefficients)
     law = tape.write(Node("law", tuple(tape.symbol(x).place for x in numbers_in(seen)))).place
     impulse = Vec3(*(tape.write(Node("part", (law,), i)) for i in range(3)))
     results = map(tape.symbol, numbers_in(Changes(impulse, *contact.respond(impulse))))
-    names = (*Approach._fields, *Coefficients._fields)
+    names = (*Seen._fields, *Coefficients._fields)
     return _places("SEEN", names, seen) + emit("changes", list(asked.names), results, [], [], branches=True)
 
 
 def impulse_by(law: Law) -> str:
     """The impulse by what a law sees, for numbers that carry derivatives."""
     tape = Tape(of_derivatives=True)
-    parts = Approach(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR), Coefficients(0.0)
+    parts = Seen(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR), Coefficients(0.0)
     count = sum(1 for _ in numbers_in(parts))
     symbols = map(tape.input, range(count))
     seen, coefficients = (rebuilt(part, symbols) for part in parts)
