@@ -20,7 +20,7 @@ from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics
 from .physics.energy import kinetic_energy
-from .physics.laws import BY_SPEED, LAWS, Coefficients, Law, Regime, Settings
+from .physics.laws import BY_SPEED, LAWS, Coefficients, Law, Outcome, Regime, Settings
 from .physics.vector import Vec3
 
 KEEPS_RESTITUTION = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU)
@@ -79,6 +79,28 @@ class Flags(NamedTuple):
     unphysical: Condition
 
 
+class Blow(NamedTuple):
+    """The impulse, seen from the contact alone.
+
+    Attributes:
+        approaching: whether there is one.
+        is_slow: whether the approach is slower than the threshold.
+        restitution: used.
+        outcome: of the law, which knows no other than approaching bodies.
+        impulse: on body_a; 0 if they do not approach.
+    """
+
+    approaching: Condition
+    is_slow: Condition
+    restitution: Scalar
+    outcome: Outcome
+    impulse: Vec3
+
+    def if_approaching(self, x: Scalar) -> Scalar:
+        """``x``, or 0."""
+        return _if(self.approaching, x)
+
+
 class Answer(NamedTuple):
     """The numbers of an answer.
 
@@ -109,23 +131,14 @@ def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Set
     kinematics = ContactKinematics.of(body_a, body_b, contact)
     n, u = kinematics.n, kinematics.u
     length = square_root(n.dot(n))
-    approaching = kinematics.n_u < 0
-    threshold = settings.restitution_threshold
-    is_slow = approaching & (  # -n_u / |n| < threshold, without the root
-        kinematics.n_u * kinematics.n_u < threshold * threshold * n.dot(n)
-    )
-    e = choose(is_slow, lambda: contact.restitution * 0, lambda: contact.restitution)
     friction = contact.friction * 0 if law is Law.FRICTIONLESS else contact.friction
     by_speed = callable(friction)
-    outcome = (BY_SPEED if by_speed else LAWS)[law](kinematics, Coefficients(e, friction, settings))
-
-    def when_approaching(x: Any) -> Any:
-        return choose(approaching, lambda: x, lambda: x * 0)
-
-    impulse = when_approaching(outcome.impulse)
+    blow = blow_of(kinematics, Coefficients(contact.restitution, friction, settings), law)
+    approaching, is_slow, e, outcome, impulse = blow
     change_a, change_b = kinematics.respond(impulse)
     if outcome.along_normal is not None:
-        change_a, change_b = kinematics.respond_along_normal(impulse, when_approaching(outcome.along_normal))
+        along = blow.if_approaching(outcome.along_normal)
+        change_a, change_b = kinematics.respond_along_normal(impulse, along)
     a, b = _moved(body_a, change_a), _moved(body_b, change_b)
     u_after = u + kinematics.velocity_change(change_a, change_b)
     normal_impulse = impulse.dot(n) / length
@@ -143,8 +156,8 @@ def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Set
         + kinetic_energy(b)
         + kinematics.side_a.energy_gained(body_a.velocity, impulse, change_a)
         + kinematics.side_b.energy_gained(body_b.velocity, -impulse, change_b),
-        energy_lost_restitution=when_approaching(outcome.lost_restitution),
-        energy_lost_friction=when_approaching(outcome.lost_friction),
+        energy_lost_restitution=blow.if_approaching(outcome.lost_restitution),
+        energy_lost_friction=blow.if_approaching(outcome.lost_friction),
         restitution=e,
         regime=choose(approaching, lambda: outcome.regime, lambda: 1.0 * Regime.SEPARATING),
     )
@@ -159,6 +172,24 @@ def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Set
     )
     doubt = outcome.doubt and Changes(outcome.doubt, *kinematics.respond(outcome.doubt))
     return Answer(Changes(impulse, change_a, change_b), report, flags, doubt)
+
+
+def blow_of(contact: ContactKinematics, coefficients: Coefficients, law: Law) -> Blow:
+    """What a law makes of a contact, seen from there."""
+    n, n_u, settings = contact.n, contact.n_u, coefficients.settings
+    approaching = n_u < 0
+    threshold = settings.restitution_threshold
+    is_slow = approaching & (  # -n_u / |n| < threshold, without the root
+        n_u * n_u < threshold * threshold * n.dot(n)
+    )
+    e = choose(is_slow, lambda: coefficients.restitution * 0, lambda: coefficients.restitution)
+    laws = BY_SPEED if callable(coefficients.friction) else LAWS
+    outcome = laws[law](contact, coefficients._replace(restitution=e))
+    return Blow(approaching, is_slow, e, outcome, _if(approaching, outcome.impulse))
+
+
+def _if(approaching: Condition, x: Any) -> Any:
+    return choose(approaching, lambda: x, lambda: x * 0)
 
 
 def _moved(body: Body, change: Twist) -> Body:

@@ -23,7 +23,7 @@ from ..kernels.layout import Layout, names_of_body, names_of_contact
 from ..model import Geometry, ImpactModel, law_for
 from ..physics.body import Body
 from ..physics.contact import Contact
-from ..physics.laws import STEPPED, Law, Settings
+from ..physics.laws import Settings
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 
@@ -45,7 +45,7 @@ def _parameters() -> dict[str, int]:
     of_contact |= {"restitution": 1, "friction": 1}
     widths = {f"{body}.{name}": width for body in ("body_a", "body_b") for name, width in of_body.items()}
     widths |= {f"contact.{name}": width for name, width in of_contact.items()}
-    return widths | {"model.tangential_restitution": 1}
+    return widths | {"model.tangential_restitution": 1, "model.stiffness_ratio": 1}
 
 
 PARAMETERS = _places(_parameters())
@@ -61,9 +61,6 @@ RESULTS = _places(
     }
 )
 """What is differentiated, and its rows in a Jacobian. Twists are those after the impact."""
-
-PARTS = 2 * len(names_of_body(Layout.EVERYTHING)) + len(names_of_contact(Layout.EVERYTHING))
-"""How many inputs there are of the bodies and the contact."""
 
 COUNT = max(place.stop for place in PARAMETERS.values())
 ROWS = max(place.stop for place in RESULTS.values())
@@ -131,7 +128,8 @@ def differentiate(
 
     Raises:
         ImpactError: as :func:`~collision_response.resolve`, or INVALID_COEFFICIENT, INVALID_MODEL: what is
-            asked for has no derivative here; or OUT_OF_RANGE: it is beyond float64.
+            asked for has no derivative here; or OUT_OF_RANGE: it is beyond float64, or the path of COMPLIANT
+            too long.
     """
     directions, columns = _unit(tuple(with_respect_to))
     for name in ("restitution", "friction"):
@@ -143,36 +141,30 @@ def differentiate(
         reason = f"must be AUTO or SPATIAL: derivatives look out of {model.geometry.name}"
         raise ImpactError(StatusCode.INVALID_MODEL, "model.geometry", reason)
     law = law_for(model.law, has_friction=contact.friction > 0)
-    _check(body_a, body_b, law)
+    _check(body_a, body_b)
     if contact.tangential_restitution is not None:
         model = model._replace(tangential_restitution=contact.tangential_restitution)
-    parts = library.numbers(body_a, body_b, contact)[0][:PARTS]
-    numbers = (*parts, *(getattr(model, name) for name in Settings._fields))
-    jacobian, smoothness = _derivatives_of(law, np.array(numbers, float)[:, None], directions)
-    if not np.isfinite(jacobian).all():
+    settings = tuple(getattr(model, name) for name in Settings._fields)
+    count = directions.shape[1]
+    jacobian, smoothness = np.empty((ROWS, count)), np.empty(count, np.uint8)
+    inputs = library.inputs(body_a, body_b, contact, settings)
+    if not _derivatives.differentiate(law, 1, count, True, inputs, directions, jacobian, smoothness):
         raise ImpactError(
             StatusCode.OUT_OF_RANGE, "result", "a derivative is beyond float64, or there is none"
         )
-    return Derivatives(impact, jacobian[..., 0], smoothness[:, 0], columns)
+    return Derivatives(impact, jacobian, smoothness, columns)
 
 
-def _check(body_a: Body, body_b: Body, law: Law) -> None:
+def _check(body_a: Body, body_b: Body) -> None:
     """Raises: ImpactError: there are no derivatives of such."""
     for name, body in (("body_a", body_a), ("body_b", body_b)):
         if body.inverse_inertia is not None:
             reason = "is not differentiated: give the rigid body"
             raise ImpactError(StatusCode.INVALID_INERTIA, f"{name}.inverse_inertia", reason)
-    _check_law(law)
-
-
-def _check_law(law: Law) -> None:
-    if law in STEPPED:
-        reason = f"{law.name} has no derivatives: try ROUTH_STRONGE"
-        raise ImpactError(StatusCode.INVALID_MODEL, "model.law", reason)
 
 
 def unit_directions(*with_respect_to: str) -> Array:
-    """The directions of these parameters alone, shape ``(53, K)``."""
+    """The directions of these parameters alone, shape ``(54, K)``."""
     return _unit(with_respect_to)[0].copy()
 
 
@@ -184,7 +176,7 @@ def differentiate_batch(
     Args:
         bodies, contacts, model: as for :func:`~collision_response.batch.resolve_batch`, of float64.
         directions: how the parameters change, ``K`` directions by the places of :data:`PARAMETERS`: one and
-            all, shape ``(53, K)``, or for each contact, shape ``(53, K, N)``. What the tables of a geometry
+            all, shape ``(54, K)``, or for each contact, shape ``(54, K, N)``. What the tables of a geometry
             leave out may be differentiated by all the same.
 
     Raises:
@@ -207,20 +199,12 @@ def differentiate_batch(
     inputs = _inputs_of(bodies, contacts, model)
     has_friction = contacts.shape[0] > names_of_contact(_layout_of(bodies)).index("friction.")
     law = law_for(model.law, has_friction=has_friction)
-    _check_law(law)
-    jacobian, smoothness = _derivatives_of(law, inputs, directions)
-    jacobian[..., result.status > StatusCode.SEPARATING] = np.nan
-    return BatchDerivatives(result, jacobian, smoothness)
-
-
-def _derivatives_of(law: Law, inputs: Array, directions: Array) -> tuple[Array, Array]:
-    """Shapes ``(15, K, N)`` and ``(K, N)``, of inputs of shape ``(., N)``."""
-    n, count = inputs.shape[1], directions.shape[1]
+    count, one_for_all = directions.shape[1], directions.ndim == 2
     jacobian, smoothness = np.empty((ROWS, count, n)), np.empty((count, n), np.uint8)
-    one_for_all = directions.ndim == 2
     arrays = np.ascontiguousarray(inputs), np.ascontiguousarray(directions), jacobian, smoothness
     _derivatives.differentiate(law, n, count, one_for_all, *arrays)
-    return jacobian, smoothness
+    jacobian[..., result.status > StatusCode.SEPARATING] = np.nan
+    return BatchDerivatives(result, jacobian, smoothness)
 
 
 @lru_cache

@@ -8,6 +8,9 @@ Not every result needs all that a number type carries. Each operation is written
 
 Nor does every request need all operations: what only one branch of a choice takes is computed where that
 branch may be taken, by any lane. The results are the same to the bit.
+
+Where numbers carry derivatives, a turn of a loop goes by values alone, and then once more for derivatives: of
+what they are wanted of, and as far as the values have come to it.
 """
 
 from __future__ import annotations
@@ -16,10 +19,10 @@ import math
 from collections.abc import Iterable
 from enum import IntEnum
 from itertools import groupby
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from .pairs import PAIR
-from .symbol import CONDITIONS, Symbol, Tape
+from .symbol import CONDITIONS, Loop, Node, Symbol, Tape
 
 
 class Form(IntEnum):
@@ -35,6 +38,7 @@ _TYPES = {Form.REPORT: "Report<N>", Form.VALUE: "Value<N>", Form.BOUNDED: "N"}
 _CASTS = {Form.REPORT: "report", Form.VALUE: "value"}
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "and": "&", "or": "|"}
 _PREFIX = {"sqrt": "root", "lt": "less", "le": "less_equal", "eq": "equal", "not": "negation"}
+_PREFIX |= {"log1p_over": "log1p_over", "expm1_over": "expm1_over"}
 _PREFIX |= {"varying_as": "varying_as", "first": "at<0>", "second": "at<1>", "swapped": "swapped"}
 _OF_EITHER = ("select", "join", "both", "first", "second", "swapped")
 """Operations on numbers and on conditions."""
@@ -50,7 +54,7 @@ def emit(
     *,
     branches: bool = False,
 ) -> str:
-    """A function template ``name<N>(in, bounded, reported, flags)``.
+    """A function template ``name<N>(in, bounded, reported, flags)``, and ``law`` if it leaves that open.
 
     Args:
         name: of the function.
@@ -75,9 +79,11 @@ def emit(
     for i, x in enumerate(certainties, len(flags)):
         lines.append(f"flags[{i}] = certainly({scope.use(x.place, Form.BOUNDED)});")
     body = "\n".join("  " + line for line in lines)
+    calls = any(tape.nodes[place].op == "law" for place in forms)
+    parameters = "const N* in, N* bounded, Report<N>* reported, Mask<Base<N>>* flags"
     return (
-        f"template <class N>\n"
-        f"INLINE void {name}(const N* in, N* bounded, Report<N>* reported, Mask<Base<N>>* flags) {{\n"
+        f"template <class N{', class F' if calls else ''}>\n"
+        f"INLINE void {name}({parameters}{', const F& law' if calls else ''}) {{\n"
         f"  (void)in; (void)bounded; (void)reported; (void)flags;\n{body}\n}}\n"
     )
 
@@ -104,12 +110,91 @@ def _forms(tape: Tape, wanted: Iterable[tuple[int, Form]]) -> dict[int, Form]:
             if form is Form.BOUNDED:
                 need(node.args[1], Form.VALUE)
         elif node.op == "loop":
-            for operand in node.operands():
-                need(operand, Form.VALUE)
+            parts = _parts(tape, forms, place)
+            derived = {tape.nodes[part].value for part in parts if forms[part] > Form.REPORT}
+            varying = _varying(tape, node, derived)
+            for part in parts:
+                forms[part] = varying.form_of_state(tape.nodes[part].value)
+            for i, arg in enumerate(node.args):
+                need(arg, varying.form_of_state(i))
+            for at in node.value.tape.needed_for([node.value.going, *node.value.after]):
+                if node.value.tape.nodes[at].op == "outer":
+                    need(node.value.tape.nodes[at].value, varying.form_of(at))
         else:
             for arg in node.args:
                 need(arg, form)
     return forms
+
+
+def _parts(tape: Tape, places: Iterable[int], loop: int) -> list[int]:
+    """Those of the result of a loop."""
+    nodes = tape.nodes
+    return [place for place in places if nodes[place].op == "part" and nodes[place].args[0] == loop]
+
+
+class _Varying(NamedTuple):
+    """What of a turn of a loop carries derivatives: all, or some operations and parts of the state."""
+
+    places: frozenset[int] | None = None
+    states: frozenset[int] = frozenset()
+
+    def form_of(self, place: int) -> Form:
+        """Of an operation."""
+        return Form.VALUE if self.places is None or place in self.places else Form.REPORT
+
+    def form_of_state(self, i: int) -> Form:
+        """Of a part of the state."""
+        return Form.VALUE if self.places is None or i in self.states else Form.REPORT
+
+
+def _varying(tape: Tape, node: Node, wanted: set[int]) -> _Varying:
+    """What of a turn carries derivatives, if those of some parts of the result are wanted.
+
+    What decides, and what is fixed, does without.
+    """
+    if not tape.of_derivatives:
+        return _Varying()
+    loop: Loop = node.value
+    turn = loop.tape
+    varying_states = {i for i, start in enumerate(node.args) if _varies(tape, start)}
+    while True:
+        varying: set[int] = set()
+        for place, one in enumerate(turn.nodes):
+            begins = one.op == "outer" or (one.op == "state" and one.value in varying_states)
+            if begins or varying.intersection(_sources(one)):
+                varying.add(place)
+        more = {i for i, after in enumerate(loop.after) if after in varying} - varying_states
+        if not more:
+            break
+        varying_states |= more
+    places: set[int] = set()
+    states: set[int] = set()
+    left = [loop.after[i] for i in wanted & varying_states]
+    states |= wanted & varying_states
+    while left:
+        place = left.pop()
+        if place in places or place not in varying:
+            continue
+        places.add(place)
+        one = turn.nodes[place]
+        if one.op == "state" and one.value not in states:
+            states.add(one.value)
+            left.append(loop.after[one.value])
+        left += _sources(one)
+    return _Varying(frozenset(places), frozenset(states))
+
+
+def _varies(tape: Tape, place: int) -> bool:
+    """Whether a number may have derivatives."""
+    node = tape.nodes[place]
+    return node.op not in CONSTANTS and not (node.op == "varying_as" and not _varies(tape, node.args[1]))
+
+
+def _sources(node: Node) -> tuple[int, ...]:
+    """The operands that the derivatives of a result come from."""
+    if node.op in CONDITIONS:
+        return ()
+    return node.args[1:] if node.op in ("select", "varying_as") else node.args
 
 
 Guard: TypeAlias = frozenset[tuple[int, bool]]
@@ -154,12 +239,21 @@ def _positive(tape: Tape, condition: int) -> tuple[int, bool]:
     return (node.args[0], True) if node.op == "not" else (condition, False)
 
 
-def _turn_forms(turn: Tape, going: int, after: Iterable[int]) -> dict[int, Form]:
-    return _forms(turn, [(place, Form.VALUE) for place in (going, *after)])
+def _turn_forms(turn: Tape, form: Form, *places: int) -> dict[int, Form]:
+    return _forms(turn, [(place, form) for place in places])
 
 
 class _Scope:
-    """The lines of one tape."""
+    """The lines of one tape.
+
+    Args:
+        tape: which.
+        forms: of the operations that are written.
+        prefix: of their names.
+        inputs: the places of the inputs.
+        outside: the scope around a turn of a loop.
+        guards: when each operation is needed.
+    """
 
     def __init__(
         self,
@@ -179,16 +273,14 @@ class _Scope:
 
     def use(self, place: int, form: Form) -> str:
         """The number at a place, in a form that it has or less."""
-        node, own = self.tape.nodes[place], self.forms[place]
+        node = self.tape.nodes[place]
         if node.op == "constant":
             return f"constant<{_TYPES[form]}>({_literal(node.value)})"
         if node.op == "given_roundoff":
             return f"constant<{_TYPES[form]}>(GIVEN_ROUNDOFF)"
         if node.op == "truth":
             return f"truth<{_TYPES[form]}>({'true' if node.value else 'false'})"
-        name = f"{self.prefix}{place}"
-        if node.op == "part":
-            own, name = Form.VALUE, f"{self.prefix}{node.args[0]}_{node.value}"
+        own, name = self.forms[place], self._name(place)
         if own is form:
             return name
         if own < form:
@@ -226,6 +318,8 @@ class _Scope:
         keys: dict[int, tuple[int, int]] = {}
 
         def key(place: int) -> tuple[int, int]:
+            if place not in self.forms:
+                return -1, 0
             if place not in keys:
                 after = [key(condition) for condition, _ in self.guards.get(place, ALWAYS)]
                 before = [key(operand) for operand in self.tape.nodes[place].operands()]
@@ -235,13 +329,21 @@ class _Scope:
         return sorted(self.forms, key=lambda place: (key(place), place))
 
     def _may_be(self, condition: int, value: bool) -> str:
-        name = f"{self.prefix}{condition}"
+        name = self._name(condition)
         return f"may_hold({name if value else f'negation({name})'})"
+
+    def _name(self, place: int) -> str:
+        node = self.tape.nodes[place]
+        return f"{self.prefix}{place}" if node.op != "part" else f"{self.prefix}{node.args[0]}_{node.value}"
 
     def _declaration(self, place: int) -> str:
         node, form = self.tape.nodes[place], self.forms[place]
         if node.op == "loop":
-            return f"Value<N> {', '.join(f'{self.prefix}{place}_{i}' for i in range(len(node.args)))};"
+            varying = self._varying(place)
+            names: dict[Form, list[str]] = {Form.VALUE: [], Form.REPORT: []}
+            for i in range(len(node.args)):
+                names[varying.form_of_state(i)].append(f"{self.prefix}{place}_{i}")
+            return " ".join(f"{_TYPES[form]} {', '.join(some)};" for form, some in names.items() if some)
         kind = self._type(place, form)
         return f"{f'Condition<{kind}>' if self._is_condition(place) else kind} {self.prefix}{place};"
 
@@ -250,13 +352,20 @@ class _Scope:
 
     def _is_condition(self, place: int) -> bool:
         node = self.tape.nodes[place]
+        if node.op == "outer" and self.outside is not None:
+            return self.outside._is_condition(node.value)
         return self._is_condition(node.args[-1]) if node.op in _OF_EITHER else node.op in CONDITIONS
 
     def _operation(self, place: int, *, declared: bool) -> Iterable[str]:
-        if self.tape.nodes[place].op == "loop":
+        op = self.tape.nodes[place].op
+        if op == "loop":
             if not declared:
                 yield self._declaration(place)
             yield from self._loop(place)
+        elif op == "law":
+            name, args = f"{self.prefix}{place}", self.tape.nodes[place].args
+            yield f"const N {name}_in[] = {{{', '.join(self.use(arg, Form.BOUNDED) for arg in args)}}};"
+            yield f"const auto [{name}_0, {name}_1, {name}_2] = law({name}_in);"
         else:
             kind = "" if declared else "const auto "
             yield f"{kind}{self.prefix}{place} = {self._expression(place, self.forms[place])};"
@@ -265,7 +374,7 @@ class _Scope:
         """Choices by one condition, which may be the same for all lanes."""
         if not declared:
             yield from map(self._declaration, places)
-        name = f"{self.prefix}{by}"
+        name = self._name(by)
         never, always = f"if (!may_hold({name}))", f"if (!may_hold(negation({name})))"
         for test, arm in ((always, 1), (f"else {never}", 2), ("else", 0)):
             yield f"{test} {{"
@@ -281,10 +390,10 @@ class _Scope:
             read = f"in[{self.inputs[node.value]}]"
             return read if form is Form.BOUNDED else f"{_CASTS[form]}({read})"
         if node.op == "state":
-            return f"state_{self.prefix}{node.value}" if form is Form.VALUE else "?"
+            return f"state_{self.prefix}{node.value}"
         if node.op == "outer":
             assert self.outside is not None
-            return self.outside.use(node.value, Form.VALUE)
+            return self.outside.use(node.value, form)
         if node.op == "certain":
             inner = min(form, Form.VALUE)
             value = self.use(node.args[0], Form(inner))
@@ -296,7 +405,10 @@ class _Scope:
             if form is not Form.BOUNDED:
                 return self.use(node.args[0], form)
             return f"widened({self.use(node.args[0], form)}, {self.use(node.args[1], Form.VALUE)})"
-        args = [self.use(arg, form) for arg in node.args]
+        if node.op == "varying_as" and form is Form.REPORT:
+            return self.use(node.args[0], form)
+        plain = node.op in _INFIX and self.tape.of_derivatives and form > Form.REPORT
+        args = [self._factor(arg, form) if plain else self.use(arg, form) for arg in node.args]
         if node.op in _INFIX:
             return f"{args[0]} {_INFIX[node.op]} {args[1]}"
         if node.op == "neg":
@@ -308,35 +420,59 @@ class _Scope:
             return f"choose({', '.join(args)})"
         return f"{_PREFIX[node.op]}({', '.join(args)})"
 
-    def _loop(self, place: int) -> Iterable[str]:
+    def _factor(self, place: int, form: Form) -> str:
+        """As :meth:`use`, but a number without derivatives as one."""
         node = self.tape.nodes[place]
-        loop, name = node.value, f"{self.prefix}{place}"
-        turn = _Scope(
-            loop.tape, _turn_forms(loop.tape, loop.going, loop.after), f"{name}_turn", self.inputs, self, {}
-        )
+        if node.op == "constant":
+            return f"constant<Number<{_TYPES[form]}>>({_literal(node.value)})"
+        return self.use(place, form)
+
+    def _varying(self, place: int) -> _Varying:
+        parts = _parts(self.tape, self.forms, place)
+        wanted = {self.tape.nodes[part].value for part in parts if self.forms[part] > Form.REPORT}
+        return _varying(self.tape, self.tape.nodes[place], wanted)
+
+    def _loop(self, place: int) -> Iterable[str]:
+        """The value of a turn, and what of it carries derivatives: as far as the values need it."""
+        node, name, varying = self.tape.nodes[place], f"{self.prefix}{place}", self._varying(place)
+        loop: Loop = node.value
+        of_values = Form.REPORT if self.tape.of_derivatives else Form.VALUE
+        known = _turn_forms(loop.tape, of_values, loop.going, *loop.after)
+        turn = _Scope(loop.tape, known, f"{name}_turn", self.inputs, self, {})
         count = len(node.args)
         for i, arg in enumerate(node.args):
-            yield f"{name}_{i} = {self.use(arg, Form.VALUE)};"
-        if self.tape.of_derivatives:
-            yield f"Turns {name}_turns;"
+            yield f"{name}_{i} = {self.use(arg, varying.form_of_state(i))};"
+        shared = ""
+        if varying.states:
+            nodes = (loop.tape.nodes[place] for place in sorted(varying.places or ()))
+            outer = [one.value for one in nodes if one.op == "outer" and self.forms[one.value] > Form.REPORT]
+            states = ", ".join(f"{name}_{i}" for i in sorted(varying.states))
+            shared = f"  if (turn == 0) share_edges({', '.join(map(self._name, outer))})({states});"
         yield f"for (int turn = 0; turn < {loop.budget}; ++turn) {{"
         for i in range(count):
-            yield f"  const Value<N> state_{turn.prefix}{i} = {name}_{i}; (void)state_{turn.prefix}{i};"
+            read = f"report({name}_{i})" if of_values is Form.REPORT else f"{name}_{i}"
+            state = f"state_{turn.prefix}{i}"
+            yield f"  const {_TYPES[of_values]} {state} = {read}; (void){state};"
         # The condition first: most of a turn is needless after the last one.
-        first = _turn_forms(loop.tape, loop.going, ())
+        first = _turn_forms(loop.tape, of_values, loop.going)
         written = set()
         for line, at in turn.numbered_lines(first):
             written.add(at)
             yield "  " + line
-        yield f"  const auto {name}_going = {turn.use(loop.going, Form.VALUE)};"
+        yield f"  const auto {name}_going = {turn.use(loop.going, of_values)};"
         yield f"  if (!any({name}_going)) break;"
         for line, at in turn.numbered_lines(turn.forms):
             if at not in written:
                 yield "  " + line
+        if varying.places is not None:
+            yield shared
+            yield from _Tangents(loop, name, self, turn, varying.places).blocks(varying.states)
         for i, after in enumerate(loop.after):
-            yield f"  {name}_{i} = choose({name}_going, {turn.use(after, Form.VALUE)}, {name}_{i});"
-        if self.tape.of_derivatives:
-            yield f"  {name}_turns.keep({', '.join(f'{name}_{i}' for i in range(count))});"
+            if of_values is Form.REPORT:
+                part = ".value" if i in varying.states else ""
+                yield f"  {name}_{i}{part} = {turn.use(after, Form.REPORT)};"
+            else:
+                yield f"  {name}_{i} = choose({name}_going, {turn.use(after, Form.VALUE)}, {name}_{i});"
         yield "}"
 
     def numbered_lines(self, places: Iterable[int]) -> Iterable[tuple[str, int]]:
@@ -345,6 +481,66 @@ class _Scope:
             node, form = self.tape.nodes[place], self.forms[place]
             if node.op not in CONSTANTS:
                 yield f"const auto {self.prefix}{place} = {self._expression(place, form)};", place
+
+
+class _Tangents(_Scope):
+    """The lines of a turn for derivatives, in four directions at a time, where the values are known."""
+
+    def __init__(self, loop: Loop, name: str, outside: _Scope, values: _Scope, places: Iterable[int]) -> None:
+        forms = dict.fromkeys(sorted(places), Form.VALUE)
+        guards = _guards(loop.tape, forms, [place for place in loop.after if place in forms])
+        super().__init__(loop.tape, forms, f"{values.prefix}_d", {}, outside, guards)
+        self.name = name
+        self.after = loop.after
+        self.values = values
+
+    def blocks(self, states: Iterable[int]) -> Iterable[str]:
+        """The turn of some parts of the state."""
+        yield "  for (int block = 0; block < N::Derivatives::BLOCKS; ++block) {"
+        yield from ("    " + line for line in self.lines())
+        for i in sorted(states):
+            yield f"    {self.name}_{i}.d.d[block] = {self.use(self.after[i], Form.VALUE)};"
+        yield "  }"
+
+    def use(self, place: int, form: Form) -> str:
+        """The derivatives of a number."""
+        return f"{self.prefix}{place}" if place in self.forms else "Block{}"
+
+    def _name(self, place: int) -> str:
+        return self.values._name(place)
+
+    def _declaration(self, place: int) -> str:
+        return f"Block {self.prefix}{place};"
+
+    def _expression(self, place: int, form: Form) -> str:
+        node, known = self.tape.nodes[place], self.values.use
+        if node.op == "state":
+            return f"{self.name}_{node.value}.d.d[block]"
+        if node.op == "outer":
+            assert self.outside is not None
+            known_only = self.outside.forms[node.value] is Form.REPORT
+            return "Block{}" if known_only else f"{self.outside._name(node.value)}.d.d[block]"
+        if node.op == "varying_as":
+            return self.use(node.args[1], form)
+        d = [self.use(arg, form) for arg in node.args]
+        if node.op == "select":
+            return f"{known(node.args[0], Form.REPORT)} ? {d[1]} : {d[2]}"
+        value = [known(arg, Form.REPORT) for arg in node.args]
+        varies = [arg in self.forms for arg in node.args]
+        if node.op == "mul":
+            return " + ".join(f"{d[i]} * {value[1 - i]}" for i in (0, 1) if varies[i])
+        if node.op == "div":
+            change = f"{known(place, Form.REPORT)} * {d[1]}"
+            top = f"({d[0]} - {change})" if all(varies) else d[0] if varies[0] else f"-({change})"
+            return f"{top} * (1 / {value[1]})"
+        if node.op == "sqrt":
+            return f"{d[0]} * (0.5 / {known(place, Form.REPORT)})"
+        if node.op == "neg":
+            return f"-{d[0]}"
+        assert node.op in ("add", "sub"), node.op
+        if all(varies):
+            return f"{d[0]} {_INFIX[node.op]} {d[1]}"
+        return d[0] if varies[0] else f"-{d[1]}" if node.op == "sub" else d[1]
 
 
 def _literal(value: float) -> str:

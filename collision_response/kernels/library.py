@@ -59,6 +59,7 @@ _compiled.setup(
 
 resolve = _compiled.resolve
 numbers = _compiled.numbers
+inputs = _compiled.inputs
 batch = _compiled.batch
 independent_sets = _compiled.independent_sets
 limit_vectors = _compiled.limit_vectors

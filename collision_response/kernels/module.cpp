@@ -253,6 +253,25 @@ PyObject* numbers(PyObject*, PyObject* const* args, Py_ssize_t count) {
   return Py_BuildValue("NN", values, errors);
 }
 
+// inputs(body_a, body_b, contact, settings): what kernels of rigid bodies read, as bytes.
+PyObject* inputs(PyObject*, PyObject* const* args, Py_ssize_t count) {
+  enum { OF_MODEL = INPUTS - IN_MODEL_TANGENTIAL_RESTITUTION };
+  if (count != 4 || !PyTuple_Check(args[3]) || PyTuple_GET_SIZE(args[3]) != OF_MODEL) {
+    PyErr_SetString(PyExc_TypeError, "inputs() takes two bodies, a contact and settings");
+    return nullptr;
+  }
+  double x[ALL_INPUTS] = {}, error[ALL_INPUTS] = {};
+  const Door door{x, error, input_names};
+  bool has_more;
+  if (!read_body(args[0], door, 0) || !read_body(args[1], door, BODY) || !read_contact(args[2], door, &has_more)) return nullptr;
+  for (int i = 0; i < OF_MODEL; ++i) {
+    double number = PyFloat_AsDouble(PyTuple_GET_ITEM(args[3], i));
+    if (number == -1 && PyErr_Occurred()) return nullptr;
+    x[IN_MODEL_TANGENTIAL_RESTITUTION + i] = number;
+  }
+  return PyBytes_FromStringAndSize(reinterpret_cast<const char*>(x), INPUTS * sizeof(double));
+}
+
 const double zero_double = 0, one_double = 1;
 const float zero_float = 0, one_float = 1;
 
@@ -414,6 +433,7 @@ PyObject* setup(PyObject*, PyObject* args) {
 PyMethodDef methods[] = {
     {"resolve", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(resolve)), METH_FASTCALL, ""},
     {"numbers", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(numbers)), METH_FASTCALL, ""},
+    {"inputs", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(inputs)), METH_FASTCALL, ""},
     {"batch", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(batch)), METH_FASTCALL, ""},
     {"independent_sets", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(independent)), METH_FASTCALL, ""},
     {"limit_vectors", limit_vectors, METH_O, ""},

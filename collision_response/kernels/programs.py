@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
 
 from .. import geometry, validity
-from ..impact import Answer, Flags, Report, impact
-from ..numbers.number import choose
+from ..impact import Answer, Changes, Flags, Report, blow_of, impact
+from ..numbers.number import Scalar, choose
 from ..physics.column import Column
-from ..physics.effective_mass import Side
+from ..physics.effective_mass import ContactKinematics, Side
 from ..physics.energy import kinetic_energy
 from ..physics.inverse_inertia import InverseInertia
-from ..physics.laws import LAWS, PATHS, STEPPED, Law
-from ..physics.vector import Vec3
+from ..physics.laws import LAWS, PATHS, STEPPED, Coefficients, Law
+from ..physics.tensor import ZERO_TENSOR, Symmetric3
+from ..physics.vector import ZERO, Vec3
 from .emit import emit
 from .layout import (
     Layout,
@@ -25,7 +27,7 @@ from .layout import (
     units,
 )
 from .pairs import in_pairs
-from .symbol import CONDITIONS, Symbol, Tape, numbers_in, rebuilt
+from .symbol import CONDITIONS, Node, Symbol, Tape, numbers_in, rebuilt
 
 LISTS: dict[str, list[Law]] = {
     "laws": [law for law in LAWS if law not in STEPPED],
@@ -39,31 +41,71 @@ HEAD = '#pragma once\n#include "pairs.hpp"\n\n'
 
 
 def headers(what: str) -> Iterator[tuple[str, str]]:
-    """Names and texts of the C++ headers of a law (in lower case), ``validity``, ``sizes`` or ``column``."""
+    """Names and texts of the C++ headers of a law (in lower case), or of what else ``trace.py`` takes."""
     if what == "sizes":
         yield "sizes", sizes()
         return
-    if what == "column":
-        yield "column", HEAD + column()
+    if what in ("column", "changes"):
+        yield what, HEAD + (column() if what == "column" else changes())
         return
     one_kernel = what in (law.name.lower() for law in STEPPED)
     for layout in (Layout.EVERYTHING, Layout.ARTICULATED) if one_kernel else Layout:
         text = validity_of(layout) if what == "validity" else impact_by(Law[what.upper()], layout)
         yield f"{what}_{layout.name.lower()}", HEAD + text
-    if what != "validity" and not one_kernel:
-        yield f"{what}_derivatives", HEAD + derivatives_by(Law[what.upper()])
+    if what != "validity":
+        yield f"{what}_derivatives", HEAD + impulse_by(Law[what.upper()])
 
 
 def _answer(asked: Request, law: Law) -> Answer:
     return impact(asked.body_a, asked.body_b, asked.contact, law, asked.settings)
 
 
-def derivatives_by(law: Law) -> str:
-    """The changes alone, for numbers that carry derivatives."""
+class Seen(NamedTuple):
+    """What a law sees of rigid bodies: as :class:`ContactKinematics`, but all of it numbers."""
+
+    n: Vec3
+    u: Vec3
+    n_u: Scalar
+    n_Kn: Scalar
+    K: Symmetric3
+
+    @classmethod
+    def of(cls, contact: ContactKinematics) -> Seen:
+        """Of a contact."""
+        return cls(contact.n, contact.u, contact.n_u, contact.n_Kn, contact.inverse_effective_mass())
+
+    def inverse_effective_mass(self) -> Symmetric3:
+        """``K``."""
+        return self.K
+
+    def impulse_for(self, K: Symmetric3, change: Vec3) -> Vec3:
+        """That changes ``u`` so."""
+        return K.solve(change)
+
+
+def changes() -> str:
+    """The changes for numbers that carry derivatives, and where a law finds what it sees."""
     tape = Tape(of_derivatives=True)
     asked = request(Layout.EVERYTHING, tape)
-    changes = map(tape.symbol, numbers_in(_answer(asked, law).changes))
-    return emit("changes", list(asked.names), changes, [], [], branches=True)
+    contact = ContactKinematics.of(asked.body_a, asked.body_b, asked.contact)
+    coefficients = Coefficients(asked.contact.restitution, asked.contact.friction, asked.settings)
+    seen = (*Seen.of(contact), *coefficients)
+    law = tape.write(Node("law", tuple(tape.symbol(x).place for x in numbers_in(seen)))).place
+    impulse = Vec3(*(tape.write(Node("part", (law,), i)) for i in range(3)))
+    results = map(tape.symbol, numbers_in(Changes(impulse, *contact.respond(impulse))))
+    names = (*Seen._fields, *Coefficients._fields)
+    return _places("SEEN", names, seen) + emit("changes", list(asked.names), results, [], [], branches=True)
+
+
+def impulse_by(law: Law) -> str:
+    """The impulse by what a law sees, for numbers that carry derivatives."""
+    tape = Tape(of_derivatives=True)
+    parts = Seen(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR), Coefficients(0.0)
+    count = sum(1 for _ in numbers_in(parts))
+    symbols = map(tape.input, range(count))
+    seen, coefficients = (rebuilt(part, symbols) for part in parts)
+    impulse = blow_of(seen, coefficients, law).impulse
+    return emit("impulse", list(range(count)), map(tape.symbol, impulse), [], [], branches=True)
 
 
 def impact_by(law: Law, layout: Layout) -> str:
@@ -121,11 +163,16 @@ def column() -> str:
     seen = rebuilt(centre, read)
     velocity, d, direction = (Vec3(*symbols[i : i + 3]) for i in range(count, count + 9, 3))
     outputs = map(tape.symbol, numbers_in(Column.at(seen, velocity, d, direction)))
+    return _places("CENTRE", Side._fields, centre) + text + emit("column", list(inputs), outputs, [], [])
+
+
+def _places(prefix: str, names: Iterable[str], parts: Iterable[Any]) -> str:
+    """Where the numbers of each part begin, and how many there are, as an ``enum``."""
     places, at = [], 0
-    for name, part in zip(Side._fields, centre, strict=True):
-        places.append(f"CENTRE_{name.upper()} = {at}")
+    for name, part in zip(names, parts, strict=True):
+        places.append(f"{prefix}_{name.upper()} = {at}, ")
         at += len(list(numbers_in(part)))
-    return f"enum {{ {', '.join(places)}, CENTRE }};\n{text}{emit('column', list(inputs), outputs, [], [])}"
+    return f"enum {{ {''.join(places)}{prefix} = {at} }};\n"
 
 
 def _is_condition(symbol: Symbol) -> bool:
@@ -227,7 +274,7 @@ def _table_of(layout: Layout) -> str:
             return names.index(name)
         if name in ("inertia.xx", "inertia.yy") and "inertia.zz" in names:
             return names.index("inertia.zz")
-        return ONE if name == "orientation.w" else ZERO
+        return ONE if name == "orientation.w" else NONE
 
     body, contact = names_of_body(layout), names_of_contact(layout)
     of_body = [place(name, body) for name in names_of_body(Layout.EVERYTHING)]
@@ -238,5 +285,5 @@ def _table_of(layout: Layout) -> str:
     return "{" + ", ".join(map(str, numbers)) + ", " + rows + "}"
 
 
-ZERO, ONE = -1, -2
+NONE, ONE = -1, -2
 """Rows that a table has not: 0 for all, or 1 for all."""

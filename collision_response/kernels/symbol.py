@@ -40,10 +40,11 @@ class Node(NamedTuple):
     Attributes:
         op: ``input``, ``constant``, ``truth``, ``given_roundoff``;
             ``add``, ``sub``, ``mul``, ``div``, ``neg``, ``sqrt``;
+            ``log1p_over``, ``expm1_over`` (values);
             ``lt``, ``le``, ``eq``, ``and``, ``or``, ``not``, ``select`` (condition, if true, if false);
             ``certain``, ``error_of``, ``widened`` (number, by); ``varying_as`` (number, number with its
-            derivatives); ``loop`` (of the first state) and ``part``
-            of its result; within a loop ``state``, and ``outer`` for what lies outside it.
+            derivatives); ``law``, of what it sees, left open; ``loop`` (of the first state); ``part`` of the
+            result of either; within a loop ``state``, and ``outer`` for what lies outside it.
         args: the operands, as places on the tape; all of them earlier.
         value: the name of an input, the value of a constant, a :class:`Loop`, the index of a part or
             state, the place of what lies outside.
@@ -206,6 +207,14 @@ class Symbol:
     def varying_as(self, other: Callable[[], Any]) -> Symbol:
         """See :func:`~collision_response.numbers.number.varying_as`."""
         return record("varying_as", self, other()) if self.tape.of_derivatives else self
+
+    def for_derivatives(self, other: Callable[[], Any]) -> Any:
+        """See :func:`~collision_response.numbers.number.for_derivatives`."""
+        return other() if self.tape.of_derivatives else self
+
+    def value_of(self, function: str) -> Symbol:
+        """A function of it, as a number that does not vary."""
+        return record(function, self)
 
     def given_roundoff(self) -> Symbol:
         """See :func:`~collision_response.numbers.number.given_roundoff`."""

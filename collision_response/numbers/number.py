@@ -131,6 +131,22 @@ def fixed(x: Scalar) -> Scalar:
     return varying_as(x, lambda: 0.0)
 
 
+def for_derivatives(x: Scalar, other: Callable[[], Scalar]) -> Scalar:
+    """``x``; or ``other()``, a value that serves derivatives better, of numbers that carry them."""
+    own = getattr(x, "for_derivatives", None)
+    return x if own is None else own(other)
+
+
+def relative_logarithm(x: Scalar) -> Scalar:
+    """``log(1 + x) / x``: a value, of numbers that carry derivatives."""
+    return x.value_of("log1p_over")
+
+
+def relative_exponential(x: Scalar) -> Scalar:
+    """``(exp(x) - 1) / x``: a value, of numbers that carry derivatives."""
+    return x.value_of("expm1_over")
+
+
 def given_roundoff(x: Scalar) -> Scalar:
     """Half the spacing of the floats that numbers are given in, relative: 2^-53, of float32 2^-24."""
     own = getattr(x, "given_roundoff", None)

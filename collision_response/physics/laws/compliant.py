@@ -59,10 +59,14 @@ from ...numbers.number import (
     certain,
     choose,
     error_of,
+    fixed,
+    for_derivatives,
     greater,
     iterate,
     lesser,
+    negation,
     square_root,
+    varying_as,
     widened,
 )
 from ..effective_mass import ContactKinematics
@@ -99,9 +103,10 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     A11, A12, A22, b1, b2 = map(certain, data)
     o, one = 0 * A11, 1 + 0 * A11
 
-    # Axis 1 along the first slip; what is rounding across it is 0.
-    c1, c2 = map(certain, _direction(certain(slip[0]), certain(slip[1]), b1, b2))
-    s = c1 * certain(slip[0]) + c2 * certain(slip[1])
+    # Axis 1 along the first slip; what is rounding across it is 0. Axes are fixed: slip may vary from them.
+    v1, v2 = map(certain, slip)
+    c1, c2 = map(fixed, map(certain, _direction(v1, v2, b1, b2)))
+    s, across = c1 * v1 + c2 * v2, varying_as(o, lambda: c1 * v2 - c2 * v1)
     b1, b2 = c1 * b1 + c2 * b2, c1 * b2 - c2 * b1
     A11, A12, A22 = (
         c1 * c1 * A11 + 2 * c1 * c2 * A12 + c2 * c2 * A22,
@@ -112,14 +117,15 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     trace = certain(A11 + A22)
     planar = (abs(b2) <= PLANAR * (1 + trace)) & (abs(A12) <= PLANAR * trace)
     lost_turn = choose(planar, lambda: abs(b2) + abs(A12), lambda: o)
-    b2, A12 = choose(planar, lambda: (o, o), lambda: (b2, A12))
+    level = varying_as(o, lambda: b2), varying_as(o, lambda: A12)
+    b2, A12 = choose(planar, lambda: level, lambda: (b2, A12))
 
     tolerance = choose(
         tolerance > 0,
         lambda: greater(lesser(SHARE * tolerance, COARSEST + o), TOLERANCE + o),
         lambda: TOLERANCE + o,
     )
-    springs = _values(Springs(A11, A12, A22, b1, b2, s, o, mu, kappa, e, tolerance))
+    springs = _values(Springs(A11, A12, A22, b1, b2, s, across, mu, kappa, e, tolerance))
     y = iterate(_values(_start(springs)), lambda y: y.going > 0, lambda y: step(springs, y), STEPS)
 
     # The rest of the way, straight. All of this are values: the bound counts what is off.
@@ -132,8 +138,9 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     slides = (y.slips > 0) | (mu <= 0)
     grip = mu * y.F
     brief = lesser(certain(force / choose(mu > 0, lambda: mu, lambda: one) / rate), left)
-    across = certain(choose(slides, lambda: -grip * left / 2, lambda: left - brief / 2))
-    P1, P2, P_n = map(certain, (y.P1 + y.a1 * across, y.P2 + y.a2 * across, y.Pn + y.F * left / 2))
+    push = certain(choose(slides, lambda: -grip * left / 2, lambda: left - brief / 2))
+    P1, P2, P_n = map(certain, (y.P1 + y.a1 * push, y.P2 + y.a2 * push, y.Pn + y.F * left / 2))
+    P_n = for_derivatives(P_n, lambda: P_n * choose(y.going > 0, lambda: math.nan + o, lambda: one))
     w1, w2, w_n = springs.velocity(P1, P2, P_n)
     total = certain(-(P1 * (s + w1) + P2 * w2 + P_n * (w_n - 1)) / 2)
     lost = (1 - e) * (1 + e) * y.most * y.most / 2
@@ -177,14 +184,15 @@ def _direction(u1: Scalar, u2: Scalar, b1: Scalar, b2: Scalar) -> tuple[Scalar, 
 
 def _start(springs: Springs) -> Course:
     """At first touch, or soon after where slip turns."""
-    A11, A12, A22, b1, b2, s, _, mu, kappa, _, _ = springs
+    A11, A12, A22, b1, b2, s, across, mu, kappa, _, _ = springs
     o, one = 0 * s, 1 + 0 * s
-    slips = (kappa * s > mu) | (mu <= 0)
+    slips = (fixed(kappa * s) > mu) | (mu <= 0)  # no kink: there either does
     fastest = 1 + abs(b1) + abs(b2) + (mu + kappa) * (A11 + A22)
-    w = b2 - mu * A12
-    turns = slips & ((w > 0) | (w < 0)) & (mu > 0)
+    lean = choose(slips, lambda: varying_as(o, lambda: across / s), lambda: o)
+    w = b2 - mu * A12 - lean * (b1 + mu * (A22 - A11))
+    turns = slips & negation((w == 0) & (lean == 0)) & (mu > 0)
     t = choose(turns, lambda: EARLY / square_root(fastest), lambda: o)
-    turned = t * t * w / choose(turns, lambda: 2 * s + 4 * mu / kappa, lambda: one)
+    turned = lean + t * t * w / choose(turns, lambda: 2 * s + 4 * mu / kappa, lambda: one)
     F = t - (1 - mu * b1) * t * t * t / 6
     P = t * t / 2 - (1 - mu * b1) * t * t * t * t / 24
     a1, a2 = choose(slips, lambda: (one, turned), lambda: (o, o))

@@ -13,7 +13,18 @@ from functools import reduce
 from operator import add
 from typing import NamedTuple
 
-from ...numbers.number import Condition, Scalar, choose, greater, lesser, negation, square_root
+from ...numbers.number import (
+    Condition,
+    Scalar,
+    choose,
+    fixed,
+    for_derivatives,
+    greater,
+    lesser,
+    negation,
+    square_root,
+    varying_as,
+)
 from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row
 
 EVENT = 2.0**-48
@@ -109,6 +120,10 @@ class Event(NamedTuple):
         """Whether it is just over."""
         return (self.value <= 0) & (self.slope < 0)
 
+    def delay(self) -> Scalar:
+        """0: by how much later it comes as its value varies."""
+        return varying_as(0 * self.value, lambda: -self.value / fixed(self.slope))
+
 
 def step(springs: Springs, y: Course) -> Course:
     """One step of the course, or a shorter one to try next."""
@@ -149,7 +164,9 @@ def step(springs: Springs, y: Course) -> Course:
 
     start = (y.a1, y.a2, y.F, y.P1, y.P2, y.Pn)
     share, reach = mu * k / kappa, springs.reach(y.P1, y.P2, y.Pn)
-    h = y.h
+    h = for_derivatives(
+        y.h, lambda: fixed(choose(slips, lambda: lesser(y.h, _reach(springs, y, k)), lambda: y.h))
+    )
     slopes: list[tuple[Scalar, ...]] = []
 
     def total(row: Row, i: int) -> Scalar:
@@ -181,11 +198,13 @@ def step(springs: Springs, y: Course) -> Course:
     again = choose(is_fine, lambda: nearest, lambda: size)
 
     def accepted() -> Course:
-        a1, a2, F, P1, P2, Pn = end
+        switches, turns = (event.is_now() for event in after)
+        delay = choose(turns, after[1].delay, lambda: zero)
+        delay = choose(switches, after[0].delay, lambda: delay)
+        a1, a2, F, P1, P2, Pn = (v + rate * delay for v, rate in zip(end, rates(*end), strict=True))
         u_n = springs.velocity(P1, P2, Pn)[2]
         length = choose(slips, lambda: 0.5 * (3 - a1 * a1 - a2 * a2), lambda: one)
         a1, a2 = a1 * length, a2 * length
-        switches, turns = (event.is_now() for event in after)
         # stick <-> slip
         grip = mu * F
         force = square_root(a1 * a1 + a2 * a2)
@@ -219,6 +238,17 @@ def step(springs: Springs, y: Course) -> Course:
 
 LEAST = 1e-12
 """Less restitution gives back nothing that would count: 0 is answered, and the bound says so."""
+
+
+def _reach(springs: Springs, y: Course, k: Scalar) -> Scalar:
+    """How far slip may go in one step: its direction is stiff where ``F_n`` is small.
+
+    Steps that are fine for planar slip are too long for how it leaves its plane as the data vary.
+    """
+    u1, u2, u_n = springs.velocity(y.P1, y.P2, y.Pn)
+    force, turn = y.F / (k * abs(u_n)), springs.mu * y.F / (springs.kappa * (abs(u1) + abs(u2)))
+    far = lesser(force / 2, lesser(turn / 2 + force / 100, 3 * turn))
+    return choose(y.F > 0, lambda: far, lambda: y.h)
 
 
 def _exponential(x: Scalar) -> Scalar:

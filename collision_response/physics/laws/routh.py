@@ -66,6 +66,8 @@ from ...numbers.number import (
     greater,
     iterate,
     lesser,
+    relative_exponential,
+    relative_logarithm,
     square_root,
     varying_as,
     widened,
@@ -166,6 +168,35 @@ def ray_from_rest(path: Path, mu: Scalar) -> Ray:
     return Ray(z1, z2, kz1, kz2, k, G * size, rate, misfit, sticks)
 
 
+class Straight(NamedTuple):
+    """Slip along the unit vector ``s``: its speed at first and at the end, its way, and how it grows."""
+
+    s1: Scalar
+    s2: Scalar
+    first: Scalar
+    last: Scalar
+    along: Scalar
+    g: Scalar
+
+
+def _veer(path: Path, way: Straight) -> Scalar:
+    """The impulse across a straight way, as ``w`` varies from 0.
+
+    Slip across the way, ``y``, then grows from 0 by ``dy/dx = w - m A_qq y / s``, and takes the impulse
+    ``(y - w x) / A_qq``. With ``T = int dx / s`` and ``a = g + m A_qq`` it is ``w s (1 - exp(-a T)) / a``,
+    and 0 where slip stops.
+    """
+    s1, s2, first, last, along, g = way
+    A_qq = path.A11 * s2 * s2 - 2 * path.A12 * s1 * s2 + path.A22 * s1 * s1
+
+    def slip() -> Scalar:
+        time = along / first * relative_logarithm(g * along / first)
+        return last * time * relative_exponential(-(g + path.m * A_qq) * time)
+
+    y = choose(last > 0, slip, lambda: 0 * last)
+    return choose(first > 0, lambda: (y - along) / A_qq, lambda: 0 * first)
+
+
 def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: bool) -> Outcome:
     e, mu, settings = coefficients
     e_e, e_mu, mu = error_of(e) + LEAST_RESTITUTION, error_of(mu), lesser(certain(mu), GREATEST_FRICTION)
@@ -197,12 +228,13 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
     v1, v2 = certain(slip1), certain(slip2)
     span = abs(v1) + abs(v2)
     slips = span > certain(error_of(slip1) + error_of(slip2))
+    scale = fixed(span)
     d1, d2 = (
-        choose(slips, lambda: v1 / span, lambda: ray.z1),
-        choose(slips, lambda: v2 / span, lambda: ray.z2),
+        choose(slips, lambda: v1 / scale, lambda: ray.z1),
+        choose(slips, lambda: v2 / scale, lambda: ray.z2),
     )
     size = _length(d1, d2)
-    d1, d2, s = d1 / size, d2 / size, choose(slips, lambda: span * size / certain(speed), lambda: o)
+    d1, d2, s = d1 / size, d2 / size, choose(slips, lambda: scale * size / certain(speed), lambda: o)
     # Out of rest, slip grows along the ray; what sticks takes any slip back, at no way.
     at_rest, (w1, w2) = fixed(span) <= 0, (v1 / certain(speed), v2 / certain(speed))
     h1, h2 = path.held(w1, w2)
@@ -253,8 +285,10 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
     along, rest = x + x_r, y_c + y_r
     P1 = y.P1 - m * s1 * along - ray.kz1 * rest
     P2 = y.P2 - m * s2 * along - ray.kz2 * rest
-    P1 = choose(starts_stuck, lambda: varying_as(P1, lambda: P1 - h1), lambda: P1)
-    P2 = choose(starts_stuck, lambda: varying_as(P2, lambda: P2 - h2), lambda: P2)
+
+    veers = varying_as(o, lambda: w * _veer(path, Straight(*map(fixed, (s1, s2, s, s_e, along, g)))))
+    P1 = choose(starts_stuck, lambda: varying_as(P1, lambda: P1 - h1), lambda: P1 - s2 * veers)
+    P2 = choose(starts_stuck, lambda: varying_as(P2, lambda: P2 - h2), lambda: P2 + s1 * veers)
     heat = y.heat + m * ((s + s_c) * x + (s_c + s_e) * x_r) / 2 + ray.k * ray.G * rest * rest / 2
     lost = (1 - e) * (1 + e) * -W_c if energetic else -(W_c + W)
 
