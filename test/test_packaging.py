@@ -79,7 +79,7 @@ def test_environments_of_one_python_share_the_kernels(tmp_path, monkeypatch):
     assert not module.exists()
 
 
-@pytest.mark.parametrize("file", ["config/fast_dds.xml", "security/policy.xml"])
+@pytest.mark.parametrize("file", ["config/fast_dds.xml", "config/fast_dds_2.xml", "security/policy.xml"])
 def test_what_users_configure_with_is_installed_where_ros_looks(file):
     prefixes = Path(collision_response.__file__).parents
     (share,) = (share for prefix in prefixes if (share := prefix / "share/collision_response").is_dir())
