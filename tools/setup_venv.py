@@ -139,7 +139,9 @@ class Kernels:
     def ninja(self):
         """Of the environment that made the build, which need not be this one; ``None`` if it is gone."""
         cache = self.path / "CMakeCache.txt"
-        found = re.search(r"^CMAKE_MAKE_PROGRAM:\w+=(.+)$", cache.read_text(), re.M) if cache.exists() else None
+        if not cache.exists():
+            return None
+        found = re.search(r"^CMAKE_MAKE_PROGRAM:\w+=(.+)$", cache.read_text(), re.M)
         return found[1] if found and Path(found[1]).exists() else None
 
     def start(self):
