@@ -13,7 +13,7 @@ unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH 
 unexport RMW_IMPLEMENTATION ROS_DISTRO VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help demo test lint audit bench stability faults fuzz states soak twice reliability examples colcon docs clean
+.PHONY: help demo test lint audit arm64 bench stability faults fuzz states soak twice reliability examples colcon docs clean
 .PHONY: .venv .audit-venv .bench-venv .colcon-venv .docs-venv .examples-venv
 
 help:
@@ -31,6 +31,7 @@ help:
 	@echo 'make twice      ten times two test suites at once, on busy cores: some half an hour'
 	@echo 'make examples   all programs of examples/: each checks what it prints'
 	@echo 'make colcon     a colcon build of this tree, and a call of the node it installs'
+	@echo 'make arm64      the library compiled for arm64, its tests under emulation'
 	@echo 'make docs       the reference site: these pages, the API, the interfaces'
 	@echo 'make clean      remove all that these made'
 
@@ -54,6 +55,12 @@ audit: .venv .audit-venv
 
 .audit-venv:
 	@test -x .audit-venv/bin/pip-audit || { $(PYTHON) -m venv .audit-venv && .audit-venv/bin/pip install -q pip-audit; }
+
+# Quick ones: emulation takes ten times as long.
+ARM64 := answers articulated batch_pairs batch_scenes extended_batch moreau resolve scene_values
+
+arm64: .venv
+	@tools/arm64.sh $(or $(ARGS),$(ARM64:%=test/test_%.py))
 
 .venv:
 	@$(PYTHON) tools/setup_venv.py .venv $(EXTRAS) $(OPTIONAL)
@@ -101,5 +108,5 @@ docs: .docs-venv
 		{ $(PYTHON) -m venv .docs-venv && .docs-venv/bin/pip install -q -r docs/requirements.txt; }
 
 clean:
-	rm -rf .venv .audit-venv .bench-venv .colcon-venv .docs-venv .examples-venv .docs .kernels build install log .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .arm64 .audit-venv .bench-venv .colcon-venv .docs-venv .examples-venv .docs .kernels build install log .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +

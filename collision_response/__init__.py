@@ -17,6 +17,7 @@ from .model import Adjustment, Geometry, ImpactModel, Precision
 from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.laws import Law, Regime
+from .physics.vector import Vec3
 from .requirements import SceneContact, SceneRequirements, scene_requirements
 from .resolve import resolve
 from .resolve_contact import ContactImpact, resolve_contact
@@ -40,6 +41,7 @@ __all__ = [
     "SceneRequirements",
     "StatusCode",
     "Twist",
+    "Vec3",
     "resolve",
     "resolve_contact",
     "resolve_scene",

@@ -48,7 +48,6 @@ autodoc_mock_imports = [
 
 API = {
     "collision_response": "One impact, and several at once",
-    "collision_response.physics.vector": "Vectors",
     "collision_response.physics.mass_properties": "Mass and inertia of solids",
     "collision_response.physics.restitution": "Restitution by speed",
     "collision_response.physics.combine": "Coefficients of two bodies",

@@ -3,6 +3,8 @@
 ros2 launch collision_response collision_response.launch.py states:=true markers:=true
 """
 
+import os
+
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition
@@ -15,7 +17,9 @@ PACKAGE = "collision_response"
 CONFIG = PathJoinSubstitution([FindPackageShare(PACKAGE), "config"])
 PARAMETERS = PathJoinSubstitution([CONFIG, "collision_response.yaml"])
 
-PROFILES = "FASTDDS_DEFAULT_PROFILES_FILE"  # docs/reliability.md says what for
+JAZZY = os.environ.get("ROS_DISTRO") == "jazzy"  # whose Fast DDS is of version 2
+PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE" if JAZZY else "FASTDDS_DEFAULT_PROFILES_FILE"
+PROFILE = "fast_dds_2.xml" if JAZZY else "fast_dds.xml"  # docs/reliability.md says what for
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -29,9 +33,7 @@ def generate_launch_description() -> LaunchDescription:
             namespace=LaunchConfiguration("namespace"),
             parameters=[LaunchConfiguration("params_file"), {"use_sim_time": use_sim_time}],
             additional_env={
-                PROFILES: EnvironmentVariable(
-                    PROFILES, default_value=PathJoinSubstitution([CONFIG, "fast_dds.xml"])
-                )
+                PROFILES: EnvironmentVariable(PROFILES, default_value=PathJoinSubstitution([CONFIG, PROFILE]))
             },
             output="screen",
             **options,

@@ -29,7 +29,9 @@ class Heard:
 
     def hear(self, state, publisher=1, number=None):
         number = self._numbers[publisher] = number or self._numbers.get(publisher, 0) + 1
-        info = {"publisher_gid": {"data": bytes([publisher]) * 16}, "publication_sequence_number": number}
+        info = {"publication_sequence_number": number}
+        if publisher is not None:
+            info["publisher_gid"] = {"data": bytes([publisher]) * 16}
         message = state if isinstance(state, bytes) else serialize_message(state)
         if isinstance(state, BodyStates):
             self.states.hear_table(message, info)
@@ -210,6 +212,17 @@ def test_a_publisher_that_takes_over_from_another_is_not_reported():
     for publisher in (1, 1, 2, 2, 3):
         heard.hear(left(0.0), publisher=publisher)
     assert not heard.reports
+
+
+def test_where_publishers_are_unknown_tables_are_told_apart_by_their_bodies():
+    """As in Jazzy, whose rclpy does not say from whom a message is."""
+    heard = Heard()
+    for names, speed, number in (("ab", 1.0, 1), ("c", 2.0, 9), ("ab", 3.0, 2)):
+        heard.hear(table([*names], speed=speed), publisher=None, number=number)
+    for speed in (4.0, 5.0, 4.0):
+        heard.hear(left(speed), publisher=None)
+    assert (heard.speed("b"), heard.speed("c"), heard.speed()) == (3.0, 2.0, 4.0)
+    assert (len(heard.states), heard.states.lost, heard.reports) == (4, 0, [])
 
 
 # bytes

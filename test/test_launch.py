@@ -109,6 +109,7 @@ def test_it_launches(graph, prefix):
     command = [sys.executable, "-c", LAUNCHES, str(LAUNCH), f"namespace:={graph.namespace}"]
     with subprocess.Popen([*command, "states:=true", "markers:=true"], start_new_session=True) as launched:
         assert graph.call(balls_meet()).result.twist_a.linear.x == 2.0
-        until(lambda: set(NODES) < set(graph.user.get_node_names()))
+        there = {(name, graph.namespace) for name in NODES}
+        until(lambda: there <= set(graph.user.get_node_names_and_namespaces()))
         os.killpg(launched.pid, signal.SIGINT)  # Ctrl-C is for all of them
         assert launched.wait(DEADLINE) == 0

@@ -59,7 +59,27 @@ def test_ros_reads_the_package_and_its_change_log():
     assert (released[0], warnings) == (package.version, [])
 
 
-@pytest.mark.parametrize("file", ["config/fast_dds.xml", "security/policy.xml"])
+def test_environments_of_one_python_share_the_kernels(tmp_path, monkeypatch):
+    """Else each would compile them anew, and take them from the others meanwhile."""
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+    import setup_venv
+
+    monkeypatch.setattr(setup_venv, "ROOT", tmp_path)
+    kernels = setup_venv.Kernels(setup_venv.Environment(".second"))
+    ninja, module = tmp_path / ".first" / "bin" / "ninja", kernels.path / "_compiled.so"
+    for file in (ninja, module, kernels.path / "build.ninja"):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch()
+    ninja.write_text("#!/bin/sh\n")
+    ninja.chmod(0o755)
+    (kernels.path / "CMakeCache.txt").write_text(f"CMAKE_MAKE_PROGRAM:FILEPATH={ninja}\n")
+    assert kernels.wait(kernels.start()) == [module]
+    ninja.unlink()  # with its environment
+    assert kernels.start().wait() != 0
+    assert not module.exists()
+
+
+@pytest.mark.parametrize("file", ["config/fast_dds.xml", "config/fast_dds_2.xml", "security/policy.xml"])
 def test_what_users_configure_with_is_installed_where_ros_looks(file):
     prefixes = Path(collision_response.__file__).parents
     (share,) = (share for prefix in prefixes if (share := prefix / "share/collision_response").is_dir())

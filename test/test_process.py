@@ -17,7 +17,8 @@ from test_load import diagnostics, falling
 
 from collision_response import ImpactModel, StatusCode
 
-FAST_DDS = "FASTDDS_DEFAULT_PROFILES_FILE"
+JAZZY = os.environ.get("ROS_DISTRO") == "jazzy"
+FAST_DDS = "FASTRTPS_DEFAULT_PROFILES_FILE" if JAZZY else "FASTDDS_DEFAULT_PROFILES_FILE"
 NODE = Path(__file__).resolve().parent.parent / "scripts" / "collision_response_node"
 
 
@@ -129,10 +130,10 @@ import rclpy
 
 rclpy.init()
 node = rclpy.create_node("shares")
-print("/dev/shm/fastdds" in Path("/proc/self/maps").read_text())
+print("/dev/shm/fast" in Path("/proc/self/maps").read_text())
 rclpy.shutdown()
 """
-PROFILE = NODE.parent.parent / "config" / "fast_dds.xml"
+PROFILE = NODE.parent.parent / "config" / ("fast_dds_2.xml" if JAZZY else "fast_dds.xml")
 
 
 @pytest.mark.parametrize(("profile", "shares"), [({}, "True"), ({FAST_DDS: str(PROFILE)}, "False")])

@@ -7,6 +7,7 @@ import math
 import re
 from fractions import Fraction
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pytest
 
@@ -27,6 +28,7 @@ from collision_response.cli import main
 from collision_response.recording import Record, Recorder, Refusal, SceneRecord
 from collision_response.recording import scenes as scenes_table
 from collision_response.recording.table import read, rows_of
+from collision_response.recording.writer import Recording, Writer
 
 FLOOR = Body.static((0.0, 0.0, -1.0))
 HALF = math.sqrt(0.5)
@@ -124,6 +126,22 @@ def test_files_of_one_recording_are_one_table_and_an_empty_one_is_no_error(recor
     later, earlier = recording([record(2, request)], "b.rrd"), recording([record(1, request)], "a.rrd")
     assert read([later, earlier])["answer"].to_pylist() == [1, 2]
     assert read([recording([], "empty.rrd")]).num_rows == 0
+
+
+def test_the_query_on_the_page_reads_all_files(tmp_path, monkeypatch, capfd):
+    """Those of one start of the node, and that of another."""
+    pytest.importorskip("datafusion")
+    page = (Path(__file__).parent.parent / "docs" / "recordings.md").read_text()
+    (code,) = [code for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "datafusion" in code]
+    impact = resolve(*next(requests()))._replace(regime=Regime.REVERSED)
+    (tmp_path / "recordings").mkdir()
+    one, other = Recording(), Recording()
+    for run, name, number in ((one, "a", 1), (one, "a_001", 2), (other, "b", 1)):
+        with Writer(tmp_path / "recordings" / f"{name}.rrd", run) as writer:
+            writer.write([record(number, next(requests()), impact=impact), record(9, next(requests()))])
+    monkeypatch.chdir(tmp_path)
+    exec(code, {})
+    assert sorted(re.findall(r"^\| (\d+) ", capfd.readouterr().out, re.MULTILINE)) == ["1", "1", "2"]
 
 
 class TestReplay:

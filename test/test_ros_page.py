@@ -11,9 +11,11 @@ import pytest
 pytest.importorskip("nav_msgs")
 
 import yaml
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Pose, Twist
 from ros_graph import assign, state_of, until
 
-from collision_response import Body
+from collision_response import Body, StatusCode
 from collision_response.msg import BodyState
 from collision_response.ros import markers, sources
 from collision_response.srv import ResolveCollision
@@ -26,11 +28,44 @@ def xyz(*numbers: float) -> SimpleNamespace:
     return SimpleNamespace(**dict(zip("xyz", numbers, strict=True)))
 
 
-def test_contacts_of_gazebo_become_a_request(graph):
-    """Shaped as ros_gz_interfaces/Contacts: a cube lands flat, known by its name, in full restitution."""
-    (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+def said(what: str) -> dict:
+    """What the one example that has this defines."""
+    (code,) = [code for code in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if what in code]
     names = {}
     exec(code, names)
+    return names
+
+
+def test_states_of_all_models_are_bodies_by_name(graph, tmp_path, monkeypatch):
+    """Shaped as gazebo_msgs/ModelStates: a crate falls on the ground, whose matter nobody has told."""
+    (tmp_path / "crate.sdf").write_text(
+        "<sdf version='1.9'><model name='crate'><link name='link'><inertial><pose>0 0 -0.5 0 0 0</pose>"
+        "<mass>3</mass></inertial></link></model></sdf>"
+    )
+    monkeypatch.chdir(tmp_path)
+    models = SimpleNamespace(name=["ground", "crate"], pose=[Pose(), Pose()], twist=[Twist(), Twist()])
+    models.pose[1].position.z, models.twist[1].linear.z = 1.5, -2.0
+    graph.serve()
+    publisher = graph.user.create_publisher(BodyState, "body_states", 10)
+    request = ResolveCollision.Request()
+    request.contact.body_a, request.contact.header.frame_id = "crate", "world"
+    request.body_b.header.frame_id, request.body_b.motion_type = "world", BodyState.STATIC
+    request.contact.normal.z, request.contact.restitution = 1.0, 0.5
+    (state,) = said("def states")["states"](models, Time(sec=7))
+
+    def ask():
+        publisher.publish(state)
+        result = graph.call(request).result
+        return result if result.status.code != StatusCode.UNKNOWN_BODY else None
+
+    result = until(ask)
+    assert result.twist_a.linear.z == 1.0
+    assert (result.impulse.z, state.inertia.com.z, state.header.stamp.sec) == (9.0, -0.5, 7)
+
+
+def test_contacts_of_gazebo_become_a_request(graph):
+    """Shaped as ros_gz_interfaces/Contacts: a cube lands flat, known by its name, in full restitution."""
+    names = said("def request_of")
     corners = [(x, y, 0.0) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
     contact = SimpleNamespace(
         collision1=SimpleNamespace(name="crate::link::collision"),

@@ -272,7 +272,9 @@ def run(*arguments: str) -> subprocess.Popen:
 
 def test_the_process_ends_on_a_signal(graph):
     process = run("-r", f"__ns:={graph.namespace}")
-    until(lambda: "collision_response_states" in graph.user.get_node_names())
+    until(
+        lambda: ("collision_response_states", graph.namespace) in graph.user.get_node_names_and_namespaces()
+    )
     process.send_signal(signal.SIGINT)
     assert (process.communicate(timeout=DEADLINE)[1], process.returncode) == ("", 0)
 

@@ -12,6 +12,7 @@ skipped by name, and tried again the next time.
 import hashlib
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -134,19 +135,27 @@ class Kernels:
         self.environment = environment
         self.path = ROOT / ".kernels" / sys.implementation.cache_tag
         self.log = ROOT / ".kernels" / "build.log"
-        self.tools = {name: environment.path / "bin" / name for name in ("cmake", "ninja")}
+
+    def ninja(self):
+        """Of the environment that made the build, which need not be this one; ``None`` if it is gone."""
+        cache = self.path / "CMakeCache.txt"
+        if not cache.exists():
+            return None
+        found = re.search(r"^CMAKE_MAKE_PROGRAM:\w+=(.+)$", cache.read_text(), re.M)
+        return found[1] if found and Path(found[1]).exists() else None
 
     def start(self):
         """Begin to build what is not up to date."""
-        cache = self.path / "CMakeCache.txt"
-        if not cache.exists() or str(self.tools["ninja"]) not in cache.read_text():
+        tools, ninja = self.environment.path / "bin", self.ninja()
+        if not ninja:
             shutil.rmtree(str(self.path), ignore_errors=True)
             self.path.mkdir(parents=True)
+            ninja = tools / "ninja"
         script = '"$3" -C "$2"'
         if not (self.path / "build.ninja").exists():
             configure = '"$0" -G Ninja -S "$1" -B "$2" -DCMAKE_MAKE_PROGRAM="$3" -DPython3_EXECUTABLE="$4"'
             script = f"{configure} && {script}"
-        arguments = [self.tools["cmake"], KERNELS, self.path, self.tools["ninja"], self.environment.python]
+        arguments = [tools / "cmake", KERNELS, self.path, ninja, self.environment.python]
         return subprocess.Popen(
             ["sh", "-c", script, *map(str, arguments)],
             stdin=subprocess.DEVNULL,

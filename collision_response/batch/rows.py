@@ -15,7 +15,9 @@ NOWHERE = slice(0, 0)
 
 
 class BodyRows(NamedTuple):
-    """Where the quantities of the bodies lie in ``bodies``, an array of shape ``(height, 2, N)``.
+    """Where the quantities of the bodies lie in ``bodies``.
+
+    That is a table of bodies, shape ``(height, B)``; or without ``pairs``, of them, ``(height, 2, N)``.
 
     Attributes:
         mass: [kg]; ``inf``: the body is immovable.

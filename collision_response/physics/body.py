@@ -45,6 +45,7 @@ class Body(NamedTuple):
     """A body: of a shape, or :meth:`dynamic`, :meth:`kinematic`, :meth:`static` or :meth:`articulated`.
 
     A shape is a homogeneous solid about its centre of mass: ``Body.sphere(2.0, 0.1, velocity=(0, 0, -3))``.
+    It takes ``position``, ``orientation``, ``velocity`` and ``angular_velocity``, as :meth:`dynamic` does.
 
     ``position`` and ``velocity`` are those of the body's reference point: the origin of its axes. It is
     the centre of mass, unless ``com`` says that this lies elsewhere.

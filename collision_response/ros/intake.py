@@ -42,7 +42,7 @@ class OutOfReach(CallbackGroup):
         """Nothing has begun."""
 
 
-class Intake(Waitable[None]):
+class Intake(Waitable):  # type: ignore[type-arg]  # that of Jazzy takes none
     """What waits for messages or requests in place of the executor.
 
     Args:

@@ -50,6 +50,21 @@ ODOMETRY_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 """It takes publishers of either kind."""
 
 
+def body_state(header: Any, name: str, matter: MassProperties) -> BodyState:
+    """The state of a body at rest at the origin: pose and twist are to be filled in.
+
+    Args:
+        header: stamp, and inertial frame.
+        name: of the body.
+        matter: of the body, in axes of its frame.
+    """
+    state = BodyState(header=header, name=name)
+    inertia = state.inertia
+    inertia.m, inertia.com = matter.mass, vector_message(matter.com)
+    inertia.ixx, inertia.ixy, inertia.ixz, inertia.iyy, inertia.iyz, inertia.izz = matter.inertia
+    return state
+
+
 def from_odometry(odometry: Odometry, matter: MassProperties, name: str = "") -> BodyState:
     """The state of the body whose origin is that of ``child_frame_id``.
 
@@ -66,7 +81,7 @@ def from_odometry(odometry: Odometry, matter: MassProperties, name: str = "") ->
     turn, twist = odometry.pose.pose.orientation, odometry.twist.twist
     rotation = _nonzero(turn).rotation()
     linear, angular = (rotation.to_world(Vec3(v.x, v.y, v.z)) for v in (twist.linear, twist.angular))
-    state = _state(odometry.header, name or odometry.child_frame_id, matter)
+    state = body_state(odometry.header, name or odometry.child_frame_id, matter)
     state.pose = odometry.pose.pose
     state.twist = twist_message(Twist(linear, angular))
     return state
@@ -91,7 +106,7 @@ def from_transforms(earlier: TransformStamped, later: TransformStamped, matter: 
         raise ValueError(f"the transforms must be some time apart, not {t} s")
     before, after = earlier.transform, later.transform
     way = Vec3(*(getattr(after.translation, x) - getattr(before.translation, x) for x in "xyz"))
-    state = _state(later.header, later.child_frame_id, matter)
+    state = body_state(later.header, later.child_frame_id, matter)
     state.pose.position.x, state.pose.position.y, state.pose.position.z = (
         getattr(after.translation, x) for x in "xyz"
     )
@@ -118,14 +133,6 @@ def _nonzero(q: Any) -> Quaternion:
     if not turn.squared_length():
         raise ValueError("the quaternion of an orientation is 0")
     return turn
-
-
-def _state(header: Any, name: str, matter: MassProperties) -> BodyState:
-    state = BodyState(header=header, name=name)
-    inertia = state.inertia
-    inertia.m, inertia.com = matter.mass, vector_message(matter.com)
-    inertia.ixx, inertia.ixy, inertia.ixz, inertia.iyy, inertia.iyz, inertia.izz = matter.inertia
-    return state
 
 
 class BodySource(Node):

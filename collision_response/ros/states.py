@@ -80,7 +80,7 @@ class LatestStates:
         self._now = now
         self._report = report
         self._by_name: dict[str, _Source] = {}
-        self._tables: dict[bytes, SerializedTable] = {}
+        self._tables: dict[bytes | tuple[str, ...], SerializedTable] = {}
         self._counts: dict[bytes, int] = {}
         self._shared_names: set[str] = set()
 
@@ -110,14 +110,18 @@ class LatestStates:
         return state
 
     def hear_table(self, message: bytes, info: Any) -> None:
-        """Take note of a ``BodyStates``; it stands for the one before it from the same publisher."""
+        """Take note of a ``BodyStates``; it stands for the one before it from the same publisher.
+
+        Where publishers are unknown, it stands for the one before it of the same bodies.
+        """
         publisher = self._count(info)
         table = self._read(SerializedTable, message)
         if table is None:
             return
-        old = self._tables.get(publisher)
+        whose = publisher or tuple(table.columns)
+        old = self._tables.get(whose)
         if old is None or self._is_later(table, old):
-            self._tables[publisher] = table
+            self._tables[whose] = table
         if len(self._tables) > PUBLISHERS // 10:
             del self._tables[next(iter(self._tables))]
 
@@ -172,8 +176,13 @@ class LatestStates:
         return False
 
     def _count(self, info: Any) -> bytes:
-        """The publisher of a message; messages between this and its last one were lost."""
+        """The publisher of a message; messages between this and its last one were lost.
+
+        Empty, and nothing told of losses, where rclpy does not say whose it is: that of Jazzy.
+        """
         self.received += 1
+        if "publisher_gid" not in info:
+            return b""
         publisher, number = bytes(info["publisher_gid"]["data"]), info["publication_sequence_number"]
         last = self._counts.get(publisher)
         if last is None and len(self._counts) >= PUBLISHERS:
