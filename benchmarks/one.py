@@ -17,6 +17,7 @@ from timing import interleaved, ratio, spread
 from truth import Answer, error_of_impact, error_of_impulse, error_of_twists, truth_of
 
 from collision_response import ImpactModel, Law, Precision, resolve
+from collision_response.derivatives import differentiate
 
 BALL = 0.05
 """Radius of the balls [m]."""
@@ -43,6 +44,9 @@ TARGETS: tuple[Timed, ...] = (
     ("ROUTH_STRONGE", 6.0, PAIR, ImpactModel(Law.ROUTH_STRONGE)),
 )
 """What is timed, and at most how many times what pinocchio takes for two bodies in space, J by hand."""
+
+JACOBIAN, MOST_FOR_JACOBIAN = "`differentiate()`, COULOMB, by everything", 10.0
+"""At most so many times what ``resolve()`` takes for the same."""
 
 
 class Peer(NamedTuple):
@@ -260,14 +264,20 @@ def measure(skipped: dict[str, str]) -> dict[str, Any]:
 
 
 def targets(skipped: dict[str, str]) -> dict[str, Any]:
-    """All kinds of request, against pinocchio."""
+    """All kinds of request, against pinocchio; and a Jacobian."""
     calls = {what: by_resolve(scene, model).call for what, _, scene, model in TARGETS}
     peer = peers_of(ALIGNED, skipped).get(PINOCCHIO_J)
     if peer is not None:
         calls[PINOCCHIO_J] = peer.call
+    coulomb = ImpactModel(Law.COULOMB)
+    calls[JACOBIAN] = lambda: differentiate(*PAIR, coulomb)
     samples = interleaved(calls)
     measured = [
         {"what": f"`resolve()`, {what}", "most": most, "measured": ratio(samples, what, PINOCCHIO_J)}
         for what, most, *_ in TARGETS
     ]
+    of_jacobian = ratio(samples, JACOBIAN, "COULOMB")
+    measured.append(
+        {"what": f"{JACOBIAN}, against `resolve()`", "most": MOST_FOR_JACOBIAN, "measured": of_jacobian}
+    )
     return {"s": {what: spread(times) for what, times in samples.items()}, "targets": measured}

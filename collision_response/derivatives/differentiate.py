@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from enum import IntEnum
 from functools import lru_cache
 from itertools import accumulate
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,6 +31,8 @@ from ..status import ImpactError, StatusCode
 Array = np.ndarray[Any, Any]
 
 DEFAULT = ImpactModel()
+
+_settings_of = attrgetter(*Settings._fields)
 
 
 def _places(widths: dict[str, int]) -> dict[str, slice]:
@@ -144,7 +147,7 @@ def differentiate(
     _check(body_a, body_b)
     if contact.tangential_restitution is not None:
         model = model._replace(tangential_restitution=contact.tangential_restitution)
-    settings = tuple(getattr(model, name) for name in Settings._fields)
+    settings = _settings_of(model)
     count = directions.shape[1]
     jacobian, smoothness = np.empty((ROWS, count)), np.empty(count, np.uint8)
     inputs = library.inputs(body_a, body_b, contact, settings)
