@@ -269,15 +269,20 @@ def targets(skipped: dict[str, str]) -> dict[str, Any]:
     peer = peers_of(ALIGNED, skipped).get(PINOCCHIO_J)
     if peer is not None:
         calls[PINOCCHIO_J] = peer.call
-    coulomb = ImpactModel(Law.COULOMB)
-    calls[JACOBIAN] = lambda: differentiate(*PAIR, coulomb)
     samples = interleaved(calls)
     measured = [
         {"what": f"`resolve()`, {what}", "most": most, "measured": ratio(samples, what, PINOCCHIO_J)}
         for what, most, *_ in TARGETS
     ]
-    of_jacobian = ratio(samples, JACOBIAN, "COULOMB")
-    measured.append(
-        {"what": f"{JACOBIAN}, against `resolve()`", "most": MOST_FOR_JACOBIAN, "measured": of_jacobian}
-    )
+    measured.append(jacobian())
     return {"s": {what: spread(times) for what, times in samples.items()}, "targets": measured}
+
+
+def jacobian() -> dict[str, Any]:
+    """All derivatives of an impact, against the impact."""
+    model = ImpactModel(Law.COULOMB)
+    samples = interleaved(
+        {RESOLVE: lambda: resolve(*PAIR, model), JACOBIAN: lambda: differentiate(*PAIR, model)}
+    )
+    what = f"{JACOBIAN}, against `resolve()`"
+    return {"what": what, "most": MOST_FOR_JACOBIAN, "measured": ratio(samples, JACOBIAN, RESOLVE)}
