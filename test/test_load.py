@@ -26,7 +26,7 @@ from ros_graph import DEADLINE, balls_meet, until
 from collision_response import Geometry, ImpactError, ImpactModel, Precision, StatusCode
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.msg import BodyState
-from collision_response.ros import batches, clients
+from collision_response.ros import batches, clients, server
 from collision_response.ros.batch_client import pack, unpack
 from collision_response.ros.clients import Presence
 from collision_response.ros.intake import RCLError
@@ -223,6 +223,14 @@ def test_requests_of_a_client_that_stays_are_not_dropped(graph):
     futures = [graph.call_async(by_name(10)) for _ in range(5)]
     until(lambda: all(future.done() for future in futures))
     assert {future.result().result.status.code for future in futures} == {StatusCode.STALE_STATE}
+
+
+def test_who_waits_is_woken_though_others_ask_all_the_time(graph, monkeypatch):
+    monkeypatch.setattr(server, "PATIENCE", 0.5)  # many times what others leave between two requests
+    graph.serve(max_state_wait=0.2)
+    waiting = graph.call_async(by_name(10))
+    until(lambda: graph.call(balls_meet()).success and waiting.done())
+    assert waiting.result().result.status.code == StatusCode.STALE_STATE
 
 
 def test_an_answer_that_cannot_be_sent_harms_nobody_and_is_counted(graph, monkeypatch):

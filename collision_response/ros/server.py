@@ -192,7 +192,7 @@ class Server:
                 intake.take_all()
         if self._turns.is_ready:
             self._more.trigger()
-        if self._turns.is_waiting:
+        if self._turns.is_waiting and self._patience.is_canceled():  # a reset puts off a timer that runs
             self._patience.reset()
 
     def _wake_late(self) -> None:
