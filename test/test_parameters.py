@@ -39,7 +39,7 @@ DEFAULTS = {
     "budget.contacts": 200_000,
     "budget.scene_contacts": 256,
     "budget.time": 60.0,
-    "memory_limit": 4096,
+    "memory_limit": 2048,
     "shutdown_timeout": 5.0,
     "service_introspection": "off",
     "recording.enabled": False,

@@ -32,13 +32,18 @@ HEADER = 4
 PORTION = 100
 
 
+HARMFUL = {"single": (416, 2**32 - 1), "batch": (24, 20_000_000), "scene": (24, 20_000_000)}
+"""Where in a short message a length stands, and what it claimed to great harm: of the second body's inverse
+inertia, whose reader reads on behind it; of names, or bodies."""
+
+
 def kept(what: str) -> list[bytes]:
-    """What did harm once, sent first: a short message that claims 20 million names, or bodies."""
-    offsets = {"batch": 24, "scene": 24}  # after the header, and what comes before the names
-    if what not in offsets:
+    """What did harm once, sent first."""
+    if what not in HARMFUL:
         return []
-    short, at = templates(what)[0], HEADER + offsets[what]
-    return [short[:at] + struct.pack("<I", 20_000_000) + short[at + 4 :]] * 5
+    short, (offset, claim) = templates(what)[0], HARMFUL[what]
+    at = HEADER + offset
+    return [short[:at] + struct.pack("<I", claim) + short[at + 4 :]] * 5
 
 
 def templates(what: str) -> list[bytes]:

@@ -115,7 +115,7 @@ DECLARATIONS = (
     Declaration("budget.contacts", 200_000, "Contacts that one batch may have.", 1, 10**9),
     Declaration("budget.scene_contacts", 256, "Contacts that one scene may have.", 1, 4096),
     Declaration("budget.time", 60.0, "Computing time [s] that one request may take. 0: any."),
-    Declaration("memory_limit", 4096, "Memory [MiB] that the process may take. 0: any.", 0, 10**9, True),
+    Declaration("memory_limit", 2048, "Memory [MiB] that the process may take. 0: any.", 0, 10**9, True),
     Declaration(
         "shutdown_timeout", 5.0, "Time [s] from SIGINT or SIGTERM to the end, in which requests are answered."
     ),
