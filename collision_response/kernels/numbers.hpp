@@ -24,10 +24,16 @@
 #define GIVEN_ROUNDOFF 0x1p-53
 #endif
 #define INLINE static inline __attribute__((always_inline))
-#ifdef OUT_OF_LINE  // operations with bounds as calls: compiles in a third of the time
-#define LONG static __attribute__((noinline))
+// Operations with bounds as calls: all, which compiles in a third of the time; or the rare and long ones alone.
+#ifdef OUT_OF_LINE
+#define OFTEN static __attribute__((noinline))
 #else
-#define LONG INLINE
+#define OFTEN INLINE
+#endif
+#if defined(OUT_OF_LINE) || defined(RARE_OUT_OF_LINE)
+#define RARE static __attribute__((noinline))
+#else
+#define RARE INLINE
 #endif
 
 // --- Bases -------------------------------------------------------------------------------------------
@@ -223,16 +229,16 @@ template <class T> constexpr double underflow = sizeof(Lane<T>) == 8 ? 0x1p-1060
 template <class N> INLINE Bounded<N> rounded(N x, Base<N> error) {
   return {x, error + magnitude(high(x)) * spread<Base<N>>(Traits<N>::roundoff)};
 }
-template <class N> LONG Bounded<N> operator+(const Bounded<N>& a, const Bounded<N>& b) { return rounded(a.value + b.value, a.error + b.error); }
-template <class N> LONG Bounded<N> operator-(const Bounded<N>& a, const Bounded<N>& b) { return rounded(a.value - b.value, a.error + b.error); }
+template <class N> OFTEN Bounded<N> operator+(const Bounded<N>& a, const Bounded<N>& b) { return rounded(a.value + b.value, a.error + b.error); }
+template <class N> OFTEN Bounded<N> operator-(const Bounded<N>& a, const Bounded<N>& b) { return rounded(a.value - b.value, a.error + b.error); }
 template <class N> INLINE Bounded<N> operator-(const Bounded<N>& a) { return {-a.value, a.error}; }
-template <class N> LONG Bounded<N> operator*(const Bounded<N>& a, const Bounded<N>& b) {
+template <class N> OFTEN Bounded<N> operator*(const Bounded<N>& a, const Bounded<N>& b) {
   using T = Base<N>;
   T size_a = magnitude(high(a.value)) + a.error, size_b = magnitude(high(b.value));
   T lost = lesser(size_a, size_b + b.error) > 0 ? spread<T>(underflow<T>) : T{};  // 0 times anything is 0
   return rounded(a.value * b.value, (size_a * b.error + size_b * a.error) + lost);
 }
-template <class N> LONG Bounded<N> operator/(const Bounded<N>& a, const Bounded<N>& b) {
+template <class N> RARE Bounded<N> operator/(const Bounded<N>& a, const Bounded<N>& b) {
   using T = Base<N>;
   N q = a.value / b.value;
   T least = magnitude(high(b.value)) - b.error * spread<T>(1 + slack<T>);
@@ -242,7 +248,7 @@ template <class N> LONG Bounded<N> operator/(const Bounded<N>& a, const Bounded<
   T error = (a.error + magnitude(high(q)) * b.error + rest) / least;
   return rounded(q, choose<T>(least > 0, error + lost, spread<T>(__builtin_inf())));
 }
-template <class N> LONG Bounded<N> root(const Bounded<N>& a) {
+template <class N> RARE Bounded<N> root(const Bounded<N>& a) {
   using T = Base<N>;
   N s = root(a.value);
   T error = a.error;
