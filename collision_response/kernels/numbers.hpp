@@ -16,9 +16,6 @@
 #include <cstdint>
 #include <cstring>
 #include <type_traits>
-#ifdef __AVX2__
-#include <immintrin.h>
-#endif
 
 #ifndef GIVEN_ROUNDOFF  // of the floats that the numbers were given in
 #define GIVEN_ROUNDOFF 0x1p-53
@@ -62,13 +59,22 @@ template <class T> INLINE Mask<T> spread_truth(bool x) { return x ? Mask<T>(T{} 
 
 INLINE bool negation(bool m) { return !m; }
 template <class M, class = std::enable_if_t<is_vector<M>>> INLINE M negation(M m) { return ~m; }
+// Instructions by name, here and below: to read the header of all intrinsics takes longer than most files to compile.
 INLINE bool any(bool m) { return m; }
 template <class M, class = std::enable_if_t<is_vector<M>>> INLINE bool any(M m) {
 #ifdef __AVX512F__
-  if constexpr (sizeof m == 64) return _mm512_test_epi64_mask((__m512i)m, (__m512i)m) != 0;
+  if constexpr (sizeof m == 64) {
+    unsigned char some;
+    __asm__("vptestmq %1, %1, %0" : "=Yk"(some) : "v"(m));
+    return some;
+  }
 #endif
 #ifdef __AVX2__
-  if constexpr (sizeof m == 32) return !_mm256_testz_si256((__m256i)m, (__m256i)m);
+  if constexpr (sizeof m == 32) {
+    bool some;
+    __asm__("vptest %1, %1" : "=@ccnz"(some) : "x"(m));
+    return some;
+  }
 #endif
   for (std::size_t i = 0; i < lanes<M>; ++i)
     if (m[i]) return true;
@@ -81,45 +87,41 @@ template <class T> INLINE T magnitude(T x) {
 }
 template <class T> INLINE T root_of_base(T x) {
   if constexpr (is_scalar<T>) return std::sqrt(x);
-#ifdef __AVX512F__
-  else if constexpr (sizeof x == 64 && sizeof(Lane<T>) == 8) return (T)_mm512_sqrt_pd((__m512d)x);
-#endif
 #ifdef __AVX2__
-  else if constexpr (sizeof x == 32 && sizeof(Lane<T>) == 8) return (T)_mm256_sqrt_pd((__m256d)x);
-  else if constexpr (sizeof x == 32) return (T)_mm256_sqrt_ps((__m256)x);
+  else if constexpr (sizeof x >= 16) {
+    if constexpr (sizeof(Lane<T>) == 8) __asm__("vsqrtpd %1, %0" : "=v"(x) : "v"(x));
+    else __asm__("vsqrtps %1, %0" : "=v"(x) : "v"(x));
+    return x;
+  }
 #endif
   else {
     for (std::size_t i = 0; i < lanes<T>; ++i) x[i] = std::sqrt(x[i]);
     return x;
   }
 }
-template <class T> INLINE T fused_by_library(T a, T b, T c) {
-  if constexpr (is_scalar<T>) return std::fma(a, b, c);
+template <class T> INLINE T remainder_by_library(T a, T b, T p) {
+  if constexpr (is_scalar<T>) return std::fma(a, b, -p);
   else {
-    for (std::size_t i = 0; i < lanes<T>; ++i) c[i] = std::fma(a[i], b[i], c[i]);
-    return c;
+    for (std::size_t i = 0; i < lanes<T>; ++i) p[i] = std::fma(a[i], b[i], -p[i]);
+    return p;
   }
 }
-#if defined(__x86_64__) && !defined(__FMA__)
+#ifdef __x86_64__
+#ifndef __FMA__
 // The instruction where the machine has it: a call takes as long as ten operations.
 static const bool has_fma = __builtin_cpu_supports("fma");
-template <class T> static __attribute__((noinline, cold)) T fused_by_calls(T a, T b, T c) { return fused_by_library(a, b, c); }
-template <class T> INLINE T fused(T a, T b, T c) {  // a b + c, rounded once
-  if (!has_fma) return fused_by_calls(a, b, c);
-  if constexpr (is_scalar<T>) __asm__("vfmadd231sd %2, %1, %0" : "+x"(c) : "x"(a), "x"(b));
-  else __asm__("vfmadd231pd %2, %1, %0" : "+x"(c) : "x"(a), "x"(b));
-  return c;
+template <class T> static __attribute__((noinline, cold)) T remainder_by_calls(T a, T b, T p) { return remainder_by_library(a, b, p); }
+#endif
+template <class T> INLINE T remainder(T a, T b, T p) {  // a b - p of doubles, rounded once
+#ifndef __FMA__
+  if (!has_fma) return remainder_by_calls(a, b, p);
+#endif
+  if constexpr (is_scalar<T>) __asm__("vfmsub231sd %2, %1, %0" : "+x"(p) : "x"(a), "x"(b));
+  else __asm__("vfmsub231pd %2, %1, %0" : "+v"(p) : "v"(a), "v"(b));
+  return p;
 }
 #else
-template <class T> INLINE T fused(T a, T b, T c) {
-#ifdef __AVX512F__
-  if constexpr (sizeof a == 64) return (T)_mm512_fmadd_pd((__m512d)a, (__m512d)b, (__m512d)c);
-#endif
-#ifdef __AVX2__
-  if constexpr (sizeof a == 32) return (T)_mm256_fmadd_pd((__m256d)a, (__m256d)b, (__m256d)c);
-#endif
-  return fused_by_library(a, b, c);
-}
+template <class T> INLINE T remainder(T a, T b, T p) { return remainder_by_library(a, b, p); }
 #endif
 template <class T> INLINE T lesser(T a, T b) { return a < b ? a : b; }
 
@@ -154,7 +156,7 @@ template <class T> INLINE DoubleDouble<T> exact_sum(T a, T b) {
   T s = a + b, c = s - a;
   return {s, (a - (s - c)) + (b - c)};
 }
-template <class T> INLINE DoubleDouble<T> exact_product(T a, T b) { T p = a * b; return {p, fused(a, b, -p)}; }
+template <class T> INLINE DoubleDouble<T> exact_product(T a, T b) { T p = a * b; return {p, remainder(a, b, p)}; }
 
 template <class T> INLINE DoubleDouble<T> operator+(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
   DoubleDouble<T> s = exact_sum(a.h, b.h), t = exact_sum(a.l, b.l);
