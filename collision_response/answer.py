@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 from .model import Adjustment, Geometry, ImpactModel, Law, Precision
 from .numbers.number import Scalar
-from .physics.body import Twist
+from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.laws import Regime
 from .physics.vector import Vec3
@@ -122,6 +123,21 @@ def impact_of(
         error_bound,
         adjustments,
     )
+
+
+def in_norm(body: Body, change: Twist) -> tuple[float, ...]:
+    """The components of a body's twist change, each scaled so that their length is in proportion to the norm
+    of ``error_bound``; one 0 if nothing moves the body.
+    """
+    if not body.is_movable():
+        return (0.0,)
+    linear = 1.0
+    if body.inverse_inertia is not None and body.is_articulated():
+        L, _, W = body.inverse_inertia.blocks()
+        linear, angular = (1 / math.sqrt(trace) if trace > 0 else 0.0 for trace in (L.trace(), W.trace()))
+    else:
+        angular = math.sqrt((body.inertia[0] + body.inertia[3] + body.inertia[5]) / 3 / body.mass)
+    return (*(linear * v for v in change.linear), *(angular * w for w in change.angular))
 
 
 def as_table(answer: Any, names: tuple[str, str] = ("body_a", "body_b")) -> str:

@@ -18,9 +18,9 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from .answer import Impact
+from .answer import Impact, in_norm
 from .model import Geometry, ImpactModel, Precision
-from .physics.body import Body, Twist
+from .physics.body import Body
 from .physics.contact import Contact
 from .physics.laws import Law
 from .resolve import resolve
@@ -168,18 +168,11 @@ def _difference(one: Impact, other: Impact, body_a: Body, body_b: Body) -> float
     """A bound on the relative difference of two answers, in the norms of ``error_bound``."""
     apart = max(
         _relative(one.impulse, other.impulse),
-        _relative(_weighted(body_a, one.change_a), _weighted(body_a, other.change_a)),
-        _relative(_weighted(body_b, one.change_b), _weighted(body_b, other.change_b)),
+        _relative(in_norm(body_a, one.change_a), in_norm(body_a, other.change_a)),
+        _relative(in_norm(body_b, one.change_b), in_norm(body_b, other.change_b)),
     )
     return apart + one.error_bound + other.error_bound
 
 
 def _relative(v: tuple[float, ...], w: tuple[float, ...]) -> float:
     return math.dist(v, w) / (math.hypot(*w) or 1.0)
-
-
-def _weighted(body: Body, change: Twist) -> tuple[float, ...]:
-    if not body.is_movable():
-        return (0.0,)
-    arm = math.sqrt(body.inertia.trace() / 3 / body.mass)
-    return (*change.linear, *(arm * w for w in change.angular))

@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 from . import along_path, exactly, rationally, validity
-from .answer import Impact
+from .answer import Impact, in_norm
 from .by_speed import friction_at_first, restitution_at
 from .geometry import flattened, flattened_contact
 from .kernels import library
@@ -138,8 +138,8 @@ def _leaving_out(body_a: Body, body_b: Body, contact: Contact, model: ImpactMode
     bound = max(
         flat.error_bound,
         _apart(flat.impulse, whole.impulse, whole.error_bound),
-        _apart(_scaled(body_a, flat.change_a), _scaled(body_a, whole.change_a), whole.error_bound),
-        _apart(_scaled(body_b, flat.change_b), _scaled(body_b, whole.change_b), whole.error_bound),
+        _apart(in_norm(body_a, flat.change_a), in_norm(body_a, whole.change_a), whole.error_bound),
+        _apart(in_norm(body_b, flat.change_b), in_norm(body_b, whole.change_b), whole.error_bound),
     )
     limit = plan(model).limit
     return flat._replace(
@@ -157,14 +157,6 @@ def _leaving_out(body_a: Body, body_b: Body, contact: Contact, model: ImpactMode
 
 def _sum(body: Body, change: Twist) -> Twist:
     return Twist(Vec3(*body.velocity) + change.linear, Vec3(*body.angular_velocity) + change.angular)
-
-
-def _scaled(body: Body, change: Twist) -> tuple[float, ...]:
-    """The components of a twist change, with the weights of the error bound."""
-    if body.mass == math.inf:
-        return (0.0,)
-    arm = math.sqrt((body.inertia[0] + body.inertia[3] + body.inertia[5]) / 3 / body.mass)
-    return (*change.linear, *(arm * w for w in change.angular))
 
 
 def _apart(flat: tuple[float, ...], whole: tuple[float, ...], whole_bound: float) -> float:

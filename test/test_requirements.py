@@ -82,6 +82,19 @@ def test_each_contact_asks_for_no_more_than_it_needs(contact, geometry, law):
     assert scene_requirements(BODIES, [contact], 1e-9).precision.least is Precision.DOUBLE
 
 
+@pytest.mark.parametrize("link_first", [True, False])
+@pytest.mark.parametrize("turning", [1e-3, 0.0])
+def test_friction_that_only_turns_a_link_counts(turning, link_first):
+    """Little friction changes the ball's twist by little, and whether the link turns one way or the other."""
+    inverse_inertia = [[0.0] * 6 for _ in range(6)]
+    inverse_inertia[2][2], inverse_inertia[4][4] = 1e-9, turning
+    bodies = {"link": Body.articulated(inverse_inertia), "ball": _ball((0.01, 0, 1), (1, 0, 1))}
+    names, down = (("link", "ball"), 1) if link_first else (("ball", "link"), -1)
+    touch = SceneContact(*names, Contact.of((0.01, 0, 1), (0, 0, down), 0.5, 0.02))
+    needs = scene_requirements(bodies, [touch], 0.05)
+    assert needs.law.least is (Law.COULOMB if turning else Law.FRICTIONLESS)
+
+
 def test_the_most_demanding_contact_decides_and_is_named():
     needs = scene_requirements(BODIES, [CENTRAL, IN_PLANE, RUBBING, IN_PLANE], 1e-6)
     assert needs.geometry.least is Geometry.SPATIAL
