@@ -1,6 +1,6 @@
 """One impact by a law that follows slip, where friction is a function of the slip speed.
 
-The request is read as fractions, and so is all but the path exact, to the rounding of roots. The path is
+The request is read as fractions. All but the path is exact, up to the rounding of roots; the path is
 followed in floats. How far it may be off is estimated: a function that is only asked for values allows no
 bound.
 """
@@ -29,7 +29,7 @@ SAFETY = 4.0
 """The bound is this times the estimate, and more."""
 
 STEPS = 8.0
-"""As many errors of whole steps are counted besides, for luck may keep the estimate from seeing them."""
+"""So many errors of whole steps are added: an estimate may be small by chance."""
 
 
 def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact | None:

@@ -34,7 +34,7 @@ class Impact(NamedTuple):
     Attributes:
         status: OK, SEPARATING or TOLERANCE_NOT_MET.
         contact: as used, its coefficients numbers. Friction that Routh's laws follow as a function of slip
-            speed is given at first touch: of that number the answer would be another.
+            speed is given at first touch: a constant of that value would give another answer.
         model: as used, every AUTO decided.
         twist_a, twist_b: of the bodies' reference points after the impact, in world axes [m/s, rad/s].
         change_a, change_b: what the impact changed of them.
@@ -53,8 +53,8 @@ class Impact(NamedTuple):
             ``(dv, dw)`` in the norm ``(m dv.dv + tr(I)/3 dw.dw)^(1/2)``, from rounding and from what
             was not modelled. For an articulated body ``m`` is 1 over the trace of the linear part of its
             inverse inertia, and ``tr(I)/3`` 1 over that of the angular part. The bound is infinite where
-            nothing can be said in this precision. Numbers below 2.3e-308 are right to the nearest, not
-            relatively. Where friction is followed as a function of the slip speed, it is an estimate: four
+            nothing can be said in this precision. Of numbers below 2.3e-308 it does not speak.
+            Where friction is followed as a function of the slip speed, it is an estimate: four
             times what changes if the path is followed to ten times the tolerance, and eight tolerances of it.
         adjustments: what was changed from what was asked.
     """

@@ -37,8 +37,8 @@ LEAST = 2.0**-1074
 """The least float."""
 
 ENOUGH = 2.0**-60
-"""Relative radius at which a ball rounds to float64 as its exact content does, but for 1 in 128 of them,
-which end within 0.51 units in the last place instead of 0.5."""
+"""A ball of this relative radius rounds to float64 as the number within it does. One of 128 does not, and ends
+within 0.51 units in the last place instead of 0.5."""
 
 
 def read(
@@ -166,11 +166,11 @@ def _rounded(
     restitution, regime = report.restitution, report.regime
     separating = flags.separating is True
     adjustments = Adjustment(
-        1 * normalised
-        + 2 * (flags.slow is True)
-        + 4 * (flags.fell_back is True)
-        + 8 * (flags.idle_spin is True)
-        + 16 * any(body.inverse_inertia is not None for body in bodies)
+        normalised * Adjustment.NORMALISED_ORIENTATION
+        | (flags.slow is True) * Adjustment.RESTITUTION_THRESHOLD
+        | (flags.fell_back is True) * Adjustment.LAW_FALLBACK
+        | (flags.idle_spin is True) * Adjustment.MASSLESS_SPIN
+        | any(body.inverse_inertia is not None for body in bodies) * Adjustment.ENERGY_CHANGE_ONLY
     )
     friction = 0.0 if model.law is Law.FRICTIONLESS else contact.friction
     used = contact._replace(friction=friction)

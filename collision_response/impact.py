@@ -1,4 +1,4 @@
-"""THE computation: two bodies, a contact and a decided model, of any numbers, to the numbers of an answer.
+"""The impact itself: from two bodies, a contact and a decided model to an answer, for any number type.
 
 It is what is traced and compiled, what exact rationals and balls run on, and what a gradient runs through:
 
@@ -122,7 +122,7 @@ def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Set
     """What becomes of two bodies that collide.
 
     Args:
-        body_a, body_b: of numbers of one make, sound by :mod:`~collision_response.validity`.
+        body_a, body_b: of numbers of one type, sound by :mod:`~collision_response.validity`.
         contact: where they touch; its restitution is a number, and so is its friction but for the laws of
             ``BY_SPEED``.
         law: not AUTO.

@@ -41,7 +41,7 @@ class Precision(Named):
 
 
 class Adjustment(IntFlag):
-    """What was changed from what was asked, so that a result need not be searched for it."""
+    """What was changed from what was asked."""
 
     NONE = 0
     NORMALISED_ORIENTATION = 1
@@ -89,11 +89,11 @@ STIFFNESS_RATIOS = 1e-6, 1e6
 
 
 class Plan(NamedTuple):
-    """What a model asks of the kernels: THE place where AUTO is decided, but for what depends on the answer.
+    """What a model asks of the kernels: what AUTO stands for, as far as the model decides it.
 
     Attributes:
         law_without_friction, law_with_friction: for a contact.
-        geometry: AUTO is decided by what the scene requires.
+        geometry: AUTO becomes what the bodies and the contact require, see :mod:`~collision_response.geometry`.
         first, last: precisions to climb through until the bound is within the limit.
         wanted: error bound to climb to.
         limit: error bound above which the tolerance is not met.

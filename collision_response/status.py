@@ -1,4 +1,4 @@
-"""How a request ends: codes shared by every room, and the one exception of the Python API."""
+"""How a request ends: codes that the whole package shares, and the one exception of the Python API."""
 
 from __future__ import annotations
 

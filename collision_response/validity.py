@@ -1,6 +1,6 @@
-"""What may be answered: THE conditions on a request, each with its code and field.
+"""What may be answered: the conditions on a request, each with its code and field.
 
-They are formulas over numbers of any make. For plain numbers :func:`check` raises the first that does not
+They are formulas over any number type. For plain numbers :func:`check` raises the first that does not
 hold; compiled, they give its code for every contact of a batch.
 """
 

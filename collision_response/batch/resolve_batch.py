@@ -16,7 +16,7 @@
 What a row of ``bodies`` and of ``contacts`` holds, :mod:`~collision_response.batch.rows` says. The numbers
 are those of :func:`~collision_response.resolve`, bit by bit. With a tolerance every contact gets an error
 bound, and those whose bound is above the tolerance are computed again with more digits. A contact that
-cannot be answered has its own status and NaN for results, and does its neighbours no harm.
+cannot be answered has its own status and NaN for results; the others are not affected.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ import numpy as np
 
 from ..kernels import library
 from ..kernels.layout import Layout
-from ..model import LARGEST, Geometry, ImpactModel, Law, Precision, check_model, law_for
+from ..model import LARGEST, ULP, Geometry, ImpactModel, Law, Precision, check_model, law_for
 from ..physics.laws import PATHS, Settings
 from ..status import ImpactError, StatusCode
 from . import one_by_one
@@ -39,9 +39,6 @@ from .rows import TABLES, body_rows, contact_rows, layout_of
 Array = np.ndarray[Any, Any]
 
 DEFAULT = ImpactModel()
-
-ULP = 2.0**-52
-"""A unit in the last place, at its largest relative to a number."""
 
 UINT8 = np.dtype(np.uint8)
 

@@ -17,8 +17,8 @@ Two cubes that land flat on one floor, each on four corners:
     >>> answer.velocity[2], answer.cluster
     (array([1., 1., 0.]), array([0, 0, 0, 0, 1, 1, 1, 1]))
 
-Contacts that share a movable body, directly or through others, form a cluster, and each is answered for
-itself. So many scenes are one table: an immovable body, as a floor, may be of all of them.
+Contacts that share a movable body, directly or through others, form a cluster; clusters are
+answered one by one. So many scenes are one table: an immovable body, such as a floor, may belong to all.
 """
 
 from __future__ import annotations

@@ -62,21 +62,21 @@ static __attribute__((noinline)) void some_impacts(Impact impact, Validity valid
     if constexpr (Layout::any_may_be_one_for_all) fixed = batch.one_for_all[i];
     x[i] = fixed ? T{} + *row : load<T>(row + at);
   }
-  N in[Layout::inputs], changes[15];
+  N in[Layout::inputs], changes[CHANGES];
   UNROLLED for (int i = 0; i < Layout::inputs; ++i) in[i] = Make<N>::read(x[i], T{});
   T fault = fault_of(x, validity, plainly_sound);
-  Report<N> reported[23];
+  Report<N> reported[REPORTED];
   Mask<T> flags[FLAGS];
   impact(in, changes, reported, flags);
 
   T sum = high(changes[0]) + high(changes[1]) + high(changes[2]);
   UNROLLED for (int i = 0; i < 12; i += 3) sum += reported[i] + reported[i + 1] + reported[i + 2];
-  T status = choose<T>(flags[FLAG_SEPARATING], spread<T>(2), spread<T>(1));
-  status = choose<T>(flags[FLAG_UNPHYSICAL], spread<T>(100), status);
-  status = choose<T>(flags[FLAG_UNFINISHED], spread<T>(18), status);
-  status = choose<T>(sum - sum == 0, status, spread<T>(16));
+  T status = choose<T>(flags[FLAG_SEPARATING], spread<T>(STATUS_SEPARATING), spread<T>(STATUS_OK));
+  status = choose<T>(flags[FLAG_UNPHYSICAL], spread<T>(STATUS_INTERNAL_ERROR), status);
+  status = choose<T>(flags[FLAG_UNFINISHED], spread<T>(STATUS_PATH_TOO_LONG), status);
+  status = choose<T>(sum - sum == 0, status, spread<T>(STATUS_OUT_OF_RANGE));
   status = choose<T>(fault == 0, status, fault);
-  Mask<T> answered = status <= 2;
+  Mask<T> answered = status <= spread<T>(STATUS_SEPARATING);
   T none = spread<T>(__builtin_nan(""));
   UNROLLED for (int k = 0; k < 3; ++k) {
     UNROLLED for (int side = 0; side < 2; ++side) {

@@ -8,7 +8,7 @@
 // directions in which they part are kept: a choice by it has a kink there if both branches have one value, else
 // a jump. A factor of 0, if it does not jump itself, turns a jump into a kink, and a kink into nothing.
 //
-// What a turn of a loop decides is no edge of the result.
+// What is compared within a loop marks neither kinks nor jumps.
 #pragma once
 #include "numbers.hpp"
 

@@ -5,8 +5,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "sizes.hpp"
+
 enum { BLOCK = 120 };  // contacts that are gathered together: they stay in the nearest cache
-enum { UNKNOWN_BODY = 8, SAME_BODY = 15 };
 
 // Which columns of a table of bodies touch.
 struct Pairs {
@@ -15,8 +16,8 @@ struct Pairs {
 
   bool known(std::int64_t body) const { return body >= 0 && body < bodies; }
   int fault(long contact) const {
-    if (a[contact] == b[contact]) return SAME_BODY;
-    return known(a[contact]) && known(b[contact]) ? 0 : UNKNOWN_BODY;
+    if (a[contact] == b[contact]) return STATUS_SAME_BODY;
+    return known(a[contact]) && known(b[contact]) ? 0 : STATUS_UNKNOWN_BODY;
   }
 
   // The bodies of the contacts from `from` on: row by row those of body_a, then those of body_b. Where there is a

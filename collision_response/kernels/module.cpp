@@ -1,17 +1,14 @@
 // The compiled part of the package: nested named tuples in, an Impact out. See library.py.
+#define WITH_TABLES
 #include "arrays.hpp"
 #include "door.hpp"
 #include "gather.hpp"
 #include "python.hpp"
-
-#define WITH_TABLES
 #include "table.hpp"
 #include "units.hpp"
 
 namespace {
 
-enum Geometry { AUTO_GEOMETRY = 1, POINT, PLANAR, SPATIAL };
-enum Status { OK = 1, SEPARATING_STATUS = 2, PATH_TOO_LONG = 18, OUT_OF_RANGE = 16, TOLERANCE_NOT_MET = 17, INTERNAL_ERROR = 100 };
 constexpr int LAWS = LAW_COUNT, GEOMETRIES = 5, PRECISIONS = 5;
 
 // What Python's side knows, given by setup().
@@ -156,7 +153,9 @@ PyObject* answer(PyObject* contact, PyObject* model, const double* x, const Numb
   for (int k = OUT_NORMAL_IMPULSE; k <= OUT_ENERGY_LOST_FRICTION; ++k) put(PyFloat_FromDouble(y.reported[k]));
   put(kept(PyTuple_GET_ITEM(types.regimes, static_cast<int>(y.reported[OUT_REGIME]))));
   put(PyFloat_FromDouble(bound));
-  int adjusted = normalised + 2 * y.flags[FLAG_SLOW] + 4 * y.flags[FLAG_FELL_BACK] + 8 * y.flags[FLAG_IDLE_SPIN] + 16 * articulated;
+  int adjusted = normalised * ADJUSTMENT_NORMALISED_ORIENTATION + y.flags[FLAG_SLOW] * ADJUSTMENT_RESTITUTION_THRESHOLD +
+                 y.flags[FLAG_FELL_BACK] * ADJUSTMENT_LAW_FALLBACK + y.flags[FLAG_IDLE_SPIN] * ADJUSTMENT_MASSLESS_SPIN +
+                 articulated * ADJUSTMENT_ENERGY_CHANGE_ONLY;
   put(kept(PyTuple_GET_ITEM(types.adjustments, adjusted)));
   return impact;
 }
@@ -202,8 +201,8 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
 
   int law = x[IN_CONTACT_FRICTION] > 0 ? plan->law_with_friction : plan->law_without_friction;
   bool frictionless = law == LAW_FRICTIONLESS;
-  int required = shapes[frictionless ? 0 : 1] ? POINT : shapes[frictionless ? 2 : 3] ? PLANAR : SPATIAL;
-  if (plan->geometry != AUTO_GEOMETRY) {
+  int required = shapes[frictionless ? 0 : 1] ? GEOMETRY_POINT : shapes[frictionless ? 2 : 3] ? GEOMETRY_PLANAR : GEOMETRY_SPATIAL;
+  if (plan->geometry != GEOMETRY_AUTO) {
     if (plan->geometry < required) return PyLong_FromLong(2);
     required = plan->geometry;
   }
@@ -223,15 +222,15 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
     if (y.error_bound <= plan->wanted || precision == plan->last) break;
   }
   double bound = y.error_bound;
-  if (y.flags[FLAG_UNFINISHED]) return refuse(PATH_TOO_LONG);
-  if (y.flags[FLAG_UNPHYSICAL]) return refuse(INTERNAL_ERROR);
+  if (y.flags[FLAG_UNFINISHED]) return refuse(STATUS_PATH_TOO_LONG);
+  if (y.flags[FLAG_UNPHYSICAL]) return refuse(STATUS_INTERNAL_ERROR);
   if (!all_finite(y)) {
-    if (bound < INFINITY) return refuse(OUT_OF_RANGE);
+    if (bound < INFINITY) return refuse(STATUS_OUT_OF_RANGE);
     return PyLong_FromLong(3);
   }
   PyObject* model = decided(plan, y.flags[FLAG_FELL_BACK] ? LAW_COULOMB : law, required, precision);
   if (!model) return nullptr;
-  int status = bound <= plan->wanted ? (y.flags[FLAG_SEPARATING] ? SEPARATING_STATUS : OK) : TOLERANCE_NOT_MET;
+  int status = bound <= plan->wanted ? (y.flags[FLAG_SEPARATING] ? STATUS_SEPARATING : STATUS_OK) : STATUS_TOLERANCE_NOT_MET;
   return answer(contact, model, x, y, bound, frictionless, shapes[4], articulated, status);
 }
 

@@ -7,14 +7,16 @@ from typing import Any, NamedTuple
 
 from .. import geometry, validity
 from ..impact import Answer, Changes, Flags, Report, blow_of, impact
+from ..model import Adjustment, Geometry
 from ..numbers.number import Scalar, choose
 from ..physics.column import Column
 from ..physics.effective_mass import ContactKinematics, Side
 from ..physics.energy import kinetic_energy
 from ..physics.inverse_inertia import InverseInertia
-from ..physics.laws import LAWS, PATHS, STEPPED, Coefficients, Law
+from ..physics.laws import LAWS, PATHS, STEPPED, Coefficients, Law, Regime
 from ..physics.tensor import ZERO_TENSOR, Symmetric3
 from ..physics.vector import ZERO, Vec3
+from ..status import StatusCode
 from .emit import emit
 from .layout import (
     Layout,
@@ -207,8 +209,20 @@ def _counts_of(layout: Layout) -> str:
     )
 
 
+ENUMERATIONS: dict[str, Iterable[Any]] = {
+    "LAW": Law,
+    "STATUS": StatusCode,
+    "REGIME": Regime,
+    "ADJUSTMENT": Adjustment,
+    "GEOMETRY": Geometry,
+}
+"""Whose members the kernels know by name."""
+
+
 def sizes() -> str:
-    """How many numbers one impact has of each kind, their names and units; and which laws there are."""
+    """How many numbers one impact has of each kind, their names and units; which laws there are, and the
+    numbers that Python's enumerations have.
+    """
     asked = request(Layout.EVERYTHING, Tape())
     changes = ["x.impulse"] * 3 + (["x.linear"] * 3 + ["x.angular"] * 3) * 2
     twists = (["x.linear"] * 3 + ["x.angular"] * 3) * 2
@@ -233,7 +247,8 @@ def sizes() -> str:
     numbers |= {f"IN_{name.replace('.', '_').upper().rstrip('_')}": i for i, name in enumerate(asked.names)}
     numbers |= {f"OUT_{field.upper()}": 12 + i for i, field in enumerate(Report._fields[2:])}
     numbers |= {f"FLAG_{field.upper()}": i for i, field in enumerate(Flags._fields)}
-    numbers |= {f"LAW_{law.name}": int(law) for law in Law}
+    for kind, members in ENUMERATIONS.items():
+        numbers |= {f"{kind}_{member.name}": int(member) for member in members}
     numbers |= {f"LAYOUT_{layout.name}": i for i, layout in enumerate(Layout)}
     tables = "".join(f"  {_table_of(layout)},\n" for layout in TABLES)
     listed = "".join(f"  {name} = {value},\n" for name, value in numbers.items())

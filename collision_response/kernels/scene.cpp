@@ -7,7 +7,7 @@
 #include "arrays.hpp"
 #include "python.hpp"
 #define WITH_TABLES
-#include "scene/compliant.hpp"
+#include "scene/contact_springs.hpp"
 #include "scene/many.hpp"
 #include "validity_everything.hpp"
 
@@ -205,7 +205,7 @@ PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
   const Assembly& scene = of(self);
   std::vector<double> ratios;
   for (int i = 0; i < scene.count; ++i) ratios.push_back(PyFloat_AsDouble(PyList_GET_ITEM(args[0], i)));
-  Compliant law(scene, PyFloat_AsDouble(args[1]), ratios, PyLong_AsLong(args[3]));
+  ContactSprings law(scene, PyFloat_AsDouble(args[1]), ratios, PyLong_AsLong(args[3]));
   double tolerance = PyFloat_AsDouble(args[2]);
   if (PyErr_Occurred()) return nullptr;
   Friction result;
@@ -386,7 +386,7 @@ PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
     clusters.emplace_back(parts, frictionless);
     if (clusters[c].fault) Py_RETURN_NONE;
     answers.push_back(answered(clusters[c], asked));
-    if (answers[c].code != OK) Py_RETURN_NONE;
+    if (answers[c].code != STATUS_OK) Py_RETURN_NONE;
   }
 
   enum { CONTACTS, TWISTS, CHANGES, IMPULSES, BEFORE, AFTER, REGIMES, CLUSTERS, COLUMNS };
@@ -433,7 +433,7 @@ PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
     separates = separates && y.separates();
     beyond_doubles = beyond_doubles || !cluster.rubs;
   }
-  PyObject* status = PyTuple_GET_ITEM(types.statuses, bound > number[2] ? TOLERANCE_NOT_MET : separates ? SEPARATING : OK);
+  PyObject* status = PyTuple_GET_ITEM(types.statuses, bound > number[2] ? STATUS_TOLERANCE_NOT_MET : separates ? STATUS_SEPARATING : STATUS_OK);
   PyObject* model = PyTuple_GET_ITEM(PyTuple_GET_ITEM(args[5], law), beyond_doubles);
   return Py_BuildValue("OONNNNNNNddddNOddO", status, model, column[CONTACTS], column[TWISTS], column[CHANGES], column[IMPULSES],
                        column[BEFORE], column[AFTER], column[REGIMES], energies[0], energies[1], energies[2], energies[3],

@@ -1,7 +1,7 @@
 """Formulas as data: run a formula on symbols once, and get the list of its operations.
 
-A :class:`Symbol` is a number of a make of its own: it computes nothing, it writes every operation on its
-:class:`Tape`. What a tape holds is what the formula says, no arithmetic is expanded.
+A :class:`Symbol` is a number that computes nothing: it writes every operation on its :class:`Tape`. What a
+tape holds is what the formula says, no arithmetic is expanded.
 
 The tape simplifies what changes no rounding: equal operations are written once, operations on constants
 are carried out, ``x + 0``, ``x * 1`` and ``x * 0`` vanish, and minus signs leave products and quotients.

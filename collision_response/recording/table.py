@@ -41,7 +41,6 @@ TABLE = "/impacts"
 ARCHETYPE = "Impact"
 TIMELINES = ("ros_time", "answer")
 
-WORDS = ("status", "body_a", "body_b", "law", "geometry", "precision", "regime", "adjustments")
 PARALLEL = Quaternion(0.0, 0.0, 0.0, 1.0)
 
 

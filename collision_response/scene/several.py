@@ -11,7 +11,7 @@ from .. import rationally
 from ..by_speed import friction_at_first, restitution_at
 from ..geometry import required
 from ..kernels import library
-from ..model import Geometry, ImpactModel, Precision
+from ..model import Adjustment, Geometry, ImpactModel, Precision
 from ..numbers.number import Scalar
 from ..physics.body import Body
 from ..physics.contact import Contact
@@ -27,6 +27,9 @@ from .rational import RationalCluster
 from .reflections import Struck, reflections
 from .request import Name, Request
 from .stronge import LEAST_RESTITUTION, compressed
+
+FOR_SEVERAL = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE)
+"""The laws that know several contacts."""
 
 RATIONAL_CONTACTS = 8
 """Clusters up to this size are decided in rationals where double-double can't."""
@@ -106,8 +109,10 @@ def several(scene: Request, copies: Copies, asked: Asked) -> Answered:
         energies,
         own_bound if bound is None else bound,
         struck.margin,
-        # in order: NORMALISED_ORIENTATION, RESTITUTION_THRESHOLD, LAW_FALLBACK, MASSLESS_SPIN
-        off_unit + 2 * slow + 4 * struck.fell_back + 8 * idle,
+        off_unit * Adjustment.NORMALISED_ORIENTATION
+        | slow * Adjustment.RESTITUTION_THRESHOLD
+        | struck.fell_back * Adjustment.LAW_FALLBACK
+        | idle * Adjustment.MASSLESS_SPIN,
         ImpactModel(
             law,
             Geometry.SPATIAL if model.geometry is Geometry.AUTO else model.geometry,
@@ -119,7 +124,7 @@ def several(scene: Request, copies: Copies, asked: Asked) -> Answered:
 
 def _check_model(scene: Request, first: Sequence[int], model: ImpactModel, law: Law) -> None:
     """Raises: ImpactError: it is for one contact."""
-    if law in (Law.ROUTH_POISSON, Law.COMPLIANT):
+    if law not in FOR_SEVERAL:
         reason = f"{law.name} is for clusters of one contact: try ROUTH_STRONGE"
         raise ImpactError(StatusCode.INVALID_MODEL, "model.law", reason)
     for i in first if law is Law.COULOMB else ():

@@ -27,7 +27,7 @@ inline double in_norm(const double* body) {
   return std::sqrt(std::fmax(base, (shift + trace / 3) * inverse));
 }
 
-enum Regime : unsigned char { REGIME_SEPARATING = 1, STICKING, SLIDING, REVERSED };
+using Regime = unsigned char;
 
 // Of slip, relative to the fastest speed before, and of what friction lacks to its limit: this is none.
 constexpr double AT_REST = 0x1p-20;
@@ -115,10 +115,10 @@ inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<
     answer.pushes.insert(answer.pushes.end(), push, push + 3);
     answer.before.push_back(u_before[0]);
     answer.then.push_back(u_after[0]);
-    Regime regime = back < 0 ? REVERSED : SLIDING;
+    Regime regime = back < 0 ? REGIME_REVERSED : REGIME_SLIDING;
     if (push[0] == 0 && push[1] == 0 && push[2] == 0) regime = REGIME_SEPARATING;
-    else if (touch.mu == 0) regime = SLIDING;
-    else if (by_slip ? speed <= AT_REST * fastest : friction < (1 - AT_REST) * most) regime = STICKING;
+    else if (touch.mu == 0) regime = REGIME_SLIDING;
+    else if (by_slip ? speed <= AT_REST * fastest : friction < (1 - AT_REST) * most) regime = REGIME_STICKING;
     answer.regimes.push_back(regime);
   }
   answer.bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0) : (worst > 0 ? INFINITY : 0);

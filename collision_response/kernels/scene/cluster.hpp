@@ -6,7 +6,8 @@
 #include "reflections.hpp"
 #include "validity_everything.hpp"
 
-enum Code : unsigned char { LEFT_TO_PYTHON = 0, OK = 1, SEPARATING = 2, TOLERANCE_NOT_MET = 17, PATH_TOO_LONG = 18, CONTRADICTORY = 22 };
+using Code = unsigned char;  // a status, or:
+constexpr Code LEFT_TO_PYTHON = 0;
 
 // The numbers of a cluster. Contacts name bodies by their places here.
 struct Parts {
@@ -117,7 +118,7 @@ inline Answer answered(Cluster& cluster, const Asked& asked) {
   }
   Struck struck;
   auto finish = [&] {
-    answer.code = OK;
+    answer.code = STATUS_OK;
     answer.numbers = numbers_of(scene, struck.p.data(), struck.tangential, struck.error, false);
     answer.margin = struck.margin;
     answer.restitution = struck.restitution;
@@ -125,7 +126,7 @@ inline Answer answered(Cluster& cluster, const Asked& asked) {
   if (asked.law == LAW_MOREAU) {
     struck = stepped(scene, cluster.rubs);
     if (struck.outcome == Outcome::ANSWERED) finish();
-    if (answer.code == OK && !answer.numbers.creates_energy()) return answer;
+    if (answer.code == STATUS_OK && !answer.numbers.creates_energy()) return answer;
     answer.fell_back = true;
   }
   struck = reflections(scene, asked.threshold, asked.budget);
@@ -137,7 +138,7 @@ inline Answer answered(Cluster& cluster, const Asked& asked) {
     struck.margin = free.margin;
     struck.restitution = free.restitution;
   }
-  if (struck.outcome != Outcome::ANSWERED) answer.code = struck.outcome == Outcome::ENDLESS ? PATH_TOO_LONG : CONTRADICTORY;
+  if (struck.outcome != Outcome::ANSWERED) answer.code = struck.outcome == Outcome::ENDLESS ? STATUS_PATH_TOO_LONG : STATUS_CONTRADICTORY_CONTACTS;
   else if (undecided == INFINITY) answer.code = LEFT_TO_PYTHON;
   else finish();
   return answer;

@@ -58,7 +58,7 @@ class ManyClusters {
     if (cluster.fault) return refused(number, static_cast<Code>(cluster.fault));
     Answer found = answered(cluster, many.asked);
     if (found.code == LEFT_TO_PYTHON) return LEFT_TO_PYTHON;
-    if (found.code != OK) return refused(number, found.code);
+    if (found.code != STATUS_OK) return refused(number, found.code);
     const Numbers& y = found.numbers;
     long bodies = many.pairs.bodies, axes = many.table.axes, spin = many.table.first_spin;
     for (size_t i = 0; i < used.size(); ++i) {
@@ -75,7 +75,7 @@ class ManyClusters {
     many.margin[number] = found.margin;
     double energies[4] = {cluster.energy, y.energy_after, y.lost_restitution, y.lost_friction};
     for (int i = 0; i < 4; ++i) many.energy[i][number] = energies[i];
-    return y.bound <= many.limit ? (y.separates() ? SEPARATING : OK) : TOLERANCE_NOT_MET;
+    return y.bound <= many.limit ? (y.separates() ? STATUS_SEPARATING : STATUS_OK) : STATUS_TOLERANCE_NOT_MET;
   }
 
   // The answer that there is none. The bodies that could move have no velocity that is known.

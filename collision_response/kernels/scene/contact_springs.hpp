@@ -10,7 +10,7 @@
 
 #include "friction.hpp"
 
-struct Compliant {
+struct ContactSprings {
   const Assembly& scene;
   double exponent;
   std::vector<double> stiffness;
@@ -25,7 +25,7 @@ struct Compliant {
   long work;          // that may still be done, in couplings of two contacts
   double rubbed = 0;  // energy that friction took
 
-  Compliant(const Assembly& assembly, double exponent, std::vector<double> ratios, long budget)
+  ContactSprings(const Assembly& assembly, double exponent, std::vector<double> ratios, long budget)
       : scene(assembly), exponent(exponent), stiffness(std::move(ratios)), count(assembly.count), work(budget) {
     C.resize(count);
     for (int i = 0; i < count; ++i) {
