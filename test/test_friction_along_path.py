@@ -200,7 +200,7 @@ ISOTROPIC = [[1, 0, 0.5], [0, 1, 0.25], [0.5, 0.25, 1]]
 
 @pytest.mark.parametrize("law", LAWS)
 def test_slip_that_is_next_to_none_turns_to_where_it_grows(law):
-    """Along x it would stay as it is, with friction 0.5; but it is drawn to where it grows, and ends there."""
+    """Along x it would stay as it is, with friction 0.5; but it is drawn to where it grows."""
     for below, tolerance in itertools.product((1e-14, 2e-14, 1e-13, 1e-12, 1e-9), (0.0, 1e-9, 1e-6)):
         at_rest = follow(ISOTROPIC, (0, 0, -1), 0.5, 0.5 - below, law, tolerance=tolerance)
         for slip in (1e-300, 1e-16, 1e-13):

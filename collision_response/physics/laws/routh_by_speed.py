@@ -15,8 +15,8 @@ never grows, by either end.
 **Straight steps.** Slip near a direction that it is drawn to would take steps as short as the time in which
 it gets there, however long it stays. So a step keeps its direction if what it would turn by moves the slip
 by less than counts: ``|w| dx``; or, where slip is drawn back at the rate ``pull / s`` and so turns by
-``|w| / pull`` in all, ``s |w| / pull`` across, and along what such a turn does to ``g dx``: a part of the slip
-however small that is, for a slip may grow in one direction and stop in another. Planar slip takes no other
+``|w| / pull`` in all, ``s |w| / pull`` across, and along what such a turn does to ``g dx``: a part of the
+slip however small that is, for it may grow in one direction and stop in another. Planar slip takes no other
 steps.
 
 **Slip stops.** ``h = A^-1 b`` would hold it: it sticks if ``|h| <= mu(0)``, to the end, for the forces keep
