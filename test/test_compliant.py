@@ -252,7 +252,9 @@ def test_regimes(asked, regime):
     assert planar(*asked).regime is regime
 
 
-@pytest.mark.parametrize(("K", "u", "mu"), [(SHORT, (0.3, -1), 1.0), (ROD, (1, -1), 0.2), (ROD, (0, -1), 9.0)])
+@pytest.mark.parametrize(
+    ("K", "u", "mu"), [(SHORT, (0.3, -1), 1.0), (ROD, (1, -1), 0.2), (ROD, (0, -1), 9.0)]
+)
 def test_the_least_restitution_that_counts_is_next_to_none(K, u, mu):
     """An unloading of e gives back an impulse of e."""
     none = planar(K, u, 0.0, mu, 1.0)
