@@ -36,8 +36,8 @@ REFLECTIONS = 10_000
 """A budget. A chain of n equal balls takes n."""
 
 DIGITS = 2**17
-"""A budget for fractions: binary digits of the longest impulse, which each reflection adds to, times the number
-of contacts."""
+"""A budget for fractions: binary digits of the longest impulse, which each reflection adds to, times the
+contacts."""
 
 ANSWERED, CONTRADICTORY, ENDLESS = range(3)
 """How reflections end."""
