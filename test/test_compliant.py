@@ -25,6 +25,7 @@ from collision_response import (
 )
 from collision_response.batch import body_rows, contact_rows, resolve_batch
 from collision_response.model import Geometry
+from collision_response.physics.laws.compliant_path import LEAST
 from collision_response.physics.mass_properties import sphere
 from collision_response.physics.stiffness import METAL_ON_METAL, Elastic, stiffness_ratio
 
@@ -249,6 +250,21 @@ def test_slip_all_the_way_is_coulomb():
 def test_regimes(asked, regime):
     """T2k1 slips all the way, and is thrown back in the end, as by COULOMB."""
     assert planar(*asked).regime is regime
+
+
+@pytest.mark.parametrize(
+    ("K", "u", "mu"), [(SHORT, (0.3, -1), 1.0), (ROD, (1, -1), 0.2), (ROD, (0, -1), 9.0)]
+)
+def test_the_least_restitution_that_counts_is_next_to_none(K, u, mu):
+    """An unloading of e gives back an impulse of e."""
+    none = planar(K, u, 0.0, mu, 1.0)
+    for e in (LEAST / 2, math.nextafter(LEAST, 0), LEAST, math.nextafter(LEAST, 1), 2 * LEAST):
+        least = planar(K, u, e, mu, 1.0)
+        size = math.hypot(*none.impulse)
+        bound = (none.error_bound + least.error_bound + 2 * e) * size
+        assert math.dist(least.impulse, none.impulse) <= bound
+        lost = least.energy_lost_restitution + least.energy_lost_friction
+        assert lost == pytest.approx(-least.energy_change, abs=bound)
 
 
 def test_without_tangential_motion_the_spring_stays_at_rest():

@@ -195,6 +195,34 @@ def test_friction_that_is_0_at_rest_never_sticks_but_creeps(speed):
     assert apart(found, stuck) < 3 * creep + 1e-11
 
 
+ISOTROPIC = [[1, 0, 0.5], [0, 1, 0.25], [0.5, 0.25, 1]]
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_slip_that_is_next_to_none_turns_to_where_it_grows(law):
+    """Along x it would stay as it is, with friction 0.5; but it is drawn to where it grows."""
+    for below, tolerance in itertools.product((1e-14, 2e-14, 1e-13, 1e-12, 1e-9), (0.0, 1e-9, 1e-6)):
+        at_rest = follow(ISOTROPIC, (0, 0, -1), 0.5, 0.5 - below, law, tolerance=tolerance)
+        for slip in (1e-300, 1e-16, 1e-13):
+            mu = 0.5 - below
+            found = follow(ISOTROPIC, (slip, 0, -1), 0.5, lambda _, mu=mu: mu, law, tolerance=tolerance)
+            moved = 4 * slip  # of the impulse, at most: friction draws any two slips together
+            assert apart(found, at_rest) <= found.error_bound + at_rest.error_bound + moved
+            assert found.error_bound < 1e-7
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("slip", [1e3, 1e6, 1e8, 1e12])
+def test_fast_slip_that_jams_is_followed_to_its_stop(law, slip):
+    """They are pressed together until u_n is some slips; steps err by a part of that."""
+    K = [[2.5, 0, 1.5], [0, 1, 0], [1.5, 0, 2.5]]
+    number = follow(K, (slip, 0, -1), 0.5, 2.0, law)
+    followed = follow(K, (slip, 0, -1), 0.5, lambda _: 2.0, law)
+    assert followed.regime is number.regime is Regime.JAMMED
+    assert followed.error_bound < 1e-10
+    assert apart(followed, number) <= followed.error_bound + number.error_bound
+
+
 def test_slip_stays_at_a_speed_at_which_friction_jumps_upwards():
     """From rest it gains speed below 0.125 m/s, and would lose it above."""
     for law in LAWS:

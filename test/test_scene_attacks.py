@@ -10,7 +10,7 @@ from fractions import Fraction as F
 import pytest
 from scene_cases import Case, any_case, apart, box, random_case, row, size_of, speeds
 
-from collision_response import Body, Contact, ImpactModel, Law, StatusCode, resolve_scene
+from collision_response import Body, Contact, ImpactError, ImpactModel, Law, StatusCode, resolve_scene
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import Vec3
 
@@ -415,3 +415,28 @@ def test_losses_are_what_the_energy_lacks(law):
         lost = answer.energy_lost_restitution + answer.energy_lost_friction
         size = answer.kinetic_energy_before + size_of(case, answer) ** 2
         assert abs(answer.kinetic_energy_before - answer.kinetic_energy_after - lost) <= 1e-12 * size
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+@pytest.mark.parametrize("e", [5e-324, 0.5, 1.0])
+def test_a_grain_that_rattles_between_a_mountain_and_the_ground_is_given_up(e, law):
+    """It takes more reflections than the budget, and fractions that decide them have digits without end."""
+    mountain, grain = 2.0**40, 1e-6
+    bodies = [
+        Body.dynamic(
+            mountain, (0.4 * mountain, 0, 0, 0.4 * mountain, 0, 0.4 * mountain), (0.5, 0.5, 1), None,
+            (-0.5, -0.5, -0.5), (-1, 0, 0),
+        ),
+        Body.dynamic(grain, position=(0, 0, 1), velocity=(-0.5, 0, -0.5)),
+        Body.static(),
+    ]  # fmt: skip
+    touches = [
+        ((0, 1), (-0.5, 0, -0.5), (0, 0.6, 0.8)), ((0, 1), (0.5, 1, 0), (0, -1, 0)),
+        ((1, 2), (0.5, 0, 1), (0, 0, 1)), ((0, 1), (0.5, 1, 1), (0, -1, 0)),
+        ((0, 2), (1, 0.5, 0), (0, 0, 1)), ((2, 1), (-0.5, 0, -0.5), (0, 0.6, 0.8)),
+        ((0, 1), (0.5 + 2.0**-30, 1, 0), (0, -1, 0)), ((1, 0), (1, 0, 0.5), (0, 0.6, 0.8)),
+    ]  # fmt: skip
+    contacts = [Contact.of(position, normal, e, 1.0) for _, position, normal in touches]
+    with pytest.raises(ImpactError) as error:
+        resolve_scene(bodies, [pair for pair, *_ in touches], contacts, ImpactModel(law))
+    assert error.value.code is StatusCode.PATH_TOO_LONG

@@ -35,6 +35,10 @@ from .rational import RationalCluster
 REFLECTIONS = 10_000
 """A budget. A chain of n equal balls takes n."""
 
+DIGITS = 2**17
+"""A budget for fractions: binary digits of the longest impulse, which each reflection adds to, times the
+contacts."""
+
 ANSWERED, CONTRADICTORY, ENDLESS = range(3)
 """How reflections end."""
 
@@ -81,7 +85,7 @@ def reflections(cluster: Any, threshold: Scalar) -> Struck:
         reason = "contradict each other: no velocities keep all of them from approaching"
         raise ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
     if end == ENDLESS:
-        reason = f"the reflections did not end within {REFLECTIONS}"
+        reason = f"the reflections did not end within {REFLECTIONS}, or fractions within {DIGITS} digits"
         raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
     return struck
 
@@ -107,6 +111,8 @@ def _exactly(cluster: RationalCluster, threshold: Fraction) -> tuple[int, Struck
         if q is None:
             return CONTRADICTORY, Struck(p)
         p = [x + 2 * y for x, y in zip(p, q, strict=True)]
+        if len(p) * max(x.denominator.bit_length() for x in p) > DIGITS:
+            return ENDLESS, Struck(p)
     else:
         return ENDLESS, Struck(p)
     p = [e * x + (1 - e) * y for x, y in zip(p, inelastic, strict=True)]

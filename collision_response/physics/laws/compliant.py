@@ -129,9 +129,8 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     y = iterate(_values(_start(springs)), lambda y: y.going > 0, lambda y: step(springs, y), STEPS)
 
     # The rest of the way, straight. All of this are values: the bound counts what is off.
-    stiff = choose(y.unloads > 0, lambda: one / choose(e > LEAST, lambda: e * e, lambda: one), lambda: one)
-    u_n = certain(springs.velocity(y.P1, y.P2, y.Pn)[2])
-    plastic = e < LEAST
+    plastic, u_n = e < LEAST, certain(springs.velocity(y.P1, y.P2, y.Pn)[2])
+    stiff = choose(y.unloads > 0, lambda: one / choose(plastic, lambda: one, lambda: e * e), lambda: one)
     rate = certain(choose(u_n > 0, lambda: stiff * u_n, lambda: one))
     left = certain(choose(plastic, lambda: o, lambda: y.F / rate))
     force = certain(square_root(y.a1 * y.a1 + y.a2 * y.a2))

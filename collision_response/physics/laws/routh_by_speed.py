@@ -14,8 +14,10 @@ never grows, by either end.
 
 **Straight steps.** Slip near a direction that it is drawn to would take steps as short as the time in which
 it gets there, however long it stays. So a step keeps its direction if what it would turn by moves the slip
-by less than counts: ``|w| dx``, or ``s |w| / pull`` where slip is drawn back at the rate ``pull / s``.
-Planar slip takes no other steps.
+by less than counts: ``|w| dx``; or, where slip is drawn back at the rate ``pull / s`` and so turns by
+``|w| / pull`` in all, ``s |w| / pull`` across, and along what such a turn does to ``g dx``: a part of the
+slip however small that is, for it may grow in one direction and stop in another. Planar slip takes no other
+steps.
 
 **Slip stops.** ``h = A^-1 b`` would hold it: it sticks if ``|h| <= mu(0)``, to the end, for the forces keep
 their ratio. Else it slips on along the ray of ``mu(0)`` at first. If friction jumps at 0 (static above
@@ -292,10 +294,13 @@ class Walk:
 
     def _is_straight(self, at: Slope, h: float) -> bool:
         """Whether what a step turns by is less than counts."""
-        path, t1, t2 = self._path, at.t1, at.t2
+        path, t1, t2, w, share = self._path, at.t1, at.t2, abs(at.w), STRAIGHT * self._path.tolerance
         pull = at.g + at.m * (path.A11 * t2 * t2 - 2 * path.A12 * t1 * t2 + path.A22 * t1 * t1)
-        allowed = STRAIGHT * path.tolerance * max(at.s, self._room)
-        return abs(at.w) * h <= allowed or (pull > 0 and at.s * abs(at.w) <= allowed * pull)
+        A_tq = path.A12 * (t1 * t1 - t2 * t2) + (path.A22 - path.A11) * t1 * t2
+        gain = (w + at.m * abs(A_tq)) * h  # of speed, by a turn
+        is_small = w <= ROUNDING * pull or w * gain <= share * at.s * pull
+        drawn = pull > 0 and is_small and w * at.s <= share * max(at.s, self._room) * pull
+        return w * h <= share * at.s or drawn
 
     def _step(self, y: Point, at: Slope, h: float, *, turns: bool) -> tuple[Point, float]:
         """Where a step leads, and its error in units of what it may be.
@@ -325,7 +330,8 @@ class Walk:
         size = max(min(at.s, math.hypot(to.v1, to.v2)), self._room)
         fifth = [total(ERROR_5, i) for i in range(3)]
         third = [rises[i] - total(ORDER_3, i) for i in range(3)]
-        e5, e3 = (math.hypot(e[0], e[1]) / size + abs(e[2]) for e in (fifth, third))
+        pace = max(1.0, abs(to.u))  # which is greater than 1 once friction jams
+        e5, e3 = (math.hypot(e[0], e[1]) / size + abs(e[2]) / pace for e in (fifth, third))
         error = e5 * e5 / math.hypot(e5, 0.1 * e3) if e5 > 0 else e5
         return to, math.inf if bends else error / (STEP_SHARE * self._path.tolerance)
 
