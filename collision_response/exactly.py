@@ -37,8 +37,8 @@ LEAST = 2.0**-1074
 """The least float."""
 
 ENOUGH = 2.0**-60
-"""A ball of this relative radius rounds to float64 as the number within it does. One of 128 does not, and ends
-within 0.51 units in the last place instead of 0.5."""
+"""A ball of this relative radius rounds to float64 as the number within it does. One of 128 does not: it
+ends within 0.51 units in the last place instead of 0.5."""
 
 
 def read(

@@ -93,7 +93,7 @@ class Plan(NamedTuple):
 
     Attributes:
         law_without_friction, law_with_friction: for a contact.
-        geometry: AUTO becomes what the bodies and the contact require, see :mod:`~collision_response.geometry`.
+        geometry: AUTO becomes what the impact requires, see :mod:`~collision_response.geometry`.
         first, last: precisions to climb through until the bound is within the limit.
         wanted: error bound to climb to.
         limit: error bound above which the tolerance is not met.

@@ -1,4 +1,4 @@
-"""Messages to bodies, answers to messages. Of one impact nothing else converts; tables have ``batches.py`` and ``scenes.py``.
+"""Messages to bodies, answers to messages: of single impacts. Of tables: ``batches.py`` and ``scenes.py``.
 
 The core takes a body as a message describes it: pose and twist of the origin of the body frame, and where
 the centre of mass is from there. So nothing is computed here.
