@@ -232,6 +232,37 @@ def test_all_columns_agree_with_differences_also_out_of_the_plane(law, case):
             np.testing.assert_allclose(column, expected, rtol=0, atol=1e-7 * scale, err_msg=f"{name} {axis}")
 
 
+STRAIGHT_BY_CHANCE = [  # friction, and the arm, with which slip along x turns neither left nor right
+    (1.0, (0.5, 0.25, 0.5)),
+    (0.5, (0.5, 0.25, 0.25)),
+    (0.25, (0.5, 0.25, 0.125)),
+    (2.0, (0.25, 0.25, 0.5)),
+]
+
+
+@pytest.mark.parametrize("law", [Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("slip", [0.7, 5.0])
+@pytest.mark.parametrize(("friction", "arm"), STRAIGHT_BY_CHANCE)
+def test_what_is_smooth_is_right_where_a_path_is_straight_by_chance(law, slip, friction, arm):
+    """Nothing is by symmetry here: what pushes the slip aside also slows it and presses on."""
+    body = Body.dynamic(1.0, SPHERE, arm, None, (slip, 0.0, -1.0))
+    scene = body, Body.static(), on_floor(0.25, friction)
+    model = ImpactModel(law, tolerance=1e-12)
+    found = differentiate(*scene, model, ["body_a.velocity", "body_a.position", "contact.friction"])
+    smooth = 0
+    for name, columns in found.columns.items():
+        for axis, column in enumerate(found.jacobian[:, columns].T):
+            if found.smoothness[columns][axis] == SMOOTH:
+                expected = by_resolving(scene, model, name, axis, 1e-4)
+                scale = max(1.0, np.abs(expected).max())
+                np.testing.assert_allclose(
+                    column, expected, rtol=0, atol=1e-7 * scale, err_msg=f"{name} {axis}"
+                )
+                smooth += 1
+    assert smooth >= 3
+    assert found.smoothness[found.columns["body_a.position"]][0] == KINK
+
+
 def test_compliant_to_many_digits():
     """A rod that slides, sticks and slides back: derivatives of an oracle of its own, in mpmath."""
     rod = Body.dynamic(1.0, (1 / 3, 0, 0, 1 / 3, 0, 2 / 3), (-1.0, -1.0, 0.0), None, (1.0, -1.0, 0.0))

@@ -85,6 +85,8 @@ GREATEST_FRICTION = 1e100  # more sticks no better: slip stops within 1e-100 of 
 LEAST_RESTITUTION = 1e-140  # less gives back nothing that would count
 RAY_STEPS = 60
 SAFETY = 2.01
+NO_COUPLING = 2.0**-40  # this part of a matrix is rounding
+FAINT = 2.0**-1000  # a slope that marks a kink and counts for nothing
 
 
 def routh_poisson(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
@@ -197,6 +199,17 @@ def _veer(path: Path, way: Straight) -> Scalar:
     return choose(first > 0, lambda: (y - along) / A_qq, lambda: 0 * first)
 
 
+def _edge_by_chance(path: Path, s1: Scalar, s2: Scalar, w: Scalar) -> Scalar:
+    """0, with a kink where a way is straight by chance: where what a variation of ``w`` brings across it acts
+    along it and on the normal velocity. The ends of the way then vary, which :func:`_veer` leaves out.
+    """
+    A_tq = (path.A22 - path.A11) * s1 * s2 + path.A12 * (s1 * s1 - s2 * s2)
+    b_q = path.b2 * s1 - path.b1 * s2
+    acts = fixed(path.m * (abs(A_tq) + abs(b_q))) > NO_COUPLING * fixed(path.m * (path.A11 + path.A22))
+    varies = choose(acts, lambda: w - fixed(w), lambda: 0 * w)
+    return choose(varies > 0, lambda: 0 * w, lambda: FAINT * varies)
+
+
 def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: bool) -> Outcome:
     e, mu, settings = coefficients
     e_e, e_mu, mu = error_of(e) + LEAST_RESTITUTION, error_of(mu), lesser(certain(mu), GREATEST_FRICTION)
@@ -289,6 +302,9 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
     veers = varying_as(o, lambda: w * _veer(path, Straight(*map(fixed, (s1, s2, s, s_e, along, g)))))
     P1 = choose(starts_stuck, lambda: varying_as(P1, lambda: P1 - h1), lambda: P1 - s2 * veers)
     P2 = choose(starts_stuck, lambda: varying_as(P2, lambda: P2 - h2), lambda: P2 + s1 * veers)
+    is_straight = slips & (y.doubt <= 0)
+    edge = varying_as(o, lambda: choose(is_straight, lambda: _edge_by_chance(path, s1, s2, w), lambda: o))
+    P1, P2, p = P1 + edge, P2 + edge, p + edge
     heat = y.heat + m * ((s + s_c) * x + (s_c + s_e) * x_r) / 2 + ray.k * ray.G * rest * rest / 2
     lost = (1 - e) * (1 + e) * -W_c if energetic else -(W_c + W)
 
