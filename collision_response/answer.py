@@ -131,11 +131,11 @@ def in_norm(body: Body, change: Twist) -> tuple[float, ...]:
     """
     if not body.is_movable():
         return (0.0,)
-    linear = 1.0
-    if body.inverse_inertia is not None and body.is_articulated():
+    if body.inverse_inertia is not None:
         L, _, W = body.inverse_inertia.blocks()
         linear, angular = (1 / math.sqrt(trace) if trace > 0 else 0.0 for trace in (L.trace(), W.trace()))
     else:
+        linear = 1.0
         angular = math.sqrt((body.inertia[0] + body.inertia[3] + body.inertia[5]) / 3 / body.mass)
     return (*(linear * v for v in change.linear), *(angular * w for w in change.angular))
 

@@ -189,7 +189,7 @@ def _veer(path: Path, way: Straight) -> Scalar:
     and 0 where slip stops.
     """
     s1, s2, first, last, along, g = way
-    A_qq = path.A11 * s2 * s2 - 2 * path.A12 * s1 * s2 + path.A22 * s1 * s1
+    A_qq, _ = path.across(s1, s2)
 
     def slip() -> Scalar:
         time = along / first * relative_logarithm(g * along / first)
@@ -203,7 +203,7 @@ def _edge_by_chance(path: Path, s1: Scalar, s2: Scalar, w: Scalar) -> Scalar:
     """0, with a kink where a way is straight by chance: where what a variation of ``w`` brings across it acts
     along it and on the normal velocity. The ends of the way then vary, which :func:`_veer` leaves out.
     """
-    A_tq = (path.A22 - path.A11) * s1 * s2 + path.A12 * (s1 * s1 - s2 * s2)
+    _, A_tq = path.across(s1, s2)
     b_q = path.b2 * s1 - path.b1 * s2
     acts = fixed(path.m * (abs(A_tq) + abs(b_q))) > NO_COUPLING * fixed(path.m * (path.A11 + path.A22))
     varies = choose(acts, lambda: w - fixed(w), lambda: 0 * w)

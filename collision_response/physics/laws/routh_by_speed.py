@@ -294,9 +294,9 @@ class Walk:
 
     def _is_straight(self, at: Slope, h: float) -> bool:
         """Whether what a step turns by is less than counts."""
-        path, t1, t2, w, share = self._path, at.t1, at.t2, abs(at.w), STRAIGHT * self._path.tolerance
-        pull = at.g + at.m * (path.A11 * t2 * t2 - 2 * path.A12 * t1 * t2 + path.A22 * t1 * t1)
-        A_tq = path.A12 * (t1 * t1 - t2 * t2) + (path.A22 - path.A11) * t1 * t2
+        w, share = abs(at.w), STRAIGHT * self._path.tolerance
+        A_qq, A_tq = self._path.across(at.t1, at.t2)
+        pull = at.g + at.m * A_qq
         gain = (w + at.m * abs(A_tq)) * h  # of speed, by a turn
         is_small = w <= ROUNDING * pull or w * gain <= share * at.s * pull
         drawn = pull > 0 and is_small and w * at.s <= share * max(at.s, self._room) * pull

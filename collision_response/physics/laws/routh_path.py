@@ -48,6 +48,11 @@ class Path(NamedTuple):
         det = self.A11 * self.A22 - self.A12 * self.A12
         return (self.A22 * v1 - self.A12 * v2) / det, (self.A11 * v2 - self.A12 * v1) / det
 
+    def across(self, t1: Scalar, t2: Scalar) -> tuple[Scalar, Scalar]:
+        """``A_qq`` and ``A_tq``, with ``q`` across ``t``."""
+        A_qq = self.A11 * t2 * t2 - 2 * self.A12 * t1 * t2 + self.A22 * t1 * t1
+        return A_qq, self.A12 * (t1 * t1 - t2 * t2) + (self.A22 - self.A11) * t1 * t2
+
     def least_eigenvalue(self) -> Scalar:
         """Of ``A``, from below."""
         return (self.A11 * self.A22 - self.A12 * self.A12) / (self.A11 + self.A22)
