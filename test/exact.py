@@ -11,8 +11,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from fractions import Fraction
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
+
+try:
+    from gmpy2 import mpq as Fraction  # in some places ten times as fast
+except ImportError:
+    from fractions import Fraction
 
 ROOT_BITS = 1000
 PIVOT_LIMIT = Fraction(1, 2**50)
@@ -30,6 +36,7 @@ LEAST = Fraction(1, 2**1074)
 Vec = tuple[Fraction, Fraction, Fraction]
 Mat = tuple[Vec, Vec, Vec]
 ZERO: Vec = (Fraction(0),) * 3
+NOTHING: Mat = (ZERO,) * 3
 
 
 class Solid(NamedTuple):
@@ -132,21 +139,81 @@ def nearest(x: Fraction) -> float:
 # bodies
 
 
-class Side(NamedTuple):
-    """One body as seen from the contact, in world axes."""
+@dataclass(frozen=True)
+class Side:
+    """One body as seen from the contact, in world axes; each part when it is asked for."""
 
-    mass: Fraction | None
-    trace: Fraction
-    rotation: Mat
-    inertia: Mat
-    inverse_inertia: Mat
-    com: Vec
-    r: Vec
-    velocity: Vec
-    spin: Vec
-    idle: Vec
-    speed_scale: Fraction
-    """Of the terms of the contact's velocity, for the rounding that they bring."""
+    body: Solid
+    point: Vec
+
+    @cached_property
+    def mass(self) -> Fraction | None:
+        return None if self.body.mass is None else Fraction(self.body.mass)
+
+    @cached_property
+    def rotation(self) -> Mat:
+        return rotation_of(self.body.orientation)
+
+    @cached_property
+    def com(self) -> Vec:
+        return apply(self.rotation, vec(self.body.com)) if any(self.body.com) else ZERO
+
+    @cached_property
+    def r(self) -> Vec:
+        return minus(minus(self.point, vec(self.body.position)), self.com)
+
+    @cached_property
+    def velocity(self) -> Vec:
+        return vec(self.body.velocity)
+
+    @cached_property
+    def spin(self) -> Vec:
+        return vec(self.body.spin)
+
+    @cached_property
+    def speed_scale(self) -> Fraction:
+        """Of the terms of the contact's velocity, for the rounding that they bring."""
+        arms = length(self.point) + length(vec(self.body.position)) + length(self.com)
+        return length(self.velocity) + length(self.spin) * arms
+
+    @cached_property
+    def trace(self) -> Fraction:
+        return _trace(self._tensor)
+
+    @cached_property
+    def inertia(self) -> Mat:
+        return _turned(self.rotation, self._tensor)
+
+    @cached_property
+    def inverse_inertia(self) -> Mat:
+        half_trace = self.trace / 2
+        if _is_definite(self._tensor):
+            undone = inverse(self._tensor)
+        elif half_trace == 0:
+            return NOTHING
+        else:  # a rod: I/c projects across its axis
+            squared = tuple(apply(self._tensor, row) for row in self._tensor)  # I I, for I is symmetric
+            undone = tuple(times(row, 1 / half_trace**3) for row in squared)  # type: ignore[assignment]
+        return _turned(self.rotation, undone)
+
+    @cached_property
+    def idle(self) -> Vec:
+        """The part of the angular velocity about an axis without inertia."""
+        if self.mass is None or _is_definite(self._tensor):
+            return ZERO
+        if self.trace == 0:
+            return self.spin
+        in_body = apply(transposed(self.rotation), self.spin)
+        across = times(apply(self._tensor, in_body), 2 / self.trace)
+        return apply(self.rotation, minus(in_body, across))
+
+    @cached_property
+    def _tensor(self) -> Mat:
+        """Of the inertia in the axes of the body; an immovable one needs none."""
+        if self.mass is None:
+            return NOTHING
+        xx, xy, xz, yy, yz, zz = (Fraction(c) for c in self.body.inertia)
+        return (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
 
     def contact_velocity(self) -> Vec:
         """An angular velocity about an axis without inertia moves no contact."""
@@ -180,9 +247,8 @@ def rotation_of(quaternion: Sequence[float] | None) -> Mat:
     )
 
 
-def _tensor(inertia: Sequence[float]) -> Mat:
-    xx, xy, xz, yy, yz, zz = (Fraction(c) for c in inertia)
-    return (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
+def _trace(m: Mat) -> Fraction:
+    return m[0][0] + m[1][1] + m[2][2]
 
 
 def _is_definite(tensor: Mat) -> bool:
@@ -203,57 +269,38 @@ def _turned(rotation: Mat, tensor: Mat) -> Mat:
     return tuple(tuple(dot(h, row) for row in rotation) for h in half)  # type: ignore[return-value]
 
 
-def side_of(body: Solid, point: Vec) -> Side:
-    rotation = rotation_of(body.orientation)
-    com, spin, position = apply(rotation, vec(body.com)), vec(body.spin), vec(body.position)
-    r = minus(minus(point, position), com)
-    speed = length(vec(body.velocity)) + length(spin) * (length(point) + length(position) + length(com))
-    nothing: Mat = (ZERO, ZERO, ZERO)
-    if body.mass is None:
-        return Side(
-            None, Fraction(0), rotation, nothing, nothing, com, r, vec(body.velocity), spin, ZERO, speed
-        )
-    tensor = _tensor(body.inertia)
-    half_trace = (tensor[0][0] + tensor[1][1] + tensor[2][2]) / 2
-    idle = ZERO
-    if _is_definite(tensor):
-        undone = inverse(tensor)
-    elif half_trace == 0:
-        undone, idle = nothing, spin
-    else:  # a rod: I/c projects across its axis
-        squared = tuple(apply(tensor, row) for row in tensor)  # I I, for I is symmetric
-        undone = tuple(times(row, 1 / half_trace**3) for row in squared)  # type: ignore[assignment]
-        in_body = apply(transposed(rotation), spin)
-        across = times(apply(tensor, in_body), 1 / half_trace)
-        idle = apply(rotation, minus(in_body, across))
-    return Side(
-        Fraction(body.mass),
-        2 * half_trace,
-        rotation,
-        _turned(rotation, tensor),
-        _turned(rotation, undone),
-        com,
-        r,
-        vec(body.velocity),
-        spin,
-        idle,
-        speed,
-    )
-
-
 # both bodies
 
 
-class Pair(NamedTuple):
-    """Two bodies as seen from their contact."""
+@dataclass(frozen=True)
+class Pair:
+    """Two bodies as seen from their contact; each part when it is asked for."""
 
     a: Side
     b: Side
     n: Vec
-    u: Vec
-    K: Mat
-    unit: Fraction
-    """The length of the normal."""
+
+    @cached_property
+    def u(self) -> Vec:
+        return minus(self.a.contact_velocity(), self.b.contact_velocity())
+
+    @cached_property
+    def unit(self) -> Fraction:
+        """The length of the normal."""
+        return length(self.n)
+
+    @cached_property
+    def K(self) -> Mat:
+        columns = []
+        for i in range(3):
+            unit: Vec = tuple(Fraction(int(i == k)) for k in range(3))  # type: ignore[assignment]
+            column = ZERO
+            for side in (self.a, self.b):
+                if side.mass is not None:
+                    turning = cross(apply(side.inverse_inertia, cross(side.r, unit)), side.r)
+                    column = plus(column, plus(times(unit, 1 / side.mass), turning))
+            columns.append(column)
+        return tuple(columns)  # type: ignore[return-value]
 
     @property
     def n_u(self) -> Fraction:
@@ -273,18 +320,7 @@ class Pair(NamedTuple):
 
 def pair_of(scene: Scene) -> Pair:
     point = vec(scene.contact.position)
-    a, b = side_of(scene.a, point), side_of(scene.b, point)
-    n = vec(scene.contact.normal)
-    columns = []
-    for i in range(3):
-        unit: Vec = tuple(Fraction(int(i == k)) for k in range(3))  # type: ignore[assignment]
-        column = ZERO
-        for side in (a, b):
-            if side.mass is not None:
-                turning = cross(apply(side.inverse_inertia, cross(side.r, unit)), side.r)
-                column = plus(column, plus(times(unit, 1 / side.mass), turning))
-        columns.append(column)
-    return Pair(a, b, n, minus(a.contact_velocity(), b.contact_velocity()), tuple(columns), length(n))
+    return Pair(Side(scene.a, point), Side(scene.b, point), vec(scene.contact.normal))
 
 
 # laws

@@ -898,7 +898,7 @@ def test_m_a_hostile_row_has_the_code_of_one_impact(geometry, law, precision):
 
 
 @pytest.mark.parametrize(
-    ("geometry", "size"), [*product(GEOMETRIES, (1, 20)), (Geometry.POINT, 2000), (Geometry.SPATIAL, 2000)]
+    ("geometry", "size"), [*product(GEOMETRIES, (1, 20)), (Geometry.POINT, 600), (Geometry.SPATIAL, 600)]
 )
 def test_k_batches_with_much_friction(geometry, size):
     """Each row is right to its bound, in batches of any size."""

@@ -52,7 +52,7 @@ def test_no_error_is_above_its_bound(law, precision, wildness):
     """A sample of the full run, which ``make stability`` does."""
     impacts = RandomImpacts(seed=wildness, wildness=wildness)
     answered = 0
-    for _ in range(150):
+    for _ in range(80):
         scene, model = impacts.request(law)
         model = model._replace(precision=precision, geometry=Geometry.AUTO)
         try:
@@ -66,7 +66,7 @@ def test_no_error_is_above_its_bound(law, precision, wildness):
             assert impact.error_bound <= ULP
         answered += impact.error_bound < math.inf
     # Most are answered, with a bound that says something; of numbers from 1e-60 to 1e60, few by float32.
-    assert answered >= (75 if precision is not Precision.SINGLE or wildness < 60 else 25)
+    assert answered >= (40 if precision is not Precision.SINGLE or wildness < 60 else 13)
 
 
 @pytest.mark.parametrize("wildness", [0, 1, 10])
@@ -315,18 +315,19 @@ def test_an_error_that_is_not_a_number_is_not_forgotten():
 @pytest.mark.parametrize("precision", [Precision.AUTO, Precision.DOUBLE, Precision.EXTENDED])
 @pytest.mark.parametrize("tolerance", [0.0, 1e-17, 1e-30])
 @pytest.mark.parametrize("mass", [1.0, 2.0, 2.0**-1000, 2.0**-1020])
-@pytest.mark.parametrize("speed", [1.0, 1.5, 3.0, 7.0, 2.0**-60, 3 * 2.0**-60, 1.0 + 2.0**-52])
-@pytest.mark.parametrize("restitution", [0.5, 0.3, 0.1, 2.0**-52, 1 - 2.0**-53])
-def test_an_impulse_that_is_known_exactly_and_is_no_float(precision, tolerance, mass, speed, restitution):
+def test_an_impulse_that_is_known_exactly_and_is_no_float(precision, tolerance, mass):
     """``m (1 + e) v``: float64 does not hold all its digits. Below 1e-308 it is right to the nearest."""
-    ball = Body.dynamic(mass, velocity=(0.0, 0.0, -speed))
-    contact = Contact.of((0, 0, 0), (0, 0, 1), restitution)
-    impact = resolve(ball, Body.static(), contact, ImpactModel(precision=precision, tolerance=tolerance))
-    exact = Fraction(mass) * (1 + Fraction(restitution)) * Fraction(speed)
-    error = max(abs(Fraction(impact.impulse.z) - exact) - Fraction(math.ulp(0.0)) / 2, 0) / exact
-    assert error <= impact.error_bound
-    assert (impact.status is StatusCode.OK) == (impact.error_bound <= (tolerance or LARGEST))
-    assert impact.error_bound > 0 or error == 0
+    model = ImpactModel(precision=precision, tolerance=tolerance)
+    speeds = (1.0, 1.5, 3.0, 7.0, 2.0**-60, 3 * 2.0**-60, 1.0 + 2.0**-52)
+    for speed, restitution in product(speeds, (0.5, 0.3, 0.1, 2.0**-52, 1 - 2.0**-53)):
+        ball = Body.dynamic(mass, velocity=(0.0, 0.0, -speed))
+        contact = Contact.of((0, 0, 0), (0, 0, 1), restitution)
+        impact = resolve(ball, Body.static(), contact, model)
+        exact = Fraction(mass) * (1 + Fraction(restitution)) * Fraction(speed)
+        error = max(abs(Fraction(impact.impulse.z) - exact) - Fraction(math.ulp(0.0)) / 2, 0) / exact
+        assert error <= impact.error_bound, (speed, restitution)
+        assert (impact.status is StatusCode.OK) == (impact.error_bound <= (tolerance or LARGEST))
+        assert impact.error_bound > 0 or error == 0
 
 
 def test_threads_do_not_take_digits_from_each_other():

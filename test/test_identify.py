@@ -93,15 +93,15 @@ def test_the_stiffness_ratio_of_springs_is_found(e, mu, kappa):
 
 
 def test_intervals_of_springs_hold_what_is_sought():
-    """Of six sets of 40 noisy impacts: an interval of 95 % misses twice in one of fifty such tests."""
+    """Of four sets of 20 noisy impacts: an interval of 95 % misses twice in one of seventy such tests."""
     holds = dict.fromkeys(SPRINGS, 0)
-    for seed in range(6):
-        measured = cubes(40, 0.5, 0.5, seed, speed=0.01, spin=0.1, law=Law.COMPLIANT, stiffness_ratio=0.8)
-        found = identify(measured, Law.COMPLIANT, SPRINGS, loss="linear", resamples=30, seed=seed)
+    for seed in range(4):
+        measured = cubes(20, 0.5, 0.5, seed, speed=0.01, spin=0.1, law=Law.COMPLIANT, stiffness_ratio=0.8)
+        found = identify(measured, Law.COMPLIANT, SPRINGS, loss="linear", resamples=20, seed=seed)
         for name, true in zip(SPRINGS, (0.5, 0.5, 0.8), strict=True):
             low, high = found.coefficients[name][1:3]
             holds[name] += low <= true <= high
-    assert min(holds.values()) >= 4, holds
+    assert min(holds.values()) >= 3, holds
 
 
 def test_noisy_normals_deceive_the_formal_interval_and_not_the_bootstrap():

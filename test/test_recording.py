@@ -538,9 +538,10 @@ class TestNode:
             == 1
         )
 
-    def test_limits_are_parameters(self, graph, tmp_path):
+    def test_limits_are_parameters(self, graph, tmp_path, monkeypatch):
         from ros_graph import balls_meet
 
+        monkeypatch.setattr("collision_response.recording.recorder.INTERVAL", 0.0)
         parameters = {"max_size": 0.0, "max_duration": 1e-9, "directory": str(tmp_path), "file": "a.rrd"}
         graph.serve(
             recording__enabled=True, **{f"recording__{name}": parameters[name] for name in parameters}

@@ -35,8 +35,8 @@ from .reflections import Struck
 LEAST_RESTITUTION = 0.05
 """Below it a path takes too many compressions to end."""
 
-WORK = 500_000_000
-"""A budget for all paths together, in couplings of two contacts: a second or two."""
+WORK = 1_500_000_000
+"""A budget for all paths together, in steps of some nanosecond: a second or two."""
 
 
 class Paths(NamedTuple):

@@ -22,7 +22,7 @@ struct ContactSprings {
   int count;
   double speed = 0, mass = 0;
   double slow = 0;    // an approach below it is none: rounding would keep some contact for ever
-  long work;          // that may still be done, in couplings of two contacts
+  long work;          // that may still be done: 1 for a coupling of two contacts, about a nanosecond
   double rubbed = 0;  // energy that friction took
 
   ContactSprings(const Assembly& assembly, double exponent, std::vector<double> ratios, long budget)
@@ -54,10 +54,11 @@ struct ContactSprings {
   }
 
   // y: x_i, p_i. Dormand & Prince's pair of orders 5 and 4.
+  static constexpr long STAGE = 20;  // the work of one contact in a stage, besides its couplings
   void derivative(const double* y, double* d, const std::vector<int>& awake) {
     const double *x = y, *p = y + count;
     for (int i : awake) {
-      work -= static_cast<long>(C[i].size());
+      work -= STAGE + static_cast<long>(C[i].size());
       double u = velocity(i, p);
       d[i] = rate(i, x[i], u);
       d[count + i] = force(i, x[i]);
@@ -168,7 +169,7 @@ struct ContactSprings {
   // With friction. A step is the method (2, 2, 2) of Ascher, Ruuth & Spiteri, of order 2: velocities that are known
   // compress the springs, and friction opposes the slip at the end of each of two stages, so that contacts stick. A
   // step and two of half its length tell its error, and make it of order 3.
-  static constexpr long SWEEP = 20;  // the work of one contact in a sweep
+  static constexpr long SWEEP = 60;  // the work of one contact in a sweep
   struct State {
     std::vector<double> x, u;  // u: normal velocities
     Motion motion;
