@@ -17,7 +17,7 @@ from one import PINOCCHIO_J, by_resolve, peers_of
 from timing import interleaved, spread
 from truth import error_of_impact, error_of_impulse, truth_of
 
-from collision_response import Body, Contact, ImpactError, ImpactModel, Law, Precision, exactly, resolve
+from collision_response import Body, Contact, ImpactError, ImpactModel, Law, Precision, on_balls, resolve
 from collision_response.batch import resolve_batch
 from collision_response.impact import impact
 from collision_response.physics.mass_properties import sphere
@@ -157,8 +157,8 @@ def plotted(name: str, scene: Scene, skipped: dict[str, str]) -> list[dict[str, 
             by_resolve(scene, model).call,
         )
     model = ImpactModel(Law.FRICTIONLESS)
-    note("exact", "balls", error_of_impact(exactly.resolve(*scene, model), truth), None,
-         lambda: exactly.resolve(*scene, model))  # fmt: skip
+    note("exact", "balls", error_of_impact(on_balls.resolve(*scene, model), truth), None,
+         lambda: on_balls.resolve(*scene, model))  # fmt: skip
     note("exact", "fractions", error_of_impulse(in_fractions(scene).changes.impulse, truth), None,
          lambda: in_fractions(scene))  # fmt: skip
     for way, peer in peers_of(scene, skipped).items():

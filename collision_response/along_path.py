@@ -13,16 +13,16 @@ from operator import itemgetter
 from . import validity
 from .answer import Impact, impact_of
 from .by_speed import friction_at, slip_speed
-from .exactly import as_floats, weighted
 from .geometry import required
 from .impact import Answer, impact
 from .kernels import library
 from .model import Geometry, ImpactModel, Precision, plan
+from .on_balls import as_floats, weighted
+from .on_fractions import adjusted, as_fraction, body_as_fractions, contact_as_fractions
 from .physics.body import Body
 from .physics.contact import Contact
 from .physics.laws import Law, Regime, Settings
 from .physics.laws.routh_by_speed import FINEST, of_path
-from .rationally import adjusted, as_fraction, body_as_fractions, contact_as_fractions
 from .status import StatusCode
 
 SAFETY = 4.0

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from . import exactly, validity
+from . import on_balls, validity
 from .kernels import library
 from .model import check_number
 from .numbers.number import square_root
+from .on_fractions import as_fraction
 from .physics.body import Body
 from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics
 from .physics.laws import BY_SPEED, PATHS, Law
-from .rationally import as_fraction
 from .status import ImpactError, StatusCode
 
 
@@ -51,7 +51,7 @@ def friction_at_first(body_a: Body, body_b: Body, contact: Contact, law: Law, fi
         of_several = " of several contacts" if law in BY_SPEED else ""
         reason = f"{law.name} takes no friction{of_several} that depends on slip speed: give a number"
         raise ImpactError(StatusCode.INVALID_MODEL, f"{field}.friction", f"{reason}, or ask COULOMB")
-    validity.check(*exactly.read(body_a, body_b, contact._replace(friction=0.0)), 0.0)
+    validity.check(*on_balls.read(body_a, body_b, contact._replace(friction=0.0)), 0.0)
     return friction_at(slip_speed(body_a, body_b, contact), contact, field)
 
 
@@ -61,7 +61,7 @@ def slip_speed(body_a: Body, body_b: Body, contact: Contact) -> float:
     Raises:
         ImpactError: OUT_OF_RANGE.
     """
-    a, b, touch = exactly.read(body_a, body_b, contact, lambda x, _: as_fraction(x))
+    a, b, touch = on_balls.read(body_a, body_b, contact, lambda x, _: as_fraction(x))
     kinematics = ContactKinematics.of(a, b, touch)
     n, u = touch.normal, kinematics.u
     try:

@@ -6,7 +6,7 @@ import math
 from functools import lru_cache
 from typing import Any
 
-from . import along_path, exactly, rationally, validity
+from . import along_path, on_balls, on_fractions, validity
 from .answer import Impact, in_norm
 from .by_speed import friction_at_first, restitution_at
 from .geometry import flattened, flattened_contact
@@ -57,7 +57,7 @@ def _unusual(
 ) -> Impact:
     if answer == FAULT:
         validity.check_two(body_a, body_b)
-        a, b, numeric = exactly.read(body_a, body_b, contact)
+        a, b, numeric = on_balls.read(body_a, body_b, contact)
         validity.check(a, b, numeric, plan(model).settings.tangential_restitution)
         raise ImpactError(StatusCode.INTERNAL_ERROR, "request", "was refused for no known reason")
     if answer == MORE:
@@ -68,11 +68,11 @@ def _unusual(
             return _along_path(body_a, body_b, contact, model)
         return resolve(body_a, body_b, contact, model)
     if answer == RATIONAL:
-        return rationally.resolve(body_a, body_b, contact, model)
+        return on_fractions.resolve(body_a, body_b, contact, model)
     if answer == FORCED:
         return _leaving_out(body_a, body_b, contact, model)
     may_climb = plan(model).last is Precision.EXTENDED
-    more = exactly.resolve(body_a, body_b, contact, model) if may_climb else None
+    more = on_balls.resolve(body_a, body_b, contact, model) if may_climb else None
     if more is not None:
         return more
     if not isinstance(answer, Impact):  # BEYOND

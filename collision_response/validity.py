@@ -1,4 +1,4 @@
-"""What may be answered: the conditions on a request, each with its code and field.
+"""What may be answered: the rules of a request, each with its code and field.
 
 They are formulas over any number type. For plain numbers :func:`check` raises the first that does not
 hold; compiled, they give its code for every contact of a batch.
@@ -21,7 +21,7 @@ UNIT_LENGTH_TOLERANCE = 1e-9
 """How far the squared length of a quaternion may be from 1 before its normalising is reported."""
 
 
-class Requirement(NamedTuple):
+class Rule(NamedTuple):
     """One condition.
 
     Attributes:
@@ -37,17 +37,15 @@ class Requirement(NamedTuple):
     must: str
 
 
-def requirements(
-    body_a: Body, body_b: Body, contact: Contact, tangential_restitution: Scalar
-) -> Iterator[Requirement]:
+def rules(body_a: Body, body_b: Body, contact: Contact, tangential_restitution: Scalar) -> Iterator[Rule]:
     """All that must hold, in the order in which it is said."""
     for name, body in (("body_a", body_a), ("body_b", body_b)):
         yield from _of_body(name, body)
     movable = body_a.is_movable() | body_b.is_movable()
-    yield Requirement(movable, StatusCode.NO_DYNAMIC_BODY, "body_a", "or body_b must be dynamic")
+    yield Rule(movable, StatusCode.NO_DYNAMIC_BODY, "body_a", "or body_b must be dynamic")
     yield _finite("contact.position", contact.position)
     yield _finite("contact.normal", contact.normal)
-    yield Requirement(
+    yield Rule(
         negation(all_zero(contact.normal)), StatusCode.INVALID_NORMAL, "contact.normal", "must not be 0"
     )
     if body_a.inverse_inertia is not None or body_b.inverse_inertia is not None:
@@ -58,17 +56,17 @@ def requirements(
     yield from _within("model.tangential_restitution", tangential_restitution, -1, 1)
 
 
-def _of_body(name: str, body: Body) -> Iterator[Requirement]:
+def _of_body(name: str, body: Body) -> Iterator[Rule]:
     mass = body.mass
-    yield Requirement(mass == mass, StatusCode.NOT_FINITE, f"{name}.mass", "must be a number")
-    yield Requirement(
+    yield Rule(mass == mass, StatusCode.NOT_FINITE, f"{name}.mass", "must be a number")
+    yield Rule(
         _is_mass(mass),
         StatusCode.INVALID_MASS,
         f"{name}.mass",
         "must be positive, 1/mass finite; what nothing moves is Body.static(), motion_type STATIC",
     )
     yield _finite(f"{name}.inertia", body.inertia)
-    yield Requirement(
+    yield Rule(
         _is_inertia(body.inertia) & (body.has_mass() | all_zero(body.inertia)),
         StatusCode.INVALID_INERTIA,
         f"{name}.inertia",
@@ -76,7 +74,7 @@ def _of_body(name: str, body: Body) -> Iterator[Requirement]:
         "the body is immovable",
     )
     if body.inverse_inertia is not None:
-        yield Requirement(
+        yield Rule(
             body.inverse_inertia.is_semi_definite(),
             StatusCode.INVALID_INERTIA,
             f"{name}.inverse_inertia",
@@ -87,20 +85,20 @@ def _of_body(name: str, body: Body) -> Iterator[Requirement]:
     q = body.orientation
     if q is not None:
         yield _finite(f"{name}.orientation", q)
-        yield Requirement(
+        yield Rule(
             negation(all_zero(q)), StatusCode.INVALID_ORIENTATION, f"{name}.orientation", "must not be 0"
         )
 
 
-def _of_mechanism(kinematics: ContactKinematics, contact: Contact) -> Iterator[Requirement]:
+def _of_mechanism(kinematics: ContactKinematics, contact: Contact) -> Iterator[Rule]:
     """What rigid bodies cannot lack: mechanisms move in some directions only."""
-    yield Requirement(
+    yield Rule(
         kinematics.moves_normal(),
         StatusCode.INVALID_NORMAL,
         "contact.normal",
         "must have an impulse along it that moves the contact: n.K n is 0",
     )
-    yield Requirement(
+    yield Rule(
         (contact.friction == 0) | kinematics.can_rest(),
         StatusCode.INVALID_COEFFICIENT,
         "contact.friction",
@@ -164,14 +162,14 @@ CLEARANCE = 2.0**-16
 """Relative size of a second moment that no rounding explains, in float32 either."""
 
 
-def _finite(field: str, numbers: Iterable[Scalar]) -> Requirement:
-    return Requirement(sum(x - x for x in numbers) == 0, StatusCode.NOT_FINITE, field, "must be finite")
+def _finite(field: str, numbers: Iterable[Scalar]) -> Rule:
+    return Rule(sum(x - x for x in numbers) == 0, StatusCode.NOT_FINITE, field, "must be finite")
 
 
-def _within(field: str, x: Scalar, least: float, most: float) -> Iterator[Requirement]:
+def _within(field: str, x: Scalar, least: float, most: float) -> Iterator[Rule]:
     yield _finite(field, (x,))
     limits = f"at least {least}" if most == math.inf else f"in [{least}, {most}]"
-    yield Requirement((x >= least) & (x <= most), StatusCode.INVALID_COEFFICIENT, field, f"must be {limits}")
+    yield Rule((x >= least) & (x <= most), StatusCode.INVALID_COEFFICIENT, field, f"must be {limits}")
 
 
 def is_plainly_sound(
@@ -194,15 +192,15 @@ def is_plainly_sound(
 
 
 def fault(*request: Any) -> Scalar:
-    """The code of the first requirement that does not hold, or 0."""
+    """The code of the first rule that does not hold, or 0."""
     code: Scalar = 0.0
-    for requirement in reversed(list(requirements(*request))):
-        code = _or_else(requirement, code)
+    for rule in reversed(list(rules(*request))):
+        code = _or_else(rule, code)
     return code
 
 
-def _or_else(requirement: Requirement, code: Scalar) -> Scalar:
-    return choose(requirement.holds, lambda: code, lambda: 1.0 * requirement.code)
+def _or_else(rule: Rule, code: Scalar) -> Scalar:
+    return choose(rule.holds, lambda: code, lambda: 1.0 * rule.code)
 
 
 def check_two(body_a: Body, body_b: Body) -> None:
@@ -222,10 +220,10 @@ def check(body_a: Body, body_b: Body, contact: Contact, tangential_restitution: 
         ImpactError: with the code, the field and its value.
     """
     request = body_a, body_b, contact, tangential_restitution
-    for requirement in requirements(*request):
-        if not requirement.holds:
-            reason = f"{requirement.must}; is {_value(requirement.field, *request)}"
-            raise ImpactError(requirement.code, requirement.field, reason)
+    for rule in rules(*request):
+        if not rule.holds:
+            reason = f"{rule.must}; is {_value(rule.field, *request)}"
+            raise ImpactError(rule.code, rule.field, reason)
 
 
 def _value(field: str, body_a: Body, body_b: Body, contact: Contact, e_t: float) -> str:

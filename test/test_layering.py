@@ -21,7 +21,7 @@ LAYERS = (
     {"centre"},
     {"answer", "description", "geometry", "impact", "materials", "validity"},
     {"kernels"},
-    {"exactly", "rationally"},
+    {"on_balls", "on_fractions"},
     {"by_speed"},
     {"along_path"},
     {"resolve"},

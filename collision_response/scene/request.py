@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
-from .. import exactly, validity
+from .. import on_balls, validity
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..status import ImpactError, StatusCode
@@ -104,7 +104,7 @@ def as_floats(
             return x
 
         try:
-            floats[a], floats[b], touches[i] = exactly.read(bodies[a], bodies[b], contacts[i], read)
+            floats[a], floats[b], touches[i] = on_balls.read(bodies[a], bodies[b], contacts[i], read)
         except TypeError as error:
             raise TypeError(named(str(error), name)) from None
         if any(lost):

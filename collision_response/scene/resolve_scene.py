@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from .. import rationally
+from .. import on_fractions
 from ..kernels import library
 from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
 from ..numbers.number import Scalar
@@ -185,8 +185,8 @@ def _as_fractions(scene: request.Request, law: Law) -> request.Request:
     if not (law is Law.FRICTIONLESS or (law is Law.MOREAU and not scene.has_friction)):
         raise ImpactError(StatusCode.INVALID_MODEL, "model.law", f"{law.name} is not rational: give floats")
     return scene._replace(
-        bodies=list(map(rationally.body_as_fractions, scene.bodies)),
-        contacts=list(map(rationally.contact_as_fractions, scene.contacts)),
+        bodies=list(map(on_fractions.body_as_fractions, scene.bodies)),
+        contacts=list(map(on_fractions.contact_as_fractions, scene.contacts)),
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from .. import rationally
+from .. import on_fractions
 from ..by_speed import friction_at_first, restitution_at
 from ..geometry import required
 from ..kernels import library
@@ -234,8 +234,8 @@ def _by_reflections(cluster: Any, parts: Parts, threshold: Scalar) -> Struck:
     if struck is not None and struck.error < math.inf:
         return struck
     if len(parts.contacts) <= RATIONAL_CONTACTS:
-        bodies = list(map(rationally.body_as_fractions, parts.bodies))
-        contacts = list(map(rationally.contact_as_fractions, parts.contacts))
+        bodies = list(map(on_fractions.body_as_fractions, parts.bodies))
+        contacts = list(map(on_fractions.contact_as_fractions, parts.contacts))
         exactly = RationalCluster(bodies, parts.pairs, contacts, parts.counts)
         exact = reflections(exactly, threshold)
         p = cluster.from_floats([float(x) for x in exactly.least_norm(exact.p)])

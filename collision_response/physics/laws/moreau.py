@@ -47,7 +47,7 @@ ROUNDING = 2.0**-44
 """An energy that is less than this part of the work against the approach is rounding."""
 
 
-class Answer(NamedTuple):
+class Solution(NamedTuple):
     """An :class:`Outcome` without its flags."""
 
     impulse: Vec3
@@ -105,9 +105,11 @@ def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     regime = choose(u.dot(x) < 0, lambda: 1.0 * Regime.REVERSED, lambda: 1.0 * Regime.SLIDING)
     regime = choose(sticks, lambda: 1.0 * Regime.STICKING, lambda: regime)
     lost_restitution, lost_friction = P_n * (1 - e) * approach / 2, f.dot(u + slip) / 2
-    own = Answer(frame.to_world(-f, P_n), regime, lost_restitution, lost_friction)
+    own = Solution(frame.to_world(-f, P_n), regime, lost_restitution, lost_friction)
     creates_energy = lost_restitution + lost_friction < -ROUNDING * (P_n * approach + abs(f.dot(u)))
-    answer = choose(creates_energy, lambda: Answer(*chatterjee_ruina(contact, coefficients)[:4]), lambda: own)
+    answer = choose(
+        creates_energy, lambda: Solution(*chatterjee_ruina(contact, coefficients)[:4]), lambda: own
+    )
     return Outcome(*answer, fell_back=creates_energy, unfinished=root.unfinished > 0)
 
 
