@@ -190,6 +190,43 @@ def test_requests_of_a_client_that_leaves_are_dropped_and_counted(graph):
     assert graph.call(balls_meet()).success
 
 
+def test_a_client_that_left_before_it_was_seen_is_tried_once(graph, monkeypatch):
+    """Fast DDS waits a tenth of a second for it, with each answer, and everybody else waits too."""
+    unseen, tried = [], []
+    look, send = Presence._look, server._sent
+
+    def look_past(presence):
+        look(presence)
+        presence._present -= {*unseen}
+
+    def first_is_unseen(header):
+        client = clients.client_of(header)
+        unseen[:] = unseen or [client]
+        return client
+
+    def send_to_others(service, response, header):
+        if clients.client_of(header) not in unseen:
+            return send(service, response, header)
+        tried.append(header)
+        return False
+
+    monkeypatch.setattr(Presence, "_look", look_past)
+    monkeypatch.setattr(server, "client_of", first_is_unseen)
+    monkeypatch.setattr(server, "_sent", send_to_others)
+    monkeypatch.setattr(server, "DISCOVERY", 0.05)
+    graph.serve()
+    last = diagnostics(graph)
+    other = graph.add(Node("other", context=graph.context, namespace=graph.namespace))
+    client = other.create_client(ResolveCollision, graph.service, qos_profile=SERVICE_QOS)
+    until(client.service_is_ready)
+    for _ in range(50):
+        client.call_async(balls_meet())
+    until(lambda: last() and last()[1]["requests of clients that left"] == "49")
+    assert len(tried) == 1
+    assert last()[1]["requests waiting"] == "0"
+    assert graph.call(balls_meet()).success
+
+
 def test_a_client_that_leaves_is_missed_though_others_come_meanwhile():
     """Whoever comes is looked for at once; that look must not hide who left just before."""
     there = {b"a" * 16}

@@ -17,7 +17,8 @@ INTERVAL = 0.01
 """Least time [s] between two looks at who is there: one takes most of a millisecond."""
 
 MOST = 1000
-"""Clients remembered that were answered and never discovered, such as those of other middleware."""
+"""Clients remembered that were answered and never discovered, such as those of other middleware; and of those
+that could not be answered."""
 
 NOBODY = b""
 """The client of every request where the middleware does not tell them apart."""
@@ -69,7 +70,8 @@ class Presence:
         self._tells = "fastrtps" in get_rmw_implementation_identifier()
         self._present: set[bytes] = set()
         self._gone: set[bytes] = set()
-        self._reached: dict[bytes, None] = {}  # in the order of their last answers
+        self._reached: dict[bytes, float] = {}  # when last, and in that order
+        self._missed: dict[bytes, float] = {}
         self._looked = 0.0
 
     def is_there(self, client: bytes) -> bool:
@@ -82,12 +84,17 @@ class Presence:
 
     def reached(self, client: bytes) -> None:
         """A client could be answered: it is there, whether or not it has been discovered."""
-        if client in self._present:
-            return
+        if client not in self._present:
+            _note_last(self._reached, client)
+
+    def missed(self, client: bytes) -> None:
+        """A client could not be answered."""
         self._reached.pop(client, None)
-        self._reached[client] = None
-        if len(self._reached) > MOST:
-            del self._reached[next(iter(self._reached))]
+        _note_last(self._missed, client)
+
+    def has_left(self, client: bytes, heard: float) -> bool:
+        """Whether one that is not there could not be answered since it was heard of."""
+        return self._missed.get(client, heard) > heard and not self.is_there(client)
 
     def departed(self) -> set[bytes]:
         """The clients that have left since the last call."""
@@ -104,3 +111,11 @@ class Presence:
             del self._reached[client]  # from now on it would be missed
         self._present = present
         self._looked = time.perf_counter()
+
+
+def _note_last(times: dict[bytes, float], client: bytes) -> None:
+    """Remember it as the last of so many."""
+    times.pop(client, None)
+    times[client] = time.perf_counter()
+    if len(times) > MOST:
+        del times[next(iter(times))]

@@ -35,7 +35,7 @@ POLL = 0.2
 """How often [s] clients are looked for that have left."""
 
 DISCOVERY = 2.0
-"""Longest wait [s] for a client to be discovered that has sent a request already."""
+"""Longest wait [s] for a client to be discovered, after it has sent a request."""
 
 PATIENCE = 0.01
 """How often [s] it is looked whether a request has waited long enough for a state."""
@@ -159,17 +159,27 @@ class Server:
         client = client_of(header)
         self._unconfirmed.pop(client, None)  # it is alive
         self._tally.requests += 1
-        send = partial(self._send, kind, service, presence, client, header, time.perf_counter())
-        parts = self._parts(kind, request, send, partial(presence.is_there, client))
+        taken = time.perf_counter()
+        send = partial(self._send, kind, service, presence, client, header, taken)
+        parts = self._parts(kind, request, send, presence, client, taken)
         self._turns.add(client, Job(parts, lambda error: send(kind.refusal(request, error))))
 
     def _parts(
-        self, kind: Kind, request: Any, send: Callable[[Any], None], client_is_there: Callable[[], bool]
+        self,
+        kind: Kind,
+        request: Any,
+        send: Callable[[Any], None],
+        presence: Presence,
+        client: bytes,
+        taken: float,
     ) -> Parts:
         """Every request is answered, whatever happens: what left this would end ``spin()``."""
-        until = time.perf_counter() + DISCOVERY
-        while not client_is_there() and time.perf_counter() < until:
+        until = taken + DISCOVERY
+        while not presence.is_there(client) and time.perf_counter() < until:
             yield min(until, time.perf_counter() + PATIENCE)
+        if presence.has_left(client, taken):
+            self._tally.dropped += 1
+            return
         try:
             response = yield from kind.answer(request)
         except ImpactError as error:
@@ -212,6 +222,7 @@ class Server:
         response: Any,
     ) -> None:
         if not _sent(service, response, header):
+            presence.missed(client)
             self._tally.unsent += 1
             self._log.warning(
                 "an answer could not be sent: its client does not take any, or has left",
