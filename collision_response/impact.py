@@ -15,16 +15,20 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from .numbers.number import Condition, Scalar, choose, square_root
+from .numbers.number import Condition, Scalar, choose, negation, square_root
 from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics
 from .physics.energy import kinetic_energy
 from .physics.laws import BY_SPEED, LAWS, Coefficients, Law, Outcome, Regime, Settings
+from .physics.laws.chatterjee_ruina import chatterjee_ruina
 from .physics.vector import Vec3
 
 KEEPS_RESTITUTION = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU)
 """The laws by which the normal velocity after is ``-e`` times that before."""
+
+FOLLOWS_SLIP = (Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE, Law.COMPLIANT)
+"""The laws that need ``K`` across the normal."""
 
 
 class Changes(NamedTuple):
@@ -168,7 +172,7 @@ def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Set
         idle_spin=_is_idle(kinematics.side_a.idle) | _is_idle(kinematics.side_b.idle),
         unfinished=approaching & outcome.unfinished,
         unphysical=not by_speed
-        and _is_unphysical(law, n, u, u_after, impulse, friction, e * kinematics.n_u, approaching),
+        and _is_unphysical(law, kinematics, u_after, impulse, friction, e * kinematics.n_u, approaching),
     )
     doubt = outcome.doubt and Changes(outcome.doubt, *kinematics.respond(outcome.doubt))
     return Answer(Changes(impulse, change_a, change_b), report, flags, doubt)
@@ -184,8 +188,34 @@ def blow_of(contact: ContactKinematics, coefficients: Coefficients, law: Law) ->
     )
     e = choose(is_slow, lambda: coefficients.restitution * 0, lambda: coefficients.restitution)
     laws = BY_SPEED if callable(coefficients.friction) else LAWS
-    outcome = laws[law](contact, coefficients._replace(restitution=e))
+    coefficients = coefficients._replace(restitution=e)
+    outcome = laws[law](contact, coefficients)
+    if (
+        law in FOLLOWS_SLIP
+        and laws is LAWS
+        and isinstance(contact, ContactKinematics)
+        and not contact.is_rigid()
+    ):
+        outcome = _or_coulomb(contact, coefficients, outcome)
     return Blow(approaching, is_slow, e, outcome, _if(approaching, outcome.impulse))
+
+
+def _or_coulomb(contact: ContactKinematics, coefficients: Coefficients, outcome: Outcome) -> Outcome:
+    """The answer of a law, or COULOMB's where a mechanism moves one way only: there slip cannot be followed."""
+    one_way, doubt = contact.moves_one_way(), outcome.doubt
+    coulomb = chatterjee_ruina(contact, coefficients)
+    impulse, regime, lost_restitution, lost_friction = choose(
+        one_way, lambda: tuple(coulomb[:4]), lambda: tuple(outcome[:4])
+    )
+    return Outcome(
+        impulse,
+        regime,
+        lost_restitution,
+        lost_friction,
+        fell_back=outcome.fell_back | one_way,
+        unfinished=outcome.unfinished & negation(one_way),
+        doubt=None if doubt is None else choose(one_way, lambda: doubt * 0, lambda: doubt),
+    )
 
 
 def _if(approaching: Condition, x: Any) -> Any:
@@ -203,16 +233,23 @@ def _is_idle(spin: Vec3) -> Condition:
 
 
 def _is_unphysical(
-    law: Law, n: Vec3, u: Vec3, u_after: Vec3, P: Vec3, mu: Scalar, e_n_u: Scalar, approaching: Condition
+    law: Law,
+    contact: ContactKinematics,
+    u_after: Vec3,
+    P: Vec3,
+    mu: Scalar,
+    e_n_u: Scalar,
+    approaching: Condition,
 ) -> Condition:
     """Whether the answer breaks what every answer keeps, seen from the changes of the twists alone."""
+    n, (work, speed) = contact.n, contact.forgiven(P)
     n_P, nn = n.dot(P), n.dot(n)
     tangential = P * nn - n * n_P
-    gains = P.dot(u + u_after) > 0
+    gains = P.dot(contact.u + u_after) > work
     pulls = n_P < 0
     outside = tangential.dot(tangential) > mu * mu * n_P * n_P * nn
     fault = gains | pulls | outside
     if law in KEEPS_RESTITUTION:
         rebound = n.dot(u_after) + e_n_u
-        fault = fault | (rebound > 0) | (rebound < 0)
+        fault = fault | (rebound > speed) | (rebound < -speed)
     return approaching & fault

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from fractions import Fraction as F
 
 import numpy as np
@@ -408,3 +409,57 @@ def test_scenes_are_for_rigid_bodies():
         "bodies[0].inverse_inertia",
         lambda: resolve_scene([tip(), Body.static()], [(0, 1)], [contact]),
     )
+
+
+NUMBERS = (0.0, 0.0, 1.0, -1.0, 0.5, 0.25, 0.1, 0.3, 3.0, -0.7)
+"""Of Jacobians. Products of decimals are rounded: ``J J^T`` has not the rank of ``J``, and may gain."""
+
+
+def contacts_of_mechanisms(freedoms, count):
+    """The Jacobian and the speeds of a link, and a contact at which it approaches."""
+    draw = random.Random(f"{freedoms} freedoms")
+    while count:
+        J = np.array([[draw.choice(NUMBERS) for _ in range(freedoms)] for _ in range(6)])
+        speeds = np.array([draw.choice((1.0, -1.0, 0.5, 0.3)) for _ in range(freedoms)])
+        at, n = ([draw.choice(NUMBERS) for _ in range(3)] for _ in range(2))
+        moves = J[:3] + np.cross(J[3:].T, at).T
+        seen = np.abs(np.array(n) @ moves).max()
+        if seen < 1e-3 or abs(np.array(n) @ moves @ speeds) < 1e-3:
+            continue
+        if np.array(n) @ moves @ speeds > 0:
+            speeds = -speeds
+        contact = Contact.of(at, n, draw.choice((0.0, 0.5, 1.0)), draw.choice((0.0, 0.3, 0.5, 1.0, 2.0)))
+        yield Body.articulated(J @ J.T, (0, 0, 0), *np.split(J @ speeds, 2)), J, speeds, contact
+        count -= 1
+
+
+@each_law
+@pytest.mark.parametrize("precision", [Precision.AUTO, Precision.EXTENDED])
+def test_a_door_moves_one_way(law, precision):
+    """What is left of its approach is left of all its motion. Slip stops when the approach does."""
+    for door, J, (speed,), contact in contacts_of_mechanisms(1, 60):
+        impact = resolve(door, Body.static(), contact, ImpactModel(law, precision=precision))
+        assert impact.status is StatusCode.OK
+        after = -contact.restitution * speed
+        assert [*impact.twist_a.linear, *impact.twist_a.angular] == pytest.approx(after * J[:, 0], abs=1e-12)
+        gained = impact.kinetic_energy_after - impact.kinetic_energy_before
+        assert gained == pytest.approx((after**2 - speed**2) / 2, abs=1e-12)
+
+
+@each_law
+@pytest.mark.parametrize("precision", [Precision.AUTO, Precision.EXTENDED])
+@pytest.mark.parametrize("freedoms", [2, 3])
+def test_mechanisms_of_few_freedoms_gain_no_energy(freedoms, law, precision):
+    """Nor are they refused for what rounding has made of their matrix."""
+    sure = 0
+    for link, _, speeds, contact in contacts_of_mechanisms(freedoms, 60):
+        try:
+            impact = resolve(link, Body.static(), contact, ImpactModel(law, precision=precision))
+        except ImpactError as refusal:
+            assert refusal.code is StatusCode.PATH_TOO_LONG
+            continue
+        gained = impact.kinetic_energy_after - impact.kinetic_energy_before
+        assert gained <= 1e-12 * speeds @ speeds
+        sure += impact.status is StatusCode.OK
+    without_bound = law is Law.COMPLIANT and freedoms == 2
+    assert sure >= (60 if law in (Law.FRICTIONLESS, Law.COULOMB) else 0 if without_bound else 40)

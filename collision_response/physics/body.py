@@ -193,6 +193,10 @@ class Body(NamedTuple):
         Two bodies of one mechanism also move each other, which their two matrices do not say: for these,
         :func:`~collision_response.resolve_contact` with the Jacobian of their relative velocity.
 
+        Of one freedom, such as a door, a link moves one way only, and slip stops when the approach does: the
+        laws that follow slip then give COULOMB's answer, with ``LAW_FALLBACK``. Of two freedoms their
+        ``error_bound`` may be infinite.
+
         Args:
             inverse_inertia: Khatib's ``J M^-1 J^T``, 6x6 or its 36 numbers; rows linear [1/kg], then angular
                 [1/(kg m^2)], in world axes, at the origin of the body frame; ``J`` has these rows too.

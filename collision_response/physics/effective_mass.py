@@ -26,7 +26,7 @@ from typing import NamedTuple
 from ..numbers.number import Condition, Scalar, all_zero, choose, negation
 from .body import Body, Twist
 from .contact import Contact
-from .inverse_inertia import InverseInertia
+from .inverse_inertia import MISFIT, InverseInertia
 from .orientation import ALIGNED, Rotation
 from .tensor import InverseTensor, Symmetric3
 from .vector import Vec3
@@ -165,6 +165,11 @@ class ArticulatedSide(NamedTuple):
         """``K``, of this body alone."""
         return self.rigid.mobility() + self.own.mobility(self.rigid.d)
 
+    def most_mobility(self) -> Scalar:
+        """At least half of the greatest part of which the mechanism's share of ``K`` is made [1/kg]."""
+        linear, _, angular = self.own.blocks()
+        return linear.trace() + angular.trace() * self.rigid.d.dot(self.rigid.d)
+
     def response(self, impulse: Vec3) -> Twist:
         """The change of the twist of the reference point that an impulse at the contact causes."""
         return self._with_own(self.rigid.response(impulse), impulse)
@@ -225,7 +230,7 @@ class ContactKinematics(NamedTuple):
         Across the normal it is made up where it is 0, and where ``u`` is 0 too: no impulse is wasted there.
         """
         K = self._mobility()
-        if self._is_rigid():
+        if self.is_rigid():
             return K
         n, idle = self.n, K.null_space()
         along = idle @ n
@@ -234,12 +239,30 @@ class ContactKinematics(NamedTuple):
 
     def impulse_for(self, K: Symmetric3, change: Vec3) -> Vec3:
         """The least impulse that changes ``u`` so, where ``K`` is the inverse effective mass."""
-        return (K if self._is_rigid() else K + K.null_space() * K.trace()).solve(change)
+        return (K if self.is_rigid() else K + K.null_space() * K.trace()).solve(change)
+
+    def forgiven(self, impulse: Vec3) -> tuple[Scalar, Scalar]:
+        """How far an answer may be off, for the matrices of mechanisms are rounded: 0 for rigid bodies.
+
+        Of twice the work of the impulse [J], and of ``n.u`` after it.
+        """
+        if self.is_rigid():
+            return 0, 0
+        own = [
+            side.most_mobility() for side in (self.side_a, self.side_b) if isinstance(side, ArticulatedSide)
+        ]
+        size = impulse.norm()
+        change = MISFIT * sum(own) * size
+        return change * size, change * self.n.norm()
 
     def moves_normal(self) -> Condition:
         """Whether an impulse along the normal moves the contact."""
         n, K = _scaled(self.n), self._mobility()
         return n.dot(K @ n) > LEAST * (n.dot(n) * K.trace())
+
+    def moves_one_way(self) -> Condition:
+        """Whether impulses move the contact along one line alone, not that of the normal."""
+        return self.inverse_effective_mass().is_line()
 
     def can_rest(self) -> Condition:
         """Whether some impulse brings the contact to rest: ``u`` lies in the range of ``K``."""
@@ -250,7 +273,8 @@ class ContactKinematics(NamedTuple):
     def _mobility(self) -> Symmetric3:
         return self.side_a.mobility() + self.side_b.mobility()
 
-    def _is_rigid(self) -> bool:
+    def is_rigid(self) -> bool:
+        """Whether neither body is a link of a mechanism."""
         return isinstance(self.side_a, Side) and isinstance(self.side_b, Side)
 
     def respond(self, impulse: Vec3) -> tuple[Twist, Twist]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from ..numbers.number import Scalar, certain, choose
+from ..numbers.number import Condition, Scalar, certain, choose
 from .vector import Vec3
 
 SINGULAR = 2.0**-40
@@ -75,14 +75,23 @@ class Symmetric3(NamedTuple):
         """The vector that this positive definite tensor maps to ``v``."""
         return self.factor().solve(v)
 
+    def is_line(self) -> Condition:
+        """Whether this positive semi-definite tensor maps all to one line, to rounding."""
+        xx, xy, xz, yy, yz, zz = self * (1 / self._size())
+        minors = yy * zz - yz * yz + xx * zz - xz * xz + xx * yy - xy * xy
+        return certain(minors) <= certain(SINGULAR * (xx * yy + yy * zz + xx * zz))
+
+    def _size(self) -> Scalar:
+        """The trace, or 1 if that is 0."""
+        trace = self.trace()
+        return choose(certain(trace) > 0, lambda: trace, lambda: trace * 0 + 1)
+
     def null_space(self) -> Symmetric3:
         """The projection on what this positive semi-definite tensor maps to 0, to rounding; 0 if nothing.
 
         Of rank 2 it is the adjugate over its trace, of rank 1 all but the tensor over its trace.
         """
-        largest = self.trace()
-        unit = 1 / choose(certain(largest) > 0, lambda: largest, lambda: largest * 0 + 1)
-        xx, xy, xz, yy, yz, zz = self * unit
+        xx, xy, xz, yy, yz, zz = self * (1 / self._size())
         a_xx, a_yy, a_zz = yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy
         a_xy, a_xz, a_yz = xz * yz - xy * zz, xy * yz - xz * yy, xy * xz - xx * yz
         det = xx * a_xx + xy * a_xy + xz * a_xz
