@@ -201,7 +201,7 @@ def blow_of(contact: ContactKinematics, coefficients: Coefficients, law: Law) ->
 
 
 def _or_coulomb(contact: ContactKinematics, coefficients: Coefficients, outcome: Outcome) -> Outcome:
-    """The answer of a law, or COULOMB's where a mechanism moves one way only: there slip cannot be followed."""
+    """The answer of a law; COULOMB's where a mechanism moves one way only: there slip cannot be followed."""
     one_way, doubt = contact.moves_one_way(), outcome.doubt
     coulomb = chatterjee_ruina(contact, coefficients)
     impulse, regime, lost_restitution, lost_friction = choose(

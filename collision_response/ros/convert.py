@@ -49,7 +49,7 @@ CORE_TO_MESSAGE = {
 NOTES = {
     Adjustment.NORMALISED_ORIENTATION: "a pose.orientation was not of unit length: normalised",
     Adjustment.RESTITUTION_THRESHOLD: "approach slower than restitution_threshold: restitution taken as 0",
-    Adjustment.LAW_FALLBACK: "MOREAU has no solution here, or would create energy: COULOMB answered",
+    Adjustment.LAW_FALLBACK: "the law has no solution here, or would create energy: COULOMB answered",
     Adjustment.ENERGY_CHANGE_ONLY: "a body is articulated: kinetic energies count its change alone",
     Adjustment.MASSLESS_SPIN: "a body turned about an axis without inertia: that rotation was left out",
 }
