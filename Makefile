@@ -28,7 +28,7 @@ help:
 	@echo 'make states     body states at rates'
 	@echo "make soak       load and faults for ten minutes; make soak ARGS='--minutes 1' for one"
 	@echo 'make reliability  these four: some half an hour'
-	@echo 'make twice      ten times two test suites at once, on busy cores: some half an hour'
+	@echo 'make twice      ten times two test suites at once, on busy cores: an hour or more'
 	@echo 'make examples   all programs of examples/: each checks what it prints'
 	@echo 'make colcon     a colcon build of this tree, and a call of the node it installs'
 	@echo 'make arm64      the library compiled for arm64, its tests under emulation'
