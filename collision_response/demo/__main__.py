@@ -20,7 +20,7 @@ from .recording import RECORDING, can_record, impacts_in
 
 
 def main() -> int:
-    """Run the demo; the exit code is 0 if every difference is rounding and every book closes."""
+    """Run the demo; the exit code is 0 if every difference is rounding and every energy is accounted for."""
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda number, _: sys.exit(128 + number))
     start = time.monotonic()
@@ -38,7 +38,7 @@ def main() -> int:
         print(f"FAILED: {problem}")
     if not problems:
         took = time.monotonic() - start
-        print(f"All differences are rounding, all books close. {took:.1f} s.")
+        print(f"All differences are rounding, and all energy is accounted for. {took:.1f} s.")
     return 1 if problems else 0
 
 

@@ -304,7 +304,7 @@ def _print_energy(book: EnergyBook) -> None:
     print(f"   lost to restitution {book.lost_restitution:9.6f} J")
     print(f"   lost to friction    {book.lost_friction:9.6f} J")
     rise = f"rises by {book.rise:.1e} J" if book.relative_rise() > DIFFERENCE else "never rises"
-    print(f"   energy at the end   {book.last:9.6f} J   it {rise}; the book closes to {book.error():.1e}")
+    print(f"   energy at the end   {book.last:9.6f} J   it {rise}; the sum is off by {book.error():.1e}")
 
 
 def _check(scene: str, book: EnergyBook) -> Iterator[str]:
