@@ -27,8 +27,8 @@ from .physics.vector import Vec3
 KEEPS_RESTITUTION = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU)
 """The laws by which the normal velocity after is ``-e`` times that before."""
 
-FOLLOWS_SLIP = (Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE, Law.COMPLIANT)
-"""The laws that need ``K`` across the normal."""
+FOLLOWS_SLIP = tuple(law for law in LAWS if law not in (Law.FRICTIONLESS, Law.COULOMB))
+"""The laws that need impulses to change slip and approach apart from each other."""
 
 
 class Changes(NamedTuple):
@@ -190,12 +190,7 @@ def blow_of(contact: ContactKinematics, coefficients: Coefficients, law: Law) ->
     laws = BY_SPEED if callable(coefficients.friction) else LAWS
     coefficients = coefficients._replace(restitution=e)
     outcome = laws[law](contact, coefficients)
-    if (
-        law in FOLLOWS_SLIP
-        and laws is LAWS
-        and isinstance(contact, ContactKinematics)
-        and not contact.is_rigid()
-    ):
+    if law in FOLLOWS_SLIP and laws is LAWS and not contact.is_rigid():
         outcome = _or_coulomb(contact, coefficients, outcome)
     return Blow(approaching, is_slow, e, outcome, _if(approaching, outcome.impulse))
 

@@ -76,6 +76,10 @@ class Seen(NamedTuple):
         """Of a contact."""
         return cls(contact.n, contact.u, contact.n_u, contact.n_Kn, contact.inverse_effective_mass())
 
+    def is_rigid(self) -> bool:
+        """Always."""
+        return True
+
     def inverse_effective_mass(self) -> Symmetric3:
         """``K``."""
         return self.K

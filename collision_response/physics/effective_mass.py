@@ -165,8 +165,8 @@ class ArticulatedSide(NamedTuple):
         """``K``, of this body alone."""
         return self.rigid.mobility() + self.own.mobility(self.rigid.d)
 
-    def most_mobility(self) -> Scalar:
-        """At least half of the greatest part of which the mechanism's share of ``K`` is made [1/kg]."""
+    def size_of_terms(self) -> Scalar:
+        """Of those that make up the mechanism's share of ``K``, however they cancel [1/kg]."""
         linear, _, angular = self.own.blocks()
         return linear.trace() + angular.trace() * self.rigid.d.dot(self.rigid.d)
 
@@ -242,14 +242,14 @@ class ContactKinematics(NamedTuple):
         return (K if self.is_rigid() else K + K.null_space() * K.trace()).solve(change)
 
     def forgiven(self, impulse: Vec3) -> tuple[Scalar, Scalar]:
-        """How far an answer may be off, for the matrices of mechanisms are rounded: 0 for rigid bodies.
+        """How far an answer may be off for the rounding with which matrices of mechanisms are accepted.
 
-        Of twice the work of the impulse [J], and of ``n.u`` after it.
+        Twice the work of the impulse [J], and ``n.u`` after it; 0 for rigid bodies.
         """
         if self.is_rigid():
             return 0, 0
         own = [
-            side.most_mobility() for side in (self.side_a, self.side_b) if isinstance(side, ArticulatedSide)
+            side.size_of_terms() for side in (self.side_a, self.side_b) if isinstance(side, ArticulatedSide)
         ]
         size = impulse.norm()
         change = MISFIT * sum(own) * size

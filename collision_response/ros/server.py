@@ -173,7 +173,7 @@ class Server:
         client: bytes,
         taken: float,
     ) -> Parts:
-        """Every request is answered, whatever happens: what left this would end ``spin()``."""
+        """Who is there is answered, whatever happens: what left this would end ``spin()``."""
         until = taken + DISCOVERY
         while not presence.is_there(client) and time.perf_counter() < until:
             yield min(until, time.perf_counter() + PATIENCE)

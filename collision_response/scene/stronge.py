@@ -36,7 +36,7 @@ LEAST_RESTITUTION = 0.05
 """Below it a path takes too many compressions to end."""
 
 WORK = 1_500_000_000
-"""A budget for all paths together, in steps of some nanosecond: a second or two."""
+"""A budget for all paths together, roughly in nanoseconds: a second or two."""
 
 
 class Paths(NamedTuple):
