@@ -196,20 +196,20 @@ def blow_of(contact: ContactKinematics, coefficients: Coefficients, law: Law) ->
 
 
 def _or_coulomb(contact: ContactKinematics, coefficients: Coefficients, outcome: Outcome) -> Outcome:
-    """The answer of a law; COULOMB's where a mechanism moves one way only: there slip cannot be followed."""
-    one_way, doubt = contact.moves_one_way(), outcome.doubt
+    """The answer of a law; COULOMB's where a mechanism moves one way only, or wedges."""
+    fails, doubt = contact.moves_one_way() | contact.wedges(coefficients.friction), outcome.doubt
     coulomb = chatterjee_ruina(contact, coefficients)
     impulse, regime, lost_restitution, lost_friction = choose(
-        one_way, lambda: tuple(coulomb[:4]), lambda: tuple(outcome[:4])
+        fails, lambda: tuple(coulomb[:4]), lambda: tuple(outcome[:4])
     )
     return Outcome(
         impulse,
         regime,
         lost_restitution,
         lost_friction,
-        fell_back=outcome.fell_back | one_way,
-        unfinished=outcome.unfinished & negation(one_way),
-        doubt=None if doubt is None else choose(one_way, lambda: doubt * 0, lambda: doubt),
+        fell_back=outcome.fell_back | fails,
+        unfinished=outcome.unfinished & negation(fails),
+        doubt=None if doubt is None else choose(fails, lambda: doubt * 0, lambda: doubt),
     )
 
 

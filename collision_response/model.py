@@ -49,7 +49,8 @@ class Adjustment(IntFlag):
     RESTITUTION_THRESHOLD = 2
     """The approach was slower than ``restitution_threshold``: restitution was taken as 0."""
     LAW_FALLBACK = 4
-    """MOREAU has no solution, or would create energy, or a mechanism moves one way only: COULOMB answered."""
+    """MOREAU has no solution, or would create energy; or a mechanism moves one way only, or wedges: COULOMB
+    answered."""
     MASSLESS_SPIN = 8
     """A body turned about an axis without inertia: that rotation was left out, it moves no contact."""
     ENERGY_CHANGE_ONLY = 16

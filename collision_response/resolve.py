@@ -73,7 +73,7 @@ def _unusual(
         return _leaving_out(body_a, body_b, contact, model)
     may_climb = plan(model).last is Precision.EXTENDED
     more = on_balls.resolve(body_a, body_b, contact, model) if may_climb else None
-    if more is not None:
+    if more is not None and not (isinstance(answer, Impact) and answer.error_bound < more.error_bound):
         return more
     if not isinstance(answer, Impact):  # BEYOND
         raise library.refusal(StatusCode.OUT_OF_RANGE)

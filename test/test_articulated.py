@@ -463,3 +463,72 @@ def test_mechanisms_of_few_freedoms_gain_no_energy(freedoms, law, precision):
         sure += impact.status is StatusCode.OK
     without_bound = law is Law.COMPLIANT and freedoms == 2
     assert sure >= (60 if law in (Law.FRICTIONLESS, Law.COULOMB) else 0 if without_bound else 40)
+
+
+COMPONENTS = (0.0, 1.0, -1.0, 2.0, -0.5, 0.25, 3.0)
+SLANTED = [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0, 0.6, 0.8), (0, 3, 4), (1, 1, 1), (1, -2, 0.5)]
+
+
+def contacts_in_a_plane(count):
+    """``K`` of rank 2, ``u`` in that plane, ``n`` out of it, ``e`` and ``mu``; and the tangent of the angle
+    from ``n`` to what moves nothing.
+    """
+    draw = random.Random("in a plane")
+    while count:
+        ways = np.array([[draw.choice(COMPONENTS) for _ in range(3)] for _ in range(2)])
+        K, idle, n = ways.T @ ways, np.cross(*ways), np.array(draw.choice(SLANTED), float)
+        u = K @ [draw.choice(COMPONENTS) for _ in range(3)]
+        if abs(n @ idle) < 1e-9 or abs(n @ u) < 1e-9 or not n @ K @ n > 1e-3 * np.trace(K):
+            continue
+        e, mu = draw.choice((0.0, 0.0, 0.5, 1.0)), draw.choice((0.1, 0.3, 0.5, 1.0, 2.0))
+        slant = np.linalg.norm(np.cross(n, idle)) / abs(n @ idle)
+        if abs(slant - mu) > 1e-9:
+            yield K, -u if n @ u > 0 else u, n, e, mu, slant
+            count -= 1
+
+
+@pytest.mark.parametrize("precision", [Precision.AUTO, Precision.EXTENDED])
+def test_moreau_where_the_contact_moves_in_a_plane(precision):
+    """Slip and approach depend on each other there: what sticks has stopped altogether."""
+    seen = set()
+    for K, u, n, e, mu, slant in contacts_in_a_plane(300):
+        impact = resolve_contact(K, u, n, e, mu, ImpactModel(Law.MOREAU, precision=precision))
+        fell_back, P = Adjustment.LAW_FALLBACK in impact.adjustments, np.array(impact.impulse)
+        seen.add((impact.regime, fell_back))
+        if slant < mu:
+            assert fell_back
+        assert impact.status is StatusCode.OK
+        unit, after = n / np.linalg.norm(n), u + K @ P
+        speed, size = np.linalg.norm(np.abs(K) @ np.abs(P) + np.abs(u)), np.linalg.norm(P)
+        near = 4 * impact.error_bound + 1e-13
+        assert unit @ after == pytest.approx(-e * unit @ u, abs=near * speed)
+        lost = impact.energy_lost_restitution + impact.energy_lost_friction
+        assert lost == pytest.approx(-P @ (u + after) / 2, abs=near * speed * size)
+        if fell_back:
+            continue
+        P_n = unit @ P
+        P_t, slip = P - P_n * unit, after - unit @ after * unit
+        if impact.regime is Regime.STICKING:
+            assert e == 0
+            assert np.linalg.norm(slip) <= near * speed
+            assert np.linalg.norm(P_t) <= mu * P_n + near * size
+        else:
+            assert np.linalg.norm(P_t) == pytest.approx(mu * P_n, abs=near * size)
+            opposed = -np.linalg.norm(P_t) * np.linalg.norm(slip)
+            assert P_t @ slip == pytest.approx(opposed, abs=near * size * speed)
+    ways = {(regime, False) for regime in (Regime.STICKING, Regime.SLIDING, Regime.REVERSED)}
+    assert seen >= ways
+
+
+@pytest.mark.parametrize("law", [Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE, Law.COMPLIANT])
+def test_a_contact_that_wedges_is_coulombs(law):
+    """Within the cone of friction there is a direction in which impulses move nothing: they have no end."""
+    wedged = 0
+    for K, u, n, e, mu, slant in contacts_in_a_plane(300):
+        if slant < mu:
+            wedged += 1
+            found, wanted = (resolve_contact(K, u, n, e, mu, ImpactModel(one)) for one in (law, Law.COULOMB))
+            assert Adjustment.LAW_FALLBACK in found.adjustments
+            assert found.status is StatusCode.OK
+            assert found.impulse == pytest.approx(wanted.impulse, rel=1e-12)
+    assert wedged > 30

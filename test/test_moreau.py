@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import random
+from fractions import Fraction as F
 from typing import Any, NamedTuple
 
 import pytest
@@ -14,6 +16,7 @@ from bounded import Bounded
 from mpmath import mp
 from oracle import impulse
 
+from collision_response import Adjustment, Body, Contact, ImpactModel, Law, Precision, resolve
 from collision_response.physics.laws import Coefficients, Outcome, Regime, Settings
 from collision_response.physics.laws.moreau import moreau
 from collision_response.physics.tensor import Symmetric3
@@ -37,6 +40,9 @@ class Given(NamedTuple):
 
     def inverse_effective_mass(self) -> Symmetric3:
         return self.K
+
+    def locks(self) -> bool:
+        return False
 
     def impulse_for(self, K: Symmetric3, change: Vec3) -> Vec3:
         return K.solve(change)
@@ -189,3 +195,40 @@ def test_regimes():
     assert solve(rod(math.pi / 4), (0.5, -1.0, 0.0), UP, 0.5, 0.05).regime == Regime.REVERSED
     assert solve(rod(math.pi / 4), (0.0, -1.0, 0.0), UP, 0.5, 5.0).regime == Regime.STICKING
     assert solve(rod(math.pi / 2), (9.0, -1.0, 0.0), UP, 0.5, 0.1).regime == Regime.SLIDING
+
+
+@pytest.mark.parametrize("exponent", [3, 9, 12, 15, 18, 21, 24])
+@pytest.mark.parametrize("precision", [Precision.EXTENDED, Precision.AUTO])
+def test_what_is_light_to_turn_and_sticks(exponent, precision):
+    """``det(S)`` is then lost in rounding, negative as often as not; what sticks is found by fractions."""
+    draw = random.Random(exponent)
+    moment, found = 10.0**-exponent, 0
+    while found < 40:
+        r, n, v = (tuple(draw.randint(-9, 9) / 8 for _ in range(3)) for _ in range(3))
+        e, mu = 0.5, draw.choice((5.0, 100.0))
+        if np.dot(n, v) >= 0 or not any(r):
+            continue
+        P = stuck(r, n, v, e, moment)
+        P_n, nn = sum(map(F.__mul__, map(F, n), P)), F(sum(map(F.__mul__, map(F, n), map(F, n))))
+        P_t = [p - P_n / nn * F(x) for p, x in zip(P, n, strict=True)]
+        if P_n <= 0 or sum(p * p for p in P_t) * nn > (F(mu) * P_n) ** 2 * F(0.9):
+            continue
+        body = Body.dynamic(1.0, (moment, 0, 0, moment, 0, moment), velocity=v)
+        model = ImpactModel(Law.MOREAU, precision=precision)
+        impact = resolve(body, Body.static(), Contact.of(r, n, e, mu), model)
+        if Adjustment.LAW_FALLBACK in impact.adjustments:
+            continue
+        found += 1
+        off = math.dist(impact.impulse, map(float, P)) / math.hypot(*map(float, P))
+        assert off <= impact.error_bound + 2.0**-52  # what is compared with is rounded too
+        assert impact.error_bound < (1e-6 if precision is Precision.AUTO else 1e-15)
+
+
+def stuck(r, n, v, e, moment) -> list[F]:
+    """The impulse that makes a unit mass stick to a wall and rebound, in fractions."""
+    r, n, v, e, moment = [F(x) for x in r], [F(x) for x in n], [F(x) for x in v], F(e), F(moment)
+    rr, n_v, nn = sum(x * x for x in r), sum(map(F.__mul__, n, v)), sum(x * x for x in n)
+    wanted = [-b - e * n_v / nn * a for a, b in zip(n, v, strict=True)]
+    # K = 1 + (r.r - r r^T) / I has the eigenvalues 1 along r, and 1 + r.r / I across it.
+    along = sum(map(F.__mul__, r, wanted)) / rr
+    return [along * x + (w - along * x) / (1 + rr / moment) for x, w in zip(r, wanted, strict=True)]

@@ -80,6 +80,10 @@ class Seen(NamedTuple):
         """Always."""
         return True
 
+    def locks(self) -> bool:
+        """Never."""
+        return False
+
     def inverse_effective_mass(self) -> Symmetric3:
         """``K``."""
         return self.K

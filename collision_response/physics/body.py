@@ -193,9 +193,11 @@ class Body(NamedTuple):
         Two bodies of one mechanism also move each other, which their two matrices do not say: for these,
         :func:`~collision_response.resolve_contact` with the Jacobian of their relative velocity.
 
-        Of one freedom, such as a door, a link moves one way only, and slip stops when the approach does: the
-        laws that follow slip then give COULOMB's answer, with ``LAW_FALLBACK``. Of two freedoms their
-        ``error_bound`` may be infinite.
+        Of one freedom, such as a door, a link moves one way only, and slip stops when the approach does. Of
+        two, impulses in some direction move nothing, and no law says how great they are if that direction
+        lies in the cone of friction. The laws that follow slip then give COULOMB's answer, with
+        ``LAW_FALLBACK``. Else their ``error_bound`` may be infinite where that direction is not across the
+        normal; that of COMPLIANT is.
 
         Args:
             inverse_inertia: Khatib's ``J M^-1 J^T``, 6x6 or its 36 numbers; rows linear [1/kg], then angular

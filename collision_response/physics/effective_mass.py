@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ..numbers.number import Condition, Scalar, all_zero, choose, negation
+from ..numbers.number import Condition, Scalar, all_zero, certain, choose, greater, negation, square_root
 from .body import Body, Twist
 from .contact import Contact
 from .inverse_inertia import MISFIT, InverseInertia
@@ -235,11 +235,11 @@ class ContactKinematics(NamedTuple):
         n, idle = self.n, K.null_space()
         along = idle @ n
         apart = along.dot(along) <= ACROSS * n.dot(n)
-        return choose(apart, lambda: K + idle * K.trace(), lambda: K)
+        return choose(apart, lambda: K + idle * K.breadth(), lambda: K)
 
     def impulse_for(self, K: Symmetric3, change: Vec3) -> Vec3:
         """The least impulse that changes ``u`` so, where ``K`` is the inverse effective mass."""
-        return (K if self.is_rigid() else K + K.null_space() * K.trace()).solve(change)
+        return (K if self.is_rigid() else K + K.null_space() * K.breadth()).solve(change)
 
     def forgiven(self, impulse: Vec3) -> tuple[Scalar, Scalar]:
         """How far an answer may be off for the rounding with which matrices of mechanisms are accepted.
@@ -263,6 +263,18 @@ class ContactKinematics(NamedTuple):
     def moves_one_way(self) -> Condition:
         """Whether impulses move the contact along one line alone, not that of the normal."""
         return self.inverse_effective_mass().is_line()
+
+    def locks(self) -> Condition:
+        """Whether impulses in some direction that is not across the normal move nothing: of mechanisms."""
+        if self.is_rigid():
+            return False
+        return certain(self.inverse_effective_mass().null_space().trace()) > 0
+
+    def wedges(self, mu: Scalar) -> Condition:
+        """Whether such a direction lies in the cone of friction: no law then says how great impulses are."""
+        n, idle = _scaled(self.n), self.inverse_effective_mass().null_space()
+        nn, along = n.dot(n), n.dot(idle @ n)
+        return self.locks() & (square_root(greater(nn - along, 0 * nn)) <= mu * square_root(along))
 
     def can_rest(self) -> Condition:
         """Whether some impulse brings the contact to rest: ``u`` lies in the range of ``K``."""

@@ -77,9 +77,18 @@ class Symmetric3(NamedTuple):
 
     def is_line(self) -> Condition:
         """Whether this positive semi-definite tensor maps all to one line, to rounding."""
+        minors, whole = self._minors()
+        return certain(minors) <= certain(SINGULAR * whole)
+
+    def breadth(self) -> Scalar:
+        """The least of its eigenvalues but for 0, to a factor of 2, if it is singular."""
+        return choose(self.is_line(), self.trace, lambda: self._minors()[0] * self._size())
+
+    def _minors(self) -> tuple[Scalar, Scalar]:
+        """The sum of the principal minors, for a trace of 1, and what it is without what is subtracted."""
         xx, xy, xz, yy, yz, zz = self * (1 / self._size())
         minors = yy * zz - yz * yz + xx * zz - xz * xz + xx * yy - xy * xy
-        return certain(minors) <= certain(SINGULAR * (xx * yy + yy * zz + xx * zz))
+        return minors, xx * yy + yy * zz + xx * zz
 
     def _size(self) -> Scalar:
         """The trace, or 1 if that is 0."""

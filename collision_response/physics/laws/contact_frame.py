@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ...numbers.number import Scalar, certain, choose, fixed
+from ...numbers.number import Scalar, certain, choose, fixed, square_root
 from ..effective_mass import ContactKinematics
 from ..vector import Vec3
 
@@ -47,6 +47,10 @@ class Tangential(NamedTuple):
     def cross(self, other: Tangential) -> Scalar:
         """The vector product, along the normal."""
         return self[0] * other[1] - self[1] * other[0]
+
+    def length(self) -> Scalar:
+        """The length."""
+        return square_root(self.dot(self))
 
     def size(self) -> Scalar:
         """The sum of the magnitudes of the components: at least the length, at most sqrt(2) times it."""

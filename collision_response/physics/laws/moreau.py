@@ -23,6 +23,11 @@ the equation is that of ``sliding.py``, whose ``sigma`` in [0, 1] is ``rho`` in 
 with any ``c > 0``; it is chosen such that ``mu``, masses and speeds may have any size. There is always a
 solution, and sometimes there are three: the one that loses most energy is then taken.
 
+A mechanism may move the contact in a plane alone that does not hold the normal. Then ``det(S) = 0``: friction
+changes the slip along one tangent, and along the other it is what restitution makes of it, so ``w`` is that
+of ``-e u_n beta`` in place of ``V``. Only for ``e = 0`` does the contact stick, and the least such ``f`` is
+``V / tr(S)``.
+
 The law may *create* energy (Kane's paradox). That is detected; the answer is then Chatterjee & Ruina's,
 and says so.
 
@@ -35,7 +40,17 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ...numbers.number import Scalar, certain, choose, error_of, fixed, square_root, varying_as, widened
+from ...numbers.number import (
+    Condition,
+    Scalar,
+    certain,
+    choose,
+    error_of,
+    fixed,
+    negation,
+    varying_as,
+    widened,
+)
 from ..effective_mass import ContactKinematics
 from ..vector import Vec3
 from .chatterjee_ruina import chatterjee_ruina
@@ -72,17 +87,23 @@ def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     scale = certain(share * (V.size() + mu * (V.size() * beta.size() + j * trace)))
     unit = fixed(certain(1 / divisor(scale)))
     s11, s12, s22 = S11 / trace, S12 / trace, S22 / trace
-    W = Tangential(s22 * V.x - s12 * V.y, s11 * V.y - s12 * V.x)
-    det = s11 * s22 - s12 * s12
+    locks = contact.locks()
+    left = choose(locks, lambda: beta * (e * approach), lambda: V)
+    W = Tangential(s22 * left.x - s12 * left.y, s11 * left.y - s12 * left.x)
+    det = choose(locks, lambda: 0 * s11, lambda: s11 * s22 - s12 * s12)
     v, w, h, mu_beta = V * unit * share, W * unit * share, mu * share * (j * trace * unit), beta * mu
-    w_length = square_root(w.dot(w))
+    w_length = w.length()
     spare = h * det + mu_beta.dot(w) - w_length
-    sticks = spare >= 0
+    turned = choose(certain(w_length) > 0, lambda: w.dot(v) / divisor(w_length), lambda: v.length())
+    slope = h + mu_beta.dot(v) - turned
 
+    def is_held(spare: Scalar, slope: Scalar) -> Condition:
+        return choose(locks, lambda: (spare >= 0) & (slope >= 0), lambda: spare >= 0)
+
+    sticks = is_held(spare, slope)
     sliding = Sliding(v, w * h, h, h * h * det, mu_beta)
-    slope = h + mu_beta.dot(v) - w.dot(v) / divisor(w_length)
     root = sliding.value().solution(
-        certain(spare * h), certain(slope), certain(spare) < 0,
+        certain(spare * h), certain(slope), negation(is_held(certain(spare), certain(slope))),
         mu, (u * unit * share).value(), certain((1 - e) * approach * unit * share),
     )  # fmt: skip
     doubt = sliding.doubt(root.sigma)
@@ -98,8 +119,9 @@ def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
         lambda: g / share * (sigma / unit),
         lambda: Tangential(V.x - S11 * slide.x - S12 * slide.y, V.y - S12 * slide.x - S22 * slide.y),
     )
-    f = choose(sticks, lambda: W / (divisor(det) * trace), lambda: slide)
-    slip = choose(sticks, lambda: slip * 0, lambda: slip)
+    stuck = choose(locks, lambda: V / trace, lambda: W / (divisor(det) * trace))
+    f = choose(sticks, lambda: stuck, lambda: slide)
+    slip = choose(sticks, lambda: V * 0, lambda: slip)
     P_n = j + beta.dot(f)
 
     regime = choose(u.dot(x) < 0, lambda: 1.0 * Regime.REVERSED, lambda: 1.0 * Regime.SLIDING)

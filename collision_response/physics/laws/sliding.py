@@ -19,6 +19,7 @@ root is no farther than ``r = 2 E / m``, if ``|F''| r <= m / 2`` on the way.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from ...numbers.number import (
@@ -32,6 +33,7 @@ from ...numbers.number import (
     iterate,
     negation,
     square_root,
+    widened,
 )
 from .contact_frame import Tangential
 
@@ -107,7 +109,7 @@ class Sliding(NamedTuple):
     def at(self, sigma: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
         """``F``, ``F'``, ``|x|`` and the second derivative of ``|x|``."""
         x = self.x(sigma)
-        length = square_root(x.dot(x))
+        length = x.length()
         F = self.d(sigma) + self.mu_beta.dot(x) - length
         t = x / divisor(length)
         turn = t.cross(self.v)
@@ -214,5 +216,5 @@ def _crossing(F: Scalar, slope: Scalar) -> Scalar:
 
 
 def divisor(x: Scalar) -> Scalar:
-    """``x`` if its value is positive, else 1: for quotients that then do not count."""
-    return choose(certain(x) > 0, lambda: x, lambda: 1.0 + 0 * certain(x))
+    """``x`` if its value is positive, else a 1 of which nothing is known: for quotients that do not count."""
+    return choose(certain(x) > 0, lambda: x, lambda: widened(1.0 + 0 * certain(x), math.inf))
