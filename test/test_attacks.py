@@ -426,14 +426,14 @@ def _check_energies(
             Fraction(impact.kinetic_energy_before),
             Fraction(impact.kinetic_energy_after),
         )
-        books = tolerance_after + rounding * before_scale + 2 * of_terms + 2 * exact.LEAST
+        allowed = tolerance_after + rounding * before_scale + 2 * of_terms + 2 * exact.LEAST
         # what the bodies hold is known to the rounding of the whole, so the gain is
         faults.unless(
             given_after <= given_before + tolerance_after + rounding * before_scale + exact.LEAST,
             f"the energy grows by {nearest(given_after - given_before):.3g}",
         )
         gap = given_before - given_after - lost
-        faults.unless(abs(gap) <= books, f"the books of energy are open by {nearest(gap):.3g}")
+        faults.unless(abs(gap) <= allowed, f"the balance of energy is off by {nearest(gap):.3g}")
 
 
 def _check_regime(

@@ -1,4 +1,4 @@
-"""The demo's own reckoning: when bodies touch, and whether its books would show a fault."""
+"""The demo's own reckoning: when bodies touch, and whether its balance would show a fault."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from collision_response.demo import at_once
-from collision_response.demo.books import EnergyBook, momentum, spin_momentum
+from collision_response.demo.balance import EnergyBalance, momentum, spin_momentum
 from collision_response.demo.time_of_impact import TOUCHING, until_spheres_touch, until_touch
 from collision_response.physics.body import Body
 from collision_response.physics.laws import Law
@@ -49,11 +49,11 @@ def test_a_gap_that_does_not_close_is_not_found():
 
 
 def test_an_energy_book_shows_what_is_missing_and_what_rises():
-    book = EnergyBook(10.0)
-    book.enter(8.0, 1.5, 0.5)
-    assert (book.error(), book.relative_rise()) == (0.0, 0.0)
-    book.enter(9.0, 0.0, 0.0)
-    assert (book.error(), book.relative_rise()) == (pytest.approx(0.1), pytest.approx(0.1))
+    balance = EnergyBalance(10.0)
+    balance.enter(8.0, 1.5, 0.5)
+    assert (balance.error(), balance.relative_rise()) == (0.0, 0.0)
+    balance.enter(9.0, 0.0, 0.0)
+    assert (balance.error(), balance.relative_rise()) == (pytest.approx(0.1), pytest.approx(0.1))
 
 
 def test_the_momenta_are_those_of_all_bodies():

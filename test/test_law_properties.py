@@ -35,13 +35,13 @@ def scale(scene: Scene, impact: Impact) -> float:
 
 
 @every_law
-def test_energy_never_grows_and_its_books_balance(law):
+def test_energy_never_grows_and_all_of_it_is_accounted_for(law):
     def holds(scene: Scene) -> None:
         impact = scene.resolve(law)
         room = TOLERANCE * scale(scene, impact)
         lost = impact.energy_lost_restitution + impact.energy_lost_friction
         assert lost >= -room
-        if scene.body_b.is_movable():  # a kinematic body does work that is in no one's books
+        if scene.body_b.is_movable():  # a kinematic body does work that no answer counts
             assert impact.kinetic_energy_before - impact.kinetic_energy_after == pytest.approx(lost, abs=room)
 
     check(law, scenes(), holds)

@@ -155,7 +155,7 @@ E_T = F(1, 2)
 
 
 def test_frictionless_conserves_exactly_in_exact_arithmetic():
-    """Momentum, angular momentum, ``u_n+ = -e u_n`` and the energy's books, with no rounding at all."""
+    """Momentum, angular momentum, ``u_n+ = -e u_n`` and the balance of energy, with no rounding at all."""
     a, b = exact_bodies()
     # a normal of length 1, so that no root is taken
     contact = EXACT_CONTACT._replace(normal=Vec3(F(2, 3), F(1, 3), F(-2, 3)))

@@ -15,7 +15,7 @@ from ..physics.contact import Contact
 from ..physics.energy import kinetic_energy
 from ..physics.mass_properties import sphere
 from ..physics.vector import ZERO, Vec3
-from .books import EnergyBook, momentum, spin_momentum
+from .balance import EnergyBalance, momentum, spin_momentum
 from .scene import FRAMES, Answer, Encounter, Resolve, Show, with_twist
 from .time_of_impact import until_spheres_touch
 
@@ -65,13 +65,13 @@ def _ball(x: float, y: float, speed: float = 0.0) -> Body:
 
 
 class Break:
-    """The scene, and its books.
+    """The scene, and its balance.
 
     Attributes:
         time: of the scene [s].
         balls: by name.
         impacts: number of those resolved so far.
-        energy: its book.
+        energy: its balance.
         given: momentum that the cushions have taken [kg m/s].
         given_spin: angular momentum about the table's middle that they have taken [kg m^2/s].
     """
@@ -80,7 +80,7 @@ class Break:
         self.time = 0.0
         self.balls = dict(balls)
         self.impacts = 0
-        self.energy = EnergyBook(self._kinetic_energy())
+        self.energy = EnergyBalance(self._kinetic_energy())
         self.given, self.given_spin = ZERO, 0.0
         self._momentum = momentum(self.balls.values())
         self._spin = spin_momentum(self.balls.values())

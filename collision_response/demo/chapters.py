@@ -19,8 +19,8 @@ from ..physics.vector import Vec3
 from ..ros.scene_client import pack
 from ..srv import ResolveCollision
 from .at_once import Touching, approaches, cradle, drifted, flat_box, mirrored_in_rack, tight_rack
+from .balance import EnergyBalance, momentum
 from .billiards import Break, cushion_bodies, rack
-from .books import EnergyBook, momentum
 from .client import Client
 from .messages import FRAME, answer_of, contact_of, state_of, time_of, twist_of
 from .progress import Progress
@@ -29,7 +29,7 @@ from .systems import System, all_systems
 from .tumbling_rod import FALL, Tumbling
 
 DIFFERENCE = 1e-14
-"""Greatest relative difference from a closed form, and relative error of a book."""
+"""Greatest relative difference from a closed form, and relative error of a balance."""
 
 ROWS = 4
 """Quantities of one system to be printed."""
@@ -180,7 +180,7 @@ def break_shot(client: Client, begin: int) -> Iterator[str]:
     print(f"   momentum of balls and cushions, kept to {momentum:.1e}; angular momentum, to {spin:.1e}\n")
     yield from _check("break shot", scene.energy)
     if not max(momentum, spin) <= DIFFERENCE:
-        yield f"break shot: the books of momentum are open by {max(momentum, spin):.1e}"
+        yield f"break shot: momentum is off by {max(momentum, spin):.1e}"
 
 
 def tumbling_rod(client: Client, begin: int) -> Iterator[str]:
@@ -253,9 +253,9 @@ def _tight_rack(stage: Stage) -> Iterator[str]:
     touching = tight_rack(RACK_AT)
     result, moved = _struck(stage, touching)
     balls = [*moved.values()]
-    book = EnergyBook(result.kinetic_energy_before)
+    balance = EnergyBalance(result.kinetic_energy_before)
     energy = math.fsum(map(kinetic_energy, balls))
-    book.enter(energy, result.energy_lost_restitution, result.energy_lost_friction)
+    balance.enter(energy, result.energy_lost_restitution, result.energy_lost_friction)
     given = momentum(touching.bodies.values())
     change = (momentum(balls) - given).norm() / given.norm()
     across = Vec3(1.0, -1.0, 1.0)
@@ -266,9 +266,9 @@ def _tight_rack(stage: Stage) -> Iterator[str]:
     print(f"   a tight rack of 15 balls, struck head on at 1 m/s: {contacts} contacts, e = 0.95")
     print(f"   far corners leave at ({left.x:.6f}, {left.y:.6f}) and ({right.x:.6f}, {right.y:.6f}) m/s")
     print(f"   left and right mirror each other to {asymmetry:.1e}; momentum is kept to {change:.1e}\n")
-    _print_energy(book)
+    _print_energy(balance)
     print()
-    yield from _check("rack", book)
+    yield from _check("rack", balance)
     if not max(asymmetry, change) <= DIFFERENCE:
         yield f"rack: left and right differ by {asymmetry:.1e}, momentum by {change:.1e}"
 
@@ -299,16 +299,17 @@ RECORDED: tuple[tuple[Chapter, float], ...] = (
 """The chapters that play scenes, and for how long [s]."""
 
 
-def _print_energy(book: EnergyBook) -> None:
-    print(f"   energy at the start {book.first:9.6f} J")
-    print(f"   lost to restitution {book.lost_restitution:9.6f} J")
-    print(f"   lost to friction    {book.lost_friction:9.6f} J")
-    rise = f"rises by {book.rise:.1e} J" if book.relative_rise() > DIFFERENCE else "never rises"
-    print(f"   energy at the end   {book.last:9.6f} J   it {rise}; the sum is off by {book.error():.1e}")
+def _print_energy(balance: EnergyBalance) -> None:
+    print(f"   energy at the start {balance.first:9.6f} J")
+    print(f"   lost to restitution {balance.lost_restitution:9.6f} J")
+    print(f"   lost to friction    {balance.lost_friction:9.6f} J")
+    rise = f"rises by {balance.rise:.1e} J" if balance.relative_rise() > DIFFERENCE else "never rises"
+    error = f"the sum is off by {balance.error():.1e}"
+    print(f"   energy at the end   {balance.last:9.6f} J   it {rise}; {error}")
 
 
-def _check(scene: str, book: EnergyBook) -> Iterator[str]:
-    if not book.error() <= DIFFERENCE:
-        yield f"{scene}: the book of energy is open by {book.error():.1e}"
-    if not book.relative_rise() <= DIFFERENCE:
-        yield f"{scene}: the energy rises by {book.rise:.1e} J"
+def _check(scene: str, balance: EnergyBalance) -> Iterator[str]:
+    if not balance.error() <= DIFFERENCE:
+        yield f"{scene}: the balance of energy is off by {balance.error():.1e}"
+    if not balance.relative_rise() <= DIFFERENCE:
+        yield f"{scene}: the energy rises by {balance.rise:.1e} J"

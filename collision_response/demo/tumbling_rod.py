@@ -16,7 +16,7 @@ from ..physics.energy import kinetic_energy
 from ..physics.mass_properties import rod
 from ..physics.orientation import Quaternion
 from ..physics.vector import Vec3
-from .books import EnergyBook
+from .balance import EnergyBalance
 from .scene import FRAMES, Answer, Encounter, Resolve, Show, with_twist
 from .time_of_impact import until_touch
 
@@ -46,13 +46,13 @@ class Bounce(NamedTuple):
 
 
 class Tumbling:
-    """The scene, and its book.
+    """The scene, and its balance.
 
     Attributes:
         time: of the scene [s].
         body: the rod; it turns about the y axis, and ``angle`` is that of its +x end above the horizon.
         angle: [rad].
-        energy: its book.
+        energy: its balance.
     """
 
     def __init__(self, place: Vec3) -> None:
@@ -65,7 +65,7 @@ class Tumbling:
                 MASS, rod(MASS, LENGTH).inertia, place + Vec3(0.0, 0.0, height), None, (down / 2, 0.0, 0.0)
             )
         )
-        self.energy = EnergyBook(self.total_energy())
+        self.energy = EnergyBalance(self.total_energy())
 
     def run(self, resolve: Resolve, show: Show, bounces: int) -> Iterator[Bounce]:
         """Play the scene, bounce by bounce."""

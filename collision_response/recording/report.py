@@ -120,13 +120,13 @@ def page(summary: Summary, files: Sequence[str]) -> str:
 def _plots(summary: Summary) -> list[str]:
     answers = summary.answers
     number = np.array([row["answer"] for row in answers], float)
-    book = [np.cumsum([row[f"energy_lost_{by}"] for row in answers]) for by in ("restitution", "friction")]
+    lost_by = [np.cumsum([row[f"energy_lost_{by}"] for row in answers]) for by in ("restitution", "friction")]
     shown = _spread(len(answers))
     regimes = [answers[i]["regime"] for i in shown]
     titles = [_title(answers[i]) for i in shown]
-    lost = np.concatenate([*book, [0.0]])
+    lost = np.concatenate([*lost_by, [0.0]])
     energy = Plot("Energy lost so far [J]", "answer", _limits(number), _limits(lost))
-    for name, values in zip(("restitution", "friction"), book, strict=True):
+    for name, values in zip(("restitution", "friction"), lost_by, strict=True):
         energy.line(number[shown], values[shown], COLOURS[name], name)
 
     key = {"found": BLUE, "error bound of the answer": ORANGE}

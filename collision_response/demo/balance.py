@@ -1,4 +1,4 @@
-"""The books of energy and momentum that a scene keeps."""
+"""The balance of energy of a scene, and its momentum."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..physics.vector import ZERO, Vec3
 
 
 @dataclass
-class EnergyBook:
+class EnergyBalance:
     """What there was, what each impact took, and what is left: the three must agree.
 
     Attributes:
