@@ -191,9 +191,9 @@ def _stop(stage: Stage, number: int, seconds: float) -> Row:
     )
 
 
-@case("one is stopped with 3000 out, for 10 s")
+@case("one is stopped with 3000 out, for 5 s")
 def stops(stage: Stage) -> Row:
-    return _stop(stage, 3000, 10.0)
+    return _stop(stage, 3000, 5.0)
 
 
 @case("one is stopped with 3000 out, for 40 s")
