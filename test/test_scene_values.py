@@ -7,7 +7,16 @@ from fractions import Fraction as F
 import pytest
 from scene_cases import Case, box, row, speeds
 
-from collision_response import Body, Contact, Law, Regime, StatusCode
+from collision_response import (
+    Adjustment,
+    Body,
+    Contact,
+    ImpactModel,
+    Law,
+    Regime,
+    StatusCode,
+    resolve_scene,
+)
 
 GR, LCP, LZB = Law.FRICTIONLESS, Law.MOREAU, Law.ROUTH_STRONGE
 
@@ -165,3 +174,24 @@ def test_the_least_restitution_does_not_kill_a_bounce():
     answer = Case([*flat.bodies, ball], [*flat.pairs, (2, 0)], [*flat.contacts, contact]).resolve(GR)
     assert {c.restitution for c in answer.contacts} == {0.8}
     assert answer.twists[2].linear.z == pytest.approx(0.8, abs=1e-12)
+
+
+@pytest.mark.parametrize("number", [float, F])
+def test_what_moreau_creates_within_rounding_counts_for_no_number(number):
+    """2^-60 of the work: by a body so light that it decides how it turns, and nothing else."""
+    spins = (-0.125, -1.0, 1.0), (0.0, -0.5, 0.375), (0.875, -0.25, -0.75)
+    bodies = [
+        Body.dynamic(
+            number(2), (2, 0, 0, 2, 0, 3), (-0.75, -0.5, 0.125), None, (0.75, 0.625, 0.125), spins[0]
+        ),
+        Body.dynamic(
+            1.0, (1e9, 0, 0, 1e9, 0, 1.5e9), (0.75, 0.25, -1), None, (0.125, 0.625, -0.125), spins[1]
+        ),
+        Body.dynamic(
+            2.0, (2e-18, 0, 0, 2e-18, 0, 2e-18), (-0.875, 0.25, 1), None, (1, -0.5, 0.875), spins[2]
+        ),
+    ]
+    contacts = [Contact.of(at, (1, 0, 0), 1.0) for at in ((0.25, -0.5, 0.5), (0.375, -1.0, 0.75))]
+    answer = resolve_scene(bodies, [(1, 0), (0, 2)], contacts, ImpactModel(Law.MOREAU))
+    assert answer.adjustments is Adjustment.NONE
+    assert float(answer.normal_velocities_after[1]) == pytest.approx(0.0, abs=1e-15)

@@ -28,6 +28,8 @@ from ..validity import is_off_unit
 Numbers = list[Scalar]
 NOUGHT = Fraction(0)
 NOTHING = Vec3(NOUGHT, NOUGHT, NOUGHT)
+ROUNDING = Fraction(1, 2**40)
+"""This part of the work at the contacts may be created: floats can tell no less, and the law is the same."""
 
 
 class Motions(NamedTuple):
@@ -128,6 +130,7 @@ class RationalCluster:
         ]
         after = self._velocities(p)
         lost = -sum((x * (b + a) for x, b, a in zip(p, self._u, after, strict=True)), start=NOUGHT) / 2
+        work = sum((x * (abs(b) + abs(a)) for x, b, a in zip(p, self._u, after, strict=True)), start=NOUGHT)
         idle = [body.angular_velocity - body.driving_spin()[1] for body in self._bodies]
         lengths = [contact.normal.norm() for contact in self._contacts]
         impulses = [c.normal * x for c, x in zip(self._contacts, self.least_norm(p), strict=True)]
@@ -142,7 +145,7 @@ class RationalCluster:
             0.0,
             any(spin.dot(spin) > 0 for spin in idle),
             any(map(is_off_unit, self._bodies)),
-            lost < 0,
+            lost < -ROUNDING * work,
         )
 
     def _changes(self, p: Numbers) -> list[Twist]:
