@@ -26,10 +26,12 @@ from .tally import Tally
 from .turns import Job, Parts, Turns
 
 SERVICE_QOS = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST, depth=20_000, reliability=ReliabilityPolicy.RELIABLE
+    history=HistoryPolicy.KEEP_LAST, depth=8_000, reliability=ReliabilityPolicy.RELIABLE
 )
 """All that arrives is taken every few milliseconds, so the depth is what a client that has stopped reading
-may have waiting. With KEEP_ALL its answers would fill the history, and nobody's could be sent any more."""
+may have waiting. With KEEP_ALL its answers would fill the history, and nobody's could be sent any more. When
+the slowest client goes, Fast DDS drops what it has kept for it, and holds all others for a time that grows as
+the square of that."""
 
 POLL = 0.2
 """How often [s] clients are looked for that have left."""
