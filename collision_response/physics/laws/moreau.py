@@ -13,8 +13,9 @@ Friction opposes the slip that remains: ``u_t+ = rho f`` with ``rho >= 0``. So `
     stick   rho = 0         if |f| <= mu P_n
     slide   |f| = mu P_n    one equation for rho
 
-``S`` is positive definite: no slide is lost by this, and ``rho + S`` is never singular. Without fractions
-the equation is that of ``sliding.py``, whose ``sigma`` in [0, 1] is ``rho`` in units of ``tr(S) / h``:
+Of rigid bodies ``S`` is positive definite: no slide is lost by this, and ``rho + S`` is never singular.
+Without fractions the equation is that of ``sliding.py``, whose ``sigma`` in [0, 1] is ``rho`` in units of
+``tr(S) / h``:
 
     x = sigma v + h w     d = sigma^2 + h sigma + h^2 D     d + mu beta.x = |x|     f = mu j x / d
 
