@@ -48,7 +48,7 @@ def test_a_gap_that_does_not_close_is_not_found():
     assert until_touch(lambda t: (1.0 + t * t, 2 * t), 2.0, 5.0) == math.inf
 
 
-def test_an_energy_book_shows_what_is_missing_and_what_rises():
+def test_an_energy_balance_shows_what_is_missing_and_what_rises():
     balance = EnergyBalance(10.0)
     balance.enter(8.0, 1.5, 0.5)
     assert (balance.error(), balance.relative_rise()) == (0.0, 0.0)

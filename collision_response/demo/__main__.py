@@ -20,7 +20,7 @@ from .recording import RECORDING, can_record, impacts_in
 
 
 def main() -> int:
-    """Run the demo; the exit code is 0 if every difference is rounding and every energy is accounted for."""
+    """Run the demo; the exit code is 0 if every difference is rounding and all energy is accounted for."""
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda number, _: sys.exit(128 + number))
     start = time.monotonic()
