@@ -153,7 +153,10 @@ class Kernels:
             ninja = tools / "ninja"
         script = '"$3" -C "$2"'
         if not (self.path / "build.ninja").exists():
-            configure = '"$0" -G Ninja -S "$1" -B "$2" -DCMAKE_MAKE_PROGRAM="$3" -DPython3_EXECUTABLE="$4"'
+            configure = (
+                '"$0" -G Ninja -S "$1" -B "$2" -DFOR_THIS_MACHINE=ON '
+                '-DCMAKE_MAKE_PROGRAM="$3" -DPython3_EXECUTABLE="$4"'
+            )
             script = f"{configure} && {script}"
         arguments = [tools / "cmake", KERNELS, self.path, ninja, self.environment.python]
         return subprocess.Popen(

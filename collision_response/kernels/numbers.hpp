@@ -21,7 +21,7 @@
 #define GIVEN_ROUNDOFF 0x1p-53
 #endif
 #define INLINE static inline __attribute__((always_inline))
-// Operations with bounds as calls: all, which compiles in a third of the time; or the rare and long ones alone.
+// Operations as calls: all but those of a base, which compiles in a third of the time; or the rare and long ones alone.
 #ifdef OUT_OF_LINE
 #define OFTEN static __attribute__((noinline))
 #else
@@ -128,6 +128,11 @@ template <class T> INLINE T lesser(T a, T b) { return a < b ? a : b; }
 // What reads alike on every number type: arithmetic, root, less, less_equal, equal, choose, constant, truth.
 #define BASE template <class T, class = std::enable_if_t<!std::is_class_v<T>>> INLINE
 BASE T root(T x) { return root_of_base(x); }
+// Arithmetic that is never a call: what operations with bounds are made of.
+BASE T sum_of(T a, T b) { return a + b; }
+BASE T product_of(T a, T b) { return a * b; }
+BASE T quotient_of(T a, T b) { return a / b; }
+BASE T root_of(T x) { return root_of_base(x); }
 BASE Mask<T> less(T a, T b) { return a < b; }
 BASE Mask<T> less_equal(T a, T b) { return a <= b; }
 BASE Mask<T> equal(T a, T b) { return a == b; }
@@ -158,33 +163,37 @@ template <class T> INLINE DoubleDouble<T> exact_sum(T a, T b) {
 }
 template <class T> INLINE DoubleDouble<T> exact_product(T a, T b) { T p = a * b; return {p, remainder(a, b, p)}; }
 
-template <class T> INLINE DoubleDouble<T> operator+(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+template <class T> INLINE DoubleDouble<T> sum_of(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
   DoubleDouble<T> s = exact_sum(a.h, b.h), t = exact_sum(a.l, b.l);
   s = quick_sum(s.h, s.l + t.h);
   return quick_sum(s.h, s.l + t.l);
 }
 template <class T> INLINE DoubleDouble<T> operator-(const DoubleDouble<T>& a) { return {-a.h, -a.l}; }
-template <class T> INLINE DoubleDouble<T> operator-(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return a + (-b); }
-template <class T> INLINE DoubleDouble<T> operator*(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+template <class T> INLINE DoubleDouble<T> product_of(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
   DoubleDouble<T> p = exact_product(a.h, b.h);
   return quick_sum(p.h, p.l + (a.h * b.l + a.l * b.h));
 }
-template <class T> INLINE DoubleDouble<T> operator/(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+template <class T> INLINE DoubleDouble<T> quotient_of(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
   T q = a.h / b.h;
   DoubleDouble<T> p = exact_product(q, b.h);
   p = quick_sum(p.h, q * b.l + p.l);
   return quick_sum(q, ((a.h - p.h) + (a.l - p.l)) / b.h);
 }
-template <class T> INLINE DoubleDouble<T> root(const DoubleDouble<T>& a) {
+template <class T> INLINE DoubleDouble<T> root_of(const DoubleDouble<T>& a) {
   T s = root_of_base(a.h);
   DoubleDouble<T> p = exact_product(s, s);
   T rest = (((a.h - p.h) - p.l) + a.l) / (s + s);
   return quick_sum(s, choose<T>(s == 0, T{}, rest));
 }
-template <class T> INLINE Mask<T> less(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+template <class T> OFTEN DoubleDouble<T> operator+(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return sum_of(a, b); }
+template <class T> OFTEN DoubleDouble<T> operator-(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return sum_of(a, -b); }
+template <class T> OFTEN DoubleDouble<T> operator*(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return product_of(a, b); }
+template <class T> OFTEN DoubleDouble<T> operator/(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return quotient_of(a, b); }
+template <class T> OFTEN DoubleDouble<T> root(const DoubleDouble<T>& a) { return root_of(a); }
+template <class T> OFTEN Mask<T> less(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
   return (a.h < b.h) | ((a.h == b.h) & (a.l < b.l));
 }
-template <class T> INLINE Mask<T> less_equal(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+template <class T> OFTEN Mask<T> less_equal(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
   return (a.h < b.h) | ((a.h == b.h) & (a.l <= b.l));
 }
 template <class T> INLINE Mask<T> equal(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return (a.h == b.h) & (a.l == b.l); }
@@ -231,18 +240,18 @@ template <class T> constexpr double underflow = sizeof(Lane<T>) == 8 ? 0x1p-1060
 template <class N> INLINE Bounded<N> rounded(N x, Base<N> error) {
   return {x, error + magnitude(high(x)) * spread<Base<N>>(Traits<N>::roundoff)};
 }
-template <class N> OFTEN Bounded<N> operator+(const Bounded<N>& a, const Bounded<N>& b) { return rounded(a.value + b.value, a.error + b.error); }
-template <class N> OFTEN Bounded<N> operator-(const Bounded<N>& a, const Bounded<N>& b) { return rounded(a.value - b.value, a.error + b.error); }
+template <class N> OFTEN Bounded<N> operator+(const Bounded<N>& a, const Bounded<N>& b) { return rounded(sum_of(a.value, b.value), a.error + b.error); }
+template <class N> OFTEN Bounded<N> operator-(const Bounded<N>& a, const Bounded<N>& b) { return rounded(sum_of(a.value, -b.value), a.error + b.error); }
 template <class N> INLINE Bounded<N> operator-(const Bounded<N>& a) { return {-a.value, a.error}; }
 template <class N> OFTEN Bounded<N> operator*(const Bounded<N>& a, const Bounded<N>& b) {
   using T = Base<N>;
   T size_a = magnitude(high(a.value)) + a.error, size_b = magnitude(high(b.value));
   T lost = lesser(size_a, size_b + b.error) > 0 ? spread<T>(underflow<T>) : T{};  // 0 times anything is 0
-  return rounded(a.value * b.value, (size_a * b.error + size_b * a.error) + lost);
+  return rounded(product_of(a.value, b.value), (size_a * b.error + size_b * a.error) + lost);
 }
 template <class N> RARE Bounded<N> operator/(const Bounded<N>& a, const Bounded<N>& b) {
   using T = Base<N>;
-  N q = a.value / b.value;
+  N q = quotient_of(a.value, b.value);
   T least = magnitude(high(b.value)) - b.error * spread<T>(1 + slack<T>);
   T lost = magnitude(high(a.value)) + a.error > 0 ? spread<T>(underflow<T>) : T{};
   // The remainder of a long division may underflow, before it is divided.
@@ -252,7 +261,7 @@ template <class N> RARE Bounded<N> operator/(const Bounded<N>& a, const Bounded<
 }
 template <class N> RARE Bounded<N> root(const Bounded<N>& a) {
   using T = Base<N>;
-  N s = root(a.value);
+  N s = root_of(a.value);
   T error = a.error;
   if constexpr (!std::is_same_v<N, T>) error += high(a.value) > 0 ? spread<T>(underflow<T>) : T{};
   T far = error / high(s), near = root_of_base(error);
@@ -261,11 +270,11 @@ template <class N> RARE Bounded<N> root(const Bounded<N>& a) {
 template <class N> INLINE Truth<Base<N>> compared(Mask<Base<N>> truth, const Bounded<N>& a, const Bounded<N>& b) {
   using T = Base<N>;
   T errors = (a.error + b.error) * spread<T>(1 + slack<T>);
-  return {truth, (Mask<T>)((magnitude(high(a.value - b.value)) > errors) | (errors == 0))};
+  return {truth, (Mask<T>)((magnitude(high(sum_of(a.value, -b.value))) > errors) | (errors == 0))};
 }
-template <class N> INLINE Truth<Base<N>> less(const Bounded<N>& a, const Bounded<N>& b) { return compared(less(a.value, b.value), a, b); }
-template <class N> INLINE Truth<Base<N>> less_equal(const Bounded<N>& a, const Bounded<N>& b) { return compared(less_equal(a.value, b.value), a, b); }
-template <class N> INLINE Truth<Base<N>> equal(const Bounded<N>& a, const Bounded<N>& b) { return compared(equal(a.value, b.value), a, b); }
+template <class N> OFTEN Truth<Base<N>> less(const Bounded<N>& a, const Bounded<N>& b) { return compared(less(a.value, b.value), a, b); }
+template <class N> OFTEN Truth<Base<N>> less_equal(const Bounded<N>& a, const Bounded<N>& b) { return compared(less_equal(a.value, b.value), a, b); }
+template <class N> OFTEN Truth<Base<N>> equal(const Bounded<N>& a, const Bounded<N>& b) { return compared(equal(a.value, b.value), a, b); }
 template <class T> INLINE Truth<T> operator&(const Truth<T>& a, const Truth<T>& b) {
   return {(Mask<T>)(a.value & b.value),
           (Mask<T>)((a.sure & b.sure) | (a.sure & negation(a.value)) | (b.sure & negation(b.value)))};
@@ -276,10 +285,10 @@ template <class T> INLINE Truth<T> operator|(const Truth<T>& a, const Truth<T>& 
 template <class T> INLINE Truth<T> negation(const Truth<T>& a) { return {negation(a.value), a.sure}; }
 // What is not a number stays so: it counts as infinite.
 template <class T> INLINE T greater_error(T a, T b) { return choose<T>(a < b, b, choose<T>(a >= b, a, a + b)); }
-template <class N> INLINE Bounded<N> choose(const Truth<Base<N>>& c, const Bounded<N>& a, const Bounded<N>& b) {
+template <class N> OFTEN Bounded<N> choose(const Truth<Base<N>>& c, const Bounded<N>& a, const Bounded<N>& b) {
   using T = Base<N>;
   T own = choose<T>(c.value, a.error, b.error), other = choose<T>(c.value, b.error, a.error);
-  T hull = magnitude(high(a.value - b.value)) * spread<T>(1 + slack<T>) + other;
+  T hull = magnitude(high(sum_of(a.value, -b.value))) * spread<T>(1 + slack<T>) + other;
   return {choose(c.value, a.value, b.value), choose<T>(c.sure, own, greater_error(own, hull))};
 }
 template <class T> INLINE Truth<T> choose(const Truth<T>& c, const Truth<T>& a, const Truth<T>& b) { return (c & a) | (negation(c) & b) | (a & b); }

@@ -38,8 +38,10 @@ static long longest_vectors = 512;  // bits that may be used: tests compare the 
 
 #ifdef WITH_LONG_VECTORS
 static const bool has_256_bits = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+#ifdef WITH_512_BITS
 static const bool has_512_bits = has_256_bits && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
                                  __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw");
+#endif
 #endif
 
 enum Precision { AUTO_PRECISION = 1, SINGLE, DOUBLE, EXTENDED };
@@ -102,14 +104,19 @@ EACH_OF_STEPPED_LAWS(X)
 #define X(law, number) DECLARE(law##_everything_float_base)
 EACH_OF_LAWS_IN_FLOAT32(X)
 #undef X
-#ifdef WITH_LONG_VECTORS
+#ifdef WITH_512_BITS
 #define X(law, number)                         \
-  DECLARE(law##_point_plain_avx2)              \
-  DECLARE(law##_everything_bounded_avx512)          \
-  DECLARE(law##_everything_extended_avx512)         \
-  DECLARE(law##_point_float_avx2)              \
+  DECLARE(law##_everything_bounded_avx512)     \
+  DECLARE(law##_everything_extended_avx512)    \
   DECLARE(law##_spatial_plain_avx512)          \
   DECLARE(law##_spatial_oriented_plain_avx512)
+EACH_OF_USUAL_LAWS(X)
+#undef X
+#endif
+#ifdef WITH_LONG_VECTORS
+#define X(law, number)            \
+  DECLARE(law##_point_plain_avx2) \
+  DECLARE(law##_point_float_avx2)
 EACH_OF_USUAL_LAWS(X)
 #undef X
 #define X(law, number)                       \
@@ -138,16 +145,20 @@ static BatchKernel batch_kernel(int law, int layout, int number) {
       if (row.law == law && row.layout == layout && row.number == number) return row.kernel;
     return nullptr;
   };
-#ifdef WITH_LONG_VECTORS
+#ifdef WITH_512_BITS
   static const BatchRow of_512_bits[] = {
-#define X(law, number)                                                          \
-  {number, LAYOUT_SPATIAL, PLAIN, batch_##law##_spatial_plain_avx512},          \
-  {number, LAYOUT_EVERYTHING, BOUNDED, batch_##law##_everything_bounded_avx512},          \
-  {number, LAYOUT_EVERYTHING, LONG_BOUNDED, batch_##law##_everything_extended_avx512},          \
-  {number, LAYOUT_SPATIAL_ORIENTED, PLAIN, batch_##law##_spatial_oriented_plain_avx512},
+#define X(law, number)                                                                   \
+  {number, LAYOUT_SPATIAL, PLAIN, batch_##law##_spatial_plain_avx512},                   \
+  {number, LAYOUT_SPATIAL_ORIENTED, PLAIN, batch_##law##_spatial_oriented_plain_avx512}, \
+  {number, LAYOUT_EVERYTHING, BOUNDED, batch_##law##_everything_bounded_avx512},         \
+  {number, LAYOUT_EVERYTHING, LONG_BOUNDED, batch_##law##_everything_extended_avx512},
       EACH_OF_USUAL_LAWS(X)
 #undef X
   };
+  if (has_512_bits && longest_vectors >= 512)
+    if (BatchKernel kernel = find(of_512_bits)) return kernel;
+#endif
+#ifdef WITH_LONG_VECTORS
   static const BatchRow of_256_bits[] = {
 #define X(law, number)                                                                    \
   {number, LAYOUT_PLANAR, PLAIN, batch_##law##_planar_plain_avx2},                        \
@@ -169,8 +180,6 @@ static BatchKernel batch_kernel(int law, int layout, int number) {
       EACH_OF_USUAL_LAWS(X)
 #undef X
   };
-  if (has_512_bits && longest_vectors >= 512)
-    if (BatchKernel kernel = find(of_512_bits)) return kernel;
   if (has_256_bits && longest_vectors >= 256)
     if (BatchKernel kernel = find(of_256_bits)) return kernel;
 #endif
