@@ -240,8 +240,16 @@ template <class T> constexpr double underflow = sizeof(Lane<T>) == 8 ? 0x1p-1060
 template <class N> INLINE Bounded<N> rounded(N x, Base<N> error) {
   return {x, error + magnitude(high(x)) * spread<Base<N>>(Traits<N>::roundoff)};
 }
-template <class N> OFTEN Bounded<N> operator+(const Bounded<N>& a, const Bounded<N>& b) { return rounded(sum_of(a.value, b.value), a.error + b.error); }
-template <class N> OFTEN Bounded<N> operator-(const Bounded<N>& a, const Bounded<N>& b) { return rounded(sum_of(a.value, -b.value), a.error + b.error); }
+template <class T> INLINE Bounded<T> sum_in_bounds(T a, T b, T error) { return rounded(a + b, error); }
+// The low parts are summed as they are, and what that rounds counts by itself: half the operations of a sum that is
+// right to the last digit, and no error where nothing is rounded.
+template <class T> INLINE Bounded<DoubleDouble<T>> sum_in_bounds(const DoubleDouble<T>& a, const DoubleDouble<T>& b, T error) {
+  DoubleDouble<T> s = exact_sum(a.h, b.h);
+  T low = a.l + b.l;
+  return rounded(quick_sum(s.h, s.l + low), error + magnitude(low) * spread<T>(0x1p-53));
+}
+template <class N> OFTEN Bounded<N> operator+(const Bounded<N>& a, const Bounded<N>& b) { return sum_in_bounds(a.value, b.value, a.error + b.error); }
+template <class N> OFTEN Bounded<N> operator-(const Bounded<N>& a, const Bounded<N>& b) { return sum_in_bounds(a.value, -b.value, a.error + b.error); }
 template <class N> INLINE Bounded<N> operator-(const Bounded<N>& a) { return {-a.value, a.error}; }
 template <class N> OFTEN Bounded<N> operator*(const Bounded<N>& a, const Bounded<N>& b) {
   using T = Base<N>;
@@ -287,9 +295,12 @@ template <class T> INLINE Truth<T> negation(const Truth<T>& a) { return {negatio
 template <class T> INLINE T greater_error(T a, T b) { return choose<T>(a < b, b, choose<T>(a >= b, a, a + b)); }
 template <class N> OFTEN Bounded<N> choose(const Truth<Base<N>>& c, const Bounded<N>& a, const Bounded<N>& b) {
   using T = Base<N>;
-  T own = choose<T>(c.value, a.error, b.error), other = choose<T>(c.value, b.error, a.error);
-  T hull = magnitude(high(sum_of(a.value, -b.value))) * spread<T>(1 + slack<T>) + other;
-  return {choose(c.value, a.value, b.value), choose<T>(c.sure, own, greater_error(own, hull))};
+  T error = choose<T>(c.value, a.error, b.error);
+  if (__builtin_expect(any(negation(c.sure)), 0)) {
+    T hull = magnitude(high(sum_of(a.value, -b.value))) * spread<T>(1 + slack<T>) + choose<T>(c.value, b.error, a.error);
+    error = choose<T>(c.sure, error, greater_error(error, hull));
+  }
+  return {choose(c.value, a.value, b.value), error};
 }
 template <class T> INLINE Truth<T> choose(const Truth<T>& c, const Truth<T>& a, const Truth<T>& b) { return (c & a) | (negation(c) & b) | (a & b); }
 template <class N> INLINE N value(const Bounded<N>& a) { return a.value; }
