@@ -217,6 +217,21 @@ def test_the_bounds_of_double_doubles(numbers, a, b, relative):
             assert abs(meant - value(result)) <= forgiven(error, "doubles")
 
 
+LOWS = (0.0, 2.0**-60, 0.3, 0.5, 1 - 2.0**-52, 1.0, -(2.0**-60), -0.3, -0.5, -(1 - 2.0**-52), -1.0)
+
+
+@pytest.mark.parametrize("x", [1.0, 1 + 2.0**-52, 2 - 2.0**-52, 1.3, 2.0**200 / 3, 2.0**-200 / 3])
+@pytest.mark.parametrize("steps", [*range(-4, 5), 2.0**20, -(2.0**51), 2.0**52])
+def test_the_bound_of_a_sum_that_cancels(numbers, x, steps):
+    """First parts that are some last places apart, second ones that add up, cancel, tie or are not there."""
+    for a_low, b_low in product(LOWS, repeat=2):
+        a, b = pair(x, a_low), pair(-(x + steps * math.ulp(x)), b_low)
+        for op, exact in (("+", value(a) + value(b)), ("-", value(a) - value(b))):
+            *result, error = call(numbers.on_bounded_pairs, op, *a, 0.0, *b, 0.0, count=3)
+            assert abs(exact - value(result)) <= forgiven(error, "doubles")
+            assert F(error) <= (abs(F(a[1])) + abs(F(b[1]))) * 2 * F(2) ** -53 + abs(exact) * 2 * ROUNDOFF
+
+
 @both_kinds
 @given(a=plain, b=plain, relative=st.tuples(errors, errors), near=st.booleans())
 def test_a_comparison_that_is_sure_holds_for_all_that_is_meant(numbers, kind, a, b, relative, near):
