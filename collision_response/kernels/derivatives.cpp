@@ -18,7 +18,7 @@ EACH_OF_STEPPED_LAWS(X)
 namespace {
 
 using Wide = Dual<Bounded<double>, Many>;
-static_assert(SEEN == SEEN_BY_LAW);
+static_assert(int(SEEN) == int(SEEN_BY_LAW));
 
 // What an impact is differentiated by: its inputs, but for three rotations about the axes of the world instead of
 // the four numbers of a quaternion, and of the model what laws ask for.
