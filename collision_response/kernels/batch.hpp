@@ -38,8 +38,8 @@ template <class T> INLINE void store_codes(unsigned char* to, T codes) {
 }
 
 // The code of what is wrong with each, 0 if nothing is. Most are plainly sound.
-template <class T, class Validity, class Plainly>
-INLINE T fault_of(const T* x, Validity validity, Plainly plainly_sound) {
+template <auto validity, auto plainly_sound, class T>
+INLINE T fault_of(const T* x) {
   Mask<T> sound;
   plainly_sound(x, nullptr, nullptr, &sound);
   if (!any(negation(sound))) return T{};
@@ -50,10 +50,10 @@ INLINE T fault_of(const T* x, Validity validity, Plainly plainly_sound) {
 }
 
 // What becomes of `lanes` columns from `at` on.
-//   impact, validity   the traced programs
-//   counts             of the layout: inputs, places of masses and moments among them
-template <class N, class Layout, class Impact, class Validity, class Plainly>
-static __attribute__((noinline)) void some_impacts(Impact impact, Validity validity, Plainly plainly_sound, const Batch& batch, long at) {
+//   Layout                            its counts: inputs, places of masses and moments among them
+//   impact, validity, plainly_sound   the traced programs; not arguments, or GCC clones all this to have them known
+template <class N, class Layout, auto impact, auto validity, auto plainly_sound>
+static __attribute__((noinline)) void some_impacts(const Batch& batch, long at) {
   using T = Base<N>;
   T x[Layout::inputs];
   UNROLLED for (int i = 0; i < Layout::inputs; ++i) {
@@ -64,7 +64,7 @@ static __attribute__((noinline)) void some_impacts(Impact impact, Validity valid
   }
   N in[Layout::inputs], changes[CHANGES];
   UNROLLED for (int i = 0; i < Layout::inputs; ++i) in[i] = Make<N>::read(x[i], T{});
-  T fault = fault_of(x, validity, plainly_sound);
+  T fault = fault_of<validity, plainly_sound>(x);
   Report<N> reported[REPORTED];
   Mask<T> flags[FLAGS];
   impact(in, changes, reported, flags);
@@ -99,13 +99,13 @@ static __attribute__((noinline)) void some_impacts(Impact impact, Validity valid
 }
 
 // All columns from `from` to `to`: the last ones together with some before them; a few by themselves.
-template <class N, class Layout, class Impact, class Validity, class Plainly>
-INLINE void all_impacts(Impact impact, Validity validity, Plainly plainly_sound, const Batch& batch, long from, long to) {
+template <class N, class Layout, auto impact, auto validity, auto plainly_sound>
+INLINE void all_impacts(const Batch& batch, long from, long to) {
   using T = Base<N>;
   constexpr long width = lanes<T>;
   if (to - from >= width) {
     for (long at = from; at < to; at += width)
-      some_impacts<N, Layout>(impact, validity, plainly_sound, batch, at + width <= to ? at : to - width);
+      some_impacts<N, Layout, impact, validity, plainly_sound>(batch, at + width <= to ? at : to - width);
     return;
   }
   Lane<T> given[Layout::inputs][width], results[RESULTS][width];
@@ -124,7 +124,7 @@ INLINE void all_impacts(Impact impact, Validity validity, Plainly plainly_sound,
   for (int i = 0; i < RESULTS; ++i) wanted[i] = there[i] ? results[i] : nullptr;
   few.status = status;
   if (few.regime) few.regime = regime;
-  some_impacts<N, Layout>(impact, validity, plainly_sound, few, 0);
+  some_impacts<N, Layout, impact, validity, plainly_sound>(few, 0);
   for (int i = 0; i < RESULTS; ++i)
     for (long k = 0; there[i] && k < to - from; ++k) static_cast<Lane<T>*>(there[i])[from + k] = results[i][k];
   for (long k = 0; k < to - from; ++k) {
