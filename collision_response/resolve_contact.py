@@ -104,14 +104,17 @@ def resolve_contact(
         TypeError: an argument is not of the kind that it should be.
     """
     try:
-        rows = [[*map(float, row), 0.0, 0.0, 0.0] for row in K]
+        rows = [[*row, 0.0, 0.0, 0.0] for row in K]
     except TypeError:
         raise TypeError(f"K: must be 3 x 3 numbers, is {K!r}") from None
     if [len(row) for row in rows] != [6, 6, 6]:
         raise ImpactError(StatusCode.INVALID_INERTIA, "K", f"must be 3 x 3 numbers, is {K!r}")
-    contact = Contact(ZERO, as_vector("n", n), restitution, friction)
+    contact, velocity = Contact(ZERO, as_vector("n", n), restitution, friction), as_vector("u", u)
     try:
-        body = Body.articulated([*rows, *[[0.0] * 6] * 3], velocity=as_vector("u", u))
+        try:
+            body = Body.articulated([*rows, *[[0.0] * 6] * 3], velocity=velocity)
+        except TypeError as error:
+            raise TypeError(str(error).replace("inverse_inertia", "K")) from None
         impact = resolve(body, Body.static(), contact, model)
     except ImpactError as error:
         field = _ARGUMENTS.get(error.field, error.field)

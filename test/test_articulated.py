@@ -532,3 +532,27 @@ def test_a_contact_that_wedges_is_coulombs(law):
             assert found.status is StatusCode.OK
             assert found.impulse == pytest.approx(wanted.impulse, rel=1e-12)
     assert wedged > 30
+
+
+@pytest.mark.parametrize("eps", [F(1, 10**6), F(1, 10**12), F(1, 10**14)])
+@pytest.mark.parametrize("precision", Precision)
+def test_an_effective_mass_of_fractions_counts_how_floats_round_it(eps, precision):
+    """``n.K n`` is what is left of numbers that cancel."""
+    K = [[F(1, 3) + eps, 0, -F(1, 3)], [0, 1, 0], [-F(1, 3), 0, F(1, 3) + eps]]
+    impact = resolve_contact(K, (-1, 0, -1), (1, 0, 1), 1, model=ImpactModel(precision=precision))
+    exact = 2 / eps  # -(1 + e) n.u / n.Kn
+    assert abs(F(impact.impulse.x) - exact) <= F(min(impact.error_bound, 1e300)) * exact
+
+
+@pytest.mark.parametrize("number", [10**400, F(10) ** 400, -(10**400)])
+def test_numbers_of_matrices_beyond_float64_are_refused_by_name(number):
+    K = [[number, 0, 0], [0, 1, 0], [0, 0, 1]]
+    refused(StatusCode.NOT_FINITE, "K", lambda: resolve_contact(K, (0, 0, -1), (0, 0, 1)))
+    whole = [[number, *[0] * 5], *[[0] * 6] * 5]
+    refused(StatusCode.NOT_FINITE, "inverse_inertia", lambda: Body.articulated(whole))
+
+
+@pytest.mark.parametrize("wrong", ["3", "x", None, 1j])
+def test_what_is_no_number_in_a_matrix_is_refused_by_name(wrong):
+    with pytest.raises(TypeError, match=r"^K: "):
+        resolve_contact([[wrong, 0, 0], [0, 1, 0], [0, 0, 1]], (0, 0, -1), (0, 0, 1))

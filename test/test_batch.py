@@ -129,6 +129,45 @@ def test_what_leaves_the_range_on_the_way_is_answered_all_the_same():
     assert_same_values(result, by_single_impacts(Geometry.SPATIAL, scenes, [model] * 30))
 
 
+@pytest.mark.parametrize("length", [1e155, 1e200, 1e-200, 1e300])
+@pytest.mark.parametrize("law", ALL_LAWS)
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_a_normal_may_have_any_length(geometry, law, length):
+    """Its square, or ``n.K n``, is beyond float64: no quotient by that is an impulse."""
+    bodies, contacts = (array[..., STICKS : STICKS + 9].copy() for array in some(geometry))
+    contacts[contact_rows(geometry).normal, ::2] *= length  # beside usual ones
+    model = ImpactModel(law)
+    result = resolve_batch(bodies, contacts, model)
+    scenes = scenes_of(geometry, bodies, contacts)
+    assert_same_values(result, by_single_impacts(geometry, scenes, [model] * 9))
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize(("mass", "length"), [(1.0, 1e20), (1e-36, 100.0), (1e-30, 1e5)])
+def test_float32_goes_beyond_its_range_on_the_way(law, mass, length):
+    of, at = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    bodies, contacts = np.zeros((of.height, 2, 5), np.float32), np.zeros((at.height, 5), np.float32)
+    bodies[of.mass], bodies[of.velocity][1, 0] = mass, -1
+    contacts[at.normal][1], contacts[at.restitution], contacts[at.friction] = length, 0.5, 0.25
+    result = resolve_batch(bodies, contacts, ImpactModel(law))
+    np.testing.assert_allclose(result.impulse[1], 0.75 * mass, rtol=1e-5)
+    np.testing.assert_allclose(result.velocity[1], [[-0.25] * 5, [-0.75] * 5], rtol=1e-5)
+
+
+@pytest.mark.parametrize("speed", [-1e200, 1e200])
+def test_energies_beyond_the_range_are_refused_where_they_are_reported(speed):
+    bodies, contacts = (array[..., STICKS : STICKS + 5].copy() for array in some(Geometry.POINT))
+    of, at = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    bodies[of.velocity], contacts[at.normal] = 0.0, 0.0
+    contacts[at.normal][0], bodies[of.velocity][0, 0, 2] = 1.0, speed
+    result = resolve_batch(bodies, contacts, ImpactModel(Law.COULOMB), report=True)
+    with pytest.raises(ImpactError) as refused:
+        resolve(*scene_of(Geometry.POINT, bodies, contacts, 2), ImpactModel(Law.COULOMB))
+    assert result.status[2] == refused.value.code == StatusCode.OUT_OF_RANGE
+    assert np.isnan(result.velocity[..., 2]).all() and np.isnan(result.kinetic_energy_before[2])
+    assert np.isfinite(result.velocity[..., [0, 1, 3, 4]]).all()
+
+
 # float32
 
 

@@ -442,3 +442,12 @@ def test_the_example_of_a_step_keeps_momentum_and_gains_no_energy():
     lost = sum(step.lost for step in steps[1:])
     assert lost == pytest.approx(energies[0] - energies[-1], rel=1e-9)
     assert lost > 0.05 * energies[0]
+
+
+def test_pairs_may_lie_anywhere_in_memory():
+    pairs = np.array([[0, 1], [1, 2]])
+    odd = np.frombuffer(bytearray(pairs.nbytes + 1), np.uint8)[1:].view(np.int64).reshape(pairs.shape)
+    odd[...] = pairs
+    assert not odd.flags.aligned
+    found = [independent_sets(some, [True] * 3) for some in (odd, pairs)]
+    assert [each.tolist() for each in found[0]] == [each.tolist() for each in found[1]]

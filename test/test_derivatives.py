@@ -616,3 +616,18 @@ def test_directions_of_a_wrong_shape_are_refused():
 def test_places_cover_all_rows_and_columns():
     for places, count in ((PARAMETERS, 54), (RESULTS, 15)):
         assert sorted(i for place in places.values() for i in range(count)[place]) == list(range(count))
+
+
+@pytest.mark.parametrize("law", [Law.ROUTH_POISSON, Law.ROUTH_STRONGE, Law.COMPLIANT])
+def test_friction_out_of_none_is_marked_where_slip_turns_without_it(law):
+    """In the plane slip keeps its line, and the derivative by friction is right: test above."""
+    for side, mark in ((0.25, Smoothness.KINK), (0.0, Smoothness.SMOOTH)):
+        body = Body.box(1.0, (1, 1, 1), position=(0.5, side, 0.5), velocity=(1, 0, -1))
+        found = differentiate(
+            body,
+            Body.static(),
+            Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.0),
+            ImpactModel(law),
+            ["contact.friction", "body_a.velocity"],
+        )
+        assert [*found.smoothness] == [mark, *[Smoothness.SMOOTH] * 3]

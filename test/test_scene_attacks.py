@@ -440,3 +440,52 @@ def test_a_grain_that_rattles_between_a_mountain_and_the_ground_is_given_up(e, l
     with pytest.raises(ImpactError) as error:
         resolve_scene(bodies, [pair for pair, *_ in touches], contacts, ImpactModel(law))
     assert error.value.code is StatusCode.PATH_TOO_LONG
+
+
+LENGTHS = (2.0**-1000, 2.0**-660, 2.0**-101, 2.0**101, 2.0**660, 2.0**1000)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("contacts", [2, 3])
+@pytest.mark.parametrize("slip", [0.0, 1e-15, 1.0])
+def test_normals_may_have_any_length(law, contacts, slip):
+    """Two balls above a floor, and one on the other; their lengths do not count, to the bit."""
+    bodies = [
+        Body.dynamic(1.0, velocity=(slip, 0, -1)),
+        Body.dynamic(2.0, velocity=(0, 0, -2)),
+        Body.static(),
+    ]
+    pairs = [(0, 2), (1, 2), (0, 1)][:contacts]
+
+    def answer(length: float):
+        touch = Contact.of((0, 0, 0), (0, 0, length), 0.5, 0.5)
+        return resolve_scene(bodies, pairs, [touch] * contacts, ImpactModel(law))
+
+    usual = answer(1.0)
+    assert usual.status is StatusCode.OK
+    for length in LENGTHS:
+        other = answer(length)
+        assert (other.status, other.twists, other.impulses) == (usual.status, usual.twists, usual.impulses)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("velocity", [(1, 0, 0), (2.0**20, 0, 0), (1, 0, 2.0**-40), (0, 0, 0)])
+@pytest.mark.parametrize("corners", [2, 4])
+def test_what_does_not_approach_is_left_alone(law, velocity, corners):
+    box = Body.box(1.0, (1, 1, 1), position=(0, 0, 0.5), velocity=velocity)
+    points = [(x, y, 0.0) for x in (-0.5, 0.5) for y in (-0.5, 0.5)][:corners]
+    touches = [Contact.of(point, (0, 0, 1), 0.5, 0.5) for point in points]
+    scene = resolve_scene([box, Body.static()], [(0, 1)] * corners, touches, ImpactModel(law))
+    assert (scene.status, scene.error_bound) == (StatusCode.SEPARATING, 0)
+    assert scene.twists[0].linear == velocity and not any(map(any, scene.impulses))
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("contacts", [2, 3])
+def test_an_energy_beyond_float64_is_refused(law, contacts):
+    bodies = [Body.dynamic(m * 1e200, velocity=(0, 0, -m * 1e150)) for m in (1, 2)]
+    touches = [Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.5)] * contacts
+    with pytest.raises(ImpactError) as refused:
+        pairs = [(0, 2), (1, 2), (0, 1)][:contacts]
+        resolve_scene([*bodies, Body.static()], pairs, touches, ImpactModel(law))
+    assert refused.value.code is StatusCode.OUT_OF_RANGE

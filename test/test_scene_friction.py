@@ -287,10 +287,10 @@ def test_a_budget_of_springs_ends_in_a_named_status(monkeypatch):
 
 @pytest.mark.parametrize("inertia", [0.0, 0.4])
 @pytest.mark.parametrize("velocity", [(0.0, -1.0, 0.0), (0.3, -1.0, 0.0), (0.0, -1.0, 0.5)])
-@pytest.mark.parametrize("tilt", [0.3, 1e-2, 1e-3, 1e-5, 1e-8, 0.0])
+@pytest.mark.parametrize("tilt", [0.3, 1e-2, 1e-3, 1e-5, 1e-8])
 @pytest.mark.parametrize("mu", [0.3, 1.0])
 def test_a_wedge_holds_what_falls_into_it_or_nothing_is_said(inertia, velocity, tilt, mu):
-    """At e = 0 the law has them at rest. Between parallel walls it has many other velocities too."""
+    """At e = 0 the law has them at rest. Between nearly parallel walls it has many other velocities too."""
     contacts = [
         Contact.of((-x, -math.sin(tilt), 0.0), (x, math.sin(tilt), 0.0), 0.0, mu)
         for x in (math.cos(tilt), -math.cos(tilt))

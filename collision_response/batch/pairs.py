@@ -45,7 +45,7 @@ def as_pairs(pairs: Any) -> Array:
     array = np.asarray(pairs)
     if array.ndim != 2 or array.shape[0] != 2 or (array.dtype.kind not in "iu" and array.size):
         raise ValueError(f"pairs: must be integers of shape (2, N), are {array.dtype} of {array.shape}")
-    return np.ascontiguousarray(array, np.int64)
+    return np.require(array, np.int64, ("C", "ALIGNED"))
 
 
 def independent_sets(pairs: Any, movable: Any = None) -> list[Array]:

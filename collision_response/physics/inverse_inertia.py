@@ -66,11 +66,12 @@ class InverseInertia(NamedTuple):
         Raises:
             ImpactError: INVALID_INERTIA or NOT_FINITE, of the field ``inverse_inertia``: not 36 finite
                 numbers, or not symmetric.
+            TypeError: something is no number.
         """
         numbers = _flat(matrix)
         if len(numbers) != 36:
             raise _refused(StatusCode.INVALID_INERTIA, f"must be 6 x 6 numbers, are {len(numbers)}")
-        if not all(map(math.isfinite, numbers)):
+        if not all(map(_is_finite, numbers)):
             raise _refused(StatusCode.NOT_FINITE, "must be finite")
         rows = [numbers[i : i + 6] for i in range(0, 36, 6)]
         for i in range(6):
@@ -142,6 +143,15 @@ def _positive(x: Scalar) -> Scalar:
 def _flat(matrix: Iterable[Any]) -> list[Any]:
     """The numbers of rows, or of one row."""
     return [x for row in matrix for x in (row if isinstance(row, Iterable) else (row,))]
+
+
+def _is_finite(x: Any) -> bool:
+    try:
+        return math.isfinite(x)
+    except OverflowError:  # an integer or a fraction beyond the range of floats
+        return False
+    except TypeError:
+        raise TypeError(f"inverse_inertia: must be real numbers, one is {x!r}") from None
 
 
 def _refused(code: StatusCode, reason: str) -> ImpactError:

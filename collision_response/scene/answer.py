@@ -34,7 +34,7 @@ class SceneImpact(NamedTuple):
         twists: of the bodies' reference points after the impact, in world axes [m/s, rad/s].
         changes: what the impact changed of them.
         impulses: on body_a of each contact, in world axes [N s]. Where several do the same, those of least
-            sum of squares.
+            sum of squares; of ROUTH_STRONGE with friction, those that its path ended with.
         normal_velocities_before, normal_velocities_after: of body_a relative to body_b [m/s]; negative when
             approaching.
         regimes: what friction did at each contact; SEPARATING where there is no impulse.

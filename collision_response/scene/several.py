@@ -16,6 +16,7 @@ from ..numbers.number import Scalar
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
+from ..physics.vector import Vec3
 from ..status import ImpactError, StatusCode
 from . import request
 from .answered import Answered
@@ -85,6 +86,8 @@ def several(scene: Request, copies: Copies, asked: Asked) -> Answered:
         _check_geometry(parts, model.geometry)
     has_friction = scene.has_friction and law is not Law.FRICTIONLESS
     has_friction = has_friction and any([contact.friction > 0 for contact in parts.contacts])
+    if not asked.exact and not _motions(cluster, Struck(cluster.none()))[6][0] < math.inf:
+        raise library.refusal(StatusCode.OUT_OF_RANGE)
 
     struck, bound, motions = _by_law(cluster, parts, asked, has_friction)
     if struck.fell_back:
@@ -235,7 +238,7 @@ def _by_reflections(cluster: Any, parts: Parts, threshold: Scalar) -> Struck:
         return struck
     if len(parts.contacts) <= RATIONAL_CONTACTS:
         bodies = list(map(on_fractions.body_as_fractions, parts.bodies))
-        contacts = list(map(on_fractions.contact_as_fractions, parts.contacts))
+        contacts = [on_fractions.contact_as_fractions(_of_usual_length(c)) for c in parts.contacts]
         exactly = RationalCluster(bodies, parts.pairs, contacts, parts.counts)
         exact = reflections(exactly, threshold)
         p = cluster.from_floats([float(x) for x in exactly.least_norm(exact.p)])
@@ -245,6 +248,14 @@ def _by_reflections(cluster: Any, parts: Parts, threshold: Scalar) -> Struck:
         reason = f"more than {RATIONAL_CONTACTS} press on each other without end, as a ball between walls"
         raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
     return struck
+
+
+def _of_usual_length(contact: Contact) -> Contact:
+    """A contact whose normal is in the middle of the range: as assembled, for impulses count along it."""
+    _, exponent = math.frexp(max(map(abs, contact.normal)))
+    if abs(exponent) <= 100:
+        return contact
+    return contact._replace(normal=Vec3(*(math.ldexp(x, -exponent) for x in contact.normal)))
 
 
 def _by_springs(cluster: Any, parts: Parts, asked: Asked, has_friction: bool) -> tuple[Struck, float, Any]:

@@ -96,14 +96,22 @@ struct Assembly {
   bool driven = false;           // a wall moves
   bool locked = false;           // there is no such velocity, as far as doubles can tell
 
+  // Of the power of two that brings a normal into the middle of the range; 0 if it is there. As in several.py.
+  static int exponent_of(const double* normal) {
+    int exponent = 0;
+    std::frexp(std::fmax(std::fmax(std::fabs(normal[0]), std::fabs(normal[1])), std::fabs(normal[2])), &exponent);
+    return std::abs(exponent) > 100 ? exponent : 0;
+  }
+
   // What two bodies do at a contact. The places are of the movable ones.
   void add(const Given& a, const Given& b, int place_a, int place_b, const double* contact, double copies) {
     Touch touch{};
     touch.body[0] = place_a;
     touch.body[1] = place_b;
+    const int exponent = exponent_of(contact + 3);
     for (int k = 0; k < 3; ++k) {
       touch.point[k] = contact[k];
-      touch.normal[k] = contact[3 + k];
+      touch.normal[k] = std::ldexp(contact[3 + k], -exponent);
     }
     touch.e = contact[6];
     touch.mu = contact[7];

@@ -109,6 +109,10 @@ inline Struck stepped(const Assembly& scene, bool rubs) {
 inline Answer answered(Cluster& cluster, const Asked& asked) {
   Assembly& scene = cluster.scene;
   Answer answer{LEFT_TO_PYTHON, {}};
+  if (!(cluster.energy < INFINITY)) {
+    answer.code = STATUS_OUT_OF_RANGE;
+    return answer;
+  }
   if (scene.locked) return answer;
   for (Touch& touch : scene.touches) {
     double speed = -touch.plain[0].velocity;

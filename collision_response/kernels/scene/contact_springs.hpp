@@ -304,6 +304,7 @@ struct ContactSprings {
         fastest = std::fmax(fastest, motion_of(i, both.x[i], both.u[i]));
       }
       double worst = std::fmax(off, std::sqrt(square / mass)) / (3 * tolerance * speed);
+      if (!(worst < INFINITY)) return false;
       if (!pace.accepts(worst, 3, turns, longest(fastest))) continue;
       auto mended = [](double fine, double coarse) { return fine + (fine - coarse) / 3; };
       rubbed += mended(work_of_friction(now, half) + work_of_friction(half, both), work_of_friction(now, whole));

@@ -195,11 +195,13 @@ inline Friction one_step(const Assembly& scene) {
   Friction result;
   result.P.assign(count, Axes{0, 0, 0});
   double mean = 0, speed = 0;
+  bool approach = false;
   for (const Touch& touch : scene.touches) {
+    approach = approach || touch.plain[0].velocity < 0;
     mean += 1 / (touch.scale * touch.scale * touch.length * touch.length) / count;
     speed = std::fmax(speed, std::hypot(touch.plain[0].velocity, touch.plain[1].velocity, touch.plain[2].velocity) * touch.scale * touch.length);
   }
-  if (!(speed > 0)) return result;
+  if (!approach) return result;  // no impulse is a solution
   Cones programme(scene.bodies);
   std::vector<double> start;
   for (const Touch& touch : scene.touches) {

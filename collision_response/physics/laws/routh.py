@@ -207,6 +207,8 @@ def _edge_by_chance(path: Path, s1: Scalar, s2: Scalar, w: Scalar) -> Scalar:
     b_q = path.b2 * s1 - path.b1 * s2
     acts = fixed(path.m * (abs(A_tq) + abs(b_q))) > NO_COUPLING * fixed(path.m * (path.A11 + path.A22))
     varies = choose(acts, lambda: w - fixed(w), lambda: 0 * w)
+    # Without friction slip may turn, and nothing follows it: friction then varies a path that is no line.
+    varies = choose(fixed(path.m) <= 0, lambda: path.m * abs(fixed(w)), lambda: varies)
     return choose(varies > 0, lambda: 0 * w, lambda: FAINT * varies)
 
 
