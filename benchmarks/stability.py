@@ -294,7 +294,7 @@ def invariants(bodies: list[Body]) -> tuple[Any, ...]:
     """What elastic impacts keep, in exact arithmetic but for the last rounding."""
     energy, momentum, angular = exact.Fraction(0), exact.ZERO, exact.ZERO
     for body in bodies:
-        side = exact.side_of(exact.Solid(*body[:7]), exact.ZERO)
+        side = exact.Side(exact.Solid(*body[:7]), exact.ZERO)
         v, w = exact.vec(body.velocity), exact.vec(body.angular_velocity)
         p = exact.times(v, side.mass)
         energy += side.energy(v, w)

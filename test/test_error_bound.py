@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 import random
 import statistics
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from itertools import product
+from pathlib import Path
 
 import pytest
 
@@ -67,6 +70,25 @@ def test_no_error_is_above_its_bound(law, precision, wildness):
         answered += impact.error_bound < math.inf
     # Most are answered, with a bound that says something; of numbers from 1e-60 to 1e60, few by float32.
     assert answered >= (40 if precision is not Precision.SINGLE or wildness < 60 else 13)
+
+
+REPORT = """
+import sys
+sys.path[:0] = [sys.argv[1]]
+import stability
+for name, arguments in dict(stability.jobs(400)).items():  # one of each kind
+    result = getattr(stability, name)(*arguments)
+    print(name, len(result.violations) if isinstance(result, stability.Tally) else 0)
+"""
+
+
+def test_a_sample_of_every_part_of_the_report():
+    """What ``make stability`` runs."""
+    benchmarks = Path(__file__).parents[1] / "benchmarks"
+    command = [sys.executable, "-I", "-c", REPORT, str(benchmarks)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split("\n") == ["drift 0", "by_condition 0", "attack_family 0", "random_piece 0", ""]
 
 
 @pytest.mark.parametrize("wildness", [0, 1, 10])

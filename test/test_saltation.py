@@ -314,6 +314,9 @@ def test_an_impact_that_hardly_approaches_is_refused_and_not_answered_by_infinit
         ({"covariance": np.triu(np.ones((12, 12)))}, StatusCode.INVALID_TABLE, "covariance"),
         ({"friction_sd": -0.1}, StatusCode.INVALID_COEFFICIENT, "friction_sd"),
         ({"restitution_sd": math.nan}, StatusCode.INVALID_COEFFICIENT, "restitution_sd"),
+        ({"contact": Contact.of((0, 0, 0), (0, 0, 0))}, StatusCode.INVALID_NORMAL, "contact.normal"),
+        ({"contact": Contact.of((0, 0, 0), (0, math.nan, 1))}, StatusCode.NOT_FINITE, "contact.normal"),
+        ({"gravity": (0, 0, math.nan)}, StatusCode.NOT_FINITE, "gravity"),
     ],
 )
 def test_bad_input_is_refused_by_name(change, code, field):

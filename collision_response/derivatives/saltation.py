@@ -20,17 +20,19 @@ Proc. IEEE 112 (2024).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..centre import com_in_world_axes
-from ..model import ImpactModel
+from ..model import ImpactModel, check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.orientation import Quaternion
-from ..physics.vector import Vec3
+from ..physics.vector import Vec3, as_vector
+from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 from .differentiate import DEFAULT, Derivatives, Smoothness, differentiate
 from .surfaces import SurfaceMotion, Surfaces, unit_normal
@@ -100,6 +102,9 @@ def linearised(
     gravity: Sequence[float],
 ) -> Passage:
     """All that is known to first order of an impact at its time."""
+    for acceleration in as_vector("gravity", gravity):
+        check_number("gravity", acceleration, -math.inf, math.inf, StatusCode.NOT_FINITE)
+    resolve(body_a, body_b, contact, model)  # names what is wrong, before surfaces are asked
     motion = _checked(surfaces, body_a, body_b, contact)
     names = [*STATE, "contact.position", "contact.normal", "contact.restitution", "contact.friction"]
     contact = contact._replace(normal=Vec3(*unit_normal(contact).tolist()))
