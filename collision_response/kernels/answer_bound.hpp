@@ -2,8 +2,11 @@
 #pragma once
 #include "numbers.hpp"
 
-// The error of a vector over its length. From the third component on a weight applies.
-template <class N> INLINE Base<N> relative_error(const N* change, int count, Base<N> arm) {
+// What rounding to a double loses, relative; 0 of numbers that are one.
+template <class N> constexpr double of_result = std::is_same_v<Value<N>, Base<N>> ? 0 : 0x1p-53;
+
+// The square of the error of a vector over its length. What comes after the third component has a weight.
+template <class N> INLINE Base<N> squared_error(const N* change, int count, Base<N> arm) {
   using T = Base<N>;
   constexpr bool is_double = sizeof(Lane<T>) == 8;
   T most{}, lost{}, weight[6];
@@ -13,28 +16,30 @@ template <class N> INLINE Base<N> relative_error(const N* change, int count, Bas
     most = choose<T>(size < most, most, size);
     lost += error_of(change[i]) * weight[i];
   }
-  T size{}, squares{};
+  T size{}, squares = spread<T>(is_double ? 0x1p-900 : 0x1p-100), scale = 1 / most;
   for (int i = 0; i < count; ++i) {
-    T value = high(change[i]) * weight[i] / most, error = error_of(change[i]) * weight[i] / most;
-    if constexpr (!std::is_same_v<Value<N>, T>) error += magnitude(value) * spread<T>(0x1p-53);  // of the result
+    T value = high(change[i]) * weight[i] * scale, error = error_of(change[i]) * weight[i] * scale;
+    if constexpr (of_result<N> > 0) error += magnitude(value) * spread<T>(of_result<N>);
     size += value * value;
     squares += error * error;
   }
-  T share = root_of_base(squares + spread<T>(is_double ? 0x1p-900 : 0x1p-100)) / root_of_base(size);
-  share = share * spread<T>(1 + 2 * slack<T>);
-  T bound = choose<T>(share < 1, share / (1 - share), spread<T>(__builtin_inf()));
-  return choose<T>((lost == 0) & (most < spread<T>(__builtin_inf())), std::is_same_v<Value<N>, T> ? T{} : choose<T>(most == 0, T{}, spread<T>(0x1p-53)), bound);
+  T share = squares / size * spread<T>(1 + 4 * slack<T>);
+  share = choose<T>(share < 1, share, spread<T>(__builtin_inf()));  // so is what is not a number
+  T of_exact = choose<T>(most == 0, T{}, spread<T>(of_result<N> * of_result<N>));
+  return choose<T>((lost == 0) & (most < spread<T>(__builtin_inf())), of_exact, share);
 }
 
 // The greatest of the impulse's and the twist changes'. The radius of gyration weighs rotation.
 template <class N> INLINE Base<N> error_bound(const N* changes, const Base<N>* mass, const Base<N>* trace) {
   using T = Base<N>;
-  T bound = relative_error(changes, 3, spread<T>(1));
+  T worst = squared_error(changes, 3, spread<T>(1));
   for (int side = 0; side < 2; ++side) {
     T arm = root_of_base(trace[side] / (3 * mass[side]));
-    T of_twist = relative_error(changes + 3 + 6 * side, 6, arm);
+    T of_twist = squared_error(changes + 3 + 6 * side, 6, arm);
     of_twist = choose<T>(mass[side] < spread<T>(__builtin_inf()), of_twist, T{});
-    bound = choose<T>(of_twist <= bound, bound, of_twist);  // not a number counts as greater
+    worst = choose<T>(worst < of_twist, of_twist, worst);
   }
-  return choose<T>(bound < spread<T>(__builtin_inf()), bound, spread<T>(__builtin_inf()));
+  T share = root_of_base(worst), bound = share / (1 - share);  // the true length is less by the error at most
+  bound = choose<T>(worst <= spread<T>(of_result<N> * of_result<N>), share, bound);
+  return choose<T>(share < 1, bound, spread<T>(__builtin_inf()));
 }
