@@ -21,7 +21,8 @@ from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics
 from .physics.energy import kinetic_energy
 from .physics.laws import BY_SPEED, LAWS, Coefficients, Law, Outcome, Regime, Settings
-from .physics.laws.chatterjee_ruina import chatterjee_ruina
+from .physics.laws.chatterjee_ruina import or_fallback
+from .physics.laws.law import Solution
 from .physics.vector import Vec3
 
 KEEPS_RESTITUTION = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU)
@@ -202,15 +203,8 @@ def blow_of(contact: ContactKinematics, coefficients: Coefficients, law: Law) ->
 def _or_coulomb(contact: ContactKinematics, coefficients: Coefficients, outcome: Outcome) -> Outcome:
     """The answer of a law; COULOMB's where a mechanism moves one way only, or wedges."""
     fails, doubt = contact.moves_one_way() | contact.wedges(coefficients.friction), outcome.doubt
-    coulomb = chatterjee_ruina(contact, coefficients)
-    impulse, regime, lost_restitution, lost_friction = choose(
-        fails, lambda: tuple(coulomb[:4]), lambda: tuple(outcome[:4])
-    )
     return Outcome(
-        impulse,
-        regime,
-        lost_restitution,
-        lost_friction,
+        *or_fallback(fails, contact, coefficients, Solution(*outcome[:4])),
         fell_back=outcome.fell_back | fails,
         unfinished=outcome.unfinished & negation(fails),
         doubt=None if doubt is None else choose(fails, lambda: doubt * 0, lambda: doubt),

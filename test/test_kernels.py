@@ -23,7 +23,8 @@ from collision_response.kernels import programs
 from collision_response.kernels.emit import emit
 from collision_response.kernels.layout import Layout, names_of_body, request
 from collision_response.kernels.pairs import PAIR, in_pairs
-from collision_response.kernels.symbol import Loop, Node, Tape, numbers_in
+from collision_response.kernels.programs import SEEN_BY_FALLBACK
+from collision_response.kernels.symbol import Loop, Node, Tape, numbers_in, rebuilt
 from collision_response.model import plan
 from collision_response.numbers.number import (
     certain,
@@ -36,6 +37,7 @@ from collision_response.numbers.number import (
     widened,
 )
 from collision_response.physics.laws import Settings
+from collision_response.physics.laws.chatterjee_ruina import fallback
 from collision_response.status import StatusCode
 
 
@@ -147,7 +149,10 @@ class _Run(dict):
                 return self.outside[node.value]
             case "state":
                 return self.state[node.value]
-            case "part":
+            case "call":
+                numbers = (self[arg] for arg in node.args)
+                return list(numbers_in(fallback(*(rebuilt(part, numbers) for part in SEEN_BY_FALLBACK))))
+            case "part" | "result":
                 return self[node.args[0]][node.value]
             case "loop":
                 return self.loop(node.value, tuple(self[arg] for arg in node.args))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import random
 from fractions import Fraction as F
-from typing import Any, NamedTuple
 
 import pytest
 
@@ -17,6 +16,7 @@ from mpmath import mp
 from oracle import impulse
 
 from collision_response import Adjustment, Body, Contact, ImpactModel, Law, Precision, resolve
+from collision_response.physics.effective_mass import Seen
 from collision_response.physics.laws import Coefficients, Outcome, Regime, Settings
 from collision_response.physics.laws.moreau import moreau
 from collision_response.physics.tensor import Symmetric3
@@ -29,29 +29,10 @@ OF_THE_ORACLE = 1e-45
 """It has 50 digits."""
 
 
-class Given(NamedTuple):
-    """The part of ContactKinematics that the law reads."""
-
-    n: Vec3
-    u: Vec3
-    n_u: Any
-    n_Kn: Any
-    K: Symmetric3
-
-    def inverse_effective_mass(self) -> Symmetric3:
-        return self.K
-
-    def locks(self) -> bool:
-        return False
-
-    def impulse_for(self, K: Symmetric3, change: Vec3) -> Vec3:
-        return K.solve(change)
-
-
 def solve(K, u, n, e: float, mu: float, number=float) -> Outcome:
     n, u = Vec3(*map(number, n)), Vec3(*map(number, u))
     K = Symmetric3(*(number(K[i][j]) for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))))
-    contact = Given(n, u, n.dot(u), n.dot(K @ n), K)
+    contact = Seen(n, u, n.dot(u), n.dot(K @ n), K)
     return moreau(contact, Coefficients(number(e), number(mu), Settings(number(0.0))))
 
 

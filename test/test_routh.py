@@ -6,7 +6,7 @@ import math
 import random
 from collections.abc import Callable
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 
@@ -16,6 +16,7 @@ from bounded import ROUNDING, Bounded
 from mpmath import mp
 from oracle.laws import impulse
 
+from collision_response.physics.effective_mass import Seen
 from collision_response.physics.laws import Coefficients, Outcome, routh
 from collision_response.physics.tensor import Symmetric3
 from collision_response.physics.vector import Vec3
@@ -28,29 +29,16 @@ MOST_BOUND = 1e-8
 """The bound multiplies the path's error by the condition of K in the norm of friction."""
 
 
-class Given(NamedTuple):
-    """The part of ContactKinematics that the law reads."""
-
-    n: Vec3
-    u: Vec3
-    n_u: Any
-    n_Kn: Any
-    K: Symmetric3
-
-    def inverse_effective_mass(self) -> Symmetric3:
-        return self.K
-
-
 Problem = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
 """``K``, ``u`` and ``n``."""
 
 
-def given(problem: Problem, number: Callable[[float], Any] = float, once: Callable = float) -> Given:
+def given(problem: Problem, number: Callable[[float], Any] = float, once: Callable = float) -> Seen:
     """The contact; ``n.u`` and ``n.K n`` are rounded once."""
     K, u, n = problem
     exact_K, exact_u, exact_n = Symmetric3(*map(Fraction, K)), *(Vec3(*map(Fraction, v)) for v in (u, n))
     n_u, n_Kn = float(exact_n.dot(exact_u)), float(exact_n.dot(exact_K @ exact_n))
-    return Given(
+    return Seen(
         Vec3(*map(number, n)), Vec3(*map(number, u)), once(n_u), once(n_Kn), Symmetric3(*map(number, K))
     )
 

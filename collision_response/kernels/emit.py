@@ -105,6 +105,10 @@ def _forms(tape: Tape, wanted: Iterable[tuple[int, Form]]) -> dict[int, Form]:
             need(node.args[0], min(form, Form.VALUE))
         elif node.op == "error_of":
             need(node.args[0], Form.BOUNDED)
+        elif node.op in ("call", "result"):
+            forms[place] = Form.BOUNDED
+            for arg in node.args:
+                need(arg, Form.BOUNDED)
         elif node.op == "widened":
             need(node.args[0], form)
             if form is Form.BOUNDED:
@@ -230,7 +234,8 @@ def _guards(tape: Tape, forms: dict[int, Form], results: Iterable[int]) -> dict[
     return {place: frozenset(x for x in guard if saved[x] >= WORTH) for place, guard in guards.items()}
 
 
-_WEIGHTS = {"div": 6, "sqrt": 6, "loop": 100} | dict.fromkeys(("input", *CONSTANTS, "part", "neg"), 0)
+_WEIGHTS = {"div": 6, "sqrt": 6, "loop": 100, "call": 100}
+_WEIGHTS |= dict.fromkeys(("input", *CONSTANTS, "part", "result", "neg"), 0)
 
 
 def _positive(tape: Tape, condition: int) -> tuple[int, bool]:
@@ -297,7 +302,7 @@ class _Scope:
             by = nodes[place].args[0] if nodes[place].op == "select" else None
             return None if by is None or _positive(self.tape, by)[0] not in branched else by
 
-        places = [place for place in self._order() if nodes[place].op not in (*CONSTANTS, "part")]
+        places = [place for place in self._order() if nodes[place].op not in (*CONSTANTS, "part", "result")]
         for guard, block in groupby(places, lambda place: self.guards.get(place, ALWAYS)):
             together = list(block)
             if guard:
@@ -334,6 +339,8 @@ class _Scope:
 
     def _name(self, place: int) -> str:
         node = self.tape.nodes[place]
+        if node.op == "result":
+            return f"{self.prefix}{node.args[0]}[{node.value}]"
         return f"{self.prefix}{place}" if node.op != "part" else f"{self.prefix}{node.args[0]}_{node.value}"
 
     def _declaration(self, place: int) -> str:
@@ -344,6 +351,8 @@ class _Scope:
             for i in range(len(node.args)):
                 names[varying.form_of_state(i)].append(f"{self.prefix}{place}_{i}")
             return " ".join(f"{_TYPES[form]} {', '.join(some)};" for form, some in names.items() if some)
+        if node.op == "call":
+            return f"N {self.prefix}{place}[{self.tape.results_of(place)}];"
         kind = self._type(place, form)
         return f"{f'Condition<{kind}>' if self._is_condition(place) else kind} {self.prefix}{place};"
 
@@ -362,6 +371,13 @@ class _Scope:
             if not declared:
                 yield self._declaration(place)
             yield from self._loop(place)
+        elif op == "call":
+            if not declared:
+                yield self._declaration(place)
+            node = self.tape.nodes[place]
+            given = ", ".join(self.use(arg, Form.BOUNDED) for arg in node.args)
+            yield f"const N {self.prefix}{place}_given[] = {{{given}}};"
+            yield f"call_{node.value}({self.prefix}{place}_given, {self.prefix}{place});"
         elif op == "law":
             name, args = f"{self.prefix}{place}", self.tape.nodes[place].args
             yield f"const N {name}_in[] = {{{', '.join(self.use(arg, Form.BOUNDED) for arg in args)}}};"

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 from .. import geometry, validity
 from ..impact import Answer, Changes, Flags, Report, blow_of, impact
 from ..model import Adjustment, Geometry
-from ..numbers.number import Scalar, choose
+from ..numbers.number import choose
 from ..physics.column import Column
-from ..physics.effective_mass import ContactKinematics, Side
+from ..physics.effective_mass import ContactKinematics, Seen, Side
 from ..physics.energy import kinetic_energy
 from ..physics.inverse_inertia import InverseInertia
 from ..physics.laws import LAWS, PATHS, STEPPED, Coefficients, Law, Regime
-from ..physics.tensor import ZERO_TENSOR, Symmetric3
+from ..physics.laws.chatterjee_ruina import fallback
+from ..physics.tensor import ZERO_TENSOR
 from ..physics.vector import ZERO, Vec3
 from ..status import StatusCode
 from .emit import emit
@@ -47,8 +48,8 @@ def headers(what: str) -> Iterator[tuple[str, str]]:
     if what == "sizes":
         yield "sizes", sizes()
         return
-    if what in ("column", "changes"):
-        yield what, HEAD + (column() if what == "column" else changes())
+    if what in ALONE:
+        yield what, HEAD + ALONE[what]()
         return
     one_kernel = what in (law.name.lower() for law in STEPPED)
     for layout in (Layout.EVERYTHING, Layout.ARTICULATED) if one_kernel else Layout:
@@ -60,37 +61,6 @@ def headers(what: str) -> Iterator[tuple[str, str]]:
 
 def _answer(asked: Request, law: Law) -> Answer:
     return impact(asked.body_a, asked.body_b, asked.contact, law, asked.settings)
-
-
-class Seen(NamedTuple):
-    """What a law sees of rigid bodies: as :class:`ContactKinematics`, but all of it numbers."""
-
-    n: Vec3
-    u: Vec3
-    n_u: Scalar
-    n_Kn: Scalar
-    K: Symmetric3
-
-    @classmethod
-    def of(cls, contact: ContactKinematics) -> Seen:
-        """Of a contact."""
-        return cls(contact.n, contact.u, contact.n_u, contact.n_Kn, contact.inverse_effective_mass())
-
-    def is_rigid(self) -> bool:
-        """Always."""
-        return True
-
-    def locks(self) -> bool:
-        """Never."""
-        return False
-
-    def inverse_effective_mass(self) -> Symmetric3:
-        """``K``."""
-        return self.K
-
-    def impulse_for(self, K: Symmetric3, change: Vec3) -> Vec3:
-        """That changes ``u`` so."""
-        return K.solve(change)
 
 
 def changes() -> str:
@@ -116,6 +86,19 @@ def impulse_by(law: Law) -> str:
     seen, coefficients = (rebuilt(part, symbols) for part in parts)
     impulse = blow_of(seen, coefficients, law).impulse
     return emit("impulse", list(range(count)), map(tape.symbol, impulse), [], [], branches=True)
+
+
+SEEN_BY_FALLBACK = Seen(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR, ZERO_TENSOR), Coefficients(0.0)
+"""Its arguments, of any numbers."""
+
+
+def shared_fallback() -> str:
+    """What laws answer that have no sound answer of their own, as a function that their kernels call."""
+    tape = Tape()
+    inputs = range(sum(1 for _ in numbers_in(SEEN_BY_FALLBACK)))
+    symbols = map(tape.input, inputs)
+    solution = fallback(*(rebuilt(part, symbols) for part in SEEN_BY_FALLBACK))
+    return emit("fallback", list(inputs), map(tape.symbol, numbers_in(solution)), [], [], branches=True)
 
 
 def impact_by(law: Law, layout: Layout) -> str:
@@ -174,6 +157,10 @@ def column() -> str:
     velocity, d, direction = (Vec3(*symbols[i : i + 3]) for i in range(count, count + 9, 3))
     outputs = map(tape.symbol, numbers_in(Column.at(seen, velocity, d, direction)))
     return _places("CENTRE", Side._fields, centre) + text + emit("column", list(inputs), outputs, [], [])
+
+
+ALONE = {"column": column, "changes": changes, "fallback": shared_fallback}
+"""What is a header of its own."""
 
 
 def _places(prefix: str, names: Iterable[str], parts: Iterable[Any]) -> str:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Hashable, Iterable, Iterator
+from itertools import count
 from typing import Any, NamedTuple
 
 CONDITIONS = frozenset({"truth", "lt", "le", "eq", "and", "or", "not"})
@@ -44,10 +45,11 @@ class Node(NamedTuple):
             ``lt``, ``le``, ``eq``, ``and``, ``or``, ``not``, ``select`` (condition, if true, if false);
             ``certain``, ``error_of``, ``widened`` (number, by); ``varying_as`` (number, number with its
             derivatives); ``law``, of what it sees, left open; ``loop`` (of the first state); ``part`` of the
-            result of either; within a loop ``state``, and ``outer`` for what lies outside it.
+            result of either; ``call`` of a function, ``result`` of it; within a loop ``state``, and ``outer``
+            for what lies outside it.
         args: the operands, as places on the tape; all of them earlier.
-        value: the name of an input, the value of a constant, a :class:`Loop`, the index of a part or
-            state, the place of what lies outside.
+        value: the name of an input or a function, the value of a constant, a :class:`Loop`, the index of a
+            part, result or state, the place of what lies outside.
     """
 
     op: str
@@ -123,6 +125,10 @@ class Tape:
     def find(self, op: str, args: Iterable[int], value: Any = None) -> int | None:
         """The place of this operation, if it is on the tape."""
         return self._places.get(Node(op, _ordered(op, args), value))
+
+    def results_of(self, call: int) -> int:
+        """How many there are."""
+        return sum(node.op == "result" and node.args[0] == call for node in self.nodes)
 
     def needed_for(self, places: Iterable[int]) -> set[int]:
         """The places of all operations that some results take."""
@@ -215,6 +221,16 @@ class Symbol:
     def value_of(self, function: str) -> Symbol:
         """A function of it, as a number that does not vary."""
         return record(function, self)
+
+    def called(self, formula: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+        """See :func:`~collision_response.numbers.number.called`."""
+        if self.tape.of_derivatives:
+            return formula(*arguments)
+        tape, numbers = self.tape, list(numbers_in(arguments))
+        inputs = map(Tape().input, range(len(numbers)))
+        result = formula(*(rebuilt(argument, inputs) for argument in arguments))
+        call = tape.write(Node("call", tuple(tape.symbol(x).place for x in numbers), formula.__name__)).place
+        return rebuilt(result, (tape.write(Node("result", (call,), i)) for i in count()))
 
     def given_roundoff(self) -> Symbol:
         """See :func:`~collision_response.numbers.number.given_roundoff`."""

@@ -147,6 +147,18 @@ def relative_exponential(x: Scalar) -> Scalar:
     return x.value_of("expm1_over")
 
 
+def called(formula: Callable[..., T], *arguments: Any) -> T:
+    """``formula(*arguments)``, which is rarely needed: where formulas are compiled, by a call.
+
+    The arguments are named tuples of numbers, and so is the result.
+    """
+    first = arguments[0]
+    while isinstance(first, tuple):
+        first = first[0]
+    own = getattr(first, "called", None)
+    return formula(*arguments) if own is None else own(formula, arguments)
+
+
 def given_roundoff(x: Scalar) -> Scalar:
     """Half the spacing of the floats that numbers are given in, relative: 2^-53, of float32 2^-24."""
     own = getattr(x, "given_roundoff", None)

@@ -239,7 +239,11 @@ class ContactKinematics(NamedTuple):
 
     def impulse_for(self, K: Symmetric3, change: Vec3) -> Vec3:
         """The least impulse that changes ``u`` so, where ``K`` is the inverse effective mass."""
-        return (K if self.is_rigid() else K + K.null_space() * K.breadth()).solve(change)
+        return self.made_invertible(K).solve(change)
+
+    def made_invertible(self, K: Symmetric3) -> Symmetric3:
+        """``K``; of mechanisms with an inverse effective mass where nothing moves."""
+        return K if self.is_rigid() else K + K.null_space() * K.breadth()
 
     def forgiven(self, impulse: Vec3) -> tuple[Scalar, Scalar]:
         """How far an answer may be off for the rounding with which matrices of mechanisms are accepted.
@@ -301,6 +305,48 @@ class ContactKinematics(NamedTuple):
     def velocity_change(self, change_a: Twist, change_b: Twist) -> Vec3:
         """What changes of the twists do to ``u``."""
         return self.side_a.velocity_of(change_a) - self.side_b.velocity_of(change_b)
+
+
+class Seen(NamedTuple):
+    """What a law sees of a contact: as :class:`ContactKinematics`, but all of it numbers.
+
+    Attributes:
+        n, u, n_u, n_Kn: see there.
+        K: the inverse effective mass in every direction [1/kg].
+        invertible: of a mechanism ``K`` with what makes it so [1/kg]; there is none where ``K`` is.
+    """
+
+    n: Vec3
+    u: Vec3
+    n_u: Scalar
+    n_Kn: Scalar
+    K: Symmetric3
+    invertible: Symmetric3 | tuple[()] = ()
+
+    @classmethod
+    def of(cls, contact: ContactKinematics | Seen) -> Seen:
+        """Of a contact between rigid bodies."""
+        return cls(contact.n, contact.u, contact.n_u, contact.n_Kn, contact.inverse_effective_mass())
+
+    def is_rigid(self) -> bool:
+        """Always."""
+        return True
+
+    def locks(self) -> bool:
+        """Never."""
+        return False
+
+    def inverse_effective_mass(self) -> Symmetric3:
+        """``K``."""
+        return self.K
+
+    def impulse_for(self, K: Symmetric3, change: Vec3) -> Vec3:
+        """That changes ``u`` so."""
+        return self.made_invertible(K).solve(change)
+
+    def made_invertible(self, K: Symmetric3) -> Symmetric3:
+        """``K``, or what was given in its place."""
+        return self.invertible or K
 
 
 def _side_of(body: Body, point: Vec3) -> Side | ArticulatedSide:

@@ -27,12 +27,12 @@ Considerations", J. Appl. Mech. 65 (1998) 939-951, eqs. 17-22.
 
 from __future__ import annotations
 
-from ...numbers.number import Scalar, choose, square_root, varying_as
-from ..effective_mass import ContactKinematics
-from .law import Coefficients, Outcome, Regime, slipping
+from ...numbers.number import Condition, Scalar, called, choose, square_root, varying_as
+from ..effective_mass import ContactKinematics, Seen
+from .law import Coefficients, Outcome, Regime, Solution, slipping
 
 
-def chatterjee_ruina(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
+def chatterjee_ruina(contact: ContactKinematics | Seen, coefficients: Coefficients) -> Outcome:
     """The impulse of a contact with Coulomb friction and tangential restitution."""
     e, mu, settings = coefficients
     e_t = settings.tangential_restitution
@@ -59,3 +59,20 @@ def chatterjee_ruina(contact: ContactKinematics, coefficients: Coefficients) -> 
     regime = choose(in_cone, lambda: 1.0 * Regime.STICKING, lambda: slipping(contact, u + K @ P))
     lost_restitution = (1 - e) * (1 + e) * j * -contact.n_u / 2
     return Outcome(P, regime, lost_restitution, -(kappa * (2 - kappa)) * D.dot(plastic) / 2)
+
+
+def or_fallback(
+    fails: Condition, contact: ContactKinematics | Seen, coefficients: Coefficients, own: Solution
+) -> Solution:
+    """The answer of another law; this one's where that has none that is sound."""
+
+    def instead() -> Solution:
+        seen = Seen.of(contact)
+        return called(fallback, seen._replace(invertible=contact.made_invertible(seen.K)), coefficients)
+
+    return choose(fails, instead, lambda: own)
+
+
+def fallback(contact: Seen, coefficients: Coefficients) -> Solution:
+    """:func:`chatterjee_ruina` for other laws."""
+    return Solution(*chatterjee_ruina(contact, coefficients)[:4])

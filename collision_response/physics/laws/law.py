@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from ...named import Named
 from ...numbers.number import Condition, Scalar, choose
-from ..effective_mass import ContactKinematics
+from ..effective_mass import ContactKinematics, Seen
 from ..vector import Vec3
 
 
@@ -43,6 +43,15 @@ class Coefficients(NamedTuple):
     restitution: Scalar
     friction: Scalar = 0.0
     settings: Settings = Settings()
+
+
+class Solution(NamedTuple):
+    """An :class:`Outcome` without its flags."""
+
+    impulse: Vec3
+    regime: Scalar
+    lost_restitution: Scalar
+    lost_friction: Scalar
 
 
 class Regime(Named):
@@ -84,7 +93,7 @@ class Outcome(NamedTuple):
     doubt: Vec3 | None = None
 
 
-def slipping(contact: ContactKinematics, velocity_after: Vec3) -> Scalar:
+def slipping(contact: ContactKinematics | Seen, velocity_after: Vec3) -> Scalar:
     """The regime of a contact that ends with slip: SLIDING, or REVERSED against its first direction."""
     n, u = contact.n, contact.u
     slip_before = u - n * (n.dot(u) / n.dot(n))

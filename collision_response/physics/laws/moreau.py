@@ -39,7 +39,6 @@ Kane & Levinson, *Dynamics: Theory and Applications*, 1985, section 5.8, for the
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from ...numbers.number import (
     Condition,
@@ -53,23 +52,13 @@ from ...numbers.number import (
     widened,
 )
 from ..effective_mass import ContactKinematics
-from ..vector import Vec3
-from .chatterjee_ruina import chatterjee_ruina
+from .chatterjee_ruina import or_fallback
 from .contact_frame import ContactFrame, Tangential
-from .law import Coefficients, Outcome, Regime
+from .law import Coefficients, Outcome, Regime, Solution
 from .sliding import NEAR, Sliding, divisor
 
 ROUNDING = 2.0**-44
 """An energy that is less than this part of the work against the approach is rounding."""
-
-
-class Solution(NamedTuple):
-    """An :class:`Outcome` without its flags."""
-
-    impulse: Vec3
-    regime: Scalar
-    lost_restitution: Scalar
-    lost_friction: Scalar
 
 
 def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
@@ -130,9 +119,7 @@ def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     lost_restitution, lost_friction = P_n * (1 - e) * approach / 2, f.dot(u + slip) / 2
     own = Solution(frame.to_world(-f, P_n), regime, lost_restitution, lost_friction)
     creates_energy = lost_restitution + lost_friction < -ROUNDING * (P_n * approach + abs(f.dot(u)))
-    answer = choose(
-        creates_energy, lambda: Solution(*chatterjee_ruina(contact, coefficients)[:4]), lambda: own
-    )
+    answer = or_fallback(creates_energy, contact, coefficients, own)
     return Outcome(*answer, fell_back=creates_energy, unfinished=root.unfinished > 0)
 
 
