@@ -197,3 +197,12 @@ def test_a_small_body_that_spins_wildly():
 
 
 # What a scene requires.
+
+
+@pytest.mark.parametrize(("heavy", "light"), [(306, -3), (200, -120), (155, -155), (300, -300)])
+def test_a_body_is_not_too_heavy_for_its_energy(heavy, light):
+    """No change of units makes a mass infinite, for such a body counts as immovable and has no energy."""
+    body, other = Body.dynamic(10.0**heavy, velocity=(0, 0, -1)), Body.dynamic(10.0**light)
+    impact = resolve(body, other, Contact.of((0, 0, 0), (0, 0, 1)))
+    assert impact.kinetic_energy_before == impact.kinetic_energy_after == 10.0**heavy / 2
+    assert impact.twist_b.linear == (0, 0, -2)

@@ -17,7 +17,7 @@ struct Units {
 
   static Units of(const double* x, bool articulated) {
     const double *a = x, *b = x + BODY, *point = x + IN_CONTACT_POSITION_X;
-    double mass = std::min(a[0], b[0]), reach[2] = {};
+    double mass = std::min(a[0], b[0]), heaviest = std::max(a[0], b[0]), reach[2] = {};
     for (int side = 0; articulated && side < 2; ++side) {
       const double* own = x + INPUTS + side * INVERSE_INERTIA;
       double linear = linear_part(own), angular = angular_part(own);
@@ -25,6 +25,8 @@ struct Units {
       if (linear > 0 && angular > 0) reach[side] = std::sqrt(linear) / std::sqrt(angular);
     }
     if (!(mass < INFINITY)) mass = 1;
+    // The lightest becomes 1; but no heavy one becomes infinite, for that is immovable.
+    int heavy = heaviest < INFINITY ? std::max(std::ilogb(mass), std::ilogb(heaviest) - 900) : std::ilogb(mass);
     double lengths[8], speeds[6];
     for (int k = 0; k < 3; ++k) {
       lengths[k] = point[k] - a[IN_BODY_A_POSITION_X + k];
@@ -44,7 +46,7 @@ struct Units {
     int speed = exponent(speeds, 3);
     bool moves = speeds[0] != 0 || speeds[1] != 0 || speeds[2] != 0;
     if (spins) speed = moves ? std::max(speed, spin + length) : spin + length;
-    return {{-std::ilogb(mass), -length, speed - length, -exponent(a + IN_BODY_A_ORIENTATION_X, 4),
+    return {{-heavy, -length, speed - length, -exponent(a + IN_BODY_A_ORIENTATION_X, 4),
              -exponent(b + IN_BODY_A_ORIENTATION_X, 4), -exponent(x + IN_CONTACT_NORMAL_X, 3)}};
   }
 
@@ -61,8 +63,6 @@ struct Units {
     x = scaled;
   }
 };
-
-
 
 // An impact in other units, and back.
 static void impact_in_other_units(Kernel kernel, bool articulated, const double* x, const double* error, Numbers& y) {
