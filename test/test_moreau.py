@@ -213,3 +213,18 @@ def stuck(r, n, v, e, moment) -> list[F]:
     # K = 1 + (r.r - r r^T) / I has the eigenvalues 1 along r, and 1 + r.r / I across it.
     along = sum(map(F.__mul__, r, wanted)) / rr
     return [along * x + (w - along * x) / (1 + rr / moment) for x, w in zip(r, wanted, strict=True)]
+
+
+@pytest.mark.parametrize("precision", [Precision.DOUBLE, Precision.EXTENDED], ids=lambda one: one.name)
+@pytest.mark.parametrize("mass", [1e-200, 1.0, 1e200])
+def test_without_friction_it_is_newtons(mass, precision):
+    """Also where much else is open: the threshold is the very speed of approach, masses are far apart."""
+    body = Body.dynamic(mass, (mass, 0, 0, mass, 0, mass), velocity=(0.25, 0, -0.5))
+    other = Body.dynamic(1e200, (1e200, 0, 0, 1e200, 0, 1e200), (1.0, -1.0, 0.0))
+    contact = Contact.of((0.5, 0, 0), (0, 0, 1), 1.0, 0.0)
+    for threshold in (0.0, 0.5):
+        model = ImpactModel(Law.MOREAU, restitution_threshold=threshold, precision=precision)
+        newton = resolve(body, other, contact, model._replace(law=Law.FRICTIONLESS))
+        moreau = resolve(body, other, contact, model)
+        assert moreau.impulse == pytest.approx(newton.impulse, rel=1e-12, abs=0.0)
+        assert moreau.error_bound <= max(4 * newton.error_bound, 1e-13)

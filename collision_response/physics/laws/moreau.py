@@ -110,8 +110,14 @@ def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
         lambda: Tangential(V.x - S11 * slide.x - S12 * slide.y, V.y - S12 * slide.x - S22 * slide.y),
     )
     stuck = choose(locks, lambda: V / trace, lambda: W / (divisor(det) * trace))
-    f = choose(sticks, lambda: stuck, lambda: slide)
-    slip = choose(sticks, lambda: V * 0, lambda: slip)
+    rubs = mu > 0
+    held = choose(sticks, lambda: stuck, lambda: slide)
+    f = choose(
+        rubs,
+        lambda: held,
+        lambda: Tangential(varying_as(mu, lambda: held.x), varying_as(mu, lambda: held.y)),
+    )
+    slip = choose(sticks, lambda: V * 0, lambda: choose(rubs, lambda: slip, lambda: V))
     P_n = j + beta.dot(f)
 
     regime = choose(u.dot(x) < 0, lambda: 1.0 * Regime.REVERSED, lambda: 1.0 * Regime.SLIDING)
