@@ -11,6 +11,7 @@ from .answer import Impact, in_norm
 from .by_speed import friction_at_first, restitution_at
 from .geometry import flattened, flattened_contact
 from .kernels import library
+from .kernels.protocol import Left
 from .model import Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
 from .physics.body import Body, Twist
 from .physics.contact import Contact
@@ -21,6 +22,7 @@ from .status import ImpactError, StatusCode
 DEFAULT = ImpactModel()
 
 NOT_MET = StatusCode.TOLERANCE_NOT_MET
+"""Of the kernels: look for more digits; it may turn out that these are enough for what was asked."""
 
 
 def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = DEFAULT) -> Impact:
@@ -43,39 +45,36 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = D
     impact = library.resolve(body_a, body_b, contact, model)
     if impact.__class__ is Impact and impact.status is not NOT_MET:
         return impact
-    return _unusual(body_a, body_b, contact, model, impact)
+    return _left_to_python(body_a, body_b, contact, model, impact)
 
 
 OF_BODIES = Adjustment.NORMALISED_ORIENTATION | Adjustment.MASSLESS_SPIN
 
-FAULT, MORE, FORCED, BEYOND, RATIONAL = range(5)
-"""Why the kernels leave a request to this module; see ``module.cpp``."""
-
-
-def _unusual(
+def _left_to_python(
     body_a: Body, body_b: Body, contact: Contact, model: ImpactModel, answer: Impact | int
 ) -> Impact:
-    if answer == FAULT:
+    """What the kernels do not answer, or not exactly enough: then ``answer`` is theirs, else it says why."""
+    if answer == Left.REFUSED:
         validity.check_two(body_a, body_b)
         a, b, numeric = on_balls.read(body_a, body_b, contact)
         validity.check(a, b, numeric, plan(model).settings.tangential_restitution)
         raise ImpactError(StatusCode.INTERNAL_ERROR, "request", "was refused for no known reason")
-    if answer == MORE:
+    if answer == Left.NOT_ONLY_NUMBERS:
         if contact.tangential_restitution is not None:
             return _with_own_tangential(body_a, body_b, contact, model)
         contact = _with_numbers(body_a, body_b, contact, model)
         if callable(contact.friction):
             return _along_path(body_a, body_b, contact, model)
         return resolve(body_a, body_b, contact, model)
-    if answer == RATIONAL:
+    if answer == Left.RATIONAL:
         return on_fractions.resolve(body_a, body_b, contact, model)
-    if answer == FORCED:
+    if answer == Left.GEOMETRY_TOO_SMALL:
         return _leaving_out(body_a, body_b, contact, model)
     may_climb = plan(model).last is Precision.EXTENDED
     more = on_balls.resolve(body_a, body_b, contact, model) if may_climb else None
     if more is not None and not (isinstance(answer, Impact) and answer.error_bound < more.error_bound):
         return more
-    if not isinstance(answer, Impact):  # BEYOND
+    if not isinstance(answer, Impact):
         raise library.refusal(StatusCode.OUT_OF_RANGE)
     return answer._replace(status=_status(answer)) if answer.error_bound <= plan(model).limit else answer
 

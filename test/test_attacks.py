@@ -42,6 +42,7 @@ from collision_response import (
 from collision_response.batch import resolve_batch
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.kernels import library
+from collision_response.physics.laws import PATHS
 
 ROUNDINGS = 64
 """More than any number of an answer has on its way from the inputs; a wrong digit is millions of them."""
@@ -221,6 +222,8 @@ def _check_status(
         fell_back = name == "law" and Adjustment.LAW_FALLBACK in impact.adjustments
         # EXTENDED leaves nothing out: it may model more than was forced.
         widened = name == "geometry" and used > wanted
+        # The laws of paths need the digits of float64.
+        widened |= used is Precision.DOUBLE and wanted is Precision.SINGLE and law in PATHS
         if wanted.name != "AUTO":
             faults.unless(
                 used is wanted or fell_back or widened, f"model.{name} is {used.name}, not {wanted.name}"

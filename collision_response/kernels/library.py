@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import IntEnum
 from fractions import Fraction
 from pathlib import Path
 
@@ -73,12 +72,3 @@ Cluster = _scene.Cluster
 is_rational = _scene.is_rational
 clusters = _scene.clusters
 many_clusters = _scene.many
-
-
-class Number(IntEnum):
-    """The number types that batches are computed in."""
-
-    PLAIN = 0
-    FLOAT = 1
-    BOUNDED = 2
-    EXTENDED = 3

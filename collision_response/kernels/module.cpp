@@ -167,9 +167,8 @@ PyObject* refuse(int status) {
   return nullptr;
 }
 
-// resolve(body_a, body_b, contact, model): an Impact; or a number that says what is left to Python:
-// 0 a fault in the request, 1 the contact says more than numbers, or overrides the model, 2 a geometry that leaves
-// something out, 3 no number of the answer is known, 4 fractions, of a law that is rational.
+// resolve(body_a, body_b, contact, model): an Impact, with TOLERANCE_NOT_MET if Python should look for more digits;
+// or the number that says why the request is left to Python: see protocol.py.
 PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 4) {
     PyErr_SetString(PyExc_TypeError, "resolve() takes two bodies, a contact and a model");
@@ -189,7 +188,7 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   const Door door{x, error, input_names, types.fraction, &rational};
   bool has_more;
   if (!read_body(args[0], door, 0) || !read_body(args[1], door, BODY) || !read_contact(contact, door, &has_more)) return nullptr;
-  if (has_more) return PyLong_FromLong(1);
+  if (has_more) return PyLong_FromLong(LEFT_NOT_ONLY_NUMBERS);
   for (int k = 0; k < ROWS_OF_MODEL; ++k) {
     x[IN_MODEL_TANGENTIAL_RESTITUTION + k] = plan->settings[k];
     error[IN_MODEL_TANGENTIAL_RESTITUTION + k] = plan->errors[k];
@@ -197,23 +196,24 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   double fault;
   bool shapes[5];
   (articulated ? check_articulated : check_everything)(x, &fault, shapes);
-  if (fault != 0 || args[0] == args[1]) return PyLong_FromLong(0);
+  if (fault != 0 || args[0] == args[1]) return PyLong_FromLong(LEFT_REFUSED);
 
   int law = x[IN_CONTACT_FRICTION] > 0 ? plan->law_with_friction : plan->law_without_friction;
   bool frictionless = law == LAW_FRICTIONLESS;
   int required = shapes[frictionless ? 0 : 1] ? GEOMETRY_POINT : shapes[frictionless ? 2 : 3] ? GEOMETRY_PLANAR : GEOMETRY_SPATIAL;
   if (plan->geometry != GEOMETRY_AUTO) {
-    if (plan->geometry < required) return PyLong_FromLong(2);
+    if (plan->geometry < required) return PyLong_FromLong(LEFT_GEOMETRY_TOO_SMALL);
     required = plan->geometry;
   }
-  if (rational && frictionless && !articulated) return PyLong_FromLong(4);
+  if (rational && frictionless && !articulated) return PyLong_FromLong(LEFT_RATIONAL);
   Numbers y;
-  int precision = plan->first;
-  for (;; ++precision) {
-    Kernel kernel = kernel_of(law, articulated, precision);
+  int used;
+  for (int precision = plan->first;; ++precision) {
+    used = precision;
+    Kernel kernel = kernel_of(law, articulated, used);
     if (!kernel) return PyErr_Format(PyExc_LookupError, "no kernel of law %d", law);
     kernel(x, error, &y);
-    if (!(y.error_bound < INFINITY) || is_extreme(y, precision == SINGLE) || !all_finite(y)) {
+    if (!(y.error_bound < INFINITY) || is_extreme(y, used == PRECISION_SINGLE) || !all_finite(y)) {
       Numbers scaled;
       impact_in_other_units(kernel, articulated, x, error, scaled);
       bool knows_more = scaled.error_bound < INFINITY || !(y.error_bound < INFINITY);
@@ -226,9 +226,9 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (y.flags[FLAG_UNPHYSICAL]) return refuse(STATUS_INTERNAL_ERROR);
   if (!all_finite(y)) {
     if (bound < INFINITY) return refuse(STATUS_OUT_OF_RANGE);
-    return PyLong_FromLong(3);
+    return PyLong_FromLong(LEFT_UNKNOWN);
   }
-  PyObject* model = decided(plan, y.flags[FLAG_FELL_BACK] ? LAW_COULOMB : law, required, precision);
+  PyObject* model = decided(plan, y.flags[FLAG_FELL_BACK] ? LAW_COULOMB : law, required, used);
   if (!model) return nullptr;
   int status = bound <= plan->wanted ? (y.flags[FLAG_SEPARATING] ? STATUS_SEPARATING : STATUS_OK) : STATUS_TOLERANCE_NOT_MET;
   return answer(contact, model, x, y, bound, frictionless, shapes[4], articulated, status);
@@ -323,7 +323,7 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   const Table& table = tables[place];
   char real = *model.view.format;
   Py_ssize_t n = contacts.view.ndim == 2 ? contacts.view.shape[1] : -1, axes = table.axes, spins = 3 - table.first_spin;
-  bool bounded = number == BOUNDED || number == LONG_BOUNDED, report = result[REGIME].is_there();
+  bool bounded = number == NUMBER_BOUNDED || number == NUMBER_EXTENDED, report = result[REGIME].is_there();
   bool fits = result[VELOCITY].is(real, {axes, 2, n}) && result[ANGULAR_VELOCITY].is(real, {spins, 2, n}) &&
               result[IMPULSE].is(real, {axes, n}) && result[STATUS].is('B', {n}) &&
               result[ERROR_BOUND].is_there() == bounded && (!bounded || (result[ERROR_BOUND].is(real, {n}) && result[ERROR_BOUND + 1].is('B', {n}))) &&

@@ -7,7 +7,7 @@ from typing import Any
 
 from .. import geometry, validity
 from ..impact import Answer, Changes, Flags, Report, blow_of, impact
-from ..model import Adjustment, Geometry
+from ..model import Adjustment, Geometry, Precision
 from ..numbers.number import choose
 from ..physics.column import Column
 from ..physics.effective_mass import ContactKinematics, Seen, Side
@@ -30,6 +30,7 @@ from .layout import (
     units,
 )
 from .pairs import in_pairs
+from .protocol import Left, Number
 from .symbol import CONDITIONS, Node, Symbol, Tape, numbers_in, rebuilt
 
 LISTS: dict[str, list[Law]] = {
@@ -210,6 +211,9 @@ ENUMERATIONS: dict[str, Iterable[Any]] = {
     "REGIME": Regime,
     "ADJUSTMENT": Adjustment,
     "GEOMETRY": Geometry,
+    "PRECISION": Precision,
+    "NUMBER": Number,
+    "LEFT": Left,
 }
 """Whose members the kernels know by name."""
 
@@ -277,7 +281,7 @@ TABLES = (Layout.POINT, Layout.PLANAR, Layout.SPATIAL, Layout.SPATIAL_ORIENTED)
 
 
 def _table_of(layout: Layout) -> str:
-    """How the general layout finds its rows in tables of this one: see ``Table`` in ``batch.hpp``."""
+    """How the general layout finds its rows in tables of this one: see ``Table`` above."""
 
     def place(name: str, names: list[str]) -> int:
         if name in names:

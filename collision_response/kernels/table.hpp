@@ -44,24 +44,22 @@ static const bool has_512_bits = has_256_bits && __builtin_cpu_supports("avx512f
 #endif
 #endif
 
-enum Precision { AUTO_PRECISION = 1, SINGLE, DOUBLE, EXTENDED };
-
 struct Row { int law; bool articulated; int precision; Kernel kernel; };
 
 // By law, whether a body is articulated, and precision: the fastest that the machine has. Where a precision has no
-// kernel of its own, DOUBLE's answers.
-static Kernel kernel_of(int law, bool articulated, int precision) {
-  auto find = [=](const auto& table) -> Kernel {
+// kernel of its own, it becomes DOUBLE.
+static Kernel kernel_of(int law, bool articulated, int& precision) {
+  auto find = [&](const auto& table) -> Kernel {
     for (const Row& row : table)
       if (row.law == law && row.articulated == articulated && row.precision == precision) return row.kernel;
     return nullptr;
   };
 #ifdef WITH_LONG_VECTORS
   static const Row of_256_bits[] = {
-#define X(law, number) {number, false, DOUBLE, impact_##law##_everything_bounded_avx2},
+#define X(law, number) {number, false, PRECISION_DOUBLE, impact_##law##_everything_bounded_avx2},
       EACH_OF_LAWS(X)
 #undef X
-#define X(law, number) {number, false, EXTENDED, impact_##law##_everything_extended_avx2},
+#define X(law, number) {number, false, PRECISION_EXTENDED, impact_##law##_everything_extended_avx2},
       EACH_OF_LAWS_IN_FLOAT32(X)
 #undef X
   };
@@ -70,26 +68,26 @@ static Kernel kernel_of(int law, bool articulated, int precision) {
 #endif
   static const Row every_machine[] = {
 #define X(law, number)                                                    \
-  {number, false, DOUBLE, impact_##law##_everything_bounded_base},        \
-  {number, false, EXTENDED, impact_##law##_everything_extended_base},     \
-  {number, true, DOUBLE, impact_##law##_articulated_bounded_base},        \
-  {number, true, EXTENDED, impact_##law##_articulated_extended_base},
+  {number, false, PRECISION_DOUBLE, impact_##law##_everything_bounded_base},        \
+  {number, false, PRECISION_EXTENDED, impact_##law##_everything_extended_base},     \
+  {number, true, PRECISION_DOUBLE, impact_##law##_articulated_bounded_base},        \
+  {number, true, PRECISION_EXTENDED, impact_##law##_articulated_extended_base},
       EACH_OF_LAWS(X)
 #undef X
 #define X(law, number)                                                    \
-  {number, false, DOUBLE, impact_##law##_everything_bounded_base},        \
-  {number, true, DOUBLE, impact_##law##_articulated_bounded_base},
+  {number, false, PRECISION_DOUBLE, impact_##law##_everything_bounded_base},        \
+  {number, true, PRECISION_DOUBLE, impact_##law##_articulated_bounded_base},
       EACH_OF_STEPPED_LAWS(X)
 #undef X
-#define X(law, number) {number, false, SINGLE, impact_##law##_everything_single_base},
+#define X(law, number) {number, false, PRECISION_SINGLE, impact_##law##_everything_single_base},
       EACH_OF_LAWS_IN_FLOAT32(X)
 #undef X
   };
   Kernel kernel = find(every_machine);
-  return kernel || precision == DOUBLE ? kernel : kernel_of(law, articulated, DOUBLE);
+  if (kernel || precision == PRECISION_DOUBLE) return kernel;
+  precision = PRECISION_DOUBLE;
+  return kernel_of(law, articulated, precision);
 }
-
-enum Number { PLAIN, FLOAT, BOUNDED, LONG_BOUNDED };
 
 #define DECLARE(name) extern "C" void batch_##name(const Batch&, long, long);
 #define X(law, number)                   \
@@ -136,7 +134,7 @@ EACH_OF_LAWS_IN_FLOAT32(X)
 #endif
 #undef DECLARE
 
-struct BatchRow { int law, layout; Number number; BatchKernel kernel; };
+struct BatchRow { int law, layout, number; BatchKernel kernel; };
 
 // By law, layout and number; null if that layout has no kernel of its own on this machine.
 static BatchKernel batch_kernel(int law, int layout, int number) {
@@ -148,10 +146,10 @@ static BatchKernel batch_kernel(int law, int layout, int number) {
 #ifdef WITH_512_BITS
   static const BatchRow of_512_bits[] = {
 #define X(law, number)                                                                   \
-  {number, LAYOUT_SPATIAL, PLAIN, batch_##law##_spatial_plain_avx512},                   \
-  {number, LAYOUT_SPATIAL_ORIENTED, PLAIN, batch_##law##_spatial_oriented_plain_avx512}, \
-  {number, LAYOUT_EVERYTHING, BOUNDED, batch_##law##_everything_bounded_avx512},         \
-  {number, LAYOUT_EVERYTHING, LONG_BOUNDED, batch_##law##_everything_extended_avx512},
+  {number, LAYOUT_SPATIAL, NUMBER_PLAIN, batch_##law##_spatial_plain_avx512},                   \
+  {number, LAYOUT_SPATIAL_ORIENTED, NUMBER_PLAIN, batch_##law##_spatial_oriented_plain_avx512}, \
+  {number, LAYOUT_EVERYTHING, NUMBER_BOUNDED, batch_##law##_everything_bounded_avx512},         \
+  {number, LAYOUT_EVERYTHING, NUMBER_EXTENDED, batch_##law##_everything_extended_avx512},
       EACH_OF_USUAL_LAWS(X)
 #undef X
   };
@@ -161,22 +159,22 @@ static BatchKernel batch_kernel(int law, int layout, int number) {
 #ifdef WITH_LONG_VECTORS
   static const BatchRow of_256_bits[] = {
 #define X(law, number)                                                                    \
-  {number, LAYOUT_PLANAR, PLAIN, batch_##law##_planar_plain_avx2},                        \
-  {number, LAYOUT_SPATIAL, PLAIN, batch_##law##_spatial_plain_avx2},                      \
-  {number, LAYOUT_SPATIAL_ORIENTED, PLAIN, batch_##law##_spatial_oriented_plain_avx2},    \
-  {number, LAYOUT_EVERYTHING, BOUNDED, batch_##law##_everything_bounded_avx2},            \
-  {number, LAYOUT_EVERYTHING, LONG_BOUNDED, batch_##law##_everything_extended_avx2},
+  {number, LAYOUT_PLANAR, NUMBER_PLAIN, batch_##law##_planar_plain_avx2},                        \
+  {number, LAYOUT_SPATIAL, NUMBER_PLAIN, batch_##law##_spatial_plain_avx2},                      \
+  {number, LAYOUT_SPATIAL_ORIENTED, NUMBER_PLAIN, batch_##law##_spatial_oriented_plain_avx2},    \
+  {number, LAYOUT_EVERYTHING, NUMBER_BOUNDED, batch_##law##_everything_bounded_avx2},            \
+  {number, LAYOUT_EVERYTHING, NUMBER_EXTENDED, batch_##law##_everything_extended_avx2},
       EACH_OF_LAWS(X)
 #undef X
 #define X(law, number)                                                                    \
-  {number, LAYOUT_PLANAR, FLOAT, batch_##law##_planar_float_avx2},                        \
-  {number, LAYOUT_SPATIAL, FLOAT, batch_##law##_spatial_float_avx2},                      \
-  {number, LAYOUT_SPATIAL_ORIENTED, FLOAT, batch_##law##_spatial_oriented_float_avx2},
+  {number, LAYOUT_PLANAR, NUMBER_FLOAT, batch_##law##_planar_float_avx2},                        \
+  {number, LAYOUT_SPATIAL, NUMBER_FLOAT, batch_##law##_spatial_float_avx2},                      \
+  {number, LAYOUT_SPATIAL_ORIENTED, NUMBER_FLOAT, batch_##law##_spatial_oriented_float_avx2},
       EACH_OF_LAWS_IN_FLOAT32(X)
 #undef X
 #define X(law, number)                                          \
-  {number, LAYOUT_POINT, PLAIN, batch_##law##_point_plain_avx2}, \
-  {number, LAYOUT_POINT, FLOAT, batch_##law##_point_float_avx2},
+  {number, LAYOUT_POINT, NUMBER_PLAIN, batch_##law##_point_plain_avx2}, \
+  {number, LAYOUT_POINT, NUMBER_FLOAT, batch_##law##_point_float_avx2},
       EACH_OF_USUAL_LAWS(X)
 #undef X
   };
@@ -185,18 +183,18 @@ static BatchKernel batch_kernel(int law, int layout, int number) {
 #endif
   static const BatchRow every_machine[] = {
 #define X(law, number)                                                         \
-  {number, LAYOUT_EVERYTHING, PLAIN, batch_##law##_everything_plain_base},     \
-  {number, LAYOUT_EVERYTHING, BOUNDED, batch_##law##_everything_bounded_base}, \
-  {number, LAYOUT_EVERYTHING, LONG_BOUNDED, batch_##law##_everything_extended_base},
+  {number, LAYOUT_EVERYTHING, NUMBER_PLAIN, batch_##law##_everything_plain_base},     \
+  {number, LAYOUT_EVERYTHING, NUMBER_BOUNDED, batch_##law##_everything_bounded_base}, \
+  {number, LAYOUT_EVERYTHING, NUMBER_EXTENDED, batch_##law##_everything_extended_base},
       EACH_OF_LAWS(X)
 #undef X
-#define X(law, number) {number, LAYOUT_EVERYTHING, FLOAT, batch_##law##_everything_float_base},
+#define X(law, number) {number, LAYOUT_EVERYTHING, NUMBER_FLOAT, batch_##law##_everything_float_base},
       EACH_OF_LAWS_IN_FLOAT32(X)
 #undef X
 #define X(law, number)                                                     \
-  {number, LAYOUT_EVERYTHING, PLAIN, batch_##law##_everything_bounded_base},   \
-  {number, LAYOUT_EVERYTHING, BOUNDED, batch_##law##_everything_bounded_base}, \
-  {number, LAYOUT_EVERYTHING, LONG_BOUNDED, batch_##law##_everything_bounded_base},
+  {number, LAYOUT_EVERYTHING, NUMBER_PLAIN, batch_##law##_everything_bounded_base},   \
+  {number, LAYOUT_EVERYTHING, NUMBER_BOUNDED, batch_##law##_everything_bounded_base}, \
+  {number, LAYOUT_EVERYTHING, NUMBER_EXTENDED, batch_##law##_everything_bounded_base},
       EACH_OF_STEPPED_LAWS(X)
 #undef X
   };
