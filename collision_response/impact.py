@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from .numbers.number import Condition, Scalar, choose, negation, square_root
+from .numbers.number import Condition, Scalar, choose, leave_range, negation, square_root
 from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics
@@ -72,7 +72,8 @@ class Flags(NamedTuple):
         fell_back: the law had no sound answer, and this is COULOMB's.
         idle_spin: a body turned about an axis without inertia, which moved no contact.
         unfinished: a loop of the law ended by its budget.
-        overflown: what the impulse was divided by is beyond the range of its numbers.
+        out_of_range: a square that the answer hangs on is beyond the range of its numbers, or among the least
+            of them, which have few digits.
         unphysical: beyond its error the answer adds energy, pulls, leaves the friction cone, or misses
             the restitution asked for: a fault of this package.
     """
@@ -82,7 +83,7 @@ class Flags(NamedTuple):
     fell_back: Condition
     idle_spin: Condition
     unfinished: Condition
-    overflown: Condition
+    out_of_range: Condition
     unphysical: Condition
 
 
@@ -168,14 +169,13 @@ def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Set
         restitution=e,
         regime=choose(approaching, lambda: outcome.regime, lambda: 1.0 * Regime.SEPARATING),
     )
-    divisors = n.dot(n) + kinematics.n_Kn
     flags = Flags(
-        separating=~approaching if not isinstance(approaching, bool) else not approaching,
+        separating=negation(approaching),
         slow=is_slow & (contact.restitution > 0),
         fell_back=approaching & outcome.fell_back,
         idle_spin=_is_idle(kinematics.side_a.idle) | _is_idle(kinematics.side_b.idle),
         unfinished=approaching & outcome.unfinished,
-        overflown=negation(divisors - divisors == 0),
+        out_of_range=leave_range(n.dot(n), kinematics.n_Kn) | (approaching & outcome.out_of_range),
         unphysical=not by_speed
         and _is_unphysical(law, kinematics, u_after, impulse, friction, e * kinematics.n_u, approaching),
     )

@@ -456,3 +456,70 @@ def test_every_level_of_the_machine_gives_the_same_bits(geometry, oriented, law,
         finally:
             library.limit_vectors(512)
         assert_same(by_longest, by_others)
+
+
+# units
+
+
+def sound_tables(geometry: Geometry, dtype: type) -> tuple[np.ndarray, np.ndarray]:
+    """Contacts that slide, stick, and separate."""
+    rows, touch = body_rows(geometry), contact_rows(geometry)
+    bodies, contacts = np.zeros((rows.height, 2, 3), dtype), np.zeros((touch.height, 3), dtype)
+    bodies[rows.mass] = [[1.0] * 3, [3.0] * 3]
+    bodies[rows.velocity][:, 0] = [[1.0, 1.0, 1.0], [-2.0, -2.0, 2.0], [-0.5, -0.5, 0.5]]
+    contacts[touch.normal] = [[1.0] * 3, [2.0] * 3, [2.0] * 3]
+    contacts[touch.restitution], contacts[touch.friction] = 0.5, [0.25, 4.0, 0.25]
+    if geometry is Geometry.SPATIAL:
+        inertia = bodies[rows.inertia]
+        inertia[0], inertia[3], inertia[5] = 0.5, 0.25, 0.625
+        bodies[rows.position][:, 0] = [[0.5] * 3, [1.0] * 3, [0.25] * 3]
+    return bodies, contacts
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU], ids=lambda law: law.name)
+@pytest.mark.parametrize("geometry", [Geometry.POINT, Geometry.SPATIAL], ids=lambda geometry: geometry.name)
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_units_do_not_matter(dtype, geometry, law):
+    """Dust and planets: what leaves the range on the way is answered all the same."""
+    bodies, contacts = sound_tables(geometry, dtype)
+    rows, touch, model = body_rows(geometry), contact_rows(geometry), ImpactModel(law)
+    expected = resolve_batch(bodies, contacts, model, report=True)
+    assert expected.status.tolist() == [StatusCode.OK, StatusCode.OK, StatusCode.SEPARATING]
+    assert law is Law.FRICTIONLESS or expected.regime[0] != expected.regime[1]
+    reach = 60 if dtype is np.float32 else 500
+    for mass, speed, length in product((-reach, -reach // 3, 0, reach // 2, reach), repeat=3):
+        if abs(mass + 2 * speed) > 1.9 * reach:  # energies beyond the range themselves
+            continue
+        scaled, touching = bodies.copy(), contacts.copy()
+        scaled[rows.mass] = np.ldexp(bodies[rows.mass], mass)
+        scaled[rows.inertia] = np.ldexp(bodies[rows.inertia], mass)
+        scaled[rows.velocity] = np.ldexp(bodies[rows.velocity], speed)
+        touching[touch.normal] = np.ldexp(contacts[touch.normal], length)
+        result = resolve_batch(scaled, touching, model, report=True)
+        np.testing.assert_array_equal(result.status, expected.status)
+        np.testing.assert_array_equal(result.regime, expected.regime)
+        # Those of float64 that leave the range may come by EXTENDED, and are right to the last digit.
+        near = {"rtol": 0.0 if dtype is np.float32 else 2.0**-50, "atol": 0.0}
+        np.testing.assert_allclose(result.velocity, np.ldexp(expected.velocity, speed), **near)
+        np.testing.assert_allclose(result.impulse, np.ldexp(expected.impulse, mass + speed), **near)
+
+
+@pytest.mark.parametrize("friction", [1e-30, 0.25, 1e30])
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU], ids=lambda law: law.name)
+def test_slip_and_approach_may_be_far_apart(law, friction):
+    """Squares of float32 leave the range at 2^64: the same numbers in float64 do not."""
+    rows, touch, powers = body_rows(Geometry.POINT), contact_rows(Geometry.POINT), range(-60, 61, 10)
+    velocities = [(2.0**slip, 0.0, -(2.0**approach)) for slip, approach in product(powers, repeat=2)]
+    bodies, contacts = np.zeros((rows.height, 2, 169)), np.zeros((touch.height, 169))
+    bodies[rows.mass] = [[1.0], [3.0]]
+    bodies[rows.velocity][:, 0] = np.array(velocities).T
+    contacts[touch.normal], contacts[touch.restitution] = [[0.0], [0.0], [1.0]], 0.5
+    contacts[touch.friction] = friction
+    contacts = contacts.astype(np.float32)
+    right = resolve_batch(bodies, contacts.astype(np.float64), ImpactModel(law))
+    found = resolve_batch(bodies.astype(np.float32), contacts, ImpactModel(law))
+    np.testing.assert_array_equal(found.status, right.status)
+    assert (right.status == StatusCode.OK).all()
+    # A component may be what two others leave, of which the larger has been rounded.
+    size = abs(right.velocity).max(axis=0)
+    assert (abs(found.velocity - right.velocity) <= 2.0**-20 * size).all()

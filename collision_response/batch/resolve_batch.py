@@ -29,8 +29,9 @@ import numpy as np
 
 from ..kernels import library
 from ..kernels.layout import Layout
+from ..kernels.protocol import Number
 from ..model import LARGEST, ULP, Geometry, ImpactModel, Law, Precision, check_model, law_for
-from ..physics.laws import PATHS, Settings
+from ..physics.laws import PATHS, STEPPED, Settings
 from ..status import ImpactError, StatusCode
 from . import one_by_one
 from .pairs import as_pairs
@@ -190,7 +191,7 @@ class Plan(NamedTuple):
     geometry: Geometry
     oriented: bool
     model: ImpactModel
-    number: library.Number
+    number: Number
     constants: Array
     axes: int
     spins: int
@@ -238,18 +239,18 @@ def _improve(asked: Asked, out: BatchResult, found: tuple[int, float], workers: 
             odd = np.flatnonzero(out.status >= StatusCode.OUT_OF_RANGE)
             yield from one_by_one.retry(asked.some(odd), out, odd)
         return
-    exact = model.precision is Precision.EXTENDED
+    exact = model.precision is Precision.EXTENDED and model.law not in STEPPED
     out.precision[:] = Precision.EXTENDED if exact else Precision.DOUBLE
-    limit = ULP if exact else model.tolerance
     tolerance = model.tolerance or LARGEST
+    limit = ULP if exact else tolerance
     if worst <= StatusCode.SEPARATING and loosest <= min(limit, tolerance):
         return
     wanting = _wanting(out, limit)
-    if model.precision is Precision.AUTO and wanting.size:
+    if model.precision is Precision.AUTO and model.law not in STEPPED and wanting.size:
         few = BatchResult(
             *(None if a is None else np.empty((*a.shape[:-1], wanting.size), a.dtype) for a in out)
         )
-        _run(asked.some(wanting), library.Number.EXTENDED, few, workers, 0, wanting.size)
+        _run(asked.some(wanting), Number.EXTENDED, few, workers, 0, wanting.size)
         few.precision[:] = Precision.EXTENDED
         for array, better in zip(out, few, strict=True):
             if array is not None:
@@ -270,7 +271,7 @@ def _wanting(out: BatchResult, limit: float) -> Array:
 
 
 def _run(
-    asked: Asked, number: library.Number, out: BatchResult, workers: int, start: int, stop: int
+    asked: Asked, number: Number, out: BatchResult, workers: int, start: int, stop: int
 ) -> tuple[int, float] | None:
     """Compute columns; the greatest status, and the greatest error bound; ``None`` if arrays do not fit."""
     plan, *tables = asked
@@ -324,9 +325,9 @@ def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> P
     law = law_for(model.law, has_friction=height >= least.height)
     if law is not Law.FRICTIONLESS and height < least.height:
         raise ValueError(f"contacts: {law.name} needs a row of friction")
-    number = library.Number.FLOAT if dtype == np.float32 else library.Number.PLAIN
+    number = Number.FLOAT if dtype == np.float32 else Number.PLAIN
     if is_bounded(model):
-        number = library.Number.EXTENDED if model.precision is Precision.EXTENDED else library.Number.BOUNDED
+        number = Number.EXTENDED if model.precision is Precision.EXTENDED else Number.BOUNDED
     of = body_rows(geometry)
     return Plan(
         _LAYOUTS.index(layout_of(geometry, oriented=oriented)),

@@ -74,7 +74,7 @@ static __attribute__((noinline)) void some_impacts(const Batch& batch, long at) 
   T status = choose<T>(flags[FLAG_SEPARATING], spread<T>(STATUS_SEPARATING), spread<T>(STATUS_OK));
   status = choose<T>(flags[FLAG_UNPHYSICAL], spread<T>(STATUS_INTERNAL_ERROR), status);
   status = choose<T>(flags[FLAG_UNFINISHED], spread<T>(STATUS_PATH_TOO_LONG), status);
-  status = choose<T>((sum - sum == 0) & negation(flags[FLAG_OVERFLOWN]), status, spread<T>(STATUS_OUT_OF_RANGE));
+  status = choose<T>((sum - sum == 0) & negation(flags[FLAG_OUT_OF_RANGE]), status, spread<T>(STATUS_OUT_OF_RANGE));
   if (__builtin_expect(batch.regime != nullptr, 0)) {  // the compiler moves what leads to it in here
     T energies{};
     UNROLLED for (int k = 0; k < ENERGIES; ++k) energies += reported[OUT_KINETIC_ENERGY_BEFORE + k];

@@ -27,7 +27,7 @@ Considerations", J. Appl. Mech. 65 (1998) 939-951, eqs. 17-22.
 
 from __future__ import annotations
 
-from ...numbers.number import Condition, Scalar, called, choose, square_root, varying_as
+from ...numbers.number import Condition, Scalar, called, choose, leave_range, square_root, varying_as
 from ..effective_mass import ContactKinematics, Seen
 from .law import Coefficients, Outcome, Regime, Solution, slipping
 
@@ -58,7 +58,9 @@ def chatterjee_ruina(contact: ContactKinematics | Seen, coefficients: Coefficien
     P = n * ((1 + e) * j) + D * kappa
     regime = choose(in_cone, lambda: 1.0 * Regime.STICKING, lambda: slipping(contact, u + K @ P))
     lost_restitution = (1 - e) * (1 + e) * j * -contact.n_u / 2
-    return Outcome(P, regime, lost_restitution, -(kappa * (2 - kappa)) * D.dot(plastic) / 2)
+    lost_friction = -(kappa * (2 - kappa)) * D.dot(plastic) / 2
+    size = slip + j * j * nn
+    return Outcome(P, regime, lost_restitution, lost_friction, out_of_range=leave_range(size, size / nn))
 
 
 def or_fallback(

@@ -81,6 +81,7 @@ class Outcome(NamedTuple):
         fell_back: whether the law had no sound answer, and this is Chatterjee & Ruina's.
         unfinished: whether a loop of the law ended by its budget.
         doubt: an estimate of the error of ``impulse`` by a law that can give no bound [N s].
+        out_of_range: whether a square that it hangs on leaves the range of its numbers.
     """
 
     impulse: Vec3
@@ -91,6 +92,7 @@ class Outcome(NamedTuple):
     fell_back: Condition = False
     unfinished: Condition = False
     doubt: Vec3 | None = None
+    out_of_range: Condition = False
 
 
 def slipping(contact: ContactKinematics | Seen, velocity_after: Vec3) -> Scalar:
