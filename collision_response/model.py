@@ -32,12 +32,14 @@ class Precision(Named):
     AUTO = 1
     """DOUBLE, and where that does not meet the tolerance (without one: bounds nothing), EXTENDED."""
     SINGLE = 2
-    """32 bits, some 7 digits. One impact takes as long as in DOUBLE; batches of float32 take half as long."""
+    """32 bits, some 7 digits; DOUBLE for the laws of paths, which need its digits. One impact takes about as
+    long as in DOUBLE; batches of float32 take half as long."""
     DOUBLE = 3
     """64 bits, some 16 digits."""
     EXTENDED = 4
     """Right to a unit in the last place: by some 32 digits, and by as many as it takes where that is not
-    enough and python-flint is installed."""
+    enough and python-flint is installed. A law that takes steps leaves what they miss: the bound says how
+    much."""
 
 
 class Adjustment(IntFlag):

@@ -65,7 +65,8 @@ class CollisionResponseNode(Node):
         subscription ``body_states``, or the parameter ``body_state_topics``: bodies that requests
             may then give by name only.
         subscription ``all_body_states``: the same for many bodies, as a table.
-        publisher ``~/result``: every answer of the first, refusals included, once anybody subscribes.
+        publisher ``~/result``: every answer of the first, refusals included; the last 100 wait for who
+            subscribes.
         publisher ``~/scene_result``: the same for scenes.
         publisher ``/diagnostics``: how it is doing.
 
