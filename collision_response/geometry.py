@@ -1,4 +1,4 @@
-"""What a scene requires: the least geometry whose answer is exactly that of SPATIAL."""
+"""What an impact requires: the least geometry whose answer is exactly that of SPATIAL."""
 
 from __future__ import annotations
 

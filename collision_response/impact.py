@@ -91,10 +91,10 @@ class Blow(NamedTuple):
     """The impulse, seen from the contact alone.
 
     Attributes:
-        approaching: whether there is one.
-        is_slow: whether the approach is slower than the threshold.
+        approaching: whether the bodies approach each other.
+        is_slow: whether they do so more slowly than the threshold.
         restitution: used.
-        outcome: of the law, which knows no other than approaching bodies.
+        outcome: of the law; it means something only if they approach.
         impulse: on body_a; 0 if they do not approach.
     """
 

@@ -45,7 +45,7 @@ class StatusCode(Named):
     TOLERANCE_NOT_MET = 17
     """An answer, but its error bound is above the tolerance asked for, or infinite."""
     PATH_TOO_LONG = 18
-    """A path of Routh's did not end within its budget of steps."""
+    """A law's path or search did not end within its budget of steps."""
     INVALID_TABLE = 19
     """Of a batch or scene: a table whose size does not fit."""
     BUDGET_EXCEEDED = 20

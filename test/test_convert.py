@@ -68,7 +68,7 @@ def answer_to(request):
 
 
 def impact_of(request):
-    return resolve(*convert.scene_of(request, PARAMETERS))
+    return resolve(*convert.problem_of(request, PARAMETERS))
 
 
 def set_vector(message, vector):

@@ -9,8 +9,8 @@ Not every result needs all that a number type carries. Each operation is written
 Nor does every request need all operations: what only one branch of a choice takes is computed where that
 branch may be taken, by any lane. The results are the same to the bit.
 
-Where numbers carry derivatives, a turn of a loop goes by values alone, and then once more for derivatives: of
-what they are wanted of, and as far as the values have come to it.
+Where numbers carry derivatives, each turn of a loop is written twice: first the values, then the derivatives
+of the states that a result needs.
 """
 
 from __future__ import annotations

@@ -21,16 +21,17 @@
 #define GIVEN_ROUNDOFF 0x1p-53
 #endif
 #define INLINE static inline __attribute__((always_inline))
-// Operations as calls: all but those of a base, which compiles in a third of the time; or the rare and long ones alone.
+// OUT_OF_LINE: operations are calls, but those of a base; that compiles in a third of the time. LONG_OUT_OF_LINE: only the
+// long operations are.
 #ifdef OUT_OF_LINE
-#define OFTEN static __attribute__((noinline))
+#define SHORT_OPERATION static __attribute__((noinline))
 #else
-#define OFTEN INLINE
+#define SHORT_OPERATION INLINE
 #endif
-#if defined(OUT_OF_LINE) || defined(RARE_OUT_OF_LINE)
-#define RARE static __attribute__((noinline))
+#if defined(OUT_OF_LINE) || defined(LONG_OUT_OF_LINE)
+#define LONG_OPERATION static __attribute__((noinline))
 #else
-#define RARE INLINE
+#define LONG_OPERATION INLINE
 #endif
 
 // --- Bases -------------------------------------------------------------------------------------------
@@ -185,15 +186,15 @@ template <class T> INLINE DoubleDouble<T> root_of(const DoubleDouble<T>& a) {
   T rest = (((a.h - p.h) - p.l) + a.l) / (s + s);
   return quick_sum(s, choose<T>(s == 0, T{}, rest));
 }
-template <class T> OFTEN DoubleDouble<T> operator+(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return sum_of(a, b); }
-template <class T> OFTEN DoubleDouble<T> operator-(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return sum_of(a, -b); }
-template <class T> OFTEN DoubleDouble<T> operator*(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return product_of(a, b); }
-template <class T> OFTEN DoubleDouble<T> operator/(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return quotient_of(a, b); }
-template <class T> OFTEN DoubleDouble<T> root(const DoubleDouble<T>& a) { return root_of(a); }
-template <class T> OFTEN Mask<T> less(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+template <class T> SHORT_OPERATION DoubleDouble<T> operator+(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return sum_of(a, b); }
+template <class T> SHORT_OPERATION DoubleDouble<T> operator-(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return sum_of(a, -b); }
+template <class T> SHORT_OPERATION DoubleDouble<T> operator*(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return product_of(a, b); }
+template <class T> SHORT_OPERATION DoubleDouble<T> operator/(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return quotient_of(a, b); }
+template <class T> SHORT_OPERATION DoubleDouble<T> root(const DoubleDouble<T>& a) { return root_of(a); }
+template <class T> SHORT_OPERATION Mask<T> less(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
   return (a.h < b.h) | ((a.h == b.h) & (a.l < b.l));
 }
-template <class T> OFTEN Mask<T> less_equal(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+template <class T> SHORT_OPERATION Mask<T> less_equal(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
   return (a.h < b.h) | ((a.h == b.h) & (a.l <= b.l));
 }
 template <class T> INLINE Mask<T> equal(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return (a.h == b.h) & (a.l == b.l); }
@@ -248,16 +249,16 @@ template <class T> INLINE Bounded<DoubleDouble<T>> sum_in_bounds(const DoubleDou
   T low = a.l + b.l;
   return rounded(quick_sum(s.h, s.l + low), error + magnitude(low) * spread<T>(0x1p-53));
 }
-template <class N> OFTEN Bounded<N> operator+(const Bounded<N>& a, const Bounded<N>& b) { return sum_in_bounds(a.value, b.value, a.error + b.error); }
-template <class N> OFTEN Bounded<N> operator-(const Bounded<N>& a, const Bounded<N>& b) { return sum_in_bounds(a.value, -b.value, a.error + b.error); }
+template <class N> SHORT_OPERATION Bounded<N> operator+(const Bounded<N>& a, const Bounded<N>& b) { return sum_in_bounds(a.value, b.value, a.error + b.error); }
+template <class N> SHORT_OPERATION Bounded<N> operator-(const Bounded<N>& a, const Bounded<N>& b) { return sum_in_bounds(a.value, -b.value, a.error + b.error); }
 template <class N> INLINE Bounded<N> operator-(const Bounded<N>& a) { return {-a.value, a.error}; }
-template <class N> OFTEN Bounded<N> operator*(const Bounded<N>& a, const Bounded<N>& b) {
+template <class N> SHORT_OPERATION Bounded<N> operator*(const Bounded<N>& a, const Bounded<N>& b) {
   using T = Base<N>;
   T size_a = magnitude(high(a.value)) + a.error, size_b = magnitude(high(b.value));
   T lost = lesser(size_a, size_b + b.error) > 0 ? spread<T>(underflow<T>) : T{};  // 0 times anything is 0
   return rounded(product_of(a.value, b.value), (size_a * b.error + size_b * a.error) + lost);
 }
-template <class N> RARE Bounded<N> operator/(const Bounded<N>& a, const Bounded<N>& b) {
+template <class N> LONG_OPERATION Bounded<N> operator/(const Bounded<N>& a, const Bounded<N>& b) {
   using T = Base<N>;
   N q = quotient_of(a.value, b.value);
   T least = magnitude(high(b.value)) - b.error * spread<T>(1 + slack<T>);
@@ -267,7 +268,7 @@ template <class N> RARE Bounded<N> operator/(const Bounded<N>& a, const Bounded<
   T error = (a.error + magnitude(high(q)) * b.error + rest) / least;
   return rounded(q, choose<T>(least > 0, error + lost, spread<T>(__builtin_inf())));
 }
-template <class N> RARE Bounded<N> root(const Bounded<N>& a) {
+template <class N> LONG_OPERATION Bounded<N> root(const Bounded<N>& a) {
   using T = Base<N>;
   N s = root_of(a.value);
   T error = a.error;
@@ -280,9 +281,9 @@ template <class N> INLINE Truth<Base<N>> compared(Mask<Base<N>> truth, const Bou
   T errors = (a.error + b.error) * spread<T>(1 + slack<T>);
   return {truth, (Mask<T>)((magnitude(high(sum_of(a.value, -b.value))) > errors) | (errors == 0))};
 }
-template <class N> OFTEN Truth<Base<N>> less(const Bounded<N>& a, const Bounded<N>& b) { return compared(less(a.value, b.value), a, b); }
-template <class N> OFTEN Truth<Base<N>> less_equal(const Bounded<N>& a, const Bounded<N>& b) { return compared(less_equal(a.value, b.value), a, b); }
-template <class N> OFTEN Truth<Base<N>> equal(const Bounded<N>& a, const Bounded<N>& b) { return compared(equal(a.value, b.value), a, b); }
+template <class N> SHORT_OPERATION Truth<Base<N>> less(const Bounded<N>& a, const Bounded<N>& b) { return compared(less(a.value, b.value), a, b); }
+template <class N> SHORT_OPERATION Truth<Base<N>> less_equal(const Bounded<N>& a, const Bounded<N>& b) { return compared(less_equal(a.value, b.value), a, b); }
+template <class N> SHORT_OPERATION Truth<Base<N>> equal(const Bounded<N>& a, const Bounded<N>& b) { return compared(equal(a.value, b.value), a, b); }
 template <class T> INLINE Truth<T> operator&(const Truth<T>& a, const Truth<T>& b) {
   return {(Mask<T>)(a.value & b.value),
           (Mask<T>)((a.sure & b.sure) | (a.sure & negation(a.value)) | (b.sure & negation(b.value)))};
@@ -293,7 +294,7 @@ template <class T> INLINE Truth<T> operator|(const Truth<T>& a, const Truth<T>& 
 template <class T> INLINE Truth<T> negation(const Truth<T>& a) { return {negation(a.value), a.sure}; }
 // What is not a number stays so: it counts as infinite.
 template <class T> INLINE T greater_error(T a, T b) { return choose<T>(a < b, b, choose<T>(a >= b, a, a + b)); }
-template <class N> OFTEN Bounded<N> choose(const Truth<Base<N>>& c, const Bounded<N>& a, const Bounded<N>& b) {
+template <class N> SHORT_OPERATION Bounded<N> choose(const Truth<Base<N>>& c, const Bounded<N>& a, const Bounded<N>& b) {
   using T = Base<N>;
   T error = choose<T>(c.value, a.error, b.error);
   if (__builtin_expect(any(negation(c.sure)), 0)) {

@@ -39,7 +39,7 @@ LISTS: dict[str, list[Law]] = {
     "laws_in_float32": [law for law in LAWS if law not in PATHS],
     "usual_laws": [Law.FRICTIONLESS, Law.COULOMB],
 }
-"""Laws by what is compiled for them: all kernels, one for all precisions, those of float32, the fastest."""
+"""Laws by what is compiled for them: all kernels; one for all precisions; float32 too; the fastest."""
 
 HEAD = '#pragma once\n#include "pairs.hpp"\n\n'
 
@@ -121,16 +121,16 @@ def validity_of(layout: Layout) -> str:
     and whether a quaternion was not of unit length."""
     tape = Tape()
     asked = request(layout, tape)
-    scene = asked.body_a, asked.body_b, asked.contact
-    code = validity.fault(*scene, asked.settings.tangential_restitution)
+    parts = asked.body_a, asked.body_b, asked.contact
+    code = validity.fault(*parts, asked.settings.tangential_restitution)
     shapes = [
-        geometry.is_point(*scene, frictionless=True),
-        geometry.is_point(*scene, frictionless=False),
-        geometry.is_planar(*scene, frictionless=True),
-        geometry.is_planar(*scene, frictionless=False),
+        geometry.is_point(*parts, frictionless=True),
+        geometry.is_point(*parts, frictionless=False),
+        geometry.is_planar(*parts, frictionless=True),
+        geometry.is_planar(*parts, frictionless=False),
         validity.is_off_unit(asked.body_a) | validity.is_off_unit(asked.body_b),
     ]
-    plain = tape.symbol(validity.is_plainly_sound(*scene, asked.settings.tangential_restitution))
+    plain = tape.symbol(validity.is_plainly_sound(*parts, asked.settings.tangential_restitution))
     return (
         emit("validity", list(asked.names), [], [tape.symbol(code)], map(tape.symbol, shapes))
         + emit("plainly_sound", list(asked.names), [], [], [plain])
@@ -139,7 +139,7 @@ def validity_of(layout: Layout) -> str:
 
 
 def column() -> str:
-    """What a scene needs: of a body, of the body at a contact in one direction; and its kinetic energy."""
+    """What scenes need: of a body, of the body at a contact in one direction; and its kinetic energy."""
     names, tape = [f"body_a.{name}" for name in names_of_body(Layout.EVERYTHING)], Tape()
     body = request(Layout.EVERYTHING, tape).body_a
     centre = Side.of(body, body.position)

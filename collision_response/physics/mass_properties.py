@@ -4,16 +4,12 @@ For particles of mass ``m`` at ``(x, y, z)`` from their centre of mass
 
     I_xx = sum m (y^2 + z^2)    I_xy = -sum m x y    and so on in turn.
 
-A solid with a size below 0 is a ``ValueError``. Every solid is also there as a few particles with the same
-mass, centre of mass and inertia: the nodes of a quadrature that is exact for the second moments
-(``*_particles``).
+A solid with a size below 0 is a ``ValueError``.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
-from itertools import product
 from typing import Any, NamedTuple
 
 from ..numbers.number import Scalar
@@ -138,30 +134,6 @@ def rod(mass: Scalar, length: Scalar) -> MassProperties:
     return _principal(mass, across * 0, across, across)
 
 
-def sphere_particles(mass: float, radius: float) -> list[Particle]:
-    """Six particles on the axes, equimomental to a solid sphere."""
-    d = radius * math.sqrt(3 / 5)
-    at = [(d, 0, 0), (-d, 0, 0), (0, d, 0), (0, -d, 0), (0, 0, d), (0, 0, -d)]
-    return _equal_shares(mass, at)
-
-
-def box_particles(mass: float, size: Sequence[float]) -> list[Particle]:
-    """Eight particles at the Gauss nodes of a solid box."""
-    return _equal_shares(mass, product(*(_gauss_nodes(edge) for edge in size)))
-
-
-def cylinder_particles(mass: float, radius: float, length: float) -> list[Particle]:
-    """Eight particles, two rings of four, equimomental to a solid cylinder about z."""
-    d = radius * math.sqrt(1 / 2)
-    ring = [(d, 0), (0, d), (-d, 0), (0, -d)]
-    return _equal_shares(mass, ((x, y, z) for (x, y), z in product(ring, _gauss_nodes(length))))
-
-
-def rod_particles(mass: float, length: float) -> list[Particle]:
-    """Two particles at the Gauss nodes of a thin rod along x."""
-    return _equal_shares(mass, ((x, 0, 0) for x in _gauss_nodes(length)))
-
-
 def _check_sizes(**sizes: Scalar) -> None:
     for name, size in sizes.items():
         if size < 0:
@@ -170,12 +142,3 @@ def _check_sizes(**sizes: Scalar) -> None:
 
 def _principal(mass: Scalar, xx: Scalar, yy: Scalar, zz: Scalar) -> MassProperties:
     return MassProperties(mass, ZERO, Symmetric3(xx, 0 * xx, 0 * xx, yy, 0 * xx, zz))
-
-
-def _gauss_nodes(length: float) -> tuple[float, float]:
-    return -length / math.sqrt(12), length / math.sqrt(12)
-
-
-def _equal_shares(mass: float, positions: Iterable[Sequence[float]]) -> list[Particle]:
-    at = [Vec3(*p) for p in positions]
-    return [Particle(mass / len(at), p) for p in at]

@@ -39,7 +39,7 @@ from .parameters import LatestParameters, Parameters
 from .patience import when_not_too_early
 from .request import TooEarly, age_of, check_age, check_frame, check_world_frame, find
 from .serialized import nanoseconds
-from .server import Answer
+from .server import Work
 from .states import LatestStates, quoted
 
 
@@ -85,7 +85,7 @@ class Batches:
         self._states = states
         self._now = now
 
-    def answer(self, request: Request) -> Answer:
+    def answer(self, request: Request) -> Work:
         """The work for a request, in parts."""
         current = self._parameters.values
         response = Response()

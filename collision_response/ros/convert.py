@@ -80,7 +80,7 @@ UNSET = -1.0
 """What a coefficient is that a message does not give."""
 
 
-class Scene(NamedTuple):
+class Problem(NamedTuple):
     """A request in the terms of the numeric core."""
 
     body_a: Body
@@ -89,7 +89,7 @@ class Scene(NamedTuple):
     model: ImpactModel
 
 
-def scene_of(request: ResolveCollision.Request, parameters: Parameters) -> Scene:
+def problem_of(request: ResolveCollision.Request, parameters: Parameters) -> Problem:
     """What a request asks for, in which both bodies are given in full.
 
     Raises:
@@ -98,7 +98,7 @@ def scene_of(request: ResolveCollision.Request, parameters: Parameters) -> Scene
     bodies = body_of("body_a", request.body_a), body_of("body_b", request.body_b)
     e, mu = (filled(field, request, parameters) for field in MOST)
     model = model_of(request.model, _defaults(parameters.model, pair_of(request, parameters)))
-    return Scene(*bodies, contact_with(request, e, mu, model.law), model)
+    return Problem(*bodies, contact_with(request, e, mu, model.law), model)
 
 
 def body_of(owner: str, state: BodyState) -> Body:

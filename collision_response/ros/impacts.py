@@ -18,7 +18,7 @@ from .journal import Journal
 from .parameters import LatestParameters
 from .patience import when_not_too_early
 from .request import complete
-from .server import Answer
+from .server import Work
 from .states import LatestStates
 
 
@@ -54,16 +54,16 @@ class Impacts:
         self._log = logger
         self._warned: set[str] = set()
 
-    def answer(self, request: ResolveCollision.Request) -> Answer:
+    def answer(self, request: ResolveCollision.Request) -> Work:
         """The work for a request."""
         current = self._parameters.values
         used = yield from when_not_too_early(
             partial(complete, request, self._states, current, self._now), current.max_state_wait
         )
         self._warn_of_coefficients(request)
-        scene = convert.scene_of(request, current)
+        problem = convert.problem_of(request, current)
         begin = time.perf_counter()
-        impact = resolve(*scene)
+        impact = resolve(*problem)
         duration = time.perf_counter() - begin
         response = ResolveCollision.Response(success=True)
         result = response.result
@@ -77,16 +77,16 @@ class Impacts:
                 stamp,
                 number,
                 *names,
-                scene.body_a,
-                scene.body_b,
-                scene.contact,
-                scene.model,
+                problem.body_a,
+                problem.body_b,
+                problem.contact,
+                problem.model,
                 impact,
                 duration,
             ),
         )
         if self._survey is not None:
-            self._log_requirements(self._survey, " - ".join(names), scene)
+            self._log_requirements(self._survey, " - ".join(names), problem)
         return response
 
     def refusal(self, request: ResolveCollision.Request, error: ImpactError) -> ResolveCollision.Response:
@@ -109,9 +109,9 @@ class Impacts:
                     "this is said once"
                 )
 
-    def _log_requirements(self, survey: SceneSurvey, name: str, scene: convert.Scene) -> None:
+    def _log_requirements(self, survey: SceneSurvey, name: str, problem: convert.Problem) -> None:
         before = survey.requirements()
         with suppress(ImpactError):  # without friction there is no answer
-            survey.add(name, scene.body_a, scene.body_b, scene.contact)
+            survey.add(name, problem.body_a, problem.body_b, problem.contact)
         if survey.requirements() != before:
             self._log.info(f"the scene requires {survey.requirements()}")

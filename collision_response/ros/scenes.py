@@ -27,7 +27,7 @@ from .parameters import LatestParameters, Parameters
 from .patience import when_not_too_early
 from .request import IN_FULL, Used, age_of, check_age, check_frame, check_world_frame, find
 from .serialized import ROWS, nanoseconds, state_from
-from .server import Answer
+from .server import Work
 from .states import LatestStates
 
 CONTACT_ROWS = ("x", "y", "z", "nx", "ny", "nz", "e", "mu")
@@ -89,7 +89,7 @@ class Scenes:
         self._journal = journal
         self._now = now
 
-    def answer(self, request: ResolveScene.Request) -> Answer:
+    def answer(self, request: ResolveScene.Request) -> Work:
         """The work for a request."""
         current = self._parameters.values
         contacts = contacts_of(request, current.budget_scene_contacts)

@@ -12,7 +12,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Generator
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy, qos_profile_system_default
@@ -57,7 +57,7 @@ LINGER = 0.5
 CYCLE = 0.01
 """Time [s] of serving after which the node sees to its other business."""
 
-Answer = Generator[float | None, None, Any]
+Work = Generator[float | None, None, Any]
 """The work for a request: yields as :data:`Parts`, returns the response, raises :class:`ImpactError`."""
 
 
@@ -72,7 +72,7 @@ class Kind(Protocol):
     interface: Any
     name: str
 
-    def answer(self, request: Any) -> Answer:
+    def answer(self, request: Any) -> Work:
         """The work for a request."""
 
     def refusal(self, request: Any, error: ImpactError) -> Any:
@@ -80,6 +80,24 @@ class Kind(Protocol):
 
     def code(self, response: Any) -> StatusCode:
         """How the request ended."""
+
+
+class Call(NamedTuple):
+    """One request to a service.
+
+    Attributes:
+        kind, service: that was asked.
+        presence: of the clients of that service.
+        client, header: who asked, and what DDS knows of it.
+        taken: when [s], by ``time.perf_counter``.
+    """
+
+    kind: Kind
+    service: Service[Any, Any]
+    presence: Presence
+    client: bytes
+    header: Any
+    taken: float
 
 
 class Server:
@@ -161,21 +179,16 @@ class Server:
         client = client_of(header)
         self._unconfirmed.pop(client, None)  # it is alive
         self._tally.requests += 1
-        taken = time.perf_counter()
-        send = partial(self._send, kind, service, presence, client, header, taken)
-        parts = self._parts(kind, request, send, presence, client, taken)
-        self._turns.add(client, Job(parts, lambda error: send(kind.refusal(request, error))))
+        call = Call(kind, service, presence, client, header, time.perf_counter())
 
-    def _parts(
-        self,
-        kind: Kind,
-        request: Any,
-        send: Callable[[Any], None],
-        presence: Presence,
-        client: bytes,
-        taken: float,
-    ) -> Parts:
-        """Who is there is answered, whatever happens: what left this would end ``spin()``."""
+        def refuse(error: ImpactError) -> None:
+            self._send(call, kind.refusal(request, error))
+
+        self._turns.add(client, Job(self._parts(call, request), refuse))
+
+    def _parts(self, call: Call, request: Any) -> Parts:
+        """Answer a client that is still there. No exception may leave this: it would end ``spin()``."""
+        kind, presence, client, taken = call.kind, call.presence, call.client, call.taken
         until = taken + DISCOVERY
         while not presence.is_there(client) and time.perf_counter() < until:
             yield min(until, time.perf_counter() + PATIENCE)
@@ -193,7 +206,7 @@ class Server:
             self._log.error(traceback.format_exc(), throttle_duration_sec=THROTTLE)
             fault = ImpactError(StatusCode.INTERNAL_ERROR, type(error).__name__, str(error))
             response = kind.refusal(request, fault)
-        send(response)
+        self._send(call, response)
 
     def _work(self) -> None:
         """Serve for a while, then leave the rest for later."""
@@ -213,30 +226,21 @@ class Server:
             self._patience.cancel()
         self._work()
 
-    def _send(
-        self,
-        kind: Kind,
-        service: Service[Any, Any],
-        presence: Presence,
-        client: bytes,
-        header: Any,
-        taken: float,
-        response: Any,
-    ) -> None:
-        if not _sent(service, response, header):
-            presence.missed(client)
+    def _send(self, call: Call, response: Any) -> None:
+        if not _sent(call.service, response, call.header):
+            call.presence.missed(call.client)
             self._tally.unsent += 1
             self._log.warning(
                 "an answer could not be sent: its client does not take any, or has left",
                 throttle_duration_sec=THROTTLE,
             )
             return
-        presence.reached(client)
-        self._unconfirmed[client] += 1
+        call.presence.reached(call.client)
+        self._unconfirmed[call.client] += 1
         if len(self._unconfirmed) > MOST_UNCONFIRMED:  # nobody says of all of them that they have left
             del self._unconfirmed[next(iter(self._unconfirmed))]
-        self._tally.answers[kind.code(response)] += 1
-        self._tally.latencies.append(time.perf_counter() - taken)
+        self._tally.answers[call.kind.code(response)] += 1
+        self._tally.latencies.append(time.perf_counter() - call.taken)
 
     def _forget_departed(self) -> None:
         for presence in self._presences:
