@@ -161,9 +161,9 @@ def _sum(body: Body, change: Twist) -> Twist:
 
 def _apart(flat: tuple[float, ...], whole: tuple[float, ...], whole_bound: float) -> float:
     """The relative distance of an answer from another, which is itself within a bound of the truth."""
-    size = math.hypot(*whole)
-    if size == 0.0:
-        return 0.0 if math.hypot(*flat) == 0.0 and whole_bound == 0.0 else math.inf
     if not whole_bound < 1:
         return math.inf
+    size = math.hypot(*whole)
+    if size == 0.0:  # as is the truth then
+        return 0.0 if math.hypot(*flat) == 0.0 else math.inf
     return (math.dist(flat, whole) / size + whole_bound) / (1 - whole_bound) * (1 + 2.0**-40)
