@@ -58,7 +58,8 @@ def _unusual(
     if answer == FAULT:
         validity.check_two(body_a, body_b)
         a, b, numeric = on_balls.read(body_a, body_b, contact)
-        validity.check(a, b, numeric, plan(model).settings.tangential_restitution)
+        e_t = plan(model).settings.tangential_restitution
+        validity.check(a, b, numeric, e_t, (body_a, body_b, contact))
         raise ImpactError(StatusCode.INTERNAL_ERROR, "request", "was refused for no known reason")
     if answer == MORE:
         if contact.tangential_restitution is not None:
