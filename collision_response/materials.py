@@ -16,7 +16,8 @@ and at most 1; ``{yield_speed: 0.02, after: thornton}``, or ``johnson``; ``{spee
 [0.9, 0.7]}``. ``friction`` of a pair is a number, or depends on the slip speed [m/s]: ``{static: 0.5,
 kinetic: 0.3, speed: 0.1}``, which is ``kinetic + (static - kinetic) exp(-v / speed)``; or such a table.
 ``stiffness`` is of a material, in any unit, for the rule "energetic". Whatever an entry leaves out is
-decided elsewhere.
+decided elsewhere. Nothing may be said twice. Names are text: quote those that YAML takes for something else,
+as ``"304"`` and ``"no"``.
 
 The file ``materials.yaml`` beside this module has published values, each with its source. They are of those
 bodies and surfaces: not truths about materials.
@@ -28,14 +29,15 @@ import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from reprlib import repr as quoted
+from types import NoneType
 from typing import Any, NamedTuple
 
 from .model import check_number
 from .physics import friction
-from .physics.combine import CombineRule, combine
+from .physics.combine import CombineRule, check_rule, combine
 from .physics.friction import Friction
 from .physics.restitution import Restitution, johnson, plastic, power_law, tabulated
-from .status import ImpactError, StatusCode
+from .status import ImpactError, StatusCode, shown
 
 PUBLISHED = Path(__file__).with_name("materials.yaml")
 
@@ -117,12 +119,12 @@ class Materials(NamedTuple):
             ImportError: PyYAML is not installed.
         """
         try:
-            import yaml
+            from .yaml_tree import YAMLError, tree_of
         except ImportError:
             raise ImportError("a file of materials needs PyYAML: pip install pyyaml") from None
         try:
-            tree = yaml.safe_load(path.read_text())
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            tree = tree_of(path.read_text())
+        except (YAMLError, UnicodeDecodeError) as error:
             where = " ".join(str(error).split())
             raise ImpactError(StatusCode.INVALID_TABLE, str(path), f"is no YAML: {where}") from None
         return cls.of(tree)
@@ -132,11 +134,11 @@ class Materials(NamedTuple):
         """The same from nested lists and mappings. Raises: ImpactError, as :meth:`read`."""
         top = _mapping("materials file", tree, ("pairs", "materials"))
         singles = {
-            str(name): Material(**_numbers(f"materials.{name}", entry, Material._fields))
+            _name("materials", name): Material(**_numbers(f"materials.{name}", entry, Material._fields))
             for name, entry in _mapping("materials", top.get("materials"), None).items()
         }
         pairs: dict[tuple[str, str], Pair] = {}
-        entries = top.get("pairs") or []
+        entries = [] if top.get("pairs") is None else top["pairs"]
         if not isinstance(entries, list):
             raise _malformed("pairs", "must be a list", entries)
         for i, entry in enumerate(entries):
@@ -168,7 +170,15 @@ class Materials(NamedTuple):
             coefficient: "restitution" or "friction".
             a, b: names of the materials.
             rule: that combines.
+
+        Raises:
+            ImpactError: OUT_OF_RANGE: what is combined is beyond float64.
+            TypeError: ``rule`` is no :class:`~collision_response.physics.combine.CombineRule`.
+            ValueError: there is no such coefficient.
         """
+        check_rule(rule)
+        if coefficient not in ("restitution", "friction"):
+            raise ValueError(f"coefficient: must be restitution or friction, is {coefficient!r}")
         pair = self.between(a, b)
         value = getattr(pair, coefficient)
         if value is not None:
@@ -178,9 +188,11 @@ class Materials(NamedTuple):
         if None in values:
             return None
         stiffnesses = [one.stiffness for one in both]
-        return Found(
-            combine(rule, *values, *(stiffnesses if None not in stiffnesses else ())), False, rule.value
-        )
+        joined = combine(rule, *values, *(stiffnesses if None not in stiffnesses else ()))
+        if math.isinf(joined):
+            reason = f"is beyond float64 by the rule {rule.value}: of {a} {values[0]}, of {b} {values[1]}"
+            raise ImpactError(StatusCode.OUT_OF_RANGE, coefficient, reason)
+        return Found(joined, False, rule.value)
 
 
 NOTHING = Materials({}, {})
@@ -188,7 +200,15 @@ NOTHING = Materials({}, {})
 
 
 def _malformed(field: str, must: str, value: Any) -> ImpactError:
-    return ImpactError(StatusCode.INVALID_TABLE, field, f"{must}, is {value!r}")
+    return ImpactError(StatusCode.INVALID_TABLE, field, f"{must}, is {shown(value, quoted)}")
+
+
+def _name(field: str, name: Any) -> str:
+    if not isinstance(name, str):
+        raise _malformed(
+            field, "must have names that are text; quote what YAML takes for something else", name
+        )
+    return name
 
 
 def _mapping(field: str, tree: Any, keys: tuple[str, ...] | None) -> Mapping[str, Any]:
@@ -217,16 +237,22 @@ def _numbers(field: str, entry: Any, keys: tuple[str, ...]) -> dict[str, float]:
 def _pair(field: str, entry: Any) -> tuple[tuple[str, str], Pair]:
     numbers = dict(_mapping(field, entry, ("materials", *Pair._fields)))
     names = numbers.pop("materials", None)
-    if not (isinstance(names, list) and len(names) == 2 and all(isinstance(name, str) for name in names)):
+    if not (isinstance(names, list) and len(names) == 2):
         raise _malformed(f"{field}.materials", "must be two names", names)
-    source = str(numbers.pop("source", ""))
+    a, b = sorted(_name(f"{field}.materials", name) for name in names)
+    source = _source(f"{field}.source", numbers.pop("source", None))
     by_speed = {
         name: read(f"{field}.{name}", numbers.pop(name))
         for name, read in (("restitution", _restitution), ("friction", _friction))
         if name in numbers
     }
-    a, b = sorted(names)
     return (a, b), Pair(source=source, **by_speed, **_numbers(field, numbers, Pair._fields))
+
+
+def _source(field: str, source: Any) -> str:
+    if isinstance(source, bool) or not isinstance(source, (str, int, float, NoneType)):
+        raise _malformed(field, "must be text", source)
+    return "" if source is None else shown(source, str)
 
 
 YIELDING = {"thornton": plastic, "johnson": johnson}
@@ -234,13 +260,13 @@ YIELDING = {"thornton": plastic, "johnson": johnson}
 
 def _restitution(field: str, law: Any) -> Any:
     def read() -> Restitution | None:
-        match sorted(law):
+        match sorted(map(str, law)):
             case ["power", "speed", "value"]:
-                return power_law(law["value"], law["speed"], law["power"])
-            case ["after", "yield_speed"] if law["after"] in YIELDING:
-                return YIELDING[law["after"]](law["yield_speed"])
+                return power_law(*_constants(law, "value", "speed", "power"))
+            case ["after", "yield_speed"] if isinstance(law["after"], str) and law["after"] in YIELDING:
+                return YIELDING[law["after"]](*_constants(law, "yield_speed"))
             case ["speeds", "values"]:
-                return tabulated(law["speeds"], law["values"])
+                return tabulated(*_columns(law))
         return None
 
     keys = "power, speed and value; yield_speed and after (thornton, johnson); or speeds and values"
@@ -249,14 +275,35 @@ def _restitution(field: str, law: Any) -> Any:
 
 def _friction(field: str, law: Any) -> Any:
     def read() -> Friction | None:
-        match sorted(law):
+        match sorted(map(str, law)):
             case ["kinetic", "speed", "static"]:
-                return friction.stribeck(law["static"], law["kinetic"], law["speed"])
+                return friction.stribeck(*_constants(law, "static", "kinetic", "speed"))
             case ["speeds", "values"]:
-                return friction.tabulated(law["speeds"], law["values"])
+                return friction.tabulated(*_columns(law))
         return None
 
     return _by_speed(field, law, read, "static, kinetic and speed; or speeds and values")
+
+
+def _constants(law: Mapping[str, Any], *names: str) -> list[float]:
+    """Raises: TypeError or ValueError: one is no finite number; it says which."""
+    return [_finite(name, law[name]) for name in names]
+
+
+def _columns(law: Mapping[str, Any]) -> tuple[list[float], list[float]]:
+    """Raises: TypeError or ValueError: a column is no list of finite numbers; it says where."""
+    for name in ("speeds", "values"):
+        if not isinstance(law[name], list):
+            raise TypeError(f"{name}: must be a list of numbers, is {shown(law[name], quoted)}")
+    speeds, values = (
+        [_finite(f"{name}[{i}]", x) for i, x in enumerate(law[name])] for name in ("speeds", "values")
+    )
+    return speeds, values
+
+
+def _finite(name: str, x: Any) -> float:
+    check_number(name, x, -math.inf, math.inf, StatusCode.INVALID_COEFFICIENT)
+    return float(x)
 
 
 def _by_speed(field: str, law: Any, read: Callable[[], Any], keys: str) -> Any:

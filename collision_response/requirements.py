@@ -9,7 +9,8 @@
     >>> required.law.reason
     'friction changes no impact by more than the tolerance'
 
-The law is one for all contacts; geometry and precision are what that law needs.
+The law is one for all contacts, geometry is the least in which they can be answered by it, and precision the
+least there. In these each contact, also one that separates, ends with the status that it has in truth.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from .answer import Impact, in_norm
-from .model import Geometry, ImpactModel, Precision
+from .model import ULP, Geometry, ImpactModel, Precision, check_number
 from .physics.body import Body
 from .physics.contact import Contact
 from .physics.laws import Law
@@ -47,8 +48,8 @@ class SceneRequirements(NamedTuple):
 
     Attributes:
         geometry, law, precision: a :class:`Need` each.
-        tolerance: relative error that they meet in each impact; see ``error_bound`` of
-            :class:`~collision_response.Impact`.
+        tolerance: relative error that they meet in each impact, beside that of a law without friction, which
+            is as much at most; see ``error_bound`` of :class:`~collision_response.Impact`.
     """
 
     geometry: Need
@@ -62,7 +63,7 @@ class SceneRequirements(NamedTuple):
 
 
 WHY_GEOMETRY = {
-    Geometry.POINT: "turns no body",
+    Geometry.POINT: "no rotation changes an impact by more than the tolerance",
     Geometry.PLANAR: "turns a body, within the x-y plane",
     Geometry.SPATIAL: "turns a body, out of the x-y plane",
 }
@@ -71,6 +72,47 @@ WHY_PRECISION = {
     Precision.DOUBLE: "asks for more digits than float32 keeps",
     Precision.EXTENDED: "is ill-conditioned beyond float64, or asks for its last digits",
 }
+GEOMETRIES = tuple(WHY_GEOMETRY)
+
+
+class _Needs(NamedTuple):
+    """What the contacts so far need with one law.
+
+    Attributes:
+        geometry: the greatest of those that each contact needs by itself.
+        out_of_plane: the first contact that PLANAR does not serve; empty: it serves all.
+        precisions: the greatest that a contact needs, in each geometry.
+    """
+
+    geometry: Need
+    out_of_plane: str
+    precisions: Mapping[Geometry, Need]
+
+    def with_contact(self, name: str, least: Mapping[Geometry, Precision]) -> _Needs:
+        """With one more, of which ``least`` has the geometries that serve it and the precision there."""
+        own = min(least)
+        return _Needs(
+            _greater(self.geometry, own, f"{name} {WHY_GEOMETRY[own]}"),
+            self.out_of_plane or ("" if Geometry.PLANAR in least else name),
+            {
+                geometry: _greater(self.precisions[geometry], enough, f"{name} {WHY_PRECISION[enough]}")
+                for geometry, enough in ((g, least.get(g, Precision.EXTENDED)) for g in GEOMETRIES)
+            },
+        )
+
+    def common_geometry(self) -> Need:
+        """The least that serves all contacts: one that needs none may lie out of the plane of another."""
+        if self.geometry.least is Geometry.PLANAR and self.out_of_plane:
+            return Need(Geometry.SPATIAL, f"{self.geometry.reason}, and {self.out_of_plane} is not in it")
+        return self.geometry
+
+
+NO_NEEDS = _Needs(
+    Need(Geometry.POINT, WHY_GEOMETRY[Geometry.POINT]),
+    "",
+    dict.fromkeys(GEOMETRIES, Need(Precision.SINGLE, "the tolerance is met")),
+)
+LAWS = Law.FRICTIONLESS, Law.COULOMB
 
 
 class SceneSurvey:
@@ -80,68 +122,70 @@ class SceneSurvey:
         """No contacts yet.
 
         Args:
-            tolerance: greatest relative error of each impact, > 0.
+            tolerance: greatest relative error of each impact, > 0 and finite.
 
         Raises:
-            ImpactError: INVALID_MODEL: that is no tolerance.
+            ImpactError: INVALID_MODEL: it is not so.
+            TypeError: it is no number.
         """
-        if not 0 < tolerance < math.inf:
-            raise ImpactError(StatusCode.INVALID_MODEL, "tolerance", f"must be above 0, is {tolerance}")
+        _check_tolerance(tolerance)
         self._tolerance = tolerance
         self._law = Need(Law.FRICTIONLESS, "friction changes no impact by more than the tolerance")
-        geometry = Need(Geometry.POINT, "no impulse turns a body")
-        precision = Need(Precision.SINGLE, "the tolerance is met")
-        self._others = {law: (geometry, precision) for law in (Law.FRICTIONLESS, Law.COULOMB)}
+        self._needs = dict.fromkeys(LAWS, NO_NEEDS)
 
     def add(self, name: str, body_a: Body, body_b: Body, contact: Contact) -> None:
         """Consider one more contact.
 
         Raises:
-            ImpactError: it cannot be resolved.
+            ImpactError: it cannot be resolved; the survey is as it was before.
         """
-        model = ImpactModel(tolerance=self._tolerance)
-        rough = resolve(body_a, body_b, contact, model)
-        if rough.status is StatusCode.SEPARATING:
-            return
-        smooth_contact = contact._replace(friction=0.0)
-        smooth = resolve(body_a, body_b, smooth_contact, model)
+        scene = body_a, body_b, contact
+        smooth, rough = (resolve(*scene, _whole(law)) for law in LAWS)
+        needs = {
+            law: self._needs[law].with_contact(name, self._least(scene, whole))
+            for law, whole in zip(LAWS, (smooth, rough), strict=True)
+        }
         rubs = _difference(smooth, rough, body_a, body_b)
-        if rough.model.law is not Law.FRICTIONLESS and rubs > self._tolerance:
+        if rough.contact.friction > 0 and rubs > self._tolerance:
             reason = f"friction changes the impact of {name} by {rubs:.2g} of it"
-            self._law = _greater(self._law, rough.model.law, reason)
-        for law, impact, touch in (
-            (Law.FRICTIONLESS, smooth, smooth_contact),
-            (Law.COULOMB, rough, contact),
-        ):
-            geometry, precision = self._others[law]
-            least = impact.model.geometry
-            enough = _least_precision(body_a, body_b, touch, model)
-            self._others[law] = (
-                _greater(geometry, least, f"{name} {WHY_GEOMETRY[least]}"),
-                _greater(precision, enough, f"{name} {WHY_PRECISION[enough]}"),
-            )
+            self._law = _greater(self._law, Law.COULOMB, reason)
+        self._needs = needs
 
     def requirements(self) -> SceneRequirements:
         """What the contacts so far require."""
-        geometry, precision = self._others[self._law.least]
-        return SceneRequirements(geometry, self._law, precision, self._tolerance)
+        needs = self._needs[self._law.least]
+        geometry = needs.common_geometry()
+        return SceneRequirements(geometry, self._law, needs.precisions[geometry.least], self._tolerance)
+
+    def _least(self, scene: tuple[Body, Body, Contact], whole: Impact) -> dict[Geometry, Precision]:
+        """The geometries that serve a contact, each with its least precision; SPATIAL always does."""
+        found = {Geometry.SPATIAL: Precision.EXTENDED}
+        for geometry in GEOMETRIES:
+            for precision in (Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED):
+                model = ImpactModel(whole.model.law, geometry, precision, self._tolerance)
+                if _status(scene, model) is whole.status:
+                    found[geometry] = precision
+                    break
+        return found
 
 
 def scene_requirements(
     bodies: Mapping[str, Body], contacts: Iterable[SceneContact], tolerance: float
 ) -> SceneRequirements:
-    """The least geometry, law and precision with which every contact of a scene meets ``tolerance``.
+    """The least law, geometry and precision, in this order, with which every contact meets ``tolerance``.
 
-    The law is FRICTIONLESS or COULOMB.
+    The law is FRICTIONLESS or COULOMB. Contacts that separate do so in that model too. Where no precision
+    meets the tolerance, as below 2.2e-16, it is EXTENDED.
 
     Args:
         bodies: by name.
         contacts: the contacts, of bodies by name.
-        tolerance: greatest relative error of each impact, > 0.
+        tolerance: greatest relative error of each impact, > 0 and finite.
 
     Raises:
-        ImpactError: a contact cannot be resolved, or that is no tolerance.
+        ImpactError: a contact cannot be resolved; INVALID_MODEL: that is no tolerance.
         KeyError: a contact names an unknown body.
+        TypeError: the tolerance is no number.
     """
     survey = SceneSurvey(tolerance)
     for a, b, contact in contacts:
@@ -149,19 +193,32 @@ def scene_requirements(
     return survey.requirements()
 
 
+def _check_tolerance(tolerance: Any) -> None:
+    try:
+        check_number("tolerance", tolerance, 0, math.inf, StatusCode.INVALID_MODEL)
+    except ImpactError as error:
+        raise ImpactError(StatusCode.INVALID_MODEL, "tolerance", error.reason) from None
+    if tolerance == 0:
+        raise ImpactError(StatusCode.INVALID_MODEL, "tolerance", f"must be above 0, is {tolerance}")
+
+
 def _greater(need: Need, candidate: Any, reason: str) -> Need:
     return Need(candidate, reason) if candidate > need.least else need
 
 
-def _least_precision(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Precision:
-    for precision in (Precision.SINGLE, Precision.DOUBLE):
-        try:
-            impact = resolve(body_a, body_b, contact, model._replace(precision=precision))
-        except ImpactError:  # of range: the request is sound
-            continue
-        if impact.status is not StatusCode.TOLERANCE_NOT_MET:
-            return precision
-    return Precision.EXTENDED
+def _whole(law: Law) -> ImpactModel:
+    """With nothing left out."""
+    return ImpactModel(law, Geometry.SPATIAL, Precision.EXTENDED)
+
+
+def _status(scene: tuple[Body, Body, Contact], model: ImpactModel) -> StatusCode | None:
+    """How an impact ends that has an answer in some model; ``None``: it has none in this one."""
+    if model.precision is Precision.EXTENDED:
+        model = model._replace(tolerance=max(model.tolerance, ULP))  # that is all it promises
+    try:
+        return resolve(*scene, model).status
+    except ImpactError:  # of the model: the request is sound
+        return None
 
 
 def _difference(one: Impact, other: Impact, body_a: Body, body_b: Body) -> float:

@@ -57,7 +57,8 @@ def _left_to_python(
     if answer == Left.REFUSED:
         validity.check_two(body_a, body_b)
         a, b, numeric = on_balls.read(body_a, body_b, contact)
-        validity.check(a, b, numeric, plan(model).settings.tangential_restitution)
+        e_t = plan(model).settings.tangential_restitution
+        validity.check(a, b, numeric, e_t, (body_a, body_b, contact))
         raise ImpactError(StatusCode.INTERNAL_ERROR, "request", "was refused for no known reason")
     if answer == Left.NOT_ONLY_NUMBERS:
         if contact.tangential_restitution is not None:
@@ -160,9 +161,9 @@ def _sum(body: Body, change: Twist) -> Twist:
 
 def _apart(flat: tuple[float, ...], whole: tuple[float, ...], whole_bound: float) -> float:
     """The relative distance of an answer from another, which is itself within a bound of the truth."""
-    size = math.hypot(*whole)
-    if size == 0.0:
-        return 0.0 if math.hypot(*flat) == 0.0 and whole_bound == 0.0 else math.inf
     if not whole_bound < 1:
         return math.inf
+    size = math.hypot(*whole)
+    if size == 0.0:  # as is the truth then
+        return 0.0 if math.hypot(*flat) == 0.0 else math.inf
     return (math.dist(flat, whole) / size + whole_bound) / (1 - whole_bound) * (1 + 2.0**-40)

@@ -20,7 +20,7 @@ from .physics.contact import Contact
 from .physics.laws import Regime
 from .physics.vector import ZERO, Vec3, as_vector
 from .resolve import DEFAULT, resolve
-from .status import ImpactError, StatusCode
+from .status import ImpactError, StatusCode, shown
 
 
 class ContactImpact(NamedTuple):
@@ -108,7 +108,7 @@ def resolve_contact(
     except TypeError:
         raise TypeError(f"K: must be 3 x 3 numbers, is {K!r}") from None
     if [len(row) for row in rows] != [6, 6, 6]:
-        raise ImpactError(StatusCode.INVALID_INERTIA, "K", f"must be 3 x 3 numbers, is {K!r}")
+        raise ImpactError(StatusCode.INVALID_INERTIA, "K", f"must be 3 x 3 numbers, is {shown(K)}")
     contact, velocity = Contact(ZERO, as_vector("n", n), restitution, friction), as_vector("u", u)
     try:
         try:
@@ -117,9 +117,16 @@ def resolve_contact(
             raise TypeError(str(error).replace("inverse_inertia", "K")) from None
         impact = resolve(body, Body.static(), contact, model)
     except ImpactError as error:
+        if error.code is StatusCode.NO_DYNAMIC_BODY:
+            raise ImpactError(error.code, "K", "must not be 0") from None
         field = _ARGUMENTS.get(error.field, error.field)
-        reason = f"{error.reason.partition('; is ')[0]}; is {K!r}" if field == "K" else error.reason
+        reason = f"{error.reason.partition('; is ')[0]}; is {shown(K)}" if field == "K" else error.reason
         raise ImpactError(error.code, field, reason) from None
+    except TypeError as error:
+        said = _renamed(str(error))
+        if said is None:  # raised by a function of the caller's
+            raise
+        raise TypeError(said) from None
     return ContactImpact(
         impact.status,
         impact.model,
@@ -135,6 +142,15 @@ def resolve_contact(
         impact.error_bound,
         impact.adjustments & ~Adjustment.ENERGY_CHANGE_ONLY,
     )
+
+
+def _renamed(said: str) -> str | None:
+    """What ``resolve`` says of a field, of the argument that it is here; ``None``: of none."""
+    for field, argument in sorted(_ARGUMENTS.items(), reverse=True):  # the longest that fits comes first
+        rest = said.removeprefix(field)
+        if rest != said and rest[:1] in (".", ":"):
+            return argument + rest
+    return said if said.startswith(("K:", "model:")) else None
 
 
 _ARGUMENTS = {

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from .named import Named
 
 
@@ -63,6 +66,19 @@ class StatusCode(Named):
     def is_answer(self) -> bool:
         """Whether a result with this code holds valid numbers."""
         return self in (StatusCode.OK, StatusCode.SEPARATING, StatusCode.TOLERANCE_NOT_MET)
+
+
+def shown(value: object, spell: Callable[[Any], str] = repr) -> str:
+    """``repr(value)``, or what is said of numbers that Python does not spell out.
+
+    Args:
+        value: anything.
+        spell: ``str`` or ``repr``.
+    """
+    try:
+        return spell(value)
+    except ValueError:  # of sys.set_int_max_str_digits
+        return "of more digits than are shown"
 
 
 class ImpactError(ValueError):

@@ -15,7 +15,7 @@ from .physics.body import ROUNDINGS, Body
 from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics
 from .physics.tensor import Symmetric3
-from .status import ImpactError, StatusCode
+from .status import ImpactError, StatusCode, shown
 
 UNIT_LENGTH_TOLERANCE = 1e-9
 """How far the squared length of a quaternion may be from 1 before its normalising is reported."""
@@ -213,17 +213,29 @@ def check_two(body_a: Body, body_b: Body) -> None:
         raise ImpactError(StatusCode.SAME_BODY, "body_b", "is body_a: a body cannot strike itself")
 
 
-def check(body_a: Body, body_b: Body, contact: Contact, tangential_restitution: float) -> None:
+def check(
+    body_a: Body,
+    body_b: Body,
+    contact: Contact,
+    tangential_restitution: float,
+    given: tuple[Body, Body, Contact] | None = None,
+) -> None:
     """Accept a request of plain floats, or say what is wrong with it.
+
+    Args:
+        body_a, body_b, contact, tangential_restitution: of the request, NaN where a number is beyond floats.
+        given: the bodies and the contact before they were read, to quote that number.
 
     Raises:
         ImpactError: with the code, the field and its value.
     """
-    request = body_a, body_b, contact, tangential_restitution
-    for rule in rules(*request):
+    request = body_a, body_b, contact
+    for rule in rules(*request, tangential_restitution):
         if not rule.holds:
-            reason = f"{rule.must}; is {_value(rule.field, *request)}"
-            raise ImpactError(rule.code, rule.field, reason)
+            value = _value(rule.field, *request, tangential_restitution)
+            if given is not None and "nan" in value:
+                value = _value(rule.field, *given, tangential_restitution)
+            raise ImpactError(rule.code, rule.field, f"{rule.must}; is {value}")
 
 
 def _value(field: str, body_a: Body, body_b: Body, contact: Contact, e_t: float) -> str:
@@ -232,4 +244,4 @@ def _value(field: str, body_a: Body, body_b: Body, contact: Contact, e_t: float)
         return "immovable, as is the other body"
     owners = {"body_a": body_a, "body_b": body_b, "contact": contact}
     value = getattr(owners[owner], name) if owner in owners else e_t
-    return str(tuple(value)) if isinstance(value, tuple) else str(value)
+    return shown(tuple(value) if isinstance(value, tuple) else value, str)

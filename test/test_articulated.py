@@ -556,3 +556,80 @@ def test_numbers_of_matrices_beyond_float64_are_refused_by_name(number):
 def test_what_is_no_number_in_a_matrix_is_refused_by_name(wrong):
     with pytest.raises(TypeError, match=r"^K: "):
         resolve_contact([[wrong, 0, 0], [0, 1, 0], [0, 0, 1]], (0, 0, -1), (0, 0, 1))
+
+
+LENGTHS = [5e-324, 1e-310, 1e-200, 1.0, 1e200, 1e308, 1.7e308]
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("normal", [(0, 0, 1), (1, 0, 1), (1, 1, 1), (-1, 1, 0)])
+@pytest.mark.parametrize("length", LENGTHS)
+def test_normals_have_any_length_but_0(length, normal, friction):
+    """Also where the sum of the components, or their squares, leaves the range."""
+    K, u = [[3.5, 0, 0], [0, 3.5, 0], [0, 0, 1]], (0.25, -0.5, -1)
+    wanted = resolve_contact(K, u, normal, 0.5, friction)
+    found = resolve_contact(K, u, tuple(length * x for x in normal), 0.5, friction)
+    assert found.status is StatusCode.OK
+    assert found.impulse == pytest.approx(wanted.impulse, rel=1e-14, abs=1e-15)
+
+
+SOUND = {"K": [[3.5, 0, 0], [0, 3.5, 0], [0, 0, 1]], "u": (0.2, 0, -1), "n": (0, 0, 1)}
+
+
+@pytest.mark.parametrize(
+    ("argument", "value", "named"),
+    [
+        ("u", "abc", "u.x"),
+        ("u", (0, None, 1), "u.y"),
+        ("u", (0, 0, True), "u.z"),
+        ("u", (0, 0), "u"),
+        ("u", None, "u"),
+        ("n", "xyz", "n.x"),
+        ("n", (0, 0, 1j), "n.z"),
+        ("n", 3.0, "n"),
+        ("K", None, "K"),
+        ("K", [[None] * 3] * 3, "K"),
+        ("restitution", "a", "restitution"),
+        ("restitution", None, "restitution"),
+        ("restitution", lambda _: None, r"restitution\(approach_speed\)"),
+        ("friction", "a", "friction"),
+        ("friction", True, "friction"),
+        ("friction", lambda _: "a", r"friction\(slip_speed\)"),
+        ("model", Law.COULOMB, "model"),
+    ],
+)
+def test_arguments_of_other_kinds_are_refused_by_their_names(argument, value, named):
+    with pytest.raises(TypeError, match=f"^{named}: must be "):
+        resolve_contact(**{**SOUND, argument: value})
+
+
+def test_errors_of_functions_are_those_of_the_functions():
+    def broken(speed):
+        raise TypeError("contact.py is broken")
+
+    with pytest.raises(TypeError, match=r"^contact\.py is broken$") as raised:
+        resolve_contact(**SOUND, restitution=broken)
+    assert raised.traceback[-1].name == "broken"
+
+
+@pytest.mark.parametrize("great", [10**400, -(10**400), F(10**400)])
+@pytest.mark.parametrize("argument", ["K", "u", "n", "restitution", "friction"])
+def test_numbers_beyond_float64_are_not_finite_and_are_quoted_as_given(argument, great):
+    given = {"K": [[great, 0, 0], [0, 1, 0], [0, 0, 1]], "u": (great, 0, 0), "n": (great, 0, 0)}
+    with pytest.raises(ImpactError, match=f"^{argument}: must be finite; is .*{10**400}") as raised:
+        resolve_contact(**{**SOUND, argument: given.get(argument, great)})
+    assert (raised.value.code, raised.value.field) == (StatusCode.NOT_FINITE, argument)
+
+
+def test_integers_that_python_does_not_spell_out_are_refused_by_name():
+    for argument, value in (("friction", 10**5000), ("K", [[10**5000] * 3] * 3), ("u", (0, 0, 10**5000))):
+        with pytest.raises(
+            ImpactError, match=f"^{argument}: must be finite; is of more digits than are shown"
+        ):
+            resolve_contact(**{**SOUND, argument: value})
+
+
+def test_what_nothing_moves_is_refused_by_name():
+    with pytest.raises(ImpactError, match=r"^K: must not be 0$") as raised:
+        resolve_contact(**{**SOUND, "K": [[0] * 3] * 3})
+    assert raised.value.code is StatusCode.NO_DYNAMIC_BODY

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from fractions import Fraction
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from collision_response.numbers.number import square_root
 from collision_response.physics.combine import CombineRule, combine
 
 coefficients = st.just(0.0) | st.floats(1e-100, 1)
@@ -43,3 +45,53 @@ def test_order_does_not_matter_and_the_range_is_kept(rule, a, b):
 @given(a=st.floats(1e-100, 1))
 def test_two_of_one_material_have_its_coefficient(rule, a):
     assert combine(rule, a, a) == a
+
+
+@pytest.mark.parametrize("rule", [rule for rule in CombineRule if rule is not CombineRule.MULTIPLY])
+@given(a=st.floats(5e-324, sys.float_info.max), b=st.floats(0, sys.float_info.max))
+def test_no_step_leaves_the_range_of_floats(rule, a, b):
+    """Means lie between what they join, whatever their magnitudes: AVERAGE to within the least float."""
+    joined = combine(rule, a, b)
+    assert min(a, b) * (1 - 1e-15) - 5e-324 <= joined <= max(a, b)
+    exact = _exact(rule, Fraction(a), Fraction(b))
+    assert joined == pytest.approx(exact, rel=1e-15, abs=5e-324)
+
+
+def _exact(rule, a, b):
+    """Roots within a part of 2^-60."""
+    joined = {
+        CombineRule.AVERAGE: lambda: (a + b) / 2,
+        CombineRule.MINIMUM: lambda: min(a, b),
+        CombineRule.MAXIMUM: lambda: max(a, b),
+        CombineRule.HARMONIC_MEAN: lambda: 2 * a * b / (a + b),
+        CombineRule.GEOMETRIC_MEAN: lambda: square_root(a * b),
+        CombineRule.ENERGETIC: lambda: square_root((a * a + b * b) / 2),
+    }
+    return float(joined[rule]())
+
+
+@given(
+    a=st.floats(1e-100, 1),
+    b=st.floats(1e-100, 1),
+    stiffness=st.tuples(*[st.floats(1e-300, sys.float_info.max)] * 2),
+)
+def test_only_the_quotient_of_stiffnesses_counts(a, b, stiffness):
+    k_a, k_b = map(Fraction, stiffness)
+    joined = combine(CombineRule.ENERGETIC, a, b, *stiffness)
+    exact = (Fraction(a) ** 2 * k_b + Fraction(b) ** 2 * k_a) / (k_a + k_b)
+    assert joined == pytest.approx(float(square_root(exact)), rel=2e-15)
+    assert joined == combine(CombineRule.ENERGETIC, b, a, *stiffness[::-1])
+
+
+def test_rules_are_exact_in_fractions():
+    half, two, share = Fraction(1, 2), Fraction(2), Fraction(1, 3)
+    assert combine(CombineRule.GEOMETRIC_MEAN, half, two) == 1
+    assert combine(CombineRule.HARMONIC_MEAN, half, two) == Fraction(4, 5)
+    assert combine(CombineRule.ENERGETIC, Fraction(1, 7), Fraction(1)) == Fraction(5, 7)
+    assert combine(CombineRule.ENERGETIC, share, share, 2, 5) == share
+
+
+@pytest.mark.parametrize("rule", ["average", "energetix", None, 1])
+def test_what_is_no_rule_is_refused_by_name(rule):
+    with pytest.raises(TypeError, match=r"^rule: must be one of CombineRule.AVERAGE, "):
+        combine(rule, 0.5, 0.5)

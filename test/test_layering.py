@@ -15,7 +15,7 @@ PACKAGE = Path(collision_response.__file__).parent
 FRONT = "collision_response"
 LAYERS = (
     {"named", "numbers"},
-    {"status"},
+    {"status", "yaml_tree"},
     {"physics"},
     {"model"},
     {"centre"},
@@ -46,7 +46,7 @@ STRANGERS = {
     "numbers": {"numpy", "flint"},
     "batch": {"numpy", "dask", "torch"},
     "description": {"numpy"},
-    "materials": {"yaml"},
+    "yaml_tree": {"yaml"},
     "identify": {"numpy", "scipy", "matplotlib", "rerun"},
     "derivatives": {"numpy"},
     "recording": {"numpy", "rerun", "pyarrow"},

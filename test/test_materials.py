@@ -209,3 +209,188 @@ def test_friction_by_speed_is_checked(friction, code):
     with pytest.raises(ImpactError) as error:
         Materials.of({"pairs": [{"materials": ["a", "b"], "friction": friction}]})
     assert (error.value.code, error.value.field) == (code, "pairs[0].friction")
+
+
+LONG = "1" + "0" * 400
+DIGITS = "1" + "0" * 5000
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ("materials: {steel: {restitution: 0.9}, steel: {restitution: 0.1}}", "steel"),
+        ("materials: {steel: {restitution: 0.9}, 'steel': {restitution: 0.1}}", "steel"),
+        ("materials: {steel: {restitution: 0.9, restitution: 0.9}}", "restitution"),
+        ("pairs: []\npairs: []", "pairs"),
+        ("materials: {}\nmaterials: {}", "materials"),
+        (pair("friction: 0.1, friction: 0.5"), "friction"),
+        (pair("friction: 0.1, materials: [c, d]"), "materials"),
+        (pair("restitution: {speeds: [1], values: [1], values: [0]}"), "values"),
+        (pair("friction: {static: 1, kinetic: 1, speed: 1, static: 2}"), "static"),
+    ],
+)
+def test_what_is_said_twice_is_refused_by_name_at_every_level(tmp_path, text, key):
+    path = tmp_path / "materials.yaml"
+    path.write_text(text)
+    with pytest.raises(ImpactError, match=f"'{key}' is there twice .* line ") as refusal:
+        Materials.read(path)
+    assert (refusal.value.code, refusal.value.field) == (StatusCode.INVALID_TABLE, str(path))
+
+
+def test_what_is_merged_may_be_said_anew(tmp_path):
+    path = tmp_path / "materials.yaml"
+    path.write_text(
+        "materials:\n  a: &a {friction: 0.1, restitution: 0.2}\n  b: &b {<<: *a, restitution: 0.3}\n"
+        "  c: {<<: *b, friction: 0.4}"
+    )
+    found = Materials.read(path).materials
+    assert [(one.friction, one.restitution) for one in found.values()] == [(0.1, 0.2), (0.1, 0.3), (0.4, 0.3)]
+
+
+@pytest.mark.parametrize("name", ["no", "yes", "304", "1.50", "0123", "~", "0x1f", "1:30", ".inf", "[a]"])
+def test_names_that_are_no_text_to_yaml_are_to_be_quoted(tmp_path, name):
+    path = tmp_path / "materials.yaml"
+    singles, pairs = f"materials: {{{name}: {{friction: 0.5}}}}", f"pairs: [{{materials: [{name}, b]}}]"
+    for text in (singles, pairs):
+        path.write_text(text)
+        with pytest.raises(ImpactError, match=r"quote|unhashable") as refusal:
+            Materials.read(path)
+        assert refusal.value.code is StatusCode.INVALID_TABLE
+        path.write_text(text.replace(name, f'"{name}"'))
+        assert name in Materials.read(path).known()
+
+
+@pytest.mark.parametrize("name", [None, True, 304, 1.5, ("a", "b"), b"steel"])
+def test_names_are_text_in_trees_too(name):
+    with pytest.raises(ImpactError, match=r"^materials: .* quote "):
+        Materials.of({"materials": {name: {}}})
+    with pytest.raises(ImpactError, match=r"^pairs\[0\]\.materials: .* quote "):
+        Materials.of({"pairs": [{"materials": ["a", name]}]})
+
+
+@pytest.mark.parametrize("value", ["false", "0", '""', "{}", "3", "text"])
+@pytest.mark.parametrize("field", ["pairs", "materials"])
+def test_what_is_empty_but_no_table_is_refused_by_its_field(tmp_path, field, value):
+    path = tmp_path / "materials.yaml"
+    path.write_text(f"{field}: {value}")
+    if (field, value) == ("materials", "{}"):
+        assert Materials.read(path) == NOTHING
+        return
+    with pytest.raises(ImpactError, match=f"^{field}: must be a ") as refusal:
+        Materials.read(path)
+    assert refusal.value.code is StatusCode.INVALID_TABLE
+
+
+@pytest.mark.parametrize(
+    ("written", "source"),
+    [
+        ("2026-02-30", "2026-02-30"),
+        ("2026-02-20", "2026-02-20"),
+        ("2026", "2026"),
+        ("", ""),
+        ("~", ""),
+        ("our tests, 2026", "our tests, 2026"),
+    ],
+)
+def test_a_source_is_the_text_that_is_written(tmp_path, written, source):
+    path = tmp_path / "materials.yaml"
+    path.write_text(f"pairs:\n- materials: [a, b]\n  source: {written}\n")
+    assert Materials.read(path).between("a", "b").source == source
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        pair("friction: !!float abc"),
+        pair('friction: !!float ""'),
+        pair("friction: !!bool abc"),
+        pair('friction: !!int ""'),
+        pair("friction: !!int abc"),
+        pair("friction: !!timestamp abc"),
+        pytest.param(pair(f"friction: {DIGITS}"), id="5001 digits"),
+        pytest.param(pair(f"friction: {':'.join(['1'] * 400)}.0"), id="400 places to the base 60"),
+        pytest.param("[" * 2000 + "]" * 2000, id="2000 lists"),
+        pytest.param("{a: " * 2000 + "}" * 2000, id="2000 mappings"),
+        pair("source: [1]"),
+        pair("source: no"),
+        pair("source: {a: b}"),
+        pair("restitution: {yield_speed: 1, after: [thornton]}"),
+        pair("restitution: {1: 2, speeds: 3}"),
+        pair("restitution: {[a]: 2}"),
+        "pairs: &a [*a]",
+        "&a {pairs: *a}",
+        "&a {materials: *a}",
+    ],
+)
+def test_whatever_is_no_table_is_refused_as_such_in_one_line(tmp_path, text):
+    path = tmp_path / "materials.yaml"
+    path.write_text(text)
+    with pytest.raises(ImpactError) as refusal:
+        Materials.read(path)
+    assert refusal.value.code is StatusCode.INVALID_TABLE
+    assert "\n" not in str(refusal.value)
+    assert len(str(refusal.value)) < 300 + len(str(path))
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("restitution: {speeds: {0: 1, 1: 2}, values: {0: .5, 1: .6}}", "speeds: must be a list of numbers"),
+        ("restitution: {speeds: '01', values: [1, 1]}", "speeds: must be a list of numbers, is '01'"),
+        ("restitution: {speeds: [1], values: 1}", "values: must be a list of numbers, is 1"),
+        ('restitution: {speeds: ["0", 1], values: [1, 1]}', r"speeds\[0\]: must be a real number, is '0'"),
+        ("restitution: {speeds: [0, 1], values: [1, true]}", r"values\[1\]: must be a real number, is True"),
+        (f"restitution: {{speeds: [0, {LONG}], values: [1, 1]}}", r"speeds\[1\]: must be finite"),
+        (f"friction: {{speeds: [0, 1], values: [{LONG}, 1]}}", r"values\[0\]: must be finite"),
+        ("restitution: {power: a, speed: 1, value: 0.5}", "power: must be a real number, is 'a'"),
+        ("restitution: {power: 1, speed: [1], value: 0.5}", r"speed: must be a real number, is \[1\]"),
+        ("restitution: {power: 1, speed: 1, value: true}", "value: must be a real number, is True"),
+        (f"restitution: {{power: {LONG}, speed: 1, value: 1}}", "power: must be finite"),
+        ("restitution: {yield_speed: ~, after: johnson}", "yield_speed: must be a real number, is None"),
+        ("friction: {static: 1, kinetic: .nan, speed: 1}", "kinetic: must be finite, is nan"),
+        ("friction: {static: 1, kinetic: 1, speed: high}", "speed: must be a real number, is 'high'"),
+    ],
+)
+def test_constants_of_laws_are_refused_by_their_names(tmp_path, text, reason):
+    path = tmp_path / "materials.yaml"
+    path.write_text(pair(text))
+    field = text.partition(":")[0]
+    with pytest.raises(ImpactError, match=rf"^pairs\[0\]\.{field}: {reason}") as refusal:
+        Materials.read(path)
+    assert refusal.value.code is StatusCode.INVALID_COEFFICIENT
+
+
+@pytest.mark.parametrize("rule", ["energetic", "energetix", None, 3])
+@pytest.mark.parametrize("pair", [("steel", "glass"), ("steel", "rubber")])
+def test_what_is_no_rule_is_refused_by_name(materials, rule, pair):
+    with pytest.raises(TypeError, match=r"^rule: must be one of CombineRule\.AVERAGE, .*, is "):
+        materials.find("friction", *pair, rule)
+
+
+@pytest.mark.parametrize("coefficient", ["stiffness_ratio", "stiffness", "frction"])
+def test_what_is_no_coefficient_is_refused_by_name(materials, coefficient):
+    with pytest.raises(ValueError, match=r"^coefficient: must be restitution or friction, is "):
+        materials.find(coefficient, "steel", "glass")
+
+
+@pytest.mark.parametrize("rule", CombineRule)
+def test_combined_friction_is_a_number_or_is_refused(rule):
+    """Only the product of two numbers is greater than both."""
+    great = Materials.of({"materials": {"a": {"friction": 1.7e308}, "b": {"friction": 1e308}}})
+    if rule is CombineRule.MULTIPLY:
+        with pytest.raises(
+            ImpactError, match=r"^friction: is beyond float64 by the rule multiply: of a "
+        ) as e:
+            great.find("friction", "a", "b", rule)
+        assert e.value.code is StatusCode.OUT_OF_RANGE
+    else:
+        assert 1e308 <= great.find("friction", "a", "b", rule).value <= 1.7e308
+
+
+@pytest.mark.parametrize("power", [5e-4, 1e-6, 1e-320])
+def test_a_flat_power_law_of_a_file_is_used(power):
+    law = {"power": power, "speed": 1.0, "value": 0.5}
+    e = Materials.of({"pairs": [{"materials": ["a", "b"], "restitution": law}]}).find("restitution", "a", "b")
+    drop = Body.dynamic(1.0, velocity=(0, 0, -1.0))
+    impact = resolve(drop, Body.static(), Contact.of((0, 0, 0), (0, 0, 1), e.value))
+    assert impact.twist_a.linear.z == 0.5

@@ -13,6 +13,9 @@ import pytest
 
 pytest.importorskip("rerun")
 
+import pyarrow as pa
+import rerun as rr
+
 from collision_response import (
     Body,
     Contact,
@@ -27,7 +30,7 @@ from collision_response import (
 from collision_response.cli import main
 from collision_response.recording import Record, Recorder, Refusal, SceneRecord
 from collision_response.recording import scenes as scenes_table
-from collision_response.recording.table import read, rows_of
+from collision_response.recording.table import ANSWER, read, rows_of
 from collision_response.recording.writer import Recording, Writer
 
 FLOOR = Body.static((0.0, 0.0, -1.0))
@@ -187,6 +190,70 @@ class TestReplay:
             for command in ("replay", "report"):
                 assert main([command, str(tmp_path / name)]) == 2
                 assert capsys.readouterr().err.startswith(f"collision_response {command}: ")
+
+
+IMPACT = {
+    "status": pa.array(["OK"]),
+    "body_a": pa.array(["a"]),
+    "request_a": pa.FixedSizeListArray.from_arrays(pa.array([1.0] * 5), 5),
+}
+
+
+def _refused_as_foreign(path, capsys):
+    for command in ("replay", "report"):
+        assert main([command, str(path)]) == 2
+        said = capsys.readouterr()
+        assert said.out == ""
+        assert said.err.startswith(f"collision_response {command}: {path} is no recording of this node: ")
+        assert said.err.count("\n") == 1
+    assert not path.with_suffix(".html").exists()
+
+
+@pytest.mark.parametrize("entity", ["/impacts", "/scenes", "/elsewhere"])
+@pytest.mark.parametrize(
+    "content",
+    [
+        rr.Points3D([[0.0, 0.0, 0.0]]),
+        rr.DynamicArchetype("Impact", components=IMPACT),
+        rr.DynamicArchetype("Impact", components={"status": pa.array(["OK"])}),
+        rr.DynamicArchetype("Impact", components={"status": pa.array([1]), "message": pa.array(["no"])}),
+    ],
+    ids=["points", "some columns", "status alone", "a number for a word"],
+)
+def test_a_recording_of_something_else_is_refused_in_one_line(tmp_path, capsys, entity, content):
+    path = tmp_path / "other.rrd"
+    with rr.RecordingStream("other") as stream:
+        stream.save(path)
+        stream.set_time("answer", sequence=1)
+        stream.log(entity, content)
+        stream.disconnect()
+    _refused_as_foreign(path, capsys)
+
+
+@pytest.mark.parametrize("name", sorted({*ANSWER} - {"answer"}))
+@pytest.mark.parametrize("wrong", [None, pa.array([True]), pa.FixedSizeListArray.from_arrays([1.0, 2.0], 2)])
+def test_each_column_of_an_answer_is_asked_for(all_kinds, tmp_path, capsys, name, wrong):
+    row = read([all_kinds]).slice(0, 1)
+    columns = {key: row[key].combine_chunks() for key in ANSWER if key != "answer"}
+    if name == "request_model" and wrong is not None and pa.types.is_fixed_size_list(wrong.type):
+        wrong = pa.array([1.0])
+    columns[name] = wrong
+    path = tmp_path / "other.rrd"
+    with rr.RecordingStream("other") as stream:
+        stream.save(path)
+        stream.set_time("answer", sequence=1)
+        known = {key: column for key, column in columns.items() if column is not None}
+        stream.log("/impacts", rr.DynamicArchetype("Impact", components=known))
+        stream.disconnect()
+    _refused_as_foreign(path, capsys)
+
+
+@pytest.mark.parametrize("tolerance", ["nan", "inf", "-inf", "-1", "-1e-300", "none", ""])
+def test_a_tolerance_of_replays_is_a_number_of_at_least_0(all_kinds, capsys, tolerance):
+    with pytest.raises(SystemExit) as ended:
+        main(["replay", str(all_kinds), f"--tolerance={tolerance}"])
+    assert ended.value.code == 2
+    assert "argument --tolerance: " in capsys.readouterr().err
 
 
 class Page(HTMLParser):

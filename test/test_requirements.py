@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import doctest
 import math
+from fractions import Fraction
 
 import pytest
 from hypothesis import given
@@ -21,10 +22,12 @@ from collision_response import (
     Precision,
     SceneContact,
     StatusCode,
+    Vec3,
     resolve,
     scene_requirements,
 )
 from collision_response.physics.mass_properties import sphere
+from collision_response.requirements import SceneSurvey
 
 
 def _ball(position, velocity=(0.0, 0.0, 0.0), spin=(0.0, 0.0, 0.0)) -> Body:
@@ -112,24 +115,132 @@ def test_the_geometry_serves_the_law_of_the_whole_scene(contacts):
     assert "rolling - ground" in needs.geometry.reason
 
 
+def _recommended(needs) -> ImpactModel:
+    return ImpactModel(needs.law.least, needs.geometry.least, needs.precision.least, needs.tolerance)
+
+
+def _serves(model: ImpactModel, scene) -> bool:
+    """Whether an impact ends in a model as it does with nothing left out."""
+    whole = resolve(*scene, ImpactModel(precision=Precision.EXTENDED))
+    try:
+        return resolve(*scene, model).status is whole.status
+    except ImpactError:
+        return False
+
+
+def _lesser(model: ImpactModel) -> list[ImpactModel]:
+    """Models with the same law: of the next lesser precision, or of a lesser geometry."""
+    lesser = [model._replace(precision=p) for p in Precision if Precision.AUTO < p < model.precision][-1:]
+    flat = [g for g in Geometry if Geometry.AUTO < g < model.geometry]
+    return lesser + [model._replace(geometry=g, precision=Precision.EXTENDED) for g in flat]
+
+
+def _assert_least(bodies, contacts, tolerance) -> ImpactModel:
+    """What is recommended serves every contact, and nothing less does; it is returned."""
+    model = _recommended(scene_requirements(bodies, contacts, tolerance))
+    asked = [(bodies[a], bodies[b], contact) for a, b, contact in contacts]
+    assert all(_serves(model, scene) for scene in asked)
+    for lesser in _lesser(model):
+        assert not all(_serves(lesser, scene) for scene in asked)
+    return model
+
+
 @given(st.lists(scenes(), min_size=1, max_size=4), st.sampled_from([1e-2, 1e-5, 1e-9, 1e-14]))
-def test_what_is_required_is_enough(drawn, tolerance):
-    """In the model that is recommended every contact meets the tolerance."""
+def test_what_is_required_is_enough_and_no_more(drawn, tolerance):
+    """In the model that is recommended every contact meets the tolerance, or separates; in no lesser one."""
     bodies, contacts = {}, []
     for i, (a, b, contact) in enumerate(drawn):
         bodies[f"a{i}"], bodies[f"b{i}"] = a, b
         contacts.append(SceneContact(f"a{i}", f"b{i}", contact))
-    needs = scene_requirements(bodies, contacts, tolerance)
-    model = ImpactModel(needs.law.least, needs.geometry.least, needs.precision.least, tolerance)
-    best = ImpactModel(precision=Precision.EXTENDED)
+    model = _assert_least(bodies, contacts, tolerance)
     for scene in drawn:
-        impact, exact = resolve(*scene, model), resolve(*scene, best)
-        if exact.status is StatusCode.SEPARATING:
-            continue
-        assert impact.status is not StatusCode.TOLERANCE_NOT_MET
-        apart = (impact.impulse - exact.impulse).norm() / exact.impulse.norm()
+        impact, exact = resolve(*scene, model), resolve(*scene, ImpactModel(precision=Precision.EXTENDED))
+        apart = (impact.impulse - exact.impulse).norm() / (exact.impulse.norm() or 1.0)
         # The law may be wrong by the tolerance, and its answer by another.
         assert apart <= 2 * tolerance + exact.error_bound
+
+
+TURNED = [Vec3(*axes) for axes in ((0, 0, 1), (0, 1, 0), (1, 0, 0), (0, 0, -1), (0, -1, 0), (-1, 0, 0))]
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("normal", TURNED)
+def test_what_separates_by_rotation_alone_requires_it(normal, friction):
+    """The centre falls at 1 m/s, and the corner half a metre to the side rises at 2 m/s from that."""
+    aside = Vec3(normal.y, normal.z, normal.x)
+    box = Body.box(
+        1.0,
+        (1.0, 1.0, 1.0),
+        position=normal * 0.5,
+        velocity=-normal,
+        angular_velocity=aside.cross(normal) * 4.0,
+    )
+    contact = SceneContact("box", "ground", Contact.of(aside * 0.5, normal, 0.5, friction))
+    bodies = {**BODIES, "box": box}
+    assert resolve(box, BODIES["ground"], contact.contact).normal_velocity_before == 1.0
+    model = _assert_least(bodies, [contact], 1e-6)
+    in_plane = normal.z == aside.z == 0
+    assert model.geometry is (Geometry.PLANAR if in_plane else Geometry.SPATIAL)
+    assert resolve(box, BODIES["ground"], contact.contact, model).status is StatusCode.SEPARATING
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("bits", "precision"),
+    [(10, Precision.SINGLE), (30, Precision.DOUBLE), (40, Precision.DOUBLE), (60, Precision.EXTENDED)],
+)
+def test_what_hardly_separates_requires_the_digits_that_say_so(bits, precision, sign):
+    """``n.u`` is 1 + 2^-bits - 1: no less than all of its digits tell the sign."""
+    body = Body.dynamic(1.0, velocity=(1.0, sign * 2.0**-bits, -1.0))
+    contact = SceneContact("body", "ground", Contact.of((0, 0, 0), (1, 1, 1)))
+    model = _assert_least({**BODIES, "body": body}, [contact], 0.1)
+    assert model == ImpactModel(Law.FRICTIONLESS, Geometry.POINT, precision, 0.1)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("spin", [(5.0, 0.0, 0.0), (0.0, 3.0, 1.0), (0.0, 0.0, 0.0)])
+def test_what_has_no_friction_is_measured_with_the_law_of_those_that_have(spin, order):
+    """COULOMB's error bound is another than that of FRICTIONLESS, also where nothing rubs."""
+    bodies = {
+        "top": Body.sphere(1.0, 0.1, position=(0, 0, 0.1), velocity=(0, 0, -1), angular_velocity=spin),
+        "point": Body.dynamic(1.0, position=(2, 0, 0), velocity=(1, 0, -1)),
+        "floor": Body.static(),
+    }
+    contacts = [
+        SceneContact("top", "floor", Contact.of((0, 0, 0), (0, 0, 1), 0.5)),
+        SceneContact("point", "floor", Contact.of((2, 0, 0), (0, 0, 1), 0.5, 0.3)),
+    ]
+    for tolerance in (1e-3, 2e-6, 1e-12):
+        model = _assert_least(bodies, contacts[::order], tolerance)
+        assert model.law is Law.COULOMB
+        alone = _assert_least(bodies, contacts[:1], tolerance)
+        assert (alone.law, alone.geometry) == (Law.FRICTIONLESS, Geometry.POINT)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_what_turns_in_the_plane_and_what_hardly_turns_out_of_it_require_space(order):
+    """Each alone is planar, or as good as a point; PLANAR has no part of a normal along z."""
+    bodies = {**BODIES, "ball": _ball((1e-6, 0, 1), (0, 0, -1))}
+    assert _assert_least(bodies, [CENTRAL], 1e-4).geometry is Geometry.POINT
+    assert _assert_least(bodies, [IN_PLANE], 1e-4).geometry is Geometry.PLANAR
+    contacts = [CENTRAL, IN_PLANE][::order]
+    assert _assert_least(bodies, contacts, 1e-4).geometry is Geometry.SPATIAL
+    assert scene_requirements(bodies, contacts, 1e-4).geometry.reason == (
+        "tilted - ground turns a body, within the x-y plane, and ball - ground is not in it"
+    )
+
+
+@pytest.mark.parametrize("arm", [0.0, 1e-12, 1e-6, 1e-3, 0.5])
+def test_a_lever_arm_counts_as_far_as_it_changes_the_impact(arm):
+    """To leave it out changes the twist of a sphere of radius 1 by ``arm (5/2)^(1/2)`` of its norm."""
+    body = _ball((arm, 0, 1), (0, 0, -1))
+    contact = Contact.of((0, 0, 0), (0, 0, 1), 0.5)
+    flat = resolve(body, Body.static(), contact, ImpactModel(geometry=Geometry.POINT))
+    assert flat.error_bound == pytest.approx(arm * math.sqrt(2.5), rel=arm**2, abs=1e-14)
+    touch = SceneContact("body", "ground", contact)
+    for tolerance in (1e-10, 1e-4, 1e-1):
+        model = _assert_least({**BODIES, "body": body}, [touch], tolerance)
+        assert (model.geometry is Geometry.POINT) == (arm * math.sqrt(2.5) < tolerance)
 
 
 def test_bodies_that_separate_require_nothing():
@@ -170,8 +281,29 @@ def test_a_scene_says_which_body_it_does_not_know():
         scene_requirements(BODIES, [CENTRAL._replace(body_a="nobody")], 1e-6)
 
 
-@pytest.mark.parametrize("tolerance", [0.0, -1.0, math.nan, math.inf])
+@pytest.mark.parametrize(
+    "tolerance",
+    [0.0, -1.0, math.nan, math.inf, 10**400, pytest.param(10**5000, id="5001 digits"), Fraction(-1, 3)],
+)
 def test_a_scene_asks_for_a_tolerance(tolerance):
-    with pytest.raises(ImpactError) as raised:
+    with pytest.raises(ImpactError, match=r"^tolerance: must be ") as raised:
         scene_requirements(BODIES, [], tolerance)
     assert (raised.value.code, raised.value.field) == (StatusCode.INVALID_MODEL, "tolerance")
+
+
+@pytest.mark.parametrize("tolerance", [None, "a", "1e-3", True, [1.0], 1j])
+def test_what_is_no_number_is_no_tolerance(tolerance):
+    with pytest.raises(TypeError, match=r"^tolerance: must be a real number, is "):
+        scene_requirements(BODIES, [], tolerance)
+
+
+@pytest.mark.parametrize("tolerance", [5e-324, 1e-17])
+def test_what_no_precision_meets_requires_the_best(tolerance):
+    assert scene_requirements(BODIES, [RUBBING], tolerance).precision.least is Precision.EXTENDED
+
+
+def test_a_survey_is_as_it_was_after_a_contact_that_cannot_be_resolved():
+    survey = SceneSurvey(1e-6)
+    with pytest.raises(ImpactError):
+        survey.add("bad", BODIES["thrown"], BODIES["ground"], RUBBING.contact._replace(friction=-1.0))
+    assert survey.requirements() == scene_requirements(BODIES, [], 1e-6)

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import pytest
+
+pytest.importorskip("mpmath")
+
+from hypothesis import given
+from hypothesis import strategies as st
 from integrate import until
+from mpmath import mp
 
 from collision_response import Adjustment, Body, Contact, ImpactModel, resolve
-from collision_response.physics.restitution import plastic, viscoelastic
+from collision_response.physics.restitution import johnson, plastic, power_law, tabulated, viscoelastic
 
 DROP = Body.dynamic(1.0, velocity=(0.0, 0.0, -2.0))
 FLOOR = Body.static()
@@ -63,3 +70,79 @@ def test_the_threshold_acts_below_and_says_so():
     fast = resolve(DROP, FLOOR, contact(0.5), ImpactModel(restitution_threshold=2.0))
     assert fast.normal_velocity_after == 1.0
     assert fast.adjustments == Adjustment.NONE
+
+
+ANY = st.floats(5e-324, sys.float_info.max)
+
+
+@given(
+    value=st.floats(5e-324, 1), speed=ANY, v=ANY, exponent=st.sampled_from([0.25, 1.0]) | st.floats(0, 1e300)
+)
+def test_a_power_law_leaves_no_range_on_its_way(value, speed, v, exponent):
+    """By 60 digits; the logarithm that is rounded is at most 745, and as much for the value."""
+    e = power_law(value, speed, exponent)(v)
+    with mp.workdps(60):
+        exact = min(mp.mpf(1), value * (mp.mpf(v) / speed) ** -mp.mpf(exponent))
+        assert abs(e - exact) <= exact * 1e-12 + 5e-324
+    assert 0 <= e <= 1
+
+
+@pytest.mark.parametrize("exponent", [1e-320, 1e-6, 5e-4, 0.25, 1.0, 1e4, 1e300])
+@pytest.mark.parametrize("speed", [5e-324, 1e-320, 1e-300, 1.0, 1e308])
+@pytest.mark.parametrize("value", [5e-324, 1e-310, 0.5, 0.9, 1.0])
+def test_a_power_law_has_its_value_at_its_speed(value, speed, exponent):
+    e = power_law(value, speed, exponent)
+    assert e(speed) == value
+    assert e(0.0) == 1.0
+
+
+@given(
+    law=st.sampled_from([plastic, johnson, viscoelastic, lambda x: power_law(0.9, x, 0.25)]),
+    constant=ANY,
+    v=st.just(0.0) | ANY,
+    ulps=st.integers(-50, 50),
+)
+def test_laws_stay_in_their_range_and_fall(law, constant, v, ulps):
+    """At any speed, and where they begin to fall from 1: nowhere above it."""
+    e = law(constant)
+    near = constant
+    for _ in range(abs(ulps)):
+        near = math.nextafter(near, math.copysign(math.inf, ulps))
+    for speed in (v, min(near, sys.float_info.max)):
+        assert 0 <= e(speed) <= 1
+        if speed < 1e300:
+            assert e(speed * 2) <= e(speed) * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("yield_speed", [0.02, 0.1, 0.3, 1.0, 7.0])
+def test_an_impact_just_above_the_yield_speed_is_answered(yield_speed):
+    v = yield_speed
+    for _ in range(300):
+        v = math.nextafter(v, math.inf)
+        impact = resolve(Body.dynamic(1.0, velocity=(0, 0, -v)), FLOOR, contact(plastic(yield_speed)))
+        assert impact.contact.restitution == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("speed", [1e-300, 1.0])
+def test_spheres_that_yield_lose_nearly_all_at_any_higher_speed(speed):
+    """``q^(1/4)`` is a float where ``q`` is none any more."""
+    v = sys.float_info.max
+    root = math.sqrt(math.sqrt(speed)) / math.sqrt(math.sqrt(v))
+    limit = math.sqrt(6 * math.sqrt(3) / 5) * (24 / 5) ** -0.125
+    assert plastic(speed)(v) == pytest.approx(limit * root, rel=1e-12, abs=0)
+    assert johnson(speed)(v) == pytest.approx(limit * root, rel=1e-12, abs=0)
+
+
+def test_viscoelastic_falls_as_the_cube_beyond_all_powers():
+    """``e s^3`` tends to ``0.501086 / 0.532178``, here ``s = 1e100``."""
+    assert viscoelastic(1e200)(1.0) == pytest.approx(0.501086 / 0.532178 * 1e-300, rel=1e-12, abs=0)
+
+
+@given(
+    points=st.lists(st.tuples(st.floats(0, 1), ANY), min_size=1, max_size=4, unique_by=lambda p: p[1]), v=ANY
+)
+def test_a_table_gives_no_more_than_its_values(points, v):
+    values, speeds = zip(*sorted(points, key=lambda p: p[1]), strict=True)
+    assert 0 <= tabulated(speeds, values)(v) <= max(values)
+    most = sys.float_info.max
+    assert tabulated(speeds, [most] * len(speeds), math.inf)(v) <= most

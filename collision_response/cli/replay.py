@@ -20,7 +20,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("files", nargs="+", metavar="FILE.rrd")
     parser.add_argument(
         "--tolerance",
-        type=float,
+        type=_tolerance,
         default=0.0,
         metavar="T",
         help="forgive a number that differs by this part of itself; 0: none",
@@ -46,6 +46,16 @@ def main(arguments: list[str]) -> int:
     what = f"{len(asked) - len(several)} impacts" + (f" and {len(several)} scenes" if several else "")
     print(f"{what} asked again, {differing} of them answered differently")
     return 1 if differing else 0
+
+
+def _tolerance(text: str) -> float:
+    try:
+        tolerance = float(text)
+    except ValueError:
+        tolerance = math.nan
+    if not 0 <= tolerance < math.inf:
+        raise argparse.ArgumentTypeError(f"must be a number of at least 0, is {text!r}")
+    return tolerance
 
 
 def _distance(was: Any, now: Any) -> float:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from enum import Enum
+from typing import Any
 
-from ..numbers.number import Scalar, choose, square_root
+from ..numbers.number import Scalar, choose, greater, lesser, square_root
 
 
 class CombineRule(Enum):
@@ -38,22 +39,43 @@ def combine(
 ) -> Scalar:
     """The coefficient of a contact between materials with coefficients ``a`` and ``b``, both >= 0.
 
-    The stiffnesses, both > 0, are for ENERGETIC; only their ratio counts.
+    The stiffnesses, both > 0, are for ENERGETIC; only their ratio counts. Of floats no step leaves their
+    range, but for the product of MULTIPLY, which may.
+
+    Raises:
+        TypeError: that is no rule.
     """
+    check_rule(rule)
     if rule is CombineRule.AVERAGE:
         return a / 2 + b / 2
     if rule is CombineRule.MULTIPLY:
         return a * b
-    if rule is CombineRule.GEOMETRIC_MEAN:
-        return square_root(a * b)
-    if rule is CombineRule.ENERGETIC:
-        of_both = a * a * stiffness_b + b * b * stiffness_a
-        return square_root(of_both / (stiffness_a + stiffness_b))
-    if rule is CombineRule.HARMONIC_MEAN:
-        low, high = combine(CombineRule.MINIMUM, a, b), combine(CombineRule.MAXIMUM, a, b)
-        sum_of_both = choose(high > 0, lambda: low + high, lambda: 1 + high)
-        return low * (2 * high / sum_of_both)
-    a_is_less = a < b
+    low, high = lesser(a, b), greater(a, b)
     if rule is CombineRule.MINIMUM:
-        return choose(a_is_less, lambda: a, lambda: b)
-    return choose(a_is_less, lambda: b, lambda: a)
+        return low
+    if rule is CombineRule.MAXIMUM:
+        return high
+    size = choose(high > 0, lambda: high, lambda: 1 + high)
+    ratio = low / size
+    if rule is CombineRule.HARMONIC_MEAN:
+        return low * (2 / (1 + ratio))
+    if rule is CombineRule.GEOMETRIC_MEAN:
+        return choose(
+            ratio >= TINY, lambda: high * square_root(ratio), lambda: square_root(low) * square_root(high)
+        )
+    softer = size / size * lesser(stiffness_a, stiffness_b) / greater(stiffness_a, stiffness_b)
+    a_is_softer = stiffness_a < stiffness_b
+    soft = choose(a_is_softer, lambda: a, lambda: b) / size
+    stiff = choose(a_is_softer, lambda: b, lambda: a) / size
+    return high * square_root((soft * soft + stiff * stiff * softer) / (1 + softer))
+
+
+def check_rule(rule: Any) -> None:
+    """Raises: TypeError: that is no rule."""
+    if not isinstance(rule, CombineRule):
+        known = ", ".join(map(str, CombineRule))
+        raise TypeError(f"rule: must be one of {known}, is {rule!r}")
+
+
+TINY = 2.0**-1000
+"""A quotient that has hardly underflown."""

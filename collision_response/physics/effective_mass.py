@@ -355,8 +355,9 @@ def _side_of(body: Body, point: Vec3) -> Side | ArticulatedSide:
 
 
 def _scaled(v: Vec3) -> Vec3:
-    """A vector in the middle of the range of numbers."""
-    size = abs(v.x) + abs(v.y) + abs(v.z)
+    """A vector in the middle of the range of numbers: its greatest component is 1."""
+    x, y, z = (certain(abs(component)) for component in v)
+    size = greater(greater(x, y), z)
     return v / choose(size > 0, lambda: size, lambda: size * 0 + 1)
 
 

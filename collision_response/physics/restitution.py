@@ -7,6 +7,7 @@ approach speed ``v`` [m/s].
 from __future__ import annotations
 
 import math
+import sys
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from itertools import pairwise
@@ -33,6 +34,10 @@ def viscoelastic(beta: float) -> Restitution:
 
     def restitution(v: float) -> float:
         s = math.sqrt(beta) * v**0.1
+        if s > 1:  # the same in 1/s, whose powers do not overflow
+            t = 1 / s
+            denominator = 0.532178 + t * (0.577977 + t * (1.15345 + t * (0.501086 + t)))
+            return t * t * t * (t + 0.501086) / denominator
         denominator = 1 + s * (0.501086 + s * (1.15345 + s * (0.577977 + s * 0.532178)))
         return (1 + 0.501086 * s) / denominator
 
@@ -52,14 +57,22 @@ def plastic(yield_speed: float) -> Restitution:
     if not 0 < yield_speed < math.inf:
         raise ValueError(f"yield_speed must be positive and finite, is {yield_speed}")
 
+    limit = johnson(yield_speed)
+
     def restitution(v: float) -> float:
         if v <= yield_speed:
             return 1.0
         q = yield_speed / v
+        if q < NEGLIGIBLE:
+            return limit(v)
         root = math.sqrt(6 / 5 - q * q / 5)
-        return math.sqrt(6 * math.sqrt(3) / 5 * (1 - q * q / 6)) * (q / (q + 2 * root)) ** 0.25
+        return min(1.0, math.sqrt(6 * math.sqrt(3) / 5 * (1 - q * q / 6)) * (q / (q + 2 * root)) ** 0.25)
 
     return restitution
+
+
+NEGLIGIBLE = 2.0**-60
+"""Beside 1."""
 
 
 def power_law(restitution: float, speed: float, exponent: float) -> Restitution:
@@ -80,8 +93,25 @@ def power_law(restitution: float, speed: float, exponent: float) -> Restitution:
 def _power_law(restitution: float, speed: float, exponent: float) -> Restitution:
     if exponent == 0:
         return lambda v: restitution
-    elastic = speed * restitution ** (1 / exponent)  # up to here it is 1
-    return lambda v: 1.0 if v <= elastic else (elastic / v) ** exponent
+    elastic = -math.log(restitution)
+
+    def of_speed(v: float) -> float:
+        growth = exponent * _log_quotient(speed, v) if v > 0 else math.inf
+        if growth >= elastic:
+            return 1.0
+        half = math.exp(growth / 2)  # the whole may overflow where restitution is tiny
+        return min(1.0, restitution * half * half)
+
+    return of_speed
+
+
+def _log_quotient(a: float, b: float) -> float:
+    """``log(a / b)`` of positive numbers, however large or small the quotient."""
+    quotient = a / b
+    if 0.5 <= quotient <= 2:
+        return math.log1p((a - b) / b)
+    in_range = sys.float_info.min <= quotient < math.inf
+    return math.log(quotient) if in_range else math.log(a) - math.log(b)
 
 
 def johnson(yield_speed: float) -> Restitution:
@@ -124,6 +154,7 @@ def tabulated(speeds: Sequence[float], values: Sequence[float], most: float = 1.
         if i == 0 or i == len(speeds):
             return values[0] if i == 0 else values[-1]
         part = (v - speeds[i - 1]) / (speeds[i] - speeds[i - 1])
-        return values[i - 1] * (1 - part) + values[i] * part
+        below, above = values[i - 1], values[i]
+        return min(below * (1 - part) + above * part, max(below, above))
 
     return restitution

@@ -52,6 +52,12 @@ LISTS = (
     "request_contacts",
     "request_model",
 )
+COLUMNS = {
+    "answer": table.NUMBER,
+    **dict.fromkeys(("status", "law", "geometry", "precision", "adjustments"), table.WORD),
+    **dict.fromkeys(NUMBERS, table.NUMBER),
+    **dict.fromkeys(LISTS, table.LIST),
+}
 BODY, CONTACT = 23, 9
 """Numbers of each in a request."""
 
@@ -69,9 +75,10 @@ def read(paths: Iterable[Path | str]) -> pa.Table:
     """All scenes of some recordings, in the order of their answers.
 
     Raises:
-        OSError: a file cannot be read.
+        OSError, RuntimeError: a file cannot be read.
+        ValueError: it is no recording of this node.
     """
-    return table.read(paths, TABLE, LISTS)
+    return table.read(paths, TABLE, LISTS, COLUMNS)
 
 
 def _answer_of(impact: SceneImpact) -> dict[str, Any]:

@@ -20,7 +20,7 @@ A refusal has a status and a message and nothing else.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,11 +35,28 @@ from ..physics.inverse_inertia import InverseInertia
 from ..physics.orientation import Quaternion
 from ..physics.tensor import Symmetric3
 from ..physics.vector import Vec3
+from .layout import PLOTS
 from .record import Record, Refusal
 
 TABLE = "/impacts"
 ARCHETYPE = "Impact"
 TIMELINES = ("ros_time", "answer")
+
+OWN = next(iter(PLOTS))
+"""What every recording has, also one without an answer: its style."""
+
+WORD, NUMBER, LIST = 0, 1, -1
+"""Kinds of columns; a greater number is that of a vector's components."""
+REFUSAL = {"answer": NUMBER, "status": WORD, "message": WORD}
+ANSWER = {
+    "answer": NUMBER,
+    **dict.fromkeys(("status", "body_a", "body_b", "law", "geometry", "precision", "regime"), WORD),
+    "adjustments": WORD,
+    **dict.fromkeys((*NUMBERS, "restitution", "friction", "duration"), NUMBER),
+    **dict.fromkeys(("position", "normal", "impulse"), 3),
+    **dict.fromkeys(("twist_a_before", "twist_a_after", "twist_b_before", "twist_b_after"), 6),
+    **{"request_a": 23, "request_b": 23, "request_contact": 9, "request_model": LIST},
+}
 
 PARALLEL = Quaternion(0.0, 0.0, 0.0, 1.0)
 
@@ -136,34 +153,62 @@ def _array(values: list[Any]) -> pa.Array:
     return pa.array(values)
 
 
-def read(paths: Iterable[Path | str], table: str = TABLE, lists: Sequence[str] = ()) -> pa.Table:
+def read(
+    paths: Iterable[Path | str],
+    table: str = TABLE,
+    lists: Sequence[str] = (),
+    columns: Mapping[str, int] = ANSWER,
+) -> pa.Table:
     """All impacts and refusals of some recordings, in the order of their answers.
 
     Args:
         paths: of the files.
         table: another one to read instead.
         lists: its columns with several values in a row.
+        columns: the kinds of those that its answers have.
 
     Raises:
-        OSError: a file cannot be read.
+        OSError, RuntimeError: a file cannot be read.
+        ValueError: it is no recording of this node; it says which.
     """
     tables = []
     for path in paths:
-        for chunk in RrdReader(str(path)).stream().filter(content=table).to_chunks():
+        chunks = RrdReader(str(path)).stream().filter(content=table).to_chunks()
+        if not chunks and not RrdReader(str(path)).stream().filter(content=OWN).to_chunks():
+            raise _foreign(path, f"it has neither {table} nor {OWN}")
+        for chunk in chunks:
             batch = chunk.to_record_batch()
             found = {
                 name.removeprefix(f"{ARCHETYPE}:"): batch.column(name)
                 for name in batch.schema.names
                 if name in TIMELINES or name.startswith(f"{ARCHETYPE}:")
             }
-            tables.append(
-                pa.table(
-                    {name: c if name in (*TIMELINES, *lists) else c.flatten() for name, c in found.items()}
-                )
+            rows = pa.table(
+                {name: c if name in (*TIMELINES, *lists) else c.flatten() for name, c in found.items()}
             )
+            is_refusal = {*found} <= {*TIMELINES, *REFUSAL}
+            for name, kind in (REFUSAL if is_refusal else columns).items():
+                if name not in found or not _is_of(kind, rows.schema.field(name).type):
+                    raise _foreign(path, f"{table} has no such {name}")
+            tables.append(rows)
     if not tables:
         return pa.table({"status": pa.array([], pa.string())})
     return pa.concat_tables(tables, promote_options="default").sort_by("answer")
+
+
+def _foreign(path: Path | str, why: str) -> ValueError:
+    return ValueError(f"{path} is no recording of this node: {why}")
+
+
+def _is_of(kind: int, found: pa.DataType) -> bool:
+    """Whether values of a column are of a kind."""
+    if kind == WORD:
+        return bool(pa.types.is_string(found))
+    if kind == NUMBER:
+        return bool(pa.types.is_floating(found) or pa.types.is_integer(found))
+    if kind == LIST:
+        return bool(pa.types.is_list(found) or pa.types.is_fixed_size_list(found))
+    return bool(pa.types.is_fixed_size_list(found)) and found.list_size == kind
 
 
 def rows_of(impacts: pa.Table) -> list[dict[str, Any]]:
