@@ -50,6 +50,7 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = D
 
 OF_BODIES = Adjustment.NORMALISED_ORIENTATION | Adjustment.MASSLESS_SPIN
 
+
 def _left_to_python(
     body_a: Body, body_b: Body, contact: Contact, model: ImpactModel, answer: Impact | int
 ) -> Impact:
