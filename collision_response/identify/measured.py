@@ -47,8 +47,25 @@ class Measured(Protocol):
     def residuals(self, law: Law, coefficients: Coefficients, kind: str) -> Array:
         """Predicted less measured, shape ``(rows, N)``; 0 where nothing was measured."""
 
+    def counts(self, kind: str) -> Array:
+        """Whether a residual has anything measured in it, shape ``(rows, N)``."""
+
     def sizes(self, kind: str) -> Array:
         """What was measured, in the same norm as the residuals, shape ``(rows, N)``."""
+
+
+EXTREMES = (0.0, 0.0), (1.0, 0.0), (0.0, 1e3)
+"""Restitution and friction: where nothing that was measured differs, it tells of neither."""
+
+
+def usable(measured: Measured, kind: str) -> Measured:
+    """The impacts that say anything by residuals of a kind: they approach, and what was measured after them
+    depends on restitution or friction."""
+    first, *others = (
+        measured.residuals(Law.COULOMB, {"restitution": e, "friction": mu}, kind) for e, mu in EXTREMES
+    )
+    tells = np.any([one != first for one in others], axis=0) & measured.counts(kind)
+    return measured.take(np.flatnonzero(measured.approaching() & tells.any(axis=0)))
 
 
 class Impacts:
@@ -124,14 +141,23 @@ class Impacts:
 
     def approaching(self) -> Array:
         """See :class:`Measured`."""
-        before = self._at_contact(
-            np.concatenate([self.bodies[BODY.velocity], self.bodies[BODY.angular_velocity]])
-        )
-        return (before * self.contacts[TOUCH.normal]).sum(axis=0) < 0
+        return (self._at_contact(self._before()) * self.contacts[TOUCH.normal]).sum(axis=0) < 0
 
     def residuals(self, law: Law, coefficients: Coefficients, kind: str) -> Array:
         """See :class:`Measured`."""
         return self._in_norm(kind, self.predict(law, coefficients) - self.after)
+
+    def counts(self, kind: str) -> Array:
+        """See :class:`Measured`."""
+        known = ~np.isnan(self.after) & np.isfinite(self.bodies[BODY.mass])
+        linear, angular = known[:3], known[3:]
+        if kind == "contact":
+            acts = np.roll(self._arms() != 0, 1, axis=0) & np.roll(angular, 2, axis=0)
+            acts |= np.roll(self._arms() != 0, 2, axis=0) & np.roll(angular, 1, axis=0)
+            return (linear | acts).any(axis=1)
+        turning = ((self.root != 0) & angular).any(axis=1)
+        rows = [linear] if kind == "linear" else [linear, turning]
+        return np.concatenate(rows).reshape(-1, len(self))
 
     def sizes(self, kind: str) -> Array:
         """See :class:`Measured`."""
@@ -171,9 +197,14 @@ class Impacts:
 
     def _at_contact(self, twists: Array) -> Array:
         """Velocities of body_a relative to body_b, there."""
-        arms = self.contacts[TOUCH.position][:, None] - self.bodies[BODY.position]
-        there = twists[:3] + np.cross(twists[3:], arms, axis=0)
+        there = twists[:3] + np.cross(twists[3:], self._arms(), axis=0)
         return there[:, 0] - there[:, 1]
+
+    def _arms(self) -> Array:
+        return np.asarray(self.contacts[TOUCH.position][:, None] - self.bodies[BODY.position])
+
+    def _before(self) -> Array:
+        return np.concatenate([self.bodies[BODY.velocity], self.bodies[BODY.angular_velocity]])
 
 
 def _write(column: Array, after: Array, root: Array, body: Body, twist: Twist) -> None:
@@ -268,6 +299,11 @@ class SphereReadings:
         """See :class:`Measured`; in errors of a reading."""
         return self._counted(kind, self.predict(law, coefficients) - self._rows[2])
 
+    def counts(self, kind: str) -> Array:
+        """See :class:`Measured`."""
+        of = range(len(self.QUANTITIES)) if kind == "all" else [self.QUANTITIES.index(kind)]
+        return np.isin(self._rows[0], of)[None]
+
     def sizes(self, kind: str) -> Array:
         """See :class:`Measured`."""
         return self._counted(kind, self._rows[2])
@@ -280,5 +316,4 @@ class SphereReadings:
         return np.choose(self._rows[0].astype(int), read)
 
     def _counted(self, kind: str, numbers: Array) -> Array:
-        counts = kind == "all" or self._rows[0] == self.QUANTITIES.index(kind)
-        return (np.where(counts, numbers, 0.0) / self._rows[3])[None]
+        return np.asarray(np.where(self.counts(kind), numbers, 0.0) / self._rows[3])
