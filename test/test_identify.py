@@ -215,6 +215,78 @@ def test_what_cannot_be_fitted_is_refused_by_name(measured, options, code, field
     assert (refusal.value.code, refusal.value.field) == (code, field)
 
 
+@pytest.mark.parametrize("side", ["a", "b"])
+@pytest.mark.parametrize("part", ["linear", "angular"])
+@pytest.mark.parametrize("infinite", [math.inf, -math.inf])
+def test_infinite_measurements_are_refused_by_their_field(side, part, infinite):
+    """Of a movable body; those of an immovable one do not count."""
+    ball, other = Body.sphere(1.0, 0.1), Body.sphere(1.0, 0.1)
+    still, touch = Vec3(0.0, 0.0, 0.0), Contact.of((0, 0, 0), (0, 0, 1))
+    wrong = Twist(still, still)._replace(**{part: Vec3(0.0, infinite, math.nan)})
+    twists = {"a": (wrong, Twist(still, still)), "b": (Twist(still, still), wrong)}[side]
+    with pytest.raises(ImpactError) as refusal:
+        Impacts.of([ball], [other], [touch], *([twist] for twist in twists))
+    assert (refusal.value.code, refusal.value.field) == (
+        StatusCode.NOT_FINITE,
+        f"impacts[0].after_{side}.{part}",
+    )
+    immovable = {"a": (Body.static(), ball), "b": (ball, Body.static())}[side]
+    measured = Impacts.of(*([body] for body in immovable), [touch], *([twist] for twist in twists))
+    assert np.isfinite(measured.after).all()
+
+
+@pytest.mark.parametrize("turn", [None, (0.5, 0.5, 0.5, 0.5), (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))])
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("unknown", range(3))
+def test_of_a_centre_of_mass_only_what_is_unknown_is_dropped(turn, axis, unknown):
+    """v + w x c, c along an axis: what spins about it moves nothing, about another what is across both."""
+    com = Vec3(*(0.1 * (i == axis) for i in range(3)))
+    ball = Body.sphere(1.0, 0.1, velocity=(0, 0, -1))._replace(
+        com=com, orientation=turn and Body.dynamic(1.0, orientation=turn).orientation
+    )
+    along = np.eye(3) if turn is None else Rotation.from_quat(turn).as_matrix()
+    direction = along[:, axis]
+    twist = Twist(Vec3(1.0, 2.0, 3.0), Vec3(*(math.nan if i == unknown else 5.0 + i for i in range(3))))
+    measured = Impacts.of([ball], [Body.static()], [Contact.of((0, 0, 0), (0, 0, 1))], [twist], [twist])
+    where = int(np.argmax(abs(direction)))
+    lost = set() if unknown == where else {3 - unknown - where}
+    assert set(np.flatnonzero(np.isnan(measured.after[:3, 0, 0]))) == lost
+    known = [i for i in range(3) if i not in lost]
+    by_hand = np.add(twist.linear, np.cross(np.nan_to_num(twist.angular), 0.1 * direction))
+    assert measured.after[known, 0, 0] == pytest.approx(by_hand[known])
+
+
+SPHERE = {"speed": 3.9, "radius": 0.0025, "tables": {"ratio": [(40, 0.8), (50, 0.85)]}, "errors": READING}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "field"),
+    [
+        *(({name: x}, name) for name in ("speed", "radius") for x in (0.0, -1.0, math.nan, math.inf)),
+        *(({"gyration": x}, "gyration") for x in (0.0, -0.4, 0.67, math.nan, math.inf)),
+        *(({"errors": {"ratio": x}}, "errors['ratio']") for x in (0.0, -1.0, math.nan, math.inf)),
+        ({"errors": {}}, "errors['ratio']"),
+        ({"tables": {}}, "tables"),
+        ({"tables": {"ratio": []}}, "tables"),
+        ({"tables": {"bounce": [(40, 0.8)]}}, "tables"),
+        *(({"tables": {"spin": [(40, 1.0), (x, 1.0)]}}, "tables['spin'][1]") for x in (math.nan, math.inf)),
+        *(({"tables": {"angle": [(40, 1.0), (40, x)]}}, "tables['angle'][1]") for x in (math.nan, -math.inf)),
+        ({"tables": {"ratio": [(40, 1.0), (0, 1.0)]}}, "tables['ratio'][1]"),
+    ],
+)
+def test_readings_out_of_range_are_refused_by_name(wrong, field):
+    with pytest.raises(ValueError) as refusal:
+        SphereReadings(**(SPHERE | wrong))
+    assert str(refusal.value).startswith(f"{field}: ")
+
+
+def test_readings_of_a_sphere_that_falls_straight_are_taken_where_they_mean_anything():
+    tables = {"angle": [(0, 0.0), *KHARAZ["angle"]], "spin": [(0, 0.0), *KHARAZ["spin"]]}
+    found = identify(SphereReadings(3.9, 0.0025, tables, READING), resamples=2)
+    assert len(found.squares) == 8
+    assert any(note.startswith("2 impacts do not count") for note in found.notes)
+
+
 @pytest.mark.parametrize("side", ["body_a", "body_b"])
 def test_mechanisms_are_refused_and_not_taken_for_immovable(side):
     link = Body.articulated([[float(i == j) for j in range(6)] for i in range(6)], velocity=(0, 0, -1))
