@@ -207,12 +207,35 @@ def test_separating_impacts_do_not_count():
             StatusCode.INVALID_COEFFICIENT,
             "given.friction",
         ),
+        (falling(1.0, 2.0, 3.0), {"fit": ["friction"] * 2}, StatusCode.INVALID_MODEL, "fit"),
+        (
+            falling(1.0, 2.0, 3.0),
+            {"fit": ["friction"], "given": {"friction": 0.1}},
+            StatusCode.INVALID_MODEL,
+            "given",
+        ),
+        (
+            falling(1.0, 2.0, 3.0),
+            {"law": Law.FRICTIONLESS, "given": {"restitution": 0.5}},
+            StatusCode.INVALID_MODEL,
+            "fit",
+        ),
+        (falling(1.0, 2.0, 3.0), {"resamples": 1}, StatusCode.INVALID_MODEL, "resamples"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused_by_name(measured, options, code, field):
     with pytest.raises(ImpactError) as refusal:
         identify(measured, **options)
     assert (refusal.value.code, refusal.value.field) == (code, field)
+
+
+@pytest.mark.parametrize(("given", "fitted"), [("restitution", "friction"), ("friction", "restitution")])
+def test_what_is_given_is_not_fitted(given, fitted):
+    true = {"restitution": 0.6, "friction": 0.15}
+    found = identify(cubes(20, *true.values()), given={given: true[given] / 2}, resamples=2)
+    assert found.coefficients.keys() == {fitted}
+    assert found.values[given] == true[given] / 2
+    assert found.misfit > 1e-3
 
 
 @pytest.mark.parametrize("side", ["a", "b"])

@@ -79,8 +79,9 @@ def identify(
             :class:`~collision_response.identify.SphereReadings`.
         law: not AUTO.
         fit: what to fit: "restitution", "friction", "tangential_restitution", "stiffness_ratio" of COMPLIANT.
-            Left out: restitution, and friction if the law has any.
-        given: the coefficients that are known, by name; what is neither fitted nor given is 0, restitution 1.
+            Left out: restitution, and friction if the law has any; those of them that are not given.
+        given: the coefficients that are known, by name, none of them in ``fit``; what is neither fitted nor
+            given is 0, restitution 1.
         kind: of the residuals, one of ``measured.kinds``; left out, the first.
         loss: of SciPy's ``least_squares``. All but "linear" are robust against outliers.
         resamples: fits of the bootstrap, >= 2.
@@ -88,15 +89,17 @@ def identify(
 
     Raises:
         ImpactError: INVALID_TABLE: too few impacts, or nothing but separating ones, or nothing was measured
-            after them. INVALID_MODEL: no such law, coefficient or kind. INVALID_COEFFICIENT: a given one is
-            out of range.
+            after them. INVALID_MODEL: no such law, coefficient or kind; a coefficient twice, fitted and
+            given, or none to fit; ``resamples`` < 2. INVALID_COEFFICIENT: a given one is out of range.
         ImportError: SciPy is not installed.
     """
-    fit = tuple(fit) or (("restitution",) if law is Law.FRICTIONLESS else ("restitution", "friction"))
-    given, kind = {"restitution": 1.0, "friction": 0.0} | dict(given or {}), kind or measured.kinds[0]
-    _check(measured, law, fit, given, kind)
+    given, kind = dict(given or {}), kind or measured.kinds[0]
+    usual = ("restitution",) if law is Law.FRICTIONLESS else ("restitution", "friction")
+    fit = tuple(fit) or tuple(name for name in usual if name not in given)
+    _check(measured, law, fit, given, kind, resamples)
     used = _used(measured, kind, len(fit))
     unit = unit_of(used, kind)
+    given = {"restitution": 1.0, "friction": 0.0} | given
     problem, best = Problem(used, law, fit, given, kind, loss, unit).best()
     resampled = problem.resampled(best.x, resamples, seed)
     coefficients, combination = estimates(problem, best, resampled)
@@ -119,7 +122,14 @@ def identify(
     )
 
 
-def _check(measured: Measured, law: Law, fit: tuple[str, ...], given: Mapping[str, float], kind: str) -> None:
+def _check(
+    measured: Measured,
+    law: Law,
+    fit: tuple[str, ...],
+    given: Mapping[str, float],
+    kind: str,
+    resamples: int,
+) -> None:
     here = {"restitution", "friction", *ImpactModel._fields}.intersection(RANGES)
     for field, value, known in (
         ("law", law, [one for one in Law if one is not Law.AUTO]),
@@ -130,8 +140,16 @@ def _check(measured: Measured, law: Law, fit: tuple[str, ...], given: Mapping[st
         if value not in known:
             names = ", ".join(str(getattr(one, "name", one)) for one in known)
             raise ImpactError(StatusCode.INVALID_MODEL, field, f"must be one of {names}; is {value!r}")
+    for field, wrong in (
+        ("fit", "" if fit else f"must name a coefficient: {' and '.join(given)} of {law.name} are given"),
+        *(("fit", f"has {name} twice") for name in set(fit) if fit.count(name) > 1),
+        *(("given", f"has {name}, which is to be fitted") for name in fit if name in given),
+        ("resamples", "" if resamples >= 2 else f"must be at least 2, is {resamples}"),
+    ):
+        if wrong:
+            raise ImpactError(StatusCode.INVALID_MODEL, field, wrong)
     for name, value in given.items():
-        least, most, *_ = RANGES.get(name, (0.0, math.inf))
+        least, most, *_ = RANGES[name]
         check_number(f"given.{name}", value, least, most, StatusCode.INVALID_COEFFICIENT)
 
 
