@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,8 @@ from scipy.spatial.transform import Rotation
 from collision_response import Body, Contact, ImpactError, ImpactModel, Law, StatusCode, Twist, resolve
 from collision_response.identify import Impacts, SphereReadings, compare, identify
 from collision_response.identify.__main__ import main
-from collision_response.identify.measured import BODY
+from collision_response.identify.measured import BODY, TOUCH
+from collision_response.identify.table import impacts_of, rows_of
 from collision_response.physics.vector import Vec3
 
 SOLVED = 1e-6
@@ -364,6 +366,10 @@ def test_the_command_reads_what_papers_print(tmp_path: Path, capsys):
         ("vz,vz_after\n", "rows: there are none"),
         ("vz,vz_after\n-1,1\n", "columns: must have m; nx or ny or nz"),
         ("m,nz,vz,vz_after\n1,1,,1\n", "impacts[0].body_a.velocity: must be finite"),
+        ("m,nz,vz,vz_after\n1,1,-1,inf\n", "impacts[0].after_a.linear: must be finite"),
+        ("m,nz,vz,vz,vz_after\n1,1,-1,-9,1\n", "columns: vz is there 2 times"),
+        ("m,nz,vz,vz_after,note\n1,1,-1,1," + "x" * 200_000, "line 1: field larger than field limit"),
+        ("incidence,ratio\n0,1\n", "readings of a sphere need --speed"),
     ],
 )
 def test_a_bad_table_is_refused_in_one_line(tmp_path: Path, capsys, text, told):
@@ -372,6 +378,76 @@ def test_a_bad_table_is_refused_in_one_line(tmp_path: Path, capsys, text, told):
     assert main([str(table)]) == 1
     err = capsys.readouterr().err
     assert told in err and err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--given", "restitution=abc"], "argument --given: restitution must be a number, is 'abc'"),
+        (["--errors", "ratio"], "argument --errors: must be NAME=VALUE, is 'ratio'"),
+        (["--compare", "--plot", "fit.png"], "--plot draws one law: not with --compare"),
+    ],
+)
+def test_arguments_that_cannot_be_are_refused_by_the_parser(capsys, options, told):
+    with pytest.raises(SystemExit):
+        main(["impacts.csv", *options])
+    assert told in capsys.readouterr().err
+
+
+def test_the_command_does_not_fit_what_is_given(tmp_path: Path, capsys):
+    table = tmp_path / "impacts.csv"
+    table.write_text(TABLE)
+    options = [str(table), "--set", "m=2", "nz=1", "--resamples", "2"]
+    assert main([*options, "--given", "restitution=0.5"]) == 0
+    out = capsys.readouterr().out
+    assert "friction = 0.1 " in out and "restitution" not in out
+    assert main([*options, "--fit", "restitution", "restitution"]) == 1
+    assert "fit: has restitution twice" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+def test_a_byte_order_mark_is_no_part_of_a_name(tmp_path: Path, encoding):
+    table = tmp_path / "impacts.csv"
+    table.write_text("vz,note,note\n-1,a,b\n", encoding=encoding)
+    assert rows_of(table, {}) == [{"vz": -1.0}]
+
+
+@pytest.mark.parametrize("there", ["x", "y", "z", "xy", "yz", "xyz", ""])
+def test_of_a_contact_what_is_not_there_is_0(there):
+    """As long as any of it is there; if nothing is, it is at the arm, from the origin of body_a."""
+    row = {"m": 1.0, "nz": 1.0, "vz": -1.0, "vz_after": 0.5, "x": 7.0, "ry": 8.0}
+    measured = impacts_of([row | {f"c{axis}": 3.0 for axis in there}])
+    expected = [3.0 * (axis in there) for axis in "xyz"] if there else [7.0, 8.0, 0.0]
+    assert measured.contacts[TOUCH.position, 0].tolist() == expected
+
+
+@pytest.mark.parametrize("there", ["x", "y", "z", "w", "xw", "yz", "xyzw", ""])
+def test_of_a_quaternion_what_is_not_there_is_the_identity(there):
+    row = {"m": 1.0, "nz": 1.0, "vz": -1.0, "vz_after": 0.5} | {f"q{axis}": 0.5 for axis in there}
+    turned = impacts_of([row]).bodies[BODY.orientation, 0, 0]
+    expected = np.array([0.5 if axis in there else float(axis == "w") for axis in "xyzw"])
+    assert turned == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("left", [0, 4, 100, 0.5])
+def test_a_recording_that_is_cut_short_is_refused_in_one_line(tmp_path: Path, capsys, left):
+    whole = recording(tmp_path / "a.rrd", [(1.0, 0.9)] * 3, []).read_bytes()
+    path = tmp_path / "b.rrd"
+    path.write_bytes(whole[: left if isinstance(left, int) else int(left * len(whole))])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # rerun's, of a recording without an end
+        assert main([str(path)]) == 1
+    err = capsys.readouterr().err
+    assert err.startswith(f"{path}: Failed to read") and err.count("\n") == 1
+
+
+def test_a_table_by_the_name_of_a_recording_is_refused_in_one_line(tmp_path: Path, capsys):
+    pytest.importorskip("rerun")
+    path = tmp_path / "a.rrd"
+    path.write_text(TABLE)
+    assert main([str(path)]) == 1
+    err = capsys.readouterr().err
+    assert "Not an RRD file" in err and err.count("\n") == 1
 
 
 def recording(path, answers, heard, inverse_inertia=None):
