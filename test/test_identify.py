@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,8 @@ from scipy.spatial.transform import Rotation
 from collision_response import Body, Contact, ImpactError, ImpactModel, Law, StatusCode, Twist, resolve
 from collision_response.identify import Impacts, SphereReadings, compare, identify
 from collision_response.identify.__main__ import main
-from collision_response.identify.measured import BODY
+from collision_response.identify.measured import BODY, TOUCH
+from collision_response.identify.table import impacts_of, rows_of
 from collision_response.physics.vector import Vec3
 
 SOLVED = 1e-6
@@ -207,12 +209,107 @@ def test_separating_impacts_do_not_count():
             StatusCode.INVALID_COEFFICIENT,
             "given.friction",
         ),
+        (falling(1.0, 2.0, 3.0), {"fit": ["friction"] * 2}, StatusCode.INVALID_MODEL, "fit"),
+        (
+            falling(1.0, 2.0, 3.0),
+            {"fit": ["friction"], "given": {"friction": 0.1}},
+            StatusCode.INVALID_MODEL,
+            "given",
+        ),
+        (
+            falling(1.0, 2.0, 3.0),
+            {"law": Law.FRICTIONLESS, "given": {"restitution": 0.5}},
+            StatusCode.INVALID_MODEL,
+            "fit",
+        ),
+        (falling(1.0, 2.0, 3.0), {"resamples": 1}, StatusCode.INVALID_MODEL, "resamples"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused_by_name(measured, options, code, field):
     with pytest.raises(ImpactError) as refusal:
         identify(measured, **options)
     assert (refusal.value.code, refusal.value.field) == (code, field)
+
+
+@pytest.mark.parametrize(("given", "fitted"), [("restitution", "friction"), ("friction", "restitution")])
+def test_what_is_given_is_not_fitted(given, fitted):
+    true = {"restitution": 0.6, "friction": 0.15}
+    found = identify(cubes(20, *true.values()), given={given: true[given] / 2}, resamples=2)
+    assert found.coefficients.keys() == {fitted}
+    assert found.values[given] == true[given] / 2
+    assert found.misfit > 1e-3
+
+
+@pytest.mark.parametrize("side", ["a", "b"])
+@pytest.mark.parametrize("part", ["linear", "angular"])
+@pytest.mark.parametrize("infinite", [math.inf, -math.inf])
+def test_infinite_measurements_are_refused_by_their_field(side, part, infinite):
+    """Of a movable body; those of an immovable one do not count."""
+    ball, other = Body.sphere(1.0, 0.1), Body.sphere(1.0, 0.1)
+    still, touch = Vec3(0.0, 0.0, 0.0), Contact.of((0, 0, 0), (0, 0, 1))
+    wrong = Twist(still, still)._replace(**{part: Vec3(0.0, infinite, math.nan)})
+    twists = {"a": (wrong, Twist(still, still)), "b": (Twist(still, still), wrong)}[side]
+    with pytest.raises(ImpactError) as refusal:
+        Impacts.of([ball], [other], [touch], *([twist] for twist in twists))
+    assert (refusal.value.code, refusal.value.field) == (
+        StatusCode.NOT_FINITE,
+        f"impacts[0].after_{side}.{part}",
+    )
+    immovable = {"a": (Body.static(), ball), "b": (ball, Body.static())}[side]
+    measured = Impacts.of(*([body] for body in immovable), [touch], *([twist] for twist in twists))
+    assert np.isfinite(measured.after).all()
+
+
+@pytest.mark.parametrize("turn", [None, (0.5, 0.5, 0.5, 0.5), (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))])
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("unknown", range(3))
+def test_of_a_centre_of_mass_only_what_is_unknown_is_dropped(turn, axis, unknown):
+    """v + w x c, c along an axis: what spins about it moves nothing, about another what is across both."""
+    com = Vec3(*(0.1 * (i == axis) for i in range(3)))
+    ball = Body.sphere(1.0, 0.1, velocity=(0, 0, -1))._replace(
+        com=com, orientation=turn and Body.dynamic(1.0, orientation=turn).orientation
+    )
+    along = np.eye(3) if turn is None else Rotation.from_quat(turn).as_matrix()
+    direction = along[:, axis]
+    twist = Twist(Vec3(1.0, 2.0, 3.0), Vec3(*(math.nan if i == unknown else 5.0 + i for i in range(3))))
+    measured = Impacts.of([ball], [Body.static()], [Contact.of((0, 0, 0), (0, 0, 1))], [twist], [twist])
+    where = int(np.argmax(abs(direction)))
+    lost = set() if unknown == where else {3 - unknown - where}
+    assert set(np.flatnonzero(np.isnan(measured.after[:3, 0, 0]))) == lost
+    known = [i for i in range(3) if i not in lost]
+    by_hand = np.add(twist.linear, np.cross(np.nan_to_num(twist.angular), 0.1 * direction))
+    assert measured.after[known, 0, 0] == pytest.approx(by_hand[known])
+
+
+SPHERE = {"speed": 3.9, "radius": 0.0025, "tables": {"ratio": [(40, 0.8), (50, 0.85)]}, "errors": READING}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "field"),
+    [
+        *(({name: x}, name) for name in ("speed", "radius") for x in (0.0, -1.0, math.nan, math.inf)),
+        *(({"gyration": x}, "gyration") for x in (0.0, -0.4, 0.67, math.nan, math.inf)),
+        *(({"errors": {"ratio": x}}, "errors['ratio']") for x in (0.0, -1.0, math.nan, math.inf)),
+        ({"errors": {}}, "errors['ratio']"),
+        ({"tables": {}}, "tables"),
+        ({"tables": {"ratio": []}}, "tables"),
+        ({"tables": {"bounce": [(40, 0.8)]}}, "tables"),
+        *(({"tables": {"spin": [(40, 1.0), (x, 1.0)]}}, "tables['spin'][1]") for x in (math.nan, math.inf)),
+        *(({"tables": {"angle": [(40, 1.0), (40, x)]}}, "tables['angle'][1]") for x in (math.nan, -math.inf)),
+        ({"tables": {"ratio": [(40, 1.0), (0, 1.0)]}}, "tables['ratio'][1]"),
+    ],
+)
+def test_readings_out_of_range_are_refused_by_name(wrong, field):
+    with pytest.raises(ValueError) as refusal:
+        SphereReadings(**(SPHERE | wrong))
+    assert str(refusal.value).startswith(f"{field}: ")
+
+
+def test_readings_of_a_sphere_that_falls_straight_are_taken_where_they_mean_anything():
+    tables = {"angle": [(0, 0.0), *KHARAZ["angle"]], "spin": [(0, 0.0), *KHARAZ["spin"]]}
+    found = identify(SphereReadings(3.9, 0.0025, tables, READING), resamples=2)
+    assert len(found.squares) == 8
+    assert any(note.startswith("2 impacts do not count") for note in found.notes)
 
 
 @pytest.mark.parametrize("side", ["body_a", "body_b"])
@@ -269,6 +366,10 @@ def test_the_command_reads_what_papers_print(tmp_path: Path, capsys):
         ("vz,vz_after\n", "rows: there are none"),
         ("vz,vz_after\n-1,1\n", "columns: must have m; nx or ny or nz"),
         ("m,nz,vz,vz_after\n1,1,,1\n", "impacts[0].body_a.velocity: must be finite"),
+        ("m,nz,vz,vz_after\n1,1,-1,inf\n", "impacts[0].after_a.linear: must be finite"),
+        ("m,nz,vz,vz,vz_after\n1,1,-1,-9,1\n", "columns: vz is there 2 times"),
+        ("m,nz,vz,vz_after,note\n1,1,-1,1," + "x" * 200_000, "line 1: field larger than field limit"),
+        ("incidence,ratio\n0,1\n", "readings of a sphere need --speed"),
     ],
 )
 def test_a_bad_table_is_refused_in_one_line(tmp_path: Path, capsys, text, told):
@@ -277,6 +378,76 @@ def test_a_bad_table_is_refused_in_one_line(tmp_path: Path, capsys, text, told):
     assert main([str(table)]) == 1
     err = capsys.readouterr().err
     assert told in err and err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--given", "restitution=abc"], "argument --given: restitution must be a number, is 'abc'"),
+        (["--errors", "ratio"], "argument --errors: must be NAME=VALUE, is 'ratio'"),
+        (["--compare", "--plot", "fit.png"], "--plot draws one law: not with --compare"),
+    ],
+)
+def test_arguments_that_cannot_be_are_refused_by_the_parser(capsys, options, told):
+    with pytest.raises(SystemExit):
+        main(["impacts.csv", *options])
+    assert told in capsys.readouterr().err
+
+
+def test_the_command_does_not_fit_what_is_given(tmp_path: Path, capsys):
+    table = tmp_path / "impacts.csv"
+    table.write_text(TABLE)
+    options = [str(table), "--set", "m=2", "nz=1", "--resamples", "2"]
+    assert main([*options, "--given", "restitution=0.5"]) == 0
+    out = capsys.readouterr().out
+    assert "friction = 0.1 " in out and "restitution" not in out
+    assert main([*options, "--fit", "restitution", "restitution"]) == 1
+    assert "fit: has restitution twice" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+def test_a_byte_order_mark_is_no_part_of_a_name(tmp_path: Path, encoding):
+    table = tmp_path / "impacts.csv"
+    table.write_text("vz,note,note\n-1,a,b\n", encoding=encoding)
+    assert rows_of(table, {}) == [{"vz": -1.0}]
+
+
+@pytest.mark.parametrize("there", ["x", "y", "z", "xy", "yz", "xyz", ""])
+def test_of_a_contact_what_is_not_there_is_0(there):
+    """As long as any of it is there; if nothing is, it is at the arm, from the origin of body_a."""
+    row = {"m": 1.0, "nz": 1.0, "vz": -1.0, "vz_after": 0.5, "x": 7.0, "ry": 8.0}
+    measured = impacts_of([row | {f"c{axis}": 3.0 for axis in there}])
+    expected = [3.0 * (axis in there) for axis in "xyz"] if there else [7.0, 8.0, 0.0]
+    assert measured.contacts[TOUCH.position, 0].tolist() == expected
+
+
+@pytest.mark.parametrize("there", ["x", "y", "z", "w", "xw", "yz", "xyzw", ""])
+def test_of_a_quaternion_what_is_not_there_is_the_identity(there):
+    row = {"m": 1.0, "nz": 1.0, "vz": -1.0, "vz_after": 0.5} | {f"q{axis}": 0.5 for axis in there}
+    turned = impacts_of([row]).bodies[BODY.orientation, 0, 0]
+    expected = np.array([0.5 if axis in there else float(axis == "w") for axis in "xyzw"])
+    assert turned == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("left", [0, 4, 100, 0.5])
+def test_a_recording_that_is_cut_short_is_refused_in_one_line(tmp_path: Path, capsys, left):
+    whole = recording(tmp_path / "a.rrd", [(1.0, 0.9)] * 3, []).read_bytes()
+    path = tmp_path / "b.rrd"
+    path.write_bytes(whole[: left if isinstance(left, int) else int(left * len(whole))])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # rerun's, of a recording without an end
+        assert main([str(path)]) == 1
+    err = capsys.readouterr().err
+    assert err.startswith(f"{path}: Failed to read") and err.count("\n") == 1
+
+
+def test_a_table_by_the_name_of_a_recording_is_refused_in_one_line(tmp_path: Path, capsys):
+    pytest.importorskip("rerun")
+    path = tmp_path / "a.rrd"
+    path.write_text(TABLE)
+    assert main([str(path)]) == 1
+    err = capsys.readouterr().err
+    assert "Not an RRD file" in err and err.count("\n") == 1
 
 
 def recording(path, answers, heard, inverse_inertia=None):

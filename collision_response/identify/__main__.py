@@ -28,7 +28,7 @@ def parser() -> argparse.ArgumentParser:
         epilog=table.__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    pair: dict[str, Any] = {"nargs": "+", "default": [], "metavar": "NAME=VALUE", "type": _pair}
+    pair: dict[str, Any] = {"nargs": "+", "default": [], "metavar": "NAME=VALUE"}
     it.add_argument("file", type=Path, help="CSV, its columns explained below; or a recording, .rrd")
     it.add_argument("--law", choices=LAWS, default="coulomb")
     it.add_argument(
@@ -41,10 +41,9 @@ def parser() -> argparse.ArgumentParser:
         metavar="NAME",
         help="restitution, friction, tangential_restitution, stiffness_ratio",
     )
-    it.add_argument("--given", help="coefficients that are known", **pair)
-    it.add_argument(
-        "--set", help="columns that the file lacks: a number, or another column: nz=1 vx_after=vx2", **pair
-    )
+    it.add_argument("--given", help="coefficients that are known: they are not fitted", type=_number, **pair)
+    columns = "columns that the file lacks: a number, or another column: nz=1 vx_after=vx2"
+    it.add_argument("--set", help=columns, type=_pair, **pair)
     it.add_argument(
         "--residuals", default="", help="kinetic, contact or linear; of readings all, or a quantity"
     )
@@ -61,14 +60,18 @@ def parser() -> argparse.ArgumentParser:
     sphere = it.add_argument_group("readings of a sphere")
     sphere.add_argument("--speed", type=float, help="before [m/s]")
     sphere.add_argument("--radius", type=float, help="[m]")
-    sphere.add_argument("--errors", help="of a reading: ratio=0.01 angle=1 (degrees) spin=40 (rad/s)", **pair)
+    errors = "of a reading: ratio=0.01 angle=1 (degrees) spin=40 (rad/s)"
+    sphere.add_argument("--errors", help=errors, type=_number, **pair)
     return it
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Fit, print, draw; the exit status."""
-    arguments = parser().parse_args(argv)
-    law, given = LAWS[arguments.law], {name: float(value) for name, value in arguments.given}
+    it = parser()
+    arguments = it.parse_args(argv)
+    if arguments.compare and arguments.plot:
+        it.error("--plot draws one law: not with --compare")
+    law, given = LAWS[arguments.law], dict(arguments.given)
     options = {"kind": arguments.residuals, "loss": arguments.loss, "resamples": arguments.resamples}
     try:
         measured = read(arguments)
@@ -93,10 +96,9 @@ def read(arguments: argparse.Namespace) -> Measured:
     rows = table.rows_of(arguments.file, dict(arguments.set))
     if "incidence" not in rows[0]:
         return table.impacts_of(rows)
-    if not (arguments.speed and arguments.radius):
+    if arguments.speed is None or arguments.radius is None:
         raise ValueError("readings of a sphere need --speed, --radius and --errors")
-    errors = {name: float(value) for name, value in arguments.errors}
-    return table.readings_of(rows, arguments.speed, arguments.radius, errors)
+    return table.readings_of(rows, arguments.speed, arguments.radius, dict(arguments.errors))
 
 
 def _pair(text: str) -> tuple[str, str]:
@@ -104,6 +106,14 @@ def _pair(text: str) -> tuple[str, str]:
     if not equals:
         raise argparse.ArgumentTypeError(f"must be NAME=VALUE, is {text!r}")
     return name, value
+
+
+def _number(text: str) -> tuple[str, float]:
+    name, value = _pair(text)
+    try:
+        return name, float(value)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{name} must be a number, is {value!r}") from None
 
 
 if __name__ == "__main__":

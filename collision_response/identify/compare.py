@@ -9,8 +9,8 @@ import numpy as np
 
 from ..model import Law
 from .identification import Identification, identify
-from .measured import Measured
-from .problem import ALIKE
+from .measured import Measured, usable
+from .problem import ALIKE, unit_of
 
 LAWS = tuple(law for law in Law if law is not Law.AUTO)
 REDRAWN = 4000
@@ -66,8 +66,8 @@ def compare(measured: Measured, laws: Sequence[Law] = LAWS, *, seed: int = 0, **
     fits = {law: identify(measured, law, seed=seed, **options) for law in laws}
     fits = dict(sorted(fits.items(), key=lambda item: float(item[1].squares.sum())))
     best, *others = fits
-    used = measured.take(np.flatnonzero(measured.approaching()))
-    n, floor = len(used), ALIKE * (used.sizes(fits[best].kind) ** 2).sum(axis=0)
+    n, kind = len(fits[best].squares), fits[best].kind
+    floor = ALIKE * unit_of(usable(measured, kind), kind) ** 2 / n
     draws = np.random.default_rng(seed).integers(n, size=(REDRAWN, n))
     least = fits[best].squares + floor
     excess = {}

@@ -63,22 +63,38 @@ def estimates(problem: Problem, best: Any, values: Array) -> tuple[dict[str, Est
         best: SciPy's solution.
         values: those of the bootstrap, a row each.
     """
-    residuals, x, names = best.fun[best.fun != 0], best.x, problem.names
-    variance = (residuals**2).sum() / max(residuals.size - x.size, 1)
-    allowed = (best.fun**2).sum() + 2 * HALF_CHI_SQUARE * variance
-    allowed += ALIKE * (problem.measured.sizes(problem.kind) ** 2).sum()
-    covariance = variance * np.linalg.pinv(best.jac.T @ best.jac)
+    x, names = best.x, problem.names
+    covariance = _variance(best) * np.linalg.pinv(best.jac.T @ best.jac)
     low, high = np.percentile(values, (2.5, 97.5), axis=0, method="inverted_cdf")
     formal = np.sqrt(np.diag(covariance))
     found = {name: Estimate(*map(float, row)) for name, *row in zip(names, x, low, high, formal, strict=True)}
-    unknown = blurred(best.jac, names)
-    found |= {name: Estimate(math.nan, *RANGES[name][:2], math.inf) for name in unknown}
-    for name in set(names) - unknown:
-        found[name] = _unbounded(problem, best, name, allowed) or found[name]
-    return found, _product(x, values, names, covariance) if unknown == set(PRODUCT) else None
+    unknown = _blurred(best.jac, names)
+    return found | undetermined(problem, best), (
+        _product(x, values, names, covariance) if unknown == set(PRODUCT) else None
+    )
 
 
-def blurred(jacobian: Array, names: tuple[str, ...]) -> set[str]:
+def undetermined(problem: Problem, best: Any) -> dict[str, Estimate]:
+    """What is not ruled out, of each coefficient that these impacts do not determine.
+
+    Args:
+        problem, best: see :func:`estimates`.
+    """
+    unknown = _blurred(best.jac, problem.names)
+    allowed = (best.fun**2).sum() + 2 * HALF_CHI_SQUARE * _variance(best) + ALIKE
+    found = {name: Estimate(math.nan, *RANGES[name][:2], math.inf) for name in unknown}
+    rest = {name: _unbounded(problem, best, name, allowed) for name in problem.names if name not in unknown}
+    return found | {name: estimate for name, estimate in rest.items() if estimate is not None}
+
+
+def _variance(best: Any) -> float:
+    """Of a residual. One that is 0 whatever the coefficients are does not count: it was not measured, or lies
+    across the plane of a planar impact."""
+    counts = (best.fun != 0) | best.jac.any(axis=1)
+    return float((best.fun**2).sum() / max(counts.sum() - best.x.size, 1))
+
+
+def _blurred(jacobian: Array, names: tuple[str, ...]) -> set[str]:
     """The coefficients of which the impacts determine no more than a combination."""
     effective = [i for i in range(len(names)) if jacobian[:, i].any()]
     if len(effective) < 2:

@@ -6,15 +6,11 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from ..model import ImpactModel, Law, check_number
 from ..status import ImpactError, StatusCode
-from .estimates import Estimate, blurred, estimates
-from .measured import Array, Measured
-from .problem import RANGES, Problem
-
-AT_LIMIT = 1e-6
+from .estimates import Estimate, estimates, undetermined
+from .measured import Array, Measured, usable
+from .problem import ALIKE, PRECISE, RANGES, Problem, unit_of
 
 FEW = 10
 """Of fewer impacts the bootstrap says little."""
@@ -33,9 +29,10 @@ class Identification(NamedTuple):
         kind: of the residuals.
         coefficients: by name.
         combination: ``friction (1 + restitution)``, where the impacts determine it and not the two apart.
-        others: the values that residuals of other kinds lead to, by kind and name.
+        others: the values that residuals of other kinds lead to, by kind and name, where they determine it.
         misfit: root of the sum of squares of the residuals, over that of what was measured.
-        squares: sum of squares of each impact's residuals; those that separate are left out. Shape ``(N,)``.
+        squares: sum of squares of each impact's residuals; those that separate, and those after which
+            nothing was measured that tells anything, are left out. Shape ``(N,)``.
         resampled: the coefficients of each fit of the bootstrap, a row each.
         notes: what a person should know, in words.
     """
@@ -82,34 +79,35 @@ def identify(
             :class:`~collision_response.identify.SphereReadings`.
         law: not AUTO.
         fit: what to fit: "restitution", "friction", "tangential_restitution", "stiffness_ratio" of COMPLIANT.
-            Left out: restitution, and friction if the law has any.
-        given: the coefficients that are known, by name; what is neither fitted nor given is 0, restitution 1.
+            Left out: restitution, and friction if the law has any; those of them that are not given.
+        given: the coefficients that are known, by name, none of them in ``fit``; what is neither fitted nor
+            given is 0, restitution 1.
         kind: of the residuals, one of ``measured.kinds``; left out, the first.
         loss: of SciPy's ``least_squares``. All but "linear" are robust against outliers.
         resamples: fits of the bootstrap, >= 2.
         seed: of the bootstrap.
 
     Raises:
-        ImpactError: INVALID_TABLE: too few impacts, or nothing but separating ones. INVALID_MODEL: no such
-            law, coefficient or kind. INVALID_COEFFICIENT: a given one is out of range.
+        ImpactError: INVALID_TABLE: too few impacts, or nothing but separating ones, or nothing was measured
+            after them. INVALID_MODEL: no such law, coefficient or kind; a coefficient twice, fitted and
+            given, or none to fit; ``resamples`` < 2. INVALID_COEFFICIENT: a given one is out of range.
         ImportError: SciPy is not installed.
     """
-    fit = tuple(fit) or (("restitution",) if law is Law.FRICTIONLESS else ("restitution", "friction"))
-    given, kind = {"restitution": 1.0, "friction": 0.0} | dict(given or {}), kind or measured.kinds[0]
-    _check(measured, law, fit, given, kind)
-    used = _used(measured, len(fit))
-    problem, best = Problem(used, law, fit, given, kind, loss).best()
+    given, kind = dict(given or {}), kind or measured.kinds[0]
+    usual = ("restitution",) if law is Law.FRICTIONLESS else ("restitution", "friction")
+    fit = tuple(fit) or tuple(name for name in usual if name not in given)
+    _check(measured, law, fit, given, kind, resamples)
+    used = _used(measured, kind, len(fit))
+    unit = unit_of(used, kind)
+    given = {"restitution": 1.0, "friction": 0.0} | given
+    problem, best = Problem(used, law, fit, given, kind, loss, unit).best()
     resampled = problem.resampled(best.x, resamples, seed)
     coefficients, combination = estimates(problem, best, resampled)
-    others = {}
-    for other in used.kinds:
-        if other != kind and used.sizes(other).any():
-            _, nearest = problem._replace(kind=other, scale=0.0).best()
-            if not blurred(nearest.jac, fit):
-                others[other] = dict(zip(fit, nearest.x.tolist(), strict=True))
+    others = dict(_others(problem))
     squares = (used.residuals(law, problem.at(best.x), kind) ** 2).sum(axis=0)
-    misfit = math.sqrt(squares.sum() / (used.sizes(kind) ** 2).sum())
-    notes = _notes(len(measured) - len(used), len(used), coefficients, others)
+    whole = max((used.sizes(kind) ** 2).sum(), ALIKE * unit**2)  # bodies may stop
+    misfit = math.sqrt(squares.sum() / whole)
+    notes = _notes(measured, len(used), coefficients, others)
     return Identification(
         law,
         problem.at(best.x),
@@ -124,7 +122,14 @@ def identify(
     )
 
 
-def _check(measured: Measured, law: Law, fit: tuple[str, ...], given: Mapping[str, float], kind: str) -> None:
+def _check(
+    measured: Measured,
+    law: Law,
+    fit: tuple[str, ...],
+    given: Mapping[str, float],
+    kind: str,
+    resamples: int,
+) -> None:
     here = {"restitution", "friction", *ImpactModel._fields}.intersection(RANGES)
     for field, value, known in (
         ("law", law, [one for one in Law if one is not Law.AUTO]),
@@ -135,43 +140,71 @@ def _check(measured: Measured, law: Law, fit: tuple[str, ...], given: Mapping[st
         if value not in known:
             names = ", ".join(str(getattr(one, "name", one)) for one in known)
             raise ImpactError(StatusCode.INVALID_MODEL, field, f"must be one of {names}; is {value!r}")
+    for field, wrong in (
+        ("fit", "" if fit else f"must name a coefficient: {' and '.join(given)} of {law.name} are given"),
+        *(("fit", f"has {name} twice") for name in set(fit) if fit.count(name) > 1),
+        *(("given", f"has {name}, which is to be fitted") for name in fit if name in given),
+        ("resamples", "" if resamples >= 2 else f"must be at least 2, is {resamples}"),
+    ):
+        if wrong:
+            raise ImpactError(StatusCode.INVALID_MODEL, field, wrong)
     for name, value in given.items():
-        least, most, *_ = RANGES.get(name, (0.0, math.inf))
+        least, most, *_ = RANGES[name]
         check_number(f"given.{name}", value, least, most, StatusCode.INVALID_COEFFICIENT)
 
 
-def _used(measured: Measured, count: int) -> Measured:
+def _used(measured: Measured, kind: str, count: int) -> Measured:
     """The impacts that say anything."""
-    approaching = measured.approaching()
-    used = measured.take(np.flatnonzero(approaching))
-    if len(used) <= count:
-        of_all = f"{len(used)} of {len(measured)} impacts approach"
-        reason = f"must be more than {count}, the number of coefficients to fit: {of_all}"
+    used = usable(measured, kind)
+    if len(used) > count:
+        return used
+    approaching = int(measured.approaching().sum())
+    if approaching > count and not len(used):
+        reason = f"nothing was measured after them that tells anything by residuals {kind}"
         raise ImpactError(StatusCode.INVALID_TABLE, "impacts", reason)
-    if not used.sizes(used.kinds[0]).any():
-        raise ImpactError(StatusCode.INVALID_TABLE, "impacts", "nothing was measured after them")
-    return used
+    of_all = f"{approaching} of {len(measured)} impacts approach, and {len(used)} of these tell anything"
+    reason = f"must be more than {count}, the number of coefficients to fit: {of_all}"
+    raise ImpactError(StatusCode.INVALID_TABLE, "impacts", reason)
+
+
+def _others(problem: Problem) -> Iterator[tuple[str, dict[str, float]]]:
+    """What residuals of other kinds lead to, where they determine anything."""
+    for kind in problem.measured.kinds:
+        used = usable(problem.measured, kind)
+        if kind == problem.kind or len(used) <= len(problem.names):
+            continue
+        other, nearest = problem._replace(
+            measured=used, kind=kind, unit=unit_of(used, kind), scale=0.0
+        ).best()
+        values, unknown = other.at(nearest.x), undetermined(other, nearest)
+        known = {name: values[name] for name in problem.names if name not in unknown}
+        if known:
+            yield kind, known
 
 
 def _notes(
-    separating: int,
+    measured: Measured,
     used: int,
     coefficients: Mapping[str, Estimate],
     others: Mapping[str, Mapping[str, float]],
 ) -> Iterator[str]:
     """What a person should know."""
-    if separating:
+    approaching = int(measured.approaching().sum())
+    if separating := len(measured) - approaching:
         yield f"{separating} impacts separate, and do not count"
+    if unmeasured := approaching - used:
+        yield f"{unmeasured} impacts do not count: nothing was measured after them that tells anything"
     if used < FEW:
         yield f"{used} impacts are few: the intervals say little"
     for name, (value, low, high, formal) in coefficients.items():
         if math.isnan(value):
             continue
-        if min(abs(value - limit) for limit in RANGES[name][:2]) < AT_LIMIT:
-            yield f"{name} is at its limit: what was measured is beyond it, by the law or by an error"
+        formal = max(formal, PRECISE)  # what was made without noise is known no better
+        if value in RANGES[name][:2]:
+            yield f"{name} is at its limit: what was measured is there, or beyond it by law or error"
         if high - low > 2 * 2 * 1.96 * formal:
             yield f"{name}: the formal interval is {(high - low) / (2 * 1.96 * formal):.1f} times too small"
-        apart = max((abs(values[name] - value) for values in others.values()), default=0.0)
+        apart = max((abs(values[name] - value) for values in others.values() if name in values), default=0.0)
         if apart > APART * formal:
             yield (
                 f"{name}: residuals of other kinds lead {apart:.2g} away, {apart / formal:.0f} formal "

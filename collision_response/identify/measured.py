@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..batch import body_rows, contact_rows, resolve_batch
-from ..centre import at_centre
+from ..centre import at_centre, com_in_world_axes
 from ..model import Geometry, ImpactModel, Law
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
@@ -24,6 +24,9 @@ from ..status import ImpactError, StatusCode
 Array = np.ndarray[Any, Any]
 Coefficients = Mapping[str, float]
 """By name: restitution, friction, or a field of :class:`~collision_response.ImpactModel`."""
+
+ROUNDED = 1e-12
+"""A component of a vector so much smaller than it is what rounding left of 0."""
 
 BODY, TOUCH = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
 
@@ -47,8 +50,25 @@ class Measured(Protocol):
     def residuals(self, law: Law, coefficients: Coefficients, kind: str) -> Array:
         """Predicted less measured, shape ``(rows, N)``; 0 where nothing was measured."""
 
+    def counts(self, kind: str) -> Array:
+        """Whether a residual has anything measured in it, shape ``(rows, N)``."""
+
     def sizes(self, kind: str) -> Array:
         """What was measured, in the same norm as the residuals, shape ``(rows, N)``."""
+
+
+EXTREMES = (0.0, 0.0), (1.0, 0.0), (0.0, 1e3)
+"""Restitution and friction: where nothing that was measured differs, it tells of neither."""
+
+
+def usable(measured: Measured, kind: str) -> Measured:
+    """The impacts that say anything by residuals of a kind: they approach, and what was measured after them
+    depends on restitution or friction."""
+    first, *others = (
+        measured.residuals(Law.COULOMB, {"restitution": e, "friction": mu}, kind) for e, mu in EXTREMES
+    )
+    tells = np.any([one != first for one in others], axis=0) & measured.counts(kind)
+    return measured.take(np.flatnonzero(measured.approaching() & tells.any(axis=0)))
 
 
 class Impacts:
@@ -86,14 +106,16 @@ class Impacts:
         """From what :func:`~collision_response.resolve` takes, and what was measured after.
 
         Args:
-            bodies_a, bodies_b: before. A common factor of all masses of an impact does not count.
+            bodies_a, bodies_b: before. A common factor of all masses of an impact changes no prediction; by
+                residuals ``kinetic`` and ``linear`` it is the weight of that impact.
             contacts: where they touch; their coefficients do not count.
             after_a, after_b: twists of the reference points after; NaN where nothing was measured. Those of
-                immovable bodies do not count.
+                immovable bodies do not count. If the centre of mass is off the reference point, its velocity
+                is known as far as the angular velocity is.
 
         Raises:
-            ImpactError: a request is not sound, or of a mechanism; the field starts with the number of the
-                impact.
+            ImpactError: a request is not sound, or of a mechanism, or something infinite was measured; the
+                field starts with the number of the impact.
         """
         n = len(contacts)
         tables = np.zeros((BODY.height, 2, n)), np.zeros((TOUCH.height, n)), np.zeros((6, 2, n))
@@ -110,6 +132,8 @@ class Impacts:
                 resolve(a, b, contact._replace(restitution=1.0, friction=0.0))
             except ImpactError as error:
                 raise error.within(f"impacts[{i}]") from None
+            for name, body, twist in (("after_a", a, twist_a), ("after_b", b, twist_b)):
+                _check_twist(f"impacts[{i}].{name}", body, twist)
             tables[1][:, i] = *contact.position, *contact.normal, 1.0, 0.0
             for side, (body, twist) in enumerate(((a, twist_a), (b, twist_b))):
                 _write(tables[0][:, side, i], tables[2][:, side, i], root[:, :, side, i], body, twist)
@@ -124,14 +148,23 @@ class Impacts:
 
     def approaching(self) -> Array:
         """See :class:`Measured`."""
-        before = self._at_contact(
-            np.concatenate([self.bodies[BODY.velocity], self.bodies[BODY.angular_velocity]])
-        )
-        return (before * self.contacts[TOUCH.normal]).sum(axis=0) < 0
+        return (self._at_contact(self._before()) * self.contacts[TOUCH.normal]).sum(axis=0) < 0
 
     def residuals(self, law: Law, coefficients: Coefficients, kind: str) -> Array:
         """See :class:`Measured`."""
         return self._in_norm(kind, self.predict(law, coefficients) - self.after)
+
+    def counts(self, kind: str) -> Array:
+        """See :class:`Measured`."""
+        known = ~np.isnan(self.after) & np.isfinite(self.bodies[BODY.mass])
+        linear, angular = known[:3], known[3:]
+        if kind == "contact":
+            acts = np.roll(self._arms() != 0, 1, axis=0) & np.roll(angular, 2, axis=0)
+            acts |= np.roll(self._arms() != 0, 2, axis=0) & np.roll(angular, 1, axis=0)
+            return (linear | acts).any(axis=1)
+        turning = ((self.root != 0) & angular).any(axis=1)
+        rows = [linear] if kind == "linear" else [linear, turning]
+        return np.concatenate(rows).reshape(-1, len(self))
 
     def sizes(self, kind: str) -> Array:
         """See :class:`Measured`."""
@@ -171,9 +204,22 @@ class Impacts:
 
     def _at_contact(self, twists: Array) -> Array:
         """Velocities of body_a relative to body_b, there."""
-        arms = self.contacts[TOUCH.position][:, None] - self.bodies[BODY.position]
-        there = twists[:3] + np.cross(twists[3:], arms, axis=0)
+        there = twists[:3] + np.cross(twists[3:], self._arms(), axis=0)
         return there[:, 0] - there[:, 1]
+
+    def _arms(self) -> Array:
+        return np.asarray(self.contacts[TOUCH.position][:, None] - self.bodies[BODY.position])
+
+    def _before(self) -> Array:
+        return np.concatenate([self.bodies[BODY.velocity], self.bodies[BODY.angular_velocity]])
+
+
+def _check_twist(field: str, body: Body, twist: Twist) -> None:
+    """Raises: ImpactError: NOT_FINITE: it is infinite. NaN was not measured."""
+    for name, vector in zip(twist._fields, twist, strict=True):
+        if body.is_movable() and any(map(math.isinf, vector)):
+            reason = f"must be finite, or NaN where nothing was measured; is {tuple(vector)}"
+            raise ImpactError(StatusCode.NOT_FINITE, f"{field}.{name}", reason)
 
 
 def _write(column: Array, after: Array, root: Array, body: Body, twist: Twist) -> None:
@@ -185,12 +231,29 @@ def _write(column: Array, after: Array, root: Array, body: Body, twist: Twist) -
     if not body.is_movable():
         after[:3], after[3:] = centre.velocity, body.angular_velocity
         return
-    moved = at_centre(body._replace(velocity=twist.linear, angular_velocity=twist.angular))
-    after[:3], after[3:] = moved.velocity, twist.angular
+    after[:3], after[3:] = _velocity_of_centre(body, twist), twist.angular
     xx, xy, xz, yy, yz, zz = body.inertia
     moments, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
     across = [body.to_world(Vec3(*axis)) for axis in axes.T.tolist()]
     root[...] = np.sqrt(np.maximum(moments, 0.0))[:, None] * np.array(across)
+
+
+def _velocity_of_centre(body: Body, twist: Twist) -> Vec3:
+    """After; NaN only where a component that was not measured has a part in it."""
+    c, w = com_in_world_axes(body), Vec3(*twist.angular)
+    least = ROUNDED * max(map(abs, c))
+
+    def part(spin: float, arm: float) -> float:
+        return spin * arm if abs(arm) > least else 0.0
+
+    turned = Vec3(
+        part(w.y, c.z) - part(w.z, c.y), part(w.z, c.x) - part(w.x, c.z), part(w.x, c.y) - part(w.y, c.x)
+    )
+    return Vec3(*twist.linear) + turned
+
+
+SHELL = 2 / 3
+"""``I / (m R^2)`` of a hollow sphere: no sphere has more."""
 
 
 class SphereReadings:
@@ -214,19 +277,26 @@ class SphereReadings:
         Args:
             speed: of the centre before [m/s], > 0.
             radius: of the sphere [m], > 0.
-            tables: by name: ``ratio``, tangential velocity of the centre after over before; ``angle``, of
-                the rebound from the normal [degrees]; ``spin``, after [rad/s].
+            tables: by name: ``ratio``, tangential velocity of the centre after over before, which needs an
+                incidence that is not 0; ``angle``, of the rebound from the normal [degrees]; ``spin``, after
+                [rad/s].
             errors: of a reading, by name, > 0, in the same units: they say what a table counts.
-            gyration: ``I / (m R^2)``, 0.4 for a solid sphere.
+            gyration: ``I / (m R^2)``, in (0, 2/3]: 0.4 for a solid sphere, 2/3 for a shell.
 
         Raises:
-            ValueError: there is no such table, or a number is out of range.
+            ValueError: there is no such table, no reading, or a number is out of range; it begins with the
+                argument.
         """
-        for name in tables:
+        _check_positive("speed", speed)
+        _check_positive("radius", radius)
+        _check_positive("gyration", gyration, SHELL)
+        for name, rows in tables.items():
             if name not in self.QUANTITIES:
                 raise ValueError(f"tables: {name!r} is none of {', '.join(self.QUANTITIES)}")
-            if not errors.get(name, 0.0) > 0:
-                raise ValueError(f"errors[{name!r}]: must be positive, is {errors.get(name)}")
+            _check_positive(f"errors[{name!r}]", errors.get(name, 0.0))
+            _check_readings(name, rows)
+        if not any(map(len, tables.values())):
+            raise ValueError("tables: there is no reading in them")
         self.kinds = ("all", *tables) if len(tables) > 1 else tuple(tables)
         self._rows = np.array(
             [
@@ -268,6 +338,11 @@ class SphereReadings:
         """See :class:`Measured`; in errors of a reading."""
         return self._counted(kind, self.predict(law, coefficients) - self._rows[2])
 
+    def counts(self, kind: str) -> Array:
+        """See :class:`Measured`."""
+        of = range(len(self.QUANTITIES)) if kind == "all" else [self.QUANTITIES.index(kind)]
+        return np.isin(self._rows[0], of)[None]
+
     def sizes(self, kind: str) -> Array:
         """See :class:`Measured`."""
         return self._counted(kind, self._rows[2])
@@ -276,9 +351,23 @@ class SphereReadings:
         """What would be read, shape ``(N,)``."""
         before = self._impacts.bodies[BODY.velocity, 0]
         after = self._impacts.predict(law, coefficients)[:, 0]
-        read = after[0] / before[0], np.degrees(np.arctan2(after[0], after[2])), after[4]
+        ratio = np.divide(after[0], before[0], out=np.zeros_like(before[0]), where=before[0] != 0)
+        read = ratio, np.degrees(np.arctan2(after[0], after[2])), after[4]
         return np.choose(self._rows[0].astype(int), read)
 
     def _counted(self, kind: str, numbers: Array) -> Array:
-        counts = kind == "all" or self._rows[0] == self.QUANTITIES.index(kind)
-        return (np.where(counts, numbers, 0.0) / self._rows[3])[None]
+        return np.asarray(np.where(self.counts(kind), numbers, 0.0) / self._rows[3])
+
+
+def _check_positive(field: str, value: float, most: float = math.inf) -> None:
+    if not (0 < value <= most and math.isfinite(value)):
+        limit = "" if most == math.inf else f" and at most {most:.4g}"
+        raise ValueError(f"{field}: must be positive{limit or ' and finite'}, is {value}")
+
+
+def _check_readings(name: str, rows: Sequence[tuple[float, float]]) -> None:
+    for i, (incidence, reading) in enumerate(rows):
+        if not (math.isfinite(incidence) and math.isfinite(reading)):
+            raise ValueError(f"tables[{name!r}][{i}]: must be finite, is {(incidence, reading)}")
+        if name == "ratio" and incidence == 0:
+            raise ValueError(f"tables['ratio'][{i}]: at incidence 0 there is no tangential velocity before")

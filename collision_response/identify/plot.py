@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import numpy as np
-
 from .identification import Identification
-from .measured import Measured
+from .measured import Measured, usable
 
 INK, BLUE, ORANGE, GREY = "#222222", "#0072b2", "#d55e00", "#8a8a8a"
 MARKERS = "sD^v"
@@ -32,11 +30,11 @@ def draw(found: Identification, measured: Measured, path: Path) -> None:
         raise ImportError("a plot needs matplotlib: pip install matplotlib") from None
     figure = Figure(figsize=(10, 4.6), layout="constrained")
     left, right = figure.subplots(1, 2)
-    used = measured.take(np.flatnonzero(measured.approaching()))
+    used = usable(measured, found.kind)
     sizes, off = used.sizes(found.kind), used.residuals(found.law, found.values, found.kind)
-    shown = sizes.any(axis=1)
+    shown = used.counts(found.kind)
     left.axline((0, 0), slope=1, color=GREY, lw=1)
-    left.plot(sizes[shown].ravel(), (sizes + off)[shown].ravel(), "o", ms=4, alpha=0.6, color=BLUE, mew=0)
+    left.plot(sizes[shown], (sizes + off)[shown], "o", ms=4, alpha=0.6, color=BLUE, mew=0)
     left.set_title(f"{found.law.name}: misfit {found.misfit:.1%}", loc="left", color=INK)
     left.set(xlabel=f"measured ({found.kind})", ylabel="predicted")
     names = list(found.coefficients)
@@ -51,7 +49,8 @@ def draw(found: Identification, measured: Measured, path: Path) -> None:
         if all(map(math.isfinite, formal)):
             cross = {"xerr": formal[0], "yerr": formal[1], "fmt": "o", "capsize": 3}
             right.errorbar(best[across], best[up], color=INK, label=f"{found.kind}, formal 95 %", **cross)
-        for marker, (kind, values) in zip(MARKERS, found.others.items(), strict=False):
+        both = {kind: values for kind, values in found.others.items() if {across, up} <= values.keys()}
+        for marker, (kind, values) in zip(MARKERS, both.items(), strict=False):
             right.plot(values[across], values[up], marker, color=ORANGE, label=f"residuals {kind}")
     right.set_xlabel(across)
     right.set_title("what is known of them", loc="left", color=INK)

@@ -30,28 +30,44 @@ RANGES = {
 }
 """THE coefficients that can be fitted: those of a contact, and fields of ``ImpactModel``."""
 
-INSIDE = 1e-3
-"""The search begins this far from the limits."""
+MAGNIFIED = 2.0**100
+"""SciPy ends a search at an absolute gradient: of residuals so much larger none but 0 is too small."""
+
+PRECISE = 1e-10
+"""So near a coefficient is found."""
 
 ROUGHLY = 1e-4
-"""The relative precision of a first fit, and of those of the bootstrap."""
+"""The relative precision of the cost of a first fit, of those of the bootstrap, and of what is ruled out."""
+
+ROUNDED = 1e-13
+"""A residual this small, in units, is what rounding leaves of 0."""
 
 ALIKE = 1e-12
-"""A sum of squares this small, relative to that of what was measured, is as good as 0."""
+"""A sum of squares this small, in units, is as good as 0."""
 
 BEYOND = 1e6
-"""A residual this many times what was measured is that of no answer."""
+"""A residual of so many units is that of no answer."""
 
 PLACES = 4
 """From so many of the starts there is a search."""
+
+
+def unit_of(measured: Measured, kind: str) -> float:
+    """How far bodies are off that have no friction and stop or bounce fully: the root of the sum of squares.
+
+    Unlike what was measured it is not 0 for bodies that stop, and the same in a frame that moves along.
+    """
+    off = (measured.residuals(Law.FRICTIONLESS, {"restitution": e}, kind) for e in (0.0, 1.0))
+    return math.sqrt(sum((one**2).sum() for one in off)) or 1.0
 
 
 class Problem(NamedTuple):
     """What is minimised.
 
     Attributes:
-        measured: impacts that approach.
+        measured: impacts that say anything.
         law, names, given, kind, loss: see :func:`identify`.
+        unit: of the residuals, see :func:`unit_of`.
         scale: a residual above this counts as an outlier; 0: none does.
     """
 
@@ -61,6 +77,7 @@ class Problem(NamedTuple):
     given: Mapping[str, float]
     kind: str
     loss: str
+    unit: float
     scale: float = 0.0
 
     def at(self, x: Iterable[float]) -> dict[str, float]:
@@ -68,15 +85,14 @@ class Problem(NamedTuple):
         return {**self.given, **dict(zip(self.names, map(float, x), strict=True))}
 
     def residuals(self, x: Iterable[float]) -> Array:
-        """All of them, one after the other; beyond all measure where the law does not follow an impact to its
-        end, so that no search stays there."""
+        """All of them, one after the other, in parts of the unit; beyond all measure where the law does not
+        follow an impact to its end, so that no search stays there."""
         try:
-            return self.measured.residuals(self.law, self.at(x), self.kind).ravel()
+            return self.measured.residuals(self.law, self.at(x), self.kind).ravel() / self.unit
         except ImpactError as error:
             if error.code is not StatusCode.PATH_TOO_LONG:
                 raise
-            sizes = self.measured.sizes(self.kind).ravel()
-            return np.full(sizes.shape, BEYOND * abs(sizes).max())
+            return np.full(self.measured.counts(self.kind).size, BEYOND)
 
     def start(self) -> Array:
         """Where the search begins: a rough solution, the best of those from several places."""
@@ -88,21 +104,36 @@ class Problem(NamedTuple):
         return float((self.residuals(x) ** 2).sum())
 
     def best(self) -> tuple[Problem, Any]:
-        """With the scale of the middle residual of a fit that knows no outliers; and the solution."""
-        x = self.start()
-        sizes = abs(self.residuals(x))
-        if self.loss == "linear" or not sizes.any():
-            return self, self.solve(x)
-        scaled = self._replace(scale=1.4826 * float(np.median(sizes[sizes > 0])))
-        return scaled, scaled.solve(x)
+        """With the scale of the middle residual of a fit that knows no outliers; and the solution.
 
-    def solve(self, x: Array, precision: float = 1e-10) -> Any:
-        """SciPy's solution, from ``x`` on, to a relative precision of its coefficients and of its cost."""
+        Residuals that are 0 do not say how noisy the others are.
+        """
+        first = self.solve(self.start())
+        noise = abs(first.fun[abs(first.fun) > ROUNDED])
+        if self.loss == "linear" or not noise.size:
+            return self, first
+        scaled = self._replace(scale=1.4826 * float(np.median(noise)))
+        return scaled, scaled.solve(first.x)
+
+    def solve(self, x: Array, precision: float = PRECISE) -> Any:
+        """SciPy's solution, from ``x`` on, to a relative precision of its cost.
+
+        The search is of coefficients whose lower limit is 1: SciPy's first step is no longer than what it
+        begins with, and one that is too short ends it.
+        """
         least, most = np.array([RANGES[name][:2] for name in self.names]).T
-        loss = {"loss": self.loss, "f_scale": self.scale} if self.scale else {}
-        inside = np.clip(x, least + INSIDE, most - INSIDE)
-        ends: dict[str, Any] = {"bounds": (least, most), "xtol": precision, "ftol": precision}
-        return _least_squares()(self.residuals, inside, **ends, **loss)
+        loss = {"loss": self.loss, "f_scale": MAGNIFIED * self.scale} if self.scale else {}
+        origin = least - 1
+        ends: dict[str, Any] = {
+            "bounds": (least - origin, most - origin),
+            "xtol": PRECISE,
+            "ftol": precision,
+        }
+        one = _least_squares()(lambda y: MAGNIFIED * self.residuals(y + origin), x - origin, **ends, **loss)
+        one.cost, one.grad, one.jac = one.cost / MAGNIFIED**2, one.grad / MAGNIFIED**2, one.jac / MAGNIFIED
+        one.x = _at_limits(one.x + origin, one, (least, most), precision)
+        one.fun = self.residuals(one.x)
+        return one
 
     def resampled(self, x: Array, count: int, seed: int) -> Array:
         """Rows of coefficients that fit impacts drawn with replacement; one without effect is at its most."""
@@ -120,7 +151,19 @@ class Problem(NamedTuple):
         i = self.names.index(name)
         rest = self._replace(names=self.names[:i] + self.names[i + 1 :], given={**self.given, name: value})
         others = np.delete(x, i)
-        return rest._squares(rest.solve(others).x if rest.names else ())
+        return rest._squares(rest.solve(others, ROUGHLY).x if rest.names else ())
+
+
+def _at_limits(x: Array, one: Any, limits: Iterable[Array], precision: float) -> Array:
+    """``x``, at the limits that SciPy only comes near: where the next step would lead there or beyond, and
+    the cost is as good as the same."""
+    curvature = (one.jac**2).sum(axis=0)
+    for limit in limits:
+        way = np.where(abs(limit - x) < ROUGHLY, limit - x, 0.0)
+        gain = -one.grad * way
+        is_there = (gain + PRECISE**2 >= curvature * way**2) & (gain <= precision * one.cost + PRECISE**2)
+        x = np.where(is_there, x + way, x)
+    return x
 
 
 def _least_squares() -> Any:

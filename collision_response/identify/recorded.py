@@ -69,7 +69,11 @@ def _rows(path: Path, entity: str) -> Iterator[dict[str, Any]]:
         from rerun.chunk import RrdReader
     except ImportError:
         raise ImportError("a recording needs rerun: pip install rerun-sdk") from None
-    for chunk in RrdReader(str(path)).stream().filter(content=entity).to_chunks():
+    try:
+        chunks = list(RrdReader(str(path)).stream().filter(content=entity).to_chunks())
+    except RuntimeError as error:  # rerun's, of a file that is none of its own, or cut short
+        raise OSError(str(error)) from None
+    for chunk in chunks:
         batch = chunk.to_record_batch()
         if "ros_time" in batch.schema.names:
             column = batch.schema.names.index("ros_time")

@@ -4,8 +4,7 @@ Columns are named as the rows of ``BodyStates``, in SI units: ``m``, ``ixx ixy i
 comy comz``, ``x y z``, ``qx qy qz qw``, ``vx vy vz``, ``wx wy wz`` are of body_a before the impact. Those
 of body_b begin with ``b_``; without a ``b_m`` it is immovable. After the impact: ``vx_after`` and so on;
 empty, or no such column: not measured. The contact is at ``cx cy cz``, or at ``rx ry rz`` from the origin
-of body_a; its normal, from body_b to body_a, is ``nx ny nz``. What is not there is 0, of a quaternion the
-identity.
+of body_a; its normal, from body_b to body_a, is ``nx ny nz``. What is not there is 0, and ``qw`` 1.
 
 A table with a column ``incidence`` is one of readings of a sphere on a flat target: see
 :class:`~collision_response.identify.SphereReadings`, whose tables are its other columns.
@@ -46,15 +45,31 @@ def rows_of(path: Path, more: Mapping[str, str]) -> list[dict[str, float]]:
             take.
 
     Raises:
-        ImpactError: INVALID_TABLE: a cell is no number, or there is no row.
+        ImpactError: INVALID_TABLE: a cell is no number or too long, a column is there twice, or there is no
+            row.
     """
     rows = []
-    with path.open(newline="") as file:
-        for i, cells in enumerate(csv.DictReader(file)):
-            cells |= {name: cells.get(value, value) for name, value in more.items()}
-            rows.append({name: _number(f"rows[{i}].{name}", cells[name]) for name in cells if name in KNOWN})
+    for i, cells in enumerate(_cells(path, KNOWN.union(more.values()))):
+        cells |= {name: cells.get(value, value) for name, value in more.items()}
+        rows.append({name: _number(f"rows[{i}].{name}", cells[name]) for name in cells if name in KNOWN})
     if not rows:
         raise ImpactError(StatusCode.INVALID_TABLE, "rows", f"there are none in {path}")
+    return rows
+
+
+def _cells(path: Path, needed: set[str]) -> list[dict[str, str]]:
+    """The cells of each row, by column; of the columns that are needed each must be there once."""
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        reader = csv.DictReader(file)
+        try:
+            names, rows = list(reader.fieldnames or ()), list(reader)
+        except csv.Error as error:
+            raise ImpactError(StatusCode.INVALID_TABLE, f"line {reader.line_num}", str(error)) from None
+    for name in names:
+        if name in needed and names.count(name) > 1:
+            raise ImpactError(
+                StatusCode.INVALID_TABLE, "columns", f"{name} is there {names.count(name)} times"
+            )
     return rows
 
 
@@ -114,7 +129,7 @@ def body_of(numbers: Sequence[float]) -> Body:
 
 
 def _body(row: Row, owner: str) -> Body:
-    defaults = {owner + "m": math.inf, owner + "qw": 0.0 if owner + "qx" in row else 1.0}
+    defaults = {owner + "m": math.inf, owner + "qw": 1.0}
     return body_of([row.get(owner + name, defaults.get(owner + name, 0.0)) for name in BODY])
 
 
@@ -125,4 +140,5 @@ def _twist(row: Row, owner: str) -> Twist:
 
 def _contact(row: Row) -> Contact:
     point = [x + r for x, r in zip(_numbers(row, POSITION), _numbers(row, ARM), strict=True)]
-    return Contact.of(_numbers(row, POINT) if "cx" in row else point, _numbers(row, NORMAL))
+    is_told = any(name in row for name in POINT)
+    return Contact.of(_numbers(row, POINT) if is_told else point, _numbers(row, NORMAL))
