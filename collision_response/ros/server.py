@@ -25,9 +25,7 @@ from .intake import Intake, OutOfReach, RCLError
 from .tally import Tally
 from .turns import Job, Parts, Turns
 
-SERVICE_QOS = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST, depth=8_000, reliability=ReliabilityPolicy.RELIABLE
-)
+SERVICE_QOS = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=8_000, reliability=ReliabilityPolicy.RELIABLE)
 """All that arrives is taken every few milliseconds, so the depth is what a client that has stopped reading
 may have waiting. With KEEP_ALL its answers would fill the history, and nobody's could be sent any more. When
 the slowest client goes, Fast DDS drops what it has kept for it, and holds all others for a time that grows as
