@@ -18,8 +18,7 @@ from collision_response import Body, Contact, ImpactModel, Law, resolve
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import ZERO, Vec3
 
-LAWS_WITH_FRICTION = [Law.COULOMB, Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE]
-ALL_LAWS = [Law.FRICTIONLESS, *LAWS_WITH_FRICTION]
+EVERY_LAW = [law for law in Law if law is not Law.AUTO]
 ORACLE_NAMES = {
     Law.FRICTIONLESS: "frictionless",
     Law.COULOMB: "chatterjee_ruina",
@@ -27,6 +26,8 @@ ORACLE_NAMES = {
     Law.ROUTH_POISSON: "routh_poisson",
     Law.ROUTH_STRONGE: "routh_stronge",
 }
+LAWS_WITH_ORACLE = list(ORACLE_NAMES)
+LAWS_WITH_FRICTION = [law for law in LAWS_WITH_ORACLE if law is not Law.FRICTIONLESS]
 
 
 class Scene(NamedTuple):

@@ -9,6 +9,7 @@ from fractions import Fraction as F
 import numpy as np
 import pytest
 from arm import LINKS, TIP, V, arm
+from scenes import EVERY_LAW
 
 from collision_response import (
     Adjustment,
@@ -28,8 +29,7 @@ from collision_response import (
 from collision_response.physics.effective_mass import ContactKinematics
 from collision_response.physics.orientation import Quaternion
 
-ALL_LAWS = [law for law in Law if law is not Law.AUTO]
-each_law = pytest.mark.parametrize("law", ALL_LAWS, ids=lambda law: law.name)
+each_law = pytest.mark.parametrize("law", EVERY_LAW, ids=lambda law: law.name)
 
 NORMAL = np.array([0.6, -0.48, 0.64])
 RADIUS, BALL = 0.05, 0.4
