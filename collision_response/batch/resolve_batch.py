@@ -15,7 +15,8 @@
 
 What a row of ``bodies`` and of ``contacts`` holds, :mod:`~collision_response.batch.rows` says. The numbers
 are those of :func:`~collision_response.resolve`, bit by bit. With a tolerance every contact gets an error
-bound, and those whose bound is above the tolerance are computed again with more digits. A contact that
+bound, and those whose bound is above what ``resolve`` climbs to are computed again with more digits. Without
+one there is no bound: AUTO stays in DOUBLE, also where ``resolve`` sees that it is not enough. A contact that
 cannot be answered has its own status and NaN for results; the others are not affected.
 """
 
@@ -29,7 +30,8 @@ import numpy as np
 
 from ..kernels import library
 from ..kernels.layout import Layout
-from ..model import LARGEST, ULP, Geometry, ImpactModel, Law, Precision, check_model, law_for
+from ..model import LARGEST, Geometry, ImpactModel, Law, Precision, check_model, law_for
+from ..model import plan as plan_of_model
 from ..physics.laws import PATHS, Settings
 from ..status import ImpactError, StatusCode
 from . import one_by_one
@@ -183,6 +185,15 @@ def resolve_with_pauses(
                 wanted[own] = written[own]
 
 
+class Climb(NamedTuple):
+    """Through which precisions, until the error bound is within what is wanted: as ``resolve`` does."""
+
+    first: Precision
+    last: Precision
+    wanted: float
+    limit: float
+
+
 class Plan(NamedTuple):
     """All that does not depend on the numbers, nor on how many contacts there are."""
 
@@ -195,6 +206,7 @@ class Plan(NamedTuple):
     axes: int
     spins: int
     has_bounds: bool
+    climb: Climb
 
     def results(self, n: int, report: bool) -> tuple[tuple[tuple[int, ...], np.dtype[Any]] | None, ...]:
         """Shapes and types of a :class:`BatchResult`."""
@@ -232,20 +244,17 @@ class Asked(NamedTuple):
 def _improve(asked: Asked, out: BatchResult, found: tuple[int, float], workers: int) -> Iterator[None]:
     """Climb to more digits where the bound is above the limit."""
     worst, loosest = found
-    model = asked.plan.model
+    climb = asked.plan.climb
     if out.precision is None:
         if worst >= StatusCode.OUT_OF_RANGE:
             odd = np.flatnonzero(out.status >= StatusCode.OUT_OF_RANGE)
             yield from one_by_one.retry(asked.some(odd), out, odd)
         return
-    exact = model.precision is Precision.EXTENDED
-    out.precision[:] = Precision.EXTENDED if exact else Precision.DOUBLE
-    limit = ULP if exact else model.tolerance
-    tolerance = model.tolerance or LARGEST
-    if worst <= StatusCode.SEPARATING and loosest <= min(limit, tolerance):
+    out.precision[:] = climb.first
+    if worst <= StatusCode.SEPARATING and loosest <= climb.wanted:
         return
-    wanting = _wanting(out, limit)
-    if model.precision is Precision.AUTO and wanting.size:
+    wanting = _wanting(out, climb.wanted)
+    if climb.first is not climb.last and wanting.size:
         few = BatchResult(
             *(None if a is None else np.empty((*a.shape[:-1], wanting.size), a.dtype) for a in out)
         )
@@ -254,13 +263,13 @@ def _improve(asked: Asked, out: BatchResult, found: tuple[int, float], workers: 
         for array, better in zip(out, few, strict=True):
             if array is not None:
                 array[..., wanting] = better
-        wanting = wanting[_wanting(few, limit)]
-    if model.precision is Precision.DOUBLE:
+        wanting = wanting[_wanting(few, climb.wanted)]
+    if climb.last is Precision.DOUBLE:
         wanting = _wanting(out, LARGEST)
     if wanting.size:
         yield from one_by_one.retry(asked.some(wanting), out, wanting)
     answered = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)
-    out.status[answered & ~(out.error_bound <= tolerance)] = StatusCode.TOLERANCE_NOT_MET
+    out.status[answered & ~(out.error_bound <= climb.limit)] = StatusCode.TOLERANCE_NOT_MET
 
 
 def _wanting(out: BatchResult, limit: float) -> Array:
@@ -324,9 +333,11 @@ def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> P
     law = law_for(model.law, has_friction=height >= least.height)
     if law is not Law.FRICTIONLESS and height < least.height:
         raise ValueError(f"contacts: {law.name} needs a row of friction")
+    asked = plan_of_model(model)
     number = library.Number.FLOAT if dtype == np.float32 else library.Number.PLAIN
     if is_bounded(model):
-        number = library.Number.EXTENDED if model.precision is Precision.EXTENDED else library.Number.BOUNDED
+        is_long = asked.first is Precision.EXTENDED
+        number = library.Number.EXTENDED if is_long else library.Number.BOUNDED
     of = body_rows(geometry)
     return Plan(
         _LAYOUTS.index(layout_of(geometry, oriented=oriented)),
@@ -338,6 +349,7 @@ def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> P
         of.velocity.stop - of.velocity.start,
         of.angular_velocity.stop - of.angular_velocity.start,
         is_bounded(model),
+        Climb(asked.first, asked.last, asked.wanted, asked.limit),
     )
 
 

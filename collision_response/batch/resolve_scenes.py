@@ -103,7 +103,8 @@ def resolve_scenes(
 ) -> ScenesResult:
     """The motion of bodies after several contacts strike at once, in as many clusters as there are.
 
-    The numbers are those of :func:`~collision_response.resolve_scene` for each cluster by itself, bit by bit.
+    The numbers are those of :func:`~collision_response.resolve_scene` for each cluster by itself, in the
+    geometry of the table, bit by bit.
     Clusters by FRICTIONLESS, COULOMB and MOREAU are computed without Python, but for the few that need more
     digits or have a contact twice; those by other laws are computed one after the other.
 
@@ -185,11 +186,11 @@ def _alone(
     result: ScenesResult,
     workers: int,
 ) -> None:
-    """Clusters of one contact: each is one impact, whose bound need be finite, no more."""
+    """Clusters of one contact: each is one impact, with its bound."""
     if not alone.size:
         return
     at = clusters.order[clusters.starts[alone]]
-    wanted = model if model.tolerance else model._replace(tolerance=LARGEST)
+    wanted = model if model.tolerance else model._replace(tolerance=LARGEST)  # any, but there is a bound
     own = pairs.take(at, 1)
     found = resolve_batch(bodies, contacts.take(at, 1), wanted, pairs=own, report=True, workers=workers)
     result.impulse[:, at], result.regime[at] = found.impulse, found.regime
