@@ -343,9 +343,40 @@ def test_sets_of_structured_pairs():
     assert independent_sets(np.empty((2, 0), int), np.empty(0, bool)) == []
 
 
+FAR_APART = [
+    lambda body: body,
+    lambda body: 10**6 * body,
+    lambda body: 2**32 * body,
+    lambda body: 2**57 * body,
+    lambda body: 2**63 - 1 - body,
+]
+
+
+@pytest.mark.parametrize("column", FAR_APART)
+@pytest.mark.parametrize("seed", range(5))
+def test_sets_do_not_depend_on_what_the_columns_are(column, seed):
+    """They take memory for the bodies that occur, and for no others: of 2^57 columns there is none."""
+    random = np.random.default_rng(seed)
+    pairs = random.integers(0, 60, (2, 200))
+    far = np.vectorize(column, otypes=[np.int64])(pairs)
+    found = [one.tolist() for one in independent_sets(far)]
+    assert found == [one.tolist() for one in independent_sets(pairs)]
+    assert found == by_the_definition(pairs, np.ones(60, bool))
+
+
 @pytest.mark.parametrize(
     ("pairs", "movable", "message"),
     [
+        (
+            [[0, 2**63 - 1, -1], [1, 2**40, 0]],
+            None,
+            f"pairs: must be columns of bodies, from 0 to {2**63 - 1}; contact 2 has (-1, 0)",
+        ),
+        (
+            [[0, 2**63 - 1], [1, 0]],
+            [True, True],
+            f"pairs: must be columns of bodies, from 0 to 1; contact 1 has ({2**63 - 1}, 0)",
+        ),
         (
             [[0, 1], [1, 2]],
             [True, True],

@@ -65,10 +65,14 @@ def independent_sets(pairs: Any, movable: Any = None) -> list[Array]:
     Raises:
         ValueError: an array has not the right shape or type, or a pair is not of two bodies.
     """
-    pairs = as_pairs(pairs)
+    given = pairs = as_pairs(pairs)
     n = pairs.shape[1]
     if movable is None:
-        movable = np.ones(max(pairs.max(initial=-1) + 1, 0), np.bool_)
+        last = given.max(initial=-1)
+        bodies, places = np.unique(given, return_inverse=True)  # of which the columns may be far apart
+        pairs, movable = np.where(given < 0, -1, places.reshape(given.shape)), np.ones(bodies.size, np.bool_)
+    else:
+        last = np.size(movable) - 1
     movable = np.ascontiguousarray(movable)
     if movable.ndim != 1 or movable.dtype != np.bool_:
         raise ValueError(f"movable: must be bool of shape (B,), is {movable.dtype} of {movable.shape}")
@@ -76,10 +80,8 @@ def independent_sets(pairs: Any, movable: Any = None) -> list[Array]:
     sets = library.independent_sets(pairs, movable, order, starts)
     if sets < 0:
         first = -1 - sets
-        wrong = tuple(pairs[:, first].tolist())
-        raise ValueError(
-            f"pairs: must be columns of bodies, from 0 to {movable.size - 1}; contact {first} has {wrong}"
-        )
+        wrong = tuple(given[:, first].tolist())
+        raise ValueError(f"pairs: must be columns of bodies, from 0 to {last}; contact {first} has {wrong}")
     return [order[start:stop] for start, stop in pairwise(starts[: sets + 1].tolist())]
 
 
