@@ -135,6 +135,12 @@ PyObject* from_floats(PyObject* self, PyObject* list) {
   return bytes(p);
 }
 
+// contradiction(): the few contacts that seem to contradict each other; or none.
+PyObject* contradiction(PyObject* self, PyObject*) {
+  const std::vector<int> found = of(self).contradiction();
+  return listed(found.size(), [&found](size_t i) { return PyLong_FromLong(found[i]); });
+}
+
 // size(p): at least that of the velocities by impulses p, in the metric of kinetic energy.
 PyObject* size(PyObject* self, PyObject* o) {
   const DD* p = impulses(self, o);
@@ -229,6 +235,7 @@ PyObject* get_floats(PyObject* self, void*) { return PyLong_FromLong(of(self).co
 PyMethodDef methods[] = {
     {"none", Guarded<none>::call, METH_NOARGS, ""},
     {"from_floats", Guarded<from_floats>::call, METH_O, ""},
+    {"contradiction", Guarded<contradiction>::call, METH_NOARGS, ""},
     {"size", size, METH_O, ""},
     FAST("reflections", reflect),
     FAST("answer", answer),
