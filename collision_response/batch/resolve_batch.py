@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from numbers import Integral
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,6 +36,8 @@ from ..model import plan as plan_of_model
 from ..physics.laws import PATHS, Settings
 from ..status import ImpactError, StatusCode
 from . import one_by_one
+from .elsewhere import is_lazy
+from .elsewhere import resolve_batch as elsewhere
 from .pairs import as_pairs
 from .rows import TABLES, body_rows, contact_rows, layout_of
 
@@ -117,27 +120,23 @@ def resolve_batch(
         pairs: for each contact the column of its body_a and that of its body_b, integers, shape ``(2, N)``.
             A pair of one body twice gets the status SAME_BODY, a column that is not there UNKNOWN_BODY.
         report: whether to report regimes and energies, too.
-        out: where to write the results: an earlier result, or arrays like one. They must not overlap
-            the input. Those of a report are written if they are there.
-        workers: threads to use. Each takes its share of the contacts; Python runs on meanwhile.
+        out: where to write the results: an earlier result, or a BatchResult of arrays like its. They must
+            not overlap the input. Those of a report are written if they are there.
+        workers: threads to use, at least 1. Each takes its share of the contacts; Python runs on meanwhile.
 
     Returns:
-        Arrays of the library that the input is made of. Of Dask they are lazy, cut as the contacts are.
+        Arrays of the library that ``bodies`` are of. If any of the arrays is Dask's, they are lazy: cut as
+        the bodies are, with ``pairs`` as the contacts are, but without empty chunks.
 
     Raises:
         ImpactError: INVALID_MODEL or INVALID_COEFFICIENT: the model is none for a batch.
         ValueError: an array has not the right shape or type.
     """
-    if not isinstance(bodies, np.ndarray):
-        from . import elsewhere
-
-        converted = elsewhere.resolve_batch(
-            bodies, contacts, model, pairs=pairs, report=report, out=out, workers=workers
-        )
-        if converted is not None:
-            return converted
-        bodies = np.asarray(bodies)
-    contacts = np.asarray(contacts)
+    check_workers(workers)
+    if not (out is None or isinstance(out, BatchResult)):
+        raise ValueError(f"out: must be a BatchResult, is {type(out).__name__}")
+    if not (isinstance(bodies, np.ndarray) and isinstance(contacts, np.ndarray)) or is_lazy(pairs):
+        return elsewhere(bodies, contacts, model, pairs=pairs, report=report, out=out, workers=workers)
     pairs = None if pairs is None else as_pairs(pairs)
     if out is None:
         plan = plan_for(bodies, contacts, model, pairs)
@@ -148,6 +147,12 @@ def resolve_batch(
     for _ in resolve_with_pauses(bodies, contacts, model, out, workers, pairs=pairs):
         pass
     return out
+
+
+def check_workers(workers: Any) -> None:
+    """Raises: ValueError: they are no number of threads."""
+    if not isinstance(workers, Integral) or workers < 1:
+        raise ValueError(f"workers: must be a whole number, at least 1, is {workers!r}")
 
 
 def resolve_with_pauses(

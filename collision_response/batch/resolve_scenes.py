@@ -38,7 +38,7 @@ from ..scene.resolve_scene import IN_KERNELS, THRESHOLD
 from ..status import ImpactError, StatusCode
 from .one_by_one import REPORT, body_of, contact_of
 from .pairs import IS_ANSWER, as_pairs
-from .resolve_batch import DEFAULT, UINT8, Plan, plan_for, resolve_batch
+from .resolve_batch import DEFAULT, UINT8, Plan, check_workers, plan_for, resolve_batch
 from .rows import body_rows, contact_rows
 
 Array = np.ndarray[Any, Any]
@@ -114,13 +114,14 @@ def resolve_scenes(
         model: as for ``resolve_scene``; AUTO is COULOMB if ``contacts`` has a row of friction.
         pairs: for each contact the column of its body_a and that of its body_b, integers, shape ``(2, N)``.
         threshold: as for ``resolve_scene``.
-        workers: threads to use.
+        workers: threads to use, at least 1.
 
     Raises:
         ImpactError: INVALID_MODEL or INVALID_COEFFICIENT: the model is none for tables.
         ValueError: an array has not the right shape or type.
     """
     bodies, contacts, pairs = np.ascontiguousarray(bodies), np.ascontiguousarray(contacts), as_pairs(pairs)
+    check_workers(workers)
     check_number("threshold", threshold, 0, math.nextafter(1, 0), StatusCode.INVALID_MODEL)
     here = plan_for(bodies, contacts, model, pairs)
     if bodies.dtype != np.float64 or contacts.shape[0] > contact_rows(here.geometry).height:
