@@ -259,7 +259,10 @@ def _improve(asked: Asked, out: BatchResult, found: tuple[int, float], workers: 
     if worst <= StatusCode.SEPARATING and loosest <= climb.wanted:
         return
     wanting = _wanting(out, climb.wanted)
+    beyond = wanting[:0]
     if climb.first is not climb.last and wanting.size:
+        is_beyond = out.status[wanting] == StatusCode.OUT_OF_RANGE  # in these units
+        beyond, wanting = wanting[is_beyond], wanting[~is_beyond]
         few = BatchResult(
             *(None if a is None else np.empty((*a.shape[:-1], wanting.size), a.dtype) for a in out)
         )
@@ -271,6 +274,7 @@ def _improve(asked: Asked, out: BatchResult, found: tuple[int, float], workers: 
         wanting = wanting[_wanting(few, climb.wanted)]
     if climb.last is Precision.DOUBLE:
         wanting = _wanting(out, LARGEST)
+    wanting = np.concatenate([wanting, beyond])
     if wanting.size:
         yield from one_by_one.retry(asked.some(wanting), out, wanting)
     answered = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)
