@@ -212,7 +212,8 @@ def check_model(model: Any) -> None:
 def check_number(field: str, value: Any, least: float, most: float, code: StatusCode) -> None:
     """Raises: ImpactError: NOT_FINITE, or ``code`` beyond the limits. TypeError: no real number."""
     is_truth = type(value).__name__.startswith("bool")
-    if is_truth or isinstance(value, (complex, str)) or not hasattr(value, "__float__"):
+    is_number = hasattr(value, "__float__") and not getattr(value, "shape", ())
+    if is_truth or isinstance(value, (complex, str)) or not is_number:
         raise TypeError(f"{field}: must be a real number, is {value!r}")
     try:
         finite = math.isfinite(value)

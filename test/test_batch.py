@@ -41,7 +41,7 @@ from collision_response import (
     StatusCode,
     resolve,
 )
-from collision_response.batch import resolve_batch
+from collision_response.batch import BatchResult, resolve_batch
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.impact import impact
 from collision_response.kernels import library
@@ -397,6 +397,71 @@ def test_dask_is_lazy_and_keeps_its_chunks(model):
     computed = dask.compute(*(array for array in result if array is not None), scheduler="synchronous")
     for array, wanted in zip(computed, (x for x in expected if x is not None), strict=True):
         np.testing.assert_array_equal(array, wanted)
+
+
+LAZY = {"bodies": (4, 1, 90), "contacts": (3, 70)}
+
+
+@pytest.mark.parametrize("report", [False, True])
+@pytest.mark.parametrize("lazy", [{"bodies"}, {"contacts"}, {"bodies", "contacts"}])
+@pytest.mark.parametrize("other", [np.asarray, array_api_strict.asarray])
+def test_one_lazy_array_is_enough(lazy, other, report):
+    """Cut as the bodies are, or as the contacts where those alone are lazy."""
+    given = dict(zip(LAZY, some(Geometry.SPATIAL), strict=True))
+    mixed = {
+        name: da.from_array(array, chunks=LAZY[name]) if name in lazy else other(array)
+        for name, array in given.items()
+    }
+    result = resolve_batch(**mixed, report=report)
+    here = [array for array in result if array is not None]
+    assert all(isinstance(array, da.Array) for array in here)
+    cuts = (90, 90, 90, 30) if "bodies" in lazy else (70, 70, 70, 70, 20)
+    assert {array.chunks[-1] for array in here} == {cuts}
+    computed = BatchResult(*(None if a is None else a.compute(scheduler="synchronous") for a in result))
+    assert_same(computed, resolve_batch(**given, report=report))
+
+
+@pytest.mark.parametrize("cuts", [(100, 0, 200), (0, 300), (100, 0, 0, 200, 0), (300,)])
+def test_empty_chunks_are_left_out(cuts):
+    bodies, contacts = some(Geometry.SPATIAL)
+    result = resolve_batch(
+        da.from_array(bodies, chunks=(16, 2, cuts)), da.from_array(contacts, chunks=(8, cuts))
+    )
+    assert result.status.chunks == (tuple(n for n in cuts if n),)
+    np.testing.assert_array_equal(
+        result.status.compute(scheduler="synchronous"), resolve_batch(bodies, contacts).status
+    )
+
+
+@pytest.mark.parametrize("make", [np.asarray, array_api_strict.asarray, da.asarray])
+@pytest.mark.parametrize(
+    ("changes", "name"),
+    [
+        *(({"bodies": no_table}, "bodies") for no_table in (np.float64(1), None, "x", [[1], [1, 2]], {})),
+        *(({"contacts": no_table}, "contacts") for no_table in (np.float64(1), None, "x", [[1], [1, 2]])),
+        *(({"workers": none}, "workers") for none in ("2", None, 1.5, 0, -1, [2], np.float64(2))),
+        *(({"out": none}, "out") for none in ((), [], "out", np.zeros(3), {})),
+    ],
+)
+def test_what_is_of_a_wrong_kind_is_refused_by_name(make, changes, name):
+    bodies, contacts = some(Geometry.SPATIAL)
+    with pytest.raises(ValueError, match=rf"^(bodies, )?{name}\b") as refusal:
+        resolve_batch(**{"bodies": make(bodies), "contacts": make(contacts)} | changes)
+    assert ": must " in str(refusal.value)
+
+
+@pytest.mark.parametrize("make", [tuple, list])
+def test_an_out_that_is_no_result_is_refused(make):
+    bodies, contacts = some(Geometry.SPATIAL)
+    out = make(resolve_batch(bodies, contacts))
+    with pytest.raises(ValueError, match=f"^out: must be a BatchResult, is {make.__name__}$"):
+        resolve_batch(bodies, contacts, out=out)
+
+
+@pytest.mark.parametrize("workers", [1, 2, np.int64(2), np.uint8(3)])
+def test_workers_may_be_integers_of_any_make(workers):
+    bodies, contacts = some(Geometry.SPATIAL)
+    assert_same(resolve_batch(bodies, contacts, workers=workers), resolve_batch(bodies, contacts))
 
 
 def test_contacts_are_cut_as_the_bodies_are():

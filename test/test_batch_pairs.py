@@ -214,6 +214,22 @@ def test_dask_cuts_contacts_and_keeps_the_table_whole(cut):
     assert_same(here, resolve_batch(table, contacts, pairs=pairs, report=True))
 
 
+@pytest.mark.parametrize("lazy", [{"table"}, {"contacts"}, {"pairs"}, {"table", "pairs"}])
+def test_with_pairs_too_one_lazy_array_is_enough(lazy):
+    table, pairs, contacts = crowd()
+    given = {"table": table, "contacts": contacts, "pairs": pairs}
+    chunks = {"table": (5, 7), "contacts": (3, 300), "pairs": (1, 77)}
+    bodies, touches, who = (
+        da.from_array(array, chunks=chunks[name]) if name in lazy else array for name, array in given.items()
+    )
+    result = resolve_batch(bodies, touches, pairs=who, report=True)
+    assert all(isinstance(array, da.Array) for array in result if array is not None)
+    size = 300 if "contacts" in lazy else 77 if "pairs" in lazy else 1000
+    assert result.status.chunks[0][0] == size
+    here = BatchResult(*(None if array is None else array.compute() for array in result))
+    assert_same(here, resolve_batch(table, contacts, pairs=pairs, report=True))
+
+
 # regimes and energies
 
 
@@ -343,9 +359,40 @@ def test_sets_of_structured_pairs():
     assert independent_sets(np.empty((2, 0), int), np.empty(0, bool)) == []
 
 
+FAR_APART = [
+    lambda body: body,
+    lambda body: 10**6 * body,
+    lambda body: 2**32 * body,
+    lambda body: 2**57 * body,
+    lambda body: 2**63 - 1 - body,
+]
+
+
+@pytest.mark.parametrize("column", FAR_APART)
+@pytest.mark.parametrize("seed", range(5))
+def test_sets_do_not_depend_on_what_the_columns_are(column, seed):
+    """They take memory for the bodies that occur, and for no others: of 2^57 columns there is none."""
+    random = np.random.default_rng(seed)
+    pairs = random.integers(0, 60, (2, 200))
+    far = np.vectorize(column, otypes=[np.int64])(pairs)
+    found = [one.tolist() for one in independent_sets(far)]
+    assert found == [one.tolist() for one in independent_sets(pairs)]
+    assert found == by_the_definition(pairs, np.ones(60, bool))
+
+
 @pytest.mark.parametrize(
     ("pairs", "movable", "message"),
     [
+        (
+            [[0, 2**63 - 1, -1], [1, 2**40, 0]],
+            None,
+            f"pairs: must be columns of bodies, from 0 to {2**63 - 1}; contact 2 has (-1, 0)",
+        ),
+        (
+            [[0, 2**63 - 1], [1, 0]],
+            [True, True],
+            f"pairs: must be columns of bodies, from 0 to 1; contact 1 has ({2**63 - 1}, 0)",
+        ),
         (
             [[0, 1], [1, 2]],
             [True, True],
@@ -409,6 +456,35 @@ def test_bodies_without_an_answer_keep_their_velocity():
     assert set(np.flatnonzero(changed)) <= {10, 11}
     np.testing.assert_array_equal(table[of.velocity, 10], result.velocity[:, 0, 0])
     assert np.isnan(table).any(axis=0).sum() == np.isnan(before).any(axis=0).sum()
+
+
+@pytest.mark.parametrize("make", [np.asarray, array_api_strict.asarray])
+@pytest.mark.parametrize(
+    "make_result",
+    [np.asarray, array_api_strict.asarray, lambda array: da.from_array(array, chunks=-1)],
+)
+@pytest.mark.parametrize(("geometry", "oriented"), KINDS)
+def test_tables_of_every_library_get_the_velocities(geometry, oriented, make, make_result):
+    """The same bits: of sound contacts, and of all, some of them without an answer."""
+    bodies, contacts = some(geometry, oriented=oriented)
+    for count in (FIRST_FAULTY, N):
+        own = OWN[:, :count]
+        expected, table = table_of(bodies), make(table_of(bodies).copy())
+        result = resolve_batch(table_of(bodies), contacts[:, :count], pairs=own)
+        expected = expected.copy()
+        scatter_velocities(expected, own, result)
+        theirs = BatchResult(*(None if array is None else make_result(array) for array in result))
+        scatter_velocities(table, make(own), theirs)
+        np.testing.assert_array_equal(np.asarray(np.from_dlpack(table)), expected)
+        assert not np.array_equal(expected, table_of(bodies), equal_nan=True)
+
+
+@pytest.mark.parametrize("make", [da.asarray, np.ndarray.tolist, tuple])
+def test_tables_that_cannot_be_changed_are_refused(make):
+    bodies, contacts = some(Geometry.POINT)
+    result = resolve_batch(table_of(bodies), contacts, pairs=OWN)
+    with pytest.raises(ValueError, match=r"^bodies: must be an array that can be changed, is "):
+        scatter_velocities(make(table_of(bodies)), OWN, result)
 
 
 def test_a_cradle_passes_its_momentum_on_exactly():

@@ -21,6 +21,7 @@ from collision_response import (
     Law,
     Precision,
     StatusCode,
+    resolve,
     resolve_scene,
 )
 from collision_response.batch import ScenesResult, body_rows, contact_rows, resolve_scenes
@@ -131,6 +132,30 @@ def test_random_scenes_are_answered_as_each_by_itself(model):
     )
     assert len(codes) > 150
     assert {StatusCode.OK, StatusCode.SEPARATING} <= set(codes)
+
+
+def grazing(e: float, mu: float) -> list[Case]:
+    """A ball moves ever more along the floor: of its approach less and less is known."""
+    return [
+        Case(
+            [Body.sphere(1.0, 0.5, velocity=(1.0, 1 / 3, -1 / 3)), Body.static()],
+            [(0, 1)],
+            [Contact.of((0.0, 0.0, 0.0), (1.0, 1.0, 4.0 + 2.0**-k), e, mu)],
+        )
+        for k in range(51)
+    ]
+
+
+@pytest.mark.parametrize("law", [Law.AUTO, Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("tolerance", [0.0, 0.5, 1e-9, 1e-15])
+def test_clusters_of_one_contact_take_as_many_digits_as_each_by_itself(law, tolerance):
+    cases = grazing(0.5, 0.3)
+    model = ImpactModel(law, Geometry.SPATIAL, tolerance=tolerance)
+    answer = resolved(cases, model)
+    assert set(assert_same_as_single_scenes(cases, model, answer)) == {StatusCode.OK}
+    assert answer.error_bound.max() <= 2.0**-20
+    taken = [resolve(*case.bodies, *case.contacts, model).model.precision for case in cases]
+    assert Precision.EXTENDED in taken
 
 
 def resolved(cases: list[Case], model: ImpactModel, **options: Any) -> ScenesResult:
@@ -261,6 +286,7 @@ def test_no_contacts_and_no_bodies():
         ({"pairs": np.zeros((2, 5), int)}, "contacts: must be of shape (rows, 5), is (8, 4)"),
         ({"bodies": np.zeros((20, 2, 4))}, "bodies: must be of shape (4 or 7 or 16 or 20, B), is (20, 2, 4)"),
         ({"threshold": 1.0}, "threshold: must be "),
+        *(({"workers": none}, "workers: must be a whole number, at least 1") for none in ("2", None, 1.5, 0)),
         ({"model": ImpactModel(precision=Precision.SINGLE)}, "model.precision: must be "),
         ({"model": ImpactModel(geometry=Geometry.PLANAR)}, "model.geometry: must be "),
     ],

@@ -77,6 +77,40 @@ def test_every_row_is_that_of_one_impact(geometry, law, precision):
     np.testing.assert_array_equal(result.precision[answered], expected.precision[answered])
 
 
+@pytest.mark.parametrize("masses", [(-200, 200), (200, -200), (-200, -200), (200, 200)])
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+def test_what_other_units_answer_takes_no_more_digits_than_one_impact(law, masses):
+    """Masses of 1e-200 and 1e200 are beyond the kernels in these units, not beyond their digits."""
+    geometry, model = Geometry.SPATIAL, ImpactModel(law, tolerance=1e-9)
+    bodies, contacts = some(geometry)
+    bodies = bodies[..., :FIRST_FAULTY].copy()
+    contacts = contacts[:, :FIRST_FAULTY]
+    for side, power in enumerate(masses):
+        bodies[:7, side] *= 10.0**power
+    result = resolve_batch(bodies, contacts, model)
+    scenes = [scene_of(geometry, bodies, contacts, i) for i in range(FIRST_FAULTY)]
+    expected = by_single_impacts(geometry, scenes, [model] * FIRST_FAULTY)
+    assert_same_values(result, expected)
+    np.testing.assert_array_equal(result.error_bound, expected.error_bound)
+    answered = ~np.isnan(expected.error_bound)
+    np.testing.assert_array_equal(result.precision[answered], expected.precision[answered])
+
+
+@pytest.mark.parametrize("precision", [Precision.AUTO, Precision.DOUBLE, Precision.EXTENDED])
+@pytest.mark.parametrize("tolerance", [0.5, 2.0**-20, 1e-9, 2.0**-48, 1e-15, 1e-20])
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+def test_every_tolerance_is_climbed_to_as_by_one_impact(law, tolerance, precision):
+    """A loose one too: ``resolve`` takes more digits where the bound hardly says anything."""
+    scenes, _, bodies, contacts = ill_conditioned(law, 7.0)
+    model = ImpactModel(law, precision=precision, tolerance=tolerance)
+    result = resolve_batch(bodies, contacts[:-1], model)
+    expected = by_single_impacts(Geometry.SPATIAL, scenes, [model] * len(scenes))
+    assert_same_values(result, expected)
+    np.testing.assert_array_equal(result.error_bound, expected.error_bound)
+    answered = ~np.isnan(expected.error_bound)
+    np.testing.assert_array_equal(result.precision[answered], expected.precision[answered])
+
+
 @pytest.mark.parametrize("law", LAWS_WITH_ORACLE)
 @pytest.mark.parametrize("wildness", [1, 10])
 def test_every_ill_conditioned_row_is_that_of_one_impact(law, wildness):

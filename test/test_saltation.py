@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -327,3 +328,83 @@ def test_bad_input_is_refused_by_name(change, code, field):
     with pytest.raises(ImpactError) as refusal:
         propagate_covariance(**request)
     assert (refusal.value.code, refusal.value.field) == (code, field)
+
+
+NO_NUMBERS = ["x", None, (), {}, 1j, True, np.array([0.5]), np.zeros(0)]
+BEYOND = [10**400, -(10**400), math.inf, -math.inf, math.nan]
+
+
+@pytest.mark.parametrize("field", ["restitution_sd", "friction_sd", "normal_sd"])
+def test_a_standard_deviation_that_is_none_is_refused_by_name(field):
+    request = ball(), Body.static(), FLOOR, ImpactModel(), np.diag(SD**2), sphere_on_plane(RADIUS)
+    for value in NO_NUMBERS:
+        with pytest.raises(TypeError, match=f"^{field}: must be a real number, is "):
+            propagate_covariance(*request, **{field: value})
+    for value in BEYOND:
+        with pytest.raises(ImpactError) as refusal:
+            propagate_covariance(*request, **{field: value})
+        assert (refusal.value.code, refusal.value.field) == (StatusCode.INVALID_COEFFICIENT, field)
+    for value in (Fraction(1, 8), np.float64(0.125), np.array(0.125), np.float32(0.125)):
+        found, expected = (propagate_covariance(*request, **{field: sd}) for sd in (value, 0.125))
+        np.testing.assert_array_equal(found.covariance, expected.covariance)
+
+
+def spoiled(value) -> list:
+    """A covariance of which one number is another."""
+    rows = np.diag(SD**2).tolist()
+    rows[3][3] = value
+    return rows
+
+
+@pytest.mark.parametrize(
+    "covariance",
+    [
+        *("x", "1", 10**400, -(10**400), {}, (), [[1.0], [1, 2]], np.eye(12) * 1j, np.eye(12).astype(str)),
+        *map(spoiled, ("x", None, 1j, 10**400, math.nan, math.inf, [1.0, 2.0], -1.0)),
+    ],
+)
+def test_a_covariance_that_is_none_is_refused_by_name(covariance):
+    with pytest.raises(ImpactError) as refusal:
+        propagate_covariance(ball(), Body.static(), FLOOR, ImpactModel(), covariance, sphere_on_plane(RADIUS))
+    assert (refusal.value.code, refusal.value.field) == (StatusCode.INVALID_TABLE, "covariance")
+
+
+def test_a_covariance_may_be_of_exact_numbers():
+    exact = [[Fraction(int(i == j), 4) for j in range(12)] for i in range(12)]
+    request = ball(), Body.static(), FLOOR, ImpactModel()
+    found, expected = (
+        propagate_covariance(*request, S, sphere_on_plane(RADIUS)) for S in (exact, np.eye(12) / 4)
+    )
+    np.testing.assert_array_equal(found.covariance, expected.covariance)
+
+
+@pytest.mark.parametrize("field", SurfaceMotion._fields)
+@pytest.mark.parametrize("number", ["x", None, 1j, 10**400, math.nan, [1.0]])
+def test_a_motion_of_a_surface_that_is_none_is_refused_by_name(field, number):
+    motion = sphere_on_plane(RADIUS)(ball(), Body.static(), FLOOR)
+    rows = getattr(motion, field).tolist()
+    rows[1][2] = number
+    with pytest.raises(ImpactError) as refusal:
+        saltation_matrix(ball(), Body.static(), FLOOR, surfaces=motion._replace(**{field: rows}))
+    assert (refusal.value.code, refusal.value.field) == (StatusCode.INVALID_NORMAL, f"surfaces.{field}")
+
+
+@pytest.mark.parametrize(
+    ("form", "field"),
+    [
+        (sphere_on_plane, "radius"),
+        (lambda radius: sphere_on_sphere(radius, 1.0), "radius_a"),
+        (lambda radius: sphere_on_sphere(1.0, radius), "radius_b"),
+    ],
+)
+def test_a_radius_that_is_none_is_refused_by_name(form, field):
+    for value in NO_NUMBERS:
+        with pytest.raises(TypeError, match=f"^{field}: must be a real number, is "):
+            form(value)
+    for value in BEYOND:
+        with pytest.raises(ImpactError) as refusal:
+            form(value)
+        assert (refusal.value.code, refusal.value.field) == (StatusCode.NOT_FINITE, field)
+    bodies = ball(), ball(velocity=(0.0, 0.0, 1.0)), FLOOR
+    for one, other in zip(form(Fraction(1, 8))(*bodies), form(0.125)(*bodies), strict=True):
+        np.testing.assert_array_equal(one, other)

@@ -6,11 +6,13 @@ import doctest
 import math
 import sys
 from fractions import Fraction as F
+from itertools import product
 
 import pytest
 from scene_cases import Case, box, row, speeds
 
 from collision_response import (
+    Adjustment,
     Body,
     Contact,
     Geometry,
@@ -74,6 +76,25 @@ def test_contacts_are_named(change, code, field, pairs):
     contacts = [UP, UP._replace(position=(1.0, 0.0, 0.0)), UP._replace(**change)]
     error = refusal([BALL, FLOOR, BALL, BALL], pairs, contacts)
     assert (error.code, error.field) == (code, field)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("field", ["restitution", "friction"])
+@pytest.mark.parametrize("value", [math.inf, -math.inf, math.nan, -1.0, 2.0])
+def test_a_coefficient_is_refused_in_the_words_of_one_contact(law, field, value):
+    """The value among them: infinite friction is not none at all that went wrong."""
+    contact = UP._replace(**{field: value})
+    try:
+        resolve(BALL, FLOOR, contact, ImpactModel(law))
+    except ImpactError as error:
+        expected = error
+    else:  # friction may be 2
+        resolve_scene([BALL, FLOOR], [(0, 1)] * 2, [UP, contact], ImpactModel(law))
+        return
+    found = refusal(
+        [BALL, FLOOR], [(0, 1)] * 2, [UP._replace(position=(1.0, 0, 0)), contact], ImpactModel(law)
+    )
+    assert (found.code, found.field, found.reason) == (expected.code, f"contacts[1].{field}", expected.reason)
 
 
 @pytest.mark.parametrize(
@@ -214,6 +235,53 @@ def test_two_walls_that_close_in_contradict_each_other(law, number):
         return
     error = refusal(*squeezed(0, 1, -1, number=number), ImpactModel(law))
     assert (error.code, error.field) == (StatusCode.CONTRADICTORY_CONTACTS, "contacts")
+
+
+def pressed(corners: int, closing: float, e: float, mu: float, v=(0.3, 0.1, -1.0)) -> Case:
+    """A cube between a floor and a ceiling, each of which it touches at so many points."""
+    bodies = [
+        Body.box(1.0, (1, 1, 1), velocity=v, angular_velocity=(0, 0, 0.5)),
+        Body.static(),
+        Body.kinematic((0, 0, 2), (0, 0, -closing)),
+    ]
+    points = [(-0.5, -0.5), (0.5, 0.5), (-0.5, 0.5), (0.5, -0.5), (0.0, 0.0), (0.0, 0.5)][:corners]
+    contacts = [Contact.of((x, y, -side / 2), (0, 0, side), e, mu) for side in (1.0, -1.0) for x, y in points]
+    return Case(bodies, [(0, 1)] * corners + [(0, 2)] * corners, contacts)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("corners", [1, 2, 3, 4, 5, 6])
+@pytest.mark.parametrize("closing", [1.0, 1e-3, 1e-12])
+def test_what_closes_in_contradicts_itself_by_every_law(law, corners, closing):
+    """However fast it closes in, with whatever coefficients; in large clusters, too."""
+    for e, mu, v in product((0.0, 0.5, 1.0), (0.0, 0.3, 3.0), ((0.0, 0.0, 0.0), (0.3, 0.1, -1.0))):
+        error = refusal(*pressed(corners, closing, e, mu, v), ImpactModel(law))
+        assert (error.code, error.field) == (StatusCode.CONTRADICTORY_CONTACTS, "contacts")
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("corners", [1, 3, 4, 6])
+@pytest.mark.parametrize("closing", [0.0, -0.125, -1.0])
+def test_what_does_not_close_in_is_no_contradiction(law, corners, closing):
+    for e, mu in product((0.5, 1.0), (0.0, 0.3)):
+        try:
+            answer = pressed(corners, closing, e, mu).resolve(law)
+        except ImpactError as error:
+            assert error.code is StatusCode.PATH_TOO_LONG  # a cube between walls, without end
+        else:
+            parts = min(answer.normal_velocities_after) > -1e-6
+            assert parts or answer.status is StatusCode.TOLERANCE_NOT_MET
+            assert parts or (law is Law.MOREAU and corners > 4)
+
+
+@pytest.mark.parametrize("corners", [1, 2, 3, 4])
+@pytest.mark.parametrize("mu", [0.3, 3.0])
+def test_what_cannot_rebound_from_two_walls_is_held(corners, mu):
+    """Newton asks for a rebound from the floor, which is an approach to the ceiling: COULOMB answers."""
+    case = pressed(corners, 0.0, 0.5, mu)
+    answer, held = case.resolve(Law.MOREAU), case.resolve(Law.COULOMB)
+    assert answer.adjustments & Adjustment.LAW_FALLBACK
+    assert (answer.twists, answer.error_bound) == (held.twists, held.error_bound)
 
 
 @pytest.mark.parametrize("number", [float, F])

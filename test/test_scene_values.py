@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction as F
 
 import pytest
@@ -17,6 +18,7 @@ from collision_response import (
     StatusCode,
     resolve_scene,
 )
+from collision_response.scene.resolve_scene import THRESHOLD
 
 GR, LCP, LZB = Law.FRICTIONLESS, Law.MOREAU, Law.ROUTH_STRONGE
 
@@ -164,6 +166,48 @@ def test_reflections_jump_where_a_contact_begins_to_approach(number):
     answer = case.resolve(GR)
     assert speeds(answer) == pytest.approx((0, 0, 1), abs=1e-11)
     assert answer.decision_margin < 1e-9
+
+
+def falling_pair(t, number, lengths=(1, 1), still: int = 0) -> Case:
+    """A ball falls onto the floor, one onto it, t as fast beside it; and some that only touch the first."""
+    zero, one = number(0), number(1)
+    balls = [
+        Body.dynamic(one, velocity=(zero, zero, -one)),
+        Body.dynamic(one, velocity=(zero, zero, -one - number(t))),
+    ]
+    beside = [Body.dynamic(one) for _ in range(still)]
+    up = [Contact.of((zero,) * 3, (zero, zero, number(length)), one) for length in lengths]
+    level = [Contact.of((zero, one, number(i)), (one, zero, zero), one) for i in range(still)]
+    pairs = [(0, 2), (1, 0), *((0, 3 + i) for i in range(still))]
+    return Case([*balls, Body.static(), *beside], pairs, [*up, *level])
+
+
+@pytest.mark.parametrize("lengths", [(1, 1), (4, 2)])
+@pytest.mark.parametrize(
+    ("number", "t"),
+    [
+        *((F, F(1, k)) for k in (2, 3, 4, 7, 10**6)),
+        *((number, t) for number in (F, float) for t in (F(3, 4), F(1, 2), F(1, 64), F(1, 2**30))),
+    ],
+)
+def test_an_approach_just_at_the_threshold_counts(number, t, lengths):
+    """Both at once turn their speeds round; the first alone is struck again, and leaves with the second."""
+    case, little = falling_pair(t, number, lengths), F(1, 2**45)
+    both, joined = [1, 1 + t], [1 + t / 2, 1 + t / 2]
+    for threshold, expected in ((0, both), (t - little, both), (t, both), (t + little, joined)):
+        answer = case.resolve(GR, options={"threshold": number(threshold)})
+        assert [twist.linear.z for twist in answer.twists[:2]] == [number(z) for z in expected]
+        assert answer.status is StatusCode.OK
+        assert answer.decision_margin == number(min(abs(t - threshold), 1 - threshold))
+
+
+def test_an_approach_just_at_the_threshold_of_the_front_door_counts():
+    """In the kernels as in fractions; and in a cluster that is too large for those, with no bound."""
+    t, floats = F(THRESHOLD), (float(1), float(1 + F(THRESHOLD)))
+    for still in (0, 3, 9):
+        answer = falling_pair(t, float, still=still).resolve(GR)
+        assert tuple(twist.linear.z for twist in answer.twists[:2]) == floats
+        assert (answer.error_bound < math.inf) == (still < 7)
 
 
 def test_the_least_restitution_does_not_kill_a_bounce():

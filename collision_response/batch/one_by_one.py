@@ -38,8 +38,6 @@ def retry(asked: Asked, out: BatchResult, columns: Array) -> Iterator[None]:
     model = plan.model
     if out.velocity.dtype == np.float32:
         model = model._replace(precision=Precision.SINGLE)
-    elif out.precision is not None and model.precision is Precision.AUTO:
-        model = model._replace(precision=Precision.EXTENDED)
     rows, touch = body_rows(plan.geometry, oriented=plan.oriented), contact_rows(plan.geometry)
     for k, i in enumerate(columns.tolist()):
         contact = contacts[:, k]

@@ -28,6 +28,7 @@ import numpy as np
 
 from ..kernels import library
 from ..status import StatusCode
+from .elsewhere import as_numpy, is_lazy, maker
 from .rows import rows_of
 
 if TYPE_CHECKING:
@@ -39,10 +40,13 @@ IS_ANSWER = np.zeros(256, np.bool_)
 IS_ANSWER[[code for code in StatusCode if code.is_answer]] = True
 """By code, whether there are numbers."""
 
+MOTION = ("status", "velocity", "angular_velocity")
+"""What is scattered of a result."""
+
 
 def as_pairs(pairs: Any) -> Array:
     """Columns of bodies, int64, shape ``(2, N)``. Raises: ValueError: they are not."""
-    array = np.asarray(pairs)
+    array = as_numpy("pairs", pairs)
     if array.ndim != 2 or array.shape[0] != 2 or (array.dtype.kind not in "iu" and array.size):
         raise ValueError(f"pairs: must be integers of shape (2, N), are {array.dtype} of {array.shape}")
     return np.require(array, np.int64, ("C", "ALIGNED"))
@@ -65,10 +69,14 @@ def independent_sets(pairs: Any, movable: Any = None) -> list[Array]:
     Raises:
         ValueError: an array has not the right shape or type, or a pair is not of two bodies.
     """
-    pairs = as_pairs(pairs)
+    given = pairs = as_pairs(pairs)
     n = pairs.shape[1]
     if movable is None:
-        movable = np.ones(max(pairs.max(initial=-1) + 1, 0), np.bool_)
+        last = given.max(initial=-1)
+        bodies, places = np.unique(given, return_inverse=True)  # of which the columns may be far apart
+        pairs, movable = np.where(given < 0, -1, places.reshape(given.shape)), np.ones(bodies.size, np.bool_)
+    else:
+        last = np.size(movable) - 1
     movable = np.ascontiguousarray(movable)
     if movable.ndim != 1 or movable.dtype != np.bool_:
         raise ValueError(f"movable: must be bool of shape (B,), is {movable.dtype} of {movable.shape}")
@@ -76,10 +84,8 @@ def independent_sets(pairs: Any, movable: Any = None) -> list[Array]:
     sets = library.independent_sets(pairs, movable, order, starts)
     if sets < 0:
         first = -1 - sets
-        wrong = tuple(pairs[:, first].tolist())
-        raise ValueError(
-            f"pairs: must be columns of bodies, from 0 to {movable.size - 1}; contact {first} has {wrong}"
-        )
+        wrong = tuple(given[:, first].tolist())
+        raise ValueError(f"pairs: must be columns of bodies, from 0 to {last}; contact {first} has {wrong}")
     return [order[start:stop] for start, stop in pairwise(starts[: sets + 1].tolist())]
 
 
@@ -89,14 +95,28 @@ def scatter_velocities(bodies: Array, pairs: Any, result: BatchResult) -> None:
     Bodies of contacts without an answer keep theirs.
 
     Args:
-        bodies: the table, shape ``(rows, B)``. It is changed.
+        bodies: the table, shape ``(rows, B)``. It is changed, so it must be an array that can be: NumPy's,
+            or of another library with the Array API whose rows can be set.
         pairs: of the contacts, as given to :func:`~collision_response.batch.resolve_batch`. Of a movable body
             that is in several the last one counts, so let them be of one of the :func:`independent_sets`.
         result: what became of them.
+
+    Raises:
+        ValueError: an array has not the right shape or type; or ``bodies`` are lazy.
     """
+    if not isinstance(bodies, np.ndarray):
+        make = None if is_lazy(bodies) else maker(bodies)
+        if make is None:
+            raise ValueError(f"bodies: must be an array that can be changed, is {type(bodies).__name__}")
+        table = as_numpy("bodies", bodies).copy()
+        scatter_velocities(table, pairs, result)
+        rows = rows_of(table.shape[0])
+        for motion in (rows.velocity, rows.angular_velocity):
+            bodies[motion, :] = make(table[motion])
+        return
     pairs, rows = as_pairs(pairs), rows_of(bodies.shape[0])
-    answered = IS_ANSWER[result.status]
-    velocity, spin = result.velocity, result.angular_velocity
+    status, velocity, spin = (as_numpy(f"result.{name}", getattr(result, name)) for name in MOTION)
+    answered = IS_ANSWER[status]
     if not answered.all():
         pairs, velocity, spin = pairs[:, answered], velocity[..., answered], spin[..., answered]
     bodies[rows.velocity][:, pairs] = velocity

@@ -15,7 +15,8 @@
 
 What a row of ``bodies`` and of ``contacts`` holds, :mod:`~collision_response.batch.rows` says. The numbers
 are those of :func:`~collision_response.resolve`, bit by bit. With a tolerance every contact gets an error
-bound, and those whose bound is above the tolerance are computed again with more digits. A contact that
+bound, and those whose bound is above what ``resolve`` climbs to are computed again with more digits. Without
+one there is no bound: AUTO stays in DOUBLE, also where ``resolve`` sees that it is not enough. A contact that
 cannot be answered has its own status and NaN for results; the others are not affected.
 """
 
@@ -23,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from numbers import Integral
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,10 +32,13 @@ import numpy as np
 from ..kernels import library
 from ..kernels.layout import Layout
 from ..kernels.protocol import Number
-from ..model import LARGEST, ULP, Geometry, ImpactModel, Law, Precision, check_model, law_for
+from ..model import LARGEST, Geometry, ImpactModel, Law, Precision, check_model, law_for
+from ..model import plan as plan_of_model
 from ..physics.laws import PATHS, STEPPED, Settings
 from ..status import ImpactError, StatusCode
 from . import one_by_one
+from .elsewhere import is_lazy
+from .elsewhere import resolve_batch as elsewhere
 from .pairs import as_pairs
 from .rows import TABLES, body_rows, contact_rows, layout_of
 
@@ -116,27 +121,23 @@ def resolve_batch(
         pairs: for each contact the column of its body_a and that of its body_b, integers, shape ``(2, N)``.
             A pair of one body twice gets the status SAME_BODY, a column that is not there UNKNOWN_BODY.
         report: whether to report regimes and energies, too.
-        out: where to write the results: an earlier result, or arrays like one. They must not overlap
-            the input. Those of a report are written if they are there.
-        workers: threads to use. Each takes its share of the contacts; Python runs on meanwhile.
+        out: where to write the results: an earlier result, or a BatchResult of arrays like its. They must
+            not overlap the input. Those of a report are written if they are there.
+        workers: threads to use, at least 1. Each takes its share of the contacts; Python runs on meanwhile.
 
     Returns:
-        Arrays of the library that the input is made of. Of Dask they are lazy, cut as the contacts are.
+        Arrays of the library that ``bodies`` are of. If any of the arrays is Dask's, they are lazy: cut as
+        the bodies are, with ``pairs`` as the contacts are, but without empty chunks.
 
     Raises:
         ImpactError: INVALID_MODEL or INVALID_COEFFICIENT: the model is none for a batch.
         ValueError: an array has not the right shape or type.
     """
-    if not isinstance(bodies, np.ndarray):
-        from . import elsewhere
-
-        converted = elsewhere.resolve_batch(
-            bodies, contacts, model, pairs=pairs, report=report, out=out, workers=workers
-        )
-        if converted is not None:
-            return converted
-        bodies = np.asarray(bodies)
-    contacts = np.asarray(contacts)
+    check_workers(workers)
+    if not (out is None or isinstance(out, BatchResult)):
+        raise ValueError(f"out: must be a BatchResult, is {type(out).__name__}")
+    if not (isinstance(bodies, np.ndarray) and isinstance(contacts, np.ndarray)) or is_lazy(pairs):
+        return elsewhere(bodies, contacts, model, pairs=pairs, report=report, out=out, workers=workers)
     pairs = None if pairs is None else as_pairs(pairs)
     if out is None:
         plan = plan_for(bodies, contacts, model, pairs)
@@ -147,6 +148,12 @@ def resolve_batch(
     for _ in resolve_with_pauses(bodies, contacts, model, out, workers, pairs=pairs):
         pass
     return out
+
+
+def check_workers(workers: Any) -> None:
+    """Raises: ValueError: they are no number of threads."""
+    if not isinstance(workers, Integral) or workers < 1:
+        raise ValueError(f"workers: must be a whole number, at least 1, is {workers!r}")
 
 
 def resolve_with_pauses(
@@ -184,6 +191,15 @@ def resolve_with_pauses(
                 wanted[own] = written[own]
 
 
+class Climb(NamedTuple):
+    """Through which precisions, until the error bound is within what is wanted: as ``resolve`` does."""
+
+    first: Precision
+    last: Precision
+    wanted: float
+    limit: float
+
+
 class Plan(NamedTuple):
     """All that does not depend on the numbers, nor on how many contacts there are."""
 
@@ -196,6 +212,7 @@ class Plan(NamedTuple):
     axes: int
     spins: int
     has_bounds: bool
+    climb: Climb
 
     def results(self, n: int, report: bool) -> tuple[tuple[tuple[int, ...], np.dtype[Any]] | None, ...]:
         """Shapes and types of a :class:`BatchResult`."""
@@ -233,20 +250,20 @@ class Asked(NamedTuple):
 def _improve(asked: Asked, out: BatchResult, found: tuple[int, float], workers: int) -> Iterator[None]:
     """Climb to more digits where the bound is above the limit."""
     worst, loosest = found
-    model = asked.plan.model
+    climb = asked.plan.climb
     if out.precision is None:
         if worst >= StatusCode.OUT_OF_RANGE:
             odd = np.flatnonzero(out.status >= StatusCode.OUT_OF_RANGE)
             yield from one_by_one.retry(asked.some(odd), out, odd)
         return
-    exact = model.precision is Precision.EXTENDED and model.law not in STEPPED
-    out.precision[:] = Precision.EXTENDED if exact else Precision.DOUBLE
-    tolerance = model.tolerance or LARGEST
-    limit = ULP if exact else tolerance
-    if worst <= StatusCode.SEPARATING and loosest <= min(limit, tolerance):
+    out.precision[:] = climb.first
+    if worst <= StatusCode.SEPARATING and loosest <= climb.wanted:
         return
-    wanting = _wanting(out, limit)
-    if model.precision is Precision.AUTO and model.law not in STEPPED and wanting.size:
+    wanting = _wanting(out, climb.wanted)
+    beyond = wanting[:0]
+    if climb.first is not climb.last and wanting.size:
+        is_beyond = out.status[wanting] == StatusCode.OUT_OF_RANGE  # in these units
+        beyond, wanting = wanting[is_beyond], wanting[~is_beyond]
         few = BatchResult(
             *(None if a is None else np.empty((*a.shape[:-1], wanting.size), a.dtype) for a in out)
         )
@@ -255,13 +272,14 @@ def _improve(asked: Asked, out: BatchResult, found: tuple[int, float], workers: 
         for array, better in zip(out, few, strict=True):
             if array is not None:
                 array[..., wanting] = better
-        wanting = wanting[_wanting(few, limit)]
-    if model.precision is Precision.DOUBLE:
+        wanting = wanting[_wanting(few, climb.wanted)]
+    if climb.last is Precision.DOUBLE:
         wanting = _wanting(out, LARGEST)
+    wanting = np.concatenate([wanting, beyond])
     if wanting.size:
         yield from one_by_one.retry(asked.some(wanting), out, wanting)
     answered = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)
-    out.status[answered & ~(out.error_bound <= tolerance)] = StatusCode.TOLERANCE_NOT_MET
+    out.status[answered & ~(out.error_bound <= climb.limit)] = StatusCode.TOLERANCE_NOT_MET
 
 
 def _wanting(out: BatchResult, limit: float) -> Array:
@@ -325,9 +343,11 @@ def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> P
     law = law_for(model.law, has_friction=height >= least.height)
     if law is not Law.FRICTIONLESS and height < least.height:
         raise ValueError(f"contacts: {law.name} needs a row of friction")
+    asked = plan_of_model(model)
+    first, last = (Precision.DOUBLE,) * 2 if law in STEPPED else (asked.first, asked.last)
     number = Number.FLOAT if dtype == np.float32 else Number.PLAIN
     if is_bounded(model):
-        number = Number.EXTENDED if model.precision is Precision.EXTENDED else Number.BOUNDED
+        number = Number.EXTENDED if first is Precision.EXTENDED else Number.BOUNDED
     of = body_rows(geometry)
     return Plan(
         _LAYOUTS.index(layout_of(geometry, oriented=oriented)),
@@ -339,6 +359,7 @@ def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> P
         of.velocity.stop - of.velocity.start,
         of.angular_velocity.stop - of.angular_velocity.start,
         is_bounded(model),
+        Climb(first, last, asked.wanted, asked.limit),
     )
 
 

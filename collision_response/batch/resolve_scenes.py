@@ -38,7 +38,7 @@ from ..scene.resolve_scene import IN_KERNELS, THRESHOLD
 from ..status import ImpactError, StatusCode
 from .one_by_one import REPORT, body_of, contact_of
 from .pairs import IS_ANSWER, as_pairs
-from .resolve_batch import DEFAULT, UINT8, Plan, plan_for, resolve_batch
+from .resolve_batch import DEFAULT, UINT8, Plan, check_workers, plan_for, resolve_batch
 from .rows import body_rows, contact_rows
 
 Array = np.ndarray[Any, Any]
@@ -103,7 +103,8 @@ def resolve_scenes(
 ) -> ScenesResult:
     """The motion of bodies after several contacts strike at once, in as many clusters as there are.
 
-    The numbers are those of :func:`~collision_response.resolve_scene` for each cluster by itself, bit by bit.
+    The numbers are those of :func:`~collision_response.resolve_scene` for each cluster by itself, in the
+    geometry of the table, bit by bit.
     Clusters by FRICTIONLESS, COULOMB and MOREAU are computed without Python, but for the few that need more
     digits or have a contact twice; those by other laws are computed one after the other.
 
@@ -113,13 +114,14 @@ def resolve_scenes(
         model: as for ``resolve_scene``; AUTO is COULOMB if ``contacts`` has a row of friction.
         pairs: for each contact the column of its body_a and that of its body_b, integers, shape ``(2, N)``.
         threshold: as for ``resolve_scene``.
-        workers: threads to use.
+        workers: threads to use, at least 1.
 
     Raises:
         ImpactError: INVALID_MODEL or INVALID_COEFFICIENT: the model is none for tables.
         ValueError: an array has not the right shape or type.
     """
     bodies, contacts, pairs = np.ascontiguousarray(bodies), np.ascontiguousarray(contacts), as_pairs(pairs)
+    check_workers(workers)
     check_number("threshold", threshold, 0, math.nextafter(1, 0), StatusCode.INVALID_MODEL)
     here = plan_for(bodies, contacts, model, pairs)
     if bodies.dtype != np.float64 or contacts.shape[0] > contact_rows(here.geometry).height:
@@ -185,11 +187,11 @@ def _alone(
     result: ScenesResult,
     workers: int,
 ) -> None:
-    """Clusters of one contact: each is one impact, whose bound need be finite, no more."""
+    """Clusters of one contact: each is one impact, with its bound."""
     if not alone.size:
         return
     at = clusters.order[clusters.starts[alone]]
-    wanted = model if model.tolerance else model._replace(tolerance=LARGEST)
+    wanted = model if model.tolerance else model._replace(tolerance=LARGEST)  # any, but there is a bound
     own = pairs.take(at, 1)
     found = resolve_batch(bodies, contacts.take(at, 1), wanted, pairs=own, report=True, workers=workers)
     result.impulse[:, at], result.regime[at] = found.impulse, found.regime

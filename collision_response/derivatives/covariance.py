@@ -12,12 +12,13 @@ friction used, the slip that is left and the slip at first change most.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..model import ImpactModel
+from ..model import ImpactModel, check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Regime
@@ -26,7 +27,7 @@ from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 from .differentiate import DEFAULT
-from .saltation import POSES, STANDARD_GRAVITY, Passage, finite, linearised, may_be_off
+from .saltation import POSES, STANDARD_GRAVITY, Passage, finite, finite_numbers, linearised, may_be_off
 from .surfaces import SurfaceMotion, Surfaces, unit_normal
 
 Array = np.ndarray[Any, Any]
@@ -74,16 +75,15 @@ def propagate_covariance(
         normal_sd: of the turn of the normal about each axis across it [rad].
 
     Raises:
-        ImpactError: as ``saltation_matrix``; INVALID_TABLE: ``covariance`` is not symmetric, positive
-            semi-definite and of its shape; INVALID_COEFFICIENT: a standard deviation is negative or infinite.
+        ImpactError: as ``saltation_matrix``; INVALID_TABLE: ``covariance`` is not of numbers, symmetric,
+            positive semi-definite and of its shape; INVALID_COEFFICIENT: a standard deviation is negative or
+            infinite.
+        TypeError: a standard deviation is no real number.
     """
     passage = linearised(body_a, body_b, contact, model, surfaces, gravity)
-    deviations = {
-        "restitution_sd": restitution_sd, "friction_sd": friction_sd, "normal_sd": normal_sd
-    }  # fmt: skip
-    for name, sd in deviations.items():
-        if not 0 <= sd < np.inf:
-            raise ImpactError(StatusCode.INVALID_COEFFICIENT, name, f"must be finite and >= 0, is {sd}")
+    restitution_sd = _deviation("restitution_sd", restitution_sd)
+    friction_sd = _deviation("friction_sd", friction_sd)
+    normal_sd = _deviation("normal_sd", normal_sd)
     kept = passage.kept
     root = _root(covariance, len(kept))
     twists = [i for i in range(24) if i not in POSES]
@@ -105,11 +105,20 @@ def propagate_covariance(
     return CovarianceAfter(after, regimes, is_reliable and not may_be_off(passage.derivatives))
 
 
+def _deviation(name: str, sd: Any) -> float:
+    """Raises: ImpactError: INVALID_COEFFICIENT. TypeError: no real number."""
+    try:
+        check_number(name, sd, 0, math.inf, StatusCode.INVALID_COEFFICIENT)
+    except ImpactError as error:
+        raise ImpactError(StatusCode.INVALID_COEFFICIENT, name, error.reason) from None
+    return float(sd)
+
+
 def _root(covariance: Array | None, size: int) -> Array:
     """A square root of the covariance."""
-    S = np.asarray(covariance if covariance is not None else np.nan, float)
+    S = finite_numbers(covariance, (size, size))
     problem = f"must be a covariance of shape ({size}, {size})"
-    if S.shape != (size, size) or not np.isfinite(S).all():
+    if S is None:
         raise ImpactError(StatusCode.INVALID_TABLE, "covariance", f"{problem}, is {covariance}")
     sd = np.sqrt(np.abs(np.diag(S)))
     scale = np.where(sd > 0, sd, 1.0)  # its units mix

@@ -153,6 +153,17 @@ def finite(name: str, numbers: Array) -> Array:
     return numbers
 
 
+def finite_numbers(value: Any, shape: tuple[int, ...]) -> Array | None:
+    """As floats; ``None`` if it is anything else than so many finite real numbers."""
+    try:
+        if np.asarray(value).dtype.kind not in "biufO":
+            return None
+        numbers = np.asarray(value, float)
+    except (OverflowError, TypeError, ValueError):
+        return None
+    return numbers if numbers.shape == shape and np.isfinite(numbers).all() else None
+
+
 def may_be_off(derivatives: Derivatives) -> bool:
     """Whether the answer has a kink or a jump just here."""
     return bool((derivatives.smoothness != Smoothness.SMOOTH).any())
@@ -170,7 +181,7 @@ def _checked(
         raise ImpactError(StatusCode.INVALID_NORMAL, "surfaces", reason)
     for name, shape in (("position", (3, 12)), ("normal", (3, 12)), ("position_by_normal", (3, 3))):
         value: Any = getattr(motion, name, None)
-        if np.shape(value) != shape or not np.isfinite(np.asarray(value, float)).all():
+        if finite_numbers(value, shape) is None:
             reason = f"must be finite numbers of shape {shape}, is {value}"
             raise ImpactError(StatusCode.INVALID_NORMAL, f"surfaces.{name}", reason)
     return motion

@@ -14,13 +14,16 @@ So a body's own shape beyond the contact, its curvature included, enters by ``dn
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from ..model import check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
+from ..status import StatusCode
 
 Array = np.ndarray[Any, Any]
 
@@ -68,7 +71,13 @@ def corner_on_plane(body_a: Body, body_b: Body, contact: Contact) -> SurfaceMoti
 
 
 def sphere_on_plane(radius: float) -> Surfaces:
-    """A sphere of body_a, which may be a part of it, on a plane of body_b."""
+    """A sphere of body_a, which may be a part of it, on a plane of body_b.
+
+    Raises:
+        ImpactError: NOT_FINITE: ``radius`` [m] is beyond float64.
+        TypeError: it is no real number.
+    """
+    radius = _finite("radius", radius)
 
     def motion(body_a: Body, body_b: Body, contact: Contact) -> SurfaceMotion:
         n = unit_normal(contact)
@@ -80,7 +89,13 @@ def sphere_on_plane(radius: float) -> Surfaces:
 
 
 def sphere_on_sphere(radius_a: float, radius_b: float) -> Surfaces:
-    """A sphere of body_a on a sphere of body_b, outside; each may be a part of its body."""
+    """A sphere of body_a on a sphere of body_b, outside; each may be a part of its body.
+
+    Raises:
+        ImpactError: NOT_FINITE: a radius [m] is beyond float64.
+        TypeError: it is no real number.
+    """
+    radius_a, radius_b = _finite("radius_a", radius_a), _finite("radius_b", radius_b)
 
     def motion(body_a: Body, body_b: Body, contact: Contact) -> SurfaceMotion:
         n = unit_normal(contact)
@@ -91,6 +106,11 @@ def sphere_on_sphere(radius_a: float, radius_b: float) -> Surfaces:
         return _of_sphere(radius_a, n, normal, body_a, contact)
 
     return motion
+
+
+def _finite(name: str, radius: Any) -> float:
+    check_number(name, radius, -math.inf, math.inf, StatusCode.NOT_FINITE)
+    return float(radius)
 
 
 def _of_sphere(radius: float, n: Array, normal: Array, body_a: Body, contact: Contact) -> SurfaceMotion:

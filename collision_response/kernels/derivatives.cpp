@@ -1,7 +1,6 @@
 // The compiled part of derivatives: arrays in, arrays out. What is asked of it is written in
 // collision_response/derivatives/.
-#define PY_SSIZE_T_CLEAN
-#include <Python.h>
+#include "python.hpp"
 
 #include <algorithm>
 #include <array>
@@ -249,13 +248,14 @@ PyObject* differentiate_all(PyObject*, PyObject* args) {
   job.directions = static_cast<const double*>(of[1].view.buf);
   job.jacobian = static_cast<double*>(of[2].view.buf);
   job.smoothness = static_cast<unsigned char*>(of[3].view.buf);
-  Py_BEGIN_ALLOW_THREADS;
-  for (long at = 0; at < job.n; ++at) job.run(at);
-  Py_END_ALLOW_THREADS;
+  {
+    WithoutGil without;
+    for (long at = 0; at < job.n; ++at) job.run(at);
+  }
   return PyBool_FromLong(std::all_of(job.jacobian, job.jacobian + RESULTS * job.count * job.n, [](double d) { return d - d == 0; }));
 }
 
-PyMethodDef methods[] = {{"differentiate", differentiate_all, METH_VARARGS, ""}, {}};
+PyMethodDef methods[] = {{"differentiate", Guarded<differentiate_all>::call, METH_VARARGS, ""}, {}};
 PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_derivatives", "", -1, methods};
 
 }  // namespace

@@ -405,9 +405,10 @@ PyObject* independent(PyObject*, PyObject* const* args, Py_ssize_t count) {
     return PyErr_Format(PyExc_TypeError, "independent_sets() takes four arrays");
   long n = static_cast<long>(order.view.shape[0]), sets;
   Pairs who{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, movable.view.shape[0]};
-  Py_BEGIN_ALLOW_THREADS;
-  sets = independent_sets(who, n, movable.at<bool>(), order.at<std::int64_t>(), starts.at<std::int64_t>());
-  Py_END_ALLOW_THREADS;
+  {
+    WithoutGil without;
+    sets = independent_sets(who, n, movable.at<bool>(), order.at<std::int64_t>(), starts.at<std::int64_t>());
+  }
   return PyLong_FromLong(sets);
 }
 
@@ -434,7 +435,7 @@ PyMethodDef methods[] = {
     {"numbers", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(numbers)), METH_FASTCALL, ""},
     {"inputs", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(inputs)), METH_FASTCALL, ""},
     {"batch", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(batch)), METH_FASTCALL, ""},
-    {"independent_sets", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(independent)), METH_FASTCALL, ""},
+    {"independent_sets", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(Guarded<independent>::call)), METH_FASTCALL, ""},
     {"limit_vectors", limit_vectors, METH_O, ""},
     {"setup", setup, METH_VARARGS, ""},
     {}};

@@ -116,6 +116,12 @@ const DD* impulses(PyObject* self, PyObject* o) {
   PyErr_SetString(PyExc_TypeError, "these are no impulses of this cluster");
   return nullptr;
 }
+template <class Make> PyObject* listed(size_t count, Make make) {
+  PyObject* list = PyList_New(static_cast<Py_ssize_t>(count));
+  for (size_t i = 0; list && i < count; ++i) PyList_SET_ITEM(list, static_cast<Py_ssize_t>(i), make(i));
+  return list;
+}
+
 // none(): no impulses.
 PyObject* none(PyObject* self, PyObject*) { return bytes(std::vector<DD>(of(self).count, DD{0, 0})); }
 
@@ -127,6 +133,12 @@ PyObject* from_floats(PyObject* self, PyObject* list) {
     if (PyErr_Occurred()) return nullptr;
   }
   return bytes(p);
+}
+
+// contradiction(): the few contacts that seem to contradict each other; or none.
+PyObject* contradiction(PyObject* self, PyObject*) {
+  const std::vector<int> found = of(self).contradiction();
+  return listed(found.size(), [&found](size_t i) { return PyLong_FromLong(found[i]); });
 }
 
 // size(p): at least that of the velocities by impulses p, in the metric of kinetic energy.
@@ -149,12 +161,6 @@ PyObject* reflect(PyObject* self, PyObject* const* args, Py_ssize_t count) {
 
 PyObject* vector(const double* x) { return tuple_of(types.vec3, x, 3); }
 PyObject* twist(const double* x) { return twist_of(types.twist, types.vec3, x); }
-
-template <class Make> PyObject* listed(size_t count, Make make) {
-  PyObject* list = PyList_New(static_cast<Py_ssize_t>(count));
-  for (size_t i = 0; list && i < count; ++i) PyList_SET_ITEM(list, static_cast<Py_ssize_t>(i), make(i));
-  return list;
-}
 
 PyObject* number_list(const std::vector<double>& x) {
   return listed(x.size(), [&x](size_t i) { return PyFloat_FromDouble(x[i]); });
@@ -211,15 +217,12 @@ PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
   Friction result;
   result.P.assign(scene.count, Axes{0, 0, 0});
   bool rubs = args[4] == Py_True;
-  Py_BEGIN_ALLOW_THREADS;
-  if (rubs) {
-    result.found = law.follow_with_friction(tolerance, result.P);
-  } else {
+  {
+    WithoutGil without;
     std::vector<double> p;
-    result.found = law.follow(tolerance, p);
+    result.found = rubs ? law.follow_with_friction(tolerance, result.P) : law.follow(tolerance, p);
     for (size_t i = 0; i < p.size(); ++i) result.P[i][0] = p[i];
   }
-  Py_END_ALLOW_THREADS;
   if (!result.found) Py_RETURN_NONE;
   PyObject* across = rubs ? number_list(across_normals(result)) : Py_NewRef(Py_None);
   return Py_BuildValue("NNdl", bytes(along_normals(result, scene)), across, law.rubbed, law.work);
@@ -228,15 +231,16 @@ PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
 PyObject* get_locked(PyObject* self, void*) { return PyBool_FromLong(of(self).locked); }
 PyObject* get_floats(PyObject* self, void*) { return PyLong_FromLong(of(self).count); }
 
-#define FAST(name, function) {name, reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(function)), METH_FASTCALL, ""}
+#define FAST(name, function) {name, reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(Guarded<function>::call)), METH_FASTCALL, ""}
 PyMethodDef methods[] = {
-    {"none", none, METH_NOARGS, ""},
-    {"from_floats", from_floats, METH_O, ""},
+    {"none", Guarded<none>::call, METH_NOARGS, ""},
+    {"from_floats", Guarded<from_floats>::call, METH_O, ""},
+    {"contradiction", Guarded<contradiction>::call, METH_NOARGS, ""},
     {"size", size, METH_O, ""},
     FAST("reflections", reflect),
     FAST("answer", answer),
-    {"least_work", with_least_work, METH_O, ""},
-    {"one_step", in_one_step, METH_O, ""},
+    {"least_work", Guarded<with_least_work>::call, METH_O, ""},
+    {"one_step", Guarded<in_one_step>::call, METH_O, ""},
     FAST("compress", compress),
     {}};
 PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {"count", get_floats, nullptr, "", nullptr}, {}};
@@ -250,9 +254,10 @@ PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
     return PyErr_Format(PyExc_TypeError, "clusters() takes five arrays");
   long n = static_cast<long>(order.view.shape[0]), found;
   Pairs who{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, movable.view.shape[0]};
-  Py_BEGIN_ALLOW_THREADS;
-  found = clusters(who, n, movable.at<bool>(), order.at<std::int64_t>(), starts.at<std::int64_t>(), cluster.at<std::int64_t>());
-  Py_END_ALLOW_THREADS;
+  {
+    WithoutGil without;
+    found = clusters(who, n, movable.at<bool>(), order.at<std::int64_t>(), starts.at<std::int64_t>(), cluster.at<std::int64_t>());
+  }
   return PyLong_FromLong(found);
 }
 
@@ -279,10 +284,11 @@ PyObject* many(PyObject*, PyObject* const* args, Py_ssize_t count) {
              {law, number[0], number[1], static_cast<int>(number[3])}, number[2],
              numbers(0), numbers(1), numbers(2), result[3].at<unsigned char>(), result[5].at<unsigned char>(),
              numbers(6), numbers(7), {numbers(8), numbers(9), numbers(10), numbers(11)}};
-  Py_BEGIN_ALLOW_THREADS;
-  ManyClusters clusters(asked);
-  for (long i = from; i < to; ++i) clusters.answer(wanted.at<std::int64_t>()[i]);
-  Py_END_ALLOW_THREADS;
+  {
+    WithoutGil without;
+    ManyClusters clusters(asked);
+    for (long i = from; i < to; ++i) clusters.answer(wanted.at<std::int64_t>()[i]);
+  }
   Py_RETURN_NONE;
 }
 

@@ -16,8 +16,9 @@ The error bound is an estimate: it looks at shifts beside those found, and how m
 takes them. Where it does not, as when contacts lock, or where several splits of a load leave several
 ``u+``, it is infinite.
 
-Where ``s`` does not settle, COULOMB answers. Unequal coefficients, and friction, may create energy: if more
-than 2^-40 of the work at the contacts, COULOMB answers, or FRICTIONLESS.
+Where ``s`` does not settle, or no velocities rebound from all contacts, COULOMB answers. Unequal
+coefficients, and friction, may create energy: if more than 2^-40 of the work at the contacts, COULOMB
+answers, or FRICTIONLESS.
 
 Sources: Moreau, "Unilateral Contact and Dry Friction in Finite Freedom Dynamics", 1988; De Saxce &
 Feng, "The Bipotential Method", Math. Comput. Model. 28 (1998), for the shift by mu |u_t|; Acary, Cadoux,

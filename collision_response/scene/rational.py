@@ -90,11 +90,11 @@ class RationalCluster:
         return max(NOUGHT, *speeds)
 
     def violated(self, p: Numbers, limit: Scalar) -> tuple[list[int], Scalar]:
-        """The contacts of velocity below ``-limit``; the least distance from that."""
+        """The contacts that approach at ``limit`` or faster; the least distance from that."""
         u = [u / c.normal.norm() for u, c in zip(self._velocities(p), self._contacts, strict=True)]
         looked = [i for i in range(self.count) if i not in self._held]
         margin = min((abs(u[i] + limit) for i in looked), default=NOUGHT)
-        return [i for i in looked if u[i] < -limit], margin
+        return [i for i in looked if u[i] <= -limit and u[i] < 0], margin
 
     def approaching(self, p: Numbers) -> bool:
         """Whether some contact approaches."""
@@ -106,9 +106,17 @@ class RationalCluster:
 
     def one_step(self, _: bool) -> tuple[Numbers, None, float] | None:
         """The impulses of MOREAU, without friction."""
-        pairs = zip(self._u, self._contacts, strict=True)
-        q = self._keep_apart([u + c.restitution * min(u, NOUGHT) for u, c in pairs], range(self.count))
+        q = self._keep_apart(self._beside_rebound(), range(self.count))
         return None if q is None else (q, None, 0.0)
+
+    def can_rebound(self) -> bool:
+        """Whether some velocities are those that MOREAU asks for, or above, at all contacts."""
+        return not least(self.A, self._beside_rebound(), range(self.count), []).ray
+
+    def _beside_rebound(self) -> Numbers:
+        """The velocities, from those that MOREAU asks for."""
+        pairs = zip(self._u, self._contacts, strict=True)
+        return [u + c.restitution * min(u, NOUGHT) for u, c in pairs]
 
     def joined_restitution(self, q: Numbers) -> Scalar:
         """``sum e u q / sum u q`` over the contacts that approach, of the ``q`` of least norm."""

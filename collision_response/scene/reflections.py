@@ -5,7 +5,7 @@ in the metric of kinetic energy; it is unique, and so is the reflection at it:
 
     q = argmin_{q >= 0} |v + M^-1 N_V q|         P(v) = v + M^-1 N_V q         R(v) = v + 2 M^-1 N_V q
 
-GR, for e = 1: reflect at all contacts that approach faster than the threshold, at once, until there are
+GR, for e = 1: reflect at all contacts that approach, no slower than the threshold, at once, until there are
 none. A reflection keeps the energy. All at once: so the answer is as symmetric as the scene, and
 depends on no order.
 
@@ -82,12 +82,17 @@ def reflections(cluster: Any, threshold: Scalar) -> Struck:
         end, p, error, margin, e = cluster.reflections(threshold, REFLECTIONS)
         struck = Struck(p, None, error, margin, e)
     if end == CONTRADICTORY:
-        reason = "contradict each other: no velocities keep all of them from approaching"
-        raise ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
+        raise contradiction()
     if end == ENDLESS:
         reason = f"the reflections did not end within {REFLECTIONS}, or fractions within {DIGITS} digits"
         raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
     return struck
+
+
+def contradiction() -> ImpactError:
+    """Why there is no answer to contacts that contradict each other."""
+    reason = "contradict each other: no velocities keep all of them from approaching"
+    return ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
 
 
 def _exactly(cluster: RationalCluster, threshold: Fraction) -> tuple[int, Struck]:

@@ -25,7 +25,7 @@ from .coulomb import with_friction
 from .moreau import one_step
 from .orders import distance
 from .rational import RationalCluster
-from .reflections import Struck, reflections
+from .reflections import Struck, contradiction, reflections
 from .request import Name, Request
 from .stronge import LEAST_RESTITUTION, compressed
 
@@ -63,6 +63,16 @@ class Parts(NamedTuple):
     contacts: list[Contact]
     counts: list[int]
     first: list[int]
+
+    def some(self, places: Sequence[int]) -> Parts:
+        """Some of the contacts."""
+        return Parts(
+            self.bodies,
+            [self.pairs[i] for i in places],
+            [self.contacts[i] for i in places],
+            [self.counts[i] for i in places],
+            [self.first[i] for i in places],
+        )
 
 
 def several(scene: Request, copies: Copies, asked: Asked) -> Answered:
@@ -153,7 +163,7 @@ def _with_friction(scene: Request, i: int, law: Law) -> Contact:
     contact = scene.contacts[i]
     mu = contact.friction
     if not callable(mu):
-        is_left_out = law is Law.FRICTIONLESS and mu > 0
+        is_left_out = law is Law.FRICTIONLESS and 0 < mu < math.inf
         return contact._replace(friction=mu * 0) if is_left_out else contact
     if law is Law.FRICTIONLESS:
         return contact._replace(friction=0.0)
@@ -216,30 +226,30 @@ def _motions(cluster: Any, struck: Struck, *, by_slip: bool = False) -> Any:
 
 def _by_law(cluster: Any, parts: Parts, asked: Asked, has_friction: bool) -> tuple[Struck, float | None, Any]:
     """What the law gives; the relative error, where the law estimates it; what becomes of the bodies."""
+    locked = _locked(cluster, parts)
     if asked.law is Law.ROUTH_STRONGE:
         return _by_springs(cluster, parts, asked, has_friction)
     fell_back = asked.law is Law.MOREAU
     if asked.law is Law.MOREAU:
-        struck = one_step(cluster, has_friction=has_friction)
+        may = locked is None or locked.can_rebound()
+        struck = one_step(cluster, has_friction=has_friction) if may else None
         if struck is not None:
             motions = _motions(cluster, struck)
             if not motions[10]:
                 return struck, None, motions
-    struck = _by_reflections(cluster, parts, asked.threshold)
+    struck = _by_reflections(cluster, parts, locked, asked.threshold)
     if has_friction:
         struck = with_friction(cluster, struck)
     return struck._replace(fell_back=True) if fell_back else struck, None, _motions(cluster, struck)
 
 
-def _by_reflections(cluster: Any, parts: Parts, threshold: Scalar) -> Struck:
+def _by_reflections(cluster: Any, parts: Parts, locked: RationalCluster | None, threshold: Scalar) -> Struck:
     """FRICTIONLESS; what double-double can't decide, decided in rationals."""
     struck = None if cluster.locked else reflections(cluster, threshold)
     if struck is not None and struck.error < math.inf:
         return struck
     if len(parts.contacts) <= RATIONAL_CONTACTS:
-        bodies = list(map(on_fractions.body_as_fractions, parts.bodies))
-        contacts = [on_fractions.contact_as_fractions(_of_usual_length(c)) for c in parts.contacts]
-        exactly = RationalCluster(bodies, parts.pairs, contacts, parts.counts)
+        exactly = locked or _in_fractions(parts)
         exact = reflections(exactly, threshold)
         p = cluster.from_floats([float(x) for x in exactly.least_norm(exact.p)])
         e = None if exact.restitution is None else float(exact.restitution)
@@ -248,6 +258,30 @@ def _by_reflections(cluster: Any, parts: Parts, threshold: Scalar) -> Struck:
         reason = f"more than {RATIONAL_CONTACTS} press on each other without end, as a ball between walls"
         raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
     return struck
+
+
+def _locked(cluster: Any, parts: Parts) -> RationalCluster | None:
+    """A cluster in fractions, if it is small and may press on itself: then no double is to decide it.
+
+    Raises:
+        ImpactError: CONTRADICTORY_CONTACTS: no velocities keep all contacts from approaching.
+    """
+    if not cluster.locked:
+        return None
+    small = len(parts.contacts) <= RATIONAL_CONTACTS
+    suspects = range(len(parts.contacts)) if small else cluster.contradiction()
+    if not 0 < len(suspects) <= RATIONAL_CONTACTS:
+        return None
+    exactly = _in_fractions(parts.some(suspects))
+    if exactly.project(exactly.none()) is None:
+        raise contradiction()
+    return exactly if small else None
+
+
+def _in_fractions(parts: Parts) -> RationalCluster:
+    bodies = list(map(on_fractions.body_as_fractions, parts.bodies))
+    contacts = [on_fractions.contact_as_fractions(_of_usual_length(c)) for c in parts.contacts]
+    return RationalCluster(bodies, parts.pairs, contacts, parts.counts)
 
 
 def _of_usual_length(contact: Contact) -> Contact:

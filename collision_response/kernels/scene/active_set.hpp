@@ -131,8 +131,9 @@ Found enter(ActiveSet& active, int i, double slope, Move move, At at) {
   }
 }
 
-// In plain doubles. x and active start as found: x is 0 outside the active set, and A x + b is 0 on it.
-inline Found least(const double* A, int stride, const std::vector<int>& among, const double* b, double* x, ActiveSet& active) {
+// In plain doubles. x and active start as found: x is 0 outside the active set, and A x + b is 0 on it. `last` is told
+// of the component that entered last.
+inline Found least(const double* A, int stride, const std::vector<int>& among, const double* b, double* x, ActiveSet& active, int* last = nullptr) {
   size_t n = among.size();
   std::vector<char> is_active(stride);
   for (size_t turn = 0; turn < 50 * n + 200; ++turn) {
@@ -156,6 +157,7 @@ inline Found least(const double* A, int stride, const std::vector<int>& among, c
       }
     }
     if (entering < 0) return Found::LEAST;
+    if (last) *last = entering;
     Found found = enter(
         active, entering, most,
         [&](int place, double by) {

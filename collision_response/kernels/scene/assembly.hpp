@@ -365,6 +365,17 @@ struct Assembly {
     return everyone;
   }
 
+  // The few contacts that, as far as doubles can tell, no velocities keep all from approaching; or none.
+  std::vector<int> contradiction() const {
+    std::vector<double> b, x(count, 0.0);
+    for (const Touch& touch : touches) b.push_back(high(touch.velocity) * touch.scale);
+    ActiveSet active(A.data(), count);
+    int last;
+    if (least(A.data(), count, all(), b.data(), x.data(), active, &last) != Found::NO_LEAST) return {};
+    active.members.push_back(last);
+    return active.members;
+  }
+
   // A velocity that parts all contacts: the least d with N^T d >= 1, scaled.
   void part() {
     std::vector<double> b(count, -1.0), x(count, 0.0);

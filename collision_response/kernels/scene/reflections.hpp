@@ -96,7 +96,8 @@ class Reflections {
     return std::fmin(std::fmax(high(e), 0), 1);
   }
 
-  // The contacts of velocity below -limit, and the least distance of one from that; whether all this is certain.
+  // The contacts that approach at the limit or faster, and the least distance of one from that; whether all this is
+  // certain.
   bool look(const DD* p, double error, double limit, double doubt, std::vector<int>& violated, double& margin, bool& all_part) const {
     std::vector<N> u = scene.velocities(p);
     violated.clear();
@@ -110,7 +111,7 @@ class Reflections {
       double distance = std::fabs(high(off));
       certain = certain && (distance > known || (known == 0 && error == 0));
       margin = std::fmin(margin, distance / touch.length);
-      if (high(off) < 0) violated.push_back(i);
+      if (high(off) <= 0 && high(u[i]) < 0) violated.push_back(i);
       all_part = all_part && high(u[i]) >= 0;
     }
     return certain;
