@@ -108,6 +108,12 @@ class Blow(NamedTuple):
         """``x``, or 0."""
         return _if(self.approaching, x)
 
+    def and_approaching(self, condition: Condition) -> Condition:
+        """Whether they approach and a condition holds; only if they do is it computed."""
+        if condition is False:
+            return False
+        return choose(self.approaching, lambda: condition, lambda: self.approaching)
+
 
 class Answer(NamedTuple):
     """The numbers of an answer.
@@ -175,7 +181,7 @@ def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Set
         fell_back=approaching & outcome.fell_back,
         idle_spin=_is_idle(kinematics.side_a.idle) | _is_idle(kinematics.side_b.idle),
         unfinished=approaching & outcome.unfinished,
-        out_of_range=leave_range(n.dot(n), kinematics.n_Kn) | (approaching & outcome.out_of_range),
+        out_of_range=leave_range(n.dot(n), kinematics.n_Kn) | blow.and_approaching(outcome.out_of_range),
         unphysical=not by_speed
         and _is_unphysical(law, kinematics, u_after, impulse, friction, e * kinematics.n_u, approaching),
     )

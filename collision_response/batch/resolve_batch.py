@@ -136,7 +136,9 @@ def resolve_batch(
     check_workers(workers)
     if not (out is None or isinstance(out, BatchResult)):
         raise ValueError(f"out: must be a BatchResult, is {type(out).__name__}")
-    if not (isinstance(bodies, np.ndarray) and isinstance(contacts, np.ndarray)) or is_lazy(pairs):
+    if not (isinstance(bodies, np.ndarray) and isinstance(contacts, np.ndarray)) or (
+        pairs is not None and is_lazy(pairs)
+    ):
         return elsewhere(bodies, contacts, model, pairs=pairs, report=report, out=out, workers=workers)
     pairs = None if pairs is None else as_pairs(pairs)
     if out is None:
@@ -152,7 +154,7 @@ def resolve_batch(
 
 def check_workers(workers: Any) -> None:
     """Raises: ValueError: they are no number of threads."""
-    if not isinstance(workers, Integral) or workers < 1:
+    if not isinstance(workers, (int, Integral)) or workers < 1:
         raise ValueError(f"workers: must be a whole number, at least 1, is {workers!r}")
 
 
