@@ -62,13 +62,13 @@ class Run(NamedTuple):
     Attributes:
         heights: of the lowest point of the ball after each step [m].
         gained: most kinetic energy [J] that a scene gave to all bodies.
-        books: greatest difference of MuJoCo's energies and those of the answers [J].
+        misfit: greatest difference of MuJoCo's energies and those of the answers [J].
         impacts: number of requests.
     """
 
     heights: np.ndarray
     gained: float
-    books: float
+    misfit: float
     impacts: int
 
 
@@ -117,7 +117,7 @@ def energy(model: Any, data: Any) -> float:
 def by_the_service(model: Any, ask: Any) -> Run:
     """MuJoCo without its contact forces."""
     data = mujoco.MjData(model)
-    heights, gained, books, impacts = [], 0.0, 0.0, 0
+    heights, gained, misfit, impacts = [], 0.0, 0.0, 0
     for _ in range(STEPS):
         mujoco.mj_forward(model, data)
         data.qvel += STEP * data.qacc_smooth
@@ -128,11 +128,11 @@ def by_the_service(model: Any, ask: Any) -> Run:
                     spin = [twist.angular.x, twist.angular.y, twist.angular.z] @ data.xmat[i].reshape(3, 3)
                     data.qvel[dofs(model, i)] = twist.linear.x, twist.linear.y, twist.linear.z, *spin
             change = energy(model, data) - before
-            books = max(books, abs(change + result.energy_lost_restitution + result.energy_lost_friction))
+            misfit = max(misfit, abs(change + result.energy_lost_restitution + result.energy_lost_friction))
             gained, impacts = max(gained, change), impacts + 1
         mujoco.mj_integratePos(model, data.qpos, data.qvel, STEP)
         heights.append(data.qpos[2] - RADIUS)
-    return Run(np.array(heights), gained, books, impacts)
+    return Run(np.array(heights), gained, misfit, impacts)
 
 
 def by_mujoco(model: Any) -> np.ndarray:
@@ -183,10 +183,10 @@ def main() -> None:
     ):
         print(f"  {name:8}", "  ".join(f"{top:.4f}" for top in tops[:2]))
     print(f"{ours.impacts} scenes of ball and box; most energy gained in one: {ours.gained:.1e} J")
-    print(f"MuJoCo's energies differ from the books of the answers by {ours.books:.1e} J")
+    print(f"MuJoCo's energies differ from those of the answers by {ours.misfit:.1e} J")
     way = STEP * np.sqrt(2 * GRAVITY * HEIGHT)  # in one step: so far too late a contact may be found
     assert np.abs(rebounds(ours.heights)[:2] - exact).max() < 2 * way
-    assert ours.books < 1e-12
+    assert ours.misfit < 1e-12
     assert ours.gained < 1e-12
 
 
