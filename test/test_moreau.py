@@ -15,7 +15,16 @@ from bounded import Bounded
 from mpmath import mp
 from oracle import impulse
 
-from collision_response import Adjustment, Body, Contact, ImpactModel, Law, Precision, resolve
+from collision_response import (
+    Adjustment,
+    Body,
+    Contact,
+    ImpactModel,
+    Law,
+    Precision,
+    StatusCode,
+    resolve,
+)
 from collision_response.physics.effective_mass import Seen
 from collision_response.physics.laws import Coefficients, Outcome, Regime, Settings
 from collision_response.physics.laws.moreau import moreau
@@ -228,3 +237,18 @@ def test_without_friction_it_is_newtons(mass, precision):
         moreau = resolve(body, other, contact, model)
         assert moreau.impulse == pytest.approx(newton.impulse, rel=1e-12, abs=0.0)
         assert moreau.error_bound <= max(4 * newton.error_bound, 1e-13)
+
+
+@pytest.mark.parametrize("precision", [Precision.DOUBLE, Precision.EXTENDED], ids=lambda one: one.name)
+def test_three_slides_are_found_in_every_precision(precision):
+    """The third lies in a bracket that a sum of two doubles can halve a thousand times."""
+    body = Body.dynamic(
+        3.3, (0.264, 0.033, 0, 0.297, 0, 0.33), (-2, -2, -2), (0, 0, 0.6, 0.8), (-2, 0.5, -1), (0, 0, 0.7)
+    )
+    wall = Body.kinematic(velocity=(1, 0.3, 0.7), angular_velocity=(-1, 0, 1), position=(-1, -1, 0.3))
+    contact = Contact.of((-2, 0, 0.3), (0.3, 0.5, 0), 0.9, 1.0)
+    impact = resolve(body, wall, contact, ImpactModel(Law.MOREAU, precision=precision))
+    assert impact.status is StatusCode.OK
+    assert impact.error_bound <= (1e-10 if precision is Precision.DOUBLE else 2.0**-52)
+    right = resolve(body, wall, contact, ImpactModel(Law.MOREAU, tolerance=1e-15))
+    assert math.dist(impact.impulse, right.impulse) <= 2 * impact.error_bound * math.hypot(*right.impulse)

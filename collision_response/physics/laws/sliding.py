@@ -40,6 +40,9 @@ from .contact_frame import Tangential
 NEAR = 2.0**-20
 """Values as near to each other as this leave open how many roots there are, or which loses most."""
 
+FINEST = 2.0**-120
+"""A bracket is no finer than this part of its end: a sum of two doubles may be halved a thousand times."""
+
 BUDGET = 400
 
 
@@ -168,7 +171,9 @@ class Sliding(NamedTuple):
         waiting = choose(several, lambda: 1 + zero, lambda: zero)
         three = Three(low, (third.low + third.high) / 2, high, greatest.open, waiting)
         chosen = iterate(three, lambda at: at.waiting > 0, decides, 1)
-        unfinished = (low > least.before) | (high < greatest.before) | _narrows(third)
+        # A search that only creeps has ended: the residual says how near it is.
+        creeps = (low - least.before <= NEAR * low) & (greatest.before - high <= NEAR * high)
+        unfinished = negation(creeps) | _narrows(third)
         return Root(chosen.low, chosen.open, choose(unfinished, lambda: 1 + zero, lambda: zero))
 
     def _least(self, F: Scalar, slope: Scalar, slides: Condition) -> Search:
@@ -206,7 +211,8 @@ class Sliding(NamedTuple):
 
 
 def _narrows(at: Bracket) -> Condition:
-    return at.high - at.low < at.before
+    width = at.high - at.low
+    return (width < at.before) & (width > FINEST * at.high)
 
 
 def _crossing(F: Scalar, slope: Scalar) -> Scalar:
