@@ -72,8 +72,8 @@ class Flags(NamedTuple):
         fell_back: the law had no sound answer, and this is COULOMB's.
         idle_spin: a body turned about an axis without inertia, which moved no contact.
         unfinished: a loop of the law ended by its budget.
-        out_of_range: a square that the answer hangs on is beyond the range of its numbers, or among the least
-            of them, which have few digits.
+        out_of_range: a number that the answer hangs on is beyond the range, or among the least, which have
+            few digits.
         unphysical: beyond its error the answer adds energy, pulls, leaves the friction cone, or misses
             the restitution asked for: a fault of this package.
     """
@@ -110,8 +110,6 @@ class Blow(NamedTuple):
 
     def and_approaching(self, condition: Condition) -> Condition:
         """Whether they approach and a condition holds; only if they do is it computed."""
-        if condition is False:
-            return False
         return choose(self.approaching, lambda: condition, lambda: self.approaching)
 
 
@@ -181,7 +179,10 @@ def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Set
         fell_back=approaching & outcome.fell_back,
         idle_spin=_is_idle(kinematics.side_a.idle) | _is_idle(kinematics.side_b.idle),
         unfinished=approaching & outcome.unfinished,
-        out_of_range=leave_range(n.dot(n), kinematics.n_Kn) | blow.and_approaching(outcome.out_of_range),
+        out_of_range=leave_range(n.dot(n), kinematics.n_Kn)
+        | blow.and_approaching(
+            outcome.out_of_range | leave_range(-kinematics.n_u, -kinematics.n_u / kinematics.n_Kn)
+        ),
         unphysical=not by_speed
         and _is_unphysical(law, kinematics, u_after, impulse, friction, e * kinematics.n_u, approaching),
     )

@@ -591,3 +591,25 @@ def test_slip_and_approach_may_be_far_apart(law, friction):
     # A component may be what two others leave, of which the larger has been rounded.
     size = abs(right.velocity).max(axis=0)
     assert (abs(found.velocity - right.velocity) <= 2.0**-20 * size).all()
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU], ids=lambda law: law.name)
+@pytest.mark.parametrize(
+    ("dtype", "mass", "speed", "length"),
+    [
+        (np.float32, 1e-15, 1e-30, 1.0),
+        (np.float32, 1.0, 1e-32, 1e14),
+        (np.float64, 1.0, 1e-250, 1e80),
+        (np.float64, 1e-160, 1e-165, 1.0),
+    ],
+)
+def test_no_impulse_gets_lost(law, dtype, mass, speed, length):
+    """Sound numbers, of which a product is below all numbers: the ball bounces with half its speed."""
+    rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    bodies, contacts = np.zeros((rows.height, 2, 9), dtype), np.zeros((touch.height, 9), dtype)
+    bodies[rows.mass] = [[mass], [np.inf]]
+    bodies[rows.velocity][2, 0] = -speed
+    contacts[touch.normal][2], contacts[touch.restitution], contacts[touch.friction] = length, 0.5, 0.25
+    result = resolve_batch(bodies, contacts, ImpactModel(law))
+    assert (result.status == StatusCode.OK).all()
+    np.testing.assert_allclose(result.velocity[2, 0], speed / 2, rtol=4 * np.finfo(dtype).eps)

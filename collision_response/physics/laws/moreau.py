@@ -93,7 +93,8 @@ def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     sticks = is_held(spare, slope)
     sliding = Sliding(v, w * h, h, h * h * det, mu_beta)
     root = sliding.value().solution(
-        certain(spare * h), certain(slope), negation(is_held(certain(spare), certain(slope))),
+        certain(spare * h), certain(slope),
+        (certain(approach) > 0) & negation(is_held(certain(spare), certain(slope))),
         mu, (u * unit * share).value(), certain((1 - e) * approach * unit * share),
     )  # fmt: skip
     doubt = sliding.doubt(root.sigma)
