@@ -487,6 +487,31 @@ def test_tables_that_cannot_be_changed_are_refused(make):
         scatter_velocities(make(table_of(bodies)), OWN, result)
 
 
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        (lambda table, pairs, result: (table, pairs + 7, result), "pairs"),
+        (lambda table, pairs, result: (table, pairs - 1, result), "pairs"),
+        (lambda table, pairs, result: (table, pairs[:, :1], result), "pairs"),
+        (lambda table, pairs, result: (table[0], pairs, result), "bodies"),
+        (lambda table, pairs, result: (table.astype(int), pairs, result), "bodies"),
+        (lambda table, pairs, result: (table, pairs, None), "result"),
+        (lambda table, pairs, result: (table, pairs, tuple(result)), "result"),
+    ],
+    ids=["beyond", "negative", "fewer", "one row", "integers", "none", "a tuple"],
+)
+def test_velocities_go_where_they_belong_or_nowhere(change, field):
+    table = np.ones((body_rows(Geometry.POINT).height, 4))
+    contacts = np.ones((contact_rows(Geometry.POINT).height, 2))
+    pairs = np.array([[0, 2], [1, 3]])
+    result = resolve_batch(table, contacts, pairs=pairs)
+    asked = change(table, pairs, result)
+    before = asked[0].copy()
+    with pytest.raises(ValueError, match=rf"^{field}: must be "):
+        scatter_velocities(*asked)
+    np.testing.assert_array_equal(asked[0], before)
+
+
 def test_a_cradle_passes_its_momentum_on_exactly():
     """Equal balls at e = 1, one after another: the last one flies off, to the bit."""
     rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)

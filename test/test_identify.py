@@ -203,6 +203,7 @@ def test_separating_impacts_do_not_count():
         (falling(1.0, 2.0, 3.0), {"law": Law.AUTO}, StatusCode.INVALID_MODEL, "law"),
         (falling(1.0, 2.0, 3.0), {"fit": ["bounce"]}, StatusCode.INVALID_MODEL, "fit"),
         (falling(1.0, 2.0, 3.0), {"kind": "spin"}, StatusCode.INVALID_MODEL, "kind"),
+        (falling(1.0, 2.0, 3.0), {"loss": "least"}, StatusCode.INVALID_MODEL, "loss"),
         (
             falling(1.0, 2.0, 3.0),
             {"given": {"friction": -1.0}},
@@ -229,6 +230,12 @@ def test_what_cannot_be_fitted_is_refused_by_name(measured, options, code, field
     with pytest.raises(ImpactError) as refusal:
         identify(measured, **options)
     assert (refusal.value.code, refusal.value.field) == (code, field)
+
+
+@pytest.mark.parametrize("count", [2.5, "3", None, math.nan])
+def test_the_bootstrap_has_a_whole_number_of_fits(count):
+    with pytest.raises(TypeError, match=r"^resamples: must be a whole number, is "):
+        identify(falling(1.0, 2.0, 3.0), Law.FRICTIONLESS, resamples=count)
 
 
 @pytest.mark.parametrize(("given", "fitted"), [("restitution", "friction"), ("friction", "restitution")])

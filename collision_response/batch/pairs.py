@@ -114,10 +114,18 @@ def scatter_velocities(bodies: Array, pairs: Any, result: BatchResult) -> None:
         for motion in (rows.velocity, rows.angular_velocity):
             bodies[motion, :] = make(table[motion])
         return
+    if bodies.ndim != 2 or bodies.dtype.kind != "f":
+        raise ValueError(f"bodies: must be floats of shape (rows, B), are {bodies.dtype} of {bodies.shape}")
+    if not all(hasattr(result, name) for name in MOTION):
+        raise ValueError(f"result: must be a BatchResult, is {type(result).__name__}")
     pairs, rows = as_pairs(pairs), rows_of(bodies.shape[0])
     status, velocity, spin = (as_numpy(f"result.{name}", getattr(result, name)) for name in MOTION)
+    if status.shape != pairs.shape[1:]:
+        raise ValueError(f"pairs: must be those of the {status.size} contacts, are {pairs.shape[1]}")
     answered = IS_ANSWER[status]
     if not answered.all():
         pairs, velocity, spin = pairs[:, answered], velocity[..., answered], spin[..., answered]
+    if ((pairs < 0) | (pairs >= bodies.shape[1])).any():
+        raise ValueError(f"pairs: must be columns of the {bodies.shape[1]} bodies")
     bodies[rows.velocity][:, pairs] = velocity
     bodies[rows.angular_velocity][:, pairs] = spin

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from numbers import Integral
 from typing import NamedTuple
 
 from ..model import ImpactModel, Law, check_number
@@ -11,6 +12,9 @@ from ..status import ImpactError, StatusCode
 from .estimates import Estimate, estimates, undetermined
 from .measured import Array, Measured, usable
 from .problem import ALIKE, PRECISE, RANGES, Problem, unit_of
+
+LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
+"""Those of SciPy's ``least_squares``."""
 
 FEW = 10
 """Of fewer impacts the bootstrap says little."""
@@ -89,14 +93,15 @@ def identify(
 
     Raises:
         ImpactError: INVALID_TABLE: too few impacts, or nothing but separating ones, or nothing was measured
-            after them. INVALID_MODEL: no such law, coefficient or kind; a coefficient twice, fitted and
-            given, or none to fit; ``resamples`` < 2. INVALID_COEFFICIENT: a given one is out of range.
+            after them. INVALID_MODEL: no such law, coefficient, kind or loss; a coefficient twice, fitted
+            and given, or none to fit; ``resamples`` < 2. INVALID_COEFFICIENT: a given one is out of range.
+        TypeError: ``resamples`` is no whole number.
         ImportError: SciPy is not installed.
     """
     given, kind = dict(given or {}), kind or measured.kinds[0]
     usual = ("restitution",) if law is Law.FRICTIONLESS else ("restitution", "friction")
     fit = tuple(fit) or tuple(name for name in usual if name not in given)
-    _check(measured, law, fit, given, kind, resamples)
+    _check(measured, law, fit, given, kind, loss, resamples)
     used = _used(measured, kind, len(fit))
     unit = unit_of(used, kind)
     given = {"restitution": 1.0, "friction": 0.0} | given
@@ -128,12 +133,16 @@ def _check(
     fit: tuple[str, ...],
     given: Mapping[str, float],
     kind: str,
+    loss: str,
     resamples: int,
 ) -> None:
+    if not isinstance(resamples, (int, Integral)):
+        raise TypeError(f"resamples: must be a whole number, is {resamples!r}")
     here = {"restitution", "friction", *ImpactModel._fields}.intersection(RANGES)
     for field, value, known in (
         ("law", law, [one for one in Law if one is not Law.AUTO]),
         ("kind", kind, measured.kinds),
+        ("loss", loss, LOSSES),
         *(("fit", name, here) for name in fit),
         *(("given", name, here) for name in given),
     ):
