@@ -209,6 +209,14 @@ def check_model(model: Any) -> None:
         check_number(f"model.{field}", getattr(model, field), least, most, code)
 
 
+def check_by_one_code(field: str, value: Any, least: float, most: float, code: StatusCode) -> None:
+    """As :func:`check_number`, with one code for all that is wrong with a number."""
+    try:
+        check_number(field, value, least, most, code)
+    except ImpactError as error:
+        raise ImpactError(code, field, error.reason) from None
+
+
 def check_number(field: str, value: Any, least: float, most: float, code: StatusCode) -> None:
     """Raises: ImpactError: NOT_FINITE, or ``code`` beyond the limits. TypeError: no real number."""
     is_truth = type(value).__name__.startswith("bool")

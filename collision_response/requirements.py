@@ -20,7 +20,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from .answer import Impact, in_norm
-from .model import ULP, Geometry, ImpactModel, Precision, check_number
+from .model import ULP, Geometry, ImpactModel, Precision, check_by_one_code
 from .physics.body import Body
 from .physics.contact import Contact
 from .physics.laws import Law
@@ -194,10 +194,7 @@ def scene_requirements(
 
 
 def _check_tolerance(tolerance: Any) -> None:
-    try:
-        check_number("tolerance", tolerance, 0, math.inf, StatusCode.INVALID_MODEL)
-    except ImpactError as error:
-        raise ImpactError(StatusCode.INVALID_MODEL, "tolerance", error.reason) from None
+    check_by_one_code("tolerance", tolerance, 0, math.inf, StatusCode.INVALID_MODEL)
     if tolerance == 0:
         raise ImpactError(StatusCode.INVALID_MODEL, "tolerance", f"must be above 0, is {tolerance}")
 

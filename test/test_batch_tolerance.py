@@ -62,6 +62,14 @@ def errors(scenes, models, result, rows) -> list[float]:
     return found
 
 
+def assert_same_to_the_bound(result, expected):
+    """Values, bounds, and the precisions of those that have an answer."""
+    assert_same_values(result, expected)
+    np.testing.assert_array_equal(result.error_bound, expected.error_bound)
+    answered = ~np.isnan(expected.error_bound)
+    np.testing.assert_array_equal(result.precision[answered], expected.precision[answered])
+
+
 @pytest.mark.parametrize("precision", [Precision.AUTO, Precision.DOUBLE, Precision.EXTENDED])
 @pytest.mark.parametrize(("geometry", "law"), [*product(GEOMETRIES, LAWS_WITH_ORACLE)])
 def test_every_row_is_that_of_one_impact(geometry, law, precision):
@@ -71,10 +79,7 @@ def test_every_row_is_that_of_one_impact(geometry, law, precision):
     result = resolve_batch(bodies, contacts, model)
     scenes = [scene_of(geometry, bodies, contacts, i) for i in range(N)]
     expected = by_single_impacts(geometry, scenes, [model] * N)
-    assert_same_values(result, expected)
-    np.testing.assert_array_equal(result.error_bound, expected.error_bound)
-    answered = ~np.isnan(expected.error_bound)
-    np.testing.assert_array_equal(result.precision[answered], expected.precision[answered])
+    assert_same_to_the_bound(result, expected)
 
 
 @pytest.mark.parametrize("masses", [(-200, 200), (200, -200), (-200, -200), (200, 200)])
@@ -90,10 +95,7 @@ def test_what_other_units_answer_takes_no_more_digits_than_one_impact(law, masse
     result = resolve_batch(bodies, contacts, model)
     scenes = [scene_of(geometry, bodies, contacts, i) for i in range(FIRST_FAULTY)]
     expected = by_single_impacts(geometry, scenes, [model] * FIRST_FAULTY)
-    assert_same_values(result, expected)
-    np.testing.assert_array_equal(result.error_bound, expected.error_bound)
-    answered = ~np.isnan(expected.error_bound)
-    np.testing.assert_array_equal(result.precision[answered], expected.precision[answered])
+    assert_same_to_the_bound(result, expected)
 
 
 @pytest.mark.parametrize("precision", [Precision.AUTO, Precision.DOUBLE, Precision.EXTENDED])
@@ -105,10 +107,7 @@ def test_every_tolerance_is_climbed_to_as_by_one_impact(law, tolerance, precisio
     model = ImpactModel(law, precision=precision, tolerance=tolerance)
     result = resolve_batch(bodies, contacts[:-1], model)
     expected = by_single_impacts(Geometry.SPATIAL, scenes, [model] * len(scenes))
-    assert_same_values(result, expected)
-    np.testing.assert_array_equal(result.error_bound, expected.error_bound)
-    answered = ~np.isnan(expected.error_bound)
-    np.testing.assert_array_equal(result.precision[answered], expected.precision[answered])
+    assert_same_to_the_bound(result, expected)
 
 
 @pytest.mark.parametrize("law", LAWS_WITH_ORACLE)

@@ -271,11 +271,10 @@ def _improve(asked: Asked, out: BatchResult, found: tuple[int, float], workers: 
         )
         _run(asked.some(wanting), Number.EXTENDED, few, workers, 0, wanting.size)
         few.precision[:] = Precision.EXTENDED
-        ends = few.status != StatusCode.PATH_TOO_LONG  # else the answer of fewer digits stands
         for array, better in zip(out, few, strict=True):
             if array is not None:
-                array[..., wanting[ends]] = better[..., ends]
-        wanting = np.concatenate([wanting[_wanting(few, climb.wanted)], wanting[~ends]])
+                array[..., wanting] = better
+        wanting = wanting[_wanting(few, climb.wanted)]
     if climb.last is Precision.DOUBLE:
         wanting = _wanting(out, LARGEST)
     wanting = np.concatenate([wanting, beyond])

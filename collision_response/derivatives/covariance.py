@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..model import ImpactModel, check_number
+from ..model import ImpactModel, check_by_one_code
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Regime
@@ -107,10 +107,7 @@ def propagate_covariance(
 
 def _deviation(name: str, sd: Any) -> float:
     """Raises: ImpactError: INVALID_COEFFICIENT. TypeError: no real number."""
-    try:
-        check_number(name, sd, 0, math.inf, StatusCode.INVALID_COEFFICIENT)
-    except ImpactError as error:
-        raise ImpactError(StatusCode.INVALID_COEFFICIENT, name, error.reason) from None
+    check_by_one_code(name, sd, 0, math.inf, StatusCode.INVALID_COEFFICIENT)
     return float(sd)
 
 

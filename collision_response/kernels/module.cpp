@@ -206,11 +206,10 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
     required = plan->geometry;
   }
   if (rational && frictionless && !articulated) return PyLong_FromLong(LEFT_RATIONAL);
-  Numbers y, before;
+  Numbers y;
   int used;
   for (int precision = plan->first;; ++precision) {
     used = precision;
-    before = y;
     Kernel kernel = kernel_of(law, articulated, used);
     if (!kernel) return PyErr_Format(PyExc_LookupError, "no kernel of law %d", law);
     kernel(x, error, &y);
@@ -219,11 +218,6 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
       impact_in_other_units(kernel, articulated, x, error, scaled);
       bool knows_more = scaled.error_bound < INFINITY || !(y.error_bound < INFINITY);
       if ((all_finite(scaled) && knows_more) || !all_finite(y)) y = scaled;
-    }
-    if (y.flags[FLAG_UNFINISHED] && precision > plan->first) {  // the answer of fewer digits stands
-      y = before;
-      used = precision - 1;
-      break;
     }
     if (y.error_bound <= plan->wanted || precision == plan->last) break;
   }
