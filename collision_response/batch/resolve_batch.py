@@ -294,16 +294,16 @@ def _run(
     asked: Asked, number: Number, out: BatchResult, workers: int, start: int, stop: int
 ) -> tuple[int, float] | None:
     """Compute columns; the greatest status, and the greatest error bound; ``None`` if arrays do not fit."""
-    plan, *tables = asked
+    plan, bodies, pairs, contacts = asked
+    law, layout, constants = plan.model.law, plan.layout, plan.constants
+
+    def run(start: int, stop: int) -> tuple[int, float] | None:
+        return library.batch(law, layout, number, bodies, pairs, contacts, constants, out, start, stop)
+
     n = max(0, stop - start)
-    kernel = plan.model.law, plan.layout, number
     shares = max(1, min(workers, n // SHARE))
     if shares == 1:
-        return library.batch(*kernel, *tables, plan.constants, out, start, start + n)
-
-    def run(*columns: int) -> tuple[int, float] | None:
-        return library.batch(*kernel, *tables, plan.constants, out, *columns)
-
+        return run(start, start + n)
     cuts = [start + n * i // shares // 64 * 64 for i in range(shares)] + [start + n]
     with ThreadPoolExecutor(shares) as pool:
         found = [each for each in pool.map(run, cuts[:-1], cuts[1:]) if each is not None]

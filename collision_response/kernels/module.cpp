@@ -301,6 +301,13 @@ void gathered(BatchKernel kernel, const Batch& batch, int body_rows, const Pairs
   }
 }
 
+// Not inlined: in the midst of much else the compiler takes one code at a time.
+__attribute__((noinline)) int greatest(const unsigned char* code, const unsigned char* end) {
+  unsigned char most = 0;
+  for (; code < end; ++code) most = *code > most ? *code : most;
+  return most;
+}
+
 // batch(law, table, number, bodies, pairs, contacts, model, results, from, to): the columns from `from` to `to`,
 // without the GIL. Without pairs (None) the bodies lie side by side. model holds e_t, the threshold, the tolerance and
 // the stiffness ratio, in the type of the tables; results is a BatchResult. The answer is the greatest status and the greatest error bound,
@@ -379,7 +386,7 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   given.status = result[STATUS].at<unsigned char>();
   given.regime = result[REGIME].at<unsigned char>();
   for (int i = 0; i < ENERGIES; ++i) given.energy[i] = result[ENERGY + i].view.buf;
-  unsigned char most = 0;
+  int most = 0;
   double loosest = 0;
   Py_BEGIN_ALLOW_THREADS;
   if (pairs.is_there()) {
@@ -389,7 +396,7 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   } else if (to > from) {
     kernel(given, from, to);
   }
-  for (long at = from; at < to; ++at) most = std::max(most, given.status[at]);
+  most = greatest(given.status + from, given.status + to);
   for (long at = from; given.error_bound && at < to; ++at) {
     double one = static_cast<const double*>(given.error_bound)[at];
     loosest = one <= loosest ? loosest : one - one == 0 ? one : INFINITY;

@@ -139,14 +139,18 @@ def validity_of(layout: Layout) -> str:
 
 
 def column() -> str:
-    """What scenes need: of a body, of the body at a contact in one direction; and its kinetic energy."""
+    """What scenes need: of a body, its kinetic energy, the roots of its inverse inertia in world axes; and of
+    the body at a contact in one direction.
+    """
     names, tape = [f"body_a.{name}" for name in names_of_body(Layout.EVERYTHING)], Tape()
     body = request(Layout.EVERYTHING, tape).body_a
     centre = Side.of(body, body.position)
     idle = centre.idle.dot(centre.idle) > 0
     of_centre = list(map(tape.symbol, numbers_in(centre)))
     written = list(map(_as_number, of_centre))
-    text = emit("centre", list(names), written, [tape.symbol(kinetic_energy(body))], [tape.symbol(idle)])
+    roots = map(centre.rotation.to_world, centre.inverse_inertia.roots())
+    reported = map(tape.symbol, numbers_in((kinetic_energy(body), *roots)))
+    text = emit("centre", list(names), written, reported, [tape.symbol(idle)])
     tape, count = Tape(), len(of_centre)
     inputs = [f"x{i}" for i in range(count + 9)]
     symbols = [tape.input(name) for name in inputs]

@@ -15,7 +15,7 @@ from . import mass_properties as solids
 from .inverse_inertia import InverseInertia
 from .mass_properties import MassProperties
 from .orientation import Quaternion
-from .tensor import ZERO_TENSOR, Factor3, InverseTensor, Symmetric3
+from .tensor import UNIT, ZERO_TENSOR, Factor3, InverseTensor, RodFactor, Symmetric3
 from .vector import ZERO, Vec3, as_vector
 
 if TYPE_CHECKING:
@@ -248,27 +248,24 @@ class Body(NamedTuple):
         projects across its axis, and the pseudo-inverse is ``(I/c) (1/c) (I/c)``. If two are 0, so is
         the third.
         """
-        is_definite, factor = _factor(self.inertia)
-
-        def of_rod() -> InverseTensor:
-            xx, xy, xz, yy, yz, zz = (component * factor.i_z for component in self.inertia)
-            d = Vec3(factor.i_z, factor.i_z, factor.i_z)
-            return InverseTensor(Vec3(xx, xy, xz), Vec3(xy, yy, yz), Vec3(xz, yz, zz), d)
-
-        return choose(is_definite, factor.inverse, of_rod)
+        is_definite, factors = _factor(self.inertia)
+        c = self.inertia.trace() / 2
+        has_inertia = c > 0
+        i = 1 / choose(has_inertia, lambda: c, lambda: c * 0 + 1)
+        rod = choose(has_inertia, lambda: RodFactor(self.inertia * i, i), lambda: RodFactor(UNIT, 0))
+        return InverseTensor(is_definite | negation(self.has_mass()), factors, rod)
 
     def driving_spin(self) -> tuple[Condition, Vec3]:
         """Whether all of the angular velocity moves contacts, and the part that does, in world axes [rad/s].
 
         What has no inertia has no rotation to give. That of an immovable body is prescribed.
         """
-        is_definite, factor = _factor(self.inertia)
+        inverse, spin = self.inverse_tensor(), self.angular_velocity
 
         def across() -> Vec3:
-            return self.to_world((self.inertia @ self.to_body(self.angular_velocity)) * factor.i_z)
+            return self.to_world(inverse.rod.driving(self.to_body(spin)))
 
-        drives = is_definite | negation(self.has_mass())
-        return drives, choose(drives, lambda: self.angular_velocity, across)
+        return inverse.has_factors, choose(inverse.has_factors, lambda: spin, across)
 
 
 def _quaternion(values: Sequence[Scalar]) -> Quaternion:
@@ -279,25 +276,20 @@ def _quaternion(values: Sequence[Scalar]) -> Quaternion:
 
 
 def _factor(inertia: Symmetric3) -> tuple[Condition, Factor3]:
-    """Whether there is inertia about every axis, and then the factors of the tensor.
-
-    If there is not, ``i_z`` is ``1/c``: of a rod, the inverse of its moment; 1 of a point mass.
-    """
+    """Whether there is inertia about every axis, and the factors of the tensor, ``i`` 0 if there is not."""
     xx, xy, xz, yy, yz, zz = inertia
-    has_x, d_x = _pivot(xx, xx)
-    i_x = 1 / d_x
+    has_x, i_x = _inverse_pivot(xx, xx)
     l_yx, l_zx = xy * i_x, xz * i_x
-    has_y, d_y = _pivot(yy - l_yx * xy, yy)
-    i_y = 1 / d_y
+    has_y, i_y = _inverse_pivot(yy - l_yx * xy, yy)
     w = yz - l_zx * xy
     l_zy = w * i_y
-    has_z, d_z = _pivot(zz - l_zx * xz - l_zy * w, zz)
+    has_z, i_z = _inverse_pivot(zz - l_zx * xz - l_zy * w, zz)
     is_definite = has_x & has_y & has_z
-    _, c = _pivot((xx + yy + zz) / 2, 0)
-    return is_definite, Factor3(l_yx, l_zx, l_zy, i_x, i_y, 1 / choose(is_definite, lambda: d_z, lambda: c))
+    i = choose(is_definite, lambda: (i_x, i_y, i_z), lambda: (0, 0, 0))
+    return is_definite, Factor3(l_yx, l_zx, l_zy, *i)
 
 
-def _pivot(value: Scalar, diagonal: Scalar) -> tuple[Condition, Scalar]:
-    """Whether a pivot is more than rounding, and a divisor that is never 0."""
+def _inverse_pivot(value: Scalar, diagonal: Scalar) -> tuple[Condition, Scalar]:
+    """Whether a pivot is more than rounding, and then its inverse, or 1."""
     is_inertia = value > diagonal * (ROUNDINGS * given_roundoff(diagonal))
-    return is_inertia, choose(is_inertia, lambda: value, lambda: value * 0 + 1)
+    return is_inertia, 1 / choose(is_inertia, lambda: value, lambda: value * 0 + 1)

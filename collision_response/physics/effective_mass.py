@@ -84,8 +84,7 @@ class Side(NamedTuple):
 
     def compliance(self, n: Vec3) -> Scalar:
         """``n.K n``, of this body without its mass."""
-        w = self.inverse_inertia.reduced(self._moment(n))
-        return w.dot(self.inverse_inertia.scaled(w))
+        return self.inverse_inertia.form(self._moment(n))
 
     def response_along(self, n: Vec3, j: Scalar, impulse: Vec3) -> Twist:
         """The change of twist that ``impulse = j n`` causes; the compliance has most of it already."""
@@ -103,10 +102,11 @@ class Side(NamedTuple):
 
     def mobility(self) -> Symmetric3:
         """``K``, of this body alone: ``1/m + G^T I^-1 G``."""
-        x, y, z = (self.inverse_inertia.reduced(moment) for moment in self.rotation.moments(self.r))
-        jx, jy, jz = (self.inverse_inertia.scaled(w) for w in (x, y, z))
-        m = self.inverse_mass
-        return Symmetric3(m + x.dot(jx), x.dot(jy), x.dot(jz), m + y.dot(jy), y.dot(jz), m + z.dot(jz))
+        m, (xx, xy, xz, yy, yz, zz) = (
+            self.inverse_mass,
+            self.inverse_inertia.forms(*self.rotation.moments(self.r)),
+        )
+        return Symmetric3(m + xx, xy, xz, m + yy, yz, m + zz)
 
     def response(self, impulse: Vec3) -> Twist:
         """The change of the twist of the reference point that an impulse at the contact causes."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple, TypeVar
 
-from ..numbers.number import Condition, Scalar, certain, choose
-from .vector import Vec3
+from ..numbers.number import Condition, Scalar, certain, choose, square_root
+from .vector import AXES, Vec3
+
+T = TypeVar("T")
 
 SINGULAR = 2.0**-40
 """A determinant of at most this part of the product of its diagonal is rounding of the tensor's making."""
@@ -130,44 +132,100 @@ class Factor3(NamedTuple):
     i_y: Scalar
     i_z: Scalar
 
+    def reduced(self, v: Vec3) -> Vec3:
+        """``L^-1 v``."""
+        y = v[1] - self.l_yx * v[0]
+        return Vec3(v[0], y, v[2] - self.l_zx * v[0] - self.l_zy * y)
+
+    def scaled(self, w: Vec3) -> Vec3:
+        """``D^-1 w``."""
+        return Vec3(w[0] * self.i_x, w[1] * self.i_y, w[2] * self.i_z)
+
+    def restored(self, w: Vec3) -> Vec3:
+        """``L^-T w``."""
+        y = w[1] - self.l_zy * w[2]
+        return Vec3(w[0] - self.l_yx * y - self.l_zx * w[2], y, w[2])
+
     def solve(self, v: Vec3) -> Vec3:
         """The vector that the factored tensor maps to ``v``."""
-        l_yx, l_zx, l_zy, i_x, i_y, i_z = self
-        x, y, z = v
-        y = y - l_yx * x
-        z = (z - l_zx * x - l_zy * y) * i_z
-        y = y * i_y - l_zy * z
-        return Vec3(x * i_x - l_yx * y - l_zx * z, y, z)
-
-    def inverse(self) -> InverseTensor:
-        """``L^-T D^-1 L^-1``."""
-        l_yx, l_zx, l_zy, i_x, i_y, i_z = self
-        rows = Vec3(1, 0, 0), Vec3(-l_yx, 1, 0), Vec3(l_yx * l_zy - l_zx, -l_zy, 1)
-        return InverseTensor(*rows, Vec3(i_x, i_y, i_z))
+        return self.restored(self.scaled(self.reduced(v)))
 
 
-class InverseTensor(NamedTuple):
-    """``M^T D M`` with the rows ``x, y, z`` of ``M`` and ``D`` diagonal.
+class RodFactor(NamedTuple):
+    """``P D P`` of a thin rod's pseudo-inverse: ``P`` projects across its axis, ``i`` is all of ``D``.
 
-    Kept apart, the two lose fewer digits of an ill-conditioned tensor than their product would.
+    It does what :class:`Factor3` does. Where there is no inertia at all, ``i`` is 0 and ``P`` means nothing.
     """
 
-    x: Vec3
-    y: Vec3
-    z: Vec3
-    d: Vec3
+    across: Symmetric3
+    i: Scalar
 
     def reduced(self, v: Vec3) -> Vec3:
-        """``M v``."""
-        return Vec3(self.x.dot(v), self.y.dot(v), self.z.dot(v))
+        """``P v``."""
+        return self.across @ v
 
     def scaled(self, w: Vec3) -> Vec3:
         """``D w``."""
-        return Vec3(self.d[0] * w[0], self.d[1] * w[1], self.d[2] * w[2])
+        return w * self.i
+
+    def restored(self, w: Vec3) -> Vec3:
+        """``P w``."""
+        return self.across @ w
+
+    def driving(self, spin: Vec3) -> Vec3:
+        """What of an angular velocity has inertia."""
+        return choose(self.i > 0, lambda: self.across @ spin, lambda: spin * 0)
+
+
+class InverseTensor(NamedTuple):
+    """``I^-1`` by the factors of ``I``, or of a thin rod by what it has across its axis.
+
+    Kept apart, factors lose fewer digits of an ill-conditioned tensor than their product would.
+
+    Attributes:
+        has_factors: whether there are factors, not a rod.
+        factors: of ``I``.
+        rod: of the pseudo-inverse.
+    """
+
+    has_factors: Condition
+    factors: Factor3
+    rod: RodFactor
 
     def __matmul__(self, v: Vec3) -> Vec3:
-        w = self.scaled(self.reduced(v))
-        return self.x * w[0] + self.y * w[1] + self.z * w[2]
+        return self._by(lambda own: own.restored(own.scaled(own.reduced(v))))
+
+    def form(self, v: Vec3) -> Scalar:
+        """``v.I^-1 v``: a sum of squares."""
+
+        def squares(own: Factor3 | RodFactor) -> Scalar:
+            w = own.reduced(v)
+            return w.dot(own.scaled(w))
+
+        return self._by(squares)
+
+    def forms(self, x: Vec3, y: Vec3, z: Vec3) -> Symmetric3:
+        """``G^T I^-1 G`` of the matrix ``G`` with these columns."""
+
+        def products(own: Factor3 | RodFactor) -> Symmetric3:
+            gx, gy, gz = own.reduced(x), own.reduced(y), own.reduced(z)
+            jx, jy, jz = own.scaled(gx), own.scaled(gy), own.scaled(gz)
+            return Symmetric3(gx.dot(jx), gx.dot(jy), gx.dot(jz), gy.dot(jy), gy.dot(jz), gz.dot(jz))
+
+        return self._by(products)
+
+    def roots(self) -> tuple[Vec3, ...]:
+        """Three vectors ``r``: the sum of all ``r r^T`` is ``I^-1``."""
+
+        def of(own: Factor3 | RodFactor) -> tuple[Vec3, ...]:
+            sizes = own.scaled(Vec3(1, 1, 1))
+            return tuple(own.restored(axis * square_root(i)) for axis, i in zip(AXES, sizes, strict=True))
+
+        return self._by(of)
+
+    def _by(self, formula: Callable[[Factor3 | RodFactor], T]) -> T:
+        return choose(self.has_factors, lambda: formula(self.factors), lambda: formula(self.rod))
 
 
 ZERO_TENSOR = Symmetric3(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+UNIT = Symmetric3(1.0, 0.0, 0.0, 1.0, 0.0, 1.0)

@@ -44,14 +44,7 @@ struct Given {  // a body
     fill(plain);
     const double* of = plain.numbers;
     root = std::sqrt(of[CENTRE_INVERSE_MASS]);
-    for (int k = 0; k < 3; ++k) {
-      com[k] = of[CENTRE_COM + k];
-      for (int j = 0; j < 3; ++j) {
-        turn[k][j] = 0;
-        for (int l = 0; l < 3; ++l) turn[k][j] += of[CENTRE_INVERSE_INERTIA + 3 * k + l] * of[CENTRE_ROTATION + 3 * j + l];
-        turn[k][j] *= std::sqrt(of[CENTRE_INVERSE_INERTIA + 9 + k]);
-      }
-    }
+    std::copy(of + CENTRE_COM, of + CENTRE_COM + 3, com);
   }
   // L y
   void twist_of(const double* y, double* twist) const {
@@ -62,10 +55,11 @@ struct Given {  // a body
   template <class T>
   void fill(Centre<T>& seen) {
     T in[BODY];
-    Report<T> motion[1];
+    Report<T> motion[10];
     for (int i = 0; i < BODY; ++i) in[i] = Make<T>::constant(x[i]);
     ::centre<T>(in, seen.numbers, motion, &idle);
     energy = motion[0];
+    for (int i = 0; i < 9; ++i) turn[i / 3][i % 3] = motion[1 + i];
     for (int k = 0; k < 3; ++k) {
       seen.x[k] = in[IN_BODY_A_POSITION_X + k];
       seen.v[k] = in[IN_BODY_A_VELOCITY_X + k];
