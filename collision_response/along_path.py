@@ -18,10 +18,10 @@ from .impact import Answer, impact
 from .kernels import library
 from .model import Geometry, ImpactModel, Precision, plan
 from .on_balls import as_floats, weighted
-from .on_fractions import adjusted, as_fraction, body_as_fractions, contact_as_fractions
+from .on_fractions import as_fraction, body_as_fractions, contact_as_fractions
 from .physics.body import Body
 from .physics.contact import Contact
-from .physics.laws import Law, Regime, Settings
+from .physics.laws import Law, Settings
 from .physics.laws.routh_by_speed import FINEST, of_path
 from .status import StatusCode
 
@@ -53,10 +53,10 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
         if model.geometry < geometry:
             return None
         geometry = model.geometry
-    first = friction_at(slip_speed(body_a, body_b, contact), contact, "contact")
+    first = friction_at(slip_speed(body_a, body_b, contact), contact)
     # Friction that begins with 0 need not stay so.
     validity.check(a, b, touch._replace(friction=first or 1), chosen.settings.tangential_restitution)
-    touch = touch._replace(friction=lambda v: friction_at(v, contact, "contact"))
+    touch = touch._replace(friction=lambda v: friction_at(v, contact))
     settings = Settings(*map(as_fraction, chosen.settings))
     answer, bound = _followed(a, b, touch, model.law, settings)
     if answer.flags.unfinished:
@@ -64,21 +64,18 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     if bound > chosen.wanted:
         finer = _followed(a, b, touch, model.law, settings._replace(tolerance=FINEST))
         answer, bound = min((answer, bound), finer, key=itemgetter(1))
-    changes, report, flags, _ = answer
     try:
-        changes, report = as_floats(changes), as_floats(report)
+        found = as_floats(answer.changes), as_floats(answer.report), answer.flags
     except OverflowError:
         raise library.refusal(StatusCode.OUT_OF_RANGE) from None
-    status = StatusCode.SEPARATING if flags.separating else StatusCode.OK
     return impact_of(
-        changes,
-        report,
-        status if bound <= chosen.limit else StatusCode.TOLERANCE_NOT_MET,
-        contact._replace(friction=first, **({"restitution": report.restitution} if flags.slow else {})),
+        (a, b),
+        found,
+        contact._replace(friction=first),
         model._replace(geometry=geometry, precision=Precision.DOUBLE),
-        Regime(round(report.regime)),
         bound,
-        adjusted(a, b, flags),
+        chosen.limit,
+        normalised=any(map(validity.is_off_unit, (a, b))),
     )
 
 

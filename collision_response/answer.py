@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from .model import Adjustment, Geometry, ImpactModel, Law, Precision
@@ -91,37 +92,47 @@ class Impact(NamedTuple):
 
 
 def impact_of(
-    changes: Any,
-    report: Any,
-    status: StatusCode,
+    bodies: Iterable[Body],
+    found: tuple[Any, Any, Any],
     contact: Contact,
     model: ImpactModel,
-    regime: Regime,
     error_bound: Scalar,
-    adjustments: Adjustment,
+    limit: float,
+    *,
+    normalised: bool,
 ) -> Impact:
-    """An answer, of what ``impact.py`` computes and of what was decided about it."""
+    """An answer, of the changes, the report and the flags that ``impact.py`` computes.
+
+    Args:
+        bodies: of the request.
+        found: those three. A flag that is undecided counts as false.
+        contact, model: as used, but for what the flags say.
+        error_bound: of the changes.
+        limit: the greatest that meets the tolerance.
+        normalised: whether a quaternion was off unit length.
+    """
+    changes, report, flags = found
+    slow, fell_back = flags.slow is True, flags.fell_back is True
+    status = StatusCode.SEPARATING if flags.separating is True else StatusCode.OK
     return Impact(
-        status,
-        contact,
-        model,
+        status if error_bound <= limit else StatusCode.TOLERANCE_NOT_MET,
+        contact._replace(restitution=report.restitution) if slow else contact,
+        model._replace(law=Law.COULOMB) if fell_back else model,
         report.twist_a,
         report.twist_b,
         changes.change_a,
         changes.change_b,
         changes.impulse,
-        report.normal_impulse,
-        report.tangential_impulse,
-        report.normal_velocity_before,
-        report.normal_velocity_after,
-        report.effective_mass,
-        report.kinetic_energy_before,
-        report.kinetic_energy_after,
-        report.energy_lost_restitution,
-        report.energy_lost_friction,
-        regime,
-        error_bound,
-        adjustments,
+        **{name: getattr(report, name) for name in NUMBERS[:-1]},
+        regime=Regime(round(report.regime)),
+        error_bound=error_bound,
+        adjustments=Adjustment(
+            normalised * Adjustment.NORMALISED_ORIENTATION
+            | slow * Adjustment.RESTITUTION_THRESHOLD
+            | fell_back * Adjustment.LAW_FALLBACK
+            | (flags.idle_spin is True) * Adjustment.MASSLESS_SPIN
+            | any(body.inverse_inertia is not None for body in bodies) * Adjustment.ENERGY_CHANGE_ONLY
+        ),
     )
 
 

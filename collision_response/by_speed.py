@@ -26,23 +26,22 @@ def restitution_at(speed: float, contact: Contact, field: str) -> float:
     return _value(contact.restitution, speed, 1.0, f"{field}.restitution(approach_speed)")
 
 
-def friction_at(speed: float, contact: Contact, field: str) -> float:
+def friction_at(speed: float, contact: Contact) -> float:
     """What the function of the friction gives for a slip speed [m/s].
 
     Raises:
         ImpactError: INVALID_COEFFICIENT or NOT_FINITE: it gives no coefficient.
     """
-    return _value(contact.friction, speed, math.inf, f"{field}.friction(slip_speed)")
+    return _value(contact.friction, speed, math.inf, "contact.friction(slip_speed)")
 
 
-def friction_at_first(body_a: Body, body_b: Body, contact: Contact, law: Law, field: str) -> float:
+def friction_at_first(body_a: Body, body_b: Body, contact: Contact, law: Law) -> float:
     """What the function of the friction gives for the slip speed at first touch.
 
     Args:
         body_a, body_b, contact: of one impact.
         law: not AUTO. COMPLIANT takes no such function; Routh's laws, of one contact, follow it on its way
             instead: see ``along_path.py``.
-        field: how the contact is called.
 
     Raises:
         ImpactError: INVALID_MODEL, INVALID_COEFFICIENT or NOT_FINITE; or the request cannot be answered.
@@ -50,9 +49,9 @@ def friction_at_first(body_a: Body, body_b: Body, contact: Contact, law: Law, fi
     if law in PATHS:
         of_several = " of several contacts" if law in BY_SPEED else ""
         reason = f"{law.name} takes no friction{of_several} that depends on slip speed: give a number"
-        raise ImpactError(StatusCode.INVALID_MODEL, f"{field}.friction", f"{reason}, or ask COULOMB")
+        raise ImpactError(StatusCode.INVALID_MODEL, "contact.friction", f"{reason}, or ask COULOMB")
     validity.check(*on_balls.read(body_a, body_b, contact._replace(friction=0.0)), 0.0)
-    return friction_at(slip_speed(body_a, body_b, contact), contact, field)
+    return friction_at(slip_speed(body_a, body_b, contact), contact)
 
 
 def slip_speed(body_a: Body, body_b: Body, contact: Contact) -> float:

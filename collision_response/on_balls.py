@@ -17,7 +17,7 @@ from .answer import Impact, impact_of
 from .geometry import required
 from .impact import Answer, Changes, impact
 from .kernels import library
-from .model import Adjustment, Geometry, ImpactModel, Law, Precision, plan
+from .model import Geometry, ImpactModel, Law, Precision, plan
 from .numbers import balls
 from .numbers.balls import Ball, Truth
 from .physics.body import Body
@@ -27,7 +27,6 @@ from .physics.laws import PATHS, Regime, Settings
 from .physics.orientation import Quaternion
 from .physics.tensor import Symmetric3
 from .physics.vector import Vec3
-from .status import StatusCode
 from .validity import is_off_unit
 
 BITS = tuple(2**k for k in range(7, 15))
@@ -79,6 +78,7 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     if law in PATHS and geometry is Geometry.SPATIAL:  # no arithmetic makes the integration more exact
         return None
     used = model._replace(law=law, geometry=geometry, precision=Precision.EXTENDED)
+    off_unit = any(map(is_off_unit, plain[:2]))
     best, least = None, math.inf
     for bits in BITS:
         with balls.working_precision(bits):
@@ -86,7 +86,7 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
             settings = Settings(*map(Ball, chosen.settings, chosen.errors))
             answer = impact(a, b, touch, law, settings)
             bound = _bound((a, b), answer, Ball.radius)
-            given = _rounded((a, b), answer, contact, used, is_off_unit(plain[0]) or is_off_unit(plain[1]))
+            given = _rounded((a, b), answer, contact, used, chosen.limit, off_unit)
         if given is None:  # beyond float64; or nothing is known yet
             if bound < math.inf:
                 return None
@@ -95,11 +95,7 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
             best, stuck, least = given, bound > least / 2, bound
         if bound <= ENOUGH or (bound < math.inf and stuck):
             break
-    if best is None:
-        return None
-    limit = chosen.limit
-    status = best.status if best.error_bound <= limit else StatusCode.TOLERANCE_NOT_MET
-    return best._replace(status=status)
+    return best
 
 
 def _ball(x: float, error: float) -> Any:
@@ -157,37 +153,21 @@ def _error_as_float(x: Ball) -> Any:
 
 
 def _rounded(
-    bodies: tuple[Body, Body], answer: Answer, contact: Contact, model: ImpactModel, normalised: bool
+    bodies: tuple[Body, Body],
+    answer: Answer,
+    contact: Contact,
+    model: ImpactModel,
+    limit: float,
+    off_unit: bool,
 ) -> Impact | None:
     changes, report, flags = as_floats(answer.changes), as_floats(answer.report), answer.flags
     if not all(math.isfinite(x) for x in _numbers((changes, report))):
         return None
     bound = _bound(bodies, answer, _error_as_float)
-    restitution, regime = report.restitution, report.regime
-    separating = flags.separating is True
-    adjustments = Adjustment(
-        normalised * Adjustment.NORMALISED_ORIENTATION
-        | (flags.slow is True) * Adjustment.RESTITUTION_THRESHOLD
-        | (flags.fell_back is True) * Adjustment.LAW_FALLBACK
-        | (flags.idle_spin is True) * Adjustment.MASSLESS_SPIN
-        | any(body.inverse_inertia is not None for body in bodies) * Adjustment.ENERGY_CHANGE_ONLY
-    )
-    friction = 0.0 if model.law is Law.FRICTIONLESS else contact.friction
-    used = contact._replace(friction=friction)
-    if flags.slow is True:
-        used = used._replace(restitution=restitution)
     if not math.isfinite(bound) and isinstance(flags.separating, Truth):
-        regime = Regime.SEPARATING
-    return impact_of(
-        changes,
-        report,
-        StatusCode.SEPARATING if separating else StatusCode.OK,
-        used,
-        model._replace(law=Law.COULOMB) if flags.fell_back is True else model,
-        Regime(round(regime)),
-        bound,
-        adjustments,
-    )
+        report = report._replace(regime=Regime.SEPARATING)
+    used = contact._replace(friction=0.0) if model.law is Law.FRICTIONLESS else contact
+    return impact_of(bodies, (changes, report, flags), used, model, bound, limit, normalised=off_unit)
 
 
 def as_floats(value: Any) -> Any:

@@ -16,16 +16,15 @@ from typing import Any
 from . import validity
 from .answer import Impact, impact_of
 from .geometry import required
-from .impact import Flags, impact
-from .model import Adjustment, Geometry, ImpactModel, Precision
+from .impact import impact
+from .model import Geometry, ImpactModel, Precision
 from .physics.body import Body
 from .physics.contact import Contact
 from .physics.inverse_inertia import InverseInertia
-from .physics.laws import Law, Regime, Settings
+from .physics.laws import Law, Settings
 from .physics.orientation import Quaternion
 from .physics.tensor import Symmetric3
 from .physics.vector import Vec3
-from .status import StatusCode
 
 
 def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:
@@ -37,30 +36,18 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     a, b, touch = body_as_fractions(body_a), body_as_fractions(body_b), contact_as_fractions(contact)
     validity.check(a, b, touch, model.tangential_restitution)
     settings = Settings(restitution_threshold=Fraction(model.restitution_threshold))
-    changes, report, flags, _ = impact(a, b, touch, Law.FRICTIONLESS, settings)
+    found = impact(a, b, touch, Law.FRICTIONLESS, settings)[:3]
     geometry = model.geometry
     if geometry is Geometry.AUTO:
         geometry = required(a, b, touch, frictionless=True)
     return impact_of(
-        changes,
-        report,
-        StatusCode.SEPARATING if flags.separating else StatusCode.OK,
-        touch._replace(restitution=report.restitution, friction=Fraction(0)),
+        (a, b),
+        found,
+        touch._replace(friction=Fraction(0)),
         model._replace(law=Law.FRICTIONLESS, geometry=geometry, precision=Precision.EXTENDED),
-        Regime(round(report.regime)),
         0.0,
-        adjusted(a, b, flags),
-    )
-
-
-def adjusted(body_a: Body, body_b: Body, flags: Flags) -> Adjustment:
-    """What was changed from what was asked, where the law fell back to no other."""
-    bodies = body_a, body_b
-    return Adjustment(
-        any(map(validity.is_off_unit, bodies)) * Adjustment.NORMALISED_ORIENTATION
-        | flags.slow * Adjustment.RESTITUTION_THRESHOLD
-        | flags.idle_spin * Adjustment.MASSLESS_SPIN
-        | any(body.inverse_inertia is not None for body in bodies) * Adjustment.ENERGY_CHANGE_ONLY
+        0.0,
+        normalised=any(map(validity.is_off_unit, (a, b))),
     )
 
 

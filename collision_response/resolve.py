@@ -92,7 +92,7 @@ def _with_numbers(body_a: Body, body_b: Body, contact: Contact, model: ImpactMod
     """
     if callable(contact.friction) and model.law not in BY_SPEED:
         law = law_for(model.law, has_friction=True)
-        mu = 0.0 if law is Law.FRICTIONLESS else friction_at_first(body_a, body_b, contact, law, "contact")
+        mu = 0.0 if law is Law.FRICTIONLESS else friction_at_first(body_a, body_b, contact, law)
         contact = contact._replace(friction=mu)
     if callable(contact.restitution):
         elastic = contact._replace(restitution=1.0, friction=0.0)

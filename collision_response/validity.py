@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from functools import reduce
 from typing import Any, NamedTuple
 
 from .numbers.number import Condition, Scalar, all_of, all_zero, choose, given_roundoff, negation
@@ -193,14 +194,11 @@ def is_plainly_sound(
 
 def fault(*request: Any) -> Scalar:
     """The code of the first rule that does not hold, or 0."""
-    code: Scalar = 0.0
-    for rule in reversed(list(rules(*request))):
-        code = _or_else(rule, code)
-    return code
 
+    def or_else(code: Scalar, rule: Rule) -> Scalar:
+        return choose(rule.holds, lambda: code, lambda: 1.0 * rule.code)
 
-def _or_else(rule: Rule, code: Scalar) -> Scalar:
-    return choose(rule.holds, lambda: code, lambda: 1.0 * rule.code)
+    return reduce(or_else, reversed(list(rules(*request))), 0.0)
 
 
 def check_two(body_a: Body, body_b: Body) -> None:

@@ -38,7 +38,7 @@ def retry(asked: Asked, out: BatchResult, columns: Array) -> Iterator[None]:
     model = plan.model
     if out.velocity.dtype == np.float32:
         model = model._replace(precision=Precision.SINGLE)
-    rows, touch = body_rows(plan.geometry, oriented=plan.oriented), contact_rows(plan.geometry)
+    rows, touch = body_rows(model.geometry, oriented=plan.oriented), contact_rows(model.geometry)
     for k, i in enumerate(columns.tolist()):
         contact = contacts[:, k]
         own = model

@@ -33,6 +33,7 @@ from ..kernels import library
 from ..kernels.layout import Layout
 from ..kernels.protocol import Number
 from ..model import LARGEST, Geometry, ImpactModel, Law, Precision, check_model, law_for
+from ..model import Plan as PlanOfModel
 from ..model import plan as plan_of_model
 from ..physics.laws import PATHS, STEPPED, Settings
 from ..status import ImpactError, StatusCode
@@ -55,7 +56,6 @@ _PRECISIONS = {
     np.dtype(np.float32): (Precision.SINGLE,),
     np.dtype(np.float64): (Precision.DOUBLE, Precision.EXTENDED),
 }
-_LAYOUTS = (Layout.POINT, Layout.PLANAR, Layout.SPATIAL, Layout.SPATIAL_ORIENTED)
 
 
 class BatchResult(NamedTuple):
@@ -193,34 +193,32 @@ def resolve_with_pauses(
                 wanted[own] = written[own]
 
 
-class Climb(NamedTuple):
-    """Through which precisions, until the error bound is within what is wanted: as ``resolve`` does."""
-
-    first: Precision
-    last: Precision
-    wanted: float
-    limit: float
-
-
 class Plan(NamedTuple):
-    """All that does not depend on the numbers, nor on how many contacts there are."""
+    """All that does not depend on the numbers, nor on how many contacts there are.
+
+    Attributes:
+        layout: its number.
+        oriented: whether bodies are.
+        model: with the law and the geometry that are used.
+        number, constants: what kernels take: the kind of number, and those of the model.
+        axes, spins: of velocities, and of angular ones.
+        climb: through which precisions, until the error bound is within what is wanted: as ``resolve`` does.
+    """
 
     layout: int
-    geometry: Geometry
     oriented: bool
     model: ImpactModel
     number: Number
     constants: Array
     axes: int
     spins: int
-    has_bounds: bool
-    climb: Climb
+    climb: PlanOfModel
 
     def results(self, n: int, report: bool) -> tuple[tuple[tuple[int, ...], np.dtype[Any]] | None, ...]:
         """Shapes and types of a :class:`BatchResult`."""
         real, number, code = self.constants.dtype, ((n,), self.constants.dtype), ((n,), UINT8)
         motion = ((self.axes, 2, n), real), ((self.spins, 2, n), real), ((self.axes, n), real), code
-        bounds = (number, code) if self.has_bounds else (None, None)
+        bounds = (number, code) if is_bounded(self.model) else (None, None)
         return *motion, *bounds, *((code, *[number] * 4) if report else [None] * 5)
 
 
@@ -345,23 +343,22 @@ def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> P
     law = law_for(model.law, has_friction=height >= least.height)
     if law is not Law.FRICTIONLESS and height < least.height:
         raise ValueError(f"contacts: {law.name} needs a row of friction")
-    asked = plan_of_model(model)
-    first, last = (Precision.DOUBLE,) * 2 if law in STEPPED else (asked.first, asked.last)
+    climb = plan_of_model(model)
+    if law in STEPPED:
+        climb = climb._replace(first=Precision.DOUBLE, last=Precision.DOUBLE)
     number = Number.FLOAT if dtype == np.float32 else Number.PLAIN
     if is_bounded(model):
-        number = Number.EXTENDED if first is Precision.EXTENDED else Number.BOUNDED
+        number = Number.EXTENDED if climb.first is Precision.EXTENDED else Number.BOUNDED
     of = body_rows(geometry)
     return Plan(
-        _LAYOUTS.index(layout_of(geometry, oriented=oriented)),
-        geometry,
+        list(Layout).index(layout_of(geometry, oriented=oriented)),
         oriented,
         model._replace(law=law, geometry=geometry),
         number,
         np.array([getattr(model, name) for name in Settings._fields], dtype),
         of.velocity.stop - of.velocity.start,
         of.angular_velocity.stop - of.angular_velocity.start,
-        is_bounded(model),
-        Climb(first, last, asked.wanted, asked.limit),
+        climb,
     )
 
 

@@ -38,7 +38,7 @@ from ..scene.resolve_scene import IN_KERNELS, THRESHOLD
 from ..status import ImpactError, StatusCode
 from .one_by_one import REPORT, body_of, contact_of
 from .pairs import IS_ANSWER, as_pairs
-from .resolve_batch import DEFAULT, UINT8, Plan, check_workers, plan_for, resolve_batch
+from .resolve_batch import DEFAULT, UINT8, Asked, check_workers, plan_for, resolve_batch
 from .rows import body_rows, contact_rows
 
 Array = np.ndarray[Any, Any]
@@ -124,17 +124,17 @@ def resolve_scenes(
     check_workers(workers)
     check_number("threshold", threshold, 0, math.nextafter(1, 0), StatusCode.INVALID_MODEL)
     here = plan_for(bodies, contacts, model, pairs)
-    if bodies.dtype != np.float64 or contacts.shape[0] > contact_rows(here.geometry).height:
+    model, asked = here.model, Asked(here, bodies, pairs, contacts)
+    if bodies.dtype != np.float64 or contacts.shape[0] > contact_rows(model.geometry).height:
         raise ValueError("bodies, contacts: must be float64, and without rows of tangential restitution")
-    model = model._replace(law=here.model.law, geometry=here.model.geometry)
     clusters, of_contacts = _clusters(bodies, pairs)
-    result = _nothing(here, bodies, pairs, clusters, of_contacts)
+    result = _nothing(asked, of_contacts, clusters.starts.size - 1)
     sizes = np.diff(clusters.starts)
     alone, together = np.flatnonzero(sizes == 1), np.flatnonzero(sizes > 1)
     if model.law in PATHS:
         together = np.flatnonzero(sizes > 0)
     else:
-        _alone(bodies, contacts, pairs, clusters, alone, model, result, workers)
+        _alone(asked, alone, clusters.order[clusters.starts[alone]], result, workers)
     if model.law in IN_KERNELS and not model.tangential_restitution:
         numbers = threshold, model.restitution_threshold, plan(model).limit, REFLECTIONS
         tables = bodies, pairs, contacts, *clusters, result, together
@@ -142,9 +142,7 @@ def resolve_scenes(
         _share(lambda *part: library.many_clusters(*kernel, *tables, *part), together.size, workers)
         together = together[result.status[together] == StatusCode.UNSET]
     for cluster in together.tolist():
-        _by_itself(
-            here, bodies, contacts, pairs, clusters.contacts(cluster), cluster, model, threshold, result
-        )
+        _by_itself(asked, cluster, clusters.contacts(cluster), threshold, result)
     return result
 
 
@@ -155,15 +153,12 @@ def _clusters(bodies: Array, pairs: Array) -> tuple[Clusters, Array]:
     return Clusters(order, starts[: count + 1]), of_contacts
 
 
-def _nothing(here: Plan, bodies: Array, pairs: Array, clusters: Clusters, of_contacts: Array) -> ScenesResult:
+def _nothing(asked: Asked, of_contacts: Array, count: int) -> ScenesResult:
     """A result in which nothing has happened yet."""
-    rows, n, count = (
-        body_rows(here.geometry, oriented=here.oriented),
-        pairs.shape[1],
-        clusters.starts.size - 1,
-    )
+    plan, bodies, n = asked.plan, asked.bodies, of_contacts.size
+    rows = body_rows(plan.model.geometry, oriented=plan.oriented)
     motion = bodies[rows.velocity].copy(), bodies[rows.angular_velocity].copy()
-    impulse, regime, status = np.full((here.axes, n), np.nan), np.zeros(n, UINT8), np.zeros(count, UINT8)
+    impulse, regime, status = np.full((plan.axes, n), np.nan), np.zeros(n, UINT8), np.zeros(count, UINT8)
     return ScenesResult(*motion, impulse, regime, of_contacts, status, *np.full((6, count), np.nan))
 
 
@@ -177,20 +172,12 @@ def _share(work: Any, count: int, workers: int) -> None:
         list(pool.map(work, cuts[:-1], cuts[1:]))
 
 
-def _alone(
-    bodies: Array,
-    contacts: Array,
-    pairs: Array,
-    clusters: Clusters,
-    alone: Array,
-    model: ImpactModel,
-    result: ScenesResult,
-    workers: int,
-) -> None:
+def _alone(asked: Asked, alone: Array, at: Array, result: ScenesResult, workers: int) -> None:
     """Clusters of one contact: each is one impact, with its bound."""
     if not alone.size:
         return
-    at = clusters.order[clusters.starts[alone]]
+    model, bodies, pairs, contacts = asked.plan.model, *asked[1:]
+    assert pairs is not None
     wanted = model if model.tolerance else model._replace(tolerance=LARGEST)  # any, but there is a bound
     own = pairs.take(at, 1)
     found = resolve_batch(bodies, contacts.take(at, 1), wanted, pairs=own, report=True, workers=workers)
@@ -207,25 +194,17 @@ def _alone(
         result.angular_velocity[:, column[moved]] = spin[:, moved]
 
 
-def _by_itself(
-    here: Plan,
-    bodies: Array,
-    contacts: Array,
-    pairs: Array,
-    own: Array,
-    cluster: int,
-    model: ImpactModel,
-    threshold: float,
-    result: ScenesResult,
-) -> None:
+def _by_itself(asked: Asked, cluster: int, own: Array, threshold: float, result: ScenesResult) -> None:
     """One cluster by ``resolve_scene``."""
+    model, bodies, pairs, contacts = asked.plan.model, *asked[1:]
+    assert pairs is not None
     places, first, inverse = np.unique(pairs[:, own].T.ravel(), return_index=True, return_inverse=True)
     if places[0] < 0 or places[-1] >= bodies.shape[1]:
         result.status[cluster] = StatusCode.UNKNOWN_BODY
         return
     order = np.argsort(first)  # bodies as they come
     places, inverse = places[order], np.argsort(order)[inverse].reshape(-1, 2)
-    rows, touch = body_rows(here.geometry, oriented=here.oriented), contact_rows(here.geometry)
+    rows, touch = body_rows(model.geometry, oriented=asked.plan.oriented), contact_rows(model.geometry)
     movable = places[bodies[0, places] < np.inf]
     try:
         answer = resolve_scene(

@@ -1,5 +1,6 @@
 // The compiled part of derivatives: arrays in, arrays out. What is asked of it is written in
 // collision_response/derivatives/.
+#include "arrays.hpp"
 #include "python.hpp"
 
 #include <algorithm>
@@ -218,17 +219,6 @@ struct Job {
   }
 };
 
-struct Array {
-  Py_buffer view{};
-  ~Array() { PyBuffer_Release(&view); }
-  bool open(PyObject* o, Py_ssize_t size, bool writable) {
-    if (PyObject_GetBuffer(o, &view, PyBUF_C_CONTIGUOUS | (writable ? PyBUF_WRITABLE : 0))) return false;
-    if (view.len == size) return true;
-    PyErr_Format(PyExc_ValueError, "%zd bytes where %zd are due", view.len, size);
-    return false;
-  }
-};
-
 // differentiate(law, n, count, one_for_all, inputs, directions, jacobian, smoothness), without the GIL: whether all
 // derivatives are finite.
 //   inputs (INPUTS, n), directions (PARAMETERS, count, n or 1), jacobian (CHANGES, count, n), smoothness (count, n)
@@ -240,14 +230,15 @@ PyObject* differentiate_all(PyObject*, PyObject* args) {
   if (!kernel_of(job.law)) return PyErr_Format(PyExc_LookupError, "no kernel of law %d", job.law);
   Array of[4];
   Py_ssize_t size = sizeof(double) * job.n, apart = one_for_all ? 0 : 1;
-  if (!of[0].open(inputs, INPUTS * size, false) || !of[1].open(directions, PARAMETERS * job.count * (apart ? size : sizeof(double)), false) ||
-      !of[2].open(jacobian, CHANGES * job.count * size, true) || !of[3].open(smoothness, job.count * job.n, true))
-    return nullptr;
+  auto is = [](Array& array, PyObject* o, Py_ssize_t bytes, bool writable) { return array.open(o, writable) && array.view.len == bytes; };
+  if (!is(of[0], inputs, INPUTS * size, false) || !is(of[1], directions, PARAMETERS * job.count * (apart ? size : sizeof(double)), false) ||
+      !is(of[2], jacobian, CHANGES * job.count * size, true) || !is(of[3], smoothness, job.count * job.n, true))
+    return PyErr_Format(PyExc_TypeError, "differentiate(): arrays must be contiguous, and of the right sizes");
   job.apart = apart;
-  job.inputs = static_cast<const double*>(of[0].view.buf);
-  job.directions = static_cast<const double*>(of[1].view.buf);
-  job.jacobian = static_cast<double*>(of[2].view.buf);
-  job.smoothness = static_cast<unsigned char*>(of[3].view.buf);
+  job.inputs = of[0].at<double>();
+  job.directions = of[1].at<double>();
+  job.jacobian = of[2].at<double>();
+  job.smoothness = of[3].at<unsigned char>();
   {
     WithoutGil without;
     for (long at = 0; at < job.n; ++at) job.run(at);

@@ -114,10 +114,8 @@ def _forms(tape: Tape, wanted: Iterable[tuple[int, Form]]) -> dict[int, Form]:
             if form is Form.BOUNDED:
                 need(node.args[1], Form.VALUE)
         elif node.op == "loop":
-            parts = _parts(tape, forms, place)
-            derived = {tape.nodes[part].value for part in parts if forms[part] > Form.REPORT}
-            varying = _varying(tape, node, derived)
-            for part in parts:
+            varying = _varying(tape, forms, place)
+            for part in _parts(tape, forms, place):
                 forms[part] = varying.form_of_state(tape.nodes[part].value)
             for i, arg in enumerate(node.args):
                 need(arg, varying.form_of_state(i))
@@ -151,13 +149,15 @@ class _Varying(NamedTuple):
         return Form.VALUE if self.places is None or i in self.states else Form.REPORT
 
 
-def _varying(tape: Tape, node: Node, wanted: set[int]) -> _Varying:
-    """What of a turn carries derivatives, if those of some parts of the result are wanted.
+def _varying(tape: Tape, forms: dict[int, Form], place: int) -> _Varying:
+    """What of a turn of a loop carries derivatives, for the parts of its result that have them.
 
     What decides, and what is fixed, does without.
     """
     if not tape.of_derivatives:
         return _Varying()
+    parts, node = _parts(tape, forms, place), tape.nodes[place]
+    wanted = {tape.nodes[part].value for part in parts if forms[part] > Form.REPORT}
     loop: Loop = node.value
     turn = loop.tape
     varying_states = {i for i, start in enumerate(node.args) if _varies(tape, start)}
@@ -346,7 +346,7 @@ class _Scope:
     def _declaration(self, place: int) -> str:
         node, form = self.tape.nodes[place], self.forms[place]
         if node.op == "loop":
-            varying = self._varying(place)
+            varying = _varying(self.tape, self.forms, place)
             names: dict[Form, list[str]] = {Form.VALUE: [], Form.REPORT: []}
             for i in range(len(node.args)):
                 names[varying.form_of_state(i)].append(f"{self.prefix}{place}_{i}")
@@ -366,25 +366,23 @@ class _Scope:
         return self._is_condition(node.args[-1]) if node.op in _OF_EITHER else node.op in CONDITIONS
 
     def _operation(self, place: int, *, declared: bool) -> Iterable[str]:
-        op = self.tape.nodes[place].op
-        if op == "loop":
-            if not declared:
-                yield self._declaration(place)
+        node, name = self.tape.nodes[place], f"{self.prefix}{place}"
+        if node.op in ("loop", "call") and not declared:
+            yield self._declaration(place)
+        if node.op == "loop":
             yield from self._loop(place)
-        elif op == "call":
-            if not declared:
-                yield self._declaration(place)
-            node = self.tape.nodes[place]
+        elif node.op in ("call", "law"):
             given = ", ".join(self.use(arg, Form.BOUNDED) for arg in node.args)
-            yield f"const N {self.prefix}{place}_given[] = {{{given}}};"
-            yield f"call_{node.value}({self.prefix}{place}_given, {self.prefix}{place});"
-        elif op == "law":
-            name, args = f"{self.prefix}{place}", self.tape.nodes[place].args
-            yield f"const N {name}_in[] = {{{', '.join(self.use(arg, Form.BOUNDED) for arg in args)}}};"
-            yield f"const auto [{name}_0, {name}_1, {name}_2] = law({name}_in);"
+            yield f"const N {name}_in[] = {{{given}}};"
+            is_call = node.op == "call"
+            yield (
+                f"call_{node.value}({name}_in, {name});"
+                if is_call
+                else f"const auto [{name}_0, {name}_1, {name}_2] = law({name}_in);"
+            )
         else:
             kind = "" if declared else "const auto "
-            yield f"{kind}{self.prefix}{place} = {self._expression(place, self.forms[place])};"
+            yield f"{kind}{name} = {self._expression(place, self.forms[place])};"
 
     def _choices(self, by: int, places: list[int], *, declared: bool) -> Iterable[str]:
         """Choices by one condition, which may be the same for all lanes."""
@@ -443,14 +441,10 @@ class _Scope:
             return f"constant<Number<{_TYPES[form]}>>({_literal(node.value)})"
         return self.use(place, form)
 
-    def _varying(self, place: int) -> _Varying:
-        parts = _parts(self.tape, self.forms, place)
-        wanted = {self.tape.nodes[part].value for part in parts if self.forms[part] > Form.REPORT}
-        return _varying(self.tape, self.tape.nodes[place], wanted)
-
     def _loop(self, place: int) -> Iterable[str]:
         """The value of a turn, and what of it carries derivatives: as far as the values need it."""
-        node, name, varying = self.tape.nodes[place], f"{self.prefix}{place}", self._varying(place)
+        node, name = self.tape.nodes[place], f"{self.prefix}{place}"
+        varying = _varying(self.tape, self.forms, place)
         loop: Loop = node.value
         of_values = Form.REPORT if self.tape.of_derivatives else Form.VALUE
         known = _turn_forms(loop.tape, of_values, loop.going, *loop.after)

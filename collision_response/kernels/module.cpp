@@ -120,43 +120,27 @@ bool read_contact(PyObject* contact, const Door& door, bool* has_more) {
 
 PyObject* vector(const double* x) { return tuple_of(types.vec3, x, 3); }
 PyObject* twist(const double* x) { return twist_of(types.twist, types.vec3, x); }
-PyObject* kept(PyObject* o) {
-  Py_INCREF(o);
-  return o;
-}
-
-// The contact as used.
-PyObject* used_contact(PyObject* contact, double e, bool e_changed, bool without_friction) {
-  if (!e_changed && !without_friction) return kept(contact);
-  PyObject* used = types.contact->tp_alloc(types.contact, 5);
-  if (!used) return nullptr;
-  for (int k = 0; k < 2; ++k) PyTuple_SET_ITEM(used, k, kept(PyTuple_GET_ITEM(contact, k)));
-  PyTuple_SET_ITEM(used, 2, e_changed ? PyFloat_FromDouble(e) : kept(PyTuple_GET_ITEM(contact, 2)));
-  PyTuple_SET_ITEM(used, 3, without_friction ? PyFloat_FromDouble(0) : kept(PyTuple_GET_ITEM(contact, 3)));
-  PyTuple_SET_ITEM(used, 4, kept(PyTuple_GET_ITEM(contact, 4)));
-  return used;
-}
 
 PyObject* answer(PyObject* contact, PyObject* model, const double* x, const Numbers& y, double bound, bool frictionless, bool normalised, bool articulated, int status) {
   PyObject* impact = types.impact->tp_alloc(types.impact, 20);
   if (!impact) return nullptr;
   int i = 0;
   auto put = [&](PyObject* o) { PyTuple_SET_ITEM(impact, i++, o); };
-  put(kept(PyTuple_GET_ITEM(types.statuses, status)));
-  put(used_contact(contact, y.reported[OUT_RESTITUTION], y.flags[FLAG_SLOW], frictionless && x[IN_CONTACT_FRICTION] != 0));
-  put(kept(model));
+  put(Py_NewRef(PyTuple_GET_ITEM(types.statuses, status)));
+  put(used_contact(types.contact, contact, y.reported[OUT_RESTITUTION], y.flags[FLAG_SLOW], frictionless && x[IN_CONTACT_FRICTION] != 0));
+  put(Py_NewRef(model));
   put(twist(y.reported));
   put(twist(y.reported + 6));
   put(twist(y.change + 3));
   put(twist(y.change + 9));
   put(vector(y.change));
   for (int k = OUT_NORMAL_IMPULSE; k <= OUT_ENERGY_LOST_FRICTION; ++k) put(PyFloat_FromDouble(y.reported[k]));
-  put(kept(PyTuple_GET_ITEM(types.regimes, static_cast<int>(y.reported[OUT_REGIME]))));
+  put(Py_NewRef(PyTuple_GET_ITEM(types.regimes, static_cast<int>(y.reported[OUT_REGIME]))));
   put(PyFloat_FromDouble(bound));
   int adjusted = normalised * ADJUSTMENT_NORMALISED_ORIENTATION + y.flags[FLAG_SLOW] * ADJUSTMENT_RESTITUTION_THRESHOLD +
                  y.flags[FLAG_FELL_BACK] * ADJUSTMENT_LAW_FALLBACK + y.flags[FLAG_IDLE_SPIN] * ADJUSTMENT_MASSLESS_SPIN +
                  articulated * ADJUSTMENT_ENERGY_CHANGE_ONLY;
-  put(kept(PyTuple_GET_ITEM(types.adjustments, adjusted)));
+  put(Py_NewRef(PyTuple_GET_ITEM(types.adjustments, adjusted)));
   return impact;
 }
 
@@ -426,13 +410,7 @@ PyObject* limit_vectors(PyObject*, PyObject* bits) {
 }
 
 PyObject* setup(PyObject*, PyObject* args) {
-  PyObject *impact, *twist, *vec3, *contact, *fraction;
-  if (!PyArg_ParseTuple(args, "OOOOOOOOOOO", &impact, &twist, &vec3, &contact, &fraction, &types.statuses, &types.regimes, &types.adjustments, &types.plan, &types.decided, &types.refusal)) return nullptr;
-  types.impact = reinterpret_cast<PyTypeObject*>(impact);
-  types.twist = reinterpret_cast<PyTypeObject*>(twist);
-  types.vec3 = reinterpret_cast<PyTypeObject*>(vec3);
-  types.contact = reinterpret_cast<PyTypeObject*>(contact);
-  types.fraction = reinterpret_cast<PyTypeObject*>(fraction);
+  if (!PyArg_ParseTuple(args, "OOOOOOOOOOO", &types.impact, &types.twist, &types.vec3, &types.contact, &types.fraction, &types.statuses, &types.regimes, &types.adjustments, &types.plan, &types.decided, &types.refusal)) return nullptr;
   Py_INCREF(args);  // keeps all of them for ever
   Py_RETURN_NONE;
 }

@@ -39,3 +39,13 @@ static inline PyObject* twist_of(PyTypeObject* twist, PyTypeObject* vec3, const 
     for (int k = 0; k < 2; ++k) PyTuple_SET_ITEM(t, k, tuple_of(vec3, x + 3 * k, 3));
   return t;
 }
+// A contact as used: with another restitution, and without friction, where they differ.
+static inline PyObject* used_contact(PyTypeObject* type, PyObject* contact, double e, bool e_changed, bool without_friction) {
+  if (!e_changed && !without_friction) return Py_NewRef(contact);
+  PyObject* used = type->tp_alloc(type, 5);
+  for (int k = 0; used && k < 5; ++k) {
+    bool changed = (k == 2 && e_changed) || (k == 3 && without_friction);
+    PyTuple_SET_ITEM(used, k, changed ? PyFloat_FromDouble(k == 2 ? e : 0) : Py_NewRef(PyTuple_GET_ITEM(contact, k)));
+  }
+  return used;
+}

@@ -229,7 +229,6 @@ PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
 }
 
 PyObject* get_locked(PyObject* self, void*) { return PyBool_FromLong(of(self).locked); }
-PyObject* get_floats(PyObject* self, void*) { return PyLong_FromLong(of(self).count); }
 
 #define FAST(name, function) {name, reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(Guarded<function>::call)), METH_FASTCALL, ""}
 PyMethodDef methods[] = {
@@ -243,7 +242,7 @@ PyMethodDef methods[] = {
     {"one_step", Guarded<in_one_step>::call, METH_O, ""},
     FAST("compress", compress),
     {}};
-PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {"count", get_floats, nullptr, "", nullptr}, {}};
+PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {}};
 PyType_Slot slots[] = {{Py_tp_dealloc, reinterpret_cast<void*>(dealloc)}, {Py_tp_methods, methods}, {Py_tp_getset, fields}, {}};
 PyType_Spec spec = {"collision_response.kernels._scene.Cluster", sizeof(ClusterObject), 0, Py_TPFLAGS_DEFAULT, slots};
 
@@ -336,38 +335,12 @@ struct Request {  // a scene from Python
   }
 
   // The numbers of a cluster, and which bodies it has.
-  Parts parts(long c, std::vector<long>& places, std::vector<int>& place_of) const {
-    Parts parts;
-    for (long k = starts[c]; k < starts[c + 1]; ++k) {
-      Parts::Contact contact{{}, {}, 1};
-      std::copy(contacts[order[k]].begin(), contacts[order[k]].end(), contact.x);
-      for (int side = 0; side < 2; ++side) {
-        long body = static_cast<long>(side ? b[order[k]] : a[order[k]]);
-        if (place_of[body] < 0) {
-          place_of[body] = static_cast<int>(places.size());
-          places.push_back(body);
-          parts.bodies.push_back(bodies[body]);
-        }
-        contact.body[side] = place_of[body];
-      }
-      parts.contacts.push_back(contact);
-    }
-    for (long body : places) place_of[body] = -1;
-    return parts;
+  Parts parts(long c, std::vector<std::int64_t>& places, std::vector<int>& place_of) const {
+    auto body = [this](std::int64_t i, double* x) { std::copy(bodies[i].begin(), bodies[i].end(), x); };
+    auto contact = [this](std::int64_t k, double* x) { std::copy(contacts[k].begin(), contacts[k].end(), x); };
+    return parts_of({a.data(), b.data(), 0}, &order[starts[c]], &order[0] + starts[c + 1], place_of, places, body, contact);
   }
 };
-
-// A contact as used: with the restitution of its cluster, and no friction where the law has none.
-PyObject* used_contact(PyObject* contact, const double* x, double e, bool frictionless) {
-  bool smooth = frictionless && x[7] != 0;
-  if (e == x[6] && !smooth) return Py_NewRef(contact);
-  PyObject* used = types.contact->tp_alloc(types.contact, 5);
-  for (int k = 0; used && k < 5; ++k) {
-    bool changed = (k == 2 && e != x[6]) || (k == 3 && smooth);
-    PyTuple_SET_ITEM(used, k, changed ? PyFloat_FromDouble(k == 2 ? e : 0) : Py_NewRef(PyTuple_GET_ITEM(contact, k)));
-  }
-  return used;
-}
 
 // usual(bodies, pairs, contacts, laws, numbers, models): the fields of a SceneImpact; or None, if something is unusual.
 // laws: without friction and with; numbers: the threshold, the restitution threshold, the limit of error bounds and the
@@ -381,7 +354,7 @@ PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
   if (!request.read(args[0], args[1], args[2])) Py_RETURN_NONE;
   Asked asked{laws[request.rubs], number[0], number[1], static_cast<int>(number[3])};
   bool frictionless = asked.law == LAW_FRICTIONLESS;
-  std::vector<std::vector<long>> places(request.count);
+  std::vector<std::vector<std::int64_t>> places(request.count);
   std::vector<Cluster> clusters;
   clusters.reserve(request.count);
   std::vector<Answer> answers;
@@ -423,7 +396,8 @@ PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
       auto k = static_cast<Py_ssize_t>(request.order[from + i]);
       double e = found.restitution < 0 ? cluster.scene.touches[i].e : found.restitution;
       PyTuple_SET_ITEM(own, i, PyLong_FromSsize_t(k));
-      PyTuple_SET_ITEM(column[CONTACTS], k, used_contact(PySequence_Fast_GET_ITEM(args[2], k), request.contacts[k].data(), e, frictionless));
+      const auto& given = request.contacts[k];
+      PyTuple_SET_ITEM(column[CONTACTS], k, used_contact(types.contact, PySequence_Fast_GET_ITEM(args[2], k), e, e != given[6], frictionless && given[7] != 0));
       PyTuple_SET_ITEM(column[IMPULSES], k, vector(&y.pushes[3 * i]));
       PyTuple_SET_ITEM(column[BEFORE], k, PyFloat_FromDouble(y.before[i]));
       PyTuple_SET_ITEM(column[AFTER], k, PyFloat_FromDouble(y.then[i]));
@@ -459,13 +433,7 @@ bool holds_fraction(PyObject* o) {
 PyObject* is_rational(PyObject*, PyObject* o) { return PyBool_FromLong(holds_fraction(o)); }
 
 PyObject* setup(PyObject*, PyObject* args) {
-  PyObject *vec3, *twist, *fraction, *body, *contact;
-  if (!PyArg_ParseTuple(args, "OOOOOOOO", &vec3, &twist, &fraction, &body, &contact, &types.regimes, &types.statuses, &types.adjustments)) return nullptr;
-  types.fraction = reinterpret_cast<PyTypeObject*>(fraction);
-  types.vec3 = reinterpret_cast<PyTypeObject*>(vec3);
-  types.twist = reinterpret_cast<PyTypeObject*>(twist);
-  types.body = reinterpret_cast<PyTypeObject*>(body);
-  types.contact = reinterpret_cast<PyTypeObject*>(contact);
+  if (!PyArg_ParseTuple(args, "OOOOOOOO", &types.vec3, &types.twist, &types.fraction, &types.body, &types.contact, &types.regimes, &types.statuses, &types.adjustments)) return nullptr;
   Py_INCREF(args);  // keeps all of them for ever
   Py_RETURN_NONE;
 }

@@ -162,6 +162,16 @@ def record(op: str, *operands: Any) -> Symbol:
     return tape.write(Node(op, tuple(arg.place for arg in args)))
 
 
+def _operator(op: str) -> Callable[[Symbol, Any], Symbol]:
+    """Of a symbol and what follows it."""
+    return lambda self, other: record(op, self, other)
+
+
+def _turned(op: str) -> Callable[[Symbol, Any], Symbol]:
+    """Of a symbol and what comes before it."""
+    return lambda self, other: record(op, other, self)
+
+
 class Symbol:
     """A number, or a truth value, that stands for a place on a tape."""
 
@@ -255,65 +265,27 @@ class Symbol:
         loop = tape.write(Node("loop", starts, Loop(turn, go_on, after, budget))).place
         return rebuilt(state, (tape.write(Node("part", (loop,), i)) for i in range(len(first))))
 
-    def __add__(self, other: Any) -> Symbol:
-        return record("add", self, other)
-
-    def __radd__(self, other: Any) -> Symbol:
-        return record("add", other, self)
-
-    def __sub__(self, other: Any) -> Symbol:
-        return record("sub", self, other)
-
-    def __rsub__(self, other: Any) -> Symbol:
-        return record("sub", other, self)
+    __add__, __radd__ = _operator("add"), _turned("add")
+    __sub__, __rsub__ = _operator("sub"), _turned("sub")
+    __rmul__ = _turned("mul")
+    __truediv__, __rtruediv__ = _operator("div"), _turned("div")
+    __lt__, __gt__ = _operator("lt"), _turned("lt")
+    __le__, __ge__ = _operator("le"), _turned("le")
+    __eq__ = _operator("eq")  # type: ignore[assignment]
+    __and__, __rand__ = _operator("and"), _turned("and")
+    __or__, __ror__ = _operator("or"), _turned("or")
 
     def __mul__(self, other: Any) -> Symbol:
         return record("mul", self, other) if not isinstance(other, tuple) else NotImplemented
 
-    def __rmul__(self, other: Any) -> Symbol:
-        return record("mul", other, self)
-
-    def __truediv__(self, other: Any) -> Symbol:
-        return record("div", self, other)
-
-    def __rtruediv__(self, other: Any) -> Symbol:
-        return record("div", other, self)
+    def __ne__(self, other: Any) -> Symbol:  # type: ignore[override]
+        return ~(self == other)
 
     def __neg__(self) -> Symbol:
         return record("neg", self)
 
     def __abs__(self) -> Symbol:
         return record("select", self < 0, -self, self)
-
-    def __lt__(self, other: Any) -> Symbol:
-        return record("lt", self, other)
-
-    def __gt__(self, other: Any) -> Symbol:
-        return record("lt", other, self)
-
-    def __le__(self, other: Any) -> Symbol:
-        return record("le", self, other)
-
-    def __ge__(self, other: Any) -> Symbol:
-        return record("le", other, self)
-
-    def __eq__(self, other: Any) -> Symbol:  # type: ignore[override]
-        return record("eq", self, other)
-
-    def __ne__(self, other: Any) -> Symbol:  # type: ignore[override]
-        return ~(self == other)
-
-    def __and__(self, other: Any) -> Symbol:
-        return record("and", self, other)
-
-    def __rand__(self, other: Any) -> Symbol:
-        return record("and", other, self)
-
-    def __or__(self, other: Any) -> Symbol:
-        return record("or", self, other)
-
-    def __ror__(self, other: Any) -> Symbol:
-        return record("or", other, self)
 
     def __invert__(self) -> Symbol:
         return record("not", self)

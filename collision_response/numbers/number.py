@@ -77,7 +77,7 @@ def iterate(state: T, going: Callable[[T], Condition], step: Callable[[T], T], b
     what it approximates is for the formula to say, with :func:`widened`.
     """
     for _ in range(budget):
-        state = _values(state)
+        state = values(state)
         condition = going(state)
         go_on: Any = getattr(condition, "of_values", condition)
         if _is_plain(go_on):
@@ -102,6 +102,11 @@ def certain(x: Scalar) -> Scalar:
     """``x`` as the exact number that it is written as: without the error that it carries."""
     own = getattr(x, "certain", None)
     return x if own is None else own()
+
+
+def values(state: T) -> T:
+    """The numbers of nested named tuples without their errors."""
+    return type(state)(*map(values, state)) if isinstance(state, tuple) else certain(state)
 
 
 def error_of(x: Scalar) -> Scalar:
@@ -207,11 +212,6 @@ def _is_plain(condition: Condition) -> bool:
 def _any(condition: Any) -> bool:
     namespace = getattr(condition, "__array_namespace__", None)
     return bool(condition.any() if namespace is None else namespace().any(condition))
-
-
-def _values(state: Any) -> Any:
-    """The numbers of a state without their errors."""
-    return type(state)(*map(_values, state)) if isinstance(state, tuple) else certain(state)
 
 
 def _where_of(condition: Any) -> Callable[..., Any]:

@@ -46,6 +46,7 @@ class Side(NamedTuple):
         spin: angular velocity, but for what moves no contact for want of inertia [rad/s].
         idle: that rest of it [rad/s].
         drives: whether there is no such rest.
+        own: of a link of a mechanism its inverse inertia: it is besides a body that no impulse moves.
     """
 
     inverse_mass: Scalar
@@ -58,6 +59,7 @@ class Side(NamedTuple):
     spin: Vec3
     idle: Vec3
     drives: Condition
+    own: InverseInertia | tuple[()] = ()
 
     @classmethod
     def of(cls, body: Body, point: Vec3) -> Side:
@@ -68,9 +70,8 @@ class Side(NamedTuple):
         r = choose(eccentric, lambda: d - com, lambda: d)
         drives, spin = body.driving_spin()
         idle = choose(drives, lambda: spin * 0, lambda: body.angular_velocity - spin)
-        return cls(
-            body.inverse_mass(), body.inverse_tensor(), rotation, eccentric, com, r, d, spin, idle, drives
-        )
+        m, inertia, own = body.inverse_mass(), body.inverse_tensor(), body.inverse_inertia or ()
+        return cls(m, inertia, rotation, eccentric, com, r, d, spin, idle, drives, own)
 
     def velocity(self) -> Vec3:
         """Of the body's material at the contact point, relative to the reference point [m/s]."""
@@ -84,17 +85,22 @@ class Side(NamedTuple):
 
     def compliance(self, n: Vec3) -> Scalar:
         """``n.K n``, of this body without its mass."""
-        return self.inverse_inertia.form(self._moment(n))
+        rigid = self.inverse_inertia.form(self._moment(n))
+        return rigid + n.dot(self.own.mobility(self.d) @ n) if self.own else rigid
 
     def response_along(self, n: Vec3, j: Scalar, impulse: Vec3) -> Twist:
         """The change of twist that ``impulse = j n`` causes; the compliance has most of it already."""
         angular = self.rotation.to_world(self.inverse_inertia @ self._moment(n)) * j
-        return Twist(self._linear(impulse, angular), angular)
+        return self._twist(impulse, angular)
 
-    def _linear(self, impulse: Vec3, angular: Vec3) -> Vec3:
-        """The change of the velocity of the reference point."""
+    def _twist(self, impulse: Vec3, angular: Vec3) -> Twist:
+        """The change of the twist of the reference point; ``angular``: what it is of a rigid body."""
         of_centre = impulse * self.inverse_mass
-        return choose(self.is_eccentric, lambda: of_centre - angular.cross(self.com), lambda: of_centre)
+        linear = choose(self.is_eccentric, lambda: of_centre - angular.cross(self.com), lambda: of_centre)
+        if not self.own:
+            return Twist(linear, angular)
+        own_linear, own_angular = self.own.response(self.d, impulse)
+        return Twist(linear + own_linear, angular + own_angular)
 
     def _moment(self, impulse: Vec3) -> Vec3:
         """In body axes, that an impulse at the contact has."""
@@ -102,92 +108,36 @@ class Side(NamedTuple):
 
     def mobility(self) -> Symmetric3:
         """``K``, of this body alone: ``1/m + G^T I^-1 G``."""
-        m, (xx, xy, xz, yy, yz, zz) = (
-            self.inverse_mass,
-            self.inverse_inertia.forms(*self.rotation.moments(self.r)),
-        )
-        return Symmetric3(m + xx, xy, xz, m + yy, yz, m + zz)
+        m = self.inverse_mass
+        xx, xy, xz, yy, yz, zz = self.inverse_inertia.forms(*self.rotation.moments(self.r))
+        K = Symmetric3(m + xx, xy, xz, m + yy, yz, m + zz)
+        return K + self.own.mobility(self.d) if self.own else K
+
+    def size_of_terms(self) -> Scalar:
+        """Of those that make up a mechanism's share of ``K``, however they cancel [1/kg]."""
+        if not self.own:
+            return 0
+        linear, _, angular = self.own.blocks()
+        return linear.trace() + angular.trace() * self.d.dot(self.d)
 
     def response(self, impulse: Vec3) -> Twist:
         """The change of the twist of the reference point that an impulse at the contact causes."""
         x, y, z = self.rotation.moments(self.r)
         moment = x * impulse[0] + y * impulse[1] + z * impulse[2]
-        angular = self.rotation.to_world(self.inverse_inertia @ moment)
-        return Twist(self._linear(impulse, angular), angular)
+        return self._twist(impulse, self.rotation.to_world(self.inverse_inertia @ moment))
 
     def velocity_of(self, change: Twist) -> Vec3:
         """What a change of the twist does to the velocity at the contact."""
         return change.linear + change.angular.cross(self.d)
 
     def energy_gained(self, velocity: Vec3, impulse: Vec3, change: Twist) -> Scalar:
-        """Besides what its mass and inertia say: nothing."""
-        return 0
-
-
-class ArticulatedSide(NamedTuple):
-    """A link of a mechanism as seen from the contact.
-
-    Attributes:
-        rigid: what it is besides: a body that no impulse moves.
-        own: its inverse inertia.
-    """
-
-    rigid: Side
-    own: InverseInertia
-
-    @property
-    def inverse_mass(self) -> Scalar:
-        """[1/kg]."""
-        return self.rigid.inverse_mass
-
-    @property
-    def idle(self) -> Vec3:
-        """Angular velocity that moves no contact [rad/s]."""
-        return self.rigid.idle
-
-    def velocity(self) -> Vec3:
-        """As of a rigid body."""
-        return self.rigid.velocity()
-
-    def normal_velocity(self, n: Vec3) -> Scalar:
-        """As of a rigid body."""
-        return self.rigid.normal_velocity(n)
-
-    def compliance(self, n: Vec3) -> Scalar:
-        """``n.K n``, of this body."""
-        return self.rigid.compliance(n) + n.dot(self.own.mobility(self.rigid.d) @ n)
-
-    def response_along(self, n: Vec3, j: Scalar, impulse: Vec3) -> Twist:
-        """The change of twist that ``impulse = j n`` causes."""
-        return self._with_own(self.rigid.response_along(n, j, impulse), impulse)
-
-    def mobility(self) -> Symmetric3:
-        """``K``, of this body alone."""
-        return self.rigid.mobility() + self.own.mobility(self.rigid.d)
-
-    def size_of_terms(self) -> Scalar:
-        """Of those that make up the mechanism's share of ``K``, however they cancel [1/kg]."""
-        linear, _, angular = self.own.blocks()
-        return linear.trace() + angular.trace() * self.rigid.d.dot(self.rigid.d)
-
-    def response(self, impulse: Vec3) -> Twist:
-        """The change of the twist of the reference point that an impulse at the contact causes."""
-        return self._with_own(self.rigid.response(impulse), impulse)
-
-    def _with_own(self, change: Twist, impulse: Vec3) -> Twist:
-        linear, angular = self.own.response(self.rigid.d, impulse)
-        return Twist(change.linear + linear, change.angular + angular)
-
-    def velocity_of(self, change: Twist) -> Vec3:
-        """As of a rigid body."""
-        return self.rigid.velocity_of(change)
-
-    def energy_gained(self, velocity: Vec3, impulse: Vec3, change: Twist) -> Scalar:
-        """What the mechanism gains: all that is known of its energy [J].
+        """What a mechanism gains: all that is known of its energy; 0 for a rigid body [J].
 
         The work of the impulse, at the mean of the contact's velocities before and after.
         """
-        mean = velocity + self.rigid.velocity() + self.rigid.velocity_of(change) * 0.5
+        if not self.own:
+            return 0
+        mean = velocity + self.velocity() + self.velocity_of(change) * 0.5
         return choose(all_zero(self.own), lambda: 0.0 * mean.x, lambda: impulse.dot(mean))
 
 
@@ -206,14 +156,14 @@ class ContactKinematics(NamedTuple):
     u: Vec3
     n_u: Scalar
     n_Kn: Scalar
-    side_a: Side | ArticulatedSide
-    side_b: Side | ArticulatedSide
+    side_a: Side
+    side_b: Side
 
     @classmethod
     def of(cls, body_a: Body, body_b: Body, contact: Contact) -> ContactKinematics:
         """Two bodies as seen from their contact."""
         n = contact.normal
-        a, b = (_side_of(body, contact.position) for body in (body_a, body_b))
+        a, b = (Side.of(body, contact.position) for body in (body_a, body_b))
         v = body_a.velocity - body_b.velocity
         return cls(
             n,
@@ -252,10 +202,7 @@ class ContactKinematics(NamedTuple):
         """
         if self.is_rigid():
             return 0, 0
-        own = [
-            side.size_of_terms() for side in (self.side_a, self.side_b) if isinstance(side, ArticulatedSide)
-        ]
-        size = impulse.norm()
+        own, size = (self.side_a.size_of_terms(), self.side_b.size_of_terms()), impulse.norm()
         change = MISFIT * sum(own) * size
         return change * size, change * self.n.norm()
 
@@ -291,7 +238,7 @@ class ContactKinematics(NamedTuple):
 
     def is_rigid(self) -> bool:
         """Whether neither body is a link of a mechanism."""
-        return isinstance(self.side_a, Side) and isinstance(self.side_b, Side)
+        return not (self.side_a.own or self.side_b.own)
 
     def respond(self, impulse: Vec3) -> tuple[Twist, Twist]:
         """What ``impulse`` on body_a changes of the twists of both bodies' reference points."""
@@ -347,11 +294,6 @@ class Seen(NamedTuple):
     def made_invertible(self, K: Symmetric3) -> Symmetric3:
         """``K``, or what was given in its place."""
         return self.invertible or K
-
-
-def _side_of(body: Body, point: Vec3) -> Side | ArticulatedSide:
-    side = Side.of(body, point)
-    return side if body.inverse_inertia is None else ArticulatedSide(side, body.inverse_inertia)
 
 
 def _scaled(v: Vec3) -> Vec3:

@@ -54,9 +54,6 @@ def plastic(yield_speed: float) -> Restitution:
     Raises:
         ValueError: ``yield_speed`` is not positive and finite.
     """
-    if not 0 < yield_speed < math.inf:
-        raise ValueError(f"yield_speed must be positive and finite, is {yield_speed}")
-
     limit = johnson(yield_speed)
 
     def restitution(v: float) -> float:

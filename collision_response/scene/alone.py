@@ -7,9 +7,8 @@ import math
 from ..model import ImpactModel
 from ..physics.body import Body
 from ..resolve import resolve
-from ..status import ImpactError
 from .answered import Answered
-from .request import Name, Request, named, renamed
+from .request import Name, Request, in_words_of_scene
 
 
 def alone(scene: Request, i: int, model: ImpactModel) -> Answered:
@@ -21,12 +20,7 @@ def alone(scene: Request, i: int, model: ImpactModel) -> Answered:
     bodies, contacts = scene.bodies, scene.contacts
     a, b = scene.pairs[i]
     body_b = bodies[b] if bodies[b] is not bodies[a] else Body(*bodies[b])  # two bodies may be equal
-    try:
-        impact = resolve(bodies[a], body_b, contacts[i], model)
-    except ImpactError as error:
-        raise renamed(error, Name(i, a, b)) from None
-    except TypeError as error:
-        raise TypeError(named(str(error), Name(i, a, b))) from None
+    impact = in_words_of_scene(Name(i, a, b), resolve, bodies[a], body_b, contacts[i], model)
     sides = ((a, impact.change_a, impact.twist_a), (b, impact.change_b, impact.twist_b))
     moved = [side for side in sides if scene.movable[side[0]]]
     return Answered(

@@ -11,6 +11,7 @@ import math
 import random
 from collections.abc import Sequence
 
+from ..answer import in_norm
 from ..model import ImpactModel
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
@@ -85,9 +86,7 @@ def distance(bodies: Sequence[Body], one: Sequence[Twist], other: Sequence[Twist
     apart = size = 0.0
     for body, x, y in zip(bodies, one, other, strict=True):
         if body.is_movable():
-            arm = (body.inertia[0] + body.inertia[3] + body.inertia[5]) / 3
-            apart += (
-                body.mass * math.dist(x.linear, y.linear) ** 2 + arm * math.dist(x.angular, y.angular) ** 2
-            )
-            size += body.mass * math.hypot(*y.linear) ** 2 + arm * math.hypot(*y.angular) ** 2
+            change = in_norm(body, y)
+            apart += body.mass * math.dist(in_norm(body, x), change) ** 2
+            size += body.mass * math.hypot(*change) ** 2
     return 0.0 if apart == 0 else math.sqrt(apart / size) if size else math.inf

@@ -180,8 +180,7 @@ class RationalCluster:
         return result
 
     def _velocities(self, p: Numbers) -> Numbers:
-        rows = (sum((a * x for a, x in zip(row, p, strict=True) if x), start=NOUGHT) for row in self.A)
-        return [u + change for u, change in zip(self._u, rows, strict=True)]
+        return [u + _dot(row, p) for u, row in zip(self._u, self.A, strict=True)]
 
     def _keep_apart(self, u: Numbers, among: Iterable[int]) -> Numbers | None:
         return self._least(u, [i for i in among if i not in self._held])
@@ -219,10 +218,7 @@ class RationalCluster:
         back = solve(H, [_dot3(weights, z, p) for z in Z])
         free = [x - sum(c * z[i] for c, z in zip(back, Z, strict=True)) for i, x in enumerate(p)]
         responses = [solve(H, [z[j] for z in Z]) for j in range(self.count)]  # columns of H^-1 Z^T
-        matrix = [
-            [sum(z[i] * r for z, r in zip(Z, row, strict=True)) for row in responses]
-            for i in range(self.count)
-        ]
+        matrix = [[_dot([z[i] for z in Z], row) for row in responses] for i in range(self.count)]
         among = [i for i in range(self.count) if matrix[i][i] != 0]
         x = least(matrix, free, among, []).x
         return [f + _dot(row, x) for f, row in zip(free, matrix, strict=True)]
@@ -243,27 +239,28 @@ def least(A: Sequence[Numbers], b: Numbers, among: Sequence[int], free: Sequence
     """
     x = [NOUGHT] * len(b)
     active: list[int] = []
+
+    def solved(right: Sequence[Scalar]) -> Numbers:
+        return solve([[A[j][k] for k in active] for j in active], [right[j] for j in active])
+
+    def times(row: Numbers, factors: Iterable[Scalar]) -> Scalar:
+        return _dot([row[j] for j in active], list(factors))
+
     for i in free:
-        w = solve([[A[j][k] for k in active] for j in active], [A[j][i] for j in active])
-        if A[i][i] - sum((A[i][j] * c for j, c in zip(active, w, strict=True)), start=NOUGHT) > 0:
+        if A[i][i] - times(A[i], solved(A[i])) > 0:
             active.append(i)
     bound = len(active)
-    start = solve([[A[j][k] for k in active] for j in active], [-b[j] for j in active])
-    for j, value in zip(active, start, strict=True):
+    for j, value in zip(active, solved([-y for y in b]), strict=True):
         x[j] = value
     while True:
-        slopes = {
-            i: b[i] + sum((A[i][j] * x[j] for j in active), start=NOUGHT) for i in among if i not in active
-        }
+        slopes = {i: b[i] + times(A[i], (x[j] for j in active)) for i in among if i not in active}
         entering = next((i for i, slope in slopes.items() if slope < 0), None)
         if entering is None:
             return Least(x, None)
         slope = slopes[entering]
         while True:
-            w = solve([[A[j][k] for k in active] for j in active], [A[j][entering] for j in active])
-            curvature = A[entering][entering] - sum(
-                (A[entering][j] * c for j, c in zip(active, w, strict=True)), start=NOUGHT
-            )
+            w = solved(A[entering])
+            curvature = A[entering][entering] - times(A[entering], w)
             steps = [(x[j] / c, j) for j, c in list(zip(active, w, strict=True))[bound:] if c > 0]
             blocked, leaving = min(steps, default=(None, None))
             if curvature > 0 and (blocked is None or -slope / curvature <= blocked):
@@ -288,44 +285,40 @@ def least(A: Sequence[Numbers], b: Numbers, among: Sequence[int], free: Sequence
 
 def solve(matrix: Sequence[Sequence[Scalar]], right: Sequence[Scalar]) -> Numbers:
     """The solution of a regular system."""
-    n = len(right)
     rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
-    for k in range(n):
-        pivot = next(i for i in range(k, n) if rows[i][k] != 0)
-        rows[k], rows[pivot] = rows[pivot], rows[k]
-        for i in range(n):
-            if i != k and rows[i][k] != 0:
-                factor = rows[i][k] / rows[k][k]
-                rows[i] = [a - factor * c for a, c in zip(rows[i], rows[k], strict=True)]
-    return [rows[k][n] / rows[k][k] for k in range(n)]
+    _reduce(rows, len(right))
+    return [row[-1] for row in rows]
 
 
 def null_space(matrix: Sequence[Sequence[Scalar]]) -> list[Numbers]:
-    """Vectors that span what a matrix maps to 0."""
-    rows = [list(row) for row in matrix]
-    pivots: list[int] = []
-    n = len(rows)
-    for k in range(n):
-        found = next((i for i in range(len(pivots), n) if rows[i][k] != 0), None)
-        if found is None:
-            continue
-        place = len(pivots)
-        rows[place], rows[found] = rows[found], rows[place]
-        rows[place] = [a / rows[place][k] for a in rows[place]]
-        for i in range(n):
-            if i != place and rows[i][k] != 0:
-                factor = rows[i][k]
-                rows[i] = [a - factor * c for a, c in zip(rows[i], rows[place], strict=True)]
-        pivots.append(k)
+    """Vectors that span what a square matrix maps to 0."""
+    rows, n = [list(row) for row in matrix], len(matrix)
+    pivots = _reduce(rows, n)
     basis = []
     for k in range(n):
         if k not in pivots:
-            vector = [NOUGHT] * n
-            vector[k] = Fraction(1)
-            for place, pivot in enumerate(pivots):
-                vector[pivot] = -rows[place][k]
+            vector = [Fraction(i == k) for i in range(n)]
+            for row, pivot in zip(rows, pivots, strict=False):
+                vector[pivot] = -row[k]
             basis.append(vector)
     return basis
+
+
+def _reduce(rows: list[Numbers], columns: int) -> list[int]:
+    """Bring the first columns to reduced echelon form, in place; those of the pivots."""
+    pivots: list[int] = []
+    for k in range(columns):
+        place = len(pivots)
+        found = next((i for i in range(place, len(rows)) if rows[i][k] != 0), None)
+        if found is None:
+            continue
+        rows[place], rows[found] = rows[found], rows[place]
+        rows[place] = [a / rows[place][k] for a in rows[place]]
+        for i, row in enumerate(rows):
+            if i != place and row[k] != 0:
+                rows[i] = [a - row[k] * c for a, c in zip(row, rows[place], strict=True)]
+        pivots.append(k)
+    return pivots
 
 
 def _dot(v: Sequence[Scalar], w: Sequence[Scalar]) -> Scalar:

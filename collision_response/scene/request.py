@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple, TypeVar
 
 from .. import on_balls, validity
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..status import ImpactError, StatusCode
 from .clusters import Pair
+
+T = TypeVar("T")
 
 
 class Request(NamedTuple):
@@ -103,10 +105,8 @@ def as_floats(
             lost.append(error)
             return x
 
-        try:
-            floats[a], floats[b], touches[i] = on_balls.read(bodies[a], bodies[b], contacts[i], read)
-        except TypeError as error:
-            raise TypeError(named(str(error), name)) from None
+        given = bodies[a], bodies[b], contacts[i], read
+        floats[a], floats[b], touches[i] = in_words_of_scene(name, on_balls.read, *given)
         if any(lost):
             reason = (
                 "a number of it, or of its bodies, is no float: give fractions.Fraction for exact numbers"
@@ -123,7 +123,7 @@ class Name(NamedTuple):
     body_b: int
 
 
-def named(text: str, name: Name) -> str:
+def _named(text: str, name: Name) -> str:
     """A message about one impact, in the words of the scene."""
     fields = (("body_a", f"bodies[{name.body_a}]"), ("body_b", f"bodies[{name.body_b}]"))
     for word, place in (*fields, ("contact", f"contacts[{name.contact}]")):
@@ -132,17 +132,23 @@ def named(text: str, name: Name) -> str:
     return text
 
 
-def renamed(error: ImpactError, name: Name) -> ImpactError:
-    """An error about one impact, in the words of the scene."""
+def in_words_of_scene(name: Name, function: Callable[..., T], *arguments: Any) -> T:
+    """``function(*arguments)``, which is about one impact; its errors are in the words of the scene."""
+    try:
+        return function(*arguments)
+    except ImpactError as error:
+        raise _renamed(error, name) from None
+    except TypeError as error:
+        raise TypeError(_named(str(error), name)) from None
+
+
+def _renamed(error: ImpactError, name: Name) -> ImpactError:
     if error.code is StatusCode.NO_DYNAMIC_BODY:
         reason = f"one body must be dynamic; is {(name.body_a, name.body_b)}"
         return ImpactError(error.code, f"pairs[{name.contact}]", reason)
-    return ImpactError(error.code, named(error.field, name), error.reason)
+    return ImpactError(error.code, _named(error.field, name), error.reason)
 
 
 def check_contact(body_a: Body, body_b: Body, contact: Contact, name: Name) -> None:
     """Raises: ImpactError: what is wrong with one contact, or its bodies."""
-    try:
-        validity.check(body_a, body_b, contact, 0.0)
-    except ImpactError as error:
-        raise renamed(error, name) from None
+    in_words_of_scene(name, validity.check, body_a, body_b, contact, 0.0)

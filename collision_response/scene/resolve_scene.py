@@ -254,12 +254,8 @@ NOWHERE = Contact.of((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
 def _energy_of_untouched(place: int, body: Body) -> Scalar:
     """Of a body without contacts, which must be sound too."""
     try:
-        resolve(body, PROBE, NOWHERE)
+        request.in_words_of_scene(request.Name(-1, place, -1), resolve, body, PROBE, NOWHERE)
     except ImpactError as error:
         if error.code is not StatusCode.OUT_OF_RANGE:
-            raise ImpactError(
-                error.code, error.field.replace("body_a", f"bodies[{place}]"), error.reason
-            ) from None
-    except TypeError as error:
-        raise TypeError(str(error).replace("body_a", f"bodies[{place}]")) from None
+            raise
     return kinetic_energy(body)

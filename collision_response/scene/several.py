@@ -168,12 +168,8 @@ def _with_friction(scene: Request, i: int, law: Law) -> Contact:
     if law is Law.FRICTIONLESS:
         return contact._replace(friction=0.0)
     a, b = scene.pairs[i]
-    try:
-        mu = friction_at_first(scene.bodies[a], scene.bodies[b], contact, law, "contact")
-    except ImpactError as error:
-        raise request.renamed(error, Name(i, a, b)) from None
-    except TypeError as error:
-        raise TypeError(request.named(str(error), Name(i, a, b))) from None
+    given = scene.bodies[a], scene.bodies[b], contact, law
+    mu = request.in_words_of_scene(Name(i, a, b), friction_at_first, *given)
     return contact._replace(friction=mu)
 
 

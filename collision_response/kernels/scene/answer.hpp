@@ -2,12 +2,6 @@
 #pragma once
 #include "friction.hpp"
 
-inline std::vector<double> rounded(const DD* p, int count) {
-  std::vector<double> out(count);
-  for (int i = 0; i < count; ++i) out[i] = p[i].h;
-  return out;
-}
-
 // A size in the metric of kinetic energy, in the norm of error_bound: at most how many times it is.
 inline double in_norm(const double* body) {
   double mass = body[0], xx = body[1], xy = body[2], xz = body[3], yy = body[4], yz = body[5], zz = body[6];
@@ -102,10 +96,8 @@ inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<
     double speed = std::hypot(u_after[1], u_after[2]), back = u_before[1] * u_after[1] + u_before[2] * u_after[2];
     double friction = std::hypot(P[i][1], P[i][2]), most = touch.mu * p[i].h * touch.length;
     if (rubs) {
-      double x = touch.normal[0] / touch.length, y = touch.normal[1] / touch.length, z = touch.normal[2] / touch.length;
-      double sign = x < 0 ? -1 : 1, c = -1 / (sign + x), d = y * z * c;
-      double t1[3] = {-(sign * y), 1 + sign * (y * y * c), sign * d}, t2[3] = {-z, d, sign + z * z * c};
-      for (int k = 0; k < 3; ++k) push[k] += P[i][1] * t1[k] + P[i][2] * t2[k];
+      const auto axes = touch.axes();
+      for (int k = 0; k < 3; ++k) push[k] += P[i][1] * axes[1][k] + P[i][2] * axes[2][k];
     }
     double normal = p[i].h * touch.length * (u_before[0] + u_after[0]) / 2;
     double along = (P[i][1] * (u_before[1] + u_after[1]) + P[i][2] * (u_before[2] + u_after[2])) / 2;

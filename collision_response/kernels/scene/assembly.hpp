@@ -4,6 +4,7 @@
 // Impulses p are numbers of double-double, without error: they are what was chosen. What they do, v = v0 + M^-1 N p
 // and u = u0 + A p, is computed from them with a bound, each time from the start.
 #pragma once
+#include <array>
 #include <vector>
 
 #include "../numbers.hpp"
@@ -78,7 +79,20 @@ struct Touch {
   N reach[2][6], response[2][6];  // with the sign of the side
   N velocity;                     // before, times the length of the normal
   Plain plain[3];                 // along the unit normal and two tangents
+
+  // These (Duff et al. 2017).
+  std::array<std::array<double, 3>, 3> axes() const {
+    double x = normal[0] / length, y = normal[1] / length, z = normal[2] / length;
+    double sign = x < 0 ? -1 : 1, c = -1 / (sign + x), d = y * z * c;
+    return {{{x, y, z}, {-(sign * y), 1 + sign * (y * y * c), sign * d}, {-z, d, sign + z * z * c}}};
+  }
 };
+
+inline std::vector<double> rounded(const DD* p, int count) {
+  std::vector<double> out(count);
+  for (int i = 0; i < count; ++i) out[i] = p[i].h;
+  return out;
+}
 
 struct Assembly {
   int count = 0, bodies = 0;
@@ -123,14 +137,12 @@ struct Assembly {
     ++count;
   }
 
-  // The same along unit vectors, in doubles: the normal and two tangents (Duff et al. 2017).
+  // The same along unit vectors, in doubles.
   void add_plain(const Given& a, const Given& b, Touch& touch) {
-    double x = touch.normal[0] / touch.length, y = touch.normal[1] / touch.length, z = touch.normal[2] / touch.length;
-    double sign = x < 0 ? -1 : 1, c = -1 / (sign + x), d = y * z * c;
-    double axes[3][3] = {{x, y, z}, {-(sign * y), 1 + sign * (y * y * c), sign * d}, {-z, d, sign + z * z * c}};
+    const auto axes = touch.axes();
     const Given* both[2] = {&a, &b};
     for (int axis = 0; axis < 3; ++axis) {
-      const double* n = axes[axis];
+      const double* n = axes[axis].data();
       double velocity[2] = {0, 0};
       for (int side = 0; side < 2; ++side) {
         const Given& body = *both[side];
@@ -168,24 +180,19 @@ struct Assembly {
     return out[0];
   }
 
-  // Sum of what acts on the bodies that two contacts share.
-  template <class Reach, class Response>
-  double coupling(const Touch& i, const Touch& j, Reach reach, Response response) const {
-    double sum = 0;
-    for (int a = 0; a < 2; ++a)
-      for (int b = 0; b < 2; ++b)
-        if (i.body[a] >= 0 && i.body[a] == j.body[b])
-          for (int k = 0; k < 6; ++k) sum += high(reach(i, a, k)) * high(response(j, b, k));
-    return sum;
-  }
-
   // After the last contact.
   void finish() {
     A.assign(static_cast<size_t>(count) * count, 0);
-    auto reach = [](const Touch& t, int side, int k) { return t.reach[side][k]; };
-    auto response = [](const Touch& t, int side, int k) { return t.response[side][k]; };
+    auto coupling = [](const Touch& i, const Touch& j) {  // by the bodies that they share
+      double sum = 0;
+      for (int a = 0; a < 2; ++a)
+        for (int b = 0; b < 2; ++b)
+          if (i.body[a] >= 0 && i.body[a] == j.body[b])
+            for (int k = 0; k < 6; ++k) sum += high(i.reach[a][k]) * high(j.response[b][k]);
+      return sum;
+    };
     for (int i = 0; i < count; ++i)
-      for (int j = 0; j <= i; ++j) A[i * count + j] = A[j * count + i] = coupling(touches[i], touches[j], reach, response);
+      for (int j = 0; j <= i; ++j) A[i * count + j] = A[j * count + i] = coupling(touches[i], touches[j]);
     for (int i = 0; i < count; ++i) touches[i].scale = 1 / std::sqrt(A[i * count + i]);
     for (int i = 0; i < count; ++i)
       for (int j = 0; j < count; ++j)
@@ -390,12 +397,6 @@ struct Assembly {
     parting = std::sqrt(square) * (1 + 1e-9);
   }
 
-  static std::vector<double> rounded(const std::vector<DD>& p) {
-    std::vector<double> out;
-    for (const DD& x : p) out.push_back(x.h);
-    return out;
-  }
-
   // Of all impulses that do the same, p + Z z >= 0, those of least sum of n.n p^2; `shared`: over all copies. Whether
   // there are others.
   bool least_norm(std::vector<double>& p, bool shared) const {
@@ -441,7 +442,7 @@ struct Assembly {
         basis.solve(w.data());
         for (size_t m = 0; m < w.size(); ++m) z[basis.members[m]] = z[basis.members[m]] + DD{w[m] * scale[basis.members[m]], 0};
       }
-      if (std::fabs(square) < 1e-26) found.push_back(rounded(z));
+      if (std::fabs(square) < 1e-26) found.push_back(rounded(z.data(), count));
     }
     if (found.empty()) return false;
     int k = static_cast<int>(found.size());

@@ -2,6 +2,7 @@
 #pragma once
 #include <array>
 
+#include "../gather.hpp"
 #include "answer.hpp"
 #include "reflections.hpp"
 #include "validity_everything.hpp"
@@ -35,6 +36,27 @@ struct Parts {
     return true;
   }
 };
+
+// The parts of a cluster whose contacts are listed: bodies get their places as they come. `place` is -1 for all bodies,
+// and so again afterwards; `used` gets the bodies. body(b, x) and contact(k, x) give numbers.
+template <class Body, class Contact>
+Parts parts_of(const Pairs& pairs, const std::int64_t* first, const std::int64_t* last, std::vector<int>& place, std::vector<std::int64_t>& used, Body body, Contact contact) {
+  Parts parts;
+  auto place_of = [&](std::int64_t b) {
+    if (place[b] < 0) {
+      place[b] = static_cast<int>(used.size());
+      used.push_back(b);
+      body(b, parts.bodies.emplace_back().data());
+    }
+    return place[b];
+  };
+  for (auto k = first; k != last; ++k) {
+    parts.contacts.push_back({{place_of(pairs.a[*k]), place_of(pairs.b[*k])}, {}, 1});
+    contact(*k, parts.contacts.back().x);
+  }
+  for (std::int64_t b : used) place[b] = -1;
+  return parts;
+}
 
 struct Cluster {
   Assembly scene;

@@ -1,6 +1,5 @@
 // Many clusters from tables.
 #pragma once
-#include "../gather.hpp"
 #include "cluster.hpp"
 
 // What is asked, as in resolve_scenes.py, and where the answers go. A quantity of bodies or contacts is a row.
@@ -26,14 +25,14 @@ class ManyClusters {
   void answer(long cluster) {
     first = many.order + many.starts[cluster];
     last = many.order + many.starts[cluster + 1];
-    Parts parts;
     used.clear();
-    for (auto k = first; k != last; ++k) {
-      Parts::Contact contact{{place_of(many.pairs.a[*k], parts), place_of(many.pairs.b[*k], parts)}, {}, 1};
-      for (int i = 0; i < 8; ++i) contact.x[i] = many.table.contact[i] < 0 || many.table.contact[i] >= many.rows ? 0 : many.contacts[many.table.contact[i] * many.count + *k];
-      parts.contacts.push_back(contact);
-    }
-    for (std::int64_t body : used) place[body] = -1;
+    auto body = [this](std::int64_t b, double* x) {
+      for (int i = 0; i < BODY; ++i) x[i] = many.table.body[i] < 0 ? many.table.body[i] == -2 : many.bodies[many.table.body[i] * many.pairs.bodies + b];
+    };
+    auto contact = [this](std::int64_t k, double* x) {
+      for (int i = 0; i < 8; ++i) x[i] = many.table.contact[i] < 0 || many.table.contact[i] >= many.rows ? 0 : many.contacts[many.table.contact[i] * many.count + k];
+    };
+    Parts parts = parts_of(many.pairs, first, last, place, used, body, contact);
     many.status[cluster] = parts.has_copies() ? LEFT_TO_PYTHON : answer(cluster, parts);
   }
 
@@ -42,16 +41,6 @@ class ManyClusters {
   std::vector<int> place;          // in the cluster, of each body; -1: not of it
   std::vector<std::int64_t> used;  // the bodies of the cluster
   const std::int64_t *first, *last;
-
-  int place_of(std::int64_t body, Parts& parts) {
-    if (place[body] < 0) {
-      place[body] = static_cast<int>(used.size());
-      used.push_back(body);
-      parts.bodies.emplace_back();
-      for (int i = 0; i < BODY; ++i) parts.bodies.back()[i] = many.table.body[i] < 0 ? many.table.body[i] == -2 : many.bodies[many.table.body[i] * many.pairs.bodies + body];
-    }
-    return place[body];
-  }
 
   Code answer(long number, Parts& parts) {
     Cluster cluster(parts, many.asked.law == LAW_FRICTIONLESS);

@@ -80,7 +80,7 @@ class Reflections {
       most = std::fmax(most, touch.e);
     }
     if (least >= most) return most;
-    std::vector<double> shared = Assembly::rounded(q);
+    std::vector<double> shared = rounded(q.data(), scene.count);
     bool is_unique = !scene.least_norm(shared, false);
     N above = exact(0.0), below = exact(0.0);
     for (int i = 0; i < scene.count; ++i) {

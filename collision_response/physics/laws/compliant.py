@@ -52,7 +52,6 @@ spheres", Wear 38 (1976), for what the bilinear springs stand in for.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from ...numbers.number import (
     Scalar,
@@ -66,6 +65,7 @@ from ...numbers.number import (
     lesser,
     negation,
     square_root,
+    values,
     varying_as,
     widened,
 )
@@ -125,8 +125,8 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
         lambda: greater(lesser(SHARE * tolerance, COARSEST + o), TOLERANCE + o),
         lambda: TOLERANCE + o,
     )
-    springs = _values(Springs(A11, A12, A22, b1, b2, s, across, mu, kappa, e, tolerance))
-    y = iterate(_values(_start(springs)), lambda y: y.going > 0, lambda y: step(springs, y), STEPS)
+    springs = values(Springs(A11, A12, A22, b1, b2, s, across, mu, kappa, e, tolerance))
+    y = iterate(_start(springs), lambda y: y.going > 0, lambda y: step(springs, y), STEPS)
 
     # The rest of the way, straight. All of this are values: the bound counts what is off.
     plastic, u_n = e < LEAST, certain(springs.velocity(y.P1, y.P2, y.Pn)[2])
@@ -201,7 +201,3 @@ def _start(springs: Springs) -> Course:
     return Course(
         a1, a2, F, -mu * P * slip, -mu * P * turned * slip, P, slip, o, F, h, one, one, o, sticks, o
     )
-
-
-def _values(state: Any) -> Any:
-    return type(state)(*(certain(x) for x in state))

@@ -24,9 +24,6 @@ class Tangential(NamedTuple):
     def __add__(self, other: Tangential) -> Tangential:  # type: ignore[override]
         return Tangential(self[0] + other[0], self[1] + other[1])
 
-    def __sub__(self, other: Tangential) -> Tangential:
-        return Tangential(self[0] - other[0], self[1] - other[1])
-
     def __mul__(self, factor: Scalar) -> Tangential:
         return Tangential(self[0] * factor, self[1] * factor)
 
@@ -35,10 +32,6 @@ class Tangential(NamedTuple):
 
     def __truediv__(self, divisor: Scalar) -> Tangential:
         return self * (1 / divisor)
-
-    def value(self) -> Tangential:
-        """Without errors."""
-        return Tangential(certain(self[0]), certain(self[1]))
 
     def dot(self, other: Tangential) -> Scalar:
         """The scalar product."""

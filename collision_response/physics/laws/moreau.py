@@ -48,6 +48,7 @@ from ...numbers.number import (
     error_of,
     fixed,
     negation,
+    values,
     varying_as,
     widened,
 )
@@ -92,10 +93,10 @@ def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
 
     sticks = is_held(spare, slope)
     sliding = Sliding(v, w * h, h, h * h * det, mu_beta)
-    root = sliding.value().solution(
+    root = values(sliding).solution(
         certain(spare * h), certain(slope),
         (certain(approach) > 0) & negation(is_held(certain(spare), certain(slope))),
-        mu, (u * unit * share).value(), certain((1 - e) * approach * unit * share),
+        mu, values(u * unit * share), certain((1 - e) * approach * unit * share),
     )  # fmt: skip
     doubt = sliding.doubt(root.sigma)
     known = (doubt < 1) & (root.open == 0)

@@ -54,7 +54,7 @@ Friction", J. Appl. Mech. 53 (1986); Stronge, "Rigid body collisions with fricti
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ...numbers.number import (
     Condition,
@@ -69,6 +69,7 @@ from ...numbers.number import (
     relative_exponential,
     relative_logarithm,
     square_root,
+    values,
     varying_as,
     widened,
 )
@@ -120,11 +121,6 @@ class Root(NamedTuple):
     step: Scalar
 
 
-def _values(state: Any) -> Any:
-    """Every number without its error."""
-    return type(state)(*(certain(x) for x in state))
-
-
 def _length(v1: Scalar, v2: Scalar) -> Scalar:
     return square_root(v1 * v1 + v2 * v2)
 
@@ -154,9 +150,7 @@ def ray_from_rest(path: Path, mu: Scalar) -> Ray:
 
     low = choose(sticks, lambda: 0 * one, lambda: greater(1 - value * trace, 0 * one))
     start = Root(low, choose(sticks, lambda: 0 * one, lambda: one))
-    root = iterate(
-        _values(start), lambda root: root.step > 1e-15 * (root.G + value * trace), climb, RAY_STEPS
-    )
+    root = iterate(start, lambda root: root.step > 1e-15 * (root.G + value * trace), climb, RAY_STEPS)
     G = certain(root.G)
     G = varying_as(G, lambda: climb(Root(fixed(G), G)).G)
     z1, z2 = solve(G, k, a1, a2)
@@ -260,8 +254,8 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
     rises = choose(starts_stuck, lambda: varying_as(o - 1, lambda: -(b1 * h1 + b2 * h2)), lambda: o - 1)
     pace = 0.3 / (c * (abs(b1) + abs(b2)) + m * (A11 + A22) + 1e-300)
     first = Turn(d1, d2, s, rises, o, o, o, o, o, o, o, pace, o, o, o, o, s, 1 + o, o - 1)
-    values = path._replace(c=certain(c), m=certain(m))
-    y = iterate(outlook(values, _values(first)), lambda y: y.left > 0, lambda y: step(values, y), STEPS)
+    exact = path._replace(c=certain(c), m=certain(m))
+    y = iterate(outlook(exact, values(first)), lambda y: y.left > 0, lambda y: step(exact, y), STEPS)
     turned, over = y.doubt > 0, y.p_c > 0
     s1, s2 = choose(turned, lambda: y.t1, lambda: d1), choose(turned, lambda: y.t2, lambda: d2)
     s = choose(turned, lambda: y.s, lambda: s)

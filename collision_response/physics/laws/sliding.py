@@ -95,12 +95,6 @@ class Sliding(NamedTuple):
     hhD: Scalar
     mu_beta: Tangential
 
-    def value(self) -> Sliding:
-        """Without errors."""
-        return Sliding(
-            self.v.value(), self.hw.value(), certain(self.h), certain(self.hhD), self.mu_beta.value()
-        )
-
     def x(self, sigma: Scalar) -> Tangential:
         """The direction of the slip that remains, of some length."""
         return self.v * sigma + self.hw
