@@ -228,4 +228,4 @@ class InverseTensor(NamedTuple):
 
 
 ZERO_TENSOR = Symmetric3(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-UNIT = Symmetric3(1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
+UNIT = Symmetric3(1, 0, 0, 1, 0, 1)

@@ -60,4 +60,4 @@ def as_vector(field: str, values: Sequence[Scalar]) -> Vec3:
 
 
 ZERO = Vec3(0.0, 0.0, 0.0)
-AXES = Vec3(1.0, 0.0, 0.0), Vec3(0.0, 1.0, 0.0), Vec3(0.0, 0.0, 1.0)
+AXES = Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1)
