@@ -36,7 +36,7 @@ from collision_response.numbers.number import (
     square_root,
     widened,
 )
-from collision_response.physics.laws import Settings
+from collision_response.physics.laws import LAWS, Settings
 from collision_response.physics.laws.chatterjee_ruina import fallback
 from collision_response.status import StatusCode
 
@@ -480,6 +480,36 @@ def test_a_traced_law_rounds_as_the_law(law, layout):
         assert [once[place] for place in places] == values(direct)
         compared += direct.flags.separating is False
     assert compared >= 3
+
+
+TEST = re.compile(r"may_hold\((?:(negation)\()?(t\d+)\)")
+WRITTEN = re.compile(r"(?:const auto )?(t\d+) = ")
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_no_test_reads_what_was_not_computed(law):
+    """What is computed only where a condition may hold is asked only after that condition."""
+    tests = 0
+    for _, text in programs.headers(law.name.lower()):
+        known: dict[str, frozenset] = {}  # of each name: where it is computed
+        blocks: list[frozenset] = [frozenset()]
+        for line in map(str.strip, text.splitlines()):
+            if line.startswith("}"):
+                blocks.pop()
+            if line.startswith("template"):
+                known = {}
+            if name := WRITTEN.match(line):
+                known[name[1]] = blocks[-1]
+            asked = blocks[-1]
+            is_choice = line.startswith(("if (!", "else"))
+            for negated, name in TEST.findall(line):
+                assert known[name] <= asked, line
+                tests += 1
+                if not is_choice:
+                    asked |= {(name, not negated)}
+            if line.endswith("{"):
+                blocks.append(asked)
+    assert tests > 100
 
 
 def test_every_layout_of_every_law_is_written():

@@ -303,11 +303,14 @@ class _Scope:
             return None if by is None or _positive(self.tape, by)[0] not in branched else by
 
         places = [place for place in self._order() if nodes[place].op not in (*CONSTANTS, "part", "result")]
+        written = {place: i for i, place in enumerate(places)}
         for guard, block in groupby(places, lambda place: self.guards.get(place, ALWAYS)):
             together = list(block)
             if guard:
                 yield from map(self._declaration, together)
-                yield f"if ({' && '.join(self._may_be(*one) for one in sorted(guard))}) {{"
+                # As they were written: one may be there only if those before it hold.
+                tests = sorted(guard, key=lambda one: written.get(one[0], -1))
+                yield f"if ({' && '.join(self._may_be(*one) for one in tests)}) {{"
             for by, some in groupby(together, choice):
                 alike = list(some)
                 if by is not None:
