@@ -198,6 +198,15 @@ def test_states_lost_on_the_way_are_counted():
     assert len([report for report in heard.reports if "did not arrive" in report]) == 1
 
 
+def test_who_loses_tables_is_told_what_helps_with_tables():
+    heard = Heard()
+    heard.hear(table(["a"]), number=1)
+    heard.hear(table(["a"]), number=4)
+    assert heard.reports == [
+        "tables were sent and did not arrive, 2 messages in all: large ones need reliable QoS: see docs/ros.md"
+    ]
+
+
 def test_two_publishers_of_one_name_are_reported_once():
     heard = Heard()
     for publisher in (1, 2, 1, 2, 1):

@@ -90,7 +90,7 @@ class LatestStates:
 
     def hear(self, message: bytes, info: Any) -> SerializedState | None:
         """Take note of a ``BodyState``. One without a name could not be asked for, and is passed over."""
-        publisher = self._count(info)
+        publisher = self._count(info, "states", "publish fewer, or as BodyStates")
         state = self._read(SerializedState, message)
         if state is None or not state.name:
             return None
@@ -114,7 +114,7 @@ class LatestStates:
 
         Where publishers are unknown, it stands for the one before it of the same bodies.
         """
-        publisher = self._count(info)
+        publisher = self._count(info, "tables", "large ones need reliable QoS: see docs/ros.md")
         table = self._read(SerializedTable, message)
         if table is None:
             return
@@ -175,8 +175,8 @@ class LatestStates:
         self.overtaken += 1
         return False
 
-    def _count(self, info: Any) -> bytes:
-        """The publisher of a message; messages between this and its last one were lost.
+    def _count(self, info: Any, kind: str, advice: str) -> bytes:
+        """The publisher of a message; messages between this and its last one were lost, of which it tells.
 
         Empty, and nothing told of losses, where rclpy does not say whose it is: that of Jazzy.
         """
@@ -190,8 +190,8 @@ class LatestStates:
         elif last is not None and number > last + 1:
             self.lost += number - last - 1
             self._report(
-                "lost",
-                f"{self.lost} states in all were sent and did not arrive: publish fewer, or as BodyStates",
+                f"lost {kind}",
+                f"{kind} were sent and did not arrive, {self.lost} messages in all: {advice}",
             )
         self._counts[publisher] = number
         return publisher
