@@ -202,9 +202,10 @@ def test_who_loses_tables_is_told_what_helps_with_tables():
     heard = Heard()
     heard.hear(table(["a"]), number=1)
     heard.hear(table(["a"]), number=4)
-    assert heard.reports == [
-        "tables were sent and did not arrive, 2 messages in all: large ones need reliable QoS: see docs/ros.md"
-    ]
+    (report,) = heard.reports
+    assert report.startswith(
+        "tables were sent and did not arrive, 2 messages in all: large ones need reliable QoS"
+    )
 
 
 def test_two_publishers_of_one_name_are_reported_once():
