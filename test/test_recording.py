@@ -468,6 +468,12 @@ def test_an_entry_that_cannot_be_written_is_a_gap_and_the_rest_is_there(tmp_path
     assert last == f"recording {recorder.path} lacks 3 entries, which cannot be written"
 
 
+def test_there_is_no_wait_too_long(tmp_path):
+    recorder = Recorder(tmp_path, pytest.fail)
+    recorder.close(1e10)
+    verify(recorder.path)
+
+
 def test_a_directory_that_cannot_be_is_reported_once(tmp_path):
     (tmp_path / "file").touch()
     problems = []

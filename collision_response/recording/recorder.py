@@ -143,7 +143,7 @@ class Recorder:
         self._closing.set()
         self._due.set()
         self._queue.put(None)
-        self._worker.join(timeout)
+        self._worker.join(min(timeout, threading.TIMEOUT_MAX))
         if self._worker.is_alive():
             self._report(f"recording {self.path} is not complete: the disk took more than {timeout:g} s")
         if self.dropped:
