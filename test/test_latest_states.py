@@ -38,6 +38,12 @@ class Heard:
         else:
             self.states.hear(message, info)
 
+    def knows(self, name):
+        try:
+            return self.states.find("body_a.name", name) is not None
+        except ImpactError:
+            return False
+
     def speed(self, name="left"):
         return self.states.find("body_a.name", name).state.twist.linear.x
 
@@ -172,6 +178,17 @@ def test_beyond_the_greatest_number_of_bodies_the_stalest_are_forgotten():
     with pytest.raises(ImpactError):
         heard.speed("b")
     assert heard.states.evicted == 1
+    assert any("max_bodies" in report for report in heard.reports)
+
+
+def test_tables_of_more_bodies_than_that_are_forgotten_the_stalest_first():
+    heard = Heard(most=4)
+    for publisher, names in (1, "ab"), (2, "cd"), (1, "ab"), (3, "ef"):
+        heard.hear(table([*names]), publisher)
+    assert [name for name in "abcdef" if heard.knows(name)] == [*"abef"]
+    heard.hear(table([*"ghijk"]), publisher=3)
+    assert [name for name in "abcdefghijk" if heard.knows(name)] == [*"ab"]
+    assert heard.states.evicted == 2 + 5
     assert any("max_bodies" in report for report in heard.reports)
 
 

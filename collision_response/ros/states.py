@@ -60,7 +60,7 @@ class LatestStates:
         evicted: number of bodies forgotten because there were too many.
 
     Args:
-        most: the number of bodies to remember; those that were heard of last.
+        most: the number of bodies to remember, and as many in tables; those that were heard of last.
         now: the time by the node's clock [ns].
         take_all: takes what waits on the subscriptions.
         report: told what a person should know: what it is about, of which he need not hear all the time, and
@@ -119,11 +119,16 @@ class LatestStates:
         if table is None:
             return
         whose = publisher or tuple(table.columns)
-        old = self._tables.get(whose)
-        if old is None or self._is_later(table, old):
-            self._tables[whose] = table
-        if len(self._tables) > PUBLISHERS // 10:
-            del self._tables[next(iter(self._tables))]
+        old = self._tables.pop(whose, None)
+        if table.size > self._most:
+            self._tell_evicted(table.size)
+            return
+        self._tables[whose] = table if old is None or self._is_later(table, old) else old
+        while (
+            len(self._tables) > PUBLISHERS // 10
+            or sum(known.size for known in self._tables.values()) > self._most
+        ):
+            self._tell_evicted(self._tables.pop(next(iter(self._tables))).size)
 
     def cannot_take(self, error: Exception) -> None:
         """Take note of a message that could not even be taken."""
@@ -208,8 +213,8 @@ class LatestStates:
     def _make_room(self) -> None:
         if len(self._by_name) > self._most:
             del self._by_name[next(iter(self._by_name))]
-            self.evicted += 1
-            self._report(
-                "evicted",
-                f"more than {self._most} bodies: the stalest are forgotten; see max_bodies",
-            )
+            self._tell_evicted(1)
+
+    def _tell_evicted(self, bodies: int) -> None:
+        self.evicted += bodies
+        self._report("evicted", f"more than {self._most} bodies: the stalest are forgotten; see max_bodies")
