@@ -202,6 +202,16 @@ def test_messages_do_not_grow_with_the_names_they_quote():
     assert "000000" in str(caught.value) and str(caught.value).endswith(", ...")
 
 
+def test_bodies_of_tables_are_among_those_heard_of():
+    heard = Heard()
+    heard.hear(table(["a", "b"]))
+    with pytest.raises(ImpactError, match=r"heard of: a, b$"):
+        heard.speed("c")
+    heard.hear(left(0.0))
+    with pytest.raises(ImpactError, match=r"heard of: left, a, b$"):
+        heard.speed("c")
+
+
 # losses and publishers
 
 

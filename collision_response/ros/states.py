@@ -7,7 +7,7 @@ the rest takes ten times as long.
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import islice
+from itertools import chain, islice
 from typing import Any, NamedTuple
 
 from ..msg import BodyState
@@ -161,8 +161,9 @@ class LatestStates:
         self._tables.clear()
 
     def _unknown(self, name: str) -> str:
-        some = [quoted(known)[1:-1] for known in islice(self._by_name, 10)]
-        more = ", ..." if len(self._by_name) > len(some) else ""
+        every = chain(self._by_name, *(table.columns for table in self._tables.values()))
+        some = [quoted(known)[1:-1] for known in islice(every, 10)]
+        more = ", ..." if next(every, None) is not None else ""
         heard_of = f"{', '.join(some) or 'no body'}{more}"
         return f"is {quoted(name)}, of which no state has been received; heard of: {heard_of}"
 
