@@ -70,6 +70,11 @@ def test_it_answers_another_process_and_ends_on_a_signal(graph, start, number):
         (("--params-file", "/nowhere/to/be/found.yaml"), "found.yaml"),
         (("-p", "=1"), "=1"),
         (
+            ("-p", "body_state_topics:=[]"),
+            "a parameter is a list without entries, which has no type; for none write ['']",
+        ),
+        (("bogus", "--bogus"), "there are no such arguments: ['bogus', '--bogus']"),
+        (
             ("-p", "recording.file:=../../x.rrd"),
             "must be a plain file name, without a directory; is '../../x.rrd'",
         ),

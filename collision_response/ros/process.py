@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
@@ -29,6 +30,8 @@ BREATH = 0.001
 class Unusable(Exception):
     """What a node needs to start is not there; the message is for a person."""
 
+
+UnknownArguments: type[Exception] = rclpy_implementation.UnknownROSArgsError
 
 NOT_ALLOWED = (Unusable, ParameterException, NameValidationException, RCLError)
 """What a start raises with arguments that are not allowed, or of no use here."""
@@ -53,6 +56,16 @@ def run(
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make()
+    except UnknownArguments as error:
+        print("collision_response: there are no such arguments:", error, file=sys.stderr)
+        return 1
+    except ValueError as error:
+        if "PARAMETER_NOT_SET" not in str(error):  # so rclpy says it, and not of which parameter
+            raise
+        reason = "a parameter is a list without entries, which has no type; for none write ['']"
+        print("collision_response:", reason, file=sys.stderr)
+        rclpy.try_shutdown()
+        return 1
     except NOT_ALLOWED as error:
         print("collision_response:", *str(error).split(), file=sys.stderr)  # on one line
         rclpy.try_shutdown()
