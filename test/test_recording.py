@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import threading
+import warnings
 from collections import defaultdict
 from pathlib import Path
 from types import SimpleNamespace
@@ -438,6 +439,18 @@ def test_an_impact_whose_effective_mass_is_below_all_floats_has_no_arrow(tmp_pat
     (*_, of_far), (*_, of_next) = read(path, "/world/contact", "Arrows3D:vectors")
     assert of_far[1] == [0.0, 0.0, 0.0]
     assert of_next[1] == pytest.approx([0.0, 0.0, 0.45])
+
+
+def test_what_float32_cannot_hold_is_drawn_without_a_warning(tmp_path):
+    fast = impact(1)
+    fast = fast._replace(body_a=fast.body_a._replace(velocity=Vec3(1e100, 0.0, -1e100)))
+    fast = fast._replace(impact=resolve(fast.body_a, fast.body_b, fast.contact))
+    path = tmp_path / "a.rrd"
+    with Writer(path, Recording()) as writer, warnings.catch_warnings():
+        warnings.simplefilter("error")
+        writer.write([fast])
+    ((_, _, values),) = read(path, "/impact/impulse", "Scalars:scalars")
+    assert values[0] == pytest.approx(3e100)
 
 
 def test_a_scene_of_bodies_without_mass_has_no_arrow(tmp_path):
