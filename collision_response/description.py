@@ -13,7 +13,7 @@ without ``inertial`` has no mass in URDF, and 1 kg in SDF.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -63,6 +63,7 @@ class Description(NamedTuple):
     joints: tuple[Joint, ...]
 
     @classmethod
+    @np.errstate(over="ignore", invalid="ignore")  # what floats cannot hold is refused by name
     def read(cls, text: str) -> Description:
         """From the text of a URDF, or of an SDF with one model.
 
@@ -83,6 +84,7 @@ class Description(NamedTuple):
             )
         return cls(models[0].get("name", ""), *_sdf(models[0]))
 
+    @np.errstate(over="ignore", invalid="ignore")  # what floats cannot hold is refused by name
     def mass_properties(self, link: str, *, locked: bool = False) -> MassProperties:
         """Of the body that a link belongs to, in axes of the link.
 
@@ -91,7 +93,7 @@ class Description(NamedTuple):
             locked: whether movable joints hold, too.
 
         Raises:
-            ValueError: there is no such link, or the body has no mass.
+            ValueError: there is no such link, or the body has no mass, or more than floats can hold.
         """
         if link not in self.inertials:
             raise ValueError(f"{self.name!r} has no link {link!r}; it has {', '.join(self.inertials)}")
@@ -101,6 +103,8 @@ class Description(NamedTuple):
             raise ValueError(f"link {link!r} of {self.name!r} has no mass")
         com = sum(part.mass * part.com for part in parts) / mass
         inertia = sum(part.inertia + part.mass * _second_moment(part.com - com) for part in parts)
+        if not np.isfinite([mass, *com, *np.ravel(inertia)]).all():
+            raise ValueError(f"link {link!r} of {self.name!r} has a mass or an inertia beyond all floats")
         rows = [[float(x) for x in row] for row in inertia]
         return MassProperties(mass, Vec3(*map(float, com)), Symmetric3.of(rows))
 
@@ -164,17 +168,23 @@ def _sdf(model: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
             raise ValueError(f"model {model.get('name')!r}: a <{tag}> inside a model is not supported")
     places = {e.get("name", ""): e for tag in ("link", "joint", "frame") for e in model.iterfind(tag)}
 
-    def place(name: str, trail: tuple[str, ...] = ()) -> Pose:
+    known = {MODEL: np.eye(4)}
+
+    def place(name: str) -> Pose:
         """Of a link, joint or frame, in axes of the model."""
-        if name == MODEL:
-            return np.eye(4)
-        if name not in places or name in trail:
-            raise ValueError(f"the pose of {trail[-1]!r} is relative to {name!r}, which has none")
-        element = places[name]
-        pose = element.find("pose")
-        usual = element.findtext("child") if element.tag == "joint" else element.get("attached_to")
-        base = (None if pose is None else pose.get("relative_to")) or usual or MODEL
-        return place(base, (*trail, name)) @ _sdf_pose(pose, f"{element.tag} {name!r}")
+        trail: dict[str, Pose] = {}
+        while name not in known:
+            if name not in places or name in trail:
+                raise ValueError(f"the pose of {[*trail][-1]!r} is relative to {name!r}, which has none")
+            element = places[name]
+            pose = element.find("pose")
+            trail[name] = _sdf_pose(pose, f"{element.tag} {name!r}")
+            usual = element.findtext("child") if element.tag == "joint" else element.get("attached_to")
+            name = (None if pose is None else pose.get("relative_to")) or usual or MODEL
+        base = known[name]
+        for name in reversed(trail):
+            base = known[name] = base @ trail[name]
+        return base
 
     inertials = {link.get("name", ""): _sdf_inertial(link) for link in model.iterfind("link")}
     joints = []
@@ -206,11 +216,27 @@ def _sdf_pose(pose: Element | None, where: str) -> Pose:
     if pose.get("rotation_format") == "quat_xyzw":
         numbers = _numbers(pose.text, 7, f"pose of {where}")
         matrix = _pose(numbers[:3], (0.0, 0.0, 0.0))
-        matrix[:3, :3] = Quaternion(*numbers[3:]).rotation()[:3]
+        matrix[:3, :3] = quaternion(numbers[3:], f"pose of {where}").rotation()[:3]
         return matrix
     numbers = _numbers(pose.text, 6, f"pose of {where}")
     unit = math.pi / 180 if pose.get("degrees") == "true" else 1.0
     return _pose(numbers[:3], [unit * angle for angle in numbers[3:]])
+
+
+def quaternion(numbers: Sequence[float], what: str) -> Quaternion:
+    """With a length between 1/2 and 2, so that its square is a float.
+
+    Args:
+        numbers: ``x y z w``, of any other length but 0.
+        what: they are, for the error.
+
+    Raises:
+        ValueError: they are 0, or not finite.
+    """
+    if not any(numbers) or not all(map(math.isfinite, numbers)):
+        raise ValueError(f"{what}: the quaternion must be finite and not 0, is {tuple(numbers)}")
+    exponent = math.frexp(max(map(abs, numbers)))[1]
+    return Quaternion(*(math.ldexp(x, -exponent) for x in numbers))
 
 
 def _pose(xyz: Any, rpy: Any) -> Pose:

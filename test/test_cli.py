@@ -161,6 +161,23 @@ contacts: [0, 0,  0, 0,  1, 1,  0.5, 0.5]"""
             ("model: {law: POINT}", "model.law: must be one of AUTO, FRICTIONLESS, COULOMB, "),
             ("[1, 2]", "the request: has the fields body_a, body_b, "),
             ("body_a: {", "while parsing a flow"),
+            ("[]", "the request: has the fields body_a, body_b, "),
+            ("0", "the request: has the fields body_a, body_b, "),
+            ("[" * 3000, "the request is nested too deeply"),
+            ("2001-02-30", "day is out of range for month"),
+            ("body_a: {motion_type: .inf}", "body_a.motion_type: must be a uint8, is inf"),
+            (f"body_a: {{inertia: {{m: 1{'0' * 400}}}}}", "body_a.inertia.m: must be a number, is 1000"),
+            ("body_a: {inertia: {m: true}}", "body_a.inertia.m: must be a number, is True"),
+            ("body_a: {name: null}", "body_a.name: must be text, is None: write it in quotes"),
+            ("body_a: {name: [a]}", "body_a.name: must be text, is ['a']: write it in quotes"),
+            (
+                'body_a: {name: "\\uD800"}',
+                "body_a.name: must be text in UTF-8, is '\\ud800': surrogates not allowed",
+            ),
+            (
+                f"body_a: {{inverse_inertia: {[1.0] * 37}}}",
+                "body_a.inverse_inertia: must have 36 entries at most, has 37",
+            ),
         ],
     )
     def test_a_request_that_cannot_be_sent_says_what_to_write(self, call, request_, says):
@@ -173,6 +190,34 @@ contacts: [0, 0,  0, 0,  1, 1,  0.5, 0.5]"""
         assert (code, wrong) == (2, "collision_response call: bodies[1]: must be a number, is 'two'\n")
         code, _, wrong = call("pairs: 3", "ResolveScene", "scene")
         assert (code, wrong) == (2, "collision_response call: pairs: must be a list in brackets, is 3\n")
+
+    def test_links_of_mechanisms(self, call):
+        """Of unit mass and moments."""
+        request = f"""
+body_a: {{inverse_inertia: {[float(i % 7 == 0) for i in range(36)]}, twist: {{linear: {{z: -3}}}}}}
+body_b: {{motion_type: 2.0}}
+contact: {{normal: {{z: 1}}, restitution: 0.5}}"""
+        code, said, wrong = call(request)
+        assert (code, wrong) == (0, "")
+        assert "(0, 0, 4.5)" in said
+
+    def test_truths(self, call):
+        request = "{layout: POINT, report: %s}"
+        assert call(request % "true", "ResolveCollisionBatch", "collision_batch")[::2] == (0, "")
+        code, _, wrong = call(request % "1", "ResolveCollisionBatch", "collision_batch")
+        assert (code, wrong) == (2, "collision_response call: report: must be true or false, is 1\n")
+
+    @pytest.mark.parametrize("timeout", ["nan", "inf", "1e30", "-1", "soon"])
+    def test_a_timeout_that_nobody_can_wait_for_is_refused(self, capsys, timeout):
+        with pytest.raises(SystemExit) as end:
+            main(["call", "{}", "--timeout", timeout])
+        assert end.value.code == 2
+        assert "argument --timeout: " in capsys.readouterr().err
+
+    def test_a_service_of_no_possible_name_is_refused(self, ros_domain, capsys):
+        assert main(["call", "{}", "--service", "a b"]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith("collision_response call: --service: Invalid service name")
 
     def test_without_a_node_it_says_how_to_start_one(self, ros_domain, capsys):
         assert main(["call", "{}", "--service", "/nobody", "--timeout", "0.1"]) == 3

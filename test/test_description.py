@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -161,12 +162,63 @@ def test_an_sdf_says_what_a_pose_is_relative_to():
             ),
             "the pose of 'g' is relative to 'f', which has none",
         ),
+        (
+            sdf(
+                "<link name='a'><inertial><pose rotation_format='quat_xyzw'>0 0 0 0 0 0 0</pose></inertial>",
+                "</link>",
+            ),
+            "pose of link 'a': the quaternion must be finite and not 0, is (0.0, 0.0, 0.0, 0.0)",
+        ),
     ],
 )
 def test_what_cannot_be_read_is_refused_by_name(text, message):
     with pytest.raises(ValueError) as refusal:
         Description.read(text)
     assert message in str(refusal.value)
+
+
+@pytest.mark.parametrize("length", [1.0, 1e-200, 1e200])
+def test_a_quaternion_may_have_any_length(length):
+    """A half turn about z."""
+    pose = f"<pose rotation_format='quat_xyzw'>0 0 0  0 0 {length} 0</pose>"
+    inertial = "<inertial><pose>1 0 0 0 0 0</pose></inertial>"
+    text = sdf(
+        f"<link name='a'/><link name='b'>{pose}{inertial}</link>",
+        "<joint name='j' type='fixed'><parent>a</parent><child>b</child></joint>",
+    )
+    assert body_of(text, "a").com == pytest.approx((-0.5, 0.0, 0.0), abs=ROUNDING)
+
+
+@pytest.mark.parametrize("count", [1, 10_000])
+def test_a_chain_of_frames_may_be_long(count):
+    frames = [
+        f"<frame name='f{i}' attached_to='f{i + 1}'><pose>0.5 0 0 0 0 0</pose></frame>" for i in range(count)
+    ]
+    text = sdf(
+        f"<link name='a'/><link name='b'><pose relative_to='f0'/></link><frame name='f{count}'/>",
+        *frames,
+        "<joint name='j' type='fixed'><parent>a</parent><child>b</child></joint>",
+    )
+    assert body_of(text, "a").com == Vec3(0.25 * count, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    "links",
+    [
+        (link("a", 1e308), link("b", 1e308)),
+        (link("a", 1.0), link("b", 1e10, xyz="1e300 0 0")),
+        (link("a", 1.0), link("b", 1.0, xyz="1e200 0 0")),
+    ],
+    ids=["mass", "centre of mass", "inertia"],
+)
+def test_what_floats_cannot_hold_is_refused_by_name(links):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        description = Description.read(urdf(*links, joint("a", "b")))
+        with pytest.raises(
+            ValueError, match="link 'a' of 'robot' has a mass or an inertia beyond all floats"
+        ):
+            description.mass_properties("a")
 
 
 def test_what_is_no_body_is_refused_by_name():

@@ -38,6 +38,12 @@ class Heard:
         else:
             self.states.hear(message, info)
 
+    def knows(self, name):
+        try:
+            return self.states.find("body_a.name", name) is not None
+        except ImpactError:
+            return False
+
     def speed(self, name="left"):
         return self.states.find("body_a.name", name).state.twist.linear.x
 
@@ -175,6 +181,17 @@ def test_beyond_the_greatest_number_of_bodies_the_stalest_are_forgotten():
     assert any("max_bodies" in report for report in heard.reports)
 
 
+def test_tables_of_more_bodies_than_that_are_forgotten_the_stalest_first():
+    heard = Heard(most=4)
+    for publisher, names in (1, "ab"), (2, "cd"), (1, "ab"), (3, "ef"):
+        heard.hear(table([*names]), publisher)
+    assert [name for name in "abcdef" if heard.knows(name)] == [*"abef"]
+    heard.hear(table([*"ghijk"]), publisher=3)
+    assert [name for name in "abcdefghijk" if heard.knows(name)] == [*"ab"]
+    assert heard.states.evicted == 2 + 5
+    assert any("max_bodies" in report for report in heard.reports)
+
+
 def test_messages_do_not_grow_with_the_names_they_quote():
     heard = Heard()
     for i in range(50):
@@ -183,6 +200,16 @@ def test_messages_do_not_grow_with_the_names_they_quote():
         heard.speed("x" * 10**6)
     assert len(str(caught.value)) < 2000
     assert "000000" in str(caught.value) and str(caught.value).endswith(", ...")
+
+
+def test_bodies_of_tables_are_among_those_heard_of():
+    heard = Heard()
+    heard.hear(table(["a", "b"]))
+    with pytest.raises(ImpactError, match=r"heard of: a, b$"):
+        heard.speed("c")
+    heard.hear(left(0.0))
+    with pytest.raises(ImpactError, match=r"heard of: left, a, b$"):
+        heard.speed("c")
 
 
 # losses and publishers
@@ -196,6 +223,16 @@ def test_states_lost_on_the_way_are_counted():
     heard.hear(left(0.0), publisher=2, number=71)
     assert heard.states.lost == 2
     assert len([report for report in heard.reports if "did not arrive" in report]) == 1
+
+
+def test_who_loses_tables_is_told_what_helps_with_tables():
+    heard = Heard()
+    heard.hear(table(["a"]), number=1)
+    heard.hear(table(["a"]), number=4)
+    (report,) = heard.reports
+    assert report.startswith(
+        "tables were sent and did not arrive, 2 messages in all: large ones need reliable QoS"
+    )
 
 
 def test_two_publishers_of_one_name_are_reported_once():

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import warnings
+from array import array
 from functools import partial
 from types import SimpleNamespace
 
@@ -23,14 +24,18 @@ from rclpy.parameter import Parameter
 from rclpy.service import Service
 from ros_graph import DEADLINE, balls_meet, until
 
-from collision_response import Geometry, ImpactError, ImpactModel, Precision, StatusCode
+from collision_response import Body, Contact, Geometry, ImpactError, ImpactModel, Precision, StatusCode
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.msg import BodyState
-from collision_response.ros import batches, clients, server
+from collision_response.ros import batches, clients, scenes, server
 from collision_response.ros.batch_client import pack, unpack
 from collision_response.ros.clients import Presence
 from collision_response.ros.intake import RCLError
+from collision_response.ros.patience import TOGETHER
+from collision_response.ros.scene_client import pack as pack_scene
+from collision_response.ros.scenes import MOST_BODIES
 from collision_response.ros.server import SERVICE_QOS
+from collision_response.ros.states import LatestStates
 from collision_response.srv import ResolveCollision
 
 EXTENDED = ImpactModel(precision=Precision.EXTENDED)
@@ -85,7 +90,59 @@ def test_a_short_request_overtakes_a_long_one(graph, monkeypatch, long, status):
     assert set(futures[0].result().status) == {status}
 
 
+def many_names(n):
+    request = falling(1)
+    request.names = "\n".join(map(str, range(n)))
+    return request
+
+
+def crowd(n):
+    """A scene of one contact, between the first and the second of many bodies."""
+    bodies = [Body.dynamic(1.0, velocity=(-float(i), 0.0, 0.0)) for i in range(n)]
+    return pack_scene(bodies, [(1, 0)], [Contact.of((0, 0, 0), (1, 0, 0), 1.0)])
+
+
+@pytest.mark.parametrize(
+    ("request_", "module", "taking"),
+    [(many_names(1000), batches, "find"), (crowd(1000), scenes, "state_from")],
+    ids=["names of a batch", "bodies of a scene"],
+)
+def test_many_bodies_are_taken_in_parts(tried_node, monkeypatch, request_, module, taking):
+    take, taken = getattr(module, taking), [0]
+
+    def counted(*arguments):
+        taken[-1] += 1
+        return take(*arguments)
+
+    monkeypatch.setattr(module, taking, counted)
+    node, states = tried_node.node, LatestStates(10, lambda: 0, pytest.fail)
+    if module is batches:
+        service = batches.Batches(node.parameters, states, lambda: 0)
+    else:
+        service = scenes.Scenes(node.parameters, states, SimpleNamespace(enter=lambda *_: None), lambda: 0)
+    for _ in service.answer(request_):
+        taken.append(0)
+    assert sum(taken) == 1000
+    assert max(taken) <= TOGETHER
+
+
 # budgets
+
+
+def test_too_many_names_are_refused_by_name(graph):
+    graph.serve(budget__contacts=10)
+    assert graph.call(many_names(20)).success
+    response = graph.call(many_names(21))
+    assert response.code == StatusCode.BUDGET_EXCEEDED
+    assert response.message == "names: are 21; budget.contacts is 10, and those have 20 bodies at most"
+
+
+def test_a_scene_of_too_many_bodies_is_refused_by_name(tried_node):
+    request = crowd(2)
+    request.bodies = array("d", [0.0] * 23 * (MOST_BODIES + 1))
+    status = tried_node.call(request).result.status
+    assert status.code == StatusCode.BUDGET_EXCEEDED
+    assert status.message == f"bodies: has {MOST_BODIES + 1}; a scene may have {MOST_BODIES}"
 
 
 def test_a_batch_of_too_many_contacts_is_refused_by_name(graph):

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+import warnings
 from itertools import count
+from operator import attrgetter
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,8 +20,8 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from collision_response import Body, Contact, StatusCode
-from collision_response.msg import CollisionResult
-from collision_response.physics.vector import Vec3
+from collision_response.msg import CollisionResult, SceneResult
+from collision_response.physics.vector import ZERO, Vec3
 from collision_response.ros.markers import ContactMarkers, Drawing, Touch, markers_of, touches_of, wrench_of
 from collision_response.ros.scene_client import pack
 
@@ -81,6 +84,74 @@ def test_a_refusal_has_nothing_to_show_and_a_normal_may_have_any_length():
     result.status.code = int(StatusCode.SEPARATING)
     result.contact.normal.y = -1e-200
     assert touches_of(result)[0].normal == (0, -1, 0)
+
+
+def answered(**fields) -> CollisionResult:
+    result = CollisionResult(**fields)
+    result.status.code = int(StatusCode.OK)
+    result.contact.normal.z = result.impulse.z = 1.0
+    return result
+
+
+def test_what_is_no_answer_of_the_service_has_nothing_to_show():
+    """Anybody may publish results."""
+    result = answered()
+    result.status.code = 55
+    assert touches_of(result) == []
+    for vector in "contact.position", "contact.normal", "impulse":
+        result = answered()
+        attrgetter(vector)(result).z = math.nan
+        assert touches_of(result) == []
+    result = answered()
+    result.contact.normal.z = 0.0
+    assert touches_of(result) == []
+    scene = SceneResult(contacts=[answered().contact] * 2, impulses=[answered().impulse])
+    assert touches_of(scene) == []
+    scene.status.code = int(StatusCode.OK)
+    assert len(touches_of(scene)) == 1
+
+
+@pytest.mark.parametrize("length", [1e-200, 1e160, 1e300])
+def test_impulses_of_any_length_are_drawn(length):
+    touch = SLIDES._replace(position=ZERO, impulse=Vec3(0.0, 0.0, length), normal=Vec3(0.0, 0.0, 1.0))
+    rim = points(drawn(touch)["friction cone"]).reshape(-1, 3, 3)[:, 1]
+    np.testing.assert_allclose(np.hypot(np.hypot(*rim.T[:2]), rim[:, 2]), 0.5 * length)
+
+
+def test_what_would_reach_beyond_float64_is_not_drawn():
+    far = SLIDES._replace(impulse=Vec3(1e308, 1e308, 0.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        markers = markers_of(Header(), [far], DRAWING._replace(metres_per_newton_second=1e9), count()).markers
+    assert [marker.ns for marker in markers] == ["point", "normal"]
+
+
+@pytest.fixture
+def shown(graph):
+    """A node, and the wrenches that it publishes."""
+    node, wrenches = ContactMarkers(context=graph.context, namespace=graph.namespace), []
+    node._wrenches = SimpleNamespace(publish=wrenches.append)
+    yield node, wrenches
+    node.destroy_node()
+
+
+def test_a_wrench_beyond_float64_is_left_out(shown, capfd):
+    node, wrenches = shown
+    node.set_parameters([Parameter("contact_duration", value=0.5**29)])
+    for impulse in 1.0, 1e305:
+        result = answered()
+        result.impulse.z = impulse
+        node._hear(result)
+    assert [wrench.wrench.force.z for wrench in wrenches] == [2.0**29]
+    assert capfd.readouterr().err.count("a wrench beyond float64 is left out") == 1
+
+
+def test_an_impact_is_shown_no_longer_than_a_duration_can_say(shown):
+    node, _ = shown
+    (too_long,) = node.set_parameters([Parameter("lifetime", value=1e10)])
+    (longest,) = node.set_parameters([Parameter("lifetime", value=1e9)])
+    assert (too_long.successful, longest.successful) == (False, True)
+    node._hear(answered())
 
 
 def test_a_wrench_is_of_the_origin_of_the_frame():

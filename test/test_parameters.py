@@ -75,6 +75,7 @@ def test_parameters_have_defaults_descriptions_and_limits(tried_node):
         ("tolerance", math.inf, "inf"),
         ("tolerance", 2.0, "2.0"),
         ("friction", 1e300, "1e+300"),
+        ("shutdown_timeout", 1e10, "10000000000.0"),
         ("budget.contacts", 0, "0"),
         ("max_bodies", 5, "read-only"),
         ("law", "coulomp", "frictionless, coulomb"),

@@ -6,16 +6,26 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("rclpy")
 
+import rclpy
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.task import Future
 from ros_graph import DEADLINE, balls_meet, until
 from test_load import diagnostics, falling
 
 from collision_response import ImpactModel, StatusCode
+from collision_response.ros.node import CollisionResponseNode
+from collision_response.ros.process import spin
 
 JAZZY = os.environ.get("ROS_DISTRO") == "jazzy"
 FAST_DDS = "FASTRTPS_DEFAULT_PROFILES_FILE" if JAZZY else "FASTDDS_DEFAULT_PROFILES_FILE"
@@ -59,6 +69,11 @@ def test_it_answers_another_process_and_ends_on_a_signal(graph, start, number):
         (("-p", "body_state_topics:=[a b]"), "a b"),
         (("--params-file", "/nowhere/to/be/found.yaml"), "found.yaml"),
         (("-p", "=1"), "=1"),
+        (
+            ("-p", "body_state_topics:=[]"),
+            "a parameter is a list without entries, which has no type; for none write ['']",
+        ),
+        (("bogus", "--bogus"), "there are no such arguments: ['bogus', '--bogus']"),
         (
             ("-p", "recording.file:=../../x.rrd"),
             "must be a plain file name, without a directory; is '../../x.rrd'",
@@ -121,6 +136,51 @@ def test_the_end_comes_in_time_even_if_the_middleware_hangs(graph, tmp_path):
         _, stderr = node.communicate(timeout=DEADLINE)
     assert node.returncode == 1
     assert "Timeout" in stderr and "in shut_down" in stderr
+
+
+def test_an_error_in_a_callback_ends_nothing_and_does_not_flood_the_log(graph, capfd):
+    node, stop, calls = Node("faulty", context=graph.context), Future(), []
+
+    def fail():
+        calls.append(None)
+        if len(calls) == 10:
+            stop.set_result(None)
+        raise ValueError("77 is not a valid type")
+
+    node.create_timer(0.0, fail)
+    spin(node, stop)
+    node.destroy_node()
+    assert len(calls) == 10
+    logged = capfd.readouterr().err
+    assert logged.count("Traceback") == logged.count("ValueError: 77 is not a valid type") == 1
+
+
+def test_a_parameter_of_no_type_harms_nobody(graph):
+    node, stop = CollisionResponseNode(context=graph.context, namespace=graph.namespace), Future()
+    spinning = threading.Thread(target=spin, args=(node, stop))
+    spinning.start()
+    try:
+        client = graph.user.create_client(SetParameters, f"{node.get_fully_qualified_name()}/set_parameters")
+        until(client.service_is_ready)
+        odd = ParameterMessage(name="friction", value=ParameterValue(type=77))
+        client.call_async(SetParameters.Request(parameters=[odd]))
+        good = ParameterMessage(name="friction", value=ParameterValue(type=3, double_value=0.5))
+        answer = client.call_async(SetParameters.Request(parameters=[good]))
+        until(answer.done)
+        assert answer.result().results[0].successful
+    finally:
+        stop.set_result(None)
+        spinning.join(DEADLINE)
+        node.destroy_node()
+
+
+def test_when_the_context_is_shut_down_by_others_it_ends(ros_domain):
+    context = Context()
+    rclpy.init(context=context)
+    node = Node("ends", context=context)
+    node.create_timer(0.0, context.try_shutdown)
+    spin(node, Future())
+    assert not context.ok()
 
 
 SHARES = """

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import threading
+import warnings
 from collections import defaultdict
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,8 +18,9 @@ pytest.importorskip("rerun")
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from collision_response import Body, Contact, ImpactModel, resolve
-from collision_response.recording import Gap, Record, Recorder, Refusal, Sighting
+from collision_response import Body, Contact, ImpactModel, Vec3, resolve, resolve_scene
+from collision_response.physics.tensor import Symmetric3
+from collision_response.recording import Gap, Record, Recorder, Refusal, SceneRecord, Sighting
 from collision_response.recording.layout import PLOTS
 from collision_response.recording.writer import Recording, Writer
 
@@ -425,6 +427,64 @@ def test_a_gap_is_told_in_the_log(tmp_path):
         ["15 entries are missing here: they came faster than they could be written"],
     )
     assert read(path, "/log", "TextLog:level")[1][2] == ["WARN"]
+
+
+def test_an_impact_whose_effective_mass_is_below_all_floats_has_no_arrow(tmp_path):
+    inertia, position = Symmetric3(0.1, 0, 0, 0.1, 0, 0.1), Vec3(1e200, 0.0, 0.0)
+    ball = impact().body_a._replace(inertia=inertia, position=position)
+    floor, contact = Body.static(), Contact.of((0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0))
+    far = impact(1)._replace(body_a=ball, impact=resolve(ball, floor, contact))
+    assert far.impact.effective_mass == 0
+    path = recorded(tmp_path, [far, impact(2)])
+    (*_, of_far), (*_, of_next) = read(path, "/world/contact", "Arrows3D:vectors")
+    assert of_far[1] == [0.0, 0.0, 0.0]
+    assert of_next[1] == pytest.approx([0.0, 0.0, 0.45])
+
+
+def test_what_float32_cannot_hold_is_drawn_without_a_warning(tmp_path):
+    fast = impact(1)
+    fast = fast._replace(body_a=fast.body_a._replace(velocity=Vec3(1e100, 0.0, -1e100)))
+    fast = fast._replace(impact=resolve(fast.body_a, fast.body_b, fast.contact))
+    path = tmp_path / "a.rrd"
+    with Writer(path, Recording()) as writer, warnings.catch_warnings():
+        warnings.simplefilter("error")
+        writer.write([fast])
+    ((_, _, values),) = read(path, "/impact/impulse", "Scalars:scalars")
+    assert values[0] == pytest.approx(3e100)
+
+
+def test_a_scene_of_bodies_without_mass_has_no_arrow(tmp_path):
+    """As of links of mechanisms."""
+    bodies, contact = [Body.static(), Body.static()], Contact.of((0, 0, 0), normal=(0, 0, 1))
+    answer = resolve_scene([Body.dynamic(1.0), Body.static()], [(0, 1)], [contact])
+    scene = SceneRecord(1, 1, ["a", "b"], bodies, [(0, 1)], [contact], ImpactModel(), answer)
+    path = recorded(tmp_path, [scene])
+    assert read(path, "/world/contact", "Arrows3D:vectors")[0][2][1] == [0.0, 0.0, 0.0]
+
+
+def test_an_entry_that_cannot_be_written_is_a_gap_and_the_rest_is_there(tmp_path, monkeypatch):
+    monkeypatch.setattr("collision_response.recording.recorder.INTERVAL", 0.0)
+    odd = [impact(i)._replace(name_a="\ud800") for i in (2, 4)]  # no text in any encoding
+    unseen = Sighting(5, "\ud800", impact().body_a)
+    problems = []
+    recorder = Recorder(tmp_path, problems.append)
+    for entry in impact(1), odd[0], unseen, impact(3), odd[1], impact(5):
+        recorder.add(entry)
+    recorder.close()
+    verify(recorder.path)
+    assert [row[1] for row in read(recorder.path, "/impact/impulse", "Scalars:scalars")] == [1, 3, 5]
+    told = {number: text for _, number, [text] in read(recorder.path, "/log", "TextLog:text")}
+    assert [*told] == [1, 2, 3, 4, 5]
+    assert told[2].startswith("1 entries are missing here: this cannot be written: Unicode")
+    first, last = problems
+    assert first.startswith("an entry cannot be written, and is left out; this is said once:\nTraceback")
+    assert last == f"recording {recorder.path} lacks 3 entries, which cannot be written"
+
+
+def test_there_is_no_wait_too_long(tmp_path):
+    recorder = Recorder(tmp_path, pytest.fail)
+    recorder.close(1e10)
+    verify(recorder.path)
 
 
 def test_a_directory_that_cannot_be_is_reported_once(tmp_path):

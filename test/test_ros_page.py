@@ -17,7 +17,7 @@ from ros_graph import assign, state_of, until
 
 from collision_response import Body, StatusCode
 from collision_response.msg import BodyState
-from collision_response.ros import markers, sources
+from collision_response.ros import markers, parameters, sources
 from collision_response.srv import ResolveCollision
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -100,7 +100,7 @@ def test_the_service_call_is_a_request():
 
 
 def test_the_parameters_it_names_exist():
-    known = {declared.name for declared in (*sources.DECLARATIONS, *markers.DECLARATIONS)}
+    known = {declared.name for room in (sources, markers, parameters) for declared in room.DECLARATIONS}
     assert set(re.findall(r"-p '?(\w+):=", PAGE)) <= known
     assert set(re.findall(r"param set /collision_response_markers (\w+)", PAGE)) <= known
 

@@ -78,7 +78,7 @@ def transform(
     return message
 
 
-@pytest.mark.parametrize("length", [1.0, 2.0])
+@pytest.mark.parametrize("length", [1.0, 2.0, 1e-300, 1e-162, 1e-160, 1e154, 1e300])
 def test_a_twist_in_axes_of_the_robot_becomes_one_in_axes_of_the_world(length):
     """A quarter turn about z, of a quaternion of any length: x becomes y, y becomes -x."""
     h = length * math.sqrt(0.5)
@@ -97,9 +97,10 @@ def test_mass_and_inertia_are_filled_in():
     assert tuple(getattr(inertia, f"i{x}") for x in Symmetric3._fields) == MATTER.inertia
 
 
-def test_an_odometry_without_orientation_is_refused():
-    with pytest.raises(ValueError, match="the quaternion of an orientation is 0"):
-        from_odometry(odometry(turn=(0, 0, 0, 0)), MATTER)
+@pytest.mark.parametrize("turn", [(0, 0, 0, 0), (0, 0, 0, math.nan), (math.inf, 0, 0, 1)])
+def test_an_odometry_without_orientation_is_refused(turn):
+    with pytest.raises(ValueError, match="the quaternion must be finite and not 0"):
+        from_odometry(odometry(turn=turn), MATTER)
 
 
 @pytest.mark.parametrize("signs", [(1, 1), (1, -1), (-1, 1)])

@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from rcl_interfaces.msg import Log
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_graph import DEADLINE, assign, ball, balls_meet, until
 from rosgraph_msgs.msg import Clock
@@ -227,7 +228,7 @@ def test_a_state_without_a_stamp_has_no_age(graph):
     [
         (8.0, "is 2 s old"),
         (102.0, "is 92 s ahead: do the clocks agree?"),
-        (0.0, "has no stamp"),
+        (0.0, "has no stamp, or there is no time yet"),
     ],
 )
 def test_age_is_at_the_time_of_the_contact_and_to_either_side(graph, stamp, reason):
@@ -241,6 +242,26 @@ def test_age_is_at_the_time_of_the_contact_and_to_either_side(graph, stamp, reas
     assert status.message == f"body_b.header.stamp: the last state of 'left' {reason}; max_state_age is 1 s"
     request.contact.header.stamp.sec = int(stamp) or 10
     assert graph.call(request).success == bool(stamp)
+
+
+def test_what_has_no_stamp_is_not_said_to_be_old(graph):
+    graph.serve(max_state_wait=0.0)
+    Publisher(graph).publish(left_ball())
+    request = by_name()
+    request.not_before.sec = 100
+    status = graph.call(request).result.status
+    assert status.code == StatusCode.STALE_STATE
+    assert "the last state of 'left' has no stamp, and not_before asks for one; waited" in status.message
+
+
+def test_before_the_first_clock_a_state_has_no_age(graph):
+    node = graph.serve(use_sim_time=True)
+    Publisher(graph).publish(left_ball(stamp=100.0))
+    assert math.isnan(graph.call(by_name()).result.state_age_b)
+    node.set_parameters([Parameter("max_state_age", value=1.0)])
+    status = graph.call(by_name()).result.status
+    assert status.code == StatusCode.STALE_STATE
+    assert "has no stamp, or there is no time yet; max_state_age is 1 s" in status.message
 
 
 def test_bodies_may_be_named_by_the_contact_alone(graph):

@@ -11,6 +11,7 @@ from typing import Any
 
 import rclpy
 import yaml
+from rclpy.exceptions import NameValidationException
 from rclpy.qos import HistoryPolicy, QoSProfile
 
 from .. import Adjustment, Geometry, ImpactError, ImpactModel, Law, Precision, Regime, SceneImpact, StatusCode
@@ -48,6 +49,9 @@ NAMES: dict[str, dict[str, int]] = {
 }
 """Fields that may be given by name."""
 
+LONGEST = 1e6
+"""Time [s] that may be waited for the node."""
+
 SHOWN = 20
 """Contacts of a batch that are shown."""
 
@@ -66,13 +70,13 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("request", metavar="YAML", help="the request; - reads it from standard input")
     parser.add_argument("--type", choices=SERVICES, default="ResolveCollision", help="of the service")
     parser.add_argument("--service", metavar="NAME", help="where it is not /collision_response/...")
-    parser.add_argument("--timeout", type=float, default=5.0, metavar="S", help="to wait for the node [s]")
+    parser.add_argument("--timeout", type=_seconds, default=5.0, metavar="S", help="to wait for the node [s]")
     given = parser.parse_args(arguments)
     kind, default, show = SERVICES[given.type]
     text = sys.stdin.read() if given.request == "-" else given.request
     try:
         request = kind.Request()
-        fill(request, yaml.safe_load(text) or {})
+        fill(request, _tree(text))
     except (Unclear, yaml.YAMLError) as error:
         print(f"collision_response call: {error}", file=sys.stderr)
         return 2
@@ -81,12 +85,33 @@ def main(arguments: list[str]) -> int:
     except TimeoutError as error:
         print(f"collision_response call: {error}", file=sys.stderr)
         return 3
+    except NameValidationException as error:
+        print("collision_response call: --service:", *str(error).split(), file=sys.stderr)  # on one line
+        return 2
     try:
         print(show(response))
     except ImpactError as error:
         print(f"{error.code}: {error}", file=sys.stderr)
         return 1
     return 0
+
+
+def _seconds(text: str) -> float:
+    seconds = float(text)
+    if not 0 <= seconds <= LONGEST:
+        raise argparse.ArgumentTypeError(f"must be in [0, {LONGEST:g}], is {text}")
+    return seconds
+
+
+def _tree(text: str) -> Any:
+    """What YAML says; nothing is a request in which all is left out."""
+    try:
+        tree = yaml.safe_load(text)
+    except RecursionError:
+        raise Unclear("the request is nested too deeply") from None
+    except ValueError as error:  # of a date or a number that YAML lets through
+        raise Unclear(str(error)) from None
+    return {} if tree is None else tree
 
 
 def fill(message: Any, tree: Any, path: str = "") -> None:
@@ -114,13 +139,19 @@ def _value(where: str, name: str, value: Any, default: Any, kind: str) -> Any:
     if isinstance(default, array | list):
         if not isinstance(value, list):
             raise Unclear(f"{where}: must be a list in brackets, is {value!r}")
-        item = kind.partition("[")[0].removeprefix("sequence<").rstrip(">")
+        item, _, bound = kind.partition("[")[0].removeprefix("sequence<").rstrip(">").partition(", ")
+        if bound and len(value) > int(bound):
+            raise Unclear(f"{where}: must have {bound} entries at most, has {len(value)}")
         return [
             _value(f"{where}[{i}]", name, one, 0.0 if "float" in item or item == "double" else 0, item)
             for i, one in enumerate(value)
         ]
     if isinstance(default, str):
-        return str(value)
+        return _text(where, value)
+    if isinstance(default, bool):
+        if not isinstance(value, bool):
+            raise Unclear(f"{where}: must be true or false, is {value!r}")
+        return value
     if name in NAMES and isinstance(value, str):
         if value.upper() in NAMES[name]:
             return NAMES[name][value.upper()]
@@ -133,10 +164,20 @@ def _value(where: str, name: str, value: Any, default: Any, kind: str) -> Any:
         least, most = _range(kind)
         if int(value) != value or not least <= value <= most:
             raise ValueError
-        return value
-    except (TypeError, ValueError):
+        return int(value)
+    except (TypeError, ValueError, OverflowError):
         must = "a number" if isinstance(default, float) else f"a {kind}"
         raise Unclear(f"{where}: must be {must}, is {value!r}") from None
+
+
+def _text(where: str, value: Any) -> str:
+    if not isinstance(value, str):
+        raise Unclear(f"{where}: must be text, is {value!r}: write it in quotes")
+    try:
+        value.encode()
+    except UnicodeEncodeError as error:
+        raise Unclear(f"{where}: must be text in UTF-8, is {value!r}: {error.reason}") from None
+    return value
 
 
 def _range(kind: str) -> tuple[int, int]:

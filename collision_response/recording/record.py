@@ -85,17 +85,31 @@ class Refusal(NamedTuple):
 
 
 class Gap(NamedTuple):
-    """Entries that are missing, for they came faster than they could be written.
+    """Entries that are missing.
 
     Attributes:
-        stamp: of the last entry before them [ns]; 0 if nobody knows.
-        sequence: number of the last answer before them.
+        stamp: of the last entry before them, or of the one that is missing [ns]; 0 if nobody knows.
+        sequence: number of that answer.
         missing: how many.
+        why: they are.
     """
 
     stamp: int
     sequence: int
     missing: int
+    why: str = "they came faster than they could be written"
 
 
 Entry = Record | SceneRecord | Sighting | Refusal | Gap
+
+
+class Unwritable(Exception):
+    """Entries of which there is nothing to be written, whatever is done; nothing of their batch is.
+
+    Attributes:
+        entries: those.
+    """
+
+    def __init__(self, entries: list[Entry]) -> None:
+        super().__init__(f"{len(entries)} entries cannot be written")
+        self.entries = entries

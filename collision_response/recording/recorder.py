@@ -6,13 +6,14 @@ import gc
 import queue
 import threading
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from datetime import datetime
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .record import Entry, Gap, Sighting
+from .record import Entry, Gap, Sighting, Unwritable
 
 if TYPE_CHECKING:
     from .writer import Writer
@@ -59,11 +60,13 @@ class Recorder:
         rerun rrd merge --continue-on-error torn.rrd -o recovered.rrd
 
     rerun is imported by the worker, for that takes a second. If it is not there, or a file cannot be
-    written, the recorder says so once and takes no more.
+    written, the recorder says so once and takes no more. An entry that cannot be written is left out.
 
     Attributes:
         path: of the file that is being written, or was last.
         dropped: number of entries that found the queue full. They are recorded as gaps, too.
+        unwritable: number of entries that could not be written, whatever was done. Answers among them are
+            recorded as gaps, too.
         untimed: number of sightings without a stamp. There is no place for them on any timeline.
     """
 
@@ -95,6 +98,7 @@ class Recorder:
         check_name(name)
         self.path = directory / (name or f"collision_response_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}.rrd")
         self.dropped = 0
+        self.unwritable = 0
         self.untimed = 0
         self._first = self.path
         self._number = 0
@@ -124,6 +128,10 @@ class Recorder:
         if waiting == self._capacity // 2:
             self._due.set()
 
+    def missing(self) -> int:
+        """How many entries are not recorded."""
+        return self.dropped + self.unwritable
+
     def close(self, timeout: float = 10.0) -> None:
         """Write what waits and complete the file; a second call does nothing.
 
@@ -135,11 +143,13 @@ class Recorder:
         self._closing.set()
         self._due.set()
         self._queue.put(None)
-        self._worker.join(timeout)
+        self._worker.join(min(timeout, threading.TIMEOUT_MAX))
         if self._worker.is_alive():
             self._report(f"recording {self.path} is not complete: the disk took more than {timeout:g} s")
         if self.dropped:
             self._report(f"recording {self._first} lacks {self.dropped} entries, which came too fast")
+        if self.unwritable:
+            self._report(f"recording {self._first} lacks {self.unwritable} entries, which cannot be written")
         if self.untimed:
             self._report(f"recording {self._first} lacks {self.untimed} body states, which had no stamp")
 
@@ -174,10 +184,25 @@ class Recorder:
                 begin = time.monotonic()
             elif 0 < self._max_size <= writer.size() or 0 < self._max_duration <= time.monotonic() - begin:
                 return batch
-            writer.write(batch)
+            self._write(writer, batch)
         if not writer.is_in_place():
             self._report(f"recording {writer.path} was removed")
         return None
+
+    def _write(self, writer: Writer, batch: list[Entry]) -> None:
+        """Write all that can be, and gaps in place of the other answers."""
+        try:
+            writer.write(batch)
+        except Unwritable as error:
+            if not self.unwritable:
+                fault = "".join(traceback.format_exception(error.__cause__))
+                self._report(f"an entry cannot be written, and is left out; this is said once:\n{fault}")
+            self.unwritable += len(error.entries)
+            odd = {id(entry) for entry in error.entries}
+            why = f"this cannot be written: {error.__cause__!r}"
+            rest = [entry for entry in batch if id(entry) not in odd]
+            gaps = [Gap(e.stamp, e.sequence, 1, why) for e in error.entries if not isinstance(e, Sighting)]
+            writer.write([*rest, *gaps])
 
     def _next(self) -> Path:
         """The next numbered name that is free."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from uuid import uuid4
 
 import numpy as np
@@ -16,7 +17,7 @@ import rerun as rr
 from ..centre import at_centre
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
-from ..physics.vector import Vec3
+from ..physics.vector import ZERO, Vec3
 from .layout import (
     AFTER,
     BEFORE,
@@ -39,7 +40,7 @@ from .layout import (
     velocity_path,
 )
 from .piped_file import PipedFile
-from .record import Entry, Gap, Record, Refusal, SceneRecord, Sighting
+from .record import Entry, Gap, Record, Refusal, SceneRecord, Sighting, Unwritable
 from .scenes import TABLE as SCENES
 from .scenes import scene_columns
 from .solid import Solid
@@ -71,6 +72,8 @@ Columns = tuple[str, Times, Any]
 Struck = Record | SceneRecord
 Answer = Struck | Refusal | Gap
 """What has a number."""
+Appearance = tuple[str, bool, bool]
+"""Of a body: its name, whether it was seen or struck, and whether there was no time yet."""
 
 
 class Recording:
@@ -111,7 +114,7 @@ class Writer:
         """
         path.parent.mkdir(parents=True, exist_ok=True)
         self.path = path
-        self._known: set[tuple[str, bool, bool]] = set()
+        self._known: set[Appearance] = set()
         self._stream = recording.stream
         self._file = PipedFile(path)
         try:
@@ -147,17 +150,41 @@ class Writer:
 
         Raises:
             OSError: these or earlier ones cannot be.
+            Unwritable: some of them never can be.
         """
-        for path, times, columns in _columns(batch):
-            self._stream.send_columns(path, indexes=times, columns=columns)
-        for entry in batch:
-            if isinstance(entry, Sighting):
-                self._show(entry, entry.name, entry.body)
-            elif isinstance(entry, Struck):
-                for name, body, _ in _appearances(entry):
-                    self._show(entry, name, body)
+        try:
+            columns, looks = self._prepared(batch)
+        except Exception as error:  # of whatever numbers and names an entry has
+            odd = [entry for entry in batch if not self._is_writable(entry)]
+            raise Unwritable(odd or [*batch]) from error
+        for path, times, some in columns:
+            self._stream.send_columns(path, indexes=times, columns=some)
+        for appearance, look in looks.items():
+            self._known.add(appearance)
+            for path, style in look.styles:
+                self._stream.log(path, style, static=True)
+            path, times, shape = look.shape
+            self._stream.send_columns(path, indexes=times, columns=shape)
         self._stream.flush(timeout_sec=5.0)
         self._file.check()
+
+    def _prepared(self, batch: Sequence[Entry]) -> tuple[list[Columns], dict[Appearance, Look]]:
+        """All that is to be sent of a batch, and of the bodies that are new in it."""
+        with np.errstate(over="ignore", invalid="ignore"):  # what is drawn is of float32
+            looks: dict[Appearance, Look] = {}
+            for entry in batch:
+                for name, body in _bodies_of(entry):
+                    appearance = name, isinstance(entry, Sighting), entry.stamp == 0
+                    if appearance not in self._known and appearance not in looks:
+                        looks[appearance] = _look(entry, name, body)
+            return [*_columns(batch)], looks
+
+    def _is_writable(self, entry: Entry) -> bool:
+        try:
+            self._prepared([entry])
+        except Exception:  # reported by who gets the first one
+            return False
+        return True
 
     def _log_styles(self) -> None:
         log = self._stream.log
@@ -171,21 +198,30 @@ class Writer:
             points = rr.SeriesPoints(colors=plot.colours, names=plot.names, markers="circle", marker_sizes=3)
             log(entity, points, static=True)
 
-    def _show(self, entry: Struck | Sighting, name: str, body: Body) -> None:
-        """What a body looks like, from its first appearance on each timeline on."""
-        appearance = name, isinstance(entry, Sighting), entry.stamp == 0
-        if appearance in self._known:
-            return
-        self._known.add(appearance)
-        path, colour = body_path(name), None if body.is_movable() else GREY
-        style = rr.Points3D.from_fields(radii=POINT_RADIUS, colors=colour, labels=name, show_labels=True)
-        self._stream.log(path, style, static=True)
-        arrows = rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=[AFTER, SPIN_AFTER, BEFORE, SPIN_BEFORE])
-        self._stream.log(velocity_path(name), arrows, static=True)
-        shape = [*rr.Points3D.columns(positions=[(0.0, 0.0, 0.0)])]
-        if (solid := Solid.of(body)) is not None:
-            shape += solid.columns()
-        self._stream.send_columns(path, indexes=_times([entry]), columns=shape)
+
+class Look(NamedTuple):
+    """What a body looks like, from its first appearance on each timeline on."""
+
+    styles: list[tuple[str, Any]]
+    shape: Columns
+
+
+def _look(entry: Entry, name: str, body: Body) -> Look:
+    path, colour = body_path(name), None if body.is_movable() else GREY
+    style = rr.Points3D.from_fields(radii=POINT_RADIUS, colors=colour, labels=name, show_labels=True)
+    arrows = rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=[AFTER, SPIN_AFTER, BEFORE, SPIN_BEFORE])
+    shape = [*rr.Points3D.columns(positions=[(0.0, 0.0, 0.0)])]
+    if (solid := Solid.of(body)) is not None:
+        shape += solid.columns()
+    return Look([(path, style), (velocity_path(name), arrows)], (path, _times([entry]), shape))
+
+
+def _bodies_of(entry: Entry) -> Iterator[tuple[str, Body]]:
+    """Every body of an entry, and its name."""
+    if isinstance(entry, Sighting):
+        yield entry.name, entry.body
+    elif isinstance(entry, Struck):
+        yield from ((name, body) for name, body, _ in _appearances(entry))
 
 
 def _columns(batch: Sequence[Entry]) -> Iterator[Columns]:
@@ -244,7 +280,7 @@ def contacts(impacts: Sequence[Struck]) -> Iterator[Columns]:
     touches = [touch for row in rows for touch in _touches(row)]
     positions = _array(contact.position for contact, _, _ in touches)
     normals = _units(_array(contact.normal for contact, _, _ in touches))
-    changes = _array(impulse / mass for _, impulse, mass in touches)
+    changes = _array(impulse / mass if mass > 0 else ZERO for _, impulse, mass in touches)
     labels = [f"{impulse.norm():.3g} N s" for _, impulse, _ in touches]
     points = rr.Points3D.columns(positions=positions, labels=labels).partition(counts)
     yield CONTACT, _times(rows), [*points, *_arrows(positions, normals, changes, rows=counts)]
@@ -259,10 +295,14 @@ def contacts(impacts: Sequence[Struck]) -> Iterator[Columns]:
 
 
 def _touches(row: Struck) -> list[tuple[Contact, Vec3, float]]:
-    """Every contact, its impulse, and the mass [kg] that tells what change of velocity that is."""
+    """Every contact, its impulse, and the mass [kg] that tells what change of velocity that is.
+
+    The mass is 0 where it is below all floats, and infinite where nothing there has one.
+    """
     if not isinstance(row, SceneRecord):
         return [(row.impact.contact, row.impact.impulse, row.impact.effective_mass)]
-    masses = [1 / (1 / row.bodies[a].mass + 1 / row.bodies[b].mass) for a, b in row.pairs]
+    inverses = [1 / row.bodies[a].mass + 1 / row.bodies[b].mass for a, b in row.pairs]
+    masses = [1 / inverse if inverse else math.inf for inverse in inverses]
     return list(zip(row.impact.contacts, row.impact.impulses, masses, strict=True))
 
 
@@ -308,7 +348,7 @@ def _in_words(row: Answer) -> str:
     if isinstance(row, Refusal):
         return row.reason
     if isinstance(row, Gap):
-        return f"{row.missing} entries are missing here: they came faster than they could be written"
+        return f"{row.missing} entries are missing here: {row.why}"
     lost = row.impact.energy_lost_restitution + row.impact.energy_lost_friction
     energy = f"{lost:.6g} J lost ({', '.join(choice.name for choice in row.impact.model[:3])})"
     if isinstance(row, SceneRecord):

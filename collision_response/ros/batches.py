@@ -36,7 +36,7 @@ from .batch_fields import (
     write_model,
 )
 from .parameters import LatestParameters, Parameters
-from .patience import when_not_too_early
+from .patience import TOGETHER, Look, when_not_too_early
 from .request import TooEarly, age_of, check_age, check_frame, check_world_frame, find
 from .serialized import nanoseconds
 from .server import Work
@@ -60,6 +60,8 @@ class Bodies(NamedTuple):
     stamps: list[Time]
     ages: list[float]
 
+
+NO_STAMP = Time()
 
 BLOCK = 256
 """Contacts that are computed without a pause at first; more or fewer when it is known how long they take."""
@@ -215,12 +217,13 @@ def model_of(request: Request, layout: Layout, contacts: Array, defaults: Impact
 
 def bodies_of(
     request: Request, layout: Layout, states: LatestStates, parameters: Parameters, now: Callable[[], int]
-) -> Bodies:
+) -> Look[Bodies]:
     """The bodies of the table and those given by name.
 
     Raises:
         TooEarly: a state is older than ``not_before``, or unknown.
-        ImpactError: INVALID_TABLE, or SAME_BODY for a name that is there twice.
+        ImpactError: INVALID_TABLE, BUDGET_EXCEEDED for more names than contacts may have bodies, or
+            SAME_BODY for a name that is there twice.
     """
     numbers, height = np.asarray(request.bodies), layout.bodies.height
     if numbers.size % height:
@@ -232,11 +235,17 @@ def bodies_of(
     if not names:
         return Bodies(table, faults, [], [], [])
 
+    most = parameters.budget_contacts
+    if len(names) > 2 * most:
+        reason = f"are {len(names)}; budget.contacts is {most}, and those have {2 * most} bodies at most"
+        raise ImpactError(StatusCode.BUDGET_EXCEEDED, "names", reason)
     check_names(names)
     columns, errors = np.full((height, len(names)), math.nan), []
-    stamps, ages = [Time() for _ in names], [math.nan] * len(names)
+    stamps, ages = [NO_STAMP] * len(names), [math.nan] * len(names)
     at, not_before = nanoseconds(request.header.stamp) or now(), nanoseconds(request.not_before)
     for i, name in enumerate(names):
+        if not i % TOGETHER:
+            yield
         owner = f"names[{i}]"
         try:
             known = find(states, owner, owner, name, not_before)

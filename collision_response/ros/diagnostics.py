@@ -68,7 +68,7 @@ class Diagnostics:
             "states that could not be read": states.broken,
             "states older than the one known": states.overtaken,
             "bodies forgotten": states.evicted,
-            "entries not recorded": self._recorder.dropped if self._recorder else 0,
+            "entries not recorded": self._recorder.missing() if self._recorder else 0,
         }
 
     def _publish(self) -> None:

@@ -16,7 +16,7 @@ from ..status import ImpactError, StatusCode
 from . import convert
 from .journal import Journal
 from .parameters import LatestParameters
-from .patience import when_not_too_early
+from .patience import in_one_part, when_not_too_early
 from .request import complete
 from .server import Work
 from .states import LatestStates
@@ -57,9 +57,8 @@ class Impacts:
     def answer(self, request: ResolveCollision.Request) -> Work:
         """The work for a request."""
         current = self._parameters.values
-        used = yield from when_not_too_early(
-            partial(complete, request, self._states, current, self._now), current.max_state_wait
-        )
+        look = partial(complete, request, self._states, current, self._now)
+        used = yield from when_not_too_early(partial(in_one_part, look), current.max_state_wait)
         self._warn_of_coefficients(request)
         problem = convert.problem_of(request, current)
         begin = time.perf_counter()

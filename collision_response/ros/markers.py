@@ -24,11 +24,12 @@ from ..status import StatusCode
 from .convert import vector_message
 from .parameters import Declaration, declare
 from .process import run
+from .server import THROTTLE
 
 DECLARATIONS = (
     Declaration("metres_per_newton_second", 0.1, "Length of an impulse's arrow [m/(N s)].", 1e-9, 1e9),
     Declaration("size", 0.1, "Length of a normal's arrow [m]; points and shafts go with it.", 1e-9, 1e9),
-    Declaration("lifetime", 1.0, "Time [s] for which an impact is shown. 0: for ever."),
+    Declaration("lifetime", 1.0, "Time [s] for which an impact is shown. 0: for ever.", most=1e9),
     Declaration(
         "contact_duration",
         1.0,
@@ -37,6 +38,8 @@ DECLARATIONS = (
         1e9,
     ),
 )
+
+ANSWERS = {int(code) for code in StatusCode if code.is_answer}
 
 RESULTS = QoSProfile(depth=100)
 
@@ -67,14 +70,14 @@ class Touch(NamedTuple):
 
 
 def touches_of(result: CollisionResult | SceneResult) -> list[Touch]:
-    """The contacts of an answer; none of a refusal."""
-    if not StatusCode(result.status.code).is_answer:
+    """The contacts of an answer; none of a refusal, nor those that no answer of the service has."""
+    if result.status.code not in ANSWERS:
         return []
     if isinstance(result, CollisionResult):
-        return [_touch(result.contact, result.impulse)]
-    return [
-        _touch(contact, impulse) for contact, impulse in zip(result.contacts, result.impulses, strict=True)
-    ]
+        pairs = [(result.contact, result.impulse)]
+    else:
+        pairs = list(zip(result.contacts, result.impulses, strict=False))
+    return [touch for pair in pairs if (touch := _touch(*pair)) is not None]
 
 
 def markers_of(
@@ -83,13 +86,19 @@ def markers_of(
     """A point, two arrows and a cone for each contact, with the next of ``numbers`` as their id.
 
     The cone has the directions that friction allows the impulse, and its edge is as long as the impulse: one
-    that slides ends on the rim. Without friction or impulse there is none.
+    that slides ends on the rim. Without friction or impulse there is none. What would
+    reach beyond float64 is left out.
     """
     array = MarkerArray()
     for touch in touches:
         number = next(numbers) % 2**31
-        for namespace, kind, colour, scale, points in _shapes(touch, drawing):
-            marker = Marker(header=header, ns=namespace, id=number, type=kind, color=colour, points=points)
+        with np.errstate(over="ignore", invalid="ignore"):
+            shapes = [*_shapes(touch, drawing)]
+        for namespace, kind, colour, scale, points in shapes:
+            if not np.isfinite(points).all():
+                continue
+            marker = Marker(header=header, ns=namespace, id=number, type=kind, color=colour)
+            marker.points = [Point(x=x, y=y, z=z) for x, y, z in np.array(points).tolist()]
             marker.scale.x, marker.scale.y, marker.scale.z = scale
             marker.pose.orientation.w = 1.0
             seconds, rest = divmod(drawing.lifetime, 1.0)
@@ -112,26 +121,34 @@ def wrench_of(header: Any, touch: Touch, contact_duration: float) -> WrenchStamp
     return wrench
 
 
-def _touch(contact: Any, impulse: Any) -> Touch:
+def _is_finite(wrench: WrenchStamped) -> bool:
+    force, torque = wrench.wrench.force, wrench.wrench.torque
+    return all(map(math.isfinite, (force.x, force.y, force.z, torque.x, torque.y, torque.z)))
+
+
+def _touch(contact: Any, impulse: Any) -> Touch | None:
     x, n, p = (Vec3(v.x, v.y, v.z) for v in (contact.position, contact.normal, impulse))
+    if not all(map(math.isfinite, (*x, *n, *p))) or not any(n):
+        return None
     n = n / max(map(abs, n))  # of any length, its square perhaps too small
     return Touch(x, n / n.norm(), contact.friction, p)
 
 
-def _shapes(touch: Touch, drawing: Drawing) -> Iterator[tuple[str, int, ColorRGBA, Any, list[Point]]]:
+def _shapes(touch: Touch, drawing: Drawing) -> Iterator[tuple[str, int, ColorRGBA, Any, Any]]:
     """Namespace, type, colour, scale and points of each marker."""
     size, tip = drawing.size, touch.impulse * drawing.metres_per_newton_second
     shaft = (size / 10, size / 5, 0.0)
     here = np.array(touch.position)
-    yield "point", Marker.SPHERE_LIST, RED, (size / 5,) * 3, _points([here])
-    yield "normal", Marker.ARROW, GREY, shaft, _points([here, here + size * np.array(touch.normal)])
-    if not tip.norm():
+    yield "point", Marker.SPHERE_LIST, RED, (size / 5,) * 3, [here]
+    yield "normal", Marker.ARROW, GREY, shaft, [here, here + size * np.array(touch.normal)]
+    length = math.hypot(*tip)
+    if not length:
         return
-    yield "impulse", Marker.ARROW, GREEN, shaft, _points([here, here + np.array(tip)])
+    yield "impulse", Marker.ARROW, GREEN, shaft, [here, here + np.array(tip)]
     if touch.friction > 0:
-        rim = here + tip.norm() * _rim(np.array(touch.normal), math.atan(touch.friction))
+        rim = here + length * _rim(np.array(touch.normal), math.atan(touch.friction))
         corners = [corner for a, b in pairwise(rim) for corner in (here, a, b)]
-        yield "friction cone", Marker.TRIANGLE_LIST, VIOLET, (1.0, 1.0, 1.0), _points(corners)
+        yield "friction cone", Marker.TRIANGLE_LIST, VIOLET, (1.0, 1.0, 1.0), corners
 
 
 def _rim(normal: Any, angle: float) -> Any:
@@ -140,10 +157,6 @@ def _rim(normal: Any, angle: float) -> Any:
     across /= np.linalg.norm(across)
     circle = np.outer(np.cos(ROUND), across) + np.outer(np.sin(ROUND), np.cross(normal, across))
     return math.cos(angle) * normal + math.sin(angle) * circle
-
-
-def _points(rows: Any) -> list[Point]:
-    return [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in rows]
 
 
 class ContactMarkers(Node):
@@ -177,7 +190,14 @@ class ContactMarkers(Node):
         self._markers.publish(markers_of(result.header, touches, drawing, self._numbers))
         if isinstance(result, CollisionResult):
             duration = self.get_parameter("contact_duration").value
-            self._wrenches.publish(wrench_of(result.header, touches[0], duration))
+            wrench = wrench_of(result.header, touches[0], duration)
+            if _is_finite(wrench):
+                self._wrenches.publish(wrench)
+            else:
+                self.get_logger().warning(
+                    "a wrench beyond float64 is left out: see contact_duration",
+                    throttle_duration_sec=THROTTLE,
+                )
 
 
 def main(args: list[str] | None = None) -> int:

@@ -117,7 +117,10 @@ DECLARATIONS = (
     Declaration("budget.time", 60.0, "Computing time [s] that one request may take. 0: any."),
     Declaration("memory_limit", 2048, "Memory [MiB] that the process may take. 0: any.", 0, 10**9, True),
     Declaration(
-        "shutdown_timeout", 5.0, "Time [s] from SIGINT or SIGTERM to the end, in which requests are answered."
+        "shutdown_timeout",
+        5.0,
+        "Time [s] from SIGINT or SIGTERM to the end, in which requests are answered.",
+        most=86_400.0,
     ),
     Declaration(
         "service_introspection",

@@ -3,24 +3,35 @@
 from __future__ import annotations
 
 import sys
+import time
+import traceback
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 
 from .intake import RCLError
+from .server import THROTTLE
 from .signals import on_signal
 
 AnyNode = TypeVar("AnyNode", bound=Node)
 
 
+BREATH = 0.001
+"""Time [s] without work after an error, which may come again at once."""
+
+
 class Unusable(Exception):
     """What a node needs to start is not there; the message is for a person."""
 
+
+UnknownArguments: type[Exception] = rclpy_implementation.UnknownROSArgsError
 
 NOT_ALLOWED = (Unusable, ParameterException, NameValidationException, RCLError)
 """What a start raises with arguments that are not allowed, or of no use here."""
@@ -45,16 +56,46 @@ def run(
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make()
+    except UnknownArguments as error:
+        print("collision_response: there are no such arguments:", error, file=sys.stderr)
+        return 1
+    except ValueError as error:
+        if "PARAMETER_NOT_SET" not in str(error):  # so rclpy says it, and not of which parameter
+            raise
+        reason = "a parameter is a list without entries, which has no type; for none write ['']"
+        print("collision_response:", reason, file=sys.stderr)
+        rclpy.try_shutdown()
+        return 1
     except NOT_ALLOWED as error:
         print("collision_response:", *str(error).split(), file=sys.stderr)  # on one line
         rclpy.try_shutdown()
         return 1
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
     try:
-        executor.spin_until_future_complete(stop)
+        spin(node, stop)
     finally:
-        executor.shutdown()
         end(node)
         rclpy.try_shutdown()
     return 0
+
+
+def spin(node: Node, stop: Future[None]) -> None:
+    """Do what comes until told to stop.
+
+    Anybody may send what rclpy's own callbacks raise errors of, such as a parameter of no type: they are
+    logged, and end nothing.
+    """
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    woken = node.create_guard_condition(lambda: None)
+    stop.add_done_callback(lambda _: woken.trigger())
+    try:
+        while node.context.ok() and not stop.done():
+            try:
+                executor.spin_once()
+            except ExternalShutdownException:
+                return
+            except Exception:
+                node.get_logger().error(traceback.format_exc(), throttle_duration_sec=THROTTLE)
+                time.sleep(BREATH)
+    finally:
+        executor.shutdown()

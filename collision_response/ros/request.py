@@ -23,7 +23,7 @@ class Used(NamedTuple):
 
     Attributes:
         stamp: of the state.
-        age: how much older it was than the contact [s]; NaN if it has no stamp.
+        age: how much older it was than the contact [s]; NaN if that is not known.
     """
 
     stamp: Time
@@ -102,15 +102,17 @@ def find(states: LatestStates, owner: str, field: str, name: str, not_before: in
     except ImpactError as error:
         raise TooEarly(error.code, error.field, error.reason) if not_before else error from None
     if known.stamp < not_before:
-        late = (not_before - known.stamp) / 1e9
-        reason = f"the last state of {quoted(name)} is {late:.6g} s older than not_before asks for"
+        late = f"is {(not_before - known.stamp) / 1e9:.6g} s older than not_before asks for"
+        if not known.stamp:
+            late = "has no stamp, and not_before asks for one"
+        reason = f"the last state of {quoted(name)} {late}"
         raise TooEarly(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
     return known
 
 
 def age_of(known: Known, time: int) -> float:
-    """How much older than a time [ns] a state is [s]; NaN if it has no stamp."""
-    return (time - known.stamp) / 1e9 if known.stamp else math.nan
+    """How much older than a time [ns] a state is [s]; NaN if it has no stamp, or there is no time yet."""
+    return (time - known.stamp) / 1e9 if known.stamp and time else math.nan
 
 
 def check_age(owner: str, name: str, age: float, limit: float) -> None:
@@ -129,7 +131,7 @@ def check_age(owner: str, name: str, age: float, limit: float) -> None:
         return
     when = f"is {age:.6g} s old" if age > 0 else f"is {-age:.6g} s ahead: do the clocks agree?"
     if math.isnan(age):
-        when = "has no stamp"
+        when = "has no stamp, or there is no time yet"
     reason = f"the last state of {quoted(name)} {when}; max_state_age is {limit:.6g} s"
     raise ImpactError(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
 

@@ -24,7 +24,7 @@ from .batch_fields import names_in, write_model
 from .batches import check_names
 from .journal import Journal
 from .parameters import LatestParameters, Parameters
-from .patience import when_not_too_early
+from .patience import TOGETHER, Look, when_not_too_early
 from .request import IN_FULL, Used, age_of, check_age, check_frame, check_world_frame, find
 from .serialized import ROWS, nanoseconds, state_from
 from .server import Work
@@ -32,6 +32,10 @@ from .states import LatestStates
 
 CONTACT_ROWS = ("x", "y", "z", "nx", "ny", "nz", "e", "mu")
 """Of ``ResolveScene.contacts``."""
+
+MOST_BODIES = 8192
+"""Bodies of a scene, which are computed in one piece: as many as contacts can strike where
+``budget.scene_contacts`` is as great as it may be."""
 
 
 class Named(NamedTuple):
@@ -96,7 +100,7 @@ class Scenes:
         named = yield from when_not_too_early(
             partial(bodies_of, request, self._states, current, self._now), current.max_state_wait
         )
-        scene = scene_of(request, contacts, named, current)
+        scene = yield from scene_of(request, contacts, named, current)
         try:
             impact = resolve_scene(*scene[:4])
         except ImpactError as error:
@@ -162,18 +166,23 @@ def contacts_of(request: ResolveScene.Request, most: int) -> list[ContactMessage
 
 def bodies_of(
     request: ResolveScene.Request, states: LatestStates, parameters: Parameters, now: Callable[[], int]
-) -> Named:
+) -> Look[Named]:
     """The bodies of the table, then those of which a state was received.
 
     Raises:
         TooEarly: a state is older than ``not_before``, or unknown.
-        ImpactError: INVALID_TABLE, SAME_BODY, UNKNOWN_BODY, STALE_STATE or FRAME_MISMATCH.
+        ImpactError: INVALID_TABLE, BUDGET_EXCEEDED for more than ``MOST_BODIES``, SAME_BODY,
+            UNKNOWN_BODY, STALE_STATE or FRAME_MISMATCH.
     """
     header = request.header
     check_world_frame("header.frame_id", header.frame_id, parameters.world_frame)
     table = table_of("bodies", request.bodies, ROWS)
     count = table.shape[1]
-    names = names_in(request) or [f"body {i}" for i in range(count)]
+    given = names_in(request)
+    if max(count, len(given)) > MOST_BODIES:
+        reason = f"has {max(count, len(given))}; a scene may have {MOST_BODIES}"
+        raise ImpactError(StatusCode.BUDGET_EXCEEDED, "bodies", reason)
+    names = given or [f"body {i}" for i in range(count)]
     if len(names) < count:
         reason = f"must be empty, or a line for each of {count} bodies and more; has {len(names)}"
         raise ImpactError(StatusCode.INVALID_TABLE, "names", reason)
@@ -184,10 +193,14 @@ def bodies_of(
         raise ImpactError(StatusCode.INVALID_TABLE, "immovable", reason)
     named = Named(names, [], [IN_FULL] * count, [f"bodies[{i}]" for i in range(count)])
     for i, (name, column) in enumerate(zip(names, table.T.tolist(), strict=False)):
+        if not i % TOGETHER:
+            yield
         motion_type = BodyState.KINEMATIC if i in immovable else BodyState.DYNAMIC
         named.states.append(state_from(column, BodyState(header=header, name=name, motion_type=motion_type)))
     time, not_before = nanoseconds(header.stamp) or now(), nanoseconds(request.not_before)
     for i, name in enumerate(names[count:], count):
+        if not i % TOGETHER:
+            yield
         owner = f"names[{i}]"
         known = find(states, owner, owner, name, not_before)
         used = Used(known.state.header.stamp, age_of(known, time))
@@ -201,7 +214,7 @@ def bodies_of(
 
 def scene_of(
     request: ResolveScene.Request, messages: list[ContactMessage], named: Named, parameters: Parameters
-) -> Scene:
+) -> Look[Scene]:
     """What a request asks for, in the terms of the numeric core.
 
     Args:
@@ -213,7 +226,11 @@ def scene_of(
     Raises:
         ImpactError: it cannot be put to it.
     """
-    bodies = [convert.body_of(owner, state) for owner, state in zip(named.owners, named.states, strict=True)]
+    bodies: list[Body] = []
+    for owner, state in zip(named.owners, named.states, strict=True):
+        if not len(bodies) % TOGETHER:
+            yield
+        bodies.append(convert.body_of(owner, state))
     of_a, of_b = np.asarray(request.pairs).reshape(2, -1).tolist()
     model, given = convert.model_of(request.model, parameters.model), request.model
     pairs, contacts, filled = list(zip(of_a, of_b, strict=True)), [], []

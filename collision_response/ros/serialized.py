@@ -100,11 +100,16 @@ class SerializedState(Serialized):
 
 
 class SerializedTable(Serialized):
-    """A ``BodyStates``."""
+    """A ``BodyStates``.
+
+    Attributes:
+        size: number of its bodies.
+    """
 
     def __init__(self, message: bytes) -> None:
         super().__init__(message, LARGEST)
-        least = 8 * self._integer()  # bytes, of as many names
+        self.size = self._integer()
+        least = 8 * self.size  # bytes, of as many names
         if least > len(message):
             raise Broken(f"its names alone need {least} bytes, but it has {len(message)}")
 

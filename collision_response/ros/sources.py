@@ -18,7 +18,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 from std_msgs.msg import String
 
-from ..description import Description
+from ..description import Description, quaternion
 from ..msg import BodyState
 from ..physics.body import Twist
 from ..physics.mass_properties import MassProperties
@@ -76,7 +76,7 @@ def from_odometry(odometry: Odometry, matter: MassProperties, name: str = "") ->
         name: of the body; empty: its ``child_frame_id``.
 
     Raises:
-        ValueError: the quaternion is 0.
+        ValueError: the quaternion is 0, or not finite.
     """
     turn, twist = odometry.pose.pose.orientation, odometry.twist.twist
     rotation = _nonzero(turn).rotation()
@@ -99,7 +99,7 @@ def from_transforms(earlier: TransformStamped, later: TransformStamped, matter: 
         matter: of the body, in axes of its frame.
 
     Raises:
-        ValueError: a quaternion is 0, or the second stamp is not after the first.
+        ValueError: a quaternion is 0 or not finite, or the second stamp is not after the first.
     """
     t = (nanoseconds(later.header.stamp) - nanoseconds(earlier.header.stamp)) * 1e-9
     if not t > 0:
@@ -129,10 +129,7 @@ def _turn(before: Quaternion, after: Quaternion) -> Vec3:
 
 
 def _nonzero(q: Any) -> Quaternion:
-    turn = Quaternion(q.x, q.y, q.z, q.w)
-    if not turn.squared_length():
-        raise ValueError("the quaternion of an orientation is 0")
-    return turn
+    return quaternion((q.x, q.y, q.z, q.w), "orientation")
 
 
 class BodySource(Node):

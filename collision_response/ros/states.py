@@ -7,7 +7,7 @@ the rest takes ten times as long.
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import islice
+from itertools import chain, islice
 from typing import Any, NamedTuple
 
 from ..msg import BodyState
@@ -60,7 +60,7 @@ class LatestStates:
         evicted: number of bodies forgotten because there were too many.
 
     Args:
-        most: the number of bodies to remember; those that were heard of last.
+        most: the number of bodies to remember, and as many in tables; those that were heard of last.
         now: the time by the node's clock [ns].
         take_all: takes what waits on the subscriptions.
         report: told what a person should know: what it is about, of which he need not hear all the time, and
@@ -90,7 +90,7 @@ class LatestStates:
 
     def hear(self, message: bytes, info: Any) -> SerializedState | None:
         """Take note of a ``BodyState``. One without a name could not be asked for, and is passed over."""
-        publisher = self._count(info)
+        publisher = self._count(info, "states", "publish fewer, or as BodyStates")
         state = self._read(SerializedState, message)
         if state is None or not state.name:
             return None
@@ -114,16 +114,21 @@ class LatestStates:
 
         Where publishers are unknown, it stands for the one before it of the same bodies.
         """
-        publisher = self._count(info)
+        publisher = self._count(info, "tables", "large ones need reliable QoS: see docs/ros.md")
         table = self._read(SerializedTable, message)
         if table is None:
             return
         whose = publisher or tuple(table.columns)
-        old = self._tables.get(whose)
-        if old is None or self._is_later(table, old):
-            self._tables[whose] = table
-        if len(self._tables) > PUBLISHERS // 10:
-            del self._tables[next(iter(self._tables))]
+        old = self._tables.pop(whose, None)
+        if table.size > self._most:
+            self._tell_evicted(table.size)
+            return
+        self._tables[whose] = table if old is None or self._is_later(table, old) else old
+        while (
+            len(self._tables) > PUBLISHERS // 10
+            or sum(known.size for known in self._tables.values()) > self._most
+        ):
+            self._tell_evicted(self._tables.pop(next(iter(self._tables))).size)
 
     def cannot_take(self, error: Exception) -> None:
         """Take note of a message that could not even be taken."""
@@ -156,8 +161,9 @@ class LatestStates:
         self._tables.clear()
 
     def _unknown(self, name: str) -> str:
-        some = [quoted(known)[1:-1] for known in islice(self._by_name, 10)]
-        more = ", ..." if len(self._by_name) > len(some) else ""
+        every = chain(self._by_name, *(table.columns for table in self._tables.values()))
+        some = [quoted(known)[1:-1] for known in islice(every, 10)]
+        more = ", ..." if next(every, None) is not None else ""
         heard_of = f"{', '.join(some) or 'no body'}{more}"
         return f"is {quoted(name)}, of which no state has been received; heard of: {heard_of}"
 
@@ -175,8 +181,8 @@ class LatestStates:
         self.overtaken += 1
         return False
 
-    def _count(self, info: Any) -> bytes:
-        """The publisher of a message; messages between this and its last one were lost.
+    def _count(self, info: Any, kind: str, advice: str) -> bytes:
+        """The publisher of a message; messages between this and its last one were lost, of which it tells.
 
         Empty, and nothing told of losses, where rclpy does not say whose it is: that of Jazzy.
         """
@@ -190,8 +196,8 @@ class LatestStates:
         elif last is not None and number > last + 1:
             self.lost += number - last - 1
             self._report(
-                "lost",
-                f"{self.lost} states in all were sent and did not arrive: publish fewer, or as BodyStates",
+                f"lost {kind}",
+                f"{kind} were sent and did not arrive, {self.lost} messages in all: {advice}",
             )
         self._counts[publisher] = number
         return publisher
@@ -208,8 +214,8 @@ class LatestStates:
     def _make_room(self) -> None:
         if len(self._by_name) > self._most:
             del self._by_name[next(iter(self._by_name))]
-            self.evicted += 1
-            self._report(
-                "evicted",
-                f"more than {self._most} bodies: the stalest are forgotten; see max_bodies",
-            )
+            self._tell_evicted(1)
+
+    def _tell_evicted(self, bodies: int) -> None:
+        self.evicted += bodies
+        self._report("evicted", f"more than {self._most} bodies: the stalest are forgotten; see max_bodies")
