@@ -10,7 +10,16 @@ from fractions import Fraction as F
 import pytest
 from scene_cases import Case, any_case, apart, box, random_case, row, size_of, speeds
 
-from collision_response import Body, Contact, ImpactError, ImpactModel, Law, StatusCode, resolve_scene
+from collision_response import (
+    Body,
+    Contact,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Regime,
+    StatusCode,
+    resolve_scene,
+)
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import Vec3
 
@@ -489,3 +498,48 @@ def test_an_energy_beyond_float64_is_refused(law, contacts):
         pairs = [(0, 2), (1, 2), (0, 1)][:contacts]
         resolve_scene([*bodies, Body.static()], pairs, touches, ImpactModel(law))
     assert refused.value.code is StatusCode.OUT_OF_RANGE
+
+
+TURNS = [Quaternion(0.0, 0.0, 0.0, 1.0), Quaternion(0.1, -0.7, 0.3, 0.4), Quaternion(1.0, 1.0, 1.0, 0.0)]
+
+
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("turn", TURNS)
+@pytest.mark.parametrize("mu", [0.3, 1.0, 1e3, 1e4, 1e5, 1e6, 1e9, 1e12])
+def test_friction_of_a_light_load_counts(law, turn, mu):
+    """A point lands on a smooth floor and grazes a rough wall: P_n of the wall is its approach."""
+    axes = turn.rotation()
+    for load in (1.0, 1e-3, 1e-6, 2e-9, 9.9e-10, 1e-12, 1e-15, 1e-20):
+        point = Body.dynamic(1.0, velocity=axes.to_world(Vec3(-load, 1.0, -1.0)))
+        floor, wall = (axes.to_world(Vec3(*n)) for n in ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
+        contacts = [Contact.of((0, 0, 0), floor, 0.0), Contact.of((0, 0, 0), wall, 0.0, mu)]
+        answer = resolve_scene([point, Body.static()], [(0, 1)] * 2, contacts, ImpactModel(law), threshold=0)
+        right = Vec3(0.0, max(0.0, 1 - mu * load), 0.0)
+        off = (answer.twists[0].linear - axes.to_world(right)).norm()
+        change = (right - Vec3(-load, 1.0, -1.0)).norm()
+        given = (
+            1e-15 * mu if turn is not TURNS[0] else 0.0
+        )  # the load is a rounded number, where axes are turned
+        assert off <= answer.error_bound * change + given + 1e-15
+        if mu <= 1e3 and law is Law.COULOMB:
+            assert answer.error_bound < 1e-3 or load < 1e-9
+        if law is Law.COULOMB and turn is TURNS[0] and answer.error_bound < 1e-3 and 1e-9 < mu * load < 0.5:
+            assert answer.regimes[1] is Regime.SLIDING
+
+
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("mu", [0.3, 1.0, 100.0])
+@pytest.mark.parametrize("mass, speed", [(1.0, 1.0), (1e6, 1.0), (1e12, 1.0), (1e12, 1e3)])
+def test_friction_beside_a_far_greater_impact(law, mu, mass, speed):
+    """A ball grazes a wall, gently, while a mountain that it slips along falls on the floor: one cluster."""
+    mountain = Body.dynamic(mass, velocity=(0.0, 0.0, -speed))
+    ball = Body.dynamic(1.0, velocity=(-1e-3, 1.0, -speed))
+    contacts = [
+        Contact.of((0, 0, 0), (0, 0, 1)), Contact.of((0, 0, 0), (1, 0, 0), 0.0, mu), Contact.of((0, 0, 0), (0, 0, 1))
+    ]  # fmt: skip
+    contacts = [c._replace(restitution=0.0) for c in contacts]
+    scene = [mountain, ball, Body.static()], [(0, 2), (1, 2), (1, 0)], contacts
+    answer = resolve_scene(*scene, ImpactModel(law), threshold=0)
+    right = Vec3(0.0, max(0.0, 1 - mu * 1e-3), 0.0)
+    size = max(math.sqrt(mass) * speed, 1.0)
+    assert (answer.twists[1].linear - right).norm() <= answer.error_bound * size * (1 + 1e-9)
