@@ -543,3 +543,38 @@ def test_friction_beside_a_far_greater_impact(law, mu, mass, speed):
     right = Vec3(0.0, max(0.0, 1 - mu * 1e-3), 0.0)
     size = max(math.sqrt(mass) * speed, 1.0)
     assert (answer.twists[1].linear - right).norm() <= answer.error_bound * size * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("belt", [0.0, 1.0, 1e3, 1e5, 1e7, 1e8, 1e9, 1e12, 1e15])
+@pytest.mark.parametrize("normal", [(1, 1, 1), (0, 1, 0), (0, 0, 1), (1, 0, 0)])
+@pytest.mark.parametrize("e", [0.0, 0.5])
+def test_how_fast_a_smooth_belt_runs_does_not_matter(belt, normal, e):
+    """By MOREAU; beside a wall that rubs."""
+    ball = Body.dynamic(1.0, velocity=(0.0, 1.0, 0.0))
+    contacts = [Contact.of((0, 0, 0), normal, e, 1.0), Contact.of((0, 0, 0), (0.0, -3.0, -4.0), e)]
+
+    def answer(speed):
+        bodies = [ball, Body.static(), Body.kinematic(velocity=(speed, 0.0, 0.0))]
+        return resolve_scene(bodies, [(0, 1), (0, 2)], contacts, ImpactModel(Law.MOREAU))
+
+    one, other = answer(0.0), answer(belt)
+    assert (one.model.law, other.error_bound < math.inf) == (other.model.law, one.error_bound < math.inf)
+    size = one.changes[0].linear.norm() * (1 + one.error_bound)
+    apart = (one.twists[0].linear - other.twists[0].linear).norm()
+    assert apart <= (one.error_bound + other.error_bound) * size
+    assert min(other.normal_velocities_after) >= -1e-6
+
+
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("belt", [1e3, 1e5, 1e6, 1e8, 1e10, 1e12])
+@pytest.mark.parametrize("mu", [1e-9, 1e-3, 1.0])
+@pytest.mark.parametrize("e", [0.0, 0.5])
+def test_a_rough_belt_however_fast_takes_along_by_mu_times_the_load(law, belt, mu, e):
+    ball = Body.dynamic(1.0, velocity=(0.0, 1.0, -1.0))
+    contacts = [Contact.of((0, 0, 0), (0, 0, 1), e, mu), Contact.of((0, 0, 0), (0, 1, 0), e, 1.0)]
+    bodies = [ball, Body.kinematic(velocity=(belt, 0.0, 0.0)), Body.static()]
+    answer = resolve_scene(bodies, [(0, 1), (0, 2)], contacts, ImpactModel(law))
+    slip = Vec3(belt, -1.0, 0.0)
+    right = Vec3(0.0, 1.0, e) + slip * (mu * (1 + e) / slip.norm())
+    size = (right - Vec3(0.0, 1.0, -1.0)).norm()
+    assert (answer.twists[0].linear - right).norm() <= answer.error_bound * size + 1e-15

@@ -70,6 +70,7 @@ inline Cones::Cone cone_of(const Touch& touch, double speed, double mean) {
   }
   for (int axis = 0; axis < 3; ++axis) cone.w[axis] = touch.plain[axis].velocity * unit / speed;
   cone.mu = touch.mu > LEAST_FRICTION ? std::fmin(touch.mu, GREATEST_FRICTION) : 0;
+  if (!(cone.mu > 0)) cone.w[1] = cone.w[2] = 0;  // which may be much
   // Least squares of the impulses in newton seconds.
   cone.share = std::fmin(std::fmax(1 / (unit * unit * mean), 1e-3), 1e3);
   return cone;
@@ -226,7 +227,8 @@ inline Friction one_step(const Assembly& scene) {
   for (const Touch& touch : scene.touches) {
     mean += 1 / (touch.scale * touch.scale * touch.length * touch.length) / count;
     approach = approach || touch.plain[0].velocity < 0;
-    speed = std::fmax(speed, std::hypot(touch.plain[0].velocity, touch.plain[1].velocity, touch.plain[2].velocity) * touch.scale * touch.length);
+    bool rubs = touch.mu > LEAST_FRICTION;  // of what does not, the slip may be anything
+    speed = std::fmax(speed, std::hypot(touch.plain[0].velocity, rubs * touch.plain[1].velocity, rubs * touch.plain[2].velocity) * touch.scale * touch.length);
   }
   if (!approach) return result;  // no impulse is a solution
   Cones programme(scene.bodies);
