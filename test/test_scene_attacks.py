@@ -22,6 +22,8 @@ from collision_response import (
 )
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import Vec3
+from collision_response.scene.rational import RationalCluster
+from collision_response.scene.reflections import DIGITS
 
 
 def exactly(case: Case, law: Law = Law.FRICTIONLESS, **options):
@@ -449,6 +451,31 @@ def test_a_grain_that_rattles_between_a_mountain_and_the_ground_is_given_up(e, l
     with pytest.raises(ImpactError) as error:
         resolve_scene(bodies, [pair for pair, *_ in touches], contacts, ImpactModel(law))
     assert error.value.code is StatusCode.PATH_TOO_LONG
+
+
+@pytest.mark.parametrize("kind", [float, F])
+@pytest.mark.parametrize("walls", [0, 2])
+@pytest.mark.parametrize("mass", [1e2, 1e4, 1e6, 1e9, 1e12])
+def test_a_ball_that_rattles_takes_no_more_digits_than_the_budget(kind, walls, mass, monkeypatch):
+    """Of all its reflections together; between a mountain and the ground, with walls beside them that hold."""
+    spent = []
+
+    def violated(self, p, limit, told=RationalCluster.violated):
+        spent.append(len(p) ** 2 * max(x.denominator.bit_length() for x in p))
+        return told(self, p, limit)
+
+    monkeypatch.setattr(RationalCluster, "violated", violated)
+    bodies = [Body.dynamic(kind(1), velocity=(0, 0, 1)), Body.dynamic(mass), Body.static()]
+    contacts = [Contact.of((0, 0, 0), n, 1.0) for n in ((0, 0, 1), (0, 0, 1), (0, 1, 0), (0, -1, 0))]
+    try:
+        answer = resolve_scene(bodies, [(1, 0), (0, 2), (0, 2), (0, 2)][: 2 + walls], contacts[: 2 + walls])
+    except ImpactError as error:
+        assert error.code is StatusCode.PATH_TOO_LONG and mass > 1e4
+    else:
+        assert answer.error_bound < 1e-3
+        assert answer.kinetic_energy_after == pytest.approx(0.5, rel=1e-6)
+    assert sum(spent[:-1]) <= DIGITS  # what goes beyond is not looked at again
+    assert spent or not (walls or kind is F or mass == 1e12)
 
 
 LENGTHS = (2.0**-1000, 2.0**-660, 2.0**-101, 2.0**101, 2.0**660, 2.0**1000)
