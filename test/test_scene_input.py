@@ -274,6 +274,40 @@ def between_jaws(gaps, velocity=0, e=0.5, mu=0.0, number=float) -> Case:
     return Case(bodies, pairs, contacts)
 
 
+@pytest.mark.parametrize(
+    "law, walls", [*product((Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU), (2, 4, 6)), (Law.MOREAU, 10)]
+)
+def test_between_walls_at_rest_what_does_not_approach_is_left_alone(law, walls):
+    """Pressed by none of them, with whatever coefficients; by MOREAU beside more than 8, too."""
+    normals = [(1, 0, 0), (-1, 0, 0), (1, 1, 0), (-1, -1, 0), (2, 1, 0), (-2, -1, 0)]
+    normals += [(3, 1, 0), (-3, -1, 0), (1, 3, 0), (-1, -3, 0)]
+    for velocity, e, mu in product(((0, 0, 0), (0, 0, 1.5)), (0.0, 0.5, 1.0), (0.0, 0.5)):
+        contacts = [Contact.of((0, 0, 0), normal, e, mu) for normal in normals[:walls]]
+        scene = [Body.dynamic(1.0, velocity=velocity), FLOOR], [(0, 1)] * walls, contacts
+        answer = resolve_scene(*scene, ImpactModel(law))
+        assert (answer.status, answer.error_bound) == (StatusCode.SEPARATING, 0)
+        assert answer.twists[0].linear == velocity
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+def test_by_moreau_without_friction_fractions_decide_what_is_held(e):
+    """A point between two walls lands on a third: as without the two, but for what they stop."""
+    for velocity in product((0, 1), (0.0, 1.0), (-2, -1e-9)):
+        contacts = [Contact.of((0, 0, 0), n, e) for n in ((1, 0, 0), (-1, 0, 0), (0, 0, 1), (0, 1, 2))]
+        case = Case([Body.dynamic(1.0, velocity=velocity), FLOOR], [(0, 1)] * 4, contacts)
+        answer, exact = case.resolve(Law.MOREAU), exact_of(case).resolve(Law.MOREAU)
+        assert answer.model.law is exact.model.law
+        change = max(map(abs, exact.changes[0].linear), default=0)
+        for x, y in zip(answer.changes[0].linear, exact.changes[0].linear, strict=True):
+            assert abs(F(x) - y) <= F(answer.error_bound) * 2 * change
+        assert answer.error_bound < 1e-12
+
+
+def exact_of(case: Case) -> Case:
+    """The same in fractions."""
+    return case._replace(bodies=[case.bodies[0]._replace(mass=F(case.bodies[0].mass)), *case.bodies[1:]])
+
+
 GAPS = [gaps for size in (2, 4, 6) for gaps in product((-1, 0, 1), repeat=size) if list(gaps) == sorted(gaps)]
 
 

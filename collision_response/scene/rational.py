@@ -105,7 +105,9 @@ class RationalCluster:
         return self._keep_apart(self._velocities(p), range(self.count) if among is None else among)
 
     def one_step(self, _: bool) -> tuple[Numbers, None, float] | None:
-        """The impulses of MOREAU, without friction."""
+        """The impulses of MOREAU, without friction; ``None``: no velocities rebound from all contacts."""
+        if not self.can_rebound():
+            return None
         q = self._keep_apart(self._beside_rebound(), range(self.count))
         return None if q is None else (q, None, 0.0)
 

@@ -36,8 +36,8 @@ REFLECTIONS = 10_000
 """A budget. A chain of n equal balls takes n."""
 
 DIGITS = 2**25
-"""A budget for fractions, less than a second or two: binary digits of the longest impulse, which each reflection adds to,
-times the square of the contacts, of all reflections together."""
+"""A budget for fractions, less than a second or two: binary digits of the longest impulse, which each
+reflection adds to, times the square of the contacts, of all reflections together."""
 
 ANSWERED, CONTRADICTORY, ENDLESS = range(3)
 """How reflections end."""

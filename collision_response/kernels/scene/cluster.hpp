@@ -111,6 +111,8 @@ inline Struck rubbed(const Assembly& scene, Struck free) {
 // MOREAU's impulses.
 inline Struck stepped(const Assembly& scene, bool rubs) {
   if (rubs) return struck_by(one_step(scene), scene);
+  auto parts = [](const Touch& touch) { return high(touch.velocity) >= width(touch.velocity); };
+  if (std::all_of(scene.touches.begin(), scene.touches.end(), parts)) return {Outcome::ANSWERED, std::vector<DD>(scene.count, DD{0, 0})};
   Assembly::Projection found = scene.rebound();
   return {found.found == Found::LEAST ? Outcome::ANSWERED : Outcome::CONTRADICTORY, found.q, found.error};
 }
