@@ -10,9 +10,20 @@ from fractions import Fraction as F
 import pytest
 from scene_cases import Case, any_case, apart, box, random_case, row, size_of, speeds
 
-from collision_response import Body, Contact, ImpactError, ImpactModel, Law, StatusCode, resolve_scene
+from collision_response import (
+    Body,
+    Contact,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Regime,
+    StatusCode,
+    resolve_scene,
+)
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import Vec3
+from collision_response.scene.rational import RationalCluster
+from collision_response.scene.reflections import DIGITS
 
 
 def exactly(case: Case, law: Law = Law.FRICTIONLESS, **options):
@@ -442,6 +453,31 @@ def test_a_grain_that_rattles_between_a_mountain_and_the_ground_is_given_up(e, l
     assert error.value.code is StatusCode.PATH_TOO_LONG
 
 
+@pytest.mark.parametrize("kind", [float, F])
+@pytest.mark.parametrize("walls", [0, 2])
+@pytest.mark.parametrize("mass", [1e2, 1e4, 1e6, 1e9, 1e12])
+def test_a_ball_that_rattles_takes_no_more_digits_than_the_budget(kind, walls, mass, monkeypatch):
+    """Of all its reflections together; between a mountain and the ground, beside walls that hold."""
+    spent = []
+
+    def violated(self, p, limit, told=RationalCluster.violated):
+        spent.append(len(p) ** 2 * max(x.denominator.bit_length() for x in p))
+        return told(self, p, limit)
+
+    monkeypatch.setattr(RationalCluster, "violated", violated)
+    bodies = [Body.dynamic(kind(1), velocity=(0, 0, 1)), Body.dynamic(mass), Body.static()]
+    contacts = [Contact.of((0, 0, 0), n, 1.0) for n in ((0, 0, 1), (0, 0, 1), (0, 1, 0), (0, -1, 0))]
+    try:
+        answer = resolve_scene(bodies, [(1, 0), (0, 2), (0, 2), (0, 2)][: 2 + walls], contacts[: 2 + walls])
+    except ImpactError as error:
+        assert error.code is StatusCode.PATH_TOO_LONG and mass > 1e4
+    else:
+        assert answer.error_bound < 1e-3
+        assert answer.kinetic_energy_after == pytest.approx(0.5, rel=1e-6)
+    assert sum(spent[:-1]) <= DIGITS  # what goes beyond is not looked at again
+    assert spent or not (walls or kind is F or mass == 1e12)
+
+
 LENGTHS = (2.0**-1000, 2.0**-660, 2.0**-101, 2.0**101, 2.0**660, 2.0**1000)
 
 
@@ -489,3 +525,81 @@ def test_an_energy_beyond_float64_is_refused(law, contacts):
         pairs = [(0, 2), (1, 2), (0, 1)][:contacts]
         resolve_scene([*bodies, Body.static()], pairs, touches, ImpactModel(law))
     assert refused.value.code is StatusCode.OUT_OF_RANGE
+
+
+TURNS = [Quaternion(0.0, 0.0, 0.0, 1.0), Quaternion(0.1, -0.7, 0.3, 0.4), Quaternion(1.0, 1.0, 1.0, 0.0)]
+
+
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("turn", TURNS)
+@pytest.mark.parametrize("mu", [0.3, 1.0, 1e3, 1e4, 1e5, 1e6, 1e9, 1e12])
+def test_friction_of_a_light_load_counts(law, turn, mu):
+    """A point lands on a smooth floor and grazes a rough wall: P_n of the wall is its approach."""
+    axes = turn.rotation()
+    for load in (1.0, 1e-3, 1e-6, 2e-9, 9.9e-10, 1e-12, 1e-15, 1e-20):
+        point = Body.dynamic(1.0, velocity=axes.to_world(Vec3(-load, 1.0, -1.0)))
+        floor, wall = (axes.to_world(Vec3(*n)) for n in ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
+        contacts = [Contact.of((0, 0, 0), floor, 0.0), Contact.of((0, 0, 0), wall, 0.0, mu)]
+        answer = resolve_scene([point, Body.static()], [(0, 1)] * 2, contacts, ImpactModel(law), threshold=0)
+        right = Vec3(0.0, max(0.0, 1 - mu * load), 0.0)
+        off = (answer.twists[0].linear - axes.to_world(right)).norm()
+        change = (right - Vec3(-load, 1.0, -1.0)).norm()
+        given = (
+            1e-15 * mu if turn is not TURNS[0] else 0.0
+        )  # the load is a rounded number, where axes are turned
+        assert off <= answer.error_bound * change + given + 1e-15
+        if mu <= 1e3 and law is Law.COULOMB:
+            assert answer.error_bound < 1e-3 or load < 1e-9
+        if law is Law.COULOMB and turn is TURNS[0] and answer.error_bound < 1e-3 and 1e-9 < mu * load < 0.5:
+            assert answer.regimes[1] is Regime.SLIDING
+
+
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("mu", [0.3, 1.0, 100.0])
+@pytest.mark.parametrize("mass, speed", [(1.0, 1.0), (1e6, 1.0), (1e12, 1.0), (1e12, 1e3)])
+def test_friction_beside_a_far_greater_impact(law, mu, mass, speed):
+    """A ball grazes a wall, gently, while a mountain that it slips along falls on the floor: one cluster."""
+    mountain = Body.dynamic(mass, velocity=(0.0, 0.0, -speed))
+    ball = Body.dynamic(1.0, velocity=(-1e-3, 1.0, -speed))
+    up = Contact.of((0, 0, 0), (0, 0, 1), 0.0)
+    contacts = [up, Contact.of((0, 0, 0), (1, 0, 0), 0.0, mu), up]
+    scene = [mountain, ball, Body.static()], [(0, 2), (1, 2), (1, 0)], contacts
+    answer = resolve_scene(*scene, ImpactModel(law), threshold=0)
+    right = Vec3(0.0, max(0.0, 1 - mu * 1e-3), 0.0)
+    size = max(math.sqrt(mass) * speed, 1.0)
+    assert (answer.twists[1].linear - right).norm() <= answer.error_bound * size * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("belt", [0.0, 1.0, 1e3, 1e5, 1e7, 1e8, 1e9, 1e12, 1e15])
+@pytest.mark.parametrize("normal", [(1, 1, 1), (0, 1, 0), (0, 0, 1), (1, 0, 0)])
+@pytest.mark.parametrize("e", [0.0, 0.5])
+def test_how_fast_a_smooth_belt_runs_does_not_matter(belt, normal, e):
+    """By MOREAU; beside a wall that rubs."""
+    ball = Body.dynamic(1.0, velocity=(0.0, 1.0, 0.0))
+    contacts = [Contact.of((0, 0, 0), normal, e, 1.0), Contact.of((0, 0, 0), (0.0, -3.0, -4.0), e)]
+
+    def answer(speed):
+        bodies = [ball, Body.static(), Body.kinematic(velocity=(speed, 0.0, 0.0))]
+        return resolve_scene(bodies, [(0, 1), (0, 2)], contacts, ImpactModel(Law.MOREAU))
+
+    one, other = answer(0.0), answer(belt)
+    assert (one.model.law, other.error_bound < math.inf) == (other.model.law, one.error_bound < math.inf)
+    size = one.changes[0].linear.norm() * (1 + one.error_bound)
+    apart = (one.twists[0].linear - other.twists[0].linear).norm()
+    assert apart <= (one.error_bound + other.error_bound) * size
+    assert min(other.normal_velocities_after) >= -1e-6
+
+
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("belt", [1e3, 1e5, 1e6, 1e8, 1e10, 1e12])
+@pytest.mark.parametrize("mu", [1e-9, 1e-3, 1.0])
+@pytest.mark.parametrize("e", [0.0, 0.5])
+def test_a_rough_belt_however_fast_takes_along_by_mu_times_the_load(law, belt, mu, e):
+    ball = Body.dynamic(1.0, velocity=(0.0, 1.0, -1.0))
+    contacts = [Contact.of((0, 0, 0), (0, 0, 1), e, mu), Contact.of((0, 0, 0), (0, 1, 0), e, 1.0)]
+    bodies = [ball, Body.kinematic(velocity=(belt, 0.0, 0.0)), Body.static()]
+    answer = resolve_scene(bodies, [(0, 1), (0, 2)], contacts, ImpactModel(law))
+    slip = Vec3(belt, -1.0, 0.0)
+    right = Vec3(0.0, 1.0, e) + slip * (mu * (1 + e) / slip.norm())
+    size = (right - Vec3(0.0, 1.0, -1.0)).norm()
+    assert (answer.twists[0].linear - right).norm() <= answer.error_bound * size + 1e-15

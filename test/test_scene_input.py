@@ -259,6 +259,113 @@ def test_what_closes_in_contradicts_itself_by_every_law(law, corners, closing):
         assert (error.code, error.field) == (StatusCode.CONTRADICTORY_CONTACTS, "contacts")
 
 
+def between_jaws(gaps, velocity=0, e=0.5, mu=0.0, number=float) -> Case:
+    """A point between pairs of walls; each pair, along an axis of its own, opens at so much."""
+    axes = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1), (0, 3, 4), (2, 0, -1)]
+    bodies = [Body.dynamic(number(1), velocity=(number(0), number(velocity), number(velocity)))]
+    pairs, contacts = [], []
+    for axis, gap in zip(axes, gaps, strict=False):
+        square = sum(x * x for x in axis)
+        for side, speed in ((1, 0), (-1, gap)):
+            pairs.append((0, len(bodies)))
+            bodies.append(Body.kinematic(velocity=tuple(number(speed * x) / square for x in axis)))
+            normal = tuple(number(side * x) for x in axis)
+            contacts.append(Contact.of((number(0),) * 3, normal, number(e), number(mu)))
+    return Case(bodies, pairs, contacts)
+
+
+@pytest.mark.parametrize(
+    "law, walls", [*product((Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU), (2, 4, 6)), (Law.MOREAU, 10)]
+)
+def test_between_walls_at_rest_what_does_not_approach_is_left_alone(law, walls):
+    """Pressed by none of them, with whatever coefficients; by MOREAU beside more than 8, too."""
+    normals = [(1, 0, 0), (-1, 0, 0), (1, 1, 0), (-1, -1, 0), (2, 1, 0), (-2, -1, 0)]
+    normals += [(3, 1, 0), (-3, -1, 0), (1, 3, 0), (-1, -3, 0)]
+    for velocity, e, mu in product(((0, 0, 0), (0, 0, 1.5)), (0.0, 0.5, 1.0), (0.0, 0.5)):
+        contacts = [Contact.of((0, 0, 0), normal, e, mu) for normal in normals[:walls]]
+        scene = [Body.dynamic(1.0, velocity=velocity), FLOOR], [(0, 1)] * walls, contacts
+        answer = resolve_scene(*scene, ImpactModel(law))
+        assert (answer.status, answer.error_bound) == (StatusCode.SEPARATING, 0)
+        assert answer.twists[0].linear == velocity
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+def test_by_moreau_without_friction_fractions_decide_what_is_held(e):
+    """A point between two walls lands on a third: as without the two, but for what they stop."""
+    for velocity in product((0, 1), (0.0, 1.0), (-2, -1e-9)):
+        contacts = [Contact.of((0, 0, 0), n, e) for n in ((1, 0, 0), (-1, 0, 0), (0, 0, 1), (0, 1, 2))]
+        case = Case([Body.dynamic(1.0, velocity=velocity), FLOOR], [(0, 1)] * 4, contacts)
+        answer, exact = case.resolve(Law.MOREAU), exact_of(case).resolve(Law.MOREAU)
+        assert answer.model.law is exact.model.law
+        change = max(map(abs, exact.changes[0].linear), default=0)
+        for x, y in zip(answer.changes[0].linear, exact.changes[0].linear, strict=True):
+            assert abs(F(x) - y) <= F(answer.error_bound) * 2 * change
+        assert answer.error_bound < 1e-12
+
+
+def exact_of(case: Case) -> Case:
+    """The same in fractions."""
+    return case._replace(bodies=[case.bodies[0]._replace(mass=F(case.bodies[0].mass)), *case.bodies[1:]])
+
+
+GAPS = [gaps for size in (2, 4, 6) for gaps in product((-1, 0, 1), repeat=size) if list(gaps) == sorted(gaps)]
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+def test_jaws_that_open_make_up_for_none_that_close(law):
+    """A pair of jaws contradicts itself, whatever up to five other pairs do."""
+    for gaps, velocity, mu in product(GAPS, (0, 1), (0.0, 0.3)):
+        if min(gaps) < 0:
+            error = refusal(*between_jaws(gaps, velocity, mu=mu), ImpactModel(law))
+            assert error.code is StatusCode.CONTRADICTORY_CONTACTS
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+def test_jaws_that_do_not_close_hold_or_let_go(law):
+    for gaps, velocity, mu in product(GAPS, (0, 1), (0.0, 0.3)):
+        case = between_jaws(gaps, velocity, mu=mu)
+        if min(gaps) < 0:
+            continue
+        try:
+            answer = case.resolve(law)
+        except ImpactError as error:
+            assert error.code is StatusCode.PATH_TOO_LONG and len(case.contacts) > 8
+        else:
+            parts = min(answer.normal_velocities_after) > -1e-6
+            assert parts or answer.error_bound == math.inf
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.MOREAU])
+def test_jaws_in_fractions(law):
+    """Those that rest hold, those that open do not."""
+    for gaps, velocity in product((g for g in GAPS if len(g) < 6), (0, 1)):
+        case = between_jaws(gaps, velocity, number=F)
+        if min(gaps) < 0:
+            assert refusal(*case, ImpactModel(law)).code is StatusCode.CONTRADICTORY_CONTACTS
+            continue
+        answer = case.resolve(law)
+        for gap, *after in zip(
+            gaps, answer.normal_velocities_after[::2], answer.normal_velocities_after[1::2], strict=True
+        ):
+            assert min(after) >= 0 and (gap > 0 or after == [0, 0])
+
+
+def test_a_wall_that_turns_may_contradict_itself():
+    """A point beside its axis: whoever touches it from both sides, at one radius, is squeezed or let go."""
+    for law, radii in product(
+        (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE), product((-2, -1, 0, 0.5, 2), repeat=3)
+    ):
+        wall = Body.kinematic(angular_velocity=(0.0, 0.0, 1.0))
+        contacts = [
+            Contact.of((0, y, 0), (n, 0, 0), 1.0) for y, n in zip(radii, (-1.0, 1.0, -1.0), strict=True)
+        ]
+        scene = [Body.dynamic(1.0), wall], [(0, 1)] * 3, contacts
+        if max(radii[0], radii[2]) > radii[1]:
+            assert refusal(*scene, ImpactModel(law)).code is StatusCode.CONTRADICTORY_CONTACTS
+        elif law is not Law.ROUTH_STRONGE:  # whose springs may bounce without end
+            assert min(resolve_scene(*scene, ImpactModel(law)).normal_velocities_after) > -1e-6
+
+
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
 @pytest.mark.parametrize("corners", [1, 3, 4, 6])
 @pytest.mark.parametrize("closing", [0.0, -0.125, -1.0])

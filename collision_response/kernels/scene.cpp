@@ -197,10 +197,13 @@ PyObject* struck_answer(const Struck& struck) {
   return Py_BuildValue("NNd", bytes(struck.p), across, struck.error);
 }
 
-// least_work(p), one_step(friction): impulses along the normals, across them, and the error; None if there are none.
-PyObject* with_least_work(PyObject* self, PyObject* o) {
-  const DD* p = impulses(self, o);
-  return p ? struck_answer(struck_by(rubbed(of(self), p), of(self))) : nullptr;
+// least_work(p, error), one_step(friction): impulses along the normals, across them, and the error; None if there are none.
+PyObject* with_least_work(PyObject* self, PyObject* const* args, Py_ssize_t count) {
+  if (count != 2) return PyErr_Format(PyExc_TypeError, "least_work() takes 2 arguments");
+  const DD* p = impulses(self, args[0]);
+  double error = PyFloat_AsDouble(args[1]);
+  if (!p || PyErr_Occurred()) return nullptr;
+  return struck_answer(rubbed(of(self), {Outcome::ANSWERED, {p, p + of(self).count}, error}));
 }
 PyObject* in_one_step(PyObject* self, PyObject* rubs) { return struck_answer(stepped(of(self), rubs == Py_True)); }
 
@@ -238,7 +241,7 @@ PyMethodDef methods[] = {
     {"size", size, METH_O, ""},
     FAST("reflections", reflect),
     FAST("answer", answer),
-    {"least_work", Guarded<with_least_work>::call, METH_O, ""},
+    FAST("least_work", with_least_work),
     {"one_step", Guarded<in_one_step>::call, METH_O, ""},
     FAST("compress", compress),
     {}};

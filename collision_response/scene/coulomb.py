@@ -30,5 +30,5 @@ from .reflections import Struck
 
 def with_friction(cluster: Any, struck: Struck) -> Struck:
     """The impulses with friction, from those of GRR."""
-    p, tangential, error = cluster.least_work(struck.p)
-    return struck._replace(p=p, tangential=tangential, error=struck.error + error)
+    p, tangential, error = cluster.least_work(struck.p, struck.error)
+    return struck._replace(p=p, tangential=tangential, error=error)

@@ -5,9 +5,9 @@ Impulses are lists of fractions. It is the answer for rational input, and decide
 can't.
 
 Self-locking contacts, of which some impulses ``p >= 0``, not all 0, do nothing (``N p = 0``), are found
-here. The sum of ``p_i u_i`` is then the same before and after. Where it is 0, no velocity of theirs can
-be above 0 afterwards: they hold, as bilateral constraints do. Where it is negative, no velocity is
-admissible at all.
+here. The sum of ``p_i u_i`` is then the same before and after. Where it is negative, no velocity is
+admissible at all. Where it is 0, no velocity of theirs can be above 0 afterwards: they hold, as bilateral
+constraints do. Negative is looked for first: with a positive one it may make 0, which holds nothing.
 """
 
 from __future__ import annotations
@@ -105,7 +105,9 @@ class RationalCluster:
         return self._keep_apart(self._velocities(p), range(self.count) if among is None else among)
 
     def one_step(self, _: bool) -> tuple[Numbers, None, float] | None:
-        """The impulses of MOREAU, without friction."""
+        """The impulses of MOREAU, without friction; ``None``: no velocities rebound from all contacts."""
+        if not self.can_rebound():
+            return None
         q = self._keep_apart(self._beside_rebound(), range(self.count))
         return None if q is None else (q, None, 0.0)
 
@@ -190,8 +192,10 @@ class RationalCluster:
         return None if found.ray else found.x
 
     def _find_held(self) -> list[int]:
-        """The contacts that hold."""
+        """The contacts that hold; none do where they contradict each other."""
         everyone = range(self.count)
+        if least(self.A, self._u, everyone, []).ray:
+            return []
         matrix = self._with_work()
         held: set[int] = set()
         while True:

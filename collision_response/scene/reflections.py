@@ -35,9 +35,9 @@ from .rational import RationalCluster
 REFLECTIONS = 10_000
 """A budget. A chain of n equal balls takes n."""
 
-DIGITS = 2**17
-"""A budget for fractions: binary digits of the longest impulse, which each reflection adds to, times the
-contacts."""
+DIGITS = 2**25
+"""A budget for fractions, less than a second or two: binary digits of the longest impulse, which each
+reflection adds to, times the square of the contacts, of all reflections together."""
 
 ANSWERED, CONTRADICTORY, ENDLESS = range(3)
 """How reflections end."""
@@ -84,7 +84,7 @@ def reflections(cluster: Any, threshold: Scalar) -> Struck:
     if end == CONTRADICTORY:
         raise contradiction()
     if end == ENDLESS:
-        reason = f"the reflections did not end within {REFLECTIONS}, or fractions within {DIGITS} digits"
+        reason = f"the reflections did not end within {REFLECTIONS}, or their fractions grew too long"
         raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
     return struck
 
@@ -107,6 +107,7 @@ def _exactly(cluster: RationalCluster, threshold: Fraction) -> tuple[int, Struck
     if e == 0:
         return ANSWERED, Struck(inelastic, restitution=e)
     margin: Scalar = math.inf
+    digits = 0
     for _ in range(REFLECTIONS):
         violated, near = cluster.violated(p, threshold * speed)
         margin = min(margin, near / speed)
@@ -116,7 +117,8 @@ def _exactly(cluster: RationalCluster, threshold: Fraction) -> tuple[int, Struck
         if q is None:
             return CONTRADICTORY, Struck(p)
         p = [x + 2 * y for x, y in zip(p, q, strict=True)]
-        if len(p) * max(x.denominator.bit_length() for x in p) > DIGITS:
+        digits += len(p) ** 2 * max(x.denominator.bit_length() for x in p)
+        if digits > DIGITS:
             return ENDLESS, Struck(p)
     else:
         return ENDLESS, Struck(p)

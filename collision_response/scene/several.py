@@ -227,8 +227,7 @@ def _by_law(cluster: Any, parts: Parts, asked: Asked, has_friction: bool) -> tup
         return _by_springs(cluster, parts, asked, has_friction)
     fell_back = asked.law is Law.MOREAU
     if asked.law is Law.MOREAU:
-        may = locked is None or locked.can_rebound()
-        struck = one_step(cluster, has_friction=has_friction) if may else None
+        struck = _in_one_step(cluster, locked, has_friction=has_friction)
         if struck is not None:
             motions = _motions(cluster, struck)
             if not motions[10]:
@@ -239,6 +238,20 @@ def _by_law(cluster: Any, parts: Parts, asked: Asked, has_friction: bool) -> tup
     return struck._replace(fell_back=True) if fell_back else struck, None, _motions(cluster, struck)
 
 
+def _in_one_step(cluster: Any, locked: RationalCluster | None, *, has_friction: bool) -> Struck | None:
+    """MOREAU; without friction, what may press on itself decided in rationals."""
+    if locked is None or (has_friction and locked.can_rebound()):
+        return one_step(cluster, has_friction=has_friction)
+    exact = None if has_friction else one_step(locked, has_friction=False)
+    return None if exact is None else _in_floats(cluster, locked, exact)
+
+
+def _in_floats(cluster: Any, exactly: RationalCluster, exact: Struck) -> Struck:
+    p = cluster.from_floats([float(x) for x in exactly.least_norm(exact.p)])
+    e = None if exact.restitution is None else float(exact.restitution)
+    return Struck(p, None, cluster.size(p) * 2.0**-53, float(exact.margin), e)
+
+
 def _by_reflections(cluster: Any, parts: Parts, locked: RationalCluster | None, threshold: Scalar) -> Struck:
     """FRICTIONLESS; what double-double can't decide, decided in rationals."""
     struck = None if cluster.locked else reflections(cluster, threshold)
@@ -246,10 +259,7 @@ def _by_reflections(cluster: Any, parts: Parts, locked: RationalCluster | None, 
         return struck
     if len(parts.contacts) <= RATIONAL_CONTACTS:
         exactly = locked or _in_fractions(parts)
-        exact = reflections(exactly, threshold)
-        p = cluster.from_floats([float(x) for x in exactly.least_norm(exact.p)])
-        e = None if exact.restitution is None else float(exact.restitution)
-        return Struck(p, None, cluster.size(p) * 2.0**-53, float(exact.margin), e)
+        return _in_floats(cluster, exactly, reflections(exactly, threshold))
     if struck is None:
         reason = f"more than {RATIONAL_CONTACTS} press on each other without end, as a ball between walls"
         raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)

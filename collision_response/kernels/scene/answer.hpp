@@ -109,7 +109,7 @@ inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<
     answer.then.push_back(u_after[0]);
     Regime regime = back < 0 ? REGIME_REVERSED : REGIME_SLIDING;
     if (push[0] == 0 && push[1] == 0 && push[2] == 0) regime = REGIME_SEPARATING;
-    else if (touch.mu == 0) regime = REGIME_SLIDING;
+    else if (!(touch.mu > LEAST_FRICTION)) regime = REGIME_SLIDING;
     else if (by_slip ? speed <= AT_REST * fastest : friction < (1 - AT_REST) * most) regime = REGIME_STICKING;
     answer.regimes.push_back(regime);
   }
@@ -118,12 +118,6 @@ inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<
   return answer;
 }
 
-// COULOMB's impulses, from frictionless ones.
-inline Friction rubbed(const Assembly& scene, const DD* p) {
-  std::vector<double> normal = rounded(p, scene.count);
-  scene.least_norm(normal, false);
-  return least_work(scene, normal);
-}
 inline std::vector<DD> along_normals(const Friction& friction, const Assembly& scene) {
   std::vector<DD> p(scene.count, DD{0, 0});
   for (int i = 0; i < scene.count; ++i) p[i].h = friction.P[i][0] / scene.touches[i].length;

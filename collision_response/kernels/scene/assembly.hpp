@@ -458,7 +458,10 @@ struct Assembly {
         }
       double length = 0;
       for (int i = 0; i < count; ++i) length += Z[i * k + c] * Z[i * k + c];
-      for (int i = 0; i < count; ++i) Z[i * k + c] /= std::sqrt(length);
+      for (int i = 0; i < count; ++i) {
+        Z[i * k + c] /= std::sqrt(length);
+        if (std::fabs(Z[i * k + c]) < 0x1p-46) Z[i * k + c] = 0;  // rounding
+      }
     }
     std::vector<double> P(count), b(count), x(count, 0.0);
     for (int i = 0; i < count; ++i) P[i] = p[i] * weight[i];
@@ -497,7 +500,7 @@ struct Assembly {
       for (int i : among) along += Z[i * k + c] * x[i] * s[i];
       for (int i = 0; i < count; ++i) P[i] += along * Z[i * k + c];
     }
-    for (int i = 0; i < count; ++i) p[i] = std::fmax(P[i] / weight[i], 0);
+    for (int i = 0; i < count; ++i) p[i] = x[i] > 0 ? 0 : std::fmax(P[i] / weight[i], 0);
     return true;
   }
 };

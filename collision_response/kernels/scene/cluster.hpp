@@ -120,9 +120,21 @@ inline Struck struck_by(const Friction& friction, const Assembly& scene) {
   return {friction.found ? Outcome::ANSWERED : Outcome::CONTRADICTORY, along_normals(friction, scene), friction.error, INFINITY, -1, across_normals(friction)};
 }
 
+// COULOMB's impulses, from frictionless ones.
+inline Struck rubbed(const Assembly& scene, Struck free) {
+  const Friction friction = least_work(scene, free.p.data(), free.error);
+  if (friction.P.empty()) return free;
+  free.p = along_normals(friction, scene);
+  free.tangential = across_normals(friction);
+  free.error = friction.error;
+  return free;
+}
+
 // MOREAU's impulses.
 inline Struck stepped(const Assembly& scene, bool rubs) {
   if (rubs) return struck_by(one_step(scene), scene);
+  auto parts = [](const Touch& touch) { return high(touch.velocity) >= width(touch.velocity); };
+  if (std::all_of(scene.touches.begin(), scene.touches.end(), parts)) return {Outcome::ANSWERED, std::vector<DD>(scene.count, DD{0, 0})};
   Assembly::Projection found = scene.rebound();
   return {found.found == Found::LEAST ? Outcome::ANSWERED : Outcome::CONTRADICTORY, found.q, found.error};
 }
@@ -157,13 +169,7 @@ inline Answer answered(Cluster& cluster, const Asked& asked) {
   }
   struck = reflections(scene, asked.threshold, asked.budget);
   double undecided = struck.error;
-  if (cluster.rubs && struck.outcome == Outcome::ANSWERED) {
-    Struck free = std::move(struck);
-    struck = struck_by(rubbed(scene, free.p.data()), scene);
-    struck.error += free.error;
-    struck.margin = free.margin;
-    struck.restitution = free.restitution;
-  }
+  if (cluster.rubs && struck.outcome == Outcome::ANSWERED) struck = rubbed(scene, std::move(struck));
   if (struck.outcome != Outcome::ANSWERED) answer.code = struck.outcome == Outcome::ENDLESS ? STATUS_PATH_TOO_LONG : STATUS_CONTRADICTORY_CONTACTS;
   else if (undecided == INFINITY) answer.code = LEFT_TO_PYTHON;
   else finish();

@@ -9,27 +9,28 @@
 //
 // Augmented Lagrangian steps: with Q for the P on the right, the least over eta and lambda of
 //
-//     |eta + N^T lambda|^2 / 2 - c.lambda + sum |P_i|^2 / (2 rho_i) + |lambda - lambda_0|^2 / (2 rho)
+//     |eta + N^T lambda|^2 / 2 - c.lambda + sum |P_i|^2 / (2 rho_i) + |lambda - lambda_0|^2 / (2 sigma)
 //
 // is found by Newton's method, as its gradient is piecewise smooth. From Q = 0, P is that of least sum of squares among
 // all that do the same, nearly; further steps, from the greatest rho down, mend the rest. Each ends with a step that
-// changes P instead of computing it anew, for rho times a rounding is no small number.
+// changes P instead of computing it anew, for rho times a rounding is no small number. sigma is greater: of little load
+// and much friction lambda is long, and |lambda| / sigma is what c is missed by.
 //
 // Rockafellar, "Augmented Lagrangians and Applications of the Proximal Point Algorithm in Convex Programming",
 // Math. Oper. Res. 1 (1976); Li, Sun & Toh, "A Highly Efficient Semismooth Newton Augmented Lagrangian Method",
 // SIAM J. Optim. 28 (2018).
 #pragma once
-#include <algorithm>
 #include <array>
-#include <cmath>
-#include <vector>
+
+#include "active_set.hpp"
 
 using Axes = std::array<double, 3>;
 
 class Cones {
  public:
-  static constexpr double GREATEST = 1e6, LEAST = 1e2;  // rho
-  static constexpr double ENOUGH = 1e-15;               // of the gap
+  static constexpr double GREATEST = 1e6, LEAST = 1e2;        // rho
+  static constexpr double USUAL = 1e10, IF_NEED_BE = 1e14;    // sigma
+  static constexpr double ENOUGH = 5e-8;                // of what y is off
 
   struct Cone {
     int body[2];  // -1: none
@@ -38,12 +39,20 @@ class Cones {
     double mu, share;  // share: of rho
   };
   std::vector<Cone> cones;
-  std::vector<double> kept;  // c, or empty
-  std::vector<Axes> P, z;    // z: w + B eta
+  std::vector<double> kept;   // c, or empty
+  std::vector<double> loads;  // normal impulses > 0 that do it, but for `spare`
+  std::vector<double> spare;
+  std::vector<Axes> P, z;     // z: w + B eta
 
   explicit Cones(int bodies) : bodies(bodies) {}
 
   void add(const Cone& cone) { cones.push_back(cone); }
+
+  // Normal impulses that do what impulses of these cones along their normals can, and how to find them.
+  void span(const ActiveSet& active, const std::vector<int>& members) {
+    normals = active;
+    independent = members;
+  }
 
   // After the last one.
   void begin() {
@@ -56,10 +65,15 @@ class Cones {
     profile();
   }
 
-  // Of all solutions that of least squares, nearly; and how much more than the least its work is, at most.
+  // Of all solutions that of least squares, nearly; and how far its y is off, at most.
   double solve() {
     start_afresh();
-    return mend();
+    mend();
+    if (!kept.empty() && off(0) > 30 * ENOUGH) {
+      sigma = IF_NEED_BE;
+      mend();
+    }
+    return off(ROUNDING);
   }
 
   // The first step towards that.
@@ -70,16 +84,16 @@ class Cones {
   }
 
   // The same without regard to the squares: steps from where it is, until they gain nothing.
-  double mend() {
-    double least = gap();
+  void mend() {
+    double least = off(0);
     for (double size = 100 * GREATEST; size >= LEAST; size /= 100)
       for (bool gains = true; gains && least > ENOUGH;) {
         const std::vector<Axes> old_P = P, old_z = z;
         const std::vector<double> old_x = x;
         settle(size, old_P, false, 60);
         sharpen();
-        double now = gap();
-        gains = now < least / 10;
+        double now = off(0);
+        gains = now < least / 3;
         if (now < least) {
           least = now;
         } else {
@@ -88,7 +102,6 @@ class Cones {
           x = old_x;
         }
       }
-    return least;
   }
 
   // One step, from impulses Q; whether Newton's method ended.
@@ -149,36 +162,73 @@ class Cones {
     return y;
   }
 
-  // How much more than the least the work is, at most, by weak duality; of P as it is.
-  double gap() const {
+  // How far y is from y* of the least, at most, of P as it is. With v the velocities of the cones, which lack `outside`
+  // to those that no impulse of theirs works on, and Q any impulses that keep c, y_Q = y + e:
+  //
+  //     |y_Q - y*|^2 = (Q - P*).(v - v*) + (y_Q - y*).e <= Q.v + P*.outside + |y_Q - y*| |e|
+  //
+  // Q is (1 - part) P + part `loads` + `by` along normals, with the least part that leaves it in the cones. P* is taken to
+  // be no greater than the greatest impulse found.
+  double off(double rounding) const {
     const std::vector<double> y = motion();
-    std::vector<double> dual = y;
+    std::vector<double> dual = y, by(kept.size()), e(y.size(), 0.0);
     const double* lambda = x.data() + 6 * bodies;
-    for (size_t i = 0; i < kept.size(); ++i) add_row(cones[i], Axes{-lambda[i], 0, 0}, dual);
-    double sum = 0;
+    double part = 0, reach = 1, sum = 0;
+    for (size_t i = 0; i < kept.size(); ++i) {
+      add_row(cones[i], Axes{-lambda[i], 0, 0}, dual);
+      double own = kept[i] - velocity(cones[i], y.data())[0];
+      by[i] = own + std::copysign(rounding * (std::fabs(kept[i]) + size_near(cones[i], y)) + spare[i], own);
+    }
+    along_normals(by, part);
+    for (size_t i = 0; i < by.size(); ++i) add_row(cones[i], Axes{by[i] + part * loads[i], 0, 0}, e);
+    for (size_t i = 0; i < e.size(); ++i) e[i] -= part * y[i];
+    for (const Axes& one : P) reach = std::fmax(reach, std::hypot(one[0], one[1], one[2]));
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone& cone = cones[i];
       Axes v = velocity(cone, dual.data());
       for (int k = 0; k < 3; ++k) v[k] += cone.w[k];
+      double slip = cone.mu > 0 ? std::hypot(v[1], v[2]) : 0, outside = std::fmax(cone.mu * slip - v[0], 0);
       sum += std::fabs(v[0] * P[i][0] + v[1] * P[i][1] + v[2] * P[i][2]);
-      double outside = std::fmax(cone.mu * std::hypot(v[1], v[2]) - v[0], 0);
-      sum += outside * P[i][0];
-      if (!kept.empty()) sum += std::fabs(lambda[i] * (velocity(cone, y.data())[0] - kept[i]));
+      sum += reach * std::fmin(outside, slip + std::fmax(-v[0], 0));
+      if (!kept.empty()) sum += std::fabs(v[0]) * (part * loads[i] + std::fabs(by[i]));
     }
-    return sum;
+    double far = 0;
+    for (double d : e) far += d * d;
+    far = std::sqrt(far);
+    return far + (far + std::sqrt(far * far + 4 * sum)) / 2;
   }
 
  private:
   int bodies, variables = 0;
-  double rho = 1;
+  double rho = 1, sigma = USUAL;
   std::vector<double> x;  // eta, lambda
   std::vector<double> lambda_before;
   std::vector<Axes> from;
+  static constexpr double ROUNDING = 0x1p-50;
+  ActiveSet normals{nullptr, 0};
+  std::vector<int> independent;
   struct Slope {
     double d[3][3];
   };
   std::vector<Slope> slopes;
 
+  // From changes of normal velocities to impulses along normals, and the part of the loads that leaves them in the cones.
+  void along_normals(std::vector<double>& by, double& part) const {
+    std::vector<double> found;
+    for (int i : independent) found.push_back(by[i]);
+    normals.solve(found.data());
+    std::fill(by.begin(), by.end(), 0.0);
+    for (size_t k = 0; k < found.size(); ++k) part = std::fmax(part, std::fabs(found[k]) / loads[independent[k]]);
+    if (!(part < 1)) part = 1;
+    else
+      for (size_t k = 0; k < found.size(); ++k) by[independent[k]] = found[k];
+  }
+  static double size_near(const Cone& cone, const std::vector<double>& y) {
+    double square = 0;
+    for (int body : cone.body)
+      for (int k = 0; body >= 0 && k < 6; ++k) square += y[6 * body + k] * y[6 * body + k];
+    return std::sqrt(square);
+  }
   static double norm(const std::vector<double>& g) {
     double most = 0;
     for (double v : g) most = std::max(most, std::fabs(v));
@@ -235,8 +285,8 @@ class Cones {
     for (double v : y) value += v * v / 2;
     for (size_t i = 0; i < kept.size(); ++i) {
       double by = lambda[i] - lambda_before[i];
-      gradient[6 * bodies + i] = velocity(cones[i], y.data())[0] - kept[i] + by / rho;
-      value += by * by / (2 * rho) - kept[i] * lambda[i];
+      gradient[6 * bodies + i] = velocity(cones[i], y.data())[0] - kept[i] + by / sigma;
+      value += by * by / (2 * sigma) - kept[i] * lambda[i];
     }
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone& cone = cones[i];
@@ -353,7 +403,7 @@ class Cones {
   // step <- - M^-1 gradient
   void newton(const std::vector<double>& gradient, std::vector<double>& step) {
     M = constant;
-    for (size_t i = 0; i < kept.size(); ++i) at(M, 6 * bodies + static_cast<int>(i), 6 * bodies + static_cast<int>(i)) += 1 / rho;
+    for (size_t i = 0; i < kept.size(); ++i) at(M, 6 * bodies + static_cast<int>(i), 6 * bodies + static_cast<int>(i)) += 1 / sigma;
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone& cone = cones[i];
       double own = rho * cone.share, part[2][3][6];

@@ -26,6 +26,13 @@ struct Motion {  // of the movable bodies: y, and their twists have changed by L
         for (int k = 0; k < 6; ++k) sum += touch.plain[axis].row[side][k] * y[6 * touch.body[side] + k];
     return sum;
   }
+  // Of the part of y that the velocity of a contact is from, at most, as that velocity.
+  double size_at(int i) const {
+    double sum = 0;
+    for (int side = 0; side < 2; ++side)
+      for (int k = 0; scene->touches[i].body[side] >= 0 && k < 6; ++k) sum += std::fabs(scene->touches[i].plain[0].row[side][k] * y[6 * scene->touches[i].body[side] + k]);
+    return sum;
+  }
   Axes velocity(int i) const { return {velocity(i, 0), velocity(i, 1), velocity(i, 2)}; }
 };
 
@@ -42,8 +49,9 @@ inline double coupling(const Assembly& scene, int i, int a, int j, int b) {
 // Friction beyond these sticks no better, or does not show.
 constexpr double GREATEST_FRICTION = 1e30, LEAST_FRICTION = 1e-30, GREATEST_IN_ONE_STEP = 1e6;
 
-// A load that is this part of another of its bodies, or of the whole cluster, is rounding.
-constexpr double UNLOADED = 1e-9, UNLOADED_IN_ALL = 1e-12;
+// A load that is this part of the greatest is rounding, of double-double; one that was not there before loads were shared
+// out is rounding of doubles if it is this part of others of its bodies, or of the greatest if they have none.
+constexpr double UNLOADED = 0x1p-80, UNSHARED = 1e-10;
 
 struct Friction {
   std::vector<Axes> P;
@@ -62,72 +70,92 @@ inline Cones::Cone cone_of(const Touch& touch, double speed, double mean) {
   }
   for (int axis = 0; axis < 3; ++axis) cone.w[axis] = touch.plain[axis].velocity * unit / speed;
   cone.mu = touch.mu > LEAST_FRICTION ? std::fmin(touch.mu, GREATEST_FRICTION) : 0;
+  if (!(cone.mu > 0)) cone.w[1] = cone.w[2] = 0;  // which may be much
   // Least squares of the impulses in newton seconds.
   cone.share = std::fmin(std::fmax(1 / (unit * unit * mean), 1e-3), 1e3);
   return cone;
 }
 
-// From frictionless impulses p, the least work on relative velocities over the cones of friction, with the normal
-// velocities of the loaded contacts kept: those of the impulses of least norm, as others depend on the order.
-inline Friction least_work(const Assembly& scene, std::vector<double> p) {
+// From frictionless impulses p, whose velocities are off by `error`, the least work on relative velocities over the
+// cones of friction, with the normal velocities of the loaded contacts kept. Loaded are those of the impulses of least
+// norm, as others depend on the order. Nothing if none of them rubs.
+inline Friction least_work(const Assembly& scene, const DD* p, double error) {
   int count = scene.count;
   Friction result;
-  result.P.assign(count, Axes{0, 0, 0});
-  double mean = 0, speed = 0, greatest = 0;
+  result.error = error;
+  std::vector<double> own = Assembly::rounded({p, p + count}), shared = own;
+  scene.least_norm(shared, false);
+  double mean = 0, speed = 0;
   std::vector<double> most(scene.bodies, 0.0);  // of the loads of each body
-  auto load = [&](int i) { return p[i] / scene.touches[i].scale; };
-  for (int i = 0; i < count; ++i) {
-    result.P[i][0] = p[i] * scene.touches[i].length;
-    for (int body : scene.touches[i].body)
-      if (body >= 0) most[body] = std::fmax(most[body], load(i));
-    greatest = std::fmax(greatest, load(i));
-  }
-  std::vector<int> loaded;
-  bool rubs = false;
-  Motion free(scene);
   for (int i = 0; i < count; ++i) {
     const Touch& touch = scene.touches[i];
-    double least = INFINITY;  // of its bodies
+    speed = std::fmax(speed, shared[i] / touch.scale);
     for (int body : touch.body)
-      if (body >= 0) least = std::fmin(least, most[body]);
-    if (!(load(i) > UNLOADED * least && load(i) > UNLOADED_IN_ALL * greatest)) continue;
+      if (body >= 0) most[body] = std::fmax(most[body], own[i] / touch.scale);
+  }
+  auto rounding = [&](int i) {  // of the load of a contact
+    double near = 0;
+    for (int body : scene.touches[i].body)
+      if (body >= 0) near = std::fmax(near, most[body]);
+    bool is_new = shared[i] > 2 * own[i] || shared[i] < own[i] / 2;
+    return is_new ? UNSHARED * (near > 0 ? near : speed) : UNLOADED * speed;
+  };
+  std::vector<int> loaded, place(count);
+  bool rubs = false;
+  Motion free(scene), as_shared(scene);
+  for (int i = 0; i < count; ++i) {
+    const Touch& touch = scene.touches[i];
+    free.push(i, {own[i] * touch.length, 0, 0});
+    as_shared.push(i, {shared[i] * touch.length, 0, 0});
+    if (!(shared[i] / touch.scale > rounding(i))) {
+      double slip = std::hypot(touch.plain[1].velocity, touch.plain[2].velocity) * touch.length;
+      result.error += std::sqrt(2 * touch.mu * shared[i] * slip);
+      continue;
+    }
+    place[i] = static_cast<int>(loaded.size());
     loaded.push_back(i);
     rubs = rubs || touch.mu > LEAST_FRICTION;
-    free.push(i, {result.P[i][0], 0, 0});
     mean += 1 / (touch.scale * touch.scale * touch.length * touch.length);
   }
   if (!rubs) return result;
   mean /= loaded.size();
-  for (int i : loaded)
-    for (int axis = 0; axis < 3; ++axis)
-      speed = std::fmax(speed, std::fabs(scene.touches[i].plain[axis].velocity) * scene.touches[i].scale * scene.touches[i].length);
   Cones programme(scene.bodies);
   for (int i : loaded) {
-    programme.add(cone_of(scene.touches[i], speed, mean));
-    programme.kept.push_back((free.velocity(i, 0) - scene.touches[i].plain[0].velocity) * scene.touches[i].scale * scene.touches[i].length / speed);
+    const Touch& touch = scene.touches[i];
+    double unit = touch.scale * touch.length / speed, before = touch.plain[0].velocity;
+    programme.add(cone_of(touch, speed, mean));
+    programme.kept.push_back((free.velocity(i, 0) - before) * unit);
+    programme.loads.push_back(shared[i] / touch.scale / speed);
+    programme.spare.push_back(std::fabs(as_shared.velocity(i, 0) - free.velocity(i, 0)) * unit);
   }
+  ActiveSet normals(scene.A.data(), count);
+  normals.span(loaded);
+  std::vector<int> members;
+  for (int i : normals.members) members.push_back(place[i]);
+  programme.span(normals, members);
   programme.begin();
-  result.error = std::sqrt(2 * programme.solve()) * speed;
+  result.error += programme.solve() * speed;
+  result.P.assign(count, Axes{0, 0, 0});
   for (size_t k = 0; k < loaded.size(); ++k)
     for (int axis = 0; axis < 3; ++axis) result.P[loaded[k]][axis] = programme.P[k][axis] * speed * scene.touches[loaded[k]].scale * scene.touches[loaded[k]].length;
 
   // Another contact may approach now.
   Motion moved(scene);
   for (int i = 0; i < count; ++i) moved.push(i, result.P[i]);
-  std::vector<double> b(count), y(count, 0.0);
-  speed = 0;
-  for (int i = 0; i < count; ++i) speed = std::fmax(speed, std::fabs(scene.touches[i].plain[0].velocity));
+  std::vector<N> offset;
   bool approaches = false;
-  for (int i = 0; i < count; ++i) {
-    double u = moved.velocity(i, 0);
-    approaches = approaches || u < -1e-11 * speed;
-    b[i] = (std::fabs(u) < 1e-11 * speed ? 0 : u) * scene.touches[i].scale * scene.touches[i].length;
+  for (const Touch& touch : scene.touches) {
+    size_t i = offset.size();
+    double u = moved.velocity(static_cast<int>(i), 0), doubt = 0x1p-50 * (std::fabs(touch.plain[0].velocity) + moved.size_at(static_cast<int>(i)));
+    approaches = approaches || u < -doubt;
+    offset.push_back(exact(u * touch.length) - touch.velocity);
+    offset.back().error += doubt * touch.length;
   }
   if (approaches) {
-    ActiveSet active(scene.A.data(), count);
+    Assembly::Projection last = scene.project(std::vector<DD>(count, DD{0, 0}).data(), scene.all(), offset.data());
     // GRR has found velocities that part them: if none are found here, doubles can't tell.
-    if (least(scene.A.data(), count, scene.all(), b.data(), y.data(), active) != Found::LEAST) result.error = INFINITY;
-    for (int i = 0; i < count; ++i) result.P[i][0] += y[i] * scene.touches[i].scale * scene.touches[i].length;
+    result.error += last.found == Found::LEAST ? last.error : INFINITY;
+    for (int i = 0; i < count; ++i) result.P[i][0] += last.q[i].h * scene.touches[i].length;
   }
   return result;
 }
@@ -197,9 +225,10 @@ inline Friction one_step(const Assembly& scene) {
   double mean = 0, speed = 0;
   bool approach = false;
   for (const Touch& touch : scene.touches) {
-    approach = approach || touch.plain[0].velocity < 0;
     mean += 1 / (touch.scale * touch.scale * touch.length * touch.length) / count;
-    speed = std::fmax(speed, std::hypot(touch.plain[0].velocity, touch.plain[1].velocity, touch.plain[2].velocity) * touch.scale * touch.length);
+    approach = approach || touch.plain[0].velocity < 0;
+    bool rubs = touch.mu > LEAST_FRICTION;  // of what does not, the slip may be anything
+    speed = std::fmax(speed, std::hypot(touch.plain[0].velocity, rubs * touch.plain[1].velocity, rubs * touch.plain[2].velocity) * touch.scale * touch.length);
   }
   if (!approach) return result;  // no impulse is a solution
   Cones programme(scene.bodies);
@@ -245,11 +274,11 @@ inline Friction one_step(const Assembly& scene) {
   // Of several splits of a load, that of the most friction.
   for (double& s : shift) s *= 1 - 1e-9;
   for (int i = 0; i < count; ++i) programme.cones[i].w[0] = start[i] + shift[i];
-  double gap = programme.solve();
+  double off_least = programme.solve();
   change = distance(shifts_of(programme), shift);
   result.found = change <= 1e-8;
   for (int i = 0; i < count; ++i)
     for (int axis = 0; axis < 3; ++axis) result.P[i][axis] = programme.P[i][axis] * speed * scene.touches[i].scale * scene.touches[i].length;
-  result.error = speed * (std::sqrt(2 * gap) + (result.found && !scene.locked ? spread(programme, start, shift, change) : INFINITY));
+  result.error = speed * (off_least + (result.found && !scene.locked ? spread(programme, start, shift, change) : INFINITY));
   return result;
 }
