@@ -83,7 +83,7 @@ inline Friction least_work(const Assembly& scene, const DD* p, double error) {
   int count = scene.count;
   Friction result;
   result.error = error;
-  std::vector<double> own = Assembly::rounded({p, p + count}), shared = own;
+  std::vector<double> own = rounded(p, count), shared = own;
   scene.least_norm(shared, false);
   double mean = 0, speed = 0;
   std::vector<double> most(scene.bodies, 0.0);  // of the loads of each body
