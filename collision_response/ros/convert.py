@@ -80,6 +80,28 @@ UNSET = -1.0
 """What a coefficient is that a message does not give."""
 
 
+class Filled(NamedTuple):
+    """A coefficient of a contact.
+
+    Attributes:
+        value: a number; of a pair of materials it may be a function of the approach or slip speed.
+        source: where it came from.
+        rule: that combined two, or what the entry of a pair says of its source.
+    """
+
+    value: Any
+    source: Source
+    rule: str
+
+
+class Coefficients(NamedTuple):
+    """Those of a contact, and the entry of its pair of materials."""
+
+    restitution: Filled
+    friction: Filled
+    pair: Pair
+
+
 class Problem(NamedTuple):
     """A request in the terms of the numeric core."""
 
@@ -89,16 +111,16 @@ class Problem(NamedTuple):
     model: ImpactModel
 
 
-def problem_of(request: ResolveCollision.Request, parameters: Parameters) -> Problem:
-    """What a request asks for, in which both bodies are given in full.
+def problem_of(request: ResolveCollision.Request, parameters: Parameters) -> tuple[Problem, Coefficients]:
+    """What a request asks for, in which both bodies are given in full, and where its coefficients came from.
 
     Raises:
         ImpactError: it cannot be put to the numeric core.
     """
     bodies = body_of("body_a", request.body_a), body_of("body_b", request.body_b)
-    e, mu = (filled(field, request, parameters) for field in MOST)
-    model = model_of(request.model, _defaults(parameters.model, pair_of(request, parameters)))
-    return Problem(*bodies, contact_with(request, e, mu, model.law), model)
+    coefficients = coefficients_of(request, parameters)
+    model = model_of(request.model, _defaults(parameters.model, coefficients.pair))
+    return Problem(*bodies, contact_with(request, coefficients, model.law), model), coefficients
 
 
 def body_of(owner: str, state: BodyState) -> Body:
@@ -178,7 +200,7 @@ class Touch(Protocol):
 
 
 def contact_with(
-    touch: Touch, e: Filled, mu: Filled, law: Law, tangential_restitution: float | None = None
+    touch: Touch, coefficients: Coefficients, law: Law, tangential_restitution: float | None = None
 ) -> Contact:
     """Where the bodies touch, with these coefficients.
 
@@ -186,52 +208,48 @@ def contact_with(
         ImpactError: INVALID_MODEL: the law follows friction by slip speed along its path. An answer has one
             number for it, which would not give the same again.
     """
-    if callable(mu.value) and law in BY_SPEED:
+    e, mu = coefficients.restitution.value, coefficients.friction.value
+    if callable(mu) and law in BY_SPEED:
         reason = f"depends on slip speed, which {law.name} follows in Python alone: give a number"
         raise ImpactError(StatusCode.INVALID_MODEL, "contact.friction", f"{reason}, or ask COULOMB")
     position, normal = touch.contact.position, touch.contact.normal
     return Contact(
         Vec3(position.x, position.y, position.z),
         Vec3(normal.x, normal.y, normal.z),
-        e.value,
-        mu.value,
+        e,
+        mu,
         tangential_restitution,
     )
-
-
-class Filled(NamedTuple):
-    """A coefficient of a contact.
-
-    Attributes:
-        value: a number; of a pair of materials it may be a function of the approach or slip speed.
-        source: where it came from.
-        rule: that combined two, or what the entry of a pair says of its source.
-    """
-
-    value: Any
-    source: Source
-    rule: str
 
 
 MOST = {"restitution": 1.0, "friction": math.inf}
 
 
-def filled(field: str, touch: Touch, parameters: Parameters) -> Filled:
+def coefficients_of(touch: Touch, parameters: Parameters) -> Coefficients:
     """What the contact says; else the entry of the pair of materials; else both materials; else both bodies;
     else the node's parameter.
 
     Raises:
         ImpactError: UNKNOWN_MATERIAL, or for a coefficient of a body NOT_FINITE or INVALID_COEFFICIENT.
     """
-    rule: CombineRule = getattr(parameters, f"combine_{field}")
     materials = touch.body_a.material, touch.body_b.material
     for owner, material in zip(("body_a", "body_b"), materials, strict=True):
         if material:
             parameters.materials.check(f"{owner}.material", material)
+    return Coefficients(
+        _filled("restitution", touch, parameters),
+        _filled("friction", touch, parameters),
+        parameters.materials.between(*materials),
+    )
+
+
+def _filled(field: str, touch: Touch, parameters: Parameters) -> Filled:
     given = getattr(touch.contact, field)
     if given != UNSET:
         return Filled(given, Source.CONTACT, "")  # for the core to refuse, if need be
-    found = parameters.materials.find(field, *materials, rule) if all(materials) else None
+    rule: CombineRule = getattr(parameters, f"combine_{field}")
+    a, b = touch.body_a.material, touch.body_b.material
+    found = parameters.materials.find(field, a, b, rule) if a and b else None
     if found is not None:
         return Filled(found.value, Source.PAIR if found.is_of_pair else Source.MATERIALS, found.how)
     coefficients = []
@@ -243,11 +261,6 @@ def filled(field: str, touch: Touch, parameters: Parameters) -> Filled:
     if len(coefficients) == 2:
         return Filled(combine(rule, *coefficients), Source.BODIES, rule.value)
     return Filled(getattr(parameters, field), Source.PARAMETER, "")
-
-
-def pair_of(touch: Touch, parameters: Parameters) -> Pair:
-    """The entry of the two materials."""
-    return parameters.materials.between(touch.body_a.material, touch.body_b.material)
 
 
 @lru_cache(maxsize=64)
@@ -280,14 +293,14 @@ def _model(fields: tuple[Any, ...], defaults: ImpactModel) -> ImpactModel:
 
 
 def write_answer(
-    result: CollisionResult, request: ResolveCollision.Request, impact: Impact, parameters: Parameters
+    result: CollisionResult, request: ResolveCollision.Request, impact: Impact, coefficients: Coefficients
 ) -> None:
     """Fill in a result from what the core answered."""
     _echo(result, request)
     result.status.code = int(impact.status)
     result.status.message = "; ".join(notes(impact))
-    _, result.restitution_from, result.restitution_rule = filled("restitution", request, parameters)
-    _, result.friction_from, result.friction_rule = filled("friction", request, parameters)
+    _, result.restitution_from, result.restitution_rule = coefficients.restitution
+    _, result.friction_from, result.friction_rule = coefficients.friction
     result.contact.restitution = impact.contact.restitution
     result.contact.friction = impact.contact.friction
     write_model(result.model, impact.model)
@@ -302,7 +315,8 @@ def write_answer(
 
 def notes(impact: Impact | SceneImpact) -> Iterator[str]:
     """What a person should know of an answer."""
-    yield from (note for flag, note in NOTES.items() if flag in impact.adjustments)
+    if impact.adjustments:
+        yield from (note for flag, note in NOTES.items() if flag in impact.adjustments)
     if impact.status is StatusCode.TOLERANCE_NOT_MET:
         tolerance = impact.model.tolerance
         above = f", above the tolerance of {tolerance:.3g}" if tolerance else ""

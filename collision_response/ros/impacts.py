@@ -61,13 +61,13 @@ class Impacts:
             partial(complete, request, self._states, current, self._now), current.max_state_wait
         )
         self._warn_of_coefficients(request)
-        problem = convert.problem_of(request, current)
+        problem, coefficients = convert.problem_of(request, current)
         begin = time.perf_counter()
         impact = resolve(*problem)
         duration = time.perf_counter() - begin
         response = ResolveCollision.Response(success=True)
         result = response.result
-        convert.write_answer(result, request, impact, current)
+        convert.write_answer(result, request, impact, coefficients)
         result.state_stamp_a, result.state_stamp_b = (state.stamp for state in used)
         result.state_age_a, result.state_age_b = (state.age for state in used)
         names = result.contact.body_a or "body_a", result.contact.body_b or "body_b"

@@ -56,8 +56,10 @@ def complete(
         TooEarly: a state is older than ``not_before``, or unknown.
         ImpactError: SAME_BODY, UNKNOWN_BODY, STALE_STATE or FRAME_MISMATCH.
     """
-    check_names(request)
-    names = [_name_to_look_up(getattr(request, owner), getattr(request.contact, owner)) for owner in OWNERS]
+    names = [
+        _name_to_look_up(getattr(request, owner), name)
+        for owner, name in zip(OWNERS, names_of(request), strict=True)
+    ]
     used = [IN_FULL, IN_FULL]
     if any(names):
         time = nanoseconds(request.contact.header.stamp) or now()
@@ -76,9 +78,8 @@ def complete(
     return used
 
 
-def _name_to_look_up(body: BodyState, in_contact: str) -> str:
+def _name_to_look_up(body: BodyState, name: str) -> str:
     """The name of a body of which nothing else is given; else nothing."""
-    name = body.name or in_contact
     if body.inertia.m or body.motion_type or not name:
         return ""  # most bodies given in full; the comparison below takes ten times as long
     return name if body == BodyState(name=body.name) else ""
@@ -134,8 +135,12 @@ def check_age(owner: str, name: str, age: float, limit: float) -> None:
     raise ImpactError(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
 
 
-def check_names(request: ResolveCollision.Request) -> None:
-    """Raises: ImpactError: UNKNOWN_BODY or SAME_BODY."""
+def names_of(request: ResolveCollision.Request) -> list[str]:
+    """The names of body_a and body_b; empty where there is none.
+
+    Raises:
+        ImpactError: UNKNOWN_BODY or SAME_BODY.
+    """
     names = []
     for owner in OWNERS:
         own, in_contact = getattr(request, owner).name, getattr(request.contact, owner)
@@ -146,6 +151,7 @@ def check_names(request: ResolveCollision.Request) -> None:
     if names[0] and names[0] == names[1]:
         reason = f"is {quoted(names[1])}, as that of body_a: a body cannot strike itself"
         raise ImpactError(StatusCode.SAME_BODY, "body_b.name", reason)
+    return names
 
 
 def check_frames(request: ResolveCollision.Request, world_frame: str) -> None:

@@ -59,13 +59,13 @@ class Touch(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """A request in the terms of the numeric core; and where restitution and friction are from."""
+    """A request in the terms of the numeric core, and where its coefficients came from."""
 
     bodies: list[Body]
     pairs: list[tuple[int, int]]
     contacts: list[Contact]
     model: ImpactModel
-    filled: list[tuple[convert.Filled, convert.Filled]]
+    coefficients: list[convert.Coefficients]
 
 
 class Scenes:
@@ -216,7 +216,7 @@ def scene_of(
     bodies = [convert.body_of(owner, state) for owner, state in zip(named.owners, named.states, strict=True)]
     of_a, of_b = np.asarray(request.pairs).reshape(2, -1).tolist()
     model, given = convert.model_of(request.model, parameters.model), request.model
-    pairs, contacts, filled = list(zip(of_a, of_b, strict=True)), [], []
+    pairs, contacts, coefficients = list(zip(of_a, of_b, strict=True)), [], []
     for i, (pair, message) in enumerate(zip(pairs, messages, strict=True)):
         if max(pair) >= len(bodies):
             reason = f"must be indices of {len(bodies)} bodies, from 0; those of contact {i} are {pair}"
@@ -229,18 +229,18 @@ def scene_of(
             "body_b": named.owners[pair[1]],
         }
         try:
-            e, mu = (convert.filled(field, touch, parameters) for field in ("restitution", "friction"))
-            entry = convert.pair_of(touch, parameters)
-            own = None if given.tangential_restitution else entry.tangential_restitution
-            contacts.append(convert.contact_with(touch, e, mu, model.law, own))
+            found = convert.coefficients_of(touch, parameters)
+            own = None if given.tangential_restitution else found.pair.tangential_restitution
+            contacts.append(convert.contact_with(touch, found, model.law, own))
         except ImpactError as error:
             owner, _, field = error.field.partition(".")
             raise ImpactError(error.code, f"{places[owner]}.{field}", error.reason) from None
-        if model.law is Law.COMPLIANT and not given.stiffness_ratio and entry.stiffness_ratio is not None:
-            reason = f"must be given in a scene: contacts[{i}] has {entry.stiffness_ratio} by its materials"
+        ratio = found.pair.stiffness_ratio
+        if model.law is Law.COMPLIANT and not given.stiffness_ratio and ratio is not None:
+            reason = f"must be given in a scene: contacts[{i}] has {ratio} by its materials"
             raise ImpactError(StatusCode.INVALID_MODEL, "model.stiffness_ratio", reason)
-        filled.append((e, mu))
-    return Scene(bodies, pairs, contacts, model, filled)
+        coefficients.append(found)
+    return Scene(bodies, pairs, contacts, model, coefficients)
 
 
 def as_in_request(error: ImpactError, named: Named) -> ImpactError:
@@ -270,8 +270,8 @@ def write_answer(
     result.contacts = contacts
     for message, contact in zip(result.contacts, impact.contacts, strict=True):
         message.restitution, message.friction = float(contact.restitution), contact.friction
-    result.restitution_from, result.restitution_rules = _sources(e for e, _ in scene.filled)
-    result.friction_from, result.friction_rules = _sources(mu for _, mu in scene.filled)
+    result.restitution_from, result.restitution_rules = _sources(of.restitution for of in scene.coefficients)
+    result.friction_from, result.friction_rules = _sources(of.friction for of in scene.coefficients)
     write_model(result.model, impact.model)
     result.body_names = named.names
     result.state_stamps = [used.stamp for used in named.used]
