@@ -16,6 +16,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 
 from ..batch import BatchResult, is_bounded, resolve_with_pauses
+from ..body_numbers import PARALLEL
 from ..centre import at_centre
 from ..model import Geometry, ImpactModel, check_model, law_for
 from ..msg import BodyState
@@ -295,7 +296,7 @@ def _column(owner: str, state: BodyState, layout: Layout) -> list[float]:
         return [body.mass, body.inertia.zz, *motion]
     column = [body.mass, *body.inertia, *body.position, *body.velocity, *body.angular_velocity]
     if layout.oriented:
-        return [*column, *(body.orientation or convert.PARALLEL)]
+        return [*column, *(body.orientation or PARALLEL)]
     if body.orientation and body.is_movable():
         reason = f"is {tuple(body.orientation)}, for which the layout must be SPATIAL_ORIENTED"
         raise ImpactError(StatusCode.INVALID_ORIENTATION, f"{owner}.pose.orientation", reason)

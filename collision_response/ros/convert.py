@@ -18,6 +18,7 @@ from geometry_msgs.msg import Twist as TwistMessage
 from geometry_msgs.msg import Vector3
 
 from ..answer import NUMBERS, Impact
+from ..body_numbers import PARALLEL
 from ..materials import Pair
 from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number
 from ..msg import BodyState, CollisionResult
@@ -57,10 +58,6 @@ NOTES = {
 LAWS: dict[int, Any] = {int(law): law for law in Law}
 GEOMETRIES: dict[int, Any] = {int(geometry): geometry for geometry in Geometry}
 PRECISIONS: dict[int, Any] = {int(precision): precision for precision in Precision}
-
-
-PARALLEL = Quaternion(0.0, 0.0, 0.0, 1.0)
-"""The orientation of a body whose axes are those of the frame."""
 
 
 AT_REST = Twist(ZERO, ZERO)
@@ -142,8 +139,7 @@ def body_of(owner: str, state: BodyState) -> Body:
         except ImpactError as error:
             raise error.within(owner) from None
     i, c = state.inertia, state.inertia.com
-    if not math.isfinite(i.m):  # in the core an infinite mass is that of an immovable body
-        raise ImpactError(StatusCode.NOT_FINITE, f"{owner}.inertia.m", f"must be finite; is {i.m}")
+    check_mass(owner, i.m)
     return Body(
         i.m,
         Symmetric3(i.ixx, i.ixy, i.ixz, i.iyy, i.iyz, i.izz),
@@ -153,6 +149,12 @@ def body_of(owner: str, state: BodyState) -> Body:
         angular_velocity,
         Vec3(c.x, c.y, c.z),
     )
+
+
+def check_mass(owner: str, mass: float) -> None:
+    """Refuse what the core would take for the mass of an immovable body. Raises: ImpactError: NOT_FINITE."""
+    if not math.isfinite(mass):
+        raise ImpactError(StatusCode.NOT_FINITE, f"{owner}.inertia.m", f"must be finite; is {mass}")
 
 
 TRIAL = Body.dynamic(1.0), Contact.of((0, 0, 0), normal=(1, 0, 0)), ImpactModel(precision=Precision.SINGLE)

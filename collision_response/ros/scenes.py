@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..body_numbers import ROWS, body_of
 from ..model import ImpactModel
 from ..msg import BodyState, SceneResult
 from ..msg import Contact as ContactMessage
@@ -26,7 +27,7 @@ from .journal import Journal
 from .parameters import LatestParameters, Parameters
 from .patience import when_not_too_early
 from .request import IN_FULL, Used, age_of, check_age, check_frame, check_world_frame, find
-from .serialized import ROWS, nanoseconds, state_from
+from .serialized import nanoseconds
 from .server import Work
 from .states import LatestStates
 
@@ -35,19 +36,25 @@ CONTACT_ROWS = ("x", "y", "z", "nx", "ny", "nz", "e", "mu")
 
 
 class Named(NamedTuple):
-    """The bodies of a scene.
+    """The bodies of a scene, those of the table first.
 
     Attributes:
         names: of each.
+        columns: of those of the table.
         states: of each.
         used: which state stood for it.
         owners: what errors call it.
     """
 
     names: list[str]
+    columns: list[list[float]]
     states: list[BodyState]
     used: list[Used]
     owners: list[str]
+
+
+IN_TABLE = BodyState()
+"""The state of a body of the table: it says neither material nor coefficients."""
 
 
 class Touch(NamedTuple):
@@ -178,14 +185,11 @@ def bodies_of(
         reason = f"must be empty, or a line for each of {count} bodies and more; has {len(names)}"
         raise ImpactError(StatusCode.INVALID_TABLE, "names", reason)
     check_names(names)
-    immovable = set(request.immovable)
-    if max(immovable, default=-1) >= count:
-        reason = f"must hold indices below {count}, holds {max(immovable)}"
+    if max(request.immovable, default=-1) >= count:
+        reason = f"must hold indices below {count}, holds {max(request.immovable)}"
         raise ImpactError(StatusCode.INVALID_TABLE, "immovable", reason)
-    named = Named(names, [], [IN_FULL] * count, [f"bodies[{i}]" for i in range(count)])
-    for i, (name, column) in enumerate(zip(names, table.T.tolist(), strict=False)):
-        motion_type = BodyState.KINEMATIC if i in immovable else BodyState.DYNAMIC
-        named.states.append(state_from(column, BodyState(header=header, name=name, motion_type=motion_type)))
+    owners = [f"bodies[{i}]" for i in range(count)]
+    named = Named(names, table.T.tolist(), [IN_TABLE] * count, [IN_FULL] * count, owners)
     time, not_before = nanoseconds(header.stamp) or now(), nanoseconds(request.not_before)
     for i, name in enumerate(names[count:], count):
         owner = f"names[{i}]"
@@ -205,7 +209,7 @@ def scene_of(
     """What a request asks for, in the terms of the numeric core.
 
     Args:
-        request: for its pairs and its model.
+        request: for what of it is immovable, its pairs and its model.
         messages: its contacts; the names of their bodies are filled in.
         named: its bodies.
         parameters: of the node.
@@ -213,7 +217,12 @@ def scene_of(
     Raises:
         ImpactError: it cannot be put to it.
     """
-    bodies = [convert.body_of(owner, state) for owner, state in zip(named.owners, named.states, strict=True)]
+    immovable, count = set(request.immovable), len(named.columns)
+    bodies = [
+        _body_in_table(named.owners[i], column, is_immovable=i in immovable)
+        for i, column in enumerate(named.columns)
+    ]
+    bodies += map(convert.body_of, named.owners[count:], named.states[count:])
     of_a, of_b = np.asarray(request.pairs).reshape(2, -1).tolist()
     model, given = convert.model_of(request.model, parameters.model), request.model
     pairs, contacts, coefficients = list(zip(of_a, of_b, strict=True)), [], []
@@ -241,6 +250,15 @@ def scene_of(
             raise ImpactError(StatusCode.INVALID_MODEL, "model.stiffness_ratio", reason)
         coefficients.append(found)
     return Scene(bodies, pairs, contacts, model, coefficients)
+
+
+def _body_in_table(owner: str, column: list[float], *, is_immovable: bool) -> Body:
+    body = body_of(column)
+    if is_immovable:
+        still = Body.kinematic(body.position, body.velocity, body.angular_velocity)
+        return still._replace(orientation=body.orientation)
+    convert.check_mass(owner, body.mass)
+    return body
 
 
 def as_in_request(error: ImpactError, named: Named) -> ImpactError:
