@@ -240,11 +240,11 @@ def bodies_of(
     for i, name in enumerate(names):
         owner = f"names[{i}]"
         try:
-            known = find(states, owner, owner, name, not_before)
-            stamps[i], ages[i] = known.state.header.stamp, age_of(known, at)
-            check_frame(f"{owner}.header.frame_id", known.state, "header.frame_id", request.header.frame_id)
+            state = find(states, owner, owner, name, not_before)
+            stamps[i], ages[i] = state.header.stamp, age_of(state, at)
+            check_frame(f"{owner}.header.frame_id", state, "header.frame_id", request.header.frame_id)
             check_age(owner, name, ages[i], parameters.max_state_age)
-            columns[:, i] = _column(owner, known.state, layout)
+            columns[:, i] = _column(owner, state, layout)
         except TooEarly:
             raise
         except ImpactError as error:

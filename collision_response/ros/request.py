@@ -13,7 +13,7 @@ from ..srv import ResolveCollision
 from ..status import ImpactError, StatusCode
 from .parameters import Parameters
 from .serialized import nanoseconds
-from .states import Known, LatestStates, quoted
+from .states import LatestStates, quoted
 
 OWNERS = ("body_a", "body_b")
 
@@ -69,11 +69,11 @@ def complete(
         ]
         for i, state in enumerate(known):
             if state is not None:
-                used[i] = Used(state.state.header.stamp, age_of(state, time))
+                used[i] = Used(state.header.stamp, age_of(state, time))
                 check_age(OWNERS[i], names[i], used[i].age, parameters.max_state_age)
         for owner, state in zip(OWNERS, known, strict=True):
             if state is not None:
-                setattr(request, owner, state.state)
+                setattr(request, owner, state)
     check_frames(request, parameters.world_frame)
     return used
 
@@ -85,7 +85,7 @@ def _name_to_look_up(body: BodyState, name: str) -> str:
     return name if body == BodyState(name=body.name) else ""
 
 
-def find(states: LatestStates, owner: str, field: str, name: str, not_before: int) -> Known:
+def find(states: LatestStates, owner: str, field: str, name: str, not_before: int) -> BodyState:
     """The latest state of a body given by name.
 
     Args:
@@ -99,19 +99,21 @@ def find(states: LatestStates, owner: str, field: str, name: str, not_before: in
         ImpactError: UNKNOWN_BODY.
     """
     try:
-        known = states.find(field, name)
+        state = states.find(field, name)
     except ImpactError as error:
         raise TooEarly(error.code, error.field, error.reason) if not_before else error from None
-    if known.stamp < not_before:
-        late = (not_before - known.stamp) / 1e9
+    stamp = nanoseconds(state.header.stamp)
+    if stamp < not_before:
+        late = (not_before - stamp) / 1e9
         reason = f"the last state of {quoted(name)} is {late:.6g} s older than not_before asks for"
         raise TooEarly(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
-    return known
+    return state
 
 
-def age_of(known: Known, time: int) -> float:
+def age_of(state: BodyState, time: int) -> float:
     """How much older than a time [ns] a state is [s]; NaN if it has no stamp."""
-    return (time - known.stamp) / 1e9 if known.stamp else math.nan
+    stamp = nanoseconds(state.header.stamp)
+    return (time - stamp) / 1e9 if stamp else math.nan
 
 
 def check_age(owner: str, name: str, age: float, limit: float) -> None:

@@ -193,11 +193,11 @@ def bodies_of(
     time, not_before = nanoseconds(header.stamp) or now(), nanoseconds(request.not_before)
     for i, name in enumerate(names[count:], count):
         owner = f"names[{i}]"
-        known = find(states, owner, owner, name, not_before)
-        used = Used(known.state.header.stamp, age_of(known, time))
+        state = find(states, owner, owner, name, not_before)
+        used = Used(state.header.stamp, age_of(state, time))
         check_age(owner, name, used.age, parameters.max_state_age)
-        check_frame(f"{owner}.header.frame_id", known.state, "header.frame_id", header.frame_id)
-        named.states.append(known.state)
+        check_frame(f"{owner}.header.frame_id", state, "header.frame_id", header.frame_id)
+        named.states.append(state)
         named.used.append(used)
         named.owners.append(owner)
     return named
