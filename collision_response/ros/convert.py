@@ -21,7 +21,7 @@ from ..answer import NUMBERS, Impact
 from ..body_numbers import PARALLEL
 from ..materials import Pair
 from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number
-from ..msg import BodyState, CollisionResult
+from ..msg import BodyState, CollisionResult, SceneResult
 from ..msg import ImpactModel as ImpactModelMessage
 from ..physics.body import Body, Twist
 from ..physics.combine import CombineRule, combine
@@ -298,7 +298,7 @@ def write_answer(
     result: CollisionResult, request: ResolveCollision.Request, impact: Impact, coefficients: Coefficients
 ) -> None:
     """Fill in a result from what the core answered."""
-    _echo(result, request)
+    echo(result, request)
     result.status.code = int(impact.status)
     result.status.message = "; ".join(notes(impact))
     _, result.restitution_from, result.restitution_rule = coefficients.restitution
@@ -326,14 +326,11 @@ def notes(impact: Impact | SceneImpact) -> Iterator[str]:
 
 
 def write_refusal(
-    result: CollisionResult, request: ResolveCollision.Request, code: StatusCode, message: str
+    result: CollisionResult | SceneResult, model: ImpactModelMessage, error: ImpactError
 ) -> None:
-    """Fill in a result that says why there is none; contact and model are those of the request."""
-    _echo(result, request)
-    result.model = request.model
-    result.error_bound = -1.0
-    result.status.code = int(code)
-    result.status.message = message
+    """Fill in a result that says why there is none; its model is that of the request."""
+    result.model, result.error_bound = model, -1.0
+    result.status.code, result.status.message = int(error.code), as_in_message(error)
 
 
 def as_in_message(error: ImpactError) -> str:
@@ -345,7 +342,8 @@ def as_in_message(error: ImpactError) -> str:
     return str(error)
 
 
-def _echo(result: CollisionResult, request: ResolveCollision.Request) -> None:
+def echo(result: CollisionResult, request: ResolveCollision.Request) -> None:
+    """Fill in a result with the contact of its request, the names of the bodies too."""
     result.header = request.contact.header
     result.contact = request.contact
     result.contact.body_a = request.contact.body_a or request.body_a.name

@@ -92,7 +92,8 @@ class Impacts:
     def refusal(self, request: ResolveCollision.Request, error: ImpactError) -> ResolveCollision.Response:
         """The response that says why there is no answer."""
         response = ResolveCollision.Response()
-        convert.write_refusal(response.result, request, error.code, convert.as_in_message(error))
+        convert.echo(response.result, request)
+        convert.write_refusal(response.result, request.model, error)
         self._journal.refuse(response.result, error.code)
         return response
 

@@ -30,7 +30,7 @@ from . import convert, parameters
 from .batches import Batches
 from .diagnostics import Diagnostics
 from .impacts import Impacts
-from .intake import Intake, OutOfReach
+from .intake import Intake, OutOfReach, by_the_intake
 from .journal import Journal
 from .memory import limit_memory
 from .process import run
@@ -159,7 +159,7 @@ class CollisionResponseNode(Node):
         subscription = self.create_subscription(
             kind,
             topic,
-            _by_the_intake,
+            by_the_intake,
             qos,
             raw=True,
             callback_group=OutOfReach(),
@@ -211,10 +211,6 @@ def warm_up() -> None:
     contact = Contact.of((0, 0, 0), (0, 0, 1), restitution=0.5, friction=0.3)
     for law, tolerance in product(Law, (0.0, 1e-15, 1e-17)):
         resolve(ball, Body.static(), contact, ImpactModel(law, tolerance=tolerance))
-
-
-def _by_the_intake(message: bytes) -> None:
-    raise AssertionError("the executor leaves messages to the intake")
 
 
 def main(args: list[str] | None = None) -> int:

@@ -119,10 +119,9 @@ class Scenes:
     def refusal(self, request: ResolveScene.Request, error: ImpactError) -> ResolveScene.Response:
         """The response that says why there is no answer; its model is that of the request."""
         response = ResolveScene.Response()
-        result = response.result
-        result.header, result.model, result.error_bound = request.header, request.model, -1.0
-        result.status.code, result.status.message = int(error.code), convert.as_in_message(error)
-        self._journal.refuse(result, error.code)
+        response.result.header = request.header
+        convert.write_refusal(response.result, request.model, error)
+        self._journal.refuse(response.result, error.code)
         return response
 
     def code(self, response: ResolveScene.Response) -> StatusCode:
