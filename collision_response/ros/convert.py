@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator
 from enum import IntEnum
 from functools import lru_cache
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from geometry_msgs.msg import Twist as TwistMessage
 from geometry_msgs.msg import Vector3
@@ -22,6 +22,7 @@ from ..body_numbers import PARALLEL
 from ..materials import Pair
 from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number
 from ..msg import BodyState, CollisionResult, SceneResult
+from ..msg import Contact as ContactMessage
 from ..msg import ImpactModel as ImpactModelMessage
 from ..physics.body import Body, Twist
 from ..physics.combine import CombineRule, combine
@@ -117,7 +118,7 @@ def problem_of(request: ResolveCollision.Request, parameters: Parameters) -> tup
     bodies = body_of("body_a", request.body_a), body_of("body_b", request.body_b)
     coefficients = coefficients_of(request, parameters)
     model = model_of(request.model, _defaults(parameters.model, coefficients.pair))
-    return Problem(*bodies, contact_with(request, coefficients, model.law), model), coefficients
+    return Problem(*bodies, contact_with(request.contact, coefficients, model.law), model), coefficients
 
 
 def body_of(owner: str, state: BodyState) -> Body:
@@ -185,24 +186,8 @@ def _check_immovable(owner: str, motion_type: int, twist: Twist) -> None:
         raise ImpactError(StatusCode.INVALID_MOTION_TYPE, field, reason)
 
 
-class Touch(Protocol):
-    """A contact and its two bodies, such as a request for one impact."""
-
-    @property
-    def contact(self) -> Any:
-        """Where, and the coefficients."""
-
-    @property
-    def body_a(self) -> BodyState:
-        """To whom the normal points."""
-
-    @property
-    def body_b(self) -> BodyState:
-        """The other one."""
-
-
 def contact_with(
-    touch: Touch, coefficients: Coefficients, law: Law, tangential_restitution: float | None = None
+    message: ContactMessage, coefficients: Coefficients, law: Law, tangential_restitution: float | None = None
 ) -> Contact:
     """Where the bodies touch, with these coefficients.
 
@@ -214,7 +199,7 @@ def contact_with(
     if callable(mu) and law in BY_SPEED:
         reason = f"depends on slip speed, which {law.name} follows in Python alone: give a number"
         raise ImpactError(StatusCode.INVALID_MODEL, "contact.friction", f"{reason}, or ask COULOMB")
-    position, normal = touch.contact.position, touch.contact.normal
+    position, normal = message.position, message.normal
     return Contact(
         Vec3(position.x, position.y, position.z),
         Vec3(normal.x, normal.y, normal.z),
@@ -224,12 +209,16 @@ def contact_with(
     )
 
 
-MOST = {"restitution": 1.0, "friction": math.inf}
+GREATEST = {"restitution": 1.0, "friction": math.inf}
 
 
-def coefficients_of(touch: Touch, parameters: Parameters) -> Coefficients:
+def coefficients_of(touch: Any, parameters: Parameters) -> Coefficients:
     """What the contact says; else the entry of the pair of materials; else both materials; else both bodies;
     else the node's parameter.
+
+    Args:
+        touch: a ``contact``, its ``body_a`` and ``body_b``, such as a request for one impact.
+        parameters: of the node.
 
     Raises:
         ImpactError: UNKNOWN_MATERIAL, or for a coefficient of a body NOT_FINITE or INVALID_COEFFICIENT.
@@ -245,7 +234,7 @@ def coefficients_of(touch: Touch, parameters: Parameters) -> Coefficients:
     )
 
 
-def _filled(field: str, touch: Touch, parameters: Parameters) -> Filled:
+def _filled(field: str, touch: Any, parameters: Parameters) -> Filled:
     given = getattr(touch.contact, field)
     if given != UNSET:
         return Filled(given, Source.CONTACT, "")  # for the core to refuse, if need be
@@ -258,7 +247,7 @@ def _filled(field: str, touch: Touch, parameters: Parameters) -> Filled:
     for owner in ("body_a", "body_b"):
         own = getattr(getattr(touch, owner), field)
         if own != UNSET:
-            check_number(f"{owner}.{field}", own, 0, MOST[field], StatusCode.INVALID_COEFFICIENT)
+            check_number(f"{owner}.{field}", own, 0, GREATEST[field], StatusCode.INVALID_COEFFICIENT)
             coefficients.append(own)
     if len(coefficients) == 2:
         return Filled(combine(rule, *coefficients), Source.BODIES, rule.value)
@@ -272,12 +261,12 @@ def _defaults(model: ImpactModel, pair: Pair) -> ImpactModel:
     return model._replace(**of_pair)
 
 
-def only_one_body_says(field: str, touch: Touch) -> bool:
+def only_one_body_says(field: str, request: ResolveCollision.Request) -> bool:
     """Whether the coefficient of one body is of no use, because the other has none, nor both a material."""
-    if touch.body_a.material and touch.body_b.material:
+    if request.body_a.material and request.body_b.material:
         return False
-    of_a, of_b = getattr(touch.body_a, field), getattr(touch.body_b, field)
-    return getattr(touch.contact, field) == UNSET and (of_a == UNSET) != (of_b == UNSET)
+    of_a, of_b = getattr(request.body_a, field), getattr(request.body_b, field)
+    return getattr(request.contact, field) == UNSET and (of_a == UNSET) != (of_b == UNSET)
 
 
 def model_of(message: ImpactModelMessage, defaults: ImpactModel) -> ImpactModel:

@@ -239,7 +239,7 @@ def scene_of(
         try:
             found = convert.coefficients_of(touch, parameters)
             own = None if given.tangential_restitution else found.pair.tangential_restitution
-            contacts.append(convert.contact_with(touch, found, model.law, own))
+            contacts.append(convert.contact_with(message, found, model.law, own))
         except ImpactError as error:
             owner, _, field = error.field.partition(".")
             raise ImpactError(error.code, f"{places[owner]}.{field}", error.reason) from None
