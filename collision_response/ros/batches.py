@@ -38,10 +38,19 @@ from .batch_fields import (
 )
 from .parameters import LatestParameters, Parameters
 from .patience import when_not_too_early
-from .request import TooEarly, age_of, check_age, check_frame, check_world_frame, find
+from .request import (
+    TooEarly,
+    age_of,
+    check_age,
+    check_distinct,
+    check_frame,
+    check_immovable,
+    check_world_frame,
+    find,
+)
 from .serialized import nanoseconds
 from .server import Work
-from .states import LatestStates, quoted
+from .states import LatestStates
 
 
 class Bodies(NamedTuple):
@@ -233,7 +242,7 @@ def bodies_of(
     if not names:
         return Bodies(table, faults, [], [], [])
 
-    check_names(names)
+    check_distinct(names)
     columns, errors = np.full((height, len(names)), math.nan), []
     stamps, ages = [Time() for _ in names], [math.nan] * len(names)
     at, not_before = nanoseconds(request.header.stamp) or now(), nanoseconds(request.not_before)
@@ -261,22 +270,11 @@ def without_give(table: Array, immovable: Sequence[int], layout: Layout) -> Arra
     """
     if not immovable:
         return table
+    check_immovable(immovable, table.shape[1])
     columns, rows = np.asarray(immovable), layout.bodies
-    if columns.max() >= table.shape[1]:
-        reason = f"must hold indices below {table.shape[1]}, holds {columns.max()}"
-        raise ImpactError(StatusCode.INVALID_TABLE, "immovable", reason)
     table = table.copy()
     table[rows.mass, columns], table[rows.inertia, columns] = math.inf, 0.0
     return table
-
-
-def check_names(names: Sequence[str]) -> None:
-    """Raises: ImpactError: SAME_BODY."""
-    first: dict[str, int] = {}
-    for i, name in enumerate(names):
-        if first.setdefault(name, i) != i:
-            reason = f"is {quoted(name)}, as names[{first[name]}]: a body has one column"
-            raise ImpactError(StatusCode.SAME_BODY, f"names[{i}]", reason)
 
 
 def _column(owner: str, state: BodyState, layout: Layout) -> list[float]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import numpy as np
 from builtin_interfaces.msg import Time
 
 from ..msg import BodyState, Contact
@@ -154,6 +155,22 @@ def names_of(request: ResolveCollision.Request) -> list[str]:
         reason = f"is {quoted(names[1])}, as that of body_a: a body cannot strike itself"
         raise ImpactError(StatusCode.SAME_BODY, "body_b.name", reason)
     return names
+
+
+def check_distinct(names: Sequence[str]) -> None:
+    """Raises: ImpactError: SAME_BODY."""
+    first: dict[str, int] = {}
+    for i, name in enumerate(names):
+        if first.setdefault(name, i) != i:
+            reason = f"is {quoted(name)}, as names[{first[name]}]: a body has one column"
+            raise ImpactError(StatusCode.SAME_BODY, f"names[{i}]", reason)
+
+
+def check_immovable(immovable: Sequence[int], count: int) -> None:
+    """Whether these are columns of a table of so many. Raises: ImpactError: INVALID_TABLE."""
+    if len(immovable) and np.max(immovable) >= count:
+        reason = f"must hold indices below {count}, holds {np.max(immovable)}"
+        raise ImpactError(StatusCode.INVALID_TABLE, "immovable", reason)
 
 
 def check_frames(request: ResolveCollision.Request, world_frame: str) -> None:

@@ -22,11 +22,20 @@ from ..srv import ResolveScene
 from ..status import ImpactError, StatusCode
 from . import convert
 from .batch_fields import names_in, write_model
-from .batches import check_names
 from .journal import Journal
 from .parameters import LatestParameters, Parameters
 from .patience import when_not_too_early
-from .request import IN_FULL, Used, age_of, check_age, check_frame, check_world_frame, find
+from .request import (
+    IN_FULL,
+    Used,
+    age_of,
+    check_age,
+    check_distinct,
+    check_frame,
+    check_immovable,
+    check_world_frame,
+    find,
+)
 from .serialized import nanoseconds
 from .server import Work
 from .states import LatestStates
@@ -183,10 +192,8 @@ def bodies_of(
     if len(names) < count:
         reason = f"must be empty, or a line for each of {count} bodies and more; has {len(names)}"
         raise ImpactError(StatusCode.INVALID_TABLE, "names", reason)
-    check_names(names)
-    if max(request.immovable, default=-1) >= count:
-        reason = f"must hold indices below {count}, holds {max(request.immovable)}"
-        raise ImpactError(StatusCode.INVALID_TABLE, "immovable", reason)
+    check_distinct(names)
+    check_immovable(request.immovable, count)
     owners = [f"bodies[{i}]" for i in range(count)]
     named = Named(names, table.T.tolist(), [IN_TABLE] * count, [IN_FULL] * count, owners)
     time, not_before = nanoseconds(header.stamp) or now(), nanoseconds(request.not_before)
