@@ -171,9 +171,8 @@ def check_body(owner: str, body: Body) -> None:
     try:
         resolve(body, *TRIAL)
     except ImpactError as error:
-        of, _, field = error.field.partition(".")
-        if of == "body_a":
-            raise ImpactError(error.code, f"{owner}.{field}", error.reason) from None
+        if error.field.startswith("body_a."):
+            raise error.with_owner(owner) from None
 
 
 def _check_immovable(owner: str, motion_type: int, twist: Twist) -> None:
@@ -326,7 +325,7 @@ def as_in_message(error: ImpactError) -> str:
     """What an error says, its field named as the messages name it."""
     owner, _, field = error.field.partition(".")
     head, dot, rest = field.partition(".")
-    if owner.startswith(("body_a", "body_b", "names[")) and head in CORE_TO_MESSAGE:
+    if owner.startswith(("body_a", "body_b", "bodies[", "names[")) and head in CORE_TO_MESSAGE:
         return f"{owner}.{CORE_TO_MESSAGE[head]}{dot}{rest}: {error.reason}"
     return str(error)
 

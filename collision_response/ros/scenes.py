@@ -248,8 +248,7 @@ def scene_of(
             own = None if given.tangential_restitution else found.pair.tangential_restitution
             contacts.append(convert.contact_with(message, found, model.law, own))
         except ImpactError as error:
-            owner, _, field = error.field.partition(".")
-            raise ImpactError(error.code, f"{places[owner]}.{field}", error.reason) from None
+            raise error.with_owner(places[error.field.partition(".")[0]]) from None
         ratio = found.pair.stiffness_ratio
         if model.law is Law.COMPLIANT and not given.stiffness_ratio and ratio is not None:
             reason = f"must be given in a scene: contacts[{i}] has {ratio} by its materials"
@@ -268,15 +267,13 @@ def _body_in_table(owner: str, column: list[float], *, is_immovable: bool) -> Bo
 
 
 def as_in_request(error: ImpactError, named: Named) -> ImpactError:
-    """An error of the numeric core, its field named as the request names it."""
-    owner, _, field = error.field.partition(".")
+    """An error of the numeric core, the body or the contact named as the request names it."""
+    owner = error.field.partition(".")[0]
     if owner.startswith("bodies["):
-        owner = named.owners[int(owner[len("bodies[") : -1])]
-        head, dot, rest = field.partition(".")
-        field = f"{convert.CORE_TO_MESSAGE.get(head, head)}{dot}{rest}"
+        return error.with_owner(named.owners[int(owner[len("bodies[") : -1])])
     if owner.startswith("pairs["):  # of one contact
-        owner = f"contacts[{owner[len('pairs[') : -1]}]"
-    return ImpactError(error.code, f"{owner}.{field}" if field else owner, error.reason)
+        return error.with_owner(owner.replace("pairs", "contacts"))
+    return error
 
 
 def write_answer(
