@@ -220,5 +220,5 @@ def main(args: list[str] | None = None) -> int:
 
 def _within_memory() -> CollisionResponseNode:
     node = CollisionResponseNode()
-    limit_memory(parameters.StartParameters.of(node).memory_limit)
+    limit_memory(node.get_parameter("memory_limit").value)
     return node
