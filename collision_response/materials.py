@@ -27,6 +27,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from reprlib import repr as quoted
 from types import NoneType
@@ -97,7 +99,11 @@ class Found(NamedTuple):
     how: str
 
 
-class Materials(NamedTuple):
+NO_PAIR = Pair()
+
+
+@dataclass(frozen=True)
+class Materials:
     """The contents of a file: read one with :meth:`read`.
 
     Attributes:
@@ -149,19 +155,20 @@ class Materials(NamedTuple):
             pairs[names] = pair
         return cls(pairs, singles)
 
-    def known(self) -> set[str]:
+    @cached_property
+    def known(self) -> frozenset[str]:
         """The names of all materials that are mentioned."""
-        return {name for names in self.pairs for name in names} | set(self.materials)
+        return frozenset(self.materials).union(*self.pairs)
 
     def check(self, field: str, name: str) -> None:
         """Raises: ImpactError: UNKNOWN_MATERIAL: the file has nothing of this material."""
-        if name not in self.known():
-            names = ", ".join(sorted(self.known())) or "none"
+        if name not in self.known:
+            names = ", ".join(sorted(self.known)) or "none"
             raise ImpactError(StatusCode.UNKNOWN_MATERIAL, field, f"is {quoted(name)}; known are {names}")
 
     def between(self, a: str, b: str) -> Pair:
         """The entry of two materials; an empty one if there is none."""
-        return self.pairs.get((min(a, b), max(a, b)), Pair())
+        return self.pairs.get((min(a, b), max(a, b)), NO_PAIR)
 
     def find(self, coefficient: str, a: str, b: str, rule: CombineRule = CombineRule.AVERAGE) -> Found | None:
         """A coefficient of two materials: of their pair, else combined; ``None``: nothing is known.

@@ -103,3 +103,8 @@ class ImpactError(ValueError):
     def within(self, owner: str) -> ImpactError:
         """The same error, seen from ``owner``, of which ``field`` is a part."""
         return ImpactError(self.code, f"{owner}.{self.field}", self.reason)
+
+    def with_owner(self, owner: str) -> ImpactError:
+        """The same error, of another owner: that is what ``field`` begins with, up to the first dot."""
+        _, dot, rest = self.field.partition(".")
+        return ImpactError(self.code, f"{owner}{dot}{rest}", self.reason)

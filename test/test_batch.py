@@ -507,6 +507,29 @@ def test_the_formulas_take_arrays_of_any_make(make, law):
     np.testing.assert_array_equal(spin, expected.angular_velocity[:, 1])
 
 
+@pytest.mark.parametrize("law", [Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("e", [0.0, 1e-100, 1e-20, 1e-16, 0.5, 1.0])
+def test_slip_that_stops_as_compression_ends(law, e):
+    """Balls whose slip a stick takes 3.5 mu of the approach to stop: all numbers but moments are dyadic."""
+    slips = np.array(
+        [(mu, 3.5 * mu * speed, speed) for mu in (0.125, 0.25, 0.5, 1.0) for speed in (0.5, 1, 3)]
+    )
+    mu, slip, speed = slips.T
+    rows, touch = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
+    bodies, contacts = np.zeros((rows.height, 2, mu.size)), np.zeros((touch.height, mu.size))
+    bodies[rows.mass, 0], bodies[rows.mass, 1] = 1, np.inf
+    bodies[rows.inertia, 0] = np.array([[0.1, 0, 0, 0.1, 0, 0.1]]).T
+    bodies[rows.position, 0] = [[0], [0], [0.5]]
+    bodies[rows.velocity, 0] = slip, 0 * slip, -speed
+    contacts[touch.normal] = [[0], [0], [1]]
+    contacts[touch.restitution], contacts[touch.friction] = e, mu
+    result = resolve_batch(bodies, contacts, ImpactModel(law))
+    assert (result.status == StatusCode.OK).all()
+    # A ball: u_n+ = -e u_n, and slip has used up all that friction can give.
+    expected = np.array([-mu * speed, 0 * speed, (1 + e) * speed])
+    np.testing.assert_allclose(result.impulse, expected, rtol=1e-12, atol=1e-14)
+
+
 # the levels of the machine
 
 

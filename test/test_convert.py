@@ -63,12 +63,14 @@ def test_a_rod_whose_frame_starts_at_one_end_is_struck_at_the_other(graph):
 
 def answer_to(request):
     result = CollisionResult()
-    convert.write_answer(result, request, impact_of(request), PARAMETERS)
+    problem, coefficients = convert.problem_of(request, PARAMETERS)
+    convert.write_answer(result, request, resolve(*problem), coefficients)
     return result
 
 
 def impact_of(request):
-    return resolve(*convert.problem_of(request, PARAMETERS))
+    problem, _ = convert.problem_of(request, PARAMETERS)
+    return resolve(*problem)
 
 
 def set_vector(message, vector):

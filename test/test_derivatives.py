@@ -476,6 +476,18 @@ def test_inertia_that_is_none_is_no_smooth_parameter_and_the_rest_is():
         assert (found.smoothness[place] == SMOOTH).all()
 
 
+@pytest.mark.parametrize("law", [law for law in Law if law is not Law.AUTO])
+def test_head_on_there_are_derivatives_by_every_law(law):
+    """A ball straight onto a floor: it goes back as it came, whatever its place and direction."""
+    ball = Body.sphere(0.5, 0.1, position=(0.0, 0.0, 0.1), velocity=(0.0, 0.0, -1.0))
+    contact = Contact.of((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.75, 0.6)
+    found = differentiate(ball, Body.static(), contact, ImpactModel(law), ["body_a.velocity"])
+    by_velocity = found.of("twist_a.linear", "body_a.velocity")
+    np.testing.assert_allclose(by_velocity[2], (0, 0, -0.75), atol=1e-12)
+    np.testing.assert_allclose(by_velocity[:2, 2], 0, atol=1e-12)
+    assert by_velocity[0, 0] == pytest.approx(by_velocity[1, 1], rel=1e-12)
+
+
 def test_a_rod_agrees_with_differences():
     rod = Body.dynamic(
         1.0,

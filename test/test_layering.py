@@ -18,7 +18,7 @@ LAYERS = (
     {"status", "yaml_tree"},
     {"physics"},
     {"model"},
-    {"centre"},
+    {"body_numbers", "centre"},
     {"answer", "description", "geometry", "impact", "materials", "validity"},
     {"kernels"},
     {"on_balls", "on_fractions"},

@@ -104,15 +104,15 @@ def crowd(n):
 
 @pytest.mark.parametrize(
     ("request_", "module", "taking"),
-    [(many_names(1000), batches, "find"), (crowd(1000), scenes, "state_from")],
+    [(many_names(1000), batches, "find"), (crowd(1000), scenes, "_body_in_table")],
     ids=["names of a batch", "bodies of a scene"],
 )
 def test_many_bodies_are_taken_in_parts(tried_node, monkeypatch, request_, module, taking):
     take, taken = getattr(module, taking), [0]
 
-    def counted(*arguments):
+    def counted(*arguments, **options):
         taken[-1] += 1
-        return take(*arguments)
+        return take(*arguments, **options)
 
     monkeypatch.setattr(module, taking, counted)
     node, states = tried_node.node, LatestStates(10, lambda: 0, pytest.fail)

@@ -257,7 +257,7 @@ def test_names_that_are_no_text_to_yaml_are_to_be_quoted(tmp_path, name):
             Materials.read(path)
         assert refusal.value.code is StatusCode.INVALID_TABLE
         path.write_text(text.replace(name, f'"{name}"'))
-        assert name in Materials.read(path).known()
+        assert name in Materials.read(path).known
 
 
 @pytest.mark.parametrize("name", [None, True, 304, 1.5, ("a", "b"), b"steel"])

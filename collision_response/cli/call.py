@@ -14,14 +14,12 @@ import yaml
 from rclpy.exceptions import NameValidationException
 from rclpy.qos import HistoryPolicy, QoSProfile
 
-from .. import Adjustment, Geometry, ImpactError, ImpactModel, Law, Precision, Regime, SceneImpact, StatusCode
+from .. import Geometry, ImpactError, Law, Precision, StatusCode
 from ..answer import as_table, in_columns, in_digits
-from ..msg import BodyState, SceneResult
+from ..msg import BodyState
 from ..named import Named
-from ..physics.body import Twist
-from ..physics.contact import Contact
-from ..physics.vector import Vec3
 from ..ros.batch_client import unpack
+from ..scene.answer import scene_table
 from ..srv import ResolveCollision, ResolveCollisionBatch, ResolveScene
 
 DESCRIPTION = """Sends a request to the node and shows the answer as a table. The request is YAML, as for
@@ -219,35 +217,8 @@ def _of_impact(response: Any) -> str:
 
 
 def _of_scene(response: Any) -> str:
-    result: SceneResult = _valid(response)
-    numbers = list(result.clusters)
-    clusters = tuple(
-        tuple(i for i, number in enumerate(numbers) if number == cluster) for cluster in sorted({*numbers})
-    )
-    impact = SceneImpact(
-        StatusCode(result.status.code),
-        ImpactModel(Law(result.model.law)),
-        tuple(
-            Contact(_vector(c.position), _vector(c.normal), c.restitution, c.friction)
-            for c in result.contacts
-        ),
-        tuple(Twist(_vector(twist.linear), _vector(twist.angular)) for twist in result.twists),
-        (),
-        tuple(map(_vector, result.impulses)),
-        tuple(result.normal_velocities_before),
-        tuple(result.normal_velocities_after),
-        tuple(map(Regime, result.regimes)),
-        result.kinetic_energy_before,
-        result.kinetic_energy_after,
-        result.energy_lost_restitution,
-        result.energy_lost_friction,
-        clusters,
-        None,
-        result.error_bound,
-        result.decision_margin,
-        Adjustment(result.adjustments),
-    )
-    return "\n".join(filter(None, [str(impact), result.status.message]))
+    result = _valid(response)
+    return "\n".join(filter(None, [scene_table(result, result.clusters), result.status.message]))
 
 
 def _of_batch(response: Any) -> str:
@@ -271,10 +242,6 @@ def _valid(response: Any) -> Any:
         return response.result
     field, _, reason = response.result.status.message.partition(": ")
     raise ImpactError(StatusCode(response.result.status.code), field, reason)
-
-
-def _vector(v: Any) -> Vec3:
-    return Vec3(v.x, v.y, v.z)
 
 
 def _row(numbers: Any) -> str:

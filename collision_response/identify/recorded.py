@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from ..body_numbers import body_of
 from ..centre import at_centre
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
@@ -82,8 +83,6 @@ def _rows(path: Path, entity: str) -> Iterator[dict[str, Any]]:
 
 
 def _body(row: dict[str, Any], side: str) -> Body:
-    from ..recording.table import body_of
-
     own = row.get(f"Impact:inverse_inertia_{side}")
     return body_of(row[f"Impact:request_{side}"][0], own[0] if own else None)
 

@@ -17,6 +17,7 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from ..body_numbers import body_of
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..physics.vector import Vec3
@@ -120,12 +121,6 @@ def _require(row: Row, *groups: Sequence[str]) -> None:
 
 def _numbers(row: Row, names: list[str], default: float = 0.0) -> list[float]:
     return [row.get(name, default) for name in names]
-
-
-def body_of(numbers: Sequence[float]) -> Body:
-    """The body of the numbers of ``BODY``, in their order; of infinite mass: it is immovable."""
-    mass, inertia, com, position = numbers[0], numbers[1:7], numbers[7:10], numbers[10:13]
-    return Body.dynamic(mass, inertia, position, numbers[13:17], numbers[17:20], numbers[20:23], com)
 
 
 def _body(row: Row, owner: str) -> Body:

@@ -169,9 +169,11 @@ DUAL OUT Dual<N, D> operator/(const N& a, const Dual<N, D>& b) {
   N q = a / b.value;
   return scaled(q, b, -high(q) / high(b.value));
 }
+// Of a sum of squares, which has no slope at 0 either: nothing else is 0 under a root in a loop.
+INLINE double slope_of_root(double s) { return s > 0 ? 0.5 / s : 0; }
 DUAL OUT Dual<N, D> root(const Dual<N, D>& a) {
   N s = root(a.value);
-  return scaled(s, a, 0.5 / high(s));
+  return scaled(s, a, a.d.edges() ? 0.5 / high(s) : slope_of_root(high(s)));
 }
 // log(1 + x) / x and (exp(x) - 1) / x, as values.
 INLINE double log1p_over(double x) { return x == 0 ? 1 : std::log1p(x) / x; }

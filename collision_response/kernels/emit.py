@@ -547,7 +547,7 @@ class _Tangents(_Scope):
             top = f"({d[0]} - {change})" if all(varies) else d[0] if varies[0] else f"-({change})"
             return f"{top} * (1 / {value[1]})"
         if node.op == "sqrt":
-            return f"{d[0]} * (0.5 / {known(place, Form.REPORT)})"
+            return f"{d[0]} * slope_of_root({known(place, Form.REPORT)})"
         if node.op == "neg":
             return f"-{d[0]}"
         assert node.op in ("add", "sub"), node.op

@@ -31,9 +31,8 @@ from rerun.chunk import RrdReader
 
 from .. import Body, Contact, Geometry, ImpactError, ImpactModel, Law, Precision, resolve
 from ..answer import NUMBERS
+from ..body_numbers import ROWS, body_of, numbers_of
 from ..physics.inverse_inertia import InverseInertia
-from ..physics.orientation import Quaternion
-from ..physics.tensor import Symmetric3
 from ..physics.vector import Vec3
 from .layout import PLOTS
 from .record import Record, Refusal
@@ -55,10 +54,8 @@ ANSWER = {
     **dict.fromkeys((*NUMBERS, "restitution", "friction", "duration"), NUMBER),
     **dict.fromkeys(("position", "normal", "impulse"), 3),
     **dict.fromkeys(("twist_a_before", "twist_a_after", "twist_b_before", "twist_b_after"), 6),
-    **{"request_a": 23, "request_b": 23, "request_contact": 9, "request_model": LIST},
+    **{"request_a": ROWS, "request_b": ROWS, "request_contact": 9, "request_model": LIST},
 }
-
-PARALLEL = Quaternion(0.0, 0.0, 0.0, 1.0)
 
 
 def answer_of(row: Record) -> dict[str, Any]:
@@ -88,8 +85,8 @@ def answer_of(row: Record) -> dict[str, Any]:
 
 def _request_of(row: Record) -> dict[str, list[float]]:
     return {
-        "request_a": numbers_of_body(row.body_a),
-        "request_b": numbers_of_body(row.body_b),
+        "request_a": numbers_of(row.body_a),
+        "request_b": numbers_of(row.body_b),
         "request_contact": numbers_of_contact(row.contact, row.impact.contact),
         "request_model": [*row.model],
     }
@@ -109,20 +106,6 @@ def numbers_of_contact(asked: Contact, used: Contact) -> list[float]:
     e = used.restitution if callable(asked.restitution) else asked.restitution
     mu = used.friction if callable(asked.friction) else asked.friction
     return [*asked.position, *asked.normal, e, mu, math.nan if e_t is None else e_t]
-
-
-def numbers_of_body(body: Body) -> list[float]:
-    """The numbers of a body, in the order of ``BodyStates.msg``."""
-    turn = body.orientation or PARALLEL
-    return [
-        body.mass,
-        *body.inertia,
-        *body.com,
-        *body.position,
-        *turn,
-        *body.velocity,
-        *body.angular_velocity,
-    ]
 
 
 def impact_columns(rows: Sequence[Record]) -> Any:
@@ -243,24 +226,6 @@ def contact_of(numbers: Sequence[float]) -> Contact:
     """The contact with these numbers."""
     *place, e, mu, e_t = numbers
     return Contact(Vec3(*place[:3]), Vec3(*place[3:]), e, mu, None if math.isnan(e_t) else e_t)
-
-
-def body_of(numbers: Sequence[float], inverse_inertia: list[float] | None = None) -> Body:
-    """The body with these numbers."""
-    is_rigid = inverse_inertia is None or math.isnan(inverse_inertia[0])
-    mass, inertia, com, position = numbers[0], numbers[1:7], numbers[7:10], numbers[10:13]
-    turn, velocity, spin = Quaternion(*numbers[13:17]), numbers[17:20], numbers[20:23]
-    orientation = None if turn == PARALLEL else turn
-    return Body(
-        mass,
-        Symmetric3(*inertia),
-        Vec3(*position),
-        orientation,
-        Vec3(*velocity),
-        Vec3(*spin),
-        Vec3(*com),
-        None if is_rigid else InverseInertia(*inverse_inertia or ()),
-    )
 
 
 def changed(was: dict[str, Any], now: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:

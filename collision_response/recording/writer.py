@@ -173,7 +173,7 @@ class Writer:
         with np.errstate(over="ignore", invalid="ignore"):  # what is drawn is of float32
             looks: dict[Appearance, Look] = {}
             for entry in batch:
-                for name, body in _bodies_of(entry):
+                for name, body, _ in _appearances(entry):
                     appearance = name, isinstance(entry, Sighting), entry.stamp == 0
                     if appearance not in self._known and appearance not in looks:
                         looks[appearance] = _look(entry, name, body)
@@ -216,17 +216,9 @@ def _look(entry: Entry, name: str, body: Body) -> Look:
     return Look([(path, style), (velocity_path(name), arrows)], (path, _times([entry]), shape))
 
 
-def _bodies_of(entry: Entry) -> Iterator[tuple[str, Body]]:
-    """Every body of an entry, and its name."""
-    if isinstance(entry, Sighting):
-        yield entry.name, entry.body
-    elif isinstance(entry, Struck):
-        yield from ((name, body) for name, body, _ in _appearances(entry))
-
-
 def _columns(batch: Sequence[Entry]) -> Iterator[Columns]:
     """All of a batch. The rows of one table have the same timelines."""
-    yield from seen([entry for entry in batch if isinstance(entry, Sighting)])
+    yield from bodies([entry for entry in batch if isinstance(entry, Sighting)])
     answers = [entry for entry in batch if not isinstance(entry, Sighting)]
     for rows in ([row for row in answers if row.stamp], [row for row in answers if not row.stamp]):
         impacts = [row for row in rows if isinstance(row, Struck)]
@@ -238,52 +230,51 @@ def _columns(batch: Sequence[Entry]) -> Iterator[Columns]:
         yield from log(rows)
 
 
-def seen(sightings: Iterable[Sighting]) -> Iterator[Columns]:
-    """Where bodies were, and how they moved, between impacts."""
-    by_name: dict[str, list[Sighting]] = defaultdict(list)
-    for sighting in sightings:
-        by_name[sighting.name].append(sighting._replace(body=at_centre(sighting.body)))
-    for name, rows in by_name.items():
-        times, positions = _times(rows), _array(row.body.position for row in rows)
-        yield body_path(name), times, _poses(positions, [row.body for row in rows])
-        yield velocity_path(name), times, _arrows(positions, *_motions([row.body for row in rows]))
+def _appearances(entry: Entry) -> list[tuple[str, Body, list[Twist]]]:
+    """Every body of an entry: its name, what it was, and its twist after an impact."""
+    match entry:
+        case Sighting():
+            return [(entry.name, entry.body, [])]
+        case Record(impact=impact):
+            return [
+                (entry.name_a, entry.body_a, [impact.twist_a]),
+                (entry.name_b, entry.body_b, [impact.twist_b]),
+            ]
+        case SceneRecord():
+            after = ([twist] for twist in entry.impact.twists)
+            return list(zip(entry.names, entry.bodies, after, strict=True))
+    return []
 
 
-def _appearances(row: Struck) -> list[tuple[str, Body, Twist]]:
-    """Every body that was struck: its name, and what it was before, and its twist after."""
-    if isinstance(row, SceneRecord):
-        return list(zip(row.names, row.bodies, row.impact.twists, strict=True))
-    return [(row.name_a, row.body_a, row.impact.twist_a), (row.name_b, row.body_b, row.impact.twist_b)]
-
-
-def bodies(impacts: Iterable[Struck]) -> Iterator[Columns]:
-    """Centres of mass, and their velocities and spins: after, then before."""
-    by_name: dict[str, list[tuple[Struck, Body, Body]]] = defaultdict(list)
-    for row in impacts:
-        for name, body, twist in _appearances(row):
-            by_name[name].append((row, at_centre(body), at_centre(_moving(body, twist))))
+def bodies(rows: Iterable[Entry]) -> Iterator[Columns]:
+    """Centres of mass, and their velocities and spins: after an impact and before it, or when seen."""
+    by_name: dict[str, list[tuple[Entry, list[Body]]]] = defaultdict(list)
+    for row in rows:
+        for name, body, after in _appearances(row):
+            states = [*(_moving(body, twist) for twist in after), body]
+            by_name[name].append((row, [at_centre(state) for state in states]))
     for name, appearances in by_name.items():
-        times = _times([row for row, _, _ in appearances])
-        positions = _array(body.position for _, body, _ in appearances)
-        after = _motions([body for _, _, body in appearances])
-        before = _motions([body for _, body, _ in appearances])
-        yield body_path(name), times, _poses(positions, [body for _, body, _ in appearances])
-        yield velocity_path(name), times, _arrows(positions, *after, *before)
+        times = _times([row for row, _ in appearances])
+        moments = [*zip(*(states for _, states in appearances), strict=True)]
+        positions = _array(body.position for body in moments[-1])
+        motions = chain.from_iterable(map(_motions, moments))
+        yield body_path(name), times, _poses(positions, moments[-1])
+        yield velocity_path(name), times, _arrows(positions, *motions)
 
 
 def contacts(impacts: Sequence[Struck]) -> Iterator[Columns]:
     """Contact points; from each, the normal, the impulse, and the cone that friction keeps it in."""
-    rows = [row for row in impacts if _touches(row)]
-    if not rows:
+    touched = [(row, touches) for row in impacts if (touches := _touches(row))]
+    if not touched:
         return
-    counts = [len(_touches(row)) for row in rows]
-    touches = [touch for row in rows for touch in _touches(row)]
+    times, counts = _times([row for row, _ in touched]), [len(touches) for _, touches in touched]
+    touches = [touch for _, touches in touched for touch in touches]
     positions = _array(contact.position for contact, _, _ in touches)
     normals = _units(_array(contact.normal for contact, _, _ in touches))
     changes = _array(impulse / mass if mass > 0 else ZERO for _, impulse, mass in touches)
     labels = [f"{impulse.norm():.3g} N s" for _, impulse, _ in touches]
     points = rr.Points3D.columns(positions=positions, labels=labels).partition(counts)
-    yield CONTACT, _times(rows), [*points, *_arrows(positions, normals, changes, rows=counts)]
+    yield CONTACT, times, [*points, *_arrows(positions, normals, changes, rows=counts)]
     heights = np.maximum((normals * changes).sum(axis=1), 0.0) * ARROW_TIME
     slopes = np.minimum(np.array([contact.friction for contact, _, _ in touches], float), WIDEST)
     cones = rr.InstancePoses3D.columns(
@@ -291,7 +282,7 @@ def contacts(impacts: Sequence[Struck]) -> Iterator[Columns]:
         quaternions=_from_z_axis(normals),
         scales=np.stack([slopes * heights, slopes * heights, heights], axis=1),
     )
-    yield CONE, _times(rows), cones.partition(counts)
+    yield CONE, times, cones.partition(counts)
 
 
 def _touches(row: Struck) -> list[tuple[Contact, Vec3, float]]:

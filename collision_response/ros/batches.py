@@ -16,6 +16,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 
 from ..batch import BatchResult, is_bounded, resolve_with_pauses
+from ..body_numbers import PARALLEL
 from ..centre import at_centre
 from ..model import Geometry, ImpactModel, check_model, law_for
 from ..msg import BodyState
@@ -37,10 +38,19 @@ from .batch_fields import (
 )
 from .parameters import LatestParameters, Parameters
 from .patience import TOGETHER, Look, when_not_too_early
-from .request import TooEarly, age_of, check_age, check_frame, check_world_frame, find
+from .request import (
+    TooEarly,
+    age_of,
+    check_age,
+    check_distinct,
+    check_frame,
+    check_immovable,
+    check_world_frame,
+    find,
+)
 from .serialized import nanoseconds
 from .server import Work
-from .states import LatestStates, quoted
+from .states import LatestStates
 
 
 class Bodies(NamedTuple):
@@ -239,7 +249,7 @@ def bodies_of(
     if len(names) > 2 * most:
         reason = f"are {len(names)}; budget.contacts is {most}, and those have {2 * most} bodies at most"
         raise ImpactError(StatusCode.BUDGET_EXCEEDED, "names", reason)
-    check_names(names)
+    check_distinct(names)
     columns, errors = np.full((height, len(names)), math.nan), []
     stamps, ages = [NO_STAMP] * len(names), [math.nan] * len(names)
     at, not_before = nanoseconds(request.header.stamp) or now(), nanoseconds(request.not_before)
@@ -248,11 +258,11 @@ def bodies_of(
             yield
         owner = f"names[{i}]"
         try:
-            known = find(states, owner, owner, name, not_before)
-            stamps[i], ages[i] = known.state.header.stamp, age_of(known, at)
-            check_frame(f"{owner}.header.frame_id", known.state, "header.frame_id", request.header.frame_id)
+            state = find(states, owner, owner, name, not_before)
+            stamps[i], ages[i] = state.header.stamp, age_of(state, at)
+            check_frame(f"{owner}.header.frame_id", state, "header.frame_id", request.header.frame_id)
             check_age(owner, name, ages[i], parameters.max_state_age)
-            columns[:, i] = _column(owner, known.state, layout)
+            columns[:, i] = _column(owner, state, layout)
         except TooEarly:
             raise
         except ImpactError as error:
@@ -269,22 +279,11 @@ def without_give(table: Array, immovable: Sequence[int], layout: Layout) -> Arra
     """
     if not immovable:
         return table
+    check_immovable(immovable, table.shape[1])
     columns, rows = np.asarray(immovable), layout.bodies
-    if columns.max() >= table.shape[1]:
-        reason = f"must hold indices below {table.shape[1]}, holds {columns.max()}"
-        raise ImpactError(StatusCode.INVALID_TABLE, "immovable", reason)
     table = table.copy()
     table[rows.mass, columns], table[rows.inertia, columns] = math.inf, 0.0
     return table
-
-
-def check_names(names: Sequence[str]) -> None:
-    """Raises: ImpactError: SAME_BODY."""
-    first: dict[str, int] = {}
-    for i, name in enumerate(names):
-        if first.setdefault(name, i) != i:
-            reason = f"is {quoted(name)}, as names[{first[name]}]: a body has one column"
-            raise ImpactError(StatusCode.SAME_BODY, f"names[{i}]", reason)
 
 
 def _column(owner: str, state: BodyState, layout: Layout) -> list[float]:
@@ -304,7 +303,7 @@ def _column(owner: str, state: BodyState, layout: Layout) -> list[float]:
         return [body.mass, body.inertia.zz, *motion]
     column = [body.mass, *body.inertia, *body.position, *body.velocity, *body.angular_velocity]
     if layout.oriented:
-        return [*column, *(body.orientation or convert.PARALLEL)]
+        return [*column, *(body.orientation or PARALLEL)]
     if body.orientation and body.is_movable():
         reason = f"is {tuple(body.orientation)}, for which the layout must be SPATIAL_ORIENTED"
         raise ImpactError(StatusCode.INVALID_ORIENTATION, f"{owner}.pose.orientation", reason)

@@ -12,15 +12,17 @@ import math
 from collections.abc import Iterator
 from enum import IntEnum
 from functools import lru_cache
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from geometry_msgs.msg import Twist as TwistMessage
 from geometry_msgs.msg import Vector3
 
 from ..answer import NUMBERS, Impact
+from ..body_numbers import PARALLEL
 from ..materials import Pair
 from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number
-from ..msg import BodyState, CollisionResult
+from ..msg import BodyState, CollisionResult, SceneResult
+from ..msg import Contact as ContactMessage
 from ..msg import ImpactModel as ImpactModelMessage
 from ..physics.body import Body, Twist
 from ..physics.combine import CombineRule, combine
@@ -59,10 +61,6 @@ GEOMETRIES: dict[int, Any] = {int(geometry): geometry for geometry in Geometry}
 PRECISIONS: dict[int, Any] = {int(precision): precision for precision in Precision}
 
 
-PARALLEL = Quaternion(0.0, 0.0, 0.0, 1.0)
-"""The orientation of a body whose axes are those of the frame."""
-
-
 AT_REST = Twist(ZERO, ZERO)
 
 
@@ -80,6 +78,28 @@ UNSET = -1.0
 """What a coefficient is that a message does not give."""
 
 
+class Filled(NamedTuple):
+    """A coefficient of a contact.
+
+    Attributes:
+        value: a number; of a pair of materials it may be a function of the approach or slip speed.
+        source: where it came from.
+        rule: that combined two, or what the entry of a pair says of its source.
+    """
+
+    value: Any
+    source: Source
+    rule: str
+
+
+class Coefficients(NamedTuple):
+    """Those of a contact, and the entry of its pair of materials."""
+
+    restitution: Filled
+    friction: Filled
+    pair: Pair
+
+
 class Problem(NamedTuple):
     """A request in the terms of the numeric core."""
 
@@ -89,16 +109,16 @@ class Problem(NamedTuple):
     model: ImpactModel
 
 
-def problem_of(request: ResolveCollision.Request, parameters: Parameters) -> Problem:
-    """What a request asks for, in which both bodies are given in full.
+def problem_of(request: ResolveCollision.Request, parameters: Parameters) -> tuple[Problem, Coefficients]:
+    """What a request asks for, in which both bodies are given in full, and where its coefficients came from.
 
     Raises:
         ImpactError: it cannot be put to the numeric core.
     """
     bodies = body_of("body_a", request.body_a), body_of("body_b", request.body_b)
-    e, mu = (filled(field, request, parameters) for field in MOST)
-    model = model_of(request.model, _defaults(parameters.model, pair_of(request, parameters)))
-    return Problem(*bodies, contact_with(request, e, mu, model.law), model)
+    coefficients = coefficients_of(request, parameters)
+    model = model_of(request.model, _defaults(parameters.model, coefficients.pair))
+    return Problem(*bodies, contact_with(request.contact, coefficients, model.law), model), coefficients
 
 
 def body_of(owner: str, state: BodyState) -> Body:
@@ -120,8 +140,7 @@ def body_of(owner: str, state: BodyState) -> Body:
         except ImpactError as error:
             raise error.within(owner) from None
     i, c = state.inertia, state.inertia.com
-    if not math.isfinite(i.m):  # in the core an infinite mass is that of an immovable body
-        raise ImpactError(StatusCode.NOT_FINITE, f"{owner}.inertia.m", f"must be finite; is {i.m}")
+    check_mass(owner, i.m)
     return Body(
         i.m,
         Symmetric3(i.ixx, i.ixy, i.ixz, i.iyy, i.iyz, i.izz),
@@ -131,6 +150,12 @@ def body_of(owner: str, state: BodyState) -> Body:
         angular_velocity,
         Vec3(c.x, c.y, c.z),
     )
+
+
+def check_mass(owner: str, mass: float) -> None:
+    """Refuse what the core would take for the mass of an immovable body. Raises: ImpactError: NOT_FINITE."""
+    if not math.isfinite(mass):
+        raise ImpactError(StatusCode.NOT_FINITE, f"{owner}.inertia.m", f"must be finite; is {mass}")
 
 
 TRIAL = Body.dynamic(1.0), Contact.of((0, 0, 0), normal=(1, 0, 0)), ImpactModel(precision=Precision.SINGLE)
@@ -146,9 +171,8 @@ def check_body(owner: str, body: Body) -> None:
     try:
         resolve(body, *TRIAL)
     except ImpactError as error:
-        of, _, field = error.field.partition(".")
-        if of == "body_a":
-            raise ImpactError(error.code, f"{owner}.{field}", error.reason) from None
+        if error.field.startswith("body_a."):
+            raise error.with_owner(owner) from None
 
 
 def _check_immovable(owner: str, motion_type: int, twist: Twist) -> None:
@@ -161,24 +185,8 @@ def _check_immovable(owner: str, motion_type: int, twist: Twist) -> None:
         raise ImpactError(StatusCode.INVALID_MOTION_TYPE, field, reason)
 
 
-class Touch(Protocol):
-    """A contact and its two bodies, such as a request for one impact."""
-
-    @property
-    def contact(self) -> Any:
-        """Where, and the coefficients."""
-
-    @property
-    def body_a(self) -> BodyState:
-        """To whom the normal points."""
-
-    @property
-    def body_b(self) -> BodyState:
-        """The other one."""
-
-
 def contact_with(
-    touch: Touch, e: Filled, mu: Filled, law: Law, tangential_restitution: float | None = None
+    message: ContactMessage, coefficients: Coefficients, law: Law, tangential_restitution: float | None = None
 ) -> Contact:
     """Where the bodies touch, with these coefficients.
 
@@ -186,68 +194,63 @@ def contact_with(
         ImpactError: INVALID_MODEL: the law follows friction by slip speed along its path. An answer has one
             number for it, which would not give the same again.
     """
-    if callable(mu.value) and law in BY_SPEED:
+    e, mu = coefficients.restitution.value, coefficients.friction.value
+    if callable(mu) and law in BY_SPEED:
         reason = f"depends on slip speed, which {law.name} follows in Python alone: give a number"
         raise ImpactError(StatusCode.INVALID_MODEL, "contact.friction", f"{reason}, or ask COULOMB")
-    position, normal = touch.contact.position, touch.contact.normal
+    position, normal = message.position, message.normal
     return Contact(
         Vec3(position.x, position.y, position.z),
         Vec3(normal.x, normal.y, normal.z),
-        e.value,
-        mu.value,
+        e,
+        mu,
         tangential_restitution,
     )
 
 
-class Filled(NamedTuple):
-    """A coefficient of a contact.
-
-    Attributes:
-        value: a number; of a pair of materials it may be a function of the approach or slip speed.
-        source: where it came from.
-        rule: that combined two, or what the entry of a pair says of its source.
-    """
-
-    value: Any
-    source: Source
-    rule: str
+GREATEST = {"restitution": 1.0, "friction": math.inf}
 
 
-MOST = {"restitution": 1.0, "friction": math.inf}
-
-
-def filled(field: str, touch: Touch, parameters: Parameters) -> Filled:
+def coefficients_of(touch: Any, parameters: Parameters) -> Coefficients:
     """What the contact says; else the entry of the pair of materials; else both materials; else both bodies;
     else the node's parameter.
+
+    Args:
+        touch: a ``contact``, its ``body_a`` and ``body_b``, such as a request for one impact.
+        parameters: of the node.
 
     Raises:
         ImpactError: UNKNOWN_MATERIAL, or for a coefficient of a body NOT_FINITE or INVALID_COEFFICIENT.
     """
-    rule: CombineRule = getattr(parameters, f"combine_{field}")
     materials = touch.body_a.material, touch.body_b.material
     for owner, material in zip(("body_a", "body_b"), materials, strict=True):
         if material:
             parameters.materials.check(f"{owner}.material", material)
+    return Coefficients(
+        _filled("restitution", touch, parameters),
+        _filled("friction", touch, parameters),
+        parameters.materials.between(*materials),
+    )
+
+
+def _filled(field: str, touch: Any, parameters: Parameters) -> Filled:
     given = getattr(touch.contact, field)
     if given != UNSET:
         return Filled(given, Source.CONTACT, "")  # for the core to refuse, if need be
-    found = parameters.materials.find(field, *materials, rule) if all(materials) else None
+    rule: CombineRule = getattr(parameters, f"combine_{field}")
+    a, b = touch.body_a.material, touch.body_b.material
+    found = parameters.materials.find(field, a, b, rule) if a and b else None
     if found is not None:
         return Filled(found.value, Source.PAIR if found.is_of_pair else Source.MATERIALS, found.how)
     coefficients = []
     for owner in ("body_a", "body_b"):
         own = getattr(getattr(touch, owner), field)
         if own != UNSET:
-            check_number(f"{owner}.{field}", own, 0, MOST[field], StatusCode.INVALID_COEFFICIENT)
+            check_number(f"{owner}.{field}", own, 0, GREATEST[field], StatusCode.INVALID_COEFFICIENT)
             coefficients.append(own)
     if len(coefficients) == 2:
         return Filled(combine(rule, *coefficients), Source.BODIES, rule.value)
     return Filled(getattr(parameters, field), Source.PARAMETER, "")
-
-
-def pair_of(touch: Touch, parameters: Parameters) -> Pair:
-    """The entry of the two materials."""
-    return parameters.materials.between(touch.body_a.material, touch.body_b.material)
 
 
 @lru_cache(maxsize=64)
@@ -257,12 +260,12 @@ def _defaults(model: ImpactModel, pair: Pair) -> ImpactModel:
     return model._replace(**of_pair)
 
 
-def only_one_body_says(field: str, touch: Touch) -> bool:
+def only_one_body_says(field: str, request: ResolveCollision.Request) -> bool:
     """Whether the coefficient of one body is of no use, because the other has none, nor both a material."""
-    if touch.body_a.material and touch.body_b.material:
+    if request.body_a.material and request.body_b.material:
         return False
-    of_a, of_b = getattr(touch.body_a, field), getattr(touch.body_b, field)
-    return getattr(touch.contact, field) == UNSET and (of_a == UNSET) != (of_b == UNSET)
+    of_a, of_b = getattr(request.body_a, field), getattr(request.body_b, field)
+    return getattr(request.contact, field) == UNSET and (of_a == UNSET) != (of_b == UNSET)
 
 
 def model_of(message: ImpactModelMessage, defaults: ImpactModel) -> ImpactModel:
@@ -280,14 +283,14 @@ def _model(fields: tuple[Any, ...], defaults: ImpactModel) -> ImpactModel:
 
 
 def write_answer(
-    result: CollisionResult, request: ResolveCollision.Request, impact: Impact, parameters: Parameters
+    result: CollisionResult, request: ResolveCollision.Request, impact: Impact, coefficients: Coefficients
 ) -> None:
     """Fill in a result from what the core answered."""
-    _echo(result, request)
+    echo(result, request)
     result.status.code = int(impact.status)
     result.status.message = "; ".join(notes(impact))
-    _, result.restitution_from, result.restitution_rule = filled("restitution", request, parameters)
-    _, result.friction_from, result.friction_rule = filled("friction", request, parameters)
+    _, result.restitution_from, result.restitution_rule = coefficients.restitution
+    _, result.friction_from, result.friction_rule = coefficients.friction
     result.contact.restitution = impact.contact.restitution
     result.contact.friction = impact.contact.friction
     write_model(result.model, impact.model)
@@ -302,7 +305,8 @@ def write_answer(
 
 def notes(impact: Impact | SceneImpact) -> Iterator[str]:
     """What a person should know of an answer."""
-    yield from (note for flag, note in NOTES.items() if flag in impact.adjustments)
+    if impact.adjustments:
+        yield from (note for flag, note in NOTES.items() if flag in impact.adjustments)
     if impact.status is StatusCode.TOLERANCE_NOT_MET:
         tolerance = impact.model.tolerance
         above = f", above the tolerance of {tolerance:.3g}" if tolerance else ""
@@ -310,26 +314,24 @@ def notes(impact: Impact | SceneImpact) -> Iterator[str]:
 
 
 def write_refusal(
-    result: CollisionResult, request: ResolveCollision.Request, code: StatusCode, message: str
+    result: CollisionResult | SceneResult, model: ImpactModelMessage, error: ImpactError
 ) -> None:
-    """Fill in a result that says why there is none; contact and model are those of the request."""
-    _echo(result, request)
-    result.model = request.model
-    result.error_bound = -1.0
-    result.status.code = int(code)
-    result.status.message = message
+    """Fill in a result that says why there is none; its model is that of the request."""
+    result.model, result.error_bound = model, -1.0
+    result.status.code, result.status.message = int(error.code), as_in_message(error)
 
 
 def as_in_message(error: ImpactError) -> str:
     """What an error says, its field named as the messages name it."""
     owner, _, field = error.field.partition(".")
     head, dot, rest = field.partition(".")
-    if owner.startswith(("body_a", "body_b", "names[")) and head in CORE_TO_MESSAGE:
+    if owner.startswith(("body_a", "body_b", "bodies[", "names[")) and head in CORE_TO_MESSAGE:
         return f"{owner}.{CORE_TO_MESSAGE[head]}{dot}{rest}: {error.reason}"
     return str(error)
 
 
-def _echo(result: CollisionResult, request: ResolveCollision.Request) -> None:
+def echo(result: CollisionResult, request: ResolveCollision.Request) -> None:
+    """Fill in a result with the contact of its request, the names of the bodies too."""
     result.header = request.contact.header
     result.contact = request.contact
     result.contact.body_a = request.contact.body_a or request.body_a.name

@@ -60,13 +60,13 @@ class Impacts:
         look = partial(complete, request, self._states, current, self._now)
         used = yield from when_not_too_early(partial(in_one_part, look), current.max_state_wait)
         self._warn_of_coefficients(request)
-        problem = convert.problem_of(request, current)
+        problem, coefficients = convert.problem_of(request, current)
         begin = time.perf_counter()
         impact = resolve(*problem)
         duration = time.perf_counter() - begin
         response = ResolveCollision.Response(success=True)
         result = response.result
-        convert.write_answer(result, request, impact, current)
+        convert.write_answer(result, request, impact, coefficients)
         result.state_stamp_a, result.state_stamp_b = (state.stamp for state in used)
         result.state_age_a, result.state_age_b = (state.age for state in used)
         names = result.contact.body_a or "body_a", result.contact.body_b or "body_b"
@@ -91,7 +91,8 @@ class Impacts:
     def refusal(self, request: ResolveCollision.Request, error: ImpactError) -> ResolveCollision.Response:
         """The response that says why there is no answer."""
         response = ResolveCollision.Response()
-        convert.write_refusal(response.result, request, error.code, convert.as_in_message(error))
+        convert.echo(response.result, request)
+        convert.write_refusal(response.result, request.model, error)
         self._journal.refuse(response.result, error.code)
         return response
 

@@ -42,6 +42,11 @@ class OutOfReach(CallbackGroup):
         """Nothing has begun."""
 
 
+def by_the_intake(*_: Any) -> None:
+    """The callback of what is out of reach."""
+    raise AssertionError("the executor leaves this to the intake")
+
+
 class Intake(Waitable):  # type: ignore[type-arg]  # that of Jazzy takes none
     """What waits for messages or requests in place of the executor.
 

@@ -30,7 +30,7 @@ from . import convert, parameters
 from .batches import Batches
 from .diagnostics import Diagnostics
 from .impacts import Impacts
-from .intake import Intake, OutOfReach
+from .intake import Intake, OutOfReach, by_the_intake
 from .journal import Journal
 from .memory import limit_memory
 from .process import run
@@ -159,7 +159,7 @@ class CollisionResponseNode(Node):
         subscription = self.create_subscription(
             kind,
             topic,
-            _by_the_intake,
+            by_the_intake,
             qos,
             raw=True,
             callback_group=OutOfReach(),
@@ -213,10 +213,6 @@ def warm_up() -> None:
         resolve(ball, Body.static(), contact, ImpactModel(law, tolerance=tolerance))
 
 
-def _by_the_intake(message: bytes) -> None:
-    raise AssertionError("the executor leaves messages to the intake")
-
-
 def main(args: list[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM; the exit code is 0 then."""
     return run(_within_memory, args, CollisionResponseNode.shut_down)
@@ -224,5 +220,5 @@ def main(args: list[str] | None = None) -> int:
 
 def _within_memory() -> CollisionResponseNode:
     node = CollisionResponseNode()
-    limit_memory(parameters.StartParameters.of(node).memory_limit)
+    limit_memory(node.get_parameter("memory_limit").value)
     return node

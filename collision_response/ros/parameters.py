@@ -152,6 +152,9 @@ DECLARATIONS = (
     ),
 )
 
+NAMES = {declaration.name.replace(".", "_"): declaration.name for declaration in DECLARATIONS}
+"""Of the parameters, by the fields that hold them."""
+
 
 @dataclass(frozen=True)
 class Parameters:
@@ -178,7 +181,7 @@ class Parameters:
     def of(cls, node: Node) -> Parameters:
         """The present values of a node."""
         return cls(
-            **{field: _value(node, field.replace("budget_", "budget.")) for field in PARAMETERS},
+            **{field: _value(node, NAMES[field]) for field in PARAMETERS},
             model=ImpactModel(*(_value(node, field) for field in ImpactModel._fields)),
             materials=materials_in(_value(node, "materials_file")),
         )
@@ -225,26 +228,16 @@ class StartParameters:
     scene_tolerance: float
     """0: do not log what the scene requires."""
     max_bodies: int
-    memory_limit: int
-    """In MiB; 0: none."""
     service_introspection: ServiceIntrospectionState
 
     @classmethod
     def of(cls, node: Node) -> StartParameters:
         """The values a node was started with."""
-        topics = dict.fromkeys(_value(node, "body_state_topics"))
-        directory = Path(_value(node, "recording.directory")) if _value(node, "recording.enabled") else None
-        return cls(
-            tuple(topic for topic in topics if topic),
-            directory,
-            _value(node, "recording.file"),
-            _value(node, "recording.max_size"),
-            _value(node, "recording.max_duration"),
-            _value(node, "scene_tolerance"),
-            _value(node, "max_bodies"),
-            _value(node, "memory_limit"),
-            _value(node, "service_introspection"),
-        )
+        values = {field: _value(node, NAMES[field]) for field in cls.__dataclass_fields__}
+        values["body_state_topics"] = tuple(filter(None, dict.fromkeys(values["body_state_topics"])))
+        is_recording, directory = _value(node, "recording.enabled"), values["recording_directory"]
+        values["recording_directory"] = Path(directory) if is_recording else None
+        return cls(**values)
 
 
 OWN_BY_RCLPY = {"use_sim_time", "start_type_description_service"}
@@ -277,31 +270,33 @@ def declare(node: Node, declarations: Iterable[Declaration] = DECLARATIONS) -> N
 
 def validate(parameters: list[Parameter[Any]]) -> SetParametersResult:
     """Accept new values, or say what is wrong with one; types and ranges rclpy checks itself."""
-    for parameter in parameters:
-        if isinstance(parameter.value, float) and not math.isfinite(parameter.value):
-            reason = f"{parameter.name} must be finite, is {parameter.value}"
-            return SetParametersResult(successful=False, reason=reason)
-        if parameter.name == "recording.file":
-            try:
-                check_name(parameter.value)
-            except ValueError as error:
-                return SetParametersResult(successful=False, reason=f"{parameter.name} {error}")
-        if parameter.name == "materials_file":
-            try:
-                materials_in(parameter.value)
-            except (ImpactError, ImportError, OSError) as error:
-                return SetParametersResult(successful=False, reason=f"materials_file: {error}")
-        choices = CHOICES.get(parameter.name)
-        if choices is not None and parameter.value not in choices:
-            reason = f"{parameter.name} must be one of {', '.join(choices)}; is {parameter.value!r}"
-            return SetParametersResult(successful=False, reason=reason)
-        if parameter.name in ImpactModel._fields:
-            value = parameter.value if choices is None else choices[parameter.value]
-            try:
-                check_model(ImpactModel()._replace(**{parameter.name: value}))
-            except ImpactError as error:
-                return SetParametersResult(successful=False, reason=str(error))
+    try:
+        for parameter in parameters:
+            _check(parameter.name, parameter.value)
+    except ValueError as error:
+        return SetParametersResult(successful=False, reason=str(error))
     return SetParametersResult(successful=True)
+
+
+def _check(name: str, value: Any) -> None:
+    """Raises: ValueError: it says what is wrong."""
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"{name} must be finite, is {value}")
+    if name == "recording.file":
+        try:
+            check_name(value)
+        except ValueError as error:
+            raise ValueError(f"{name} {error}") from None
+    if name == "materials_file":
+        try:
+            materials_in(value)
+        except (ImpactError, ImportError, OSError) as error:
+            raise ValueError(f"{name}: {error}") from None
+    choices = CHOICES.get(name)
+    if choices is not None and value not in choices:
+        raise ValueError(f"{name} must be one of {', '.join(choices)}; is {value!r}")
+    if name in ImpactModel._fields:
+        check_model(ImpactModel()._replace(**{name: value if choices is None else choices[value]}))
 
 
 def _value(node: Node, name: str) -> Any:

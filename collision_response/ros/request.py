@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import numpy as np
 from builtin_interfaces.msg import Time
 
 from ..msg import BodyState, Contact
@@ -13,7 +14,7 @@ from ..srv import ResolveCollision
 from ..status import ImpactError, StatusCode
 from .parameters import Parameters
 from .serialized import nanoseconds
-from .states import Known, LatestStates, quoted
+from .states import LatestStates, quoted
 
 OWNERS = ("body_a", "body_b")
 
@@ -56,8 +57,10 @@ def complete(
         TooEarly: a state is older than ``not_before``, or unknown.
         ImpactError: SAME_BODY, UNKNOWN_BODY, STALE_STATE or FRAME_MISMATCH.
     """
-    check_names(request)
-    names = [_name_to_look_up(getattr(request, owner), getattr(request.contact, owner)) for owner in OWNERS]
+    names = [
+        _name_to_look_up(getattr(request, owner), name)
+        for owner, name in zip(OWNERS, names_of(request), strict=True)
+    ]
     used = [IN_FULL, IN_FULL]
     if any(names):
         time = nanoseconds(request.contact.header.stamp) or now()
@@ -67,24 +70,23 @@ def complete(
         ]
         for i, state in enumerate(known):
             if state is not None:
-                used[i] = Used(state.state.header.stamp, age_of(state, time))
+                used[i] = Used(state.header.stamp, age_of(state, time))
                 check_age(OWNERS[i], names[i], used[i].age, parameters.max_state_age)
         for owner, state in zip(OWNERS, known, strict=True):
             if state is not None:
-                setattr(request, owner, state.state)
+                setattr(request, owner, state)
     check_frames(request, parameters.world_frame)
     return used
 
 
-def _name_to_look_up(body: BodyState, in_contact: str) -> str:
+def _name_to_look_up(body: BodyState, name: str) -> str:
     """The name of a body of which nothing else is given; else nothing."""
-    name = body.name or in_contact
     if body.inertia.m or body.motion_type or not name:
         return ""  # most bodies given in full; the comparison below takes ten times as long
     return name if body == BodyState(name=body.name) else ""
 
 
-def find(states: LatestStates, owner: str, field: str, name: str, not_before: int) -> Known:
+def find(states: LatestStates, owner: str, field: str, name: str, not_before: int) -> BodyState:
     """The latest state of a body given by name.
 
     Args:
@@ -98,21 +100,23 @@ def find(states: LatestStates, owner: str, field: str, name: str, not_before: in
         ImpactError: UNKNOWN_BODY.
     """
     try:
-        known = states.find(field, name)
+        state = states.find(field, name)
     except ImpactError as error:
         raise TooEarly(error.code, error.field, error.reason) if not_before else error from None
-    if known.stamp < not_before:
-        late = f"is {(not_before - known.stamp) / 1e9:.6g} s older than not_before asks for"
-        if not known.stamp:
+    stamp = nanoseconds(state.header.stamp)
+    if stamp < not_before:
+        late = f"is {(not_before - stamp) / 1e9:.6g} s older than not_before asks for"
+        if not stamp:
             late = "has no stamp, and not_before asks for one"
         reason = f"the last state of {quoted(name)} {late}"
         raise TooEarly(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
-    return known
+    return state
 
 
-def age_of(known: Known, time: int) -> float:
+def age_of(state: BodyState, time: int) -> float:
     """How much older than a time [ns] a state is [s]; NaN if it has no stamp, or there is no time yet."""
-    return (time - known.stamp) / 1e9 if known.stamp and time else math.nan
+    stamp = nanoseconds(state.header.stamp)
+    return (time - stamp) / 1e9 if stamp and time else math.nan
 
 
 def check_age(owner: str, name: str, age: float, limit: float) -> None:
@@ -136,8 +140,12 @@ def check_age(owner: str, name: str, age: float, limit: float) -> None:
     raise ImpactError(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
 
 
-def check_names(request: ResolveCollision.Request) -> None:
-    """Raises: ImpactError: UNKNOWN_BODY or SAME_BODY."""
+def names_of(request: ResolveCollision.Request) -> list[str]:
+    """The names of body_a and body_b; empty where there is none.
+
+    Raises:
+        ImpactError: UNKNOWN_BODY or SAME_BODY.
+    """
     names = []
     for owner in OWNERS:
         own, in_contact = getattr(request, owner).name, getattr(request.contact, owner)
@@ -148,6 +156,23 @@ def check_names(request: ResolveCollision.Request) -> None:
     if names[0] and names[0] == names[1]:
         reason = f"is {quoted(names[1])}, as that of body_a: a body cannot strike itself"
         raise ImpactError(StatusCode.SAME_BODY, "body_b.name", reason)
+    return names
+
+
+def check_distinct(names: Sequence[str]) -> None:
+    """Raises: ImpactError: SAME_BODY."""
+    first: dict[str, int] = {}
+    for i, name in enumerate(names):
+        if first.setdefault(name, i) != i:
+            reason = f"is {quoted(name)}, as names[{first[name]}]: a body has one column"
+            raise ImpactError(StatusCode.SAME_BODY, f"names[{i}]", reason)
+
+
+def check_immovable(immovable: Sequence[int], count: int) -> None:
+    """Whether these are columns of a table of so many. Raises: ImpactError: INVALID_TABLE."""
+    if len(immovable) and np.max(immovable) >= count:
+        reason = f"must hold indices below {count}, holds {np.max(immovable)}"
+        raise ImpactError(StatusCode.INVALID_TABLE, "immovable", reason)
 
 
 def check_frames(request: ResolveCollision.Request, world_frame: str) -> None:

@@ -16,13 +16,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..body_numbers import numbers_of
 from ..model import ImpactModel
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..srv import ResolveScene
 from .batch_client import as_lines
 from .batch_fields import append, write_model
-from .convert import PARALLEL
 
 DEFAULT = ImpactModel()
 
@@ -51,7 +51,8 @@ def pack(
     """
     request = ResolveScene.Request(names=as_lines(names))
     request.header.frame_id = frame_id
-    append(request.bodies, np.array([_column(body) for body in bodies], float).T)
+    columns = [numbers_of(body if body.is_movable() else body._replace(mass=0.0)) for body in bodies]
+    append(request.bodies, np.array(columns, float).T)
     request.immovable = [i for i, body in enumerate(bodies) if not body.is_movable()]
     append(request.pairs, np.array([*pairs], np.uint32).T)
     rows = [
@@ -106,9 +107,3 @@ def pack_named(
     pairs = [(names.index(touch.body_a), names.index(touch.body_b)) for touch in touches]
     contacts = [Contact.of(touch.position, touch.normal, restitution, friction) for touch in touches]
     return pack([*bodies.values()], pairs, contacts, model, names=names, frame_id=frame_id)
-
-
-def _column(body: Body) -> list[float]:
-    mass = body.mass if body.is_movable() else 0.0
-    turn = body.orientation or PARALLEL
-    return [mass, *body.inertia, *body.com, *body.position, *turn, *body.velocity, *body.angular_velocity]

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..body_numbers import ROWS, body_of
 from ..model import ImpactModel
 from ..msg import BodyState, SceneResult
 from ..msg import Contact as ContactMessage
@@ -21,12 +22,21 @@ from ..srv import ResolveScene
 from ..status import ImpactError, StatusCode
 from . import convert
 from .batch_fields import names_in, write_model
-from .batches import check_names
 from .journal import Journal
 from .parameters import LatestParameters, Parameters
 from .patience import TOGETHER, Look, when_not_too_early
-from .request import IN_FULL, Used, age_of, check_age, check_frame, check_world_frame, find
-from .serialized import ROWS, nanoseconds, state_from
+from .request import (
+    IN_FULL,
+    Used,
+    age_of,
+    check_age,
+    check_distinct,
+    check_frame,
+    check_immovable,
+    check_world_frame,
+    find,
+)
+from .serialized import nanoseconds
 from .server import Work
 from .states import LatestStates
 
@@ -39,19 +49,25 @@ MOST_BODIES = 8192
 
 
 class Named(NamedTuple):
-    """The bodies of a scene.
+    """The bodies of a scene, those of the table first.
 
     Attributes:
         names: of each.
+        columns: of those of the table.
         states: of each.
         used: which state stood for it.
         owners: what errors call it.
     """
 
     names: list[str]
+    columns: list[list[float]]
     states: list[BodyState]
     used: list[Used]
     owners: list[str]
+
+
+IN_TABLE = BodyState()
+"""The state of a body of the table: it says neither material nor coefficients."""
 
 
 class Touch(NamedTuple):
@@ -63,13 +79,13 @@ class Touch(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """A request in the terms of the numeric core; and where restitution and friction are from."""
+    """A request in the terms of the numeric core, and where its coefficients came from."""
 
     bodies: list[Body]
     pairs: list[tuple[int, int]]
     contacts: list[Contact]
     model: ImpactModel
-    filled: list[tuple[convert.Filled, convert.Filled]]
+    coefficients: list[convert.Coefficients]
 
 
 class Scenes:
@@ -116,10 +132,9 @@ class Scenes:
     def refusal(self, request: ResolveScene.Request, error: ImpactError) -> ResolveScene.Response:
         """The response that says why there is no answer; its model is that of the request."""
         response = ResolveScene.Response()
-        result = response.result
-        result.header, result.model, result.error_bound = request.header, request.model, -1.0
-        result.status.code, result.status.message = int(error.code), convert.as_in_message(error)
-        self._journal.refuse(result, error.code)
+        response.result.header = request.header
+        convert.write_refusal(response.result, request.model, error)
+        self._journal.refuse(response.result, error.code)
         return response
 
     def code(self, response: ResolveScene.Response) -> StatusCode:
@@ -186,27 +201,20 @@ def bodies_of(
     if len(names) < count:
         reason = f"must be empty, or a line for each of {count} bodies and more; has {len(names)}"
         raise ImpactError(StatusCode.INVALID_TABLE, "names", reason)
-    check_names(names)
-    immovable = set(request.immovable)
-    if max(immovable, default=-1) >= count:
-        reason = f"must hold indices below {count}, holds {max(immovable)}"
-        raise ImpactError(StatusCode.INVALID_TABLE, "immovable", reason)
-    named = Named(names, [], [IN_FULL] * count, [f"bodies[{i}]" for i in range(count)])
-    for i, (name, column) in enumerate(zip(names, table.T.tolist(), strict=False)):
-        if not i % TOGETHER:
-            yield
-        motion_type = BodyState.KINEMATIC if i in immovable else BodyState.DYNAMIC
-        named.states.append(state_from(column, BodyState(header=header, name=name, motion_type=motion_type)))
+    check_distinct(names)
+    check_immovable(request.immovable, count)
+    owners = [f"bodies[{i}]" for i in range(count)]
+    named = Named(names, table.T.tolist(), [IN_TABLE] * count, [IN_FULL] * count, owners)
     time, not_before = nanoseconds(header.stamp) or now(), nanoseconds(request.not_before)
     for i, name in enumerate(names[count:], count):
         if not i % TOGETHER:
             yield
         owner = f"names[{i}]"
-        known = find(states, owner, owner, name, not_before)
-        used = Used(known.state.header.stamp, age_of(known, time))
+        state = find(states, owner, owner, name, not_before)
+        used = Used(state.header.stamp, age_of(state, time))
         check_age(owner, name, used.age, parameters.max_state_age)
-        check_frame(f"{owner}.header.frame_id", known.state, "header.frame_id", header.frame_id)
-        named.states.append(known.state)
+        check_frame(f"{owner}.header.frame_id", state, "header.frame_id", header.frame_id)
+        named.states.append(state)
         named.used.append(used)
         named.owners.append(owner)
     return named
@@ -218,7 +226,7 @@ def scene_of(
     """What a request asks for, in the terms of the numeric core.
 
     Args:
-        request: for its pairs and its model.
+        request: for what of it is immovable, its pairs and its model.
         messages: its contacts; the names of their bodies are filled in.
         named: its bodies.
         parameters: of the node.
@@ -226,14 +234,18 @@ def scene_of(
     Raises:
         ImpactError: it cannot be put to it.
     """
+    immovable, count = set(request.immovable), len(named.columns)
     bodies: list[Body] = []
-    for owner, state in zip(named.owners, named.states, strict=True):
-        if not len(bodies) % TOGETHER:
+    for i, owner in enumerate(named.owners):
+        if not i % TOGETHER:
             yield
-        bodies.append(convert.body_of(owner, state))
+        if i < count:
+            bodies.append(_body_in_table(owner, named.columns[i], is_immovable=i in immovable))
+        else:
+            bodies.append(convert.body_of(owner, named.states[i]))
     of_a, of_b = np.asarray(request.pairs).reshape(2, -1).tolist()
     model, given = convert.model_of(request.model, parameters.model), request.model
-    pairs, contacts, filled = list(zip(of_a, of_b, strict=True)), [], []
+    pairs, contacts, coefficients = list(zip(of_a, of_b, strict=True)), [], []
     for i, (pair, message) in enumerate(zip(pairs, messages, strict=True)):
         if max(pair) >= len(bodies):
             reason = f"must be indices of {len(bodies)} bodies, from 0; those of contact {i} are {pair}"
@@ -246,30 +258,36 @@ def scene_of(
             "body_b": named.owners[pair[1]],
         }
         try:
-            e, mu = (convert.filled(field, touch, parameters) for field in ("restitution", "friction"))
-            entry = convert.pair_of(touch, parameters)
-            own = None if given.tangential_restitution else entry.tangential_restitution
-            contacts.append(convert.contact_with(touch, e, mu, model.law, own))
+            found = convert.coefficients_of(touch, parameters)
+            own = None if given.tangential_restitution else found.pair.tangential_restitution
+            contacts.append(convert.contact_with(message, found, model.law, own))
         except ImpactError as error:
-            owner, _, field = error.field.partition(".")
-            raise ImpactError(error.code, f"{places[owner]}.{field}", error.reason) from None
-        if model.law is Law.COMPLIANT and not given.stiffness_ratio and entry.stiffness_ratio is not None:
-            reason = f"must be given in a scene: contacts[{i}] has {entry.stiffness_ratio} by its materials"
+            raise error.with_owner(places[error.field.partition(".")[0]]) from None
+        ratio = found.pair.stiffness_ratio
+        if model.law is Law.COMPLIANT and not given.stiffness_ratio and ratio is not None:
+            reason = f"must be given in a scene: contacts[{i}] has {ratio} by its materials"
             raise ImpactError(StatusCode.INVALID_MODEL, "model.stiffness_ratio", reason)
-        filled.append((e, mu))
-    return Scene(bodies, pairs, contacts, model, filled)
+        coefficients.append(found)
+    return Scene(bodies, pairs, contacts, model, coefficients)
+
+
+def _body_in_table(owner: str, column: list[float], *, is_immovable: bool) -> Body:
+    body = body_of(column)
+    if is_immovable:
+        still = Body.kinematic(body.position, body.velocity, body.angular_velocity)
+        return still._replace(orientation=body.orientation)
+    convert.check_mass(owner, body.mass)
+    return body
 
 
 def as_in_request(error: ImpactError, named: Named) -> ImpactError:
-    """An error of the numeric core, its field named as the request names it."""
-    owner, _, field = error.field.partition(".")
+    """An error of the numeric core, the body or the contact named as the request names it."""
+    owner = error.field.partition(".")[0]
     if owner.startswith("bodies["):
-        owner = named.owners[int(owner[len("bodies[") : -1])]
-        head, dot, rest = field.partition(".")
-        field = f"{convert.CORE_TO_MESSAGE.get(head, head)}{dot}{rest}"
+        return error.with_owner(named.owners[int(owner[len("bodies[") : -1])])
     if owner.startswith("pairs["):  # of one contact
-        owner = f"contacts[{owner[len('pairs[') : -1]}]"
-    return ImpactError(error.code, f"{owner}.{field}" if field else owner, error.reason)
+        return error.with_owner(owner.replace("pairs", "contacts"))
+    return error
 
 
 def write_answer(
@@ -287,8 +305,8 @@ def write_answer(
     result.contacts = contacts
     for message, contact in zip(result.contacts, impact.contacts, strict=True):
         message.restitution, message.friction = float(contact.restitution), contact.friction
-    result.restitution_from, result.restitution_rules = _sources(e for e, _ in scene.filled)
-    result.friction_from, result.friction_rules = _sources(mu for _, mu in scene.filled)
+    result.restitution_from, result.restitution_rules = _sources(of.restitution for of in scene.coefficients)
+    result.friction_from, result.friction_rules = _sources(of.friction for of in scene.coefficients)
     write_model(result.model, impact.model)
     result.body_names = named.names
     result.state_stamps = [used.stamp for used in named.used]

@@ -15,10 +15,8 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from rclpy.serialization import deserialize_message
 
+from ..body_numbers import ROWS
 from ..msg import BodyState, BodyStates
-
-ROWS = 23
-"""Of ``BodyStates.numbers``."""
 
 LONGEST = 4096
 """Bytes of a ``BodyState``: only its names may be long."""

@@ -21,7 +21,7 @@ from rclpy.service_introspection import ServiceIntrospectionState
 
 from ..status import ImpactError, StatusCode
 from .clients import Presence, client_of
-from .intake import Intake, OutOfReach, RCLError
+from .intake import Intake, OutOfReach, RCLError, by_the_intake
 from .tally import Tally
 from .turns import Job, Parts, Turns
 
@@ -130,7 +130,7 @@ class Server:
         group = OutOfReach()
         for kind in kinds:
             service = node.create_service(
-                kind.interface, kind.name, _by_the_intake, qos_profile=SERVICE_QOS, callback_group=group
+                kind.interface, kind.name, by_the_intake, qos_profile=SERVICE_QOS, callback_group=group
             )
             if introspection is not ServiceIntrospectionState.OFF:
                 service.configure_introspection(node.get_clock(), qos_profile_system_default, introspection)
@@ -267,7 +267,3 @@ def _sent(service: Service[Any, Any], response: Any, header: Any) -> bool:
         except RCLError:
             return False
     return not caught
-
-
-def _by_the_intake(request: Any, response: Any) -> Any:
-    raise AssertionError("the executor leaves requests to the intake")

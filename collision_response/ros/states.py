@@ -26,18 +26,6 @@ def quoted(name: str) -> str:
     return repr(name if len(name) <= SHOWN else f"{name[:SHOWN]}...")
 
 
-class Known(NamedTuple):
-    """The latest state of a body.
-
-    Attributes:
-        state: as published.
-        stamp: when [ns]; 0 if it was not said.
-    """
-
-    state: BodyState
-    stamp: int
-
-
 class _Source(NamedTuple):
     """The state of a body by name, and whom it came from: the publisher, and the one before that."""
 
@@ -58,11 +46,11 @@ class LatestStates:
         broken: number of messages that could not be read.
         overtaken: number of states passed over as older than the one that was known.
         evicted: number of bodies forgotten because there were too many.
+        take_all: takes what waits on the subscriptions; to be set.
 
     Args:
         most: the number of bodies to remember, and as many in tables; those that were heard of last.
         now: the time by the node's clock [ns].
-        take_all: takes what waits on the subscriptions.
         report: told what a person should know: what it is about, of which he need not hear all the time, and
             the words.
     """
@@ -72,10 +60,9 @@ class LatestStates:
         most: int,
         now: Callable[[], int],
         report: Callable[[str, str], object],
-        take_all: Callable[[], object] = lambda: None,
     ) -> None:
         self.received = self.lost = self.broken = self.overtaken = self.evicted = 0
-        self.take_all = take_all
+        self.take_all: Callable[[], object] = lambda: None
         self._most = most
         self._now = now
         self._report = report
@@ -135,7 +122,7 @@ class LatestStates:
         self.broken += 1
         self._report("broken", f"a state could not be taken: {error}")
 
-    def find(self, field: str, name: str) -> Known:
+    def find(self, field: str, name: str) -> BodyState:
         """The state of a body given by name only, after taking what has arrived.
 
         Raises:
@@ -150,7 +137,7 @@ class LatestStates:
         if latest is None:
             raise ImpactError(StatusCode.UNKNOWN_BODY, field, self._unknown(name))
         try:
-            return Known(latest.state_of(name), latest.stamp)
+            return latest.state_of(name)
         except Broken as error:
             reason = f"is {quoted(name)}, whose last state cannot be read: {error}"
             raise ImpactError(StatusCode.UNKNOWN_BODY, field, reason) from None

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 from ..answer import as_tuple, in_columns, in_digits
 from ..model import Adjustment, ImpactModel
 from ..numbers.number import Scalar
 from ..physics.body import Twist
 from ..physics.contact import Contact
-from ..physics.laws import Regime
+from ..physics.laws import Law, Regime
 from ..physics.vector import Vec3
 from ..status import StatusCode
 
@@ -75,32 +76,46 @@ class SceneImpact(NamedTuple):
     def __str__(self) -> str:
         """A table of the contacts, one of the bodies, and what holds for all."""
         of = {contact: number for number, cluster in enumerate(self.clusters) for contact in cluster}
-        contacts = [
-            [
-                str(i),
-                str(of[i]),
-                self.regimes[i].name,
-                *map(in_digits, (contact.restitution, contact.friction)),
-                *map(in_digits, (self.normal_velocities_before[i], self.normal_velocities_after[i])),
-                as_tuple(self.impulses[i]),
-            ]
-            for i, contact in enumerate(self.contacts)
+        return scene_table(self, of, self.order_sensitivity)
+
+
+def scene_table(
+    answer: Any, cluster_of: Mapping[int, int] | Sequence[int], order_sensitivity: float | None = None
+) -> str:
+    """A :class:`SceneImpact`, or a ``SceneResult`` message: its fields have the same names, but for two.
+
+    Args:
+        answer: what to show.
+        cluster_of: the number of the cluster of each contact.
+        order_sensitivity: as in :class:`SceneImpact`.
+    """
+    contacts = [
+        [
+            str(i),
+            str(cluster_of[i]),
+            Regime(answer.regimes[i]).name,
+            *map(in_digits, (contact.restitution, contact.friction)),
+            *map(in_digits, (answer.normal_velocities_before[i], answer.normal_velocities_after[i])),
+            as_tuple(answer.impulses[i]),
         ]
-        bodies = [
-            [str(i), as_tuple(twist.linear), as_tuple(twist.angular)] for i, twist in enumerate(self.twists)
-        ]
-        before, after = in_digits(self.kinetic_energy_before), in_digits(self.kinetic_energy_after)
-        lost = in_digits(self.energy_lost_restitution), in_digits(self.energy_lost_friction)
-        lines = [
-            f"{self.status.name} by {self.model.law.name}, error <= {self.error_bound:.2g}",
-            *in_columns(
-                [*["contact", "cluster", "regime", "e", "mu"], "u before", "u after", "impulse"], contacts
-            ),
-            *in_columns(["body", "velocity", "angular velocity"], bodies),
-            f"energy {before} -> {after} J; lost: {lost[0]} restitution, {lost[1]} friction",
-        ]
-        if self.order_sensitivity is not None:
-            lines.append(f"order sensitivity {self.order_sensitivity:.2g}")
-        if self.adjustments:
-            lines.append(f"adjusted: {self.adjustments}")
-        return "\n".join(lines)
+        for i, contact in enumerate(answer.contacts)
+    ]
+    bodies = [
+        [str(i), as_tuple(twist.linear), as_tuple(twist.angular)] for i, twist in enumerate(answer.twists)
+    ]
+    before, after = in_digits(answer.kinetic_energy_before), in_digits(answer.kinetic_energy_after)
+    lost = in_digits(answer.energy_lost_restitution), in_digits(answer.energy_lost_friction)
+    status = StatusCode(getattr(answer.status, "code", answer.status))
+    lines = [
+        f"{status.name} by {Law(answer.model.law).name}, error <= {answer.error_bound:.2g}",
+        *in_columns(
+            [*["contact", "cluster", "regime", "e", "mu"], "u before", "u after", "impulse"], contacts
+        ),
+        *in_columns(["body", "velocity", "angular velocity"], bodies),
+        f"energy {before} -> {after} J; lost: {lost[0]} restitution, {lost[1]} friction",
+    ]
+    if order_sensitivity is not None:
+        lines.append(f"order sensitivity {order_sensitivity:.2g}")
+    if answer.adjustments:
+        lines.append(f"adjusted: {Adjustment(answer.adjustments)}")
+    return "\n".join(lines)
