@@ -21,7 +21,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from ..msg import CollisionResult, SceneResult
 from ..physics.vector import Vec3
 from ..status import StatusCode
-from .convert import vector_message
+from .convert import vector_message, vector_of
 from .parameters import Declaration, declare
 from .process import run
 
@@ -113,7 +113,7 @@ def wrench_of(header: Any, touch: Touch, contact_duration: float) -> WrenchStamp
 
 
 def _touch(contact: Any, impulse: Any) -> Touch:
-    x, n, p = (Vec3(v.x, v.y, v.z) for v in (contact.position, contact.normal, impulse))
+    x, n, p = map(vector_of, (contact.position, contact.normal, impulse))
     n = n / max(map(abs, n))  # of any length, its square perhaps too small
     return Touch(x, n / n.norm(), contact.friction, p)
 
