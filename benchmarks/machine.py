@@ -18,3 +18,8 @@ def machine() -> dict[str, Any]:
         "cores": os.cpu_count(),
         "python": platform.python_version(),
     }
+
+
+def described(found: dict[str, Any]) -> str:
+    """The same in words."""
+    return f"{found['processor']}, {found['cores']} cores, Python {found['python']}"

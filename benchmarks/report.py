@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from machine import described
 from pages import power, significant, table, times
 
 Results = dict[str, Any]
@@ -17,12 +18,9 @@ def parts(results: Results) -> dict[str, str]:
 
 def machine(results: Results) -> str:
     """What the times depend on."""
-    m, versions = results["machine"], results["versions"]
-    listed = ", ".join(f"{name} {version}" for name, version in versions.items())
-    lines = [
-        f"Measured on {results['date']} in {results['seconds'] / 60:.0f} minutes: {m['processor']}, "
-        f"{m['cores']} cores, Python {m['python']}; {listed}."
-    ]
+    listed = ", ".join(f"{name} {version}" for name, version in results["versions"].items())
+    took, on = f"{results['seconds'] / 60:.0f} minutes", described(results["machine"])
+    lines = [f"Measured on {results['date']} in {took}: {on}; {listed}."]
     lines += [f"* Left out: {what}: {why}." for what, why in results["skipped"].items()]
     return "\n".join(lines)
 

@@ -43,7 +43,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 import pages  # noqa: E402
-from machine import machine  # noqa: E402
+from machine import described, machine  # noqa: E402
 
 from collision_response import (  # noqa: E402
     Body,
@@ -426,7 +426,7 @@ def box_ratio() -> float:
 def parts(results: dict[str, Any]) -> dict[str, str]:
     """The generated parts of docs/scenes.md."""
     found = results["scenes"]
-    lines = [f"Measured on {results['date']}: {_on(results['machine'])}; {_versions()}."]
+    lines = [f"Measured on {results['date']}: {described(results['machine'])}; {_versions()}."]
     lines += [f"* Left out: {what}: {why}." for what, why in found["skipped"].items()]
     rows = [[name, *cells] for name, cells in found["answers"].items()]
     head = ["", "cradle: speeds after", "energy kept", "flat box: up", "turning [rad/s]"]
@@ -447,10 +447,6 @@ def parts(results: dict[str, Any]) -> dict[str, str]:
         "answers": pages.table(head, rows),
         "cost": "\n\n".join(tables),
     }
-
-
-def _on(found: dict[str, Any]) -> str:
-    return f"{found['processor']}, {found['cores']} cores, Python {found['python']}"
 
 
 def _versions() -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from .body_numbers import PARALLEL
 from .physics.body import Body
-from .physics.orientation import Quaternion
+from .physics.orientation import Quaternion, Rotation
 from .physics.vector import ZERO, Vec3
 
 
@@ -23,7 +24,11 @@ def at_centre(body: Body) -> Body:
 
 def com_in_world_axes(body: Body) -> Vec3:
     """From the reference point to the centre of mass, for a quaternion of any length."""
-    if body.orientation is None:
-        return body.com
-    longest = max(map(abs, body.orientation))  # so that no square overflows, or is 0
-    return Quaternion(*(q / longest for q in body.orientation)).rotation().to_world(body.com)
+    return body.com if body.orientation is None else rotation_of(body).to_world(body.com)
+
+
+def rotation_of(body: Body) -> Rotation:
+    """From body axes to world axes, for a quaternion of any length."""
+    turn = body.orientation or PARALLEL
+    longest = max(map(abs, turn))  # so that no square overflows, or is 0
+    return Quaternion(*(q / longest for q in turn)).rotation()

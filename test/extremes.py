@@ -1,4 +1,4 @@
-"""The extremes that break solvers, each with a name: for the tests and for the stability report."""
+"""The extremes that break solvers, each with a name."""
 
 from __future__ import annotations
 

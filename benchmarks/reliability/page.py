@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from machine import described
 from pages import significant, table
 
 from collision_response import StatusCode
@@ -25,7 +26,7 @@ def parts(stored: Mapping[str, Found]) -> dict[str, str]:
 
 def _measured(found: Found) -> str:
     machine, broken = found["machine"], found["broken"]
-    on = f"{machine['processor']}, {machine['cores']} cores, Python {machine['python']}"
+    on = described(machine)
     line = (
         f"Measured on {found['date']}: {on}, a load of {found['load']:.1f} before. "
         f"Promises broken: {len(broken)}."

@@ -17,7 +17,7 @@ from ..msg import BodyState, CollisionResult, SceneResult, Status
 from ..srv import ResolveCollision, ResolveScene
 
 SERVICE_QOS = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE)
-"""What the node uses too: with a limited history, of many calls at once some would never be answered."""
+"""With a limited history, of many calls at once some would never be answered."""
 
 STATE_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Twist, Vector3
+from geometry_msgs.msg import Twist
 
+from ..body_numbers import numbers_of
 from ..msg import BodyState, CollisionResult
 from ..msg import Contact as ContactMessage
 from ..physics.body import Body
 from ..physics.body import Twist as BodyTwist
 from ..physics.contact import Contact
 from ..physics.laws import Regime
-from ..physics.vector import Vec3
+from ..ros.convert import vector_of
+from ..ros.serialized import state_from
 from .scene import Answer
 
 FRAME = "world"
@@ -27,20 +29,10 @@ def state_of(name: str, body: Body, stamp: Time) -> BodyState:
     """A body as the service wants to know it; one that does not give way stands still."""
     state = BodyState(name=name)
     state.header.frame_id, state.header.stamp = FRAME, stamp
-    pose, inertia = state.pose, state.inertia
-    pose.position.x, pose.position.y, pose.position.z = map(float, body.position)
-    if body.orientation is not None:
-        q = pose.orientation
-        q.x, q.y, q.z, q.w = map(float, body.orientation)
-    _write(state.twist.linear, body.velocity)
-    _write(state.twist.angular, body.angular_velocity)
     if not body.is_movable():
         state.motion_type = BodyState.STATIC
-        return state
-    inertia.m = float(body.mass)
-    _write(inertia.com, body.com)
-    inertia.ixx, inertia.ixy, inertia.ixz, inertia.iyy, inertia.iyz, inertia.izz = map(float, body.inertia)
-    return state
+        body = body._replace(mass=0.0)
+    return state_from(map(float, numbers_of(body)), state)
 
 
 def contact_of(contact: Contact, stamp: Time) -> ContactMessage:
@@ -48,8 +40,8 @@ def contact_of(contact: Contact, stamp: Time) -> ContactMessage:
     message = ContactMessage()
     message.restitution, message.friction = map(float, contact[2:4])
     message.header.frame_id, message.header.stamp = FRAME, stamp
-    message.position.x, message.position.y, message.position.z = map(float, contact.position)
-    _write(message.normal, contact.normal)
+    for part, vector in ((message.position, contact.position), (message.normal, contact.normal)):
+        part.x, part.y, part.z = map(float, vector)
     return message
 
 
@@ -58,7 +50,7 @@ def answer_of(result: CollisionResult) -> Answer:
     return Answer(
         twist_of(result.twist_a),
         twist_of(result.twist_b),
-        _vector(result.impulse),
+        vector_of(result.impulse),
         result.energy_lost_restitution,
         result.energy_lost_friction,
         Regime(result.regime),
@@ -67,12 +59,4 @@ def answer_of(result: CollisionResult) -> Answer:
 
 def twist_of(message: Twist) -> BodyTwist:
     """A twist that was answered."""
-    return BodyTwist(_vector(message.linear), _vector(message.angular))
-
-
-def _write(message: Vector3, vector: Vec3) -> None:
-    message.x, message.y, message.z = map(float, vector)
-
-
-def _vector(message: Vector3) -> Vec3:
-    return Vec3(message.x, message.y, message.z)
+    return BodyTwist(vector_of(message.linear), vector_of(message.angular))

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..body_numbers import PARALLEL
 from ..model import ImpactModel, check_by_one_code
 from ..physics.body import Body
 from ..physics.contact import Contact
@@ -27,7 +28,16 @@ from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 from .differentiate import DEFAULT
-from .saltation import POSES, STANDARD_GRAVITY, Passage, finite, finite_numbers, linearised, may_be_off
+from .saltation import (
+    POSES,
+    STANDARD_GRAVITY,
+    TWISTS,
+    Passage,
+    finite,
+    finite_numbers,
+    linearised,
+    may_be_off,
+)
 from .surfaces import SurfaceMotion, Surfaces, unit_normal
 
 Array = np.ndarray[Any, Any]
@@ -86,11 +96,10 @@ def propagate_covariance(
     normal_sd = _deviation("normal_sd", normal_sd)
     kept = passage.kept
     root = _root(covariance, len(kept))
-    twists = [i for i in range(24) if i not in POSES]
     by_coefficients = np.zeros((24, 2))
     J, columns = passage.derivatives.jacobian, passage.derivatives.columns
     for i, name in enumerate(("contact.restitution", "contact.friction")):
-        by_coefficients[twists, i] = J[:12, columns[name]][:, 0]
+        by_coefficients[TWISTS, i] = J[:12, columns[name]][:, 0]
     of_coefficients = by_coefficients * [restitution_sd, friction_sd]
     with np.errstate(over="ignore", invalid="ignore"):
         by_state = passage.matrix[:, kept] @ root
@@ -161,23 +170,20 @@ def _regimes(
     arms = [np.subtract(contact.position, body.position) for body in (body_a, body_b)]
 
     def slip_of(twists: Array) -> Array:
-        """The slip of rows of twists."""
+        """Of twists of both bodies, 12 numbers or columns of them."""
         v_a, w_a, v_b, w_b = twists[:3], twists[3:6], twists[6:9], twists[9:12]
         u = v_a + np.cross(w_a, arms[0], axis=0) - v_b - np.cross(w_b, arms[1], axis=0)
         return tangent @ u
 
-    def columns(twists: Array) -> Array:
-        return np.stack([slip_of(column) for column in twists.T], axis=1)
-
     twists_before = np.zeros((12, by.shape[1]))
-    twists_before[np.arange(12), [i for i in range(24) if i not in POSES]] = 1.0
+    twists_before[np.arange(12), TWISTS] = 1.0
     before = np.concatenate([[*b.velocity, *b.angular_velocity] for b in (body_a, body_b)])
     after = np.concatenate([[*t.linear, *t.angular] for t in (impact.twist_a, impact.twist_b)])
     friction = tangent @ P
     gradients = [
         _along(friction) @ by[12:] - mu * n @ by[12:],
-        _along(slip_of(after)) @ columns(by[:12]),
-        _along(slip_of(before)) @ columns(twists_before),
+        _along(slip_of(after)) @ slip_of(by[:12]),
+        _along(slip_of(before)) @ slip_of(twists_before),
     ]
     steepest = [gradient @ space for gradient in gradients]
     unit = [g / np.linalg.norm(g) for g in steepest if np.linalg.norm(g) > 0]
@@ -212,7 +218,7 @@ def _moved(body: Body, shift: Array) -> Body:
         return body
     dx, theta, dv, dw = (Vec3(*part.tolist()) for part in np.split(shift, 4))
     half = theta * 0.5
-    q = body.orientation or Quaternion(0.0, 0.0, 0.0, 1.0)
+    q = body.orientation or PARALLEL
     v = Vec3(*q[:3])
     x, y, z = v + half * q.w + half.cross(v)
     turned = Quaternion(x, y, z, q.w - half.dot(v))

@@ -26,11 +26,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..centre import com_in_world_axes
+from ..centre import com_in_world_axes, rotation_of
 from ..model import ImpactModel, check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
-from ..physics.orientation import Quaternion
 from ..physics.vector import Vec3, as_vector
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
@@ -43,8 +42,8 @@ STANDARD_GRAVITY = (0.0, 0.0, -9.80665)
 
 POSE, TWIST = ("position", "orientation"), ("velocity", "angular_velocity")
 STATE = [f"{body}.{name}" for body in ("body_a", "body_b") for name in (*POSE, *TWIST)]
-POSES = [*range(6), *range(12, 18)]
-"""Where positions and turns lie in the state of two bodies."""
+POSES, TWISTS = [*range(6), *range(12, 18)], [*range(6, 12), *range(18, 24)]
+"""Where positions and turns lie in the state of two bodies, and where their twists do."""
 
 
 class Passage(NamedTuple):
@@ -119,11 +118,10 @@ def linearised(
     across = np.eye(3) - np.outer(contact.normal, contact.normal)
     by_state = J[:, :24].copy()
     by_state[:, POSES] += by_point @ motion.position + by_n @ motion.normal
-    twists = [i for i in range(24) if i not in POSES]
     reset = np.eye(24)
-    reset[twists] = by_state
+    reset[TWISTS] = by_state
     by_normal = np.zeros((24, 3))
-    by_normal[twists] = (by_n + by_point @ motion.position_by_normal) @ across
+    by_normal[TWISTS] = (by_n + by_point @ motion.position_by_normal) @ across
 
     bodies = body_a, body_b
     n = Vec3(*contact.normal)
@@ -192,9 +190,7 @@ def _rate(body: Body, gravity: Sequence[float]) -> Array:
     v, w = np.array(body.velocity, float), np.array(body.angular_velocity, float)
     if not body.is_movable():
         return np.concatenate([v, w, np.zeros(6)])
-    turn = Quaternion(0.0, 0.0, 0.0, 1.0) if body.orientation is None else body.orientation
-    longest = max(map(abs, turn))
-    R = np.array(Quaternion(*(part / longest for part in turn)).rotation()[:3], float)
+    R = np.array(rotation_of(body)[:3], float)
     xx, xy, xz, yy, yz, zz = body.inertia
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], float)
     spin = R.T @ w

@@ -127,9 +127,9 @@ def body_of(owner: str, state: BodyState) -> Body:
     Raises:
         ImpactError: NOT_FINITE or INVALID_MOTION_TYPE, its field starting with ``owner``.
     """
-    p, q, v, w = state.pose.position, state.pose.orientation, state.twist.linear, state.twist.angular
-    position, turn = Vec3(p.x, p.y, p.z), Quaternion(q.x, q.y, q.z, q.w)
-    velocity, angular_velocity = Vec3(v.x, v.y, v.z), Vec3(w.x, w.y, w.z)
+    position, q = vector_of(state.pose.position), state.pose.orientation
+    turn = Quaternion(q.x, q.y, q.z, q.w)
+    velocity, angular_velocity = vector_of(state.twist.linear), vector_of(state.twist.angular)
     orientation = None if turn == PARALLEL else turn
     if state.motion_type != BodyState.DYNAMIC:
         _check_immovable(owner, state.motion_type, Twist(velocity, angular_velocity))
@@ -139,7 +139,7 @@ def body_of(owner: str, state: BodyState) -> Body:
             return Body.articulated(state.inverse_inertia, position, velocity, angular_velocity)
         except ImpactError as error:
             raise error.within(owner) from None
-    i, c = state.inertia, state.inertia.com
+    i = state.inertia
     check_mass(owner, i.m)
     return Body(
         i.m,
@@ -148,7 +148,7 @@ def body_of(owner: str, state: BodyState) -> Body:
         orientation,
         velocity,
         angular_velocity,
-        Vec3(c.x, c.y, c.z),
+        vector_of(i.com),
     )
 
 
@@ -198,14 +198,7 @@ def contact_with(
     if callable(mu) and law in BY_SPEED:
         reason = f"depends on slip speed, which {law.name} follows in Python alone: give a number"
         raise ImpactError(StatusCode.INVALID_MODEL, "contact.friction", f"{reason}, or ask COULOMB")
-    position, normal = message.position, message.normal
-    return Contact(
-        Vec3(position.x, position.y, position.z),
-        Vec3(normal.x, normal.y, normal.z),
-        e,
-        mu,
-        tangential_restitution,
-    )
+    return Contact(vector_of(message.position), vector_of(message.normal), e, mu, tangential_restitution)
 
 
 GREATEST = {"restitution": 1.0, "friction": math.inf}
@@ -336,6 +329,11 @@ def echo(result: CollisionResult, request: ResolveCollision.Request) -> None:
     result.contact = request.contact
     result.contact.body_a = request.contact.body_a or request.body_a.name
     result.contact.body_b = request.contact.body_b or request.body_b.name
+
+
+def vector_of(message: Any) -> Vec3:
+    """A vector, or a point."""
+    return Vec3(message.x, message.y, message.z)
 
 
 def twist_message(twist: Twist) -> TwistMessage:

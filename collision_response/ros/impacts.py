@@ -113,5 +113,6 @@ class Impacts:
         before = survey.requirements()
         with suppress(ImpactError):  # without friction there is no answer
             survey.add(name, problem.body_a, problem.body_b, problem.contact)
-        if survey.requirements() != before:
-            self._log.info(f"the scene requires {survey.requirements()}")
+        after = survey.requirements()
+        if after != before:
+            self._log.info(f"the scene requires {after}")

@@ -21,7 +21,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from ..msg import CollisionResult, SceneResult
 from ..physics.vector import Vec3
 from ..status import StatusCode
-from .convert import vector_message
+from .convert import vector_message, vector_of
 from .parameters import Declaration, declare
 from .process import run
 from .server import THROTTLE
@@ -122,12 +122,12 @@ def wrench_of(header: Any, touch: Touch, contact_duration: float) -> WrenchStamp
 
 
 def _is_finite(wrench: WrenchStamped) -> bool:
-    force, torque = wrench.wrench.force, wrench.wrench.torque
-    return all(map(math.isfinite, (force.x, force.y, force.z, torque.x, torque.y, torque.z)))
+    parts = wrench.wrench.force, wrench.wrench.torque
+    return all(math.isfinite(x) for part in parts for x in vector_of(part))
 
 
 def _touch(contact: Any, impulse: Any) -> Touch | None:
-    x, n, p = (Vec3(v.x, v.y, v.z) for v in (contact.position, contact.normal, impulse))
+    x, n, p = map(vector_of, (contact.position, contact.normal, impulse))
     if not all(map(math.isfinite, (*x, *n, *p))) or not any(n):
         return None
     n = n / max(map(abs, n))  # of any length, its square perhaps too small

@@ -24,7 +24,7 @@ from ..physics.body import Twist
 from ..physics.mass_properties import MassProperties
 from ..physics.orientation import Quaternion
 from ..physics.vector import ZERO, Vec3
-from .convert import twist_message, vector_message
+from .convert import twist_message, vector_message, vector_of
 from .parameters import Declaration, declare
 from .process import Unusable, run
 from .serialized import nanoseconds
@@ -80,7 +80,7 @@ def from_odometry(odometry: Odometry, matter: MassProperties, name: str = "") ->
     """
     turn, twist = odometry.pose.pose.orientation, odometry.twist.twist
     rotation = _nonzero(turn).rotation()
-    linear, angular = (rotation.to_world(Vec3(v.x, v.y, v.z)) for v in (twist.linear, twist.angular))
+    linear, angular = (rotation.to_world(vector_of(v)) for v in (twist.linear, twist.angular))
     state = body_state(odometry.header, name or odometry.child_frame_id, matter)
     state.pose = odometry.pose.pose
     state.twist = twist_message(Twist(linear, angular))
@@ -105,11 +105,10 @@ def from_transforms(earlier: TransformStamped, later: TransformStamped, matter: 
     if not t > 0:
         raise ValueError(f"the transforms must be some time apart, not {t} s")
     before, after = earlier.transform, later.transform
-    way = Vec3(*(getattr(after.translation, x) - getattr(before.translation, x) for x in "xyz"))
+    place = vector_of(after.translation)
+    way = place - vector_of(before.translation)
     state = body_state(later.header, later.child_frame_id, matter)
-    state.pose.position.x, state.pose.position.y, state.pose.position.z = (
-        getattr(after.translation, x) for x in "xyz"
-    )
+    state.pose.position.x, state.pose.position.y, state.pose.position.z = place
     state.pose.orientation = after.rotation
     spin = _turn(_nonzero(before.rotation), _nonzero(after.rotation)) / t
     state.twist = twist_message(Twist(way / t, spin))
