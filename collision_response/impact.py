@@ -13,7 +13,7 @@ It takes what :mod:`~collision_response.validity` accepts.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from .numbers.number import Condition, Scalar, choose, leave_range, negation, square_root
 from .physics.body import Body, Twist
@@ -106,7 +106,7 @@ class Blow(NamedTuple):
 
     def if_approaching(self, x: Scalar) -> Scalar:
         """``x``, or 0."""
-        return _if(self.approaching, x)
+        return choose(self.approaching, lambda: x, lambda: self.restitution * 0)
 
     def and_approaching(self, condition: Condition) -> Condition:
         """Whether they approach and a condition holds; only if they do is it computed."""
@@ -204,7 +204,10 @@ def blow_of(contact: ContactKinematics, coefficients: Coefficients, law: Law) ->
     outcome = laws[law](contact, coefficients)
     if law in FOLLOWS_SLIP and laws is LAWS and not contact.is_rigid():
         outcome = _or_coulomb(contact, coefficients, outcome)
-    return Blow(approaching, is_slow, e, outcome, _if(approaching, outcome.impulse))
+    impulse = choose(
+        approaching, lambda: outcome.impulse, lambda: n * 0
+    )  # whatever the law makes of the rest
+    return Blow(approaching, is_slow, e, outcome, impulse)
 
 
 def _or_coulomb(contact: ContactKinematics, coefficients: Coefficients, outcome: Outcome) -> Outcome:
@@ -216,10 +219,6 @@ def _or_coulomb(contact: ContactKinematics, coefficients: Coefficients, outcome:
         unfinished=outcome.unfinished & negation(fails),
         doubt=None if doubt is None else choose(fails, lambda: doubt * 0, lambda: doubt),
     )
-
-
-def _if(approaching: Condition, x: Any) -> Any:
-    return choose(approaching, lambda: x, lambda: x * 0)
 
 
 def _moved(body: Body, change: Twist) -> Body:

@@ -65,7 +65,8 @@ def read(
 def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact | None:
     """The answer to a sound request, to within a unit in the last place of float64 if anything can decide it.
 
-    ``None`` without python-flint, for a path in space, or if a number of the answer is beyond float64.
+    ``None`` without python-flint, for a path in space, or if a number of the answer is beyond float64. No
+    arithmetic makes the integration of such a path more exact; but whether there is one no law decides.
     """
     if not balls.AVAILABLE:
         return None
@@ -75,8 +76,7 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     geometry = model.geometry
     if geometry is Geometry.AUTO:
         geometry = required(*plain, frictionless=law is Law.FRICTIONLESS)
-    if law in PATHS and geometry is Geometry.SPATIAL:  # no arithmetic makes the integration more exact
-        return None
+    is_path = law in PATHS and geometry is Geometry.SPATIAL
     used = model._replace(law=law, geometry=geometry, precision=Precision.EXTENDED)
     off_unit = any(map(is_off_unit, plain[:2]))
     best, least = None, math.inf
@@ -84,7 +84,11 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
         with balls.working_precision(bits):
             a, b, touch = read(body_a, body_b, contact, _ball)
             settings = Settings(*map(Ball, chosen.settings, chosen.errors))
-            answer = impact(a, b, touch, law, settings)
+            answer = impact(a, b, touch, Law.FRICTIONLESS if is_path else law, settings)
+            if is_path and answer.flags.separating is not True:
+                if answer.flags.separating is False:
+                    return None
+                continue
             bound = _bound((a, b), answer, Ball.radius)
             given = _rounded((a, b), answer, contact, used, chosen.limit, off_unit)
         if given is None:  # beyond float64; or nothing is known yet

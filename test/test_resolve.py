@@ -550,3 +550,16 @@ def test_a_kinematic_body_moves_as_it_did():
     impact = resolve(BALL, pusher, CONTACT)
     assert impact.twist_b == (pusher.velocity, pusher.angular_velocity)
     assert impact.twist_a.linear.z == pytest.approx(3.0 + 0.5 * 5.0)
+
+
+@pytest.mark.parametrize("law", [law for law in Law if law is not Law.AUTO])
+@pytest.mark.parametrize("turn", [(3.0, 4.0, 0.0), (1.0, 2.0, 2.0), (2.0, -3.0, 6.0)])
+@pytest.mark.parametrize("way", [0.0, 2.0**-40, -(2.0**-40)])
+def test_whether_bodies_approach_is_no_question_of_the_law(law, turn, way):
+    """A ball that slips along an oblique wall, and beside it away from the wall or into it by a hair."""
+    n = Vec3(*turn)
+    along = Vec3(n[1], -n[0], 0.0) + n * way
+    ball = Body.sphere(2.0, 1.0, position=n, velocity=along)
+    impact = resolve(ball, Body.static(), Contact.of((0, 0, 0), n, 0.75, 0.5), ImpactModel(law))
+    assert (impact.status is StatusCode.SEPARATING) == (way >= 0)
+    assert way < 0 or (impact.error_bound, impact.model.law, tuple(impact.impulse)) == (0, law, (0, 0, 0))
