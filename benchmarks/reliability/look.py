@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from .child import Parent
+from .child import Parent, ros_node
 
 PATIENCE = 5.0
 """Seconds; diagnostics come every second."""
@@ -13,20 +13,13 @@ PATIENCE = 5.0
 
 def run(_: dict[str, Any], parent: Parent) -> None:
     """As a process: say ``found``, what is on ``/diagnostics`` next; nothing if nobody publishes there."""
-    import rclpy
     from diagnostic_msgs.msg import DiagnosticArray
-    from rclpy.node import Node
 
-    rclpy.init()
-    node = Node("look")
-    try:
-        heard: list[Any] = []
+    heard: list[Any] = []
+    with ros_node("look") as (node, executor):
         node.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 10)
         end = time.monotonic() + PATIENCE
         while not heard and time.monotonic() < end:
-            rclpy.spin_once(node, timeout_sec=0.1)
-        found = [pair for message in heard[-1:] for status in message.status for pair in status.values]
-        parent.say("found", {pair.key: pair.value for pair in found})
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
+            executor.spin_once(timeout_sec=0.1)
+    found = [pair for message in heard[-1:] for status in message.status for pair in status.values]
+    parent.say("found", {pair.key: pair.value for pair in found})

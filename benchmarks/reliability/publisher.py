@@ -6,7 +6,7 @@ import struct
 import time
 from typing import Any
 
-from .child import Parent
+from .child import Parent, ros_node
 from .kinds import NAMES, full
 
 TICK = 0.002
@@ -88,18 +88,15 @@ def run(order: dict[str, Any], parent: Parent) -> None:
 
     The bodies are so many, from ``first`` on.
     """
-    import rclpy
-    from rclpy.node import Node
     from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
     qos = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
-    rclpy.init()
-    node, template = Node("publisher"), Template(order["type"])
-    publisher = node.create_publisher(template.kind, order["topic"], qos)
+    template = Template(order["type"])
     asked_for = [full().body_a, full().body_b] if order["type"] == "BodyState" else []
     for state, name in zip(asked_for, NAMES, strict=False):
         state.name = name
-    try:
+    with ros_node("publisher") as (node, _):
+        publisher = node.create_publisher(template.kind, order["topic"], qos)
         parent.wait_until(publisher.get_subscription_count)
         parent.say("ready")
         parent.wait_for("go")
@@ -117,6 +114,3 @@ def run(order: dict[str, Any], parent: Parent) -> None:
                 sent += step
             parent.pause(TICK)
         parent.say("sent", {"states": sent, "seconds": time.monotonic() - began})
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
