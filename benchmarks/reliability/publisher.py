@@ -30,9 +30,11 @@ class Template:
     """
 
     def __init__(self, name: str) -> None:
+        from cases import ALIGNED
         from rclpy.serialization import serialize_message
 
         from collision_response import msg
+        from collision_response.body_numbers import numbers_of
 
         self.kind = getattr(msg, name)
         self.bodies = 1 if name == "BodyState" else TABLE
@@ -42,32 +44,9 @@ class Template:
         else:
             message = self.kind(names=list(map(name_of, range(TABLE))))
             message.header.frame_id = "world"
-            column = [
-                2.0,
-                0.3,
-                0,
-                0,
-                0.4,
-                0,
-                0.5,
-                0,
-                0,
-                0,
-                0.1,
-                0.2,
-                0.6,
-                0,
-                0,
-                0,
-                1,
-                0.3,
-                -0.2,
-                -1.5,
-                0,
-                0,
-                0,
-            ]
-            message.numbers.extend(float(number) for number in column for _ in range(TABLE))
+            message.numbers.extend(
+                float(number) for number in numbers_of(ALIGNED.body_a) for _ in range(TABLE)
+            )
         self._bytes = bytearray(serialize_message(message))
         first = self._bytes.index(name_of(0).encode())
         second = self._bytes.find(name_of(1).encode())
