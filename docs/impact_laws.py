@@ -7,7 +7,9 @@ and the tables into the page; with ``--no-tables`` only the pictures.
 from __future__ import annotations
 
 import argparse
+import csv
 import math
+import sys
 import time
 import timeit
 from collections.abc import Callable, Iterator, Sequence
@@ -17,6 +19,7 @@ from typing import NamedTuple
 
 import matplotlib
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
@@ -25,6 +28,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from pages import rewrite
 
 from collision_response import Body, Contact, Impact, ImpactModel, Law, resolve, resolve_contact
 from collision_response.physics import restitution
@@ -335,10 +339,8 @@ def draw_rods() -> None:
 SPHERE = [[3.5, 0.0, 0.0], [0.0, 3.5, 0.0], [0.0, 0.0, 1.0]]
 """Inverse effective mass of a solid sphere of 1 kg at its contact; the normal is z."""
 
-KHARAZ = (
-    (2.0275, 0.7938), (3.9282, 0.7450), (9.6304, 0.6728), (20.0845, 0.5964),
-    (30.2218, 0.6883), (39.3031, 0.7719), (49.5459, 0.8469), (59.8416, 0.9019),
-)  # fmt: skip
+with PAGE.with_name("kharaz-2001.csv").open(newline="") as _file:
+    KHARAZ = [(float(row["incidence"]), float(row["ratio"])) for row in csv.DictReader(_file) if row["ratio"]]
 """Angle of incidence [deg], and tangential velocity of the centre after over that before."""
 
 
@@ -493,13 +495,8 @@ def main() -> None:
     draw_comparison()
     draw_restitution()
     if not arguments.no_tables:
-        text = PAGE.read_text()
-        for name, table in (("values", values_table()), ("cost", cost_table())):
-            start = f"<!-- generated: {name} -->\n"
-            before, _, rest = text.partition(start)
-            after = rest[rest.index("<!-- end -->") :]
-            text = "\n".join([before + start, *table, "", after])
-        PAGE.write_text(text)
+        tables = {"values": values_table(), "cost": cost_table()}
+        rewrite(PAGE, {name: "\n".join(lines) for name, lines in tables.items()})
         print(f"docs/{PAGE.name}")
 
 

@@ -11,16 +11,18 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
+import sys
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
+from pages import rewrite
 
 from collision_response import Body, Contact, Geometry, ImpactModel, Law, Precision, Twist
 from collision_response.batch import contact_rows, resolve_batch
@@ -252,13 +254,7 @@ def main() -> None:
         draw(identify(cubes), cubes, HERE / "images" / "identify.png")
     results["kharaz"] = of_kharaz()
     RESULTS.write_text(json.dumps(results, indent=1, ensure_ascii=False) + "\n")
-    text = PAGE.read_text()
-    for name, part in tables(results).items():
-        place = rf"(<!-- generated: {name} -->\n).*?(<!-- end -->)"
-        text = re.sub(
-            place, lambda match, part=part: f"{match[1]}\n{part}\n\n{match[2]}", text, flags=re.DOTALL
-        )
-    PAGE.write_text(text)
+    rewrite(PAGE, tables(results))
     picture(results, HERE / "images" / "measured-impacts.png")
     picture_of_sphere(results["kharaz"], HERE / "images" / "measured-sphere.png")
 

@@ -7,6 +7,7 @@ table into the page. What the page says of costs and of peers is from benchmarks
 from __future__ import annotations
 
 import math
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from itertools import permutations
@@ -15,12 +16,14 @@ from typing import Any
 
 import matplotlib
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
+from pages import rewrite
 
 from collision_response import Body, Contact, ImpactModel, Law, SceneImpact, resolve_scene
 from collision_response.demo.at_once import RADIUS, tight_rack
@@ -233,13 +236,8 @@ def main() -> None:
     draw_cradle()
     draw_box()
     draw_rack()
-    text = PAGE.read_text()
-    answer = ["```", str(example()), "```"]
-    for name, lines in (("laws", law_table()), ("orders", facts()), ("example", answer)):
-        start = f"<!-- generated: {name} -->\n"
-        before, _, rest = text.partition(start)
-        text = "\n".join([before + start, *lines, "", rest[rest.index("<!-- end -->") :]])
-    PAGE.write_text(text)
+    parts = {"laws": law_table(), "orders": facts(), "example": ["```", str(example()), "```"]}
+    rewrite(PAGE, {name: "\n".join(lines) for name, lines in parts.items()})
     print(f"docs/{PAGE.name}")
 
 

@@ -80,12 +80,24 @@ def box(
 
 
 def turn(q: Quaternion, v) -> Vec3:
+    """``v`` turned by ``q``."""
     return q.rotation().to_world(Vec3(*v))
 
 
 def product(p: Quaternion, q: Quaternion) -> Quaternion:
     a, b = Vec3(*p[:3]), Vec3(*q[:3])
     return Quaternion(*(b * p.w + a * q.w + a.cross(b)), p.w * q.w - a.dot(b))
+
+
+def turned(body: Body, q: Quaternion) -> Body:
+    """A body and its motion, turned about the origin."""
+    orientation = body.orientation or Quaternion(0.0, 0.0, 0.0, 1.0)
+    return body._replace(
+        position=turn(q, body.position),
+        velocity=turn(q, body.velocity),
+        angular_velocity=turn(q, body.angular_velocity),
+        orientation=product(q, orientation) if body.is_movable() else None,
+    )
 
 
 def random_case(seed: int, e: float | None = None, mu: float | None = None, contacts: int = 12) -> Case:

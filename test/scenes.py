@@ -13,6 +13,7 @@ pytest.importorskip("mpmath")
 from hypothesis import strategies as st
 from mpmath import mp
 from oracle import laws as oracle
+from scene_cases import turn, turned
 
 from collision_response import Body, Contact, ImpactModel, Law, resolve
 from collision_response.physics.orientation import Quaternion
@@ -46,8 +47,8 @@ class Scene(NamedTuple):
     def turned(self, q: Quaternion) -> Scene:
         """The same scene, seen from a frame turned by ``q``."""
         return Scene(
-            _turned(self.body_a, q),
-            _turned(self.body_b, q),
+            turned(self.body_a, q),
+            turned(self.body_b, q),
             self.contact._replace(
                 position=turn(q, self.contact.position), normal=turn(q, self.contact.normal)
             ),
@@ -65,26 +66,6 @@ class Scene(NamedTuple):
             ORACLE_NAMES[law],
             digits=digits,
         )
-
-
-def turn(q: Quaternion, v: Vec3) -> Vec3:
-    """``v`` turned by ``q``."""
-    return q.rotation().to_world(v)
-
-
-def _turned(body: Body, q: Quaternion) -> Body:
-    orientation = body.orientation or Quaternion(0.0, 0.0, 0.0, 1.0)
-    return body._replace(
-        position=turn(q, body.position),
-        velocity=turn(q, body.velocity),
-        angular_velocity=turn(q, body.angular_velocity),
-        orientation=_product(q, orientation) if body.is_movable() else None,
-    )
-
-
-def _product(p: Quaternion, q: Quaternion) -> Quaternion:
-    a, b = Vec3(*p[:3]), Vec3(*q[:3])
-    return Quaternion(*(b * p.w + a * q.w + a.cross(b)), p.w * q.w - a.dot(b))
 
 
 def _for_oracle(body: Body) -> oracle.Body:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 from hypothesis import given, settings
-from scenes import LAWS_WITH_FRICTION, LAWS_WITH_ORACLE, Scene, planar_scenes, quaternions, scenes, turn
+from scene_cases import turn
+from scenes import LAWS_WITH_FRICTION, LAWS_WITH_ORACLE, Scene, planar_scenes, quaternions, scenes
 
 from collision_response import Geometry, Impact, Law, StatusCode
 from collision_response.physics.vector import Vec3

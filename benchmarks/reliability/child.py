@@ -6,7 +6,8 @@ import json
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 DEADLINE = 120.0
@@ -62,3 +63,26 @@ class Parent:
             if time.monotonic() > end or self._is_gone:
                 raise TimeoutError("this did not happen")
             self.pause(0.01)
+
+
+@contextmanager
+def ros_node(name: str, context: Any = None) -> Iterator[tuple[Any, Any]]:
+    """A node of ROS, and what spins it; both end with the block.
+
+    Args:
+        name: of the node.
+        context: of rclpy; left out, that of the process.
+    """
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.node import Node
+
+    rclpy.init(context=context)
+    node, executor = Node(name, context=context), SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    try:
+        yield node, executor
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown(context=context)

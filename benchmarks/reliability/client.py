@@ -11,7 +11,7 @@ from collections import Counter
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from .child import Parent
+from .child import Parent, ros_node
 from .kinds import KINDS, code_of, is_right, stamp_of
 from .latency import Latencies
 
@@ -154,24 +154,13 @@ class Client:
 
 def run(order: dict[str, Any], parent: Parent) -> None:
     """As a process: say when it is ready, ask when told to, say when all is asked, then what came of it."""
-    import rclpy
-    from rclpy.executors import SingleThreadedExecutor
-    from rclpy.node import Node
-
-    rclpy.init()
-    node, executor = Node("client"), SingleThreadedExecutor()
-    executor.add_node(node)
-    client = Client(Order(**{**order, "kinds": tuple(order["kinds"])}), node)
-    try:
+    with ros_node("client") as (node, executor):
+        client = Client(Order(**{**order, "kinds": tuple(order["kinds"])}), node)
         parent.wait_until(client.is_ready)
         parent.say("ready")
         parent.wait_for("go")
         ask_all(client, executor, parent)
         parent.say("done", client.report.to_json())
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.try_shutdown()
 
 
 def ask_all(client: Client, executor: Any, parent: Parent) -> None:

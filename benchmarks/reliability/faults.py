@@ -17,7 +17,7 @@ from .processes import NAMESPACE, Child, Environment, NodeProcess, Stage
 
 Row = dict[str, Any]
 AMPLE = {"budget__contacts": 2_000_000, "budget__time": 600.0}
-"""Budgets that let the longest of these requests pass; where the node has them."""
+"""Budgets that let the longest of these requests pass."""
 
 LONGEST_WAIT = 1.0
 """Seconds that a client may wait because of another."""
@@ -227,7 +227,7 @@ def results_unread(stage: Stage) -> Row:
 
 
 def _long(stage: Stage, kind: str, parameters: dict[str, Any], wait: float | None = LONGEST_WAIT) -> Row:
-    node, other = started(stage, **stage.known(parameters)), steady(stage)
+    node, other = started(stage, **parameters), steady(stage)
     client = stage.client(kinds=(kind,), requests=1, window=1, patience=300.0)
     stage.start(other, client)
     found = client.report()
@@ -281,7 +281,7 @@ def sigterm_in_burst(stage: Stage) -> Row:
 
 @case("SIGTERM in a batch of 2e5, ROUTH, EXTENDED")
 def sigterm_in_batch(stage: Stage) -> Row:
-    node = stage.node(**stage.known(AMPLE))
+    node = stage.node(**AMPLE)
     client = stage.client(kinds=("routh batch of 2e5",), requests=1, window=1, patience=20.0)
     stage.start(client)
     client.until("sent")

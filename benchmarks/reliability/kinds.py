@@ -102,14 +102,13 @@ def wrong_table() -> Any:
 
 
 def _kinds() -> dict[str, Kind]:
-    ok = frozenset({1, 2, 17})
     law = {"coulomb": 2, "moreau": 3, "routh_poisson": 4, "routh_stronge": 5}
     return {
         "full": Kind(full, frozenset({1})),
         **{name: Kind(partial(full, law=number), frozenset({1})) for name, number in law.items()},
         "extended": Kind(partial(full, precision=4), frozenset({1})),
         "separating": Kind(separating, frozenset({2})),
-        "named": Kind(partial(by_name, *NAMES), ok | {9}, is_numbered=False),
+        "named": Kind(partial(by_name, *NAMES), ANSWERS | {9}, is_numbered=False),
         "unknown": Kind(partial(by_name, "nobody", "noone"), frozenset({8}), is_numbered=False),
         "without normal": Kind(without_normal, frozenset({4})),
         "not finite": Kind(not_a_number, frozenset({6})),

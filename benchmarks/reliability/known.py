@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .child import DEADLINE, Parent
+from .child import DEADLINE, Parent, ros_node
 from .publisher import name_of
 
 AT_ONCE = 1000
@@ -15,8 +15,6 @@ UNKNOWN_BODY = 8
 
 def run(order: dict[str, Any], parent: Parent) -> None:
     """As a process: say ``known``, of so many bodies."""
-    import rclpy
-    from rclpy.node import Node
     from rclpy.qos import HistoryPolicy, QoSProfile
 
     from collision_response import Geometry
@@ -27,12 +25,10 @@ def run(order: dict[str, Any], parent: Parent) -> None:
     rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
     ground = np.zeros((rows.height, 1))
     ground[rows.mass] = np.inf
-    rclpy.init()
-    node = Node("known")
     name = f"{order['namespace']}/collision_response/resolve_collision_batch"
     qos = QoSProfile(history=HistoryPolicy.KEEP_ALL)
-    client = node.create_client(ResolveCollisionBatch, name, qos_profile=qos)
-    try:
+    with ros_node("known") as (node, executor):
+        client = node.create_client(ResolveCollisionBatch, name, qos_profile=qos)
         parent.wait_until(client.service_is_ready)
         known = 0
         for begin in range(0, order["bodies"], AT_ONCE):
@@ -42,13 +38,10 @@ def run(order: dict[str, Any], parent: Parent) -> None:
             pairs = np.array([range(1, len(names) + 1), [0] * len(names)])
             request = pack(ground, pairs, contacts, names=names, frame_id="world")
             future = client.call_async(request)
-            rclpy.spin_until_future_complete(node, future, timeout_sec=DEADLINE)
+            executor.spin_until_future_complete(future, DEADLINE)
             if not future.done():
                 raise TimeoutError("no answer")
             if not future.result().success:
                 raise RuntimeError(future.result().message)
             known += int((np.asarray(future.result().status) != UNKNOWN_BODY).sum())
         parent.say("known", known)
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()

@@ -5,21 +5,15 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from .child import Parent
+from .child import Parent, ros_node
 
 
 def run(order: dict[str, Any], parent: Parent) -> None:
     """As a process: say ``ready``; told to stop, say ``heard``: how many, how many names, in how long."""
-    import rclpy
-    from rclpy.executors import SingleThreadedExecutor
-    from rclpy.node import Node
     from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
     from collision_response import msg
 
-    rclpy.init()
-    node, executor = Node("listener"), SingleThreadedExecutor()
-    executor.add_node(node)
     names: set[str] = set()
     times: list[float] = []
 
@@ -29,14 +23,10 @@ def run(order: dict[str, Any], parent: Parent) -> None:
 
     reliability = ReliabilityPolicy.RELIABLE if order["reliable"] else ReliabilityPolicy.BEST_EFFORT
     qos = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=reliability)
-    node.create_subscription(getattr(msg, order["type"]), order["topic"], hear, qos)
-    try:
+    with ros_node("listener") as (node, executor):
+        node.create_subscription(getattr(msg, order["type"]), order["topic"], hear, qos)
         parent.say("ready")
         while not parent.has_said("stop") and not parent.is_gone():
             executor.spin_once(timeout_sec=0.1)
         seconds = times[-1] - times[0] if times else 0.0
         parent.say("heard", {"messages": len(times), "names": len(names), "seconds": seconds})
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.try_shutdown()

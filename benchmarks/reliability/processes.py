@@ -12,7 +12,6 @@ import tempfile
 import threading
 import time
 from contextlib import ExitStack, suppress
-from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -197,19 +196,11 @@ class Environment:
     def __exit__(self, *_: object) -> None:
         self._domain.__exit__(None, None, None)  # what it cannot do is to end with an error
 
-    @cached_property
-    def parameters(self) -> dict[str, Any]:
-        """Of the node, with the values it takes if nobody says anything."""
-        with Stage(self) as stage:
-            stage.node()
-            return stage.child("look", namespace=NAMESPACE).until("found")["parameters"]
-
 
 class Stage:
     """What a case starts. Left as a context it ends it all, the node last."""
 
     def __init__(self, environment: Environment, *, large: bool = False) -> None:
-        self._environment = environment
         self._variables = environment.large if large else environment.usual
         self._stack = ExitStack()
 
@@ -227,15 +218,6 @@ class Stage:
         """The node; a double underscore in the name of a parameter stands for a dot."""
         named = {name.replace("__", "."): value for name, value in parameters.items()}
         return self._keep(NodeProcess(self._variables, named))
-
-    def known(self, parameters: dict[str, Any]) -> dict[str, Any]:
-        """Those of some parameters that the node has, of the types it takes."""
-        defaults = self._environment.parameters
-        return {
-            name: type(defaults[dotted])(value)
-            for name, value in parameters.items()
-            if (dotted := name.replace("__", ".")) in defaults
-        }
 
     def child(self, role: str, **order: Any) -> Child:
         """A process of this room."""

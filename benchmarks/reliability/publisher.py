@@ -6,7 +6,7 @@ import struct
 import time
 from typing import Any
 
-from .child import Parent
+from .child import Parent, ros_node
 from .kinds import NAMES, full
 
 TICK = 0.002
@@ -30,9 +30,11 @@ class Template:
     """
 
     def __init__(self, name: str) -> None:
+        from cases import ALIGNED
         from rclpy.serialization import serialize_message
 
         from collision_response import msg
+        from collision_response.body_numbers import numbers_of
 
         self.kind = getattr(msg, name)
         self.bodies = 1 if name == "BodyState" else TABLE
@@ -42,32 +44,9 @@ class Template:
         else:
             message = self.kind(names=list(map(name_of, range(TABLE))))
             message.header.frame_id = "world"
-            column = [
-                2.0,
-                0.3,
-                0,
-                0,
-                0.4,
-                0,
-                0.5,
-                0,
-                0,
-                0,
-                0.1,
-                0.2,
-                0.6,
-                0,
-                0,
-                0,
-                1,
-                0.3,
-                -0.2,
-                -1.5,
-                0,
-                0,
-                0,
-            ]
-            message.numbers.extend(float(number) for number in column for _ in range(TABLE))
+            message.numbers.extend(
+                float(number) for number in numbers_of(ALIGNED.body_a) for _ in range(TABLE)
+            )
         self._bytes = bytearray(serialize_message(message))
         first = self._bytes.index(name_of(0).encode())
         second = self._bytes.find(name_of(1).encode())
@@ -88,18 +67,15 @@ def run(order: dict[str, Any], parent: Parent) -> None:
 
     The bodies are so many, from ``first`` on.
     """
-    import rclpy
-    from rclpy.node import Node
     from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
     qos = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
-    rclpy.init()
-    node, template = Node("publisher"), Template(order["type"])
-    publisher = node.create_publisher(template.kind, order["topic"], qos)
+    template = Template(order["type"])
     asked_for = [full().body_a, full().body_b] if order["type"] == "BodyState" else []
     for state, name in zip(asked_for, NAMES, strict=False):
         state.name = name
-    try:
+    with ros_node("publisher") as (node, _):
+        publisher = node.create_publisher(template.kind, order["topic"], qos)
         parent.wait_until(publisher.get_subscription_count)
         parent.say("ready")
         parent.wait_for("go")
@@ -117,6 +93,3 @@ def run(order: dict[str, Any], parent: Parent) -> None:
                 sent += step
             parent.pause(TICK)
         parent.say("sent", {"states": sent, "seconds": time.monotonic() - began})
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()

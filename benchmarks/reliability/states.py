@@ -36,12 +36,12 @@ Row = dict[str, Any]
 def by_the_node(stage: Stage, kind: str, rate: int, seconds: float) -> Row:
     """What the node has heard of, and how its service did."""
     number = int(rate * seconds)
-    node = started(stage, **stage.known({"max_bodies": 2 * number}))
+    node = started(stage, max_bodies=2 * number)
     other, publishers = steady(stage), _publishers(stage, kind, rate, number)
     stage.start(other, *publishers)
     sent = _sent(publishers)
     found = stopped(other)
-    values = stage.child("look", namespace=NAMESPACE).until("found")["diagnostics"]
+    values = stage.child("look").until("found")
     # A table takes the place of the one before it: what was heard only the node can tell.
     known = int(values["states"]) * TABLE if kind == "BodyStates" else _known(stage, sent["states"])
     return {
@@ -138,10 +138,7 @@ def measure(seconds: float) -> dict[str, Any]:
     """Each rate, by the node and by a bare subscription, one after the other."""
     rows = []
     with Environment() as environment:
-        has_tables = "max_bodies" in environment.parameters
         for kind, (_, rates) in KINDS.items():
-            if kind == "BodyStates" and not has_tables:
-                continue
             for rate in rates:
                 print(f"==> {rate:,} a second, {kind} ...", flush=True)
                 row = {"type": kind, "rate": rate}

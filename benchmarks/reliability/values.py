@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .child import DEADLINE, Parent
+from .child import DEADLINE, Parent, ros_node
 from .kinds import ANSWERS, batch, by_name, code_of, full
 from .processes import NAMESPACE
 
@@ -285,16 +285,9 @@ class States:
 
 def run(order: dict[str, Any], parent: Parent) -> None:
     """As a process: say ``done``, and what came of it."""
-    import rclpy
-    from rclpy.executors import SingleThreadedExecutor
-    from rclpy.node import Node
-
-    rclpy.init()
-    node, executor = Node("fuzzer"), SingleThreadedExecutor()
-    executor.add_node(node)
-    fuzzer = Fuzzer(order, node, executor)
-    states = States(node, order["seed"]) if order["what"] == "states" else None
-    try:
+    with ros_node("fuzzer") as (node, executor):
+        fuzzer = Fuzzer(order, node, executor)
+        states = States(node, order["seed"]) if order["what"] == "states" else None
         parent.wait_until(fuzzer.client.service_is_ready)
         if states is not None:
             parent.wait_until(lambda: states.publisher.get_subscription_count())
@@ -314,7 +307,3 @@ def run(order: dict[str, Any], parent: Parent) -> None:
             fuzzer.minimise()
         found = {name: getattr(fuzzer, name) for name in ("asked", "answered", "codes", "counts", "faults")}
         parent.say("done", {"sent": sent + fuzzer.asked, **found})
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.try_shutdown()
