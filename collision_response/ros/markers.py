@@ -86,8 +86,8 @@ def markers_of(
     """A point, two arrows and a cone for each contact, with the next of ``numbers`` as their id.
 
     The cone has the directions that friction allows the impulse, and its edge is as long as the impulse: one
-    that slides ends on the rim. Without friction or impulse there is none. What would
-    reach beyond float64 is left out.
+    that slides ends on the rim. Without friction or impulse there is none. What would reach beyond float64 is
+    left out.
     """
     array = MarkerArray()
     for touch in touches:

@@ -264,9 +264,8 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
     g, w, r = path.rates(s1, s2)
     on_slip = (r > 0) & (s * r - g * y.u_n >= 0)
     x = choose(over, lambda: o, lambda: choose(on_slip, lambda: -y.u_n / r, lambda: s / -g))
-    slip_left = s + g * x  # which may round to less than 0, and no way back gives impulse
-    slip_left = varying_as(greater(slip_left, o), lambda: s + g * x)
-    s_c = choose(on_slip | over, lambda: slip_left, lambda: o)
+    left = s + g * x  # less than 0 only by rounding; restitution would then have no end
+    s_c = choose(on_slip | over, lambda: varying_as(greater(left, o), lambda: left), lambda: o)
     u_c = choose(on_slip | over, lambda: o, lambda: y.u_n + r * x)
     y_c = choose(on_slip | over, lambda: o, lambda: -u_c / ray.rate)
     W_c = choose(over, lambda: y.W_c, lambda: y.W + c * (y.u_n + r * x / 2) * x + u_c * y_c / 2)
