@@ -200,7 +200,9 @@ def blow_of(contact: ContactKinematics, coefficients: Coefficients, law: Law) ->
     )
     e = choose(is_slow, lambda: coefficients.restitution * 0, lambda: coefficients.restitution)
     laws = BY_SPEED if callable(coefficients.friction) else LAWS
-    coefficients = coefficients._replace(restitution=e)
+    if settings.law is None:
+        settings = settings._replace(law=1.0 * law)
+    coefficients = coefficients._replace(restitution=e, settings=settings)
     outcome = laws[law](contact, coefficients)
     if law in FOLLOWS_SLIP and laws is LAWS and not contact.is_rigid():
         outcome = _or_coulomb(contact, coefficients, outcome)

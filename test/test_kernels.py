@@ -435,7 +435,7 @@ def test_emitted_code_computes_its_formula(library, name, kind):
 # The laws: traced, and compiled.
 
 
-def inputs_of(scene: Scene, layout: Layout, e_t: float = 0.0, threshold: float = 0.0) -> dict[str, float]:
+def inputs_of(scene: Scene, layout: Layout, settings: Settings) -> dict[str, float]:
     """The numbers of a request by their names."""
     found = {}
     for owner, body in (("body_a", scene.body_a), ("body_b", scene.body_b)):
@@ -452,10 +452,7 @@ def inputs_of(scene: Scene, layout: Layout, e_t: float = 0.0, threshold: float =
     return found | {
         "contact.restitution.": contact.restitution,
         "contact.friction.": contact.friction,
-        "model.tangential_restitution": e_t,
-        "model.restitution_threshold": threshold,
-        "model.tolerance": 0.0,
-        "model.stiffness_ratio": 1.0,
+        **{f"model.{name}": value for name, value in settings._asdict().items()},
     }
 
 
@@ -476,7 +473,7 @@ def test_a_traced_law_rounds_as_the_law(law, layout):
         if layout is Layout.SPATIAL:
             scene = Scene(*(body._replace(orientation=None) for body in scene[:2]), scene.contact)
         direct = impact(*scene, law, Settings(0.25, 0.5))
-        once = _Run(tape, inputs_of(scene, layout, 0.25, 0.5), None, ())
+        once = _Run(tape, inputs_of(scene, layout, Settings(0.25, 0.5, law=float(law))), None, ())
         assert [once[place] for place in places] == values(direct)
         compared += direct.flags.separating is False
     assert compared >= 3
@@ -486,11 +483,11 @@ TEST = re.compile(r"may_hold\((?:(negation)\()?(t\d+)\)")
 WRITTEN = re.compile(r"(?:const auto )?(t\d+) = ")
 
 
-@pytest.mark.parametrize("law", LAWS)
-def test_no_test_reads_what_was_not_computed(law):
+@pytest.mark.parametrize("formula", programs.FORMULAS)
+def test_no_test_reads_what_was_not_computed(formula):
     """What is computed only where a condition may hold is asked only after that condition."""
     tests = 0
-    for _, text in programs.headers(law.name.lower()):
+    for _, text in programs.headers(formula):
         known: dict[str, frozenset] = {}  # of each name: where it is computed
         blocks: list[frozenset] = [frozenset()]
         for line in map(str.strip, text.splitlines()):
@@ -521,8 +518,8 @@ def test_every_layout_of_every_law_is_written():
     }
     for what, kinds in written.items():
         assert [name for name, _ in programs.headers(what)] == [f"{what}_{kind}" for kind in kinds]
-    kinds = [programs.LISTS[kind] for kind in ("laws", "stepped_laws")]
-    assert [*kinds[0], *kinds[1]] == [law for law in Law if law is not Law.AUTO]
+    kinds = [programs.LISTS[kind] for kind in ("formulas", "stepped_formulas")]
+    assert {*kinds[0], *kinds[1]} == {formula.__name__ for formula in LAWS.values()}
     (_, sizes), *rest = programs.headers("sizes")
     assert not rest
     assert all(f"LAW_{law.name} = {law.value}," in sizes for law in Law)

@@ -10,9 +10,8 @@
 
 #include "changes.hpp"
 
-#define X(law, number) extern "C" void derivatives_##law(const Bounded<double>*, const Seeds&, Impulse*);
-EACH_OF_LAWS(X)
-EACH_OF_STEPPED_LAWS(X)
+#define X(formula) extern "C" void derivatives_##formula(const Bounded<double>*, const Seeds&, Impulse*);
+EACH_FORMULA(X)
 #undef X
 
 namespace {
@@ -26,12 +25,10 @@ enum { PARAMETERS_OF_BODY = BODY - 1, OF_CONTACT = 2 * PARAMETERS_OF_BODY, STIFF
 enum { TWISTS = CHANGES - AXES, RESULTS = CHANGES };
 
 DerivativeKernel kernel_of(int law) {
-#define X(law, number) {number, derivatives_##law},
-  static const struct { int law; DerivativeKernel kernel; } table[] = {EACH_OF_LAWS(X) EACH_OF_STEPPED_LAWS(X)};
+#define X(formula) derivatives_##formula,
+  static const DerivativeKernel kernels[] = {EACH_FORMULA(X)};
 #undef X
-  for (const auto& row : table)
-    if (row.law == law) return row.kernel;
-  return nullptr;
+  return kernels[formula_of[law]];
 }
 
 // Without friction every law is FRICTIONLESS, and so are its derivatives, but those by friction: there slip and
@@ -227,7 +224,6 @@ PyObject* differentiate_all(PyObject*, PyObject* args) {
   int one_for_all;
   PyObject *inputs, *directions, *jacobian, *smoothness;
   if (!PyArg_ParseTuple(args, "illpOOOO", &job.law, &job.n, &job.count, &one_for_all, &inputs, &directions, &jacobian, &smoothness)) return nullptr;
-  if (!kernel_of(job.law)) return PyErr_Format(PyExc_LookupError, "no kernel of law %d", job.law);
   Array of[4];
   Py_ssize_t size = sizeof(double) * job.n, apart = one_for_all ? 0 : 1;
   auto is = [](Array& array, PyObject* o, Py_ssize_t bytes, bool writable) { return array.open(o, writable) && array.view.len == bytes; };

@@ -3,7 +3,7 @@
 #include "dual.hpp"
 #include "sizes.hpp"
 
-enum { SEEN_BY_LAW = 20, AXES = 3 };
+enum { SEEN_BY_LAW = 21, AXES = 3 };
 
 // The derivatives of what a law sees, in some directions, and those of the impulse.
 using Seeds = double[SEEN_BY_LAW][Few::DIRECTIONS];

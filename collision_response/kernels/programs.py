@@ -33,31 +33,39 @@ from .pairs import in_pairs
 from .protocol import Left, Number
 from .symbol import CONDITIONS, Node, Symbol, Tape, numbers_in, rebuilt
 
-LISTS: dict[str, list[Law]] = {
-    "laws": [law for law in LAWS if law not in STEPPED],
-    "stepped_laws": list(STEPPED),
-    "laws_in_float32": [law for law in LAWS if law not in PATHS],
-    "usual_laws": [Law.FRICTIONLESS, Law.COULOMB],
+FORMULAS = {formula.__name__: law for law, formula in LAWS.items()}
+"""The formulas of the laws by name, each with a law that it serves."""
+
+
+def _formulas_of(laws: Iterable[Law]) -> list[str]:
+    return list(dict.fromkeys(LAWS[law].__name__ for law in laws))
+
+
+LISTS = {
+    "formulas": _formulas_of(law for law in LAWS if law not in STEPPED),
+    "stepped_formulas": _formulas_of(STEPPED),
+    "formulas_in_float32": _formulas_of(law for law in LAWS if law not in PATHS),
+    "usual_formulas": _formulas_of([Law.FRICTIONLESS, Law.COULOMB]),
 }
-"""Laws by what is compiled for them: all kernels; one for all precisions; float32 too; the fastest."""
+"""Formulas by what is compiled for them: all kernels; one for all precisions; float32 too; the fastest."""
 
 HEAD = '#pragma once\n#include "pairs.hpp"\n\n'
 
 
 def headers(what: str) -> Iterator[tuple[str, str]]:
-    """Names and texts of the C++ headers of a law (in lower case), or of what else ``trace.py`` takes."""
+    """Names and texts of the C++ headers of a law's formula, or of what else ``trace.py`` takes."""
     if what == "sizes":
         yield "sizes", sizes()
         return
     if what in ALONE:
         yield what, HEAD + ALONE[what]()
         return
-    one_kernel = what in (law.name.lower() for law in STEPPED)
+    one_kernel = what in LISTS["stepped_formulas"]
     for layout in (Layout.EVERYTHING, Layout.ARTICULATED) if one_kernel else Layout:
-        text = validity_of(layout) if what == "validity" else impact_by(Law[what.upper()], layout)
+        text = validity_of(layout) if what == "validity" else impact_by(FORMULAS[what], layout)
         yield f"{what}_{layout.name.lower()}", HEAD + text
     if what != "validity":
-        yield f"{what}_derivatives", HEAD + impulse_by(Law[what.upper()])
+        yield f"{what}_derivatives", HEAD + impulse_by(FORMULAS[what])
 
 
 def _answer(asked: Request, law: Law) -> Answer:
@@ -253,15 +261,18 @@ def sizes() -> str:
     for kind, members in ENUMERATIONS.items():
         numbers |= {f"{kind}_{member.name}": int(member) for member in members}
     numbers |= {f"LAYOUT_{layout.name}": i for i, layout in enumerate(Layout)}
+    places = {formula: i for i, formula in enumerate(FORMULAS)}
+    numbers |= {f"FORMULA_{formula.upper()}": i for formula, i in places.items()}
+    formula_of = [places[LAWS[law].__name__] if law in LAWS else -1 for law in Law]
     tables = "".join(f"  {_table_of(layout)},\n" for layout in TABLES)
     listed = "".join(f"  {name} = {value},\n" for name, value in numbers.items())
-    each = {name: " ".join(f"X({law.name.lower()}, {int(law)})" for law in LISTS[name]) for name in LISTS}
-    lists = "".join(f"#define EACH_OF_{name.upper()}(X) {laws}\n" for name, laws in each.items())
     return (
         f"#pragma once\nenum {{\n{listed}}};\n"
         f"enum {{ ROWS_OF_BODY = BODY, ROWS_OF_CONTACT = {len(names_of_contact(Layout.EVERYTHING))}, "
         f"ROWS_OF_MODEL = {len(names_of_model())} }};\n"
-        f"{lists}{TABLE}#ifdef WITH_TABLES\n"
+        f"#define EACH_FORMULA(X) {' '.join(f'X({formula})' for formula in FORMULAS)}\n"
+        f"static const signed char formula_of[] = {{{', '.join(map(str, formula_of))}}};  // a law\n"
+        f"{TABLE}#ifdef WITH_TABLES\n"
         f"static const char* const input_names[] = {{{spelled}}};\n"
         f"{table('input_units', names)}"
         f"{table('change_units', changes)}"

@@ -28,16 +28,16 @@ static bool runs(int level) { return level == LEVEL_BASE; }
 #endif
 
 enum { PRECISION_BOUNDED = PRECISION_DOUBLE };
-static const struct { int law, layout, precision, level; Kernel kernel; } kernels_of_one[] = {
-#define ONE(name, LAW, LAYOUT, NUMBER, LEVEL) {LAW_##LAW, LAYOUT_##LAYOUT, PRECISION_##NUMBER, LEVEL_##LEVEL, impact_##name},
+static const struct { int formula, layout, precision, level; Kernel kernel; } kernels_of_one[] = {
+#define ONE(name, FORMULA, LAYOUT, NUMBER, LEVEL) {FORMULA_##FORMULA, LAYOUT_##LAYOUT, PRECISION_##NUMBER, LEVEL_##LEVEL, impact_##name},
 #define MANY(...)
 #include "kernels.inc"
 #undef ONE
 #undef MANY
 };
-static const struct { int law, layout, number, level; BatchKernel kernel; } kernels_of_many[] = {
+static const struct { int formula, layout, number, level; BatchKernel kernel; } kernels_of_many[] = {
 #define ONE(...)
-#define MANY(name, LAW, LAYOUT, NUMBER, LEVEL) {LAW_##LAW, LAYOUT_##LAYOUT, NUMBER_##NUMBER, LEVEL_##LEVEL, batch_##name},
+#define MANY(name, FORMULA, LAYOUT, NUMBER, LEVEL) {FORMULA_##FORMULA, LAYOUT_##LAYOUT, NUMBER_##NUMBER, LEVEL_##LEVEL, batch_##name},
 #include "kernels.inc"
 #undef ONE
 #undef MANY
@@ -48,7 +48,7 @@ static const struct { int law, layout, number, level; BatchKernel kernel; } kern
 static Kernel kernel_of(int law, bool articulated, int& precision) {
   int layout = articulated ? LAYOUT_ARTICULATED : LAYOUT_EVERYTHING;
   for (const auto& row : kernels_of_one)
-    if (row.law == law && row.layout == layout && row.precision == precision && runs(row.level)) return row.kernel;
+    if (row.formula == formula_of[law] && row.layout == layout && row.precision == precision && runs(row.level)) return row.kernel;
   if (precision == PRECISION_DOUBLE) return nullptr;
   precision = PRECISION_DOUBLE;
   return kernel_of(law, articulated, precision);
@@ -58,7 +58,7 @@ static Kernel kernel_of(int law, bool articulated, int& precision) {
 // all precisions that.
 static BatchKernel batch_kernel(int law, int layout, int number) {
   for (const auto& row : kernels_of_many)
-    if (row.law == law && row.layout == layout && row.number == number && runs(row.level)) return row.kernel;
+    if (row.formula == formula_of[law] && row.layout == layout && row.number == number && runs(row.level)) return row.kernel;
   bool is_other = layout == LAYOUT_EVERYTHING && (number == NUMBER_PLAIN || number == NUMBER_EXTENDED);
   return is_other ? batch_kernel(law, layout, NUMBER_BOUNDED) : nullptr;
 }

@@ -1,9 +1,9 @@
 """Writes the formulas down as C++: run by the build, ``python trace.py PACKAGE FOLDER WHAT``.
 
-``WHAT`` is a law, ``validity``, ``column``, ``changes`` or ``sizes``; or a list of laws, which is printed. A
-law gives a header for each layout that there are kernels for. ``FOLDER/WHAT.d`` says which modules they were
-made from: the build runs this again if one changes. A header that comes out as it was is left alone, and
-nothing that includes it is compiled again.
+``WHAT`` is the formula of a law, ``validity``, ``column``, ``changes`` or ``sizes``; or a list of formulas,
+which is printed. A formula gives a header for each layout that there are kernels for. ``FOLDER/WHAT.d`` says
+which modules they were made from: the build runs this again if one changes. A header that comes out as it
+was is left alone, and nothing that includes it is compiled again.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def main(package: Path, folder: Path, what: str) -> None:
     from collision_response.kernels import programs
 
     if what in programs.LISTS:
-        print(end=";".join(law.name.lower() for law in programs.LISTS[what]))
+        print(end=";".join(programs.LISTS[what]))
         return
 
     for name, text in programs.headers(what):

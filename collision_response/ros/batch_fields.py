@@ -15,7 +15,7 @@ from ..batch import BatchResult
 from ..batch.rows import BodyRows, ContactRows, body_rows, contact_rows
 from ..model import Geometry, ImpactModel
 from ..msg import ImpactModel as ImpactModelMessage
-from ..physics.laws import Settings
+from ..named import Named
 from ..srv import ResolveCollisionBatch
 
 Array = np.ndarray[Any, Any]
@@ -84,7 +84,5 @@ def with_zeros(field: array[Any], shape: tuple[int, ...]) -> Array:
 
 def write_model(message: ImpactModelMessage, model: ImpactModel) -> None:
     """Fill in a model."""
-    for field in ("law", "geometry", "precision"):
-        setattr(message, field, int(getattr(model, field)))
-    for field in Settings._fields:
-        setattr(message, field, float(getattr(model, field)))
+    for field, value in model._asdict().items():
+        setattr(message, field, int(value) if isinstance(value, Named) else float(value))

@@ -15,6 +15,25 @@ from ..effective_mass import ContactKinematics, Seen
 from ..vector import Vec3
 
 
+class Law(Named):
+    """The impact laws; see ``docs/impact-laws.md`` for which to choose."""
+
+    AUTO = 0
+    """COULOMB where there is friction, else FRICTIONLESS."""
+    FRICTIONLESS = 1
+    """Newton's restitution along the normal; no tangential impulse."""
+    COULOMB = 2
+    """Chatterjee & Ruina's algebraic law with friction; never creates energy."""
+    MOREAU = 3
+    """Coulomb's friction in one step, as iterative engines converge to; COULOMB where that is unsound."""
+    ROUTH_POISSON = 4
+    """Friction along the path of the impulse; restitution of impulse."""
+    ROUTH_STRONGE = 5
+    """Friction along the path of the impulse; restitution of energy."""
+    COMPLIANT = 6
+    """Springs along and across the normal, friction between them; restitution of energy."""
+
+
 class Settings(NamedTuple):
     """The numbers of a model, by the names that they have in :class:`~collision_response.ImpactModel`.
 
@@ -23,12 +42,14 @@ class Settings(NamedTuple):
         restitution_threshold: approach speed [m/s] under which restitution is taken as 0. Laws need not mind.
         tolerance: relative error of the impulse at which a law that integrates may stop.
         stiffness_ratio: tangential over normal stiffness of the contact, > 0, for COMPLIANT.
+        law: the number of the law, for a formula that serves two. Left out: of the law that is asked.
     """
 
     tangential_restitution: Scalar = 0.0
     restitution_threshold: Scalar = 0.0
     tolerance: Scalar = 0.0
     stiffness_ratio: Scalar = 1.0
+    law: Scalar | None = None
 
 
 class Coefficients(NamedTuple):

@@ -66,6 +66,7 @@ from ...numbers.number import (
     greater,
     iterate,
     lesser,
+    negation,
     relative_exponential,
     relative_logarithm,
     square_root,
@@ -75,7 +76,7 @@ from ...numbers.number import (
 )
 from ..effective_mass import ContactKinematics
 from .contact_frame import ContactFrame, Tangential
-from .law import Coefficients, Outcome, Regime
+from .law import Coefficients, Law, Outcome, Regime
 from .routh_path import STEPS, Path, Turn, outlook, step
 
 DEFAULT_TOLERANCE = 1e-12  # of the impulse, relative, if none is asked for
@@ -88,16 +89,6 @@ RAY_STEPS = 60
 SAFETY = 2.01
 NO_COUPLING = 2.0**-40  # this part of a matrix is rounding
 FAINT = 2.0**-1000  # a slope that marks a kink and counts for nothing
-
-
-def routh_poisson(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
-    """Routh's path, ended by restitution of impulse."""
-    return _follow(contact, coefficients, energetic=False)
-
-
-def routh_stronge(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
-    """Routh's path, ended by restitution of energy."""
-    return _follow(contact, coefficients, energetic=True)
 
 
 class Ray(NamedTuple):
@@ -206,8 +197,10 @@ def _edge_by_chance(path: Path, s1: Scalar, s2: Scalar, w: Scalar) -> Scalar:
     return choose(varies > 0, lambda: 0 * w, lambda: FAINT * varies)
 
 
-def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: bool) -> Outcome:
+def routh(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
+    """Routh's path: it ends by restitution of impulse by ROUTH_POISSON, else of energy."""
     e, mu, settings = coefficients
+    energetic = negation(settings.law == Law.ROUTH_POISSON)
     e_e, e_mu, mu = error_of(e) + LEAST_RESTITUTION, error_of(mu), lesser(certain(mu), GREATEST_FRICTION)
     e = choose(
         certain(e) < LEAST_RESTITUTION,
@@ -276,10 +269,8 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
     # Restitution, likewise.
     def grown(way: Scalar, rate: Scalar) -> Scalar:
         """A way of restitution, which grows from 0 with ``e``."""
-        if not energetic:
-            return way
         by_e = varying_as(way, lambda: e * square_root(-2 * W_c / rate))
-        return choose(fixed(e) == 0, lambda: by_e, lambda: way)
+        return choose(energetic & (fixed(e) == 0), lambda: by_e, lambda: way)
 
     to_goal = grown(path.distance(path.missing(p_c, W_c, p, W) / c, u, r), c * r)
     to_end = on_slip & (s_c + g * to_goal >= 0)
@@ -303,7 +294,7 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
     edge = varying_as(o, lambda: choose(is_straight, lambda: _edge_by_chance(path, s1, s2, w), lambda: o))
     P1, P2, p = P1 + edge, P2 + edge, p + edge
     heat = y.heat + m * ((s + s_c) * x + (s_c + s_e) * x_r) / 2 + ray.k * ray.G * rest * rest / 2
-    lost = (1 - e) * (1 + e) * -W_c if energetic else -(W_c + W)
+    lost = choose(energetic, lambda: (1 - e) * (1 + e) * -W_c, lambda: -(W_c + W))
 
     final1, final2 = s_e * s1 + ray.G * rest * ray.z1, s_e * s2 + ray.G * rest * ray.z2
     back = d1 * final1 + d2 * final2 < 0
@@ -334,16 +325,17 @@ def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: b
     sliding = choose(certain(s_c * r + g * D * c) < 0, lambda: either, lambda: R)
     held = choose(certain(u_c + D) > 0, lambda: either, lambda: rate)
     e_c = certain(SAFETY * D / choose(on_slip, lambda: sliding, lambda: held))
-    if energetic:
+
+    def error_by_work() -> Scalar:
         e_W = certain(D * (e * e * p_c + p + e_c) - 2 * e * e_e * W_c)
         alone = to_end & (slowest > 0)
         flat = choose(alone, lambda: R, lambda: choose(on_slip, lambda: lesser(R, rate), lambda: rate))
         both = choose(on_slip, lambda: greater(abs(R), rate), lambda: rate)
         steep = choose(alone, lambda: abs(R), lambda: both)
         root = choose(flat > 0, lambda: square_root(2 * e_W / flat), lambda: endless)
-        e_r = choose(certain(4 * steep * e_W) < certain(u * u), lambda: SAFETY * e_W / u, lambda: root)
-    else:
-        e_r = e * e_c + e_e * p_c
+        return choose(certain(4 * steep * e_W) < certain(u * u), lambda: SAFETY * e_W / u, lambda: root)
+
+    e_r = choose(energetic, error_by_work, lambda: e * e_c + e_e * p_c)
     e_p, path_work = certain(e_c + e_r), y.doubt + y.drift
     sound = (e_c >= 0) & (certain(-y.crest - 2 * D) > 0) & (y.left <= 0)
     course = choose(to_end | (rest < e_p), lambda: mu, lambda: k_z)

@@ -52,7 +52,7 @@ from ..effective_mass import ContactKinematics
 from ..vector import Vec3
 from .contact_frame import ContactFrame, Tangential
 from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row
-from .law import Coefficients, Outcome, Regime
+from .law import Coefficients, Law, Outcome, Regime
 from .routh import (
     DEFAULT_TOLERANCE,
     GREATEST_FRICTION,
@@ -77,16 +77,6 @@ STEP_SHARE = 1 / 16  # of the tolerance, that a step may seem to err by
 STRAIGHT = 1 / 16  # of the tolerance, that a straight step may leave out
 CUTS = 60
 BEYOND = 1.01  # a step aims so far beyond the end of a phase, to lead across
-
-
-def routh_poisson_by_speed(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
-    """Routh's path, ended by restitution of impulse; ``coefficients.friction`` is a function."""
-    return _follow(contact, coefficients, energetic=False)
-
-
-def routh_stronge_by_speed(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
-    """Routh's path, ended by restitution of energy; ``coefficients.friction`` is a function."""
-    return _follow(contact, coefficients, energetic=True)
 
 
 class Point(NamedTuple):
@@ -131,7 +121,9 @@ def of_path(tolerance: Scalar) -> float:
     return max(LEAST_TOLERANCE, min(PATH_SHARE * tolerance, COARSEST)) if tolerance else DEFAULT_TOLERANCE
 
 
-def _follow(contact: ContactKinematics, coefficients: Coefficients, energetic: bool) -> Outcome:
+def routh_by_speed(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
+    """As :func:`~collision_response.physics.laws.routh.routh`; ``coefficients.friction`` is a function."""
+    energetic = coefficients.settings.law != Law.ROUTH_POISSON
     frame = ContactFrame.of(contact)
     k, speed, nothing = frame.Knn, -frame.un, contact.n * 0
     if not speed > 0:

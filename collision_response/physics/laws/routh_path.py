@@ -11,7 +11,7 @@ from functools import reduce
 from operator import add
 from typing import NamedTuple
 
-from ...numbers.number import Scalar, choose, fixed, greater, lesser, square_root
+from ...numbers.number import Condition, Scalar, choose, fixed, greater, lesser, square_root
 from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row
 
 STEP_SHARE = 1 / 2  # of the path's, that each step may take
@@ -33,7 +33,7 @@ class Path(NamedTuple):
     c: Scalar
     m: Scalar
     e: Scalar
-    energetic: bool
+    energetic: Condition
     tolerance: Scalar
 
     def rates(self, t1: Scalar, t2: Scalar) -> tuple[Scalar, Scalar, Scalar]:
@@ -59,17 +59,19 @@ class Path(NamedTuple):
 
     def missing(self, p_c: Scalar, W_c: Scalar, p: Scalar, W: Scalar) -> Scalar:
         """What restitution still has to give back: impulse, or work."""
-        return -self.e * self.e * W_c - W if self.energetic else self.e * p_c - p
+        return choose(self.energetic, lambda: -self.e * self.e * W_c - W, lambda: self.e * p_c - p)
 
     def distance(self, missing: Scalar, u_n: Scalar, rate: Scalar) -> Scalar:
         """Where on a straight way the ``missing`` is given back."""
-        if not self.energetic:
-            return missing
-        square = u_n * u_n + 2 * rate * missing
-        both = u_n + square_root(choose(square > 0, lambda: square, lambda: 0 * square))
-        there = (square >= 0) & (both > 0)
-        ways = choose(there, lambda: 2 * missing / both, lambda: NEVER + 0 * rate)
-        return choose(fixed(self.e) == 0, lambda: 0 * missing, lambda: ways)
+
+        def by_work() -> Scalar:
+            square = u_n * u_n + 2 * rate * missing
+            both = u_n + square_root(choose(square > 0, lambda: square, lambda: 0 * square))
+            there = (square >= 0) & (both > 0)
+            ways = choose(there, lambda: 2 * missing / both, lambda: NEVER + 0 * rate)
+            return choose(fixed(self.e) == 0, lambda: 0 * missing, lambda: ways)
+
+        return choose(self.energetic, by_work, lambda: missing)
 
 
 class Turn(NamedTuple):
@@ -125,12 +127,14 @@ def outlook(path: Path, y: Turn) -> Turn:
 
     def to_goal() -> Scalar:
         x = path.distance(path.missing(y.p_c, y.W_c, c * y.x, y.W) / c, u_n, r)
-        if not path.energetic:
-            return x
-        slope = u_n + x * (r + x * bend / 2)
-        bent = choose(slope > 0, lambda: x - bend * x * x * x / (6 * slope), lambda: x)
-        crest = choose(r < 0, lambda: greater(-u_n / r, 0.1 * y.h * s), lambda: never)
-        return choose(x < NEVER, lambda: bent, lambda: crest)
+
+        def by_work() -> Scalar:
+            slope = u_n + x * (r + x * bend / 2)
+            bent = choose(slope > 0, lambda: x - bend * x * x * x / (6 * slope), lambda: x)
+            crest = choose(r < 0, lambda: greater(-u_n / r, 0.1 * y.h * s), lambda: never)
+            return choose(x < NEVER, lambda: bent, lambda: crest)
+
+        return choose(path.energetic, by_work, lambda: x)
 
     def to_end() -> Scalar:
         rest = -u_n / r
