@@ -21,8 +21,8 @@ from random_impacts import RandomImpacts
 from reference import exact_answer
 from scenes import LAWS_WITH_ORACLE
 
-from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, StatusCode
-from collision_response.batch import resolve_batch
+from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, Regime, StatusCode
+from collision_response.batch import body_rows, contact_rows, resolve_batch
 from collision_response.physics.vector import ZERO
 
 FORMULAS = (Law.FRICTIONLESS, Law.COULOMB)
@@ -179,3 +179,37 @@ def test_bounds_are_for_float64():
     for model in (ImpactModel(precision=Precision.EXTENDED), ImpactModel(tolerance=1e-3)):
         with pytest.raises(ImpactError, match=r"model\.(precision|tolerance)"):
             resolve_batch(bodies, contacts, model)
+
+
+def slender_boxes(n: int, approach: float) -> tuple[np.ndarray, np.ndarray]:
+    """Boxes that slide on a corner, so rough that many jam: at once, or on the way back.
+
+    They approach the ground by 1 to ``10**approach`` of their slip.
+    """
+    random, of, at = np.random.default_rng(5), body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
+    bodies, contacts = np.zeros((of.height, 2, n)), np.zeros((at.height, n))
+    edges = 10 ** random.uniform(-1.5, 0.3, (3, n))
+    axes = np.linalg.qr(random.normal(size=(n, 3, 3)))[0]
+    inertia = np.einsum("nij,jn,nkj->ikn", axes, ((edges**2).sum(0) - edges**2) / 12, axes)
+    corner = np.einsum("nij,jn->in", axes, edges * random.choice([-0.5, 0.5], (3, n)))
+    way, fall = random.uniform(0, 2 * np.pi, n), 10 ** random.uniform(approach, 0, n)
+    bodies[of.mass], bodies[of.mass, 1] = 1.0, np.inf
+    bodies[of.inertia, 0] = inertia[np.triu_indices(3)]
+    bodies[of.position, 0] = corner * np.sign(corner[2])
+    bodies[of.velocity, 0] = 5 * np.cos(way), 5 * np.sin(way), -5 * fall
+    contacts[at.normal] = [[0.0], [0.0], [1.0]]
+    contacts[at.restitution] = random.uniform(0, 1, n)
+    contacts[at.friction] = 10 ** random.uniform(-0.5, 0.7, n)
+    return bodies, contacts
+
+
+@pytest.mark.parametrize("law", PATHS)
+def test_a_path_that_jams_ends(law):
+    bodies, contacts = slender_boxes(20_000, -6)
+    found = resolve_batch(bodies, contacts, ImpactModel(law), report=True)
+    assert set(found.status) == {StatusCode.OK}
+    assert sum(found.regime == Regime.JAMMED) > 1000
+    found = resolve_batch(bodies, contacts, ImpactModel(law, tolerance=1e-9))
+    assert set(found.status) == {StatusCode.OK, StatusCode.TOLERANCE_NOT_MET}
+    assert sum(found.status == StatusCode.TOLERANCE_NOT_MET) < 200
+    assert np.isfinite(found.error_bound).all()

@@ -127,6 +127,20 @@ def head_on(draw: random.Random) -> Problem:
 
 
 FRICTION = (0.1, 0.3, 1.0, 5.0)
+JAMMING = 3.0
+
+
+def jammed(draw: random.Random) -> Problem:
+    """Friction of ``JAMMING`` presses the bodies together at first, to far above the first approach."""
+    while True:
+        K, u, n = problem = oblique(draw, -9)
+        up = Vec3(*n) / Vec3(*n).norm()
+        slip = Vec3(*u) - up * up.dot(Vec3(*u))
+        push = up - slip * (JAMMING / slip.norm())
+        if up.dot(Symmetric3(*K) @ push) < 0:
+            return problem
+
+
 FAMILIES = {
     "planar": (planar, (0.0, *FRICTION)),
     "space": (oblique, FRICTION),
@@ -135,6 +149,7 @@ FAMILIES = {
     "head_on": (head_on, FRICTION),
     "rough": (oblique, (1e4, 1e60, 1e300)),
     "smooth": (oblique, (0.0, 1e-300, 1e-8)),
+    "jammed": (jammed, (JAMMING, 2 * JAMMING)),
 }
 
 

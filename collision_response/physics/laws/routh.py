@@ -81,7 +81,7 @@ from .routh_path import STEPS, Path, Turn, outlook, step
 
 DEFAULT_TOLERANCE = 1e-12  # of the impulse, relative, if none is asked for
 LEAST_TOLERANCE = 1e-13  # steps of doubles round by about as much
-PATH_SHARE = 1 / 256  # of the tolerance, that the path may take: the bound counts the rest
+PATH_SHARE = 1 / 4096  # of the tolerance, that the path may take: the bound counts the rest
 COARSEST = 4e-9  # a coarser path is no faster, and its bound loses proportion
 GREATEST_FRICTION = 1e100  # more sticks no better: slip stops within 1e-100 of its impulse
 LEAST_RESTITUTION = 1e-140  # less gives back nothing that would count

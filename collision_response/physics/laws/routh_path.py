@@ -131,7 +131,8 @@ def outlook(path: Path, y: Turn) -> Turn:
         def by_work() -> Scalar:
             slope = u_n + x * (r + x * bend / 2)
             bent = choose(slope > 0, lambda: x - bend * x * x * x / (6 * slope), lambda: x)
-            crest = choose(r < 0, lambda: greater(-u_n / r, 0.1 * y.h * s), lambda: never)
+            falls = (r < 0) & (u_n > 0)
+            crest = choose(falls, lambda: greater(-u_n / r, 0.1 * y.h * s), lambda: never)
             return choose(x < NEVER, lambda: bent, lambda: crest)
 
         return choose(path.energetic, by_work, lambda: x)
@@ -203,7 +204,10 @@ def step(path: Path, y: Turn) -> Turn:
     safe = choose(s > 0, lambda: s, lambda: y.s)
     fifth = [total(ERROR_5, i) for i in (0, 1, 2, 5)]
     third = [rises[i] - total(ORDER_3, i) for i in (0, 1, 2, 5)]
-    e5, e3 = (abs(t1 * e[1] - t2 * e[0]) + abs(e[2]) / safe + c * abs(e[3]) for e in (fifth, third))
+    most = greater(one, greater(abs(y.u_n), abs(u_n)))  # it grows where friction jams
+    e5, e3 = (
+        abs(t1 * e[1] - t2 * e[0]) + abs(e[2]) / safe + c * abs(e[3]) / (most * most) for e in (fifth, third)
+    )
     square = e5 * e5
     err = choose(square > 0, lambda: CAUTION * square / square_root(square + 0.01 * e3 * e3), lambda: 0 * e5)
     allowed = STEP_SHARE * path.tolerance * greater(one, m * path.least_eigenvalue() / safe)
