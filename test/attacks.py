@@ -405,6 +405,23 @@ def critical_paths() -> Cases:
         yield Case(f"tumbling {law} grazing {graze:g}", scene, model(law), 1e-6)
 
 
+def jams() -> Cases:
+    """A rod that slides ahead of its end on rough ground, grazing: friction makes it fall to far above the
+    approach, in space, and with a slip that is turning as it does. To 1e-9: that is well-conditioned.
+    """
+    thickness = 1e-3
+    for law, (i, across), graze, (k, mu) in product(
+        ROUTH, enumerate((1e-6, 0.1, 1.0)), (1e-1, 1e-4, 1e-8), enumerate((2.5, 20.0))
+    ):
+        along, up, side = 0.16 / 12 + thickness, 0.64 / 12 + thickness, thickness
+        xx, _, _, yy, _, zz = box_inertia(along, side, up)
+        inertia = (xx, 0.0, -0.32 / 12, yy, 0.0, zz)
+        rod = Solid(1.0, inertia, (0.2, 0.0, 0.4), None, (-1.0, across, -graze))
+        contact = Touch((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), LEVELS[(i + k) % 3], mu)
+        name = f"{law} across={across:g} grazing {graze:g} mu={mu:g}"
+        yield Case(name, Scene(rod, FLOOR, contact), model(law), 1e-9)
+
+
 def _sticking_friction(pair: Any) -> Fraction:
     """The least friction with which slip that has stopped stays stopped: ``|K_tt^-1 K_tn|``.
 
@@ -827,6 +844,7 @@ FAMILIES: dict[str, Callable[[], Cases]] = {
     "i uncertain signs": uncertain_signs,
     "j tolerances": tolerances,
     "n critical paths": critical_paths,
+    "n jams": jams,
     "o everyday": everyday,
     "p idle spins": idle_spins,
     "q zeros": zeros,
