@@ -135,6 +135,22 @@ def test_the_bound_holds_the_error(name):
     assert impact.energy_change <= 0
 
 
+@pytest.mark.parametrize(
+    ("K", "mu", "kappa"),
+    list(product(((2.5, 2.0, 2.5), (2.5, 1.5, 2.5), (3.0, 1.75, 1.25)), (2.0, 20.0), (1.0, 20.0))),
+)
+def test_a_jam_goes_on_to_far_above_the_first_approach(K, mu, kappa):
+    """Steps err by a part of the impulse so far: none is good enough beside that of the first approach."""
+    graze = 2.0**-20
+    impact = planar(K, (4, -graze), 0.5, mu, kappa)
+    assert impact.regime is Regime.JAMMED
+    assert impact.impulse.y > 1e4 * graze
+    with mp.workdps(CLOSE + 10):
+        P = springs(K, (4, -graze), 0.5, mu, kappa)
+        error = mp.hypot(impact.impulse.x - P[0], impact.impulse.y - P[1]) / mp.hypot(*P)
+    assert error <= min(impact.error_bound, 1e-12)  # 200 steps of 4e-15
+
+
 def test_a_contact_that_is_light_across_is_followed_to_its_end():
     """Its slip is fast beside the approach: events are told apart by what they are made of, not by 1."""
     impact = planar((100.0, 9.0, 1.0), (5, -1), 0.1, 0.1, 20.0)

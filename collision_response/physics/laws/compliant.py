@@ -156,11 +156,11 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     least = det / minors - e_K
     known = (least > 0) & (y.going <= 0)
     root = square_root(choose(known, lambda: least, lambda: one))
-    size = abs(P1) + abs(P2) + P_n
+    size = 1 + abs(P1) + abs(P2) + P_n
     fine = (e_u + (e_K + lost_turn) * size) / root + 2 * e_e * y.most + e_mu * P_n * square_root(trace)
-    fine = fine + 4 * e_kappa / kappa + choose(plastic, lambda: e, lambda: o) + PLANAR
+    fine = fine + (4 * e_kappa / kappa + PLANAR) * size + choose(plastic, lambda: e * y.most, lambda: o)
     E = SAFETY * (fine + y.doubt) * y.growth
-    e_P = choose(known & (E < 1), lambda: E / root, lambda: math.inf + o)
+    e_P = choose(known & (size > E), lambda: E / root, lambda: math.inf + o)
     P = Tangential(widened(c1 * P1 - c2 * P2, e_P) * j, widened(c2 * P1 + c1 * P2, e_P) * j)
     return Outcome(
         frame.to_world(P, widened(P_n, e_P) * j),

@@ -177,7 +177,8 @@ def step(springs: Springs, y: Course) -> Course:
     end = tuple(v + total(WEIGHTS, i) for i, v in enumerate(start))
     fifth = [total(ERROR_5, i) for i in range(6)]
     third = [total(WEIGHTS, i) - total(ORDER_3, i) for i in range(6)]
-    e5, e3 = (_size(e, slips, mu, kappa, k, y.most) for e in (fifth, third))
+    scale = greater(one, (abs(y.P1) + abs(y.P2) + y.Pn) / 4)  # above 1 where friction jams
+    e5, e3 = (_size(e, slips, mu, kappa, k, y.most) / scale for e in (fifth, third))
     square = e5 * e5
     err = choose(square > 0, lambda: square / square_root(square + 0.01 * e3 * e3), lambda: zero)
     ratio = choose(square < 1e6, lambda: err / springs.tolerance, lambda: 1e30 * one)  # nor if it is none
@@ -223,13 +224,14 @@ def step(springs: Springs, y: Course) -> Course:
         turned = mu * square_root(k / kappa) * (abs(a1 - y.a1) + abs(a2 - y.a2)) / 2
         gain = choose(slips, lambda: slid + turned, lambda: zero)
         held = choose(slips & switches, lambda: mu * mu * k / kappa, lambda: zero)
+        missed = choose(switches | turns, lambda: EVENT * reach, lambda: zero)
         pressed = (y.unloads < 1) & (u_n < springs.velocity(y.P1, y.P2, y.Pn)[2])
         return Course(
             b1, b2, F, P1, P2, Pn, now, unloads_now, most,
             choose(begins, lambda: size * springs.e, lambda: size),
             choose(over, lambda: zero, lambda: one),
             y.growth * _exponential(gain) * square_root(1 + held),
-            y.doubt + err + STEP_ROUNDING + choose(switches | turns, lambda: EVENT * reach, lambda: zero),
+            y.doubt + (err + STEP_ROUNDING) * scale + missed,
             choose(now > 0, lambda: y.stuck, lambda: one), choose(pressed, lambda: one, lambda: y.jams),
         )  # fmt: skip
 
