@@ -141,6 +141,8 @@ def _put_together(
             if scene.movable[place]:
                 energy = _energy_of_untouched(place, body)
                 energies = [energies[0] + energy, energies[1] + energy, *energies[2:]]
+    if not (asked.exact or all(map(math.isfinite, energies))):
+        raise library.refusal(StatusCode.OUT_OF_RANGE)
     contacts, impulses, before, after, regimes = zip(*of_contacts, strict=True) if of_contacts else ((),) * 5
     status = StatusCode.OK
     if bound > limit:
