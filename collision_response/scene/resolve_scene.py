@@ -6,6 +6,7 @@ import math
 import operator
 from collections.abc import Sequence
 from fractions import Fraction
+from numbers import Integral
 from typing import Any, NamedTuple
 
 from .. import on_fractions
@@ -240,6 +241,8 @@ def _check_options(threshold: Any, stiffness: Any, exponent: Any, orders: Any, c
     check_number("threshold", threshold, 0, math.nextafter(1, 0), StatusCode.INVALID_MODEL)
     check_number("exponent", exponent, 1, 10, StatusCode.INVALID_MODEL)
     check_number("orders", orders, 0, math.inf, StatusCode.INVALID_MODEL)
+    if not isinstance(orders, (int, Integral)):
+        raise TypeError(f"orders: must be a whole number, is {orders!r}")
     if stiffness is not None:
         if len(stiffness) != count:
             raise ValueError(
