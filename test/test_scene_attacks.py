@@ -21,6 +21,7 @@ from collision_response import (
     resolve_scene,
 )
 from collision_response.physics.orientation import Quaternion
+from collision_response.physics.tensor import Symmetric3
 from collision_response.physics.vector import Vec3
 from collision_response.scene.rational import RationalCluster
 from collision_response.scene.reflections import DIGITS
@@ -616,6 +617,23 @@ def test_what_moves_along_together_does_not_approach(law, velocities, e):
     answer = case.resolve(law)
     assert (answer.status, answer.error_bound) == (StatusCode.SEPARATING, 0)
     assert speeds(answer) == list(velocities) and not any(map(any, answer.impulses))
+
+
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("turned", [0.0, 2.0])
+def test_rounding_reverses_no_slip(law, turned):
+    """Friction is just enough: the slip that is left is 0, at the limit of friction, in every order."""
+    velocity, spin = ((0, 0, -1), (0, turned, 0)) if turned else ((0.5, 0, -1), (0, 0, 0))
+    case = box(velocity, spin, e=0.5, mu=0.5)
+    light = case.bodies[0]._replace(inertia=Symmetric3(0.125, 0.0, 0.0, 0.125, 0.0, 0.125))
+    seen = set()
+    for order in itertools.permutations(range(4)):
+        for sign in (1.0, -1.0):
+            contacts = [case.contacts[i]._replace(normal=case.contacts[i].normal * sign) for i in order]
+            pairs = [(0, 1) if sign > 0 else (1, 0)] * 4
+            answer = resolve_scene([light, case.bodies[1]], pairs, contacts, ImpactModel(law))
+            seen.add(tuple(answer.regimes[order.index(i)] for i in range(4)))
+    assert len(seen) == 1 and Regime.REVERSED not in seen.pop()
 
 
 TURNS = [Quaternion(0.0, 0.0, 0.0, 1.0), Quaternion(0.1, -0.7, 0.3, 0.4), Quaternion(1.0, 1.0, 1.0, 0.0)]

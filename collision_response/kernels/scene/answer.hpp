@@ -113,7 +113,7 @@ inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<
     answer.pushes.insert(answer.pushes.end(), push, push + 3);
     answer.before.push_back(u_before[0]);
     answer.then.push_back(u_after[0]);
-    Regime regime = back < 0 ? REGIME_REVERSED : REGIME_SLIDING;
+    Regime regime = back < 0 && speed > AT_REST * fastest ? REGIME_REVERSED : REGIME_SLIDING;
     if (push[0] == 0 && push[1] == 0 && push[2] == 0) regime = REGIME_SEPARATING;
     else if (!(touch.mu > LEAST_FRICTION)) regime = REGIME_SLIDING;
     else if (by_slip ? speed <= AT_REST * fastest : friction < (1 - AT_REST) * most) regime = REGIME_STICKING;
