@@ -375,6 +375,11 @@ def test_the_command_reads_what_papers_print(tmp_path: Path, capsys):
         ("m,nz,vz,vz_after\n1,1,,1\n", "impacts[0].body_a.velocity: must be finite"),
         ("m,nz,vz,vz_after\n1,1,-1,inf\n", "impacts[0].after_a.linear: must be finite"),
         ("m,nz,vz,vz,vz_after\n1,1,-1,-9,1\n", "columns: vz is there 2 times"),
+        ("m,nz, vz,vz ,vz_after\n1,1,-1,-9,1\n", "columns: vz is there 2 times"),
+        (
+            "m,nz,vz,vz_after\n1,1,-1,0.5\n1,1,-1,0,5\n",
+            "rows[1]: must have 4 cells, as there are columns; has 5",
+        ),
         ("m,nz,vz,vz_after,note\n1,1,-1,1," + "x" * 200_000, "line 1: field larger than field limit"),
         ("incidence,ratio\n0,1\n", "readings of a sphere need --speed"),
     ],
@@ -417,6 +422,20 @@ def test_a_byte_order_mark_is_no_part_of_a_name(tmp_path: Path, encoding):
     table = tmp_path / "impacts.csv"
     table.write_text("vz,note,note\n-1,a,b\n", encoding=encoding)
     assert rows_of(table, {}) == [{"vz": -1.0}]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["vz,vx\n-1,\n", " vz, vx\n-1,\n", "vz ,vx \r\n -1 , \r\n", "vz\t,\tvx\n\t-1,\t\n", "vz,vx\n-1,,\n"],
+)
+def test_blanks_are_no_part_of_a_name_or_a_number(tmp_path: Path, text):
+    """Of a name they would make one that is not known, and its numbers would count as 0."""
+    table = tmp_path / "impacts.csv"
+    table.write_bytes(text.encode())
+    assert [[name, str(x)] for row in rows_of(table, {}) for name, x in row.items()] == [
+        ["vz", "-1.0"],
+        ["vx", "nan"],
+    ]
 
 
 @pytest.mark.parametrize("there", ["x", "y", "z", "xy", "yz", "xyz", ""])

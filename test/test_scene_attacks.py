@@ -21,6 +21,7 @@ from collision_response import (
     resolve_scene,
 )
 from collision_response.physics.orientation import Quaternion
+from collision_response.physics.tensor import Symmetric3
 from collision_response.physics.vector import Vec3
 from collision_response.scene.rational import RationalCluster
 from collision_response.scene.reflections import DIGITS
@@ -41,11 +42,11 @@ def assert_bounded(case: Case, answer, exact) -> None:
     for body, change, true in zip(case.bodies, answer.changes, exact.changes, strict=True):
         if not body.is_movable():
             continue
-        weights = [body.mass] * 3 + [body.inertia.trace() / 3] * 3
+        roots = [math.sqrt(body.mass)] * 3 + [math.sqrt(body.inertia.trace() / 3)] * 3
         off = [float(F(x) - y) for v, w in zip(change, true, strict=True) for x, y in zip(v, w, strict=True)]
         size = [float(x) for v in true for x in v]
-        worst = max(worst, math.sqrt(sum(w * x * x for w, x in zip(weights, off, strict=True))))
-        largest = max(largest, math.sqrt(sum(w * x * x for w, x in zip(weights, size, strict=True))))
+        worst = max(worst, math.hypot(*(w * x for w, x in zip(roots, off, strict=True))))
+        largest = max(largest, math.hypot(*(w * x for w, x in zip(roots, size, strict=True))))
     assert worst <= answer.error_bound * largest * (1 + 1e-9)
 
 
@@ -56,6 +57,25 @@ def test_masses_of_opposite_range(masses, e):
     answer = case.resolve(Law.FRICTIONLESS)
     assert_bounded(case, answer, exactly(case))
     assert answer.error_bound < 1e-9  # in double-double, times the root of the ratio of masses
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize(
+    ("law", "mass", "speed"),
+    [
+        (Law.FRICTIONLESS, 1e300, 1.2e4),  # that of MOREAU is infinite
+        *(
+            (law, *case)
+            for law in (Law.FRICTIONLESS, Law.MOREAU)
+            for case in ((1e300, 1e-140), (1e-300, 1e-18), (1e-300, 1e-12))
+        ),
+    ],
+)
+def test_squares_and_impulses_on_the_edge_of_float64(law, mass, speed, e):
+    """The square of a change overflows, or is lost, or an impulse has few digits."""
+    case = box((0.3 * speed, 0, -speed), (0.1 * speed, 0.2 * speed, 0), e=e, mass=mass)
+    answer = case.resolve(law)
+    assert_bounded(case, answer, exactly(case, law))
 
 
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
@@ -525,6 +545,95 @@ def test_an_energy_beyond_float64_is_refused(law, contacts):
         pairs = [(0, 2), (1, 2), (0, 1)][:contacts]
         resolve_scene([*bodies, Body.static()], pairs, touches, ImpactModel(law))
     assert refused.value.code is StatusCode.OUT_OF_RANGE
+
+
+BEYOND = {
+    "a floor that comes fast": ((1, 1), {"velocity": Vec3(0.0, 0.0, 1e308)}),
+    "a floor that slides fast": ((1, 1), {"velocity": Vec3(1e308, 0.0, 0.0)}),
+    "a floor that turns fast": ((1, 1), {"angular_velocity": Vec3(1e308, 1e308, 0.0)}),
+    "a floor far away that turns": (
+        (1, 1),
+        {"position": Vec3(1e200, 0.0, 0.0), "angular_velocity": Vec3(0.0, 1e200, 0.0)},
+    ),
+    "a body far away": ((1, 0), {"position": Vec3(1e308, 0.0, 0.5)}),
+    "a body that hardly resists turning": ((1, 0), {"inertia": (1e-320, 0.0, 0.0, 1e-320, 0.0, 1e-320)}),
+    "a contact far away": ((2, 3), {"position": Vec3(1e308, 0.0, 0.0)}),
+}
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("beyond", BEYOND)
+@pytest.mark.parametrize("options", [{}, {"exponent": 1.0}], ids=["in kernels", "in Python"])
+def test_what_leads_beyond_float64_is_refused(law, beyond, options):
+    case = box((1, 0, -1), (0.1, 0.2, 0), e=0.5, mu=0.3)
+    bodies = [*map(Body._make, case.bodies[:1]), Body.kinematic()]
+    (table, place), change = BEYOND[beyond]
+    tables = {1: bodies, 2: list(case.contacts)}
+    tables[table][place] = tables[table][place]._replace(**change)
+    with pytest.raises(ImpactError) as refused:
+        resolve_scene(bodies, case.pairs, tables[2], ImpactModel(law), **options)
+    codes = [StatusCode.OUT_OF_RANGE, *[StatusCode.PATH_TOO_LONG] * (law is Law.ROUTH_STRONGE)]
+    assert refused.value.code in codes  # a path may notice first
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("others", ["touch", "do not"])
+def test_energies_whose_sum_is_beyond_float64_are_refused(law, others):
+    case = box((1, 0, -1), e=0.5, mu=0.3)
+    heavy = Body.box(1e300, (1, 1, 1), position=(0, 0, 0.5), velocity=(0, 0, -1.2e4))
+    bodies = [heavy, case.bodies[1], heavy._replace(), heavy._replace()]
+    pairs = [*case.pairs, *([(place, 1) for place in (2, 3) for _ in range(4)] if others == "touch" else ())]
+    with pytest.raises(ImpactError) as refused:
+        resolve_scene(bodies, pairs, case.contacts * (len(pairs) // 4), ImpactModel(law))
+    assert refused.value.code is StatusCode.OUT_OF_RANGE
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("power", [-1000, -500, 500, 1000])
+def test_quaternions_may_have_any_length(law, power):
+    """A power of two changes no bit of the answer."""
+    case = box((1, 0.5, -1), (0.1, 0.2, 0), e=0.5, mu=0.3)
+    turn = Quaternion(0.1, -0.7, 0.3, 0.4)
+    answers = [
+        resolve_scene(
+            [case.bodies[0]._replace(orientation=q), case.bodies[1]],
+            case.pairs,
+            case.contacts,
+            ImpactModel(law),
+        )
+        for q in (turn, Quaternion(*(math.ldexp(x, power) for x in turn)))
+    ]
+    assert answers[0] == answers[1]
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize(
+    "velocities", [(1, 1, 1), (-1, 0, 0), (-1, 0, 1, 1), (0.1, 0.1, 0.1), (0, 1e-300, 1)]
+)
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+def test_what_moves_along_together_does_not_approach(law, velocities, e):
+    """Between equal velocities there is none, to all digits."""
+    case = row(velocities, e, number=float)
+    answer = case.resolve(law)
+    assert (answer.status, answer.error_bound) == (StatusCode.SEPARATING, 0)
+    assert speeds(answer) == list(velocities) and not any(map(any, answer.impulses))
+
+
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("turned", [0.0, 2.0])
+def test_rounding_reverses_no_slip(law, turned):
+    """Friction is just enough: the slip that is left is 0, at the limit of friction, in every order."""
+    velocity, spin = ((0, 0, -1), (0, turned, 0)) if turned else ((0.5, 0, -1), (0, 0, 0))
+    case = box(velocity, spin, e=0.5, mu=0.5)
+    light = case.bodies[0]._replace(inertia=Symmetric3(0.125, 0.0, 0.0, 0.125, 0.0, 0.125))
+    seen = set()
+    for order in itertools.permutations(range(4)):
+        for sign in (1.0, -1.0):
+            contacts = [case.contacts[i]._replace(normal=case.contacts[i].normal * sign) for i in order]
+            pairs = [(0, 1) if sign > 0 else (1, 0)] * 4
+            answer = resolve_scene([light, case.bodies[1]], pairs, contacts, ImpactModel(law))
+            seen.add(tuple(answer.regimes[order.index(i)] for i in range(4)))
+    assert len(seen) == 1 and Regime.REVERSED not in seen.pop()
 
 
 TURNS = [Quaternion(0.0, 0.0, 0.0, 1.0), Quaternion(0.1, -0.7, 0.3, 0.4), Quaternion(1.0, 1.0, 1.0, 0.0)]

@@ -176,6 +176,12 @@ def test_options_are_named(option, field):
     assert (error.code, error.field) == (StatusCode.INVALID_MODEL, field)
 
 
+@pytest.mark.parametrize("orders", [1.5, 2.0, math.pi, "2", None, True])
+def test_the_number_of_orders_is_a_whole_number(orders):
+    with pytest.raises(TypeError, match="orders: must be a "):
+        resolve_scene(*box(), orders=orders)
+
+
 def test_one_stiffness_for_each_contact():
     with pytest.raises(ValueError, match="stiffness: must be one for each contact"):
         resolve_scene(*box(), stiffness=[1.0])

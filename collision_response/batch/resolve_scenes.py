@@ -53,7 +53,8 @@ class ScenesResult(NamedTuple):
 
     Attributes:
         velocity: of the centres of mass after the impact [m/s], shape ``(3, B)``; PLANAR ``(2, B)``. NaN for
-            what could move in a cluster without an answer.
+            what could move in a cluster without an answer; a pair of one body twice, or with a body that is
+            not there, leaves its bodies as they were.
         angular_velocity: after the impact [rad/s], shape ``(3, B)``; PLANAR, about z, ``(1, B)``; POINT
             ``(0, B)``.
         impulse: on body_a of each contact [N s], shape ``(3, N)``; PLANAR ``(2, N)``.

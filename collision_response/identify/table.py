@@ -46,8 +46,8 @@ def rows_of(path: Path, more: Mapping[str, str]) -> list[dict[str, float]]:
             take.
 
     Raises:
-        ImpactError: INVALID_TABLE: a cell is no number or too long, a column is there twice, or there is no
-            row.
+        ImpactError: INVALID_TABLE: a cell is no number or too long, a column is there twice, a row has more
+            cells than there are columns, or there is no row.
     """
     rows = []
     for i, cells in enumerate(_cells(path, KNOWN.union(more.values()))):
@@ -59,13 +59,22 @@ def rows_of(path: Path, more: Mapping[str, str]) -> list[dict[str, float]]:
 
 
 def _cells(path: Path, needed: set[str]) -> list[dict[str, str]]:
-    """The cells of each row, by column; of the columns that are needed each must be there once."""
+    """The cells of each row, by column; of the columns that are needed each must be there once.
+
+    Blanks around a name or a number are no part of it.
+    """
     with path.open(newline="", encoding="utf-8-sig") as file:
         reader = csv.DictReader(file)
         try:
-            names, rows = list(reader.fieldnames or ()), list(reader)
+            names = reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
+            rows = list(reader)
         except csv.Error as error:
             raise ImpactError(StatusCode.INVALID_TABLE, f"line {reader.line_num}", str(error)) from None
+    for i, row in enumerate(rows):
+        beyond = row.pop(None, [])
+        if any(map(str.strip, beyond)):
+            reason = f"must have {len(names)} cells, as there are columns; has {len(names) + len(beyond)}"
+            raise ImpactError(StatusCode.INVALID_TABLE, f"rows[{i}]", reason)
     for name in names:
         if name in needed and names.count(name) > 1:
             raise ImpactError(
@@ -76,7 +85,7 @@ def _cells(path: Path, needed: set[str]) -> list[dict[str, str]]:
 
 def _number(field: str, cell: str | None) -> float:
     try:
-        return float(cell) if cell else math.nan
+        return float(cell) if cell and not cell.isspace() else math.nan
     except ValueError:
         raise ImpactError(StatusCode.INVALID_TABLE, field, f"must be a number, is {cell!r}") from None
 

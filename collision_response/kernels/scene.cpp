@@ -232,6 +232,7 @@ PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
 }
 
 PyObject* get_locked(PyObject* self, void*) { return PyBool_FromLong(of(self).locked); }
+PyObject* get_beyond(PyObject* self, void*) { return PyBool_FromLong(reinterpret_cast<ClusterObject*>(self)->cluster->beyond()); }
 
 #define FAST(name, function) {name, reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(Guarded<function>::call)), METH_FASTCALL, ""}
 PyMethodDef methods[] = {
@@ -245,7 +246,7 @@ PyMethodDef methods[] = {
     {"one_step", Guarded<in_one_step>::call, METH_O, ""},
     FAST("compress", compress),
     {}};
-PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {}};
+PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {"beyond", get_beyond, nullptr, "", nullptr}, {}};
 PyType_Slot slots[] = {{Py_tp_dealloc, reinterpret_cast<void*>(dealloc)}, {Py_tp_methods, methods}, {Py_tp_getset, fields}, {}};
 PyType_Spec spec = {"collision_response.kernels._scene.Cluster", sizeof(ClusterObject), 0, Py_TPFLAGS_DEFAULT, slots};
 
@@ -361,6 +362,7 @@ PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
   std::vector<Cluster> clusters;
   clusters.reserve(request.count);
   std::vector<Answer> answers;
+  double energies[4] = {};
   std::vector<int> place_of(request.bodies.size(), -1);
   for (long c = 0; c < request.count; ++c) {
     Parts parts = request.parts(c, places[c], place_of);
@@ -369,7 +371,12 @@ PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
     if (clusters[c].fault) Py_RETURN_NONE;
     answers.push_back(answered(clusters[c], asked));
     if (answers[c].code != STATUS_OK) Py_RETURN_NONE;
+    const Numbers& y = answers[c].numbers;
+    const double own_energies[4] = {clusters[c].energy, y.energy_after, y.lost_restitution, y.lost_friction};
+    for (int i = 0; i < 4; ++i) energies[i] += own_energies[i];
   }
+  for (double energy : energies)
+    if (!std::isfinite(energy)) Py_RETURN_NONE;
 
   enum { CONTACTS, TWISTS, CHANGES, IMPULSES, BEFORE, AFTER, REGIMES, CLUSTERS, COLUMNS };
   auto bodies = static_cast<Py_ssize_t>(request.bodies.size()), contacts = static_cast<Py_ssize_t>(request.contacts.size());
@@ -381,7 +388,7 @@ PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
     PyTuple_SET_ITEM(column[TWISTS], i, twist(&request.bodies[i][IN_BODY_A_VELOCITY_X]));
     PyTuple_SET_ITEM(column[CHANGES], i, twist(none));
   }
-  double energies[4] = {}, bound = 0, margin = INFINITY;
+  double bound = 0, margin = INFINITY;
   int adjusted = 0, law = asked.law;
   bool separates = true, beyond_doubles = false;
   for (long c = 0; c < request.count; ++c) {
@@ -407,8 +414,6 @@ PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
       PyTuple_SET_ITEM(column[REGIMES], k, Py_NewRef(PyTuple_GET_ITEM(types.regimes, y.regimes[i])));
     }
     PyTuple_SET_ITEM(column[CLUSTERS], c, own);
-    const double own_energies[4] = {cluster.energy, y.energy_after, y.lost_restitution, y.lost_friction};
-    for (int i = 0; i < 4; ++i) energies[i] += own_energies[i];
     bound = std::fmax(bound, y.bound);
     margin = std::fmin(margin, found.margin);
     adjusted |= cluster.off_unit + 2 * found.slow + 4 * found.fell_back + 8 * cluster.idle;

@@ -6,6 +6,7 @@ import math
 import operator
 from collections.abc import Sequence
 from fractions import Fraction
+from numbers import Integral
 from typing import Any, NamedTuple
 
 from .. import on_fractions
@@ -141,6 +142,8 @@ def _put_together(
             if scene.movable[place]:
                 energy = _energy_of_untouched(place, body)
                 energies = [energies[0] + energy, energies[1] + energy, *energies[2:]]
+    if not (asked.exact or all(map(math.isfinite, energies))):
+        raise library.refusal(StatusCode.OUT_OF_RANGE)
     contacts, impulses, before, after, regimes = zip(*of_contacts, strict=True) if of_contacts else ((),) * 5
     status = StatusCode.OK
     if bound > limit:
@@ -238,6 +241,8 @@ def _check_options(threshold: Any, stiffness: Any, exponent: Any, orders: Any, c
     check_number("threshold", threshold, 0, math.nextafter(1, 0), StatusCode.INVALID_MODEL)
     check_number("exponent", exponent, 1, 10, StatusCode.INVALID_MODEL)
     check_number("orders", orders, 0, math.inf, StatusCode.INVALID_MODEL)
+    if not isinstance(orders, (int, Integral)):
+        raise TypeError(f"orders: must be a whole number, is {orders!r}")
     if stiffness is not None:
         if len(stiffness) != count:
             raise ValueError(

@@ -96,13 +96,15 @@ def several(scene: Request, copies: Copies, asked: Asked) -> Answered:
         _check_geometry(parts, model.geometry)
     has_friction = scene.has_friction and law is not Law.FRICTIONLESS
     has_friction = has_friction and any([contact.friction > 0 for contact in parts.contacts])
-    if not asked.exact and not _motions(cluster, Struck(cluster.none()))[6][0] < math.inf:
+    if not asked.exact and cluster.beyond:
         raise library.refusal(StatusCode.OUT_OF_RANGE)
 
     struck, bound, motions = _by_law(cluster, parts, asked, has_friction)
     if struck.fell_back:
         law = Law.COULOMB if has_friction else Law.FRICTIONLESS
     changes, twists, impulses, before, after, regimes, energies, own_bound, idle, off_unit, _ = motions
+    if not (asked.exact or all(map(math.isfinite, energies))):  # which are sums over all the rest
+        raise library.refusal(StatusCode.OUT_OF_RANGE)
     if struck.rubbed is not None:
         e_before, e_after, restitution, friction = energies
         energies = e_before, e_after, restitution + friction - struck.rubbed, struck.rubbed

@@ -21,6 +21,12 @@ inline double in_norm(const double* body) {
   return std::sqrt(std::fmax(base, (shift + trace / 3) * inverse));
 }
 
+// A twist in that norm. No square of it overflows, or is lost.
+inline double size_of(const double* body, const double* twist) {
+  double arm = (body[1] + body[4] + body[6]) / 3;
+  return std::hypot(std::sqrt(body[0]) * std::hypot(twist[0], twist[1], twist[2]), std::sqrt(arm) * std::hypot(twist[3], twist[4], twist[5]));
+}
+
 using Regime = unsigned char;
 
 // Of slip, relative to the fastest speed before, and of what friction lacks to its limit: this is none.
@@ -36,6 +42,8 @@ struct Numbers {
   bool separates() const {
     return std::all_of(regimes.begin(), regimes.end(), [](Regime regime) { return regime == REGIME_SEPARATING; });
   }
+  // The energies are sums over all the rest.
+  bool is_finite() const { return std::isfinite(energy_after) && std::isfinite(lost_restitution) && std::isfinite(lost_friction); }
   // More than rounding may seem to. By work on relative velocities, which is the same for every observer.
   bool creates_energy() const { return lost_restitution + lost_friction < -0x1p-40 * work; }
 };
@@ -59,6 +67,9 @@ inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<
   }
   if (!rubs) scene.least_norm(reported, true);
 
+  for (int i = 0; i < count; ++i)
+    if (p[i].h != 0) error += 0x1p-1073 / scene.touches[i].scale;  // an impulse is a multiple of the least double
+
   double largest = 0, worst = 0, rounding = 0;
   for (int b = 0; b < scene.bodies; ++b) {
     const double* body = scene.given[b].x;
@@ -70,15 +81,10 @@ inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<
     for (int k = 0; k < 6; ++k) moved.x[IN_BODY_A_VELOCITY_X + k] += change[k];
     moved.fill(moved.plain);
     answer.energy_after += moved.energy;
-    double arm = (body[1] + body[4] + body[6]) / 3, size = 0, off = 0;
-    for (int k = 0; k < 6; ++k) {
-      double weight = k < 3 ? body[0] : arm;
-      size += weight * change[k] * change[k];
-      double lost = width(sums[6 * b + k]) + (std::fabs(change[k]) + std::fabs(high(sums[6 * b + k]))) * 0x1p-53 * (rubs ? 4 : 1);
-      off += weight * lost * lost;
-    }
-    largest = std::fmax(largest, std::sqrt(size));
-    rounding = std::fmax(rounding, std::sqrt(off));
+    double lost[6];
+    for (int k = 0; k < 6; ++k) lost[k] = width(sums[6 * b + k]) + (std::fabs(change[k]) + std::fabs(high(sums[6 * b + k]))) * 0x1p-53 * (rubs ? 4 : 1);
+    largest = std::fmax(largest, size_of(body, change));
+    rounding = std::fmax(rounding, size_of(body, lost));
     worst = std::fmax(worst, error * in_norm(body));
     answer.after.insert(answer.after.end(), moved.x + IN_BODY_A_VELOCITY_X, moved.x + IN_BODY_A_VELOCITY_X + 6);
   }
@@ -107,7 +113,7 @@ inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<
     answer.pushes.insert(answer.pushes.end(), push, push + 3);
     answer.before.push_back(u_before[0]);
     answer.then.push_back(u_after[0]);
-    Regime regime = back < 0 ? REGIME_REVERSED : REGIME_SLIDING;
+    Regime regime = back < 0 && speed > AT_REST * fastest ? REGIME_REVERSED : REGIME_SLIDING;
     if (push[0] == 0 && push[1] == 0 && push[2] == 0) regime = REGIME_SEPARATING;
     else if (!(touch.mu > LEAST_FRICTION)) regime = REGIME_SLIDING;
     else if (by_slip ? speed <= AT_REST * fastest : friction < (1 - AT_REST) * most) regime = REGIME_STICKING;

@@ -19,6 +19,16 @@ INLINE N exact(DD x) { return {x, 0}; }
 INLINE N exact(double x) { return {{x, 0}, 0}; }
 INLINE double width(const N& x) { return x.error * (1 + 0x1p-30); }
 
+// Of the power of two that brings a normal or a quaternion into the middle of the range; 0 if it is there. Of normals
+// as in several.py.
+inline int exponent_of(const double* x, int count) {
+  double largest = 0;
+  for (int k = 0; k < count; ++k) largest = std::fmax(largest, std::fabs(x[k]));
+  int exponent = 0;
+  std::frexp(largest, &exponent);
+  return std::abs(exponent) > 100 ? exponent : 0;
+}
+
 template <class T>
 struct Centre {  // a body as seen from its reference point, at x, which moves with v
   T numbers[CENTRE], x[3], v[3];
@@ -57,7 +67,10 @@ struct Given {  // a body
   void fill(Centre<T>& seen) {
     T in[BODY];
     Report<T> motion[10];
+    const double* turned = x + IN_BODY_A_ORIENTATION_X;
+    const int exponent = exponent_of(turned, 4);
     for (int i = 0; i < BODY; ++i) in[i] = Make<T>::constant(x[i]);
+    for (int k = 0; k < 4; ++k) in[IN_BODY_A_ORIENTATION_X + k] = Make<T>::constant(std::ldexp(turned[k], -exponent));
     ::centre<T>(in, seen.numbers, motion, &idle);
     energy = motion[0];
     for (int i = 0; i < 9; ++i) turn[i / 3][i % 3] = motion[1 + i];
@@ -104,19 +117,12 @@ struct Assembly {
   bool driven = false;           // a wall moves
   bool locked = false;           // there is no such velocity, as far as doubles can tell
 
-  // Of the power of two that brings a normal into the middle of the range; 0 if it is there. As in several.py.
-  static int exponent_of(const double* normal) {
-    int exponent = 0;
-    std::frexp(std::fmax(std::fmax(std::fabs(normal[0]), std::fabs(normal[1])), std::fabs(normal[2])), &exponent);
-    return std::abs(exponent) > 100 ? exponent : 0;
-  }
-
   // What two bodies do at a contact. The places are of the movable ones.
   void add(const Given& a, const Given& b, int place_a, int place_b, const double* contact, double copies) {
     Touch touch{};
     touch.body[0] = place_a;
     touch.body[1] = place_b;
-    const int exponent = exponent_of(contact + 3);
+    const int exponent = exponent_of(contact + 3, 3);
     for (int k = 0; k < 3; ++k) {
       touch.point[k] = contact[k];
       touch.normal[k] = std::ldexp(contact[3 + k], -exponent);
@@ -199,6 +205,14 @@ struct Assembly {
         if (i != j) A[i * count + j] *= touches[i].scale * touches[j].scale;
     for (int i = 0; i < count; ++i) A[i * count + i] = 1;
     part();
+  }
+
+  bool is_finite() const {
+    auto is_number = [](double x) { return std::isfinite(x); };
+    auto is_sound = [&](const Touch& touch) {
+      return is_number(touch.scale) && std::all_of(touch.plain, touch.plain + 3, [&](const Plain& axis) { return is_number(axis.velocity); });
+    };
+    return std::all_of(touches.begin(), touches.end(), is_sound) && std::all_of(A.begin(), A.end(), is_number);
   }
 
   // The changes of the twists of the movable bodies.

@@ -66,6 +66,9 @@ struct Cluster {
   int fault = 0;             // of the first contact that has one, and its place
   size_t at_fault = 0;
 
+  // Whether doubles do not hold its numbers: then they decide nothing.
+  bool beyond() const { return !(std::isfinite(energy) && scene.is_finite()); }
+
   Cluster(const Parts& parts, bool frictionless) {
     std::vector<Given> given(parts.bodies.size());
     for (size_t i = 0; i < given.size(); ++i) {
@@ -133,7 +136,7 @@ inline Struck rubbed(const Assembly& scene, Struck free) {
 // MOREAU's impulses.
 inline Struck stepped(const Assembly& scene, bool rubs) {
   if (rubs) return struck_by(one_step(scene), scene);
-  auto parts = [](const Touch& touch) { return high(touch.velocity) >= width(touch.velocity); };
+  auto parts = [](const Touch& touch) { return high(touch.velocity) >= 0; };
   if (std::all_of(scene.touches.begin(), scene.touches.end(), parts)) return {Outcome::ANSWERED, std::vector<DD>(scene.count, DD{0, 0})};
   Assembly::Projection found = scene.rebound();
   return {found.found == Found::LEAST ? Outcome::ANSWERED : Outcome::CONTRADICTORY, found.q, found.error};
@@ -143,7 +146,7 @@ inline Struck stepped(const Assembly& scene, bool rubs) {
 inline Answer answered(Cluster& cluster, const Asked& asked) {
   Assembly& scene = cluster.scene;
   Answer answer{LEFT_TO_PYTHON, {}};
-  if (!(cluster.energy < INFINITY)) {
+  if (cluster.beyond()) {
     answer.code = STATUS_OUT_OF_RANGE;
     return answer;
   }
@@ -156,15 +159,15 @@ inline Answer answered(Cluster& cluster, const Asked& asked) {
   }
   Struck struck;
   auto finish = [&] {
-    answer.code = STATUS_OK;
     answer.numbers = numbers_of(scene, struck.p.data(), struck.tangential, struck.error, false);
+    answer.code = answer.numbers.is_finite() ? STATUS_OK : STATUS_OUT_OF_RANGE;
     answer.margin = struck.margin;
     answer.restitution = struck.restitution;
   };
   if (asked.law == LAW_MOREAU) {
     struck = stepped(scene, cluster.rubs);
     if (struck.outcome == Outcome::ANSWERED) finish();
-    if (answer.code == STATUS_OK && !answer.numbers.creates_energy()) return answer;
+    if (answer.code != LEFT_TO_PYTHON && !answer.numbers.creates_energy()) return answer;
     answer.fell_back = true;
   }
   struck = reflections(scene, asked.threshold, asked.budget);
