@@ -258,6 +258,28 @@ def test_a_stretched_arm(law):
     assert impact.impulse == pytest.approx((0, 0, 1.5 / 0.7), abs=1e-12)
 
 
+@pytest.mark.parametrize("decades", range(1, 13))
+def test_an_arm_that_is_nearly_stretched(decades):
+    """Two joints in a plane. The nearer they are to one line, the nearer is ``J M^-1 J^T`` to one rank less;
+    rounded as NumPy does it, it is taken whatever the direction of the arm.
+    """
+    elbow = 10.0**-decades
+    for shoulder in np.linspace(-3.0, 3.0, 25):
+        first, second = (np.array([math.cos(x), math.sin(x), 0]) for x in (shoulder, shoulder + elbow))
+        across = np.cross([0, 0, 1], [first, second])
+        J = np.zeros((6, 2))
+        J[:3, 0], J[:3, 1], J[5] = across.sum(axis=0), across[1], 1
+        inner = math.cos(elbow) / 2
+        M = np.array([[5 / 3 + 2 * inner, 1 / 3 + inner], [1 / 3 + inner, 1 / 3]])  # thin links, 1 kg and 1 m
+        speeds, n = np.array([1.0, -3.0]), across[1]
+        link = Body.articulated(J @ np.linalg.solve(M, J.T), first + second, *np.split(J @ speeds, 2))
+        impact = resolve(link, Body.static(), Contact.of(first + second, n))
+        row = n @ J[:3]
+        kick = np.linalg.solve(M, row)
+        after = J @ (speeds - 2 * kick * (row @ speeds) / (row @ kick))
+        assert [*impact.twist_a.linear, *impact.twist_a.angular] == pytest.approx(after, abs=1e-12)
+
+
 def test_the_impulse_of_a_singular_contact_is_the_least():
     """The pseudo-inverse: of rank 2, with the normal not in the range."""
     z = np.array([0.6, 0.0, 0.8])
