@@ -91,7 +91,8 @@ def resolve_contact(
         K: inverse effective mass, 3x3, symmetric and positive semi-definite [1/kg]: an impulse ``P``
             changes the relative velocity by ``K P``. Of mechanisms ``J M^-1 J^T``, with ``J`` of the relative
             velocity at the contact. It may be singular as long as ``n.K n`` is not 0 and, with friction,
-            ``u`` lies in its range.
+            ``u`` lies in its range. It counts as singular from a determinant of 2^-40 of the product of its
+            diagonal down, or an eigenvalue of 2^-70 of its trace.
         u: relative velocity of the first body to the second at the contact [m/s].
         n: the normal, from the second body to the first; any length but 0.
         restitution: ``e`` in [0, 1], or a function that gives it for an approach speed [m/s].

@@ -280,6 +280,22 @@ def test_an_arm_that_is_nearly_stretched(decades):
         assert [*impact.twist_a.linear, *impact.twist_a.angular] == pytest.approx(after, abs=1e-12)
 
 
+@each_law
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("joints", [1, 2])
+def test_a_direction_that_only_rounding_moves_is_none(law, friction, joints):
+    """As ``cos(pi / 2)`` is 6e-17: of an arm folded along an axis, beside which nothing is rounded."""
+    clean = np.array([[0.0, 0.0], [1.0, 0.5], [0.0, 2.0]])[:, :joints]
+    rounded = clean + np.array([[6e-17, 1.8e-16], [0, 0], [0, 0]])[:, :joints]
+    rounded = np.column_stack([rounded, [2.4e-16, 0, 0]])
+    exact, found = (
+        resolve_contact(J @ J.T, -J[:, :joints].sum(axis=1), (1, 2, 3), 0.5, friction, ImpactModel(law))
+        for J in (clean, rounded)
+    )
+    assert found.impulse == pytest.approx(exact.impulse, rel=1e-9)
+    assert (found.status, found.adjustments) == (exact.status, exact.adjustments)
+
+
 def test_the_impulse_of_a_singular_contact_is_the_least():
     """The pseudo-inverse: of rank 2, with the normal not in the range."""
     z = np.array([0.6, 0.0, 0.8])

@@ -28,7 +28,7 @@ from .body import Body, Twist
 from .contact import Contact
 from .inverse_inertia import MISFIT, InverseInertia
 from .orientation import ALIGNED, Rotation
-from .tensor import InverseTensor, Symmetric3
+from .tensor import LEAST, InverseTensor, Symmetric3
 from .vector import Vec3
 
 
@@ -305,6 +305,3 @@ def _scaled(v: Vec3) -> Vec3:
 
 ACROSS = 2.0**-60
 """Square of the sine of an angle that is rounding."""
-
-LEAST = 2.0**-70
-"""A part of ``K`` that is less than this of the whole is rounding: a lever arm of 2^-35."""

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, TypeVar
 
-from ..numbers.number import Condition, Scalar, certain, choose, square_root
+from ..numbers.number import Condition, Scalar, certain, choose, greater, square_root
 from .vector import AXES, Vec3
 
 T = TypeVar("T")
 
 SINGULAR = 2.0**-40
 """A determinant of at most this part of the product of its diagonal is rounding of the tensor's making."""
+LEAST = 2.0**-70
+"""An eigenvalue of at most this part of the trace is so, too: it is that of a lever arm of 2^-35."""
 ASYMMETRY = 1e-9
 """How far the two halves of a matrix may differ, relative to its largest component: by rounding."""
 
@@ -79,18 +81,18 @@ class Symmetric3(NamedTuple):
 
     def is_line(self) -> Condition:
         """Whether this positive semi-definite tensor maps all to one line, to rounding."""
-        minors, whole = self._minors()
-        return certain(minors) <= certain(SINGULAR * whole)
+        minors, rounding = self._minors()
+        return certain(minors) <= rounding
 
     def breadth(self) -> Scalar:
         """The least of its eigenvalues but for 0, to a factor of 2, if it is singular."""
         return choose(self.is_line(), self.trace, lambda: self._minors()[0] * self._size())
 
     def _minors(self) -> tuple[Scalar, Scalar]:
-        """The sum of the principal minors, for a trace of 1, and what it is without what is subtracted."""
+        """The sum of the principal minors, for a trace of 1, and up to where it is rounding."""
         xx, xy, xz, yy, yz, zz = self * (1 / self._size())
         minors = yy * zz - yz * yz + xx * zz - xz * xz + xx * yy - xy * xy
-        return minors, xx * yy + yy * zz + xx * zz
+        return minors, greater(certain(SINGULAR * (xx * yy + yy * zz + xx * zz)), LEAST)
 
     def _size(self) -> Scalar:
         """The trace, or 1 if that is 0."""
@@ -106,10 +108,10 @@ class Symmetric3(NamedTuple):
         a_xx, a_yy, a_zz = yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy
         a_xy, a_xz, a_yz = xz * yz - xy * zz, xy * yz - xz * yy, xy * xz - xx * yz
         det = xx * a_xx + xy * a_xy + xz * a_xz
-        is_definite = certain(det) > certain(SINGULAR * (xx * yy * zz))
-        whole = xx * yy + yy * zz + xx * zz
-        is_plane = certain(a_xx + a_yy + a_zz) > certain(SINGULAR * whole)
-        size = choose(is_plane, lambda: a_xx + a_yy + a_zz, lambda: xx + yy + zz)
+        minors, rounding = self._minors()
+        is_plane = certain(minors) > rounding
+        is_definite = certain(det) > greater(certain(SINGULAR * (xx * yy * zz)), certain(LEAST * minors))
+        size = choose(is_plane, lambda: minors, lambda: xx + yy + zz)
         size = choose(certain(size) > 0, lambda: size, lambda: size * 0 + 1)
 
         def of_line() -> Symmetric3:
