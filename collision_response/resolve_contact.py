@@ -107,7 +107,7 @@ def resolve_contact(
     try:
         rows = [[*row, 0.0, 0.0, 0.0] for row in K]
     except TypeError:
-        raise TypeError(f"K: must be 3 x 3 numbers, is {K!r}") from None
+        raise TypeError(f"K: must be 3 x 3 numbers, is {shown(K)}") from None
     if [len(row) for row in rows] != [6, 6, 6]:
         raise ImpactError(StatusCode.INVALID_INERTIA, "K", f"must be 3 x 3 numbers, is {shown(K)}")
     contact, velocity = Contact(ZERO, as_vector("n", n), restitution, friction), as_vector("u", u)
