@@ -192,13 +192,13 @@ def check_model(model: Any) -> None:
     """
     if not isinstance(model, ImpactModel):
         hint = f": write ImpactModel(law=Law.{model})" if isinstance(model, Law) else ""
-        raise TypeError(f"model: must be an ImpactModel, is {model!r}{hint}")
+        raise TypeError(f"model: must be an ImpactModel, is {shown(model)}{hint}")
     for field, kind in (("law", Law), ("geometry", Geometry), ("precision", Precision)):
         value = getattr(model, field)
         if not isinstance(value, kind):
             known = ", ".join(f"{member.name} ({member.value})" for member in kind)
             raise ImpactError(
-                StatusCode.INVALID_MODEL, f"model.{field}", f"must be one of {known}; is {value!r}"
+                StatusCode.INVALID_MODEL, f"model.{field}", f"must be one of {known}; is {shown(value)}"
             )
     for field, least, most, code in (
         ("tangential_restitution", -1, 1, StatusCode.INVALID_COEFFICIENT),

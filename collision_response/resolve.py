@@ -12,7 +12,7 @@ from .by_speed import friction_at_first, restitution_at
 from .geometry import flattened, flattened_contact
 from .kernels import library
 from .kernels.protocol import Left
-from .model import Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
+from .model import USEFUL, Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
 from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.laws import BY_SPEED, Law, Regime
@@ -76,6 +76,10 @@ def _left_to_python(
     more = on_balls.resolve(body_a, body_b, contact, model) if may_climb else None
     if more is not None and not (isinstance(answer, Impact) and answer.error_bound < more.error_bound):
         return more
+    if may_climb and model.restitution_threshold > 0 and contact.restitution > 0:
+        decided = _with_threshold_decided(body_a, body_b, contact, model)
+        if decided is not None:
+            return decided
     if not isinstance(answer, Impact):
         raise library.refusal(StatusCode.OUT_OF_RANGE)
     return answer._replace(status=_status(answer)) if answer.error_bound <= plan(model).limit else answer
@@ -107,6 +111,26 @@ def _along_path(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel
     """The answer where friction is a function, by a law that follows it."""
     impact = along_path.resolve(body_a, body_b, contact, model)
     return _leaving_out(body_a, body_b, contact, model) if impact is None else impact
+
+
+def _with_threshold_decided(
+    body_a: Body, body_b: Body, contact: Contact, model: ImpactModel
+) -> Impact | None:
+    """The answer by a law that more digits make no more exact; ``None`` if no digits decide the threshold.
+
+    Whether an approach is slower than that no law decides, so FRICTIONLESS does.
+    """
+    bare = model._replace(law=Law.FRICTIONLESS, precision=Precision.EXTENDED, tolerance=0.0)
+    approach = resolve(body_a, body_b, contact._replace(restitution=1.0, friction=0.0), bare)
+    if not approach.error_bound <= USEFUL:
+        return None
+    is_slow = Adjustment.RESTITUTION_THRESHOLD in approach.adjustments
+    used = contact._replace(restitution=0.0) if is_slow else contact
+    impact = resolve(body_a, body_b, used, model._replace(restitution_threshold=0.0))
+    return impact._replace(
+        model=impact.model._replace(restitution_threshold=model.restitution_threshold),
+        adjustments=impact.adjustments | (is_slow * Adjustment.RESTITUTION_THRESHOLD),
+    )
 
 
 def _with_own_tangential(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:

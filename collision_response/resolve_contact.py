@@ -91,7 +91,8 @@ def resolve_contact(
         K: inverse effective mass, 3x3, symmetric and positive semi-definite [1/kg]: an impulse ``P``
             changes the relative velocity by ``K P``. Of mechanisms ``J M^-1 J^T``, with ``J`` of the relative
             velocity at the contact. It may be singular as long as ``n.K n`` is not 0 and, with friction,
-            ``u`` lies in its range.
+            ``u`` lies in its range. It counts as singular from a determinant of 2^-40 of the product of its
+            diagonal down, or an eigenvalue of 2^-70 of its trace.
         u: relative velocity of the first body to the second at the contact [m/s].
         n: the normal, from the second body to the first; any length but 0.
         restitution: ``e`` in [0, 1], or a function that gives it for an approach speed [m/s].
@@ -106,7 +107,7 @@ def resolve_contact(
     try:
         rows = [[*row, 0.0, 0.0, 0.0] for row in K]
     except TypeError:
-        raise TypeError(f"K: must be 3 x 3 numbers, is {K!r}") from None
+        raise TypeError(f"K: must be 3 x 3 numbers, is {shown(K)}") from None
     if [len(row) for row in rows] != [6, 6, 6]:
         raise ImpactError(StatusCode.INVALID_INERTIA, "K", f"must be 3 x 3 numbers, is {shown(K)}")
     contact, velocity = Contact(ZERO, as_vector("n", n), restitution, friction), as_vector("u", u)

@@ -205,6 +205,7 @@ def test_vectors_scale_from_both_sides():
 def test_a_tuple_and_a_vector_are_added_not_joined():
     v = Vec3(1.0, -2.0, 3.0)
     assert (1, 1, 1) + v == v + (1, 1, 1) == Vec3(2.0, -1.0, 4.0)  # noqa: RUF005
+    assert (1, 1, 1) - v == -(v - (1, 1, 1)) == Vec3(0.0, 3.0, -2.0)
     assert Fraction(1, 2) * v == v / 2 == Vec3(0.5, -1.0, 1.5)
 
 

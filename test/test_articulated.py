@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 from fractions import Fraction as F
@@ -258,6 +259,64 @@ def test_a_stretched_arm(law):
     assert impact.impulse == pytest.approx((0, 0, 1.5 / 0.7), abs=1e-12)
 
 
+@pytest.mark.parametrize("decades", range(1, 13))
+def test_an_arm_that_is_nearly_stretched(decades):
+    """Two joints in a plane. The nearer they are to one line, the nearer is ``J M^-1 J^T`` to one rank less;
+    rounded as NumPy does it, it is taken whatever the direction of the arm.
+    """
+    elbow = 10.0**-decades
+    for shoulder in np.linspace(-3.0, 3.0, 25):
+        first, second = (np.array([math.cos(x), math.sin(x), 0]) for x in (shoulder, shoulder + elbow))
+        across = np.cross([0, 0, 1], [first, second])
+        J = np.zeros((6, 2))
+        J[:3, 0], J[:3, 1], J[5] = across.sum(axis=0), across[1], 1
+        inner = math.cos(elbow) / 2
+        M = np.array([[5 / 3 + 2 * inner, 1 / 3 + inner], [1 / 3 + inner, 1 / 3]])  # thin links, 1 kg and 1 m
+        speeds, n = np.array([1.0, -3.0]), across[1]
+        link = Body.articulated(J @ np.linalg.solve(M, J.T), first + second, *np.split(J @ speeds, 2))
+        impact = resolve(link, Body.static(), Contact.of(first + second, n))
+        row = n @ J[:3]
+        kick = np.linalg.solve(M, row)
+        after = J @ (speeds - 2 * kick * (row @ speeds) / (row @ kick))
+        assert [*impact.twist_a.linear, *impact.twist_a.angular] == pytest.approx(after, abs=1e-12)
+
+
+@each_law
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("joints", [1, 2])
+def test_a_direction_that_only_rounding_moves_is_none(law, friction, joints):
+    """As ``cos(pi / 2)`` is 6e-17: of an arm folded along an axis, beside which nothing is rounded."""
+    clean = np.array([[0.0, 0.0], [1.0, 0.5], [0.0, 2.0]])[:, :joints]
+    rounded = clean + np.array([[6e-17, 1.8e-16], [0, 0], [0, 0]])[:, :joints]
+    rounded = np.column_stack([rounded, [2.4e-16, 0, 0]])
+    exact, found = (
+        resolve_contact(J @ J.T, -J[:, :joints].sum(axis=1), (1, 2, 3), 0.5, friction, ImpactModel(law))
+        for J in (clean, rounded)
+    )
+    assert found.impulse == pytest.approx(exact.impulse, rel=1e-9)
+    assert (found.status, found.adjustments) == (exact.status, exact.adjustments)
+
+
+@each_law
+@pytest.mark.parametrize("precision", [Precision.AUTO, Precision.EXTENDED])
+@pytest.mark.parametrize("friction", [0.0, 0.3, 2.0])
+def test_a_link_whose_contact_rests_but_for_rounding(law, friction, precision):
+    """A stretched arm turns about its tip: what is left of the speeds there is rounding, also in directions
+    in which nothing moves. It is seen from a point beside the tip, so that nothing of it is exactly 0.
+    """
+    tip, beside = np.array([math.cos(math.pi / 2) * 2, 2.0, 0.0]), np.array([0.5, -0.25, 0.0])
+    J = np.zeros((6, 2))
+    J[:3] = np.array([-tip, -tip / 2])[:, [1, 0, 2]].T * [[1], [-1], [1]]
+    J[5] = 1
+    J[:3] += np.cross(J[3:].T, beside).T
+    M = np.array([[8 / 3, 5 / 6], [5 / 6, 1 / 3]])
+    link = Body.articulated(J @ np.linalg.solve(M, J.T), tip + beside, *np.split(J @ [1.0, -2.0], 2))
+    for n in [(1, 1, 0), (-1, -1, 0), (1, 2, 3), (-1, -2, -3), (1, 0, 0), (-1, 0, 0)]:
+        contact = Contact.of(tip, n, 0.5, friction)
+        impact = resolve(link, Body.static(), contact, ImpactModel(law, precision=precision))
+        assert impact.impulse == pytest.approx((0, 0, 0), abs=1e-15)
+
+
 def test_the_impulse_of_a_singular_contact_is_the_least():
     """The pseudo-inverse: of rank 2, with the normal not in the range."""
     z = np.array([0.6, 0.0, 0.8])
@@ -448,6 +507,29 @@ def test_a_door_moves_one_way(law, precision):
 
 @each_law
 @pytest.mark.parametrize("precision", [Precision.AUTO, Precision.EXTENDED])
+@pytest.mark.parametrize("frame", [(0.1, 0.7), (0.3, -0.2), (0.7, 0.3)])
+def test_a_door_moves_one_way_wherever_its_frame_is(law, precision, frame):
+    """It strikes along an axis: in ``K`` of the contact all else is what is left of terms that cancel."""
+    moment, speed, e = 0.9, -1.3, 0.5
+    for hinge, reach in itertools.product([(0.0, 0.0), (0.3, 0.1)], [0.5, 0.7, 1.3]):
+        J = np.array([hinge[1] - frame[1], frame[0] - hinge[0], 0, 0, 0, 1])
+        door = Body.articulated(np.outer(J, J) / moment, (*frame, 0), *np.split(J * speed, 2))
+        at = (hinge[0] + reach, hinge[1], 0)
+        for n, friction in itertools.product([(0, 1, 0), (3, 4, 0), (0, 3, 4), (1, 1, 1)], [0.0, 0.3, 1.5]):
+            contact = Contact.of(at, n, e, friction)
+            impact = resolve(door, Body.static(), contact, ImpactModel(law, precision=precision))
+            assert impact.status is StatusCode.OK
+            assert impact.twist_a.angular == pytest.approx((0, 0, -e * speed), abs=1e-12)
+            assert impact.impulse.y == pytest.approx(-(1 + e) * speed * moment / reach, rel=1e-12)
+        refused(
+            StatusCode.INVALID_NORMAL,
+            "contact.normal",
+            lambda: resolve(door, Body.static(), Contact.of(at, (1, 0, 0))),  # noqa: B023
+        )
+
+
+@each_law
+@pytest.mark.parametrize("precision", [Precision.AUTO, Precision.EXTENDED])
 @pytest.mark.parametrize("freedoms", [2, 3])
 def test_mechanisms_of_few_freedoms_gain_no_energy(freedoms, law, precision):
     """Nor are they refused for what rounding has made of their matrix."""
@@ -532,6 +614,16 @@ def test_a_contact_that_wedges_is_coulombs(law):
             assert found.status is StatusCode.OK
             assert found.impulse == pytest.approx(wanted.impulse, rel=1e-12)
     assert wedged > 30
+
+
+@pytest.mark.parametrize("turn", np.linspace(0.1, 3.1, 11))
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+def test_along_itself_a_stretched_arm_does_not_move(turn, law):
+    """``n.K n`` is what rounding leaves of it."""
+    n = np.array([math.cos(turn), math.sin(turn), 0])
+    across = np.array([-n[1], n[0], 0])
+    along = contact_with(np.outer(across, across) * 3.4, across, n, mu=0.0, model=ImpactModel(law))
+    refused(StatusCode.INVALID_NORMAL, "n", along)
 
 
 @pytest.mark.parametrize("eps", [F(1, 10**6), F(1, 10**12), F(1, 10**14)])

@@ -25,7 +25,11 @@ from collision_response import (
     Regime,
     StatusCode,
     resolve,
+    resolve_scene,
 )
+from collision_response.batch import resolve_batch
+from collision_response.derivatives import differentiate
+from collision_response.physics.combine import combine
 from collision_response.physics.mass_properties import box, rod
 from collision_response.physics.vector import ZERO, Vec3
 
@@ -535,6 +539,30 @@ def test_what_a_number_loses_on_the_way_in_is_in_the_bound():
 def test_what_is_no_request_is_a_type_error_that_names_it(field, wrong):
     with pytest.raises(TypeError, match=f"^{re.escape(field)}: "):
         wrong()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda n: resolve(BALL, FLOOR, CONTACT, ImpactModel(law=n)),
+        lambda n: resolve(BALL, FLOOR, CONTACT, ImpactModel(tolerance=n)),
+        lambda n: resolve(BALL, FLOOR, CONTACT, n),
+        lambda n: strike(mass=n),
+        lambda n: strike(velocity=n),
+        lambda n: strike(inertia=n),
+        lambda n: strike(orientation=n),
+        lambda n: resolve_scene([n, FLOOR], [(0, 1)], [CONTACT]),
+        lambda n: resolve_scene([BALL, FLOOR], [n], [CONTACT]),
+        lambda n: resolve_scene([BALL, FLOOR], [(0, 1)], [n]),
+        lambda n: resolve_scene([BALL, FLOOR], [(0, n)], [CONTACT]),
+        lambda n: resolve_batch(np.zeros((4, 2, 0)), np.zeros((4, 0)), workers=-n),
+        lambda n: differentiate(BALL, FLOOR, CONTACT, with_respect_to=[n]),
+        lambda n: combine(n, 0.5, 0.5),
+    ],
+)
+def test_integers_that_python_does_not_spell_out_are_refused_all_the_same(wrong):
+    with pytest.raises((TypeError, ValueError), match="of more digits than are shown"):
+        wrong(10**5000)
 
 
 def test_an_error_in_a_restitution_function_is_the_callers():

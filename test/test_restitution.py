@@ -13,8 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from integrate import until
 from mpmath import mp
+from scenes import EVERY_LAW
 
-from collision_response import Adjustment, Body, Contact, ImpactModel, resolve
+from collision_response import Adjustment, Body, Contact, ImpactModel, Precision, StatusCode, resolve
 from collision_response.physics.restitution import johnson, plastic, power_law, tabulated, viscoelastic
 
 DROP = Body.dynamic(1.0, velocity=(0.0, 0.0, -2.0))
@@ -70,6 +71,27 @@ def test_the_threshold_acts_below_and_says_so():
     fast = resolve(DROP, FLOOR, contact(0.5), ImpactModel(restitution_threshold=2.0))
     assert fast.normal_velocity_after == 1.0
     assert fast.adjustments == Adjustment.NONE
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.25])
+@pytest.mark.parametrize("law", EVERY_LAW, ids=lambda law: law.name)
+def test_a_threshold_that_is_met_exactly_leaves_no_law_in_doubt(law, friction):
+    """Nor one an ulp aside: slip of this box turns all the time, and no more digits make its path exact."""
+    box = Body.box(2.0, (1.0, 0.5, 2.0), position=(0.5, 0.25, 1.0), velocity=(1.0, -2.0, -3.0))
+    for threshold in (3.0, math.nextafter(3.0, 0), math.nextafter(3.0, 4)):
+        e = 0.5 if threshold <= 3.0 else 0.0
+        for precision in (Precision.AUTO, Precision.EXTENDED):
+            model = ImpactModel(law, precision=precision, restitution_threshold=threshold)
+            touch = Contact.of((0, 0, 0), (0, 0, 2), 0.5, friction)
+            impact = resolve(box, FLOOR, touch, model)
+            decided = touch._replace(restitution=e), model._replace(restitution_threshold=0.0)
+            plain = resolve(box, FLOOR, *decided)
+            assert (impact.status, impact.contact.restitution) == (StatusCode.OK, e)
+            assert (impact.model.law, impact.model.restitution_threshold) == (plain.model.law, threshold)
+            acted = Adjustment.NONE if e else Adjustment.RESTITUTION_THRESHOLD
+            assert impact.adjustments == plain.adjustments | acted
+            assert impact.error_bound < 1e-9
+            assert impact.impulse == pytest.approx(plain.impulse, rel=1e-9)
 
 
 ANY = st.floats(5e-324, sys.float_info.max)

@@ -36,7 +36,7 @@ from ..model import LARGEST, Geometry, ImpactModel, Law, Precision, check_model,
 from ..model import Plan as PlanOfModel
 from ..model import plan as plan_of_model
 from ..physics.laws import PATHS, STEPPED, Settings
-from ..status import ImpactError, StatusCode
+from ..status import ImpactError, StatusCode, shown
 from . import one_by_one
 from .elsewhere import is_lazy
 from .elsewhere import resolve_batch as elsewhere
@@ -155,7 +155,7 @@ def resolve_batch(
 def check_workers(workers: Any) -> None:
     """Raises: ValueError: they are no number of threads."""
     if not isinstance(workers, (int, Integral)) or workers < 1:
-        raise ValueError(f"workers: must be a whole number, at least 1, is {workers!r}")
+        raise ValueError(f"workers: must be a whole number, at least 1, is {shown(workers)}")
 
 
 def resolve_with_pauses(

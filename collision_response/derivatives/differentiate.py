@@ -26,7 +26,7 @@ from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Settings
 from ..resolve import resolve
-from ..status import ImpactError, StatusCode
+from ..status import ImpactError, StatusCode, shown
 
 Array = np.ndarray[Any, Any]
 
@@ -214,7 +214,7 @@ def differentiate_batch(
 def _unit(names: tuple[str, ...]) -> tuple[Array, dict[str, slice]]:
     for name in names:
         if name not in PARAMETERS:
-            reason = f"must be names of {', '.join(PARAMETERS)}; is {name!r}"
+            reason = f"must be names of {', '.join(PARAMETERS)}; is {shown(name)}"
             raise ImpactError(StatusCode.INVALID_MODEL, "with_respect_to", reason)
     places = [i for name in names for i in range(COUNT)[PARAMETERS[name]]]
     columns = _places({name: PARAMETERS[name].stop - PARAMETERS[name].start for name in names})

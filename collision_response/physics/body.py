@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 from ..numbers.number import Condition, Scalar, all_zero, choose, given_roundoff, negation
+from ..status import shown
 from . import mass_properties as solids
 from .inverse_inertia import InverseInertia
 from .mass_properties import MassProperties
@@ -103,7 +104,7 @@ class Body(NamedTuple):
             tensor = Symmetric3.of(inertia)
         except TypeError:
             raise TypeError(
-                f"inertia: must be (xx, xy, xz, yy, yz, zz) or a matrix, is {inertia!r}"
+                f"inertia: must be (xx, xy, xz, yy, yz, zz) or a matrix, is {shown(inertia)}"
             ) from None
         except ValueError as error:
             raise ValueError(f"inertia: {error}") from None
@@ -272,7 +273,7 @@ def _quaternion(values: Sequence[Scalar]) -> Quaternion:
     try:
         return Quaternion(*values)
     except TypeError:
-        raise TypeError(f"orientation: must be a quaternion (x, y, z, w), is {values!r}") from None
+        raise TypeError(f"orientation: must be a quaternion (x, y, z, w), is {shown(values)}") from None
 
 
 def _factor(inertia: Symmetric3) -> tuple[Condition, Factor3]:

@@ -6,6 +6,7 @@ from enum import Enum
 from typing import Any
 
 from ..numbers.number import Scalar, choose, greater, lesser, square_root
+from ..status import shown
 
 
 class CombineRule(Enum):
@@ -74,7 +75,7 @@ def check_rule(rule: Any) -> None:
     """Raises: TypeError: that is no rule."""
     if not isinstance(rule, CombineRule):
         known = ", ".join(map(str, CombineRule))
-        raise TypeError(f"rule: must be one of {known}, is {rule!r}")
+        raise TypeError(f"rule: must be one of {known}, is {shown(rule)}")
 
 
 TINY = 2.0**-1000

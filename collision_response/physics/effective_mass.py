@@ -21,6 +21,7 @@ of it are 0.
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import NamedTuple
 
 from ..numbers.number import Condition, Scalar, all_zero, certain, choose, greater, negation, square_root
@@ -28,7 +29,7 @@ from .body import Body, Twist
 from .contact import Contact
 from .inverse_inertia import MISFIT, InverseInertia
 from .orientation import ALIGNED, Rotation
-from .tensor import InverseTensor, Symmetric3
+from .tensor import LEAST, InverseTensor, Symmetric3
 from .vector import Vec3
 
 
@@ -120,6 +121,14 @@ class Side(NamedTuple):
         linear, _, angular = self.own.blocks()
         return linear.trace() + angular.trace() * self.d.dot(self.d)
 
+    def size_of_shift(self) -> Scalar:
+        """Of those of them by which it differs from that of the reference point [1/kg]."""
+        if not self.own:
+            return 0
+        linear, _, angular = self.own.blocks()
+        turned = angular.trace() * self.d.dot(self.d)
+        return turned + square_root(turned) * square_root(linear.trace())
+
     def response(self, impulse: Vec3) -> Twist:
         """The change of the twist of the reference point that an impulse at the contact causes."""
         x, y, z = self.rotation.moments(self.r)
@@ -182,10 +191,10 @@ class ContactKinematics(NamedTuple):
         K = self._mobility()
         if self.is_rigid():
             return K
-        n, idle = self.n, K.null_space()
+        n, idle = self.n, self._null_space(K)
         along = idle @ n
         apart = along.dot(along) <= ACROSS * n.dot(n)
-        return choose(apart, lambda: K + idle * K.breadth(), lambda: K)
+        return choose(apart, lambda: K + idle * K.breadth(self._rounding()), lambda: K)
 
     def impulse_for(self, K: Symmetric3, change: Vec3) -> Vec3:
         """The least impulse that changes ``u`` so, where ``K`` is the inverse effective mass."""
@@ -193,45 +202,61 @@ class ContactKinematics(NamedTuple):
 
     def made_invertible(self, K: Symmetric3) -> Symmetric3:
         """``K``; of mechanisms with an inverse effective mass where nothing moves."""
-        return K if self.is_rigid() else K + K.null_space() * K.breadth()
+        return K if self.is_rigid() else K + self._null_space(K) * K.breadth(self._rounding())
 
     def forgiven(self, impulse: Vec3) -> tuple[Scalar, Scalar]:
         """How far an answer may be off for the rounding with which matrices of mechanisms are accepted.
 
-        Twice the work of the impulse [J], and ``n.u`` after it; 0 for rigid bodies.
+        Twice the work of the impulse [J], and ``n.u`` after it; 0 for rigid bodies. What no impulse moves is
+        rounding too, be it all of ``u``, and no law takes more than twice of it.
         """
         if self.is_rigid():
             return 0, 0
         own, size = (self.side_a.size_of_terms(), self.side_b.size_of_terms()), impulse.norm()
-        change = MISFIT * sum(own) * size
+        idle = self._null_space(self._mobility()) @ self.u
+        change = MISFIT * sum(own) * size + 2 * idle.norm()
         return change * size, change * self.n.norm()
 
     def moves_normal(self) -> Condition:
         """Whether an impulse along the normal moves the contact."""
-        n, K = _scaled(self.n), self._mobility()
-        return n.dot(K @ n) > LEAST * (n.dot(n) * K.trace())
+        n, K = Vec3(*_scaled(*self.n)), self._mobility()
+        cancelled = CANCELLED * (n.x * n.x * K.xx + n.y * n.y * K.yy + n.z * n.z * K.zz)
+        least = n.dot(n) * greater(LEAST * K.trace(), self._rounding())
+        return n.dot(K @ n) > greater(cancelled, least)
 
     def moves_one_way(self) -> Condition:
         """Whether impulses move the contact along one line alone, not that of the normal."""
-        return self.inverse_effective_mass().is_line()
+        return self.inverse_effective_mass().is_line(self._rounding())
 
     def locks(self) -> Condition:
         """Whether impulses in some direction that is not across the normal move nothing: of mechanisms."""
         if self.is_rigid():
             return False
-        return certain(self.inverse_effective_mass().null_space().trace()) > 0
+        return certain(self._null_space(self.inverse_effective_mass()).trace()) > 0
 
     def wedges(self, mu: Scalar) -> Condition:
         """Whether such a direction lies in the cone of friction: no law then says how great impulses are."""
-        n, idle = _scaled(self.n), self.inverse_effective_mass().null_space()
+        n, idle = Vec3(*_scaled(*self.n)), self._null_space(self.inverse_effective_mass())
         nn, along = n.dot(n), n.dot(idle @ n)
         return self.locks() & (square_root(greater(nn - along, 0 * nn)) <= mu * square_root(along))
 
     def can_rest(self) -> Condition:
-        """Whether some impulse brings the contact to rest: ``u`` lies in the range of ``K``."""
-        u = _scaled(self.u)
-        rest = self._mobility().null_space() @ u
-        return rest.dot(rest) <= ACROSS * u.dot(u)
+        """Whether some impulse brings the contact to rest: ``u`` lies in the range of ``K``.
+
+        To rounding of the velocities that ``u`` is the sum of.
+        """
+        a, b = self.side_a.velocity(), self.side_b.velocity()
+        whole = _scaled(*self.u, *(self.u - (a - b)), *a, *b)
+        rest = self._null_space(self._mobility()) @ Vec3(*whole[:3])
+        return rest.dot(rest) <= ACROSS
+
+    def _null_space(self, K: Symmetric3) -> Symmetric3:
+        """The projection on the directions in which nothing moves."""
+        return K.null_space(self._rounding())
+
+    def _rounding(self) -> Scalar:
+        """Of ``K``, of the terms that cancel in it [1/kg]."""
+        return CANCELLED * (self.side_a.size_of_shift() + self.side_b.size_of_shift())
 
     def _mobility(self) -> Symmetric3:
         return self.side_a.mobility() + self.side_b.mobility()
@@ -296,15 +321,15 @@ class Seen(NamedTuple):
         return self.invertible or K
 
 
-def _scaled(v: Vec3) -> Vec3:
-    """A vector in the middle of the range of numbers: its greatest component is 1."""
-    x, y, z = (certain(abs(component)) for component in v)
-    size = greater(greater(x, y), z)
-    return v / choose(size > 0, lambda: size, lambda: size * 0 + 1)
+def _scaled(*numbers: Scalar) -> list[Scalar]:
+    """Numbers in the middle of their range: the greatest is 1."""
+    size = reduce(greater, (certain(abs(x)) for x in numbers))
+    size = choose(size > 0, lambda: size, lambda: size * 0 + 1)
+    return [x / size for x in numbers]
 
 
 ACROSS = 2.0**-60
 """Square of the sine of an angle that is rounding."""
 
-LEAST = 2.0**-70
-"""A part of ``K`` that is less than this of the whole is rounding: a lever arm of 2^-35."""
+CANCELLED = 2.0**-48
+"""What is left of terms that cancel is rounding of this part of them."""

@@ -17,9 +17,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import reduce
 from typing import Any, NamedTuple
 
-from ..numbers.number import Condition, Scalar, all_of, choose, greater, square_root
+from ..numbers.number import Condition, Scalar, all_of, choose, greater, negation, square_root
 from ..status import ImpactError, StatusCode
 from .tensor import Symmetric3
 from .vector import Vec3
@@ -108,7 +109,9 @@ class InverseInertia(NamedTuple):
     def is_semi_definite(self) -> Condition:
         """Whether no impulse creates energy, to a tolerance that no choice of units changes.
 
-        By the pivots of the matrix in units of its diagonal, or of what is rounding beside the block's.
+        By the pivots of the matrix in units of its diagonal, or of what is rounding beside the block's: what
+        is left when the greatest pivot is rounding must be rounding too. The greatest comes first, for the
+        next ones are as uncertain as rounding beside it.
         """
         full = {(i, j): x for (i, j), x in zip(_PLACES, self, strict=True)}
         linear, angular = self.xx + self.yy + self.zz, self.aa + self.bb + self.cc
@@ -117,22 +120,27 @@ class InverseInertia(NamedTuple):
             _positive(square_root(greater(greater(full[i, i], floors[i]), 0 * linear))) for i in range(6)
         ]
         s = {(i, j): full[i, j] / units[i] / units[j] for i, j in _PLACES}
-        sound = []
-        for i in range(6):
-            pivot = s[i, i]
-            counts = pivot > ROUNDING
-            sound.append(pivot >= -MISFIT)
-            for j in range(i + 1, 6):
-                square, least = s[i, j] * s[i, j], greater(pivot * s[j, j], 0 * pivot)
-                sound.append(counts | (square <= least + MISFIT * MISFIT))
-            share = choose(counts, lambda: 1.0, lambda: 0.0) / _positive(pivot)
+        for _ in range(6):
+            pivot = reduce(greater, (s[i, i] for i in range(6)))
+            row = _row_of(pivot, s)
+            share = choose(pivot > ROUNDING, lambda: 1.0, lambda: 0.0) / _positive(pivot)
             for j, k in _PLACES:
-                if i < j:
-                    s[j, k] = s[j, k] - s[i, j] * s[i, k] * share
-        return all_of(sound)
+                s[j, k] = s[j, k] - row[j] * row[k] * share
+        return all_of(abs(x) <= MISFIT for x in s.values())
 
 
 _PLACES = [(i, j) for i in range(6) for j in range(i, 6)]
+
+
+def _row_of(pivot: Scalar, s: dict[tuple[int, int], Scalar]) -> tuple[Scalar, ...]:
+    """The first row with this number on its diagonal."""
+    row, found = (0 * pivot,) * 6, False
+    for i in range(6):
+        is_it = (s[i, i] >= pivot) & negation(found)
+        here = tuple(s[min(i, j), max(i, j)] for j in range(6))
+        row = choose(is_it, lambda: here, lambda: row)  # noqa: B023
+        found = found | is_it
+    return row
 
 
 def _positive(x: Scalar) -> Scalar:

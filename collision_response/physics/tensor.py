@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, TypeVar
 
-from ..numbers.number import Condition, Scalar, certain, choose, square_root
+from ..numbers.number import Condition, Scalar, certain, choose, greater, square_root
 from .vector import AXES, Vec3
 
 T = TypeVar("T")
 
 SINGULAR = 2.0**-40
 """A determinant of at most this part of the product of its diagonal is rounding of the tensor's making."""
+LEAST = 2.0**-70
+"""An eigenvalue of at most this part of the trace is so, too: it is that of a lever arm of 2^-35."""
 ASYMMETRY = 1e-9
 """How far the two halves of a matrix may differ, relative to its largest component: by rounding."""
 
@@ -77,27 +79,36 @@ class Symmetric3(NamedTuple):
         """The vector that this positive definite tensor maps to ``v``."""
         return self.factor().solve(v)
 
-    def is_line(self) -> Condition:
-        """Whether this positive semi-definite tensor maps all to one line, to rounding."""
-        minors, whole = self._minors()
-        return certain(minors) <= certain(SINGULAR * whole)
+    def is_line(self, least: Scalar) -> Condition:
+        """Whether this positive semi-definite tensor maps all to one line, to rounding.
 
-    def breadth(self) -> Scalar:
+        Args:
+            least: an eigenvalue up to which it is rounding, here and below, if that is more than ``LEAST``.
+        """
+        minors, rounding = self._minors(least)
+        return certain(minors) <= rounding
+
+    def breadth(self, least: Scalar) -> Scalar:
         """The least of its eigenvalues but for 0, to a factor of 2, if it is singular."""
-        return choose(self.is_line(), self.trace, lambda: self._minors()[0] * self._size())
+        return choose(self.is_line(least), self.trace, lambda: self._minors(least)[0] * self._size())
 
-    def _minors(self) -> tuple[Scalar, Scalar]:
-        """The sum of the principal minors, for a trace of 1, and what it is without what is subtracted."""
+    def _minors(self, least: Scalar) -> tuple[Scalar, Scalar]:
+        """The sum of the principal minors, for a trace of 1, and up to where it is rounding."""
         xx, xy, xz, yy, yz, zz = self * (1 / self._size())
         minors = yy * zz - yz * yz + xx * zz - xz * xz + xx * yy - xy * xy
-        return minors, xx * yy + yy * zz + xx * zz
+        coupled = certain(SINGULAR * (xx * yy + yy * zz + xx * zz))
+        return minors, greater(coupled, self._share(least))
+
+    def _share(self, least: Scalar) -> Scalar:
+        """Of the trace."""
+        return greater(certain(least / self._size()), LEAST)
 
     def _size(self) -> Scalar:
         """The trace, or 1 if that is 0."""
         trace = self.trace()
         return choose(certain(trace) > 0, lambda: trace, lambda: trace * 0 + 1)
 
-    def null_space(self) -> Symmetric3:
+    def null_space(self, least: Scalar) -> Symmetric3:
         """The projection on what this positive semi-definite tensor maps to 0, to rounding; 0 if nothing.
 
         Of rank 2 it is the adjugate over its trace, of rank 1 all but the tensor over its trace.
@@ -106,10 +117,11 @@ class Symmetric3(NamedTuple):
         a_xx, a_yy, a_zz = yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy
         a_xy, a_xz, a_yz = xz * yz - xy * zz, xy * yz - xz * yy, xy * xz - xx * yz
         det = xx * a_xx + xy * a_xy + xz * a_xz
-        is_definite = certain(det) > certain(SINGULAR * (xx * yy * zz))
-        whole = xx * yy + yy * zz + xx * zz
-        is_plane = certain(a_xx + a_yy + a_zz) > certain(SINGULAR * whole)
-        size = choose(is_plane, lambda: a_xx + a_yy + a_zz, lambda: xx + yy + zz)
+        minors, rounding = self._minors(least)
+        is_plane = certain(minors) > rounding
+        coupled = certain(SINGULAR * (xx * yy * zz))
+        is_definite = certain(det) > greater(coupled, self._share(least) * certain(minors))
+        size = choose(is_plane, lambda: minors, lambda: xx + yy + zz)
         size = choose(certain(size) > 0, lambda: size, lambda: size * 0 + 1)
 
         def of_line() -> Symmetric3:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from ..numbers.number import Scalar, square_root
+from ..status import shown
 
 
 class Vec3(NamedTuple):
@@ -23,6 +24,9 @@ class Vec3(NamedTuple):
 
     def __sub__(self, other: Vec3) -> Vec3:
         return Vec3(self[0] - other[0], self[1] - other[1], self[2] - other[2])
+
+    def __rsub__(self, other: Vec3) -> Vec3:
+        return -self + other  # a plain tuple
 
     def __neg__(self) -> Vec3:
         return Vec3(-self[0], -self[1], -self[2])
@@ -56,7 +60,7 @@ def as_vector(field: str, values: Sequence[Scalar]) -> Vec3:
     try:
         return Vec3(*values)
     except TypeError:
-        raise TypeError(f"{field}: must be (x, y, z), is {values!r}") from None
+        raise TypeError(f"{field}: must be (x, y, z), is {shown(values)}") from None
 
 
 ZERO = Vec3(0.0, 0.0, 0.0)

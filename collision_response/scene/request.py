@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 from .. import on_balls, validity
 from ..physics.body import Body
 from ..physics.contact import Contact
-from ..status import ImpactError, StatusCode
+from ..status import ImpactError, StatusCode, shown
 from .clusters import Pair
 
 T = TypeVar("T")
@@ -43,7 +43,7 @@ def check(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterable[Any]) 
     movable, has_friction = [], False
     for i, body in enumerate(bodies):
         if not isinstance(body, Body):
-            raise TypeError(f"bodies[{i}]: must be a Body, is {body!r}")
+            raise TypeError(f"bodies[{i}]: must be a Body, is {shown(body)}")
         if body.inverse_inertia is not None:
             field, reason = f"bodies[{i}].inverse_inertia", "is for one impact, by resolve(), not for scenes"
             raise ImpactError(StatusCode.INVALID_INERTIA, field, reason)
@@ -53,7 +53,7 @@ def check(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterable[Any]) 
             raise TypeError(f"bodies[{i}].mass: must be a real number, is {body.mass!r}") from None
     for i, contact in enumerate(contacts):
         if not isinstance(contact, Contact):
-            raise TypeError(f"contacts[{i}]: must be a Contact, is {contact!r}")
+            raise TypeError(f"contacts[{i}]: must be a Contact, is {shown(contact)}")
         try:
             has_friction = has_friction or callable(contact[3]) or bool(contact[3] > 0)
         except TypeError:
@@ -69,7 +69,7 @@ def check(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterable[Any]) 
             pairs[i] = pair = _as_pair(i, pair)
         a, b = pair
         if not (0 <= a < count and 0 <= b < count):
-            reason = f"must be two indices of bodies, from 0 to {count - 1}; is {pair}"
+            reason = f"must be two indices of bodies, from 0 to {count - 1}; is {shown(pair)}"
             raise ImpactError(StatusCode.UNKNOWN_BODY, f"pairs[{i}]", reason)
         if a == b:
             raise ImpactError(StatusCode.SAME_BODY, f"pairs[{i}]", f"a body cannot strike itself; is {pair}")
@@ -80,7 +80,7 @@ def _as_pair(i: int, pair: Any) -> Pair:
     try:
         a, b = (index.__index__() for index in pair)
     except (AttributeError, TypeError, ValueError):
-        raise TypeError(f"pairs[{i}]: must be two indices of bodies, is {pair!r}") from None
+        raise TypeError(f"pairs[{i}]: must be two indices of bodies, is {shown(pair)}") from None
     return a, b
 
 
