@@ -135,10 +135,8 @@ def test_the_bound_holds_the_error(name):
     assert impact.energy_change <= 0
 
 
-@pytest.mark.parametrize(
-    ("K", "mu", "kappa"),
-    list(product(((2.5, 2.0, 2.5), (2.5, 1.5, 2.5), (3.0, 1.75, 1.25)), (2.0, 20.0), (1.0, 20.0))),
-)
+@pytest.mark.parametrize(("mu", "kappa"), [(2.0, 1.0), (20.0, 20.0)])
+@pytest.mark.parametrize("K", [(2.5, 2.0, 2.5), (2.5, 1.5, 2.5), (3.0, 1.75, 1.25)])
 def test_a_jam_goes_on_to_far_above_the_first_approach(K, mu, kappa):
     """Steps err by a part of the impulse so far: none is good enough beside that of the first approach."""
     graze = 2.0**-20
