@@ -39,7 +39,8 @@ def start(graph):
     processes = []
 
     def start(*arguments, before=()):
-        command = [*before, sys.executable, str(NODE), "--ros-args", "-r", f"__ns:={graph.namespace}", *arguments]
+        command = [*before, sys.executable, str(NODE), "--ros-args", "-r", f"__ns:={graph.namespace}"]
+        command += arguments
         processes.append(subprocess.Popen(command, stderr=subprocess.PIPE, text=True))
         return processes[-1]
 
