@@ -100,6 +100,7 @@ def test_it_needs_no_standard_streams(graph, start, tmp_path, closed):
         (("-p", "body_state_topics:=[a b]"), "a b"),
         (("--params-file", "/nowhere/to/be/found.yaml"), "found.yaml"),
         (("-p", "=1"), "=1"),
+        (("-p", "memory_limit:=1"), "memory_limit: is 1 MiB, but the start alone takes "),
         (
             ("-p", "body_state_topics:=[]"),
             "a parameter is a list without entries, which has no type; for none write ['']",
