@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import io
+import os
 import re
+import signal
 import subprocess
 import sys
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
@@ -25,6 +28,9 @@ BOUNCED = [
     "floor  (0, 0, 0)       (0, 0, 0)",
     "energy 9 -> 2.25 J; lost: 6.75 restitution, 0 friction",
 ]
+
+
+EXECUTABLE = Path(__file__).resolve().parent.parent / "scripts" / "collision_response"
 
 
 def test_help_names_every_command(capsys):
@@ -113,6 +119,64 @@ class TestCall:
         monkeypatch.setattr(sys, "stdin", io.StringIO(BOUNCE))
         assert call("-")[1].splitlines()[2:] == BOUNCED
 
+    @pytest.mark.parametrize(
+        ("stdin", "says"),
+        [
+            (None, "standard input is closed"),
+            (io.TextIOWrapper(io.BytesIO(b"\xff"), "utf-8"), "standard input: 'utf-8' codec can't decode"),
+        ],
+    )
+    def test_what_cannot_be_read_is_said(self, call, monkeypatch, stdin, says):
+        monkeypatch.setattr(sys, "stdin", stdin)
+        code, said, wrong = call("-")
+        assert (code, said) == (2, "")
+        assert wrong.startswith(f"collision_response call: {says}")
+
+    def test_letters_that_the_locale_has_not_are_written_by_number(self, call, monkeypatch):
+        written = io.BytesIO()
+        monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(written, "ascii"))
+        assert call(BOUNCE.replace("name: ball", "name: b\u00e4ll"))[::2] == (0, "")
+        assert rb"b\xe4ll " in written.getvalue()
+
+    @pytest.mark.parametrize("unbuffered", ["", "1"])
+    def test_it_ends_quietly_when_nobody_reads_on(self, tried_node, unbuffered):
+        from ros_graph import DEADLINE
+
+        source, sink = os.pipe()
+        os.close(source)
+        try:
+            run = subprocess.run(
+                [sys.executable, str(EXECUTABLE), "call", BOUNCE, "--service", tried_node.service],
+                env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+                stdout=sink,
+                stderr=subprocess.PIPE,
+                text=True,
+                timeout=DEADLINE,
+                check=False,
+            )
+        finally:
+            os.close(sink)
+        assert (run.returncode, run.stderr) == (128 + signal.SIGPIPE, "")
+
+    @pytest.mark.parametrize(
+        ("number", "code"), [(signal.SIGINT, 128 + signal.SIGINT), (signal.SIGTERM, -signal.SIGTERM)]
+    )
+    def test_it_ends_quietly_on_a_signal(self, graph, number, code):
+        from ros_graph import DEADLINE, until
+
+        command = [sys.executable, str(EXECUTABLE), "call", "{}", "--service", "/nobody", "--timeout", "1000"]
+        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as run:
+            until(lambda: "collision_response_call" in graph.user.get_node_names())
+            run.send_signal(number)
+            _, wrong = run.communicate(timeout=DEADLINE)
+        assert (run.returncode, wrong) == (code, "")
+
+    def test_where_ros_does_not_start_it_says_why(self, monkeypatch, capsys):
+        monkeypatch.setenv("ROS_DOMAIN_ID", "one")
+        assert main(["call", "{}"]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert "ROS_DOMAIN_ID is not an integral number" in line
+
     def test_a_refusal_names_the_field_and_ends_with_1(self, call):
         code, said, wrong = call("body_a: {}")
         assert (code, said) == (1, "")
@@ -157,14 +221,20 @@ contacts: [0, 0,  0, 0,  1, 1,  0.5, 0.5]"""
             ("body_a: {inertia: {m: heavy}}", "body_a.inertia.m: must be a number, is 'heavy'"),
             ("body_a: {motion_type: 300}", "body_a.motion_type: must be a uint8, is 300"),
             ("body_a: {motion_type: 1.5}", "body_a.motion_type: must be a uint8, is 1.5"),
+            ("not_before: {sec: 3000000000}", "not_before.sec: must be an int32, is 3000000000"),
             ("body_a: {motion_type: fixed}", "must be one of DYNAMIC, KINEMATIC, STATIC; is fixed"),
             ("model: {law: POINT}", "model.law: must be one of AUTO, FRICTIONLESS, COULOMB, "),
             ("[1, 2]", "the request: has the fields body_a, body_b, "),
             ("body_a: {", "while parsing a flow"),
             ("[]", "the request: has the fields body_a, body_b, "),
             ("0", "the request: has the fields body_a, body_b, "),
-            ("[" * 3000, "the request is nested too deeply"),
-            ("2001-02-30", "day is out of range for month"),
+            ("[" * 3000, "collision_response call: it is nested too deeply"),
+            ("2001-02-30", "the request: has the fields body_a, body_b, "),
+            ("body_a: {inertia: {m: 1, m: 2}}", "'m' is there twice"),
+            ("body_a: {inertia: {m: !!bool x}}", "cannot be read as bool"),
+            ("body_a: {inertia: {m: !!int ''}}", "cannot be read as int"),
+            ("body_a: {inertia: {m: !!timestamp x}}", "body_a.inertia.m: must be a number, is 'x'"),
+            (f"body_a: {{motion_type: 1{'0' * 5000}}}", "cannot be read as int"),
             ("body_a: {motion_type: .inf}", "body_a.motion_type: must be a uint8, is inf"),
             (f"body_a: {{inertia: {{m: 1{'0' * 400}}}}}", "body_a.inertia.m: must be a number, is 1000"),
             ("body_a: {inertia: {m: true}}", "body_a.inertia.m: must be a number, is True"),

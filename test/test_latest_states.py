@@ -137,6 +137,23 @@ def test_of_a_table_and_a_state_the_later_counts():
     assert heard.speed() == 3.0
 
 
+@pytest.mark.parametrize(
+    ("known", "new"),
+    [(5000, 999), (5000, 4000), (10, 0), (0, 10), (10, 10), (-10, 0)],
+    ids=["future, past", "future, future", "stamp, none", "none, stamp", "equal", "before 1970, none"],
+)
+@pytest.mark.parametrize("kinds", ["state, table", "table, state", "table, table", "state, state"])
+def test_the_one_that_arrived_last_counts_whatever_it_came_in(known, new, kinds):
+    """Unless its stamp is the earlier one, and neither is a wrong one or none."""
+    heard = Heard()
+    for publisher, (kind, seconds) in enumerate(zip(kinds.split(", "), (known, new), strict=True), 1):
+        speed = float(publisher)
+        state = table(["left"], seconds, speed) if kind == "table" else left(speed, seconds)
+        heard.hear(state, publisher)
+    assert heard.speed() == 2.0
+    assert heard.states.overtaken == 0
+
+
 def test_a_table_stands_for_the_one_before_of_its_publisher_and_for_no_other():
     heard = Heard()
     heard.hear(table(["a"], 10), publisher=1)

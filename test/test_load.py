@@ -28,14 +28,17 @@ from collision_response import Body, Contact, Geometry, ImpactError, ImpactModel
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.msg import BodyState
 from collision_response.ros import batches, clients, scenes, server
+from collision_response.ros import diagnostics as diagnostics_module
 from collision_response.ros.batch_client import pack, unpack
 from collision_response.ros.clients import Presence
+from collision_response.ros.diagnostics import PERIOD, Diagnostics
 from collision_response.ros.intake import RCLError
 from collision_response.ros.patience import TOGETHER
 from collision_response.ros.scene_client import pack as pack_scene
 from collision_response.ros.scenes import MOST_BODIES
 from collision_response.ros.server import SERVICE_QOS
 from collision_response.ros.states import LatestStates
+from collision_response.ros.tally import Tally
 from collision_response.srv import ResolveCollision
 
 EXTENDED = ImpactModel(precision=Precision.EXTENDED)
@@ -372,6 +375,25 @@ def test_diagnostics_tell_what_was_answered_and_what_went_wrong(graph):
     states.publish(BodyState(name="x" * 5000))
     until(lambda: last()[1]["states that could not be read"] == "1")
     assert last()[1]["states"] == "1"
+
+
+@pytest.mark.parametrize("late", [0.0, 3.0])
+def test_rates_are_those_of_the_time_that_has_passed(graph, monkeypatch, late):
+    """The timer is late when something long is computed."""
+    now, told = [100.0], []
+    monkeypatch.setattr(diagnostics_module, "time", SimpleNamespace(perf_counter=lambda: now[0]))
+    tally = Tally()
+    node = Node("nobody_spins_it", context=graph.context)
+    of_node = Diagnostics(node, tally, LatestStates(1, lambda: 0, print), None, lambda: 0)
+    monkeypatch.setattr(of_node, "_publisher", SimpleNamespace(publish=told.append))
+    tally.requests += 600
+    now[0] += PERIOD + late
+    of_node._publish()
+    (status,) = told[-1].status
+    values = {value.key: value.value for value in status.values}
+    assert float(values["requests per second"]) == 600 / (1.0 + late)
+    assert values["answers per second"] == "0.0"
+    node.destroy_node()
 
 
 @pytest.mark.parametrize(("word", "publishers"), [("off", 0), ("metadata", 1), ("contents", 1)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -34,11 +35,12 @@ NODE = Path(__file__).resolve().parent.parent / "scripts" / "collision_response_
 
 @pytest.fixture
 def start(graph):
-    """Start the node's executable with ROS arguments, in the namespace of the graph."""
+    """Start the node's executable with ROS arguments, in the namespace of the graph; ``before`` runs it."""
     processes = []
 
-    def start(*arguments):
-        command = [sys.executable, str(NODE), "--ros-args", "-r", f"__ns:={graph.namespace}", *arguments]
+    def start(*arguments, before=()):
+        command = [*before, sys.executable, str(NODE), "--ros-args", "-r", f"__ns:={graph.namespace}"]
+        command += arguments
         processes.append(subprocess.Popen(command, stderr=subprocess.PIPE, text=True))
         return processes[-1]
 
@@ -49,7 +51,9 @@ def start(graph):
         process.communicate()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda number: number.name
+)
 def test_it_answers_another_process_and_ends_on_a_signal(graph, start, number):
     node = start()
     assert graph.call(balls_meet()).result.twist_a.linear.x == 2.0
@@ -62,6 +66,33 @@ def test_it_answers_another_process_and_ends_on_a_signal(graph, start, number):
     assert f"serving {graph.service}" in stderr
 
 
+def test_a_signal_that_is_ignored_at_the_start_stays_so(graph, start):
+    """As ``nohup`` does it; what a shell starts in the background still ends on SIGINT."""
+    node = start(before=("sh", "-c", "trap '' HUP INT; exec \"$@\"", "sh"))
+    assert graph.call(balls_meet()).success
+    status = Path(f"/proc/{node.pid}/status").read_text()
+    ignored = int(re.search(r"^SigIgn:\s*(\w+)$", status, re.MULTILINE)[1], 16)
+    assert [bool(ignored >> number - 1 & 1) for number in (signal.SIGHUP, signal.SIGINT)] == [True, False]
+    node.send_signal(signal.SIGINT)
+    node.communicate(timeout=DEADLINE)
+    assert node.returncode == 0
+
+
+@pytest.mark.parametrize("closed", ["<&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
+def test_it_needs_no_standard_streams(graph, start, tmp_path, closed):
+    """Without them its own pipe would have their numbers, and what is logged would tell it to end."""
+    pytest.importorskip("rerun")
+    from collision_response.recording.table import read
+
+    recording = ("-p", "recording.enabled:=true", "-p", f"recording.directory:={tmp_path}")
+    node = start(*recording, before=("sh", "-c", f'exec "$@" {closed}', "sh"))
+    assert graph.call(balls_meet()).success
+    node.send_signal(signal.SIGTERM)
+    node.communicate(timeout=DEADLINE)
+    assert node.returncode == 0
+    assert read(tmp_path.glob("*.rrd")).num_rows == 1
+
+
 @pytest.mark.parametrize(
     ("arguments", "shown"),
     [
@@ -69,6 +100,7 @@ def test_it_answers_another_process_and_ends_on_a_signal(graph, start, number):
         (("-p", "body_state_topics:=[a b]"), "a b"),
         (("--params-file", "/nowhere/to/be/found.yaml"), "found.yaml"),
         (("-p", "=1"), "=1"),
+        (("-p", "memory_limit:=1"), "memory_limit: is 1 MiB, but the start alone takes "),
         (
             ("-p", "body_state_topics:=[]"),
             "a parameter is a list without entries, which has no type; for none write ['']",

@@ -323,6 +323,19 @@ class TestReport:
         assert "unaccounted for: at most 0 of that" in capsys.readouterr().out
         Page(path.with_suffix(".html").read_text(encoding="utf-8"))
 
+    @pytest.mark.parametrize("option", ["--csv", "--html"])
+    @pytest.mark.parametrize("again", [True, False])
+    def test_a_recording_is_not_written_over(self, recording, all_kinds, option, again, capsys):
+        """Neither one that is reported nor another, as of ``--csv *.rrd``."""
+        path = recording([], "another.rrd")
+        files = [str(path), str(all_kinds)] if again else [str(all_kinds)]
+        before = path.read_bytes()
+        assert main(["report", option, str(path), *files]) == 2
+        said = capsys.readouterr()
+        assert said.out == ""
+        assert said.err == f"collision_response report: {path} is a recording, and is not written over\n"
+        assert path.read_bytes() == before
+
     def test_the_table_has_a_number_in_every_place(self, all_kinds, tmp_path, capsys):
         target = tmp_path / "table.csv"
         assert main(["report", str(all_kinds), "--csv", str(target)]) == 0

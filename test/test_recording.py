@@ -487,6 +487,17 @@ def test_there_is_no_wait_too_long(tmp_path):
     verify(recorder.path)
 
 
+def test_an_error_without_words_is_reported_by_its_kind(tmp_path, monkeypatch):
+    def fail():
+        raise MemoryError
+
+    monkeypatch.setattr("collision_response.recording.writer.Recording", fail)
+    problems = []
+    recorder = Recorder(tmp_path, problems.append)
+    recorder.close()
+    assert problems == [f"not recording to {recorder.path}: MemoryError"]
+
+
 def test_a_directory_that_cannot_be_is_reported_once(tmp_path):
     (tmp_path / "file").touch()
     problems = []

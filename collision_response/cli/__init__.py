@@ -7,6 +7,9 @@ what it works with.
 from __future__ import annotations
 
 import argparse
+import io
+import os
+import signal
 import sys
 from importlib import import_module
 from typing import NamedTuple
@@ -51,12 +54,26 @@ first steps:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command; the exit code is its own.
+    """Run a command; the exit code is its own, or that of a process which SIGINT or SIGPIPE has ended.
 
     Args:
         arguments: of the command line; left out, those of this process.
     """
-    words = sys.argv[1:] if arguments is None else arguments
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # names may have letters that the locale has not
+    try:
+        code = _run(sys.argv[1:] if arguments is None else arguments)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except KeyboardInterrupt:
+        return 128 + signal.SIGINT
+    except BrokenPipeError:  # who read the output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + signal.SIGPIPE
+    return code
+
+
+def _run(words: list[str]) -> int:
     name, *rest = words or ["--help"]
     if name not in COMMANDS:
         _parser().parse_args([name])  # --help, --version, or no such command

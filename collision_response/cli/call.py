@@ -10,17 +10,19 @@ from difflib import get_close_matches
 from typing import Any
 
 import rclpy
-import yaml
 from rclpy.exceptions import NameValidationException
 from rclpy.qos import HistoryPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
 
 from .. import Geometry, ImpactError, Law, Precision, StatusCode
 from ..answer import as_table, in_columns, in_digits
 from ..msg import BodyState
 from ..named import Named
 from ..ros.batch_client import unpack
+from ..ros.intake import RCLError
 from ..scene.answer import scene_table
 from ..srv import ResolveCollision, ResolveCollisionBatch, ResolveScene
+from ..yaml_tree import YAMLError, tree_of
 
 DESCRIPTION = """Sends a request to the node and shows the answer as a table. The request is YAML, as for
 ros2 service call; what is left out has its default, and constants may be written by name:
@@ -71,11 +73,11 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--timeout", type=_seconds, default=5.0, metavar="S", help="to wait for the node [s]")
     given = parser.parse_args(arguments)
     kind, default, show = SERVICES[given.type]
-    text = sys.stdin.read() if given.request == "-" else given.request
     try:
         request = kind.Request()
-        fill(request, _tree(text))
-    except (Unclear, yaml.YAMLError) as error:
+        tree = tree_of(_read() if given.request == "-" else given.request)
+        fill(request, {} if tree is None else tree)  # nothing is a request in which all is left out
+    except (Unclear, YAMLError) as error:
         print(f"collision_response call: {error}", file=sys.stderr)
         return 2
     try:
@@ -85,6 +87,9 @@ def main(arguments: list[str]) -> int:
         return 3
     except NameValidationException as error:
         print("collision_response call: --service:", *str(error).split(), file=sys.stderr)  # on one line
+        return 2
+    except RCLError as error:
+        print("collision_response call:", *str(error).split(), file=sys.stderr)
         return 2
     try:
         print(show(response))
@@ -101,15 +106,13 @@ def _seconds(text: str) -> float:
     return seconds
 
 
-def _tree(text: str) -> Any:
-    """What YAML says; nothing is a request in which all is left out."""
+def _read() -> str:
+    if sys.stdin is None:
+        raise Unclear("standard input is closed")
     try:
-        tree = yaml.safe_load(text)
-    except RecursionError:
-        raise Unclear("the request is nested too deeply") from None
-    except ValueError as error:  # of a date or a number that YAML lets through
-        raise Unclear(str(error)) from None
-    return {} if tree is None else tree
+        return sys.stdin.read()
+    except UnicodeDecodeError as error:
+        raise Unclear(f"standard input: {error}") from None
 
 
 def fill(message: Any, tree: Any, path: str = "") -> None:
@@ -164,7 +167,7 @@ def _value(where: str, name: str, value: Any, default: Any, kind: str) -> Any:
             raise ValueError
         return int(value)
     except (TypeError, ValueError, OverflowError):
-        must = "a number" if isinstance(default, float) else f"a {kind}"
+        must = "a number" if isinstance(default, float) else f"{'an' if kind.startswith('i') else 'a'} {kind}"
         raise Unclear(f"{where}: must be {must}, is {value!r}") from None
 
 
@@ -188,8 +191,10 @@ def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:
 
     Raises:
         TimeoutError: none came.
+        RCLError: ROS cannot be used here.
     """
-    rclpy.init()
+    woken = SignalHandlerOptions.SIGINT  # type: ignore[attr-defined]  # the stub spells it otherwise
+    rclpy.init(signal_handler_options=woken)  # SIGTERM is left to end the process
     node = rclpy.create_node("collision_response_call")
     try:
         client: Any = node.create_client(

@@ -13,6 +13,9 @@ from ..recording.table import read
 DESCRIPTION = """Prints what happened in recordings, and writes it to one page with plots, which any browser
 shows and which needs no other file. Several files are taken as one recording."""
 
+MAGIC = b"RRF2"
+"""What a recording begins with."""
+
 
 def main(arguments: list[str]) -> int:
     """Print the report, write the page and, if asked for, the table."""
@@ -23,11 +26,13 @@ def main(arguments: list[str]) -> int:
         "--csv", type=Path, metavar="TABLE", help="also write every impact as a row of numbers"
     )
     given = parser.parse_args(arguments)
+    target = given.html or Path(given.files[0]).with_suffix(".html")
     try:
+        for path in filter(None, (target, given.csv)):
+            spare_recordings(path)
         impacts = read(given.files)
         summary = Summary.of(impacts, scenes.read(given.files))
         print("\n".join(in_words(summary)))
-        target = given.html or Path(given.files[0]).with_suffix(".html")
         target.write_text(page(summary, [Path(file).name for file in given.files]), encoding="utf-8")
         if given.csv is not None:
             write_csv(impacts, given.csv)
@@ -36,6 +41,19 @@ def main(arguments: list[str]) -> int:
         return 2
     print(f"\nplots: {target}")
     return 0
+
+
+def spare_recordings(target: Path) -> None:
+    """``--csv *.rrd`` takes the first of the recordings for the table.
+
+    Raises:
+        ValueError: the file to be written is a recording.
+    """
+    if not target.is_file():
+        return
+    with target.open("rb") as file:
+        if file.read(len(MAGIC)) == MAGIC:
+            raise ValueError(f"{target} is a recording, and is not written over")
 
 
 def write_csv(impacts: object, target: Path) -> None:

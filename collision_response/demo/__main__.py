@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from ..ros.intake import RCLError
 from . import chapters
 from .client import Client, NoAnswer
 from .node_process import NodeFailed, NodeProcess
@@ -29,7 +30,7 @@ def main() -> int:
     print(f"A node is started and called from another process over DDS, in domain {domain}.\n")
     try:
         problems = list(demonstrate())
-    except (NodeFailed, NoAnswer) as error:
+    except (NodeFailed, NoAnswer, RCLError) as error:
         problems = [str(error)]
     except KeyboardInterrupt:
         print("\ninterrupted")

@@ -169,7 +169,7 @@ class Recorder:
                 if rest is not None:
                     self.path = self._next()
         except Exception as error:  # of rerun, of its absence or of the disk: none may reach the caller
-            self._report(what.format(self.path, error))
+            self._report(what.format(self.path, str(error) or type(error).__name__))
         finally:
             self._stopped.set()
 

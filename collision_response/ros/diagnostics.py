@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -43,6 +44,7 @@ class Diagnostics:
         self._waiting = waiting
         self._troubles = self._count_troubles()
         self._counts = self._count()
+        self._counted = time.perf_counter()
         self._publisher = node.create_publisher(
             DiagnosticArray,
             "/diagnostics",
@@ -78,8 +80,12 @@ class Diagnostics:
             for name, before in self._troubles.items()
             if troubles[name] > before
         ]
-        rates = {f"{name} per second": (counts[name] - old) / PERIOD for name, old in self._counts.items()}
-        self._counts, self._troubles = counts, troubles
+        now = time.perf_counter()
+        period = now - self._counted  # longer than PERIOD after a long computation
+        rates = {
+            f"{name} per second": f"{(counts[name] - old) / period:.1f}" for name, old in self._counts.items()
+        }
+        self._counts, self._troubles, self._counted = counts, troubles, now
         values: Mapping[str, object] = {
             **counts,
             **rates,

@@ -33,7 +33,7 @@ from .impacts import Impacts
 from .intake import Intake, OutOfReach, by_the_intake
 from .journal import Journal
 from .memory import limit_memory
-from .process import run
+from .process import Unusable, run
 from .results import Results
 from .scenes import Scenes
 from .serialized import Broken
@@ -220,5 +220,9 @@ def main(args: list[str] | None = None) -> int:
 
 def _within_memory() -> CollisionResponseNode:
     node = CollisionResponseNode()
-    limit_memory(node.get_parameter("memory_limit").value)
+    try:
+        limit_memory(node.get_parameter("memory_limit").value)
+    except Unusable:
+        node.destroy_node()
+        raise
     return node

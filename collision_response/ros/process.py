@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 import traceback
@@ -42,7 +43,7 @@ def run(
     args: list[str] | None,
     end: Callable[[AnyNode], Any] = Node.destroy_node,
 ) -> int:
-    """Spin a node until SIGINT or SIGTERM, then end it.
+    """Spin a node until SIGINT, SIGTERM or SIGHUP, then end it.
 
     Args:
         make: the node.
@@ -52,6 +53,7 @@ def run(
     Returns:
         The exit code: 0, or 1 if it cannot start.
     """
+    have_standard_streams()
     stop = on_signal()
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
@@ -76,6 +78,16 @@ def run(
         end(node)
         rclpy.try_shutdown()
     return 0
+
+
+def have_standard_streams() -> None:
+    """Open those that are closed into nothing.
+
+    Else the next file or socket takes the number of one, and what is logged goes there.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115, as long as the process
 
 
 def spin(node: Node, stop: Future[None]) -> None:

@@ -34,10 +34,13 @@ class Serialized:
 
     Attributes:
         stamp: of the header [ns].
+        arrival: its number among those that arrived.
 
     Raises:
         Broken: it is too short or too long.
     """
+
+    arrival = 0
 
     def __init__(self, message: bytes, longest: int) -> None:
         if len(message) > longest:

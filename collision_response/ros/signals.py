@@ -10,7 +10,9 @@ from rclpy.task import Future
 
 
 def on_signal() -> Future[None]:
-    """A future that SIGINT and SIGTERM complete. To be called in the main thread.
+    """A future that SIGINT, SIGTERM and SIGHUP complete. To be called in the main thread.
+
+    SIGHUP is what comes when the terminal is closed; ``nohup`` has it ignored, and then it stays so.
 
     rclpy's own handlers wake the executor before they shut the context down, so now and then it
     goes to sleep again for ever; and they take the context from under the node. A handler in Python
@@ -21,8 +23,9 @@ def on_signal() -> Future[None]:
     source, sink = os.pipe()
     os.set_blocking(sink, False)
     signal.set_wakeup_fd(sink)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: None)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, lambda *_: None)
 
     def wait() -> None:
         os.read(source, 1)

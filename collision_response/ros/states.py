@@ -7,12 +7,15 @@ the rest takes ten times as long.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import reduce
 from itertools import chain, islice
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from ..msg import BodyState
 from ..status import ImpactError, StatusCode
 from .serialized import Broken, Serialized, SerializedState, SerializedTable
+
+AnySerialized = TypeVar("AnySerialized", bound=Serialized)
 
 SHOWN = 60
 """Characters of a name that a message quotes."""
@@ -38,7 +41,8 @@ class LatestStates:
     """Body states by name: of each body the one with the latest stamp.
 
     A state without a stamp counts as the latest when it arrives. So does every state while the one that is
-    known is stamped in the future: a wrong clock must not shut out the right ones.
+    known is stamped in the future: a wrong clock must not shut out the right ones. It is the same whether
+    they come alone or in tables.
 
     Attributes:
         received: number of messages taken.
@@ -92,8 +96,7 @@ class LatestStates:
         if publisher != old.publisher:
             self._check_publisher(state.name, publisher, earlier)
             earlier = old.publisher
-        is_latest = self._is_later(state, old.latest)
-        self._by_name[state.name] = _Source(state if is_latest else old.latest, publisher, earlier)
+        self._by_name[state.name] = _Source(self._not_overtaken(old.latest, state), publisher, earlier)
         return state
 
     def hear_table(self, message: bytes, info: Any) -> None:
@@ -110,7 +113,7 @@ class LatestStates:
         if table.size > self._most:
             self._tell_evicted(table.size)
             return
-        self._tables[whose] = table if old is None or self._is_later(table, old) else old
+        self._tables[whose] = table if old is None else self._not_overtaken(old, table)
         while (
             len(self._tables) > PUBLISHERS // 10
             or sum(known.size for known in self._tables.values()) > self._most
@@ -129,13 +132,13 @@ class LatestStates:
             ImpactError: UNKNOWN_BODY, for the field that holds the name.
         """
         self.take_all()
-        found = [table for table in self._tables.values() if name in table.columns]
-        source = self._by_name.get(name)
-        latest: Serialized | None = max(found, key=lambda table: table.stamp, default=None)
-        if source is not None and (latest is None or source.latest.stamp >= latest.stamp):
-            latest = source.latest
-        if latest is None:
+        found: list[Serialized] = [table for table in self._tables.values() if name in table.columns]
+        if name in self._by_name:
+            found.append(self._by_name[name].latest)
+        if not found:
             raise ImpactError(StatusCode.UNKNOWN_BODY, field, self._unknown(name))
+        first, *others = sorted(found, key=lambda message: message.arrival)
+        latest = reduce(self._later, others, first)
         try:
             return latest.state_of(name)
         except Broken as error:
@@ -156,17 +159,22 @@ class LatestStates:
 
     def _read(self, kind: Any, message: bytes) -> Any:
         try:
-            return kind(message)
+            read = kind(message)
         except Broken as error:
             self.broken += 1
             self._report("broken", f"a state could not be read: {error}")
             return None
+        read.arrival = self.received
+        return read
 
-    def _is_later(self, new: Serialized, old: Serialized) -> bool:
-        if new.stamp >= old.stamp or not new.stamp or old.stamp > self._now():
-            return True
-        self.overtaken += 1
-        return False
+    def _later(self, old: AnySerialized, new: AnySerialized) -> AnySerialized:
+        """Of two of which the second arrived later."""
+        return new if new.stamp >= old.stamp or not new.stamp or old.stamp > self._now() else old
+
+    def _not_overtaken(self, old: AnySerialized, new: AnySerialized) -> AnySerialized:
+        later = self._later(old, new)
+        self.overtaken += later is old
+        return later
 
     def _count(self, info: Any, kind: str, advice: str) -> bytes:
         """The publisher of a message; messages between this and its last one were lost, of which it tells.
