@@ -244,7 +244,7 @@ OWN_BY_RCLPY = {"use_sim_time", "start_type_description_service"}
 """What every node declares by itself."""
 
 
-def declare(node: Node, declarations: Iterable[Declaration] = DECLARATIONS) -> None:
+def declare(node: Node, declarations: Iterable[Declaration]) -> None:
     """Declare every parameter of a node, and warn of those that it was given and does not have.
 
     Args:
