@@ -338,7 +338,7 @@ OURS = {
 FOR_FRICTION = {f"`{law.name}`": ours(law) for law in (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU)}
 
 
-def measure(say: Callable[[str], object], *, quick: bool = False) -> dict[str, Any]:
+def measure(_: object, say: Callable[[str], object], *, quick: bool = False) -> dict[str, Any]:
     """The answers to the cradle and the flat box, the times by number of contacts, and what was left out."""
     skipped: dict[str, str] = {}
     ways: dict[str, Callable[[Scene], Way]] = {**OURS, "one after another": in_turn}
@@ -526,7 +526,7 @@ def main() -> None:
     results: dict[str, Any] = {
         "date": datetime.date.today().isoformat(),
         "machine": machine(),
-        "scenes": measure(partial(print, flush=True), quick=quick),
+        "scenes": measure(None, partial(print, flush=True), quick=quick),
     }
     if quick:
         for text in parts(results).values():

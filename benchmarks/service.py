@@ -1,7 +1,7 @@
 """The round trip of the services, against services of the same types that only echo.
 
 Every server is a process of its own; the clients share one. Both are this directory, run with the words
-in ``COMMANDS``.
+in ``CHILDREN``.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from typing import Any
 from timing import Samples, ratio, spread
 
 HERE = Path(__file__).resolve().parent
-COMMANDS = {"echo": "serve-echo", "measure": "measure-service", "measure batch": "measure-batch-service"}
 DEADLINE = 30.0
 """Seconds for anything to happen that should take much less."""
 
@@ -308,37 +307,42 @@ def callback_time() -> dict[str, float]:
         rclpy.try_shutdown()
 
 
-def measure() -> dict[str, Any]:
-    """All there is to say of the service for one impact."""
+def measure_requests() -> None:
+    """Print all there is to say of the service for one impact."""
     samples = round_trips()
     ratios = {
         f"{name}, {kind}": ratio(samples, f"{name}, {kind}", f"echo, {kind}")
         for name in ("plain", "recording")
         for kind in ("1 client", "8 clients")
     }
-    return {
-        "s": {name: spread(values) for name, values in samples.items()},
-        "ratios": ratios,
-        "callback": callback_time(),
-    }
+    _tell(samples, ratios, callback=callback_time())
 
 
-def measure_batch() -> dict[str, Any]:
+def measure_batch() -> None:
     """The same of that for a batch."""
     samples = batch_round_trips()
-    return {
-        "s": {name: spread(values) for name, values in samples.items()},
-        "ratios": {BATCH: ratio(samples, f"plain, {BATCH}", f"echo, {BATCH}")},
-    }
+    _tell(samples, {BATCH: ratio(samples, f"plain, {BATCH}", f"echo, {BATCH}")})
 
 
-def in_own_process() -> dict[str, Any]:
+def _tell(samples: Samples, ratios: dict[str, Any], **more: Any) -> None:
+    seconds = {name: spread(values) for name, values in samples.items()}
+    print(json.dumps({"s": seconds, "ratios": ratios, **more}))
+
+
+CHILDREN = {"echo": echo, "measure-requests": measure_requests, "measure-batch": measure_batch}
+"""What this directory does when it is run with such a word."""
+
+
+def measure(skipped: dict[str, str], _: object) -> dict[str, Any] | None:
     """All there is to say, measured out of the way of whatever else this process has imported."""
-    import rclpy  # noqa: F401  without ROS there is nothing to measure
-
+    try:
+        import rclpy  # noqa: F401
+    except ImportError as missing:
+        skipped["service"] = str(missing)
+        return None
     with own_domain() as environment:
-        found = _by(_self("measure"), environment)
-        of_batch = _by(_self("measure batch"), {**environment, **LARGE_DATA})
+        found = _by(_self("measure-requests"), environment)
+        of_batch = _by(_self("measure-batch"), {**environment, **LARGE_DATA})
     merged = {**found, **{key: {**found[key], **more} for key, more in of_batch.items()}}
     targets = [
         {"what": f"service, {what}, against the echo", "most": most, "measured": merged["ratios"][name]}
@@ -368,7 +372,7 @@ def own_domain() -> Iterator[dict[str, str]]:
 
 
 def _self(command: str) -> list[str]:
-    return [sys.executable, "-I", str(HERE), COMMANDS[command]]
+    return [sys.executable, "-I", str(HERE), command]
 
 
 def _script(name: str) -> str:
