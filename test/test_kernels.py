@@ -24,7 +24,7 @@ from collision_response.kernels.emit import emit
 from collision_response.kernels.layout import Layout, names_of_body, request
 from collision_response.kernels.pairs import PAIR, in_pairs
 from collision_response.kernels.programs import SEEN_BY_FALLBACK
-from collision_response.kernels.symbol import Loop, Node, Tape, numbers_in, rebuilt
+from collision_response.kernels.symbol import Loop, Node, Tape, rebuilt
 from collision_response.model import plan
 from collision_response.numbers.number import (
     certain,
@@ -33,6 +33,7 @@ from collision_response.numbers.number import (
     greater,
     iterate,
     lesser,
+    numbers_in,
     square_root,
     widened,
 )
