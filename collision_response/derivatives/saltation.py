@@ -130,12 +130,8 @@ def linearised(
     guard = np.array([*n, *arms[0].cross(n), *none, *-n, *-(arms[1].cross(n)), *none])
     answers = derivatives.impact.twist_a, derivatives.impact.twist_b
     before = np.concatenate([_rate(body, gravity) for body in bodies])
-    after = np.concatenate(
-        [
-            _rate(body._replace(velocity=twist.linear, angular_velocity=twist.angular), gravity)
-            for body, twist in zip(bodies, answers, strict=True)
-        ]
-    )
+    moved = (body.with_twist(twist) for body, twist in zip(bodies, answers, strict=True))
+    after = np.concatenate([_rate(body, gravity) for body in moved])
     with np.errstate(over="ignore", invalid="ignore"):
         matrix = finite("matrix", reset + np.outer(after - reset @ before, guard) / u_n)
     kept = [12 * side + i for side, body in enumerate(bodies) if body.is_movable() for i in range(12)]
