@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from enum import IntEnum
 from functools import lru_cache
-from itertools import accumulate
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -19,6 +18,7 @@ import numpy as np
 
 from ..answer import Impact
 from ..batch import BatchResult, resolve_batch
+from ..batch.rows import places_of
 from ..kernels import _derivatives, library  # type: ignore[attr-defined]  # made by the build
 from ..kernels.layout import Layout, names_of_body, names_of_contact
 from ..model import Geometry, ImpactModel, law_for
@@ -35,11 +35,6 @@ DEFAULT = ImpactModel()
 _settings_of = attrgetter(*Settings._fields)
 
 
-def _places(widths: dict[str, int]) -> dict[str, slice]:
-    ends = accumulate(widths.values())
-    return {name: slice(end - width, end) for (name, width), end in zip(widths.items(), ends, strict=True)}
-
-
 def _parameters() -> dict[str, int]:
     of_body, of_contact = (
         {name: len(axes) for name, axes in Layout.EVERYTHING.fields(part).items()} for part in (0, 1)
@@ -51,10 +46,10 @@ def _parameters() -> dict[str, int]:
     return widths | {"model.tangential_restitution": 1, "model.stiffness_ratio": 1}
 
 
-PARAMETERS = _places(_parameters())
+PARAMETERS = places_of(_parameters())
 """What may be differentiated by, and its places in a direction."""
 
-RESULTS = _places(
+RESULTS = places_of(
     {
         "twist_a.linear": 3,
         "twist_a.angular": 3,
@@ -217,7 +212,7 @@ def _unit(names: tuple[str, ...]) -> tuple[Array, dict[str, slice]]:
             reason = f"must be names of {', '.join(PARAMETERS)}; is {name!r}"
             raise ImpactError(StatusCode.INVALID_MODEL, "with_respect_to", reason)
     places = [i for name in names for i in range(COUNT)[PARAMETERS[name]]]
-    columns = _places({name: PARAMETERS[name].stop - PARAMETERS[name].start for name in names})
+    columns = places_of({name: PARAMETERS[name].stop - PARAMETERS[name].start for name in names})
     return np.ascontiguousarray(np.eye(COUNT)[:, places]), columns
 
 
