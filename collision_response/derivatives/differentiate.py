@@ -21,7 +21,7 @@ from ..batch import BatchResult, resolve_batch
 from ..batch.rows import places_of
 from ..kernels import _derivatives, library  # type: ignore[attr-defined]  # made by the build
 from ..kernels.layout import Layout, names_of_body, names_of_contact
-from ..model import Geometry, ImpactModel, law_for
+from ..model import DEFAULT, Geometry, ImpactModel, law_for
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Settings
@@ -29,8 +29,6 @@ from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 
 Array = np.ndarray[Any, Any]
-
-DEFAULT = ImpactModel()
 
 _settings_of = attrgetter(*Settings._fields)
 

@@ -27,13 +27,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..centre import com_in_world_axes, rotation_of
-from ..model import ImpactModel, check_number
+from ..model import DEFAULT, ImpactModel, check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.vector import Vec3, as_vector
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
-from .differentiate import DEFAULT, Derivatives, Smoothness, differentiate
+from .differentiate import Derivatives, Smoothness, differentiate
 from .surfaces import SurfaceMotion, Surfaces, unit_normal
 
 Array = np.ndarray[Any, Any]

@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 from rclpy.service_introspection import ServiceIntrospectionState
 
 from ..materials import NOTHING, Materials
-from ..model import Geometry, ImpactModel, Precision, check_model
+from ..model import STIFFNESS_RATIOS, Geometry, ImpactModel, Precision, check_model
 from ..physics.combine import CombineRule
 from ..physics.laws import Law
 from ..physics.stiffness import METAL_ON_METAL
@@ -103,8 +103,7 @@ DECLARATIONS = (
         "stiffness_ratio",
         METAL_ON_METAL,
         "Tangential over normal stiffness, for the law compliant.",
-        1e-6,
-        1e6,
+        *STIFFNESS_RATIOS,
     ),
     Declaration(
         "scene_tolerance",
