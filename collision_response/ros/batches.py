@@ -9,6 +9,7 @@ import math
 import time
 from array import array
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -80,10 +81,11 @@ PAUSE = 0.001, 0.004
 """Times [s] between pauses: computing less, more contacts are taken together; computing longer, fewer."""
 
 
+@dataclass
 class Batches:
     """The service for many impacts.
 
-    Args:
+    Attributes:
         parameters: of the node.
         states: of the bodies that it has heard of.
         now: the time by the node's clock [ns].
@@ -91,15 +93,13 @@ class Batches:
 
     interface = ResolveCollisionBatch
     name = "~/resolve_collision_batch"
-
-    def __init__(self, parameters: LatestParameters, states: LatestStates, now: Callable[[], int]) -> None:
-        self._parameters = parameters
-        self._states = states
-        self._now = now
+    parameters: LatestParameters
+    states: LatestStates
+    now: Callable[[], int]
 
     def answer(self, request: Request) -> Work:
         """The work for a request, in parts."""
-        current = self._parameters.values
+        current = self.parameters.values
         response = Response()
         check_world_frame("header.frame_id", request.header.frame_id, current.world_frame)
         layout = layout_of(request)
@@ -107,7 +107,7 @@ class Batches:
         contacts = contacts_of(request, layout, pairs.shape[1])
         model = model_of(request, layout, contacts, current.model)
         bodies = yield from when_not_too_early(
-            partial(bodies_of, request, layout, self._states, current, self._now), current.max_state_wait
+            partial(bodies_of, request, layout, self.states, current, self.now), current.max_state_wait
         )
         shape = layout.geometry, pairs.shape[1]
         out = result_in(response, *shape, bounded=is_bounded(model), report=request.report)
