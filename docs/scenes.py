@@ -41,11 +41,7 @@ WAYS: dict[str, tuple[Law, Options, str]] = {
     "`FRICTIONLESS`": (Law.FRICTIONLESS, {}, "the shock goes through"),
     "`MOREAU`": (Law.MOREAU, {}, "all that touch it leave together"),
     "`ROUTH_STRONGE`, exponent 1.5": (Law.ROUTH_STRONGE, {}, "Hertzian springs: the shock disperses"),
-    "`ROUTH_STRONGE`, exponent 1": (
-        Law.ROUTH_STRONGE,
-        {"exponent": 1.0},
-        "linear springs: more so",
-    ),
+    "`ROUTH_STRONGE`, exponent 1": (Law.ROUTH_STRONGE, {"exponent": 1.0}, "linear springs: more so"),
 }
 COLOURS = (BLUE, ORANGE, GREEN, "#6a9f3c")
 

@@ -81,10 +81,7 @@ def less(x, y, if_true, if_false):
         (lambda x, y: choose(~~(x < y), lambda: x, lambda: y), lambda x, y: less(x, y, x, y)),
         (lambda x, y: choose((x < y) | True, lambda: x, lambda: y), lambda x, y: x),
         (lambda x, y: choose((x < y) & False, lambda: x, lambda: y), lambda x, y: y),
-        (
-            lambda x, y: choose((x < y) & True & (x < y), lambda: x, lambda: y),
-            lambda x, y: less(x, y, x, y),
-        ),
+        (lambda x, y: choose((x < y) & True & (x < y), lambda: x, lambda: y), lambda x, y: less(x, y, x, y)),
         (lambda x, y: choose(y > x, lambda: x, lambda: y), lambda x, y: less(x, y, x, y)),
         (lambda x, y: certain(certain(x)), lambda x, y: certain(x)),
         (lambda x, y: error_of(certain(x)) + y, lambda x, y: y),

@@ -48,13 +48,7 @@ PARAMETERS = places_of(_parameters())
 """What may be differentiated by, and its places in a direction."""
 
 RESULTS = places_of(
-    {
-        "twist_a.linear": 3,
-        "twist_a.angular": 3,
-        "twist_b.linear": 3,
-        "twist_b.angular": 3,
-        "impulse": 3,
-    }
+    {"twist_a.linear": 3, "twist_a.angular": 3, "twist_b.linear": 3, "twist_b.angular": 3, "impulse": 3}
 )
 """What is differentiated, and its rows in a Jacobian. Twists are those after the impact."""
 

@@ -138,10 +138,7 @@ DECLARATIONS = (
         read_only=True,
     ),
     Declaration(
-        "recording.max_size",
-        MAX_SIZE,
-        "Size [MB] at which the next file begins. 0: any.",
-        read_only=True,
+        "recording.max_size", MAX_SIZE, "Size [MB] at which the next file begins. 0: any.", read_only=True
     ),
     Declaration(
         "recording.max_duration",

@@ -122,8 +122,7 @@ class Scenes:
         response = ResolveScene.Response(success=True)
         write_answer(response.result, request, contacts, named, scene, impact)
         self.journal.enter(
-            response.result,
-            lambda stamp, number: SceneRecord(stamp, number, named.names, *scene[:4], impact),
+            response.result, lambda stamp, number: SceneRecord(stamp, number, named.names, *scene[:4], impact)
         )
         return response
 
