@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
@@ -143,7 +143,7 @@ def batch() -> Any:
 class Clients:
     """Clients of one service of every server, in one node."""
 
-    def __init__(self, servers: list[str], service: str, number: int) -> None:
+    def __init__(self, servers: Iterable[str], service: str, number: int) -> None:
         import rclpy
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.node import Node
@@ -238,40 +238,27 @@ class Clients:
 # Measuring ------------------------------------------------------------------------------------
 
 
-def round_trips() -> Samples:
-    """Seconds of a round trip, by kind."""
-    node, names = [_script("collision_response_node")], ["echo", "plain", "recording"]
+def round_trips(service: str, request: Any, *names: str) -> Samples:
+    """Seconds of a round trip, by kind: of a batch, or of one impact by one client and by several."""
     with ExitStack() as stack:
         directory = stack.enter_context(tempfile.TemporaryDirectory())
-        stack.enter_context(server(_self("echo"), "echo"))
-        stack.enter_context(server(node, "plain"))
         record = ("recording.enabled:=true", f"recording.directory:={directory}")
-        stack.enter_context(server(node, "recording", *record))
-        clients = Clients(names, "resolve_collision", CONCURRENT)
+        for name in names:
+            command = _self("echo") if name == "echo" else [_script("collision_response_node")]
+            stack.enter_context(server(command, name, *(record if name == "recording" else ())))
+        is_batch = service.endswith("batch")
+        clients = Clients(names, service, 1 if is_batch else CONCURRENT)
         stack.callback(clients.close)
         clients.wait()
-        request, calls = impact(), {}
+        calls: dict[str, Callable[[], float]] = {}
         for name in names:
             assert clients.call(name, request).success, name
+            if is_batch:
+                calls[f"{name}, {BATCH}"] = partial(clients.one_after_the_other, name, request, BATCH_CALLS)
+                continue
             clients.at_once(name, request)
             calls[f"{name}, 1 client"] = partial(clients.one_after_the_other, name, request)
             calls[f"{name}, {CONCURRENT} clients"] = partial(clients.at_once, name, request)
-        return _rounds(calls)
-
-
-def batch_round_trips() -> Samples:
-    """Seconds of a round trip of a batch, by server."""
-    names = ["echo", "plain"]
-    with ExitStack() as stack:
-        stack.enter_context(server(_self("echo"), "echo"))
-        stack.enter_context(server([_script("collision_response_node")], "plain"))
-        clients = Clients(names, "resolve_collision_batch", 1)
-        stack.callback(clients.close)
-        clients.wait()
-        request, calls = batch(), {}
-        for name in names:
-            assert clients.call(name, request).success, name
-            calls[f"{name}, {BATCH}"] = partial(clients.one_after_the_other, name, request, BATCH_CALLS)
         return _rounds(calls)
 
 
@@ -309,7 +296,7 @@ def callback_time() -> dict[str, float]:
 
 def measure_requests() -> None:
     """Print all there is to say of the service for one impact."""
-    samples = round_trips()
+    samples = round_trips("resolve_collision", impact(), "echo", "plain", "recording")
     ratios = {
         f"{name}, {kind}": ratio(samples, f"{name}, {kind}", f"echo, {kind}")
         for name in ("plain", "recording")
@@ -320,7 +307,7 @@ def measure_requests() -> None:
 
 def measure_batch() -> None:
     """The same of that for a batch."""
-    samples = batch_round_trips()
+    samples = round_trips("resolve_collision_batch", batch(), "echo", "plain")
     _tell(samples, {BATCH: ratio(samples, f"plain, {BATCH}", f"echo, {BATCH}")})
 
 
