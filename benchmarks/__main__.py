@@ -11,67 +11,27 @@ from __future__ import annotations
 import argparse
 import datetime
 import importlib.metadata
-import json
 import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
 import pages
 import service
 from machine import machine
 
-Skipped = dict[str, str]
-
-
-def measure_one(skipped: Skipped) -> dict[str, Any]:
-    import one
-
-    return one.measure(skipped)
-
-
-def measure_batch(_: Skipped) -> dict[str, Any]:
-    import batch
-
-    return batch.measure(say)
-
-
-def measure_package(_: Skipped) -> dict[str, Any]:
-    import package
-
-    return package.measure()
-
-
-def measure_service(skipped: Skipped) -> dict[str, Any] | None:
-    try:
-        return service.in_own_process()
-    except ImportError as missing:
-        skipped["service"] = str(missing)
-        return None
-
-
-def measure_trade(skipped: Skipped) -> dict[str, Any]:
-    import trade
-
-    return trade.measure(skipped, say)
-
-
-def measure_scenes(_: Skipped) -> dict[str, Any]:
-    import scenes
-
-    return scenes.measure(say)
-
-
-PARTS: dict[str, tuple[str, Callable[[Skipped], Any]]] = {
-    "one": ("one impact, against pinocchio, MuJoCo, pybullet and pymunk", measure_one),
-    "batch": ("batches, against C", measure_batch),
-    "package": ("how tight the bounds are, how long the package is", measure_package),
-    "service": ("the service, against an echo", measure_service),
-    "trade": ("time against true error", measure_trade),
-    "scenes": ("several contacts at once, against MuJoCo, pinocchio and Siconos", measure_scenes),
+PARTS = {
+    "one": "one impact, against pinocchio, MuJoCo, pybullet and pymunk",
+    "batch": "batches, against C",
+    "package": "how tight the bounds are, how long the package is",
+    "service": "the service, against an echo",
+    "trade": "time against true error",
+    "scenes": "several contacts at once, against MuJoCo, pinocchio and Siconos",
 }
+"""Modules, and what their ``measure()`` finds. It is told where to note what it skips, and how to speak."""
+
 OTHERS = ("benchmarks/stability.py", "docs/impact_laws.py", "docs/scenes.py", "docs/square_on_incline.py")
 """What makes the other pages."""
 
@@ -80,13 +40,9 @@ PACKAGES = ("pin", "mujoco", "pybullet", "pymunk", "numpy", "python-flint")
 
 def main() -> int:
     """Measure, and write."""
-    if sys.argv[1:2] == [service.COMMANDS["echo"]]:
-        service.echo()
+    if sys.argv[1:2] and sys.argv[1] in service.CHILDREN:
+        service.CHILDREN[sys.argv[1]]()
         return 0
-    for command, measure_it in (("measure", service.measure), ("measure batch", service.measure_batch)):
-        if sys.argv[1:2] == [service.COMMANDS[command]]:
-            print(json.dumps(measure_it()))
-            return 0
     parser = argparse.ArgumentParser(prog="make bench", description=__doc__.partition("\n")[0])
     parser.add_argument(
         "parts", nargs="*", help=f"of {', '.join(PARTS)}; all, and the pages, if none is named"
@@ -111,7 +67,7 @@ def main() -> int:
 
 def measure(names: list[str]) -> dict[str, Any]:
     """The named parts, one after the other."""
-    start, skipped = time.monotonic(), Skipped()
+    start, skipped = time.monotonic(), dict[str, str]()
     results: dict[str, Any] = {
         "date": datetime.date.today().isoformat(),
         "machine": machine(),
@@ -119,10 +75,9 @@ def measure(names: list[str]) -> dict[str, Any]:
         "skipped": skipped,
     }
     for number, name in enumerate(names, 1):
-        what, part = PARTS[name]
-        say(f"==> {number} of {len(names)}: {what} ...")
+        say(f"==> {number} of {len(names)}: {PARTS[name]} ...")
         began = time.monotonic()
-        results[name] = part(skipped)
+        results[name] = import_module(name).measure(skipped, say)
         say(f"==> {name} took {time.monotonic() - began:.0f} s")
     for what, why in skipped.items():
         say(f"==> left out: {what}: {why}")

@@ -243,7 +243,7 @@ def peers_of(scene: Scene, skipped: dict[str, str]) -> dict[str, Peer]:
     return found
 
 
-def measure(skipped: dict[str, str]) -> dict[str, Any]:
+def measure(skipped: dict[str, str], _: object) -> dict[str, Any]:
     """Times [s] and errors of all ways in space and in the plane, and the targets."""
     scenes = {}
     flat = FLAT._replace(

@@ -45,14 +45,7 @@ import numpy as np  # noqa: E402
 import pages  # noqa: E402
 from machine import described, machine  # noqa: E402
 
-from collision_response import (  # noqa: E402
-    Body,
-    Contact,
-    ImpactModel,
-    Law,
-    resolve,
-    resolve_scene,
-)
+from collision_response import Body, Contact, ImpactModel, Law, resolve, resolve_scene  # noqa: E402
 from collision_response.physics.body import Twist  # noqa: E402
 from collision_response.physics.mass_properties import box, sphere  # noqa: E402
 from collision_response.physics.vector import Vec3  # noqa: E402
@@ -338,7 +331,7 @@ OURS = {
 FOR_FRICTION = {f"`{law.name}`": ours(law) for law in (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU)}
 
 
-def measure(say: Callable[[str], object], *, quick: bool = False) -> dict[str, Any]:
+def measure(_: object, say: Callable[[str], object], *, quick: bool = False) -> dict[str, Any]:
     """The answers to the cradle and the flat box, the times by number of contacts, and what was left out."""
     skipped: dict[str, str] = {}
     ways: dict[str, Callable[[Scene], Way]] = {**OURS, "one after another": in_turn}
@@ -442,11 +435,7 @@ def parts(results: dict[str, Any]) -> dict[str, str]:
         head_of = [title, *names]
         cells = [[f"{int(n):,}", *(_time(own.get(name)) for name in names)] for n, own in spent.items()]
         tables.append(pages.table(head_of, cells))
-    return {
-        "measured": "\n".join(lines),
-        "answers": pages.table(head, rows),
-        "cost": "\n\n".join(tables),
-    }
+    return {"measured": "\n".join(lines), "answers": pages.table(head, rows), "cost": "\n\n".join(tables)}
 
 
 def _versions() -> str:
@@ -526,7 +515,7 @@ def main() -> None:
     results: dict[str, Any] = {
         "date": datetime.date.today().isoformat(),
         "machine": machine(),
-        "scenes": measure(partial(print, flush=True), quick=quick),
+        "scenes": measure(None, partial(print, flush=True), quick=quick),
     }
     if quick:
         for text in parts(results).values():

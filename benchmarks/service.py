@@ -1,7 +1,7 @@
 """The round trip of the services, against services of the same types that only echo.
 
 Every server is a process of its own; the clients share one. Both are this directory, run with the words
-in ``COMMANDS``.
+in ``CHILDREN``.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
@@ -23,7 +23,6 @@ from typing import Any
 from timing import Samples, ratio, spread
 
 HERE = Path(__file__).resolve().parent
-COMMANDS = {"echo": "serve-echo", "measure": "measure-service", "measure batch": "measure-batch-service"}
 DEADLINE = 30.0
 """Seconds for anything to happen that should take much less."""
 
@@ -144,7 +143,7 @@ def batch() -> Any:
 class Clients:
     """Clients of one service of every server, in one node."""
 
-    def __init__(self, servers: list[str], service: str, number: int) -> None:
+    def __init__(self, servers: Iterable[str], service: str, number: int) -> None:
         import rclpy
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.node import Node
@@ -239,40 +238,27 @@ class Clients:
 # Measuring ------------------------------------------------------------------------------------
 
 
-def round_trips() -> Samples:
-    """Seconds of a round trip, by kind."""
-    node, names = [_script("collision_response_node")], ["echo", "plain", "recording"]
+def round_trips(service: str, request: Any, *names: str) -> Samples:
+    """Seconds of a round trip, by kind: of a batch, or of one impact by one client and by several."""
     with ExitStack() as stack:
         directory = stack.enter_context(tempfile.TemporaryDirectory())
-        stack.enter_context(server(_self("echo"), "echo"))
-        stack.enter_context(server(node, "plain"))
         record = ("recording.enabled:=true", f"recording.directory:={directory}")
-        stack.enter_context(server(node, "recording", *record))
-        clients = Clients(names, "resolve_collision", CONCURRENT)
+        for name in names:
+            command = _self("echo") if name == "echo" else [_script("collision_response_node")]
+            stack.enter_context(server(command, name, *(record if name == "recording" else ())))
+        is_batch = service.endswith("batch")
+        clients = Clients(names, service, 1 if is_batch else CONCURRENT)
         stack.callback(clients.close)
         clients.wait()
-        request, calls = impact(), {}
+        calls: dict[str, Callable[[], float]] = {}
         for name in names:
             assert clients.call(name, request).success, name
+            if is_batch:
+                calls[f"{name}, {BATCH}"] = partial(clients.one_after_the_other, name, request, BATCH_CALLS)
+                continue
             clients.at_once(name, request)
             calls[f"{name}, 1 client"] = partial(clients.one_after_the_other, name, request)
             calls[f"{name}, {CONCURRENT} clients"] = partial(clients.at_once, name, request)
-        return _rounds(calls)
-
-
-def batch_round_trips() -> Samples:
-    """Seconds of a round trip of a batch, by server."""
-    names = ["echo", "plain"]
-    with ExitStack() as stack:
-        stack.enter_context(server(_self("echo"), "echo"))
-        stack.enter_context(server([_script("collision_response_node")], "plain"))
-        clients = Clients(names, "resolve_collision_batch", 1)
-        stack.callback(clients.close)
-        clients.wait()
-        request, calls = batch(), {}
-        for name in names:
-            assert clients.call(name, request).success, name
-            calls[f"{name}, {BATCH}"] = partial(clients.one_after_the_other, name, request, BATCH_CALLS)
         return _rounds(calls)
 
 
@@ -308,37 +294,42 @@ def callback_time() -> dict[str, float]:
         rclpy.try_shutdown()
 
 
-def measure() -> dict[str, Any]:
-    """All there is to say of the service for one impact."""
-    samples = round_trips()
+def measure_requests() -> None:
+    """Print all there is to say of the service for one impact."""
+    samples = round_trips("resolve_collision", impact(), "echo", "plain", "recording")
     ratios = {
         f"{name}, {kind}": ratio(samples, f"{name}, {kind}", f"echo, {kind}")
         for name in ("plain", "recording")
         for kind in ("1 client", "8 clients")
     }
-    return {
-        "s": {name: spread(values) for name, values in samples.items()},
-        "ratios": ratios,
-        "callback": callback_time(),
-    }
+    _tell(samples, ratios, callback=callback_time())
 
 
-def measure_batch() -> dict[str, Any]:
+def measure_batch() -> None:
     """The same of that for a batch."""
-    samples = batch_round_trips()
-    return {
-        "s": {name: spread(values) for name, values in samples.items()},
-        "ratios": {BATCH: ratio(samples, f"plain, {BATCH}", f"echo, {BATCH}")},
-    }
+    samples = round_trips("resolve_collision_batch", batch(), "echo", "plain")
+    _tell(samples, {BATCH: ratio(samples, f"plain, {BATCH}", f"echo, {BATCH}")})
 
 
-def in_own_process() -> dict[str, Any]:
+def _tell(samples: Samples, ratios: dict[str, Any], **more: Any) -> None:
+    seconds = {name: spread(values) for name, values in samples.items()}
+    print(json.dumps({"s": seconds, "ratios": ratios, **more}))
+
+
+CHILDREN = {"echo": echo, "measure-requests": measure_requests, "measure-batch": measure_batch}
+"""What this directory does when it is run with such a word."""
+
+
+def measure(skipped: dict[str, str], _: object) -> dict[str, Any] | None:
     """All there is to say, measured out of the way of whatever else this process has imported."""
-    import rclpy  # noqa: F401  without ROS there is nothing to measure
-
+    try:
+        import rclpy  # noqa: F401
+    except ImportError as missing:
+        skipped["service"] = str(missing)
+        return None
     with own_domain() as environment:
-        found = _by(_self("measure"), environment)
-        of_batch = _by(_self("measure batch"), {**environment, **LARGE_DATA})
+        found = _by(_self("measure-requests"), environment)
+        of_batch = _by(_self("measure-batch"), {**environment, **LARGE_DATA})
     merged = {**found, **{key: {**found[key], **more} for key, more in of_batch.items()}}
     targets = [
         {"what": f"service, {what}, against the echo", "most": most, "measured": merged["ratios"][name]}
@@ -368,7 +359,7 @@ def own_domain() -> Iterator[dict[str, str]]:
 
 
 def _self(command: str) -> list[str]:
-    return [sys.executable, "-I", str(HERE), COMMANDS[command]]
+    return [sys.executable, "-I", str(HERE), command]
 
 
 def _script(name: str) -> str:

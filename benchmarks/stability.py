@@ -279,7 +279,7 @@ def drift(precision: str, impacts: int) -> list[dict[str, float]]:
         if impact.status is StatusCode.SEPARATING:  # see it from the other side
             impact = resolve(bodies[a], bodies[b], contact._replace(normal=-contact.normal), model)
         for i, twist in ((a, impact.twist_a), (b, impact.twist_b)):
-            bodies[i] = bodies[i]._replace(velocity=twist.linear, angular_velocity=twist.angular)
+            bodies[i] = bodies[i].with_twist(twist)
         done += 1
         if done in marks:
             now = invariants(bodies)

@@ -123,10 +123,7 @@ PARTS: dict[str, Callable[[dict[str, Any]], str]] = {
 
 def draw_conditions(conditions: dict[str, list[dict[str, Any]]], path: Path) -> None:
     """True errors and their bounds, a row for each ill condition, a column for each precision."""
-    titles = {
-        "grazing": "grazing: slip / approach speed",
-        "inertia": "slender body: greatest / least moment",
-    }
+    titles = {"grazing": "grazing: slip / approach speed", "inertia": "slender body: greatest / least moment"}
     figure, axes = plt.subplots(2, 3, figsize=(8, 5.2), sharex=True, sharey=True, layout="constrained")
     for row, (kind, title) in zip(axes, titles.items(), strict=True):
         for ax, precision in zip(row, PRECISIONS, strict=True):

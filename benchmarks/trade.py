@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from fractions import Fraction
 from typing import Any, NamedTuple
 
 import batch
@@ -20,6 +19,7 @@ from truth import error_of_impact, error_of_impulse, truth_of
 from collision_response import Body, Contact, ImpactError, ImpactModel, Law, Precision, on_balls, resolve
 from collision_response.batch import resolve_batch
 from collision_response.impact import impact
+from collision_response.on_fractions import body_as_fractions, contact_as_fractions
 from collision_response.physics.mass_properties import sphere
 
 LAWS = [law for law in Law if law not in (Law.AUTO, Law.COMPLIANT)]  # of this no exact answer is known
@@ -195,11 +195,5 @@ def plotted(name: str, scene: Scene, skipped: dict[str, str]) -> list[dict[str, 
 
 def in_fractions(scene: Scene) -> Any:
     """The formulas as they are written, on exact rational numbers."""
-
-    def exact(value: Any) -> Any:
-        if isinstance(value, tuple):
-            return type(value)(*map(exact, value))
-        return value if value is None or value == math.inf else Fraction(value)
-
-    a, b, contact = exact(scene)
-    return impact(a, b, contact, Law.FRICTIONLESS)
+    a, b, contact = scene
+    return impact(body_as_fractions(a), body_as_fractions(b), contact_as_fractions(contact), Law.FRICTIONLESS)

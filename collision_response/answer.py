@@ -171,25 +171,23 @@ def as_table(answer: Any, names: tuple[str, str] = ("body_a", "body_b")) -> str:
         [name, as_tuple(twist.linear), as_tuple(twist.angular)]
         for name, twist in zip(names, (answer.twist_a, answer.twist_b), strict=True)
     ]
-    before, after, restitution, friction = map(
-        in_digits,
-        (
-            answer.kinetic_energy_before,
-            answer.kinetic_energy_after,
-            answer.energy_lost_restitution,
-            answer.energy_lost_friction,
-        ),
-    )
     lines = [
         f"{status} by {chosen[0]} ({chosen[1]}, {chosen[2]}), "
         f"relative error at most {answer.error_bound:.2g}",
         *in_columns(["regime", "e", "mu", "u before [m/s]", "u after [m/s]", "impulse [N s]"], [touch]),
         *in_columns(["body", "velocity [m/s]", "angular velocity [rad/s]"], bodies),
-        f"energy {before} -> {after} J; lost: {restitution} restitution, {friction} friction",
+        energies_of(answer),
     ]
     if answer.adjustments:
         lines.append(f"adjusted: {Adjustment(answer.adjustments)}")
     return "\n".join(lines)
+
+
+def energies_of(answer: Any) -> str:
+    """Before and after, and what is lost."""
+    before, after = in_digits(answer.kinetic_energy_before), in_digits(answer.kinetic_energy_after)
+    lost = in_digits(answer.energy_lost_restitution), in_digits(answer.energy_lost_friction)
+    return f"energy {before} -> {after} J; lost: {lost[0]} restitution, {lost[1]} friction"
 
 
 def in_digits(x: Scalar) -> str:

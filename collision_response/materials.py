@@ -34,7 +34,7 @@ from reprlib import repr as quoted
 from types import NoneType
 from typing import Any, NamedTuple
 
-from .model import check_number
+from .model import STIFFNESS_RATIOS, check_number
 from .physics import friction
 from .physics.combine import CombineRule, check_rule, combine
 from .physics.friction import Friction
@@ -80,7 +80,7 @@ RANGES = {
     "restitution": (0.0, 1.0),
     "friction": (0.0, math.inf),
     "tangential_restitution": (-1.0, 1.0),
-    "stiffness_ratio": (1e-6, 1e6),
+    "stiffness_ratio": STIFFNESS_RATIOS,
     "stiffness": (1e-300, math.inf),
 }
 

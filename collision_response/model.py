@@ -87,6 +87,8 @@ class ImpactModel(NamedTuple):
     stiffness_ratio: float = METAL_ON_METAL
 
 
+DEFAULT = ImpactModel()
+
 STIFFNESS_RATIOS = 1e-6, 1e6
 """Greater and smaller ones differ from ROUTH_STRONGE and FRICTIONLESS by less than any measurement shows."""
 

@@ -20,6 +20,7 @@ from .kernels import library
 from .model import Geometry, ImpactModel, Law, Precision, plan
 from .numbers import balls
 from .numbers.balls import Ball, Truth
+from .numbers.number import numbers_in
 from .physics.body import Body
 from .physics.contact import Contact
 from .physics.inverse_inertia import InverseInertia
@@ -165,7 +166,7 @@ def _rounded(
     off_unit: bool,
 ) -> Impact | None:
     changes, report, flags = as_floats(answer.changes), as_floats(answer.report), answer.flags
-    if not all(math.isfinite(x) for x in _numbers((changes, report))):
+    if not all(math.isfinite(x) for x in numbers_in((changes, report))):
         return None
     bound = _bound(bodies, answer, _error_as_float)
     if not math.isfinite(bound) and isinstance(flags.separating, Truth):
@@ -183,11 +184,3 @@ def as_floats(value: Any) -> Any:
     if isinstance(value, tuple):
         return type(value)(*map(as_floats, value))
     return float(value)
-
-
-def _numbers(value: Any) -> Iterator[float]:
-    if isinstance(value, tuple):
-        for part in value:
-            yield from _numbers(part)
-    else:
-        yield value

@@ -12,14 +12,12 @@ from .by_speed import friction_at_first, restitution_at
 from .geometry import flattened, flattened_contact
 from .kernels import library
 from .kernels.protocol import Left
-from .model import USEFUL, Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
+from .model import DEFAULT, USEFUL, Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
 from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.laws import BY_SPEED, Law, Regime
 from .physics.vector import Vec3
 from .status import ImpactError, StatusCode
-
-DEFAULT = ImpactModel()
 
 NOT_MET = StatusCode.TOLERANCE_NOT_MET
 """Of the kernels: look for more digits; it may turn out that these are enough for what was asked."""

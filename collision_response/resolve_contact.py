@@ -14,12 +14,12 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from .answer import as_tuple, in_columns, in_digits
-from .model import Adjustment, ImpactModel
+from .model import DEFAULT, Adjustment, ImpactModel
 from .physics.body import Body
 from .physics.contact import Contact
 from .physics.laws import Regime
 from .physics.vector import ZERO, Vec3, as_vector
-from .resolve import DEFAULT, resolve
+from .resolve import resolve
 from .status import ImpactError, StatusCode, shown
 
 

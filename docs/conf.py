@@ -22,12 +22,7 @@ sys.path.insert(0, str(ROOT))
 project = "collision_response"
 copyright = "the contributors of collision_response"
 release = (ROOT / "package.xml").read_text().partition("<version>")[2].partition("</version>")[0]
-extensions = [
-    "myst_parser",
-    "sphinx.ext.autodoc",
-    "sphinx.ext.mathjax",
-    "sphinx.ext.viewcode",
-]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx.ext.viewcode"]
 # index.rst includes the README; the others are what rosdoc2 adds of its own, which this site has in its way.
 exclude_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.rst", "__*", "msg", "srv"]
 html_theme = "sphinx_rtd_theme"

@@ -10,9 +10,8 @@ import argparse
 import csv
 import math
 import sys
-import time
-import timeit
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -28,7 +27,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from pages import rewrite
+from pages import rewrite, table
+from timing import interleaved
 
 from collision_response import Body, Contact, Impact, ImpactModel, Law, resolve, resolve_contact
 from collision_response.physics import restitution
@@ -411,10 +411,11 @@ def draw_restitution() -> None:
 # The tables -----------------------------------------------------------------------------------
 
 
-def values_table() -> Iterator[str]:
+HEAD = "case", "law", "$p_t$", "$p_n$", "$u_t^+$", "$u_n^+$", "ΔE", "by restitution", "by friction", "regime"
+
+
+def values() -> Iterator[list[str]]:
     """The answers to T1, T2, T3 and to T3 with e = 1; energies are those gained."""
-    yield "| case | law | $p_t$ | $p_n$ | $u_t^+$ | $u_n^+$ | ΔE | by restitution | by friction | regime |"
-    yield "|---|---|---|---|---|---|---|---|---|---|"
     for case in (T1, T2, T3, T3._replace(name="T3, $e=1$", e=1.0)):
         for law in LAWS:
             impact = case.resolve(law)
@@ -429,10 +430,10 @@ def values_table() -> Iterator[str]:
             yield row_of(case, name, P, gained, impact.regime.name)
 
 
-def row_of(case: Case, law: str, P: np.ndarray, energies: list[float], regime: str = "") -> str:
+def row_of(case: Case, law: str, P: np.ndarray, energies: list[float], regime: str = "") -> list[str]:
     K, u = kinetics(case)
     numbers = [decimals(x) for x in (*P, *(u + K @ P), *energies)]
-    return f"| {' | '.join([case.name, law, *numbers, *[''] * (3 - len(energies)), regime])} |"
+    return [case.name, law, *numbers, *[""] * (3 - len(energies)), regime]
 
 
 def decimals(x: float) -> str:
@@ -440,25 +441,24 @@ def decimals(x: float) -> str:
     return "0" if abs(x) < 1e-12 else f"{x:.5f}"
 
 
-def cost_table() -> Iterator[str]:
-    """Microseconds of a whole call, and the ratio to the frictionless law in the same column."""
-    costs = microseconds([call for law in LAWS for call in calls(law)])
-    yield "| law | `resolve()`, plane | `resolve()`, space |"
-    yield "|---|---|---|"
-    for i, law in enumerate(LAWS):
-        pairs = zip(costs[2 * i : 2 * i + 2], costs[:2], strict=True)
-        cells = [f"{us:.1f} µs ({us / base:.1f})" for us, base in pairs]
-        yield f"| `{law.name}` | {' | '.join(cells)} |"
+COSTS = "law", "`resolve()`, plane", "`resolve()`, space"
 
 
-def calls(law: Law) -> list[Callable[[], object]]:
-    """What is timed for one law, column by column."""
-    model, ground = ImpactModel(law=law), Body.static()
-    requests = ((T2.rod(), T2.contact()), tumbling_box())
-    return [lambda body=body, c=c: resolve(body, ground, c, model) for body, c in requests]
+def costs() -> Iterator[list[str]]:
+    """Microseconds of a call, the fastest of 15; and the ratio to the frictionless law in the same column."""
+    requests = {"plane": (T2.rod(), Body.static(), T2.contact()), "space": tumbling_box()}
+    calls = {
+        (law, where): partial(resolve, *request, ImpactModel(law))
+        for law in LAWS
+        for where, request in requests.items()
+    }
+    fastest = {key: 1e6 * min(times) for key, times in interleaved(calls, rounds=15, seconds=0.02).items()}
+    for law in LAWS:
+        pairs = [(fastest[law, where], fastest[Law.FRICTIONLESS, where]) for where in requests]
+        yield [f"`{law.name}`", *(f"{us:.1f} µs ({us / base:.1f})" for us, base in pairs)]
 
 
-def tumbling_box() -> tuple[Body, Contact]:
+def tumbling_box() -> tuple[Body, Body, Contact]:
     """A box on its corner, in space: the slip turns while it lasts, then stops."""
     body = Body.dynamic(
         2.0,
@@ -468,15 +468,7 @@ def tumbling_box() -> tuple[Body, Contact]:
         (1.0, 0.5, -2.0),
         (1.0, -2.0, 0.5),
     )
-    return body, Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3)
-
-
-def microseconds(timed: Sequence[Callable[[], object]]) -> list[float]:
-    """Processor time of each call, the fastest of fifteen rounds; each round times all of them."""
-    timers = [timeit.Timer(call, timer=time.process_time) for call in timed]
-    counts = [max(1, int(0.02 / (timer.timeit(3) / 3))) for timer in timers]
-    rounds = [[t.timeit(n) / n for t, n in zip(timers, counts, strict=True)] for _ in range(15)]
-    return [1e6 * min(times) for times in zip(*rounds, strict=True)]
+    return body, Body.static(), Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3)
 
 
 def main() -> None:
@@ -495,8 +487,7 @@ def main() -> None:
     draw_comparison()
     draw_restitution()
     if not arguments.no_tables:
-        tables = {"values": values_table(), "cost": cost_table()}
-        rewrite(PAGE, {name: "\n".join(lines) for name, lines in tables.items()})
+        rewrite(PAGE, {"values": table(HEAD, values()), "cost": table(COSTS, costs())})
         print(f"docs/{PAGE.name}")
 
 

@@ -22,7 +22,7 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
-from pages import rewrite
+from pages import rewrite, table
 
 from collision_response import Body, Contact, Geometry, ImpactModel, Law, Precision, Twist
 from collision_response.batch import contact_rows, resolve_batch
@@ -208,30 +208,28 @@ def picture_of_sphere(results: dict[str, Any], path: Path) -> None:
     plt.close(figure)
 
 
+MISSES = "law", "e", "μ", "misfit", "an impact is missed by (10 %, half, 90 % of them)"
+
+
 def tables(results: dict[str, Any]) -> dict[str, str]:
     """By the name of their place in the page."""
     parts = {}
     for name in ("cubes", "ellipse"):
-        lines = [
-            "| law | e | μ | misfit | an impact is missed by (10 %, half, 90 % of them) |",
-            "|---|---|---|---|---|",
-        ]
+        rows = []
         for law, one in results[name]["laws"].items():
             told = [
                 f"{value:.3g} [{low:.3g}, {high:.3g}]" for value, low, high in one["coefficients"].values()
             ]
             missed = ", ".join(f"{x:.0%}" for x in one["missed"])
-            cells = [f"`{law}`", *told, *[""] * (2 - len(told)), f"{one['misfit']:.1%}", missed]
-            lines.append(f"| {' | '.join(cells)} |")
-        parts[name] = "\n".join(lines)
-    lines = [f"| law | {' | '.join(f'{a:.0f}°' for a in results['kharaz']['angles'])} |"]
-    lines.append("|---" * (1 + len(results["kharaz"]["angles"])) + "|")
-    lines.append(f"| measured | {' | '.join(f'{x:.3f}' for x in results['kharaz']['measured'])} |")
-    for law, ratios in results["kharaz"]["ratios"].items():
-        off = (x - m for x, m in zip(ratios, results["kharaz"]["measured"], strict=True))
-        lines.append(f"| `{law}` | {' | '.join(f'{x:+.3f}' for x in off)} |")
-    parts["sphere"] = "\n".join(lines)
-    fits = [f"{name}\n" + "\n".join(lines) for name, lines in results["kharaz"]["fits"].items()]
+            rows.append([f"`{law}`", *told, *[""] * (2 - len(told)), f"{one['misfit']:.1%}", missed])
+        parts[name] = table(MISSES, rows)
+    sphere = results["kharaz"]
+    rows = [["measured", *(f"{x:.3f}" for x in sphere["measured"])]]
+    for law, ratios in sphere["ratios"].items():
+        off = (x - m for x, m in zip(ratios, sphere["measured"], strict=True))
+        rows.append([f"`{law}`", *(f"{x:+.3f}" for x in off)])
+    parts["sphere"] = table(["law", *(f"{a:.0f}°" for a in sphere["angles"])], rows)
+    fits = [f"{name}\n" + "\n".join(lines) for name, lines in sphere["fits"].items()]
     parts["fits"] = "```text\n" + "\n".join(fits) + "\n```"
     return parts
 

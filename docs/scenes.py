@@ -23,7 +23,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
-from pages import rewrite
+from pages import rewrite, table
 
 from collision_response import Body, Contact, ImpactModel, Law, SceneImpact, resolve_scene
 from collision_response.demo.at_once import RADIUS, tight_rack
@@ -41,11 +41,7 @@ WAYS: dict[str, tuple[Law, Options, str]] = {
     "`FRICTIONLESS`": (Law.FRICTIONLESS, {}, "the shock goes through"),
     "`MOREAU`": (Law.MOREAU, {}, "all that touch it leave together"),
     "`ROUTH_STRONGE`, exponent 1.5": (Law.ROUTH_STRONGE, {}, "Hertzian springs: the shock disperses"),
-    "`ROUTH_STRONGE`, exponent 1": (
-        Law.ROUTH_STRONGE,
-        {"exponent": 1.0},
-        "linear springs: more so",
-    ),
+    "`ROUTH_STRONGE`, exponent 1": (Law.ROUTH_STRONGE, {"exponent": 1.0}, "linear springs: more so"),
 }
 COLOURS = (BLUE, ORANGE, GREEN, "#6a9f3c")
 
@@ -183,16 +179,14 @@ def draw_rack() -> None:
 # The table ------------------------------------------------------------------------------------
 
 
-def law_table() -> Iterator[str]:
+def law_table() -> str:
     """Cradles of three and of five, and the flat box."""
-    yield "| law | three, e = 1 | three, e = 0.5 | five, e = 1 | |"
-    yield "|---|---|---|---|---|"
+    cradles = {"three, e = 1": (3, 1.0), "three, e = 0.5": (3, 0.5), "five, e = 1": (5, 1.0)}
+    rows = []
     for name, (law, options, what) in WAYS.items():
-        cells = [
-            speeds_of(cradle((1.0, *[0.0] * (count - 1)), e, law, options))
-            for count, e in ((3, 1.0), (3, 0.5), (5, 1.0))
-        ]
-        yield f"| {name} | {' | '.join(cells)} | {what} |"
+        speeds = (cradle((1.0, *[0.0] * (n - 1)), e, law, options) for n, e in cradles.values())
+        rows.append([name, *map(speeds_of, speeds), what])
+    return table(["law", *cradles, ""], rows)
 
 
 def speeds_of(speeds: Sequence[float]) -> str:
@@ -236,8 +230,7 @@ def main() -> None:
     draw_cradle()
     draw_box()
     draw_rack()
-    parts = {"laws": law_table(), "orders": facts(), "example": ["```", str(example()), "```"]}
-    rewrite(PAGE, {name: "\n".join(lines) for name, lines in parts.items()})
+    rewrite(PAGE, {"laws": law_table(), "orders": "\n".join(facts()), "example": f"```\n{example()}\n```"})
     print(f"docs/{PAGE.name}")
 
 

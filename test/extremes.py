@@ -174,12 +174,3 @@ def _all_together() -> Scene:
     scene = _moved(scene._replace(body_a=_heavier(scene.body_a, 1e20)), 1e8)
     scene = scene._replace(contact=scene.contact._replace(normal=scene.contact.normal * 1e50))
     return grazing(1e-12, scene)
-
-
-def all_numbers(answer) -> Iterator[float]:
-    """Every number in nested named tuples."""
-    if isinstance(answer, tuple):
-        for part in answer:
-            yield from all_numbers(part)
-    elif isinstance(answer, float):
-        yield answer

@@ -548,11 +548,7 @@ GOOD = {
     "e_t": 0.5,
     "threshold": 0.5,
 }
-NAMES = {
-    "spin": "angular_velocity",
-    "e_t": "tangential_restitution",
-    "threshold": "restitution_threshold",
-}
+NAMES = {"spin": "angular_velocity", "e_t": "tangential_restitution", "threshold": "restitution_threshold"}
 
 
 def _with(field: str, value: Any) -> Impact:

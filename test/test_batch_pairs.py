@@ -460,8 +460,7 @@ def test_bodies_without_an_answer_keep_their_velocity():
 
 @pytest.mark.parametrize("make", [np.asarray, array_api_strict.asarray])
 @pytest.mark.parametrize(
-    "make_result",
-    [np.asarray, array_api_strict.asarray, lambda array: da.from_array(array, chunks=-1)],
+    "make_result", [np.asarray, array_api_strict.asarray, lambda array: da.from_array(array, chunks=-1)]
 )
 @pytest.mark.parametrize(("geometry", "oriented"), KINDS)
 def test_tables_of_every_library_get_the_velocities(geometry, oriented, make, make_result):

@@ -38,10 +38,7 @@ def check_contact(model: ImpactModel, result, i: int, scene: Scene) -> None:
         off = [x - y for x, y in zip(result.impulse[:, i].tolist(), P, strict=False)]
         assert (sum(x * x for x in off) <= ULP**2 * P.dot(P)) is True
         for side, (twist, change) in enumerate(
-            (
-                (exact.report.twist_a, exact.impact.change_a),
-                (exact.report.twist_b, exact.impact.change_b),
-            )
+            ((exact.report.twist_a, exact.impact.change_a), (exact.report.twist_b, exact.impact.change_b))
         ):
             check_vector(result.velocity[:, side, i], twist.linear, change.linear)
             spin = result.angular_velocity[:, side, i]

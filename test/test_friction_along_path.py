@@ -289,8 +289,7 @@ def test_a_path_without_end_is_given_up_by_name():
 
 
 @pytest.mark.parametrize(
-    ("value", "code"),
-    [(-0.1, "INVALID_COEFFICIENT"), (math.nan, "NOT_FINITE"), (math.inf, "NOT_FINITE")],
+    ("value", "code"), [(-0.1, "INVALID_COEFFICIENT"), (math.nan, "NOT_FINITE"), (math.inf, "NOT_FINITE")]
 )
 def test_a_value_on_the_way_that_is_no_coefficient_is_refused_with_its_speed(value, code):
     with pytest.raises(ImpactError) as error:

@@ -24,7 +24,7 @@ from collision_response.kernels.emit import emit
 from collision_response.kernels.layout import Layout, names_of_body, request
 from collision_response.kernels.pairs import PAIR, in_pairs
 from collision_response.kernels.programs import SEEN_BY_FALLBACK
-from collision_response.kernels.symbol import Loop, Node, Tape, numbers_in, rebuilt
+from collision_response.kernels.symbol import Loop, Node, Tape, rebuilt
 from collision_response.model import plan
 from collision_response.numbers.number import (
     certain,
@@ -33,6 +33,7 @@ from collision_response.numbers.number import (
     greater,
     iterate,
     lesser,
+    numbers_in,
     square_root,
     widened,
 )
@@ -80,10 +81,7 @@ def less(x, y, if_true, if_false):
         (lambda x, y: choose(~~(x < y), lambda: x, lambda: y), lambda x, y: less(x, y, x, y)),
         (lambda x, y: choose((x < y) | True, lambda: x, lambda: y), lambda x, y: x),
         (lambda x, y: choose((x < y) & False, lambda: x, lambda: y), lambda x, y: y),
-        (
-            lambda x, y: choose((x < y) & True & (x < y), lambda: x, lambda: y),
-            lambda x, y: less(x, y, x, y),
-        ),
+        (lambda x, y: choose((x < y) & True & (x < y), lambda: x, lambda: y), lambda x, y: less(x, y, x, y)),
         (lambda x, y: choose(y > x, lambda: x, lambda: y), lambda x, y: less(x, y, x, y)),
         (lambda x, y: certain(certain(x)), lambda x, y: certain(x)),
         (lambda x, y: error_of(certain(x)) + y, lambda x, y: y),

@@ -181,10 +181,7 @@ def test_frictionless_conserves_exactly_in_exact_arithmetic():
     before -= velocity(b, twist._replace(linear=b.velocity, angular=b.angular_velocity))
     after = velocity(a, report.twist_a) - velocity(b, report.twist_b)
     assert contact.normal.dot(after) == -contact.restitution * contact.normal.dot(before)
-    moved = [
-        body._replace(velocity=twist.linear, angular_velocity=twist.angular)
-        for body, twist in ((a, report.twist_a), (b, report.twist_b))
-    ]
+    moved = a.with_twist(report.twist_a), b.with_twist(report.twist_b)
     lost = sum(map(kinetic_energy, (a, b))) - sum(map(kinetic_energy, moved))
     assert lost == -P.dot(before + after) / 2 == report.energy_lost_restitution > 0
     assert report.energy_lost_friction == 0

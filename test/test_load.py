@@ -231,12 +231,18 @@ def diagnostics(graph):
     return last
 
 
-def test_requests_of_a_client_that_leaves_are_dropped_and_counted(graph):
-    graph.serve(max_state_wait=60.0)
-    last = diagnostics(graph)
+def another_client(graph):
+    """A node and its client, of which the service is ready."""
     other = graph.add(Node("other", context=graph.context, namespace=graph.namespace))
     client = other.create_client(ResolveCollision, graph.service, qos_profile=SERVICE_QOS)
     until(client.service_is_ready)
+    return other, client
+
+
+def test_requests_of_a_client_that_leaves_are_dropped_and_counted(graph):
+    graph.serve(max_state_wait=60.0)
+    last = diagnostics(graph)
+    other, client = another_client(graph)
     answered = client.call_async(balls_meet())
     until(answered.done)
     for _ in range(5):
@@ -276,9 +282,7 @@ def test_a_client_that_left_before_it_was_seen_is_tried_once(graph, monkeypatch)
     monkeypatch.setattr(server, "DISCOVERY", 0.05)
     graph.serve()
     last = diagnostics(graph)
-    other = graph.add(Node("other", context=graph.context, namespace=graph.namespace))
-    client = other.create_client(ResolveCollision, graph.service, qos_profile=SERVICE_QOS)
-    until(client.service_is_ready)
+    _, client = another_client(graph)
     for _ in range(50):
         client.call_async(balls_meet())
     until(lambda: last() and last()[1]["requests of clients that left"] == "49")

@@ -15,16 +15,7 @@ from bounded import Bounded
 from mpmath import mp
 from oracle import impulse
 
-from collision_response import (
-    Adjustment,
-    Body,
-    Contact,
-    ImpactModel,
-    Law,
-    Precision,
-    StatusCode,
-    resolve,
-)
+from collision_response import Adjustment, Body, Contact, ImpactModel, Law, Precision, StatusCode, resolve
 from collision_response.physics.effective_mass import Seen
 from collision_response.physics.laws import Coefficients, Outcome, Regime, Settings
 from collision_response.physics.laws.moreau import moreau

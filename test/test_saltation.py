@@ -98,10 +98,7 @@ def bounced(bodies, touch, model, gravity):
         time -= gap / speed
     now = [flown(body, time, gravity) for body in bodies]
     impact = resolve(*now, touch(now)[1], model)
-    after = [
-        body._replace(velocity=twist.linear, angular_velocity=twist.angular)
-        for body, twist in zip(now, (impact.twist_a, impact.twist_b), strict=True)
-    ]
+    after = now[0].with_twist(impact.twist_a), now[1].with_twist(impact.twist_b)
     return [flown(body, -time, gravity) for body in after]
 
 

@@ -10,16 +10,7 @@ from fractions import Fraction as F
 import pytest
 from scene_cases import Case, any_case, apart, box, random_case, row, size_of, speeds
 
-from collision_response import (
-    Body,
-    Contact,
-    ImpactError,
-    ImpactModel,
-    Law,
-    Regime,
-    StatusCode,
-    resolve_scene,
-)
+from collision_response import Body, Contact, ImpactError, ImpactModel, Law, Regime, StatusCode, resolve_scene
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.tensor import Symmetric3
 from collision_response.physics.vector import Vec3

@@ -55,37 +55,31 @@ def test_in_the_plane_it_is_the_law_of_one_contact(theta, velocity, mu, e, impul
     assert not any(answer.impulses[1])
 
 
-def one_contact(seed):
-    """A random scene, and the answer for its first contact alone."""
-    case = random_case(seed, mu=1e4)
+def one_contact(seed, mu):
+    """The first contact of a random scene, in a cluster of two, and what is answered for it alone."""
+    case = random_case(seed, mu=mu)
     a, b = case.pairs[0]
-    return case, resolve(case.bodies[a], case.bodies[b], case.contacts[0], ImpactModel(Law.COULOMB))
+    touch = case.bodies[a], case.bodies[b], case.contacts[0]
+    return beside(*touch), resolve(*touch, ImpactModel(Law.COULOMB))
 
 
-STICKING = [seed for seed in range(40) if one_contact(seed)[1].regime is Regime.STICKING]
+STICKING = [seed for seed in range(40) if one_contact(seed, mu=1e4)[1].regime is Regime.STICKING]
 
 
 @pytest.mark.parametrize("seed", STICKING)
 def test_where_a_contact_sticks_it_is_the_law_of_one_contact(seed):
-    case, one = one_contact(seed)
-    (a, b), contact = case.pairs[0], case.contacts[0]
-    fly = Body.dynamic(1e-3, position=case.bodies[a].position, velocity=(50.0, 60.0, 70.0))
-    leaving = Contact.of(case.bodies[a].position, (1.0, 1.0, 1.0))
-    answer = resolve_scene([case.bodies[a], case.bodies[b], fly], [(0, 1), (2, 0)], [contact, leaving])
+    case, one = one_contact(seed, mu=1e4)
+    answer = case.resolve(Law.COULOMB)
     assert answer.impulses[0] == pytest.approx(one.impulse, rel=1e-7, abs=1e-9)
     assert answer.regimes == (Regime.STICKING, Regime.SEPARATING)
 
 
 @pytest.mark.parametrize("seed", range(40))
 def test_in_space_it_differs_from_the_law_of_one_contact_by_less_than_a_quarter(seed):
-    case = random_case(seed, mu=0.3)
-    (a, b), contact = case.pairs[0], case.contacts[0]
-    one = resolve(case.bodies[a], case.bodies[b], contact, ImpactModel(Law.COULOMB))
+    case, one = one_contact(seed, mu=0.3)
     if one.status is StatusCode.SEPARATING:
         return
-    fly = Body.dynamic(1e-3, position=case.bodies[a].position, velocity=(50.0, 60.0, 70.0))
-    leaving = Contact.of(case.bodies[a].position, (1.0, 1.0, 1.0))
-    answer = resolve_scene([case.bodies[a], case.bodies[b], fly], [(0, 1), (2, 0)], [contact, leaving])
+    answer = case.resolve(Law.COULOMB)
     P = answer.impulses[0]
     assert (P - one.impulse).norm() <= 0.25 * one.impulse.norm()
     assert answer.normal_velocities_after[0] == pytest.approx(one.normal_velocity_after, abs=1e-9)

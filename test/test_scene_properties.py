@@ -10,16 +10,7 @@ from fractions import Fraction
 import pytest
 from scene_cases import Case, any_case, apart, apart_by, energy, momentum, random_case, size_of, turn, turned
 
-from collision_response import (
-    Body,
-    Contact,
-    ImpactError,
-    ImpactModel,
-    Law,
-    Regime,
-    resolve,
-    resolve_scene,
-)
+from collision_response import Body, Contact, ImpactError, ImpactModel, Law, Regime, resolve, resolve_scene
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import Vec3
 

@@ -8,16 +8,7 @@ from fractions import Fraction as F
 import pytest
 from scene_cases import Case, box, row, speeds
 
-from collision_response import (
-    Adjustment,
-    Body,
-    Contact,
-    ImpactModel,
-    Law,
-    Regime,
-    StatusCode,
-    resolve_scene,
-)
+from collision_response import Adjustment, Body, Contact, ImpactModel, Law, Regime, StatusCode, resolve_scene
 from collision_response.scene.resolve_scene import THRESHOLD
 
 GR, LCP, LZB = Law.FRICTIONLESS, Law.MOREAU, Law.ROUTH_STRONGE

@@ -113,8 +113,9 @@ def test_world_frame_is_the_only_frame_accepted(graph):
     assert status.message == "contact.header.frame_id: is 'world', but the parameter world_frame is 'map'"
 
 
-def test_age_is_by_the_clock_of_the_simulation(graph):
-    node = graph.serve(use_sim_time=True, max_state_age=0.5)
+def simulated_clock(graph, **parameters):
+    """Of a node that is started; call it to set it."""
+    node = graph.serve(use_sim_time=True, **parameters)
     clock = graph.user.create_publisher(Clock, "/clock", 1)
 
     def set_clock(seconds):
@@ -127,6 +128,11 @@ def test_age_is_by_the_clock_of_the_simulation(graph):
 
         until(arrived)
 
+    return set_clock
+
+
+def test_age_is_by_the_clock_of_the_simulation(graph):
+    set_clock = simulated_clock(graph, max_state_age=0.5)
     set_clock(100.5)
     assert Publisher(graph).publish(left_ball(stamp=100.0)).success
 
@@ -298,19 +304,7 @@ def test_states_of_many_bodies_come_in_a_table(graph):
 
 
 def test_when_the_clock_is_set_back_states_are_forgotten(graph):
-    node = graph.serve(use_sim_time=True)
-    clock = graph.user.create_publisher(Clock, "/clock", 1)
-
-    def set_clock(seconds):
-        message = Clock()
-        message.clock.sec = seconds
-
-        def arrived():
-            clock.publish(message)
-            return node.get_clock().now().nanoseconds == seconds * 10**9
-
-        until(arrived)
-
+    set_clock = simulated_clock(graph)
     set_clock(100)
     publisher = Publisher(graph)
     publisher.publish(left_ball(1.0, stamp=100.0))

@@ -262,10 +262,7 @@ def great_batch(stage: Stage) -> Row:
 
 def _end(node: NodeProcess, clients: list[Child]) -> Row:
     seconds, code = node.terminate(120.0)
-    must = {
-        f"it took {seconds:.1f} s to exit": seconds <= LONGEST_EXIT,
-        f"it exited with {code}": code == 0,
-    }
+    must = {f"it took {seconds:.1f} s to exit": seconds <= LONGEST_EXIT, f"it exited with {code}": code == 0}
     found = [client.report() for client in clients]
     return row(node, found, must=must, notes=f"exit code {code} after {seconds:.2g} s")
 

@@ -11,6 +11,7 @@ import itertools
 import threading
 import time
 from collections.abc import Callable
+from statistics import linear_regression
 from typing import Any
 
 from . import results
@@ -165,10 +166,7 @@ def slope(samples: list[list[float]]) -> float | None:
     half = samples[len(samples) // 2 :]
     if len(half) < 3:
         return None
-    times, memory = [s[0] for s in half], [s[1] for s in half]
-    t, m = sum(times) / len(half), sum(memory) / len(half)
-    spread_of_times = sum((x - t) ** 2 for x in times)
-    return 3600 * sum((x - t) * (y - m) for x, y in zip(times, memory, strict=True)) / spread_of_times
+    return 3600 * linear_regression([s[0] for s in half], [s[1] for s in half]).slope
 
 
 def said(client: Child) -> Report | None:

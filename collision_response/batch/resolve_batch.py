@@ -32,7 +32,7 @@ import numpy as np
 from ..kernels import library
 from ..kernels.layout import Layout
 from ..kernels.protocol import Number
-from ..model import LARGEST, Geometry, ImpactModel, Law, Precision, check_model, law_for
+from ..model import DEFAULT, LARGEST, Geometry, ImpactModel, Law, Precision, check_model, law_for
 from ..model import Plan as PlanOfModel
 from ..model import plan as plan_of_model
 from ..physics.laws import PATHS, STEPPED, Settings
@@ -44,8 +44,6 @@ from .pairs import as_pairs
 from .rows import TABLES, body_rows, contact_rows, layout_of
 
 Array = np.ndarray[Any, Any]
-
-DEFAULT = ImpactModel()
 
 UINT8 = np.dtype(np.uint8)
 

@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..kernels import library
-from ..model import LARGEST, ImpactModel, check_number, plan
+from ..model import DEFAULT, LARGEST, ImpactModel, check_number, plan
 from ..physics.laws import PATHS
 from ..scene import SceneImpact, resolve_scene
 from ..scene.reflections import REFLECTIONS
@@ -38,7 +38,7 @@ from ..scene.resolve_scene import IN_KERNELS, THRESHOLD
 from ..status import ImpactError, StatusCode
 from .one_by_one import REPORT, body_of, contact_of
 from .pairs import IS_ANSWER, as_pairs
-from .resolve_batch import DEFAULT, UINT8, Asked, check_workers, plan_for, resolve_batch
+from .resolve_batch import UINT8, Asked, check_workers, plan_for, resolve_batch
 from .rows import body_rows, contact_rows
 
 Array = np.ndarray[Any, Any]

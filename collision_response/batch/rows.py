@@ -6,6 +6,7 @@ Only what a geometry and a law need is there. Write ``bodies[rows.velocity] = ..
 from __future__ import annotations
 
 from functools import cache
+from itertools import accumulate
 from typing import NamedTuple
 
 from ..kernels.layout import Layout
@@ -66,46 +67,70 @@ def layout_of(geometry: Geometry, *, oriented: bool = False) -> Layout:
     return Layout.SPATIAL_ORIENTED if oriented else Layout[geometry.name]
 
 
-def _one_after_the_other(widths: dict[str, int]) -> tuple[dict[str, slice], int]:
-    places, height = {}, 0
-    for field, width in widths.items():
-        places[field] = slice(height, height + width)
-        height += width
-    return places, height
+def places_of(widths: dict[str, int]) -> dict[str, slice]:
+    """Where quantities of these widths lie, one after the other."""
+    ends = accumulate(widths.values())
+    return {name: slice(end - width, end) for (name, width), end in zip(widths.items(), ends, strict=True)}
 
 
 @cache
 def body_rows(geometry: Geometry, *, oriented: bool = False) -> BodyRows:
     """The rows of ``bodies``; only SPATIAL bodies may be oriented."""
     fields = layout_of(geometry, oriented=oriented).fields(0)
-    places, height = _one_after_the_other({name: len(axes) for name, axes in fields.items()})
+    widths = {name: len(axes) for name, axes in fields.items()}
+    places = places_of(widths)
+    height = sum(widths.values())
     return BodyRows._make([*(places.get(field, NOWHERE) for field in BodyRows._fields[:-1]), height])
-
-
-TABLES = {
-    body_rows(geometry, oriented=oriented).height: (geometry, oriented)
-    for geometry, oriented in (
-        (Geometry.POINT, False),
-        (Geometry.PLANAR, False),
-        (Geometry.SPATIAL, False),
-        (Geometry.SPATIAL, True),
-    )
-}
-"""What a table of bodies with so many rows describes: the geometry, and whether bodies are oriented."""
-
-
-def rows_of(height: int) -> BodyRows:
-    """The rows of a table of bodies with so many. Raises: ValueError: there is no such table."""
-    if height not in TABLES:
-        raise ValueError(f"bodies: must have {' or '.join(map(str, TABLES))} rows, has {height}")
-    geometry, oriented = TABLES[height]
-    return body_rows(geometry, oriented=oriented)
 
 
 @cache
 def contact_rows(geometry: Geometry) -> ContactRows:
     """The rows of ``contacts``."""
     widths = {name: len(axes) for name, axes in layout_of(geometry).fields(1).items()}
-    places, height = _one_after_the_other({**widths, "restitution": 1, "friction": 1})
-    places["tangential_restitution"] = slice(height, height + 1)
+    places = places_of({**widths, "restitution": 1, "friction": 1, "tangential_restitution": 1})
+    height = places["friction"].stop
     return ContactRows._make([*(places.get(field, NOWHERE) for field in ContactRows._fields[:-1]), height])
+
+
+class Tables(NamedTuple):
+    """What the tables of a batch describe.
+
+    Attributes:
+        geometry: POINT, PLANAR or SPATIAL.
+        oriented: whether the bodies have orientations.
+    """
+
+    geometry: Geometry
+    oriented: bool = False
+
+    @property
+    def name(self) -> str:
+        """Of the layout."""
+        return layout_of(self.geometry, oriented=self.oriented).name
+
+    @property
+    def bodies(self) -> BodyRows:
+        """The rows of ``bodies``."""
+        return body_rows(self.geometry, oriented=self.oriented)
+
+    @property
+    def contacts(self) -> ContactRows:
+        """The rows of ``contacts``."""
+        return contact_rows(self.geometry)
+
+
+TABLES = {
+    tables.bodies.height: tables
+    for tables in (
+        *map(Tables, (Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL)),
+        Tables(Geometry.SPATIAL, oriented=True),
+    )
+}
+"""By the number of rows of ``bodies``."""
+
+
+def rows_of(height: int) -> BodyRows:
+    """The rows of a table of bodies with so many. Raises: ValueError: there is no such table."""
+    if height not in TABLES:
+        raise ValueError(f"bodies: must have {' or '.join(map(str, TABLES))} rows, has {height}")
+    return TABLES[height].bodies

@@ -1,7 +1,7 @@
 """``collision_response COMMAND``: all that the package does, from one command line.
 
-A command is a module with ``main(arguments) -> int``; it is imported when it is called, so each needs only
-what it works with.
+A command is a module with ``main(arguments) -> int``, or a node; it is imported when it is called, so each
+needs only what it works with.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from typing import NamedTuple
 
 import collision_response
 
+from . import nodes
+
 
 class Command(NamedTuple):
     """A module, and what it does."""
@@ -26,12 +28,12 @@ class Command(NamedTuple):
 
 COMMANDS = {
     "demo": Command(
-        "collision_response.cli.demo", "see it work: known answers, a break shot, a tumbling rod"
+        "collision_response.demo.__main__", "see it work: known answers, a break shot, a tumbling rod"
     ),
-    "node": Command("collision_response.cli.node", "run the ROS node that answers requests"),
+    "node": Command("collision_response.ros.node", "run the ROS node that answers requests"),
     "call": Command("collision_response.cli.call", "send the node one request, and read the answer"),
-    "states": Command("collision_response.cli.states", "tell the node where a robot is: odometry, TF, URDF"),
-    "markers": Command("collision_response.cli.markers", "show the answers in RViz or Foxglove"),
+    "states": Command("collision_response.ros.sources", "tell the node where a robot is: odometry, TF, URDF"),
+    "markers": Command("collision_response.ros.markers", "show the answers in RViz or Foxglove"),
     "report": Command(
         "collision_response.cli.report", "what happened in a recording: in words, plots, a table"
     ),
@@ -89,7 +91,7 @@ def _run(words: list[str]) -> int:
             raise
         print(error, file=sys.stderr)  # check_release() says what to install
         return 1
-    return module.main(rest)
+    return nodes.run(name, module, rest) if name in nodes.DESCRIPTIONS else module.main(rest)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -19,6 +19,7 @@ from ..answer import as_table, in_columns, in_digits
 from ..msg import BodyState
 from ..named import Named
 from ..ros.batch_client import unpack
+from ..ros.batch_fields import LAYOUTS
 from ..ros.intake import RCLError
 from ..scene.answer import scene_table
 from ..srv import ResolveCollision, ResolveCollisionBatch, ResolveScene
@@ -42,10 +43,7 @@ MODEL: dict[str, type[Named]] = {"law": Law, "geometry": Geometry, "precision": 
 NAMES: dict[str, dict[str, int]] = {
     **{field: {member.name: int(member) for member in kind} for field, kind in MODEL.items()},
     "motion_type": {name: getattr(BodyState, name) for name in ("DYNAMIC", "KINEMATIC", "STATIC")},
-    "layout": {
-        name: getattr(ResolveCollisionBatch.Request, name)
-        for name in ("POINT", "PLANAR", "SPATIAL", "SPATIAL_ORIENTED")
-    },
+    "layout": {tables.name: number for number, tables in LAYOUTS.items()},
 }
 """Fields that may be given by name."""
 

@@ -16,7 +16,7 @@ from ..physics.energy import kinetic_energy
 from ..physics.mass_properties import sphere
 from ..physics.vector import ZERO, Vec3
 from .balance import EnergyBalance, momentum, spin_momentum
-from .scene import FRAMES, Answer, Encounter, Resolve, Show, with_twist
+from .scene import FRAMES, Answer, Encounter, Resolve, Show
 from .time_of_impact import until_spheres_touch
 
 RADIUS, MASS = 0.028575, 0.17
@@ -143,9 +143,9 @@ class Break:
 
     def _enter(self, encounter: Encounter, answer: Answer) -> None:
         self.impacts += 1
-        self.balls[encounter.name_a] = with_twist(encounter.body_a, answer.twist_a)
+        self.balls[encounter.name_a] = encounter.body_a.with_twist(answer.twist_a)
         if encounter.body_b is not None:
-            self.balls[encounter.name_b] = with_twist(encounter.body_b, answer.twist_b)
+            self.balls[encounter.name_b] = encounter.body_b.with_twist(answer.twist_b)
         else:
             self.given -= answer.impulse
             self.given_spin -= encounter.contact.position.cross(answer.impulse).z

@@ -24,7 +24,7 @@ from .billiards import Break, cushion_bodies, rack
 from .client import Client
 from .messages import FRAME, answer_of, contact_of, state_of, time_of, twist_of
 from .progress import Progress
-from .scene import FRAMES, Answer, Encounter, with_twist
+from .scene import FRAMES, Answer, Encounter
 from .systems import System, all_systems
 from .tumbling_rod import FALL, Tumbling
 
@@ -235,7 +235,7 @@ def _flat_boxes(stage: Stage) -> Iterator[str]:
     for contact in cycle(in_turn.contacts):
         if approaches(other, contact):
             encounter = Encounter(STRIKE, name, in_turn.others[0], other, None, contact)
-            other = with_twist(other, stage.resolve(encounter).twist_a)
+            other = other.with_twist(stage.resolve(encounter).twist_a)
         elif not any(approaches(other, corner) for corner in in_turn.contacts):
             break
     _play(stage, in_turn.bodies, {name: other})
@@ -277,7 +277,7 @@ def _struck(stage: Stage, touching: Touching, tolerance: float = 0.0) -> tuple[S
     """What is answered, and the bodies that now move so; they are shown before and after."""
     result = stage.resolve_scene(touching, STRIKE, tolerance)
     after = {
-        name: with_twist(body, twist_of(twist))
+        name: body.with_twist(twist_of(twist))
         for (name, body), twist in zip(touching.bodies.items(), result.twists, strict=False)
     }
     _play(stage, touching.bodies, after)

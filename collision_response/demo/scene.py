@@ -47,8 +47,3 @@ class Answer(NamedTuple):
 Resolve = Callable[[Encounter], Answer]
 Show = Callable[[float, Mapping[str, Body]], None]
 """Is told the time of the scene [s] and where everything is."""
-
-
-def with_twist(body: Body, twist: Twist) -> Body:
-    """A body that now moves so."""
-    return body._replace(velocity=twist.linear, angular_velocity=twist.angular)

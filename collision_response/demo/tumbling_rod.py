@@ -17,7 +17,7 @@ from ..physics.mass_properties import rod
 from ..physics.orientation import Quaternion
 from ..physics.vector import Vec3
 from .balance import EnergyBalance
-from .scene import FRAMES, Answer, Encounter, Resolve, Show, with_twist
+from .scene import FRAMES, Answer, Encounter, Resolve, Show
 from .time_of_impact import until_touch
 
 GRAVITY = 9.81
@@ -80,7 +80,7 @@ class Tumbling:
             self._advance(event)
             angle = math.asin(abs(math.sin(self.angle)))
             answer = resolve(self._encounter(end))
-            self.body = with_twist(self.body, answer.twist_a)
+            self.body = self.body.with_twist(answer.twist_a)
             self.energy.enter(self.total_energy(), answer.lost_restitution, answer.lost_friction)
             yield Bounce(self.time, angle, answer, self.energy.last, self.body.angular_velocity.y)
 

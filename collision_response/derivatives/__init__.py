@@ -19,13 +19,7 @@ from .differentiate import (
     unit_directions,
 )
 from .saltation import saltation_matrix
-from .surfaces import (
-    SurfaceMotion,
-    corner_on_plane,
-    point_on_plane,
-    sphere_on_plane,
-    sphere_on_sphere,
-)
+from .surfaces import SurfaceMotion, corner_on_plane, point_on_plane, sphere_on_plane, sphere_on_sphere
 
 __all__ = [
     "PARAMETERS",

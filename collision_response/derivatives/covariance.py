@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..body_numbers import PARALLEL
-from ..model import ImpactModel, check_by_one_code
+from ..model import DEFAULT, ImpactModel, check_by_one_code
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Regime
@@ -27,7 +27,6 @@ from ..physics.orientation import Quaternion
 from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
-from .differentiate import DEFAULT
 from .saltation import (
     POSES,
     STANDARD_GRAVITY,

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from enum import IntEnum
 from functools import lru_cache
-from itertools import accumulate
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -19,9 +18,10 @@ import numpy as np
 
 from ..answer import Impact
 from ..batch import BatchResult, resolve_batch
+from ..batch.rows import places_of
 from ..kernels import _derivatives, library  # type: ignore[attr-defined]  # made by the build
 from ..kernels.layout import Layout, names_of_body, names_of_contact
-from ..model import Geometry, ImpactModel, law_for
+from ..model import DEFAULT, Geometry, ImpactModel, law_for
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Settings
@@ -30,14 +30,7 @@ from ..status import ImpactError, StatusCode, shown
 
 Array = np.ndarray[Any, Any]
 
-DEFAULT = ImpactModel()
-
 _settings_of = attrgetter(*Settings._fields)
-
-
-def _places(widths: dict[str, int]) -> dict[str, slice]:
-    ends = accumulate(widths.values())
-    return {name: slice(end - width, end) for (name, width), end in zip(widths.items(), ends, strict=True)}
 
 
 def _parameters() -> dict[str, int]:
@@ -51,17 +44,11 @@ def _parameters() -> dict[str, int]:
     return widths | {"model.tangential_restitution": 1, "model.stiffness_ratio": 1}
 
 
-PARAMETERS = _places(_parameters())
+PARAMETERS = places_of(_parameters())
 """What may be differentiated by, and its places in a direction."""
 
-RESULTS = _places(
-    {
-        "twist_a.linear": 3,
-        "twist_a.angular": 3,
-        "twist_b.linear": 3,
-        "twist_b.angular": 3,
-        "impulse": 3,
-    }
+RESULTS = places_of(
+    {"twist_a.linear": 3, "twist_a.angular": 3, "twist_b.linear": 3, "twist_b.angular": 3, "impulse": 3}
 )
 """What is differentiated, and its rows in a Jacobian. Twists are those after the impact."""
 
@@ -217,7 +204,7 @@ def _unit(names: tuple[str, ...]) -> tuple[Array, dict[str, slice]]:
             reason = f"must be names of {', '.join(PARAMETERS)}; is {shown(name)}"
             raise ImpactError(StatusCode.INVALID_MODEL, "with_respect_to", reason)
     places = [i for name in names for i in range(COUNT)[PARAMETERS[name]]]
-    columns = _places({name: PARAMETERS[name].stop - PARAMETERS[name].start for name in names})
+    columns = places_of({name: PARAMETERS[name].stop - PARAMETERS[name].start for name in names})
     return np.ascontiguousarray(np.eye(COUNT)[:, places]), columns
 
 

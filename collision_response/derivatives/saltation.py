@@ -27,13 +27,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..centre import com_in_world_axes, rotation_of
-from ..model import ImpactModel, check_number
+from ..model import DEFAULT, ImpactModel, check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.vector import Vec3, as_vector
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
-from .differentiate import DEFAULT, Derivatives, Smoothness, differentiate
+from .differentiate import Derivatives, Smoothness, differentiate
 from .surfaces import SurfaceMotion, Surfaces, unit_normal
 
 Array = np.ndarray[Any, Any]
@@ -130,12 +130,8 @@ def linearised(
     guard = np.array([*n, *arms[0].cross(n), *none, *-n, *-(arms[1].cross(n)), *none])
     answers = derivatives.impact.twist_a, derivatives.impact.twist_b
     before = np.concatenate([_rate(body, gravity) for body in bodies])
-    after = np.concatenate(
-        [
-            _rate(body._replace(velocity=twist.linear, angular_velocity=twist.angular), gravity)
-            for body, twist in zip(bodies, answers, strict=True)
-        ]
-    )
+    moved = (body.with_twist(twist) for body, twist in zip(bodies, answers, strict=True))
+    after = np.concatenate([_rate(body, gravity) for body in moved])
     with np.errstate(over="ignore", invalid="ignore"):
         matrix = finite("matrix", reset + np.outer(after - reset @ before, guard) / u_n)
     kept = [12 * side + i for side, body in enumerate(bodies) if body.is_movable() for i in range(12)]

@@ -124,11 +124,7 @@ class Problem(NamedTuple):
         least, most = np.array([RANGES[name][:2] for name in self.names]).T
         loss = {"loss": self.loss, "f_scale": MAGNIFIED * self.scale} if self.scale else {}
         origin = least - 1
-        ends: dict[str, Any] = {
-            "bounds": (least - origin, most - origin),
-            "xtol": PRECISE,
-            "ftol": precision,
-        }
+        ends: dict[str, Any] = {"bounds": (least - origin, most - origin), "xtol": PRECISE, "ftol": precision}
         one = _least_squares()(lambda y: MAGNIFIED * self.residuals(y + origin), x - origin, **ends, **loss)
         one.cost, one.grad, one.jac = one.cost / MAGNIFIED**2, one.grad / MAGNIFIED**2, one.jac / MAGNIFIED
         one.x = _at_limits(one.x + origin, one, (least, most), precision)

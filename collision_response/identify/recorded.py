@@ -94,7 +94,7 @@ def _contact(numbers: list[float]) -> Contact:
 def _answer(row: dict[str, Any], side: str) -> Twist:
     """After the impact, of the centre of mass."""
     numbers = row[f"Impact:twist_{side}_after"][0]
-    body = _body(row, side)._replace(velocity=Vec3(*numbers[:3]), angular_velocity=Vec3(*numbers[3:]))
+    body = _body(row, side).with_twist(Twist(Vec3(*numbers[:3]), Vec3(*numbers[3:])))
     return Twist(at_centre(body).velocity, body.angular_velocity)
 
 

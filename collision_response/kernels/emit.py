@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from enum import IntEnum
 from itertools import groupby
 from typing import NamedTuple, TypeAlias
@@ -248,10 +249,11 @@ def _turn_forms(turn: Tape, form: Form, *places: int) -> dict[int, Form]:
     return _forms(turn, [(place, form) for place in places])
 
 
+@dataclass(frozen=True)
 class _Scope:
     """The lines of one tape.
 
-    Args:
+    Attributes:
         tape: which.
         forms: of the operations that are written.
         prefix: of their names.
@@ -260,21 +262,12 @@ class _Scope:
         guards: when each operation is needed.
     """
 
-    def __init__(
-        self,
-        tape: Tape,
-        forms: dict[int, Form],
-        prefix: str,
-        inputs: dict[object, int],
-        outside: _Scope | None,
-        guards: dict[int, Guard],
-    ) -> None:
-        self.tape = tape
-        self.forms = forms
-        self.prefix = prefix
-        self.inputs = inputs
-        self.outside = outside
-        self.guards = guards
+    tape: Tape
+    forms: dict[int, Form]
+    prefix: str
+    inputs: dict[object, int]
+    outside: _Scope | None
+    guards: dict[int, Guard]
 
     def use(self, place: int, form: Form) -> str:
         """The number at a place, in a form that it has or less."""

@@ -23,10 +23,7 @@ class Layout(Enum):
 
     POINT = ("mass velocity=xyz", "normal=xyz")
     PLANAR = ("mass inertia=zz position=xy velocity=xy angular_velocity=z", "position=xy normal=xy")
-    SPATIAL = (
-        "mass inertia=all position=xyz velocity=xyz angular_velocity=xyz",
-        "position=xyz normal=xyz",
-    )
+    SPATIAL = ("mass inertia=all position=xyz velocity=xyz angular_velocity=xyz", "position=xyz normal=xyz")
     SPATIAL_ORIENTED = (
         "mass inertia=all position=xyz velocity=xyz angular_velocity=xyz orientation=xyzw",
         "position=xyz normal=xyz",

@@ -8,7 +8,7 @@ from typing import Any
 from .. import geometry, validity
 from ..impact import Answer, Changes, Flags, Report, blow_of, impact
 from ..model import Adjustment, Geometry, Precision
-from ..numbers.number import choose
+from ..numbers.number import choose, numbers_in
 from ..physics.column import Column
 from ..physics.effective_mass import ContactKinematics, Seen, Side
 from ..physics.energy import kinetic_energy
@@ -31,7 +31,7 @@ from .layout import (
 )
 from .pairs import in_pairs
 from .protocol import Left, Number
-from .symbol import CONDITIONS, Node, Symbol, Tape, numbers_in, rebuilt
+from .symbol import CONDITIONS, Node, Symbol, Tape, rebuilt
 
 FORMULAS = {formula.__name__: law for law, formula in LAWS.items()}
 """The formulas of the laws by name, each with a law that it serves."""

@@ -17,6 +17,8 @@ from collections.abc import Callable, Hashable, Iterable, Iterator
 from itertools import count
 from typing import Any, NamedTuple
 
+from ..numbers.number import numbers_in
+
 CONDITIONS = frozenset({"truth", "lt", "le", "eq", "and", "or", "not"})
 """The operations whose result is a truth value."""
 
@@ -292,15 +294,6 @@ class Symbol:
 
     def __bool__(self) -> bool:
         raise TypeError("a symbol has no truth value yet: branch with choose()")
-
-
-def numbers_in(value: Any) -> Iterator[Any]:
-    """Every number in nested named tuples."""
-    if isinstance(value, tuple):
-        for part in value:
-            yield from numbers_in(part)
-    else:
-        yield value
 
 
 def rebuilt(value: Any, numbers: Iterator[Any]) -> Any:

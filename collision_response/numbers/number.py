@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import operator
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from functools import reduce
 from importlib import import_module
@@ -241,3 +241,12 @@ def _merge(pick: Callable[..., Any], condition: Any, if_true: Any, if_false: Any
         merged = (_merge(pick, condition, t, f) for t, f in parts)
         return type(if_true)(*merged) if hasattr(if_true, "_fields") else tuple(merged)
     return pick(condition, if_true, if_false)
+
+
+def numbers_in(value: Any) -> Iterator[Any]:
+    """Every number in nested named tuples."""
+    if isinstance(value, tuple):
+        for part in value:
+            yield from numbers_in(part)
+    else:
+        yield value

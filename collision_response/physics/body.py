@@ -217,6 +217,10 @@ class Body(NamedTuple):
         """A body at rest for ever."""
         return cls.kinematic(position)
 
+    def with_twist(self, twist: Twist) -> Body:
+        """The body where it is, now moving so."""
+        return self._replace(velocity=twist.linear, angular_velocity=twist.angular)
+
     def is_movable(self) -> Condition:
         """Whether impulses move the body."""
         return self.has_mass() if self.inverse_inertia is None else self.has_mass() | self.is_articulated()

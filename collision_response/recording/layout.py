@@ -67,10 +67,7 @@ PLOTS = {
         (BEFORE, AFTER),
     ),
     "/impact/impulse": Plot(
-        "Impulse [N s]",
-        ("normal_impulse", "tangential_impulse"),
-        ("normal", "tangential"),
-        (GREEN, VIOLET),
+        "Impulse [N s]", ("normal_impulse", "tangential_impulse"), ("normal", "tangential"), (GREEN, VIOLET)
     ),
 }
 """By entity: all curves of a view are columns of one, for what a recording costs goes with its entities."""

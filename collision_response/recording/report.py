@@ -189,14 +189,10 @@ def _tables(summary: Summary) -> list[str]:
     parts = [
         "<h2>Worst residuals of energy</h2>",
         _table(
-            [*head, "residual"],
-            [[*row(summary.answers[i]), f"{summary.residuals[i]:.2g}"] for i in order],
+            [*head, "residual"], [[*row(summary.answers[i]), f"{summary.residuals[i]:.2g}"] for i in order]
         ),
     ]
-    for title, name in (
-        ("Largest error bounds", "error_bound"),
-        ("Slowest answers", "duration"),
-    ):
+    for title, name in (("Largest error bounds", "error_bound"), ("Slowest answers", "duration")):
         worst = summary.worst(name)
         if worst:
             parts += [f"<h2>{title}</h2>", _table(head, [row(one) for one in worst])]

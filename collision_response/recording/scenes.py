@@ -59,8 +59,7 @@ def scene_columns(rows: Sequence[SceneRecord]) -> Any:
     """What is written of scenes."""
     dicts = [_answer_of(row.impact) | _request_of(row) for row in rows]
     return rr.DynamicArchetype.columns(
-        archetype=ARCHETYPE,
-        components={name: pa.array([one[name] for one in dicts]) for name in dicts[0]},
+        archetype=ARCHETYPE, components={name: pa.array([one[name] for one in dicts]) for name in dicts[0]}
     )
 
 

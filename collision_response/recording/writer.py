@@ -251,7 +251,7 @@ def bodies(rows: Iterable[Entry]) -> Iterator[Columns]:
     by_name: dict[str, list[tuple[Entry, list[Body]]]] = defaultdict(list)
     for row in rows:
         for name, body, after in _appearances(row):
-            states = [*(_moving(body, twist) for twist in after), body]
+            states = [*map(body.with_twist, after), body]
             by_name[name].append((row, [at_centre(state) for state in states]))
     for name, appearances in by_name.items():
         times = _times([row for row, _ in appearances])
@@ -369,10 +369,6 @@ def _from_z_axis(normals: np.ndarray) -> np.ndarray:
     turned = np.stack([-y, x, 0 * x, 1 + z], axis=1)
     turned[z < -1 + 1e-12] = 1.0, 0.0, 0.0, 0.0
     return _units(turned)
-
-
-def _moving(body: Body, twist: Twist) -> Body:
-    return body._replace(velocity=twist.linear, angular_velocity=twist.angular)
 
 
 def _arrows(origins: np.ndarray, *velocities: np.ndarray, rows: Sequence[int] | None = None) -> Any:

@@ -20,14 +20,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..batch import BatchResult
-from ..model import Geometry, ImpactModel
+from ..model import DEFAULT, Geometry, ImpactModel
 from ..status import ImpactError, StatusCode
 from .batch_fields import ENERGIES, LAYOUTS, Array, Request, Response, append, result_shapes, write_model
 
 LAYOUT_OF = {layout.bodies.height: number for number, layout in LAYOUTS.items()}
 """The layout whose table of bodies has so many rows."""
-
-DEFAULT = ImpactModel()
 
 
 def pack(

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import math
 from array import array
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ..batch import BatchResult
-from ..batch.rows import BodyRows, ContactRows, body_rows, contact_rows
+from ..batch.rows import TABLES, body_rows
 from ..model import Geometry, ImpactModel
 from ..msg import ImpactModel as ImpactModelMessage
 from ..named import Named
@@ -22,37 +22,8 @@ Array = np.ndarray[Any, Any]
 Request, Response = ResolveCollisionBatch.Request, ResolveCollisionBatch.Response
 
 
-class Layout(NamedTuple):
-    """Which rows the tables have.
-
-    Attributes:
-        name: in the request.
-        geometry: POINT, PLANAR or SPATIAL.
-        oriented: whether the bodies have orientations.
-    """
-
-    name: str
-    geometry: Geometry
-    oriented: bool = False
-
-    @property
-    def bodies(self) -> BodyRows:
-        """The rows of ``bodies``."""
-        return body_rows(self.geometry, oriented=self.oriented)
-
-    @property
-    def contacts(self) -> ContactRows:
-        """The rows of ``contacts``."""
-        return contact_rows(self.geometry)
-
-
-LAYOUTS = {
-    Request.POINT: Layout("POINT", Geometry.POINT),
-    Request.PLANAR: Layout("PLANAR", Geometry.PLANAR),
-    Request.SPATIAL: Layout("SPATIAL", Geometry.SPATIAL),
-    Request.SPATIAL_ORIENTED: Layout("SPATIAL_ORIENTED", Geometry.SPATIAL, oriented=True),
-}
-
+LAYOUTS = {getattr(Request, tables.name): tables for tables in TABLES.values()}
+"""By their number in a request."""
 
 ENERGIES = BatchResult._fields[-4:]
 """Fields of a response, of the same names."""

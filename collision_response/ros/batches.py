@@ -9,6 +9,7 @@ import math
 import time
 from array import array
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 
 from ..batch import BatchResult, is_bounded, resolve_with_pauses
+from ..batch.rows import Tables
 from ..body_numbers import PARALLEL
 from ..centre import at_centre
 from ..model import Geometry, ImpactModel, check_model, law_for
@@ -28,7 +30,6 @@ from .batch_fields import (
     ENERGIES,
     LAYOUTS,
     Array,
-    Layout,
     Request,
     Response,
     names_in,
@@ -80,10 +81,11 @@ PAUSE = 0.001, 0.004
 """Times [s] between pauses: computing less, more contacts are taken together; computing longer, fewer."""
 
 
+@dataclass
 class Batches:
     """The service for many impacts.
 
-    Args:
+    Attributes:
         parameters: of the node.
         states: of the bodies that it has heard of.
         now: the time by the node's clock [ns].
@@ -91,15 +93,13 @@ class Batches:
 
     interface = ResolveCollisionBatch
     name = "~/resolve_collision_batch"
-
-    def __init__(self, parameters: LatestParameters, states: LatestStates, now: Callable[[], int]) -> None:
-        self._parameters = parameters
-        self._states = states
-        self._now = now
+    parameters: LatestParameters
+    states: LatestStates
+    now: Callable[[], int]
 
     def answer(self, request: Request) -> Work:
         """The work for a request, in parts."""
-        current = self._parameters.values
+        current = self.parameters.values
         response = Response()
         check_world_frame("header.frame_id", request.header.frame_id, current.world_frame)
         layout = layout_of(request)
@@ -107,7 +107,7 @@ class Batches:
         contacts = contacts_of(request, layout, pairs.shape[1])
         model = model_of(request, layout, contacts, current.model)
         bodies = yield from when_not_too_early(
-            partial(bodies_of, request, layout, self._states, current, self._now), current.max_state_wait
+            partial(bodies_of, request, layout, self.states, current, self.now), current.max_state_wait
         )
         shape = layout.geometry, pairs.shape[1]
         out = result_in(response, *shape, bounded=is_bounded(model), report=request.report)
@@ -167,7 +167,7 @@ def compute(
             yield
 
 
-def layout_of(request: Request) -> Layout:
+def layout_of(request: Request) -> Tables:
     """Raises: ImpactError: INVALID_TABLE."""
     if request.layout not in LAYOUTS:
         known = ", ".join(f"{layout.name} ({number})" for number, layout in LAYOUTS.items())
@@ -192,7 +192,7 @@ def pairs_of(request: Request, most: int) -> Array:
     return indices.reshape(2, -1).astype(np.int64)
 
 
-def contacts_of(request: Request, layout: Layout, n: int) -> Array:
+def contacts_of(request: Request, layout: Tables, n: int) -> Array:
     """The contacts, shape ``(rows, n)``.
 
     Raises:
@@ -207,7 +207,7 @@ def contacts_of(request: Request, layout: Layout, n: int) -> Array:
     return numbers.reshape(rows, n)
 
 
-def model_of(request: Request, layout: Layout, contacts: Array, defaults: ImpactModel) -> ImpactModel:
+def model_of(request: Request, layout: Tables, contacts: Array, defaults: ImpactModel) -> ImpactModel:
     """What to model: every AUTO decided, but for the precision, which depends on each contact.
 
     Raises:
@@ -226,7 +226,7 @@ def model_of(request: Request, layout: Layout, contacts: Array, defaults: Impact
 
 
 def bodies_of(
-    request: Request, layout: Layout, states: LatestStates, parameters: Parameters, now: Callable[[], int]
+    request: Request, layout: Tables, states: LatestStates, parameters: Parameters, now: Callable[[], int]
 ) -> Look[Bodies]:
     """The bodies of the table and those given by name.
 
@@ -271,7 +271,7 @@ def bodies_of(
     return Bodies(np.concatenate([table, columns], axis=1), faults, errors, stamps, ages)
 
 
-def without_give(table: Array, immovable: Sequence[int], layout: Layout) -> Array:
+def without_give(table: Array, immovable: Sequence[int], layout: Tables) -> Array:
     """The bodies of the table; those that do not give way with infinite mass and no inertia.
 
     Raises:
@@ -286,7 +286,7 @@ def without_give(table: Array, immovable: Sequence[int], layout: Layout) -> Arra
     return table
 
 
-def _column(owner: str, state: BodyState, layout: Layout) -> list[float]:
+def _column(owner: str, state: BodyState, layout: Tables) -> list[float]:
     body = convert.body_of(owner, state)
     convert.check_body(owner, body)
     if body.is_articulated():

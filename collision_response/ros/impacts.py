@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -22,42 +23,33 @@ from .server import Work
 from .states import LatestStates
 
 
+@dataclass
 class Impacts:
     """Answers requests.
 
-    Args:
+    Attributes:
         parameters: of the node.
         states: of the bodies that it has heard of.
         journal: of the answers.
         survey: is told of every impact, to log what the scene requires; or ``None``.
         now: the time by the node's clock [ns].
-        logger: of the node.
+        log: of the node.
     """
 
     interface = ResolveCollision
     name = "~/resolve_collision"
-
-    def __init__(
-        self,
-        parameters: LatestParameters,
-        states: LatestStates,
-        journal: Journal,
-        survey: SceneSurvey | None,
-        now: Callable[[], int],
-        logger: Any,
-    ) -> None:
-        self._parameters = parameters
-        self._states = states
-        self._journal = journal
-        self._survey = survey
-        self._now = now
-        self._log = logger
-        self._warned: set[str] = set()
+    parameters: LatestParameters
+    states: LatestStates
+    journal: Journal
+    survey: SceneSurvey | None
+    now: Callable[[], int]
+    log: Any
+    _warned: set[str] = field(default_factory=set)
 
     def answer(self, request: ResolveCollision.Request) -> Work:
         """The work for a request."""
-        current = self._parameters.values
-        look = partial(complete, request, self._states, current, self._now)
+        current = self.parameters.values
+        look = partial(complete, request, self.states, current, self.now)
         used = yield from when_not_too_early(partial(in_one_part, look), current.max_state_wait)
         self._warn_of_coefficients(request)
         problem, coefficients = convert.problem_of(request, current)
@@ -70,7 +62,7 @@ class Impacts:
         result.state_stamp_a, result.state_stamp_b = (state.stamp for state in used)
         result.state_age_a, result.state_age_b = (state.age for state in used)
         names = result.contact.body_a or "body_a", result.contact.body_b or "body_b"
-        self._journal.enter(
+        self.journal.enter(
             result,
             lambda stamp, number: Record(
                 stamp,
@@ -84,8 +76,8 @@ class Impacts:
                 duration,
             ),
         )
-        if self._survey is not None:
-            self._log_requirements(self._survey, " - ".join(names), problem)
+        if self.survey is not None:
+            self._log_requirements(self.survey, " - ".join(names), problem)
         return response
 
     def refusal(self, request: ResolveCollision.Request, error: ImpactError) -> ResolveCollision.Response:
@@ -93,7 +85,7 @@ class Impacts:
         response = ResolveCollision.Response()
         convert.echo(response.result, request)
         convert.write_refusal(response.result, request.model, error)
-        self._journal.refuse(response.result, error.code)
+        self.journal.refuse(response.result, error.code)
         return response
 
     def code(self, response: ResolveCollision.Response) -> StatusCode:
@@ -101,11 +93,11 @@ class Impacts:
         return StatusCode(response.result.status.code)
 
     def _warn_of_coefficients(self, request: ResolveCollision.Request) -> None:
-        for field in ("restitution", "friction"):
-            if field not in self._warned and convert.only_one_body_says(field, request):
-                self._warned.add(field)
-                self._log.warning(
-                    f"only one of two bodies has a coefficient of {field}: the parameter {field} is used; "
+        for name in ("restitution", "friction"):
+            if name not in self._warned and convert.only_one_body_says(name, request):
+                self._warned.add(name)
+                self.log.warning(
+                    f"only one of two bodies has a coefficient of {name}: the parameter {name} is used; "
                     "this is said once"
                 )
 
@@ -115,4 +107,4 @@ class Impacts:
             survey.add(name, problem.body_a, problem.body_b, problem.contact)
         after = survey.requirements()
         if after != before:
-            self._log.info(f"the scene requires {after}")
+            self.log.info(f"the scene requires {after}")

@@ -33,6 +33,7 @@ from .impacts import Impacts
 from .intake import Intake, OutOfReach, by_the_intake
 from .journal import Journal
 from .memory import limit_memory
+from .parameters import DECLARATIONS
 from .process import Unusable, run
 from .results import Results
 from .scenes import Scenes
@@ -84,7 +85,7 @@ class CollisionResponseNode(Node):
         super().__init__(
             "collision_response", automatically_declare_parameters_from_overrides=True, **options
         )
-        parameters.declare(self)
+        parameters.declare(self, DECLARATIONS)
         self.parameters = parameters.LatestParameters(self)
         start = parameters.StartParameters.of(self)
         if start.recording_directory is not None:

@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 from rclpy.service_introspection import ServiceIntrospectionState
 
 from ..materials import NOTHING, Materials
-from ..model import Geometry, ImpactModel, Precision, check_model
+from ..model import STIFFNESS_RATIOS, Geometry, ImpactModel, Precision, check_model
 from ..physics.combine import CombineRule
 from ..physics.laws import Law
 from ..physics.stiffness import METAL_ON_METAL
@@ -103,8 +103,7 @@ DECLARATIONS = (
         "stiffness_ratio",
         METAL_ON_METAL,
         "Tangential over normal stiffness, for the law compliant.",
-        1e-6,
-        1e6,
+        *STIFFNESS_RATIOS,
     ),
     Declaration(
         "scene_tolerance",
@@ -139,10 +138,7 @@ DECLARATIONS = (
         read_only=True,
     ),
     Declaration(
-        "recording.max_size",
-        MAX_SIZE,
-        "Size [MB] at which the next file begins. 0: any.",
-        read_only=True,
+        "recording.max_size", MAX_SIZE, "Size [MB] at which the next file begins. 0: any.", read_only=True
     ),
     Declaration(
         "recording.max_duration",
@@ -244,7 +240,7 @@ OWN_BY_RCLPY = {"use_sim_time", "start_type_description_service"}
 """What every node declares by itself."""
 
 
-def declare(node: Node, declarations: Iterable[Declaration] = DECLARATIONS) -> None:
+def declare(node: Node, declarations: Iterable[Declaration]) -> None:
     """Declare every parameter of a node, and warn of those that it was given and does not have.
 
     Args:

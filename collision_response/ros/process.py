@@ -39,9 +39,7 @@ NOT_ALLOWED = (Unusable, ParameterException, NameValidationException, RCLError)
 
 
 def run(
-    make: Callable[[], AnyNode],
-    args: list[str] | None,
-    end: Callable[[AnyNode], Any] = Node.destroy_node,
+    make: Callable[[], AnyNode], args: list[str] | None, end: Callable[[AnyNode], Any] = Node.destroy_node
 ) -> int:
     """Spin a node until SIGINT, SIGTERM or SIGHUP, then end it.
 

@@ -17,14 +17,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..body_numbers import numbers_of
-from ..model import ImpactModel
+from ..model import DEFAULT, ImpactModel
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..srv import ResolveScene
 from .batch_client import as_lines
 from .batch_fields import append, write_model
-
-DEFAULT = ImpactModel()
 
 
 def pack(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -88,10 +89,11 @@ class Scene(NamedTuple):
     coefficients: list[convert.Coefficients]
 
 
+@dataclass
 class Scenes:
     """Answers requests.
 
-    Args:
+    Attributes:
         parameters: of the node.
         states: of the bodies that it has heard of.
         journal: of the answers.
@@ -100,21 +102,17 @@ class Scenes:
 
     interface = ResolveScene
     name = "~/resolve_scene"
-
-    def __init__(
-        self, parameters: LatestParameters, states: LatestStates, journal: Journal, now: Callable[[], int]
-    ) -> None:
-        self._parameters = parameters
-        self._states = states
-        self._journal = journal
-        self._now = now
+    parameters: LatestParameters
+    states: LatestStates
+    journal: Journal
+    now: Callable[[], int]
 
     def answer(self, request: ResolveScene.Request) -> Work:
         """The work for a request."""
-        current = self._parameters.values
+        current = self.parameters.values
         contacts = contacts_of(request, current.budget_scene_contacts)
         named = yield from when_not_too_early(
-            partial(bodies_of, request, self._states, current, self._now), current.max_state_wait
+            partial(bodies_of, request, self.states, current, self.now), current.max_state_wait
         )
         scene = yield from scene_of(request, contacts, named, current)
         try:
@@ -123,9 +121,8 @@ class Scenes:
             raise as_in_request(error, named) from None
         response = ResolveScene.Response(success=True)
         write_answer(response.result, request, contacts, named, scene, impact)
-        self._journal.enter(
-            response.result,
-            lambda stamp, number: SceneRecord(stamp, number, named.names, *scene[:4], impact),
+        self.journal.enter(
+            response.result, lambda stamp, number: SceneRecord(stamp, number, named.names, *scene[:4], impact)
         )
         return response
 
@@ -134,7 +131,7 @@ class Scenes:
         response = ResolveScene.Response()
         response.result.header = request.header
         convert.write_refusal(response.result, request.model, error)
-        self._journal.refuse(response.result, error.code)
+        self.journal.refuse(response.result, error.code)
         return response
 
     def code(self, response: ResolveScene.Response) -> StatusCode:

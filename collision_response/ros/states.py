@@ -59,12 +59,7 @@ class LatestStates:
             the words.
     """
 
-    def __init__(
-        self,
-        most: int,
-        now: Callable[[], int],
-        report: Callable[[str, str], object],
-    ) -> None:
+    def __init__(self, most: int, now: Callable[[], int], report: Callable[[str, str], object]) -> None:
         self.received = self.lost = self.broken = self.overtaken = self.evicted = 0
         self.take_all: Callable[[], object] = lambda: None
         self._most = most
@@ -191,8 +186,7 @@ class LatestStates:
         elif last is not None and number > last + 1:
             self.lost += number - last - 1
             self._report(
-                f"lost {kind}",
-                f"{kind} were sent and did not arrive, {self.lost} messages in all: {advice}",
+                f"lost {kind}", f"{kind} were sent and did not arrive, {self.lost} messages in all: {advice}"
             )
         self._counts[publisher] = number
         return publisher

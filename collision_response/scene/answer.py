@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..answer import as_tuple, in_columns, in_digits
+from ..answer import as_tuple, energies_of, in_columns, in_digits
 from ..model import Adjustment, ImpactModel
 from ..numbers.number import Scalar
 from ..physics.body import Twist
@@ -103,8 +103,6 @@ def scene_table(
     bodies = [
         [str(i), as_tuple(twist.linear), as_tuple(twist.angular)] for i, twist in enumerate(answer.twists)
     ]
-    before, after = in_digits(answer.kinetic_energy_before), in_digits(answer.kinetic_energy_after)
-    lost = in_digits(answer.energy_lost_restitution), in_digits(answer.energy_lost_friction)
     status = StatusCode(getattr(answer.status, "code", answer.status))
     lines = [
         f"{status.name} by {Law(answer.model.law).name}, error <= {answer.error_bound:.2g}",
@@ -112,7 +110,7 @@ def scene_table(
             [*["contact", "cluster", "regime", "e", "mu"], "u before", "u after", "impulse"], contacts
         ),
         *in_columns(["body", "velocity", "angular velocity"], bodies),
-        f"energy {before} -> {after} J; lost: {lost[0]} restitution, {lost[1]} friction",
+        energies_of(answer),
     ]
     if order_sensitivity is not None:
         lines.append(f"order sensitivity {order_sensitivity:.2g}")

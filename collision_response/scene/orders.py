@@ -67,9 +67,7 @@ def one_after_another(
             struck = True
             for place, twist in ((a, impact.twist_a), (b, impact.twist_b)):
                 if moved[place].is_movable():
-                    moved[place] = moved[place]._replace(
-                        velocity=twist.linear, angular_velocity=twist.angular
-                    )
+                    moved[place] = moved[place].with_twist(twist)
         if not struck:
             break
     return [

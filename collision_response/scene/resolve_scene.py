@@ -11,14 +11,14 @@ from typing import Any, NamedTuple
 
 from .. import on_fractions
 from ..kernels import library
-from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
+from ..model import DEFAULT, Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
 from ..numbers.number import Scalar
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..physics.energy import kinetic_energy
 from ..physics.laws import Law, Regime
 from ..physics.vector import Vec3
-from ..resolve import DEFAULT, resolve
+from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 from . import request
 from .alone import alone

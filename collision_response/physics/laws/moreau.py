@@ -115,9 +115,7 @@ def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     rubs = mu > 0
     held = choose(sticks, lambda: stuck, lambda: slide)
     f = choose(
-        rubs,
-        lambda: held,
-        lambda: Tangential(varying_as(mu, lambda: held.x), varying_as(mu, lambda: held.y)),
+        rubs, lambda: held, lambda: Tangential(varying_as(mu, lambda: held.x), varying_as(mu, lambda: held.y))
     )
     slip = choose(sticks, lambda: V * 0, lambda: choose(rubs, lambda: slip, lambda: V))
     P_n = j + beta.dot(f)
