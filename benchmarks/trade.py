@@ -16,10 +16,11 @@ from one import PINOCCHIO_J, by_resolve, peers_of
 from timing import interleaved, spread
 from truth import error_of_impact, error_of_impulse, truth_of
 
-from collision_response import Body, Contact, ImpactError, ImpactModel, Law, Precision, on_balls, resolve
+from collision_response import Body, Contact, ImpactError, ImpactModel, Law, Precision, resolve
 from collision_response.batch import resolve_batch
 from collision_response.impact import impact
-from collision_response.on_fractions import body_as_fractions, contact_as_fractions
+from collision_response.in_python import on_balls
+from collision_response.in_python.on_fractions import body_as_fractions, contact_as_fractions
 from collision_response.physics.mass_properties import sphere
 
 LAWS = [law for law in Law if law not in (Law.AUTO, Law.COMPLIANT)]  # of this no exact answer is known

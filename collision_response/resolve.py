@@ -6,10 +6,11 @@ import math
 from functools import lru_cache
 from typing import Any
 
-from . import along_path, on_balls, on_fractions, validity
+from . import validity
 from .answer import Impact, in_norm
-from .by_speed import friction_at_first, restitution_at
 from .geometry import flattened, flattened_contact
+from .in_python import along_path, on_balls, on_fractions
+from .in_python.by_speed import friction_at_first, restitution_at
 from .kernels import library
 from .kernels.protocol import Left
 from .model import DEFAULT, USEFUL, Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan

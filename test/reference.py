@@ -17,9 +17,9 @@ from flint import arb, ctx
 
 from collision_response import Body, Contact, Impact, ImpactModel, Law
 from collision_response.impact import Changes, Report, impact
+from collision_response.in_python.on_balls import read
 from collision_response.model import plan
 from collision_response.numbers.balls import Ball
-from collision_response.on_balls import read
 from collision_response.physics.laws import Settings
 from collision_response.physics.vector import Vec3
 

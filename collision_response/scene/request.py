@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple, TypeVar
 
-from .. import on_balls, validity
+from .. import validity
+from ..in_python import on_balls
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..status import ImpactError, StatusCode, shown

@@ -9,7 +9,7 @@ from fractions import Fraction
 from numbers import Integral
 from typing import Any, NamedTuple
 
-from .. import on_fractions
+from ..in_python import on_fractions
 from ..kernels import library
 from ..model import DEFAULT, Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
 from ..numbers.number import Scalar

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from .. import on_fractions
-from ..by_speed import friction_at_first, restitution_at
 from ..geometry import required
+from ..in_python import on_fractions
+from ..in_python.by_speed import friction_at_first, restitution_at
 from ..kernels import library
 from ..model import Adjustment, Geometry, ImpactModel, Precision
 from ..numbers.number import Scalar

@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from . import on_balls, validity
-from .kernels import library
-from .model import check_number
-from .numbers.number import square_root
+from .. import validity
+from ..kernels import library
+from ..model import check_number
+from ..numbers.number import square_root
+from ..physics.body import Body
+from ..physics.contact import Contact
+from ..physics.effective_mass import ContactKinematics
+from ..physics.laws import BY_SPEED, PATHS, Law
+from ..status import ImpactError, StatusCode
+from . import on_balls
 from .on_fractions import as_fraction
-from .physics.body import Body
-from .physics.contact import Contact
-from .physics.effective_mass import ContactKinematics
-from .physics.laws import BY_SPEED, PATHS, Law
-from .status import ImpactError, StatusCode
 
 
 def restitution_at(speed: float, contact: Contact, field: str) -> float:

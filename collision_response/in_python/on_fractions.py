@@ -13,18 +13,18 @@ from fractions import Fraction
 from numbers import Rational
 from typing import Any
 
-from . import validity
-from .answer import Impact, impact_of
-from .geometry import required
-from .impact import impact
-from .model import Geometry, ImpactModel, Precision
-from .physics.body import Body
-from .physics.contact import Contact
-from .physics.inverse_inertia import InverseInertia
-from .physics.laws import Law, Settings
-from .physics.orientation import Quaternion
-from .physics.tensor import Symmetric3
-from .physics.vector import Vec3
+from .. import validity
+from ..answer import Impact, impact_of
+from ..geometry import required
+from ..impact import impact
+from ..model import Geometry, ImpactModel, Precision
+from ..physics.body import Body
+from ..physics.contact import Contact
+from ..physics.inverse_inertia import InverseInertia
+from ..physics.laws import Law, Settings
+from ..physics.orientation import Quaternion
+from ..physics.tensor import Symmetric3
+from ..physics.vector import Vec3
 
 
 def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:

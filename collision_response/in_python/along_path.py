@@ -10,20 +10,20 @@ from __future__ import annotations
 import math
 from operator import itemgetter
 
-from . import validity
-from .answer import Impact, impact_of
+from .. import validity
+from ..answer import Impact, impact_of
+from ..geometry import required
+from ..impact import Answer, impact
+from ..kernels import library
+from ..model import Geometry, ImpactModel, Precision, plan
+from ..physics.body import Body
+from ..physics.contact import Contact
+from ..physics.laws import Law, Settings
+from ..physics.laws.routh_by_speed import FINEST, of_path
+from ..status import StatusCode
 from .by_speed import friction_at, slip_speed
-from .geometry import required
-from .impact import Answer, impact
-from .kernels import library
-from .model import Geometry, ImpactModel, Precision, plan
 from .on_balls import as_floats, weighted
 from .on_fractions import as_fraction, body_as_fractions, contact_as_fractions
-from .physics.body import Body
-from .physics.contact import Contact
-from .physics.laws import Law, Settings
-from .physics.laws.routh_by_speed import FINEST, of_path
-from .status import StatusCode
 
 SAFETY = 4.0
 """The bound is this times the estimate, and more."""

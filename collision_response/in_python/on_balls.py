@@ -13,22 +13,22 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
-from .answer import Impact, impact_of
-from .geometry import required
-from .impact import Answer, Changes, impact
-from .kernels import library
-from .model import Geometry, ImpactModel, Law, Precision, plan
-from .numbers import balls
-from .numbers.balls import Ball, Truth
-from .numbers.number import numbers_in
-from .physics.body import Body
-from .physics.contact import Contact
-from .physics.inverse_inertia import InverseInertia
-from .physics.laws import PATHS, Regime, Settings
-from .physics.orientation import Quaternion
-from .physics.tensor import Symmetric3
-from .physics.vector import Vec3
-from .validity import is_off_unit
+from ..answer import Impact, impact_of
+from ..geometry import required
+from ..impact import Answer, Changes, impact
+from ..kernels import library
+from ..model import Geometry, ImpactModel, Law, Precision, plan
+from ..numbers import balls
+from ..numbers.balls import Ball, Truth
+from ..numbers.number import numbers_in
+from ..physics.body import Body
+from ..physics.contact import Contact
+from ..physics.inverse_inertia import InverseInertia
+from ..physics.laws import PATHS, Regime, Settings
+from ..physics.orientation import Quaternion
+from ..physics.tensor import Symmetric3
+from ..physics.vector import Vec3
+from ..validity import is_off_unit
 
 BITS = tuple(2**k for k in range(7, 15))
 """Precisions to try. Products of three numbers of the whole float64 range are exact at the last."""
