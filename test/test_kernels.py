@@ -20,7 +20,7 @@ from scenes import LAWS_WITH_ORACLE, Scene, planar_scenes, random_scene, scenes
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, resolve
 from collision_response.impact import Answer, impact
 from collision_response.kernels import programs
-from collision_response.kernels.emit import emit
+from collision_response.kernels.emit import BRANCHES, emit
 from collision_response.kernels.layout import Layout, names_of_body, request
 from collision_response.kernels.pairs import PAIR, in_pairs
 from collision_response.kernels.programs import SEEN_BY_FALLBACK
@@ -389,7 +389,7 @@ def library(tmp_path_factory) -> ctypes.CDLL:
         result = tape.symbol(formula(*inputs))
         truth = tape.symbol(inputs[0] < inputs[1])
         straight = emit(f"{name}_straight", ["x", "y"], [result], [result], [truth], [truth])
-        branched = emit(name, ["x", "y"], [result], [result], [truth], [truth], branches=True)
+        branched = emit(name, ["x", "y"], [result], [result], [truth], [truth], branches=BRANCHES)
         assert ("if (may_hold" in branched) is (name == "branches")
         source += straight + branched
         for (kind, number), way in product(types.items(), ("", "_straight")):

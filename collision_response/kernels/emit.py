@@ -53,7 +53,7 @@ def emit(
     flags: Iterable[Symbol],
     certainties: Iterable[Symbol] = (),
     *,
-    branches: bool = False,
+    branches: int | None = None,
 ) -> str:
     """A function template ``name<N>(in, bounded, reported, flags)``, and ``law`` if it leaves that open.
 
@@ -64,14 +64,15 @@ def emit(
         reported: what it writes without.
         flags: truth values, taken as they are.
         certainties: truth values that follow those: of them, one that is undecided counts as false.
-        branches: whether to skip what no lane needs.
+        branches: how many additions must be saved for it to pay to skip what no lane needs. Left out, nothing
+            is skipped.
     """
     bounded, reported, flags, certainties = map(list, (bounded, reported, flags, certainties))
     tape = (bounded + reported + flags)[0].tape
     wanted = [(x.place, Form.BOUNDED) for x in [*bounded, *certainties]]
     wanted += [(x.place, Form.REPORT) for x in [*reported, *flags]]
     forms = _forms(tape, wanted)
-    guards = _guards(tape, forms, {place for place, _ in wanted}) if branches else {}
+    guards = {} if branches is None else _guards(tape, forms, {place for place, _ in wanted}, branches)
     scope = _Scope(tape, forms, "t", {name: i for i, name in enumerate(inputs)}, None, guards)
     lines = list(scope.lines())
     lines += [f"bounded[{i}] = {scope.use(x.place, Form.BOUNDED)};" for i, x in enumerate(bounded)]
@@ -207,12 +208,17 @@ Guard: TypeAlias = frozenset[tuple[int, bool]]
 
 ALWAYS: Guard = frozenset()
 
-WORTH = 12
-"""Additions that must be saved for a branch to pay."""
+BRANCHES = 12
+"""How many additions must be saved for a branch to pay."""
+
+BRANCHES_OF_PLAIN_NUMBERS = 80
+"""The same on vectors of plain numbers alone: they take little to add, and seldom agree."""
 
 
-def _guards(tape: Tape, forms: dict[int, Form], results: Iterable[int]) -> dict[int, Guard]:
-    """When each operation is needed."""
+def _guards(
+    tape: Tape, forms: dict[int, Form], results: Iterable[int], worth: int = BRANCHES
+) -> dict[int, Guard]:
+    """When each operation is needed, by branches that save so much."""
     guards: dict[int, Guard] = dict.fromkeys(results, ALWAYS)
 
     def need(place: int, guard: Guard) -> None:
@@ -232,7 +238,7 @@ def _guards(tape: Tape, forms: dict[int, Form], results: Iterable[int]) -> dict[
     for place, guard in guards.items():
         for literal in guard:
             saved[literal] = saved.get(literal, 0) + _WEIGHTS.get(tape.nodes[place].op, 1)
-    return {place: frozenset(x for x in guard if saved[x] >= WORTH) for place, guard in guards.items()}
+    return {place: frozenset(x for x in guard if saved[x] >= worth) for place, guard in guards.items()}
 
 
 _WEIGHTS = {"div": 6, "sqrt": 6, "loop": 100, "call": 100}

@@ -18,7 +18,7 @@ from ..physics.laws.chatterjee_ruina import fallback
 from ..physics.tensor import ZERO_TENSOR
 from ..physics.vector import ZERO, Vec3
 from ..status import StatusCode
-from .emit import emit
+from .emit import BRANCHES, BRANCHES_OF_PLAIN_NUMBERS, emit
 from .layout import (
     Layout,
     Request,
@@ -83,7 +83,8 @@ def changes() -> str:
     impulse = Vec3(*(tape.write(Node("part", (law,), i)) for i in range(3)))
     results = map(tape.symbol, numbers_in(Changes(impulse, *contact.respond(impulse))))
     names = (*Seen._fields, *Coefficients._fields)
-    return _places("SEEN", names, seen) + emit("changes", list(asked.names), results, [], [], branches=True)
+    text = emit("changes", list(asked.names), results, [], [], branches=BRANCHES)
+    return _places("SEEN", names, seen) + text
 
 
 def impulse_by(law: Law) -> str:
@@ -94,7 +95,7 @@ def impulse_by(law: Law) -> str:
     symbols = map(tape.input, range(count))
     seen, coefficients = (rebuilt(part, symbols) for part in parts)
     impulse = blow_of(seen, coefficients, law).impulse
-    return emit("impulse", list(range(count)), map(tape.symbol, impulse), [], [], branches=True)
+    return emit("impulse", list(range(count)), map(tape.symbol, impulse), [], [], branches=BRANCHES)
 
 
 SEEN_BY_FALLBACK = Seen(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR, ZERO_TENSOR), Coefficients(0.0)
@@ -107,7 +108,7 @@ def shared_fallback() -> str:
     inputs = range(sum(1 for _ in numbers_in(SEEN_BY_FALLBACK)))
     symbols = map(tape.input, inputs)
     solution = fallback(*(rebuilt(part, symbols) for part in SEEN_BY_FALLBACK))
-    return emit("fallback", list(inputs), map(tape.symbol, numbers_in(solution)), [], [], branches=True)
+    return emit("fallback", list(inputs), map(tape.symbol, numbers_in(solution)), [], [], branches=BRANCHES)
 
 
 def impact_by(law: Law, layout: Layout) -> str:
@@ -118,9 +119,11 @@ def impact_by(law: Law, layout: Layout) -> str:
     *flags, unphysical = (tape.symbol(flag) for flag in answer.flags)
     results = [[tape.symbol(x) for x in numbers_in(part)] for part in (answer.changes, answer.report)]
     results += flags, [unphysical]
-    text = emit("impact", list(asked.names), *results, branches=True)
-    if layout in (Layout.EVERYTHING, Layout.ARTICULATED):
-        text += emit("impact_in_pairs", list(asked.names), *in_pairs(results), branches=True)
+    is_general = layout in (Layout.EVERYTHING, Layout.ARTICULATED)
+    branches = BRANCHES if is_general else BRANCHES_OF_PLAIN_NUMBERS
+    text = emit("impact", list(asked.names), *results, branches=branches)
+    if is_general:
+        text += emit("impact_in_pairs", list(asked.names), *in_pairs(results), branches=BRANCHES)
     return text
 
 
