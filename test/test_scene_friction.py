@@ -264,6 +264,31 @@ def test_springs_of_a_rack_are_as_symmetric_as_it_is(mu):
         assert mirrored.angular.z == pytest.approx(-twist.angular.z, abs=room / math.sqrt(moment))
 
 
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+@pytest.mark.parametrize("e", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("walls", [2, 3])
+@pytest.mark.parametrize("part", [0.14, 0.3, 0.5, 0.71, 0.9, 0.99])
+def test_springs_of_a_corner_give_the_closed_form(walls, part, e, exponent, monkeypatch):
+    """A point that falls evenly into all walls of a corner slips evenly at each.
+
+    With n walls a wall's friction presses the others' springs with c = mu sqrt(n - 1) of its own force, against
+    the motion: m u^2 / 2 is (1 + c) of the work that compresses a spring, and (1 - c) of what that gives back. The
+    springs turn together, which takes no long search: the budget is a hundredth of the usual one.
+    """
+    monkeypatch.setattr(stronge, "WORK", stronge.WORK // 100)
+    velocity = [-1.0] * walls + [0.0] * (3 - walls)
+    normals = [[float(i == k) for i in range(3)] for k in range(walls)]
+    mu = part / math.sqrt(walls - 1)
+    contacts = [Contact.of((0.0, 0.0, 0.0), normal, e, mu) for normal in normals]
+    corner = Case([Body.dynamic(2.0, velocity=velocity), Body.static()], [(0, 1)] * walls, contacts)
+    answer = corner.resolve(Law.ROUTH_STRONGE, options={"exponent": exponent})
+    speed = e * math.sqrt((1 - part) / (1 + part))
+    assert answer.error_bound <= 1e-5  # what it follows the path for
+    change = (1 + speed) * math.sqrt(walls)
+    for axis in answer.twists[0].linear[:walls]:
+        assert axis == pytest.approx(speed, abs=answer.error_bound * change)
+
+
 def test_a_budget_of_springs_ends_in_a_named_status(monkeypatch):
     """Or in what was found within it, if that is enough to tell its error."""
     case = box((1, 0.3, -1), (0.2, 0.3, 1), e=0.5, mu=0.3)

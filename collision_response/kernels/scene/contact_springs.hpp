@@ -84,7 +84,8 @@ struct ContactSprings {
   }
 
   // How long steps are. An error that is too large is mostly that of a spring that turns within the step, where its
-  // rate bends: the step then ends there, by the secant.
+  // rate bends: the step then ends there, by the secant. One that turns at the end is not what makes the error: steps
+  // that ended there would be none the shorter.
   struct Pace {
     double h;
 
@@ -95,7 +96,7 @@ struct ContactSprings {
         h = std::fmin(h * std::fmin(4.0, std::fmax(0.2, by)), longest);
         return true;
       }
-      h *= turns > 1e-6 && turns < 1 ? turns : std::fmax(0.2, by);
+      h *= turns > 1e-6 && turns < 0.9 ? turns : std::fmax(0.2, by);
       return false;
     }
   };
