@@ -264,29 +264,42 @@ def test_springs_of_a_rack_are_as_symmetric_as_it_is(mu):
         assert mirrored.angular.z == pytest.approx(-twist.angular.z, abs=room / math.sqrt(moment))
 
 
+def corner(walls: int, part: float, e: float) -> Case:
+    """A point that falls evenly into all walls of a corner. Friction adds this part to each wall's force."""
+    velocity = [-1.0] * walls + [0.0] * (3 - walls)
+    normals = [[float(i == k) for i in range(3)] for k in range(walls)]
+    contacts = [Contact.of((0.0, 0.0, 0.0), n, e, part / math.sqrt(walls - 1)) for n in normals]
+    return Case([Body.dynamic(2.0, velocity=velocity), Body.static()], [(0, 1)] * walls, contacts)
+
+
 @pytest.mark.parametrize("exponent", [1.0, 1.5])
 @pytest.mark.parametrize("e", [0.1, 0.5, 1.0])
 @pytest.mark.parametrize("walls", [2, 3])
 @pytest.mark.parametrize("part", [0.14, 0.3, 0.5, 0.71, 0.9, 0.99])
 def test_springs_of_a_corner_give_the_closed_form(walls, part, e, exponent, monkeypatch):
-    """A point that falls evenly into all walls of a corner slips evenly at each.
+    """It slips evenly at each wall.
 
-    With n walls a wall's friction presses the others' springs with c = mu sqrt(n - 1) of its own force, against
-    the motion: m u^2 / 2 is (1 + c) of the work that compresses a spring, and (1 - c) of what that gives back. The
-    springs turn together, which takes no long search: the budget is a hundredth of the usual one.
+    With n walls friction adds c = mu sqrt(n - 1) to the force of a spring, against the motion: m u^2 / 2 is
+    (1 + c) of the work that compresses a spring, and (1 - c) of what that gives back. The springs turn
+    together, which takes no long search: the budget is a hundredth of the usual one.
     """
     monkeypatch.setattr(stronge, "WORK", stronge.WORK // 100)
-    velocity = [-1.0] * walls + [0.0] * (3 - walls)
-    normals = [[float(i == k) for i in range(3)] for k in range(walls)]
-    mu = part / math.sqrt(walls - 1)
-    contacts = [Contact.of((0.0, 0.0, 0.0), normal, e, mu) for normal in normals]
-    corner = Case([Body.dynamic(2.0, velocity=velocity), Body.static()], [(0, 1)] * walls, contacts)
-    answer = corner.resolve(Law.ROUTH_STRONGE, options={"exponent": exponent})
+    answer = corner(walls, part, e).resolve(Law.ROUTH_STRONGE, options={"exponent": exponent})
     speed = e * math.sqrt((1 - part) / (1 + part))
     assert answer.error_bound <= 1e-5  # what it follows the path for
     change = (1 + speed) * math.sqrt(walls)
     for axis in answer.twists[0].linear[:walls]:
         assert axis == pytest.approx(speed, abs=answer.error_bound * change)
+
+
+@pytest.mark.parametrize("e", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("walls", [2, 3])
+@pytest.mark.parametrize("part", [1.01, 1.5, 20.0])
+def test_springs_that_friction_keeps_compressed_have_no_answer(walls, part, e):
+    """As above, with c > 1: friction holds more than a spring gives back."""
+    with pytest.raises(ImpactError, match="friction wedges the bodies") as refused:
+        corner(walls, part, e).resolve(Law.ROUTH_STRONGE)
+    assert refused.value.code is StatusCode.PATH_TOO_LONG
 
 
 def test_a_budget_of_springs_ends_in_a_named_status(monkeypatch):

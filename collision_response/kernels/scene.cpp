@@ -208,7 +208,7 @@ PyObject* with_least_work(PyObject* self, PyObject* const* args, Py_ssize_t coun
 PyObject* in_one_step(PyObject* self, PyObject* rubs) { return struck_answer(stepped(of(self), rubs == Py_True)); }
 
 // compress(stiffness, exponent, tolerance, budget, friction): impulses along a law with compliance, the energy that
-// friction took on the way, and what is left of the budget; None if it ran out.
+// friction took on the way, and what is left of the budget; None if it ran out, False if the path has no end.
 PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
   if (count != 5) return PyErr_Format(PyExc_TypeError, "compress() takes 5 arguments");
   const Assembly& scene = of(self);
@@ -226,6 +226,7 @@ PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
     result.found = rubs ? law.follow_with_friction(tolerance, result.P) : law.follow(tolerance, p);
     for (size_t i = 0; i < p.size(); ++i) result.P[i][0] = p[i];
   }
+  if (law.wedged) Py_RETURN_FALSE;
   if (!result.found) Py_RETURN_NONE;
   PyObject* across = rubs ? number_list(across_normals(result)) : Py_NewRef(Py_None);
   return Py_BuildValue("NNdl", bytes(along_normals(result, scene)), across, law.rubbed, law.work);

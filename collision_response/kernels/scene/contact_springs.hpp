@@ -24,6 +24,7 @@ struct ContactSprings {
   double slow = 0;    // an approach below it is none: rounding would keep some contact for ever
   long work;          // that may still be done: 1 for a coupling of two contacts, about a nanosecond
   double rubbed = 0;  // energy that friction took
+  bool wedged = false;  // the path has no end
 
   ContactSprings(const Assembly& assembly, double exponent, std::vector<double> ratios, long budget)
       : scene(assembly), exponent(exponent), stiffness(std::move(ratios)), count(assembly.count), work(budget) {
@@ -264,7 +265,8 @@ struct ContactSprings {
     return sum;
   }
 
-  // The impulses with friction; whether it ended within its budget.
+  // The impulses with friction; whether it ended within its budget. Friction may wedge bodies: then springs stay
+  // compressed, and one step is as the other.
   bool follow_with_friction(double tolerance, std::vector<Axes>& P) {
     slow = std::fmax(tolerance / 10, 2e-14) * speed;
     const std::vector<Axes> none(count, Axes{0, 0, 0});
@@ -307,6 +309,7 @@ struct ContactSprings {
       double worst = std::fmax(off, std::sqrt(square / mass)) / (3 * tolerance * speed);
       if (!(worst < INFINITY)) return false;
       if (!pace.accepts(worst, 3, turns, longest(fastest))) continue;
+      const State before = now;
       auto mended = [](double fine, double coarse) { return fine + (fine - coarse) / 3; };
       rubbed += mended(work_of_friction(now, half) + work_of_friction(half, both), work_of_friction(now, whole));
       for (size_t k = 0; k < both.motion.y.size(); ++k) now.motion.y[k] = mended(both.motion.y[k], whole.motion.y[k]);
@@ -316,6 +319,8 @@ struct ContactSprings {
         for (int k = 0; k < 3; ++k) now.P[i][k] = mended(both.P[i][k], whole.P[i][k]);
       }
       now.friction = both.friction;
+      wedged = h == pace.h && now.x == before.x && now.motion.y == before.motion.y && now.friction == before.friction;
+      if (wedged) return false;
     }
   }
 
