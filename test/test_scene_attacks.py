@@ -386,6 +386,31 @@ def test_units_that_are_powers_of_two_change_no_bit(law, units):
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize(
+    "units", [(0, 0, -485), (400, 0, -285), (800, 0, -85), (0, 0, 450), (-400, 0, 100), (-600, 0, 300)]
+)
+@pytest.mark.parametrize("restitution", [None, 0.5, 1.0])
+def test_energies_at_the_end_of_float64_change_no_bit_either(law, units, restitution):
+    """The greatest times two are beyond, the least are 0; velocities and impulses are not."""
+    for seed in range(60, 80):
+        case = any_case(seed)
+        if restitution is not None:
+            case = case.with_contacts(restitution=restitution, friction=0.0)
+        one, other = case.resolve(law), in_units(case, *units).resolve(law)
+        assert [t.linear * 2.0 ** -units[2] for t in one.changes] == [t.linear for t in other.changes]
+        assert (one.regimes, one.error_bound, one.model) == (other.regimes, other.error_bound, other.model)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.MOREAU])
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+def test_the_greatest_energy_has_a_bound(law, e):
+    """2^1021 J, of a box that lands flat. The inverse of its mass has few digits beyond those of a float."""
+    answer = in_units(box(e=e), 1000, 0, -11).resolve(law)
+    assert answer.twists[0].linear == (0, 0, e * 2.0**11)
+    assert answer.error_bound < 1e-8
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 @pytest.mark.parametrize("tilt", [0.0, 1e-300, 1e-17, 1e-16, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-3])
 @pytest.mark.parametrize("e", [0.0, 1.0])
 def test_a_ball_between_walls_that_almost_lock(law, tilt, e):

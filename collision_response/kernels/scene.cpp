@@ -188,7 +188,7 @@ PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
       listed(of(self).count, [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(types.regimes, y.regimes[i])); }),
       cluster.energy, y.energy_after, y.lost_restitution, y.lost_friction, y.bound,
       PyBool_FromLong(cluster.idle), PyBool_FromLong(cluster.off_unit),
-      PyBool_FromLong(y.creates_energy()));
+      PyBool_FromLong(y.creates_energy));
 }
 
 PyObject* struck_answer(const Struck& struck) {

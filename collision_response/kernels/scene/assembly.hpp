@@ -29,6 +29,9 @@ inline int exponent_of(const double* x, int count) {
   return std::abs(exponent) > 100 ? exponent : 0;
 }
 
+// The power of two below a size: what is divided by it keeps its digits.
+inline double power_near(double size) { return size > 0 && size < INFINITY ? std::ldexp(1.0, std::ilogb(size)) : 1; }
+
 template <class T>
 struct Centre {  // a body as seen from its reference point, at x, which moves with v
   T numbers[CENTRE], x[3], v[3];
@@ -351,16 +354,18 @@ struct Assembly {
     if (!seen) look();
     result.error = INFINITY;
     if (locked) return result;
+    // In a unit near the size of the velocities: energies may be beyond doubles.
+    const double unit = power_near(size);
     double gap = 0, far = 0, moved = 0;
     for (int i : among) {
       double low = high(r[i]) - width(r[i]), reach = std::fabs(high(r[i])) + width(r[i]);
-      gap += q[i].h * (1 + 1e-9) * reach;
-      if (low < 0) far = std::fmax(far, -low * touches[i].scale / room[i]);
-      moved += q[i].h * (std::fabs(high(start[i])) + width(start[i]));
+      gap += q[i].h / unit * (1 + 1e-9) * (reach / unit);
+      if (low < 0) far = std::fmax(far, -low * touches[i].scale / unit / room[i]);
+      moved += q[i].h / unit * ((std::fabs(high(start[i])) + width(start[i])) / unit);
     }
     far *= parting;
     double distance = std::sqrt(moved);  // |w* - v|^2 <= -q.u
-    result.error = (far + std::sqrt(far * far + 4 * (gap + far * distance))) / 2 * (1 + 1e-9);
+    result.error = (far + std::sqrt(far * far + 4 * (gap + far * distance))) / 2 * (1 + 1e-9) * unit;
     return result;
   }
 

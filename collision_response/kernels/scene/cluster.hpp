@@ -167,7 +167,7 @@ inline Answer answered(Cluster& cluster, const Asked& asked) {
   if (asked.law == LAW_MOREAU) {
     struck = stepped(scene, cluster.rubs);
     if (struck.outcome == Outcome::ANSWERED) finish();
-    if (answer.code != LEFT_TO_PYTHON && !answer.numbers.creates_energy()) return answer;
+    if (answer.code != LEFT_TO_PYTHON && !answer.numbers.creates_energy) return answer;
     answer.fell_back = true;
   }
   struck = reflections(scene, asked.threshold, asked.budget);
