@@ -410,6 +410,22 @@ def test_the_greatest_energy_has_a_bound(law, e):
     assert answer.error_bound < 1e-8
 
 
+@pytest.mark.parametrize("units", [(0, 0, -485), (800, 0, -85), (0, 0, 450), (-400, 0, 200), (-600, 0, 300)])
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_springs_know_no_units(units, friction):
+    """Squares of small speeds and impulses decide when a spring is at rest, and when a contact sticks.
+
+    The same path is followed, so that changes differ by no more than some roundings.
+    """
+    for seed in (60, 62, 64, 66, 67, 70):
+        case = any_case(seed).with_contacts(restitution=0.5, friction=friction)
+        one, other = case.resolve(Law.ROUTH_STRONGE), in_units(case, *units).resolve(Law.ROUTH_STRONGE)
+        assert other.error_bound == pytest.approx(one.error_bound, rel=1e-6)
+        size = max((t.linear.norm() for t in one.changes), default=0.0)
+        for x, y in zip(one.changes, other.changes, strict=True):
+            assert tuple(y.linear * 2.0 ** units[2]) == pytest.approx(tuple(x.linear), abs=1e-12 * size)
+
+
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 @pytest.mark.parametrize("tilt", [0.0, 1e-300, 1e-17, 1e-16, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-3])
 @pytest.mark.parametrize("e", [0.0, 1.0])

@@ -325,4 +325,5 @@ def _by_springs(cluster: Any, parts: Parts, asked: Asked, has_friction: bool) ->
         cluster, stiffness, float(asked.exponent), asked.model.tolerance,
         has_friction=has_friction, apart=apart,
     )  # fmt: skip
-    return struck, error, motions_of(struck)
+    motions = motions_of(struck)
+    return struck, error + motions[7], motions

@@ -11,7 +11,8 @@
 #include "friction.hpp"
 
 struct ContactSprings {
-  const Assembly& scene;
+  Assembly scene;                 // in units near its speed and mass, powers of two: squares and roots are of usual size
+  double unit = 1, root = 1;      // of speed, and of the root of mass
   double exponent;
   std::vector<double> stiffness;
   struct Coupled {
@@ -29,8 +30,21 @@ struct ContactSprings {
   ContactSprings(const Assembly& assembly, double exponent, std::vector<double> ratios, long budget)
       : scene(assembly), exponent(exponent), stiffness(std::move(ratios)), count(assembly.count), work(budget) {
     C.resize(count);
+    for (const Touch& touch : scene.touches) {
+      speed = std::fmax(speed, std::fabs(touch.plain[0].velocity));
+      mass = std::fmax(mass, std::fabs(touch.scale * touch.length));
+    }
+    unit = power_near(speed);
+    root = power_near(mass);
+    speed /= unit;
+    mass = 0;
+    for (Touch& touch : scene.touches)
+      for (Plain& axis : touch.plain) {
+        axis.velocity /= unit;
+        for (auto& side : axis.row)
+          for (double& x : side) x *= root;
+      }
     for (int i = 0; i < count; ++i) {
-      speed = std::fmax(speed, std::fabs(scene.touches[i].plain[0].velocity));
       for (int j = 0; j < count; ++j)
         if (double by = coupling(scene, i, 0, j, 0); by != 0) C[i].push_back({j, by});
       mass += 1 / coupling(scene, i, 0, i, 0) / count;
@@ -41,6 +55,7 @@ struct ContactSprings {
     for (double& k : stiffness) k *= mass * speed / std::pow(speed, exponent) / most;
   }
 
+  double impulse(double p) const { return p * root * unit * root; }
   double force(int i, double x) const {
     return x > 0 ? stiffness[i] * (exponent == 1.5 ? x * std::sqrt(x) : std::pow(x, exponent)) : 0;
   }
@@ -133,6 +148,7 @@ struct ContactSprings {
     while (work > 0) {
       if (awake.empty()) {
         p.assign(y.begin() + count, y.end());
+        for (double& one : p) one = impulse(one);
         return true;
       }
       const double h = pace.h;
@@ -288,6 +304,9 @@ struct ContactSprings {
       for (int i = 0; i < count; ++i) done = done && is_over(i, now.x[i], now.u[i]);
       if (done) {
         P = now.P;
+        for (Axes& one : P)
+          for (double& along : one) along = impulse(along);
+        rubbed = impulse(rubbed) * unit;
         return true;
       }
       const double h = pace.h;
