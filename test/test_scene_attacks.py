@@ -426,6 +426,23 @@ def test_springs_know_no_units(units, friction):
             assert tuple(y.linear * 2.0 ** units[2]) == pytest.approx(tuple(x.linear), abs=1e-12 * size)
 
 
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("power", range(1010, 1091, 8))
+def test_impulses_below_float64_are_refused_and_those_at_its_end_have_a_bound(law, power):
+    """A ball in a corner: 2^-power kg m/s, and 2^-1074 is the least impulse."""
+    ball = Body.dynamic(math.ldexp(1.0, -power // 2), velocity=[-math.ldexp(1.0, power // 2 - power)] * 3)
+    contacts = [Contact.of((0, 0, 0), n, 0.5) for n in ((1, 0, 0), (0, 1, 0))]
+    scene = [ball, Body.static()], [(0, 1)] * 2, contacts, ImpactModel(law)
+    if power > 1075:
+        with pytest.raises(ImpactError) as refused:
+            resolve_scene(*scene)
+        assert refused.value.code is StatusCode.OUT_OF_RANGE
+        return
+    answer = resolve_scene(*scene)
+    v = answer.twists[0].linear * math.ldexp(1.0, power - power // 2)
+    assert math.hypot(v.x - 0.5, v.y - 0.5) <= answer.error_bound * 1.5 * math.sqrt(2)
+
+
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 @pytest.mark.parametrize("tilt", [0.0, 1e-300, 1e-17, 1e-16, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-3])
 @pytest.mark.parametrize("e", [0.0, 1.0])

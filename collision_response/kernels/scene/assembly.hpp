@@ -218,6 +218,16 @@ struct Assembly {
     return std::all_of(touches.begin(), touches.end(), is_sound) && std::all_of(A.begin(), A.end(), is_number);
   }
 
+  // Whether no impulse that stops the fastest approach by itself is below the least double.
+  bool has_impulses() const {
+    double fastest = 0;
+    for (const Touch& touch : touches) fastest = std::fmax(fastest, -touch.plain[0].velocity);
+    return std::all_of(touches.begin(), touches.end(), [&](const Touch& touch) {
+      double speed = -touch.plain[0].velocity;
+      return !(speed > 0 && speed >= fastest) || -high(touch.velocity) * touch.scale * touch.scale > 0;
+    });
+  }
+
   // The changes of the twists of the movable bodies.
   std::vector<N> changes(const DD* p) const {
     std::vector<N> twists(6 * static_cast<size_t>(bodies), exact(0.0));

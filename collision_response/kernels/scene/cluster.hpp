@@ -67,7 +67,7 @@ struct Cluster {
   size_t at_fault = 0;
 
   // Whether doubles do not hold its numbers: then they decide nothing.
-  bool beyond() const { return !(std::isfinite(energy) && scene.is_finite()); }
+  bool beyond() const { return !(std::isfinite(energy) && scene.is_finite() && scene.has_impulses()); }
 
   Cluster(const Parts& parts, bool frictionless) {
     std::vector<Given> given(parts.bodies.size());
