@@ -167,6 +167,17 @@ def test_newton_for_all_at_once_may_create_energy_and_is_replaced():
     assert gained > 0
 
 
+def test_friction_of_moreau_may_work_along_with_the_slip_before():
+    """It opposes the slip after the impact."""
+    along = 0
+    for seed in (91, 92, 130, 171):
+        answer = random_case(seed, mu=0.3).resolve(Law.MOREAU)
+        assert answer.model.law is Law.MOREAU
+        along += answer.energy_lost_friction < 0
+        assert answer.energy_lost_friction + answer.energy_lost_restitution >= 0
+    assert along > 0
+
+
 @pytest.mark.parametrize("law", [Law.MOREAU, Law.ROUTH_STRONGE])
 def test_other_laws_brake_a_box_likewise(law):
     answer = box((1.0, 0.5, -1.0), e=0.5, mu=0.1).resolve(law)
