@@ -668,6 +668,47 @@ def test_what_moves_along_together_does_not_approach(law, velocities, e):
     assert speeds(answer) == list(velocities) and not any(map(any, answer.impulses))
 
 
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("contacts", [2, 8, 9])
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("turning", [False, True])
+@pytest.mark.parametrize("below", [-(2.0**-130), -(2.0**-300), 0.0, 2.0**-130])
+def test_an_approach_below_all_digits_is_seen_or_not_denied(law, contacts, friction, turning, below):
+    """Of 1 + 2^-60 + below - 1 - 2^-60 double-double keeps nothing."""
+    a = Body.dynamic(1.0, (1, 0, 0, 1, 0, 1), velocity=(1.0, 2.0**-60, 0.0 if turning else below))
+    b = Body.dynamic(2.0, (1, 0, 0, 1, 0, 1), velocity=(1.0, 2.0**-60, 0.0))
+    if turning:  # about z: of contacts on the x axis it moves only y
+        a = a._replace(angular_velocity=Vec3(0.0, 0.0, below))
+    places = [(1.0 + i, 0.0, 0.0) for i in range(contacts)]
+    touches = [Contact.of(place, (1, 1, 1), 0.5, friction) for place in places]
+    answer = resolve_scene([a, b], [(0, 1)] * contacts, touches, ImpactModel(law))
+    if not below < 0:
+        assert (answer.status, answer.error_bound) == (StatusCode.SEPARATING, 0)
+        return
+    in_rationals = contacts <= 8 and (
+        law is Law.FRICTIONLESS or (not friction and law is not Law.ROUTH_STRONGE)
+    )
+    if not in_rationals:
+        assert answer.error_bound == math.inf
+        return
+    rational = Law.MOREAU if law is Law.MOREAU else Law.FRICTIONLESS
+    bodies = [
+        body._replace(
+            mass=F(body.mass),
+            inertia=Symmetric3(*map(F, body.inertia)),
+            position=Vec3(*map(F, body.position)),
+            velocity=Vec3(*map(F, body.velocity)),
+            angular_velocity=Vec3(*map(F, body.angular_velocity)),
+        )
+        for body in (a, b)
+    ]
+    touches = [Contact.of(tuple(map(F, place)), (F(1), F(1), F(1)), F(1, 2), F(0)) for place in places]
+    exact = resolve_scene(bodies, [(0, 1)] * contacts, touches, ImpactModel(rational))
+    case = Case([a, b], [(0, 1)] * contacts, touches)
+    assert answer.error_bound < 1e-6
+    assert apart(case, answer, exact) <= answer.error_bound
+
+
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
 @pytest.mark.parametrize("turned", [0.0, 2.0])
 def test_rounding_reverses_no_slip(law, turned):

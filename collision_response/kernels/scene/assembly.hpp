@@ -228,6 +228,13 @@ struct Assembly {
     });
   }
 
+  // Whether no contact seems to approach, and one may, by less than can be told.
+  bool is_doubtful() const {
+    auto approaches = [](const Touch& touch) { return high(touch.velocity) < 0; };
+    auto may = [](const Touch& touch) { return high(touch.velocity) < width(touch.velocity); };
+    return std::none_of(touches.begin(), touches.end(), approaches) && std::any_of(touches.begin(), touches.end(), may);
+  }
+
   // The changes of the twists of the movable bodies.
   std::vector<N> changes(const DD* p) const {
     std::vector<N> twists(6 * static_cast<size_t>(bodies), exact(0.0));
