@@ -386,6 +386,64 @@ def test_units_that_are_powers_of_two_change_no_bit(law, units):
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize(
+    "units", [(0, 0, -485), (400, 0, -285), (800, 0, -85), (0, 0, 450), (-400, 0, 100), (-600, 0, 300)]
+)
+@pytest.mark.parametrize("restitution", [None, 0.5, 1.0])
+def test_energies_at_the_end_of_float64_change_no_bit_either(law, units, restitution):
+    """The greatest times two are beyond, the least are 0; velocities and impulses are not."""
+    for seed in range(60, 80):
+        case = any_case(seed)
+        if restitution is not None:
+            case = case.with_contacts(restitution=restitution, friction=0.0)
+        one, other = case.resolve(law), in_units(case, *units).resolve(law)
+        assert [t.linear * 2.0 ** -units[2] for t in one.changes] == [t.linear for t in other.changes]
+        assert (one.regimes, one.error_bound, one.model) == (other.regimes, other.error_bound, other.model)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.MOREAU])
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+def test_the_greatest_energy_has_a_bound(law, e):
+    """2^1021 J, of a box that lands flat. The inverse of its mass has few digits beyond those of a float."""
+    answer = in_units(box(e=e), 1000, 0, -11).resolve(law)
+    assert answer.twists[0].linear == (0, 0, e * 2.0**11)
+    assert answer.error_bound < 1e-8
+
+
+@pytest.mark.parametrize("units", [(0, 0, -485), (800, 0, -85), (0, 0, 450), (-400, 0, 200), (-600, 0, 300)])
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_springs_know_no_units(units, friction):
+    """Squares of small speeds and impulses decide when a spring is at rest, and when a contact sticks.
+
+    The same path is followed, so that changes differ by no more than some roundings.
+    """
+    for seed in (60, 62, 64, 66, 67, 70):
+        case = any_case(seed).with_contacts(restitution=0.5, friction=friction)
+        one, other = case.resolve(Law.ROUTH_STRONGE), in_units(case, *units).resolve(Law.ROUTH_STRONGE)
+        assert other.error_bound == pytest.approx(one.error_bound, rel=1e-6)
+        size = max((t.linear.norm() for t in one.changes), default=0.0)
+        for x, y in zip(one.changes, other.changes, strict=True):
+            assert tuple(y.linear * 2.0 ** units[2]) == pytest.approx(tuple(x.linear), abs=1e-12 * size)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("power", range(1010, 1091, 8))
+def test_impulses_below_float64_are_refused_and_those_at_its_end_have_a_bound(law, power):
+    """A ball in a corner: 2^-power kg m/s, and 2^-1074 is the least impulse."""
+    ball = Body.dynamic(math.ldexp(1.0, -power // 2), velocity=[-math.ldexp(1.0, power // 2 - power)] * 3)
+    contacts = [Contact.of((0, 0, 0), n, 0.5) for n in ((1, 0, 0), (0, 1, 0))]
+    scene = [ball, Body.static()], [(0, 1)] * 2, contacts, ImpactModel(law)
+    if power > 1075:
+        with pytest.raises(ImpactError) as refused:
+            resolve_scene(*scene)
+        assert refused.value.code is StatusCode.OUT_OF_RANGE
+        return
+    answer = resolve_scene(*scene)
+    v = answer.twists[0].linear * math.ldexp(1.0, power - power // 2)
+    assert math.hypot(v.x - 0.5, v.y - 0.5) <= answer.error_bound * 1.5 * math.sqrt(2)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 @pytest.mark.parametrize("tilt", [0.0, 1e-300, 1e-17, 1e-16, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-3])
 @pytest.mark.parametrize("e", [0.0, 1.0])
 def test_a_ball_between_walls_that_almost_lock(law, tilt, e):
@@ -608,6 +666,47 @@ def test_what_moves_along_together_does_not_approach(law, velocities, e):
     answer = case.resolve(law)
     assert (answer.status, answer.error_bound) == (StatusCode.SEPARATING, 0)
     assert speeds(answer) == list(velocities) and not any(map(any, answer.impulses))
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("contacts", [2, 8, 9])
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("turning", [False, True])
+@pytest.mark.parametrize("below", [-(2.0**-130), -(2.0**-300), 0.0, 2.0**-130])
+def test_an_approach_below_all_digits_is_seen_or_not_denied(law, contacts, friction, turning, below):
+    """Of 1 + 2^-60 + below - 1 - 2^-60 double-double keeps nothing."""
+    a = Body.dynamic(1.0, (1, 0, 0, 1, 0, 1), velocity=(1.0, 2.0**-60, 0.0 if turning else below))
+    b = Body.dynamic(2.0, (1, 0, 0, 1, 0, 1), velocity=(1.0, 2.0**-60, 0.0))
+    if turning:  # about z: of contacts on the x axis it moves only y
+        a = a._replace(angular_velocity=Vec3(0.0, 0.0, below))
+    places = [(1.0 + i, 0.0, 0.0) for i in range(contacts)]
+    touches = [Contact.of(place, (1, 1, 1), 0.5, friction) for place in places]
+    answer = resolve_scene([a, b], [(0, 1)] * contacts, touches, ImpactModel(law))
+    if not below < 0:
+        assert (answer.status, answer.error_bound) == (StatusCode.SEPARATING, 0)
+        return
+    in_rationals = contacts <= 8 and (
+        law is Law.FRICTIONLESS or (not friction and law is not Law.ROUTH_STRONGE)
+    )
+    if not in_rationals:
+        assert answer.error_bound == math.inf
+        return
+    rational = Law.MOREAU if law is Law.MOREAU else Law.FRICTIONLESS
+    bodies = [
+        body._replace(
+            mass=F(body.mass),
+            inertia=Symmetric3(*map(F, body.inertia)),
+            position=Vec3(*map(F, body.position)),
+            velocity=Vec3(*map(F, body.velocity)),
+            angular_velocity=Vec3(*map(F, body.angular_velocity)),
+        )
+        for body in (a, b)
+    ]
+    touches = [Contact.of(tuple(map(F, place)), (F(1), F(1), F(1)), F(1, 2), F(0)) for place in places]
+    exact = resolve_scene(bodies, [(0, 1)] * contacts, touches, ImpactModel(rational))
+    case = Case([a, b], [(0, 1)] * contacts, touches)
+    assert answer.error_bound < 1e-6
+    assert apart(case, answer, exact) <= answer.error_bound
 
 
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])

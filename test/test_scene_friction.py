@@ -167,6 +167,17 @@ def test_newton_for_all_at_once_may_create_energy_and_is_replaced():
     assert gained > 0
 
 
+def test_friction_of_moreau_may_work_along_with_the_slip_before():
+    """It opposes the slip after the impact."""
+    along = 0
+    for seed in (91, 92, 130, 171):
+        answer = random_case(seed, mu=0.3).resolve(Law.MOREAU)
+        assert answer.model.law is Law.MOREAU
+        along += answer.energy_lost_friction < 0
+        assert answer.energy_lost_friction + answer.energy_lost_restitution >= 0
+    assert along > 0
+
+
 @pytest.mark.parametrize("law", [Law.MOREAU, Law.ROUTH_STRONGE])
 def test_other_laws_brake_a_box_likewise(law):
     answer = box((1.0, 0.5, -1.0), e=0.5, mu=0.1).resolve(law)
@@ -262,6 +273,44 @@ def test_springs_of_a_rack_are_as_symmetric_as_it_is(mu):
         mirrored = answer.twists[balls.index((x, -y))]
         assert mirrored.linear == pytest.approx((twist.linear.x, -twist.linear.y, twist.linear.z), abs=room)
         assert mirrored.angular.z == pytest.approx(-twist.angular.z, abs=room / math.sqrt(moment))
+
+
+def corner(walls: int, part: float, e: float) -> Case:
+    """A point that falls evenly into all walls of a corner. Friction adds this part to each wall's force."""
+    velocity = [-1.0] * walls + [0.0] * (3 - walls)
+    normals = [[float(i == k) for i in range(3)] for k in range(walls)]
+    contacts = [Contact.of((0.0, 0.0, 0.0), n, e, part / math.sqrt(walls - 1)) for n in normals]
+    return Case([Body.dynamic(2.0, velocity=velocity), Body.static()], [(0, 1)] * walls, contacts)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+@pytest.mark.parametrize("e", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("walls", [2, 3])
+@pytest.mark.parametrize("part", [0.14, 0.3, 0.5, 0.71, 0.9, 0.99])
+def test_springs_of_a_corner_give_the_closed_form(walls, part, e, exponent, monkeypatch):
+    """It slips evenly at each wall.
+
+    With n walls friction adds c = mu sqrt(n - 1) to the force of a spring, against the motion: m u^2 / 2 is
+    (1 + c) of the work that compresses a spring, and (1 - c) of what that gives back. The springs turn
+    together, which takes no long search: the budget is a hundredth of the usual one.
+    """
+    monkeypatch.setattr(stronge, "WORK", stronge.WORK // 100)
+    answer = corner(walls, part, e).resolve(Law.ROUTH_STRONGE, options={"exponent": exponent})
+    speed = e * math.sqrt((1 - part) / (1 + part))
+    assert answer.error_bound <= 1e-5  # what it follows the path for
+    change = (1 + speed) * math.sqrt(walls)
+    for axis in answer.twists[0].linear[:walls]:
+        assert axis == pytest.approx(speed, abs=answer.error_bound * change)
+
+
+@pytest.mark.parametrize("e", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("walls", [2, 3])
+@pytest.mark.parametrize("part", [1.01, 1.5, 20.0])
+def test_springs_that_friction_keeps_compressed_have_no_answer(walls, part, e):
+    """As above, with c > 1: friction holds more than a spring gives back."""
+    with pytest.raises(ImpactError, match="friction wedges the bodies") as refused:
+        corner(walls, part, e).resolve(Law.ROUTH_STRONGE)
+    assert refused.value.code is StatusCode.PATH_TOO_LONG
 
 
 def test_a_budget_of_springs_ends_in_a_named_status(monkeypatch):

@@ -230,3 +230,13 @@ def test_what_moreau_creates_within_rounding_counts_for_no_number(number):
     answer = resolve_scene(bodies, [(1, 0), (0, 2)], contacts, ImpactModel(Law.MOREAU))
     assert answer.adjustments is Adjustment.NONE
     assert float(answer.normal_velocities_after[1]) == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+def test_one_restitution_is_for_a_cluster_that_is_struck(law):
+    own = (0.25, 0.75)
+    for velocities, expected in (((0, 1, 2), own), ((2, 1, 1), own[:1] * 2), ((1, 1, 0), own[1:] * 2)):
+        case = row(velocities, number=float)
+        contacts = [c._replace(restitution=e) for c, e in zip(case.contacts, own, strict=True)]
+        answer = case._replace(contacts=contacts).resolve(law)
+        assert tuple(contact.restitution for contact in answer.contacts) == expected

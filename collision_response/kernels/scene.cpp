@@ -188,7 +188,7 @@ PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
       listed(of(self).count, [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(types.regimes, y.regimes[i])); }),
       cluster.energy, y.energy_after, y.lost_restitution, y.lost_friction, y.bound,
       PyBool_FromLong(cluster.idle), PyBool_FromLong(cluster.off_unit),
-      PyBool_FromLong(y.creates_energy()));
+      PyBool_FromLong(y.creates_energy));
 }
 
 PyObject* struck_answer(const Struck& struck) {
@@ -208,7 +208,7 @@ PyObject* with_least_work(PyObject* self, PyObject* const* args, Py_ssize_t coun
 PyObject* in_one_step(PyObject* self, PyObject* rubs) { return struck_answer(stepped(of(self), rubs == Py_True)); }
 
 // compress(stiffness, exponent, tolerance, budget, friction): impulses along a law with compliance, the energy that
-// friction took on the way, and what is left of the budget; None if it ran out.
+// friction took on the way, and what is left of the budget; None if it ran out, False if the path has no end.
 PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
   if (count != 5) return PyErr_Format(PyExc_TypeError, "compress() takes 5 arguments");
   const Assembly& scene = of(self);
@@ -226,12 +226,14 @@ PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
     result.found = rubs ? law.follow_with_friction(tolerance, result.P) : law.follow(tolerance, p);
     for (size_t i = 0; i < p.size(); ++i) result.P[i][0] = p[i];
   }
+  if (law.wedged) Py_RETURN_FALSE;
   if (!result.found) Py_RETURN_NONE;
   PyObject* across = rubs ? number_list(across_normals(result)) : Py_NewRef(Py_None);
   return Py_BuildValue("NNdl", bytes(along_normals(result, scene)), across, law.rubbed, law.work);
 }
 
 PyObject* get_locked(PyObject* self, void*) { return PyBool_FromLong(of(self).locked); }
+PyObject* get_doubtful(PyObject* self, void*) { return PyBool_FromLong(of(self).is_doubtful()); }
 PyObject* get_beyond(PyObject* self, void*) { return PyBool_FromLong(reinterpret_cast<ClusterObject*>(self)->cluster->beyond()); }
 
 #define FAST(name, function) {name, reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(Guarded<function>::call)), METH_FASTCALL, ""}
@@ -246,7 +248,7 @@ PyMethodDef methods[] = {
     {"one_step", Guarded<in_one_step>::call, METH_O, ""},
     FAST("compress", compress),
     {}};
-PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {"beyond", get_beyond, nullptr, "", nullptr}, {}};
+PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {"doubtful", get_doubtful, nullptr, "", nullptr}, {"beyond", get_beyond, nullptr, "", nullptr}, {}};
 PyType_Slot slots[] = {{Py_tp_dealloc, reinterpret_cast<void*>(dealloc)}, {Py_tp_methods, methods}, {Py_tp_getset, fields}, {}};
 PyType_Spec spec = {"collision_response.kernels._scene.Cluster", sizeof(ClusterObject), 0, Py_TPFLAGS_DEFAULT, slots};
 

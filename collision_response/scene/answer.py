@@ -31,7 +31,8 @@ class SceneImpact(NamedTuple):
     Attributes:
         status: OK, SEPARATING (no contact approaches) or TOLERANCE_NOT_MET.
         model: as used; its law is that of the clusters of several contacts.
-        contacts: as used: every restitution is a number, and one for a cluster where the law has one.
+        contacts: as used: every restitution is a number, and one for a cluster where the law has one and a
+            contact approaches.
         twists: of the bodies' reference points after the impact, in world axes [m/s, rad/s].
         changes: what the impact changed of them.
         impulses: on body_a of each contact, in world axes [N s]. Where several do the same, those of least
@@ -41,7 +42,7 @@ class SceneImpact(NamedTuple):
         regimes: what friction did at each contact; SEPARATING where there is no impulse.
         kinetic_energy_before, kinetic_energy_after: of the dynamic bodies [J].
         energy_lost_restitution, energy_lost_friction: work done against the normal and against the
-            tangential impulses [J].
+            tangential impulses [J]; by MOREAU one may be negative, not their sum.
         clusters: the contacts that were resolved together.
         order_sensitivity: how far the answers of one impact after another lie apart, over the orders tried,
             relative to the change of velocity; ``None`` if none were tried.

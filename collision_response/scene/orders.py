@@ -81,10 +81,12 @@ def one_after_another(
 
 def distance(bodies: Sequence[Body], one: Sequence[Twist], other: Sequence[Twist]) -> float:
     """How far apart two motions are, relative to the second, in the norm of ``error_bound``."""
-    apart = size = 0.0
+    apart, size = [], []
     for body, x, y in zip(bodies, one, other, strict=True):
         if body.is_movable():
             change = in_norm(body, y)
-            apart += body.mass * math.dist(in_norm(body, x), change) ** 2
-            size += body.mass * math.hypot(*change) ** 2
-    return 0.0 if apart == 0 else math.sqrt(apart / size) if size else math.inf
+            root = math.sqrt(body.mass)
+            apart.append(root * math.dist(in_norm(body, x), change))
+            size.append(root * math.hypot(*change))
+    far, whole = math.hypot(*apart), math.hypot(*size)
+    return 0.0 if far == 0 else far / whole if whole else math.inf

@@ -14,6 +14,7 @@ from ..kernels import library
 from ..model import Adjustment, Geometry, ImpactModel, Precision
 from ..numbers.number import Scalar
 from ..physics.body import Body
+from ..physics.column import Column
 from ..physics.contact import Contact
 from ..physics.laws import Law
 from ..physics.vector import Vec3
@@ -225,6 +226,12 @@ def _motions(cluster: Any, struck: Struck, *, by_slip: bool = False) -> Any:
 def _by_law(cluster: Any, parts: Parts, asked: Asked, has_friction: bool) -> tuple[Struck, float | None, Any]:
     """What the law gives; the relative error, where the law estimates it; what becomes of the bodies."""
     locked = _locked(cluster, parts)
+    if cluster.doubtful and not cluster.locked:
+        hidden, springs = _approaches(parts), asked.law is Law.ROUTH_STRONGE
+        if not hidden or has_friction or springs or len(parts.contacts) > RATIONAL_CONTACTS:
+            nothing = Struck(cluster.none(), error=math.inf if hidden else 0.0)
+            return nothing, None, _motions(cluster, nothing)
+        locked = _in_fractions(parts)
     if asked.law is Law.ROUTH_STRONGE:
         return _by_springs(cluster, parts, asked, has_friction)
     fell_back = asked.law is Law.MOREAU
@@ -256,7 +263,7 @@ def _in_floats(cluster: Any, exactly: RationalCluster, exact: Struck) -> Struck:
 
 def _by_reflections(cluster: Any, parts: Parts, locked: RationalCluster | None, threshold: Scalar) -> Struck:
     """FRICTIONLESS; what double-double can't decide, decided in rationals."""
-    struck = None if cluster.locked else reflections(cluster, threshold)
+    struck = None if locked or cluster.locked else reflections(cluster, threshold)
     if struck is not None and struck.error < math.inf:
         return struck
     if len(parts.contacts) <= RATIONAL_CONTACTS:
@@ -284,6 +291,17 @@ def _locked(cluster: Any, parts: Parts) -> RationalCluster | None:
     if exactly.project(exactly.none()) is None:
         raise contradiction()
     return exactly if small else None
+
+
+def _approaches(parts: Parts) -> bool:
+    """Whether a contact does, to all digits."""
+    bodies = list(map(on_fractions.body_as_fractions, parts.bodies))
+    for (a, b), given in zip(parts.pairs, parts.contacts, strict=True):
+        contact = on_fractions.contact_as_fractions(given)
+        u, v = (Column.of(bodies[k], contact.position, contact.normal).velocity for k in (a, b))
+        if u < v:
+            return True
+    return False
 
 
 def _in_fractions(parts: Parts) -> RationalCluster:
@@ -325,4 +343,5 @@ def _by_springs(cluster: Any, parts: Parts, asked: Asked, has_friction: bool) ->
         cluster, stiffness, float(asked.exponent), asked.model.tolerance,
         has_friction=has_friction, apart=apart,
     )  # fmt: skip
-    return struck, error, motions_of(struck)
+    motions = motions_of(struck)
+    return struck, error + motions[7], motions

@@ -17,6 +17,8 @@ error for each; one in which a spring turns, where its rate bends, ends there. T
 with ever smaller errors, and how far the last two answers are apart is the estimate of the error.
 
 A contact given twice is twice as stiff. For e towards 0 a contact takes ever more compressions to end.
+Friction may wedge bodies, as in a corner of two walls with mu > 1: its springs stay compressed, and the path
+has no end.
 
 Sources: Liu, Zhao & Brogliato, "Frictionless Multiple Impacts in Multibody Systems. I. Theoretical
 Framework", Proc. R. Soc. A 464 (2008); Ascher, Ruuth & Spiteri, "Implicit-Explicit Runge-Kutta Methods for
@@ -84,7 +86,8 @@ def compressed(
         apart: how far two answers are apart, relative to the change.
 
     Raises:
-        ImpactError: PATH_TOO_LONG: the budget was spent before two paths came near each other.
+        ImpactError: PATH_TOO_LONG: the budget was spent before two paths came near each other, or a path
+            has no end.
     """
 
     paths = RUBBING if has_friction else SMOOTH
@@ -94,6 +97,9 @@ def compressed(
         path = cluster.compress(list(stiffness), exponent, fine, work, has_friction)
         if path is None:
             break
+        if path is False:
+            reason = "friction wedges the bodies: springs stay compressed, and their impulses have no end"
+            raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
         p, tangential, rubbed, left = path
         found.append(Struck(p, tangential, rubbed=rubbed))
         if len(found) > 1:

@@ -37,15 +37,14 @@ struct Numbers {
   std::vector<double> changes, after, pushes, before, then;
   std::vector<Regime> regimes;
   double energy_after = 0, lost_restitution = 0, lost_friction = 0, bound = 0;
-  double work = 0;  // the sizes of what was lost and won at each contact
+  // More than rounding may seem to. By work on relative velocities, which is the same for every observer.
+  bool creates_energy = false;
 
   bool separates() const {
     return std::all_of(regimes.begin(), regimes.end(), [](Regime regime) { return regime == REGIME_SEPARATING; });
   }
   // The energies are sums over all the rest.
   bool is_finite() const { return std::isfinite(energy_after) && std::isfinite(lost_restitution) && std::isfinite(lost_friction); }
-  // More than rounding may seem to. By work on relative velocities, which is the same for every observer.
-  bool creates_energy() const { return lost_restitution + lost_friction < -0x1p-40 * work; }
 };
 
 // Of normal impulses, and of tangential ones, pairs in the axes of each contact; empty if there are none. A contact
@@ -89,9 +88,15 @@ inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<
     answer.after.insert(answer.after.end(), moved.x + IN_BODY_A_VELOCITY_X, moved.x + IN_BODY_A_VELOCITY_X + 6);
   }
   std::vector<N> u = scene.velocities(p);
-  double fastest = 0;
-  for (const Touch& touch : scene.touches)
-    fastest = std::fmax(fastest, std::hypot(touch.plain[0].velocity, touch.plain[1].velocity, touch.plain[2].velocity));
+  double fastest = 0, greatest = 0;
+  for (int i = 0; i < count; ++i) {
+    const Plain* plain = scene.touches[i].plain;
+    fastest = std::fmax(fastest, std::hypot(plain[0].velocity, plain[1].velocity, plain[2].velocity));
+    greatest = std::fmax(greatest, p[i].h * scene.touches[i].length);
+  }
+  // In units near the greatest: works may be below doubles.
+  const double unit = power_near(fastest), load = power_near(greatest);
+  double restitution = 0, rubbing = 0, work = 0;
   for (int i = 0; i < count; ++i) {
     const Touch& touch = scene.touches[i];
     double push[3];
@@ -105,11 +110,11 @@ inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<
       const auto axes = touch.axes();
       for (int k = 0; k < 3; ++k) push[k] += P[i][1] * axes[1][k] + P[i][2] * axes[2][k];
     }
-    double normal = p[i].h * touch.length * (u_before[0] + u_after[0]) / 2;
-    double along = (P[i][1] * (u_before[1] + u_after[1]) + P[i][2] * (u_before[2] + u_after[2])) / 2;
-    answer.lost_restitution -= normal;
-    answer.lost_friction -= along;
-    answer.work += p[i].h * touch.length * (std::fabs(u_before[0]) + std::fabs(u_after[0])) + std::fabs(along);
+    double normal = p[i].h * touch.length / load;
+    double along = (P[i][1] / load * ((u_before[1] + u_after[1]) / unit) + P[i][2] / load * ((u_before[2] + u_after[2]) / unit)) / 2;
+    restitution -= normal * ((u_before[0] + u_after[0]) / unit) / 2;
+    rubbing -= along;
+    work += normal * ((std::fabs(u_before[0]) + std::fabs(u_after[0])) / unit) + std::fabs(along);
     answer.pushes.insert(answer.pushes.end(), push, push + 3);
     answer.before.push_back(u_before[0]);
     answer.then.push_back(u_after[0]);
@@ -119,6 +124,9 @@ inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<
     else if (by_slip ? speed <= AT_REST * fastest : friction < (1 - AT_REST) * most) regime = REGIME_STICKING;
     answer.regimes.push_back(regime);
   }
+  answer.lost_restitution = restitution * load * unit;
+  answer.lost_friction = rubbing * load * unit;
+  answer.creates_energy = restitution + rubbing < -0x1p-40 * work;
   answer.bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0) : (worst > 0 ? INFINITY : 0);
   if (!(answer.bound == answer.bound)) answer.bound = INFINITY;
   return answer;

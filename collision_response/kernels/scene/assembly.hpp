@@ -29,6 +29,9 @@ inline int exponent_of(const double* x, int count) {
   return std::abs(exponent) > 100 ? exponent : 0;
 }
 
+// The power of two below a size: what is divided by it keeps its digits.
+inline double power_near(double size) { return size > 0 && size < INFINITY ? std::ldexp(1.0, std::ilogb(size)) : 1; }
+
 template <class T>
 struct Centre {  // a body as seen from its reference point, at x, which moves with v
   T numbers[CENTRE], x[3], v[3];
@@ -215,6 +218,23 @@ struct Assembly {
     return std::all_of(touches.begin(), touches.end(), is_sound) && std::all_of(A.begin(), A.end(), is_number);
   }
 
+  // Whether no impulse that stops the fastest approach by itself is below the least double.
+  bool has_impulses() const {
+    double fastest = 0;
+    for (const Touch& touch : touches) fastest = std::fmax(fastest, -touch.plain[0].velocity);
+    return std::all_of(touches.begin(), touches.end(), [&](const Touch& touch) {
+      double speed = -touch.plain[0].velocity;
+      return !(speed > 0 && speed >= fastest) || -high(touch.velocity) * touch.scale * touch.scale > 0;
+    });
+  }
+
+  // Whether no contact seems to approach, and one may, by less than can be told.
+  bool is_doubtful() const {
+    auto approaches = [](const Touch& touch) { return high(touch.velocity) < 0; };
+    auto may = [](const Touch& touch) { return high(touch.velocity) < width(touch.velocity); };
+    return std::none_of(touches.begin(), touches.end(), approaches) && std::any_of(touches.begin(), touches.end(), may);
+  }
+
   // The changes of the twists of the movable bodies.
   std::vector<N> changes(const DD* p) const {
     std::vector<N> twists(6 * static_cast<size_t>(bodies), exact(0.0));
@@ -351,16 +371,18 @@ struct Assembly {
     if (!seen) look();
     result.error = INFINITY;
     if (locked) return result;
+    // In a unit near the size of the velocities: energies may be beyond doubles.
+    const double unit = power_near(size);
     double gap = 0, far = 0, moved = 0;
     for (int i : among) {
       double low = high(r[i]) - width(r[i]), reach = std::fabs(high(r[i])) + width(r[i]);
-      gap += q[i].h * (1 + 1e-9) * reach;
-      if (low < 0) far = std::fmax(far, -low * touches[i].scale / room[i]);
-      moved += q[i].h * (std::fabs(high(start[i])) + width(start[i]));
+      gap += q[i].h / unit * (1 + 1e-9) * (reach / unit);
+      if (low < 0) far = std::fmax(far, -low * touches[i].scale / unit / room[i]);
+      moved += q[i].h / unit * ((std::fabs(high(start[i])) + width(start[i])) / unit);
     }
     far *= parting;
     double distance = std::sqrt(moved);  // |w* - v|^2 <= -q.u
-    result.error = (far + std::sqrt(far * far + 4 * (gap + far * distance))) / 2 * (1 + 1e-9);
+    result.error = (far + std::sqrt(far * far + 4 * (gap + far * distance))) / 2 * (1 + 1e-9) * unit;
     return result;
   }
 

@@ -67,7 +67,7 @@ struct Cluster {
   size_t at_fault = 0;
 
   // Whether doubles do not hold its numbers: then they decide nothing.
-  bool beyond() const { return !(std::isfinite(energy) && scene.is_finite()); }
+  bool beyond() const { return !(std::isfinite(energy) && scene.is_finite() && scene.has_impulses()); }
 
   Cluster(const Parts& parts, bool frictionless) {
     std::vector<Given> given(parts.bodies.size());
@@ -150,7 +150,7 @@ inline Answer answered(Cluster& cluster, const Asked& asked) {
     answer.code = STATUS_OUT_OF_RANGE;
     return answer;
   }
-  if (scene.locked) return answer;
+  if (scene.locked || scene.is_doubtful()) return answer;
   for (Touch& touch : scene.touches) {
     double speed = -touch.plain[0].velocity;
     bool slow = speed > 0 && speed < asked.restitution_threshold && touch.e > 0;
@@ -167,7 +167,7 @@ inline Answer answered(Cluster& cluster, const Asked& asked) {
   if (asked.law == LAW_MOREAU) {
     struck = stepped(scene, cluster.rubs);
     if (struck.outcome == Outcome::ANSWERED) finish();
-    if (answer.code != LEFT_TO_PYTHON && !answer.numbers.creates_energy()) return answer;
+    if (answer.code != LEFT_TO_PYTHON && !answer.numbers.creates_energy) return answer;
     answer.fell_back = true;
   }
   struck = reflections(scene, asked.threshold, asked.budget);

@@ -11,7 +11,8 @@
 #include "friction.hpp"
 
 struct ContactSprings {
-  const Assembly& scene;
+  Assembly scene;                 // in units near its speed and mass, powers of two: squares and roots are of usual size
+  double unit = 1, root = 1;      // of speed, and of the root of mass
   double exponent;
   std::vector<double> stiffness;
   struct Coupled {
@@ -24,12 +25,26 @@ struct ContactSprings {
   double slow = 0;    // an approach below it is none: rounding would keep some contact for ever
   long work;          // that may still be done: 1 for a coupling of two contacts, about a nanosecond
   double rubbed = 0;  // energy that friction took
+  bool wedged = false;  // the path has no end
 
   ContactSprings(const Assembly& assembly, double exponent, std::vector<double> ratios, long budget)
       : scene(assembly), exponent(exponent), stiffness(std::move(ratios)), count(assembly.count), work(budget) {
     C.resize(count);
+    for (const Touch& touch : scene.touches) {
+      speed = std::fmax(speed, std::fabs(touch.plain[0].velocity));
+      mass = std::fmax(mass, std::fabs(touch.scale * touch.length));
+    }
+    unit = power_near(speed);
+    root = power_near(mass);
+    speed /= unit;
+    mass = 0;
+    for (Touch& touch : scene.touches)
+      for (Plain& axis : touch.plain) {
+        axis.velocity /= unit;
+        for (auto& side : axis.row)
+          for (double& x : side) x *= root;
+      }
     for (int i = 0; i < count; ++i) {
-      speed = std::fmax(speed, std::fabs(scene.touches[i].plain[0].velocity));
       for (int j = 0; j < count; ++j)
         if (double by = coupling(scene, i, 0, j, 0); by != 0) C[i].push_back({j, by});
       mass += 1 / coupling(scene, i, 0, i, 0) / count;
@@ -40,6 +55,7 @@ struct ContactSprings {
     for (double& k : stiffness) k *= mass * speed / std::pow(speed, exponent) / most;
   }
 
+  double impulse(double p) const { return p * root * unit * root; }
   double force(int i, double x) const {
     return x > 0 ? stiffness[i] * (exponent == 1.5 ? x * std::sqrt(x) : std::pow(x, exponent)) : 0;
   }
@@ -84,7 +100,8 @@ struct ContactSprings {
   }
 
   // How long steps are. An error that is too large is mostly that of a spring that turns within the step, where its
-  // rate bends: the step then ends there, by the secant.
+  // rate bends: the step then ends there, by the secant. One that turns at the end is not what makes the error: steps
+  // that ended there would be none the shorter.
   struct Pace {
     double h;
 
@@ -95,7 +112,7 @@ struct ContactSprings {
         h = std::fmin(h * std::fmin(4.0, std::fmax(0.2, by)), longest);
         return true;
       }
-      h *= turns > 1e-6 && turns < 1 ? turns : std::fmax(0.2, by);
+      h *= turns > 1e-6 && turns < 0.9 ? turns : std::fmax(0.2, by);
       return false;
     }
   };
@@ -131,6 +148,7 @@ struct ContactSprings {
     while (work > 0) {
       if (awake.empty()) {
         p.assign(y.begin() + count, y.end());
+        for (double& one : p) one = impulse(one);
         return true;
       }
       const double h = pace.h;
@@ -263,7 +281,8 @@ struct ContactSprings {
     return sum;
   }
 
-  // The impulses with friction; whether it ended within its budget.
+  // The impulses with friction; whether it ended within its budget. Friction may wedge bodies: then springs stay
+  // compressed, and one step is as the other.
   bool follow_with_friction(double tolerance, std::vector<Axes>& P) {
     slow = std::fmax(tolerance / 10, 2e-14) * speed;
     const std::vector<Axes> none(count, Axes{0, 0, 0});
@@ -285,6 +304,9 @@ struct ContactSprings {
       for (int i = 0; i < count; ++i) done = done && is_over(i, now.x[i], now.u[i]);
       if (done) {
         P = now.P;
+        for (Axes& one : P)
+          for (double& along : one) along = impulse(along);
+        rubbed = impulse(rubbed) * unit;
         return true;
       }
       const double h = pace.h;
@@ -306,6 +328,7 @@ struct ContactSprings {
       double worst = std::fmax(off, std::sqrt(square / mass)) / (3 * tolerance * speed);
       if (!(worst < INFINITY)) return false;
       if (!pace.accepts(worst, 3, turns, longest(fastest))) continue;
+      const State before = now;
       auto mended = [](double fine, double coarse) { return fine + (fine - coarse) / 3; };
       rubbed += mended(work_of_friction(now, half) + work_of_friction(half, both), work_of_friction(now, whole));
       for (size_t k = 0; k < both.motion.y.size(); ++k) now.motion.y[k] = mended(both.motion.y[k], whole.motion.y[k]);
@@ -315,6 +338,8 @@ struct ContactSprings {
         for (int k = 0; k < 3; ++k) now.P[i][k] = mended(both.P[i][k], whole.P[i][k]);
       }
       now.friction = both.friction;
+      wedged = h == pace.h && now.x == before.x && now.motion.y == before.motion.y && now.friction == before.friction;
+      if (wedged) return false;
     }
   }
 

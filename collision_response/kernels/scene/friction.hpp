@@ -109,7 +109,7 @@ inline Friction least_work(const Assembly& scene, const DD* p, double error) {
     as_shared.push(i, {shared[i] * touch.length, 0, 0});
     if (!(shared[i] / touch.scale > rounding(i))) {
       double slip = std::hypot(touch.plain[1].velocity, touch.plain[2].velocity) * touch.length;
-      result.error += std::sqrt(2 * touch.mu * shared[i] * slip);
+      if (shared[i] > 0) result.error += std::sqrt(2 * touch.mu * (shared[i] / touch.scale / speed) * (slip * touch.scale / speed)) * speed;
       continue;
     }
     place[i] = static_cast<int>(loaded.size());

@@ -82,11 +82,21 @@ class Reflections {
     if (least >= most) return most;
     std::vector<double> shared = rounded(q.data(), scene.count);
     bool is_unique = !scene.least_norm(shared, false);
+    // In units near the greatest: works may be beyond doubles.
+    double fastest = 0, greatest = 0;
+    for (int i = 0; i < scene.count; ++i) {
+      fastest = std::fmax(fastest, -high(scene.touches[i].velocity));
+      greatest = std::fmax(greatest, q[i].h);
+    }
+    if (!(greatest > 0)) return 0;
+    const double unit = power_near(fastest), load = power_near(greatest);
     N above = exact(0.0), below = exact(0.0);
     for (int i = 0; i < scene.count; ++i) {
       const Touch& touch = scene.touches[i];
       if (!(high(touch.velocity) < 0)) continue;
-      N work = touch.velocity * exact(is_unique ? q[i] : DD{shared[i], 0});
+      const N& u = touch.velocity;
+      const DD p = is_unique ? q[i] : DD{shared[i], 0};
+      N work = N{{u.value.h / unit, u.value.l / unit}, u.error / unit} * exact(DD{p.h / load, p.l / load});
       above = above + work * exact(touch.e);
       below = below + work;
     }
