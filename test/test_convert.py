@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 import math
 
 import pytest
@@ -213,6 +214,27 @@ def test_a_dynamic_body_without_finite_mass_is_refused_by_name(mass):
         answer_to(request)
     assert raised.value.code is StatusCode.NOT_FINITE
     assert convert.as_in_message(raised.value).startswith("body_a.inertia.m: must be finite")
+
+
+@pytest.mark.parametrize(
+    ("coefficient", "values", "must"),
+    [
+        ("restitution", (-0.5, 1.5, -2.0), "in [0, 1]"),
+        ("restitution", (math.nan, math.inf), "finite"),
+        ("friction", (-0.5, -2.0), "at least 0"),
+        ("friction", (math.nan, -math.inf), "finite"),
+    ],
+)
+def test_a_coefficient_out_of_range_reads_alike_wherever_it_stands(coefficient, values, must):
+    for owner, value in itertools.product(("contact", "body_a", "body_b"), values):
+        request = ResolveCollision.Request(body_a=ball(0.5, -1.0), body_b=ball(-0.5))
+        request.contact.normal.x = 1.0
+        if owner != "contact":
+            setattr(getattr(request, {"body_a": "body_b", "body_b": "body_a"}[owner]), coefficient, 0.5)
+        setattr(getattr(request, owner), coefficient, value)
+        with pytest.raises(ImpactError) as raised:
+            answer_to(request)
+        assert str(raised.value) == f"{owner}.{coefficient}: must be {must}; is {value}"
 
 
 def link(**fields) -> BodyState:
