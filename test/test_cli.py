@@ -92,6 +92,58 @@ spec.loader.exec_module(module)
     assert re.search(r"is not compiled\. .* run \.venv/bin/python -I", run.stderr)
 
 
+@pytest.mark.parametrize(
+    ("words", "unbuffered"),
+    [
+        ("--version", ""),  # argparse takes no notice of what it cannot write
+        ("report FILE", ""),
+        ("report FILE", "1"),
+        ("replay FILE", ""),
+        ("replay FILE", "1"),
+    ],
+)
+class TestOutput:
+    """Where it cannot be written, in one piece at the end or print by print."""
+
+    @pytest.fixture
+    def run(self, words, unbuffered, tmp_path):
+        """The exit code, and what is complained of."""
+        file = tmp_path / "empty.rrd"
+        if "FILE" in words:
+            pytest.importorskip("rerun")
+            from collision_response.recording import Recorder
+
+            Recorder(tmp_path, print, name=file.name).close()
+
+        def run(sink):
+            run = subprocess.run(
+                [sys.executable, str(EXECUTABLE), *words.replace("FILE", str(file)).split()],
+                env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+                stdout=sink,
+                stderr=subprocess.PIPE,
+                text=True,
+                check=False,
+            )
+            return run.returncode, run.stderr
+
+        return run
+
+    def test_it_ends_quietly_when_nobody_reads_on(self, run):
+        source, sink = os.pipe()
+        os.close(source)
+        try:
+            assert run(sink) == (128 + signal.SIGPIPE, "")
+        finally:
+            os.close(sink)
+
+    def test_where_there_is_no_room_it_says_so(self, run):
+        with open("/dev/full", "w") as full:
+            assert run(full) == (
+                os.EX_IOERR,
+                "collision_response: standard output: No space left on device\n",
+            )
+
+
 class TestCall:
     @pytest.fixture(autouse=True)
     def need_ros(self):
