@@ -33,6 +33,20 @@ BOUNCED = [
 EXECUTABLE = Path(__file__).resolve().parent.parent / "scripts" / "collision_response"
 
 
+@pytest.mark.parametrize("script", sorted(EXECUTABLE.parent.iterdir()), ids=lambda script: script.name)
+def test_an_interrupt_of_the_import_is_quiet(tmp_path, script):
+    """As where Ctrl-C comes while the package is being loaded."""
+    (tmp_path / "collision_response.py").write_text("raise KeyboardInterrupt")
+    run = subprocess.run(
+        [sys.executable, str(script)],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (run.returncode, run.stdout, run.stderr) == (128 + signal.SIGINT, "", "")
+
+
 def test_help_names_every_command(capsys):
     with pytest.raises(SystemExit) as end:
         main([])
