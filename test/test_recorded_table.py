@@ -5,6 +5,9 @@ from __future__ import annotations
 import csv
 import math
 import re
+import shlex
+import subprocess
+import sys
 from fractions import Fraction
 from html.parser import HTMLParser
 from pathlib import Path
@@ -190,6 +193,24 @@ class TestReplay:
             for command in ("replay", "report"):
                 assert main([command, str(tmp_path / name)]) == 2
                 assert capsys.readouterr().err.startswith(f"collision_response {command}: ")
+
+
+@pytest.mark.filterwarnings("error")
+def test_of_a_torn_recording_it_is_said_how_it_is_mended(all_kinds, capsys):
+    """Torn in a piece, and between two, where rerun reads what there is."""
+    whole = all_kinds.read_bytes()
+    torn = all_kinds.with_name("torn one.rrd")
+    for size in (12, len(whole) // 20, len(whole) // 2, len(whole) - 1):
+        torn.write_bytes(whole[:size])
+        for command in ("replay", "report"):
+            assert main([command, str(torn)]) == 2
+            said = capsys.readouterr()
+            assert said.out == ""
+            (line,) = said.err.splitlines()
+            assert line.startswith(f"collision_response {command}: {torn} is not complete, ")
+    repair = shlex.split(line.partition(": rerun ")[2])
+    subprocess.run([sys.executable, "-m", "rerun", *repair], check=True)
+    assert main(["replay", repair[-1]]) == 0
 
 
 IMPACT = {
