@@ -357,6 +357,20 @@ class TestReport:
         assert said.err == f"collision_response report: {path} is a recording, and is not written over\n"
         assert path.read_bytes() == before
 
+    @pytest.mark.parametrize("name", ["some.html", "folder/../some.html", "link.html"])
+    def test_page_and_table_are_two_files(self, all_kinds, tmp_path, name, capsys):
+        """The page's name given, or the one it has anyhow."""
+        (tmp_path / "folder").mkdir()
+        (tmp_path / "link.html").symlink_to("some.html")
+        for page in ([], ["--html", str(tmp_path / "some.html")]):
+            with pytest.raises(SystemExit) as ended:
+                main(["report", str(all_kinds), *page, "--csv", str(tmp_path / name)])
+            assert ended.value.code == 2
+            said = capsys.readouterr()
+            assert said.out == ""
+            assert said.err.endswith(f"--csv {tmp_path / name} would be written over the page\n")
+            assert not (tmp_path / "some.html").exists()
+
     def test_the_table_has_a_number_in_every_place(self, all_kinds, tmp_path, capsys):
         target = tmp_path / "table.csv"
         assert main(["report", str(all_kinds), "--csv", str(target)]) == 0

@@ -28,6 +28,8 @@ def main(arguments: list[str]) -> int:
     given = parser.parse_args(arguments)
     target = given.html or Path(given.files[0]).with_suffix(".html")
     try:
+        if given.csv is not None and given.csv.resolve() == target.resolve():
+            parser.error(f"--csv {given.csv} would be written over the page")
         for path in filter(None, (target, given.csv)):
             spare_recordings(path)
         impacts = read(given.files)
