@@ -159,7 +159,7 @@ def read(
     """
     tables = []
     for path in paths:
-        recording = _complete(path)
+        recording = complete(path)
         chunks = recording.stream().filter(content=table).to_chunks()
         if not chunks and not recording.stream().filter(content=OWN).to_chunks():
             raise _foreign(path, f"it has neither {table} nor {OWN}")
@@ -183,8 +183,13 @@ def read(
     return pa.concat_tables(tables, promote_options="default").sort_by("answer")
 
 
-def _complete(path: Path | str) -> RrdReader:
-    """rerun reads what there is of a file, unless the end of that is in a piece, and warns."""
+def complete(path: Path | str) -> RrdReader:
+    """A recording that has its end. rerun reads what there is of one cut off between two pieces, and warns.
+
+    Raises:
+        RuntimeError: it cannot be read.
+        ValueError: it is not complete.
+    """
     with warnings.catch_warnings():
         warnings.filterwarnings("error", "RRD file has no footer", RerunWarning)
         try:
