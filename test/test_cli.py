@@ -47,6 +47,12 @@ def test_an_interrupt_of_the_import_is_quiet(tmp_path, script):
     assert (run.returncode, run.stdout, run.stderr) == (128 + signal.SIGINT, "", "")
 
 
+IMPACTS = (
+    f"{EXECUTABLE.parent.parent}/docs/kharaz-2001.csv --speed 3.9 --radius 0.0025 "
+    "--errors ratio=0.008 angle=0.84 spin=44"
+)
+
+
 def test_help_names_every_command(capsys):
     with pytest.raises(SystemExit) as end:
         main([])
@@ -114,6 +120,8 @@ spec.loader.exec_module(module)
         ("report FILE", "1"),
         ("replay FILE", ""),
         ("replay FILE", "1"),
+        (f"identify {IMPACTS}", ""),
+        (f"identify {IMPACTS}", "1"),
     ],
 )
 class TestOutput:
