@@ -10,7 +10,7 @@ from .named import Named
 from .physics.laws import Law as Law
 from .physics.laws import Settings
 from .physics.stiffness import METAL_ON_METAL
-from .status import ImpactError, StatusCode, shown
+from .status import ImpactError, StatusCode, limits, shown
 
 
 class Geometry(Named):
@@ -232,7 +232,6 @@ def check_number(field: str, value: Any, least: float, most: float, code: Status
     except TypeError:  # an array
         raise TypeError(f"{field}: must be a real number, is {value!r}") from None
     if not finite:
-        raise ImpactError(StatusCode.NOT_FINITE, field, f"must be finite, is {shown(value, str)}")
+        raise ImpactError(StatusCode.NOT_FINITE, field, f"must be finite; is {shown(value, str)}")
     if not least <= value <= most:
-        limits = f"at least {least}" if most == math.inf else f"in [{least}, {most}]"
-        raise ImpactError(code, field, f"must be {limits}, is {shown(value, str)}")
+        raise ImpactError(code, field, f"must be {limits(least, most)}; is {shown(value, str)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -79,6 +80,12 @@ def shown(value: object, spell: Callable[[Any], str] = repr) -> str:
         return spell(value)
     except ValueError:  # of sys.set_int_max_str_digits
         return "of more digits than are shown"
+
+
+def limits(least: float, most: float) -> str:
+    """What a number must be, in the words of all messages: 1 is 1 there, as an integer or not."""
+    low, high = (str(limit).removesuffix(".0") for limit in (least, most))
+    return f"at least {low}" if most == math.inf else f"in [{low}, {high}]"
 
 
 class ImpactError(ValueError):

@@ -16,7 +16,7 @@ from .physics.body import ROUNDINGS, Body
 from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics
 from .physics.tensor import Symmetric3
-from .status import ImpactError, StatusCode, shown
+from .status import ImpactError, StatusCode, limits, shown
 
 UNIT_LENGTH_TOLERANCE = 1e-9
 """How far the squared length of a quaternion may be from 1 before its normalising is reported."""
@@ -169,8 +169,8 @@ def _finite(field: str, numbers: Iterable[Scalar]) -> Rule:
 
 def _within(field: str, x: Scalar, least: float, most: float) -> Iterator[Rule]:
     yield _finite(field, (x,))
-    limits = f"at least {least}" if most == math.inf else f"in [{least}, {most}]"
-    yield Rule((x >= least) & (x <= most), StatusCode.INVALID_COEFFICIENT, field, f"must be {limits}")
+    holds = (x >= least) & (x <= most)
+    yield Rule(holds, StatusCode.INVALID_COEFFICIENT, field, f"must be {limits(least, most)}")
 
 
 def is_plainly_sound(

@@ -33,6 +33,26 @@ BOUNCED = [
 EXECUTABLE = Path(__file__).resolve().parent.parent / "scripts" / "collision_response"
 
 
+@pytest.mark.parametrize("script", sorted(EXECUTABLE.parent.iterdir()), ids=lambda script: script.name)
+def test_an_interrupt_of_the_import_is_quiet(tmp_path, script):
+    """As where Ctrl-C comes while the package is being loaded."""
+    (tmp_path / "collision_response.py").write_text("raise KeyboardInterrupt")
+    run = subprocess.run(
+        [sys.executable, str(script)],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (run.returncode, run.stdout, run.stderr) == (128 + signal.SIGINT, "", "")
+
+
+IMPACTS = (
+    f"{EXECUTABLE.parent.parent}/docs/kharaz-2001.csv --speed 3.9 --radius 0.0025 "
+    "--errors ratio=0.008 angle=0.84 spin=44"
+)
+
+
 def test_help_names_every_command(capsys):
     with pytest.raises(SystemExit) as end:
         main([])
@@ -90,6 +110,60 @@ spec.loader.exec_module(module)
         [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert re.search(r"is not compiled\. .* run \.venv/bin/python -I", run.stderr)
+
+
+@pytest.mark.parametrize(
+    ("words", "unbuffered"),
+    [
+        ("--version", ""),  # argparse takes no notice of what it cannot write
+        ("report FILE", ""),
+        ("report FILE", "1"),
+        ("replay FILE", ""),
+        ("replay FILE", "1"),
+        (f"identify {IMPACTS}", ""),
+        (f"identify {IMPACTS}", "1"),
+    ],
+)
+class TestOutput:
+    """Where it cannot be written, in one piece at the end or print by print."""
+
+    @pytest.fixture
+    def run(self, words, unbuffered, tmp_path):
+        """The exit code, and what is complained of."""
+        file = tmp_path / "empty.rrd"
+        if "FILE" in words:
+            pytest.importorskip("rerun")
+            from collision_response.recording import Recorder
+
+            Recorder(tmp_path, print, name=file.name).close()
+
+        def run(sink):
+            run = subprocess.run(
+                [sys.executable, str(EXECUTABLE), *words.replace("FILE", str(file)).split()],
+                env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+                stdout=sink,
+                stderr=subprocess.PIPE,
+                text=True,
+                check=False,
+            )
+            return run.returncode, run.stderr
+
+        return run
+
+    def test_it_ends_quietly_when_nobody_reads_on(self, run):
+        source, sink = os.pipe()
+        os.close(source)
+        try:
+            assert run(sink) == (128 + signal.SIGPIPE, "")
+        finally:
+            os.close(sink)
+
+    def test_where_there_is_no_room_it_says_so(self, run):
+        with open("/dev/full", "w") as full:
+            assert run(full) == (
+                os.EX_IOERR,
+                "collision_response: standard output: No space left on device\n",
+            )
 
 
 class TestCall:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
+import itertools
 import math
 
 import pytest
@@ -14,6 +16,7 @@ from hypothesis import strategies as st
 from ros_graph import ball
 
 from collision_response import ImpactError, ImpactModel, Precision, StatusCode, resolve
+from collision_response.materials import Materials
 from collision_response.msg import BodyState, CollisionResult
 from collision_response.physics.combine import CombineRule
 from collision_response.physics.orientation import Quaternion
@@ -213,6 +216,47 @@ def test_a_dynamic_body_without_finite_mass_is_refused_by_name(mass):
         answer_to(request)
     assert raised.value.code is StatusCode.NOT_FINITE
     assert convert.as_in_message(raised.value).startswith("body_a.inertia.m: must be finite")
+
+
+@pytest.mark.parametrize(
+    ("coefficient", "values", "must"),
+    [
+        ("restitution", (-0.5, 1.5, -2.0), "in [0, 1]"),
+        ("restitution", (math.nan, math.inf), "finite"),
+        ("friction", (-0.5, -2.0), "at least 0"),
+        ("friction", (math.nan, -math.inf), "finite"),
+    ],
+)
+def test_a_coefficient_out_of_range_reads_alike_wherever_it_stands(coefficient, values, must):
+    for owner, value in itertools.product(("contact", "body_a", "body_b"), values):
+        request = ResolveCollision.Request(body_a=ball(0.5, -1.0), body_b=ball(-0.5))
+        request.contact.normal.x = 1.0
+        if owner != "contact":
+            setattr(getattr(request, {"body_a": "body_b", "body_b": "body_a"}[owner]), coefficient, 0.5)
+        setattr(getattr(request, owner), coefficient, value)
+        with pytest.raises(ImpactError) as raised:
+            answer_to(request)
+        assert str(raised.value) == f"{owner}.{coefficient}: must be {must}; is {value}"
+
+
+@pytest.mark.parametrize("coefficient", ["restitution", "friction"])
+@pytest.mark.parametrize("of_other", [-1.0, 0.5])
+@pytest.mark.parametrize("given", ["by the contact", "by the materials"])
+def test_a_coefficient_of_a_body_is_checked_even_where_another_counts(coefficient, of_other, given):
+    steel = {"materials": {"steel": {"restitution": 0.5, "friction": 0.5}}}
+    parameters = dataclasses.replace(PARAMETERS, materials=Materials.of(steel))
+    for owner, value in itertools.product(("body_a", "body_b"), (-0.5, -2.0, math.nan, math.inf)):
+        request = ResolveCollision.Request(body_a=ball(0.5, -1.0), body_b=ball(-0.5))
+        request.contact.normal.x = 1.0
+        if given == "by the contact":
+            setattr(request.contact, coefficient, 0.25)
+        else:
+            request.body_a.material = request.body_b.material = "steel"
+        for body in ("body_a", "body_b"):
+            setattr(getattr(request, body), coefficient, value if body == owner else of_other)
+        with pytest.raises(ImpactError) as raised:
+            convert.problem_of(request, parameters)
+        assert raised.value.field == f"{owner}.{coefficient}"
 
 
 def link(**fields) -> BodyState:

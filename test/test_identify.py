@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from pathlib import Path
 
 import pytest
@@ -455,16 +454,24 @@ def test_of_a_quaternion_what_is_not_there_is_the_identity(there):
     assert turned == pytest.approx(expected)
 
 
-@pytest.mark.parametrize("left", [0, 4, 100, 0.5])
-def test_a_recording_that_is_cut_short_is_refused_in_one_line(tmp_path: Path, capsys, left):
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("left", "says"),
+    [
+        (0, "Failed to read"),
+        (4, "Failed to read"),
+        (100, "{path} is not complete, "),
+        (0.5, "{path} is not complete, "),
+        (-1, "{path} is not complete, "),
+    ],
+)
+def test_a_recording_that_is_cut_short_is_refused_in_one_line(tmp_path: Path, capsys, left, says):
     whole = recording(tmp_path / "a.rrd", [(1.0, 0.9)] * 3, []).read_bytes()
     path = tmp_path / "b.rrd"
     path.write_bytes(whole[: left if isinstance(left, int) else int(left * len(whole))])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # rerun's, of a recording without an end
-        assert main([str(path)]) == 1
+    assert main([str(path)]) == 1
     err = capsys.readouterr().err
-    assert err.startswith(f"{path}: Failed to read") and err.count("\n") == 1
+    assert err.startswith(f"{path}: {says.format(path=path)}") and err.count("\n") == 1
 
 
 def test_a_table_by_the_name_of_a_recording_is_refused_in_one_line(tmp_path: Path, capsys):

@@ -347,7 +347,7 @@ def test_whatever_is_no_table_is_refused_as_such_in_one_line(tmp_path, text):
         ("restitution: {power: 1, speed: 1, value: true}", "value: must be a real number, is True"),
         (f"restitution: {{power: {LONG}, speed: 1, value: 1}}", "power: must be finite"),
         ("restitution: {yield_speed: ~, after: johnson}", "yield_speed: must be a real number, is None"),
-        ("friction: {static: 1, kinetic: .nan, speed: 1}", "kinetic: must be finite, is nan"),
+        ("friction: {static: 1, kinetic: .nan, speed: 1}", "kinetic: must be finite; is nan"),
         ("friction: {static: 1, kinetic: 1, speed: high}", "speed: must be a real number, is 'high'"),
     ],
 )

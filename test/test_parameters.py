@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from itertools import product
 
 import pytest
@@ -11,7 +12,8 @@ pytest.importorskip("rclpy")
 
 from rclpy.exceptions import ParameterException
 from rclpy.parameter import Parameter
-from ros_graph import balls_meet
+from rclpy.qos import ReliabilityPolicy
+from ros_graph import balls_meet, until
 
 from collision_response import Law, StatusCode
 from collision_response.msg import ImpactModel
@@ -219,7 +221,7 @@ def test_the_node_takes_friction_by_slip_speed_at_first_touch_and_refuses_to_fol
 def test_a_node_does_not_start_with_a_bad_file_of_materials(graph, tmp_path):
     file = tmp_path / "materials.yaml"
     file.write_text("materials: {steel: {restitution: 2}}")
-    with pytest.raises(ParameterException, match=r"materials\.steel\.restitution: must be in .*, is 2"):
+    with pytest.raises(ParameterException, match=r"materials\.steel\.restitution: must be in \[0, 1\]; is 2"):
         graph.serve(materials_file=str(file))
 
 
@@ -242,3 +244,28 @@ def test_every_law_goes_with_every_precision(graph):
         wanted = [Parameter("law", value=law), Parameter("precision", value=precision)]
         assert node.set_parameters_atomically(wanted).successful
         assert graph.call(balls_meet()).success, (law, precision)
+
+
+@pytest.mark.parametrize("topic", ["body_states.subscription", "collision_response/result.publisher"])
+@pytest.mark.parametrize(
+    ("policy", "value", "must"),
+    [
+        ("reliability", "bogus", "one of system_default, reliable, best_effort"),
+        ("reliability", "", "one of system_default, reliable, best_effort"),
+        ("history", "unknown", "one of system_default, keep_last, keep_all; is 'unknown'"),
+        ("depth", -1, "in [0, 2147483647]; is -1"),
+        ("depth", 2**31, "in [0, 2147483647]; is 2147483648"),
+    ],
+)
+def test_a_quality_of_service_that_is_none_is_refused_by_name(graph, topic, policy, value, must):
+    name = f"qos_overrides.{graph.namespace}/{topic}.{policy}"
+    with pytest.raises(ParameterException, match=re.escape(f"{name} must be {must}")):
+        graph.serve(**{name: value})
+
+
+@pytest.mark.parametrize("value", ["best_effort", "BEST_EFFORT"])
+def test_a_quality_of_service_may_be_written_in_capitals(graph, value):
+    graph.serve(**{f"qos_overrides.{graph.namespace}/collision_response/result.publisher.reliability": value})
+    topic = graph.node.impacts.journal.results.topic
+    (publisher,) = until(lambda: graph.user.get_publishers_info_by_topic(topic))
+    assert publisher.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT

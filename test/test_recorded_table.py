@@ -5,6 +5,9 @@ from __future__ import annotations
 import csv
 import math
 import re
+import shlex
+import subprocess
+import sys
 from fractions import Fraction
 from html.parser import HTMLParser
 from pathlib import Path
@@ -192,6 +195,24 @@ class TestReplay:
                 assert capsys.readouterr().err.startswith(f"collision_response {command}: ")
 
 
+@pytest.mark.filterwarnings("error")
+def test_of_a_torn_recording_it_is_said_how_it_is_mended(all_kinds, capsys):
+    """Torn in a piece, and between two, where rerun reads what there is."""
+    whole = all_kinds.read_bytes()
+    torn = all_kinds.with_name("torn one.rrd")
+    for size in (12, len(whole) // 20, len(whole) // 2, len(whole) - 1):
+        torn.write_bytes(whole[:size])
+        for command in ("replay", "report"):
+            assert main([command, str(torn)]) == 2
+            said = capsys.readouterr()
+            assert said.out == ""
+            (line,) = said.err.splitlines()
+            assert line.startswith(f"collision_response {command}: {torn} is not complete, ")
+    repair = shlex.split(line.partition(": rerun ")[2])
+    subprocess.run([sys.executable, "-m", "rerun", *repair], check=True)
+    assert main(["replay", repair[-1]]) == 0
+
+
 IMPACT = {
     "status": pa.array(["OK"]),
     "body_a": pa.array(["a"]),
@@ -335,6 +356,20 @@ class TestReport:
         assert said.out == ""
         assert said.err == f"collision_response report: {path} is a recording, and is not written over\n"
         assert path.read_bytes() == before
+
+    @pytest.mark.parametrize("name", ["some.html", "folder/../some.html", "link.html"])
+    def test_page_and_table_are_two_files(self, all_kinds, tmp_path, name, capsys):
+        """The page's name given, or the one it has anyhow."""
+        (tmp_path / "folder").mkdir()
+        (tmp_path / "link.html").symlink_to("some.html")
+        for page in ([], ["--html", str(tmp_path / "some.html")]):
+            with pytest.raises(SystemExit) as ended:
+                main(["report", str(all_kinds), *page, "--csv", str(tmp_path / name)])
+            assert ended.value.code == 2
+            said = capsys.readouterr()
+            assert said.out == ""
+            assert said.err.endswith(f"--csv {tmp_path / name} would be written over the page\n")
+            assert not (tmp_path / "some.html").exists()
 
     def test_the_table_has_a_number_in_every_place(self, all_kinds, tmp_path, capsys):
         target = tmp_path / "table.csv"

@@ -27,6 +27,7 @@ from collision_response.physics.tensor import Symmetric3
 from collision_response.physics.vector import Vec3
 from collision_response.ros.process import Unusable
 from collision_response.ros.sources import LATCHED, BodySource, from_odometry, from_transforms
+from collision_response.ros.throttled import MOST, THROTTLE, Throttled
 from collision_response.srv import ResolveCollision
 
 MATTER = MassProperties(2.0, Vec3(0.5, 0.0, 0.0), Symmetric3(0.1, 0.01, 0.02, 0.2, 0.03, 0.25))
@@ -188,6 +189,32 @@ def test_a_description_may_be_a_file_and_the_body_have_another_name(graph, start
     until(odom.get_subscription_count)
     until(lambda: odom.publish(odometry(child="box/link")) or start.heard)
     assert (start.heard[0].name, start.heard[0].inertia.m) == ("crate", 3.0)
+
+
+def test_each_body_that_is_left_out_is_named(graph, start):
+    source = start()
+    said = []
+    source._report = Throttled(said.append, lambda: 0.0)
+    odom = graph.user.create_publisher(Odometry, "odom", 10)
+    until(odom.get_subscription_count)
+
+    def publish():
+        for frame in ("left", "right", "left"):
+            odom.publish(odometry(child=frame))
+
+    until(lambda: publish() or len(said) >= 2)
+    no_description = "is left out: no robot_description has been received"
+    assert sorted(said) == [f"{frame!r} {no_description}" for frame in ("left", "right")]
+
+
+@pytest.mark.parametrize("things", [1, 2, MOST, MOST + 1, 3 * MOST])
+def test_one_thing_is_not_warned_of_all_the_time_nor_are_many(things):
+    now, said = 0.0, []
+    warn = Throttled(said.append, lambda: now)
+    for now in (0.0, 0.5 * THROTTLE, THROTTLE, 1.5 * THROTTLE):
+        for thing in range(things):
+            warn(f"about {thing}", f"{thing} at {now}")
+    assert said == [f"{thing} at {now}" for now in (0.0, THROTTLE) for thing in range(min(things, MOST))]
 
 
 @pytest.fixture

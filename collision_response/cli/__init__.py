@@ -7,6 +7,7 @@ needs only what it works with.
 from __future__ import annotations
 
 import argparse
+import errno
 import io
 import os
 import signal
@@ -55,8 +56,13 @@ first steps:
 """
 
 
+NO_ROOM = errno.ENOSPC, errno.EDQUOT, errno.EFBIG
+"""Why standard output cannot be written. What becomes of files of their own, the commands see to."""
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command; the exit code is its own, or that of a process which SIGINT or SIGPIPE has ended.
+    """Run a command; the exit code is its own, or that of a process which SIGINT or SIGPIPE has ended, or
+    ``EX_IOERR`` where there is no room for its output.
 
     Args:
         arguments: of the command line; left out, those of this process.
@@ -64,15 +70,27 @@ def main(arguments: list[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # names may have letters that the locale has not
     try:
-        code = _run(sys.argv[1:] if arguments is None else arguments)
-        if sys.stdout is not None:
-            sys.stdout.flush()
+        try:
+            return _run(sys.argv[1:] if arguments is None else arguments)
+        finally:  # --help ends by SystemExit
+            if sys.stdout is not None:
+                sys.stdout.flush()
     except KeyboardInterrupt:
         return 128 + signal.SIGINT
     except BrokenPipeError:  # who read the output has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         return 128 + signal.SIGPIPE
-    return code
+    except OSError as error:
+        if error.errno not in NO_ROOM:
+            raise
+        _drop_output()
+        print(f"collision_response: standard output: {error.strerror}", file=sys.stderr)
+        return os.EX_IOERR
+
+
+def _drop_output() -> None:
+    """So that Python does not try once more, at its end, to write what is left."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _run(words: list[str]) -> int:

@@ -28,19 +28,28 @@ def main(arguments: list[str]) -> int:
     given = parser.parse_args(arguments)
     target = given.html or Path(given.files[0]).with_suffix(".html")
     try:
+        if given.csv is not None and given.csv.resolve() == target.resolve():
+            parser.error(f"--csv {given.csv} would be written over the page")
         for path in filter(None, (target, given.csv)):
             spare_recordings(path)
         impacts = read(given.files)
         summary = Summary.of(impacts, scenes.read(given.files))
-        print("\n".join(in_words(summary)))
+    except (OSError, RuntimeError, ValueError) as error:
+        return _failed(error)
+    print("\n".join(in_words(summary)))
+    try:
         target.write_text(page(summary, [Path(file).name for file in given.files]), encoding="utf-8")
         if given.csv is not None:
             write_csv(impacts, given.csv)
-    except (OSError, RuntimeError, ValueError) as error:
-        print(f"collision_response report: {error}", file=sys.stderr)
-        return 2
+    except OSError as error:
+        return _failed(error)
     print(f"\nplots: {target}")
     return 0
+
+
+def _failed(error: Exception) -> int:
+    print(f"collision_response report: {error}", file=sys.stderr)
+    return 2
 
 
 def spare_recordings(target: Path) -> None:

@@ -11,8 +11,8 @@ from typing import Any
 from ..model import Law
 from ..status import ImpactError
 from . import table
-from .compare import compare
-from .identification import identify
+from .compare import Comparison, compare
+from .identification import Identification, identify
 from .measured import Measured
 from .plot import draw
 from .recorded import impacts_in
@@ -75,18 +75,29 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = {"kind": arguments.residuals, "loss": arguments.loss, "resamples": arguments.resamples}
     try:
         measured = read(arguments)
-        if arguments.compare:
-            print(compare(measured, given=given, fit=arguments.fit, **options))
-            return 0
-        found = identify(measured, law, arguments.fit, given, **options)
-        print(found)
-        if arguments.plot:
+        found: Comparison | Identification = (
+            compare(measured, given=given, fit=arguments.fit, **options)
+            if arguments.compare
+            else identify(measured, law, arguments.fit, given, **options)
+        )
+    except REFUSED as error:
+        return _failed(arguments.file, error)
+    print(found)
+    if arguments.plot and isinstance(found, Identification):
+        try:
             draw(found, measured, arguments.plot)
-    except (ImpactError, ImportError, OSError, ValueError) as error:
-        code = f" ({error.code.name})" if isinstance(error, ImpactError) else ""
-        print(f"{arguments.file}: {error}{code}", file=sys.stderr)
-        return 1
+        except REFUSED as error:
+            return _failed(arguments.file, error)
     return 0
+
+
+REFUSED = ImpactError, ImportError, OSError, ValueError
+
+
+def _failed(file: object, error: Exception) -> int:
+    code = f" ({error.code.name})" if isinstance(error, ImpactError) else ""
+    print(f"{file}: {error}{code}", file=sys.stderr)
+    return 1
 
 
 def read(arguments: argparse.Namespace) -> Measured:

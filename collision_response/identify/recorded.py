@@ -67,12 +67,12 @@ def impacts_in(path: Path, within: float) -> Impacts:
 def _rows(path: Path, entity: str) -> Iterator[dict[str, Any]]:
     """The rows of an entity, by column."""
     try:
-        from rerun.chunk import RrdReader
+        from ..recording.table import complete
     except ImportError:
         raise ImportError("a recording needs rerun: pip install rerun-sdk") from None
     try:
-        chunks = list(RrdReader(str(path)).stream().filter(content=entity).to_chunks())
-    except RuntimeError as error:  # rerun's, of a file that is none of its own, or cut short
+        chunks = list(complete(path).stream().filter(content=entity).to_chunks())
+    except (RuntimeError, ValueError) as error:  # of a file that is none of rerun's own, or cut short
         raise OSError(str(error)) from None
     for chunk in chunks:
         batch = chunk.to_record_batch()

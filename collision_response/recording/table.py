@@ -20,6 +20,8 @@ A refusal has a status and a message and nothing else.
 from __future__ import annotations
 
 import math
+import shlex
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -28,6 +30,7 @@ import numpy as np
 import pyarrow as pa
 import rerun as rr
 from rerun.chunk import RrdReader
+from rerun.error_utils import RerunWarning
 
 from .. import Body, Contact, Geometry, ImpactError, ImpactModel, Law, Precision, resolve
 from ..answer import NUMBERS
@@ -152,12 +155,13 @@ def read(
 
     Raises:
         OSError, RuntimeError: a file cannot be read.
-        ValueError: it is no recording of this node; it says which.
+        ValueError: it is no recording of this node, or is not complete; it says which.
     """
     tables = []
     for path in paths:
-        chunks = RrdReader(str(path)).stream().filter(content=table).to_chunks()
-        if not chunks and not RrdReader(str(path)).stream().filter(content=OWN).to_chunks():
+        recording = complete(path)
+        chunks = recording.stream().filter(content=table).to_chunks()
+        if not chunks and not recording.stream().filter(content=OWN).to_chunks():
             raise _foreign(path, f"it has neither {table} nor {OWN}")
         for chunk in chunks:
             batch = chunk.to_record_batch()
@@ -177,6 +181,24 @@ def read(
     if not tables:
         return pa.table({"status": pa.array([], pa.string())})
     return pa.concat_tables(tables, promote_options="default").sort_by("answer")
+
+
+def complete(path: Path | str) -> RrdReader:
+    """A recording that has its end. rerun reads what there is of one cut off between two pieces, and warns.
+
+    Raises:
+        RuntimeError: it cannot be read.
+        ValueError: it is not complete.
+    """
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", "RRD file has no footer", RerunWarning)
+        try:
+            return RrdReader(str(path))
+        except RerunWarning:
+            why = "is not complete, as after a crash or while it is being written"
+            good = Path(path).with_name(f"recovered_{Path(path).name}")
+            repair = ["rerun", "rrd", "merge", "--continue-on-error", str(path), "-o", str(good)]
+            raise ValueError(f"{path} {why}; this makes a good one: {shlex.join(repair)}") from None
 
 
 def _foreign(path: Path | str, why: str) -> ValueError:

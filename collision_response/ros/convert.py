@@ -227,6 +227,10 @@ def coefficients_of(touch: Any, parameters: Parameters) -> Coefficients:
 
 
 def _filled(field: str, touch: Any, parameters: Parameters) -> Filled:
+    of_a, of_b = getattr(touch.body_a, field), getattr(touch.body_b, field)
+    for owner, own in (("body_a", of_a), ("body_b", of_b)):
+        if own != UNSET:
+            check_number(f"{owner}.{field}", own, 0, GREATEST[field], StatusCode.INVALID_COEFFICIENT)
     given = getattr(touch.contact, field)
     if given != UNSET:
         return Filled(given, Source.CONTACT, "")  # for the core to refuse, if need be
@@ -235,14 +239,8 @@ def _filled(field: str, touch: Any, parameters: Parameters) -> Filled:
     found = parameters.materials.find(field, a, b, rule) if a and b else None
     if found is not None:
         return Filled(found.value, Source.PAIR if found.is_of_pair else Source.MATERIALS, found.how)
-    coefficients = []
-    for owner in ("body_a", "body_b"):
-        own = getattr(getattr(touch, owner), field)
-        if own != UNSET:
-            check_number(f"{owner}.{field}", own, 0, GREATEST[field], StatusCode.INVALID_COEFFICIENT)
-            coefficients.append(own)
-    if len(coefficients) == 2:
-        return Filled(combine(rule, *coefficients), Source.BODIES, rule.value)
+    if of_a != UNSET and of_b != UNSET:
+        return Filled(combine(rule, of_a, of_b), Source.BODIES, rule.value)
     return Filled(getattr(parameters, field), Source.PARAMETER, "")
 
 

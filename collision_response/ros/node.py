@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import faulthandler
-import math
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -38,9 +37,10 @@ from .process import Unusable, run
 from .results import Results
 from .scenes import Scenes
 from .serialized import Broken
-from .server import THROTTLE, Server
+from .server import Server
 from .states import LatestStates
 from .tally import Tally
+from .throttled import Throttled
 
 STATE_QOS = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Sensor data, but deep enough for the states of many bodies to arrive at once."""
@@ -97,8 +97,8 @@ class CollisionResponseNode(Node):
                 max_size=start.recording_max_size,
                 max_duration=start.recording_max_duration,
             )
-        self._reported: dict[str, float] = {}
-        self._states = LatestStates(start.max_bodies, self._now, self._report)
+        report = Throttled(self.get_logger().warning)
+        self._states = LatestStates(start.max_bodies, self._now, report)
         self._jumps = self.get_clock().create_jump_callback(JUMPS, post_callback=self._forget)
         results, sequence = Results(self, CollisionResult, "~/result"), count(1)
         scene_results = Results(self, SceneResult, "~/scene_result")
@@ -194,13 +194,6 @@ class CollisionResponseNode(Node):
             f"took {spent:.3g} s to compute so far; budget.time is {limit:g} s: send fewer contacts at a time"
         )
         return ImpactError(StatusCode.BUDGET_EXCEEDED, "request", reason)
-
-    def _report(self, about: str, text: str) -> None:
-        """Warn, but not of one thing all the time; rclpy would count all that is said here as one thing."""
-        now = time.perf_counter()
-        if now - self._reported.get(about, -math.inf) >= THROTTLE:
-            self._reported[about] = now
-            self.get_logger().warning(text)
 
     def _now(self) -> int:
         return self.get_clock().now().nanoseconds

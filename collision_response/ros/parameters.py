@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import HistoryPolicy, ReliabilityPolicy
 from rclpy.service_introspection import ServiceIntrospectionState
 
 from ..materials import NOTHING, Materials
@@ -22,7 +23,7 @@ from ..physics.combine import CombineRule
 from ..physics.laws import Law
 from ..physics.stiffness import METAL_ON_METAL
 from ..recording.recorder import MAX_DURATION, MAX_SIZE, check_name
-from ..status import ImpactError
+from ..status import ImpactError, limits
 
 
 def _by_name(kind: type[IntEnum]) -> dict[str, IntEnum]:
@@ -236,6 +237,16 @@ class StartParameters:
         return cls(**values)
 
 
+QOS_OVERRIDES = "qos_overrides."
+"""What the parameters begin with that set the QoS of a topic."""
+
+POLICIES = {
+    kind: [key for key in policy.short_keys() if key != "unknown"]
+    for kind, policy in (("history", HistoryPolicy), ("reliability", ReliabilityPolicy))
+}
+
+MOST_DEPTH = 2**31 - 1
+
 OWN_BY_RCLPY = {"use_sim_time", "start_type_description_service"}
 """What every node declares by itself."""
 
@@ -259,7 +270,7 @@ def declare(node: Node, declarations: Iterable[Declaration]) -> None:
         node.declare_parameter(declaration.name, declaration.default, declaration.descriptor())
         known.append(declaration.name)
     for name in sorted(given.difference(known)):
-        if not name.startswith("qos_overrides."):
+        if not name.startswith(QOS_OVERRIDES):
             (like,) = get_close_matches(name, known, 1, 0.0)
             node.get_logger().warning(f"there is no parameter {name!r}; did you mean {like!r}?")
 
@@ -288,11 +299,22 @@ def _check(name: str, value: Any) -> None:
             materials_in(value)
         except (ImpactError, ImportError, OSError) as error:
             raise ValueError(f"{name}: {error}") from None
+    if name.startswith(QOS_OVERRIDES):
+        _check_qos(name, value)
     choices = CHOICES.get(name)
     if choices is not None and value not in choices:
         raise ValueError(f"{name} must be one of {', '.join(choices)}; is {value!r}")
     if name in ImpactModel._fields:
         check_model(ImpactModel()._replace(**{name: value if choices is None else choices[value]}))
+
+
+def _check_qos(name: str, value: Any) -> None:
+    """What rclpy would raise errors of that do not name the parameter."""
+    policy = name.rpartition(".")[2]
+    if policy == "depth" and not 0 <= value <= MOST_DEPTH:
+        raise ValueError(f"{name} must be {limits(0, MOST_DEPTH)}; is {value}")
+    if policy in POLICIES and value.lower() not in POLICIES[policy]:
+        raise ValueError(f"{name} must be one of {', '.join(POLICIES[policy])}; is {value!r}")
 
 
 def _value(node: Node, name: str) -> Any:

@@ -28,7 +28,7 @@ from .convert import twist_message, vector_message, vector_of
 from .parameters import Declaration, declare
 from .process import Unusable, run
 from .serialized import nanoseconds
-from .server import THROTTLE
+from .throttled import Throttled
 
 DECLARATIONS = (
     Declaration("name", "", "Of the body from odometry. Empty: its child_frame_id.", read_only=True),
@@ -153,6 +153,7 @@ class BodySource(Node):
         )
         declare(self, DECLARATIONS)
         start = {declaration.name: self.get_parameter(declaration.name).value for declaration in DECLARATIONS}
+        self._report = Throttled(self.get_logger().warning)
         self._name: str = start["name"]
         self._description: Description | None = None
         self._matter: dict[tuple[str, bool], MassProperties] = {}
@@ -187,7 +188,7 @@ class BodySource(Node):
                 try:
                     found = buffer.lookup_transform(world, frame, Time())
                 except tf2_ros.TransformException as error:
-                    self.get_logger().warning(str(error), throttle_duration_sec=THROTTLE)
+                    self._report(f"transforms of {frame}", str(error))
                     continue
                 before, latest[frame] = latest.get(frame), found
                 if before is not None and nanoseconds(found.header.stamp) > nanoseconds(before.header.stamp):
@@ -213,7 +214,7 @@ class BodySource(Node):
         try:
             self._publisher.publish(state_of(matter=self._matter_of(frame, locked)))
         except ValueError as error:
-            self.get_logger().warning(f"{frame!r} is left out: {error}", throttle_duration_sec=THROTTLE)
+            self._report(frame, f"{frame!r} is left out: {error}")
 
     def _matter_of(self, frame: str, locked: bool) -> MassProperties:
         """Raises: ValueError: nobody knows."""
