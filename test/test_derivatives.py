@@ -634,6 +634,30 @@ def test_a_contact_with_its_own_tangential_restitution_overrides_the_model():
     assert np.array_equal(own.jacobian, differentiate(BODY_A, BODY_B, CONTACT, model).jacobian)
 
 
+@pytest.mark.parametrize("name", ["bodies", "contacts", "directions"])
+def test_what_is_masked_is_no_number(name):
+    rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    given = {
+        "bodies": np.ones((rows.height, 2, 1)),
+        "contacts": np.ones((touch.height, 1)),
+        "directions": unit_directions("contact.restitution"),
+    }
+    hidden = np.ma.masked_array(given[name], np.ones(given[name].shape, bool))
+    with pytest.raises(ValueError, match=f"^{name}: must be numbers, some are masked$"):
+        differentiate_batch(**given | {name: hidden})
+
+
+def test_derivatives_are_equal_if_all_their_numbers_are():
+    one, same = (differentiate(BODY_A, BODY_B, CONTACT) for _ in range(2))
+    assert one == same
+    for field in ("jacobian", "smoothness"):
+        other = getattr(one, field).copy()
+        other[..., -1] += 1
+        assert one != one._replace(**{field: other})
+    assert one != differentiate(BODY_A, BODY_B, CONTACT, with_respect_to=["contact.friction"])
+    assert one != 1
+
+
 def test_directions_of_a_wrong_shape_are_refused():
     rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
     with pytest.raises(ValueError, match="directions: must be of shape"):
