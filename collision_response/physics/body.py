@@ -97,7 +97,7 @@ class Body(NamedTuple):
         """A body that impulses move.
 
         Args:
-            mass: [kg], > 0 and finite.
+            mass: [kg], > 0; infinite: as :meth:`kinematic`, without inertia.
             inertia: about the centre of mass in body axes [kg m^2]: ``(xx, xy, xz, yy, yz, zz)`` or a
                 matrix. Left out: a point mass, which does not turn.
             position: of the reference point [m].
