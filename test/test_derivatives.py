@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from fractions import Fraction as F
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,17 @@ import numpy as np
 from mpmath import mp, mpf
 from scenes import EVERY_LAW, LAWS_WITH_FRICTION, LAWS_WITH_ORACLE, random_scene
 
-from collision_response import Body, Contact, Geometry, ImpactError, ImpactModel, Law, StatusCode, resolve
+from collision_response import (
+    Body,
+    Contact,
+    Geometry,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Regime,
+    StatusCode,
+    resolve,
+)
 from collision_response.batch import body_rows, contact_rows
 from collision_response.derivatives import (
     PARAMETERS,
@@ -475,6 +486,46 @@ def test_inertia_that_is_none_is_no_smooth_parameter_and_the_rest_is():
     for place in immovable:
         np.testing.assert_array_equal(found.jacobian[:, place], 0)
         assert (found.smoothness[place] == SMOOTH).all()
+
+
+def stuck(r, n, v, e, x):
+    """COULOMB's impulse where a unit mass with moments x, 1/4, 1/4 sticks to a wall; its derivative by x.
+
+    In fractions, with ``K = 1 + G^T I^-1 G``: ``P = -e n (n.v) / (n.K n) - K^-1 v``.
+    """
+    r, n, v, moments = (
+        np.array([F(t) for t in r]),
+        *(np.array([F(t) for t in a]) for a in (n, v)),
+        (F(x), F(1, 4)),
+    )
+    G = np.array([[F(0), -r[2], r[1]], [r[2], F(0), -r[0]], [-r[1], r[0], F(0)]])
+    K = G.T @ np.diag([1 / moments[0], 1 / moments[1], 1 / moments[1]]) @ G + np.diag([F(1)] * 3)
+    dK = -np.outer(G[0], G[0]) / moments[0] ** 2
+    adjugate = np.array([np.cross(K[(i + 1) % 3], K[(i + 2) % 3]) for i in range(3)]).T
+    inverse = adjugate / (K[0] @ adjugate[:, 0])
+    along = F(e) * (n @ v) / (n @ K @ n) * n
+    return -along - inverse @ v, along * (n @ dK @ n) / (n @ K @ n) + inverse @ dK @ inverse @ v
+
+
+@pytest.mark.parametrize("exponent", [0, 5, 10, 15, 20])
+def test_what_is_light_to_turn_loses_no_more_digits_than_is_said(exponent):
+    """The bound of docs/derivatives.md: no eigenvalue of K is below 1, and none above c."""
+    rng, x, found = np.random.default_rng(exponent), 2.0 ** -(exponent + 2), 0
+    while found < 20:
+        r, n, v = rng.uniform(-1, 1, (3, 3))
+        if n @ v >= 0:
+            continue
+        body = Body.dynamic(1.0, (x, 0, 0, 0.25, 0, 0.25), velocity=v)
+        model = ImpactModel(Law.COULOMB)
+        answer = differentiate(body, Body.static(), Contact.of(r, n, 0.5, 50.0), model, ["body_a.inertia"])
+        if answer.impact.regime is not Regime.STICKING:
+            continue
+        found += 1
+        P, by_x = (a.astype(float) for a in stuck(r, n, v, 0.5, x))
+        assert answer.smoothness[0] == SMOOTH
+        c, size = 1 + r @ r / x, math.hypot(*P)
+        assert math.dist(P, answer.impact.impulse) <= 2 * answer.impact.error_bound * size + 2.0**-52 * size
+        assert math.dist(by_x, answer.of("impulse", "body_a.inertia")[:, 0]) <= 2.0**-53 * c * c * size / x
 
 
 @pytest.mark.parametrize("law", EVERY_LAW)
