@@ -221,7 +221,7 @@ def check_by_one_code(field: str, value: Any, least: float, most: float, code: S
 
 def check_number(field: str, value: Any, least: float, most: float, code: StatusCode) -> None:
     """Raises: ImpactError: NOT_FINITE, or ``code`` beyond the limits. TypeError: no real number."""
-    is_truth = type(value).__name__.startswith("bool")
+    is_truth = type(value).__name__.startswith(("bool", "Masked"))  # NumPy's; one that is masked is none
     is_number = hasattr(value, "__float__") and not getattr(value, "shape", ())
     if is_truth or isinstance(value, (complex, str)) or not is_number:
         raise TypeError(f"{field}: must be a real number, is {value!r}")

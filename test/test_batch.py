@@ -41,7 +41,7 @@ from collision_response import (
     StatusCode,
     resolve,
 )
-from collision_response.batch import BatchResult, resolve_batch
+from collision_response.batch import BatchResult, resolve_batch, resolve_scenes
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.impact import impact
 from collision_response.kernels import library
@@ -456,6 +456,47 @@ def test_an_out_that_is_no_result_is_refused(make):
     out = make(resolve_batch(bodies, contacts))
     with pytest.raises(ValueError, match=f"^out: must be a BatchResult, is {make.__name__}$"):
         resolve_batch(bodies, contacts, out=out)
+
+
+def masked(array: np.ndarray) -> np.ma.MaskedArray:
+    """The same with one entry masked."""
+    mask = np.zeros(array.shape, bool)
+    mask.flat[-1] = True
+    return np.ma.masked_array(array, mask)
+
+
+@pytest.mark.parametrize("name", ["bodies", "contacts", "pairs"])
+def test_what_is_masked_is_no_number(name):
+    """A mask that hides nothing does no harm."""
+    rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    bodies, contacts, pairs = (
+        np.zeros((rows.height, 3)),
+        np.zeros((touch.height, 2)),
+        np.array([[0, 1], [2, 2]]),
+    )
+    bodies[rows.mass], contacts[touch.normal] = (2.0, 1.0, np.inf), [[0.0], [0.0], [1.0]]
+    bodies[rows.velocity][2] = -1.0
+    given = {"bodies": bodies, "contacts": contacts, "pairs": pairs}
+    expected = resolve_batch(**given)
+    assert_same(resolve_batch(**given | {name: np.ma.masked_array(given[name])}), expected)
+    for solve in (resolve_batch, resolve_scenes):
+        with pytest.raises(ValueError, match=f"^{name}: must be numbers, some are masked$"):
+            solve(**given | {name: masked(given[name])})
+
+
+def test_a_tolerance_that_is_masked_is_no_number(recwarn):
+    with pytest.raises(TypeError, match=r"^model\.tolerance: must be a real number"):
+        resolve_batch(*some(Geometry.POINT), ImpactModel(tolerance=np.ma.masked))
+    assert not recwarn.list
+
+
+def test_each_result_has_an_array_of_its_own():
+    bodies, contacts = some(Geometry.SPATIAL)
+    out = resolve_batch(bodies, contacts, report=True)
+    for one, other in (("kinetic_energy_before", "kinetic_energy_after"), ("status", "regime")):
+        shared = out._replace(**{other: getattr(out, one)})
+        with pytest.raises(ValueError, match=f"^out.{other}: must be an array of its own, is that of {one}$"):
+            resolve_batch(bodies, contacts, report=True, out=shared)
 
 
 @pytest.mark.parametrize("workers", [1, 2, np.int64(2), np.uint8(3)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from fractions import Fraction as F
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,17 @@ import numpy as np
 from mpmath import mp, mpf
 from scenes import EVERY_LAW, LAWS_WITH_FRICTION, LAWS_WITH_ORACLE, random_scene
 
-from collision_response import Body, Contact, Geometry, ImpactError, ImpactModel, Law, StatusCode, resolve
+from collision_response import (
+    Body,
+    Contact,
+    Geometry,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Regime,
+    StatusCode,
+    resolve,
+)
 from collision_response.batch import body_rows, contact_rows
 from collision_response.derivatives import (
     PARAMETERS,
@@ -32,6 +43,7 @@ from collision_response.physics.vector import Vec3
 REFERENCE = json.loads((Path(__file__).parent / "data" / "jacobians.json").read_text())
 SMOOTH, KINK, JUMP = Smoothness
 COEFFICIENTS = ("contact.restitution", "contact.friction", "model.tangential_restitution")
+PLACES_OF_INERTIA = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
 SPHERE = (0.4, 0.0, 0.0, 0.4, 0.0, 0.4)
 
 BODY_A = Body.dynamic(
@@ -464,7 +476,7 @@ def test_the_threshold_is_a_jump_where_restitution_is_lost():
 def test_inertia_that_is_none_is_no_smooth_parameter_and_the_rest_is():
     mass = Body.dynamic(2.0, position=(0.1, 0.0, 1.0), velocity=(0.1, 0.2, -1.0))
     found = differentiate(mass, Body.static(), on_floor())
-    assert (found.smoothness[found.columns["body_a.inertia"]][[0, 3, 5]] != SMOOTH).all()
+    assert (found.smoothness[found.columns["body_a.inertia"]] != SMOOTH).all()
     others = [
         i for name, place in found.columns.items() if not name.endswith("inertia") for i in range(1000)[place]
     ]
@@ -474,6 +486,61 @@ def test_inertia_that_is_none_is_no_smooth_parameter_and_the_rest_is():
     for place in immovable:
         np.testing.assert_array_equal(found.jacobian[:, place], 0)
         assert (found.smoothness[place] == SMOOTH).all()
+
+
+def stuck(r, n, v, e, x):
+    """COULOMB's impulse where a unit mass with moments x, 1/4, 1/4 sticks to a wall; its derivative by x.
+
+    In fractions, with ``K = 1 + G^T I^-1 G``: ``P = -e n (n.v) / (n.K n) - K^-1 v``.
+    """
+    r, n, v, moments = (
+        np.array([F(t) for t in r]),
+        *(np.array([F(t) for t in a]) for a in (n, v)),
+        (F(x), F(1, 4)),
+    )
+    G = np.array([[F(0), -r[2], r[1]], [r[2], F(0), -r[0]], [-r[1], r[0], F(0)]])
+    K = G.T @ np.diag([1 / moments[0], 1 / moments[1], 1 / moments[1]]) @ G + np.diag([F(1)] * 3)
+    dK = -np.outer(G[0], G[0]) / moments[0] ** 2
+    adjugate = np.array([np.cross(K[(i + 1) % 3], K[(i + 2) % 3]) for i in range(3)]).T
+    inverse = adjugate / (K[0] @ adjugate[:, 0])
+    along = F(e) * (n @ v) / (n @ K @ n) * n
+    return -along - inverse @ v, along * (n @ dK @ n) / (n @ K @ n) + inverse @ dK @ inverse @ v
+
+
+@pytest.mark.parametrize("exponent", [0, 5, 10, 15, 20])
+def test_what_is_light_to_turn_loses_no_more_digits_than_is_said(exponent):
+    """The bound of docs/derivatives.md: no eigenvalue of K is below 1, and none above c."""
+    rng, x, found = np.random.default_rng(exponent), 2.0 ** -(exponent + 2), 0
+    while found < 20:
+        r, n, v = rng.uniform(-1, 1, (3, 3))
+        if n @ v >= 0:
+            continue
+        body = Body.dynamic(1.0, (x, 0, 0, 0.25, 0, 0.25), velocity=v)
+        model = ImpactModel(Law.COULOMB)
+        answer = differentiate(body, Body.static(), Contact.of(r, n, 0.5, 50.0), model, ["body_a.inertia"])
+        if answer.impact.regime is not Regime.STICKING:
+            continue
+        found += 1
+        P, by_x = (a.astype(float) for a in stuck(r, n, v, 0.5, x))
+        assert answer.smoothness[0] == SMOOTH
+        c, size = 1 + r @ r / x, math.hypot(*P)
+        assert math.dist(P, answer.impact.impulse) <= 2 * answer.impact.error_bound * size + 2.0**-52 * size
+        assert math.dist(by_x, answer.of("impulse", "body_a.inertia")[:, 0]) <= 2.0**-53 * c * c * size / x
+
+
+@pytest.mark.parametrize("law", EVERY_LAW)
+@pytest.mark.parametrize(
+    "axis", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (3, 4, 0), (0, 4, 3), (4, 0, 3), (2, 2, 1)]
+)
+def test_what_turns_a_rod_about_its_axis_is_never_smooth(law, axis):
+    """A rod along a has the inertia ``a.a 1 - a a^T``: a change that does not map a to 0 makes it none."""
+    aa = sum(x * x for x in axis)
+    inertia = [(aa * (i == j) - axis[i] * axis[j]) / 64 for i, j in PLACES_OF_INERTIA]
+    rod = Body.dynamic(1.0, inertia, (0.3, 0.2, 0.9), (0.1, 0.3, -0.2, 0.9), (0.3, 0.1, -2.0))
+    found = differentiate(rod, BODY_B, CONTACT, ImpactModel(law), ["body_a.inertia"])
+    for column, (i, j) in enumerate(PLACES_OF_INERTIA):
+        if axis[i] or axis[j]:
+            assert found.smoothness[column] != SMOOTH, (i, j)
 
 
 @pytest.mark.parametrize("law", [law for law in Law if law is not Law.AUTO])
@@ -616,6 +683,30 @@ def test_a_contact_with_its_own_tangential_restitution_overrides_the_model():
     model = ImpactModel(Law.COULOMB, tangential_restitution=0.7)
     own = differentiate(BODY_A, BODY_B, CONTACT._replace(tangential_restitution=0.7))
     assert np.array_equal(own.jacobian, differentiate(BODY_A, BODY_B, CONTACT, model).jacobian)
+
+
+@pytest.mark.parametrize("name", ["bodies", "contacts", "directions"])
+def test_what_is_masked_is_no_number(name):
+    rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    given = {
+        "bodies": np.ones((rows.height, 2, 1)),
+        "contacts": np.ones((touch.height, 1)),
+        "directions": unit_directions("contact.restitution"),
+    }
+    hidden = np.ma.masked_array(given[name], np.ones(given[name].shape, bool))
+    with pytest.raises(ValueError, match=f"^{name}: must be numbers, some are masked$"):
+        differentiate_batch(**given | {name: hidden})
+
+
+def test_derivatives_are_equal_if_all_their_numbers_are():
+    one, same = (differentiate(BODY_A, BODY_B, CONTACT) for _ in range(2))
+    assert one == same
+    for field in ("jacobian", "smoothness"):
+        other = getattr(one, field).copy()
+        other[..., -1] += 1
+        assert one != one._replace(**{field: other})
+    assert one != differentiate(BODY_A, BODY_B, CONTACT, with_respect_to=["contact.friction"])
+    assert one != 1
 
 
 def test_directions_of_a_wrong_shape_are_refused():

@@ -9,6 +9,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from collision_response import ImpactError, StatusCode
 from collision_response.physics import mass_properties as mp
 from collision_response.physics.vector import Vec3
 
@@ -105,6 +106,41 @@ def test_particles_must_have_mass():
 def test_a_size_below_zero_is_named(make, field):
     with pytest.raises(ValueError, match=field):
         make()
+
+
+SOLIDS = [mp.sphere, mp.hollow_sphere, lambda m, x: mp.box(m, (x, x, x)), lambda m, x: mp.cylinder(m, x, x)]
+SOLIDS += [lambda m, x: mp.capsule(m, x, x), lambda m, x: mp.cone(m, x, x), mp.rod]
+
+
+@pytest.mark.parametrize("solid", SOLIDS)
+@pytest.mark.parametrize("mass", [1, 10**400], ids=["1", "beyond"])
+@pytest.mark.parametrize("power", [200, 400, 5000])
+def test_integers_beyond_floats_are_refused_by_name(solid, mass, power):
+    with pytest.raises(ImpactError, match="inertia: is beyond float64") as refusal:
+        solid(mass, 10**power)
+    assert refusal.value.code is StatusCode.NOT_FINITE
+
+
+@pytest.mark.parametrize("solid", SOLIDS)
+@pytest.mark.parametrize("size", [True, np.True_, "1", None, 1j])
+def test_a_size_is_a_real_number(solid, size):
+    with pytest.raises(TypeError, match=r"^(radius|size\.x|length): must be a real number, is "):
+        solid(1.0, size)
+
+
+@pytest.mark.parametrize("exponent", [-320, -200, 0, 200, 307])
+def test_a_length_keeps_its_range(exponent):
+    """3, 4 and 12 make 13; their squares leave the range."""
+    for zeros in ((0.0,), (0,)):
+        s = float(f"1e{exponent}")
+        assert Vec3(3 * s, 4 * s, *zeros).norm() == pytest.approx(5 * s, rel=1e-15, abs=5e-324)
+        assert Vec3(3 * s, 4 * s, 12 * s).norm() == pytest.approx(13 * s, rel=1e-15, abs=5e-324)
+
+
+@pytest.mark.parametrize("other", [Vec3(1.0, 2.0, 3.0), (1.0, 2.0, 3.0)])
+def test_vectors_are_not_multiplied_with_each_other_by_a_star(other):
+    with pytest.raises(TypeError, match=r"dot\(\) or cross\(\)"):
+        Vec3(1.0, 2.0, 3.0) * other
 
 
 def test_a_box_has_three_edges():

@@ -523,6 +523,24 @@ def test_what_a_number_loses_on_the_way_in_is_in_the_bound():
 
 
 @pytest.mark.parametrize(
+    "great",
+    [10**400, F(10**400), Decimal("1e400"), Decimal("1e5000")],
+    ids=["int", "fraction", "decimal", "great decimal"],
+)
+@pytest.mark.parametrize("field", ["mass", "velocity"])
+def test_finite_numbers_beyond_floats_are_not_infinite(field, great):
+    """A mass of any of them is no immovable body's; that of infinity is."""
+    value = great if field == "mass" else (0, 0, -great)
+    with pytest.raises(ImpactError, match=f"^body_a.{field}: must be (a number|finite); is") as refusal:
+        strike(**{field: value})
+    assert refusal.value.code is StatusCode.NOT_FINITE
+    ball = body(mass=2.0, velocity=(0, 0, -1))
+    for infinite in (INF, np.float32(INF), Decimal("inf")):
+        immovable = resolve(ball, Body.dynamic(infinite), CONTACT)
+        assert immovable.twist_a == resolve(ball, Body.static(), CONTACT).twist_a
+
+
+@pytest.mark.parametrize(
     ("field", "wrong"),
     [
         ("body_a.mass", lambda: strike(mass="1")),
@@ -547,6 +565,12 @@ def test_what_is_no_request_is_a_type_error_that_names_it(field, wrong):
         lambda n: resolve(BALL, FLOOR, CONTACT, ImpactModel(law=n)),
         lambda n: resolve(BALL, FLOOR, CONTACT, ImpactModel(tolerance=n)),
         lambda n: resolve(BALL, FLOOR, CONTACT, n),
+        lambda n: resolve(n, FLOOR, CONTACT),
+        lambda n: resolve(BALL, n, CONTACT),
+        lambda n: resolve(BALL, FLOOR, n),
+        lambda n: resolve(BALL._replace(velocity=n), FLOOR, CONTACT),
+        lambda n: resolve(BALL._replace(velocity=[n]), FLOOR, CONTACT),
+        lambda n: resolve(BALL._replace(mass=[n]), FLOOR, CONTACT),
         lambda n: strike(mass=n),
         lambda n: strike(velocity=n),
         lambda n: strike(inertia=n),

@@ -19,13 +19,20 @@ def as_numpy(name: str, array: Any) -> Array:
     """The same for NumPy, without a copy where that can be.
 
     Raises:
-        ValueError: it is no array, or NumPy can't read it where it lies.
+        ValueError: it is no array, NumPy can't read it where it lies, or some of it is masked.
     """
+    check_unmasked(name, array)
     foreign = not isinstance(array, (np.ndarray, np.generic)) and hasattr(array, "__dlpack__")
     try:
         return np.from_dlpack(array) if foreign else np.asarray(array)
     except (BufferError, RuntimeError, TypeError, ValueError) as error:
         raise ValueError(f"{name}: must be an array that NumPy can read: {error}") from error
+
+
+def check_unmasked(name: str, array: Any) -> None:
+    """Raises: ValueError: some of it is masked, which no kernel sees."""
+    if isinstance(array, np.ma.MaskedArray) and np.ma.is_masked(array):
+        raise ValueError(f"{name}: must be numbers, some are masked")
 
 
 def is_lazy(array: Any) -> bool:

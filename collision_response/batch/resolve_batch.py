@@ -38,7 +38,7 @@ from ..model import plan as plan_of_model
 from ..physics.laws import PATHS, STEPPED, Settings
 from ..status import ImpactError, StatusCode, shown
 from . import one_by_one
-from .elsewhere import is_lazy
+from .elsewhere import check_unmasked, is_lazy
 from .elsewhere import resolve_batch as elsewhere
 from .pairs import as_pairs
 from .rows import TABLES, body_rows, contact_rows, layout_of
@@ -120,7 +120,7 @@ def resolve_batch(
             A pair of one body twice gets the status SAME_BODY, a column that is not there UNKNOWN_BODY.
         report: whether to report regimes and energies, too.
         out: where to write the results: an earlier result, or a BatchResult of arrays like its. They must
-            not overlap the input. Those of a report are written if they are there.
+            overlap neither the input nor each other. Those of a report are written if they are there.
         workers: threads to use, at least 1. Each takes its share of the contacts; Python runs on meanwhile.
 
     Returns:
@@ -145,6 +145,8 @@ def resolve_batch(
         out = BatchResult(*(None if one is None else np.empty(*one) for one in shapes))
     elif report and out.regime is None:
         raise ValueError("out.regime: must be there for a report, is None")
+    else:
+        _check_apart(out)
     for _ in resolve_with_pauses(bodies, contacts, model, out, workers, pairs=pairs):
         pass
     return out
@@ -309,6 +311,8 @@ def _run(
 
 def plan_for(bodies: Array, contacts: Array, model: ImpactModel, pairs: Array | None) -> Plan:
     """What is to be done with such tables. Raises: as :func:`resolve_batch`."""
+    check_unmasked("bodies", bodies)
+    check_unmasked("contacts", contacts)
     shape, n = bodies.shape, contacts.shape[-1] if contacts.ndim == 2 else -1
     if pairs is None:
         fits = len(shape) == 3 and shape[1:] == (2, n)
@@ -403,6 +407,14 @@ def _check_out(plan: Plan, n: int, out: BatchResult) -> None:
         found = None if array is None else (array.shape, array.dtype)
         if found != expected:
             raise ValueError(f"out.{field}: must be {_described(expected)}, is {_described(found)}")
+
+
+def _check_apart(out: BatchResult) -> None:
+    """Raises: ValueError: an array is there twice."""
+    fields: dict[int, str] = {}
+    for field, array in zip(BatchResult._fields, out, strict=True):
+        if array is not None and (other := fields.setdefault(id(array), field)) != field:
+            raise ValueError(f"out.{field}: must be an array of its own, is that of {other}")
 
 
 def _described(array: tuple[tuple[int, ...], np.dtype[Any]] | None) -> str:

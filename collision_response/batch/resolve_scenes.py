@@ -36,6 +36,7 @@ from ..scene import SceneImpact, resolve_scene
 from ..scene.reflections import REFLECTIONS
 from ..scene.resolve_scene import IN_KERNELS, THRESHOLD
 from ..status import ImpactError, StatusCode
+from .elsewhere import check_unmasked
 from .one_by_one import REPORT, body_of, contact_of
 from .pairs import IS_ANSWER, as_pairs
 from .resolve_batch import UINT8, Asked, check_workers, plan_for, resolve_batch
@@ -121,6 +122,8 @@ def resolve_scenes(
         ImpactError: INVALID_MODEL or INVALID_COEFFICIENT: the model is none for tables.
         ValueError: an array has not the right shape or type.
     """
+    check_unmasked("bodies", bodies)
+    check_unmasked("contacts", contacts)
     bodies, contacts, pairs = np.ascontiguousarray(bodies), np.ascontiguousarray(contacts), as_pairs(pairs)
     check_workers(workers)
     check_number("threshold", threshold, 0, math.nextafter(1, 0), StatusCode.INVALID_MODEL)

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..answer import Impact
 from ..batch import BatchResult, resolve_batch
+from ..batch.elsewhere import as_numpy
 from ..batch.rows import places_of
 from ..kernels import _derivatives, library  # type: ignore[attr-defined]  # made by the build
 from ..kernels.layout import Layout, names_of_body, names_of_contact
@@ -81,6 +82,18 @@ class Derivatives(NamedTuple):
     jacobian: Array
     smoothness: Array
     columns: dict[str, slice]
+
+    def __eq__(self, other: object) -> bool:
+        """Whether these are the same numbers of the same answer."""
+        if not isinstance(other, Derivatives):
+            return NotImplemented
+        arrays = zip(self[1:3], other[1:3], strict=True)
+        rest = (self.impact, self.columns) == (other.impact, other.columns)
+        return rest and all(np.array_equal(*pair) for pair in arrays)
+
+    def __ne__(self, other: object) -> bool:
+        """Whether they are not: a tuple would ask its parts."""
+        return not self == other
 
     def of(self, result: str, parameter: str) -> Array:
         """The part for one of :data:`RESULTS` and one of :data:`PARAMETERS`."""
@@ -172,7 +185,8 @@ def differentiate_batch(
     Raises:
         ImpactError, ValueError: as ``resolve_batch``, or an array has not the right shape or type.
     """
-    bodies, contacts, directions = map(np.asarray, (bodies, contacts, directions))
+    given = {"bodies": bodies, "contacts": contacts, "directions": directions}
+    bodies, contacts, directions = (as_numpy(name, array) for name, array in given.items())
     result = resolve_batch(bodies, contacts, model)
     n = bodies.shape[2]
     for name, array in (("bodies", bodies), ("contacts", contacts), ("directions", directions)):

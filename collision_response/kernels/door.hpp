@@ -14,12 +14,21 @@ struct Door {
   bool* rational = nullptr;  // set where a number is a fraction
 };
 
+// A TypeError that ends with what something is: its repr(), or what is said of integers that Python does not spell out.
+static __attribute__((noinline, cold)) void refuse_kind(const std::string& text, PyObject* o, const char* hint = "") {
+  PyObject* spelled = PyObject_Repr(o);
+  if (!spelled && !PyErr_ExceptionMatches(PyExc_ValueError)) return;
+  PyErr_Clear();
+  PyErr_Format(PyExc_TypeError, "%s is %V%s", text.c_str(), spelled, "of more digits than are shown", hint);
+  Py_XDECREF(spelled);
+}
+
 // Anything that is not exactly a float. Python floats never come here.
 static __attribute__((noinline, cold)) bool read_other(PyObject* o, const Door& door, int i) {
   double& x = door.x[i];
   double& error = door.error[i];
   auto refuse = [&](const char* why) {
-    PyErr_Format(PyExc_TypeError, "%s: %s, is %R", door.names[i], why, o);
+    refuse_kind(std::string(door.names[i]) + ": " + why + ",", o);
     return false;
   };
   static PyTypeObject* known = &PyFloat_Type;  // np.float64, if that was the last: to ask for its bases takes longer
@@ -53,10 +62,11 @@ static __attribute__((noinline, cold)) bool read_other(PyObject* o, const Door& 
     return true;
   }
   x = PyFloat_AS_DOUBLE(number);
-  if (x - x == 0) {
+  if (x == x) {
     int same = PyObject_RichCompareBool(o, number, Py_EQ);
     if (same < 0) PyErr_Clear();
     if (same != 1) error = std::fabs(x) * 0x1p-53 + 0x1p-1074;
+    if (same != 1 && std::isinf(x)) x = NAN;  // a finite number beyond the range of floats, as that integer
   }
   Py_DECREF(number);
   return true;
@@ -78,7 +88,7 @@ static __attribute__((noinline, cold)) bool read_sequence(PyObject* o, int count
   if (!fits) {
     std::string name(door.names[i]);
     name.resize(name.rfind('.'));
-    PyErr_Format(PyExc_TypeError, "%s: must be %d numbers, is %R", name.c_str(), count, o);
+    refuse_kind(name + ": must be " + std::to_string(count) + " numbers,", o);
   }
   for (int k = 0; fits && k < count; ++k) fits = read_number(PyTuple_GET_ITEM(items, k), door, i + k);
   Py_XDECREF(items);

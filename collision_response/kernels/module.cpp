@@ -73,7 +73,7 @@ bool read_body(PyObject* body, const Door& door, int i) {
     name.resize(name.find('.'));
     bool is_message = !strcmp(Py_TYPE(body)->tp_name, "BodyState");
     const char* hint = is_message ? "; collision_response.ros.convert.body_of(name, message) makes one" : "; Body.dynamic(...) and Body.static() make one";
-    PyErr_Format(PyExc_TypeError, "%s: must be a Body, is %R%s", name.c_str(), body, hint);
+    refuse_kind(name + ": must be a Body,", body, hint);
     return false;
   }
   PyObject *turn = PyTuple_GET_ITEM(body, 3), *own = PyTuple_GET_ITEM(body, 7);
@@ -104,7 +104,7 @@ bool is_function(PyObject* o) { return !PyFloat_CheckExact(o) && PyCallable_Chec
 // Coefficients that are functions, and tangential restitution, are left out: the caller sees to them.
 bool read_contact(PyObject* contact, const Door& door, bool* has_more) {
   if (!PyTuple_Check(contact) || PyTuple_GET_SIZE(contact) != 5) {
-    PyErr_Format(PyExc_TypeError, "contact: must be a Contact, made by Contact.of(...); is %R", contact);
+    refuse_kind("contact: must be a Contact, made by Contact.of(...);", contact);
     return false;
   }
   PyObject *e = PyTuple_GET_ITEM(contact, 2), *mu = PyTuple_GET_ITEM(contact, 3);

@@ -10,7 +10,17 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
-from ..numbers.number import Condition, Scalar, all_zero, choose, given_roundoff, negation
+from ..numbers.number import (
+    Condition,
+    Scalar,
+    all_zero,
+    choose,
+    fixed,
+    for_derivatives,
+    given_roundoff,
+    negation,
+    varying_as,
+)
 from ..status import shown
 from . import mass_properties as solids
 from .inverse_inertia import InverseInertia
@@ -87,7 +97,7 @@ class Body(NamedTuple):
         """A body that impulses move.
 
         Args:
-            mass: [kg], > 0 and finite.
+            mass: [kg], > 0; infinite: as :meth:`kinematic`, without inertia.
             inertia: about the centre of mass in body axes [kg m^2]: ``(xx, xy, xz, yy, yz, zz)`` or a
                 matrix. Left out: a point mass, which does not turn.
             position: of the reference point [m].
@@ -255,7 +265,7 @@ class Body(NamedTuple):
         """
         is_definite, factors = _factor(self.inertia)
         c = self.inertia.trace() / 2
-        has_inertia = c > 0
+        has_inertia = _varying_with(c, self.inertia.xy, self.inertia.xz, self.inertia.yz) > 0
         i = 1 / choose(has_inertia, lambda: c, lambda: c * 0 + 1)
         rod = choose(has_inertia, lambda: RodFactor(self.inertia * i, i), lambda: RodFactor(UNIT, 0))
         return InverseTensor(is_definite | negation(self.has_mass()), factors, rod)
@@ -283,18 +293,33 @@ def _quaternion(values: Sequence[Scalar]) -> Quaternion:
 def _factor(inertia: Symmetric3) -> tuple[Condition, Factor3]:
     """Whether there is inertia about every axis, and the factors of the tensor, ``i`` 0 if there is not."""
     xx, xy, xz, yy, yz, zz = inertia
-    has_x, i_x = _inverse_pivot(xx, xx)
+    has_x, i_x = _inverse_pivot(xx, xx, xy, xz)
     l_yx, l_zx = xy * i_x, xz * i_x
-    has_y, i_y = _inverse_pivot(yy - l_yx * xy, yy)
     w = yz - l_zx * xy
+    has_y, i_y = _inverse_pivot(yy - l_yx * xy, yy, l_yx, w)
     l_zy = w * i_y
-    has_z, i_z = _inverse_pivot(zz - l_zx * xz - l_zy * w, zz)
+    has_z, i_z = _inverse_pivot(zz - l_zx * xz - l_zy * w, zz, l_zx - l_zy * l_yx, l_zy)
     is_definite = has_x & has_y & has_z
     i = choose(is_definite, lambda: (i_x, i_y, i_z), lambda: (0, 0, 0))
     return is_definite, Factor3(l_yx, l_zx, l_zy, *i)
 
 
-def _inverse_pivot(value: Scalar, diagonal: Scalar) -> tuple[Condition, Scalar]:
-    """Whether a pivot is more than rounding, and then its inverse, or 1."""
-    is_inertia = value > diagonal * (ROUNDINGS * given_roundoff(diagonal))
+def _inverse_pivot(value: Scalar, diagonal: Scalar, *beside: Scalar) -> tuple[Condition, Scalar]:
+    """Whether a pivot is more than rounding, and then its inverse, or 1.
+
+    What is beside it says which axis has no inertia where it is rounding: there is no derivative by that.
+    """
+    rounding = fixed(diagonal * (ROUNDINGS * given_roundoff(diagonal)))
+    is_inertia = value > rounding
+
+    def on_the_edge() -> Scalar:
+        nought = varying_as(rounding, lambda: _varying_with(value, *beside))
+        return choose(is_inertia, lambda: value, lambda: nought)
+
+    is_inertia = for_derivatives(value, on_the_edge) > rounding
     return is_inertia, 1 / choose(is_inertia, lambda: value, lambda: value * 0 + 1)
+
+
+def _varying_with(x: Scalar, *others: Scalar) -> Scalar:
+    """``x``, which varies where any of these do."""
+    return varying_as(x, lambda: sum((y * 2.0**i for i, y in enumerate(others)), start=x))

@@ -4,17 +4,22 @@ For particles of mass ``m`` at ``(x, y, z)`` from their centre of mass
 
     I_xx = sum m (y^2 + z^2)    I_xy = -sum m x y    and so on in turn.
 
-A solid with a size below 0 is a ``ValueError``.
+A solid with a size below 0 is a ``ValueError``, one with a size that is no number a ``TypeError``, and one of
+integers whose inertia is beyond float64 an ``ImpactError``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from functools import wraps
+from typing import Any, NamedTuple, ParamSpec
 
 from ..numbers.number import Scalar
+from ..status import ImpactError, StatusCode, shown
 from .tensor import ZERO_TENSOR, Symmetric3
 from .vector import ZERO, Vec3, as_vector
+
+P = ParamSpec("P")
 
 
 class MassProperties(NamedTuple):
@@ -58,6 +63,20 @@ def of_particles(particles: Iterable[Particle]) -> MassProperties:
     return MassProperties(mass, com, inertia)
 
 
+def _within_float64(solid: Callable[P, MassProperties]) -> Callable[P, MassProperties]:
+    """A solid whose integers may be beyond float64: Python then refuses to divide them, in its own words."""
+
+    @wraps(solid)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> MassProperties:
+        try:
+            return solid(*args, **kwargs)
+        except OverflowError:
+            raise ImpactError(StatusCode.NOT_FINITE, "inertia", "is beyond float64") from None
+
+    return checked
+
+
+@_within_float64
 def sphere(mass: Scalar, radius: Scalar) -> MassProperties:
     """A solid sphere."""
     _check_sizes(radius=radius)
@@ -65,6 +84,7 @@ def sphere(mass: Scalar, radius: Scalar) -> MassProperties:
     return _principal(mass, moment, moment, moment)
 
 
+@_within_float64
 def hollow_sphere(mass: Scalar, radius: Scalar) -> MassProperties:
     """A thin spherical shell."""
     _check_sizes(radius=radius)
@@ -72,6 +92,7 @@ def hollow_sphere(mass: Scalar, radius: Scalar) -> MassProperties:
     return _principal(mass, moment, moment, moment)
 
 
+@_within_float64
 def box(mass: Scalar, size: Sequence[Scalar]) -> MassProperties:
     """A solid box with edges ``size = (x, y, z)`` [m] along the axes."""
     edges = as_vector("size", size)
@@ -80,6 +101,7 @@ def box(mass: Scalar, size: Sequence[Scalar]) -> MassProperties:
     return _principal(mass, mass * (yy + zz) / 12, mass * (xx + zz) / 12, mass * (xx + yy) / 12)
 
 
+@_within_float64
 def cylinder(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
     """A solid cylinder about the z axis."""
     _check_sizes(radius=radius, length=length)
@@ -87,6 +109,7 @@ def cylinder(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
     return _principal(mass, across, across, mass * radius * radius / 2)
 
 
+@_within_float64
 def capsule(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
     """A solid cylinder about the z axis with a half ball on either end; ``length`` is the cylinder's [m]."""
     _check_sizes(radius=radius, length=length)
@@ -99,6 +122,7 @@ def capsule(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
     return _principal(mass, across, across, middle * r / 2 + ends * 2 * r / 5)
 
 
+@_within_float64
 def cone(mass: Scalar, radius: Scalar, height: Scalar) -> MassProperties:
     """A solid cone about the z axis: the base is height/4 below its centre of mass, the tip above."""
     _check_sizes(radius=radius, height=height)
@@ -127,6 +151,7 @@ def mesh(mass: Scalar, shape: Any) -> MassProperties:
     return MassProperties(mass, com, Symmetric3.of(inertia))
 
 
+@_within_float64
 def rod(mass: Scalar, length: Scalar) -> MassProperties:
     """A thin rod along the x axis: it has no inertia about its own axis."""
     _check_sizes(length=length)
@@ -136,8 +161,10 @@ def rod(mass: Scalar, length: Scalar) -> MassProperties:
 
 def _check_sizes(**sizes: Scalar) -> None:
     for name, size in sizes.items():
+        if type(size).__name__.startswith("bool") or not hasattr(size, "__float__"):
+            raise TypeError(f"{name}: must be a real number, is {size!r}")
         if size < 0:
-            raise ValueError(f"{name}: must be at least 0, is {size}")
+            raise ValueError(f"{name}: must be at least 0, is {shown(size, str)}")
 
 
 def _principal(mass: Scalar, xx: Scalar, yy: Scalar, zz: Scalar) -> MassProperties:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
+import sys
 from collections.abc import Sequence
 from typing import NamedTuple
 
 from ..numbers.number import Scalar, square_root
 from ..status import shown
+
+WHOLE = sys.float_info.min / sys.float_info.epsilon
+"""A sum of squares of floats from here on has lost no digits at the end of their range."""
 
 
 class Vec3(NamedTuple):
@@ -32,6 +37,8 @@ class Vec3(NamedTuple):
         return Vec3(-self[0], -self[1], -self[2])
 
     def __mul__(self, factor: Scalar) -> Vec3:
+        if isinstance(factor, tuple):
+            raise TypeError("a vector is multiplied by a number, or with another by dot() or cross()")
         return Vec3(self[0] * factor, self[1] * factor, self[2] * factor)
 
     def __rmul__(self, factor: Scalar) -> Vec3:
@@ -52,7 +59,10 @@ class Vec3(NamedTuple):
 
     def norm(self) -> Scalar:
         """The Euclidean length."""
-        return square_root(self.dot(self))
+        square = self.dot(self)
+        if isinstance(square, float) and not WHOLE <= square < math.inf:
+            return math.hypot(*self)
+        return square_root(square)
 
 
 def as_vector(field: str, values: Sequence[Scalar]) -> Vec3:

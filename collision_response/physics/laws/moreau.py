@@ -59,7 +59,7 @@ from .law import Coefficients, Outcome, Regime, Solution
 from .sliding import NEAR, Sliding, divisor
 
 ROUNDING = 2.0**-44
-"""An energy that is less than this part of the work against the approach is rounding."""
+"""An energy that is less than this part of the work may be rounding, in numbers that bound no error."""
 
 
 def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
@@ -124,9 +124,19 @@ def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     regime = choose(sticks, lambda: 1.0 * Regime.STICKING, lambda: regime)
     lost_restitution, lost_friction = P_n * (1 - e) * approach / 2, f.dot(u + slip) / 2
     own = Solution(frame.to_world(-f, P_n), regime, lost_restitution, lost_friction)
-    creates_energy = lost_restitution + lost_friction < -ROUNDING * (P_n * approach + abs(f.dot(u)))
+    creates_energy = _creates(lost_restitution + lost_friction, P_n * approach + abs(f.dot(u)))
     answer = or_fallback(creates_energy, contact, coefficients, own)
     return Outcome(*answer, fell_back=creates_energy, unfinished=root.unfinished > 0)
+
+
+def _creates(lost: Scalar, work: Scalar) -> Condition:
+    """Whether energy is created: where numbers bound their error, as soon as they show it.
+
+    Nothing decides an exact tie, as of a rod that strikes head-on with ``e = 1`` and sticks: it creates none.
+    """
+    bounds_errors = error_of(certain(work) / 3) > 0
+    is_shown = bounds_errors & (certain(lost) + error_of(lost) * (1 + NEAR) < 0)
+    return is_shown | (lost < -ROUNDING * work)
 
 
 def _in_cone(f: Tangential, mu_j: Scalar, mu_beta: Tangential) -> Tangential:
