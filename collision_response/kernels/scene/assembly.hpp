@@ -137,9 +137,16 @@ struct Assembly {
     N direction[3], velocity[2];
     for (int k = 0; k < 3; ++k) direction[k] = exact(touch.normal[k]);
     const Given* both[2] = {&a, &b};
+    const double *v_a = a.x + IN_BODY_A_VELOCITY_X, *v_b = b.x + IN_BODY_A_VELOCITY_X;
+    const bool together = std::equal(v_a, v_a + 3, v_b);  // their velocity cancels, and leaves no rounding
     for (int side = 0; side < 2; ++side) {
-      if (both[side]->rests()) velocity[side] = exact(0.0);
-      else velocity[side] = fill<N>(both[side]->centre, touch, direction, side ? -1 : 1, touch.reach[side], touch.response[side]);
+      if (both[side]->rests()) {
+        velocity[side] = exact(0.0);
+        continue;
+      }
+      Centre<N> centre = both[side]->centre;
+      if (together) std::fill_n(centre.v, 3, exact(0.0));
+      velocity[side] = fill<N>(centre, touch, direction, side ? -1 : 1, touch.reach[side], touch.response[side]);
     }
     touch.velocity = velocity[0] - velocity[1];
     touches.push_back(touch);
