@@ -269,3 +269,11 @@ def test_a_quality_of_service_may_be_written_in_capitals(graph, value):
     topic = graph.node.impacts.journal.results.topic
     (publisher,) = until(lambda: graph.user.get_publishers_info_by_topic(topic))
     assert publisher.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT
+
+
+def test_a_quality_of_service_is_that_of_one_topic(graph):
+    name = f"qos_overrides.{graph.namespace}/collision_response/result.publisher"
+    graph.serve(**{f"{name}.reliability": "best_effort", f"{name}.depth": 3})
+    topic = f"{graph.namespace}/collision_response/scene_result"
+    (publisher,) = until(lambda: graph.user.get_publishers_info_by_topic(topic))
+    assert publisher.qos_profile.reliability is ReliabilityPolicy.RELIABLE

@@ -6,6 +6,7 @@ import faulthandler
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from copy import copy
 from itertools import count, product
 from typing import Any
 
@@ -161,7 +162,7 @@ class CollisionResponseNode(Node):
             kind,
             topic,
             by_the_intake,
-            qos,
+            copy(qos),  # rclpy writes what overrides say into it
             raw=True,
             callback_group=OutOfReach(),
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from copy import copy
 from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks, QoSPublisherMatchedInfo
@@ -38,7 +39,7 @@ class Results:
         self._publisher = node.create_publisher(
             kind,
             topic,
-            RESULT_QOS,
+            copy(RESULT_QOS),  # rclpy writes what overrides say into it
             event_callbacks=PublisherEventCallbacks(matched=self._matched, use_default_callbacks=False),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
