@@ -293,10 +293,10 @@ __attribute__((noinline)) int greatest(const unsigned char* code, const unsigned
 }
 
 // batch(law, table, number, bodies, pairs, contacts, model, results, from, to): the columns from `from` to `to`,
-// without the GIL. Without pairs (None) the bodies lie side by side. model holds e_t, the threshold, the tolerance and
-// the stiffness ratio, in the type of the tables; results is a BatchResult. The answer is the greatest status and the greatest error bound,
-// infinite where one is not a number; or None if an array is not contiguous or not of its type and shape, of which
-// resolve_batch.py sees to the rest. Results that overlap the tables are refused.
+// without the GIL. Without pairs (None) the bodies lie side by side. model holds the numbers of Settings, in the type of
+// the tables; results is a BatchResult. The answer is the greatest status and the greatest error bound, infinite where
+// one is not a number; or None if an array is not contiguous or not of its type and shape, which resolve_batch.py then
+// says. Results that overlap the tables are refused.
 PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 10 || !PyTuple_Check(args[7]) || PyTuple_GET_SIZE(args[7]) != WANTED)
     return PyErr_Format(PyExc_TypeError, "batch() takes 10 arguments");

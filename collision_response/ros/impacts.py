@@ -44,7 +44,7 @@ class Impacts:
     survey: SceneSurvey | None
     now: Callable[[], int]
     log: Any
-    _warned: set[str] = field(default_factory=set)
+    _warned: set[str] = field(default_factory=set, init=False)
 
     def answer(self, request: ResolveCollision.Request) -> Work:
         """The work for a request."""
