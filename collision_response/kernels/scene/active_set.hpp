@@ -6,16 +6,25 @@
 // leaves. A column that depends on the active ones enters in exchange for one of them; if there is nothing to
 // exchange it for, there is no least (Keller, "The General Quadratic Optimization Problem", Math. Programming 5,
 // 1973).
+//
+// R is double or double-double: columns that are nearly dependent, as those of the corners of a box that is not quite
+// flat, take more digits.
 #pragma once
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
-constexpr double DEPENDENT = 1e-11;  // a pivot at or below this is rounding
+#include "../numbers.hpp"
 
+template <class R> constexpr double DEPENDENT = 1e-11;  // a pivot at or below this is rounding
+template <> inline constexpr double DEPENDENT<DoubleDouble<double>> = 1e-27;
+template <class R> constexpr double UNMOVED = 1e-14;  // and so is a part of a line, or of a slope
+template <> inline constexpr double UNMOVED<DoubleDouble<double>> = 1e-29;
+
+template <class R>
 class ActiveSet {
  public:
-  ActiveSet(const double* matrix, int stride) : A(matrix), stride(stride) {}
+  ActiveSet(const R* matrix, int stride) : A(matrix), stride(stride) {}
 
   std::vector<int> members;
 
@@ -23,13 +32,13 @@ class ActiveSet {
   bool append(int i) {
     size_t m = members.size();
     factor.resize((m + 1) * (m + 2) / 2);
-    double* row = &factor[m * (m + 1) / 2];
+    R* row = &factor[m * (m + 1) / 2];
     for (size_t k = 0; k < m; ++k) row[k] = A[i * stride + members[k]];
     forward(row, m);
-    double pivot = A[i * stride + i];
-    for (size_t k = 0; k < m; ++k) pivot -= row[k] * row[k];
-    if (!(pivot > DEPENDENT)) return false;
-    row[m] = std::sqrt(pivot);
+    R pivot = A[i * stride + i];
+    for (size_t k = 0; k < m; ++k) pivot = pivot - row[k] * row[k];
+    if (!(high(pivot) > DEPENDENT<R>)) return false;
+    row[m] = root(pivot);
     members.push_back(i);
     return true;
   }
@@ -37,24 +46,24 @@ class ActiveSet {
   // Make an independent part of `among` active, the farthest from dependent first. What depends on it is returned.
   std::vector<int> span(const std::vector<int>& among) {
     std::vector<int> left(among);
-    std::vector<std::vector<double>> rows(stride);
-    std::vector<double> pivot(stride);
+    std::vector<std::vector<R>> rows(stride);
+    std::vector<R> pivot(stride);
     for (int i : left) pivot[i] = A[i * stride + i];
     while (!left.empty()) {
       size_t best = 0;
       for (size_t k = 1; k < left.size(); ++k)
-        if (pivot[left[k]] > pivot[left[best]]) best = k;
+        if (less(pivot[left[best]], pivot[left[k]])) best = k;
       int chosen = left[best];
-      if (!(pivot[chosen] > DEPENDENT)) break;
+      if (!(high(pivot[chosen]) > DEPENDENT<R>)) break;
       left.erase(left.begin() + static_cast<long>(best));
-      double root = std::sqrt(pivot[chosen]);
+      const R diagonal = root(pivot[chosen]);
       for (int i : left) {
-        double y = A[i * stride + chosen];
-        for (size_t k = 0; k < rows[chosen].size(); ++k) y -= rows[i][k] * rows[chosen][k];
-        rows[i].push_back(y / root);
-        pivot[i] -= rows[i].back() * rows[i].back();
+        R y = A[i * stride + chosen];
+        for (size_t k = 0; k < rows[chosen].size(); ++k) y = y - rows[i][k] * rows[chosen][k];
+        rows[i].push_back(y / diagonal);
+        pivot[i] = pivot[i] - rows[i].back() * rows[i].back();
       }
-      rows[chosen].push_back(root);
+      rows[chosen].push_back(diagonal);
       factor.insert(factor.end(), rows[chosen].begin(), rows[chosen].end());
       members.push_back(chosen);
     }
@@ -68,90 +77,93 @@ class ActiveSet {
   }
 
   // In place: y <- A_PP^-1 y.
-  void solve(double* y) const {
+  void solve(R* y) const {
     size_t m = members.size();
     forward(y, m);
     for (size_t i = m; i-- > 0;) {
-      const double* row = &factor[i * (i + 1) / 2];
-      y[i] /= row[i];
-      for (size_t k = 0; k < i; ++k) y[k] -= row[k] * y[i];
+      const R* row = &factor[i * (i + 1) / 2];
+      y[i] = y[i] / row[i];
+      for (size_t k = 0; k < i; ++k) y[k] = y[k] - row[k] * y[i];
     }
   }
 
   // The line that keeps the zeros of A x + b as x_i grows: x_P falls by w. Its curvature; 0 if i depends on P.
-  double line(int i, std::vector<double>& w) const {
+  R line(int i, std::vector<R>& w) const {
     w.resize(members.size());
     for (size_t k = 0; k < w.size(); ++k) w[k] = A[i * stride + members[k]];
-    std::vector<double> half(w);
+    std::vector<R> half(w);
     forward(half.data(), half.size());
-    double curvature = A[i * stride + i];
-    for (double y : half) curvature -= y * y;
+    R curvature = A[i * stride + i];
+    for (const R& y : half) curvature = curvature - y * y;
     solve(w.data());
-    return curvature > DEPENDENT ? curvature : 0;
+    return high(curvature) > DEPENDENT<R> ? curvature : R{};
   }
 
  private:
-  void forward(double* y, size_t m) const {
+  void forward(R* y, size_t m) const {
     for (size_t i = 0; i < m; ++i) {
-      const double* row = &factor[i * (i + 1) / 2];
-      double sum = y[i];
-      for (size_t k = 0; k < i; ++k) sum -= row[k] * y[k];
+      const R* row = &factor[i * (i + 1) / 2];
+      R sum = y[i];
+      for (size_t k = 0; k < i; ++k) sum = sum - row[k] * y[k];
       y[i] = sum / row[i];
     }
   }
 
-  const double* A;
+  const R* A;
   int stride;
-  std::vector<double> factor;  // rows of the lower triangle
+  std::vector<R> factor;  // rows of the lower triangle
 };
 
 enum class Found { LEAST, NO_LEAST, TOO_LONG };
 
 // Let component i in, whose slope is negative. `move(place, by)` is told of every change of x_i (place -1) and of
 // x_members[place]. `at(place)` gives x_members[place].
-template <class Move, class At>
-Found enter(ActiveSet& active, int i, double slope, Move move, At at) {
-  std::vector<double> w;
+template <class R, class Move, class At>
+Found enter(ActiveSet<R>& active, int i, R slope, Move move, At at) {
+  auto positive = [](const R& x) { return high(x) > 0 ? x : R{}; };
+  std::vector<R> w;
   for (int turn = 0;; ++turn) {
-    double curvature = active.line(i, w);
-    double step = curvature > 0 ? std::fmax(-slope, 0) / curvature : INFINITY;
+    R curvature = active.line(i, w);
+    R step = high(curvature) > 0 ? positive(-slope) / curvature : constant<R>(INFINITY);
     int leaves = -1;
     for (size_t k = 0; k < w.size(); ++k)
-      if (w[k] > 1e-14 && std::fmax(at(k), 0) / w[k] < step) {
-        step = std::fmax(at(k), 0) / w[k];
+      if (high(w[k]) > UNMOVED<R> && less(positive(at(k)) / w[k], step)) {
+        step = positive(at(k)) / w[k];
         leaves = static_cast<int>(k);
       }
-    if (step == INFINITY) return Found::NO_LEAST;
-    for (size_t k = 0; k < w.size(); ++k) move(static_cast<int>(k), leaves == static_cast<int>(k) ? -INFINITY : -step * w[k]);
+    if (high(step) == INFINITY) return Found::NO_LEAST;
+    for (size_t k = 0; k < w.size(); ++k) move(static_cast<int>(k), leaves == static_cast<int>(k) ? constant<R>(-INFINITY) : -step * w[k]);
     move(-1, step);
-    slope += step * curvature;
+    slope = slope + step * curvature;
     if (leaves < 0) return active.append(i) ? Found::LEAST : Found::TOO_LONG;
     active.drop(leaves);
     if (turn > 10000) return Found::TOO_LONG;
   }
 }
 
-// In plain doubles. x and active start as found: x is 0 outside the active set, and A x + b is 0 on it. `last` is told
-// of the component that entered last.
-inline Found least(const double* A, int stride, const std::vector<int>& among, const double* b, double* x, ActiveSet& active, int* last = nullptr) {
+// x and active start as found: x is 0 outside the active set, and A x + b is 0 on it. `last` is told of the component
+// that entered last.
+template <class R>
+Found least(const R* A, int stride, const std::vector<int>& among, const R* b, R* x, ActiveSet<R>& active, int* last = nullptr) {
   size_t n = among.size();
   std::vector<char> is_active(stride);
   for (size_t turn = 0; turn < 50 * n + 200; ++turn) {
     std::fill(is_active.begin(), is_active.end(), 0);
     for (int j : active.members) is_active[j] = 1;
     int entering = -1;
-    double most = 0;
+    R most{};
     for (size_t k = 0; k < n; ++k) {
       int i = among[k];
       if (is_active[i]) continue;
-      double slope = b[i], terms = std::fabs(b[i]);
+      R slope = b[i];
+      double terms = std::fabs(high(b[i]));
       for (int j : active.members) {
-        double term = A[i * stride + j] * x[j];
-        slope += term;
-        terms += std::fabs(term);
+        R term = A[i * stride + j] * x[j];
+        slope = slope + term;
+        terms += std::fabs(high(term));
       }
-      bool is_less = turn < 20 * n + 100 ? slope < most : entering < 0;
-      if (slope < -1e-14 * terms && is_less) {  // what is less is rounding
+      bool is_less = turn < 20 * n + 100 ? less(slope, most) : entering < 0;
+      if (high(slope) < -UNMOVED<R> * terms && is_less) {  // what is less is rounding
         most = slope;
         entering = i;
       }
@@ -160,17 +172,17 @@ inline Found least(const double* A, int stride, const std::vector<int>& among, c
     if (last) *last = entering;
     Found found = enter(
         active, entering, most,
-        [&](int place, double by) {
-          double& y = x[place < 0 ? entering : active.members[place]];
-          y = by == -INFINITY ? 0 : y + by;
+        [&](int place, const R& by) {
+          R& y = x[place < 0 ? entering : active.members[place]];
+          y = high(by) == -INFINITY ? R{} : y + by;
         },
         [&](size_t place) { return x[active.members[place]]; });
     if (found != Found::LEAST) return found;
     // Rounding of the steps does not gather: the active part anew.
-    std::vector<double> y;
+    std::vector<R> y;
     for (int j : active.members) y.push_back(-b[j]);
     active.solve(y.data());
-    for (size_t k = 0; k < y.size(); ++k) x[active.members[k]] = std::fmax(y[k], 0);
+    for (size_t k = 0; k < y.size(); ++k) x[active.members[k]] = high(y[k]) > 0 ? y[k] : R{};
   }
   return Found::TOO_LONG;
 }

@@ -17,6 +17,10 @@ using N = Bounded<DD>;
 
 INLINE N exact(DD x) { return {x, 0}; }
 INLINE N exact(double x) { return {{x, 0}, 0}; }
+template <class R> R digits(const N& x) {  // as many as R has
+  if constexpr (is_scalar<R>) return high(x);
+  else return value(x);
+}
 INLINE double width(const N& x) { return x.error * (1 + 0x1p-30); }
 
 // Of the power of two that brings a normal or a quaternion into the middle of the range; 0 if it is there. Of normals
@@ -118,7 +122,7 @@ struct Assembly {
   std::vector<double> room;      // of a velocity that parts all contacts: by how much, scaled
   double parting = 0;            // its size, in the metric of kinetic energy
   bool driven = false;           // a wall moves
-  bool locked = false;           // there is no such velocity, as far as doubles can tell
+  bool locked = false;           // there is no such velocity, as far as 32 digits can tell
 
   // What two bodies do at a contact. The places are of the movable ones.
   void add(const Given& a, const Given& b, int place_a, int place_b, const double* contact, double copies) {
@@ -198,23 +202,30 @@ struct Assembly {
 
   // After the last contact.
   void finish() {
-    A.assign(static_cast<size_t>(count) * count, 0);
-    auto coupling = [](const Touch& i, const Touch& j) {  // by the bodies that they share
-      double sum = 0;
-      for (int a = 0; a < 2; ++a)
-        for (int b = 0; b < 2; ++b)
-          if (i.body[a] >= 0 && i.body[a] == j.body[b])
-            for (int k = 0; k < 6; ++k) sum += high(i.reach[a][k]) * high(j.response[b][k]);
-      return sum;
-    };
-    for (int i = 0; i < count; ++i)
-      for (int j = 0; j <= i; ++j) A[i * count + j] = A[j * count + i] = coupling(touches[i], touches[j]);
-    for (int i = 0; i < count; ++i) touches[i].scale = 1 / std::sqrt(A[i * count + i]);
-    for (int i = 0; i < count; ++i)
-      for (int j = 0; j < count; ++j)
-        if (i != j) A[i * count + j] *= touches[i].scale * touches[j].scale;
+    for (Touch& touch : touches) touch.scale = 1 / std::sqrt(coupling<double>(touch, touch));
+    A = couplings<double>();
     for (int i = 0; i < count; ++i) A[i * count + i] = 1;
-    part();
+    locked = !part(A) && !part(couplings<DD>());
+  }
+
+  // n.K n of two contacts, by the bodies that they share.
+  template <class R>
+  static R coupling(const Touch& i, const Touch& j) {
+    R sum{};
+    for (int a = 0; a < 2; ++a)
+      for (int b = 0; b < 2; ++b)
+        if (i.body[a] >= 0 && i.body[a] == j.body[b])
+          for (int k = 0; k < 6; ++k) sum = sum + digits<R>(i.reach[a][k]) * digits<R>(j.response[b][k]);
+    return sum;
+  }
+  // Of all pairs, scaled.
+  template <class R>
+  std::vector<R> couplings() const {
+    std::vector<R> matrix(static_cast<size_t>(count) * count);
+    for (int i = 0; i < count; ++i)
+      for (int j = 0; j <= i; ++j)
+        matrix[i * count + j] = matrix[j * count + i] = coupling<R>(touches[i], touches[j]) * (constant<R>(touches[i].scale) * constant<R>(touches[j].scale));
+    return matrix;
   }
 
   bool is_finite() const {
@@ -286,6 +297,7 @@ struct Assembly {
     Found found;
     std::vector<DD> q;
     double error;  // of the velocities, in the metric of kinetic energy: bound
+    double size;   // of what they were, at most: the greatest of a contact
   };
 
   // The impulses q >= 0 of the contacts `among` that bring v nearest to v0 + M^-1 N p and give them velocities
@@ -294,20 +306,32 @@ struct Assembly {
   //     |w - w*|^2 = (q - q*).(r - r*) <= q.r + q*.max(-r, 0)        q*.r* = 0, q.r* >= 0
   //     q*.rho <= |d| |w* - v|          for any velocity d that parts the contacts, N^T d = rho > 0
   Projection project(const DD* p, const std::vector<int>& among, const N* offset) const {
-    Projection result{Found::LEAST, std::vector<DD>(count, DD{0, 0}), 0};
-    std::vector<DD>& q = result.q;
     std::vector<N> start = velocities(p);
-    std::vector<double> b(count), x(count, 0.0);
-    double size = 0;
+    if (offset)
+      for (int i : among) start[i] = start[i] + offset[i];
+    const Projection found = nearest<double>(A, start, among);
+    if (locked || found.error <= FINE * found.size) return found;
+    const Projection finer = nearest<DD>(couplings<DD>(), start, among);  // contacts that are nearly dependent
+    return finer.error < found.error ? finer : found;
+  }
+  static constexpr double FINE = 0x1p-45;  // what doubles mostly do better than
+
+  // The same to the digits of R.
+  template <class R>
+  Projection nearest(const std::vector<R>& matrix, const std::vector<N>& start, const std::vector<int>& among) const {
+    auto scale = [&](int j) { return constant<R>(touches[j].scale); };
+    auto whole = [](const R& x) { return lifted<DD>(x); };
+    Projection result{Found::LEAST, std::vector<DD>(count, DD{0, 0}), INFINITY, 0};
+    std::vector<DD>& q = result.q;
+    std::vector<R> b(count), x(count);
     for (int i : among) {
-      if (offset) start[i] = start[i] + offset[i];
-      b[i] = high(start[i]) * touches[i].scale;
-      size = std::fmax(size, std::fabs(b[i]));
+      b[i] = digits<R>(start[i]) * scale(i);
+      result.size = std::fmax(result.size, std::fabs(high(b[i])));
     }
-    ActiveSet active(A.data(), count);
-    result.found = least(A.data(), count, among, b.data(), x.data(), active);
+    ActiveSet<R> active(matrix.data(), count);
+    result.found = least(matrix.data(), count, among, b.data(), x.data(), active);
     if (result.found != Found::LEAST) return result;
-    for (int j : active.members) q[j] = DD{x[j] * touches[j].scale, 0};
+    for (int j : active.members) q[j] = whole(x[j] * scale(j));
 
     std::vector<N> r(count, exact(0.0));
     bool seen = false;  // r is that of q
@@ -316,7 +340,7 @@ struct Assembly {
       std::vector<N> twists = changes(q.data());
       for (int i : among) r[i] = start[i] + velocity_change(touches[i], twists);
     };
-    std::vector<double> y;
+    std::vector<R> y;
     std::vector<char> is_active(count);
     for (int round = 0; round < 4 * count + 20; ++round) {
       for (int turn = 0; turn < 8; ++turn) {  // the active part, by Newton's method
@@ -324,7 +348,7 @@ struct Assembly {
         bool settled = true;
         y.clear();
         for (int j : active.members) {
-          y.push_back(-high(r[j]) * touches[j].scale);
+          y.push_back(-digits<R>(r[j]) * scale(j));
           settled = settled && std::fabs(high(r[j])) <= 2 * r[j].error;
         }
         if (settled) break;
@@ -332,7 +356,7 @@ struct Assembly {
         seen = false;
         for (size_t k = 0; k < y.size(); ++k) {
           int j = active.members[k];
-          q[j] = q[j] + DD{y[k] * touches[j].scale, 0};
+          q[j] = q[j] + whole(y[k] * scale(j));
         }
       }
       int worst = -1;
@@ -358,13 +382,13 @@ struct Assembly {
       if (entering < 0) break;
       seen = false;
       Found found = enter(
-          active, entering, most,
-          [&](int place, double by) {
+          active, entering, digits<R>(r[entering]) * scale(entering),
+          [&](int place, const R& by) {
             int j = place < 0 ? entering : active.members[place];
-            q[j] = by == -INFINITY ? DD{0, 0} : q[j] + DD{by * touches[j].scale, 0};
+            q[j] = high(by) == -INFINITY ? DD{0, 0} : q[j] + whole(by * scale(j));
           },
-          [&](size_t place) { return q[active.members[place]].h / touches[active.members[place]].scale; });
-      if (found != Found::LEAST) {  // beyond what doubles can tell: the bound says so
+          [&](size_t place) { return digits<R>(exact(q[active.members[place]])) / scale(active.members[place]); });
+      if (found != Found::LEAST) {  // beyond what these digits can tell: the bound says so
         for (DD& one : q)
           if (one.h < 0) one = DD{0, 0};
         break;
@@ -376,10 +400,9 @@ struct Assembly {
         seen = false;
       }
     if (!seen) look();
-    result.error = INFINITY;
     if (locked) return result;
     // In a unit near the size of the velocities: energies may be beyond doubles.
-    const double unit = power_near(size);
+    const double unit = power_near(result.size);
     double gap = 0, far = 0, moved = 0;
     for (int i : among) {
       double low = high(r[i]) - width(r[i]), reach = std::fabs(high(r[i])) + width(r[i]);
@@ -413,31 +436,33 @@ struct Assembly {
   std::vector<int> contradiction() const {
     std::vector<double> b, x(count, 0.0);
     for (const Touch& touch : touches) b.push_back(high(touch.velocity) * touch.scale);
-    ActiveSet active(A.data(), count);
+    ActiveSet<double> active(A.data(), count);
     int last;
     if (least(A.data(), count, all(), b.data(), x.data(), active, &last) != Found::NO_LEAST) return {};
     active.members.push_back(last);
     return active.members;
   }
 
-  // A velocity that parts all contacts: the least d with N^T d >= 1, scaled.
-  void part() {
-    std::vector<double> b(count, -1.0), x(count, 0.0);
-    ActiveSet active(A.data(), count);
-    locked = least(A.data(), count, all(), b.data(), x.data(), active) != Found::LEAST;
-    if (locked) return;
+  // A velocity that parts all contacts: the least d with N^T d >= 1, scaled. To the digits of R; whether it does.
+  template <class R>
+  bool part(const std::vector<R>& matrix) {
+    std::vector<R> b(count, constant<R>(-1)), x(count);
+    ActiveSet<R> active(matrix.data(), count);
+    if (least(matrix.data(), count, all(), b.data(), x.data(), active) != Found::LEAST) return false;
     std::vector<DD> d(count);
-    for (int i = 0; i < count; ++i) d[i] = DD{x[i] * touches[i].scale, 0};
+    for (int i = 0; i < count; ++i) d[i] = lifted<DD>(x[i] * constant<R>(touches[i].scale));
     std::vector<N> twists = changes(d.data());
     room.resize(count);
     double square = 0;
+    bool parts = true;
     for (int i = 0; i < count; ++i) {
       N rho = velocity_change(touches[i], twists);
       room[i] = (high(rho) - width(rho)) * touches[i].scale;
       square += d[i].h * (high(rho) + width(rho));
-      locked = locked || !(room[i] > 0.5);
+      parts = parts && room[i] > 0.5;
     }
     parting = std::sqrt(square) * (1 + 1e-9);
+    return parts;
   }
 
   // Of all impulses that do the same, p + Z z >= 0, those of least sum of n.n p^2; `shared`: over all copies. Whether
@@ -458,7 +483,7 @@ struct Assembly {
       for (int i = 0; i < count; ++i)
         for (int j = 0; j < count; ++j) B[i * count + j] = i == j ? 1 : (A[i * count + j] + u[i] * u[j]) * scale[i] / touches[i].scale * scale[j] / touches[j].scale;
     }
-    ActiveSet basis(driven ? B.data() : A.data(), count);
+    ActiveSet<double> basis(driven ? B.data() : A.data(), count);
     std::vector<int> rest = basis.span(all());
     if (rest.empty()) return false;
     std::vector<std::vector<double>> found;  // of impulses
@@ -533,7 +558,7 @@ struct Assembly {
     auto found_with = [&](double room) {
       for (int i : among) b[i] = (P[i] + room * greatest) * s[i];
       std::fill(x.begin(), x.end(), 0.0);
-      ActiveSet active(dual.data(), count);
+      ActiveSet<double> active(dual.data(), count);
       return least(dual.data(), count, among, b.data(), x.data(), active) == Found::LEAST;
     };
     // Where impulses are just 0, rounding may leave no solution without some room.

@@ -126,10 +126,10 @@ inline Struck struck_by(const Friction& friction, const Assembly& scene) {
 // COULOMB's impulses, from frictionless ones.
 inline Struck rubbed(const Assembly& scene, Struck free) {
   const Friction friction = least_work(scene, free.p.data(), free.error);
+  free.error = friction.error;
   if (friction.P.empty()) return free;
   free.p = along_normals(friction, scene);
   free.tangential = across_normals(friction);
-  free.error = friction.error;
   return free;
 }
 

@@ -49,7 +49,7 @@ class Cones {
   void add(const Cone& cone) { cones.push_back(cone); }
 
   // Normal impulses that do what impulses of these cones along their normals can, and how to find them.
-  void span(const ActiveSet& active, const std::vector<int>& members) {
+  void span(const ActiveSet<double>& active, const std::vector<int>& members) {
     normals = active;
     independent = members;
   }
@@ -205,7 +205,7 @@ class Cones {
   std::vector<double> lambda_before;
   std::vector<Axes> from;
   static constexpr double ROUNDING = 0x1p-50;
-  ActiveSet normals{nullptr, 0};
+  ActiveSet<double> normals{nullptr, 0};
   std::vector<int> independent;
   struct Slope {
     double d[3][3];

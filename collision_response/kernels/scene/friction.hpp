@@ -49,9 +49,14 @@ inline double coupling(const Assembly& scene, int i, int a, int j, int b) {
 // Friction beyond these sticks no better, or does not show.
 constexpr double GREATEST_FRICTION = 1e30, LEAST_FRICTION = 1e-30, GREATEST_IN_ONE_STEP = 1e6;
 
-// A load that is this part of the greatest is rounding, of double-double; one that was not there before loads were shared
-// out is rounding of doubles if it is this part of others of its bodies, or of the greatest if they have none.
-constexpr double UNLOADED = 0x1p-80, UNSHARED = 1e-10;
+// A load that is this part of the greatest is rounding, of double-double.
+constexpr double UNLOADED = 0x1p-80;
+// One that is this part of others of its bodies is left out, if its friction is, too: doubles hardly hold what it keeps
+// apart.
+constexpr double LIGHT = 1e-9;
+// One that was not there before loads were shared out is rounding of doubles if it is this part of any of its bodies, or of
+// the greatest if they have none.
+constexpr double UNSHARED = 1e-10;
 
 struct Friction {
   std::vector<Axes> P;
@@ -94,11 +99,15 @@ inline Friction least_work(const Assembly& scene, const DD* p, double error) {
       if (body >= 0) most[body] = std::fmax(most[body], own[i] / touch.scale);
   }
   auto rounding = [&](int i) {  // of the load of a contact
-    double near = 0;
+    double near = 0, nearest = speed;
     for (int body : scene.touches[i].body)
-      if (body >= 0) near = std::fmax(near, most[body]);
+      if (body >= 0) {
+        near = std::fmax(near, most[body]);
+        nearest = std::fmin(nearest, most[body]);
+      }
     bool is_new = shared[i] > 2 * own[i] || shared[i] < own[i] / 2;
-    return is_new ? UNSHARED * (near > 0 ? near : speed) : UNLOADED * speed;
+    if (is_new) return UNSHARED * (near > 0 ? near : speed);
+    return std::fmax(LIGHT * nearest / std::fmax(scene.touches[i].mu, 1), UNLOADED * speed);
   };
   std::vector<int> loaded, place(count);
   bool rubs = false;
@@ -128,7 +137,7 @@ inline Friction least_work(const Assembly& scene, const DD* p, double error) {
     programme.loads.push_back(shared[i] / touch.scale / speed);
     programme.spare.push_back(std::fabs(as_shared.velocity(i, 0) - free.velocity(i, 0)) * unit);
   }
-  ActiveSet normals(scene.A.data(), count);
+  ActiveSet<double> normals(scene.A.data(), count);
   normals.span(loaded);
   std::vector<int> members;
   for (int i : normals.members) members.push_back(place[i]);
