@@ -15,9 +15,10 @@ constexpr double DEPENDENT = 1e-11;  // a pivot at or below this is rounding
 
 class ActiveSet {
  public:
-  ActiveSet(const double* matrix, int stride) : A(matrix), stride(stride) {}
+  ActiveSet(const double* matrix, int stride) : A(matrix), stride(stride), is_member(stride) {}
 
   std::vector<int> members;
+  bool has(int i) const { return is_member[i]; }
 
   // Whether column i is independent of the active ones; it is active then.
   bool append(int i) {
@@ -31,6 +32,7 @@ class ActiveSet {
     if (!(pivot > DEPENDENT)) return false;
     row[m] = std::sqrt(pivot);
     members.push_back(i);
+    is_member[i] = true;
     return true;
   }
 
@@ -63,6 +65,7 @@ class ActiveSet {
 
   void drop(size_t place) {
     std::vector<int> later(members.begin() + place + 1, members.end());
+    for (size_t k = place; k < members.size(); ++k) is_member[members[k]] = false;
     members.resize(place);
     for (int i : later) append(i);
   }
@@ -102,6 +105,7 @@ class ActiveSet {
 
   const double* A;
   int stride;
+  std::vector<char> is_member;
   std::vector<double> factor;  // rows of the lower triangle
 };
 
@@ -135,15 +139,11 @@ Found enter(ActiveSet& active, int i, double slope, Move move, At at) {
 // of the component that entered last.
 inline Found least(const double* A, int stride, const std::vector<int>& among, const double* b, double* x, ActiveSet& active, int* last = nullptr) {
   size_t n = among.size();
-  std::vector<char> is_active(stride);
   for (size_t turn = 0; turn < 50 * n + 200; ++turn) {
-    std::fill(is_active.begin(), is_active.end(), 0);
-    for (int j : active.members) is_active[j] = 1;
     int entering = -1;
     double most = 0;
-    for (size_t k = 0; k < n; ++k) {
-      int i = among[k];
-      if (is_active[i]) continue;
+    for (int i : among) {
+      if (active.has(i)) continue;
       double slope = b[i], terms = std::fabs(b[i]);
       for (int j : active.members) {
         double term = A[i * stride + j] * x[j];

@@ -5,6 +5,7 @@
 // and u = u0 + A p, is computed from them with a bound, each time from the start.
 #pragma once
 #include <array>
+#include <numeric>
 #include <vector>
 
 #include "../numbers.hpp"
@@ -31,6 +32,12 @@ inline int exponent_of(const double* x, int count) {
 
 // The power of two below a size: what is divided by it keeps its digits.
 inline double power_near(double size) { return size > 0 && size < INFINITY ? std::ldexp(1.0, std::ilogb(size)) : 1; }
+
+using Axes = std::array<double, 3>;
+using Vector = std::vector<double>;
+
+inline Axes cross(const double* a, const double* b) { return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]}; }
+inline double dot(const Vector& a, const Vector& b) { return std::inner_product(a.begin(), a.end(), b.begin(), 0.0); }
 
 template <class T>
 struct Centre {  // a body as seen from its reference point, at x, which moves with v
@@ -63,8 +70,8 @@ struct Given {  // a body
   // L y
   void twist_of(const double* y, double* twist) const {
     for (int j = 0; j < 3; ++j) twist[3 + j] = turn[0][j] * y[3] + turn[1][j] * y[4] + turn[2][j] * y[5];
-    const double* w = twist + 3;
-    for (int j = 0, k = 1, l = 2; j < 3; ++j, k = (k + 1) % 3, l = (l + 1) % 3) twist[j] = root * y[j] - (w[k] * com[l] - w[l] * com[k]);
+    const Axes at_centre = cross(twist + 3, com);
+    for (int j = 0; j < 3; ++j) twist[j] = root * y[j] - at_centre[j];
   }
   template <class T>
   void fill(Centre<T>& seen) {
@@ -97,15 +104,15 @@ struct Touch {
   Plain plain[3];                 // along the unit normal and two tangents
 
   // These (Duff et al. 2017).
-  std::array<std::array<double, 3>, 3> axes() const {
+  std::array<Axes, 3> axes() const {
     double x = normal[0] / length, y = normal[1] / length, z = normal[2] / length;
     double sign = x < 0 ? -1 : 1, c = -1 / (sign + x), d = y * z * c;
     return {{{x, y, z}, {-(sign * y), 1 + sign * (y * y * c), sign * d}, {-z, d, sign + z * z * c}}};
   }
 };
 
-inline std::vector<double> rounded(const DD* p, int count) {
-  std::vector<double> out(count);
+inline Vector rounded(const DD* p, int count) {
+  Vector out(count);
   for (int i = 0; i < count; ++i) out[i] = p[i].h;
   return out;
 }
@@ -114,8 +121,8 @@ struct Assembly {
   int count = 0, bodies = 0;
   std::vector<Touch> touches;
   std::vector<Given> given;      // the movable bodies
-  std::vector<double> A;         // n.K n of all pairs, scaled to a diagonal of 1
-  std::vector<double> room;      // of a velocity that parts all contacts: by how much, scaled
+  Vector A;         // n.K n of all pairs, scaled to a diagonal of 1
+  Vector room;      // of a velocity that parts all contacts: by how much, scaled
   double parting = 0;            // its size, in the metric of kinetic energy
   bool driven = false;           // a wall moves
   bool locked = false;           // there is no such velocity, as far as doubles can tell
@@ -146,7 +153,7 @@ struct Assembly {
       }
       Centre<N> centre = both[side]->centre;
       if (together) std::fill_n(centre.v, 3, exact(0.0));
-      velocity[side] = fill<N>(centre, touch, direction, side ? -1 : 1, touch.reach[side], touch.response[side]);
+      velocity[side] = fill<N>(centre, touch, direction, side, touch.reach[side], touch.response[side]);
     }
     touch.velocity = velocity[0] - velocity[1];
     touches.push_back(touch);
@@ -164,13 +171,16 @@ struct Assembly {
         const Given& body = *both[side];
         double* row = touch.plain[axis].row[side];
         if (body.rests()) continue;
-        double reach[6], response[6], sign = side ? -1 : 1;
-        velocity[side] = fill<double>(body.plain, touch, n, sign, reach, response);
+        double reach[6], response[6];
+        velocity[side] = fill<double>(body.plain, touch, n, side, reach, response);
         if (!body.movable()) continue;
-        for (int k = 0; k < 3; ++k) row[k] = body.root * reach[k];
+        const Axes of_centre = cross(body.com, reach);
         double moment[3];  // about the centre of mass
-        for (int j = 0, k = 1, l = 2; j < 3; ++j, k = (k + 1) % 3, l = (l + 1) % 3) moment[j] = reach[3 + j] - (body.com[k] * reach[l] - body.com[l] * reach[k]);
-        for (int k = 0; k < 3; ++k) row[3 + k] = body.turn[k][0] * moment[0] + body.turn[k][1] * moment[1] + body.turn[k][2] * moment[2];
+        for (int k = 0; k < 3; ++k) moment[k] = reach[3 + k] - of_centre[k];
+        for (int k = 0; k < 3; ++k) {
+          row[k] = body.root * reach[k];
+          row[3 + k] = body.turn[k][0] * moment[0] + body.turn[k][1] * moment[1] + body.turn[k][2] * moment[2];
+        }
       }
       touch.plain[axis].velocity = velocity[0] - velocity[1];
     }
@@ -178,7 +188,7 @@ struct Assembly {
   }
 
   template <class T>
-  static T fill(const Centre<T>& body, const Touch& touch, const T* direction, double sign, T* reach, T* response) {
+  static T fill(const Centre<T>& body, const Touch& touch, const T* direction, int side, T* reach, T* response) {
     T in[CENTRE + 9], out[10];
     std::copy(body.numbers, body.numbers + CENTRE, in);
     for (int k = 0; k < 3; ++k) {
@@ -187,18 +197,18 @@ struct Assembly {
       in[CENTRE + 6 + k] = direction[k];
     }
     column<T>(in, out, nullptr, nullptr);
-    for (int k = 0; k < 3; ++k) {
-      reach[k] = sign < 0 ? -direction[k] : direction[k];
-      reach[3 + k] = sign < 0 ? -out[1 + k] : out[1 + k];
-      response[k] = sign < 0 ? -out[4 + k] : out[4 + k];
-      response[3 + k] = sign < 0 ? -out[7 + k] : out[7 + k];
+    std::copy(direction, direction + 3, reach);
+    std::copy(out + 1, out + 4, reach + 3);
+    std::copy(out + 4, out + 10, response);
+    for (int k = 0; side && k < 6; ++k) {  // body_b gets the opposite
+      reach[k] = -reach[k];
+      response[k] = -response[k];
     }
     return out[0];
   }
 
   // After the last contact.
   void finish() {
-    A.assign(static_cast<size_t>(count) * count, 0);
     auto coupling = [](const Touch& i, const Touch& j) {  // by the bodies that they share
       double sum = 0;
       for (int a = 0; a < 2; ++a)
@@ -207,13 +217,11 @@ struct Assembly {
             for (int k = 0; k < 6; ++k) sum += high(i.reach[a][k]) * high(j.response[b][k]);
       return sum;
     };
+    for (Touch& touch : touches) touch.scale = 1 / std::sqrt(coupling(touch, touch));
+    A.assign(static_cast<size_t>(count) * count, 1);
     for (int i = 0; i < count; ++i)
-      for (int j = 0; j <= i; ++j) A[i * count + j] = A[j * count + i] = coupling(touches[i], touches[j]);
-    for (int i = 0; i < count; ++i) touches[i].scale = 1 / std::sqrt(A[i * count + i]);
-    for (int i = 0; i < count; ++i)
-      for (int j = 0; j < count; ++j)
-        if (i != j) A[i * count + j] *= touches[i].scale * touches[j].scale;
-    for (int i = 0; i < count; ++i) A[i * count + i] = 1;
+      for (int j = 0; j < i; ++j)
+        A[i * count + j] = A[j * count + i] = coupling(touches[i], touches[j]) * (touches[i].scale * touches[j].scale);
     part();
   }
 
@@ -266,9 +274,8 @@ struct Assembly {
 
   // Normal velocities, times the lengths of the normals.
   std::vector<N> velocities(const DD* p) const {
-    std::vector<N> u;
-    u.reserve(count);
-    for (const Touch& touch : touches) u.push_back(touch.velocity);
+    std::vector<N> u(count);
+    for (int i = 0; i < count; ++i) u[i] = touches[i].velocity;
     if (std::all_of(p, p + count, [](const DD& x) { return x.h == 0; })) return u;
     std::vector<N> twists = changes(p);
     for (int i = 0; i < count; ++i) u[i] = u[i] + velocity_change(touches[i], twists);
@@ -294,10 +301,10 @@ struct Assembly {
   //     |w - w*|^2 = (q - q*).(r - r*) <= q.r + q*.max(-r, 0)        q*.r* = 0, q.r* >= 0
   //     q*.rho <= |d| |w* - v|          for any velocity d that parts the contacts, N^T d = rho > 0
   Projection project(const DD* p, const std::vector<int>& among, const N* offset) const {
-    Projection result{Found::LEAST, std::vector<DD>(count, DD{0, 0}), 0};
+    Projection result{Found::LEAST, std::vector<DD>(count), 0};
     std::vector<DD>& q = result.q;
     std::vector<N> start = velocities(p);
-    std::vector<double> b(count), x(count, 0.0);
+    Vector b(count), x(count);
     double size = 0;
     for (int i : among) {
       if (offset) start[i] = start[i] + offset[i];
@@ -309,15 +316,14 @@ struct Assembly {
     if (result.found != Found::LEAST) return result;
     for (int j : active.members) q[j] = DD{x[j] * touches[j].scale, 0};
 
-    std::vector<N> r(count, exact(0.0));
+    std::vector<N> r(count);
     bool seen = false;  // r is that of q
     auto look = [&] {
       seen = true;
       std::vector<N> twists = changes(q.data());
       for (int i : among) r[i] = start[i] + velocity_change(touches[i], twists);
     };
-    std::vector<double> y;
-    std::vector<char> is_active(count);
+    Vector y;
     for (int round = 0; round < 4 * count + 20; ++round) {
       for (int turn = 0; turn < 8; ++turn) {  // the active part, by Newton's method
         look();
@@ -344,13 +350,11 @@ struct Assembly {
         active.drop(worst);
         continue;
       }
-      std::fill(is_active.begin(), is_active.end(), 0);
-      for (int j : active.members) is_active[j] = 1;
       int entering = -1;
       double most = 0;
       for (int i : among) {
         double slope = high(r[i]) * touches[i].scale;
-        if (!is_active[i] && high(r[i]) < -8 * r[i].error && slope < most) {
+        if (!active.has(i) && high(r[i]) < -8 * r[i].error && slope < most) {
           most = slope;
           entering = i;
         }
@@ -364,11 +368,7 @@ struct Assembly {
             q[j] = by == -INFINITY ? DD{0, 0} : q[j] + DD{by * touches[j].scale, 0};
           },
           [&](size_t place) { return q[active.members[place]].h / touches[active.members[place]].scale; });
-      if (found != Found::LEAST) {  // beyond what doubles can tell: the bound says so
-        for (DD& one : q)
-          if (one.h < 0) one = DD{0, 0};
-        break;
-      }
+      if (found != Found::LEAST) break;  // beyond what doubles can tell: the bound says so
     }
     for (DD& one : q)
       if (one.h < 0) {
@@ -400,18 +400,18 @@ struct Assembly {
       double u = high(touch.velocity), doubt = width(touch.velocity);
       offset.push_back(u < 0 ? touch.velocity * exact(touch.e) : N{{0, 0}, u < doubt ? doubt : 0});
     }
-    return project(std::vector<DD>(count, DD{0, 0}).data(), all(), offset.data());
+    return project(std::vector<DD>(count).data(), all(), offset.data());
   }
 
   std::vector<int> all() const {
     std::vector<int> everyone(count);
-    for (int i = 0; i < count; ++i) everyone[i] = i;
+    std::iota(everyone.begin(), everyone.end(), 0);
     return everyone;
   }
 
   // The few contacts that, as far as doubles can tell, no velocities keep all from approaching; or none.
   std::vector<int> contradiction() const {
-    std::vector<double> b, x(count, 0.0);
+    Vector b, x(count);
     for (const Touch& touch : touches) b.push_back(high(touch.velocity) * touch.scale);
     ActiveSet active(A.data(), count);
     int last;
@@ -422,7 +422,7 @@ struct Assembly {
 
   // A velocity that parts all contacts: the least d with N^T d >= 1, scaled.
   void part() {
-    std::vector<double> b(count, -1.0), x(count, 0.0);
+    Vector b(count, -1.0), x(count);
     ActiveSet active(A.data(), count);
     locked = least(A.data(), count, all(), b.data(), x.data(), active) != Found::LEAST;
     if (locked) return;
@@ -442,13 +442,71 @@ struct Assembly {
 
   // Of all impulses that do the same, p + Z z >= 0, those of least sum of n.n p^2; `shared`: over all copies. Whether
   // there are others.
-  bool least_norm(std::vector<double>& p, bool shared) const {
-    std::vector<double> weight(count);
-    for (int i = 0; i < count; ++i) weight[i] = touches[i].length / (shared ? std::sqrt(touches[i].copies) : 1);
+  bool least_norm(Vector& p, bool shared) const {
+    std::vector<Vector> Z = idle_impulses();
+    if (Z.empty()) return false;
+    Vector weight(count), P(count);
+    for (int i = 0; i < count; ++i) {
+      weight[i] = touches[i].length / (shared ? std::sqrt(touches[i].copies) : 1);
+      P[i] = p[i] * weight[i];
+      for (Vector& z : Z) z[i] *= weight[i];
+    }
+    auto take = [](Vector& y, double by, const Vector& x) {
+      for (size_t i = 0; i < y.size(); ++i) y[i] -= by * x[i];
+    };
+    for (auto z = Z.begin(); z != Z.end(); ++z) {  // orthonormal, twice is enough
+      for (int turn = 0; turn < 2; ++turn)
+        for (auto before = Z.begin(); before != z; ++before) take(*z, dot(*z, *before), *before);
+      const double length = std::sqrt(dot(*z, *z));
+      for (double& x : *z) {
+        x /= length;
+        if (std::fabs(x) < 0x1p-46) x = 0;  // rounding
+      }
+    }
+    for (const Vector& z : Z) take(P, dot(z, P), z);
+    // P + Z Z^T x >= 0, x >= 0: the same programme, scaled to a unit diagonal.
+    auto rows = [&](int i, int j) {
+      double sum = 0;
+      for (const Vector& z : Z) sum += z[i] * z[j];
+      return sum;
+    };
+    Vector b(count), x(count), s(count), dual(static_cast<size_t>(count) * count, 1);
+    std::vector<int> among;
+    double greatest = 0;
+    for (int i = 0; i < count; ++i) {
+      greatest = std::fmax(greatest, std::fabs(P[i]));
+      const double square = rows(i, i);
+      if (!(square > 1e-20)) continue;
+      s[i] = 1 / std::sqrt(square);
+      among.push_back(i);
+    }
+    for (int i : among)
+      for (int j : among)
+        if (i != j) dual[i * count + j] = rows(i, j) * s[i] * s[j];
+    auto found_with = [&](double room) {
+      for (int i : among) b[i] = (P[i] + room * greatest) * s[i];
+      x.assign(count, 0);
+      ActiveSet active(dual.data(), count);
+      return least(dual.data(), count, among, b.data(), x.data(), active) == Found::LEAST;
+    };
+    // Where impulses are just 0, rounding may leave no solution without some room.
+    if (!found_with(0) && !found_with(1e-13)) return true;
+    for (const Vector& z : Z) {
+      double along = 0;
+      for (int i : among) along += z[i] * x[i] * s[i];
+      take(P, -along, z);
+    }
+    for (int i = 0; i < count; ++i) p[i] = x[i] > 0 ? 0 : std::fmax(P[i] / weight[i], 0);
+    return true;
+  }
+
+ private:
+  // Impulses that do nothing: one for each contact that depends on others.
+  std::vector<Vector> idle_impulses() const {
     // With a row for the work of walls that move, which the same impulses do as well.
-    std::vector<double> u(count, 0.0), B, scale(count);
+    Vector u(count), B, scale(count);
     double fastest = 0;
-    for (int i = 0; i < count; ++i) fastest = std::fmax(fastest, std::fabs(high(touches[i].velocity)) * touches[i].scale);
+    for (const Touch& touch : touches) fastest = std::fmax(fastest, std::fabs(high(touch.velocity)) * touch.scale);
     for (int i = 0; i < count; ++i) {
       u[i] = driven && fastest > 0 ? high(touches[i].velocity) * touches[i].scale / fastest : 0;
       scale[i] = touches[i].scale / std::sqrt(1 + u[i] * u[i]);
@@ -459,12 +517,10 @@ struct Assembly {
         for (int j = 0; j < count; ++j) B[i * count + j] = i == j ? 1 : (A[i * count + j] + u[i] * u[j]) * scale[i] / touches[i].scale * scale[j] / touches[j].scale;
     }
     ActiveSet basis(driven ? B.data() : A.data(), count);
-    std::vector<int> rest = basis.span(all());
-    if (rest.empty()) return false;
-    std::vector<std::vector<double>> found;  // of impulses
-    std::vector<double> w;
-    for (int i : rest) {
-      std::vector<DD> z(count, DD{0, 0});
+    std::vector<Vector> found;
+    Vector w;
+    for (int i : basis.span(all())) {
+      std::vector<DD> z(count);
       basis.line(i, w);
       z[i].h = scale[i];
       for (size_t m = 0; m < w.size(); ++m) z[basis.members[m]].h = -w[m] * scale[basis.members[m]];
@@ -487,63 +543,6 @@ struct Assembly {
       }
       if (std::fabs(square) < 1e-26) found.push_back(rounded(z.data(), count));
     }
-    if (found.empty()) return false;
-    int k = static_cast<int>(found.size());
-    std::vector<double> Z(static_cast<size_t>(count) * k, 0.0);  // of impulses times weights
-    for (int c = 0; c < k; ++c)
-      for (int i = 0; i < count; ++i) Z[static_cast<size_t>(i) * k + c] = found[c][i] * weight[i];
-    for (int c = 0; c < k; ++c) {  // orthonormal columns, twice is enough
-      for (int turn = 0; turn < 2; ++turn)
-        for (int d = 0; d < c; ++d) {
-          double along = 0;
-          for (int i = 0; i < count; ++i) along += Z[i * k + c] * Z[i * k + d];
-          for (int i = 0; i < count; ++i) Z[i * k + c] -= along * Z[i * k + d];
-        }
-      double length = 0;
-      for (int i = 0; i < count; ++i) length += Z[i * k + c] * Z[i * k + c];
-      for (int i = 0; i < count; ++i) {
-        Z[i * k + c] /= std::sqrt(length);
-        if (std::fabs(Z[i * k + c]) < 0x1p-46) Z[i * k + c] = 0;  // rounding
-      }
-    }
-    std::vector<double> P(count), b(count), x(count, 0.0);
-    for (int i = 0; i < count; ++i) P[i] = p[i] * weight[i];
-    for (int c = 0; c < k; ++c) {
-      double along = 0;
-      for (int i = 0; i < count; ++i) along += Z[i * k + c] * P[i];
-      for (int i = 0; i < count; ++i) P[i] -= along * Z[i * k + c];
-    }
-    // P + Z Z^T x >= 0, x >= 0: the same programme, scaled to a unit diagonal.
-    std::vector<double> dual(static_cast<size_t>(count) * count), s(count);
-    std::vector<int> among;
-    for (int i = 0; i < count; ++i) {
-      double square = 0;
-      for (int c = 0; c < k; ++c) square += Z[i * k + c] * Z[i * k + c];
-      s[i] = square > 1e-20 ? 1 / std::sqrt(square) : 0;
-      if (s[i] > 0) among.push_back(i);
-    }
-    for (int i : among)
-      for (int j : among) {
-        double sum = 0;
-        for (int c = 0; c < k; ++c) sum += Z[i * k + c] * Z[j * k + c];
-        dual[i * count + j] = i == j ? 1 : sum * s[i] * s[j];
-      }
-    double greatest = 0;
-    for (double y : P) greatest = std::fmax(greatest, std::fabs(y));
-    auto found_with = [&](double room) {
-      for (int i : among) b[i] = (P[i] + room * greatest) * s[i];
-      std::fill(x.begin(), x.end(), 0.0);
-      ActiveSet active(dual.data(), count);
-      return least(dual.data(), count, among, b.data(), x.data(), active) == Found::LEAST;
-    };
-    // Where impulses are just 0, rounding may leave no solution without some room.
-    if (!found_with(0) && !found_with(1e-13)) return true;
-    for (int c = 0; c < k; ++c) {
-      double along = 0;
-      for (int i : among) along += Z[i * k + c] * x[i] * s[i];
-      for (int i = 0; i < count; ++i) P[i] += along * Z[i * k + c];
-    }
-    for (int i = 0; i < count; ++i) p[i] = x[i] > 0 ? 0 : std::fmax(P[i] / weight[i], 0);
-    return true;
+    return found;
   }
 };
