@@ -7,9 +7,7 @@
 // exchange it for, there is no least (Keller, "The General Quadratic Optimization Problem", Math. Programming 5,
 // 1973).
 #pragma once
-#include <algorithm>
-#include <cmath>
-#include <vector>
+#include "vectors.hpp"
 
 constexpr double DEPENDENT = 1e-11;  // a pivot at or below this is rounding
 
@@ -39,8 +37,8 @@ class ActiveSet {
   // Make an independent part of `among` active, the farthest from dependent first. What depends on it is returned.
   std::vector<int> span(const std::vector<int>& among) {
     std::vector<int> left(among);
-    std::vector<std::vector<double>> rows(stride);
-    std::vector<double> pivot(stride);
+    std::vector<Vector> rows(stride);
+    Vector pivot(stride);
     for (int i : left) pivot[i] = A[i * stride + i];
     while (!left.empty()) {
       size_t best = 0;
@@ -82,10 +80,10 @@ class ActiveSet {
   }
 
   // The line that keeps the zeros of A x + b as x_i grows: x_P falls by w. Its curvature; 0 if i depends on P.
-  double line(int i, std::vector<double>& w) const {
+  double line(int i, Vector& w) const {
     w.resize(members.size());
     for (size_t k = 0; k < w.size(); ++k) w[k] = A[i * stride + members[k]];
-    std::vector<double> half(w);
+    Vector half(w);
     forward(half.data(), half.size());
     double curvature = A[i * stride + i];
     for (double y : half) curvature -= y * y;
@@ -106,7 +104,7 @@ class ActiveSet {
   const double* A;
   int stride;
   std::vector<char> is_member;
-  std::vector<double> factor;  // rows of the lower triangle
+  Vector factor;  // rows of the lower triangle
 };
 
 enum class Found { LEAST, NO_LEAST, TOO_LONG };
@@ -115,7 +113,7 @@ enum class Found { LEAST, NO_LEAST, TOO_LONG };
 // x_members[place]. `at(place)` gives x_members[place].
 template <class Move, class At>
 Found enter(ActiveSet& active, int i, double slope, Move move, At at) {
-  std::vector<double> w;
+  Vector w;
   for (int turn = 0;; ++turn) {
     double curvature = active.line(i, w);
     double step = curvature > 0 ? std::fmax(-slope, 0) / curvature : INFINITY;
@@ -167,7 +165,7 @@ inline Found least(const double* A, int stride, const std::vector<int>& among, c
         [&](size_t place) { return x[active.members[place]]; });
     if (found != Found::LEAST) return found;
     // Rounding of the steps does not gather: the active part anew.
-    std::vector<double> y;
+    Vector y;
     for (int j : active.members) y.push_back(-b[j]);
     active.solve(y.data());
     for (size_t k = 0; k < y.size(); ++k) x[active.members[k]] = std::fmax(y[k], 0);

@@ -4,10 +4,6 @@
 // Impulses p are numbers of double-double, without error: they are what was chosen. What they do, v = v0 + M^-1 N p
 // and u = u0 + A p, is computed from them with a bound, each time from the start.
 #pragma once
-#include <array>
-#include <numeric>
-#include <vector>
-
 #include "../numbers.hpp"
 #include "active_set.hpp"
 #include "column.hpp"
@@ -32,12 +28,6 @@ inline int exponent_of(const double* x, int count) {
 
 // The power of two below a size: what is divided by it keeps its digits.
 inline double power_near(double size) { return size > 0 && size < INFINITY ? std::ldexp(1.0, std::ilogb(size)) : 1; }
-
-using Axes = std::array<double, 3>;
-using Vector = std::vector<double>;
-
-inline Axes cross(const double* a, const double* b) { return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]}; }
-inline double dot(const Vector& a, const Vector& b) { return std::inner_product(a.begin(), a.end(), b.begin(), 0.0); }
 
 template <class T>
 struct Centre {  // a body as seen from its reference point, at x, which moves with v
@@ -451,19 +441,16 @@ struct Assembly {
       P[i] = p[i] * weight[i];
       for (Vector& z : Z) z[i] *= weight[i];
     }
-    auto take = [](Vector& y, double by, const Vector& x) {
-      for (size_t i = 0; i < y.size(); ++i) y[i] -= by * x[i];
-    };
     for (auto z = Z.begin(); z != Z.end(); ++z) {  // orthonormal, twice is enough
       for (int turn = 0; turn < 2; ++turn)
-        for (auto before = Z.begin(); before != z; ++before) take(*z, dot(*z, *before), *before);
+        for (auto before = Z.begin(); before != z; ++before) increase(*z, -dot(*z, *before), *before);
       const double length = std::sqrt(dot(*z, *z));
       for (double& x : *z) {
         x /= length;
         if (std::fabs(x) < 0x1p-46) x = 0;  // rounding
       }
     }
-    for (const Vector& z : Z) take(P, dot(z, P), z);
+    for (const Vector& z : Z) increase(P, -dot(z, P), z);
     // P + Z Z^T x >= 0, x >= 0: the same programme, scaled to a unit diagonal.
     auto rows = [&](int i, int j) {
       double sum = 0;
@@ -494,7 +481,7 @@ struct Assembly {
     for (const Vector& z : Z) {
       double along = 0;
       for (int i : among) along += z[i] * x[i] * s[i];
-      take(P, -along, z);
+      increase(P, along, z);
     }
     for (int i = 0; i < count; ++i) p[i] = x[i] > 0 ? 0 : std::fmax(P[i] / weight[i], 0);
     return true;
