@@ -123,11 +123,11 @@ template <class Make> PyObject* listed(size_t count, Make make) {
 }
 
 // none(): no impulses.
-PyObject* none(PyObject* self, PyObject*) { return bytes(std::vector<DD>(of(self).count, DD{0, 0})); }
+PyObject* none(PyObject* self, PyObject*) { return bytes(std::vector<DD>(of(self).count)); }
 
 // from_floats(p): impulses.
 PyObject* from_floats(PyObject* self, PyObject* list) {
-  std::vector<DD> p(of(self).count, DD{0, 0});
+  std::vector<DD> p(of(self).count);
   for (int i = 0; i < of(self).count; ++i) {
     p[i].h = PyFloat_AsDouble(PySequence_Fast_GET_ITEM(list, i));
     if (PyErr_Occurred()) return nullptr;
@@ -154,7 +154,7 @@ PyObject* reflect(PyObject* self, PyObject* const* args, Py_ssize_t count) {
   double threshold = PyFloat_AsDouble(args[0]);
   long budget = PyLong_AsLong(args[1]);
   if (PyErr_Occurred()) return nullptr;
-  Struck found = reflections(of(self), threshold, budget);
+  Struck found = Reflections{of(self)}.resolve(threshold, budget);
   PyObject* e = found.restitution < 0 ? Py_NewRef(Py_None) : PyFloat_FromDouble(found.restitution);
   return Py_BuildValue("iNddN", static_cast<int>(found.outcome), bytes(found.p), found.error, found.margin, e);
 }
@@ -218,7 +218,7 @@ PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
   double tolerance = PyFloat_AsDouble(args[2]);
   if (PyErr_Occurred()) return nullptr;
   Friction result;
-  result.P.assign(scene.count, Axes{0, 0, 0});
+  result.P.resize(scene.count);
   bool rubs = args[4] == Py_True;
   {
     WithoutGil without;

@@ -7,26 +7,27 @@
 // exchange it for, there is no least (Keller, "The General Quadratic Optimization Problem", Math. Programming 5,
 // 1973).
 //
-// R is double or double-double: columns that are nearly dependent, as those of the corners of a box that is not quite
-// flat, take more digits.
+// R is double or double-double: contacts that are nearly dependent, as the corners of a box a hair from flat, take more
+// digits.
 #pragma once
-#include <algorithm>
-#include <cmath>
-#include <vector>
-
 #include "../numbers.hpp"
+#include "vectors.hpp"
 
-template <class R> constexpr double DEPENDENT = 1e-11;  // a pivot at or below this is rounding
-template <> inline constexpr double DEPENDENT<DoubleDouble<double>> = 1e-27;
-template <class R> constexpr double UNMOVED = 1e-14;  // and so is a part of a line, or of a slope
-template <> inline constexpr double UNMOVED<DoubleDouble<double>> = 1e-29;
+using DD = DoubleDouble<double>;
+
+// Up to where it is rounding: a pivot; a part of a line, or of a slope.
+template <class R> constexpr double DEPENDENT = 1e-11;
+template <class R> constexpr double UNMOVED = 1e-14;
+template <> inline constexpr double DEPENDENT<DD> = 1e-27;
+template <> inline constexpr double UNMOVED<DD> = 1e-29;
 
 template <class R>
 class ActiveSet {
  public:
-  ActiveSet(const R* matrix, int stride) : A(matrix), stride(stride) {}
+  ActiveSet(const R* matrix, int stride) : A(matrix), stride(stride), is_member(stride) {}
 
   std::vector<int> members;
+  bool has(int i) const { return is_member[i]; }
 
   // Whether column i is independent of the active ones; it is active then.
   bool append(int i) {
@@ -40,6 +41,7 @@ class ActiveSet {
     if (!(high(pivot) > DEPENDENT<R>)) return false;
     row[m] = root(pivot);
     members.push_back(i);
+    is_member[i] = true;
     return true;
   }
 
@@ -72,6 +74,7 @@ class ActiveSet {
 
   void drop(size_t place) {
     std::vector<int> later(members.begin() + place + 1, members.end());
+    for (size_t k = place; k < members.size(); ++k) is_member[members[k]] = false;
     members.resize(place);
     for (int i : later) append(i);
   }
@@ -111,6 +114,7 @@ class ActiveSet {
 
   const R* A;
   int stride;
+  std::vector<char> is_member;
   std::vector<R> factor;  // rows of the lower triangle
 };
 
@@ -146,15 +150,11 @@ Found enter(ActiveSet<R>& active, int i, R slope, Move move, At at) {
 template <class R>
 Found least(const R* A, int stride, const std::vector<int>& among, const R* b, R* x, ActiveSet<R>& active, int* last = nullptr) {
   size_t n = among.size();
-  std::vector<char> is_active(stride);
   for (size_t turn = 0; turn < 50 * n + 200; ++turn) {
-    std::fill(is_active.begin(), is_active.end(), 0);
-    for (int j : active.members) is_active[j] = 1;
     int entering = -1;
     R most{};
-    for (size_t k = 0; k < n; ++k) {
-      int i = among[k];
-      if (is_active[i]) continue;
+    for (int i : among) {
+      if (active.has(i)) continue;
       R slope = b[i];
       double terms = std::fabs(high(b[i]));
       for (int j : active.members) {
@@ -163,7 +163,7 @@ Found least(const R* A, int stride, const std::vector<int>& among, const R* b, R
         terms += std::fabs(high(term));
       }
       bool is_less = turn < 20 * n + 100 ? less(slope, most) : entering < 0;
-      if (high(slope) < -UNMOVED<R> * terms && is_less) {  // what is less is rounding
+      if (high(slope) < -UNMOVED<R> * terms && is_less) {
         most = slope;
         entering = i;
       }

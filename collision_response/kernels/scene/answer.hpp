@@ -34,7 +34,7 @@ constexpr double AT_REST = 0x1p-20;
 
 // What becomes of a cluster. Of movable bodies six numbers each, of contacts three, or one.
 struct Numbers {
-  std::vector<double> changes, after, pushes, before, then;
+  Vector changes, after, pushes, before, then;
   std::vector<Regime> regimes;
   double energy_after = 0, lost_restitution = 0, lost_friction = 0, bound = 0;
   // More than rounding may seem to. By work on relative velocities, which is the same for every observer.
@@ -49,12 +49,12 @@ struct Numbers {
 
 // Of normal impulses, and of tangential ones, pairs in the axes of each contact; empty if there are none. A contact
 // sticks if it does not slip (by_slip), or if its friction is below the limit.
-inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<double>& tangential, double error, bool by_slip) {
+inline Numbers numbers_of(const Assembly& scene, const DD* p, const Vector& tangential, double error, bool by_slip) {
   Numbers answer;
   int count = scene.count;
   bool rubs = !tangential.empty();
-  std::vector<Axes> P(count, Axes{0, 0, 0});
-  std::vector<double> reported = rounded(p, count);
+  std::vector<Axes> P(count);
+  Vector reported = rounded(p, count);
   if (rubs)
     for (int i = 0; i < count; ++i)
       for (int k = 0; k < 2; ++k) P[i][1 + k] = tangential[2 * i + k];
@@ -133,12 +133,12 @@ inline Numbers numbers_of(const Assembly& scene, const DD* p, const std::vector<
 }
 
 inline std::vector<DD> along_normals(const Friction& friction, const Assembly& scene) {
-  std::vector<DD> p(scene.count, DD{0, 0});
+  std::vector<DD> p(scene.count);
   for (int i = 0; i < scene.count; ++i) p[i].h = friction.P[i][0] / scene.touches[i].length;
   return p;
 }
-inline std::vector<double> across_normals(const Friction& friction) {
-  std::vector<double> tangential;
+inline Vector across_normals(const Friction& friction) {
+  Vector tangential;
   for (const Axes& P : friction.P) tangential.insert(tangential.end(), {P[1], P[2]});
   return tangential;
 }

@@ -4,15 +4,11 @@
 // Impulses p are numbers of double-double, without error: they are what was chosen. What they do, v = v0 + M^-1 N p
 // and u = u0 + A p, is computed from them with a bound, each time from the start.
 #pragma once
-#include <array>
-#include <vector>
-
 #include "../numbers.hpp"
 #include "active_set.hpp"
 #include "column.hpp"
 #include "sizes.hpp"
 
-using DD = DoubleDouble<double>;
 using N = Bounded<DD>;
 
 INLINE N exact(DD x) { return {x, 0}; }
@@ -67,8 +63,8 @@ struct Given {  // a body
   // L y
   void twist_of(const double* y, double* twist) const {
     for (int j = 0; j < 3; ++j) twist[3 + j] = turn[0][j] * y[3] + turn[1][j] * y[4] + turn[2][j] * y[5];
-    const double* w = twist + 3;
-    for (int j = 0, k = 1, l = 2; j < 3; ++j, k = (k + 1) % 3, l = (l + 1) % 3) twist[j] = root * y[j] - (w[k] * com[l] - w[l] * com[k]);
+    const Axes at_centre = cross(twist + 3, com);
+    for (int j = 0; j < 3; ++j) twist[j] = root * y[j] - at_centre[j];
   }
   template <class T>
   void fill(Centre<T>& seen) {
@@ -101,15 +97,15 @@ struct Touch {
   Plain plain[3];                 // along the unit normal and two tangents
 
   // These (Duff et al. 2017).
-  std::array<std::array<double, 3>, 3> axes() const {
+  std::array<Axes, 3> axes() const {
     double x = normal[0] / length, y = normal[1] / length, z = normal[2] / length;
     double sign = x < 0 ? -1 : 1, c = -1 / (sign + x), d = y * z * c;
     return {{{x, y, z}, {-(sign * y), 1 + sign * (y * y * c), sign * d}, {-z, d, sign + z * z * c}}};
   }
 };
 
-inline std::vector<double> rounded(const DD* p, int count) {
-  std::vector<double> out(count);
+inline Vector rounded(const DD* p, int count) {
+  Vector out(count);
   for (int i = 0; i < count; ++i) out[i] = p[i].h;
   return out;
 }
@@ -118,8 +114,8 @@ struct Assembly {
   int count = 0, bodies = 0;
   std::vector<Touch> touches;
   std::vector<Given> given;      // the movable bodies
-  std::vector<double> A;         // n.K n of all pairs, scaled to a diagonal of 1
-  std::vector<double> room;      // of a velocity that parts all contacts: by how much, scaled
+  Vector A;         // n.K n of all pairs, scaled to a diagonal of 1
+  Vector room;      // of a velocity that parts all contacts: by how much, scaled
   double parting = 0;            // its size, in the metric of kinetic energy
   bool driven = false;           // a wall moves
   bool locked = false;           // there is no such velocity, as far as 32 digits can tell
@@ -150,7 +146,7 @@ struct Assembly {
       }
       Centre<N> centre = both[side]->centre;
       if (together) std::fill_n(centre.v, 3, exact(0.0));
-      velocity[side] = fill<N>(centre, touch, direction, side ? -1 : 1, touch.reach[side], touch.response[side]);
+      velocity[side] = fill<N>(centre, touch, direction, side, touch.reach[side], touch.response[side]);
     }
     touch.velocity = velocity[0] - velocity[1];
     touches.push_back(touch);
@@ -168,13 +164,16 @@ struct Assembly {
         const Given& body = *both[side];
         double* row = touch.plain[axis].row[side];
         if (body.rests()) continue;
-        double reach[6], response[6], sign = side ? -1 : 1;
-        velocity[side] = fill<double>(body.plain, touch, n, sign, reach, response);
+        double reach[6], response[6];
+        velocity[side] = fill<double>(body.plain, touch, n, side, reach, response);
         if (!body.movable()) continue;
-        for (int k = 0; k < 3; ++k) row[k] = body.root * reach[k];
+        const Axes of_centre = cross(body.com, reach);
         double moment[3];  // about the centre of mass
-        for (int j = 0, k = 1, l = 2; j < 3; ++j, k = (k + 1) % 3, l = (l + 1) % 3) moment[j] = reach[3 + j] - (body.com[k] * reach[l] - body.com[l] * reach[k]);
-        for (int k = 0; k < 3; ++k) row[3 + k] = body.turn[k][0] * moment[0] + body.turn[k][1] * moment[1] + body.turn[k][2] * moment[2];
+        for (int k = 0; k < 3; ++k) moment[k] = reach[3 + k] - of_centre[k];
+        for (int k = 0; k < 3; ++k) {
+          row[k] = body.root * reach[k];
+          row[3 + k] = body.turn[k][0] * moment[0] + body.turn[k][1] * moment[1] + body.turn[k][2] * moment[2];
+        }
       }
       touch.plain[axis].velocity = velocity[0] - velocity[1];
     }
@@ -182,7 +181,7 @@ struct Assembly {
   }
 
   template <class T>
-  static T fill(const Centre<T>& body, const Touch& touch, const T* direction, double sign, T* reach, T* response) {
+  static T fill(const Centre<T>& body, const Touch& touch, const T* direction, int side, T* reach, T* response) {
     T in[CENTRE + 9], out[10];
     std::copy(body.numbers, body.numbers + CENTRE, in);
     for (int k = 0; k < 3; ++k) {
@@ -191,11 +190,12 @@ struct Assembly {
       in[CENTRE + 6 + k] = direction[k];
     }
     column<T>(in, out, nullptr, nullptr);
-    for (int k = 0; k < 3; ++k) {
-      reach[k] = sign < 0 ? -direction[k] : direction[k];
-      reach[3 + k] = sign < 0 ? -out[1 + k] : out[1 + k];
-      response[k] = sign < 0 ? -out[4 + k] : out[4 + k];
-      response[3 + k] = sign < 0 ? -out[7 + k] : out[7 + k];
+    std::copy(direction, direction + 3, reach);
+    std::copy(out + 1, out + 4, reach + 3);
+    std::copy(out + 4, out + 10, response);
+    for (int k = 0; side && k < 6; ++k) {  // body_b gets the opposite
+      reach[k] = -reach[k];
+      response[k] = -response[k];
     }
     return out[0];
   }
@@ -277,9 +277,8 @@ struct Assembly {
 
   // Normal velocities, times the lengths of the normals.
   std::vector<N> velocities(const DD* p) const {
-    std::vector<N> u;
-    u.reserve(count);
-    for (const Touch& touch : touches) u.push_back(touch.velocity);
+    std::vector<N> u(count);
+    for (int i = 0; i < count; ++i) u[i] = touches[i].velocity;
     if (std::all_of(p, p + count, [](const DD& x) { return x.h == 0; })) return u;
     std::vector<N> twists = changes(p);
     for (int i = 0; i < count; ++i) u[i] = u[i] + velocity_change(touches[i], twists);
@@ -311,17 +310,16 @@ struct Assembly {
       for (int i : among) start[i] = start[i] + offset[i];
     const Projection found = nearest<double>(A, start, among);
     if (locked || found.error <= FINE * found.size) return found;
-    const Projection finer = nearest<DD>(couplings<DD>(), start, among);  // contacts that are nearly dependent
+    const Projection finer = nearest<DD>(couplings<DD>(), start, among);
     return finer.error < found.error ? finer : found;
   }
-  static constexpr double FINE = 0x1p-45;  // what doubles mostly do better than
+  static constexpr double FINE = 0x1p-45;  // doubles mostly do better, where contacts are not nearly dependent
 
-  // The same to the digits of R.
+  // The same with active sets in the digits of R.
   template <class R>
   Projection nearest(const std::vector<R>& matrix, const std::vector<N>& start, const std::vector<int>& among) const {
     auto scale = [&](int j) { return constant<R>(touches[j].scale); };
-    auto whole = [](const R& x) { return lifted<DD>(x); };
-    Projection result{Found::LEAST, std::vector<DD>(count, DD{0, 0}), INFINITY, 0};
+    Projection result{Found::LEAST, std::vector<DD>(count), INFINITY, 0};
     std::vector<DD>& q = result.q;
     std::vector<R> b(count), x(count);
     for (int i : among) {
@@ -331,9 +329,9 @@ struct Assembly {
     ActiveSet<R> active(matrix.data(), count);
     result.found = least(matrix.data(), count, among, b.data(), x.data(), active);
     if (result.found != Found::LEAST) return result;
-    for (int j : active.members) q[j] = whole(x[j] * scale(j));
+    for (int j : active.members) q[j] = lifted<DD>(x[j] * scale(j));
 
-    std::vector<N> r(count, exact(0.0));
+    std::vector<N> r(count);
     bool seen = false;  // r is that of q
     auto look = [&] {
       seen = true;
@@ -341,7 +339,6 @@ struct Assembly {
       for (int i : among) r[i] = start[i] + velocity_change(touches[i], twists);
     };
     std::vector<R> y;
-    std::vector<char> is_active(count);
     for (int round = 0; round < 4 * count + 20; ++round) {
       for (int turn = 0; turn < 8; ++turn) {  // the active part, by Newton's method
         look();
@@ -356,7 +353,7 @@ struct Assembly {
         seen = false;
         for (size_t k = 0; k < y.size(); ++k) {
           int j = active.members[k];
-          q[j] = q[j] + whole(y[k] * scale(j));
+          q[j] = q[j] + lifted<DD>(y[k] * scale(j));
         }
       }
       int worst = -1;
@@ -368,13 +365,11 @@ struct Assembly {
         active.drop(worst);
         continue;
       }
-      std::fill(is_active.begin(), is_active.end(), 0);
-      for (int j : active.members) is_active[j] = 1;
       int entering = -1;
       double most = 0;
       for (int i : among) {
         double slope = high(r[i]) * touches[i].scale;
-        if (!is_active[i] && high(r[i]) < -8 * r[i].error && slope < most) {
+        if (!active.has(i) && high(r[i]) < -8 * r[i].error && slope < most) {
           most = slope;
           entering = i;
         }
@@ -385,14 +380,10 @@ struct Assembly {
           active, entering, digits<R>(r[entering]) * scale(entering),
           [&](int place, const R& by) {
             int j = place < 0 ? entering : active.members[place];
-            q[j] = high(by) == -INFINITY ? DD{0, 0} : q[j] + whole(by * scale(j));
+            q[j] = high(by) == -INFINITY ? DD{0, 0} : q[j] + lifted<DD>(by * scale(j));
           },
           [&](size_t place) { return digits<R>(exact(q[active.members[place]])) / scale(active.members[place]); });
-      if (found != Found::LEAST) {  // beyond what these digits can tell: the bound says so
-        for (DD& one : q)
-          if (one.h < 0) one = DD{0, 0};
-        break;
-      }
+      if (found != Found::LEAST) break;  // beyond what these digits can tell: the bound says so
     }
     for (DD& one : q)
       if (one.h < 0) {
@@ -423,18 +414,18 @@ struct Assembly {
       double u = high(touch.velocity), doubt = width(touch.velocity);
       offset.push_back(u < 0 ? touch.velocity * exact(touch.e) : N{{0, 0}, u < doubt ? doubt : 0});
     }
-    return project(std::vector<DD>(count, DD{0, 0}).data(), all(), offset.data());
+    return project(std::vector<DD>(count).data(), all(), offset.data());
   }
 
   std::vector<int> all() const {
     std::vector<int> everyone(count);
-    for (int i = 0; i < count; ++i) everyone[i] = i;
+    std::iota(everyone.begin(), everyone.end(), 0);
     return everyone;
   }
 
   // The few contacts that, as far as doubles can tell, no velocities keep all from approaching; or none.
   std::vector<int> contradiction() const {
-    std::vector<double> b, x(count, 0.0);
+    Vector b, x(count);
     for (const Touch& touch : touches) b.push_back(high(touch.velocity) * touch.scale);
     ActiveSet<double> active(A.data(), count);
     int last;
@@ -467,13 +458,68 @@ struct Assembly {
 
   // Of all impulses that do the same, p + Z z >= 0, those of least sum of n.n p^2; `shared`: over all copies. Whether
   // there are others.
-  bool least_norm(std::vector<double>& p, bool shared) const {
-    std::vector<double> weight(count);
-    for (int i = 0; i < count; ++i) weight[i] = touches[i].length / (shared ? std::sqrt(touches[i].copies) : 1);
+  bool least_norm(Vector& p, bool shared) const {
+    std::vector<Vector> Z = idle_impulses();
+    if (Z.empty()) return false;
+    Vector weight(count), P(count);
+    for (int i = 0; i < count; ++i) {
+      weight[i] = touches[i].length / (shared ? std::sqrt(touches[i].copies) : 1);
+      P[i] = p[i] * weight[i];
+      for (Vector& z : Z) z[i] *= weight[i];
+    }
+    for (auto z = Z.begin(); z != Z.end(); ++z) {  // orthonormal, twice is enough
+      for (int turn = 0; turn < 2; ++turn)
+        for (auto before = Z.begin(); before != z; ++before) increase(*z, -dot(*z, *before), *before);
+      const double length = std::sqrt(dot(*z, *z));
+      for (double& x : *z) {
+        x /= length;
+        if (std::fabs(x) < 0x1p-46) x = 0;  // rounding
+      }
+    }
+    for (const Vector& z : Z) increase(P, -dot(z, P), z);
+    // P + Z Z^T x >= 0, x >= 0: the same programme, scaled to a unit diagonal.
+    auto rows = [&](int i, int j) {
+      double sum = 0;
+      for (const Vector& z : Z) sum += z[i] * z[j];
+      return sum;
+    };
+    Vector b(count), x(count), s(count), dual(static_cast<size_t>(count) * count, 1);
+    std::vector<int> among;
+    double greatest = 0;
+    for (int i = 0; i < count; ++i) {
+      greatest = std::fmax(greatest, std::fabs(P[i]));
+      const double square = rows(i, i);
+      if (!(square > 1e-20)) continue;
+      s[i] = 1 / std::sqrt(square);
+      among.push_back(i);
+    }
+    for (int i : among)
+      for (int j : among)
+        if (i != j) dual[i * count + j] = rows(i, j) * s[i] * s[j];
+    auto found_with = [&](double room) {
+      for (int i : among) b[i] = (P[i] + room * greatest) * s[i];
+      x.assign(count, 0);
+      ActiveSet<double> active(dual.data(), count);
+      return least(dual.data(), count, among, b.data(), x.data(), active) == Found::LEAST;
+    };
+    // Where impulses are just 0, rounding may leave no solution without some room.
+    if (!found_with(0) && !found_with(1e-13)) return true;
+    for (const Vector& z : Z) {
+      double along = 0;
+      for (int i : among) along += z[i] * x[i] * s[i];
+      increase(P, along, z);
+    }
+    for (int i = 0; i < count; ++i) p[i] = x[i] > 0 ? 0 : std::fmax(P[i] / weight[i], 0);
+    return true;
+  }
+
+ private:
+  // Impulses that do nothing: one for each contact that depends on others.
+  std::vector<Vector> idle_impulses() const {
     // With a row for the work of walls that move, which the same impulses do as well.
-    std::vector<double> u(count, 0.0), B, scale(count);
+    Vector u(count), B, scale(count);
     double fastest = 0;
-    for (int i = 0; i < count; ++i) fastest = std::fmax(fastest, std::fabs(high(touches[i].velocity)) * touches[i].scale);
+    for (const Touch& touch : touches) fastest = std::fmax(fastest, std::fabs(high(touch.velocity)) * touch.scale);
     for (int i = 0; i < count; ++i) {
       u[i] = driven && fastest > 0 ? high(touches[i].velocity) * touches[i].scale / fastest : 0;
       scale[i] = touches[i].scale / std::sqrt(1 + u[i] * u[i]);
@@ -484,12 +530,10 @@ struct Assembly {
         for (int j = 0; j < count; ++j) B[i * count + j] = i == j ? 1 : (A[i * count + j] + u[i] * u[j]) * scale[i] / touches[i].scale * scale[j] / touches[j].scale;
     }
     ActiveSet<double> basis(driven ? B.data() : A.data(), count);
-    std::vector<int> rest = basis.span(all());
-    if (rest.empty()) return false;
-    std::vector<std::vector<double>> found;  // of impulses
-    std::vector<double> w;
-    for (int i : rest) {
-      std::vector<DD> z(count, DD{0, 0});
+    std::vector<Vector> found;
+    Vector w;
+    for (int i : basis.span(all())) {
+      std::vector<DD> z(count);
       basis.line(i, w);
       z[i].h = scale[i];
       for (size_t m = 0; m < w.size(); ++m) z[basis.members[m]].h = -w[m] * scale[basis.members[m]];
@@ -512,63 +556,6 @@ struct Assembly {
       }
       if (std::fabs(square) < 1e-26) found.push_back(rounded(z.data(), count));
     }
-    if (found.empty()) return false;
-    int k = static_cast<int>(found.size());
-    std::vector<double> Z(static_cast<size_t>(count) * k, 0.0);  // of impulses times weights
-    for (int c = 0; c < k; ++c)
-      for (int i = 0; i < count; ++i) Z[static_cast<size_t>(i) * k + c] = found[c][i] * weight[i];
-    for (int c = 0; c < k; ++c) {  // orthonormal columns, twice is enough
-      for (int turn = 0; turn < 2; ++turn)
-        for (int d = 0; d < c; ++d) {
-          double along = 0;
-          for (int i = 0; i < count; ++i) along += Z[i * k + c] * Z[i * k + d];
-          for (int i = 0; i < count; ++i) Z[i * k + c] -= along * Z[i * k + d];
-        }
-      double length = 0;
-      for (int i = 0; i < count; ++i) length += Z[i * k + c] * Z[i * k + c];
-      for (int i = 0; i < count; ++i) {
-        Z[i * k + c] /= std::sqrt(length);
-        if (std::fabs(Z[i * k + c]) < 0x1p-46) Z[i * k + c] = 0;  // rounding
-      }
-    }
-    std::vector<double> P(count), b(count), x(count, 0.0);
-    for (int i = 0; i < count; ++i) P[i] = p[i] * weight[i];
-    for (int c = 0; c < k; ++c) {
-      double along = 0;
-      for (int i = 0; i < count; ++i) along += Z[i * k + c] * P[i];
-      for (int i = 0; i < count; ++i) P[i] -= along * Z[i * k + c];
-    }
-    // P + Z Z^T x >= 0, x >= 0: the same programme, scaled to a unit diagonal.
-    std::vector<double> dual(static_cast<size_t>(count) * count), s(count);
-    std::vector<int> among;
-    for (int i = 0; i < count; ++i) {
-      double square = 0;
-      for (int c = 0; c < k; ++c) square += Z[i * k + c] * Z[i * k + c];
-      s[i] = square > 1e-20 ? 1 / std::sqrt(square) : 0;
-      if (s[i] > 0) among.push_back(i);
-    }
-    for (int i : among)
-      for (int j : among) {
-        double sum = 0;
-        for (int c = 0; c < k; ++c) sum += Z[i * k + c] * Z[j * k + c];
-        dual[i * count + j] = i == j ? 1 : sum * s[i] * s[j];
-      }
-    double greatest = 0;
-    for (double y : P) greatest = std::fmax(greatest, std::fabs(y));
-    auto found_with = [&](double room) {
-      for (int i : among) b[i] = (P[i] + room * greatest) * s[i];
-      std::fill(x.begin(), x.end(), 0.0);
-      ActiveSet<double> active(dual.data(), count);
-      return least(dual.data(), count, among, b.data(), x.data(), active) == Found::LEAST;
-    };
-    // Where impulses are just 0, rounding may leave no solution without some room.
-    if (!found_with(0) && !found_with(1e-13)) return true;
-    for (int c = 0; c < k; ++c) {
-      double along = 0;
-      for (int i : among) along += Z[i * k + c] * x[i] * s[i];
-      for (int i = 0; i < count; ++i) P[i] += along * Z[i * k + c];
-    }
-    for (int i = 0; i < count; ++i) p[i] = x[i] > 0 ? 0 : std::fmax(P[i] / weight[i], 0);
-    return true;
+    return found;
   }
 };

@@ -137,7 +137,7 @@ inline Struck rubbed(const Assembly& scene, Struck free) {
 inline Struck stepped(const Assembly& scene, bool rubs) {
   if (rubs) return struck_by(one_step(scene), scene);
   auto parts = [](const Touch& touch) { return high(touch.velocity) >= 0; };
-  if (std::all_of(scene.touches.begin(), scene.touches.end(), parts)) return {Outcome::ANSWERED, std::vector<DD>(scene.count, DD{0, 0})};
+  if (std::all_of(scene.touches.begin(), scene.touches.end(), parts)) return {Outcome::ANSWERED, std::vector<DD>(scene.count)};
   Assembly::Projection found = scene.rebound();
   return {found.found == Found::LEAST ? Outcome::ANSWERED : Outcome::CONTRADICTORY, found.q, found.error};
 }
@@ -170,7 +170,7 @@ inline Answer answered(Cluster& cluster, const Asked& asked) {
     if (answer.code != LEFT_TO_PYTHON && !answer.numbers.creates_energy) return answer;
     answer.fell_back = true;
   }
-  struck = reflections(scene, asked.threshold, asked.budget);
+  struck = Reflections{scene}.resolve(asked.threshold, asked.budget);
   double undecided = struck.error;
   if (cluster.rubs && struck.outcome == Outcome::ANSWERED) struck = rubbed(scene, std::move(struck));
   if (struck.outcome != Outcome::ANSWERED) answer.code = struck.outcome == Outcome::ENDLESS ? STATUS_PATH_TOO_LONG : STATUS_CONTRADICTORY_CONTACTS;

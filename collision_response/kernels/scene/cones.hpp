@@ -20,11 +20,7 @@
 // Math. Oper. Res. 1 (1976); Li, Sun & Toh, "A Highly Efficient Semismooth Newton Augmented Lagrangian Method",
 // SIAM J. Optim. 28 (2018).
 #pragma once
-#include <array>
-
 #include "active_set.hpp"
-
-using Axes = std::array<double, 3>;
 
 class Cones {
  public:
@@ -39,14 +35,12 @@ class Cones {
     double mu, share;  // share: of rho
   };
   std::vector<Cone> cones;
-  std::vector<double> kept;   // c, or empty
-  std::vector<double> loads;  // normal impulses > 0 that do it, but for `spare`
-  std::vector<double> spare;
+  Vector kept;   // c, or empty
+  Vector loads;  // normal impulses > 0 that do it, but for `spare`
+  Vector spare;
   std::vector<Axes> P, z;     // z: w + B eta
 
   explicit Cones(int bodies) : bodies(bodies) {}
-
-  void add(const Cone& cone) { cones.push_back(cone); }
 
   // Normal impulses that do what impulses of these cones along their normals can, and how to find them.
   void span(const ActiveSet<double>& active, const std::vector<int>& members) {
@@ -57,10 +51,10 @@ class Cones {
   // After the last one.
   void begin() {
     size_t n = cones.size();
-    P.assign(n, Axes{0, 0, 0});
-    z = P;
+    P.resize(n);
+    z.resize(n);
     variables = 6 * bodies + static_cast<int>(kept.size());
-    x.assign(variables, 0.0);
+    x.resize(variables);
     order();
     profile();
   }
@@ -78,7 +72,7 @@ class Cones {
 
   // The first step towards that.
   void start_afresh() {
-    const std::vector<Axes> none(P.size(), Axes{0, 0, 0});
+    const std::vector<Axes> none(P.size());
     if (!settle(GREATEST, none, true, 12))
       for (double size = 1; size <= GREATEST; size *= 100) settle(size, none, size == 1, 60);
   }
@@ -89,8 +83,8 @@ class Cones {
     for (double size = 100 * GREATEST; size >= LEAST; size /= 100)
       for (bool gains = true; gains && least > ENOUGH;) {
         const std::vector<Axes> old_P = P, old_z = z;
-        const std::vector<double> old_x = x;
-        settle(size, old_P, false, 60);
+        const Vector old_x = x;
+        settle(size, P, false, 60);
         sharpen();
         double now = off(0);
         gains = now < least / 3;
@@ -105,29 +99,27 @@ class Cones {
   }
 
   // One step, from impulses Q; whether Newton's method ended.
-  bool settle(double size, const std::vector<Axes>& Q, bool afresh, int budget) {
+  bool settle(double size, std::vector<Axes> Q, bool afresh, int budget) {
     rho = size;
-    from = Q;
+    from = std::move(Q);
     lambda_before.assign(x.begin() + 6 * bodies, x.end());
-    std::vector<double> gradient(variables), trial(variables), step(variables), before;
+    Vector gradient(variables), trial, step(variables);
     if (afresh) {  // as if all contacts held
       look(x, gradient, true);
       newton(gradient, step);
-      for (int i = 0; i < variables; ++i) x[i] += step[i];
+      increase(x, 1, step);
     }
     double value = look(x, gradient, false), off = norm(gradient), enough = 1e-14 + 2e-16 * rho;
     for (int turn = 0; turn < budget && off > enough; ++turn) {
       newton(gradient, step);
-      double slope = 0;
-      for (int i = 0; i < variables; ++i) slope += gradient[i] * step[i];
-      double length = 1, old = off, now = 0;
-      before = gradient;
-      for (;; length /= 2) {
-        for (int i = 0; i < variables; ++i) trial[i] = x[i] + length * step[i];
+      const double slope = dot(gradient, step), old = off;
+      double now = 0;
+      for (double length = 1;; length /= 2) {
+        trial = x;
+        increase(trial, length, step);
         now = look(trial, gradient, false);
         off = norm(gradient);
-        if (off <= old / 2 || now <= value + 1e-4 * length * slope) break;
-        if (length < 1e-3) break;
+        if (off <= old / 2 || now <= value + 1e-4 * length * slope || length < 1e-3) break;
       }
       if (off >= old && old < 1e4 * enough) {  // rounding
         look(x, gradient, false);
@@ -141,10 +133,10 @@ class Cones {
 
   // A last step of Newton's, by which P changes but is not computed anew: of rho (w + B eta) it has the rounding.
   void sharpen() {
-    std::vector<double> gradient(variables), step(variables);
+    Vector gradient(variables), step(variables);
     look(x, gradient, false);
     newton(gradient, step);
-    for (int i = 0; i < variables; ++i) x[i] += step[i];
+    increase(x, 1, step);
     for (size_t i = 0; i < cones.size(); ++i) {
       Axes by = velocity(cones[i], step.data());
       for (int a = 0; a < 3; ++a) z[i][a] += by[a];
@@ -156,8 +148,8 @@ class Cones {
   }
 
   // y
-  std::vector<double> motion() const {
-    std::vector<double> y(6 * static_cast<size_t>(bodies), 0.0);
+  Vector motion() const {
+    Vector y(6 * static_cast<size_t>(bodies));
     for (size_t i = 0; i < cones.size(); ++i) add_row(cones[i], P[i], y);
     return y;
   }
@@ -170,8 +162,8 @@ class Cones {
   // Q is (1 - part) P + part `loads` + `by` along normals, with the least part that leaves it in the cones. P* is taken to
   // be no greater than the greatest impulse found.
   double off(double rounding) const {
-    const std::vector<double> y = motion();
-    std::vector<double> dual = y, by(kept.size()), e(y.size(), 0.0);
+    const Vector y = motion();
+    Vector dual = y, by(kept.size()), e(y.size());
     const double* lambda = x.data() + 6 * bodies;
     double part = 0, reach = 1, sum = 0;
     for (size_t i = 0; i < kept.size(); ++i) {
@@ -192,17 +184,15 @@ class Cones {
       sum += reach * std::fmin(outside, slip + std::fmax(-v[0], 0));
       if (!kept.empty()) sum += std::fabs(v[0]) * (part * loads[i] + std::fabs(by[i]));
     }
-    double far = 0;
-    for (double d : e) far += d * d;
-    far = std::sqrt(far);
+    const double far = std::sqrt(dot(e, e));
     return far + (far + std::sqrt(far * far + 4 * sum)) / 2;
   }
 
  private:
   int bodies, variables = 0;
   double rho = 1, sigma = USUAL;
-  std::vector<double> x;  // eta, lambda
-  std::vector<double> lambda_before;
+  Vector x;  // eta, lambda
+  Vector lambda_before;
   std::vector<Axes> from;
   static constexpr double ROUNDING = 0x1p-50;
   ActiveSet<double> normals{nullptr, 0};
@@ -213,8 +203,8 @@ class Cones {
   std::vector<Slope> slopes;
 
   // From changes of normal velocities to impulses along normals, and the part of the loads that leaves them in the cones.
-  void along_normals(std::vector<double>& by, double& part) const {
-    std::vector<double> found;
+  void along_normals(Vector& by, double& part) const {
+    Vector found;
     for (int i : independent) found.push_back(by[i]);
     normals.solve(found.data());
     std::fill(by.begin(), by.end(), 0.0);
@@ -223,13 +213,13 @@ class Cones {
     else
       for (size_t k = 0; k < found.size(); ++k) by[independent[k]] = found[k];
   }
-  static double size_near(const Cone& cone, const std::vector<double>& y) {
+  static double size_near(const Cone& cone, const Vector& y) {
     double square = 0;
     for (int body : cone.body)
       for (int k = 0; body >= 0 && k < 6; ++k) square += y[6 * body + k] * y[6 * body + k];
     return std::sqrt(square);
   }
-  static double norm(const std::vector<double>& g) {
+  static double norm(const Vector& g) {
     double most = 0;
     for (double v : g) most = std::max(most, std::fabs(v));
     return most;
@@ -244,7 +234,7 @@ class Cones {
       }
     return v;
   }
-  static void add_row(const Cone& cone, const Axes& by, std::vector<double>& y) {
+  static void add_row(const Cone& cone, const Axes& by, Vector& y) {
     for (int side = 0; side < 2; ++side)
       if (cone.body[side] >= 0) {
         double* of = &y[6 * cone.body[side]];
@@ -275,10 +265,10 @@ class Cones {
   }
 
   // The value of the dual, its gradient, P and slopes there. `holding`: with no cones.
-  double look(const std::vector<double>& at, std::vector<double>& gradient, bool holding) {
+  double look(const Vector& at, Vector& gradient, bool holding) {
     slopes.resize(cones.size());
     const double* lambda = at.data() + 6 * bodies;
-    std::vector<double>& y = whole;
+    Vector& y = whole;
     y.assign(at.begin(), at.begin() + 6 * bodies);
     for (size_t i = 0; i < kept.size(); ++i) add_row(cones[i], Axes{lambda[i], 0, 0}, y);
     double value = 0;
@@ -313,8 +303,8 @@ class Cones {
   // The matrix of Newton's method by rows, each from its first entry to the diagonal.
   std::vector<int> place, first;
   std::vector<size_t> start;
-  std::vector<double> constant, M, rhs, whole;
-  double& at(std::vector<double>& matrix, int i, int j) const {
+  Vector constant, M, rhs, whole;
+  double& at(Vector& matrix, int i, int j) const {
     int a = std::max(place[i], place[j]), b = std::min(place[i], place[j]);
     return matrix[start[a] + static_cast<size_t>(b - first[a])];
   }
@@ -326,7 +316,7 @@ class Cones {
       for (int body : cones[i].body)
         if (body >= 0) touching[body].push_back(static_cast<int>(i));
     std::vector<int> roots(bodies), queue;
-    for (int b = 0; b < bodies; ++b) roots[b] = b;
+    std::iota(roots.begin(), roots.end(), 0);
     auto fewer = [&](int a, int b) { return touching[a].size() < touching[b].size(); };
     std::stable_sort(roots.begin(), roots.end(), fewer);
     std::vector<char> seen(bodies), placed(kept.size());
@@ -401,7 +391,7 @@ class Cones {
   const double* normal(int i, int body) const { return cones[i].row[cones[i].body[0] == body ? 0 : 1][0]; }
 
   // step <- - M^-1 gradient
-  void newton(const std::vector<double>& gradient, std::vector<double>& step) {
+  void newton(const Vector& gradient, Vector& step) {
     M = constant;
     for (size_t i = 0; i < kept.size(); ++i) at(M, 6 * bodies + static_cast<int>(i), 6 * bodies + static_cast<int>(i)) += 1 / sigma;
     for (size_t i = 0; i < cones.size(); ++i) {

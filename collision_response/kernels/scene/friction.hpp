@@ -6,8 +6,8 @@
 
 struct Motion {  // of the movable bodies: y, and their twists have changed by L y
   const Assembly* scene;
-  std::vector<double> y;
-  explicit Motion(const Assembly& assembly) : scene(&assembly), y(6 * static_cast<size_t>(assembly.bodies), 0.0) {}
+  Vector y;
+  explicit Motion(const Assembly& assembly) : scene(&assembly), y(6 * static_cast<size_t>(assembly.bodies)) {}
 
   void push(int i, const Axes& by) {
     const Touch& touch = scene->touches[i];
@@ -81,6 +81,12 @@ inline Cones::Cone cone_of(const Touch& touch, double speed, double mean) {
   return cone;
 }
 
+// And back: what an impulse in such units is.
+inline Axes in_newton_seconds(Axes P, const Touch& touch, double speed) {
+  for (double& along : P) along = along * speed * touch.scale * touch.length;
+  return P;
+}
+
 // From frictionless impulses p, whose velocities are off by `error`, the least work on relative velocities over the
 // cones of friction, with the normal velocities of the loaded contacts kept. Loaded are those of the impulses of least
 // norm, as others depend on the order. Nothing if none of them rubs.
@@ -88,10 +94,10 @@ inline Friction least_work(const Assembly& scene, const DD* p, double error) {
   int count = scene.count;
   Friction result;
   result.error = error;
-  std::vector<double> own = rounded(p, count), shared = own;
+  Vector own = rounded(p, count), shared = own;
   scene.least_norm(shared, false);
   double mean = 0, speed = 0;
-  std::vector<double> most(scene.bodies, 0.0);  // of the loads of each body
+  Vector most(scene.bodies);  // of the loads of each body
   for (int i = 0; i < count; ++i) {
     const Touch& touch = scene.touches[i];
     speed = std::fmax(speed, shared[i] / touch.scale);
@@ -132,7 +138,7 @@ inline Friction least_work(const Assembly& scene, const DD* p, double error) {
   for (int i : loaded) {
     const Touch& touch = scene.touches[i];
     double unit = touch.scale * touch.length / speed, before = touch.plain[0].velocity;
-    programme.add(cone_of(touch, speed, mean));
+    programme.cones.push_back(cone_of(touch, speed, mean));
     programme.kept.push_back((free.velocity(i, 0) - before) * unit);
     programme.loads.push_back(shared[i] / touch.scale / speed);
     programme.spare.push_back(std::fabs(as_shared.velocity(i, 0) - free.velocity(i, 0)) * unit);
@@ -144,24 +150,23 @@ inline Friction least_work(const Assembly& scene, const DD* p, double error) {
   programme.span(normals, members);
   programme.begin();
   result.error += programme.solve() * speed;
-  result.P.assign(count, Axes{0, 0, 0});
-  for (size_t k = 0; k < loaded.size(); ++k)
-    for (int axis = 0; axis < 3; ++axis) result.P[loaded[k]][axis] = programme.P[k][axis] * speed * scene.touches[loaded[k]].scale * scene.touches[loaded[k]].length;
+  result.P.resize(count);
+  for (size_t k = 0; k < loaded.size(); ++k) result.P[loaded[k]] = in_newton_seconds(programme.P[k], scene.touches[loaded[k]], speed);
 
   // Another contact may approach now.
   Motion moved(scene);
   for (int i = 0; i < count; ++i) moved.push(i, result.P[i]);
   std::vector<N> offset;
   bool approaches = false;
-  for (const Touch& touch : scene.touches) {
-    size_t i = offset.size();
-    double u = moved.velocity(static_cast<int>(i), 0), doubt = 0x1p-50 * (std::fabs(touch.plain[0].velocity) + moved.size_at(static_cast<int>(i)));
+  for (int i = 0; i < count; ++i) {
+    const Touch& touch = scene.touches[i];
+    double u = moved.velocity(i, 0), doubt = 0x1p-50 * (std::fabs(touch.plain[0].velocity) + moved.size_at(i));
     approaches = approaches || u < -doubt;
     offset.push_back(exact(u * touch.length) - touch.velocity);
     offset.back().error += doubt * touch.length;
   }
   if (approaches) {
-    Assembly::Projection last = scene.project(std::vector<DD>(count, DD{0, 0}).data(), scene.all(), offset.data());
+    Assembly::Projection last = scene.project(std::vector<DD>(count).data(), scene.all(), offset.data());
     // GRR has found velocities that part them: if none are found here, doubles can't tell.
     result.error += last.found == Found::LEAST ? last.error : INFINITY;
     for (int i = 0; i < count; ++i) result.P[i][0] += last.q[i].h * scene.touches[i].length;
@@ -170,12 +175,12 @@ inline Friction least_work(const Assembly& scene, const DD* p, double error) {
 }
 
 // The shifts that a solution leaves.
-inline std::vector<double> shifts_of(const Cones& programme) {
-  std::vector<double> shifts;
+inline Vector shifts_of(const Cones& programme) {
+  Vector shifts;
   for (size_t i = 0; i < programme.cones.size(); ++i) shifts.push_back(programme.cones[i].mu * std::hypot(programme.z[i][1], programme.z[i][2]));
   return shifts;
 }
-inline double distance(const std::vector<double>& one, const std::vector<double>& other) {
+inline double distance(const Vector& one, const Vector& other) {
   double most = 0;
   for (size_t i = 0; i < one.size(); ++i) most = std::fmax(most, std::fabs(one[i] - other[i]));
   return most;
@@ -185,31 +190,31 @@ inline double distance(const std::vector<double>& one, const std::vector<double>
 // round takes shifts a little beside them nearer, by some rate: if by more than `off`, some that stay are no farther.
 // Where contacts lock, or share a load in several ways, shifts all around stay, and nothing can be said. The rate is
 // that of the direction in which rounds are slowest, by the power method: an estimate.
-inline double spread(Cones programme, const std::vector<double>& start, const std::vector<double>& shift, double off) {
+inline double spread(Cones programme, const Vector& start, const Vector& shift, double off) {
   constexpr double LEAST = 1e-9, WIDER = 30, WIDEST = 1e-3, SEEN = 1e-12, STAYS = 1 - 1e-5;
   constexpr int ROUNDS = 20;
-  auto look = [&](const std::vector<double>& by) {
+  auto look = [&](const Vector& by) {
     for (size_t i = 0; i < by.size(); ++i) programme.cones[i].w[0] = start[i] + std::fmax(shift[i] + by[i], 0);
-    if (!programme.settle(Cones::GREATEST, std::vector<Axes>(programme.P), false, 60)) programme.start_afresh();
+    if (!programme.settle(Cones::GREATEST, programme.P, false, 60)) programme.start_afresh();
     programme.sharpen();
     return shifts_of(programme);
   };
-  const std::vector<double> zero(shift.size(), 0.0), here = look(zero), y = programme.motion();
+  const Vector zero(shift.size()), here = look(zero), y = programme.motion();
   off = std::fmax(off, SEEN) + distance(here, shift);
   double turned = 0;  // the velocities, at most
   auto rate_beside = [&](double beside, double uneven) {
-    std::vector<double> by;
+    Vector by;
     for (size_t i = 0; i < shift.size(); ++i) by.push_back(beside * (1 + std::fmod(uneven * static_cast<double>(i), 1)));
     double rate = 0, last = -1;
     for (int round = 0; round < ROUNDS && std::fabs(rate - last) > 0.01 * (1 - rate); ++round) {
       double size = distance(by, zero);
       if (!(size > 0)) break;
       for (double& x : by) x *= beside / size;
-      const std::vector<double> there = look(by), moved = programme.motion();
-      double square = 0;
-      for (size_t k = 0; k < y.size(); ++k) square += (moved[k] - y[k]) * (moved[k] - y[k]);
-      turned = std::fmax(turned, std::sqrt(square));
-      for (size_t i = 0; i < by.size(); ++i) by[i] = there[i] - here[i];
+      by = look(by);
+      increase(by, -1, here);
+      Vector moved = programme.motion();
+      increase(moved, -1, y);
+      turned = std::fmax(turned, std::sqrt(dot(moved, moved)));
       last = rate;
       rate = distance(by, zero) / beside;
     }
@@ -230,7 +235,7 @@ inline double spread(Cones programme, const std::vector<double>& start, const st
 inline Friction one_step(const Assembly& scene) {
   int count = scene.count;
   Friction result;
-  result.P.assign(count, Axes{0, 0, 0});
+  result.P.resize(count);
   double mean = 0, speed = 0;
   bool approach = false;
   for (const Touch& touch : scene.touches) {
@@ -241,43 +246,42 @@ inline Friction one_step(const Assembly& scene) {
   }
   if (!approach) return result;  // no impulse is a solution
   Cones programme(scene.bodies);
-  std::vector<double> start;
+  Vector start;
   for (const Touch& touch : scene.touches) {
     Cones::Cone cone = cone_of(touch, speed, mean);
     cone.mu = std::fmin(cone.mu, GREATEST_IN_ONE_STEP);
     cone.w[0] += touch.e * std::fmin(cone.w[0], 0);
     start.push_back(cone.w[0]);
-    programme.add(cone);
+    programme.cones.push_back(cone);
   }
   programme.begin();
   programme.start_afresh();
   programme.sharpen();
-  std::vector<double> shift(count, 0.0), off(count), last_off, last_shift;
+  Vector shift(count), off, last_off, last_shift;
   double change = INFINITY, last_change = INFINITY;
   int round = 0;
   for (; round < 300 && change > 1e-12; ++round) {
-    const std::vector<double> found = shifts_of(programme);
-    for (int i = 0; i < count; ++i) off[i] = found[i] - shift[i];
+    const Vector found = shifts_of(programme);
+    off = found;
+    increase(off, -1, shift);
     change = distance(found, shift);
     // The secant of the last two, which leaps where the shifts settle slowly (Anderson 1965). Elsewhere it would make
     // much of rounding.
-    double along = 0, square = 0;
-    for (size_t i = 0; i < last_off.size(); ++i) {
-      double by = off[i] - last_off[i];
-      along += off[i] * by;
-      square += by * by;
+    Vector by;
+    if (round > 0) {
+      by = off;
+      increase(by, -1, last_off);
     }
     bool slow = change > 0.9 * last_change;
     last_change = change;
-    double leap = slow && square > 0 ? std::fmin(std::fmax(along / square, -20), 0.5) : 0;
+    double square = dot(by, by), leap = slow && square > 0 ? std::fmin(std::fmax(dot(by, off) / square, -20), 0.5) : 0;
     for (int i = 0; i < count; ++i) {
-      double next = found[i] - (last_off.empty() ? 0 : leap * (found[i] - last_shift[i]));
-      shift[i] = std::fmax(next, 0);
+      shift[i] = std::fmax(round > 0 ? found[i] - leap * (found[i] - last_shift[i]) : found[i], 0);
       programme.cones[i].w[0] = start[i] + shift[i];
     }
     last_shift = found;
     last_off = off;
-    programme.settle(Cones::GREATEST, std::vector<Axes>(programme.P), false, 60);
+    programme.settle(Cones::GREATEST, programme.P, false, 60);
     programme.sharpen();
   }
   // Of several splits of a load, that of the most friction.
@@ -286,8 +290,7 @@ inline Friction one_step(const Assembly& scene) {
   double off_least = programme.solve();
   change = distance(shifts_of(programme), shift);
   result.found = change <= 1e-8;
-  for (int i = 0; i < count; ++i)
-    for (int axis = 0; axis < 3; ++axis) result.P[i][axis] = programme.P[i][axis] * speed * scene.touches[i].scale * scene.touches[i].length;
+  for (int i = 0; i < count; ++i) result.P[i] = in_newton_seconds(programme.P[i], scene.touches[i], speed);
   result.error = speed * (off_least + (result.found && !scene.locked ? spread(programme, start, shift, change) : INFINITY));
   return result;
 }

@@ -11,17 +11,16 @@ struct Struck {
   double error = 0;           // of the velocities, in the metric of kinetic energy
   double margin = INFINITY;   // the least distance of a decision from its threshold, relative to the fastest approach
   double restitution = -1;    // of all contacts; -1: each has its own
-  std::vector<double> tangential{};  // impulses across the normals, or none
+  Vector tangential{};  // impulses across the normals, or none
 };
 
-class Reflections {
- public:
-  explicit Reflections(const Assembly& assembly) : scene(assembly) {}
+struct Reflections {
+  const Assembly& scene;
 
-  Struck resolve(double threshold, long budget) {
+  Struck resolve(double threshold, long budget) const {
     Struck result;
     std::vector<DD>& p = result.p;
-    p.assign(scene.count, DD{0, 0});
+    p.resize(scene.count);
     double speed = 0, doubt = 0;  // of the fastest approach
     for (const Touch& touch : scene.touches) {
       double own = -high(touch.velocity) / touch.length;
@@ -39,16 +38,16 @@ class Reflections {
       return result;
     }
     double error = 0;
-    bool all_part = false;  // to all digits
-    std::vector<int> violated;
+    bool all_part = false;
     for (long turn = 0;; ++turn) {
       if (turn == budget) return {Outcome::ENDLESS, {}};
-      double near;
-      if (!look(p.data(), error, threshold * speed, threshold * doubt, violated, near, all_part)) error = INFINITY;
-      result.margin = std::fmin(result.margin, near / speed);
-      if (violated.empty()) break;
-      bool is_first = turn == 0 && static_cast<int>(violated.size()) == scene.count;
-      Assembly::Projection next = is_first ? first : scene.project(p.data(), violated, nullptr);
+      const Seen seen = look(p.data(), error, threshold * speed, threshold * doubt);
+      if (!seen.certain) error = INFINITY;
+      result.margin = std::fmin(result.margin, seen.margin / speed);
+      all_part = seen.all_part;
+      if (seen.violated.empty()) break;
+      bool is_first = turn == 0 && static_cast<int>(seen.violated.size()) == scene.count;
+      Assembly::Projection next = is_first ? first : scene.project(p.data(), seen.violated, nullptr);
       if (next.found != Found::LEAST) return {Outcome::CONTRADICTORY, {}};
       double rounding = add(p, 2, next.q);
       error += 2 * next.error + rounding;
@@ -68,8 +67,6 @@ class Reflections {
   }
 
  private:
-  const Assembly& scene;
-
   // sum e u q / sum u q over the contacts that approach, of the q of least norm: of others e would depend on the order.
   double joined_restitution(const std::vector<DD>& q, double& error) const {
     double least = 1, most = 0;
@@ -80,7 +77,7 @@ class Reflections {
       most = std::fmax(most, touch.e);
     }
     if (least >= most) return most;
-    std::vector<double> shared = rounded(q.data(), scene.count);
+    Vector shared = rounded(q.data(), scene.count);
     bool is_unique = !scene.least_norm(shared, false);
     // In units near the greatest: works may be beyond doubles.
     double fastest = 0, greatest = 0;
@@ -106,25 +103,26 @@ class Reflections {
     return std::fmin(std::fmax(high(e), 0), 1);
   }
 
-  // The contacts that approach at the limit or faster, and the least distance of one from that; whether all this is
-  // certain.
-  bool look(const DD* p, double error, double limit, double doubt, std::vector<int>& violated, double& margin, bool& all_part) const {
+  struct Seen {
+    std::vector<int> violated;  // the contacts that approach at the limit or faster
+    double margin = INFINITY;   // the least distance of one from that
+    bool certain = true;        // all this
+    bool all_part = true;       // to all digits
+  };
+  Seen look(const DD* p, double error, double limit, double doubt) const {
+    Seen seen;
     std::vector<N> u = scene.velocities(p);
-    violated.clear();
-    margin = INFINITY;
-    bool certain = true;
-    all_part = true;
     for (int i = 0; i < scene.count; ++i) {
       const Touch& touch = scene.touches[i];
       N off = u[i] + exact(limit) * exact(touch.length);  // the length is rounded, as limit is
       double known = width(off) + error / touch.scale + (doubt + limit * 0x1p-50) * touch.length;
       double distance = std::fabs(high(off));
-      certain = certain && (distance > known || (known == 0 && error == 0));
-      margin = std::fmin(margin, distance / touch.length);
-      if (high(off) <= 0 && high(u[i]) < 0) violated.push_back(i);
-      all_part = all_part && high(u[i]) >= 0;
+      seen.certain = seen.certain && (distance > known || (known == 0 && error == 0));
+      seen.margin = std::fmin(seen.margin, distance / touch.length);
+      if (high(off) <= 0 && high(u[i]) < 0) seen.violated.push_back(i);
+      seen.all_part = seen.all_part && high(u[i]) >= 0;
     }
-    return certain;
+    return seen;
   }
 
   // Whether some contact approaches, beyond doubt.
@@ -139,14 +137,10 @@ class Reflections {
   double add(std::vector<DD>& p, double a, const std::vector<DD>& q) const {
     double lost = 0;
     for (int i = 0; i < scene.count; ++i) {
-      DD by = DD{a * q[i].h, a * q[i].l};
+      DD by{a * q[i].h, a * q[i].l};
       lost += (std::fabs(p[i].h) + std::fabs(by.h)) / scene.touches[i].scale;
       p[i] = p[i] + by;
     }
     return lost * 0x1p-98;
   }
 };
-
-inline Struck reflections(const Assembly& scene, double threshold, long budget) {
-  return Reflections(scene).resolve(threshold, budget);
-}
