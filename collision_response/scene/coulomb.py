@@ -13,6 +13,10 @@ only widens cones.
 The work is that on relative velocities, not the kinetic energy: beside a moving floor the latter is not
 the same for every observer.
 
+A load is shared by all contacts that can carry it, to a change of its effect by 1e-4: so a box whose corners
+are a hair from flat slides as one that is flat. What those of them that depend on others do to each other's
+normal velocities, by that hair, is in the bound.
+
 In the plane, where a contact sticks, and where normal and slip are uncoupled, this is Chatterjee &
 Ruina's law of one contact. In space, sliding, it is not: the two differ by up to 23 % of the impulse.
 

@@ -18,8 +18,10 @@ using DD = DoubleDouble<double>;
 // Up to where it is rounding: a pivot; a part of a line, or of a slope.
 template <class R> constexpr double DEPENDENT = 1e-11;
 template <class R> constexpr double UNMOVED = 1e-14;
-template <> inline constexpr double DEPENDENT<DD> = 1e-27;
-template <> inline constexpr double UNMOVED<DD> = 1e-29;
+template <> inline constexpr double DEPENDENT<DD> = 1e-29;
+template <> inline constexpr double UNMOVED<DD> = 1e-30;
+
+constexpr double NEARLY_DEPENDENT = 1e-8;  // a pivot of contacts whose normals differ by 1e-4, or their lever arms
 
 template <class R>
 class ActiveSet {
@@ -45,8 +47,9 @@ class ActiveSet {
     return true;
   }
 
-  // Make an independent part of `among` active, the farthest from dependent first. What depends on it is returned.
-  std::vector<int> span(const std::vector<int>& among) {
+  // Make an independent part of `among` active, the farthest from dependent first. What depends on it, with pivots up to
+  // `dependent`, is returned.
+  std::vector<int> span(const std::vector<int>& among, double dependent = DEPENDENT<R>) {
     std::vector<int> left(among);
     std::vector<std::vector<R>> rows(stride);
     std::vector<R> pivot(stride);
@@ -56,7 +59,7 @@ class ActiveSet {
       for (size_t k = 1; k < left.size(); ++k)
         if (less(pivot[left[best]], pivot[left[k]])) best = k;
       int chosen = left[best];
-      if (!(high(pivot[chosen]) > DEPENDENT<R>)) break;
+      if (!(high(pivot[chosen]) > dependent)) break;
       left.erase(left.begin() + static_cast<long>(best));
       const R diagonal = root(pivot[chosen]);
       for (int i : left) {

@@ -456,10 +456,10 @@ struct Assembly {
     return parts;
   }
 
-  // Of all impulses that do the same, p + Z z >= 0, those of least sum of n.n p^2; `shared`: over all copies. Whether
-  // there are others.
-  bool least_norm(Vector& p, bool shared) const {
-    std::vector<Vector> Z = idle_impulses();
+  // Of all impulses that do the same, or `nearly`, p + Z z >= 0, those of least sum of n.n p^2; `shared`: over all copies.
+  // Whether there are others.
+  bool least_norm(Vector& p, bool shared, bool nearly = false) const {
+    std::vector<Vector> Z = idle_impulses(nearly);
     if (Z.empty()) return false;
     Vector weight(count), P(count);
     for (int i = 0; i < count; ++i) {
@@ -514,8 +514,8 @@ struct Assembly {
   }
 
  private:
-  // Impulses that do nothing: one for each contact that depends on others.
-  std::vector<Vector> idle_impulses() const {
+  // Impulses that do nothing, or `nearly`: one for each contact that depends on others.
+  std::vector<Vector> idle_impulses(bool nearly) const {
     // With a row for the work of walls that move, which the same impulses do as well.
     Vector u(count), B, scale(count);
     double fastest = 0;
@@ -532,7 +532,7 @@ struct Assembly {
     ActiveSet<double> basis(driven ? B.data() : A.data(), count);
     std::vector<Vector> found;
     Vector w;
-    for (int i : basis.span(all())) {
+    for (int i : basis.span(all(), nearly ? NEARLY_DEPENDENT : DEPENDENT<double>)) {
       std::vector<DD> z(count);
       basis.line(i, w);
       z[i].h = scale[i];
@@ -554,7 +554,7 @@ struct Assembly {
         basis.solve(w.data());
         for (size_t m = 0; m < w.size(); ++m) z[basis.members[m]] = z[basis.members[m]] + DD{w[m] * scale[basis.members[m]], 0};
       }
-      if (std::fabs(square) < 1e-26) found.push_back(rounded(z.data(), count));
+      if (nearly || std::fabs(square) < 1e-26) found.push_back(rounded(z.data(), count));
     }
     return found;
   }

@@ -35,18 +35,13 @@ class Cones {
     double mu, share;  // share: of rho
   };
   std::vector<Cone> cones;
-  Vector kept;   // c, or empty
+  Vector kept;   // c, of the first cones, whose normal impulses do different things; or empty
   Vector loads;  // normal impulses > 0 that do it, but for `spare`
   Vector spare;
+  ActiveSet<double> normals{nullptr, 0};  // how to find impulses that do what is kept
   std::vector<Axes> P, z;     // z: w + B eta
 
   explicit Cones(int bodies) : bodies(bodies) {}
-
-  // Normal impulses that do what impulses of these cones along their normals can, and how to find them.
-  void span(const ActiveSet<double>& active, const std::vector<int>& members) {
-    normals = active;
-    independent = members;
-  }
 
   // After the last one.
   void begin() {
@@ -172,6 +167,7 @@ class Cones {
       by[i] = own + std::copysign(rounding * (std::fabs(kept[i]) + size_near(cones[i], y)) + spare[i], own);
     }
     along_normals(by, part);
+    by.resize(loads.size());
     for (size_t i = 0; i < by.size(); ++i) add_row(cones[i], Axes{by[i] + part * loads[i], 0, 0}, e);
     for (size_t i = 0; i < e.size(); ++i) e[i] -= part * y[i];
     for (const Axes& one : P) reach = std::fmax(reach, std::hypot(one[0], one[1], one[2]));
@@ -195,8 +191,6 @@ class Cones {
   Vector lambda_before;
   std::vector<Axes> from;
   static constexpr double ROUNDING = 0x1p-50;
-  ActiveSet<double> normals{nullptr, 0};
-  std::vector<int> independent;
   struct Slope {
     double d[3][3];
   };
@@ -204,14 +198,11 @@ class Cones {
 
   // From changes of normal velocities to impulses along normals, and the part of the loads that leaves them in the cones.
   void along_normals(Vector& by, double& part) const {
-    Vector found;
-    for (int i : independent) found.push_back(by[i]);
-    normals.solve(found.data());
+    normals.solve(by.data());
+    for (size_t i = 0; i < by.size(); ++i) part = std::fmax(part, std::fabs(by[i]) / loads[i]);
+    if (part < 1) return;
+    part = 1;
     std::fill(by.begin(), by.end(), 0.0);
-    for (size_t k = 0; k < found.size(); ++k) part = std::fmax(part, std::fabs(found[k]) / loads[independent[k]]);
-    if (!(part < 1)) part = 1;
-    else
-      for (size_t k = 0; k < found.size(); ++k) by[independent[k]] = found[k];
   }
   static double size_near(const Cone& cone, const Vector& y) {
     double square = 0;
@@ -332,7 +323,7 @@ class Cones {
         std::vector<int> near;
         for (int i : touching[body]) {
           int other = cones[i].body[0] == body ? cones[i].body[1] : cones[i].body[0];
-          if (!kept.empty() && !placed[i] && (other < 0 || seen[other])) {
+          if (i < static_cast<int>(kept.size()) && !placed[i] && (other < 0 || seen[other])) {
             placed[i] = 1;
             place[6 * bodies + i] = next++;
           }
@@ -348,8 +339,8 @@ class Cones {
     members.assign(bodies, {});
     for (int b = 0; b < bodies; ++b) {
       for (int c = 0; c < 6; ++c) members[b].push_back(6 * b + c);
-      if (!kept.empty())
-        for (int i : touching[b]) members[b].push_back(6 * bodies + i);
+      for (int i : touching[b])
+        if (i < static_cast<int>(kept.size())) members[b].push_back(6 * bodies + i);
     }
   }
   std::vector<std::vector<int>> members;  // the variables that a body brings together

@@ -49,14 +49,9 @@ inline double coupling(const Assembly& scene, int i, int a, int j, int b) {
 // Friction beyond these sticks no better, or does not show.
 constexpr double GREATEST_FRICTION = 1e30, LEAST_FRICTION = 1e-30, GREATEST_IN_ONE_STEP = 1e6;
 
-// A load that is this part of the greatest is rounding, of double-double.
-constexpr double UNLOADED = 0x1p-80;
-// One that is this part of others of its bodies is left out, if its friction is, too: doubles hardly hold what it keeps
-// apart.
-constexpr double LIGHT = 1e-9;
-// One that was not there before loads were shared out is rounding of doubles if it is this part of any of its bodies, or of
-// the greatest if they have none.
-constexpr double UNSHARED = 1e-10;
+// A load that is this part of the greatest is rounding, of double-double; one that was not there before loads were shared
+// out is rounding of doubles if it is this part of others of its bodies, or of the greatest if they have none.
+constexpr double UNLOADED = 0x1p-80, UNSHARED = 1e-10;
 
 struct Friction {
   std::vector<Axes> P;
@@ -89,13 +84,18 @@ inline Axes in_newton_seconds(Axes P, const Touch& touch, double speed) {
 
 // From frictionless impulses p, whose velocities are off by `error`, the least work on relative velocities over the
 // cones of friction, with the normal velocities of the loaded contacts kept. Loaded are those of the impulses of least
-// norm, as others depend on the order. Nothing if none of them rubs.
+// norm, as others depend on the order; and of those that do nearly the same, for a box a hair from flat stands on all its
+// corners. Of contacts that nearly depend on others no velocity is kept, or that hair would keep them from sliding.
+// Nothing if none of them rubs.
 inline Friction least_work(const Assembly& scene, const DD* p, double error) {
   int count = scene.count;
   Friction result;
   result.error = error;
   Vector own = rounded(p, count), shared = own;
   scene.least_norm(shared, false);
+  Vector spread = shared;
+  scene.least_norm(spread, false, true);
+  for (int i = 0; i < count; ++i) shared[i] = (shared[i] + spread[i]) / 2;
   double mean = 0, speed = 0;
   Vector most(scene.bodies);  // of the loads of each body
   for (int i = 0; i < count; ++i) {
@@ -105,17 +105,13 @@ inline Friction least_work(const Assembly& scene, const DD* p, double error) {
       if (body >= 0) most[body] = std::fmax(most[body], own[i] / touch.scale);
   }
   auto rounding = [&](int i) {  // of the load of a contact
-    double near = 0, nearest = speed;
+    double near = 0;
     for (int body : scene.touches[i].body)
-      if (body >= 0) {
-        near = std::fmax(near, most[body]);
-        nearest = std::fmin(nearest, most[body]);
-      }
+      if (body >= 0) near = std::fmax(near, most[body]);
     bool is_new = shared[i] > 2 * own[i] || shared[i] < own[i] / 2;
-    if (is_new) return UNSHARED * (near > 0 ? near : speed);
-    return std::fmax(LIGHT * nearest / std::fmax(scene.touches[i].mu, 1), UNLOADED * speed);
+    return is_new ? UNSHARED * (near > 0 ? near : speed) : UNLOADED * speed;
   };
-  std::vector<int> loaded, place(count);
+  std::vector<int> loaded;
   bool rubs = false;
   Motion free(scene), as_shared(scene);
   for (int i = 0; i < count; ++i) {
@@ -127,7 +123,6 @@ inline Friction least_work(const Assembly& scene, const DD* p, double error) {
       if (shared[i] > 0) result.error += std::sqrt(2 * touch.mu * (shared[i] / touch.scale / speed) * (slip * touch.scale / speed)) * speed;
       continue;
     }
-    place[i] = static_cast<int>(loaded.size());
     loaded.push_back(i);
     rubs = rubs || touch.mu > LEAST_FRICTION;
     mean += 1 / (touch.scale * touch.scale * touch.length * touch.length);
@@ -135,19 +130,20 @@ inline Friction least_work(const Assembly& scene, const DD* p, double error) {
   if (!rubs) return result;
   mean /= loaded.size();
   Cones programme(scene.bodies);
+  programme.normals = ActiveSet<double>(scene.A.data(), count);
+  const std::vector<int> dependent = programme.normals.span(loaded, NEARLY_DEPENDENT);
+  loaded = programme.normals.members;
+  loaded.insert(loaded.end(), dependent.begin(), dependent.end());
+  const size_t independent = programme.normals.members.size();
   for (int i : loaded) {
     const Touch& touch = scene.touches[i];
-    double unit = touch.scale * touch.length / speed, before = touch.plain[0].velocity;
     programme.cones.push_back(cone_of(touch, speed, mean));
-    programme.kept.push_back((free.velocity(i, 0) - before) * unit);
     programme.loads.push_back(shared[i] / touch.scale / speed);
+    if (programme.kept.size() == independent) continue;
+    double unit = touch.scale * touch.length / speed;
+    programme.kept.push_back((free.velocity(i, 0) - touch.plain[0].velocity) * unit);
     programme.spare.push_back(std::fabs(as_shared.velocity(i, 0) - free.velocity(i, 0)) * unit);
   }
-  ActiveSet<double> normals(scene.A.data(), count);
-  normals.span(loaded);
-  std::vector<int> members;
-  for (int i : normals.members) members.push_back(place[i]);
-  programme.span(normals, members);
   programme.begin();
   result.error += programme.solve() * speed;
   result.P.resize(count);
@@ -156,6 +152,10 @@ inline Friction least_work(const Assembly& scene, const DD* p, double error) {
   // Another contact may approach now.
   Motion moved(scene);
   for (int i = 0; i < count; ++i) moved.push(i, result.P[i]);
+  // Of what depends on others another might have been kept.
+  double off = 0;
+  for (int i : dependent) off = std::fmax(off, std::fabs(moved.velocity(i, 0) - free.velocity(i, 0)) * scene.touches[i].length * scene.touches[i].scale);
+  result.error += scene.locked ? (off > 1e-9 * speed ? INFINITY : 0) : off * scene.parting / 0.5;
   std::vector<N> offset;
   bool approaches = false;
   for (int i = 0; i < count; ++i) {

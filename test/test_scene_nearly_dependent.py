@@ -1,0 +1,95 @@
+"""Boxes a hair from flat: contacts that depend on each other, but for some digits."""
+
+from __future__ import annotations
+
+import random
+
+import numpy as np
+import pytest
+from scene_cases import Case
+from test_scene_attacks import assert_bounded, exactly
+
+from collision_response import Body, Contact, Law, StatusCode
+
+CORNERS = [(x, y) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+LAWS = [(Law.FRICTIONLESS, 0.0), (Law.COULOMB, 0.3), (Law.COULOMB, 1.0)]
+
+
+def stack(count: int, off: float, seed: int, mu: float = 0.0, sideways: float = 0.0) -> Case:
+    """Cubes on each other fall on a floor; corners, normals and velocities are off by some rounding."""
+    rng = random.Random(seed)
+
+    def near(*numbers: float) -> tuple[float, ...]:
+        return tuple(x + rng.gauss(0, off) for x in numbers)
+
+    bodies = [
+        Body.box(1.0, (1, 1, 1), position=(0, 0, i + 0.5), velocity=near(sideways, 0, -1)) for i in range(count)
+    ]
+    pairs = [(i, i - 1 if i else count) for i in range(count) for _ in CORNERS]
+    contacts = [
+        Contact.of(near(x, y, i), near(0, 0, 1), 0.5, mu) for i in range(count) for x, y in CORNERS
+    ]
+    return Case([*bodies, Body.static()], pairs, contacts)
+
+
+@pytest.mark.parametrize("count, seed", [(1, 1), (1, 2), (1, 3), (2, 1), (2, 2), (3, 1)])
+@pytest.mark.parametrize("off", [1e-14, 1e-13, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5])
+def test_32_digits_tell_what_depends(off, count, seed):
+    """Without refusal, and within the bound of the same in fractions."""
+    case = stack(count, off, seed)
+    answer = case.resolve(Law.FRICTIONLESS)
+    assert answer.status is StatusCode.OK
+    assert_bounded(case, answer, exactly(case))
+    assert answer.error_bound < 2.0**-43  # the root of what 32 digits leave, of some terms
+
+
+@pytest.mark.parametrize("law, mu", LAWS)
+@pytest.mark.parametrize("count", [1, 2, 5])
+@pytest.mark.parametrize("off", [1e-14, 1e-13, 1e-11, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5])
+def test_a_hair_changes_no_velocity_by_more(off, count, law, mu):
+    """Loads are shared as if it were flat. Reflections, which jump, do not count approaches of that size."""
+    flat, case = (stack(count, by, 1, mu, sideways=0.5) for by in (0.0, off))
+    exact, answer = (one.resolve(law, options={"threshold": 1e-3}) for one in (flat, case))
+    assert answer.status is StatusCode.OK
+    assert answer.error_bound < 1e-3
+    assert answer.kinetic_energy_after <= answer.kinetic_energy_before
+    assert min(answer.normal_velocities_after) >= -answer.error_bound * 10
+    for one, other in zip(answer.twists, exact.twists, strict=True):
+        size = (answer.error_bound + exact.error_bound + 100 * off) * 10
+        assert (one.linear - other.linear).norm() <= size
+
+
+@pytest.mark.parametrize("law, mu", LAWS)
+@pytest.mark.parametrize("seed", range(12))
+def test_corners_of_an_engine_in_float32(seed, law, mu):
+    """A turned box on a slope, its corners and normal as such engines give them."""
+    rng = np.random.default_rng(seed)
+    rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    rotation *= np.sign(np.linalg.det(rotation))
+    down, q = -rotation[:, 2], _quaternion(rotation)
+    box = Body.box(1.0, (1, 1, 1), orientation=q, velocity=tuple(down + 0.5 * rotation[:, 0]))
+    single = [np.float32(rotation @ (x, y, -0.5)).astype(float) for x, y in CORNERS]
+    normal = np.float32(rotation[:, 2]).astype(float)
+    contacts = [Contact.of(tuple(corner), tuple(normal), 0.5, mu) for corner in single]
+    case = Case([box, Body.static()], [(0, 1)] * 4, contacts)
+    answer = case.resolve(law)
+    assert answer.status is StatusCode.OK
+    assert answer.error_bound < (2.0**-43 if law is Law.FRICTIONLESS else 1e-3)
+    if law is Law.FRICTIONLESS:
+        assert_bounded(case, answer, exactly(case))
+    assert np.dot(answer.twists[0].linear, -down) == pytest.approx(0.5, abs=1e-3)
+
+
+def _quaternion(rotation):
+    """Of a rotation matrix, by its largest component."""
+    w = np.array(
+        [
+            [rotation[0, 0] - rotation[1, 1] - rotation[2, 2], 0, 0, 0],
+            [rotation[0, 1] + rotation[1, 0], rotation[1, 1] - rotation[0, 0] - rotation[2, 2], 0, 0],
+            [rotation[0, 2] + rotation[2, 0], rotation[1, 2] + rotation[2, 1],
+             rotation[2, 2] - rotation[0, 0] - rotation[1, 1], 0],
+            [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0],
+             rotation[1, 0] - rotation[0, 1], np.trace(rotation)],
+        ]
+    )  # fmt: skip
+    return tuple(np.linalg.eigh(w)[1][:, -1])
