@@ -313,6 +313,29 @@ def test_springs_that_friction_keeps_compressed_have_no_answer(walls, part, e):
     assert refused.value.code is StatusCode.PATH_TOO_LONG
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-16, 1e-15, 1e-12, 1e-9])
+@pytest.mark.parametrize("opening", [40, 60, 90, 120])
+@pytest.mark.parametrize("inertia", [0.0, 0.4])
+def test_a_ball_wedged_in_a_groove_is_told_at_once(inertia, opening, off, monkeypatch):
+    """Friction holds it from the tangent of the slope of the walls on, however they were rounded.
+
+    The budget is a hundredth of the usual one.
+    """
+    monkeypatch.setattr(stronge, "WORK", stronge.WORK // 100)
+    slope = math.radians(90 - opening / 2)
+    normals = [(math.sin(slope) + off, -off, math.cos(slope)), (-math.sin(slope), off, math.cos(slope))]
+    ball = Body.dynamic(1.0, (inertia, 0, 0, inertia, 0, inertia), velocity=(off, 0.0, -1.0))
+    for part in (0.9, 1.1, 2.0):
+        mu = part / math.tan(slope)
+        contacts = [Contact.of(tuple(-x for x in n), n, 0.5, mu) for n in normals]
+        case = Case([ball, Body.static()], [(0, 1)] * 2, contacts)
+        if part < 1:
+            assert case.resolve(Law.ROUTH_STRONGE).status is StatusCode.OK
+        else:
+            with pytest.raises(ImpactError, match="friction wedges the bodies"):
+                case.resolve(Law.ROUTH_STRONGE)
+
+
 def test_a_budget_of_springs_ends_in_a_named_status(monkeypatch):
     """Or in what was found within it, if that is enough to tell its error."""
     case = box((1, 0.3, -1), (0.2, 0.3, 1), e=0.5, mu=0.3)

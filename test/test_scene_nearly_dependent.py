@@ -23,7 +23,8 @@ def stack(count: int, off: float, seed: int, mu: float = 0.0, sideways: float = 
         return tuple(x + rng.gauss(0, off) for x in numbers)
 
     bodies = [
-        Body.box(1.0, (1, 1, 1), position=(0, 0, i + 0.5), velocity=near(sideways, 0, -1)) for i in range(count)
+        Body.box(1.0, (1, 1, 1), position=(0, 0, i + 0.5), velocity=near(sideways, 0, -1))
+        for i in range(count)
     ]
     pairs = [(i, i - 1 if i else count) for i in range(count) for _ in CORNERS]
     contacts = [

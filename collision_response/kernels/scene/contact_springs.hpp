@@ -281,8 +281,29 @@ struct ContactSprings {
     return sum;
   }
 
+  // Whether contacts that rest keep each other compressed for ever: friction holds the forces of their springs, to a
+  // millionth, so that these take a million times as long as usual to bring anything to speed.
+  bool holds(const State& now) {
+    double greatest = 0;
+    for (int i = 0; i < count; ++i) {
+      load[i] = force(i, now.x[i]);
+      greatest = std::fmax(greatest, load[i]);
+      if (load[i] > 0 && now.motion.fastest(i) > slow) return false;
+    }
+    if (!(greatest > 0)) return false;
+    State later = now;
+    const long left = work;
+    work = std::min(left, 1000 * SWEEP * count);
+    const long budget = work;
+    const bool found = rub(later, 1e6 * mass * speed / greatest, load, 1e-3 * speed);
+    work += left - budget;
+    for (int i = 0; found && i < count; ++i)
+      if (load[i] > 0 && later.motion.fastest(i) > speed) return false;
+    return found;
+  }
+
   // The impulses with friction; whether it ended within its budget. Friction may wedge bodies: then springs stay
-  // compressed, and one step is as the other.
+  // compressed.
   bool follow_with_friction(double tolerance, std::vector<Axes>& P) {
     slow = std::fmax(tolerance / 10, 2e-14) * speed;
     const std::vector<Axes> none(count, Axes{0, 0, 0});
@@ -328,7 +349,6 @@ struct ContactSprings {
       double worst = std::fmax(off, std::sqrt(square / mass)) / (3 * tolerance * speed);
       if (!(worst < INFINITY)) return false;
       if (!pace.accepts(worst, 3, turns, longest(fastest))) continue;
-      const State before = now;
       auto mended = [](double fine, double coarse) { return fine + (fine - coarse) / 3; };
       rubbed += mended(work_of_friction(now, half) + work_of_friction(half, both), work_of_friction(now, whole));
       for (size_t k = 0; k < both.motion.y.size(); ++k) now.motion.y[k] = mended(both.motion.y[k], whole.motion.y[k]);
@@ -338,7 +358,7 @@ struct ContactSprings {
         for (int k = 0; k < 3; ++k) now.P[i][k] = mended(both.P[i][k], whole.P[i][k]);
       }
       now.friction = both.friction;
-      wedged = h == pace.h && now.x == before.x && now.motion.y == before.motion.y && now.friction == before.friction;
+      wedged = holds(now);
       if (wedged) return false;
     }
   }

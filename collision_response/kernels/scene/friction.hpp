@@ -26,6 +26,7 @@ struct Motion {  // of the movable bodies: y, and their twists have changed by L
         for (int k = 0; k < 6; ++k) sum += touch.plain[axis].row[side][k] * y[6 * touch.body[side] + k];
     return sum;
   }
+  double fastest(int i) const { return std::hypot(velocity(i, 0), velocity(i, 1), velocity(i, 2)); }
   // Of the part of y that the velocity of a contact is from, at most, as that velocity.
   double size_at(int i) const {
     double sum = 0;
