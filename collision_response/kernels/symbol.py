@@ -369,18 +369,16 @@ def _not(x: Symbol) -> Any:
     return x.operands()[0] if x.node.op == "not" else None
 
 
-def _and(x: Symbol, y: Symbol) -> Any:
-    for one, other in ((x, y), (y, x)):
-        if one.node.op == "truth":
-            return other if one.node.value else False
-    return x if x.place == y.place else None
+def _joined(neutral: bool) -> Callable[[Symbol, Symbol], Any]:
+    """Of ``and`` and ``or``, which leave the other operand as it is if one is ``neutral``."""
 
+    def simpler(x: Symbol, y: Symbol) -> Any:
+        for one, other in ((x, y), (y, x)):
+            if one.node.op == "truth":
+                return other if one.node.value is neutral else one
+        return x if x.place == y.place else None
 
-def _or(x: Symbol, y: Symbol) -> Any:
-    for one, other in ((x, y), (y, x)):
-        if one.node.op == "truth":
-            return True if one.node.value else other
-    return x if x.place == y.place else None
+    return simpler
 
 
 def _select(condition: Symbol, x: Symbol, y: Symbol) -> Any:
@@ -408,8 +406,8 @@ _SIMPLER: dict[str, Callable[..., Any]] = {
     "div": _div,
     "neg": _neg,
     "not": _not,
-    "and": _and,
-    "or": _or,
+    "and": _joined(neutral=True),
+    "or": _joined(neutral=False),
     "select": _select,
     "certain": _certain,
     "error_of": _error_of,
