@@ -1,16 +1,15 @@
 // The door: Python's numbers of any make become doubles, each with the error of the conversion.
 #pragma once
-#define PY_SSIZE_T_CLEAN
-#include <Python.h>
 #include <cmath>
 #include <cstring>
 #include <string>
+
+#include "python.hpp"
 
 struct Door {
   double* x;
   double* error;
   const char* const* names;  // of the numbers, for messages
-  PyTypeObject* fraction = nullptr;
   bool* rational = nullptr;  // set where a number is a fraction
 };
 
@@ -31,21 +30,8 @@ static __attribute__((noinline, cold)) bool read_other(PyObject* o, const Door& 
     refuse_kind(std::string(door.names[i]) + ": " + why + ",", o);
     return false;
   };
-  static PyTypeObject* known = &PyFloat_Type;  // np.float64, if that was the last: to ask for its bases takes longer
-  if (Py_TYPE(o) == known || PyFloat_Check(o)) {
-    if (!(Py_TYPE(o)->tp_flags & Py_TPFLAGS_HEAPTYPE)) known = Py_TYPE(o);  // it is there for ever
-    x = PyFloat_AS_DOUBLE(o);
-    return true;
-  }
-  if (PyLong_CheckExact(o)) {
-    int overflow;
-    long long whole = PyLong_AsLongLongAndOverflow(o, &overflow);
-    if (!overflow && -(1LL << 53) <= whole && whole <= 1LL << 53) {
-      x = static_cast<double>(whole);
-      return true;
-    }
-  }
-  if (door.rational && PyObject_TypeCheck(o, door.fraction)) *door.rational = true;
+  if (exact_float(o, x)) return true;
+  if (door.rational && PyObject_TypeCheck(o, types.fraction)) *door.rational = true;
   PyNumberMethods* as_number = Py_TYPE(o)->tp_as_number;
   if (PyBool_Check(o) || std::strncmp(Py_TYPE(o)->tp_name, "numpy.bool", 10) == 0 || PyComplex_Check(o) || PyUnicode_Check(o) || !as_number ||
       !(as_number->nb_float || as_number->nb_index))

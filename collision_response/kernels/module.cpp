@@ -3,7 +3,6 @@
 #include "arrays.hpp"
 #include "door.hpp"
 #include "gather.hpp"
-#include "python.hpp"
 #include "table.hpp"
 #include "units.hpp"
 
@@ -11,18 +10,14 @@ namespace {
 
 constexpr int LAWS = LAW_COUNT, GEOMETRIES = 5, PRECISIONS = 5;
 
-// What Python's side knows, given by setup().
-struct Types {
-  PyTypeObject *impact, *twist, *vec3, *contact, *fraction;
-  PyObject *statuses, *regimes, *adjustments;  // by number
-  PyObject *plan, *decided, *refusal;          // functions
-} types;
+PyTypeObject* impact_type;                                    // what module.cpp alone is told by setup(),
+PyObject *plan_function, *decided_function, *refusal_function;
 
 struct Plan {  // of an ImpactModel
   PyObject* model;
   int law_without_friction, law_with_friction, geometry, first, last;
   double settings[ROWS_OF_MODEL], errors[ROWS_OF_MODEL], wanted;
-  PyObject* decided[LAWS][GEOMETRIES][PRECISIONS];
+  PyObject* decided[LAWS * GEOMETRIES * PRECISIONS];
 };
 constexpr int KEPT = 8;
 Plan plans[KEPT];
@@ -32,7 +27,7 @@ int next_plan;
 Plan* plan_of(PyObject* model) {
   for (Plan& plan : plans)
     if (plan.model == model) return &plan;
-  PyObject* made = PyObject_CallOneArg(types.plan, model);
+  PyObject* made = PyObject_CallOneArg(plan_function, model);
   if (!made) return nullptr;
   Plan plan{};
   double limit;
@@ -47,9 +42,7 @@ Plan* plan_of(PyObject* model) {
   if (!read) return nullptr;
   Plan& place = plans[next_plan++ % KEPT];
   Py_XDECREF(place.model);
-  for (auto& of_law : place.decided)
-    for (auto& of_geometry : of_law)
-      for (PyObject* decided : of_geometry) Py_XDECREF(decided);
+  for (PyObject* decided : place.decided) Py_XDECREF(decided);
   Py_INCREF(model);
   plan.model = model;
   place = plan;
@@ -57,8 +50,8 @@ Plan* plan_of(PyObject* model) {
 }
 
 PyObject* decided(Plan* plan, int law, int geometry, int precision) {
-  PyObject*& place = plan->decided[law][geometry][precision];
-  if (!place) place = PyObject_CallFunction(types.decided, "Oiii", plan->model, law, geometry, precision);
+  PyObject*& place = plan->decided[(law * GEOMETRIES + geometry) * PRECISIONS + precision];
+  if (!place) place = PyObject_CallFunction(decided_function, "Oiii", plan->model, law, geometry, precision);
   return place;
 }
 
@@ -118,16 +111,18 @@ bool read_contact(PyObject* contact, const Door& door, bool* has_more) {
          (mu_by_speed || read_number(mu, door, IN_CONTACT_FRICTION));
 }
 
-PyObject* vector(const double* x) { return tuple_of(types.vec3, x, 3); }
-PyObject* twist(const double* x) { return twist_of(types.twist, types.vec3, x); }
+// Two bodies and a contact.
+bool read_request(PyObject* const* args, const Door& door, bool* has_more) {
+  return read_body(args[0], door, 0) && read_body(args[1], door, BODY) && read_contact(args[2], door, has_more);
+}
 
 PyObject* answer(PyObject* contact, PyObject* model, const double* x, const Numbers& y, double bound, bool frictionless, bool normalised, bool articulated, int status) {
-  PyObject* impact = types.impact->tp_alloc(types.impact, 20);
+  PyObject* impact = impact_type->tp_alloc(impact_type, 20);
   if (!impact) return nullptr;
   int i = 0;
   auto put = [&](PyObject* o) { PyTuple_SET_ITEM(impact, i++, o); };
   put(Py_NewRef(PyTuple_GET_ITEM(types.statuses, status)));
-  put(used_contact(types.contact, contact, y.reported[OUT_RESTITUTION], y.flags[FLAG_SLOW], frictionless && x[IN_CONTACT_FRICTION] != 0));
+  put(used_contact(contact, y.reported[OUT_RESTITUTION], y.flags[FLAG_SLOW], frictionless && x[IN_CONTACT_FRICTION] != 0));
   put(Py_NewRef(model));
   put(twist(y.reported));
   put(twist(y.reported + 6));
@@ -145,7 +140,7 @@ PyObject* answer(PyObject* contact, PyObject* model, const double* x, const Numb
 }
 
 PyObject* refuse(int status) {
-  PyObject* error = PyObject_CallFunction(types.refusal, "i", status);
+  PyObject* error = PyObject_CallFunction(refusal_function, "i", status);
   if (error) PyErr_SetObject(reinterpret_cast<PyObject*>(Py_TYPE(error)), error);
   Py_XDECREF(error);
   return nullptr;
@@ -169,9 +164,8 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
     std::fill_n(error + INPUTS, ALL_INPUTS - INPUTS, 0.0);
   }
   bool rational = false;
-  const Door door{x, error, input_names, types.fraction, &rational};
   bool has_more;
-  if (!read_body(args[0], door, 0) || !read_body(args[1], door, BODY) || !read_contact(contact, door, &has_more)) return nullptr;
+  if (!read_request(args, {x, error, input_names, &rational}, &has_more)) return nullptr;
   if (has_more) return PyLong_FromLong(LEFT_NOT_ONLY_NUMBERS);
   for (int k = 0; k < ROWS_OF_MODEL; ++k) {
     x[IN_MODEL_TANGENTIAL_RESTITUTION + k] = plan->settings[k];
@@ -225,15 +219,9 @@ PyObject* numbers(PyObject*, PyObject* const* args, Py_ssize_t count) {
     return nullptr;
   }
   double x[ALL_INPUTS] = {}, error[ALL_INPUTS] = {};
-  const Door door{x, error, input_names};
   bool has_more;
-  if (!read_body(args[0], door, 0) || !read_body(args[1], door, BODY) || !read_contact(args[2], door, &has_more)) return nullptr;
-  PyObject *values = PyTuple_New(ALL_INPUTS), *errors = PyTuple_New(ALL_INPUTS);
-  for (int i = 0; i < ALL_INPUTS; ++i) {
-    PyTuple_SET_ITEM(values, i, PyFloat_FromDouble(x[i]));
-    PyTuple_SET_ITEM(errors, i, PyFloat_FromDouble(error[i]));
-  }
-  return Py_BuildValue("NN", values, errors);
+  if (!read_request(args, {x, error, input_names}, &has_more)) return nullptr;
+  return Py_BuildValue("NN", tuple_of(&PyTuple_Type, x, ALL_INPUTS), tuple_of(&PyTuple_Type, error, ALL_INPUTS));
 }
 
 // inputs(body_a, body_b, contact, settings): what kernels of rigid bodies read, as bytes.
@@ -244,9 +232,8 @@ PyObject* inputs(PyObject*, PyObject* const* args, Py_ssize_t count) {
     return nullptr;
   }
   double x[ALL_INPUTS] = {}, error[ALL_INPUTS] = {};
-  const Door door{x, error, input_names};
   bool has_more;
-  if (!read_body(args[0], door, 0) || !read_body(args[1], door, BODY) || !read_contact(args[2], door, &has_more)) return nullptr;
+  if (!read_request(args, {x, error, input_names}, &has_more)) return nullptr;
   for (int i = 0; i < OF_MODEL; ++i) {
     double number = PyFloat_AsDouble(PyTuple_GET_ITEM(args[3], i));
     if (number == -1 && PyErr_Occurred()) return nullptr;
@@ -410,17 +397,17 @@ PyObject* limit_vectors(PyObject*, PyObject* bits) {
 }
 
 PyObject* setup(PyObject*, PyObject* args) {
-  if (!PyArg_ParseTuple(args, "OOOOOOOOOOO", &types.impact, &types.twist, &types.vec3, &types.contact, &types.fraction, &types.statuses, &types.regimes, &types.adjustments, &types.plan, &types.decided, &types.refusal)) return nullptr;
+  if (!PyArg_ParseTuple(args, "OOOOOOOOOOO", &impact_type, &types.twist, &types.vec3, &types.contact, &types.fraction, &types.statuses, &types.regimes, &types.adjustments, &plan_function, &decided_function, &refusal_function)) return nullptr;
   Py_INCREF(args);  // keeps all of them for ever
   Py_RETURN_NONE;
 }
 
 PyMethodDef methods[] = {
-    {"resolve", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(resolve)), METH_FASTCALL, ""},
-    {"numbers", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(numbers)), METH_FASTCALL, ""},
-    {"inputs", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(inputs)), METH_FASTCALL, ""},
-    {"batch", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(batch)), METH_FASTCALL, ""},
-    {"independent_sets", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(Guarded<independent>::call)), METH_FASTCALL, ""},
+    FAST("resolve", resolve),
+    FAST("numbers", numbers),
+    FAST("inputs", inputs),
+    FAST("batch", batch),
+    FAST("independent_sets", independent),
     {"limit_vectors", limit_vectors, METH_O, ""},
     {"setup", setup, METH_VARARGS, ""},
     {}};

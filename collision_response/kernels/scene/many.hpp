@@ -62,8 +62,7 @@ class ManyClusters {
     }
     many.bound[number] = y.bound;
     many.margin[number] = found.margin;
-    double energies[4] = {cluster.energy, y.energy_after, y.lost_restitution, y.lost_friction};
-    for (int i = 0; i < 4; ++i) many.energy[i][number] = energies[i];
+    for (int i = 0; i < 4; ++i) many.energy[i][number] = y.energies[i];
     return y.bound <= many.limit ? (y.separates() ? STATUS_SEPARATING : STATUS_OK) : STATUS_TOLERANCE_NOT_MET;
   }
 
