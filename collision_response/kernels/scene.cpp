@@ -186,7 +186,7 @@ PyObject* with_least_work(PyObject* self, PyObject* args) {
   double error;
   if (!PyArg_ParseTuple(args, "Od", &normal, &error)) return nullptr;
   const DD* p = impulses(self, normal);
-  return !p ? nullptr : struck_answer(rubbed(of(self), {Outcome::ANSWERED, {p, p + of(self).count}, error}));
+  return !p ? nullptr : struck_answer(least_work(of(self), {Outcome::ANSWERED, {p, p + of(self).count}, error}));
 }
 PyObject* in_one_step(PyObject* self, PyObject* rubs) { return struck_answer(stepped(of(self), rubs == Py_True)); }
 
@@ -202,18 +202,19 @@ PyObject* compress(PyObject* self, PyObject* args) {
   Vector ratios(scene.count);
   if (!read_list(stiffness, ratios)) return nullptr;
   ContactSprings law(scene, exponent, ratios, budget);
-  Friction result;
-  result.P.resize(scene.count);
+  std::vector<Axes> P(scene.count);
+  bool found;
   {
     WithoutGil without;
     Vector p;
-    result.found = rubs ? law.follow_with_friction(tolerance, result.P) : law.follow(tolerance, p);
-    for (size_t i = 0; i < p.size(); ++i) result.P[i][0] = p[i];
+    found = rubs ? law.follow_with_friction(tolerance, P) : law.follow(tolerance, p);
+    for (size_t i = 0; i < p.size(); ++i) P[i][0] = p[i];
   }
   if (law.wedged) Py_RETURN_FALSE;
-  if (!result.found) Py_RETURN_NONE;
-  PyObject* across = rubs ? number_list(across_normals(result)) : Py_NewRef(Py_None);
-  return Py_BuildValue("NNdl", bytes(along_normals(result, scene)), across, law.rubbed, law.work);
+  if (!found) Py_RETURN_NONE;
+  const Struck struck = with_impulses({}, scene, P);
+  PyObject* across = rubs ? number_list(struck.tangential) : Py_NewRef(Py_None);
+  return Py_BuildValue("NNdl", bytes(struck.p), across, law.rubbed, law.work);
 }
 
 PyObject* get_locked(PyObject* self, void*) { return PyBool_FromLong(of(self).locked); }
@@ -266,7 +267,7 @@ PyObject* many(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (!open || PyErr_Occurred()) return PyErr_Format(PyExc_TypeError, "many(): arrays must be contiguous");
   long n = static_cast<long>(contacts.view.shape[1]);
   auto numbers = [&result](int i) { return result[i].at<double>(); };
-  Many asked{tables[place], bodies.at<double>(), contacts.at<double>(),
+  Many clusters{tables[place], bodies.at<double>(), contacts.at<double>(),
              {pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, bodies.view.shape[1]},
              n, static_cast<long>(contacts.view.shape[0]), order.at<std::int64_t>(), starts.at<std::int64_t>(),
              {law, number[0], number[1], static_cast<int>(number[3])}, number[2],
@@ -274,7 +275,6 @@ PyObject* many(PyObject*, PyObject* const* args, Py_ssize_t count) {
              numbers(6), numbers(7), {numbers(8), numbers(9), numbers(10), numbers(11)}};
   {
     WithoutGil without;
-    ManyClusters clusters(asked);
     for (long i = from; i < to; ++i) clusters.answer(wanted.at<std::int64_t>()[i]);
   }
   Py_RETURN_NONE;

@@ -135,14 +135,3 @@ inline Numbers numbers_of(const Assembly& scene, const DD* p, const Vector& tang
   if (!(answer.bound == answer.bound)) answer.bound = INFINITY;
   return answer;
 }
-
-inline std::vector<DD> along_normals(const Friction& friction, const Assembly& scene) {
-  std::vector<DD> p(scene.count);
-  for (int i = 0; i < scene.count; ++i) p[i].h = friction.P[i][0] / scene.touches[i].length;
-  return p;
-}
-inline Vector across_normals(const Friction& friction) {
-  Vector tangential;
-  for (const Axes& P : friction.P) tangential.insert(tangential.end(), {P[1], P[2]});
-  return tangential;
-}

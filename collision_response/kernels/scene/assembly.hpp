@@ -119,9 +119,7 @@ struct Assembly {
 
   // What two bodies do at a contact. The places are of the movable ones.
   void add(const Given& a, const Given& b, int place_a, int place_b, const double* contact, double copies) {
-    Touch touch{};
-    touch.body[0] = place_a;
-    touch.body[1] = place_b;
+    Touch touch{{place_a, place_b}};
     const int exponent = exponent_of(contact + 3, 3);
     for (int k = 0; k < 3; ++k) {
       touch.point[k] = contact[k];
@@ -146,14 +144,14 @@ struct Assembly {
       velocity[side] = fill<N>(centre, touch, direction, side, touch.reach[side], touch.response[side]);
     }
     touch.velocity = velocity[0] - velocity[1];
+    add_plain(both, touch);
     touches.push_back(touch);
     ++count;
   }
 
   // The same along unit vectors, in doubles.
-  void add_plain(const Given& a, const Given& b, Touch& touch) {
+  static void add_plain(const Given* const* both, Touch& touch) {
     const auto axes = touch.axes();
-    const Given* both[2] = {&a, &b};
     for (int axis = 0; axis < 3; ++axis) {
       const double* n = axes[axis].data();
       double velocity[2] = {0, 0};
