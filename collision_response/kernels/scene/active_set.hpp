@@ -109,8 +109,7 @@ class ActiveSet {
 
 enum class Found { LEAST, NO_LEAST, TOO_LONG };
 
-// Let component i in, whose slope is negative. `move(place, by)` is told of every change of x_i (place -1) and of
-// x_members[place]. `at(place)` gives x_members[place].
+// Let component i in, whose slope is negative. at(j) gives x_j, move(j, by) changes it; by -infinity: to 0.
 template <class Move, class At>
 Found enter(ActiveSet& active, int i, double slope, Move move, At at) {
   Vector w;
@@ -119,13 +118,13 @@ Found enter(ActiveSet& active, int i, double slope, Move move, At at) {
     double step = curvature > 0 ? std::fmax(-slope, 0) / curvature : INFINITY;
     int leaves = -1;
     for (size_t k = 0; k < w.size(); ++k)
-      if (w[k] > 1e-14 && std::fmax(at(k), 0) / w[k] < step) {
-        step = std::fmax(at(k), 0) / w[k];
+      if (double x = std::fmax(at(active.members[k]), 0); w[k] > 1e-14 && x / w[k] < step) {
+        step = x / w[k];
         leaves = static_cast<int>(k);
       }
     if (step == INFINITY) return Found::NO_LEAST;
-    for (size_t k = 0; k < w.size(); ++k) move(static_cast<int>(k), leaves == static_cast<int>(k) ? -INFINITY : -step * w[k]);
-    move(-1, step);
+    for (size_t k = 0; k < w.size(); ++k) move(active.members[k], leaves == static_cast<int>(k) ? -INFINITY : -step * w[k]);
+    move(i, step);
     slope += step * curvature;
     if (leaves < 0) return active.append(i) ? Found::LEAST : Found::TOO_LONG;
     active.drop(leaves);
@@ -133,9 +132,19 @@ Found enter(ActiveSet& active, int i, double slope, Move move, At at) {
   }
 }
 
-// In plain doubles. x and active start as found: x is 0 outside the active set, and A x + b is 0 on it. `last` is told
-// of the component that entered last.
-inline Found least(const double* A, int stride, const std::vector<int>& among, const double* b, double* x, ActiveSet& active, int* last = nullptr) {
+struct Least {
+  ActiveSet active;  // A x + b is 0 on it, and x is 0 outside
+  Vector x;
+  Found found = Found::TOO_LONG;
+  int last = -1;  // the component that entered last
+};
+
+// In plain doubles, of the components `among`.
+inline Least least(const Vector& A, const Vector& b, const std::vector<int>& among) {
+  const int stride = static_cast<int>(b.size());
+  Least result{{A.data(), stride}, Vector(b.size())};
+  ActiveSet& active = result.active;
+  Vector &x = result.x, y;
   size_t n = among.size();
   for (size_t turn = 0; turn < 50 * n + 200; ++turn) {
     int entering = -1;
@@ -154,21 +163,18 @@ inline Found least(const double* A, int stride, const std::vector<int>& among, c
         entering = i;
       }
     }
-    if (entering < 0) return Found::LEAST;
-    if (last) *last = entering;
-    Found found = enter(
-        active, entering, most,
-        [&](int place, double by) {
-          double& y = x[place < 0 ? entering : active.members[place]];
-          y = by == -INFINITY ? 0 : y + by;
-        },
-        [&](size_t place) { return x[active.members[place]]; });
-    if (found != Found::LEAST) return found;
+    result.found = Found::LEAST;
+    if (entering < 0) return result;
+    result.last = entering;
+    result.found = enter(
+        active, entering, most, [&](int j, double by) { x[j] = by == -INFINITY ? 0 : x[j] + by; }, [&](int j) { return x[j]; });
+    if (result.found != Found::LEAST) return result;
     // Rounding of the steps does not gather: the active part anew.
-    Vector y;
+    y.clear();
     for (int j : active.members) y.push_back(-b[j]);
     active.solve(y.data());
     for (size_t k = 0; k < y.size(); ++k) x[active.members[k]] = std::fmax(y[k], 0);
   }
-  return Found::TOO_LONG;
+  result.found = Found::TOO_LONG;
+  return result;
 }

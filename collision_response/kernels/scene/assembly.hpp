@@ -284,25 +284,21 @@ struct Assembly {
   };
 
   // The impulses q >= 0 of the contacts `among` that bring v nearest to v0 + M^-1 N p and give them velocities
-  // u + offset >= 0; and how far from that they are. With w the velocities reached, w* those asked for, r = u(w):
-  //
-  //     |w - w*|^2 = (q - q*).(r - r*) <= q.r + q*.max(-r, 0)        q*.r* = 0, q.r* >= 0
-  //     q*.rho <= |d| |w* - v|          for any velocity d that parts the contacts, N^T d = rho > 0
+  // u + offset >= 0; and how far from that they are.
   Projection project(const DD* p, const std::vector<int>& among, const N* offset) const {
     Projection result{Found::LEAST, std::vector<DD>(count), 0};
     std::vector<DD>& q = result.q;
     std::vector<N> start = velocities(p);
-    Vector b(count), x(count);
-    double size = 0;
+    Vector b(count);
     for (int i : among) {
       if (offset) start[i] = start[i] + offset[i];
       b[i] = high(start[i]) * touches[i].scale;
-      size = std::fmax(size, std::fabs(b[i]));
     }
-    ActiveSet active(A.data(), count);
-    result.found = least(A.data(), count, among, b.data(), x.data(), active);
+    Least first = least(A, b, among);
+    result.found = first.found;
     if (result.found != Found::LEAST) return result;
-    for (int j : active.members) q[j] = DD{x[j] * touches[j].scale, 0};
+    ActiveSet& active = first.active;
+    for (int j : active.members) q[j] = DD{first.x[j] * touches[j].scale, 0};
 
     std::vector<N> r(count);
     bool seen = false;  // r is that of q
@@ -330,9 +326,10 @@ struct Assembly {
         }
       }
       int worst = -1;
-      for (size_t k = 0; k < active.members.size(); ++k)
-        if (q[active.members[k]].h < 0 && (worst < 0 || q[active.members[k]].h * touches[active.members[worst]].scale < q[active.members[worst]].h * touches[active.members[k]].scale))
-          worst = static_cast<int>(k);
+      for (size_t k = 0; k < active.members.size(); ++k) {
+        int j = active.members[k], other = active.members[worst < 0 ? k : worst];
+        if (q[j].h < 0 && (worst < 0 || q[j].h * touches[other].scale < q[other].h * touches[j].scale)) worst = static_cast<int>(k);
+      }
       if (worst >= 0) {
         q[active.members[worst]] = DD{0, 0};
         active.drop(worst);
@@ -351,11 +348,8 @@ struct Assembly {
       seen = false;
       Found found = enter(
           active, entering, most,
-          [&](int place, double by) {
-            int j = place < 0 ? entering : active.members[place];
-            q[j] = by == -INFINITY ? DD{0, 0} : q[j] + DD{by * touches[j].scale, 0};
-          },
-          [&](size_t place) { return q[active.members[place]].h / touches[active.members[place]].scale; });
+          [&](int j, double by) { q[j] = by == -INFINITY ? DD{0, 0} : q[j] + DD{by * touches[j].scale, 0}; },
+          [&](int j) { return q[j].h / touches[j].scale; });
       if (found != Found::LEAST) break;  // beyond what doubles can tell: the bound says so
     }
     for (DD& one : q)
@@ -364,9 +358,20 @@ struct Assembly {
         seen = false;
       }
     if (!seen) look();
-    result.error = INFINITY;
-    if (locked) return result;
+    result.error = distance_from_least(among, q, start, r);
+    return result;
+  }
+
+  // How far impulses q that leave velocities r are from those of project(), at most. With w the velocities reached, w*
+  // those asked for, r = u(w):
+  //
+  //     |w - w*|^2 = (q - q*).(r - r*) <= q.r + q*.max(-r, 0)        q*.r* = 0, q.r* >= 0
+  //     q*.rho <= |d| |w* - v|          for any velocity d that parts the contacts, N^T d = rho > 0
+  double distance_from_least(const std::vector<int>& among, const std::vector<DD>& q, const std::vector<N>& start, const std::vector<N>& r) const {
+    if (locked) return INFINITY;
     // In a unit near the size of the velocities: energies may be beyond doubles.
+    double size = 0;
+    for (int i : among) size = std::fmax(size, std::fabs(high(start[i]) * touches[i].scale));
     const double unit = power_near(size);
     double gap = 0, far = 0, moved = 0;
     for (int i : among) {
@@ -377,8 +382,7 @@ struct Assembly {
     }
     far *= parting;
     double distance = std::sqrt(moved);  // |w* - v|^2 <= -q.u
-    result.error = (far + std::sqrt(far * far + 4 * (gap + far * distance))) / 2 * (1 + 1e-9) * unit;
-    return result;
+    return (far + std::sqrt(far * far + 4 * (gap + far * distance))) / 2 * (1 + 1e-9) * unit;
   }
 
   // The impulses that give all contacts velocities of at least -e min(u, 0).
@@ -399,23 +403,21 @@ struct Assembly {
 
   // The few contacts that, as far as doubles can tell, no velocities keep all from approaching; or none.
   std::vector<int> contradiction() const {
-    Vector b, x(count);
+    Vector b;
     for (const Touch& touch : touches) b.push_back(high(touch.velocity) * touch.scale);
-    ActiveSet active(A.data(), count);
-    int last;
-    if (least(A.data(), count, all(), b.data(), x.data(), active, &last) != Found::NO_LEAST) return {};
-    active.members.push_back(last);
-    return active.members;
+    Least end = least(A, b, all());
+    if (end.found != Found::NO_LEAST) return {};
+    end.active.members.push_back(end.last);
+    return end.active.members;
   }
 
   // A velocity that parts all contacts: the least d with N^T d >= 1, scaled.
   void part() {
-    Vector b(count, -1.0), x(count);
-    ActiveSet active(A.data(), count);
-    locked = least(A.data(), count, all(), b.data(), x.data(), active) != Found::LEAST;
+    const Least parted = least(A, Vector(count, -1), all());
+    locked = parted.found != Found::LEAST;
     if (locked) return;
     std::vector<DD> d(count);
-    for (int i = 0; i < count; ++i) d[i] = DD{x[i] * touches[i].scale, 0};
+    for (int i = 0; i < count; ++i) d[i] = DD{parted.x[i] * touches[i].scale, 0};
     std::vector<N> twists = changes(d.data());
     room.resize(count);
     double square = 0;
@@ -455,7 +457,7 @@ struct Assembly {
       for (const Vector& z : Z) sum += z[i] * z[j];
       return sum;
     };
-    Vector b(count), x(count), s(count), dual(static_cast<size_t>(count) * count, 1);
+    Vector b(count), s(count), dual(static_cast<size_t>(count) * count, 1);
     std::vector<int> among;
     double greatest = 0;
     for (int i = 0; i < count; ++i) {
@@ -468,14 +470,15 @@ struct Assembly {
     for (int i : among)
       for (int j : among)
         if (i != j) dual[i * count + j] = rows(i, j) * s[i] * s[j];
-    auto found_with = [&](double room) {
+    auto with_room = [&](double room) {
       for (int i : among) b[i] = (P[i] + room * greatest) * s[i];
-      x.assign(count, 0);
-      ActiveSet active(dual.data(), count);
-      return least(dual.data(), count, among, b.data(), x.data(), active) == Found::LEAST;
+      return least(dual, b, among);
     };
+    Least solved = with_room(0);
     // Where impulses are just 0, rounding may leave no solution without some room.
-    if (!found_with(0) && !found_with(1e-13)) return true;
+    if (solved.found != Found::LEAST) solved = with_room(1e-13);
+    if (solved.found != Found::LEAST) return true;
+    const Vector& x = solved.x;
     for (const Vector& z : Z) {
       double along = 0;
       for (int i : among) along += z[i] * x[i] * s[i];
