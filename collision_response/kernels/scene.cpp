@@ -280,6 +280,12 @@ PyObject* many(PyObject*, PyObject* const* args, Py_ssize_t count) {
   Py_RETURN_NONE;
 }
 
+struct Solved {  // a cluster of a scene, and which bodies it has
+  std::vector<std::int64_t> bodies;
+  Cluster cluster;
+  Answer found;
+};
+
 struct Request {  // a scene from Python
   std::vector<std::array<double, BODY>> bodies;
   std::vector<std::array<double, 8>> contacts;
@@ -287,6 +293,8 @@ struct Request {  // a scene from Python
   std::unique_ptr<bool[]> movable;
   long count;  // of clusters
   bool rubs = false;
+  std::vector<Solved> solved;
+  double energies[4] = {};
 
   // Whether it is usual: of floats, and with no cluster of one contact, nor a movable body without contacts.
   bool read(PyObject* body_list, PyObject* pair_list, PyObject* contact_list) {
@@ -323,11 +331,23 @@ struct Request {  // a scene from Python
     return count > 0;
   }
 
-  // The numbers of a cluster, and which bodies it has.
-  Parts parts(long c, std::vector<std::int64_t>& places, std::vector<int>& place_of) const {
+  // Whether every cluster has its usual answer.
+  bool solve(const Asked& asked) {
+    std::vector<int> place(bodies.size(), -1);
     auto body = [this](std::int64_t i, double* x) { std::copy(bodies[i].begin(), bodies[i].end(), x); };
     auto contact = [this](std::int64_t k, double* x) { std::copy(contacts[k].begin(), contacts[k].end(), x); };
-    return parts_of({a.data(), b.data(), 0}, &order[starts[c]], &order[0] + starts[c + 1], place_of, places, body, contact);
+    for (long c = 0; c < count; ++c) {
+      std::vector<std::int64_t> used;
+      Parts parts = parts_of({a.data(), b.data(), 0}, &order[starts[c]], &order[0] + starts[c + 1], place, used, body, contact);
+      if (parts.has_copies()) return false;
+      Cluster cluster(parts, asked.law == LAW_FRICTIONLESS);
+      if (cluster.fault) return false;
+      Answer found = answered(cluster, asked);
+      if (found.code != STATUS_OK) return false;
+      for (int i = 0; i < 4; ++i) energies[i] += found.numbers.energies[i];
+      solved.push_back({std::move(used), std::move(cluster), std::move(found)});
+    }
+    return std::all_of(energies, energies + 4, [](double energy) { return std::isfinite(energy); });
   }
 };
 
@@ -342,28 +362,7 @@ PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
   Request request;
   if (!request.read(args[0], args[1], args[2])) Py_RETURN_NONE;
   Asked asked{laws[request.rubs], number[0], number[1], static_cast<int>(number[3])};
-  bool frictionless = asked.law == LAW_FRICTIONLESS;
-  struct Solved {
-    std::vector<std::int64_t> bodies;
-    Cluster cluster;
-    Answer found;
-  };
-  std::vector<Solved> solved;
-  double energies[4] = {};
-  std::vector<int> place_of(request.bodies.size(), -1);
-  for (long c = 0; c < request.count; ++c) {
-    std::vector<std::int64_t> used;
-    Parts parts = request.parts(c, used, place_of);
-    if (parts.has_copies()) Py_RETURN_NONE;
-    Cluster cluster(parts, frictionless);
-    if (cluster.fault) Py_RETURN_NONE;
-    Answer found = answered(cluster, asked);
-    if (found.code != STATUS_OK) Py_RETURN_NONE;
-    for (int i = 0; i < 4; ++i) energies[i] += found.numbers.energies[i];
-    solved.push_back({std::move(used), std::move(cluster), std::move(found)});
-  }
-  for (double energy : energies)
-    if (!std::isfinite(energy)) Py_RETURN_NONE;
+  if (!request.solve(asked)) Py_RETURN_NONE;
 
   enum { CONTACTS, TWISTS, CHANGES, IMPULSES, BEFORE, AFTER, REGIMES, CLUSTERS, COLUMNS };
   auto bodies = static_cast<Py_ssize_t>(request.bodies.size()), contacts = static_cast<Py_ssize_t>(request.contacts.size());
@@ -379,7 +378,7 @@ PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
   int adjusted = 0, law = asked.law;
   bool separates = true, beyond_doubles = false;
   for (long c = 0; c < request.count; ++c) {
-    const auto& [used, cluster, found] = solved[c];
+    const auto& [used, cluster, found] = request.solved[c];
     const Numbers& y = found.numbers;
     for (size_t i = 0; i < used.size(); ++i) {
       if (cluster.movable[i] < 0) continue;
@@ -393,7 +392,7 @@ PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
       double e = found.restitution < 0 ? cluster.scene.touches[i].e : found.restitution;
       PyTuple_SET_ITEM(own, i, PyLong_FromSsize_t(k));
       const auto& given = request.contacts[k];
-      PyTuple_SET_ITEM(column[CONTACTS], k, used_contact(PySequence_Fast_GET_ITEM(args[2], k), e, e != given[6], frictionless && given[7] != 0));
+      PyTuple_SET_ITEM(column[CONTACTS], k, used_contact(PySequence_Fast_GET_ITEM(args[2], k), e, e != given[6], asked.law == LAW_FRICTIONLESS && given[7] != 0));
       PyTuple_SET_ITEM(column[IMPULSES], k, vector(&y.pushes[3 * i]));
       PyTuple_SET_ITEM(column[BEFORE], k, PyFloat_FromDouble(y.before[i]));
       PyTuple_SET_ITEM(column[AFTER], k, PyFloat_FromDouble(y.then[i]));
@@ -402,7 +401,8 @@ PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
     PyTuple_SET_ITEM(column[CLUSTERS], c, own);
     bound = std::fmax(bound, y.bound);
     margin = std::fmin(margin, found.margin);
-    adjusted |= cluster.off_unit + 2 * found.slow + 4 * found.fell_back + 8 * cluster.idle;
+    adjusted |= cluster.off_unit * ADJUSTMENT_NORMALISED_ORIENTATION + found.slow * ADJUSTMENT_RESTITUTION_THRESHOLD +
+                found.fell_back * ADJUSTMENT_LAW_FALLBACK + cluster.idle * ADJUSTMENT_MASSLESS_SPIN;
     if (found.fell_back && law == asked.law) law = cluster.rubs ? LAW_COULOMB : LAW_FRICTIONLESS;
     separates = separates && y.separates();
     beyond_doubles = beyond_doubles || !cluster.rubs;
@@ -410,7 +410,7 @@ PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
   PyObject* status = PyTuple_GET_ITEM(types.statuses, bound > number[2] ? STATUS_TOLERANCE_NOT_MET : separates ? STATUS_SEPARATING : STATUS_OK);
   PyObject* model = PyTuple_GET_ITEM(PyTuple_GET_ITEM(args[5], law), beyond_doubles);
   return Py_BuildValue("OONNNNNNNddddNOddO", status, model, column[CONTACTS], column[TWISTS], column[CHANGES], column[IMPULSES],
-                       column[BEFORE], column[AFTER], column[REGIMES], energies[0], energies[1], energies[2], energies[3],
+                       column[BEFORE], column[AFTER], column[REGIMES], request.energies[0], request.energies[1], request.energies[2], request.energies[3],
                        column[CLUSTERS], Py_None, bound, margin, PyTuple_GET_ITEM(types.adjustments, adjusted));
 }
 
