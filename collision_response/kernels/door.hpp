@@ -14,34 +14,32 @@ struct Door {
 };
 
 // A TypeError that ends with what something is: its repr(), or what is said of integers that Python does not spell out.
-static __attribute__((noinline, cold)) void refuse_kind(const std::string& text, PyObject* o, const char* hint = "") {
+static __attribute__((noinline, cold)) bool refuse_kind(const std::string& text, PyObject* o, const char* hint = "") {
   PyObject* spelled = PyObject_Repr(o);
-  if (!spelled && !PyErr_ExceptionMatches(PyExc_ValueError)) return;
+  if (!spelled && !PyErr_ExceptionMatches(PyExc_ValueError)) return false;
   PyErr_Clear();
   PyErr_Format(PyExc_TypeError, "%s is %V%s", text.c_str(), spelled, "of more digits than are shown", hint);
   Py_XDECREF(spelled);
+  return false;
 }
 
 // Anything that is not exactly a float. Python floats never come here.
 static __attribute__((noinline, cold)) bool read_other(PyObject* o, const Door& door, int i) {
   double& x = door.x[i];
   double& error = door.error[i];
-  auto refuse = [&](const char* why) {
-    refuse_kind(std::string(door.names[i]) + ": " + why + ",", o);
-    return false;
-  };
+  auto refuse = [&] { return refuse_kind(std::string(door.names[i]) + ": must be a real number,", o); };
   if (exact_float(o, x)) return true;
   if (door.rational && PyObject_TypeCheck(o, types.fraction)) *door.rational = true;
   PyNumberMethods* as_number = Py_TYPE(o)->tp_as_number;
   if (PyBool_Check(o) || std::strncmp(Py_TYPE(o)->tp_name, "numpy.bool", 10) == 0 || PyComplex_Check(o) || PyUnicode_Check(o) || !as_number ||
       !(as_number->nb_float || as_number->nb_index))
-    return refuse("must be a real number");
+    return refuse();
   PyObject* number = as_number->nb_float ? PyNumber_Float(o) : PyNumber_Index(o);
   if (number && !PyFloat_Check(number)) Py_SETREF(number, PyNumber_Float(number));
   if (!number) {
     if (!PyErr_ExceptionMatches(PyExc_OverflowError)) {
       PyErr_Clear();
-      return refuse("must be a real number");
+      return refuse();
     }
     PyErr_Clear();  // an integer beyond the range of floats: not finite
     x = NAN;

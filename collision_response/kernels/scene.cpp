@@ -160,10 +160,12 @@ PyObject* answer(PyObject* self, PyObject* args) {
   int by_slip;
   if (!PyArg_ParseTuple(args, "OOdp", &normal, &across, &error, &by_slip)) return nullptr;
   const DD* p = impulses(self, normal);
-  Vector tangential(across == Py_None ? 0 : 2 * of(self).count);
-  if (!p || !read_list(across, tangential)) return nullptr;
+  if (!p) return nullptr;
+  Struck struck{Outcome::ANSWERED, {p, p + of(self).count}, error};
+  struck.tangential.resize(across == Py_None ? 0 : 2 * of(self).count);
+  if (!read_list(across, struck.tangential)) return nullptr;
   const Cluster& cluster = *reinterpret_cast<ClusterObject*>(self)->cluster;
-  Numbers y = numbers_of(of(self), p, tangential, error, by_slip);
+  Numbers y = numbers_of(of(self), struck, by_slip);
   return Py_BuildValue(
       "NNNNNN(dddd)dNNN", listed(of(self).bodies, [&](size_t b) { return twist(&y.changes[6 * b]); }),
       listed(of(self).bodies, [&](size_t b) { return twist(&y.after[6 * b]); }),

@@ -203,8 +203,8 @@ class Symbol:
         return [self.tape.at(place) for place in self.node.args]
 
     def negated(self) -> Symbol | None:
-        """``y`` if this is ``-y``."""
-        return self.operands()[0] if self.node.op == "neg" else None
+        """``y`` if this is ``-y``, or ``not y``."""
+        return self.operands()[0] if self.node.op in ("neg", "not") else None
 
     def sqrt(self) -> Symbol:
         """The square root."""
@@ -361,14 +361,6 @@ def _div(x: Symbol, y: Symbol) -> Any:
     return None if minus_y is None else -(x / minus_y)
 
 
-def _neg(x: Symbol) -> Any:
-    return x.negated()
-
-
-def _not(x: Symbol) -> Any:
-    return x.operands()[0] if x.node.op == "not" else None
-
-
 def _joined(neutral: bool) -> Callable[[Symbol, Symbol], Any]:
     """Of ``and`` and ``or``, which leave the other operand as it is if one is ``neutral``."""
 
@@ -404,8 +396,8 @@ _SIMPLER: dict[str, Callable[..., Any]] = {
     "sub": _sub,
     "mul": _mul,
     "div": _div,
-    "neg": _neg,
-    "not": _not,
+    "neg": Symbol.negated,
+    "not": Symbol.negated,
     "and": _joined(neutral=True),
     "or": _joined(neutral=False),
     "select": _select,

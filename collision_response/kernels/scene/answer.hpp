@@ -50,17 +50,18 @@ struct Numbers {
   }
 };
 
-// Of normal impulses, and of tangential ones, pairs in the axes of each contact; empty if there are none. A contact
-// sticks if it does not slip (by_slip), or if its friction is below the limit.
-inline Numbers numbers_of(const Assembly& scene, const DD* p, const Vector& tangential, double error, bool by_slip) {
+// A contact sticks if it does not slip (by_slip), or if its friction is below the limit.
+inline Numbers numbers_of(const Assembly& scene, const Struck& struck, bool by_slip) {
   Numbers answer;
   int count = scene.count;
-  bool rubs = !tangential.empty();
-  std::vector<Axes> P(count);
+  const DD* p = struck.p.data();
+  double error = struck.error;
+  bool rubs = !struck.tangential.empty();
+  std::vector<Axes> P(count);  // across the normals
   Vector reported = rounded(p, count);
   if (rubs)
     for (int i = 0; i < count; ++i)
-      for (int k = 0; k < 2; ++k) P[i][1 + k] = tangential[2 * i + k];
+      for (int k = 0; k < 2; ++k) P[i][1 + k] = struck.tangential[2 * i + k];
   std::vector<N> sums = scene.changes(p);
   Motion motion(scene), across(scene);
   for (int i = 0; i < count; ++i) {

@@ -144,7 +144,7 @@ inline Answer answered(Cluster& cluster, const Asked& asked) {
   }
   Struck struck;
   auto finish = [&] {
-    answer.numbers = numbers_of(scene, struck.p.data(), struck.tangential, struck.error, false);
+    answer.numbers = numbers_of(scene, struck, false);
     answer.code = answer.numbers.is_finite() ? STATUS_OK : STATUS_OUT_OF_RANGE;
     answer.margin = struck.margin;
     answer.restitution = struck.restitution;

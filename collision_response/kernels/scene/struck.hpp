@@ -10,7 +10,7 @@ struct Struck {
   double error = 0;          // of the velocities, in the metric of kinetic energy
   double margin = INFINITY;  // the least distance of a decision from its threshold, relative to the fastest approach
   double restitution = -1;   // of all contacts; -1: each has its own
-  Vector tangential{};       // impulses across the normals, or none
+  Vector tangential{};       // impulses across the normals, two of each contact, or none
 };
 
 // The same, with impulses that are in the axes of each contact.
