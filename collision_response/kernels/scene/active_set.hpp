@@ -57,6 +57,7 @@ class ActiveSet {
       rows[chosen].push_back(root);
       factor.insert(factor.end(), rows[chosen].begin(), rows[chosen].end());
       members.push_back(chosen);
+      is_member[chosen] = true;
     }
     return left;
   }

@@ -173,7 +173,7 @@ class Cones {
     }
     along_normals(by, part);
     for (size_t i = 0; i < by.size(); ++i) add_row(cones[i], Axes{by[i] + part * loads[i], 0, 0}, e);
-    for (size_t i = 0; i < e.size(); ++i) e[i] -= part * y[i];
+    increase(e, -part, y);
     for (const Axes& one : P) reach = std::fmax(reach, std::hypot(one[0], one[1], one[2]));
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone& cone = cones[i];
