@@ -1,61 +1,45 @@
 // The door: Python's numbers of any make become doubles, each with the error of the conversion.
 #pragma once
-#define PY_SSIZE_T_CLEAN
-#include <Python.h>
 #include <cmath>
 #include <cstring>
 #include <string>
+
+#include "python.hpp"
 
 struct Door {
   double* x;
   double* error;
   const char* const* names;  // of the numbers, for messages
-  PyTypeObject* fraction = nullptr;
   bool* rational = nullptr;  // set where a number is a fraction
 };
 
 // A TypeError that ends with what something is: its repr(), or what is said of integers that Python does not spell out.
-static __attribute__((noinline, cold)) void refuse_kind(const std::string& text, PyObject* o, const char* hint = "") {
+static __attribute__((noinline, cold)) bool refuse_kind(const std::string& text, PyObject* o, const char* hint = "") {
   PyObject* spelled = PyObject_Repr(o);
-  if (!spelled && !PyErr_ExceptionMatches(PyExc_ValueError)) return;
+  if (!spelled && !PyErr_ExceptionMatches(PyExc_ValueError)) return false;
   PyErr_Clear();
   PyErr_Format(PyExc_TypeError, "%s is %V%s", text.c_str(), spelled, "of more digits than are shown", hint);
   Py_XDECREF(spelled);
+  return false;
 }
 
 // Anything that is not exactly a float. Python floats never come here.
 static __attribute__((noinline, cold)) bool read_other(PyObject* o, const Door& door, int i) {
   double& x = door.x[i];
   double& error = door.error[i];
-  auto refuse = [&](const char* why) {
-    refuse_kind(std::string(door.names[i]) + ": " + why + ",", o);
-    return false;
-  };
-  static PyTypeObject* known = &PyFloat_Type;  // np.float64, if that was the last: to ask for its bases takes longer
-  if (Py_TYPE(o) == known || PyFloat_Check(o)) {
-    if (!(Py_TYPE(o)->tp_flags & Py_TPFLAGS_HEAPTYPE)) known = Py_TYPE(o);  // it is there for ever
-    x = PyFloat_AS_DOUBLE(o);
-    return true;
-  }
-  if (PyLong_CheckExact(o)) {
-    int overflow;
-    long long whole = PyLong_AsLongLongAndOverflow(o, &overflow);
-    if (!overflow && -(1LL << 53) <= whole && whole <= 1LL << 53) {
-      x = static_cast<double>(whole);
-      return true;
-    }
-  }
-  if (door.rational && PyObject_TypeCheck(o, door.fraction)) *door.rational = true;
+  auto refuse = [&] { return refuse_kind(std::string(door.names[i]) + ": must be a real number,", o); };
+  if (exact_float(o, x)) return true;
+  if (door.rational && PyObject_TypeCheck(o, types.fraction)) *door.rational = true;
   PyNumberMethods* as_number = Py_TYPE(o)->tp_as_number;
   if (PyBool_Check(o) || std::strncmp(Py_TYPE(o)->tp_name, "numpy.bool", 10) == 0 || PyComplex_Check(o) || PyUnicode_Check(o) || !as_number ||
       !(as_number->nb_float || as_number->nb_index))
-    return refuse("must be a real number");
+    return refuse();
   PyObject* number = as_number->nb_float ? PyNumber_Float(o) : PyNumber_Index(o);
   if (number && !PyFloat_Check(number)) Py_SETREF(number, PyNumber_Float(number));
   if (!number) {
     if (!PyErr_ExceptionMatches(PyExc_OverflowError)) {
       PyErr_Clear();
-      return refuse("must be a real number");
+      return refuse();
     }
     PyErr_Clear();  // an integer beyond the range of floats: not finite
     x = NAN;

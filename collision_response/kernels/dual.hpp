@@ -44,7 +44,6 @@ struct Few {
   static constexpr int BLOCKS = 4, DIRECTIONS = 4 * BLOCKS;
   Block d[BLOCKS];
 
-  double at(int direction) const { return d[direction / 4][direction % 4]; }
   Edges edges() const { return edges_of(d, 0, BLOCKS); }
   __attribute__((always_inline)) Few scaled(double by) const {
     Few y;

@@ -47,7 +47,7 @@ _OF_EITHER = ("select", "join", "both", "first", "second", "swapped")
 
 def emit(
     name: str,
-    inputs: list[object],
+    inputs: Iterable[object],
     bounded: Iterable[Symbol],
     reported: Iterable[Symbol],
     flags: Iterable[Symbol],
@@ -174,9 +174,8 @@ def _varying(tape: Tape, forms: dict[int, Form], place: int) -> _Varying:
             break
         varying_states |= more
     places: set[int] = set()
-    states: set[int] = set()
-    left = [loop.after[i] for i in wanted & varying_states]
-    states |= wanted & varying_states
+    states = wanted & varying_states
+    left = [loop.after[i] for i in states]
     while left:
         place = left.pop()
         if place in places or place not in varying:
@@ -376,12 +375,10 @@ class _Scope:
         elif node.op in ("call", "law"):
             given = ", ".join(self.use(arg, Form.BOUNDED) for arg in node.args)
             yield f"const N {name}_in[] = {{{given}}};"
-            is_call = node.op == "call"
-            yield (
-                f"call_{node.value}({name}_in, {name});"
-                if is_call
-                else f"const auto [{name}_0, {name}_1, {name}_2] = law({name}_in);"
-            )
+            if node.op == "call":
+                yield f"call_{node.value}({name}_in, {name});"
+            else:
+                yield f"const auto [{name}_0, {name}_1, {name}_2] = law({name}_in);"
         else:
             kind = "" if declared else "const auto "
             yield f"{kind}{name} = {self._expression(place, self.forms[place])};"
@@ -411,12 +408,10 @@ class _Scope:
             assert self.outside is not None
             return self.outside.use(node.value, form)
         if node.op == "certain":
-            inner = min(form, Form.VALUE)
-            value = self.use(node.args[0], Form(inner))
+            value = self.use(node.args[0], min(form, Form.VALUE))
             return f"lifted<N>({value})" if form is Form.BOUNDED else value
         if node.op == "error_of":
-            error = f"error_of({self.use(node.args[0], Form.BOUNDED)})"
-            return f"lifted<{_TYPES[form]}>({error})"
+            return f"lifted<{_TYPES[form]}>(error_of({self.use(node.args[0], Form.BOUNDED)}))"
         if node.op == "widened":
             if form is not Form.BOUNDED:
                 return self.use(node.args[0], form)
@@ -454,12 +449,6 @@ class _Scope:
         count = len(node.args)
         for i, arg in enumerate(node.args):
             yield f"{name}_{i} = {self.use(arg, varying.form_of_state(i))};"
-        shared = ""
-        if varying.states:
-            nodes = (loop.tape.nodes[place] for place in sorted(varying.places or ()))
-            outer = [one.value for one in nodes if one.op == "outer" and self.forms[one.value] > Form.REPORT]
-            states = ", ".join(f"{name}_{i}" for i in sorted(varying.states))
-            shared = f"  if (turn == 0) share_edges({', '.join(map(self._name, outer))})({states});"
         yield f"for (int turn = 0; turn < {loop.budget}; ++turn) {{"
         for i in range(count):
             read = f"report({name}_{i})" if of_values is Form.REPORT else f"{name}_{i}"
@@ -467,17 +456,15 @@ class _Scope:
             yield f"  const {_TYPES[of_values]} {state} = {read}; (void){state};"
         # The condition first: most of a turn is needless after the last one.
         first = _turn_forms(loop.tape, of_values, loop.going)
-        written = set()
-        for line, at in turn.numbered_lines(first):
-            written.add(at)
-            yield "  " + line
+        yield from turn.plain_lines(first)
         yield f"  const auto {name}_going = {turn.use(loop.going, of_values)};"
         yield f"  if (!any({name}_going)) break;"
-        for line, at in turn.numbered_lines(turn.forms):
-            if at not in written:
-                yield "  " + line
+        yield from turn.plain_lines(known.keys() - first)
         if varying.places is not None:
-            yield shared
+            nodes = (loop.tape.nodes[place] for place in sorted(varying.places))
+            outer = [one.value for one in nodes if one.op == "outer" and self.forms[one.value] > Form.REPORT]
+            states = ", ".join(f"{name}_{i}" for i in sorted(varying.states))
+            yield f"  if (turn == 0) share_edges({', '.join(map(self._name, outer))})({states});"
             yield from _Tangents(loop, name, self, turn, varying.places).blocks(varying.states)
         for i, after in enumerate(loop.after):
             if of_values is Form.REPORT:
@@ -487,12 +474,11 @@ class _Scope:
                 yield f"  {name}_{i} = choose({name}_going, {turn.use(after, Form.VALUE)}, {name}_{i});"
         yield "}"
 
-    def numbered_lines(self, places: Iterable[int]) -> Iterable[tuple[str, int]]:
-        """The lines of some operations, each with its place."""
+    def plain_lines(self, places: Iterable[int]) -> Iterable[str]:
+        """One for each of some operations of a turn."""
         for place in sorted(places):
-            node, form = self.tape.nodes[place], self.forms[place]
-            if node.op not in CONSTANTS:
-                yield f"const auto {self.prefix}{place} = {self._expression(place, form)};", place
+            if self.tape.nodes[place].op not in CONSTANTS:
+                yield f"  const auto {self.prefix}{place} = {self._expression(place, self.forms[place])};"
 
 
 class _Tangents(_Scope):

@@ -3,7 +3,6 @@
 #include "arrays.hpp"
 #include "door.hpp"
 #include "gather.hpp"
-#include "python.hpp"
 #include "table.hpp"
 #include "units.hpp"
 
@@ -11,18 +10,14 @@ namespace {
 
 constexpr int LAWS = LAW_COUNT, GEOMETRIES = 5, PRECISIONS = 5;
 
-// What Python's side knows, given by setup().
-struct Types {
-  PyTypeObject *impact, *twist, *vec3, *contact, *fraction;
-  PyObject *statuses, *regimes, *adjustments;  // by number
-  PyObject *plan, *decided, *refusal;          // functions
-} types;
+PyTypeObject* impact_type;                                    // what module.cpp alone is told by setup(),
+PyObject *plan_function, *decided_function, *refusal_function;
 
 struct Plan {  // of an ImpactModel
   PyObject* model;
   int law_without_friction, law_with_friction, geometry, first, last;
   double settings[ROWS_OF_MODEL], errors[ROWS_OF_MODEL], wanted;
-  PyObject* decided[LAWS][GEOMETRIES][PRECISIONS];
+  PyObject* decided[LAWS * GEOMETRIES * PRECISIONS];
 };
 constexpr int KEPT = 8;
 Plan plans[KEPT];
@@ -32,7 +27,7 @@ int next_plan;
 Plan* plan_of(PyObject* model) {
   for (Plan& plan : plans)
     if (plan.model == model) return &plan;
-  PyObject* made = PyObject_CallOneArg(types.plan, model);
+  PyObject* made = PyObject_CallOneArg(plan_function, model);
   if (!made) return nullptr;
   Plan plan{};
   double limit;
@@ -47,9 +42,7 @@ Plan* plan_of(PyObject* model) {
   if (!read) return nullptr;
   Plan& place = plans[next_plan++ % KEPT];
   Py_XDECREF(place.model);
-  for (auto& of_law : place.decided)
-    for (auto& of_geometry : of_law)
-      for (PyObject* decided : of_geometry) Py_XDECREF(decided);
+  for (PyObject* decided : place.decided) Py_XDECREF(decided);
   Py_INCREF(model);
   plan.model = model;
   place = plan;
@@ -57,8 +50,8 @@ Plan* plan_of(PyObject* model) {
 }
 
 PyObject* decided(Plan* plan, int law, int geometry, int precision) {
-  PyObject*& place = plan->decided[law][geometry][precision];
-  if (!place) place = PyObject_CallFunction(types.decided, "Oiii", plan->model, law, geometry, precision);
+  PyObject*& place = plan->decided[(law * GEOMETRIES + geometry) * PRECISIONS + precision];
+  if (!place) place = PyObject_CallFunction(decided_function, "Oiii", plan->model, law, geometry, precision);
   return place;
 }
 
@@ -73,8 +66,7 @@ bool read_body(PyObject* body, const Door& door, int i) {
     name.resize(name.find('.'));
     bool is_message = !strcmp(Py_TYPE(body)->tp_name, "BodyState");
     const char* hint = is_message ? "; collision_response.ros.convert.body_of(name, message) makes one" : "; Body.dynamic(...) and Body.static() make one";
-    refuse_kind(name + ": must be a Body,", body, hint);
-    return false;
+    return refuse_kind(name + ": must be a Body,", body, hint);
   }
   PyObject *turn = PyTuple_GET_ITEM(body, 3), *own = PyTuple_GET_ITEM(body, 7);
   bool rigid = own == Py_None;
@@ -103,10 +95,7 @@ bool is_function(PyObject* o) { return !PyFloat_CheckExact(o) && PyCallable_Chec
 
 // Coefficients that are functions, and tangential restitution, are left out: the caller sees to them.
 bool read_contact(PyObject* contact, const Door& door, bool* has_more) {
-  if (!PyTuple_Check(contact) || PyTuple_GET_SIZE(contact) != 5) {
-    refuse_kind("contact: must be a Contact, made by Contact.of(...);", contact);
-    return false;
-  }
+  if (!PyTuple_Check(contact) || PyTuple_GET_SIZE(contact) != 5) return refuse_kind("contact: must be a Contact, made by Contact.of(...);", contact);
   PyObject *e = PyTuple_GET_ITEM(contact, 2), *mu = PyTuple_GET_ITEM(contact, 3);
   bool e_by_speed = is_function(e), mu_by_speed = is_function(mu);
   if (e_by_speed) door.x[IN_CONTACT_RESTITUTION] = 1;
@@ -118,16 +107,18 @@ bool read_contact(PyObject* contact, const Door& door, bool* has_more) {
          (mu_by_speed || read_number(mu, door, IN_CONTACT_FRICTION));
 }
 
-PyObject* vector(const double* x) { return tuple_of(types.vec3, x, 3); }
-PyObject* twist(const double* x) { return twist_of(types.twist, types.vec3, x); }
+// Two bodies and a contact.
+bool read_request(PyObject* const* args, const Door& door, bool* has_more) {
+  return read_body(args[0], door, 0) && read_body(args[1], door, BODY) && read_contact(args[2], door, has_more);
+}
 
 PyObject* answer(PyObject* contact, PyObject* model, const double* x, const Numbers& y, double bound, bool frictionless, bool normalised, bool articulated, int status) {
-  PyObject* impact = types.impact->tp_alloc(types.impact, 20);
+  PyObject* impact = impact_type->tp_alloc(impact_type, 20);
   if (!impact) return nullptr;
   int i = 0;
   auto put = [&](PyObject* o) { PyTuple_SET_ITEM(impact, i++, o); };
   put(Py_NewRef(PyTuple_GET_ITEM(types.statuses, status)));
-  put(used_contact(types.contact, contact, y.reported[OUT_RESTITUTION], y.flags[FLAG_SLOW], frictionless && x[IN_CONTACT_FRICTION] != 0));
+  put(used_contact(contact, y.reported[OUT_RESTITUTION], y.flags[FLAG_SLOW], frictionless && x[IN_CONTACT_FRICTION] != 0));
   put(Py_NewRef(model));
   put(twist(y.reported));
   put(twist(y.reported + 6));
@@ -145,7 +136,7 @@ PyObject* answer(PyObject* contact, PyObject* model, const double* x, const Numb
 }
 
 PyObject* refuse(int status) {
-  PyObject* error = PyObject_CallFunction(types.refusal, "i", status);
+  PyObject* error = PyObject_CallFunction(refusal_function, "i", status);
   if (error) PyErr_SetObject(reinterpret_cast<PyObject*>(Py_TYPE(error)), error);
   Py_XDECREF(error);
   return nullptr;
@@ -154,10 +145,7 @@ PyObject* refuse(int status) {
 // resolve(body_a, body_b, contact, model): an Impact, with TOLERANCE_NOT_MET if Python should look for more digits;
 // or the number that says why the request is left to Python: see protocol.py.
 PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
-  if (count != 4) {
-    PyErr_SetString(PyExc_TypeError, "resolve() takes two bodies, a contact and a model");
-    return nullptr;
-  }
+  if (count != 4) return PyErr_Format(PyExc_TypeError, "resolve() takes two bodies, a contact and a model");
   PyObject* contact = args[2];
   Plan* plan = plan_of(args[3]);
   if (!plan) return nullptr;
@@ -169,9 +157,8 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
     std::fill_n(error + INPUTS, ALL_INPUTS - INPUTS, 0.0);
   }
   bool rational = false;
-  const Door door{x, error, input_names, types.fraction, &rational};
   bool has_more;
-  if (!read_body(args[0], door, 0) || !read_body(args[1], door, BODY) || !read_contact(contact, door, &has_more)) return nullptr;
+  if (!read_request(args, {x, error, input_names, &rational}, &has_more)) return nullptr;
   if (has_more) return PyLong_FromLong(LEFT_NOT_ONLY_NUMBERS);
   for (int k = 0; k < ROWS_OF_MODEL; ++k) {
     x[IN_MODEL_TANGENTIAL_RESTITUTION + k] = plan->settings[k];
@@ -220,38 +207,22 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
 
 // numbers(body_a, body_b, contact): what resolve() reads of them, and the error of each.
 PyObject* numbers(PyObject*, PyObject* const* args, Py_ssize_t count) {
-  if (count != 3) {
-    PyErr_SetString(PyExc_TypeError, "numbers() takes two bodies and a contact");
-    return nullptr;
-  }
+  if (count != 3) return PyErr_Format(PyExc_TypeError, "numbers() takes two bodies and a contact");
   double x[ALL_INPUTS] = {}, error[ALL_INPUTS] = {};
-  const Door door{x, error, input_names};
   bool has_more;
-  if (!read_body(args[0], door, 0) || !read_body(args[1], door, BODY) || !read_contact(args[2], door, &has_more)) return nullptr;
-  PyObject *values = PyTuple_New(ALL_INPUTS), *errors = PyTuple_New(ALL_INPUTS);
-  for (int i = 0; i < ALL_INPUTS; ++i) {
-    PyTuple_SET_ITEM(values, i, PyFloat_FromDouble(x[i]));
-    PyTuple_SET_ITEM(errors, i, PyFloat_FromDouble(error[i]));
-  }
-  return Py_BuildValue("NN", values, errors);
+  if (!read_request(args, {x, error, input_names}, &has_more)) return nullptr;
+  return Py_BuildValue("NN", tuple_of(&PyTuple_Type, x, ALL_INPUTS), tuple_of(&PyTuple_Type, error, ALL_INPUTS));
 }
 
 // inputs(body_a, body_b, contact, settings): what kernels of rigid bodies read, as bytes.
 PyObject* inputs(PyObject*, PyObject* const* args, Py_ssize_t count) {
-  enum { OF_MODEL = INPUTS - IN_MODEL_TANGENTIAL_RESTITUTION };
-  if (count != 4 || !PyTuple_Check(args[3]) || PyTuple_GET_SIZE(args[3]) != OF_MODEL) {
-    PyErr_SetString(PyExc_TypeError, "inputs() takes two bodies, a contact and settings");
-    return nullptr;
-  }
+  if (count != 4 || !PyTuple_Check(args[3]) || PyTuple_GET_SIZE(args[3]) != ROWS_OF_MODEL)
+    return PyErr_Format(PyExc_TypeError, "inputs() takes two bodies, a contact and settings");
   double x[ALL_INPUTS] = {}, error[ALL_INPUTS] = {};
-  const Door door{x, error, input_names};
   bool has_more;
-  if (!read_body(args[0], door, 0) || !read_body(args[1], door, BODY) || !read_contact(args[2], door, &has_more)) return nullptr;
-  for (int i = 0; i < OF_MODEL; ++i) {
-    double number = PyFloat_AsDouble(PyTuple_GET_ITEM(args[3], i));
-    if (number == -1 && PyErr_Occurred()) return nullptr;
-    x[IN_MODEL_TANGENTIAL_RESTITUTION + i] = number;
-  }
+  if (!read_request(args, {x, error, input_names}, &has_more)) return nullptr;
+  for (int k = 0; k < ROWS_OF_MODEL; ++k) x[IN_MODEL_TANGENTIAL_RESTITUTION + k] = PyFloat_AsDouble(PyTuple_GET_ITEM(args[3], k));
+  if (PyErr_Occurred()) return nullptr;
   return PyBytes_FromStringAndSize(reinterpret_cast<const char*>(x), INPUTS * sizeof(double));
 }
 
@@ -292,11 +263,91 @@ __attribute__((noinline)) int greatest(const unsigned char* code, const unsigned
   return most;
 }
 
+// The arrays of a batch: tables and results.
+struct Arrays {
+  Array bodies, pairs, contacts, model, result[WANTED];
+  long count = -1;  // of contacts
+
+  // Without pairs (None) the bodies lie side by side.
+  bool open(PyObject* const* inputs, PyObject* results) {
+    if (!bodies.open(inputs[0]) || (inputs[1] != Py_None && !pairs.open(inputs[1])) || !contacts.open(inputs[2]) || !model.open(inputs[3])) return false;
+    for (int i = 0; i < WANTED; ++i) {
+      PyObject* o = PyTuple_GET_ITEM(results, i);
+      if (o != Py_None && !result[i].open(o, true)) return false;
+    }
+    if (contacts.view.ndim == 2) count = contacts.view.shape[1];
+    return true;
+  }
+  bool is_double() const { return *model.view.format == 'd'; }
+
+  // Whether results and pairs are of the shapes and types that they should be; bodies and contacts have been looked at.
+  bool fit(const Table& table, bool bounded) const {
+    const char real = *model.view.format;
+    const Py_ssize_t n = count, axes = table.axes, spins = 3 - table.first_spin;
+    bool report = result[REGIME].is_there();
+    bool fits = result[VELOCITY].is(real, {axes, 2, n}) && result[ANGULAR_VELOCITY].is(real, {spins, 2, n}) &&
+                result[IMPULSE].is(real, {axes, n}) && result[STATUS].is('B', {n}) &&
+                result[ERROR_BOUND].is_there() == bounded && (!bounded || (result[ERROR_BOUND].is(real, {n}) && result[ERROR_BOUND + 1].is('B', {n}))) &&
+                (!report || result[REGIME].is('B', {n}));
+    for (int i = ENERGY; i < WANTED; ++i) fits = fits && result[i].is_there() == report && (!report || result[i].is(real, {n}));
+    if (pairs.is_there()) fits = fits && pairs.is_whole() && pairs.view.ndim == 2 && pairs.view.shape[0] == 2 && pairs.view.shape[1] == n && bodies.view.ndim == 2;
+    return fits;
+  }
+
+  bool overlap() const {
+    for (const Array* input : {&bodies, &pairs, &contacts})
+      for (const Array& written : result)
+        if (input->overlaps(written)) return true;
+    return false;
+  }
+
+  // Where a kernel finds its rows: in the order of the table, or of the general layout. Bodies of pairs will be `there`.
+  Batch batch(const Table& table, bool general, double* there) const {
+    const int size = is_double() ? sizeof(double) : sizeof(float);
+    const void* zero = is_double() ? static_cast<const void*>(&zero_double) : &zero_float;
+    const void* one = is_double() ? static_cast<const void*>(&one_double) : &one_float;
+    const Py_ssize_t contact_rows = contacts.view.shape[0];
+    Batch given{};
+    int row = 0;
+    auto put = [&](const void* at, bool for_all) {
+      given.row[row] = at;
+      given.one_for_all[row++] = for_all;
+    };
+    auto absent = [&](int index) { put(index == -2 ? one : zero, true); };
+    for (int side = 0; side < 2; ++side)
+      for (int i = 0; i < (general ? ROWS_OF_BODY : table.body_rows); ++i) {
+        int index = general ? table.body[i] : i;
+        if (index < 0) absent(index);
+        else put(pairs.is_there() ? reinterpret_cast<char*>(there) + (2 * index + side) * BLOCK * size : bodies.row(2 * index + side), false);
+      }
+    for (int i = 0; i < (general ? ROWS_OF_CONTACT : table.contact_rows); ++i) {
+      int index = general ? table.contact[i] : i;
+      if (index >= 0 && index < contact_rows) put(contacts.row(index), false);
+      else absent(index);
+    }
+    for (int i = 0; i < ROWS_OF_MODEL; ++i) {
+      bool own_row = i == 0 && contact_rows > table.contact_rows;  // e_t of each contact
+      put(own_row ? contacts.row(table.contact_rows) : model.at(i * size), !own_row);
+    }
+    for (int k = 0; k < 3; ++k) {
+      for (int side = 0; side < 2; ++side) {
+        if (k < table.axes) given.velocity[k][side] = result[VELOCITY].row(2 * k + side);
+        if (k >= table.first_spin) given.angular_velocity[k][side] = result[ANGULAR_VELOCITY].row(2 * (k - table.first_spin) + side);
+      }
+      if (k < table.axes) given.impulse[k] = result[IMPULSE].row(k);
+    }
+    given.error_bound = result[ERROR_BOUND].view.buf;
+    given.status = result[STATUS].at<unsigned char>();
+    given.regime = result[REGIME].at<unsigned char>();
+    for (int i = 0; i < ENERGIES; ++i) given.energy[i] = result[ENERGY + i].view.buf;
+    return given;
+  }
+};
+
 // batch(law, table, number, bodies, pairs, contacts, model, results, from, to): the columns from `from` to `to`,
-// without the GIL. Without pairs (None) the bodies lie side by side. model holds the numbers of Settings, in the type of
-// the tables; results is a BatchResult. The answer is the greatest status and the greatest error bound, infinite where
-// one is not a number; or None if an array is not contiguous or not of its type and shape, which resolve_batch.py then
-// says. Results that overlap the tables are refused.
+// without the GIL. model holds the numbers of Settings, in the type of the tables; results is a BatchResult. The answer
+// is the greatest status and the greatest error bound, infinite where one is not a number; or None if an array is not
+// contiguous or not of its type and shape, which resolve_batch.py then says. Results that overlap the tables are refused.
 PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 10 || !PyTuple_Check(args[7]) || PyTuple_GET_SIZE(args[7]) != WANTED)
     return PyErr_Format(PyExc_TypeError, "batch() takes 10 arguments");
@@ -304,79 +355,25 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   int place = static_cast<int>(PyLong_AsLong(args[1]));
   long from = PyLong_AsLong(args[8]), to = PyLong_AsLong(args[9]);
   if (PyErr_Occurred()) return nullptr;
-  Array bodies, pairs, contacts, model, result[WANTED];
-  if (!bodies.open(args[3]) || (args[4] != Py_None && !pairs.open(args[4])) || !contacts.open(args[5]) || !model.open(args[6]))
-    Py_RETURN_NONE;
-  for (int i = 0; i < WANTED; ++i) {
-    PyObject* o = PyTuple_GET_ITEM(args[7], i);
-    if (o != Py_None && !result[i].open(o, true)) Py_RETURN_NONE;
-  }
   const Table& table = tables[place];
-  char real = *model.view.format;
-  Py_ssize_t n = contacts.view.ndim == 2 ? contacts.view.shape[1] : -1, axes = table.axes, spins = 3 - table.first_spin;
-  bool bounded = number == NUMBER_BOUNDED || number == NUMBER_EXTENDED, report = result[REGIME].is_there();
-  bool fits = result[VELOCITY].is(real, {axes, 2, n}) && result[ANGULAR_VELOCITY].is(real, {spins, 2, n}) &&
-              result[IMPULSE].is(real, {axes, n}) && result[STATUS].is('B', {n}) &&
-              result[ERROR_BOUND].is_there() == bounded && (!bounded || (result[ERROR_BOUND].is(real, {n}) && result[ERROR_BOUND + 1].is('B', {n}))) &&
-              (!report || result[REGIME].is('B', {n}));
-  for (int i = ENERGY; i < WANTED; ++i) fits = fits && result[i].is_there() == report && (!report || result[i].is(real, {n}));
-  if (pairs.is_there()) fits = fits && pairs.is_whole() && pairs.view.ndim == 2 && pairs.view.shape[0] == 2 && pairs.view.shape[1] == n && bodies.view.ndim == 2;
-  if (!fits) Py_RETURN_NONE;
-  for (const Array* input : {&bodies, &pairs, &contacts})
-    for (const Array& written : result)
-      if (input->overlaps(written)) return PyErr_Format(PyExc_ValueError, "out: overlaps the input");
+  Arrays arrays;
+  if (!arrays.open(args + 3, args[7]) || !arrays.fit(table, number == NUMBER_BOUNDED || number == NUMBER_EXTENDED)) Py_RETURN_NONE;
+  if (arrays.overlap()) return PyErr_Format(PyExc_ValueError, "out: overlaps the input");
   BatchKernel own = batch_kernel(law, place, number);
   bool general = !own;
   BatchKernel kernel = own ? own : batch_kernel(law, LAYOUT_EVERYTHING, number);
   if (!kernel) return PyErr_Format(PyExc_LookupError, "no kernel of law %d for numbers of kind %d", law, number);
 
-  Py_ssize_t contact_rows = contacts.view.shape[0];
-  bool is_double = real == 'd';
-  int size = is_double ? 8 : 4;
-  const void* zero = is_double ? static_cast<const void*>(&zero_double) : &zero_float;
-  const void* one = is_double ? static_cast<const void*>(&one_double) : &one_float;
   double there[2 * ROWS_OF_BODY * BLOCK];  // the bodies of some contacts
-  Batch given{};
-  int row = 0;
-  auto put = [&](const void* at, bool for_all) {
-    given.row[row] = at;
-    given.one_for_all[row++] = for_all;
-  };
-  auto absent = [&](int index) { put(index == -2 ? one : zero, true); };
-  int body_rows = general ? ROWS_OF_BODY : table.body_rows;
-  for (int side = 0; side < 2; ++side)
-    for (int i = 0; i < body_rows; ++i) {
-      int index = general ? table.body[i] : i;
-      if (index < 0) absent(index);
-      else put(pairs.is_there() ? reinterpret_cast<char*>(there) + (2 * index + side) * BLOCK * size : bodies.row(2 * index + side), false);
-    }
-  for (int i = 0; i < (general ? ROWS_OF_CONTACT : table.contact_rows); ++i) {
-    int index = general ? table.contact[i] : i;
-    if (index >= 0 && index < contact_rows) put(contacts.row(index), false);
-    else absent(index);
-  }
-  for (int i = 0; i < ROWS_OF_MODEL; ++i) {
-    bool own_row = i == 0 && contact_rows > table.contact_rows;  // e_t of each contact
-    put(own_row ? contacts.row(table.contact_rows) : model.at(i * size), !own_row);
-  }
-  for (int k = 0; k < 3; ++k) {
-    for (int side = 0; side < 2; ++side) {
-      if (k < table.axes) given.velocity[k][side] = result[VELOCITY].row(2 * k + side);
-      if (k >= table.first_spin) given.angular_velocity[k][side] = result[ANGULAR_VELOCITY].row(2 * (k - table.first_spin) + side);
-    }
-    if (k < table.axes) given.impulse[k] = result[IMPULSE].row(k);
-  }
-  given.error_bound = result[ERROR_BOUND].view.buf;
-  given.status = result[STATUS].at<unsigned char>();
-  given.regime = result[REGIME].at<unsigned char>();
-  for (int i = 0; i < ENERGIES; ++i) given.energy[i] = result[ENERGY + i].view.buf;
-  int most = 0;
+  const Batch given = arrays.batch(table, general, there);
+  int body_rows = 2 * (general ? ROWS_OF_BODY : table.body_rows), most = 0;
   double loosest = 0;
   Py_BEGIN_ALLOW_THREADS;
-  if (pairs.is_there()) {
-    const Pairs who{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, bodies.view.shape[1]};
-    if (is_double) gathered(kernel, given, 2 * body_rows, who, bodies.at<double>(), table.body_rows, there, from, to);
-    else gathered(kernel, given, 2 * body_rows, who, bodies.at<float>(), table.body_rows, reinterpret_cast<float*>(there), from, to);
+  if (arrays.pairs.is_there()) {
+    const auto* a = arrays.pairs.at<std::int64_t>();
+    const Pairs who{a, a + arrays.count, arrays.bodies.view.shape[1]};
+    if (arrays.is_double()) gathered(kernel, given, body_rows, who, arrays.bodies.at<double>(), table.body_rows, there, from, to);
+    else gathered(kernel, given, body_rows, who, arrays.bodies.at<float>(), table.body_rows, reinterpret_cast<float*>(there), from, to);
   } else if (to > from) {
     kernel(given, from, to);
   }
@@ -410,17 +407,17 @@ PyObject* limit_vectors(PyObject*, PyObject* bits) {
 }
 
 PyObject* setup(PyObject*, PyObject* args) {
-  if (!PyArg_ParseTuple(args, "OOOOOOOOOOO", &types.impact, &types.twist, &types.vec3, &types.contact, &types.fraction, &types.statuses, &types.regimes, &types.adjustments, &types.plan, &types.decided, &types.refusal)) return nullptr;
+  if (!PyArg_ParseTuple(args, "OOOOOOOOOOO", &impact_type, &types.twist, &types.vec3, &types.contact, &types.fraction, &types.statuses, &types.regimes, &types.adjustments, &plan_function, &decided_function, &refusal_function)) return nullptr;
   Py_INCREF(args);  // keeps all of them for ever
   Py_RETURN_NONE;
 }
 
 PyMethodDef methods[] = {
-    {"resolve", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(resolve)), METH_FASTCALL, ""},
-    {"numbers", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(numbers)), METH_FASTCALL, ""},
-    {"inputs", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(inputs)), METH_FASTCALL, ""},
-    {"batch", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(batch)), METH_FASTCALL, ""},
-    {"independent_sets", reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(Guarded<independent>::call)), METH_FASTCALL, ""},
+    FAST("resolve", resolve),
+    FAST("numbers", numbers),
+    FAST("inputs", inputs),
+    FAST("batch", batch),
+    FAST("independent_sets", independent),
     {"limit_vectors", limit_vectors, METH_O, ""},
     {"setup", setup, METH_VARARGS, ""},
     {}};

@@ -138,18 +138,14 @@ BASE Mask<T> less(T a, T b) { return a < b; }
 BASE Mask<T> less_equal(T a, T b) { return a <= b; }
 BASE Mask<T> equal(T a, T b) { return a == b; }
 template <class T> INLINE T choose(Mask<T> m, T a, T b) { return m ? a : b; }
-INLINE bool choose(bool m, bool a, bool b) { return m ? a : b; }
 BASE T high(T x) { return x; }  // the number to the precision of the base
 BASE T error_of(T) { return T{}; }
 BASE T widened(T x, T) { return x; }
 BASE T value(T x) { return x; }
 BASE T report(T x) { return x; }
-INLINE bool decided(bool m) { return m; }
-INLINE bool certainly(bool) { return false; }  // without errors nothing is known to be certain
-INLINE bool may_hold(bool m) { return m; }
-template <class M, class = std::enable_if_t<is_vector<M>>> INLINE bool may_hold(M m) { return any(m); }
-template <class M, class = std::enable_if_t<is_vector<M>>> INLINE M decided(M m) { return m; }
-template <class M, class = std::enable_if_t<is_vector<M>>> INLINE M certainly(M) { return M{}; }
+BASE T decided(T m) { return m; }
+BASE T certainly(T) { return T{}; }  // without errors nothing is known to be certain
+BASE bool may_hold(T m) { return any(m); }
 
 // --- DoubleDouble ------------------------------------------------------------------------------------
 // Dekker 1971; Hida, Li & Bailey 2001. Every operation is right to 2^-102, short of under- and overflow.
@@ -202,10 +198,7 @@ template <class T> INLINE DoubleDouble<T> choose(Mask<T> m, const DoubleDouble<T
   return {choose<T>(m, a.h, b.h), choose<T>(m, a.l, b.l)};
 }
 template <class T> INLINE T high(const DoubleDouble<T>& a) { return a.h; }
-template <class T> INLINE DoubleDouble<T> value(const DoubleDouble<T>& a) { return a; }
 template <class T> INLINE T report(const DoubleDouble<T>& a) { return a.h; }
-template <class T> INLINE T error_of(DoubleDouble<T>) { return T{}; }
-template <class T> INLINE DoubleDouble<T> widened(const DoubleDouble<T>& x, DoubleDouble<T>) { return x; }
 
 // --- Traits ------------------------------------------------------------------------------------------
 

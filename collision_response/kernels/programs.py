@@ -83,19 +83,24 @@ def changes() -> str:
     impulse = Vec3(*(tape.write(Node("part", (law,), i)) for i in range(3)))
     results = map(tape.symbol, numbers_in(Changes(impulse, *contact.respond(impulse))))
     names = (*Seen._fields, *Coefficients._fields)
-    text = emit("changes", list(asked.names), results, [], [], branches=BRANCHES)
+    text = emit("changes", asked.names, results, [], [], branches=BRANCHES)
     return _places("SEEN", names, seen) + text
 
 
 def impulse_by(law: Law) -> str:
     """The impulse by what a law sees, for numbers that carry derivatives."""
     tape = Tape(of_derivatives=True)
-    parts = Seen(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR), Coefficients(0.0)
-    count = sum(1 for _ in numbers_in(parts))
-    symbols = map(tape.input, range(count))
-    seen, coefficients = (rebuilt(part, symbols) for part in parts)
+    like = Seen(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR), Coefficients(0.0)
+    inputs, (seen, coefficients) = _arguments(tape, *like)
     impulse = blow_of(seen, coefficients, law).impulse
-    return emit("impulse", list(range(count)), map(tape.symbol, impulse), [], [], branches=BRANCHES)
+    return emit("impulse", inputs, map(tape.symbol, impulse), [], [], branches=BRANCHES)
+
+
+def _arguments(tape: Tape, *like: Any) -> tuple[Iterable[object], list[Any]]:
+    """The inputs that arguments like these are made of, and the arguments."""
+    inputs = range(sum(1 for _ in numbers_in(like)))
+    symbols = map(tape.input, inputs)
+    return inputs, [rebuilt(one, symbols) for one in like]
 
 
 SEEN_BY_FALLBACK = Seen(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR, ZERO_TENSOR), Coefficients(0.0)
@@ -105,10 +110,9 @@ SEEN_BY_FALLBACK = Seen(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR, ZERO_TENSOR), Coeffic
 def shared_fallback() -> str:
     """What laws answer that have no sound answer of their own, as a function that their kernels call."""
     tape = Tape()
-    inputs = range(sum(1 for _ in numbers_in(SEEN_BY_FALLBACK)))
-    symbols = map(tape.input, inputs)
-    solution = fallback(*(rebuilt(part, symbols) for part in SEEN_BY_FALLBACK))
-    return emit("fallback", list(inputs), map(tape.symbol, numbers_in(solution)), [], [], branches=BRANCHES)
+    inputs, arguments = _arguments(tape, *SEEN_BY_FALLBACK)
+    solution = fallback(*arguments)
+    return emit("fallback", inputs, map(tape.symbol, numbers_in(solution)), [], [], branches=BRANCHES)
 
 
 def impact_by(law: Law, layout: Layout) -> str:
@@ -121,9 +125,9 @@ def impact_by(law: Law, layout: Layout) -> str:
     results += flags, [unphysical]
     is_general = layout in (Layout.EVERYTHING, Layout.ARTICULATED)
     branches = BRANCHES if is_general else BRANCHES_OF_PLAIN_NUMBERS
-    text = emit("impact", list(asked.names), *results, branches=branches)
+    text = emit("impact", asked.names, *results, branches=branches)
     if is_general:
-        text += emit("impact_in_pairs", list(asked.names), *in_pairs(results), branches=BRANCHES)
+        text += emit("impact_in_pairs", asked.names, *in_pairs(results), branches=BRANCHES)
     return text
 
 
@@ -143,8 +147,8 @@ def validity_of(layout: Layout) -> str:
     ]
     plain = tape.symbol(validity.is_plainly_sound(*parts, asked.settings.tangential_restitution))
     return (
-        emit("validity", list(asked.names), [], [tape.symbol(code)], map(tape.symbol, shapes))
-        + emit("plainly_sound", list(asked.names), [], [], [plain])
+        emit("validity", asked.names, [], [tape.symbol(code)], map(tape.symbol, shapes))
+        + emit("plainly_sound", asked.names, [], [], [plain])
         + _counts_of(layout)
     )
 
@@ -161,7 +165,7 @@ def column() -> str:
     written = list(map(_as_number, of_centre))
     roots = map(centre.rotation.to_world, centre.inverse_inertia.roots())
     reported = map(tape.symbol, numbers_in((kinetic_energy(body), *roots)))
-    text = emit("centre", list(names), written, reported, [tape.symbol(idle)])
+    text = emit("centre", names, written, reported, [tape.symbol(idle)])
     tape, count = Tape(), len(of_centre)
     inputs = [f"x{i}" for i in range(count + 9)]
     symbols = [tape.input(name) for name in inputs]
@@ -172,7 +176,7 @@ def column() -> str:
     seen = rebuilt(centre, read)
     velocity, d, direction = (Vec3(*symbols[i : i + 3]) for i in range(count, count + 9, 3))
     outputs = map(tape.symbol, numbers_in(Column.at(seen, velocity, d, direction)))
-    return _places("CENTRE", Side._fields, centre) + text + emit("column", list(inputs), outputs, [], [])
+    return _places("CENTRE", Side._fields, centre) + text + emit("column", inputs, outputs, [], [])
 
 
 ALONE = {"column": column, "changes": changes, "fallback": shared_fallback}
@@ -238,8 +242,8 @@ def sizes() -> str:
     numbers that Python's enumerations have.
     """
     asked = request(Layout.EVERYTHING, Tape())
-    changes = ["x.impulse"] * 3 + (["x.linear"] * 3 + ["x.angular"] * 3) * 2
     twists = (["x.linear"] * 3 + ["x.angular"] * 3) * 2
+    changes = ["x.impulse"] * 3 + twists
     reported = twists + [f"x.{field}" for field in Report._fields[2:]]
 
     def table(name: str, names: list[str]) -> str:

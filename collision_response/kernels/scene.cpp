@@ -13,28 +13,14 @@
 
 namespace {
 
-struct Types {
-  PyTypeObject *vec3, *twist, *fraction, *body, *contact;
-  PyObject *regimes, *statuses, *adjustments;  // by number
-} types;
+PyTypeObject *body_type, *cluster_type;
 
 struct ClusterObject {
   PyObject_HEAD
   Cluster* cluster;
 };
 
-// A float, or an integer that is one. Python sees to the rest.
-bool exact_float(PyObject* o, double& x) {
-  if (PyFloat_Check(o)) {
-    x = PyFloat_AS_DOUBLE(o);
-    return true;
-  }
-  if (!PyLong_CheckExact(o)) return false;
-  int overflow;
-  long long whole = PyLong_AsLongLongAndOverflow(o, &overflow);
-  x = static_cast<double>(whole);
-  return !overflow && whole >= -(1LL << 53) && whole <= (1LL << 53);
-}
+// Numbers that are not exactly floats are left to Python.
 bool floats(PyObject* o, int count, double* x) {
   if (!PyTuple_Check(o) || PyTuple_GET_SIZE(o) != count) return false;
   for (int k = 0; k < count; ++k)
@@ -80,8 +66,6 @@ void dealloc(PyObject* self) {
   Py_DECREF(type);
 }
 
-PyObject* cluster_type;
-
 // assemble(bodies, pairs, contacts, copies): a cluster, of contacts each given so many times; or the place of the
 // first contact at fault; or None if a number is no float.
 PyObject* assemble(PyObject*, PyObject* const* args, Py_ssize_t count) {
@@ -100,7 +84,7 @@ PyObject* assemble(PyObject*, PyObject* const* args, Py_ssize_t count) {
   }
   auto cluster = std::make_unique<Cluster>(parts, false);
   if (cluster->fault) return PyLong_FromSize_t(cluster->at_fault);
-  auto* object = PyObject_New(ClusterObject, reinterpret_cast<PyTypeObject*>(cluster_type));
+  auto* object = PyObject_New(ClusterObject, cluster_type);
   if (object) object->cluster = cluster.release();
   return reinterpret_cast<PyObject*>(object);
 }
@@ -116,6 +100,10 @@ const DD* impulses(PyObject* self, PyObject* o) {
   PyErr_SetString(PyExc_TypeError, "these are no impulses of this cluster");
   return nullptr;
 }
+bool read_list(PyObject* list, Vector& x) {
+  for (size_t i = 0; i < x.size(); ++i) x[i] = PyFloat_AsDouble(PyList_GET_ITEM(list, i));
+  return !PyErr_Occurred();
+}
 template <class Make> PyObject* listed(size_t count, Make make) {
   PyObject* list = PyList_New(static_cast<Py_ssize_t>(count));
   for (size_t i = 0; list && i < count; ++i) PyList_SET_ITEM(list, static_cast<Py_ssize_t>(i), make(i));
@@ -127,11 +115,10 @@ PyObject* none(PyObject* self, PyObject*) { return bytes(std::vector<DD>(of(self
 
 // from_floats(p): impulses.
 PyObject* from_floats(PyObject* self, PyObject* list) {
-  std::vector<DD> p(of(self).count);
-  for (int i = 0; i < of(self).count; ++i) {
-    p[i].h = PyFloat_AsDouble(PySequence_Fast_GET_ITEM(list, i));
-    if (PyErr_Occurred()) return nullptr;
-  }
+  Vector numbers(of(self).count);
+  if (!read_list(list, numbers)) return nullptr;
+  std::vector<DD> p;
+  for (double number : numbers) p.push_back({number, 0});
   return bytes(p);
 }
 
@@ -149,20 +136,16 @@ PyObject* size(PyObject* self, PyObject* o) {
 
 // reflections(threshold, budget): how they ended, impulses, their error, the margin of decisions, and the restitution
 // of all contacts, or None.
-PyObject* reflect(PyObject* self, PyObject* const* args, Py_ssize_t count) {
-  if (count != 2) return PyErr_Format(PyExc_TypeError, "reflections() takes 2 arguments");
-  double threshold = PyFloat_AsDouble(args[0]);
-  long budget = PyLong_AsLong(args[1]);
-  if (PyErr_Occurred()) return nullptr;
+PyObject* reflect(PyObject* self, PyObject* args) {
+  double threshold;
+  long budget;
+  if (!PyArg_ParseTuple(args, "dl", &threshold, &budget)) return nullptr;
   Struck found = Reflections{of(self)}.resolve(threshold, budget);
   PyObject* e = found.restitution < 0 ? Py_NewRef(Py_None) : PyFloat_FromDouble(found.restitution);
   return Py_BuildValue("iNddN", static_cast<int>(found.outcome), bytes(found.p), found.error, found.margin, e);
 }
 
-PyObject* vector(const double* x) { return tuple_of(types.vec3, x, 3); }
-PyObject* twist(const double* x) { return twist_of(types.twist, types.vec3, x); }
-
-PyObject* number_list(const std::vector<double>& x) {
+PyObject* number_list(const Vector& x) {
   return listed(x.size(), [&x](size_t i) { return PyFloat_FromDouble(x[i]); });
 }
 
@@ -171,22 +154,24 @@ PyObject* number_list(const std::vector<double>& x) {
 // after, the regimes, the energies before and after and what restitution and friction lost, the relative error,
 // whether a body turned about an axis without inertia, whether a quaternion was not of unit length, and whether energy
 // was created.
-PyObject* answer(PyObject* self, PyObject* const* args, Py_ssize_t argc) {
-  const DD* p = argc == 4 ? impulses(self, args[0]) : nullptr;
+PyObject* answer(PyObject* self, PyObject* args) {
+  PyObject *normal, *across;
+  double error;
+  int by_slip;
+  if (!PyArg_ParseTuple(args, "OOdp", &normal, &across, &error, &by_slip)) return nullptr;
+  const DD* p = impulses(self, normal);
   if (!p) return nullptr;
-  std::vector<double> tangential;
-  if (args[1] != Py_None)
-    for (int i = 0; i < 2 * of(self).count; ++i) tangential.push_back(PyFloat_AsDouble(PyList_GET_ITEM(args[1], i)));
-  double error = PyFloat_AsDouble(args[2]);
-  if (PyErr_Occurred()) return nullptr;
+  Struck struck{Outcome::ANSWERED, {p, p + of(self).count}, error};
+  struck.tangential.resize(across == Py_None ? 0 : 2 * of(self).count);
+  if (!read_list(across, struck.tangential)) return nullptr;
   const Cluster& cluster = *reinterpret_cast<ClusterObject*>(self)->cluster;
-  Numbers y = numbers_of(of(self), p, tangential, error, args[3] == Py_True);
+  Numbers y = numbers_of(of(self), struck, by_slip);
   return Py_BuildValue(
       "NNNNNN(dddd)dNNN", listed(of(self).bodies, [&](size_t b) { return twist(&y.changes[6 * b]); }),
       listed(of(self).bodies, [&](size_t b) { return twist(&y.after[6 * b]); }),
       listed(of(self).count, [&](size_t i) { return vector(&y.pushes[3 * i]); }), number_list(y.before), number_list(y.then),
       listed(of(self).count, [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(types.regimes, y.regimes[i])); }),
-      cluster.energy, y.energy_after, y.lost_restitution, y.lost_friction, y.bound,
+      y.energies[0], y.energies[1], y.energies[2], y.energies[3], y.bound,
       PyBool_FromLong(cluster.idle), PyBool_FromLong(cluster.off_unit),
       PyBool_FromLong(y.creates_energy));
 }
@@ -198,55 +183,56 @@ PyObject* struck_answer(const Struck& struck) {
 }
 
 // least_work(p, error), one_step(friction): impulses along the normals, across them, and the error; None if there are none.
-PyObject* with_least_work(PyObject* self, PyObject* const* args, Py_ssize_t count) {
-  if (count != 2) return PyErr_Format(PyExc_TypeError, "least_work() takes 2 arguments");
-  const DD* p = impulses(self, args[0]);
-  double error = PyFloat_AsDouble(args[1]);
-  if (!p || PyErr_Occurred()) return nullptr;
-  return struck_answer(rubbed(of(self), {Outcome::ANSWERED, {p, p + of(self).count}, error}));
+PyObject* with_least_work(PyObject* self, PyObject* args) {
+  PyObject* normal;
+  double error;
+  if (!PyArg_ParseTuple(args, "Od", &normal, &error)) return nullptr;
+  const DD* p = impulses(self, normal);
+  return !p ? nullptr : struck_answer(least_work(of(self), {Outcome::ANSWERED, {p, p + of(self).count}, error}));
 }
 PyObject* in_one_step(PyObject* self, PyObject* rubs) { return struck_answer(stepped(of(self), rubs == Py_True)); }
 
 // compress(stiffness, exponent, tolerance, budget, friction): impulses along a law with compliance, the energy that
 // friction took on the way, and what is left of the budget; None if it ran out, False if the path has no end.
-PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
-  if (count != 5) return PyErr_Format(PyExc_TypeError, "compress() takes 5 arguments");
+PyObject* compress(PyObject* self, PyObject* args) {
+  PyObject* stiffness;
+  double exponent, tolerance;
+  long budget;
+  int rubs;
+  if (!PyArg_ParseTuple(args, "Oddlp", &stiffness, &exponent, &tolerance, &budget, &rubs)) return nullptr;
   const Assembly& scene = of(self);
-  std::vector<double> ratios;
-  for (int i = 0; i < scene.count; ++i) ratios.push_back(PyFloat_AsDouble(PyList_GET_ITEM(args[0], i)));
-  ContactSprings law(scene, PyFloat_AsDouble(args[1]), ratios, PyLong_AsLong(args[3]));
-  double tolerance = PyFloat_AsDouble(args[2]);
-  if (PyErr_Occurred()) return nullptr;
-  Friction result;
-  result.P.resize(scene.count);
-  bool rubs = args[4] == Py_True;
+  Vector ratios(scene.count);
+  if (!read_list(stiffness, ratios)) return nullptr;
+  ContactSprings law(scene, exponent, ratios, budget);
+  std::vector<Axes> P(scene.count);
+  bool found;
   {
     WithoutGil without;
-    std::vector<double> p;
-    result.found = rubs ? law.follow_with_friction(tolerance, result.P) : law.follow(tolerance, p);
-    for (size_t i = 0; i < p.size(); ++i) result.P[i][0] = p[i];
+    Vector p;
+    found = rubs ? law.follow_with_friction(tolerance, P) : law.follow(tolerance, p);
+    for (size_t i = 0; i < p.size(); ++i) P[i][0] = p[i];
   }
   if (law.wedged) Py_RETURN_FALSE;
-  if (!result.found) Py_RETURN_NONE;
-  PyObject* across = rubs ? number_list(across_normals(result)) : Py_NewRef(Py_None);
-  return Py_BuildValue("NNdl", bytes(along_normals(result, scene)), across, law.rubbed, law.work);
+  if (!found) Py_RETURN_NONE;
+  const Struck struck = with_impulses({}, scene, P);
+  PyObject* across = rubs ? number_list(struck.tangential) : Py_NewRef(Py_None);
+  return Py_BuildValue("NNdl", bytes(struck.p), across, law.rubbed, law.work);
 }
 
 PyObject* get_locked(PyObject* self, void*) { return PyBool_FromLong(of(self).locked); }
 PyObject* get_doubtful(PyObject* self, void*) { return PyBool_FromLong(of(self).is_doubtful()); }
 PyObject* get_beyond(PyObject* self, void*) { return PyBool_FromLong(reinterpret_cast<ClusterObject*>(self)->cluster->beyond()); }
 
-#define FAST(name, function) {name, reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(Guarded<function>::call)), METH_FASTCALL, ""}
 PyMethodDef methods[] = {
     {"none", Guarded<none>::call, METH_NOARGS, ""},
     {"from_floats", Guarded<from_floats>::call, METH_O, ""},
     {"contradiction", Guarded<contradiction>::call, METH_NOARGS, ""},
     {"size", size, METH_O, ""},
-    FAST("reflections", reflect),
-    FAST("answer", answer),
-    FAST("least_work", with_least_work),
+    {"reflections", Guarded<reflect>::call, METH_VARARGS, ""},
+    {"answer", Guarded<answer>::call, METH_VARARGS, ""},
+    {"least_work", Guarded<with_least_work>::call, METH_VARARGS, ""},
     {"one_step", Guarded<in_one_step>::call, METH_O, ""},
-    FAST("compress", compress),
+    {"compress", Guarded<compress>::call, METH_VARARGS, ""},
     {}};
 PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {"doubtful", get_doubtful, nullptr, "", nullptr}, {"beyond", get_beyond, nullptr, "", nullptr}, {}};
 PyType_Slot slots[] = {{Py_tp_dealloc, reinterpret_cast<void*>(dealloc)}, {Py_tp_methods, methods}, {Py_tp_getset, fields}, {}};
@@ -283,7 +269,7 @@ PyObject* many(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (!open || PyErr_Occurred()) return PyErr_Format(PyExc_TypeError, "many(): arrays must be contiguous");
   long n = static_cast<long>(contacts.view.shape[1]);
   auto numbers = [&result](int i) { return result[i].at<double>(); };
-  Many asked{tables[place], bodies.at<double>(), contacts.at<double>(),
+  Many clusters{tables[place], bodies.at<double>(), contacts.at<double>(),
              {pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, bodies.view.shape[1]},
              n, static_cast<long>(contacts.view.shape[0]), order.at<std::int64_t>(), starts.at<std::int64_t>(),
              {law, number[0], number[1], static_cast<int>(number[3])}, number[2],
@@ -291,11 +277,16 @@ PyObject* many(PyObject*, PyObject* const* args, Py_ssize_t count) {
              numbers(6), numbers(7), {numbers(8), numbers(9), numbers(10), numbers(11)}};
   {
     WithoutGil without;
-    ManyClusters clusters(asked);
     for (long i = from; i < to; ++i) clusters.answer(wanted.at<std::int64_t>()[i]);
   }
   Py_RETURN_NONE;
 }
+
+struct Solved {  // a cluster of a scene, and which bodies it has
+  std::vector<std::int64_t> bodies;
+  Cluster cluster;
+  Answer found;
+};
 
 struct Request {  // a scene from Python
   std::vector<std::array<double, BODY>> bodies;
@@ -304,6 +295,8 @@ struct Request {  // a scene from Python
   std::unique_ptr<bool[]> movable;
   long count;  // of clusters
   bool rubs = false;
+  std::vector<Solved> solved;
+  double energies[4] = {};
 
   // Whether it is usual: of floats, and with no cluster of one contact, nor a movable body without contacts.
   bool read(PyObject* body_list, PyObject* pair_list, PyObject* contact_list) {
@@ -319,7 +312,7 @@ struct Request {  // a scene from Python
     std::vector<char> touched(of_bodies);
     for (long i = 0; i < of_bodies; ++i) {
       PyObject* body = PySequence_Fast_GET_ITEM(body_list, i);
-      if (Py_TYPE(body) != types.body || PyTuple_GET_ITEM(body, 7) != Py_None || !read_body(body, bodies[i].data())) return false;
+      if (Py_TYPE(body) != body_type || PyTuple_GET_ITEM(body, 7) != Py_None || !read_body(body, bodies[i].data())) return false;
       movable[i] = bodies[i][0] < INFINITY;
     }
     for (long k = 0; k < n; ++k) {
@@ -340,11 +333,23 @@ struct Request {  // a scene from Python
     return count > 0;
   }
 
-  // The numbers of a cluster, and which bodies it has.
-  Parts parts(long c, std::vector<std::int64_t>& places, std::vector<int>& place_of) const {
+  // Whether every cluster has its usual answer.
+  bool solve(const Asked& asked) {
+    std::vector<int> place(bodies.size(), -1);
     auto body = [this](std::int64_t i, double* x) { std::copy(bodies[i].begin(), bodies[i].end(), x); };
     auto contact = [this](std::int64_t k, double* x) { std::copy(contacts[k].begin(), contacts[k].end(), x); };
-    return parts_of({a.data(), b.data(), 0}, &order[starts[c]], &order[0] + starts[c + 1], place_of, places, body, contact);
+    for (long c = 0; c < count; ++c) {
+      std::vector<std::int64_t> used;
+      Parts parts = parts_of({a.data(), b.data(), 0}, &order[starts[c]], &order[0] + starts[c + 1], place, used, body, contact);
+      if (parts.has_copies()) return false;
+      Cluster cluster(parts, asked.law == LAW_FRICTIONLESS);
+      if (cluster.fault) return false;
+      Answer found = answered(cluster, asked);
+      if (found.code != STATUS_OK) return false;
+      for (int i = 0; i < 4; ++i) energies[i] += found.numbers.energies[i];
+      solved.push_back({std::move(used), std::move(cluster), std::move(found)});
+    }
+    return std::all_of(energies, energies + 4, [](double energy) { return std::isfinite(energy); });
   }
 };
 
@@ -359,26 +364,7 @@ PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
   Request request;
   if (!request.read(args[0], args[1], args[2])) Py_RETURN_NONE;
   Asked asked{laws[request.rubs], number[0], number[1], static_cast<int>(number[3])};
-  bool frictionless = asked.law == LAW_FRICTIONLESS;
-  std::vector<std::vector<std::int64_t>> places(request.count);
-  std::vector<Cluster> clusters;
-  clusters.reserve(request.count);
-  std::vector<Answer> answers;
-  double energies[4] = {};
-  std::vector<int> place_of(request.bodies.size(), -1);
-  for (long c = 0; c < request.count; ++c) {
-    Parts parts = request.parts(c, places[c], place_of);
-    if (parts.has_copies()) Py_RETURN_NONE;
-    clusters.emplace_back(parts, frictionless);
-    if (clusters[c].fault) Py_RETURN_NONE;
-    answers.push_back(answered(clusters[c], asked));
-    if (answers[c].code != STATUS_OK) Py_RETURN_NONE;
-    const Numbers& y = answers[c].numbers;
-    const double own_energies[4] = {clusters[c].energy, y.energy_after, y.lost_restitution, y.lost_friction};
-    for (int i = 0; i < 4; ++i) energies[i] += own_energies[i];
-  }
-  for (double energy : energies)
-    if (!std::isfinite(energy)) Py_RETURN_NONE;
+  if (!request.solve(asked)) Py_RETURN_NONE;
 
   enum { CONTACTS, TWISTS, CHANGES, IMPULSES, BEFORE, AFTER, REGIMES, CLUSTERS, COLUMNS };
   auto bodies = static_cast<Py_ssize_t>(request.bodies.size()), contacts = static_cast<Py_ssize_t>(request.contacts.size());
@@ -394,13 +380,12 @@ PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
   int adjusted = 0, law = asked.law;
   bool separates = true, beyond_doubles = false;
   for (long c = 0; c < request.count; ++c) {
-    const Cluster& cluster = clusters[c];
-    const Answer& found = answers[c];
+    const auto& [used, cluster, found] = request.solved[c];
     const Numbers& y = found.numbers;
-    for (size_t i = 0; i < places[c].size(); ++i) {
+    for (size_t i = 0; i < used.size(); ++i) {
       if (cluster.movable[i] < 0) continue;
-      PyTuple_SET_ITEM(column[TWISTS], places[c][i], twist(&y.after[6 * cluster.movable[i]]));
-      PyTuple_SET_ITEM(column[CHANGES], places[c][i], twist(&y.changes[6 * cluster.movable[i]]));
+      PyTuple_SET_ITEM(column[TWISTS], used[i], twist(&y.after[6 * cluster.movable[i]]));
+      PyTuple_SET_ITEM(column[CHANGES], used[i], twist(&y.changes[6 * cluster.movable[i]]));
     }
     long from = static_cast<long>(request.starts[c]), to = static_cast<long>(request.starts[c + 1]);
     PyObject* own = PyTuple_New(to - from);
@@ -409,7 +394,7 @@ PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
       double e = found.restitution < 0 ? cluster.scene.touches[i].e : found.restitution;
       PyTuple_SET_ITEM(own, i, PyLong_FromSsize_t(k));
       const auto& given = request.contacts[k];
-      PyTuple_SET_ITEM(column[CONTACTS], k, used_contact(types.contact, PySequence_Fast_GET_ITEM(args[2], k), e, e != given[6], frictionless && given[7] != 0));
+      PyTuple_SET_ITEM(column[CONTACTS], k, used_contact(PySequence_Fast_GET_ITEM(args[2], k), e, e != given[6], asked.law == LAW_FRICTIONLESS && given[7] != 0));
       PyTuple_SET_ITEM(column[IMPULSES], k, vector(&y.pushes[3 * i]));
       PyTuple_SET_ITEM(column[BEFORE], k, PyFloat_FromDouble(y.before[i]));
       PyTuple_SET_ITEM(column[AFTER], k, PyFloat_FromDouble(y.then[i]));
@@ -418,7 +403,8 @@ PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
     PyTuple_SET_ITEM(column[CLUSTERS], c, own);
     bound = std::fmax(bound, y.bound);
     margin = std::fmin(margin, found.margin);
-    adjusted |= cluster.off_unit + 2 * found.slow + 4 * found.fell_back + 8 * cluster.idle;
+    adjusted |= cluster.off_unit * ADJUSTMENT_NORMALISED_ORIENTATION + found.slow * ADJUSTMENT_RESTITUTION_THRESHOLD +
+                found.fell_back * ADJUSTMENT_LAW_FALLBACK + cluster.idle * ADJUSTMENT_MASSLESS_SPIN;
     if (found.fell_back && law == asked.law) law = cluster.rubs ? LAW_COULOMB : LAW_FRICTIONLESS;
     separates = separates && y.separates();
     beyond_doubles = beyond_doubles || !cluster.rubs;
@@ -426,7 +412,7 @@ PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
   PyObject* status = PyTuple_GET_ITEM(types.statuses, bound > number[2] ? STATUS_TOLERANCE_NOT_MET : separates ? STATUS_SEPARATING : STATUS_OK);
   PyObject* model = PyTuple_GET_ITEM(PyTuple_GET_ITEM(args[5], law), beyond_doubles);
   return Py_BuildValue("OONNNNNNNddddNOddO", status, model, column[CONTACTS], column[TWISTS], column[CHANGES], column[IMPULSES],
-                       column[BEFORE], column[AFTER], column[REGIMES], energies[0], energies[1], energies[2], energies[3],
+                       column[BEFORE], column[AFTER], column[REGIMES], request.energies[0], request.energies[1], request.energies[2], request.energies[3],
                        column[CLUSTERS], Py_None, bound, margin, PyTuple_GET_ITEM(types.adjustments, adjusted));
 }
 
@@ -443,7 +429,7 @@ bool holds_fraction(PyObject* o) {
 PyObject* is_rational(PyObject*, PyObject* o) { return PyBool_FromLong(holds_fraction(o)); }
 
 PyObject* setup(PyObject*, PyObject* args) {
-  if (!PyArg_ParseTuple(args, "OOOOOOOO", &types.vec3, &types.twist, &types.fraction, &types.body, &types.contact, &types.regimes, &types.statuses, &types.adjustments)) return nullptr;
+  if (!PyArg_ParseTuple(args, "OOOOOOOO", &types.vec3, &types.twist, &types.fraction, &body_type, &types.contact, &types.regimes, &types.statuses, &types.adjustments)) return nullptr;
   Py_INCREF(args);  // keeps all of them for ever
   Py_RETURN_NONE;
 }
@@ -454,8 +440,8 @@ PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_scene", "", -1, functions, nu
 }  // namespace
 
 PyMODINIT_FUNC PyInit__scene() {
-  cluster_type = PyType_FromSpec(&spec);
+  cluster_type = reinterpret_cast<PyTypeObject*>(PyType_FromSpec(&spec));
   PyObject* module = cluster_type ? PyModule_Create(&definition) : nullptr;
-  if (module && PyModule_AddObjectRef(module, "Cluster", cluster_type) < 0) Py_CLEAR(module);
+  if (module && PyModule_AddType(module, cluster_type) < 0) Py_CLEAR(module);
   return module;
 }

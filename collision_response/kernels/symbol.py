@@ -203,8 +203,8 @@ class Symbol:
         return [self.tape.at(place) for place in self.node.args]
 
     def negated(self) -> Symbol | None:
-        """``y`` if this is ``-y``."""
-        return self.operands()[0] if self.node.op == "neg" else None
+        """``y`` if this is ``-y``, or ``not y``."""
+        return self.operands()[0] if self.node.op in ("neg", "not") else None
 
     def sqrt(self) -> Symbol:
         """The square root."""
@@ -361,26 +361,16 @@ def _div(x: Symbol, y: Symbol) -> Any:
     return None if minus_y is None else -(x / minus_y)
 
 
-def _neg(x: Symbol) -> Any:
-    return x.negated()
+def _joined(neutral: bool) -> Callable[[Symbol, Symbol], Any]:
+    """Of ``and`` and ``or``, which leave the other operand as it is if one is ``neutral``."""
 
+    def simpler(x: Symbol, y: Symbol) -> Any:
+        for one, other in ((x, y), (y, x)):
+            if one.node.op == "truth":
+                return other if one.node.value is neutral else one
+        return x if x.place == y.place else None
 
-def _not(x: Symbol) -> Any:
-    return x.operands()[0] if x.node.op == "not" else None
-
-
-def _and(x: Symbol, y: Symbol) -> Any:
-    for one, other in ((x, y), (y, x)):
-        if one.node.op == "truth":
-            return other if one.node.value else False
-    return x if x.place == y.place else None
-
-
-def _or(x: Symbol, y: Symbol) -> Any:
-    for one, other in ((x, y), (y, x)):
-        if one.node.op == "truth":
-            return True if one.node.value else other
-    return x if x.place == y.place else None
+    return simpler
 
 
 def _select(condition: Symbol, x: Symbol, y: Symbol) -> Any:
@@ -406,10 +396,10 @@ _SIMPLER: dict[str, Callable[..., Any]] = {
     "sub": _sub,
     "mul": _mul,
     "div": _div,
-    "neg": _neg,
-    "not": _not,
-    "and": _and,
-    "or": _or,
+    "neg": Symbol.negated,
+    "not": Symbol.negated,
+    "and": _joined(neutral=True),
+    "or": _joined(neutral=False),
     "select": _select,
     "certain": _certain,
     "error_of": _error_of,

@@ -71,6 +71,7 @@ class ActiveSet {
       rows[chosen].push_back(diagonal);
       factor.insert(factor.end(), rows[chosen].begin(), rows[chosen].end());
       members.push_back(chosen);
+      is_member[chosen] = true;
     }
     return left;
   }
@@ -123,8 +124,7 @@ class ActiveSet {
 
 enum class Found { LEAST, NO_LEAST, TOO_LONG };
 
-// Let component i in, whose slope is negative. `move(place, by)` is told of every change of x_i (place -1) and of
-// x_members[place]. `at(place)` gives x_members[place].
+// Let component i in, whose slope is negative. at(j) gives x_j, move(j, by) changes it; by -infinity: to 0.
 template <class R, class Move, class At>
 Found enter(ActiveSet<R>& active, int i, R slope, Move move, At at) {
   auto positive = [](const R& x) { return high(x) > 0 ? x : R{}; };
@@ -134,13 +134,13 @@ Found enter(ActiveSet<R>& active, int i, R slope, Move move, At at) {
     R step = high(curvature) > 0 ? positive(-slope) / curvature : constant<R>(INFINITY);
     int leaves = -1;
     for (size_t k = 0; k < w.size(); ++k)
-      if (high(w[k]) > UNMOVED<R> && less(positive(at(k)) / w[k], step)) {
-        step = positive(at(k)) / w[k];
+      if (R x = positive(at(active.members[k])); high(w[k]) > UNMOVED<R> && less(x / w[k], step)) {
+        step = x / w[k];
         leaves = static_cast<int>(k);
       }
     if (high(step) == INFINITY) return Found::NO_LEAST;
-    for (size_t k = 0; k < w.size(); ++k) move(static_cast<int>(k), leaves == static_cast<int>(k) ? constant<R>(-INFINITY) : -step * w[k]);
-    move(-1, step);
+    for (size_t k = 0; k < w.size(); ++k) move(active.members[k], leaves == static_cast<int>(k) ? constant<R>(-INFINITY) : -step * w[k]);
+    move(i, step);
     slope = slope + step * curvature;
     if (leaves < 0) return active.append(i) ? Found::LEAST : Found::TOO_LONG;
     active.drop(leaves);
@@ -148,10 +148,21 @@ Found enter(ActiveSet<R>& active, int i, R slope, Move move, At at) {
   }
 }
 
-// x and active start as found: x is 0 outside the active set, and A x + b is 0 on it. `last` is told of the component
-// that entered last.
 template <class R>
-Found least(const R* A, int stride, const std::vector<int>& among, const R* b, R* x, ActiveSet<R>& active, int* last = nullptr) {
+struct Least {
+  ActiveSet<R> active;  // A x + b is 0 on it, and x is 0 outside
+  std::vector<R> x;
+  Found found = Found::TOO_LONG;
+  int last = -1;  // the component that entered last
+};
+
+// Of the components `among`.
+template <class R>
+Least<R> least(const std::vector<R>& A, const std::vector<R>& b, const std::vector<int>& among) {
+  const int stride = static_cast<int>(b.size());
+  Least<R> result{{A.data(), stride}, std::vector<R>(b.size())};
+  ActiveSet<R>& active = result.active;
+  std::vector<R>&x = result.x, y;
   size_t n = among.size();
   for (size_t turn = 0; turn < 50 * n + 200; ++turn) {
     int entering = -1;
@@ -171,21 +182,18 @@ Found least(const R* A, int stride, const std::vector<int>& among, const R* b, R
         entering = i;
       }
     }
-    if (entering < 0) return Found::LEAST;
-    if (last) *last = entering;
-    Found found = enter(
-        active, entering, most,
-        [&](int place, const R& by) {
-          R& y = x[place < 0 ? entering : active.members[place]];
-          y = high(by) == -INFINITY ? R{} : y + by;
-        },
-        [&](size_t place) { return x[active.members[place]]; });
-    if (found != Found::LEAST) return found;
+    result.found = Found::LEAST;
+    if (entering < 0) return result;
+    result.last = entering;
+    result.found = enter(
+        active, entering, most, [&](int j, const R& by) { x[j] = high(by) == -INFINITY ? R{} : x[j] + by; }, [&](int j) { return x[j]; });
+    if (result.found != Found::LEAST) return result;
     // Rounding of the steps does not gather: the active part anew.
-    std::vector<R> y;
+    y.clear();
     for (int j : active.members) y.push_back(-b[j]);
     active.solve(y.data());
     for (size_t k = 0; k < y.size(); ++k) x[active.members[k]] = high(y[k]) > 0 ? y[k] : R{};
   }
-  return Found::TOO_LONG;
+  result.found = Found::TOO_LONG;
+  return result;
 }

@@ -36,7 +36,8 @@ constexpr double AT_REST = 0x1p-20;
 struct Numbers {
   Vector changes, after, pushes, before, then;
   std::vector<Regime> regimes;
-  double energy_after = 0, lost_restitution = 0, lost_friction = 0, bound = 0;
+  double energies[4] = {};  // before, after, lost to restitution, to friction
+  double bound = 0;
   // More than rounding may seem to. By work on relative velocities, which is the same for every observer.
   bool creates_energy = false;
 
@@ -44,20 +45,23 @@ struct Numbers {
     return std::all_of(regimes.begin(), regimes.end(), [](Regime regime) { return regime == REGIME_SEPARATING; });
   }
   // The energies are sums over all the rest.
-  bool is_finite() const { return std::isfinite(energy_after) && std::isfinite(lost_restitution) && std::isfinite(lost_friction); }
+  bool is_finite() const {
+    return std::all_of(energies, energies + 4, [](double energy) { return std::isfinite(energy); });
+  }
 };
 
-// Of normal impulses, and of tangential ones, pairs in the axes of each contact; empty if there are none. A contact
-// sticks if it does not slip (by_slip), or if its friction is below the limit.
-inline Numbers numbers_of(const Assembly& scene, const DD* p, const Vector& tangential, double error, bool by_slip) {
+// A contact sticks if it does not slip (by_slip), or if its friction is below the limit.
+inline Numbers numbers_of(const Assembly& scene, const Struck& struck, bool by_slip) {
   Numbers answer;
   int count = scene.count;
-  bool rubs = !tangential.empty();
-  std::vector<Axes> P(count);
+  const DD* p = struck.p.data();
+  double error = struck.error;
+  bool rubs = !struck.tangential.empty();
+  std::vector<Axes> P(count);  // across the normals
   Vector reported = rounded(p, count);
   if (rubs)
     for (int i = 0; i < count; ++i)
-      for (int k = 0; k < 2; ++k) P[i][1 + k] = tangential[2 * i + k];
+      for (int k = 0; k < 2; ++k) P[i][1 + k] = struck.tangential[2 * i + k];
   std::vector<N> sums = scene.changes(p);
   Motion motion(scene), across(scene);
   for (int i = 0; i < count; ++i) {
@@ -79,7 +83,8 @@ inline Numbers numbers_of(const Assembly& scene, const DD* p, const Vector& tang
     Given moved = scene.given[b];
     for (int k = 0; k < 6; ++k) moved.x[IN_BODY_A_VELOCITY_X + k] += change[k];
     moved.fill(moved.plain);
-    answer.energy_after += moved.energy;
+    answer.energies[0] += scene.given[b].energy;
+    answer.energies[1] += moved.energy;
     double lost[6];
     for (int k = 0; k < 6; ++k) lost[k] = width(sums[6 * b + k]) + (std::fabs(change[k]) + std::fabs(high(sums[6 * b + k]))) * 0x1p-53 * (rubs ? 4 : 1);
     largest = std::fmax(largest, size_of(body, change));
@@ -124,21 +129,10 @@ inline Numbers numbers_of(const Assembly& scene, const DD* p, const Vector& tang
     else if (by_slip ? speed <= AT_REST * fastest : friction < (1 - AT_REST) * most) regime = REGIME_STICKING;
     answer.regimes.push_back(regime);
   }
-  answer.lost_restitution = restitution * load * unit;
-  answer.lost_friction = rubbing * load * unit;
+  answer.energies[2] = restitution * load * unit;
+  answer.energies[3] = rubbing * load * unit;
   answer.creates_energy = restitution + rubbing < -0x1p-40 * work;
   answer.bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0) : (worst > 0 ? INFINITY : 0);
   if (!(answer.bound == answer.bound)) answer.bound = INFINITY;
   return answer;
-}
-
-inline std::vector<DD> along_normals(const Friction& friction, const Assembly& scene) {
-  std::vector<DD> p(scene.count);
-  for (int i = 0; i < scene.count; ++i) p[i].h = friction.P[i][0] / scene.touches[i].length;
-  return p;
-}
-inline Vector across_normals(const Friction& friction) {
-  Vector tangential;
-  for (const Axes& P : friction.P) tangential.insert(tangential.end(), {P[1], P[2]});
-  return tangential;
 }

@@ -122,9 +122,7 @@ struct Assembly {
 
   // What two bodies do at a contact. The places are of the movable ones.
   void add(const Given& a, const Given& b, int place_a, int place_b, const double* contact, double copies) {
-    Touch touch{};
-    touch.body[0] = place_a;
-    touch.body[1] = place_b;
+    Touch touch{{place_a, place_b}};
     const int exponent = exponent_of(contact + 3, 3);
     for (int k = 0; k < 3; ++k) {
       touch.point[k] = contact[k];
@@ -149,14 +147,14 @@ struct Assembly {
       velocity[side] = fill<N>(centre, touch, direction, side, touch.reach[side], touch.response[side]);
     }
     touch.velocity = velocity[0] - velocity[1];
+    add_plain(both, touch);
     touches.push_back(touch);
     ++count;
   }
 
   // The same along unit vectors, in doubles.
-  void add_plain(const Given& a, const Given& b, Touch& touch) {
+  static void add_plain(const Given* const* both, Touch& touch) {
     const auto axes = touch.axes();
-    const Given* both[2] = {&a, &b};
     for (int axis = 0; axis < 3; ++axis) {
       const double* n = axes[axis].data();
       double velocity[2] = {0, 0};
@@ -296,40 +294,40 @@ struct Assembly {
     Found found;
     std::vector<DD> q;
     double error;  // of the velocities, in the metric of kinetic energy: bound
-    double size;   // of what they were, at most: the greatest of a contact
   };
 
   // The impulses q >= 0 of the contacts `among` that bring v nearest to v0 + M^-1 N p and give them velocities
-  // u + offset >= 0; and how far from that they are. With w the velocities reached, w* those asked for, r = u(w):
-  //
-  //     |w - w*|^2 = (q - q*).(r - r*) <= q.r + q*.max(-r, 0)        q*.r* = 0, q.r* >= 0
-  //     q*.rho <= |d| |w* - v|          for any velocity d that parts the contacts, N^T d = rho > 0
+  // u + offset >= 0; and how far from that they are.
   Projection project(const DD* p, const std::vector<int>& among, const N* offset) const {
     std::vector<N> start = velocities(p);
     if (offset)
       for (int i : among) start[i] = start[i] + offset[i];
-    const Projection found = nearest<double>(A, start, among);
-    if (locked || found.error <= FINE * found.size) return found;
-    const Projection finer = nearest<DD>(couplings<DD>(), start, among);
+    const Projection found = nearest(A, start, among);
+    if (locked || found.error <= FINE * greatest(start, among)) return found;
+    const Projection finer = nearest(couplings<DD>(), start, among);
     return finer.error < found.error ? finer : found;
   }
   static constexpr double FINE = 0x1p-45;  // doubles mostly do better, where contacts are not nearly dependent
+
+  double greatest(const std::vector<N>& u, const std::vector<int>& among) const {
+    double most = 0;
+    for (int i : among) most = std::fmax(most, std::fabs(high(u[i]) * touches[i].scale));
+    return most;
+  }
 
   // The same with active sets in the digits of R.
   template <class R>
   Projection nearest(const std::vector<R>& matrix, const std::vector<N>& start, const std::vector<int>& among) const {
     auto scale = [&](int j) { return constant<R>(touches[j].scale); };
-    Projection result{Found::LEAST, std::vector<DD>(count), INFINITY, 0};
+    Projection result{Found::LEAST, std::vector<DD>(count), INFINITY};
     std::vector<DD>& q = result.q;
-    std::vector<R> b(count), x(count);
-    for (int i : among) {
-      b[i] = digits<R>(start[i]) * scale(i);
-      result.size = std::fmax(result.size, std::fabs(high(b[i])));
-    }
-    ActiveSet<R> active(matrix.data(), count);
-    result.found = least(matrix.data(), count, among, b.data(), x.data(), active);
+    std::vector<R> b(count);
+    for (int i : among) b[i] = digits<R>(start[i]) * scale(i);
+    Least<R> first = least(matrix, b, among);
+    result.found = first.found;
     if (result.found != Found::LEAST) return result;
-    for (int j : active.members) q[j] = lifted<DD>(x[j] * scale(j));
+    ActiveSet<R>& active = first.active;
+    for (int j : active.members) q[j] = lifted<DD>(first.x[j] * scale(j));
 
     std::vector<N> r(count);
     bool seen = false;  // r is that of q
@@ -357,9 +355,10 @@ struct Assembly {
         }
       }
       int worst = -1;
-      for (size_t k = 0; k < active.members.size(); ++k)
-        if (q[active.members[k]].h < 0 && (worst < 0 || q[active.members[k]].h * touches[active.members[worst]].scale < q[active.members[worst]].h * touches[active.members[k]].scale))
-          worst = static_cast<int>(k);
+      for (size_t k = 0; k < active.members.size(); ++k) {
+        int j = active.members[k], other = active.members[worst < 0 ? k : worst];
+        if (q[j].h < 0 && (worst < 0 || q[j].h * touches[other].scale < q[other].h * touches[j].scale)) worst = static_cast<int>(k);
+      }
       if (worst >= 0) {
         q[active.members[worst]] = DD{0, 0};
         active.drop(worst);
@@ -378,11 +377,8 @@ struct Assembly {
       seen = false;
       Found found = enter(
           active, entering, digits<R>(r[entering]) * scale(entering),
-          [&](int place, const R& by) {
-            int j = place < 0 ? entering : active.members[place];
-            q[j] = high(by) == -INFINITY ? DD{0, 0} : q[j] + lifted<DD>(by * scale(j));
-          },
-          [&](size_t place) { return digits<R>(exact(q[active.members[place]])) / scale(active.members[place]); });
+          [&](int j, const R& by) { q[j] = high(by) == -INFINITY ? DD{0, 0} : q[j] + lifted<DD>(by * scale(j)); },
+          [&](int j) { return digits<R>(exact(q[j])) / scale(j); });
       if (found != Found::LEAST) break;  // beyond what these digits can tell: the bound says so
     }
     for (DD& one : q)
@@ -391,9 +387,19 @@ struct Assembly {
         seen = false;
       }
     if (!seen) look();
-    if (locked) return result;
+    result.error = distance_from_least(among, q, start, r);
+    return result;
+  }
+
+  // How far impulses q that leave velocities r are from those of project(), at most. With w the velocities reached, w*
+  // those asked for, r = u(w):
+  //
+  //     |w - w*|^2 = (q - q*).(r - r*) <= q.r + q*.max(-r, 0)        q*.r* = 0, q.r* >= 0
+  //     q*.rho <= |d| |w* - v|          for any velocity d that parts the contacts, N^T d = rho > 0
+  double distance_from_least(const std::vector<int>& among, const std::vector<DD>& q, const std::vector<N>& start, const std::vector<N>& r) const {
+    if (locked) return INFINITY;
     // In a unit near the size of the velocities: energies may be beyond doubles.
-    const double unit = power_near(result.size);
+    const double unit = power_near(greatest(start, among));
     double gap = 0, far = 0, moved = 0;
     for (int i : among) {
       double low = high(r[i]) - width(r[i]), reach = std::fabs(high(r[i])) + width(r[i]);
@@ -403,8 +409,7 @@ struct Assembly {
     }
     far *= parting;
     double distance = std::sqrt(moved);  // |w* - v|^2 <= -q.u
-    result.error = (far + std::sqrt(far * far + 4 * (gap + far * distance))) / 2 * (1 + 1e-9) * unit;
-    return result;
+    return (far + std::sqrt(far * far + 4 * (gap + far * distance))) / 2 * (1 + 1e-9) * unit;
   }
 
   // The impulses that give all contacts velocities of at least -e min(u, 0).
@@ -425,23 +430,21 @@ struct Assembly {
 
   // The few contacts that, as far as doubles can tell, no velocities keep all from approaching; or none.
   std::vector<int> contradiction() const {
-    Vector b, x(count);
+    Vector b;
     for (const Touch& touch : touches) b.push_back(high(touch.velocity) * touch.scale);
-    ActiveSet<double> active(A.data(), count);
-    int last;
-    if (least(A.data(), count, all(), b.data(), x.data(), active, &last) != Found::NO_LEAST) return {};
-    active.members.push_back(last);
-    return active.members;
+    Least<double> end = least(A, b, all());
+    if (end.found != Found::NO_LEAST) return {};
+    end.active.members.push_back(end.last);
+    return end.active.members;
   }
 
   // A velocity that parts all contacts: the least d with N^T d >= 1, scaled. To the digits of R; whether it does.
   template <class R>
   bool part(const std::vector<R>& matrix) {
-    std::vector<R> b(count, constant<R>(-1)), x(count);
-    ActiveSet<R> active(matrix.data(), count);
-    if (least(matrix.data(), count, all(), b.data(), x.data(), active) != Found::LEAST) return false;
+    const Least<R> parted = least(matrix, std::vector<R>(count, constant<R>(-1)), all());
+    if (parted.found != Found::LEAST) return false;
     std::vector<DD> d(count);
-    for (int i = 0; i < count; ++i) d[i] = lifted<DD>(x[i] * constant<R>(touches[i].scale));
+    for (int i = 0; i < count; ++i) d[i] = lifted<DD>(parted.x[i] * constant<R>(touches[i].scale));
     std::vector<N> twists = changes(d.data());
     room.resize(count);
     double square = 0;
@@ -483,7 +486,7 @@ struct Assembly {
       for (const Vector& z : Z) sum += z[i] * z[j];
       return sum;
     };
-    Vector b(count), x(count), s(count), dual(static_cast<size_t>(count) * count, 1);
+    Vector b(count), s(count), dual(static_cast<size_t>(count) * count, 1);
     std::vector<int> among;
     double greatest = 0;
     for (int i = 0; i < count; ++i) {
@@ -496,14 +499,15 @@ struct Assembly {
     for (int i : among)
       for (int j : among)
         if (i != j) dual[i * count + j] = rows(i, j) * s[i] * s[j];
-    auto found_with = [&](double room) {
+    auto with_room = [&](double room) {
       for (int i : among) b[i] = (P[i] + room * greatest) * s[i];
-      x.assign(count, 0);
-      ActiveSet<double> active(dual.data(), count);
-      return least(dual.data(), count, among, b.data(), x.data(), active) == Found::LEAST;
+      return least(dual, b, among);
     };
+    Least<double> solved = with_room(0);
     // Where impulses are just 0, rounding may leave no solution without some room.
-    if (!found_with(0) && !found_with(1e-13)) return true;
+    if (solved.found != Found::LEAST) solved = with_room(1e-13);
+    if (solved.found != Found::LEAST) return true;
+    const Vector& x = solved.x;
     for (const Vector& z : Z) {
       double along = 0;
       for (int i : among) along += z[i] * x[i] * s[i];

@@ -99,7 +99,6 @@ struct Cluster {
       off_unit = off_unit || shapes[4];
       rubs = rubs || contact.x[7] > 0;
       scene.add(given[a], given[b], movable[a], movable[b], contact.x, contact.copies);
-      scene.add_plain(given[a], given[b], scene.touches.back());
     }
     scene.finish();
   }
@@ -119,23 +118,9 @@ struct Answer {
   bool slow = false, fell_back = false;
 };
 
-inline Struck struck_by(const Friction& friction, const Assembly& scene) {
-  return {friction.found ? Outcome::ANSWERED : Outcome::CONTRADICTORY, along_normals(friction, scene), friction.error, INFINITY, -1, across_normals(friction)};
-}
-
-// COULOMB's impulses, from frictionless ones.
-inline Struck rubbed(const Assembly& scene, Struck free) {
-  const Friction friction = least_work(scene, free.p.data(), free.error);
-  free.error = friction.error;
-  if (friction.P.empty()) return free;
-  free.p = along_normals(friction, scene);
-  free.tangential = across_normals(friction);
-  return free;
-}
-
 // MOREAU's impulses.
 inline Struck stepped(const Assembly& scene, bool rubs) {
-  if (rubs) return struck_by(one_step(scene), scene);
+  if (rubs) return one_step(scene);
   auto parts = [](const Touch& touch) { return high(touch.velocity) >= 0; };
   if (std::all_of(scene.touches.begin(), scene.touches.end(), parts)) return {Outcome::ANSWERED, std::vector<DD>(scene.count)};
   Assembly::Projection found = scene.rebound();
@@ -159,7 +144,7 @@ inline Answer answered(Cluster& cluster, const Asked& asked) {
   }
   Struck struck;
   auto finish = [&] {
-    answer.numbers = numbers_of(scene, struck.p.data(), struck.tangential, struck.error, false);
+    answer.numbers = numbers_of(scene, struck, false);
     answer.code = answer.numbers.is_finite() ? STATUS_OK : STATUS_OUT_OF_RANGE;
     answer.margin = struck.margin;
     answer.restitution = struck.restitution;
@@ -172,7 +157,7 @@ inline Answer answered(Cluster& cluster, const Asked& asked) {
   }
   struck = Reflections{scene}.resolve(asked.threshold, asked.budget);
   double undecided = struck.error;
-  if (cluster.rubs && struck.outcome == Outcome::ANSWERED) struck = rubbed(scene, std::move(struck));
+  if (cluster.rubs && struck.outcome == Outcome::ANSWERED) struck = least_work(scene, struck);
   if (struck.outcome != Outcome::ANSWERED) answer.code = struck.outcome == Outcome::ENDLESS ? STATUS_PATH_TOO_LONG : STATUS_CONTRADICTORY_CONTACTS;
   else if (undecided == INFINITY) answer.code = LEFT_TO_PYTHON;
   else finish();

@@ -136,7 +136,7 @@ class Cones {
       Axes by = velocity(cones[i], step.data());
       for (int a = 0; a < 3; ++a) z[i][a] += by[a];
       for (int a = 0; a < 3; ++a)
-        for (int k = 0; k < 3; ++k) P[i][a] -= rho * cones[i].share * slopes[i].d[a][k] * by[k];
+        for (int k = 0; k < 3; ++k) P[i][a] -= rho * cones[i].share * slopes[i][a][k] * by[k];
       Slope unused;
       onto(cones[i].mu, P[i], unused);
     }
@@ -169,7 +169,7 @@ class Cones {
     along_normals(by, part);
     by.resize(loads.size());
     for (size_t i = 0; i < by.size(); ++i) add_row(cones[i], Axes{by[i] + part * loads[i], 0, 0}, e);
-    for (size_t i = 0; i < e.size(); ++i) e[i] -= part * y[i];
+    increase(e, -part, y);
     for (const Axes& one : P) reach = std::fmax(reach, std::hypot(one[0], one[1], one[2]));
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone& cone = cones[i];
@@ -191,9 +191,7 @@ class Cones {
   Vector lambda_before;
   std::vector<Axes> from;
   static constexpr double ROUNDING = 0x1p-50;
-  struct Slope {
-    double d[3][3];
-  };
+  using Slope = std::array<Axes, 3>;
   std::vector<Slope> slopes;
 
   // From changes of normal velocities to impulses along normals, and the part of the loads that leaves them in the cones.
@@ -238,7 +236,7 @@ class Cones {
     double t = std::sqrt(q[1] * q[1] + q[2] * q[2]);
     slope = {};
     if (q[0] >= 0 && t <= mu * q[0]) {
-      for (int k = 0; k < 3; ++k) slope.d[k][k] = 1;
+      for (int k = 0; k < 3; ++k) slope[k][k] = 1;
       return;
     }
     if (mu * t <= -q[0]) {
@@ -247,10 +245,10 @@ class Cones {
     }
     double d[2] = {t > 0 ? q[1] / t : 0, t > 0 ? q[2] / t : 0}, whole = 1 / (1 + mu * mu);
     double n = (q[0] + mu * t) * whole, round = t > 0 ? mu * n / t : 0;
-    slope.d[0][0] = whole;
+    slope[0][0] = whole;
     for (int k = 0; k < 2; ++k) {
-      slope.d[0][1 + k] = slope.d[1 + k][0] = mu * whole * d[k];
-      for (int l = 0; l < 2; ++l) slope.d[1 + k][1 + l] = (mu * mu * whole - round) * d[k] * d[l] + (k == l ? round : 0);
+      slope[0][1 + k] = slope[1 + k][0] = mu * whole * d[k];
+      for (int l = 0; l < 2; ++l) slope[1 + k][1 + l] = (mu * mu * whole - round) * d[k] * d[l] + (k == l ? round : 0);
     }
     q = {n, mu * n * d[0], mu * n * d[1]};
   }
@@ -279,7 +277,7 @@ class Cones {
       }
       if (holding) {
         slopes[i] = {};
-        for (int k = 0; k < 3; ++k) slopes[i].d[k][k] = k == 0 || cone.mu > 0;
+        for (int k = 0; k < 3; ++k) slopes[i][k][k] = k == 0 || cone.mu > 0;
         if (!(cone.mu > 0)) P[i][1] = P[i][2] = 0;
       } else {
         onto(cone.mu, P[i], slopes[i]);
@@ -388,11 +386,11 @@ class Cones {
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone& cone = cones[i];
       double own = rho * cone.share, part[2][3][6];
-      if (slopes[i].d[0][0] == 0) continue;  // open
+      if (slopes[i][0][0] == 0) continue;  // open
       for (int side = 0; side < 2; ++side)
         for (int a = 0; cone.body[side] >= 0 && a < 3; ++a)
           for (int k = 0; k < 6; ++k)
-            part[side][a][k] = own * (slopes[i].d[a][0] * cone.row[side][0][k] + slopes[i].d[a][1] * cone.row[side][1][k] + slopes[i].d[a][2] * cone.row[side][2][k]);
+            part[side][a][k] = own * (slopes[i][a][0] * cone.row[side][0][k] + slopes[i][a][1] * cone.row[side][1][k] + slopes[i][a][2] * cone.row[side][2][k]);
       for (int s = 0; s < 2; ++s)
         for (int t = 0; t < 2; ++t) {
           if (cone.body[s] < 0 || cone.body[t] < 0) continue;

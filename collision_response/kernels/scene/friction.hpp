@@ -1,8 +1,8 @@
 // Laws with friction for one cluster, in plain doubles: see coulomb.py and moreau.py. Impulses and velocities are
 // in the axes of each contact: unit normal, two tangents.
 #pragma once
-#include "assembly.hpp"
 #include "cones.hpp"
+#include "struck.hpp"
 
 struct Motion {  // of the movable bodies: y, and their twists have changed by L y
   const Assembly* scene;
@@ -54,12 +54,6 @@ constexpr double GREATEST_FRICTION = 1e30, LEAST_FRICTION = 1e-30, GREATEST_IN_O
 // out is rounding of doubles if it is this part of others of its bodies, or of the greatest if they have none.
 constexpr double UNLOADED = 0x1p-80, UNSHARED = 1e-10;
 
-struct Friction {
-  std::vector<Axes> P;
-  double error = 0;  // of the velocities, in the metric of kinetic energy
-  bool found = true;
-};
-
 // A contact as a cone: its impulses in units that make n.K n of every contact 1, velocities in units of `speed`.
 inline Cones::Cone cone_of(const Touch& touch, double speed, double mean) {
   Cones::Cone cone;
@@ -83,16 +77,14 @@ inline Axes in_newton_seconds(Axes P, const Touch& touch, double speed) {
   return P;
 }
 
-// From frictionless impulses p, whose velocities are off by `error`, the least work on relative velocities over the
-// cones of friction, with the normal velocities of the loaded contacts kept. Loaded are those of the impulses of least
-// norm, as others depend on the order; and of those that do nearly the same, for a box a hair from flat stands on all its
-// corners. Of contacts that nearly depend on others no velocity is kept, or that hair would keep them from sliding.
-// Nothing if none of them rubs.
-inline Friction least_work(const Assembly& scene, const DD* p, double error) {
+// From frictionless impulses the least work on relative velocities over the cones of friction, with the normal velocities
+// of the loaded contacts kept. Loaded are those of the impulses of least norm, as others depend on the order; and of those
+// that do nearly the same, for a box a hair from flat stands on all its corners. Of contacts that nearly depend on others
+// no velocity is kept, or that hair would keep them from sliding. If none of them rubs, the frictionless impulses.
+inline Struck least_work(const Assembly& scene, const Struck& free) {
   int count = scene.count;
-  Friction result;
-  result.error = error;
-  Vector own = rounded(p, count), shared = own;
+  Struck result = free;
+  Vector own = rounded(free.p.data(), count), shared = own;
   scene.least_norm(shared, false);
   Vector spread = shared;
   scene.least_norm(spread, false, true);
@@ -114,10 +106,10 @@ inline Friction least_work(const Assembly& scene, const DD* p, double error) {
   };
   std::vector<int> loaded;
   bool rubs = false;
-  Motion free(scene), as_shared(scene);
+  Motion as_given(scene), as_shared(scene);
   for (int i = 0; i < count; ++i) {
     const Touch& touch = scene.touches[i];
-    free.push(i, {own[i] * touch.length, 0, 0});
+    as_given.push(i, {own[i] * touch.length, 0, 0});
     as_shared.push(i, {shared[i] * touch.length, 0, 0});
     if (!(shared[i] / touch.scale > rounding(i))) {
       double slip = std::hypot(touch.plain[1].velocity, touch.plain[2].velocity) * touch.length;
@@ -142,20 +134,20 @@ inline Friction least_work(const Assembly& scene, const DD* p, double error) {
     programme.loads.push_back(shared[i] / touch.scale / speed);
     if (programme.kept.size() == independent) continue;
     double unit = touch.scale * touch.length / speed;
-    programme.kept.push_back((free.velocity(i, 0) - touch.plain[0].velocity) * unit);
-    programme.spare.push_back(std::fabs(as_shared.velocity(i, 0) - free.velocity(i, 0)) * unit);
+    programme.kept.push_back((as_given.velocity(i, 0) - touch.plain[0].velocity) * unit);
+    programme.spare.push_back(std::fabs(as_shared.velocity(i, 0) - as_given.velocity(i, 0)) * unit);
   }
   programme.begin();
   result.error += programme.solve() * speed;
-  result.P.resize(count);
-  for (size_t k = 0; k < loaded.size(); ++k) result.P[loaded[k]] = in_newton_seconds(programme.P[k], scene.touches[loaded[k]], speed);
+  std::vector<Axes> P(count);
+  for (size_t k = 0; k < loaded.size(); ++k) P[loaded[k]] = in_newton_seconds(programme.P[k], scene.touches[loaded[k]], speed);
 
   // Another contact may approach now.
   Motion moved(scene);
-  for (int i = 0; i < count; ++i) moved.push(i, result.P[i]);
+  for (int i = 0; i < count; ++i) moved.push(i, P[i]);
   // Of what depends on others another might have been kept.
   double off = 0;
-  for (int i : dependent) off = std::fmax(off, std::fabs(moved.velocity(i, 0) - free.velocity(i, 0)) * scene.touches[i].length * scene.touches[i].scale);
+  for (int i : dependent) off = std::fmax(off, std::fabs(moved.velocity(i, 0) - as_given.velocity(i, 0)) * scene.touches[i].length * scene.touches[i].scale);
   result.error += scene.locked ? (off > 1e-9 * speed ? INFINITY : 0) : off * scene.parting / 0.5;
   std::vector<N> offset;
   bool approaches = false;
@@ -170,9 +162,9 @@ inline Friction least_work(const Assembly& scene, const DD* p, double error) {
     Assembly::Projection last = scene.project(std::vector<DD>(count).data(), scene.all(), offset.data());
     // GRR has found velocities that part them: if none are found here, doubles can't tell.
     result.error += last.found == Found::LEAST ? last.error : INFINITY;
-    for (int i = 0; i < count; ++i) result.P[i][0] += last.q[i].h * scene.touches[i].length;
+    for (int i = 0; i < count; ++i) P[i][0] += last.q[i].h * scene.touches[i].length;
   }
-  return result;
+  return with_impulses(std::move(result), scene, P);
 }
 
 // The shifts that a solution leaves.
@@ -233,10 +225,9 @@ inline double spread(Cones programme, const Vector& start, const Vector& shift, 
 
 // Coulomb's law on the velocities after, by convex programmes: with the shift s = mu |u_t+| of normal velocities held,
 // this is least work again; s is then what that leaves, until it stays.
-inline Friction one_step(const Assembly& scene) {
+inline Struck one_step(const Assembly& scene) {
   int count = scene.count;
-  Friction result;
-  result.P.resize(count);
+  std::vector<Axes> P(count);
   double mean = 0, speed = 0;
   bool approach = false;
   for (const Touch& touch : scene.touches) {
@@ -245,7 +236,7 @@ inline Friction one_step(const Assembly& scene) {
     bool rubs = touch.mu > LEAST_FRICTION;  // of what does not, the slip may be anything
     speed = std::fmax(speed, std::hypot(touch.plain[0].velocity, rubs * touch.plain[1].velocity, rubs * touch.plain[2].velocity) * touch.scale * touch.length);
   }
-  if (!approach) return result;  // no impulse is a solution
+  if (!approach) return with_impulses({}, scene, P);  // no impulse is a solution
   Cones programme(scene.bodies);
   Vector start;
   for (const Touch& touch : scene.touches) {
@@ -290,8 +281,8 @@ inline Friction one_step(const Assembly& scene) {
   for (int i = 0; i < count; ++i) programme.cones[i].w[0] = start[i] + shift[i];
   double off_least = programme.solve();
   change = distance(shifts_of(programme), shift);
-  result.found = change <= 1e-8;
-  for (int i = 0; i < count; ++i) result.P[i] = in_newton_seconds(programme.P[i], scene.touches[i], speed);
-  result.error = speed * (off_least + (result.found && !scene.locked ? spread(programme, start, shift, change) : INFINITY));
-  return result;
+  if (!(change <= 1e-8)) return {Outcome::CONTRADICTORY, {}};
+  for (int i = 0; i < count; ++i) P[i] = in_newton_seconds(programme.P[i], scene.touches[i], speed);
+  double error = speed * (off_least + (scene.locked ? INFINITY : spread(programme, start, shift, change)));
+  return with_impulses({Outcome::ANSWERED, {}, error}, scene, P);
 }

@@ -1,18 +1,7 @@
 // Generalised reflections in double-double: what collision_response/scene/reflections.py writes down, and computes
 // of fractions.
 #pragma once
-#include "assembly.hpp"
-
-enum class Outcome { ANSWERED, CONTRADICTORY, ENDLESS };
-
-struct Struck {
-  Outcome outcome = Outcome::ANSWERED;
-  std::vector<DD> p;          // impulses along the normals
-  double error = 0;           // of the velocities, in the metric of kinetic energy
-  double margin = INFINITY;   // the least distance of a decision from its threshold, relative to the fastest approach
-  double restitution = -1;    // of all contacts; -1: each has its own
-  Vector tangential{};  // impulses across the normals, or none
-};
+#include "struck.hpp"
 
 struct Reflections {
   const Assembly& scene;
