@@ -6,7 +6,7 @@ import random
 
 import numpy as np
 import pytest
-from scene_cases import Case
+from scene_cases import Case, apart
 from test_scene_attacks import assert_bounded, exactly
 
 from collision_response import Body, Contact, Law, StatusCode
@@ -52,12 +52,27 @@ def test_a_hair_changes_no_velocity_by_more(off, count, law, mu):
     flat, case = (stack(count, by, 1, mu, sideways=0.5) for by in (0.0, off))
     exact, answer = (one.resolve(law, options={"threshold": 1e-3}) for one in (flat, case))
     assert answer.status is StatusCode.OK
-    assert answer.error_bound < 1e-3
+    assert answer.error_bound < max(1e-4, 200 * off)  # the root of a gap; or what is off, by dozens of contacts
     assert answer.kinetic_energy_after <= answer.kinetic_energy_before
     assert min(answer.normal_velocities_after) >= -answer.error_bound * 10
     for one, other in zip(answer.twists, exact.twists, strict=True):
         size = (answer.error_bound + exact.error_bound + 100 * off) * 10
         assert (one.linear - other.linear).norm() <= size
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_the_order_of_contacts_changes_nothing_beyond_the_bound(seed):
+    """Though it decides which of those that nearly depend on each other are kept."""
+    rng = random.Random(seed)
+    count, mu = rng.choice([1, 2, 3]), rng.choice([0.1, 0.3, 1.0, 3.0])
+    sideways = rng.choice([0.0, 0.3, 20.0])
+    case = stack(count, 10.0 ** rng.uniform(-14, -3), seed, mu, sideways)
+    order = rng.sample(range(len(case.pairs)), len(case.pairs))
+    other = case._replace(pairs=[case.pairs[i] for i in order], contacts=[case.contacts[i] for i in order])
+    answers = [one.resolve(Law.COULOMB, options={"threshold": 1e-2}) for one in (case, other)]
+    assert apart(case, *answers) <= answers[0].error_bound + answers[1].error_bound
+    for answer in answers:
+        assert answer.kinetic_energy_after <= answer.kinetic_energy_before
 
 
 @pytest.mark.parametrize("law, mu", LAWS)

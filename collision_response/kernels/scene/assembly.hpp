@@ -459,11 +459,27 @@ struct Assembly {
     return parts;
   }
 
-  // Of all impulses that do the same, or `nearly`, p + Z z >= 0, those of least sum of n.n p^2; `shared`: over all copies.
-  // Whether there are others.
-  bool least_norm(Vector& p, bool shared, bool nearly = false) const {
-    std::vector<Vector> Z = idle_impulses(nearly);
+  // Of all impulses that do the same, p + Z z >= 0, those of least sum of n.n p^2; `shared`: over all copies. Whether
+  // there are others.
+  bool least_norm(Vector& p, bool shared) const {
+    double effect = 0;
+    std::vector<Vector> Z = idle_impulses(DEPENDENT<double>, 1e-26, effect);
     if (Z.empty()) return false;
+    share(p, shared, std::move(Z));
+    return true;
+  }
+
+  // Of all impulses that do nearly the same, those; and what the difference is at most, for a load of 1 of each contact, in
+  // the metric of kinetic energy.
+  double nearly_least_norm(Vector& p) const {
+    double effect = 0;
+    std::vector<Vector> Z = idle_impulses(NEARLY_DEPENDENT, 1, effect);
+    if (!Z.empty()) share(p, false, std::move(Z));
+    return effect;
+  }
+
+ private:
+  void share(Vector& p, bool shared, std::vector<Vector> Z) const {
     Vector weight(count), P(count);
     for (int i = 0; i < count; ++i) {
       weight[i] = touches[i].length / (shared ? std::sqrt(touches[i].copies) : 1);
@@ -506,7 +522,7 @@ struct Assembly {
     Least<double> solved = with_room(0);
     // Where impulses are just 0, rounding may leave no solution without some room.
     if (solved.found != Found::LEAST) solved = with_room(1e-13);
-    if (solved.found != Found::LEAST) return true;
+    if (solved.found != Found::LEAST) return;
     const Vector& x = solved.x;
     for (const Vector& z : Z) {
       double along = 0;
@@ -514,12 +530,11 @@ struct Assembly {
       increase(P, along, z);
     }
     for (int i = 0; i < count; ++i) p[i] = x[i] > 0 ? 0 : std::fmax(P[i] / weight[i], 0);
-    return true;
   }
 
- private:
-  // Impulses that do nothing, or `nearly`: one for each contact that depends on others.
-  std::vector<Vector> idle_impulses(bool nearly) const {
+  // Impulses that do nothing: one for each contact that depends on others, by pivots up to `dependent`. What they do, in
+  // all, and squared at most `idle` each.
+  std::vector<Vector> idle_impulses(double dependent, double idle, double& effect) const {
     // With a row for the work of walls that move, which the same impulses do as well.
     Vector u(count), B, scale(count);
     double fastest = 0;
@@ -536,7 +551,7 @@ struct Assembly {
     ActiveSet<double> basis(driven ? B.data() : A.data(), count);
     std::vector<Vector> found;
     Vector w;
-    for (int i : basis.span(all(), nearly ? NEARLY_DEPENDENT : DEPENDENT<double>)) {
+    for (int i : basis.span(all(), dependent)) {
       std::vector<DD> z(count);
       basis.line(i, w);
       z[i].h = scale[i];
@@ -558,7 +573,9 @@ struct Assembly {
         basis.solve(w.data());
         for (size_t m = 0; m < w.size(); ++m) z[basis.members[m]] = z[basis.members[m]] + DD{w[m] * scale[basis.members[m]], 0};
       }
-      if (nearly || std::fabs(square) < 1e-26) found.push_back(rounded(z.data(), count));
+      if (!(std::fabs(square) < idle)) continue;
+      found.push_back(rounded(z.data(), count));
+      effect += std::sqrt(std::fabs(square));
     }
     return found;
   }

@@ -87,7 +87,7 @@ inline Struck least_work(const Assembly& scene, const Struck& free) {
   Vector own = rounded(free.p.data(), count), shared = own;
   scene.least_norm(shared, false);
   Vector spread = shared;
-  scene.least_norm(spread, false, true);
+  const double off = scene.nearly_least_norm(spread);
   for (int i = 0; i < count; ++i) shared[i] = (shared[i] + spread[i]) / 2;
   double mean = 0, speed = 0;
   Vector most(scene.bodies);  // of the loads of each body
@@ -145,10 +145,9 @@ inline Struck least_work(const Assembly& scene, const Struck& free) {
   // Another contact may approach now.
   Motion moved(scene);
   for (int i = 0; i < count; ++i) moved.push(i, P[i]);
-  // Of what depends on others another might have been kept.
-  double off = 0;
-  for (int i : dependent) off = std::fmax(off, std::fabs(moved.velocity(i, 0) - as_given.velocity(i, 0)) * scene.touches[i].length * scene.touches[i].scale);
-  result.error += scene.locked ? (off > 1e-9 * speed ? INFINITY : 0) : off * scene.parting / 0.5;
+  double square = 0;  // of what friction changes
+  for (size_t k = 0; k < moved.y.size(); ++k) square += (moved.y[k] - as_given.y[k]) / speed * ((moved.y[k] - as_given.y[k]) / speed);
+  result.error += 4 * off * (1 + std::sqrt(square)) * speed;  // others might have been kept, and shared
   std::vector<N> offset;
   bool approaches = false;
   for (int i = 0; i < count; ++i) {
