@@ -18,16 +18,16 @@ from exact import Answer, Solid, Touch
 
 from collision_response import Body, Contact, Impact, Law
 
-__all__ = ["Answer", "error_of_impact", "error_of_impulse", "error_of_twists", "request_of", "truth_of"]
-
 
 def truth_of(scene: Scene, law: Law) -> Answer:
     """The exact answer to a request."""
-    solids = (
-        Solid(None if body.mass == math.inf else body.mass, *body[1:7])
-        for body in (scene.body_a, scene.body_b)
-    )
-    return exact.answer(exact.Scene(*solids, Touch(*scene.contact[:4])), law.name)
+    return exact.answer(scene_of(scene), law.name)
+
+
+def scene_of(scene: Scene) -> exact.Scene:
+    """A request of the package's as one of the oracle's."""
+    solids = (Solid(None if body.mass == math.inf else body.mass, *body[1:7]) for body in scene[:2])
+    return exact.Scene(*solids, Touch(*scene.contact[:4]))
 
 
 def request_of(scene: exact.Scene) -> Scene:

@@ -19,7 +19,7 @@ from batches import (
 )
 from random_impacts import RandomImpacts
 from reference import exact_answer
-from scenes import LAWS_WITH_ORACLE
+from scenes import LAWS_WITH_ORACLE, Scene
 
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, Regime, StatusCode
 from collision_response.batch import body_rows, contact_rows, resolve_batch
@@ -38,14 +38,12 @@ def ill_conditioned(law: Law, wildness: float, count: int = 120):
     impacts = RandomImpacts(seed=int(wildness), wildness=wildness)
     drawn = [impacts.request(law) for _ in range(count)]
     scenes = [
-        scene._replace(
-            body_a=scene.body_a._replace(com=ZERO),
-            body_b=scene.body_b._replace(com=ZERO),
-            contact=scene.contact._replace(
-                friction=0.0 if law is Law.FRICTIONLESS else scene.contact.friction
-            ),
+        Scene(
+            body_a._replace(com=ZERO),
+            body_b._replace(com=ZERO),
+            contact._replace(friction=0.0) if law is Law.FRICTIONLESS else contact,
         )
-        for scene, _ in drawn
+        for (body_a, body_b, contact), _ in drawn
     ]
     models = [model._replace(geometry=Geometry.AUTO) for _, model in drawn]
     return scenes, models, *table_of(scenes, models)
