@@ -25,10 +25,12 @@ from typing import Any, NamedTuple
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "test")]
 
+import exact  # noqa: E402
 import stability_page  # noqa: E402
 from cases import PAIR, Scene, grazing  # noqa: E402
+from exact import Answer  # noqa: E402
 from random_impacts import RandomImpacts, turned_tensor  # noqa: E402
-from truth import Answer, error_of_impact, exact, request_of, scene_of  # noqa: E402
+from reference import as_exact, as_request, true_error  # noqa: E402
 
 from collision_response import (  # noqa: E402
     Adjustment,
@@ -94,7 +96,7 @@ class Tally(NamedTuple):
             return
         self.counts[key, impact.status.name] += 1
         truth = right_answer(scene, impact, model)
-        error, bound = error_of_impact(impact, truth), impact.error_bound
+        error, bound = true_error(impact, truth), impact.error_bound
         self.counts[key, "bounded"] += bound < math.inf
         slack = 0.0 if truth.report is None else exact.ORACLE_ERROR
         if error > slack and bound < math.inf:
@@ -111,7 +113,7 @@ def right_answer(scene: Scene, impact: Impact, model: ImpactModel) -> Answer:
 
 @lru_cache(maxsize=64)
 def _right_answer(scene: Scene, law: str, e_t: float, threshold: float) -> Answer:
-    return exact.answer(scene_of(scene), law, e_t, threshold)
+    return exact.answer(as_exact(*scene), law, e_t, threshold)
 
 
 # Random impacts -------------------------------------------------------------------------------
@@ -147,7 +149,7 @@ def attack_family(family: str) -> Tally:
     tally = Tally.empty()
     for case in attacks.FAMILIES[family]():
         fields = {name: enums[name][value] if name in enums else value for name, value in case.model.items()}
-        tally.count(("attack", family), case.name, request_of(case.scene), ImpactModel(**fields))
+        tally.count(("attack", family), case.name, Scene(*as_request(case.scene)), ImpactModel(**fields))
     return tally
 
 
@@ -183,7 +185,7 @@ def _sample(condition: float, scene: Scene) -> list[dict[str, Any]]:
         if truth.separating:
             return []
         bound = impact.error_bound
-        sample[precision.name] = [error_of_impact(impact, truth), bound if bound < math.inf else None]
+        sample[precision.name] = [true_error(impact, truth), bound if bound < math.inf else None]
     return [sample]
 
 

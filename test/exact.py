@@ -434,7 +434,7 @@ def _fractions(P: Any) -> Vec:
 def _difference(given: Sequence[float], exact: Vec) -> Vec:
     """Numbers that are right to the nearest subnormal are right."""
     apart = minus(vec(given), exact)
-    return tuple(Fraction(0) if abs(d) <= LEAST else d for d in apart)  # type: ignore[return-value]
+    return tuple(Fraction(0) if 2 * abs(d) <= LEAST else d for d in apart)  # type: ignore[return-value]
 
 
 def _quotient(error2: Fraction, size2: Fraction) -> float:

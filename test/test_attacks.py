@@ -23,7 +23,8 @@ import attacks
 import exact
 import numpy as np
 from attacks import Case
-from exact import Scene, Solid, Touch, cross, dot, length, minus, nearest, plus, times, vec
+from exact import Scene, cross, dot, length, minus, nearest, plus, times, vec
+from reference import as_request, errors_of
 
 from collision_response import (
     Adjustment,
@@ -70,25 +71,12 @@ SCALARS = Impact._fields[Impact._fields.index("impulse") + 1 : Impact._fields.in
 # requests
 
 
-def body_of(solid: Solid) -> Body:
-    if solid.mass is None:
-        return Body.kinematic(solid.position, solid.velocity, solid.spin)
-    more = {"com": solid.com} if any(solid.com) else {}
-    return Body.dynamic(
-        solid.mass, solid.inertia, solid.position, solid.orientation, solid.velocity, solid.spin, **more
-    )
-
-
-def contact_of(touch: Touch) -> Contact:
-    return Contact.of(touch.position, touch.normal, touch.restitution, touch.friction)
-
-
 def model_of(fields: dict[str, Any]) -> ImpactModel:
     return ImpactModel(**{name: ENUMS[name][v] if name in ENUMS else v for name, v in fields.items()})
 
 
 def resolved(scene: Scene, model: ImpactModel) -> Impact:
-    return resolve(body_of(scene.a), body_of(scene.b), contact_of(scene.contact), model)
+    return resolve(*as_request(scene), model)
 
 
 @lru_cache(maxsize=4096)
@@ -272,12 +260,7 @@ def _check_error(faults: Faults, impact: Impact, right: exact.Answer, case: Case
     """The impulse and both changes of twist are within the bound of one answer that the law allows."""
     found = []
     for P in right.impulses:
-        minus_P = times(P, Fraction(-1))
-        errors = (
-            exact.impulse_error(impact.impulse, P),
-            exact.twist_error(right.pair.a, *impact.change_a, P),
-            exact.twist_error(right.pair.b, *impact.change_b, minus_P),
-        )
+        errors = errors_of(impact, right, P)
         found.append((max(errors), errors, P))
     error, errors, P = min(found, key=lambda one: one[0])
     slack = exact.ORACLE_ERROR if right.report is not None else 0.0
@@ -648,11 +631,11 @@ def test_w_an_error_of_the_users_function_is_the_users(error, precision):
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
 def test_v_a_replaced_mass_is_the_mass(law, precision, factor):
     for scene in (attacks.TUMBLING, attacks.ON_FLOOR):
-        body_a, body_b, contact = body_of(scene.a), body_of(scene.b), contact_of(scene.contact)
-        heavier = scene.a._replace(mass=scene.a.mass * factor)
+        body_a, body_b, contact = as_request(scene)
+        heavier = scene._replace(a=scene.a._replace(mass=scene.a.mass * factor))
         model = ImpactModel(law, precision=precision)
         replaced = resolve(body_a._replace(mass=body_a.mass * factor), body_b, contact, model)
-        assert replaced == resolve(body_of(heavier), body_b, contact, model)
+        assert replaced == resolved(heavier, model)
 
 
 @pytest.mark.parametrize(
@@ -661,10 +644,9 @@ def test_v_a_replaced_mass_is_the_mass(law, precision, factor):
 @pytest.mark.parametrize("mass", [0.0, -0.0, -1.0, math.nan, -math.inf])
 def test_v_a_mass_that_is_none_is_refused(mass, precision):
     """Whoever wrote it into the body, and whatever the precision."""
-    scene = attacks.TUMBLING
+    body_a, body_b, contact = as_request(attacks.TUMBLING)
     with pytest.raises(ImpactError) as refusal:
-        body = body_of(scene.a)._replace(mass=mass)
-        resolve(body, body_of(scene.b), contact_of(scene.contact), ImpactModel(precision=precision))
+        resolve(body_a._replace(mass=mass), body_b, contact, ImpactModel(precision=precision))
     assert "mass" in refusal.value.field
 
 
