@@ -50,7 +50,9 @@ def ill_conditioned(law: Law, wildness: float, count: int = 120):
         for (body_a, body_b, contact), _ in drawn
     ]
     models = [model._replace(geometry=Geometry.AUTO) for _, model in drawn]
-    return scenes, models, *table_of(scenes, models)
+    bodies, contacts = table_of(scenes)
+    of_their_own = [model.tangential_restitution for model in models]
+    return scenes, models, bodies, np.vstack([contacts, of_their_own])
 
 
 def errors(scenes, models, result, rows) -> list[float]:
