@@ -29,7 +29,6 @@ from .patience import TOGETHER, Look, when_not_too_early
 from .request import (
     IN_FULL,
     Used,
-    age_of,
     check_age,
     check_distinct,
     check_frame,
@@ -208,7 +207,7 @@ def bodies_of(
             yield
         owner = f"names[{i}]"
         state = find(states, owner, owner, name, not_before)
-        used = Used(state.header.stamp, age_of(state, time))
+        used = Used.of(state, time)
         check_age(owner, name, used.age, parameters.max_state_age)
         check_frame(f"{owner}.header.frame_id", state, "header.frame_id", header.frame_id)
         named.states.append(state)
