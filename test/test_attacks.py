@@ -519,19 +519,7 @@ def test_the_checks_can_fail():
 # e: numbers of other makes
 
 
-GOOD = {
-    "mass": 0.5,
-    "inertia": 0.5,
-    "position": 0.5,
-    "velocity": 0.5,
-    "spin": 0.5,
-    "normal": 0.5,
-    "restitution": 0.5,
-    "friction": 0.5,
-    "tolerance": 0.5,
-    "e_t": 0.5,
-    "threshold": 0.5,
-}
+GOOD = dict.fromkeys(attacks.FIELDS, 0.5)
 NAMES = {"spin": "angular_velocity", "e_t": "tangential_restitution", "threshold": "restitution_threshold"}
 
 

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..batch import body_rows, contact_rows, resolve_batch
+from ..body_numbers import PARALLEL
 from ..centre import at_centre, com_in_world_axes
 from ..model import Geometry, ImpactModel, Law
 from ..physics.body import Body, Twist
@@ -226,7 +227,7 @@ def _write(column: Array, after: Array, root: Array, body: Body, twist: Twist) -
     """One body of one impact, by its centre of mass."""
     centre = at_centre(body)
     column[BODY.mass], column[BODY.inertia], column[BODY.position] = body.mass, body.inertia, centre.position
-    column[BODY.orientation] = body.orientation or (0.0, 0.0, 0.0, 1.0)
+    column[BODY.orientation] = body.orientation or PARALLEL
     column[BODY.velocity], column[BODY.angular_velocity] = centre.velocity, body.angular_velocity
     if not body.is_movable():
         after[:3], after[3:] = centre.velocity, body.angular_velocity
