@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from cases import ALIGNED, FLAT, PAIR, Scene, of_numpy, separating
 from timing import interleaved, ratio, spread
-from truth import Answer, error_of_impact, error_of_impulse, error_of_twists, truth_of
+from truth import Answer, error_of_impulse, error_of_twists, true_error, truth_of
 
 from collision_response import ImpactModel, Law, Precision, resolve
 from collision_response.derivatives import differentiate
@@ -58,7 +58,7 @@ class Peer(NamedTuple):
 
 def by_resolve(scene: Scene, model: ImpactModel) -> Peer:
     """This package."""
-    return Peer(lambda: resolve(*scene, model), error_of_impact)
+    return Peer(lambda: resolve(*scene, model), true_error)
 
 
 def is_planar(scene: Scene) -> bool:

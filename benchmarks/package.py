@@ -8,8 +8,9 @@ import sys
 from statistics import median
 from typing import Any
 
+from cases import Scene
 from pages import ROOT
-from truth import error_of_impact, request_of, truth_of
+from truth import as_request, true_error, truth_of
 
 from collision_response import ImpactModel, Law, Precision, StatusCode, resolve
 
@@ -42,9 +43,9 @@ def tightness(law: Law) -> float:
     draw, quotients = random.Random(5), []
     model = ImpactModel(law, precision=Precision.DOUBLE)
     while len(quotients) < BOXES:
-        scene = request_of(drawn(draw))
+        scene = Scene(*as_request(drawn(draw)))
         impact = resolve(*scene, model)
-        error = error_of_impact(impact, truth_of(scene, law))
+        error = true_error(impact, truth_of(scene, law))
         if impact.status is StatusCode.OK and error:
             quotients.append(impact.error_bound / error)
     return median(quotients)

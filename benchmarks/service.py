@@ -20,6 +20,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from reliability.child import ros_node
 from timing import Samples, ratio, spread
 
 HERE = Path(__file__).resolve().parent
@@ -143,24 +144,18 @@ def batch() -> Any:
 class Clients:
     """Clients of one service of every server, in one node."""
 
-    def __init__(self, servers: Iterable[str], service: str, number: int) -> None:
-        import rclpy
-        from rclpy.executors import SingleThreadedExecutor
-        from rclpy.node import Node
-
+    def __init__(self, node: Any, executor: Any, servers: Iterable[str], service: str, number: int) -> None:
         from collision_response import srv
         from collision_response.ros.server import SERVICE_QOS
 
-        rclpy.init()
-        self._node, self._executor = Node("clients"), SingleThreadedExecutor()
-        self._executor.add_node(self._node)
+        self._executor = executor
         kind = {
             "resolve_collision": srv.ResolveCollision,
             "resolve_collision_batch": srv.ResolveCollisionBatch,
         }
         self._clients = {
             name: [
-                self._node.create_client(
+                node.create_client(
                     kind[service], f"/{name}/collision_response/{service}", qos_profile=SERVICE_QOS
                 )
                 for _ in range(number)
@@ -226,14 +221,6 @@ class Clients:
             raise TimeoutError("no answer")
         return future.result()
 
-    def close(self) -> None:
-        """Take everything down."""
-        import rclpy
-
-        self._executor.shutdown()
-        self._node.destroy_node()
-        rclpy.try_shutdown()
-
 
 # Measuring ------------------------------------------------------------------------------------
 
@@ -247,8 +234,8 @@ def round_trips(service: str, request: Any, *names: str) -> Samples:
             command = _self("echo") if name == "echo" else [_script("collision_response_node")]
             stack.enter_context(server(command, name, *(record if name == "recording" else ())))
         is_batch = service.endswith("batch")
-        clients = Clients(names, service, 1 if is_batch else CONCURRENT)
-        stack.callback(clients.close)
+        node, executor = stack.enter_context(ros_node("clients"))
+        clients = Clients(node, executor, names, service, 1 if is_batch else CONCURRENT)
         clients.wait()
         calls: dict[str, Callable[[], float]] = {}
         for name in names:

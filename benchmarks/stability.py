@@ -23,11 +23,14 @@ from statistics import median
 from typing import Any, NamedTuple
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE)]
+sys.path[:0] = [str(HERE), str(HERE.parent / "test")]
 
+import exact  # noqa: E402
 import stability_page  # noqa: E402
 from cases import PAIR, Scene, grazing  # noqa: E402
-from truth import Answer, error_of_impact, exact, request_of  # noqa: E402
+from exact import Answer  # noqa: E402
+from random_impacts import RandomImpacts, turned_tensor  # noqa: E402
+from reference import as_exact, as_request, true_error  # noqa: E402
 
 from collision_response import (  # noqa: E402
     Adjustment,
@@ -83,17 +86,17 @@ class Tally(NamedTuple):
             self.ratios.setdefault(key, []).extend(found)
         self.violations.extend(other.violations)
 
-    def count(self, key: Key, name: str, scene: exact.Scene, model: ImpactModel) -> None:
+    def count(self, key: Key, name: str, scene: Scene, model: ImpactModel) -> None:
         """One answer, or its refusal."""
         self.counts[key, "asked"] += 1
         try:
-            impact = resolve(*request_of(scene), model)
+            impact = resolve(*scene, model)
         except ImpactError as refusal:
             self.counts[key, refusal.code.name] += 1
             return
         self.counts[key, impact.status.name] += 1
         truth = right_answer(scene, impact, model)
-        error, bound = error_of_impact(impact, truth), impact.error_bound
+        error, bound = true_error(impact, truth), impact.error_bound
         self.counts[key, "bounded"] += bound < math.inf
         slack = 0.0 if truth.report is None else exact.ORACLE_ERROR
         if error > slack and bound < math.inf:
@@ -102,80 +105,29 @@ class Tally(NamedTuple):
             self.violations.append(f"{key} {name}: error {error:.3g} above bound {bound:.3g}")
 
 
-def right_answer(scene: exact.Scene, impact: Impact, model: ImpactModel) -> Answer:
+def right_answer(scene: Scene, impact: Impact, model: ImpactModel) -> Answer:
     """By the law that answered."""
     e_t = model.tangential_restitution if Adjustment.LAW_FALLBACK not in impact.adjustments else 0.0
     return _right_answer(scene, impact.model.law.name, e_t, model.restitution_threshold)
 
 
 @lru_cache(maxsize=64)
-def _right_answer(scene: exact.Scene, law: str, e_t: float, threshold: float) -> Answer:
-    return exact.answer(scene, law, e_t, threshold)
+def _right_answer(scene: Scene, law: str, e_t: float, threshold: float) -> Answer:
+    return exact.answer(as_exact(*scene), law, e_t, threshold)
 
 
 # Random impacts -------------------------------------------------------------------------------
 
 
-class Draw(random.Random):
-    """Requests over many magnitudes, with all the ill conditions together."""
-
-    wildness = 0.0
-
-    def magnitude(self, share: float = 1.0) -> float:
-        return 10 ** (self.uniform(-1, 1) * self.wildness * share)
-
-    def vector(self, size: float | None = None) -> tuple[float, ...]:
-        size = self.magnitude(0.3) if size is None else size
-        return tuple(size * self.gauss(0, 1) for _ in range(3))
-
-    def body(self) -> exact.Solid:
-        """A box, a rod or a blade, in its own axes or in turned ones; or immovable."""
-        if self.random() < 0.15:
-            return exact.Solid(None, position=self.vector(), velocity=self.vector(), spin=self.vector())
-        mass, size, kind = self.magnitude(), self.magnitude(0.5), self.random()
-        x, y, z = (mass * size * size * self.uniform(0.2, 1) * self.magnitude(0.3) for _ in range(3))
-        if self.wildness and kind < 0.1:
-            x, y = 0.0, 0.0
-        elif self.wildness and kind < 0.2:
-            x, y = x * 10 ** self.uniform(-15, 0), y * 10 ** self.uniform(-15, 0)
-        inertia = (y + z, 0.0, 0.0, x + z, 0.0, x + y)
-        if kind > 0.6:
-            inertia = turned((y + z, x + z, x + y), [self.gauss(0, 1) for _ in range(4)])
-        turn = [self.gauss(0, 1) for _ in range(4)] if self.random() < 0.6 else None
-        com = self.vector(size) if self.random() < 0.3 else (0.0,) * 3
-        spin = self.vector(self.magnitude(0.3))
-        return exact.Solid(mass, inertia, self.vector(size), turn and tuple(turn), self.vector(), spin, com)
-
-    def scene(self) -> exact.Scene:
-        """Two bodies that touch somewhere; often they just graze."""
-        e = self.choice([0.0, 1.0, self.random(), self.random()])
-        mu = self.choice([0.0, self.random(), 10 ** self.uniform(-3, 1)])
-        a, b, normal = self.body(), self.body(), self.vector(self.magnitude())
-        if self.random() < 0.3:
-            u = Vec3(*a.velocity) - Vec3(*b.velocity)
-            if 0 < u.norm() < math.inf:
-                across = u.cross(Vec3(*self.vector())) / u.norm()
-                into = u * (-(10 ** self.uniform(-16, -1)) * across.norm() / u.norm())
-                normal = tuple(across + into)
-        return exact.Scene(a, b, exact.Touch(self.vector(self.magnitude(0.2)), normal, e, mu))
-
-
-def turned(moments: tuple[float, float, float], quaternion: list[float]) -> tuple[float, ...]:
-    """The tensor of principal moments in turned axes, rounded."""
-    rows = [[float(x) for x in row] for row in exact.rotation_of(quaternion)]
-    pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-    return tuple(sum(rows[i][k] * moments[k] * rows[j][k] for k in range(3)) for i, j in pairs)
-
-
 def random_piece(law: Law, wildness: str, seed: int) -> Tally:
     """Some random impacts by one law, in every precision. What is no request at all is drawn again."""
-    tally, draw = Tally.empty(), Draw(f"{law.name} {wildness} {seed}")
-    draw.wildness, done = WILDNESS[wildness], 0
+    tally, impacts = Tally.empty(), RandomImpacts(f"{law.name} {wildness} {seed}", WILDNESS[wildness])
+    draw, done = impacts.draw, 0
     while done < PIECE:
-        scene = draw.scene()
+        scene = Scene(*impacts.scene())
         e_t = draw.choice([0.0, draw.uniform(-1, 1)]) if law is Law.COULOMB else 0.0
         try:
-            resolve(*request_of(scene), ImpactModel(law))
+            resolve(*scene, ImpactModel(law))
         except ImpactError as refusal:
             if refusal.code not in (StatusCode.OUT_OF_RANGE, StatusCode.PATH_TOO_LONG):
                 continue
@@ -197,7 +149,7 @@ def attack_family(family: str) -> Tally:
     tally = Tally.empty()
     for case in attacks.FAMILIES[family]():
         fields = {name: enums[name][value] if name in enums else value for name, value in case.model.items()}
-        tally.count(("attack", family), case.name, case.scene, ImpactModel(**fields))
+        tally.count(("attack", family), case.name, Scene(*as_request(case.scene)), ImpactModel(**fields))
     return tally
 
 
@@ -215,7 +167,7 @@ def by_condition(samples: int) -> dict[str, list[dict[str, Any]]]:
             found["grazing"] += _sample(condition, grazing(scene, 1 / condition))
         x, y, z = 1.0, draw.random() / condition, draw.random() / condition
         moments = (y + z, x + z, x + y)
-        in_turned_axes = turned(moments, [draw.gauss(0, 1) for _ in range(4)])
+        in_turned_axes = turned_tensor(moments, [draw.gauss(0, 1) for _ in range(4)])
         inertia = draw.choice([(moments[0], 0.0, 0.0, moments[1], 0.0, moments[2]), in_turned_axes])
         try:
             found["inertia"] += _sample(max(moments) / min(moments), _varied(draw, inertia))
@@ -229,12 +181,11 @@ def _sample(condition: float, scene: Scene) -> list[dict[str, Any]]:
     sample: dict[str, Any] = {"condition": condition}
     for precision in (Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED):
         impact = resolve(*scene, ImpactModel(Law.COULOMB, Geometry.SPATIAL, precision))
-        solids = (exact.Solid(body.mass, *body[1:7]) for body in scene[:2])
-        truth = _right_answer(exact.Scene(*solids, exact.Touch(*scene.contact[:4])), "COULOMB", 0.0, 0.0)
+        truth = _right_answer(scene, "COULOMB", 0.0, 0.0)
         if truth.separating:
             return []
         bound = impact.error_bound
-        sample[precision.name] = [error_of_impact(impact, truth), bound if bound < math.inf else None]
+        sample[precision.name] = [true_error(impact, truth), bound if bound < math.inf else None]
     return [sample]
 
 

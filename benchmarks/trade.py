@@ -14,7 +14,7 @@ import batch
 from cases import ALIGNED, PAIR, Scene, copies, grazing, slip_reversal, thin_rod, turning_slip
 from one import PINOCCHIO_J, by_resolve, peers_of
 from timing import interleaved, spread
-from truth import error_of_impact, error_of_impulse, truth_of
+from truth import error_of_impulse, true_error, truth_of
 
 from collision_response import Body, Contact, ImpactError, ImpactModel, Law, Precision, resolve
 from collision_response.batch import resolve_batch
@@ -90,7 +90,7 @@ def measure(skipped: dict[str, str], progress: Callable[[str], object]) -> dict[
                 answer = resolve(*scene, model)
             except ImpactError:  # 32 bits are too few for some paths
                 continue
-            error = error_of_impact(answer, truths[answer.model.law])
+            error = true_error(answer, truths[answer.model.law])
             calls[way], results[way] = by_resolve(scene, model).call, (error, answer.error_bound)
             bounded += 1
             if error > answer.error_bound + (1e-15 if Law[way.law] > Law.COULOMB else 0.0):
@@ -153,12 +153,12 @@ def plotted(name: str, scene: Scene, skipped: dict[str, str]) -> list[dict[str, 
         note(
             "ours",
             precision.name,
-            error_of_impact(answer, truth),
+            true_error(answer, truth),
             answer.error_bound,
             by_resolve(scene, model).call,
         )
     model = ImpactModel(Law.FRICTIONLESS)
-    note("exact", "balls", error_of_impact(on_balls.resolve(*scene, model), truth), None,
+    note("exact", "balls", true_error(on_balls.resolve(*scene, model), truth), None,
          lambda: on_balls.resolve(*scene, model))  # fmt: skip
     note("exact", "fractions", error_of_impulse(in_fractions(scene).changes.impulse, truth), None,
          lambda: in_fractions(scene))  # fmt: skip

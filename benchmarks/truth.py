@@ -5,7 +5,6 @@ It computes in rational numbers, and with mpmath where the path of the impulse i
 
 from __future__ import annotations
 
-import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -14,48 +13,17 @@ sys.path.append(str(Path(__file__).resolve().parent.parent / "test"))
 
 import exact
 from cases import Scene
-from exact import Answer, Solid, Touch
+from exact import Answer
+from reference import as_request as as_request
+from reference import exact_answer
+from reference import true_error as true_error
 
-from collision_response import Body, Contact, Impact, Law
-
-__all__ = ["Answer", "error_of_impact", "error_of_impulse", "error_of_twists", "request_of", "truth_of"]
+from collision_response import Body, ImpactModel, Law
 
 
 def truth_of(scene: Scene, law: Law) -> Answer:
     """The exact answer to a request."""
-    solids = (
-        Solid(None if body.mass == math.inf else body.mass, *body[1:7])
-        for body in (scene.body_a, scene.body_b)
-    )
-    return exact.answer(exact.Scene(*solids, Touch(*scene.contact[:4])), law.name)
-
-
-def request_of(scene: exact.Scene) -> Scene:
-    """A request of the oracle's as one of the package's."""
-
-    def body(solid: Solid) -> Body:
-        if solid.mass is None:
-            return Body.kinematic(solid.position, solid.velocity, solid.spin)
-        return Body.dynamic(*solid)
-
-    return Scene(body(scene.a), body(scene.b), Contact.of(*scene.contact))
-
-
-def error_of_impact(impact: Impact, truth: Answer) -> float:
-    """What ``error_bound`` is about: the greatest relative error of the impulse and of both twist changes.
-
-    Of several answers that a law allows, the nearest counts.
-    """
-
-    def error(P: Any) -> float:
-        opposite = tuple(-x for x in P)
-        return max(
-            exact.impulse_error(impact.impulse, P),
-            exact.twist_error(truth.pair.a, *impact.change_a, P),
-            exact.twist_error(truth.pair.b, *impact.change_b, opposite),
-        )
-
-    return min(map(error, truth.impulses))
+    return exact_answer(*scene, ImpactModel(law))
 
 
 def error_of_impulse(impulse: Any, truth: Answer) -> float:

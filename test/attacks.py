@@ -801,13 +801,6 @@ class Restitution(NamedTuple):
     code: str | None = None
 
 
-def _raises(error: Exception) -> Callable[[float], Any]:
-    def function(v: float) -> Any:
-        raise error
-
-    return function
-
-
 def restitutions() -> Iterator[Restitution]:
     """Functions that return other makes of number, and no coefficient."""
     yield Restitution("float", lambda v: 0.5)

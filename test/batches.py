@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from functools import cache
 
 import numpy as np
@@ -24,7 +25,6 @@ from collision_response.batch.rows import NOWHERE, body_rows, contact_rows
 from collision_response.physics.vector import Vec3
 
 N = 300
-IMMOVABLE = 4
 FIRST_FAULTY = 100
 FAULTS = (math.nan, math.inf, -1.0, 0.0, 2.0, 5e-309)
 """Written over one number of a contact each; not all are wrong everywhere."""
@@ -32,7 +32,7 @@ FAULTS = (math.nan, math.inf, -1.0, 0.0, 2.0, 5e-309)
 
 @cache
 def some(geometry: Geometry, *, oriented: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """``bodies`` and ``contacts``: sound ones first; the first IMMOVABLE have an immovable body."""
+    """``bodies`` and ``contacts``: sound ones first; the first four have an immovable body."""
     random = np.random.default_rng(int(geometry))
     of, at = body_rows(geometry, oriented=oriented), contact_rows(geometry)
     bodies, contacts = random.normal(size=(of.height, 2, N)), random.normal(size=(at.height, N))
@@ -122,26 +122,36 @@ def is_tiny(bodies: np.ndarray) -> np.ndarray:
     return ((bodies != 0) & (abs(bodies) < 1e-290)).any(axis=(0, 1))
 
 
-def table_of(scenes: list[Scene], models: list[ImpactModel]) -> tuple[np.ndarray, np.ndarray]:
-    """Scenes in space as the columns of a batch, with tangential restitution of their own."""
-    of, at = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
-    bodies, contacts = np.zeros((of.height, 2, len(scenes))), np.zeros((at.height + 1, len(scenes)))
-    for i, (scene, model) in enumerate(zip(scenes, models, strict=True)):
-        for side, body in enumerate(scene[:2]):
-            bodies[of.mass, side, i] = body.mass
-            bodies[of.inertia, side, i] = body.inertia
-            bodies[of.position, side, i] = body.position
-            bodies[of.orientation, side, i] = body.orientation or (0, 0, 0, 1)
-            bodies[of.velocity, side, i] = body.velocity
-            bodies[of.angular_velocity, side, i] = body.angular_velocity
-        contact = scene.contact
-        contacts[:, i] = (
-            *contact.position,
-            *contact.normal,
-            contact.restitution,
-            contact.friction,
-            model.tangential_restitution,
-        )
+def table_of(
+    scenes: Iterable[tuple[Body, Body, Contact]],
+    geometry: Geometry = Geometry.SPATIAL,
+    *,
+    oriented: bool = True,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Scenes as the columns of a batch, which is told only what its geometry models."""
+    scenes = list(scenes)
+    of, at = body_rows(geometry, oriented=oriented), contact_rows(geometry)
+    bodies, contacts = np.zeros((of.height, 2, len(scenes))), np.zeros((at.height, len(scenes)))
+
+    def first(rows: slice, numbers: tuple[float, ...]) -> tuple[float, ...]:
+        return numbers[: rows.stop - rows.start]
+
+    def last(rows: slice, numbers: tuple[float, ...]) -> tuple[float, ...]:
+        return numbers[len(numbers) - (rows.stop - rows.start) :]
+
+    for i, (body_a, body_b, contact) in enumerate(scenes):
+        for side, body in enumerate((body_a, body_b)):
+            column = bodies[:, side, i]
+            column[of.mass] = body.mass
+            column[of.inertia] = last(of.inertia, body.inertia)
+            column[of.position] = first(of.position, body.position)
+            column[of.velocity] = first(of.velocity, body.velocity)
+            column[of.angular_velocity] = last(of.angular_velocity, body.angular_velocity)
+            if oriented:
+                column[of.orientation] = body.orientation or (0.0, 0.0, 0.0, 1.0)
+        contacts[at.position, i] = first(at.position, contact.position)
+        contacts[at.normal, i] = first(at.normal, contact.normal)
+        contacts[at.restitution, i], contacts[at.friction, i] = contact.restitution, contact.friction
     return bodies, contacts
 
 

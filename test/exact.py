@@ -395,7 +395,7 @@ def _coulomb(pair: Pair, e: Fraction, mu: Fraction, e_t: Fraction) -> tuple[Vec,
     return plus(base, times(D, kappa)), False, margin
 
 
-_ORACLE_NAMES = {"MOREAU": "moreau", "ROUTH_POISSON": "routh_poisson", "ROUTH_STRONGE": "routh_stronge"}
+ORACLE_NAMES = {"MOREAU": "moreau", "ROUTH_POISSON": "routh_poisson", "ROUTH_STRONGE": "routh_stronge"}
 
 
 def _by_oracle(pair: Pair, law: str, e: Fraction, mu: Fraction) -> tuple[list[Vec], Any]:
@@ -408,7 +408,7 @@ def _by_oracle(pair: Pair, law: str, e: Fraction, mu: Fraction) -> tuple[list[Ve
     u = times(pair.u, 1 / speed)
     n = times(pair.n, 1 / pair.unit)
     mu = min(mu, Fraction(10**20))  # more sticks no better, and the oracle loses the digits of mu
-    given = oracle.impulse(_ORACLE_NAMES[law], K, u, n, e, mu, digits=ORACLE_DIGITS)
+    given = oracle.impulse(ORACLE_NAMES[law], K, u, n, e, mu, digits=ORACLE_DIGITS)
     impulses = [given[0]]
     if given[1].candidates:
         impulses = [P for _, P, _ in given[1].candidates]
@@ -434,7 +434,7 @@ def _fractions(P: Any) -> Vec:
 def _difference(given: Sequence[float], exact: Vec) -> Vec:
     """Numbers that are right to the nearest subnormal are right."""
     apart = minus(vec(given), exact)
-    return tuple(Fraction(0) if abs(d) <= LEAST else d for d in apart)  # type: ignore[return-value]
+    return tuple(Fraction(0) if 2 * abs(d) <= LEAST else d for d in apart)  # type: ignore[return-value]
 
 
 def _quotient(error2: Fraction, size2: Fraction) -> float:

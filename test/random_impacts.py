@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import random
 
-from scenes import Scene
-
 from collision_response import Body, Contact, Geometry, ImpactError, ImpactModel, Law
 from collision_response.physics.vector import ZERO, Vec3
 from collision_response.validity import check
+
+Scene = tuple[Body, Body, Contact]
 
 
 class RandomImpacts:
@@ -19,15 +19,14 @@ class RandomImpacts:
     own size and speed, 10 for what a careless user sends, 100 for the range of float64.
     """
 
-    def __init__(self, seed: int, wildness: float) -> None:
+    def __init__(self, seed: int | str, wildness: float) -> None:
         self.draw = random.Random(seed)
         self.wildness = wildness
 
     def request(self, law: Law) -> tuple[Scene, ImpactModel]:
+        """A scene that can be answered, and a model with any geometry."""
         while True:
-            scene = Scene(self._body(), self._body(), self._contact())
-            if self.draw.random() < 0.3:
-                scene = self._grazing(scene)
+            scene = self.scene()
             geometry = self.draw.choice([Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL, Geometry.SPATIAL])
             e_t = self.draw.choice([0.0, self.draw.uniform(-1, 1)])
             model = ImpactModel(law, geometry, tangential_restitution=e_t)
@@ -36,6 +35,13 @@ class RandomImpacts:
             except ImpactError:
                 continue
             return scene, model
+
+    def scene(self) -> Scene:
+        """Two bodies and their contact, which need not be sound; often the bodies just graze."""
+        body_a, body_b, contact = self._body(), self._body(), self._contact()
+        if self.draw.random() < 0.3:
+            contact = self._grazing(body_a.velocity - body_b.velocity, contact)
+        return body_a, body_b, contact
 
     def _body(self) -> Body:
         draw = self.draw
@@ -65,14 +71,13 @@ class RandomImpacts:
         mu = draw.choice([0.0, draw.random(), 10 ** draw.uniform(-3, 1)])
         return Contact.of(self._vector(self._magnitude(0.2)), self._vector(self._magnitude()), e, mu)
 
-    def _grazing(self, scene: Scene) -> Scene:
-        """The scene with the normal almost across the relative velocity."""
-        u = scene.body_a.velocity - scene.body_b.velocity
+    def _grazing(self, u: Vec3, contact: Contact) -> Contact:
+        """The contact with the normal almost across the relative velocity."""
         if not 0 < u.norm() < math.inf:
-            return scene
+            return contact
         across = u.cross(self._vector()) / u.norm()
         into = u * (-(10 ** self.draw.uniform(-16, -1)) * across.norm() / u.norm())
-        return scene._replace(contact=scene.contact._replace(normal=across + into))
+        return contact._replace(normal=across + into)
 
     def _magnitude(self, share: float = 1.0) -> float:
         return 10 ** (self.draw.uniform(-1, 1) * self.wildness * share)
@@ -83,36 +88,6 @@ class RandomImpacts:
 
     def _quaternion(self) -> list[float]:
         return [self.draw.gauss(0, 1) for _ in range(4)]
-
-
-def nearly_planar(draw: random.Random, out_of_plane: float) -> Scene:
-    """Two bodies that move and touch in the x-y plane, but for a little."""
-
-    def vector() -> Vec3:
-        return Vec3(draw.gauss(0, 1), draw.gauss(0, 1), out_of_plane * draw.gauss(0, 1))
-
-    def body(position: Vec3, velocity: Vec3) -> Body:
-        mass, size = draw.uniform(0.5, 2), 10 ** draw.uniform(-0.5, 0.5)
-        x, y, z = (mass * size * size * draw.uniform(0.2, 1) for _ in range(3))
-        inertia = turned_tensor((y + z, x + z, x + y), [0.0, 0.0, draw.gauss(0, 1), draw.gauss(0, 1)])
-        a = draw.uniform(0, math.pi)
-        spin = vector()
-        spin = Vec3(out_of_plane * spin.x, out_of_plane * spin.y, draw.gauss(0, 1))
-        orientation = (0.0, 0.0, math.sin(a), math.cos(a))
-        return Body.dynamic(mass, _without_products_of_z(inertia), position, orientation, velocity, spin)
-
-    normal = vector()
-    pushed = normal * -draw.uniform(1, 3)
-    return Scene(
-        body(vector(), vector() + pushed),
-        body(vector(), vector()),
-        Contact.of(vector(), normal, draw.random(), draw.random()),
-    )
-
-
-def _without_products_of_z(inertia: tuple[float, ...]) -> tuple[float, ...]:
-    xx, xy, _, yy, _, zz = inertia
-    return xx, xy, 0.0, yy, 0.0, zz
 
 
 def turned_tensor(moments: tuple[float, float, float], quaternion: list[float]) -> tuple[float, ...]:

@@ -10,9 +10,9 @@ import pytest
 
 pytest.importorskip("mpmath")
 
+import exact
 from hypothesis import strategies as st
-from mpmath import mp
-from oracle import laws as oracle
+from reference import exact_answer
 from scene_cases import turn, turned
 
 from collision_response import Body, Contact, ImpactModel, Law, resolve
@@ -20,14 +20,7 @@ from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import ZERO, Vec3
 
 EVERY_LAW = [law for law in Law if law is not Law.AUTO]
-ORACLE_NAMES = {
-    Law.FRICTIONLESS: "frictionless",
-    Law.COULOMB: "chatterjee_ruina",
-    Law.MOREAU: "moreau",
-    Law.ROUTH_POISSON: "routh_poisson",
-    Law.ROUTH_STRONGE: "routh_stronge",
-}
-LAWS_WITH_ORACLE = list(ORACLE_NAMES)
+LAWS_WITH_ORACLE = [Law.FRICTIONLESS, Law.COULOMB, *(Law[name] for name in exact.ORACLE_NAMES)]
 LAWS_WITH_FRICTION = [law for law in LAWS_WITH_ORACLE if law is not Law.FRICTIONLESS]
 
 
@@ -54,40 +47,8 @@ class Scene(NamedTuple):
             ),
         )
 
-    def by_oracle(self, law: Law, digits: int = 30):
-        c = self.contact
-        return oracle.impact(
-            _for_oracle(self.body_a),
-            _for_oracle(self.body_b),
-            c.position,
-            c.normal,
-            c.restitution,
-            c.friction,
-            ORACLE_NAMES[law],
-            digits=digits,
-        )
-
-
-def _for_oracle(body: Body) -> oracle.Body:
-    """The oracle's bodies have their centre of mass for reference point."""
-    xx, xy, xz, yy, yz, zz = body.inertia
-    position, velocity = body.position, body.velocity
-    if any(body.com):
-        with mp.workdps(60):
-            numbers = [Vec3(*map(mp.mpf, v)) for v in (position, velocity, body.angular_velocity, body.com)]
-            turned = body._replace(
-                orientation=body.orientation and Quaternion(*map(mp.mpf, body.orientation))
-            )
-            com = turned.to_world(numbers[3])
-            position, velocity = numbers[0] + com, numbers[1] + numbers[2].cross(com)
-    return oracle.Body(
-        mass=body.mass if body.is_movable() else None,
-        inertia=((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)),
-        quaternion=body.orientation or (0, 0, 0, 1),
-        position=position,
-        velocity=velocity,
-        angular_velocity=body.angular_velocity,
-    )
+    def by_oracle(self, law: Law) -> exact.Answer:
+        return exact_answer(*self, ImpactModel(law))
 
 
 def _numbers(least: float, most: float):

@@ -23,7 +23,9 @@ import attacks
 import exact
 import numpy as np
 from attacks import Case
-from exact import Scene, Solid, Touch, cross, dot, length, minus, nearest, plus, times, vec
+from batches import scene_of, table_of
+from exact import Scene, cross, dot, length, minus, nearest, plus, times, vec
+from reference import as_request, errors_of
 
 from collision_response import (
     Adjustment,
@@ -70,25 +72,12 @@ SCALARS = Impact._fields[Impact._fields.index("impulse") + 1 : Impact._fields.in
 # requests
 
 
-def body_of(solid: Solid) -> Body:
-    if solid.mass is None:
-        return Body.kinematic(solid.position, solid.velocity, solid.spin)
-    more = {"com": solid.com} if any(solid.com) else {}
-    return Body.dynamic(
-        solid.mass, solid.inertia, solid.position, solid.orientation, solid.velocity, solid.spin, **more
-    )
-
-
-def contact_of(touch: Touch) -> Contact:
-    return Contact.of(touch.position, touch.normal, touch.restitution, touch.friction)
-
-
 def model_of(fields: dict[str, Any]) -> ImpactModel:
     return ImpactModel(**{name: ENUMS[name][v] if name in ENUMS else v for name, v in fields.items()})
 
 
 def resolved(scene: Scene, model: ImpactModel) -> Impact:
-    return resolve(body_of(scene.a), body_of(scene.b), contact_of(scene.contact), model)
+    return resolve(*as_request(scene), model)
 
 
 @lru_cache(maxsize=4096)
@@ -272,12 +261,7 @@ def _check_error(faults: Faults, impact: Impact, right: exact.Answer, case: Case
     """The impulse and both changes of twist are within the bound of one answer that the law allows."""
     found = []
     for P in right.impulses:
-        minus_P = times(P, Fraction(-1))
-        errors = (
-            exact.impulse_error(impact.impulse, P),
-            exact.twist_error(right.pair.a, *impact.change_a, P),
-            exact.twist_error(right.pair.b, *impact.change_b, minus_P),
-        )
+        errors = errors_of(impact, right, P)
         found.append((max(errors), errors, P))
     error, errors, P = min(found, key=lambda one: one[0])
     slack = exact.ORACLE_ERROR if right.report is not None else 0.0
@@ -535,19 +519,7 @@ def test_the_checks_can_fail():
 # e: numbers of other makes
 
 
-GOOD = {
-    "mass": 0.5,
-    "inertia": 0.5,
-    "position": 0.5,
-    "velocity": 0.5,
-    "spin": 0.5,
-    "normal": 0.5,
-    "restitution": 0.5,
-    "friction": 0.5,
-    "tolerance": 0.5,
-    "e_t": 0.5,
-    "threshold": 0.5,
-}
+GOOD = dict.fromkeys(attacks.FIELDS, 0.5)
 NAMES = {"spin": "angular_velocity", "e_t": "tangential_restitution", "threshold": "restitution_threshold"}
 
 
@@ -648,11 +620,11 @@ def test_w_an_error_of_the_users_function_is_the_users(error, precision):
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
 def test_v_a_replaced_mass_is_the_mass(law, precision, factor):
     for scene in (attacks.TUMBLING, attacks.ON_FLOOR):
-        body_a, body_b, contact = body_of(scene.a), body_of(scene.b), contact_of(scene.contact)
-        heavier = scene.a._replace(mass=scene.a.mass * factor)
+        body_a, body_b, contact = as_request(scene)
+        heavier = scene._replace(a=scene.a._replace(mass=scene.a.mass * factor))
         model = ImpactModel(law, precision=precision)
         replaced = resolve(body_a._replace(mass=body_a.mass * factor), body_b, contact, model)
-        assert replaced == resolve(body_of(heavier), body_b, contact, model)
+        assert replaced == resolved(heavier, model)
 
 
 @pytest.mark.parametrize(
@@ -661,10 +633,9 @@ def test_v_a_replaced_mass_is_the_mass(law, precision, factor):
 @pytest.mark.parametrize("mass", [0.0, -0.0, -1.0, math.nan, -math.inf])
 def test_v_a_mass_that_is_none_is_refused(mass, precision):
     """Whoever wrote it into the body, and whatever the precision."""
-    scene = attacks.TUMBLING
+    body_a, body_b, contact = as_request(attacks.TUMBLING)
     with pytest.raises(ImpactError) as refusal:
-        body = body_of(scene.a)._replace(mass=mass)
-        resolve(body, body_of(scene.b), contact_of(scene.contact), ImpactModel(precision=precision))
+        resolve(body_a._replace(mass=mass), body_b, contact, ImpactModel(precision=precision))
     assert "mass" in refusal.value.field
 
 
@@ -674,30 +645,9 @@ def test_v_a_mass_that_is_none_is_refused(mass, precision):
 GEOMETRIES = (Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL)
 
 
-def pack(geometry: Geometry, scenes: list[Scene], oriented: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """The arrays of some scenes, of which only what the geometry models is told."""
-    of, at = body_rows(geometry, oriented=oriented), contact_rows(geometry)
-    bodies, contacts = np.zeros((of.height, 2, len(scenes))), np.zeros((at.height, len(scenes)))
-    axes = slice(0, of.velocity.stop - of.velocity.start)
-    for i, scene in enumerate(scenes):
-        for lane, solid in enumerate(scene[:2]):
-            bodies[of.mass, lane, i] = math.inf if solid.mass is None else solid.mass
-            bodies[of.velocity, lane, i] = solid.velocity[axes]
-            if geometry is Geometry.POINT:
-                continue
-            planar = geometry is Geometry.PLANAR
-            inertia = (0.0,) * 6 if solid.mass is None else solid.inertia
-            bodies[of.inertia, lane, i] = inertia[5] if planar else inertia
-            bodies[of.position, lane, i] = solid.position[axes]
-            bodies[of.angular_velocity, lane, i] = solid.spin[2] if planar else solid.spin
-            if oriented:
-                bodies[of.orientation, lane, i] = solid.orientation or (0.0, 0.0, 0.0, 1.0)
-        contact = scene.contact
-        contacts[at.normal, i] = contact.normal[axes]
-        contacts[at.restitution, i], contacts[at.friction, i] = contact.restitution, contact.friction
-        if geometry is not Geometry.POINT:
-            contacts[at.position, i] = contact.position[axes]
-    return bodies, contacts
+def pack(geometry: Geometry, scenes: list[Scene]) -> tuple[np.ndarray, np.ndarray]:
+    """The arrays of some scenes; those in space have orientations."""
+    return table_of(map(as_request, scenes), geometry, oriented=geometry is Geometry.SPATIAL)
 
 
 def seen_by(geometry: Geometry, scene: Scene) -> Scene:
@@ -759,8 +709,7 @@ def test_m_a_row_is_one_impact(geometry, law, fields, repeats):
     """The same status and the same numbers as one impact has, in the same model."""
     scenes = good_rows(geometry) * repeats
     model = ImpactModel(law, **fields)
-    oriented = geometry is Geometry.SPATIAL
-    result = resolve_batch(*pack(geometry, scenes, oriented), model)
+    result = resolve_batch(*pack(geometry, scenes), model)
     found = []
     impacts = [resolved(scene, model._replace(geometry=geometry)) for scene in scenes[:8]]
     for i in range(len(scenes)):
@@ -803,44 +752,13 @@ def whole_vectors(geometry: Geometry) -> list[tuple[str, str, str]]:
     return found
 
 
-def scene_in(
-    geometry: Geometry, bodies: np.ndarray, contacts: np.ndarray, i: int
-) -> tuple[Body, Body, Contact]:
-    """The bodies and the contact of a column, right or wrong."""
-    of, at = body_rows(geometry, oriented=geometry is Geometry.SPATIAL), contact_rows(geometry)
-
-    def space(v: list[float]) -> tuple[float, ...]:
-        return (*v, *[0.0] * (3 - len(v)))
-
-    def body(lane: int) -> Body:
-        column = bodies[:, lane, i].tolist()
-        spin, inertia = column[of.angular_velocity], column[of.inertia]
-        if geometry is Geometry.PLANAR:
-            inertia = [inertia[0] / 2, 0.0, 0.0, inertia[0] / 2, 0.0, inertia[0]]
-        spin = [0.0] * (3 - len(spin)) + spin
-        mass, turn = column[of.mass][0], column[of.orientation] or None
-        where, velocity = space(column[of.position]), space(column[of.velocity])
-        if mass == math.inf and not any(inertia):
-            return Body.kinematic(where, velocity, spin)
-        return Body.dynamic(mass, inertia or (0.0,) * 6, where, turn, velocity, spin)
-
-    column = contacts[:, i].tolist()
-    contact = Contact.of(
-        space(column[at.position]),
-        space(column[at.normal]),
-        column[at.restitution][0],
-        column[at.friction][0],
-    )
-    return body(0), body(1), contact
-
-
 def spoilt(geometry: Geometry) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
     """Good rows between hostile ones: bodies, contacts, which are good, and what is wrong with the others."""
     good = good_rows(geometry)
     faults, vectors = hostile_columns(geometry), whole_vectors(geometry)
     oriented = geometry is Geometry.SPATIAL
     count = 2 * (len(faults) + len(vectors))
-    bodies, contacts = pack(geometry, [good[i % len(good)] for i in range(count)], oriented)
+    bodies, contacts = pack(geometry, [good[i % len(good)] for i in range(count)])
     of, at = body_rows(geometry, oriented=oriented), contact_rows(geometry)
     names = [""] * count
     for k, (name, row, contact_row, value) in enumerate(faults):
@@ -888,7 +806,7 @@ def test_m_a_hostile_row_has_the_code_of_one_impact(geometry, law, precision):
     found = []
     for i, name in enumerate(names):
         try:
-            code = resolve(*scene_in(geometry, bodies, contacts, i), model._replace(geometry=geometry)).status
+            code = resolve(*scene_of(geometry, bodies, contacts, i), model._replace(geometry=geometry)).status
         except ImpactError as refusal:
             code = refusal.code
         if status[i] != code:
@@ -911,7 +829,7 @@ def test_k_batches_with_much_friction(geometry, size):
             for scene, case in zip(flat, cases, strict=True)
         ]
     model = ImpactModel(Law.COULOMB, precision=Precision.EXTENDED)
-    result = resolve_batch(*pack(geometry, scenes, geometry is Geometry.SPATIAL), model)
+    result = resolve_batch(*pack(geometry, scenes), model)
     found = []
     for field, array in zip(result._fields, result, strict=True):
         if array is None:  # of a report, which was not asked for
@@ -937,7 +855,7 @@ def test_k_batches_with_much_friction(geometry, size):
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_l_a_model_with_numbers_of_other_makes(geometry, field, kind):
     """As with plain floats, bit for bit, whichever comes first; or refused by name."""
-    arrays = pack(geometry, good_rows(geometry), geometry is Geometry.SPATIAL)
+    arrays = pack(geometry, good_rows(geometry))
     plain = resolve_batch(*arrays, ImpactModel(**{field: 0.5}))
     try:
         other = resolve_batch(*arrays, ImpactModel(**{field: kind(0.5)}))

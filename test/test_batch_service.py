@@ -13,12 +13,12 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from batches import FIRST_FAULTY, N, scene_of, some
+from batches import FIRST_FAULTY, N, assert_same, columns, scene_of, some
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_graph import assign, ball, balls_meet, request_of, until
 
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, StatusCode
-from collision_response.batch import BatchResult, resolve_batch
+from collision_response.batch import resolve_batch
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.centre import at_centre
 from collision_response.msg import BodyState, CollisionResult
@@ -34,15 +34,6 @@ PAIRS = np.arange(2 * N).reshape(2, N)
 """Of the shared batch: body_a of each contact, then body_b."""
 
 xyz = attrgetter("x", "y", "z")
-
-
-def assert_same(one: BatchResult, other: BatchResult) -> None:
-    for field, a, b in zip(BatchResult._fields, one, other, strict=True):
-        np.testing.assert_array_equal(a, b, err_msg=field)
-
-
-def columns(result: BatchResult, at: Any) -> BatchResult:
-    return BatchResult(*(array[..., at] for array in result if array is not None))
 
 
 def packed(layout: int, model: ImpactModel, **options: Any) -> Request:

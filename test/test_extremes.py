@@ -6,6 +6,9 @@ import math
 import random
 
 import pytest
+
+pytest.importorskip("flint")
+
 from extremes import BEYOND_FLOAT64, ORDINARY, extremes, scene_named
 from reference import exact_answer, true_error
 from scenes import Scene

@@ -22,15 +22,22 @@ from visualization_msgs.msg import Marker, MarkerArray
 from collision_response import Body, Contact, StatusCode
 from collision_response.msg import CollisionResult, SceneResult
 from collision_response.physics.vector import ZERO, Vec3
-from collision_response.ros.markers import ContactMarkers, Drawing, Touch, markers_of, touches_of, wrench_of
+from collision_response.ros.markers import (
+    ContactMarkers,
+    Drawing,
+    ShownContact,
+    markers_of,
+    touches_of,
+    wrench_of,
+)
 from collision_response.ros.scene_client import pack
 
 DRAWING = Drawing(metres_per_newton_second=0.5, size=0.25, lifetime=1.5)
-SLIDES = Touch(Vec3(1.0, 2.0, 3.0), Vec3(0.0, 0.6, 0.8), 0.75, Vec3(-3.0, 2.4, 3.2))
+SLIDES = ShownContact(Vec3(1.0, 2.0, 3.0), Vec3(0.0, 0.6, 0.8), 0.75, Vec3(-3.0, 2.4, 3.2))
 """An impulse of 4 N s along the normal, and 3 N s across: on the edge of the cone of friction 3/4."""
 
 
-def drawn(*touches: Touch) -> dict[str, Marker]:
+def drawn(*touches: ShownContact) -> dict[str, Marker]:
     markers = markers_of(Header(frame_id="world"), touches, DRAWING, count()).markers
     return {marker.ns: marker for marker in markers}
 

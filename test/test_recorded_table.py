@@ -18,6 +18,7 @@ pytest.importorskip("rerun")
 
 import pyarrow as pa
 import rerun as rr
+from test_recording import closed
 
 from collision_response import (
     Body,
@@ -31,7 +32,7 @@ from collision_response import (
     resolve_scene,
 )
 from collision_response.cli import main
-from collision_response.recording import Record, Recorder, Refusal, SceneRecord
+from collision_response.recording import Record, Refusal, SceneRecord
 from collision_response.recording import scenes as scenes_table
 from collision_response.recording.table import ANSWER, read, rows_of
 from collision_response.recording.writer import Recording, Writer
@@ -76,11 +77,7 @@ def recording(tmp_path):
     """Puts entries into a file."""
 
     def write(entries, name="some.rrd"):
-        problems = []
-        recorder = Recorder(tmp_path, problems.append, name=name)
-        for entry in entries:
-            recorder.add(entry)
-        recorder.close()
+        recorder, problems = closed(tmp_path, entries, name=name)
         assert problems == []
         return recorder.path
 

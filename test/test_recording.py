@@ -76,13 +76,19 @@ def impact(sequence=1):
     return Record(1_000_000_000 * sequence + 1, sequence, "ball/1", "the floor", *request, answer)
 
 
-def recorded(directory, entries):
-    """The file of a recorder that was given these entries."""
+def closed(directory, entries=(), **options):
+    """A recorder that was given these entries, and what it reported."""
     problems = []
-    recorder = Recorder(directory, problems.append)
+    recorder = Recorder(directory, problems.append, **options)
     for entry in entries:
         recorder.add(entry)
     recorder.close()
+    return recorder, problems
+
+
+def recorded(directory, entries):
+    """The file of a recorder that was given these entries."""
+    recorder, problems = closed(directory, entries)
     assert problems == []
     return recorder.path
 
@@ -130,11 +136,7 @@ def test_without_a_stamp_there_is_no_place_in_time(tmp_path):
     """As before the first /clock of a simulation: nothing may be put to 1970."""
     untimed = impact(1)._replace(stamp=0)
     entries = [untimed, Sighting(0, "ball/1", untimed.body_a), Refusal(0, 2, "no"), impact(3)]
-    problems = []
-    recorder = Recorder(tmp_path, problems.append)
-    for entry in entries:
-        recorder.add(entry)
-    recorder.close()
+    recorder, problems = closed(tmp_path, entries)
     verify(recorder.path)
     answer_only = {"timelines": ("answer",)}
     assert [row[0] for row in read(recorder.path, "/log", "TextLog:text", **answer_only)] == [1, 2]
@@ -309,9 +311,7 @@ def test_a_name_with_a_directory_is_refused(tmp_path, name):
 def test_a_link_in_the_directory_is_not_followed(tmp_path):
     (tmp_path / "here").mkdir()
     (tmp_path / "here" / "a.rrd").symlink_to(tmp_path / "outside.rrd")
-    problems = []
-    recorder = Recorder(tmp_path / "here", problems.append, name="a.rrd")
-    recorder.close()
+    _, problems = closed(tmp_path / "here", name="a.rrd")
     assert "File exists" in problems[0]
     assert not (tmp_path / "outside.rrd").exists()
 
@@ -466,11 +466,7 @@ def test_an_entry_that_cannot_be_written_is_a_gap_and_the_rest_is_there(tmp_path
     monkeypatch.setattr("collision_response.recording.recorder.INTERVAL", 0.0)
     odd = [impact(i)._replace(name_a="\ud800") for i in (2, 4)]  # no text in any encoding
     unseen = Sighting(5, "\ud800", impact().body_a)
-    problems = []
-    recorder = Recorder(tmp_path, problems.append)
-    for entry in impact(1), odd[0], unseen, impact(3), odd[1], impact(5):
-        recorder.add(entry)
-    recorder.close()
+    recorder, problems = closed(tmp_path, [impact(1), odd[0], unseen, impact(3), odd[1], impact(5)])
     verify(recorder.path)
     assert [row[1] for row in read(recorder.path, "/impact/impulse", "Scalars:scalars")] == [1, 3, 5]
     told = {number: text for _, number, [text] in read(recorder.path, "/log", "TextLog:text")}
@@ -492,18 +488,13 @@ def test_an_error_without_words_is_reported_by_its_kind(tmp_path, monkeypatch):
         raise MemoryError
 
     monkeypatch.setattr("collision_response.recording.writer.Recording", fail)
-    problems = []
-    recorder = Recorder(tmp_path, problems.append)
-    recorder.close()
+    recorder, problems = closed(tmp_path)
     assert problems == [f"not recording to {recorder.path}: MemoryError"]
 
 
 def test_a_directory_that_cannot_be_is_reported_once(tmp_path):
     (tmp_path / "file").touch()
-    problems = []
-    recorder = Recorder(tmp_path / "file", problems.append)
-    recorder.add(impact())
-    recorder.close()
+    recorder, problems = closed(tmp_path / "file", [impact()])
     recorder.add(impact())
     assert len(problems) == 1
     assert problems[0].startswith(f"not recording to {recorder.path}: ")

@@ -12,9 +12,11 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from attacks import rod_in_plane
 from rcl_interfaces.msg import Log
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from reference import as_request
 from ros_graph import DEADLINE, assign, balls_meet, request_of, until
 from test_source_systems import ROUNDING
 
@@ -23,7 +25,7 @@ from collision_response import ImpactModel as Model
 from collision_response.demo.systems import all_systems
 from collision_response.kernels import library
 from collision_response.msg import BodyState, CollisionResult, ImpactModel
-from collision_response.physics.mass_properties import box, rod
+from collision_response.physics.mass_properties import box
 from collision_response.ros import impacts
 from collision_response.ros.convert import NUMBERS
 from collision_response.srv import ResolveCollision
@@ -391,14 +393,7 @@ def test_the_source_systems_over_the_wire(tried_node, system):
 def rod_on_plane(slope: float, restitution: float, slip: float) -> tuple[Body, Body, Contact]:
     """A rod of 1 kg and 1 m strikes a fixed plane with its end."""
     angle = math.atan(slope)
-    body = Body.dynamic(
-        1.0,
-        rod(1.0, 1.0).inertia,
-        position=(0.5 * math.cos(angle), 0.5 * math.sin(angle), 0.0),
-        orientation=(0.0, 0.0, math.sin(angle / 2), math.cos(angle / 2)),
-        velocity=(slip, -1.0, 0.0),
-    )
-    return body, Body.static(), Contact.of((0, 0, 0), (0, 1, 0), restitution, friction=0.3)
+    return as_request(rod_in_plane(math.cos(angle), math.sin(angle), slip, -1.0, restitution, 0.3))
 
 
 def boxes_in_space() -> tuple[Body, Body, Contact]:

@@ -56,13 +56,29 @@ class Parent:
         with self._heard:
             self._heard.wait_for(lambda: self._is_gone, seconds)
 
-    def wait_until(self, condition: Callable[[], Any], seconds: float = DEADLINE) -> None:
+    def wait_until(self, condition: Callable[[], Any]) -> None:
         """Raises: TimeoutError: the condition never held."""
-        end = time.monotonic() + seconds
+        end = time.monotonic() + DEADLINE
         while not condition():
             if time.monotonic() > end or self._is_gone:
                 raise TimeoutError("this did not happen")
             self.pause(0.01)
+
+
+NAMESPACE = "/reliability"
+"""Of the node under test."""
+
+
+def service_client(node: Any, service: str) -> Any:
+    """A client of a service of the node under test, that loses no answer."""
+    from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+    from collision_response import srv
+
+    kinds = {"resolve_collision": srv.ResolveCollision, "resolve_collision_batch": srv.ResolveCollisionBatch}
+    qos = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE)
+    name = f"{NAMESPACE}/collision_response/{service}"
+    return node.create_client(kinds[service], name, qos_profile=qos)
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from collections import Counter
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from .child import Parent, ros_node
+from .child import Parent, ros_node, service_client
 from .kinds import KINDS, code_of, is_right, stamp_of
 from .latency import Latencies
 
@@ -21,7 +21,6 @@ class Order:
     """What a client is to do.
 
     Attributes:
-        namespace: of the node.
         kinds: of its requests, drawn at random.
         requests: how many at most.
         seconds: how long to ask at most.
@@ -32,7 +31,6 @@ class Order:
         seed: of what is drawn.
     """
 
-    namespace: str
     kinds: tuple[str, ...] = ("full",)
     requests: int = 1000
     seconds: float = 600.0
@@ -101,22 +99,14 @@ class Client:
     """Asks as ordered, by clients of both services in one node."""
 
     def __init__(self, order: Order, node: Any) -> None:
-        from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
-
-        from collision_response import srv
-
-        qos = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE)
         self.order, self.report = order, Report()
         self._draw = random.Random(order.seed)
         self._requests = {name: KINDS[name].make() for name in order.kinds}
         self._clients: dict[type, Any] = {}
-        for kind, service in (
-            (srv.ResolveCollision, "resolve_collision"),
-            (srv.ResolveCollisionBatch, "resolve_collision_batch"),
-        ):
-            if any(type(request) is kind.Request for request in self._requests.values()):
-                name = f"{order.namespace}/collision_response/{service}"
-                self._clients[kind.Request] = node.create_client(kind, name, qos_profile=qos)
+        for request in self._requests.values():
+            if type(request) not in self._clients:
+                service = "resolve_collision_batch" if hasattr(request, "pairs") else "resolve_collision"
+                self._clients[type(request)] = service_client(node, service)
 
     def is_ready(self) -> bool:
         """Whether all it asks is served."""

@@ -11,9 +11,10 @@ from collections.abc import Callable
 from typing import Any
 
 from . import results
+from .child import NAMESPACE
 from .client import Report
 from .kinds import MIXED, SMALL
-from .processes import NAMESPACE, Child, Environment, NodeProcess, Stage
+from .processes import Child, Environment, NodeProcess, Stage
 
 Row = dict[str, Any]
 AMPLE = {"budget__contacts": 2_000_000, "budget__time": 600.0}
@@ -144,7 +145,7 @@ def fairness(stage: Stage) -> Row:
 @case("60 clients, each asks as soon as it sees the service")
 def newcomers(stage: Stage) -> Row:
     node = started(stage)
-    newcomers = stage.child("newcomers", number=60, namespace=NAMESPACE)
+    newcomers = stage.child("newcomers", number=60)
     return row(node, [newcomers.report()])
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .child import DEADLINE, Parent, ros_node
+from .child import DEADLINE, Parent, ros_node, service_client
 from .publisher import name_of
 
 AT_ONCE = 1000
@@ -15,20 +15,15 @@ UNKNOWN_BODY = 8
 
 def run(order: dict[str, Any], parent: Parent) -> None:
     """As a process: say ``known``, of so many bodies."""
-    from rclpy.qos import HistoryPolicy, QoSProfile
-
     from collision_response import Geometry
     from collision_response.batch.rows import body_rows, contact_rows
     from collision_response.ros.batch_client import pack
-    from collision_response.srv import ResolveCollisionBatch
 
     rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
     ground = np.zeros((rows.height, 1))
     ground[rows.mass] = np.inf
-    name = f"{order['namespace']}/collision_response/resolve_collision_batch"
-    qos = QoSProfile(history=HistoryPolicy.KEEP_ALL)
     with ros_node("known") as (node, executor):
-        client = node.create_client(ResolveCollisionBatch, name, qos_profile=qos)
+        client = service_client(node, "resolve_collision_batch")
         parent.wait_until(client.service_is_ready)
         known = 0
         for begin in range(0, order["bodies"], AT_ONCE):

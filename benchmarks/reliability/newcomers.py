@@ -17,7 +17,7 @@ def run(order: dict[str, Any], parent: Parent) -> None:
     reports = []
     for number in range(order["number"]):
         with ros_node("newcomer", Context()) as (node, executor):
-            client = Client(Order(order["namespace"], requests=1, seed=number), node)
+            client = Client(Order(requests=1, seed=number), node)
             parent.wait_until(client.is_ready)
             client.ask()
             quiet = 0.0

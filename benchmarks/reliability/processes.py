@@ -18,12 +18,11 @@ from typing import Any, NamedTuple
 import pages
 import service
 
-from .child import DEADLINE
+from .child import DEADLINE, NAMESPACE
 from .client import Order, Report
 
 ROOM = Path(__file__).resolve().parent
 NODE = ROOM.parent.parent / "scripts" / "collision_response_node"
-NAMESPACE = "/reliability"
 
 
 class Usage(NamedTuple):
@@ -76,11 +75,6 @@ class Process:
             self.kill()
             return seconds, None
         return time.monotonic() - began, self._process.returncode
-
-    @property
-    def exit_code(self) -> int | None:
-        """``None`` while it runs."""
-        return self._process.poll()
 
     def log(self) -> str:
         """What it has written to standard error."""
@@ -225,7 +219,7 @@ class Stage:
 
     def client(self, **order: Any) -> Child:
         """A client, by the fields of :class:`~.client.Order`."""
-        return self.child("client", **Order(NAMESPACE, **order).to_json())
+        return self.child("client", **Order(**order).to_json())
 
     def start(self, *children: Child) -> None:
         """Let them begin, all when the last is ready."""

@@ -9,9 +9,8 @@ import struct
 from functools import partial
 from typing import Any
 
-from .child import Parent
+from .child import NAMESPACE, Parent
 from .kinds import batch, full, scene
-from .processes import NAMESPACE
 
 SERVICE = f"{NAMESPACE}/collision_response/resolve_collision"
 TOPICS = {

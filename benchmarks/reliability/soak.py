@@ -15,11 +15,12 @@ from statistics import linear_regression
 from typing import Any
 
 from . import results
+from .child import NAMESPACE
 from .client import Report
 from .faults import LONGEST_WAIT
 from .kinds import MIXED, SMALL
 from .latency import SECONDS, spread
-from .processes import NAMESPACE, Child, Environment, NodeProcess, Stage
+from .processes import Child, Environment, NodeProcess, Stage
 
 WINDOWS = {1: 1, 4: 2, 16: 4}
 """Requests out at once, of the clients that ask all the time; and their shares in a number of requests."""

@@ -10,8 +10,9 @@ import argparse
 from typing import Any
 
 from . import results
+from .child import NAMESPACE
 from .faults import LONGEST_WAIT, started, steady, stopped
-from .processes import NAMESPACE, Environment, Stage, Usage
+from .processes import Environment, Process, Stage
 from .publisher import TABLE
 
 KINDS = {
@@ -58,40 +59,34 @@ def by_a_subscription(stage: Stage, kind: str, rate: int, seconds: float) -> Row
     listener = stage.child("listener", topic=KINDS[kind][0], type=kind, reliable=False)
     publishers = _publishers(stage, kind, rate, int(rate * seconds))
     listener.until("ready")
-    before = listener.usage()
-    stage.start(*publishers)
-    sent = _sent(publishers)
-    after = listener.usage()
+    sent, processor = _sent_to(listener, stage, publishers)
     listener.tell("stop")
-    return {
-        **_row(sent, heard := listener.until("heard")["names"]),
-        "processor": _processor(before, after) / heard,
-    }
+    heard = listener.until("heard")["names"]
+    return {**_row(sent, heard), "processor": processor / heard}
 
 
 def by_the_node_alone(stage: Stage, kind: str, rate: int, seconds: float) -> Row:
     """The same of a node that nobody asks for anything meanwhile."""
     number = int(rate * seconds)
     node = started(stage, max_bodies=2 * number)
-    publishers = _publishers(stage, kind, rate, number)
-    before = node.usage()
+    sent, processor = _sent_to(node, stage, _publishers(stage, kind, rate, number))
+    heard = _known(stage, sent["states"])
+    return {**_row(sent, heard), "processor": processor / heard}
+
+
+def _sent_to(process: Process, stage: Stage, publishers: list[Any]) -> tuple[dict[str, Any], float]:
+    """What was sent, and the processor time [s] that a process took meanwhile."""
+    before = process.usage()
     stage.start(*publishers)
     sent = _sent(publishers)
-    after = node.usage()
-    return {
-        **_row(sent, heard := _known(stage, sent["states"])),
-        "processor": _processor(before, after) / heard,
-    }
-
-
-def _processor(before: Usage | None, after: Usage | None) -> float:
+    after = process.usage()
     if before is None or after is None:
         raise ChildProcessError("it has ended")
-    return after.processor_seconds - before.processor_seconds
+    return sent, after.processor_seconds - before.processor_seconds
 
 
 def _known(stage: Stage, bodies: int) -> int:
-    return stage.child("known", namespace=NAMESPACE, bodies=bodies).until("known", 300.0)
+    return stage.child("known", bodies=bodies).until("known", 300.0)
 
 
 def _publishers(stage: Stage, kind: str, rate: int, number: int) -> list[Any]:

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from .child import DEADLINE, Parent, ros_node
+from .child import DEADLINE, NAMESPACE, Parent, ros_node, service_client
 from .kinds import ANSWERS, batch, by_name, code_of, full
-from .processes import NAMESPACE
 
 TOLERANCE_NOT_MET = 17
 LONGEST_MESSAGE = 1000
@@ -188,18 +187,12 @@ class Fuzzer:
     """Asks, and counts what came of it."""
 
     def __init__(self, order: dict[str, Any], node: Any, executor: Any) -> None:
-        from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
-
-        from collision_response import srv
-
-        kind, service, self._base = {
-            "single": (srv.ResolveCollision, "resolve_collision", full),
-            "batch": (srv.ResolveCollisionBatch, "resolve_collision_batch", lambda: batch(6)),
-            "states": (srv.ResolveCollision, "resolve_collision", lambda: by_name("known", "fixed")),
+        service, self._base = {
+            "single": ("resolve_collision", full),
+            "batch": ("resolve_collision_batch", lambda: batch(6)),
+            "states": ("resolve_collision", lambda: by_name("known", "fixed")),
         }[order["what"]]
-        qos = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE)
-        name = f"{NAMESPACE}/collision_response/{service}"
-        self.client, self._executor = node.create_client(kind, name, qos_profile=qos), executor
+        self.client, self._executor = service_client(node, service), executor
         self._draw, self._is_batch = Draw(order["seed"]), order["what"] == "batch"
         self._types = fields(self._base())
         self._kept = list(KEPT[order["what"]])

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..batch import body_rows, contact_rows, resolve_batch
+from ..body_numbers import PARALLEL
 from ..centre import at_centre, com_in_world_axes
 from ..model import Geometry, ImpactModel, Law
 from ..physics.body import Body, Twist
@@ -22,7 +23,7 @@ from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 
 Array = np.ndarray[Any, Any]
-Coefficients = Mapping[str, float]
+CoefficientValues = Mapping[str, float]
 """By name: restitution, friction, or a field of :class:`~collision_response.ImpactModel`."""
 
 ROUNDED = 1e-12
@@ -47,7 +48,7 @@ class Measured(Protocol):
     def approaching(self) -> Array:
         """Whether the bodies approach each other, shape ``(N,)``."""
 
-    def residuals(self, law: Law, coefficients: Coefficients, kind: str) -> Array:
+    def residuals(self, law: Law, coefficients: CoefficientValues, kind: str) -> Array:
         """Predicted less measured, shape ``(rows, N)``; 0 where nothing was measured."""
 
     def counts(self, kind: str) -> Array:
@@ -150,7 +151,7 @@ class Impacts:
         """See :class:`Measured`."""
         return (self._at_contact(self._before()) * self.contacts[TOUCH.normal]).sum(axis=0) < 0
 
-    def residuals(self, law: Law, coefficients: Coefficients, kind: str) -> Array:
+    def residuals(self, law: Law, coefficients: CoefficientValues, kind: str) -> Array:
         """See :class:`Measured`."""
         return self._in_norm(kind, self.predict(law, coefficients) - self.after)
 
@@ -170,7 +171,7 @@ class Impacts:
         """See :class:`Measured`."""
         return self._in_norm(kind, self.after)
 
-    def predict(self, law: Law, coefficients: Coefficients) -> Array:
+    def predict(self, law: Law, coefficients: CoefficientValues) -> Array:
         """The twists after, by a law, as those of ``after``.
 
         Raises:
@@ -226,7 +227,7 @@ def _write(column: Array, after: Array, root: Array, body: Body, twist: Twist) -
     """One body of one impact, by its centre of mass."""
     centre = at_centre(body)
     column[BODY.mass], column[BODY.inertia], column[BODY.position] = body.mass, body.inertia, centre.position
-    column[BODY.orientation] = body.orientation or (0.0, 0.0, 0.0, 1.0)
+    column[BODY.orientation] = body.orientation or PARALLEL
     column[BODY.velocity], column[BODY.angular_velocity] = centre.velocity, body.angular_velocity
     if not body.is_movable():
         after[:3], after[3:] = centre.velocity, body.angular_velocity
@@ -334,7 +335,7 @@ class SphereReadings:
         """See :class:`Measured`."""
         return self._impacts.approaching()
 
-    def residuals(self, law: Law, coefficients: Coefficients, kind: str) -> Array:
+    def residuals(self, law: Law, coefficients: CoefficientValues, kind: str) -> Array:
         """See :class:`Measured`; in errors of a reading."""
         return self._counted(kind, self.predict(law, coefficients) - self._rows[2])
 
@@ -347,7 +348,7 @@ class SphereReadings:
         """See :class:`Measured`."""
         return self._counted(kind, self._rows[2])
 
-    def predict(self, law: Law, coefficients: Coefficients) -> Array:
+    def predict(self, law: Law, coefficients: CoefficientValues) -> Array:
         """What would be read, shape ``(N,)``."""
         before = self._impacts.bodies[BODY.velocity, 0]
         after = self._impacts.predict(law, coefficients)[:, 0]

@@ -125,12 +125,12 @@ def _plots(summary: Summary) -> list[str]:
     regimes = [answers[i]["regime"] for i in shown]
     titles = [_title(answers[i]) for i in shown]
     lost = np.concatenate([*lost_by, [0.0]])
-    energy = Plot("Energy lost so far [J]", "answer", _limits(number), _limits(lost))
+    energy = SvgPlot("Energy lost so far [J]", "answer", _limits(number), _limits(lost))
     for name, values in zip(("restitution", "friction"), lost_by, strict=True):
         energy.line(number[shown], values[shown], COLOURS[name], name)
 
     key = {"found": BLUE, "error bound of the answer": ORANGE}
-    residual = Plot(
+    residual = SvgPlot(
         "Energy unaccounted for, relative", "answer", _limits(number), (-18.0, 0.0), log_y=True, key=key
     )
     for colour, values in (
@@ -146,7 +146,7 @@ def _plots(summary: Summary) -> list[str]:
     plots = [energy, residual]
     duration = np.array([row["duration"] for row in answers], float)[shown]
     if np.isfinite(duration).any():
-        speed = Plot("Time to compute [s]", "answer", _limits(number), (-6.0, 0.0), log_y=True, key=key)
+        speed = SvgPlot("Time to compute [s]", "answer", _limits(number), (-6.0, 0.0), log_y=True, key=key)
         speed.points(number[shown], np.log10(np.clip(duration, 1e-6, 1.0)), colours, titles)
         plots.append(speed)
 
@@ -158,7 +158,7 @@ def _plots(summary: Summary) -> list[str]:
         slope = np.divide(across, along, out=np.full_like(across, np.nan), where=rubs)
         top = 1.05 * max(mu[rubs].max(), slope[rubs].max())
         limits = (0.0, top)
-        cone = Plot(
+        cone = SvgPlot(
             "Impulses in their cones: tangential over normal", "friction", limits, limits, key=dict(key)
         )
         cone.line(np.array(limits), np.array(limits), GREY, "edge of the cone")
@@ -217,7 +217,7 @@ def _table_of_scenes(scenes: list[Row]) -> str:
 
 
 @dataclass
-class Plot:
+class SvgPlot:
     """A plot as SVG.
 
     Attributes:

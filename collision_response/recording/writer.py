@@ -14,6 +14,7 @@ from uuid import uuid4
 import numpy as np
 import rerun as rr
 
+from ..body_numbers import PARALLEL
 from ..centre import at_centre
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
@@ -353,7 +354,7 @@ def _in_words(row: Answer) -> str:
 
 
 def _poses(positions: np.ndarray, bodies: Sequence[Body]) -> Any:
-    turned = _units(_array((body.orientation or (0.0, 0.0, 0.0, 1.0) for body in bodies), length=4))
+    turned = _units(_array((body.orientation or PARALLEL for body in bodies), length=4))
     return rr.Transform3D.columns(translation=positions, quaternion=turned)
 
 

@@ -41,7 +41,7 @@ from .parameters import LatestParameters, Parameters
 from .patience import TOGETHER, Look, when_not_too_early
 from .request import (
     TooEarly,
-    age_of,
+    Used,
     check_age,
     check_distinct,
     check_frame,
@@ -259,7 +259,7 @@ def bodies_of(
         owner = f"names[{i}]"
         try:
             state = find(states, owner, owner, name, not_before)
-            stamps[i], ages[i] = state.header.stamp, age_of(state, at)
+            stamps[i], ages[i] = Used.of(state, at)
             check_frame(f"{owner}.header.frame_id", state, "header.frame_id", request.header.frame_id)
             check_age(owner, name, ages[i], parameters.max_state_age)
             columns[:, i] = _column(owner, state, layout)

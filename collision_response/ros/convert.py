@@ -92,7 +92,7 @@ class Filled(NamedTuple):
     rule: str
 
 
-class Coefficients(NamedTuple):
+class FilledIn(NamedTuple):
     """Those of a contact, and the entry of its pair of materials."""
 
     restitution: Filled
@@ -109,7 +109,7 @@ class Problem(NamedTuple):
     model: ImpactModel
 
 
-def problem_of(request: ResolveCollision.Request, parameters: Parameters) -> tuple[Problem, Coefficients]:
+def problem_of(request: ResolveCollision.Request, parameters: Parameters) -> tuple[Problem, FilledIn]:
     """What a request asks for, in which both bodies are given in full, and where its coefficients came from.
 
     Raises:
@@ -186,7 +186,7 @@ def _check_immovable(owner: str, motion_type: int, twist: Twist) -> None:
 
 
 def contact_with(
-    message: ContactMessage, coefficients: Coefficients, law: Law, tangential_restitution: float | None = None
+    message: ContactMessage, coefficients: FilledIn, law: Law, tangential_restitution: float | None = None
 ) -> Contact:
     """Where the bodies touch, with these coefficients.
 
@@ -204,7 +204,7 @@ def contact_with(
 GREATEST = {"restitution": 1.0, "friction": math.inf}
 
 
-def coefficients_of(touch: Any, parameters: Parameters) -> Coefficients:
+def coefficients_of(touch: Any, parameters: Parameters) -> FilledIn:
     """What the contact says; else the entry of the pair of materials; else both materials; else both bodies;
     else the node's parameter.
 
@@ -219,7 +219,7 @@ def coefficients_of(touch: Any, parameters: Parameters) -> Coefficients:
     for owner, material in zip(("body_a", "body_b"), materials, strict=True):
         if material:
             parameters.materials.check(f"{owner}.material", material)
-    return Coefficients(
+    return FilledIn(
         _filled("restitution", touch, parameters),
         _filled("friction", touch, parameters),
         parameters.materials.between(*materials),
@@ -274,7 +274,7 @@ def _model(fields: tuple[Any, ...], defaults: ImpactModel) -> ImpactModel:
 
 
 def write_answer(
-    result: CollisionResult, request: ResolveCollision.Request, impact: Impact, coefficients: Coefficients
+    result: CollisionResult, request: ResolveCollision.Request, impact: Impact, coefficients: FilledIn
 ) -> None:
     """Fill in a result from what the core answered."""
     echo(result, request)

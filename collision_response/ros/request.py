@@ -30,6 +30,12 @@ class Used(NamedTuple):
     stamp: Time
     age: float
 
+    @classmethod
+    def of(cls, state: BodyState, time: int) -> Used:
+        """That of a state at a time [ns]; without an age if it has no stamp, or there is no time yet."""
+        stamp = nanoseconds(state.header.stamp)
+        return cls(state.header.stamp, (time - stamp) / 1e9 if stamp and time else math.nan)
+
 
 IN_FULL = Used(Time(), 0.0)
 """Of a body that was given in full."""
@@ -57,33 +63,31 @@ def complete(
         TooEarly: a state is older than ``not_before``, or unknown.
         ImpactError: SAME_BODY, UNKNOWN_BODY, STALE_STATE or FRAME_MISMATCH.
     """
-    names = [
-        _name_to_look_up(getattr(request, owner), name)
+    names = {
+        owner: name
         for owner, name in zip(OWNERS, names_of(request), strict=True)
-    ]
-    used = [IN_FULL, IN_FULL]
-    if any(names):
-        time = nanoseconds(request.contact.header.stamp) or now()
-        known = [
-            find(states, owner, f"{owner}.name", name, nanoseconds(request.not_before)) if name else None
-            for owner, name in zip(OWNERS, names, strict=True)
-        ]
-        for i, state in enumerate(known):
-            if state is not None:
-                used[i] = Used(state.header.stamp, age_of(state, time))
-                check_age(OWNERS[i], names[i], used[i].age, parameters.max_state_age)
-        for owner, state in zip(OWNERS, known, strict=True):
-            if state is not None:
-                setattr(request, owner, state)
+        if name and _is_only_named(getattr(request, owner))
+    }
+    used = dict.fromkeys(OWNERS, IN_FULL)
+    if names:
+        time, not_before = nanoseconds(request.contact.header.stamp) or now(), nanoseconds(request.not_before)
+        known = {
+            owner: find(states, owner, f"{owner}.name", name, not_before) for owner, name in names.items()
+        }
+        for owner, state in known.items():
+            used[owner] = Used.of(state, time)
+            check_age(owner, names[owner], used[owner].age, parameters.max_state_age)
+        for owner, state in known.items():
+            setattr(request, owner, state)
     check_frames(request, parameters.world_frame)
-    return used
+    return list(used.values())
 
 
-def _name_to_look_up(body: BodyState, name: str) -> str:
-    """The name of a body of which nothing else is given; else nothing."""
-    if body.inertia.m or body.motion_type or not name:
-        return ""  # most bodies given in full; the comparison below takes ten times as long
-    return name if body == BodyState(name=body.name) else ""
+def _is_only_named(body: BodyState) -> bool:
+    """Whether nothing else of a body is given."""
+    if body.inertia.m or body.motion_type:
+        return False  # most bodies given in full; the comparison below takes ten times as long
+    return body == BodyState(name=body.name)
 
 
 def find(states: LatestStates, owner: str, field: str, name: str, not_before: int) -> BodyState:
@@ -111,12 +115,6 @@ def find(states: LatestStates, owner: str, field: str, name: str, not_before: in
         reason = f"the last state of {quoted(name)} {late}"
         raise TooEarly(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
     return state
-
-
-def age_of(state: BodyState, time: int) -> float:
-    """How much older than a time [ns] a state is [s]; NaN if it has no stamp, or there is no time yet."""
-    stamp = nanoseconds(state.header.stamp)
-    return (time - stamp) / 1e9 if stamp and time else math.nan
 
 
 def check_age(owner: str, name: str, age: float, limit: float) -> None:

@@ -29,7 +29,6 @@ from .patience import TOGETHER, Look, when_not_too_early
 from .request import (
     IN_FULL,
     Used,
-    age_of,
     check_age,
     check_distinct,
     check_frame,
@@ -49,7 +48,7 @@ MOST_BODIES = 8192
 ``budget.scene_contacts`` is as great as it may be."""
 
 
-class Named(NamedTuple):
+class SceneBodies(NamedTuple):
     """The bodies of a scene, those of the table first.
 
     Attributes:
@@ -71,7 +70,7 @@ IN_TABLE = BodyState()
 """The state of a body of the table: it says neither material nor coefficients."""
 
 
-class Touch(NamedTuple):
+class ContactOfBodies(NamedTuple):
     """One contact and its two bodies, as a request for one impact has them."""
 
     contact: ContactMessage
@@ -79,14 +78,14 @@ class Touch(NamedTuple):
     body_b: BodyState
 
 
-class Scene(NamedTuple):
+class SceneProblem(NamedTuple):
     """A request in the terms of the numeric core, and where its coefficients came from."""
 
     bodies: list[Body]
     pairs: list[tuple[int, int]]
     contacts: list[Contact]
     model: ImpactModel
-    coefficients: list[convert.Coefficients]
+    coefficients: list[convert.FilledIn]
 
 
 @dataclass
@@ -178,7 +177,7 @@ def contacts_of(request: ResolveScene.Request, most: int) -> list[ContactMessage
 
 def bodies_of(
     request: ResolveScene.Request, states: LatestStates, parameters: Parameters, now: Callable[[], int]
-) -> Look[Named]:
+) -> Look[SceneBodies]:
     """The bodies of the table, then those of which a state was received.
 
     Raises:
@@ -201,14 +200,14 @@ def bodies_of(
     check_distinct(names)
     check_immovable(request.immovable, count)
     owners = [f"bodies[{i}]" for i in range(count)]
-    named = Named(names, table.T.tolist(), [IN_TABLE] * count, [IN_FULL] * count, owners)
+    named = SceneBodies(names, table.T.tolist(), [IN_TABLE] * count, [IN_FULL] * count, owners)
     time, not_before = nanoseconds(header.stamp) or now(), nanoseconds(request.not_before)
     for i, name in enumerate(names[count:], count):
         if not i % TOGETHER:
             yield
         owner = f"names[{i}]"
         state = find(states, owner, owner, name, not_before)
-        used = Used(state.header.stamp, age_of(state, time))
+        used = Used.of(state, time)
         check_age(owner, name, used.age, parameters.max_state_age)
         check_frame(f"{owner}.header.frame_id", state, "header.frame_id", header.frame_id)
         named.states.append(state)
@@ -218,8 +217,8 @@ def bodies_of(
 
 
 def scene_of(
-    request: ResolveScene.Request, messages: list[ContactMessage], named: Named, parameters: Parameters
-) -> Look[Scene]:
+    request: ResolveScene.Request, messages: list[ContactMessage], named: SceneBodies, parameters: Parameters
+) -> Look[SceneProblem]:
     """What a request asks for, in the terms of the numeric core.
 
     Args:
@@ -248,7 +247,7 @@ def scene_of(
             reason = f"must be indices of {len(bodies)} bodies, from 0; those of contact {i} are {pair}"
             raise ImpactError(StatusCode.UNKNOWN_BODY, "pairs", reason)
         message.body_a, message.body_b = (named.names[place] for place in pair)
-        touch = Touch(message, *(named.states[place] for place in pair))
+        touch = ContactOfBodies(message, *(named.states[place] for place in pair))
         places = {
             "contact": f"contacts[{i}]",
             "body_a": named.owners[pair[0]],
@@ -265,7 +264,7 @@ def scene_of(
             reason = f"must be given in a scene: contacts[{i}] has {ratio} by its materials"
             raise ImpactError(StatusCode.INVALID_MODEL, "model.stiffness_ratio", reason)
         coefficients.append(found)
-    return Scene(bodies, pairs, contacts, model, coefficients)
+    return SceneProblem(bodies, pairs, contacts, model, coefficients)
 
 
 def _body_in_table(owner: str, column: list[float], *, is_immovable: bool) -> Body:
@@ -277,7 +276,7 @@ def _body_in_table(owner: str, column: list[float], *, is_immovable: bool) -> Bo
     return body
 
 
-def as_in_request(error: ImpactError, named: Named) -> ImpactError:
+def as_in_request(error: ImpactError, named: SceneBodies) -> ImpactError:
     """An error of the numeric core, the body or the contact named as the request names it."""
     owner = error.field.partition(".")[0]
     if owner.startswith("bodies["):
@@ -291,8 +290,8 @@ def write_answer(
     result: SceneResult,
     request: ResolveScene.Request,
     contacts: list[ContactMessage],
-    named: Named,
-    scene: Scene,
+    named: SceneBodies,
+    scene: SceneProblem,
     impact: SceneImpact,
 ) -> None:
     """Fill in a result from what the core answered."""

@@ -8,10 +8,10 @@ from ..model import ImpactModel
 from ..physics.body import Body
 from ..resolve import resolve
 from .answered import Answered
-from .request import Name, Request, in_words_of_scene
+from .request import Name, SceneRequest, in_words_of_scene
 
 
-def alone(scene: Request, i: int, model: ImpactModel) -> Answered:
+def alone(scene: SceneRequest, i: int, model: ImpactModel) -> Answered:
     """What :func:`~collision_response.resolve` says of contact ``i``, to the last bit.
 
     Raises:

@@ -13,7 +13,7 @@ from ..physics.contact import Contact
 from ..physics.laws import Regime
 from ..physics.vector import Vec3
 from .clusters import Copies
-from .request import Request
+from .request import SceneRequest
 
 
 class Answered(NamedTuple):
@@ -42,7 +42,7 @@ class Answered(NamedTuple):
     model: ImpactModel
 
 
-def dealt(answered: Answered, scene: Request, cluster: Sequence[int], copies: Copies) -> Answered:
+def dealt(answered: Answered, scene: SceneRequest, cluster: Sequence[int], copies: Copies) -> Answered:
     """With an entry for every copy of a contact: they share its impulse, whichever body is given first."""
     contacts, impulses = [], []
     for i, place in zip(cluster, copies.places, strict=True):

@@ -16,7 +16,7 @@ from .clusters import Pair
 T = TypeVar("T")
 
 
-class Request(NamedTuple):
+class SceneRequest(NamedTuple):
     """The parts of a request.
 
     Attributes:
@@ -32,7 +32,7 @@ class Request(NamedTuple):
     has_friction: bool
 
 
-def check(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterable[Any]) -> Request:
+def check(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterable[Any]) -> SceneRequest:
     """What can be told of a request without its numbers.
 
     Raises:
@@ -74,7 +74,7 @@ def check(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterable[Any]) 
             raise ImpactError(StatusCode.UNKNOWN_BODY, f"pairs[{i}]", reason)
         if a == b:
             raise ImpactError(StatusCode.SAME_BODY, f"pairs[{i}]", f"a body cannot strike itself; is {pair}")
-    return Request(bodies, pairs, contacts, movable, has_friction)
+    return SceneRequest(bodies, pairs, contacts, movable, has_friction)
 
 
 def _as_pair(i: int, pair: Any) -> Pair:

@@ -27,7 +27,7 @@ from .answered import Answered, dealt
 from .clusters import Pair, clusters_of, copies_of
 from .orders import order_sensitivity
 from .reflections import REFLECTIONS
-from .several import Asked, several
+from .several import Options, several
 
 THRESHOLD = 2.0**-30
 """An approach slower than this part of the fastest one does not count as one: no rounding decides it."""
@@ -91,7 +91,7 @@ def resolve_scene(
     law = law_for(model.law, has_friction=scene.has_friction)
     exact = library.is_rational(scene.bodies) or library.is_rational(scene.contacts)
     _check_options(threshold, stiffness, exponent, orders, len(scene.contacts))
-    asked = Asked(model, law, threshold, stiffness, exponent, exact)
+    asked = Options(model, law, threshold, stiffness, exponent, exact)
     if exact:
         scene = _as_fractions(scene, law)
     clusters = clusters_of(scene.pairs, scene.movable)
@@ -113,7 +113,11 @@ def resolve_scene(
 
 
 def _put_together(
-    scene: request.Request, asked: Asked, limit: float, clusters: list[list[int]], answers: list[Answered]
+    scene: request.SceneRequest,
+    asked: Options,
+    limit: float,
+    clusters: list[list[int]],
+    answers: list[Answered],
 ) -> SceneImpact:
     """The answer for the scene, from those for its clusters."""
     twists: list[Any] = [None] * len(scene.bodies)
@@ -183,7 +187,7 @@ def _of_both(one: ImpactModel, other: ImpactModel) -> ImpactModel:
     )
 
 
-def _as_fractions(scene: request.Request, law: Law) -> request.Request:
+def _as_fractions(scene: request.SceneRequest, law: Law) -> request.SceneRequest:
     """Raises: ImpactError: the law is not rational."""
     if not (law is Law.FRICTIONLESS or (law is Law.MOREAU and not scene.has_friction)):
         raise ImpactError(StatusCode.INVALID_MODEL, "model.law", f"{law.name} is not rational: give floats")

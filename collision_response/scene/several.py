@@ -27,7 +27,7 @@ from .moreau import one_step
 from .orders import distance
 from .rational import RationalCluster
 from .reflections import Struck, contradiction, reflections
-from .request import Name, Request
+from .request import Name, SceneRequest
 from .stronge import LEAST_RESTITUTION, compressed
 
 FOR_SEVERAL = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE)
@@ -37,7 +37,7 @@ RATIONAL_CONTACTS = 8
 """Clusters up to this size are decided in rationals where double-double can't."""
 
 
-class Asked(NamedTuple):
+class Options(NamedTuple):
     """What is asked of a scene beside its parts: see :func:`~collision_response.resolve_scene`."""
 
     model: ImpactModel
@@ -76,7 +76,7 @@ class Parts(NamedTuple):
         )
 
 
-def several(scene: Request, copies: Copies, asked: Asked) -> Answered:
+def several(scene: SceneRequest, copies: Copies, asked: Options) -> Answered:
     """What the law says of the contacts of a cluster, each once.
 
     Raises:
@@ -138,7 +138,7 @@ def several(scene: Request, copies: Copies, asked: Asked) -> Answered:
     )
 
 
-def _check_model(scene: Request, first: Sequence[int], model: ImpactModel, law: Law) -> None:
+def _check_model(scene: SceneRequest, first: Sequence[int], model: ImpactModel, law: Law) -> None:
     """Raises: ImpactError: it is for one contact."""
     if law not in FOR_SEVERAL:
         reason = f"{law.name} is for clusters of one contact: try ROUTH_STRONGE"
@@ -161,7 +161,7 @@ def _check_geometry(parts: Parts, geometry: Geometry) -> None:
             raise ImpactError(StatusCode.INVALID_MODEL, "model.geometry", reason)
 
 
-def _with_friction(scene: Request, i: int, law: Law) -> Contact:
+def _with_friction(scene: SceneRequest, i: int, law: Law) -> Contact:
     """A contact, its friction a number."""
     contact = scene.contacts[i]
     mu = contact.friction
@@ -176,7 +176,7 @@ def _with_friction(scene: Request, i: int, law: Law) -> Contact:
     return contact._replace(friction=mu)
 
 
-def _with_restitution(scene: Request, parts: Parts, asked: Asked) -> tuple[Any, Parts, bool]:
+def _with_restitution(scene: SceneRequest, parts: Parts, asked: Options) -> tuple[Any, Parts, bool]:
     """The assembled cluster, every restitution a number; and whether one is 0 for want of speed."""
     given, threshold = parts.contacts, asked.model.restitution_threshold
     has_function = any([callable(contact.restitution) for contact in given])
@@ -198,7 +198,7 @@ def _with_restitution(scene: Request, parts: Parts, asked: Asked) -> tuple[Any, 
     return *_assembled(scene, parts._replace(contacts=contacts), asked.exact), slow
 
 
-def _assembled(scene: Request, parts: Parts, exact: bool) -> tuple[Any, Parts]:
+def _assembled(scene: SceneRequest, parts: Parts, exact: bool) -> tuple[Any, Parts]:
     """What impulses do in a cluster, and its parts in the numbers that are used."""
     if not exact:
         made = library.assemble(*parts[:4])
@@ -223,7 +223,9 @@ def _motions(cluster: Any, struck: Struck, *, by_slip: bool = False) -> Any:
     return cluster.answer(struck.p, struck.tangential, struck.error, by_slip)
 
 
-def _by_law(cluster: Any, parts: Parts, asked: Asked, has_friction: bool) -> tuple[Struck, float | None, Any]:
+def _by_law(
+    cluster: Any, parts: Parts, asked: Options, has_friction: bool
+) -> tuple[Struck, float | None, Any]:
     """What the law gives; the relative error, where the law estimates it; what becomes of the bodies."""
     locked = _locked(cluster, parts)
     if cluster.doubtful and not cluster.locked:
@@ -318,7 +320,7 @@ def _of_usual_length(contact: Contact) -> Contact:
     return contact._replace(normal=Vec3(*(math.ldexp(x, -exponent) for x in contact.normal)))
 
 
-def _by_springs(cluster: Any, parts: Parts, asked: Asked, has_friction: bool) -> tuple[Struck, float, Any]:
+def _by_springs(cluster: Any, parts: Parts, asked: Options, has_friction: bool) -> tuple[Struck, float, Any]:
     movable = [body for body in parts.bodies if body.is_movable()]
 
     def motions_of(struck: Struck) -> Any:

@@ -10,7 +10,7 @@ du/dp = K (n - mu z), or in the polar coordinates of the slip
 
 from mpmath import mp
 
-from .bodies import GUARD, dot
+from .matrices import GUARD, dot
 
 
 class Contact:

@@ -12,12 +12,11 @@ returned is sticking if that is there, else the one that leaves the least kineti
 """
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 from mpmath import mp
 
-from .bodies import GUARD, Body, dot, inverse_inertia, mat, mobility, num, relative_velocity, skew, vec
 from .contact import Contact, on_circle, roots
+from .matrices import GUARD, dot, mat, num, skew, vec
 from .routh import routh
 
 LAWS = ("frictionless", "chatterjee_ruina", "moreau", "routh_poisson", "routh_stronge")
@@ -33,15 +32,6 @@ class Report:
     jam: bool = False
     falls_again: bool = False
     candidates: list = field(default_factory=list)  # Moreau: (regime, impulse, energy)
-
-
-class Outcome(NamedTuple):
-    impulse: object
-    report: Report
-    velocity_a: object
-    angular_velocity_a: object
-    velocity_b: object
-    angular_velocity_b: object
 
 
 def _chatterjee_ruina(con, u, e, e_t):
@@ -108,18 +98,3 @@ def impulse(law, K, u, n, e, mu, e_t=0, digits=50):
     """(impulse on A, Report); K, u, n in any common axes, n of any length from B to A."""
     with mp.workdps(digits + GUARD):
         return _impulse(law, K, u, n, e, mu, e_t, digits)
-
-
-def impact(a: Body, b: Body, point, normal, e, mu, law, e_t=0, digits=50):
-    with mp.workdps(digits + GUARD):
-        K, u = mobility(a, b, point, digits), relative_velocity(a, b, point, digits)
-        P, report = _impulse(law, K, u, normal, e, mu, e_t, digits)
-        after = []
-        for body, J in ((a, P), (b, -P)):
-            v, omega = vec(body.velocity), vec(body.angular_velocity)
-            if body.mass is not None:
-                r = vec(point) - vec(body.position)
-                v += J / num(body.mass)
-                omega += inverse_inertia(body) * (skew(r) * J)
-            after += [v, omega]
-        return Outcome(P, report, *after)

@@ -39,8 +39,8 @@ impact: Poisson, p = (1+e) p_c; Stronge (1990), the first p with W = (1-e^2) W_c
 
 from mpmath import mp
 
-from .bodies import GUARD
 from .contact import on_circle, roots
+from .matrices import GUARD
 
 
 class _Straight:
