@@ -441,8 +441,9 @@ struct Assembly {
   }
 
   // Of all impulses that do the same, p + Z z >= 0, those of least sum of n.n p^2; `shared`: over all copies. Whether
-  // there are others.
-  bool least_norm(std::vector<double>& p, bool shared) const {
+  // there are others; and in `nearly`, whether some do nearly the same, and doubles do not tell them apart.
+  bool least_norm(std::vector<double>& p, bool shared, bool* nearly = nullptr) const {
+    if (nearly) *nearly = false;
     std::vector<double> weight(count);
     for (int i = 0; i < count; ++i) weight[i] = touches[i].length / (shared ? std::sqrt(touches[i].copies) : 1);
     // With a row for the work of walls that move, which the same impulses do as well.
@@ -487,6 +488,7 @@ struct Assembly {
       }
       if (std::fabs(square) < 1e-26) found.push_back(rounded(z.data(), count));
     }
+    if (nearly) *nearly = found.size() < rest.size();
     if (found.empty()) return false;
     int k = static_cast<int>(found.size());
     std::vector<double> Z(static_cast<size_t>(count) * k, 0.0);  // of impulses times weights
