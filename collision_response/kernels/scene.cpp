@@ -233,6 +233,7 @@ PyObject* compress(PyObject* self, PyObject* const* args, Py_ssize_t count) {
 }
 
 PyObject* get_locked(PyObject* self, void*) { return PyBool_FromLong(of(self).locked); }
+PyObject* get_alike(PyObject* self, void*) { return PyBool_FromLong(of(self).alike); }
 PyObject* get_doubtful(PyObject* self, void*) { return PyBool_FromLong(of(self).is_doubtful()); }
 PyObject* get_beyond(PyObject* self, void*) { return PyBool_FromLong(reinterpret_cast<ClusterObject*>(self)->cluster->beyond()); }
 
@@ -248,7 +249,7 @@ PyMethodDef methods[] = {
     {"one_step", Guarded<in_one_step>::call, METH_O, ""},
     FAST("compress", compress),
     {}};
-PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {"doubtful", get_doubtful, nullptr, "", nullptr}, {"beyond", get_beyond, nullptr, "", nullptr}, {}};
+PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {"alike", get_alike, nullptr, "", nullptr}, {"doubtful", get_doubtful, nullptr, "", nullptr}, {"beyond", get_beyond, nullptr, "", nullptr}, {}};
 PyType_Slot slots[] = {{Py_tp_dealloc, reinterpret_cast<void*>(dealloc)}, {Py_tp_methods, methods}, {Py_tp_getset, fields}, {}};
 PyType_Spec spec = {"collision_response.kernels._scene.Cluster", sizeof(ClusterObject), 0, Py_TPFLAGS_DEFAULT, slots};
 

@@ -74,7 +74,7 @@ class RationalCluster:
         units = [[Fraction(i == j) for j in range(self.count)] for i in range(self.count)]
         self.A = [list(row) for row in zip(*(self._velocity_change(unit) for unit in units), strict=True)]
         self._held = self._find_held()
-        self.locked = self.doubtful = False
+        self.locked = self.alike = self.doubtful = False
 
     def none(self) -> Numbers:
         """No impulses, but for those of contacts that hold."""

@@ -276,14 +276,16 @@ def _by_reflections(cluster: Any, parts: Parts, locked: RationalCluster | None, 
 
 
 def _locked(cluster: Any, parts: Parts) -> RationalCluster | None:
-    """A cluster in fractions, if it is small and may press on itself: then no double is to decide it.
+    """A cluster in fractions, if it is small and may press on itself, or its contacts are nearly alike.
+
+    No double is to decide that.
 
     Raises:
         ImpactError: CONTRADICTORY_CONTACTS: no velocities keep all contacts from approaching.
     """
-    if not cluster.locked:
-        return None
     small = len(parts.contacts) <= RATIONAL_CONTACTS
+    if not (cluster.locked or (small and cluster.alike)):
+        return None
     suspects = range(len(parts.contacts)) if small else cluster.contradiction()
     if not 0 < len(suspects) <= RATIONAL_CONTACTS:
         return None

@@ -132,8 +132,8 @@ Found enter(ActiveSet& active, int i, double slope, Move move, At at) {
 }
 
 // In plain doubles. x and active start as found: x is 0 outside the active set, and A x + b is 0 on it. `last` is told
-// of the component that entered last.
-inline Found least(const double* A, int stride, const std::vector<int>& among, const double* b, double* x, ActiveSet& active, int* last = nullptr) {
+// of the component that entered last. A x + b may be less than 0 by `slack`.
+inline Found least(const double* A, int stride, const std::vector<int>& among, const double* b, double* x, ActiveSet& active, int* last = nullptr, double slack = 0) {
   size_t n = among.size();
   std::vector<char> is_active(stride);
   for (size_t turn = 0; turn < 50 * n + 200; ++turn) {
@@ -151,7 +151,7 @@ inline Found least(const double* A, int stride, const std::vector<int>& among, c
         terms += std::fabs(term);
       }
       bool is_less = turn < 20 * n + 100 ? slope < most : entering < 0;
-      if (slope < -1e-14 * terms && is_less) {  // what is less is rounding
+      if (slope < -slack - 1e-14 * terms && is_less) {  // what is less is rounding
         most = slope;
         entering = i;
       }

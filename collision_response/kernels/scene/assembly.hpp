@@ -119,6 +119,7 @@ struct Assembly {
   double parting = 0;            // its size, in the metric of kinetic energy
   bool driven = false;           // a wall moves
   bool locked = false;           // there is no such velocity, as far as doubles can tell
+  bool alike = false;            // contacts are so nearly alike that doubles do not find the least of them
 
   // What two bodies do at a contact. The places are of the movable ones.
   void add(const Given& a, const Given& b, int place_a, int place_b, const double* contact, double copies) {
@@ -305,8 +306,10 @@ struct Assembly {
       size = std::fmax(size, std::fabs(b[i]));
     }
     ActiveSet active(A.data(), count);
-    result.found = least(A.data(), count, among, b.data(), x.data(), active);
-    if (result.found != Found::LEAST) return result;
+    if (least(A.data(), count, among, b.data(), x.data(), active) == Found::NO_LEAST) {
+      result.found = Found::NO_LEAST;
+      return result;
+    }
     for (int j : active.members) q[j] = DD{x[j] * touches[j].scale, 0};
 
     std::vector<N> r(count, exact(0.0));
@@ -424,7 +427,14 @@ struct Assembly {
   void part() {
     std::vector<double> b(count, -1.0), x(count, 0.0);
     ActiveSet active(A.data(), count);
-    locked = least(A.data(), count, all(), b.data(), x.data(), active) != Found::LEAST;
+    const Found found = least(A.data(), count, all(), b.data(), x.data(), active);
+    locked = found == Found::NO_LEAST;
+    alike = found == Found::TOO_LONG;
+    if (alike) {  // nearly the least will do
+      ActiveSet anew(A.data(), count);
+      std::fill(x.begin(), x.end(), 0.0);
+      locked = least(A.data(), count, all(), b.data(), x.data(), anew, nullptr, 0.25) != Found::LEAST;
+    }
     if (locked) return;
     std::vector<DD> d(count);
     for (int i = 0; i < count; ++i) d[i] = DD{x[i] * touches[i].scale, 0};

@@ -150,7 +150,7 @@ inline Answer answered(Cluster& cluster, const Asked& asked) {
     answer.code = STATUS_OUT_OF_RANGE;
     return answer;
   }
-  if (scene.locked || scene.is_doubtful()) return answer;
+  if (scene.locked || scene.alike || scene.is_doubtful()) return answer;
   for (Touch& touch : scene.touches) {
     double speed = -touch.plain[0].velocity;
     bool slow = speed > 0 && speed < asked.restitution_threshold && touch.e > 0;
