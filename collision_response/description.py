@@ -13,7 +13,7 @@ without ``inertial`` has no mass in URDF, and 1 kg in SDF.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -68,7 +68,8 @@ class Description(NamedTuple):
         """From the text of a URDF, or of an SDF with one model.
 
         Raises:
-            ValueError: it is neither, or holds what is no number; it says where.
+            ValueError: it is neither, or holds what is no number, a mass below 0 or a link twice; it says
+                where.
         """
         try:
             root = ElementTree.fromstring(text)
@@ -133,8 +134,18 @@ def _second_moment(d: Any) -> Any:
     return d @ d * np.eye(3) - np.outer(d, d)
 
 
+def _of_links(owner: Element, inertial: Callable[[Element], Inertial]) -> dict[str, Inertial]:
+    inertials: dict[str, Inertial] = {}
+    for link in owner.iterfind("link"):
+        name = link.get("name", "")
+        if name in inertials:
+            raise ValueError(f"link {name!r} is there twice")
+        inertials[name] = inertial(link)
+    return inertials
+
+
 def _urdf(robot: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
-    inertials = {link.get("name", ""): _urdf_inertial(link) for link in robot.iterfind("link")}
+    inertials = _of_links(robot, _urdf_inertial)
     joints = []
     for joint in robot.iterfind("joint"):
         where = f"joint {joint.get('name')!r}"
@@ -149,7 +160,7 @@ def _urdf_inertial(link: Element) -> Inertial:
     inertial = link.find("inertial")
     if inertial is None:
         return Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
-    (mass,) = _numbers(_child(inertial, "mass", where).get("value"), 1, f"mass of {where}")
+    mass = _mass(_child(inertial, "mass", where).get("value"), where)
     numbers = _child(inertial, "inertia", where).attrib
     at_com = Inertial(mass, np.zeros(3), _tensor(numbers, 0.0, where))
     return _seen_from(_urdf_pose(inertial, where), at_com)
@@ -159,7 +170,13 @@ def _urdf_pose(owner: Element, where: str) -> Pose:
     origin = owner.find("origin")
     if origin is None:
         return np.eye(4)
-    return _pose(*(_numbers(origin.get(key, "0 0 0"), 3, f"{key} of {where}") for key in ("xyz", "rpy")))
+    xyz = _numbers(origin.get("xyz", "0 0 0"), 3, f"xyz of {where}")
+    turn, turned = origin.get("quat_xyzw"), origin.get("rpy")
+    if turn is None:
+        return _pose(xyz, _numbers("0 0 0" if turned is None else turned, 3, f"rpy of {where}"))
+    if turned is not None:
+        raise ValueError(f"origin of {where}: must have rpy or quat_xyzw, not both")
+    return _turned(xyz, _numbers(turn, 4, f"quat_xyzw of {where}"), f"quat_xyzw of {where}")
 
 
 def _sdf(model: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
@@ -186,7 +203,7 @@ def _sdf(model: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
             base = known[name] = base @ trail[name]
         return base
 
-    inertials = {link.get("name", ""): _sdf_inertial(link) for link in model.iterfind("link")}
+    inertials = _of_links(model, _sdf_inertial)
     joints = []
     for joint in model.iterfind("joint"):
         parent, child = (joint.findtext(end, "").strip() for end in ("parent", "child"))
@@ -204,7 +221,7 @@ def _sdf_inertial(link: Element) -> Inertial:
         return Inertial(1.0, np.zeros(3), np.eye(3))
     if inertial.get("auto") == "true":
         raise ValueError(f"{where}: an inertial with auto='true' is not supported: write its numbers")
-    (mass,) = _numbers(inertial.findtext("mass", "1"), 1, f"mass of {where}")
+    mass = _mass(inertial.findtext("mass", "1"), where)
     numbers = {e.tag: e.text or "" for e in inertial.iterfind("inertia/*")}
     at_com = Inertial(mass, np.zeros(3), _tensor(numbers, 1.0, where))
     return _seen_from(_sdf_pose(inertial.find("pose"), where), at_com)
@@ -215,9 +232,7 @@ def _sdf_pose(pose: Element | None, where: str) -> Pose:
         return np.eye(4)
     if pose.get("rotation_format") == "quat_xyzw":
         numbers = _numbers(pose.text, 7, f"pose of {where}")
-        matrix = _pose(numbers[:3], (0.0, 0.0, 0.0))
-        matrix[:3, :3] = quaternion(numbers[3:], f"pose of {where}").rotation()[:3]
-        return matrix
+        return _turned(numbers[:3], numbers[3:], f"pose of {where}")
     numbers = _numbers(pose.text, 6, f"pose of {where}")
     unit = math.pi / 180 if pose.get("degrees") == "true" else 1.0
     return _pose(numbers[:3], [unit * angle for angle in numbers[3:]])
@@ -237,6 +252,12 @@ def quaternion(numbers: Sequence[float], what: str) -> Quaternion:
         raise ValueError(f"{what}: the quaternion must be finite and not 0, is {tuple(numbers)}")
     exponent = math.frexp(max(map(abs, numbers)))[1]
     return Quaternion(*(math.ldexp(x, -exponent) for x in numbers))
+
+
+def _turned(xyz: Any, xyzw: Sequence[float], what: str) -> Pose:
+    pose = _pose(xyz, (0.0, 0.0, 0.0))
+    pose[:3, :3] = quaternion(xyzw, what).rotation()[:3]
+    return pose
 
 
 def _pose(xyz: Any, rpy: Any) -> Pose:
@@ -271,6 +292,13 @@ def _numbers(text: str | None, count: int, what: str) -> list[float]:
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
         raise ValueError(f"{what}: must be {count} finite numbers, is {text!r}")
     return numbers
+
+
+def _mass(text: str | None, where: str) -> float:
+    (mass,) = _numbers(text, 1, f"mass of {where}")
+    if mass < 0:
+        raise ValueError(f"mass of {where}: must be at least 0, is {text!r}")
+    return mass
 
 
 def _child(owner: Element, tag: str, where: str) -> Element:

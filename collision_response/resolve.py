@@ -75,7 +75,8 @@ def _left_to_python(
     more = on_balls.resolve(body_a, body_b, contact, model) if may_climb else None
     if more is not None and not (isinstance(answer, Impact) and answer.error_bound < more.error_bound):
         return more
-    if may_climb and model.restitution_threshold > 0 and contact.restitution > 0:
+    has_threshold = model.restitution_threshold > 0 and contact.restitution > 0
+    if may_climb and has_threshold and model.law is not Law.FRICTIONLESS:
         decided = _with_threshold_decided(body_a, body_b, contact, model)
         if decided is not None:
             return decided

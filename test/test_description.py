@@ -37,6 +37,14 @@ def joint(parent: str, child: str, kind="fixed", xyz="0 0 0", rpy="0 0 0") -> st
     )
 
 
+def turned(xyzw: str, besides: str = "") -> str:
+    """A link whose inertia is turned by a quaternion, as URDF 1.1 has it."""
+    return (
+        f"<link name='a'><inertial><origin xyz='1 2 3' quat_xyzw='{xyzw}' {besides}/><mass value='2'/>"
+        "<inertia ixx='0.1' ixy='0' ixz='0' iyy='0.2' iyz='0' izz='0.25'/></inertial></link>"
+    )
+
+
 def sdf(*parts: str, before: str = "") -> str:
     return f"<sdf version='1.9'>{before}<model name='model'>{''.join(parts)}</model></sdf>"
 
@@ -150,6 +158,19 @@ def test_an_sdf_says_what_a_pose_is_relative_to():
         (urdf(link("base", "${m}")), "mass of link 'base': must be 1 finite numbers, is '${m}'"),
         (urdf(link("base", math.inf)), "mass of link 'base': must be 1 finite numbers, is 'inf'"),
         (urdf(link("base", 1.0, xyz="0 0")), "xyz of link 'base': must be 3 finite numbers, is '0 0'"),
+        (
+            urdf(link("a", 3.0), link("b", -1.0), joint("a", "b")),
+            "mass of link 'b': must be at least 0, is '-1.0'",
+        ),
+        (
+            sdf("<link name='a'><inertial><mass>-1e-300</mass></inertial></link>"),
+            "mass of link 'a': must be at least 0, is '-1e-300'",
+        ),
+        (urdf(link("a", 1.0), link("a", 2.0)), "link 'a' is there twice"),
+        (sdf("<link name='a'/><link name='b'/><link name='a'/>"), "link 'a' is there twice"),
+        (urdf(turned("1 0 0 0", "rpy='0 0 0'")), "origin of link 'a': must have rpy or quat_xyzw, not both"),
+        (urdf(turned("0 0 1")), "quat_xyzw of link 'a': must be 4 finite numbers, is '0 0 1'"),
+        (urdf(turned("0 0 0 0")), "quat_xyzw of link 'a': the quaternion must be finite and not 0"),
         (urdf("<link name='a'><inertial/></link>"), "link 'a' has no <mass>"),
         (urdf(link("a", 1.0), joint("a", "b")), "joint 'a-b': there is no link 'b'"),
         (sdf("<include/>"), "model 'model': a <include> inside a model is not supported"),
@@ -175,6 +196,21 @@ def test_what_cannot_be_read_is_refused_by_name(text, message):
     with pytest.raises(ValueError) as refusal:
         Description.read(text)
     assert message in str(refusal.value)
+
+
+@pytest.mark.parametrize("length", [0.5, 1.0, 1e-200, 1e200])
+def test_a_urdf_may_turn_by_a_quaternion(length):
+    """A third of a turn about (1, 1, 1) takes x to y, y to z, and z to x; a quarter about z takes x to y."""
+    found = body_of(urdf(turned(" ".join([str(length)] * 4))), "a")
+    moments = Symmetric3(0.25, 0.0, 0.0, 0.1, 0.0, 0.2)
+    agree(found, mass_properties.MassProperties(2.0, Vec3(1.0, 2.0, 3.0), moments))
+    text = urdf(
+        link("base", 1.0),
+        link("arm", 1.0, xyz="1 0 0"),
+        "<joint name='j' type='fixed'><parent link='base'/><child link='arm'/>",
+        f"<origin xyz='0 0 1' quat_xyzw='0 0 {length} {length}'/></joint>",
+    )
+    assert body_of(text, "base").com == pytest.approx((0.0, 0.5, 0.5), abs=ROUNDING)
 
 
 @pytest.mark.parametrize("length", [1.0, 1e-200, 1e200])

@@ -146,3 +146,71 @@ def test_vectors_are_not_multiplied_with_each_other_by_a_star(other):
 def test_a_box_has_three_edges():
     with pytest.raises(TypeError, match="size: must be"):
         mp.box(1.0, (1.0, 2.0))
+
+
+def enclosing(corners, scale=1.0, middle=(0.0, 0.0, 0.0)):
+    """The convex hull, enlarged and moved."""
+    trimesh = pytest.importorskip("trimesh")
+    hull = trimesh.convex.convex_hull(np.array(corners, float))
+    return trimesh.Trimesh(hull.vertices * scale + middle, hull.faces, process=False)
+
+
+def corners_of_a_box(size):
+    return [[sign * edge / 2 for sign, edge in zip(signs, size, strict=True)] for signs in SIGNS]
+
+
+SIGNS = list(product((-1, 1), repeat=3))
+
+
+@pytest.mark.parametrize("size", [(1.0, 1.0, 1.0), (0.25, 2.0, 0.5), (1.0, 1.0, 2.0**-20)])
+@pytest.mark.parametrize(
+    "middle", [(0.0, 0.0, 0.0), (4.0, -8.0, 1.0), (2.0**20, -(2.0**21), 2.0**19), (2.0**30,) * 3]
+)
+def test_a_mesh_has_the_same_inertia_wherever_it_is(size, middle):
+    """Its corners are floats, exactly, at all of these places."""
+    found, exact = mp.mesh(3.0, enclosing(corners_of_a_box(size), 1.0, middle)), mp.box(3.0, size)
+    assert found.com == pytest.approx(middle, rel=1e-15, abs=1e-15)
+    assert found.inertia == pytest.approx(exact.inertia, rel=1e-14, abs=1e-14)
+
+
+@pytest.mark.parametrize("power", [-400, -333, -100, 100, 333, 400])
+def test_a_mesh_may_be_of_any_size(power):
+    """Its volume, or the square of its size, is beyond floats."""
+    found = mp.mesh(3.0 * 2.0**-power, enclosing(corners_of_a_box((1.0, 2.0, 3.0)), 2.0**power))
+    moments = np.array(found.inertia) * 2.0**-power
+    assert moments == pytest.approx(mp.box(3.0, (1.0, 2.0, 3.0)).inertia, rel=1e-14, abs=1e-14)
+
+
+@pytest.mark.parametrize("middle", [(0.0, 0.0, 0.0), (0.5, -2.0, 1.0), (1e3, 2e3, -3e3)])
+def test_a_mesh_equals_its_particles(middle):
+    """Tetrahedra are integrated by four points each, exactly for squares (Hammer & Stroud 1956)."""
+    rng = np.random.default_rng(0)
+    mesh = enclosing(rng.normal(size=(30, 3)) * (1.0, 2.0, 0.5), 1.0, middle)
+    apex = mesh.vertices[0]
+    near, far = (5 - math.sqrt(5)) / 20, (5 + 3 * math.sqrt(5)) / 20
+    particles = []
+    for triangle in mesh.triangles:
+        corners = [apex, *triangle]
+        volume = np.linalg.det(triangle - apex) / 6
+        for most in range(4):
+            weights = [far if k == most else near for k in range(4)]
+            place = sum(w * (corner - apex) for w, corner in zip(weights, corners, strict=True))
+            particles.append(mp.Particle(volume / 4, Vec3(*map(float, place))))
+    whole, com, inertia = mp.of_particles(particles)
+    found = mp.mesh(2.0, mesh)
+    assert np.subtract(found.com, apex) == pytest.approx(com, abs=1e-12)  # 1e3 has an ulp of 1e-13
+    assert found.inertia == pytest.approx([2.0 / whole * x for x in inertia], rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("distance", [0.0, 1e6, 1e12])
+@pytest.mark.parametrize("how", ["open", "inside out", "flat", "a corner is no number"])
+def test_what_encloses_nothing_is_refused(how, distance):
+    mesh = enclosing(corners_of_a_box((1.0, 2.0, 3.0)), 1.0, (distance,) * 3)
+    if how == "open":
+        mesh.faces = mesh.faces[1:]
+    elif how == "inside out":
+        mesh.invert()
+    else:
+        mesh.vertices = mesh.vertices * (1, 1, 0) if how == "flat" else mesh.vertices * (1, 1, np.nan)
+    with pytest.raises(ValueError, match="does not enclose a volume"):
+        mp.mesh(1.0, mesh)

@@ -15,7 +15,16 @@ from integrate import until
 from mpmath import mp
 from scenes import EVERY_LAW
 
-from collision_response import Adjustment, Body, Contact, ImpactModel, Precision, StatusCode, resolve
+from collision_response import (
+    Adjustment,
+    Body,
+    Contact,
+    ImpactError,
+    ImpactModel,
+    Precision,
+    StatusCode,
+    resolve,
+)
 from collision_response.physics.restitution import johnson, plastic, power_law, tabulated, viscoelastic
 
 DROP = Body.dynamic(1.0, velocity=(0.0, 0.0, -2.0))
@@ -92,6 +101,36 @@ def test_a_threshold_that_is_met_exactly_leaves_no_law_in_doubt(law, friction):
             assert impact.adjustments == plain.adjustments | acted
             assert impact.error_bound < 1e-9
             assert impact.impulse == pytest.approx(plain.impulse, rel=1e-9)
+
+
+FARTHEST = {
+    "an approach": (Body.dynamic(1.0, velocity=(0, 0, -1e308)), FLOOR, (0, 0, 1)),
+    "a kinematic body": (DROP, Body.kinematic(velocity=(0, 0, 1e308)), (0, 0, 1)),
+    "a light body": (
+        Body.dynamic(1.0, velocity=(0.75, 0, -1)),
+        Body.dynamic(1e-30, velocity=(-1e308, 0, -3)),
+        (0, -0.75, -0.5),
+    ),
+    "slip": (DROP, Body.kinematic(velocity=(1e308, 0, 0)), (1e-3, 0, 1)),
+    "a lever": (Body.sphere(1.0, 1.0, position=(0, 0, 1e308), angular_velocity=(3, 0, 0)), FLOOR, (0, 1, 1)),
+}
+
+
+@pytest.mark.parametrize("case", FARTHEST)
+@pytest.mark.parametrize("law", EVERY_LAW, ids=lambda law: law.name)
+def test_a_threshold_far_below_the_speed_changes_nothing_where_numbers_end(law, case):
+    """Be it an answer or a refusal, which some of these are without a threshold."""
+    body_a, body_b, normal = FARTHEST[case]
+    touch = Contact.of((0, 0, 0), normal, 0.5, 0.25)
+
+    def what(threshold):
+        try:
+            impact = resolve(body_a, body_b, touch, ImpactModel(law, restitution_threshold=threshold))
+        except ImpactError as error:
+            return error.code, error.field
+        return impact.status, impact.impulse
+
+    assert what(0.5) == what(0.0)
 
 
 ANY = st.floats(5e-324, sys.float_info.max)

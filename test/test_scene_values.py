@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from fractions import Fraction as F
 
 import pytest
@@ -240,3 +241,82 @@ def test_one_restitution_is_for_a_cluster_that_is_struck(law):
         contacts = [c._replace(restitution=e) for c, e in zip(case.contacts, own, strict=True)]
         answer = case._replace(contacts=contacts).resolve(law)
         assert tuple(contact.restitution for contact in answer.contacts) == expected
+
+
+def in_a_groove(slope, count, law, pair, *, turned):
+    """The answer for a point that falls between flanks, each of so many contacts; and its error.
+
+    The flanks share the load evenly, so it is thrown back by the mean of both restitutions.
+    """
+    mu = 0.0 if law is Law.FRICTIONLESS else 1e-30
+    flanks = [(side * slope, e) for side, e in zip((-1, 1), pair, strict=True) for _ in range(count)]
+    contacts = [Contact.of((i, 0, 0), (x, 0, 1), e, mu) for i, (x, e) in enumerate(flanks)]
+    point = Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0))
+    pairs = [(0, 1)] * len(contacts)
+    order = contacts[::-1] if turned else contacts
+    answer = resolve_scene([point, Body.static()], pairs, order, ImpactModel(law))
+    mean = sum(pair) / 2
+    return answer, abs(answer.twists[0].linear.z - mean) / (1 + mean)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("pair", [(0.5, 1.0), (0.0, 1.0), (1.0, 0.25), (0.0, 0.5)])
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+@pytest.mark.parametrize("count", [1, 2, 4])
+@pytest.mark.parametrize("slope", [2.0**-k for k in (3, 10, 17, 20, 24, 30, 36, 40, 43)])
+def test_flanks_that_are_nearly_one_plane_share_a_load_evenly(slope, count, law, pair, turned):
+    """However near, for up to eight contacts: these are decided in rationals."""
+    answer, error = in_a_groove(slope, count, law, pair, turned=turned)
+    assert error <= answer.error_bound + 1e-16  # the mean is rounded, and so is the velocity
+    assert answer.status is StatusCode.OK
+    assert answer.error_bound < 1e-6
+    assert answer.contacts[0].restitution == pytest.approx(sum(pair) / 2, rel=1e-7)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+@pytest.mark.parametrize("slope", [2.0**-k for k in (3, 10, 17, 18, 19, 20, 21, 22, 24, 30, 36, 40)])
+def test_who_has_the_load_is_not_guessed(slope, law):
+    """Ten contacts are too many for rationals: the bound says what is not known."""
+    answer, error = in_a_groove(slope, 5, law, (0.5, 1.0), turned=False)
+    assert error <= answer.error_bound + 1e-16
+    assert (answer.status is StatusCode.OK) == (answer.error_bound < 1e-6)
+
+
+@pytest.mark.parametrize("pair", [(0.5, 1.0), (0.0, 1.0), (1.0, 0.25)])
+@pytest.mark.parametrize("power", range(0, 26, 2))
+def test_a_grain_between_two_places_of_a_heavy_ball_does_not_turn_it(power, pair):
+    """So the one that is half as far from its middle has twice the load, and counts twice."""
+    ball = Body.dynamic(1.0, (1.0, 0.0, 0.0, 1.0, 0.0, 1.0), (0.0, 0.0, 1.0))
+    mass = 10.0**-power
+    grain = Body.dynamic(mass, position=(0.0, 0.0, -1.0), velocity=(0.0, 0.0, 1.0))
+    contacts = [Contact.of((x, 0.0, 0.0), (0, 0, 1), e) for x, e in zip((0.5, -0.25), pair, strict=True)]
+    answer = resolve_scene([ball, grain], [(0, 1)] * 2, contacts, ImpactModel(GR))
+    e = (F(pair[0]) + 2 * F(pair[1])) / 3
+    impulse = (1 + e) / (1 + 1 / F(mass))
+    for change, inverse_mass in zip(answer.changes, (1, -1 / F(mass)), strict=True):
+        error = abs(F(change.linear.z) - impulse * inverse_mass) / abs(impulse * inverse_mass)
+        assert error <= answer.error_bound
+    assert answer.error_bound < 1e-6
+    assert answer.contacts[1].restitution == pytest.approx(float(e), rel=1e-9)
+
+
+@pytest.mark.parametrize("count", [9, 12, 16])
+@pytest.mark.parametrize("spread", [1e-8, 1e-7, 3e-7, 1e-6, 3e-6, 1e-5])
+def test_many_normals_that_are_nearly_parallel_hold_nothing(spread, count):
+    """As those of a floor in float32 are. A point that falls on them is thrown back; fractions say how."""
+    rng = random.Random(0)
+    normals = [(rng.uniform(-spread, spread), rng.uniform(-spread, spread), 1.0) for _ in range(count)]
+    answers = []
+    for number in (float, F):
+        point = Body.dynamic(number(1), velocity=(number(0.25), number(0), number(-1)))
+        contacts = [
+            Contact.of((number(i), number(0), number(0)), map(number, normal), number(0.5), number(0))
+            for i, normal in enumerate(normals)
+        ]
+        pairs = [(0, 1)] * count
+        answers.append(resolve_scene([point, Body.static()], pairs, contacts, ImpactModel(GR)))
+    found, exact = (answer.changes[0].linear for answer in answers)
+    off = math.dist(found, map(float, exact)) / math.hypot(*map(float, exact))
+    assert off <= answers[0].error_bound + 1e-15  # rounded to floats on the way here
+    assert answers[0].status is StatusCode.OK
+    assert answers[0].error_bound < 1e-6

@@ -133,22 +133,51 @@ def cone(mass: Scalar, radius: Scalar, height: Scalar) -> MassProperties:
 def mesh(mass: Scalar, shape: Any) -> MassProperties:
     """A solid of any shape, of one density; the axes are those of the mesh.
 
+    Each triangle makes a tetrahedron with the middle of the mesh. Its corners, seen from there, are ``a``,
+    ``b`` and ``c``, with the sum ``s``. It has
+
+        V = a.(b x c) / 6    int x dV = V s / 4    int x x^T dV = V (a a^T + b b^T + c c^T + s s^T) / 20
+
+    So it does not matter how far from the origin the mesh is, but for the rounding of its corners.
+
     Args:
         mass: [kg].
-        shape: a mesh of `trimesh <https://trimesh.org>`_, in metres; or what has its ``is_volume``, ``mass``,
-            ``center_mass`` and ``moment_inertia``.
+        shape: a mesh of `trimesh <https://trimesh.org>`_, in metres; or what has its ``is_watertight``,
+            ``is_winding_consistent`` and ``triangles``, an array of shape ``(n, 3, 3)``.
 
     Raises:
         ValueError: the mesh is not closed, or has its inside out.
     """
-    if not shape.is_volume:
-        raise ValueError(
-            "the mesh does not enclose a volume: try trimesh's repair.fill_holes and fix_normals"
-        )
-    per_mass = mass / float(shape.mass)
-    com = Vec3(*(float(x) for x in shape.center_mass))
-    inertia = [[per_mass * float(x) for x in row] for row in shape.moment_inertia]
-    return MassProperties(mass, com, Symmetric3.of(inertia))
+    if not (shape.is_watertight and shape.is_winding_consistent):
+        raise _no_volume()
+    points = shape.triangles.reshape(-1, 3)
+    least = points.min(axis=0)
+    middle = least + (points.max(axis=0) - least) / 2
+    size = abs(points - middle).max()  # products of lengths may be beyond floats
+    if not size > 0:
+        raise _no_volume()
+    a, b, c = (Vec3(*((points[k::3] - middle) / size).T) for k in range(3))
+    s = a + b + c
+    volumes = a.dot(b.cross(c)) / 6
+    volume = volumes.sum()
+    if not volume > 0:
+        raise _no_volume()
+    com = [float((volumes * along).sum() / (4 * volume)) for along in s]
+
+    def second(i: int, j: int) -> float:
+        """Moment about the centre of mass, over the mass."""
+        whole = (volumes * (a[i] * a[j] + b[i] * b[j] + c[i] * c[j] + s[i] * s[j])).sum() / (20 * volume)
+        return float(whole - com[i] * com[j])
+
+    xx, yy, zz = (second(i, i) for i in range(3))
+    scale = mass * float(size) * float(size)
+    over_scale = yy + zz, -second(0, 1), -second(0, 2), xx + zz, -second(1, 2), xx + yy
+    centre = Vec3(*(float(o) + float(size) * along for o, along in zip(middle, com, strict=True)))
+    return MassProperties(mass, centre, Symmetric3(*(scale * moment for moment in over_scale)))
+
+
+def _no_volume() -> ValueError:
+    return ValueError("the mesh does not enclose a volume: try trimesh's repair.fill_holes and fix_normals")
 
 
 @_within_float64

@@ -20,10 +20,10 @@ struct Reflections {
     const Assembly::Projection first = scene.project(p.data(), scene.all(), nullptr);
     if (first.found != Found::LEAST) return {Outcome::CONTRADICTORY, {}};
     double e_error;
-    result.restitution = joined_restitution(first.q, e_error);
+    result.restitution = joined_restitution(first, e_error);
     if (!(result.restitution > 0)) {
       p = first.q;
-      result.error = first.error;
+      result.error = e_error < INFINITY ? first.error : INFINITY;
       return result;
     }
     double error = 0;
@@ -43,7 +43,8 @@ struct Reflections {
     }
     // e p_GR + (1 - e) p_P
     double rounding = add(p, -1, first.q);
-    if (e_error > 0) error += e_error * scene.size_of(p.data());
+    const double by_restitution = scene.size_of(p.data());
+    if (e_error > 0 && by_restitution > 0) error += e_error * by_restitution;
     for (DD& x : p) x = DD{result.restitution, 0} * x;
     result.error = result.restitution * error + (1 - result.restitution) * first.error + rounding + scene.size_of(p.data()) * 0x1p-98;
     result.error += add(p, 1, first.q);
@@ -57,15 +58,26 @@ struct Reflections {
 
  private:
   // sum e u q / sum u q over the contacts that approach, of the q of least norm: of others e would depend on the order.
-  double joined_restitution(const std::vector<DD>& q, double& error) const {
-    double least = 1, most = 0;
+  double joined_restitution(const Assembly::Projection& first, double& error) const {
+    const std::vector<DD>& q = first.q;
     error = 0;
-    for (const Touch& touch : scene.touches) {
-      if (!(high(touch.velocity) < 0)) continue;
-      least = std::fmin(least, touch.e);
-      most = std::fmax(most, touch.e);
-    }
-    if (least >= most) return most;
+    double least, most;
+    auto are_equal = [&](const std::vector<int>& among) {
+      least = 1, most = 0;
+      for (int i : among) {
+        const Touch& touch = scene.touches[i];
+        if (!(high(touch.velocity) < 0)) continue;
+        least = std::fmin(least, touch.e);
+        most = std::fmax(most, touch.e);
+      }
+      return least >= most;
+    };
+    if (are_equal(scene.all())) return most;
+    const std::vector<N> after = scene.velocities(q.data());
+    std::vector<int> pressed;  // the others part, and have no impulse
+    for (int i = 0; i < scene.count; ++i)
+      if (!(high(after[i]) > width(after[i]) + first.error / scene.touches[i].scale)) pressed.push_back(i);
+    if (are_equal(pressed)) return most;
     Vector shared = rounded(q.data(), scene.count);
     bool is_unique = !scene.least_norm(shared, false);
     // In units near the greatest: works may be beyond doubles.
@@ -77,7 +89,7 @@ struct Reflections {
     if (!(greatest > 0)) return 0;
     const double unit = power_near(fastest), load = power_near(greatest);
     N above = exact(0.0), below = exact(0.0);
-    for (int i = 0; i < scene.count; ++i) {
+    for (int i : pressed) {
       const Touch& touch = scene.touches[i];
       if (!(high(touch.velocity) < 0)) continue;
       const N& u = touch.velocity;
@@ -87,8 +99,25 @@ struct Reflections {
       below = below + work;
     }
     if (!(high(below) < 0)) return 0;
-    N e = above / below;
-    error = width(e) + (is_unique ? 0x1p-53 : 0x1p-36 * (most - least));  // least squares in doubles
+    const N e = above / below;
+    // How far the works may be from those of the exact q*:
+    //     sum (e_i - e) u_i (q*_i - q_i) = z.A (q* - q) <= sqrt(z.A z) |M^-1 N (q* - q)|    for A z = (e_i - e) u_i
+    const std::vector<DD> matrix = scene.couplings<DD>();
+    ActiveSet<DD> basis(matrix.data(), scene.count);
+    const bool depends = !basis.span(pressed).empty();
+    std::vector<DD> z;
+    for (int i : basis.members) {
+      const Touch& touch = scene.touches[i];
+      z.push_back({(touch.e - high(e)) * (std::fmin(high(touch.velocity), 0) / unit) * touch.scale, 0});
+    }
+    std::vector<DD> c(z);
+    basis.solve(z.data());
+    double square = 0;
+    for (size_t k = 0; k < c.size(); ++k) square += high(c[k] * z[k]);
+    const double doubt = first.error / load * std::sqrt(square) / -high(below);
+    error = width(e) + doubt + (is_unique ? 0x1p-53 : 0x1p-36 * (most - least));  // least squares in doubles
+    // Where the digits do not tell which of them has the load, rationals may.
+    if ((depends && is_unique) || doubt > 0x1p-30) error = INFINITY;
     return std::fmin(std::fmax(high(e), 0), 1);
   }
 
