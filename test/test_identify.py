@@ -75,6 +75,21 @@ def test_without_noise_the_coefficients_are_found(law):
     assert found.misfit < SOLVED
 
 
+@pytest.mark.parametrize("loss", ["soft_l1", "huber", "cauchy", "arctan"])
+@pytest.mark.parametrize("wrong", [3.0, 30.0, 1e3])
+def test_one_reading_that_is_wrong_hides_no_coefficient(wrong, loss):
+    """Nor does it tell how noisy the others are."""
+    measured = cubes(30, 0.6, 0.15, speed=0.01)
+    sound = identify(measured, loss=loss, resamples=40)
+    measured.after[:3, 0, 3] = wrong
+    found = identify(measured, loss=loss, resamples=40)
+    for name, right in (("restitution", 0.6), ("friction", 0.15)):
+        value, low, high, formal = found.coefficients[name]
+        assert low < right < high
+        assert abs(value - sound.values[name]) < 3 * sound.coefficients[name].formal
+        assert formal < 8 * sound.coefficients[name].formal  # of the scale of a fit that it pulls
+
+
 def test_tangential_restitution_is_found_where_friction_is_known():
     measured = cubes(20, 0.6, 5.0, tangential_restitution=0.3)
     names = ("restitution", "tangential_restitution")

@@ -27,6 +27,9 @@ HALF_CHI_SQUARE = 1.92
 BLURRED = 1e4
 """Where one combination of coefficients is known this much better than another, the other is not known."""
 
+OUTLYING = 3.0
+"""A residual of more scales counts as one of so many: it does not tell how noisy the others are."""
+
 HALVINGS = 20
 """Of the interval in which a lower bound is sought."""
 
@@ -64,7 +67,7 @@ def estimates(problem: Problem, best: Any, values: Array) -> tuple[dict[str, Est
         values: those of the bootstrap, a row each.
     """
     x, names = best.x, problem.names
-    covariance = _variance(best) * np.linalg.pinv(best.jac.T @ best.jac)
+    covariance = _variance(problem, best) * np.linalg.pinv(best.jac.T @ best.jac)
     low, high = np.percentile(values, (2.5, 97.5), axis=0, method="inverted_cdf")
     formal = np.sqrt(np.diag(covariance))
     found = {name: Estimate(*map(float, row)) for name, *row in zip(names, x, low, high, formal, strict=True)}
@@ -81,17 +84,18 @@ def undetermined(problem: Problem, best: Any) -> dict[str, Estimate]:
         problem, best: see :func:`estimates`.
     """
     unknown = _blurred(best.jac, problem.names)
-    allowed = (best.fun**2).sum() + 2 * HALF_CHI_SQUARE * _variance(best) + ALIKE
+    allowed = problem.squares(best.x) + 2 * HALF_CHI_SQUARE * _variance(problem, best) + ALIKE
     found = {name: Estimate(math.nan, *RANGES[name][:2], math.inf) for name in unknown}
     rest = {name: _unbounded(problem, best, name, allowed) for name in problem.names if name not in unknown}
     return found | {name: estimate for name, estimate in rest.items() if estimate is not None}
 
 
-def _variance(best: Any) -> float:
+def _variance(problem: Problem, best: Any) -> float:
     """Of a residual. One that is 0 whatever the coefficients are does not count: it was not measured, or lies
     across the plane of a planar impact."""
     counts = (best.fun != 0) | best.jac.any(axis=1)
-    return float((best.fun**2).sum() / max(counts.sum() - best.x.size, 1))
+    most = OUTLYING * problem.scale or math.inf
+    return float((np.minimum(abs(best.fun), most) ** 2).sum() / max(counts.sum() - best.x.size, 1))
 
 
 def _blurred(jacobian: Array, names: tuple[str, ...]) -> set[str]:

@@ -11,10 +11,7 @@ from ..model import ImpactModel, Law, check_number
 from ..status import ImpactError, StatusCode
 from .estimates import Estimate, estimates, undetermined
 from .measured import Array, Measured, usable
-from .problem import ALIKE, PRECISE, RANGES, Problem, unit_of
-
-LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
-"""Those of SciPy's ``least_squares``."""
+from .problem import ALIKE, COST, PRECISE, RANGES, Problem, unit_of
 
 FEW = 10
 """Of fewer impacts the bootstrap says little."""
@@ -142,7 +139,7 @@ def _check(
     for field, value, known in (
         ("law", law, [one for one in Law if one is not Law.AUTO]),
         ("kind", kind, measured.kinds),
-        ("loss", loss, LOSSES),
+        ("loss", loss, COST),
         *(("fit", name, here) for name in fit),
         *(("given", name, here) for name in given),
     ):

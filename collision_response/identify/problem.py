@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -47,6 +47,15 @@ ALIKE = 1e-12
 
 BEYOND = 1e6
 """A residual of so many units is that of no answer."""
+
+COST: dict[str, Callable[[Array], Array]] = {
+    "linear": lambda z: z,
+    "soft_l1": lambda z: 2 * (np.sqrt(1 + z) - 1),
+    "huber": lambda z: np.where(z <= 1, z, 2 * np.sqrt(z) - 1),
+    "cauchy": np.log1p,
+    "arctan": np.arctan,
+}
+"""What the square of a residual counts, both in parts of the scale's: the losses of SciPy."""
 
 PLACES = 4
 """From so many of the starts there is a search."""
@@ -96,12 +105,16 @@ class Problem(NamedTuple):
 
     def start(self) -> Array:
         """Where the search begins: a rough solution, the best of those from several places."""
-        places = sorted(product(*(RANGES[name].starts for name in self.names)), key=self._squares)
+        places = sorted(product(*(RANGES[name].starts for name in self.names)), key=self.squares)
         found = (self.solve(np.array(place), ROUGHLY) for place in places[:PLACES])
         return min(found, key=lambda one: one.cost).x
 
-    def _squares(self, x: Iterable[float]) -> float:
-        return float((self.residuals(x) ** 2).sum())
+    def squares(self, x: Iterable[float]) -> float:
+        """The sum of the squares of the residuals; of outliers what the loss leaves of them."""
+        squares = self.residuals(x) ** 2
+        if self.scale:
+            squares = self.scale**2 * COST[self.loss](squares / self.scale**2)
+        return float(squares.sum())
 
     def best(self) -> tuple[Problem, Any]:
         """With the scale of the middle residual of a fit that knows no outliers; and the solution.
@@ -147,7 +160,7 @@ class Problem(NamedTuple):
         i = self.names.index(name)
         rest = self._replace(names=self.names[:i] + self.names[i + 1 :], given={**self.given, name: value})
         others = np.delete(x, i)
-        return rest._squares(rest.solve(others, ROUGHLY).x if rest.names else ())
+        return rest.squares(rest.solve(others, ROUGHLY).x if rest.names else ())
 
 
 def _at_limits(x: Array, one: Any, limits: Iterable[Array], precision: float) -> Array:
