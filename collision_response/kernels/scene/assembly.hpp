@@ -479,6 +479,7 @@ struct Assembly {
   }
 
  private:
+  // Of p + Z z >= 0 that of least norm.
   void share(Vector& p, bool shared, std::vector<Vector> Z) const {
     Vector weight(count), P(count);
     for (int i = 0; i < count; ++i) {
@@ -532,8 +533,8 @@ struct Assembly {
     for (int i = 0; i < count; ++i) p[i] = x[i] > 0 ? 0 : std::fmax(P[i] / weight[i], 0);
   }
 
-  // Impulses that do nothing: one for each contact that depends on others, by pivots up to `dependent`. What they do, in
-  // all, and squared at most `idle` each.
+  // Impulses that do next to nothing: one for each contact that depends on others, by pivots up to `dependent`. What they
+  // do, squared, is less than `idle`; in all it is `effect`.
   std::vector<Vector> idle_impulses(double dependent, double idle, double& effect) const {
     // With a row for the work of walls that move, which the same impulses do as well.
     Vector u(count), B, scale(count);
@@ -556,7 +557,7 @@ struct Assembly {
       basis.line(i, w);
       z[i].h = scale[i];
       for (size_t m = 0; m < w.size(); ++m) z[basis.members[m]].h = -w[m] * scale[basis.members[m]];
-      // What doubles take for nothing must do nothing to all digits.
+      // What doubles take for nothing is looked at in all digits.
       double square = 0;
       for (int turn = 0; turn < 2; ++turn) {
         std::vector<N> twists = changes(z.data());
