@@ -307,7 +307,7 @@ struct Assembly {
     const Projection finer = nearest(couplings<DD>(), start, among);
     return finer.error < found.error ? finer : found;
   }
-  static constexpr double FINE = 0x1p-45;  // doubles mostly do better, where contacts are not nearly dependent
+  static constexpr double FINE = 0x1p-32;  // doubles do better, where contacts are not nearly dependent
 
   double greatest(const std::vector<N>& u, const std::vector<int>& among) const {
     double most = 0;
@@ -469,12 +469,12 @@ struct Assembly {
     return true;
   }
 
-  // Of all impulses that do nearly the same, those; and what the difference is at most, for a load of 1 of each contact, in
-  // the metric of kinetic energy.
+  // Of all impulses that do nearly the same as these of least norm, those; and what the difference is at most, for a load
+  // of 1 of each contact, in the metric of kinetic energy.
   double nearly_least_norm(Vector& p) const {
     double effect = 0;
     std::vector<Vector> Z = idle_impulses(NEARLY_DEPENDENT, 1, effect);
-    if (!Z.empty()) share(p, false, std::move(Z));
+    if (effect > 0x1p-50 * count) share(p, false, std::move(Z));
     return effect;
   }
 
