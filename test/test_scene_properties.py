@@ -5,7 +5,10 @@ from __future__ import annotations
 import functools
 import math
 import random
+import subprocess
+import sys
 from fractions import Fraction
+from pathlib import Path
 
 import pytest
 from scene_cases import Case, any_case, apart, apart_by, energy, momentum, random_case, size_of, turn, turned
@@ -338,3 +341,13 @@ def test_two_far_balls_on_one_floor_are_two_clusters():
     contacts = [Contact.of((x, 0.0, 0.0), (0.0, 0.0, 1.0)) for x in (0.0, 9.0)]
     answer = resolve_scene([*balls, Body.static()], [(0, 2), (1, 2)], contacts)
     assert answer.clusters == ((0,), (1,))
+
+
+def test_the_benchmark_asks_for_each_property():
+    """Of one scene, and finds no violation."""
+    benchmark = Path(__file__).parents[1] / "benchmarks" / "scene_properties.py"
+    ran = subprocess.run(
+        [sys.executable, "-I", benchmark, "--scenes", "1"], capture_output=True, text=True, check=True
+    )
+    repeated = sum(hasattr(test, "__wrapped__") for name, test in globals().items() if "test_" in name)
+    assert ran.stdout.count("\n| ") == repeated + 1
