@@ -162,7 +162,8 @@ Least<R> least(const std::vector<R>& A, const std::vector<R>& b, const std::vect
   const int stride = static_cast<int>(b.size());
   Least<R> result{{A.data(), stride}, std::vector<R>(b.size())};
   ActiveSet<R>& active = result.active;
-  std::vector<R>&x = result.x, y;
+  std::vector<R>& x = result.x;
+  std::vector<R> y;
   size_t n = among.size();
   for (size_t turn = 0; turn < 50 * n + 200; ++turn) {
     int entering = -1;
