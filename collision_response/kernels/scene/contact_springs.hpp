@@ -293,7 +293,7 @@ struct ContactSprings {
     if (!(greatest > 0)) return false;
     State later = now;
     const long left = work;
-    work = std::min(left, 1000 * SWEEP * count);
+    work = std::min(left, 1000 * SWEEP * count);  // where nothing holds it takes longer, or never ends
     const long budget = work;
     const bool found = rub(later, 1e6 * mass * speed / greatest, load, 1e-3 * speed);
     work += left - budget;
