@@ -49,7 +49,7 @@ from collision_response import Body, Contact, ImpactModel, Law, resolve, resolve
 from collision_response.physics.body import Twist  # noqa: E402
 from collision_response.physics.mass_properties import box, sphere  # noqa: E402
 from collision_response.physics.vector import Vec3  # noqa: E402
-from collision_response.scene.orders import one_after_another  # noqa: E402
+from collision_response.scene.order_sensitivity import resolve_sequentially  # noqa: E402
 
 Vectors = list[tuple[Any, Any]]
 """Velocity and angular velocity of each body that can move."""
@@ -162,7 +162,7 @@ def in_turn(scene: Scene) -> Way:
     order = range(len(scene.contacts))
 
     def call() -> list[Twist]:
-        return one_after_another(*scene[:3], ImpactModel(), order)
+        return resolve_sequentially(*scene[:3], ImpactModel(), order)
 
     def answer() -> Vectors:
         bodies = zip(scene.bodies, call(), strict=True)

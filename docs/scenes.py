@@ -29,7 +29,7 @@ from collision_response import Body, Contact, ImpactModel, Law, SceneImpact, res
 from collision_response.demo.at_once import RADIUS, tight_rack
 from collision_response.physics.mass_properties import box
 from collision_response.physics.vector import Vec3
-from collision_response.scene.orders import one_after_another
+from collision_response.scene.order_sensitivity import resolve_sequentially
 
 PAGE = Path(__file__).with_name("scenes.md")
 IMAGES = Path(__file__).parent / "images"
@@ -97,7 +97,7 @@ def spins() -> Counter[tuple[float, float, float]]:
     """Spin about x and y and the speed upwards, of all 24 orders, and how many of them give it."""
     found: Counter[tuple[float, float, float]] = Counter()
     for order in permutations(range(4)):
-        change, _ = one_after_another(*flat_box(), ImpactModel(), order)
+        change, _ = resolve_sequentially(*flat_box(), ImpactModel(), order)
         up = CUBE.velocity.z + change.linear.z
         found[round(change.angular.x, 9), round(change.angular.y, 9), round(up, 9)] += 1
     return found
@@ -113,7 +113,7 @@ def draw_box() -> None:
     left.set(xlim=(-0.85, 0.85), ylim=(-0.85, 0.85), aspect="equal")
     left.set_title("a cube from above:\nfour corners touch the floor", fontsize=9.5)
     left.set_axis_off()
-    change, _ = one_after_another(*flat_box(), ImpactModel(), range(4))
+    change, _ = resolve_sequentially(*flat_box(), ImpactModel(), range(4))
     right.annotate("0, 1, 2, 3", change.angular[:2], (-14, -13), textcoords="offset points", fontsize=8.5)
     for (x, y, _), count in spins().items():
         right.plot([0, x], [0, y], color=RED, lw=0.8, alpha=0.45, zorder=1)
@@ -148,7 +148,7 @@ def racked_in_turn() -> list[Vec3]:
     """The same, contact by contact, in the order in which they are listed."""
     bodies, _, pairs, contacts, _ = tight_rack(Vec3(0.0, 0.0, 0.0))
     balls = [*bodies.values()]
-    changes = one_after_another(balls, pairs, contacts, ImpactModel(), range(len(pairs)))
+    changes = resolve_sequentially(balls, pairs, contacts, ImpactModel(), range(len(pairs)))
     return [ball.velocity + change.linear for ball, change in zip(balls, changes, strict=True)]
 
 

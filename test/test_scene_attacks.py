@@ -14,7 +14,7 @@ from collision_response import Body, Contact, ImpactError, ImpactModel, Law, Reg
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.tensor import Symmetric3
 from collision_response.physics.vector import Vec3
-from collision_response.scene.rational import RationalCluster
+from collision_response.scene.rational_cluster import RationalCluster
 from collision_response.scene.reflections import DIGITS
 
 
@@ -716,7 +716,7 @@ def test_what_moves_along_together_is_seen_without_fractions(law, monkeypatch):
     def never(_):
         raise AssertionError
 
-    monkeypatch.setattr("collision_response.scene.several._approaches", never)
+    monkeypatch.setattr("collision_response.scene.resolve_cluster._approaches", never)
     velocity, corners = (1.1, 0.3, -0.7), [(x, y, 0.0) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
     box = Body.box(1.0, (1.0, 1.0, 1.0), position=(0.0, 0.0, 0.5), velocity=velocity)
     touches = [Contact.of(corner, (0.1, -0.3, 1.0), 0.5, 0.3) for corner in corners]

@@ -19,11 +19,11 @@ def both(monkeypatch):
 
     def answers(case: Case, model: ImpactModel):
         found = []
-        compiled = library.usual_scene
+        compiled = library.resolve_scene
         with monkeypatch.context() as patch:
-            patch.setattr(library, "usual_scene", lambda *args: found.append(compiled(*args)) or found[-1])
+            patch.setattr(library, "resolve_scene", lambda *args: found.append(compiled(*args)) or found[-1])
             one = resolve_scene(*case, model)
-            patch.setattr(library, "usual_scene", lambda *_: None)
+            patch.setattr(library, "resolve_scene", lambda *_: None)
             other = resolve_scene(*case, model)
         return one if found and found[-1] is not None else None, other
 

@@ -28,7 +28,7 @@ import numpy as np
 
 from ..kernels import library
 from ..status import StatusCode
-from .elsewhere import as_numpy, is_lazy, maker
+from .other_arrays import as_numpy, is_lazy, maker
 from .rows import rows_of
 
 if TYPE_CHECKING:

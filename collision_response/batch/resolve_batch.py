@@ -38,8 +38,8 @@ from ..model import plan as plan_of_model
 from ..physics.laws import PATHS, STEPPED, Settings
 from ..status import ImpactError, StatusCode, shown
 from . import one_by_one
-from .elsewhere import check_unmasked, is_lazy
-from .elsewhere import resolve_batch as elsewhere
+from .other_arrays import check_unmasked, is_lazy
+from .other_arrays import resolve_batch as elsewhere
 from .pairs import as_pairs
 from .rows import TABLES, body_rows, contact_rows, layout_of
 

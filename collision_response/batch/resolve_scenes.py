@@ -34,10 +34,10 @@ from ..model import DEFAULT, LARGEST, ImpactModel, check_number, plan
 from ..physics.laws import PATHS
 from ..scene import SceneImpact, resolve_scene
 from ..scene.reflections import REFLECTIONS
-from ..scene.resolve_scene import IN_KERNELS, THRESHOLD
+from ..scene.resolve_scene import COMPILED_LAWS, THRESHOLD
 from ..status import ImpactError, StatusCode
-from .elsewhere import check_unmasked
 from .one_by_one import REPORT, body_of, contact_of
+from .other_arrays import check_unmasked
 from .pairs import IS_ANSWER, as_pairs
 from .resolve_batch import UINT8, Asked, check_workers, plan_for, resolve_batch
 from .rows import body_rows, contact_rows
@@ -139,11 +139,11 @@ def resolve_scenes(
         together = np.flatnonzero(sizes > 0)
     else:
         _alone(asked, alone, clusters.order[clusters.starts[alone]], result, workers)
-    if model.law in IN_KERNELS and not model.tangential_restitution:
+    if model.law in COMPILED_LAWS and not model.tangential_restitution:
         numbers = threshold, model.restitution_threshold, plan(model).limit, REFLECTIONS
         tables = bodies, pairs, contacts, *clusters, result, together
         kernel = here.layout, int(model.law), tuple(map(float, numbers))
-        _share(lambda *part: library.many_clusters(*kernel, *tables, *part), together.size, workers)
+        _share(lambda *part: library.resolve_clusters(*kernel, *tables, *part), together.size, workers)
         together = together[result.status[together] == StatusCode.UNSET]
     for cluster in together.tolist():
         _by_itself(asked, cluster, clusters.contacts(cluster), threshold, result)

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..answer import Impact
 from ..batch import BatchResult, resolve_batch
-from ..batch.elsewhere import as_numpy
+from ..batch.other_arrays import as_numpy
 from ..batch.rows import places_of
 from ..kernels import _derivatives, library  # type: ignore[attr-defined]  # made by the build
 from ..kernels.layout import Layout, names_of_body, names_of_contact

@@ -66,9 +66,9 @@ limit_vectors = _compiled.limit_vectors
 _scene.setup(
     Vec3, Twist, Fraction, Body, Contact, _regimes_by_number, _statuses_by_number, _adjustments_by_number
 )
-usual_scene = _scene.usual
+resolve_scene = _scene.resolve_scene
 assemble = _scene.assemble
 Cluster = _scene.Cluster
 is_rational = _scene.is_rational
 clusters = _scene.clusters
-many_clusters = _scene.many
+resolve_clusters = _scene.resolve_clusters

@@ -252,21 +252,21 @@ PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   return PyLong_FromLong(found);
 }
 
-// many(table, law, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): the clusters
+// resolve_clusters(table, law, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): the clusters
 // that `wanted` lists between two places, without the GIL. numbers are the threshold, the restitution threshold, the
 // limit of error bounds and the budget of reflections. The arrays are those of resolve_scenes.py, of the
 // right shapes. A status of 0: left to Python.
-PyObject* many(PyObject*, PyObject* const* args, Py_ssize_t count) {
+PyObject* resolve_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   constexpr int RESULTS = 12;
-  if (count != 12 || !PyTuple_Check(args[8]) || PyTuple_GET_SIZE(args[8]) != RESULTS) return PyErr_Format(PyExc_TypeError, "many() takes 12 arguments");
+  if (count != 12 || !PyTuple_Check(args[8]) || PyTuple_GET_SIZE(args[8]) != RESULTS) return PyErr_Format(PyExc_TypeError, "resolve_clusters() takes 12 arguments");
   int place = static_cast<int>(PyLong_AsLong(args[0])), law = static_cast<int>(PyLong_AsLong(args[1]));
   double number[4];
-  if (PyErr_Occurred() || !floats(args[2], 4, number)) return PyErr_Format(PyExc_TypeError, "many(): numbers");
+  if (PyErr_Occurred() || !floats(args[2], 4, number)) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): numbers");
   long from = PyLong_AsLong(args[10]), to = PyLong_AsLong(args[11]);
   Array bodies, pairs, contacts, order, starts, wanted, result[RESULTS];
   bool open = bodies.open(args[3]) && pairs.open(args[4]) && contacts.open(args[5]) && order.open(args[6]) && starts.open(args[7]) && wanted.open(args[9]);
   for (int i = 0; i < RESULTS; ++i) open = open && (i == 4 || result[i].open(PyTuple_GET_ITEM(args[8], i), true));
-  if (!open || PyErr_Occurred()) return PyErr_Format(PyExc_TypeError, "many(): arrays must be contiguous");
+  if (!open || PyErr_Occurred()) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): arrays must be contiguous");
   long n = static_cast<long>(contacts.view.shape[1]);
   auto numbers = [&result](int i) { return result[i].at<double>(); };
   Many clusters{tables[place], bodies.at<double>(), contacts.at<double>(),
@@ -353,14 +353,14 @@ struct Request {  // a scene from Python
   }
 };
 
-// usual(bodies, pairs, contacts, laws, numbers, models): the fields of a SceneImpact; or None, if something is unusual.
+// resolve_scene(bodies, pairs, contacts, laws, numbers, models): the fields of a SceneImpact; or None, if something is unusual.
 // laws: without friction and with; numbers: the threshold, the restitution threshold, the limit of error bounds and the
 // budget of reflections; models: as used, by law and whether impulses are known beyond doubles.
-PyObject* usual(PyObject*, PyObject* const* args, Py_ssize_t argc) {
+PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t argc) {
   double number[4];
   int laws[2];
   if (argc != 6 || !PyArg_ParseTuple(args[3], "ii", &laws[0], &laws[1]) || !floats(args[4], 4, number))
-    return PyErr_Occurred() ? nullptr : PyErr_Format(PyExc_TypeError, "usual() takes 6 arguments");
+    return PyErr_Occurred() ? nullptr : PyErr_Format(PyExc_TypeError, "resolve_scene() takes 6 arguments");
   Request request;
   if (!request.read(args[0], args[1], args[2])) Py_RETURN_NONE;
   Asked asked{laws[request.rubs], number[0], number[1], static_cast<int>(number[3])};
@@ -434,7 +434,7 @@ PyObject* setup(PyObject*, PyObject* args) {
   Py_RETURN_NONE;
 }
 
-PyMethodDef functions[] = {FAST("assemble", assemble), FAST("clusters", find_clusters), FAST("many", many), FAST("usual", usual), {"is_rational", is_rational, METH_O, ""}, {"setup", setup, METH_VARARGS, ""}, {}};
+PyMethodDef functions[] = {FAST("assemble", assemble), FAST("clusters", find_clusters), FAST("resolve_clusters", resolve_clusters), FAST("resolve_scene", resolve_scene), {"is_rational", is_rational, METH_O, ""}, {"setup", setup, METH_VARARGS, ""}, {}};
 PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_scene", "", -1, functions, nullptr, nullptr, nullptr, nullptr};
 
 }  // namespace

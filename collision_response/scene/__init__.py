@@ -14,7 +14,7 @@ A scene of floats in which nothing is unusual goes no further than the front doo
 twice, a restitution that is a function, fractions, ROUTH_STRONGE, what needs more digits, and faults.
 
 The laws are written over a cluster, which knows what impulses do: ``collision_response.kernels._scene``
-in double-double with a bound on its error, :mod:`~collision_response.scene.rational` exactly.
+in double-double with a bound on its error, :mod:`~collision_response.scene.rational_cluster` exactly.
 """
 
 from .answer import SceneImpact

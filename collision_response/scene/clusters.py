@@ -16,7 +16,7 @@ from ..physics.vector import Vec3
 Pair = tuple[int, int]
 
 
-def clusters_of(pairs: Sequence[Pair], movable: Sequence[bool]) -> list[list[int]]:
+def find_clusters(pairs: Sequence[Pair], movable: Sequence[bool]) -> list[list[int]]:
     """The contacts of each cluster, in order."""
     leader = list(range(len(movable)))
 
@@ -35,7 +35,7 @@ def clusters_of(pairs: Sequence[Pair], movable: Sequence[bool]) -> list[list[int
     return list(clusters.values())
 
 
-class Copies(NamedTuple):
+class DistinctContacts(NamedTuple):
     """The contacts of a cluster, each once.
 
     Attributes:
@@ -49,18 +49,18 @@ class Copies(NamedTuple):
     places: list[int]
 
 
-def copies_of(
+def distinct_contacts(
     cluster: list[int], pairs: Sequence[Pair], contacts: Sequence[Contact], *, join: bool
-) -> Copies:
+) -> DistinctContacts:
     """Which contacts of a cluster are given several times; without ``join``, none is taken as such."""
     places: dict[Any, int] = {}
-    copies = Copies([], [], [])
+    copies = DistinctContacts([], [], [])
     try:
         may_be = join and len({contacts[i].position for i in cluster}) < len(cluster)
     except TypeError:  # lists or arrays, which have no hash
         may_be = False
     if not may_be:
-        return Copies(cluster, [1] * len(cluster), list(range(len(cluster))))
+        return DistinctContacts(cluster, [1] * len(cluster), list(range(len(cluster))))
     for i in cluster:
         place = places.setdefault(_key(pairs[i], contacts[i]), len(places))
         copies.places.append(place)

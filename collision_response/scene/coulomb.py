@@ -29,10 +29,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from .reflections import Struck
+from .reflections import ClusterImpulses
 
 
-def with_friction(cluster: Any, struck: Struck) -> Struck:
+def with_friction(cluster: Any, struck: ClusterImpulses) -> ClusterImpulses:
     """The impulses with friction, from those of GRR."""
     p, tangential, error = cluster.least_work(struck.p, struck.error)
     return struck._replace(p=p, tangential=tangential, error=error)

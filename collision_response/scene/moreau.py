@@ -30,10 +30,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from .reflections import Struck
+from .reflections import ClusterImpulses
 
 
-def one_step(cluster: Any, *, has_friction: bool) -> Struck | None:
+def one_step(cluster: Any, *, has_friction: bool) -> ClusterImpulses | None:
     """The impulses; ``None`` if none are found."""
     found = cluster.one_step(has_friction)
-    return None if found is None else Struck(*found)
+    return None if found is None else ClusterImpulses(*found)

@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 
 from ..numbers.number import Scalar
 from ..status import ImpactError, StatusCode
-from .rational import RationalCluster
+from .rational_cluster import RationalCluster
 
 REFLECTIONS = 10_000
 """A budget. A chain of n equal balls takes n."""
@@ -43,7 +43,7 @@ ANSWERED, CONTRADICTORY, ENDLESS = range(3)
 """How reflections end."""
 
 
-class Struck(NamedTuple):
+class ClusterImpulses(NamedTuple):
     """What a law gives for a cluster.
 
     Attributes:
@@ -66,7 +66,7 @@ class Struck(NamedTuple):
     fell_back: bool = False
 
 
-def reflections(cluster: Any, threshold: Scalar) -> Struck:
+def reflections(cluster: Any, threshold: Scalar) -> ClusterImpulses:
     """The impulses of GRR.
 
     Args:
@@ -80,7 +80,7 @@ def reflections(cluster: Any, threshold: Scalar) -> Struck:
         end, struck = _exactly(cluster, Fraction(threshold))
     else:
         end, p, error, margin, e = cluster.reflections(threshold, REFLECTIONS)
-        struck = Struck(p, None, error, margin, e)
+        struck = ClusterImpulses(p, None, error, margin, e)
     if end == CONTRADICTORY:
         raise contradiction()
     if end == ENDLESS:
@@ -95,17 +95,17 @@ def contradiction() -> ImpactError:
     return ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
 
 
-def _exactly(cluster: RationalCluster, threshold: Fraction) -> tuple[int, Struck]:
+def _exactly(cluster: RationalCluster, threshold: Fraction) -> tuple[int, ClusterImpulses]:
     p, speed = cluster.none(), cluster.approach()
     if not speed > 0:
-        return ANSWERED, Struck(p)
+        return ANSWERED, ClusterImpulses(p)
     q = cluster.project(p)
     if q is None:
-        return CONTRADICTORY, Struck(p)
+        return CONTRADICTORY, ClusterImpulses(p)
     e = cluster.joined_restitution(q)
     inelastic = [x + y for x, y in zip(p, q, strict=True)]
     if e == 0:
-        return ANSWERED, Struck(inelastic, restitution=e)
+        return ANSWERED, ClusterImpulses(inelastic, restitution=e)
     margin: Scalar = math.inf
     digits = 0
     for _ in range(REFLECTIONS):
@@ -115,17 +115,17 @@ def _exactly(cluster: RationalCluster, threshold: Fraction) -> tuple[int, Struck
             break
         q = cluster.project(p, violated)
         if q is None:
-            return CONTRADICTORY, Struck(p)
+            return CONTRADICTORY, ClusterImpulses(p)
         p = [x + 2 * y for x, y in zip(p, q, strict=True)]
         digits += len(p) ** 2 * max(x.denominator.bit_length() for x in p)
         if digits > DIGITS:
-            return ENDLESS, Struck(p)
+            return ENDLESS, ClusterImpulses(p)
     else:
-        return ENDLESS, Struck(p)
+        return ENDLESS, ClusterImpulses(p)
     p = [e * x + (1 - e) * y for x, y in zip(p, inelastic, strict=True)]
     if cluster.approaching(p):  # slower than the threshold
         q = cluster.project(p)
         if q is None:
-            return CONTRADICTORY, Struck(p)
+            return CONTRADICTORY, ClusterImpulses(p)
         p = [x + y for x, y in zip(p, q, strict=True)]
-    return ANSWERED, Struck(p, margin=margin, restitution=e)
+    return ANSWERED, ClusterImpulses(p, margin=margin, restitution=e)

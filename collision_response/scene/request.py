@@ -86,7 +86,10 @@ def _as_pair(i: int, pair: Any) -> Pair:
 
 
 def as_floats(
-    bodies: Sequence[Body], pairs: Sequence[Pair], contacts: Sequence[Contact], names: Sequence[Name]
+    bodies: Sequence[Body],
+    pairs: Sequence[Pair],
+    contacts: Sequence[Contact],
+    names: Sequence[ContactIndices],
 ) -> tuple[list[Body], list[Contact]]:
     """The same in floats, where numbers were of other kinds.
 
@@ -107,7 +110,7 @@ def as_floats(
             return x
 
         given = bodies[a], bodies[b], contacts[i], read
-        floats[a], floats[b], touches[i] = in_words_of_scene(name, on_balls.read, *given)
+        floats[a], floats[b], touches[i] = with_scene_names(name, on_balls.read, *given)
         if any(lost):
             reason = (
                 "a number of it, or of its bodies, is no float: give fractions.Fraction for exact numbers"
@@ -116,7 +119,7 @@ def as_floats(
     return floats, touches
 
 
-class Name(NamedTuple):
+class ContactIndices(NamedTuple):
     """A contact and its bodies, as the scene numbers them."""
 
     contact: int
@@ -124,7 +127,7 @@ class Name(NamedTuple):
     body_b: int
 
 
-def _named(text: str, name: Name) -> str:
+def _named(text: str, name: ContactIndices) -> str:
     """A message about one impact, in the words of the scene."""
     fields = (("body_a", f"bodies[{name.body_a}]"), ("body_b", f"bodies[{name.body_b}]"))
     for word, place in (*fields, ("contact", f"contacts[{name.contact}]")):
@@ -133,7 +136,7 @@ def _named(text: str, name: Name) -> str:
     return text
 
 
-def in_words_of_scene(name: Name, function: Callable[..., T], *arguments: Any) -> T:
+def with_scene_names(name: ContactIndices, function: Callable[..., T], *arguments: Any) -> T:
     """``function(*arguments)``, which is about one impact; its errors are in the words of the scene."""
     try:
         return function(*arguments)
@@ -143,13 +146,13 @@ def in_words_of_scene(name: Name, function: Callable[..., T], *arguments: Any) -
         raise TypeError(_named(str(error), name)) from None
 
 
-def _renamed(error: ImpactError, name: Name) -> ImpactError:
+def _renamed(error: ImpactError, name: ContactIndices) -> ImpactError:
     if error.code is StatusCode.NO_DYNAMIC_BODY:
         reason = f"one body must be dynamic; is {(name.body_a, name.body_b)}"
         return ImpactError(error.code, f"pairs[{name.contact}]", reason)
     return ImpactError(error.code, _named(error.field, name), error.reason)
 
 
-def check_contact(body_a: Body, body_b: Body, contact: Contact, name: Name) -> None:
+def check_contact(body_a: Body, body_b: Body, contact: Contact, name: ContactIndices) -> None:
     """Raises: ImpactError: what is wrong with one contact, or its bodies."""
-    in_words_of_scene(name, validity.check, body_a, body_b, contact, 0.0)
+    with_scene_names(name, validity.check, body_a, body_b, contact, 0.0)

@@ -21,18 +21,18 @@ from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 from . import request
-from .alone import alone
 from .answer import SceneImpact
-from .answered import Answered, dealt
-from .clusters import Pair, clusters_of, copies_of
-from .orders import order_sensitivity
+from .cluster_answer import ClusterAnswer, split_among_copies
+from .clusters import Pair, distinct_contacts, find_clusters
+from .order_sensitivity import order_sensitivity
 from .reflections import REFLECTIONS
-from .several import Options, several
+from .resolve_cluster import SceneOptions, resolve_cluster
+from .single_contact import resolve_single_contact
 
 THRESHOLD = 2.0**-30
 """An approach slower than this part of the fastest one does not count as one: no rounding decides it."""
 
-IN_KERNELS = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU)
+COMPILED_LAWS = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU)
 """The laws by which scenes are resolved without Python, where nothing is unusual."""
 
 PRECISIONS = (Precision.DOUBLE, Precision.EXTENDED)
@@ -82,28 +82,28 @@ def resolve_scene(
         TypeError: a field is not of the kind that it should be.
         ValueError: there is not one pair, or not one stiffness, for each contact.
     """
-    wanted = _wanted_of(model)
+    wanted = _kernel_model(model)
     if threshold is THRESHOLD and stiffness is None and exponent == 1.5 and orders == 0:
-        found = library.usual_scene(bodies, pairs, contacts, *wanted[:3]) if wanted.models else None
+        found = library.resolve_scene(bodies, pairs, contacts, *wanted[:3]) if wanted.models else None
         if found is not None:
             return SceneImpact._make(found)
     scene = request.check(bodies, pairs, contacts)
     law = law_for(model.law, has_friction=scene.has_friction)
     exact = library.is_rational(scene.bodies) or library.is_rational(scene.contacts)
     _check_options(threshold, stiffness, exponent, orders, len(scene.contacts))
-    asked = Options(model, law, threshold, stiffness, exponent, exact)
+    asked = SceneOptions(model, law, threshold, stiffness, exponent, exact)
     if exact:
         scene = _as_fractions(scene, law)
-    clusters = clusters_of(scene.pairs, scene.movable)
+    clusters = find_clusters(scene.pairs, scene.movable)
     answers = []
     for cluster in clusters:
-        copies = copies_of(cluster, scene.pairs, scene.contacts, join=law is not Law.ROUTH_STRONGE)
+        copies = distinct_contacts(cluster, scene.pairs, scene.contacts, join=law is not Law.ROUTH_STRONGE)
         if len(copies.first) == 1 and not (exact and law is Law.MOREAU):
-            answered = alone(scene, cluster[0], model)
+            answered = resolve_single_contact(scene, cluster[0], model)
         else:
-            answered = several(scene, copies, asked)
+            answered = resolve_cluster(scene, copies, asked)
         if len(copies.first) < len(cluster):
-            answered = dealt(answered, scene, cluster, copies)
+            answered = split_among_copies(answered, scene, cluster, copies)
         answers.append(answered)
     answer = _put_together(scene, asked, wanted.numbers[2], clusters, answers)
     if orders:
@@ -114,10 +114,10 @@ def resolve_scene(
 
 def _put_together(
     scene: request.SceneRequest,
-    asked: Options,
+    asked: SceneOptions,
     limit: float,
     clusters: list[list[int]],
-    answers: list[Answered],
+    answers: list[ClusterAnswer],
 ) -> SceneImpact:
     """The answer for the scene, from those for its clusters."""
     twists: list[Any] = [None] * len(scene.bodies)
@@ -197,7 +197,7 @@ def _as_fractions(scene: request.SceneRequest, law: Law) -> request.SceneRequest
     )
 
 
-class Wanted(NamedTuple):
+class KernelModel(NamedTuple):
     """What a model comes to.
 
     Attributes:
@@ -217,7 +217,7 @@ _last: tuple[Any, Any] = (None, None)
 """The last model, and what it comes to: many scenes are resolved by one."""
 
 
-def _wanted_of(model: ImpactModel) -> Wanted:
+def _kernel_model(model: ImpactModel) -> KernelModel:
     """Raises: ImpactError, TypeError: the model is not sound."""
     global _last
     last, wanted = _last
@@ -227,18 +227,18 @@ def _wanted_of(model: ImpactModel) -> Wanted:
     return wanted
 
 
-def _wanted(model: ImpactModel) -> Wanted:
+def _wanted(model: ImpactModel) -> KernelModel:
     found = plan(model)
     laws = found.law_without_friction, found.law_with_friction
     usual = model.geometry in (Geometry.AUTO, Geometry.SPATIAL) and not model.tangential_restitution
     models: tuple[tuple[ImpactModel, ...], ...] = ()
-    if usual and laws[1] in IN_KERNELS:
+    if usual and laws[1] in COMPILED_LAWS:
         models = tuple(
             tuple(ImpactModel(law, Geometry.SPATIAL, precision, *model[3:]) for precision in PRECISIONS)
-            for law in (Law.AUTO, *IN_KERNELS)
+            for law in (Law.AUTO, *COMPILED_LAWS)
         )
     numbers = THRESHOLD, found.settings.restitution_threshold, found.limit, REFLECTIONS
-    return Wanted(laws, numbers, models)
+    return KernelModel(laws, numbers, models)
 
 
 def _check_options(threshold: Any, stiffness: Any, exponent: Any, orders: Any, count: int) -> None:
@@ -263,7 +263,7 @@ NOWHERE = Contact.of((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
 def _energy_of_untouched(place: int, body: Body) -> Scalar:
     """Of a body without contacts, which must be sound too."""
     try:
-        request.in_words_of_scene(request.Name(-1, place, -1), resolve, body, PROBE, NOWHERE)
+        request.with_scene_names(request.ContactIndices(-1, place, -1), resolve, body, PROBE, NOWHERE)
     except ImpactError as error:
         if error.code is not StatusCode.OUT_OF_RANGE:
             raise

@@ -32,7 +32,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from ..status import ImpactError, StatusCode
-from .reflections import Struck
+from .reflections import ClusterImpulses
 
 LEAST_RESTITUTION = 0.05
 """Below it a path takes too many compressions to end."""
@@ -73,8 +73,8 @@ def compressed(
     tolerance: float,
     *,
     has_friction: bool,
-    apart: Callable[[Struck, Struck], float],
-) -> tuple[Struck, float]:
+    apart: Callable[[ClusterImpulses, ClusterImpulses], float],
+) -> tuple[ClusterImpulses, float]:
     """The impulses, and the relative error of the answer.
 
     Args:
@@ -92,7 +92,7 @@ def compressed(
 
     paths = RUBBING if has_friction else SMOOTH
     fine, ratio, work, change, estimate = paths.first, paths.ratio, WORK, 0.0, math.inf
-    found: list[Struck] = []
+    found: list[ClusterImpulses] = []
     while fine >= FINEST and (len(found) < LEAST_PATHS or estimate > (tolerance or paths.enough)):
         path = cluster.compress(list(stiffness), exponent, fine, work, has_friction)
         if path is None:
@@ -101,7 +101,7 @@ def compressed(
             reason = "friction wedges the bodies: springs stay compressed, and their impulses have no end"
             raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
         p, tangential, rubbed, left = path
-        found.append(Struck(p, tangential, rubbed=rubbed))
+        found.append(ClusterImpulses(p, tangential, rubbed=rubbed))
         if len(found) > 1:
             # A change may be small by chance: no less than the one before leads to expect.
             change = max(apart(*found[-2:]), change * ratio)

@@ -20,7 +20,7 @@ template <class R> R digits(const N& x) {  // as many as R has
 INLINE double width(const N& x) { return x.error * (1 + 0x1p-30); }
 
 // Of the power of two that brings a normal or a quaternion into the middle of the range; 0 if it is there. Of normals
-// as in several.py.
+// as in resolve_cluster.py.
 inline int exponent_of(const double* x, int count) {
   double largest = 0;
   for (int k = 0; k < count; ++k) largest = std::fmax(largest, std::fabs(x[k]));

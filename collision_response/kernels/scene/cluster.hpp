@@ -127,7 +127,7 @@ inline Struck stepped(const Assembly& scene, bool rubs) {
   return {found.found == Found::LEAST ? Outcome::ANSWERED : Outcome::CONTRADICTORY, found.q, found.error};
 }
 
-// What several.py does, where doubles can decide it.
+// What resolve_cluster.py does, where doubles can decide it.
 inline Answer answered(Cluster& cluster, const Asked& asked) {
   Assembly& scene = cluster.scene;
   Answer answer{LEFT_TO_PYTHON, {}};

@@ -7,11 +7,11 @@ import math
 from ..model import ImpactModel
 from ..physics.body import Body
 from ..resolve import resolve
-from .answered import Answered
-from .request import Name, SceneRequest, in_words_of_scene
+from .cluster_answer import ClusterAnswer
+from .request import ContactIndices, SceneRequest, with_scene_names
 
 
-def alone(scene: SceneRequest, i: int, model: ImpactModel) -> Answered:
+def resolve_single_contact(scene: SceneRequest, i: int, model: ImpactModel) -> ClusterAnswer:
     """What :func:`~collision_response.resolve` says of contact ``i``, to the last bit.
 
     Raises:
@@ -20,10 +20,10 @@ def alone(scene: SceneRequest, i: int, model: ImpactModel) -> Answered:
     bodies, contacts = scene.bodies, scene.contacts
     a, b = scene.pairs[i]
     body_b = bodies[b] if bodies[b] is not bodies[a] else Body(*bodies[b])  # two bodies may be equal
-    impact = in_words_of_scene(Name(i, a, b), resolve, bodies[a], body_b, contacts[i], model)
+    impact = with_scene_names(ContactIndices(i, a, b), resolve, bodies[a], body_b, contacts[i], model)
     sides = ((a, impact.change_a, impact.twist_a), (b, impact.change_b, impact.twist_b))
     moved = [side for side in sides if scene.movable[side[0]]]
-    return Answered(
+    return ClusterAnswer(
         [place for place, _, _ in moved],
         [change for _, change, _ in moved],
         [twist for _, _, twist in moved],

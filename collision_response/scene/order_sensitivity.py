@@ -42,11 +42,11 @@ def order_sensitivity(
         order = indices[::-1] if turn == 1 else list(indices)
         if turn > 1:
             shuffled.shuffle(order)
-        answers.append(one_after_another(bodies, pairs, contacts, model, order))
+        answers.append(resolve_sequentially(bodies, pairs, contacts, model, order))
     return max(distance(bodies, one, other) for one in answers for other in answers)
 
 
-def one_after_another(
+def resolve_sequentially(
     bodies: Sequence[Body],
     pairs: Sequence[Pair],
     contacts: Sequence[Contact],

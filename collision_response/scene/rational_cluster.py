@@ -32,7 +32,7 @@ ROUNDING = Fraction(1, 2**40)
 """This part of the work at the contacts may be created: floats can tell no less, and the law is the same."""
 
 
-class Motions(NamedTuple):
+class ImpulseEffect(NamedTuple):
     """What becomes of a cluster: see ``answer`` in ``kernels/scene.cpp``."""
 
     changes: list[Twist]
@@ -129,7 +129,7 @@ class RationalCluster:
             return NOUGHT
         return sum(w * c.restitution for w, c in zip(weights, self._contacts, strict=True)) / total
 
-    def answer(self, p: Numbers, *_: Any) -> Motions:
+    def answer(self, p: Numbers, *_: Any) -> ImpulseEffect:
         """What becomes of the bodies."""
         changes = self._changes(p)
         moved = [
@@ -144,7 +144,7 @@ class RationalCluster:
         idle = [body.angular_velocity - body.driving_spin()[1] for body in self._bodies]
         lengths = [contact.normal.norm() for contact in self._contacts]
         impulses = [c.normal * x for c, x in zip(self._contacts, self.least_norm(p), strict=True)]
-        return Motions(
+        return ImpulseEffect(
             changes,
             [Twist(body.velocity, body.angular_velocity) for body in moved],
             impulses,

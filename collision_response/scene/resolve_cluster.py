@@ -20,24 +20,24 @@ from ..physics.laws import Law
 from ..physics.vector import Vec3
 from ..status import ImpactError, StatusCode
 from . import request
-from .answered import Answered
-from .clusters import Copies, Pair
+from .cluster_answer import ClusterAnswer
+from .clusters import DistinctContacts, Pair
 from .coulomb import with_friction
 from .moreau import one_step
-from .orders import distance
-from .rational import RationalCluster
-from .reflections import Struck, contradiction, reflections
-from .request import Name, SceneRequest
+from .order_sensitivity import distance
+from .rational_cluster import RationalCluster
+from .reflections import ClusterImpulses, contradiction, reflections
+from .request import ContactIndices, SceneRequest
 from .stronge import LEAST_RESTITUTION, compressed
 
-FOR_SEVERAL = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE)
+CLUSTER_LAWS = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE)
 """The laws that know several contacts."""
 
 RATIONAL_CONTACTS = 8
 """Clusters up to this size are decided in rationals where double-double can't."""
 
 
-class Options(NamedTuple):
+class SceneOptions(NamedTuple):
     """What is asked of a scene beside its parts: see :func:`~collision_response.resolve_scene`."""
 
     model: ImpactModel
@@ -48,7 +48,7 @@ class Options(NamedTuple):
     exact: bool
 
 
-class Parts(NamedTuple):
+class ClusterParts(NamedTuple):
     """A cluster by itself.
 
     Attributes:
@@ -65,9 +65,9 @@ class Parts(NamedTuple):
     counts: list[int]
     first: list[int]
 
-    def some(self, places: Sequence[int]) -> Parts:
+    def some(self, places: Sequence[int]) -> ClusterParts:
         """Some of the contacts."""
-        return Parts(
+        return ClusterParts(
             self.bodies,
             [self.pairs[i] for i in places],
             [self.contacts[i] for i in places],
@@ -76,7 +76,7 @@ class Parts(NamedTuple):
         )
 
 
-def several(scene: SceneRequest, copies: Copies, asked: Options) -> Answered:
+def resolve_cluster(scene: SceneRequest, copies: DistinctContacts, asked: SceneOptions) -> ClusterAnswer:
     """What the law says of the contacts of a cluster, each once.
 
     Raises:
@@ -91,7 +91,9 @@ def several(scene: SceneRequest, copies: Copies, asked: Options) -> Answered:
         a, b = scene.pairs[i]
         pairs.append((places.setdefault(a, len(places)), places.setdefault(b, len(places))))
     contacts = [_with_friction(scene, i, law) for i in copies.first]
-    parts = Parts([scene.bodies[place] for place in places], pairs, contacts, copies.counts, copies.first)
+    parts = ClusterParts(
+        [scene.bodies[place] for place in places], pairs, contacts, copies.counts, copies.first
+    )
     cluster, parts, slow = _with_restitution(scene, parts, asked)
     if model.geometry in (Geometry.POINT, Geometry.PLANAR):
         _check_geometry(parts, model.geometry)
@@ -113,7 +115,7 @@ def several(scene: SceneRequest, copies: Copies, asked: Options) -> Answered:
     if e is not None:
         used = [c if c.restitution == e else c._replace(restitution=e) for c in used]
     in_doubles = has_friction or law is Law.ROUTH_STRONGE
-    return Answered(
+    return ClusterAnswer(
         [place for place in places if scene.movable[place]],
         changes,
         twists,
@@ -140,7 +142,7 @@ def several(scene: SceneRequest, copies: Copies, asked: Options) -> Answered:
 
 def _check_model(scene: SceneRequest, first: Sequence[int], model: ImpactModel, law: Law) -> None:
     """Raises: ImpactError: it is for one contact."""
-    if law not in FOR_SEVERAL:
+    if law not in CLUSTER_LAWS:
         reason = f"{law.name} is for clusters of one contact: try ROUTH_STRONGE"
         raise ImpactError(StatusCode.INVALID_MODEL, "model.law", reason)
     for i in first if law is Law.COULOMB else ():
@@ -151,7 +153,7 @@ def _check_model(scene: SceneRequest, first: Sequence[int], model: ImpactModel, 
             raise ImpactError(StatusCode.INVALID_MODEL, f"{place}.tangential_restitution", reason)
 
 
-def _check_geometry(parts: Parts, geometry: Geometry) -> None:
+def _check_geometry(parts: ClusterParts, geometry: Geometry) -> None:
     """Raises: ImpactError: it leaves out what matters."""
     for (a, b), contact in zip(parts.pairs, parts.contacts, strict=True):
         if required(parts.bodies[a], parts.bodies[b], contact, frictionless=False) > geometry:
@@ -172,11 +174,13 @@ def _with_friction(scene: SceneRequest, i: int, law: Law) -> Contact:
         return contact._replace(friction=0.0)
     a, b = scene.pairs[i]
     given = scene.bodies[a], scene.bodies[b], contact, law
-    mu = request.in_words_of_scene(Name(i, a, b), friction_at_first, *given)
+    mu = request.with_scene_names(ContactIndices(i, a, b), friction_at_first, *given)
     return contact._replace(friction=mu)
 
 
-def _with_restitution(scene: SceneRequest, parts: Parts, asked: Options) -> tuple[Any, Parts, bool]:
+def _with_restitution(
+    scene: SceneRequest, parts: ClusterParts, asked: SceneOptions
+) -> tuple[Any, ClusterParts, bool]:
     """The assembled cluster, every restitution a number; and whether one is 0 for want of speed."""
     given, threshold = parts.contacts, asked.model.restitution_threshold
     has_function = any([callable(contact.restitution) for contact in given])
@@ -186,7 +190,7 @@ def _with_restitution(scene: SceneRequest, parts: Parts, asked: Options) -> tupl
     cluster, parts = _assembled(scene, parts, asked.exact)
     if not (has_function or threshold):
         return cluster, parts, False
-    speeds = [-u for u in _motions(cluster, Struck(cluster.none()))[3]]
+    speeds = [-u for u in _motions(cluster, ClusterImpulses(cluster.none()))[3]]
     fastest, slow, contacts = max(0.0, *speeds), False, []
     for original, contact, speed, i in zip(given, parts.contacts, speeds, parts.first, strict=True):
         e = contact.restitution
@@ -198,13 +202,13 @@ def _with_restitution(scene: SceneRequest, parts: Parts, asked: Options) -> tupl
     return *_assembled(scene, parts._replace(contacts=contacts), asked.exact), slow
 
 
-def _assembled(scene: SceneRequest, parts: Parts, exact: bool) -> tuple[Any, Parts]:
+def _assembled(scene: SceneRequest, parts: ClusterParts, exact: bool) -> tuple[Any, ClusterParts]:
     """What impulses do in a cluster, and its parts in the numbers that are used."""
     if not exact:
         made = library.assemble(*parts[:4])
         if made.__class__ is library.Cluster:
             return made, parts
-    names = [Name(i, *scene.pairs[i]) for i in parts.first]
+    names = [ContactIndices(i, *scene.pairs[i]) for i in parts.first]
     if not exact:
         if made is None:  # a number is no float
             bodies, contacts = request.as_floats(parts.bodies, parts.pairs, parts.contacts, names)
@@ -219,19 +223,19 @@ def _assembled(scene: SceneRequest, parts: Parts, exact: bool) -> tuple[Any, Par
     return RationalCluster(*parts[:4]), parts
 
 
-def _motions(cluster: Any, struck: Struck, *, by_slip: bool = False) -> Any:
+def _motions(cluster: Any, struck: ClusterImpulses, *, by_slip: bool = False) -> Any:
     return cluster.answer(struck.p, struck.tangential, struck.error, by_slip)
 
 
 def _by_law(
-    cluster: Any, parts: Parts, asked: Options, has_friction: bool
-) -> tuple[Struck, float | None, Any]:
+    cluster: Any, parts: ClusterParts, asked: SceneOptions, has_friction: bool
+) -> tuple[ClusterImpulses, float | None, Any]:
     """What the law gives; the relative error, where the law estimates it; what becomes of the bodies."""
     locked = _locked(cluster, parts)
     if cluster.doubtful and not cluster.locked:
         hidden, springs = _approaches(parts), asked.law is Law.ROUTH_STRONGE
         if not hidden or has_friction or springs or len(parts.contacts) > RATIONAL_CONTACTS:
-            nothing = Struck(cluster.none(), error=math.inf if hidden else 0.0)
+            nothing = ClusterImpulses(cluster.none(), error=math.inf if hidden else 0.0)
             return nothing, None, _motions(cluster, nothing)
         locked = _in_fractions(parts)
     if asked.law is Law.ROUTH_STRONGE:
@@ -249,7 +253,9 @@ def _by_law(
     return struck._replace(fell_back=True) if fell_back else struck, None, _motions(cluster, struck)
 
 
-def _in_one_step(cluster: Any, locked: RationalCluster | None, *, has_friction: bool) -> Struck | None:
+def _in_one_step(
+    cluster: Any, locked: RationalCluster | None, *, has_friction: bool
+) -> ClusterImpulses | None:
     """MOREAU; without friction, what may press on itself decided in rationals."""
     if locked is None or (has_friction and locked.can_rebound()):
         return one_step(cluster, has_friction=has_friction)
@@ -257,13 +263,15 @@ def _in_one_step(cluster: Any, locked: RationalCluster | None, *, has_friction: 
     return None if exact is None else _in_floats(cluster, locked, exact)
 
 
-def _in_floats(cluster: Any, exactly: RationalCluster, exact: Struck) -> Struck:
+def _in_floats(cluster: Any, exactly: RationalCluster, exact: ClusterImpulses) -> ClusterImpulses:
     p = cluster.from_floats([float(x) for x in exactly.least_norm(exact.p)])
     e = None if exact.restitution is None else float(exact.restitution)
-    return Struck(p, None, cluster.size(p) * 2.0**-53, float(exact.margin), e)
+    return ClusterImpulses(p, None, cluster.size(p) * 2.0**-53, float(exact.margin), e)
 
 
-def _by_reflections(cluster: Any, parts: Parts, locked: RationalCluster | None, threshold: Scalar) -> Struck:
+def _by_reflections(
+    cluster: Any, parts: ClusterParts, locked: RationalCluster | None, threshold: Scalar
+) -> ClusterImpulses:
     """FRICTIONLESS; what double-double can't decide, decided in rationals."""
     struck = None if locked or cluster.locked else reflections(cluster, threshold)
     if struck is not None and struck.error < math.inf:
@@ -277,7 +285,7 @@ def _by_reflections(cluster: Any, parts: Parts, locked: RationalCluster | None, 
     return struck
 
 
-def _locked(cluster: Any, parts: Parts) -> RationalCluster | None:
+def _locked(cluster: Any, parts: ClusterParts) -> RationalCluster | None:
     """A cluster in fractions, if it is small and may press on itself: then no double is to decide it.
 
     Raises:
@@ -295,7 +303,7 @@ def _locked(cluster: Any, parts: Parts) -> RationalCluster | None:
     return exactly if small else None
 
 
-def _approaches(parts: Parts) -> bool:
+def _approaches(parts: ClusterParts) -> bool:
     """Whether a contact does, to all digits."""
     bodies = list(map(on_fractions.body_as_fractions, parts.bodies))
     for (a, b), given in zip(parts.pairs, parts.contacts, strict=True):
@@ -306,7 +314,7 @@ def _approaches(parts: Parts) -> bool:
     return False
 
 
-def _in_fractions(parts: Parts) -> RationalCluster:
+def _in_fractions(parts: ClusterParts) -> RationalCluster:
     bodies = list(map(on_fractions.body_as_fractions, parts.bodies))
     contacts = [on_fractions.contact_as_fractions(_of_usual_length(c)) for c in parts.contacts]
     return RationalCluster(bodies, parts.pairs, contacts, parts.counts)
@@ -320,16 +328,18 @@ def _of_usual_length(contact: Contact) -> Contact:
     return contact._replace(normal=Vec3(*(math.ldexp(x, -exponent) for x in contact.normal)))
 
 
-def _by_springs(cluster: Any, parts: Parts, asked: Options, has_friction: bool) -> tuple[Struck, float, Any]:
+def _by_springs(
+    cluster: Any, parts: ClusterParts, asked: SceneOptions, has_friction: bool
+) -> tuple[ClusterImpulses, float, Any]:
     movable = [body for body in parts.bodies if body.is_movable()]
 
-    def motions_of(struck: Struck) -> Any:
+    def motions_of(struck: ClusterImpulses) -> Any:
         return _motions(cluster, struck, by_slip=True)
 
-    def apart(one: Struck, other: Struck) -> float:
+    def apart(one: ClusterImpulses, other: ClusterImpulses) -> float:
         return distance(movable, motions_of(one)[0], motions_of(other)[0])
 
-    struck = Struck(cluster.none())
+    struck = ClusterImpulses(cluster.none())
     motions = motions_of(struck)
     if not min(motions[3]) < 0:
         return struck, 0.0, motions

@@ -12,11 +12,11 @@ from ..physics.body import Twist
 from ..physics.contact import Contact
 from ..physics.laws import Regime
 from ..physics.vector import Vec3
-from .clusters import Copies
+from .clusters import DistinctContacts
 from .request import SceneRequest
 
 
-class Answered(NamedTuple):
+class ClusterAnswer(NamedTuple):
     """What becomes of one cluster: see :class:`~collision_response.SceneImpact`.
 
     Attributes:
@@ -42,7 +42,9 @@ class Answered(NamedTuple):
     model: ImpactModel
 
 
-def dealt(answered: Answered, scene: SceneRequest, cluster: Sequence[int], copies: Copies) -> Answered:
+def split_among_copies(
+    answered: ClusterAnswer, scene: SceneRequest, cluster: Sequence[int], copies: DistinctContacts
+) -> ClusterAnswer:
     """With an entry for every copy of a contact: they share its impulse, whichever body is given first."""
     contacts, impulses = [], []
     for i, place in zip(cluster, copies.places, strict=True):
