@@ -21,7 +21,7 @@ from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics
 from .physics.energy import kinetic_energy
 from .physics.laws import BY_SPEED, LAWS, Coefficients, Law, Outcome, Regime, Settings
-from .physics.laws.chatterjee_ruina import or_fallback
+from .physics.laws.chatterjee_ruina import fallback_where
 from .physics.laws.law import Solution
 from .physics.vector import Vec3
 
@@ -147,10 +147,10 @@ def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Set
     by_speed = callable(friction)
     blow = blow_of(kinematics, Coefficients(contact.restitution, friction, settings), law)
     approaching, is_slow, e, outcome, impulse = blow
-    change_a, change_b = kinematics.respond(impulse)
-    if outcome.along_normal is not None:
-        along = blow.if_approaching(outcome.along_normal)
-        change_a, change_b = kinematics.respond_along_normal(impulse, along)
+    change_a, change_b = kinematics.twist_changes(impulse)
+    if outcome.normal_factor is not None:
+        along = blow.if_approaching(outcome.normal_factor)
+        change_a, change_b = kinematics.twist_changes_along_normal(impulse, along)
     a, b = _moved(body_a, change_a), _moved(body_b, change_b)
     u_after = u + kinematics.velocity_change(change_a, change_b)
     normal_impulse = impulse.dot(n) / length
@@ -166,10 +166,10 @@ def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Set
         kinetic_energy_before=kinetic_energy(body_a) + kinetic_energy(body_b),
         kinetic_energy_after=kinetic_energy(a)
         + kinetic_energy(b)
-        + kinematics.side_a.energy_gained(body_a.velocity, impulse, change_a)
-        + kinematics.side_b.energy_gained(body_b.velocity, -impulse, change_b),
-        energy_lost_restitution=blow.if_approaching(outcome.lost_restitution),
-        energy_lost_friction=blow.if_approaching(outcome.lost_friction),
+        + kinematics.body_a.energy_gained(body_a.velocity, impulse, change_a)
+        + kinematics.body_b.energy_gained(body_b.velocity, -impulse, change_b),
+        energy_lost_restitution=blow.if_approaching(outcome.energy_lost_restitution),
+        energy_lost_friction=blow.if_approaching(outcome.energy_lost_friction),
         restitution=e,
         regime=choose(approaching, lambda: outcome.regime, lambda: 1.0 * Regime.SEPARATING),
     )
@@ -177,7 +177,7 @@ def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Set
         separating=negation(approaching),
         slow=is_slow & (contact.restitution > 0),
         fell_back=approaching & outcome.fell_back,
-        idle_spin=_is_idle(kinematics.side_a.idle) | _is_idle(kinematics.side_b.idle),
+        idle_spin=_is_idle(kinematics.body_a.massless_spin) | _is_idle(kinematics.body_b.massless_spin),
         unfinished=approaching & outcome.unfinished,
         out_of_range=leave_range(n.dot(n), kinematics.n_Kn)
         | blow.and_approaching(
@@ -186,7 +186,8 @@ def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Set
         unphysical=not by_speed
         and _is_unphysical(law, kinematics, u_after, impulse, friction, e * kinematics.n_u, approaching),
     )
-    doubt = outcome.doubt and Changes(outcome.doubt, *kinematics.respond(outcome.doubt))
+    error = outcome.estimated_error
+    doubt = error and Changes(error, *kinematics.twist_changes(error))
     return Answer(Changes(impulse, change_a, change_b), report, flags, doubt)
 
 
@@ -214,12 +215,13 @@ def blow_of(contact: ContactKinematics, coefficients: Coefficients, law: Law) ->
 
 def _or_coulomb(contact: ContactKinematics, coefficients: Coefficients, outcome: Outcome) -> Outcome:
     """The answer of a law; COULOMB's where a mechanism moves one way only, or wedges."""
-    fails, doubt = contact.moves_one_way() | contact.wedges(coefficients.friction), outcome.doubt
+    fails = contact.is_confined_to_a_line() | contact.has_locked_direction_in_cone(coefficients.friction)
+    error = outcome.estimated_error
     return Outcome(
-        *or_fallback(fails, contact, coefficients, Solution(*outcome[:4])),
+        *fallback_where(fails, contact, coefficients, Solution(*outcome[:4])),
         fell_back=outcome.fell_back | fails,
         unfinished=outcome.unfinished & negation(fails),
-        doubt=None if doubt is None else choose(fails, lambda: doubt * 0, lambda: doubt),
+        estimated_error=None if error is None else choose(fails, lambda: error * 0, lambda: error),
     )
 
 
@@ -243,7 +245,7 @@ def _is_unphysical(
     approaching: Condition,
 ) -> Condition:
     """Whether the answer breaks what every answer keeps, seen from the changes of the twists alone."""
-    n, (work, speed) = contact.n, contact.forgiven(P)
+    n, (work, speed) = contact.n, contact.tolerated_error(P)
     n_P, nn = n.dot(P), n.dot(n)
     tangential = P * nn - n * n_P
     gains = P.dot(contact.u + u_after) > work

@@ -94,13 +94,13 @@ def _of_body(name: str, body: Body) -> Iterator[Rule]:
 def _of_mechanism(kinematics: ContactKinematics, contact: Contact) -> Iterator[Rule]:
     """What rigid bodies cannot lack: mechanisms move in some directions only."""
     yield Rule(
-        kinematics.moves_normal(),
+        kinematics.is_movable_along_normal(),
         StatusCode.INVALID_NORMAL,
         "contact.normal",
         "must have an impulse along it that moves the contact: n.K n is 0",
     )
     yield Rule(
-        (contact.friction == 0) | kinematics.can_rest(),
+        (contact.friction == 0) | kinematics.can_come_to_rest(),
         StatusCode.INVALID_COEFFICIENT,
         "contact.friction",
         "must be 0 where the contact slips in a direction in which no impulse moves it",

@@ -26,7 +26,7 @@ from collision_response import (
     resolve,
     resolve_contact,
 )
-from collision_response.physics.effective_mass import Seen
+from collision_response.physics.effective_mass import ContactNumbers
 from collision_response.physics.laws import Coefficients, Outcome, Regime, Settings
 from collision_response.physics.laws.moreau import moreau
 from collision_response.physics.tensor import Symmetric3
@@ -42,7 +42,7 @@ OF_THE_ORACLE = 1e-45
 def solve(K, u, n, e: float, mu: float, number=float) -> Outcome:
     n, u = Vec3(*map(number, n)), Vec3(*map(number, u))
     K = Symmetric3(*(number(K[i][j]) for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))))
-    contact = Seen(n, u, n.dot(u), n.dot(K @ n), K)
+    contact = ContactNumbers(n, u, n.dot(u), n.dot(K @ n), K)
     return moreau(contact, Coefficients(number(e), number(mu), Settings(number(0.0))))
 
 
@@ -75,7 +75,7 @@ def rod(theta: float) -> list[list[float]]:
 def test_reference(theta, e, u, P, energy, fell_back):
     found = solve(rod(theta), u, UP, e, 0.3)
     assert found.impulse == pytest.approx((*P, 0.0), abs=1e-14)
-    assert found.lost_restitution + found.lost_friction == pytest.approx(-energy, abs=6e-7)
+    assert found.energy_lost_restitution + found.energy_lost_friction == pytest.approx(-energy, abs=6e-7)
     assert found.fell_back is fell_back
     bounded = solve(rod(theta), u, UP, e, 0.3, Bounded)
     for own, value in zip(bounded.impulse, found.impulse, strict=True):
@@ -103,8 +103,8 @@ def check(K, u, n, e: float, mu: float, limit: float = ROUNDED) -> None:
         K_P = [mp.fdot(row, P) for row in K]
         lost = -sum(P[i] * (u[i] + K_P[i] / 2) for i in range(3))
         work = sum(abs(P[i] * u[i]) for i in range(3))
-        assert abs(found.lost_restitution + found.lost_friction - lost) <= 10 * limit * work
-        own = bounded.lost_restitution + bounded.lost_friction
+        assert abs(found.energy_lost_restitution + found.energy_lost_friction - lost) <= 10 * limit * work
+        own = bounded.energy_lost_restitution + bounded.energy_lost_friction
         assert own.covers(lost, OF_THE_ORACLE * work)
         for plain, own, p in zip(found.impulse, bounded.impulse, P, strict=True):
             assert abs(plain - p) <= limit * size

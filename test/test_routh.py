@@ -16,7 +16,7 @@ from bounded import ROUNDING, Bounded
 from mpmath import mp
 from oracle.laws import impulse
 
-from collision_response.physics.effective_mass import Seen
+from collision_response.physics.effective_mass import ContactNumbers
 from collision_response.physics.laws import Coefficients, Law, Outcome, Settings
 from collision_response.physics.laws.routh import routh
 from collision_response.physics.tensor import Symmetric3
@@ -34,12 +34,12 @@ Problem = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
 """``K``, ``u`` and ``n``."""
 
 
-def given(problem: Problem, number: Callable[[float], Any] = float, once: Callable = float) -> Seen:
+def given(problem: Problem, number: Callable[[float], Any] = float, once: Callable = float) -> ContactNumbers:
     """The contact; ``n.u`` and ``n.K n`` are rounded once."""
     K, u, n = problem
     exact_K, exact_u, exact_n = Symmetric3(*map(Fraction, K)), *(Vec3(*map(Fraction, v)) for v in (u, n))
     n_u, n_Kn = float(exact_n.dot(exact_u)), float(exact_n.dot(exact_K @ exact_n))
-    return Seen(
+    return ContactNumbers(
         Vec3(*map(number, n)), Vec3(*map(number, u)), once(n_u), once(n_Kn), Symmetric3(*map(number, K))
     )
 
@@ -174,11 +174,11 @@ def test_impulse_and_bound(family, law):
             assert abs(x - z) <= MOST_ERROR * size
             assert y.covers(z, oracles)
             assert y.error <= MOST_BOUND * size
-        lost = bounded.lost_restitution + bounded.lost_friction
+        lost = bounded.energy_lost_restitution + bounded.energy_lost_friction
         assert lost.covers(-report.energy, -report.un_before * oracles)
-        assert plain.lost_friction >= 0
+        assert plain.energy_lost_friction >= 0
         if law is Law.ROUTH_STRONGE:
-            assert plain.lost_restitution >= 0
+            assert plain.energy_lost_restitution >= 0
     assert compared >= 1
 
 
@@ -204,7 +204,9 @@ def test_rod_on_plane(angle, e, u, poisson, stronge):
     for law, (x, y, energy) in zip(LAWS, (poisson, stronge), strict=True):
         outcome = run(law, (rod(angle), u, (0.0, 1.0, 0.0)), e, 0.3)
         assert outcome.impulse == pytest.approx((x, y, 0), abs=6e-9)  # half of the last digit given
-        assert outcome.lost_restitution + outcome.lost_friction == pytest.approx(-energy, abs=6e-7)
+        assert outcome.energy_lost_restitution + outcome.energy_lost_friction == pytest.approx(
+            -energy, abs=6e-7
+        )
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -258,15 +258,15 @@ def _dykstra(case: Case):
         most = 0.0
         for i, ((a, b), k) in enumerate(zip(case.pairs, seen, strict=True)):
             u = k.n_u
-            for body, side, sign in ((a, k.side_a, 1), (b, k.side_b, -1)):
+            for body, side, sign in ((a, k.body_a, 1), (b, k.body_b, -1)):
                 linear, angular = changes[body]
                 u += sign * k.n.dot(linear + angular.cross(side.d))
             by = max(-u / k.n_Kn, -pushes[i])
             pushes[i] += by
             most = max(most, abs(by) * k.n_Kn)
-            for body, side, sign in ((a, k.side_a, 1), (b, k.side_b, -1)):
+            for body, side, sign in ((a, k.body_a, 1), (b, k.body_b, -1)):
                 if case.bodies[body].is_movable():
-                    twist = side.response(k.n * (by * sign))
+                    twist = side.twist_change(k.n * (by * sign))
                     changes[body] = [changes[body][0] + twist.linear, changes[body][1] + twist.angular]
         if most < 1e-11:
             break

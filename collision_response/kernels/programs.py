@@ -10,7 +10,7 @@ from ..impact import Answer, Changes, Flags, Report, blow_of, impact
 from ..model import Adjustment, Geometry, Precision
 from ..numbers.number import choose, numbers_in
 from ..physics.column import Column
-from ..physics.effective_mass import ContactKinematics, Seen, Side
+from ..physics.effective_mass import BodyAtContact, ContactKinematics, ContactNumbers
 from ..physics.energy import kinetic_energy
 from ..physics.inverse_inertia import InverseInertia
 from ..physics.laws import LAWS, PATHS, STEPPED, Coefficients, Law, Regime
@@ -78,11 +78,11 @@ def changes() -> str:
     asked = request(Layout.EVERYTHING, tape)
     contact = ContactKinematics.of(asked.body_a, asked.body_b, asked.contact)
     coefficients = Coefficients(asked.contact.restitution, asked.contact.friction, asked.settings)
-    seen = (*Seen.of(contact), *coefficients)
+    seen = (*ContactNumbers.of(contact), *coefficients)
     law = tape.write(Node("law", tuple(tape.symbol(x).place for x in numbers_in(seen)))).place
     impulse = Vec3(*(tape.write(Node("part", (law,), i)) for i in range(3)))
-    results = map(tape.symbol, numbers_in(Changes(impulse, *contact.respond(impulse))))
-    names = (*Seen._fields, *Coefficients._fields)
+    results = map(tape.symbol, numbers_in(Changes(impulse, *contact.twist_changes(impulse))))
+    names = (*ContactNumbers._fields, *Coefficients._fields)
     text = emit("changes", asked.names, results, [], [], branches=BRANCHES)
     return _places("SEEN", names, seen) + text
 
@@ -90,7 +90,7 @@ def changes() -> str:
 def impulse_by(law: Law) -> str:
     """The impulse by what a law sees, for numbers that carry derivatives."""
     tape = Tape(of_derivatives=True)
-    like = Seen(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR), Coefficients(0.0)
+    like = ContactNumbers(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR), Coefficients(0.0)
     inputs, (seen, coefficients) = _arguments(tape, *like)
     impulse = blow_of(seen, coefficients, law).impulse
     return emit("impulse", inputs, map(tape.symbol, impulse), [], [], branches=BRANCHES)
@@ -103,7 +103,7 @@ def _arguments(tape: Tape, *like: Any) -> tuple[Iterable[object], list[Any]]:
     return inputs, [rebuilt(one, symbols) for one in like]
 
 
-SEEN_BY_FALLBACK = Seen(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR, ZERO_TENSOR), Coefficients(0.0)
+SEEN_BY_FALLBACK = ContactNumbers(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR, ZERO_TENSOR), Coefficients(0.0)
 """Its arguments, of any numbers."""
 
 
@@ -159,11 +159,11 @@ def column() -> str:
     """
     names, tape = [f"body_a.{name}" for name in names_of_body(Layout.EVERYTHING)], Tape()
     body = request(Layout.EVERYTHING, tape).body_a
-    centre = Side.of(body, body.position)
-    idle = centre.idle.dot(centre.idle) > 0
+    centre = BodyAtContact.of(body, body.position)
+    idle = centre.massless_spin.dot(centre.massless_spin) > 0
     of_centre = list(map(tape.symbol, numbers_in(centre)))
     written = list(map(_as_number, of_centre))
-    roots = map(centre.rotation.to_world, centre.inverse_inertia.roots())
+    roots = map(centre.rotation.to_world, centre.inverse_tensor.square_root_columns())
     reported = map(tape.symbol, numbers_in((kinetic_energy(body), *roots)))
     text = emit("centre", names, written, reported, [tape.symbol(idle)])
     tape, count = Tape(), len(of_centre)
@@ -176,7 +176,7 @@ def column() -> str:
     seen = rebuilt(centre, read)
     velocity, d, direction = (Vec3(*symbols[i : i + 3]) for i in range(count, count + 9, 3))
     outputs = map(tape.symbol, numbers_in(Column.at(seen, velocity, d, direction)))
-    return _places("CENTRE", Side._fields, centre) + text + emit("column", inputs, outputs, [], [])
+    return _places("CENTRE", BodyAtContact._fields, centre) + text + emit("column", inputs, outputs, [], [])
 
 
 ALONE = {"column": column, "changes": changes, "fallback": shared_fallback}

@@ -270,7 +270,7 @@ class Body(NamedTuple):
         rod = choose(has_inertia, lambda: RodFactor(self.inertia * i, i), lambda: RodFactor(UNIT, 0))
         return InverseTensor(is_definite | negation(self.has_mass()), factors, rod)
 
-    def driving_spin(self) -> tuple[Condition, Vec3]:
+    def effective_spin(self) -> tuple[Condition, Vec3]:
         """Whether all of the angular velocity moves contacts, and the part that does, in world axes [rad/s].
 
         What has no inertia has no rotation to give. That of an immovable body is prescribed.
@@ -278,7 +278,7 @@ class Body(NamedTuple):
         inverse, spin = self.inverse_tensor(), self.angular_velocity
 
         def across() -> Vec3:
-            return self.to_world(inverse.rod.driving(self.to_body(spin)))
+            return self.to_world(inverse.rod.effective_spin(self.to_body(spin)))
 
         return inverse.has_factors, choose(inverse.has_factors, lambda: spin, across)
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from ..numbers.number import Scalar
 from .body import Body, Twist
-from .effective_mass import Side
+from .effective_mass import BodyAtContact
 from .vector import Vec3
 
 
@@ -30,11 +30,11 @@ class Column(NamedTuple):
     @classmethod
     def of(cls, body: Body, point: Vec3, direction: Vec3) -> Column:
         """The column of a body at a point, along a direction."""
-        return cls.at(Side.of(body, body.position), body.velocity, point - body.position, direction)
+        return cls.at(BodyAtContact.of(body, body.position), body.velocity, point - body.position, direction)
 
     @classmethod
-    def at(cls, centre: Side, velocity: Vec3, d: Vec3, direction: Vec3) -> Column:
+    def at(cls, centre: BodyAtContact, velocity: Vec3, d: Vec3, direction: Vec3) -> Column:
         """The same, given a body as seen from its reference point: its velocity, and ``d`` from there."""
         side = centre._replace(r=d - centre.com, d=d)
-        along = direction.dot(velocity) + side.normal_velocity(direction)
-        return cls(along, side.d.cross(direction), side.response_along(direction, 1, direction))
+        along = direction.dot(velocity) + side.normal_velocity_from_spin(direction)
+        return cls(along, side.d.cross(direction), side.twist_change_along(direction, 1, direction))

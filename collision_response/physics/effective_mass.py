@@ -1,22 +1,39 @@
-"""Two bodies as seen from their contact: relative velocity, effective mass, response.
+"""Two bodies as seen from their contact: relative velocity, inverse effective mass, response to an impulse.
 
-With the lever arms ``r = C - x`` from the centres of mass ``x`` to the contact point ``C``, the velocity
-of body_a relative to body_b at the contact is
+**Rigid bodies.** Let ``x`` be the centre of mass of a body, ``v`` its velocity, ``w`` the angular velocity,
+``m`` the mass, ``I`` the inertia about ``x``, and ``r = C - x`` the lever arm of the contact point ``C``. The
+velocity of body_a relative to body_b at the contact is
 
     u = v_A + w_A x r_A - v_B - w_B x r_B
 
-An impulse ``P`` on body_a, and ``-P`` on body_b, changes it to ``u + K P``, with the inverse effective
-mass at the contact, a symmetric positive definite tensor
+An impulse ``P`` at ``C`` changes a body's twist by ``dv = P / m`` and ``dw = I^-1 (r x P)``, and therefore
+the velocity of its material at ``C`` by ``dv + dw x r``. If ``P`` acts on body_a and ``-P`` on body_b, ``u``
+becomes ``u + K P`` with the inverse effective mass
 
     K = (1/m_A + 1/m_B) 1 - [r_A]x I_A^-1 [r_A]x - [r_B]x I_B^-1 [r_B]x
 
-Along the normal ``n`` only ``n.K n`` matters; the effective mass is ``n.n / n.K n``.
+a symmetric positive definite tensor. Along the normal ``n`` only ``n.K n`` matters; the effective mass there
+is ``n.n / n.K n``.
 
-The inertia stays in body axes, where it is best conditioned: with ``G = R^T [r]x``, the moment in body
-axes that an impulse has, ``-[r]x R I^-1 R^T [r]x = G^T I^-1 G``.
+**Body axes.** ``I`` stays in body axes, where it is best conditioned. With the rotation ``R`` from body axes
+to world axes, ``G P = R^T (r x P)`` is the moment of an impulse in body axes, and
 
-There is one formula for all geometries. Where rotation or a third dimension is not modelled, the numbers
-of it are 0.
+    -[r]x R I^-1 R^T [r]x = G^T I^-1 G        G = R^T [r]x
+
+**Reference point.** A body's position and velocity are those of its reference point, at ``-com`` from the
+centre of mass. With ``d = com + r`` from the reference point to ``C``, the velocity of the material at ``C``
+is ``v_ref + w x d``, and an impulse changes ``v_ref`` by ``P / m - dw x com``.
+
+**Massless spin.** A thin rod has no inertia about its axis, a point mass about no axis. Rotation about such
+an axis moves no matter. So only the rest of ``w``, the effective spin ``w_e``, counts at the contact. The
+centre of mass moves with ``v_ref + w x com`` all the same, and the material at ``C`` with
+
+    v_ref + w x com + w_e x r = v_ref + w_e x d + (w - w_e) x com
+
+**Mechanisms.** A link of a mechanism adds the ``K`` of ``inverse_inertia.py`` to that of a body that cannot
+move. ``K`` may then be singular: impulses along its null space, the locked directions, move nothing.
+
+Planar and point geometries use the same formulas; the numbers that they do not model are 0.
 """
 
 from __future__ import annotations
@@ -27,265 +44,311 @@ from typing import NamedTuple
 from ..numbers.number import Condition, Scalar, all_zero, certain, choose, greater, negation, square_root
 from .body import Body, Twist
 from .contact import Contact
-from .inverse_inertia import MISFIT, InverseInertia
+from .inverse_inertia import SYMMETRY_TOLERANCE, InverseInertia
 from .orientation import ALIGNED, Rotation
-from .tensor import LEAST, InverseTensor, Symmetric3
+from .tensor import LEAST_EIGENVALUE, InverseTensor, Symmetric3
 from .vector import Vec3
 
+PERPENDICULAR = 2.0**-60
+"""Squared cosine of the angle between two directions, up to which they count as perpendicular."""
 
-class Side(NamedTuple):
-    """One body as seen from the contact.
+CANCELLATION = 2.0**-48
+"""A difference of at most this part of its terms is rounding."""
+
+
+class BodyAtContact(NamedTuple):
+    """One body as seen from the contact: its side of ``u`` and ``K``.
 
     Attributes:
-        inverse_mass: [1/kg].
-        inverse_inertia: in body axes [1/(kg m^2)].
+        inverse_mass: ``1/m`` [1/kg]; 0 for an immovable body and for a link of a mechanism.
+        inverse_tensor: ``I^-1`` about the centre of mass, in body axes [1/(kg m^2)].
         rotation: from body axes to world axes.
-        is_eccentric: whether the reference point is not the centre of mass.
-        com: from the one to the other, in world axes [m].
-        r: lever arm: from the centre of mass to the contact point, in world axes [m].
-        d: from the reference point to the contact point [m].
-        spin: angular velocity, but for what moves no contact for want of inertia [rad/s].
-        idle: that rest of it [rad/s].
-        drives: whether there is no such rest.
-        own: of a link of a mechanism its inverse inertia: it is besides a body that no impulse moves.
+        has_com_offset: whether the reference point is not the centre of mass.
+        com: from the reference point to the centre of mass, in world axes [m].
+        r: lever arm, from the centre of mass to the contact point, in world axes [m].
+        d: from the reference point to the contact point, in world axes [m].
+        effective_spin: the angular velocity without ``massless_spin`` [rad/s].
+        massless_spin: the part of the angular velocity about axes without inertia [rad/s].
+        has_full_inertia: whether there is inertia about every axis, or the body is immovable:
+            ``massless_spin`` is then 0.
+        link_inverse_inertia: of a link of a mechanism; empty for a rigid body.
     """
 
     inverse_mass: Scalar
-    inverse_inertia: InverseTensor
+    inverse_tensor: InverseTensor
     rotation: Rotation
-    is_eccentric: Condition
+    has_com_offset: Condition
     com: Vec3
     r: Vec3
     d: Vec3
-    spin: Vec3
-    idle: Vec3
-    drives: Condition
-    own: InverseInertia | tuple[()] = ()
+    effective_spin: Vec3
+    massless_spin: Vec3
+    has_full_inertia: Condition
+    link_inverse_inertia: InverseInertia | tuple[()] = ()
 
     @classmethod
-    def of(cls, body: Body, point: Vec3) -> Side:
+    def of(cls, body: Body, point: Vec3) -> BodyAtContact:
+        """A body as seen from a contact at ``point``, in world axes [m]."""
         rotation = ALIGNED if body.orientation is None else body.orientation.rotation()
-        eccentric = negation(all_zero(body.com))
-        com = choose(eccentric, lambda: rotation.to_world(body.com), lambda: body.com)
+        has_offset = negation(all_zero(body.com))
+        com = choose(has_offset, lambda: rotation.to_world(body.com), lambda: body.com)
         d = point - body.position
-        r = choose(eccentric, lambda: d - com, lambda: d)
-        drives, spin = body.driving_spin()
-        idle = choose(drives, lambda: spin * 0, lambda: body.angular_velocity - spin)
-        m, inertia, own = body.inverse_mass(), body.inverse_tensor(), body.inverse_inertia or ()
-        return cls(m, inertia, rotation, eccentric, com, r, d, spin, idle, drives, own)
+        r = choose(has_offset, lambda: d - com, lambda: d)
+        has_full_inertia, effective = body.effective_spin()
+        massless = choose(has_full_inertia, lambda: effective * 0, lambda: body.angular_velocity - effective)
+        return cls(
+            inverse_mass=body.inverse_mass(),
+            inverse_tensor=body.inverse_tensor(),
+            rotation=rotation,
+            has_com_offset=has_offset,
+            com=com,
+            r=r,
+            d=d,
+            effective_spin=effective,
+            massless_spin=massless,
+            has_full_inertia=has_full_inertia,
+            link_inverse_inertia=body.inverse_inertia or (),
+        )
 
-    def velocity(self) -> Vec3:
-        """Of the body's material at the contact point, relative to the reference point [m/s]."""
-        driven = self.spin.cross(self.d)
-        return choose(self.drives, lambda: driven, lambda: driven + self.idle.cross(self.com))
+    def velocity_from_spin(self) -> Vec3:
+        """Velocity of the material at the contact point relative to the reference point [m/s]."""
+        effective = self.effective_spin.cross(self.d)
+        return choose(
+            self.has_full_inertia, lambda: effective, lambda: effective + self.massless_spin.cross(self.com)
+        )
 
-    def normal_velocity(self, n: Vec3) -> Scalar:
-        """``n.velocity``, summed so that it keeps its accuracy far from the bodies."""
-        driven = self.spin.dot(self.d.cross(n))
-        return choose(self.drives, lambda: driven, lambda: driven + self.idle.dot(self.com.cross(n)))
+    def normal_velocity_from_spin(self, n: Vec3) -> Scalar:
+        """``n.velocity_from_spin()``, as ``w.(d x n)``: accurate even if the bodies are far from the origin."""
+        effective = self.effective_spin.dot(self.d.cross(n))
+        return choose(
+            self.has_full_inertia,
+            lambda: effective,
+            lambda: effective + self.massless_spin.dot(self.com.cross(n)),
+        )
 
-    def compliance(self, n: Vec3) -> Scalar:
-        """``n.K n``, of this body without its mass."""
-        rigid = self.inverse_inertia.form(self._moment(n))
-        return rigid + n.dot(self.own.mobility(self.d) @ n) if self.own else rigid
+    def inverse_effective_mass(self) -> Symmetric3:
+        """``K`` of this body alone: ``1/m + G^T I^-1 G`` [1/kg]."""
+        m = self.inverse_mass
+        xx, xy, xz, yy, yz, zz = self.inverse_tensor.congruence(*self.rotation.moments(self.r))
+        K = Symmetric3(m + xx, xy, xz, m + yy, yz, m + zz)
+        link = self.link_inverse_inertia
+        return K + link.inverse_effective_mass(self.d) if link else K
 
-    def response_along(self, n: Vec3, j: Scalar, impulse: Vec3) -> Twist:
-        """The change of twist that ``impulse = j n`` causes; the compliance has most of it already."""
-        angular = self.rotation.to_world(self.inverse_inertia @ self._moment(n)) * j
-        return self._twist(impulse, angular)
+    def n_Kn_without_mass(self, n: Vec3) -> Scalar:
+        """``n.K n`` of this body alone, without the term ``n.n / m``."""
+        rigid = self.inverse_tensor.quadratic_form(self._moment(n))
+        link = self.link_inverse_inertia
+        return rigid + n.dot(link.inverse_effective_mass(self.d) @ n) if link else rigid
 
-    def _twist(self, impulse: Vec3, angular: Vec3) -> Twist:
-        """The change of the twist of the reference point; ``angular``: what it is of a rigid body."""
-        of_centre = impulse * self.inverse_mass
-        linear = choose(self.is_eccentric, lambda: of_centre - angular.cross(self.com), lambda: of_centre)
-        if not self.own:
+    def twist_change(self, impulse: Vec3) -> Twist:
+        """Change of the twist of the reference point, caused by an impulse at the contact [N s]."""
+        x, y, z = self.rotation.moments(self.r)
+        moment = x * impulse[0] + y * impulse[1] + z * impulse[2]
+        return self._twist_change(impulse, self.rotation.to_world(self.inverse_tensor @ moment))
+
+    def twist_change_along(self, n: Vec3, j: Scalar, impulse: Vec3) -> Twist:
+        """:meth:`twist_change` for ``impulse = j n``; it shares most terms with :meth:`n_Kn_without_mass`."""
+        angular = self.rotation.to_world(self.inverse_tensor @ self._moment(n)) * j
+        return self._twist_change(impulse, angular)
+
+    def _twist_change(self, impulse: Vec3, angular: Vec3) -> Twist:
+        """Twist change of the reference point, from ``dw`` of the rigid body."""
+        of_com = impulse * self.inverse_mass
+        linear = choose(self.has_com_offset, lambda: of_com - angular.cross(self.com), lambda: of_com)
+        if not self.link_inverse_inertia:
             return Twist(linear, angular)
-        own_linear, own_angular = self.own.response(self.d, impulse)
-        return Twist(linear + own_linear, angular + own_angular)
+        link_linear, link_angular = self.link_inverse_inertia.twist_change(self.d, impulse)
+        return Twist(linear + link_linear, angular + link_angular)
 
     def _moment(self, impulse: Vec3) -> Vec3:
-        """In body axes, that an impulse at the contact has."""
+        """Moment about the centre of mass, in body axes, of an impulse at the contact."""
         return self.rotation.to_body(self.r.cross(impulse))
 
-    def mobility(self) -> Symmetric3:
-        """``K``, of this body alone: ``1/m + G^T I^-1 G``."""
-        m = self.inverse_mass
-        xx, xy, xz, yy, yz, zz = self.inverse_inertia.forms(*self.rotation.moments(self.r))
-        K = Symmetric3(m + xx, xy, xz, m + yy, yz, m + zz)
-        return K + self.own.mobility(self.d) if self.own else K
+    def velocity_change(self, change: Twist) -> Vec3:
+        """Change of the velocity at the contact point for a change of the twist."""
+        return change.linear + change.angular.cross(self.d)
 
     def size_of_terms(self) -> Scalar:
-        """Of those that make up a mechanism's share of ``K``, however they cancel [1/kg]."""
-        if not self.own:
+        """Size of the terms that add up to the ``K`` of a link, before any cancel [1/kg]; 0 if rigid."""
+        if not self.link_inverse_inertia:
             return 0
-        linear, _, angular = self.own.blocks()
+        linear, _, angular = self.link_inverse_inertia.blocks()
         return linear.trace() + angular.trace() * self.d.dot(self.d)
 
-    def size_of_shift(self) -> Scalar:
-        """Of those of them by which it differs from that of the reference point [1/kg]."""
-        if not self.own:
+    def size_of_offset_terms(self) -> Scalar:
+        """Size of those terms that are there because ``d`` is not 0 [1/kg]; 0 for a rigid body."""
+        if not self.link_inverse_inertia:
             return 0
-        linear, _, angular = self.own.blocks()
+        linear, _, angular = self.link_inverse_inertia.blocks()
         turned = angular.trace() * self.d.dot(self.d)
         return turned + square_root(turned) * square_root(linear.trace())
 
-    def response(self, impulse: Vec3) -> Twist:
-        """The change of the twist of the reference point that an impulse at the contact causes."""
-        x, y, z = self.rotation.moments(self.r)
-        moment = x * impulse[0] + y * impulse[1] + z * impulse[2]
-        return self._twist(impulse, self.rotation.to_world(self.inverse_inertia @ moment))
-
-    def velocity_of(self, change: Twist) -> Vec3:
-        """What a change of the twist does to the velocity at the contact."""
-        return change.linear + change.angular.cross(self.d)
-
     def energy_gained(self, velocity: Vec3, impulse: Vec3, change: Twist) -> Scalar:
-        """What a mechanism gains: all that is known of its energy; 0 for a rigid body [J].
+        """Kinetic energy that a mechanism gains [J]; 0 for a rigid body.
 
-        The work of the impulse, at the mean of the contact's velocities before and after.
+        It is the work of the impulse, ``P.(v + v+) / 2`` with the velocities of the contact point before and
+        after. Nothing else is known of a mechanism's energy.
+
+        Args:
+            velocity: of the reference point before the impact [m/s].
+            impulse: on this body [N s].
+            change: of the twist of the reference point.
         """
-        if not self.own:
+        if not self.link_inverse_inertia:
             return 0
-        mean = velocity + self.velocity() + self.velocity_of(change) * 0.5
-        return choose(all_zero(self.own), lambda: 0.0 * mean.x, lambda: impulse.dot(mean))
+        mean = velocity + self.velocity_from_spin() + self.velocity_change(change) * 0.5
+        return choose(all_zero(self.link_inverse_inertia), lambda: 0.0 * mean.x, lambda: impulse.dot(mean))
 
 
 class ContactKinematics(NamedTuple):
-    """What a law is given: two bodies about to collide, as seen from their contact.
+    """What a law is given: two bodies at the instant of impact, as seen from their contact.
 
     Attributes:
         n: the normal, from body_b to body_a, of any length.
         u: velocity of body_a relative to body_b at the contact [m/s].
-        n_u: ``n.u``, summed so that it keeps its accuracy far from the bodies; negative if approaching.
+        n_u: ``n.u``, summed so that it stays accurate far from the origin; negative if the bodies approach.
         n_Kn: ``n.K n``: the inverse effective mass along the normal [1/kg] times ``n.n``.
-        side_a, side_b: the bodies.
+        body_a, body_b: the two bodies.
     """
 
     n: Vec3
     u: Vec3
     n_u: Scalar
     n_Kn: Scalar
-    side_a: Side
-    side_b: Side
+    body_a: BodyAtContact
+    body_b: BodyAtContact
 
     @classmethod
     def of(cls, body_a: Body, body_b: Body, contact: Contact) -> ContactKinematics:
         """Two bodies as seen from their contact."""
         n = contact.normal
-        a, b = (Side.of(body, contact.position) for body in (body_a, body_b))
+        a, b = (BodyAtContact.of(body, contact.position) for body in (body_a, body_b))
         v = body_a.velocity - body_b.velocity
         return cls(
-            n,
-            v + (a.velocity() - b.velocity()),
-            n.dot(v) + a.normal_velocity(n) - b.normal_velocity(n),
-            n.dot(n) * (a.inverse_mass + b.inverse_mass) + a.compliance(n) + b.compliance(n),
-            a,
-            b,
+            n=n,
+            u=v + (a.velocity_from_spin() - b.velocity_from_spin()),
+            n_u=n.dot(v) + a.normal_velocity_from_spin(n) - b.normal_velocity_from_spin(n),
+            n_Kn=n.dot(n) * (a.inverse_mass + b.inverse_mass)
+            + a.n_Kn_without_mass(n)
+            + b.n_Kn_without_mass(n),
+            body_a=a,
+            body_b=b,
         )
-
-    def inverse_effective_mass(self) -> Symmetric3:
-        """``K``: the inverse effective mass in every direction [1/kg].
-
-        Across the normal it is made up where it is 0, and where ``u`` is 0 too: no impulse is wasted there.
-        """
-        K = self._mobility()
-        if self.is_rigid():
-            return K
-        n, idle = self.n, self._null_space(K)
-        along = idle @ n
-        apart = along.dot(along) <= ACROSS * n.dot(n)
-        return choose(apart, lambda: K + idle * K.breadth(self._rounding()), lambda: K)
-
-    def impulse_for(self, K: Symmetric3, change: Vec3) -> Vec3:
-        """The least impulse that changes ``u`` so, where ``K`` is the inverse effective mass."""
-        return self.made_invertible(K).solve(change)
-
-    def made_invertible(self, K: Symmetric3) -> Symmetric3:
-        """``K``; of mechanisms with an inverse effective mass where nothing moves."""
-        return K if self.is_rigid() else K + self._null_space(K) * K.breadth(self._rounding())
-
-    def forgiven(self, impulse: Vec3) -> tuple[Scalar, Scalar]:
-        """How far an answer may be off for the rounding with which matrices of mechanisms are accepted.
-
-        Twice the work of the impulse [J], and ``n.u`` after it; 0 for rigid bodies. What no impulse moves is
-        rounding too, be it all of ``u``, and no law takes more than twice of it.
-        """
-        if self.is_rigid():
-            return 0, 0
-        own, size = (self.side_a.size_of_terms(), self.side_b.size_of_terms()), impulse.norm()
-        idle = self._null_space(self._mobility()) @ self.u
-        change = MISFIT * sum(own) * size + 2 * idle.norm()
-        return change * size, change * self.n.norm()
-
-    def moves_normal(self) -> Condition:
-        """Whether an impulse along the normal moves the contact."""
-        n, K = Vec3(*_scaled(*self.n)), self._mobility()
-        cancelled = CANCELLED * (n.x * n.x * K.xx + n.y * n.y * K.yy + n.z * n.z * K.zz)
-        least = n.dot(n) * greater(LEAST * K.trace(), self._rounding())
-        return n.dot(K @ n) > greater(cancelled, least)
-
-    def moves_one_way(self) -> Condition:
-        """Whether impulses move the contact along one line alone, not that of the normal."""
-        return self.inverse_effective_mass().is_line(self._rounding())
-
-    def locks(self) -> Condition:
-        """Whether impulses in some direction that is not across the normal move nothing: of mechanisms."""
-        if self.is_rigid():
-            return False
-        return certain(self._null_space(self.inverse_effective_mass()).trace()) > 0
-
-    def wedges(self, mu: Scalar) -> Condition:
-        """Whether such a direction lies in the cone of friction: no law then says how great impulses are."""
-        n, idle = Vec3(*_scaled(*self.n)), self._null_space(self.inverse_effective_mass())
-        nn, along = n.dot(n), n.dot(idle @ n)
-        return self.locks() & (square_root(greater(nn - along, 0 * nn)) <= mu * square_root(along))
-
-    def can_rest(self) -> Condition:
-        """Whether some impulse brings the contact to rest: ``u`` lies in the range of ``K``.
-
-        To rounding of the velocities that ``u`` is the sum of.
-        """
-        a, b = self.side_a.velocity(), self.side_b.velocity()
-        whole = _scaled(*self.u, *(self.u - (a - b)), *a, *b)
-        rest = self._null_space(self._mobility()) @ Vec3(*whole[:3])
-        return rest.dot(rest) <= ACROSS
-
-    def _null_space(self, K: Symmetric3) -> Symmetric3:
-        """The projection on the directions in which nothing moves."""
-        return K.null_space(self._rounding())
-
-    def _rounding(self) -> Scalar:
-        """Of ``K``, of the terms that cancel in it [1/kg]."""
-        return CANCELLED * (self.side_a.size_of_shift() + self.side_b.size_of_shift())
-
-    def _mobility(self) -> Symmetric3:
-        return self.side_a.mobility() + self.side_b.mobility()
 
     def is_rigid(self) -> bool:
         """Whether neither body is a link of a mechanism."""
-        return not (self.side_a.own or self.side_b.own)
+        return not (self.body_a.link_inverse_inertia or self.body_b.link_inverse_inertia)
 
-    def respond(self, impulse: Vec3) -> tuple[Twist, Twist]:
-        """What ``impulse`` on body_a changes of the twists of both bodies' reference points."""
-        return self.side_a.response(impulse), self.side_b.response(-impulse)
+    def inverse_effective_mass(self) -> Symmetric3:
+        """``K`` [1/kg].
 
-    def respond_along_normal(self, impulse: Vec3, j: Scalar) -> tuple[Twist, Twist]:
-        """The same for an impulse ``j n``."""
+        For a mechanism that cannot move in some tangential directions, ``K`` gets its least other eigenvalue
+        there, so that it can be inverted. ``u`` is 0 in those directions, so laws apply no impulse there.
+        """
+        K = self._possibly_singular_K()
+        if self.is_rigid():
+            return K
+        n, locked = self.n, self._locked_directions(K)
+        locked_n = locked @ n
+        is_tangential = locked_n.dot(locked_n) <= PERPENDICULAR * n.dot(n)
+        return choose(
+            is_tangential, lambda: K + locked * K.least_nonzero_eigenvalue(self._rounding_of_K()), lambda: K
+        )
+
+    def impulse_for(self, K: Symmetric3, change: Vec3) -> Vec3:
+        """The least impulse that changes ``u`` by ``change``, where ``K`` is the inverse effective mass."""
+        return self.regularized(K).solve(change)
+
+    def regularized(self, K: Symmetric3) -> Symmetric3:
+        """``K``, made invertible for a mechanism: with its least other eigenvalue in locked directions."""
+        if self.is_rigid():
+            return K
+        return K + self._locked_directions(K) * K.least_nonzero_eigenvalue(self._rounding_of_K())
+
+    def tolerated_error(self, impulse: Vec3) -> tuple[Scalar, Scalar]:
+        """How far an answer may be off because matrices of mechanisms are accepted with some rounding.
+
+        A locked component of ``u`` is rounding too. No law takes more than twice of it.
+
+        Returns:
+            The error of twice the work of the impulse [J], and of ``n.u`` after it; 0, 0 for rigid bodies.
+        """
+        if self.is_rigid():
+            return 0, 0
+        terms, size = (self.body_a.size_of_terms(), self.body_b.size_of_terms()), impulse.norm()
+        locked_u = self._locked_directions(self._possibly_singular_K()) @ self.u
+        change = SYMMETRY_TOLERANCE * sum(terms) * size + 2 * locked_u.norm()
+        return change * size, change * self.n.norm()
+
+    def is_movable_along_normal(self) -> Condition:
+        """Whether an impulse along the normal moves the contact."""
+        n, K = Vec3(*_scaled(*self.n)), self._possibly_singular_K()
+        cancelled = CANCELLATION * (n.x * n.x * K.xx + n.y * n.y * K.yy + n.z * n.z * K.zz)
+        least = n.dot(n) * greater(LEAST_EIGENVALUE * K.trace(), self._rounding_of_K())
+        return n.dot(K @ n) > greater(cancelled, least)
+
+    def is_confined_to_a_line(self) -> Condition:
+        """Whether impulses can move the contact along one line only, and that line is not the normal."""
+        return self.inverse_effective_mass().has_rank_one(self._rounding_of_K())
+
+    def has_locked_direction(self) -> Condition:
+        """Whether impulses in some direction that is not tangential move nothing; never for rigid bodies."""
+        if self.is_rigid():
+            return False
+        return certain(self._locked_directions(self.inverse_effective_mass()).trace()) > 0
+
+    def has_locked_direction_in_cone(self, mu: Scalar) -> Condition:
+        """Whether such a direction lies in the friction cone: no law then determines the impulse along it."""
+        n, locked = Vec3(*_scaled(*self.n)), self._locked_directions(self.inverse_effective_mass())
+        nn, along = n.dot(n), n.dot(locked @ n)
+        return self.has_locked_direction() & (
+            square_root(greater(nn - along, 0 * nn)) <= mu * square_root(along)
+        )
+
+    def can_come_to_rest(self) -> Condition:
+        """Whether some impulse brings the contact to rest: ``u`` lies in the range of ``K``.
+
+        A locked component of ``u`` is ignored if it is rounding of the velocities that add up to ``u``.
+        """
+        a, b = self.body_a.velocity_from_spin(), self.body_b.velocity_from_spin()
+        u = Vec3(*_scaled(*self.u, *(self.u - (a - b)), *a, *b)[:3])
+        locked_u = self._locked_directions(self._possibly_singular_K()) @ u
+        return locked_u.dot(locked_u) <= PERPENDICULAR
+
+    def _locked_directions(self, K: Symmetric3) -> Symmetric3:
+        """The projection on the null space of ``K``: the directions in which impulses move nothing."""
+        return K.null_space(self._rounding_of_K())
+
+    def _rounding_of_K(self) -> Scalar:
+        """Rounding of ``K`` from terms that cancel [1/kg]."""
+        return CANCELLATION * (self.body_a.size_of_offset_terms() + self.body_b.size_of_offset_terms())
+
+    def _possibly_singular_K(self) -> Symmetric3:
+        return self.body_a.inverse_effective_mass() + self.body_b.inverse_effective_mass()
+
+    def twist_changes(self, impulse: Vec3) -> tuple[Twist, Twist]:
+        """Changes of the twists of both reference points, for ``impulse`` on body_a."""
+        return self.body_a.twist_change(impulse), self.body_b.twist_change(-impulse)
+
+    def twist_changes_along_normal(self, impulse: Vec3, j: Scalar) -> tuple[Twist, Twist]:
+        """:meth:`twist_changes` for ``impulse = j n``."""
         n = self.n
-        return self.side_a.response_along(n, j, impulse), self.side_b.response_along(n, -j, -impulse)
+        return self.body_a.twist_change_along(n, j, impulse), self.body_b.twist_change_along(n, -j, -impulse)
 
     def velocity_change(self, change_a: Twist, change_b: Twist) -> Vec3:
-        """What changes of the twists do to ``u``."""
-        return self.side_a.velocity_of(change_a) - self.side_b.velocity_of(change_b)
+        """Change of ``u`` for changes of the two twists."""
+        return self.body_a.velocity_change(change_a) - self.body_b.velocity_change(change_b)
 
 
-class Seen(NamedTuple):
-    """What a law sees of a contact: as :class:`ContactKinematics`, but all of it numbers.
+class ContactNumbers(NamedTuple):
+    """The numbers that a law reads from a :class:`ContactKinematics`, without the bodies.
+
+    Compiled functions and tests call a law with these.
 
     Attributes:
-        n, u, n_u, n_Kn: see there.
-        K: the inverse effective mass in every direction [1/kg].
-        invertible: of a mechanism ``K`` with what makes it so [1/kg]; there is none where ``K`` is.
+        n, u, n_u, n_Kn: as in :class:`ContactKinematics`.
+        K: the inverse effective mass [1/kg].
+        regularized_K: for a mechanism, ``K`` made invertible [1/kg]; empty if ``K`` is invertible.
     """
 
     n: Vec3
@@ -293,19 +356,19 @@ class Seen(NamedTuple):
     n_u: Scalar
     n_Kn: Scalar
     K: Symmetric3
-    invertible: Symmetric3 | tuple[()] = ()
+    regularized_K: Symmetric3 | tuple[()] = ()
 
     @classmethod
-    def of(cls, contact: ContactKinematics | Seen) -> Seen:
-        """Of a contact between rigid bodies."""
+    def of(cls, contact: ContactKinematics | ContactNumbers) -> ContactNumbers:
+        """The numbers of a contact between rigid bodies."""
         return cls(contact.n, contact.u, contact.n_u, contact.n_Kn, contact.inverse_effective_mass())
 
     def is_rigid(self) -> bool:
-        """Always."""
+        """Always true: ``regularized_K`` stands in for the mechanism."""
         return True
 
-    def locks(self) -> bool:
-        """Never."""
+    def has_locked_direction(self) -> bool:
+        """Always false."""
         return False
 
     def inverse_effective_mass(self) -> Symmetric3:
@@ -313,23 +376,16 @@ class Seen(NamedTuple):
         return self.K
 
     def impulse_for(self, K: Symmetric3, change: Vec3) -> Vec3:
-        """That changes ``u`` so."""
-        return self.made_invertible(K).solve(change)
+        """The impulse that changes ``u`` by ``change``."""
+        return self.regularized(K).solve(change)
 
-    def made_invertible(self, K: Symmetric3) -> Symmetric3:
-        """``K``, or what was given in its place."""
-        return self.invertible or K
+    def regularized(self, K: Symmetric3) -> Symmetric3:
+        """``regularized_K`` if there is one, else ``K``."""
+        return self.regularized_K or K
 
 
 def _scaled(*numbers: Scalar) -> list[Scalar]:
-    """Numbers in the middle of their range: the greatest is 1."""
+    """The numbers divided by the greatest of their magnitudes."""
     size = reduce(greater, (certain(abs(x)) for x in numbers))
     size = choose(size > 0, lambda: size, lambda: size * 0 + 1)
     return [x / size for x in numbers]
-
-
-ACROSS = 2.0**-60
-"""Square of the sine of an angle that is rounding."""
-
-CANCELLED = 2.0**-48
-"""What is left of terms that cancel is rounding of this part of them."""

@@ -28,7 +28,7 @@ from .vector import Vec3
 ROUNDING = 2.0**-40
 """A pivot of at most this part of its diagonal is rounding of the computation that the matrix comes from."""
 
-MISFIT = 2.0**-30
+SYMMETRY_TOLERANCE = 2.0**-30
 """How far, in units of the diagonal, entries may be from symmetry, or beside a pivot that is rounding."""
 
 
@@ -78,7 +78,7 @@ class InverseInertia(NamedTuple):
         for i in range(6):
             for j in range(i):
                 scale = math.sqrt(abs(rows[i][i])) * math.sqrt(abs(rows[j][j]))
-                if not abs(rows[i][j] - rows[j][i]) <= MISFIT * scale:
+                if not abs(rows[i][j] - rows[j][i]) <= SYMMETRY_TOLERANCE * scale:
                     reason = f"must be symmetric; ({i}, {j}) is {rows[i][j]} and ({j}, {i}) {rows[j][i]}"
                     raise _refused(StatusCode.INVALID_INERTIA, reason)
         return cls(*(rows[i][j] / 2 + rows[j][i] / 2 for i in range(6) for j in range(i, 6)))
@@ -89,18 +89,18 @@ class InverseInertia(NamedTuple):
         rows = Vec3(xa, xb, xc), Vec3(ya, yb, yc), Vec3(za, zb, zc)
         return Symmetric3(xx, xy, xz, yy, yz, zz), rows, Symmetric3(*angular)
 
-    def response(self, d: Vec3, impulse: Vec3) -> tuple[Vec3, Vec3]:
+    def twist_change(self, d: Vec3, impulse: Vec3) -> tuple[Vec3, Vec3]:
         """The change of the twist that an impulse causes at ``d`` from the origin."""
         L, (x, y, z), W = self.blocks()
         moment = d.cross(impulse)
         linear = L @ impulse + Vec3(x.dot(moment), y.dot(moment), z.dot(moment))
         return linear, x * impulse[0] + y * impulse[1] + z * impulse[2] + W @ moment
 
-    def mobility(self, d: Vec3) -> Symmetric3:
+    def inverse_effective_mass(self, d: Vec3) -> Symmetric3:
         """``K`` of the point at ``d`` from the origin."""
 
         def column(axis: Vec3) -> Vec3:
-            linear, angular = self.response(d, axis)
+            linear, angular = self.twist_change(d, axis)
             return linear + angular.cross(d)
 
         x, y, z = column(Vec3(1.0, 0.0, 0.0)), column(Vec3(0.0, 1.0, 0.0)), column(Vec3(0.0, 0.0, 1.0))
@@ -126,7 +126,7 @@ class InverseInertia(NamedTuple):
             share = choose(pivot > ROUNDING, lambda: 1.0, lambda: 0.0) / _positive(pivot)
             for j, k in _PLACES:
                 s[j, k] = s[j, k] - row[j] * row[k] * share
-        return all_of(abs(x) <= MISFIT for x in s.values())
+        return all_of(abs(x) <= SYMMETRY_TOLERANCE for x in s.values())
 
 
 _PLACES = [(i, j) for i in range(6) for j in range(i, 6)]

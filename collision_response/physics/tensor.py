@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 SINGULAR = 2.0**-40
 """A determinant of at most this part of the product of its diagonal is rounding of the tensor's making."""
-LEAST = 2.0**-70
+LEAST_EIGENVALUE = 2.0**-70
 """An eigenvalue of at most this part of the trace is so, too: it is that of a lever arm of 2^-35."""
 ASYMMETRY = 1e-9
 """How far the two halves of a matrix may differ, relative to its largest component: by rounding."""
@@ -79,18 +79,18 @@ class Symmetric3(NamedTuple):
         """The vector that this positive definite tensor maps to ``v``."""
         return self.factor().solve(v)
 
-    def is_line(self, least: Scalar) -> Condition:
+    def has_rank_one(self, least: Scalar) -> Condition:
         """Whether this positive semi-definite tensor maps all to one line, to rounding.
 
         Args:
-            least: an eigenvalue up to which it is rounding, here and below, if that is more than ``LEAST``.
+            least: eigenvalues up to this, or up to ``LEAST_EIGENVALUE`` of the trace, count as 0.
         """
         minors, rounding = self._minors(least)
         return certain(minors) <= rounding
 
-    def breadth(self, least: Scalar) -> Scalar:
+    def least_nonzero_eigenvalue(self, least: Scalar) -> Scalar:
         """The least of its eigenvalues but for 0, to a factor of 2, if it is singular."""
-        return choose(self.is_line(least), self.trace, lambda: self._minors(least)[0] * self._size())
+        return choose(self.has_rank_one(least), self.trace, lambda: self._minors(least)[0] * self._size())
 
     def _minors(self, least: Scalar) -> tuple[Scalar, Scalar]:
         """The sum of the principal minors, for a trace of 1, and up to where it is rounding."""
@@ -101,7 +101,7 @@ class Symmetric3(NamedTuple):
 
     def _share(self, least: Scalar) -> Scalar:
         """Of the trace."""
-        return greater(certain(least / self._size()), LEAST)
+        return greater(certain(least / self._size()), LEAST_EIGENVALUE)
 
     def _size(self) -> Scalar:
         """The trace, or 1 if that is 0."""
@@ -184,7 +184,7 @@ class RodFactor(NamedTuple):
         """``P w``."""
         return self.across @ w
 
-    def driving(self, spin: Vec3) -> Vec3:
+    def effective_spin(self, spin: Vec3) -> Vec3:
         """What of an angular velocity has inertia."""
         return choose(self.i > 0, lambda: self.across @ spin, lambda: spin * 0)
 
@@ -207,7 +207,7 @@ class InverseTensor(NamedTuple):
     def __matmul__(self, v: Vec3) -> Vec3:
         return self._by(lambda own: own.restored(own.scaled(own.reduced(v))))
 
-    def form(self, v: Vec3) -> Scalar:
+    def quadratic_form(self, v: Vec3) -> Scalar:
         """``v.I^-1 v``: a sum of squares."""
 
         def squares(own: Factor3 | RodFactor) -> Scalar:
@@ -216,7 +216,7 @@ class InverseTensor(NamedTuple):
 
         return self._by(squares)
 
-    def forms(self, x: Vec3, y: Vec3, z: Vec3) -> Symmetric3:
+    def congruence(self, x: Vec3, y: Vec3, z: Vec3) -> Symmetric3:
         """``G^T I^-1 G`` of the matrix ``G`` with these columns."""
 
         def products(own: Factor3 | RodFactor) -> Symmetric3:
@@ -226,7 +226,7 @@ class InverseTensor(NamedTuple):
 
         return self._by(products)
 
-    def roots(self) -> tuple[Vec3, ...]:
+    def square_root_columns(self) -> tuple[Vec3, ...]:
         """Three vectors ``r``: the sum of all ``r r^T`` is ``I^-1``."""
 
         def of(own: Factor3 | RodFactor) -> tuple[Vec3, ...]:

@@ -141,7 +141,7 @@ class RationalCluster:
         after = self._velocities(p)
         lost = -sum((x * (b + a) for x, b, a in zip(p, self._u, after, strict=True)), start=NOUGHT) / 2
         work = sum((x * (abs(b) + abs(a)) for x, b, a in zip(p, self._u, after, strict=True)), start=NOUGHT)
-        idle = [body.angular_velocity - body.driving_spin()[1] for body in self._bodies]
+        idle = [body.angular_velocity - body.effective_spin()[1] for body in self._bodies]
         lengths = [contact.normal.norm() for contact in self._contacts]
         impulses = [c.normal * x for c, x in zip(self._contacts, self.least_norm(p), strict=True)]
         return ImpulseEffect(

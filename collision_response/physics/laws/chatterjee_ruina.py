@@ -28,11 +28,11 @@ Considerations", J. Appl. Mech. 65 (1998) 939-951, eqs. 17-22.
 from __future__ import annotations
 
 from ...numbers.number import Condition, Scalar, called, choose, leave_range, square_root, varying_as
-from ..effective_mass import ContactKinematics, Seen
-from .law import Coefficients, Outcome, Regime, Solution, slipping
+from ..effective_mass import ContactKinematics, ContactNumbers
+from .law import Coefficients, Outcome, Regime, Solution, slip_regime
 
 
-def chatterjee_ruina(contact: ContactKinematics | Seen, coefficients: Coefficients) -> Outcome:
+def chatterjee_ruina(contact: ContactKinematics | ContactNumbers, coefficients: Coefficients) -> Outcome:
     """The impulse of a contact with Coulomb friction and tangential restitution."""
     e, mu, settings = coefficients
     e_t = settings.tangential_restitution
@@ -56,25 +56,25 @@ def chatterjee_ruina(contact: ContactKinematics | Seen, coefficients: Coefficien
 
     kappa = choose(in_cone, lambda: stick, on_cone)
     P = n * ((1 + e) * j) + D * kappa
-    regime = choose(in_cone, lambda: 1.0 * Regime.STICKING, lambda: slipping(contact, u + K @ P))
+    regime = choose(in_cone, lambda: 1.0 * Regime.STICKING, lambda: slip_regime(contact, u + K @ P))
     lost_restitution = (1 - e) * (1 + e) * j * -contact.n_u / 2
     lost_friction = -(kappa * (2 - kappa)) * D.dot(plastic) / 2
     size = slip + j * j * nn
     return Outcome(P, regime, lost_restitution, lost_friction, out_of_range=leave_range(size, size / nn))
 
 
-def or_fallback(
-    fails: Condition, contact: ContactKinematics | Seen, coefficients: Coefficients, own: Solution
+def fallback_where(
+    fails: Condition, contact: ContactKinematics | ContactNumbers, coefficients: Coefficients, own: Solution
 ) -> Solution:
     """The answer of another law; this one's where that has none that is sound."""
 
     def instead() -> Solution:
-        seen = Seen.of(contact)
-        return called(fallback, seen._replace(invertible=contact.made_invertible(seen.K)), coefficients)
+        seen = ContactNumbers.of(contact)
+        return called(fallback, seen._replace(regularized_K=contact.regularized(seen.K)), coefficients)
 
     return choose(fails, instead, lambda: own)
 
 
-def fallback(contact: Seen, coefficients: Coefficients) -> Solution:
+def fallback(contact: ContactNumbers, coefficients: Coefficients) -> Solution:
     """:func:`chatterjee_ruina` for other laws."""
     return Solution(*chatterjee_ruina(contact, coefficients)[:4])

@@ -26,4 +26,4 @@ def frictionless(contact: ContactKinematics, coefficients: Coefficients) -> Outc
     j = -contact.n_u / contact.n_Kn
     lost = (1 - e) * (1 + e) * j * -contact.n_u / 2
     j = (1 + e) * j
-    return Outcome(contact.n * j, 1.0 * Regime.SLIDING, lost, lost * 0, along_normal=j)
+    return Outcome(contact.n * j, 1.0 * Regime.SLIDING, lost, lost * 0, normal_factor=j)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from ...named import Named
 from ...numbers.number import Condition, Scalar, choose
-from ..effective_mass import ContactKinematics, Seen
+from ..effective_mass import ContactKinematics, ContactNumbers
 from ..vector import Vec3
 
 
@@ -71,8 +71,8 @@ class Solution(NamedTuple):
 
     impulse: Vec3
     regime: Scalar
-    lost_restitution: Scalar
-    lost_friction: Scalar
+    energy_lost_restitution: Scalar
+    energy_lost_friction: Scalar
 
 
 class Regime(Named):
@@ -96,27 +96,27 @@ class Outcome(NamedTuple):
     Attributes:
         impulse: on body_a [N s].
         regime: what friction did: the number of a :class:`Regime`.
-        lost_restitution: energy lost to the normal impulse [J].
-        lost_friction: energy lost to the tangential impulse [J].
-        along_normal: ``j``, if the impulse is ``j n`` by the law; the response is then cheaper.
+        energy_lost_restitution: energy lost to the normal impulse [J].
+        energy_lost_friction: energy lost to the tangential impulse [J].
+        normal_factor: ``j``, if the impulse is ``j n`` by the law; the response is then cheaper.
         fell_back: whether the law had no sound answer, and this is Chatterjee & Ruina's.
         unfinished: whether a loop of the law ended by its budget.
-        doubt: an estimate of the error of ``impulse`` by a law that can give no bound [N s].
+        estimated_error: an estimate of the error of ``impulse`` by a law that can give no bound [N s].
         out_of_range: whether a square that it hangs on leaves the range of its numbers.
     """
 
     impulse: Vec3
     regime: Scalar
-    lost_restitution: Scalar
-    lost_friction: Scalar
-    along_normal: Scalar | None = None
+    energy_lost_restitution: Scalar
+    energy_lost_friction: Scalar
+    normal_factor: Scalar | None = None
     fell_back: Condition = False
     unfinished: Condition = False
-    doubt: Vec3 | None = None
+    estimated_error: Vec3 | None = None
     out_of_range: Condition = False
 
 
-def slipping(contact: ContactKinematics | Seen, velocity_after: Vec3) -> Scalar:
+def slip_regime(contact: ContactKinematics | ContactNumbers, velocity_after: Vec3) -> Scalar:
     """The regime of a contact that ends with slip: SLIDING, or REVERSED against its first direction."""
     n, u = contact.n, contact.u
     slip_before = u - n * (n.dot(u) / n.dot(n))

@@ -53,7 +53,7 @@ from ...numbers.number import (
     widened,
 )
 from ..effective_mass import ContactKinematics
-from .chatterjee_ruina import or_fallback
+from .chatterjee_ruina import fallback_where
 from .contact_frame import ContactFrame, Tangential
 from .law import Coefficients, Outcome, Regime, Solution
 from .sliding import NEAR, Sliding, divisor
@@ -78,7 +78,7 @@ def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     scale = certain(share * (V.size() + mu * (V.size() * beta.size() + j * trace)))
     unit = fixed(certain(1 / divisor(scale)))
     s11, s12, s22 = S11 / trace, S12 / trace, S22 / trace
-    locks = contact.locks()
+    locks = contact.has_locked_direction()
     left = choose(locks, lambda: beta * (e * approach), lambda: V)
     W = Tangential(s22 * left.x - s12 * left.y, s11 * left.y - s12 * left.x)
     det = choose(locks, lambda: 0 * s11, lambda: s11 * s22 - s12 * s12)
@@ -125,7 +125,7 @@ def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     lost_restitution, lost_friction = P_n * (1 - e) * approach / 2, f.dot(u + slip) / 2
     own = Solution(frame.to_world(-f, P_n), regime, lost_restitution, lost_friction)
     creates_energy = _creates(lost_restitution + lost_friction, P_n * approach + abs(f.dot(u)))
-    answer = or_fallback(creates_energy, contact, coefficients, own)
+    answer = fallback_where(creates_energy, contact, coefficients, own)
     return Outcome(*answer, fell_back=creates_energy, unfinished=root.unfinished > 0)
 
 

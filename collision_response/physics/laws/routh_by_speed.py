@@ -157,7 +157,7 @@ def routh_by_speed(contact: ContactKinematics, coefficients: Coefficients) -> Ou
         1.0 * regime,
         Fraction(lost) * (speed * j),
         Fraction(end.heat) * (speed * j),
-        doubt=impulse(*(y - x for x, y in zip(*ends, strict=True))),
+        estimated_error=impulse(*(y - x for x, y in zip(*ends, strict=True))),
     )
 
 
