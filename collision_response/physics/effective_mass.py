@@ -118,7 +118,7 @@ class BodyAtContact(NamedTuple):
         )
 
     def normal_velocity_from_spin(self, n: Vec3) -> Scalar:
-        """``n.velocity_from_spin()``, as ``w.(d x n)``: accurate even if the bodies are far from the origin."""
+        """``n.velocity_from_spin()``, summed as ``w.(d x n)``, which is accurate far from the origin."""
         effective = self.effective_spin.dot(self.d.cross(n))
         return choose(
             self.has_full_inertia,
