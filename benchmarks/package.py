@@ -38,12 +38,12 @@ def measure(*_: object) -> dict[str, Any]:
 
 def tightness(law: Law) -> float:
     """Median of bound over error for usual boxes that approach; where there is an error."""
-    from attacks import drawn
+    from attacks import random_boxes
 
     draw, quotients = random.Random(5), []
     model = ImpactModel(law, precision=Precision.DOUBLE)
     while len(quotients) < BOXES:
-        scene = Scene(*as_request(drawn(draw)))
+        scene = Scene(*as_request(random_boxes(draw)))
         impact = resolve(*scene, model)
         error = true_error(impact, truth_of(scene, law))
         if impact.status is StatusCode.OK and error:

@@ -29,8 +29,8 @@ import exact  # noqa: E402
 import stability_page  # noqa: E402
 from cases import PAIR, Scene, grazing  # noqa: E402
 from exact import Answer  # noqa: E402
-from random_impacts import RandomImpacts, turned_tensor  # noqa: E402
-from reference import as_exact, as_request, true_error  # noqa: E402
+from exact_adapter import as_exact, as_request, true_error  # noqa: E402
+from random_impacts import RandomImpacts, rotated_tensor  # noqa: E402
 
 from collision_response import (  # noqa: E402
     Adjustment,
@@ -124,7 +124,7 @@ def random_piece(law: Law, wildness: str, seed: int) -> Tally:
     tally, impacts = Tally.empty(), RandomImpacts(f"{law.name} {wildness} {seed}", WILDNESS[wildness])
     draw, done = impacts.draw, 0
     while done < PIECE:
-        scene = Scene(*impacts.scene())
+        scene = Scene(*impacts.collision())
         e_t = draw.choice([0.0, draw.uniform(-1, 1)]) if law is Law.COULOMB else 0.0
         try:
             resolve(*scene, ImpactModel(law))
@@ -149,7 +149,7 @@ def attack_family(family: str) -> Tally:
     tally = Tally.empty()
     for case in attacks.FAMILIES[family]():
         fields = {name: enums[name][value] if name in enums else value for name, value in case.model.items()}
-        tally.count(("attack", family), case.name, Scene(*as_request(case.scene)), ImpactModel(**fields))
+        tally.count(("attack", family), case.name, Scene(*as_request(case.collision)), ImpactModel(**fields))
     return tally
 
 
@@ -167,7 +167,7 @@ def by_condition(samples: int) -> dict[str, list[dict[str, Any]]]:
             found["grazing"] += _sample(condition, grazing(scene, 1 / condition))
         x, y, z = 1.0, draw.random() / condition, draw.random() / condition
         moments = (y + z, x + z, x + y)
-        in_turned_axes = turned_tensor(moments, [draw.gauss(0, 1) for _ in range(4)])
+        in_turned_axes = rotated_tensor(moments, [draw.gauss(0, 1) for _ in range(4)])
         inertia = draw.choice([(moments[0], 0.0, 0.0, moments[1], 0.0, moments[2]), in_turned_axes])
         try:
             found["inertia"] += _sample(max(moments) / min(moments), _varied(draw, inertia))
@@ -245,7 +245,7 @@ def invariants(bodies: list[Body]) -> tuple[Any, ...]:
     """What elastic impacts keep, in exact arithmetic but for the last rounding."""
     energy, momentum, angular = exact.Fraction(0), exact.ZERO, exact.ZERO
     for body in bodies:
-        side = exact.Side(exact.Solid(*body[:7]), exact.ZERO)
+        side = exact.Side(exact.PlainBody(*body[:7]), exact.ZERO)
         v, w = exact.vec(body.velocity), exact.vec(body.angular_velocity)
         p = exact.times(v, side.mass)
         energy += side.energy(v, w)

@@ -93,7 +93,7 @@ def _attacks(results: dict[str, Any]) -> str:
             statuses = row["statuses"]
             refused = [f"{count} `{name}`" for name, count in sorted(statuses.items()) if name not in OTHER]
             rows.append([
-                row["key"][1].partition(" ")[2],
+                row["key"][1],
                 str(statuses["asked"]),
                 *(str(statuses.get(name, "")) for name in ANSWERS),
                 ", ".join(refused),

@@ -14,9 +14,9 @@ sys.path.append(str(Path(__file__).resolve().parent.parent / "test"))
 import exact
 from cases import Scene
 from exact import Answer
-from reference import as_request as as_request
-from reference import exact_answer
-from reference import true_error as true_error
+from exact_adapter import as_request as as_request
+from exact_adapter import exact_answer
+from exact_adapter import true_error as true_error
 
 from collision_response import Body, ImpactModel, Law
 

@@ -30,16 +30,16 @@ ORACLE_DIGITS = 35
 ORACLE_ERROR = 1e-15
 """Of the impulse, by that."""
 
-LARGEST = Fraction(math.nextafter(math.inf, 0.0))
-LEAST = Fraction(1, 2**1074)
+LARGEST_FLOAT = Fraction(math.nextafter(math.inf, 0.0))
+SMALLEST_FLOAT = Fraction(1, 2**1074)
 
 Vec = tuple[Fraction, Fraction, Fraction]
 Mat = tuple[Vec, Vec, Vec]
 ZERO: Vec = (Fraction(0),) * 3
-NOTHING: Mat = (ZERO,) * 3
+ZERO_MATRIX: Mat = (ZERO,) * 3
 
 
-class Solid(NamedTuple):
+class PlainBody(NamedTuple):
     """A body as given. ``mass`` None: immovable. ``position`` and ``velocity`` of the reference point."""
 
     mass: float | None = None
@@ -51,7 +51,7 @@ class Solid(NamedTuple):
     com: Sequence[float] = (0.0,) * 3
 
 
-class Touch(NamedTuple):
+class PlainContact(NamedTuple):
     """A contact as given."""
 
     position: Sequence[float]
@@ -60,12 +60,12 @@ class Touch(NamedTuple):
     friction: float = 0.0
 
 
-class Scene(NamedTuple):
+class PlainCollision(NamedTuple):
     """A request without its model."""
 
-    a: Solid
-    b: Solid
-    contact: Touch
+    a: PlainBody
+    b: PlainBody
+    contact: PlainContact
 
 
 # vectors and tensors of fractions
@@ -111,7 +111,7 @@ def inverse(m: Mat) -> Mat:
     return transposed(tuple(times(row, 1 / determinant) for row in adjugate))  # type: ignore[arg-type]
 
 
-def root(x: Fraction) -> Fraction:
+def square_root(x: Fraction) -> Fraction:
     """The square root of ``x >= 0``, relatively right to ``ROOT_BITS``; exact if it is rational."""
     if x == 0:
         return x
@@ -125,10 +125,10 @@ def root(x: Fraction) -> Fraction:
 
 
 def length(v: Vec) -> Fraction:
-    return root(dot(v, v))
+    return square_root(dot(v, v))
 
 
-def nearest(x: Fraction) -> float:
+def nearest_float(x: Fraction) -> float:
     """The nearest float64; infinite beyond its range."""
     try:
         return float(x)
@@ -143,7 +143,7 @@ def nearest(x: Fraction) -> float:
 class Side:
     """One body as seen from the contact, in world axes; each part when it is asked for."""
 
-    body: Solid
+    body: PlainBody
     point: Vec
 
     @cached_property
@@ -152,7 +152,7 @@ class Side:
 
     @cached_property
     def rotation(self) -> Mat:
-        return rotation_of(self.body.orientation)
+        return rotation_matrix(self.body.orientation)
 
     @cached_property
     def com(self) -> Vec:
@@ -190,14 +190,14 @@ class Side:
         if _is_definite(self._tensor):
             undone = inverse(self._tensor)
         elif half_trace == 0:
-            return NOTHING
+            return ZERO_MATRIX
         else:  # a rod: I/c projects across its axis
             squared = tuple(apply(self._tensor, row) for row in self._tensor)  # I I, for I is symmetric
             undone = tuple(times(row, 1 / half_trace**3) for row in squared)  # type: ignore[assignment]
         return _turned(self.rotation, undone)
 
     @cached_property
-    def idle(self) -> Vec:
+    def massless_spin(self) -> Vec:
         """The part of the angular velocity about an axis without inertia."""
         if self.mass is None or _is_definite(self._tensor):
             return ZERO
@@ -211,14 +211,14 @@ class Side:
     def _tensor(self) -> Mat:
         """Of the inertia in the axes of the body; an immovable one needs none."""
         if self.mass is None:
-            return NOTHING
+            return ZERO_MATRIX
         xx, xy, xz, yy, yz, zz = (Fraction(c) for c in self.body.inertia)
         return (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
 
     def contact_velocity(self) -> Vec:
         """An angular velocity about an axis without inertia moves no contact."""
         centre = plus(self.velocity, cross(self.spin, self.com))
-        return plus(centre, cross(minus(self.spin, self.idle), self.r))
+        return plus(centre, cross(minus(self.spin, self.massless_spin), self.r))
 
     def response(self, impulse: Vec) -> tuple[Vec, Vec]:
         """The change of the twist of the reference point."""
@@ -234,7 +234,7 @@ class Side:
         return (self.mass * dot(centre, centre) + dot(spin, apply(self.inertia, spin))) / 2
 
 
-def rotation_of(quaternion: Sequence[float] | None) -> Mat:
+def rotation_matrix(quaternion: Sequence[float] | None) -> Mat:
     """Rational in the components: the length of the quaternion drops out."""
     if quaternion is None:
         quaternion = (0, 0, 0, 1)
@@ -285,7 +285,7 @@ class Pair:
         return minus(self.a.contact_velocity(), self.b.contact_velocity())
 
     @cached_property
-    def unit(self) -> Fraction:
+    def normal_length(self) -> Fraction:
         """The length of the normal."""
         return length(self.n)
 
@@ -312,15 +312,15 @@ class Pair:
 
     @property
     def approach_speed(self) -> Fraction:
-        return -self.n_u / self.unit
+        return -self.n_u / self.normal_length
 
     def energy_change(self, impulse: Vec) -> Fraction:
         return dot(impulse, plus(times(self.u, Fraction(2)), apply(self.K, impulse))) / 2
 
 
-def pair_of(scene: Scene) -> Pair:
-    point = vec(scene.contact.position)
-    return Pair(Side(scene.a, point), Side(scene.b, point), vec(scene.contact.normal))
+def pair_of(collision: PlainCollision) -> Pair:
+    point = vec(collision.contact.position)
+    return Pair(Side(collision.a, point), Side(collision.b, point), vec(collision.contact.normal))
 
 
 # laws
@@ -351,11 +351,11 @@ class Answer(NamedTuple):
 
 
 def answer(
-    scene: Scene, law: str, e_t: float = 0.0, threshold: float = 0.0, pair: Pair | None = None
+    collision: PlainCollision, law: str, e_t: float = 0.0, threshold: float = 0.0, pair: Pair | None = None
 ) -> Answer:
     """The exact answer. ``law`` is decided, and the restitution a number."""
-    pair = pair or pair_of(scene)
-    e, mu = Fraction(scene.contact.restitution), Fraction(scene.contact.friction)
+    pair = pair or pair_of(collision)
+    e, mu = Fraction(collision.contact.restitution), Fraction(collision.contact.friction)
     n_u, nn = pair.n_u, dot(pair.n, pair.n)
     if n_u >= 0:
         return Answer(pair, True, [ZERO], False, math.inf, e, False)
@@ -387,11 +387,15 @@ def _coulomb(pair: Pair, e: Fraction, mu: Fraction, e_t: Fraction) -> tuple[Vec,
     tangential, limit = dot(P_t, P_t) * nn, mu * P_n
     sticks = P_n >= 0 and tangential <= limit * limit
     if sticks:
-        margin = 1 - nearest(tangential / (limit * limit)) if limit else (math.inf if not tangential else 0.0)
+        margin = (
+            1 - nearest_float(tangential / (limit * limit))
+            if limit
+            else (math.inf if not tangential else 0.0)
+        )
         return wanted, True, margin
     D_n, D_t = parts(D)
-    kappa = mu * dot(n, base) / (root(dot(D_t, D_t) * nn) - mu * D_n)
-    margin = nearest(1 - kappa / (1 + e_t))
+    kappa = mu * dot(n, base) / (square_root(dot(D_t, D_t) * nn) - mu * D_n)
+    margin = nearest_float(1 - kappa / (1 + e_t))
     return plus(base, times(D, kappa)), False, margin
 
 
@@ -406,7 +410,7 @@ def _by_oracle(pair: Pair, law: str, e: Fraction, mu: Fraction) -> tuple[list[Ve
     size = mass * speed
     K = tuple(times(row, mass) for row in pair.K)
     u = times(pair.u, 1 / speed)
-    n = times(pair.n, 1 / pair.unit)
+    n = times(pair.n, 1 / pair.normal_length)
     mu = min(mu, Fraction(10**20))  # more sticks no better, and the oracle loses the digits of mu
     given = oracle.impulse(ORACLE_NAMES[law], K, u, n, e, mu, digits=ORACLE_DIGITS)
     impulses = [given[0]]
@@ -434,13 +438,13 @@ def _fractions(P: Any) -> Vec:
 def _difference(given: Sequence[float], exact: Vec) -> Vec:
     """Numbers that are right to the nearest subnormal are right."""
     apart = minus(vec(given), exact)
-    return tuple(Fraction(0) if 2 * abs(d) <= LEAST else d for d in apart)  # type: ignore[return-value]
+    return tuple(Fraction(0) if 2 * abs(d) <= SMALLEST_FLOAT else d for d in apart)  # type: ignore[return-value]
 
 
 def _quotient(error2: Fraction, size2: Fraction) -> float:
     if error2 == 0:
         return 0.0
-    return nearest(root(error2 / size2)) if size2 > 0 else math.inf
+    return nearest_float(square_root(error2 / size2)) if size2 > 0 else math.inf
 
 
 def impulse_error(given: Sequence[float], exact: Vec) -> float:
@@ -467,7 +471,7 @@ def is_representable(exact: Answer) -> bool:
     for P in exact.impulses[:1]:
         sizes = [abs(x) for x in P]
         after = plus(pair.u, apply(pair.K, P))
-        sizes += [abs(pair.n_u) / pair.unit, abs(dot(pair.n, after)) / pair.unit]
+        sizes += [abs(pair.n_u) / pair.normal_length, abs(dot(pair.n, after)) / pair.normal_length]
         sizes += [abs(dot(P, pair.u)), abs(dot(P, after)), dot(pair.n, pair.n) / pair.n_Kn]
         before = then = Fraction(0)
         for side, impulse in ((pair.a, P), (pair.b, times(P, Fraction(-1)))):
@@ -475,6 +479,6 @@ def is_representable(exact: Answer) -> bool:
             v, w = plus(side.velocity, dv), plus(side.spin, dw)
             sizes += [abs(x) for x in (*dv, *dw, *v, *w)]
             before, then = before + side.energy(side.velocity, side.spin), then + side.energy(v, w)
-        if max(*sizes, before, then) > LARGEST:
+        if max(*sizes, before, then) > LARGEST_FLOAT:
             return False
     return True

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from random_impacts import turned_tensor
-from scenes import Scene
+from collisions import Collision
+from random_impacts import rotated_tensor
 
 from collision_response import Body, Contact, Geometry, ImpactModel, Precision, resolve
 from collision_response.physics.effective_mass import ContactKinematics
@@ -19,7 +19,7 @@ TURN = (0.31, -0.17, 0.52, 0.74)
 TURN_LENGTH = sum(q * q for q in TURN) ** 0.5
 UNIT_TURN = tuple(q / TURN_LENGTH for q in TURN)
 
-ORDINARY = Scene(
+ORDINARY = Collision(
     Body.dynamic(
         2.0,
         (0.5, 0.02, -0.03, 0.6, 0.01, 0.4),
@@ -44,20 +44,20 @@ class Extreme(NamedTuple):
     """A named scene."""
 
     name: str
-    scene: Scene
+    collision: Collision
 
 
 def extremes() -> list[Extreme]:
     """All of them, in the order of the report."""
-    return [Extreme(name, scene) for name, scene in _all()]
+    return [Extreme(name, collision) for name, collision in _all()]
 
 
-def scene_named(name: str) -> Scene:
+def collision_named(name: str) -> Collision:
     """The scene of an extreme."""
     return dict(_all())[name]
 
 
-def _all() -> Iterator[tuple[str, Scene]]:
+def _all() -> Iterator[tuple[str, Collision]]:
     yield "ordinary", ORDINARY
     for ratio in (1e30, 1e-30):
         yield f"mass ratio {ratio:.0e}", ORDINARY._replace(body_a=_heavier(ORDINARY.body_a, ratio))
@@ -75,8 +75,8 @@ def _all() -> Iterator[tuple[str, Scene]]:
         principal = (moments[0], 0.0, 0.0, moments[1], 0.0, moments[2])
         yield f"{name}, moments 1 : 1e-15", _with_inertia(principal)
         yield f"{name}, moments 1 : 1e-15, turned", _with_inertia(principal, UNIT_TURN)
-        yield f"{name}, moments 1 : 1e-15, in turned axes", _with_inertia(turned_tensor(moments, TURN))
-    yield "rod, moments 1 : 1e-12, in turned axes", _with_inertia(turned_tensor((1e-12, 1.0, 1.0), TURN))
+        yield f"{name}, moments 1 : 1e-15, in turned axes", _with_inertia(rotated_tensor(moments, TURN))
+    yield "rod, moments 1 : 1e-12, in turned axes", _with_inertia(rotated_tensor((1e-12, 1.0, 1.0), TURN))
     yield "rod without axial inertia", _with_inertia((0.0, 0.0, 0.0, 0.3, 0.0, 0.3))
     yield "collinear particles, in turned axes", _with_inertia(_collinear())
     yield "point mass with a lever arm", _with_inertia((0.0,) * 6)
@@ -104,47 +104,47 @@ def _all() -> Iterator[tuple[str, Scene]]:
     yield "all together", _all_together()
 
 
-def grazing(share: float, scene: Scene = ORDINARY) -> Scene:
+def grazing(share: float, collision: Collision = ORDINARY) -> Collision:
     """``scene`` with a normal velocity of about ``-share`` of the slip."""
-    n = scene.contact.normal
+    n = collision.contact.normal
     for _ in range(3):  # each time to the rounding of what is left
         exactly = ImpactModel(geometry=Geometry.SPATIAL, precision=Precision.EXTENDED)
-        u_n = resolve(*scene, exactly).normal_velocity_before
-        slip = ContactKinematics.of(*scene).u.norm()
-        velocity = scene.body_a.velocity - n * ((u_n + share * slip) / n.norm())
-        scene = scene._replace(body_a=scene.body_a._replace(velocity=velocity))
-    return scene
+        u_n = resolve(*collision, exactly).normal_velocity_before
+        slip = ContactKinematics.of(*collision).u.norm()
+        velocity = collision.body_a.velocity - n * ((u_n + share * slip) / n.norm())
+        collision = collision._replace(body_a=collision.body_a._replace(velocity=velocity))
+    return collision
 
 
-def _both(scene: Scene, change: Callable[[Body], Body]) -> Scene:
-    return scene._replace(body_a=change(scene.body_a), body_b=change(scene.body_b))
+def _both(collision: Collision, change: Callable[[Body], Body]) -> Collision:
+    return collision._replace(body_a=change(collision.body_a), body_b=change(collision.body_b))
 
 
 def _heavier(body: Body, factor: float) -> Body:
     return Body.dynamic(body.mass * factor, [i * factor for i in body.inertia], *body[2:7])
 
 
-def _faster(scene: Scene, factor: float) -> Scene:
+def _faster(collision: Collision, factor: float) -> Collision:
     return _both(
-        scene,
+        collision,
         lambda body: body._replace(
             velocity=body.velocity * factor, angular_velocity=body.angular_velocity * factor
         ),
     )
 
 
-def _nearer(scene: Scene, factor: float) -> Scene:
-    near = _both(scene, lambda body: body._replace(position=body.position * factor))
+def _nearer(collision: Collision, factor: float) -> Collision:
+    near = _both(collision, lambda body: body._replace(position=body.position * factor))
     return near._replace(contact=near.contact._replace(position=near.contact.position * factor))
 
 
-def _moved(scene: Scene, distance: float) -> Scene:
+def _moved(collision: Collision, distance: float) -> Collision:
     by = Vec3(distance, -0.7 * distance, 0.4 * distance)
-    moved = _both(scene, lambda body: body._replace(position=body.position + by))
+    moved = _both(collision, lambda body: body._replace(position=body.position + by))
     return moved._replace(contact=moved.contact._replace(position=moved.contact.position + by))
 
 
-def _with_inertia(inertia: tuple[float, ...], orientation: tuple[float, ...] | None = None) -> Scene:
+def _with_inertia(inertia: tuple[float, ...], orientation: tuple[float, ...] | None = None) -> Collision:
     body = ORDINARY.body_a
     return ORDINARY._replace(
         body_a=Body.dynamic(
@@ -153,7 +153,7 @@ def _with_inertia(inertia: tuple[float, ...], orientation: tuple[float, ...] | N
     )
 
 
-def _with_orientation(quaternion: tuple[float, ...]) -> Scene:
+def _with_orientation(quaternion: tuple[float, ...]) -> Collision:
     body = ORDINARY.body_a
     return ORDINARY._replace(body_a=Body.dynamic(*body[:3], quaternion, *body[4:7]))
 
@@ -168,9 +168,9 @@ def _kinematic(body: Body, speed: float) -> Body:
     return Body.kinematic(body.position, (0.0, 0.1 * speed, speed), body.angular_velocity)
 
 
-def _all_together() -> Scene:
+def _all_together() -> Collision:
     """A grazing blow, along a long normal, on a heavy rod in turned axes, far from the origin."""
-    scene = _with_inertia(turned_tensor((1e-12, 1.0, 1.0), TURN), tuple(1.001 * q for q in UNIT_TURN))
-    scene = _moved(scene._replace(body_a=_heavier(scene.body_a, 1e20)), 1e8)
-    scene = scene._replace(contact=scene.contact._replace(normal=scene.contact.normal * 1e50))
-    return grazing(1e-12, scene)
+    collision = _with_inertia(rotated_tensor((1e-12, 1.0, 1.0), TURN), tuple(1.001 * q for q in UNIT_TURN))
+    collision = _moved(collision._replace(body_a=_heavier(collision.body_a, 1e20)), 1e8)
+    collision = collision._replace(contact=collision.contact._replace(normal=collision.contact.normal * 1e50))
+    return grazing(1e-12, collision)

@@ -17,7 +17,7 @@ STAGES = (
 ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 
 
-def until(
+def integrate_until(
     rhs: Callable[[np.ndarray], Sequence[float]],
     y: Sequence[float],
     events: Sequence[Callable[[np.ndarray], float]],

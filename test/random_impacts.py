@@ -9,7 +9,7 @@ from collision_response import Body, Contact, Geometry, ImpactError, ImpactModel
 from collision_response.physics.vector import ZERO, Vec3
 from collision_response.validity import check
 
-Scene = tuple[Body, Body, Contact]
+Collision = tuple[Body, Body, Contact]
 
 
 class RandomImpacts:
@@ -23,20 +23,20 @@ class RandomImpacts:
         self.draw = random.Random(seed)
         self.wildness = wildness
 
-    def request(self, law: Law) -> tuple[Scene, ImpactModel]:
+    def request(self, law: Law) -> tuple[Collision, ImpactModel]:
         """A scene that can be answered, and a model with any geometry."""
         while True:
-            scene = self.scene()
+            collision = self.collision()
             geometry = self.draw.choice([Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL, Geometry.SPATIAL])
             e_t = self.draw.choice([0.0, self.draw.uniform(-1, 1)])
             model = ImpactModel(law, geometry, tangential_restitution=e_t)
             try:
-                check(*scene, e_t)
+                check(*collision, e_t)
             except ImpactError:
                 continue
-            return scene, model
+            return collision, model
 
-    def scene(self) -> Scene:
+    def collision(self) -> Collision:
         """Two bodies and their contact, which need not be sound; often the bodies just graze."""
         body_a, body_b, contact = self._body(), self._body(), self._contact()
         if self.draw.random() < 0.3:
@@ -59,7 +59,7 @@ class RandomImpacts:
         moments = (y + z, x + z, x + y)
         inertia = (moments[0], 0.0, 0.0, moments[1], 0.0, moments[2])
         if kind > 0.6:
-            inertia = turned_tensor(moments, self._quaternion())
+            inertia = rotated_tensor(moments, self._quaternion())
         orientation = self._quaternion() if draw.random() < 0.6 else None
         com = self._vector(size) if draw.random() < 0.3 else ZERO
         spin = self._vector(self._magnitude(0.3))
@@ -90,7 +90,7 @@ class RandomImpacts:
         return [self.draw.gauss(0, 1) for _ in range(4)]
 
 
-def turned_tensor(moments: tuple[float, float, float], quaternion: list[float]) -> tuple[float, ...]:
+def rotated_tensor(moments: tuple[float, float, float], quaternion: list[float]) -> tuple[float, ...]:
     """The tensor of principal moments in turned axes."""
     length = math.sqrt(sum(q * q for q in quaternion))
     x, y, z, w = (q / length for q in quaternion)

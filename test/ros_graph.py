@@ -68,7 +68,7 @@ class Graph:
     def call_async(self, request: Any) -> Any:
         """Send a request to the service that takes it, once there is someone to answer it."""
         client = self._clients[type(request)]
-        until(client.service_is_ready)
+        wait_until(client.service_is_ready)
         return client.call_async(request)
 
     def call(self, request: Any) -> Any:
@@ -91,7 +91,7 @@ class Graph:
         rclpy.shutdown(context=self.context)
 
 
-def until(condition: Callable[[], Any]) -> Any:
+def wait_until(condition: Callable[[], Any]) -> Any:
     """The first true value of ``condition``; discovery gives no event in every ROS release."""
     deadline = time.monotonic() + DEADLINE
     while not (value := condition()):

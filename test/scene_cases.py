@@ -12,7 +12,7 @@ from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import Vec3
 
 
-class Case(NamedTuple):
+class Scene(NamedTuple):
     """A scene."""
 
     bodies: list[Body]
@@ -24,11 +24,11 @@ class Case(NamedTuple):
     ) -> SceneImpact:
         return resolve_scene(*self, ImpactModel(law, **model), **(options or {}))
 
-    def with_contacts(self, **fields: Any) -> Case:
+    def with_contacts(self, **fields: Any) -> Scene:
         return self._replace(contacts=[contact._replace(**fields) for contact in self.contacts])
 
 
-def row(velocities, e: Any = 1, masses=None, number: Any = Fraction) -> Case:
+def row_of_balls(velocities, e: Any = 1, masses=None, number: Any = Fraction) -> Scene:
     """Balls in a row along x, that touch."""
     masses = masses or [1] * len(velocities)
     zero = number(0)
@@ -40,7 +40,7 @@ def row(velocities, e: Any = 1, masses=None, number: Any = Fraction) -> Case:
         Contact.of((number(2 * i + 1) / 2, zero, zero), (number(-1), zero, zero), number(e))
         for i in range(len(bodies) - 1)
     ]
-    return Case(bodies, [(i, i + 1) for i in range(len(contacts))], contacts)
+    return Scene(bodies, [(i, i + 1) for i in range(len(contacts))], contacts)
 
 
 def speeds(answer: SceneImpact) -> list[Any]:
@@ -56,7 +56,7 @@ def box(
     size=(1, 1, 1),
     mass: Any = 1,
     number: Any = float,
-) -> Case:
+) -> Scene:
     """A box flat on a floor, with four corners."""
     x, y, z = (number(s) for s in size)
     mass = number(mass)
@@ -76,10 +76,10 @@ def box(
         for a in (-1, 1)
         for b in (-1, 1)
     ]
-    return Case([body, Body.static()], [(0, 1)] * 4, contacts)
+    return Scene([body, Body.static()], [(0, 1)] * 4, contacts)
 
 
-def turn(q: Quaternion, v) -> Vec3:
+def rotate(q: Quaternion, v) -> Vec3:
     """``v`` turned by ``q``."""
     return q.rotation().to_world(Vec3(*v))
 
@@ -89,18 +89,18 @@ def product(p: Quaternion, q: Quaternion) -> Quaternion:
     return Quaternion(*(b * p.w + a * q.w + a.cross(b)), p.w * q.w - a.dot(b))
 
 
-def turned(body: Body, q: Quaternion) -> Body:
+def rotated(body: Body, q: Quaternion) -> Body:
     """A body and its motion, turned about the origin."""
     orientation = body.orientation or Quaternion(0.0, 0.0, 0.0, 1.0)
     return body._replace(
-        position=turn(q, body.position),
-        velocity=turn(q, body.velocity),
-        angular_velocity=turn(q, body.angular_velocity),
+        position=rotate(q, body.position),
+        velocity=rotate(q, body.velocity),
+        angular_velocity=rotate(q, body.angular_velocity),
         orientation=product(q, orientation) if body.is_movable() else None,
     )
 
 
-def random_case(seed: int, e: float | None = None, mu: float | None = None, contacts: int = 12) -> Case:
+def random_scene(seed: int, e: float | None = None, mu: float | None = None, contacts: int = 12) -> Scene:
     """Some bodies that touch here and there: stacks, patches of contacts, doubled ones, walls that may move.
 
     The normals point from body to body, more or less, so that there is a velocity that parts all: away from
@@ -144,22 +144,22 @@ def random_case(seed: int, e: float | None = None, mu: float | None = None, cont
         if rng.random() < 0.2:
             pairs.append(pairs[-1])
             touches.append(touches[-1])
-    return Case(bodies + walls, pairs, touches)
+    return Scene(bodies + walls, pairs, touches)
 
 
-def any_case(seed: int) -> Case:
+def any_scene(seed: int) -> Scene:
     """As :func:`random_case`; from the 60th on also stacks, grids and chains, of up to 30 contacts."""
     if seed < 60:
-        return random_case(seed)
+        return random_scene(seed)
     rng = random.Random(seed)
     return rng.choice([heap, stack, grid, chain])(rng)
 
 
-def heap(rng: random.Random) -> Case:
-    return random_case(rng.randrange(10**9), contacts=30)
+def heap(rng: random.Random) -> Scene:
+    return random_scene(rng.randrange(10**9), contacts=30)
 
 
-def stack(rng: random.Random) -> Case:
+def stack(rng: random.Random) -> Scene:
     """Boxes, each flat on four corners on the one below, not quite above it; some corners twice."""
     bodies, touches, pairs = [], [], []
     for level in range(rng.randint(1, 6)):
@@ -172,67 +172,69 @@ def stack(rng: random.Random) -> Case:
                 (moments[0], 0.0, 0.0, moments[1], 0.0, moments[2]),
                 (shift, 0.0, level + 0.5),
                 None,
-                _somewhere(rng),
-                _somewhere(rng),
+                _random_vector(rng),
+                _random_vector(rng),
             )
         )
         for corner in [(x, y) for x in (-1, 1) for y in (-1, 1)] + [(1, 1)] * rng.randint(0, 1):
             at = shift + corner[0] * side / 2, corner[1] * side / 2, float(level)
             pairs.append((level, level - 1))
-            touches.append(_touch(rng, at, (0.0, 0.0, 1.0)))
-    floor = rng.choice([Body.static(), Body.kinematic((0.0, 0.0, 0.0), _somewhere(rng), _somewhere(rng))])
-    return Case([*bodies, floor], [(a, b if b >= 0 else len(bodies)) for a, b in pairs], touches)
+            touches.append(_random_contact(rng, at, (0.0, 0.0, 1.0)))
+    floor = rng.choice(
+        [Body.static(), Body.kinematic((0.0, 0.0, 0.0), _random_vector(rng), _random_vector(rng))]
+    )
+    return Scene([*bodies, floor], [(a, b if b >= 0 else len(bodies)) for a, b in pairs], touches)
 
 
-def grid(rng: random.Random) -> Case:
+def grid(rng: random.Random) -> Scene:
     """Balls in rows and columns, on a wall or not; a few are points."""
     rows, columns = rng.randint(2, 4), rng.randint(2, 4)
-    bodies = [_ball(rng, (float(i), float(k), 0.0)) for i in range(rows) for k in range(columns)]
+    bodies = [_random_ball(rng, (float(i), float(k), 0.0)) for i in range(rows) for k in range(columns)]
     pairs, touches = [], []
     for i in range(rows):
         for k in range(columns):
             if i:
                 pairs.append((i * columns + k, (i - 1) * columns + k))
-                touches.append(_touch(rng, (i - 0.5, float(k), 0.0), (1.0, 0.0, 0.0)))
+                touches.append(_random_contact(rng, (i - 0.5, float(k), 0.0), (1.0, 0.0, 0.0)))
             elif rows < 4:
                 pairs.append((k, rows * columns))
-                touches.append(_touch(rng, (-0.5, float(k), 0.0), (2.0, 0.0, 0.0)))
+                touches.append(_random_contact(rng, (-0.5, float(k), 0.0), (2.0, 0.0, 0.0)))
             if k:
                 pairs.append((i * columns + k, i * columns + k - 1))
-                touches.append(_touch(rng, (float(i), k - 0.5, 0.0), (0.0, 1.0, 0.0)))
-    return Case([*bodies, Body.static()], pairs, touches)
+                touches.append(_random_contact(rng, (float(i), k - 0.5, 0.0), (0.0, 1.0, 0.0)))
+    return Scene([*bodies, Body.static()], pairs, touches)
 
 
-def chain(rng: random.Random) -> Case:
+def chain(rng: random.Random) -> Scene:
     """Balls in a row, on a wall or not; unequal masses."""
     count = rng.randint(3, 30)
-    bodies = [_ball(rng, (float(i), 0.0, 0.0)) for i in range(count)]
-    touches = [_touch(rng, (i - 0.5, 0.0, 0.0), (1.0, 0.0, 0.0)) for i in range(count)]
+    bodies = [_random_ball(rng, (float(i), 0.0, 0.0)) for i in range(count)]
+    touches = [_random_contact(rng, (i - 0.5, 0.0, 0.0), (1.0, 0.0, 0.0)) for i in range(count)]
     pairs = [(i, i - 1 if i else count) for i in range(count)]
     first = rng.randint(0, 1)
-    return Case([*bodies, Body.static()], pairs[first:], touches[first:])
+    return Scene([*bodies, Body.static()], pairs[first:], touches[first:])
 
 
-def _ball(rng: random.Random, at: tuple[float, float, float]) -> Body:
+def _random_ball(rng: random.Random, at: tuple[float, float, float]) -> Body:
     mass = math.exp(rng.uniform(-2, 2))
     moment = mass * 0.1 if rng.random() < 0.9 else 0.0
     return Body.dynamic(
-        mass, (moment, 0.0, 0.0, moment, 0.0, moment), at, None, _somewhere(rng), _somewhere(rng)
+        mass, (moment, 0.0, 0.0, moment, 0.0, moment), at, None, _random_vector(rng), _random_vector(rng)
     )
 
 
-def _somewhere(rng: random.Random) -> Vec3:
+def _random_vector(rng: random.Random) -> Vec3:
     return Vec3(*(rng.uniform(-1.0, 1.0) for _ in range(3)))
 
 
-def _touch(rng: random.Random, at, normal) -> Contact:
+def _random_contact(rng: random.Random, at, normal) -> Contact:
     return Contact.of(at, normal, rng.choice([0.0, 0.5, 1.0]), rng.choice([0.0, 0.3, 3.0]))
 
 
-def momentum(case: Case, twists) -> tuple[Vec3, Vec3]:
+def momentum(scene: Scene, twists) -> tuple[Vec3, Vec3]:
     """Linear, and angular about the origin."""
     linear = angular = Vec3(0, 0, 0)
-    for body, twist in zip(case.bodies, twists, strict=True):
+    for body, twist in zip(scene.bodies, twists, strict=True):
         if body.is_movable():
             c = body.to_world(body.com)
             v = twist.linear + twist.angular.cross(c)
@@ -242,19 +244,19 @@ def momentum(case: Case, twists) -> tuple[Vec3, Vec3]:
     return linear, angular
 
 
-def size_of(case: Case, answer: SceneImpact) -> float:
+def change_norm(scene: Scene, answer: SceneImpact) -> float:
     """Of the change of velocity, in the metric of kinetic energy, at least that of any body."""
     square = 0.0
-    for body, change in zip(case.bodies, answer.changes, strict=True):
+    for body, change in zip(scene.bodies, answer.changes, strict=True):
         if body.is_movable():
             square += body.mass * change.linear.dot(change.linear)
             square += body.inertia.trace() / 3 * change.angular.dot(change.angular)
     return math.sqrt(float(square))
 
 
-def energy(case: Case, twists) -> Any:
+def energy(scene: Scene, twists) -> Any:
     total: Any = 0
-    for body, twist in zip(case.bodies, twists, strict=True):
+    for body, twist in zip(scene.bodies, twists, strict=True):
         if body.is_movable():
             v = twist.linear + twist.angular.cross(body.to_world(body.com))
             w = body.to_body(twist.angular)
@@ -262,14 +264,14 @@ def energy(case: Case, twists) -> Any:
     return total
 
 
-def apart(case: Case, one: SceneImpact, other: SceneImpact) -> float:
+def distance(scene: Scene, one: SceneImpact, other: SceneImpact) -> float:
     """The distance of two answers, relative to the change, in the norm of the error bound over all bodies."""
-    return apart_by(case, one.changes, other.changes)
+    return distance_of_changes(scene, one.changes, other.changes)
 
 
-def apart_by(case: Case, one, other) -> float:
+def distance_of_changes(scene: Scene, one, other) -> float:
     off = size = 0.0
-    for body, x, y in zip(case.bodies, one, other, strict=True):
+    for body, x, y in zip(scene.bodies, one, other, strict=True):
         if body.is_movable():
             arm = float(body.inertia.trace() / 3)
             off += (

@@ -9,8 +9,8 @@ from fractions import Fraction as F
 
 import numpy as np
 import pytest
-from arm import LINKS, TIP, V, arm
-from scenes import EVERY_LAW
+from collisions import EVERY_LAW
+from robot_arm import LINKS, TIP, V, robot_arm
 
 from collision_response import (
     Adjustment,
@@ -38,7 +38,7 @@ MOMENT = 0.4 * BALL * RADIUS**2
 DIGITS = 2e-12
 """Of the reference values."""
 
-ARM = arm()
+ARM = robot_arm()
 
 
 def tip() -> Body:

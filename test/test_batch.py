@@ -15,19 +15,19 @@ import array_api_strict
 import dask
 import dask.array as da
 import numpy as np
-from batches import (
+from batch_cases import (
     FIRST_FAULTY,
     N,
     assert_same,
     assert_same_values,
-    by_single_impacts,
+    collision_at,
     columns,
-    each,
-    is_tiny,
-    scene_of,
-    some,
+    has_tiny_numbers,
+    map_arrays,
+    resolve_one_by_one,
+    shared_batch,
 )
-from scenes import LAWS_WITH_FRICTION, LAWS_WITH_ORACLE
+from collisions import LAWS_WITH_FRICTION, LAWS_WITH_ORACLE
 
 from collision_response import (
     Body,
@@ -60,8 +60,8 @@ ANSWERED = (StatusCode.OK, StatusCode.SEPARATING)
 every_kind = pytest.mark.parametrize(("geometry", "oriented", "law"), KINDS)
 
 
-def scenes_of(geometry: Geometry, bodies, contacts):
-    return [scene_of(geometry, bodies, contacts, i) for i in range(bodies.shape[-1])]
+def collisions_at(geometry: Geometry, bodies, contacts):
+    return [collision_at(geometry, bodies, contacts, i) for i in range(bodies.shape[-1])]
 
 
 # against one impact at a time
@@ -70,11 +70,11 @@ def scenes_of(geometry: Geometry, bodies, contacts):
 @every_kind
 def test_every_row_is_that_of_one_impact(geometry, oriented, law):
     """Sound ones, odd ones and those with a fault, of which the first is told."""
-    bodies, contacts = some(geometry, oriented=oriented)
+    bodies, contacts = shared_batch(geometry, oriented=oriented)
     model = ImpactModel(law)
-    expected = by_single_impacts(geometry, scenes_of(geometry, bodies, contacts), [model] * N)
+    expected = resolve_one_by_one(geometry, collisions_at(geometry, bodies, contacts), [model] * N)
     result = resolve_batch(bodies, contacts, model)
-    tiny = is_tiny(bodies)
+    tiny = has_tiny_numbers(bodies)
     assert_same_values(columns(result, ~tiny), columns(expected, ~tiny))
     np.testing.assert_array_equal(result.status, expected.status)
     # A batch without bounds stays in its units, and loses what goes below them.
@@ -85,7 +85,7 @@ def test_every_row_is_that_of_one_impact(geometry, oriented, law):
 
 @every_kind
 def test_a_bad_contact_spoils_itself_alone(geometry, oriented, law):
-    bodies, contacts = some(geometry, oriented=oriented)
+    bodies, contacts = shared_batch(geometry, oriented=oriented)
     result = resolve_batch(bodies, contacts, ImpactModel(law))
     bad = ~np.isin(result.status, ANSWERED)
     assert bad[FIRST_FAULTY:].any() and not bad[:FIRST_FAULTY].any()
@@ -100,7 +100,7 @@ def test_a_bad_contact_spoils_itself_alone(geometry, oriented, law):
 @pytest.mark.parametrize("count", [1, 2, 3, 7, 8, 9, 31])
 def test_however_many_there_are_the_bits_are_the_same(count, dtype):
     """Vectors of several contacts have ends."""
-    bodies, contacts = (array.astype(dtype) for array in some(Geometry.SPATIAL))
+    bodies, contacts = (array.astype(dtype) for array in shared_batch(Geometry.SPATIAL))
     whole = resolve_batch(bodies, contacts)
     for start in range(0, N - count, 61):
         part = slice(start, start + count)
@@ -113,23 +113,27 @@ def test_however_many_there_are_the_bits_are_the_same(count, dtype):
 )
 @pytest.mark.parametrize("workers", [2, 3])
 def test_many_hands_give_the_same_bits(workers, model):
-    bodies, contacts = (np.tile(array, 12) for array in some(Geometry.SPATIAL))
+    bodies, contacts = (np.tile(array, 12) for array in shared_batch(Geometry.SPATIAL))
     shared = resolve_batch(bodies, contacts, model, workers=workers)
     assert_same(shared, resolve_batch(bodies, contacts, model))
-    once = resolve_batch(*some(Geometry.SPATIAL), model)
-    assert_same(shared, each(lambda array: np.tile(array, 12), once))
+    once = resolve_batch(*shared_batch(Geometry.SPATIAL), model)
+    assert_same(shared, map_arrays(lambda array: np.tile(array, 12), once))
 
 
 def test_what_leaves_the_range_on_the_way_is_answered_all_the_same():
-    bodies, contacts = (array[..., STICKS : STICKS + 30].copy() for array in some(Geometry.SPATIAL))
-    of, at = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
-    contacts[at.normal, 0] *= 1e-200
-    contacts[at.normal, 1], bodies[of.velocity, 0, 1], bodies[of.velocity, 1, 1] = 1.0, -1e308, 1e308
+    bodies, contacts = (array[..., STICKS : STICKS + 30].copy() for array in shared_batch(Geometry.SPATIAL))
+    body_row, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
+    contacts[contact_row.normal, 0] *= 1e-200
+    contacts[contact_row.normal, 1], bodies[body_row.velocity, 0, 1], bodies[body_row.velocity, 1, 1] = (
+        1.0,
+        -1e308,
+        1e308,
+    )
     model = ImpactModel(Law.COULOMB)
     result = resolve_batch(bodies, contacts, model)
     assert (result.status[0], result.status[1]) == (StatusCode.OK, StatusCode.OUT_OF_RANGE)
-    scenes = scenes_of(Geometry.SPATIAL, bodies, contacts)
-    assert_same_values(result, by_single_impacts(Geometry.SPATIAL, scenes, [model] * 30))
+    collisions = collisions_at(Geometry.SPATIAL, bodies, contacts)
+    assert_same_values(result, resolve_one_by_one(Geometry.SPATIAL, collisions, [model] * 30))
 
 
 @pytest.mark.parametrize("length", [1e155, 1e200, 1e-200, 1e300])
@@ -137,21 +141,28 @@ def test_what_leaves_the_range_on_the_way_is_answered_all_the_same():
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_a_normal_may_have_any_length(geometry, law, length):
     """Its square, or ``n.K n``, is beyond float64: no quotient by that is an impulse."""
-    bodies, contacts = (array[..., STICKS : STICKS + 9].copy() for array in some(geometry))
+    bodies, contacts = (array[..., STICKS : STICKS + 9].copy() for array in shared_batch(geometry))
     contacts[contact_rows(geometry).normal, ::2] *= length  # beside usual ones
     model = ImpactModel(law)
     result = resolve_batch(bodies, contacts, model)
-    scenes = scenes_of(geometry, bodies, contacts)
-    assert_same_values(result, by_single_impacts(geometry, scenes, [model] * 9))
+    collisions = collisions_at(geometry, bodies, contacts)
+    assert_same_values(result, resolve_one_by_one(geometry, collisions, [model] * 9))
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 @pytest.mark.parametrize(("mass", "length"), [(1.0, 1e20), (1e-36, 100.0), (1e-30, 1e5)])
 def test_float32_goes_beyond_its_range_on_the_way(law, mass, length):
-    of, at = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
-    bodies, contacts = np.zeros((of.height, 2, 5), np.float32), np.zeros((at.height, 5), np.float32)
-    bodies[of.mass], bodies[of.velocity][1, 0] = mass, -1
-    contacts[at.normal][1], contacts[at.restitution], contacts[at.friction] = length, 0.5, 0.25
+    body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    bodies, contacts = (
+        np.zeros((body_row.height, 2, 5), np.float32),
+        np.zeros((contact_row.height, 5), np.float32),
+    )
+    bodies[body_row.mass], bodies[body_row.velocity][1, 0] = mass, -1
+    contacts[contact_row.normal][1], contacts[contact_row.restitution], contacts[contact_row.friction] = (
+        length,
+        0.5,
+        0.25,
+    )
     result = resolve_batch(bodies, contacts, ImpactModel(law))
     np.testing.assert_allclose(result.impulse[1], 0.75 * mass, rtol=1e-5)
     np.testing.assert_allclose(result.velocity[1], [[-0.25] * 5, [-0.75] * 5], rtol=1e-5)
@@ -159,13 +170,13 @@ def test_float32_goes_beyond_its_range_on_the_way(law, mass, length):
 
 @pytest.mark.parametrize("speed", [-1e200, 1e200])
 def test_energies_beyond_the_range_are_refused_where_they_are_reported(speed):
-    bodies, contacts = (array[..., STICKS : STICKS + 5].copy() for array in some(Geometry.POINT))
-    of, at = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
-    bodies[of.velocity], contacts[at.normal] = 0.0, 0.0
-    contacts[at.normal][0], bodies[of.velocity][0, 0, 2] = 1.0, speed
+    bodies, contacts = (array[..., STICKS : STICKS + 5].copy() for array in shared_batch(Geometry.POINT))
+    body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    bodies[body_row.velocity], contacts[contact_row.normal] = 0.0, 0.0
+    contacts[contact_row.normal][0], bodies[body_row.velocity][0, 0, 2] = 1.0, speed
     result = resolve_batch(bodies, contacts, ImpactModel(Law.COULOMB), report=True)
     with pytest.raises(ImpactError) as refused:
-        resolve(*scene_of(Geometry.POINT, bodies, contacts, 2), ImpactModel(Law.COULOMB))
+        resolve(*collision_at(Geometry.POINT, bodies, contacts, 2), ImpactModel(Law.COULOMB))
     assert result.status[2] == refused.value.code == StatusCode.OUT_OF_RANGE
     assert np.isnan(result.velocity[..., 2]).all() and np.isnan(result.kinetic_energy_before[2])
     assert np.isfinite(result.velocity[..., [0, 1, 3, 4]]).all()
@@ -178,16 +189,16 @@ def test_energies_beyond_the_range_are_refused_where_they_are_reported(speed):
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_float32_is_single(geometry, law):
     """But for thin rods, whose tensors are known to fewer digits than those of doubles."""
-    bodies, contacts = (array[..., 5:FIRST_FAULTY].astype(np.float32) for array in some(geometry))
+    bodies, contacts = (array[..., 5:FIRST_FAULTY].astype(np.float32) for array in shared_batch(geometry))
     result = resolve_batch(bodies, contacts, ImpactModel(law))
     assert {array.dtype for array in result[:3]} == {np.dtype(np.float32)}
     model = ImpactModel(law, precision=Precision.SINGLE)
-    scenes = scenes_of(geometry, bodies.astype(float), contacts.astype(float))
-    assert_same_values(result, by_single_impacts(geometry, scenes, [model] * len(scenes)))
+    collisions = collisions_at(geometry, bodies.astype(float), contacts.astype(float))
+    assert_same_values(result, resolve_one_by_one(geometry, collisions, [model] * len(collisions)))
 
 
 def test_single_is_double_to_its_precision():
-    bodies, contacts = (array[..., :FIRST_FAULTY] for array in some(Geometry.SPATIAL))
+    bodies, contacts = (array[..., :FIRST_FAULTY] for array in shared_batch(Geometry.SPATIAL))
     exact = resolve_batch(bodies, contacts)
     single = resolve_batch(bodies.astype(np.float32), contacts.astype(np.float32))
     error = abs(single.velocity - exact.velocity).max(axis=(0, 1)) / abs(exact.velocity).max(axis=(0, 1))
@@ -199,9 +210,9 @@ def test_single_is_double_to_its_precision():
 
 
 def test_tangential_restitution_of_the_model_or_of_each_contact():
-    bodies, contacts = some(Geometry.SPATIAL)
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
     one = resolve_batch(bodies, contacts, ImpactModel(Law.COULOMB, tangential_restitution=0.5))
-    assert resolve(*scene_of(Geometry.SPATIAL, bodies, contacts, STICKS)).regime is Regime.STICKING
+    assert resolve(*collision_at(Geometry.SPATIAL, bodies, contacts, STICKS)).regime is Regime.STICKING
     row = np.full((1, N), 0.5)
     assert_same(one, resolve_batch(bodies, np.concatenate([contacts, row]), ImpactModel(Law.COULOMB)))
     row[0, 8] = 1.5
@@ -212,13 +223,13 @@ def test_tangential_restitution_of_the_model_or_of_each_contact():
 
 @pytest.mark.parametrize("law", LAWS_WITH_ORACLE)
 def test_restitution_threshold(law):
-    bodies, contacts = some(Geometry.SPATIAL)
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
     model = ImpactModel(law, restitution_threshold=1.0)
     result, at = resolve_batch(bodies, contacts, model), contact_rows(Geometry.SPATIAL)
     plastic = contacts.copy()
     plastic[at.restitution, :FIRST_FAULTY] = 0.0
     before = [
-        resolve(*scene_of(Geometry.SPATIAL, bodies, contacts, i)).normal_velocity_before
+        resolve(*collision_at(Geometry.SPATIAL, bodies, contacts, i)).normal_velocity_before
         for i in range(FIRST_FAULTY)
     ]
     slow = np.flatnonzero([-1 < speed < 0 for speed in before])
@@ -228,10 +239,10 @@ def test_restitution_threshold(law):
 
 
 def test_friction_is_left_out_where_the_law_has_none():
-    bodies, contacts = some(Geometry.PLANAR)
-    at = contact_rows(Geometry.PLANAR)
+    bodies, contacts = shared_batch(Geometry.PLANAR)
+    contact_row = contact_rows(Geometry.PLANAR)
     sound = slice(FIRST_FAULTY)  # a fault in the friction is one even where it does not act
-    bare = resolve_batch(bodies, contacts[: at.friction.start])
+    bare = resolve_batch(bodies, contacts[: contact_row.friction.start])
     assert_same(
         columns(bare, sound), columns(resolve_batch(bodies, contacts, ImpactModel(Law.FRICTIONLESS)), sound)
     )
@@ -239,7 +250,7 @@ def test_friction_is_left_out_where_the_law_has_none():
 
 
 def test_oriented_bodies_are_solved_in_their_own_axes():
-    bodies, contacts = some(Geometry.SPATIAL, oriented=True)
+    bodies, contacts = shared_batch(Geometry.SPATIAL, oriented=True)
     assert resolve_batch(bodies, contacts).status[N - 4] == StatusCode.INVALID_ORIENTATION
     aligned, of = bodies.copy(), body_rows(Geometry.SPATIAL, oriented=True)
     aligned[of.orientation] = [[[0.0]], [[0.0]], [[0.0]], [[2.0]]]
@@ -255,31 +266,31 @@ def test_oriented_bodies_are_solved_in_their_own_axes():
 
 @pytest.mark.parametrize("order", ["C", "F"])
 def test_out_is_written_to(order):
-    bodies, contacts = some(Geometry.SPATIAL)
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
     result = resolve_batch(bodies, contacts)
-    out = each(lambda array: np.full_like(array, 9, order=order), result)
+    out = map_arrays(lambda array: np.full_like(array, 9, order=order), result)
     assert resolve_batch(bodies, contacts, out=out) is out
     assert_same(out, result)
 
 
 def test_input_in_any_order_is_read_and_left_alone():
-    bodies, contacts = some(Geometry.PLANAR)
+    bodies, contacts = shared_batch(Geometry.PLANAR)
     expected = resolve_batch(bodies, contacts)
     wide = np.repeat(bodies, 2, axis=-1), np.asfortranarray(contacts)
     assert_same(expected, resolve_batch(wide[0][..., ::2], wide[1]))
-    assert_same(expected, resolve_batch(*some(Geometry.PLANAR)))
+    assert_same(expected, resolve_batch(*shared_batch(Geometry.PLANAR)))
 
 
 def test_no_contacts():
     for geometry in GEOMETRIES:
-        bodies, contacts = (array[..., :0] for array in some(geometry))
+        bodies, contacts = (array[..., :0] for array in shared_batch(geometry))
         result = resolve_batch(bodies, contacts)
         assert result.status.shape == (0,)
         assert result.impulse.shape == (2 if geometry is Geometry.PLANAR else 3, 0)
 
 
 def test_it_takes_no_memory_but_that_of_the_results():
-    bodies, contacts = (np.tile(array[..., :FIRST_FAULTY], 400) for array in some(Geometry.SPATIAL))
+    bodies, contacts = (np.tile(array[..., :FIRST_FAULTY], 400) for array in shared_batch(Geometry.SPATIAL))
     out = resolve_batch(bodies, contacts)
     tracemalloc.start()
     resolve_batch(bodies, contacts, out=out)
@@ -292,7 +303,7 @@ def test_it_takes_no_memory_but_that_of_the_results():
 
 
 def refused() -> list[tuple[str, dict]]:
-    bodies, contacts = some(Geometry.SPATIAL)
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
     out = resolve_batch(bodies, contacts)
     single = {"bodies": bodies.astype(np.float32), "contacts": contacts.astype(np.float32)}
     return [
@@ -329,14 +340,14 @@ def refused() -> list[tuple[str, dict]]:
 
 @pytest.mark.parametrize(("message", "changes"), refused(), ids=[message for message, _ in refused()])
 def test_is_refused(message, changes):
-    bodies, contacts = some(Geometry.SPATIAL)
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
     with pytest.raises(ValueError, match=re.escape(message)):
         resolve_batch(**{"bodies": bodies, "contacts": contacts, **changes})
 
 
 def test_a_wrong_model_is_refused_by_its_code():
     with pytest.raises(ImpactError) as refusal:
-        resolve_batch(*some(Geometry.POINT), ImpactModel(tangential_restitution=2.0))
+        resolve_batch(*shared_batch(Geometry.POINT), ImpactModel(tangential_restitution=2.0))
     assert refusal.value.code is StatusCode.INVALID_COEFFICIENT
 
 
@@ -353,7 +364,7 @@ MODELS = [
 
 @pytest.mark.parametrize("model", MODELS)
 def test_arrays_of_the_array_api_give_such_arrays(model):
-    bodies, contacts = some(Geometry.PLANAR)
+    bodies, contacts = shared_batch(Geometry.PLANAR)
     result = resolve_batch(array_api_strict.asarray(bodies), array_api_strict.asarray(contacts), model)
     expected = resolve_batch(bodies, contacts, model)
     for array, wanted in zip(result, expected, strict=True):
@@ -365,7 +376,7 @@ def test_arrays_of_the_array_api_give_such_arrays(model):
 
 @pytest.mark.parametrize("model", MODELS)
 def test_dask_is_lazy_and_keeps_its_chunks(model):
-    bodies, contacts = some(Geometry.SPATIAL)
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
     read = []
 
     def block(array, start, stop):
@@ -407,7 +418,7 @@ LAZY = {"bodies": (4, 1, 90), "contacts": (3, 70)}
 @pytest.mark.parametrize("other", [np.asarray, array_api_strict.asarray])
 def test_one_lazy_array_is_enough(lazy, other, report):
     """Cut as the bodies are, or as the contacts where those alone are lazy."""
-    given = dict(zip(LAZY, some(Geometry.SPATIAL), strict=True))
+    given = dict(zip(LAZY, shared_batch(Geometry.SPATIAL), strict=True))
     mixed = {
         name: da.from_array(array, chunks=LAZY[name]) if name in lazy else other(array)
         for name, array in given.items()
@@ -423,7 +434,7 @@ def test_one_lazy_array_is_enough(lazy, other, report):
 
 @pytest.mark.parametrize("cuts", [(100, 0, 200), (0, 300), (100, 0, 0, 200, 0), (300,)])
 def test_empty_chunks_are_left_out(cuts):
-    bodies, contacts = some(Geometry.SPATIAL)
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
     result = resolve_batch(
         da.from_array(bodies, chunks=(16, 2, cuts)), da.from_array(contacts, chunks=(8, cuts))
     )
@@ -444,7 +455,7 @@ def test_empty_chunks_are_left_out(cuts):
     ],
 )
 def test_what_is_of_a_wrong_kind_is_refused_by_name(make, changes, name):
-    bodies, contacts = some(Geometry.SPATIAL)
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
     with pytest.raises(ValueError, match=rf"^(bodies, )?{name}\b") as refusal:
         resolve_batch(**{"bodies": make(bodies), "contacts": make(contacts)} | changes)
     assert ": must " in str(refusal.value)
@@ -452,7 +463,7 @@ def test_what_is_of_a_wrong_kind_is_refused_by_name(make, changes, name):
 
 @pytest.mark.parametrize("make", [tuple, list])
 def test_an_out_that_is_no_result_is_refused(make):
-    bodies, contacts = some(Geometry.SPATIAL)
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
     out = make(resolve_batch(bodies, contacts))
     with pytest.raises(ValueError, match=f"^out: must be a BatchResult, is {make.__name__}$"):
         resolve_batch(bodies, contacts, out=out)
@@ -468,14 +479,14 @@ def masked(array: np.ndarray) -> np.ma.MaskedArray:
 @pytest.mark.parametrize("name", ["bodies", "contacts", "pairs"])
 def test_what_is_masked_is_no_number(name):
     """A mask that hides nothing does no harm."""
-    rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
     bodies, contacts, pairs = (
-        np.zeros((rows.height, 3)),
-        np.zeros((touch.height, 2)),
+        np.zeros((body_row.height, 3)),
+        np.zeros((contact_row.height, 2)),
         np.array([[0, 1], [2, 2]]),
     )
-    bodies[rows.mass], contacts[touch.normal] = (2.0, 1.0, np.inf), [[0.0], [0.0], [1.0]]
-    bodies[rows.velocity][2] = -1.0
+    bodies[body_row.mass], contacts[contact_row.normal] = (2.0, 1.0, np.inf), [[0.0], [0.0], [1.0]]
+    bodies[body_row.velocity][2] = -1.0
     given = {"bodies": bodies, "contacts": contacts, "pairs": pairs}
     expected = resolve_batch(**given)
     assert_same(resolve_batch(**given | {name: np.ma.masked_array(given[name])}), expected)
@@ -486,12 +497,12 @@ def test_what_is_masked_is_no_number(name):
 
 def test_a_tolerance_that_is_masked_is_no_number(recwarn):
     with pytest.raises(TypeError, match=r"^model\.tolerance: must be a real number"):
-        resolve_batch(*some(Geometry.POINT), ImpactModel(tolerance=np.ma.masked))
+        resolve_batch(*shared_batch(Geometry.POINT), ImpactModel(tolerance=np.ma.masked))
     assert not recwarn.list
 
 
 def test_each_result_has_an_array_of_its_own():
-    bodies, contacts = some(Geometry.SPATIAL)
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
     out = resolve_batch(bodies, contacts, report=True)
     for one, other in (("kinetic_energy_before", "kinetic_energy_after"), ("status", "regime")):
         shared = out._replace(**{other: getattr(out, one)})
@@ -501,12 +512,12 @@ def test_each_result_has_an_array_of_its_own():
 
 @pytest.mark.parametrize("workers", [1, 2, np.int64(2), np.uint8(3)])
 def test_workers_may_be_integers_of_any_make(workers):
-    bodies, contacts = some(Geometry.SPATIAL)
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
     assert_same(resolve_batch(bodies, contacts, workers=workers), resolve_batch(bodies, contacts))
 
 
 def test_contacts_are_cut_as_the_bodies_are():
-    bodies, contacts = some(Geometry.SPATIAL)
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
     result = resolve_batch(
         da.from_array(bodies, chunks=(4, 1, 90)), da.from_array(contacts, chunks=(3, 70)), ImpactModel()
     )
@@ -516,9 +527,9 @@ def test_contacts_are_cut_as_the_bodies_are():
     )
 
 
-def scene_of_arrays(number) -> tuple[Body, Body, Contact]:
+def collision_of_arrays(number) -> tuple[Body, Body, Contact]:
     """The sound contacts of the shared batch; ``number`` makes an array of another make from a row."""
-    bodies, contacts = (array[..., :FIRST_FAULTY] for array in some(Geometry.SPATIAL))
+    bodies, contacts = (array[..., :FIRST_FAULTY] for array in shared_batch(Geometry.SPATIAL))
 
     def body(of: np.ndarray) -> Body:
         rows = [number(row) for row in of]
@@ -539,10 +550,10 @@ MAKES = [
 def test_the_formulas_take_arrays_of_any_make(make, law):
     """All the contacts of a batch at once, with the bits of the batch."""
     with np.errstate(all="ignore"):
-        answer = impact(*scene_of_arrays(make), law)
+        answer = impact(*collision_of_arrays(make), law)
         impulse = [np.asarray(x) for x in answer.changes.impulse]
         spin = [np.asarray(x) for x in answer.report.twist_b.angular]
-    bodies, contacts = (array[..., :FIRST_FAULTY] for array in some(Geometry.SPATIAL))
+    bodies, contacts = (array[..., :FIRST_FAULTY] for array in shared_batch(Geometry.SPATIAL))
     expected = resolve_batch(bodies, contacts, ImpactModel(law))
     np.testing.assert_array_equal(impulse, expected.impulse)
     np.testing.assert_array_equal(spin, expected.angular_velocity[:, 1])
@@ -556,14 +567,14 @@ def test_slip_that_stops_as_compression_ends(law, e):
         [(mu, 3.5 * mu * speed, speed) for mu in (0.125, 0.25, 0.5, 1.0) for speed in (0.5, 1, 3)]
     )
     mu, slip, speed = slips.T
-    rows, touch = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
-    bodies, contacts = np.zeros((rows.height, 2, mu.size)), np.zeros((touch.height, mu.size))
-    bodies[rows.mass, 0], bodies[rows.mass, 1] = 1, np.inf
-    bodies[rows.inertia, 0] = np.array([[0.1, 0, 0, 0.1, 0, 0.1]]).T
-    bodies[rows.position, 0] = [[0], [0], [0.5]]
-    bodies[rows.velocity, 0] = slip, 0 * slip, -speed
-    contacts[touch.normal] = [[0], [0], [1]]
-    contacts[touch.restitution], contacts[touch.friction] = e, mu
+    body_row, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
+    bodies, contacts = np.zeros((body_row.height, 2, mu.size)), np.zeros((contact_row.height, mu.size))
+    bodies[body_row.mass, 0], bodies[body_row.mass, 1] = 1, np.inf
+    bodies[body_row.inertia, 0] = np.array([[0.1, 0, 0, 0.1, 0, 0.1]]).T
+    bodies[body_row.position, 0] = [[0], [0], [0.5]]
+    bodies[body_row.velocity, 0] = slip, 0 * slip, -speed
+    contacts[contact_row.normal] = [[0], [0], [1]]
+    contacts[contact_row.restitution], contacts[contact_row.friction] = e, mu
     result = resolve_batch(bodies, contacts, ImpactModel(law))
     assert (result.status == StatusCode.OK).all()
     # A ball: u_n+ = -e u_n, and slip has used up all that friction can give.
@@ -577,9 +588,9 @@ def test_slip_that_stops_as_compression_ends(law, e):
 @pytest.mark.parametrize("model", [{}, {"tolerance": 1e-10}, {"precision": Precision.EXTENDED}])
 @every_kind
 def test_every_level_of_the_machine_gives_the_same_bits(geometry, oriented, law, model):
-    bodies, contacts = some(geometry, oriented=oriented)
+    bodies, contacts = shared_batch(geometry, oriented=oriented)
     model = ImpactModel(law, **model)
-    usual = ~is_tiny(bodies)
+    usual = ~has_tiny_numbers(bodies)
     by_longest = columns(resolve_batch(bodies, contacts, model, report=True), usual)
     for bits in (256, 0):
         library.limit_vectors(bits)
@@ -595,16 +606,16 @@ def test_every_level_of_the_machine_gives_the_same_bits(geometry, oriented, law,
 
 def sound_tables(geometry: Geometry, dtype: type) -> tuple[np.ndarray, np.ndarray]:
     """Contacts that slide, stick, and separate."""
-    rows, touch = body_rows(geometry), contact_rows(geometry)
-    bodies, contacts = np.zeros((rows.height, 2, 3), dtype), np.zeros((touch.height, 3), dtype)
-    bodies[rows.mass] = [[1.0] * 3, [3.0] * 3]
-    bodies[rows.velocity][:, 0] = [[1.0, 1.0, 1.0], [-2.0, -2.0, 2.0], [-0.5, -0.5, 0.5]]
-    contacts[touch.normal] = [[1.0] * 3, [2.0] * 3, [2.0] * 3]
-    contacts[touch.restitution], contacts[touch.friction] = 0.5, [0.25, 4.0, 0.25]
+    body_row, contact_row = body_rows(geometry), contact_rows(geometry)
+    bodies, contacts = np.zeros((body_row.height, 2, 3), dtype), np.zeros((contact_row.height, 3), dtype)
+    bodies[body_row.mass] = [[1.0] * 3, [3.0] * 3]
+    bodies[body_row.velocity][:, 0] = [[1.0, 1.0, 1.0], [-2.0, -2.0, 2.0], [-0.5, -0.5, 0.5]]
+    contacts[contact_row.normal] = [[1.0] * 3, [2.0] * 3, [2.0] * 3]
+    contacts[contact_row.restitution], contacts[contact_row.friction] = 0.5, [0.25, 4.0, 0.25]
     if geometry is Geometry.SPATIAL:
-        inertia = bodies[rows.inertia]
+        inertia = bodies[body_row.inertia]
         inertia[0], inertia[3], inertia[5] = 0.5, 0.25, 0.625
-        bodies[rows.position][:, 0] = [[0.5] * 3, [1.0] * 3, [0.25] * 3]
+        bodies[body_row.position][:, 0] = [[0.5] * 3, [1.0] * 3, [0.25] * 3]
     return bodies, contacts
 
 
@@ -614,7 +625,7 @@ def sound_tables(geometry: Geometry, dtype: type) -> tuple[np.ndarray, np.ndarra
 def test_units_do_not_matter(dtype, geometry, law):
     """Dust and planets: what leaves the range on the way is answered all the same."""
     bodies, contacts = sound_tables(geometry, dtype)
-    rows, touch, model = body_rows(geometry), contact_rows(geometry), ImpactModel(law)
+    body_row, contact_row, model = body_rows(geometry), contact_rows(geometry), ImpactModel(law)
     expected = resolve_batch(bodies, contacts, model, report=True)
     assert expected.status.tolist() == [StatusCode.OK, StatusCode.OK, StatusCode.SEPARATING]
     assert law is Law.FRICTIONLESS or expected.regime[0] != expected.regime[1]
@@ -623,10 +634,10 @@ def test_units_do_not_matter(dtype, geometry, law):
         if abs(mass + 2 * speed) > 1.9 * reach:  # energies beyond the range themselves
             continue
         scaled, touching = bodies.copy(), contacts.copy()
-        scaled[rows.mass] = np.ldexp(bodies[rows.mass], mass)
-        scaled[rows.inertia] = np.ldexp(bodies[rows.inertia], mass)
-        scaled[rows.velocity] = np.ldexp(bodies[rows.velocity], speed)
-        touching[touch.normal] = np.ldexp(contacts[touch.normal], length)
+        scaled[body_row.mass] = np.ldexp(bodies[body_row.mass], mass)
+        scaled[body_row.inertia] = np.ldexp(bodies[body_row.inertia], mass)
+        scaled[body_row.velocity] = np.ldexp(bodies[body_row.velocity], speed)
+        touching[contact_row.normal] = np.ldexp(contacts[contact_row.normal], length)
         result = resolve_batch(scaled, touching, model, report=True)
         np.testing.assert_array_equal(result.status, expected.status)
         np.testing.assert_array_equal(result.regime, expected.regime)
@@ -640,13 +651,17 @@ def test_units_do_not_matter(dtype, geometry, law):
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU], ids=lambda law: law.name)
 def test_slip_and_approach_may_be_far_apart(law, friction):
     """Squares of float32 leave the range at 2^64: the same numbers in float64 do not."""
-    rows, touch, powers = body_rows(Geometry.POINT), contact_rows(Geometry.POINT), range(-60, 61, 10)
+    body_row, contact_row, powers = (
+        body_rows(Geometry.POINT),
+        contact_rows(Geometry.POINT),
+        range(-60, 61, 10),
+    )
     velocities = [(2.0**slip, 0.0, -(2.0**approach)) for slip, approach in product(powers, repeat=2)]
-    bodies, contacts = np.zeros((rows.height, 2, 169)), np.zeros((touch.height, 169))
-    bodies[rows.mass] = [[1.0], [3.0]]
-    bodies[rows.velocity][:, 0] = np.array(velocities).T
-    contacts[touch.normal], contacts[touch.restitution] = [[0.0], [0.0], [1.0]], 0.5
-    contacts[touch.friction] = friction
+    bodies, contacts = np.zeros((body_row.height, 2, 169)), np.zeros((contact_row.height, 169))
+    bodies[body_row.mass] = [[1.0], [3.0]]
+    bodies[body_row.velocity][:, 0] = np.array(velocities).T
+    contacts[contact_row.normal], contacts[contact_row.restitution] = [[0.0], [0.0], [1.0]], 0.5
+    contacts[contact_row.friction] = friction
     contacts = contacts.astype(np.float32)
     right = resolve_batch(bodies, contacts.astype(np.float64), ImpactModel(law))
     found = resolve_batch(bodies.astype(np.float32), contacts, ImpactModel(law))
@@ -669,11 +684,15 @@ def test_slip_and_approach_may_be_far_apart(law, friction):
 )
 def test_no_impulse_gets_lost(law, dtype, mass, speed, length):
     """Sound numbers, of which a product is below all numbers: the ball bounces with half its speed."""
-    rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
-    bodies, contacts = np.zeros((rows.height, 2, 9), dtype), np.zeros((touch.height, 9), dtype)
-    bodies[rows.mass] = [[mass], [np.inf]]
-    bodies[rows.velocity][2, 0] = -speed
-    contacts[touch.normal][2], contacts[touch.restitution], contacts[touch.friction] = length, 0.5, 0.25
+    body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    bodies, contacts = np.zeros((body_row.height, 2, 9), dtype), np.zeros((contact_row.height, 9), dtype)
+    bodies[body_row.mass] = [[mass], [np.inf]]
+    bodies[body_row.velocity][2, 0] = -speed
+    contacts[contact_row.normal][2], contacts[contact_row.restitution], contacts[contact_row.friction] = (
+        length,
+        0.5,
+        0.25,
+    )
     result = resolve_batch(bodies, contacts, ImpactModel(law))
     assert (result.status == StatusCode.OK).all()
     np.testing.assert_allclose(result.velocity[2, 0], speed / 2, rtol=4 * np.finfo(dtype).eps)

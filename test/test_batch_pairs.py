@@ -16,8 +16,8 @@ pytest.importorskip("dask.array")
 import array_api_strict
 import dask.array as da
 import numpy as np
-from batches import FIRST_FAULTY, N, assert_same, columns, is_tiny, scene_of, some
-from scenes import LAWS_WITH_ORACLE
+from batch_cases import FIRST_FAULTY, N, assert_same, collision_at, columns, has_tiny_numbers, shared_batch
+from collisions import LAWS_WITH_ORACLE
 from test_examples import EXAMPLES
 
 import collision_response.batch.pairs
@@ -42,7 +42,7 @@ OWN = np.arange(2 * N).reshape(2, N)
 MODELS = [ImpactModel(), ImpactModel(tolerance=1e-14), ImpactModel(precision=Precision.EXTENDED)]
 REPORT = BatchResult._fields[BatchResult._fields.index("regime") :]
 
-of, at = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
+body_row, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
 
 
 def table_of(bodies: np.ndarray) -> np.ndarray:
@@ -53,10 +53,10 @@ def table_of(bodies: np.ndarray) -> np.ndarray:
 def crowd(seed: int = 0, contacts: int = 1000, bodies: int = 60) -> tuple[np.ndarray, ...]:
     """Bodies that have many contacts each, some of them immovable; and pairs with every fault."""
     random = np.random.default_rng(seed)
-    shared, touches = some(Geometry.SPATIAL)
+    shared, touches = shared_batch(Geometry.SPATIAL)
     table = table_of(shared[..., 10:FIRST_FAULTY])[:, :bodies].copy()
-    table[of.mass, :3], table[of.inertia, :3] = math.inf, 0.0
-    table[of.velocity, 5] = math.nan
+    table[body_row.mass, :3], table[body_row.inertia, :3] = math.inf, 0.0
+    table[body_row.velocity, 5] = math.nan
     pairs = random.integers(bodies, size=(2, contacts))
     pairs[:, 7], pairs[:, 8], pairs[:, 9] = (4, bodies), (-1, 4), (2**40, 2**40)
     return table, pairs, touches.take(random.integers(FIRST_FAULTY, size=contacts), axis=1)
@@ -68,7 +68,7 @@ def crowd(seed: int = 0, contacts: int = 1000, bodies: int = 60) -> tuple[np.nda
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize(("geometry", "oriented"), KINDS)
 def test_the_answers_are_those_of_bodies_side_by_side(geometry, oriented, model):
-    bodies, contacts = some(geometry, oriented=oriented)
+    bodies, contacts = shared_batch(geometry, oriented=oriented)
     by_pairs = resolve_batch(table_of(bodies), contacts, model, pairs=OWN, report=True)
     assert_same(by_pairs, resolve_batch(bodies, contacts, model, report=True))
 
@@ -103,7 +103,7 @@ def test_a_pair_may_be_given_twice_and_turned_round():
     table, _, contacts = crowd()
     one = contacts[:, :1]
     turned = one.copy()
-    turned[at.normal] *= -1
+    turned[contact_row.normal] *= -1
     both = resolve_batch(table, np.hstack([one, one, turned]), pairs=[[10, 10, 11], [11, 11, 10]])
     assert_same(columns(both, 0), columns(both, 1))
     np.testing.assert_array_equal(both.velocity[:, ::-1, 2], both.velocity[..., 0])
@@ -236,13 +236,13 @@ def test_with_pairs_too_one_lazy_array_is_enough(lazy):
 @pytest.mark.parametrize(("kind", "law"), list(product(KINDS, LAWS_WITH_ORACLE)))
 def test_regimes_and_energies_are_those_of_one_impact(kind, law):
     geometry, oriented = kind
-    bodies, contacts = some(geometry, oriented=oriented)
+    bodies, contacts = shared_batch(geometry, oriented=oriented)
     result = resolve_batch(bodies, contacts, ImpactModel(law), report=True)
-    refused, tiny = 0, is_tiny(bodies)
+    refused, tiny = 0, has_tiny_numbers(bodies)
     for i in np.flatnonzero(~tiny).tolist():
         try:
             impact = resolve(
-                *scene_of(geometry, bodies, contacts, i), ImpactModel(law, precision=Precision.DOUBLE)
+                *collision_at(geometry, bodies, contacts, i), ImpactModel(law, precision=Precision.DOUBLE)
             )
         except ImpactError:
             refused += 1
@@ -256,7 +256,7 @@ def test_regimes_and_energies_are_those_of_one_impact(kind, law):
 @pytest.mark.parametrize("model", [{}, {"tolerance": 1e-14}, {"precision": Precision.EXTENDED}])
 @pytest.mark.parametrize("law", LAWS_WITH_ORACLE)
 def test_a_report_changes_nothing_else(law, model):
-    bodies, contacts = some(Geometry.SPATIAL)
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
     with_report = resolve_batch(bodies, contacts, ImpactModel(law, **model), report=True)
     without = resolve_batch(bodies, contacts, ImpactModel(law, **model))
     assert all(getattr(without, name) is None for name in REPORT)
@@ -269,9 +269,9 @@ def test_a_report_changes_nothing_else(law, model):
 @pytest.mark.parametrize("law", LAWS_WITH_ORACLE)
 def test_energy_is_accounted_for(law):
     """What is lost is what restitution and friction took, beside walls at rest."""
-    bodies, contacts = (array[..., :FIRST_FAULTY] for array in some(Geometry.SPATIAL))
+    bodies, contacts = (array[..., :FIRST_FAULTY] for array in shared_batch(Geometry.SPATIAL))
     result = resolve_batch(bodies, contacts, ImpactModel(law), report=True)
-    movable = np.isfinite(bodies[of.mass]).all(axis=(0, 1))
+    movable = np.isfinite(bodies[body_row.mass]).all(axis=(0, 1))
     change = result.kinetic_energy_before - result.kinetic_energy_after
     lost = result.energy_lost_restitution + result.energy_lost_friction
     size = result.kinetic_energy_before[movable]
@@ -281,7 +281,7 @@ def test_energy_is_accounted_for(law):
 
 
 def test_out_says_whether_a_report_is_written():
-    bodies, contacts = some(Geometry.SPATIAL)
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
     expected = resolve_batch(bodies, contacts, report=True)
     out = resolve_batch(bodies[..., ::-1], contacts[..., ::-1], report=True)
     assert_same(resolve_batch(bodies, contacts, out=out), expected)
@@ -299,10 +299,10 @@ def test_out_says_whether_a_report_is_written():
 
 def test_the_report_of_what_leaves_the_range_on_the_way():
     """Contacts that are answered one by one, too."""
-    bodies, contacts = (array[..., 7:9].copy() for array in some(Geometry.SPATIAL))
-    contacts[at.normal, 0] *= 1e-200
+    bodies, contacts = (array[..., 7:9].copy() for array in shared_batch(Geometry.SPATIAL))
+    contacts[contact_row.normal, 0] *= 1e-200
     result = resolve_batch(bodies, contacts, ImpactModel(Law.COULOMB), report=True)
-    impact = resolve(*scene_of(Geometry.SPATIAL, bodies, contacts, 0))
+    impact = resolve(*collision_at(Geometry.SPATIAL, bodies, contacts, 0))
     assert [getattr(result, name)[0] for name in REPORT] == [getattr(impact, name) for name in REPORT]
 
 
@@ -422,12 +422,15 @@ def one_after_another(
     for i, pair in enumerate(pairs.T.tolist()):
         try:
             impact = resolve(
-                *scene_of(Geometry.SPATIAL, table[:, [pair]].swapaxes(1, 2), contacts[:, [i]], 0), model
+                *collision_at(Geometry.SPATIAL, table[:, [pair]].swapaxes(1, 2), contacts[:, [i]], 0), model
             )
         except ImpactError:
             continue
         for body, twist in zip(pair, (impact.twist_a, impact.twist_b), strict=True):
-            table[of.velocity, body], table[of.angular_velocity, body] = twist.linear, twist.angular
+            table[body_row.velocity, body], table[body_row.angular_velocity, body] = (
+                twist.linear,
+                twist.angular,
+            )
     return table
 
 
@@ -454,7 +457,7 @@ def test_bodies_without_an_answer_keep_their_velocity():
     scatter_velocities(table, pairs, result)
     changed = (table != before).any(axis=0) & ~np.isnan(before).any(axis=0)
     assert set(np.flatnonzero(changed)) <= {10, 11}
-    np.testing.assert_array_equal(table[of.velocity, 10], result.velocity[:, 0, 0])
+    np.testing.assert_array_equal(table[body_row.velocity, 10], result.velocity[:, 0, 0])
     assert np.isnan(table).any(axis=0).sum() == np.isnan(before).any(axis=0).sum()
 
 
@@ -465,7 +468,7 @@ def test_bodies_without_an_answer_keep_their_velocity():
 @pytest.mark.parametrize(("geometry", "oriented"), KINDS)
 def test_tables_of_every_library_get_the_velocities(geometry, oriented, make, make_result):
     """The same bits: of sound contacts, and of all, some of them without an answer."""
-    bodies, contacts = some(geometry, oriented=oriented)
+    bodies, contacts = shared_batch(geometry, oriented=oriented)
     for count in (FIRST_FAULTY, N):
         own = OWN[:, :count]
         expected, table = table_of(bodies), make(table_of(bodies).copy())
@@ -480,7 +483,7 @@ def test_tables_of_every_library_get_the_velocities(geometry, oriented, make, ma
 
 @pytest.mark.parametrize("make", [da.asarray, np.ndarray.tolist, tuple])
 def test_tables_that_cannot_be_changed_are_refused(make):
-    bodies, contacts = some(Geometry.POINT)
+    bodies, contacts = shared_batch(Geometry.POINT)
     result = resolve_batch(table_of(bodies), contacts, pairs=OWN)
     with pytest.raises(ValueError, match=r"^bodies: must be an array that can be changed, is "):
         scatter_velocities(make(table_of(bodies)), OWN, result)
@@ -513,17 +516,17 @@ def test_velocities_go_where_they_belong_or_nowhere(change, field):
 
 def test_a_cradle_passes_its_momentum_on_exactly():
     """Equal balls at e = 1, one after another: the last one flies off, to the bit."""
-    rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
     n = 40
-    bodies, contacts = np.zeros((rows.height, n)), np.zeros((touch.height, n - 1))
-    bodies[rows.mass], contacts[touch.restitution] = 1.0, 1.0
-    contacts[touch.normal] = [[-1.0], [0.0], [0.0]]
-    bodies[rows.velocity][0, 0] = 3.0
+    bodies, contacts = np.zeros((body_row.height, n)), np.zeros((contact_row.height, n - 1))
+    bodies[body_row.mass], contacts[contact_row.restitution] = 1.0, 1.0
+    contacts[contact_row.normal] = [[-1.0], [0.0], [0.0]]
+    bodies[body_row.velocity][0, 0] = 3.0
     pairs = np.array([np.arange(n - 1), np.arange(1, n)])
     for group in independent_sets(pairs):
         own = pairs[:, group]
         scatter_velocities(bodies, own, resolve_batch(bodies, contacts[:, group], pairs=own))
-    assert [Fraction(v) for v in bodies[rows.velocity][0].tolist()] == [0] * (n - 1) + [3]
+    assert [Fraction(v) for v in bodies[body_row.velocity][0].tolist()] == [0] * (n - 1) + [3]
 
 
 def test_the_docstring_is_right():
@@ -549,5 +552,7 @@ def test_pairs_may_lie_anywhere_in_memory():
     odd = np.frombuffer(bytearray(pairs.nbytes + 1), np.uint8)[1:].view(np.int64).reshape(pairs.shape)
     odd[...] = pairs
     assert not odd.flags.aligned
-    found = [independent_sets(some, [True] * 3) for some in (odd, pairs)]
-    assert [each.tolist() for each in found[0]] == [each.tolist() for each in found[1]]
+    found = [independent_sets(shared_batch, [True] * 3) for shared_batch in (odd, pairs)]
+    assert [map_arrays.tolist() for map_arrays in found[0]] == [
+        map_arrays.tolist() for map_arrays in found[1]
+    ]

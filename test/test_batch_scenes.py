@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scene_cases import Case, box, random_case, row
+from scene_cases import Scene, box, random_scene, row_of_balls
 
 from collision_response import (
     Body,
@@ -27,62 +27,64 @@ from collision_response import (
 from collision_response.batch import ScenesResult, body_rows, contact_rows, resolve_scenes
 from collision_response.physics.vector import ZERO
 
-of, at = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
+body_row, contact_row = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
 ENERGIES = ScenesResult._fields[-4:]
 
 
-def tables(cases: list[Case], *, floor: Body | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def tables(scenes: list[Scene], *, floor: Body | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """All scenes side by side; a common immovable body comes last."""
-    bodies = [body for case in cases for body in case.bodies] + ([] if floor is None else [floor])
-    contacts = [contact for case in cases for contact in case.contacts]
-    starts = np.cumsum([0, *(len(case.bodies) for case in cases)])
+    bodies = [body for scene in scenes for body in scene.bodies] + ([] if floor is None else [floor])
+    contacts = [contact for scene in scenes for contact in scene.contacts]
+    starts = np.cumsum([0, *(len(scene.bodies) for scene in scenes)])
     pairs = [
-        [start + i for i in pair] for case, start in zip(cases, starts, strict=False) for pair in case.pairs
+        [start + i for i in pair]
+        for scene, start in zip(scenes, starts, strict=False)
+        for pair in scene.pairs
     ]
-    table, touches = np.zeros((of.height, len(bodies))), np.zeros((at.height, len(contacts)))
+    table, touches = np.zeros((body_row.height, len(bodies))), np.zeros((contact_row.height, len(contacts)))
     for i, body in enumerate(bodies):
-        table[of.mass, i], table[of.inertia, i] = body.mass, body.inertia
-        table[of.position, i], table[of.velocity, i] = body.position, body.velocity
-        table[of.angular_velocity, i] = body.angular_velocity
-        table[of.orientation, i] = body.orientation or (0, 0, 0, 1)
+        table[body_row.mass, i], table[body_row.inertia, i] = body.mass, body.inertia
+        table[body_row.position, i], table[body_row.velocity, i] = body.position, body.velocity
+        table[body_row.angular_velocity, i] = body.angular_velocity
+        table[body_row.orientation, i] = body.orientation or (0, 0, 0, 1)
     for i, contact in enumerate(contacts):
         touches[:, i] = (*contact.position, *contact.normal, contact.restitution, contact.friction)
     return table, touches, np.array(pairs, int).reshape(-1, 2).T
 
 
-def clusters_of(case: Case) -> list[list[int]]:
+def clusters_of(scene: Scene) -> list[list[int]]:
     """By the definition: contacts that share a movable body, through others too."""
-    left, found = list(range(len(case.contacts))), []
+    left, found = list(range(len(scene.contacts))), []
     while left:
         own = [left.pop(0)]
         grown = True
         while grown:
-            bodies = {b for i in own for b in case.pairs[i] if case.bodies[b].is_movable()}
-            more = [i for i in left if bodies & set(case.pairs[i])]
+            bodies = {b for i in own for b in scene.pairs[i] if scene.bodies[b].is_movable()}
+            more = [i for i in left if bodies & set(scene.pairs[i])]
             own, left, grown = own + more, [i for i in left if i not in more], bool(more)
         found.append(sorted(own))
     return found
 
 
-def part(case: Case, own: list[int]) -> tuple[Case, list[int]]:
+def part(scene: Scene, own: list[int]) -> tuple[Scene, list[int]]:
     """A cluster by itself, and which bodies it has."""
-    places = list(dict.fromkeys(b for i in own for b in case.pairs[i]))
-    pairs = [tuple(places.index(b) for b in case.pairs[i]) for i in own]
-    return Case([case.bodies[b] for b in places], pairs, [case.contacts[i] for i in own]), places
+    places = list(dict.fromkeys(b for i in own for b in scene.pairs[i]))
+    pairs = [tuple(places.index(b) for b in scene.pairs[i]) for i in own]
+    return Scene([scene.bodies[b] for b in places], pairs, [scene.contacts[i] for i in own]), places
 
 
-def assert_same_as_single_scenes(cases: list[Case], model: ImpactModel, result: ScenesResult) -> list[int]:
+def assert_same_as_single_scenes(scenes: list[Scene], model: ImpactModel, result: ScenesResult) -> list[int]:
     """The codes of all clusters."""
     codes, first_body, first_contact = [], 0, 0
-    for case in cases:
-        for own in clusters_of(case):
+    for scene in scenes:
+        for own in clusters_of(scene):
             cluster = len(codes)
             contacts = [first_contact + i for i in own]
             assert set(result.cluster[contacts]) == {cluster}
-            scene, places = part(case, own)
-            moved = [(k, first_body + b) for k, b in enumerate(places) if case.bodies[b].is_movable()]
+            alone, places = part(scene, own)
+            moved = [(k, first_body + b) for k, b in enumerate(places) if scene.bodies[b].is_movable()]
             try:
-                answer = resolve_scene(*scene, model)
+                answer = resolve_scene(*alone, model)
             except ImpactError as error:
                 codes.append(error.code)
                 assert result.status[cluster] == error.code
@@ -102,18 +104,18 @@ def assert_same_as_single_scenes(cases: list[Case], model: ImpactModel, result: 
             ]
             assert result.error_bound[cluster] == answer.error_bound
             assert result.decision_margin[cluster] == answer.decision_margin
-        first_body += len(case.bodies)
-        first_contact += len(case.contacts)
+        first_body += len(scene.bodies)
+        first_contact += len(scene.contacts)
     assert len(result.status) == len(codes)
     return codes
 
 
-def plain(case: Case) -> Case:
+def plain(scene: Scene) -> Scene:
     """Tables have no centre of mass beside the reference point."""
-    return case._replace(bodies=[body._replace(com=ZERO) for body in case.bodies])
+    return scene._replace(bodies=[body._replace(com=ZERO) for body in scene.bodies])
 
 
-RANDOM = [plain(random_case(seed)) for seed in range(120)]
+RANDOM = [plain(random_scene(seed)) for seed in range(120)]
 
 
 @pytest.mark.parametrize(
@@ -134,10 +136,10 @@ def test_random_scenes_are_answered_as_each_by_itself(model):
     assert {StatusCode.OK, StatusCode.SEPARATING} <= set(codes)
 
 
-def grazing(e: float, mu: float) -> list[Case]:
+def grazing(e: float, mu: float) -> list[Scene]:
     """A ball moves ever more along the floor: of its approach less and less is known."""
     return [
-        Case(
+        Scene(
             [Body.sphere(1.0, 0.5, velocity=(1.0, 1 / 3, -1 / 3)), Body.static()],
             [(0, 1)],
             [Contact.of((0.0, 0.0, 0.0), (1.0, 1.0, 4.0 + 2.0**-k), e, mu)],
@@ -149,17 +151,17 @@ def grazing(e: float, mu: float) -> list[Case]:
 @pytest.mark.parametrize("law", [Law.AUTO, Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 @pytest.mark.parametrize("tolerance", [0.0, 0.5, 1e-9, 1e-15])
 def test_clusters_of_one_contact_take_as_many_digits_as_each_by_itself(law, tolerance):
-    cases = grazing(0.5, 0.3)
+    scenes = grazing(0.5, 0.3)
     model = ImpactModel(law, Geometry.SPATIAL, tolerance=tolerance)
-    answer = resolved(cases, model)
-    assert set(assert_same_as_single_scenes(cases, model, answer)) == {StatusCode.OK}
+    answer = resolved(scenes, model)
+    assert set(assert_same_as_single_scenes(scenes, model, answer)) == {StatusCode.OK}
     assert answer.error_bound.max() <= 2.0**-20
-    taken = [resolve(*case.bodies, *case.contacts, model).model.precision for case in cases]
+    taken = [resolve(*scene.bodies, *scene.contacts, model).model.precision for scene in scenes]
     assert Precision.EXTENDED in taken
 
 
-def resolved(cases: list[Case], model: ImpactModel, **options: Any) -> ScenesResult:
-    bodies, contacts, pairs = tables(cases)
+def resolved(scenes: list[Scene], model: ImpactModel, **options: Any) -> ScenesResult:
+    bodies, contacts, pairs = tables(scenes)
     return resolve_scenes(bodies, contacts, model, pairs=pairs, **options)
 
 
@@ -174,29 +176,29 @@ def test_structured_scenes(law):
     )
     moving = ball._replace(velocity=type(ball.velocity)(-1.0, 0.0, 0.0))
     doubled = box(e=0.5, mu=0.3, velocity=(0.2, 0, -1), spin=(0, 0.3, 0))
-    doubled = Case(doubled.bodies, [*doubled.pairs, (1, 0)], [
+    doubled = Scene(doubled.bodies, [*doubled.pairs, (1, 0)], [
         *doubled.contacts, doubled.contacts[0]._replace(normal=-doubled.contacts[0].normal)
     ])  # fmt: skip
-    cases = [
+    scenes = [
         box(e=0.5, mu=0.3, velocity=(0.2, 0, -1)),
         box(velocity=(0, 0, 1)),
-        row([1.0, 0.0, 0.0], e=1.0, number=float),
-        row([1.0, 1.0, 1.0, 0.0, 0.0], e=0.5, number=float),
-        row([1.0, -1.0], e=0.25, number=float),
+        row_of_balls([1.0, 0.0, 0.0], e=1.0, number=float),
+        row_of_balls([1.0, 1.0, 1.0, 0.0, 0.0], e=0.5, number=float),
+        row_of_balls([1.0, -1.0], e=0.25, number=float),
         doubled,
-        Case([moving, Body.static()], [(0, 1), (0, 1)], [left, right]),
-        Case([ball, wall, Body.static()], [(0, 1), (0, 2)], [left, right]),
+        Scene([moving, Body.static()], [(0, 1), (0, 1)], [left, right]),
+        Scene([ball, wall, Body.static()], [(0, 1), (0, 2)], [left, right]),
     ]
     model = ImpactModel(law)
-    codes = assert_same_as_single_scenes(cases, model, resolved(cases, model))
+    codes = assert_same_as_single_scenes(scenes, model, resolved(scenes, model))
     assert StatusCode.CONTRADICTORY_CONTACTS in codes or law is Law.ROUTH_STRONGE
     assert codes.count(StatusCode.OK) >= 5
 
 
 def test_the_laws_that_are_refused_for_clusters_are_refused_for_each():
-    cases = [box(), row([1.0, -1.0], number=float)]
-    assert resolved(cases, ImpactModel(Law.ROUTH_POISSON)).status.tolist() == [10, 1]
-    assert resolved(cases, ImpactModel(Law.COULOMB, tangential_restitution=0.5)).status.tolist() == [10, 1]
+    scenes = [box(), row_of_balls([1.0, -1.0], number=float)]
+    assert resolved(scenes, ImpactModel(Law.ROUTH_POISSON)).status.tolist() == [10, 1]
+    assert resolved(scenes, ImpactModel(Law.COULOMB, tangential_restitution=0.5)).status.tolist() == [10, 1]
 
 
 @pytest.mark.parametrize("workers", [2, 3])
@@ -209,9 +211,11 @@ def test_many_hands_give_the_same_bits(workers):
 def test_boxes_on_one_floor_come_out_right():
     """Flat boxes: (0, 0, e), no spin, every corner the same quarter of the impulse."""
     es = np.linspace(0, 1, 11)
-    cases = [Case([case.bodies[0]], case.pairs, case.contacts) for case in (box(e=float(e)) for e in es)]
-    bodies, contacts, pairs = tables(cases, floor=Body.static())
-    pairs[1] = len(cases)
+    scenes = [
+        Scene([scene.bodies[0]], scene.pairs, scene.contacts) for scene in (box(e=float(e)) for e in es)
+    ]
+    bodies, contacts, pairs = tables(scenes, floor=Body.static())
+    pairs[1] = len(scenes)
     answer = resolve_scenes(bodies, contacts, pairs=pairs)
     assert answer.cluster.tolist() == np.repeat(np.arange(11), 4).tolist()
     np.testing.assert_allclose(answer.velocity[2, :-1], es, atol=1e-15)
@@ -224,30 +228,34 @@ def test_boxes_on_one_floor_come_out_right():
 def test_cradles_are_those_of_exact_arithmetic():
     speeds = [(1, 0, 0), (1, 0, 0, 0, 0), (1, 1, 1, 0, 0), (3, -2, 1, -1), (1, 0)]
     answer = resolved(
-        [row(list(map(float, v)), e=0.5, number=float) for v in speeds], ImpactModel(Law.FRICTIONLESS)
+        [row_of_balls(list(map(float, v)), e=0.5, number=float) for v in speeds],
+        ImpactModel(Law.FRICTIONLESS),
     )
-    exact = [resolve_scene(*row(v, e=Fraction(1, 2)), ImpactModel(Law.FRICTIONLESS)) for v in speeds]
+    exact = [resolve_scene(*row_of_balls(v, e=Fraction(1, 2)), ImpactModel(Law.FRICTIONLESS)) for v in speeds]
     expected = [twist.linear.x for one in exact for twist in one.twists]
     np.testing.assert_allclose(answer.velocity[0], [float(x) for x in expected], rtol=1e-15, atol=1e-16)
 
 
 @pytest.mark.parametrize("geometry", [Geometry.POINT, Geometry.PLANAR])
 def test_tables_of_less_geometry(geometry):
-    rows, touch = body_rows(geometry), contact_rows(geometry)
-    bodies, contacts = np.zeros((rows.height, 4)), np.zeros((touch.height, 3))
-    bodies[rows.mass], contacts[touch.restitution] = 1.0, 1.0
-    bodies[rows.inertia] = 0.4
-    bodies[rows.velocity][0, 0], contacts[touch.normal][0] = 1.0, -1.0
+    body_row, contact_row = body_rows(geometry), contact_rows(geometry)
+    bodies, contacts = np.zeros((body_row.height, 4)), np.zeros((contact_row.height, 3))
+    bodies[body_row.mass], contacts[contact_row.restitution] = 1.0, 1.0
+    bodies[body_row.inertia] = 0.4
+    bodies[body_row.velocity][0, 0], contacts[contact_row.normal][0] = 1.0, -1.0
     answer = resolve_scenes(bodies, contacts, pairs=[[0, 1, 2], [1, 2, 3]])
     np.testing.assert_allclose(answer.velocity[0], [0, 0, 0, 1], atol=1e-30)
     assert answer.impulse.shape == (2 if geometry is Geometry.PLANAR else 3, 3)
-    assert answer.angular_velocity.shape == (rows.angular_velocity.stop - rows.angular_velocity.start, 4)
+    assert answer.angular_velocity.shape == (
+        body_row.angular_velocity.stop - body_row.angular_velocity.start,
+        4,
+    )
 
 
 def test_a_fault_spoils_its_cluster_alone():
-    cases = [box(e=0.5), box(e=0.5), box(e=0.5), row([1.0, -1.0], number=float), box(e=0.5)]
-    bodies, contacts, pairs = tables(cases)
-    contacts[at.restitution, 5], bodies[of.velocity, 4] = 1.5, math.nan
+    scenes = [box(e=0.5), box(e=0.5), box(e=0.5), row_of_balls([1.0, -1.0], number=float), box(e=0.5)]
+    bodies, contacts, pairs = tables(scenes)
+    contacts[contact_row.restitution, 5], bodies[body_row.velocity, 4] = 1.5, math.nan
     pairs = np.hstack(
         [pairs, [[0, -1, 6, 3, 1], [99, 6, 6, 1, 3]]]
     )  # no body, one body twice, two immovable ones
@@ -268,7 +276,7 @@ def test_a_fault_spoils_its_cluster_alone():
 def test_no_contacts_and_no_bodies():
     bodies, contacts, _ = tables([box()])
     answer = resolve_scenes(bodies, contacts[:, :0], pairs=np.empty((2, 0), int))
-    np.testing.assert_array_equal(answer.velocity, bodies[of.velocity])
+    np.testing.assert_array_equal(answer.velocity, bodies[body_row.velocity])
     assert answer.status.shape == (0,)
     lost = resolve_scenes(bodies[:, :0], contacts[:, :2], pairs=[[0, 1], [1, 1]])
     assert lost.status.tolist() == [StatusCode.UNKNOWN_BODY, StatusCode.SAME_BODY]

@@ -13,9 +13,9 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from batches import FIRST_FAULTY, N, assert_same, columns, scene_of, some
+from batch_cases import FIRST_FAULTY, N, assert_same, collision_at, columns, shared_batch
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_graph import assign, ball, balls_meet, request_of, until
+from ros_graph import assign, ball, balls_meet, request_of, wait_until
 
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, StatusCode
 from collision_response.batch import resolve_batch
@@ -38,17 +38,17 @@ xyz = attrgetter("x", "y", "z")
 
 def packed(layout: int, model: ImpactModel, **options: Any) -> Request:
     """The shared batch as a request."""
-    bodies, contacts = some(LAYOUTS[layout].geometry, oriented=LAYOUTS[layout].oriented)
+    bodies, contacts = shared_batch(LAYOUTS[layout].geometry, oriented=LAYOUTS[layout].oriented)
     return pack(bodies.reshape(len(bodies), 2 * N), PAIRS, contacts, model, **options)
 
 
 def balls_in_a_row() -> Request:
     """Point masses of 1, 2 and 3 kg on the x axis; the first runs into the second, the third stands."""
-    of, at = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
-    bodies, contacts = np.zeros((of.height, 3)), np.zeros((at.height, 2))
-    bodies[of.mass] = [[1.0, 2.0, 3.0]]
-    bodies[of.velocity][0] = [4.0, 1.0, 0.0]
-    contacts[at.normal][0], contacts[at.restitution] = 1.0, 0.5
+    body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    bodies, contacts = np.zeros((body_row.height, 3)), np.zeros((contact_row.height, 2))
+    bodies[body_row.mass] = [[1.0, 2.0, 3.0]]
+    bodies[body_row.velocity][0] = [4.0, 1.0, 0.0]
+    contacts[contact_row.normal][0], contacts[contact_row.restitution] = 1.0, 0.5
     return pack(bodies, [[1, 2], [0, 1]], contacts, frame_id="world")
 
 
@@ -58,7 +58,7 @@ def balls_in_a_row() -> Request:
 @pytest.mark.parametrize(("layout", "law"), list(product(LAYOUTS, LAWS)))
 def test_the_answers_are_those_of_resolve_batch(tried_node, layout, law):
     geometry, model = LAYOUTS[layout].geometry, ImpactModel(law)
-    bodies, contacts = some(geometry, oriented=LAYOUTS[layout].oriented)
+    bodies, contacts = shared_batch(geometry, oriented=LAYOUTS[layout].oriented)
     response = tried_node.call(packed(layout, model))
     assert (response.success, response.code, response.message) == (True, StatusCode.OK, "")
     assert (response.model.law, response.model.geometry, response.model.precision) == (
@@ -75,14 +75,18 @@ def test_bounds_and_precisions_come_with_a_tolerance_or_extended(tried_node, mod
     assert (response.model.precision, response.model.tolerance) == (model.precision, model.tolerance)
     result = unpack(response)
     assert {Precision.EXTENDED} <= set(result.precision.tolist()) <= {Precision.DOUBLE, Precision.EXTENDED}
-    assert_same(result, resolve_batch(*some(Geometry.SPATIAL), model))
+    assert_same(result, resolve_batch(*shared_batch(Geometry.SPATIAL), model))
 
 
 @pytest.mark.parametrize("law", LAWS)
 def test_regimes_and_energies_come_when_they_are_asked_for(tried_node, law):
     response = tried_node.call(packed(Request.SPATIAL, ImpactModel(law), report=True))
-    assert_same(unpack(response), resolve_batch(*some(Geometry.SPATIAL), ImpactModel(law), report=True))
-    one = tried_node.call(request_of(*scene_of(Geometry.SPATIAL, *some(Geometry.SPATIAL), 7), law=law)).result
+    assert_same(
+        unpack(response), resolve_batch(*shared_batch(Geometry.SPATIAL), ImpactModel(law), report=True)
+    )
+    one = tried_node.call(
+        request_of(*collision_at(Geometry.SPATIAL, *shared_batch(Geometry.SPATIAL), 7), law=law)
+    ).result
     assert response.regimes[7] == one.regime
     assert response.kinetic_energy_after[7] == one.kinetic_energy_after
     assert response.energy_lost_friction[7] == one.energy_lost_friction
@@ -93,9 +97,9 @@ def test_regimes_and_energies_come_when_they_are_asked_for(tried_node, law):
 @pytest.mark.parametrize("law", LAWS)
 def test_the_answers_are_those_of_the_service_for_one(tried_node, law):
     result = unpack(tried_node.call(packed(Request.SPATIAL_ORIENTED, ImpactModel(law))))
-    bodies, contacts = some(Geometry.SPATIAL, oriented=True)
+    bodies, contacts = shared_batch(Geometry.SPATIAL, oriented=True)
     for i in range(20):
-        request = request_of(*scene_of(Geometry.SPATIAL, bodies, contacts, i), law=law)
+        request = request_of(*collision_at(Geometry.SPATIAL, bodies, contacts, i), law=law)
         one = tried_node.call(request).result
         assert result.status[i] == one.status.code
         assert tuple(result.impulse[:, i]) == xyz(one.impulse)
@@ -116,7 +120,7 @@ def test_contacts_of_one_body_are_answered_each_for_itself(tried_node):
 
 
 def test_ten_thousand_contacts(tried_node):
-    some_bodies, some_contacts = (a[..., :FIRST_FAULTY] for a in some(Geometry.SPATIAL))
+    some_bodies, some_contacts = (a[..., :FIRST_FAULTY] for a in shared_batch(Geometry.SPATIAL))
     bodies, contacts = some_bodies.reshape(16, -1), np.tile(some_contacts, 100)
     pairs = np.random.default_rng(0).integers(bodies.shape[1], size=(2, 10_000))
     result = unpack(tried_node.call(pack(bodies, pairs, contacts)))
@@ -129,12 +133,14 @@ def test_ten_thousand_contacts(tried_node):
 def test_no_contacts(tried_node, layout):
     response = tried_node.call(Request(layout=layout))
     assert response.success
-    assert_same(unpack(response), resolve_batch(*(a[..., :0] for a in some(LAYOUTS[layout].geometry))))
+    assert_same(
+        unpack(response), resolve_batch(*(a[..., :0] for a in shared_batch(LAYOUTS[layout].geometry)))
+    )
 
 
 @pytest.mark.parametrize("row", (False, True), ids=["of the model", "of each contact"])
 def test_tangential_restitution(tried_node, row):
-    bodies, contacts = some(Geometry.SPATIAL)
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
     model = ImpactModel(Law.COULOMB, tangential_restitution=0.0 if row else 0.5)
     if row:
         contacts = np.concatenate([contacts, np.linspace(0, 1, N)[np.newaxis]])
@@ -164,7 +170,7 @@ def test_a_batch_is_not_published(graph):
     graph.user.create_subscription(CollisionResult, "collision_response/result", received.append, late)
     assert graph.call(balls_in_a_row()).success
     one = graph.call(balls_meet()).result
-    until(lambda: received)
+    wait_until(lambda: received)
     assert received == [one]
     assert one.sequence == 1
 
@@ -337,7 +343,7 @@ def hear(graph: Any, *states: BodyState) -> None:
             publisher.publish(state)
         return "no state has been received" not in graph.call(request).message
 
-    until(heard)
+    wait_until(heard)
 
 
 def column(layout: int, state: BodyState) -> np.ndarray:
@@ -371,9 +377,9 @@ def node_that_heard(tried_node):
 
 
 def contacts_of(layout: int, n: int) -> np.ndarray:
-    at = LAYOUTS[layout].contacts
-    contacts = np.full((at.height, n), 0.25)
-    contacts[at.normal][0] = 1.0
+    contact_row = LAYOUTS[layout].contacts
+    contacts = np.full((contact_row.height, n), 0.25)
+    contacts[contact_row.normal][0] = 1.0
     return contacts
 
 

@@ -9,21 +9,21 @@ import pytest
 pytest.importorskip("flint")
 
 import numpy as np
-from batches import (
+from batch_cases import (
     FIRST_FAULTY,
     N,
     assert_same,
     assert_same_values,
-    by_single_impacts,
+    batch_of,
+    collision_at,
     columns,
-    scene_of,
-    some,
-    table_of,
+    resolve_one_by_one,
+    shared_batch,
 )
+from collisions import LAWS_WITH_ORACLE, Collision
 from exact import impulse_error
+from exact_adapter import exact_answer
 from random_impacts import RandomImpacts
-from reference import exact_answer
-from scenes import LAWS_WITH_ORACLE, Scene
 
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, Regime, StatusCode
 from collision_response.batch import body_rows, contact_rows, resolve_batch
@@ -41,8 +41,8 @@ def ill_conditioned(law: Law, wildness: float, count: int = 120):
     """Scenes and their models, and the same as a batch."""
     impacts = RandomImpacts(seed=int(wildness), wildness=wildness)
     drawn = [impacts.request(law) for _ in range(count)]
-    scenes = [
-        Scene(
+    collisions = [
+        Collision(
             body_a._replace(com=ZERO),
             body_b._replace(com=ZERO),
             contact._replace(friction=0.0) if law is Law.FRICTIONLESS else contact,
@@ -50,16 +50,16 @@ def ill_conditioned(law: Law, wildness: float, count: int = 120):
         for (body_a, body_b, contact), _ in drawn
     ]
     models = [model._replace(geometry=Geometry.AUTO) for _, model in drawn]
-    bodies, contacts = table_of(scenes)
+    bodies, contacts = batch_of(collisions)
     of_their_own = [model.tangential_restitution for model in models]
-    return scenes, models, bodies, np.vstack([contacts, of_their_own])
+    return collisions, models, bodies, np.vstack([contacts, of_their_own])
 
 
-def errors(scenes, models, result, rows) -> list[float]:
+def errors(collisions, models, result, rows) -> list[float]:
     """Of the impulses, relative to the exact ones."""
     found = []
     for i in rows:
-        (impulse,) = exact_answer(*scenes[i], models[i]).impulses
+        (impulse,) = exact_answer(*collisions[i], models[i]).impulses
         found.append(impulse_error(result.impulse[:, i].tolist(), impulse))
     return found
 
@@ -76,11 +76,11 @@ def assert_same_to_the_bound(result, expected):
 @pytest.mark.parametrize(("geometry", "law"), [*product(GEOMETRIES, LAWS_WITH_ORACLE)])
 def test_every_row_is_that_of_one_impact(geometry, law, precision):
     """With its bound, and the precision that it took."""
-    bodies, contacts = some(geometry)
+    bodies, contacts = shared_batch(geometry)
     model = ImpactModel(law, precision=precision, tolerance=1e-13)
     result = resolve_batch(bodies, contacts, model)
-    scenes = [scene_of(geometry, bodies, contacts, i) for i in range(N)]
-    expected = by_single_impacts(geometry, scenes, [model] * N)
+    collisions = [collision_at(geometry, bodies, contacts, i) for i in range(N)]
+    expected = resolve_one_by_one(geometry, collisions, [model] * N)
     assert_same_to_the_bound(result, expected)
 
 
@@ -89,14 +89,14 @@ def test_every_row_is_that_of_one_impact(geometry, law, precision):
 def test_what_other_units_answer_takes_no_more_digits_than_one_impact(law, masses):
     """Masses of 1e-200 and 1e200 are beyond the kernels in these units, not beyond their digits."""
     geometry, model = Geometry.SPATIAL, ImpactModel(law, tolerance=1e-9)
-    bodies, contacts = some(geometry)
+    bodies, contacts = shared_batch(geometry)
     bodies = bodies[..., :FIRST_FAULTY].copy()
     contacts = contacts[:, :FIRST_FAULTY]
     for side, power in enumerate(masses):
         bodies[:7, side] *= 10.0**power
     result = resolve_batch(bodies, contacts, model)
-    scenes = [scene_of(geometry, bodies, contacts, i) for i in range(FIRST_FAULTY)]
-    expected = by_single_impacts(geometry, scenes, [model] * FIRST_FAULTY)
+    collisions = [collision_at(geometry, bodies, contacts, i) for i in range(FIRST_FAULTY)]
+    expected = resolve_one_by_one(geometry, collisions, [model] * FIRST_FAULTY)
     assert_same_to_the_bound(result, expected)
 
 
@@ -105,21 +105,21 @@ def test_what_other_units_answer_takes_no_more_digits_than_one_impact(law, masse
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 def test_every_tolerance_is_climbed_to_as_by_one_impact(law, tolerance, precision):
     """A loose one too: ``resolve`` takes more digits where the bound hardly says anything."""
-    scenes, _, bodies, contacts = ill_conditioned(law, 7.0)
+    collisions, _, bodies, contacts = ill_conditioned(law, 7.0)
     model = ImpactModel(law, precision=precision, tolerance=tolerance)
     result = resolve_batch(bodies, contacts[:-1], model)
-    expected = by_single_impacts(Geometry.SPATIAL, scenes, [model] * len(scenes))
+    expected = resolve_one_by_one(Geometry.SPATIAL, collisions, [model] * len(collisions))
     assert_same_to_the_bound(result, expected)
 
 
 @pytest.mark.parametrize("law", LAWS_WITH_ORACLE)
 @pytest.mark.parametrize("wildness", [1, 10])
 def test_every_ill_conditioned_row_is_that_of_one_impact(law, wildness):
-    scenes, models, bodies, contacts = ill_conditioned(law, wildness, 60)
+    collisions, models, bodies, contacts = ill_conditioned(law, wildness, 60)
     model = ImpactModel(law, tolerance=1e-10)
-    expected = by_single_impacts(
+    expected = resolve_one_by_one(
         Geometry.SPATIAL,
-        scenes,
+        collisions,
         [model._replace(tangential_restitution=one.tangential_restitution) for one in models],
     )
     result = resolve_batch(bodies, contacts, model)
@@ -130,17 +130,17 @@ def test_every_ill_conditioned_row_is_that_of_one_impact(law, wildness):
 @pytest.mark.parametrize("wildness", [0, 3, 8, 60])
 @pytest.mark.parametrize("law", FORMULAS, ids=lambda law: law.name)
 def test_no_error_is_above_its_bound(law, wildness):
-    scenes, models, bodies, contacts = ill_conditioned(law, wildness)
+    collisions, models, bodies, contacts = ill_conditioned(law, wildness)
     result = resolve_batch(bodies, contacts, DOUBLE._replace(law=law))
     rows = np.flatnonzero(np.isin(result.status, ANSWERED) & np.isfinite(result.error_bound))
     assert len(rows) > 20
-    for error, bound in zip(errors(scenes, models, result, rows), result.error_bound[rows], strict=True):
+    for error, bound in zip(errors(collisions, models, result, rows), result.error_bound[rows], strict=True):
         assert error <= bound
 
 
 @pytest.mark.parametrize("law", LAWS_WITH_ORACLE, ids=lambda law: law.name)
 def test_only_what_misses_the_tolerance_is_computed_again(law):
-    scenes, models, bodies, contacts = ill_conditioned(law, 3)
+    collisions, models, bodies, contacts = ill_conditioned(law, 3)
     bounds = resolve_batch(bodies, contacts, DOUBLE._replace(law=law)).error_bound
     tolerance = float(np.median(bounds[bounds > 0]))
     if law in PATHS:  # whose steps are as long as the tolerance allows
@@ -154,11 +154,11 @@ def test_only_what_misses_the_tolerance_is_computed_again(law):
     assert (np.isin(result.status, ANSWERED) == (result.error_bound <= tolerance)).all()
     if law in FORMULAS:
         assert np.isin(result.status, ANSWERED).all()
-        assert max(errors(scenes, models, result, np.flatnonzero(missed))) <= tolerance
+        assert max(errors(collisions, models, result, np.flatnonzero(missed))) <= tolerance
 
 
 def test_a_tolerance_that_nothing_meets():
-    bodies, contacts = some(Geometry.POINT)
+    bodies, contacts = shared_batch(Geometry.POINT)
     result = resolve_batch(bodies, contacts, ImpactModel(tolerance=1e-17))
     collided = result.error_bound > 0
     assert collided.sum() > 30
@@ -167,7 +167,7 @@ def test_a_tolerance_that_nothing_meets():
 
 
 def test_results_go_where_they_are_wanted():
-    bodies, contacts = some(Geometry.PLANAR)
+    bodies, contacts = shared_batch(Geometry.PLANAR)
     model = ImpactModel(tolerance=1e-14)
     expected = resolve_batch(bodies, contacts, model)
     out = expected._replace(error_bound=np.zeros(N), precision=np.zeros(N, np.uint8))
@@ -177,7 +177,7 @@ def test_results_go_where_they_are_wanted():
 
 
 def test_bounds_are_for_float64():
-    bodies, contacts = (array.astype(np.float32) for array in some(Geometry.POINT))
+    bodies, contacts = (array.astype(np.float32) for array in shared_batch(Geometry.POINT))
     for model in (ImpactModel(precision=Precision.EXTENDED), ImpactModel(tolerance=1e-3)):
         with pytest.raises(ImpactError, match=r"model\.(precision|tolerance)"):
             resolve_batch(bodies, contacts, model)
@@ -188,20 +188,24 @@ def slender_boxes(n: int, approach: float) -> tuple[np.ndarray, np.ndarray]:
 
     They approach the ground by 1 to ``10**approach`` of their slip.
     """
-    random, of, at = np.random.default_rng(5), body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
-    bodies, contacts = np.zeros((of.height, 2, n)), np.zeros((at.height, n))
+    random, body_row, contact_row = (
+        np.random.default_rng(5),
+        body_rows(Geometry.SPATIAL),
+        contact_rows(Geometry.SPATIAL),
+    )
+    bodies, contacts = np.zeros((body_row.height, 2, n)), np.zeros((contact_row.height, n))
     edges = 10 ** random.uniform(-1.5, 0.3, (3, n))
     axes = np.linalg.qr(random.normal(size=(n, 3, 3)))[0]
     inertia = np.einsum("nij,jn,nkj->ikn", axes, ((edges**2).sum(0) - edges**2) / 12, axes)
     corner = np.einsum("nij,jn->in", axes, edges * random.choice([-0.5, 0.5], (3, n)))
     way, fall = random.uniform(0, 2 * np.pi, n), 10 ** random.uniform(approach, 0, n)
-    bodies[of.mass], bodies[of.mass, 1] = 1.0, np.inf
-    bodies[of.inertia, 0] = inertia[np.triu_indices(3)]
-    bodies[of.position, 0] = corner * np.sign(corner[2])
-    bodies[of.velocity, 0] = 5 * np.cos(way), 5 * np.sin(way), -5 * fall
-    contacts[at.normal] = [[0.0], [0.0], [1.0]]
-    contacts[at.restitution] = random.uniform(0, 1, n)
-    contacts[at.friction] = 10 ** random.uniform(-0.5, 0.7, n)
+    bodies[body_row.mass], bodies[body_row.mass, 1] = 1.0, np.inf
+    bodies[body_row.inertia, 0] = inertia[np.triu_indices(3)]
+    bodies[body_row.position, 0] = corner * np.sign(corner[2])
+    bodies[body_row.velocity, 0] = 5 * np.cos(way), 5 * np.sin(way), -5 * fall
+    contacts[contact_row.normal] = [[0.0], [0.0], [1.0]]
+    contacts[contact_row.restitution] = random.uniform(0, 1, n)
+    contacts[contact_row.friction] = 10 ** random.uniform(-0.5, 0.7, n)
     return bodies, contacts
 
 

@@ -236,11 +236,11 @@ class TestCall:
         ("number", "code"), [(signal.SIGINT, 128 + signal.SIGINT), (signal.SIGTERM, -signal.SIGTERM)]
     )
     def test_it_ends_quietly_on_a_signal(self, graph, number, code):
-        from ros_graph import DEADLINE, until
+        from ros_graph import DEADLINE, wait_until
 
         command = [sys.executable, str(EXECUTABLE), "call", "{}", "--service", "/nobody", "--timeout", "1000"]
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as run:
-            until(lambda: "collision_response_call" in graph.user.get_node_names())
+            wait_until(lambda: "collision_response_call" in graph.user.get_node_names())
             run.send_signal(number)
             _, wrong = run.communicate(timeout=DEADLINE)
         assert (run.returncode, wrong) == (code, "")

@@ -354,16 +354,16 @@ def test_answers_turn_with_the_axes(degrees):
 
 
 def test_batches_answer_as_one_by_one():
-    rows, at = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
-    bodies, contacts = np.zeros((rows.height, 2, 5)), np.zeros((at.height, 5))
+    body_row, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
+    bodies, contacts = np.zeros((body_row.height, 2, 5)), np.zeros((contact_row.height, 5))
     inertia = sphere(1.0, 0.5).inertia
-    bodies[rows.mass] = [[1.0] * 5, [math.inf] * 5]
-    bodies[rows.inertia, 0] = np.array(inertia)[:, None]
-    bodies[rows.position, 0] = np.array([0, 0, 0.5])[:, None]
+    bodies[body_row.mass] = [[1.0] * 5, [math.inf] * 5]
+    bodies[body_row.inertia, 0] = np.array(inertia)[:, None]
+    bodies[body_row.position, 0] = np.array([0, 0, 0.5])[:, None]
     slips = np.linspace(0, 2, 5)
-    bodies[rows.velocity, 0] = [slips, 0 * slips, -1 + 0 * slips]
-    contacts[at.normal] = np.array([0, 0, 1])[:, None]
-    contacts[at.restitution], contacts[at.friction] = 0.5, 0.3
+    bodies[body_row.velocity, 0] = [slips, 0 * slips, -1 + 0 * slips]
+    contacts[contact_row.normal] = np.array([0, 0, 1])[:, None]
+    contacts[contact_row.restitution], contacts[contact_row.friction] = 0.5, 0.3
     for precision in (Precision.AUTO, Precision.EXTENDED):
         model = ImpactModel(Law.COMPLIANT, precision=precision)
         many = resolve_batch(bodies, contacts, model)

@@ -12,8 +12,8 @@ import pytest
 pytest.importorskip("mpmath")
 
 import numpy as np
+from collisions import EVERY_LAW, LAWS_WITH_FRICTION, LAWS_WITH_ORACLE, random_collision
 from mpmath import mp, mpf
-from scenes import EVERY_LAW, LAWS_WITH_FRICTION, LAWS_WITH_ORACLE, random_scene
 
 from collision_response import (
     Body,
@@ -104,13 +104,21 @@ def results(request: dict, law: Law) -> list:
 
 
 def by_differences(
-    scene, law: Law, name: str, axis: int = 0, e_t=0.0, stiffness_ratio=1.0, step="1e-18", digits=60, side=0
+    collision,
+    law: Law,
+    name: str,
+    axis: int = 0,
+    e_t=0.0,
+    stiffness_ratio=1.0,
+    step="1e-18",
+    digits=60,
+    side=0,
 ):
     """A central difference, or one to the side of the sign given."""
     with mp.workdps(digits):
-        contact = scene[2]
+        contact = collision[2]
         request = {
-            "body_a": exact(scene[0]), "body_b": exact(scene[1]),
+            "body_a": exact(collision[0]), "body_b": exact(collision[1]),
             "model": {"tangential_restitution": mpf(e_t), "stiffness_ratio": mpf(stiffness_ratio)},
             "contact": Contact(Vec3(*map(mpf, contact.position)), Vec3(*map(mpf, contact.normal)),
                                mpf(contact.restitution), mpf(contact.friction)),
@@ -121,26 +129,27 @@ def by_differences(
         return [float((a - b) / (high - low)) for a, b in zip(*ends, strict=True)]
 
 
-def agrees(scene, model: ImpactModel, names=tuple(PARAMETERS), tolerance=1e-10, **how) -> None:
-    found = differentiate(*scene, model, names)
+def agrees(collision, model: ImpactModel, names=tuple(PARAMETERS), tolerance=1e-10, **how) -> None:
+    found = differentiate(*collision, model, names)
     for name in names:
-        if scene[0 if "body_a" in name else 1].mass == math.inf and name.startswith("body"):
+        if collision[0 if "body_a" in name else 1].mass == math.inf and name.startswith("body"):
             continue
         for axis, column in enumerate(found.jacobian[:, found.columns[name]].T):
             settings = model.tangential_restitution, model.stiffness_ratio
-            expected = by_differences(scene, model.law, name, axis, *settings, **how)
+            expected = by_differences(collision, model.law, name, axis, *settings, **how)
             scale = max(1.0, max(map(abs, expected)))
             np.testing.assert_allclose(
                 column, expected, rtol=0, atol=tolerance * scale, err_msg=f"{name} {axis}"
             )
 
 
-def by_resolving(scene, model: ImpactModel, name: str, axis: int, step: float) -> np.ndarray:
+def by_resolving(collision, model: ImpactModel, name: str, axis: int, step: float) -> np.ndarray:
     """A central difference of order 4 of what ``resolve`` answers."""
     bodies = (
-        body._replace(orientation=body.orientation or Quaternion(0.0, 0.0, 0.0, 1.0)) for body in scene[:2]
+        body._replace(orientation=body.orientation or Quaternion(0.0, 0.0, 0.0, 1.0))
+        for body in collision[:2]
     )
-    request = dict(zip(("body_a", "body_b", "contact"), (*bodies, scene[2]), strict=True))
+    request = dict(zip(("body_a", "body_b", "contact"), (*bodies, collision[2]), strict=True))
     request["model"] = {name: getattr(model, name) for name in ("tangential_restitution", "stiffness_ratio")}
 
     def after(by: float) -> np.ndarray:
@@ -195,7 +204,7 @@ def test_the_length_of_the_normal_and_of_the_quaternion_do_not_matter():
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 @pytest.mark.parametrize("seed", range(3))
 def test_agrees_with_differences_in_many_digits(law, seed):
-    agrees(random_scene(seed, off_centre=True), ImpactModel(law, tangential_restitution=0.25))
+    agrees(random_collision(seed, off_centre=True), ImpactModel(law, tangential_restitution=0.25))
 
 
 @pytest.mark.parametrize("law", [Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
@@ -203,7 +212,7 @@ def test_agrees_with_differences_in_many_digits(law, seed):
 def test_the_path_agrees_with_differences(law, seed):
     """A path is integrated to 1e-13; a difference over 1e-4 sees that as 1e-9, and its own error as 1e-8."""
     names = ("body_a.velocity", "body_b.orientation", "contact.friction", "contact.restitution")
-    agrees(random_scene(seed), ImpactModel(law, tolerance=1e-11), names, 3e-6, step="1e-4", digits=20)
+    agrees(random_collision(seed), ImpactModel(law, tolerance=1e-11), names, 3e-6, step="1e-4", digits=20)
 
 
 BOX = Body.dynamic(2.0, (0.03, 0, 0, 0.05, 0, 0.06), (0.1, 0.0, 0.5), None, (0.5, 0, -1.2), (0, -2.0, 0))
@@ -226,19 +235,19 @@ IN_AND_OUT_OF_A_PLANE = {
 @pytest.mark.parametrize("case", IN_AND_OUT_OF_A_PLANE)
 def test_all_columns_agree_with_differences_also_out_of_the_plane(law, case):
     """Steps of 4e-4 that err by their fourth power, on paths that err by some 1e-13."""
-    *scene, stiffness_ratio, regime = IN_AND_OUT_OF_A_PLANE[case]
+    *collision, stiffness_ratio, regime = IN_AND_OUT_OF_A_PLANE[case]
     model = ImpactModel(law, stiffness_ratio=stiffness_ratio, tolerance=1e-12)
-    found = differentiate(*scene, model)
+    found = differentiate(*collision, model)
     assert law is not Law.COMPLIANT or found.impact.regime.name == regime
     for name in PARAMETERS:
         owner, field = name.split(".")
-        body = {"body_a": scene[0], "body_b": scene[1]}.get(owner)
+        body = {"body_a": collision[0], "body_b": collision[1]}.get(owner)
         if body is not None and not body.is_movable() and "velocity" not in field:
             continue
         size = max(map(abs, body.inertia)) if field == "inertia" else 1.0
-        size = min(size, scene[2].restitution) if field == "restitution" else size
+        size = min(size, collision[2].restitution) if field == "restitution" else size
         for axis, column in enumerate(found.jacobian[:, found.columns[name]].T):
-            expected = by_resolving(scene, model, name, axis, 4e-4 * size)
+            expected = by_resolving(collision, model, name, axis, 4e-4 * size)
             scale = max(1.0, np.abs(expected).max())
             np.testing.assert_allclose(column, expected, rtol=0, atol=1e-7 * scale, err_msg=f"{name} {axis}")
 
@@ -257,14 +266,14 @@ STRAIGHT_BY_CHANCE = [  # friction, and the arm, with which slip along x turns n
 def test_what_is_smooth_is_right_where_a_path_is_straight_by_chance(law, slip, friction, arm):
     """Nothing is by symmetry here: what pushes the slip aside also slows it and presses on."""
     body = Body.dynamic(1.0, SPHERE, arm, None, (slip, 0.0, -1.0))
-    scene = body, Body.static(), on_floor(0.25, friction)
+    collision = body, Body.static(), on_floor(0.25, friction)
     model = ImpactModel(law, tolerance=1e-12)
-    found = differentiate(*scene, model, ["body_a.velocity", "body_a.position", "contact.friction"])
+    found = differentiate(*collision, model, ["body_a.velocity", "body_a.position", "contact.friction"])
     smooth = 0
     for name, columns in found.columns.items():
         for axis, column in enumerate(found.jacobian[:, columns].T):
             if found.smoothness[columns][axis] == SMOOTH:
-                expected = by_resolving(scene, model, name, axis, 1e-4)
+                expected = by_resolving(collision, model, name, axis, 1e-4)
                 scale = max(1.0, np.abs(expected).max())
                 np.testing.assert_allclose(
                     column, expected, rtol=0, atol=1e-7 * scale, err_msg=f"{name} {axis}"
@@ -311,15 +320,16 @@ def test_the_springs_of_compliant_stay_what_they_are_where_stick_and_slip_begin_
 
 def test_compliant_without_friction_is_as_hard_by_friction():
     """Friction that is little lets the spring give way by little."""
-    scene = ball(), Body.static(), on_floor(friction=0.0)
+    collision = ball(), Body.static(), on_floor(friction=0.0)
     names = ("contact.friction",)
     soft, hard = (
-        differentiate(*scene, ImpactModel(law), names) for law in (Law.COMPLIANT, Law.ROUTH_STRONGE)
+        differentiate(*collision, ImpactModel(law), names) for law in (Law.COMPLIANT, Law.ROUTH_STRONGE)
     )
     np.testing.assert_array_equal(soft.jacobian, hard.jacobian)
     little = 1e-3
     with_, without = (
-        resolve(*scene[:2], on_floor(friction=mu), ImpactModel(Law.COMPLIANT)).impulse for mu in (little, 0.0)
+        resolve(*collision[:2], on_floor(friction=mu), ImpactModel(Law.COMPLIANT)).impulse
+        for mu in (little, 0.0)
     )
     slope = (np.array(with_) - without) / little
     np.testing.assert_allclose(slope, soft.of("impulse", "contact.friction")[:, 0], rtol=0, atol=3 * little)
@@ -341,12 +351,12 @@ def test_a_ball_that_falls_without_slip_has_smooth_derivatives(law):
 
 @pytest.mark.parametrize("law", LAWS_WITH_FRICTION)
 def test_without_friction_all_laws_are_frictionless_but_by_friction(law):
-    scene = ball(), Body.static(), on_floor(friction=0.0)
-    found = differentiate(*scene, ImpactModel(law))
-    plain = differentiate(*scene, ImpactModel(Law.FRICTIONLESS))
+    collision = ball(), Body.static(), on_floor(friction=0.0)
+    found = differentiate(*collision, ImpactModel(law))
+    plain = differentiate(*collision, ImpactModel(Law.FRICTIONLESS))
     others = [i for i in range(found.jacobian.shape[1]) if i != found.columns["contact.friction"].start]
     np.testing.assert_allclose(found.jacobian[:, others], plain.jacobian[:, others], atol=1e-14)
-    expected = by_differences(scene, law, "contact.friction", side=1, step="1e-10", digits=25)
+    expected = by_differences(collision, law, "contact.friction", side=1, step="1e-10", digits=25)
     np.testing.assert_allclose(
         found.jacobian[:, found.columns["contact.friction"]][:, 0], expected, atol=1e-8
     )
@@ -355,9 +365,9 @@ def test_without_friction_all_laws_are_frictionless_but_by_friction(law):
 @pytest.mark.parametrize("law", LAWS_WITH_ORACLE)
 def test_restitution_at_both_ends_of_its_range(law):
     for e, side in ((0.0, 1), (1.0, -1)):
-        scene = ball(), Body.static(), on_floor(restitution=e)
-        found = differentiate(*scene, ImpactModel(law))
-        expected = by_differences(scene, law, "contact.restitution", side=side, step="1e-10", digits=25)
+        collision = ball(), Body.static(), on_floor(restitution=e)
+        found = differentiate(*collision, ImpactModel(law))
+        expected = by_differences(collision, law, "contact.restitution", side=side, step="1e-10", digits=25)
         np.testing.assert_allclose(
             found.jacobian[:, found.columns["contact.restitution"]][:, 0], expected, atol=1e-8
         )
@@ -586,20 +596,20 @@ def test_moreau_marks_its_fallback():
 
 @pytest.mark.parametrize("law", EVERY_LAW)
 def test_a_batch_has_the_same_derivatives(law):
-    rows, touch = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
-    scenes = [random_scene(seed) for seed in range(5)]
-    bodies, contacts = np.zeros((rows.height, 2, 5)), np.zeros((touch.height, 5))
-    for i, scene in enumerate(scenes):
-        for side, body in enumerate(scene[:2]):
-            for field in rows._fields[:-1]:
-                bodies[getattr(rows, field), side, i] = getattr(body, field)
-        for field in touch._fields[:-2]:
-            contacts[getattr(touch, field), i] = getattr(scene.contact, field)
-    contacts[touch.normal, 4] = 0.0
+    body_row, contact_row = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
+    collisions = [random_collision(seed) for seed in range(5)]
+    bodies, contacts = np.zeros((body_row.height, 2, 5)), np.zeros((contact_row.height, 5))
+    for i, collision in enumerate(collisions):
+        for side, body in enumerate(collision[:2]):
+            for field in body_row._fields[:-1]:
+                bodies[getattr(body_row, field), side, i] = getattr(body, field)
+        for field in contact_row._fields[:-2]:
+            contacts[getattr(contact_row, field), i] = getattr(collision.contact, field)
+    contacts[contact_row.normal, 4] = 0.0
     names = ("body_a.velocity", "contact.friction", "body_b.orientation")
     found = differentiate_batch(bodies, contacts, unit_directions(*names), ImpactModel(law))
-    for i, scene in enumerate(scenes[:4]):
-        expected = differentiate(*scene, ImpactModel(law), names)
+    for i, collision in enumerate(collisions[:4]):
+        expected = differentiate(*collision, ImpactModel(law), names)
         np.testing.assert_array_equal(found.jacobian[..., i], expected.jacobian)
         np.testing.assert_array_equal(found.smoothness[:, i], expected.smoothness)
     assert found.result.status[4] == StatusCode.INVALID_NORMAL
@@ -629,15 +639,19 @@ def test_few_directions_have_the_edges_of_all(law):
 
 
 def test_tables_of_a_geometry_may_leave_rows_out():
-    rows, touch = body_rows(Geometry.PLANAR), contact_rows(Geometry.PLANAR)
-    bodies, contacts = np.zeros((rows.height, 2, 1)), np.zeros((touch.height, 1))
-    bodies[rows.mass] = [[1.0], [np.inf]]
-    bodies[rows.inertia, 0], bodies[rows.position, 0, 0], bodies[rows.velocity, 0, 0] = (
+    body_row, contact_row = body_rows(Geometry.PLANAR), contact_rows(Geometry.PLANAR)
+    bodies, contacts = np.zeros((body_row.height, 2, 1)), np.zeros((contact_row.height, 1))
+    bodies[body_row.mass] = [[1.0], [np.inf]]
+    bodies[body_row.inertia, 0], bodies[body_row.position, 0, 0], bodies[body_row.velocity, 0, 0] = (
         0.4,
         (0.1, 1.0),
         (0.3, -2.0),
     )
-    contacts[touch.normal, 0], contacts[touch.restitution], contacts[touch.friction] = (0.0, 1.0), 0.5, 0.2
+    contacts[contact_row.normal, 0], contacts[contact_row.restitution], contacts[contact_row.friction] = (
+        (0.0, 1.0),
+        0.5,
+        0.2,
+    )
     found = differentiate_batch(bodies, contacts, unit_directions())
     body = Body.dynamic(1.0, (0.4, 0.0, 0.0, 0.4, 0.0, 0.4), (0.1, 1.0, 0.0), None, (0.3, -2.0, 0.0))
     contact = Contact.of((0, 0, 0), (0, 1, 0), 0.5, 0.2)
@@ -687,10 +701,10 @@ def test_a_contact_with_its_own_tangential_restitution_overrides_the_model():
 
 @pytest.mark.parametrize("name", ["bodies", "contacts", "directions"])
 def test_what_is_masked_is_no_number(name):
-    rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
     given = {
-        "bodies": np.ones((rows.height, 2, 1)),
-        "contacts": np.ones((touch.height, 1)),
+        "bodies": np.ones((body_row.height, 2, 1)),
+        "contacts": np.ones((contact_row.height, 1)),
         "directions": unit_directions("contact.restitution"),
     }
     hidden = np.ma.masked_array(given[name], np.ones(given[name].shape, bool))
@@ -710,9 +724,11 @@ def test_derivatives_are_equal_if_all_their_numbers_are():
 
 
 def test_directions_of_a_wrong_shape_are_refused():
-    rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
     with pytest.raises(ValueError, match="directions: must be of shape"):
-        differentiate_batch(np.ones((rows.height, 2, 3)), np.ones((touch.height, 3)), np.ones((5, 2)))
+        differentiate_batch(
+            np.ones((body_row.height, 2, 3)), np.ones((contact_row.height, 3)), np.ones((5, 2))
+        )
 
 
 def test_places_cover_all_rows_and_columns():

@@ -9,7 +9,7 @@ from fractions import Fraction as F
 from itertools import product
 
 import pytest
-from compiled import compiled
+from compile_cpp import compiled
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -18,11 +18,11 @@ pytest.importorskip("flint")
 pytest.importorskip("mpmath")
 
 import extremes
+from collisions import Collision, random_collision
 from exact import impulse_error
+from exact_adapter import exact_answer, true_error
 from flint import ctx
 from random_impacts import RandomImpacts
-from reference import exact_answer, true_error
-from scenes import Scene, random_scene
 
 from collision_response import (
     Adjustment,
@@ -56,15 +56,15 @@ def test_no_error_is_above_its_bound(law, precision, wildness):
     impacts = RandomImpacts(seed=wildness, wildness=wildness)
     answered = 0
     for _ in range(80):
-        scene, model = impacts.request(law)
+        collision, model = impacts.request(law)
         model = model._replace(precision=precision, geometry=Geometry.AUTO)
         try:
-            impact = resolve(*scene, model)
+            impact = resolve(*collision, model)
         except ImpactError as refusal:
             assert refusal.code is StatusCode.OUT_OF_RANGE
             continue
-        truth = exact_answer(*scene, impact.model)
-        assert true_error(impact, truth) <= impact.error_bound, (scene, model)
+        truth = exact_answer(*collision, impact.model)
+        assert true_error(impact, truth) <= impact.error_bound, (collision, model)
         if precision is Precision.EXTENDED:
             assert impact.error_bound <= ULP
         answered += impact.error_bound < math.inf
@@ -97,15 +97,18 @@ def test_the_bound_counts_what_a_forced_geometry_leaves_out(law, wildness):
     impacts = RandomImpacts(seed=wildness, wildness=wildness)
     answered = 0
     for _ in range(150):
-        scene, model = impacts.request(law)
+        collision, model = impacts.request(law)
         if model.geometry is Geometry.SPATIAL:
             continue
         try:
-            impact = resolve(*scene, model)
+            impact = resolve(*collision, model)
         except ImpactError as refusal:
             assert refusal.code is StatusCode.OUT_OF_RANGE
             continue
-        assert true_error(impact, exact_answer(*scene, impact.model)) <= impact.error_bound, (scene, model)
+        assert true_error(impact, exact_answer(*collision, impact.model)) <= impact.error_bound, (
+            collision,
+            model,
+        )
         answered += 0 < impact.error_bound < math.inf
     assert answered >= 5
 
@@ -115,16 +118,16 @@ def test_the_bound_is_tight_enough_to_be_useful(law):
     """On well-conditioned inputs: solid balls that touch, and roll, spin and meet as they like."""
     ratios = []
     for seed in range(300):
-        scene = touching_balls(random.Random(seed))
-        impact = resolve(*scene, ImpactModel(law, Geometry.SPATIAL))
+        collision = touching_balls(random.Random(seed))
+        impact = resolve(*collision, ImpactModel(law, Geometry.SPATIAL))
         if impact.status is StatusCode.OK:
-            error = true_error(impact, exact_answer(*scene, impact.model))
+            error = true_error(impact, exact_answer(*collision, impact.model))
             ratios.append(impact.error_bound / max(error, 2.0**-54))
     assert min(ratios) >= 1
     assert statistics.median(ratios) < 128
 
 
-def touching_balls(draw: random.Random) -> Scene:
+def touching_balls(draw: random.Random) -> Collision:
     def vector(size: float) -> Vec3:
         return Vec3(*(size * draw.gauss(0, 1) for _ in range(3)))
 
@@ -136,14 +139,14 @@ def touching_balls(draw: random.Random) -> Scene:
 
     normal, contact = vector(1.0), vector(1.0)
     unit, radius_a, radius_b = normal / normal.norm(), draw.uniform(0.2, 2), draw.uniform(0.2, 2)
-    return Scene(
+    return Collision(
         ball(contact + unit * radius_a, radius_a),
         ball(contact - unit * radius_b, radius_b),
         Contact.of(contact, normal, draw.random(), draw.random()),
     )
 
 
-GRAZING = Scene(
+GRAZING = Collision(
     Body.dynamic(
         1.0, (0.4, 0.0, 0.0, 0.4, 0.0, 0.4), (0.1, 0.2, 0.5), None, (3.0, 1.0, -1e-9), (0.3, 0.1, 0.7)
     ),
@@ -152,7 +155,7 @@ GRAZING = Scene(
 )
 
 
-def grazing(share: float) -> Scene:
+def grazing(share: float) -> Collision:
     """``GRAZING`` with a normal velocity of about ``-share`` times the slip."""
     approach = -resolve(*GRAZING).normal_velocity_before - 3 * share
     velocity = GRAZING.body_a.velocity
@@ -163,10 +166,10 @@ def grazing(share: float) -> Scene:
 
 def test_a_tolerance_gets_the_cheapest_tier_that_meets_it():
     """SINGLE is never that: one impact in it takes as long as in DOUBLE."""
-    scene, used = grazing(1e-10), []
+    collision, used = grazing(1e-10), []
     for tolerance in (1e-3, 1e-9, 1e-15):
-        impact = resolve(*scene, ImpactModel(tolerance=tolerance))
-        assert true_error(impact, exact_answer(*scene, impact.model)) <= impact.error_bound <= tolerance
+        impact = resolve(*collision, ImpactModel(tolerance=tolerance))
+        assert true_error(impact, exact_answer(*collision, impact.model)) <= impact.error_bound <= tolerance
         used.append(impact.model.precision)
     assert used == [Precision.DOUBLE, Precision.EXTENDED, Precision.EXTENDED]
 
@@ -175,11 +178,11 @@ def test_a_tolerance_gets_the_cheapest_tier_that_meets_it():
     ("share", "precision"), [(1e-3, Precision.DOUBLE), (1e-10, Precision.DOUBLE), (1e-14, Precision.EXTENDED)]
 )
 def test_without_a_tolerance_a_bound_that_says_hardly_anything_asks_for_more(share, precision):
-    scene = grazing(share)
-    impact = resolve(*scene)
+    collision = grazing(share)
+    impact = resolve(*collision)
     assert impact.model.precision is precision
-    assert true_error(impact, exact_answer(*scene, impact.model)) <= impact.error_bound <= USEFUL
-    double = resolve(*scene, ImpactModel(precision=Precision.DOUBLE))
+    assert true_error(impact, exact_answer(*collision, impact.model)) <= impact.error_bound <= USEFUL
+    double = resolve(*collision, ImpactModel(precision=Precision.DOUBLE))
     assert (double.error_bound <= USEFUL) == (precision is Precision.DOUBLE)
 
 
@@ -195,9 +198,9 @@ def test_a_tolerance_that_nothing_meets_is_answered_and_said():
 def test_a_tolerance_leaves_nothing_out(offset, tolerance):
     """A ball struck a little off its centre is modelled whole, however little that matters."""
     ball = Body.dynamic(1.0, (0.4, 0.0, 0.0, 0.4, 0.0, 0.4), (0.0, offset, offset), None, (0.1, 0.2, -1.0))
-    scene = Scene(ball, Body.static(), Contact.of((0, 0, 0), (0, 0, 1), 0.5))
-    impact = resolve(*scene, ImpactModel(tolerance=tolerance))
-    assert true_error(impact, exact_answer(*scene, impact.model)) <= impact.error_bound < 1e-14
+    collision = Collision(ball, Body.static(), Contact.of((0, 0, 0), (0, 0, 1), 0.5))
+    impact = resolve(*collision, ImpactModel(tolerance=tolerance))
+    assert true_error(impact, exact_answer(*collision, impact.model)) <= impact.error_bound < 1e-14
     assert impact.model.geometry is (Geometry.SPATIAL if offset else Geometry.POINT)
 
 
@@ -205,20 +208,20 @@ def test_a_tolerance_leaves_nothing_out(offset, tolerance):
 @pytest.mark.parametrize("off_centre", [False, True])
 def test_moreau_has_a_bound_that_holds(precision, off_centre):
     for seed in range(800, 806):
-        scene = random_scene(seed, off_centre=off_centre)
-        impact = scene.resolve(Law.MOREAU, precision=precision)
+        collision = random_collision(seed, off_centre=off_centre)
+        impact = collision.resolve(Law.MOREAU, precision=precision)
         fell_back = impact.adjustments & Adjustment.LAW_FALLBACK
-        assert fell_back or scene.by_oracle(Law.MOREAU).report.energy <= 0
-        assert error_of(scene, impact) <= impact.error_bound
+        assert fell_back or collision.by_oracle(Law.MOREAU).report.energy <= 0
+        assert error_of(collision, impact) <= impact.error_bound
         # a condition number of 1e4 at most, and hundreds of roundings
         assert impact.error_bound <= {Precision.SINGLE: math.inf, Precision.DOUBLE: 1e-9}.get(precision, ULP)
 
 
 def test_moreau_grazing():
     for share, seed in product((1e-3, 1e-8, 1e-12), (803, 805)):
-        scene = extremes.grazing(share, random_scene(seed))
-        impact = scene.resolve(Law.MOREAU)
-        assert error_of(scene, impact) <= impact.error_bound <= USEFUL
+        collision = extremes.grazing(share, random_collision(seed))
+        impact = collision.resolve(Law.MOREAU)
+        assert error_of(collision, impact) <= impact.error_bound <= USEFUL
 
 
 @pytest.mark.parametrize("law", PATHS, ids=lambda law: law.name)
@@ -229,19 +232,19 @@ def test_a_planar_path_is_right_to_the_last_digit(law):
     )
     for b in (Body.static(), Body.dynamic(1.5, (1, 0, 0, 1, 0, 0.3), (-0.2, -0.4, 0), None, (0.1, 0.3, 0))):
         for mu in (0.0, 0.1, 0.4, 2.0):
-            scene = Scene(a, b, Contact.of((0.0, 0.1, 0.0), (0.2, 1.0, 0.0), 0.6, mu))
-            impact = scene.resolve(law, precision=Precision.EXTENDED)
+            collision = Collision(a, b, Contact.of((0.0, 0.1, 0.0), (0.2, 1.0, 0.0), 0.6, mu))
+            impact = collision.resolve(law, precision=Precision.EXTENDED)
             assert impact.status is StatusCode.OK
-            assert error_of(scene, impact) <= impact.error_bound <= ULP
+            assert error_of(collision, impact) <= impact.error_bound <= ULP
 
 
 @pytest.mark.parametrize("law", PATHS, ids=lambda law: law.name)
 @pytest.mark.parametrize("precision", TIERS, ids=lambda tier: tier.name)
 def test_no_error_of_a_path_is_above_its_bound(law, precision):
     for seed in (400, 401):
-        scene = random_scene(seed, off_centre=True)
-        impact = scene.resolve(law, precision=precision)
-        assert error_of(scene, impact) <= impact.error_bound
+        collision = random_collision(seed, off_centre=True)
+        impact = collision.resolve(law, precision=precision)
+        assert error_of(collision, impact) <= impact.error_bound
         if precision is not Precision.SINGLE:
             assert impact.error_bound <= 1e-8
 
@@ -250,55 +253,55 @@ def test_no_error_of_a_path_is_above_its_bound(law, precision):
 @pytest.mark.parametrize("tolerance", [0.0, 1e-4])
 def test_a_path_meets_its_tolerance(law, tolerance):
     for seed in (402, 403):
-        scene = random_scene(seed)
-        impact = scene.resolve(law, tolerance=tolerance)
+        collision = random_collision(seed)
+        impact = collision.resolve(law, tolerance=tolerance)
         assert impact.status is StatusCode.OK
-        assert error_of(scene, impact) <= impact.error_bound <= (tolerance or 1e-8)
+        assert error_of(collision, impact) <= impact.error_bound <= (tolerance or 1e-8)
 
 
 def test_a_tolerance_that_no_path_meets_is_said():
-    scene = random_scene(400)
-    impact = scene.resolve(Law.ROUTH_STRONGE, tolerance=1e-15)
+    collision = random_collision(400)
+    impact = collision.resolve(Law.ROUTH_STRONGE, tolerance=1e-15)
     assert impact.status is StatusCode.TOLERANCE_NOT_MET
-    assert error_of(scene, impact) <= impact.error_bound
+    assert error_of(collision, impact) <= impact.error_bound
 
 
 @pytest.mark.parametrize("law", PATHS, ids=lambda law: law.name)
 @pytest.mark.parametrize("share", [1e-7, 1e-12])
 def test_a_path_keeps_its_digits_where_it_grazes(law, share):
-    for scene in (random_scene(500), random_scene(502, slender=True, friction=5.0)):
-        scene = extremes.grazing(share, scene)
-        impact, better = scene.resolve(law), scene.resolve(law, precision=Precision.EXTENDED)
-        assert error_of(scene, impact) <= impact.error_bound <= USEFUL
-        assert error_of(scene, better) <= min(better.error_bound, 1e-12)
+    for collision in (random_collision(500), random_collision(502, slender=True, friction=5.0)):
+        collision = extremes.grazing(share, collision)
+        impact, better = collision.resolve(law), collision.resolve(law, precision=Precision.EXTENDED)
+        assert error_of(collision, impact) <= impact.error_bound <= USEFUL
+        assert error_of(collision, better) <= min(better.error_bound, 1e-12)
 
 
 @pytest.mark.parametrize("e", [1e-2, 1e-5, 1e-8])
 def test_a_path_keeps_its_digits_where_little_is_restored(e):
     """The restored work is e^2 of the work of compression."""
-    scene = random_scene(600)
-    scene = scene._replace(contact=scene.contact._replace(restitution=e))
-    impact = scene.resolve(Law.ROUTH_STRONGE)
-    assert error_of(scene, impact) <= min(impact.error_bound, 1e-12)
+    collision = random_collision(600)
+    collision = collision._replace(contact=collision.contact._replace(restitution=e))
+    impact = collision.resolve(Law.ROUTH_STRONGE)
+    assert error_of(collision, impact) <= min(impact.error_bound, 1e-12)
 
 
 @pytest.mark.parametrize("past", [-1e-2, 1e-2, -1e-5])
 def test_the_bound_of_a_path_holds_near_jam(past):
     """Where ``u_n`` hardly rises, little moves the end of compression a lot."""
-    scene = extremes.grazing(1e-3, random_scene(701))
-    contact = ContactKinematics.of(*scene)
+    collision = extremes.grazing(1e-3, random_collision(701))
+    contact = ContactKinematics.of(*collision)
     n, K = contact.n / contact.n.norm(), contact.inverse_effective_mass()
     slip = contact.u - n * n.dot(contact.u)
     mu = (1 + past) * n.dot(K @ n) * slip.norm() / slip.dot(K @ n)
-    scene = scene._replace(contact=scene.contact._replace(friction=mu))
+    collision = collision._replace(contact=collision.contact._replace(friction=mu))
     for law, tolerance in zip(PATHS, (0.0, 1e-3), strict=True):
-        impact = scene.resolve(law, tolerance=tolerance)
-        assert error_of(scene, impact) <= impact.error_bound
+        impact = collision.resolve(law, tolerance=tolerance)
+        assert error_of(collision, impact) <= impact.error_bound
 
 
-def error_of(scene: Scene, impact: Impact) -> float:
+def error_of(collision: Collision, impact: Impact) -> float:
     """Of the impulse, relative."""
-    return impulse_error(impact.impulse, scene.by_oracle(impact.model.law).impulses[0])
+    return impulse_error(impact.impulse, collision.by_oracle(impact.model.law).impulses[0])
 
 
 def test_an_error_that_is_not_a_number_is_not_forgotten():
@@ -348,10 +351,10 @@ def test_an_impulse_that_is_known_exactly_and_is_no_float(precision, tolerance, 
 
 def test_threads_do_not_take_digits_from_each_other():
     """FLINT's precision is that of the process."""
-    scenes = [random_scene(seed) for seed in range(8)] * 4
+    collisions = [random_collision(seed) for seed in range(8)] * 4
     model = ImpactModel(Law.COULOMB, precision=Precision.EXTENDED, tolerance=1e-30)
-    alone = [resolve(*scene, model) for scene in scenes]
+    alone = [resolve(*collision, model) for collision in collisions]
     with ThreadPoolExecutor(4) as pool:
-        together = list(pool.map(lambda scene: resolve(*scene, model), scenes))
+        together = list(pool.map(lambda collision: resolve(*collision, model), collisions))
     assert together == alone
     assert ctx.prec == 53

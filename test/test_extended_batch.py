@@ -10,10 +10,10 @@ import pytest
 pytest.importorskip("flint")
 
 import numpy as np
-from batches import FIRST_FAULTY, N, by_single_impacts, scene_of, some
+from batch_cases import FIRST_FAULTY, N, collision_at, resolve_one_by_one, shared_batch
+from collisions import Collision
 from exact import Fraction, dot, impulse_error, length, plus, times
-from reference import exact_answer
-from scenes import Scene
+from exact_adapter import exact_answer
 from test_batch_tolerance import ill_conditioned
 
 from collision_response import Geometry, ImpactModel, Law, Precision, StatusCode
@@ -29,9 +29,9 @@ GEOMETRIES = (Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL)
 ANSWERED = (StatusCode.OK, StatusCode.SEPARATING)
 
 
-def check_contact(model: ImpactModel, result, i: int, scene: Scene) -> None:
+def check_contact(model: ImpactModel, result, i: int, collision: Collision) -> None:
     """A contact against the exact answer."""
-    exact = exact_answer(*scene, model)
+    exact = exact_answer(*collision, model)
     (P,) = exact.impulses
     assert result.status[i] == (StatusCode.OK if any(P) else StatusCode.SEPARATING)
     off = [Fraction(x) - y for x, y in zip(result.impulse[:, i].tolist(), P, strict=False)]
@@ -56,32 +56,32 @@ def check_vector(given, exact, change) -> None:
 def test_shared_contacts_are_exact_to_an_ulp(geometry, law, oriented):
     if oriented and geometry is not Geometry.SPATIAL:
         return  # only those in space have orientations
-    bodies, contacts = some(geometry, oriented=oriented)
+    bodies, contacts = shared_batch(geometry, oriented=oriented)
     model = ImpactModel(
         law, precision=Precision.EXTENDED, tangential_restitution=0.5, restitution_threshold=0.25
     )
     result = resolve_batch(bodies, contacts, model)
     assert (result.error_bound[:FIRST_FAULTY] <= ULP).all()
     for i in range(FIRST_FAULTY):
-        check_contact(model, result, i, scene_of(geometry, bodies, contacts, i))
+        check_contact(model, result, i, collision_at(geometry, bodies, contacts, i))
 
 
 @pytest.mark.parametrize("law", FORMULAS)
 @pytest.mark.parametrize("wildness", [0, 1, 3, 8])
 def test_ill_conditioned_contacts(law, wildness):
     """Grazing, thin, lopsided, far from their bodies."""
-    scenes, models, bodies, contacts = ill_conditioned(law, wildness, 60)
+    collisions, models, bodies, contacts = ill_conditioned(law, wildness, 60)
     result = resolve_batch(bodies, contacts, ImpactModel(law, precision=Precision.EXTENDED))
     assert (result.error_bound <= ULP).all()
-    for i, (scene, model) in enumerate(zip(scenes, models, strict=True)):
-        (impulse,) = exact_answer(*scene, model).impulses
+    for i, (collision, model) in enumerate(zip(collisions, models, strict=True)):
+        (impulse,) = exact_answer(*collision, model).impulses
         assert impulse_error(result.impulse[:, i].tolist(), impulse) <= ULP
 
 
 @pytest.mark.parametrize("law", FORMULAS)
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_what_is_refused_is_refused_alike(geometry, law):
-    bodies, contacts = some(geometry)
+    bodies, contacts = shared_batch(geometry)
     plain = resolve_batch(bodies, contacts, ImpactModel(law))
     result = resolve_batch(bodies, contacts, ImpactModel(law, precision=Precision.EXTENDED))
     differ = plain.status != result.status
@@ -92,15 +92,15 @@ def test_what_is_refused_is_refused_alike(geometry, law):
 
 
 def test_contacts_have_tangential_restitution_of_their_own():
-    bodies, contacts = some(Geometry.SPATIAL)
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
     contacts = np.vstack([contacts, np.linspace(-1, 1, N)])
     result = resolve_batch(bodies, contacts, ImpactModel(precision=Precision.EXTENDED))
     chosen = range(0, FIRST_FAULTY, 7)
     models = [
         ImpactModel(Law.COULOMB, Geometry.AUTO, Precision.EXTENDED, 0.0, contacts[-1, i]) for i in chosen
     ]
-    expected = by_single_impacts(
-        Geometry.SPATIAL, [scene_of(Geometry.SPATIAL, bodies, contacts, i) for i in chosen], models
+    expected = resolve_one_by_one(
+        Geometry.SPATIAL, [collision_at(Geometry.SPATIAL, bodies, contacts, i) for i in chosen], models
     )
     np.testing.assert_array_equal(result.impulse[:, chosen], expected.impulse)
 
@@ -119,14 +119,14 @@ def in_double_doubles(bodies, contacts, law: Law):
 
 def test_what_double_doubles_cannot_tell_is_known_and_left_to_balls():
     """An approach so slow that rounding decides, and numbers at the end of the range."""
-    bodies, contacts = (array[..., 10:20].copy() for array in some(Geometry.SPATIAL))
-    of, at = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
-    contacts[at.friction] = 0.0
-    bodies[of.angular_velocity, :, 0] = 0.0
-    bodies[of.velocity, 0, 0], bodies[of.velocity, 1, 0] = [-1.0, 2.0**-60, 0.0], 0.0
-    contacts[at.normal, 0] = [2.0**-60, 1.0 - 2.0**-50, 2.0**-1000]
-    contacts[at.normal, 1] = [1e-160, 1e-160, 0.0]
-    bodies[of.inertia, 0, 2] *= 1e-60  # which they can; from 1e-80 on it is left to one impact
+    bodies, contacts = (array[..., 10:20].copy() for array in shared_batch(Geometry.SPATIAL))
+    body_row, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
+    contacts[contact_row.friction] = 0.0
+    bodies[body_row.angular_velocity, :, 0] = 0.0
+    bodies[body_row.velocity, 0, 0], bodies[body_row.velocity, 1, 0] = [-1.0, 2.0**-60, 0.0], 0.0
+    contacts[contact_row.normal, 0] = [2.0**-60, 1.0 - 2.0**-50, 2.0**-1000]
+    contacts[contact_row.normal, 1] = [1e-160, 1e-160, 0.0]
+    bodies[body_row.inertia, 0, 2] *= 1e-60  # which they can; from 1e-80 on it is left to one impact
     impulse, bound = in_double_doubles(bodies, contacts, Law.FRICTIONLESS)
     assert not (bound[:2] <= ULP).any()
     assert (bound[2:] <= ULP).all()
@@ -134,13 +134,13 @@ def test_what_double_doubles_cannot_tell_is_known_and_left_to_balls():
     assert (result.error_bound <= ULP).all()
     np.testing.assert_array_equal(result.impulse[:, 2:], impulse[:, 2:])
     for i in range(10):
-        scene = scene_of(Geometry.SPATIAL, bodies, contacts, i)
-        check_contact(ImpactModel(Law.FRICTIONLESS), result, i, scene)
+        collision = collision_at(Geometry.SPATIAL, bodies, contacts, i)
+        check_contact(ImpactModel(Law.FRICTIONLESS), result, i, collision)
 
 
 @pytest.mark.parametrize("law", FORMULAS)
 def test_most_are_exact_by_double_doubles_alone(law):
-    bodies, contacts = (array[..., :FIRST_FAULTY] for array in some(Geometry.SPATIAL))
+    bodies, contacts = (array[..., :FIRST_FAULTY] for array in shared_batch(Geometry.SPATIAL))
     impulse, bound = in_double_doubles(bodies, contacts, law)
     assert (bound <= ULP).mean() > 0.95
     assert not math.isnan(impulse.sum())

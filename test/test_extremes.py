@@ -9,9 +9,9 @@ import pytest
 
 pytest.importorskip("flint")
 
-from extremes import BEYOND_FLOAT64, ORDINARY, extremes, scene_named
-from reference import exact_answer, true_error
-from scenes import Scene
+from collisions import Collision
+from exact_adapter import exact_answer, true_error
+from extremes import BEYOND_FLOAT64, ORDINARY, collision_named, extremes
 
 from collision_response import (
     Adjustment,
@@ -39,11 +39,11 @@ each_law = pytest.mark.parametrize("law", FORMULAS, ids=lambda law: law.name)
 each_tier = pytest.mark.parametrize("precision", TIERS, ids=lambda tier: tier.name)
 
 
-def assert_sound(impact: Impact, scene: Scene) -> None:
+def assert_sound(impact: Impact, collision: Collision) -> None:
     """Every number is one, the bound holds, and where nothing is known of the error the status says so."""
     numbers = numbers_in(impact._replace(error_bound=0.0))
     assert all(math.isfinite(x) for x in numbers if isinstance(x, float))
-    assert true_error(impact, exact_answer(*scene, impact.model)) <= impact.error_bound
+    assert true_error(impact, exact_answer(*collision, impact.model)) <= impact.error_bound
     assert impact.error_bound < math.inf or impact.status is StatusCode.TOLERANCE_NOT_MET
 
 
@@ -53,12 +53,12 @@ def assert_sound(impact: Impact, scene: Scene) -> None:
 def test_every_tier_is_right_within_its_bound_or_says_what_is_wrong(extreme, law, precision):
     model = ImpactModel(law, Geometry.SPATIAL, precision)
     try:
-        impact = resolve(*extreme.scene, model)
+        impact = resolve(*extreme.collision, model)
     except ImpactError as refusal:
         assert refusal.code is StatusCode.OUT_OF_RANGE
         assert precision is not Precision.EXTENDED or extreme.name in BEYOND_FLOAT64
         return
-    assert_sound(impact, extreme.scene)
+    assert_sound(impact, extreme.collision)
     if precision is Precision.EXTENDED:
         assert impact.status is StatusCode.OK
         assert impact.error_bound <= ULP
@@ -71,10 +71,10 @@ def test_left_to_itself_every_extreme_is_answered_to_the_tolerance(extreme, law,
     model = ImpactModel(law, tolerance=tolerance)
     if extreme.name in BEYOND_FLOAT64:
         with pytest.raises(ImpactError, match="beyond float64"):
-            resolve(*extreme.scene, model)
+            resolve(*extreme.collision, model)
         return
-    impact = resolve(*extreme.scene, model)
-    assert_sound(impact, extreme.scene)
+    impact = resolve(*extreme.collision, model)
+    assert_sound(impact, extreme.collision)
     assert impact.status is StatusCode.OK
     assert impact.error_bound <= (tolerance or USEFUL)
 
@@ -82,11 +82,11 @@ def test_left_to_itself_every_extreme_is_answered_to_the_tolerance(extreme, law,
 @each_law
 def test_a_grazing_contact_costs_digits_and_then_precision(law):
     """Its approach speed is what is left of numbers that cancel to their last digits."""
-    scene = scene_named("grazing, |u_n|/|u| = 1e-15")
+    collision = collision_named("grazing, |u_n|/|u| = 1e-15")
     errors = []
     for precision in (*TIERS, Precision.AUTO):
-        impact = resolve(*scene, ImpactModel(law, precision=precision))
-        errors.append(true_error(impact, exact_answer(*scene, impact.model)))
+        impact = resolve(*collision, ImpactModel(law, precision=precision))
+        errors.append(true_error(impact, exact_answer(*collision, impact.model)))
     single, double, extended, by_itself = errors
     assert single > 1e-3
     assert double > 1e-3
@@ -102,8 +102,8 @@ def test_a_mass_whose_inverse_overflows_is_refused():
 
 
 def test_a_quaternion_off_unit_is_normalised_and_that_is_said():
-    scene = scene_named("quaternion of length 1.001")
-    given, unit = resolve(*scene), resolve(*ORDINARY)
+    collision = collision_named("quaternion of length 1.001")
+    given, unit = resolve(*collision), resolve(*ORDINARY)
     assert given.adjustments == Adjustment.NORMALISED_ORIENTATION
     assert math.dist(given.impulse, unit.impulse) < 1e-15 * math.hypot(*unit.impulse)
 
@@ -119,9 +119,9 @@ CLOSED_BOOKS = [extreme for extreme in extremes() if extreme.name not in NO_CLOS
 @each_tier
 def test_elastic_frictionless_impacts_keep_the_energy(extreme, precision):
     """To the bound of the impulse, and the rounding of the energies before and after."""
-    scene = extreme.scene._replace(contact=extreme.scene.contact._replace(restitution=1.0))
+    collision = extreme.collision._replace(contact=extreme.collision.contact._replace(restitution=1.0))
     try:
-        impact = resolve(*scene, ImpactModel(Law.FRICTIONLESS, Geometry.SPATIAL, precision))
+        impact = resolve(*collision, ImpactModel(Law.FRICTIONLESS, Geometry.SPATIAL, precision))
     except ImpactError:
         return
     before, after = impact.kinetic_energy_before, impact.kinetic_energy_after
@@ -133,11 +133,11 @@ def test_elastic_frictionless_impacts_keep_the_energy(extreme, precision):
 @each_law
 def test_plastic_impacts_end_without_normal_velocity(extreme, law):
     """To the rounding of the velocities that must cancel."""
-    contact = extreme.scene.contact._replace(restitution=0.0)
-    scene = extreme.scene._replace(contact=contact)
+    contact = extreme.collision.contact._replace(restitution=0.0)
+    collision = extreme.collision._replace(contact=contact)
     if extreme.name in BEYOND_FLOAT64:
         return
-    impact = resolve(*scene, ImpactModel(law, Geometry.SPATIAL, Precision.EXTENDED))
+    impact = resolve(*collision, ImpactModel(law, Geometry.SPATIAL, Precision.EXTENDED))
     assert abs(impact.normal_velocity_after) <= 2.0**-60 * abs(impact.normal_velocity_before)
 
 
@@ -147,14 +147,14 @@ def test_an_impulse_through_the_centre_of_a_slender_body(precision):
     draw = random.Random(7)
     checked = 0
     while checked < 60:
-        scene, model = _through_the_centre(draw)
-        impact = resolve(*scene, model._replace(precision=precision))
+        collision, model = _through_the_centre(draw)
+        impact = resolve(*collision, model._replace(precision=precision))
         if impact.regime.name == "STICKING" and impact.error_bound < math.inf:
-            assert_sound(impact, scene)
+            assert_sound(impact, collision)
             checked += 1
 
 
-def _through_the_centre(draw: random.Random) -> tuple[Scene, ImpactModel]:
+def _through_the_centre(draw: random.Random) -> tuple[Collision, ImpactModel]:
     """A slender body that spins fast; its contact comes to rest by an impulse along the lever arm."""
 
     def vector(size: float = 1.0) -> Vec3:
@@ -168,14 +168,14 @@ def _through_the_centre(draw: random.Random) -> tuple[Scene, ImpactModel]:
     impulse = arm * draw.choice([1, -1])
     body = Body.dynamic(1.0, inertia, (0, 0, 0), orientation, impulse * -1.0 - spin.cross(arm), spin)
     normal = impulse / impulse.norm() + vector(0.3)
-    scene = Scene(body, Body.static(), Contact.of(arm, normal, 0.0, 50.0))
-    return scene, ImpactModel(Law.COULOMB, Geometry.SPATIAL)
+    collision = Collision(body, Body.static(), Contact.of(arm, normal, 0.0, 50.0))
+    return collision, ImpactModel(Law.COULOMB, Geometry.SPATIAL)
 
 
 @pytest.mark.parametrize("distance", [1e8, 1e12])
 def test_far_from_the_origin_it_is_the_input_that_loses_digits(distance):
     """What is answered is right for the positions as rounded; relative positions keep the digits."""
-    moved = scene_named(f"{distance:.0e} m from the origin")
+    moved = collision_named(f"{distance:.0e} m from the origin")
     impact, near = resolve(*moved), resolve(*ORDINARY)
     assert true_error(impact, exact_answer(*moved, impact.model)) <= impact.error_bound < 1e-12
     apart = math.dist(impact.impulse, near.impulse) / math.hypot(*near.impulse)
@@ -186,9 +186,9 @@ def test_bodies_that_move_alike_and_hardly_turn():
     """What approaches is far slower than the bodies are: that is not the unit for their energies."""
     inertia, spin = (2.0, 0.0, 0.0, 2.0, 0.0, 2.0), (0.0, 0.0, -1e-231)
     a, b = (Body.dynamic(1.0, inertia, (x, 0, 0), None, (1.0, 0, 0), spin) for x in (0.0, 1.0))
-    scene = Scene(a, b, Contact.of((0, 0, 0), (0, 1, 0), 0.0))
-    impact = resolve(*scene)
-    assert_sound(impact, scene)
+    collision = Collision(a, b, Contact.of((0, 0, 0), (0, 1, 0), 0.0))
+    impact = resolve(*collision)
+    assert_sound(impact, collision)
     assert impact.normal_impulse > 0
 
 
@@ -196,9 +196,9 @@ def test_a_small_body_that_spins_wildly():
     """Squares of arms and spins underflow and overflow; their product counts."""
     inertia = (1e-25, 0.0, 0.0, 1e-25, 0.0, 1e-25)
     body = Body.dynamic(1.0, inertia, (0.0, 1e-163, 0.0), None, (0, 0, -1.0), (2e162, 0.0, 0.0))
-    scene = Scene(body, Body.static(), Contact.of((0, 0, 0), (0, 0, 1)))
-    impact = resolve(*scene, ImpactModel(tolerance=1e-3))
-    assert_sound(impact, scene)
+    collision = Collision(body, Body.static(), Contact.of((0, 0, 0), (0, 0, 1)))
+    impact = resolve(*collision, ImpactModel(tolerance=1e-3))
+    assert_sound(impact, collision)
 
 
 # What a scene requires.

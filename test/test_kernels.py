@@ -9,13 +9,13 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import pytest
-from batches import FIRST_FAULTY, scene_of, some
-from compiled import compiled
+from batch_cases import FIRST_FAULTY, collision_at, shared_batch
+from collisions import LAWS_WITH_ORACLE, Collision, collisions, planar_collisions, random_collision
+from compile_cpp import compiled
 from extremes import extremes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_impacts import RandomImpacts
-from scenes import LAWS_WITH_ORACLE, Scene, planar_scenes, random_scene, scenes
 
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, resolve
 from collision_response.impact import Answer, impact
@@ -433,10 +433,10 @@ def test_emitted_code_computes_its_formula(library, name, kind):
 # The laws: traced, and compiled.
 
 
-def inputs_of(scene: Scene, layout: Layout, settings: Settings) -> dict[str, float]:
+def inputs_of(collision: Collision, layout: Layout, settings: Settings) -> dict[str, float]:
     """The numbers of a request by their names."""
     found = {}
-    for owner, body in (("body_a", scene.body_a), ("body_b", scene.body_b)):
+    for owner, body in (("body_a", collision.body_a), ("body_b", collision.body_b)):
         for name in names_of_body(layout):
             field, axis = name.split(".")
             part = getattr(body, field)
@@ -444,7 +444,7 @@ def inputs_of(scene: Scene, layout: Layout, settings: Settings) -> dict[str, flo
                 found[f"{owner}.{name}"] = 1.0 if axis == "w" else 0.0
             else:
                 found[f"{owner}.{name}"] = getattr(part, axis) if axis else part
-    contact = scene.contact
+    contact = collision.contact
     for field, axis in product(("position", "normal"), "xyz"):
         found[f"contact.{field}.{axis}"] = getattr(getattr(contact, field), axis)
     return found | {
@@ -467,11 +467,13 @@ def test_a_traced_law_rounds_as_the_law(law, layout):
     places = [tape.symbol(x).place for x in numbers_in((traced.changes, traced.report))]
     compared = 0
     for seed in range(6):
-        scene = random_scene(seed, off_centre=layout is Layout.EVERYTHING)
+        collision = random_collision(seed, off_centre=layout is Layout.EVERYTHING)
         if layout is Layout.SPATIAL:
-            scene = Scene(*(body._replace(orientation=None) for body in scene[:2]), scene.contact)
-        direct = impact(*scene, law, Settings(0.25, 0.5))
-        once = _Run(tape, inputs_of(scene, layout, Settings(0.25, 0.5, law=float(law))), None, ())
+            collision = Collision(
+                *(body._replace(orientation=None) for body in collision[:2]), collision.contact
+            )
+        direct = impact(*collision, law, Settings(0.25, 0.5))
+        once = _Run(tape, inputs_of(collision, layout, Settings(0.25, 0.5, law=float(law))), None, ())
         assert [once[place] for place in places] == values(direct)
         compared += direct.flags.separating is False
     assert compared >= 3
@@ -523,14 +525,14 @@ def test_every_layout_of_every_law_is_written():
     assert all(f"LAW_{law.name} = {law.value}," in sizes for law in Law)
 
 
-def same_bits(scene: Scene, model: ImpactModel) -> bool:
+def same_bits(collision: Collision, model: ImpactModel) -> bool:
     """Whether a request is answered, and then by the bits of the formulas on plain floats."""
     try:
-        direct = impact(*scene, model.law, plan(model).settings)
+        direct = impact(*collision, model.law, plan(model).settings)
     except (ZeroDivisionError, OverflowError):  # which machines do not mind
         return False
     try:
-        compiled = resolve(*scene, model._replace(precision=Precision.DOUBLE))
+        compiled = resolve(*collision, model._replace(precision=Precision.DOUBLE))
     except ImpactError as refusal:
         assert refusal.code is StatusCode.OUT_OF_RANGE or direct.flags.unfinished
         return False
@@ -550,20 +552,20 @@ each_law = pytest.mark.parametrize("law", LAWS_WITH_ORACLE, ids=lambda law: law.
 @each_law
 def test_kernels_give_the_bits_of_the_formulas_in_space(law):
     @settings(max_examples=40)
-    @given(scene=scenes())
-    def holds(scene: Scene) -> None:
-        same_bits(scene, ImpactModel(law, tangential_restitution=0.25, restitution_threshold=0.1))
+    @given(collision=collisions())
+    def holds(collision: Collision) -> None:
+        same_bits(collision, ImpactModel(law, tangential_restitution=0.25, restitution_threshold=0.1))
 
     holds()
-    assert all(same_bits(random_scene(seed), ImpactModel(law)) for seed in range(10))
+    assert all(same_bits(random_collision(seed), ImpactModel(law)) for seed in range(10))
 
 
 @each_law
 def test_kernels_give_the_bits_of_the_formulas_in_the_plane(law):
     @settings(max_examples=40)
-    @given(scene=planar_scenes())
-    def holds(scene: Scene) -> None:
-        same_bits(scene, ImpactModel(law, tolerance=1e-6))
+    @given(collision=planar_collisions())
+    def holds(collision: Collision) -> None:
+        same_bits(collision, ImpactModel(law, tolerance=1e-6))
 
     holds()
 
@@ -573,13 +575,13 @@ def test_kernels_give_the_bits_of_the_formulas_in_the_plane(law):
 def test_kernels_give_the_bits_of_the_formulas_whatever_the_sizes(law, wildness):
     impacts = RandomImpacts(seed=wildness, wildness=wildness)
     drawn = (impacts.request(law) for _ in range(60))
-    answered = sum(same_bits(scene, model._replace(geometry=Geometry.AUTO)) for scene, model in drawn)
+    answered = sum(same_bits(collision, model._replace(geometry=Geometry.AUTO)) for collision, model in drawn)
     assert answered >= 30
 
 
 @each_law
 def test_kernels_give_the_bits_of_the_formulas_on_odd_requests(law):
-    answered = [same_bits(extreme.scene, ImpactModel(law)) for extreme in extremes()]
+    answered = [same_bits(extreme.collision, ImpactModel(law)) for extreme in extremes()]
     assert sum(answered) > 15  # the others are answered in other units
 
 
@@ -588,6 +590,7 @@ def test_kernels_give_the_bits_of_the_formulas_on_odd_requests(law):
 def test_kernels_give_the_bits_of_the_formulas_on_the_contacts_of_batches(law, geometry):
     """Which are also what the kernels of many contacts give: see ``test_batch.py``."""
     answered = [
-        same_bits(scene_of(geometry, *some(geometry), i), ImpactModel(law)) for i in range(FIRST_FAULTY)
+        same_bits(collision_at(geometry, *shared_batch(geometry), i), ImpactModel(law))
+        for i in range(FIRST_FAULTY)
     ]
     assert sum(answered) > 90

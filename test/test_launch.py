@@ -14,7 +14,7 @@ import yaml
 
 pytest.importorskip("nav_msgs")
 
-from ros_graph import DEADLINE, balls_meet, until
+from ros_graph import DEADLINE, balls_meet, wait_until
 
 import collision_response
 from collision_response.ros import markers, parameters, sources
@@ -110,6 +110,6 @@ def test_it_launches(graph, prefix):
     with subprocess.Popen([*command, "states:=true", "markers:=true"], start_new_session=True) as launched:
         assert graph.call(balls_meet()).result.twist_a.linear.x == 2.0
         there = {(name, graph.namespace) for name in NODES}
-        until(lambda: there <= set(graph.user.get_node_names_and_namespaces()))
+        wait_until(lambda: there <= set(graph.user.get_node_names_and_namespaces()))
         os.killpg(launched.pid, signal.SIGINT)  # Ctrl-C is for all of them
         assert launched.wait(DEADLINE) == 0

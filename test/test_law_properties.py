@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 import pytest
+from collisions import (
+    LAWS_WITH_FRICTION,
+    LAWS_WITH_ORACLE,
+    Collision,
+    collisions,
+    planar_collisions,
+    quaternions,
+)
 from hypothesis import given, settings
-from scene_cases import turn
-from scenes import LAWS_WITH_FRICTION, LAWS_WITH_ORACLE, Scene, planar_scenes, quaternions, scenes
+from scene_cases import rotate
 
 from collision_response import Geometry, Impact, Law, StatusCode
 from collision_response.physics.vector import Vec3
@@ -26,10 +33,10 @@ def few(law: Law):
 
 
 def check(law: Law, strategy, holds) -> None:
-    few(law)(given(strategy)(lambda scene: holds(scene)))()
+    few(law)(given(strategy)(lambda collision: holds(collision)))()
 
 
-def scale(scene: Scene, impact: Impact) -> float:
+def scale(collision: Collision, impact: Impact) -> float:
     """The greatest energy that is in play [J]."""
     u = abs(impact.normal_velocity_before)
     return impact.kinetic_energy_before + impact.impulse.norm() * (1 + u) + 1e-3
@@ -37,32 +44,32 @@ def scale(scene: Scene, impact: Impact) -> float:
 
 @every_law
 def test_energy_never_grows_and_all_of_it_is_accounted_for(law):
-    def holds(scene: Scene) -> None:
-        impact = scene.resolve(law)
-        room = TOLERANCE * scale(scene, impact)
+    def holds(collision: Collision) -> None:
+        impact = collision.resolve(law)
+        room = TOLERANCE * scale(collision, impact)
         lost = impact.energy_lost_restitution + impact.energy_lost_friction
         assert lost >= -room
-        if scene.body_b.is_movable():  # a kinematic body does work that no answer counts
+        if collision.body_b.is_movable():  # a kinematic body does work that no answer counts
             assert impact.kinetic_energy_before - impact.kinetic_energy_after == pytest.approx(lost, abs=room)
 
-    check(law, scenes(), holds)
+    check(law, collisions(), holds)
 
 
 @every_law
 def test_the_impulse_lies_in_the_friction_cone_and_does_not_pull(law):
-    def holds(scene: Scene) -> None:
-        impact = scene.resolve(law)
+    def holds(collision: Collision) -> None:
+        impact = collision.resolve(law)
         assert impact.normal_impulse >= 0
         room = TOLERANCE * impact.normal_impulse
         assert impact.tangential_impulse <= impact.contact.friction * impact.normal_impulse + room
 
-    check(law, scenes(), holds)
+    check(law, collisions(), holds)
 
 
 @every_law
 def test_the_bodies_separate(law):
-    def holds(scene: Scene) -> None:
-        impact = scene.resolve(law)
+    def holds(collision: Collision) -> None:
+        impact = collision.resolve(law)
         u_n, after = impact.normal_velocity_before, impact.normal_velocity_after
         room = TOLERANCE * FASTEST
         if impact.status is StatusCode.SEPARATING:
@@ -73,17 +80,17 @@ def test_the_bodies_separate(law):
         else:
             assert after == pytest.approx(-impact.contact.restitution * u_n, abs=room)
 
-    check(law, scenes(), holds)
+    check(law, collisions(), holds)
 
 
 @every_law
 def test_momentum_and_angular_momentum_are_conserved(law):
-    def holds(scene: Scene) -> None:
-        impact = scene.resolve(law)
-        C, P = scene.contact.position, impact.impulse
+    def holds(collision: Collision) -> None:
+        impact = collision.resolve(law)
+        C, P = collision.contact.position, impact.impulse
         for body, change, impulse in (
-            (scene.body_a, impact.change_a, P),
-            (scene.body_b, impact.change_b, -P),
+            (collision.body_a, impact.change_a, P),
+            (collision.body_b, impact.change_b, -P),
         ):
             if body.is_movable():
                 room = TOLERANCE * (P.norm() + 1e-6)
@@ -93,61 +100,61 @@ def test_momentum_and_angular_momentum_are_conserved(law):
                 gained = body.to_world(body.inertia @ body.to_body(change.angular))
                 assert (gained - (C - body.position - com).cross(impulse)).norm() <= 10 * room
 
-    check(law, scenes(), holds)
+    check(law, collisions(), holds)
 
 
 @every_law
 def test_exchanging_the_bodies_reverses_the_impulse(law):
-    def holds(scene: Scene) -> None:
-        impact, swapped = scene.resolve(law), scene.swapped().resolve(law)
+    def holds(collision: Collision) -> None:
+        impact, swapped = collision.resolve(law), collision.swapped().resolve(law)
         close(swapped.impulse, -impact.impulse)
         close(swapped.twist_b.angular, impact.twist_a.angular)
 
-    check(law, scenes(), holds)
+    check(law, collisions(), holds)
 
 
 @every_law
 def test_turning_the_frame_turns_the_answer(law):
     @few(law)
-    @given(scenes(), quaternions)
-    def holds(scene: Scene, q) -> None:
-        impact = scene.resolve(law)
+    @given(collisions(), quaternions)
+    def holds(collision: Collision, q) -> None:
+        impact = collision.resolve(law)
         if abs(impact.normal_velocity_before) < 1e-6:
             return  # whether it is an impact at all is then a matter of rounding
-        turned = scene.turned(q).resolve(law)
-        close(turned.impulse, turn(q, impact.impulse))
-        close(turned.twist_a.linear, turn(q, impact.twist_a.linear))
+        turned = collision.turned(q).resolve(law)
+        close(turned.impulse, rotate(q, impact.impulse))
+        close(turned.twist_a.linear, rotate(q, impact.twist_a.linear))
 
     holds()
 
 
 @pytest.mark.parametrize("law", LAWS_WITH_FRICTION, ids=lambda law: law.name)
 def test_without_friction_every_law_is_the_frictionless_one(law):
-    def holds(scene: Scene) -> None:
-        smooth = scene._replace(contact=scene.contact._replace(friction=0.0))
+    def holds(collision: Collision) -> None:
+        smooth = collision._replace(contact=collision.contact._replace(friction=0.0))
         close(smooth.resolve(law).impulse, smooth.resolve(Law.FRICTIONLESS).impulse)
 
-    check(law, scenes(), holds)
+    check(law, collisions(), holds)
 
 
 @every_law
 def test_planar_scenes_have_the_planar_answer_in_space(law):
-    def holds(scene: Scene) -> None:
-        planar, spatial = (scene.resolve(law, geometry=g) for g in (Geometry.PLANAR, Geometry.SPATIAL))
+    def holds(collision: Collision) -> None:
+        planar, spatial = (collision.resolve(law, geometry=g) for g in (Geometry.PLANAR, Geometry.SPATIAL))
         close(planar.impulse, spatial.impulse)
         close(planar.twist_a.angular, spatial.twist_a.angular)
 
-    check(law, planar_scenes(), holds)
+    check(law, planar_collisions(), holds)
 
 
 def test_poisson_and_stronge_agree_where_the_slip_never_stops():
-    def holds(scene: Scene) -> None:
-        slippery = scene._replace(contact=scene.contact._replace(friction=0.01))
+    def holds(collision: Collision) -> None:
+        slippery = collision._replace(contact=collision.contact._replace(friction=0.01))
         poisson, stronge = (slippery.resolve(law) for law in (Law.ROUTH_POISSON, Law.ROUTH_STRONGE))
         if poisson.regime.name == stronge.regime.name == "SLIDING":
             close(poisson.impulse, stronge.impulse)
 
-    check(Law.ROUTH_STRONGE, planar_scenes(), holds)
+    check(Law.ROUTH_STRONGE, planar_collisions(), holds)
 
 
 def close(value: Vec3, expected: Vec3) -> None:

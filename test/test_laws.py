@@ -12,8 +12,8 @@ pytest.importorskip("mpmath")
 
 import exact
 import numpy as np
+from collisions import LAWS_WITH_FRICTION, Collision, random_collision
 from mpmath import mp
-from scenes import LAWS_WITH_FRICTION, Scene, random_scene
 
 from collision_response import Adjustment, Body, Contact, Geometry, Impact, ImpactModel, Law, Regime, resolve
 from collision_response.impact import impact as compute
@@ -51,7 +51,7 @@ REFERENCE = {
 }
 
 
-def rod_on_plane(case: str) -> Scene:
+def rod_on_plane(case: str) -> Collision:
     """A real rod of 1 kg and 1 m strikes a fixed plane with its end, at an angle to it."""
     angle, e, (u_t, u_n) = CASES[case]
     body = Body.dynamic(
@@ -61,7 +61,7 @@ def rod_on_plane(case: str) -> Scene:
         orientation=(0.0, 0.0, math.sin(angle / 2), math.cos(angle / 2)),
         velocity=(u_t, u_n, 0.0),
     )
-    return Scene(body, Body.static(), Contact.of((0, 0, 0), (0, 1, 0), restitution=e, friction=0.3))
+    return Collision(body, Body.static(), Contact.of((0, 0, 0), (0, 1, 0), restitution=e, friction=0.3))
 
 
 @pytest.mark.parametrize("geometry", [Geometry.PLANAR, Geometry.SPATIAL])
@@ -80,13 +80,13 @@ def test_rod_on_plane(case, law, geometry):
 
 @pytest.mark.parametrize(("case", "gain"), [(T3, 0.01925), (T3_ELASTIC, 0.1)])
 def test_moreau_creates_energy_on_t3_and_is_replaced(case, gain):
-    scene = rod_on_plane(case)
-    by_moreau = scene.by_oracle(Law.MOREAU)
+    collision = rod_on_plane(case)
+    by_moreau = collision.by_oracle(Law.MOREAU)
     assert float(by_moreau.pair.energy_change(by_moreau.impulses[0])) == pytest.approx(gain, rel=1e-13)
 
-    impact = scene.resolve(Law.MOREAU)
+    impact = collision.resolve(Law.MOREAU)
     # the same formulas, in another order of roundings
-    assert impact.impulse == pytest.approx(scene.resolve(Law.COULOMB).impulse, abs=1e-14)
+    assert impact.impulse == pytest.approx(collision.resolve(Law.COULOMB).impulse, abs=1e-14)
     assert impact.kinetic_energy_after < impact.kinetic_energy_before
     assert impact.model.law is Law.COULOMB
     assert impact.adjustments == Adjustment.LAW_FALLBACK
@@ -230,18 +230,18 @@ algebraic laws; for the integrated ones what is asked of them."""
 @pytest.mark.parametrize("law", LAWS_WITH_FRICTION)
 @pytest.mark.parametrize("seed", range(2))
 def test_against_the_oracle(law, seed, off_centre):
-    _agree(random_scene(seed, off_centre=off_centre), law, ORACLE_TOLERANCE[law])
+    _agree(random_collision(seed, off_centre=off_centre), law, ORACLE_TOLERANCE[law])
 
 
 @pytest.mark.parametrize("law", [Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
 @pytest.mark.parametrize(("seed", "mu"), [*product(range(100, 102), [0.5, 3.0])])
 def test_slender_bodies_against_the_oracle(law, seed, mu):
-    _agree(random_scene(seed, slender=True, friction=mu), law, ORACLE_TOLERANCE[law])
+    _agree(random_collision(seed, slender=True, friction=mu), law, ORACLE_TOLERANCE[law])
 
 
 def rod_in_space(
     u_t: float, mu: float, *, lean: float = 2.0, drift: float = 0.0, thickness: float = 0.0
-) -> Scene:
+) -> Collision:
     """A rod of 1 kg and 1 m on a plane, leaning by ``atan(lean)``, in axes turned any way.
 
     ``drift`` is slip across the plane of the rod, ``thickness`` that of the rod [m].
@@ -255,8 +255,8 @@ def rod_in_space(
         orientation=(0.0, 0.0, math.sin(angle / 2), math.cos(angle / 2)),
         velocity=(u_t, -1.0, drift),
     )
-    scene = Scene(body, Body.static(), Contact.of((0, 0, 0), (0, 1, 0), restitution=0.5, friction=mu))
-    return scene.turned(Quaternion(0.3, -0.5, 0.2, 0.6))
+    collision = Collision(body, Body.static(), Contact.of((0, 0, 0), (0, 1, 0), restitution=0.5, friction=mu))
+    return collision.turned(Quaternion(0.3, -0.5, 0.2, 0.6))
 
 
 PATHS = {
@@ -270,7 +270,7 @@ PATHS = {
     "jams while it turns": (rod_in_space(-0.5, 1.9, drift=0.2, thickness=0.05), Regime.JAMMED),
     "thin, K nearly singular": (rod_in_space(0.4, 0.6, drift=0.3, thickness=1e-5), Regime.STICKING),
     "near-central": (
-        Scene(
+        Collision(
             ball(1.0, 2.0)._replace(position=Vec3(1e-9, 0.1, -3e-9), velocity=Vec3(1.0, -1.0, 0.5)),
             Body.static(),
             Contact.of((0, 0, 0), (0, 1, 0), 0.6, 0.2),
@@ -283,23 +283,23 @@ PATHS = {
 @pytest.mark.parametrize("law", [Law.ROUTH_POISSON, Law.ROUTH_STRONGE], ids=lambda law: law.name)
 @pytest.mark.parametrize("path", PATHS)
 def test_every_kind_of_path_against_the_oracle(path, law):
-    scene, regime = PATHS[path]
-    assert _agree(scene, law, ORACLE_TOLERANCE[law]).regime is regime
+    collision, regime = PATHS[path]
+    assert _agree(collision, law, ORACLE_TOLERANCE[law]).regime is regime
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
 @pytest.mark.parametrize("seed", (300,))
 def test_routh_is_as_exact_as_asked(tolerance, seed):
-    _agree(random_scene(seed), Law.ROUTH_STRONGE, tolerance, tolerance=tolerance)
+    _agree(random_collision(seed), Law.ROUTH_STRONGE, tolerance, tolerance=tolerance)
 
 
-def _agree(scene: Scene, law: Law, relative: float, **model) -> Impact:
+def _agree(collision: Collision, law: Law, relative: float, **model) -> Impact:
     """All that changes, against the oracle: the impulse, and the twists of the reference points."""
-    impact = scene.resolve(law, **model)
-    truth = scene.by_oracle(law)
+    impact = collision.resolve(law, **model)
+    truth = collision.by_oracle(law)
     if law is Law.MOREAU and truth.report.energy > 0:
         assert impact.adjustments & Adjustment.LAW_FALLBACK
-        truth = scene.by_oracle(Law.COULOMB)
+        truth = collision.by_oracle(Law.COULOMB)
     P = truth.impulses[0]
     assert exact.impulse_error(impact.impulse, P) <= relative
     sides = (truth.pair.a, impact.twist_a, P), (truth.pair.b, impact.twist_b, exact.minus(exact.ZERO, P))

@@ -22,7 +22,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.service import Service
-from ros_graph import DEADLINE, balls_meet, until
+from ros_graph import DEADLINE, balls_meet, wait_until
 
 from collision_response import Body, Contact, Geometry, ImpactError, ImpactModel, Precision, StatusCode
 from collision_response.batch.rows import body_rows, contact_rows
@@ -46,11 +46,11 @@ EXTENDED = ImpactModel(precision=Precision.EXTENDED)
 
 def falling(n, model=EXTENDED):
     """A mass that strikes the ground ``n`` times over."""
-    of, at = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
-    bodies, contacts = np.zeros((of.height, 2)), np.zeros((at.height, n))
-    bodies[of.mass] = [[2.0, np.inf]]
-    bodies[of.velocity][2] = [-3.0, 0.0]
-    contacts[at.normal][2], contacts[at.restitution] = 1.0, 0.3
+    body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    bodies, contacts = np.zeros((body_row.height, 2)), np.zeros((contact_row.height, n))
+    bodies[body_row.mass] = [[2.0, np.inf]]
+    bodies[body_row.velocity][2] = [-3.0, 0.0]
+    contacts[contact_row.normal][2], contacts[contact_row.restitution] = 1.0, 0.3
     return pack(bodies, [np.zeros(n), np.ones(n)], contacts, model)
 
 
@@ -88,7 +88,7 @@ def test_a_short_request_overtakes_a_long_one(graph, monkeypatch, long, status):
     monkeypatch.setattr(batches, "compute", compute_once_both_are_there)
     monkeypatch.setattr(node.impacts, "answer", answer_once_the_other_has_begun)
     futures = [graph.call_async(long), graph.call_async(balls_meet())]
-    until(lambda: all(future.done() for future in futures))
+    wait_until(lambda: all(future.done() for future in futures))
     assert order == ["short", "long"]
     assert set(futures[0].result().status) == {status}
 
@@ -235,7 +235,7 @@ def another_client(graph):
     """A node and its client, of which the service is ready."""
     other = graph.add(Node("other", context=graph.context, namespace=graph.namespace))
     client = other.create_client(ResolveCollision, graph.service, qos_profile=SERVICE_QOS)
-    until(client.service_is_ready)
+    wait_until(client.service_is_ready)
     return other, client
 
 
@@ -244,14 +244,14 @@ def test_requests_of_a_client_that_leaves_are_dropped_and_counted(graph):
     last = diagnostics(graph)
     other, client = another_client(graph)
     answered = client.call_async(balls_meet())
-    until(answered.done)
+    wait_until(answered.done)
     for _ in range(5):
         client.call_async(by_name(10))
-    until(lambda: last() and last()[1]["requests waiting"] == "5")
+    wait_until(lambda: last() and last()[1]["requests waiting"] == "5")
 
     other.destroy_client(client)
 
-    until(lambda: last()[1]["requests of clients that left"] == "5")
+    wait_until(lambda: last()[1]["requests of clients that left"] == "5")
     assert last()[1]["requests waiting"] == "0"
     assert graph.call(balls_meet()).success
 
@@ -285,7 +285,7 @@ def test_a_client_that_left_before_it_was_seen_is_tried_once(graph, monkeypatch)
     _, client = another_client(graph)
     for _ in range(50):
         client.call_async(balls_meet())
-    until(lambda: last() and last()[1]["requests of clients that left"] == "49")
+    wait_until(lambda: last() and last()[1]["requests of clients that left"] == "49")
     assert len(tried) == 1
     assert last()[1]["requests waiting"] == "0"
     assert graph.call(balls_meet()).success
@@ -303,7 +303,7 @@ def test_a_client_that_leaves_is_missed_though_others_come_meanwhile():
     assert presence.is_there(b"a" * 16)
     there.clear()
     there.add(b"b" * 16)
-    until(lambda: presence.is_there(b"b" * 16))
+    wait_until(lambda: presence.is_there(b"b" * 16))
     assert presence.departed() == {b"a" * 16}
     assert presence.departed() == set()
     assert not presence.is_there(b"a" * 16)
@@ -322,7 +322,7 @@ def test_clients_that_come_and_go_unseen_are_not_remembered_for_ever():
 def test_requests_of_a_client_that_stays_are_not_dropped(graph):
     graph.serve(max_state_wait=1.0)
     futures = [graph.call_async(by_name(10)) for _ in range(5)]
-    until(lambda: all(future.done() for future in futures))
+    wait_until(lambda: all(future.done() for future in futures))
     assert {future.result().result.status.code for future in futures} == {StatusCode.STALE_STATE}
 
 
@@ -330,7 +330,7 @@ def test_who_waits_is_woken_though_others_ask_all_the_time(graph, monkeypatch):
     monkeypatch.setattr(server, "PATIENCE", 0.5)  # many times what others leave between two requests
     graph.serve(max_state_wait=0.2)
     waiting = graph.call_async(by_name(10))
-    until(lambda: graph.call(balls_meet()).success and waiting.done())
+    wait_until(lambda: graph.call(balls_meet()).success and waiting.done())
     assert waiting.result().result.status.code == StatusCode.STALE_STATE
 
 
@@ -355,7 +355,7 @@ def test_an_answer_that_cannot_be_sent_harms_nobody_and_is_counted(graph, monkey
             graph.call_async(balls_meet())
             assert failed.wait(DEADLINE)
         assert graph.call(balls_meet()).success
-    until(lambda: last() and last()[1]["answers that could not be sent"] == "2")
+    wait_until(lambda: last() and last()[1]["answers that could not be sent"] == "2")
     assert last()[1]["answers"] == "3"
 
 
@@ -369,15 +369,15 @@ def test_diagnostics_tell_what_was_answered_and_what_went_wrong(graph):
     bad.contact.normal.x = 0.0
     for request in (balls_meet(), balls_meet(), bad):
         graph.call(request)
-    until(lambda: last() and last()[1]["requests"] == "3")
+    wait_until(lambda: last() and last()[1]["requests"] == "3")
     status, values = last()
     assert (values["answered OK"], values["answered INVALID_NORMAL"]) == ("2", "1")
     assert 0 < float(values["latency p50 [ms]"]) <= float(values["latency max [ms]"])
     assert status.level == DiagnosticStatus.OK
     states = graph.user.create_publisher(BodyState, "body_states", 10)
-    until(lambda: states.get_subscription_count() == 1)
+    wait_until(lambda: states.get_subscription_count() == 1)
     states.publish(BodyState(name="x" * 5000))
-    until(lambda: last()[1]["states that could not be read"] == "1")
+    wait_until(lambda: last()[1]["states that could not be read"] == "1")
     assert last()[1]["states"] == "1"
 
 
@@ -404,7 +404,7 @@ def test_rates_are_those_of_the_time_that_has_passed(graph, monkeypatch, late):
 def test_calls_can_be_watched(graph, word, publishers):
     graph.serve(service_introspection=word)
     assert graph.call(balls_meet()).success
-    until(lambda: graph.node.count_publishers(f"{graph.service}/_service_event") == publishers)
+    wait_until(lambda: graph.node.count_publishers(f"{graph.service}/_service_event") == publishers)
 
 
 def test_an_error_survives_pickling():

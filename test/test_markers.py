@@ -15,7 +15,7 @@ pytest.importorskip("visualization_msgs")
 
 from geometry_msgs.msg import WrenchStamped
 from rclpy.parameter import Parameter
-from ros_graph import balls_meet, until
+from ros_graph import balls_meet, wait_until
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -189,18 +189,18 @@ def test_answers_are_shown_over_the_wire(graph):
         return heard[-1] if heard else None
 
     request = balls_meet()  # 2 kg each, 4 m/s, e = 1/2: 6 N s
-    markers = until(lambda: ask(request, shown)).markers
+    markers = wait_until(lambda: ask(request, shown)).markers
     assert [marker.ns for marker in markers] == ["point", "normal", "impulse"]
     assert markers[0].header.frame_id == "world"
     np.testing.assert_allclose(points(markers[2])[1], (0.6, 0, 0))
-    wrench = until(lambda: ask(request, wrenches))
+    wrench = wait_until(lambda: ask(request, wrenches))
     assert (wrench.header.frame_id, wrench.wrench.force.x) == ("world", 24.0)
 
     cube = Body.box(1.0, (1.0, 1.0, 1.0), position=(0.0, 0.0, 0.5), velocity=(0.0, 0.0, -1.0))
     corners = [Contact.of((x, y, 0), (0, 0, 1), 0.5, 0.3) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
     shown.clear(), wrenches.clear()
     scene = pack([cube, Body.static()], [(0, 1)] * 4, corners, frame_id="world")
-    until(lambda: ask(scene, shown) and any(len(array.markers) == 16 for array in shown))
+    wait_until(lambda: ask(scene, shown) and any(len(array.markers) == 16 for array in shown))
     array = next(array for array in shown if len(array.markers) == 16)
     tips = [points(marker)[1] - points(marker)[0] for marker in array.markers if marker.ns == "impulse"]
     assert math.fsum(tip[2] for tip in tips) == pytest.approx(0.1 * 1.5)

@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip("mpmath")
 
 import numpy as np
-from exact import Scene, Solid, Touch, pair_of
-from integrate import until
+from exact import PlainBody, PlainCollision, PlainContact, pair_of
+from integrate import integrate_until
 from mpmath import mp
 from oracle import LAWS, impulse
 from oracle.matrices import mat
@@ -31,8 +31,8 @@ def strike(tan2, u, law, e, mu):
     return impulse(law, K, (u[0], 0, u[1]), UP, e, mu)
 
 
-def K_of(body_a, body_b=Solid(), point=(0, 0, 0)):  # noqa: B008  a body that does not give way
-    return mat(pair_of(Scene(body_a, body_b, Touch(point, UP))).K)
+def K_of(body_a, body_b=PlainBody(), point=(0, 0, 0)):  # noqa: B008  a body that does not give way
+    return mat(pair_of(PlainCollision(body_a, body_b, PlainContact(point, UP))).K)
 
 
 def random_contact(rng, spread=1.0):
@@ -42,7 +42,7 @@ def random_contact(rng, spread=1.0):
         box = rng.uniform(0.5, 2, 3) ** 2
         mass, (x, y, z) = rng.uniform(0.5, 2), (spread * (box.sum() - box) / 12).tolist()
         turn, place = rng.normal(size=4).tolist(), rng.normal(size=3).tolist()
-        bodies.append(Solid(mass, (x, 0.0, 0.0, y, 0.0, z), place, turn))
+        bodies.append(PlainBody(mass, (x, 0.0, 0.0, y, 0.0, z), place, turn))
     return K_of(*bodies), (*rng.normal(size=2), -1.0)
 
 
@@ -146,8 +146,8 @@ def test_superball():
 
 def test_ideal_rod_struck_by_a_point():
     """Effective mass m1 m2/(m1 + 4 m2) square to the rod, m1 m2/(m1 + m2) along it."""
-    rod_z = Solid(3.0, (1.0, 0.0, 0.0, 1.0, 0.0, 0.0))  # m1 = 3, length 2
-    K = K_of(rod_z, Solid(5.0, position=(0, 0, 1)), (0, 0, 1))
+    rod_z = PlainBody(3.0, (1.0, 0.0, 0.0, 1.0, 0.0, 0.0))  # m1 = 3, length 2
+    K = K_of(rod_z, PlainBody(5.0, position=(0, 0, 1)), (0, 0, 1))
     for i, mass in enumerate((F(15, 23), F(15, 23), F(15, 8))):
         assert abs(K[i, i] * mass.numerator - mass.denominator) < EXACT
 
@@ -180,7 +180,7 @@ def by_steps(K, u, e, mu, stronge):
                 return y[2]
             return y[3] - (1 - e * e) * W_c if stronge else y[6] - (1 + e) * p_c
 
-        _, y, event = until(rhs, y, (stop, goal))
+        _, y, event = integrate_until(rhs, y, (stop, goal))
         stopped = event == 0
         if not stopped and p_c is not None:
             return y[4:]
@@ -300,7 +300,7 @@ def test_nearly_singular_mobility():
 @pytest.mark.parametrize("offset", [1e-3, 1e-9, 1e-17])
 def test_almost_a_sphere(offset):
     """The contact beside the CoM by `offset`: slip hardly turns, the answer moves by as much."""
-    K, u = K_of(Solid(1.0, (0.4, 0.0, 0.0, 0.4, 0.0, 0.4), (offset, 2 * offset, 1))), (1, 0.3, -1)
+    K, u = K_of(PlainBody(1.0, (0.4, 0.0, 0.0, 0.4, 0.0, 0.4), (offset, 2 * offset, 1))), (1, 0.3, -1)
     Q = [-2 / 7, -0.6 / 7, 1.5]
     P, report = impulse("routh_stronge", K, u, UP, 0.5, 1, digits=15)
     assert [name for name, _ in report.events][:2] == ["slip stops", "sticks"]
@@ -314,7 +314,7 @@ def test_plane_impact_in_turned_axes():
     n = np.cross(x, y)
     along = (x + 2 * n) / sqrt(5)
     inertia = (np.eye(3) - np.outer(along, along)) / 12
-    K = K_of(Solid(1.0, inertia[np.triu_indices(3)].tolist(), (along / 2).tolist()))
+    K = K_of(PlainBody(1.0, inertia[np.triu_indices(3)].tolist(), (along / 2).tolist()))
     P, _ = impulse("routh_poisson", K, (x / 2 - n).tolist(), n.tolist(), 0.9, 0.3, digits=15)
     Q = 0.25 * x + 47.5 / 37 * n
     assert max(abs(a - b) for a, b in zip(P, Q.tolist(), strict=True)) < 1e-14

@@ -13,7 +13,7 @@ pytest.importorskip("rclpy")
 from rclpy.exceptions import ParameterException
 from rclpy.parameter import Parameter
 from rclpy.qos import ReliabilityPolicy
-from ros_graph import balls_meet, until
+from ros_graph import balls_meet, wait_until
 
 from collision_response import Law, StatusCode
 from collision_response.msg import ImpactModel
@@ -267,7 +267,7 @@ def test_a_quality_of_service_that_is_none_is_refused_by_name(graph, topic, poli
 def test_a_quality_of_service_may_be_written_in_capitals(graph, value):
     graph.serve(**{f"qos_overrides.{graph.namespace}/collision_response/result.publisher.reliability": value})
     topic = graph.node.impacts.journal.results.topic
-    (publisher,) = until(lambda: graph.user.get_publishers_info_by_topic(topic))
+    (publisher,) = wait_until(lambda: graph.user.get_publishers_info_by_topic(topic))
     assert publisher.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT
 
 
@@ -275,5 +275,5 @@ def test_a_quality_of_service_is_that_of_one_topic(graph):
     name = f"qos_overrides.{graph.namespace}/collision_response/result.publisher"
     graph.serve(**{f"{name}.reliability": "best_effort", f"{name}.depth": 3})
     topic = f"{graph.namespace}/collision_response/scene_result"
-    (publisher,) = until(lambda: graph.user.get_publishers_info_by_topic(topic))
+    (publisher,) = wait_until(lambda: graph.user.get_publishers_info_by_topic(topic))
     assert publisher.qos_profile.reliability is ReliabilityPolicy.RELIABLE

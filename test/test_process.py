@@ -21,7 +21,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.task import Future
-from ros_graph import DEADLINE, balls_meet, until
+from ros_graph import DEADLINE, balls_meet, wait_until
 from test_load import diagnostics, falling
 
 from collision_response import ImpactModel, StatusCode
@@ -138,11 +138,11 @@ def test_what_has_been_received_is_answered_before_the_end(graph, start):
     node = start("-p", "shutdown_timeout:=600.0")
     assert graph.call(balls_meet()).success
     futures = [graph.call_async(balls_meet()) for _ in range(100)]
-    until(futures[0].done)
+    wait_until(futures[0].done)
     node.send_signal(signal.SIGTERM)
     _, stderr = node.communicate(timeout=DEADLINE)
     assert node.returncode == 0, stderr
-    until(lambda: all(future.done() for future in futures))
+    wait_until(lambda: all(future.done() for future in futures))
     assert all(future.result().success for future in futures)
 
 
@@ -193,12 +193,12 @@ def test_a_parameter_of_no_type_harms_nobody(graph):
     spinning.start()
     try:
         client = graph.user.create_client(SetParameters, f"{node.get_fully_qualified_name()}/set_parameters")
-        until(client.service_is_ready)
+        wait_until(client.service_is_ready)
         odd = ParameterMessage(name="friction", value=ParameterValue(type=77))
         client.call_async(SetParameters.Request(parameters=[odd]))
         good = ParameterMessage(name="friction", value=ParameterValue(type=3, double_value=0.5))
         answer = client.call_async(SetParameters.Request(parameters=[good]))
-        until(answer.done)
+        wait_until(answer.done)
         assert answer.result().results[0].successful
     finally:
         stop.set_result(None)
@@ -250,10 +250,10 @@ def test_what_there_is_no_time_for_is_refused_before_the_end(graph, start):
     assert graph.call(balls_meet()).success
     last = diagnostics(graph)
     long = graph.call_async(falling(50_000, ImpactModel(tolerance=1e-30)))
-    until(lambda: last() and last()[1]["requests waiting"] == "1")
+    wait_until(lambda: last() and last()[1]["requests waiting"] == "1")
     node.send_signal(signal.SIGTERM)
     _, stderr = node.communicate(timeout=DEADLINE)
     assert node.returncode == 0, stderr
-    until(long.done)
+    wait_until(long.done)
     assert long.result().code == StatusCode.SHUTTING_DOWN
     assert long.result().message.startswith("node: is shutting down")

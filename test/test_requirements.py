@@ -7,9 +7,9 @@ import math
 from fractions import Fraction
 
 import pytest
+from collisions import collisions
 from hypothesis import given
 from hypothesis import strategies as st
-from scenes import scenes
 
 import collision_response.requirements
 from collision_response import (
@@ -145,7 +145,7 @@ def _assert_least(bodies, contacts, tolerance) -> ImpactModel:
     return model
 
 
-@given(st.lists(scenes(), min_size=1, max_size=4), st.sampled_from([1e-2, 1e-5, 1e-9, 1e-14]))
+@given(st.lists(collisions(), min_size=1, max_size=4), st.sampled_from([1e-2, 1e-5, 1e-9, 1e-14]))
 def test_what_is_required_is_enough_and_no_more(drawn, tolerance):
     """In the model that is recommended every contact meets the tolerance, or separates; in no lesser one."""
     bodies, contacts = {}, []

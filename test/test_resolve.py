@@ -10,8 +10,8 @@ from functools import partial
 
 import numpy as np
 import pytest
+from collisions import LAWS_WITH_ORACLE, Collision, collisions, planar_collisions
 from hypothesis import given, settings
-from scenes import LAWS_WITH_ORACLE, Scene, planar_scenes, scenes
 
 from collision_response import (
     Adjustment,
@@ -323,20 +323,23 @@ def test_where_the_reference_point_lies_does_not_matter(law, orientation):
 
 
 @pytest.mark.parametrize(
-    ("geometry", "scene"),
+    ("geometry", "collision"),
     [
-        (Geometry.POINT, Scene(BALL, FLOOR, CONTACT)),
+        (Geometry.POINT, Collision(BALL, FLOOR, CONTACT)),
         (
             Geometry.POINT,
-            Scene(Body.dynamic(1.0), Body.dynamic(2.0), Contact.of((5, 6, 7), (1, 2, 3), friction=0.5)),
+            Collision(Body.dynamic(1.0), Body.dynamic(2.0), Contact.of((5, 6, 7), (1, 2, 3), friction=0.5)),
         ),
-        (Geometry.SPATIAL, Scene(BALL, FLOOR, CONTACT._replace(friction=0.3))),
-        (Geometry.SPATIAL, Scene(BALL, FLOOR, Contact.of((0.1, 0, 0), (0, 0, 1)))),
-        (Geometry.PLANAR, Scene(body(position=(0.1, 1.0, 0.0)), FLOOR, Contact.of((0, 0, 0), (0, 1, 0)))),
-        (Geometry.SPATIAL, Scene(body(position=(0.1, 1.0, 0.1)), FLOOR, Contact.of((0, 0, 0), (0, 1, 0)))),
+        (Geometry.SPATIAL, Collision(BALL, FLOOR, CONTACT._replace(friction=0.3))),
+        (Geometry.SPATIAL, Collision(BALL, FLOOR, Contact.of((0.1, 0, 0), (0, 0, 1)))),
+        (Geometry.PLANAR, Collision(body(position=(0.1, 1.0, 0.0)), FLOOR, Contact.of((0, 0, 0), (0, 1, 0)))),
         (
             Geometry.SPATIAL,
-            Scene(
+            Collision(body(position=(0.1, 1.0, 0.1)), FLOOR, Contact.of((0, 0, 0), (0, 1, 0))),
+        ),
+        (
+            Geometry.SPATIAL,
+            Collision(
                 body(position=(0.1, 1.0, 0.0), velocity=(0, -1, 0.5)),
                 FLOOR,
                 Contact.of((0, 0, 0), (0, 1, 0), friction=0.5),
@@ -344,13 +347,13 @@ def test_where_the_reference_point_lies_does_not_matter(law, orientation):
         ),
         (
             Geometry.PLANAR,
-            Scene(
+            Collision(
                 body(position=(0.1, 1.0, 0.0), velocity=(0, -1, 0.5)), FLOOR, Contact.of((0, 0, 0), (0, 1, 0))
             ),
         ),
         (
             Geometry.SPATIAL,
-            Scene(
+            Collision(
                 body(position=(0.1, 1.0, 0.0), inertia=(0.4, 0.0, 0.1, 0.4, 0.0, 0.4)),
                 FLOOR,
                 Contact.of((0, 0, 0), (0, 1, 0)),
@@ -369,19 +372,19 @@ def test_where_the_reference_point_lies_does_not_matter(law, orientation):
         "coupled",
     ],
 )
-def test_the_cheapest_exact_geometry_is_chosen_and_named(geometry, scene):
-    assert resolve(*scene).model.geometry is geometry
-    assert resolve(*scene, ImpactModel(tolerance=0.5)).model.geometry is geometry
+def test_the_cheapest_exact_geometry_is_chosen_and_named(geometry, collision):
+    assert resolve(*collision).model.geometry is geometry
+    assert resolve(*collision, ImpactModel(tolerance=0.5)).model.geometry is geometry
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.4])
 def test_the_chosen_geometry_is_exact(friction):
     @settings(max_examples=40, deadline=None)
-    @given(scene=planar_scenes() | scenes())
-    def holds(scene: Scene) -> None:
-        contact = scene.contact._replace(friction=friction)
-        chosen = resolve(scene.body_a, scene.body_b, contact)
-        spatial = resolve(scene.body_a, scene.body_b, contact, ImpactModel(geometry=Geometry.SPATIAL))
+    @given(collision=planar_collisions() | collisions())
+    def holds(collision: Collision) -> None:
+        contact = collision.contact._replace(friction=friction)
+        chosen = resolve(collision.body_a, collision.body_b, contact)
+        spatial = resolve(collision.body_a, collision.body_b, contact, ImpactModel(geometry=Geometry.SPATIAL))
         for name in ("twist_a", "twist_b"):
             for part, exact in zip(getattr(chosen, name), getattr(spatial, name), strict=True):
                 # rounding, at condition numbers below 1e3
@@ -396,12 +399,12 @@ def test_a_forced_geometry_counts_what_it_leaves_out(geometry):
     left_out = 0
 
     @settings(max_examples=60, deadline=None)
-    @given(scene=scenes())
-    def holds(scene: Scene) -> None:
+    @given(collision=collisions())
+    def holds(collision: Collision) -> None:
         nonlocal left_out
-        if not (scene.contact.normal.x or scene.contact.normal.y):
+        if not (collision.contact.normal.x or collision.contact.normal.y):
             return
-        flat, whole = scene.resolve(Law.AUTO, geometry=geometry), scene.resolve(Law.AUTO)
+        flat, whole = collision.resolve(Law.AUTO, geometry=geometry), collision.resolve(Law.AUTO)
         assert flat.model.geometry is geometry
         if flat.error_bound == math.inf:
             assert flat.status is StatusCode.TOLERANCE_NOT_MET
@@ -410,8 +413,8 @@ def test_a_forced_geometry_counts_what_it_leaves_out(geometry):
         room = flat.error_bound * whole.impulse.norm() * (1 + 1e-9)
         assert (flat.impulse - whole.impulse).norm() <= room
         for before, change, after in (
-            (scene.body_a, flat.change_a, flat.twist_a),
-            (scene.body_b, flat.change_b, flat.twist_b),
+            (collision.body_a, flat.change_a, flat.twist_a),
+            (collision.body_b, flat.change_b, flat.twist_b),
         ):
             assert after.linear == before.velocity + change.linear
             assert after.angular == before.angular_velocity + change.angular

@@ -9,11 +9,11 @@ import pytest
 
 pytest.importorskip("mpmath")
 
+from collisions import EVERY_LAW
 from hypothesis import given
 from hypothesis import strategies as st
-from integrate import until
+from integrate import integrate_until
 from mpmath import mp
-from scenes import EVERY_LAW
 
 from collision_response import (
     Adjustment,
@@ -46,7 +46,7 @@ def test_viscoelastic_is_the_rebound_of_the_damped_hertz_contact(damping):
     def pulled_apart(y):
         return -1.0 if y[1] > 0 else -(y[0] + damping * y[1])
 
-    _, end, _ = until(motion, [0.0, 1.0], [pulled_apart], tolerance=1e-9)
+    _, end, _ = integrate_until(motion, [0.0, 1.0], [pulled_apart], tolerance=1e-9)
     # 0.01 is what the approximant promises
     assert viscoelastic(damping)(1.0) == pytest.approx(-end[1], abs=0.01)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from reverse import Reverse
-from scenes import LAWS_WITH_ORACLE, random_scene
+from collisions import LAWS_WITH_ORACLE, random_collision
+from reverse_mode import Reverse
 
 from collision_response import Body, Contact, ImpactModel, Law
 from collision_response.derivatives import differentiate
@@ -32,11 +32,11 @@ def number_of(make, body: Body) -> Body:
     return Body(make(body.mass), inertia, x, turn, v, w, com)
 
 
-def by_reverse(scene, law: Law) -> np.ndarray:
+def by_reverse(collision, law: Law) -> np.ndarray:
     """The impulse by the velocity of body_a and by friction, shape (3, 4)."""
     make = Reverse
-    a, b = (number_of(make, body) for body in scene[:2])
-    c = scene[2]
+    a, b = (number_of(make, body) for body in collision[:2])
+    c = collision[2]
     contact = Contact(
         Vec3(*map(make, c.position)), Vec3(*map(make, c.normal)), make(c.restitution), make(c.friction)
     )
@@ -45,11 +45,13 @@ def by_reverse(scene, law: Law) -> np.ndarray:
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
-@pytest.mark.parametrize("scene", [HEAD_ON, *(random_scene(seed) for seed in range(4))], ids=lambda _: "")
-def test_reverse_and_forward_agree(law, scene):
+@pytest.mark.parametrize(
+    "collision", [HEAD_ON, *(random_collision(seed) for seed in range(4))], ids=lambda _: ""
+)
+def test_reverse_and_forward_agree(law, collision):
     names = ("body_a.velocity", "contact.friction")
-    expected = differentiate(*scene, ImpactModel(law), names).jacobian[12:]
-    np.testing.assert_allclose(by_reverse(scene, law), expected, rtol=1e-10, atol=1e-11)
+    expected = differentiate(*collision, ImpactModel(law), names).jacobian[12:]
+    np.testing.assert_allclose(by_reverse(collision, law), expected, rtol=1e-10, atol=1e-11)
 
 
 @pytest.mark.parametrize(

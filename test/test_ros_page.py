@@ -13,7 +13,7 @@ pytest.importorskip("nav_msgs")
 import yaml
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose, Twist
-from ros_graph import assign, state_of, until
+from ros_graph import assign, state_of, wait_until
 
 from collision_response import Body, StatusCode
 from collision_response.msg import BodyState
@@ -58,7 +58,7 @@ def test_states_of_all_models_are_bodies_by_name(graph, tmp_path, monkeypatch):
         result = graph.call(request).result
         return result if result.status.code != StatusCode.UNKNOWN_BODY else None
 
-    result = until(ask)
+    result = wait_until(ask)
     assert result.twist_a.linear.z == 1.0
     assert (result.impulse.z, state.inertia.com.z, state.header.stamp.sec) == (9.0, -0.5, 7)
 
@@ -83,7 +83,7 @@ def test_contacts_of_gazebo_become_a_request(graph):
         response = graph.call(names["request_of"](SimpleNamespace(contacts=[contact])))
         return response.result if response.success else None
 
-    result = until(ask)
+    result = wait_until(ask)
     assert list(result.body_names) == ["ground_plane", "crate"]
     assert result.twists[1].linear.z == pytest.approx(1.0)
     assert sum(impulse.z for impulse in result.impulses) == pytest.approx(2.0)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import random_scene
+from collisions import random_collision
 
 from collision_response import (
     Body,
@@ -246,13 +246,13 @@ def test_covariances_against_many_impacts(friction):
     a, b, c = (normal * g).sum(0) / 2, (normal * v).sum(0), (normal * x).sum(0) - RADIUS
     time = (-b - np.sqrt(b * b - 4 * a * c)) / (2 * a)
     x, v = x + v * time + g * time**2 / 2, v + g * time
-    rows, touch = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
-    bodies, contacts = np.zeros((rows.height, 2, count)), np.zeros((touch.height, count))
-    bodies[rows.mass, 0], bodies[rows.mass, 1] = MASS, np.inf
-    bodies[rows.inertia, 0] = np.array([MOMENT, 0, 0, MOMENT, 0, MOMENT])[:, None]
-    bodies[rows.position, 0], bodies[rows.velocity, 0], bodies[rows.angular_velocity, 0] = x, v, w
-    contacts[touch.position], contacts[touch.normal] = x - RADIUS * normal, normal
-    contacts[touch.restitution], contacts[touch.friction] = np.minimum(e, 1.0), mu
+    body_row, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
+    bodies, contacts = np.zeros((body_row.height, 2, count)), np.zeros((contact_row.height, count))
+    bodies[body_row.mass, 0], bodies[body_row.mass, 1] = MASS, np.inf
+    bodies[body_row.inertia, 0] = np.array([MOMENT, 0, 0, MOMENT, 0, MOMENT])[:, None]
+    bodies[body_row.position, 0], bodies[body_row.velocity, 0], bodies[body_row.angular_velocity, 0] = x, v, w
+    contacts[contact_row.position], contacts[contact_row.normal] = x - RADIUS * normal, normal
+    contacts[contact_row.restitution], contacts[contact_row.friction] = np.minimum(e, 1.0), mu
     result = resolve_batch(bodies, contacts)
     v, w = result.velocity[:, 0], result.angular_velocity[:, 0]
     x, v = x - v * time + g * time**2 / 2, v - g * time
@@ -263,11 +263,11 @@ def test_covariances_against_many_impacts(friction):
 
 
 def test_two_bodies_have_one_covariance_of_both():
-    scene = random_scene(3)
+    collision = random_collision(3)
     surfaces = sphere_on_sphere(0.3, 0.4)
     S = np.eye(24) * 1e-6
-    after = propagate_covariance(*scene, ImpactModel(Law.COULOMB), S, surfaces, gravity=G)
-    Xi = saltation_matrix(*scene, ImpactModel(Law.COULOMB), surfaces, G)
+    after = propagate_covariance(*collision, ImpactModel(Law.COULOMB), S, surfaces, gravity=G)
+    Xi = saltation_matrix(*collision, ImpactModel(Law.COULOMB), surfaces, G)
     np.testing.assert_allclose(after.covariance, Xi @ S @ Xi.T, rtol=1e-9, atol=1e-18)
 
 

@@ -8,7 +8,7 @@ import math
 from fractions import Fraction as F
 
 import pytest
-from scene_cases import Case, any_case, apart, box, random_case, row, size_of, speeds
+from scene_cases import Scene, any_scene, box, change_norm, distance, random_scene, row_of_balls, speeds
 
 from collision_response import Body, Contact, ImpactError, ImpactModel, Law, Regime, StatusCode, resolve_scene
 from collision_response.physics.orientation import Quaternion
@@ -18,19 +18,19 @@ from collision_response.scene.rational_cluster import RationalCluster
 from collision_response.scene.reflections import DIGITS
 
 
-def exactly(case: Case, law: Law = Law.FRICTIONLESS, **options):
+def exactly(scene: Scene, law: Law = Law.FRICTIONLESS, **options):
     """The same with one number a fraction, so that all are."""
-    first = next(i for i, body in enumerate(case.bodies) if body.is_movable())
-    bodies = list(case.bodies)
+    first = next(i for i, body in enumerate(scene.bodies) if body.is_movable())
+    bodies = list(scene.bodies)
     bodies[first] = bodies[first]._replace(mass=F(bodies[first].mass))
-    return Case(bodies, *case[1:]).resolve(law, options=options)
+    return Scene(bodies, *scene[1:]).resolve(law, options=options)
 
 
-def assert_bounded(case: Case, answer, exact) -> None:
+def assert_bounded(scene: Scene, answer, exact) -> None:
     """Every change of twist is within the bound, relative to the largest of its cluster."""
     assert answer.error_bound < math.inf
     worst, largest = 0.0, 0.0
-    for body, change, true in zip(case.bodies, answer.changes, exact.changes, strict=True):
+    for body, change, true in zip(scene.bodies, answer.changes, exact.changes, strict=True):
         if not body.is_movable():
             continue
         roots = [math.sqrt(body.mass)] * 3 + [math.sqrt(body.inertia.trace() / 3)] * 3
@@ -44,9 +44,9 @@ def assert_bounded(case: Case, answer, exact) -> None:
 @pytest.mark.parametrize("masses", list(itertools.permutations((1e-12, 1.0, 1e12))))
 @pytest.mark.parametrize("e", [0.0, 0.3, 1.0])
 def test_masses_of_opposite_range(masses, e):
-    case = row((1, 0, -0.5), e, masses, float)
-    answer = case.resolve(Law.FRICTIONLESS)
-    assert_bounded(case, answer, exactly(case))
+    scene = row_of_balls((1, 0, -0.5), e, masses, float)
+    answer = scene.resolve(Law.FRICTIONLESS)
+    assert_bounded(scene, answer, exactly(scene))
     assert answer.error_bound < 4e-9  # the root of what double-double leaves where 1e12 cancels
 
 
@@ -56,17 +56,17 @@ def test_masses_of_opposite_range(masses, e):
     [
         (Law.FRICTIONLESS, 1e300, 1.2e4),  # that of MOREAU is infinite
         *(
-            (law, *case)
+            (law, *scene)
             for law in (Law.FRICTIONLESS, Law.MOREAU)
-            for case in ((1e300, 1e-140), (1e-300, 1e-18), (1e-300, 1e-12))
+            for scene in ((1e300, 1e-140), (1e-300, 1e-18), (1e-300, 1e-12))
         ),
     ],
 )
 def test_squares_and_impulses_on_the_edge_of_float64(law, mass, speed, e):
     """The square of a change overflows, or is lost, or an impulse has few digits."""
-    case = box((0.3 * speed, 0, -speed), (0.1 * speed, 0.2 * speed, 0), e=e, mass=mass)
-    answer = case.resolve(law)
-    assert_bounded(case, answer, exactly(case, law))
+    scene = box((0.3 * speed, 0, -speed), (0.1 * speed, 0.2 * speed, 0), e=e, mass=mass)
+    answer = scene.resolve(law)
+    assert_bounded(scene, answer, exactly(scene, law))
 
 
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
@@ -81,23 +81,23 @@ def test_a_box_of_any_mass(mass, law):
 
 @pytest.mark.parametrize("size", [1e-6, 1e6])
 def test_a_box_of_any_size(size):
-    case = box((1, 0.5, -1), e=0.5, mu=0.3, size=(size, size, size))
-    assert case.resolve().twists[0].linear == pytest.approx(
+    scene = box((1, 0.5, -1), e=0.5, mu=0.3, size=(size, size, size))
+    assert scene.resolve().twists[0].linear == pytest.approx(
         box((1, 0.5, -1), e=0.5, mu=0.3).resolve().twists[0].linear, abs=1e-7
     )
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 def test_normals_of_any_length(law):
-    case = box((1, 0.5, -1), (0.3, -0.2, 0.1), e=0.5, mu=0.3)
+    scene = box((1, 0.5, -1), (0.3, -0.2, 0.1), e=0.5, mu=0.3)
     lengths = (1e-9, 0.3, 7.0, 1e9)
-    odd = Case(
-        case.bodies,
-        case.pairs,
-        [c._replace(normal=c.normal * k) for c, k in zip(case.contacts, lengths, strict=True)],
+    odd = Scene(
+        scene.bodies,
+        scene.pairs,
+        [c._replace(normal=c.normal * k) for c, k in zip(scene.contacts, lengths, strict=True)],
     )
-    one, other = case.resolve(law), odd.resolve(law)
-    assert apart(case, one, other) < 1e-7
+    one, other = scene.resolve(law), odd.resolve(law)
+    assert distance(scene, one, other) < 1e-7
     for P, Q in zip(one.impulses, other.impulses, strict=True):
         assert pytest.approx(P, abs=1e-6) == Q
     assert other.normal_velocities_after == pytest.approx(one.normal_velocities_after, abs=1e-7)
@@ -108,7 +108,7 @@ def test_a_flat_box_turned_anyhow():
     for k in range(12):
         q = Quaternion(math.sin(k), math.cos(2 * k), math.sin(3 * k + 1), 1.0)
         flat = box(e=0.7)
-        turned = Case(
+        turned = Scene(
             [
                 flat.bodies[0]._replace(
                     orientation=q,
@@ -125,7 +125,7 @@ def test_a_flat_box_turned_anyhow():
         )
         answer = turned.resolve()
         assert answer.error_bound < 1e-12
-        assert size_of(turned, answer) == pytest.approx(1.7, abs=1e-12)
+        assert change_norm(turned, answer) == pytest.approx(1.7, abs=1e-12)
         for P in answer.impulses:
             assert P.norm() == pytest.approx(1.7 / 4, abs=1e-9)
 
@@ -133,9 +133,9 @@ def test_a_flat_box_turned_anyhow():
 @pytest.mark.parametrize("tilt", [1e-300, 1e-17, 1e-15, 1e-12, 1e-9, 1e-6])
 def test_contacts_that_almost_depend_on_each_other(tilt):
     """The fourth normal is not quite that of the others."""
-    case = box((0.1, 0, -1), (0.2, 0.1, 0), e=0.6)
-    contacts = [*case.contacts[:3], case.contacts[3]._replace(normal=Vec3(tilt, 0.0, 1.0))]
-    almost = Case(case.bodies, case.pairs, contacts)
+    scene = box((0.1, 0, -1), (0.2, 0.1, 0), e=0.6)
+    contacts = [*scene.contacts[:3], scene.contacts[3]._replace(normal=Vec3(tilt, 0.0, 1.0))]
+    almost = Scene(scene.bodies, scene.pairs, contacts)
     answer = almost.resolve(Law.FRICTIONLESS)
     assert_bounded(almost, answer, exactly(almost))
     assert min(answer.normal_velocities_after) >= -1e-12
@@ -147,10 +147,10 @@ def test_contacts_that_almost_depend_on_each_other(tilt):
 @pytest.mark.parametrize("threshold", [0, 2.0**-30])
 def test_a_contact_on_the_edge_of_approaching(speed, threshold):
     """With the decision exactly where the velocities are equal, too: then rationals decide."""
-    case = row((1.0, 0.0, speed), number=float)
-    answer = case.resolve(Law.FRICTIONLESS, options={"threshold": threshold})
-    exact = exactly(case, threshold=threshold)
-    assert_bounded(case, answer, exact)
+    scene = row_of_balls((1.0, 0.0, speed), number=float)
+    answer = scene.resolve(Law.FRICTIONLESS, options={"threshold": threshold})
+    exact = exactly(scene, threshold=threshold)
+    assert_bounded(scene, answer, exact)
     for mine, right in zip(speeds(answer), speeds(exact), strict=True):
         assert mine == pytest.approx(float(right), abs=1e-12)
 
@@ -158,10 +158,10 @@ def test_a_contact_on_the_edge_of_approaching(speed, threshold):
 def test_a_decision_on_its_edge_is_made_exactly():
     """u = -threshold to the last digit, of numbers that floats only come near."""
     third = 1 / 3
-    case = row((third, 0.0, -third * 2.0**-30), number=float)
-    answer = case.resolve(Law.FRICTIONLESS)
-    exact = exactly(case)
-    assert_bounded(case, answer, exact)
+    scene = row_of_balls((third, 0.0, -third * 2.0**-30), number=float)
+    answer = scene.resolve(Law.FRICTIONLESS)
+    exact = exactly(scene)
+    assert_bounded(scene, answer, exact)
     assert exact.decision_margin == 0
 
 
@@ -172,25 +172,25 @@ def test_rods_and_points_have_no_spin_to_give():
     point = Body.dynamic(2.0, position=(0.4, 0.0, 0.3), velocity=(0.0, 0.0, -2.0))
     contacts = [Contact.of((x, 0.0, 0.0), (0.0, 0.0, 1.0), 0.5, 0.2) for x in (-0.5, 0.5)]
     contacts.append(Contact.of((0.4, 0.1, 0.2), (0.0, 0.2, 1.0), 0.5, 0.2))
-    case = Case([rod, Body.static(), point], [(0, 1), (0, 1), (2, 0)], contacts)
+    scene = Scene([rod, Body.static(), point], [(0, 1), (0, 1), (2, 0)], contacts)
     for law in (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE):
-        answer = case.resolve(law)
+        answer = scene.resolve(law)
         assert answer.adjustments.name == "MASSLESS_SPIN"
         assert answer.changes[0].angular.x == 0
         assert answer.changes[2].angular == (0, 0, 0)
         assert min(answer.normal_velocities_after) > -1e-9
-    assert_bounded(case, case.resolve(Law.FRICTIONLESS), exactly(case))
+    assert_bounded(scene, scene.resolve(Law.FRICTIONLESS), exactly(scene))
 
 
 def test_an_offset_centre_of_mass_is_the_same_body():
-    case = box((1, 0.5, -1), (0.3, -0.2, 0.5), e=0.5, mu=0.3)
-    body, c = case.bodies[0], Vec3(0.3, -0.1, 0.2)
+    scene = box((1, 0.5, -1), (0.3, -0.2, 0.5), e=0.5, mu=0.3)
+    body, c = scene.bodies[0], Vec3(0.3, -0.1, 0.2)
     moved = body._replace(
         com=c,
         position=body.position - c,
         velocity=Vec3(*body.velocity) - Vec3(*body.angular_velocity).cross(c),
     )
-    one, other = case.resolve(), Case([moved, case.bodies[1]], *case[1:]).resolve()
+    one, other = scene.resolve(), Scene([moved, scene.bodies[1]], *scene[1:]).resolve()
     angular = other.twists[0].angular
     assert angular == pytest.approx(one.twists[0].angular, abs=1e-9)
     assert other.twists[0].linear + angular.cross(c) == pytest.approx(one.twists[0].linear, abs=1e-9)
@@ -207,8 +207,8 @@ def test_friction_beyond_measure_and_next_to_nothing(law):
 
 def test_a_moving_wall_may_give_but_contacts_take():
     """A lift carries a box upwards: energy grows, by the work of the lift, and the contacts still lose."""
-    case = box((0, 0, -1), e=0.5, mu=0.3)
-    lift = Case([case.bodies[0], Body.kinematic(velocity=(0.2, 0.0, 3.0))], *case[1:])
+    scene = box((0, 0, -1), e=0.5, mu=0.3)
+    lift = Scene([scene.bodies[0], Body.kinematic(velocity=(0.2, 0.0, 3.0))], *scene[1:])
     for law in (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE):
         answer = lift.resolve(law)
         assert answer.twists[0].linear.z == pytest.approx(
@@ -246,56 +246,56 @@ def test_stacks_come_to_rest_and_bounce_as_one(number):
         below = k - 1 if k else number
         pairs += [(k, below)] * 4
         contacts += [c._replace(position=c.position._replace(z=float(k))) for c in flat.contacts]
-    case = Case(bodies, pairs, contacts)
+    scene = Scene(bodies, pairs, contacts)
     for law in (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU):
-        answer = case.resolve(law)
+        answer = scene.resolve(law)
         for k in range(number):
             assert answer.twists[k].linear == pytest.approx((0, 0, 0), abs=1e-7)
             for P in answer.impulses[4 * k : 4 * k + 4]:
                 assert P.z == pytest.approx((number - k) / 4, abs=1e-5)
-    elastic = case.with_contacts(restitution=1.0, friction=0.0).resolve()
+    elastic = scene.with_contacts(restitution=1.0, friction=0.0).resolve()
     assert elastic.kinetic_energy_after == pytest.approx(elastic.kinetic_energy_before, rel=1e-9)
     assert elastic.error_bound < 1e-9
 
 
 def test_a_long_chain_is_within_the_budget():
-    answer = row((1, *(0,) * 99), number=float).resolve(Law.FRICTIONLESS)
+    answer = row_of_balls((1, *(0,) * 99), number=float).resolve(Law.FRICTIONLESS)
     assert speeds(answer) == pytest.approx((*(0,) * 99, 1), abs=1e-12)
     assert answer.status is StatusCode.OK
     assert answer.error_bound < 1e-10
 
 
-def reordered(case: Case, turn: int) -> Case:
+def reordered(scene: Scene, turn: int) -> Scene:
     """The same contacts in another order, some seen from their other body."""
-    count = len(case.pairs)
+    count = len(scene.pairs)
     order = [(i * 7 + turn) % count for i in range(count)] if count % 7 else list(reversed(range(count)))
     pairs, contacts = [], []
     for place, i in enumerate(order):
-        (a, b), contact = case.pairs[i], case.contacts[i]
+        (a, b), contact = scene.pairs[i], scene.contacts[i]
         other_side = place % 2 == 0
         pairs.append((b, a) if other_side else (a, b))
         contacts.append(contact._replace(normal=-Vec3(*contact.normal)) if other_side else contact)
-    return Case(case.bodies, pairs, contacts)
+    return Scene(scene.bodies, pairs, contacts)
 
 
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
 def test_great_friction_has_one_answer_in_whatever_order(law):
     """At mu = 3 Coulomb's law has several solutions: always the same one is found."""
     for seed in (16, 133, 400, *range(600, 630)):
-        case = random_case(seed, mu=3.0, contacts=30)
-        assert apart(case, case.resolve(law), reordered(case, seed).resolve(law)) < 1e-6
+        scene = random_scene(seed, mu=3.0, contacts=30)
+        assert distance(scene, scene.resolve(law), reordered(scene, seed).resolve(law)) < 1e-6
 
 
 def test_impulses_with_friction_are_those_of_least_squares():
     """A box that slides and turns: four corners share six equations."""
     numpy = pytest.importorskip("numpy")
     for velocity, spin, mu in (((1, 0.5, -1), (0, 0, 0), 0.3), ((0.1, 0.02, -1), (0, 0, 0.1), 3.0)):
-        case = box(velocity, spin, e=0.5, mu=mu)
-        answer = case.resolve(Law.COULOMB)
+        scene = box(velocity, spin, e=0.5, mu=mu)
+        answer = scene.resolve(Law.COULOMB)
         sticks = mu == 3.0
         columns = []
-        for contact, impulse in zip(case.contacts, answer.impulses, strict=True):
-            arm = contact.position - case.bodies[0].position
+        for contact, impulse in zip(scene.contacts, answer.impulses, strict=True):
+            arm = contact.position - scene.bodies[0].position
             axes = (
                 [Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1)] if sticks else [impulse * (1 / impulse.norm())]
             )
@@ -318,7 +318,7 @@ def test_friction_in_a_chain_of_extreme_masses(ratio):
         for k in range(3)
     ]  # fmt: skip
     contacts = [Contact.of((2.0 * k + 1, 0, 0), (-1, 0, 0), 0.5, 0.3) for k in range(2)]
-    answer = Case(bodies, [(0, 1), (1, 2)], contacts).resolve(Law.COULOMB)
+    answer = Scene(bodies, [(0, 1), (1, 2)], contacts).resolve(Law.COULOMB)
     assert answer.energy_lost_friction >= -1e-12 * answer.kinetic_energy_before
     assert answer.kinetic_energy_after <= answer.kinetic_energy_before * (1 + 1e-12)
     assert min(answer.normal_velocities_after) >= -1e-9
@@ -327,9 +327,9 @@ def test_friction_in_a_chain_of_extreme_masses(ratio):
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
 def test_no_friction_beside_much(law):
     """Two corners slide, two would stick: the smooth ones have no tangential impulse."""
-    case = box((1, 0.5, -1), e=0.5)
-    mixed = case._replace(
-        contacts=[c._replace(friction=mu) for c, mu in zip(case.contacts, (0.0, 3.0, 0.0, 3.0), strict=True)]
+    scene = box((1, 0.5, -1), e=0.5)
+    mixed = scene._replace(
+        contacts=[c._replace(friction=mu) for c, mu in zip(scene.contacts, (0.0, 3.0, 0.0, 3.0), strict=True)]
     )
     answer = mixed.resolve(law)
     for contact, impulse in zip(answer.contacts, answer.impulses, strict=True):
@@ -347,7 +347,7 @@ def test_units_of_speed_do_not_matter(speed, law):
     assert other.twists[0].linear * (1 / speed) == pytest.approx(one.twists[0].linear, abs=1e-7)
 
 
-def in_units(case: Case, mass: int, length: int, time: int) -> Case:
+def in_units(scene: Scene, mass: int, length: int, time: int) -> Scene:
     """The same in units that are powers of two of the old ones."""
     m, d, t = 2.0**mass, 2.0**length, 2.0**time
     bodies = [
@@ -359,9 +359,9 @@ def in_units(case: Case, mass: int, length: int, time: int) -> Case:
             angular_velocity=Vec3(*body.angular_velocity) * (1 / t),
             com=Vec3(*body.com) * d,
         )
-        for body in case.bodies
+        for body in scene.bodies
     ]
-    return Case(bodies, case.pairs, [c._replace(position=Vec3(*c.position) * d) for c in case.contacts])
+    return Scene(bodies, scene.pairs, [c._replace(position=Vec3(*c.position) * d) for c in scene.contacts])
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
@@ -370,8 +370,8 @@ def test_units_that_are_powers_of_two_change_no_bit(law, units):
     """Of mass even ones: its root is taken."""
     mass, length, time = (2.0**k for k in units)
     for seed in range(60, 80):
-        case = any_case(seed)
-        one, other = case.resolve(law), in_units(case, *units).resolve(law)
+        scene = any_scene(seed)
+        one, other = scene.resolve(law), in_units(scene, *units).resolve(law)
         assert [t.linear * (length / time) for t in one.changes] == [t.linear for t in other.changes]
         assert [P * (mass * length / time) for P in one.impulses] == list(other.impulses)
         assert (one.regimes, one.error_bound, one.model, one.adjustments) == (
@@ -393,10 +393,10 @@ def test_units_that_are_powers_of_two_change_no_bit(law, units):
 def test_energies_at_the_end_of_float64_change_no_bit_either(law, units, restitution):
     """The greatest times two are beyond, the least are 0; velocities and impulses are not."""
     for seed in range(60, 80):
-        case = any_case(seed)
+        scene = any_scene(seed)
         if restitution is not None:
-            case = case.with_contacts(restitution=restitution, friction=0.0)
-        one, other = case.resolve(law), in_units(case, *units).resolve(law)
+            scene = scene.with_contacts(restitution=restitution, friction=0.0)
+        one, other = scene.resolve(law), in_units(scene, *units).resolve(law)
         assert [t.linear * 2.0 ** -units[2] for t in one.changes] == [t.linear for t in other.changes]
         assert (one.regimes, one.error_bound, one.model) == (other.regimes, other.error_bound, other.model)
 
@@ -418,8 +418,8 @@ def test_springs_know_no_units(units, friction):
     The same path is followed, so that changes differ by no more than some roundings.
     """
     for seed in (60, 62, 64, 66, 67, 70):
-        case = any_case(seed).with_contacts(restitution=0.5, friction=friction)
-        one, other = case.resolve(Law.ROUTH_STRONGE), in_units(case, *units).resolve(Law.ROUTH_STRONGE)
+        scene = any_scene(seed).with_contacts(restitution=0.5, friction=friction)
+        one, other = scene.resolve(Law.ROUTH_STRONGE), in_units(scene, *units).resolve(Law.ROUTH_STRONGE)
         assert other.error_bound == pytest.approx(one.error_bound, rel=1e-6)
         size = max((t.linear.norm() for t in one.changes), default=0.0)
         for x, y in zip(one.changes, other.changes, strict=True):
@@ -462,10 +462,10 @@ def test_a_ball_between_walls_that_almost_lock(law, tilt, e):
 @pytest.mark.parametrize("again", [[0], [0, 0], [0, 3], [0, 1, 2, 3], [0, 0, 1, 1, 2, 2, 3, 3]])
 def test_corners_doubled_and_tripled(law, again):
     """No bit of a velocity changes; copies share what their corner takes."""
-    case = box((1, 0.5, -1), (0.3, -0.2, 0.1), e=0.5, mu=0.3)
-    copies = [case.contacts[i] for i in again]
-    more = Case(case.bodies, [(0, 1)] * (4 + len(again)), [*case.contacts, *copies])
-    one, other = case.resolve(law), more.resolve(law)
+    scene = box((1, 0.5, -1), (0.3, -0.2, 0.1), e=0.5, mu=0.3)
+    copies = [scene.contacts[i] for i in again]
+    more = Scene(scene.bodies, [(0, 1)] * (4 + len(again)), [*scene.contacts, *copies])
+    one, other = scene.resolve(law), more.resolve(law)
     assert one.twists == other.twists
     total = [sum((other.impulses[4 + k].z for k, i in enumerate(again) if i == c), other.impulses[c].z)
              for c in range(4)]  # fmt: skip
@@ -478,7 +478,10 @@ def test_corners_doubled_and_tripled(law, again):
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.MOREAU])
 def test_a_cradle_with_slight_differences(law, off):
     """Masses, speeds and restitution a hair apart move the answer by a hair."""
-    even, odd = row((1, 0, 0), 0.5, None, float), row((1 + off, 0, off), 0.5, (1, 1 + off, 1 - off), float)
+    even, odd = (
+        row_of_balls((1, 0, 0), 0.5, None, float),
+        row_of_balls((1 + off, 0, off), 0.5, (1, 1 + off, 1 - off), float),
+    )
     odd = odd._replace(contacts=[odd.contacts[0], odd.contacts[1]._replace(restitution=0.5 + off)])
     assert speeds(odd.resolve(law)) == pytest.approx(speeds(even.resolve(law)), abs=1e-10)
 
@@ -487,13 +490,13 @@ def test_a_cradle_with_slight_differences(law, off):
 def test_losses_are_what_the_energy_lacks(law):
     """Without moving walls, on whatever scene."""
     for seed in range(60, 160):
-        case = any_case(seed)
-        walls = [body for body in case.bodies if not body.is_movable()]
+        scene = any_scene(seed)
+        walls = [body for body in scene.bodies if not body.is_movable()]
         if any(x for wall in walls for x in (*wall.velocity, *wall.angular_velocity)):
             continue
-        answer = case.resolve(law)
+        answer = scene.resolve(law)
         lost = answer.energy_lost_restitution + answer.energy_lost_friction
-        size = answer.kinetic_energy_before + size_of(case, answer) ** 2
+        size = answer.kinetic_energy_before + change_norm(scene, answer) ** 2
         assert abs(answer.kinetic_energy_before - answer.kinetic_energy_after - lost) <= 1e-12 * size
 
 
@@ -614,13 +617,13 @@ BEYOND = {
 @pytest.mark.parametrize("beyond", BEYOND)
 @pytest.mark.parametrize("options", [{}, {"exponent": 1.0}], ids=["in kernels", "in Python"])
 def test_what_leads_beyond_float64_is_refused(law, beyond, options):
-    case = box((1, 0, -1), (0.1, 0.2, 0), e=0.5, mu=0.3)
-    bodies = [*map(Body._make, case.bodies[:1]), Body.kinematic()]
+    scene = box((1, 0, -1), (0.1, 0.2, 0), e=0.5, mu=0.3)
+    bodies = [*map(Body._make, scene.bodies[:1]), Body.kinematic()]
     (table, place), change = BEYOND[beyond]
-    tables = {1: bodies, 2: list(case.contacts)}
+    tables = {1: bodies, 2: list(scene.contacts)}
     tables[table][place] = tables[table][place]._replace(**change)
     with pytest.raises(ImpactError) as refused:
-        resolve_scene(bodies, case.pairs, tables[2], ImpactModel(law), **options)
+        resolve_scene(bodies, scene.pairs, tables[2], ImpactModel(law), **options)
     codes = [StatusCode.OUT_OF_RANGE, *[StatusCode.PATH_TOO_LONG] * (law is Law.ROUTH_STRONGE)]
     assert refused.value.code in codes  # a path may notice first
 
@@ -628,12 +631,12 @@ def test_what_leads_beyond_float64_is_refused(law, beyond, options):
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 @pytest.mark.parametrize("others", ["touch", "do not"])
 def test_energies_whose_sum_is_beyond_float64_are_refused(law, others):
-    case = box((1, 0, -1), e=0.5, mu=0.3)
+    scene = box((1, 0, -1), e=0.5, mu=0.3)
     heavy = Body.box(1e300, (1, 1, 1), position=(0, 0, 0.5), velocity=(0, 0, -1.2e4))
-    bodies = [heavy, case.bodies[1], heavy._replace(), heavy._replace()]
-    pairs = [*case.pairs, *([(place, 1) for place in (2, 3) for _ in range(4)] if others == "touch" else ())]
+    bodies = [heavy, scene.bodies[1], heavy._replace(), heavy._replace()]
+    pairs = [*scene.pairs, *([(place, 1) for place in (2, 3) for _ in range(4)] if others == "touch" else ())]
     with pytest.raises(ImpactError) as refused:
-        resolve_scene(bodies, pairs, case.contacts * (len(pairs) // 4), ImpactModel(law))
+        resolve_scene(bodies, pairs, scene.contacts * (len(pairs) // 4), ImpactModel(law))
     assert refused.value.code is StatusCode.OUT_OF_RANGE
 
 
@@ -641,13 +644,13 @@ def test_energies_whose_sum_is_beyond_float64_are_refused(law, others):
 @pytest.mark.parametrize("power", [-1000, -500, 500, 1000])
 def test_quaternions_may_have_any_length(law, power):
     """A power of two changes no bit of the answer."""
-    case = box((1, 0.5, -1), (0.1, 0.2, 0), e=0.5, mu=0.3)
+    scene = box((1, 0.5, -1), (0.1, 0.2, 0), e=0.5, mu=0.3)
     turn = Quaternion(0.1, -0.7, 0.3, 0.4)
     answers = [
         resolve_scene(
-            [case.bodies[0]._replace(orientation=q), case.bodies[1]],
-            case.pairs,
-            case.contacts,
+            [scene.bodies[0]._replace(orientation=q), scene.bodies[1]],
+            scene.pairs,
+            scene.contacts,
             ImpactModel(law),
         )
         for q in (turn, Quaternion(*(math.ldexp(x, power) for x in turn)))
@@ -662,8 +665,8 @@ def test_quaternions_may_have_any_length(law, power):
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
 def test_what_moves_along_together_does_not_approach(law, velocities, e):
     """Between equal velocities there is none, to all digits."""
-    case = row(velocities, e, number=float)
-    answer = case.resolve(law)
+    scene = row_of_balls(velocities, e, number=float)
+    answer = scene.resolve(law)
     assert (answer.status, answer.error_bound) == (StatusCode.SEPARATING, 0)
     assert speeds(answer) == list(velocities) and not any(map(any, answer.impulses))
 
@@ -704,9 +707,9 @@ def test_an_approach_below_all_digits_is_seen_or_not_denied(law, contacts, frict
     ]
     touches = [Contact.of(tuple(map(F, place)), (F(1), F(1), F(1)), F(1, 2), F(0)) for place in places]
     exact = resolve_scene(bodies, [(0, 1)] * contacts, touches, ImpactModel(rational))
-    case = Case([a, b], [(0, 1)] * contacts, touches)
+    scene = Scene([a, b], [(0, 1)] * contacts, touches)
     assert answer.error_bound < 1e-6
-    assert apart(case, answer, exact) <= answer.error_bound
+    assert distance(scene, answer, exact) <= answer.error_bound
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
@@ -731,14 +734,14 @@ def test_what_moves_along_together_is_seen_without_fractions(law, monkeypatch):
 def test_rounding_reverses_no_slip(law, turned):
     """Friction is just enough: the slip that is left is 0, at the limit of friction, in every order."""
     velocity, spin = ((0, 0, -1), (0, turned, 0)) if turned else ((0.5, 0, -1), (0, 0, 0))
-    case = box(velocity, spin, e=0.5, mu=0.5)
-    light = case.bodies[0]._replace(inertia=Symmetric3(0.125, 0.0, 0.0, 0.125, 0.0, 0.125))
+    scene = box(velocity, spin, e=0.5, mu=0.5)
+    light = scene.bodies[0]._replace(inertia=Symmetric3(0.125, 0.0, 0.0, 0.125, 0.0, 0.125))
     seen = set()
     for order in itertools.permutations(range(4)):
         for sign in (1.0, -1.0):
-            contacts = [case.contacts[i]._replace(normal=case.contacts[i].normal * sign) for i in order]
+            contacts = [scene.contacts[i]._replace(normal=scene.contacts[i].normal * sign) for i in order]
             pairs = [(0, 1) if sign > 0 else (1, 0)] * 4
-            answer = resolve_scene([light, case.bodies[1]], pairs, contacts, ImpactModel(law))
+            answer = resolve_scene([light, scene.bodies[1]], pairs, contacts, ImpactModel(law))
             seen.add(tuple(answer.regimes[order.index(i)] for i in range(4)))
     assert len(seen) == 1 and Regime.REVERSED not in seen.pop()
 
@@ -801,8 +804,8 @@ def test_how_fast_a_smooth_belt_runs_does_not_matter(belt, normal, e):
     one, other = answer(0.0), answer(belt)
     assert (one.model.law, other.error_bound < math.inf) == (other.model.law, one.error_bound < math.inf)
     size = one.changes[0].linear.norm() * (1 + one.error_bound)
-    apart = (one.twists[0].linear - other.twists[0].linear).norm()
-    assert apart <= (one.error_bound + other.error_bound) * size
+    distance = (one.twists[0].linear - other.twists[0].linear).norm()
+    assert distance <= (one.error_bound + other.error_bound) * size
     assert min(other.normal_velocities_after) >= -1e-6
 
 

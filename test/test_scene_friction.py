@@ -6,7 +6,16 @@ import math
 import random
 
 import pytest
-from scene_cases import Case, any_case, apart, apart_by, box, random_case, row, size_of
+from scene_cases import (
+    Scene,
+    any_scene,
+    box,
+    change_norm,
+    distance,
+    distance_of_changes,
+    random_scene,
+    row_of_balls,
+)
 
 from collision_response import (
     Adjustment,
@@ -25,14 +34,14 @@ from collision_response.physics.vector import Vec3
 from collision_response.scene import stronge
 
 
-def beside(body_a: Body, body_b: Body, contact: Contact) -> Case:
+def beside(body_a: Body, body_b: Body, contact: Contact) -> Scene:
     """One contact in a cluster of two: a light body leaves body_a, and takes no part."""
     fly = Body.dynamic(1e-3, position=body_a.position, velocity=(50.0, 60.0, 70.0))
     leaving = Contact.of(body_a.position, (1.0, 1.0, 1.0))
-    return Case([body_a, body_b, fly], [(0, 1), (2, 0)], [contact, leaving])
+    return Scene([body_a, body_b, fly], [(0, 1), (2, 0)], [contact, leaving])
 
 
-def rod(theta: float, velocity, mu: float, e: float) -> Case:
+def rod(theta: float, velocity, mu: float, e: float) -> Scene:
     """A uniform rod that strikes a fixed plane with its end: see the reference values of impact laws."""
     r = Vec3(-math.cos(theta) / 2, -math.sin(theta) / 2, 0.0)
     body = Body.dynamic(1.0, (1 / 12, 0.0, 0.0, 1 / 12, 0.0, 1 / 12), -r, None, (*velocity, 0.0))
@@ -57,9 +66,9 @@ def test_in_the_plane_it_is_the_law_of_one_contact(theta, velocity, mu, e, impul
 
 def one_contact(seed, mu):
     """The first contact of a random scene, in a cluster of two, and what is answered for it alone."""
-    case = random_case(seed, mu=mu)
-    a, b = case.pairs[0]
-    touch = case.bodies[a], case.bodies[b], case.contacts[0]
+    scene = random_scene(seed, mu=mu)
+    a, b = scene.pairs[0]
+    touch = scene.bodies[a], scene.bodies[b], scene.contacts[0]
     return beside(*touch), resolve(*touch, ImpactModel(Law.COULOMB))
 
 
@@ -68,18 +77,18 @@ STICKING = [seed for seed in range(40) if one_contact(seed, mu=1e4)[1].regime is
 
 @pytest.mark.parametrize("seed", STICKING)
 def test_where_a_contact_sticks_it_is_the_law_of_one_contact(seed):
-    case, one = one_contact(seed, mu=1e4)
-    answer = case.resolve(Law.COULOMB)
+    scene, one = one_contact(seed, mu=1e4)
+    answer = scene.resolve(Law.COULOMB)
     assert answer.impulses[0] == pytest.approx(one.impulse, rel=1e-7, abs=1e-9)
     assert answer.regimes == (Regime.STICKING, Regime.SEPARATING)
 
 
 @pytest.mark.parametrize("seed", range(40))
 def test_in_space_it_differs_from_the_law_of_one_contact_by_less_than_a_quarter(seed):
-    case, one = one_contact(seed, mu=0.3)
+    scene, one = one_contact(seed, mu=0.3)
     if one.status is StatusCode.SEPARATING:
         return
-    answer = case.resolve(Law.COULOMB)
+    answer = scene.resolve(Law.COULOMB)
     P = answer.impulses[0]
     assert (P - one.impulse).norm() <= 0.25 * one.impulse.norm()
     assert answer.normal_velocities_after[0] == pytest.approx(one.normal_velocity_after, abs=1e-9)
@@ -116,14 +125,14 @@ def test_a_box_that_sticks_comes_to_rest():
 def test_friction_does_not_depend_on_what_the_floor_does():
     """A moving floor and a box that moves along: as at rest."""
     still = box((1.0, 0.5, -1.0), (0.3, -0.2, 0.5), e=0.5, mu=0.3)
-    moving = Case(
+    moving = Scene(
         [
             still.bodies[0]._replace(velocity=Vec3(1.0 + 5, 0.5 - 3, -1.0 + 2)),
             Body.kinematic(velocity=(5.0, -3.0, 2.0)),
         ],
         *still[1:],
     )
-    assert apart(still, still.resolve(), moving.resolve()) < 1e-9
+    assert distance(still, still.resolve(), moving.resolve()) < 1e-9
 
 
 def test_friction_that_pushes_into_another_contact_meets_it():
@@ -152,13 +161,15 @@ def test_newton_for_all_at_once_may_create_energy_and_is_replaced():
     """Unequal restitution in a row: what the fast contact gives back, the slow one does not take."""
     gained = 0
     for e in (0.0, 0.2, 0.5):
-        case = row((3.0, 0.0, -1.0), masses=(1, 50, 1), number=float)
-        case = Case(case.bodies, case.pairs, [case.contacts[0]._replace(restitution=e), case.contacts[1]])
-        answer = case.resolve(Law.MOREAU)
+        scene = row_of_balls((3.0, 0.0, -1.0), masses=(1, 50, 1), number=float)
+        scene = Scene(
+            scene.bodies, scene.pairs, [scene.contacts[0]._replace(restitution=e), scene.contacts[1]]
+        )
+        answer = scene.resolve(Law.MOREAU)
         assert answer.kinetic_energy_after <= answer.kinetic_energy_before * (1 + 1e-12)
         gained += bool(answer.adjustments & Adjustment.LAW_FALLBACK)
     for seed in range(200):
-        answer = random_case(seed, mu=3.0).resolve(Law.MOREAU)
+        answer = random_scene(seed, mu=3.0).resolve(Law.MOREAU)
         lost = answer.energy_lost_restitution + answer.energy_lost_friction
         assert lost >= -1e-9 * (1 + answer.kinetic_energy_before)
         if answer.adjustments & Adjustment.LAW_FALLBACK:
@@ -171,7 +182,7 @@ def test_friction_of_moreau_may_work_along_with_the_slip_before():
     """It opposes the slip after the impact."""
     along = 0
     for seed in (91, 92, 130, 171):
-        answer = random_case(seed, mu=0.3).resolve(Law.MOREAU)
+        answer = random_scene(seed, mu=0.3).resolve(Law.MOREAU)
         assert answer.model.law is Law.MOREAU
         along += answer.energy_lost_friction < 0
         assert answer.energy_lost_friction + answer.energy_lost_restitution >= 0
@@ -200,8 +211,8 @@ def test_springs_with_friction_give_the_planar_law_of_one_contact():
 
 def test_springs_with_friction_lose_energy():
     for seed in range(10):
-        case = random_case(seed, e=0.5, mu=0.3, contacts=4)
-        answer = case.resolve(Law.ROUTH_STRONGE)
+        scene = random_scene(seed, e=0.5, mu=0.3, contacts=4)
+        answer = scene.resolve(Law.ROUTH_STRONGE)
         assert answer.energy_lost_friction >= -1e-4
         assert answer.kinetic_energy_before >= 0
         assert answer.energy_lost_restitution + answer.energy_lost_friction >= -1e-6
@@ -214,9 +225,9 @@ def test_springs_give_friction_the_work_along_the_path():
         (math.atan(2), (0.5, -1.0), 0.3, 0.9),
         (math.atan(2), (0.5, -1.0), 0.3, 1.0),
     ):
-        case = rod(theta, velocity, mu, e)
-        answer = case.resolve(Law.ROUTH_STRONGE)
-        one = resolve(case.bodies[0], case.bodies[1], case.contacts[0], ImpactModel(Law.ROUTH_STRONGE))
+        scene = rod(theta, velocity, mu, e)
+        answer = scene.resolve(Law.ROUTH_STRONGE)
+        one = resolve(scene.bodies[0], scene.bodies[1], scene.contacts[0], ImpactModel(Law.ROUTH_STRONGE))
         for field in ("energy_lost_restitution", "energy_lost_friction"):
             assert getattr(answer, field) == pytest.approx(getattr(one, field), abs=2 * answer.error_bound)
 
@@ -224,20 +235,20 @@ def test_springs_give_friction_the_work_along_the_path():
 @pytest.mark.parametrize("seed", range(60, 76))
 def test_elastic_springs_give_all_back(seed):
     """A contact loses 1 - e^2 of what compresses it: at e = 1 only friction takes energy."""
-    case = any_case(seed).with_contacts(restitution=1.0, friction=0.3)
-    answer = case.resolve(Law.ROUTH_STRONGE)
-    size = answer.kinetic_energy_before + size_of(case, answer) ** 2
+    scene = any_scene(seed).with_contacts(restitution=1.0, friction=0.3)
+    answer = scene.resolve(Law.ROUTH_STRONGE)
+    size = answer.kinetic_energy_before + change_norm(scene, answer) ** 2
     assert abs(answer.energy_lost_restitution) <= answer.error_bound * size
     assert answer.energy_lost_friction > 0
 
 
 @pytest.mark.parametrize("seed", [62, 64, 66, 67, 70, 72, 73, 74, 76])
 def test_springs_with_friction_tell_their_error(seed):
-    case = any_case(seed).with_contacts(restitution=0.5, friction=0.3)
-    one, other = case.resolve(Law.ROUTH_STRONGE), case.resolve(Law.ROUTH_STRONGE, tolerance=1e-7)
+    scene = any_scene(seed).with_contacts(restitution=0.5, friction=0.3)
+    one, other = scene.resolve(Law.ROUTH_STRONGE), scene.resolve(Law.ROUTH_STRONGE, tolerance=1e-7)
     assert one.error_bound <= 1e-5
     assert other.status is StatusCode.OK
-    assert apart(case, one, other) <= one.error_bound + other.error_bound
+    assert distance(scene, one, other) <= one.error_bound + other.error_bound
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.1, 3.0])
@@ -265,22 +276,22 @@ def test_springs_of_a_rack_are_as_symmetric_as_it_is(mu):
         )
         for i, k in pairs
     ]
-    case = Case(bodies, pairs, contacts)
-    answer = case.resolve(Law.ROUTH_STRONGE)
+    scene = Scene(bodies, pairs, contacts)
+    answer = scene.resolve(Law.ROUTH_STRONGE)
     assert answer.error_bound < 1e-4
-    room = answer.error_bound * size_of(case, answer)
+    room = answer.error_bound * change_norm(scene, answer)
     for (x, y), twist in zip(balls, answer.twists, strict=True):
         mirrored = answer.twists[balls.index((x, -y))]
         assert mirrored.linear == pytest.approx((twist.linear.x, -twist.linear.y, twist.linear.z), abs=room)
         assert mirrored.angular.z == pytest.approx(-twist.angular.z, abs=room / math.sqrt(moment))
 
 
-def corner(walls: int, part: float, e: float) -> Case:
+def corner(walls: int, part: float, e: float) -> Scene:
     """A point that falls evenly into all walls of a corner. Friction adds this part to each wall's force."""
     velocity = [-1.0] * walls + [0.0] * (3 - walls)
     normals = [[float(i == k) for i in range(3)] for k in range(walls)]
     contacts = [Contact.of((0.0, 0.0, 0.0), n, e, part / math.sqrt(walls - 1)) for n in normals]
-    return Case([Body.dynamic(2.0, velocity=velocity), Body.static()], [(0, 1)] * walls, contacts)
+    return Scene([Body.dynamic(2.0, velocity=velocity), Body.static()], [(0, 1)] * walls, contacts)
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.5])
@@ -328,27 +339,27 @@ def test_a_ball_wedged_in_a_groove_is_told_at_once(inertia, opening, off, monkey
     for part in (0.9, 1.1, 2.0):
         mu = part / math.tan(slope)
         contacts = [Contact.of(tuple(-x for x in n), n, 0.5, mu) for n in normals]
-        case = Case([ball, Body.static()], [(0, 1)] * 2, contacts)
+        scene = Scene([ball, Body.static()], [(0, 1)] * 2, contacts)
         if part < 1:
-            assert case.resolve(Law.ROUTH_STRONGE).status is StatusCode.OK
+            assert scene.resolve(Law.ROUTH_STRONGE).status is StatusCode.OK
         else:
             with pytest.raises(ImpactError, match="friction wedges the bodies"):
-                case.resolve(Law.ROUTH_STRONGE)
+                scene.resolve(Law.ROUTH_STRONGE)
 
 
 def test_a_budget_of_springs_ends_in_a_named_status(monkeypatch):
     """Or in what was found within it, if that is enough to tell its error."""
-    case = box((1, 0.3, -1), (0.2, 0.3, 1), e=0.5, mu=0.3)
-    exact = case.resolve(Law.ROUTH_STRONGE)
+    scene = box((1, 0.3, -1), (0.2, 0.3, 1), e=0.5, mu=0.3)
+    exact = scene.resolve(Law.ROUTH_STRONGE)
     monkeypatch.setattr(stronge, "WORK", 30_000)
     with pytest.raises(ImpactError) as refused:
-        case.resolve(Law.ROUTH_STRONGE)
+        scene.resolve(Law.ROUTH_STRONGE)
     assert refused.value.code is StatusCode.PATH_TOO_LONG
     monkeypatch.setattr(stronge, "WORK", 1_500_000)
-    answer = case.resolve(Law.ROUTH_STRONGE, tolerance=1e-9)
+    answer = scene.resolve(Law.ROUTH_STRONGE, tolerance=1e-9)
     assert answer.status is StatusCode.TOLERANCE_NOT_MET
     assert 1e-9 < answer.error_bound < 1e-2
-    assert apart(case, answer, exact) <= answer.error_bound + exact.error_bound
+    assert distance(scene, answer, exact) <= answer.error_bound + exact.error_bound
 
 
 @pytest.mark.parametrize("inertia", [0.0, 0.4])
@@ -362,7 +373,7 @@ def test_a_wedge_holds_what_falls_into_it_or_nothing_is_said(inertia, velocity, 
         for x in (math.cos(tilt), -math.cos(tilt))
     ]
     body = Body.dynamic(1.0, (inertia, 0, 0, inertia, 0, inertia), velocity=velocity)
-    answer = Case([body, Body.static()], [(0, 1)] * 2, contacts).resolve(Law.MOREAU)
+    answer = Scene([body, Body.static()], [(0, 1)] * 2, contacts).resolve(Law.MOREAU)
     assert answer.model.law is Law.MOREAU
     size = math.hypot(*velocity)
     assert math.hypot(*answer.twists[0].linear[:2]) <= answer.error_bound * size + 1e-15
@@ -376,7 +387,7 @@ def test_on_the_edge_of_sliding_the_bound_is_that_of_a_root(tilt):
     n = math.cos(tilt), math.sin(tilt)
     contacts = [Contact.of((-x, -n[1], 0.0), (x, n[1], 0.0), 0.0, tilt / 2) for x in (n[0], -n[0])]
     body = Body.dynamic(1.0, velocity=(0.0, -1.0, 0.5))
-    answer = Case([body, Body.static()], [(0, 1)] * 2, contacts).resolve(Law.MOREAU)
+    answer = Scene([body, Body.static()], [(0, 1)] * 2, contacts).resolve(Law.MOREAU)
     assert 1e-6 < math.hypot(*answer.twists[0].linear) <= answer.error_bound
 
 
@@ -387,25 +398,27 @@ def test_the_bound_of_one_step_holds_beside_the_edges_of_one_contact(theta, fact
     s, c = math.sin(theta), math.cos(theta)
     for mu in (3 * s * c / (1 + 3 * s * s), (1 + 3 * c * c) / (3 * s * c)):
         for slip in (-5.0, -0.3, 0.0, 0.3, 1.0, 5.0):
-            case = rod(theta, (slip, -1.0), mu * factor, 0.5)
-            answer = case.resolve(Law.MOREAU)
-            one = resolve(case.bodies[0], case.bodies[1], case.contacts[0], ImpactModel(Law.MOREAU))
+            scene = rod(theta, (slip, -1.0), mu * factor, 0.5)
+            answer = scene.resolve(Law.MOREAU)
+            one = resolve(scene.bodies[0], scene.bodies[1], scene.contacts[0], ImpactModel(Law.MOREAU))
             if answer.model.law is one.model.law:
                 known = [one.change_a, *answer.changes[1:]]
-                assert apart_by(case, answer.changes, known) <= answer.error_bound + one.error_bound
+                assert (
+                    distance_of_changes(scene, answer.changes, known) <= answer.error_bound + one.error_bound
+                )
 
 
 def test_a_load_that_is_shared_in_several_ways_has_no_bound():
     """A box slides and turns: it may rest on either of two threes of its corners, with another spin."""
-    case = box((1, 0.3, -1), (0, 0, 0.3), e=0.5, mu=0.3)
-    answer = case.resolve(Law.MOREAU)
+    scene = box((1, 0.3, -1), (0, 0, 0.3), e=0.5, mu=0.3)
+    answer = scene.resolve(Law.MOREAU)
     assert answer.error_bound == math.inf
     spins = set()
     for left_out in range(4):
         three = [i for i in range(4) if i != left_out]
-        other = Case(case.bodies, [(0, 1)] * 3, [case.contacts[i] for i in three]).resolve(Law.MOREAU)
+        other = Scene(scene.bodies, [(0, 1)] * 3, [scene.contacts[i] for i in three]).resolve(Law.MOREAU)
         after = other.twists[0]
-        at = Vec3(*case.contacts[left_out].position) - Vec3(*case.bodies[0].position)
+        at = Vec3(*scene.contacts[left_out].position) - Vec3(*scene.bodies[0].position)
         if (after.linear + after.angular.cross(at)).z >= 0.5 - 1e-9:  # the fourth needs no impulse
             spins.add(round(after.angular.z, 6))
     assert len(spins) == 2
@@ -415,37 +428,37 @@ def test_a_load_that_is_shared_in_several_ways_has_no_bound():
 def test_units_move_no_answer_beyond_its_bound(law):
     """Twice the mass, whose root is rounded, and odd units of speed, of which springs take a root."""
     for seed in (62, 64, 66, 67, 70, 72, 73, 74, 76):
-        case = any_case(seed).with_contacts(restitution=0.5, friction=0.3)
+        scene = any_scene(seed).with_contacts(restitution=0.5, friction=0.3)
         bodies = [
             body._replace(mass=2 * body.mass, inertia=body.inertia * 2.0, velocity=Vec3(*body.velocity) * 8.0,
                           angular_velocity=Vec3(*body.angular_velocity) * 8.0)
-            for body in case.bodies
+            for body in scene.bodies
         ]  # fmt: skip
-        one, other = case.resolve(law), case._replace(bodies=bodies).resolve(law)
+        one, other = scene.resolve(law), scene._replace(bodies=bodies).resolve(law)
         back = [Twist(t.linear * 0.125, t.angular * 0.125) for t in other.changes]
-        assert apart_by(case, one.changes, back) <= one.error_bound + other.error_bound
+        assert distance_of_changes(scene, one.changes, back) <= one.error_bound + other.error_bound
 
 
 @pytest.mark.parametrize("seed", [61, 64, 65, 66, 67, 70, 74, 79])
 def test_springs_with_friction_of_all_kinds(seed):
     """Order and observer do not matter, momentum stays, and every impulse lies in its cone."""
-    case, rng = any_case(seed), random.Random(seed)
-    case = case._replace(
+    scene, rng = any_scene(seed), random.Random(seed)
+    scene = scene._replace(
         contacts=[
             c._replace(restitution=rng.choice([0.1, 0.5, 1.0]), friction=rng.choice([0.0, 0.3, 3.0, 1e5]))
-            for c in case.contacts
+            for c in scene.contacts
         ]
     )
-    answer = case.resolve(Law.ROUTH_STRONGE)
-    off, size = answer.error_bound, size_of(case, answer)
-    order = rng.sample(range(len(case.pairs)), len(case.pairs))
-    other = Case(case.bodies, [case.pairs[i] for i in order], [case.contacts[i] for i in order])
+    answer = scene.resolve(Law.ROUTH_STRONGE)
+    off, size = answer.error_bound, change_norm(scene, answer)
+    order = rng.sample(range(len(scene.pairs)), len(scene.pairs))
+    other = Scene(scene.bodies, [scene.pairs[i] for i in order], [scene.contacts[i] for i in order])
     v = Vec3(0.7, -3.0, 1.1)
-    boosted = case._replace(bodies=[b._replace(velocity=Vec3(*b.velocity) + v) for b in case.bodies])
+    boosted = scene._replace(bodies=[b._replace(velocity=Vec3(*b.velocity) + v) for b in scene.bodies])
     for same in (other.resolve(Law.ROUTH_STRONGE), boosted.resolve(Law.ROUTH_STRONGE)):
-        assert apart(case, answer, same) <= off + same.error_bound
+        assert distance(scene, answer, same) <= off + same.error_bound
     assert min(answer.energy_lost_restitution, answer.energy_lost_friction) >= -off * size * size
-    for contact, P in zip(case.contacts, answer.impulses, strict=True):
+    for contact, P in zip(scene.contacts, answer.impulses, strict=True):
         n = Vec3(*contact.normal)
         along = P.dot(n) / n.norm()
         across = (P - n * (along / n.norm())).norm()

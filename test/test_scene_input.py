@@ -9,7 +9,7 @@ from fractions import Fraction as F
 from itertools import product
 
 import pytest
-from scene_cases import Case, box, row, speeds
+from scene_cases import Scene, box, row_of_balls, speeds
 
 from collision_response import (
     Adjustment,
@@ -205,9 +205,9 @@ def test_a_number_that_is_no_float_is_refused_rather_than_rounded():
 
 def test_numbers_of_other_kinds_are_floats():
     np = pytest.importorskip("numpy")
-    case = box()
-    bodies = [case.bodies[0]._replace(mass=np.float64(1), position=np.array([0, 0, 0.5])), case.bodies[1]]
-    assert resolve_scene(bodies, np.array(case.pairs), case.contacts).twists == case.resolve().twists
+    scene = box()
+    bodies = [scene.bodies[0]._replace(mass=np.float64(1), position=np.array([0, 0, 0.5])), scene.bodies[1]]
+    assert resolve_scene(bodies, np.array(scene.pairs), scene.contacts).twists == scene.resolve().twists
 
 
 def test_an_empty_scene_is_separating():
@@ -219,7 +219,7 @@ def test_an_empty_scene_is_separating():
     assert resolve_scene([], [], []).twists == ()
 
 
-def squeezed(v, left, right, e=1.0, number=float) -> Case:
+def squeezed(v, left, right, e=1.0, number=float) -> Scene:
     """A ball that touches two walls, which move along x."""
     zero = number(0)
     bodies = [
@@ -231,7 +231,7 @@ def squeezed(v, left, right, e=1.0, number=float) -> Case:
         Contact.of((number(-1), zero, zero), (number(1), zero, zero), number(e)),
         Contact.of((number(1), zero, zero), (number(-1), zero, zero), number(e)),
     ]
-    return Case(bodies, [(0, 1), (0, 2)], contacts)
+    return Scene(bodies, [(0, 1), (0, 2)], contacts)
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
@@ -243,7 +243,7 @@ def test_two_walls_that_close_in_contradict_each_other(law, number):
     assert (error.code, error.field) == (StatusCode.CONTRADICTORY_CONTACTS, "contacts")
 
 
-def pressed(corners: int, closing: float, e: float, mu: float, v=(0.3, 0.1, -1.0)) -> Case:
+def pressed(corners: int, closing: float, e: float, mu: float, v=(0.3, 0.1, -1.0)) -> Scene:
     """A cube between a floor and a ceiling, each of which it touches at so many points."""
     bodies = [
         Body.box(1.0, (1, 1, 1), velocity=v, angular_velocity=(0, 0, 0.5)),
@@ -252,7 +252,7 @@ def pressed(corners: int, closing: float, e: float, mu: float, v=(0.3, 0.1, -1.0
     ]
     points = [(-0.5, -0.5), (0.5, 0.5), (-0.5, 0.5), (0.5, -0.5), (0.0, 0.0), (0.0, 0.5)][:corners]
     contacts = [Contact.of((x, y, -side / 2), (0, 0, side), e, mu) for side in (1.0, -1.0) for x, y in points]
-    return Case(bodies, [(0, 1)] * corners + [(0, 2)] * corners, contacts)
+    return Scene(bodies, [(0, 1)] * corners + [(0, 2)] * corners, contacts)
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
@@ -265,7 +265,7 @@ def test_what_closes_in_contradicts_itself_by_every_law(law, corners, closing):
         assert (error.code, error.field) == (StatusCode.CONTRADICTORY_CONTACTS, "contacts")
 
 
-def between_jaws(gaps, velocity=0, e=0.5, mu=0.0, number=float) -> Case:
+def between_jaws(gaps, velocity=0, e=0.5, mu=0.0, number=float) -> Scene:
     """A point between pairs of walls; each pair, along an axis of its own, opens at so much."""
     axes = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1), (0, 3, 4), (2, 0, -1)]
     bodies = [Body.dynamic(number(1), velocity=(number(0), number(velocity), number(velocity)))]
@@ -277,7 +277,7 @@ def between_jaws(gaps, velocity=0, e=0.5, mu=0.0, number=float) -> Case:
             bodies.append(Body.kinematic(velocity=tuple(number(speed * x) / square for x in axis)))
             normal = tuple(number(side * x) for x in axis)
             contacts.append(Contact.of((number(0),) * 3, normal, number(e), number(mu)))
-    return Case(bodies, pairs, contacts)
+    return Scene(bodies, pairs, contacts)
 
 
 @pytest.mark.parametrize(
@@ -300,8 +300,8 @@ def test_by_moreau_without_friction_fractions_decide_what_is_held(e):
     """A point between two walls lands on a third: as without the two, but for what they stop."""
     for velocity in product((0, 1), (0.0, 1.0), (-2, -1e-9)):
         contacts = [Contact.of((0, 0, 0), n, e) for n in ((1, 0, 0), (-1, 0, 0), (0, 0, 1), (0, 1, 2))]
-        case = Case([Body.dynamic(1.0, velocity=velocity), FLOOR], [(0, 1)] * 4, contacts)
-        answer, exact = case.resolve(Law.MOREAU), exact_of(case).resolve(Law.MOREAU)
+        scene = Scene([Body.dynamic(1.0, velocity=velocity), FLOOR], [(0, 1)] * 4, contacts)
+        answer, exact = scene.resolve(Law.MOREAU), exact_of(scene).resolve(Law.MOREAU)
         assert answer.model.law is exact.model.law
         change = max(map(abs, exact.changes[0].linear), default=0)
         for x, y in zip(answer.changes[0].linear, exact.changes[0].linear, strict=True):
@@ -309,9 +309,9 @@ def test_by_moreau_without_friction_fractions_decide_what_is_held(e):
         assert answer.error_bound < 1e-12
 
 
-def exact_of(case: Case) -> Case:
+def exact_of(scene: Scene) -> Scene:
     """The same in fractions."""
-    return case._replace(bodies=[case.bodies[0]._replace(mass=F(case.bodies[0].mass)), *case.bodies[1:]])
+    return scene._replace(bodies=[scene.bodies[0]._replace(mass=F(scene.bodies[0].mass)), *scene.bodies[1:]])
 
 
 GAPS = [gaps for size in (2, 4, 6) for gaps in product((-1, 0, 1), repeat=size) if list(gaps) == sorted(gaps)]
@@ -329,13 +329,13 @@ def test_jaws_that_open_make_up_for_none_that_close(law):
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 def test_jaws_that_do_not_close_hold_or_let_go(law):
     for gaps, velocity, mu in product(GAPS, (0, 1), (0.0, 0.3)):
-        case = between_jaws(gaps, velocity, mu=mu)
+        scene = between_jaws(gaps, velocity, mu=mu)
         if min(gaps) < 0:
             continue
         try:
-            answer = case.resolve(law)
+            answer = scene.resolve(law)
         except ImpactError as error:
-            assert error.code is StatusCode.PATH_TOO_LONG and len(case.contacts) > 8
+            assert error.code is StatusCode.PATH_TOO_LONG and len(scene.contacts) > 8
         else:
             parts = min(answer.normal_velocities_after) > -1e-6
             assert parts or answer.error_bound == math.inf
@@ -345,11 +345,11 @@ def test_jaws_that_do_not_close_hold_or_let_go(law):
 def test_jaws_in_fractions(law):
     """Those that rest hold, those that open do not."""
     for gaps, velocity in product((g for g in GAPS if len(g) < 6), (0, 1)):
-        case = between_jaws(gaps, velocity, number=F)
+        scene = between_jaws(gaps, velocity, number=F)
         if min(gaps) < 0:
-            assert refusal(*case, ImpactModel(law)).code is StatusCode.CONTRADICTORY_CONTACTS
+            assert refusal(*scene, ImpactModel(law)).code is StatusCode.CONTRADICTORY_CONTACTS
             continue
-        answer = case.resolve(law)
+        answer = scene.resolve(law)
         for gap, *after in zip(
             gaps, answer.normal_velocities_after[::2], answer.normal_velocities_after[1::2], strict=True
         ):
@@ -391,8 +391,8 @@ def test_what_does_not_close_in_is_no_contradiction(law, corners, closing):
 @pytest.mark.parametrize("mu", [0.3, 3.0])
 def test_what_cannot_rebound_from_two_walls_is_held(corners, mu):
     """Newton asks for a rebound from the floor, which is an approach to the ceiling: COULOMB answers."""
-    case = pressed(corners, 0.0, 0.5, mu)
-    answer, held = case.resolve(Law.MOREAU), case.resolve(Law.COULOMB)
+    scene = pressed(corners, 0.0, 0.5, mu)
+    answer, held = scene.resolve(Law.MOREAU), scene.resolve(Law.COULOMB)
     assert answer.adjustments & Adjustment.LAW_FALLBACK
     assert (answer.twists, answer.error_bound) == (held.twists, held.error_bound)
 
@@ -409,10 +409,10 @@ def test_a_ball_between_two_walls_is_held(number, e, law):
 
 
 def test_what_is_held_moves_with_the_walls_and_free_contacts_still_bounce():
-    case = squeezed(1, F(1, 2), F(1, 2), number=F)
+    scene = squeezed(1, F(1, 2), F(1, 2), number=F)
     striker = Body.dynamic(F(1), velocity=(F(0), F(-1), F(0)))
     contact = Contact.of((F(0), F(1), F(0)), (F(0), F(1), F(0)))
-    answer = Case([*case.bodies, striker], [*case.pairs, (3, 0)], [*case.contacts, contact]).resolve(
+    answer = Scene([*scene.bodies, striker], [*scene.pairs, (3, 0)], [*scene.contacts, contact]).resolve(
         Law.FRICTIONLESS
     )
     assert answer.twists[0].linear == (F(1, 2), -1, 0)
@@ -427,13 +427,15 @@ def test_walls_that_part_let_a_ball_bounce_until_it_is_slower():
 
 
 def test_a_cradle_between_walls_is_held():
-    case = row((1, 0, 0))
+    scene = row_of_balls((1, 0, 0))
     wall = Body.static()
     contacts = [
         Contact.of((F(-1, 2), F(0), F(0)), (F(1), F(0), F(0))),
         Contact.of((F(5, 2), F(0), F(0)), (F(-1), F(0), F(0))),
     ]
-    answer = Case([*case.bodies, wall], [*case.pairs, (0, 3), (2, 3)], [*case.contacts, *contacts]).resolve()
+    answer = Scene(
+        [*scene.bodies, wall], [*scene.pairs, (0, 3), (2, 3)], [*scene.contacts, *contacts]
+    ).resolve()
     assert speeds(answer)[:3] == [0, 0, 0]
 
 
@@ -451,10 +453,10 @@ def test_a_tolerance_that_is_not_met_is_said():
 
 
 def test_restitution_may_depend_on_speed_and_ends_below_the_threshold():
-    case = box(e=1.0)
-    fading = case.with_contacts(restitution=lambda v: 0.5 if v > 0.5 else 0.1)
+    scene = box(e=1.0)
+    fading = scene.with_contacts(restitution=lambda v: 0.5 if v > 0.5 else 0.1)
     assert {c.restitution for c in fading.resolve().contacts} == {0.5}
-    answer = case.resolve(restitution_threshold=2.0)
+    answer = scene.resolve(restitution_threshold=2.0)
     assert {c.restitution for c in answer.contacts} == {0.0}
     assert answer.adjustments.name == "RESTITUTION_THRESHOLD"
     assert answer.twists[0].linear == pytest.approx((0, 0, 0), abs=1e-15)
@@ -476,7 +478,7 @@ def test_the_order_matters_to_a_box_and_not_to_a_ball():
     assert box().resolve(options={"orders": 4}).order_sensitivity > 0.3
     assert resolve_scene([BALL, FLOOR], [(0, 1)], [UP], orders=4).order_sensitivity == 0
     assert box().resolve().order_sensitivity is None
-    assert row((1, 0, 0), number=float).resolve(options={"orders": 4}).order_sensitivity == 0
+    assert row_of_balls((1, 0, 0), number=float).resolve(options={"orders": 4}).order_sensitivity == 0
 
 
 def test_the_table_shows_every_contact_and_body():

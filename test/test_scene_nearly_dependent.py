@@ -6,7 +6,7 @@ import random
 
 import numpy as np
 import pytest
-from scene_cases import Case, apart
+from scene_cases import Scene, distance
 from test_scene_attacks import assert_bounded, exactly
 
 from collision_response import Body, Contact, Law, StatusCode
@@ -15,7 +15,7 @@ CORNERS = [(x, y) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
 LAWS = [(Law.FRICTIONLESS, 0.0), (Law.COULOMB, 0.3), (Law.COULOMB, 1.0)]
 
 
-def stack(count: int, off: float, seed: int, mu: float = 0.0, sideways: float = 0.0) -> Case:
+def stack(count: int, off: float, seed: int, mu: float = 0.0, sideways: float = 0.0) -> Scene:
     """Cubes on each other fall on a floor; corners, normals and velocities are off by some rounding."""
     rng = random.Random(seed)
 
@@ -27,20 +27,18 @@ def stack(count: int, off: float, seed: int, mu: float = 0.0, sideways: float = 
         for i in range(count)
     ]
     pairs = [(i, i - 1 if i else count) for i in range(count) for _ in CORNERS]
-    contacts = [
-        Contact.of(near(x, y, i), near(0, 0, 1), 0.5, mu) for i in range(count) for x, y in CORNERS
-    ]
-    return Case([*bodies, Body.static()], pairs, contacts)
+    contacts = [Contact.of(near(x, y, i), near(0, 0, 1), 0.5, mu) for i in range(count) for x, y in CORNERS]
+    return Scene([*bodies, Body.static()], pairs, contacts)
 
 
 @pytest.mark.parametrize("count, seed", [(1, 1), (1, 2), (1, 3), (2, 1), (2, 2), (3, 1)])
 @pytest.mark.parametrize("off", [1e-14, 1e-13, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5])
 def test_32_digits_tell_what_depends(off, count, seed):
     """Without refusal, and within the bound of the same in fractions."""
-    case = stack(count, off, seed)
-    answer = case.resolve(Law.FRICTIONLESS)
+    scene = stack(count, off, seed)
+    answer = scene.resolve(Law.FRICTIONLESS)
     assert answer.status is StatusCode.OK
-    assert_bounded(case, answer, exactly(case))
+    assert_bounded(scene, answer, exactly(scene))
     assert answer.error_bound < 2.0**-43  # the root of what 32 digits leave, of some terms
 
 
@@ -49,8 +47,8 @@ def test_32_digits_tell_what_depends(off, count, seed):
 @pytest.mark.parametrize("off", [1e-14, 1e-13, 1e-11, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5])
 def test_a_hair_changes_no_velocity_by_more(off, count, law, mu):
     """Loads are shared as if it were flat. Reflections, which jump, do not count approaches of that size."""
-    flat, case = (stack(count, by, 1, mu, sideways=0.5) for by in (0.0, off))
-    exact, answer = (one.resolve(law, options={"threshold": 1e-3}) for one in (flat, case))
+    flat, scene = (stack(count, by, 1, mu, sideways=0.5) for by in (0.0, off))
+    exact, answer = (one.resolve(law, options={"threshold": 1e-3}) for one in (flat, scene))
     assert answer.status is StatusCode.OK
     assert answer.error_bound < max(1e-4, 200 * off)  # a root; or what is off, by contact
     assert answer.kinetic_energy_after <= answer.kinetic_energy_before
@@ -66,11 +64,11 @@ def test_the_order_of_contacts_changes_nothing_beyond_the_bound(seed):
     rng = random.Random(seed)
     count, mu = rng.choice([1, 2, 3]), rng.choice([0.1, 0.3, 1.0, 3.0])
     sideways = rng.choice([0.0, 0.3, 20.0])
-    case = stack(count, 10.0 ** rng.uniform(-14, -3), seed, mu, sideways)
-    order = rng.sample(range(len(case.pairs)), len(case.pairs))
-    other = case._replace(pairs=[case.pairs[i] for i in order], contacts=[case.contacts[i] for i in order])
-    answers = [one.resolve(Law.COULOMB, options={"threshold": 1e-2}) for one in (case, other)]
-    assert apart(case, *answers) <= answers[0].error_bound + answers[1].error_bound
+    scene = stack(count, 10.0 ** rng.uniform(-14, -3), seed, mu, sideways)
+    order = rng.sample(range(len(scene.pairs)), len(scene.pairs))
+    other = scene._replace(pairs=[scene.pairs[i] for i in order], contacts=[scene.contacts[i] for i in order])
+    answers = [one.resolve(Law.COULOMB, options={"threshold": 1e-2}) for one in (scene, other)]
+    assert distance(scene, *answers) <= answers[0].error_bound + answers[1].error_bound
     for answer in answers:
         assert answer.kinetic_energy_after <= answer.kinetic_energy_before
 
@@ -87,12 +85,12 @@ def test_corners_of_an_engine_in_float32(seed, law, mu):
     single = [np.float32(rotation @ (x, y, -0.5)).astype(float) for x, y in CORNERS]
     normal = np.float32(rotation[:, 2]).astype(float)
     contacts = [Contact.of(tuple(corner), tuple(normal), 0.5, mu) for corner in single]
-    case = Case([box, Body.static()], [(0, 1)] * 4, contacts)
-    answer = case.resolve(law)
+    scene = Scene([box, Body.static()], [(0, 1)] * 4, contacts)
+    answer = scene.resolve(law)
     assert answer.status is StatusCode.OK
     assert answer.error_bound < (2.0**-43 if law is Law.FRICTIONLESS else 1e-3)
     if law is Law.FRICTIONLESS:
-        assert_bounded(case, answer, exactly(case))
+        assert_bounded(scene, answer, exactly(scene))
     assert np.dot(answer.twists[0].linear, -down) == pytest.approx(0.5, abs=1e-3)
 
 

@@ -11,7 +11,18 @@ from fractions import Fraction
 from pathlib import Path
 
 import pytest
-from scene_cases import Case, any_case, apart, apart_by, energy, momentum, random_case, size_of, turn, turned
+from scene_cases import (
+    Scene,
+    any_scene,
+    change_norm,
+    distance,
+    distance_of_changes,
+    energy,
+    momentum,
+    random_scene,
+    rotate,
+    rotated,
+)
 
 from collision_response import Body, Contact, ImpactError, ImpactModel, Law, Regime, resolve, resolve_scene
 from collision_response.physics.orientation import Quaternion
@@ -36,49 +47,49 @@ def each_seed(test):
     return pytest.mark.parametrize("seed", SEEDS[::10])(of_ten)
 
 
-def close(case: Case, one, other, law: Law) -> bool:
+def close(scene: Scene, one, other, law: Law) -> bool:
     """Whether two answers agree, short of decisions that neither is sure of."""
     if not (one.error_bound < 1 and other.error_bound < 1):
         return True
     if law is Law.MOREAU and (one.model.law, other.model.law) != (law, law):
         return True
-    return apart(case, one, other) <= ENOUGH[law] + 2 * (one.error_bound + other.error_bound)
+    return distance(scene, one, other) <= ENOUGH[law] + 2 * (one.error_bound + other.error_bound)
 
 
 @each_seed
 @each_law
 def test_momentum_energy_and_separation(seed, law):
-    case = any_case(seed)
-    answer = case.resolve(law)
-    scale = size_of(case, answer)
+    scene = any_scene(seed)
+    answer = scene.resolve(law)
+    scale = change_norm(scene, answer)
     lost = answer.energy_lost_restitution + answer.energy_lost_friction
     assert lost >= -1e-9 * (answer.kinetic_energy_before + scale * scale)
     # Impulses and changes agree, and the energies with the twists.
-    changed = [Vec3(0, 0, 0)] * len(case.bodies)
-    turned = [Vec3(0, 0, 0)] * len(case.bodies)
-    for (a, b), contact, impulse in zip(case.pairs, answer.contacts, answer.impulses, strict=True):
+    linear_change = [Vec3(0, 0, 0)] * len(scene.bodies)
+    angular_change = [Vec3(0, 0, 0)] * len(scene.bodies)
+    for (a, b), contact, impulse in zip(scene.pairs, answer.contacts, answer.impulses, strict=True):
         for body, P in ((a, impulse), (b, -impulse)):
-            changed[body] += P
-            turned[body] += contact.position.cross(P)
+            linear_change[body] += P
+            angular_change[body] += contact.position.cross(P)
     before = [
         type(t)(Vec3(*b.velocity), Vec3(*b.angular_velocity))
-        for b, t in zip(case.bodies, answer.twists, strict=True)
+        for b, t in zip(scene.bodies, answer.twists, strict=True)
     ]
-    for i, body in enumerate(case.bodies):
-        only = Case([body], [], [])
+    for i, body in enumerate(scene.bodies):
+        only = Scene([body], [], [])
         if body.is_movable():
             (p, before_), (q, after_) = momentum(only, [before[i]]), momentum(only, [answer.twists[i]])
             size = sum(P.norm() for P in answer.impulses) + 1e-300
-            assert (q - p - changed[i]).norm() <= 1e-9 * (size + p.norm())
+            assert (q - p - linear_change[i]).norm() <= 1e-9 * (size + p.norm())
             idle = body.inertia.trace() == 0
             if not idle:
-                assert (after_ - before_ - turned[i]).norm() <= 1e-9 * (3 * size + before_.norm())
+                assert (after_ - before_ - angular_change[i]).norm() <= 1e-9 * (3 * size + before_.norm())
         else:
             assert answer.twists[i] == before[i]
-    assert answer.kinetic_energy_after == pytest.approx(energy(case, answer.twists), rel=1e-9)
+    assert answer.kinetic_energy_after == pytest.approx(energy(scene, answer.twists), rel=1e-9)
     # No contact approaches.
     bound = (answer.error_bound if law is Law.FRICTIONLESS else 1e-6) * scale
-    lightest = min(body.mass for body in case.bodies if body.is_movable())
+    lightest = min(body.mass for body in scene.bodies if body.is_movable())
     if answer.error_bound < 1:
         for u in answer.normal_velocities_after:
             assert u >= -1e3 * (bound + 1e-12 * scale) / math.sqrt(lightest)
@@ -94,52 +105,52 @@ def test_momentum_energy_and_separation(seed, law):
 @each_seed
 @each_law
 def test_the_order_of_contacts_and_of_bodies_does_not_matter(seed, law):
-    case = any_case(seed)
-    answer = case.resolve(law)
+    scene = any_scene(seed)
+    answer = scene.resolve(law)
     rng = random.Random(seed)
-    order, places = list(range(len(case.pairs))), list(range(len(case.bodies)))
+    order, places = list(range(len(scene.pairs))), list(range(len(scene.bodies)))
     rng.shuffle(order)
     rng.shuffle(places)
     swap = [rng.random() < 0.5 for _ in order]
-    shuffled = Case(
-        [case.bodies[places.index(i)] for i in range(len(places))],
+    shuffled = Scene(
+        [scene.bodies[places.index(i)] for i in range(len(places))],
         [
             (places[b], places[a]) if swapped else (places[a], places[b])
-            for (a, b), swapped in zip((case.pairs[i] for i in order), swap, strict=True)
+            for (a, b), swapped in zip((scene.pairs[i] for i in order), swap, strict=True)
         ],
         [
-            case.contacts[i]._replace(normal=-case.contacts[i].normal) if swapped else case.contacts[i]
+            scene.contacts[i]._replace(normal=-scene.contacts[i].normal) if swapped else scene.contacts[i]
             for i, swapped in zip(order, swap, strict=True)
         ],
     )
     other = shuffled.resolve(law)
     back = other._replace(changes=tuple(other.changes[place] for place in places))
-    assert close(case, answer, back, law)
+    assert close(scene, answer, back, law)
 
 
 @each_seed
 @each_law
 def test_a_contact_given_again_changes_no_velocity(seed, law):
-    case = any_case(seed)
-    answer = case.resolve(law)
+    scene = any_scene(seed)
+    answer = scene.resolve(law)
     rng = random.Random(seed)
-    again = [rng.randrange(len(case.pairs)) for _ in range(3)]
-    doubled = Case(
-        case.bodies,
-        case.pairs + [case.pairs[i] for i in again],
-        case.contacts + [case.contacts[i] for i in again],
+    again = [rng.randrange(len(scene.pairs)) for _ in range(3)]
+    doubled = Scene(
+        scene.bodies,
+        scene.pairs + [scene.pairs[i] for i in again],
+        scene.contacts + [scene.contacts[i] for i in again],
     )
     other = doubled.resolve(law)
     if all(len(cluster) > 1 for cluster in answer.clusters):
         assert [t.linear for t in other.twists] == [t.linear for t in answer.twists]
-    assert close(case, answer, other, law) or len(answer.clusters) < len(case.pairs)
+    assert close(scene, answer, other, law) or len(answer.clusters) < len(scene.pairs)
 
 
 @each_seed
 @each_law
 def test_a_mirror_shows_the_mirrored_answer(seed, law):
-    case = any_case(seed)
-    answer = case.resolve(law)
+    scene = any_scene(seed)
+    answer = scene.resolve(law)
 
     def polar(v):
         return Vec3(-v[0], v[1], v[2])
@@ -159,54 +170,57 @@ def test_a_mirror_shows_the_mirrored_answer(seed, law):
             com=polar(body.com),
         )
 
-    image = Case(
-        [mirrored(body) for body in case.bodies],
-        case.pairs,
-        [c._replace(position=polar(c.position), normal=polar(c.normal)) for c in case.contacts],
+    image = Scene(
+        [mirrored(body) for body in scene.bodies],
+        scene.pairs,
+        [c._replace(position=polar(c.position), normal=polar(c.normal)) for c in scene.contacts],
     ).resolve(law)
     back = image._replace(changes=tuple(type(t)(polar(t.linear), axial(t.angular)) for t in image.changes))
-    assert close(case, answer, back, law)
+    assert close(scene, answer, back, law)
 
 
 @each_seed
 @each_law
 def test_every_observer_sees_the_same(seed, law):
     """Moving, and turned."""
-    case = any_case(seed)
-    answer = case.resolve(law)
+    scene = any_scene(seed)
+    answer = scene.resolve(law)
     rng = random.Random(seed)
     boost = Vec3(*(rng.uniform(-3, 3) for _ in range(3)))
     q = Quaternion(*(rng.gauss(0, 1) for _ in range(4)))
 
     def seen(body: Body) -> Body:
-        body = turned(body, q)
+        body = rotated(body, q)
         return body._replace(velocity=body.velocity + boost)
 
-    other = Case(
-        [seen(body) for body in case.bodies],
-        case.pairs,
-        [c._replace(position=turn(q, c.position), normal=turn(q, c.normal)) for c in case.contacts],
+    other = Scene(
+        [seen(body) for body in scene.bodies],
+        scene.pairs,
+        [c._replace(position=rotate(q, c.position), normal=rotate(q, c.normal)) for c in scene.contacts],
     ).resolve(law)
     inverse = Quaternion(-q.x, -q.y, -q.z, q.w)
     back = other._replace(
-        changes=tuple(type(t)(turn(inverse, t.linear), turn(inverse, t.angular)) for t in other.changes)
+        changes=tuple(type(t)(rotate(inverse, t.linear), rotate(inverse, t.angular)) for t in other.changes)
     )
-    assert close(case, answer, back, law)
+    assert close(scene, answer, back, law)
     bounds = answer.error_bound + other.error_bound
     if bounds < 1 and answer.model.law is other.model.law:
         lost, other_lost = (x.energy_lost_restitution + x.energy_lost_friction for x in (answer, other))
         # As the velocities are near one another, so are the works on them.
-        assert abs(lost - other_lost) <= (ENOUGH[law] + 4 * bounds) * size_of(case, answer) ** 2 + 1e-5 * lost
+        assert (
+            abs(lost - other_lost)
+            <= (ENOUGH[law] + 4 * bounds) * change_norm(scene, answer) ** 2 + 1e-5 * lost
+        )
 
 
 @each_seed
 @pytest.mark.parametrize("law", [*LAWS, Law.ROUTH_POISSON, Law.ROUTH_STRONGE], ids=lambda law: law.name)
 def test_one_contact_is_resolve(seed, law):
-    case = any_case(seed)
+    scene = any_scene(seed)
     model = ImpactModel(law)
-    (a, b), contact = case.pairs[0], case.contacts[0]
-    one = resolve(case.bodies[a], case.bodies[b], contact, model)
-    answer = resolve_scene(case.bodies, [(a, b)], [contact], model)
+    (a, b), contact = scene.pairs[0], scene.contacts[0]
+    one = resolve(scene.bodies[a], scene.bodies[b], contact, model)
+    answer = resolve_scene(scene.bodies, [(a, b)], [contact], model)
     assert (answer.twists[a], answer.twists[b]) == (one.twist_a, one.twist_b)
     assert (answer.changes[a], answer.impulses[0]) == (one.change_a, one.impulse)
     assert (answer.contacts[0], answer.model, answer.error_bound) == (one.contact, one.model, one.error_bound)
@@ -218,9 +232,9 @@ def test_one_contact_is_resolve(seed, law):
 @each_seed
 @each_law
 def test_far_clusters_are_separate_calls(seed, law):
-    one, other = any_case(seed), any_case(seed + 1000)
+    one, other = any_scene(seed), any_scene(seed + 1000)
     shift = len(one.bodies)
-    both = Case(
+    both = Scene(
         one.bodies + other.bodies,
         one.pairs + [(a + shift, b + shift) for a, b in other.pairs],
         one.contacts + other.contacts,
@@ -236,27 +250,27 @@ def test_far_clusters_are_separate_calls(seed, law):
 @each_seed
 def test_without_restitution_the_answer_is_the_projection(seed):
     """Against Dykstra's alternating projections, which share nothing with the method."""
-    case = random_case(seed, e=0.0, contacts=6)
-    answer = case.resolve(Law.FRICTIONLESS)
-    changes = _dykstra(case)
+    scene = random_scene(seed, e=0.0, contacts=6)
+    answer = scene.resolve(Law.FRICTIONLESS)
+    changes = _dykstra(scene)
     twists = [type(t)(*change) for t, change in zip(answer.twists, changes, strict=True)]
-    assert apart_by(case, twists, answer.changes) < 1e-6 or size_of(case, answer) < 1e-9
+    assert distance_of_changes(scene, twists, answer.changes) < 1e-6 or change_norm(scene, answer) < 1e-9
 
 
-def _dykstra(case: Case):
+def _dykstra(scene: Scene):
     """The nearest velocities, in the metric of kinetic energy, by which no contact approaches."""
     from collision_response.physics.effective_mass import ContactKinematics
 
     seen = [
-        ContactKinematics.of(case.bodies[a], case.bodies[b], c)
-        for (a, b), c in zip(case.pairs, case.contacts, strict=True)
+        ContactKinematics.of(scene.bodies[a], scene.bodies[b], c)
+        for (a, b), c in zip(scene.pairs, scene.contacts, strict=True)
     ]
     zero = Vec3(0.0, 0.0, 0.0)
-    changes = [[zero, zero] for _ in case.bodies]
+    changes = [[zero, zero] for _ in scene.bodies]
     pushes = [0.0] * len(seen)
     for _ in range(100_000):
         most = 0.0
-        for i, ((a, b), k) in enumerate(zip(case.pairs, seen, strict=True)):
+        for i, ((a, b), k) in enumerate(zip(scene.pairs, seen, strict=True)):
             u = k.n_u
             for body, side, sign in ((a, k.body_a, 1), (b, k.body_b, -1)):
                 linear, angular = changes[body]
@@ -265,7 +279,7 @@ def _dykstra(case: Case):
             pushes[i] += by
             most = max(most, abs(by) * k.n_Kn)
             for body, side, sign in ((a, k.body_a, 1), (b, k.body_b, -1)):
-                if case.bodies[body].is_movable():
+                if scene.bodies[body].is_movable():
                     twist = side.twist_change(k.n * (by * sign))
                     changes[body] = [changes[body][0] + twist.linear, changes[body][1] + twist.angular]
         if most < 1e-11:
@@ -276,9 +290,9 @@ def _dykstra(case: Case):
 def test_few_random_scenes_end_unbounded():
     unbounded = total = 0
     for seed in range(300):
-        case = random_case(seed)
+        scene = random_scene(seed)
         try:
-            answer = case.resolve(Law.FRICTIONLESS)
+            answer = scene.resolve(Law.FRICTIONLESS)
         except ImpactError:
             continue
         total += 1
@@ -289,20 +303,20 @@ def test_few_random_scenes_end_unbounded():
 
 @pytest.mark.parametrize("seed", range(25))
 def test_the_bound_holds_against_exact_rationals(seed):
-    case = random_case(seed, contacts=4)
-    answer = case.resolve(Law.FRICTIONLESS)
-    exact = Case(
-        [body._replace(mass=Fraction(body.mass)) if body.is_movable() else body for body in case.bodies],
-        *case[1:],
+    scene = random_scene(seed, contacts=4)
+    answer = scene.resolve(Law.FRICTIONLESS)
+    exact = Scene(
+        [body._replace(mass=Fraction(body.mass)) if body.is_movable() else body for body in scene.bodies],
+        *scene[1:],
     ).resolve(Law.FRICTIONLESS)
     assert exact.error_bound == 0
     if answer.error_bound == math.inf:
         return
     for cluster in answer.clusters:
-        bodies = {place for i in cluster for place in case.pairs[i] if case.bodies[place].is_movable()}
+        bodies = {place for i in cluster for place in scene.pairs[i] if scene.bodies[place].is_movable()}
         norms = {}
         for place in bodies:
-            body, change, true = case.bodies[place], answer.changes[place], exact.changes[place]
+            body, change, true = scene.bodies[place], answer.changes[place], exact.changes[place]
             off = [
                 float(Fraction(x) - y)
                 for v, w in zip(change, true, strict=True)
@@ -322,9 +336,9 @@ def test_the_bound_holds_against_exact_rationals(seed):
 
 @each_seed
 def test_the_rest_of_the_answer_is_consistent(seed):
-    case = any_case(seed)
-    answer = case.resolve(Law.COULOMB)
-    for body, twist, change in zip(case.bodies, answer.twists, answer.changes, strict=True):
+    scene = any_scene(seed)
+    answer = scene.resolve(Law.COULOMB)
+    for body, twist, change in zip(scene.bodies, answer.twists, answer.changes, strict=True):
         for after, before, by in (
             (twist.linear, body.velocity, change.linear),
             (twist.angular, body.angular_velocity, change.angular),
@@ -332,8 +346,8 @@ def test_the_rest_of_the_answer_is_consistent(seed):
             assert after == pytest.approx(Vec3(*before) + by, abs=1e-15)
     for regime, impulse in zip(answer.regimes, answer.impulses, strict=True):
         assert (regime is Regime.SEPARATING) == (not any(impulse))
-    assert sorted(i for cluster in answer.clusters for i in cluster) == list(range(len(case.pairs)))
-    assert str(answer).count("\n") >= len(case.bodies) + len(case.pairs)
+    assert sorted(i for cluster in answer.clusters for i in cluster) == list(range(len(scene.pairs)))
+    assert str(answer).count("\n") >= len(scene.bodies) + len(scene.pairs)
 
 
 def test_two_far_balls_on_one_floor_are_two_clusters():

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_graph import assign, state_of, until
+from ros_graph import assign, state_of, wait_until
 
 from collision_response import Body, Contact, ImpactModel, Law, StatusCode, resolve, resolve_scene
 from collision_response.msg import BodyState, SceneResult
@@ -94,7 +94,7 @@ def test_a_cradle_passes_its_speed_on(tried_node):
 def test_bodies_may_be_received(graph):
     graph.serve()
     states = graph.user.create_publisher(BodyState, "body_states", 10)
-    until(lambda: states.get_subscription_count() == 1)
+    wait_until(lambda: states.get_subscription_count() == 1)
     (first, *others), pairs, contacts = CRADLE
     for stamp, name, body in zip((4, 5), ("middle", "last"), others, strict=True):
         state = state_of(body)
@@ -117,7 +117,7 @@ def test_bodies_may_be_received(graph):
 def test_coefficients_are_filled_in_for_each_contact(graph):
     graph.serve(restitution=0.75, friction=0.125)
     states = graph.user.create_publisher(BodyState, "body_states", 10)
-    until(lambda: states.get_subscription_count() == 1)
+    wait_until(lambda: states.get_subscription_count() == 1)
     for i, (body, friction) in enumerate(zip(FLAT_BOX[0], (0.5, 0.25), strict=True)):
         state = state_of(body)
         state.name, state.friction, state.header.stamp.sec = f"body {i}", friction, 1
@@ -156,7 +156,7 @@ def test_pairs_of_materials_count_in_scenes(graph, tmp_path):
     file.write_text(MATERIALS)
     graph.serve(materials_file=str(file), friction=0.125)
     states = graph.user.create_publisher(BodyState, "body_states", 10)
-    until(lambda: states.get_subscription_count() == 1)
+    wait_until(lambda: states.get_subscription_count() == 1)
     ball = Body.dynamic(1.0, (0.4, 0, 0, 0.4, 0, 0.4), (0, 0, 1), velocity=(0.5, 0.0, -1.0))
     for name, body, material in (
         ("ball", ball, "rubber"),
@@ -292,7 +292,7 @@ def test_answers_are_published_refusals_included(graph):
     received = []
     late = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     graph.user.create_subscription(SceneResult, "collision_response/scene_result", received.append, late)
-    until(lambda: len(received) == 2)
+    wait_until(lambda: len(received) == 2)
     assert received == answers
     assert [result.sequence for result in received] == [1, 2]
 

@@ -7,7 +7,7 @@ import random
 from fractions import Fraction as F
 
 import pytest
-from scene_cases import Case, box, row, speeds
+from scene_cases import Scene, box, row_of_balls, speeds
 
 from collision_response import Adjustment, Body, Contact, ImpactModel, Law, Regime, StatusCode, resolve_scene
 from collision_response.scene.resolve_scene import THRESHOLD
@@ -32,10 +32,10 @@ GR, LCP, LZB = Law.FRICTIONLESS, Law.MOREAU, Law.ROUTH_STRONGE
     ],
 )  # fmt: skip
 def test_a_row_of_balls(velocities, e, masses, law, expected):
-    answer = row(velocities, e, masses).resolve(law)
+    answer = row_of_balls(velocities, e, masses).resolve(law)
     assert tuple(speeds(answer)) == expected
     assert answer.error_bound == 0
-    in_floats = row(velocities, e, masses, float).resolve(law)
+    in_floats = row_of_balls(velocities, e, masses, float).resolve(law)
     for speed, exact in zip(speeds(in_floats), expected, strict=True):
         assert abs(speed - exact) <= in_floats.error_bound * 2
     assert in_floats.error_bound < 1e-13
@@ -49,7 +49,9 @@ def test_a_row_of_balls(velocities, e, masses, law, expected):
     ],
 )
 def test_a_cradle_of_springs_disperses(exponent, expected):
-    answer = row((1, 0, 0), number=float).resolve(LZB, tolerance=1e-10, options={"exponent": exponent})
+    answer = row_of_balls((1, 0, 0), number=float).resolve(
+        LZB, tolerance=1e-10, options={"exponent": exponent}
+    )
     assert speeds(answer) == pytest.approx(expected, abs=1e-11)
     assert answer.status is StatusCode.OK
     assert answer.error_bound <= 1e-10
@@ -57,7 +59,7 @@ def test_a_cradle_of_springs_disperses(exponent, expected):
 
 
 def test_a_cradle_of_springs_loses_energy():
-    answer = row((1, 0, 0), 0.5, number=float).resolve(LZB)
+    answer = row_of_balls((1, 0, 0), 0.5, number=float).resolve(LZB)
     assert speeds(answer) == pytest.approx((0.209235, 0.218779, 0.571985), abs=1e-6)
 
 
@@ -68,17 +70,17 @@ def test_a_cradle_of_springs_loses_energy():
 )
 def test_the_ratio_of_stiffnesses_leads_from_all_at_once_to_one_after_another(ratio, expected):
     options = {"stiffness": [ratio, 1.0]}
-    answer = row((1, 0, 0), number=float).resolve(LZB, options=options)
+    answer = row_of_balls((1, 0, 0), number=float).resolve(LZB, options=options)
     assert speeds(answer) == pytest.approx(expected, abs=2e-2)
 
 
 def test_ten_balls_by_springs():
     """Converged; the first-order steps of Siconos' stored reference end at .1469234 and .9859561."""
-    answer = row((1, *(0,) * 9), number=float).resolve(LZB)
+    answer = row_of_balls((1, *(0,) * 9), number=float).resolve(LZB)
     assert speeds(answer)[-2:] == pytest.approx((0.1473903, 0.9858659), abs=1e-6)
 
 
-def cue_on_two(e: float) -> Case:
+def cue_on_two(e: float) -> Scene:
     """One ball on two, at 30 degrees to either side, along x."""
     c, s = 3**0.5 / 2, 0.5
     bodies = [
@@ -87,7 +89,7 @@ def cue_on_two(e: float) -> Case:
         Body.dynamic(1.0, position=(c, -s, 0.0)),
     ]
     contacts = [Contact.of((c / 2, y / 2, 0.0), (-c, -y, 0.0), e) for y in (s, -s)]
-    return Case(bodies, [(0, 1), (0, 2)], contacts)
+    return Scene(bodies, [(0, 1), (0, 2)], contacts)
 
 
 @pytest.mark.parametrize("law", [GR, LCP, LZB])
@@ -110,11 +112,11 @@ def test_a_flat_box_does_not_spin(law):
 
 @pytest.mark.parametrize("law", [GR, LCP, LZB])
 def test_a_flat_block_on_two_corners_does_not_spin(law):
-    case = box(size=(1, 1, 0.5))
-    two = Case(
-        case.bodies,
-        case.pairs[:2],
-        [c._replace(position=c.position._replace(y=0.0)) for c in case.contacts[::2]],
+    scene = box(size=(1, 1, 0.5))
+    two = Scene(
+        scene.bodies,
+        scene.pairs[:2],
+        [c._replace(position=c.position._replace(y=0.0)) for c in scene.contacts[::2]],
     )
     answer = two.resolve(law)
     assert answer.twists[0].linear == pytest.approx((0, 0, 1), abs=1e-9)
@@ -141,7 +143,7 @@ def test_a_rack(rows, expected):
     bodies[0] = bodies[0]._replace(position=bodies[0].position._replace(x=c - 1))
     pairs.insert(0, (0, 1))
     contacts.insert(0, Contact.of((c - 0.5, 0.0, 0.0), (-1.0, 0.0, 0.0)))
-    answer = Case(bodies, pairs, contacts).resolve(GR)
+    answer = Scene(bodies, pairs, contacts).resolve(GR)
     far = [answer.twists[-rows].linear, answer.twists[-1].linear]
     assert far[0].x == pytest.approx(far[1].x, abs=1e-13)
     assert far[0].y == pytest.approx(-far[1].y, abs=1e-13)
@@ -152,15 +154,15 @@ def test_a_rack(rows, expected):
 @pytest.mark.parametrize("number", [F, float])
 def test_reflections_jump_where_a_contact_begins_to_approach(number):
     """A gap that closes ever so slowly is struck at the same time as the first."""
-    case = row((1, 0, number(F(-1, 10**12))), number=number)
-    at_once = speeds(case.resolve(GR, options={"threshold": 0}))
+    scene = row_of_balls((1, 0, number(F(-1, 10**12))), number=number)
+    at_once = speeds(scene.resolve(GR, options={"threshold": 0}))
     assert at_once == pytest.approx((-1 / 3, 2 / 3, 2 / 3), abs=1e-11)
-    answer = case.resolve(GR)
+    answer = scene.resolve(GR)
     assert speeds(answer) == pytest.approx((0, 0, 1), abs=1e-11)
     assert answer.decision_margin < 1e-9
 
 
-def falling_pair(t, number, lengths=(1, 1), still: int = 0) -> Case:
+def falling_pair(t, number, lengths=(1, 1), still: int = 0) -> Scene:
     """A ball falls onto the floor, one onto it, t as fast beside it; and some that only touch the first."""
     zero, one = number(0), number(1)
     balls = [
@@ -171,7 +173,7 @@ def falling_pair(t, number, lengths=(1, 1), still: int = 0) -> Case:
     up = [Contact.of((zero,) * 3, (zero, zero, number(length)), one) for length in lengths]
     level = [Contact.of((zero, one, number(i)), (one, zero, zero), one) for i in range(still)]
     pairs = [(0, 2), (1, 0), *((0, 3 + i) for i in range(still))]
-    return Case([*balls, Body.static(), *beside], pairs, [*up, *level])
+    return Scene([*balls, Body.static(), *beside], pairs, [*up, *level])
 
 
 @pytest.mark.parametrize("lengths", [(1, 1), (4, 2)])
@@ -184,10 +186,10 @@ def falling_pair(t, number, lengths=(1, 1), still: int = 0) -> Case:
 )
 def test_an_approach_just_at_the_threshold_counts(number, t, lengths):
     """Both at once turn their speeds round; the first alone is struck again, and leaves with the second."""
-    case, little = falling_pair(t, number, lengths), F(1, 2**45)
+    scene, little = falling_pair(t, number, lengths), F(1, 2**45)
     both, joined = [1, 1 + t], [1 + t / 2, 1 + t / 2]
     for threshold, expected in ((0, both), (t - little, both), (t, both), (t + little, joined)):
-        answer = case.resolve(GR, options={"threshold": number(threshold)})
+        answer = scene.resolve(GR, options={"threshold": number(threshold)})
         assert [twist.linear.z for twist in answer.twists[:2]] == [number(z) for z in expected]
         assert answer.status is StatusCode.OK
         assert answer.decision_margin == number(min(abs(t - threshold), 1 - threshold))
@@ -207,7 +209,7 @@ def test_the_least_restitution_does_not_kill_a_bounce():
     flat = box(velocity=(0, 0, 0), e=0.0)
     ball = Body.dynamic(1.0, position=(0.0, 0.0, 1.5), velocity=(0.0, 0.0, -1.0))
     contact = Contact.of((0.0, 0.0, 1.0), (0.0, 0.0, 1.0), 0.8)
-    answer = Case([*flat.bodies, ball], [*flat.pairs, (2, 0)], [*flat.contacts, contact]).resolve(GR)
+    answer = Scene([*flat.bodies, ball], [*flat.pairs, (2, 0)], [*flat.contacts, contact]).resolve(GR)
     assert {c.restitution for c in answer.contacts} == {0.8}
     assert answer.twists[2].linear.z == pytest.approx(0.8, abs=1e-12)
 
@@ -237,9 +239,9 @@ def test_what_moreau_creates_within_rounding_counts_for_no_number(number):
 def test_one_restitution_is_for_a_cluster_that_is_struck(law):
     own = (0.25, 0.75)
     for velocities, expected in (((0, 1, 2), own), ((2, 1, 1), own[:1] * 2), ((1, 1, 0), own[1:] * 2)):
-        case = row(velocities, number=float)
-        contacts = [c._replace(restitution=e) for c, e in zip(case.contacts, own, strict=True)]
-        answer = case._replace(contacts=contacts).resolve(law)
+        scene = row_of_balls(velocities, number=float)
+        contacts = [c._replace(restitution=e) for c, e in zip(scene.contacts, own, strict=True)]
+        answer = scene._replace(contacts=contacts).resolve(law)
         assert tuple(contact.restitution for contact in answer.contacts) == expected
 
 

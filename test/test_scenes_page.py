@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from scene_cases import row, speeds
+from scene_cases import row_of_balls, speeds
 
 from collision_response import Law
 
@@ -37,7 +37,7 @@ def test_the_speeds_in_the_table_are_those_of_the_laws(line):
     law = Law[name.split("`")[1]]
     options = {"exponent": float(name.rpartition(" ")[2])} if "exponent" in name else {}
     for cell, (count, e) in zip(cells, ((3, 1.0), (3, 0.5), (5, 1.0)), strict=True):
-        answer = row((1, *[0] * (count - 1)), e, number=float).resolve(law, options=options)
+        answer = row_of_balls((1, *[0] * (count - 1)), e, number=float).resolve(law, options=options)
         assert speeds(answer) == pytest.approx(list(map(float, cell.split(", "))), abs=5.1e-5)
 
 

@@ -13,11 +13,11 @@ import pytest
 pytest.importorskip("rclpy")
 
 from attacks import rod_in_plane
+from exact_adapter import as_request
 from rcl_interfaces.msg import Log
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from reference import as_request
-from ros_graph import DEADLINE, assign, balls_meet, request_of, until
+from ros_graph import DEADLINE, assign, balls_meet, request_of, wait_until
 from test_source_systems import ROUNDING
 
 from collision_response import Body, Contact, Impact, Law, StatusCode, resolve
@@ -325,7 +325,7 @@ def test_results_reach_subscribers_that_come_late(graph):
 
     _, received = subscribe(graph)
 
-    until(lambda: len(received) == 2)
+    wait_until(lambda: len(received) == 2)
     assert received == answers
 
 
@@ -335,9 +335,9 @@ def test_results_from_before_and_after_a_subscription_arrive_in_order_once(graph
     _, first = subscribe(graph)
     after = [graph.call(balls_meet()).result for _ in range(3)]
     _, second = subscribe(graph)
-    until(lambda: len(second) >= 6)
+    wait_until(lambda: len(second) >= 6)
     last = graph.call(balls_meet()).result
-    until(lambda: last in first and last in second)
+    wait_until(lambda: last in first and last in second)
     assert first == second == [*before, *after, last]
 
 
@@ -345,14 +345,14 @@ def test_results_wait_again_when_the_last_subscriber_has_left(graph):
     node = graph.serve()
     subscription, received = subscribe(graph)
     heard = graph.call(balls_meet()).result
-    until(lambda: received == [heard])
+    wait_until(lambda: received == [heard])
     graph.user.destroy_subscription(subscription)
-    until(lambda: node.count_subscribers("collision_response/result") == 0)
+    wait_until(lambda: node.count_subscribers("collision_response/result") == 0)
     unheard = graph.call(balls_meet()).result
 
     _, received = subscribe(graph)
 
-    until(lambda: len(received) == 2)
+    wait_until(lambda: len(received) == 2)
     assert received == [heard, unheard]
 
 
@@ -360,7 +360,7 @@ def test_the_last_hundred_results_wait(graph):
     graph.serve()
     answers = [graph.call(balls_meet()).result for _ in range(103)]
     _, received = subscribe(graph)
-    until(lambda: answers[-1] in received)
+    wait_until(lambda: answers[-1] in received)
     assert received == answers[3:]
 
 
@@ -377,9 +377,9 @@ def test_what_nobody_hears_is_not_published(graph, monkeypatch):
     graph.call(balls_meet())
     assert published == []
     _, received = subscribe(graph)
-    until(lambda: received)
+    wait_until(lambda: received)
     graph.call(balls_meet())
-    until(lambda: len(received) == 2)
+    wait_until(lambda: len(received) == 2)
     assert published == [1, 2]
 
 
@@ -406,7 +406,7 @@ def boxes_in_space() -> tuple[Body, Body, Contact]:
 
 
 FALLS_BACK = rod_on_plane(slope=2.0, restitution=0.9, slip=0.5)
-SCENES = {
+COLLISIONS = {
     "stopped": rod_on_plane(slope=1.0, restitution=0.5, slip=0.0),
     "sliding": rod_on_plane(slope=1.0, restitution=0.5, slip=1.0),
     "reversed": FALLS_BACK,
@@ -433,10 +433,10 @@ def assert_same(result: CollisionResult, impact: Impact) -> None:
         assert (message.x, message.y, message.z) == vector
 
 
-@pytest.mark.parametrize(("scene", "law"), list(product(SCENES, LAWS)))
-def test_an_answer_over_the_wire_is_that_of_the_library(tried_node, scene, law):
-    result = tried_node.call(request_of(*SCENES[scene], law=law)).result
-    assert_same(result, resolve(*SCENES[scene], Model(law)))
+@pytest.mark.parametrize(("collision", "law"), list(product(COLLISIONS, LAWS)))
+def test_an_answer_over_the_wire_is_that_of_the_library(tried_node, collision, law):
+    result = tried_node.call(request_of(*COLLISIONS[collision], law=law)).result
+    assert_same(result, resolve(*COLLISIONS[collision], Model(law)))
 
 
 def test_a_fall_back_is_told_over_the_wire(tried_node):
@@ -463,8 +463,8 @@ def test_the_node_logs_what_the_scene_requires(graph):
         Log, "/rosout", said.append, QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     )
     graph.serve(scene_tolerance=1e-6)
-    graph.call(request_of(*SCENES["sliding"]))
-    until(
+    graph.call(request_of(*COLLISIONS["sliding"]))
+    wait_until(
         lambda: [
             log for log in said if log.msg.startswith("the scene requires PLANAR: body_a - body_b turns")
         ]

@@ -17,7 +17,7 @@ pytest.importorskip("nav_msgs")
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.parameter import Parameter
-from ros_graph import DEADLINE, until
+from ros_graph import DEADLINE, wait_until
 from std_msgs.msg import String
 
 from collision_response import StatusCode
@@ -155,7 +155,7 @@ def test_a_robot_drives_against_a_wall(graph, start):
     start()
     description = graph.user.create_publisher(String, "robot_description", LATCHED)
     odom = graph.user.create_publisher(Odometry, "odom", 10)
-    until(odom.get_subscription_count)
+    wait_until(odom.get_subscription_count)
     h = math.sqrt(0.5)
     driving = odometry(turn=(0, 0, h, h), linear=(2, 0, 0), child="robot1/base_footprint")
 
@@ -172,7 +172,7 @@ def test_a_robot_drives_against_a_wall(graph, start):
 
     assert ask() is None  # nobody has said what it weighs
     description.publish(String(data=ROBOT))
-    result = until(ask)
+    result = wait_until(ask)
     assert components(result.twist_a.linear) == pytest.approx((0, -1, 0), abs=ROUNDING)
     assert components(result.impulse) == pytest.approx((0, -30, 0), abs=1e-12)
     assert result.effective_mass == pytest.approx(10.0)
@@ -186,8 +186,8 @@ def test_a_description_may_be_a_file_and_the_body_have_another_name(graph, start
     )
     start(description_file=str(file), name="crate")
     odom = graph.user.create_publisher(Odometry, "odom", 10)
-    until(odom.get_subscription_count)
-    until(lambda: odom.publish(odometry(child="box/link")) or start.heard)
+    wait_until(odom.get_subscription_count)
+    wait_until(lambda: odom.publish(odometry(child="box/link")) or start.heard)
     assert (start.heard[0].name, start.heard[0].inertia.m) == ("crate", 3.0)
 
 
@@ -196,13 +196,13 @@ def test_each_body_that_is_left_out_is_named(graph, start):
     said = []
     source._report = Throttled(said.append, lambda: 0.0)
     odom = graph.user.create_publisher(Odometry, "odom", 10)
-    until(odom.get_subscription_count)
+    wait_until(odom.get_subscription_count)
 
     def publish():
         for frame in ("left", "right", "left"):
             odom.publish(odometry(child=frame))
 
-    until(lambda: publish() or len(said) >= 2)
+    wait_until(lambda: publish() or len(said) >= 2)
     no_description = "is left out: no robot_description has been received"
     assert sorted(said) == [f"{frame!r} {no_description}" for frame in ("left", "right")]
 
@@ -264,7 +264,7 @@ def test_a_frame_of_tf_is_a_link_with_what_is_fixed_to_it(graph, start, tf2_ros,
         i = next(steps)
         buffer.set_transform(transform(1 + 0.001 * i, (0.002 * i, 0, 0), 0.004 * i), "test")
 
-    until(lambda: move() or len(start.heard) >= 5)
+    wait_until(lambda: move() or len(start.heard) >= 5)
     for state in start.heard:
         assert (state.name, state.inertia.m, state.inertia.com.x) == ("tool", 9.0, 0.25)
         assert components(state.twist.linear) == pytest.approx((2, 0, 0), abs=1e-9)
@@ -300,7 +300,7 @@ def run(*arguments: str) -> subprocess.Popen:
 
 def test_the_process_ends_on_a_signal(graph):
     process = run("-r", f"__ns:={graph.namespace}")
-    until(
+    wait_until(
         lambda: ("collision_response_states", graph.namespace) in graph.user.get_node_names_and_namespaces()
     )
     process.send_signal(signal.SIGINT)

@@ -11,7 +11,7 @@ pytest.importorskip("rclpy")
 from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_graph import DEADLINE, assign, ball, balls_meet, until
+from ros_graph import DEADLINE, assign, ball, balls_meet, wait_until
 from rosgraph_msgs.msg import Clock
 
 from collision_response import StatusCode
@@ -48,7 +48,7 @@ class Publisher:
             known = answer.result.status.code != StatusCode.UNKNOWN_BODY
             return answer if known and until_answer(answer) else None
 
-        return until(answer)
+        return wait_until(answer)
 
 
 def test_a_body_given_by_name_is_looked_up(graph):
@@ -126,7 +126,7 @@ def simulated_clock(graph, **parameters):
             clock.publish(message)
             return node.get_clock().now().nanoseconds == seconds * 1e9
 
-        until(arrived)
+        wait_until(arrived)
 
     return set_clock
 
@@ -163,7 +163,7 @@ def test_a_request_overtakes_no_state_published_before_it(graph):
     """Each state is the last of many: taken one at a time, the request would be answered with the first."""
     graph.serve()
     states = graph.user.create_publisher(BodyState, "body_states", 1000)
-    until(lambda: states.get_subscription_count() == 1)
+    wait_until(lambda: states.get_subscription_count() == 1)
     for speed in range(1, 20):
         for other in range(30):
             states.publish(ball(name=f"other {other}"))
@@ -190,7 +190,7 @@ def test_a_request_waits_for_the_state_that_it_asks_for(graph):
         publisher.send(left_ball(5.0, stamp=20.5))
         return future.done()
 
-    until(answered)
+    wait_until(answered)
     result = future.result().result
     assert (result.normal_velocity_before, result.state_stamp_b.sec) == (-6.0, 20)
 
@@ -298,7 +298,7 @@ def test_states_of_many_bodies_come_in_a_table(graph):
         tables.publish(message)
         return next(filter(lambda answer: answer.success, [graph.call(by_name())]), None)
 
-    answer = until(answer)
+    answer = wait_until(answer)
     assert answer.result.normal_velocity_before == -4.0
     assert answer.result.state_stamp_b.sec == 7
 
@@ -340,7 +340,7 @@ def test_an_answer_says_where_its_coefficients_came_from(graph):
     request.body_a.friction = 0.5
     result = graph.call(request).result
     assert (result.restitution_from, result.friction_from) == (result.FROM_BODIES, result.FROM_PARAMETER)
-    until(
+    wait_until(
         lambda: any(
             log.msg.startswith("only one of two bodies has a coefficient of friction") for log in said
         )
@@ -348,5 +348,5 @@ def test_an_answer_says_where_its_coefficients_came_from(graph):
     graph.call(request)
     request.body_a.restitution = -1.0
     graph.call(request)
-    until(lambda: any("coefficient of restitution" in log.msg for log in said))
+    wait_until(lambda: any("coefficient of restitution" in log.msg for log in said))
     assert sum("coefficient of friction" in log.msg for log in said) == 1

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from functools import cache
 
 import numpy as np
-from scenes import Scene
+from collisions import Collision
 
 from collision_response import (
     Body,
@@ -26,31 +26,34 @@ from collision_response.physics.vector import Vec3
 
 N = 300
 FIRST_FAULTY = 100
-FAULTS = (math.nan, math.inf, -1.0, 0.0, 2.0, 5e-309)
+FAULTY_VALUES = (math.nan, math.inf, -1.0, 0.0, 2.0, 5e-309)
 """Written over one number of a contact each; not all are wrong everywhere."""
 
 
 @cache
-def some(geometry: Geometry, *, oriented: bool = False) -> tuple[np.ndarray, np.ndarray]:
+def shared_batch(geometry: Geometry, *, oriented: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """``bodies`` and ``contacts``: sound ones first; the first four have an immovable body."""
     random = np.random.default_rng(int(geometry))
-    of, at = body_rows(geometry, oriented=oriented), contact_rows(geometry)
-    bodies, contacts = random.normal(size=(of.height, 2, N)), random.normal(size=(at.height, N))
-    bodies[of.mass] = random.uniform(0.5, 2.0, size=(1, 2, N))
-    bodies[of.inertia] = _inertias(geometry, random)
-    contacts[at.restitution] = random.uniform(size=N)
-    contacts[at.friction] = random.uniform(size=N)
-    bodies[of.mass, 1, 0:3], bodies[of.inertia, 1, 0:3] = math.inf, 0.0
-    bodies[of.mass, 0, 3], bodies[of.inertia, 0, 3] = math.inf, 0.0
+    body_row, contact_row = body_rows(geometry, oriented=oriented), contact_rows(geometry)
+    bodies, contacts = (
+        random.normal(size=(body_row.height, 2, N)),
+        random.normal(size=(contact_row.height, N)),
+    )
+    bodies[body_row.mass] = random.uniform(0.5, 2.0, size=(1, 2, N))
+    bodies[body_row.inertia] = _inertias(geometry, random)
+    contacts[contact_row.restitution] = random.uniform(size=N)
+    contacts[contact_row.friction] = random.uniform(size=N)
+    bodies[body_row.mass, 1, 0:3], bodies[body_row.inertia, 1, 0:3] = math.inf, 0.0
+    bodies[body_row.mass, 0, 3], bodies[body_row.inertia, 0, 3] = math.inf, 0.0
     if geometry is Geometry.SPATIAL:
         for thin_rod in (2, 4):
-            bodies[of.inertia, 0, thin_rod] = (0.25, 0.0, 0.0, 0.0, 0.0, 0.25)
+            bodies[body_row.inertia, 0, thin_rod] = (0.25, 0.0, 0.0, 0.0, 0.0, 0.25)
     _spoil(bodies, contacts, random)
-    bodies[of.mass, :, N - 1], bodies[of.inertia, :, N - 1] = math.inf, 0.0
-    contacts[at.normal, N - 2] = 0.0
-    bodies[of.inertia, 0, N - 3] = 3.0 if geometry is Geometry.PLANAR else _of_no_body(geometry)
+    bodies[body_row.mass, :, N - 1], bodies[body_row.inertia, :, N - 1] = math.inf, 0.0
+    contacts[contact_row.normal, N - 2] = 0.0
+    bodies[body_row.inertia, 0, N - 3] = 3.0 if geometry is Geometry.PLANAR else _of_no_body(geometry)
     if oriented:
-        bodies[of.orientation, 1, N - 4] = 0.0
+        bodies[body_row.orientation, 1, N - 4] = 0.0
     bodies.flags.writeable = contacts.flags.writeable = False
     return bodies, contacts
 
@@ -73,16 +76,20 @@ def _of_no_body(geometry: Geometry) -> tuple[float, ...]:
 def _spoil(bodies: np.ndarray, contacts: np.ndarray, random: np.random.Generator) -> None:
     numbers = [(bodies, (row, lane)) for row in range(bodies.shape[0]) for lane in (0, 1)]
     numbers += [(contacts, (row,)) for row in range(contacts.shape[0])]
-    spoilt = [(*number, fault) for number in numbers for fault in FAULTS]
+    spoilt = [(*number, fault) for number in numbers for fault in FAULTY_VALUES]
     random.shuffle(spoilt)
     for i, (array, index, fault) in zip(range(FIRST_FAULTY, N - 4), spoilt, strict=False):
         array[(*index, i)] = fault
 
 
-def scene_of(geometry: Geometry, bodies: np.ndarray, contacts: np.ndarray, i: int, number=float) -> Scene:
+def collision_at(
+    geometry: Geometry, bodies: np.ndarray, contacts: np.ndarray, i: int, number=float
+) -> Collision:
     """The bodies and the contact of a column, as the API for one impact takes them."""
-    of = body_rows(geometry, oriented=bodies.shape[0] == body_rows(Geometry.SPATIAL, oriented=True).height)
-    at = contact_rows(geometry)
+    body_row = body_rows(
+        geometry, oriented=bodies.shape[0] == body_rows(Geometry.SPATIAL, oriented=True).height
+    )
+    contact_row = contact_rows(geometry)
 
     def read(array: np.ndarray, rows: slice) -> list:
         return [number(x) for x in array[rows].tolist()]
@@ -92,29 +99,31 @@ def scene_of(geometry: Geometry, bodies: np.ndarray, contacts: np.ndarray, i: in
         return Vec3(*(zeros + components if at_end else components + zeros))
 
     def body(column: np.ndarray) -> Body:
-        position, velocity = vector(read(column, of.position)), vector(read(column, of.velocity))
-        turning = vector(read(column, of.angular_velocity), at_end=True)
-        inertia = read(column, of.inertia)
+        position, velocity = vector(read(column, body_row.position)), vector(read(column, body_row.velocity))
+        turning = vector(read(column, body_row.angular_velocity), at_end=True)
+        inertia = read(column, body_row.inertia)
         if geometry is not Geometry.SPATIAL:  # only the moment about z is known, and matters
             zz = inertia[0] if inertia else number(0.0)
             inertia = [zz, number(0.0), number(0.0), zz, number(0.0), zz]
-        orientation = read(column, of.orientation) if of.orientation != NOWHERE else None
-        return Body.dynamic(number(column[of.mass][0]), inertia, position, orientation, velocity, turning)
+        orientation = read(column, body_row.orientation) if body_row.orientation != NOWHERE else None
+        return Body.dynamic(
+            number(column[body_row.mass][0]), inertia, position, orientation, velocity, turning
+        )
 
     contact = contacts[:, i]
-    return Scene(
+    return Collision(
         body(bodies[:, 0, i]),
         body(bodies[:, 1, i]),
         Contact(
-            vector(read(contact, at.position)),
-            vector(read(contact, at.normal)),
-            number(contact[at.restitution][0]),
-            number(contact[at.friction][0]),
+            vector(read(contact, contact_row.position)),
+            vector(read(contact, contact_row.normal)),
+            number(contact[contact_row.restitution][0]),
+            number(contact[contact_row.friction][0]),
         ),
     )
 
 
-def is_tiny(bodies: np.ndarray) -> np.ndarray:
+def has_tiny_numbers(bodies: np.ndarray) -> np.ndarray:
     """The contacts with a number near the end of the range, where products underflow.
 
     There the programs of two layouts may differ, and one impact is computed in other units.
@@ -122,16 +131,19 @@ def is_tiny(bodies: np.ndarray) -> np.ndarray:
     return ((bodies != 0) & (abs(bodies) < 1e-290)).any(axis=(0, 1))
 
 
-def table_of(
-    scenes: Iterable[tuple[Body, Body, Contact]],
+def batch_of(
+    collisions: Iterable[tuple[Body, Body, Contact]],
     geometry: Geometry = Geometry.SPATIAL,
     *,
     oriented: bool = True,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Scenes as the columns of a batch, which is told only what its geometry models."""
-    scenes = list(scenes)
-    of, at = body_rows(geometry, oriented=oriented), contact_rows(geometry)
-    bodies, contacts = np.zeros((of.height, 2, len(scenes))), np.zeros((at.height, len(scenes)))
+    collisions = list(collisions)
+    body_row, contact_row = body_rows(geometry, oriented=oriented), contact_rows(geometry)
+    bodies, contacts = (
+        np.zeros((body_row.height, 2, len(collisions))),
+        np.zeros((contact_row.height, len(collisions))),
+    )
 
     def first(rows: slice, numbers: tuple[float, ...]) -> tuple[float, ...]:
         return numbers[: rows.stop - rows.start]
@@ -139,37 +151,42 @@ def table_of(
     def last(rows: slice, numbers: tuple[float, ...]) -> tuple[float, ...]:
         return numbers[len(numbers) - (rows.stop - rows.start) :]
 
-    for i, (body_a, body_b, contact) in enumerate(scenes):
+    for i, (body_a, body_b, contact) in enumerate(collisions):
         for side, body in enumerate((body_a, body_b)):
             column = bodies[:, side, i]
-            column[of.mass] = body.mass
-            column[of.inertia] = last(of.inertia, body.inertia)
-            column[of.position] = first(of.position, body.position)
-            column[of.velocity] = first(of.velocity, body.velocity)
-            column[of.angular_velocity] = last(of.angular_velocity, body.angular_velocity)
+            column[body_row.mass] = body.mass
+            column[body_row.inertia] = last(body_row.inertia, body.inertia)
+            column[body_row.position] = first(body_row.position, body.position)
+            column[body_row.velocity] = first(body_row.velocity, body.velocity)
+            column[body_row.angular_velocity] = last(body_row.angular_velocity, body.angular_velocity)
             if oriented:
-                column[of.orientation] = body.orientation or (0.0, 0.0, 0.0, 1.0)
-        contacts[at.position, i] = first(at.position, contact.position)
-        contacts[at.normal, i] = first(at.normal, contact.normal)
-        contacts[at.restitution, i], contacts[at.friction, i] = contact.restitution, contact.friction
+                column[body_row.orientation] = body.orientation or (0.0, 0.0, 0.0, 1.0)
+        contacts[contact_row.position, i] = first(contact_row.position, contact.position)
+        contacts[contact_row.normal, i] = first(contact_row.normal, contact.normal)
+        contacts[contact_row.restitution, i], contacts[contact_row.friction, i] = (
+            contact.restitution,
+            contact.friction,
+        )
     return bodies, contacts
 
 
-def by_single_impacts(geometry: Geometry, scenes: list[Scene], models: list[ImpactModel]) -> BatchResult:
+def resolve_one_by_one(
+    geometry: Geometry, collisions: list[Collision], models: list[ImpactModel]
+) -> BatchResult:
     """What a batch should give: each contact by the front door for one impact, in the precision of its model.
 
     AUTO without a tolerance is DOUBLE in batches. Its errors are not known there, nor if they are too large.
     """
     axes, spins = {Geometry.POINT: (3, 0), Geometry.PLANAR: (2, 1), Geometry.SPATIAL: (3, 3)}[geometry]
-    n = len(scenes)
+    n = len(collisions)
     velocity, spin, impulse = (np.full(shape, np.nan) for shape in ((axes, 2, n), (spins, 2, n), (axes, n)))
     status, bound, precision = np.zeros(n, np.uint8), np.full(n, np.nan), np.zeros(n, np.uint8)
-    for i, (scene, model) in enumerate(zip(scenes, models, strict=True)):
+    for i, (collision, model) in enumerate(zip(collisions, models, strict=True)):
         bounded = model.tolerance or model.precision is Precision.EXTENDED
         if not bounded and model.precision is Precision.AUTO:
             model = model._replace(precision=Precision.DOUBLE)
         try:
-            impact = resolve(*scene, model)
+            impact = resolve(*collision, model)
         except ImpactError as refusal:
             status[i] = refusal.code
             continue
@@ -182,14 +199,14 @@ def by_single_impacts(geometry: Geometry, scenes: list[Scene], models: list[Impa
     return BatchResult(velocity, spin, impulse, status, bound, precision)
 
 
-def each(function, result: BatchResult) -> BatchResult:
+def map_arrays(function, result: BatchResult) -> BatchResult:
     """The result with a function applied to each array that there is."""
     return BatchResult(*(None if array is None else function(array) for array in result))
 
 
 def columns(result: BatchResult, at) -> BatchResult:
     """Some contacts of a result."""
-    return each(lambda array: array[..., at], result)
+    return map_arrays(lambda array: array[..., at], result)
 
 
 def assert_same(one: BatchResult, other: BatchResult) -> None:

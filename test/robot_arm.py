@@ -45,7 +45,7 @@ class Arm(NamedTuple):
         return self.J @ np.linalg.solve(self.M, self.J.T)
 
 
-def arm() -> Arm:
+def robot_arm() -> Arm:
     """By the composite of the links: ``M = sum J_i^T diag(m, I) J_i``."""
     R, x, axes, links = np.eye(3), np.zeros(3), [], []
     for (xyz, rpy, mass, com, moments), q in zip(LINKS, Q, strict=True):

@@ -10,23 +10,23 @@ import exact
 from collision_response import Body, Contact, Impact, ImpactModel, Law
 
 
-def as_exact(body_a: Body, body_b: Body, contact: Contact) -> exact.Scene:
+def as_exact(body_a: Body, body_b: Body, contact: Contact) -> exact.PlainCollision:
     """A request of the package, as ``exact.py`` takes it."""
     a, b = (
-        exact.Solid(None if body.mass == math.inf else body.mass, *body[1:7]) for body in (body_a, body_b)
+        exact.PlainBody(None if body.mass == math.inf else body.mass, *body[1:7]) for body in (body_a, body_b)
     )
-    return exact.Scene(a, b, exact.Touch(*contact[:4]))
+    return exact.PlainCollision(a, b, exact.PlainContact(*contact[:4]))
 
 
-def as_request(scene: exact.Scene) -> tuple[Body, Body, Contact]:
+def as_request(collision: exact.PlainCollision) -> tuple[Body, Body, Contact]:
     """The other way round."""
 
-    def body(solid: exact.Solid) -> Body:
+    def body(solid: exact.PlainBody) -> Body:
         if solid.mass is None:
             return Body.kinematic(solid.position, solid.velocity, solid.spin)
         return Body.dynamic(*solid)
 
-    return body(scene.a), body(scene.b), Contact.of(*scene.contact)
+    return body(collision.a), body(collision.b), Contact.of(*collision.contact)
 
 
 def exact_answer(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> exact.Answer:
@@ -34,8 +34,8 @@ def exact_answer(body_a: Body, body_b: Body, contact: Contact, model: ImpactMode
     law = model.law
     if law is Law.AUTO:
         law = Law.COULOMB if contact.friction > 0 else Law.FRICTIONLESS
-    scene = as_exact(body_a, body_b, contact)
-    return exact.answer(scene, law.name, model.tangential_restitution, model.restitution_threshold)
+    collision = as_exact(body_a, body_b, contact)
+    return exact.answer(collision, law.name, model.tangential_restitution, model.restitution_threshold)
 
 
 def true_error(impact: Impact, truth: exact.Answer) -> float:

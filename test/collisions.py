@@ -11,9 +11,9 @@ import pytest
 pytest.importorskip("mpmath")
 
 import exact
+from exact_adapter import exact_answer
 from hypothesis import strategies as st
-from reference import exact_answer
-from scene_cases import turn, turned
+from scene_cases import rotate, rotated
 
 from collision_response import Body, Contact, ImpactModel, Law, resolve
 from collision_response.physics.orientation import Quaternion
@@ -24,7 +24,7 @@ LAWS_WITH_ORACLE = [Law.FRICTIONLESS, Law.COULOMB, *(Law[name] for name in exact
 LAWS_WITH_FRICTION = [law for law in LAWS_WITH_ORACLE if law is not Law.FRICTIONLESS]
 
 
-class Scene(NamedTuple):
+class Collision(NamedTuple):
     """Two bodies about to collide."""
 
     body_a: Body
@@ -34,16 +34,16 @@ class Scene(NamedTuple):
     def resolve(self, law: Law, **model):
         return resolve(*self, ImpactModel(law=law, **model))
 
-    def swapped(self) -> Scene:
-        return Scene(self.body_b, self.body_a, self.contact._replace(normal=-self.contact.normal))
+    def swapped(self) -> Collision:
+        return Collision(self.body_b, self.body_a, self.contact._replace(normal=-self.contact.normal))
 
-    def turned(self, q: Quaternion) -> Scene:
+    def turned(self, q: Quaternion) -> Collision:
         """The same scene, seen from a frame turned by ``q``."""
-        return Scene(
-            turned(self.body_a, q),
-            turned(self.body_b, q),
+        return Collision(
+            rotated(self.body_a, q),
+            rotated(self.body_b, q),
             self.contact._replace(
-                position=turn(q, self.contact.position), normal=turn(q, self.contact.normal)
+                position=rotate(q, self.contact.position), normal=rotate(q, self.contact.normal)
             ),
         )
 
@@ -87,14 +87,14 @@ immovable = st.builds(Body.kinematic, _vectors(1.0), _vectors(1.0), _vectors(1.0
 
 
 @st.composite
-def scenes(draw) -> Scene:
+def collisions(draw) -> Collision:
     normal = draw(_vectors(1.0).filter(lambda n: n.norm() > 0.1))
     contact = Contact.of(draw(_vectors(1.0)), normal, draw(_numbers(0.0, 1.0)), draw(_numbers(0.0, 3.0)))
-    return Scene(draw(bodies()), draw(st.one_of(bodies(), immovable)), contact)
+    return Collision(draw(bodies()), draw(st.one_of(bodies(), immovable)), contact)
 
 
 @st.composite
-def planar_scenes(draw) -> Scene:
+def planar_collisions(draw) -> Collision:
     def in_plane(v: Vec3) -> Vec3:
         return v._replace(z=0.0)
 
@@ -108,16 +108,16 @@ def planar_scenes(draw) -> Scene:
             com=in_plane(body.com),
         )
 
-    scene = draw(scenes().filter(lambda s: in_plane(s.contact.normal).norm() > 0.1))
-    contact = scene.contact._replace(
-        position=in_plane(scene.contact.position), normal=in_plane(scene.contact.normal)
+    collision = draw(collisions().filter(lambda s: in_plane(s.contact.normal).norm() > 0.1))
+    contact = collision.contact._replace(
+        position=in_plane(collision.contact.position), normal=in_plane(collision.contact.normal)
     )
-    return Scene(flat(scene.body_a), flat(scene.body_b), contact)
+    return Collision(flat(collision.body_a), flat(collision.body_b), contact)
 
 
-def random_scene(
+def random_collision(
     seed: int, *, slender: bool = False, friction: float | None = None, off_centre: bool = False
-) -> Scene:
+) -> Collision:
     """A scene whose bodies approach.
 
     ``slender`` ones have one moment 1e-4 of the others, ``off_centre`` ones their reference points away
@@ -139,6 +139,6 @@ def random_scene(
 
     while True:
         mu = rng.uniform(0, 1.2) if friction is None else friction
-        scene = Scene(body(), body(), Contact.of(vector(0.5), vector(1.0), rng.uniform(0, 1), mu))
-        if scene.resolve(Law.FRICTIONLESS).normal_impulse > 0:
-            return scene
+        collision = Collision(body(), body(), Contact.of(vector(0.5), vector(1.0), rng.uniform(0, 1), mu))
+        if collision.resolve(Law.FRICTIONLESS).normal_impulse > 0:
+            return collision
