@@ -19,8 +19,8 @@ from truth import error_of_impulse, true_error, truth_of
 from collision_response import Body, Contact, ImpactError, ImpactModel, Law, Precision, resolve
 from collision_response.batch import resolve_batch
 from collision_response.impact import impact
-from collision_response.in_python import on_balls
-from collision_response.in_python.on_fractions import body_as_fractions, contact_as_fractions
+from collision_response.in_python import arbitrary_precision
+from collision_response.in_python.exact_fractions import body_as_fractions, contact_as_fractions
 from collision_response.physics.mass_properties import sphere
 
 LAWS = [law for law in Law if law not in (Law.AUTO, Law.COMPLIANT)]  # of this no exact answer is known
@@ -158,8 +158,8 @@ def plotted(name: str, scene: Scene, skipped: dict[str, str]) -> list[dict[str, 
             by_resolve(scene, model).call,
         )
     model = ImpactModel(Law.FRICTIONLESS)
-    note("exact", "balls", true_error(on_balls.resolve(*scene, model), truth), None,
-         lambda: on_balls.resolve(*scene, model))  # fmt: skip
+    note("exact", "balls", true_error(arbitrary_precision.resolve(*scene, model), truth), None,
+         lambda: arbitrary_precision.resolve(*scene, model))  # fmt: skip
     note("exact", "fractions", error_of_impulse(in_fractions(scene).changes.impulse, truth), None,
          lambda: in_fractions(scene))  # fmt: skip
     for way, peer in peers_of(scene, skipped).items():

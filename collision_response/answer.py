@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from .model import Adjustment, Geometry, ImpactModel, Law, Precision
-from .numbers.number import Scalar
+from .numbers.operations import Scalar
 from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.laws import Regime

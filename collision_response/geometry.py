@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from .centre import com_in_world_axes
+from .body_conversions import com_in_world_axes
 from .model import Geometry
-from .numbers.number import Condition, all_of, all_zero, negation
+from .numbers.operations import Condition, all_of, all_zero, negation
 from .physics.body import Body
 from .physics.contact import Contact
 from .physics.tensor import ZERO_TENSOR

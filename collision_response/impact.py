@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .numbers.number import Condition, Scalar, choose, leave_range, negation, square_root
+from .numbers.operations import Condition, Scalar, choose, leave_range, negation, square_root
 from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics

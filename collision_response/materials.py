@@ -125,11 +125,11 @@ class Materials:
             ImportError: PyYAML is not installed.
         """
         try:
-            from .yaml_tree import YAMLError, tree_of
+            from .strict_yaml import YAMLError, load_yaml
         except ImportError:
             raise ImportError("a file of materials needs PyYAML: pip install pyyaml") from None
         try:
-            tree = tree_of(path.read_text())
+            tree = load_yaml(path.read_text())
         except (YAMLError, UnicodeDecodeError) as error:
             where = " ".join(str(error).split())
             raise ImpactError(StatusCode.INVALID_TABLE, str(path), f"is no YAML: {where}") from None

@@ -6,14 +6,14 @@ import math
 from enum import IntFlag
 from typing import Any, NamedTuple
 
-from .named import Named
+from .named_enum import NamedEnum
 from .physics.laws import Law as Law
 from .physics.laws import Settings
 from .physics.stiffness import METAL_ON_METAL
 from .status import ImpactError, StatusCode, limits, shown
 
 
-class Geometry(Named):
+class Geometry(NamedEnum):
     """How much of the motion is modelled."""
 
     AUTO = 1
@@ -26,7 +26,7 @@ class Geometry(Named):
     """Everything."""
 
 
-class Precision(Named):
+class Precision(NamedEnum):
     """The kinds of arithmetic. Each bounds its own error."""
 
     AUTO = 1

@@ -9,8 +9,8 @@ from typing import Any
 from . import validity
 from .answer import Impact, in_norm
 from .geometry import flattened, flattened_contact
-from .in_python import along_path, on_balls, on_fractions
-from .in_python.by_speed import friction_at_first, restitution_at
+from .in_python import along_path, arbitrary_precision, exact_fractions
+from .in_python.coefficients_at_speed import friction_at_first, restitution_at
 from .kernels import library
 from .kernels.protocol import Left
 from .model import DEFAULT, USEFUL, Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
@@ -56,7 +56,7 @@ def _left_to_python(
     """What the kernels do not answer, or not exactly enough: then ``answer`` is theirs, else it says why."""
     if answer == Left.REFUSED:
         validity.check_two(body_a, body_b)
-        a, b, numeric = on_balls.read(body_a, body_b, contact)
+        a, b, numeric = arbitrary_precision.read(body_a, body_b, contact)
         e_t = plan(model).settings.tangential_restitution
         validity.check(a, b, numeric, e_t, (body_a, body_b, contact))
         raise ImpactError(StatusCode.INTERNAL_ERROR, "request", "was refused for no known reason")
@@ -68,11 +68,11 @@ def _left_to_python(
             return _along_path(body_a, body_b, contact, model)
         return resolve(body_a, body_b, contact, model)
     if answer == Left.RATIONAL:
-        return on_fractions.resolve(body_a, body_b, contact, model)
+        return exact_fractions.resolve(body_a, body_b, contact, model)
     if answer == Left.GEOMETRY_TOO_SMALL:
         return _leaving_out(body_a, body_b, contact, model)
     may_climb = plan(model).last is Precision.EXTENDED
-    more = on_balls.resolve(body_a, body_b, contact, model) if may_climb else None
+    more = arbitrary_precision.resolve(body_a, body_b, contact, model) if may_climb else None
     if more is not None and not (isinstance(answer, Impact) and answer.error_bound < more.error_bound):
         return more
     has_threshold = model.restitution_threshold > 0 and contact.restitution > 0

@@ -6,10 +6,10 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from .named import Named
+from .named_enum import NamedEnum
 
 
-class StatusCode(Named):
+class StatusCode(NamedEnum):
     """How a request ended: the codes of ``msg/Status.msg``."""
 
     UNSET = 0

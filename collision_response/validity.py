@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from functools import reduce
 from typing import Any, NamedTuple
 
-from .numbers.number import Condition, Scalar, all_of, all_zero, choose, given_roundoff, negation
+from .numbers.operations import Condition, Scalar, all_of, all_zero, choose, given_roundoff, negation
 from .physics.body import ROUNDINGS, Body
 from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics

@@ -20,7 +20,7 @@ from ros_graph import assign, ball, balls_meet, request_of, wait_until
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, StatusCode
 from collision_response.batch import resolve_batch
 from collision_response.batch.rows import body_rows, contact_rows
-from collision_response.centre import at_centre
+from collision_response.body_conversions import with_com_as_reference
 from collision_response.msg import BodyState, CollisionResult
 from collision_response.ros import batch_client, batches
 from collision_response.ros.batch_client import pack, unpack
@@ -348,7 +348,7 @@ def hear(graph: Any, *states: BodyState) -> None:
 
 def column(layout: int, state: BodyState) -> np.ndarray:
     """The column of a table that a client would write for a body in this state."""
-    of, body = LAYOUTS[layout].bodies, at_centre(body_of("body", state))
+    of, body = LAYOUTS[layout].bodies, with_com_as_reference(body_of("body", state))
     numbers = np.zeros(of.height)
     numbers[of.mass] = body.mass
     for rows, quantity in (

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from collision_response.numbers.number import square_root
+from collision_response.numbers.operations import square_root
 from collision_response.physics.combine import CombineRule, combine
 
 coefficients = st.just(0.0) | st.floats(1e-100, 1)

@@ -27,7 +27,7 @@ from collision_response import (
     resolve,
 )
 from collision_response.model import USEFUL
-from collision_response.numbers.number import numbers_in
+from collision_response.numbers.operations import numbers_in
 from collision_response.physics.vector import Vec3
 
 FORMULAS = [Law.FRICTIONLESS, Law.COULOMB]

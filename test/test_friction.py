@@ -20,7 +20,7 @@ from collision_response import (
     resolve_scene,
 )
 from collision_response.derivatives import differentiate
-from collision_response.in_python.by_speed import slip_speed
+from collision_response.in_python.coefficients_at_speed import slip_speed
 from collision_response.physics.friction import stribeck, tabulated
 
 FLOOR = Body.static()

@@ -26,7 +26,7 @@ from collision_response.kernels.pairs import PAIR, in_pairs
 from collision_response.kernels.programs import SEEN_BY_FALLBACK
 from collision_response.kernels.symbol import Loop, Node, Tape, rebuilt
 from collision_response.model import plan
-from collision_response.numbers.number import (
+from collision_response.numbers.operations import (
     certain,
     choose,
     error_of,

@@ -14,11 +14,10 @@ import collision_response
 PACKAGE = Path(collision_response.__file__).parent
 FRONT = "collision_response"
 LAYERS = (
-    {"named", "numbers"},
-    {"status", "yaml_tree"},
+    {"named_enum", "numbers"},
+    {"status", "strict_yaml"},
     {"physics"},
-    {"body_numbers", "model"},
-    {"centre"},
+    {"body_conversions", "model"},
     {"answer", "description", "geometry", "impact", "materials", "validity"},
     {"kernels"},
     {"in_python"},
@@ -37,14 +36,14 @@ LAYERS = (
 """Rooms and single modules, from the bottom. Each may import what lies below it, and its own."""
 
 HEIGHT = {unit: height for height, layer in enumerate(LAYERS) for unit in layer}
-NOTHING_BUT = {"status": {"named"}, "physics": {"named", "numbers", "status"}}
+NOTHING_BUT = {"status": {"named_enum"}, "physics": {"named_enum", "numbers", "status"}}
 """Some may import less than all that lies below."""
 NOT = {"recording": {"batch", "kernels"}, "ros": {"kernels"}, "demo": {"kernels"}, "cli": {"kernels"}}
 STRANGERS = {
     "numbers": {"numpy", "flint"},
     "batch": {"numpy", "dask", "torch"},
     "description": {"numpy"},
-    "yaml_tree": {"yaml"},
+    "strict_yaml": {"yaml"},
     "identify": {"numpy", "scipy", "matplotlib", "rerun"},
     "derivatives": {"numpy"},
     "recording": {"numpy", "rerun", "pyarrow"},

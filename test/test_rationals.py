@@ -17,7 +17,7 @@ from collision_response import (
     resolve,
     resolve_scene,
 )
-from collision_response.numbers.number import square_root
+from collision_response.numbers.operations import square_root
 
 FLOOR = Body.static()
 BOX = Body.dynamic(F(1), (F(1, 6), 0, 0, F(1, 6), 0, F(1, 6)), velocity=(F(1, 3), 0, -1))

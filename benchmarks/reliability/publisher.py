@@ -34,7 +34,7 @@ class Template:
         from rclpy.serialization import serialize_message
 
         from collision_response import msg
-        from collision_response.body_numbers import numbers_of
+        from collision_response.body_conversions import body_to_numbers
 
         self.kind = getattr(msg, name)
         self.bodies = 1 if name == "BodyState" else TABLE
@@ -45,7 +45,7 @@ class Template:
             message = self.kind(names=list(map(name_of, range(TABLE))))
             message.header.frame_id = "world"
             message.numbers.extend(
-                float(number) for number in numbers_of(ALIGNED.body_a) for _ in range(TABLE)
+                float(number) for number in body_to_numbers(ALIGNED.body_a) for _ in range(TABLE)
             )
         self._bytes = bytearray(serialize_message(message))
         first = self._bytes.index(name_of(0).encode())

@@ -17,13 +17,13 @@ from rclpy.signals import SignalHandlerOptions
 from .. import Geometry, ImpactError, Law, Precision, StatusCode
 from ..answer import as_table, in_columns, in_digits
 from ..msg import BodyState
-from ..named import Named
+from ..named_enum import NamedEnum
 from ..ros.batch_client import unpack
 from ..ros.batch_fields import LAYOUTS
 from ..ros.intake import RCLError
 from ..scene.answer import scene_table
 from ..srv import ResolveCollision, ResolveCollisionBatch, ResolveScene
-from ..yaml_tree import YAMLError, tree_of
+from ..strict_yaml import YAMLError, load_yaml
 
 DESCRIPTION = """Sends a request to the node and shows the answer as a table. The request is YAML, as for
 ros2 service call; what is left out has its default, and constants may be written by name:
@@ -39,7 +39,7 @@ ros2 interface show collision_response/srv/ResolveCollision. The exit code is 1 
 request cannot be sent, 3 if nobody answers.
 """
 
-MODEL: dict[str, type[Named]] = {"law": Law, "geometry": Geometry, "precision": Precision}
+MODEL: dict[str, type[NamedEnum]] = {"law": Law, "geometry": Geometry, "precision": Precision}
 NAMES: dict[str, dict[str, int]] = {
     **{field: {member.name: int(member) for member in kind} for field, kind in MODEL.items()},
     "motion_type": {name: getattr(BodyState, name) for name in ("DYNAMIC", "KINEMATIC", "STATIC")},
@@ -73,7 +73,7 @@ def main(arguments: list[str]) -> int:
     kind, default, show = SERVICES[given.type]
     try:
         request = kind.Request()
-        tree = tree_of(_read() if given.request == "-" else given.request)
+        tree = load_yaml(_read() if given.request == "-" else given.request)
         fill(request, {} if tree is None else tree)  # nothing is a request in which all is left out
     except (Unclear, YAMLError) as error:
         print(f"collision_response call: {error}", file=sys.stderr)

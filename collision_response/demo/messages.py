@@ -5,7 +5,7 @@ from __future__ import annotations
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Twist
 
-from ..body_numbers import numbers_of
+from ..body_conversions import body_to_numbers
 from ..msg import BodyState, CollisionResult
 from ..msg import Contact as ContactMessage
 from ..physics.body import Body
@@ -32,7 +32,7 @@ def state_of(name: str, body: Body, stamp: Time) -> BodyState:
     if not body.is_movable():
         state.motion_type = BodyState.STATIC
         body = body._replace(mass=0.0)
-    return state_from(map(float, numbers_of(body)), state)
+    return state_from(map(float, body_to_numbers(body)), state)
 
 
 def contact_of(contact: Contact, stamp: Time) -> ContactMessage:

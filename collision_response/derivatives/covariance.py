@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..body_numbers import PARALLEL
+from ..body_conversions import IDENTITY_QUATERNION
 from ..model import DEFAULT, ImpactModel, check_by_one_code
 from ..physics.body import Body
 from ..physics.contact import Contact
@@ -217,7 +217,7 @@ def _moved(body: Body, shift: Array) -> Body:
         return body
     dx, theta, dv, dw = (Vec3(*part.tolist()) for part in np.split(shift, 4))
     half = theta * 0.5
-    q = body.orientation or PARALLEL
+    q = body.orientation or IDENTITY_QUATERNION
     v = Vec3(*q[:3])
     x, y, z = v + half * q.w + half.cross(v)
     turned = Quaternion(x, y, z, q.w - half.dot(v))

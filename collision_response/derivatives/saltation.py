@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..centre import com_in_world_axes, rotation_of
+from ..body_conversions import body_rotation, com_in_world_axes
 from ..model import DEFAULT, ImpactModel, check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
@@ -186,7 +186,7 @@ def _rate(body: Body, gravity: Sequence[float]) -> Array:
     v, w = np.array(body.velocity, float), np.array(body.angular_velocity, float)
     if not body.is_movable():
         return np.concatenate([v, w, np.zeros(6)])
-    R = np.array(rotation_of(body)[:3], float)
+    R = np.array(body_rotation(body)[:3], float)
     xx, xy, xz, yy, yz, zz = body.inertia
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], float)
     spin = R.T @ w

@@ -13,8 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..batch import body_rows, contact_rows, resolve_batch
-from ..body_numbers import PARALLEL
-from ..centre import at_centre, com_in_world_axes
+from ..body_conversions import IDENTITY_QUATERNION, com_in_world_axes, with_com_as_reference
 from ..model import Geometry, ImpactModel, Law
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
@@ -225,9 +224,9 @@ def _check_twist(field: str, body: Body, twist: Twist) -> None:
 
 def _write(column: Array, after: Array, root: Array, body: Body, twist: Twist) -> None:
     """One body of one impact, by its centre of mass."""
-    centre = at_centre(body)
+    centre = with_com_as_reference(body)
     column[BODY.mass], column[BODY.inertia], column[BODY.position] = body.mass, body.inertia, centre.position
-    column[BODY.orientation] = body.orientation or PARALLEL
+    column[BODY.orientation] = body.orientation or IDENTITY_QUATERNION
     column[BODY.velocity], column[BODY.angular_velocity] = centre.velocity, body.angular_velocity
     if not body.is_movable():
         after[:3], after[3:] = centre.velocity, body.angular_velocity

@@ -12,8 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ..body_numbers import body_of
-from ..centre import at_centre
+from ..body_conversions import body_from_numbers, with_com_as_reference
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..physics.vector import Vec3
@@ -45,7 +44,7 @@ def impacts_in(path: Path, within: float) -> Impacts:
     answered = [row for row in rows if row.get("Impact:request_a") and row.get("Impact:twist_a_after")]
     if not answered:
         raise ImpactError(StatusCode.INVALID_TABLE, TABLE, f"there are none in {path}")
-    bodies = {side: [at_centre(_body(row, side)) for row in answered] for side in "ab"}
+    bodies = {side: [with_com_as_reference(_body(row, side)) for row in answered] for side in "ab"}
     contacts = [_contact(row["Impact:request_contact"][0]) for row in answered]
     after = {side: [_answer(row, side) for row in answered] for side in "ab"}
     if within:
@@ -84,7 +83,7 @@ def _rows(path: Path, entity: str) -> Iterator[dict[str, Any]]:
 
 def _body(row: dict[str, Any], side: str) -> Body:
     own = row.get(f"Impact:inverse_inertia_{side}")
-    return body_of(row[f"Impact:request_{side}"][0], own[0] if own else None)
+    return body_from_numbers(row[f"Impact:request_{side}"][0], own[0] if own else None)
 
 
 def _contact(numbers: list[float]) -> Contact:
@@ -95,7 +94,7 @@ def _answer(row: dict[str, Any], side: str) -> Twist:
     """After the impact, of the centre of mass."""
     numbers = row[f"Impact:twist_{side}_after"][0]
     body = _body(row, side).with_twist(Twist(Vec3(*numbers[:3]), Vec3(*numbers[3:])))
-    return Twist(at_centre(body).velocity, body.angular_velocity)
+    return Twist(with_com_as_reference(body).velocity, body.angular_velocity)
 
 
 def _heard(path: Path, name: str) -> States:

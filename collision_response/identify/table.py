@@ -17,7 +17,7 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from ..body_numbers import body_of
+from ..body_conversions import body_from_numbers
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..physics.vector import Vec3
@@ -134,7 +134,7 @@ def _numbers(row: Row, names: list[str], default: float = 0.0) -> list[float]:
 
 def _body(row: Row, owner: str) -> Body:
     defaults = {owner + "m": math.inf, owner + "qw": 1.0}
-    return body_of([row.get(owner + name, defaults.get(owner + name, 0.0)) for name in BODY])
+    return body_from_numbers([row.get(owner + name, defaults.get(owner + name, 0.0)) for name in BODY])
 
 
 def _twist(row: Row, owner: str) -> Twist:

@@ -22,8 +22,8 @@ from ..physics.laws import Law, Settings
 from ..physics.laws.routh_by_speed import FINEST, of_path
 from ..status import StatusCode
 from .by_speed import friction_at, slip_speed
-from .on_balls import as_floats, weighted
-from .on_fractions import as_fraction, body_as_fractions, contact_as_fractions
+from .arbitrary_precision import as_floats, weighted
+from .exact_fractions import as_fraction, body_as_fractions, contact_as_fractions
 
 SAFETY = 4.0
 """The bound is this times the estimate, and more."""

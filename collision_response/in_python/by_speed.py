@@ -8,14 +8,14 @@ from collections.abc import Callable
 from .. import validity
 from ..kernels import library
 from ..model import check_number
-from ..numbers.number import square_root
+from ..numbers.operations import square_root
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.effective_mass import ContactKinematics
 from ..physics.laws import BY_SPEED, PATHS, Law
 from ..status import ImpactError, StatusCode
-from . import on_balls
-from .on_fractions import as_fraction
+from . import arbitrary_precision
+from .exact_fractions import as_fraction
 
 
 def restitution_at(speed: float, contact: Contact, field: str) -> float:
@@ -51,7 +51,7 @@ def friction_at_first(body_a: Body, body_b: Body, contact: Contact, law: Law) ->
         of_several = " of several contacts" if law in BY_SPEED else ""
         reason = f"{law.name} takes no friction{of_several} that depends on slip speed: give a number"
         raise ImpactError(StatusCode.INVALID_MODEL, "contact.friction", f"{reason}, or ask COULOMB")
-    validity.check(*on_balls.read(body_a, body_b, contact._replace(friction=0.0)), 0.0)
+    validity.check(*arbitrary_precision.read(body_a, body_b, contact._replace(friction=0.0)), 0.0)
     return friction_at(slip_speed(body_a, body_b, contact), contact)
 
 
@@ -61,7 +61,7 @@ def slip_speed(body_a: Body, body_b: Body, contact: Contact) -> float:
     Raises:
         ImpactError: OUT_OF_RANGE.
     """
-    a, b, touch = on_balls.read(body_a, body_b, contact, lambda x, _: as_fraction(x))
+    a, b, touch = arbitrary_precision.read(body_a, body_b, contact, lambda x, _: as_fraction(x))
     kinematics = ContactKinematics.of(a, b, touch)
     n, u = touch.normal, kinematics.u
     try:

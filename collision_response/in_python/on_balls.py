@@ -20,7 +20,7 @@ from ..kernels import library
 from ..model import Geometry, ImpactModel, Law, Precision, plan
 from ..numbers import balls
 from ..numbers.balls import Ball, Truth
-from ..numbers.number import numbers_in
+from ..numbers.operations import numbers_in
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.inverse_inertia import InverseInertia

@@ -8,7 +8,7 @@ from typing import Any
 from .. import geometry, validity
 from ..impact import Answer, Changes, Flags, Report, blow_of, impact
 from ..model import Adjustment, Geometry, Precision
-from ..numbers.number import choose, numbers_in
+from ..numbers.operations import choose, numbers_in
 from ..physics.column import Column
 from ..physics.effective_mass import BodyAtContact, ContactKinematics, ContactNumbers
 from ..physics.energy import kinetic_energy

@@ -17,7 +17,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator
 from itertools import count
 from typing import Any, NamedTuple
 
-from ..numbers.number import numbers_in
+from ..numbers.operations import numbers_in
 
 CONDITIONS = frozenset({"truth", "lt", "le", "eq", "and", "or", "not"})
 """The operations whose result is a truth value."""
@@ -90,7 +90,7 @@ class Tape:
     Args:
         outside: the tape around a loop, if this is the tape of one turn of it.
         of_derivatives: whether its numbers carry derivatives, not errors: see
-            :mod:`~collision_response.numbers.number`.
+            :mod:`~collision_response.numbers.operations`.
     """
 
     def __init__(self, outside: Tape | None = None, *, of_derivatives: bool = False) -> None:
@@ -211,23 +211,23 @@ class Symbol:
         return record("sqrt", self)
 
     def certain(self) -> Symbol:
-        """See :func:`~collision_response.numbers.number.certain`."""
+        """See :func:`~collision_response.numbers.operations.certain`."""
         return self if self.tape.of_derivatives else record("certain", self)
 
     def error_of(self) -> Symbol:
-        """See :func:`~collision_response.numbers.number.error_of`."""
+        """See :func:`~collision_response.numbers.operations.error_of`."""
         return self.tape.symbol(0.0) if self.tape.of_derivatives else record("error_of", self)
 
     def widened(self, by: Any) -> Symbol:
-        """See :func:`~collision_response.numbers.number.widened`."""
+        """See :func:`~collision_response.numbers.operations.widened`."""
         return self if self.tape.of_derivatives else record("widened", self, by)
 
     def varying_as(self, other: Callable[[], Any]) -> Symbol:
-        """See :func:`~collision_response.numbers.number.varying_as`."""
+        """See :func:`~collision_response.numbers.operations.varying_as`."""
         return record("varying_as", self, other()) if self.tape.of_derivatives else self
 
     def for_derivatives(self, other: Callable[[], Any]) -> Any:
-        """See :func:`~collision_response.numbers.number.for_derivatives`."""
+        """See :func:`~collision_response.numbers.operations.for_derivatives`."""
         return other() if self.tape.of_derivatives else self
 
     def value_of(self, function: str) -> Symbol:
@@ -235,7 +235,7 @@ class Symbol:
         return record(function, self)
 
     def called(self, formula: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-        """See :func:`~collision_response.numbers.number.called`."""
+        """See :func:`~collision_response.numbers.operations.called`."""
         if self.tape.of_derivatives:
             return formula(*arguments)
         tape, numbers = self.tape, list(numbers_in(arguments))
@@ -245,7 +245,7 @@ class Symbol:
         return rebuilt(result, (tape.write(Node("result", (call,), i)) for i in count()))
 
     def given_roundoff(self) -> Symbol:
-        """See :func:`~collision_response.numbers.number.given_roundoff`."""
+        """See :func:`~collision_response.numbers.operations.given_roundoff`."""
         return self.tape.write(Node("given_roundoff"))
 
     @staticmethod

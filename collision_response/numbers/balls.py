@@ -95,15 +95,15 @@ class Ball:
         return Ball(self.arb.nonnegative_part().sqrt())
 
     def certain(self) -> Ball:
-        """See :func:`~collision_response.numbers.number.certain`."""
+        """See :func:`~collision_response.numbers.operations.certain`."""
         return Ball(self.arb.mid())
 
     def error_of(self) -> Ball:
-        """See :func:`~collision_response.numbers.number.error_of`."""
+        """See :func:`~collision_response.numbers.operations.error_of`."""
         return Ball(self.arb.rad())
 
     def widened(self, by: Any) -> Ball:
-        """See :func:`~collision_response.numbers.number.widened`."""
+        """See :func:`~collision_response.numbers.operations.widened`."""
         return Ball(self.arb + arb(0, abs(_arb(by)).upper()))
 
 

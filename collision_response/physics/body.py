@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
-from ..numbers.number import (
+from ..numbers.operations import (
     Condition,
     Scalar,
     all_zero,

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ..numbers.number import Scalar
+from ..numbers.operations import Scalar
 from .body import Body, Twist
 from .effective_mass import BodyAtContact
 from .vector import Vec3

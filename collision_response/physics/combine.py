@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import Any
 
-from ..numbers.number import Scalar, choose, greater, lesser, square_root
+from ..numbers.operations import Scalar, choose, greater, lesser, square_root
 from ..status import shown
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ..numbers.number import Scalar
+from ..numbers.operations import Scalar
 from .vector import Vec3, as_vector
 
 

@@ -41,7 +41,7 @@ from __future__ import annotations
 from functools import reduce
 from typing import NamedTuple
 
-from ..numbers.number import Condition, Scalar, all_zero, certain, choose, greater, negation, square_root
+from ..numbers.operations import Condition, Scalar, all_zero, certain, choose, greater, negation, square_root
 from .body import Body, Twist
 from .contact import Contact
 from .inverse_inertia import SYMMETRY_TOLERANCE, InverseInertia

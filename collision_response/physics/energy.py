@@ -7,7 +7,7 @@ loses; each law says how much, in the form that rounds best.
 
 from __future__ import annotations
 
-from ..numbers.number import Scalar, choose
+from ..numbers.operations import Scalar, choose
 from .body import Body
 
 

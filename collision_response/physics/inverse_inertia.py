@@ -20,7 +20,7 @@ from collections.abc import Iterable
 from functools import reduce
 from typing import Any, NamedTuple
 
-from ..numbers.number import Condition, Scalar, all_of, choose, greater, negation, square_root
+from ..numbers.operations import Condition, Scalar, all_of, choose, greater, negation, square_root
 from ..status import ImpactError, StatusCode
 from .tensor import Symmetric3
 from .vector import Vec3

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
 from typing import Any, NamedTuple, ParamSpec
 
-from ..numbers.number import Scalar
+from ..numbers.operations import Scalar
 from ..status import ImpactError, StatusCode, shown
 from .tensor import ZERO_TENSOR, Symmetric3
 from .vector import ZERO, Vec3, as_vector

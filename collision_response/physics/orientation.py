@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ..numbers.number import Condition, Scalar, all_zero, choose, negation
+from ..numbers.operations import Condition, Scalar, all_zero, choose, negation
 from .vector import Vec3
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ..numbers.number import Scalar
+from ..numbers.operations import Scalar
 
 
 class Elastic(NamedTuple):

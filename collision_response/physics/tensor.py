@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, TypeVar
 
-from ..numbers.number import Condition, Scalar, certain, choose, greater, square_root
+from ..numbers.operations import Condition, Scalar, certain, choose, greater, square_root
 from .vector import AXES, Vec3
 
 T = TypeVar("T")

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ..numbers.number import Scalar, square_root
+from ..numbers.operations import Scalar, square_root
 from ..status import shown
 
 WHOLE = sys.float_info.min / sys.float_info.epsilon

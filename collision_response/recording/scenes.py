@@ -23,7 +23,7 @@ import pyarrow as pa
 import rerun as rr
 
 from .. import ImpactError, SceneImpact, resolve_scene
-from ..body_numbers import ROWS, body_of, numbers_of
+from ..body_conversions import ROWS, body_from_numbers, body_to_numbers
 from ..scene.answer import NUMBERS
 from . import table
 from .record import SceneRecord
@@ -93,7 +93,7 @@ def _request_of(row: SceneRecord) -> dict[str, Any]:
     contacts = zip(row.contacts, row.impact.contacts, strict=True)
     return {
         "bodies": [*row.names],
-        "request_bodies": [float(x) for body in row.bodies for x in numbers_of(body)],
+        "request_bodies": [float(x) for body in row.bodies for x in body_to_numbers(body)],
         "request_pairs": [float(i) for pair in row.pairs for i in pair],
         "request_contacts": [float(x) for asked, used in contacts for x in numbers_of_contact(asked, used)],
         "request_model": [float(x) for x in row.model],
@@ -102,7 +102,7 @@ def _request_of(row: SceneRecord) -> dict[str, Any]:
 
 def differences(row: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
     """Ask again what a row of ``/scenes`` asked: each column whose value is now another one; was, is."""
-    bodies = [body_of(numbers) for numbers in _split(row["request_bodies"], ROWS)]
+    bodies = [body_from_numbers(numbers) for numbers in _split(row["request_bodies"], ROWS)]
     contacts = [contact_of(numbers) for numbers in _split(row["request_contacts"], CONTACT)]
     pairs = [(int(a), int(b)) for a, b in _split(row["request_pairs"], 2)]
     try:

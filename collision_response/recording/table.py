@@ -34,7 +34,7 @@ from rerun.error_utils import RerunWarning
 
 from .. import Body, Contact, Geometry, ImpactError, ImpactModel, Law, Precision, resolve
 from ..answer import NUMBERS
-from ..body_numbers import ROWS, body_of, numbers_of
+from ..body_conversions import ROWS, body_from_numbers, body_to_numbers
 from ..physics.inverse_inertia import InverseInertia
 from ..physics.vector import Vec3
 from .layout import PLOTS
@@ -88,8 +88,8 @@ def answer_of(row: Record) -> dict[str, Any]:
 
 def _request_of(row: Record) -> dict[str, list[float]]:
     return {
-        "request_a": numbers_of(row.body_a),
-        "request_b": numbers_of(row.body_b),
+        "request_a": body_to_numbers(row.body_a),
+        "request_b": body_to_numbers(row.body_b),
         "request_contact": numbers_of_contact(row.contact, row.impact.contact),
         "request_model": [*row.model],
     }
@@ -234,7 +234,7 @@ def differences(row: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
 
 
 def _asked(row: dict[str, Any]) -> tuple[Body, Body, Contact, ImpactModel]:
-    a, b = (body_of(row[f"request_{side}"], row.get(f"inverse_inertia_{side}")) for side in "ab")
+    a, b = (body_from_numbers(row[f"request_{side}"], row.get(f"inverse_inertia_{side}")) for side in "ab")
     return a, b, contact_of(row["request_contact"]), model_of(row["request_model"])
 
 

@@ -14,8 +14,7 @@ from uuid import uuid4
 import numpy as np
 import rerun as rr
 
-from ..body_numbers import PARALLEL
-from ..centre import at_centre
+from ..body_conversions import IDENTITY_QUATERNION, with_com_as_reference
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..physics.vector import ZERO, Vec3
@@ -253,7 +252,7 @@ def bodies(rows: Iterable[Entry]) -> Iterator[Columns]:
     for row in rows:
         for name, body, after in _appearances(row):
             states = [*map(body.with_twist, after), body]
-            by_name[name].append((row, [at_centre(state) for state in states]))
+            by_name[name].append((row, [with_com_as_reference(state) for state in states]))
     for name, appearances in by_name.items():
         times = _times([row for row, _ in appearances])
         moments = [*zip(*(states for _, states in appearances), strict=True)]
@@ -354,7 +353,7 @@ def _in_words(row: Answer) -> str:
 
 
 def _poses(positions: np.ndarray, bodies: Sequence[Body]) -> Any:
-    turned = _units(_array((body.orientation or PARALLEL for body in bodies), length=4))
+    turned = _units(_array((body.orientation or IDENTITY_QUATERNION for body in bodies), length=4))
     return rr.Transform3D.columns(translation=positions, quaternion=turned)
 
 

@@ -15,7 +15,7 @@ from ..batch import BatchResult
 from ..batch.rows import TABLES, body_rows
 from ..model import Geometry, ImpactModel
 from ..msg import ImpactModel as ImpactModelMessage
-from ..named import Named
+from ..named_enum import NamedEnum
 from ..srv import ResolveCollisionBatch
 
 Array = np.ndarray[Any, Any]
@@ -56,4 +56,4 @@ def with_zeros(field: array[Any], shape: tuple[int, ...]) -> Array:
 def write_model(message: ImpactModelMessage, model: ImpactModel) -> None:
     """Fill in a model."""
     for field, value in model._asdict().items():
-        setattr(message, field, int(value) if isinstance(value, Named) else float(value))
+        setattr(message, field, int(value) if isinstance(value, NamedEnum) else float(value))

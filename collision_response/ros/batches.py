@@ -18,8 +18,7 @@ from builtin_interfaces.msg import Time
 
 from ..batch import BatchResult, is_bounded, resolve_with_pauses
 from ..batch.rows import Tables
-from ..body_numbers import PARALLEL
-from ..centre import at_centre
+from ..body_conversions import IDENTITY_QUATERNION, with_com_as_reference
 from ..model import Geometry, ImpactModel, check_model, law_for
 from ..msg import BodyState
 from ..physics.laws import Law
@@ -292,7 +291,7 @@ def _column(owner: str, state: BodyState, layout: Tables) -> list[float]:
     if body.is_articulated():
         reason = "is for ~/resolve_collision: tables hold rigid bodies"
         raise ImpactError(StatusCode.INVALID_INERTIA, f"{owner}.inverse_inertia", reason)
-    body = at_centre(body)
+    body = with_com_as_reference(body)
     if not all(map(math.isfinite, (*body.position, *body.velocity))):
         reason = "the centre of mass is, or moves, beyond float64"
         raise ImpactError(StatusCode.OUT_OF_RANGE, f"{owner}.com", reason)
@@ -303,7 +302,7 @@ def _column(owner: str, state: BodyState, layout: Tables) -> list[float]:
         return [body.mass, body.inertia.zz, *motion]
     column = [body.mass, *body.inertia, *body.position, *body.velocity, *body.angular_velocity]
     if layout.oriented:
-        return [*column, *(body.orientation or PARALLEL)]
+        return [*column, *(body.orientation or IDENTITY_QUATERNION)]
     if body.orientation and body.is_movable():
         reason = f"is {tuple(body.orientation)}, for which the layout must be SPATIAL_ORIENTED"
         raise ImpactError(StatusCode.INVALID_ORIENTATION, f"{owner}.pose.orientation", reason)

@@ -18,7 +18,7 @@ from geometry_msgs.msg import Twist as TwistMessage
 from geometry_msgs.msg import Vector3
 
 from ..answer import NUMBERS, Impact
-from ..body_numbers import PARALLEL
+from ..body_conversions import IDENTITY_QUATERNION
 from ..materials import Pair
 from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number
 from ..msg import BodyState, CollisionResult, SceneResult
@@ -130,7 +130,7 @@ def body_of(owner: str, state: BodyState) -> Body:
     position, q = vector_of(state.pose.position), state.pose.orientation
     turn = Quaternion(q.x, q.y, q.z, q.w)
     velocity, angular_velocity = vector_of(state.twist.linear), vector_of(state.twist.angular)
-    orientation = None if turn == PARALLEL else turn
+    orientation = None if turn == IDENTITY_QUATERNION else turn
     if state.motion_type != BodyState.DYNAMIC:
         _check_immovable(owner, state.motion_type, Twist(velocity, angular_velocity))
         return Body.kinematic(position, velocity, angular_velocity)._replace(orientation=orientation)

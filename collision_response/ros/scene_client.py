@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..body_numbers import numbers_of
+from ..body_conversions import body_to_numbers
 from ..model import DEFAULT, ImpactModel
 from ..physics.body import Body
 from ..physics.contact import Contact
@@ -49,7 +49,7 @@ def pack(
     """
     request = ResolveScene.Request(names=as_lines(names))
     request.header.frame_id = frame_id
-    columns = [numbers_of(body if body.is_movable() else body._replace(mass=0.0)) for body in bodies]
+    columns = [body_to_numbers(body if body.is_movable() else body._replace(mass=0.0)) for body in bodies]
     append(request.bodies, np.array(columns, float).T)
     request.immovable = [i for i, body in enumerate(bodies) if not body.is_movable()]
     append(request.pairs, np.array([*pairs], np.uint32).T)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..body_numbers import ROWS, body_of
+from ..body_conversions import ROWS, body_from_numbers
 from ..model import ImpactModel
 from ..msg import BodyState, SceneResult
 from ..msg import Contact as ContactMessage
@@ -268,7 +268,7 @@ def scene_of(
 
 
 def _body_in_table(owner: str, column: list[float], *, is_immovable: bool) -> Body:
-    body = body_of(column)
+    body = body_from_numbers(column)
     if is_immovable:
         still = Body.kinematic(body.position, body.velocity, body.angular_velocity)
         return still._replace(orientation=body.orientation)

@@ -15,7 +15,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from rclpy.serialization import deserialize_message
 
-from ..body_numbers import ROWS
+from ..body_conversions import ROWS
 from ..msg import BodyState, BodyStates
 
 LONGEST = 4096

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from ..answer import as_tuple, energies_of, in_columns, in_digits
 from ..model import Adjustment, ImpactModel
-from ..numbers.number import Scalar
+from ..numbers.operations import Scalar
 from ..physics.body import Twist
 from ..physics.contact import Contact
 from ..physics.laws import Law, Regime

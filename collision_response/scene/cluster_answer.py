@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from ..model import ImpactModel
-from ..numbers.number import Scalar
+from ..numbers.operations import Scalar
 from ..physics.body import Twist
 from ..physics.contact import Contact
 from ..physics.laws import Regime

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from ..numbers.number import Scalar
+from ..numbers.operations import Scalar
 from ..physics.body import Body, Twist
 from ..physics.column import Column
 from ..physics.contact import Contact

@@ -28,7 +28,7 @@ import math
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from ..numbers.number import Scalar
+from ..numbers.operations import Scalar
 from ..status import ImpactError, StatusCode
 from .rational_cluster import RationalCluster
 

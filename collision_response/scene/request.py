@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 from .. import validity
-from ..in_python import on_balls
+from ..in_python import arbitrary_precision
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..status import ImpactError, StatusCode, shown
@@ -110,7 +110,7 @@ def as_floats(
             return x
 
         given = bodies[a], bodies[b], contacts[i], read
-        floats[a], floats[b], touches[i] = with_scene_names(name, on_balls.read, *given)
+        floats[a], floats[b], touches[i] = with_scene_names(name, arbitrary_precision.read, *given)
         if any(lost):
             reason = (
                 "a number of it, or of its bodies, is no float: give fractions.Fraction for exact numbers"

@@ -8,11 +8,11 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from ..geometry import required
-from ..in_python import on_fractions
-from ..in_python.by_speed import friction_at_first, restitution_at
+from ..in_python import exact_fractions
+from ..in_python.coefficients_at_speed import friction_at_first, restitution_at
 from ..kernels import library
 from ..model import Adjustment, Geometry, ImpactModel, Precision
-from ..numbers.number import Scalar
+from ..numbers.operations import Scalar
 from ..physics.body import Body
 from ..physics.column import Column
 from ..physics.contact import Contact
@@ -305,9 +305,9 @@ def _locked(cluster: Any, parts: ClusterParts) -> RationalCluster | None:
 
 def _approaches(parts: ClusterParts) -> bool:
     """Whether a contact does, to all digits."""
-    bodies = list(map(on_fractions.body_as_fractions, parts.bodies))
+    bodies = list(map(exact_fractions.body_as_fractions, parts.bodies))
     for (a, b), given in zip(parts.pairs, parts.contacts, strict=True):
-        contact = on_fractions.contact_as_fractions(given)
+        contact = exact_fractions.contact_as_fractions(given)
         u, v = (Column.of(bodies[k], contact.position, contact.normal).velocity for k in (a, b))
         if u < v:
             return True
@@ -315,8 +315,8 @@ def _approaches(parts: ClusterParts) -> bool:
 
 
 def _in_fractions(parts: ClusterParts) -> RationalCluster:
-    bodies = list(map(on_fractions.body_as_fractions, parts.bodies))
-    contacts = [on_fractions.contact_as_fractions(_of_usual_length(c)) for c in parts.contacts]
+    bodies = list(map(exact_fractions.body_as_fractions, parts.bodies))
+    contacts = [exact_fractions.contact_as_fractions(_of_usual_length(c)) for c in parts.contacts]
     return RationalCluster(bodies, parts.pairs, contacts, parts.counts)
 
 

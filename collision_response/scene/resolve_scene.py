@@ -9,10 +9,10 @@ from fractions import Fraction
 from numbers import Integral
 from typing import Any, NamedTuple
 
-from ..in_python import on_fractions
+from ..in_python import exact_fractions
 from ..kernels import library
 from ..model import DEFAULT, Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
-from ..numbers.number import Scalar
+from ..numbers.operations import Scalar
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..physics.energy import kinetic_energy
@@ -192,8 +192,8 @@ def _as_fractions(scene: request.SceneRequest, law: Law) -> request.SceneRequest
     if not (law is Law.FRICTIONLESS or (law is Law.MOREAU and not scene.has_friction)):
         raise ImpactError(StatusCode.INVALID_MODEL, "model.law", f"{law.name} is not rational: give floats")
     return scene._replace(
-        bodies=list(map(on_fractions.body_as_fractions, scene.bodies)),
-        contacts=list(map(on_fractions.contact_as_fractions, scene.contacts)),
+        bodies=list(map(exact_fractions.body_as_fractions, scene.bodies)),
+        contacts=list(map(exact_fractions.contact_as_fractions, scene.contacts)),
     )
 
 

@@ -27,7 +27,7 @@ Considerations", J. Appl. Mech. 65 (1998) 939-951, eqs. 17-22.
 
 from __future__ import annotations
 
-from ...numbers.number import Condition, Scalar, called, choose, leave_range, square_root, varying_as
+from ...numbers.operations import Condition, Scalar, called, choose, leave_range, square_root, varying_as
 from ..effective_mass import ContactKinematics, ContactNumbers
 from .law import Coefficients, Outcome, Regime, Solution, slip_regime
 

@@ -53,7 +53,7 @@ from __future__ import annotations
 
 import math
 
-from ...numbers.number import (
+from ...numbers.operations import (
     Scalar,
     certain,
     choose,

@@ -13,7 +13,7 @@ from functools import reduce
 from operator import add
 from typing import NamedTuple
 
-from ...numbers.number import (
+from ...numbers.operations import (
     Condition,
     Scalar,
     choose,

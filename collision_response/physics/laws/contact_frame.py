@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ...numbers.number import Scalar, certain, choose, fixed, square_root
+from ...numbers.operations import Scalar, certain, choose, fixed, square_root
 from ..effective_mass import ContactKinematics
 from ..vector import Vec3
 

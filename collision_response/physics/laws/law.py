@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ...named import Named
-from ...numbers.number import Condition, Scalar, choose
+from ...named_enum import NamedEnum
+from ...numbers.operations import Condition, Scalar, choose
 from ..effective_mass import ContactKinematics, ContactNumbers
 from ..vector import Vec3
 
 
-class Law(Named):
+class Law(NamedEnum):
     """The impact laws; see ``docs/impact-laws.md`` for which to choose."""
 
     AUTO = 0
@@ -75,7 +75,7 @@ class Solution(NamedTuple):
     energy_lost_friction: Scalar
 
 
-class Regime(Named):
+class Regime(NamedEnum):
     """What friction did: the constants of ``msg/CollisionResult.msg``."""
 
     SEPARATING = 1

@@ -40,7 +40,7 @@ from __future__ import annotations
 
 import math
 
-from ...numbers.number import (
+from ...numbers.operations import (
     Condition,
     Scalar,
     certain,

@@ -46,7 +46,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import NamedTuple
 
-from ...numbers.number import Scalar
+from ...numbers.operations import Scalar
 from ...status import ImpactError, StatusCode
 from ..effective_mass import ContactKinematics
 from ..vector import Vec3

@@ -11,7 +11,7 @@ from functools import reduce
 from operator import add
 from typing import NamedTuple
 
-from ...numbers.number import Condition, Scalar, choose, fixed, greater, lesser, square_root
+from ...numbers.operations import Condition, Scalar, choose, fixed, greater, lesser, square_root
 from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row
 
 STEP_SHARE = 1 / 2  # of the path's, that each step may take

@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ...numbers.number import (
+from ...numbers.operations import (
     Condition,
     Scalar,
     certain,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 
-class Named(IntEnum):
+class NamedEnum(IntEnum):
     """The number of a constant of the messages, by name: ``print(Law.COULOMB)`` says ``COULOMB``."""
 
     def __str__(self) -> str:

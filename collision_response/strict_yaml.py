@@ -37,7 +37,7 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
 _Loader.add_constructor("tag:yaml.org,2002:timestamp", yaml.SafeLoader.construct_yaml_str)
 
 
-def tree_of(text: str) -> Any:
+def load_yaml(text: str) -> Any:
     """What a document holds.
 
     Raises:

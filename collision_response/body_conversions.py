@@ -1,0 +1,83 @@
+"""Convert bodies of plain floats: to and from the rows of ``BodyStates.msg``, and to the centre of mass."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from .physics.body import Body
+from .physics.inverse_inertia import InverseInertia
+from .physics.orientation import Quaternion, Rotation
+from .physics.tensor import Symmetric3
+from .physics.vector import ZERO, Vec3
+
+ROWS = 23
+"""How many numbers a rigid body has in ``BodyStates.msg``."""
+
+IDENTITY_QUATERNION = Quaternion(0.0, 0.0, 0.0, 1.0)
+"""The orientation of a body whose axes are parallel to the world's."""
+
+
+def body_to_numbers(body: Body) -> list[float]:
+    """Return the 23 numbers of a body, in the order of ``BodyStates.msg``.
+
+    The mass of an immovable body is infinite. The inverse inertia of an articulated body is not among them.
+    """
+    orientation = body.orientation or IDENTITY_QUATERNION
+    return [
+        body.mass,
+        *body.inertia,
+        *body.com,
+        *body.position,
+        *orientation,
+        *body.velocity,
+        *body.angular_velocity,
+    ]
+
+
+def body_from_numbers(numbers: Sequence[float], inverse_inertia: Sequence[float] | None = None) -> Body:
+    """Return the body with these numbers.
+
+    Args:
+        numbers: the 23 numbers that :func:`body_to_numbers` returns.
+        inverse_inertia: the 21 numbers of an articulated body's inverse inertia; ``None`` or NaN if the body
+            is rigid.
+    """
+    is_rigid = inverse_inertia is None or math.isnan(inverse_inertia[0])
+    orientation = Quaternion(*numbers[13:17])
+    return Body(
+        numbers[0],
+        Symmetric3(*numbers[1:7]),
+        Vec3(*numbers[10:13]),
+        None if orientation == IDENTITY_QUATERNION else orientation,
+        Vec3(*numbers[17:20]),
+        Vec3(*numbers[20:23]),
+        Vec3(*numbers[7:10]),
+        None if is_rigid else InverseInertia(*inverse_inertia or ()),
+    )
+
+
+def with_com_as_reference(body: Body) -> Body:
+    """Return the same body with its centre of mass as the reference point.
+
+    With ``c`` from the reference point to the centre of mass, the centre of mass is at ``x + c`` and moves
+    with ``v + w x c``.
+    """
+    if not any(body.com):
+        return body
+    c = com_in_world_axes(body)
+    return body._replace(
+        position=body.position + c, velocity=body.velocity + body.angular_velocity.cross(c), com=ZERO
+    )
+
+
+def com_in_world_axes(body: Body) -> Vec3:
+    """Vector from the reference point to the centre of mass, in world axes [m]."""
+    return body.com if body.orientation is None else body_rotation(body).to_world(body.com)
+
+
+def body_rotation(body: Body) -> Rotation:
+    """Rotation from body axes to world axes. The quaternion may have any length except 0."""
+    orientation = body.orientation or IDENTITY_QUATERNION
+    largest = max(map(abs, orientation))  # divide by it, so that no square overflows or underflows
+    return Quaternion(*(q / largest for q in orientation)).rotation()
