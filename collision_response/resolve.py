@@ -9,7 +9,7 @@ from typing import Any
 from . import validity
 from .answer import Impact, in_norm
 from .geometry import flattened, flattened_contact
-from .in_python import along_path, arbitrary_precision, exact_fractions
+from .in_python import arbitrary_precision, exact_fractions, friction_along_path
 from .in_python.coefficients_at_speed import friction_at_first, restitution_at
 from .kernels import library
 from .kernels.protocol import Left
@@ -109,7 +109,7 @@ def _with_numbers(body_a: Body, body_b: Body, contact: Contact, model: ImpactMod
 
 def _along_path(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:
     """The answer where friction is a function, by a law that follows it."""
-    impact = along_path.resolve(body_a, body_b, contact, model)
+    impact = friction_along_path.resolve(body_a, body_b, contact, model)
     return _leaving_out(body_a, body_b, contact, model) if impact is None else impact
 
 

@@ -27,8 +27,8 @@ from pages import rewrite, table
 from collision_response import Body, Contact, Geometry, ImpactModel, Law, Precision, Twist
 from collision_response.batch import contact_rows, resolve_batch
 from collision_response.identify import Impacts, SphereReadings, identify
+from collision_response.identify.from_table import impacts_of, readings_of, rows_of
 from collision_response.identify.plot import draw
-from collision_response.identify.table import impacts_of, readings_of, rows_of
 from collision_response.physics.vector import Vec3
 
 HERE = Path(__file__).parent

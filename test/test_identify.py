@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from collision_response import Body, Contact, ImpactError, ImpactModel, Law, StatusCode, Twist, resolve
 from collision_response.identify import Impacts, SphereReadings, compare, identify
 from collision_response.identify.__main__ import main
-from collision_response.identify.measured import BODY, TOUCH
-from collision_response.identify.table import impacts_of, rows_of
+from collision_response.identify.from_table import impacts_of, rows_of
+from collision_response.identify.measurements import BODY, TOUCH
 from collision_response.physics.vector import Vec3
 
 SOLVED = 1e-6

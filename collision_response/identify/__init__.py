@@ -15,6 +15,6 @@ It needs SciPy.
 from .compare import Comparison, compare
 from .estimates import Estimate
 from .identification import Identification, identify
-from .measured import Impacts, SphereReadings
+from .measurements import Impacts, SphereReadings
 
 __all__ = ["Comparison", "Estimate", "Identification", "Impacts", "SphereReadings", "compare", "identify"]

@@ -10,12 +10,12 @@ from typing import Any
 
 from ..model import Law
 from ..status import ImpactError
-from . import table
+from . import from_table
 from .compare import Comparison, compare
+from .from_recording import impacts_in
 from .identification import Identification, identify
-from .measured import Measured
+from .measurements import Measurements
 from .plot import draw
-from .recorded import impacts_in
 
 LAWS = {law.name.lower(): law for law in Law if law is not Law.AUTO}
 
@@ -25,7 +25,7 @@ def parser() -> argparse.ArgumentParser:
     it = argparse.ArgumentParser(
         prog="collision_response identify",
         description="Restitution and friction from measured impacts.",
-        epilog=table.__doc__,
+        epilog=from_table.__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     pair: dict[str, Any] = {"nargs": "+", "default": [], "metavar": "NAME=VALUE"}
@@ -100,16 +100,16 @@ def _failed(file: object, error: Exception) -> int:
     return 1
 
 
-def read(arguments: argparse.Namespace) -> Measured:
+def read(arguments: argparse.Namespace) -> Measurements:
     """The impacts of a file."""
     if arguments.file.suffix == ".rrd":
         return impacts_in(arguments.file, arguments.within)
-    rows = table.rows_of(arguments.file, dict(arguments.set))
+    rows = from_table.rows_of(arguments.file, dict(arguments.set))
     if "incidence" not in rows[0]:
-        return table.impacts_of(rows)
+        return from_table.impacts_of(rows)
     if arguments.speed is None or arguments.radius is None:
         raise ValueError("readings of a sphere need --speed, --radius and --errors")
-    return table.readings_of(rows, arguments.speed, arguments.radius, dict(arguments.errors))
+    return from_table.readings_of(rows, arguments.speed, arguments.radius, dict(arguments.errors))
 
 
 def _pair(text: str) -> tuple[str, str]:

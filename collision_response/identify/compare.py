@@ -9,8 +9,8 @@ import numpy as np
 
 from ..model import Law
 from .identification import Identification, identify
-from .measured import Measured, usable
-from .problem import ALIKE, unit_of
+from .least_squares import ALIKE, unit_of
+from .measurements import Measurements, usable
 
 LAWS = tuple(law for law in Law if law is not Law.AUTO)
 REDRAWN = 4000
@@ -48,7 +48,9 @@ class Comparison(NamedTuple):
         return "\n".join(lines)
 
 
-def compare(measured: Measured, laws: Sequence[Law] = LAWS, *, seed: int = 0, **options: Any) -> Comparison:
+def compare(
+    measured: Measurements, laws: Sequence[Law] = LAWS, *, seed: int = 0, **options: Any
+) -> Comparison:
     """Fit several laws, and see whether the impacts tell them apart.
 
     The interval of the excess is that of the bootstrap over the impacts, at the coefficients of the whole.

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .measured import Array
-from .problem import ALIKE, RANGES, Problem
+from .least_squares import ALIKE, RANGES, LeastSquares
+from .measurements import Array
 
 LARGE = 1e3
 """As good as infinite, for a coefficient."""
@@ -58,7 +58,7 @@ class Estimate(NamedTuple):
         return f"in [{self.low:.4g}, {self.high:.4g}]: not determined by these impacts"
 
 
-def estimates(problem: Problem, best: Any, values: Array) -> tuple[dict[str, Estimate], Estimate | None]:
+def estimates(problem: LeastSquares, best: Any, values: Array) -> tuple[dict[str, Estimate], Estimate | None]:
     """What is known of each coefficient, and of ``friction (1 + restitution)`` where it alone is known.
 
     Args:
@@ -77,7 +77,7 @@ def estimates(problem: Problem, best: Any, values: Array) -> tuple[dict[str, Est
     )
 
 
-def undetermined(problem: Problem, best: Any) -> dict[str, Estimate]:
+def undetermined(problem: LeastSquares, best: Any) -> dict[str, Estimate]:
     """What is not ruled out, of each coefficient that these impacts do not determine.
 
     Args:
@@ -90,7 +90,7 @@ def undetermined(problem: Problem, best: Any) -> dict[str, Estimate]:
     return found | {name: estimate for name, estimate in rest.items() if estimate is not None}
 
 
-def _variance(problem: Problem, best: Any) -> float:
+def _variance(problem: LeastSquares, best: Any) -> float:
     """Of a residual. One that is 0 whatever the coefficients are does not count: it was not measured, or lies
     across the plane of a planar impact."""
     counts = (best.fun != 0) | best.jac.any(axis=1)
@@ -125,7 +125,7 @@ def _product(x: Array, values: Array, names: tuple[str, ...], covariance: Array)
     return Estimate(x[mu] * (1 + x[e]), low, high, math.sqrt(slope @ covariance @ slope))
 
 
-def _unbounded(problem: Problem, best: Any, name: str, allowed: float) -> Estimate | None:
+def _unbounded(problem: LeastSquares, best: Any, name: str, allowed: float) -> Estimate | None:
     """What is not ruled out, of a coefficient that may be anything, or anything above some value."""
     (least, most, _), x, i = RANGES[name], best.x, problem.names.index(name)
     if problem.squares_with(x, name, min(most, LARGE)) > allowed:

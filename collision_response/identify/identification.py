@@ -10,8 +10,8 @@ from typing import NamedTuple
 from ..model import ImpactModel, Law, check_number
 from ..status import ImpactError, StatusCode
 from .estimates import Estimate, estimates, undetermined
-from .measured import Array, Measured, usable
-from .problem import ALIKE, COST, PRECISE, RANGES, Problem, unit_of
+from .least_squares import ALIKE, COST, PRECISE, RANGES, LeastSquares, unit_of
+from .measurements import Array, Measurements, usable
 
 FEW = 10
 """Of fewer impacts the bootstrap says little."""
@@ -63,7 +63,7 @@ class Identification(NamedTuple):
 
 
 def identify(
-    measured: Measured,
+    measured: Measurements,
     law: Law = Law.COULOMB,
     fit: Sequence[str] = (),
     given: Mapping[str, float] | None = None,
@@ -102,7 +102,7 @@ def identify(
     used = _used(measured, kind, len(fit))
     unit = unit_of(used, kind)
     given = {"restitution": 1.0, "friction": 0.0} | given
-    problem, best = Problem(used, law, fit, given, kind, loss, unit).best()
+    problem, best = LeastSquares(used, law, fit, given, kind, loss, unit).best()
     resampled = problem.resampled(best.x, resamples, seed)
     coefficients, combination = estimates(problem, best, resampled)
     others = dict(_others(problem))
@@ -125,7 +125,7 @@ def identify(
 
 
 def _check(
-    measured: Measured,
+    measured: Measurements,
     law: Law,
     fit: tuple[str, ...],
     given: Mapping[str, float],
@@ -159,7 +159,7 @@ def _check(
         check_number(f"given.{name}", value, least, most, StatusCode.INVALID_COEFFICIENT)
 
 
-def _used(measured: Measured, kind: str, count: int) -> Measured:
+def _used(measured: Measurements, kind: str, count: int) -> Measurements:
     """The impacts that say anything."""
     used = usable(measured, kind)
     if len(used) > count:
@@ -173,7 +173,7 @@ def _used(measured: Measured, kind: str, count: int) -> Measured:
     raise ImpactError(StatusCode.INVALID_TABLE, "impacts", reason)
 
 
-def _others(problem: Problem) -> Iterator[tuple[str, dict[str, float]]]:
+def _others(problem: LeastSquares) -> Iterator[tuple[str, dict[str, float]]]:
     """What residuals of other kinds lead to, where they determine anything."""
     for kind in problem.measured.kinds:
         used = usable(problem.measured, kind)
@@ -189,7 +189,7 @@ def _others(problem: Problem) -> Iterator[tuple[str, dict[str, float]]]:
 
 
 def _notes(
-    measured: Measured,
+    measured: Measurements,
     used: int,
     coefficients: Mapping[str, Estimate],
     others: Mapping[str, Mapping[str, float]],

@@ -6,13 +6,13 @@ import math
 from pathlib import Path
 
 from .identification import Identification
-from .measured import Measured, usable
+from .measurements import Measurements, usable
 
 INK, BLUE, ORANGE, GREY = "#222222", "#0072b2", "#d55e00", "#8a8a8a"
 MARKERS = "sD^v"
 
 
-def draw(found: Identification, measured: Measured, path: Path) -> None:
+def draw(found: Identification, measured: Measurements, path: Path) -> None:
     """Left: predicted over measured. Right: the coefficients, how far they are known, and what other
     residuals say.
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..model import Law
 from ..status import ImpactError, StatusCode
-from .measured import Array, Measured
+from .measurements import Array, Measurements
 
 
 class Range(NamedTuple):
@@ -61,7 +61,7 @@ PLACES = 4
 """From so many of the starts there is a search."""
 
 
-def unit_of(measured: Measured, kind: str) -> float:
+def unit_of(measured: Measurements, kind: str) -> float:
     """How far bodies are off that have no friction and stop or bounce fully: the root of the sum of squares.
 
     Unlike what was measured it is not 0 for bodies that stop, and the same in a frame that moves along.
@@ -70,7 +70,7 @@ def unit_of(measured: Measured, kind: str) -> float:
     return math.sqrt(sum((one**2).sum() for one in off)) or 1.0
 
 
-class Problem(NamedTuple):
+class LeastSquares(NamedTuple):
     """What is minimised.
 
     Attributes:
@@ -80,7 +80,7 @@ class Problem(NamedTuple):
         scale: a residual above this counts as an outlier; 0: none does.
     """
 
-    measured: Measured
+    measured: Measurements
     law: Law
     names: tuple[str, ...]
     given: Mapping[str, float]
@@ -116,7 +116,7 @@ class Problem(NamedTuple):
             squares = self.scale**2 * COST[self.loss](squares / self.scale**2)
         return float(squares.sum())
 
-    def best(self) -> tuple[Problem, Any]:
+    def best(self) -> tuple[LeastSquares, Any]:
         """With the scale of the middle residual of a fit that knows no outliers; and the solution.
 
         Residuals that are 0 do not say how noisy the others are.

@@ -1,4 +1,4 @@
-"""Measured impacts from a table: CSV, with a line for each impact.
+"""Measurements impacts from a table: CSV, with a line for each impact.
 
 Columns are named as the rows of ``BodyStates``, in SI units: ``m``, ``ixx ixy ixz iyy iyz izz``, ``comx
 comy comz``, ``x y z``, ``qx qy qz qw``, ``vx vy vz``, ``wx wy wz`` are of body_a before the impact. Those
@@ -22,7 +22,7 @@ from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..physics.vector import Vec3
 from ..status import ImpactError, StatusCode
-from .measured import Impacts, SphereReadings
+from .measurements import Impacts, SphereReadings
 
 INERTIA, COM = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"], ["comx", "comy", "comz"]
 POSITION, ORIENTATION = ["x", "y", "z"], ["qx", "qy", "qz", "qw"]

@@ -21,8 +21,8 @@ from ..physics.contact import Contact
 from ..physics.laws import Law, Settings
 from ..physics.laws.routh_by_speed import FINEST, of_path
 from ..status import StatusCode
-from .by_speed import friction_at, slip_speed
 from .arbitrary_precision import as_floats, weighted
+from .coefficients_at_speed import friction_at, slip_speed
 from .exact_fractions import as_fraction, body_as_fractions, contact_as_fractions
 
 SAFETY = 4.0

@@ -1,4 +1,4 @@
-"""Measured impacts from a recording of the node: its table ``/impacts``, and the states that it heard.
+"""Measurements impacts from a recording of the node: its table ``/impacts``, and the states that it heard.
 
 What the table has after an impact is the answer of a law, which no measurement is. What was measured is the
 first state of a body that was heard after it. Of that a recording has the velocity of the centre of mass.
@@ -17,7 +17,7 @@ from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..physics.vector import Vec3
 from ..status import ImpactError, StatusCode
-from .measured import Impacts
+from .measurements import Impacts
 
 TABLE = "/impacts"
 UNKNOWN = Vec3(math.nan, math.nan, math.nan)

@@ -1,4 +1,4 @@
-"""Measured impacts, and how far a law's predictions are from them.
+"""Measurements impacts, and how far a law's predictions are from them.
 
 :class:`Impacts` has the twists of both bodies, :class:`SphereReadings` what papers print of a sphere on a
 flat target.
@@ -31,7 +31,7 @@ ROUNDED = 1e-12
 BODY, TOUCH = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
 
 
-class Measured(Protocol):
+class Measurements(Protocol):
     """What coefficients can be fitted to."""
 
     @property
@@ -41,7 +41,7 @@ class Measured(Protocol):
     def __len__(self) -> int:
         """The number of impacts."""
 
-    def take(self, chosen: Array) -> Measured:
+    def take(self, chosen: Array) -> Measurements:
         """Some of the impacts, by number, each as often as it is named."""
 
     def approaching(self) -> Array:
@@ -61,7 +61,7 @@ EXTREMES = (0.0, 0.0), (1.0, 0.0), (0.0, 1e3)
 """Restitution and friction: where nothing that was measured differs, it tells of neither."""
 
 
-def usable(measured: Measured, kind: str) -> Measured:
+def usable(measured: Measurements, kind: str) -> Measurements:
     """The impacts that say anything by residuals of a kind: they approach, and what was measured after them
     depends on restitution or friction."""
     first, *others = (
@@ -143,19 +143,19 @@ class Impacts:
         return self.contacts.shape[1]
 
     def take(self, chosen: Array) -> Impacts:
-        """See :class:`Measured`."""
+        """See :class:`Measurements`."""
         return Impacts(*(table[..., chosen] for table in (self.bodies, self.contacts, self.after, self.root)))
 
     def approaching(self) -> Array:
-        """See :class:`Measured`."""
+        """See :class:`Measurements`."""
         return (self._at_contact(self._before()) * self.contacts[TOUCH.normal]).sum(axis=0) < 0
 
     def residuals(self, law: Law, coefficients: CoefficientValues, kind: str) -> Array:
-        """See :class:`Measured`."""
+        """See :class:`Measurements`."""
         return self._in_norm(kind, self.predict(law, coefficients) - self.after)
 
     def counts(self, kind: str) -> Array:
-        """See :class:`Measured`."""
+        """See :class:`Measurements`."""
         known = ~np.isnan(self.after) & np.isfinite(self.bodies[BODY.mass])
         linear, angular = known[:3], known[3:]
         if kind == "contact":
@@ -167,7 +167,7 @@ class Impacts:
         return np.concatenate(rows).reshape(-1, len(self))
 
     def sizes(self, kind: str) -> Array:
-        """See :class:`Measured`."""
+        """See :class:`Measurements`."""
         return self._in_norm(kind, self.after)
 
     def predict(self, law: Law, coefficients: CoefficientValues) -> Array:
@@ -324,27 +324,27 @@ class SphereReadings:
         return self._rows.shape[1]
 
     def take(self, chosen: Array) -> SphereReadings:
-        """See :class:`Measured`."""
+        """See :class:`Measurements`."""
         some = object.__new__(SphereReadings)
         some.kinds, some._sphere, some._rows = self.kinds, self._sphere, self._rows[:, chosen]
         some._impacts = self._impacts.take(chosen)
         return some
 
     def approaching(self) -> Array:
-        """See :class:`Measured`."""
+        """See :class:`Measurements`."""
         return self._impacts.approaching()
 
     def residuals(self, law: Law, coefficients: CoefficientValues, kind: str) -> Array:
-        """See :class:`Measured`; in errors of a reading."""
+        """See :class:`Measurements`; in errors of a reading."""
         return self._counted(kind, self.predict(law, coefficients) - self._rows[2])
 
     def counts(self, kind: str) -> Array:
-        """See :class:`Measured`."""
+        """See :class:`Measurements`."""
         of = range(len(self.QUANTITIES)) if kind == "all" else [self.QUANTITIES.index(kind)]
         return np.isin(self._rows[0], of)[None]
 
     def sizes(self, kind: str) -> Array:
-        """See :class:`Measured`."""
+        """See :class:`Measurements`."""
         return self._counted(kind, self._rows[2])
 
     def predict(self, law: Law, coefficients: CoefficientValues) -> Array:

@@ -42,7 +42,7 @@ def friction_at_first(body_a: Body, body_b: Body, contact: Contact, law: Law) ->
     Args:
         body_a, body_b, contact: of one impact.
         law: not AUTO. COMPLIANT takes no such function; Routh's laws, of one contact, follow it on its way
-            instead: see ``along_path.py``.
+            instead: see ``friction_along_path.py``.
 
     Raises:
         ImpactError: INVALID_MODEL, INVALID_COEFFICIENT or NOT_FINITE; or the request cannot be answered.
