@@ -53,10 +53,10 @@ def echo() -> None:
     from rclpy.signals import SignalHandlerOptions
 
     from collision_response.ros.server import SERVICE_QOS
-    from collision_response.ros.signals import on_signal
+    from collision_response.ros.signals import shutdown_requested
     from collision_response.srv import ResolveCollision, ResolveCollisionBatch
 
-    stop = on_signal()
+    stop = shutdown_requested()
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     node, executor = Node("collision_response"), SingleThreadedExecutor()
     response = ResolveCollision.Response(success=True)

@@ -21,7 +21,7 @@ from PIL import Image
 from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 
-from collision_response.recording.layout import blueprint
+from collision_response.recording.viewer_layout import blueprint
 
 ROOT = Path(__file__).resolve().parent.parent
 RECORDING = ROOT / "recordings" / "demo.rrd"

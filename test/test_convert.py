@@ -215,7 +215,7 @@ def test_a_dynamic_body_without_finite_mass_is_refused_by_name(mass):
     with pytest.raises(ImpactError) as raised:
         answer_to(request)
     assert raised.value.code is StatusCode.NOT_FINITE
-    assert convert.as_in_message(raised.value).startswith("body_a.inertia.m: must be finite")
+    assert convert.error_text(raised.value).startswith("body_a.inertia.m: must be finite")
 
 
 @pytest.mark.parametrize(

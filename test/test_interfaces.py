@@ -24,7 +24,7 @@ from collision_response import (
 )
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.ros.batch_fields import LAYOUTS
-from collision_response.ros.convert import NOTES, NUMBERS, Source
+from collision_response.ros.convert import ADJUSTMENT_NOTES, NUMBERS, CoefficientSource
 
 ROOT = Path(__file__).parent.parent
 
@@ -52,9 +52,9 @@ def test_models():
 
 def test_regimes_and_adjustments():
     adjustments = {flag.name: flag.value for flag in Adjustment if flag}
-    sources = {f"FROM_{name}": value for name, value in members(Source).items()}
+    sources = {f"FROM_{name}": value for name, value in members(CoefficientSource).items()}
     assert constants(msg.CollisionResult) == members(Regime) | adjustments | sources
-    assert set(NOTES) == {flag for flag in Adjustment if flag}
+    assert set(ADJUSTMENT_NOTES) == {flag for flag in Adjustment if flag}
 
 
 def test_every_number_of_an_impact_is_in_the_result():

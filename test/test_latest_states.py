@@ -13,7 +13,12 @@ from ros_graph import assign, ball
 
 from collision_response import ImpactError, StatusCode
 from collision_response.msg import BodyState, BodyStates
-from collision_response.ros.serialized import LONGEST, Broken, SerializedState, SerializedTable
+from collision_response.ros.serialized import (
+    MAX_STATE_SIZE,
+    MalformedMessage,
+    SerializedState,
+    SerializedTable,
+)
 from collision_response.ros.states import LatestStates
 
 NOW = 1_000 * 10**9
@@ -34,9 +39,9 @@ class Heard:
             info["publisher_gid"] = {"data": bytes([publisher]) * 16}
         message = state if isinstance(state, bytes) else serialize_message(state)
         if isinstance(state, BodyStates):
-            self.states.hear_table(message, info)
+            self.states.add_table(message, info)
         else:
-            self.states.hear(message, info)
+            self.states.add(message, info)
 
     def knows(self, name):
         try:
@@ -73,7 +78,7 @@ def test_the_later_stamp_counts_whatever_arrives_last():
     heard.hear(left(2.0, 11))
     heard.hear(left(1.0, 10))
     assert heard.speed() == 2.0
-    assert heard.states.overtaken == 1
+    assert heard.states.outdated == 1
 
 
 def test_of_equal_stamps_and_without_one_the_last_to_arrive_counts():
@@ -85,7 +90,7 @@ def test_of_equal_stamps_and_without_one_the_last_to_arrive_counts():
     assert heard.speed() == 3.0
     heard.hear(left(4.0, 10))
     assert heard.speed() == 4.0
-    assert heard.states.overtaken == 0
+    assert heard.states.outdated == 0
 
 
 def test_a_state_from_the_future_does_not_shut_out_the_others():
@@ -151,7 +156,7 @@ def test_the_one_that_arrived_last_counts_whatever_it_came_in(known, new, kinds)
         state = table(["left"], seconds, speed) if kind == "table" else left(speed, seconds)
         heard.hear(state, publisher)
     assert heard.speed() == 2.0
-    assert heard.states.overtaken == 0
+    assert heard.states.outdated == 0
 
 
 def test_a_table_stands_for_the_one_before_of_its_publisher_and_for_no_other():
@@ -307,7 +312,7 @@ def test_a_message_that_ends_early_is_broken(size):
     heard = Heard()
     heard.hear(WHOLE[:size])
     if size < 33:  # up to there it has not even a name
-        assert heard.states.broken == 1 and len(heard.states) == 0
+        assert heard.states.unreadable == 1 and len(heard.states) == 0
     else:
         with pytest.raises(ImpactError, match="cannot be read"):
             heard.speed()
@@ -317,21 +322,21 @@ def test_a_message_that_ends_early_is_broken(size):
 def test_a_text_that_claims_more_than_there_is_makes_it_broken(offset):
     message = bytearray(WHOLE)
     message[offset : offset + 4] = struct.pack("<I", 2**31)
-    with pytest.raises(Broken, match="a text in it ends after its end"):
+    with pytest.raises(MalformedMessage, match="a text in it ends after its end"):
         SerializedState(bytes(message))
 
 
 def test_bytes_that_are_no_text_make_it_broken():
     message = bytearray(WHOLE)
     message[message.index(b"left")] = 0xFF
-    with pytest.raises(Broken):
+    with pytest.raises(MalformedMessage):
         SerializedState(bytes(message))
 
 
 def test_a_state_that_is_too_long_is_passed_over():
     heard = Heard()
-    heard.hear(ball(name="x" * LONGEST))
-    assert heard.states.broken == 1 and len(heard.states) == 0
+    heard.hear(ball(name="x" * MAX_STATE_SIZE))
+    assert heard.states.unreadable == 1 and len(heard.states) == 0
     assert "4096" in heard.reports[0]
 
 
@@ -340,7 +345,7 @@ def test_a_table_that_claims_more_names_than_it_can_hold_is_broken_at_once():
     offset = 4 + 8 + 4 + 8
     assert struct.unpack_from("<I", message, offset) == (1,)
     message[offset : offset + 4] = struct.pack("<I", 20_000_000)
-    with pytest.raises(Broken, match="its names alone need 160000000 bytes"):
+    with pytest.raises(MalformedMessage, match="its names alone need 160000000 bytes"):
         SerializedTable(bytes(message))
 
 
@@ -350,7 +355,7 @@ def test_garbage_harms_nobody():
     for garbage in (b"", b"\0", b"\0\1\0\0", bytes(range(256)), b"\xff" * 5000):
         heard.hear(garbage)
     assert heard.speed() == 1.0
-    assert heard.states.broken == 5
+    assert heard.states.unreadable == 5
 
 
 def test_assigning_by_rows_covers_every_field_of_a_state():

@@ -30,15 +30,15 @@ from collision_response.msg import BodyState
 from collision_response.ros import batches, clients, scenes, server
 from collision_response.ros import diagnostics as diagnostics_module
 from collision_response.ros.batch_client import pack, unpack
-from collision_response.ros.clients import Presence
+from collision_response.ros.clients import ConnectedClients
+from collision_response.ros.counters import Counters
 from collision_response.ros.diagnostics import PERIOD, Diagnostics
-from collision_response.ros.intake import RCLError
-from collision_response.ros.patience import TOGETHER
 from collision_response.ros.scene_client import pack as pack_scene
-from collision_response.ros.scenes import MOST_BODIES
+from collision_response.ros.scenes import MAX_BODIES
 from collision_response.ros.server import SERVICE_QOS
+from collision_response.ros.state_wait import BODIES_PER_STEP
 from collision_response.ros.states import LatestStates
-from collision_response.ros.tally import Tally
+from collision_response.ros.take_all import RCLError
 from collision_response.srv import ResolveCollision
 
 EXTENDED = ImpactModel(precision=Precision.EXTENDED)
@@ -68,7 +68,7 @@ def falling(n, model=EXTENDED):
 )
 def test_a_short_request_overtakes_a_long_one(graph, monkeypatch, long, status):
     node = graph.serve()
-    compute, answer, order = batches.compute, node.impacts.answer, []
+    compute, answer, order = batches.compute, node.impact_service.answer, []
     short_is_there, long_has_begun = threading.Event(), threading.Event()
 
     def compute_once_both_are_there(*arguments):
@@ -86,7 +86,7 @@ def test_a_short_request_overtakes_a_long_one(graph, monkeypatch, long, status):
         return (yield from answer(request))
 
     monkeypatch.setattr(batches, "compute", compute_once_both_are_there)
-    monkeypatch.setattr(node.impacts, "answer", answer_once_the_other_has_begun)
+    monkeypatch.setattr(node.impact_service, "answer", answer_once_the_other_has_begun)
     futures = [graph.call_async(long), graph.call_async(balls_meet())]
     wait_until(lambda: all(future.done() for future in futures))
     assert order == ["short", "long"]
@@ -107,7 +107,7 @@ def crowd(n):
 
 @pytest.mark.parametrize(
     ("request_", "module", "taking"),
-    [(many_names(1000), batches, "find"), (crowd(1000), scenes, "_body_in_table")],
+    [(many_names(1000), batches, "find_state"), (crowd(1000), scenes, "_body_in_table")],
     ids=["names of a batch", "bodies of a scene"],
 )
 def test_many_bodies_are_taken_in_parts(tried_node, monkeypatch, request_, module, taking):
@@ -120,13 +120,15 @@ def test_many_bodies_are_taken_in_parts(tried_node, monkeypatch, request_, modul
     monkeypatch.setattr(module, taking, counted)
     node, states = tried_node.node, LatestStates(10, lambda: 0, pytest.fail)
     if module is batches:
-        service = batches.Batches(node.parameters, states, lambda: 0)
+        service = batches.BatchService(node.parameters, states, lambda: 0)
     else:
-        service = scenes.Scenes(node.parameters, states, SimpleNamespace(enter=lambda *_: None), lambda: 0)
+        service = scenes.SceneService(
+            node.parameters, states, SimpleNamespace(add=lambda *_: None), lambda: 0
+        )
     for _ in service.answer(request_):
         taken.append(0)
     assert sum(taken) == 1000
-    assert max(taken) <= TOGETHER
+    assert max(taken) <= BODIES_PER_STEP
 
 
 # budgets
@@ -137,15 +139,17 @@ def test_too_many_names_are_refused_by_name(graph):
     assert graph.call(many_names(20)).success
     response = graph.call(many_names(21))
     assert response.code == StatusCode.BUDGET_EXCEEDED
-    assert response.message == "names: are 21; budget.contacts is 10, and those have 20 bodies at most"
+    assert response.message == (
+        "names: holds 21 names; budget.contacts is 10, and that many contacts have at most 20 bodies"
+    )
 
 
 def test_a_scene_of_too_many_bodies_is_refused_by_name(tried_node):
     request = crowd(2)
-    request.bodies = array("d", [0.0] * 23 * (MOST_BODIES + 1))
+    request.bodies = array("d", [0.0] * 23 * (MAX_BODIES + 1))
     status = tried_node.call(request).result.status
     assert status.code == StatusCode.BUDGET_EXCEEDED
-    assert status.message == f"bodies: has {MOST_BODIES + 1}; a scene may have {MOST_BODIES}"
+    assert status.message == f"bodies: has {MAX_BODIES + 1}; a scene may have {MAX_BODIES}"
 
 
 def test_a_batch_of_too_many_contacts_is_refused_by_name(graph):
@@ -259,27 +263,27 @@ def test_requests_of_a_client_that_leaves_are_dropped_and_counted(graph):
 def test_a_client_that_left_before_it_was_seen_is_tried_once(graph, monkeypatch):
     """Fast DDS waits a tenth of a second for it, with each answer, and everybody else waits too."""
     unseen, tried = [], []
-    look, send = Presence._look, server._sent
+    look, send = ConnectedClients._refresh, server._try_to_send
 
     def look_past(presence):
         look(presence)
-        presence._present -= {*unseen}
+        presence._connected -= {*unseen}
 
     def first_is_unseen(header):
-        client = clients.client_of(header)
+        client = clients.client_id(header)
         unseen[:] = unseen or [client]
         return client
 
     def send_to_others(service, response, header):
-        if clients.client_of(header) not in unseen:
+        if clients.client_id(header) not in unseen:
             return send(service, response, header)
         tried.append(header)
         return False
 
-    monkeypatch.setattr(Presence, "_look", look_past)
-    monkeypatch.setattr(server, "client_of", first_is_unseen)
-    monkeypatch.setattr(server, "_sent", send_to_others)
-    monkeypatch.setattr(server, "DISCOVERY", 0.05)
+    monkeypatch.setattr(ConnectedClients, "_refresh", look_past)
+    monkeypatch.setattr(server, "client_id", first_is_unseen)
+    monkeypatch.setattr(server, "_try_to_send", send_to_others)
+    monkeypatch.setattr(server, "MAX_DISCOVERY_TIME", 0.05)
     graph.serve()
     last = diagnostics(graph)
     _, client = another_client(graph)
@@ -299,24 +303,24 @@ def test_a_client_that_leaves_is_missed_though_others_come_meanwhile():
         def get_subscriptions_info_by_topic(self, *_, **__):
             return [SimpleNamespace(endpoint_gid=[*client, *bytes(8)]) for client in there]
 
-    presence = Presence(Endpoints(), "/service")
-    assert presence.is_there(b"a" * 16)
+    presence = ConnectedClients(Endpoints(), "/service")
+    assert presence.is_connected(b"a" * 16)
     there.clear()
     there.add(b"b" * 16)
-    wait_until(lambda: presence.is_there(b"b" * 16))
-    assert presence.departed() == {b"a" * 16}
-    assert presence.departed() == set()
-    assert not presence.is_there(b"a" * 16)
+    wait_until(lambda: presence.is_connected(b"b" * 16))
+    assert presence.take_departed() == {b"a" * 16}
+    assert presence.take_departed() == set()
+    assert not presence.is_connected(b"a" * 16)
 
 
 def test_clients_that_come_and_go_unseen_are_not_remembered_for_ever():
     nobody = SimpleNamespace(get_subscriptions_info_by_topic=lambda *_, **__: [])
-    presence = Presence(nobody, "/service")
-    guests = [number.to_bytes(16, "big") for number in range(2 * clients.MOST)]
+    presence = ConnectedClients(nobody, "/service")
+    guests = [number.to_bytes(16, "big") for number in range(2 * clients.MAX_REMEMBERED)]
     for guest in guests:
-        presence.reached(guest)
-    assert presence.is_there(guests[-1])
-    assert not presence.is_there(guests[0])
+        presence.note_reached(guest)
+    assert presence.is_connected(guests[-1])
+    assert not presence.is_connected(guests[0])
 
 
 def test_requests_of_a_client_that_stays_are_not_dropped(graph):
@@ -327,7 +331,8 @@ def test_requests_of_a_client_that_stays_are_not_dropped(graph):
 
 
 def test_who_waits_is_woken_though_others_ask_all_the_time(graph, monkeypatch):
-    monkeypatch.setattr(server, "PATIENCE", 0.5)  # many times what others leave between two requests
+    # many times what others leave between two requests
+    monkeypatch.setattr(server, "WAIT_CHECK_INTERVAL", 0.5)
     graph.serve(max_state_wait=0.2)
     waiting = graph.call_async(by_name(10))
     wait_until(lambda: graph.call(balls_meet()).success and waiting.done())
@@ -386,11 +391,11 @@ def test_rates_are_those_of_the_time_that_has_passed(graph, monkeypatch, late):
     """The timer is late when something long is computed."""
     now, told = [100.0], []
     monkeypatch.setattr(diagnostics_module, "time", SimpleNamespace(perf_counter=lambda: now[0]))
-    tally = Tally()
+    counters = Counters()
     node = Node("nobody_spins_it", context=graph.context)
-    of_node = Diagnostics(node, tally, LatestStates(1, lambda: 0, print), None, lambda: 0)
+    of_node = Diagnostics(node, counters, LatestStates(1, lambda: 0, print), None, lambda: 0)
     monkeypatch.setattr(of_node, "_publisher", SimpleNamespace(publish=told.append))
-    tally.requests += 600
+    counters.requests += 600
     now[0] += PERIOD + late
     of_node._publish()
     (status,) = told[-1].status

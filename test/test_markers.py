@@ -25,19 +25,19 @@ from collision_response.physics.vector import ZERO, Vec3
 from collision_response.ros.markers import (
     ContactMarkers,
     Drawing,
-    ShownContact,
+    DrawnContact,
+    contacts_of,
     markers_of,
-    touches_of,
     wrench_of,
 )
 from collision_response.ros.scene_client import pack
 
 DRAWING = Drawing(metres_per_newton_second=0.5, size=0.25, lifetime=1.5)
-SLIDES = ShownContact(Vec3(1.0, 2.0, 3.0), Vec3(0.0, 0.6, 0.8), 0.75, Vec3(-3.0, 2.4, 3.2))
+SLIDES = DrawnContact(Vec3(1.0, 2.0, 3.0), Vec3(0.0, 0.6, 0.8), 0.75, Vec3(-3.0, 2.4, 3.2))
 """An impulse of 4 N s along the normal, and 3 N s across: on the edge of the cone of friction 3/4."""
 
 
-def drawn(*touches: ShownContact) -> dict[str, Marker]:
+def drawn(*touches: DrawnContact) -> dict[str, Marker]:
     markers = markers_of(Header(frame_id="world"), touches, DRAWING, count()).markers
     return {marker.ns: marker for marker in markers}
 
@@ -87,10 +87,10 @@ def test_each_contact_has_a_number_of_its_own():
 
 def test_a_refusal_has_nothing_to_show_and_a_normal_may_have_any_length():
     result = CollisionResult()
-    assert touches_of(result) == []
+    assert contacts_of(result) == []
     result.status.code = int(StatusCode.SEPARATING)
     result.contact.normal.y = -1e-200
-    assert touches_of(result)[0].normal == (0, -1, 0)
+    assert contacts_of(result)[0].normal == (0, -1, 0)
 
 
 def answered(**fields) -> CollisionResult:
@@ -104,18 +104,18 @@ def test_what_is_no_answer_of_the_service_has_nothing_to_show():
     """Anybody may publish results."""
     result = answered()
     result.status.code = 55
-    assert touches_of(result) == []
+    assert contacts_of(result) == []
     for vector in "contact.position", "contact.normal", "impulse":
         result = answered()
         attrgetter(vector)(result).z = math.nan
-        assert touches_of(result) == []
+        assert contacts_of(result) == []
     result = answered()
     result.contact.normal.z = 0.0
-    assert touches_of(result) == []
+    assert contacts_of(result) == []
     scene = SceneResult(contacts=[answered().contact] * 2, impulses=[answered().impulse])
-    assert touches_of(scene) == []
+    assert contacts_of(scene) == []
     scene.status.code = int(StatusCode.OK)
-    assert len(touches_of(scene)) == 1
+    assert len(contacts_of(scene)) == 1
 
 
 @pytest.mark.parametrize("length", [1e-200, 1e160, 1e300])

@@ -266,7 +266,7 @@ def test_a_quality_of_service_that_is_none_is_refused_by_name(graph, topic, poli
 @pytest.mark.parametrize("value", ["best_effort", "BEST_EFFORT"])
 def test_a_quality_of_service_may_be_written_in_capitals(graph, value):
     graph.serve(**{f"qos_overrides.{graph.namespace}/collision_response/result.publisher.reliability": value})
-    topic = graph.node.impacts.journal.results.topic
+    topic = graph.node.impact_service.answer_log.publisher.topic
     (publisher,) = wait_until(lambda: graph.user.get_publishers_info_by_topic(topic))
     assert publisher.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT
 

@@ -15,8 +15,8 @@ from collision_response.physics.mass_properties import box, rod, sphere
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.tensor import Symmetric3
 from collision_response.physics.vector import Vec3
-from collision_response.recording import Record, Sighting
-from collision_response.recording.solid import Solid
+from collision_response.recording import BodyRecord, Record
+from collision_response.recording.equivalent_solid import EquivalentSolid
 
 EIGEN = 1e-12
 """Relative: half sizes come from the eigenvalues of a 3x3 tensor, in some tens of roundings."""
@@ -24,7 +24,7 @@ EIGEN = 1e-12
 
 def test_a_body_is_seen_between_its_impacts(tmp_path):
     ball = Body.dynamic(2.0, sphere(2.0, 0.5).inertia, (3.0, 0.0, 0.5), velocity=(0.0, 2.0, 0.0))
-    path = recorded(tmp_path, [impact(1), Sighting(1_500_000_000, "ball/1", ball), impact(2)])
+    path = recorded(tmp_path, [impact(1), BodyRecord(1_500_000_000, "ball/1", ball), impact(2)])
     verify(path)
     # on the timeline of answers there are impacts only
     entity = r"/world/bodies/ball\/1"
@@ -49,7 +49,7 @@ def test_a_body_is_shown_at_its_centre_of_mass(tmp_path, length):
     floor, contact = Body.static(), Contact.of((1.0, 0.0, 0.0), (0.0, 0.0, length), 0.5)
     request = ball, floor, contact, ImpactModel()
     answer = resolve(*request)
-    path = recorded(tmp_path, [Record(2, 1, "ball", "floor", *request, answer), Sighting(1, "ball", ball)])
+    path = recorded(tmp_path, [Record(2, 1, "ball", "floor", *request, answer), BodyRecord(1, "ball", ball)])
     verify(path)
     entity = "/world/bodies/ball"
     velocities = "/world/velocities/ball"
@@ -75,20 +75,20 @@ def seen(path, entity, component):
 
 
 def test_a_ball_is_shown_as_it_is():
-    solid = Solid.of(Body.dynamic(3.0, sphere(3.0, 0.25).inertia))
+    solid = EquivalentSolid.of(Body.dynamic(3.0, sphere(3.0, 0.25).inertia))
     assert solid.is_ball
     assert solid.half_sizes == pytest.approx([0.25] * 3, rel=EIGEN)
 
 
 def test_a_rod_is_shown_as_it_is():
-    solid = Solid.of(Body.dynamic(3.0, rod(3.0, 2.0).inertia))
+    solid = EquivalentSolid.of(Body.dynamic(3.0, rod(3.0, 2.0).inertia))
     assert not solid.is_ball
     assert sorted(solid.half_sizes) == pytest.approx([0.0, 0.0, 1.0], rel=EIGEN, abs=EIGEN)
     assert direction(solid, 1.0) == pytest.approx([1.0, 0.0, 0.0], abs=EIGEN)
 
 
 def test_what_is_thin_has_a_thickness_for_the_eye():
-    columns = Solid.of(Body.rod(3.0, 2.0)).columns()
+    columns = EquivalentSolid.of(Body.rod(3.0, 2.0)).columns()
     (drawn,) = (
         column.as_arrow_array().to_pylist()
         for column in columns
@@ -124,7 +124,7 @@ def test_a_box_at_an_angle_to_its_axes_is_shown_as_it_is():
     turned_by = about_z.rotation()
     columns = [turned_by.to_world(inertia @ turned_by.to_body(axis)) for axis in AXES]
     turned = Symmetric3(*columns[0], columns[1].y, columns[1].z, columns[2].z)
-    solid = Solid.of(Body.dynamic(6.0, turned))
+    solid = EquivalentSolid.of(Body.dynamic(6.0, turned))
     assert sorted(solid.half_sizes) == pytest.approx([0.5, 1.0, 2.0], rel=EIGEN)
     for axis, edge in zip(AXES, size, strict=True):
         expected = turned_by.to_world(axis)
@@ -144,4 +144,4 @@ def direction(solid, half_size):
 
 @pytest.mark.parametrize("body", [Body.dynamic(1.0), Body.static()], ids=["point mass", "static"])
 def test_what_has_no_inertia_has_no_solid(body):
-    assert Solid.of(body) is None
+    assert EquivalentSolid.of(body) is None

@@ -20,8 +20,8 @@ from rerun.chunk import RrdReader
 
 from collision_response import Body, Contact, ImpactModel, Vec3, resolve, resolve_scene
 from collision_response.physics.tensor import Symmetric3
-from collision_response.recording import Gap, Record, Recorder, Refusal, SceneRecord, Sighting
-from collision_response.recording.layout import PLOTS
+from collision_response.recording import BodyRecord, Gap, Record, Recorder, Refusal, SceneRecord
+from collision_response.recording.viewer_layout import PLOTS
 from collision_response.recording.writer import Recording, Writer
 
 DEADLINE = 20.0
@@ -135,7 +135,7 @@ def test_a_file_is_complete_without_an_impact(tmp_path):
 def test_without_a_stamp_there_is_no_place_in_time(tmp_path):
     """As before the first /clock of a simulation: nothing may be put to 1970."""
     untimed = impact(1)._replace(stamp=0)
-    entries = [untimed, Sighting(0, "ball/1", untimed.body_a), Refusal(0, 2, "no"), impact(3)]
+    entries = [untimed, BodyRecord(0, "ball/1", untimed.body_a), Refusal(0, 2, "no"), impact(3)]
     recorder, problems = closed(tmp_path, entries)
     verify(recorder.path)
     answer_only = {"timelines": ("answer",)}
@@ -203,15 +203,15 @@ def test_body_states_wait_for_more_of_them(tmp_path, monkeypatch):
     ball = impact().body_a
     recorder = Recorder(tmp_path, pytest.fail, capacity=8)
     for _ in range(2):
-        recorder.add(Sighting(1, "ball", ball))
+        recorder.add(BodyRecord(1, "ball", ball))
         recorder.add(impact())
         assert written.acquire(timeout=DEADLINE)
-    recorder.add(Sighting(1, "ball", ball))
-    recorder.add(Sighting(1, "ball", ball))
+    recorder.add(BodyRecord(1, "ball", ball))
+    recorder.add(BodyRecord(1, "ball", ball))
     assert written.acquire(timeout=DEADLINE)  # 4 of the 8 that may wait
-    recorder.add(Sighting(1, "ball", ball))
+    recorder.add(BodyRecord(1, "ball", ball))
     recorder.close()
-    assert batches == [[Record], [Record], [Sighting] * 4, [Sighting]]
+    assert batches == [[Record], [Record], [BodyRecord] * 4, [BodyRecord]]
 
 
 class TestRotation:
@@ -465,7 +465,7 @@ def test_a_scene_of_bodies_without_mass_has_no_arrow(tmp_path):
 def test_an_entry_that_cannot_be_written_is_a_gap_and_the_rest_is_there(tmp_path, monkeypatch):
     monkeypatch.setattr("collision_response.recording.recorder.INTERVAL", 0.0)
     odd = [impact(i)._replace(name_a="\ud800") for i in (2, 4)]  # no text in any encoding
-    unseen = Sighting(5, "\ud800", impact().body_a)
+    unseen = BodyRecord(5, "\ud800", impact().body_a)
     recorder, problems = closed(tmp_path, [impact(1), odd[0], unseen, impact(3), odd[1], impact(5)])
     verify(recorder.path)
     assert [row[1] for row in read(recorder.path, "/impact/impulse", "Scalars:scalars")] == [1, 3, 5]

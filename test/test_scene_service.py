@@ -198,7 +198,7 @@ def test_pairs_of_materials_count_in_scenes(graph, tmp_path):
     )
     springs = ask([(1, 2)], law=Law.COMPLIANT, stiffness_ratio=0.0)
     assert springs.status.message.startswith(
-        "model.stiffness_ratio: must be given in a scene: contacts[0] has 0.5"
+        "model.stiffness_ratio: must be given in a scene: the materials of contacts[0] have 0.5"
     )
     assert ask([(0, 2)], law=Law.COMPLIANT, stiffness_ratio=1.0).status.code == StatusCode.OK
     by_speed = ask([(0, 2), (1, 2)], law=Law.ROUTH_STRONGE)
@@ -227,11 +227,13 @@ REFUSALS = [
     Refused(StatusCode.UNKNOWN_BODY, "pairs", (1, 2), 7, "pairs: must be indices of 2 bodies, from 0; those"),
     Refused(StatusCode.SAME_BODY, "pairs", (1, 2), 0, "contacts[2]: a body cannot strike itself"),
     Refused(StatusCode.UNKNOWN_BODY, "names", None, "a\nb\nghost", "names[2]: is 'ghost', of which no"),
-    Refused(StatusCode.SAME_BODY, "names", None, "a\na", "names[1]: is 'a', as names[0]"),
-    Refused(StatusCode.INVALID_TABLE, "names", None, "a", "names: must be empty, or a line for each of 2"),
+    Refused(StatusCode.SAME_BODY, "names", None, "a\na", "names[1]: is 'a', the same as names[0]"),
+    Refused(
+        StatusCode.INVALID_TABLE, "names", None, "a", "names: must be empty, or have a line for each of the 2"
+    ),
     Refused(StatusCode.INVALID_TABLE, "immovable", None, [0, 2], "immovable: must hold indices below 2"),
-    Refused(StatusCode.INVALID_TABLE, "bodies", None, [1.0], "bodies: must hold 23 rows, all of one length"),
-    Refused(StatusCode.INVALID_TABLE, "contacts", None, [1.0], "contacts: must hold 8 rows, all of one"),
+    Refused(StatusCode.INVALID_TABLE, "bodies", None, [1.0], "bodies: must hold 23 rows of equal length"),
+    Refused(StatusCode.INVALID_TABLE, "contacts", None, [1.0], "contacts: must hold 8 rows of equal length"),
     Refused(StatusCode.INVALID_TABLE, "pairs", None, [1], "pairs: must hold two indices for each of 4"),
     Refused(StatusCode.INVALID_MODEL, "model.law", None, 77, "model.law: must be one of"),
     Refused(StatusCode.INVALID_MODEL, "model.law", None, Law.ROUTH_POISSON, "model.law: "),
@@ -273,7 +275,7 @@ def test_a_scene_of_too_many_contacts_is_refused_by_name(graph):
     graph.serve(budget__scene_contacts=3)
     status = graph.call(request_of(*FLAT_BOX)).result.status
     assert status.code == StatusCode.BUDGET_EXCEEDED
-    assert status.message == "contacts: are 4; budget.scene_contacts is 3"
+    assert status.message == "contacts: has 4 contacts; budget.scene_contacts is 3"
     assert graph.call(request_of(*CRADLE)).success
 
 

@@ -443,7 +443,7 @@ def test_a_fall_back_is_told_over_the_wire(tried_node):
     result = tried_node.call(request_of(*FALLS_BACK, law=Law.MOREAU)).result
     assert result.model.law == ImpactModel.COULOMB
     assert result.adjustments == CollisionResult.LAW_FALLBACK
-    assert "COULOMB answered" in result.status.message
+    assert "COULOMB was used" in result.status.message
 
 
 def test_a_spin_without_inertia_is_told_over_the_wire(tried_node):

@@ -25,9 +25,9 @@ from collision_response.msg import BodyState
 from collision_response.physics.mass_properties import MassProperties
 from collision_response.physics.tensor import Symmetric3
 from collision_response.physics.vector import Vec3
-from collision_response.ros.process import Unusable
-from collision_response.ros.sources import LATCHED, BodySource, from_odometry, from_transforms
-from collision_response.ros.throttled import MOST, THROTTLE, Throttled
+from collision_response.ros.process import StartError
+from collision_response.ros.sources import DESCRIPTION_QOS, BodyStatePublisher, from_odometry, from_transforms
+from collision_response.ros.throttled_warnings import MAX_SUBJECTS, WARNING_INTERVAL, ThrottledWarnings
 from collision_response.srv import ResolveCollision
 
 MATTER = MassProperties(2.0, Vec3(0.5, 0.0, 0.0), Symmetric3(0.1, 0.01, 0.02, 0.2, 0.03, 0.25))
@@ -141,7 +141,9 @@ def start(graph):
     def start(**parameters):
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
         return graph.add(
-            BodySource(context=graph.context, namespace=graph.namespace, parameter_overrides=overrides)
+            BodyStatePublisher(
+                context=graph.context, namespace=graph.namespace, parameter_overrides=overrides
+            )
         )
 
     start.heard = []
@@ -153,7 +155,7 @@ def test_a_robot_drives_against_a_wall(graph, start):
     """From odometry and description to the twist after: the mass of all links, the wheel included."""
     graph.serve()
     start()
-    description = graph.user.create_publisher(String, "robot_description", LATCHED)
+    description = graph.user.create_publisher(String, "robot_description", DESCRIPTION_QOS)
     odom = graph.user.create_publisher(Odometry, "odom", 10)
     wait_until(odom.get_subscription_count)
     h = math.sqrt(0.5)
@@ -194,7 +196,7 @@ def test_a_description_may_be_a_file_and_the_body_have_another_name(graph, start
 def test_each_body_that_is_left_out_is_named(graph, start):
     source = start()
     said = []
-    source._report = Throttled(said.append, lambda: 0.0)
+    source._report = ThrottledWarnings(said.append, lambda: 0.0)
     odom = graph.user.create_publisher(Odometry, "odom", 10)
     wait_until(odom.get_subscription_count)
 
@@ -207,14 +209,16 @@ def test_each_body_that_is_left_out_is_named(graph, start):
     assert sorted(said) == [f"{frame!r} {no_description}" for frame in ("left", "right")]
 
 
-@pytest.mark.parametrize("things", [1, 2, MOST, MOST + 1, 3 * MOST])
+@pytest.mark.parametrize("things", [1, 2, MAX_SUBJECTS, MAX_SUBJECTS + 1, 3 * MAX_SUBJECTS])
 def test_one_thing_is_not_warned_of_all_the_time_nor_are_many(things):
     now, said = 0.0, []
-    warn = Throttled(said.append, lambda: now)
-    for now in (0.0, 0.5 * THROTTLE, THROTTLE, 1.5 * THROTTLE):
+    warn = ThrottledWarnings(said.append, lambda: now)
+    for now in (0.0, 0.5 * WARNING_INTERVAL, WARNING_INTERVAL, 1.5 * WARNING_INTERVAL):
         for thing in range(things):
             warn(f"about {thing}", f"{thing} at {now}")
-    assert said == [f"{thing} at {now}" for now in (0.0, THROTTLE) for thing in range(min(things, MOST))]
+    assert said == [
+        f"{thing} at {now}" for now in (0.0, WARNING_INTERVAL) for thing in range(min(things, MAX_SUBJECTS))
+    ]
 
 
 @pytest.fixture
@@ -282,13 +286,13 @@ def test_a_frame_of_tf_is_a_link_with_what_is_fixed_to_it(graph, start, tf2_ros,
     ],
 )
 def test_what_it_cannot_start_with_it_says(start, parameters, message):
-    with pytest.raises(Unusable, match=message):
+    with pytest.raises(StartError, match=message):
         start(**parameters)
 
 
 def test_without_tf2_ros_it_says_what_to_install(start, monkeypatch):
     monkeypatch.setitem(sys.modules, "tf2_ros", None)
-    with pytest.raises(Unusable, match=r"frames needs tf2_ros, .* apt install"):
+    with pytest.raises(StartError, match=r"frames needs tf2_ros, .* apt install"):
         start(frames=["tool"], world_frame="map")
 
 

@@ -198,7 +198,7 @@ def test_a_request_waits_for_the_state_that_it_asks_for(graph):
 @pytest.mark.parametrize(
     ("name", "reason"),
     [
-        ("left", "body_b.header.stamp: the last state of 'left' is 10 s older than not_before asks for"),
+        ("left", "body_b.header.stamp: the last state of 'left' is 10 s older than not_before"),
         ("ghost", "body_b.name: is 'ghost', of which no state has been received; heard of: left"),
     ],
 )
@@ -257,7 +257,7 @@ def test_what_has_no_stamp_is_not_said_to_be_old(graph):
     request.not_before.sec = 100
     status = graph.call(request).result.status
     assert status.code == StatusCode.STALE_STATE
-    assert "the last state of 'left' has no stamp, and not_before asks for one; waited" in status.message
+    assert "the last state of 'left' has no stamp, which not_before requires; waited" in status.message
 
 
 def test_before_the_first_clock_a_state_has_no_age(graph):

@@ -20,7 +20,7 @@ from ..msg import BodyState
 from ..named_enum import NamedEnum
 from ..ros.batch_client import unpack
 from ..ros.batch_fields import LAYOUTS
-from ..ros.intake import RCLError
+from ..ros.take_all import RCLError
 from ..scene.answer import scene_table
 from ..srv import ResolveCollision, ResolveCollisionBatch, ResolveScene
 from ..strict_yaml import YAMLError, load_yaml

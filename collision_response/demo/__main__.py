@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ..ros.intake import RCLError
+from ..ros.take_all import RCLError
 from . import chapters
 from .client import Client, NoAnswer
 from .node_process import NodeFailed, NodeProcess

@@ -99,7 +99,7 @@ def _answer(row: dict[str, Any], side: str) -> Twist:
 
 def _heard(path: Path, name: str) -> States:
     """What was heard of a body: of its velocity there is one arrow then."""
-    from ..recording.layout import velocity_path
+    from ..recording.viewer_layout import velocity_path
     from ..recording.writer import ARROW_TIME
 
     arrows = [(row.get("ros_time"), row.get("Arrows3D:vectors")) for row in _rows(path, velocity_path(name))]

@@ -1,6 +1,6 @@
 """Impacts to a rerun recording: a worker with a queue. Importing this does not import rerun."""
 
-from .record import Gap, Record, Refusal, SceneRecord, Sighting
+from .record import BodyRecord, Gap, Record, Refusal, SceneRecord
 from .recorder import Recorder
 
-__all__ = ["Gap", "Record", "Recorder", "Refusal", "SceneRecord", "Sighting"]
+__all__ = ["BodyRecord", "Gap", "Record", "Recorder", "Refusal", "SceneRecord"]

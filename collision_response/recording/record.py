@@ -56,7 +56,7 @@ class SceneRecord(NamedTuple):
     impact: SceneImpact
 
 
-class Sighting(NamedTuple):
+class BodyRecord(NamedTuple):
     """Where a body was, at a time when nothing need have struck it.
 
     Attributes:
@@ -100,10 +100,10 @@ class Gap(NamedTuple):
     why: str = "they came faster than they could be written"
 
 
-Entry = Record | SceneRecord | Sighting | Refusal | Gap
+Entry = Record | SceneRecord | BodyRecord | Refusal | Gap
 
 
-class Unwritable(Exception):
+class UnwritableEntries(Exception):
     """Entries of which there is nothing to be written, whatever is done; nothing of their batch is.
 
     Attributes:

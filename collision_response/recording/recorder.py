@@ -13,7 +13,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .record import Entry, Gap, Sighting, Unwritable
+from .record import BodyRecord, Entry, Gap, UnwritableEntries
 
 if TYPE_CHECKING:
     from .writer import Writer
@@ -193,7 +193,7 @@ class Recorder:
         """Write all that can be, and gaps in place of the other answers."""
         try:
             writer.write(batch)
-        except Unwritable as error:
+        except UnwritableEntries as error:
             if not self.unwritable:
                 fault = "".join(traceback.format_exception(error.__cause__))
                 self._report(f"an entry cannot be written, and is left out; this is said once:\n{fault}")
@@ -201,7 +201,7 @@ class Recorder:
             odd = {id(entry) for entry in error.entries}
             why = f"this cannot be written: {error.__cause__!r}"
             rest = [entry for entry in batch if id(entry) not in odd]
-            gaps = [Gap(e.stamp, e.sequence, 1, why) for e in error.entries if not isinstance(e, Sighting)]
+            gaps = [Gap(e.stamp, e.sequence, 1, why) for e in error.entries if not isinstance(e, BodyRecord)]
             writer.write([*rest, *gaps])
 
     def _next(self) -> Path:
@@ -220,15 +220,15 @@ class Recorder:
             waiting = self._wait(STATES_INTERVAL if states else None)
             last = None in waiting
             entries = [entry for entry in waiting if entry is not None and self._has_place(entry)]
-            sequence = max((e.sequence for e in entries if not isinstance(e, Sighting)), default=sequence)
+            sequence = max((e.sequence for e in entries if not isinstance(e, BodyRecord)), default=sequence)
             dropped = self.dropped
             if dropped > told:
                 stamp = max((entry.stamp for entry in entries), default=0)
                 entries.append(Gap(stamp, sequence, dropped - told))
                 told = dropped
             since = since if states else time.monotonic()
-            states += (entry for entry in entries if isinstance(entry, Sighting))
-            batch: list[Entry] = [entry for entry in entries if not isinstance(entry, Sighting)]
+            states += (entry for entry in entries if isinstance(entry, BodyRecord))
+            batch: list[Entry] = [entry for entry in entries if not isinstance(entry, BodyRecord)]
             is_old = time.monotonic() - since >= STATES_INTERVAL
             if last or is_old or len(states) >= self._capacity // 2:
                 batch, states = states + batch, []
@@ -249,7 +249,7 @@ class Recorder:
 
     def _has_place(self, entry: Entry) -> bool:
         """Whether there is a timeline for it."""
-        if entry.stamp or not isinstance(entry, Sighting):
+        if entry.stamp or not isinstance(entry, BodyRecord):
             return True
         if not self.untimed:
             self._report("body states without a stamp are not recorded: they have no place in time")

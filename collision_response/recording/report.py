@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from .layout import BLUE, GREY, ORANGE, RED, REGIMES, VIOLET, Colour
 from .table import rows_of
+from .viewer_layout import BLUE, GREY, ORANGE, RED, REGIMES, VIOLET, Colour
 
 SHOWN = 3000
 """Points of a plot: of more impacts, evenly chosen ones. The tables look at all."""

@@ -37,8 +37,8 @@ from ..answer import NUMBERS
 from ..body_conversions import ROWS, body_from_numbers, body_to_numbers
 from ..physics.inverse_inertia import InverseInertia
 from ..physics.vector import Vec3
-from .layout import PLOTS
 from .record import Record, Refusal
+from .viewer_layout import PLOTS
 
 TABLE = "/impacts"
 ARCHETYPE = "Impact"

@@ -18,7 +18,13 @@ from ..body_conversions import IDENTITY_QUATERNION, with_com_as_reference
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..physics.vector import ZERO, Vec3
-from .layout import (
+from .equivalent_solid import EquivalentSolid
+from .piped_file import PipedFile
+from .record import BodyRecord, Entry, Gap, Record, Refusal, SceneRecord, UnwritableEntries
+from .scenes import TABLE as SCENES
+from .scenes import scene_columns
+from .table import TABLE, impact_columns, refusal_columns
+from .viewer_layout import (
     AFTER,
     BEFORE,
     CONE,
@@ -39,12 +45,6 @@ from .layout import (
     body_path,
     velocity_path,
 )
-from .piped_file import PipedFile
-from .record import Entry, Gap, Record, Refusal, SceneRecord, Sighting, Unwritable
-from .scenes import TABLE as SCENES
-from .scenes import scene_columns
-from .solid import Solid
-from .table import TABLE, impact_columns, refusal_columns
 
 ARROW_TIME = 0.1
 """A velocity is drawn as the way made in this time [s]; an impulse, as the change of velocity that it
@@ -150,13 +150,13 @@ class Writer:
 
         Raises:
             OSError: these or earlier ones cannot be.
-            Unwritable: some of them never can be.
+            UnwritableEntries: some of them never can be.
         """
         try:
             columns, looks = self._prepared(batch)
         except Exception as error:  # of whatever numbers and names an entry has
             odd = [entry for entry in batch if not self._is_writable(entry)]
-            raise Unwritable(odd or [*batch]) from error
+            raise UnwritableEntries(odd or [*batch]) from error
         for path, times, some in columns:
             self._stream.send_columns(path, indexes=times, columns=some)
         for appearance, look in looks.items():
@@ -174,7 +174,7 @@ class Writer:
             looks: dict[Appearance, Look] = {}
             for entry in batch:
                 for name, body, _ in _appearances(entry):
-                    appearance = name, isinstance(entry, Sighting), entry.stamp == 0
+                    appearance = name, isinstance(entry, BodyRecord), entry.stamp == 0
                     if appearance not in self._known and appearance not in looks:
                         looks[appearance] = _look(entry, name, body)
             return [*_columns(batch)], looks
@@ -211,15 +211,15 @@ def _look(entry: Entry, name: str, body: Body) -> Look:
     style = rr.Points3D.from_fields(radii=POINT_RADIUS, colors=colour, labels=name, show_labels=True)
     arrows = rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=[AFTER, SPIN_AFTER, BEFORE, SPIN_BEFORE])
     shape = [*rr.Points3D.columns(positions=[(0.0, 0.0, 0.0)])]
-    if (solid := Solid.of(body)) is not None:
+    if (solid := EquivalentSolid.of(body)) is not None:
         shape += solid.columns()
     return Look([(path, style), (velocity_path(name), arrows)], (path, _times([entry]), shape))
 
 
 def _columns(batch: Sequence[Entry]) -> Iterator[Columns]:
     """All of a batch. The rows of one table have the same timelines."""
-    yield from bodies([entry for entry in batch if isinstance(entry, Sighting)])
-    answers = [entry for entry in batch if not isinstance(entry, Sighting)]
+    yield from bodies([entry for entry in batch if isinstance(entry, BodyRecord)])
+    answers = [entry for entry in batch if not isinstance(entry, BodyRecord)]
     for rows in ([row for row in answers if row.stamp], [row for row in answers if not row.stamp]):
         impacts = [row for row in rows if isinstance(row, Struck)]
         yield from bodies(impacts)
@@ -233,7 +233,7 @@ def _columns(batch: Sequence[Entry]) -> Iterator[Columns]:
 def _appearances(entry: Entry) -> list[tuple[str, Body, list[Twist]]]:
     """Every body of an entry: its name, what it was, and its twist after an impact."""
     match entry:
-        case Sighting():
+        case BodyRecord():
             return [(entry.name, entry.body, [])]
         case Record(impact=impact):
             return [
@@ -399,6 +399,6 @@ def _times(rows: Sequence[Entry]) -> Times:
     if rows[0].stamp:
         stamps = np.array([row.stamp for row in rows], dtype="datetime64[ns]")
         times.append(rr.TimeColumn("ros_time", timestamp=stamps))
-    if answers := [row.sequence for row in rows if not isinstance(row, Sighting)]:
+    if answers := [row.sequence for row in rows if not isinstance(row, BodyRecord)]:
         times.append(rr.TimeColumn("answer", sequence=answers))
     return times

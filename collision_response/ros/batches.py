@@ -1,6 +1,6 @@
-"""Requests for a batch to arrays, results to responses.
+"""The service for many independent impacts.
 
-Tables are read where they arrived, and results written where they are sent from.
+Tables are read in the memory of the request, and results are written in the memory of the response.
 """
 
 from __future__ import annotations
@@ -36,36 +36,36 @@ from .batch_fields import (
     with_zeros,
     write_model,
 )
-from .parameters import LatestParameters, Parameters
-from .patience import TOGETHER, Look, when_not_too_early
-from .request import (
-    TooEarly,
-    Used,
+from .body_lookup import (
+    StateNotYetReceived,
+    StateUsed,
     check_age,
     check_distinct,
     check_frame,
     check_immovable,
     check_world_frame,
-    find,
+    find_state,
 )
+from .parameters import LatestParameters, Parameters
 from .serialized import nanoseconds
 from .server import Work
+from .state_wait import BODIES_PER_STEP, LookUp, wait_for_states
 from .states import LatestStates
 
 
-class Bodies(NamedTuple):
-    """The bodies of a request, those of the table first.
+class BatchBodies(NamedTuple):
+    """The bodies of a request: first those of the table, then those given by name.
 
     Attributes:
-        table: a column for each, shape ``(rows, bodies)``.
-        faults: a :class:`StatusCode` for each that cannot be used, whatever its column holds; else UNSET.
-        errors: what is wrong with those.
-        stamps: of the states that stand for those given by name.
-        ages: how much older those are than the request [s]; NaN if that is not known.
+        table: a column for each body, shape ``(rows, bodies)``.
+        codes: for each body UNSET, or the :class:`StatusCode` that says why it cannot be used.
+        errors: the errors of bodies that cannot be used.
+        stamps: for each body given by name, the stamp of the state used.
+        ages: for each body given by name, how much older that state is than the request [s]; NaN if unknown.
     """
 
     table: Array
-    faults: Array
+    codes: Array
     errors: list[ImpactError]
     stamps: list[Time]
     ages: list[float]
@@ -73,21 +73,21 @@ class Bodies(NamedTuple):
 
 NO_STAMP = Time()
 
-BLOCK = 256
-"""Contacts that are computed without a pause at first; more or fewer when it is known how long they take."""
+INITIAL_BLOCK = 256
+"""Contacts that are computed between two pauses at first. Later blocks are sized by the time they take."""
 
-PAUSE = 0.001, 0.004
-"""Times [s] between pauses: computing less, more contacts are taken together; computing longer, fewer."""
+BLOCK_TIMES = 0.001, 0.004
+"""Times [s]: if a block takes less than the first, the next is larger; if more than the second, smaller."""
 
 
 @dataclass
-class Batches:
-    """The service for many impacts.
+class BatchService:
+    """Answers ``~/resolve_collision_batch``.
 
     Attributes:
-        parameters: of the node.
-        states: of the bodies that it has heard of.
-        now: the time by the node's clock [ns].
+        parameters: the parameters of the node.
+        states: the latest states of bodies.
+        now: returns the time of the node's clock [ns].
     """
 
     interface = ResolveCollisionBatch
@@ -97,44 +97,53 @@ class Batches:
     now: Callable[[], int]
 
     def answer(self, request: Request) -> Work:
-        """The work for a request, in parts."""
-        current = self.parameters.values
-        response = Response()
-        check_world_frame("header.frame_id", request.header.frame_id, current.world_frame)
+        """Compute the response to a request, in steps."""
+        parameters = self.parameters.values
+        check_world_frame("header.frame_id", request.header.frame_id, parameters.world_frame)
         layout = layout_of(request)
-        pairs = pairs_of(request, current.budget_contacts)
-        contacts = contacts_of(request, layout, pairs.shape[1])
-        model = model_of(request, layout, contacts, current.model)
-        bodies = yield from when_not_too_early(
-            partial(bodies_of, request, layout, self.states, current, self.now), current.max_state_wait
-        )
-        shape = layout.geometry, pairs.shape[1]
-        out = result_in(response, *shape, bounded=is_bounded(model), report=request.report)
+        pairs = pairs_of(request, parameters.budget_contacts)
+        count = pairs.shape[1]
+        contacts = contacts_of(request, layout, count)
+        model = model_of(request, layout, contacts, parameters.model)
+        look_up = partial(bodies_of, request, layout, self.states, parameters, self.now)
+        bodies = yield from wait_for_states(look_up, parameters.max_state_wait)
+
+        response = Response()
+        out = result_in(response, layout.geometry, count, bounded=is_bounded(model), report=request.report)
         yield from compute(bodies.table, pairs, contacts, model, out)
+
         if bodies.errors:
-            blame(pairs, bodies.faults, out.status)
+            write_codes(pairs, bodies.codes, out.status)
         response.success, response.code, response.header = True, int(StatusCode.OK), request.header
-        response.message = note_of(bodies.errors)
+        response.message = summary_of(bodies.errors)
         response.state_stamps, response.state_ages = bodies.stamps, array("d", bodies.ages)
         write_model(response.model, model)
         return response
 
     def refusal(self, request: Request, error: ImpactError) -> Response:
-        """The response that says why there is none; its model is that of the request."""
+        """Response that says why there is no answer, with the model of the request."""
         return Response(
             header=request.header,
             model=request.model,
             code=int(error.code),
-            message=convert.as_in_message(error),
+            message=convert.error_text(error),
         )
 
     def code(self, response: Response) -> StatusCode:
-        """How the request ended."""
+        """Status code of a response."""
         return StatusCode(response.code)
 
 
 def result_in(response: Response, geometry: Geometry, n: int, *, bounded: bool, report: bool) -> BatchResult:
-    """A result of ``n`` contacts whose arrays are the fields of a response."""
+    """Make a result for ``n`` contacts whose arrays are the fields of a response.
+
+    Args:
+        response: its fields are given their size here.
+        geometry: the geometry of the layout.
+        n: the number of contacts.
+        bounded: whether to include error bounds.
+        report: whether to include regimes and energies.
+    """
     shapes = result_shapes(geometry, n)
     tables = {name: with_zeros(getattr(response, name), shape) for name, shape in shapes.items()}
     tables["status"] = with_zeros(response.status, (n,))
@@ -150,24 +159,28 @@ def result_in(response: Response, geometry: Geometry, n: int, *, bounded: bool, 
 def compute(
     table: Array, pairs: Array, contacts: Array, model: ImpactModel, out: BatchResult
 ) -> Iterator[None]:
-    """Fill in the results, with pauses."""
-    start, block, n = 0, BLOCK, pairs.shape[1]
+    """Compute all impacts into ``out``, with pauses."""
+    start, block, n = 0, INITIAL_BLOCK, pairs.shape[1]
     while start < n:
-        began = time.perf_counter()
+        block_start = time.perf_counter()
         stop = start + block
         yield from resolve_with_pauses(table, contacts, model, out, pairs=pairs, start=start, stop=stop)
         start = stop
-        taken = time.perf_counter() - began
-        if taken < PAUSE[0]:
+        duration = time.perf_counter() - block_start
+        if duration < BLOCK_TIMES[0]:
             block *= 2
-        elif taken > PAUSE[1] and block > 1:
+        elif duration > BLOCK_TIMES[1] and block > 1:
             block //= 2
         if start < n:
             yield
 
 
 def layout_of(request: Request) -> Tables:
-    """Raises: ImpactError: INVALID_TABLE."""
+    """Layout of the tables of a request.
+
+    Raises:
+        ImpactError: INVALID_TABLE if the layout is unknown.
+    """
     if request.layout not in LAYOUTS:
         known = ", ".join(f"{layout.name} ({number})" for number, layout in LAYOUTS.items())
         reason = f"must be one of {known}; is {request.layout}"
@@ -175,39 +188,39 @@ def layout_of(request: Request) -> Tables:
     return LAYOUTS[request.layout]
 
 
-def pairs_of(request: Request, most: int) -> Array:
-    """Columns of bodies, shape ``(2, N)``.
+def pairs_of(request: Request, max_contacts: int) -> Array:
+    """Indices of the bodies of each contact, shape ``(2, N)``.
 
     Raises:
-        ImpactError: INVALID_TABLE, or BUDGET_EXCEEDED for more than ``most`` contacts.
+        ImpactError: INVALID_TABLE, or BUDGET_EXCEEDED if there are more than ``max_contacts`` contacts.
     """
     indices = np.asarray(request.pairs)
     if indices.size % 2:
         reason = f"must hold two indices for each contact, holds {indices.size} in all"
         raise ImpactError(StatusCode.INVALID_TABLE, "pairs", reason)
-    if indices.size > 2 * most:
-        reason = f"has {indices.size // 2} contacts; budget.contacts is {most}: send fewer at a time"
+    if indices.size > 2 * max_contacts:
+        reason = f"has {indices.size // 2} contacts; budget.contacts is {max_contacts}: send fewer at a time"
         raise ImpactError(StatusCode.BUDGET_EXCEEDED, "pairs", reason)
     return indices.reshape(2, -1).astype(np.int64)
 
 
 def contacts_of(request: Request, layout: Tables, n: int) -> Array:
-    """The contacts, shape ``(rows, n)``.
+    """Table of the ``n`` contacts, shape ``(rows, n)``.
 
     Raises:
         ImpactError: INVALID_TABLE.
     """
-    numbers, at = np.asarray(request.contacts), layout.contacts
-    rows = numbers.size // n if n else at.height
-    if numbers.size != rows * n or not at.friction.start <= rows <= at.height + 1:
-        least, most = at.friction.start, at.height + 1
-        reason = f"must hold {least} to {most} rows of {n} for {layout.name}, holds {numbers.size} numbers"
+    numbers, contact_rows = np.asarray(request.contacts), layout.contacts
+    rows = numbers.size // n if n else contact_rows.height
+    fewest, most = contact_rows.friction.start, contact_rows.height + 1
+    if numbers.size != rows * n or not fewest <= rows <= most:
+        reason = f"must hold {fewest} to {most} rows of {n} for {layout.name}, holds {numbers.size} numbers"
         raise ImpactError(StatusCode.INVALID_TABLE, "contacts", reason)
     return numbers.reshape(rows, n)
 
 
 def model_of(request: Request, layout: Tables, contacts: Array, defaults: ImpactModel) -> ImpactModel:
-    """What to model: every AUTO decided, but for the precision, which depends on each contact.
+    """Model of a request, in which every AUTO is decided, except the precision: that depends on each contact.
 
     Raises:
         ImpactError: NOT_FINITE, INVALID_MODEL or INVALID_COEFFICIENT.
@@ -226,55 +239,60 @@ def model_of(request: Request, layout: Tables, contacts: Array, defaults: Impact
 
 def bodies_of(
     request: Request, layout: Tables, states: LatestStates, parameters: Parameters, now: Callable[[], int]
-) -> Look[Bodies]:
-    """The bodies of the table and those given by name.
+) -> LookUp[BatchBodies]:
+    """Collect the bodies of a request: those of the table, then the latest states of those given by name.
+
+    A body given by name that cannot be used is no error: the others are used.
 
     Raises:
-        TooEarly: a state is older than ``not_before``, or unknown.
-        ImpactError: INVALID_TABLE, BUDGET_EXCEEDED for more names than contacts may have bodies, or
-            SAME_BODY for a name that is there twice.
+        StateNotYetReceived: if the request has ``not_before``, and a state is older than that or unknown.
+        ImpactError: INVALID_TABLE, SAME_BODY, or BUDGET_EXCEEDED for too many names.
     """
     numbers, height = np.asarray(request.bodies), layout.bodies.height
     if numbers.size % height:
-        reason = f"must hold {height} rows for {layout.name}, all of one length; holds {numbers.size} numbers"
+        reason = f"must hold {height} rows of equal length for {layout.name}; holds {numbers.size} numbers"
         raise ImpactError(StatusCode.INVALID_TABLE, "bodies", reason)
-    table = without_give(numbers.reshape(height, -1), request.immovable, layout)
-    names = names_in(request)
-    faults = np.zeros(table.shape[1] + len(names), np.uint8)
+    table = with_immovable(numbers.reshape(height, -1), request.immovable, layout)
+    count, names = table.shape[1], names_in(request)
+    codes = np.zeros(count + len(names), np.uint8)
     if not names:
-        return Bodies(table, faults, [], [], [])
+        return BatchBodies(table, codes, [], [], [])
 
-    most = parameters.budget_contacts
-    if len(names) > 2 * most:
-        reason = f"are {len(names)}; budget.contacts is {most}, and those have {2 * most} bodies at most"
+    max_names = 2 * parameters.budget_contacts
+    if len(names) > max_names:
+        reason = (
+            f"holds {len(names)} names; budget.contacts is {parameters.budget_contacts}, and that many "
+            f"contacts have at most {max_names} bodies"
+        )
         raise ImpactError(StatusCode.BUDGET_EXCEEDED, "names", reason)
     check_distinct(names)
     columns, errors = np.full((height, len(names)), math.nan), []
     stamps, ages = [NO_STAMP] * len(names), [math.nan] * len(names)
-    at, not_before = nanoseconds(request.header.stamp) or now(), nanoseconds(request.not_before)
+    contact_time = nanoseconds(request.header.stamp) or now()
+    not_before = nanoseconds(request.not_before)
     for i, name in enumerate(names):
-        if not i % TOGETHER:
+        if not i % BODIES_PER_STEP:
             yield
         owner = f"names[{i}]"
         try:
-            state = find(states, owner, owner, name, not_before)
-            stamps[i], ages[i] = Used.of(state, at)
+            state = find_state(states, owner, owner, name, not_before)
+            stamps[i], ages[i] = StateUsed.of(state, contact_time)
             check_frame(f"{owner}.header.frame_id", state, "header.frame_id", request.header.frame_id)
             check_age(owner, name, ages[i], parameters.max_state_age)
             columns[:, i] = _column(owner, state, layout)
-        except TooEarly:
+        except StateNotYetReceived:
             raise
         except ImpactError as error:
             errors.append(error)
-            faults[table.shape[1] + i] = error.code
-    return Bodies(np.concatenate([table, columns], axis=1), faults, errors, stamps, ages)
+            codes[count + i] = error.code
+    return BatchBodies(np.concatenate([table, columns], axis=1), codes, errors, stamps, ages)
 
 
-def without_give(table: Array, immovable: Sequence[int], layout: Tables) -> Array:
-    """The bodies of the table; those that do not give way with infinite mass and no inertia.
+def with_immovable(table: Array, immovable: Sequence[int], layout: Tables) -> Array:
+    """Copy of a table of bodies, in which immovable bodies have infinite mass and no inertia.
 
     Raises:
-        ImpactError: INVALID_TABLE.
+        ImpactError: INVALID_TABLE if an index is not one of the table.
     """
     if not immovable:
         return table
@@ -286,6 +304,7 @@ def without_give(table: Array, immovable: Sequence[int], layout: Tables) -> Arra
 
 
 def _column(owner: str, state: BodyState, layout: Tables) -> list[float]:
+    """Column of the table for a body given by name."""
     body = convert.body_of(owner, state)
     convert.check_body(owner, body)
     if body.is_articulated():
@@ -293,7 +312,7 @@ def _column(owner: str, state: BodyState, layout: Tables) -> list[float]:
         raise ImpactError(StatusCode.INVALID_INERTIA, f"{owner}.inverse_inertia", reason)
     body = with_com_as_reference(body)
     if not all(map(math.isfinite, (*body.position, *body.velocity))):
-        reason = "the centre of mass is, or moves, beyond float64"
+        reason = "position or velocity of the centre of mass is beyond float64"
         raise ImpactError(StatusCode.OUT_OF_RANGE, f"{owner}.com", reason)
     if layout.geometry is Geometry.POINT:
         return [body.mass, *body.velocity]
@@ -304,21 +323,27 @@ def _column(owner: str, state: BodyState, layout: Tables) -> list[float]:
     if layout.oriented:
         return [*column, *(body.orientation or IDENTITY_QUATERNION)]
     if body.orientation and body.is_movable():
-        reason = f"is {tuple(body.orientation)}, for which the layout must be SPATIAL_ORIENTED"
+        reason = f"is {tuple(body.orientation)}: rotated bodies need the layout SPATIAL_ORIENTED"
         raise ImpactError(StatusCode.INVALID_ORIENTATION, f"{owner}.pose.orientation", reason)
     return column
 
 
-def blame(pairs: Array, faults: Array, status: Array) -> None:
-    """Write why bodies cannot be used into the status of their contacts."""
-    of_a, of_b = np.append(faults, np.uint8(StatusCode.UNKNOWN_BODY)).take(pairs, mode="clip")
-    found = np.where(of_a, of_a, of_b)
-    np.copyto(status, found, where=(found != StatusCode.UNSET) & (status != StatusCode.SAME_BODY))
+def write_codes(pairs: Array, codes: Array, status: Array) -> None:
+    """Write why bodies cannot be used into the status of their contacts.
+
+    Args:
+        pairs: indices of the bodies of each contact, shape ``(2, N)``.
+        codes: for each body UNSET, or why it cannot be used.
+        status: status of each contact, changed in place. SAME_BODY stays.
+    """
+    code_a, code_b = np.append(codes, np.uint8(StatusCode.UNKNOWN_BODY)).take(pairs, mode="clip")
+    code = np.where(code_a, code_a, code_b)
+    np.copyto(status, code, where=(code != StatusCode.UNSET) & (status != StatusCode.SAME_BODY))
 
 
-def note_of(errors: list[ImpactError]) -> str:
-    """What is wrong with the first of the bodies that cannot be used, and how many there are."""
+def summary_of(errors: list[ImpactError]) -> str:
+    """Text of the first error, and the number of bodies that cannot be used if there are more."""
     if not errors:
         return ""
-    first = convert.as_in_message(errors[0])
+    first = convert.error_text(errors[0])
     return first if len(errors) == 1 else f"{first}; {len(errors)} bodies in all cannot be used"

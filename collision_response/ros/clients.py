@@ -1,7 +1,7 @@
-"""Who asks, and who of them is still there.
+"""The clients of a service: which one sent a request, and which are still connected.
 
-A client that has left cannot be answered: Fast DDS waits a tenth of a second for it with each answer, and
-everybody else waits too.
+A client that has left should not be answered: Fast DDS waits a tenth of a second with each such answer, and
+all other clients wait with it.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
 
-INTERVAL = 0.01
-"""Least time [s] between two looks at who is there: one takes most of a millisecond."""
+REFRESH_INTERVAL = 0.01
+"""Shortest time [s] between two queries for the connected clients: one takes most of a millisecond."""
 
-MOST = 1000
-"""Clients remembered that were answered and never discovered, such as those of other middleware; and of those
-that could not be answered."""
+MAX_REMEMBERED = 1000
+"""Number of clients that are remembered as answered but never discovered (those of other middleware are not
+discovered), and number that are remembered as unreachable."""
 
-NOBODY = b""
-"""The client of every request where the middleware does not tell them apart."""
+UNKNOWN_CLIENT = b""
+"""The client of every request, if the middleware does not say which client sent it."""
 
 
 class _ServiceInfo(ctypes.Structure):
@@ -45,77 +45,87 @@ class _Instance(ctypes.Structure):
     )
 
 
-def client_of(header: Any) -> bytes:
-    """The identity of the client that sent a request, 16 bytes.
+def client_id(header: Any) -> bytes:
+    """Identity of the client that sent a request: 16 bytes.
 
-    rclpy keeps it in the header and shows the rest of that alone, so it is read from memory. If what rclpy
-    shows is not found beside it, the answer is ``NOBODY``.
+    rclpy keeps it in the header, but gives access to the other fields only. So it is read from memory. The
+    other fields are read the same way: if they differ from what rclpy says, the result is ``UNKNOWN_CLIENT``.
     """
     info = _Instance.from_address(id(header)).value.contents
-    shown = header.source_timestamp, header.received_timestamp, header.request_id.sequence_number
-    if (info.source_timestamp, info.received_timestamp, info.sequence_number) != shown:
-        return NOBODY
+    expected = header.source_timestamp, header.received_timestamp, header.request_id.sequence_number
+    if (info.source_timestamp, info.received_timestamp, info.sequence_number) != expected:
+        return UNKNOWN_CLIENT
     return bytes(info.writer_guid)
 
 
-class Presence:
-    """Which clients of a service are there: those whose subscription to its answers is matched.
+class ConnectedClients:
+    """Which clients of a service are connected: those whose subscription to the answers is matched.
 
-    Only Fast DDS names clients by that subscription; with another middleware all count as present.
+    Only Fast DDS identifies clients by that subscription. With another middleware all clients count as
+    connected.
+
+    Args:
+        node: the node that offers the service.
+        service_name: the resolved name of the service.
     """
 
     def __init__(self, node: Node, service_name: str) -> None:
         self._node = node
         self._answers = f"rr{service_name}Reply"
-        self._tells = "fastrtps" in get_rmw_implementation_identifier()
-        self._present: set[bytes] = set()
-        self._gone: set[bytes] = set()
-        self._reached: dict[bytes, float] = {}  # when last, and in that order
-        self._missed: dict[bytes, float] = {}
-        self._looked = 0.0
+        self._identifies = "fastrtps" in get_rmw_implementation_identifier()
+        self._connected: set[bytes] = set()
+        self._departed: set[bytes] = set()
+        self._reached: dict[bytes, float] = {}  # when last; ordered by that time
+        self._unreachable: dict[bytes, float] = {}  # the same
+        self._refreshed = 0.0
 
-    def is_there(self, client: bytes) -> bool:
-        """Whether a client can be answered. One that has just come may have to be discovered first."""
-        if client in self._present or client in self._reached or client == NOBODY or not self._tells:
+    def is_connected(self, client: bytes) -> bool:
+        """Whether a client can be answered. A new client may have to be discovered first."""
+        if (
+            client in self._connected
+            or client in self._reached
+            or client == UNKNOWN_CLIENT
+            or not self._identifies
+        ):
             return True
-        if time.perf_counter() - self._looked > INTERVAL:
-            self._look()
-        return client in self._present
+        if time.perf_counter() - self._refreshed > REFRESH_INTERVAL:
+            self._refresh()
+        return client in self._connected
 
-    def reached(self, client: bytes) -> None:
-        """A client could be answered: it is there, whether or not it has been discovered."""
-        if client not in self._present:
-            _note_last(self._reached, client)
+    def note_reached(self, client: bytes) -> None:
+        """Note that an answer was sent to a client: it is connected, even if it is not discovered yet."""
+        if client not in self._connected:
+            _set_latest(self._reached, client)
 
-    def missed(self, client: bytes) -> None:
-        """A client could not be answered."""
+    def note_unreachable(self, client: bytes) -> None:
+        """Note that an answer could not be sent to a client."""
         self._reached.pop(client, None)
-        _note_last(self._missed, client)
+        _set_latest(self._unreachable, client)
 
-    def has_left(self, client: bytes, heard: float) -> bool:
-        """Whether one that is not there could not be answered since it was heard of."""
-        return self._missed.get(client, heard) > heard and not self.is_there(client)
+    def has_left(self, client: bytes, since: float) -> bool:
+        """Whether a client is not connected and was found unreachable since a time [s]."""
+        return self._unreachable.get(client, since) > since and not self.is_connected(client)
 
-    def departed(self) -> set[bytes]:
-        """The clients that have left since the last call."""
-        if self._present:
-            self._look()
-        gone, self._gone = self._gone, set()
-        return gone
+    def take_departed(self) -> set[bytes]:
+        """Clients that have left since the last call."""
+        if self._connected:
+            self._refresh()
+        departed, self._departed = self._departed, set()
+        return departed
 
-    def _look(self) -> None:
+    def _refresh(self) -> None:
         endpoints = self._node.get_subscriptions_info_by_topic(self._answers, no_mangle=True)
-        present = {bytes(endpoint.endpoint_gid[:16]) for endpoint in endpoints}
-        self._gone = (self._gone | self._present) - present
-        for client in self._reached.keys() & present:
-            del self._reached[client]  # from now on it would be missed
-        self._present = present
-        self._looked = time.perf_counter()
+        connected = {bytes(endpoint.endpoint_gid[:16]) for endpoint in endpoints}
+        self._departed = (self._departed | self._connected) - connected
+        for client in self._reached.keys() & connected:
+            del self._reached[client]  # it is discovered: from now on its departure is noticed
+        self._connected = connected
+        self._refreshed = time.perf_counter()
 
 
-def _note_last(times: dict[bytes, float], client: bytes) -> None:
-    """Remember it as the last of so many."""
+def _set_latest(times: dict[bytes, float], client: bytes) -> None:
+    """Note the present time for a client as the last entry, and limit the number of entries."""
     times.pop(client, None)
     times[client] = time.perf_counter()
-    if len(times) > MOST:
+    if len(times) > MAX_REMEMBERED:
         del times[next(iter(times))]

@@ -1,9 +1,11 @@
-"""Messages to bodies, answers to messages: of single impacts. Of tables: ``batches.py`` and ``scenes.py``.
+"""Conversion of messages to bodies, contacts and models, and of answers to messages.
 
-The core takes a body as a message describes it: pose and twist of the origin of the body frame, and where
-the centre of mass is from there. So nothing is computed here.
+The tables of batches and scenes are converted in ``batches.py`` and ``scenes.py``.
 
-Errors name fields as the messages do: ``body_a.inertia.m``, not the core's ``body_a.mass``.
+The numeric core takes a body as a message describes it: pose and twist of the origin of the body frame, and
+the position of the centre of mass in that frame. So nothing is computed here.
+
+Errors name fields as the messages do: ``body_a.inertia.m``, not ``body_a.mass`` as in the core.
 """
 
 from __future__ import annotations
@@ -46,25 +48,25 @@ CORE_TO_MESSAGE = {
     "angular_velocity": "twist.angular",
     "com": "inertia.com",
 }
-"""What the message calls the fields of the core's ``Body``, where the two differ."""
+"""Names in ``BodyState`` of those fields that have another name in the core's ``Body``."""
 
-NOTES = {
-    Adjustment.NORMALISED_ORIENTATION: "a pose.orientation was not of unit length: normalised",
-    Adjustment.RESTITUTION_THRESHOLD: "approach slower than restitution_threshold: restitution taken as 0",
-    Adjustment.LAW_FALLBACK: "the law has no solution here, or would create energy: COULOMB answered",
-    Adjustment.ENERGY_CHANGE_ONLY: "a body is articulated: kinetic energies count its change alone",
-    Adjustment.MASSLESS_SPIN: "a body turned about an axis without inertia: that rotation was left out",
+ADJUSTMENT_NOTES = {
+    Adjustment.NORMALISED_ORIENTATION: "a pose.orientation was not of unit length and was normalised",
+    Adjustment.RESTITUTION_THRESHOLD: "the approach is slower than restitution_threshold: restitution was 0",
+    Adjustment.LAW_FALLBACK: "the law has no solution here, or would create energy: COULOMB was used",
+    Adjustment.ENERGY_CHANGE_ONLY: "a body is articulated: kinetic energies include only its change",
+    Adjustment.MASSLESS_SPIN: "a body rotated about an axis without inertia: that rotation was ignored",
 }
+"""What the message of an answer says about each adjustment."""
 
 LAWS: dict[int, Any] = {int(law): law for law in Law}
 GEOMETRIES: dict[int, Any] = {int(geometry): geometry for geometry in Geometry}
 PRECISIONS: dict[int, Any] = {int(precision): precision for precision in Precision}
 
-
 AT_REST = Twist(ZERO, ZERO)
 
 
-class Source(IntEnum):
+class CoefficientSource(IntEnum):
     """Where a coefficient came from."""
 
     CONTACT = CollisionResult.FROM_CONTACT
@@ -75,33 +77,34 @@ class Source(IntEnum):
 
 
 UNSET = -1.0
-"""What a coefficient is that a message does not give."""
+"""Value of a coefficient that a message does not give."""
 
 
-class Filled(NamedTuple):
+class Coefficient(NamedTuple):
     """A coefficient of a contact.
 
     Attributes:
-        value: a number; of a pair of materials it may be a function of the approach or slip speed.
-        source: where it came from.
-        rule: that combined two, or what the entry of a pair says of its source.
+        value: a number, or for a pair of materials possibly a function of the approach or slip speed.
+        source: where the coefficient came from.
+        rule: the rule that combined two coefficients, or the source that the entry of a pair of materials
+            names.
     """
 
     value: Any
-    source: Source
+    source: CoefficientSource
     rule: str
 
 
-class FilledIn(NamedTuple):
-    """Those of a contact, and the entry of its pair of materials."""
+class ContactCoefficients(NamedTuple):
+    """The coefficients of a contact, and what the materials file says about its pair of materials."""
 
-    restitution: Filled
-    friction: Filled
+    restitution: Coefficient
+    friction: Coefficient
     pair: Pair
 
 
-class Problem(NamedTuple):
-    """A request in the terms of the numeric core."""
+class ImpactProblem(NamedTuple):
+    """A request as the numeric core takes it: the arguments of :func:`~collision_response.resolve`."""
 
     body_a: Body
     body_b: Body
@@ -109,28 +112,39 @@ class Problem(NamedTuple):
     model: ImpactModel
 
 
-def problem_of(request: ResolveCollision.Request, parameters: Parameters) -> tuple[Problem, FilledIn]:
-    """What a request asks for, in which both bodies are given in full, and where its coefficients came from.
+def problem_of(
+    request: ResolveCollision.Request, parameters: Parameters
+) -> tuple[ImpactProblem, ContactCoefficients]:
+    """Convert a request in which both bodies are given in full.
+
+    Returns:
+        The arguments for the numeric core, and the coefficients with their sources.
 
     Raises:
-        ImpactError: it cannot be put to the numeric core.
+        ImpactError: if the request cannot be converted.
     """
     bodies = body_of("body_a", request.body_a), body_of("body_b", request.body_b)
     coefficients = coefficients_of(request, parameters)
-    model = model_of(request.model, _defaults(parameters.model, coefficients.pair))
-    return Problem(*bodies, contact_with(request.contact, coefficients, model.law), model), coefficients
+    model = model_of(request.model, _with_pair(parameters.model, coefficients.pair))
+    return ImpactProblem(*bodies, contact_of(request.contact, coefficients, model.law), model), coefficients
 
 
 def body_of(owner: str, state: BodyState) -> Body:
-    """The body of a message. What must hold of its numbers, the core sees to.
+    """Convert a body. Its numbers are checked later, by the numeric core.
+
+    Args:
+        owner: what errors call the body, such as ``"body_a"``.
+        state: the body.
 
     Raises:
-        ImpactError: NOT_FINITE or INVALID_MOTION_TYPE, its field starting with ``owner``.
+        ImpactError: NOT_FINITE if the mass is not finite, INVALID_MOTION_TYPE if the motion type is unknown
+            or a static body moves, or the error of an invalid ``inverse_inertia``. The field starts with
+            ``owner``.
     """
     position, q = vector_of(state.pose.position), state.pose.orientation
-    turn = Quaternion(q.x, q.y, q.z, q.w)
     velocity, angular_velocity = vector_of(state.twist.linear), vector_of(state.twist.angular)
-    orientation = None if turn == IDENTITY_QUATERNION else turn
+    rotation = Quaternion(q.x, q.y, q.z, q.w)
+    orientation = None if rotation == IDENTITY_QUATERNION else rotation
     if state.motion_type != BodyState.DYNAMIC:
         _check_immovable(owner, state.motion_type, Twist(velocity, angular_velocity))
         return Body.kinematic(position, velocity, angular_velocity)._replace(orientation=orientation)
@@ -153,23 +167,31 @@ def body_of(owner: str, state: BodyState) -> Body:
 
 
 def check_mass(owner: str, mass: float) -> None:
-    """Refuse what the core would take for the mass of an immovable body. Raises: ImpactError: NOT_FINITE."""
+    """Refuse an infinite or NaN mass: for the core, infinite mass means a body that cannot be moved.
+
+    Raises:
+        ImpactError: NOT_FINITE.
+    """
     if not math.isfinite(mass):
         raise ImpactError(StatusCode.NOT_FINITE, f"{owner}.inertia.m", f"must be finite; is {mass}")
 
 
-TRIAL = Body.dynamic(1.0), Contact.of((0, 0, 0), normal=(1, 0, 0)), ImpactModel(precision=Precision.SINGLE)
-"""An impact that nothing is wrong with but what is wrong with body_a."""
+VALID_REST = (
+    Body.dynamic(1.0),
+    Contact.of((0, 0, 0), normal=(1, 0, 0)),
+    ImpactModel(precision=Precision.SINGLE),
+)
+"""A valid body_b, contact and model: with them, only body_a can be invalid."""
 
 
 def check_body(owner: str, body: Body) -> None:
-    """Whether the core takes a body.
+    """Check a body as the numeric core does.
 
     Raises:
-        ImpactError: it does not; the field starts with ``owner``.
+        ImpactError: if the core refuses the body. The field starts with ``owner``.
     """
     try:
-        resolve(body, *TRIAL)
+        resolve(body, *VALID_REST)
     except ImpactError as error:
         if error.field.startswith("body_a."):
             raise error.with_owner(owner) from None
@@ -185,74 +207,99 @@ def _check_immovable(owner: str, motion_type: int, twist: Twist) -> None:
         raise ImpactError(StatusCode.INVALID_MOTION_TYPE, field, reason)
 
 
-def contact_with(
-    message: ContactMessage, coefficients: FilledIn, law: Law, tangential_restitution: float | None = None
+def contact_of(
+    message: ContactMessage,
+    coefficients: ContactCoefficients,
+    law: Law,
+    tangential_restitution: float | None = None,
 ) -> Contact:
-    """Where the bodies touch, with these coefficients.
-
-    Raises:
-        ImpactError: INVALID_MODEL: the law follows friction by slip speed along its path. An answer has one
-            number for it, which would not give the same again.
-    """
-    e, mu = coefficients.restitution.value, coefficients.friction.value
-    if callable(mu) and law in BY_SPEED:
-        reason = f"depends on slip speed, which {law.name} follows in Python alone: give a number"
-        raise ImpactError(StatusCode.INVALID_MODEL, "contact.friction", f"{reason}, or ask COULOMB")
-    return Contact(vector_of(message.position), vector_of(message.normal), e, mu, tangential_restitution)
-
-
-GREATEST = {"restitution": 1.0, "friction": math.inf}
-
-
-def coefficients_of(touch: Any, parameters: Parameters) -> FilledIn:
-    """What the contact says; else the entry of the pair of materials; else both materials; else both bodies;
-    else the node's parameter.
+    """Convert a contact.
 
     Args:
-        touch: a ``contact``, its ``body_a`` and ``body_b``, such as a request for one impact.
-        parameters: of the node.
+        message: its position and normal.
+        coefficients: its restitution and friction.
+        law: the law that will be used.
+        tangential_restitution: of this contact; ``None``: as in the model.
 
     Raises:
-        ImpactError: UNKNOWN_MATERIAL, or for a coefficient of a body NOT_FINITE or INVALID_COEFFICIENT.
+        ImpactError: INVALID_MODEL if friction depends on slip speed and the law follows it along its path.
+            The answer reports friction as one number, with which the impact could not be reproduced.
     """
-    materials = touch.body_a.material, touch.body_b.material
+    restitution, friction = coefficients.restitution.value, coefficients.friction.value
+    if callable(friction) and law in BY_SPEED:
+        reason = f"depends on slip speed, which {law.name} follows only in the Python library"
+        raise ImpactError(
+            StatusCode.INVALID_MODEL, "contact.friction", f"{reason}: give a number, or use COULOMB"
+        )
+    return Contact(
+        vector_of(message.position), vector_of(message.normal), restitution, friction, tangential_restitution
+    )
+
+
+MAX_COEFFICIENTS = {"restitution": 1.0, "friction": math.inf}
+
+
+def coefficients_of(request: Any, parameters: Parameters) -> ContactCoefficients:
+    """Find the coefficients of a contact.
+
+    Each comes from the first of these that gives it: the contact, the entry of the pair of materials, both
+    materials, both bodies, the node's parameter.
+
+    Args:
+        request: anything with the messages ``contact``, ``body_a`` and ``body_b``, such as a request for one
+            impact.
+        parameters: the parameters of the node.
+
+    Raises:
+        ImpactError: UNKNOWN_MATERIAL, or NOT_FINITE or INVALID_COEFFICIENT for a coefficient of a body.
+    """
+    materials = request.body_a.material, request.body_b.material
     for owner, material in zip(("body_a", "body_b"), materials, strict=True):
         if material:
             parameters.materials.check(f"{owner}.material", material)
-    return FilledIn(
-        _filled("restitution", touch, parameters),
-        _filled("friction", touch, parameters),
+    return ContactCoefficients(
+        _coefficient("restitution", request, parameters),
+        _coefficient("friction", request, parameters),
         parameters.materials.between(*materials),
     )
 
 
-def _filled(field: str, touch: Any, parameters: Parameters) -> Filled:
-    of_a, of_b = getattr(touch.body_a, field), getattr(touch.body_b, field)
-    for owner, own in (("body_a", of_a), ("body_b", of_b)):
-        if own != UNSET:
-            check_number(f"{owner}.{field}", own, 0, GREATEST[field], StatusCode.INVALID_COEFFICIENT)
-    given = getattr(touch.contact, field)
-    if given != UNSET:
-        return Filled(given, Source.CONTACT, "")  # for the core to refuse, if need be
+def _coefficient(field: str, request: Any, parameters: Parameters) -> Coefficient:
+    of_a, of_b = getattr(request.body_a, field), getattr(request.body_b, field)
+    for owner, value in (("body_a", of_a), ("body_b", of_b)):
+        if value != UNSET:
+            check_number(
+                f"{owner}.{field}", value, 0, MAX_COEFFICIENTS[field], StatusCode.INVALID_COEFFICIENT
+            )
+    of_contact = getattr(request.contact, field)
+    if of_contact != UNSET:
+        return Coefficient(of_contact, CoefficientSource.CONTACT, "")  # checked by the core
     rule: CombineRule = getattr(parameters, f"combine_{field}")
-    a, b = touch.body_a.material, touch.body_b.material
+    a, b = request.body_a.material, request.body_b.material
     found = parameters.materials.find(field, a, b, rule) if a and b else None
     if found is not None:
-        return Filled(found.value, Source.PAIR if found.is_of_pair else Source.MATERIALS, found.how)
+        source = CoefficientSource.PAIR if found.is_of_pair else CoefficientSource.MATERIALS
+        return Coefficient(found.value, source, found.how)
     if of_a != UNSET and of_b != UNSET:
-        return Filled(combine(rule, of_a, of_b), Source.BODIES, rule.value)
-    return Filled(getattr(parameters, field), Source.PARAMETER, "")
+        return Coefficient(combine(rule, of_a, of_b), CoefficientSource.BODIES, rule.value)
+    return Coefficient(getattr(parameters, field), CoefficientSource.PARAMETER, "")
 
 
 @lru_cache(maxsize=64)
-def _defaults(model: ImpactModel, pair: Pair) -> ImpactModel:
-    """The node's model, with what a pair of materials says of it. Equal ones are one object."""
+def _with_pair(model: ImpactModel, pair: Pair) -> ImpactModel:
+    """Set what a pair of materials says about the model.
+
+    Cached, because the core looks up what it makes of a model by identity.
+    """
     of_pair = {name: x for name, x in pair._asdict().items() if name in ImpactModel._fields and x is not None}
     return model._replace(**of_pair)
 
 
-def only_one_body_says(field: str, request: ResolveCollision.Request) -> bool:
-    """Whether the coefficient of one body is of no use, because the other has none, nor both a material."""
+def is_given_by_one_body_only(field: str, request: ResolveCollision.Request) -> bool:
+    """Whether a coefficient of one body is not used because the other body has none.
+
+    It is not missed where the contact gives the coefficient, or both bodies have a material.
+    """
     if request.body_a.material and request.body_b.material:
         return False
     of_a, of_b = getattr(request.body_a, field), getattr(request.body_b, field)
@@ -260,26 +307,32 @@ def only_one_body_says(field: str, request: ResolveCollision.Request) -> bool:
 
 
 def model_of(message: ImpactModelMessage, defaults: ImpactModel) -> ImpactModel:
-    """What to model. A number without a name stays a number, for the core to refuse by name."""
+    """Convert a model; what is 0 in the message comes from ``defaults``.
+
+    An unknown law, geometry or precision stays a number, which the core refuses with its field's name.
+    """
     return _model(tuple(getattr(message, field) for field in ImpactModel._fields), defaults)
 
 
 @lru_cache(maxsize=64)
 def _model(fields: tuple[Any, ...], defaults: ImpactModel) -> ImpactModel:
-    """Equal ones are one object: the core remembers by that what a model comes to."""
+    """Cached, because the core looks up what it makes of a model by identity."""
     law, geometry, precision, *numbers = fields
     named = LAWS.get(law, law), GEOMETRIES.get(geometry, geometry), PRECISIONS.get(precision, precision)
-    chosen: list[Any] = [x or default for x, default in zip((*named, *numbers), defaults, strict=True)]
-    return ImpactModel(*chosen)
+    values: list[Any] = [x or default for x, default in zip((*named, *numbers), defaults, strict=True)]
+    return ImpactModel(*values)
 
 
 def write_answer(
-    result: CollisionResult, request: ResolveCollision.Request, impact: Impact, coefficients: FilledIn
+    result: CollisionResult,
+    request: ResolveCollision.Request,
+    impact: Impact,
+    coefficients: ContactCoefficients,
 ) -> None:
-    """Fill in a result from what the core answered."""
-    echo(result, request)
+    """Write the answer of the core into a result."""
+    echo_contact(result, request)
     result.status.code = int(impact.status)
-    result.status.message = "; ".join(notes(impact))
+    result.status.message = "; ".join(notes_of(impact))
     _, result.restitution_from, result.restitution_rule = coefficients.restitution
     _, result.friction_from, result.friction_rule = coefficients.friction
     result.contact.restitution = impact.contact.restitution
@@ -294,10 +347,10 @@ def write_answer(
     result.adjustments = int(impact.adjustments)
 
 
-def notes(impact: Impact | SceneImpact) -> Iterator[str]:
-    """What a person should know of an answer."""
+def notes_of(impact: Impact | SceneImpact) -> Iterator[str]:
+    """What a person should know about an answer."""
     if impact.adjustments:
-        yield from (note for flag, note in NOTES.items() if flag in impact.adjustments)
+        yield from (note for flag, note in ADJUSTMENT_NOTES.items() if flag in impact.adjustments)
     if impact.status is StatusCode.TOLERANCE_NOT_MET:
         tolerance = impact.model.tolerance
         above = f", above the tolerance of {tolerance:.3g}" if tolerance else ""
@@ -307,22 +360,22 @@ def notes(impact: Impact | SceneImpact) -> Iterator[str]:
 def write_refusal(
     result: CollisionResult | SceneResult, model: ImpactModelMessage, error: ImpactError
 ) -> None:
-    """Fill in a result that says why there is none; its model is that of the request."""
+    """Write the reason of a refusal into a result, with the model of the request."""
     result.model, result.error_bound = model, -1.0
-    result.status.code, result.status.message = int(error.code), as_in_message(error)
+    result.status.code, result.status.message = int(error.code), error_text(error)
 
 
-def as_in_message(error: ImpactError) -> str:
-    """What an error says, its field named as the messages name it."""
+def error_text(error: ImpactError) -> str:
+    """Text of an error, with the field named as in the messages."""
     owner, _, field = error.field.partition(".")
-    head, dot, rest = field.partition(".")
+    head, dot, component = field.partition(".")
     if owner.startswith(("body_a", "body_b", "bodies[", "names[")) and head in CORE_TO_MESSAGE:
-        return f"{owner}.{CORE_TO_MESSAGE[head]}{dot}{rest}: {error.reason}"
+        return f"{owner}.{CORE_TO_MESSAGE[head]}{dot}{component}: {error.reason}"
     return str(error)
 
 
-def echo(result: CollisionResult, request: ResolveCollision.Request) -> None:
-    """Fill in a result with the contact of its request, the names of the bodies too."""
+def echo_contact(result: CollisionResult, request: ResolveCollision.Request) -> None:
+    """Write the contact of a request into its result, with the names of both bodies."""
     result.header = request.contact.header
     result.contact = request.contact
     result.contact.body_a = request.contact.body_a or request.body_a.name
@@ -330,19 +383,19 @@ def echo(result: CollisionResult, request: ResolveCollision.Request) -> None:
 
 
 def vector_of(message: Any) -> Vec3:
-    """A vector, or a point."""
+    """Convert a vector or a point."""
     return Vec3(message.x, message.y, message.z)
 
 
 def twist_message(twist: Twist) -> TwistMessage:
-    """A new message."""
+    """Make a message of a twist."""
     message = TwistMessage()
     _write_twist(message, twist)
     return message
 
 
 def vector_message(vector: Vec3) -> Vector3:
-    """A new message."""
+    """Make a message of a vector."""
     message = Vector3()
     _write_vector(message, vector)
     return message

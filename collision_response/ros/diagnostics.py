@@ -11,8 +11,8 @@ from rclpy.node import Node
 
 from ..recording import Recorder
 from ..status import StatusCode
+from .counters import Counters
 from .states import LatestStates
-from .tally import Tally
 
 PERIOD = 1.0
 """Time [s] between messages."""
@@ -23,7 +23,7 @@ class Diagnostics:
 
     Args:
         node: that publishes.
-        tally: of the services.
+        counters: of the services.
         states: that the node has heard of.
         recorder: or ``None``.
         waiting: tells how many requests are not answered yet.
@@ -32,13 +32,13 @@ class Diagnostics:
     def __init__(
         self,
         node: Node,
-        tally: Tally,
+        counters: Counters,
         states: LatestStates,
         recorder: Recorder | None,
         waiting: Callable[[], int],
     ) -> None:
         self._node = node
-        self._tally = tally
+        self._tally = counters
         self._states = states
         self._recorder = recorder
         self._waiting = waiting
@@ -58,17 +58,17 @@ class Diagnostics:
         return {"requests": self._tally.requests, "answers": answers, "states": self._states.received}
 
     def _count_troubles(self) -> dict[str, int]:
-        tally, states = self._tally, self._states
+        counters, states = self._tally, self._states
         return {
-            "requests that could not be read": tally.unreadable,
-            "requests of clients that left": tally.dropped,
-            "answers that could not be sent": tally.unsent,
-            "answers to clients that left, perhaps not received": tally.at_risk,
-            "requests over budget": tally.answers[StatusCode.BUDGET_EXCEEDED],
-            "internal errors": tally.answers[StatusCode.INTERNAL_ERROR],
+            "requests that could not be read": counters.unreadable,
+            "requests of clients that left": counters.dropped,
+            "answers that could not be sent": counters.unsent,
+            "answers to clients that left, perhaps not received": counters.at_risk,
+            "requests over budget": counters.answers[StatusCode.BUDGET_EXCEEDED],
+            "internal errors": counters.answers[StatusCode.INTERNAL_ERROR],
             "states lost on the way": states.lost,
-            "states that could not be read": states.broken,
-            "states older than the one known": states.overtaken,
+            "states that could not be read": states.unreadable,
+            "states older than the one known": states.outdated,
             "bodies forgotten": states.evicted,
             "entries not recorded": self._recorder.missing() if self._recorder else 0,
         }

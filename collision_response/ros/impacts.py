@@ -15,58 +15,60 @@ from ..resolve import resolve
 from ..srv import ResolveCollision
 from ..status import ImpactError, StatusCode
 from . import convert
-from .journal import Journal
+from .answer_log import AnswerLog
+from .body_lookup import complete
 from .parameters import LatestParameters
-from .patience import in_one_part, when_not_too_early
-from .request import complete
 from .server import Work
+from .state_wait import wait_for_states, without_pauses
 from .states import LatestStates
 
 
 @dataclass
-class Impacts:
-    """Answers requests.
+class ImpactService:
+    """Answers ``~/resolve_collision``.
 
     Attributes:
-        parameters: of the node.
-        states: of the bodies that it has heard of.
-        journal: of the answers.
-        survey: is told of every impact, to log what the scene requires; or ``None``.
-        now: the time by the node's clock [ns].
-        log: of the node.
+        parameters: the parameters of the node.
+        states: the latest states of bodies.
+        answer_log: publishes and records the answers.
+        survey: collects all impacts, to log what the scene requires; or ``None``.
+        now: returns the time of the node's clock [ns].
+        log: the logger of the node.
     """
 
     interface = ResolveCollision
     name = "~/resolve_collision"
     parameters: LatestParameters
     states: LatestStates
-    journal: Journal
+    answer_log: AnswerLog
     survey: SceneSurvey | None
     now: Callable[[], int]
     log: Any
     _warned: set[str] = field(default_factory=set, init=False)
 
     def answer(self, request: ResolveCollision.Request) -> Work:
-        """The work for a request."""
-        current = self.parameters.values
-        look = partial(complete, request, self.states, current, self.now)
-        used = yield from when_not_too_early(partial(in_one_part, look), current.max_state_wait)
+        """Compute the response to a request, in steps."""
+        parameters = self.parameters.values
+        look_up = partial(complete, request, self.states, parameters, self.now)
+        states_used = yield from wait_for_states(partial(without_pauses, look_up), parameters.max_state_wait)
         self._warn_of_coefficients(request)
-        problem, coefficients = convert.problem_of(request, current)
-        begin = time.perf_counter()
+        problem, coefficients = convert.problem_of(request, parameters)
+
+        start = time.perf_counter()
         impact = resolve(*problem)
-        duration = time.perf_counter() - begin
+        duration = time.perf_counter() - start
+
         response = ResolveCollision.Response(success=True)
         result = response.result
         convert.write_answer(result, request, impact, coefficients)
-        result.state_stamp_a, result.state_stamp_b = (state.stamp for state in used)
-        result.state_age_a, result.state_age_b = (state.age for state in used)
+        result.state_stamp_a, result.state_stamp_b = (used.stamp for used in states_used)
+        result.state_age_a, result.state_age_b = (used.age for used in states_used)
         names = result.contact.body_a or "body_a", result.contact.body_b or "body_b"
-        self.journal.enter(
+        self.answer_log.add(
             result,
-            lambda stamp, number: Record(
+            lambda stamp, sequence: Record(
                 stamp,
-                number,
+                sequence,
                 *names,
                 problem.body_a,
                 problem.body_b,
@@ -81,27 +83,27 @@ class Impacts:
         return response
 
     def refusal(self, request: ResolveCollision.Request, error: ImpactError) -> ResolveCollision.Response:
-        """The response that says why there is no answer."""
+        """Response that says why there is no answer."""
         response = ResolveCollision.Response()
-        convert.echo(response.result, request)
+        convert.echo_contact(response.result, request)
         convert.write_refusal(response.result, request.model, error)
-        self.journal.refuse(response.result, error.code)
+        self.answer_log.add_refusal(response.result, error.code)
         return response
 
     def code(self, response: ResolveCollision.Response) -> StatusCode:
-        """How the request ended."""
+        """Status code of a response."""
         return StatusCode(response.result.status.code)
 
     def _warn_of_coefficients(self, request: ResolveCollision.Request) -> None:
         for name in ("restitution", "friction"):
-            if name not in self._warned and convert.only_one_body_says(name, request):
+            if name not in self._warned and convert.is_given_by_one_body_only(name, request):
                 self._warned.add(name)
                 self.log.warning(
-                    f"only one of two bodies has a coefficient of {name}: the parameter {name} is used; "
-                    "this is said once"
+                    f"only one of two bodies has a coefficient of {name}, so the parameter {name} is used "
+                    "(logged once)"
                 )
 
-    def _log_requirements(self, survey: SceneSurvey, name: str, problem: convert.Problem) -> None:
+    def _log_requirements(self, survey: SceneSurvey, name: str, problem: convert.ImpactProblem) -> None:
         before = survey.requirements()
         with suppress(ImpactError):  # without friction there is no answer
             survey.add(name, problem.body_a, problem.body_b, problem.contact)

@@ -24,7 +24,7 @@ from ..status import StatusCode
 from .convert import vector_message, vector_of
 from .parameters import Declaration, declare
 from .process import run
-from .server import THROTTLE
+from .throttled_warnings import WARNING_INTERVAL
 
 DECLARATIONS = (
     Declaration("metres_per_newton_second", 0.1, "Length of an impulse's arrow [m/(N s)].", 1e-9, 1e9),
@@ -60,7 +60,7 @@ class Drawing(NamedTuple):
     lifetime: float
 
 
-class ShownContact(NamedTuple):
+class DrawnContact(NamedTuple):
     """What is drawn of a contact; ``normal`` is of length 1."""
 
     position: Vec3
@@ -69,7 +69,7 @@ class ShownContact(NamedTuple):
     impulse: Vec3
 
 
-def touches_of(result: CollisionResult | SceneResult) -> list[ShownContact]:
+def contacts_of(result: CollisionResult | SceneResult) -> list[DrawnContact]:
     """The contacts of an answer; none of a refusal, nor those that no answer of the service has."""
     if result.status.code not in ANSWERS:
         return []
@@ -81,7 +81,7 @@ def touches_of(result: CollisionResult | SceneResult) -> list[ShownContact]:
 
 
 def markers_of(
-    header: Any, touches: Sequence[ShownContact], drawing: Drawing, numbers: Iterator[int]
+    header: Any, touches: Sequence[DrawnContact], drawing: Drawing, numbers: Iterator[int]
 ) -> MarkerArray:
     """A point, two arrows and a cone for each contact, with the next of ``numbers`` as their id.
 
@@ -107,7 +107,7 @@ def markers_of(
     return array
 
 
-def wrench_of(header: Any, touch: ShownContact, contact_duration: float) -> WrenchStamped:
+def wrench_of(header: Any, touch: DrawnContact, contact_duration: float) -> WrenchStamped:
     """The mean force on body_a while the impact lasts, and its moment about the origin of the frame.
 
     Args:
@@ -126,15 +126,15 @@ def _is_finite(wrench: WrenchStamped) -> bool:
     return all(math.isfinite(x) for part in parts for x in vector_of(part))
 
 
-def _touch(contact: Any, impulse: Any) -> ShownContact | None:
+def _touch(contact: Any, impulse: Any) -> DrawnContact | None:
     x, n, p = map(vector_of, (contact.position, contact.normal, impulse))
     if not all(map(math.isfinite, (*x, *n, *p))) or not any(n):
         return None
     n = n / max(map(abs, n))  # of any length, its square perhaps too small
-    return ShownContact(x, n / n.norm(), contact.friction, p)
+    return DrawnContact(x, n / n.norm(), contact.friction, p)
 
 
-def _shapes(touch: ShownContact, drawing: Drawing) -> Iterator[tuple[str, int, ColorRGBA, Any, Any]]:
+def _shapes(touch: DrawnContact, drawing: Drawing) -> Iterator[tuple[str, int, ColorRGBA, Any, Any]]:
     """Namespace, type, colour, scale and points of each marker."""
     size, tip = drawing.size, touch.impulse * drawing.metres_per_newton_second
     shaft = (size / 10, size / 5, 0.0)
@@ -183,7 +183,7 @@ class ContactMarkers(Node):
         self.create_subscription(SceneResult, "collision_response/scene_result", self._hear, RESULTS)
 
     def _hear(self, result: CollisionResult | SceneResult) -> None:
-        touches = touches_of(result)
+        touches = contacts_of(result)
         if not touches:
             return
         drawing = Drawing(*(self.get_parameter(name).value for name in Drawing._fields))
@@ -196,7 +196,7 @@ class ContactMarkers(Node):
             else:
                 self.get_logger().warning(
                     "a wrench beyond float64 is left out: see contact_duration",
-                    throttle_duration_sec=THROTTLE,
+                    throttle_duration_sec=WARNING_INTERVAL,
                 )
 
 

@@ -6,7 +6,7 @@ import re
 import resource
 from pathlib import Path
 
-from .process import Unusable
+from .process import StartError
 
 
 def limit_memory(mebibytes: int) -> None:
@@ -18,13 +18,13 @@ def limit_memory(mebibytes: int) -> None:
         mebibytes: the limit; 0: none.
 
     Raises:
-        Unusable: so much is taken already that DDS would end the process at the next request.
+        StartError: so much is taken already that DDS would end the process at the next request.
     """
     if not mebibytes:
         return
     taken = private_memory()
     if mebibytes << 20 <= taken:
-        raise Unusable(f"memory_limit: is {mebibytes} MiB, but the start alone takes {(taken >> 20) + 1}")
+        raise StartError(f"memory_limit: is {mebibytes} MiB, but the start alone takes {(taken >> 20) + 1}")
     _, hard = resource.getrlimit(resource.RLIMIT_DATA)
     wanted = mebibytes << 20
     if hard != resource.RLIM_INFINITY:

@@ -1,4 +1,4 @@
-"""The node: it subscribes, serves and publishes; what it says is computed elsewhere."""
+"""The node: it subscribes, serves and publishes. The other modules compute what it says."""
 
 from __future__ import annotations
 
@@ -22,62 +22,62 @@ from ..msg import BodyState, BodyStates, CollisionResult, SceneResult
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
-from ..recording import Recorder, Sighting
+from ..recording import BodyRecord, Recorder
 from ..requirements import SceneSurvey
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 from . import convert, parameters
-from .batches import Batches
+from .answer_log import AnswerLog
+from .batches import BatchService
+from .counters import Counters
 from .diagnostics import Diagnostics
-from .impacts import Impacts
-from .intake import Intake, OutOfReach, by_the_intake
-from .journal import Journal
+from .impacts import ImpactService
 from .memory import limit_memory
 from .parameters import DECLARATIONS
-from .process import Unusable, run
-from .results import Results
-from .scenes import Scenes
-from .serialized import Broken
+from .process import StartError, run
+from .result_publisher import ResultPublisher
+from .scenes import SceneService
+from .serialized import MalformedMessage
 from .server import Server
 from .states import LatestStates
-from .tally import Tally
-from .throttled import Throttled
+from .take_all import IdleCallbackGroup, TakeAllWaitable, never_called
+from .throttled_warnings import ThrottledWarnings
 
 STATE_QOS = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Sensor data, but deep enough for the states of many bodies to arrive at once."""
+"""As for sensor data, but deep enough for the states of many bodies that arrive at once."""
 
 TABLE_QOS = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 TABLE_TOPIC = "all_body_states"
 
-SHORTEST = 2.0
-"""Time [s] that it may always take to give up every interface."""
+MIN_SHUTDOWN_TIME = 2.0
+"""Time [s] that destroying the node may always take, however short ``shutdown_timeout`` is."""
 
-JUMPS = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
-"""Of the clock, after which the stamps of states mean nothing any more."""
+CLOCK_JUMPS = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
+"""Jumps of the clock after which the stamps of earlier states mean nothing any more."""
 
 
 class CollisionResponseNode(Node):
     """Collision response as a service.
 
     Interfaces (all may be remapped):
-        service ``~/resolve_collision``: every request is answered, with a code and a message.
-        service ``~/resolve_collision_batch``: the same for many contacts, as arrays.
+        service ``~/resolve_collision``: one impact. Every request is answered, with a code and a message.
+        service ``~/resolve_collision_batch``: many independent impacts, as arrays.
         service ``~/resolve_scene``: several contacts at once.
-        subscription ``body_states``, or the parameter ``body_state_topics``: bodies that requests
-            may then give by name only.
-        subscription ``all_body_states``: the same for many bodies, as a table.
-        publisher ``~/result``: every answer of the first, refusals included; the last 100 wait for who
-            subscribes.
-        publisher ``~/scene_result``: the same for scenes.
-        publisher ``/diagnostics``: how it is doing.
+        subscription ``body_states``, or the topics of the parameter ``body_state_topics``: bodies that
+            requests may then give by name only.
+        subscription ``all_body_states``: many such bodies, as a table.
+        publisher ``~/result``: every answer of ``~/resolve_collision``, refusals included. A late subscriber
+            gets the last 100.
+        publisher ``~/scene_result``: the same for ``~/resolve_scene``.
+        publisher ``/diagnostics``: counts, rates and latencies.
 
     Attributes:
-        parameters: as last set.
-        impacts: what answers the first service.
+        parameters: the parameters as they were last set.
+        impact_service: answers ``~/resolve_collision``.
 
     Args:
-        options: those of :class:`rclpy.node.Node`.
+        options: as for :class:`rclpy.node.Node`.
     """
 
     _recorder: Recorder | None = None
@@ -98,53 +98,68 @@ class CollisionResponseNode(Node):
                 max_size=start.recording_max_size,
                 max_duration=start.recording_max_duration,
             )
-        report = Throttled(self.get_logger().warning)
-        self._states = LatestStates(start.max_bodies, self._now, report)
-        self._jumps = self.get_clock().create_jump_callback(JUMPS, post_callback=self._forget)
-        results, sequence = Results(self, CollisionResult, "~/result"), count(1)
-        scene_results = Results(self, SceneResult, "~/scene_result")
-        self.impacts = Impacts(
+
+        warn = ThrottledWarnings(self.get_logger().warning)
+        self._states = LatestStates(start.max_bodies, self._now, warn)
+        self._jump_handle = self.get_clock().create_jump_callback(CLOCK_JUMPS, post_callback=self._on_jump)
+
+        results = ResultPublisher(self, CollisionResult, "~/result")
+        scene_results = ResultPublisher(self, SceneResult, "~/scene_result")
+        sequence = count(1)
+        self.impact_service = ImpactService(
             self.parameters,
             self._states,
-            Journal(results, self._recorder, sequence, self._now),
+            AnswerLog(results, self._recorder, sequence, self._now),
             SceneSurvey(start.scene_tolerance) if start.scene_tolerance else None,
             self._now,
             self.get_logger(),
         )
-        journal = Journal(scene_results, self._recorder, sequence, self._now)
-        scenes = Scenes(self.parameters, self._states, journal, self._now)
-        batches = Batches(self.parameters, self._states, self._now)
-        warm_up()
-        tally = Tally()
-        self._server = Server(
-            self, (self.impacts, batches, scenes), tally, self._over_budget, start.service_introspection
+        batch_service = BatchService(self.parameters, self._states, self._now)
+        scene_service = SceneService(
+            self.parameters,
+            self._states,
+            AnswerLog(scene_results, self._recorder, sequence, self._now),
+            self._now,
         )
-        self._hearing = [
-            *(self._listen(BodyState, topic, STATE_QOS, self._hear) for topic in start.body_state_topics),
-            self._listen(BodyStates, TABLE_TOPIC, TABLE_QOS, self._states.hear_table),
+        warm_up()
+        counters = Counters()
+        self._server = Server(
+            self,
+            (self.impact_service, batch_service, scene_service),
+            counters,
+            self._over_budget,
+            start.service_introspection,
+        )
+        self._state_inputs = [
+            *(
+                self._subscribe(BodyState, topic, STATE_QOS, self._add_state)
+                for topic in start.body_state_topics
+            ),
+            self._subscribe(BodyStates, TABLE_TOPIC, TABLE_QOS, self._states.add_table),
         ]
         self._states.take_all = self._take_states
-        Diagnostics(self, tally, self._states, self._recorder, self._server.waiting)
+        Diagnostics(self, counters, self._states, self._recorder, self._server.waiting)
         topics = [self.resolve_topic_name(topic) for topic in start.body_state_topics]
         self.get_logger().info(
-            f"serving {self.resolve_service_name(self.impacts.name)}; "
-            f"bodies from {', '.join(topics) or 'requests only'}; "
+            f"serving {self.resolve_service_name(self.impact_service.name)}; "
+            f"body states from {', '.join(topics) or 'requests only'}; "
             f"results on {results.topic}"
             f"{'; not recording' if self._recorder is None else ''}"
         )
 
     def shut_down(self) -> None:
-        """Answer the requests that have arrived, then give up every interface and complete the recording.
+        """Answer the requests that have arrived, destroy the node, and complete the recording.
 
-        It takes no longer than the parameter ``shutdown_timeout``: if the middleware hangs, the process ends
-        then with exit code 1 and says where it was. Nobody may spin the node any more.
+        The node must not be spun any more. All of this takes no longer than the parameter
+        ``shutdown_timeout``. If the middleware hangs, the process then prints where it hangs and ends with
+        exit code 1.
         """
         start, limit = time.perf_counter(), self.parameters.values.shutdown_timeout
-        faulthandler.dump_traceback_later(max(limit, SHORTEST), exit=True)
-        left = self._server.drain(0.5 * limit, 0.1 * limit)
-        if left:
+        faulthandler.dump_traceback_later(max(limit, MIN_SHUTDOWN_TIME), exit=True)
+        unanswered = self._server.drain(0.5 * limit, 0.1 * limit)
+        if unanswered:
             self.get_logger().warning(
-                f"{left} requests are left without an answer: shutdown_timeout is {limit:g} s"
+                f"{unanswered} requests are left without an answer: shutdown_timeout is {limit:g} s"
             )
         super().destroy_node()
         if self._recorder is not None:
@@ -152,38 +167,42 @@ class CollisionResponseNode(Node):
         faulthandler.cancel_dump_traceback_later()
 
     def destroy_node(self) -> None:
-        """Give up every interface, then complete the recording."""
+        """Destroy the node, and complete the recording."""
         super().destroy_node()
         if self._recorder is not None:
             self._recorder.close()
 
-    def _listen(self, kind: Any, topic: str, qos: QoSProfile, hear: Callable[[bytes, Any], object]) -> Intake:
+    def _subscribe(
+        self, kind: Any, topic: str, qos: QoSProfile, add: Callable[[bytes, Any], object]
+    ) -> TakeAllWaitable:
         subscription = self.create_subscription(
             kind,
             topic,
-            by_the_intake,
-            copy(qos),  # rclpy writes what overrides say into it
+            never_called,
+            copy(qos),  # rclpy writes the overrides into it
             raw=True,
-            callback_group=OutOfReach(),
+            callback_group=IdleCallbackGroup(),
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
-        return Intake(self, subscription, hear, self._server.wake, self._states.cannot_take)
+        return TakeAllWaitable(
+            self, subscription, add, self._server.states_arrived, self._states.note_unreadable
+        )
 
     def _take_states(self) -> None:
-        for intake in self._hearing:
-            intake.take_all()
+        for state_input in self._state_inputs:
+            state_input.take_all()
 
-    def _hear(self, message: bytes, info: Any) -> None:
-        heard = self._states.hear(message, info)
-        if heard is None or self._recorder is None:
+    def _add_state(self, message: bytes, info: Any) -> None:
+        received = self._states.add(message, info)
+        if received is None or self._recorder is None:
             return
-        with suppress(ImpactError, Broken):  # it is refused when it is asked for
-            body = convert.body_of(heard.name, heard.state)
-            convert.check_body(heard.name, body)
-            self._recorder.add(Sighting(heard.stamp or self._now(), heard.name, body))
+        with suppress(ImpactError, MalformedMessage):  # an invalid state is refused when a request uses it
+            body = convert.body_of(received.name, received.state)
+            convert.check_body(received.name, body)
+            self._recorder.add(BodyRecord(received.stamp or self._now(), received.name, body))
 
-    def _forget(self, jump: TimeJump) -> None:
+    def _on_jump(self, jump: TimeJump) -> None:
         self._states.forget()
         self.get_logger().warning("the clock was changed or set back: the states of all bodies are forgotten")
 
@@ -201,7 +220,7 @@ class CollisionResponseNode(Node):
 
 
 def warm_up() -> None:
-    """Compute an impact by every law, in all it takes: the first one must not keep everybody waiting."""
+    """Compute an impact by every law at every precision, so that the first request is not slow."""
     ball = Body.dynamic(1.0, (0.4, 0, 0, 0.4, 0, 0.4), (0.0, 0.1, 1.0), None, (0.1, 0.2, -2.0))
     contact = Contact.of((0, 0, 0), (0, 0, 1), restitution=0.5, friction=0.3)
     for law, tolerance in product(Law, (0.0, 1e-15, 1e-17)):
@@ -209,15 +228,15 @@ def warm_up() -> None:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the node until SIGINT or SIGTERM; the exit code is 0 then."""
-    return run(_within_memory, args, CollisionResponseNode.shut_down)
+    """Run the node until SIGINT or SIGTERM, and return the exit code."""
+    return run(_make_node, args, CollisionResponseNode.shut_down)
 
 
-def _within_memory() -> CollisionResponseNode:
+def _make_node() -> CollisionResponseNode:
     node = CollisionResponseNode()
     try:
         limit_memory(node.get_parameter("memory_limit").value)
-    except Unusable:
+    except StartError:
         node.destroy_node()
         raise
     return node

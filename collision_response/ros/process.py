@@ -17,9 +17,9 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from .intake import RCLError
-from .server import THROTTLE
-from .signals import on_signal
+from .signals import shutdown_requested
+from .take_all import RCLError
+from .throttled_warnings import WARNING_INTERVAL
 
 AnyNode = TypeVar("AnyNode", bound=Node)
 
@@ -28,13 +28,13 @@ BREATH = 0.001
 """Time [s] without work after an error, which may come again at once."""
 
 
-class Unusable(Exception):
+class StartError(Exception):
     """What a node needs to start is not there; the message is for a person."""
 
 
 UnknownArguments: type[Exception] = rclpy_implementation.UnknownROSArgsError
 
-NOT_ALLOWED = (Unusable, ParameterException, NameValidationException, RCLError)
+NOT_ALLOWED = (StartError, ParameterException, NameValidationException, RCLError)
 """What a start raises with arguments that are not allowed, or of no use here."""
 
 
@@ -52,7 +52,7 @@ def run(
         The exit code: 0, or 1 if it cannot start.
     """
     have_standard_streams()
-    stop = on_signal()
+    stop = shutdown_requested()
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make()
@@ -105,7 +105,7 @@ def spin(node: Node, stop: Future[None]) -> None:
             except ExternalShutdownException:
                 return
             except Exception:
-                node.get_logger().error(traceback.format_exc(), throttle_duration_sec=THROTTLE)
+                node.get_logger().error(traceback.format_exc(), throttle_duration_sec=WARNING_INTERVAL)
                 time.sleep(BREATH)
     finally:
         executor.shutdown()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -22,56 +22,56 @@ from ..scene.answer import NUMBERS
 from ..srv import ResolveScene
 from ..status import ImpactError, StatusCode
 from . import convert
+from .answer_log import AnswerLog
 from .batch_fields import names_in, write_model
-from .journal import Journal
-from .parameters import LatestParameters, Parameters
-from .patience import TOGETHER, Look, when_not_too_early
-from .request import (
-    IN_FULL,
-    Used,
+from .body_lookup import (
+    GIVEN_IN_FULL,
+    StateUsed,
     check_age,
     check_distinct,
     check_frame,
     check_immovable,
     check_world_frame,
-    find,
+    find_state,
 )
+from .parameters import LatestParameters, Parameters
 from .serialized import nanoseconds
 from .server import Work
+from .state_wait import BODIES_PER_STEP, LookUp, wait_for_states
 from .states import LatestStates
 
 CONTACT_ROWS = ("x", "y", "z", "nx", "ny", "nz", "e", "mu")
-"""Of ``ResolveScene.contacts``."""
+"""Rows of ``ResolveScene.contacts``."""
 
-MOST_BODIES = 8192
-"""Bodies of a scene, which are computed in one piece: as many as contacts can strike where
-``budget.scene_contacts`` is as great as it may be."""
+MAX_BODIES = 8192
+"""Most bodies in a scene, which are converted without a budget of their own: as many as the contacts can have
+if ``budget.scene_contacts`` has its greatest value."""
 
 
 class SceneBodies(NamedTuple):
-    """The bodies of a scene, those of the table first.
+    """The bodies of a request: first those of the table, then those given by name.
 
     Attributes:
-        names: of each.
-        columns: of those of the table.
-        states: of each.
-        used: which state stood for it.
-        owners: what errors call it.
+        names: name of each body.
+        columns: for each body of the table, its column.
+        states: state of each body; ``IN_TABLE`` for those of the table.
+        used: for each body, the state that was used for it.
+        owners: what errors call each body.
     """
 
     names: list[str]
     columns: list[list[float]]
     states: list[BodyState]
-    used: list[Used]
+    used: list[StateUsed]
     owners: list[str]
 
 
 IN_TABLE = BodyState()
-"""The state of a body of the table: it says neither material nor coefficients."""
+"""State of a body of the table, for its material and coefficients: it has none."""
 
 
-class ContactOfBodies(NamedTuple):
-    """One contact and its two bodies, as a request for one impact has them."""
+class ContactAndBodies(NamedTuple):
+    """One contact and its two bodies, under the names they have in a request for one impact."""
 
     contact: ContactMessage
     body_a: BodyState
@@ -79,92 +79,97 @@ class ContactOfBodies(NamedTuple):
 
 
 class SceneProblem(NamedTuple):
-    """A request in the terms of the numeric core, and where its coefficients came from."""
+    """A request as the numeric core takes it: the arguments of :func:`~collision_response.resolve_scene`."""
 
     bodies: list[Body]
     pairs: list[tuple[int, int]]
     contacts: list[Contact]
     model: ImpactModel
-    coefficients: list[convert.FilledIn]
 
 
 @dataclass
-class Scenes:
-    """Answers requests.
+class SceneService:
+    """Answers ``~/resolve_scene``.
 
     Attributes:
-        parameters: of the node.
-        states: of the bodies that it has heard of.
-        journal: of the answers.
-        now: the time by the node's clock [ns].
+        parameters: the parameters of the node.
+        states: the latest states of bodies.
+        answer_log: publishes and records the answers.
+        now: returns the time of the node's clock [ns].
     """
 
     interface = ResolveScene
     name = "~/resolve_scene"
     parameters: LatestParameters
     states: LatestStates
-    journal: Journal
+    answer_log: AnswerLog
     now: Callable[[], int]
 
     def answer(self, request: ResolveScene.Request) -> Work:
-        """The work for a request."""
-        current = self.parameters.values
-        contacts = contacts_of(request, current.budget_scene_contacts)
-        named = yield from when_not_too_early(
-            partial(bodies_of, request, self.states, current, self.now), current.max_state_wait
-        )
-        scene = yield from scene_of(request, contacts, named, current)
+        """Compute the response to a request, in steps."""
+        parameters = self.parameters.values
+        contacts = contacts_of(request, parameters.budget_scene_contacts)
+        look_up = partial(bodies_of, request, self.states, parameters, self.now)
+        bodies = yield from wait_for_states(look_up, parameters.max_state_wait)
+        problem, coefficients = yield from problem_of(request, contacts, bodies, parameters)
+
         try:
-            impact = resolve_scene(*scene[:4])
+            impact = resolve_scene(*problem)
         except ImpactError as error:
-            raise as_in_request(error, named) from None
+            raise as_in_request(error, bodies) from None
+
         response = ResolveScene.Response(success=True)
-        write_answer(response.result, request, contacts, named, scene, impact)
-        self.journal.enter(
-            response.result, lambda stamp, number: SceneRecord(stamp, number, named.names, *scene[:4], impact)
+        write_answer(response.result, request, contacts, bodies, coefficients, impact)
+        self.answer_log.add(
+            response.result,
+            lambda stamp, sequence: SceneRecord(stamp, sequence, bodies.names, *problem, impact),
         )
         return response
 
     def refusal(self, request: ResolveScene.Request, error: ImpactError) -> ResolveScene.Response:
-        """The response that says why there is no answer; its model is that of the request."""
+        """Response that says why there is no answer, with the model of the request."""
         response = ResolveScene.Response()
         response.result.header = request.header
         convert.write_refusal(response.result, request.model, error)
-        self.journal.refuse(response.result, error.code)
+        self.answer_log.add_refusal(response.result, error.code)
         return response
 
     def code(self, response: ResolveScene.Response) -> StatusCode:
-        """How the request ended."""
+        """Status code of a response."""
         return StatusCode(response.result.status.code)
 
 
 def table_of(field: str, numbers: Any, rows: int) -> Any:
-    """A field as a table of so many rows.
+    """Arrange the numbers of a field as a table.
+
+    Args:
+        field: the name of the field, for the error.
+        numbers: the numbers, row by row.
+        rows: the number of rows.
 
     Raises:
-        ImpactError: INVALID_TABLE.
+        ImpactError: INVALID_TABLE if the rows do not all have the same length.
     """
     numbers = np.asarray(numbers)
     if numbers.size % rows:
-        reason = f"must hold {rows} rows, all of one length; holds {numbers.size} numbers"
+        reason = f"must hold {rows} rows of equal length; holds {numbers.size} numbers"
         raise ImpactError(StatusCode.INVALID_TABLE, field, reason)
     return numbers.reshape(rows, -1)
 
 
-def contacts_of(request: ResolveScene.Request, most: int) -> list[ContactMessage]:
-    """The contacts as messages.
+def contacts_of(request: ResolveScene.Request, max_contacts: int) -> list[ContactMessage]:
+    """Make a message of each contact of a request.
 
     Raises:
-        ImpactError: INVALID_TABLE, or BUDGET_EXCEEDED for more than ``most``.
+        ImpactError: INVALID_TABLE, or BUDGET_EXCEEDED if there are more than ``max_contacts``.
     """
     table = table_of("contacts", request.contacts, len(CONTACT_ROWS))
-    if table.shape[1] > most:
-        reason = f"are {table.shape[1]}; budget.scene_contacts is {most}"
+    count = table.shape[1]
+    if count > max_contacts:
+        reason = f"has {count} contacts; budget.scene_contacts is {max_contacts}"
         raise ImpactError(StatusCode.BUDGET_EXCEEDED, "contacts", reason)
-    if len(request.pairs) != 2 * table.shape[1]:
-        reason = (
-            f"must hold two indices for each of {table.shape[1]} contacts, holds {len(request.pairs)} in all"
-        )
+    if len(request.pairs) != 2 * count:
+        reason = f"must hold two indices for each of {count} contacts, holds {len(request.pairs)} in all"
         raise ImpactError(StatusCode.INVALID_TABLE, "pairs", reason)
     messages = []
     for x, y, z, nx, ny, nz, restitution, friction in table.T.tolist():
@@ -177,111 +182,116 @@ def contacts_of(request: ResolveScene.Request, most: int) -> list[ContactMessage
 
 def bodies_of(
     request: ResolveScene.Request, states: LatestStates, parameters: Parameters, now: Callable[[], int]
-) -> Look[SceneBodies]:
-    """The bodies of the table, then those of which a state was received.
+) -> LookUp[SceneBodies]:
+    """Collect the bodies of a request: those of the table, then the latest states of those given by name.
 
     Raises:
-        TooEarly: a state is older than ``not_before``, or unknown.
-        ImpactError: INVALID_TABLE, BUDGET_EXCEEDED for more than ``MOST_BODIES``, SAME_BODY,
+        StateNotYetReceived: if the request has ``not_before``, and a state is older than that or unknown.
+        ImpactError: INVALID_TABLE, BUDGET_EXCEEDED if there are more than ``MAX_BODIES``, SAME_BODY,
             UNKNOWN_BODY, STALE_STATE or FRAME_MISMATCH.
     """
     header = request.header
     check_world_frame("header.frame_id", header.frame_id, parameters.world_frame)
     table = table_of("bodies", request.bodies, ROWS)
     count = table.shape[1]
-    given = names_in(request)
-    if max(count, len(given)) > MOST_BODIES:
-        reason = f"has {max(count, len(given))}; a scene may have {MOST_BODIES}"
+    names_given = names_in(request)
+    if max(count, len(names_given)) > MAX_BODIES:
+        reason = f"has {max(count, len(names_given))}; a scene may have {MAX_BODIES}"
         raise ImpactError(StatusCode.BUDGET_EXCEEDED, "bodies", reason)
-    names = given or [f"body {i}" for i in range(count)]
+    names = names_given or [f"body {i}" for i in range(count)]
     if len(names) < count:
-        reason = f"must be empty, or a line for each of {count} bodies and more; has {len(names)}"
+        reason = f"must be empty, or have a line for each of the {count} bodies at least; has {len(names)}"
         raise ImpactError(StatusCode.INVALID_TABLE, "names", reason)
     check_distinct(names)
     check_immovable(request.immovable, count)
     owners = [f"bodies[{i}]" for i in range(count)]
-    named = SceneBodies(names, table.T.tolist(), [IN_TABLE] * count, [IN_FULL] * count, owners)
+    bodies = SceneBodies(names, table.T.tolist(), [IN_TABLE] * count, [GIVEN_IN_FULL] * count, owners)
     time, not_before = nanoseconds(header.stamp) or now(), nanoseconds(request.not_before)
     for i, name in enumerate(names[count:], count):
-        if not i % TOGETHER:
+        if not i % BODIES_PER_STEP:
             yield
         owner = f"names[{i}]"
-        state = find(states, owner, owner, name, not_before)
-        used = Used.of(state, time)
+        state = find_state(states, owner, owner, name, not_before)
+        used = StateUsed.of(state, time)
         check_age(owner, name, used.age, parameters.max_state_age)
         check_frame(f"{owner}.header.frame_id", state, "header.frame_id", header.frame_id)
-        named.states.append(state)
-        named.used.append(used)
-        named.owners.append(owner)
-    return named
+        bodies.states.append(state)
+        bodies.used.append(used)
+        bodies.owners.append(owner)
+    return bodies
 
 
-def scene_of(
-    request: ResolveScene.Request, messages: list[ContactMessage], named: SceneBodies, parameters: Parameters
-) -> Look[SceneProblem]:
-    """What a request asks for, in the terms of the numeric core.
+def problem_of(
+    request: ResolveScene.Request, messages: list[ContactMessage], bodies: SceneBodies, parameters: Parameters
+) -> LookUp[tuple[SceneProblem, list[convert.ContactCoefficients]]]:
+    """Convert a request.
 
     Args:
-        request: for what of it is immovable, its pairs and its model.
+        request: its pairs, model and immovable bodies are read.
         messages: its contacts; the names of their bodies are filled in.
-        named: its bodies.
-        parameters: of the node.
+        bodies: its bodies.
+        parameters: the parameters of the node.
+
+    Returns:
+        The arguments for the numeric core, and for each contact the coefficients with their sources.
 
     Raises:
-        ImpactError: it cannot be put to it.
+        ImpactError: if the request cannot be converted.
     """
-    immovable, count = set(request.immovable), len(named.columns)
-    bodies: list[Body] = []
-    for i, owner in enumerate(named.owners):
-        if not i % TOGETHER:
+    immovable, count = set(request.immovable), len(bodies.columns)
+    core_bodies: list[Body] = []
+    for i, owner in enumerate(bodies.owners):
+        if not i % BODIES_PER_STEP:
             yield
         if i < count:
-            bodies.append(_body_in_table(owner, named.columns[i], is_immovable=i in immovable))
+            core_bodies.append(_body_in_table(owner, bodies.columns[i], is_immovable=i in immovable))
         else:
-            bodies.append(convert.body_of(owner, named.states[i]))
-    of_a, of_b = np.asarray(request.pairs).reshape(2, -1).tolist()
-    model, given = convert.model_of(request.model, parameters.model), request.model
-    pairs, contacts, coefficients = list(zip(of_a, of_b, strict=True)), [], []
+            core_bodies.append(convert.body_of(owner, bodies.states[i]))
+
+    model = convert.model_of(request.model, parameters.model)
+    indices_a, indices_b = np.asarray(request.pairs).reshape(2, -1).tolist()
+    pairs, contacts, coefficients = list(zip(indices_a, indices_b, strict=True)), [], []
     for i, (pair, message) in enumerate(zip(pairs, messages, strict=True)):
-        if max(pair) >= len(bodies):
-            reason = f"must be indices of {len(bodies)} bodies, from 0; those of contact {i} are {pair}"
+        if max(pair) >= len(core_bodies):
+            reason = f"must be indices of {len(core_bodies)} bodies, from 0; those of contact {i} are {pair}"
             raise ImpactError(StatusCode.UNKNOWN_BODY, "pairs", reason)
-        message.body_a, message.body_b = (named.names[place] for place in pair)
-        touch = ContactOfBodies(message, *(named.states[place] for place in pair))
-        places = {
-            "contact": f"contacts[{i}]",
-            "body_a": named.owners[pair[0]],
-            "body_b": named.owners[pair[1]],
-        }
+        message.body_a, message.body_b = (bodies.names[index] for index in pair)
         try:
-            found = convert.coefficients_of(touch, parameters)
-            own = None if given.tangential_restitution else found.pair.tangential_restitution
-            contacts.append(convert.contact_with(message, found, model.law, own))
+            found = convert.coefficients_of(
+                ContactAndBodies(message, *(bodies.states[index] for index in pair)), parameters
+            )
+            of_pair = None if request.model.tangential_restitution else found.pair.tangential_restitution
+            contacts.append(convert.contact_of(message, found, model.law, of_pair))
         except ImpactError as error:
-            raise error.with_owner(places[error.field.partition(".")[0]]) from None
+            owners = {
+                "contact": f"contacts[{i}]",
+                "body_a": bodies.owners[pair[0]],
+                "body_b": bodies.owners[pair[1]],
+            }
+            raise error.with_owner(owners[error.field.partition(".")[0]]) from None
         ratio = found.pair.stiffness_ratio
-        if model.law is Law.COMPLIANT and not given.stiffness_ratio and ratio is not None:
-            reason = f"must be given in a scene: contacts[{i}] has {ratio} by its materials"
+        if model.law is Law.COMPLIANT and not request.model.stiffness_ratio and ratio is not None:
+            reason = f"must be given in a scene: the materials of contacts[{i}] have {ratio}"
             raise ImpactError(StatusCode.INVALID_MODEL, "model.stiffness_ratio", reason)
         coefficients.append(found)
-    return SceneProblem(bodies, pairs, contacts, model, coefficients)
+    return SceneProblem(core_bodies, pairs, contacts, model), coefficients
 
 
 def _body_in_table(owner: str, column: list[float], *, is_immovable: bool) -> Body:
     body = body_from_numbers(column)
     if is_immovable:
-        still = Body.kinematic(body.position, body.velocity, body.angular_velocity)
-        return still._replace(orientation=body.orientation)
+        kinematic = Body.kinematic(body.position, body.velocity, body.angular_velocity)
+        return kinematic._replace(orientation=body.orientation)
     convert.check_mass(owner, body.mass)
     return body
 
 
-def as_in_request(error: ImpactError, named: SceneBodies) -> ImpactError:
-    """An error of the numeric core, the body or the contact named as the request names it."""
+def as_in_request(error: ImpactError, bodies: SceneBodies) -> ImpactError:
+    """An error of the numeric core, with the body or contact named as in the request."""
     owner = error.field.partition(".")[0]
     if owner.startswith("bodies["):
-        return error.with_owner(named.owners[int(owner[len("bodies[") : -1])])
-    if owner.startswith("pairs["):  # of one contact
+        return error.with_owner(bodies.owners[int(owner[len("bodies[") : -1])])
+    if owner.startswith("pairs["):  # pairs[i] is what the core calls contact i
         return error.with_owner(owner.replace("pairs", "contacts"))
     return error
 
@@ -290,43 +300,39 @@ def write_answer(
     result: SceneResult,
     request: ResolveScene.Request,
     contacts: list[ContactMessage],
-    named: SceneBodies,
-    scene: SceneProblem,
+    bodies: SceneBodies,
+    coefficients: list[convert.ContactCoefficients],
     impact: SceneImpact,
 ) -> None:
-    """Fill in a result from what the core answered."""
+    """Write the answer of the core into a result."""
     result.header = request.header
     result.status.code = int(impact.status)
-    result.status.message = "; ".join(convert.notes(impact))
+    result.status.message = "; ".join(convert.notes_of(impact))
     result.contacts = contacts
     for message, contact in zip(result.contacts, impact.contacts, strict=True):
         message.restitution, message.friction = float(contact.restitution), contact.friction
-    result.restitution_from, result.restitution_rules = _sources(of.restitution for of in scene.coefficients)
-    result.friction_from, result.friction_rules = _sources(of.friction for of in scene.coefficients)
+    result.restitution_from = [int(of_contact.restitution.source) for of_contact in coefficients]
+    result.restitution_rules = [of_contact.restitution.rule for of_contact in coefficients]
+    result.friction_from = [int(of_contact.friction.source) for of_contact in coefficients]
+    result.friction_rules = [of_contact.friction.rule for of_contact in coefficients]
     write_model(result.model, impact.model)
-    result.body_names = named.names
-    result.state_stamps = [used.stamp for used in named.used]
-    result.state_ages = [used.age for used in named.used]
+    result.body_names = bodies.names
+    result.state_stamps = [used.stamp for used in bodies.used]
+    result.state_ages = [used.age for used in bodies.used]
     result.twists = [convert.twist_message(twist) for twist in impact.twists]
     result.impulses = [convert.vector_message(impulse) for impulse in impact.impulses]
     result.normal_velocities_before = list(impact.normal_velocities_before)
     result.normal_velocities_after = list(impact.normal_velocities_after)
     result.regimes = [int(regime) for regime in impact.regimes]
-    result.clusters = _cluster_of_each(impact.clusters, len(impact.contacts))
+    result.clusters = _cluster_of_each_contact(impact)
     for field in NUMBERS:
         setattr(result, field, float(getattr(impact, field)))
     result.adjustments = int(impact.adjustments)
 
 
-def _sources(filled: Iterable[convert.Filled]) -> tuple[list[int], list[str]]:
-    """Where each coefficient is from, and by which rule."""
-    some = list(filled)
-    return [int(one.source) for one in some], [one.rule for one in some]
-
-
-def _cluster_of_each(clusters: Sequence[Sequence[int]], n: int) -> list[int]:
-    of = [0] * n
-    for number, cluster in enumerate(clusters):
+def _cluster_of_each_contact(impact: SceneImpact) -> list[int]:
+    clusters = [0] * len(impact.contacts)
+    for number, cluster in enumerate(impact.clusters):
         for contact in cluster:
-            of[contact] = number
-    return of
+            clusters[contact] = number
+    return clusters

@@ -18,14 +18,14 @@ from rclpy.serialization import deserialize_message
 from ..body_conversions import ROWS
 from ..msg import BodyState, BodyStates
 
-LONGEST = 4096
+MAX_STATE_SIZE = 4096
 """Bytes of a ``BodyState``: only its names may be long."""
 
-LARGEST = 1 << 24
+MAX_TABLE_SIZE = 1 << 24
 """Bytes of a ``BodyStates``."""
 
 
-class Broken(ValueError):
+class MalformedMessage(ValueError):
     """A message that is none of its type."""
 
 
@@ -37,14 +37,14 @@ class Serialized:
         arrival: its number among those that arrived.
 
     Raises:
-        Broken: it is too short or too long.
+        MalformedMessage: it is too short or too long.
     """
 
     arrival = 0
 
     def __init__(self, message: bytes, longest: int) -> None:
         if len(message) > longest:
-            raise Broken(f"it has {len(message)} bytes, more than {longest}")
+            raise MalformedMessage(f"it has {len(message)} bytes, more than {longest}")
         self._message = message
         self._order = "<" if len(message) > 1 and message[1] & 1 else ">"
         self.stamp, self._end = 0, 4
@@ -56,7 +56,7 @@ class Serialized:
         """The state of a body.
 
         Raises:
-            Broken: the rest of the message is none of its type.
+            MalformedMessage: the rest of the message is none of its type.
         """
         raise NotImplementedError
 
@@ -66,17 +66,17 @@ class Serialized:
         try:
             return struct.unpack_from(self._order + ("i" if signed else "I"), self._message, start)[0]
         except struct.error:
-            raise Broken("it ends too early") from None
+            raise MalformedMessage("it ends too early") from None
 
     def _string(self) -> str:
         size = self._integer()
         start, self._end = self._end, self._end + size
         if self._end > len(self._message):
-            raise Broken("a text in it ends after its end")
+            raise MalformedMessage("a text in it ends after its end")
         try:
             return self._message[start : max(start, self._end - 1)].decode()  # without the 0 at its end
         except UnicodeDecodeError as error:
-            raise Broken(str(error)) from None
+            raise MalformedMessage(str(error)) from None
 
 
 class SerializedState(Serialized):
@@ -87,7 +87,7 @@ class SerializedState(Serialized):
     """
 
     def __init__(self, message: bytes) -> None:
-        super().__init__(message, LONGEST)
+        super().__init__(message, MAX_STATE_SIZE)
         self.name = self._string()
 
     def state_of(self, name: str) -> BodyState:
@@ -108,18 +108,18 @@ class SerializedTable(Serialized):
     """
 
     def __init__(self, message: bytes) -> None:
-        super().__init__(message, LARGEST)
+        super().__init__(message, MAX_TABLE_SIZE)
         self.size = self._integer()
         least = 8 * self.size  # bytes, of as many names
         if least > len(message):
-            raise Broken(f"its names alone need {least} bytes, but it has {len(message)}")
+            raise MalformedMessage(f"its names alone need {least} bytes, but it has {len(message)}")
 
     @cached_property
     def columns(self) -> dict[str, int]:
         """The columns of the bodies by their names; none if the message cannot be read."""
         try:
             return {name: column for column, name in enumerate(self._table.names)}
-        except Broken:
+        except MalformedMessage:
             return {}
 
     def state_of(self, name: str) -> BodyState:
@@ -127,7 +127,7 @@ class SerializedTable(Serialized):
         table = self._table
         size, column = len(table.names), self.columns[name]
         if len(table.numbers) != ROWS * size or len(table.motion_types) not in (0, size):
-            raise Broken(
+            raise MalformedMessage(
                 f"{len(table.numbers)} numbers and {len(table.motion_types)} motion types of {size} bodies"
             )
         numbers = np.asarray(table.numbers).reshape(ROWS, size)[:, column].tolist()
@@ -167,4 +167,4 @@ def _deserialized(message: bytes, kind: type) -> Any:
     try:
         return deserialize_message(message, kind)
     except Exception as error:  # whatever the typesupport makes of broken bytes
-        raise Broken(str(error)) from None
+        raise MalformedMessage(str(error)) from None

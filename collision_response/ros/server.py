@@ -1,7 +1,7 @@
-"""The services of the node: requests are noted as they arrive, and answered in turns.
+"""The server of the node's services: takes requests as they arrive, and answers the clients in turns.
 
-So nobody waits for all that another client has asked for, or for one long request; a client that has left
-is not waited for; and an answer that cannot be sent harms nobody.
+So a client with many requests, or with a long one, does not keep the others waiting. Requests of a client
+that has left are dropped, and an answer that cannot be sent does not affect the other clients.
 """
 
 from __future__ import annotations
@@ -20,246 +20,265 @@ from rclpy.service import Service
 from rclpy.service_introspection import ServiceIntrospectionState
 
 from ..status import ImpactError, StatusCode
-from .clients import Presence, client_of
-from .intake import Intake, OutOfReach, RCLError, by_the_intake
-from .tally import Tally
-from .turns import Job, Parts, Turns
+from .clients import ConnectedClients, client_id
+from .counters import Counters
+from .round_robin import Job, RoundRobin, Steps
+from .take_all import IdleCallbackGroup, RCLError, TakeAllWaitable, never_called
+from .throttled_warnings import WARNING_INTERVAL
 
 SERVICE_QOS = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=8_000, reliability=ReliabilityPolicy.RELIABLE)
-"""All that arrives is taken every few milliseconds, so the depth is what a client that has stopped reading
-may have waiting. With KEEP_ALL its answers would fill the history, and nobody's could be sent any more. When
-the slowest client goes, Fast DDS drops what it has kept for it, and holds all others for a time that grows as
-the square of that."""
+"""Requests are taken every few milliseconds, so the depth matters for answers: it is how many may wait for a
+client that has stopped reading. With KEEP_ALL such answers would fill the history, and no client could be
+answered any more. When the slowest client leaves, Fast DDS drops the answers it has kept for it, which blocks
+all others for a time that grows as the square of their number."""
 
-POLL = 0.2
-"""How often [s] clients are looked for that have left."""
+DEPARTURE_CHECK_INTERVAL = 0.2
+"""Time [s] between two searches for clients that have left."""
 
-DISCOVERY = 2.0
-"""Longest wait [s] for a client to be discovered, after it has sent a request."""
+MAX_DISCOVERY_TIME = 2.0
+"""Longest time [s] to wait until the client that sent a request is discovered."""
 
-PATIENCE = 0.01
-"""How often [s] it is looked whether a request has waited long enough for a state."""
+WAIT_CHECK_INTERVAL = 0.01
+"""Time [s] between two searches for requests that have waited for a state until their deadline."""
 
-QUIET = 0.1
-"""Time [s] without a request after which none is on its way any more."""
+QUIET_TIME = 0.1
+"""If no request arrives for this time [s], none is under way any more."""
 
-THROTTLE = 5.0
-"""The same warning is logged no more often than this [s]."""
+MAX_UNCONFIRMED_CLIENTS = 10_000
+"""Number of clients whose unconfirmed answers are counted."""
 
-MOST_UNCONFIRMED = 10_000
-"""Clients of which it is remembered how many answers they have not confirmed."""
+DELIVERY_TIME = 0.5
+"""Time [s] to let DDS deliver the last answers: it drops them when the service is destroyed."""
 
-LINGER = 0.5
-"""Time [s] for DDS to hand over the last answers, which it forgets with the interfaces."""
-
-CYCLE = 0.01
-"""Time [s] of serving after which the node sees to its other business."""
+MAX_SERVING_TIME = 0.01
+"""Time [s] of serving after which the executor may run the node's other callbacks."""
 
 Work = Generator[float | None, None, Any]
-"""The work for a request: yields as :data:`Parts`, returns the response, raises :class:`ImpactError`."""
+"""The work for a request: yields as :data:`Steps` do, returns the response, raises :class:`ImpactError`."""
 
 
-class Kind(Protocol):
-    """A service of the node.
+class NodeService(Protocol):
+    """One of the services of the node.
 
     Attributes:
-        interface: its type.
-        name: its name.
+        interface: the type of the service.
+        name: the name of the service, not yet resolved.
     """
 
     interface: Any
     name: str
 
     def answer(self, request: Any) -> Work:
-        """The work for a request."""
+        """Compute the response to a request, in steps."""
 
     def refusal(self, request: Any, error: ImpactError) -> Any:
-        """The response that says why there is no answer."""
+        """Response that says why there is no answer."""
 
     def code(self, response: Any) -> StatusCode:
-        """How the request ended."""
+        """Status code of a response."""
 
 
 class Call(NamedTuple):
-    """One request to a service.
+    """One request that was received.
 
     Attributes:
-        kind, service: that was asked.
-        presence: of the clients of that service.
-        client, header: who asked, and what DDS knows of it.
-        taken: when [s], by ``time.perf_counter``.
+        node_service: the service that was called.
+        service: the same, as rclpy has it.
+        clients: the clients of that service.
+        client: the client that called.
+        header: identifies the request to DDS.
+        received: when it was received [s], by ``time.perf_counter``.
     """
 
-    kind: Kind
+    node_service: NodeService
     service: Service[Any, Any]
-    presence: Presence
+    clients: ConnectedClients
     client: bytes
     header: Any
-    taken: float
+    received: float
 
 
 class Server:
-    """Several services, with one order of turns.
+    """Serves several services, with one round robin for all their clients.
 
     Args:
-        node: that offers them.
-        kinds: of services.
-        tally: counts what happens.
-        over_budget: given the computing time [s] of a request: the error to end it with, or ``None``.
-        introspection: what of each call is published.
+        node: the node that offers the services.
+        node_services: the services.
+        counters: counts requests and answers.
+        over_budget: returns the error with which to end a request that has used this much computing time [s],
+            or ``None`` if it may go on.
+        introspection: what to publish of each call.
     """
 
     def __init__(
         self,
         node: Node,
-        kinds: tuple[Kind, ...],
-        tally: Tally,
+        node_services: tuple[NodeService, ...],
+        counters: Counters,
         over_budget: Callable[[float], ImpactError | None],
         introspection: ServiceIntrospectionState,
     ) -> None:
         self._log = node.get_logger()
-        self._tally = tally
-        self._turns = Turns(over_budget)
+        self._counters = counters
+        self._jobs = RoundRobin(over_budget)
         self._unconfirmed: Counter[bytes] = Counter()
-        self._presences: list[Presence] = []
-        self._intakes: list[Intake] = []
-        self._more = node.create_guard_condition(self._work)
-        self._patience = node.create_timer(PATIENCE, self._wake_late)
-        self._patience.cancel()
-        node.create_timer(POLL, self._forget_departed)
-        group = OutOfReach()
-        for kind in kinds:
+        self._clients: list[ConnectedClients] = []
+        self._waitables: list[TakeAllWaitable] = []
+        self._more = node.create_guard_condition(self._serve)
+        self._overdue_timer = node.create_timer(WAIT_CHECK_INTERVAL, self._serve_overdue)
+        self._overdue_timer.cancel()
+        node.create_timer(DEPARTURE_CHECK_INTERVAL, self._forget_departed)
+        group = IdleCallbackGroup()
+        for node_service in node_services:
             service = node.create_service(
-                kind.interface, kind.name, by_the_intake, qos_profile=SERVICE_QOS, callback_group=group
+                node_service.interface,
+                node_service.name,
+                never_called,
+                qos_profile=SERVICE_QOS,
+                callback_group=group,
             )
             if introspection is not ServiceIntrospectionState.OFF:
                 service.configure_introspection(node.get_clock(), qos_profile_system_default, introspection)
-            presence = Presence(node, service.service_name)
-            note = partial(self._note, kind, service, presence)
-            self._presences.append(presence)
-            self._intakes.append(Intake(node, service, note, self._work, self._cannot_read))
+            clients = ConnectedClients(node, service.service_name)
+            receive = partial(self._receive, node_service, service, clients)
+            self._clients.append(clients)
+            self._waitables.append(
+                TakeAllWaitable(node, service, receive, self._serve, self._count_unreadable)
+            )
 
     def waiting(self) -> int:
-        """How many requests are not answered yet."""
-        return len(self._turns)
+        """Number of requests that are not answered yet."""
+        return len(self._jobs)
 
-    def wake(self) -> None:
-        """States have arrived: requests that wait for them may go on."""
-        if self._turns.is_waiting:
-            self._turns.wake(all_of_them=True)
-            self._work()
+    def states_arrived(self) -> None:
+        """Go on with the requests that wait for states."""
+        if self._jobs.is_waiting:
+            self._jobs.resume_all()
+            self._serve()
 
-    def drain(self, answering: float, refusing: float) -> int:
-        """Answer what has been received, and what arrives meanwhile; how many are left without an answer.
+    def drain(self, answering_time: float, refusing_time: float) -> int:
+        """Answer all requests that have arrived, and those that arrive meanwhile.
 
         Args:
-            answering: the time [s] in which requests are answered.
-            refusing: that in which those that are left are then refused, however late that begins.
+            answering_time: how long [s] to answer requests.
+            refusing_time: how long [s] to refuse the remaining requests after that.
+
+        Returns:
+            Number of requests that are left without an answer.
         """
-        clock, answers = time.perf_counter, self._tally.answers.total()
-        start = last = clock()
-        while clock() - start < answering and (self._turns or clock() - last < QUIET):
-            if sum(intake.take_all() for intake in self._intakes):
-                last = clock()
-            self._turns.wake(all_of_them=False)
-            if not self._turns.is_ready:
-                time.sleep(PATIENCE)
-            self._turns.work()
-        reason = "is shutting down: ask again when it is back, or another node"
-        left = self._turns.end(ImpactError(StatusCode.SHUTTING_DOWN, "node", reason), clock() + refusing)
-        if self._tally.answers.total() > answers:
-            time.sleep(min(LINGER, refusing))
-        return left
+        clock, answers_before = time.perf_counter, self._counters.answers.total()
+        start = last_arrival = clock()
+        while clock() - start < answering_time and (self._jobs or clock() - last_arrival < QUIET_TIME):
+            if sum(waitable.take_all() for waitable in self._waitables):
+                last_arrival = clock()
+            self._jobs.resume_overdue()
+            if not self._jobs.is_ready:
+                time.sleep(WAIT_CHECK_INTERVAL)
+            self._jobs.run_slice()
+        reason = "is shutting down: ask again when it is back, or ask another node"
+        error = ImpactError(StatusCode.SHUTTING_DOWN, "node", reason)
+        unanswered = self._jobs.refuse_all(error, clock() + refusing_time)
+        if self._counters.answers.total() > answers_before:
+            time.sleep(min(DELIVERY_TIME, refusing_time))
+        return unanswered
 
-    def _note(
-        self, kind: Kind, service: Service[Any, Any], presence: Presence, request: Any, header: Any
+    def _receive(
+        self,
+        node_service: NodeService,
+        service: Service[Any, Any],
+        clients: ConnectedClients,
+        request: Any,
+        header: Any,
     ) -> None:
-        client = client_of(header)
-        self._unconfirmed.pop(client, None)  # it is alive
-        self._tally.requests += 1
-        call = Call(kind, service, presence, client, header, time.perf_counter())
+        client = client_id(header)
+        self._unconfirmed.pop(client, None)  # the request is a sign of life
+        self._counters.requests += 1
+        call = Call(node_service, service, clients, client, header, time.perf_counter())
 
-        def refuse(error: ImpactError) -> None:
-            self._send(call, kind.refusal(request, error))
+        def send_refusal(error: ImpactError) -> None:
+            self._send(call, node_service.refusal(request, error))
 
-        self._turns.add(client, Job(self._parts(call, request), refuse))
+        self._jobs.add(client, Job(self._steps(call, request), send_refusal))
 
-    def _parts(self, call: Call, request: Any) -> Parts:
-        """Answer a client that is still there. No exception may leave this: it would end ``spin()``."""
-        kind, presence, client, taken = call.kind, call.presence, call.client, call.taken
-        until = taken + DISCOVERY
-        while not presence.is_there(client) and time.perf_counter() < until:
-            yield min(until, time.perf_counter() + PATIENCE)
-        if presence.has_left(client, taken):
-            self._tally.dropped += 1
+    def _steps(self, call: Call, request: Any) -> Steps:
+        """Answer a request, unless its client has left.
+
+        No exception may leave this method: it would end ``spin()``.
+        """
+        clients, client, refusal = call.clients, call.client, call.node_service.refusal
+        deadline = call.received + MAX_DISCOVERY_TIME
+        while not clients.is_connected(client) and time.perf_counter() < deadline:
+            yield min(deadline, time.perf_counter() + WAIT_CHECK_INTERVAL)
+        if clients.has_left(client, call.received):
+            self._counters.dropped += 1
             return
         try:
-            response = yield from kind.answer(request)
+            response = yield from call.node_service.answer(request)
         except ImpactError as error:
-            response = kind.refusal(request, error)
+            response = refusal(request, error)
         except MemoryError:
             reason = "needs more memory than the parameter memory_limit allows"
-            response = kind.refusal(request, ImpactError(StatusCode.BUDGET_EXCEEDED, "request", reason))
+            response = refusal(request, ImpactError(StatusCode.BUDGET_EXCEEDED, "request", reason))
         except Exception as error:
-            self._log.error(traceback.format_exc(), throttle_duration_sec=THROTTLE)
+            self._log.error(traceback.format_exc(), throttle_duration_sec=WARNING_INTERVAL)
             fault = ImpactError(StatusCode.INTERNAL_ERROR, type(error).__name__, str(error))
-            response = kind.refusal(request, fault)
+            response = refusal(request, fault)
         self._send(call, response)
 
-    def _work(self) -> None:
-        """Serve for a while, then leave the rest for later."""
-        end = time.perf_counter() + CYCLE
-        while self._turns.is_ready and time.perf_counter() < end:
-            self._turns.work()
-            for intake in self._intakes:
-                intake.take_all()
-        if self._turns.is_ready:
+    def _serve(self) -> None:
+        """Serve clients for ``MAX_SERVING_TIME``, and have the executor call this again for the rest."""
+        end = time.perf_counter() + MAX_SERVING_TIME
+        while self._jobs.is_ready and time.perf_counter() < end:
+            self._jobs.run_slice()
+            for waitable in self._waitables:
+                waitable.take_all()
+        if self._jobs.is_ready:
             self._more.trigger()
-        if self._turns.is_waiting and self._patience.is_canceled():  # a reset puts off a timer that runs
-            self._patience.reset()
+        if self._jobs.is_waiting and self._overdue_timer.is_canceled():  # a reset delays a running timer
+            self._overdue_timer.reset()
 
-    def _wake_late(self) -> None:
-        self._turns.wake(all_of_them=False)
-        if not self._turns.is_waiting:
-            self._patience.cancel()
-        self._work()
+    def _serve_overdue(self) -> None:
+        self._jobs.resume_overdue()
+        if not self._jobs.is_waiting:
+            self._overdue_timer.cancel()
+        self._serve()
 
     def _send(self, call: Call, response: Any) -> None:
-        if not _sent(call.service, response, call.header):
-            call.presence.missed(call.client)
-            self._tally.unsent += 1
+        if not _try_to_send(call.service, response, call.header):
+            call.clients.note_unreachable(call.client)
+            self._counters.unsent += 1
             self._log.warning(
-                "an answer could not be sent: its client does not take any, or has left",
-                throttle_duration_sec=THROTTLE,
+                "an answer could not be sent: its client does not read answers, or has left",
+                throttle_duration_sec=WARNING_INTERVAL,
             )
             return
-        call.presence.reached(call.client)
+        call.clients.note_reached(call.client)
         self._unconfirmed[call.client] += 1
-        if len(self._unconfirmed) > MOST_UNCONFIRMED:  # nobody says of all of them that they have left
+        if len(self._unconfirmed) > MAX_UNCONFIRMED_CLIENTS:  # the departure of some clients goes unnoticed
             del self._unconfirmed[next(iter(self._unconfirmed))]
-        self._tally.answers[call.kind.code(response)] += 1
-        self._tally.latencies.append(time.perf_counter() - call.taken)
+        self._counters.answers[call.node_service.code(response)] += 1
+        self._counters.latencies.append(time.perf_counter() - call.received)
 
     def _forget_departed(self) -> None:
-        for presence in self._presences:
-            for client in presence.departed():
-                dropped, at_risk = self._turns.drop(client), self._unconfirmed.pop(client, 0)
-                self._tally.dropped += dropped
-                self._tally.at_risk += at_risk
-                if dropped or at_risk > 1:  # nobody who has what he asked for confirms it
+        for clients in self._clients:
+            for client in clients.take_departed():
+                dropped, at_risk = self._jobs.drop(client), self._unconfirmed.pop(client, 0)
+                self._counters.dropped += dropped
+                self._counters.at_risk += at_risk
+                if dropped or at_risk > 1:  # no client confirms its last answer
                     self._log.warning(
                         f"a client has left, or was silent for too long: {dropped} of its requests were "
-                        f"dropped, and of {at_risk} answers it is not known whether they arrived",
-                        throttle_duration_sec=THROTTLE,
+                        f"dropped, and it is not known whether it received {at_risk} answers",
+                        throttle_duration_sec=WARNING_INTERVAL,
                     )
 
-    def _cannot_read(self, error: Exception) -> None:
-        self._tally.unreadable += 1
-        self._log.warning(f"a request could not be read: {error}", throttle_duration_sec=THROTTLE)
+    def _count_unreadable(self, error: Exception) -> None:
+        self._counters.unreadable += 1
+        self._log.warning(f"a request could not be read: {error}", throttle_duration_sec=WARNING_INTERVAL)
 
 
-def _sent(service: Service[Any, Any], response: Any, header: Any) -> bool:
-    """Send a response, if the middleware takes it; of one that it could not send in time rclpy only warns."""
+def _try_to_send(service: Service[Any, Any], response: Any, header: Any) -> bool:
+    """Send a response. Whether the middleware accepted it in time (if not, rclpy may only warn)."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:

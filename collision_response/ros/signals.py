@@ -9,7 +9,7 @@ import threading
 from rclpy.task import Future
 
 
-def on_signal() -> Future[None]:
+def shutdown_requested() -> Future[None]:
     """A future that SIGINT, SIGTERM and SIGHUP complete. To be called in the main thread.
 
     SIGHUP is what comes when the terminal is closed; ``nohup`` has it ignored, and then it stays so.

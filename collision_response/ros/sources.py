@@ -26,9 +26,9 @@ from ..physics.orientation import Quaternion
 from ..physics.vector import ZERO, Vec3
 from .convert import twist_message, vector_message, vector_of
 from .parameters import Declaration, declare
-from .process import Unusable, run
+from .process import StartError, run
 from .serialized import nanoseconds
-from .throttled import Throttled
+from .throttled_warnings import ThrottledWarnings
 
 DECLARATIONS = (
     Declaration("name", "", "Of the body from odometry. Empty: its child_frame_id.", read_only=True),
@@ -43,7 +43,7 @@ DECLARATIONS = (
     Declaration("rate", 50.0, "How often TF is looked up [1/s].", 0.001, 10_000.0, True),
 )
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+DESCRIPTION_QOS = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """As robot descriptions are published: whoever comes late gets the last one."""
 
 ODOMETRY_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -131,7 +131,7 @@ def _nonzero(q: Any) -> Quaternion:
     return quaternion((q.x, q.y, q.z, q.w), "orientation")
 
 
-class BodySource(Node):
+class BodyStatePublisher(Node):
     """Publishes the states of one robot's bodies.
 
     Interfaces (all may be remapped):
@@ -144,7 +144,7 @@ class BodySource(Node):
         options: those of :class:`rclpy.node.Node`.
 
     Raises:
-        Unusable: TF is asked for and is not installed, or the description cannot be read.
+        StartError: TF is asked for and is not installed, or the description cannot be read.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -153,7 +153,7 @@ class BodySource(Node):
         )
         declare(self, DECLARATIONS)
         start = {declaration.name: self.get_parameter(declaration.name).value for declaration in DECLARATIONS}
-        self._report = Throttled(self.get_logger().warning)
+        self._report = ThrottledWarnings(self.get_logger().warning)
         self._name: str = start["name"]
         self._description: Description | None = None
         self._matter: dict[tuple[str, bool], MassProperties] = {}
@@ -162,9 +162,9 @@ class BodySource(Node):
             try:
                 self._describe(Path(start["description_file"]).read_text())
             except (OSError, ValueError) as error:
-                raise Unusable(f"description_file: {error}") from None
+                raise StartError(f"description_file: {error}") from None
         else:
-            self.create_subscription(String, "robot_description", self._hear_description, LATCHED)
+            self.create_subscription(String, "robot_description", self._hear_description, DESCRIPTION_QOS)
         self.create_subscription(Odometry, "odom", self._hear_odometry, ODOMETRY_QOS)
         frames = [frame for frame in start["frames"] if frame]
         if frames:
@@ -172,11 +172,11 @@ class BodySource(Node):
 
     def _follow(self, frames: list[str], world: str, rate: float) -> None:
         if not world:
-            raise Unusable("frames needs world_frame: the inertial frame in which the bodies are given")
+            raise StartError("frames needs world_frame: the inertial frame in which the bodies are given")
         try:
             import tf2_ros
         except ImportError:
-            raise Unusable(
+            raise StartError(
                 "frames needs tf2_ros, which is not installed: apt install ros-$ROS_DISTRO-tf2-ros-py"
             ) from None
         buffer = tf2_ros.Buffer(node=self)  # whose clock empties it when it is set back
@@ -230,4 +230,4 @@ class BodySource(Node):
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM."""
-    return run(BodySource, args)
+    return run(BodyStatePublisher, args)

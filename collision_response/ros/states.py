@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from ..msg import BodyState
 from ..status import ImpactError, StatusCode
-from .serialized import Broken, Serialized, SerializedState, SerializedTable
+from .serialized import MalformedMessage, Serialized, SerializedState, SerializedTable
 
 AnySerialized = TypeVar("AnySerialized", bound=Serialized)
 
@@ -48,19 +48,19 @@ class LatestStates:
         received: number of messages taken.
         lost: number of messages that publishers sent and that did not arrive.
         broken: number of messages that could not be read.
-        overtaken: number of states passed over as older than the one that was known.
+        outdated: number of states passed over as older than the one that was known.
         evicted: number of bodies forgotten because there were too many.
         take_all: takes what waits on the subscriptions; to be set.
 
     Args:
         most: the number of bodies to remember, and as many in tables; those that were heard of last.
         now: the time by the node's clock [ns].
-        report: told what a person should know: what it is about, of which he need not hear all the time, and
+        report: told what a person should know: what it is about, of which he need not add all the time, and
             the words.
     """
 
     def __init__(self, most: int, now: Callable[[], int], report: Callable[[str, str], object]) -> None:
-        self.received = self.lost = self.broken = self.overtaken = self.evicted = 0
+        self.received = self.lost = self.unreadable = self.outdated = self.evicted = 0
         self.take_all: Callable[[], object] = lambda: None
         self._most = most
         self._now = now
@@ -74,7 +74,7 @@ class LatestStates:
         """How many bodies are known."""
         return len(self._by_name) + sum(len(table.columns) for table in self._tables.values())
 
-    def hear(self, message: bytes, info: Any) -> SerializedState | None:
+    def add(self, message: bytes, info: Any) -> SerializedState | None:
         """Take note of a ``BodyState``. One without a name could not be asked for, and is passed over."""
         publisher = self._count(info, "states", "publish fewer, or as BodyStates")
         state = self._read(SerializedState, message)
@@ -94,7 +94,7 @@ class LatestStates:
         self._by_name[state.name] = _Source(self._not_overtaken(old.latest, state), publisher, earlier)
         return state
 
-    def hear_table(self, message: bytes, info: Any) -> None:
+    def add_table(self, message: bytes, info: Any) -> None:
         """Take note of a ``BodyStates``; it stands for the one before it from the same publisher.
 
         Where publishers are unknown, it stands for the one before it of the same bodies.
@@ -115,9 +115,9 @@ class LatestStates:
         ):
             self._tell_evicted(self._tables.pop(next(iter(self._tables))).size)
 
-    def cannot_take(self, error: Exception) -> None:
+    def note_unreadable(self, error: Exception) -> None:
         """Take note of a message that could not even be taken."""
-        self.broken += 1
+        self.unreadable += 1
         self._report("broken", f"a state could not be taken: {error}")
 
     def find(self, field: str, name: str) -> BodyState:
@@ -136,7 +136,7 @@ class LatestStates:
         latest = reduce(self._later, others, first)
         try:
             return latest.state_of(name)
-        except Broken as error:
+        except MalformedMessage as error:
             reason = f"is {quoted(name)}, whose last state cannot be read: {error}"
             raise ImpactError(StatusCode.UNKNOWN_BODY, field, reason) from None
 
@@ -155,8 +155,8 @@ class LatestStates:
     def _read(self, kind: Any, message: bytes) -> Any:
         try:
             read = kind(message)
-        except Broken as error:
-            self.broken += 1
+        except MalformedMessage as error:
+            self.unreadable += 1
             self._report("broken", f"a state could not be read: {error}")
             return None
         read.arrival = self.received
@@ -168,7 +168,7 @@ class LatestStates:
 
     def _not_overtaken(self, old: AnySerialized, new: AnySerialized) -> AnySerialized:
         later = self._later(old, new)
-        self.overtaken += later is old
+        self.outdated += later is old
         return later
 
     def _count(self, info: Any, kind: str, advice: str) -> bytes:

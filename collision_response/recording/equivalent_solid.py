@@ -16,7 +16,7 @@ THINNEST = 0.02
 """Least half-size that is drawn, of the largest."""
 
 
-class Solid(NamedTuple):
+class EquivalentSolid(NamedTuple):
     """The homogeneous ball or box that has a body's mass and inertia.
 
     Attributes:
@@ -30,7 +30,7 @@ class Solid(NamedTuple):
     axes: np.ndarray
 
     @classmethod
-    def of(cls, body: Body) -> Solid | None:
+    def of(cls, body: Body) -> EquivalentSolid | None:
         """``None`` for a point mass, and for a body that nothing moves."""
         xx, xy, xz, yy, yz, zz = body.inertia
         moments, columns = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))

@@ -1,4 +1,4 @@
-"""A topic of results, on which nothing is published that nobody hears."""
+"""Publishing results, at no cost while nobody subscribes."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ RESULT_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-"""Whoever subscribes late still gets the last results."""
+"""A late subscriber still gets the last results."""
 
 
-class Results:
-    """Publishes results while anybody subscribes; until then the last ones wait, as many as the depth.
+class ResultPublisher:
+    """Publishes results while there is a subscriber, and keeps the last ones while there is none.
 
-    Whoever subscribes first gets those that wait, even one whose durability is volatile. Later ones
-    get theirs from DDS.
+    As many results are kept as the depth of the publisher. The first subscriber gets them, even with volatile
+    durability. Later subscribers get the last results from DDS, as usual.
 
     Attributes:
-        topic: its name.
+        topic: the resolved name of the topic.
 
     Args:
-        node: that publishes.
-        kind: of messages.
-        topic: its name, not yet resolved.
+        node: the node that publishes.
+        kind: the type of the messages.
+        topic: the name of the topic, not yet resolved.
     """
 
     def __init__(self, node: Node, kind: Any, topic: str) -> None:
         self._publisher = node.create_publisher(
             kind,
             topic,
-            copy(RESULT_QOS),  # rclpy writes what overrides say into it
+            copy(RESULT_QOS),  # rclpy writes the overrides into it
             event_callbacks=PublisherEventCallbacks(matched=self._matched, use_default_callbacks=False),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
@@ -47,7 +47,7 @@ class Results:
         self.topic: str = self._publisher.topic_name
 
     def publish(self, result: Any) -> None:
-        """Publish a result, after those before it: now, or as soon as somebody subscribes."""
+        """Publish a result, now or as soon as there is a subscriber."""
         if self._publisher.get_subscription_count():
             self._publish_waiting()
             self._publisher.publish(result)

@@ -1,7 +1,7 @@
-"""Takes all that waits on a subscription or a service, whenever anything does.
+"""Taking all messages that wait on a subscription or service at once.
 
-rclpy's executors take one message of each in a cycle. So a request overtakes the states that were published
-before it, and a state costs ten times as much as taking it does.
+rclpy's executors take one message from each subscription and service per cycle. With them a request would
+overtake states that were published before it, and each state would cost ten times as much.
 """
 
 from __future__ import annotations
@@ -20,42 +20,43 @@ from rclpy.waitable import NumberOfEntities, Waitable
 RCLError: type[Exception] = rclpy_implementation.RCLError
 
 UNREADABLE = (RCLError, MemoryError, UnicodeError, ValueError)
-"""What taking a message may raise that is broken, or larger than memory allows."""
+"""Errors that taking a message raises if it is malformed or larger than memory allows."""
 
 
-LONGEST = 0.05
-"""Time [s] to take messages for, that come faster than they can be taken."""
+MAX_TIME = 0.05
+"""Longest time [s] to take messages in one go, in case they arrive faster than they can be taken."""
 
 
-class OutOfReach(CallbackGroup):
-    """For what the executor is to leave alone, since an :class:`Intake` takes it."""
+class IdleCallbackGroup(CallbackGroup):
+    """A callback group that the executor never executes: a :class:`TakeAllWaitable` handles its entities."""
 
     def can_execute(self, entity: Any) -> bool:
-        """Never."""
+        """Return ``False``."""
         return False
 
     def beginning_execution(self, entity: Any) -> bool:
-        """Never."""
+        """Return ``False``."""
         return False
 
     def ending_execution(self, entity: Any) -> None:
-        """Nothing has begun."""
+        """Do nothing."""
 
 
-def by_the_intake(*_: Any) -> None:
-    """The callback of what is out of reach."""
-    raise AssertionError("the executor leaves this to the intake")
+def never_called(*_: Any) -> None:
+    """Callback for the entities of an :class:`IdleCallbackGroup`."""
+    raise AssertionError("the executor does not execute this callback group")
 
 
-class Intake(Waitable):  # type: ignore[type-arg]  # that of Jazzy takes none
-    """What waits for messages or requests in place of the executor.
+class TakeAllWaitable(Waitable):  # type: ignore[type-arg]  # that of Jazzy takes none
+    """Wakes the executor for a service or subscription, and then takes all messages that wait there.
 
     Args:
-        node: that is spun.
-        source: a service or a raw subscription of the node, in the callback group :class:`OutOfReach`.
-        handle: is given each that was taken: ``(request, header)``, or ``(serialized message, its info)``.
-        after: called when all have been handled.
-        unreadable: called with the error for one that cannot be taken.
+        node: the node that is spun.
+        source: a service or a raw subscription of the node, in an :class:`IdleCallbackGroup`.
+        handle: called with each message taken: ``(request, header)`` from a service, ``(serialized message,
+            message info)`` from a subscription.
+        after: called when all messages have been handled.
+        on_unreadable: called with the error if a message cannot be taken.
     """
 
     def __init__(
@@ -64,29 +65,26 @@ class Intake(Waitable):  # type: ignore[type-arg]  # that of Jazzy takes none
         source: Service[Any, Any] | Subscription[Any],
         handle: Callable[[Any, Any], object],
         after: Callable[[], None],
-        unreadable: Callable[[Exception], None],
+        on_unreadable: Callable[[Exception], None],
     ) -> None:
         super().__init__(node.default_callback_group)
         self._source = source
         self._handle = handle
         self._after = after
-        self._unreadable = unreadable
+        self._on_unreadable = on_unreadable
         self._is_service = isinstance(source, Service)
         self._index: int | None = None
         node.add_waitable(self)
 
     def take_all(self) -> int:
-        """Handle all that waits now, and say how many those were.
-
-        What comes as fast as it can be handled must wait for the next time.
-        """
-        number, end = 0, time.perf_counter() + LONGEST
+        """Handle all messages that wait, for at most ``MAX_TIME``, and return how many there were."""
+        number, end = 0, time.perf_counter() + MAX_TIME
         with self._source.handle:
             while time.perf_counter() < end:
                 try:
                     taken = self._take()
                 except UNREADABLE as error:
-                    self._unreadable(error)
+                    self._on_unreadable(error)
                     continue
                 if taken is None:
                     break
@@ -100,7 +98,7 @@ class Intake(Waitable):  # type: ignore[type-arg]  # that of Jazzy takes none
             return None if header is None else (request, header)
         return self._source.handle.take_message(self._source.msg_type, True)
 
-    # Waitable
+    # The interface of Waitable
 
     def __enter__(self) -> None:
         self._source.handle.__enter__()
@@ -109,23 +107,23 @@ class Intake(Waitable):  # type: ignore[type-arg]  # that of Jazzy takes none
         self._source.handle.__exit__(*error)
 
     def get_num_entities(self) -> NumberOfEntities:
-        """One of its kind."""
+        """Return the number of entities in the wait set: one."""
         return NumberOfEntities(num_services=1) if self._is_service else NumberOfEntities(num_subs=1)
 
     def add_to_wait_set(self, wait_set: Any) -> None:
-        """Have the wait set wake up for it."""
+        """Add the service or subscription to the wait set."""
         add = wait_set.add_service if self._is_service else wait_set.add_subscription
         self._index = add(self._source.handle)
 
     def is_ready(self, wait_set: Any) -> bool:
-        """Whether anything waits."""
+        """Whether a message waits."""
         kind = "service" if self._is_service else "subscription"
         return self._index is not None and wait_set.is_ready(kind, self._index)
 
     def take_data(self) -> None:
-        """Nothing yet: it is taken where it is handled."""
+        """Take nothing yet: :meth:`execute` takes and handles the messages."""
 
     async def execute(self, taken_data: None) -> None:
-        """Handle all that waits."""
+        """Handle all messages that wait."""
         self.take_all()
         self._after()

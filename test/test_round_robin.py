@@ -7,36 +7,36 @@ import pytest
 pytest.importorskip("rclpy")
 
 from collision_response import ImpactError, StatusCode
-from collision_response.ros.turns import SLICE, Job, Turns
+from collision_response.ros.round_robin import TIME_SLICE, Job, RoundRobin
 
 ERROR = ImpactError(StatusCode.SHUTTING_DOWN, "node", "is shutting down")
 
 
 class Bench:
-    """Turns, a clock, and what was done in which order."""
+    """A round robin, a clock, and what was done in which order."""
 
     def __init__(self, over_budget=lambda spent: None):
         self.now = 0.0
         self.done = []
-        self.turns = Turns(over_budget, lambda: self.now)
+        self.turns = RoundRobin(over_budget, lambda: self.now)
 
-    def job(self, name, parts=1, takes=0.0, until=None):
-        """A job of so many parts that take so long; ``until``: it waits before the last."""
+    def job(self, name, steps=1, takes=0.0, until=None):
+        """A job of so many steps that take so long; ``until``: it waits before the last."""
 
         def work():
-            for part in range(parts):
-                if until is not None and part == parts - 1:
+            for step in range(steps):
+                if until is not None and step == steps - 1:
                     yield until
                 self.now += takes
-                self.done.append(name if parts == 1 else f"{name}{part}")
-                if part < parts - 1:
+                self.done.append(name if steps == 1 else f"{name}{step}")
+                if step < steps - 1:
                     yield
 
         return Job(work(), lambda error: self.done.append(f"{name}: {error.code.name}"))
 
     def run(self):
         while self.turns.is_ready:
-            self.turns.work()
+            self.turns.run_slice()
         return self.done
 
 
@@ -51,25 +51,25 @@ def test_requests_of_one_client_are_answered_in_order():
 def test_clients_take_turns_each_for_a_slice():
     bench = Bench()
     for i in range(3):
-        bench.turns.add("burst", bench.job(f"burst {i}", takes=SLICE))
-    bench.turns.add("other", bench.job("other", takes=SLICE))
+        bench.turns.add("burst", bench.job(f"burst {i}", takes=TIME_SLICE))
+    bench.turns.add("other", bench.job("other", takes=TIME_SLICE))
     assert bench.run() == ["burst 0", "other", "burst 1", "burst 2"]
 
 
 def test_short_requests_share_a_slice():
     bench = Bench()
     for i in range(3):
-        bench.turns.add("burst", bench.job(i, takes=SLICE / 2))
+        bench.turns.add("burst", bench.job(i, takes=TIME_SLICE / 2))
     bench.turns.add("other", bench.job("other"))
     assert bench.run() == [0, 1, "other", 2]
 
 
 def test_a_long_request_lets_others_go_first_between_its_parts():
     bench = Bench()
-    bench.turns.add("long", bench.job("part ", parts=3, takes=SLICE))
+    bench.turns.add("long", bench.job("step ", steps=3, takes=TIME_SLICE))
     for name in "ab":
         bench.turns.add(name, bench.job(name))
-    assert bench.run() == ["part 0", "a", "b", "part 1", "part 2"]
+    assert bench.run() == ["step 0", "a", "b", "step 1", "step 2"]
 
 
 def test_a_request_that_waits_holds_up_nobody_and_goes_on_when_woken():
@@ -78,9 +78,9 @@ def test_a_request_that_waits_holds_up_nobody_and_goes_on_when_woken():
     bench.turns.add("client", bench.job("next"))
     assert bench.run() == ["next"]
     assert bench.turns.is_waiting and len(bench.turns) == 1
-    bench.turns.wake(all_of_them=False)
+    bench.turns.resume_overdue()
     assert bench.run() == ["next"]
-    bench.turns.wake(all_of_them=True)
+    bench.turns.resume_all()
     assert bench.run() == ["next", "waits"]
 
 
@@ -89,7 +89,7 @@ def test_a_request_that_waits_goes_on_when_its_time_is_up():
     bench.turns.add("client", bench.job("waits", until=10.0))
     bench.run()
     bench.now = 10.0
-    bench.turns.wake(all_of_them=False)
+    bench.turns.resume_overdue()
     assert bench.run() == ["waits"]
     assert not bench.turns.is_waiting
 
@@ -97,9 +97,9 @@ def test_a_request_that_waits_goes_on_when_its_time_is_up():
 def test_a_request_over_its_budget_is_ended_before_its_next_part():
     over = ImpactError(StatusCode.BUDGET_EXCEEDED, "request", "took too long")
     bench = Bench(lambda spent: over if spent > 2.5 else None)
-    bench.turns.add("client", bench.job("part ", parts=9, takes=1.0))
+    bench.turns.add("client", bench.job("step ", steps=9, takes=1.0))
     bench.turns.add("client", bench.job("next", takes=2.5))
-    assert bench.run() == ["part 0", "part 1", "part 2", "part : BUDGET_EXCEEDED", "next"]
+    assert bench.run() == ["step 0", "step 1", "step 2", "step : BUDGET_EXCEEDED", "next"]
 
 
 def test_requests_of_a_client_that_left_are_dropped_wherever_they_are():
@@ -110,18 +110,18 @@ def test_requests_of_a_client_that_left_are_dropped_wherever_they_are():
     bench.turns.add("other", bench.job("other"))
     assert bench.turns.drop("gone") == 2
     assert bench.turns.drop("gone") == 0
-    bench.turns.wake(all_of_them=True)
+    bench.turns.resume_all()
     assert bench.run() == ["other"]
 
 
 def test_at_the_end_every_request_gets_an_error_begun_or_not():
     bench = Bench()
-    bench.turns.add("a", bench.job("begun ", parts=2, takes=SLICE))
+    bench.turns.add("a", bench.job("begun ", steps=2, takes=TIME_SLICE))
     bench.turns.add("a", bench.job("queued"))
     bench.turns.add("b", bench.job("waits", until=99.0))
-    bench.turns.work()
-    bench.turns.work()
-    assert bench.turns.end(ERROR, until=50.0) == 0
+    bench.turns.run_slice()
+    bench.turns.run_slice()
+    assert bench.turns.refuse_all(ERROR, until=50.0) == 0
     refused = {"begun : SHUTTING_DOWN", "queued: SHUTTING_DOWN", "waits: SHUTTING_DOWN"}
     assert bench.done[0] == "begun 0"
     assert set(bench.done[1:]) == refused and len(bench.done) == 4
@@ -132,4 +132,4 @@ def test_there_may_be_no_time_left_for_that():
     bench = Bench()
     for name in "abc":
         bench.turns.add("client", bench.job(name))
-    assert bench.turns.end(ERROR, until=0.0) == 3
+    assert bench.turns.refuse_all(ERROR, until=0.0) == 3

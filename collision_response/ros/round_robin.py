@@ -1,0 +1,155 @@
+"""Round robin between clients: which request is worked on next.
+
+A client with thousands of requests, or with one long request, does not keep the other clients waiting.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Generator, Hashable
+from dataclasses import dataclass
+
+from ..status import ImpactError
+
+Steps = Generator[float | None, None, None]
+"""The work for one request, as a generator. It yields ``None`` where another client may have its turn. If it
+cannot go on before something happens, it yields the time [s] of the clock at which it gives up waiting."""
+
+TIME_SLICE = 0.002
+"""How long [s] a client is served before the next client has its turn."""
+
+
+@dataclass(slots=True)
+class Job:
+    """The work for one request.
+
+    Attributes:
+        steps: computes the answer and sends it.
+        send_refusal: sends an error in place of the answer.
+        spent: computing time so far [s].
+        deadline: if it waits: when it stops waiting [s].
+    """
+
+    steps: Steps
+    send_refusal: Callable[[ImpactError], None]
+    spent: float = 0.0
+    deadline: float = 0.0
+
+    def refuse(self, error: ImpactError) -> None:
+        """Abandon the work and answer with an error."""
+        self.steps.close()
+        self.send_refusal(error)
+
+
+class RoundRobin:
+    """The jobs of all clients. Each client's jobs are done in order; the clients take turns.
+
+    Args:
+        over_budget: returns the error with which to end a job that has used this much computing time [s],
+            or ``None`` if it may go on.
+        clock: returns the time [s].
+    """
+
+    def __init__(
+        self,
+        over_budget: Callable[[float], ImpactError | None],
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        self._over_budget = over_budget
+        self._clock = clock
+        self._queues: dict[Hashable, deque[Job]] = {}  # in the order of their turns; none is empty
+        self._waiting: list[tuple[Hashable, Job]] = []
+
+    def __len__(self) -> int:
+        """Number of jobs that are not finished."""
+        return sum(map(len, self._queues.values())) + len(self._waiting)
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether :meth:`run_slice` has anything to do."""
+        return bool(self._queues)
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether any job waits to be resumed."""
+        return bool(self._waiting)
+
+    def add(self, client: Hashable, job: Job) -> None:
+        """Append a job to the client's queue."""
+        self._queues.setdefault(client, deque()).append(job)
+
+    def run_slice(self) -> None:
+        """Serve the client whose turn it is for one time slice."""
+        if not self._queues:
+            return
+        client = next(iter(self._queues))
+        queue = self._queues.pop(client)
+        end = self._clock() + TIME_SLICE
+        while queue and self._run_step(client, queue) < end:
+            pass
+        if queue:
+            self._queues[client] = queue
+
+    def resume_all(self) -> None:
+        """Let all jobs that wait go on."""
+        self._resume(lambda job: True)
+
+    def resume_overdue(self) -> None:
+        """Let the jobs go on that have waited until their deadline."""
+        now = self._clock()
+        self._resume(lambda job: job.deadline <= now)
+
+    def drop(self, client: Hashable) -> int:
+        """Drop all jobs of a client without an answer, and return how many there were."""
+        jobs = [*self._queues.pop(client, ()), *(job for owner, job in self._waiting if owner == client)]
+        self._waiting = [(owner, job) for owner, job in self._waiting if owner != client]
+        for job in jobs:
+            job.steps.close()
+        return len(jobs)
+
+    def refuse_all(self, error: ImpactError, until: float) -> int:
+        """Answer every job with an error.
+
+        Args:
+            error: the answer.
+            until: when to stop [s].
+
+        Returns:
+            Number of jobs that are left without an answer because time ran out.
+        """
+        self.resume_all()
+        jobs = [job for queue in self._queues.values() for job in queue]
+        self._queues.clear()
+        for number, job in enumerate(jobs):
+            if self._clock() >= until:
+                return len(jobs) - number
+            job.refuse(error)
+        return 0
+
+    def _resume(self, may_go_on: Callable[[Job], bool]) -> None:
+        waiting, self._waiting = self._waiting, []
+        for client, job in waiting:
+            if may_go_on(job):
+                self._queues.setdefault(client, deque()).appendleft(job)
+            else:
+                self._waiting.append((client, job))
+
+    def _run_step(self, client: Hashable, queue: deque[Job]) -> float:
+        """Run one step of the first job in the queue, and return the time at its end."""
+        start = self._clock()
+        job = queue[0]
+        if (error := self._over_budget(job.spent)) is not None:
+            queue.popleft().refuse(error)
+            return self._clock()
+        try:
+            deadline = next(job.steps)
+        except StopIteration:
+            queue.popleft()
+        else:
+            if deadline is not None:
+                job.deadline = deadline
+                self._waiting.append((client, queue.popleft()))
+        now = self._clock()
+        job.spent += now - start
+        return now
