@@ -26,7 +26,7 @@ from matplotlib.patches import Circle, Rectangle
 from pages import rewrite, table
 
 from collision_response import Body, Contact, ImpactModel, Law, SceneImpact, resolve_scene
-from collision_response.demo.at_once import RADIUS, tight_rack
+from collision_response.demo.simultaneous import RADIUS, tight_rack
 from collision_response.physics.mass_properties import box
 from collision_response.physics.vector import Vec3
 from collision_response.scene.order_sensitivity import resolve_sequentially

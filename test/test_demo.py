@@ -1,4 +1,4 @@
-"""The demo's own reckoning: when bodies touch, and whether its balance would show a fault."""
+"""The computations of the demo: when bodies touch, and whether its energy balance would show an error."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from collision_response.demo import at_once
-from collision_response.demo.balance import EnergyBalance, momentum, spin_momentum
-from collision_response.demo.time_of_impact import TOUCHING, until_spheres_touch, until_touch
+from collision_response.demo import simultaneous
+from collision_response.demo.balance import EnergyBalance, angular_momentum, momentum
+from collision_response.demo.time_of_impact import TOUCH_GAP, until_spheres_touch, until_touch
 from collision_response.physics.body import Body
 from collision_response.physics.laws import Law
 from collision_response.physics.vector import Vec3
@@ -41,7 +41,7 @@ def test_a_falling_point_reaches_the_floor_when_gravity_says(height, speed):
 
     expected = (speed + math.sqrt(speed * speed + 2 * g * height)) / g
     # within the gap that counts as none, at the speed of arrival
-    assert until_touch(gap, g, 10.0) == pytest.approx(expected, abs=2 * TOUCHING / 0.4 + 1e-12)
+    assert until_touch(gap, g, 10.0) == pytest.approx(expected, abs=2 * TOUCH_GAP / 0.4 + 1e-12)
 
 
 def test_a_gap_that_does_not_close_is_not_found():
@@ -50,9 +50,9 @@ def test_a_gap_that_does_not_close_is_not_found():
 
 def test_an_energy_balance_shows_what_is_missing_and_what_rises():
     balance = EnergyBalance(10.0)
-    balance.enter(8.0, 1.5, 0.5)
+    balance.add_impact(8.0, 1.5, 0.5)
     assert (balance.error(), balance.relative_rise()) == (0.0, 0.0)
-    balance.enter(9.0, 0.0, 0.0)
+    balance.add_impact(9.0, 0.0, 0.0)
     assert (balance.error(), balance.relative_rise()) == (pytest.approx(0.1), pytest.approx(0.1))
 
 
@@ -61,31 +61,31 @@ def test_the_momenta_are_those_of_all_bodies():
     a = Body.dynamic(2.0, inertia, (1.0, 0.0, 0.0), None, (0.0, 3.0, 0.0), (0.0, 0.0, 0.5))
     b = Body.dynamic(1.0, velocity=(0.0, -6.0, 0.0), position=(-1.0, 0.0, 0.0))
     assert momentum([a, b]) == (0.0, 0.0, 0.0)
-    assert spin_momentum([a, b]) == 6.0 + 1.0 + 6.0
+    assert angular_momentum([a, b]) == 6.0 + 1.0 + 6.0
 
 
 def test_the_balls_of_a_rack_touch_where_the_contacts_say():
-    bodies, _, pairs, contacts, _ = at_once.tight_rack(Vec3(0.5, -1.0, 0.2))
+    bodies, _, pairs, contacts, _ = simultaneous.tight_rack(Vec3(0.5, -1.0, 0.2))
     balls = [*bodies.values()]
     assert len(contacts) == 1 + 3 * 10, "the cue ball's, and the sides of ten small triangles"
     for (a, b), contact in zip(pairs, contacts, strict=True):
         p, q = balls[a].position, balls[b].position
-        assert math.dist(p, contact.position) == pytest.approx(at_once.RADIUS)
-        assert math.dist(q, contact.position) == pytest.approx(at_once.RADIUS)
-        assert contact.normal.dot(p - q) == pytest.approx(contact.normal.norm() * 2 * at_once.RADIUS)
+        assert math.dist(p, contact.position) == pytest.approx(simultaneous.RADIUS)
+        assert math.dist(q, contact.position) == pytest.approx(simultaneous.RADIUS)
+        assert contact.normal.dot(p - q) == pytest.approx(contact.normal.norm() * 2 * simultaneous.RADIUS)
 
 
 def test_every_ball_of_the_triangle_has_its_image_beyond_the_middle_line():
-    balls = [*at_once.tight_rack(Vec3(0.0, 0.0, 0.0)).bodies.values()]
-    images = dict(at_once.mirrored_in_rack())
+    balls = [*simultaneous.tight_rack(Vec3(0.0, 0.0, 0.0)).bodies.values()]
+    images = dict(simultaneous.mirror_pairs())
     assert sorted(images) == sorted(images.values()) == list(range(1, 16))
     for i, k in images.items():
         assert balls[k].position == pytest.approx(balls[i].position._replace(y=-balls[i].position.y))
 
 
 def test_a_box_stands_on_its_corners():
-    bodies, _, _, contacts, _ = at_once.flat_box("box", "floor", Vec3(1.0, 2.0, 3.0))
-    sizes = at_once.SIDE / 2, at_once.SIDE / 2, at_once.HEIGHT / 2
+    bodies, _, _, contacts, _ = simultaneous.flat_box("box", "floor", Vec3(1.0, 2.0, 3.0))
+    sizes = simultaneous.SIDE / 2, simultaneous.SIDE / 2, simultaneous.HEIGHT / 2
     offsets = {
         tuple(round(x / size, 9) for x, size in zip(c.position - bodies["box"].position, sizes, strict=True))
         for c in contacts
@@ -107,8 +107,8 @@ def test_what_drifts_goes_on_and_turns():
     body = Body.dynamic(
         1.0, (1.0, 0, 0, 1.0, 0, 1.0), (1.0, 0.0, 0.0), None, (0.0, 2.0, 0.0), (0.0, 0.0, 3.0)
     )
-    (moved,) = at_once.drifted({"it": body}, math.pi / 6).values()  # a quarter of a turn
+    (moved,) = simultaneous.moved_freely({"it": body}, math.pi / 6).values()  # a quarter of a turn
     assert moved.position == pytest.approx((1.0, math.pi / 3, 0.0))
     assert moved.to_world(Vec3(1.0, 0.0, 0.0)) == pytest.approx((0.0, 1.0, 0.0), abs=1e-15)
-    (back,) = at_once.drifted({"it": body}, -math.pi / 6).values()
+    (back,) = simultaneous.moved_freely({"it": body}, -math.pi / 6).values()
     assert back.to_world(Vec3(1.0, 0.0, 0.0)) == pytest.approx((0.0, -1.0, 0.0), abs=1e-15)

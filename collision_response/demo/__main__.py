@@ -1,4 +1,4 @@
-"""``python3 -m collision_response.demo``: the node at work, called from this process."""
+"""``python3 -m collision_response.demo``: start a node, call it from this process, and check its answers."""
 
 from __future__ import annotations
 
@@ -20,19 +20,20 @@ from .client import Client, NoAnswer
 from .node_process import NodeFailed, NodeProcess
 from .recording import RECORDING, can_record, impacts_in
 
-DESCRIPTION = """Starts a node of its own and calls it: eight systems with known answers, a break shot and a
-tumbling rod. Ends with 0 if every difference is rounding. Writes recordings/demo.rrd for the rerun viewer."""
+DESCRIPTION = """Start a node and call it: eight systems with known answers, a break shot, a tumbling rod, and
+several contacts at once. The exit code is 0 if all answers are correct to rounding. The node writes
+recordings/demo.rrd for the rerun viewer."""
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the demo; the exit code is 0 if every difference is rounding and all energy is accounted for."""
+    """Run the demo. Return 0 if every difference is rounding and all energy is accounted for, else 1."""
     argparse.ArgumentParser(prog="collision_response demo", description=DESCRIPTION).parse_args(arguments)
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda number, _: sys.exit(128 + number))
     start = time.monotonic()
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     domain = os.environ["ROS_DOMAIN_ID"] = str(free_domain())
-    print(f"A node is started and called from another process over DDS, in domain {domain}.\n")
+    print(f"This process starts a node and calls it over DDS, in domain {domain}.\n")
     try:
         problems = list(demonstrate())
     except (NodeFailed, NoAnswer, RCLError) as error:
@@ -49,7 +50,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def demonstrate() -> Iterator[str]:
-    """All parts of the demo; gives what is wrong."""
+    """Play all parts of the demo; yield a message for each error."""
     with NodeProcess({}) as node, Client(node.check) as client:
         client.wait_for_node()
         yield from chapters.systems(client)
@@ -59,25 +60,25 @@ def demonstrate() -> Iterator[str]:
     with NodeProcess(recording_parameters()) as node, Client(node.check) as client:
         client.wait_for_node()
         begin = client.now()
-        for chapter, lasts in chapters.RECORDED:
+        for chapter, duration in chapters.RECORDED:
             yield from chapter(client, begin)
-            begin += round(1e9 * (lasts + chapters.PAUSE))
+            begin += round(1e9 * (duration + chapters.PAUSE))
         yield from check_topic(client)
         answers = client.answers()
         impacts = sum(answer.status.code == answer.status.OK for answer in answers)
-        print(f"The result topics have brought all {len(answers)} answers.")
+        print(f"All {len(answers)} answers were also published on the result topics.")
 
     if not can_record():
         print("Nothing recorded: rerun-sdk is not installed.")
         return
-    held = impacts_in(RECORDING)
-    print(f"The node has recorded {held} impacts. To see them: {viewer()} {RECORDING}")
-    if held != impacts:
-        yield f"{RECORDING} holds {held} impacts, not {impacts}"
+    recorded = impacts_in(RECORDING)
+    print(f"The node has recorded {recorded} impacts. To see them: {viewer()} {RECORDING}")
+    if recorded != impacts:
+        yield f"{RECORDING} has {recorded} impacts instead of {impacts}"
 
 
 def recording_parameters() -> dict[str, Any]:
-    """The node's parameters for a new recording in place of the last one."""
+    """Parameters of the node for a new recording, which replaces the previous one."""
     if not can_record():
         return {}
     RECORDING.unlink(missing_ok=True)
@@ -89,19 +90,19 @@ def recording_parameters() -> dict[str, Any]:
 
 
 def check_topic(client: Client) -> Iterator[str]:
-    """Whether the result topics tell the same as the answers."""
+    """Yield a message if the result topics differ from the answers."""
     if not client.topics_agree():
         yield "a result topic differs from the answers"
 
 
 def viewer() -> str:
-    """How to call rerun from here."""
-    here = Path(sysconfig.get_path("scripts"), "rerun")
-    return str(here.relative_to(Path.cwd()) if here.is_relative_to(Path.cwd()) else here)
+    """Command that starts the rerun viewer, relative to the current directory if possible."""
+    path = Path(sysconfig.get_path("scripts"), "rerun")
+    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
 def free_domain() -> int:
-    """A ROS domain that nobody on this machine uses: the discovery port of its first member is free."""
+    """A ROS domain that is unused on this machine: the discovery port of its first member is free."""
     for domain in random.sample(range(1, 100), 99):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             try:

@@ -1,4 +1,4 @@
-"""The balance of energy of a scene, and its momentum."""
+"""Energy balance and momentum of a scene."""
 
 from __future__ import annotations
 
@@ -11,38 +11,38 @@ from ..physics.vector import ZERO, Vec3
 
 @dataclass
 class EnergyBalance:
-    """What there was, what each impact took, and what is left: the three must agree.
+    """The initial energy minus the losses of all impacts must equal the current energy.
 
     Attributes:
-        first: energy at the start [J].
-        last: energy after the latest impact [J].
-        lost_restitution, lost_friction: as the answers say [J].
-        rise: largest increase of the energy from one impact to the next [J].
+        initial: energy at the start [J].
+        current: energy after the latest impact [J].
+        lost_restitution, lost_friction: sums of the losses reported by the answers [J].
+        largest_rise: largest increase of the energy from one impact to the next [J].
     """
 
-    first: float
-    last: float = field(init=False)
+    initial: float
+    current: float = field(init=False)
     lost_restitution: float = 0.0
     lost_friction: float = 0.0
-    rise: float = 0.0
+    largest_rise: float = 0.0
 
     def __post_init__(self) -> None:
-        self.last = self.first
+        self.current = self.initial
 
-    def enter(self, energy: float, lost_restitution: float, lost_friction: float) -> None:
-        """One impact: the energy after it, and what its answer says was lost."""
-        self.rise = max(self.rise, energy - self.last)
-        self.last = energy
+    def add_impact(self, energy: float, lost_restitution: float, lost_friction: float) -> None:
+        """Record an impact: the energy after it, and the losses that its answer reports."""
+        self.largest_rise = max(self.largest_rise, energy - self.current)
+        self.current = energy
         self.lost_restitution += lost_restitution
         self.lost_friction += lost_friction
 
     def error(self) -> float:
-        """By how much first, losses and last disagree, relative to the first."""
-        return abs(self.first - self.lost_restitution - self.lost_friction - self.last) / self.first
+        """Error of the balance, relative to the initial energy."""
+        return abs(self.initial - self.lost_restitution - self.lost_friction - self.current) / self.initial
 
     def relative_rise(self) -> float:
-        """The largest increase, relative to the first."""
-        return self.rise / self.first
+        """The largest increase, relative to the initial energy."""
+        return self.largest_rise / self.initial
 
 
 def momentum(bodies: Iterable[Body]) -> Vec3:
@@ -50,8 +50,8 @@ def momentum(bodies: Iterable[Body]) -> Vec3:
     return sum((body.velocity * body.mass for body in bodies), ZERO)
 
 
-def spin_momentum(bodies: Iterable[Body]) -> float:
-    """Total angular momentum about the world's z axis [kg m^2/s], of bodies with axes along the world's."""
+def angular_momentum(bodies: Iterable[Body]) -> float:
+    """Total angular momentum about the world's z axis [kg m^2/s]; bodies must have the world's axes."""
     return sum(
         body.mass * body.position.cross(body.velocity).z + (body.inertia @ body.angular_velocity).z
         for body in bodies

@@ -1,7 +1,7 @@
 """A break shot: sixteen balls on a table without pockets or cloth.
 
-The balls glide like pucks, so all motion is in the plane, and nothing but impacts takes energy. Each
-contact is found at its exact time: between impacts all paths are straight.
+The balls slide without friction on the table, so all motion is planar and only impacts change the energy.
+Between impacts all paths are straight, so the time of each contact has a closed form.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from ..physics.contact import Contact
 from ..physics.energy import kinetic_energy
 from ..physics.mass_properties import sphere
 from ..physics.vector import ZERO, Vec3
-from .balance import EnergyBalance, momentum, spin_momentum
-from .scene import FRAMES, Answer, Encounter, Resolve, Show
+from .balance import EnergyBalance, angular_momentum, momentum
+from .scene import FRAMES, Answer, Collision, Resolve, Show
 from .time_of_impact import until_spheres_touch
 
 RADIUS, MASS = 0.028575, 0.17
 LENGTH, WIDTH = 2.24, 1.12
 SPEED = 10.0
-"""Of the cue ball [m/s]."""
+"""Initial speed of the cue ball [m/s]."""
 
-LOOSE = 2e-4
-"""How far apart the balls of a rack are, more or less [m]: no rack is tight."""
+GAP = 2e-4
+"""Mean gap between the balls of the rack [m]: no real rack is tight."""
 
 BALL_ON_BALL = {"restitution": 0.95, "friction": 0.06}
 BALL_ON_CUSHION = {"restitution": 0.9, "friction": 0.1}
@@ -36,26 +36,26 @@ CUSHIONS = {
     "cushion_near": Vec3(0.0, 1.0, 0.0),
     "cushion_far": Vec3(0.0, -1.0, 0.0),
 }
-"""The normal of each: into the table. The table's middle is the origin."""
+"""Normals of the cushions, towards the table. The origin is the middle of the table."""
 
 
 def cushion_bodies() -> dict[str, Body]:
-    """The cushions, which stand still."""
+    """The cushions as static bodies, by name."""
     return {
         name: Body.static(Vec3(-n.x * LENGTH / 2, -n.y * WIDTH / 2, RADIUS)) for name, n in CUSHIONS.items()
     }
 
 
 def rack() -> dict[str, Body]:
-    """The cue ball on its way, and fifteen balls in a triangle."""
-    chance = random.Random(9)
-    pitch = 2 * RADIUS + LOOSE
+    """The moving cue ball, and fifteen balls in a triangle."""
+    rng = random.Random(9)
+    pitch = 2 * RADIUS + GAP
     balls = {"cue": _ball(-LENGTH / 4, 0.003, SPEED)}
     for row in range(5):
         for place in range(row + 1):
             x = LENGTH / 4 + row * pitch * math.sqrt(3) / 2
             y = (place - row / 2) * pitch
-            shift = [chance.uniform(-LOOSE, LOOSE) / 3 for _ in range(2)]
+            shift = [rng.uniform(-GAP, GAP) / 3 for _ in range(2)]
             balls[f"ball_{len(balls)}"] = _ball(x + shift[0], y + shift[1])
     return balls
 
@@ -65,15 +65,16 @@ def _ball(x: float, y: float, speed: float = 0.0) -> Body:
 
 
 class Break:
-    """The scene, and its balance.
+    """The scene with its energy and momentum balance.
 
     Attributes:
-        time: of the scene [s].
-        balls: by name.
-        impacts: number of those resolved so far.
-        energy: its balance.
-        given: momentum that the cushions have taken [kg m/s].
-        given_spin: angular momentum about the table's middle that they have taken [kg m^2/s].
+        time: time of the scene [s].
+        balls: the balls, by name.
+        impacts: number of impacts resolved so far.
+        energy: the energy balance.
+        cushion_momentum: momentum that the cushions have received [kg m/s].
+        cushion_angular_momentum: angular momentum about the middle of the table that they have received [kg
+            m^2/s].
     """
 
     def __init__(self, balls: Mapping[str, Body]) -> None:
@@ -81,12 +82,12 @@ class Break:
         self.balls = dict(balls)
         self.impacts = 0
         self.energy = EnergyBalance(self._kinetic_energy())
-        self.given, self.given_spin = ZERO, 0.0
-        self._momentum = momentum(self.balls.values())
-        self._spin = spin_momentum(self.balls.values())
+        self.cushion_momentum, self.cushion_angular_momentum = ZERO, 0.0
+        self._initial_momentum = momentum(self.balls.values())
+        self._initial_angular_momentum = angular_momentum(self.balls.values())
 
     def run(self, resolve: Resolve, show: Show, duration: float) -> Iterator[int]:
-        """Play the scene; gives the number of impacts after each."""
+        """Play the scene; after each impact, yield the number of impacts so far."""
         frame = 0
         while self.time < duration:
             wait, name_a, name_b = self._next()
@@ -97,30 +98,34 @@ class Break:
                 frame += 1
             self._advance(event)
             if event < duration:
-                encounter = self._encounter(name_a, name_b)
-                self._enter(encounter, resolve(encounter))
+                collision = self._collision(name_a, name_b)
+                self._apply(collision, resolve(collision))
                 yield self.impacts
 
     def momentum_error(self) -> float:
-        """By how much the momentum of balls and cushions has changed, relative to the cue ball's."""
-        change = momentum(self.balls.values()) + self.given - self._momentum
+        """Change of the total momentum of balls and cushions, relative to the cue ball's initial one."""
+        change = momentum(self.balls.values()) + self.cushion_momentum - self._initial_momentum
         return change.norm() / (MASS * SPEED)
 
-    def spin_error(self) -> float:
-        """The same for the angular momentum about the table's middle."""
-        change = spin_momentum(self.balls.values()) + self.given_spin - self._spin
+    def angular_momentum_error(self) -> float:
+        """The same for the angular momentum about the middle of the table."""
+        change = (
+            angular_momentum(self.balls.values())
+            + self.cushion_angular_momentum
+            - self._initial_angular_momentum
+        )
         return abs(change) / (MASS * SPEED * LENGTH / 2)
 
     def _next(self) -> tuple[float, str, str]:
-        """The next contact: how long until then [s], and which two."""
+        """The next contact: time until it happens [s], and the names of both bodies."""
         best = (math.inf, "", "")
         names = list(self.balls)
         for i, a in enumerate(names):
             p, v = self.balls[a].position, self.balls[a].velocity
             for cushion, n in CUSHIONS.items():
                 if (speed := n.dot(v)) < 0:
-                    room = (LENGTH if n.x else WIDTH) / 2 - RADIUS + n.dot(p)
-                    best = min(best, (max(room, 0.0) / -speed, a, cushion))
+                    gap = (LENGTH if n.x else WIDTH) / 2 - RADIUS + n.dot(p)
+                    best = min(best, (max(gap, 0.0) / -speed, a, cushion))
             for b in names[:i]:
                 other = self.balls[b]
                 wait = until_spheres_touch(other.position - p, other.velocity - v, 2 * RADIUS)
@@ -132,24 +137,24 @@ class Break:
         for name, ball in self.balls.items():
             self.balls[name] = ball._replace(position=ball.position + ball.velocity * dt)
 
-    def _encounter(self, name_a: str, name_b: str) -> Encounter:
+    def _collision(self, name_a: str, name_b: str) -> Collision:
         a, b = self.balls[name_a], self.balls.get(name_b)
         if b is None:
             n = CUSHIONS[name_b]
             contact = Contact.of(a.position - n * RADIUS, n, **BALL_ON_CUSHION)
         else:
             contact = Contact.of((a.position + b.position) / 2, a.position - b.position, **BALL_ON_BALL)
-        return Encounter(self.time, name_a, name_b, a, b, contact)
+        return Collision(self.time, name_a, name_b, a, b, contact)
 
-    def _enter(self, encounter: Encounter, answer: Answer) -> None:
+    def _apply(self, collision: Collision, answer: Answer) -> None:
         self.impacts += 1
-        self.balls[encounter.name_a] = encounter.body_a.with_twist(answer.twist_a)
-        if encounter.body_b is not None:
-            self.balls[encounter.name_b] = encounter.body_b.with_twist(answer.twist_b)
+        self.balls[collision.name_a] = collision.body_a.with_twist(answer.twist_a)
+        if collision.body_b is not None:
+            self.balls[collision.name_b] = collision.body_b.with_twist(answer.twist_b)
         else:
-            self.given -= answer.impulse
-            self.given_spin -= encounter.contact.position.cross(answer.impulse).z
-        self.energy.enter(self._kinetic_energy(), answer.lost_restitution, answer.lost_friction)
+            self.cushion_momentum -= answer.impulse
+            self.cushion_angular_momentum -= collision.contact.position.cross(answer.impulse).z
+        self.energy.add_impact(self._kinetic_energy(), answer.lost_restitution, answer.lost_friction)
 
     def _kinetic_energy(self) -> float:
         return math.fsum(kinetic_energy(ball) for ball in self.balls.values())

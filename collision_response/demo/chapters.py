@@ -1,4 +1,4 @@
-"""The parts of the demo: each plays something through the service, prints it, and says what is wrong."""
+"""The parts of the demo: each calls the service, prints answers, and yields a message for each error."""
 
 from __future__ import annotations
 
@@ -18,52 +18,61 @@ from ..physics.laws import Law
 from ..physics.vector import Vec3
 from ..ros.scene_client import pack
 from ..srv import ResolveCollision
-from .at_once import Touching, approaches, cradle, drifted, flat_box, mirrored_in_rack, tight_rack
 from .balance import EnergyBalance, momentum
 from .billiards import Break, cushion_bodies, rack
 from .client import Client
 from .messages import FRAME, answer_of, contact_of, state_of, time_of, twist_of
 from .progress import Progress
-from .scene import FRAMES, Answer, Encounter
+from .scene import FRAMES, Answer, Collision
+from .simultaneous import (
+    ContactScene,
+    cradle,
+    flat_box,
+    is_approaching,
+    mirror_pairs,
+    moved_freely,
+    tight_rack,
+)
 from .systems import System, all_systems
-from .tumbling_rod import FALL, Tumbling
+from .tumbling_rod import FALL, TumblingRod
 
 DIFFERENCE = 1e-14
-"""Greatest relative difference from a closed form, and relative error of a balance."""
+"""Largest allowed relative difference from a closed form, and relative error of a balance."""
 
 ROWS = 4
-"""Quantities of one system to be printed."""
+"""Largest number of rows printed for one system."""
 
 BURST = 500
+"""Requests of the burst."""
 
-BREAK_LASTS, ROD_LASTS, AT_ONCE_LASTS = 4.0, 3.5, 1.5
+BREAK_DURATION, ROD_DURATION, SIMULTANEOUS_DURATION = 4.0, 3.5, 1.5
 BOUNCES = 10
 STRIKE = 0.5
-"""When the bodies of the last chapter strike."""
+"""Time of the impacts of the last chapter [s]."""
 PAUSE = 1.0
-"""Seconds of a scene's time."""
+"""Time between two chapters in the recording [s]."""
 
 ROD_FALLS_AT = Vec3(-0.5, -1.5, 0.0)
 CRADLES_AT, RACK_AT = Vec3(-0.8, 1.0, 0.05), Vec3(0.6, -1.5, 0.05)
 FLOORS = {"floor_at_once": Vec3(0.5, 1.2, 0.0), "floor_in_turn": Vec3(1.2, 1.2, 0.0)}
-"""Where the two boxes of the last chapter land."""
+"""Positions at which the two boxes of the last chapter land."""
 
 CRADLES = {
     Law.FRICTIONLESS: ("the shock goes through", (0.0, 0.0, 1.0), DIFFERENCE),
     Law.MOREAU: ("as time steppers do", (-1 / 3, 2 / 3, 2 / 3), DIFFERENCE),
     Law.ROUTH_STRONGE: ("Hertzian springs", (-0.070952353651, 0.07640303907, 0.994549314581), 1e-9),
 }
-"""What becomes of three balls, of which the first comes at 1 m/s, and how exactly that is asked for."""
+"""For each law: a description, the speeds of the balls of a cradle after the impact, the allowed error."""
 
 
 def systems(client: Client) -> Iterator[str]:
-    """S1 to S8 against their closed forms."""
-    print("1. Eight systems with known answers. Their bodies are published; the requests name them.\n")
+    """Compare the answers to S1 to S8 with their closed forms."""
+    print("1. Eight systems with known answers. The bodies are published; the requests give them by name.\n")
     print(f"{'system':34} {'quantity':17} {'closed form':>17} {'service':>17} {'rel. diff.':>10}")
     worst, quantities = 0.0, 0
     for system in all_systems():
         result = _resolve_system(client, system)
-        title, unseen = f"{system.name} {system.title}", 0.0
+        title, largest_hidden = f"{system.name} {system.title}", 0.0
         for row, (quantity, expected) in enumerate(system.expected.items(), start=1):
             answer = attrgetter(quantity)(result)
             difference = abs(answer - expected) / (abs(expected) or 1.0)
@@ -71,12 +80,12 @@ def systems(client: Client) -> Iterator[str]:
             if row < ROWS or len(system.expected) == ROWS:
                 print(f"{title:34} {quantity:17} {expected:17.13g} {answer:17.13g} {difference:10.1e}")
             else:
-                unseen = max(unseen, difference)
+                largest_hidden = max(largest_hidden, difference)
             title = ""
         if len(system.expected) > ROWS:
             more = f"and {len(system.expected) - ROWS + 1} more"
-            print(f"{'':34} {more:17} {'':17} {'':17} {unseen:10.1e}")
-    print(f"{f'largest difference of {quantities}':88} {worst:10.1e}\n")
+            print(f"{'':34} {more:17} {'':17} {'':17} {largest_hidden:10.1e}")
+    print(f"{f'largest difference of all {quantities}':88} {worst:10.1e}\n")
     if not worst <= DIFFERENCE:
         yield f"a difference from a closed form is {worst:.1e}, above {DIFFERENCE:g}"
 
@@ -94,7 +103,7 @@ def _resolve_system(client: Client, system: System) -> CollisionResult:
 
 
 def burst(client: Client) -> Iterator[str]:
-    """Many requests at once."""
+    """Send many requests at once."""
     system = all_systems()[2]
     stamp = time_of(client.now())
     bodies = system.body_a, system.body_b
@@ -105,50 +114,55 @@ def burst(client: Client) -> Iterator[str]:
     start = time.monotonic()
     answers = client.call_all([request] * BURST)
     took = time.monotonic() - start
-    print(f"{BURST} requests at once: {len(answers)} answers, {BURST / took:.0f} a second\n")
+    print(f"{BURST} requests at once: {len(answers)} answers, {BURST / took:.0f} per second\n")
     if any(answer.impulse != answers[0].impulse for answer in answers):
         yield "equal requests got different answers"
 
 
 Chapter = Callable[[Client, int], Iterator[str]]
-"""Is told when its scene begins [ns]."""
+"""Called with the client and the time at which its scene begins [ns]."""
 
 
 class Stage:
-    """Where scenes are played: their impacts go to the service, their bodies to the state topic.
+    """Sends the impacts of a scene to the service, and publishes the states of its bodies.
 
-    What stands still is published once, and named from then on. A moving body is put into the request
-    as it is at the moment of the impact; its last published state would be a frame behind.
+    Static bodies are published once; requests give them by name. Moving bodies are part of the request, with
+    their state at the moment of the impact: the last published state would be up to a frame old.
+
+    Args:
+        client: the client of the service.
+        begin: time at which the scene begins [ns].
+        static: the static bodies, by name.
     """
 
-    def __init__(self, client: Client, begin: int, fixed: Mapping[str, Body]) -> None:
+    def __init__(self, client: Client, begin: int, static: Mapping[str, Body]) -> None:
         self._client = client
         self._begin = begin
-        self._fixed = {name: state_of(name, body, self._stamp(0.0)) for name, body in fixed.items()}
+        self._static = {name: state_of(name, body, self._stamp(0.0)) for name, body in static.items()}
         self.published = 0
-        self._publish(self._fixed.values())
+        self._publish(self._static.values())
 
-    def resolve(self, encounter: Encounter) -> Answer:
-        """The service's answer."""
-        stamp = self._stamp(encounter.time)
-        request = ResolveCollision.Request(contact=contact_of(encounter.contact, stamp))
-        request.body_a = state_of(encounter.name_a, encounter.body_a, stamp)
-        if encounter.body_b is not None:
-            request.body_b = state_of(encounter.name_b, encounter.body_b, stamp)
+    def resolve(self, collision: Collision) -> Answer:
+        """Answer of the service to a collision of two bodies."""
+        stamp = self._stamp(collision.time)
+        request = ResolveCollision.Request(contact=contact_of(collision.contact, stamp))
+        request.body_a = state_of(collision.name_a, collision.body_a, stamp)
+        if collision.body_b is not None:
+            request.body_b = state_of(collision.name_b, collision.body_b, stamp)
             return answer_of(self._client.call(request))
-        request.body_b = BodyState(name=encounter.name_b)
-        return answer_of(self._client.call(request, self._fixed[encounter.name_b]))
+        request.body_b = BodyState(name=collision.name_b)
+        return answer_of(self._client.call(request, self._static[collision.name_b]))
 
-    def resolve_scene(self, touching: Touching, time: float, tolerance: float = 0.0) -> SceneResult:
-        """The service's answer to several contacts at once."""
-        bodies, others, pairs, contacts, law = touching
-        names, model = (*bodies, *others), ImpactModel(law, tolerance=tolerance)
+    def resolve_scene(self, scene: ContactScene, time: float, tolerance: float = 0.0) -> SceneResult:
+        """Answer of the service to several contacts at once."""
+        bodies, static_names, pairs, contacts, law = scene
+        names, model = (*bodies, *static_names), ImpactModel(law, tolerance=tolerance)
         request = pack([*bodies.values()], pairs, contacts, model, names=names, frame_id=FRAME)
         request.header.stamp = self._stamp(time)
-        return self._client.call(request, *(self._fixed[name] for name in others))
+        return self._client.call(request, *(self._static[name] for name in static_names))
 
     def show(self, now: float, bodies: Mapping[str, Body]) -> None:
-        """Publish where everything is."""
+        """Publish the states of bodies at a time of the scene [s]."""
         stamp = self._stamp(now)
         self._publish([state_of(name, body, stamp) for name, body in bodies.items()])
 
@@ -161,41 +175,44 @@ class Stage:
 
 
 def break_shot(client: Client, begin: int) -> Iterator[str]:
-    """A rack of balls, broken."""
+    """Play a break shot."""
     scene = Break(rack())
     stage = Stage(client, begin, cushion_bodies())
-    print(f"2. A break shot: 16 balls, 4 cushions, {BREAK_LASTS:g} s on the table. This process finds each")
-    print("   contact; the node resolves it, the ball inline in the request, the cushion by name.\n")
+    print(f"2. A break shot: 16 balls, 4 cushions, {BREAK_DURATION:g} s. This process finds each contact,")
+    print("   and the node resolves it. Requests contain the balls, and give the cushions by name.\n")
     start = time.monotonic()
     with Progress() as progress:
-        for impacts in scene.run(stage.resolve, stage.show, BREAK_LASTS):
-            progress.say(f"{scene.time:.2f} s on the table, {impacts} impacts")
+        for impacts in scene.run(stage.resolve, stage.show, BREAK_DURATION):
+            progress.report(f"{scene.time:.2f} s of play, {impacts} impacts")
     took = time.monotonic() - start
-    print(
-        f"   impacts             {scene.impacts:9d}     in {took:.2f} s: {scene.impacts / took:.0f} a second,"
-    )
-    print(f"   states published    {stage.published:9d}     in between")
+    rate = scene.impacts / took
+    print(f"   impacts             {scene.impacts:9d}     in {took:.2f} s: {rate:.0f} per second")
+    print(f"   states published    {stage.published:9d}     between them")
     _print_energy(scene.energy)
-    momentum, spin = scene.momentum_error(), scene.spin_error()
-    print(f"   momentum of balls and cushions, kept to {momentum:.1e}; angular momentum, to {spin:.1e}\n")
+    momentum, spin = scene.momentum_error(), scene.angular_momentum_error()
+    print(
+        f"   momentum of balls and cushions is conserved to {momentum:.1e}, angular momentum to {spin:.1e}\n"
+    )
     yield from _check("break shot", scene.energy)
     if not max(momentum, spin) <= DIFFERENCE:
-        yield f"break shot: momentum is off by {max(momentum, spin):.1e}"
+        yield f"break shot: the momentum has a relative error of {max(momentum, spin):.1e}"
 
 
 def tumbling_rod(client: Client, begin: int) -> Iterator[str]:
-    """A rod on a rough floor."""
-    scene = Tumbling(ROD_FALLS_AT)
+    """Drop a rod on a rough floor."""
+    scene = TumblingRod(ROD_FALLS_AT)
     stage = Stage(client, begin, {"floor": Body.static(ROD_FALLS_AT)})
-    print(f"3. A rod of 1 m falls {FALL:g} m onto a rough floor (e = 0.9, mu = 0.3) and tumbles on. From its")
-    print("   first impact engines that settle friction at the end of an impact gain energy.\n")
-    print(f"   {'time [s]':>8} {'angle [deg]':>11}  {'friction':8} {'lost to it [J]':>14}", end="")
-    print(f" {'to restitution':>14} {'energy [J]':>10} {'turning [rad/s]':>15}")
+    print(
+        f"3. A rod of 1 m falls {FALL:g} m onto a rough floor (e = 0.9, mu = 0.3) and tumbles. Engines that"
+    )
+    print("   apply friction at the end of an impact create energy in its first impact.\n")
+    print(f"   {'time [s]':>8} {'angle [deg]':>11}  {'regime':8} {'lost to friction':>16}", end="")
+    print(f" {'to restitution':>14} {'energy [J]':>10} {'spin [rad/s]':>15}")
     for bounce in scene.run(stage.resolve, stage.show, BOUNCES):
         answer = bounce.answer
         print(
             f"   {bounce.time:8.4f} {math.degrees(bounce.angle):11.1f}  {answer.regime.name.lower():8}"
-            f" {answer.lost_friction:14.6f} {answer.lost_restitution:14.6f}"
+            f" {answer.lost_friction:16.6f} {answer.lost_restitution:14.6f}"
             f" {bounce.energy:10.6f} {bounce.spin:15.4f}"
         )
     print()
@@ -204,10 +221,10 @@ def tumbling_rod(client: Client, begin: int) -> Iterator[str]:
     yield from _check("tumbling rod", scene.energy)
 
 
-def several_at_once(client: Client, begin: int) -> Iterator[str]:
-    """A cradle under three laws, a box that lands flat, a tight rack."""
+def simultaneous_contacts(client: Client, begin: int) -> Iterator[str]:
+    """Resolve scenes with several contacts: a cradle by three laws, a box that lands flat, a tight rack."""
     stage = Stage(client, begin, {name: Body.static(at) for name, at in FLOORS.items()})
-    print("4. Several contacts at once: each line but one is one request to ~/resolve_scene.\n")
+    print("4. Several contacts at once. Each line is one request to ~/resolve_scene, except where noted.\n")
     yield from _cradles(stage)
     yield from _flat_boxes(stage)
     yield from _tight_rack(stage)
@@ -217,8 +234,8 @@ def _cradles(stage: Stage) -> Iterator[str]:
     what = "three balls in a row, the first at 1 m/s, e = 1"
     print(f"   {what:47} {'speeds after [m/s]':>30} {'diff.':>10}")
     for place, (law, (what, expected, limit)) in enumerate(CRADLES.items()):
-        touching = cradle(law, CRADLES_AT + Vec3(0.0, 0.2 * place, 0.0))
-        _, moved = _struck(stage, touching, 0.0 if limit == DIFFERENCE else limit)
+        scene = cradle(law, CRADLES_AT + Vec3(0.0, 0.2 * place, 0.0))
+        _, moved = _strike(stage, scene, 0.0 if limit == DIFFERENCE else limit)
         speeds = [ball.velocity.x for ball in moved.values()]
         difference = max(abs(x - y) for x, y in zip(speeds, expected, strict=True))
         print(f"   {law.name:14} {what:32} {''.join(f'{x:10.6f}' for x in speeds)} {difference:10.1e}")
@@ -228,20 +245,23 @@ def _cradles(stage: Stage) -> Iterator[str]:
 
 
 def _flat_boxes(stage: Stage) -> Iterator[str]:
-    """One answered at once, the other one corner after another."""
+    """Resolve one box by a scene, the other one corner after another."""
     at_once, in_turn = (flat_box(floor.replace("floor", "box"), floor, at) for floor, at in FLOORS.items())
-    _, moved = _struck(stage, at_once)
+    _, moved = _strike(stage, at_once)
     ((name, other),) = in_turn.bodies.items()
     for contact in cycle(in_turn.contacts):
-        if approaches(other, contact):
-            encounter = Encounter(STRIKE, name, in_turn.others[0], other, None, contact)
-            other = other.with_twist(stage.resolve(encounter).twist_a)
-        elif not any(approaches(other, corner) for corner in in_turn.contacts):
+        if is_approaching(other, contact):
+            collision = Collision(STRIKE, name, in_turn.static_names[0], other, None, contact)
+            other = other.with_twist(stage.resolve(collision).twist_a)
+        elif not any(is_approaching(other, corner) for corner in in_turn.contacts):
             break
     _play(stage, in_turn.bodies, {name: other})
     (box,) = moved.values()
-    print(f"   {'a box flat on a floor, down at 1 m/s, e = 1':47} {'up [m/s]':>14} {'turning [rad/s]':>15}")
-    for what, body in (("its four corners at once", box), ("one corner after another", other)):
+    print(f"   {'a box lands flat on a floor at 1 m/s, e = 1':47} {'up [m/s]':>14} {'spin [rad/s]':>15}")
+    for what, body in (
+        ("four corners at once", box),
+        ("one corner after another (~/resolve_collision)", other),
+    ):
         print(f"   {what:47} {body.velocity.z:14.6f} {body.angular_velocity.norm():15.6f}")
     print()
     difference = max((box.velocity - Vec3(0.0, 0.0, 1.0)).norm(), box.angular_velocity.norm())
@@ -250,22 +270,23 @@ def _flat_boxes(stage: Stage) -> Iterator[str]:
 
 
 def _tight_rack(stage: Stage) -> Iterator[str]:
-    touching = tight_rack(RACK_AT)
-    result, moved = _struck(stage, touching)
+    scene = tight_rack(RACK_AT)
+    result, moved = _strike(stage, scene)
     balls = [*moved.values()]
     balance = EnergyBalance(result.kinetic_energy_before)
     energy = math.fsum(map(kinetic_energy, balls))
-    balance.enter(energy, result.energy_lost_restitution, result.energy_lost_friction)
-    given = momentum(touching.bodies.values())
-    change = (momentum(balls) - given).norm() / given.norm()
-    across = Vec3(1.0, -1.0, 1.0)
+    balance.add_impact(energy, result.energy_lost_restitution, result.energy_lost_friction)
+    before = momentum(scene.bodies.values())
+    change = (momentum(balls) - before).norm() / before.norm()
+    mirror = Vec3(1.0, -1.0, 1.0)
     asymmetry = max(
-        math.dist(balls[i].velocity, map(mul, balls[k].velocity, across)) for i, k in mirrored_in_rack()
+        math.dist(balls[i].velocity, map(mul, balls[k].velocity, mirror)) for i, k in mirror_pairs()
     )
-    contacts, (left, right) = len(touching.contacts), (balls[i].velocity for i in (-1, -5))
+    contacts, (left, right) = len(scene.contacts), (balls[i].velocity for i in (-1, -5))
     print(f"   a tight rack of 15 balls, struck head on at 1 m/s: {contacts} contacts, e = 0.95")
-    print(f"   far corners leave at ({left.x:.6f}, {left.y:.6f}) and ({right.x:.6f}, {right.y:.6f}) m/s")
-    print(f"   left and right mirror each other to {asymmetry:.1e}; momentum is kept to {change:.1e}\n")
+    print(f"   the balls at the far corners leave at ({left.x:.6f}, {left.y:.6f}) m/s")
+    print(f"   and ({right.x:.6f}, {right.y:.6f}) m/s")
+    print(f"   left and right are mirror images to {asymmetry:.1e}; momentum is conserved to {change:.1e}\n")
     _print_energy(balance)
     print()
     yield from _check("rack", balance)
@@ -273,43 +294,43 @@ def _tight_rack(stage: Stage) -> Iterator[str]:
         yield f"rack: left and right differ by {asymmetry:.1e}, momentum by {change:.1e}"
 
 
-def _struck(stage: Stage, touching: Touching, tolerance: float = 0.0) -> tuple[SceneResult, dict[str, Body]]:
-    """What is answered, and the bodies that now move so; they are shown before and after."""
-    result = stage.resolve_scene(touching, STRIKE, tolerance)
+def _strike(stage: Stage, scene: ContactScene, tolerance: float = 0.0) -> tuple[SceneResult, dict[str, Body]]:
+    """Resolve a scene and publish its motion; return the answer and the bodies after the impact."""
+    result = stage.resolve_scene(scene, STRIKE, tolerance)
     after = {
         name: body.with_twist(twist_of(twist))
-        for (name, body), twist in zip(touching.bodies.items(), result.twists, strict=False)
+        for (name, body), twist in zip(scene.bodies.items(), result.twists, strict=False)
     }
-    _play(stage, touching.bodies, after)
+    _play(stage, scene.bodies, after)
     return result, after
 
 
 def _play(stage: Stage, before: Mapping[str, Body], after: Mapping[str, Body]) -> None:
-    """Show bodies that glide up to the moment of the impact, and away from it."""
-    for frame in range(int(AT_ONCE_LASTS * FRAMES) + 1):
+    """Publish the free motion of bodies before and after the impact."""
+    for frame in range(int(SIMULTANEOUS_DURATION * FRAMES) + 1):
         time = frame / FRAMES
-        stage.show(time, drifted(before if time <= STRIKE else after, time - STRIKE))
+        stage.show(time, moved_freely(before if time <= STRIKE else after, time - STRIKE))
 
 
 RECORDED: tuple[tuple[Chapter, float], ...] = (
-    (break_shot, BREAK_LASTS),
-    (tumbling_rod, ROD_LASTS),
-    (several_at_once, AT_ONCE_LASTS),
+    (break_shot, BREAK_DURATION),
+    (tumbling_rod, ROD_DURATION),
+    (simultaneous_contacts, SIMULTANEOUS_DURATION),
 )
-"""The chapters that play scenes, and for how long [s]."""
+"""The chapters that are recorded, with the durations of their scenes [s]."""
 
 
 def _print_energy(balance: EnergyBalance) -> None:
-    print(f"   energy at the start {balance.first:9.6f} J")
+    print(f"   energy at the start {balance.initial:9.6f} J")
     print(f"   lost to restitution {balance.lost_restitution:9.6f} J")
     print(f"   lost to friction    {balance.lost_friction:9.6f} J")
-    rise = f"rises by {balance.rise:.1e} J" if balance.relative_rise() > DIFFERENCE else "never rises"
-    error = f"the sum is off by {balance.error():.1e}"
-    print(f"   energy at the end   {balance.last:9.6f} J   it {rise}; {error}")
+    rise = f"rises by {balance.largest_rise:.1e} J" if balance.relative_rise() > DIFFERENCE else "never rises"
+    error = f"the balance is correct to {balance.error():.1e}"
+    print(f"   energy at the end   {balance.current:9.6f} J   it {rise}; {error}")
 
 
 def _check(scene: str, balance: EnergyBalance) -> Iterator[str]:
     if not balance.error() <= DIFFERENCE:
-        yield f"{scene}: the balance of energy is off by {balance.error():.1e}"
+        yield f"{scene}: the energy balance has a relative error of {balance.error():.1e}"
     if not balance.relative_rise() <= DIFFERENCE:
-        yield f"{scene}: the energy rises by {balance.rise:.1e} J"
+        yield f"{scene}: the energy rises by {balance.largest_rise:.1e} J"

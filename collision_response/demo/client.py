@@ -1,4 +1,4 @@
-"""Another node: it publishes body states, calls the service and listens to the results."""
+"""A client node: it publishes body states, calls the services and subscribes to the results."""
 
 from __future__ import annotations
 
@@ -17,34 +17,33 @@ from ..msg import BodyState, CollisionResult, SceneResult, Status
 from ..srv import ResolveCollision, ResolveScene
 
 SERVICE_QOS = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE)
-"""With a limited history, of many calls at once some would never be answered."""
+"""With a limited history, some of many simultaneous calls would never be answered."""
 
 STATE_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 RESULT_QOS = QoSProfile(
     depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
-"""TRANSIENT_LOCAL: results from before this subscription came up are delivered too."""
+"""TRANSIENT_LOCAL: results from before this subscription existed are delivered too."""
 
 DEADLINE = 15.0
-"""How long anything may take [s]."""
-
+"""Longest time to wait for anything [s]."""
 
 HEAD_START = 0.05
-"""For states that have just been published, on their way to the node [s]."""
+"""Time given to published states to arrive at the node before the next request [s]."""
 
 
 class NoAnswer(Exception):
-    """The service refused, or did not answer."""
+    """The service refused a request, or did not answer."""
 
 
 class Channel(NamedTuple):
-    """One service of the node, and the topic that tells its results.
+    """One service of the node, and the topic with its results.
 
     Attributes:
-        service: its client.
-        answers: of the service, refusals included.
-        results: what came on the topic.
+        service: the client of the service.
+        answers: answers of the service, refusals included.
+        results: messages received on the topic.
     """
 
     service: Any
@@ -53,10 +52,10 @@ class Channel(NamedTuple):
 
 
 class Client:
-    """A node of its own context, to be used as a context manager.
+    """A node with its own context; use it as a context manager.
 
     Args:
-        check: is called while the service does not answer; may raise.
+        check: called while waiting for the service; may raise.
     """
 
     def __init__(self, check: Callable[[], None]) -> None:
@@ -83,30 +82,30 @@ class Client:
         rclpy.try_shutdown(context=self._context)
 
     def wait_for_node(self) -> None:
-        """Until the service is there, and listens to states."""
+        """Wait until the services exist and the node subscribes to body states."""
         for channel in self._channels.values():
             self._until(channel.service.service_is_ready, "no service")
-        self._until(self._states.get_subscription_count, "nobody listens to body_states")
+        self._until(self._states.get_subscription_count, "nobody subscribes to body_states")
 
     def now(self) -> int:
-        """By the node's clock [ns]."""
+        """Time of the node's clock [ns]."""
         return self._node.get_clock().now().nanoseconds
 
     def publish(self, states: Iterable[BodyState]) -> None:
-        """Send states, for whoever listens."""
+        """Publish states of bodies."""
         for state in states:
             self._states.publish(state)
 
     def call(self, request: Any, *named: BodyState) -> Any:
-        """The result of a request.
+        """Call a service and return its result.
 
         Args:
-            request: what to resolve, of either service.
-            named: bodies of the request that are in it by name only. A topic and a service are two
-                ways, and either may be the quicker one: they are published until the node knows them.
+            request: a request to either service.
+            named: states of bodies that the request gives by name only. A request may overtake a state, so
+                they are published again until the node knows them.
 
         Raises:
-            NoAnswer: it is a refusal, or none came.
+            NoAnswer: if the service refuses the request or does not answer.
         """
         channel = self._channels[type(request)]
         deadline = time.monotonic() + DEADLINE
@@ -126,10 +125,10 @@ class Client:
         raise NoAnswer(f"status {status.code}: {status.message}")
 
     def call_all(self, requests: Iterable[ResolveCollision.Request]) -> list[CollisionResult]:
-        """The answers to many requests, sent at once.
+        """Send many requests at once and return their results.
 
         Raises:
-            NoAnswer: one is a refusal, or not all came.
+            NoAnswer: if the service refuses a request or does not answer all.
         """
         service = self._channels[ResolveCollision.Request].service
         futures = [service.call_async(request) for request in requests]
@@ -145,15 +144,19 @@ class Client:
         return [answer for channel in self._channels.values() for answer in channel.answers]
 
     def topics_agree(self) -> bool:
-        """Whether the topics of results have brought every answer, and nothing else."""
+        """Whether the result topics delivered exactly the answers of the services."""
         for channel in self._channels.values():
-            self._until(partial(_all_are_there, channel), "too few results on the topic")
+            self._until(partial(_is_complete, channel), "too few results on the topic")
         return all(channel.results == channel.answers for channel in self._channels.values())
 
-    def _channel(self, kind: Any, service: str, of: Any, topic: str) -> Channel:
-        client: Any = self._node.create_client(kind, f"collision_response/{service}", qos_profile=SERVICE_QOS)
+    def _channel(self, service_type: Any, service: str, result_type: Any, topic: str) -> Channel:
+        client: Any = self._node.create_client(
+            service_type, f"collision_response/{service}", qos_profile=SERVICE_QOS
+        )
         channel = Channel(client, [], [])
-        self._node.create_subscription(of, f"collision_response/{topic}", channel.results.append, RESULT_QOS)
+        self._node.create_subscription(
+            result_type, f"collision_response/{topic}", channel.results.append, RESULT_QOS
+        )
         return channel
 
     def _until(self, condition: Callable[[], Any], complaint: str) -> None:
@@ -165,5 +168,5 @@ class Client:
             self._executor.spin_once(timeout_sec=0.02)
 
 
-def _all_are_there(channel: Channel) -> bool:
+def _is_complete(channel: Channel) -> bool:
     return len(channel.results) >= len(channel.answers)

@@ -1,4 +1,4 @@
-"""Bodies and contacts to messages: what a client of the service has to write."""
+"""Conversion of bodies and contacts to messages and back, as a client of the service needs it."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ FRAME = "world"
 
 
 def time_of(nanoseconds: int) -> Time:
-    """A stamp from one number [ns]."""
+    """Stamp of a time [ns]."""
     seconds, rest = divmod(nanoseconds, 1_000_000_000)
     return Time(sec=seconds, nanosec=rest)
 
 
 def state_of(name: str, body: Body, stamp: Time) -> BodyState:
-    """A body as the service wants to know it; one that does not give way stands still."""
+    """Message with the state of a body; an immovable body is static."""
     state = BodyState(name=name)
     state.header.frame_id, state.header.stamp = FRAME, stamp
     if not body.is_movable():
@@ -36,7 +36,7 @@ def state_of(name: str, body: Body, stamp: Time) -> BodyState:
 
 
 def contact_of(contact: Contact, stamp: Time) -> ContactMessage:
-    """A contact; the names of the bodies are left to the bodies."""
+    """Message of a contact, without the names of the bodies."""
     message = ContactMessage()
     message.restitution, message.friction = map(float, contact[2:4])
     message.header.frame_id, message.header.stamp = FRAME, stamp
@@ -46,7 +46,7 @@ def contact_of(contact: Contact, stamp: Time) -> ContactMessage:
 
 
 def answer_of(result: CollisionResult) -> Answer:
-    """What a scene needs to know of a result."""
+    """The part of a result that a scene uses."""
     return Answer(
         twist_of(result.twist_a),
         twist_of(result.twist_b),
@@ -58,5 +58,5 @@ def answer_of(result: CollisionResult) -> Answer:
 
 
 def twist_of(message: Twist) -> BodyTwist:
-    """A twist that was answered."""
+    """Twist of a message."""
     return BodyTwist(vector_of(message.linear), vector_of(message.angular))

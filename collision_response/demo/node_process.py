@@ -1,4 +1,4 @@
-"""The node in a process of its own, as a user starts it."""
+"""The node as a separate process, started as a user starts it."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from typing import Any
 
 EXECUTABLE = "collision_response_node"
 PATIENCE = 15.0
-"""How long the node may take to end [s]; a recording has to be completed."""
+"""Longest time for the node to end [s]; it has to complete its recording."""
 
 
 class NodeFailed(Exception):
-    """The node did not start, or did not end well; the message is what it said last."""
+    """The node did not start, or ended with an error; the message has its last lines of output."""
 
 
 class NodeProcess:
-    """Started on construction, ended by SIGINT when the context is left, whatever happens.
+    """A running node. It starts on construction and is always ended, by SIGINT, when the context is left.
 
     Args:
-        parameters: of the node, by name.
+        parameters: parameters of the node, by name.
     """
 
     def __init__(self, parameters: dict[str, Any]) -> None:
         arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
-        self._said = tempfile.TemporaryFile("w+")  # noqa: SIM115, closed with the process
-        # A session of its own: Ctrl-C is for the demo, which then ends the node in good order.
+        self._output = tempfile.TemporaryFile("w+")  # noqa: SIM115, closed with the process
+        # In its own session, so that Ctrl-C reaches only the demo, which then ends the node properly.
         self._process = subprocess.Popen(
             [find_executable(), "--ros-args", *arguments],
             stdin=subprocess.DEVNULL,
-            stderr=self._said,
+            stderr=self._output,
             start_new_session=True,
         )
 
@@ -48,26 +48,26 @@ class NodeProcess:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-        with self._said:
+        with self._output:
             if kind is None and self._process.returncode:
                 raise self._failed()
 
     def check(self) -> None:
-        """Raises: NodeFailed: it has ended."""
+        """Raise NodeFailed if the process has ended."""
         if self._process.poll() is not None:
             raise self._failed()
 
     def _failed(self) -> NodeFailed:
-        self._said.seek(0)
-        lines = self._said.read().strip().splitlines()[-5:]
+        self._output.seek(0)
+        lines = self._output.read().strip().splitlines()[-5:]
         return NodeFailed("\n".join([f"the node ended with {self._process.returncode}", *lines]))
 
 
 def find_executable() -> str:
-    """The node's executable, where pip or where colcon installs it.
+    """Path of the node's executable, as installed by pip or by colcon.
 
     Raises:
-        NodeFailed: it is in neither place.
+        NodeFailed: if it is in neither place.
     """
     prefixes = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
     places = [sysconfig.get_path("scripts"), *(f"{p}/lib/collision_response" for p in prefixes)]

@@ -1,4 +1,4 @@
-"""A line that says how far something has come."""
+"""A progress line."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import TextIO
 
 
 class Progress:
-    """On a terminal one line that is written over; elsewhere a line every few seconds.
+    """Reports progress: on a terminal in one line that is overwritten, elsewhere in a new line every 2 s.
 
-    To be used as a context manager: on a terminal the line is gone afterwards.
+    Use it as a context manager: on a terminal the line is erased at the end.
     """
 
     def __init__(self, stream: TextIO = sys.stdout) -> None:
@@ -26,8 +26,8 @@ class Progress:
         if self._terminal:
             self._write("\r\033[K")
 
-    def say(self, text: str) -> None:
-        """Say this, unless something has just been said."""
+    def report(self, text: str) -> None:
+        """Print the text, unless another one was printed shortly before."""
         if time.monotonic() >= self._next:
             self._next = time.monotonic() + self._interval
             self._write(f"\r\033[K  {text} ..." if self._terminal else f"  {text} ...\n")

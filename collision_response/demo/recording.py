@@ -1,4 +1,4 @@
-"""What the node has recorded, read back."""
+"""The recording that the node makes in the demo."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ RECORDING = Path("recordings", "demo.rrd")
 
 
 def can_record() -> bool:
-    """Whether rerun is there; where ROS comes from elsewhere than pip it may not be."""
+    """Whether rerun is installed; it may be missing if ROS was not installed by pip."""
     return find_spec("rerun") is not None
 
 
 def impacts_in(path: Path) -> int:
-    """The number of impacts that a recording holds."""
+    """Number of impacts in a recording."""
     from rerun.chunk import RrdReader
 
     stream = RrdReader(str(path)).stream()

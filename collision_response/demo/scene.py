@@ -1,4 +1,4 @@
-"""What a moving scene asks for and is told: it finds the contacts, and knows nothing of ROS."""
+"""The interface of a moving scene, which finds its contacts itself and does not depend on ROS."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from ..physics.laws import Regime
 from ..physics.vector import Vec3
 
 FRAMES = 20
-"""How often a scene shows where its bodies are, per second of its time."""
+"""Number of times that a scene shows its bodies, per second of its own time."""
 
 
-class Encounter(NamedTuple):
-    """Two bodies that touch.
+class Collision(NamedTuple):
+    """Two bodies in contact.
 
     Attributes:
-        time: of the scene [s].
-        name_a, name_b: of the bodies.
-        body_a: the moving one, as it is now.
-        body_b: the other one; ``None`` if it stands still, and is known by its name.
-        contact: where and how.
+        time: time of the scene [s].
+        name_a, name_b: names of the bodies.
+        body_a: the moving body, just before the impact.
+        body_b: the other body; ``None`` if it is static and known to the node by its name.
+        contact: the contact.
     """
 
     time: float
@@ -34,7 +34,7 @@ class Encounter(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What a scene needs to know of an impact: twists, impulse on body_a, losses."""
+    """The part of an answer that a scene uses: twists after the impact, impulse on body_a, energy losses."""
 
     twist_a: Twist
     twist_b: Twist
@@ -44,6 +44,6 @@ class Answer(NamedTuple):
     regime: Regime
 
 
-Resolve = Callable[[Encounter], Answer]
+Resolve = Callable[[Collision], Answer]
 Show = Callable[[float, Mapping[str, Body]], None]
-"""Is told the time of the scene [s] and where everything is."""
+"""Called with the time of the scene [s] and the bodies by name."""

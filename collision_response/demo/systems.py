@@ -1,8 +1,8 @@
-"""The eight systems S1 to S8 from which this package started, each with its closed form.
+"""The eight systems S1 to S8 that were the start of this package, each with its closed form.
 
-The closed forms are written out as in the two sources, in exact fractions where they are rational,
-and share no code with the solver. Quantities are named by their path in a result
-(``twist_a.linear.y``), which is the same in the Python API and in the service's answer.
+The closed forms are those of the two sources, in exact fractions where they are rational, and share no code
+with the package. A quantity is named by its path in a result (``twist_a.linear.y``), which is the same in the
+Python API and in the answer of the service.
 
 Sources: a French lecture chapter on rigid-body collisions (S1 to S5) and a Spanish note on the
 effective mass (S6 to S8).
@@ -22,13 +22,13 @@ from ..physics.vector import Vec3
 
 
 class System(NamedTuple):
-    """One impact with known answer.
+    """An impact with a known answer.
 
     Attributes:
         name: S1 to S8.
-        title: what it is.
+        title: a short description.
         body_a, body_b, contact: the request.
-        expected: closed form of some quantities of the result, by path.
+        expected: values of some quantities of the result by a closed form, by path.
     """
 
     name: str
@@ -67,9 +67,10 @@ def s1() -> System:
 
 
 def bounce(m: float, moment: float, arm: float, v_y: float, w: float) -> tuple[float, float]:
-    """``(v_y, w)`` after S1's impact, ``arm = +-r sin(theta)``.
+    """``(v_y, w)`` after the impact of S1, with ``arm = +-r sin(theta)``.
 
-    The source's second formula lacks one ``sin(theta)``; this is its equation 3 with the first.
+    The second formula of the source lacks a factor ``sin(theta)``; this is its equation 3 with its first
+    formula.
     """
     approach = v_y + arm * w
     v_y_after = v_y - 2 * approach / (1 + m * arm * arm / moment)
@@ -79,9 +80,11 @@ def bounce(m: float, moment: float, arm: float, v_y: float, w: float) -> tuple[f
 def s2(corner_angle: float) -> System:
     """A square of 3 kg and 1.2 m strikes a 40 degree incline with a corner (French, situation A).
 
-    ``corner_angle`` [rad] is the angle at the centre, from the foot of the incline's normal to the
-    corner, positive uphill: the figure that would give it is lost. Within 45 degrees either way the
-    corner is the square's lowest point above the incline.
+    The figure of the source is lost, so the angle of the corner is a parameter.
+
+    Args:
+        corner_angle: angle at the centre from the perpendicular on the incline to the corner, positive uphill
+            [rad]. Between -45 and 45 degrees the corner is the point of the square nearest to the incline.
     """
     m, side, incline, dip = 3.0, 1.2, math.radians(40), math.radians(30)
     moment, to_corner = m * side**2 / 6, side / math.sqrt(2)
@@ -123,7 +126,7 @@ def s3() -> System:
 
 
 def s4() -> System:
-    """A body made of particles: its mass, centre of mass and inertia decide the answer (French)."""
+    """A body made of particles, which determine its mass, centre of mass and inertia (French)."""
     masses = [1, 2, 3, 2]
     positions = [(0, 0, 0), (2, 0, 1), (0, 1, 2), (1, 2, 0)]
     particles = [Particle(F(m), Vec3(*map(F, p))) for m, p in zip(masses, positions, strict=True)]
@@ -154,7 +157,7 @@ def s4() -> System:
 
 
 def s5() -> System:
-    """The planar case: of the inertia only ``I_zz`` matters (French)."""
+    """The planar case, in which only ``I_zz`` of the inertia matters (French)."""
     m_a, i_a, m_b, i_b, e = F(2), F(1, 2), F(3), F(3, 4), F(1, 2)
     r_a, r_b, n = (F(-1, 2), F(1, 4)), (F(1, 4), F(1, 2)), (F(0), F(-1))
     w_a, w_b, v_a, v_b = F(2), F(-1), (F(1), F(3)), (F(0), F(-1))
@@ -206,7 +209,7 @@ def s6() -> System:
 
 
 def s7() -> System:
-    """Rigid bodies by their effective mass (Spanish); its normal points from body 1 to body 2."""
+    """Two rigid bodies by their effective mass (Spanish); its normal points from body 1 to body 2."""
     moments_1, moments_2 = (F(2), F(3), F(4)), (F(5), F(6), F(7))
     m_1, m_2, e, n = F(4), F(6), F(1, 4), (F(0), F(0), F(1))
     c_1, c_2 = (F(1), F(-1, 2), F(-1)), (F(-1, 2), F(1), F(1, 2))
@@ -252,7 +255,7 @@ def s8() -> System:
 
 
 def _reaction_model(a: Body, b: Body, contact: Contact) -> dict[str, float]:
-    """Equation ``J_n`` of the French source, in fractions, for bodies with axes along the world's."""
+    """Equation ``J_n`` of the French source, in fractions; the bodies' axes are parallel to the world's."""
     n = [F(x) for x in contact.normal]
     length = math.isqrt(int(_dot(n, n)))
     unit = [x / length for x in n]
@@ -282,7 +285,7 @@ def _matrix(body: Body) -> list[list[F]]:
 
 
 def _solve(m: Sequence[Sequence[F]], y: Sequence[Any]) -> list[F]:
-    """Cramer's rule."""
+    """Solve ``m x = y`` by Cramer's rule."""
     columns = list(zip(*m, strict=True))
 
     def det(p: Sequence[Any], q: Sequence[Any], r: Sequence[Any]) -> F:

@@ -1,4 +1,4 @@
-"""When bodies touch: found exactly, and no contact stepped over."""
+"""Time until two bodies touch. No contact is missed."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from collections.abc import Callable
 
 from ..physics.vector import Vec3
 
-TOUCHING = 1e-13
-"""A gap [m] that counts as none: rounding of positions of some metres is about as large."""
+TOUCH_GAP = 1e-13
+"""Largest gap [m] that counts as touching: about the rounding of positions of some metres."""
 
 
 def until_spheres_touch(offset: Vec3, velocity: Vec3, reach: float) -> float:
-    """Time until two spheres touch, if nothing stops them [s]; infinite if they never do.
+    """Time until two spheres in free motion touch [s]; infinite if they never do.
 
     Args:
-        offset: from the centre of one to that of the other [m].
-        velocity: of the other relative to the one [m/s].
+        offset: vector from the centre of the first sphere to that of the second [m].
+        velocity: velocity of the second sphere relative to the first [m/s].
         reach: sum of the radii [m].
     """
     closing = offset.dot(velocity)
@@ -33,18 +33,18 @@ def until_spheres_touch(offset: Vec3, velocity: Vec3, reach: float) -> float:
 def until_touch(gap: Callable[[float], tuple[float, float]], curvature: float, limit: float) -> float:
     """Time until a gap closes [s]; infinite if it does not before ``limit``.
 
-    Each step is as long as the gap is sure to stay open (conservative advancement). Close to the
-    touch that is Newton's step, so it converges as fast.
+    Each step is as long as the gap certainly stays open (conservative advancement). Near the contact this is
+    a Newton step, and converges as fast.
 
     Args:
-        gap: the gap [m] and its rate [m/s] at a time from now [s].
-        curvature: a bound on the size of its second derivative [m/s^2].
-        limit: how far to look [s].
+        gap: returns the gap [m] and its rate [m/s] at a time from now [s].
+        curvature: upper bound on the magnitude of its second derivative [m/s^2].
+        limit: end of the search [s].
     """
     time = 0.0
     while time < limit:
         width, rate = gap(time)
-        if width <= TOUCHING and rate < 0:
+        if width <= TOUCH_GAP and rate < 0:
             return time
         root = math.sqrt(rate * rate + 2 * curvature * max(width, 0.0))
         step = 2 * width / (root - rate) if rate < 0 else (rate + root) / curvature

@@ -1,7 +1,7 @@
 """A rod that tumbles on a rough floor, under gravity.
 
-Its first impact is the one from which engines that settle friction at the end of the impact create
-energy (T3 in docs/impact-laws.md): restitution 0.9, friction 0.3, the rod at an angle of slope 2.
+In its first impact, engines that apply friction at the end of the impact create energy (T3 in
+docs/impact-laws.md): restitution 0.9, friction 0.3, and the rod inclined with slope 2.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from ..physics.mass_properties import rod
 from ..physics.orientation import Quaternion
 from ..physics.vector import Vec3
 from .balance import EnergyBalance
-from .scene import FRAMES, Answer, Encounter, Resolve, Show
+from .scene import FRAMES, Answer, Collision, Resolve, Show
 from .time_of_impact import until_touch
 
 GRAVITY = 9.81
 MASS, LENGTH = 1.0, 1.0
 RESTITUTION, FRICTION = 0.9, 0.3
 FALL = 1.25
-"""How far it falls before the first impact [m]."""
+"""Height of the fall before the first impact [m]."""
 
 
 class Bounce(NamedTuple):
     """One impact of the rod.
 
     Attributes:
-        time: of the scene [s].
-        angle: between rod and floor, of the end that touches, before [rad].
-        answer: of the node.
-        energy: kinetic and potential, after [J].
-        spin: rate of turning after [rad/s].
+        time: time of the scene [s].
+        angle: angle between rod and floor at the impact [rad].
+        answer: answer of the node.
+        energy: kinetic plus potential energy after the impact [J].
+        spin: angular velocity after the impact [rad/s].
     """
 
     time: float
@@ -45,14 +45,17 @@ class Bounce(NamedTuple):
     spin: float
 
 
-class Tumbling:
-    """The scene, and its balance.
+class TumblingRod:
+    """The scene with its energy balance.
+
+    Args:
+        place: point of the floor above which the rod starts [m].
 
     Attributes:
-        time: of the scene [s].
-        body: the rod; it turns about the y axis, and ``angle`` is that of its +x end above the horizon.
-        angle: [rad].
-        energy: its balance.
+        time: time of the scene [s].
+        body: the rod, which rotates about the y axis.
+        angle: elevation of its +x end above the horizontal [rad].
+        energy: the energy balance.
     """
 
     def __init__(self, place: Vec3) -> None:
@@ -68,7 +71,7 @@ class Tumbling:
         self.energy = EnergyBalance(self.total_energy())
 
     def run(self, resolve: Resolve, show: Show, bounces: int) -> Iterator[Bounce]:
-        """Play the scene, bounce by bounce."""
+        """Play the scene; yield each bounce."""
         frame = 0
         for _ in range(bounces):
             wait, end = min((until_touch(self._gap(end), self._curvature(), 10.0), end) for end in (-1, 1))
@@ -79,27 +82,27 @@ class Tumbling:
                 frame += 1
             self._advance(event)
             angle = math.asin(abs(math.sin(self.angle)))
-            answer = resolve(self._encounter(end))
+            answer = resolve(self._collision(end))
             self.body = self.body.with_twist(answer.twist_a)
-            self.energy.enter(self.total_energy(), answer.lost_restitution, answer.lost_friction)
-            yield Bounce(self.time, angle, answer, self.energy.last, self.body.angular_velocity.y)
+            self.energy.add_impact(self.total_energy(), answer.lost_restitution, answer.lost_friction)
+            yield Bounce(self.time, angle, answer, self.energy.current, self.body.angular_velocity.y)
 
     def total_energy(self) -> float:
-        """Kinetic and potential [J]."""
+        """Kinetic plus potential energy [J]."""
         return kinetic_energy(self.body) + MASS * GRAVITY * self.body.position.z
 
     def _rate(self) -> float:
-        return -self.body.angular_velocity.y  # turning about +y lowers the +x end
+        return -self.body.angular_velocity.y  # rotation about +y lowers the +x end
 
     def _gap(self, end: int) -> Callable[[float], tuple[float, float]]:
-        """Height of an end above the floor, and its rate, at a time from now."""
+        """Function that returns the height of an end above the floor, and its rate, at a time from now."""
         z, v = self.body.position.z, self.body.velocity.z
         angle, rate, half = self.angle, self._rate(), end * LENGTH / 2
 
         def gap(t: float) -> tuple[float, float]:
-            turned = angle + rate * t
-            height = z + v * t - GRAVITY * t * t / 2 + half * math.sin(turned)
-            return height, v - GRAVITY * t + half * rate * math.cos(turned)
+            angle_then = angle + rate * t
+            height = z + v * t - GRAVITY * t * t / 2 + half * math.sin(angle_then)
+            return height, v - GRAVITY * t + half * rate * math.cos(angle_then)
 
         return gap
 
@@ -121,7 +124,7 @@ class Tumbling:
         half = -self.angle / 2
         return body._replace(orientation=Quaternion(0.0, math.sin(half), 0.0, math.cos(half)))
 
-    def _encounter(self, end: int) -> Encounter:
+    def _collision(self, end: int) -> Collision:
         to_end = Vec3(math.cos(self.angle), 0.0, math.sin(self.angle)) * (end * LENGTH / 2)
         contact = Contact.of(self.body.position + to_end, (0.0, 0.0, 1.0), RESTITUTION, FRICTION)
-        return Encounter(self.time, "rod", "floor", self.body, None, contact)
+        return Collision(self.time, "rod", "floor", self.body, None, contact)
