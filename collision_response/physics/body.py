@@ -1,7 +1,7 @@
-"""A rigid body at the instant of impact, and what an impulse does to it.
+"""A rigid body at the instant of impact.
 
-An immovable body, static or kinematic, has infinite mass: ``1/m`` and the inverse inertia are 0. It
-enters every formula like any other body.
+An immovable body, static or kinematic, has infinite mass: ``1/m`` and its inverse inertia are 0. The formulas
+treat it like any other body.
 """
 
 from __future__ import annotations
@@ -33,18 +33,23 @@ if TYPE_CHECKING:
     from typing import Unpack
 
 ROUNDINGS = 8
-"""A pivot of the inertia tensor of at most so many roundings of its diagonal is rounding, not inertia."""
+"""A pivot of the inertia tensor counts as 0 up to this number of units of roundoff of its diagonal entry."""
 
 
 class Twist(NamedTuple):
-    """Linear [m/s] and angular [rad/s] velocity, or a change of them, in world axes."""
+    """Linear and angular velocity of a body, or a change of them.
+
+    Attributes:
+        linear: velocity of the body's reference point, in world axes [m/s].
+        angular: angular velocity, in world axes [rad/s].
+    """
 
     linear: Vec3
     angular: Vec3
 
 
 class Placement(TypedDict, total=False):
-    """Where a body is and how it moves, as for :meth:`Body.dynamic`; what is left out is 0."""
+    """Keyword arguments that say where a body is and how it moves: see :meth:`Body.dynamic`."""
 
     position: Sequence[Scalar]
     orientation: Sequence[Scalar] | None
@@ -53,24 +58,32 @@ class Placement(TypedDict, total=False):
 
 
 class Body(NamedTuple):
-    """A body: of a shape, or :meth:`dynamic`, :meth:`kinematic`, :meth:`static` or :meth:`articulated`.
+    """A body at the instant of impact: its mass properties, its pose and its twist.
 
-    A shape is a homogeneous solid about its centre of mass: ``Body.sphere(2.0, 0.1, velocity=(0, 0, -3))``.
-    It takes ``position``, ``orientation``, ``velocity`` and ``angular_velocity``, as :meth:`dynamic` does.
+    Build one with a shape, such as :meth:`sphere` or :meth:`box`, or with :meth:`dynamic`, :meth:`kinematic`,
+    :meth:`static` or :meth:`articulated`. Shapes are homogeneous solids. They take the keyword arguments
+    ``position``, ``orientation``, ``velocity`` and ``angular_velocity`` of :meth:`dynamic`:
 
-    ``position`` and ``velocity`` are those of the body's reference point: the origin of its axes. It is
-    the centre of mass, unless ``com`` says that this lies elsewhere.
+        >>> ball = Body.sphere(2.0, 0.1, velocity=(0, 0, -3))
+        >>> ball.mass, ball.velocity
+        (2.0, Vec3(x=0, y=0, z=-3))
+
+    ``position`` and ``velocity`` belong to the body's reference point, which is the origin of its axes. The
+    reference point is the centre of mass unless ``com`` places the centre of mass elsewhere.
+
+    Numbers may be of any type that the formulas accept, such as floats or fractions. Two bodies and their
+    contact need the same world axes: those of one inertial frame.
 
     Attributes:
-        mass: [kg]; infinite for an immovable body, which takes part in no energy or momentum balance.
-        inertia: about the centre of mass, in body axes [kg m^2]. One zero moment: a thin rod. All
-            zero: a point mass, or an immovable body. What has no inertia about some axis has no
-            rotation about it either: an angular velocity about it moves no contact.
+        mass: [kg]; infinite for an immovable body, which is left out of energy and momentum balances.
+        inertia: about the centre of mass, in body axes [kg m^2]. A thin rod has one zero moment; a point mass
+            and an immovable body have zero inertia. An angular velocity about an axis without inertia moves
+            no contact.
         position: of the reference point, in world axes [m].
-        orientation: from body axes to world axes; ``None`` where the two are parallel.
+        orientation: rotation from body axes to world axes; ``None`` if they are parallel.
         velocity: of the reference point, in world axes [m/s].
         angular_velocity: in world axes [rad/s].
-        com: the centre of mass, from the reference point, in body axes [m].
+        com: centre of mass, from the reference point, in body axes [m].
         inverse_inertia: of an articulated body, at the reference point, in world axes; else ``None``.
     """
 
@@ -94,21 +107,22 @@ class Body(NamedTuple):
         angular_velocity: Sequence[Scalar] = ZERO,
         com: Sequence[Scalar] = ZERO,
     ) -> Body:
-        """A body that impulses move.
+        """Build a body that impulses move.
 
         Args:
-            mass: [kg], > 0; infinite: as :meth:`kinematic`, without inertia.
-            inertia: about the centre of mass in body axes [kg m^2]: ``(xx, xy, xz, yy, yz, zz)`` or a
-                matrix. Left out: a point mass, which does not turn.
-            position: of the reference point [m].
-            orientation: ``(x, y, z, w)``, w last as in ROS, from body axes to world axes; any length but 0.
-            velocity: of the reference point [m/s].
+            mass: [kg], > 0. An infinite mass gives an immovable body, which must have zero inertia.
+            inertia: about the centre of mass, in body axes [kg m^2], as ``(xx, xy, xz, yy, yz, zz)`` or as a
+                3x3 matrix. The default is a point mass, which does not rotate.
+            position: of the reference point, in world axes [m].
+            orientation: quaternion ``(x, y, z, w)``, w last as in ROS, that rotates body axes into world
+                axes; any length but 0. ``None`` if they are parallel.
+            velocity: of the reference point, in world axes [m/s].
             angular_velocity: in world axes [rad/s].
-            com: the centre of mass, from the reference point, in body axes [m].
+            com: centre of mass, from the reference point, in body axes [m].
 
         Raises:
-            TypeError: a vector has not as many components.
-            ValueError: the inertia is neither six numbers nor a symmetric matrix.
+            TypeError: if a vector, the quaternion or the inertia has the wrong form.
+            ValueError: if the inertia is neither six numbers nor a symmetric matrix.
         """
         try:
             tensor = Symmetric3.of(inertia)
@@ -130,17 +144,23 @@ class Body(NamedTuple):
 
     @classmethod
     def of(cls, matter: MassProperties, **placement: Unpack[Placement]) -> Body:
-        """A body of some matter: see :mod:`~collision_response.physics.mass_properties`."""
+        """Build a body from the result of a function of :mod:`~collision_response.physics.mass_properties`.
+
+        Args:
+            matter: mass, centre of mass and inertia in body axes.
+            placement: ``position``, ``orientation``, ``velocity`` and ``angular_velocity``, as in
+                :meth:`dynamic`.
+        """
         return cls.dynamic(matter.mass, matter.inertia, com=matter.com, **placement)
 
     @classmethod
     def sphere(cls, mass: Scalar, radius: Scalar, **placement: Unpack[Placement]) -> Body:
-        """A solid sphere."""
+        """A solid sphere of a mass [kg] and a radius [m]."""
         return cls.of(solids.sphere(mass, radius), **placement)
 
     @classmethod
     def hollow_sphere(cls, mass: Scalar, radius: Scalar, **placement: Unpack[Placement]) -> Body:
-        """A thin spherical shell, such as a table tennis ball."""
+        """A thin spherical shell, such as a table tennis ball, of a mass [kg] and a radius [m]."""
         return cls.of(solids.hollow_sphere(mass, radius), **placement)
 
     @classmethod
@@ -150,27 +170,33 @@ class Body(NamedTuple):
 
     @classmethod
     def cylinder(cls, mass: Scalar, radius: Scalar, length: Scalar, **placement: Unpack[Placement]) -> Body:
-        """A solid cylinder about the body's z axis."""
+        """A solid cylinder about the body's z axis, of a mass [kg], a radius [m] and a length [m]."""
         return cls.of(solids.cylinder(mass, radius, length), **placement)
 
     @classmethod
     def capsule(cls, mass: Scalar, radius: Scalar, length: Scalar, **placement: Unpack[Placement]) -> Body:
-        """A solid cylinder about the body's z axis with round ends; ``length`` is the cylinder's."""
+        """A cylinder about the body's z axis with a half ball at each end; ``length`` is without them [m]."""
         return cls.of(solids.capsule(mass, radius, length), **placement)
 
     @classmethod
     def cone(cls, mass: Scalar, radius: Scalar, height: Scalar, **placement: Unpack[Placement]) -> Body:
-        """A solid cone about the body's z axis; ``position`` is its centre of mass."""
+        """A solid cone about the body's z axis, tip up; ``position`` is that of its centre of mass."""
         return cls.of(solids.cone(mass, radius, height), **placement)
 
     @classmethod
     def rod(cls, mass: Scalar, length: Scalar, **placement: Unpack[Placement]) -> Body:
-        """A thin rod along the body's x axis."""
+        """A thin rod along the body's x axis, without inertia about it; ``length`` in m."""
         return cls.of(solids.rod(mass, length), **placement)
 
     @classmethod
     def mesh(cls, mass: Scalar, shape: Any, **placement: Unpack[Placement]) -> Body:
-        """A solid of any shape, such as ``trimesh.load_mesh("part.stl")``; ``position`` is its origin's."""
+        """A homogeneous solid bounded by a mesh, such as ``trimesh.load_mesh("part.stl")``.
+
+        ``position`` is that of the mesh's origin; the centre of mass may lie elsewhere.
+
+        Raises:
+            ValueError: if the mesh is not closed, or is inside out.
+        """
         return cls.of(solids.mesh(mass, shape), **placement)
 
     @classmethod
@@ -180,7 +206,13 @@ class Body(NamedTuple):
         velocity: Sequence[Scalar] = ZERO,
         angular_velocity: Sequence[Scalar] = ZERO,
     ) -> Body:
-        """A body that moves as it does, whatever strikes it."""
+        """Build a body whose motion is prescribed: it strikes others, and no impulse changes its twist.
+
+        Args:
+            position: of the reference point, in world axes [m].
+            velocity: of the reference point, in world axes [m/s].
+            angular_velocity: in world axes [rad/s].
+        """
         return cls(
             math.inf,
             ZERO_TENSOR,
@@ -199,36 +231,43 @@ class Body(NamedTuple):
         velocity: Sequence[Scalar] = ZERO,
         angular_velocity: Sequence[Scalar] = ZERO,
     ) -> Body:
-        """A link of a mechanism: what an impulse on it moves is given by its inverse inertia.
+        """Build a link of a mechanism, such as a robot arm. Its inverse inertia says how an impulse moves it.
 
-        Two bodies of one mechanism also move each other, which their two matrices do not say: for these,
-        :func:`~collision_response.resolve_contact` with the Jacobian of their relative velocity.
+        Do not use this for an impact between two links of the same mechanism: an impulse on one link also
+        moves the other, which their two matrices do not express. Use
+        :func:`~collision_response.resolve_contact` with the Jacobian of their relative velocity instead.
 
-        Of one freedom, such as a door, a link moves one way only, and slip stops when the approach does. Of
-        two, impulses in some direction move nothing, and no law says how great they are if that direction
-        lies in the cone of friction. The laws that follow slip then give COULOMB's answer, with
-        ``LAW_FALLBACK``. Else their ``error_bound`` may be infinite where that direction is not across the
-        normal; that of COMPLIANT is.
+        A link may have so few degrees of freedom that impulses in some directions move nothing. If such a
+        direction lies in the friction cone, no law determines the impulse along it. If the link has one
+        degree of freedom, as a door, the contact moves along one line, and slip stops when the approach does.
+        In both cases MOREAU, the Routh laws and COMPLIANT return the answer of COULOMB, with the adjustment
+        ``LAW_FALLBACK``. If such a direction lies outside the cone and is not tangential, the ``error_bound``
+        of MOREAU and the Routh laws may be infinite, and that of COMPLIANT is.
 
         Args:
-            inverse_inertia: Khatib's ``J M^-1 J^T``, 6x6 or its 36 numbers; rows linear [1/kg], then angular
-                [1/(kg m^2)], in world axes, at the origin of the body frame; ``J`` has these rows too.
-            position: of the origin of the body frame [m].
-            velocity, angular_velocity: the twist ``J q'`` there, in world axes [m/s, rad/s].
+            inverse_inertia: Khatib's ``J M^-1 J^T``, as 6x6 or 36 numbers, in world axes, at the origin of
+                the body frame. ``M`` is the mass matrix of the mechanism; ``J`` maps joint rates ``q'`` to
+                the link's twist. The linear rows come first. Units: 1/kg linear, 1/(kg m^2) angular, 1/(kg m)
+                mixed.
+            position: of the origin of the body frame, in world axes [m].
+            velocity: of that origin, in world axes [m/s]: the linear rows of ``J q'``.
+            angular_velocity: in world axes [rad/s]: the angular rows of ``J q'``.
 
         Raises:
-            ImpactError: INVALID_INERTIA or NOT_FINITE: no 36 finite numbers, or not symmetric.
+            ImpactError: if ``inverse_inertia`` does not hold 36 numbers or is not symmetric
+                (INVALID_INERTIA), or a number is not finite (NOT_FINITE).
+            TypeError: if it holds something that is not a number.
         """
         moving = cls.kinematic(position, velocity, angular_velocity)
         return moving._replace(inverse_inertia=InverseInertia.of(inverse_inertia))
 
     @classmethod
     def static(cls, position: Sequence[Scalar] = ZERO) -> Body:
-        """A body at rest for ever."""
+        """Build a body that stays at rest, such as the ground; ``position`` in world axes [m]."""
         return cls.kinematic(position)
 
     def with_twist(self, twist: Twist) -> Body:
-        """The body where it is, now moving so."""
+        """Return this body with another twist."""
         return self._replace(velocity=twist.linear, angular_velocity=twist.angular)
 
     def is_movable(self) -> Condition:
@@ -236,11 +275,11 @@ class Body(NamedTuple):
         return self.has_mass() if self.inverse_inertia is None else self.has_mass() | self.is_articulated()
 
     def has_mass(self) -> Condition:
-        """Whether the body is rigid, and impulses move it."""
+        """Whether the body has a finite mass: it is rigid, and impulses move it."""
         return self.mass < math.inf
 
     def is_articulated(self) -> Condition:
-        """Whether the body is a link that impulses move."""
+        """Whether the body is a link of a mechanism that impulses move."""
         return False if self.inverse_inertia is None else negation(all_zero(self.inverse_inertia))
 
     def inverse_mass(self) -> Scalar:
@@ -256,12 +295,11 @@ class Body(NamedTuple):
         return v if self.orientation is None else Quaternion(*self.orientation).rotation().to_body(v)
 
     def inverse_tensor(self) -> InverseTensor:
-        """``I^-1`` in body axes [1/(kg m^2)]; the pseudo-inverse where there is no inertia about some axis.
+        """``I^-1`` in body axes [1/(kg m^2)]; the pseudo-inverse if an axis has no inertia.
 
-        A tensor of a real body has ``I_1 <= I_2 + I_3`` for its moments in any order. If one moment is
-        0 the other two are therefore equal, to ``c = tr(I)/2``: the body is a thin rod, ``I/c``
-        projects across its axis, and the pseudo-inverse is ``(I/c) (1/c) (I/c)``. If two are 0, so is
-        the third.
+        The principal moments of a real body satisfy ``I_1 <= I_2 + I_3`` in any order. So if one of them is
+        0, the other two are equal, ``c = tr(I)/2``: the body is a thin rod. ``P = I/c`` then projects on the
+        plane perpendicular to it, and the pseudo-inverse is ``P (1/c) P``. If two moments are 0, all are.
         """
         is_definite, factors = _factor(self.inertia)
         c = self.inertia.trace() / 2
@@ -271,16 +309,18 @@ class Body(NamedTuple):
         return InverseTensor(is_definite | negation(self.has_mass()), factors, rod)
 
     def effective_spin(self) -> tuple[Condition, Vec3]:
-        """Whether all of the angular velocity moves contacts, and the part that does, in world axes [rad/s].
+        """The part of the angular velocity that moves contacts: that about axes with inertia.
 
-        What has no inertia has no rotation to give. That of an immovable body is prescribed.
+        Returns:
+            Whether it is all of the angular velocity, as for an immovable body, whose motion is prescribed;
+            and the part, in world axes [rad/s].
         """
         inverse, spin = self.inverse_tensor(), self.angular_velocity
 
-        def across() -> Vec3:
+        def about_axes_with_inertia() -> Vec3:
             return self.to_world(inverse.rod.effective_spin(self.to_body(spin)))
 
-        return inverse.has_factors, choose(inverse.has_factors, lambda: spin, across)
+        return inverse.has_factors, choose(inverse.has_factors, lambda: spin, about_axes_with_inertia)
 
 
 def _quaternion(values: Sequence[Scalar]) -> Quaternion:
@@ -291,7 +331,7 @@ def _quaternion(values: Sequence[Scalar]) -> Quaternion:
 
 
 def _factor(inertia: Symmetric3) -> tuple[Condition, Factor3]:
-    """Whether there is inertia about every axis, and the factors of the tensor, ``i`` 0 if there is not."""
+    """Whether there is inertia about every axis, and the factors of the tensor; their ``i`` are 0 if not."""
     xx, xy, xz, yy, yz, zz = inertia
     has_x, i_x = _inverse_pivot(xx, xx, xy, xz)
     l_yx, l_zx = xy * i_x, xz * i_x
@@ -304,22 +344,24 @@ def _factor(inertia: Symmetric3) -> tuple[Condition, Factor3]:
     return is_definite, Factor3(l_yx, l_zx, l_zy, *i)
 
 
-def _inverse_pivot(value: Scalar, diagonal: Scalar, *beside: Scalar) -> tuple[Condition, Scalar]:
-    """Whether a pivot is more than rounding, and then its inverse, or 1.
+def _inverse_pivot(value: Scalar, diagonal: Scalar, *couplings: Scalar) -> tuple[Condition, Scalar]:
+    """Whether a pivot is more than rounding; and its inverse, or 1 if it is not.
 
-    What is beside it says which axis has no inertia where it is rounding: there is no derivative by that.
+    If the pivot is rounding, its ``couplings`` to the other axes determine which axis has no inertia, and
+    nothing has a derivative with respect to them. For numbers that carry derivatives the comparison is then
+    exactly on its edge and varies with them, which marks the jump.
     """
     rounding = fixed(diagonal * (ROUNDINGS * given_roundoff(diagonal)))
     is_inertia = value > rounding
 
-    def on_the_edge() -> Scalar:
-        nought = varying_as(rounding, lambda: _varying_with(value, *beside))
-        return choose(is_inertia, lambda: value, lambda: nought)
+    def with_couplings() -> Scalar:
+        zero = varying_as(rounding, lambda: _varying_with(value, *couplings))
+        return choose(is_inertia, lambda: value, lambda: zero)
 
-    is_inertia = for_derivatives(value, on_the_edge) > rounding
+    is_inertia = for_derivatives(value, with_couplings) > rounding
     return is_inertia, 1 / choose(is_inertia, lambda: value, lambda: value * 0 + 1)
 
 
 def _varying_with(x: Scalar, *others: Scalar) -> Scalar:
-    """``x``, which varies where any of these do."""
+    """``x``, with derivatives that are non-zero if those of any of ``others`` are."""
     return varying_as(x, lambda: sum((y * 2.0**i for i, y in enumerate(others)), start=x))

@@ -1,4 +1,4 @@
-"""One coefficient of a contact from those of the two materials."""
+"""Combine the coefficients of two materials into the coefficient of their contact."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from ..status import shown
 
 
 class CombineRule(Enum):
-    """How two coefficients become one.
+    """How two coefficients ``a`` and ``b`` are combined into one.
 
-    Every rule is symmetric, and its result lies between the two (MULTIPLY: at or below both, for
-    coefficients in [0, 1]), so two restitutions in [0, 1] give one in [0, 1].
+    Every rule is symmetric, and its result lies between ``a`` and ``b``; that of MULTIPLY is at most the
+    lesser of the two, for coefficients in [0, 1]. So two restitutions in [0, 1] give one in [0, 1].
     """
 
     AVERAGE = "average"
@@ -24,9 +24,10 @@ class CombineRule(Enum):
     HARMONIC_MEAN = "harmonic_mean"
     """``2 a b / (a + b)``, as Drake combines friction."""
     ENERGETIC = "energetic"
-    """Of restitution: what the two lose together, each of the part of the energy that it takes up.
+    """For restitution: each body returns the part ``e^2`` of the energy that it stores.
 
-    In a compression common to both, a body takes up energy as its compliance ``1/k``:
+    Both bodies are compressed by the same force, so each stores energy in proportion to its compliance
+    ``1/k``, with the stiffness ``k``:
 
         e^2 = (e_a^2 / k_a + e_b^2 / k_b) / (1 / k_a + 1 / k_b)
 
@@ -38,13 +39,18 @@ class CombineRule(Enum):
 def combine(
     rule: CombineRule, a: Scalar, b: Scalar, stiffness_a: Scalar = 1, stiffness_b: Scalar = 1
 ) -> Scalar:
-    """The coefficient of a contact between materials with coefficients ``a`` and ``b``, both >= 0.
+    """Return the coefficient of a contact between materials with the coefficients ``a`` and ``b``.
 
-    The stiffnesses, both > 0, are for ENERGETIC; only their ratio counts. Of floats no step leaves their
-    range, but for the product of MULTIPLY, which may.
+    With floats, only the product of MULTIPLY can underflow or overflow.
+
+    Args:
+        rule: how to combine them.
+        a, b: the coefficients, >= 0.
+        stiffness_a, stiffness_b: stiffnesses of the two bodies, > 0, used by ENERGETIC; only their ratio
+            matters.
 
     Raises:
-        TypeError: that is no rule.
+        TypeError: if ``rule`` is not a :class:`CombineRule`.
     """
     check_rule(rule)
     if rule is CombineRule.AVERAGE:
@@ -72,11 +78,15 @@ def combine(
 
 
 def check_rule(rule: Any) -> None:
-    """Raises: TypeError: that is no rule."""
+    """Check that ``rule`` is a :class:`CombineRule`.
+
+    Raises:
+        TypeError: if it is not.
+    """
     if not isinstance(rule, CombineRule):
         known = ", ".join(map(str, CombineRule))
         raise TypeError(f"rule: must be one of {known}, is {shown(rule)}")
 
 
 TINY = 2.0**-1000
-"""A quotient that has hardly underflown."""
+"""A quotient below this may have lost digits to underflow."""

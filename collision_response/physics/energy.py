@@ -1,8 +1,12 @@
 """Kinetic energy.
 
-An impact takes exactly the work done against the impulse, at the mean of the contact's velocities before
-and after: ``E - E+ = -P.(u + u+) / 2``. Its normal part is what restitution loses, the rest what friction
-loses; each law says how much, in the form that rounds best.
+An impact removes exactly the work done against the impulse ``P`` at the mean of the relative velocities
+before and after, ``u`` and ``u+``:
+
+    E - E+ = -P.(u + u+) / 2
+
+The normal part of this product is the energy lost to restitution, the tangential part the energy lost to
+friction. Each law computes the two losses in the form with the least rounding.
 """
 
 from __future__ import annotations
@@ -12,7 +16,7 @@ from .body import Body
 
 
 def kinetic_energy(body: Body) -> Scalar:
-    """Kinetic energy [J]; 0 for an immovable body, and for an articulated one, of which it is not known."""
+    """Kinetic energy [J]; 0 for an immovable body, and for an articulated one, whose energy is not known."""
     spin = body.to_body(body.angular_velocity)
     v = body.velocity + body.angular_velocity.cross(body.to_world(body.com))
     energy = (body.mass * v.dot(v) + spin.dot(body.inertia @ spin)) / 2

@@ -1,8 +1,9 @@
 """Friction that depends on the slip speed, for :attr:`Contact.friction`.
 
-Each function takes constants of the two surfaces and returns ``mu(v)``: the coefficient, >= 0, for a slip
-speed ``v`` [m/s]. One of your own is asked for speeds >= 0 only; Routh's laws also ask it for some that slip
-does not come to, near those that it does. At 0 it gives static friction, which may be a value by itself.
+Each function here takes constants of the two surfaces and returns a function ``mu(v)``: the coefficient,
+>= 0, for a slip speed ``v`` [m/s]. You can also pass a function of your own. It is called with speeds >= 0.
+``mu(0)`` is static friction and may differ from the limit for small speeds. The Routh laws also call it with
+speeds slightly beyond those that occur during the impact.
 """
 
 from __future__ import annotations
@@ -16,13 +17,18 @@ Friction = Callable[[float], float]
 
 
 def stribeck(static: float, kinetic: float, speed: float) -> Friction:
-    """From ``static`` at rest to ``kinetic`` at speed: ``kinetic + (static - kinetic) exp(-v / speed)``.
+    """Friction that falls from static to kinetic: ``kinetic + (static - kinetic) exp(-v / speed)``.
+
+    Args:
+        static: coefficient at rest, >= 0.
+        kinetic: limit of the coefficient for high speed, >= 0.
+        speed: slip speed over which the difference falls to 1/2.718 of itself [m/s], > 0.
 
     Source: Bo & Pavelescu, "The friction-speed relation and its influence on the critical velocity of
     stick-slip motion", Wear 82 (1982) 277-289, with the exponent 1.
 
     Raises:
-        ValueError: a coefficient is negative, ``speed`` [m/s] is not positive, or one is not finite.
+        ValueError: if a coefficient is negative or not finite, or ``speed`` is not positive and finite.
     """
     for name, value in (("static", static), ("kinetic", kinetic)):
         if not 0 <= value < math.inf:
@@ -33,13 +39,13 @@ def stribeck(static: float, kinetic: float, speed: float) -> Friction:
 
 
 def tabulated(speeds: Sequence[float], values: Sequence[float]) -> Friction:
-    """Measured values, with straight lines between them; outside as at the nearest.
+    """Measured coefficients, interpolated linearly; beyond the first and last speed the value stays constant.
 
     Args:
-        speeds: of slip [m/s], >= 0, strictly increasing.
-        values: >= 0, one for each speed.
+        speeds: slip speeds [m/s], >= 0, strictly increasing, at least one.
+        values: coefficients, >= 0 and finite, one for each speed.
 
     Raises:
-        ValueError: they are not so, or none.
+        ValueError: if the speeds or values break these conditions.
     """
     return restitution.tabulated(speeds, values, most=math.inf)

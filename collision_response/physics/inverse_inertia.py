@@ -1,11 +1,12 @@
-"""What moves of a mechanism at one of its points: Khatib's inverse inertia ``J M^-1 J^T``, 6x6.
+"""The response of a link of a mechanism to an impulse: Khatib's inverse inertia ``J M^-1 J^T``, 6x6.
 
-An impulse ``P`` with the moment ``T`` about the origin of the body frame changes the twist of that frame by
+``M`` is the mass matrix of the mechanism and ``J`` the Jacobian of the link's twist. An impulse ``P`` on the
+link, with the moment ``T`` about the origin of the body frame, changes the twist of that frame by
 
-    (dv, dw) = Lambda^-1 (P, T)        Lambda^-1 = [[L, C], [C^T, W]]
+    (dv, dw) = Lambda^-1 (P, T)        Lambda^-1 = J M^-1 J^T = [[L, C], [C^T, W]]
 
-in world axes. With ``d`` from the origin to the contact point, ``T = d x P``, the velocity of the contact
-changes by ``K P``:
+in world axes. If ``P`` acts at ``d`` from the origin, then ``T = d x P``, and the velocity there changes by
+``dv + dw x d = K P`` with the inverse effective mass
 
     K = [1 -[d]x] Lambda^-1 [1 -[d]x]^T = L - C [d]x + [d]x C^T - [d]x W [d]x
 
@@ -26,16 +27,20 @@ from .tensor import Symmetric3
 from .vector import Vec3
 
 ROUNDING = 2.0**-40
-"""A pivot of at most this part of its diagonal is rounding of the computation that the matrix comes from."""
+"""A pivot of at most this part of its diagonal entry is rounding of the computation that made the matrix."""
 
 SYMMETRY_TOLERANCE = 2.0**-30
-"""How far, in units of the diagonal, entries may be from symmetry, or beside a pivot that is rounding."""
+"""How far entries may be from symmetry, and from 0 in the row of a pivot that is rounding.
+
+For the entry ``(i, j)``, in units of the square root of the diagonal entries ``i`` and ``j``.
+"""
 
 
 class InverseInertia(NamedTuple):
-    """A symmetric 6x6 matrix: the rows from the diagonal on, ``x y z`` linear and ``a b c`` about them.
+    """The upper triangle of a symmetric 6x6 matrix, row by row.
 
-    ``xx`` to ``zz`` in 1/kg, ``xa`` to ``zc`` in 1/(kg m), ``aa`` to ``cc`` in 1/(kg m^2).
+    ``x``, ``y``, ``z`` are the linear axes and ``a``, ``b``, ``c`` the rotations about them. ``xx`` to ``zz``
+    are in 1/kg, ``xa`` to ``zc`` in 1/(kg m), ``aa`` to ``cc`` in 1/(kg m^2).
     """
 
     xx: Scalar
@@ -62,42 +67,44 @@ class InverseInertia(NamedTuple):
 
     @classmethod
     def of(cls, matrix: Iterable[Any]) -> InverseInertia:
-        """From six rows of six numbers, or the 36 numbers row by row.
+        """The matrix given by six rows of six numbers, or by its 36 numbers row by row.
+
+        The two halves of the matrix are averaged.
 
         Raises:
-            ImpactError: INVALID_INERTIA or NOT_FINITE, of the field ``inverse_inertia``: not 36 finite
-                numbers, or not symmetric.
-            TypeError: something is no number.
+            ImpactError: if there are not 36 numbers, or they are not symmetric to rounding
+                (INVALID_INERTIA); if a number is not finite (NOT_FINITE). The field is ``inverse_inertia``.
+            TypeError: if an element is not a number.
         """
         numbers = _flat(matrix)
         if len(numbers) != 36:
-            raise _refused(StatusCode.INVALID_INERTIA, f"must be 6 x 6 numbers, are {len(numbers)}")
+            raise _error(StatusCode.INVALID_INERTIA, f"must be 6 x 6 numbers, are {len(numbers)}")
         if not all(map(_is_finite, numbers)):
-            raise _refused(StatusCode.NOT_FINITE, "must be finite")
+            raise _error(StatusCode.NOT_FINITE, "must be finite")
         rows = [numbers[i : i + 6] for i in range(0, 36, 6)]
         for i in range(6):
             for j in range(i):
                 scale = math.sqrt(abs(rows[i][i])) * math.sqrt(abs(rows[j][j]))
                 if not abs(rows[i][j] - rows[j][i]) <= SYMMETRY_TOLERANCE * scale:
                     reason = f"must be symmetric; ({i}, {j}) is {rows[i][j]} and ({j}, {i}) {rows[j][i]}"
-                    raise _refused(StatusCode.INVALID_INERTIA, reason)
+                    raise _error(StatusCode.INVALID_INERTIA, reason)
         return cls(*(rows[i][j] / 2 + rows[j][i] / 2 for i in range(6) for j in range(i, 6)))
 
     def blocks(self) -> tuple[Symmetric3, tuple[Vec3, Vec3, Vec3], Symmetric3]:
-        """``L``, the rows of ``C``, and ``W``."""
+        """The blocks ``L`` and ``W``, with the rows of ``C`` between them."""
         xx, xy, xz, xa, xb, xc, yy, yz, ya, yb, yc, zz, za, zb, zc, *angular = self
         rows = Vec3(xa, xb, xc), Vec3(ya, yb, yc), Vec3(za, zb, zc)
         return Symmetric3(xx, xy, xz, yy, yz, zz), rows, Symmetric3(*angular)
 
     def twist_change(self, d: Vec3, impulse: Vec3) -> tuple[Vec3, Vec3]:
-        """The change of the twist that an impulse causes at ``d`` from the origin."""
+        """Change of the twist, ``(dv, dw)``, caused by an impulse at ``d`` from the origin."""
         L, (x, y, z), W = self.blocks()
         moment = d.cross(impulse)
         linear = L @ impulse + Vec3(x.dot(moment), y.dot(moment), z.dot(moment))
         return linear, x * impulse[0] + y * impulse[1] + z * impulse[2] + W @ moment
 
     def inverse_effective_mass(self, d: Vec3) -> Symmetric3:
-        """``K`` of the point at ``d`` from the origin."""
+        """``K`` of the point at ``d`` from the origin [1/kg]."""
 
         def column(axis: Vec3) -> Vec3:
             linear, angular = self.twist_change(d, axis)
@@ -107,11 +114,12 @@ class InverseInertia(NamedTuple):
         return Symmetric3(x.x, y.x, z.x, y.y, z.y, z.z)
 
     def is_semi_definite(self) -> Condition:
-        """Whether no impulse creates energy, to a tolerance that no choice of units changes.
+        """Whether the matrix is positive semi-definite: no impulse creates energy.
 
-        By the pivots of the matrix in units of its diagonal, or of what is rounding beside the block's: what
-        is left when the greatest pivot is rounding must be rounding too. The greatest comes first, for the
-        next ones are as uncertain as rounding beside it.
+        The matrix is scaled to a unit diagonal and eliminated with the greatest pivot first, since each pivot
+        makes the later ones as uncertain as its own rounding. Pivots of at most ``ROUNDING`` are not
+        eliminated; every entry that remains must be at most ``SYMMETRY_TOLERANCE``. The result does not
+        depend on the units of mass and length.
         """
         full = {(i, j): x for (i, j), x in zip(_PLACES, self, strict=True)}
         linear, angular = self.xx + self.yy + self.zz, self.aa + self.bb + self.cc
@@ -133,7 +141,7 @@ _PLACES = [(i, j) for i in range(6) for j in range(i, 6)]
 
 
 def _row_of(pivot: Scalar, s: dict[tuple[int, int], Scalar]) -> tuple[Scalar, ...]:
-    """The first row with this number on its diagonal."""
+    """The first row of ``s`` with this pivot on its diagonal."""
     row, found = (0 * pivot,) * 6, False
     for i in range(6):
         is_it = (s[i, i] >= pivot) & negation(found)
@@ -144,12 +152,12 @@ def _row_of(pivot: Scalar, s: dict[tuple[int, int], Scalar]) -> tuple[Scalar, ..
 
 
 def _positive(x: Scalar) -> Scalar:
-    """``x``, or 1 where that is not positive."""
+    """``x`` if it is positive, else 1."""
     return choose(x > 0, lambda: x, lambda: x * 0 + 1)
 
 
 def _flat(matrix: Iterable[Any]) -> list[Any]:
-    """The numbers of rows, or of one row."""
+    """The numbers of a matrix given by rows, or by one flat sequence."""
     return [x for row in matrix for x in (row if isinstance(row, Iterable) else (row,))]
 
 
@@ -162,5 +170,5 @@ def _is_finite(x: Any) -> bool:
         raise TypeError(f"inverse_inertia: must be real numbers, one is {x!r}") from None
 
 
-def _refused(code: StatusCode, reason: str) -> ImpactError:
+def _error(code: StatusCode, reason: str) -> ImpactError:
     return ImpactError(code, "inverse_inertia", reason)

@@ -1,11 +1,12 @@
-"""Mass, centre of mass and inertia: of particles, and of the usual solids.
+"""Mass, centre of mass and inertia of sets of particles and of common solids.
 
-For particles of mass ``m`` at ``(x, y, z)`` from their centre of mass
+For particles of mass ``m`` at ``(x, y, z)`` from their centre of mass,
 
-    I_xx = sum m (y^2 + z^2)    I_xy = -sum m x y    and so on in turn.
+    I_xx = sum m (y^2 + z^2)        I_xy = -sum m x y        and likewise for the other axes.
 
-A solid with a size below 0 is a ``ValueError``, one with a size that is no number a ``TypeError``, and one of
-integers whose inertia is beyond float64 an ``ImpactError``.
+Solids are homogeneous, with their centre of mass at the origin; masses are in kg, lengths in m. The
+functions for them raise ``ValueError`` if a size is negative, ``TypeError`` if it is not a number, and
+``ImpactError`` if sizes are integers and the inertia is beyond the range of float64.
 """
 
 from __future__ import annotations
@@ -23,12 +24,12 @@ P = ParamSpec("P")
 
 
 class MassProperties(NamedTuple):
-    """What :meth:`Body.dynamic` needs to know of a body's matter.
+    """Mass, centre of mass and inertia of a body, as :meth:`Body.of` takes them.
 
     Attributes:
         mass: [kg].
-        com: centre of mass, in the axes of the description [m].
-        inertia: about the centre of mass, in the same axes [kg m^2].
+        com: centre of mass, from the origin of the body's axes [m].
+        inertia: about the centre of mass, in the body's axes [kg m^2].
     """
 
     mass: Scalar
@@ -44,10 +45,10 @@ class Particle(NamedTuple):
 
 
 def of_particles(particles: Iterable[Particle]) -> MassProperties:
-    """Mass properties of a set of particles, rational in their masses and positions.
+    """Mass properties of a set of particles: exact if their masses and positions are fractions.
 
     Raises:
-        ValueError: there is no particle, or the masses add up to nothing.
+        ValueError: if the sum of the masses is not positive, or there is no particle.
     """
     particles = list(particles)
     mass = sum(p.mass for p in particles)
@@ -64,7 +65,7 @@ def of_particles(particles: Iterable[Particle]) -> MassProperties:
 
 
 def _within_float64(solid: Callable[P, MassProperties]) -> Callable[P, MassProperties]:
-    """A solid whose integers may be beyond float64: Python then refuses to divide them, in its own words."""
+    """Raise an ImpactError where Python raises OverflowError as it divides integers beyond float64."""
 
     @wraps(solid)
     def checked(*args: P.args, **kwargs: P.kwargs) -> MassProperties:
@@ -105,55 +106,56 @@ def box(mass: Scalar, size: Sequence[Scalar]) -> MassProperties:
 def cylinder(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
     """A solid cylinder about the z axis."""
     _check_sizes(radius=radius, length=length)
-    across = mass * (3 * radius * radius + length * length) / 12
-    return _principal(mass, across, across, mass * radius * radius / 2)
+    transverse = mass * (3 * radius * radius + length * length) / 12
+    return _principal(mass, transverse, transverse, mass * radius * radius / 2)
 
 
 @_within_float64
 def capsule(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
-    """A solid cylinder about the z axis with a half ball on either end; ``length`` is the cylinder's [m]."""
+    """A solid cylinder about the z axis with a half ball at each end; ``length`` is without them [m]."""
     _check_sizes(radius=radius, length=length)
-    whole = 3 * length + 4 * radius
-    if whole == 0:
+    total = 3 * length + 4 * radius  # volume of the cylinder and of the ends, over pi r^2 / 3
+    if total == 0:
         raise ValueError("a capsule must have a radius or a length above 0")
-    middle, ends = mass * 3 * length / whole, mass * 4 * radius / whole
+    middle, ends = mass * 3 * length / total, mass * 4 * radius / total
     r, h = radius * radius, length * length
-    across = middle * (3 * r + h) / 12 + ends * (2 * r / 5 + h / 4 + 3 * length * radius / 8)
-    return _principal(mass, across, across, middle * r / 2 + ends * 2 * r / 5)
+    transverse = middle * (3 * r + h) / 12 + ends * (2 * r / 5 + h / 4 + 3 * length * radius / 8)
+    return _principal(mass, transverse, transverse, middle * r / 2 + ends * 2 * r / 5)
 
 
 @_within_float64
 def cone(mass: Scalar, radius: Scalar, height: Scalar) -> MassProperties:
-    """A solid cone about the z axis: the base is height/4 below its centre of mass, the tip above."""
+    """A solid cone about the z axis; its base lies height/4 below the centre of mass, its tip above."""
     _check_sizes(radius=radius, height=height)
-    across = 3 * mass * (4 * radius * radius + height * height) / 80
-    return _principal(mass, across, across, 3 * mass * radius * radius / 10)
+    transverse = 3 * mass * (4 * radius * radius + height * height) / 80
+    return _principal(mass, transverse, transverse, 3 * mass * radius * radius / 10)
 
 
 def mesh(mass: Scalar, shape: Any) -> MassProperties:
-    """A solid of any shape, of one density; the axes are those of the mesh.
+    """A homogeneous solid bounded by a mesh; axes and origin are those of the mesh.
 
-    Each triangle makes a tetrahedron with the middle of the mesh. Its corners, seen from there, are ``a``,
-    ``b`` and ``c``, with the sum ``s``. It has
+    Each triangle forms a tetrahedron with the middle of the mesh. From there its corners are ``a``, ``b`` and
+    ``c``; let ``s = a + b + c``. Then
 
         V = a.(b x c) / 6    int x dV = V s / 4    int x x^T dV = V (a a^T + b b^T + c c^T + s s^T) / 20
 
-    So it does not matter how far from the origin the mesh is, but for the rounding of its corners.
+    Positions are taken from the middle, so a mesh far from the origin loses no digits except those that its
+    corners have already lost.
 
     Args:
         mass: [kg].
-        shape: a mesh of `trimesh <https://trimesh.org>`_, in metres; or what has its ``is_watertight``,
-            ``is_winding_consistent`` and ``triangles``, an array of shape ``(n, 3, 3)``.
+        shape: a mesh of `trimesh <https://trimesh.org>`_, in metres, or any object with its attributes
+            ``is_watertight``, ``is_winding_consistent`` and ``triangles``, an array of shape ``(n, 3, 3)``.
 
     Raises:
-        ValueError: the mesh is not closed, or has its inside out.
+        ValueError: if the mesh is not closed, or is inside out.
     """
     if not (shape.is_watertight and shape.is_winding_consistent):
         raise _no_volume()
     points = shape.triangles.reshape(-1, 3)
     least = points.min(axis=0)
     middle = least + (points.max(axis=0) - least) / 2
-    size = abs(points - middle).max()  # products of lengths may be beyond floats
+    size = abs(points - middle).max()  # unit of length: products of lengths could overflow
     if not size > 0:
         raise _no_volume()
     a, b, c = (Vec3(*((points[k::3] - middle) / size).T) for k in range(3))
@@ -162,18 +164,20 @@ def mesh(mass: Scalar, shape: Any) -> MassProperties:
     volume = volumes.sum()
     if not volume > 0:
         raise _no_volume()
-    com = [float((volumes * along).sum() / (4 * volume)) for along in s]
+    com = [float((volumes * component).sum() / (4 * volume)) for component in s]
 
-    def second(i: int, j: int) -> float:
-        """Moment about the centre of mass, over the mass."""
+    def second_moment(i: int, j: int) -> float:
+        """``int x_i x_j dV / V`` about the centre of mass."""
         whole = (volumes * (a[i] * a[j] + b[i] * b[j] + c[i] * c[j] + s[i] * s[j])).sum() / (20 * volume)
         return float(whole - com[i] * com[j])
 
-    xx, yy, zz = (second(i, i) for i in range(3))
+    xx, yy, zz = (second_moment(i, i) for i in range(3))
     scale = mass * float(size) * float(size)
-    over_scale = yy + zz, -second(0, 1), -second(0, 2), xx + zz, -second(1, 2), xx + yy
-    centre = Vec3(*(float(o) + float(size) * along for o, along in zip(middle, com, strict=True)))
-    return MassProperties(mass, centre, Symmetric3(*(scale * moment for moment in over_scale)))
+    inertia = Symmetric3(
+        yy + zz, -second_moment(0, 1), -second_moment(0, 2), xx + zz, -second_moment(1, 2), xx + yy
+    )
+    centre = Vec3(*(float(x) + float(size) * offset for x, offset in zip(middle, com, strict=True)))
+    return MassProperties(mass, centre, inertia * scale)
 
 
 def _no_volume() -> ValueError:
@@ -182,10 +186,10 @@ def _no_volume() -> ValueError:
 
 @_within_float64
 def rod(mass: Scalar, length: Scalar) -> MassProperties:
-    """A thin rod along the x axis: it has no inertia about its own axis."""
+    """A thin rod along the x axis, without inertia about that axis."""
     _check_sizes(length=length)
-    across = mass * length * length / 12
-    return _principal(mass, across * 0, across, across)
+    transverse = mass * length * length / 12
+    return _principal(mass, transverse * 0, transverse, transverse)
 
 
 def _check_sizes(**sizes: Scalar) -> None:

@@ -1,11 +1,12 @@
-"""Orientations as quaternions, rational in their components.
+"""Orientations as quaternions of any length but 0.
 
-A quaternion ``q = (v, w)`` of any length turns a body's axes into those of the world by
+A quaternion ``q = (v, w)``, with the vector part ``v`` and the scalar part ``w``, rotates body axes into
+world axes by the matrix
 
-    R = 1 + 2 / (q.q) (w [v]x + [v]x [v]x)
+    R = 1 + 2 / (q.q) (w [v]x + [v]x [v]x)        q.q = v.v + w^2
 
-The division by ``q.q = v.v + w^2`` makes the length immaterial, takes no square root, and keeps the
-rotation exact in exact arithmetic.
+``R`` does not depend on the length of ``q``. It is rational in the components of ``q``, so it is exact in
+exact arithmetic.
 """
 
 from __future__ import annotations
@@ -17,7 +18,12 @@ from .vector import Vec3
 
 
 class Rotation(NamedTuple):
-    """The rows of a rotation matrix, from body axes to world axes; and whether it turns anything."""
+    """A rotation matrix from body axes to world axes.
+
+    Attributes:
+        x, y, z: the rows of the matrix.
+        turns: whether it is not the identity.
+    """
 
     x: Vec3
     y: Vec3
@@ -33,7 +39,7 @@ class Rotation(NamedTuple):
         return choose(self.turns, lambda: self.x * a[0] + self.y * a[1] + self.z * a[2], lambda: a)
 
     def moments(self, r: Vec3) -> tuple[Vec3, Vec3, Vec3]:
-        """The columns of ``R^T [r]x``: the moments, in body axes, of unit forces along the world's axes."""
+        """The columns of ``R^T [r]x``: moments in body axes of unit forces at ``r`` along the world axes."""
         x, y, z = r
         zero = 0 * x
         return choose(
@@ -44,7 +50,7 @@ class Rotation(NamedTuple):
 
 
 class Quaternion(NamedTuple):
-    """An orientation: it turns body axes into world axes. Any length but 0."""
+    """An orientation: the rotation from body axes to world axes. Any length but 0."""
 
     x: Scalar
     y: Scalar
@@ -52,7 +58,7 @@ class Quaternion(NamedTuple):
     w: Scalar
 
     def squared_length(self) -> Scalar:
-        """``q.q``, 1 for a unit quaternion."""
+        """``q.q``: 1 for a unit quaternion."""
         x, y, z, w = self
         return x * x + y * y + z * z + w * w
 
@@ -72,4 +78,4 @@ class Quaternion(NamedTuple):
 
 
 ALIGNED = Rotation(Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1), False)
-"""Body axes parallel to those of the world."""
+"""Body axes parallel to the world axes."""

@@ -1,7 +1,7 @@
 """Restitution that depends on the approach speed, for :attr:`Contact.restitution`.
 
-Each function takes constants of the material and returns ``e(v)``: the coefficient in [0, 1] for an
-approach speed ``v`` [m/s].
+Each function here takes constants of the materials and returns a function ``e(v)``: the coefficient in [0, 1]
+for an approach speed ``v`` >= 0 [m/s].
 """
 
 from __future__ import annotations
@@ -16,25 +16,28 @@ Restitution = Callable[[float], float]
 
 
 def viscoelastic(beta: float) -> Restitution:
-    """Spheres that dissipate by viscosity: the faster, the less they rebound.
+    """Viscoelastic spheres: restitution falls as the speed grows.
 
-    Hertz's contact with viscous dissipation, ``x'' = -k x^(3/2) - (3/2) A k x^(1/2) x'``, depends on
-    the speed only by ``s = beta^(1/2) v^(1/10)`` with ``beta = (3/2) A k^(2/5)`` [(s/m)^(1/5)], where
-    ``A`` [s] is the dissipative constant and ``k`` Hertz's stiffness over the effective mass.
+    Hertz's contact with viscous dissipation has the equation of motion ``x'' = -k x^(3/2) - (3/2) A k x^(1/2)
+    x'``, where ``A`` [s] is the dissipative constant and ``k`` Hertz's stiffness over the effective mass. Its
+    restitution depends only on ``s = beta^(1/2) v^(1/10)``.
 
     Source: the [1/4] Pade approximant of Mueller & Poeschel, "Collision of viscoelastic spheres:
-    Compact expressions for the coefficient of normal restitution", Phys. Rev. E 84 (2011) 021302;
-    within 0.01 of the collision's equation of motion.
+    Compact expressions for the coefficient of normal restitution", Phys. Rev. E 84 (2011) 021302. It
+    deviates from the solution of the equation of motion by at most 0.01.
+
+    Args:
+        beta: ``(3/2) A k^(2/5)`` [(s/m)^(1/5)], >= 0.
 
     Raises:
-        ValueError: ``beta`` is negative or not finite.
+        ValueError: if ``beta`` is negative or not finite.
     """
     if not 0 <= beta < math.inf:
         raise ValueError(f"beta must be finite and not negative, is {beta}")
 
     def restitution(v: float) -> float:
         s = math.sqrt(beta) * v**0.1
-        if s > 1:  # the same in 1/s, whose powers do not overflow
+        if s > 1:  # in powers of 1/s, which do not overflow
             t = 1 / s
             denominator = 0.532178 + t * (0.577977 + t * (1.15345 + t * (0.501086 + t)))
             return t * t * t * (t + 0.501086) / denominator
@@ -45,14 +48,17 @@ def viscoelastic(beta: float) -> Restitution:
 
 
 def plastic(yield_speed: float) -> Restitution:
-    """Spheres that yield: elastic up to ``yield_speed`` [m/s], then falling as ``v^(-1/4)``.
+    """Elastic-perfectly plastic spheres: 1 up to the yield speed, then falling towards ``v^(-1/4)``.
 
     Source: Thornton, "Coefficient of Restitution for Collinear Collisions of Elastic-Perfectly
-    Plastic Spheres", J. Appl. Mech. 64 (1997) 383-386, eq. 22; its limit for high speed is that of
-    Johnson, *Contact Mechanics*, 1985, section 11.5.
+    Plastic Spheres", J. Appl. Mech. 64 (1997) 383-386, eq. 22. For high speed it approaches
+    :func:`johnson`.
+
+    Args:
+        yield_speed: greatest approach speed without plastic deformation [m/s], > 0.
 
     Raises:
-        ValueError: ``yield_speed`` is not positive and finite.
+        ValueError: if ``yield_speed`` is not positive and finite.
     """
     limit = johnson(yield_speed)
 
@@ -69,14 +75,20 @@ def plastic(yield_speed: float) -> Restitution:
 
 
 NEGLIGIBLE = 2.0**-60
-"""Beside 1."""
+"""A number below this does not change 1 when added to it."""
 
 
 def power_law(restitution: float, speed: float, exponent: float) -> Restitution:
-    """``restitution (v / speed)^-exponent``, but no more than 1.
+    """A power law, at most 1: ``min(1, restitution (v / speed)^-exponent)``.
+
+    Args:
+        restitution: the coefficient at ``speed``, in (0, 1].
+        speed: approach speed at which it was measured [m/s], > 0.
+        exponent: >= 0.
 
     Raises:
-        ValueError: ``restitution`` is not in (0, 1], ``speed`` [m/s] not positive, or ``exponent`` negative.
+        ValueError: if ``restitution`` is not in (0, 1], ``speed`` is not positive and finite, or
+            ``exponent`` is negative or not finite.
     """
     if not 0 < restitution <= 1:
         raise ValueError(f"restitution must be in (0, 1], is {restitution}")
@@ -90,20 +102,20 @@ def power_law(restitution: float, speed: float, exponent: float) -> Restitution:
 def _power_law(restitution: float, speed: float, exponent: float) -> Restitution:
     if exponent == 0:
         return lambda v: restitution
-    elastic = -math.log(restitution)
+    log_at_one = -math.log(restitution)
 
     def of_speed(v: float) -> float:
-        growth = exponent * _log_quotient(speed, v) if v > 0 else math.inf
-        if growth >= elastic:
+        log_factor = exponent * _log_quotient(speed, v) if v > 0 else math.inf
+        if log_factor >= log_at_one:
             return 1.0
-        half = math.exp(growth / 2)  # the whole may overflow where restitution is tiny
-        return min(1.0, restitution * half * half)
+        root = math.exp(log_factor / 2)  # the factor itself may overflow if restitution is tiny
+        return min(1.0, restitution * root * root)
 
     return of_speed
 
 
 def _log_quotient(a: float, b: float) -> float:
-    """``log(a / b)`` of positive numbers, however large or small the quotient."""
+    """``log(a / b)`` of positive numbers, even if the quotient overflows or underflows."""
     quotient = a / b
     if 0.5 <= quotient <= 2:
         return math.log1p((a - b) / b)
@@ -112,15 +124,19 @@ def _log_quotient(a: float, b: float) -> float:
 
 
 def johnson(yield_speed: float) -> Restitution:
-    """Spheres that yield fully: 1 up to some 2 ``yield_speed`` [m/s], then falling as ``v^(-1/4)``.
+    """Fully plastic spheres: ``v^(-1/4)``, cut off at 1 below about twice the yield speed.
 
-    It is the limit of :func:`plastic` for high speed, ``(6 sqrt(3) / 5)^(1/2) (24 / 5)^(-1/8) (yield_speed
-    / v)^(1/4)``.
+    It is the limit of :func:`plastic` for high speed,
+
+        (6 sqrt(3) / 5)^(1/2) (24 / 5)^(-1/8) (yield_speed / v)^(1/4)
 
     Source: Johnson, *Contact Mechanics*, 1985, section 11.5.
 
+    Args:
+        yield_speed: greatest approach speed without plastic deformation [m/s], > 0.
+
     Raises:
-        ValueError: ``yield_speed`` is not positive and finite.
+        ValueError: if ``yield_speed`` is not positive and finite.
     """
     if not 0 < yield_speed < math.inf:
         raise ValueError(f"yield_speed must be positive and finite, is {yield_speed}")
@@ -128,17 +144,19 @@ def johnson(yield_speed: float) -> Restitution:
 
 
 def tabulated(speeds: Sequence[float], values: Sequence[float], most: float = 1.0) -> Restitution:
-    """Measured values, with straight lines between them; outside as at the nearest.
+    """Measured values, interpolated linearly; beyond the first and last speed the value stays constant.
 
     Args:
-        speeds: of approach [m/s], >= 0, strictly increasing.
+        speeds: approach speeds [m/s], >= 0, strictly increasing, at least one.
         values: in [0, ``most``] and finite, one for each speed.
+        most: upper limit of the values.
 
     Raises:
-        ValueError: they are not so, or none.
+        ValueError: if the speeds or values break these conditions.
     """
     if not speeds or len(speeds) != len(values):
-        raise ValueError(f"speeds and values must be as many, and some; are {len(speeds)} and {len(values)}")
+        counts = f"{len(speeds)} and {len(values)}"
+        raise ValueError(f"speeds and values must have the same length, at least 1; have {counts}")
     rising = all(a < b for a, b in pairwise(speeds))
     if not rising or speeds[0] < 0 or not math.isfinite(speeds[-1]):
         raise ValueError(f"speeds must be finite, not negative and strictly increasing, are {list(speeds)}")

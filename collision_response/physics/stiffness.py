@@ -1,7 +1,8 @@
-"""How stiff a contact is across its normal, beside along it: for laws with compliance.
+"""The ratio of tangential to normal stiffness of a contact, for the law COMPLIANT.
 
-Of two elastic bodies with shear moduli ``G`` and Poisson's ratios ``nu`` that touch in a circle and do not
-slip (Mindlin; ``k_n`` is that of the flattening, ``k_t`` that of the shift),
+Two elastic bodies with shear moduli ``G`` and Poisson's ratios ``nu`` touch in a circle and do not slip. Let
+``k_n`` be the stiffness against pressing them together and ``k_t`` that against shifting them tangentially.
+By Mindlin,
 
                 (1 - nu_1) / G_1 + (1 - nu_2) / G_2
     k_t/k_n = -----------------------------------------
@@ -26,22 +27,26 @@ class Elastic(NamedTuple):
 
 
 def stiffness_ratio(a: Elastic, b: Elastic) -> Scalar:
-    """Tangential over normal stiffness of a contact of two materials; a rigid one has an infinite modulus.
+    """Ratio ``k_t / k_n`` of tangential to normal stiffness for a contact between two materials.
 
-    Between 2/3 (like materials that keep their volume) and 4/3.
+    It is between 2/3 (both incompressible, ``nu = 1/2``) and 4/3 (both with ``nu`` near -1).
+
+    Args:
+        a, b: the materials; one of them may be rigid, with an infinite shear modulus.
 
     Raises:
-        ValueError: a ratio or a modulus is none, or both are rigid.
+        ValueError: if a Poisson's ratio is not in (-1, 1/2] or a modulus is not positive, or if both
+            materials are rigid.
     """
     for nu, G in (a, b):
         if not (-1 < nu <= 0.5 and G > 0):
             raise ValueError(f"Poisson's ratio must be in (-1, 1/2], the modulus above 0; are {nu} and {G}")
-    along = (1 - a.poisson_ratio) / a.shear_modulus + (1 - b.poisson_ratio) / b.shear_modulus
-    across = (1 - a.poisson_ratio / 2) / a.shear_modulus + (1 - b.poisson_ratio / 2) / b.shear_modulus
-    if not across > 0:
+    normal = (1 - a.poisson_ratio) / a.shear_modulus + (1 - b.poisson_ratio) / b.shear_modulus
+    tangential = (1 - a.poisson_ratio / 2) / a.shear_modulus + (1 - b.poisson_ratio / 2) / b.shear_modulus
+    if not tangential > 0:
         raise ValueError("both materials are rigid: their stiffness has no ratio")
-    return along / across
+    return normal / tangential  # compliances, so the ratio of stiffnesses is this way up
 
 
 METAL_ON_METAL = 14 / 17
-"""Of like materials with Poisson's ratio 0.3."""
+"""The ratio for two equal materials with Poisson's ratio 0.3."""

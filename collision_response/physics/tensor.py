@@ -1,4 +1,4 @@
-"""Symmetric tensors of space: apply one with ``@``, undo it with :meth:`Symmetric3.solve`."""
+"""Symmetric 3x3 tensors: apply one with ``@``, its inverse with :meth:`Symmetric3.solve`."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from .vector import AXES, Vec3
 T = TypeVar("T")
 
 SINGULAR = 2.0**-40
-"""A determinant of at most this part of the product of its diagonal is rounding of the tensor's making."""
+"""A determinant or minor of at most this part of the product of its diagonal counts as 0: it is rounding."""
 LEAST_EIGENVALUE = 2.0**-70
-"""An eigenvalue of at most this part of the trace is so, too: it is that of a lever arm of 2^-35."""
+"""An eigenvalue of at most this part of the trace counts as 0: it belongs to a lever arm of 2^-35."""
 ASYMMETRY = 1e-9
-"""How far the two halves of a matrix may differ, relative to its largest component: by rounding."""
+"""Greatest difference between the two halves of a matrix, relative to its largest component."""
 
 
 class Symmetric3(NamedTuple):
-    """A symmetric 3x3 tensor, in the order of ``geometry_msgs/Inertia``."""
+    """A symmetric 3x3 tensor, with the component order of ``geometry_msgs/Inertia``."""
 
     xx: Scalar
     xy: Scalar
@@ -30,11 +30,13 @@ class Symmetric3(NamedTuple):
 
     @classmethod
     def of(cls, values: Iterable[Any]) -> Symmetric3:
-        """From ``(xx, xy, xz, yy, yz, zz)``, or from the three rows of a matrix.
+        """The tensor given by ``(xx, xy, xz, yy, yz, zz)`` or by the three rows of a matrix.
+
+        The two halves of a matrix are averaged.
 
         Raises:
-            ValueError: it is neither, or the matrix is not symmetric to ``ASYMMETRY`` of its largest
-                component. Less asymmetry is averaged out.
+            ValueError: if ``values`` has neither form, or if the halves of the matrix differ by more than
+                ``ASYMMETRY`` of its largest component.
         """
         values = tuple(values)
         if len(values) == 6:
@@ -66,7 +68,7 @@ class Symmetric3(NamedTuple):
         return self.xx + self.yy + self.zz
 
     def factor(self) -> Factor3:
-        """The triangular factors ``L D L^T``. Meaningful as far as the pivots are positive."""
+        """The factors ``L D L^T``, which exist if all pivots are positive."""
         xx, xy, xz, yy, yz, zz = self
         i_x = 1 / xx
         l_yx, l_zx = xy * i_x, xz * i_x
@@ -80,7 +82,7 @@ class Symmetric3(NamedTuple):
         return self.factor().solve(v)
 
     def has_rank_one(self, least: Scalar) -> Condition:
-        """Whether this positive semi-definite tensor maps all to one line, to rounding.
+        """Whether this positive semi-definite tensor has at most one non-zero eigenvalue, to rounding.
 
         Args:
             least: eigenvalues up to this, or up to ``LEAST_EIGENVALUE`` of the trace, count as 0.
@@ -89,53 +91,68 @@ class Symmetric3(NamedTuple):
         return certain(minors) <= rounding
 
     def least_nonzero_eigenvalue(self, least: Scalar) -> Scalar:
-        """The least of its eigenvalues but for 0, to a factor of 2, if it is singular."""
-        return choose(self.has_rank_one(least), self.trace, lambda: self._minors(least)[0] * self._size())
+        """The least non-zero eigenvalue of a singular positive semi-definite tensor, to a factor of 2.
 
-    def _minors(self, least: Scalar) -> tuple[Scalar, Scalar]:
-        """The sum of the principal minors, for a trace of 1, and up to where it is rounding."""
-        xx, xy, xz, yy, yz, zz = self * (1 / self._size())
-        minors = yy * zz - yz * yz + xx * zz - xz * xz + xx * yy - xy * xy
-        coupled = certain(SINGULAR * (xx * yy + yy * zz + xx * zz))
-        return minors, greater(coupled, self._share(least))
-
-    def _share(self, least: Scalar) -> Scalar:
-        """Of the trace."""
-        return greater(certain(least / self._size()), LEAST_EIGENVALUE)
-
-    def _size(self) -> Scalar:
-        """The trace, or 1 if that is 0."""
-        trace = self.trace()
-        return choose(certain(trace) > 0, lambda: trace, lambda: trace * 0 + 1)
+        Args:
+            least: as in :meth:`has_rank_one`.
+        """
+        return choose(
+            self.has_rank_one(least), self.trace, lambda: self._minors(least)[0] * self._trace_or_one()
+        )
 
     def null_space(self, least: Scalar) -> Symmetric3:
-        """The projection on what this positive semi-definite tensor maps to 0, to rounding; 0 if nothing.
+        """The projection on the null space of this positive semi-definite tensor; 0 if it is invertible.
 
-        Of rank 2 it is the adjugate over its trace, of rank 1 all but the tensor over its trace.
+        With the trace scaled to 1, the projection is the adjugate over its own trace if the rank is 2, and
+        ``1`` minus the tensor if the rank is 1.
+
+        Args:
+            least: as in :meth:`has_rank_one`.
         """
-        xx, xy, xz, yy, yz, zz = self * (1 / self._size())
+        xx, xy, xz, yy, yz, zz = self * (1 / self._trace_or_one())
         a_xx, a_yy, a_zz = yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy
         a_xy, a_xz, a_yz = xz * yz - xy * zz, xy * yz - xz * yy, xy * xz - xx * yz
         det = xx * a_xx + xy * a_xy + xz * a_xz
         minors, rounding = self._minors(least)
-        is_plane = certain(minors) > rounding
+        has_rank_two = certain(minors) > rounding
         coupled = certain(SINGULAR * (xx * yy * zz))
-        is_definite = certain(det) > greater(coupled, self._share(least) * certain(minors))
-        size = choose(is_plane, lambda: minors, lambda: xx + yy + zz)
+        is_definite = certain(det) > greater(coupled, self._least_share(least) * certain(minors))
+        size = choose(has_rank_two, lambda: minors, lambda: xx + yy + zz)
         size = choose(certain(size) > 0, lambda: size, lambda: size * 0 + 1)
 
-        def of_line() -> Symmetric3:
+        def of_rank_one() -> Symmetric3:
             return Symmetric3(1 - xx / size, -xy / size, -xz / size, 1 - yy / size, -yz / size, 1 - zz / size)
 
-        def of_plane() -> Symmetric3:
+        def of_rank_two() -> Symmetric3:
             return Symmetric3(*(x / size for x in (a_xx, a_xy, a_xz, a_yy, a_yz, a_zz)))
 
-        projection = choose(is_plane, of_plane, of_line)
+        projection = choose(has_rank_two, of_rank_two, of_rank_one)
         return choose(is_definite, lambda: projection * 0, lambda: projection)
+
+    def _minors(self, least: Scalar) -> tuple[Scalar, Scalar]:
+        """The sum of the principal 2x2 minors for a trace of 1, and the value up to which it is rounding."""
+        xx, xy, xz, yy, yz, zz = self * (1 / self._trace_or_one())
+        minors = yy * zz - yz * yz + xx * zz - xz * xz + xx * yy - xy * xy
+        coupled = certain(SINGULAR * (xx * yy + yy * zz + xx * zz))
+        return minors, greater(coupled, self._least_share(least))
+
+    def _least_share(self, least: Scalar) -> Scalar:
+        """The part of the trace up to which an eigenvalue counts as 0."""
+        return greater(certain(least / self._trace_or_one()), LEAST_EIGENVALUE)
+
+    def _trace_or_one(self) -> Scalar:
+        """The trace, or 1 if it is 0."""
+        trace = self.trace()
+        return choose(certain(trace) > 0, lambda: trace, lambda: trace * 0 + 1)
 
 
 class Factor3(NamedTuple):
-    """``L D L^T`` of a :class:`Symmetric3`: ``L`` unit lower triangular, ``D`` diagonal; ``i`` is ``1/D``."""
+    """The factors ``L D L^T`` of a :class:`Symmetric3`: ``L`` is unit lower triangular, ``D`` diagonal.
+
+    Attributes:
+        l_yx, l_zx, l_zy: ``L`` below its diagonal.
+        i_x, i_y, i_z: ``1/D``.
+    """
 
     l_yx: Scalar
     l_zx: Scalar
@@ -164,38 +181,40 @@ class Factor3(NamedTuple):
 
 
 class RodFactor(NamedTuple):
-    """``P D P`` of a thin rod's pseudo-inverse: ``P`` projects across its axis, ``i`` is all of ``D``.
+    """The factors ``P i P`` of the pseudo-inverse of a thin rod's inertia; methods as in :class:`Factor3`.
 
-    It does what :class:`Factor3` does. Where there is no inertia at all, ``i`` is 0 and ``P`` means nothing.
+    Attributes:
+        projection: ``P``, the projection on the plane perpendicular to the rod; meaningless if ``i`` is 0.
+        i: the inverse of the moment of inertia about axes in that plane; 0 for a body without any inertia.
     """
 
-    across: Symmetric3
+    projection: Symmetric3
     i: Scalar
 
     def reduced(self, v: Vec3) -> Vec3:
         """``P v``."""
-        return self.across @ v
+        return self.projection @ v
 
     def scaled(self, w: Vec3) -> Vec3:
-        """``D w``."""
+        """``i w``."""
         return w * self.i
 
     def restored(self, w: Vec3) -> Vec3:
         """``P w``."""
-        return self.across @ w
+        return self.projection @ w
 
     def effective_spin(self, spin: Vec3) -> Vec3:
-        """What of an angular velocity has inertia."""
-        return choose(self.i > 0, lambda: self.across @ spin, lambda: spin * 0)
+        """The part of an angular velocity about axes that have inertia."""
+        return choose(self.i > 0, lambda: self.projection @ spin, lambda: spin * 0)
 
 
 class InverseTensor(NamedTuple):
-    """``I^-1`` by the factors of ``I``, or of a thin rod by what it has across its axis.
+    """``I^-1``, kept as the factors of ``I``; or the pseudo-inverse of a thin rod or a point mass.
 
-    Kept apart, factors lose fewer digits of an ill-conditioned tensor than their product would.
+    If ``I`` is ill-conditioned, its factors lose fewer digits than their product would.
 
     Attributes:
-        has_factors: whether there are factors, not a rod.
+        has_factors: whether ``factors`` hold; else ``rod`` does.
         factors: of ``I``.
         rod: of the pseudo-inverse.
     """
@@ -205,37 +224,37 @@ class InverseTensor(NamedTuple):
     rod: RodFactor
 
     def __matmul__(self, v: Vec3) -> Vec3:
-        return self._by(lambda own: own.restored(own.scaled(own.reduced(v))))
+        return self._by_factors(lambda f: f.restored(f.scaled(f.reduced(v))))
 
     def quadratic_form(self, v: Vec3) -> Scalar:
-        """``v.I^-1 v``: a sum of squares."""
+        """``v.I^-1 v``, as a sum of squares."""
 
-        def squares(own: Factor3 | RodFactor) -> Scalar:
-            w = own.reduced(v)
-            return w.dot(own.scaled(w))
+        def sum_of_squares(f: Factor3 | RodFactor) -> Scalar:
+            w = f.reduced(v)
+            return w.dot(f.scaled(w))
 
-        return self._by(squares)
+        return self._by_factors(sum_of_squares)
 
     def congruence(self, x: Vec3, y: Vec3, z: Vec3) -> Symmetric3:
-        """``G^T I^-1 G`` of the matrix ``G`` with these columns."""
+        """``G^T I^-1 G`` for the matrix ``G`` with the columns ``x``, ``y`` and ``z``."""
 
-        def products(own: Factor3 | RodFactor) -> Symmetric3:
-            gx, gy, gz = own.reduced(x), own.reduced(y), own.reduced(z)
-            jx, jy, jz = own.scaled(gx), own.scaled(gy), own.scaled(gz)
+        def products(f: Factor3 | RodFactor) -> Symmetric3:
+            gx, gy, gz = f.reduced(x), f.reduced(y), f.reduced(z)
+            jx, jy, jz = f.scaled(gx), f.scaled(gy), f.scaled(gz)
             return Symmetric3(gx.dot(jx), gx.dot(jy), gx.dot(jz), gy.dot(jy), gy.dot(jz), gz.dot(jz))
 
-        return self._by(products)
+        return self._by_factors(products)
 
     def square_root_columns(self) -> tuple[Vec3, ...]:
-        """Three vectors ``r``: the sum of all ``r r^T`` is ``I^-1``."""
+        """Three vectors ``s`` with ``I^-1 = sum s s^T``."""
 
-        def of(own: Factor3 | RodFactor) -> tuple[Vec3, ...]:
-            sizes = own.scaled(Vec3(1, 1, 1))
-            return tuple(own.restored(axis * square_root(i)) for axis, i in zip(AXES, sizes, strict=True))
+        def columns(f: Factor3 | RodFactor) -> tuple[Vec3, ...]:
+            diagonal = f.scaled(Vec3(1, 1, 1))
+            return tuple(f.restored(axis * square_root(i)) for axis, i in zip(AXES, diagonal, strict=True))
 
-        return self._by(of)
+        return self._by_factors(columns)
 
-    def _by(self, formula: Callable[[Factor3 | RodFactor], T]) -> T:
+    def _by_factors(self, formula: Callable[[Factor3 | RodFactor], T]) -> T:
         return choose(self.has_factors, lambda: formula(self.factors), lambda: formula(self.rod))
 
 

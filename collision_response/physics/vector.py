@@ -1,4 +1,4 @@
-"""Vectors of three components, of any kind of number."""
+"""Three-component vectors of any type of number."""
 
 from __future__ import annotations
 
@@ -10,12 +10,16 @@ from typing import NamedTuple
 from ..numbers.operations import Scalar, square_root
 from ..status import shown
 
-WHOLE = sys.float_info.min / sys.float_info.epsilon
-"""A sum of squares of floats from here on has lost no digits at the end of their range."""
+LEAST_SQUARE = sys.float_info.min / sys.float_info.epsilon
+"""A sum of squares of floats that is smaller than this may have lost digits to underflow."""
 
 
 class Vec3(NamedTuple):
-    """A vector in space. ``v * s`` and ``s * v`` scale it."""
+    """A vector in space, of numbers of any type.
+
+    ``+`` and ``-`` also accept plain tuples. ``*`` and ``/`` take a number; two vectors are multiplied by
+    :meth:`dot` or :meth:`cross`.
+    """
 
     x: Scalar
     y: Scalar
@@ -25,13 +29,13 @@ class Vec3(NamedTuple):
         return Vec3(self[0] + other[0], self[1] + other[1], self[2] + other[2])
 
     def __radd__(self, other: Vec3) -> Vec3:
-        return self + other  # a plain tuple, which would else be lengthened
+        return self + other  # without this, a plain tuple + Vec3 would concatenate
 
     def __sub__(self, other: Vec3) -> Vec3:
         return Vec3(self[0] - other[0], self[1] - other[1], self[2] - other[2])
 
     def __rsub__(self, other: Vec3) -> Vec3:
-        return -self + other  # a plain tuple
+        return -self + other
 
     def __neg__(self) -> Vec3:
         return Vec3(-self[0], -self[1], -self[2])
@@ -48,25 +52,29 @@ class Vec3(NamedTuple):
         return Vec3(self[0] / divisor, self[1] / divisor, self[2] / divisor)
 
     def dot(self, other: Vec3) -> Scalar:
-        """The scalar product."""
+        """Scalar product with another vector."""
         return self[0] * other[0] + self[1] * other[1] + self[2] * other[2]
 
     def cross(self, other: Vec3) -> Vec3:
-        """The vector product."""
+        """Vector product with another vector."""
         ax, ay, az = self
         bx, by, bz = other
         return Vec3(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
 
     def norm(self) -> Scalar:
-        """The Euclidean length."""
+        """Euclidean length."""
         square = self.dot(self)
-        if isinstance(square, float) and not WHOLE <= square < math.inf:
+        if isinstance(square, float) and not LEAST_SQUARE <= square < math.inf:
             return math.hypot(*self)
         return square_root(square)
 
 
 def as_vector(field: str, values: Sequence[Scalar]) -> Vec3:
-    """``Vec3(*values)``. Raises: TypeError: they are not three; it says so of the field."""
+    """Return ``Vec3(*values)``.
+
+    Raises:
+        TypeError: if ``values`` does not have three components; the message names the field.
+    """
     try:
         return Vec3(*values)
     except TypeError:
