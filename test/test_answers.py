@@ -1,4 +1,4 @@
-"""How answers, names and errors read, and what the constructors of bodies forgive."""
+"""How answers, enumerations and errors print, and what the constructors of bodies accept."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ def test_an_impact_prints_as_a_table():
     assert pickle.loads(pickle.dumps(impact)) == impact
 
 
-def test_an_impact_of_a_contact_alone_prints_as_a_table():
-    """It slips too slowly to go on slipping."""
+def test_a_contact_impact_prints_as_a_table():
+    """The contact slips too slowly to go on slipping: it sticks."""
     K = [[4, 0, 0], [0, 4, 0], [0, 0, 1]]
     impact = resolve_contact(K, (0.25, 0, -1), (0, 0, 1), 0.5, 0.3)
     head, *rows = str(impact).splitlines()
@@ -65,7 +65,7 @@ def test_an_impact_of_a_contact_alone_prints_as_a_table():
     assert repr(impact).startswith("ContactImpact(OK, COULOMB, STICKING, impulse=(-0.0625, 0, 1.5), error")
 
 
-def test_what_was_adjusted_is_in_the_table():
+def test_adjustments_are_in_the_table():
     turning = Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0), angular_velocity=(1.0, 0.0, 0.0))
     slow = ImpactModel(restitution_threshold=2.0)
     text = str(resolve(turning, FLOOR, TOUCH, slow))
@@ -73,7 +73,7 @@ def test_what_was_adjusted_is_in_the_table():
 
 
 @pytest.mark.parametrize("kind", [Law, Geometry, Precision, Regime, StatusCode])
-def test_numbers_print_as_their_names(kind):
+def test_enumerations_print_as_their_names(kind):
     for member in kind:
         assert (str(member), f"{member:>12}") == (member.name, member.name.rjust(12))
         assert int(member) == member
@@ -81,8 +81,8 @@ def test_numbers_print_as_their_names(kind):
     assert str(Adjustment.NONE) == "NONE"
 
 
-def test_every_code_is_explained_where_an_editor_looks():
-    """A string below each member."""
+def test_every_enumeration_member_has_a_docstring():
+    """Editors show the string below a member."""
     room = Path(mass_properties.__file__).parent
     for file in (room.parent / "status.py", room.parent / "model.py", room / "laws" / "law.py"):
         lines = file.read_text().splitlines()
@@ -94,14 +94,14 @@ def test_every_code_is_explained_where_an_editor_looks():
 
 
 class TestInertia:
-    def test_a_matrix_is_as_good_as_six_numbers(self):
+    def test_inertia_may_be_a_matrix_or_six_numbers(self):
         six = (2.0, 0.1, 0.2, 3.0, 0.3, 4.0)
         xx, xy, xz, yy, yz, zz = six
         rows = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
         for given in (rows, np.array(rows), np.array(six), iter(six)):
             assert Body.dynamic(1.0, given).inertia == six
 
-    def test_the_halves_of_a_matrix_may_differ_by_rounding_and_no_more(self):
+    def test_the_matrix_may_be_asymmetric_by_rounding_only(self):
         rows = [[2.0, 0.1, 0.0], [0.1 + 2e-10, 3.0, 0.0], [0.0, 0.0, 4.0]]
         assert Body.dynamic(1.0, rows).inertia.xy == pytest.approx(0.1 + 1e-10, abs=1e-16)
         rows[0][1] = 0.2
@@ -109,15 +109,15 @@ class TestInertia:
             Body.dynamic(1.0, rows)
 
     @pytest.mark.parametrize("wrong", [(1.0, 2.0, 3.0), [[1.0, 2.0], [3.0, 4.0]], ()])
-    def test_anything_else_is_refused(self, wrong):
+    def test_other_shapes_are_refused(self, wrong):
         with pytest.raises(ValueError, match=r"^inertia: must be \(xx, xy, xz, yy, yz, zz\) or three rows"):
             Body.dynamic(1.0, wrong)
         with pytest.raises(TypeError, match=r"^inertia: must be .* is 3\.0"):
             Body.dynamic(1.0, 3.0)
 
 
-def shell_of_revolution(radius_at, low, high, n=2000):
-    """Volume, centre and moments over the volume of a solid of revolution, by Simpson's rule."""
+def solid_of_revolution(radius_at, low, high, n=2000):
+    """Centre, axial and transverse moments per unit mass, by Simpson's rule."""
     z = np.linspace(low, high, 2 * n + 1)
     weights = np.ones_like(z)
     weights[1:-1:2], weights[2:-1:2] = 4, 2
@@ -138,10 +138,10 @@ class TestShapes:
             return np.sqrt(np.maximum(radius**2 - np.maximum(abs(z) - length / 2, 0.0) ** 2, 0.0))
 
         inertia = mass_properties.capsule(2.0, radius, length).inertia
-        _, axial, across = shell_of_revolution(at, -length / 2 - radius, length / 2 + radius)
+        _, axial, across = solid_of_revolution(at, -length / 2 - radius, length / 2 + radius)
         assert (inertia.zz, inertia.xx, inertia.yy) == pytest.approx(
             (2 * axial, 2 * across, 2 * across), rel=1e-5
-        )  # Simpson's error where the discs begin and end
+        )  # Simpson's rule is less accurate at the poles, where the slope is infinite
 
     def test_a_cone_is_the_integral_of_its_discs(self):
         radius, height = 0.3, 1.1
@@ -150,11 +150,11 @@ class TestShapes:
             return radius * (3 / 4 - z / height)
 
         inertia = mass_properties.cone(2.0, radius, height).inertia
-        centre, axial, across = shell_of_revolution(at, -height / 4, 3 * height / 4)
+        centre, axial, across = solid_of_revolution(at, -height / 4, 3 * height / 4)
         assert centre == pytest.approx(0.0, abs=1e-15)
         assert (inertia.zz, inertia.xx) == pytest.approx((2 * axial, 2 * across), rel=1e-12)
 
-    def test_limits_are_the_simpler_shapes(self):
+    def test_degenerate_shapes_agree_with_simpler_ones(self):
         one = Fraction(1)
         assert mass_properties.capsule(one, one, 0 * one) == mass_properties.sphere(one, one)
         assert mass_properties.cone(one, 0 * one, one).inertia.xx == Fraction(3, 80)
@@ -182,7 +182,7 @@ class TestShapes:
         with pytest.raises(TypeError, match="speed"):
             Body.sphere(1.0, 0.1, speed=3.0)
 
-    def test_a_mesh_is_what_it_encloses(self):
+    def test_a_mesh_of_a_box_has_the_mass_properties_of_the_box(self):
         trimesh = pytest.importorskip("trimesh")
 
         shape = trimesh.creation.box(extents=(0.1, 0.2, 0.3))
@@ -202,15 +202,15 @@ def test_vectors_scale_from_both_sides():
     assert 2 * v == v * 2 == 2.0 * v == Vec3(2.0, -4.0, 6.0)
 
 
-def test_a_tuple_and_a_vector_are_added_not_joined():
+def test_a_tuple_plus_a_vector_is_a_vector_sum():
     v = Vec3(1.0, -2.0, 3.0)
     assert (1, 1, 1) + v == v + (1, 1, 1) == Vec3(2.0, -1.0, 4.0)  # noqa: RUF005
     assert (1, 1, 1) - v == -(v - (1, 1, 1)) == Vec3(0.0, 3.0, -2.0)
     assert Fraction(1, 2) * v == v / 2 == Vec3(0.5, -1.0, 1.5)
 
 
-def test_a_new_mass_is_a_new_mass():
-    """Nothing else in a body says what its mass is."""
+def test_replacing_the_mass_replaces_the_inverse_mass():
+    """No other field of a body depends on its mass."""
     heavy = BALL._replace(mass=4.0)
     assert (heavy.inverse_mass(), heavy.is_movable()) == (0.25, True)
     assert resolve(heavy, FLOOR, TOUCH).impulse.z == pytest.approx(18.0, rel=1e-14)
@@ -218,8 +218,8 @@ def test_a_new_mass_is_a_new_mass():
 
 
 class TestTangentialRestitution:
-    def test_the_contact_says_it_louder_than_the_model(self):
-        """A superball: e = e_t = 1, all energy is kept and the slip reverses."""
+    def test_the_contact_overrides_the_model(self):
+        """A superball: e = e_t = 1, so all energy is kept and the slip reverses."""
         own = TOUCH._replace(restitution=1.0, friction=10.0, tangential_restitution=1.0)
         impact = resolve(BALL, FLOOR, own, ImpactModel(tangential_restitution=-1.0))
         assert impact.kinetic_energy_after == pytest.approx(impact.kinetic_energy_before, rel=1e-14)
@@ -229,19 +229,19 @@ class TestTangentialRestitution:
         alone = resolve_scene([BALL, FLOOR], [(0, 1)], [own])
         assert alone.impulses == (impact.impulse,)
 
-    def test_zero_is_said_too(self):
+    def test_zero_in_the_contact_overrides_the_model(self):
         impact = resolve(
             BALL, FLOOR, TOUCH._replace(tangential_restitution=0.0), ImpactModel(tangential_restitution=1.0)
         )
         assert impact.impulse == resolve(BALL, FLOOR, TOUCH).impulse
 
     @pytest.mark.parametrize("wrong, code", [(1.1, "INVALID_COEFFICIENT"), (math.nan, "NOT_FINITE")])
-    def test_what_is_wrong_with_it(self, wrong, code):
+    def test_invalid_values_are_refused(self, wrong, code):
         with pytest.raises(ImpactError, match=r"contact\.tangential_restitution") as error:
             resolve(BALL, FLOOR, TOUCH._replace(tangential_restitution=wrong))
         assert error.value.code.name == code
 
-    def test_several_contacts_at_once_have_none(self):
+    def test_it_is_refused_for_several_contacts(self):
         own = TOUCH._replace(tangential_restitution=0.5)
         with pytest.raises(ImpactError, match=r"contacts\[1\]\.tangential_restitution: must be 0"):
             resolve_scene([BALL, FLOOR], [(0, 1)] * 2, [TOUCH._replace(position=Vec3(0.1, 0.0, 0.0)), own])
@@ -256,7 +256,7 @@ class TestErrorsSayWhatToWrite:
             ("orientation", (0.0, 0.0, 1.0), r"orientation: must be a quaternion \(x, y, z, w\), is "),
         ],
     )
-    def test_vectors(self, field, wrong, says):
+    def test_a_vector_of_the_wrong_shape(self, field, wrong, says):
         with pytest.raises(TypeError, match=says):
             Body.dynamic(1.0, **{field: wrong})
 
@@ -264,7 +264,7 @@ class TestErrorsSayWhatToWrite:
         with pytest.raises(TypeError, match=r"normal: must be \(x, y, z\), is \(0, 1\)"):
             Contact.of((0, 0, 0), (0, 1))
 
-    def test_a_law_for_a_model(self):
+    def test_a_law_instead_of_a_model(self):
         with pytest.raises(TypeError, match=r"write ImpactModel\(law=Law\.COULOMB\)"):
             resolve(BALL, FLOOR, TOUCH, Law.COULOMB)
 
@@ -272,15 +272,15 @@ class TestErrorsSayWhatToWrite:
         with pytest.raises(TypeError, match=r"body_b: must be a Body, is None; Body\.dynamic\(\.\.\.\)"):
             resolve(BALL, None, TOUCH)
 
-    def test_a_message_for_a_body(self):
+    def test_a_message_instead_of_a_body(self):
         state = type("BodyState", (), {})()
         with pytest.raises(TypeError, match=r"collision_response\.ros\.convert\.body_of"):
             resolve(state, FLOOR, TOUCH)
 
-    def test_a_plain_tuple_for_a_contact(self):
+    def test_a_plain_tuple_instead_of_a_contact(self):
         with pytest.raises(TypeError, match=r"contact: must be a Contact, made by Contact\.of\(\.\.\.\)"):
             resolve(BALL, FLOOR, ((0, 0, 0), (0, 0, 1), 0.5, 0.0))
 
-    def test_no_mass(self):
+    def test_a_mass_of_zero(self):
         with pytest.raises(ImpactError, match=r"body_b\.mass: .* Body\.static\(\), motion_type STATIC; is 0"):
             resolve(BALL, Body.dynamic(0.0), TOUCH)

@@ -1,4 +1,4 @@
-"""Whatever has an inverse effective mass: links of mechanisms, and bare contacts."""
+"""Links of mechanisms, and contacts given by their inverse effective mass alone."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ NORMAL = np.array([0.6, -0.48, 0.64])
 RADIUS, BALL = 0.05, 0.4
 MOMENT = 0.4 * BALL * RADIUS**2
 DIGITS = 2e-12
-"""Of the reference values."""
+"""The accuracy of the reference values."""
 
 ARM = robot_arm()
 
@@ -101,7 +101,7 @@ def test_an_arm_strikes_a_ball(name):
     assert impact.energy_lost_restitution + impact.energy_lost_friction == pytest.approx(-lost, abs=DIGITS)
     assert impact.adjustments == Adjustment.ENERGY_CHANGE_ONLY
     assert impact.error_bound < 1e-12
-    # the energies of the joints and of the ball, with nothing of this package
+    # the energies of the joints and of the ball, computed without this package
     after, spin = joints_after(impact.impulse), np.array(impact.twist_b.angular)
     energies = [
         v @ ARM.M @ v / 2 + BALL * np.array(u) @ np.array(u) / 2 + MOMENT * np.array(w) @ np.array(w) / 2
@@ -112,7 +112,8 @@ def test_an_arm_strikes_a_ball(name):
     assert np.array(impact.twist_a.angular) == pytest.approx(ARM.J[3:] @ after, abs=1e-12)
 
 
-def test_the_last_link_alone_is_a_third_of_the_arm():
+def test_the_arm_behind_the_last_link_counts():
+    """The effective mass at the tip is 3.5 times that of the last link alone."""
     contact = Contact.of(ARM.tip, NORMAL)
     mass, com, moments = LINKS[-1][2:]
     R = ARM.last
@@ -130,7 +131,7 @@ def test_the_last_link_alone_is_a_third_of_the_arm():
 
 @each_law
 def test_a_rigid_body_given_by_its_inverse_inertia(law):
-    """Off its centre, turned: the same as by mass and inertia."""
+    """Struck off-centre, it must answer as the same body given by mass and inertia does."""
     rigid = Body.dynamic(
         2.0, (0.03, 0.002, -0.001, 0.05, 0.003, 0.06), (0.1, 0.2, 0.9), None, (0.5, -0.3, -1.2), (1, -2, 0.5)
     )
@@ -153,8 +154,8 @@ def test_a_rigid_body_given_by_its_inverse_inertia(law):
         assert found.adjustments & Adjustment.ENERGY_CHANGE_ONLY
 
 
-def test_the_reference_point_of_a_link_is_free():
-    """Moved by ``d``: ``Lambda^-1`` becomes ``X Lambda^-1 X^T``."""
+def test_the_reference_point_of_a_link_may_be_anywhere():
+    """Moved by ``d``, ``Lambda^-1`` becomes ``X Lambda^-1 X^T``."""
     d = np.array([0.1, -0.3, 0.2])
     X = np.eye(6)
     X[:3, 3:] = -np.array([[0, -d[2], d[1]], [d[2], 0, -d[0]], [-d[1], d[0], 0]])
@@ -167,8 +168,9 @@ def test_the_reference_point_of_a_link_is_free():
 
 
 def test_two_links_of_one_arm_need_their_relative_jacobian():
-    """A pincer: two fingers on one joint each, on a body that both push. The matrices of the fingers alone
-    leave out how one moves the other."""
+    """A pincer: two fingers with a joint each, on a common body. The matrices of the single fingers leave out
+    how one moves the other, so their sum is four times too large.
+    """
     M = np.diag([2 / 3, 0.5, 0.5])
     J_a, J_b = np.array([[1.0, 0.5, 0.0]]), np.array([[1.0, 0.0, 0.5]])
     relative = J_a - J_b
@@ -182,7 +184,7 @@ def test_two_links_of_one_arm_need_their_relative_jacobian():
 
 
 @each_law
-def test_a_bare_contact_is_that_of_two_bodies(law):
+def test_resolve_contact_agrees_with_resolve(law):
     a = Body.dynamic(2.0, (0.3, 0, 0, 0.5, 0, 0.6), (0.1, 0.2, 0.9), None, (0.5, -0.3, -1.2), (1, -2, 0.5))
     b = Body.dynamic(
         3.0, (0.8, 0, 0, 0.7, 0, 0.9), (-0.05, 0.1, -0.8), None, (-0.1, 0.2, 0.4), (0.3, 0.7, -1)
@@ -205,8 +207,8 @@ def test_a_bare_contact_is_that_of_two_bodies(law):
     assert alone.model.law is whole.model.law
 
 
-def test_bare_contacts_are_exact_to_the_last_digit():
-    """By rationals: COULOMB that sticks, P = (1 + e) P_I + D."""
+def test_resolve_contact_in_extended_is_right_to_the_last_digit():
+    """Against COULOMB's sticking impulse ``P = (1 + e) P_I + D`` in fractions."""
     K, u, e = [[F(7, 2), F(1, 2), 0], [F(1, 2), 3, F(1, 4)], [0, F(1, 4), 1]], [F(1, 8), F(0), F(-1)], F(1, 2)
     model = ImpactModel(Law.COULOMB, precision=Precision.EXTENDED)
     found = resolve_contact(
@@ -239,8 +241,8 @@ PLANE = np.array([[2.5, -1.5, 0], [-1.5, 2.5, 0], [0, 0, 0]])
 
 
 @each_law
-def test_a_planar_mechanism_needs_no_third_direction(law):
-    """Of rank 2; as if it moved there as easily as you like."""
+def test_a_planar_mechanism(law):
+    """K has rank 2. The answer must be the one for a third direction with any mobility."""
     whole = PLANE + np.diag([0, 0, 4.0])
     flat, full = (
         resolve_contact(K, (1, -1, 0), (0, 1, 0), 0.5, 0.3, ImpactModel(law)) for K in (PLANE, whole)
@@ -252,7 +254,9 @@ def test_a_planar_mechanism_needs_no_third_direction(law):
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
 def test_a_stretched_arm(law):
-    """Of rank 1, across to the normal: the frictionless impulse already brings such a contact to rest."""
+    """K has rank 1 and its range is oblique to the normal: the frictionless impulse already stops such a
+    contact.
+    """
     k = np.array([0.5, -0.2, 0.7])
     impact = resolve_contact(np.outer(k, k), -k, (0, 0, 1), 0.5, 0.3, ImpactModel(law))
     assert np.array(impact.velocity_after) == pytest.approx(0.5 * k, abs=1e-13)
@@ -260,9 +264,9 @@ def test_a_stretched_arm(law):
 
 
 @pytest.mark.parametrize("decades", range(1, 13))
-def test_an_arm_that_is_nearly_stretched(decades):
-    """Two joints in a plane. The nearer they are to one line, the nearer is ``J M^-1 J^T`` to one rank less;
-    rounded as NumPy does it, it is taken whatever the direction of the arm.
+def test_a_nearly_stretched_arm(decades):
+    """Two joints in a plane. The straighter the arm, the nearer ``J M^-1 J^T`` is to a lower rank. Its
+    rounding by NumPy must not matter, whatever the direction of the arm.
     """
     elbow = 10.0**-decades
     for shoulder in np.linspace(-3.0, 3.0, 25):
@@ -284,8 +288,8 @@ def test_an_arm_that_is_nearly_stretched(decades):
 @each_law
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize("joints", [1, 2])
-def test_a_direction_that_only_rounding_moves_is_none(law, friction, joints):
-    """As ``cos(pi / 2)`` is 6e-17: of an arm folded along an axis, beside which nothing is rounded."""
+def test_a_direction_with_mobility_from_rounding_only_is_locked(law, friction, joints):
+    """An arm along an axis: ``cos(pi / 2)`` gives 6e-17 instead of 0."""
     clean = np.array([[0.0, 0.0], [1.0, 0.5], [0.0, 2.0]])[:, :joints]
     rounded = clean + np.array([[6e-17, 1.8e-16], [0, 0], [0, 0]])[:, :joints]
     rounded = np.column_stack([rounded, [2.4e-16, 0, 0]])
@@ -300,9 +304,9 @@ def test_a_direction_that_only_rounding_moves_is_none(law, friction, joints):
 @each_law
 @pytest.mark.parametrize("precision", [Precision.AUTO, Precision.EXTENDED])
 @pytest.mark.parametrize("friction", [0.0, 0.3, 2.0])
-def test_a_link_whose_contact_rests_but_for_rounding(law, friction, precision):
-    """A stretched arm turns about its tip: what is left of the speeds there is rounding, also in directions
-    in which nothing moves. It is seen from a point beside the tip, so that nothing of it is exactly 0.
+def test_a_contact_point_at_rest_up_to_rounding_gets_no_impulse(law, friction, precision):
+    """A stretched arm turns about its tip, so the velocity of the tip is rounding, also along locked
+    directions. The reference point is next to the tip, so that no entry is exactly 0.
     """
     tip, beside = np.array([math.cos(math.pi / 2) * 2, 2.0, 0.0]), np.array([0.5, -0.25, 0.0])
     J = np.zeros((6, 2))
@@ -317,8 +321,8 @@ def test_a_link_whose_contact_rests_but_for_rounding(law, friction, precision):
         assert impact.impulse == pytest.approx((0, 0, 0), abs=1e-15)
 
 
-def test_the_impulse_of_a_singular_contact_is_the_least():
-    """The pseudo-inverse: of rank 2, with the normal not in the range."""
+def test_a_singular_contact_gets_the_impulse_of_least_norm():
+    """K has rank 2 and the normal is not in its range. Expected: the pseudo-inverse."""
     z = np.array([0.6, 0.0, 0.8])
     A = np.array([[1.0, 0.2, 0.3], [0.2, 2.0, -0.1], [0.3, -0.1, 1.5]])
     project = np.eye(3) - np.outer(z, z)
@@ -337,8 +341,10 @@ RATIOS = [10.0**k for k in (-12, -6, 0, 6, 12)]
 
 @each_law
 @pytest.mark.parametrize("ratio", RATIOS)
-def test_huge_ratios_of_the_directions(law, ratio):
-    """Heavy one way and light another, coupled as far as it may be: never energy, never a pull."""
+def test_huge_ratios_of_mobility(law, ratio):
+    """Heavy one way and light another, with the strongest possible coupling: the energy must not grow and the
+    impulse must push.
+    """
     for shear in (0.0, 0.5, -0.999):
         K = np.array([[ratio, shear * math.sqrt(ratio), 0], [shear * math.sqrt(ratio), 1, 0], [0, 0, 1.0]])
         u = np.array([0.25 * math.sqrt(ratio), 0.125, -1.0])
@@ -385,18 +391,18 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_contacts_that_cannot_be(name):
+def test_invalid_contacts_are_refused(name):
     code, field, given = BAD[name]
     refused(code, field, contact_with(**given))
 
 
-def test_without_friction_any_slip_will_do():
+def test_without_friction_the_slip_may_be_in_a_locked_direction():
     impact = resolve_contact(np.diag([0, 1, 1]), (0.1, 0, -1), (0, 0, 1), 0.5)
     assert impact.velocity_after == pytest.approx((0.1, 0, 0.5), abs=1e-15)
 
 
 @pytest.mark.parametrize("wrong", [None, 3.0, [1, 2, 3]])
-def test_what_is_no_matrix(wrong):
+def test_arguments_of_the_wrong_shape_are_refused(wrong):
     with pytest.raises((TypeError, ImpactError), match="K: must be 3 x 3 numbers"):
         resolve_contact(wrong, (0, 0, -1), (0, 0, 1))
     with pytest.raises(TypeError, match=r"n: must be \(x, y, z\)"):
@@ -405,7 +411,7 @@ def test_what_is_no_matrix(wrong):
         resolve_contact([[-1, 0, 0], [0, 1, 0], [0, 0, 1]], (0, 0, -1), (0, 0, 1))
 
 
-def test_matrices_that_are_none():
+def test_invalid_inverse_inertias_are_refused():
     refused(StatusCode.INVALID_INERTIA, "inverse_inertia", lambda: Body.articulated(np.eye(5)))
     refused(StatusCode.INVALID_INERTIA, "inverse_inertia", lambda: Body.articulated([1.0] * 35))
     skew = np.eye(6)
@@ -424,8 +430,8 @@ def test_matrices_that_are_none():
 
 
 @pytest.mark.parametrize("unit", [2.0**-20, 1.0, 2.0**20])
-def test_the_check_of_the_matrix_knows_no_units(unit):
-    """In other units of length the angular rows grow by ``unit``, and their block by its square."""
+def test_the_check_of_the_matrix_does_not_depend_on_units(unit):
+    """In other units of length the angular rows grow by ``unit``, and the angular block by its square."""
     X = np.diag([1, 1, 1, unit, unit, unit])
     matrix = X @ ARM.inverse_inertia() @ X
     body = Body.articulated(matrix, velocity=-NORMAL)
@@ -439,7 +445,7 @@ def test_the_check_of_the_matrix_knows_no_units(unit):
 
 
 def test_one_joint_at_the_origin_of_the_frame():
-    """No linear rows at all."""
+    """The linear rows of the matrix are 0."""
     matrix = np.zeros((6, 6))
     matrix[5, 5] = 2.0
     door = Body.articulated(matrix, angular_velocity=(0, 0, -1.0))
@@ -455,13 +461,13 @@ def test_restitution_may_be_a_function(e):
     assert by_function.impulse == pytest.approx(by_number.impulse, rel=1e-14)
 
 
-def test_at_the_ends_of_the_range_of_floats():
+def test_very_large_and_very_small_matrices():
     for scale in (1e-140, 1e140):
         impact = resolve_contact(np.diag([3.5, 3.5, 1.0]) * scale, (0.2, 0, -1), (0, 0, 1), 0.5, 0.3)
         assert np.array(impact.impulse) * scale == pytest.approx((-0.2 / 3.5, 0, 1.5), rel=1e-13)
 
 
-def test_scenes_are_for_rigid_bodies():
+def test_scenes_refuse_articulated_bodies():
     contact = Contact.of((0, 0, 0), (0, 0, 1))
     refused(
         StatusCode.INVALID_INERTIA,
@@ -471,11 +477,13 @@ def test_scenes_are_for_rigid_bodies():
 
 
 NUMBERS = (0.0, 0.0, 1.0, -1.0, 0.5, 0.25, 0.1, 0.3, 3.0, -0.7)
-"""Of Jacobians. Products of decimals are rounded: ``J J^T`` has not the rank of ``J``, and may gain."""
+"""Entries of Jacobians. Decimals make ``J J^T`` round, so that its rank may differ from that of ``J``."""
 
 
 def contacts_of_mechanisms(freedoms, count):
-    """The Jacobian and the speeds of a link, and a contact at which it approaches."""
+    """Yield links of random mechanisms, their Jacobians and joint speeds, and a contact at which they
+    approach.
+    """
     draw = random.Random(f"{freedoms} freedoms")
     while count:
         J = np.array([[draw.choice(NUMBERS) for _ in range(freedoms)] for _ in range(6)])
@@ -494,8 +502,8 @@ def contacts_of_mechanisms(freedoms, count):
 
 @each_law
 @pytest.mark.parametrize("precision", [Precision.AUTO, Precision.EXTENDED])
-def test_a_door_moves_one_way(law, precision):
-    """What is left of its approach is left of all its motion. Slip stops when the approach does."""
+def test_a_door_has_one_degree_of_freedom(law, precision):
+    """Restitution scales its whole motion. Slip stops when the approach does."""
     for door, J, (speed,), contact in contacts_of_mechanisms(1, 60):
         impact = resolve(door, Body.static(), contact, ImpactModel(law, precision=precision))
         assert impact.status is StatusCode.OK
@@ -508,8 +516,10 @@ def test_a_door_moves_one_way(law, precision):
 @each_law
 @pytest.mark.parametrize("precision", [Precision.AUTO, Precision.EXTENDED])
 @pytest.mark.parametrize("frame", [(0.1, 0.7), (0.3, -0.2), (0.7, 0.3)])
-def test_a_door_moves_one_way_wherever_its_frame_is(law, precision, frame):
-    """It strikes along an axis: in ``K`` of the contact all else is what is left of terms that cancel."""
+def test_a_door_answers_alike_wherever_its_frame_is(law, precision, frame):
+    """It strikes along an axis, so every other entry of ``K`` at the contact is rounding of terms that
+    cancel.
+    """
     moment, speed, e = 0.9, -1.3, 0.5
     for hinge, reach in itertools.product([(0.0, 0.0), (0.3, 0.1)], [0.5, 0.7, 1.3]):
         J = np.array([hinge[1] - frame[1], frame[0] - hinge[0], 0, 0, 0, 1])
@@ -531,8 +541,8 @@ def test_a_door_moves_one_way_wherever_its_frame_is(law, precision, frame):
 @each_law
 @pytest.mark.parametrize("precision", [Precision.AUTO, Precision.EXTENDED])
 @pytest.mark.parametrize("freedoms", [2, 3])
-def test_mechanisms_of_few_freedoms_gain_no_energy(freedoms, law, precision):
-    """Nor are they refused for what rounding has made of their matrix."""
+def test_mechanisms_with_few_degrees_of_freedom_gain_no_energy(freedoms, law, precision):
+    """They must not be refused for the rounding of their matrix either."""
     sure = 0
     for link, _, speeds, contact in contacts_of_mechanisms(freedoms, 60):
         try:
@@ -552,8 +562,8 @@ SLANTED = [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0, 0.6, 0.8), (0, 3, 4), (1, 1, 1)
 
 
 def contacts_in_a_plane(count):
-    """``K`` of rank 2, ``u`` in that plane, ``n`` out of it, ``e`` and ``mu``; and the tangent of the angle
-    from ``n`` to what moves nothing.
+    """Yield ``K`` of rank 2, ``u`` in its range, ``n`` out of it, ``e``, ``mu``, and the tangent of the angle
+    between ``n`` and the locked direction.
     """
     draw = random.Random("in a plane")
     while count:
@@ -570,8 +580,8 @@ def contacts_in_a_plane(count):
 
 
 @pytest.mark.parametrize("precision", [Precision.AUTO, Precision.EXTENDED])
-def test_moreau_where_the_contact_moves_in_a_plane(precision):
-    """Slip and approach depend on each other there: what sticks has stopped altogether."""
+def test_moreau_with_one_locked_direction(precision):
+    """Slip and approach depend on each other there: a contact that sticks has stopped altogether."""
     seen = set()
     for K, u, n, e, mu, slant in contacts_in_a_plane(300):
         impact = resolve_contact(K, u, n, e, mu, ImpactModel(Law.MOREAU, precision=precision))
@@ -603,8 +613,8 @@ def test_moreau_where_the_contact_moves_in_a_plane(precision):
 
 
 @pytest.mark.parametrize("law", [Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE, Law.COMPLIANT])
-def test_a_contact_that_wedges_is_coulombs(law):
-    """Within the cone of friction there is a direction in which impulses move nothing: they have no end."""
+def test_a_wedged_contact_falls_back_to_coulomb(law):
+    """The friction cone contains the locked direction, so the impulse can grow without end."""
     wedged = 0
     for K, u, n, e, mu, slant in contacts_in_a_plane(300):
         if slant < mu:
@@ -618,8 +628,8 @@ def test_a_contact_that_wedges_is_coulombs(law):
 
 @pytest.mark.parametrize("turn", np.linspace(0.1, 3.1, 11))
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
-def test_along_itself_a_stretched_arm_does_not_move(turn, law):
-    """``n.K n`` is what rounding leaves of it."""
+def test_a_normal_along_a_stretched_arm_is_refused(turn, law):
+    """``n.K n`` is rounding only."""
     n = np.array([math.cos(turn), math.sin(turn), 0])
     across = np.array([-n[1], n[0], 0])
     along = contact_with(np.outer(across, across) * 3.4, across, n, mu=0.0, model=ImpactModel(law))
@@ -628,8 +638,8 @@ def test_along_itself_a_stretched_arm_does_not_move(turn, law):
 
 @pytest.mark.parametrize("eps", [F(1, 10**6), F(1, 10**12), F(1, 10**14)])
 @pytest.mark.parametrize("precision", Precision)
-def test_an_effective_mass_of_fractions_counts_how_floats_round_it(eps, precision):
-    """``n.K n`` is what is left of numbers that cancel."""
+def test_the_bound_covers_the_rounding_of_fractions_to_floats(eps, precision):
+    """The terms of ``n.K n`` cancel."""
     K = [[F(1, 3) + eps, 0, -F(1, 3)], [0, 1, 0], [-F(1, 3), 0, F(1, 3) + eps]]
     impact = resolve_contact(K, (-1, 0, -1), (1, 0, 1), 1, model=ImpactModel(precision=precision))
     exact = 2 / eps  # -(1 + e) n.u / n.Kn
@@ -637,7 +647,7 @@ def test_an_effective_mass_of_fractions_counts_how_floats_round_it(eps, precisio
 
 
 @pytest.mark.parametrize("number", [10**400, F(10) ** 400, -(10**400)])
-def test_numbers_of_matrices_beyond_float64_are_refused_by_name(number):
+def test_matrix_entries_beyond_float64_are_refused(number):
     K = [[number, 0, 0], [0, 1, 0], [0, 0, 1]]
     refused(StatusCode.NOT_FINITE, "K", lambda: resolve_contact(K, (0, 0, -1), (0, 0, 1)))
     whole = [[number, *[0] * 5], *[[0] * 6] * 5]
@@ -645,7 +655,7 @@ def test_numbers_of_matrices_beyond_float64_are_refused_by_name(number):
 
 
 @pytest.mark.parametrize("wrong", ["3", "x", None, 1j])
-def test_what_is_no_number_in_a_matrix_is_refused_by_name(wrong):
+def test_matrix_entries_that_are_not_numbers_are_refused(wrong):
     with pytest.raises(TypeError, match=r"^K: "):
         resolve_contact([[wrong, 0, 0], [0, 1, 0], [0, 0, 1]], (0, 0, -1), (0, 0, 1))
 
@@ -656,8 +666,8 @@ LENGTHS = [5e-324, 1e-310, 1e-200, 1.0, 1e200, 1e308, 1.7e308]
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize("normal", [(0, 0, 1), (1, 0, 1), (1, 1, 1), (-1, 1, 0)])
 @pytest.mark.parametrize("length", LENGTHS)
-def test_normals_have_any_length_but_0(length, normal, friction):
-    """Also where the sum of the components, or their squares, leaves the range."""
+def test_normals_may_have_any_length_except_0(length, normal, friction):
+    """Also where the sum of the components, or of their squares, is out of range."""
     K, u = [[3.5, 0, 0], [0, 3.5, 0], [0, 0, 1]], (0.25, -0.5, -1)
     wanted = resolve_contact(K, u, normal, 0.5, friction)
     found = resolve_contact(K, u, tuple(length * x for x in normal), 0.5, friction)
@@ -690,12 +700,12 @@ SOUND = {"K": [[3.5, 0, 0], [0, 3.5, 0], [0, 0, 1]], "u": (0.2, 0, -1), "n": (0,
         ("model", Law.COULOMB, "model"),
     ],
 )
-def test_arguments_of_other_kinds_are_refused_by_their_names(argument, value, named):
+def test_arguments_of_wrong_types_are_refused_by_name(argument, value, named):
     with pytest.raises(TypeError, match=f"^{named}: must be "):
         resolve_contact(**{**SOUND, argument: value})
 
 
-def test_errors_of_functions_are_those_of_the_functions():
+def test_an_error_in_a_restitution_function_is_raised_unchanged():
     def broken(speed):
         raise TypeError("contact.py is broken")
 
@@ -706,14 +716,14 @@ def test_errors_of_functions_are_those_of_the_functions():
 
 @pytest.mark.parametrize("great", [10**400, -(10**400), F(10**400)])
 @pytest.mark.parametrize("argument", ["K", "u", "n", "restitution", "friction"])
-def test_numbers_beyond_float64_are_not_finite_and_are_quoted_as_given(argument, great):
+def test_numbers_beyond_float64_are_refused_and_quoted_as_given(argument, great):
     given = {"K": [[great, 0, 0], [0, 1, 0], [0, 0, 1]], "u": (great, 0, 0), "n": (great, 0, 0)}
     with pytest.raises(ImpactError, match=f"^{argument}: must be finite; is .*{10**400}") as raised:
         resolve_contact(**{**SOUND, argument: given.get(argument, great)})
     assert (raised.value.code, raised.value.field) == (StatusCode.NOT_FINITE, argument)
 
 
-def test_integers_that_python_does_not_spell_out_are_refused_by_name():
+def test_integers_too_long_to_print_are_refused_by_name():
     for argument, value in (("friction", 10**5000), ("K", [[10**5000] * 3] * 3), ("u", (0, 0, 10**5000))):
         with pytest.raises(
             ImpactError, match=f"^{argument}: must be finite; is of more digits than are shown"
@@ -721,7 +731,7 @@ def test_integers_that_python_does_not_spell_out_are_refused_by_name():
             resolve_contact(**{**SOUND, argument: value})
 
 
-def test_what_nothing_moves_is_refused_by_name():
+def test_a_zero_matrix_is_refused_by_name():
     with pytest.raises(ImpactError, match=r"^K: must not be 0$") as raised:
         resolve_contact(**{**SOUND, "K": [[0] * 3] * 3})
     assert raised.value.code is StatusCode.NO_DYNAMIC_BODY

@@ -1,4 +1,4 @@
-"""Batches: the bits of one impact at a time, for every geometry, law and kind of array."""
+"""Batches: bit for bit the answers of single impacts, for every geometry, law and array library."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ KINDS = [
     *product((Geometry.SPATIAL,), (True,), LAWS_WITH_ORACLE),
 ]
 STICKS = 7
-"""A contact of the spatial batch that sticks."""
+"""Column of the shared spatial batch whose contact sticks."""
 ANSWERED = (StatusCode.OK, StatusCode.SEPARATING)
 
 every_kind = pytest.mark.parametrize(("geometry", "oriented", "law"), KINDS)
@@ -68,8 +68,8 @@ def collisions_at(geometry: Geometry, bodies, contacts):
 
 
 @every_kind
-def test_every_row_is_that_of_one_impact(geometry, oriented, law):
-    """Sound ones, odd ones and those with a fault, of which the first is told."""
+def test_every_column_equals_resolve(geometry, oriented, law):
+    """Sound, unusual and faulty contacts; one with several faults has the code of the first."""
     bodies, contacts = shared_batch(geometry, oriented=oriented)
     model = ImpactModel(law)
     expected = resolve_one_by_one(geometry, collisions_at(geometry, bodies, contacts), [model] * N)
@@ -77,14 +77,14 @@ def test_every_row_is_that_of_one_impact(geometry, oriented, law):
     tiny = has_tiny_numbers(bodies)
     assert_same_values(columns(result, ~tiny), columns(expected, ~tiny))
     np.testing.assert_array_equal(result.status, expected.status)
-    # A batch without bounds stays in its units, and loses what goes below them.
+    # A batch without bounds keeps its units, in which products may underflow.
     np.testing.assert_allclose(result.impulse[:, tiny], expected.impulse[:, tiny], rtol=1e-13, atol=1e-300)
     assert len(set(expected.status)) >= 6
     assert np.isin(expected.status[:FIRST_FAULTY], ANSWERED).all()
 
 
 @every_kind
-def test_a_bad_contact_spoils_itself_alone(geometry, oriented, law):
+def test_a_faulty_contact_affects_no_other(geometry, oriented, law):
     bodies, contacts = shared_batch(geometry, oriented=oriented)
     result = resolve_batch(bodies, contacts, ImpactModel(law))
     bad = ~np.isin(result.status, ANSWERED)
@@ -98,8 +98,8 @@ def test_a_bad_contact_spoils_itself_alone(geometry, oriented, law):
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("count", [1, 2, 3, 7, 8, 9, 31])
-def test_however_many_there_are_the_bits_are_the_same(count, dtype):
-    """Vectors of several contacts have ends."""
+def test_results_do_not_depend_on_the_size_of_the_batch(count, dtype):
+    """SIMD vectors of several contacts are filled up at the end."""
     bodies, contacts = (array.astype(dtype) for array in shared_batch(Geometry.SPATIAL))
     whole = resolve_batch(bodies, contacts)
     for start in range(0, N - count, 61):
@@ -112,7 +112,7 @@ def test_however_many_there_are_the_bits_are_the_same(count, dtype):
     [ImpactModel(Law.COULOMB), ImpactModel(Law.MOREAU, tolerance=1e-9), ImpactModel(Law.ROUTH_STRONGE)],
 )
 @pytest.mark.parametrize("workers", [2, 3])
-def test_many_hands_give_the_same_bits(workers, model):
+def test_threads_give_the_same_bits(workers, model):
     bodies, contacts = (np.tile(array, 12) for array in shared_batch(Geometry.SPATIAL))
     shared = resolve_batch(bodies, contacts, model, workers=workers)
     assert_same(shared, resolve_batch(bodies, contacts, model))
@@ -120,7 +120,7 @@ def test_many_hands_give_the_same_bits(workers, model):
     assert_same(shared, map_arrays(lambda array: np.tile(array, 12), once))
 
 
-def test_what_leaves_the_range_on_the_way_is_answered_all_the_same():
+def test_intermediate_overflow_is_answered_as_by_resolve():
     bodies, contacts = (array[..., STICKS : STICKS + 30].copy() for array in shared_batch(Geometry.SPATIAL))
     body_row, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
     contacts[contact_row.normal, 0] *= 1e-200
@@ -140,9 +140,9 @@ def test_what_leaves_the_range_on_the_way_is_answered_all_the_same():
 @pytest.mark.parametrize("law", LAWS_WITH_ORACLE)
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_a_normal_may_have_any_length(geometry, law, length):
-    """Its square, or ``n.K n``, is beyond float64: no quotient by that is an impulse."""
+    """Its square, or ``n.K n``, is beyond float64."""
     bodies, contacts = (array[..., STICKS : STICKS + 9].copy() for array in shared_batch(geometry))
-    contacts[contact_rows(geometry).normal, ::2] *= length  # beside usual ones
+    contacts[contact_rows(geometry).normal, ::2] *= length  # next to ordinary ones
     model = ImpactModel(law)
     result = resolve_batch(bodies, contacts, model)
     collisions = collisions_at(geometry, bodies, contacts)
@@ -151,7 +151,7 @@ def test_a_normal_may_have_any_length(geometry, law, length):
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 @pytest.mark.parametrize(("mass", "length"), [(1.0, 1e20), (1e-36, 100.0), (1e-30, 1e5)])
-def test_float32_goes_beyond_its_range_on_the_way(law, mass, length):
+def test_float32_survives_intermediate_overflow(law, mass, length):
     body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
     bodies, contacts = (
         np.zeros((body_row.height, 2, 5), np.float32),
@@ -169,7 +169,7 @@ def test_float32_goes_beyond_its_range_on_the_way(law, mass, length):
 
 
 @pytest.mark.parametrize("speed", [-1e200, 1e200])
-def test_energies_beyond_the_range_are_refused_where_they_are_reported(speed):
+def test_energies_beyond_float64_are_refused_where_they_are_reported(speed):
     bodies, contacts = (array[..., STICKS : STICKS + 5].copy() for array in shared_batch(Geometry.POINT))
     body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
     bodies[body_row.velocity], contacts[contact_row.normal] = 0.0, 0.0
@@ -187,8 +187,8 @@ def test_energies_beyond_the_range_are_refused_where_they_are_reported(speed):
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 @pytest.mark.parametrize("geometry", GEOMETRIES)
-def test_float32_is_single(geometry, law):
-    """But for thin rods, whose tensors are known to fewer digits than those of doubles."""
+def test_float32_equals_single_precision(geometry, law):
+    """Thin rods are left out: float32 knows their tensors to fewer digits."""
     bodies, contacts = (array[..., 5:FIRST_FAULTY].astype(np.float32) for array in shared_batch(geometry))
     result = resolve_batch(bodies, contacts, ImpactModel(law))
     assert {array.dtype for array in result[:3]} == {np.dtype(np.float32)}
@@ -197,13 +197,13 @@ def test_float32_is_single(geometry, law):
     assert_same_values(result, resolve_one_by_one(geometry, collisions, [model] * len(collisions)))
 
 
-def test_single_is_double_to_its_precision():
+def test_single_agrees_with_double_to_its_precision():
     bodies, contacts = (array[..., :FIRST_FAULTY] for array in shared_batch(Geometry.SPATIAL))
     exact = resolve_batch(bodies, contacts)
     single = resolve_batch(bodies.astype(np.float32), contacts.astype(np.float32))
     error = abs(single.velocity - exact.velocity).max(axis=(0, 1)) / abs(exact.velocity).max(axis=(0, 1))
-    assert np.median(error) < 2e-6  # some tens of roundings
-    assert error[[2, 4]].max() < 1e-4  # a thin rod is known as one in float32, too
+    assert np.median(error) < 2e-6  # tens of roundings
+    assert error[[2, 4]].max() < 1e-4  # thin rods, whose float32 tensors have fewer digits
 
 
 # what may vary
@@ -238,10 +238,10 @@ def test_restitution_threshold(law):
     assert_same(columns(result, slow), columns(expected, slow))
 
 
-def test_friction_is_left_out_where_the_law_has_none():
+def test_frictionless_needs_no_row_of_friction():
     bodies, contacts = shared_batch(Geometry.PLANAR)
     contact_row = contact_rows(Geometry.PLANAR)
-    sound = slice(FIRST_FAULTY)  # a fault in the friction is one even where it does not act
+    sound = slice(FIRST_FAULTY)  # faulty friction is refused even where the law does not use it
     bare = resolve_batch(bodies, contacts[: contact_row.friction.start])
     assert_same(
         columns(bare, sound), columns(resolve_batch(bodies, contacts, ImpactModel(Law.FRICTIONLESS)), sound)
@@ -273,7 +273,7 @@ def test_out_is_written_to(order):
     assert_same(out, result)
 
 
-def test_input_in_any_order_is_read_and_left_alone():
+def test_any_memory_layout_is_read_and_not_changed():
     bodies, contacts = shared_batch(Geometry.PLANAR)
     expected = resolve_batch(bodies, contacts)
     wide = np.repeat(bodies, 2, axis=-1), np.asfortranarray(contacts)
@@ -289,14 +289,14 @@ def test_no_contacts():
         assert result.impulse.shape == (2 if geometry is Geometry.PLANAR else 3, 0)
 
 
-def test_it_takes_no_memory_but_that_of_the_results():
+def test_only_the_results_take_memory():
     bodies, contacts = (np.tile(array[..., :FIRST_FAULTY], 400) for array in shared_batch(Geometry.SPATIAL))
     out = resolve_batch(bodies, contacts)
     tracemalloc.start()
     resolve_batch(bodies, contacts, out=out)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert peak < bodies.nbytes / 50  # NumPy's masks for the rare contacts that are computed again
+    assert peak < bodies.nbytes / 50  # masks for the few contacts that are computed again
 
 
 # what is refused
@@ -339,13 +339,13 @@ def refused() -> list[tuple[str, dict]]:
 
 
 @pytest.mark.parametrize(("message", "changes"), refused(), ids=[message for message, _ in refused()])
-def test_is_refused(message, changes):
+def test_invalid_arguments_are_refused(message, changes):
     bodies, contacts = shared_batch(Geometry.SPATIAL)
     with pytest.raises(ValueError, match=re.escape(message)):
         resolve_batch(**{"bodies": bodies, "contacts": contacts, **changes})
 
 
-def test_a_wrong_model_is_refused_by_its_code():
+def test_an_invalid_model_is_refused():
     with pytest.raises(ImpactError) as refusal:
         resolve_batch(*shared_batch(Geometry.POINT), ImpactModel(tangential_restitution=2.0))
     assert refusal.value.code is StatusCode.INVALID_COEFFICIENT
@@ -363,7 +363,7 @@ MODELS = [
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_arrays_of_the_array_api_give_such_arrays(model):
+def test_array_api_arrays_give_array_api_arrays(model):
     bodies, contacts = shared_batch(Geometry.PLANAR)
     result = resolve_batch(array_api_strict.asarray(bodies), array_api_strict.asarray(contacts), model)
     expected = resolve_batch(bodies, contacts, model)
@@ -416,8 +416,8 @@ LAZY = {"bodies": (4, 1, 90), "contacts": (3, 70)}
 @pytest.mark.parametrize("report", [False, True])
 @pytest.mark.parametrize("lazy", [{"bodies"}, {"contacts"}, {"bodies", "contacts"}])
 @pytest.mark.parametrize("other", [np.asarray, array_api_strict.asarray])
-def test_one_lazy_array_is_enough(lazy, other, report):
-    """Cut as the bodies are, or as the contacts where those alone are lazy."""
+def test_one_dask_array_makes_the_results_dask_arrays(lazy, other, report):
+    """Chunked as the bodies are, or as the contacts where only those are dask arrays."""
     given = dict(zip(LAZY, shared_batch(Geometry.SPATIAL), strict=True))
     mixed = {
         name: da.from_array(array, chunks=LAZY[name]) if name in lazy else other(array)
@@ -454,7 +454,7 @@ def test_empty_chunks_are_left_out(cuts):
         *(({"out": none}, "out") for none in ((), [], "out", np.zeros(3), {})),
     ],
 )
-def test_what_is_of_a_wrong_kind_is_refused_by_name(make, changes, name):
+def test_arguments_of_wrong_types_are_refused_by_name(make, changes, name):
     bodies, contacts = shared_batch(Geometry.SPATIAL)
     with pytest.raises(ValueError, match=rf"^(bodies, )?{name}\b") as refusal:
         resolve_batch(**{"bodies": make(bodies), "contacts": make(contacts)} | changes)
@@ -462,23 +462,23 @@ def test_what_is_of_a_wrong_kind_is_refused_by_name(make, changes, name):
 
 
 @pytest.mark.parametrize("make", [tuple, list])
-def test_an_out_that_is_no_result_is_refused(make):
+def test_an_out_of_another_type_is_refused(make):
     bodies, contacts = shared_batch(Geometry.SPATIAL)
     out = make(resolve_batch(bodies, contacts))
     with pytest.raises(ValueError, match=f"^out: must be a BatchResult, is {make.__name__}$"):
         resolve_batch(bodies, contacts, out=out)
 
 
-def masked(array: np.ndarray) -> np.ma.MaskedArray:
-    """The same with one entry masked."""
+def with_masked_entry(array: np.ndarray) -> np.ma.MaskedArray:
+    """The array with its last entry masked."""
     mask = np.zeros(array.shape, bool)
     mask.flat[-1] = True
     return np.ma.masked_array(array, mask)
 
 
 @pytest.mark.parametrize("name", ["bodies", "contacts", "pairs"])
-def test_what_is_masked_is_no_number(name):
-    """A mask that hides nothing does no harm."""
+def test_masked_entries_are_refused(name):
+    """A mask that hides nothing is accepted."""
     body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
     bodies, contacts, pairs = (
         np.zeros((body_row.height, 3)),
@@ -492,16 +492,16 @@ def test_what_is_masked_is_no_number(name):
     assert_same(resolve_batch(**given | {name: np.ma.masked_array(given[name])}), expected)
     for solve in (resolve_batch, resolve_scenes):
         with pytest.raises(ValueError, match=f"^{name}: must be numbers, some are masked$"):
-            solve(**given | {name: masked(given[name])})
+            solve(**given | {name: with_masked_entry(given[name])})
 
 
-def test_a_tolerance_that_is_masked_is_no_number(recwarn):
+def test_a_masked_tolerance_is_refused(recwarn):
     with pytest.raises(TypeError, match=r"^model\.tolerance: must be a real number"):
         resolve_batch(*shared_batch(Geometry.POINT), ImpactModel(tolerance=np.ma.masked))
     assert not recwarn.list
 
 
-def test_each_result_has_an_array_of_its_own():
+def test_out_may_not_use_one_array_twice():
     bodies, contacts = shared_batch(Geometry.SPATIAL)
     out = resolve_batch(bodies, contacts, report=True)
     for one, other in (("kinetic_energy_before", "kinetic_energy_after"), ("status", "regime")):
@@ -511,7 +511,7 @@ def test_each_result_has_an_array_of_its_own():
 
 
 @pytest.mark.parametrize("workers", [1, 2, np.int64(2), np.uint8(3)])
-def test_workers_may_be_integers_of_any_make(workers):
+def test_workers_may_be_any_integer_type(workers):
     bodies, contacts = shared_batch(Geometry.SPATIAL)
     assert_same(resolve_batch(bodies, contacts, workers=workers), resolve_batch(bodies, contacts))
 
@@ -528,7 +528,7 @@ def test_contacts_are_cut_as_the_bodies_are():
 
 
 def collision_of_arrays(number) -> tuple[Body, Body, Contact]:
-    """The sound contacts of the shared batch; ``number`` makes an array of another make from a row."""
+    """The sound contacts of the shared batch as one collision of arrays; ``number`` converts a row."""
     bodies, contacts = (array[..., :FIRST_FAULTY] for array in shared_batch(Geometry.SPATIAL))
 
     def body(of: np.ndarray) -> Body:
@@ -542,13 +542,13 @@ def collision_of_arrays(number) -> tuple[Body, Body, Contact]:
 
 MAKES = [
     *product([np.array, array_api_strict.asarray], LAWS_WITH_ORACLE),
-    (da.from_array, Law.COULOMB),  # of a loop every turn would be computed from the beginning
+    (da.from_array, Law.COULOMB),  # dask would recompute every turn of a loop from the start
 ]
 
 
 @pytest.mark.parametrize(("make", "law"), MAKES, ids=lambda one: getattr(one, "__module__", None) or one.name)
-def test_the_formulas_take_arrays_of_any_make(make, law):
-    """All the contacts of a batch at once, with the bits of the batch."""
+def test_the_formulas_accept_arrays_of_other_libraries(make, law):
+    """All contacts of a batch at once, bit for bit as the batch answers."""
     with np.errstate(all="ignore"):
         answer = impact(*collision_of_arrays(make), law)
         impulse = [np.asarray(x) for x in answer.changes.impulse]
@@ -562,7 +562,9 @@ def test_the_formulas_take_arrays_of_any_make(make, law):
 @pytest.mark.parametrize("law", [Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
 @pytest.mark.parametrize("e", [0.0, 1e-100, 1e-20, 1e-16, 0.5, 1.0])
 def test_slip_that_stops_as_compression_ends(law, e):
-    """Balls whose slip a stick takes 3.5 mu of the approach to stop: all numbers but moments are dyadic."""
+    """Friction stops the slip of these balls after 3.5 mu of the approach. All numbers except the moments are
+    dyadic.
+    """
     slips = np.array(
         [(mu, 3.5 * mu * speed, speed) for mu in (0.125, 0.25, 0.5, 1.0) for speed in (0.5, 1, 3)]
     )
@@ -577,7 +579,7 @@ def test_slip_that_stops_as_compression_ends(law, e):
     contacts[contact_row.restitution], contacts[contact_row.friction] = e, mu
     result = resolve_batch(bodies, contacts, ImpactModel(law))
     assert (result.status == StatusCode.OK).all()
-    # A ball: u_n+ = -e u_n, and slip has used up all that friction can give.
+    # u_n+ = -e u_n, and all the friction has gone into stopping the slip.
     expected = np.array([-mu * speed, 0 * speed, (1 + e) * speed])
     np.testing.assert_allclose(result.impulse, expected, rtol=1e-12, atol=1e-14)
 
@@ -587,7 +589,7 @@ def test_slip_that_stops_as_compression_ends(law, e):
 
 @pytest.mark.parametrize("model", [{}, {"tolerance": 1e-10}, {"precision": Precision.EXTENDED}])
 @every_kind
-def test_every_level_of_the_machine_gives_the_same_bits(geometry, oriented, law, model):
+def test_every_vector_width_gives_the_same_bits(geometry, oriented, law, model):
     bodies, contacts = shared_batch(geometry, oriented=oriented)
     model = ImpactModel(law, **model)
     usual = ~has_tiny_numbers(bodies)
@@ -623,7 +625,7 @@ def sound_tables(geometry: Geometry, dtype: type) -> tuple[np.ndarray, np.ndarra
 @pytest.mark.parametrize("geometry", [Geometry.POINT, Geometry.SPATIAL], ids=lambda geometry: geometry.name)
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_units_do_not_matter(dtype, geometry, law):
-    """Dust and planets: what leaves the range on the way is answered all the same."""
+    """From dust to planets: intermediate overflow and underflow must not change the answer."""
     bodies, contacts = sound_tables(geometry, dtype)
     body_row, contact_row, model = body_rows(geometry), contact_rows(geometry), ImpactModel(law)
     expected = resolve_batch(bodies, contacts, model, report=True)
@@ -631,7 +633,7 @@ def test_units_do_not_matter(dtype, geometry, law):
     assert law is Law.FRICTIONLESS or expected.regime[0] != expected.regime[1]
     reach = 60 if dtype is np.float32 else 500
     for mass, speed, length in product((-reach, -reach // 3, 0, reach // 2, reach), repeat=3):
-        if abs(mass + 2 * speed) > 1.9 * reach:  # energies beyond the range themselves
+        if abs(mass + 2 * speed) > 1.9 * reach:  # the energies themselves would be out of range
             continue
         scaled, touching = bodies.copy(), contacts.copy()
         scaled[body_row.mass] = np.ldexp(bodies[body_row.mass], mass)
@@ -641,7 +643,7 @@ def test_units_do_not_matter(dtype, geometry, law):
         result = resolve_batch(scaled, touching, model, report=True)
         np.testing.assert_array_equal(result.status, expected.status)
         np.testing.assert_array_equal(result.regime, expected.regime)
-        # Those of float64 that leave the range may come by EXTENDED, and are right to the last digit.
+        # Columns of float64 that overflow are computed in EXTENDED, right to the last digit.
         near = {"rtol": 0.0 if dtype is np.float32 else 2.0**-50, "atol": 0.0}
         np.testing.assert_allclose(result.velocity, np.ldexp(expected.velocity, speed), **near)
         np.testing.assert_allclose(result.impulse, np.ldexp(expected.impulse, mass + speed), **near)
@@ -649,8 +651,8 @@ def test_units_do_not_matter(dtype, geometry, law):
 
 @pytest.mark.parametrize("friction", [1e-30, 0.25, 1e30])
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU], ids=lambda law: law.name)
-def test_slip_and_approach_may_be_far_apart(law, friction):
-    """Squares of float32 leave the range at 2^64: the same numbers in float64 do not."""
+def test_slip_and_approach_may_differ_by_many_magnitudes(law, friction):
+    """Squares of float32 overflow at 2^64; the same numbers in float64 do not."""
     body_row, contact_row, powers = (
         body_rows(Geometry.POINT),
         contact_rows(Geometry.POINT),
@@ -667,7 +669,7 @@ def test_slip_and_approach_may_be_far_apart(law, friction):
     found = resolve_batch(bodies.astype(np.float32), contacts, ImpactModel(law))
     np.testing.assert_array_equal(found.status, right.status)
     assert (right.status == StatusCode.OK).all()
-    # A component may be what two others leave, of which the larger has been rounded.
+    # A component may be the difference of two larger ones that were rounded.
     size = abs(right.velocity).max(axis=0)
     assert (abs(found.velocity - right.velocity) <= 2.0**-20 * size).all()
 
@@ -682,8 +684,8 @@ def test_slip_and_approach_may_be_far_apart(law, friction):
         (np.float64, 1e-160, 1e-165, 1.0),
     ],
 )
-def test_no_impulse_gets_lost(law, dtype, mass, speed, length):
-    """Sound numbers, of which a product is below all numbers: the ball bounces with half its speed."""
+def test_no_impulse_is_lost_to_underflow(law, dtype, mass, speed, length):
+    """Products of these sound numbers underflow: the ball must still bounce with half its speed."""
     body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
     bodies, contacts = np.zeros((body_row.height, 2, 9), dtype), np.zeros((contact_row.height, 9), dtype)
     bodies[body_row.mass] = [[mass], [np.inf]]

@@ -1,4 +1,4 @@
-"""Batches over one table of bodies: what pairs mean, independent sets, the way back; regimes and energies."""
+"""Batches over one table of bodies: pairs, reports, independent sets and writing velocities back."""
 
 from __future__ import annotations
 
@@ -37,24 +37,24 @@ KINDS = [
     (Geometry.SPATIAL, False),
     (Geometry.SPATIAL, True),
 ]
-OWN = np.arange(2 * N).reshape(2, N)
-"""The pairs of the shared batch, as columns of its table."""
+SHARED_PAIRS = np.arange(2 * N).reshape(2, N)
+"""The pairs of the shared batch: columns of its body table."""
 MODELS = [ImpactModel(), ImpactModel(tolerance=1e-14), ImpactModel(precision=Precision.EXTENDED)]
 REPORT = BatchResult._fields[BatchResult._fields.index("regime") :]
 
 body_row, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
 
 
-def table_of(bodies: np.ndarray) -> np.ndarray:
-    """Every body of a batch once: those of all body_a, then those of all body_b."""
+def body_table(bodies: np.ndarray) -> np.ndarray:
+    """Every body of a batch as one column: those of all body_a first, then those of all body_b."""
     return bodies.reshape(len(bodies), -1)
 
 
-def crowd(seed: int = 0, contacts: int = 1000, bodies: int = 60) -> tuple[np.ndarray, ...]:
-    """Bodies that have many contacts each, some of them immovable; and pairs with every fault."""
+def crowded_table(seed: int = 0, contacts: int = 1000, bodies: int = 60) -> tuple[np.ndarray, ...]:
+    """Bodies with many contacts each, some immovable; three pairs name no body, and column 5 has a NaN."""
     random = np.random.default_rng(seed)
     shared, touches = shared_batch(Geometry.SPATIAL)
-    table = table_of(shared[..., 10:FIRST_FAULTY])[:, :bodies].copy()
+    table = body_table(shared[..., 10:FIRST_FAULTY])[:, :bodies].copy()
     table[body_row.mass, :3], table[body_row.inertia, :3] = math.inf, 0.0
     table[body_row.velocity, 5] = math.nan
     pairs = random.integers(bodies, size=(2, contacts))
@@ -67,19 +67,21 @@ def crowd(seed: int = 0, contacts: int = 1000, bodies: int = 60) -> tuple[np.nda
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize(("geometry", "oriented"), KINDS)
-def test_the_answers_are_those_of_bodies_side_by_side(geometry, oriented, model):
+def test_pairs_give_the_answers_of_bodies_side_by_side(geometry, oriented, model):
     bodies, contacts = shared_batch(geometry, oriented=oriented)
-    by_pairs = resolve_batch(table_of(bodies), contacts, model, pairs=OWN, report=True)
+    by_pairs = resolve_batch(body_table(bodies), contacts, model, pairs=SHARED_PAIRS, report=True)
     assert_same(by_pairs, resolve_batch(bodies, contacts, model, report=True))
 
 
 @pytest.mark.parametrize("law", LAWS_WITH_ORACLE)
-def test_bodies_in_many_contacts_are_answered_each_time_for_themselves(law):
-    table, pairs, contacts = crowd()
+def test_each_contact_of_a_body_is_answered_independently(law):
+    table, pairs, contacts = crowded_table()
     result = resolve_batch(table, contacts, ImpactModel(law), pairs=pairs, report=True)
     known = ((pairs >= 0) & (pairs < table.shape[1])).all(axis=0)
     same = pairs[0] == pairs[1]
-    np.testing.assert_array_equal(result.status[same], StatusCode.SAME_BODY)  # of no body either
+    np.testing.assert_array_equal(
+        result.status[same], StatusCode.SAME_BODY
+    )  # also where the pair names no body
     np.testing.assert_array_equal(result.status[~known & ~same], StatusCode.UNKNOWN_BODY)
     assert [int(result.status[i]) for i in (7, 8, 9)] == [8, 8, 15]
     sound = known & ~same
@@ -91,16 +93,16 @@ def test_bodies_in_many_contacts_are_answered_each_time_for_themselves(law):
 
 @pytest.mark.parametrize("dtype", [np.int8, np.uint8, np.int32, np.uint32, np.int64, np.uint64, list])
 def test_pairs_of_any_integers(dtype):
-    table, pairs, contacts = crowd()
+    table, pairs, contacts = crowded_table()
     kept = ~((pairs < 0) | (pairs >= 60)).any(axis=0)
     pairs, contacts = pairs[:, kept], contacts[:, kept]
     given = pairs.tolist() if dtype is list else pairs.astype(dtype)
     assert_same(resolve_batch(table, contacts, pairs=given), resolve_batch(table, contacts, pairs=pairs))
 
 
-def test_a_pair_may_be_given_twice_and_turned_round():
-    """The other body first, the other normal: the same motion."""
-    table, _, contacts = crowd()
+def test_pairs_may_be_repeated_and_swapped():
+    """Swapped bodies with the opposite normal give the same motion."""
+    table, _, contacts = crowded_table()
     one = contacts[:, :1]
     turned = one.copy()
     turned[contact_row.normal] *= -1
@@ -111,14 +113,14 @@ def test_a_pair_may_be_given_twice_and_turned_round():
 
 
 @pytest.mark.parametrize("workers", [2, 3])
-def test_many_hands_give_the_same_bits(workers):
-    table, pairs, contacts = crowd(contacts=5000)
+def test_threads_give_the_same_bits(workers):
+    table, pairs, contacts = crowded_table(contacts=5000)
     shared = resolve_batch(table, contacts, pairs=pairs, workers=workers)
     assert_same(shared, resolve_batch(table, contacts, pairs=pairs))
 
 
 def test_float32():
-    table, pairs, contacts = crowd()
+    table, pairs, contacts = crowded_table()
     table, contacts = table.astype(np.float32), contacts.astype(np.float32)
     result = resolve_batch(table, contacts, pairs=pairs, report=True)
     assert {getattr(result, name).dtype for name in REPORT[1:]} == {np.dtype(np.float32)}
@@ -130,15 +132,15 @@ def test_float32():
 
 @pytest.mark.parametrize("model", MODELS)
 def test_no_contacts_and_no_bodies(model):
-    table, _, contacts = crowd()
+    table, _, contacts = crowded_table()
     none = resolve_batch(table, contacts[:, :0], model, pairs=np.empty((2, 0), int))
     assert none.velocity.shape == (3, 2, 0)
     lost = resolve_batch(table[:, :0], contacts[:, :3], model, pairs=[[0, 1, 2], [1, 0, 2]])
     assert lost.status.tolist() == [StatusCode.UNKNOWN_BODY, StatusCode.UNKNOWN_BODY, StatusCode.SAME_BODY]
 
 
-def test_arrays_with_gaps_give_the_same():
-    table, pairs, contacts = crowd()
+def test_strided_arrays_give_the_same():
+    table, pairs, contacts = crowded_table()
     expected = resolve_batch(table, contacts, pairs=pairs)
     spread = (np.repeat(array, 2, axis=1)[:, ::2] for array in (table, contacts, pairs))
     spread_table, spread_contacts, spread_pairs = spread
@@ -165,15 +167,15 @@ def test_arrays_with_gaps_give_the_same():
         ({"contacts": np.zeros(3)}, "contacts: must be of shape (rows, 3), is (3,)"),
     ],
 )
-def test_what_is_no_request_is_refused_by_name(change, message):
+def test_invalid_arrays_are_refused_by_name(change, message):
     request = {"bodies": np.zeros((16, 5)), "contacts": np.zeros((8, 3)), "pairs": np.zeros((2, 3), int)}
     with pytest.raises(ValueError) as refusal:
         resolve_batch(**(request | change))
     assert str(refusal.value).startswith(message)
 
 
-def test_the_input_may_not_be_written_to():
-    table, pairs, contacts = crowd(contacts=24)
+def test_out_may_not_overlap_the_input():
+    table, pairs, contacts = crowded_table(contacts=24)
     out = resolve_batch(table, contacts, pairs=pairs)
     of_pairs = pairs.view(np.float64).reshape(-1)[:24]
     for overlapping in ({"impulse": contacts[:3]}, {"velocity": table.reshape(-1)[:144].reshape(3, 2, 24)}):
@@ -192,7 +194,7 @@ def test_the_input_may_not_be_written_to():
 
 @pytest.mark.parametrize("make", [array_api_strict.asarray])
 def test_arrays_of_other_libraries(make):
-    table, pairs, contacts = crowd()
+    table, pairs, contacts = crowded_table()
     result = resolve_batch(make(table), make(contacts), pairs=make(pairs), report=True)
     assert type(result.regime) is type(make(table))
     here = BatchResult(*(None if array is None else np.from_dlpack(array) for array in result))
@@ -201,7 +203,7 @@ def test_arrays_of_other_libraries(make):
 
 @pytest.mark.parametrize("cut", [True, False])
 def test_dask_cuts_contacts_and_keeps_the_table_whole(cut):
-    table, pairs, contacts = crowd()
+    table, pairs, contacts = crowded_table()
     lazy_pairs = da.from_array(pairs, chunks=(1, 77)) if cut else pairs
     lazy = resolve_batch(
         da.from_array(table, chunks=(5, 7)),
@@ -215,8 +217,8 @@ def test_dask_cuts_contacts_and_keeps_the_table_whole(cut):
 
 
 @pytest.mark.parametrize("lazy", [{"table"}, {"contacts"}, {"pairs"}, {"table", "pairs"}])
-def test_with_pairs_too_one_lazy_array_is_enough(lazy):
-    table, pairs, contacts = crowd()
+def test_with_pairs_too_one_dask_array_makes_the_results_dask_arrays(lazy):
+    table, pairs, contacts = crowded_table()
     given = {"table": table, "contacts": contacts, "pairs": pairs}
     chunks = {"table": (5, 7), "contacts": (3, 300), "pairs": (1, 77)}
     bodies, touches, who = (
@@ -234,7 +236,7 @@ def test_with_pairs_too_one_lazy_array_is_enough(lazy):
 
 
 @pytest.mark.parametrize(("kind", "law"), list(product(KINDS, LAWS_WITH_ORACLE)))
-def test_regimes_and_energies_are_those_of_one_impact(kind, law):
+def test_regimes_and_energies_equal_those_of_resolve(kind, law):
     geometry, oriented = kind
     bodies, contacts = shared_batch(geometry, oriented=oriented)
     result = resolve_batch(bodies, contacts, ImpactModel(law), report=True)
@@ -261,14 +263,14 @@ def test_a_report_changes_nothing_else(law, model):
     without = resolve_batch(bodies, contacts, ImpactModel(law, **model))
     assert all(getattr(without, name) is None for name in REPORT)
     assert_same(with_report._replace(**dict.fromkeys(REPORT)), without)
-    for count in (1, 2, 3, 5):  # vectors have ends
+    for count in (1, 2, 3, 5):  # partly filled SIMD vectors
         part = resolve_batch(bodies[..., :count], contacts[:, :count], ImpactModel(law, **model), report=True)
         assert_same(part, columns(with_report, slice(count)))
 
 
 @pytest.mark.parametrize("law", LAWS_WITH_ORACLE)
 def test_energy_is_accounted_for(law):
-    """What is lost is what restitution and friction took, beside walls at rest."""
+    """The energy change is what restitution and friction took, where no immovable body does work."""
     bodies, contacts = (array[..., :FIRST_FAULTY] for array in shared_batch(Geometry.SPATIAL))
     result = resolve_batch(bodies, contacts, ImpactModel(law), report=True)
     movable = np.isfinite(bodies[body_row.mass]).all(axis=(0, 1))
@@ -280,7 +282,7 @@ def test_energy_is_accounted_for(law):
     assert set(result.regime) >= {Regime.SEPARATING, Regime.SLIDING}
 
 
-def test_out_says_whether_a_report_is_written():
+def test_out_decides_whether_a_report_is_written():
     bodies, contacts = shared_batch(Geometry.SPATIAL)
     expected = resolve_batch(bodies, contacts, report=True)
     out = resolve_batch(bodies[..., ::-1], contacts[..., ::-1], report=True)
@@ -297,8 +299,8 @@ def test_out_says_whether_a_report_is_written():
         resolve_batch(bodies, contacts, out=expected._replace(regime=None, kinetic_energy_before=None))
 
 
-def test_the_report_of_what_leaves_the_range_on_the_way():
-    """Contacts that are answered one by one, too."""
+def test_a_report_after_intermediate_overflow():
+    """Such contacts are answered one by one."""
     bodies, contacts = (array[..., 7:9].copy() for array in shared_batch(Geometry.SPATIAL))
     contacts[contact_row.normal, 0] *= 1e-200
     result = resolve_batch(bodies, contacts, ImpactModel(Law.COULOMB), report=True)
@@ -309,8 +311,8 @@ def test_the_report_of_what_leaves_the_range_on_the_way():
 # independent sets
 
 
-def by_the_definition(pairs: np.ndarray, movable: np.ndarray) -> list[list[int]]:
-    """Contact by contact."""
+def sets_by_definition(pairs: np.ndarray, movable: np.ndarray) -> list[list[int]]:
+    """Put each contact into the first set after every set with a contact of one of its movable bodies."""
     sets: list[list[int]] = []
     for i, pair in enumerate(pairs.T.tolist()):
         own = {body for body in pair if movable[body]}
@@ -323,20 +325,20 @@ def by_the_definition(pairs: np.ndarray, movable: np.ndarray) -> list[list[int]]
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_sets_are_what_they_say(seed):
+def test_sets_are_independent_and_keep_the_order(seed):
     random = np.random.default_rng(seed)
     count = int(random.integers(1, 12))
     pairs = random.integers(count, size=(2, int(random.integers(1, 60))))
     movable = random.random(count) < random.choice([0.0, 0.5, 1.0])
     found = independent_sets(pairs, movable)
-    assert [one.tolist() for one in found] == by_the_definition(pairs, movable)
+    assert [one.tolist() for one in found] == sets_by_definition(pairs, movable)
     for one in found:
         bodies = pairs[:, one]
         in_two = [body for body in range(count) if movable[body] and (bodies == body).any(axis=0).sum() > 1]
         assert not in_two
     assert sorted(np.concatenate(found).tolist()) == list(range(pairs.shape[1]))
     everything = independent_sets(pairs)
-    assert [one.tolist() for one in everything] == by_the_definition(pairs, np.ones(count, bool))
+    assert [one.tolist() for one in everything] == sets_by_definition(pairs, np.ones(count, bool))
 
 
 def test_sets_of_structured_pairs():
@@ -370,14 +372,14 @@ FAR_APART = [
 
 @pytest.mark.parametrize("column", FAR_APART)
 @pytest.mark.parametrize("seed", range(5))
-def test_sets_do_not_depend_on_what_the_columns_are(column, seed):
-    """They take memory for the bodies that occur, and for no others: of 2^57 columns there is none."""
+def test_sets_do_not_depend_on_the_body_numbers(column, seed):
+    """Memory is used for the bodies that occur only: 2^57 columns would not fit."""
     random = np.random.default_rng(seed)
     pairs = random.integers(0, 60, (2, 200))
     far = np.vectorize(column, otypes=[np.int64])(pairs)
     found = [one.tolist() for one in independent_sets(far)]
     assert found == [one.tolist() for one in independent_sets(pairs)]
-    assert found == by_the_definition(pairs, np.ones(60, bool))
+    assert found == sets_by_definition(pairs, np.ones(60, bool))
 
 
 @pytest.mark.parametrize(
@@ -405,7 +407,7 @@ def test_sets_do_not_depend_on_what_the_columns_are(column, seed):
         ([[0], [1]], [[True, True]], "movable: must be bool of shape (B,), is bool of (1, 2)"),
     ],
 )
-def test_sets_of_what_is_none_are_refused(pairs, movable, message):
+def test_sets_of_invalid_pairs_are_refused(pairs, movable, message):
     with pytest.raises(ValueError) as refusal:
         independent_sets(pairs, movable)
     assert str(refusal.value) == message
@@ -414,10 +416,10 @@ def test_sets_of_what_is_none_are_refused(pairs, movable, message):
 # the way back
 
 
-def one_after_another(
+def resolve_one_after_another(
     table: np.ndarray, pairs: np.ndarray, contacts: np.ndarray, model: ImpactModel
 ) -> np.ndarray:
-    """What a simulator does: each contact by ``resolve``, on what those before it left."""
+    """Resolve each contact with the velocities that the contacts before it left, as a simulator does."""
     table = table.copy()
     for i, pair in enumerate(pairs.T.tolist()):
         try:
@@ -435,12 +437,12 @@ def one_after_another(
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.ROUTH_STRONGE])
-def test_a_step_by_sets_is_the_step_by_contacts(law):
-    table, pairs, contacts = crowd(contacts=300)
+def test_a_step_by_sets_equals_a_step_contact_by_contact(law):
+    table, pairs, contacts = crowded_table(contacts=300)
     known = ((pairs >= 0) & (pairs < table.shape[1])).all(axis=0) & (pairs[0] != pairs[1])
     pairs, contacts = pairs[:, known], contacts[:, known]
     model = ImpactModel(law, precision=Precision.DOUBLE)
-    expected = one_after_another(table, pairs, contacts, model)
+    expected = resolve_one_after_another(table, pairs, contacts, model)
     for group in independent_sets(pairs, np.isfinite(table[0])):
         own = pairs[:, group]
         scatter_velocities(table, own, resolve_batch(table, contacts[:, group], model, pairs=own))
@@ -448,7 +450,7 @@ def test_a_step_by_sets_is_the_step_by_contacts(law):
 
 
 def test_bodies_without_an_answer_keep_their_velocity():
-    table, _, contacts = crowd()
+    table, _, contacts = crowded_table()
     before = table.copy()
     pairs = np.array([[10, 5, 20, 30], [11, 21, 99, 30]])
     result = resolve_batch(table, contacts[:, :4], pairs=pairs)
@@ -466,27 +468,27 @@ def test_bodies_without_an_answer_keep_their_velocity():
     "make_result", [np.asarray, array_api_strict.asarray, lambda array: da.from_array(array, chunks=-1)]
 )
 @pytest.mark.parametrize(("geometry", "oriented"), KINDS)
-def test_tables_of_every_library_get_the_velocities(geometry, oriented, make, make_result):
-    """The same bits: of sound contacts, and of all, some of them without an answer."""
+def test_tables_of_every_array_library_get_the_velocities(geometry, oriented, make, make_result):
+    """Bit for bit, with sound contacts only and with contacts that have no answer."""
     bodies, contacts = shared_batch(geometry, oriented=oriented)
     for count in (FIRST_FAULTY, N):
-        own = OWN[:, :count]
-        expected, table = table_of(bodies), make(table_of(bodies).copy())
-        result = resolve_batch(table_of(bodies), contacts[:, :count], pairs=own)
+        own = SHARED_PAIRS[:, :count]
+        expected, table = body_table(bodies), make(body_table(bodies).copy())
+        result = resolve_batch(body_table(bodies), contacts[:, :count], pairs=own)
         expected = expected.copy()
         scatter_velocities(expected, own, result)
         theirs = BatchResult(*(None if array is None else make_result(array) for array in result))
         scatter_velocities(table, make(own), theirs)
         np.testing.assert_array_equal(np.asarray(np.from_dlpack(table)), expected)
-        assert not np.array_equal(expected, table_of(bodies), equal_nan=True)
+        assert not np.array_equal(expected, body_table(bodies), equal_nan=True)
 
 
 @pytest.mark.parametrize("make", [da.asarray, np.ndarray.tolist, tuple])
-def test_tables_that_cannot_be_changed_are_refused(make):
+def test_read_only_tables_are_refused(make):
     bodies, contacts = shared_batch(Geometry.POINT)
-    result = resolve_batch(table_of(bodies), contacts, pairs=OWN)
+    result = resolve_batch(body_table(bodies), contacts, pairs=SHARED_PAIRS)
     with pytest.raises(ValueError, match=r"^bodies: must be an array that can be changed, is "):
-        scatter_velocities(make(table_of(bodies)), OWN, result)
+        scatter_velocities(make(body_table(bodies)), SHARED_PAIRS, result)
 
 
 @pytest.mark.parametrize(
@@ -502,7 +504,7 @@ def test_tables_that_cannot_be_changed_are_refused(make):
     ],
     ids=["beyond", "negative", "fewer", "one row", "integers", "none", "a tuple"],
 )
-def test_velocities_go_where_they_belong_or_nowhere(change, field):
+def test_invalid_arguments_change_no_table(change, field):
     table = np.ones((body_rows(Geometry.POINT).height, 4))
     contacts = np.ones((contact_rows(Geometry.POINT).height, 2))
     pairs = np.array([[0, 2], [1, 3]])
@@ -514,8 +516,8 @@ def test_velocities_go_where_they_belong_or_nowhere(change, field):
     np.testing.assert_array_equal(asked[0], before)
 
 
-def test_a_cradle_passes_its_momentum_on_exactly():
-    """Equal balls at e = 1, one after another: the last one flies off, to the bit."""
+def test_a_cradle_passes_on_its_momentum_exactly():
+    """Equal balls at e = 1, one contact after another: the last ball leaves with the speed of the first."""
     body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
     n = 40
     bodies, contacts = np.zeros((body_row.height, n)), np.zeros((contact_row.height, n - 1))
@@ -529,7 +531,7 @@ def test_a_cradle_passes_its_momentum_on_exactly():
     assert [Fraction(v) for v in bodies[body_row.velocity][0].tolist()] == [0] * (n - 1) + [3]
 
 
-def test_the_docstring_is_right():
+def test_the_docstring_examples_run():
     assert doctest.testmod(collision_response.batch.pairs).failed == 0
 
 
@@ -547,7 +549,7 @@ def test_the_example_of_a_step_keeps_momentum_and_gains_no_energy():
     assert lost > 0.05 * energies[0]
 
 
-def test_pairs_may_lie_anywhere_in_memory():
+def test_pairs_may_be_unaligned():
     pairs = np.array([[0, 1], [1, 2]])
     odd = np.frombuffer(bytearray(pairs.nbytes + 1), np.uint8)[1:].view(np.int64).reshape(pairs.shape)
     odd[...] = pairs

@@ -1,4 +1,4 @@
-"""Many scenes from tables: the bits of ``resolve_scene`` for each cluster, and nothing of one in another."""
+"""Many scenes from tables: each cluster gets the bits of ``resolve_scene``, unaffected by the others."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ENERGIES = ScenesResult._fields[-4:]
 
 
 def tables(scenes: list[Scene], *, floor: Body | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """All scenes side by side; a common immovable body comes last."""
+    """All scenes in one table of bodies and one of contacts; a common immovable body comes last."""
     bodies = [body for scene in scenes for body in scene.bodies] + ([] if floor is None else [floor])
     contacts = [contact for scene in scenes for contact in scene.contacts]
     starts = np.cumsum([0, *(len(scene.bodies) for scene in scenes)])
@@ -53,7 +53,7 @@ def tables(scenes: list[Scene], *, floor: Body | None = None) -> tuple[np.ndarra
 
 
 def clusters_of(scene: Scene) -> list[list[int]]:
-    """By the definition: contacts that share a movable body, through others too."""
+    """Clusters by definition: contacts that share a movable body, also through other contacts."""
     left, found = list(range(len(scene.contacts))), []
     while left:
         own = [left.pop(0)]
@@ -66,22 +66,22 @@ def clusters_of(scene: Scene) -> list[list[int]]:
     return found
 
 
-def part(scene: Scene, own: list[int]) -> tuple[Scene, list[int]]:
-    """A cluster by itself, and which bodies it has."""
+def cluster_scene(scene: Scene, own: list[int]) -> tuple[Scene, list[int]]:
+    """A cluster as a scene of its own, and the indices of its bodies."""
     places = list(dict.fromkeys(b for i in own for b in scene.pairs[i]))
     pairs = [tuple(places.index(b) for b in scene.pairs[i]) for i in own]
     return Scene([scene.bodies[b] for b in places], pairs, [scene.contacts[i] for i in own]), places
 
 
 def assert_same_as_single_scenes(scenes: list[Scene], model: ImpactModel, result: ScenesResult) -> list[int]:
-    """The codes of all clusters."""
+    """Compare every cluster with ``resolve_scene``; return the status codes of all clusters."""
     codes, first_body, first_contact = [], 0, 0
     for scene in scenes:
         for own in clusters_of(scene):
             cluster = len(codes)
             contacts = [first_contact + i for i in own]
             assert set(result.cluster[contacts]) == {cluster}
-            alone, places = part(scene, own)
+            alone, places = cluster_scene(scene, own)
             moved = [(k, first_body + b) for k, b in enumerate(places) if scene.bodies[b].is_movable()]
             try:
                 answer = resolve_scene(*alone, model)
@@ -110,12 +110,12 @@ def assert_same_as_single_scenes(scenes: list[Scene], model: ImpactModel, result
     return codes
 
 
-def plain(scene: Scene) -> Scene:
-    """Tables have no centre of mass beside the reference point."""
+def without_com_offset(scene: Scene) -> Scene:
+    """Tables have no centre of mass apart from the reference point."""
     return scene._replace(bodies=[body._replace(com=ZERO) for body in scene.bodies])
 
 
-RANDOM = [plain(random_scene(seed)) for seed in range(120)]
+RANDOM = [without_com_offset(random_scene(seed)) for seed in range(120)]
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ RANDOM = [plain(random_scene(seed)) for seed in range(120)]
         ImpactModel(Law.MOREAU),
     ],
 )
-def test_random_scenes_are_answered_as_each_by_itself(model):
+def test_random_scenes_equal_resolve_scene(model):
     codes = assert_same_as_single_scenes(
         RANDOM, model, resolve_scenes(*tables(RANDOM)[:2], model, pairs=tables(RANDOM)[2])
     )
@@ -136,8 +136,8 @@ def test_random_scenes_are_answered_as_each_by_itself(model):
     assert {StatusCode.OK, StatusCode.SEPARATING} <= set(codes)
 
 
-def grazing(e: float, mu: float) -> list[Scene]:
-    """A ball moves ever more along the floor: of its approach less and less is known."""
+def grazing_spheres(e: float, mu: float) -> list[Scene]:
+    """A sphere that moves more and more along the floor, so that its approach loses more and more digits."""
     return [
         Scene(
             [Body.sphere(1.0, 0.5, velocity=(1.0, 1 / 3, -1 / 3)), Body.static()],
@@ -150,8 +150,8 @@ def grazing(e: float, mu: float) -> list[Scene]:
 
 @pytest.mark.parametrize("law", [Law.AUTO, Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 @pytest.mark.parametrize("tolerance", [0.0, 0.5, 1e-9, 1e-15])
-def test_clusters_of_one_contact_take_as_many_digits_as_each_by_itself(law, tolerance):
-    scenes = grazing(0.5, 0.3)
+def test_single_contacts_use_the_precision_that_resolve_uses(law, tolerance):
+    scenes = grazing_spheres(0.5, 0.3)
     model = ImpactModel(law, Geometry.SPATIAL, tolerance=tolerance)
     answer = resolved(scenes, model)
     assert set(assert_same_as_single_scenes(scenes, model, answer)) == {StatusCode.OK}
@@ -167,7 +167,7 @@ def resolved(scenes: list[Scene], model: ImpactModel, **options: Any) -> ScenesR
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
 def test_structured_scenes(law):
-    """Doubled contacts, chains, a ball between walls, walls that contradict, single contacts."""
+    """Repeated contacts, chains, a ball between walls, contradictory walls, single contacts."""
     wall = Body.kinematic((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     ball = Body.dynamic(1.0)
     left, right = (
@@ -195,21 +195,21 @@ def test_structured_scenes(law):
     assert codes.count(StatusCode.OK) >= 5
 
 
-def test_the_laws_that_are_refused_for_clusters_are_refused_for_each():
+def test_laws_for_single_contacts_are_refused_cluster_by_cluster():
     scenes = [box(), row_of_balls([1.0, -1.0], number=float)]
     assert resolved(scenes, ImpactModel(Law.ROUTH_POISSON)).status.tolist() == [10, 1]
     assert resolved(scenes, ImpactModel(Law.COULOMB, tangential_restitution=0.5)).status.tolist() == [10, 1]
 
 
 @pytest.mark.parametrize("workers", [2, 3])
-def test_many_hands_give_the_same_bits(workers):
+def test_threads_give_the_same_bits(workers):
     alone, shared = (resolved(RANDOM * 3, ImpactModel(Law.COULOMB), workers=n) for n in (1, workers))
     for name, one, other in zip(ScenesResult._fields, alone, shared, strict=True):
         np.testing.assert_array_equal(one, other, err_msg=name)
 
 
-def test_boxes_on_one_floor_come_out_right():
-    """Flat boxes: (0, 0, e), no spin, every corner the same quarter of the impulse."""
+def test_boxes_on_one_floor():
+    """Flat boxes leave with (0, 0, e) without spin; each corner takes a quarter of the impulse."""
     es = np.linspace(0, 1, 11)
     scenes = [
         Scene([scene.bodies[0]], scene.pairs, scene.contacts) for scene in (box(e=float(e)) for e in es)
@@ -225,7 +225,7 @@ def test_boxes_on_one_floor_come_out_right():
     np.testing.assert_allclose(answer.energy_lost_restitution, (1 - es**2) / 2, atol=1e-15)
 
 
-def test_cradles_are_those_of_exact_arithmetic():
+def test_cradles_agree_with_fractions():
     speeds = [(1, 0, 0), (1, 0, 0, 0, 0), (1, 1, 1, 0, 0), (3, -2, 1, -1), (1, 0)]
     answer = resolved(
         [row_of_balls(list(map(float, v)), e=0.5, number=float) for v in speeds],
@@ -237,7 +237,7 @@ def test_cradles_are_those_of_exact_arithmetic():
 
 
 @pytest.mark.parametrize("geometry", [Geometry.POINT, Geometry.PLANAR])
-def test_tables_of_less_geometry(geometry):
+def test_point_and_planar_tables(geometry):
     body_row, contact_row = body_rows(geometry), contact_rows(geometry)
     bodies, contacts = np.zeros((body_row.height, 4)), np.zeros((contact_row.height, 3))
     bodies[body_row.mass], contacts[contact_row.restitution] = 1.0, 1.0
@@ -252,13 +252,13 @@ def test_tables_of_less_geometry(geometry):
     )
 
 
-def test_a_fault_spoils_its_cluster_alone():
+def test_a_fault_affects_its_cluster_only():
     scenes = [box(e=0.5), box(e=0.5), box(e=0.5), row_of_balls([1.0, -1.0], number=float), box(e=0.5)]
     bodies, contacts, pairs = tables(scenes)
     contacts[contact_row.restitution, 5], bodies[body_row.velocity, 4] = 1.5, math.nan
     pairs = np.hstack(
         [pairs, [[0, -1, 6, 3, 1], [99, 6, 6, 1, 3]]]
-    )  # no body, one body twice, two immovable ones
+    )  # unknown bodies, one body twice, two immovable bodies
     contacts = np.hstack([contacts, contacts[:, :5]])
     answer = resolve_scenes(bodies, contacts, pairs=pairs)
     code = StatusCode
@@ -299,12 +299,12 @@ def test_no_contacts_and_no_bodies():
         ({"model": ImpactModel(geometry=Geometry.PLANAR)}, "model.geometry: must be "),
     ],
 )
-def test_what_is_no_request_is_refused_by_name(change, message):
+def test_invalid_arguments_are_refused_by_name(change, message):
     bodies, contacts, pairs = tables([box()])
     with pytest.raises(ValueError) as refusal:
         resolve_scenes(**({"bodies": bodies, "contacts": contacts, "pairs": pairs} | change))
     assert str(refusal.value).startswith(message)
 
 
-def test_the_docstring_is_right():
+def test_the_docstring_examples_run():
     assert doctest.testmod(sys.modules["collision_response.batch.resolve_scenes"]).failed == 0

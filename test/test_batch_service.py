@@ -1,4 +1,4 @@
-"""The service for batches, called over DDS: the answers of ``resolve_batch``, and what it adds to them."""
+"""The batch service over DDS: the answers of ``resolve_batch``, and what the service adds to them."""
 
 from __future__ import annotations
 
@@ -31,19 +31,21 @@ from collision_response.srv import ResolveCollision
 nan, inf = math.nan, math.inf
 LAWS = [law for law in Law if law]
 PAIRS = np.arange(2 * N).reshape(2, N)
-"""Of the shared batch: body_a of each contact, then body_b."""
+"""The pairs of the shared batch: body_a of each contact, then body_b."""
 
 xyz = attrgetter("x", "y", "z")
 
 
 def packed(layout: int, model: ImpactModel, **options: Any) -> Request:
-    """The shared batch as a request."""
+    """Request the shared batch in this layout."""
     bodies, contacts = shared_batch(LAYOUTS[layout].geometry, oriented=LAYOUTS[layout].oriented)
     return pack(bodies.reshape(len(bodies), 2 * N), PAIRS, contacts, model, **options)
 
 
 def balls_in_a_row() -> Request:
-    """Point masses of 1, 2 and 3 kg on the x axis; the first runs into the second, the third stands."""
+    """Three point masses of 1, 2 and 3 kg on the x axis: the first runs into the second, the third is at
+    rest.
+    """
     body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
     bodies, contacts = np.zeros((body_row.height, 3)), np.zeros((contact_row.height, 2))
     bodies[body_row.mass] = [[1.0, 2.0, 3.0]]
@@ -56,7 +58,7 @@ def balls_in_a_row() -> Request:
 
 
 @pytest.mark.parametrize(("layout", "law"), list(product(LAYOUTS, LAWS)))
-def test_the_answers_are_those_of_resolve_batch(tried_node, layout, law):
+def test_answers_equal_resolve_batch(tried_node, layout, law):
     geometry, model = LAYOUTS[layout].geometry, ImpactModel(law)
     bodies, contacts = shared_batch(geometry, oriented=LAYOUTS[layout].oriented)
     response = tried_node.call(packed(layout, model))
@@ -79,7 +81,7 @@ def test_bounds_and_precisions_come_with_a_tolerance_or_extended(tried_node, mod
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_regimes_and_energies_come_when_they_are_asked_for(tried_node, law):
+def test_regimes_and_energies_come_on_request(tried_node, law):
     response = tried_node.call(packed(Request.SPATIAL, ImpactModel(law), report=True))
     assert_same(
         unpack(response), resolve_batch(*shared_batch(Geometry.SPATIAL), ImpactModel(law), report=True)
@@ -95,7 +97,7 @@ def test_regimes_and_energies_come_when_they_are_asked_for(tried_node, law):
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_the_answers_are_those_of_the_service_for_one(tried_node, law):
+def test_answers_equal_those_of_the_service_for_single_impacts(tried_node, law):
     result = unpack(tried_node.call(packed(Request.SPATIAL_ORIENTED, ImpactModel(law))))
     bodies, contacts = shared_batch(Geometry.SPATIAL, oriented=True)
     for i in range(20):
@@ -108,7 +110,7 @@ def test_the_answers_are_those_of_the_service_for_one(tried_node, law):
             assert tuple(result.angular_velocity[:, lane, i]) == xyz(twist.angular)
 
 
-def test_contacts_of_one_body_are_answered_each_for_itself(tried_node):
+def test_contacts_of_one_body_are_answered_independently(tried_node):
     request = balls_in_a_row()
     request.header.stamp.sec = 12
     response = tried_node.call(request)
@@ -155,7 +157,7 @@ def test_friction_decides_the_law(tried_node):
     assert tried_node.call(request).model.law == Law.FRICTIONLESS
 
 
-def test_the_parameters_of_the_node_count_but_for_geometry(graph):
+def test_the_node_parameters_apply_except_geometry(graph):
     graph.serve(law="frictionless", geometry="spatial", restitution_threshold=2.0)
     response = graph.call(balls_in_a_row())
     assert (response.model.law, response.model.geometry) == (Law.FRICTIONLESS, Geometry.POINT)
@@ -178,7 +180,7 @@ def test_a_batch_is_not_published(graph):
 # contacts that cannot be answered
 
 
-def test_a_bad_pair_spoils_itself_alone(tried_node):
+def test_an_invalid_pair_affects_no_other_contact(tried_node):
     good = unpack(tried_node.call(packed(Request.SPATIAL, ImpactModel())))
     request = packed(Request.SPATIAL, ImpactModel())
     bad = {0: (5, 5, "SAME_BODY"), 7: (2 * N, 1, "UNKNOWN_BODY"), 20: (1, 2**32 - 1, "UNKNOWN_BODY")}
@@ -266,12 +268,12 @@ def test_a_law_with_friction_needs_friction(tried_node, law):
     assert response.message == f"model.law: is {law.name}, but contacts has no row mu"
 
 
-def test_a_constructed_request_is_refused(tried_node):
+def test_a_default_constructed_request_is_refused(tried_node):
     assert tried_node.call(Request()).code == StatusCode.INVALID_TABLE
     assert not Response().success and Response().code == StatusCode.UNSET
 
 
-def test_another_frame_than_that_of_the_world_is_refused(graph):
+def test_a_frame_other_than_world_frame_is_refused(graph):
     graph.serve(world_frame="map")
     response = graph.call(balls_in_a_row())
     assert response.code == StatusCode.FRAME_MISMATCH
@@ -279,8 +281,8 @@ def test_another_frame_than_that_of_the_world_is_refused(graph):
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_a_body_can_be_said_not_to_give_way_without_an_infinity(tried_node, layout):
-    """JSON has none."""
+def test_immovable_bodies_can_be_listed_instead_of_having_infinite_mass(tried_node, layout):
+    """JSON has no infinity."""
     infinite = packed(layout, ImpactModel())
     rows, of = len(infinite.bodies) // (2 * N), LAYOUTS[layout].bodies
     walls = list(range(N, 2 * N))  # every body_b
@@ -291,7 +293,7 @@ def test_a_body_can_be_said_not_to_give_way_without_an_infinity(tried_node, layo
     assert_same(unpack(tried_node.call(finite)), unpack(tried_node.call(infinite)))
 
 
-def test_what_does_not_give_way_must_be_of_the_table(tried_node):
+def test_immovable_bodies_must_be_in_the_table(tried_node):
     request = balls_in_a_row()
     request.immovable = [0, 3]
     response = tried_node.call(request)
@@ -299,7 +301,7 @@ def test_what_does_not_give_way_must_be_of_the_table(tried_node):
     assert response.message == "immovable: must hold indices below 3, holds 3"
 
 
-def test_a_fault_of_the_package_is_answered_too(tried_node, monkeypatch):
+def test_an_internal_error_is_answered(tried_node, monkeypatch):
     def fail(*_: Any, **__: Any) -> None:
         raise RuntimeError("a bolt is loose")
 
@@ -316,7 +318,7 @@ def test_a_fault_of_the_package_is_answered_too(tried_node, monkeypatch):
 
 
 def top() -> BodyState:
-    """A body that is turned, spins, and has its centre of mass beside the origin of its frame."""
+    """A rotated, spinning body whose centre of mass is offset from the origin of its frame."""
     state = ball(0.5, -1.0, name="top")
     state.inertia.ixx, state.inertia.iyy, state.inertia.izz = 0.2, 0.3, 0.4
     state.inertia.com.x, state.inertia.com.y = 0.1, -0.2
@@ -333,8 +335,8 @@ def floor() -> BodyState:
     return state
 
 
-def hear(graph: Any, *states: BodyState) -> None:
-    """Publish states until the node has them; best effort may lose one."""
+def publish_until_received(graph: Any, *states: BodyState) -> None:
+    """Publish states until the node has them; best effort may lose some."""
     publisher = graph.user.create_publisher(BodyState, "body_states", 10)
     request = Request(layout=Request.SPATIAL_ORIENTED, names="\n".join(state.name for state in states))
 
@@ -365,14 +367,14 @@ def column(layout: int, state: BodyState) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def node_that_heard(tried_node):
+def node_with_states(tried_node):
     other = ball(name="other", frame="map")
     broken = ball(name="broken")
     broken.inertia.m = -1.5
     odd, far = ball(name="odd"), ball(1e308, name="far")
     odd.inertia.izz = 7.0
     far.inertia.com.x = 1e308
-    hear(tried_node, top(), floor(), ball(0.5, -1.0, name="ball"), other, broken, odd, far)
+    publish_until_received(tried_node, top(), floor(), ball(0.5, -1.0, name="ball"), other, broken, odd, far)
     return tried_node
 
 
@@ -384,13 +386,13 @@ def contacts_of(layout: int, n: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_bodies_by_name_follow_those_of_the_table(node_that_heard, layout):
+def test_bodies_by_name_follow_those_of_the_table(node_with_states, layout):
     turning = ball(0.5, -1.0, name="ball") if layout == Request.SPATIAL else top()
     table = np.array([column(layout, ball(-0.5, 3.0)), column(layout, ball(-0.4, 2.0))]).T
     contacts, pairs = contacts_of(layout, 3), np.array([[2, 2, 3], [0, 3, 1]])
 
     names = [turning.name, "floor"]
-    response = node_that_heard.call(pack(table, pairs, contacts, names=names, frame_id="world"))
+    response = node_with_states.call(pack(table, pairs, contacts, names=names, frame_id="world"))
 
     assert (response.success, response.message) == (True, "")
     in_full = np.column_stack([table, column(layout, turning), column(layout, floor())])
@@ -399,16 +401,16 @@ def test_bodies_by_name_follow_those_of_the_table(node_that_heard, layout):
     assert_same(result, resolve_batch(in_full[:, pairs], contacts))
 
 
-def test_only_bodies_by_name(node_that_heard):
+def test_only_bodies_by_name(node_with_states):
     table, contacts = np.empty((20, 0)), contacts_of(Request.SPATIAL_ORIENTED, 1)
     request = pack(table, [[0], [1]], contacts, names=["top", "floor"], frame_id="world")
-    result = unpack(node_that_heard.call(request))
+    result = unpack(node_with_states.call(request))
     one = ResolveCollision.Request(body_a=top(), body_b=floor())
     one.contact.header.frame_id = "world"
     one.contact.position.x = one.contact.position.y = one.contact.position.z = 0.25
     one.contact.normal.x, one.contact.normal.y, one.contact.normal.z = 1.0, 0.25, 0.25
     one.contact.restitution = one.contact.friction = 0.25
-    expected = node_that_heard.call(one).result
+    expected = node_with_states.call(one).result
     np.testing.assert_allclose(result.impulse[:, 0], xyz(expected.impulse), rtol=1e-13)
     np.testing.assert_allclose(result.angular_velocity[:, 0, 0], xyz(expected.twist_a.angular), rtol=1e-13)
 
@@ -425,12 +427,10 @@ def test_only_bodies_by_name(node_that_heard):
         ("top", Request.SPATIAL, StatusCode.INVALID_ORIENTATION, "names[1].pose.orientation: is (0.1,"),
     ],
 )
-def test_a_received_body_that_cannot_be_used_spoils_its_contacts_alone(
-    node_that_heard, name, layout, code, message
-):
+def test_an_unusable_received_body_affects_its_contacts_only(node_with_states, name, layout, code, message):
     contacts, table = contacts_of(layout, 3), column(layout, ball(-0.5, 3.0))[:, np.newaxis]
     request = pack(table, [[1, 2, 0], [0, 0, 2]], contacts, names=["ball", name], frame_id="world")
-    response = node_that_heard.call(request)
+    response = node_with_states.call(request)
     assert (response.success, response.code) == (True, StatusCode.OK)
     assert response.message.startswith(message)
     result = unpack(response)
@@ -438,10 +438,10 @@ def test_a_received_body_that_cannot_be_used_spoils_its_contacts_alone(
     assert np.isnan(result.velocity[..., 1:]).all() and np.isfinite(result.velocity[..., 0]).all()
 
 
-def test_several_that_cannot_be_used_are_counted(node_that_heard):
+def test_unusable_received_bodies_are_counted(node_with_states):
     request = Request(layout=Request.POINT, names="ghost\nball\nother")
     request.header.frame_id = "world"
-    message = node_that_heard.call(request).message
+    message = node_with_states.call(request).message
     assert message.startswith("names[0]: is 'ghost'")
     assert message.endswith("; 2 bodies in all cannot be used")
 
@@ -450,7 +450,7 @@ def test_a_stale_state_is_not_used(graph):
     graph.serve(max_state_age=1.0)
     state = ball(name="ball")
     state.header.stamp.sec = 1  # of 1970
-    hear(graph, state)
+    publish_until_received(graph, state)
     request = pack(
         column(Request.POINT, ball())[:, np.newaxis],
         [[0], [1]],
@@ -482,7 +482,7 @@ def test_a_stale_state_is_not_used(graph):
         ("pairs: must be columns of bodies, counted from 0; one is 0.5", {"pairs": [[0.5, 1], [1, 2]]}),
     ],
 )
-def test_what_is_no_request(message, changes):
+def test_pack_refuses_invalid_arrays(message, changes):
     with pytest.raises(ValueError) as raised:
         pack(
             **{"bodies": np.zeros((4, 3)), "pairs": [[0, 1], [1, 2]], "contacts": np.zeros((5, 2)), **changes}
@@ -490,7 +490,7 @@ def test_what_is_no_request(message, changes):
     assert str(raised.value) == message
 
 
-def test_arrays_of_any_order_and_type_are_packed():
+def test_pack_accepts_any_memory_layout_and_type():
     bodies = np.arange(12.0).reshape(3, 4).T
     request = pack(bodies.astype(np.float32), np.array([[0, 1], [1, 2]]).T.tolist(), np.ones((5, 2), int))
     assert request.bodies.tolist() == bodies.ravel().tolist()
@@ -498,5 +498,5 @@ def test_arrays_of_any_order_and_type_are_packed():
     assert request.contacts.tolist() == [1.0] * 10
 
 
-def test_the_example_runs():
+def test_the_docstring_examples_run():
     assert doctest.testmod(batch_client) == (0, 8)

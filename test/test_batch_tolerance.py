@@ -1,4 +1,4 @@
-"""Batches with error bounds: those of one impact at a time, and digits only where they are wanted."""
+"""Batches with error bounds: those of single impacts, with more digits only where they are needed."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ PATHS = (Law.ROUTH_POISSON, Law.ROUTH_STRONGE)
 GEOMETRIES = (Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL)
 ANSWERED = (StatusCode.OK, StatusCode.SEPARATING)
 DOUBLE = ImpactModel(precision=Precision.DOUBLE, tolerance=1e300)
-"""Bounds, and no more digits, whatever they say."""
+"""Report bounds, and never recompute with more digits."""
 
 
 def ill_conditioned(law: Law, wildness: float, count: int = 120):
-    """Scenes and their models, and the same as a batch."""
+    """Return random collisions and their models, and the same collisions as a batch."""
     impacts = RandomImpacts(seed=int(wildness), wildness=wildness)
     drawn = [impacts.request(law) for _ in range(count)]
     collisions = [
@@ -55,8 +55,8 @@ def ill_conditioned(law: Law, wildness: float, count: int = 120):
     return collisions, models, bodies, np.vstack([contacts, of_their_own])
 
 
-def errors(collisions, models, result, rows) -> list[float]:
-    """Of the impulses, relative to the exact ones."""
+def impulse_errors(collisions, models, result, rows) -> list[float]:
+    """The relative errors of the impulses of some columns."""
     found = []
     for i in rows:
         (impulse,) = exact_answer(*collisions[i], models[i]).impulses
@@ -65,7 +65,7 @@ def errors(collisions, models, result, rows) -> list[float]:
 
 
 def assert_same_to_the_bound(result, expected):
-    """Values, bounds, and the precisions of those that have an answer."""
+    """Check the values, the bounds, and the precisions of contacts with an answer."""
     assert_same_values(result, expected)
     np.testing.assert_array_equal(result.error_bound, expected.error_bound)
     answered = ~np.isnan(expected.error_bound)
@@ -74,8 +74,8 @@ def assert_same_to_the_bound(result, expected):
 
 @pytest.mark.parametrize("precision", [Precision.AUTO, Precision.DOUBLE, Precision.EXTENDED])
 @pytest.mark.parametrize(("geometry", "law"), [*product(GEOMETRIES, LAWS_WITH_ORACLE)])
-def test_every_row_is_that_of_one_impact(geometry, law, precision):
-    """With its bound, and the precision that it took."""
+def test_every_column_equals_resolve(geometry, law, precision):
+    """Including its bound and the precision that was used."""
     bodies, contacts = shared_batch(geometry)
     model = ImpactModel(law, precision=precision, tolerance=1e-13)
     result = resolve_batch(bodies, contacts, model)
@@ -86,8 +86,8 @@ def test_every_row_is_that_of_one_impact(geometry, law, precision):
 
 @pytest.mark.parametrize("masses", [(-200, 200), (200, -200), (-200, -200), (200, 200)])
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
-def test_what_other_units_answer_takes_no_more_digits_than_one_impact(law, masses):
-    """Masses of 1e-200 and 1e200 are beyond the kernels in these units, not beyond their digits."""
+def test_rescaling_is_preferred_to_more_digits(law, masses):
+    """Masses of 1e-200 and 1e200 overflow in the given units, not in others."""
     geometry, model = Geometry.SPATIAL, ImpactModel(law, tolerance=1e-9)
     bodies, contacts = shared_batch(geometry)
     bodies = bodies[..., :FIRST_FAULTY].copy()
@@ -103,8 +103,8 @@ def test_what_other_units_answer_takes_no_more_digits_than_one_impact(law, masse
 @pytest.mark.parametrize("precision", [Precision.AUTO, Precision.DOUBLE, Precision.EXTENDED])
 @pytest.mark.parametrize("tolerance", [0.5, 2.0**-20, 1e-9, 2.0**-48, 1e-15, 1e-20])
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
-def test_every_tolerance_is_climbed_to_as_by_one_impact(law, tolerance, precision):
-    """A loose one too: ``resolve`` takes more digits where the bound hardly says anything."""
+def test_every_tolerance_uses_the_precision_that_resolve_uses(law, tolerance, precision):
+    """Loose tolerances too: ``resolve`` uses more digits where the bound says hardly anything."""
     collisions, _, bodies, contacts = ill_conditioned(law, 7.0)
     model = ImpactModel(law, precision=precision, tolerance=tolerance)
     result = resolve_batch(bodies, contacts[:-1], model)
@@ -114,7 +114,7 @@ def test_every_tolerance_is_climbed_to_as_by_one_impact(law, tolerance, precisio
 
 @pytest.mark.parametrize("law", LAWS_WITH_ORACLE)
 @pytest.mark.parametrize("wildness", [1, 10])
-def test_every_ill_conditioned_row_is_that_of_one_impact(law, wildness):
+def test_every_ill_conditioned_column_equals_resolve(law, wildness):
     collisions, models, bodies, contacts = ill_conditioned(law, wildness, 60)
     model = ImpactModel(law, tolerance=1e-10)
     expected = resolve_one_by_one(
@@ -129,21 +129,23 @@ def test_every_ill_conditioned_row_is_that_of_one_impact(law, wildness):
 
 @pytest.mark.parametrize("wildness", [0, 3, 8, 60])
 @pytest.mark.parametrize("law", FORMULAS, ids=lambda law: law.name)
-def test_no_error_is_above_its_bound(law, wildness):
+def test_no_error_exceeds_its_bound(law, wildness):
     collisions, models, bodies, contacts = ill_conditioned(law, wildness)
     result = resolve_batch(bodies, contacts, DOUBLE._replace(law=law))
     rows = np.flatnonzero(np.isin(result.status, ANSWERED) & np.isfinite(result.error_bound))
     assert len(rows) > 20
-    for error, bound in zip(errors(collisions, models, result, rows), result.error_bound[rows], strict=True):
+    for error, bound in zip(
+        impulse_errors(collisions, models, result, rows), result.error_bound[rows], strict=True
+    ):
         assert error <= bound
 
 
 @pytest.mark.parametrize("law", LAWS_WITH_ORACLE, ids=lambda law: law.name)
-def test_only_what_misses_the_tolerance_is_computed_again(law):
+def test_only_contacts_that_miss_the_tolerance_are_recomputed(law):
     collisions, models, bodies, contacts = ill_conditioned(law, 3)
     bounds = resolve_batch(bodies, contacts, DOUBLE._replace(law=law)).error_bound
     tolerance = float(np.median(bounds[bounds > 0]))
-    if law in PATHS:  # whose steps are as long as the tolerance allows
+    if law in PATHS:  # their step length depends on the tolerance
         tolerance = 1e-11
     plain = resolve_batch(bodies, contacts, ImpactModel(law, precision=Precision.DOUBLE, tolerance=tolerance))
     result = resolve_batch(bodies, contacts, ImpactModel(law, tolerance=tolerance))
@@ -154,7 +156,7 @@ def test_only_what_misses_the_tolerance_is_computed_again(law):
     assert (np.isin(result.status, ANSWERED) == (result.error_bound <= tolerance)).all()
     if law in FORMULAS:
         assert np.isin(result.status, ANSWERED).all()
-        assert max(errors(collisions, models, result, np.flatnonzero(missed))) <= tolerance
+        assert max(impulse_errors(collisions, models, result, np.flatnonzero(missed))) <= tolerance
 
 
 def test_a_tolerance_that_nothing_meets():
@@ -166,7 +168,7 @@ def test_a_tolerance_that_nothing_meets():
     assert (result.error_bound[collided] <= 2.0**-52).all()
 
 
-def test_results_go_where_they_are_wanted():
+def test_out_is_written_to():
     bodies, contacts = shared_batch(Geometry.PLANAR)
     model = ImpactModel(tolerance=1e-14)
     expected = resolve_batch(bodies, contacts, model)
@@ -176,7 +178,7 @@ def test_results_go_where_they_are_wanted():
     assert (expected.precision[:FIRST_FAULTY] == Precision.EXTENDED).any()
 
 
-def test_bounds_are_for_float64():
+def test_float32_has_no_bounds():
     bodies, contacts = (array.astype(np.float32) for array in shared_batch(Geometry.POINT))
     for model in (ImpactModel(precision=Precision.EXTENDED), ImpactModel(tolerance=1e-3)):
         with pytest.raises(ImpactError, match=r"model\.(precision|tolerance)"):
@@ -184,9 +186,9 @@ def test_bounds_are_for_float64():
 
 
 def slender_boxes(n: int, approach: float) -> tuple[np.ndarray, np.ndarray]:
-    """Boxes that slide on a corner, so rough that many jam: at once, or on the way back.
+    """Boxes that slide on a corner, so rough that many jam, at once or after reversing.
 
-    They approach the ground by 1 to ``10**approach`` of their slip.
+    They approach the ground at between ``10**approach`` and 1 times their slip.
     """
     random, body_row, contact_row = (
         np.random.default_rng(5),

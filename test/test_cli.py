@@ -1,4 +1,4 @@
-"""The command line: what a user types, and what it says to that."""
+"""The command line: arguments, output, exit codes and error messages."""
 
 from __future__ import annotations
 
@@ -34,8 +34,7 @@ EXECUTABLE = Path(__file__).resolve().parent.parent / "scripts" / "collision_res
 
 
 @pytest.mark.parametrize("script", sorted(EXECUTABLE.parent.iterdir()), ids=lambda script: script.name)
-def test_an_interrupt_of_the_import_is_quiet(tmp_path, script):
-    """As where Ctrl-C comes while the package is being loaded."""
+def test_ctrl_c_during_the_import_is_quiet(tmp_path, script):
     (tmp_path / "collision_response.py").write_text("raise KeyboardInterrupt")
     run = subprocess.run(
         [sys.executable, str(script)],
@@ -70,13 +69,13 @@ def test_an_unknown_command_is_refused(capsys):
     assert "invalid choice: 'nodes'" in capsys.readouterr().err
 
 
-def test_its_version_is_that_of_the_package(capsys):
+def test_version_prints_the_version_of_the_package(capsys):
     with pytest.raises(SystemExit):
         main(["--version"])
     assert capsys.readouterr().out.strip() == collision_response.__version__
 
 
-def test_a_command_that_needs_more_says_what(capsys, monkeypatch):
+def test_a_command_names_the_package_that_it_lacks(capsys, monkeypatch):
     monkeypatch.setitem(COMMANDS, "plan", collision_response.cli.Command("no_such_package.plan", ""))
     assert main(["plan"]) == 1
     assert (
@@ -95,8 +94,8 @@ def test_a_command_without_ros_says_what_to_install(capsys, monkeypatch):
     )
 
 
-def test_in_a_source_tree_it_says_how_to_get_out(tmp_path):
-    """As where Python takes the directory of that name for the package."""
+def test_importing_the_source_tree_says_what_to_do(tmp_path):
+    """As when Python finds the source directory ``collision_response`` before the installed package."""
     source = collision_response.__file__
     program = f"""
 import importlib.util, sys
@@ -115,7 +114,7 @@ spec.loader.exec_module(module)
 @pytest.mark.parametrize(
     ("words", "unbuffered"),
     [
-        ("--version", ""),  # argparse takes no notice of what it cannot write
+        ("--version", ""),  # argparse ignores write errors
         ("report FILE", ""),
         ("report FILE", "1"),
         ("replay FILE", ""),
@@ -125,11 +124,11 @@ spec.loader.exec_module(module)
     ],
 )
 class TestOutput:
-    """Where it cannot be written, in one piece at the end or print by print."""
+    """Output that cannot be written, buffered or unbuffered."""
 
     @pytest.fixture
     def run(self, words, unbuffered, tmp_path):
-        """The exit code, and what is complained of."""
+        """Run the command with its output in a sink; return the exit code and the standard error."""
         file = tmp_path / "empty.rrd"
         if "FILE" in words:
             pytest.importorskip("rerun")
@@ -150,7 +149,7 @@ class TestOutput:
 
         return run
 
-    def test_it_ends_quietly_when_nobody_reads_on(self, run):
+    def test_a_closed_pipe_ends_it_quietly(self, run):
         source, sink = os.pipe()
         os.close(source)
         try:
@@ -158,7 +157,7 @@ class TestOutput:
         finally:
             os.close(sink)
 
-    def test_where_there_is_no_room_it_says_so(self, run):
+    def test_a_full_disk_is_reported(self, run):
         with open("/dev/full", "w") as full:
             assert run(full) == (
                 os.EX_IOERR,
@@ -173,7 +172,7 @@ class TestCall:
 
     @pytest.fixture
     def call(self, tried_node, capsys):
-        """The exit code, what is printed, and what is complained of."""
+        """Call the node; return the exit code, standard output and standard error."""
 
         def call(request, kind="ResolveCollision", suffix="collision"):
             service = tried_node.service.replace("resolve_collision", f"resolve_{suffix}")
@@ -189,7 +188,7 @@ class TestCall:
         assert said.startswith("OK by ROUTH_STRONGE (")
         assert said.splitlines()[2:] == BOUNCED
 
-    def test_a_request_may_come_through_a_pipe(self, call, monkeypatch):
+    def test_a_request_may_come_from_standard_input(self, call, monkeypatch):
         monkeypatch.setattr(sys, "stdin", io.StringIO(BOUNCE))
         assert call("-")[1].splitlines()[2:] == BOUNCED
 
@@ -200,20 +199,20 @@ class TestCall:
             (io.TextIOWrapper(io.BytesIO(b"\xff"), "utf-8"), "standard input: 'utf-8' codec can't decode"),
         ],
     )
-    def test_what_cannot_be_read_is_said(self, call, monkeypatch, stdin, says):
+    def test_unreadable_standard_input_is_reported(self, call, monkeypatch, stdin, says):
         monkeypatch.setattr(sys, "stdin", stdin)
         code, said, wrong = call("-")
         assert (code, said) == (2, "")
         assert wrong.startswith(f"collision_response call: {says}")
 
-    def test_letters_that_the_locale_has_not_are_written_by_number(self, call, monkeypatch):
+    def test_characters_outside_the_locale_are_escaped(self, call, monkeypatch):
         written = io.BytesIO()
         monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(written, "ascii"))
         assert call(BOUNCE.replace("name: ball", "name: b\u00e4ll"))[::2] == (0, "")
         assert rb"b\xe4ll " in written.getvalue()
 
     @pytest.mark.parametrize("unbuffered", ["", "1"])
-    def test_it_ends_quietly_when_nobody_reads_on(self, tried_node, unbuffered):
+    def test_a_closed_pipe_ends_it_quietly(self, tried_node, unbuffered):
         from ros_graph import DEADLINE
 
         source, sink = os.pipe()
@@ -235,7 +234,7 @@ class TestCall:
     @pytest.mark.parametrize(
         ("number", "code"), [(signal.SIGINT, 128 + signal.SIGINT), (signal.SIGTERM, -signal.SIGTERM)]
     )
-    def test_it_ends_quietly_on_a_signal(self, graph, number, code):
+    def test_a_signal_ends_it_quietly(self, graph, number, code):
         from ros_graph import DEADLINE, wait_until
 
         command = [sys.executable, str(EXECUTABLE), "call", "{}", "--service", "/nobody", "--timeout", "1000"]
@@ -245,7 +244,7 @@ class TestCall:
             _, wrong = run.communicate(timeout=DEADLINE)
         assert (run.returncode, wrong) == (code, "")
 
-    def test_where_ros_does_not_start_it_says_why(self, monkeypatch, capsys):
+    def test_a_failed_start_of_ros_is_reported(self, monkeypatch, capsys):
         monkeypatch.setenv("ROS_DOMAIN_ID", "one")
         assert main(["call", "{}"]) == 2
         (line,) = capsys.readouterr().err.splitlines()
@@ -257,7 +256,7 @@ class TestCall:
         assert wrong.startswith("INVALID_MASS: body_a.inertia.m: must be positive")
 
     def test_a_scene(self, call):
-        """Two balls that do not touch each other fall on the floor, the third body."""
+        """Two separate balls fall on the floor, which is the third body."""
         columns = [
             [1.0, 0.4, 0, 0, 0.4, 0, 0.4, 0, 0, 0, x, 0, 1, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0] for x in (0, 5)
         ]
@@ -324,19 +323,19 @@ contacts: [0, 0,  0, 0,  1, 1,  0.5, 0.5]"""
             ),
         ],
     )
-    def test_a_request_that_cannot_be_sent_says_what_to_write(self, call, request_, says):
+    def test_an_invalid_request_names_the_field(self, call, request_, says):
         code, said, wrong = call(request_)
         assert (code, said) == (2, "")
         assert says in wrong
 
-    def test_lists_are_of_numbers(self, call):
+    def test_lists_must_hold_numbers(self, call):
         code, _, wrong = call("bodies: [1, two]", "ResolveScene", "scene")
         assert (code, wrong) == (2, "collision_response call: bodies[1]: must be a number, is 'two'\n")
         code, _, wrong = call("pairs: 3", "ResolveScene", "scene")
         assert (code, wrong) == (2, "collision_response call: pairs: must be a list in brackets, is 3\n")
 
-    def test_links_of_mechanisms(self, call):
-        """Of unit mass and moments."""
+    def test_an_articulated_body(self, call):
+        """Unit mass and unit moments."""
         request = f"""
 body_a: {{inverse_inertia: {[float(i % 7 == 0) for i in range(36)]}, twist: {{linear: {{z: -3}}}}}}
 body_b: {{motion_type: 2.0}}
@@ -345,20 +344,20 @@ contact: {{normal: {{z: 1}}, restitution: 0.5}}"""
         assert (code, wrong) == (0, "")
         assert "(0, 0, 4.5)" in said
 
-    def test_truths(self, call):
+    def test_booleans(self, call):
         request = "{layout: POINT, report: %s}"
         assert call(request % "true", "ResolveCollisionBatch", "collision_batch")[::2] == (0, "")
         code, _, wrong = call(request % "1", "ResolveCollisionBatch", "collision_batch")
         assert (code, wrong) == (2, "collision_response call: report: must be true or false, is 1\n")
 
     @pytest.mark.parametrize("timeout", ["nan", "inf", "1e30", "-1", "soon"])
-    def test_a_timeout_that_nobody_can_wait_for_is_refused(self, capsys, timeout):
+    def test_an_invalid_timeout_is_refused(self, capsys, timeout):
         with pytest.raises(SystemExit) as end:
             main(["call", "{}", "--timeout", timeout])
         assert end.value.code == 2
         assert "argument --timeout: " in capsys.readouterr().err
 
-    def test_a_service_of_no_possible_name_is_refused(self, ros_domain, capsys):
+    def test_an_invalid_service_name_is_refused(self, ros_domain, capsys):
         assert main(["call", "{}", "--service", "a b"]) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert line.startswith("collision_response call: --service: Invalid service name")

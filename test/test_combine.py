@@ -1,4 +1,4 @@
-"""Rules that join the coefficients of two materials."""
+"""Rules that combine the coefficients of two materials."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ every_rule = pytest.mark.parametrize("rule", CombineRule)
         (CombineRule.GEOMETRIC_MEAN, Fraction(1, 2)),
     ],
 )
-def test_of_a_quarter_and_one(rule, expected):
+def test_combine_a_quarter_and_one(rule, expected):
     assert combine(rule, Fraction(1, 4), Fraction(1)) == expected
     assert combine(rule, 0.25, 1.0) == expected
     assert combine(rule, np.array([0.25, 1.0]), np.array([1.0, 0.25])).tolist() == [expected, expected]
@@ -35,7 +35,7 @@ def test_of_a_quarter_and_one(rule, expected):
 
 @every_rule
 @given(a=coefficients, b=coefficients)
-def test_order_does_not_matter_and_the_range_is_kept(rule, a, b):
+def test_rules_are_symmetric_and_stay_below_the_larger_coefficient(rule, a, b):
     joined = combine(rule, a, b)
     assert joined == combine(rule, b, a)
     assert 0 <= joined <= max(a, b)
@@ -43,14 +43,14 @@ def test_order_does_not_matter_and_the_range_is_kept(rule, a, b):
 
 @pytest.mark.parametrize("rule", [rule for rule in CombineRule if rule is not CombineRule.MULTIPLY])
 @given(a=st.floats(1e-100, 1))
-def test_two_of_one_material_have_its_coefficient(rule, a):
+def test_equal_coefficients_combine_to_themselves(rule, a):
     assert combine(rule, a, a) == a
 
 
 @pytest.mark.parametrize("rule", [rule for rule in CombineRule if rule is not CombineRule.MULTIPLY])
 @given(a=st.floats(5e-324, sys.float_info.max), b=st.floats(0, sys.float_info.max))
-def test_no_step_leaves_the_range_of_floats(rule, a, b):
-    """Means lie between what they join, whatever their magnitudes: AVERAGE to within the least float."""
+def test_no_intermediate_result_overflows(rule, a, b):
+    """Means lie between their arguments at any magnitude, and are right to rounding."""
     joined = combine(rule, a, b)
     assert min(a, b) * (1 - 1e-15) - 5e-324 <= joined <= max(a, b)
     exact = _exact(rule, Fraction(a), Fraction(b))
@@ -58,7 +58,7 @@ def test_no_step_leaves_the_range_of_floats(rule, a, b):
 
 
 def _exact(rule, a, b):
-    """Roots within a part of 2^-60."""
+    """The combined coefficient in fractions; roots are right to 2^-60."""
     joined = {
         CombineRule.AVERAGE: lambda: (a + b) / 2,
         CombineRule.MINIMUM: lambda: min(a, b),
@@ -75,7 +75,7 @@ def _exact(rule, a, b):
     b=st.floats(1e-100, 1),
     stiffness=st.tuples(*[st.floats(1e-300, sys.float_info.max)] * 2),
 )
-def test_only_the_quotient_of_stiffnesses_counts(a, b, stiffness):
+def test_the_energetic_rule_depends_on_the_ratio_of_the_stiffnesses(a, b, stiffness):
     k_a, k_b = map(Fraction, stiffness)
     joined = combine(CombineRule.ENERGETIC, a, b, *stiffness)
     exact = (Fraction(a) ** 2 * k_b + Fraction(b) ** 2 * k_a) / (k_a + k_b)
@@ -92,6 +92,6 @@ def test_rules_are_exact_in_fractions():
 
 
 @pytest.mark.parametrize("rule", ["average", "energetix", None, 1])
-def test_what_is_no_rule_is_refused_by_name(rule):
+def test_an_unknown_rule_is_refused(rule):
     with pytest.raises(TypeError, match=r"^rule: must be one of CombineRule.AVERAGE, "):
         combine(rule, 0.5, 0.5)

@@ -1,4 +1,4 @@
-"""Bodies in messages: where their frames start, and what reaches the core."""
+"""Bodies in messages: the origin of the body frame, and what reaches the numeric core."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ PARAMETERS = Parameters(
 
 
 def test_a_rod_whose_frame_starts_at_one_end_is_struck_at_the_other(graph):
-    """S8 of the sources, seen from the free end of the rod, which starts with -2 J / m."""
+    """S8 of the sources, with the origin of the frame at the other end of the rod."""
     graph.serve()
     rod_mass, length, point_mass, speed, restitution = 3.0, 2.0, 1.0, 5.0, 0.5
     request = ResolveCollision.Request()
@@ -96,7 +96,7 @@ orientations = quaternions.filter(lambda q: q.squared_length() > 0.1)
 
 @st.composite
 def requests(draw):
-    """A body of any motion, its frame at its centre of mass, meets a ball."""
+    """A body with any motion, its frame at its centre of mass, meets a ball."""
     request = ResolveCollision.Request(body_a=ball(), body_b=ball())
     a, q = request.body_a, draw(orientations)
     a.inertia.m, (sxx, syy, szz) = draw(st.floats(0.1, 10)), draw(st.tuples(*[st.floats(0.01, 1)] * 3))
@@ -112,8 +112,10 @@ def requests(draw):
 
 
 @given(request=requests(), com=vectors)
-def test_where_a_body_frame_starts_does_not_change_what_happens(request, com):
-    """Moved by -com, the same material body has the same angular velocity, and its origin v - w x c."""
+def test_the_origin_of_the_body_frame_does_not_matter(request, com):
+    """With the origin moved by -com, the same body has the same angular velocity, and its origin moves at v -
+    w x c.
+    """
     a = request.body_a
     orientation = a.pose.orientation
     q = Quaternion(orientation.x, orientation.y, orientation.z, orientation.w)
@@ -147,7 +149,7 @@ def test_bodies_that_separate_keep_their_twists_to_the_last_bit(request, com):
 
 
 @given(request=requests(), com=vectors)
-def test_a_twist_is_that_of_the_message_plus_what_the_impact_changes(request, com):
+def test_the_twist_after_is_the_twist_in_the_message_plus_the_change(request, com):
     set_vector(request.body_a.inertia.com, com)
     impact, result = impact_of(request), answer_to(request)
     for state, after, change in (
@@ -159,7 +161,7 @@ def test_a_twist_is_that_of_the_message_plus_what_the_impact_changes(request, co
 
 
 @given(request=requests(), com=vectors, far=st.sampled_from([1e3, 1e8, 1e13]))
-def test_a_frame_that_starts_far_from_the_body_costs_digits_that_the_bound_counts(request, com, far):
+def test_a_distant_frame_origin_costs_digits_and_the_bound_covers_them(request, com, far):
     com = com * far
     a = request.body_a
     set_vector(a.inertia.com, com)
@@ -197,7 +199,7 @@ def test_the_inertia_of_an_immovable_body_is_ignored(motion_type):
 
 
 def test_an_answer_beyond_float64_is_refused():
-    """The contact is 1e308 m from the centre of mass in y, and so is the origin on the other side."""
+    """The contact is 1e308 m from the centre of mass along y, and so is the origin, on the other side."""
     request = ResolveCollision.Request(body_a=ball(0.5, -1.0), body_b=ball(-0.5))
     request.contact.normal.x, request.contact.restitution, request.contact.friction = 1.0, 0.5, 0.0
     a = request.body_a
@@ -209,7 +211,7 @@ def test_an_answer_beyond_float64_is_refused():
 
 @pytest.mark.parametrize("mass", [math.inf, -math.inf, math.nan])
 def test_a_dynamic_body_without_finite_mass_is_refused_by_name(mass):
-    """In the core an infinite mass is that of an immovable body."""
+    """In the numeric core, an infinite mass means an immovable body."""
     request = ResolveCollision.Request(body_a=ball(0.5, -1.0), body_b=ball(-0.5))
     request.body_a.inertia.m = mass
     with pytest.raises(ImpactError) as raised:
@@ -227,7 +229,7 @@ def test_a_dynamic_body_without_finite_mass_is_refused_by_name(mass):
         ("friction", (math.nan, -math.inf), "finite"),
     ],
 )
-def test_a_coefficient_out_of_range_reads_alike_wherever_it_stands(coefficient, values, must):
+def test_a_coefficient_out_of_range_has_one_message_for_contact_and_bodies(coefficient, values, must):
     for owner, value in itertools.product(("contact", "body_a", "body_b"), values):
         request = ResolveCollision.Request(body_a=ball(0.5, -1.0), body_b=ball(-0.5))
         request.contact.normal.x = 1.0
@@ -242,7 +244,7 @@ def test_a_coefficient_out_of_range_reads_alike_wherever_it_stands(coefficient, 
 @pytest.mark.parametrize("coefficient", ["restitution", "friction"])
 @pytest.mark.parametrize("of_other", [-1.0, 0.5])
 @pytest.mark.parametrize("given", ["by the contact", "by the materials"])
-def test_a_coefficient_of_a_body_is_checked_even_where_another_counts(coefficient, of_other, given):
+def test_body_coefficients_are_checked_even_if_overridden(coefficient, of_other, given):
     steel = {"materials": {"steel": {"restitution": 0.5, "friction": 0.5}}}
     parameters = dataclasses.replace(PARAMETERS, materials=Materials.of(steel))
     for owner, value in itertools.product(("body_a", "body_b"), (-0.5, -2.0, math.nan, math.inf)):
@@ -260,7 +262,7 @@ def test_a_coefficient_of_a_body_is_checked_even_where_another_counts(coefficien
 
 
 def link(**fields) -> BodyState:
-    """A door on a hinge in z at the origin of its frame: only its last number is not 0."""
+    """A door with its hinge along z at the origin of its frame: only the last matrix entry is not 0."""
     state = BodyState(inverse_inertia=[0.0] * 35 + [2.0], **fields)
     state.inertia.m = math.nan  # ignored
     state.twist.angular.z = -1.0

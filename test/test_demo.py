@@ -1,4 +1,4 @@
-"""The computations of the demo: when bodies touch, and whether its energy balance would show an error."""
+"""The demo: times of impact, the scenes it builds, and whether its energy balance would show a fault."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_a_gap_that_does_not_close_is_not_found():
     assert until_touch(lambda t: (1.0 + t * t, 2 * t), 2.0, 5.0) == math.inf
 
 
-def test_an_energy_balance_shows_what_is_missing_and_what_rises():
+def test_an_energy_balance_shows_missing_and_rising_energy():
     balance = EnergyBalance(10.0)
     balance.add_impact(8.0, 1.5, 0.5)
     assert (balance.error(), balance.relative_rise()) == (0.0, 0.0)
@@ -56,7 +56,7 @@ def test_an_energy_balance_shows_what_is_missing_and_what_rises():
     assert (balance.error(), balance.relative_rise()) == (pytest.approx(0.1), pytest.approx(0.1))
 
 
-def test_the_momenta_are_those_of_all_bodies():
+def test_momenta_are_summed_over_all_bodies():
     inertia = (1.0, 0.0, 0.0, 1.0, 0.0, 2.0)
     a = Body.dynamic(2.0, inertia, (1.0, 0.0, 0.0), None, (0.0, 3.0, 0.0), (0.0, 0.0, 0.5))
     b = Body.dynamic(1.0, velocity=(0.0, -6.0, 0.0), position=(-1.0, 0.0, 0.0))
@@ -75,7 +75,7 @@ def test_the_balls_of_a_rack_touch_where_the_contacts_say():
         assert contact.normal.dot(p - q) == pytest.approx(contact.normal.norm() * 2 * simultaneous.RADIUS)
 
 
-def test_every_ball_of_the_triangle_has_its_image_beyond_the_middle_line():
+def test_every_ball_of_the_triangle_has_its_mirror_image():
     balls = [*simultaneous.tight_rack(Vec3(0.0, 0.0, 0.0)).bodies.values()]
     images = dict(simultaneous.mirror_pairs())
     assert sorted(images) == sorted(images.values()) == list(range(1, 16))
@@ -94,7 +94,7 @@ def test_a_box_stands_on_its_corners():
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.MOREAU, Law.ROUTH_STRONGE])
-def test_what_is_expected_of_a_cradle_keeps_momentum_and_energy(law):
+def test_expected_cradle_speeds_conserve_momentum_and_energy(law):
     pytest.importorskip("rclpy")
     from collision_response.demo.chapters import CRADLES
 
@@ -103,7 +103,7 @@ def test_what_is_expected_of_a_cradle_keeps_momentum_and_energy(law):
     assert sum(v * v for v in speeds) == pytest.approx(1.0, abs=1e-11)
 
 
-def test_what_drifts_goes_on_and_turns():
+def test_drifting_bodies_translate_and_rotate():
     body = Body.dynamic(
         1.0, (1.0, 0, 0, 1.0, 0, 1.0), (1.0, 0.0, 0.0), None, (0.0, 2.0, 0.0), (0.0, 0.0, 3.0)
     )

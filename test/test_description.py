@@ -1,4 +1,4 @@
-"""Bodies from URDF and SDF."""
+"""Mass properties from URDF and SDF."""
 
 from __future__ import annotations
 
@@ -59,13 +59,13 @@ def agree(found, expected):
     assert tuple(found.inertia) == pytest.approx(tuple(expected.inertia), abs=ROUNDING)
 
 
-def test_a_link_as_it_is_written():
+def test_a_single_link():
     found = body_of(urdf(link("base", 2.0, (0.1, 0.2, 0.25), "0.1 0.2 0.3")), "base")
     assert found == (2.0, Vec3(0.1, 0.2, 0.3), Symmetric3(0.1, 0.0, 0.0, 0.2, 0.0, 0.25))
 
 
 def test_roll_pitch_and_yaw_turn_in_that_order_about_fixed_axes():
-    """A quarter turn about x, then y, then z takes x to -z, then stays; y to z, to x, to y; z to -y, to x."""
+    """A quarter turn about x takes y to z and z to -y; one about y takes z to x and x to -z."""
     found = body_of(urdf(link("base", 1.0, (1.0, 2.0, 2.5), rpy=f"{math.pi / 2} {math.pi / 2} 0")), "base")
     # roll: y -> z, z -> -y; pitch: z -> x, x -> -z: the principal axes x, y, z lie along -z, x, -y
     assert tuple(found.inertia) == pytest.approx((2.0, 0, 0, 2.5, 0, 1.0), abs=ROUNDING)
@@ -74,7 +74,7 @@ def test_roll_pitch_and_yaw_turn_in_that_order_about_fixed_axes():
 
 
 def test_two_halves_joined_are_the_whole():
-    """A box cut across x, its halves turned and moved by joints, about its corner."""
+    """A box cut across x. Joints rotate and move its halves."""
     size = (0.4, 0.6, 0.2)
     half = mass_properties.box(1.5, (0.2, 0.6, 0.2)).inertia
     moments = half.xx, half.yy, half.zz
@@ -115,7 +115,7 @@ def test_links_on_movable_joints_belong_to_the_body_only_if_they_are_locked():
     assert body_of(text, "left_wheel", locked=True).com.y == pytest.approx(-0.25)
 
 
-def test_a_body_of_it_is_one_for_the_core():
+def test_mass_properties_make_a_body():
     found = body_of(urdf(link("base", 2.0, (0.1, 0.2, 0.25), "0.1 0 0")), "base")
     body = Body.dynamic(found.mass, found.inertia, com=found.com)
     assert (body.mass, body.com, body.inertia) == found
@@ -134,7 +134,7 @@ def test_links_of_an_sdf_are_placed_in_the_model():
     assert tuple(found.inertia) == pytest.approx((2.5, 0, -0.5, 3.0, 0, 2.0), abs=ROUNDING)
 
 
-def test_an_sdf_says_what_a_pose_is_relative_to():
+def test_sdf_poses_may_be_relative_to_frames_and_joints():
     text = sdf(
         "<frame name='f' attached_to='a'><pose>1 0 0 0 0 0</pose></frame>",
         "<link name='a'><pose relative_to='__model__'>0 1 0 0 0 0</pose></link>",
@@ -192,15 +192,15 @@ def test_an_sdf_says_what_a_pose_is_relative_to():
         ),
     ],
 )
-def test_what_cannot_be_read_is_refused_by_name(text, message):
+def test_invalid_descriptions_are_refused_by_name(text, message):
     with pytest.raises(ValueError) as refusal:
         Description.read(text)
     assert message in str(refusal.value)
 
 
 @pytest.mark.parametrize("length", [0.5, 1.0, 1e-200, 1e200])
-def test_a_urdf_may_turn_by_a_quaternion(length):
-    """A third of a turn about (1, 1, 1) takes x to y, y to z, and z to x; a quarter about z takes x to y."""
+def test_a_urdf_may_rotate_by_a_quaternion(length):
+    """A third of a turn about (1, 1, 1) takes x to y, y to z, z to x; a quarter about z takes x to y."""
     found = body_of(urdf(turned(" ".join([str(length)] * 4))), "a")
     moments = Symmetric3(0.25, 0.0, 0.0, 0.1, 0.0, 0.2)
     agree(found, mass_properties.MassProperties(2.0, Vec3(1.0, 2.0, 3.0), moments))
@@ -215,7 +215,7 @@ def test_a_urdf_may_turn_by_a_quaternion(length):
 
 @pytest.mark.parametrize("length", [1.0, 1e-200, 1e200])
 def test_a_quaternion_may_have_any_length(length):
-    """A half turn about z."""
+    """A half turn about z, in an SDF."""
     pose = f"<pose rotation_format='quat_xyzw'>0 0 0  0 0 {length} 0</pose>"
     inertial = "<inertial><pose>1 0 0 0 0 0</pose></inertial>"
     text = sdf(
@@ -247,7 +247,7 @@ def test_a_chain_of_frames_may_be_long(count):
     ],
     ids=["mass", "centre of mass", "inertia"],
 )
-def test_what_floats_cannot_hold_is_refused_by_name(links):
+def test_masses_and_inertias_beyond_float64_are_refused_by_name(links):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         description = Description.read(urdf(*links, joint("a", "b")))
@@ -257,7 +257,7 @@ def test_what_floats_cannot_hold_is_refused_by_name(links):
             description.mass_properties("a")
 
 
-def test_what_is_no_body_is_refused_by_name():
+def test_unknown_and_massless_links_are_refused_by_name():
     description = Description.read(urdf("<link name='world'/>", link("base", 1.0)))
     with pytest.raises(ValueError, match="'robot' has no link 'bass'; it has world, base"):
         description.mass_properties("bass")

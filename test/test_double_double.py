@@ -1,4 +1,4 @@
-"""The kernels' number types against fractions: double-doubles, and bounds that no error is above."""
+"""The number types of the kernels against fractions: double-doubles, and error bounds."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 ROUNDOFF = F(2) ** -102
-"""What every operation on double-doubles is right to."""
+"""The relative accuracy of every operation on double-doubles."""
 
 SOURCE = """
 #include "numbers.hpp"
@@ -77,6 +77,7 @@ def numbers(tmp_path_factory) -> ctypes.CDLL:
 
 
 def call(function, op: str | int, *x: float, count: int = 2) -> list[float]:
+    """Apply a function to double-doubles or bounded numbers."""
     result = (ctypes.c_double * count)()
     function(ord(op) if isinstance(op, str) else op, (ctypes.c_double * len(x))(*x), result)
     return list(result)
@@ -87,11 +88,12 @@ def ask(function, op: str, *x: float) -> int:
 
 
 sizes = st.floats(2.0**-200, 2.0**200)
-"""Whose products, and the errors of those, neither overflow nor underflow."""
+"""Products of these, and the errors of the products, neither overflow nor underflow."""
 plain = sizes | sizes.map(lambda x: -x) | st.just(0.0)
 
 
 def pair(high: float, share: float) -> tuple[float, float]:
+    """A double-double: ``high`` plus ``share`` times half its last place."""
     low = high * share * 2.0**-53
     total = high + low
     return total, low - (total - high)
@@ -99,7 +101,7 @@ def pair(high: float, share: float) -> tuple[float, float]:
 
 shares = st.floats(-0.99, 0.99)
 pairs = st.builds(pair, plain, shares)
-"""Of which some parts cancel: the second of a sum need not be smaller than the other's first."""
+"""In sums of these, parts may cancel."""
 
 
 def value(number) -> F:
@@ -156,8 +158,8 @@ anything = st.floats(allow_nan=False, allow_infinity=False)
 errors = st.just(0.0) | st.floats(0, 1e-3) | st.floats(0, 1e-300) | st.floats(0, 10)
 
 
-def forgiven(error: float, kind: str) -> F:
-    """An error, but for what its own arithmetic rounds: the slack that is added where bounds are used."""
+def with_slack(error: float, kind: str) -> F:
+    """The error plus the rounding of its own arithmetic: the slack added where bounds are used."""
     return F(error) * (1 + (F(2) ** -50 if kind == "doubles" else F(2) ** -21))
 
 
@@ -174,8 +176,8 @@ both_kinds = pytest.mark.parametrize("kind", ["doubles", "floats"])
 
 @both_kinds
 @given(a=anything | plain, b=anything | plain, relative=st.tuples(errors, errors))
-def test_no_error_is_above_its_bound(numbers, kind, a, b, relative):
-    """Whatever numbers within the errors of the operands are meant, down into the subnormals."""
+def test_no_error_exceeds_its_bound(numbers, kind, a, b, relative):
+    """For all operands within their errors, down into the subnormals."""
     a, b = narrowed(a, kind), narrowed(b, kind)
     errors = [narrowed(min(abs(x) * e, 1e300), kind) for x, e in zip((a, b), relative, strict=True)]
     if not all(map(math.isfinite, (a, b, *errors))):
@@ -187,7 +189,7 @@ def test_no_error_is_above_its_bound(numbers, kind, a, b, relative):
             continue
         for x, y in product(within(a, errors[0]), within(b, errors[1])):
             assert op != "/" or y != 0, "a quotient by what may be 0 has no bound"
-            assert abs(exact(x, y) - F(result)) <= forgiven(error, kind)
+            assert abs(exact(x, y) - F(result)) <= with_slack(error, kind)
 
 
 @both_kinds
@@ -200,7 +202,7 @@ def test_the_bound_of_a_root(numbers, kind, a, relative):
     root, error = call(getattr(numbers, f"on_{kind}"), "r", a, error_of_a, 0.0, 0.0)
     for x in within(a, error_of_a):
         if x >= 0:
-            spread = forgiven(error, kind)
+            spread = with_slack(error, kind)
             low, high = max(F(root) - spread, F(0)), F(root) + spread
             assert low**2 <= x <= high**2
 
@@ -214,7 +216,7 @@ def test_the_bounds_of_double_doubles(numbers, a, b, relative):
         *result, error = call(numbers.on_bounded_pairs, op, *a, errors[0], *b, errors[1], count=3)
         for x, y in product((-1, 0, 1), repeat=2):
             meant = exact(value(a) + x * F(errors[0]), value(b) + y * F(errors[1]))
-            assert abs(meant - value(result)) <= forgiven(error, "doubles")
+            assert abs(meant - value(result)) <= with_slack(error, "doubles")
 
 
 LOWS = (0.0, 2.0**-60, 0.3, 0.5, 1 - 2.0**-52, 1.0, -(2.0**-60), -0.3, -0.5, -(1 - 2.0**-52), -1.0)
@@ -223,18 +225,18 @@ LOWS = (0.0, 2.0**-60, 0.3, 0.5, 1 - 2.0**-52, 1.0, -(2.0**-60), -0.3, -0.5, -(1
 @pytest.mark.parametrize("x", [1.0, 1 + 2.0**-52, 2 - 2.0**-52, 1.3, 2.0**200 / 3, 2.0**-200 / 3])
 @pytest.mark.parametrize("steps", [*range(-4, 5), 2.0**20, -(2.0**51), 2.0**52])
 def test_the_bound_of_a_sum_that_cancels(numbers, x, steps):
-    """First parts that are some last places apart, second ones that add up, cancel, tie or are not there."""
+    """High parts that differ by a few last places; low parts that add up, cancel, tie or are 0."""
     for a_low, b_low in product(LOWS, repeat=2):
         a, b = pair(x, a_low), pair(-(x + steps * math.ulp(x)), b_low)
         for op, exact in (("+", value(a) + value(b)), ("-", value(a) - value(b))):
             *result, error = call(numbers.on_bounded_pairs, op, *a, 0.0, *b, 0.0, count=3)
-            assert abs(exact - value(result)) <= forgiven(error, "doubles")
+            assert abs(exact - value(result)) <= with_slack(error, "doubles")
             assert F(error) <= (abs(F(a[1])) + abs(F(b[1]))) * 2 * F(2) ** -53 + abs(exact) * 2 * ROUNDOFF
 
 
 @both_kinds
 @given(a=plain, b=plain, relative=st.tuples(errors, errors), near=st.booleans())
-def test_a_comparison_that_is_sure_holds_for_all_that_is_meant(numbers, kind, a, b, relative, near):
+def test_a_certain_comparison_holds_for_all_values_within_the_errors(numbers, kind, a, b, relative, near):
     b = a * (1 + relative[0] / 2) if near else b
     a, b = narrowed(a, kind), narrowed(b, kind)
     errors = [narrowed(abs(x) * e, kind) for x, e in zip((a, b), relative, strict=True)]
@@ -252,7 +254,7 @@ def test_a_comparison_that_is_sure_holds_for_all_that_is_meant(numbers, kind, a,
 
 @both_kinds
 @given(a=plain, b=plain, relative=st.tuples(errors, errors), truth=st.integers(0, 3))
-def test_a_choice_in_doubt_covers_both(numbers, kind, a, b, relative, truth):
+def test_an_uncertain_choice_covers_both_branches(numbers, kind, a, b, relative, truth):
     a, b = narrowed(a, kind), narrowed(b, kind)
     errors = [narrowed(abs(x) * e, kind) for x, e in zip((a, b), relative, strict=True)]
     if not all(map(math.isfinite, (a, b, *errors))):
@@ -264,12 +266,12 @@ def test_a_choice_in_doubt_covers_both(numbers, kind, a, b, relative, truth):
         assert error == errors[taken]
     elif error < math.inf:
         for x in (*within(a, errors[0]), *within(b, errors[1])):
-            assert abs(x - F(result)) <= forgiven(error, kind)
+            assert abs(x - F(result)) <= with_slack(error, kind)
     assert error >= errors[taken] or error >= errors[other]
 
 
-def test_truth_in_doubt_is_kleenes(numbers):
-    """Of every pair of truth values, known or not: sure only of what holds either way."""
+def test_uncertain_truth_values_follow_kleene_logic(numbers):
+    """A result is certain only if it holds whatever the uncertain operands are."""
 
     def possible(truth: int) -> set[bool]:
         return {truth % 2 == 1} if truth >= 2 else {False, True}

@@ -1,4 +1,4 @@
-"""The error bound against exact answers, and the tiers that promise one."""
+"""The error bound against exact answers, and the precisions that promise one."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ ULP = 2.0**-52
 @pytest.mark.parametrize("wildness", [0, 3, 10, 60])
 @pytest.mark.parametrize("precision", TIERS, ids=lambda tier: tier.name)
 @pytest.mark.parametrize("law", FORMULAS, ids=lambda law: law.name)
-def test_no_error_is_above_its_bound(law, precision, wildness):
-    """A sample of the full run, which ``make stability`` does."""
+def test_no_error_exceeds_its_bound(law, precision, wildness):
+    """A sample of what ``make stability`` runs."""
     impacts = RandomImpacts(seed=wildness, wildness=wildness)
     answered = 0
     for _ in range(80):
@@ -68,7 +68,7 @@ def test_no_error_is_above_its_bound(law, precision, wildness):
         if precision is Precision.EXTENDED:
             assert impact.error_bound <= ULP
         answered += impact.error_bound < math.inf
-    # Most are answered, with a bound that says something; of numbers from 1e-60 to 1e60, few by float32.
+    # Most have a finite bound; float32 answers few of the numbers from 1e-60 to 1e60.
     assert answered >= (40 if precision is not Precision.SINGLE or wildness < 60 else 13)
 
 
@@ -76,14 +76,14 @@ REPORT = """
 import sys
 sys.path[:0] = [sys.argv[1]]
 import stability
-for name, arguments in dict(stability.jobs(400)).items():  # one of each kind
+for name, arguments in dict(stability.jobs(400)).items():  # one job of each kind
     result = getattr(stability, name)(*arguments)
     print(name, len(result.violations) if isinstance(result, stability.Tally) else 0)
 """
 
 
-def test_a_sample_of_every_part_of_the_report():
-    """What ``make stability`` runs."""
+def test_every_part_of_the_stability_report_runs():
+    """On a sample of what ``make stability`` runs."""
     benchmarks = Path(__file__).parents[1] / "benchmarks"
     command = [sys.executable, "-I", "-c", REPORT, str(benchmarks)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=100)
@@ -93,7 +93,7 @@ def test_a_sample_of_every_part_of_the_report():
 
 @pytest.mark.parametrize("wildness", [0, 1, 10])
 @pytest.mark.parametrize("law", FORMULAS, ids=lambda law: law.name)
-def test_the_bound_counts_what_a_forced_geometry_leaves_out(law, wildness):
+def test_the_bound_covers_what_a_forced_geometry_leaves_out(law, wildness):
     impacts = RandomImpacts(seed=wildness, wildness=wildness)
     answered = 0
     for _ in range(150):
@@ -115,7 +115,7 @@ def test_the_bound_counts_what_a_forced_geometry_leaves_out(law, wildness):
 
 @pytest.mark.parametrize("law", FORMULAS, ids=lambda law: law.name)
 def test_the_bound_is_tight_enough_to_be_useful(law):
-    """On well-conditioned inputs: solid balls that touch, and roll, spin and meet as they like."""
+    """On well-conditioned inputs: solid balls that touch, with any velocity and spin."""
     ratios = []
     for seed in range(300):
         collision = touching_balls(random.Random(seed))
@@ -164,8 +164,8 @@ def grazing(share: float) -> Collision:
     )
 
 
-def test_a_tolerance_gets_the_cheapest_tier_that_meets_it():
-    """SINGLE is never that: one impact in it takes as long as in DOUBLE."""
+def test_a_tolerance_selects_the_cheapest_precision_that_meets_it():
+    """SINGLE is never chosen: one impact takes as long in it as in DOUBLE."""
     collision, used = grazing(1e-10), []
     for tolerance in (1e-3, 1e-9, 1e-15):
         impact = resolve(*collision, ImpactModel(tolerance=tolerance))
@@ -177,7 +177,7 @@ def test_a_tolerance_gets_the_cheapest_tier_that_meets_it():
 @pytest.mark.parametrize(
     ("share", "precision"), [(1e-3, Precision.DOUBLE), (1e-10, Precision.DOUBLE), (1e-14, Precision.EXTENDED)]
 )
-def test_without_a_tolerance_a_bound_that_says_hardly_anything_asks_for_more(share, precision):
+def test_without_a_tolerance_a_useless_bound_raises_the_precision(share, precision):
     collision = grazing(share)
     impact = resolve(*collision)
     assert impact.model.precision is precision
@@ -186,7 +186,7 @@ def test_without_a_tolerance_a_bound_that_says_hardly_anything_asks_for_more(sha
     assert (double.error_bound <= USEFUL) == (precision is Precision.DOUBLE)
 
 
-def test_a_tolerance_that_nothing_meets_is_answered_and_said():
+def test_a_tolerance_that_nothing_meets_is_reported():
     impact = resolve(*GRAZING, ImpactModel(tolerance=1e-17))
     assert impact.status is StatusCode.TOLERANCE_NOT_MET
     assert impact.model.precision is Precision.EXTENDED
@@ -195,8 +195,8 @@ def test_a_tolerance_that_nothing_meets_is_answered_and_said():
 
 @pytest.mark.parametrize("offset", [0.0, 1e-9, 1e-2])
 @pytest.mark.parametrize("tolerance", [0.0, 1e-2, 1e-8])
-def test_a_tolerance_leaves_nothing_out(offset, tolerance):
-    """A ball struck a little off its centre is modelled whole, however little that matters."""
+def test_a_tolerance_does_not_simplify_the_geometry(offset, tolerance):
+    """A ball struck a little off its centre is modelled in full, however little that matters."""
     ball = Body.dynamic(1.0, (0.4, 0.0, 0.0, 0.4, 0.0, 0.4), (0.0, offset, offset), None, (0.1, 0.2, -1.0))
     collision = Collision(ball, Body.static(), Contact.of((0, 0, 0), (0, 0, 1), 0.5))
     impact = resolve(*collision, ImpactModel(tolerance=tolerance))
@@ -206,7 +206,7 @@ def test_a_tolerance_leaves_nothing_out(offset, tolerance):
 
 @pytest.mark.parametrize("precision", TIERS, ids=lambda tier: tier.name)
 @pytest.mark.parametrize("off_centre", [False, True])
-def test_moreau_has_a_bound_that_holds(precision, off_centre):
+def test_moreau_errors_are_within_the_bound(precision, off_centre):
     for seed in range(800, 806):
         collision = random_collision(seed, off_centre=off_centre)
         impact = collision.resolve(Law.MOREAU, precision=precision)
@@ -217,7 +217,7 @@ def test_moreau_has_a_bound_that_holds(precision, off_centre):
         assert impact.error_bound <= {Precision.SINGLE: math.inf, Precision.DOUBLE: 1e-9}.get(precision, ULP)
 
 
-def test_moreau_grazing():
+def test_grazing_moreau_errors_are_within_the_bound():
     for share, seed in product((1e-3, 1e-8, 1e-12), (803, 805)):
         collision = extremes.grazing(share, random_collision(seed))
         impact = collision.resolve(Law.MOREAU)
@@ -226,7 +226,7 @@ def test_moreau_grazing():
 
 @pytest.mark.parametrize("law", PATHS, ids=lambda law: law.name)
 def test_a_planar_path_is_right_to_the_last_digit(law):
-    """It takes no loop."""
+    """Its formula has no loop."""
     a = Body.dynamic(
         2.0, (1, 0, 0, 1, 0, 0.7), (0.1, 0.9, 0), (0, 0, 0.3, 0.8), (1.0, -2.0, 0), (0, 0, 0.5), (0.1, 0.2, 0)
     )
@@ -240,7 +240,7 @@ def test_a_planar_path_is_right_to_the_last_digit(law):
 
 @pytest.mark.parametrize("law", PATHS, ids=lambda law: law.name)
 @pytest.mark.parametrize("precision", TIERS, ids=lambda tier: tier.name)
-def test_no_error_of_a_path_is_above_its_bound(law, precision):
+def test_no_error_of_a_path_exceeds_its_bound(law, precision):
     for seed in (400, 401):
         collision = random_collision(seed, off_centre=True)
         impact = collision.resolve(law, precision=precision)
@@ -259,7 +259,7 @@ def test_a_path_meets_its_tolerance(law, tolerance):
         assert error_of(collision, impact) <= impact.error_bound <= (tolerance or 1e-8)
 
 
-def test_a_tolerance_that_no_path_meets_is_said():
+def test_a_tolerance_that_no_path_meets_is_reported():
     collision = random_collision(400)
     impact = collision.resolve(Law.ROUTH_STRONGE, tolerance=1e-15)
     assert impact.status is StatusCode.TOLERANCE_NOT_MET
@@ -268,7 +268,7 @@ def test_a_tolerance_that_no_path_meets_is_said():
 
 @pytest.mark.parametrize("law", PATHS, ids=lambda law: law.name)
 @pytest.mark.parametrize("share", [1e-7, 1e-12])
-def test_a_path_keeps_its_digits_where_it_grazes(law, share):
+def test_grazing_paths_keep_their_digits(law, share):
     for collision in (random_collision(500), random_collision(502, slender=True, friction=5.0)):
         collision = extremes.grazing(share, collision)
         impact, better = collision.resolve(law), collision.resolve(law, precision=Precision.EXTENDED)
@@ -277,7 +277,7 @@ def test_a_path_keeps_its_digits_where_it_grazes(law, share):
 
 
 @pytest.mark.parametrize("e", [1e-2, 1e-5, 1e-8])
-def test_a_path_keeps_its_digits_where_little_is_restored(e):
+def test_paths_with_little_restitution_keep_their_digits(e):
     """The restored work is e^2 of the work of compression."""
     collision = random_collision(600)
     collision = collision._replace(contact=collision.contact._replace(restitution=e))
@@ -286,8 +286,8 @@ def test_a_path_keeps_its_digits_where_little_is_restored(e):
 
 
 @pytest.mark.parametrize("past", [-1e-2, 1e-2, -1e-5])
-def test_the_bound_of_a_path_holds_near_jam(past):
-    """Where ``u_n`` hardly rises, little moves the end of compression a lot."""
+def test_path_errors_are_within_the_bound_near_jamming(past):
+    """``u_n`` hardly rises, so a small change moves the end of compression a lot."""
     collision = extremes.grazing(1e-3, random_collision(701))
     contact = ContactKinematics.of(*collision)
     n, K = contact.n / contact.n.norm(), contact.inverse_effective_mass()
@@ -300,12 +300,12 @@ def test_the_bound_of_a_path_holds_near_jam(past):
 
 
 def error_of(collision: Collision, impact: Impact) -> float:
-    """Of the impulse, relative."""
+    """The relative error of the impulse."""
     return impulse_error(impact.impulse, collision.by_oracle(impact.model.law).impulses[0])
 
 
-def test_an_error_that_is_not_a_number_is_not_forgotten():
-    """In float32 both branches of an undecided choice are 0 here, and nothing is known of one of them."""
+def test_a_nan_error_becomes_an_infinite_bound():
+    """In float32 both branches of an undecided choice are 0 here, and the error of one is unknown."""
     moment = 4.697040269710177e80
     rod = Body.dynamic(
         8.607564884429794e85,
@@ -334,8 +334,8 @@ def test_an_error_that_is_not_a_number_is_not_forgotten():
 @pytest.mark.parametrize("precision", [Precision.AUTO, Precision.DOUBLE, Precision.EXTENDED])
 @pytest.mark.parametrize("tolerance", [0.0, 1e-17, 1e-30])
 @pytest.mark.parametrize("mass", [1.0, 2.0, 2.0**-1000, 2.0**-1020])
-def test_an_impulse_that_is_known_exactly_and_is_no_float(precision, tolerance, mass):
-    """``m (1 + e) v``: float64 does not hold all its digits. Below 1e-308 it is right to the nearest."""
+def test_the_rounding_of_an_exact_impulse_is_in_the_bound(precision, tolerance, mass):
+    """``m (1 + e) v`` has more digits than a float64. Below 1e-308 it is right to the nearest subnormal."""
     model = ImpactModel(precision=precision, tolerance=tolerance)
     speeds = (1.0, 1.5, 3.0, 7.0, 2.0**-60, 3 * 2.0**-60, 1.0 + 2.0**-52)
     for speed, restitution in product(speeds, (0.5, 0.3, 0.1, 2.0**-52, 1 - 2.0**-53)):
@@ -349,8 +349,8 @@ def test_an_impulse_that_is_known_exactly_and_is_no_float(precision, tolerance, 
         assert impact.error_bound > 0 or error == 0
 
 
-def test_threads_do_not_take_digits_from_each_other():
-    """FLINT's precision is that of the process."""
+def test_threads_do_not_change_each_others_precision():
+    """The precision of FLINT is global to the process."""
     collisions = [random_collision(seed) for seed in range(8)] * 4
     model = ImpactModel(Law.COULOMB, precision=Precision.EXTENDED, tolerance=1e-30)
     alone = [resolve(*collision, model) for collision in collisions]

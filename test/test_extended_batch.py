@@ -30,7 +30,7 @@ ANSWERED = (StatusCode.OK, StatusCode.SEPARATING)
 
 
 def check_contact(model: ImpactModel, result, i: int, collision: Collision) -> None:
-    """A contact against the exact answer."""
+    """Check one contact against the exact answer."""
     exact = exact_answer(*collision, model)
     (P,) = exact.impulses
     assert result.status[i] == (StatusCode.OK if any(P) else StatusCode.SEPARATING)
@@ -45,7 +45,7 @@ def check_contact(model: ImpactModel, result, i: int, collision: Collision) -> N
 
 
 def check_vector(given, exact, change) -> None:
-    """The change is right to a unit in the last place, and so is its sum with what was before."""
+    """Check that the change is right to a unit in the last place, and so is its sum with the value before."""
     least = length(change) * Fraction(ULP)
     for x, y in zip(given.tolist(), exact, strict=False):
         assert abs(Fraction(x) - y) <= abs(y) * Fraction(ULP) / 2 + least
@@ -69,7 +69,7 @@ def test_shared_contacts_are_exact_to_an_ulp(geometry, law, oriented):
 @pytest.mark.parametrize("law", FORMULAS)
 @pytest.mark.parametrize("wildness", [0, 1, 3, 8])
 def test_ill_conditioned_contacts(law, wildness):
-    """Grazing, thin, lopsided, far from their bodies."""
+    """Grazing contacts, thin or lopsided bodies, contacts far from their bodies."""
     collisions, models, bodies, contacts = ill_conditioned(law, wildness, 60)
     result = resolve_batch(bodies, contacts, ImpactModel(law, precision=Precision.EXTENDED))
     assert (result.error_bound <= ULP).all()
@@ -80,7 +80,7 @@ def test_ill_conditioned_contacts(law, wildness):
 
 @pytest.mark.parametrize("law", FORMULAS)
 @pytest.mark.parametrize("geometry", GEOMETRIES)
-def test_what_is_refused_is_refused_alike(geometry, law):
+def test_refusals_equal_those_in_double(geometry, law):
     bodies, contacts = shared_batch(geometry)
     plain = resolve_batch(bodies, contacts, ImpactModel(law))
     result = resolve_batch(bodies, contacts, ImpactModel(law, precision=Precision.EXTENDED))
@@ -91,7 +91,7 @@ def test_what_is_refused_is_refused_alike(geometry, law):
     assert np.isfinite(result.velocity[..., answered]).all() and np.isnan(result.impulse[:, ~answered]).all()
 
 
-def test_contacts_have_tangential_restitution_of_their_own():
+def test_each_contact_may_have_its_own_tangential_restitution():
     bodies, contacts = shared_batch(Geometry.SPATIAL)
     contacts = np.vstack([contacts, np.linspace(-1, 1, N)])
     result = resolve_batch(bodies, contacts, ImpactModel(precision=Precision.EXTENDED))
@@ -106,7 +106,7 @@ def test_contacts_have_tangential_restitution_of_their_own():
 
 
 def in_double_doubles(bodies, contacts, law: Law):
-    """The kernel of double-doubles alone: impulses and bounds."""
+    """Impulses and bounds by the double-double kernel alone."""
     n = bodies.shape[-1]
     velocity, spin, impulse = (np.empty(shape) for shape in ((3, 2, n), (3, 2, n), (3, n)))
     bound, status = np.empty(n), np.empty(n, np.uint8)
@@ -117,8 +117,8 @@ def in_double_doubles(bodies, contacts, law: Law):
     return impulse, bound
 
 
-def test_what_double_doubles_cannot_tell_is_known_and_left_to_balls():
-    """An approach so slow that rounding decides, and numbers at the end of the range."""
+def test_contacts_that_double_doubles_cannot_decide_are_recomputed():
+    """An approach so slow that rounding decides its sign, and numbers at the end of the range."""
     bodies, contacts = (array[..., 10:20].copy() for array in shared_batch(Geometry.SPATIAL))
     body_row, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
     contacts[contact_row.friction] = 0.0
@@ -126,7 +126,9 @@ def test_what_double_doubles_cannot_tell_is_known_and_left_to_balls():
     bodies[body_row.velocity, 0, 0], bodies[body_row.velocity, 1, 0] = [-1.0, 2.0**-60, 0.0], 0.0
     contacts[contact_row.normal, 0] = [2.0**-60, 1.0 - 2.0**-50, 2.0**-1000]
     contacts[contact_row.normal, 1] = [1e-160, 1e-160, 0.0]
-    bodies[body_row.inertia, 0, 2] *= 1e-60  # which they can; from 1e-80 on it is left to one impact
+    bodies[body_row.inertia, 0, 2] *= (
+        1e-60  # double-doubles manage this; below 1e-80 the contact is resolved alone
+    )
     impulse, bound = in_double_doubles(bodies, contacts, Law.FRICTIONLESS)
     assert not (bound[:2] <= ULP).any()
     assert (bound[2:] <= ULP).all()
@@ -139,7 +141,7 @@ def test_what_double_doubles_cannot_tell_is_known_and_left_to_balls():
 
 
 @pytest.mark.parametrize("law", FORMULAS)
-def test_most_are_exact_by_double_doubles_alone(law):
+def test_double_doubles_suffice_for_most_contacts(law):
     bodies, contacts = (array[..., :FIRST_FAULTY] for array in shared_batch(Geometry.SPATIAL))
     impulse, bound = in_double_doubles(bodies, contacts, law)
     assert (bound <= ULP).mean() > 0.95

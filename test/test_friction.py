@@ -1,4 +1,4 @@
-"""Friction as a function of the slip speed: the functions, and the impacts that use them."""
+"""Friction as a function of the slip speed: the functions, and impacts that use them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def ball(vx, vz=-1.0, spin=0.0):
     )
 
 
-def touch(friction, **more):
+def contact(friction, **more):
     return Contact.of((0, 0, 0), (0, 0, 1), restitution=0.5, friction=friction, **more)
 
 
@@ -45,7 +45,7 @@ def test_stribeck_falls_from_the_static_to_the_kinetic_coefficient():
     assert mu(1e3) == 0.25
 
 
-def test_a_table_is_followed_by_straight_lines_and_may_be_above_1():
+def test_a_table_is_interpolated_and_may_exceed_1():
     mu = tabulated([0.5, 1.5], [2.0, 1.0])
     assert [mu(v) for v in (0.0, 0.5, 0.75, 1.5, 9.0)] == [2.0, 2.0, 1.75, 1.0, 1.0]
 
@@ -63,34 +63,34 @@ def test_a_table_is_followed_by_straight_lines_and_may_be_above_1():
         (tabulated, ([0.0], [math.inf]), "inf"),
     ],
 )
-def test_constants_are_checked(make, arguments, wrong):
+def test_invalid_constants_are_refused(make, arguments, wrong):
     with pytest.raises(ValueError, match=wrong):
         make(*arguments)
 
 
 @pytest.mark.parametrize("law", ONCE)
 @pytest.mark.parametrize("speed", [0.0, 0.25, 3.0])
-def test_the_coefficient_is_that_of_the_first_slip_and_the_answer_says_it(law, speed):
-    """Of this ball the slip is v + spin: by the one as by the other the answer is that of the number."""
+def test_the_coefficient_is_evaluated_at_the_initial_slip_and_reported(law, speed):
+    """The slip of this ball is v + spin, however it is divided between the two."""
     mu = stribeck(0.4, 0.1, 1.0)
     for given in (ball(speed), ball(0.0, spin=-speed), ball(2 * speed, spin=speed)):
-        by_function = resolve(given, FLOOR, touch(mu), ImpactModel(law))
+        by_function = resolve(given, FLOOR, contact(mu), ImpactModel(law))
         assert by_function.contact.friction == mu(speed)
-        assert by_function == resolve(given, FLOOR, touch(mu(speed)), ImpactModel(law))
+        assert by_function == resolve(given, FLOOR, contact(mu(speed)), ImpactModel(law))
         assert by_function.kinetic_energy_after < by_function.kinetic_energy_before
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, *ONCE])
-def test_both_coefficients_may_be_functions_and_tangential_restitution_with_them(law):
-    asked = touch(lambda v: 0.1 * v, tangential_restitution=0.5)._replace(restitution=lambda v: 1 / (1 + v))
+def test_both_coefficients_may_be_functions_with_tangential_restitution(law):
+    asked = contact(lambda v: 0.1 * v, tangential_restitution=0.5)._replace(restitution=lambda v: 1 / (1 + v))
     impact = resolve(ball(2.0, -1.0), FLOOR, asked, ImpactModel(law))
     used = 0.0 if law is Law.FRICTIONLESS else 0.2
     assert impact.contact == asked._replace(restitution=0.5, friction=used)
 
 
-def test_springs_refuse_it_by_name():
+def test_compliant_refuses_it_by_name():
     with pytest.raises(ImpactError, match="COMPLIANT takes no friction that depends on slip speed") as error:
-        resolve(ball(1.0), FLOOR, touch(stribeck(0.4, 0.1, 1.0)), ImpactModel(Law.COMPLIANT))
+        resolve(ball(1.0), FLOOR, contact(stribeck(0.4, 0.1, 1.0)), ImpactModel(Law.COMPLIANT))
     assert (error.value.code, error.value.field) == (StatusCode.INVALID_MODEL, "contact.friction")
 
 
@@ -102,30 +102,30 @@ def test_springs_refuse_it_by_name():
         (math.inf, StatusCode.NOT_FINITE),
     ],
 )
-def test_a_function_that_gives_no_coefficient_is_refused(value, code):
+def test_a_function_with_an_invalid_value_is_refused(value, code):
     with pytest.raises(ImpactError) as error:
-        resolve(ball(1.0), FLOOR, touch(lambda v: value))
+        resolve(ball(1.0), FLOOR, contact(lambda v: value))
     assert (error.value.code, error.value.field) == (code, "contact.friction(slip_speed)")
     with pytest.raises(ImpactError) as error:
         resolve_contact(SPHERE, (1, 0, -1), (0, 0, 1), 0.5, lambda v: value)
     assert (error.value.code, error.value.field) == (code, "friction(slip_speed)")
     with pytest.raises(TypeError):
-        resolve(ball(1.0), FLOOR, touch(lambda v: "much"))
+        resolve(ball(1.0), FLOOR, contact(lambda v: "much"))
 
 
-def test_an_unsound_request_is_refused_before_the_function_is_asked():
+def test_an_invalid_request_is_refused_before_the_function_is_called():
     def never(v):
         raise AssertionError
 
     with pytest.raises(ImpactError) as error:
-        resolve(ball(math.nan), FLOOR, touch(never))
+        resolve(ball(math.nan), FLOOR, contact(never))
     assert (error.value.code, error.value.field) == (StatusCode.NOT_FINITE, "body_a.velocity")
 
 
 @pytest.mark.parametrize("scale", [2.0**-300, 1.0, 2.0**300])
 @pytest.mark.parametrize("length", [2.0**-200, 3.0, 2.0**200])
 def test_the_slip_speed_is_right_to_rounding_where_it_cancels(scale, length):
-    """v - w r with the two equal but for their last bits, along a normal that is not of unit length."""
+    """v and w r are equal up to their last bits; the normal is not of unit length."""
     v, w = scale * (1 + 2.0**-50), scale
     spinning = Body.dynamic(
         1.0, (0.4, 0, 0, 0.4, 0, 0.4), (0, 0, 1), velocity=(v, 0, -scale), angular_velocity=(0, w, 0)
@@ -133,16 +133,16 @@ def test_the_slip_speed_is_right_to_rounding_where_it_cancels(scale, length):
     assert slip_speed(spinning, FLOOR, Contact.of((0, 0, 0), (0, 0, length))) == scale * 2.0**-50
 
 
-def test_a_slip_speed_beyond_floats_is_refused_by_name():
+def test_a_slip_speed_beyond_float64_is_refused():
     fast = Body.dynamic(1.0, velocity=(1.7e308, 1.7e308, -1.0))
     for law in (Law.COULOMB, Law.ROUTH_STRONGE):
         with pytest.raises(ImpactError) as error:
-            resolve(fast, FLOOR, touch(lambda v: 0.5), ImpactModel(law))
+            resolve(fast, FLOOR, contact(lambda v: 0.5), ImpactModel(law))
         assert error.value.code is StatusCode.OUT_OF_RANGE
 
 
-def test_the_slip_speed_of_turned_and_eccentric_bodies_and_of_mechanisms():
-    """A centre beside the origin of a turned body: the twist is of the origin, so neither counts."""
+def test_the_slip_speed_of_rotated_offset_and_articulated_bodies():
+    """The twist is that of the reference point, so neither orientation nor centre of mass matters."""
     q = (0, 0, Fraction(1, 2), 1)
     body = Body.dynamic(1.0, (1, 0, 0, 2, 0, 3), (0, 0, 0), q, (3, 4, -1), (0, 0, 2), com=(0.5, 0.25, 0.125))
     assert slip_speed(body, FLOOR, Contact.of((0, 0, -1), (0, 0, 1))) == 5.0
@@ -152,7 +152,7 @@ def test_the_slip_speed_of_turned_and_eccentric_bodies_and_of_mechanisms():
     assert slip_speed(FLOOR, arm, Contact.of((0, 0, 0), (0, 0, -2))) == 5.0
 
 
-def test_bare_contacts_take_functions():
+def test_resolve_contact_accepts_functions():
     mu = stribeck(0.4, 0.1, 1.0)
     assert resolve_contact(SPHERE, (0.6, 0.8, -1), (0, 0, 1), 0.5, mu) == resolve_contact(
         SPHERE, (0.6, 0.8, -1), (0, 0, 1), 0.5, mu(1.0)
@@ -161,12 +161,12 @@ def test_bare_contacts_take_functions():
 
 @pytest.mark.parametrize("law", ONCE)
 def test_in_a_scene_each_contact_has_its_own_slip(law):
-    """A bar on two feet, that turns about one of them: one slips, the other does not."""
+    """A bar on two feet turns about one of them: one foot slips, the other does not."""
     bar = Body.dynamic(
         1.0, (0.1, 0, 0, 0.1, 0, 0.1), (0, 0, 0), velocity=(0, 1.0, -1.0), angular_velocity=(0, 0, 1.0)
     )
     mu = stribeck(0.5, 0.125, 0.5)
-    feet = [touch(mu)._replace(position=(x, 0.0, 0.0)) for x in (-1.0, 1.0)]
+    feet = [contact(mu)._replace(position=(x, 0.0, 0.0)) for x in (-1.0, 1.0)]
     found = resolve_scene([bar, FLOOR], [(0, 1)] * 2, feet, ImpactModel(law))
     assert [contact.friction for contact in found.contacts] == [0.5, mu(2.0)]
     numbers = [foot._replace(friction=x) for foot, x in zip(feet, (0.5, mu(2.0)), strict=True)]
@@ -174,8 +174,8 @@ def test_in_a_scene_each_contact_has_its_own_slip(law):
     assert found.kinetic_energy_after < found.kinetic_energy_before
 
 
-def test_clusters_without_friction_drop_the_function_and_paths_refuse_it():
-    feet = [touch(stribeck(0.5, 0.125, 0.5))._replace(position=(x, 0.0, 0.0)) for x in (-1.0, 1.0)]
+def test_frictionless_clusters_ignore_the_function_and_path_laws_refuse_it():
+    feet = [contact(stribeck(0.5, 0.125, 0.5))._replace(position=(x, 0.0, 0.0)) for x in (-1.0, 1.0)]
     scene = [ball(1.0), FLOOR], [(0, 1)] * 2
     smooth = resolve_scene(*scene, feet, ImpactModel(Law.FRICTIONLESS))
     assert [contact.friction for contact in smooth.contacts] == [0.0, 0.0]
@@ -184,19 +184,19 @@ def test_clusters_without_friction_drop_the_function_and_paths_refuse_it():
     with pytest.raises(ImpactError, match="ROUTH_STRONGE takes no friction of several contacts") as error:
         resolve_scene(*scene, feet, ImpactModel(Law.ROUTH_STRONGE))
     assert error.value.field == "contacts[0].friction"
-    feet[1] = touch(lambda v: -1.0)._replace(position=(1.0, 0.0, 0.0))
+    feet[1] = contact(lambda v: -1.0)._replace(position=(1.0, 0.0, 0.0))
     with pytest.raises(ImpactError) as error:
         resolve_scene(*scene, feet)
     assert error.value.field == "contacts[1].friction(slip_speed)"
 
 
 def test_friction_that_rises_with_speed_may_turn_sticking_into_sliding():
-    slow = resolve(ball(0.1), FLOOR, touch(lambda v: 1 - min(v, 1)))
-    fast = resolve(ball(0.9), FLOOR, touch(lambda v: 1 - min(v, 1)))
+    slow = resolve(ball(0.1), FLOOR, contact(lambda v: 1 - min(v, 1)))
+    fast = resolve(ball(0.9), FLOOR, contact(lambda v: 1 - min(v, 1)))
     assert (slow.regime, fast.regime) == (Regime.STICKING, Regime.SLIDING)
 
 
-def test_derivatives_ask_for_a_number():
+def test_derivatives_need_a_number():
     with pytest.raises(ImpactError) as error:
-        differentiate(ball(1.0), FLOOR, touch(stribeck(0.4, 0.1, 1.0)))
+        differentiate(ball(1.0), FLOOR, contact(stribeck(0.4, 0.1, 1.0)))
     assert error.value.field == "contact.friction"

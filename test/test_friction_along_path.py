@@ -1,4 +1,4 @@
-"""Routh's laws with friction that is a function of the slip speed: followed along the path of the impulse."""
+"""Routh's laws with friction as a function of the slip speed, followed along the path of the impulse."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ LAWS = (Law.ROUTH_POISSON, Law.ROUTH_STRONGE)
 UP = (0, 0, 1)
 SPHERE = [[3.5, 0, 0], [0, 3.5, 0], [0, 0, 1]]
 ROD = [[2.5, 0, -1.5], [0, 1, 0], [-1.5, 0, 2.5]]
-"""What holds it is 1.5 / 2.5 = 0.6."""
+"""A friction of 1.5 / 2.5 = 0.6 makes it stick."""
 SHORT = [[3.4, 0, -1.2], [0, 1, 0], [-1.2, 0, 1.6]]
 OBLIQUE = [[115 / 48, -1 / 8, 2 / 3], [-1 / 8, 13 / 4, 1 / 2], [2 / 3, 1 / 2, 35 / 24]]
 FLOOR = Body.static()
 TINY = 1e-13
-"""Of an answer of order 1 to which all steps are straight: the rounding of some hundred operations."""
+"""Error of an answer of order 1 with straight steps only: the rounding of about a hundred operations."""
 FOLLOWED = 2e-12
-"""Of an answer of order 1: the path is followed to 1e-12."""
+"""Error of an answer of order 1: the path is followed to 1e-12."""
 
 
 def follow(K, u, e, mu, law=Law.ROUTH_STRONGE, **model):
@@ -57,8 +57,8 @@ def apart(one, other):
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("family", FAMILIES)
-def test_a_constant_function_is_a_number(family, law):
-    """Of the kernels both the answer and the bound are known to be right."""
+def test_a_constant_function_equals_a_number(family, law):
+    """The answers and bounds of the kernels are known to be right."""
     make, frictions = FAMILIES[family]
     draw, regimes = random.Random(family), set()
     for _ in range(12):
@@ -67,7 +67,7 @@ def test_a_constant_function_is_a_number(family, law):
         e = draw.choice([0.0, 1e-8, 0.5, 1.0, draw.random()])
         try:
             number = resolve_contact(K, u, n, e, mu, ImpactModel(law))
-        except ImpactError as error:  # slip that turns for ever, to its budget
+        except ImpactError as error:  # slip that turns without end
             assert error.code is StatusCode.PATH_TOO_LONG
             continue
         followed = resolve_contact(K, u, n, e, lambda _, mu=mu: mu, ImpactModel(law))
@@ -76,7 +76,7 @@ def test_a_constant_function_is_a_number(family, law):
         size = math.hypot(*number.impulse) * math.hypot(*u)
         for field in ("energy_change", "energy_lost_restitution", "energy_lost_friction"):
             assert getattr(followed, field) == pytest.approx(getattr(number, field), abs=1e-8 * size)
-        if family not in ("slow", "head_on"):  # there a number's slip is no more than its rounding
+        if family not in ("slow", "head_on"):  # there the slip is as small as its rounding
             assert followed.regime is number.regime
         regimes.add(followed.regime)
     assert family != "space" or len(regimes) >= 3
@@ -97,7 +97,7 @@ ORACLE = 3e-9
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("name", FUNCTIONS)
-def test_against_an_integrator_that_shares_nothing(name, law):
+def test_against_the_oracle(name, law):
     mu, mobilities = FUNCTIONS[name], (ROD, SHORT, OBLIQUE, SPHERE, OBLIQUE, SHORT)
     for K, u in zip(2 * mobilities, (*SLIPS, *SLIPS[::-1]), strict=True):
         P, heat, after = routh_by_speed(K, u, 0.6, mu, law is Law.ROUTH_STRONGE)
@@ -111,7 +111,7 @@ def test_against_an_integrator_that_shares_nothing(name, law):
 
 
 def test_a_sphere_with_linear_friction_slows_down_exponentially():
-    """Nothing couples it, so p ends at (1 + e), and ds/dp = -3.5 (a + b s)."""
+    """Nothing couples slip and approach: p ends at (1 + e), and ds/dp = -3.5 (a + b s)."""
     for law, (a, b), e in itertools.product(LAWS, ((0.05, 0.3), (0.2, -0.05), (0.0, 0.25)), (0.0, 0.5, 1.0)):
         found = follow(SPHERE, (1.2, 1.6, -1), e, lambda v, a=a, b=b: a + b * v, law)
         slip = (2 + a / b) * math.exp(-3.5 * b * (1 + e)) - a / b
@@ -135,8 +135,8 @@ def test_a_sphere_with_friction_that_rises_from_rest_never_stops_and_one_with_a_
     assert stopped.impulse == pytest.approx((-1 / 3.5, 0, 2), abs=TINY)
 
 
-def straight(K, u, e, phases):
-    """Poisson's impulse in the plane, in fractions: friction before and after slip stops."""
+def planar_poisson_impulse(K, u, e, phases):
+    """Poisson's impulse in the plane in fractions, given the friction before and after slip stops."""
     (A, _, b), _, (_, _, k) = [[Fraction(x) for x in row] for row in K]
     (s, _, un), e = map(Fraction, u), Fraction(e)
     sliding, later = map(Fraction, phases)
@@ -150,7 +150,7 @@ def straight(K, u, e, phases):
 
 
 def test_static_friction_above_kinetic_holds_what_kinetic_does_not():
-    """The rod needs 0.6 to stick, and it is 0.2 while it slips."""
+    """The rod needs a friction of 0.6 to stick; it is 0.2 while it slips."""
 
     def friction(static):
         return lambda v: static if v == 0 else 0.2
@@ -158,11 +158,11 @@ def test_static_friction_above_kinetic_holds_what_kinetic_does_not():
     u = (0.25, 0.0, -1.0)
     sticks = follow(ROD, u, 0.5, friction(0.75), Law.ROUTH_POISSON)
     assert sticks.regime is Regime.STICKING
-    P = straight(ROD, u, 0.5, ("0.2", "0.6"))
+    P = planar_poisson_impulse(ROD, u, 0.5, ("0.2", "0.6"))
     assert (sticks.impulse.x, sticks.impulse.z) == pytest.approx(tuple(map(float, P)), rel=TINY)
     slips_on = follow(ROD, u, 0.5, friction(0.5), Law.ROUTH_POISSON)
     assert slips_on.regime is Regime.REVERSED
-    P = straight(ROD, u, 0.5, ("0.2", "0.2"))
+    P = planar_poisson_impulse(ROD, u, 0.5, ("0.2", "0.2"))
     assert (slips_on.impulse.x, slips_on.impulse.z) == pytest.approx(tuple(map(float, P)), rel=TINY)
 
 
@@ -176,8 +176,8 @@ def test_from_rest_static_friction_decides_and_kinetic_friction_acts(K):
         assert apart(slips, follow(K, (0, 0, -1), 0.5, 0.125, law)) < 1e-11
 
 
-def test_a_tie_that_decides_between_two_answers_is_an_answer_of_which_nothing_is_known():
-    """Exactly at 0.6 it sticks, but a rounding less and it would slip on with 0.2."""
+def test_a_tie_between_two_answers_has_an_infinite_bound():
+    """At exactly 0.6 the rod sticks; one rounding less and it would slip on with 0.2."""
     for static in (0.6, math.nextafter(0.6, 1), math.nextafter(0.6, 0)):
         found = follow(ROD, (0, 0, -1), 0.5, lambda v, static=static: static if v == 0 else 0.2)
         assert (found.status, found.error_bound) == (StatusCode.TOLERANCE_NOT_MET, math.inf)
@@ -186,8 +186,8 @@ def test_a_tie_that_decides_between_two_answers_is_an_answer_of_which_nothing_is
 
 
 @pytest.mark.parametrize("speed", [1e-1, 1e-3, 1e-6, 1e-9, 1e-14])
-def test_friction_that_is_0_at_rest_never_sticks_but_creeps(speed):
-    """Where its friction is 0.6, at tanh(v / speed) = 2/3: the slip stays there."""
+def test_friction_that_vanishes_at_rest_creeps(speed):
+    """The slip stays where friction is 0.6, at tanh(v / speed) = 2/3."""
     found = follow(ROD, (0, 0, -1), 0.5, lambda v: 0.9 * math.tanh(v / speed))
     creep = speed * math.atanh(2 / 3)
     assert found.velocity_after.x == pytest.approx(-creep, rel=1e-3 if speed > 1e-2 else 0, abs=FOLLOWED)
@@ -200,14 +200,14 @@ ISOTROPIC = [[1, 0, 0.5], [0, 1, 0.25], [0.5, 0.25, 1]]
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_slip_that_is_next_to_none_turns_to_where_it_grows(law):
-    """Along x it would stay as it is, with friction 0.5; but it is drawn to where it grows."""
+def test_tiny_slip_turns_to_the_direction_in_which_it_grows(law):
+    """Along x it would persist at friction 0.5, but that direction is unstable."""
     for below, tolerance in itertools.product((1e-14, 2e-14, 1e-13, 1e-12, 1e-9), (0.0, 1e-9, 1e-6)):
         at_rest = follow(ISOTROPIC, (0, 0, -1), 0.5, 0.5 - below, law, tolerance=tolerance)
         for slip in (1e-300, 1e-16, 1e-13):
             mu = 0.5 - below
             found = follow(ISOTROPIC, (slip, 0, -1), 0.5, lambda _, mu=mu: mu, law, tolerance=tolerance)
-            moved = 4 * slip  # of the impulse, at most: friction draws any two slips together
+            moved = 4 * slip  # at most, of the impulse: friction brings any two slips closer
             assert apart(found, at_rest) <= found.error_bound + at_rest.error_bound + moved
             assert found.error_bound < 1e-7
 
@@ -215,7 +215,7 @@ def test_slip_that_is_next_to_none_turns_to_where_it_grows(law):
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("slip", [1e3, 1e6, 1e8, 1e12])
 def test_fast_slip_that_jams_is_followed_to_its_stop(law, slip):
-    """They are pressed together until u_n is some slips; steps err by a part of that."""
+    """The bodies are pressed together until u_n is some multiple of the slip; steps err by a part of that."""
     K = [[2.5, 0, 1.5], [0, 1, 0], [1.5, 0, 2.5]]
     number = follow(K, (slip, 0, -1), 0.5, 2.0, law)
     followed = follow(K, (slip, 0, -1), 0.5, lambda _: 2.0, law)
@@ -225,15 +225,17 @@ def test_fast_slip_that_jams_is_followed_to_its_stop(law, slip):
 
 
 def test_slip_stays_at_a_speed_at_which_friction_jumps_upwards():
-    """From rest it gains speed below 0.125 m/s, and would lose it above."""
+    """From rest it gains speed below 0.125 m/s, and loses speed above."""
     for law in LAWS:
         found = follow(ROD, (0, 0, -1), 0.5, lambda v: 0.1 if v < 0.125 else 2.0, law)
         assert found.velocity_after.x == pytest.approx(-0.125, rel=1e-11)
         assert found.error_bound < 1e-8
 
 
-def test_the_bound_holds_the_error_and_a_tolerance_is_met_or_said_not_to_be():
-    mobilities = itertools.cycle((ROD, SHORT, OBLIQUE, SPHERE, OBLIQUE))  # five, for six slips: all meet
+def test_the_error_is_within_the_bound_and_tolerances_are_met_or_reported():
+    mobilities = itertools.cycle(
+        (ROD, SHORT, OBLIQUE, SPHERE, OBLIQUE)
+    )  # five for six slips, so that all pairs occur
     for (name, u), K in zip(itertools.product(FUNCTIONS, SLIPS), mobilities, strict=False):
         best = follow(K, u, 0.6, FUNCTIONS[name], tolerance=1e-15)
         assert (best.status, best.model.precision) == (StatusCode.TOLERANCE_NOT_MET, Precision.DOUBLE)
@@ -247,7 +249,7 @@ def test_the_bound_holds_the_error_and_a_tolerance_is_met_or_said_not_to_be():
         assert extended.error_bound <= best.error_bound
 
 
-STRANGE = {
+UNUSUAL = {
     "none": lambda v: 0.0,
     "hardly any": lambda v: 5e-324,
     "without end": lambda v: 1e300,
@@ -265,11 +267,11 @@ STRANGE = {
 }
 
 
-@pytest.mark.parametrize("name", STRANGE)
-def test_strange_functions_are_followed_and_create_no_energy(name):
+@pytest.mark.parametrize("name", UNUSUAL)
+def test_unusual_functions_are_followed_and_create_no_energy(name):
     slips = ((0.5, 0.0, -1), (0, 0, -1), (1e-15, 0, -1), (-0.6, 0.3, -1), (50, -3, -1e-2), (1e-3, 2e-4, -10))
     for K, u, law in itertools.product((ROD, OBLIQUE), slips, LAWS):
-        found = follow(K, u, 0.5, STRANGE[name], law)
+        found = follow(K, u, 0.5, UNUSUAL[name], law)
         assert found.error_bound < 1e-8
         assert found.energy_change <= 0
         assert found.energy_lost_friction >= 0
@@ -279,8 +281,8 @@ def test_strange_functions_are_followed_and_create_no_energy(name):
         assert lost == pytest.approx(-found.energy_change, abs=1e-9 * energy)
 
 
-def test_a_path_without_end_is_given_up_by_name():
-    """It keeps slip at a speed and turns it there; or is another each time it is asked."""
+def test_an_endless_path_is_refused():
+    """A function that keeps the slip at one speed and turns it, and one that is random."""
     draw = random.Random(1)
     for K, mu in ((OBLIQUE, lambda v: 0.05 if v < 0.3 else 2.0), (ROD, lambda v: draw.random())):
         with pytest.raises(ImpactError) as error:
@@ -291,7 +293,7 @@ def test_a_path_without_end_is_given_up_by_name():
 @pytest.mark.parametrize(
     ("value", "code"), [(-0.1, "INVALID_COEFFICIENT"), (math.nan, "NOT_FINITE"), (math.inf, "NOT_FINITE")]
 )
-def test_a_value_on_the_way_that_is_no_coefficient_is_refused_with_its_speed(value, code):
+def test_an_invalid_value_along_the_path_is_refused_with_its_speed(value, code):
     with pytest.raises(ImpactError) as error:
         follow(SPHERE, (1, 0, -1), 0.5, lambda v: 0.5 if v > 0.25 else value)
     assert (error.value.code.name, error.value.field) == (code, "friction(slip_speed)")
@@ -309,7 +311,7 @@ CORNER = Contact.of((0.4, 0.5, 0.0), (0.125, 0.25, 1), 0.5, stribeck(0.5, 0.2, 0
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_bodies_in_space_and_what_the_answer_says(law):
+def test_bodies_in_space_and_all_fields_of_the_answer(law):
     impact = resolve(BOX, TABLE, CORNER, ImpactModel(law))
     assert (impact.status, impact.model) == (
         StatusCode.OK,
@@ -318,7 +320,7 @@ def test_bodies_in_space_and_what_the_answer_says(law):
     number = resolve(BOX, TABLE, CORNER._replace(friction=0.3), ImpactModel(law))
     for field in ("normal_velocity_before", "effective_mass", "kinetic_energy_before"):
         assert getattr(impact, field) == pytest.approx(getattr(number, field), rel=1e-15)
-    assert 0.2 < impact.contact.friction < 0.5  # at first touch
+    assert 0.2 < impact.contact.friction < 0.5  # at the initial slip
     assert impact.contact == CORNER._replace(friction=impact.contact.friction)
     lost = impact.energy_lost_restitution + impact.energy_lost_friction
     assert impact.kinetic_energy_before - impact.kinetic_energy_after == pytest.approx(lost, rel=1e-11)
@@ -331,7 +333,7 @@ def test_bodies_in_space_and_what_the_answer_says(law):
 
 
 def test_units_do_not_matter_to_the_last_digit():
-    """Lengths, masses and times in powers of two of themselves; friction takes speeds in its own units."""
+    """Lengths, masses and times scaled by powers of two; the function takes speeds in its own units."""
     mu = CORNER.friction
     impact = resolve(BOX, TABLE, CORNER, ImpactModel(Law.ROUTH_STRONGE))
     for length, mass, time in ((2.0**10, 1.0, 1.0), (1.0, 2.0**300, 1.0), (2.0**-200, 2.0**-300, 2.0**100)):
@@ -354,7 +356,7 @@ def test_units_do_not_matter_to_the_last_digit():
         assert (found.error_bound, found.regime) == (impact.error_bound, impact.regime)
 
 
-def test_both_coefficients_may_be_functions_and_the_threshold_counts():
+def test_both_coefficients_may_be_functions_and_the_threshold_applies():
     def e(v):
         return 1 / (1 + v)
 
@@ -380,7 +382,7 @@ def test_bodies_that_separate_have_no_path():
     assert impact.twist_a.linear == away.velocity
 
 
-def test_geometry_is_the_least_that_does_or_that_asked_for():
+def test_the_geometry_is_the_simplest_exact_one_or_the_requested_one():
     mu, law = CORNER.friction, Law.ROUTH_POISSON
     flat = Body.dynamic(1.0, (1, 0, 0, 1, 0, 0.125), (0, 1, 0), None, (1, -1, 0), (0, 0, 1))
     contact = Contact.of((0.25, 0, 0), (0, 1, 0), 0.5, mu)
@@ -410,7 +412,7 @@ def test_geometry_is_the_least_that_does_or_that_asked_for():
         ({"model": ImpactModel(Law.ROUTH_STRONGE, tolerance=-1.0)}, "INVALID_MODEL", "model.tolerance"),
     ],
 )
-def test_an_unsound_request_is_refused_before_the_function_is_asked(change, code, field):
+def test_an_invalid_request_is_refused_before_the_function_is_called(change, code, field):
     def never(v):
         raise AssertionError
 
@@ -422,7 +424,7 @@ def test_an_unsound_request_is_refused_before_the_function_is_asked(change, code
     assert (error.value.code.name, error.value.field) == (code, field)
 
 
-def test_a_mechanism_that_an_impulse_cannot_stop_is_refused_even_if_friction_begins_with_none():
+def test_slip_in_a_locked_direction_is_refused_even_if_friction_begins_at_zero():
     K = [[0, 0, 0], [0, 1, 0], [0, 0, 1]]
     with pytest.raises(ImpactError) as error:
         follow(K, (1, 0, -1), 0.5, lambda v: 0.0 if v > 0.5 else 0.5)
@@ -431,7 +433,7 @@ def test_a_mechanism_that_an_impulse_cannot_stop_is_refused_even_if_friction_beg
     assert slides.impulse == pytest.approx((0, -0.375, 1.5), abs=TINY)
 
 
-def test_numbers_that_are_no_floats_are_taken_as_they_are():
+def test_fractions_are_accepted():
     third = Fraction(1, 3)
     ball = Body.dynamic(third, (third, 0, 0, third, 0, third), (0, 0, third), velocity=(1, 0, -third))
     contact = Contact.of((0, 0, 0), UP, third, lambda v: v)
@@ -443,7 +445,7 @@ def test_numbers_that_are_no_floats_are_taken_as_they_are():
     assert all(type(x) is float for x in impact.impulse)
 
 
-def test_numbers_too_unlike_for_floats_are_refused_by_name():
+def test_magnitudes_too_far_apart_for_floats_are_refused():
     with pytest.raises(ImpactError) as error:
         follow(SPHERE, (1e300, 0, -1e-300), 0.5, CORNER.friction)
     assert error.value.code is StatusCode.OUT_OF_RANGE

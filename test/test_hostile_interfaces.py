@@ -1,9 +1,8 @@
-"""What requests must not be made of: a short message could claim to hold millions of it.
+"""Requests must not contain sequences of bytes, strings or messages.
 
-rmw_fastrtps grows the buffer of a request by the length that a sequence claims, before it looks whether so
-much is there. Of sequences of numbers of several bytes the rest is then missing, and the request is dropped.
-Of sequences of bytes, strings and messages the garbage is taken for real: 80 bytes cost gigabytes, and
-seconds.
+rmw_fastrtps allocates the length that a sequence claims before it checks whether the data is there. If the
+elements are numbers of several bytes, the missing data is noticed and the request is dropped. If they are
+bytes, strings or messages, the garbage is accepted: 80 bytes cost gigabytes and seconds.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ from collision_response.ros.scene_client import pack
 
 DRAWING = Drawing(metres_per_newton_second=0.5, size=0.25, lifetime=1.5)
 SLIDES = DrawnContact(Vec3(1.0, 2.0, 3.0), Vec3(0.0, 0.6, 0.8), 0.75, Vec3(-3.0, 2.4, 3.2))
-"""An impulse of 4 N s along the normal, and 3 N s across: on the edge of the cone of friction 3/4."""
+"""4 N s along the normal and 3 N s across: on the edge of the cone for a friction of 3/4."""
 
 
 def drawn(*touches: DrawnContact) -> dict[str, Marker]:
@@ -55,7 +55,7 @@ def test_arrows_show_normal_and_impulse():
     assert {(marker.lifetime.sec, marker.lifetime.nanosec) for marker in markers.values()} == {
         (1, 500_000_000)
     }
-    assert all(marker.color.a > 0 and marker.scale.x > 0 for marker in markers.values())  # else none is seen
+    assert all(marker.color.a > 0 and marker.scale.x > 0 for marker in markers.values())  # otherwise invisible
     assert all(marker.pose.orientation.w == 1.0 for marker in markers.values())
 
 
@@ -79,13 +79,13 @@ def test_without_impulse_or_friction_there_is_no_cone():
     assert drawn(SLIDES._replace(impulse=Vec3(0.0, 0.0, 0.0))).keys() == {"point", "normal"}
 
 
-def test_each_contact_has_a_number_of_its_own():
+def test_each_contact_has_its_own_marker_id():
     numbers = count(2**31 - 1)
     markers = markers_of(Header(), [SLIDES, SLIDES], DRAWING, numbers).markers
     assert [marker.id for marker in markers] == [2**31 - 1] * 4 + [0] * 4
 
 
-def test_a_refusal_has_nothing_to_show_and_a_normal_may_have_any_length():
+def test_a_refusal_has_no_markers_and_a_normal_may_have_any_length():
     result = CollisionResult()
     assert contacts_of(result) == []
     result.status.code = int(StatusCode.SEPARATING)
@@ -100,8 +100,8 @@ def answered(**fields) -> CollisionResult:
     return result
 
 
-def test_what_is_no_answer_of_the_service_has_nothing_to_show():
-    """Anybody may publish results."""
+def test_invalid_results_have_no_markers():
+    """Any node may publish results."""
     result = answered()
     result.status.code = 55
     assert contacts_of(result) == []
@@ -125,7 +125,7 @@ def test_impulses_of_any_length_are_drawn(length):
     np.testing.assert_allclose(np.hypot(np.hypot(*rim.T[:2]), rim[:, 2]), 0.5 * length)
 
 
-def test_what_would_reach_beyond_float64_is_not_drawn():
+def test_arrows_beyond_float64_are_not_drawn():
     far = SLIDES._replace(impulse=Vec3(1e308, 1e308, 0.0))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -153,7 +153,7 @@ def test_a_wrench_beyond_float64_is_left_out(shown, capfd):
     assert capfd.readouterr().err.count("a wrench beyond float64 is left out") == 1
 
 
-def test_an_impact_is_shown_no_longer_than_a_duration_can_say(shown):
+def test_the_lifetime_must_fit_a_duration_message(shown):
     node, _ = shown
     (too_long,) = node.set_parameters([Parameter("lifetime", value=1e10)])
     (longest,) = node.set_parameters([Parameter("lifetime", value=1e9)])
@@ -161,7 +161,7 @@ def test_an_impact_is_shown_no_longer_than_a_duration_can_say(shown):
     node._hear(answered())
 
 
-def test_a_wrench_is_of_the_origin_of_the_frame():
+def test_the_wrench_is_about_the_origin_of_the_frame():
     """Force P/T, torque x cross P/T."""
     wrench = wrench_of(Header(frame_id="world"), SLIDES, 0.5)
     assert (wrench.wrench.force.x, wrench.wrench.force.y, wrench.wrench.force.z) == (-6.0, 4.8, 6.4)
@@ -170,8 +170,9 @@ def test_a_wrench_is_of_the_origin_of_the_frame():
     assert wrench.header.frame_id == "world"
 
 
-def test_answers_are_shown_over_the_wire(graph):
-    """Of one impact four markers and a wrench less the cone; of a scene the markers of each contact."""
+def test_answers_are_shown_over_dds(graph):
+    """A frictionless impact gives three markers and a wrench; a scene the markers of each contact.
+    """
     graph.serve()
     graph.add(
         ContactMarkers(

@@ -1,4 +1,4 @@
-"""Mass properties of solids against sums over particles."""
+"""Mass properties of solids, against sums over particles."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_solid_equals_its_particles(solid, particles):
     ids=["sphere", "box", "cylinder"],
 )
 def test_solid_equals_a_fine_grid_of_particles(solid, inside, half):
-    """Independent of the quadrature: the volume cut into 60^3 cells, right to the size of a cell."""
+    """Independent of the quadrature: the volume cut into 60^3 cells, accurate to the size of a cell."""
     axes = [np.linspace(-h, h, 120, endpoint=False)[::2] + h / 60 for h in half]
     grid = np.array([p for p in np.stack(np.meshgrid(*axes), -1).reshape(-1, 3) if inside(*p)])
     x, y, z = grid.T
@@ -103,34 +103,34 @@ def test_particles_must_have_mass():
         (lambda: mp.rod(1.0, -1.0), "length"),
     ],
 )
-def test_a_size_below_zero_is_named(make, field):
+def test_a_negative_size_is_refused_by_name(make, field):
     with pytest.raises(ValueError, match=field):
         make()
 
 
-SOLIDS = [mp.sphere, mp.hollow_sphere, lambda m, x: mp.box(m, (x, x, x)), lambda m, x: mp.cylinder(m, x, x)]
-SOLIDS += [lambda m, x: mp.capsule(m, x, x), lambda m, x: mp.cone(m, x, x), mp.rod]
+CONSTRUCTORS = [mp.sphere, mp.hollow_sphere, lambda m, x: mp.box(m, (x, x, x)), lambda m, x: mp.cylinder(m, x, x)]
+CONSTRUCTORS += [lambda m, x: mp.capsule(m, x, x), lambda m, x: mp.cone(m, x, x), mp.rod]
 
 
-@pytest.mark.parametrize("solid", SOLIDS)
+@pytest.mark.parametrize("solid", CONSTRUCTORS)
 @pytest.mark.parametrize("mass", [1, 10**400], ids=["1", "beyond"])
 @pytest.mark.parametrize("power", [200, 400, 5000])
-def test_integers_beyond_floats_are_refused_by_name(solid, mass, power):
+def test_integers_beyond_float64_are_refused_by_name(solid, mass, power):
     with pytest.raises(ImpactError, match="inertia: is beyond float64") as refusal:
         solid(mass, 10**power)
     assert refusal.value.code is StatusCode.NOT_FINITE
 
 
-@pytest.mark.parametrize("solid", SOLIDS)
+@pytest.mark.parametrize("solid", CONSTRUCTORS)
 @pytest.mark.parametrize("size", [True, np.True_, "1", None, 1j])
-def test_a_size_is_a_real_number(solid, size):
+def test_a_size_must_be_a_real_number(solid, size):
     with pytest.raises(TypeError, match=r"^(radius|size\.x|length): must be a real number, is "):
         solid(1.0, size)
 
 
 @pytest.mark.parametrize("exponent", [-320, -200, 0, 200, 307])
-def test_a_length_keeps_its_range(exponent):
-    """3, 4 and 12 make 13; their squares leave the range."""
+def test_the_norm_does_not_overflow(exponent):
+    """3, 4 and 12 give 13; their squares overflow or underflow."""
     for zeros in ((0.0,), (0,)):
         s = float(f"1e{exponent}")
         assert Vec3(3 * s, 4 * s, *zeros).norm() == pytest.approx(5 * s, rel=1e-15, abs=5e-324)
@@ -138,7 +138,7 @@ def test_a_length_keeps_its_range(exponent):
 
 
 @pytest.mark.parametrize("other", [Vec3(1.0, 2.0, 3.0), (1.0, 2.0, 3.0)])
-def test_vectors_are_not_multiplied_with_each_other_by_a_star(other):
+def test_the_product_of_two_vectors_is_ambiguous_and_refused(other):
     with pytest.raises(TypeError, match=r"dot\(\) or cross\(\)"):
         Vec3(1.0, 2.0, 3.0) * other
 
@@ -148,8 +148,8 @@ def test_a_box_has_three_edges():
         mp.box(1.0, (1.0, 2.0))
 
 
-def enclosing(corners, scale=1.0, middle=(0.0, 0.0, 0.0)):
-    """The convex hull, enlarged and moved."""
+def hull(corners, scale=1.0, middle=(0.0, 0.0, 0.0)):
+    """The convex hull of some points, enlarged and moved."""
     trimesh = pytest.importorskip("trimesh")
     hull = trimesh.convex.convex_hull(np.array(corners, float))
     return trimesh.Trimesh(hull.vertices * scale + middle, hull.faces, process=False)
@@ -167,16 +167,16 @@ SIGNS = list(product((-1, 1), repeat=3))
     "middle", [(0.0, 0.0, 0.0), (4.0, -8.0, 1.0), (2.0**20, -(2.0**21), 2.0**19), (2.0**30,) * 3]
 )
 def test_a_mesh_has_the_same_inertia_wherever_it_is(size, middle):
-    """Its corners are floats, exactly, at all of these places."""
-    found, exact = mp.mesh(3.0, enclosing(corners_of_a_box(size), 1.0, middle)), mp.box(3.0, size)
+    """Its corners are exact floats at all of these places."""
+    found, exact = mp.mesh(3.0, hull(corners_of_a_box(size), 1.0, middle)), mp.box(3.0, size)
     assert found.com == pytest.approx(middle, rel=1e-15, abs=1e-15)
     assert found.inertia == pytest.approx(exact.inertia, rel=1e-14, abs=1e-14)
 
 
 @pytest.mark.parametrize("power", [-400, -333, -100, 100, 333, 400])
 def test_a_mesh_may_be_of_any_size(power):
-    """Its volume, or the square of its size, is beyond floats."""
-    found = mp.mesh(3.0 * 2.0**-power, enclosing(corners_of_a_box((1.0, 2.0, 3.0)), 2.0**power))
+    """Its volume, or the square of its size, is out of range."""
+    found = mp.mesh(3.0 * 2.0**-power, hull(corners_of_a_box((1.0, 2.0, 3.0)), 2.0**power))
     moments = np.array(found.inertia) * 2.0**-power
     assert moments == pytest.approx(mp.box(3.0, (1.0, 2.0, 3.0)).inertia, rel=1e-14, abs=1e-14)
 
@@ -185,7 +185,7 @@ def test_a_mesh_may_be_of_any_size(power):
 def test_a_mesh_equals_its_particles(middle):
     """Tetrahedra are integrated by four points each, exactly for squares (Hammer & Stroud 1956)."""
     rng = np.random.default_rng(0)
-    mesh = enclosing(rng.normal(size=(30, 3)) * (1.0, 2.0, 0.5), 1.0, middle)
+    mesh = hull(rng.normal(size=(30, 3)) * (1.0, 2.0, 0.5), 1.0, middle)
     apex = mesh.vertices[0]
     near, far = (5 - math.sqrt(5)) / 20, (5 + 3 * math.sqrt(5)) / 20
     particles = []
@@ -204,8 +204,8 @@ def test_a_mesh_equals_its_particles(middle):
 
 @pytest.mark.parametrize("distance", [0.0, 1e6, 1e12])
 @pytest.mark.parametrize("how", ["open", "inside out", "flat", "a corner is no number"])
-def test_what_encloses_nothing_is_refused(how, distance):
-    mesh = enclosing(corners_of_a_box((1.0, 2.0, 3.0)), 1.0, (distance,) * 3)
+def test_a_mesh_that_encloses_no_volume_is_refused(how, distance):
+    mesh = hull(corners_of_a_box((1.0, 2.0, 3.0)), 1.0, (distance,) * 3)
     if how == "open":
         mesh.faces = mesh.faces[1:]
     elif how == "inside out":

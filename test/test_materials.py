@@ -1,4 +1,4 @@
-"""Coefficients of pairs of materials: files, laws of restitution, rules, and what the node makes of them."""
+"""Coefficients of pairs of materials: files, speed-dependent restitution and rules of combination."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ def materials(tmp_path):
     return Materials.read(path)
 
 
-def test_the_entry_of_a_pair_comes_first_in_either_order(materials):
+def test_a_pair_entry_has_priority_in_either_order(materials):
     for pair in (("steel", "glass"), ("glass", "steel")):
         found = materials.find("friction", *pair, CombineRule.AVERAGE)
         assert found == (0.1, True, "a page")
     assert materials.between("glass", "steel").tangential_restitution == 0.25
 
 
-def test_what_a_pair_leaves_out_is_combined_and_what_nobody_says_is_not_made_up(materials):
+def test_missing_pair_values_are_combined_from_the_materials_or_none(materials):
     found = materials.find("restitution", "rubber", "rubber", CombineRule.MULTIPLY)
     assert found == (0.8 * 0.8, False, "multiply")
     assert materials.find("friction", "steel", "rubber", CombineRule.HARMONIC_MEAN).value == 0.2
@@ -52,13 +52,13 @@ def test_what_a_pair_leaves_out_is_combined_and_what_nobody_says_is_not_made_up(
 
 
 def test_the_energetic_rule_weighs_by_compliance(materials):
-    """Steel is three times as stiff, and takes up a quarter: e^2 = (0.36 + 3 0.64) / 4 = 0.57."""
+    """Steel is three times as stiff and takes a quarter of the energy: e^2 = (0.36 + 3 0.64) / 4 = 0.57."""
     found = materials.find("restitution", "steel", "rubber", CombineRule.ENERGETIC)
     assert found.value == pytest.approx(math.sqrt(0.57), rel=1e-15)
 
 
-def test_energy_lost_in_two_springs_is_what_the_energetic_rule_says():
-    """Of the energy W of compression k_b / (k_a + k_b) is in spring a, which gives back e_a^2 of it."""
+def test_the_energetic_rule_gives_the_energy_lost_in_two_springs():
+    """Spring a takes k_b / (k_a + k_b) of the energy of compression, and gives back e_a^2 of that."""
     k_a, k_b, e_a, e_b = map(Fraction, (2, 5, "3/5", "4/5"))
     kept = (k_b * e_a**2 + k_a * e_b**2) / (k_a + k_b)
     e = combine(CombineRule.ENERGETIC, float(e_a), float(e_b), float(k_a), float(k_b))
@@ -88,13 +88,13 @@ def test_a_power_law_is_capped():
     assert power_law(0.5, 2.0, 0.0)(0.0) == 0.5
 
 
-def test_johnson_is_what_thornton_comes_to_for_high_speed():
+def test_johnson_is_the_high_speed_limit_of_thornton():
     for v in (1e8, 1e12):
-        assert johnson(0.5)(v) == pytest.approx(plastic(0.5)(v), rel=1 / v)  # the next term goes as 1/v
+        assert johnson(0.5)(v) == pytest.approx(plastic(0.5)(v), rel=1 / v)  # the next term is of order 1/v
     assert johnson(0.5)(0.5) == 1.0
 
 
-def test_a_table_is_followed_by_straight_lines():
+def test_a_table_is_interpolated():
     e = tabulated([1.0, 2.0, 4.0], [1.0, 0.5, 0.25])
     assert [e(v) for v in (0.0, 1.0, 1.5, 2.0, 3.0, 4.0, 9.0)] == [1.0, 1.0, 0.75, 0.5, 0.375, 0.25, 0.25]
 
@@ -145,7 +145,7 @@ def test_a_bad_file_is_refused_by_code_and_field(tmp_path, text, code, field):
     assert (refusal.value.code.name, refusal.value.field) == (code, field)
 
 
-def test_what_is_no_yaml_is_refused_in_one_line(tmp_path):
+def test_invalid_yaml_is_refused_in_one_line(tmp_path):
     path = tmp_path / "materials.yaml"
     path.write_text("pairs: [")
     with pytest.raises(ImpactError, match="is no YAML") as refusal:
@@ -153,7 +153,7 @@ def test_what_is_no_yaml_is_refused_in_one_line(tmp_path):
     assert "\n" not in str(refusal.value)
 
 
-def test_an_unknown_material_is_refused_with_those_that_are_known(materials):
+def test_an_unknown_material_is_refused_with_the_known_ones(materials):
     with pytest.raises(ImpactError, match="'cheese'; known are glass, rubber, steel") as refusal:
         materials.check("body_a.material", "cheese")
     assert (refusal.value.code.name, refusal.value.field) == ("UNKNOWN_MATERIAL", "body_a.material")
@@ -161,7 +161,7 @@ def test_an_unknown_material_is_refused_with_those_that_are_known(materials):
         NOTHING.check("body_a.material", "steel")
 
 
-def test_an_empty_file_says_nothing(tmp_path):
+def test_an_empty_file_has_no_materials(tmp_path):
     path = tmp_path / "materials.yaml"
     path.write_text("")
     assert Materials.read(path) == NOTHING
@@ -205,7 +205,7 @@ def test_friction_of_a_pair_may_depend_on_the_slip_speed():
         (-1, StatusCode.INVALID_COEFFICIENT),
     ],
 )
-def test_friction_by_speed_is_checked(friction, code):
+def test_invalid_friction_by_speed_is_refused(friction, code):
     with pytest.raises(ImpactError) as error:
         Materials.of({"pairs": [{"materials": ["a", "b"], "friction": friction}]})
     assert (error.value.code, error.value.field) == (code, "pairs[0].friction")
@@ -229,7 +229,7 @@ DIGITS = "1" + "0" * 5000
         (pair("friction: {static: 1, kinetic: 1, speed: 1, static: 2}"), "static"),
     ],
 )
-def test_what_is_said_twice_is_refused_by_name_at_every_level(tmp_path, text, key):
+def test_duplicate_keys_are_refused_at_every_level(tmp_path, text, key):
     path = tmp_path / "materials.yaml"
     path.write_text(text)
     with pytest.raises(ImpactError, match=f"'{key}' is there twice .* line ") as refusal:
@@ -237,7 +237,7 @@ def test_what_is_said_twice_is_refused_by_name_at_every_level(tmp_path, text, ke
     assert (refusal.value.code, refusal.value.field) == (StatusCode.INVALID_TABLE, str(path))
 
 
-def test_what_is_merged_may_be_said_anew(tmp_path):
+def test_merged_keys_may_be_overridden(tmp_path):
     path = tmp_path / "materials.yaml"
     path.write_text(
         "materials:\n  a: &a {friction: 0.1, restitution: 0.2}\n  b: &b {<<: *a, restitution: 0.3}\n"
@@ -248,7 +248,7 @@ def test_what_is_merged_may_be_said_anew(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["no", "yes", "304", "1.50", "0123", "~", "0x1f", "1:30", ".inf", "[a]"])
-def test_names_that_are_no_text_to_yaml_are_to_be_quoted(tmp_path, name):
+def test_names_that_yaml_does_not_read_as_text_must_be_quoted(tmp_path, name):
     path = tmp_path / "materials.yaml"
     singles, pairs = f"materials: {{{name}: {{friction: 0.5}}}}", f"pairs: [{{materials: [{name}, b]}}]"
     for text in (singles, pairs):
@@ -261,7 +261,7 @@ def test_names_that_are_no_text_to_yaml_are_to_be_quoted(tmp_path, name):
 
 
 @pytest.mark.parametrize("name", [None, True, 304, 1.5, ("a", "b"), b"steel"])
-def test_names_are_text_in_trees_too(name):
+def test_names_must_be_text_in_python_trees_too(name):
     with pytest.raises(ImpactError, match=r"^materials: .* quote "):
         Materials.of({"materials": {name: {}}})
     with pytest.raises(ImpactError, match=r"^pairs\[0\]\.materials: .* quote "):
@@ -270,7 +270,7 @@ def test_names_are_text_in_trees_too(name):
 
 @pytest.mark.parametrize("value", ["false", "0", '""', "{}", "3", "text"])
 @pytest.mark.parametrize("field", ["pairs", "materials"])
-def test_what_is_empty_but_no_table_is_refused_by_its_field(tmp_path, field, value):
+def test_empty_values_of_the_wrong_type_are_refused_by_field(tmp_path, field, value):
     path = tmp_path / "materials.yaml"
     path.write_text(f"{field}: {value}")
     if (field, value) == ("materials", "{}"):
@@ -292,7 +292,7 @@ def test_what_is_empty_but_no_table_is_refused_by_its_field(tmp_path, field, val
         ("our tests, 2026", "our tests, 2026"),
     ],
 )
-def test_a_source_is_the_text_that_is_written(tmp_path, written, source):
+def test_a_source_is_read_as_text(tmp_path, written, source):
     path = tmp_path / "materials.yaml"
     path.write_text(f"pairs:\n- materials: [a, b]\n  source: {written}\n")
     assert Materials.read(path).between("a", "b").source == source
@@ -322,7 +322,7 @@ def test_a_source_is_the_text_that_is_written(tmp_path, written, source):
         "&a {materials: *a}",
     ],
 )
-def test_whatever_is_no_table_is_refused_as_such_in_one_line(tmp_path, text):
+def test_malformed_files_are_refused_in_one_line(tmp_path, text):
     path = tmp_path / "materials.yaml"
     path.write_text(text)
     with pytest.raises(ImpactError) as refusal:
@@ -351,7 +351,7 @@ def test_whatever_is_no_table_is_refused_as_such_in_one_line(tmp_path, text):
         ("friction: {static: 1, kinetic: 1, speed: high}", "speed: must be a real number, is 'high'"),
     ],
 )
-def test_constants_of_laws_are_refused_by_their_names(tmp_path, text, reason):
+def test_invalid_constants_are_refused_by_name(tmp_path, text, reason):
     path = tmp_path / "materials.yaml"
     path.write_text(pair(text))
     field = text.partition(":")[0]
@@ -362,20 +362,20 @@ def test_constants_of_laws_are_refused_by_their_names(tmp_path, text, reason):
 
 @pytest.mark.parametrize("rule", ["energetic", "energetix", None, 3])
 @pytest.mark.parametrize("pair", [("steel", "glass"), ("steel", "rubber")])
-def test_what_is_no_rule_is_refused_by_name(materials, rule, pair):
+def test_an_unknown_rule_is_refused_by_name(materials, rule, pair):
     with pytest.raises(TypeError, match=r"^rule: must be one of CombineRule\.AVERAGE, .*, is "):
         materials.find("friction", *pair, rule)
 
 
 @pytest.mark.parametrize("coefficient", ["stiffness_ratio", "stiffness", "frction"])
-def test_what_is_no_coefficient_is_refused_by_name(materials, coefficient):
+def test_an_unknown_coefficient_is_refused_by_name(materials, coefficient):
     with pytest.raises(ValueError, match=r"^coefficient: must be restitution or friction, is "):
         materials.find(coefficient, "steel", "glass")
 
 
 @pytest.mark.parametrize("rule", CombineRule)
-def test_combined_friction_is_a_number_or_is_refused(rule):
-    """Only the product of two numbers is greater than both."""
+def test_combined_friction_is_finite_or_refused(rule):
+    """Only the product of two numbers can exceed both."""
     great = Materials.of({"materials": {"a": {"friction": 1.7e308}, "b": {"friction": 1e308}}})
     if rule is CombineRule.MULTIPLY:
         with pytest.raises(

@@ -1,4 +1,4 @@
-"""Too little memory is Python's MemoryError, and what comes after it is answered as ever."""
+"""Too little memory raises MemoryError, and later calls are answered as before."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ print("done")
 """
 
 
-def test_too_little_memory_is_an_error_and_not_the_end():
+def test_too_little_memory_raises_memory_error():
     done = subprocess.run(
         [sys.executable, "-I", "-c", SCRIPT], capture_output=True, text=True, timeout=300, check=False
     )

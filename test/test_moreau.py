@@ -34,22 +34,25 @@ from collision_response.physics.vector import Vec3
 
 UP = (0.0, 1.0, 0.0)
 ROUNDED = 1e-11
-"""Relative: some hundred roundings, at condition numbers of K below 1e3."""
+"""Relative error: about a hundred roundings at condition numbers of K below 1e3."""
 OF_THE_ORACLE = 1e-45
-"""It has 50 digits."""
+"""Error of the oracle, which has 50 digits."""
 
 
 def solve(K, u, n, e: float, mu: float, number=float) -> Outcome:
+    """MOREAU's outcome for a contact given by ``K``, ``u`` and ``n``, in numbers of any type."""
     n, u = Vec3(*map(number, n)), Vec3(*map(number, u))
     K = Symmetric3(*(number(K[i][j]) for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))))
     contact = ContactNumbers(n, u, n.dot(u), n.dot(K @ n), K)
     return moreau(contact, Coefficients(number(e), number(mu), Settings(number(0.0))))
 
 
-def truth(K, u, n, e: float, mu: float):
-    """Moreau's impulse, or Chatterjee & Ruina's where that one creates energy; whether so; the report."""
+def right_impulse(K, u, n, e: float, mu: float):
+    """MOREAU's impulse, or Chatterjee & Ruina's where that creates energy; whether it did; the oracle's
+    report.
+    """
     P, report = impulse("moreau", K, u, n, e, mu)
-    # What the law itself may take for rounding in 64 bits is 2^-44 of the work against the approach.
+    # In 64 bits the law may take up to 2^-44 of the work for rounding.
     work = abs(mp.fdot(P, u))
     fell_back = report.energy > 1e-13 * work
     if fell_back:
@@ -83,8 +86,8 @@ def test_reference(theta, e, u, P, energy, fell_back):
         assert own.error < 1e-12
 
 
-def some_body(rng: np.random.Generator, spread: float):
-    """K of a body, its slip and normal, at random; ``spread`` is that of its moments."""
+def random_contact(rng: np.random.Generator, spread: float):
+    """Random K of a body, slip and normal; ``spread`` is the logarithmic spread of its moments."""
     r, moments = rng.normal(size=3), np.exp(spread * rng.normal(size=3))
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     X = np.array([[0, -r[2], r[1]], [r[2], 0, -r[0]], [-r[1], r[0], 0]])
@@ -94,7 +97,7 @@ def some_body(rng: np.random.Generator, spread: float):
 
 
 def check(K, u, n, e: float, mu: float, limit: float = ROUNDED) -> None:
-    P, fell_back, _ = truth(K, u, n, e, mu)
+    P, fell_back, _ = right_impulse(K, u, n, e, mu)
     size = max(abs(p) for p in P)
     found, bounded = solve(K, u, n, e, mu), solve(K, u, n, e, mu, Bounded)
     assert found.fell_back == fell_back
@@ -118,7 +121,7 @@ def check(K, u, n, e: float, mu: float, limit: float = ROUNDED) -> None:
 def test_space(mu, e, spread):
     rng = np.random.default_rng(1)
     for _ in range(3):
-        check(*some_body(rng, spread), e, mu)
+        check(*random_contact(rng, spread), e, mu)
 
 
 @pytest.mark.parametrize("mu", [0.0, 1e-300, 1e-8, 0.3, 1.0, 1e4, 1e150])
@@ -141,7 +144,7 @@ def test_edge_of_the_cone():
     rng = np.random.default_rng(3)
     edges = 0
     for i in range(20):
-        K, u, n = some_body(rng, 0.5)
+        K, u, n = random_contact(rng, 0.5)
         unit = np.array(n) / np.linalg.norm(n)
         P = np.linalg.solve(K, -0.5 * (unit @ u) * unit - u)
         P_n = P @ unit
@@ -152,7 +155,7 @@ def test_edge_of_the_cone():
 
 
 def test_three_slides():
-    """Three slides, of which the one that loses most counts."""
+    """There are three sliding solutions. The one that loses most energy is the answer."""
     found = 0
     rng = np.random.default_rng(4)
     while found < 4:
@@ -167,14 +170,14 @@ def test_three_slides():
             K[2, :2] = K[:2, 2] = beta
             u = [*(V[i] - beta), -1 / 1.5]
             case = K.tolist(), u, (0.0, 0.0, 1.0), 0.5, float(mu[i])
-            assert len(truth(*case)[2].candidates) == 3
-            check(*case, limit=1e-8)  # neighbouring roots: the condition is that of a square root
+            assert len(right_impulse(*case)[2].candidates) == 3
+            check(*case, limit=1e-8)  # close roots are as ill-conditioned as a square root
             found += 1
 
 
 def test_sizes():
     rng = np.random.default_rng(5)
-    K, u, n = map(np.array, some_body(rng, 0.5))
+    K, u, n = map(np.array, random_contact(rng, 0.5))
     reference = np.array(solve(K, u, n, 0.5, 0.3).impulse)
     for mass, speed, length in [(1e150, 1.0, 1e-50), (1e-150, 1e100, 1e50), (1.0, 1e-150, 1.0)]:
         found = solve((K / mass).tolist(), (u * speed).tolist(), (n * length).tolist(), 0.5, 0.3)
@@ -190,8 +193,8 @@ def test_regimes():
 
 @pytest.mark.parametrize("exponent", [3, 9, 12, 15, 18, 21, 24])
 @pytest.mark.parametrize("precision", [Precision.EXTENDED, Precision.AUTO])
-def test_what_is_light_to_turn_and_sticks(exponent, precision):
-    """``det(S)`` is then lost in rounding, negative as often as not; what sticks is found by fractions."""
+def test_sticking_of_bodies_with_small_moments(exponent, precision):
+    """``det(S)`` is then rounding and often negative. The right impulse comes from fractions."""
     draw = random.Random(exponent)
     moment, found = 10.0**-exponent, 0
     while found < 40:
@@ -199,7 +202,7 @@ def test_what_is_light_to_turn_and_sticks(exponent, precision):
         e, mu = 0.5, draw.choice((5.0, 100.0))
         if np.dot(n, v) >= 0 or not any(r):
             continue
-        P = stuck(r, n, v, e, moment)
+        P = sticking_impulse(r, n, v, e, moment)
         P_n, nn = sum(map(F.__mul__, map(F, n), P)), F(sum(map(F.__mul__, map(F, n), map(F, n))))
         P_t = [p - P_n / nn * F(x) for p, x in zip(P, n, strict=True)]
         if P_n <= 0 or sum(p * p for p in P_t) * nn > (F(mu) * P_n) ** 2 * F(0.9):
@@ -211,11 +214,11 @@ def test_what_is_light_to_turn_and_sticks(exponent, precision):
             continue
         found += 1
         off = math.dist(impact.impulse, map(float, P)) / math.hypot(*map(float, P))
-        assert off <= impact.error_bound + 2.0**-52  # what is compared with is rounded too
+        assert off <= impact.error_bound + 2.0**-52  # the expected value is rounded too
         assert impact.error_bound < (1e-6 if precision is Precision.AUTO else 1e-15)
 
 
-def stuck(r, n, v, e, moment) -> list[F]:
+def sticking_impulse(r, n, v, e, moment) -> list[F]:
     """The impulse that makes a unit mass stick to a wall and rebound, in fractions."""
     r, n, v, e, moment = [F(x) for x in r], [F(x) for x in n], [F(x) for x in v], F(e), F(moment)
     rr, n_v, nn = sum(x * x for x in r), sum(map(F.__mul__, n, v)), sum(x * x for x in n)
@@ -227,8 +230,8 @@ def stuck(r, n, v, e, moment) -> list[F]:
 
 @pytest.mark.parametrize("precision", [Precision.DOUBLE, Precision.EXTENDED], ids=lambda one: one.name)
 @pytest.mark.parametrize("mass", [1e-200, 1.0, 1e200])
-def test_without_friction_it_is_newtons(mass, precision):
-    """Also where much else is open: the threshold is the very speed of approach, masses are far apart."""
+def test_without_friction_it_is_newtons_law(mass, precision):
+    """Also where the threshold equals the approach speed, and where masses are far apart."""
     body = Body.dynamic(mass, (mass, 0, 0, mass, 0, mass), velocity=(0.25, 0, -0.5))
     other = Body.dynamic(1e200, (1e200, 0, 0, 1e200, 0, 1e200), (1.0, -1.0, 0.0))
     contact = Contact.of((0.5, 0, 0), (0, 0, 1), 1.0, 0.0)
@@ -242,7 +245,7 @@ def test_without_friction_it_is_newtons(mass, precision):
 
 @pytest.mark.parametrize("precision", [Precision.DOUBLE, Precision.EXTENDED], ids=lambda one: one.name)
 def test_three_slides_are_found_in_every_precision(precision):
-    """The third lies in a bracket that a sum of two doubles can halve a thousand times."""
+    """The third is in a bracket that double-doubles can halve a thousand times."""
     body = Body.dynamic(
         3.3, (0.264, 0.033, 0, 0.297, 0, 0.33), (-2, -2, -2), (0, 0, 0.6, 0.8), (-2, 0.5, -1), (0, 0, 0.7)
     )
@@ -260,16 +263,17 @@ TURNS = (
     [[1, 2, 2], [2, 1, -2], [-2, 2, -1]],
     [[2, 3, 6], [6, 2, -3], [3, -6, 2]],
 )
-"""Turns, times 1, 3 and 7: what is turned by them is exact, but in no frame that has roots."""
+"""Rotations times 1, 3 and 7: they rotate vectors exactly."""
 
 
-def sticks_to_rebound(slip: float, turn: list[list[int]]):
-    """What sticks with e = 1: K, u, n, the impulse and the energy that it would add, in fractions."""
+def sticking_rebound(slip: float, turn: list[list[int]]):
+    """A contact that sticks with e = 1, in fractions: K, u, n, the impulse and the energy it adds.
+    """
     K, u, n = [[16, 4, 0], [4, F(17, 16), 0], [0, 0, 1]], (F(slip), -2, 0), (0, 1, 0)
     inverse = [[F(17, 16), -4], [-4, 16]]  # det K = 1
     wanted = -u[0], F(4)
     P = [*(sum(map(F.__mul__, map(F, row), wanted)) for row in inverse), F(0)]
-    gained = P[0] * u[0] / 2  # the tangential velocity after is 0, and what the normal one loses is 0
+    gained = P[0] * u[0] / 2  # afterwards there is no tangential velocity, and the normal part loses nothing
     size = math.isqrt(sum(x * x for x in turn[0]))
 
     def turned(v):
@@ -285,10 +289,11 @@ def sticks_to_rebound(slip: float, turn: list[list[int]]):
 @pytest.mark.parametrize(
     "precision", [Precision.AUTO, Precision.DOUBLE, Precision.EXTENDED], ids=lambda p: p.name
 )
-def test_no_energy_is_created_that_the_bound_does_not_explain(turn, precision):
-    """However small: slip of 2^-k the one way loses some, the other way adds some; none is an exact tie."""
+def test_energy_created_is_explained_by_the_bound(turn, precision):
+    """A slip of 2^-k loses energy in one direction and gains some in the other; no slip is a tie.
+    """
     for slip in [0.0, *(sign * 2.0**-k for k in range(0, 44, 3) for sign in (-1, 1))]:
-        K, u, n, P, gained = sticks_to_rebound(slip, turn)
+        K, u, n, P, gained = sticking_rebound(slip, turn)
         model = ImpactModel(
             Law.MOREAU, precision=precision, tolerance=1e-9 if precision is Precision.AUTO else 0.0
         )
@@ -298,7 +303,7 @@ def test_no_energy_is_created_that_the_bound_does_not_explain(turn, precision):
         own = [F(p) for p in answer.impulse]
         after = [x + sum(map(F.__mul__, row, own)) for x, row in zip(u, K, strict=True)]
         change = sum(p * (x + y) for p, x, y in zip(own, u, after, strict=True)) / 2
-        # An impulse that is off by b of itself is off by b of the work, and b^2 of P.KP, in energy.
+        # A relative error b of the impulse changes the energy by b of the work and b^2 of P.KP.
         K_P = [sum(map(F.__mul__, row, own)) for row in K]
         room = 4 * sum(abs(p * (abs(x) + abs(y))) for p, x, y in zip(own, u, K_P, strict=True))
         if answer.error_bound < 1:

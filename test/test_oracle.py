@@ -1,4 +1,4 @@
-"""The oracle against published closed forms, and against a step-by-step integration."""
+"""The oracle against published closed forms and a step-by-step integration."""
 
 from fractions import Fraction as F
 from math import cos, isqrt, pi, sin, sqrt
@@ -15,7 +15,7 @@ from oracle import LAWS, impulse
 from oracle.matrices import mat
 
 UP = (0, 0, 1)
-EXACT = 1e-45  # of 50 digits; the numbers here are of order 1 and K is well conditioned
+EXACT = 1e-45  # the oracle has 50 digits; numbers are of order 1 and K is well conditioned
 
 
 @pytest.fixture(autouse=True)
@@ -25,18 +25,18 @@ def exact_arithmetic_in_the_tests():
 
 
 def strike(tan2, u, law, e, mu):
-    """A unit rod whose lower end touches the floor, at tan(theta), squared."""
+    """A unit rod whose lower end touches the floor; ``tan2`` is the square of the tangent of its angle."""
     ss, cc, sc = F(tan2, 1 + tan2), F(1, 1 + tan2), F(isqrt(tan2), 1 + tan2)
     K = [[1 + 3 * ss, 0, -3 * sc], [0, 4, 0], [-3 * sc, 0, 1 + 3 * cc]]
     return impulse(law, K, (u[0], 0, u[1]), UP, e, mu)
 
 
-def K_of(body_a, body_b=PlainBody(), point=(0, 0, 0)):  # noqa: B008  a body that does not give way
+def K_of(body_a, body_b=PlainBody(), point=(0, 0, 0)):  # noqa: B008  an immovable body
     return mat(pair_of(PlainCollision(body_a, body_b, PlainContact(point, UP))).K)
 
 
 def random_contact(rng, spread=1.0):
-    """K of two random boxes and a u that slips; `spread` shrinks their inertia."""
+    """K of two random boxes and a u with slip; ``spread`` scales their inertia."""
     bodies = []
     for _ in "AB":
         box = rng.uniform(0.5, 2, 3) ** 2
@@ -46,7 +46,7 @@ def random_contact(rng, spread=1.0):
     return K_of(*bodies), (*rng.normal(size=2), -1.0)
 
 
-# ---- the table of rods: (p_t, p_n), energy; every digit it gives
+# ---- reference values for rods: (p_t, p_n), energy; every digit given
 
 TABLE = {
     "T1": ((1, (0, -1), F(1, 2)), {law: ("9/41", "30/41", "-.243159") for law in LAWS[1:]}),
@@ -80,8 +80,8 @@ TABLE = {
 }
 
 
-def shows(value, text):
-    """Half a unit of the last digit of the table, or a closed form."""
+def matches(value, text):
+    """Whether a value agrees with a closed form, or with every digit that the table gives."""
     if "/" in text:
         return abs(value - F(text).numerator / mp.mpf(F(text).denominator)) < EXACT
     return abs(value - mp.mpf(text)) <= mp.mpf(10) ** -(len(text.split(".")[1])) / 2
@@ -93,7 +93,7 @@ def test_table_of_rods(case, law):
     (tan2, u, e), rows = TABLE[case]
     P, report = strike(tan2, u, law, e, F(3, 10))
     for value, text in zip((P[0], P[2], report.energy), rows[law], strict=True):
-        assert shows(value, text)
+        assert matches(value, text)
     assert abs(P[1]) < EXACT
     assert len(report.candidates) == (law == "moreau")
 
@@ -127,7 +127,7 @@ def test_jam_of_a_slender_rod():
 
 @pytest.mark.parametrize("u_t, regime", [(F(524, 100), "stick"), (F(526, 100), "slide")])
 def test_sphere_sticks_up_to_two_sevenths(u_t, regime):
-    """(2/7)|u_t| <= mu (1+e) |u_n|, here 21/4, for all laws, and they agree."""
+    """(2/7)|u_t| <= mu (1+e) |u_n|, here 21/4. All laws must agree."""
     K = [[F(7, 6), 0, 0], [0, F(7, 6), 0], [0, 0, F(1, 3)]]  # of 3 kg and 1 m
     outcomes = [impulse(law, K, (u_t, 0, -1), UP, F(1, 2), 1) for law in LAWS[1:]]
     for P, report in outcomes:
@@ -137,7 +137,7 @@ def test_sphere_sticks_up_to_two_sevenths(u_t, regime):
 
 
 def test_superball():
-    """Of 1 kg and 1 m, at (1, 0, -1) m/s and 3 rad/s: it leaves at (15, 0, 7)/7 m/s and 1/7 rad/s."""
+    """1 kg and 1 m, at (1, 0, -1) m/s and 3 rad/s: it leaves at (15, 0, 7)/7 m/s and 1/7 rad/s."""
     K = [[F(7, 2), 0, 0], [0, F(7, 2), 0], [0, 0, 1]]
     P, report = impulse("chatterjee_ruina", K, (-2, 0, -1), UP, 1, 10, e_t=1)
     assert abs(P[0] * 7 - 8) < EXACT and abs(P[1]) < EXACT and abs(P[2] - 2) < EXACT
@@ -156,8 +156,11 @@ def test_ideal_rod_struck_by_a_point():
 
 
 def by_steps(K, u, e, mu, stronge):
-    """The impulse by steps in p, friction read off the slip; the direction in which slip
-    resumes is looked for by a scan. y: u, work of the normal impulse, tangential impulse, p."""
+    """Integrate in p step by step. Friction follows the slip; a scan finds the direction in which slip
+    resumes.
+
+    y: u, work of the normal impulse, tangential impulse, p.
+    """
     K, y = np.array(K.tolist(), float), np.array([*u, 0.0, 0.0, 0.0, 0.0], float)
     p_c = W_c = push = None
     stopped = np.hypot(*y[:2]) == 0
@@ -166,7 +169,7 @@ def by_steps(K, u, e, mu, stronge):
             y[:2] = 0
             push = np.array([*-np.linalg.solve(K[:2, :2], K[:2, 2]), 1])
             if np.hypot(*push[:2]) > mu:
-                push = resumed(K, mu)
+                push = resuming_force(K, mu)
 
         def rhs(y, push=push):
             f = push if push is not None else np.array([*(-mu * y[:2] / np.hypot(*y[:2])), 1])
@@ -188,7 +191,8 @@ def by_steps(K, u, e, mu, stronge):
             p_c, W_c = y[6], y[3]
 
 
-def resumed(K, mu):
+def resuming_force(K, mu):
+    """The force per normal impulse in the direction in which slip grows from rest."""
     def polar(t):
         z = np.array([cos(t), sin(t)])
         h = K[:2, 2] - mu * K[:2, :2] @ z
@@ -204,16 +208,17 @@ def resumed(K, mu):
 
 
 def wild_contact(rng):
-    """A K that few bodies have: axes of very different mobility, strong friction."""
+    """A K that few bodies have: very different mobilities along its axes, and strong friction."""
     L = rng.normal(size=(3, 3)) * 10 ** rng.uniform(-1, 0.5, 3)
     K, mu = L @ L.T, 10 ** rng.uniform(-0.3, 0.7)
     u = (*(rng.normal(size=2) * 10 ** rng.uniform(-1, 1)), -1.0)
     return mp.matrix(K.tolist()) / K[2, 2], u, mu
 
 
-def agree(P, Q):
-    """1e-9 of the impulse: the integrator's tolerance and the 1e-11 of slip that it takes for a
-    stop leave up to 2e-10 here."""
+def agrees(P, Q):
+    """Whether impulses agree to 1e-9. The tolerance of the integrator, and the slip of 1e-11 that counts as a
+    stop, cause errors up to 2e-10 here.
+    """
     return np.abs(np.array(P.tolist(), float)[:, 0] - Q).max() < 1e-9 * np.abs(Q).max()
 
 
@@ -223,7 +228,7 @@ def test_routh_against_integration(seed):
     K, u = random_contact(rng)
     e, mu, stronge = rng.uniform(0.1, 1), rng.uniform(0.1, 1), bool(seed % 2)
     P, report = impulse(LAWS[3 + stronge], K, u, UP, e, mu, digits=15)
-    assert agree(P, by_steps(K, u, e, mu, stronge))
+    assert agrees(P, by_steps(K, u, e, mu, stronge))
     if stronge:
         assert report.energy < 0
 
@@ -244,7 +249,7 @@ def test_routh_of_wild_contacts_against_integration(seed, stronge, events, jam, 
     short = {"slip stops": "stops", "end of compression": "p_c"}
     assert ", ".join(short.get(name, name) for name, _ in report.events[:-1]) == events
     assert (report.jam, report.falls_again) == (jam, falls_again)
-    assert agree(P, by_steps(K, u, 1, mu, stronge))
+    assert agrees(P, by_steps(K, u, 1, mu, stronge))
 
 
 @pytest.mark.parametrize("mu", [0.05, 5])
@@ -252,7 +257,7 @@ def test_impact_without_initial_slip(mu):
     K, _ = random_contact(np.random.default_rng(3))
     P, report = impulse("routh_stronge", K, (0, 0, -1), UP, 0.5, mu, digits=15)
     assert report.events[0] == ("slips on" if mu < 1 else "sticks", 0)
-    assert agree(P, by_steps(K, (0, 0, -1), 0.5, mu, True))
+    assert agrees(P, by_steps(K, (0, 0, -1), 0.5, mu, True))
 
 
 # ---- what holds for all
@@ -276,8 +281,8 @@ def test_cone_energy_and_restitution(law, seed):
         assert abs(report.un_after + e * report.un_before) < mp.mpf(10) ** -15
 
 
-def test_routh_repeats_in_other_axes_and_at_other_precision():
-    """Turned bodies, n of another length, 15 and 30 digits: to the 15."""
+def test_routh_agrees_in_other_axes_and_precisions():
+    """Rotated bodies, another length of n, 15 and 30 digits: equal to 15 digits."""
     rng = np.random.default_rng(8)
     K, u = random_contact(rng)
     x, y, z = rng.normal(size=3).tolist()
@@ -289,7 +294,8 @@ def test_routh_repeats_in_other_axes_and_at_other_precision():
 
 
 def test_nearly_singular_mobility():
-    """Inertia a 1e-10th of m r^2, K's condition 1e10: still the digits that were asked for."""
+    """Inertia of 1e-10 m r^2, so K has a condition number of 1e10: all requested digits must be right.
+    """
     K, u = random_contact(np.random.default_rng(5), spread=1e-10)
     for law in LAWS[1:]:
         P, _ = impulse(law, K, u, UP, 0.5, 0.5, digits=15)
@@ -299,17 +305,17 @@ def test_nearly_singular_mobility():
 
 @pytest.mark.parametrize("offset", [1e-3, 1e-9, 1e-17])
 def test_almost_a_sphere(offset):
-    """The contact beside the CoM by `offset`: slip hardly turns, the answer moves by as much."""
+    """The centre of mass is off by ``offset``: slip hardly turns, and the answer changes by about as much."""
     K, u = K_of(PlainBody(1.0, (0.4, 0.0, 0.0, 0.4, 0.0, 0.4), (offset, 2 * offset, 1))), (1, 0.3, -1)
     Q = [-2 / 7, -0.6 / 7, 1.5]
     P, report = impulse("routh_stronge", K, u, UP, 0.5, 1, digits=15)
     assert [name for name, _ in report.events][:2] == ["slip stops", "sticks"]
-    assert agree(P, by_steps(K, u, 0.5, 1, True))
+    assert agrees(P, by_steps(K, u, 0.5, 1, True))
     assert max(abs(x - y) for x, y in zip(P, Q, strict=True)) < 4 * offset + 1e-15
 
 
-def test_plane_impact_in_turned_axes():
-    """T3 with its plane put into rounded axes: the slip misses its reversal by 1e-16 only."""
+def test_planar_impact_in_rounded_axes():
+    """T3 with its plane in rounded axes: the slip misses its reversal by 1e-16."""
     x, y = np.array([2, 1, 2]) / 3, np.array([1, 2, -2]) / 3
     n = np.cross(x, y)
     along = (x + 2 * n) / sqrt(5)

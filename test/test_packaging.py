@@ -1,4 +1,4 @@
-"""ROS wheels are of one release: pinned wherever they are named, and refused where they are mixed."""
+"""ROS wheels are pinned to one release wherever they are named, and mixtures are refused."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def wheels(release: str) -> dict[str, str]:
     "file", ["pyproject.toml", "tools/setup_venv.py", *map(str, sorted(RELEASES.iterdir()))]
 )
 def test_every_ros_wheel_is_pinned_to_its_release(file):
-    """``~=5.5`` is none: it takes any 5.x, and so the next release."""
+    """``~=5.5`` is not a pin: it accepts any 5.x, and so the next release."""
     text = re.sub(r"#.*", "", (ROOT / file).read_text())
     named = set(re.findall(r"\bros-[\w-]+", text)) - {"ros-releases"}
     assert named == set(pins(text)) != set()
@@ -42,14 +42,14 @@ def test_pip_builds_with_kilted():
     assert named == {name: kilted[name].removesuffix(".9") for name in named}
 
 
-def test_no_version_is_of_two_releases():
-    """Else a mixture could pass for either."""
+def test_no_version_belongs_to_two_releases():
+    """Otherwise a mixture could pass for either."""
     kilted, jazzy = wheels("kilted"), wheels("jazzy")
     assert not {name for name in kilted if jazzy.get(name) == kilted[name]}
 
 
-def test_ros_reads_the_package_and_its_change_log():
-    """As its release tools do, which take the newest entry for the version of the package."""
+def test_ros_tools_read_the_package_and_its_changelog():
+    """The release tools take the newest entry for the version of the package."""
     changelog = pytest.importorskip("catkin_pkg.changelog")
     from catkin_pkg.package import parse_package
 
@@ -60,7 +60,7 @@ def test_ros_reads_the_package_and_its_change_log():
 
 
 def test_environments_of_one_python_share_the_kernels(tmp_path, monkeypatch):
-    """Else each would compile them anew, and take them from the others meanwhile."""
+    """Otherwise each would recompile them and replace those of the others."""
     monkeypatch.syspath_prepend(str(ROOT / "tools"))
     import setup_venv
 
@@ -80,7 +80,7 @@ def test_environments_of_one_python_share_the_kernels(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("file", ["config/fast_dds.xml", "config/fast_dds_2.xml", "security/policy.xml"])
-def test_what_users_configure_with_is_installed_where_ros_looks(file):
+def test_configuration_files_are_installed_where_ros_looks(file):
     prefixes = Path(collision_response.__file__).parents
     (share,) = (share for prefix in prefixes if (share := prefix / "share/collision_response").is_dir())
     assert (share / file).read_text() == (ROOT / file).read_text()
@@ -88,7 +88,7 @@ def test_what_users_configure_with_is_installed_where_ros_looks(file):
 
 @pytest.fixture
 def requirements(monkeypatch):
-    """What the build says is needed at run time, with these wheels installed."""
+    """The requirements that setup.py declares with these wheels installed."""
 
     def run(installed):
         def version(name):
@@ -109,7 +109,7 @@ def requirements(monkeypatch):
 
 
 @pytest.mark.parametrize("release", ["kilted", "jazzy"])
-def test_a_package_needs_the_release_it_is_built_with(requirements, release):
+def test_requirements_are_those_of_the_release_it_is_built_with(requirements, release):
     needed = requirements(wheels(release))
     assert {"numpy", "python-flint"} < set(needed)
     of_ros = pins("\n".join(needed))
@@ -145,7 +145,7 @@ def test_a_build_refuses_a_release_that_is_not_listed(requirements):
 
 
 class TestStart:
-    """The node, before it imports any of ROS."""
+    """The check of the node before it imports ROS."""
 
     @pytest.fixture(autouse=True)
     def need_ros(self):
@@ -178,14 +178,14 @@ class TestStart:
             "pip install 'ros-rclpy[fastrtps]==9.1.*' 'ros-std-msgs==5.5.*'"
         )
 
-    def test_it_says_what_to_install_where_there_is_no_ros(self, check):
+    def test_it_says_what_to_install_without_ros(self, check):
         with pytest.raises(ImportError) as refusal:
             check({}, ["numpy", "ros-rclpy[fastrtps]==9.1.*"])
         assert str(refusal.value) == (
             "collision_response needs ROS for this: pip install 'ros-rclpy[fastrtps]==9.1.*'"
         )
 
-    def test_what_pip_installed_says_what_it_needs(self):
+    def test_the_installed_package_declares_its_requirements(self):
         try:
             needed = metadata.requires("collision_response") or []
         except metadata.PackageNotFoundError:

@@ -1,4 +1,4 @@
-"""The pages link to what is there, where they lie. `make docs` checks the site made of them."""
+"""Links between the pages lead to existing files and headings. `make docs` checks the generated site."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").g
 
 
 def anchors(page: Path) -> set[str]:
-    """Of its headings, as GitHub and GitLab make them."""
+    """The anchors of a page's headings, as GitHub and GitLab generate them."""
     without_code = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
     headings = re.findall(r"^#+ (.*)$", without_code, flags=re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}

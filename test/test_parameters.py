@@ -1,4 +1,4 @@
-"""The node's parameters: declared, checked, and used."""
+"""The parameters of the node: declared, validated and used."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_parameters_have_defaults_descriptions_and_limits(tried_node):
         ("body_state_topics", ["other"], "read-only"),
     ],
 )
-def test_values_that_are_not_allowed_are_refused_with_the_reason(tried_node, name, value, reason):
+def test_invalid_values_are_refused_with_the_reason(tried_node, name, value, reason):
     node = tried_node.node
     (outcome,) = node.set_parameters([Parameter(name, value=value)])
     assert not outcome.successful
@@ -97,7 +97,7 @@ def test_values_that_are_not_allowed_are_refused_with_the_reason(tried_node, nam
     assert node.get_parameter(name).value == DEFAULTS[name]
 
 
-def test_a_new_value_counts_from_the_next_answer(graph):
+def test_a_new_value_applies_from_the_next_answer(graph):
     node = graph.serve(restitution=0.5)
     request = balls_meet()
     request.contact.restitution = -1.0
@@ -108,7 +108,7 @@ def test_a_new_value_counts_from_the_next_answer(graph):
     assert (result.normal_velocity_after, result.contact.restitution) == (1.0, 0.25)
 
 
-def test_values_set_together_count_together_and_refused_ones_do_not(graph):
+def test_atomic_changes_apply_together_or_not_at_all(graph):
     node = graph.serve()
     request = balls_meet()
     request.contact.restitution = request.contact.friction = -1.0
@@ -168,7 +168,7 @@ materials: {rubber: {restitution: 1.0, friction: 1.0}, steel: {restitution: 0.25
 """
 
 
-def test_the_entry_of_a_pair_of_materials_comes_before_all_but_the_contact(graph, tmp_path):
+def test_a_pair_of_materials_overrides_all_but_the_contact(graph, tmp_path):
     file = tmp_path / "materials.yaml"
     file.write_text(MATERIALS)
     graph.serve(materials_file=str(file), combine_restitution="geometric_mean", friction=0.75)
@@ -201,7 +201,7 @@ def test_the_entry_of_a_pair_of_materials_comes_before_all_but_the_contact(graph
     assert status.message.startswith("body_b.material: is 'cheese'; known are glass, rubber, steel")
 
 
-def test_the_node_takes_friction_by_slip_speed_at_first_touch_and_refuses_to_follow_it(graph, tmp_path):
+def test_friction_by_slip_speed_is_evaluated_once_and_refused_by_path_laws(graph, tmp_path):
     file = tmp_path / "materials.yaml"
     friction = "{static: 0.5, kinetic: 0.25, speed: 1.0}"
     file.write_text(f"pairs: [{{materials: [glass, steel], friction: {friction}}}]")
@@ -225,7 +225,7 @@ def test_a_node_does_not_start_with_a_bad_file_of_materials(graph, tmp_path):
         graph.serve(materials_file=str(file))
 
 
-def test_what_a_request_leaves_open_the_parameters_decide(graph):
+def test_parameters_fill_in_what_a_request_leaves_open(graph):
     graph.serve(law="coulomb", geometry="spatial", tangential_restitution=0.5, restitution_threshold=5.0)
     request = balls_meet()
     result = graph.call(request).result
@@ -238,7 +238,7 @@ def test_what_a_request_leaves_open_the_parameters_decide(graph):
     assert (result.model.law, result.model.geometry) == (ImpactModel.FRICTIONLESS, ImpactModel.POINT)
 
 
-def test_every_law_goes_with_every_precision(graph):
+def test_every_law_works_with_every_precision(graph):
     node = graph.serve()
     for law, precision in product(CHOICES["law"], CHOICES["precision"]):
         wanted = [Parameter("law", value=law), Parameter("precision", value=precision)]
@@ -257,21 +257,21 @@ def test_every_law_goes_with_every_precision(graph):
         ("depth", 2**31, "in [0, 2147483647]; is 2147483648"),
     ],
 )
-def test_a_quality_of_service_that_is_none_is_refused_by_name(graph, topic, policy, value, must):
+def test_an_invalid_qos_override_is_refused_by_name(graph, topic, policy, value, must):
     name = f"qos_overrides.{graph.namespace}/{topic}.{policy}"
     with pytest.raises(ParameterException, match=re.escape(f"{name} must be {must}")):
         graph.serve(**{name: value})
 
 
 @pytest.mark.parametrize("value", ["best_effort", "BEST_EFFORT"])
-def test_a_quality_of_service_may_be_written_in_capitals(graph, value):
+def test_a_qos_override_may_be_upper_case(graph, value):
     graph.serve(**{f"qos_overrides.{graph.namespace}/collision_response/result.publisher.reliability": value})
     topic = graph.node.impact_service.answer_log.publisher.topic
     (publisher,) = wait_until(lambda: graph.user.get_publishers_info_by_topic(topic))
     assert publisher.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT
 
 
-def test_a_quality_of_service_is_that_of_one_topic(graph):
+def test_a_qos_override_applies_to_one_topic(graph):
     name = f"qos_overrides.{graph.namespace}/collision_response/result.publisher"
     graph.serve(**{f"{name}.reliability": "best_effort", f"{name}.depth": 3})
     topic = f"{graph.namespace}/collision_response/scene_result"

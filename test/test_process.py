@@ -1,4 +1,4 @@
-"""The node as a process of its own."""
+"""The node as a separate process."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ NODE = Path(__file__).resolve().parent.parent / "scripts" / "collision_response_
 
 @pytest.fixture
 def start(graph):
-    """Start the node's executable with ROS arguments, in the namespace of the graph; ``before`` runs it."""
+    """Start the node in a process in the namespace of the graph; ``before`` is a command that runs it."""
     processes = []
 
     def start(*arguments, before=()):
@@ -66,8 +66,8 @@ def test_it_answers_another_process_and_ends_on_a_signal(graph, start, number):
     assert f"serving {graph.service}" in stderr
 
 
-def test_a_signal_that_is_ignored_at_the_start_stays_so(graph, start):
-    """As ``nohup`` does it; what a shell starts in the background still ends on SIGINT."""
+def test_signals_ignored_at_the_start_stay_ignored(graph, start):
+    """As under ``nohup``. SIGINT still ends a node that a shell starts in the background."""
     node = start(before=("sh", "-c", "trap '' HUP INT; exec \"$@\"", "sh"))
     assert graph.call(balls_meet()).success
     status = Path(f"/proc/{node.pid}/status").read_text()
@@ -80,7 +80,7 @@ def test_a_signal_that_is_ignored_at_the_start_stays_so(graph, start):
 
 @pytest.mark.parametrize("closed", ["<&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
 def test_it_needs_no_standard_streams(graph, start, tmp_path, closed):
-    """Without them its own pipe would have their numbers, and what is logged would tell it to end."""
+    """Otherwise its own pipe could get their file numbers, and log output would end the node."""
     pytest.importorskip("rerun")
     from collision_response.recording.table import read
 
@@ -112,7 +112,7 @@ def test_it_needs_no_standard_streams(graph, start, tmp_path, closed):
         ),
     ],
 )
-def test_a_start_that_is_not_allowed_is_one_line(start, arguments, shown):
+def test_an_invalid_start_ends_with_one_line(start, arguments, shown):
     node = start(*arguments)
     _, stderr = node.communicate(timeout=DEADLINE)
     assert node.returncode == 1
@@ -123,7 +123,7 @@ def test_a_start_that_is_not_allowed_is_one_line(start, arguments, shown):
 @pytest.mark.parametrize(
     ("given", "meant"), [("restitutoin", "restitution"), ("recording.enable", "recording.enabled")]
 )
-def test_a_parameter_that_there_is_not_is_warned_of(graph, start, given, meant):
+def test_an_unknown_parameter_is_warned_about(graph, start, given, meant):
     node = start("-p", f"{given}:=0.5", "-p", "friction:=0.25")
     request = balls_meet()
     request.contact.friction = -1.0
@@ -134,7 +134,7 @@ def test_a_parameter_that_there_is_not_is_warned_of(graph, start, given, meant):
     assert f"there is no parameter '{given}'; did you mean '{meant}'?" in stderr
 
 
-def test_what_has_been_received_is_answered_before_the_end(graph, start):
+def test_received_requests_are_answered_before_the_end(graph, start):
     node = start("-p", "shutdown_timeout:=600.0")
     assert graph.call(balls_meet()).success
     futures = [graph.call_async(balls_meet()) for _ in range(100)]
@@ -159,7 +159,7 @@ sys.exit(main())
 """
 
 
-def test_the_end_comes_in_time_even_if_the_middleware_hangs(graph, tmp_path):
+def test_the_node_ends_in_time_even_if_the_middleware_hangs(graph, tmp_path):
     command = [sys.executable, "-c", HANGS, "--ros-args", "-r", f"__ns:={graph.namespace}"]
     command += ["-p", "shutdown_timeout:=0.5"]
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as node:
@@ -170,7 +170,7 @@ def test_the_end_comes_in_time_even_if_the_middleware_hangs(graph, tmp_path):
     assert "Timeout" in stderr and "in shut_down" in stderr
 
 
-def test_an_error_in_a_callback_ends_nothing_and_does_not_flood_the_log(graph, capfd):
+def test_an_error_in_a_callback_is_logged_once_and_ends_nothing(graph, capfd):
     node, stop, calls = Node("faulty", context=graph.context), Future(), []
 
     def fail():
@@ -187,7 +187,7 @@ def test_an_error_in_a_callback_ends_nothing_and_does_not_flood_the_log(graph, c
     assert logged.count("Traceback") == logged.count("ValueError: 77 is not a valid type") == 1
 
 
-def test_a_parameter_of_no_type_harms_nobody(graph):
+def test_a_parameter_of_an_unknown_type_is_harmless(graph):
     node, stop = CollisionResponseNode(context=graph.context, namespace=graph.namespace), Future()
     spinning = threading.Thread(target=spin, args=(node, stop))
     spinning.start()
@@ -206,7 +206,7 @@ def test_a_parameter_of_no_type_harms_nobody(graph):
         node.destroy_node()
 
 
-def test_when_the_context_is_shut_down_by_others_it_ends(ros_domain):
+def test_it_ends_when_the_context_is_shut_down(ros_domain):
     context = Context()
     rclpy.init(context=context)
     node = Node("ends", context=context)
@@ -229,8 +229,8 @@ PROFILE = NODE.parent.parent / "config" / ("fast_dds_2.xml" if JAZZY else "fast_
 
 
 @pytest.mark.parametrize(("profile", "shares"), [({}, "True"), ({FAST_DDS: str(PROFILE)}, "False")])
-def test_with_the_profile_no_memory_is_shared(ros_domain, tmp_path, profile, shares):
-    """Unless ROS is told to stay on this machine: then rmw_fastrtps chooses the transports itself."""
+def test_the_profile_disables_shared_memory(ros_domain, tmp_path, profile, shares):
+    """Discovery must not be restricted to this machine: then rmw_fastrtps chooses the transports itself."""
     environment = {name: value for name, value in os.environ.items() if name != FAST_DDS} | profile
     environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "OFF"
     run = subprocess.run(
@@ -245,7 +245,7 @@ def test_with_the_profile_no_memory_is_shared(ros_domain, tmp_path, profile, sha
     assert (run.stdout.strip(), run.stderr) == (shares, "")
 
 
-def test_what_there_is_no_time_for_is_refused_before_the_end(graph, start):
+def test_requests_beyond_the_shutdown_timeout_are_refused(graph, start):
     node = start("-p", "shutdown_timeout:=5.0")
     assert graph.call(balls_meet()).success
     last = diagnostics(graph)

@@ -1,4 +1,4 @@
-"""Fractions in, fractions out: FRICTIONLESS is exact; other laws count what rounding costs."""
+"""Fractions in, fractions out: FRICTIONLESS is exact; other laws count the rounding to floats."""
 
 from __future__ import annotations
 
@@ -58,32 +58,32 @@ def test_roots_of_fractions(x):
     assert square_root(x * x) == x
 
 
-def test_a_law_that_is_not_rational_counts_the_rounding():
+def test_an_irrational_law_counts_the_rounding():
     impact = resolve(BOX, FLOOR, CORNER._replace(friction=F(1, 3)))
     assert isinstance(impact.impulse.z, float)
     assert 0 < impact.error_bound < 1e-12
 
 
-def test_faults_of_fractions_are_named():
+def test_invalid_fractions_are_refused_by_name():
     with pytest.raises(ImpactError) as refused:
         resolve(BOX._replace(mass=F(-1)), FLOOR, CORNER)
     assert (refused.value.code, refused.value.field) == (StatusCode.INVALID_MASS, "body_a.mass")
 
 
-def test_thresholds_and_functions_hold_for_fractions():
+def test_thresholds_and_functions_apply_to_fractions():
     slow = resolve(BOX, FLOOR, CORNER, ImpactModel(restitution_threshold=2.0))
     assert slow.contact.restitution == 0
     assert slow.adjustments.name == "RESTITUTION_THRESHOLD"
     assert resolve(BOX, FLOOR, CORNER._replace(restitution=lambda v: v / 2)).impulse == (0, 0, F(9, 10))
 
 
-def test_a_scene_of_one_contact_is_that_answer():
+def test_a_scene_of_one_contact_equals_resolve():
     one, scene = resolve(BOX, FLOOR, CORNER), resolve_scene([BOX, FLOOR], [(0, 1)], [CORNER])
     assert (scene.twists[0], scene.impulses[0]) == (one.twist_a, one.impulse)
     assert scene.decision_margin == math.inf
 
 
-def test_copies_share_exactly():
+def test_repeated_contacts_share_the_impulse_exactly():
     turned = CORNER._replace(normal=(0, 0, -1))
     scene = resolve_scene([BOX, FLOOR], [(0, 1), (0, 1), (1, 0)], [CORNER, CORNER, turned])
     assert [impulse.z for impulse in scene.impulses] == [F(3, 10), F(3, 10), F(-3, 10)]

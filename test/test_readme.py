@@ -1,4 +1,4 @@
-"""What the README tells a reader to type."""
+"""The commands and examples in the README work."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_the_examples_run(node, code):
     assert (run.returncode, run.stdout.strip()) == (0, promised), run.stderr
 
 
-def test_the_service_call_is_a_request(tried_node):
+def test_the_service_call_is_a_valid_request(tried_node):
     (text,) = re.findall(r'ResolveCollision "(.*?)"\n', README, re.DOTALL)
     request = ResolveCollision.Request()
     for path, value in _leaves(yaml.safe_load(text)):

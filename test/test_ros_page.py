@@ -1,4 +1,4 @@
-"""What docs/ros.md tells a reader to type."""
+"""The commands and examples in docs/ros.md work."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ def xyz(*numbers: float) -> SimpleNamespace:
     return SimpleNamespace(**dict(zip("xyz", numbers, strict=True)))
 
 
-def said(what: str) -> dict:
-    """What the one example that has this defines."""
+def example_with(what: str) -> dict:
+    """The names that the only Python example containing this text defines."""
     (code,) = [code for code in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if what in code]
     names = {}
     exec(code, names)
     return names
 
 
-def test_states_of_all_models_are_bodies_by_name(graph, tmp_path, monkeypatch):
-    """Shaped as gazebo_msgs/ModelStates: a crate falls on the ground, whose matter nobody has told."""
+def test_gazebo_model_states_become_body_states(graph, tmp_path, monkeypatch):
+    """Shaped like gazebo_msgs/ModelStates: a crate falls on the ground, whose mass is unknown."""
     (tmp_path / "crate.sdf").write_text(
         "<sdf version='1.9'><model name='crate'><link name='link'><inertial><pose>0 0 -0.5 0 0 0</pose>"
         "<mass>3</mass></inertial></link></model></sdf>"
@@ -51,7 +51,7 @@ def test_states_of_all_models_are_bodies_by_name(graph, tmp_path, monkeypatch):
     request.contact.body_a, request.contact.header.frame_id = "crate", "world"
     request.body_b.header.frame_id, request.body_b.motion_type = "world", BodyState.STATIC
     request.contact.normal.z, request.contact.restitution = 1.0, 0.5
-    (state,) = said("def states")["states"](models, Time(sec=7))
+    (state,) = example_with("def states")["states"](models, Time(sec=7))
 
     def ask():
         publisher.publish(state)
@@ -63,9 +63,9 @@ def test_states_of_all_models_are_bodies_by_name(graph, tmp_path, monkeypatch):
     assert (result.impulse.z, state.inertia.com.z, state.header.stamp.sec) == (9.0, -0.5, 7)
 
 
-def test_contacts_of_gazebo_become_a_request(graph):
-    """Shaped as ros_gz_interfaces/Contacts: a cube lands flat, known by its name, in full restitution."""
-    names = said("def request_of")
+def test_gazebo_contacts_become_a_request(graph):
+    """Shaped like ros_gz_interfaces/Contacts: a cube, known by name, lands flat at e = 1."""
+    names = example_with("def request_of")
     corners = [(x, y, 0.0) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
     contact = SimpleNamespace(
         collision1=SimpleNamespace(name="crate::link::collision"),
@@ -89,7 +89,7 @@ def test_contacts_of_gazebo_become_a_request(graph):
     assert sum(impulse.z for impulse in result.impulses) == pytest.approx(2.0)
 
 
-def test_the_service_call_is_a_request():
+def test_the_service_call_is_a_valid_request():
     (text,) = re.findall(r'ResolveCollision "(.*?)"\n', PAGE, re.DOTALL)
     request = ResolveCollision.Request()
     for owner, fields in yaml.safe_load(text).items():

@@ -1,4 +1,4 @@
-"""What docs/scenes.md shows a reader is what the package gives."""
+"""docs/scenes.md shows what the package computes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_the_example_prints_what_the_page_shows():
 
 
 @pytest.mark.parametrize("line", generated("laws").splitlines()[2:])
-def test_the_speeds_in_the_table_are_those_of_the_laws(line):
+def test_the_speeds_in_the_table_are_right(line):
     name, *cells, _ = (cell.strip() for cell in line.strip("|").split("|"))
     law = Law[name.split("`")[1]]
     options = {"exponent": float(name.rpartition(" ")[2])} if "exponent" in name else {}
@@ -41,13 +41,13 @@ def test_the_speeds_in_the_table_are_those_of_the_laws(line):
         assert speeds(answer) == pytest.approx(list(map(float, cell.split(", "))), abs=5.1e-5)
 
 
-def test_the_pictures_are_there():
+def test_the_pictures_exist():
     pictures = re.findall(r"!\[.*?\]\((.*?)\)", PAGE)
     assert len(pictures) == 4
     assert [picture for picture in pictures if not (ROOT / "docs" / picture).exists()] == []
 
 
-def test_many_scenes_in_one_call_are_as_the_page_says():
+def test_the_example_of_many_scenes_prints_what_the_page_shows():
     _, code = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     run = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, timeout=60)
     assert run.stdout.startswith("[0.5 0.5 0.5] ")
