@@ -1,4 +1,4 @@
-"""Coefficients from impacts that are measured, or made with known ones."""
+"""Estimating coefficients from impacts that were measured, or computed with known coefficients."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from collision_response.identify.measurements import BODY, TOUCH
 from collision_response.physics.vector import Vec3
 
 SOLVED = 1e-6
-"""Of a coefficient, where nothing is noisy: least squares stop at 1e-10 of the cost, its root of that."""
+"""Error of a coefficient without noise: the root of 1e-10, at which least squares stop, with a margin."""
 
 KHARAZ = {
     "ratio": [(30.2218, 0.6883), (39.3031, 0.7719), (49.5459, 0.8469), (59.8416, 0.9019)],
     "angle": [(30.3767, 21.7809), (39.6233, 32.5455), (49.7831, 45.1051), (60.0571, 57.3652)],
     "spin": [(31.0947, 612.6481), (39.0283, 595.4843), (50.2214, 452.9444), (60.2460, 381.3185)],
 }
-"""From 30 degrees on, of Kharaz, Gorham & Salman, Powder Technology 120 (2001) 281-291."""
+"""Readings from 30 degrees on: Kharaz, Gorham & Salman, Powder Technology 120 (2001) 281-291."""
 READING = {"ratio": 0.008, "angle": 0.84, "spin": 44.0}
 
 
 def cubes(count, e, mu, seed=1, *, tilt=0.0, speed=0.0, spin=0.0, law=Law.COULOMB, **of_model):
-    """Corners of a cube that strike a floor: how fast and how turned, at random.
+    """Corners of a cube that strike a floor, at random velocities and orientations.
 
     Args:
-        tilt: of the normals that are told, standard deviation [rad].
-        speed, spin: noise of the twists that are told, standard deviation [m/s, rad/s].
+        tilt: standard deviation of the error of the reported normals [rad].
+        speed, spin: standard deviation of the noise of the reported twists [m/s, rad/s].
     """
     rng = np.random.default_rng(seed)
     before, contacts, after = [], [], []
@@ -68,7 +68,7 @@ def cubes(count, e, mu, seed=1, *, tilt=0.0, speed=0.0, spin=0.0, law=Law.COULOM
 
 
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
-def test_without_noise_the_coefficients_are_found(law):
+def test_coefficients_are_recovered_from_clean_data(law):
     found = identify(cubes(20, 0.6, 0.15, law=law), law, resamples=2)
     assert found.values["restitution"] == pytest.approx(0.6, abs=SOLVED)
     assert found.values["friction"] == pytest.approx(0.15, abs=SOLVED)
@@ -77,8 +77,8 @@ def test_without_noise_the_coefficients_are_found(law):
 
 @pytest.mark.parametrize("loss", ["soft_l1", "huber", "cauchy", "arctan"])
 @pytest.mark.parametrize("wrong", [3.0, 30.0, 1e3])
-def test_one_reading_that_is_wrong_hides_no_coefficient(wrong, loss):
-    """Nor does it tell how noisy the others are."""
+def test_one_outlier_hides_no_coefficient(wrong, loss):
+    """It must not inflate the estimated noise of the other readings either."""
     measured = cubes(30, 0.6, 0.15, speed=0.01)
     sound = identify(measured, loss=loss, resamples=40)
     measured.after[:3, 0, 3] = wrong
@@ -87,7 +87,7 @@ def test_one_reading_that_is_wrong_hides_no_coefficient(wrong, loss):
         value, low, high, formal = found.coefficients[name]
         assert low < right < high
         assert abs(value - sound.values[name]) < 3 * sound.coefficients[name].formal
-        assert formal < 8 * sound.coefficients[name].formal  # of the scale of a fit that it pulls
+        assert formal < 8 * sound.coefficients[name].formal  # the outlier would otherwise inflate the scale
 
 
 def test_tangential_restitution_is_found_where_friction_is_known():
@@ -101,15 +101,15 @@ SPRINGS = ("restitution", "friction", "stiffness_ratio")
 
 
 @pytest.mark.parametrize(("e", "mu", "kappa"), [(0.6, 0.15, 1.0), (0.9, 0.4, 2.5), (1.0, 0.4, 0.7)])
-def test_the_stiffness_ratio_of_springs_is_found(e, mu, kappa):
+def test_the_stiffness_ratio_of_compliant_is_found(e, mu, kappa):
     measured = cubes(20, e, mu, law=Law.COMPLIANT, stiffness_ratio=kappa)
     found = identify(measured, Law.COMPLIANT, SPRINGS, resamples=2)
     assert [found.values[name] for name in SPRINGS] == pytest.approx([e, mu, kappa], abs=SOLVED)
     assert found.misfit < SOLVED
 
 
-def test_intervals_of_springs_hold_what_is_sought():
-    """Of four sets of 20 noisy impacts: an interval of 95 % misses twice in one of seventy such tests."""
+def test_intervals_for_compliant_contain_the_true_values():
+    """Four sets of 20 noisy impacts. With 95 % intervals, one such test in seventy would miss twice."""
     holds = dict.fromkeys(SPRINGS, 0)
     for seed in range(4):
         measured = cubes(20, 0.5, 0.5, seed, speed=0.01, spin=0.1, law=Law.COMPLIANT, stiffness_ratio=0.8)
@@ -120,8 +120,10 @@ def test_intervals_of_springs_hold_what_is_sought():
     assert min(holds.values()) >= 3, holds
 
 
-def test_noisy_normals_deceive_the_formal_interval_and_not_the_bootstrap():
-    """Friction of 0.2, normals off by 2 degrees: of 20 sets of 60 impacts, how many intervals hold it."""
+def test_noisy_normals_mislead_the_formal_interval_but_not_the_bootstrap():
+    """Friction is 0.2, and normals are off by 2 degrees. Count how many intervals contain 0.2, for 20 sets of
+    60 impacts.
+    """
     holds = {"formal": 0, "bootstrap": 0}
     for seed in range(20):
         measured = cubes(60, 0.5, 0.2, seed, tilt=math.radians(2), speed=0.01, spin=0.1)
@@ -131,7 +133,7 @@ def test_noisy_normals_deceive_the_formal_interval_and_not_the_bootstrap():
     assert holds["formal"] < 16 <= holds["bootstrap"], holds
 
 
-def test_impacts_that_all_stick_bound_friction_from_below_alone():
+def test_sticking_impacts_only_bound_friction_from_below():
     measured = cubes(30, 0.5, 20.0, speed=0.001, spin=0.01)
     mu = identify(measured, resamples=20).coefficients["friction"]
     assert math.isnan(mu.value) and mu.high == math.inf
@@ -143,7 +145,7 @@ def test_impacts_that_all_stick_bound_friction_from_below_alone():
 
 
 def test_a_coefficient_without_effect_is_not_determined():
-    """All slide: what the tangential restitution is cannot be seen."""
+    """All impacts slide, so the tangential restitution has no effect."""
     found = identify(
         cubes(20, 0.5, 0.001),
         fit=("restitution", "tangential_restitution"),
@@ -155,9 +157,9 @@ def test_a_coefficient_without_effect_is_not_determined():
 
 
 @pytest.mark.parametrize("quantity", ["ratio", "spin"])
-def test_one_table_of_a_sliding_sphere_tells_a_product_alone(quantity):
-    """v_t+ = v_t - mu (1 + e) v_n, and w+ = 5/2 mu (1 + e) v_n / R: e is in neither but there."""
-    table = KHARAZ[quantity][1:]  # by COULOMB the first sticks
+def test_one_table_of_a_sliding_sphere_determines_a_product_only(quantity):
+    """v_t+ = v_t - mu (1 + e) v_n and w+ = 5/2 mu (1 + e) v_n / R: e occurs only in that product."""
+    table = KHARAZ[quantity][1:]  # the first sticks by COULOMB
     readings = SphereReadings(3.9, 0.0025, {quantity: table}, READING)
     found = identify(readings, resamples=2, loss="linear")
     assert all(math.isnan(one.value) for one in found.coefficients.values())
@@ -171,15 +173,15 @@ def test_one_table_of_a_sliding_sphere_tells_a_product_alone(quantity):
     assert found.combination.value == pytest.approx(by_hand, rel=1e-5)
 
 
-def test_three_tables_of_a_sliding_sphere_tell_both():
+def test_three_tables_of_a_sliding_sphere_determine_both_coefficients():
     found = identify(SphereReadings(3.9, 0.0025, KHARAZ, READING), resamples=2, loss="linear")
     assert found.values["friction"] == pytest.approx(0.0926, abs=5e-4)
-    assert found.values["restitution"] == pytest.approx(1.0, abs=SOLVED)  # beyond it, if it could be
+    assert found.values["restitution"] == pytest.approx(1.0, abs=SOLVED)  # at its limit
     assert any("limit" in note for note in found.notes)
 
 
-def test_laws_that_agree_cannot_be_told_apart_and_others_can():
-    """Central impacts of point masses: COULOMB and ROUTH_STRONGE are one; FRICTIONLESS is not."""
+def test_laws_that_agree_cannot_be_told_apart_but_others_can():
+    """For central impacts of point masses, COULOMB and ROUTH_STRONGE agree, and FRICTIONLESS does not."""
     balls = [Body.dynamic(1.0, velocity=(vx, 0.0, -1.0)) for vx in np.linspace(0.5, 3.0, 12)]
     touch = Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.2)
     after = [resolve(ball, Body.static(), touch).twist_a for ball in balls]
@@ -201,7 +203,7 @@ def falling(*speeds, after=0.5):
     return Impacts.of(balls, [Body.static()] * n, [Contact.of((0, 0, 0), (0, 0, 1))] * n, twists, twists)
 
 
-def test_separating_impacts_do_not_count():
+def test_separating_impacts_are_ignored():
     found = identify(falling(1.0, 2.0, 3.0, -1.0), Law.FRICTIONLESS, resamples=2)
     assert found.values["restitution"] == pytest.approx(0.5, abs=SOLVED)
     assert found.squares.shape == (3,)
@@ -240,20 +242,20 @@ def test_separating_impacts_do_not_count():
         (falling(1.0, 2.0, 3.0), {"resamples": 1}, StatusCode.INVALID_MODEL, "resamples"),
     ],
 )
-def test_what_cannot_be_fitted_is_refused_by_name(measured, options, code, field):
+def test_invalid_requests_are_refused_by_name(measured, options, code, field):
     with pytest.raises(ImpactError) as refusal:
         identify(measured, **options)
     assert (refusal.value.code, refusal.value.field) == (code, field)
 
 
 @pytest.mark.parametrize("count", [2.5, "3", None, math.nan])
-def test_the_bootstrap_has_a_whole_number_of_fits(count):
+def test_resamples_must_be_an_integer(count):
     with pytest.raises(TypeError, match=r"^resamples: must be a whole number, is "):
         identify(falling(1.0, 2.0, 3.0), Law.FRICTIONLESS, resamples=count)
 
 
 @pytest.mark.parametrize(("given", "fitted"), [("restitution", "friction"), ("friction", "restitution")])
-def test_what_is_given_is_not_fitted(given, fitted):
+def test_given_coefficients_are_not_fitted(given, fitted):
     true = {"restitution": 0.6, "friction": 0.15}
     found = identify(cubes(20, *true.values()), given={given: true[given] / 2}, resamples=2)
     assert found.coefficients.keys() == {fitted}
@@ -265,7 +267,7 @@ def test_what_is_given_is_not_fitted(given, fitted):
 @pytest.mark.parametrize("part", ["linear", "angular"])
 @pytest.mark.parametrize("infinite", [math.inf, -math.inf])
 def test_infinite_measurements_are_refused_by_their_field(side, part, infinite):
-    """Of a movable body; those of an immovable one do not count."""
+    """For a movable body; those of an immovable body are ignored."""
     ball, other = Body.sphere(1.0, 0.1), Body.sphere(1.0, 0.1)
     still, touch = Vec3(0.0, 0.0, 0.0), Contact.of((0, 0, 0), (0, 0, 1))
     wrong = Twist(still, still)._replace(**{part: Vec3(0.0, infinite, math.nan)})
@@ -284,8 +286,10 @@ def test_infinite_measurements_are_refused_by_their_field(side, part, infinite):
 @pytest.mark.parametrize("turn", [None, (0.5, 0.5, 0.5, 0.5), (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))])
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("unknown", range(3))
-def test_of_a_centre_of_mass_only_what_is_unknown_is_dropped(turn, axis, unknown):
-    """v + w x c, c along an axis: what spins about it moves nothing, about another what is across both."""
+def test_only_velocities_that_depend_on_an_unknown_spin_are_dropped(turn, axis, unknown):
+    """The velocity of the centre of mass is v + w x c. With c along one axis, an unknown component of w
+    affects at most one component of it.
+    """
     com = Vec3(*(0.1 * (i == axis) for i in range(3)))
     ball = Body.sphere(1.0, 0.1, velocity=(0, 0, -1))._replace(
         com=com, orientation=turn and Body.dynamic(1.0, orientation=turn).orientation
@@ -326,7 +330,7 @@ def test_readings_out_of_range_are_refused_by_name(wrong, field):
     assert str(refusal.value).startswith(f"{field}: ")
 
 
-def test_readings_of_a_sphere_that_falls_straight_are_taken_where_they_mean_anything():
+def test_readings_of_a_vertical_fall_are_used_where_they_are_meaningful():
     tables = {"angle": [(0, 0.0), *KHARAZ["angle"]], "spin": [(0, 0.0), *KHARAZ["spin"]]}
     found = identify(SphereReadings(3.9, 0.0025, tables, READING), resamples=2)
     assert len(found.squares) == 8
@@ -334,7 +338,7 @@ def test_readings_of_a_sphere_that_falls_straight_are_taken_where_they_mean_anyt
 
 
 @pytest.mark.parametrize("side", ["body_a", "body_b"])
-def test_mechanisms_are_refused_and_not_taken_for_immovable(side):
+def test_articulated_bodies_are_refused(side):
     link = Body.articulated([[float(i == j) for j in range(6)] for i in range(6)], velocity=(0, 0, -1))
     ball, touch = Body.dynamic(1.0), Contact.of((0, 0, 0), (0, 0, 1))
     still = Twist(ball.velocity, ball.angular_velocity)
@@ -347,7 +351,7 @@ def test_mechanisms_are_refused_and_not_taken_for_immovable(side):
     )
 
 
-def test_an_unsound_impact_is_refused_with_its_number():
+def test_an_invalid_impact_is_refused_with_its_number():
     balls = [Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0)), Body.dynamic(-1.0)]
     twists = [Twist(Vec3(0.0, 0.0, 1.0), Vec3(0.0, 0.0, 0.0))] * 2
     with pytest.raises(ImpactError) as refusal:
@@ -358,7 +362,7 @@ def test_an_unsound_impact_is_refused_with_its_number():
 TABLE = "vx,vz,vx_after,vz_after,note\n1,-1,.85,.5,a\n2,-1,1.85,.5,b\n1,-2,.7,1,\n2,-2,1.7,1,\n"
 
 
-def test_the_command_reads_a_table_and_draws(tmp_path: Path, capsys):
+def test_the_command_reads_a_table_and_plots(tmp_path: Path, capsys):
     """A point mass that slides: e = 0.5, mu (1 + e) = 0.15."""
     table, picture = tmp_path / "impacts.csv", tmp_path / "fit.png"
     table.write_text(TABLE)
@@ -370,7 +374,7 @@ def test_the_command_reads_a_table_and_draws(tmp_path: Path, capsys):
     assert "cannot tell" in capsys.readouterr().out
 
 
-def test_the_command_reads_what_papers_print(tmp_path: Path, capsys):
+def test_the_command_reads_tables_as_papers_print_them(tmp_path: Path, capsys):
     table = tmp_path / "sphere.csv"
     table.write_text("incidence,ratio\n" + "".join(f"{a},{r}\n" for a, r in KHARAZ["ratio"]))
     options = ["--speed", "3.9", "--radius", ".0025", "--errors", "ratio=.008", "--resamples", "2"]
@@ -414,7 +418,7 @@ def test_a_bad_table_is_refused_in_one_line(tmp_path: Path, capsys, text, told):
         (["--compare", "--plot", "fit.png"], "--plot draws one law: not with --compare"),
     ],
 )
-def test_arguments_that_cannot_be_are_refused_by_the_parser(capsys, options, told):
+def test_invalid_arguments_are_refused_by_the_parser(capsys, options, told):
     with pytest.raises(SystemExit):
         main(["impacts.csv", *options])
     assert told in capsys.readouterr().err
@@ -432,7 +436,7 @@ def test_the_command_does_not_fit_what_is_given(tmp_path: Path, capsys):
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
-def test_a_byte_order_mark_is_no_part_of_a_name(tmp_path: Path, encoding):
+def test_a_byte_order_mark_is_not_part_of_a_name(tmp_path: Path, encoding):
     table = tmp_path / "impacts.csv"
     table.write_text("vz,note,note\n-1,a,b\n", encoding=encoding)
     assert rows_of(table, {}) == [{"vz": -1.0}]
@@ -442,8 +446,8 @@ def test_a_byte_order_mark_is_no_part_of_a_name(tmp_path: Path, encoding):
     "text",
     ["vz,vx\n-1,\n", " vz, vx\n-1,\n", "vz ,vx \r\n -1 , \r\n", "vz\t,\tvx\n\t-1,\t\n", "vz,vx\n-1,,\n"],
 )
-def test_blanks_are_no_part_of_a_name_or_a_number(tmp_path: Path, text):
-    """Of a name they would make one that is not known, and its numbers would count as 0."""
+def test_blanks_are_not_part_of_a_name_or_a_number(tmp_path: Path, text):
+    """A name with blanks would be unknown, and its numbers would count as 0."""
     table = tmp_path / "impacts.csv"
     table.write_bytes(text.encode())
     assert [[name, str(x)] for row in rows_of(table, {}) for name, x in row.items()] == [
@@ -453,8 +457,8 @@ def test_blanks_are_no_part_of_a_name_or_a_number(tmp_path: Path, text):
 
 
 @pytest.mark.parametrize("there", ["x", "y", "z", "xy", "yz", "xyz", ""])
-def test_of_a_contact_what_is_not_there_is_0(there):
-    """As long as any of it is there; if nothing is, it is at the arm, from the origin of body_a."""
+def test_missing_components_of_a_contact_position_are_0(there):
+    """If all are missing, the contact is at the lever arm from the origin of body_a."""
     row = {"m": 1.0, "nz": 1.0, "vz": -1.0, "vz_after": 0.5, "x": 7.0, "ry": 8.0}
     measured = impacts_of([row | {f"c{axis}": 3.0 for axis in there}])
     expected = [3.0 * (axis in there) for axis in "xyz"] if there else [7.0, 8.0, 0.0]
@@ -462,7 +466,7 @@ def test_of_a_contact_what_is_not_there_is_0(there):
 
 
 @pytest.mark.parametrize("there", ["x", "y", "z", "w", "xw", "yz", "xyzw", ""])
-def test_of_a_quaternion_what_is_not_there_is_the_identity(there):
+def test_missing_components_of_a_quaternion_are_those_of_the_identity(there):
     row = {"m": 1.0, "nz": 1.0, "vz": -1.0, "vz_after": 0.5} | {f"q{axis}": 0.5 for axis in there}
     turned = impacts_of([row]).bodies[BODY.orientation, 0, 0]
     expected = np.array([0.5 if axis in there else float(axis == "w") for axis in "xyzw"])
@@ -480,7 +484,7 @@ def test_of_a_quaternion_what_is_not_there_is_the_identity(there):
         (-1, "{path} is not complete, "),
     ],
 )
-def test_a_recording_that_is_cut_short_is_refused_in_one_line(tmp_path: Path, capsys, left, says):
+def test_a_truncated_recording_is_refused_in_one_line(tmp_path: Path, capsys, left, says):
     whole = recording(tmp_path / "a.rrd", [(1.0, 0.9)] * 3, []).read_bytes()
     path = tmp_path / "b.rrd"
     path.write_bytes(whole[: left if isinstance(left, int) else int(left * len(whole))])
@@ -489,7 +493,7 @@ def test_a_recording_that_is_cut_short_is_refused_in_one_line(tmp_path: Path, ca
     assert err.startswith(f"{path}: {says.format(path=path)}") and err.count("\n") == 1
 
 
-def test_a_table_by_the_name_of_a_recording_is_refused_in_one_line(tmp_path: Path, capsys):
+def test_a_table_named_like_a_recording_is_refused_in_one_line(tmp_path: Path, capsys):
     pytest.importorskip("rerun")
     path = tmp_path / "a.rrd"
     path.write_text(TABLE)
@@ -499,7 +503,7 @@ def test_a_table_by_the_name_of_a_recording_is_refused_in_one_line(tmp_path: Pat
 
 
 def recording(path, answers, heard, inverse_inertia=None):
-    """A recording of balls on a floor, at the whole seconds; of states heard, stamp [ns] and velocity."""
+    """A recording of balls on a floor at whole seconds, and of received states: stamp [ns] and velocity."""
     rr = pytest.importorskip("rerun")
     pa = pytest.importorskip("pyarrow")
     at_rest = [math.inf, *[0.0] * 12, 0.0, 0.0, 0.0, 1.0, *[0.0] * 6]
@@ -542,8 +546,10 @@ def recording(path, answers, heard, inverse_inertia=None):
     return path
 
 
-def test_the_command_takes_from_a_recording_what_was_heard_after_an_impact(tmp_path: Path, capsys):
-    """The node was told e = 0.9; the balls bounce with 0.5. One state is too late, and one is of before."""
+def test_the_command_uses_the_states_received_after_an_impact(tmp_path: Path, capsys):
+    """The node was given e = 0.9, but the balls bounce with 0.5. One state comes too late, and one before its
+    impact.
+    """
     heard = [(10**9 - 1, -1.0), (10**9 + 10**7, 0.5), (10**9 + 2 * 10**7, 9.0)]
     heard += [(2 * 10**9 + 10**7, 1.0), (3 * 10**9 + 10**7, 1.5), (4 * 10**9 + 10**8, 9.0)]
     path = recording(tmp_path / "a.rrd", [(1.0, 0.9), (2.0, 1.8), (3.0, 2.7), (4.0, 3.6)], heard)
@@ -554,14 +560,14 @@ def test_the_command_takes_from_a_recording_what_was_heard_after_an_impact(tmp_p
     assert "restitution = 0.9 " in capsys.readouterr().out
 
 
-def test_a_recording_in_which_nothing_was_heard_is_refused(tmp_path: Path, capsys):
+def test_a_recording_without_body_states_is_refused(tmp_path: Path, capsys):
     path = recording(tmp_path / "a.rrd", [(1.0, 0.9)] * 3, [])
     assert main([str(path)]) == 1
     assert "no state of a body was heard within 0.05 s" in capsys.readouterr().err
 
 
-def test_a_recording_of_mechanisms_is_refused(tmp_path: Path, capsys):
-    """The columns of a link are there: its infinite mass does not stand for an immovable body."""
+def test_a_recording_of_articulated_bodies_is_refused(tmp_path: Path, capsys):
+    """Its infinite mass must not be taken for an immovable body."""
     rigid = recording(tmp_path / "a.rrd", [(1.0, 0.9)] * 3, [], [math.nan] * 21)
     assert main([str(rigid), "--within", "0", "--law", "frictionless", "--resamples", "2"]) == 0
     link = recording(tmp_path / "b.rrd", [(1.0, 0.9)] * 3, [], [1.0] * 6 + [0.0] * 15)

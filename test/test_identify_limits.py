@@ -1,4 +1,4 @@
-"""Coefficients near their limits, in any units, and of bodies that stop: what is known of them."""
+"""Estimates near the limits of coefficients, in any units, and from bodies that stop."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from collision_response.physics.vector import Vec3
 NOTHING = Vec3(math.nan, math.nan, math.nan)
 WALL = Body.static()
 SLIDING = 3.0
-"""A sphere that is this much faster along the wall than towards it slides to the end, up to mu = 0.4."""
+"""Ratio of tangential to normal speed at which a sphere slides to the end, for mu up to 0.4."""
 
 PLACES = [(0.0, 0.1), (1e-4, 0.1), (0.9999, 0.1), (1.0, 0.1), (0.5, 0.0), (0.5, 1e-4), (0.0, 0.0), (1.0, 0.0)]
 """Restitution and friction, at limits and near them."""
 
 
 def spheres(count, e, mu, *, mass=1.0, speed=1.0, floor=(0.0, 0.0, 0.0)):
-    """Spheres without spin that strike a floor, and their contacts; all move with ``floor`` besides."""
+    """Spheres without spin, floors and contacts; all bodies also move with the velocity ``floor``."""
     rng = np.random.default_rng(4)
     slow = speed * rng.uniform(1.0, 2.0, count)
     before = [
@@ -34,8 +34,8 @@ def spheres(count, e, mu, *, mass=1.0, speed=1.0, floor=(0.0, 0.0, 0.0)):
     return before, [Body.kinematic(velocity=floor)] * count, [Contact.of((0, 0, 0), (0, 0, 1), e, mu)] * count
 
 
-def answered(before, floors, contacts, told=lambda twist: twist, law=Law.COULOMB):
-    """What a law makes of them, as it is told."""
+def computed(before, floors, contacts, told=lambda twist: twist, law=Law.COULOMB):
+    """Impacts as a law computes them; ``told`` turns exact twists into readings."""
     model = ImpactModel(law)
     answers = [resolve(*one, model).twist_a for one in zip(before, floors, contacts, strict=True)]
     after = [told(twist) for twist in answers]
@@ -43,7 +43,7 @@ def answered(before, floors, contacts, told=lambda twist: twist, law=Law.COULOMB
 
 
 def mapped(function):
-    """A twist, told number by number."""
+    """Apply a function to every component of a twist."""
     return lambda twist: Twist(*(Vec3(*map(function, vector)) for vector in twist))
 
 
@@ -58,12 +58,12 @@ def noise_of(sigma):
 )
 @pytest.mark.parametrize(("e", "mu"), [(0.62, 0.2), (1.0, 0.1), (0.5, 0.0)])
 def test_units_do_not_matter(factors, e, mu):
-    """The same velocities and masses, in others."""
+    """The same impacts with other units of mass and speed."""
 
     def fitted(mass, speed):
         rng = np.random.default_rng(1)
         impacts = spheres(12, e, mu, mass=mass, speed=speed)
-        return identify(answered(*impacts, mapped(lambda x: x + speed * 0.01 * rng.normal())), resamples=20)
+        return identify(computed(*impacts, mapped(lambda x: x + speed * 0.01 * rng.normal())), resamples=20)
 
     here, there = fitted(1.0, 1.0), fitted(*factors)
     for name, estimate in here.coefficients.items():
@@ -73,10 +73,12 @@ def test_units_do_not_matter(factors, e, mu):
 
 
 @pytest.mark.parametrize("moving", [1.0, 1e3])
-def test_neither_does_the_frame(moving):
-    """Floor and spheres move along; larger numbers round more, and SciPy divides that by steps of 1.5e-8."""
+def test_the_frame_does_not_matter(moving):
+    """Floor and spheres move together. Larger numbers have larger rounding, which SciPy divides by steps of
+    1.5e-8.
+    """
     here, there = (
-        identify(answered(*spheres(12, 0.6, 0.2, floor=(v, 0.0, -v)), noise_of(0.01)), resamples=20)
+        identify(computed(*spheres(12, 0.6, 0.2, floor=(v, 0.0, -v)), noise_of(0.01)), resamples=20)
         for v in (0.0, moving)
     )
     for name, estimate in here.coefficients.items():
@@ -86,8 +88,8 @@ def test_neither_does_the_frame(moving):
 @pytest.mark.parametrize("count", [12, 30])
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.ROUTH_STRONGE])
 @pytest.mark.parametrize(("e", "mu"), PLACES)
-def test_a_clean_coefficient_near_a_limit_is_found_with_its_interval(e, mu, law, count):
-    measured = answered(*spheres(count, e, mu), law=law)
+def test_clean_coefficients_near_a_limit_are_found_with_their_intervals(e, mu, law, count):
+    measured = computed(*spheres(count, e, mu), law=law)
     found = identify(measured, law, resamples=20)
     for name, true in (("restitution", e), ("friction", mu)):
         assert found.coefficients[name] == pytest.approx((true, true, true, 0.0), abs=1e-9), name
@@ -99,9 +101,9 @@ def test_a_clean_coefficient_near_a_limit_is_found_with_its_interval(e, mu, law,
 @pytest.mark.parametrize("count", [12, 30])
 @pytest.mark.parametrize("told", [mapped(lambda x: float(f"{x:.6g}")), *map(noise_of, (1e-7, 1e-6, 1e-4))])
 @pytest.mark.parametrize(("e", "mu"), PLACES)
-def test_a_noisy_coefficient_near_a_limit_is_known_as_well_as_any(e, mu, told, count):
-    """Speeds of 1 m/s and more: no formal deviation is more than the noise, nor an interval far from it."""
-    measured, exact = answered(*spheres(count, e, mu), told), answered(*spheres(count, e, mu))
+def test_noisy_coefficients_near_a_limit_are_as_accurate_as_others(e, mu, told, count):
+    """Speeds are at least 1 m/s: formal deviations stay below the noise, and intervals near it."""
+    measured, exact = computed(*spheres(count, e, mu), told), computed(*spheres(count, e, mu))
     noise = float(abs(measured.after - exact.after).max())
     found = identify(measured, resamples=40)
     for name, true in (("restitution", e), ("friction", mu)):
@@ -111,21 +113,23 @@ def test_a_noisy_coefficient_near_a_limit_is_known_as_well_as_any(e, mu, told, c
         assert formal <= noise and high - low <= 5 * noise, name
 
 
-def test_half_of_the_clean_noise_is_cut_off_at_a_limit():
-    """e = 0: least squares are below it for one set in two, and there the answer is 0 itself."""
+def test_estimates_are_clipped_at_a_limit():
+    """At e = 0, unconstrained least squares would be negative for half of the data sets. There the estimate
+    is exactly 0.
+    """
     rng = np.random.default_rng(7)
     told = [mapped(lambda x: x + 1e-3 * rng.normal()) for _ in range(16)]
     values = [
-        identify(answered(*spheres(12, 0.0, 0.0), one), Law.FRICTIONLESS, resamples=2).values["restitution"]
+        identify(computed(*spheres(12, 0.0, 0.0), one), Law.FRICTIONLESS, resamples=2).values["restitution"]
         for one in told
     ]
     at_limit = values.count(0.0)
-    assert 3 <= at_limit <= 13  # by the binomial distribution one time in two hundred
+    assert 3 <= at_limit <= 13  # a fair coin fails this once in 200 times
     assert all(1e-9 < value < 1e-3 for value in values if value)
 
 
 def drops(*after, mass=1.0):
-    """Point masses that fall at 1, 2 ... m/s, and what was measured of them: twists."""
+    """Point masses that fall at 1, 2, ... m/s, and their measured twists."""
     balls = [Body.dynamic(mass, velocity=(0.0, 0.0, -1.0 - i)) for i in range(len(after))]
     touch = Contact.of((0, 0, 0), (0, 0, 1))
     return Impacts.of(balls, [WALL] * len(after), [touch] * len(after), after, after)
@@ -136,15 +140,15 @@ def up(speed, spin=NOTHING):
 
 
 @pytest.mark.parametrize("kind", Impacts.kinds)
-def test_what_stops_was_measured(kind):
+def test_zero_velocity_is_a_measurement(kind):
     found = identify(drops(*[up(0.0)] * 12), Law.FRICTIONLESS, kind=kind)
     assert found.coefficients["restitution"] == (0.0, 0.0, 0.0, 0.0)
     assert found.misfit == 0.0
     assert found.others == {one: {"restitution": 0.0} for one in Impacts.kinds if one != kind}
 
 
-def test_a_frame_in_which_all_stop_changes_nothing():
-    """By a floor that comes with 0.5 m/s: e = 0.5."""
+def test_a_frame_in_which_all_bodies_stop_changes_nothing():
+    """The floor approaches at 0.5 m/s, so e = 0.5."""
     ball, floor = Body.dynamic(1.0, velocity=(0, 0, -1.5)), Body.kinematic(velocity=(0, 0, -0.5))
     n, stops = 4, Twist(Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
     touch = Contact.of((0, 0, 0), (0, 0, 1))
@@ -153,24 +157,26 @@ def test_a_frame_in_which_all_stop_changes_nothing():
 
 
 def test_point_masses_that_stop_altogether_bound_friction_from_below():
-    """Of e = 0: the impulse across the normal over that along it is v_x / v_z, at most 1."""
+    """At e = 0 the ratio of tangential to normal impulse is v_x / v_z, at most 1."""
     balls = [Body.dynamic(1.0, velocity=(1.0, 0.0, -1.0 - i)) for i in range(12)]
     impacts = balls, [WALL] * 12, [Contact.of((0, 0, 0), (0, 0, 1), 0.0, 2.0)] * 12
-    found = identify(answered(*impacts), resamples=20)
+    found = identify(computed(*impacts), resamples=20)
     assert found.coefficients["restitution"] == pytest.approx((0.0, 0.0, 0.0, 0.0), abs=1e-12)
     assert math.isnan(found.coefficients["friction"].value)
-    assert found.coefficients["friction"].low == pytest.approx(1.0, rel=1e-4)  # ALIKE, its root, and more
+    assert found.coefficients["friction"].low == pytest.approx(
+        1.0, rel=1e-4
+    )  # limited by the tolerance ALIKE
     assert found.misfit < 1e-12
 
 
-def test_laws_are_not_told_apart_by_what_stops():
+def test_laws_are_not_told_apart_by_bodies_that_stop():
     found = compare(drops(*[up(0.0)] * 4), [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU], resamples=2)
     assert len(found.candidates) == 3
     assert all(excess == pytest.approx((0.0, 0.0, 0.0)) for excess in found.excess.values())
 
 
-def test_readings_of_0_are_readings():
-    """A sphere that keeps nothing of its tangential velocity: no friction does that, but a shell's spin."""
+def test_zero_readings_are_measurements():
+    """A sphere that keeps no tangential velocity: only the spin of a shell could do that, not friction."""
     readings = SphereReadings(1.0, 0.1, {"angle": [(a, 90.0) for a in (30, 40, 50, 60)]}, {"angle": 1.0})
     found = identify(readings, Law.FRICTIONLESS)
     assert found.values["restitution"] == 0.0
@@ -180,8 +186,8 @@ def test_readings_of_0_are_readings():
 
 
 @pytest.mark.parametrize("unmeasured", [0, 1, 8])
-def test_impacts_of_which_nothing_was_measured_do_not_count(unmeasured):
-    """Neither for the fit, nor for its bootstrap, nor among the impacts that are few."""
+def test_impacts_without_measurements_do_not_count(unmeasured):
+    """Neither for the fit, nor for its bootstrap, nor for the number of impacts in the notes."""
     told = [up(0.5 * (1 + i) + 0.01 * (-1) ** i) for i in range(4)]
     alone = identify(drops(*told), Law.FRICTIONLESS)
     with_more = identify(drops(*told, *[up(math.nan)] * unmeasured), Law.FRICTIONLESS)
@@ -193,7 +199,7 @@ def test_impacts_of_which_nothing_was_measured_do_not_count(unmeasured):
     assert any(note.startswith("4 impacts are few") for note in with_more.notes)
 
 
-def test_nor_do_they_make_up_the_number_that_a_fit_needs():
+def test_impacts_without_measurements_do_not_satisfy_the_minimum():
     with pytest.raises(ImpactError, match="1 of these tell anything") as refusal:
         identify(drops(up(0.5), up(math.nan), up(math.nan)), Law.FRICTIONLESS)
     assert (refusal.value.code, refusal.value.field) == (StatusCode.INVALID_TABLE, "impacts")
@@ -211,8 +217,8 @@ def test_spins_alone_have_no_linear_residuals():
 
 
 @pytest.mark.parametrize("told", [lambda x: x, lambda x: x + 1e-3 * math.sin(1e4 * x)])
-def test_a_coefficient_without_effect_on_a_kind_is_not_told_by_it(told):
-    """Of v_z and w_y alone: linear residuals know nothing of friction, and raise no alarm about it."""
+def test_a_kind_of_residual_omits_coefficients_without_effect(told):
+    """With v_z and w_y alone, linear residuals do not depend on friction, and must not warn about it."""
     impacts = spheres(12, 0.5, 0.1)
     twists = [resolve(*one).twist_a for one in zip(*impacts, strict=True)]
     after = [up(told(one.linear.z), Vec3(math.nan, told(one.angular.y), math.nan)) for one in twists]
@@ -225,7 +231,9 @@ def test_a_coefficient_without_effect_on_a_kind_is_not_told_by_it(told):
 @pytest.mark.parametrize("mass", [1.0, 7.0])
 @pytest.mark.parametrize(("kind", "weighted"), [("kinetic", True), ("linear", True), ("contact", False)])
 def test_the_mass_of_an_impact_is_its_weight(kind, weighted, mass):
-    """Drops of e = 0.4 at 1 m/s and mass 1, of e = 0.6 at 1 m/s and another: the mean of both, by mass."""
+    """Drops of mass 1 with e = 0.4 and of another mass with e = 0.6, all at 1 m/s: the estimate is their
+    mean, weighted by mass.
+    """
     balls = [Body.dynamic(m, velocity=(0.0, 0.0, -1.0)) for m in (1.0, 1.0, mass, mass)]
     after = [up(e) for e in (0.4, 0.4, 0.6, 0.6)]
     measured = Impacts.of(balls, [WALL] * 4, [Contact.of((0, 0, 0), (0, 0, 1))] * 4, after, after)

@@ -1,4 +1,4 @@
-"""The enumerations of the Python package are the constants of the messages."""
+"""The enumerations of the Python package equal the constants of the messages."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_comments_stand_above_what_they_explain(file):
     assert re.findall(r"^[^#\n].*#.*$", file.read_text(), re.MULTILINE) == []
 
 
-def test_nothing_constructed_is_a_success():
+def test_a_default_constructed_message_is_not_a_success():
     result = msg.CollisionResult()
     assert not StatusCode(result.status.code).is_answer
     assert msg.BodyState().inertia.m == 0.0

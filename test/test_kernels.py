@@ -1,4 +1,4 @@
-"""Formulas as data: what the tape may simplify, how it is emitted, and that kernels are the formulas."""
+"""Formulas as data: what tapes may simplify, how they are emitted, and that kernels compute the formulas."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from collision_response.status import StatusCode
 
 
 def traced(formula) -> tuple[Tape, int]:
-    """A formula of x and y, and the place of its result."""
+    """A formula of x and y on a tape, and the index of its result."""
     tape = Tape()
     return tape, tape.symbol(formula(tape.input("x"), tape.input("y"))).place
 
@@ -117,11 +117,11 @@ def test_a_traced_number_has_no_truth_value():
         x + Tape().input("x")
 
 
-# A tape, run: what the emitted code does, written anew.
+# A tape evaluated in Python: an independent version of the emitted code.
 
 
 def run(tape: Tape, inputs: dict, place: int, outside: dict | None = None, state: tuple = ()) -> Any:
-    """The number at a place, and so all on which it depends, in plain floats."""
+    """Evaluate the node at ``place``, and all that it depends on, in plain floats."""
     return _Run(tape, inputs, outside, state)[place]
 
 
@@ -204,7 +204,7 @@ constants = st.sampled_from([0, 1, -1, 2.0, 0.25, 3, -0.1, 1e-3])
 
 @st.composite
 def formulas(draw):
-    """A random formula as nested tuples, with many of the constants that tapes simplify."""
+    """Random formulas as nested tuples, with many of the constants that tapes simplify."""
     leaves = st.sampled_from(["x", "y"]) | constants
     binary = st.sampled_from(["+", "-", "*", "/", "max", "min", "choose"])
     return draw(
@@ -261,7 +261,7 @@ class Newton(NamedTuple):
 
 
 def newtons_root(x, y):
-    """The root of ``x`` by steps down from above; ``y`` is added within, so that the loop looks out."""
+    """The root of ``x`` by Newton's method from above. Adding ``y`` makes the loop read an outside value."""
     start = Newton(greater(x, 1.0 + 0 * x) + 1, 3 * (x + 2))
 
     def step(at: Newton) -> Newton:
@@ -294,13 +294,13 @@ def test_a_loop_is_written_once_and_runs_as_it_does_on_floats(formula, x, y):
     assert run(tape, {"x": x, "y": y}, place) == formula(x, y)
 
 
-def test_a_loop_that_never_goes_is_no_loop():
+def test_a_loop_that_never_runs_is_removed():
     start = Newton(1.0, 2.0)
     tape, _ = traced(lambda x, y: iterate(start, lambda at: (x < y) & False, lambda at: at, 5).root)
     assert not any(node.op == "loop" for node in tape.nodes)
 
 
-def test_what_is_done_to_both_bodies_is_done_once():
+def test_operations_on_both_bodies_are_paired():
     tape = Tape()
     a, b, shared = (tape.input(name) for name in ("body_a.x", "body_b.x", "contact.y"))
     of_a, of_b = a * shared + 1, b * shared + 1
@@ -327,7 +327,7 @@ def lines(code: str) -> list[str]:
     return [line.strip() for line in code.splitlines()]
 
 
-def test_what_is_only_reported_is_computed_in_the_plainest_form():
+def test_reported_only_values_are_computed_without_errors():
     code = lines(emitted(bounded=[lambda x, y: x + y], reported=[lambda x, y: x * y]))
     assert "const auto t0 = in[0];" in code
     assert "const auto t2 = t0 + t1;" in code
@@ -336,26 +336,26 @@ def test_what_is_only_reported_is_computed_in_the_plainest_form():
     assert "reported[0] = t3;" in code
 
 
-def test_what_loses_its_error_need_not_carry_one():
+def test_values_whose_error_is_dropped_carry_none():
     code = lines(emitted(bounded=[lambda x, y: x + certain(x * y)]))
     assert "const auto t2 = value(t0) * t1;" in code
     assert any(line.startswith("const auto t1 = value(in[1])") for line in code)
     assert any("lifted<N>(t2)" in line for line in code)
 
 
-def test_an_error_that_is_asked_for_is_carried():
+def test_values_whose_error_is_read_carry_it():
     code = "\n".join(lines(emitted(reported=[lambda x, y: error_of(x * y)])))
     assert "const auto t2 = t0 * t1;" in code
     assert "error_of(t2)" in code
 
 
-def test_constants_are_exact_and_nothing_needless_is_written():
+def test_constants_are_exact_and_unused_inputs_are_omitted():
     code = emitted(bounded=[lambda x, y: x * 0.1 + (y - y) * 0])
     assert f"constant<N>({(0.1).hex()})" in code
     assert "in[1]" not in code
 
 
-def test_of_a_loop_the_state_is_of_values_and_its_condition_comes_first():
+def test_a_loop_has_plain_values_and_tests_its_condition_first():
     code = lines(emitted(bounded=[newtons_root]))
     start = code.index("for (int turn = 0; turn < 60; ++turn) {")
     going = next(i for i, line in enumerate(code) if "_going = " in line)
@@ -427,7 +427,7 @@ def test_emitted_code_computes_its_formula(library, name, kind):
         else:
             assert (value, reported) == (expected, expected)
         if kind == "double" or name == "newtons_root":
-            assert error <= abs(value) * 2.0**-52  # of a loop there is none but that of what follows it
+            assert error <= abs(value) * 2.0**-52  # a loop carries no error, only what follows it does
 
 
 # The laws: traced, and compiled.
@@ -460,7 +460,7 @@ def values(answer: Answer) -> list[float]:
 
 @pytest.mark.parametrize("law", LAWS_WITH_ORACLE)
 @pytest.mark.parametrize("layout", [Layout.SPATIAL, Layout.EVERYTHING])
-def test_a_traced_law_rounds_as_the_law(law, layout):
+def test_a_traced_law_gives_the_bits_of_the_law(law, layout):
     tape = Tape()
     asked = request(layout, tape)
     traced = impact(asked.body_a, asked.body_b, asked.contact, law, asked.settings)
@@ -484,8 +484,8 @@ WRITTEN = re.compile(r"(?:const auto )?(t\d+) = ")
 
 
 @pytest.mark.parametrize("formula", programs.FORMULAS)
-def test_no_test_reads_what_was_not_computed(formula):
-    """What is computed only where a condition may hold is asked only after that condition."""
+def test_no_branch_reads_a_value_that_was_not_computed(formula):
+    """A value computed only where a condition may hold must be read only below that condition."""
     tests = 0
     for _, text in programs.headers(formula):
         known: dict[str, frozenset] = {}  # of each name: where it is computed
@@ -509,7 +509,7 @@ def test_no_test_reads_what_was_not_computed(formula):
     assert tests > 100
 
 
-def test_every_layout_of_every_law_is_written():
+def test_every_layout_of_every_law_is_generated():
     layouts = [one.name.lower() for one in Layout]
     written = {
         "validity": layouts,
@@ -526,10 +526,10 @@ def test_every_layout_of_every_law_is_written():
 
 
 def same_bits(collision: Collision, model: ImpactModel) -> bool:
-    """Whether a request is answered, and then by the bits of the formulas on plain floats."""
+    """Whether the kernels answer a request, and then with the bits of the formulas on plain floats."""
     try:
         direct = impact(*collision, model.law, plan(model).settings)
-    except (ZeroDivisionError, OverflowError):  # which machines do not mind
+    except (ZeroDivisionError, OverflowError):  # the kernels give infinities instead
         return False
     try:
         compiled = resolve(*collision, model._replace(precision=Precision.DOUBLE))
@@ -538,7 +538,7 @@ def same_bits(collision: Collision, model: ImpactModel) -> bool:
         return False
     in_the_middle = all(x == 0 or 1e-120 < abs(x) < 1e120 for x in values(direct))
     if not in_the_middle or compiled.error_bound == math.inf:
-        return False  # the kernels may then choose other units
+        return False  # the kernels may rescale
     changes = compiled.impulse, compiled.change_a, compiled.change_b
     report = compiled.twist_a, compiled.twist_b, compiled[8:17]
     assert list(numbers_in((changes, report))) == values(direct)[: 15 + 12 + 9]
@@ -580,15 +580,15 @@ def test_kernels_give_the_bits_of_the_formulas_whatever_the_sizes(law, wildness)
 
 
 @each_law
-def test_kernels_give_the_bits_of_the_formulas_on_odd_requests(law):
+def test_kernels_give_the_bits_of_the_formulas_on_extremes(law):
     answered = [same_bits(extreme.collision, ImpactModel(law)) for extreme in extremes()]
-    assert sum(answered) > 15  # the others are answered in other units
+    assert sum(answered) > 15  # the others are rescaled
 
 
 @each_law
 @pytest.mark.parametrize("geometry", [Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL])
 def test_kernels_give_the_bits_of_the_formulas_on_the_contacts_of_batches(law, geometry):
-    """Which are also what the kernels of many contacts give: see ``test_batch.py``."""
+    """``test_batch.py`` shows that the batch kernels give the same bits."""
     answered = [
         same_bits(collision_at(geometry, *shared_batch(geometry), i), ImpactModel(law))
         for i in range(FIRST_FAULTY)

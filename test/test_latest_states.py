@@ -1,4 +1,4 @@
-"""What is kept of the states that arrive, and what of it is found."""
+"""The store of received body states: which states it keeps, and which one a lookup returns."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from collision_response.ros.states import LatestStates
 NOW = 1_000 * 10**9
 
 
-class Heard:
-    """States with a clock that stands still, and everything that they reported."""
+class StateStore:
+    """Latest states with a clock that stands still, and everything that they report."""
 
     def __init__(self, most=100):
         self.reports = []
@@ -60,7 +60,7 @@ def left(speed, seconds=0.0):
 
 
 def table(names, seconds=0, speed=0.0):
-    """Balls of 2 kg at rest but for the last."""
+    """Balls of 2 kg, at rest except the last."""
     message = BodyStates(names=names)
     message.header.frame_id, message.header.stamp.sec = "world", seconds
     size = len(names)
@@ -73,73 +73,73 @@ def table(names, seconds=0, speed=0.0):
 # which state is the latest
 
 
-def test_the_later_stamp_counts_whatever_arrives_last():
-    heard = Heard()
-    heard.hear(left(2.0, 11))
-    heard.hear(left(1.0, 10))
-    assert heard.speed() == 2.0
-    assert heard.states.outdated == 1
+def test_the_state_with_the_later_stamp_is_used_whatever_arrives_last():
+    store = StateStore()
+    store.hear(left(2.0, 11))
+    store.hear(left(1.0, 10))
+    assert store.speed() == 2.0
+    assert store.states.outdated == 1
 
 
-def test_of_equal_stamps_and_without_one_the_last_to_arrive_counts():
-    heard = Heard()
+def test_with_equal_or_missing_stamps_the_last_to_arrive_is_used():
+    store = StateStore()
     for speed, seconds in ((1.0, 10), (2.0, 10)):
-        heard.hear(left(speed, seconds))
-    assert heard.speed() == 2.0
-    heard.hear(left(3.0))
-    assert heard.speed() == 3.0
-    heard.hear(left(4.0, 10))
-    assert heard.speed() == 4.0
-    assert heard.states.outdated == 0
+        store.hear(left(speed, seconds))
+    assert store.speed() == 2.0
+    store.hear(left(3.0))
+    assert store.speed() == 3.0
+    store.hear(left(4.0, 10))
+    assert store.speed() == 4.0
+    assert store.states.outdated == 0
 
 
 def test_a_state_from_the_future_does_not_shut_out_the_others():
-    heard = Heard()
-    heard.hear(left(9.0, 5000))
-    heard.hear(left(1.0, 999))
-    assert heard.speed() == 1.0
+    store = StateStore()
+    store.hear(left(9.0, 5000))
+    store.hear(left(1.0, 999))
+    assert store.speed() == 1.0
 
 
-def test_what_was_heard_is_forgotten_when_the_clock_is_set_back():
-    heard = Heard()
-    heard.hear(left(1.0, 10))
-    heard.states.forget()
+def test_forget_drops_all_states():
+    store = StateStore()
+    store.hear(left(1.0, 10))
+    store.states.forget()
     with pytest.raises(ImpactError, match="heard of: no body"):
-        heard.speed()
-    heard.hear(left(2.0, 1))
-    assert heard.speed() == 2.0
+        store.speed()
+    store.hear(left(2.0, 1))
+    assert store.speed() == 2.0
 
 
-def test_states_that_wait_are_taken_before_one_is_looked_for():
-    heard = Heard()
-    heard.states.take_all = lambda: heard.hear(left(7.0, 20))
-    heard.hear(left(1.0, 10))
-    assert heard.speed() == 7.0
+def test_queued_states_are_taken_before_a_lookup():
+    store = StateStore()
+    store.states.take_all = lambda: store.hear(left(7.0, 20))
+    store.hear(left(1.0, 10))
+    assert store.speed() == 7.0
 
 
 # tables
 
 
 def test_a_body_of_a_table_is_found():
-    heard = Heard()
-    heard.hear(table(["a", "b", "c"], 10, speed=3.0))
-    state = heard.states.find("body_a.name", "c")
+    store = StateStore()
+    store.hear(table(["a", "b", "c"], 10, speed=3.0))
+    state = store.states.find("body_a.name", "c")
     assert (state.header.stamp.sec, state.header.stamp.nanosec) == (10, 0)
     assert state.header.frame_id == "world"
     expected = ball(0.0, 3.0, name="c")
     expected.header = state.header
     assert state == expected
-    assert heard.speed("a") == 0.0
-    assert len(heard.states) == 3
+    assert store.speed("a") == 0.0
+    assert len(store.states) == 3
 
 
-def test_of_a_table_and_a_state_the_later_counts():
-    heard = Heard()
-    heard.hear(left(1.0, 10))
-    heard.hear(table(["left"], 11, speed=2.0), publisher=2)
-    assert heard.speed() == 2.0
-    heard.hear(left(3.0, 12))
-    assert heard.speed() == 3.0
+def test_of_a_table_and_a_state_the_later_is_used():
+    store = StateStore()
+    store.hear(left(1.0, 10))
+    store.hear(table(["left"], 11, speed=2.0), publisher=2)
+    assert store.speed() == 2.0
+    store.hear(left(3.0, 12))
+    assert store.speed() == 3.0
 
 
 @pytest.mark.parametrize(
@@ -148,140 +148,140 @@ def test_of_a_table_and_a_state_the_later_counts():
     ids=["future, past", "future, future", "stamp, none", "none, stamp", "equal", "before 1970, none"],
 )
 @pytest.mark.parametrize("kinds", ["state, table", "table, state", "table, table", "state, state"])
-def test_the_one_that_arrived_last_counts_whatever_it_came_in(known, new, kinds):
-    """Unless its stamp is the earlier one, and neither is a wrong one or none."""
-    heard = Heard()
+def test_the_last_to_arrive_is_used_whatever_message_it_came_in(known, new, kinds):
+    """Unless its stamp is earlier, and both stamps are present and plausible."""
+    store = StateStore()
     for publisher, (kind, seconds) in enumerate(zip(kinds.split(", "), (known, new), strict=True), 1):
         speed = float(publisher)
         state = table(["left"], seconds, speed) if kind == "table" else left(speed, seconds)
-        heard.hear(state, publisher)
-    assert heard.speed() == 2.0
-    assert heard.states.outdated == 0
+        store.hear(state, publisher)
+    assert store.speed() == 2.0
+    assert store.states.outdated == 0
 
 
-def test_a_table_stands_for_the_one_before_of_its_publisher_and_for_no_other():
-    heard = Heard()
-    heard.hear(table(["a"], 10), publisher=1)
-    heard.hear(table(["b"], 10), publisher=2)
-    heard.hear(table(["c"], 11), publisher=1)
-    assert heard.speed("b") == heard.speed("c") == 0.0
+def test_a_table_replaces_the_previous_table_of_its_publisher_only():
+    store = StateStore()
+    store.hear(table(["a"], 10), publisher=1)
+    store.hear(table(["b"], 10), publisher=2)
+    store.hear(table(["c"], 11), publisher=1)
+    assert store.speed("b") == store.speed("c") == 0.0
     with pytest.raises(ImpactError):
-        heard.speed("a")
+        store.speed("a")
 
 
 def test_motion_types_of_a_table():
     message = table(["a", "b"])
     message.motion_types = [BodyState.DYNAMIC, BodyState.STATIC]
-    heard = Heard()
-    heard.hear(message)
-    assert heard.states.find("", "b").motion_type == BodyState.STATIC
+    store = StateStore()
+    store.hear(message)
+    assert store.states.find("", "b").motion_type == BodyState.STATIC
 
 
 @pytest.mark.parametrize("field", ["numbers", "motion_types"])
-def test_a_table_of_the_wrong_size_is_said_to_be_so_when_a_body_is_asked_for(field):
+def test_a_table_of_the_wrong_size_is_reported_at_lookup(field):
     message = table(["a", "b"])
     getattr(message, field).append(1)
-    heard = Heard()
-    heard.hear(message)
+    store = StateStore()
+    store.hear(message)
     with pytest.raises(ImpactError, match=r"cannot be read: .* of 2 bodies") as caught:
-        heard.speed("a")
+        store.speed("a")
     assert caught.value.code is StatusCode.UNKNOWN_BODY
 
 
 # limits
 
 
-def test_beyond_the_greatest_number_of_bodies_the_stalest_are_forgotten():
-    heard = Heard(most=3)
+def test_beyond_max_bodies_the_stalest_states_are_dropped():
+    store = StateStore(most=3)
     for name in ("a", "b", "c", "a", "d"):
-        heard.hear(ball(name=name))
+        store.hear(ball(name=name))
     for name in "acd":
-        assert heard.speed(name) == 0.0
+        assert store.speed(name) == 0.0
     with pytest.raises(ImpactError):
-        heard.speed("b")
-    assert heard.states.evicted == 1
-    assert any("max_bodies" in report for report in heard.reports)
+        store.speed("b")
+    assert store.states.evicted == 1
+    assert any("max_bodies" in report for report in store.reports)
 
 
-def test_tables_of_more_bodies_than_that_are_forgotten_the_stalest_first():
-    heard = Heard(most=4)
+def test_beyond_max_bodies_the_stalest_tables_are_dropped():
+    store = StateStore(most=4)
     for publisher, names in (1, "ab"), (2, "cd"), (1, "ab"), (3, "ef"):
-        heard.hear(table([*names]), publisher)
-    assert [name for name in "abcdef" if heard.knows(name)] == [*"abef"]
-    heard.hear(table([*"ghijk"]), publisher=3)
-    assert [name for name in "abcdefghijk" if heard.knows(name)] == [*"ab"]
-    assert heard.states.evicted == 2 + 5
-    assert any("max_bodies" in report for report in heard.reports)
+        store.hear(table([*names]), publisher)
+    assert [name for name in "abcdef" if store.knows(name)] == [*"abef"]
+    store.hear(table([*"ghijk"]), publisher=3)
+    assert [name for name in "abcdefghijk" if store.knows(name)] == [*"ab"]
+    assert store.states.evicted == 2 + 5
+    assert any("max_bodies" in report for report in store.reports)
 
 
 def test_messages_do_not_grow_with_the_names_they_quote():
-    heard = Heard()
+    store = StateStore()
     for i in range(50):
-        heard.hear(ball(name=f"{i:03}" * 1000))
+        store.hear(ball(name=f"{i:03}" * 1000))
     with pytest.raises(ImpactError) as caught:
-        heard.speed("x" * 10**6)
+        store.speed("x" * 10**6)
     assert len(str(caught.value)) < 2000
     assert "000000" in str(caught.value) and str(caught.value).endswith(", ...")
 
 
-def test_bodies_of_tables_are_among_those_heard_of():
-    heard = Heard()
-    heard.hear(table(["a", "b"]))
+def test_bodies_of_tables_are_listed_as_known():
+    store = StateStore()
+    store.hear(table(["a", "b"]))
     with pytest.raises(ImpactError, match=r"heard of: a, b$"):
-        heard.speed("c")
-    heard.hear(left(0.0))
+        store.speed("c")
+    store.hear(left(0.0))
     with pytest.raises(ImpactError, match=r"heard of: left, a, b$"):
-        heard.speed("c")
+        store.speed("c")
 
 
 # losses and publishers
 
 
 def test_states_lost_on_the_way_are_counted():
-    heard = Heard()
+    store = StateStore()
     for number in (1, 2, 5, 6):
-        heard.hear(left(0.0), number=number)
-    heard.hear(left(0.0), publisher=2, number=70)
-    heard.hear(left(0.0), publisher=2, number=71)
-    assert heard.states.lost == 2
-    assert len([report for report in heard.reports if "did not arrive" in report]) == 1
+        store.hear(left(0.0), number=number)
+    store.hear(left(0.0), publisher=2, number=70)
+    store.hear(left(0.0), publisher=2, number=71)
+    assert store.states.lost == 2
+    assert len([report for report in store.reports if "did not arrive" in report]) == 1
 
 
-def test_who_loses_tables_is_told_what_helps_with_tables():
-    heard = Heard()
-    heard.hear(table(["a"]), number=1)
-    heard.hear(table(["a"]), number=4)
-    (report,) = heard.reports
+def test_lost_tables_have_a_warning_of_their_own():
+    store = StateStore()
+    store.hear(table(["a"]), number=1)
+    store.hear(table(["a"]), number=4)
+    (report,) = store.reports
     assert report.startswith(
         "tables were sent and did not arrive, 2 messages in all: large ones need reliable QoS"
     )
 
 
 def test_two_publishers_of_one_name_are_reported_once():
-    heard = Heard()
+    store = StateStore()
     for publisher in (1, 2, 1, 2, 1):
-        heard.hear(left(0.0), publisher=publisher)
-    assert [report for report in heard.reports if "two publishers" in report] == [
+        store.hear(left(0.0), publisher=publisher)
+    assert [report for report in store.reports if "two publishers" in report] == [
         "two publishers send states of 'left': which is used, the stamps decide"
     ]
 
 
 def test_a_publisher_that_takes_over_from_another_is_not_reported():
-    heard = Heard()
+    store = StateStore()
     for publisher in (1, 1, 2, 2, 3):
-        heard.hear(left(0.0), publisher=publisher)
-    assert not heard.reports
+        store.hear(left(0.0), publisher=publisher)
+    assert not store.reports
 
 
-def test_where_publishers_are_unknown_tables_are_told_apart_by_their_bodies():
-    """As in Jazzy, whose rclpy does not say from whom a message is."""
-    heard = Heard()
+def test_without_publisher_ids_tables_are_told_apart_by_their_bodies():
+    """As in Jazzy, where rclpy does not report the publisher of a message."""
+    store = StateStore()
     for names, speed, number in (("ab", 1.0, 1), ("c", 2.0, 9), ("ab", 3.0, 2)):
-        heard.hear(table([*names], speed=speed), publisher=None, number=number)
+        store.hear(table([*names], speed=speed), publisher=None, number=number)
     for speed in (4.0, 5.0, 4.0):
-        heard.hear(left(speed), publisher=None)
-    assert (heard.speed("b"), heard.speed("c"), heard.speed()) == (3.0, 2.0, 4.0)
-    assert (len(heard.states), heard.states.lost, heard.reports) == (4, 0, [])
+        store.hear(left(speed), publisher=None)
+    assert (store.speed("b"), store.speed("c"), store.speed()) == (3.0, 2.0, 4.0)
+    assert (len(store.states), store.states.lost, store.reports) == (4, 0, [])
 
 
 # bytes
@@ -309,35 +309,35 @@ WHOLE = serialize_message(ball(name="left"))
 
 @pytest.mark.parametrize("size", range(40))
 def test_a_message_that_ends_early_is_broken(size):
-    heard = Heard()
-    heard.hear(WHOLE[:size])
+    store = StateStore()
+    store.hear(WHOLE[:size])
     if size < 33:  # up to there it has not even a name
-        assert heard.states.unreadable == 1 and len(heard.states) == 0
+        assert store.states.unreadable == 1 and len(store.states) == 0
     else:
         with pytest.raises(ImpactError, match="cannot be read"):
-            heard.speed()
+            store.speed()
 
 
 @pytest.mark.parametrize("offset", [12, 24])
-def test_a_text_that_claims_more_than_there_is_makes_it_broken(offset):
+def test_a_string_longer_than_the_message_is_broken(offset):
     message = bytearray(WHOLE)
     message[offset : offset + 4] = struct.pack("<I", 2**31)
     with pytest.raises(MalformedMessage, match="a text in it ends after its end"):
         SerializedState(bytes(message))
 
 
-def test_bytes_that_are_no_text_make_it_broken():
+def test_a_name_that_is_not_utf8_is_broken():
     message = bytearray(WHOLE)
     message[message.index(b"left")] = 0xFF
     with pytest.raises(MalformedMessage):
         SerializedState(bytes(message))
 
 
-def test_a_state_that_is_too_long_is_passed_over():
-    heard = Heard()
-    heard.hear(ball(name="x" * MAX_STATE_SIZE))
-    assert heard.states.unreadable == 1 and len(heard.states) == 0
-    assert "4096" in heard.reports[0]
+def test_a_state_that_is_too_long_is_dropped():
+    store = StateStore()
+    store.hear(ball(name="x" * MAX_STATE_SIZE))
+    assert store.states.unreadable == 1 and len(store.states) == 0
+    assert "4096" in store.reports[0]
 
 
 def test_a_table_that_claims_more_names_than_it_can_hold_is_broken_at_once():
@@ -349,22 +349,22 @@ def test_a_table_that_claims_more_names_than_it_can_hold_is_broken_at_once():
         SerializedTable(bytes(message))
 
 
-def test_garbage_harms_nobody():
-    heard = Heard()
-    heard.hear(left(1.0, 10))
+def test_garbage_is_counted_and_harmless():
+    store = StateStore()
+    store.hear(left(1.0, 10))
     for garbage in (b"", b"\0", b"\0\1\0\0", bytes(range(256)), b"\xff" * 5000):
-        heard.hear(garbage)
-    assert heard.speed() == 1.0
-    assert heard.states.unreadable == 5
+        store.hear(garbage)
+    assert store.speed() == 1.0
+    assert store.states.unreadable == 5
 
 
 def test_assigning_by_rows_covers_every_field_of_a_state():
-    """Each of the 23 numbers of a column lands in a field of its own."""
+    """Each of the 23 numbers of a column goes into its own field."""
     message = table(["a"])
     message.numbers = type(message.numbers)("d", range(1, 24))
-    heard = Heard()
-    heard.hear(message)
-    state, expected = heard.states.find("", "a"), BodyState(name="a")
+    store = StateStore()
+    store.hear(message)
+    state, expected = store.states.find("", "a"), BodyState(name="a")
     expected.header = state.header
     fields = [
         *(f"inertia.{field}" for field in ("m", "ixx", "ixy", "ixz", "iyy", "iyz", "izz")),

@@ -1,4 +1,4 @@
-"""What ros2 launch, ros2 run and ros2 pkg find, and what they start."""
+"""What ros2 launch, ros2 run and ros2 pkg find and start."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def prefix(monkeypatch):
     return prefix
 
 
-def test_the_file_of_parameters_has_every_one_with_its_default_and_what_it_means():
+def test_the_parameter_file_lists_every_parameter_with_its_default_and_description():
     text = CONFIG.read_text()
     assert yaml.safe_load(text) == {
         f"/**/{node}": {"ros__parameters": {d.name: d.default for d in declarations}}
@@ -54,8 +54,8 @@ def test_the_file_of_parameters_has_every_one_with_its_default_and_what_it_means
             assert f"    # {declared.description}{one_of}\n    {declared.name}: " in section
 
 
-def test_the_node_starts_with_that_file_as_without(graph, tmp_path):
-    """In any namespace; and with a value changed in it."""
+def test_the_node_starts_with_the_parameter_file(graph, tmp_path):
+    """In any namespace, and with a changed value."""
     file = tmp_path / "mine.yaml"
     file.write_text(CONFIG.read_text().replace("restitution: 1.0", "restitution: 0.25"))
     arguments = ["--ros-args", "--params-file", str(file)]
@@ -69,7 +69,7 @@ def test_the_node_starts_with_that_file_as_without(graph, tmp_path):
 
 
 def test_tools_find_the_package_and_its_executables(prefix):
-    """As ``ros2 pkg executables`` does: by the index of ament, then the files that may be run."""
+    """The way ``ros2 pkg executables`` does: by the ament index, then by executable files."""
     index = pytest.importorskip("ament_index_python")
     assert index.get_package_prefix("collision_response") == str(prefix)
     executables = Path(prefix, "lib", "collision_response")
@@ -80,7 +80,7 @@ def test_tools_find_the_package_and_its_executables(prefix):
         assert (share / file.relative_to(ROOT)).read_text() == file.read_text()
 
 
-def test_what_the_launch_file_starts_is_there():
+def test_the_executables_in_the_launch_file_exist():
     calls = [node for node in ast.walk(ast.parse(LAUNCH.read_text())) if isinstance(node, ast.Call)]
     started = {call.args[0].value for call in calls if getattr(call.func, "id", "") == "node"}
     assert started == {"collision_response_node", "collision_response_states", "collision_response_markers"}
@@ -103,8 +103,8 @@ sys.exit(service.run())
 """
 
 
-def test_it_launches(graph, prefix):
-    """There are no wheels of launch: this runs where ROS is installed."""
+def test_the_launch_file_runs(graph, prefix):
+    """There is no wheel of launch, so this runs only where ROS is installed."""
     pytest.importorskip("launch_ros")
     command = [sys.executable, "-c", LAUNCHES, str(LAUNCH), f"namespace:={graph.namespace}"]
     with subprocess.Popen([*command, "states:=true", "markers:=true"], start_new_session=True) as launched:

@@ -1,4 +1,4 @@
-"""What holds for every law on every impact, by Hypothesis."""
+"""Properties of every law on every impact, by Hypothesis."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from collision_response.physics.vector import Vec3
 
 TOLERANCE = 1e-9
 """Relative to the size of what is compared. Routh's path is followed to 1e-12 and the scenes'
-condition numbers stay below 1e3, so rounding is below 1e-12: what is left is room for none but it."""
+condition numbers stay below 1e3, so rounding is below 1e-12."""
 
 FASTEST = 20.0
 """No two bodies of a scene meet faster [m/s]."""
@@ -27,17 +27,17 @@ FASTEST = 20.0
 every_law = pytest.mark.parametrize("law", LAWS_WITH_ORACLE, ids=lambda law: law.name)
 
 
-def few(law: Law):
-    """A path takes a hundred times as long as a formula."""
+def examples_for(law: Law):
+    """Fewer examples for path laws, which take a hundred times as long."""
     return settings(max_examples=10 if law in (Law.ROUTH_POISSON, Law.ROUTH_STRONGE) else 30, deadline=None)
 
 
 def check(law: Law, strategy, holds) -> None:
-    few(law)(given(strategy)(lambda collision: holds(collision)))()
+    examples_for(law)(given(strategy)(lambda collision: holds(collision)))()
 
 
 def scale(collision: Collision, impact: Impact) -> float:
-    """The greatest energy that is in play [J]."""
+    """The largest energy involved [J]."""
     u = abs(impact.normal_velocity_before)
     return impact.kinetic_energy_before + impact.impulse.norm() * (1 + u) + 1e-3
 
@@ -114,8 +114,8 @@ def test_exchanging_the_bodies_reverses_the_impulse(law):
 
 
 @every_law
-def test_turning_the_frame_turns_the_answer(law):
-    @few(law)
+def test_rotating_the_frame_rotates_the_answer(law):
+    @examples_for(law)
     @given(collisions(), quaternions)
     def holds(collision: Collision, q) -> None:
         impact = collision.resolve(law)

@@ -1,4 +1,4 @@
-"""The laws against reference values, against the oracle, and in every kind of number."""
+"""The laws against reference values and the oracle, in every type of number."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ REFERENCE = {
 
 
 def rod_on_plane(case: str) -> Collision:
-    """A real rod of 1 kg and 1 m strikes a fixed plane with its end, at an angle to it."""
+    """A rod of 1 kg and 1 m strikes a fixed plane with its end, at an angle."""
     angle, e, (u_t, u_n) = CASES[case]
     body = Body.dynamic(
         1.0,
@@ -85,7 +85,7 @@ def test_moreau_creates_energy_on_t3_and_is_replaced(case, gain):
     assert float(by_moreau.pair.energy_change(by_moreau.impulses[0])) == pytest.approx(gain, rel=1e-13)
 
     impact = collision.resolve(Law.MOREAU)
-    # the same formulas, in another order of roundings
+    # the same formulas, rounded in another order
     assert impact.impulse == pytest.approx(collision.resolve(Law.COULOMB).impulse, abs=1e-14)
     assert impact.kinetic_energy_after < impact.kinetic_energy_before
     assert impact.model.law is Law.COULOMB
@@ -130,7 +130,7 @@ def test_t7_superball():
 
 
 def test_t9_three_balls_in_a_row():
-    """Newton's cradle, one contact at a time: all the motion arrives at the far ball."""
+    """Newton's cradle, one contact at a time: the last ball gets all the motion."""
     speeds = [1.0, 0.0, 0.0]
     for i, j in [(0, 1), (1, 2)]:
         left, right = (Body.dynamic(1.0, velocity=(speeds[k], 0.0, 0.0)) for k in (i, j))
@@ -152,14 +152,14 @@ def exact_bodies() -> tuple[Body, Body]:
 
 
 EXACT_CONTACT = Contact.of(map(F, (0, 1, 1)), map(F, (2, 1, -2)), F(3, 4), F(10))
-"""It sticks, so that COULOMB takes no root but those of the report."""
+"""It sticks, so that COULOMB takes roots only for the report."""
 E_T = F(1, 2)
 
 
-def test_frictionless_conserves_exactly_in_exact_arithmetic():
-    """Momentum, angular momentum, ``u_n+ = -e u_n`` and the balance of energy, with no rounding at all."""
+def test_frictionless_conserves_exactly_in_fractions():
+    """Momentum, angular momentum, ``u_n+ = -e u_n`` and the energy balance hold without any rounding."""
     a, b = exact_bodies()
-    # a normal of length 1, so that no root is taken
+    # a normal of length 1 needs no root
     contact = EXACT_CONTACT._replace(normal=Vec3(F(2, 3), F(1, 3), F(-2, 3)))
     answer = compute(a, b, contact, Law.FRICTIONLESS)
     changes, report = answer.changes, answer.report
@@ -192,8 +192,8 @@ def test_frictionless_conserves_exactly_in_exact_arithmetic():
 @pytest.mark.parametrize(
     ("law", "mu"), [(Law.FRICTIONLESS, 10), (Law.COULOMB, 0.05), (Law.COULOMB, 10), (Law.MOREAU, 10)]
 )
-def test_one_law_on_floats_arrays_and_exact_numbers(law, mu):
-    """The array of many contacts gives, element by element, what a float gives alone: to the bit."""
+def test_a_law_gives_the_same_on_floats_arrays_and_exact_numbers(law, mu):
+    """An array of contacts gives, element by element, the bits of single floats."""
     speeds = [F(k, 4) for k in range(5)]
 
     def answer(number, speed):
@@ -211,7 +211,7 @@ def test_one_law_on_floats_arrays_and_exact_numbers(law, mu):
         else:
             with mp.workdps(40):
                 exact = answer(lambda x: mp.mpf(F(x).numerator) / F(x).denominator, -1 - mp.mpf(float(speed)))
-        # some fifty roundings, at a condition number of K below 20
+        # about fifty roundings at a condition number of K below 20
         assert floats[i] == pytest.approx([float(c) for c in exact], rel=1e-13)
 
 
@@ -222,29 +222,29 @@ def _converted(value, number):
 
 
 ORACLE_TOLERANCE = {Law.COULOMB: 1e-12, Law.MOREAU: 1e-11, Law.ROUTH_POISSON: 1e-9, Law.ROUTH_STRONGE: 1e-9}
-"""Relative, of the impulse: rounding at condition numbers up to 1e3 (a root find's at 1e4) for the
-algebraic laws; for the integrated ones what is asked of them."""
+"""Relative error of the impulse. Algebraic laws: rounding at condition numbers up to 1e3, 1e4 for MOREAU's
+root. Integrated laws: their default tolerance."""
 
 
 @pytest.mark.parametrize("off_centre", [False, True])
 @pytest.mark.parametrize("law", LAWS_WITH_FRICTION)
 @pytest.mark.parametrize("seed", range(2))
 def test_against_the_oracle(law, seed, off_centre):
-    _agree(random_collision(seed, off_centre=off_centre), law, ORACLE_TOLERANCE[law])
+    _assert_agrees(random_collision(seed, off_centre=off_centre), law, ORACLE_TOLERANCE[law])
 
 
 @pytest.mark.parametrize("law", [Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
 @pytest.mark.parametrize(("seed", "mu"), [*product(range(100, 102), [0.5, 3.0])])
 def test_slender_bodies_against_the_oracle(law, seed, mu):
-    _agree(random_collision(seed, slender=True, friction=mu), law, ORACLE_TOLERANCE[law])
+    _assert_agrees(random_collision(seed, slender=True, friction=mu), law, ORACLE_TOLERANCE[law])
 
 
 def rod_in_space(
     u_t: float, mu: float, *, lean: float = 2.0, drift: float = 0.0, thickness: float = 0.0
 ) -> Collision:
-    """A rod of 1 kg and 1 m on a plane, leaning by ``atan(lean)``, in axes turned any way.
+    """A rod of 1 kg and 1 m on a plane, leaning by ``atan(lean)``, in rotated axes.
 
-    ``drift`` is slip across the plane of the rod, ``thickness`` that of the rod [m].
+    ``drift`` is slip across the plane of the rod, ``thickness`` the thickness of the rod [m].
     """
     angle = math.atan(lean)
     across = 1 / 12 + thickness**2 / 12
@@ -284,17 +284,17 @@ PATHS = {
 @pytest.mark.parametrize("path", PATHS)
 def test_every_kind_of_path_against_the_oracle(path, law):
     collision, regime = PATHS[path]
-    assert _agree(collision, law, ORACLE_TOLERANCE[law]).regime is regime
+    assert _assert_agrees(collision, law, ORACLE_TOLERANCE[law]).regime is regime
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
 @pytest.mark.parametrize("seed", (300,))
-def test_routh_is_as_exact_as_asked(tolerance, seed):
-    _agree(random_collision(seed), Law.ROUTH_STRONGE, tolerance, tolerance=tolerance)
+def test_routh_meets_its_tolerance(tolerance, seed):
+    _assert_agrees(random_collision(seed), Law.ROUTH_STRONGE, tolerance, tolerance=tolerance)
 
 
-def _agree(collision: Collision, law: Law, relative: float, **model) -> Impact:
-    """All that changes, against the oracle: the impulse, and the twists of the reference points."""
+def _assert_agrees(collision: Collision, law: Law, relative: float, **model) -> Impact:
+    """Compare the impulse and the twists with the oracle."""
     impact = collision.resolve(law, **model)
     truth = collision.by_oracle(law)
     if law is Law.MOREAU and truth.report.energy > 0:
@@ -306,7 +306,7 @@ def _agree(collision: Collision, law: Law, relative: float, **model) -> Impact:
     for side, twist, push in sides:
         changes = zip((side.velocity, side.spin), side.response(push), strict=True)
         velocity, spin = (Vec3(*map(float, exact.plus(*parts))) for parts in changes)
-        # the change of the twist is that of the impulse times at most the condition of the inertia
+        # the condition number of the inertia may amplify the error of the impulse
         assert (twist.linear - velocity).norm() <= 100 * relative * (velocity.norm() + spin.norm())
         assert (twist.angular - spin).norm() <= 100 * relative * (velocity.norm() + spin.norm())
     return impact

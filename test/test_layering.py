@@ -1,4 +1,4 @@
-"""Who may import whom: downwards only; and what an import brings along."""
+"""Which part of the package may import which, and what an import loads."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ LAYERS = (
     {"demo"},
     {"cli"},
 )
-"""Rooms and single modules, from the bottom. Each may import what lies below it, and its own."""
+"""Packages and single modules, from the bottom up. Each may import the layers below it and itself."""
 
 HEIGHT = {unit: height for height, layer in enumerate(LAYERS) for unit in layer}
-NOTHING_BUT = {"status": {"named_enum"}, "physics": {"named_enum", "numbers", "status"}}
-"""Some may import less than all that lies below."""
-NOT = {"recording": {"batch", "kernels"}, "ros": {"kernels"}, "demo": {"kernels"}, "cli": {"kernels"}}
-STRANGERS = {
+ONLY = {"status": {"named_enum"}, "physics": {"named_enum", "numbers", "status"}}
+"""Units that may import less than all layers below."""
+FORBIDDEN = {"recording": {"batch", "kernels"}, "ros": {"kernels"}, "demo": {"kernels"}, "cli": {"kernels"}}
+THIRD_PARTY = {
     "numbers": {"numpy", "flint"},
     "batch": {"numpy", "dask", "torch"},
     "description": {"numpy"},
@@ -48,18 +48,18 @@ STRANGERS = {
     "derivatives": {"numpy"},
     "recording": {"numpy", "rerun", "pyarrow"},
 }
-"""What units below ROS may import that is neither Python's nor the package's."""
+"""Third-party packages that units below ROS may import."""
 
 
 def unit_of(module: list[str]) -> str:
-    """The unit of a module given by the parts of its name after the package's."""
+    """The unit (a package or a single module) that a module name belongs to."""
     first = module[0] if module else ""
     is_module = (PACKAGE / first).is_dir() or (PACKAGE / f"{first}.py").is_file()
     return first if first and is_module and first != "__init__" else FRONT
 
 
 def imports(file: Path) -> tuple[list[list[str]], set[str]]:
-    """Every module of this package that a file imports, and the names of the other packages."""
+    """Every module of this package that a file imports, and the names of third-party packages."""
     package = list(file.relative_to(PACKAGE).parts[:-1])
     own, others = [], set()
     for node in ast.walk(ast.parse(file.read_text())):
@@ -101,15 +101,15 @@ def test_imports_go_downwards(file):
         if other == unit:
             continue
         assert HEIGHT[other] < HEIGHT[unit], ".".join(module)
-        assert unit not in NOTHING_BUT or other in NOTHING_BUT[unit], ".".join(module)
-        assert other not in NOT.get(unit, ()), ".".join(module)
+        assert unit not in ONLY or other in ONLY[unit], ".".join(module)
+        assert other not in FORBIDDEN.get(unit, ()), ".".join(module)
 
 
 @each_file
-def test_only_the_rooms_that_say_so_import_strangers(file):
+def test_only_listed_units_import_third_party_packages(file):
     unit = unit_of(names(file))
     if HEIGHT[unit] < HEIGHT["ros"]:
-        assert imports(file)[1] <= STRANGERS.get(unit, set())
+        assert imports(file)[1] <= THIRD_PARTY.get(unit, set())
 
 
 def test_the_oracle_shares_no_code():
@@ -118,7 +118,7 @@ def test_the_oracle_shares_no_code():
 
 
 def run(program: str, directory: Path) -> list[str]:
-    """What a fresh interpreter prints."""
+    """Run a program in a fresh interpreter; return the words that it prints."""
     command = [sys.executable, "-c", program]
     result = subprocess.run(command, cwd=directory, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
@@ -133,8 +133,8 @@ def loaded_with(modules: list[str], directory: Path) -> set[str]:
 ROS = {"rclpy", "geometry_msgs", "std_msgs", "collision_response.msg", "collision_response.srv"}
 
 
-def test_an_import_loads_what_one_impact_needs_and_no_more(tmp_path):
-    """python-flint is loaded where it is installed: balls are numbers."""
+def test_an_import_loads_only_what_one_impact_needs(tmp_path):
+    """python-flint is loaded where it is installed, because balls are numbers."""
     loaded = loaded_with(["collision_response"], tmp_path)
     assert not loaded & (ROS | {"rerun", "scipy", "dask", "torch", "mpmath", "matplotlib"})
     rooms = {name.split(".")[1] for name in loaded if name.startswith("collision_response.")}
@@ -143,12 +143,12 @@ def test_an_import_loads_what_one_impact_needs_and_no_more(tmp_path):
     assert not loaded & {f"collision_response.kernels.{name}" for name in tracer}
 
 
-def test_batches_load_numpy_and_no_other_arrays(tmp_path):
+def test_batches_load_no_array_library_except_numpy(tmp_path):
     loaded = loaded_with(["collision_response.batch"], tmp_path)
     assert not loaded & (ROS | {"rerun", "scipy", "dask", "torch"})
 
 
-def test_the_recording_knows_no_ros_and_a_node_that_does_not_record_no_rerun(tmp_path):
+def test_recording_loads_no_ros_and_an_idle_node_loads_no_rerun(tmp_path):
     assert not loaded_with(["collision_response.recording"], tmp_path) & (ROS | {"rerun"})
     assert not loaded_with(["collision_response.ros.node"], tmp_path) & {"rerun", "pyarrow"}
 
@@ -181,7 +181,7 @@ def test_one_impact_needs_no_other_package(tmp_path):
     assert run(f"BLOCKED = {blocked}\n{WITHOUT}", tmp_path) == ["TOLERANCE_NOT_MET"]
 
 
-def test_batches_need_numpy_alone(tmp_path):
+def test_batches_need_only_numpy(tmp_path):
     blocked = {"flint", "rclpy", "geometry_msgs", "rerun", "scipy", "mpmath", "dask", "torch"}
     batch = """
 import numpy as np

@@ -1,4 +1,4 @@
-"""Long requests, many requests, clients that leave, and the end of the node: nobody is left waiting."""
+"""Long requests, many requests, clients that leave and the end of the node: every request is answered."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ EXTENDED = ImpactModel(precision=Precision.EXTENDED)
 
 
 def falling(n, model=EXTENDED):
-    """A mass that strikes the ground ``n`` times over."""
+    """A batch in which one mass strikes the ground ``n`` times."""
     body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
     bodies, contacts = np.zeros((body_row.height, 2)), np.zeros((contact_row.height, n))
     bodies[body_row.mass] = [[2.0, np.inf]]
@@ -110,7 +110,7 @@ def crowd(n):
     [(many_names(1000), batches, "find_state"), (crowd(1000), scenes, "_body_in_table")],
     ids=["names of a batch", "bodies of a scene"],
 )
-def test_many_bodies_are_taken_in_parts(tried_node, monkeypatch, request_, module, taking):
+def test_many_bodies_are_looked_up_in_parts(tried_node, monkeypatch, request_, module, taking):
     take, taken = getattr(module, taking), [0]
 
     def counted(*arguments, **options):
@@ -172,7 +172,7 @@ def test_a_request_that_takes_too_long_is_refused_by_name(graph):
     assert (answer.velocity[2, 0] == 0.3 * 3.0).all()
 
 
-def test_what_needs_too_much_memory_is_refused_by_name(tried_node, monkeypatch):
+def test_a_request_that_needs_too_much_memory_is_refused(tried_node, monkeypatch):
     def fail(*_, **__):
         raise MemoryError
 
@@ -202,7 +202,7 @@ print(resource.getrlimit(resource.RLIMIT_DATA)[0] >> 20)
 """
 
 
-def test_the_process_takes_no_more_memory_than_it_may(tmp_path):
+def test_limit_memory_limits_the_process(tmp_path):
     command = [sys.executable, "-c", LIMITED]
     result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=DEADLINE)
     assert result.stdout.split() == ["refused", "1024"], result.stderr
@@ -213,7 +213,7 @@ def test_the_process_takes_no_more_memory_than_it_may(tmp_path):
 
 
 def by_name(seconds):
-    """A request that waits for a state of this time."""
+    """A request that waits for a state with this stamp [s]."""
     request = balls_meet()
     request.body_b = BodyState(name="left")
     request.not_before.sec = seconds
@@ -221,7 +221,7 @@ def by_name(seconds):
 
 
 def diagnostics(graph):
-    """The last message of the node, as a level and a dictionary."""
+    """Subscribe to the diagnostics; return a function that gives the last status and its values."""
     received = []
     graph.user.create_subscription(DiagnosticArray, "/diagnostics", received.append, 10)
 
@@ -236,7 +236,7 @@ def diagnostics(graph):
 
 
 def another_client(graph):
-    """A node and its client, of which the service is ready."""
+    """Another node and its client, whose service is ready."""
     other = graph.add(Node("other", context=graph.context, namespace=graph.namespace))
     client = other.create_client(ResolveCollision, graph.service, qos_profile=SERVICE_QOS)
     wait_until(client.service_is_ready)
@@ -260,8 +260,8 @@ def test_requests_of_a_client_that_leaves_are_dropped_and_counted(graph):
     assert graph.call(balls_meet()).success
 
 
-def test_a_client_that_left_before_it_was_seen_is_tried_once(graph, monkeypatch):
-    """Fast DDS waits a tenth of a second for it, with each answer, and everybody else waits too."""
+def test_an_unseen_client_that_left_is_tried_once(graph, monkeypatch):
+    """Fast DDS blocks for a tenth of a second per answer to such a client, and everybody else waits."""
     unseen, tried = [], []
     look, send = ConnectedClients._refresh, server._try_to_send
 
@@ -295,8 +295,8 @@ def test_a_client_that_left_before_it_was_seen_is_tried_once(graph, monkeypatch)
     assert graph.call(balls_meet()).success
 
 
-def test_a_client_that_leaves_is_missed_though_others_come_meanwhile():
-    """Whoever comes is looked for at once; that look must not hide who left just before."""
+def test_a_departure_is_noticed_even_if_other_clients_arrive():
+    """A new client triggers an immediate look, which must not hide an earlier departure."""
     there = {b"a" * 16}
 
     class Endpoints:
@@ -313,7 +313,7 @@ def test_a_client_that_leaves_is_missed_though_others_come_meanwhile():
     assert not presence.is_connected(b"a" * 16)
 
 
-def test_clients_that_come_and_go_unseen_are_not_remembered_for_ever():
+def test_unseen_clients_are_forgotten_eventually():
     nobody = SimpleNamespace(get_subscriptions_info_by_topic=lambda *_, **__: [])
     presence = ConnectedClients(nobody, "/service")
     guests = [number.to_bytes(16, "big") for number in range(2 * clients.MAX_REMEMBERED)]
@@ -330,8 +330,8 @@ def test_requests_of_a_client_that_stays_are_not_dropped(graph):
     assert {future.result().result.status.code for future in futures} == {StatusCode.STALE_STATE}
 
 
-def test_who_waits_is_woken_though_others_ask_all_the_time(graph, monkeypatch):
-    # many times what others leave between two requests
+def test_a_waiting_request_is_resumed_under_constant_load(graph, monkeypatch):
+    # far longer than the pauses between requests
     monkeypatch.setattr(server, "WAIT_CHECK_INTERVAL", 0.5)
     graph.serve(max_state_wait=0.2)
     waiting = graph.call_async(by_name(10))
@@ -339,8 +339,8 @@ def test_who_waits_is_woken_though_others_ask_all_the_time(graph, monkeypatch):
     assert waiting.result().result.status.code == StatusCode.STALE_STATE
 
 
-def test_an_answer_that_cannot_be_sent_harms_nobody_and_is_counted(graph, monkeypatch):
-    """When a client that has stopped reading fills the history, rcl raises, or rclpy warns of a timeout."""
+def test_an_answer_that_cannot_be_sent_is_counted_and_harmless(graph, monkeypatch):
+    """If a client stops reading and its history fills up, rcl raises, or rclpy warns of a timeout."""
     graph.serve()
     last = diagnostics(graph)
     assert graph.call(balls_meet()).success
@@ -364,10 +364,10 @@ def test_an_answer_that_cannot_be_sent_harms_nobody_and_is_counted(graph, monkey
     assert last()[1]["answers"] == "3"
 
 
-# what is told
+# diagnostics
 
 
-def test_diagnostics_tell_what_was_answered_and_what_went_wrong(graph):
+def test_diagnostics_count_answers_and_failures(graph):
     graph.serve()
     last = diagnostics(graph)
     bad = balls_meet()
@@ -387,8 +387,8 @@ def test_diagnostics_tell_what_was_answered_and_what_went_wrong(graph):
 
 
 @pytest.mark.parametrize("late", [0.0, 3.0])
-def test_rates_are_those_of_the_time_that_has_passed(graph, monkeypatch, late):
-    """The timer is late when something long is computed."""
+def test_rates_are_per_elapsed_time(graph, monkeypatch, late):
+    """A long computation delays the timer."""
     now, told = [100.0], []
     monkeypatch.setattr(diagnostics_module, "time", SimpleNamespace(perf_counter=lambda: now[0]))
     counters = Counters()
@@ -406,7 +406,7 @@ def test_rates_are_those_of_the_time_that_has_passed(graph, monkeypatch, late):
 
 
 @pytest.mark.parametrize(("word", "publishers"), [("off", 0), ("metadata", 1), ("contents", 1)])
-def test_calls_can_be_watched(graph, word, publishers):
+def test_calls_can_be_introspected(graph, word, publishers):
     graph.serve(service_introspection=word)
     assert graph.call(balls_meet()).success
     wait_until(lambda: graph.node.count_publishers(f"{graph.service}/_service_event") == publishers)

@@ -55,7 +55,9 @@ def test_arrows_show_normal_and_impulse():
     assert {(marker.lifetime.sec, marker.lifetime.nanosec) for marker in markers.values()} == {
         (1, 500_000_000)
     }
-    assert all(marker.color.a > 0 and marker.scale.x > 0 for marker in markers.values())  # otherwise invisible
+    assert all(
+        marker.color.a > 0 and marker.scale.x > 0 for marker in markers.values()
+    )  # otherwise invisible
     assert all(marker.pose.orientation.w == 1.0 for marker in markers.values())
 
 
@@ -171,8 +173,7 @@ def test_the_wrench_is_about_the_origin_of_the_frame():
 
 
 def test_answers_are_shown_over_dds(graph):
-    """A frictionless impact gives three markers and a wrench; a scene the markers of each contact.
-    """
+    """A frictionless impact gives three markers and a wrench; a scene the markers of each contact."""
     graph.serve()
     graph.add(
         ContactMarkers(

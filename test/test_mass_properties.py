@@ -108,7 +108,12 @@ def test_a_negative_size_is_refused_by_name(make, field):
         make()
 
 
-CONSTRUCTORS = [mp.sphere, mp.hollow_sphere, lambda m, x: mp.box(m, (x, x, x)), lambda m, x: mp.cylinder(m, x, x)]
+CONSTRUCTORS = [
+    mp.sphere,
+    mp.hollow_sphere,
+    lambda m, x: mp.box(m, (x, x, x)),
+    lambda m, x: mp.cylinder(m, x, x),
+]
 CONSTRUCTORS += [lambda m, x: mp.capsule(m, x, x), lambda m, x: mp.cone(m, x, x), mp.rod]
 
 

@@ -267,8 +267,7 @@ TURNS = (
 
 
 def sticking_rebound(slip: float, turn: list[list[int]]):
-    """A contact that sticks with e = 1, in fractions: K, u, n, the impulse and the energy it adds.
-    """
+    """A contact that sticks with e = 1, in fractions: K, u, n, the impulse and the energy it adds."""
     K, u, n = [[16, 4, 0], [4, F(17, 16), 0], [0, 0, 1]], (F(slip), -2, 0), (0, 1, 0)
     inverse = [[F(17, 16), -4], [-4, 16]]  # det K = 1
     wanted = -u[0], F(4)
@@ -290,8 +289,7 @@ def sticking_rebound(slip: float, turn: list[list[int]]):
     "precision", [Precision.AUTO, Precision.DOUBLE, Precision.EXTENDED], ids=lambda p: p.name
 )
 def test_energy_created_is_explained_by_the_bound(turn, precision):
-    """A slip of 2^-k loses energy in one direction and gains some in the other; no slip is a tie.
-    """
+    """A slip of 2^-k loses energy in one direction and gains some in the other; no slip is a tie."""
     for slip in [0.0, *(sign * 2.0**-k for k in range(0, 44, 3) for sign in (-1, 1))]:
         K, u, n, P, gained = sticking_rebound(slip, turn)
         model = ImpactModel(

@@ -193,6 +193,7 @@ def by_steps(K, u, e, mu, stronge):
 
 def resuming_force(K, mu):
     """The force per normal impulse in the direction in which slip grows from rest."""
+
     def polar(t):
         z = np.array([cos(t), sin(t)])
         h = K[:2, 2] - mu * K[:2, :2] @ z
@@ -294,8 +295,7 @@ def test_routh_agrees_in_other_axes_and_precisions():
 
 
 def test_nearly_singular_mobility():
-    """Inertia of 1e-10 m r^2, so K has a condition number of 1e10: all requested digits must be right.
-    """
+    """Inertia of 1e-10 m r^2, so K has a condition number of 1e10: all requested digits must be right."""
     K, u = random_contact(np.random.default_rng(5), spread=1e-10)
     for law in LAWS[1:]:
         P, _ = impulse(law, K, u, UP, 0.5, 0.5, digits=15)
