@@ -1,4 +1,4 @@
-"""What a recording shows of the bodies: where they were seen, and the solid that has their inertia."""
+"""How a recording draws bodies: where they were, and as the solid that has their inertia."""
 
 from __future__ import annotations
 
@@ -19,24 +19,26 @@ from collision_response.recording import BodyRecord, Record
 from collision_response.recording.equivalent_solid import EquivalentSolid
 
 EIGEN = 1e-12
-"""Relative: half sizes come from the eigenvalues of a 3x3 tensor, in some tens of roundings."""
+"""Relative error of half sizes from the eigenvalues of a 3x3 tensor: tens of roundings."""
 
 
-def test_a_body_is_seen_between_its_impacts(tmp_path):
+def test_a_body_is_drawn_between_its_impacts(tmp_path):
     ball = Body.dynamic(2.0, sphere(2.0, 0.5).inertia, (3.0, 0.0, 0.5), velocity=(0.0, 2.0, 0.0))
     path = recorded(tmp_path, [impact(1), BodyRecord(1_500_000_000, "ball/1", ball), impact(2)])
     verify(path)
     # on the timeline of answers there are impacts only
     entity = r"/world/bodies/ball\/1"
     assert [sequence for _, sequence, _ in read(path, entity, "Transform3D:translation")] == [1, 2]
-    assert seen(path, entity, "Transform3D:translation") == [(1_500_000_000, [[3.0, 0.0, 0.5]])]
-    ((_, [velocity, _]),) = seen(path, r"/world/velocities/ball\/1", "Arrows3D:vectors")
+    assert rows_outside_answers(path, entity, "Transform3D:translation") == [
+        (1_500_000_000, [[3.0, 0.0, 0.5]])
+    ]
+    ((_, [velocity, _]),) = rows_outside_answers(path, r"/world/velocities/ball\/1", "Arrows3D:vectors")
     assert velocity == pytest.approx([0.0, 0.2, 0.0], rel=1e-6)
 
 
 @pytest.mark.parametrize("length", [1e-200, 1.0, 1e200])
-def test_a_body_is_shown_at_its_centre_of_mass(tmp_path, length):
-    """Its frame starts 2 m below, and is turned by a right angle about z; the quaternion has any length."""
+def test_a_body_is_drawn_at_its_centre_of_mass(tmp_path, length):
+    """Its frame starts 2 m below and is rotated by 90 degrees; the quaternion has any length."""
     ball = Body.dynamic(
         2.0,
         sphere(2.0, 0.5).inertia,
@@ -54,9 +56,9 @@ def test_a_body_is_shown_at_its_centre_of_mass(tmp_path, length):
     entity = "/world/bodies/ball"
     velocities = "/world/velocities/ball"
     for component, place in (("Transform3D:translation", entity), ("Arrows3D:origins", velocities)):
-        for rows in (read(path, place, component), seen(path, place, component)):
+        for rows in (read(path, place, component), rows_outside_answers(path, place, component)):
             assert rows[0][-1][0] == pytest.approx([1.0, 0.0, 0.5], abs=1e-6)
-    ((_, [turn]),) = seen(path, entity, "Transform3D:quaternion")
+    ((_, [turn]),) = rows_outside_answers(path, entity, "Transform3D:quaternion")
     assert turn == pytest.approx([0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)], rel=1e-6)
     # the centre of mass falls straight down
     ((_, _, [after, spin_after, before, spin_before]),) = read(path, velocities, "Arrows3D:vectors")
@@ -69,25 +71,25 @@ def test_a_body_is_shown_at_its_centre_of_mass(tmp_path, length):
     assert normal == pytest.approx([0.0, 0.0, 0.1], rel=1e-6)
 
 
-def seen(path, entity, component):
-    """Rows of an entity that are not those of an answer: stamp [ns], value."""
+def rows_outside_answers(path, entity, component):
+    """Rows of an entity that belong to no answer: stamp [ns], value."""
     return read(path, entity, component, timelines=("ros_time",))
 
 
-def test_a_ball_is_shown_as_it_is():
+def test_a_ball_is_drawn_in_its_size():
     solid = EquivalentSolid.of(Body.dynamic(3.0, sphere(3.0, 0.25).inertia))
     assert solid.is_ball
     assert solid.half_sizes == pytest.approx([0.25] * 3, rel=EIGEN)
 
 
-def test_a_rod_is_shown_as_it_is():
+def test_a_rod_is_drawn_in_its_size():
     solid = EquivalentSolid.of(Body.dynamic(3.0, rod(3.0, 2.0).inertia))
     assert not solid.is_ball
     assert sorted(solid.half_sizes) == pytest.approx([0.0, 0.0, 1.0], rel=EIGEN, abs=EIGEN)
     assert direction(solid, 1.0) == pytest.approx([1.0, 0.0, 0.0], abs=EIGEN)
 
 
-def test_what_is_thin_has_a_thickness_for_the_eye():
+def test_a_thin_body_gets_a_visible_thickness():
     columns = EquivalentSolid.of(Body.rod(3.0, 2.0)).columns()
     (drawn,) = (
         column.as_arrow_array().to_pylist()
@@ -99,7 +101,7 @@ def test_what_is_thin_has_a_thickness_for_the_eye():
 
 @pytest.mark.parametrize("normal", [(0, 0, 1), (0, 0, -2), (1, 0, 0), (1, -2, 3), (1e-9, 0, -1)])
 def test_a_friction_cone_stands_on_the_normal_and_holds_the_impulse(tmp_path, normal):
-    """The cone's axis is turned to the normal; its height is the way of the impulse along it."""
+    """The axis of the cone is the normal; its height is the normal part of the impulse arrow."""
     n = Vec3(*normal) / math.sqrt(sum(x * x for x in normal))
     request = (
         Body.dynamic(2.0, velocity=n * -3.0),
@@ -117,7 +119,7 @@ def test_a_friction_cone_stands_on_the_normal_and_holds_the_impulse(tmp_path, no
     assert regime == ["STICKING"]
 
 
-def test_a_box_at_an_angle_to_its_axes_is_shown_as_it_is():
+def test_a_box_in_rotated_axes_is_drawn_in_its_size():
     size, turn = (1.0, 2.0, 4.0), math.radians(30)
     about_z = Quaternion(0.0, 0.0, math.sin(turn / 2), math.cos(turn / 2))
     inertia = box(6.0, size).inertia
@@ -136,12 +138,12 @@ AXES = Vec3(1.0, 0.0, 0.0), Vec3(0.0, 1.0, 0.0), Vec3(0.0, 0.0, 1.0)
 
 
 def direction(solid, half_size):
-    """Where, in body axes, the edge of this half size points, up to its sign."""
+    """The direction of the edge with this half size in body axes, up to its sign."""
     (axis,) = (axis for axis, h in zip(AXES, solid.half_sizes, strict=True) if abs(h - half_size) < 1e-6)
     along = Quaternion(*solid.axes).rotation().to_world(axis)
     return along if along.x >= 0 else -along
 
 
 @pytest.mark.parametrize("body", [Body.dynamic(1.0), Body.static()], ids=["point mass", "static"])
-def test_what_has_no_inertia_has_no_solid(body):
+def test_a_body_without_inertia_has_no_solid(body):
     assert EquivalentSolid.of(body) is None

@@ -1,4 +1,4 @@
-"""The table of impacts in a recording: read back, reported, and asked again."""
+"""The table of impacts in a recording: reading it, reporting it and replaying it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ HALF = math.sqrt(0.5)
 
 
 def requests():
-    """One of every kind that decides something on its own."""
+    """One request of every kind that changes how it is answered."""
     ball = Body.sphere(
         2.0, 0.1, position=(0.0, 0.0, 0.1), velocity=(1.0, 0.5, -3.0), angular_velocity=(1.0, 2.0, 3.0)
     )
@@ -74,7 +74,7 @@ def record(number, request, **changes):
 
 @pytest.fixture
 def recording(tmp_path):
-    """Puts entries into a file."""
+    """Write entries into a file."""
 
     def write(entries, name="some.rrd"):
         recorder, problems = closed(tmp_path, entries, name=name)
@@ -131,8 +131,8 @@ def test_files_of_one_recording_are_one_table_and_an_empty_one_is_no_error(recor
     assert read([recording([], "empty.rrd")]).num_rows == 0
 
 
-def test_the_query_on_the_page_reads_all_files(tmp_path, monkeypatch, capfd):
-    """Those of one start of the node, and that of another."""
+def test_the_query_in_the_docs_reads_all_files(tmp_path, monkeypatch, capfd):
+    """Files of one start of the node, and of another."""
     pytest.importorskip("datafusion")
     page = (Path(__file__).parent.parent / "docs" / "recordings.md").read_text()
     (code,) = [code for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "datafusion" in code]
@@ -166,7 +166,7 @@ class TestReplay:
         ]
         assert lines[-1] == "2 impacts asked again, 1 of them answered differently"
 
-    def test_a_tolerance_forgives_numbers_but_no_words(self, recording, capsys):
+    def test_a_tolerance_applies_to_numbers_only(self, recording, capsys):
         right = record(1, next(requests()))
         near = right.impact._replace(kinetic_energy_after=right.impact.kinetic_energy_after * (1 + 1e-9))
         path = str(recording([right._replace(impact=near)]))
@@ -184,7 +184,7 @@ class TestReplay:
         assert main(["replay", str(recording([row]))]) == 1
         assert "status was OK, is INVALID_COEFFICIENT" in capsys.readouterr().out
 
-    def test_what_is_no_recording_is_said(self, tmp_path, capsys):
+    def test_a_file_that_is_not_a_recording_is_reported(self, tmp_path, capsys):
         (tmp_path / "no.rrd").write_bytes(b"something else")
         for name in ("no.rrd", "missing.rrd"):
             for command in ("replay", "report"):
@@ -193,8 +193,8 @@ class TestReplay:
 
 
 @pytest.mark.filterwarnings("error")
-def test_of_a_torn_recording_it_is_said_how_it_is_mended(all_kinds, capsys):
-    """Torn in a piece, and between two, where rerun reads what there is."""
+def test_a_truncated_recording_is_refused_with_the_command_that_repairs_it(all_kinds, capsys):
+    """Truncated within a chunk, and between two, where rerun reads what there is."""
     whole = all_kinds.read_bytes()
     torn = all_kinds.with_name("torn one.rrd")
     for size in (12, len(whole) // 20, len(whole) // 2, len(whole) - 1):
@@ -217,7 +217,7 @@ IMPACT = {
 }
 
 
-def _refused_as_foreign(path, capsys):
+def _assert_refused_as_foreign(path, capsys):
     for command in ("replay", "report"):
         assert main([command, str(path)]) == 2
         said = capsys.readouterr()
@@ -245,12 +245,12 @@ def test_a_recording_of_something_else_is_refused_in_one_line(tmp_path, capsys, 
         stream.set_time("answer", sequence=1)
         stream.log(entity, content)
         stream.disconnect()
-    _refused_as_foreign(path, capsys)
+    _assert_refused_as_foreign(path, capsys)
 
 
 @pytest.mark.parametrize("name", sorted({*ANSWER} - {"answer"}))
 @pytest.mark.parametrize("wrong", [None, pa.array([True]), pa.FixedSizeListArray.from_arrays([1.0, 2.0], 2)])
-def test_each_column_of_an_answer_is_asked_for(all_kinds, tmp_path, capsys, name, wrong):
+def test_each_column_of_an_answer_is_required(all_kinds, tmp_path, capsys, name, wrong):
     row = read([all_kinds]).slice(0, 1)
     columns = {key: row[key].combine_chunks() for key in ANSWER if key != "answer"}
     if name == "request_model" and wrong is not None and pa.types.is_fixed_size_list(wrong.type):
@@ -263,11 +263,11 @@ def test_each_column_of_an_answer_is_asked_for(all_kinds, tmp_path, capsys, name
         known = {key: column for key, column in columns.items() if column is not None}
         stream.log("/impacts", rr.DynamicArchetype("Impact", components=known))
         stream.disconnect()
-    _refused_as_foreign(path, capsys)
+    _assert_refused_as_foreign(path, capsys)
 
 
 @pytest.mark.parametrize("tolerance", ["nan", "inf", "-inf", "-1", "-1e-300", "none", ""])
-def test_a_tolerance_of_replays_is_a_number_of_at_least_0(all_kinds, capsys, tolerance):
+def test_an_invalid_replay_tolerance_is_refused(all_kinds, capsys, tolerance):
     with pytest.raises(SystemExit) as ended:
         main(["replay", str(all_kinds), f"--tolerance={tolerance}"])
     assert ended.value.code == 2
@@ -275,7 +275,7 @@ def test_a_tolerance_of_replays_is_a_number_of_at_least_0(all_kinds, capsys, tol
 
 
 class Page(HTMLParser):
-    """Counts what a page has, and notes what it fetches; every tag that opens must close."""
+    """Count the tags of a page and note what it fetches; every opened tag must be closed."""
 
     def __init__(self, text):
         super().__init__()
@@ -300,7 +300,7 @@ class Page(HTMLParser):
 
 
 class TestReport:
-    def test_it_says_what_happened(self, all_kinds, tmp_path, capsys):
+    def test_it_summarises_the_impacts(self, all_kinds, tmp_path, capsys):
         assert main(["report", str(all_kinds)]) == 0
         text = capsys.readouterr().out
         count = len([*requests()])
@@ -343,8 +343,8 @@ class TestReport:
 
     @pytest.mark.parametrize("option", ["--csv", "--html"])
     @pytest.mark.parametrize("again", [True, False])
-    def test_a_recording_is_not_written_over(self, recording, all_kinds, option, again, capsys):
-        """Neither one that is reported nor another, as of ``--csv *.rrd``."""
+    def test_a_recording_is_not_overwritten(self, recording, all_kinds, option, again, capsys):
+        """Neither the reported one nor another, as with ``--csv *.rrd``."""
         path = recording([], "another.rrd")
         files = [str(path), str(all_kinds)] if again else [str(all_kinds)]
         before = path.read_bytes()
@@ -355,8 +355,8 @@ class TestReport:
         assert path.read_bytes() == before
 
     @pytest.mark.parametrize("name", ["some.html", "folder/../some.html", "link.html"])
-    def test_page_and_table_are_two_files(self, all_kinds, tmp_path, name, capsys):
-        """The page's name given, or the one it has anyhow."""
+    def test_page_and_table_must_be_different_files(self, all_kinds, tmp_path, name, capsys):
+        """With the name of the page given or default."""
         (tmp_path / "folder").mkdir()
         (tmp_path / "link.html").symlink_to("some.html")
         for page in ([], ["--html", str(tmp_path / "some.html")]):
@@ -368,7 +368,7 @@ class TestReport:
             assert said.err.endswith(f"--csv {tmp_path / name} would be written over the page\n")
             assert not (tmp_path / "some.html").exists()
 
-    def test_the_table_has_a_number_in_every_place(self, all_kinds, tmp_path, capsys):
+    def test_the_csv_table_has_every_number(self, all_kinds, tmp_path, capsys):
         target = tmp_path / "table.csv"
         assert main(["report", str(all_kinds), "--csv", str(target)]) == 0
         with target.open() as file:
@@ -388,7 +388,7 @@ def scene(number, law=Law.AUTO, e=0.5):
     return SceneRecord(10**18 + number, number, ["box", "the floor"], *asked, resolve_scene(*asked))
 
 
-def test_scenes_are_in_a_table_and_asked_again(recording, capsys):
+def test_scenes_are_read_and_replayed(recording, capsys):
     ball = Body.sphere(2.0, 0.1, position=(0.0, 0.0, 0.1), velocity=(1.0, 0.5, -3.0))
     single = record(1, (ball, FLOOR, Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3), ImpactModel()))
     scenes = [scene(2), scene(3, Law.FRICTIONLESS), scene(4, Law.MOREAU, e=lambda speed: 1 / (1 + speed))]
@@ -417,7 +417,7 @@ def test_scenes_are_reported(recording, capsys):
     assert page.text.count("box, the floor") == 2
 
 
-def test_a_scene_that_is_answered_differently_is_told(recording, capsys):
+def test_a_scene_that_is_answered_differently_is_reported(recording, capsys):
     was = scene(1)
     changed = was.impact._replace(
         impulses=(was.impact.impulses[0] * 2, *was.impact.impulses[1:]), regimes=(Regime.REVERSED,) * 4
@@ -428,4 +428,4 @@ def test_a_scene_that_is_answered_differently_is_told(recording, capsys):
     assert first.startswith("answer 1, scene of box, the floor: impulses was [")
     assert second.startswith("answer 1, scene of box, the floor: regimes was ['REVERSED', ")
     assert last == "0 impacts and 1 scenes asked again, 1 of them answered differently"
-    assert main(["replay", "--tolerance", "2", str(path)]) == 1  # words are not forgiven
+    assert main(["replay", "--tolerance", "2", str(path)]) == 1  # the tolerance does not apply to words

@@ -1,4 +1,4 @@
-"""Recordings: read back, compared with the answers, and never in the way."""
+"""Recordings: read back, compared with the answers, and never blocking the node."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ DEADLINE = 20.0
 
 @pytest.fixture(autouse=True)
 def strict():
-    """Wrong shapes raise, rather than warn."""
+    """Make rerun raise on wrong shapes instead of warning."""
     rr.set_strict_mode(True)
     yield
     rr.set_strict_mode(False)
@@ -46,7 +46,7 @@ def verify(*paths):
 
 
 def static(path, entity, component):
-    """What an entity always has."""
+    """The values of a component that are on no timeline."""
     values = []
     for chunk in RrdReader(str(path)).stream().filter(content=entity, components=component).to_chunks():
         batch = chunk.to_record_batch()
@@ -56,7 +56,7 @@ def static(path, entity, component):
 
 
 def read(path, entity, component, timelines=("ros_time", "answer")):
-    """Rows of an entity that are on these timelines and no other: stamp [ns], number of the answer, value."""
+    """Rows of an entity on exactly these timelines: stamp [ns], number of the answer, value."""
     rows = []
     for chunk in RrdReader(str(path)).stream().filter(content=entity, components=component).to_chunks():
         batch = chunk.to_record_batch()
@@ -67,7 +67,7 @@ def read(path, entity, component, timelines=("ros_time", "answer")):
 
 
 def impact(sequence=1):
-    """A ball of 2 kg falls on the floor with 3 m/s; e = 0.5."""
+    """A ball of 2 kg falls on the floor at 3 m/s; e = 0.5."""
     ball = Body.dynamic(2.0, position=(0.0, 0.0, 0.5), velocity=(1.0, 0.0, -3.0))
     floor = Body.static()
     contact = Contact.of((0.0, 0.0, 0.0), normal=(0.0, 0.0, 2.0), restitution=0.5)
@@ -77,7 +77,7 @@ def impact(sequence=1):
 
 
 def closed(directory, entries=(), **options):
-    """A recorder that was given these entries, and what it reported."""
+    """A closed recorder that was given these entries, and the problems it reported."""
     problems = []
     recorder = Recorder(directory, problems.append, **options)
     for entry in entries:
@@ -87,13 +87,13 @@ def closed(directory, entries=(), **options):
 
 
 def recorded(directory, entries):
-    """The file of a recorder that was given these entries."""
+    """The file of a closed recorder that was given these entries."""
     recorder, problems = closed(directory, entries)
     assert problems == []
     return recorder.path
 
 
-def test_a_scene_is_where_it_was(tmp_path):
+def test_an_impact_is_drawn_where_it_was(tmp_path):
     path = recorded(tmp_path / "made" / "here", [impact(1), impact(2)])
     verify(path)
     assert path.parent == tmp_path / "made" / "here"
@@ -121,7 +121,7 @@ def test_a_scene_is_where_it_was(tmp_path):
         assert [row[:2] for row in rows] == (stamps[:1] if value else []), component
 
 
-def test_answers_are_told_in_words(tmp_path):
+def test_answers_are_described_in_the_log(tmp_path):
     path = recorded(tmp_path, [impact(1), Refusal(7, 2, "INVALID_NORMAL: contact.normal: is of length 0")])
     (_, _, [refusal]), (_, _, [answer]) = read(path, "/log", "TextLog:text")
     assert refusal == "INVALID_NORMAL: contact.normal: is of length 0"
@@ -132,8 +132,8 @@ def test_a_file_is_complete_without_an_impact(tmp_path):
     verify(recorded(tmp_path, []))
 
 
-def test_without_a_stamp_there_is_no_place_in_time(tmp_path):
-    """As before the first /clock of a simulation: nothing may be put to 1970."""
+def test_entries_without_a_stamp_are_not_on_the_timeline_of_time(tmp_path):
+    """As before the first /clock of a simulation: nothing may be put at 1970."""
     untimed = impact(1)._replace(stamp=0)
     entries = [untimed, BodyRecord(0, "ball/1", untimed.body_a), Refusal(0, 2, "no"), impact(3)]
     recorder, problems = closed(tmp_path, entries)
@@ -159,8 +159,8 @@ def test_without_a_stamp_there_is_no_place_in_time(tmp_path):
 
 
 @pytest.mark.parametrize(("rows", "measured"), [(1, 23_600), (200, 82_100)])
-def test_chunks_are_few(tmp_path, rows, measured):
-    """What a batch adds to a file [bytes]; a fifth on top, for other versions of rerun."""
+def test_chunks_are_small(tmp_path, rows, measured):
+    """Bytes that a batch adds to a file, plus a fifth for other versions of rerun."""
     sizes = []
     for count in (1, 21):
         path = tmp_path / f"{count}.rrd"
@@ -171,17 +171,17 @@ def test_chunks_are_few(tmp_path, rows, measured):
     assert (sizes[1] - sizes[0]) / 20 < 1.2 * measured
 
 
-def test_nothing_of_a_file_outlives_it(tmp_path):
-    """Threads are counted: the memory that a stream or a layout for each file left went with theirs."""
+def test_a_closed_file_leaves_no_thread(tmp_path):
+    """Threads are counted, because the streams and layouts that leaked memory each had one."""
     recording, threads = Recording(), []
     for number in range(12):
         with Writer(tmp_path / f"{number}.rrd", recording) as writer:
             writer.write([impact(number + 1)])
         threads.append(len(list(Path("/proc/self/task").iterdir())))
-    assert threads[-1] - threads[1] < 10  # one that is ending may still be counted
+    assert threads[-1] - threads[1] < 10  # an ending thread may still be counted
 
 
-def test_body_states_wait_for_more_of_them(tmp_path, monkeypatch):
+def test_body_states_are_written_in_batches(tmp_path, monkeypatch):
     batches, written = [], threading.Semaphore(0)
 
     class Stub:
@@ -215,7 +215,7 @@ def test_body_states_wait_for_more_of_them(tmp_path, monkeypatch):
 
 
 class TestRotation:
-    """One file follows the other."""
+    """Recordings that are split into several files."""
 
     @pytest.fixture(autouse=True)
     def often(self, monkeypatch):
@@ -227,7 +227,7 @@ class TestRotation:
     def test_each_file_is_complete_in_itself_and_nothing_is_lost_between_them(
         self, tmp_path, monkeypatch, limit
     ):
-        (tmp_path / "a_002.rrd").touch()  # of somebody else
+        (tmp_path / "a_002.rrd").touch()  # a file of another program
         opened, problems, rotated, count = [], [], threading.Event(), 0
         sizes = defaultdict(list)  # before each batch
 
@@ -271,7 +271,7 @@ class TestRotation:
         assert len({RrdReader(str(path)).recordings()[0].recording_id for path in opened}) == 1
 
     @pytest.mark.parametrize("how", ["file", "directory", "moved"])
-    def test_a_file_that_is_removed_is_noticed_and_followed_by_another(self, tmp_path, how):
+    def test_a_removed_file_is_reported_and_followed_by_another(self, tmp_path, how):
         opened, problems = threading.Event(), []
         recorder = Recorder(tmp_path / "here", problems.append, opened=lambda _: opened.set(), name="a.rrd")
         assert opened.wait(DEADLINE)
@@ -289,7 +289,7 @@ class TestRotation:
         verify(recorder.path, *tmp_path.glob("moved.rrd"))
         assert [row[1] for row in read(recorder.path, "/impact/impulse", "Scalars:scalars")] == [1]
 
-    def test_a_file_removed_after_all_was_written_is_noticed_too(self, tmp_path):
+    def test_a_file_removed_at_the_end_is_reported(self, tmp_path):
         opened, problems = threading.Event(), []
         recorder = Recorder(tmp_path, problems.append, opened=lambda _: opened.set())
         assert opened.wait(DEADLINE)
@@ -360,7 +360,7 @@ except OSError:
 
 
 @pytest.mark.parametrize(("program", "code"), [(KILLED, -9), (NO_MORE_ROOM, 9)], ids=["SIGKILL", "full disk"])
-def test_what_is_left_of_a_torn_file_is_recovered(tmp_path, program, code):
+def test_a_truncated_file_can_be_recovered(tmp_path, program, code):
     run = subprocess.run(
         [sys.executable, "-c", program, str(tmp_path)],
         cwd=Path(__file__).parent,
@@ -388,7 +388,7 @@ def test_what_is_left_of_a_torn_file_is_recovered(tmp_path, program, code):
         assert told[0][2] == ["6b86b273ff34fce19d6b804eff5a3f5747ada4eaa22f1d49c01e52ddb7875b4b"]
 
 
-def test_what_does_not_fit_the_queue_is_dropped_and_counted(tmp_path, monkeypatch):
+def test_entries_beyond_the_queue_are_dropped_and_counted(tmp_path, monkeypatch):
     opened, go_on, written = threading.Event(), threading.Event(), []
 
     class SlowWriter:
@@ -418,7 +418,7 @@ def test_what_does_not_fit_the_queue_is_dropped_and_counted(tmp_path, monkeypatc
     assert problems[1:] == [f"recording {recorder.path} lacks 15 entries, which came too fast"]
 
 
-def test_a_gap_is_told_in_the_log(tmp_path):
+def test_a_gap_is_described_in_the_log(tmp_path):
     path = recorded(tmp_path, [impact(1), Gap(stamp=1_000_000_002, sequence=1, missing=15)])
     told = read(path, "/log", "TextLog:text")
     assert told[1] == (
@@ -429,7 +429,7 @@ def test_a_gap_is_told_in_the_log(tmp_path):
     assert read(path, "/log", "TextLog:level")[1][2] == ["WARN"]
 
 
-def test_an_impact_whose_effective_mass_is_below_all_floats_has_no_arrow(tmp_path):
+def test_an_impact_with_an_effective_mass_of_0_has_no_arrow(tmp_path):
     inertia, position = Symmetric3(0.1, 0, 0, 0.1, 0, 0.1), Vec3(1e200, 0.0, 0.0)
     ball = impact().body_a._replace(inertia=inertia, position=position)
     floor, contact = Body.static(), Contact.of((0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0))
@@ -441,7 +441,7 @@ def test_an_impact_whose_effective_mass_is_below_all_floats_has_no_arrow(tmp_pat
     assert of_next[1] == pytest.approx([0.0, 0.0, 0.45])
 
 
-def test_what_float32_cannot_hold_is_drawn_without_a_warning(tmp_path):
+def test_values_beyond_float32_are_drawn_without_a_warning(tmp_path):
     fast = impact(1)
     fast = fast._replace(body_a=fast.body_a._replace(velocity=Vec3(1e100, 0.0, -1e100)))
     fast = fast._replace(impact=resolve(fast.body_a, fast.body_b, fast.contact))
@@ -454,7 +454,7 @@ def test_what_float32_cannot_hold_is_drawn_without_a_warning(tmp_path):
 
 
 def test_a_scene_of_bodies_without_mass_has_no_arrow(tmp_path):
-    """As of links of mechanisms."""
+    """As with articulated bodies."""
     bodies, contact = [Body.static(), Body.static()], Contact.of((0, 0, 0), normal=(0, 0, 1))
     answer = resolve_scene([Body.dynamic(1.0), Body.static()], [(0, 1)], [contact])
     scene = SceneRecord(1, 1, ["a", "b"], bodies, [(0, 1)], [contact], ImpactModel(), answer)
@@ -462,9 +462,9 @@ def test_a_scene_of_bodies_without_mass_has_no_arrow(tmp_path):
     assert read(path, "/world/contact", "Arrows3D:vectors")[0][2][1] == [0.0, 0.0, 0.0]
 
 
-def test_an_entry_that_cannot_be_written_is_a_gap_and_the_rest_is_there(tmp_path, monkeypatch):
+def test_an_entry_that_cannot_be_written_leaves_a_gap(tmp_path, monkeypatch):
     monkeypatch.setattr("collision_response.recording.recorder.INTERVAL", 0.0)
-    odd = [impact(i)._replace(name_a="\ud800") for i in (2, 4)]  # no text in any encoding
+    odd = [impact(i)._replace(name_a="\ud800") for i in (2, 4)]  # a lone surrogate cannot be encoded
     unseen = BodyRecord(5, "\ud800", impact().body_a)
     recorder, problems = closed(tmp_path, [impact(1), odd[0], unseen, impact(3), odd[1], impact(5)])
     verify(recorder.path)
@@ -477,13 +477,13 @@ def test_an_entry_that_cannot_be_written_is_a_gap_and_the_rest_is_there(tmp_path
     assert last == f"recording {recorder.path} lacks 3 entries, which cannot be written"
 
 
-def test_there_is_no_wait_too_long(tmp_path):
+def test_close_accepts_any_timeout(tmp_path):
     recorder = Recorder(tmp_path, pytest.fail)
     recorder.close(1e10)
     verify(recorder.path)
 
 
-def test_an_error_without_words_is_reported_by_its_kind(tmp_path, monkeypatch):
+def test_an_error_without_a_message_is_reported_by_its_type(tmp_path, monkeypatch):
     def fail():
         raise MemoryError
 
@@ -492,7 +492,7 @@ def test_an_error_without_words_is_reported_by_its_kind(tmp_path, monkeypatch):
     assert problems == [f"not recording to {recorder.path}: MemoryError"]
 
 
-def test_a_directory_that_cannot_be_is_reported_once(tmp_path):
+def test_an_unusable_directory_is_reported_once(tmp_path):
     (tmp_path / "file").touch()
     recorder, problems = closed(tmp_path / "file", [impact()])
     recorder.add(impact())
@@ -522,7 +522,7 @@ def test_a_full_disk_is_reported_once(tmp_path):
 
 
 class TestNode:
-    """The recording of a node."""
+    """Recordings made by the node."""
 
     @pytest.fixture(autouse=True)
     def need_ros(self):
@@ -589,7 +589,7 @@ class TestNode:
         ((answer, _),) = read(path, "/impact/impulse", "Scalars:scalars", ("answer",))
         assert answer == 1
 
-    def test_it_says_where_it_records_to_once_that_is_true(self, graph, tmp_path, capfd):
+    def test_it_logs_the_file_once_it_is_open(self, graph, tmp_path, capfd):
         graph.serve(recording__enabled=True, recording__directory=str(tmp_path))
         graph.close()
         (path,) = tmp_path.glob("*.rrd")
@@ -613,7 +613,7 @@ class TestNode:
         graph.close()
         verify(*tmp_path.glob("a*.rrd"))
 
-    def test_nothing_is_recorded_unless_asked(self, graph, tmp_path):
+    def test_nothing_is_recorded_by_default(self, graph, tmp_path):
         from ros_graph import balls_meet
 
         graph.serve(recording__directory=str(tmp_path))

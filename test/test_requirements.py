@@ -1,4 +1,4 @@
-"""What a scene is said to require: enough, no more, and why."""
+"""The geometry, law and precision that a scene requires: sufficient, minimal and explained."""
 
 from __future__ import annotations
 
@@ -53,10 +53,10 @@ IN_SPACE = _on_ground("thrown", (0.1, 0.2, 1))
 SLIPPING = _on_ground("slipping", (0, 1, 0), friction=0.3)
 RUBBING = _on_ground("thrown", (0.1, 0.2, 1), friction=0.3)
 ROLLING = _on_ground("rolling", (0, 0, 1), friction=0.3)
-"""Its contact does not slip: friction has nothing to do."""
+"""Its contact does not slip, so friction has no effect."""
 
 
-def test_the_example_runs():
+def test_the_docstring_examples_run():
     assert doctest.testmod(collision_response.requirements).failed == 0
 
 
@@ -88,7 +88,7 @@ def test_each_contact_asks_for_no_more_than_it_needs(contact, geometry, law):
 @pytest.mark.parametrize("link_first", [True, False])
 @pytest.mark.parametrize("turning", [1e-3, 0.0])
 def test_friction_that_only_turns_a_link_counts(turning, link_first):
-    """Little friction changes the ball's twist by little, and whether the link turns one way or the other."""
+    """Little friction hardly changes the twist of the ball, but decides which way the link turns."""
     inverse_inertia = [[0.0] * 6 for _ in range(6)]
     inverse_inertia[2][2], inverse_inertia[4][4] = 1e-9, turning
     bodies = {"link": Body.articulated(inverse_inertia), "ball": _ball((0.01, 0, 1), (1, 0, 1))}
@@ -116,11 +116,12 @@ def test_the_geometry_serves_the_law_of_the_whole_scene(contacts):
 
 
 def _recommended(needs) -> ImpactModel:
+    """The model that the requirements recommend."""
     return ImpactModel(needs.law.least, needs.geometry.least, needs.precision.least, needs.tolerance)
 
 
 def _serves(model: ImpactModel, scene) -> bool:
-    """Whether an impact ends in a model as it does with nothing left out."""
+    """Whether an impact has the same status in this model as in full."""
     whole = resolve(*scene, ImpactModel(precision=Precision.EXTENDED))
     try:
         return resolve(*scene, model).status is whole.status
@@ -129,14 +130,14 @@ def _serves(model: ImpactModel, scene) -> bool:
 
 
 def _lesser(model: ImpactModel) -> list[ImpactModel]:
-    """Models with the same law: of the next lesser precision, or of a lesser geometry."""
+    """Models with the same law and either the next lower precision or a simpler geometry."""
     lesser = [model._replace(precision=p) for p in Precision if Precision.AUTO < p < model.precision][-1:]
     flat = [g for g in Geometry if Geometry.AUTO < g < model.geometry]
     return lesser + [model._replace(geometry=g, precision=Precision.EXTENDED) for g in flat]
 
 
 def _assert_least(bodies, contacts, tolerance) -> ImpactModel:
-    """What is recommended serves every contact, and nothing less does; it is returned."""
+    """Check that the recommended model serves every contact and no lesser one does; return it."""
     model = _recommended(scene_requirements(bodies, contacts, tolerance))
     asked = [(bodies[a], bodies[b], contact) for a, b, contact in contacts]
     assert all(_serves(model, scene) for scene in asked)
@@ -146,8 +147,8 @@ def _assert_least(bodies, contacts, tolerance) -> ImpactModel:
 
 
 @given(st.lists(collisions(), min_size=1, max_size=4), st.sampled_from([1e-2, 1e-5, 1e-9, 1e-14]))
-def test_what_is_required_is_enough_and_no_more(drawn, tolerance):
-    """In the model that is recommended every contact meets the tolerance, or separates; in no lesser one."""
+def test_requirements_are_sufficient_and_minimal(drawn, tolerance):
+    """In the recommended model every contact meets the tolerance or separates; in no lesser model."""
     bodies, contacts = {}, []
     for i, (a, b, contact) in enumerate(drawn):
         bodies[f"a{i}"], bodies[f"b{i}"] = a, b
@@ -156,7 +157,7 @@ def test_what_is_required_is_enough_and_no_more(drawn, tolerance):
     for scene in drawn:
         impact, exact = resolve(*scene, model), resolve(*scene, ImpactModel(precision=Precision.EXTENDED))
         apart = (impact.impulse - exact.impulse).norm() / (exact.impulse.norm() or 1.0)
-        # The law may be wrong by the tolerance, and its answer by another.
+        # The law may cause an error of the tolerance, and the precision another.
         assert apart <= 2 * tolerance + exact.error_bound
 
 
@@ -165,8 +166,8 @@ TURNED = [Vec3(*axes) for axes in ((0, 0, 1), (0, 1, 0), (1, 0, 0), (0, 0, -1), 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize("normal", TURNED)
-def test_what_separates_by_rotation_alone_requires_it(normal, friction):
-    """The centre falls at 1 m/s, and the corner half a metre to the side rises at 2 m/s from that."""
+def test_separation_by_rotation_alone_requires_rotation(normal, friction):
+    """The centre falls at 1 m/s, while the corner half a metre to the side rises at 2 m/s relative to it."""
     aside = Vec3(normal.y, normal.z, normal.x)
     box = Body.box(
         1.0,
@@ -189,8 +190,8 @@ def test_what_separates_by_rotation_alone_requires_it(normal, friction):
     ("bits", "precision"),
     [(10, Precision.SINGLE), (30, Precision.DOUBLE), (40, Precision.DOUBLE), (60, Precision.EXTENDED)],
 )
-def test_what_hardly_separates_requires_the_digits_that_say_so(bits, precision, sign):
-    """``n.u`` is 1 + 2^-bits - 1: no less than all of its digits tell the sign."""
+def test_slow_separation_requires_enough_digits(bits, precision, sign):
+    """``n.u`` is 1 + 2^-bits - 1: only all of its digits show the sign."""
     body = Body.dynamic(1.0, velocity=(1.0, sign * 2.0**-bits, -1.0))
     contact = SceneContact("body", "ground", Contact.of((0, 0, 0), (1, 1, 1)))
     model = _assert_least({**BODIES, "body": body}, [contact], 0.1)
@@ -199,8 +200,8 @@ def test_what_hardly_separates_requires_the_digits_that_say_so(bits, precision, 
 
 @pytest.mark.parametrize("order", [1, -1])
 @pytest.mark.parametrize("spin", [(5.0, 0.0, 0.0), (0.0, 3.0, 1.0), (0.0, 0.0, 0.0)])
-def test_what_has_no_friction_is_measured_with_the_law_of_those_that_have(spin, order):
-    """COULOMB's error bound is another than that of FRICTIONLESS, also where nothing rubs."""
+def test_frictionless_contacts_use_the_law_of_the_scene(spin, order):
+    """The error bound of COULOMB differs from that of FRICTIONLESS even without friction."""
     bodies = {
         "top": Body.sphere(1.0, 0.1, position=(0, 0, 0.1), velocity=(0, 0, -1), angular_velocity=spin),
         "point": Body.dynamic(1.0, position=(2, 0, 0), velocity=(1, 0, -1)),
@@ -218,8 +219,8 @@ def test_what_has_no_friction_is_measured_with_the_law_of_those_that_have(spin, 
 
 
 @pytest.mark.parametrize("order", [1, -1])
-def test_what_turns_in_the_plane_and_what_hardly_turns_out_of_it_require_space(order):
-    """Each alone is planar, or as good as a point; PLANAR has no part of a normal along z."""
+def test_a_planar_contact_and_one_out_of_the_plane_require_spatial(order):
+    """Alone they need PLANAR and POINT, but PLANAR cannot have a normal along z."""
     bodies = {**BODIES, "ball": _ball((1e-6, 0, 1), (0, 0, -1))}
     assert _assert_least(bodies, [CENTRAL], 1e-4).geometry is Geometry.POINT
     assert _assert_least(bodies, [IN_PLANE], 1e-4).geometry is Geometry.PLANAR
@@ -231,8 +232,8 @@ def test_what_turns_in_the_plane_and_what_hardly_turns_out_of_it_require_space(o
 
 
 @pytest.mark.parametrize("arm", [0.0, 1e-12, 1e-6, 1e-3, 0.5])
-def test_a_lever_arm_counts_as_far_as_it_changes_the_impact(arm):
-    """To leave it out changes the twist of a sphere of radius 1 by ``arm (5/2)^(1/2)`` of its norm."""
+def test_a_lever_arm_matters_as_far_as_it_changes_the_impact(arm):
+    """Leaving it out changes the twist of a sphere of radius 1 by ``arm (5/2)^(1/2)`` of its norm."""
     body = _ball((arm, 0, 1), (0, 0, -1))
     contact = Contact.of((0, 0, 0), (0, 0, 1), 0.5)
     flat = resolve(body, Body.static(), contact, ImpactModel(geometry=Geometry.POINT))
@@ -254,8 +255,8 @@ def test_friction_below_the_tolerance_is_not_required():
     assert scene_requirements(BODIES, [slippery], 1e-12).law.least is Law.COULOMB
 
 
-def test_friction_that_matters_to_the_spin_alone_is_required():
-    """It is a ten thousandth of the impulse, and a hundredth of what a body of little inertia makes of it."""
+def test_friction_that_matters_only_to_the_spin_is_required():
+    """It is 1e-4 of the impulse, but changes the twist of a body of small inertia by 1e-2."""
     slippery = SLIPPING._replace(contact=SLIPPING.contact._replace(friction=1e-4))
     assert scene_requirements(BODIES, [slippery], 1e-3).law.least is Law.FRICTIONLESS
     slender = Body.dynamic(1.0, sphere(1.0, 0.015).inertia, (0, 1, 0), None, (10, -1, 0))
@@ -267,8 +268,8 @@ def test_friction_that_matters_to_the_spin_alone_is_required():
     ("tolerance", "precision"),
     [(1e-2, Precision.SINGLE), (1e-6, Precision.DOUBLE), (1e-15, Precision.EXTENDED)],
 )
-def test_grazing_and_the_tolerance_ask_for_precision(tolerance, precision):
-    """The ground moves along at almost the speed at which the ball falls."""
+def test_grazing_contacts_and_small_tolerances_require_precision(tolerance, precision):
+    """The ground moves at almost the speed of the falling ball."""
     bodies = {"ball": _ball((0, 0, 1), (0.1, 0, -1)), "lift": Body.kinematic((0, 0, 0), (0, 0, -0.999))}
     contact = SceneContact("ball", "lift", Contact.of((0, 0, 0), (0.001, 0.002, 1), 0.5))
     needs = scene_requirements(bodies, [contact], tolerance)
@@ -285,24 +286,24 @@ def test_a_scene_says_which_body_it_does_not_know():
     "tolerance",
     [0.0, -1.0, math.nan, math.inf, 10**400, pytest.param(10**5000, id="5001 digits"), Fraction(-1, 3)],
 )
-def test_a_scene_asks_for_a_tolerance(tolerance):
+def test_an_invalid_tolerance_is_refused(tolerance):
     with pytest.raises(ImpactError, match=r"^tolerance: must be ") as raised:
         scene_requirements(BODIES, [], tolerance)
     assert (raised.value.code, raised.value.field) == (StatusCode.INVALID_MODEL, "tolerance")
 
 
 @pytest.mark.parametrize("tolerance", [None, "a", "1e-3", True, [1.0], 1j])
-def test_what_is_no_number_is_no_tolerance(tolerance):
+def test_a_tolerance_of_the_wrong_type_is_refused(tolerance):
     with pytest.raises(TypeError, match=r"^tolerance: must be a real number, is "):
         scene_requirements(BODIES, [], tolerance)
 
 
 @pytest.mark.parametrize("tolerance", [5e-324, 1e-17])
-def test_what_no_precision_meets_requires_the_best(tolerance):
+def test_a_tolerance_that_nothing_meets_requires_extended(tolerance):
     assert scene_requirements(BODIES, [RUBBING], tolerance).precision.least is Precision.EXTENDED
 
 
-def test_a_survey_is_as_it_was_after_a_contact_that_cannot_be_resolved():
+def test_an_invalid_contact_leaves_a_survey_unchanged():
     survey = SceneSurvey(1e-6)
     with pytest.raises(ImpactError):
         survey.add("bad", BODIES["thrown"], BODIES["ground"], RUBBING.contact._replace(friction=-1.0))

@@ -1,4 +1,4 @@
-"""The front door: what it chooses, what it refuses, what it reports."""
+"""resolve(): what AUTO chooses, what is refused, and what is reported."""
 
 from __future__ import annotations
 
@@ -207,7 +207,7 @@ REFUSALS = [
 @pytest.mark.parametrize(
     ("code", "field", "request_it"), [case[1:] for case in REFUSALS], ids=[case[0] for case in REFUSALS]
 )
-def test_a_bad_request_gets_its_code_and_field(code, field, request_it):
+def test_an_invalid_request_is_refused_with_its_code_and_field(code, field, request_it):
     with pytest.raises(ImpactError) as refusal:
         request_it()
     assert refusal.value.code is code
@@ -215,7 +215,7 @@ def test_a_bad_request_gets_its_code_and_field(code, field, request_it):
     assert str(refusal.value).startswith(field)
 
 
-def test_the_code_is_named_as_in_the_messages():
+def test_an_impact_error_is_a_value_error_with_the_reason():
     with pytest.raises(ValueError, match=r"body_a\.inertia: .*greater than the sum of the others.* 2\.001"):
         resolve(body(inertia=(1.0, 0.0, 0.0, 1.0, 0.0, 2.001)), FLOOR, CONTACT)
 
@@ -226,7 +226,7 @@ def test_the_code_is_named_as_in_the_messages():
     ids=["rod", "plate", "point"],
 )
 @pytest.mark.parametrize("orientation", [None, (0.1, -0.7, 0.3, 0.5)])
-def test_degenerate_bodies_are_legal(inertia, orientation):
+def test_rods_plates_and_points_are_valid(inertia, orientation):
     falling = body(
         inertia=inertia, orientation=orientation, position=(0.3, 0.2, 0.5), velocity=(0.0, 0.0, -1.0)
     )
@@ -247,8 +247,8 @@ AXES = pytest.mark.parametrize(
 
 
 @AXES
-def test_a_rod_given_in_any_axes_is_the_same_rod(axis):
-    """No spin about the rod itself is made of the rounding of its tensor."""
+def test_a_rod_may_be_given_in_any_axes(axis):
+    """The rounding of its tensor must not cause spin about the rod itself."""
     tensor, d = rod_along(axis)
     falling = body(inertia=tensor, position=(0.3, 0.2, 0.5), velocity=(0.0, 0.0, -1.0))
     impact = resolve(falling, FLOOR, CONTACT)
@@ -288,7 +288,9 @@ def test_a_kinematic_body_spins_as_prescribed():
     wheel = Body.kinematic((0.0, 0.0, -1.0), angular_velocity=(0.0, 2.0, 0.0))
     impact = resolve(BALL, wheel, CONTACT._replace(friction=0.1), ImpactModel(Law.COULOMB))
     assert impact.adjustments == Adjustment.NONE
-    assert impact.impulse.x == pytest.approx(0.1 * impact.impulse.z, rel=1e-14)  # it drags the ball along
+    assert impact.impulse.x == pytest.approx(
+        0.1 * impact.impulse.z, rel=1e-14
+    )  # friction drags the ball along
 
 
 # The centre of mass.
@@ -296,7 +298,7 @@ def test_a_kinematic_body_spins_as_prescribed():
 
 @pytest.mark.parametrize("law", LAWS_WITH_ORACLE)
 @pytest.mark.parametrize("orientation", [None, (0.1, -0.7, 0.3, 0.5)])
-def test_where_the_reference_point_lies_does_not_matter(law, orientation):
+def test_the_reference_point_does_not_matter(law, orientation):
     central = body(
         inertia=(0.4, 0.02, 0.01, 0.5, 0.03, 0.6), position=(0.3, 0.2, 0.5), orientation=orientation,
         velocity=(0.7, 0.2, -1.0), angular_velocity=(0.4, -0.3, 0.2),
@@ -310,7 +312,7 @@ def test_where_the_reference_point_lies_does_not_matter(law, orientation):
     )
     contact = CONTACT._replace(friction=0.3)
     here, there = (resolve(one, FLOOR, contact, ImpactModel(law)) for one in (central, other))
-    # rounding of the reference point, and at condition numbers below 1e2
+    # the reference point is rounded; condition numbers are below 1e2
     close = partial(pytest.approx, rel=1e-12, abs=1e-13)
     assert there.impulse == close(here.impulse)
     assert there.twist_a.angular == close(here.twist_a.angular)
@@ -394,8 +396,8 @@ def test_the_chosen_geometry_is_exact(friction):
 
 
 @pytest.mark.parametrize("geometry", [Geometry.POINT, Geometry.PLANAR])
-def test_a_forced_geometry_counts_what_it_leaves_out(geometry):
-    """Against the whole answer, in the norm of the bound; and the twists add up."""
+def test_the_bound_covers_what_a_forced_geometry_leaves_out(geometry):
+    """Against the full answer, in the norm of the bound. Twists must differ by the changes."""
     left_out = 0
 
     @settings(max_examples=60, deadline=None)
@@ -427,7 +429,7 @@ def test_a_forced_geometry_counts_what_it_leaves_out(geometry):
     assert left_out > 5
 
 
-def test_a_geometry_that_leaves_nothing_out_is_as_good_as_any():
+def test_a_geometry_that_leaves_nothing_out_is_exact():
     for geometry in (Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL):
         contact = CONTACT._replace(normal=Vec3(0.0, 1.0, 0.0))
         falling = BALL._replace(position=Vec3(0.0, 1.0, 0.0), velocity=Vec3(0.0, -2.0, 0.0))
@@ -450,7 +452,7 @@ def test_a_forced_geometry_that_misses_the_tolerance_says_so():
 # What is reported.
 
 
-def test_separating_bodies_get_no_impulse_and_are_told_so():
+def test_separating_bodies_get_no_impulse():
     impact = resolve(BALL._replace(velocity=-BALL.velocity), FLOOR, CONTACT)
     assert impact.status is StatusCode.SEPARATING
     assert impact.regime is Regime.SEPARATING
@@ -466,7 +468,7 @@ def test_an_answer_says_what_was_modelled():
     assert frictionless.contact.friction == 0.0
 
 
-def test_a_quaternion_that_is_not_of_unit_length_is_normalised_and_said_so():
+def test_a_quaternion_of_another_length_is_normalised_and_reported():
     tilted = body(orientation=(0.0, 0.0, 0.3, 0.4), position=(0.3, 0.1, 1.0), velocity=(0.0, 0.0, -1.0))
     unit = tilted._replace(orientation=type(tilted.orientation)(0.0, 0.0, 0.6, 0.8))
     said, silent = resolve(tilted, FLOOR, CONTACT), resolve(unit, FLOOR, CONTACT)
@@ -485,14 +487,14 @@ def test_the_length_of_the_normal_does_not_matter():
         assert impact.normal_velocity_after == pytest.approx(expected.normal_velocity_after, rel=1e-15)
 
 
-# Numbers of any make come in, floats go out.
+# Numbers of any type come in, floats go out.
 
 
 @pytest.mark.parametrize(
     "number", [float, np.float64, np.float32, F, Decimal], ids=lambda kind: kind.__name__
 )
-def test_numbers_of_every_make_are_taken(number):
-    """Those here are exact in all of them."""
+def test_numbers_of_every_type_are_accepted(number):
+    """All numbers here are exact in every type."""
 
     def made(value):
         if isinstance(value, tuple):
@@ -505,13 +507,13 @@ def test_numbers_of_every_make_are_taken(number):
     assert all(type(x) is float for x in (*impact.impulse, *impact.twist_a.linear, impact.normal_impulse))
 
 
-def test_lists_arrays_and_integers_are_taken():
+def test_lists_arrays_and_integers_are_accepted():
     plain = resolve(BALL, FLOOR, CONTACT)
     falling = BALL._replace(position=[0, 0, 1], velocity=np.array([0, 0, -2]))
     assert resolve(falling, FLOOR, CONTACT._replace(normal=[0, 0, 1])).impulse == plain.impulse
 
 
-def test_what_a_number_loses_on_the_way_in_is_in_the_bound():
+def test_the_bound_covers_the_rounding_of_the_input():
     third = resolve(body(mass=F(1, 3), velocity=(0, 0, -1)), FLOOR, CONTACT, ImpactModel(Law.COULOMB))
     exact = F(3, 2) * F(1, 3)
     assert abs(F(third.impulse.z) - exact) <= F(third.error_bound) * exact
@@ -531,8 +533,8 @@ def test_what_a_number_loses_on_the_way_in_is_in_the_bound():
     ids=["int", "fraction", "decimal", "great decimal"],
 )
 @pytest.mark.parametrize("field", ["mass", "velocity"])
-def test_finite_numbers_beyond_floats_are_not_infinite(field, great):
-    """A mass of any of them is no immovable body's; that of infinity is."""
+def test_finite_numbers_beyond_float64_are_refused(field, great):
+    """Unlike infinity, such a mass does not make a body immovable."""
     value = great if field == "mass" else (0, 0, -great)
     with pytest.raises(ImpactError, match=f"^body_a.{field}: must be (a number|finite); is") as refusal:
         strike(**{field: value})
@@ -557,7 +559,7 @@ def test_finite_numbers_beyond_floats_are_not_infinite(field, great):
         ("model.tolerance", lambda: strike(model=ImpactModel(tolerance="1e-3"))),
     ],
 )
-def test_what_is_no_request_is_a_type_error_that_names_it(field, wrong):
+def test_an_argument_of_the_wrong_type_is_a_type_error_that_names_it(field, wrong):
     with pytest.raises(TypeError, match=f"^{re.escape(field)}: "):
         wrong()
 
@@ -587,12 +589,12 @@ def test_what_is_no_request_is_a_type_error_that_names_it(field, wrong):
         lambda n: combine(n, 0.5, 0.5),
     ],
 )
-def test_integers_that_python_does_not_spell_out_are_refused_all_the_same(wrong):
+def test_integers_too_long_to_print_are_refused(wrong):
     with pytest.raises((TypeError, ValueError), match="of more digits than are shown"):
         wrong(10**5000)
 
 
-def test_an_error_in_a_restitution_function_is_the_callers():
+def test_an_error_in_a_restitution_function_is_raised_unchanged():
     def wrong(_):
         raise LookupError("no such material")
 
@@ -600,7 +602,7 @@ def test_an_error_in_a_restitution_function_is_the_callers():
         resolve(BALL, FLOOR, CONTACT._replace(restitution=wrong))
 
 
-def test_a_kinematic_body_moves_as_it_did():
+def test_a_kinematic_body_keeps_its_twist():
     pusher = Body.kinematic(velocity=(0.0, 0.0, 3.0), angular_velocity=(1.0, 0.0, 0.0))
     impact = resolve(BALL, pusher, CONTACT)
     assert impact.twist_b == (pusher.velocity, pusher.angular_velocity)
@@ -610,8 +612,8 @@ def test_a_kinematic_body_moves_as_it_did():
 @pytest.mark.parametrize("law", [law for law in Law if law is not Law.AUTO])
 @pytest.mark.parametrize("turn", [(3.0, 4.0, 0.0), (1.0, 2.0, 2.0), (2.0, -3.0, 6.0)])
 @pytest.mark.parametrize("way", [0.0, 2.0**-40, -(2.0**-40)])
-def test_whether_bodies_approach_is_no_question_of_the_law(law, turn, way):
-    """A ball that slips along an oblique wall, and beside it away from the wall or into it by a hair."""
+def test_whether_bodies_approach_does_not_depend_on_the_law(law, turn, way):
+    """A ball that slips along an oblique wall, or moves very slowly into it or away from it."""
     n = Vec3(*turn)
     along = Vec3(n[1], -n[0], 0.0) + n * way
     ball = Body.sphere(2.0, 1.0, position=n, velocity=along)

@@ -1,4 +1,4 @@
-"""Velocity-dependent restitution against the equation of motion it stands for, and in use."""
+"""Speed-dependent restitution: against the equations of motion behind it, and in use."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ DROP = Body.dynamic(1.0, velocity=(0.0, 0.0, -2.0))
 FLOOR = Body.static()
 
 
-def contact(restitution):
+def contact_with(restitution):
     return Contact.of((0, 0, 0), normal=(0, 0, 1), restitution=restitution)
 
 
 @pytest.mark.parametrize("damping", [1e-3, 1e-2, 0.1, 0.5, 1.0, 3.0])
 def test_viscoelastic_is_the_rebound_of_the_damped_hertz_contact(damping):
-    """In units of the collision its equation is ``x'' = -x^1.5 - damping x^0.5 x'``, with v = 1."""
+    """In scaled units the equation of motion is ``x'' = -x^1.5 - damping x^0.5 x'``, with v = 1."""
 
     def motion(y):
         x = max(y[0], 0.0)
@@ -47,11 +47,11 @@ def test_viscoelastic_is_the_rebound_of_the_damped_hertz_contact(damping):
         return -1.0 if y[1] > 0 else -(y[0] + damping * y[1])
 
     _, end, _ = integrate_until(motion, [0.0, 1.0], [pulled_apart], tolerance=1e-9)
-    # 0.01 is what the approximant promises
+    # the approximation promises 0.01
     assert viscoelastic(damping)(1.0) == pytest.approx(-end[1], abs=0.01)
 
 
-def test_plastic_is_elastic_up_to_the_yield_speed_and_then_falls_as_johnson_says():
+def test_plastic_is_elastic_up_to_the_yield_speed_and_then_approaches_johnson():
     law = plastic(0.5)
     assert law(0.5) == 1.0
     assert law(0.5 * (1 + 1e-9)) == pytest.approx(1.0, abs=1e-8)
@@ -61,39 +61,41 @@ def test_plastic_is_elastic_up_to_the_yield_speed_and_then_falls_as_johnson_says
 
 
 @pytest.mark.parametrize("make", [viscoelastic, plastic])
-def test_constants_of_the_material_are_checked(make):
+def test_invalid_material_constants_are_refused(make):
     with pytest.raises(ValueError, match="-1"):
         make(-1.0)
 
 
-def test_a_function_gives_the_coefficient_and_the_answer_names_it():
-    impact = resolve(DROP, FLOOR, contact(lambda speed: 1 / (1 + speed)))
+def test_a_function_gives_the_coefficient_and_the_answer_reports_it():
+    impact = resolve(DROP, FLOOR, contact_with(lambda speed: 1 / (1 + speed)))
     assert impact.contact.restitution == pytest.approx(1 / 3)
     assert impact.twist_a.linear.z == pytest.approx(2 / 3)
 
 
-def test_the_threshold_acts_below_and_says_so():
-    slow = resolve(DROP, FLOOR, contact(0.5), ImpactModel(restitution_threshold=2.5))
+def test_the_threshold_acts_below_it_and_is_reported():
+    slow = resolve(DROP, FLOOR, contact_with(0.5), ImpactModel(restitution_threshold=2.5))
     assert slow.normal_velocity_after == 0.0
     assert slow.contact.restitution == 0.0
     assert slow.adjustments == Adjustment.RESTITUTION_THRESHOLD
-    fast = resolve(DROP, FLOOR, contact(0.5), ImpactModel(restitution_threshold=2.0))
+    fast = resolve(DROP, FLOOR, contact_with(0.5), ImpactModel(restitution_threshold=2.0))
     assert fast.normal_velocity_after == 1.0
     assert fast.adjustments == Adjustment.NONE
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.25])
 @pytest.mark.parametrize("law", EVERY_LAW, ids=lambda law: law.name)
-def test_a_threshold_that_is_met_exactly_leaves_no_law_in_doubt(law, friction):
-    """Nor one an ulp aside: slip of this box turns all the time, and no more digits make its path exact."""
+def test_an_approach_at_the_threshold_is_decided_exactly(law, friction):
+    """Also one unit in the last place next to it. The slip of this box turns all the time, so more digits
+    would not make its path exact.
+    """
     box = Body.box(2.0, (1.0, 0.5, 2.0), position=(0.5, 0.25, 1.0), velocity=(1.0, -2.0, -3.0))
     for threshold in (3.0, math.nextafter(3.0, 0), math.nextafter(3.0, 4)):
         e = 0.5 if threshold <= 3.0 else 0.0
         for precision in (Precision.AUTO, Precision.EXTENDED):
             model = ImpactModel(law, precision=precision, restitution_threshold=threshold)
-            touch = Contact.of((0, 0, 0), (0, 0, 2), 0.5, friction)
-            impact = resolve(box, FLOOR, touch, model)
-            decided = touch._replace(restitution=e), model._replace(restitution_threshold=0.0)
+            contact = Contact.of((0, 0, 0), (0, 0, 2), 0.5, friction)
+            impact = resolve(box, FLOOR, contact, model)
+            decided = contact._replace(restitution=e), model._replace(restitution_threshold=0.0)
             plain = resolve(box, FLOOR, *decided)
             assert (impact.status, impact.contact.restitution) == (StatusCode.OK, e)
             assert (impact.model.law, impact.model.restitution_threshold) == (plain.model.law, threshold)
@@ -103,7 +105,7 @@ def test_a_threshold_that_is_met_exactly_leaves_no_law_in_doubt(law, friction):
             assert impact.impulse == pytest.approx(plain.impulse, rel=1e-9)
 
 
-FARTHEST = {
+EXTREME = {
     "an approach": (Body.dynamic(1.0, velocity=(0, 0, -1e308)), FLOOR, (0, 0, 1)),
     "a kinematic body": (DROP, Body.kinematic(velocity=(0, 0, 1e308)), (0, 0, 1)),
     "a light body": (
@@ -116,16 +118,16 @@ FARTHEST = {
 }
 
 
-@pytest.mark.parametrize("case", FARTHEST)
+@pytest.mark.parametrize("case", EXTREME)
 @pytest.mark.parametrize("law", EVERY_LAW, ids=lambda law: law.name)
-def test_a_threshold_far_below_the_speed_changes_nothing_where_numbers_end(law, case):
-    """Be it an answer or a refusal, which some of these are without a threshold."""
-    body_a, body_b, normal = FARTHEST[case]
-    touch = Contact.of((0, 0, 0), normal, 0.5, 0.25)
+def test_a_threshold_far_below_the_speed_changes_nothing(law, case):
+    """Neither an answer nor a refusal, at the end of the range of numbers."""
+    body_a, body_b, normal = EXTREME[case]
+    contact = Contact.of((0, 0, 0), normal, 0.5, 0.25)
 
     def what(threshold):
         try:
-            impact = resolve(body_a, body_b, touch, ImpactModel(law, restitution_threshold=threshold))
+            impact = resolve(body_a, body_b, contact, ImpactModel(law, restitution_threshold=threshold))
         except ImpactError as error:
             return error.code, error.field
         return impact.status, impact.impulse
@@ -139,8 +141,8 @@ ANY = st.floats(5e-324, sys.float_info.max)
 @given(
     value=st.floats(5e-324, 1), speed=ANY, v=ANY, exponent=st.sampled_from([0.25, 1.0]) | st.floats(0, 1e300)
 )
-def test_a_power_law_leaves_no_range_on_its_way(value, speed, v, exponent):
-    """By 60 digits; the logarithm that is rounded is at most 745, and as much for the value."""
+def test_a_power_law_does_not_overflow(value, speed, v, exponent):
+    """Against 60 digits. The rounded logarithms are at most 745 each."""
     e = power_law(value, speed, exponent)(v)
     with mp.workdps(60):
         exact = min(mp.mpf(1), value * (mp.mpf(v) / speed) ** -mp.mpf(exponent))
@@ -163,8 +165,8 @@ def test_a_power_law_has_its_value_at_its_speed(value, speed, exponent):
     v=st.just(0.0) | ANY,
     ulps=st.integers(-50, 50),
 )
-def test_laws_stay_in_their_range_and_fall(law, constant, v, ulps):
-    """At any speed, and where they begin to fall from 1: nowhere above it."""
+def test_laws_stay_between_0_and_1_and_decrease(law, constant, v, ulps):
+    """At any speed, and near the speed at which they begin to fall from 1."""
     e = law(constant)
     near = constant
     for _ in range(abs(ulps)):
@@ -180,13 +182,13 @@ def test_an_impact_just_above_the_yield_speed_is_answered(yield_speed):
     v = yield_speed
     for _ in range(300):
         v = math.nextafter(v, math.inf)
-        impact = resolve(Body.dynamic(1.0, velocity=(0, 0, -v)), FLOOR, contact(plastic(yield_speed)))
+        impact = resolve(Body.dynamic(1.0, velocity=(0, 0, -v)), FLOOR, contact_with(plastic(yield_speed)))
         assert impact.contact.restitution == pytest.approx(1.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("speed", [1e-300, 1.0])
-def test_spheres_that_yield_lose_nearly_all_at_any_higher_speed(speed):
-    """``q^(1/4)`` is a float where ``q`` is none any more."""
+def test_plastic_and_johnson_do_not_underflow(speed):
+    """``q^(1/4)`` is a float even where ``q`` underflows."""
     v = sys.float_info.max
     root = math.sqrt(math.sqrt(speed)) / math.sqrt(math.sqrt(v))
     limit = math.sqrt(6 * math.sqrt(3) / 5) * (24 / 5) ** -0.125
@@ -194,7 +196,7 @@ def test_spheres_that_yield_lose_nearly_all_at_any_higher_speed(speed):
     assert johnson(speed)(v) == pytest.approx(limit * root, rel=1e-12, abs=0)
 
 
-def test_viscoelastic_falls_as_the_cube_beyond_all_powers():
+def test_viscoelastic_falls_with_the_cube_at_extreme_speeds():
     """``e s^3`` tends to ``0.501086 / 0.532178``, here ``s = 1e100``."""
     assert viscoelastic(1e200)(1.0) == pytest.approx(0.501086 / 0.532178 * 1e-300, rel=1e-12, abs=0)
 
@@ -202,7 +204,7 @@ def test_viscoelastic_falls_as_the_cube_beyond_all_powers():
 @given(
     points=st.lists(st.tuples(st.floats(0, 1), ANY), min_size=1, max_size=4, unique_by=lambda p: p[1]), v=ANY
 )
-def test_a_table_gives_no_more_than_its_values(points, v):
+def test_a_table_does_not_exceed_its_values(points, v):
     values, speeds = zip(*sorted(points, key=lambda p: p[1]), strict=True)
     assert 0 <= tabulated(speeds, values)(v) <= max(values)
     most = sys.float_info.max

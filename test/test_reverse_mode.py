@@ -1,4 +1,4 @@
-"""Gradients in reverse through the formula as it is written: as dual numbers give them, and never NaN."""
+"""Gradients in reverse mode through the formulas: equal to those of dual numbers, and never NaN."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ HEAD_ON = (
 )
 
 
-def number_of(make, body: Body) -> Body:
-    """A body of numbers of a make."""
+def convert_body(make, body: Body) -> Body:
+    """The body with every number converted by ``make``."""
     turn = body.orientation and type(body.orientation)(*map(make, body.orientation))
     vectors = (
         type(v)(*map(make, v))
@@ -33,9 +33,9 @@ def number_of(make, body: Body) -> Body:
 
 
 def by_reverse(collision, law: Law) -> np.ndarray:
-    """The impulse by the velocity of body_a and by friction, shape (3, 4)."""
+    """Derivatives of the impulse by the velocity of body_a and by friction, shape (3, 4)."""
     make = Reverse
-    a, b = (number_of(make, body) for body in collision[:2])
+    a, b = (convert_body(make, body) for body in collision[:2])
     c = collision[2]
     contact = Contact(
         Vec3(*map(make, c.position)), Vec3(*map(make, c.normal)), make(c.restitution), make(c.friction)

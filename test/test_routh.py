@@ -24,18 +24,20 @@ from collision_response.physics.vector import Vec3
 
 LAWS = Law.ROUTH_POISSON, Law.ROUTH_STRONGE
 MOST_ERROR = 3e-12
-"""Of an impulse, relative: the path is followed to 1e-12 of it, and the rest is rounding at condition
-numbers below 1e3."""
+"""Relative error of an impulse: the path is followed to 1e-12, and the rest is rounding at condition numbers
+below 1e3."""
 MOST_BOUND = 1e-8
-"""The bound multiplies the path's error by the condition of K in the norm of friction."""
+"""The bound multiplies the error of the path by the condition number of K."""
 
 
 Problem = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
 """``K``, ``u`` and ``n``."""
 
 
-def given(problem: Problem, number: Callable[[float], Any] = float, once: Callable = float) -> ContactNumbers:
-    """The contact; ``n.u`` and ``n.K n`` are rounded once."""
+def contact_numbers(
+    problem: Problem, number: Callable[[float], Any] = float, once: Callable = float
+) -> ContactNumbers:
+    """The contact as a law gets it; ``n.u`` and ``n.K n`` are rounded once."""
     K, u, n = problem
     exact_K, exact_u, exact_n = Symmetric3(*map(Fraction, K)), *(Vec3(*map(Fraction, v)) for v in (u, n))
     n_u, n_Kn = float(exact_n.dot(exact_u)), float(exact_n.dot(exact_K @ exact_n))
@@ -45,11 +47,11 @@ def given(problem: Problem, number: Callable[[float], Any] = float, once: Callab
 
 
 def run(law: Law, problem: Problem, e: float, mu: float) -> Outcome:
-    return routh(given(problem), Coefficients(e, mu, Settings(law=law)))
+    return routh(contact_numbers(problem), Coefficients(e, mu, Settings(law=law)))
 
 
 def run_bounded(law: Law, problem: Problem, e: float, mu: float) -> Outcome:
-    contact = given(problem, Bounded, lambda x: Bounded(x, abs(x) * ROUNDING))
+    contact = contact_numbers(problem, Bounded, lambda x: Bounded(x, abs(x) * ROUNDING))
     return routh(contact, Coefficients(Bounded(e), Bounded(mu), Settings(law=law)))
 
 
@@ -66,7 +68,7 @@ def rod(angle: float) -> tuple[float, ...]:
 
 
 def box(draw: random.Random) -> list[list[float]]:
-    """``K`` of a box, slender, flat or not, somewhere on it or in it."""
+    """``K`` of a slender, flat or compact box, struck at a corner or inside."""
     edges = draw.choice(
         [
             [draw.uniform(0.2, 2) for _ in "xyz"],
@@ -95,7 +97,7 @@ def box(draw: random.Random) -> list[list[float]]:
 
 
 def oblique(draw: random.Random, grazing: float = 0.0) -> Problem:
-    """Anything in space; the approach may be down to ``10**grazing`` of the slip."""
+    """Any contact in space; the approach may be down to ``10**grazing`` of the slip."""
     bodies = [box(draw)] + ([box(draw)] if draw.random() < 0.5 else [])
     K = [[sum(body[i][j] for body in bodies) for j in range(3)] for i in range(3)]
     n, u = (Vec3(*(draw.gauss(0, 1) for _ in "xyz")) for _ in "nu")
@@ -114,7 +116,7 @@ def planar(draw: random.Random) -> Problem:
 
 
 def slow(draw: random.Random) -> Problem:
-    """Hardly any slip."""
+    """A contact with hardly any slip."""
     K, u, n = oblique(draw)
     u, n = Vec3(*u), Vec3(*n)
     along = n * (u.dot(n) / n.dot(n))
@@ -131,7 +133,7 @@ JAMMING = 3.0
 
 
 def jammed(draw: random.Random) -> Problem:
-    """Friction of ``JAMMING`` presses the bodies together at first, to far above the first approach."""
+    """Friction of ``JAMMING`` presses the bodies together, to an impulse far above that of the approach."""
     while True:
         K, u, n = problem = oblique(draw, -9)
         up = Vec3(*n) / Vec3(*n).norm()
@@ -163,7 +165,7 @@ def test_impulse_and_bound(family, law):
         e, mu = draw.choice([0.0, 1e-8, 0.5, 1.0, draw.random()]), draw.choice(frictions)
         try:
             P, report = oracle(law, problem, e, mu)
-        except ArithmeticError:  # two of the oracle's roots coincide
+        except ArithmeticError:  # two roots of the oracle coincide
             continue
         compared += 1
         size = float(mp.norm(P))
@@ -217,7 +219,7 @@ def test_everyday_numbers(law):
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("e", [1e-100, 1e-170, 1e-300, 5e-324])
-def test_hardly_any_restitution_is_none(law, e):
+def test_tiny_restitution_equals_none(law, e):
     """Its square may underflow."""
     draw = random.Random(3)
     for _ in range(6):
@@ -227,7 +229,7 @@ def test_hardly_any_restitution_is_none(law, e):
         assert outcome.impulse == pytest.approx(plastic.impulse, rel=1e-11, abs=1e-12)
 
 
-def test_planar_slip_takes_no_loop(monkeypatch):
+def test_planar_slip_needs_no_loop(monkeypatch):
     def never(*_):
         raise AssertionError
 
@@ -237,14 +239,14 @@ def test_planar_slip_takes_no_loop(monkeypatch):
         run(Law.ROUTH_STRONGE, planar(draw), 0.5, draw.choice((0.0, 0.3, 3.0)))
 
 
-def test_uncertain_data():
-    """The bound covers the answer to other data within the error of those given."""
+def test_the_bound_covers_errors_of_the_input():
+    """The bound must contain the answer to other data within the given errors."""
     draw = random.Random(2)
     for _ in range(5):
         K, u, n = problem = oblique(draw)
         mu, law, part = draw.choice((0.1, 0.3, 1.0, 3.0)), draw.choice(LAWS), 10 ** draw.uniform(-13, -8)
         k, v, nn = max(map(abs, K)) * part, max(map(abs, u)) * part, sum(map(abs, n))
-        contact = given(problem, Bounded)
+        contact = contact_numbers(problem, Bounded)
         contact = contact._replace(
             K=Symmetric3(*(Bounded(x, k) for x in K)),
             u=Vec3(*(Bounded(x, v) for x in u)),

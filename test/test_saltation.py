@@ -1,4 +1,4 @@
-"""The saltation matrix and covariances: against values of a reference, a simulated bounce and Monte Carlo."""
+"""The saltation matrix and covariances: against reference values, a simulated bounce and Monte Carlo."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_a_ball_that_slides_on_a_plane():
 
 
 def flown(body: Body, time: float, gravity) -> Body:
-    """In free flight: the centre of mass falls. The tensor is a sphere's, so that the spin stays."""
+    """The body after free flight. Its tensor is that of a sphere, so the spin stays."""
     v, w = Vec3(*body.velocity), Vec3(*body.angular_velocity)
     if not body.is_movable():
         return body._replace(position=Vec3(*body.position) + v * time)
@@ -89,7 +89,7 @@ def turned(body: Body, by: Vec3) -> Body:
 
 
 def bounced(bodies, touch, model, gravity):
-    """The bodies at time 0 after a bounce: ``touch(bodies)`` gives distance , contact."""
+    """The bodies at time 0 after a bounce; ``touch(bodies)`` gives distance and contact."""
     time = 0.0
     for _ in range(60):
         now = [flown(body, time, gravity) for body in bodies]
@@ -113,7 +113,7 @@ def changed(body: Body, change) -> Body:
 
 
 def difference(one: Body, other: Body) -> np.ndarray:
-    """Small changes from ``other`` to ``one``, as a state has them."""
+    """The small change from ``other`` to ``one``, in the order of a state."""
     p, q = (body.orientation or Quaternion(0.0, 0.0, 0.0, 1.0) for body in (one, other))
     v, w, other_length = Vec3(*p[:3]), Vec3(*q[:3]), q.squared_length()
     theta = (v * q.w - w * p.w - v.cross(w)) * (2.0 / other_length)  # p q^-1, near 1
@@ -137,7 +137,7 @@ def by_simulation(bodies, touch, model, gravity=G, step=1e-5) -> np.ndarray:
 
 @pytest.mark.parametrize("friction", [0.05, 0.6])
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
-def test_a_ball_on_a_moving_plane_as_simulated(law, friction):
+def test_a_ball_on_a_moving_plane_agrees_with_simulation(law, friction):
     plane = Body.kinematic((0.0, 0.0, 0.0), (0.1, 0.0, 0.7))
 
     def touch(bodies):
@@ -148,12 +148,12 @@ def test_a_ball_on_a_moving_plane_as_simulated(law, friction):
     bodies = ball(), plane
     expected = by_simulation(bodies, touch, ImpactModel(law))
     found = saltation_matrix(*bodies, touch(bodies)[1], ImpactModel(law), sphere_on_plane(RADIUS), G)
-    # Differences over 1e-5: 1e-10 of curvature and 1e-16/1e-5 of rounding, with rates of up to 100.
+    # Differences over 1e-5: curvature 1e-10 and rounding 1e-16/1e-5, with rates up to 100.
     np.testing.assert_allclose(found, expected, atol=3e-7)
 
 
 @pytest.mark.parametrize("off_centre", [False, True])
-def test_a_corner_that_turns_as_simulated(off_centre):
+def test_a_rotating_corner_agrees_with_simulation(off_centre):
     com = (0.02, -0.01, 0.03) if off_centre else (0.0, 0.0, 0.0)
     corner = Vec3(0.1, -0.2, 0.3)  # in body axes
     body = Body.dynamic(2.0, (0.03, 0, 0, 0.03, 0, 0.03), (0.0, 0.0, 0.0), (0.3, 0.4, -0.2, 0.8), (0.4, 0.1, -2.0),  # noqa: E501
@@ -171,7 +171,7 @@ def test_a_corner_that_turns_as_simulated(off_centre):
     np.testing.assert_allclose(found, expected, atol=3e-7)
 
 
-def test_two_spheres_as_simulated():
+def test_two_spheres_agree_with_simulation():
     radius_b, moment = 0.2, 0.4 * 1.5 * 0.04
     n = Vec3(0.6, 0.48, 0.64)
     other = Body.dynamic(
@@ -193,8 +193,8 @@ def test_two_spheres_as_simulated():
     np.testing.assert_allclose(found, by_simulation((one, other), touch, model), atol=2e-6)
 
 
-def test_a_plain_derivative_by_the_pose_is_another_matrix():
-    """With the contact held where it is, a ball on a plane turns the plane's force about its centre."""
+def test_the_motion_of_the_contact_point_matters():
+    """If the contact point stayed in place, the force of the plane would turn the ball about its centre."""
     held = SurfaceMotion(np.zeros((3, 12)), np.zeros((3, 12)), np.zeros((3, 3)))
     args = ball(), Body.static(), FLOOR._replace(friction=0.6), ImpactModel(Law.COULOMB)
     right, wrong = (saltation_matrix(*args, form, G) for form in (sphere_on_plane(RADIUS), held))
@@ -205,7 +205,7 @@ def test_a_plain_derivative_by_the_pose_is_another_matrix():
 
 
 SD = np.array([0.005] * 3 + [0.0] * 3 + [0.05] * 3 + [0.5] * 3)
-TABLE = {  # x, z, v_x, v_z, w_x, w_y; the last three digits of a Monte Carlo of 4e5 are open
+TABLE = {  # x, z, v_x, v_z, w_x, w_y
     0.1: (0.00508, 0.00400, 0.07822, 0.07948, 0.50235, 1.42616),
     0.3: (0.00513, 0.00400, 0.04468, 0.07932, 0.40008, 0.40008),
 }
@@ -225,7 +225,7 @@ def test_covariances_of_the_reference(friction):
     assert after.is_reliable
 
 
-def test_it_says_where_both_stick_and_slip_are_likely():
+def test_it_reports_where_both_stick_and_slip_are_likely():
     after = propagated(0.13089224)
     assert not after.is_reliable
     assert {Regime.STICKING, Regime.SLIDING} <= set(after.regimes)
@@ -258,11 +258,11 @@ def test_covariances_against_many_impacts(friction):
     x, v = x - v * time + g * time**2 / 2, v - g * time
     found = np.std(np.concatenate([x, v, w]), axis=1)
     expected = np.sqrt(np.diag(propagated(friction).covariance))[[0, 1, 2, *range(6, 12)]]
-    # 1/sqrt(2 count) = .0011 of each, and the second order: 1 % where it slides.
+    # 1/sqrt(2 count) = .0011 of statistical error, and 1 % of second order where it slides.
     np.testing.assert_allclose(found, expected, rtol=0.012)
 
 
-def test_two_bodies_have_one_covariance_of_both():
+def test_two_bodies_have_a_joint_covariance():
     collision = random_collision(3)
     surfaces = sphere_on_sphere(0.3, 0.4)
     S = np.eye(24) * 1e-6
@@ -272,7 +272,7 @@ def test_two_bodies_have_one_covariance_of_both():
 
 
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
-def test_on_a_floor_every_law_can_be_believed(law):
+def test_on_a_floor_every_law_is_reliable(law):
     """The ball slides, far from sticking."""
     after = propagate_covariance(
         ball(), Body.static(), FLOOR._replace(friction=0.1), ImpactModel(law), np.diag(SD**2) * 1e-4,
@@ -282,7 +282,7 @@ def test_on_a_floor_every_law_can_be_believed(law):
 
 
 @pytest.mark.parametrize("speed", [1e-310, 5e-324])
-def test_an_impact_that_hardly_approaches_is_refused_and_not_answered_by_infinity(speed):
+def test_an_impact_that_hardly_approaches_is_refused(speed):
     slow = ball(velocity=(1.0, 0.0, -speed)), Body.static(), FLOOR, ImpactModel(Law.COULOMB)
     with pytest.raises(ImpactError) as refusal:
         saltation_matrix(*slow, sphere_on_plane(RADIUS))
@@ -332,7 +332,7 @@ BEYOND = [10**400, -(10**400), math.inf, -math.inf, math.nan]
 
 
 @pytest.mark.parametrize("field", ["restitution_sd", "friction_sd", "normal_sd"])
-def test_a_standard_deviation_that_is_none_is_refused_by_name(field):
+def test_an_invalid_standard_deviation_is_refused_by_name(field):
     request = ball(), Body.static(), FLOOR, ImpactModel(), np.diag(SD**2), sphere_on_plane(RADIUS)
     for value in NO_NUMBERS:
         with pytest.raises(TypeError, match=f"^{field}: must be a real number, is "):
@@ -346,8 +346,8 @@ def test_a_standard_deviation_that_is_none_is_refused_by_name(field):
         np.testing.assert_array_equal(found.covariance, expected.covariance)
 
 
-def spoiled(value) -> list:
-    """A covariance of which one number is another."""
+def covariance_with(value) -> list:
+    """A covariance with one number replaced."""
     rows = np.diag(SD**2).tolist()
     rows[3][3] = value
     return rows
@@ -357,16 +357,16 @@ def spoiled(value) -> list:
     "covariance",
     [
         *("x", "1", 10**400, -(10**400), {}, (), [[1.0], [1, 2]], np.eye(12) * 1j, np.eye(12).astype(str)),
-        *map(spoiled, ("x", None, 1j, 10**400, math.nan, math.inf, [1.0, 2.0], -1.0)),
+        *map(covariance_with, ("x", None, 1j, 10**400, math.nan, math.inf, [1.0, 2.0], -1.0)),
     ],
 )
-def test_a_covariance_that_is_none_is_refused_by_name(covariance):
+def test_an_invalid_covariance_is_refused_by_name(covariance):
     with pytest.raises(ImpactError) as refusal:
         propagate_covariance(ball(), Body.static(), FLOOR, ImpactModel(), covariance, sphere_on_plane(RADIUS))
     assert (refusal.value.code, refusal.value.field) == (StatusCode.INVALID_TABLE, "covariance")
 
 
-def test_a_covariance_may_be_of_exact_numbers():
+def test_a_covariance_may_hold_fractions():
     exact = [[Fraction(int(i == j), 4) for j in range(12)] for i in range(12)]
     request = ball(), Body.static(), FLOOR, ImpactModel()
     found, expected = (
@@ -377,7 +377,7 @@ def test_a_covariance_may_be_of_exact_numbers():
 
 @pytest.mark.parametrize("field", SurfaceMotion._fields)
 @pytest.mark.parametrize("number", ["x", None, 1j, 10**400, math.nan, [1.0]])
-def test_a_motion_of_a_surface_that_is_none_is_refused_by_name(field, number):
+def test_an_invalid_surface_motion_is_refused_by_name(field, number):
     motion = sphere_on_plane(RADIUS)(ball(), Body.static(), FLOOR)
     rows = getattr(motion, field).tolist()
     rows[1][2] = number
@@ -394,7 +394,7 @@ def test_a_motion_of_a_surface_that_is_none_is_refused_by_name(field, number):
         (lambda radius: sphere_on_sphere(1.0, radius), "radius_b"),
     ],
 )
-def test_a_radius_that_is_none_is_refused_by_name(form, field):
+def test_an_invalid_radius_is_refused_by_name(form, field):
     for value in NO_NUMBERS:
         with pytest.raises(TypeError, match=f"^{field}: must be a real number, is "):
             form(value)

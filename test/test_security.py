@@ -1,4 +1,4 @@
-"""What the node may do is what it does, and nothing that comes from outside is ever run."""
+"""The security policy matches the node, and no external data is executed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ POLICY = ROOT / "security" / "policy.xml"
 
 
 def allowed(name: str, kind: str) -> list[str]:
-    """Names in the policy as they are written: ``topics`` or ``services``, by what is allowed with them."""
+    """Names in the policy as written: ``topics`` or ``services`` with this permission."""
     (profile,) = ElementTree.parse(POLICY).iterfind("enclaves/enclave/profiles/profile")
     return [entry.text for group in profile.iterfind(name) if group.get(kind) == "ALLOW" for entry in group]
 
@@ -37,7 +37,7 @@ class TestPolicy:
             ("services", "request", "get_client_names_and_types_by_node"),
         ],
     )
-    def test_it_allows_what_the_node_has_and_no_more(self, graph, kind, permission, query):
+    def test_it_allows_exactly_what_the_node_has(self, graph, kind, permission, query):
         node = graph.serve(use_sim_time=True)
         has = {name for name, _ in getattr(node, query)(node.get_name(), node.get_namespace())}
         resolve = node.resolve_service_name if kind == "services" else node.resolve_topic_name
@@ -45,7 +45,7 @@ class TestPolicy:
         assert sorted(has - may) == [], f"missing in the policy, to {permission}"
         assert sorted(may - has) == [], f"the node has no such thing to {permission}"
 
-    def test_it_is_for_the_node_as_it_is_named(self, graph):
+    def test_it_has_the_name_of_the_node(self, graph):
         tree = ElementTree.parse(POLICY)
         (enclave,) = tree.iterfind("enclaves/enclave")
         (profile,) = enclave.iterfind("profiles/profile")
@@ -60,8 +60,8 @@ RUNS_CODE = {"pickle", "marshal", "shelve", "dill", "joblib", "code", "codeop"}
 @pytest.mark.parametrize(
     "file", sorted(PACKAGE.rglob("*.py")), ids=lambda file: str(file.relative_to(PACKAGE))
 )
-def test_nothing_from_outside_is_run(file):
-    """No module that turns data into code, no shell; exec and eval only where the build makes kernels."""
+def test_no_external_data_is_executed(file):
+    """No module that turns data into code, and no shell; exec and eval only where the build makes kernels."""
     for node in ast.walk(ast.parse(file.read_text())):
         if isinstance(node, ast.Import):
             assert not RUNS_CODE & {alias.name.partition(".")[0] for alias in node.names}
