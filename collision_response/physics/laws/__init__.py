@@ -1,8 +1,6 @@
-"""Impact laws, cheapest first: one file each, one signature (see ``law.py``).
+"""Impact laws, one per file, all with the signature given in ``law.py``.
 
-To add one: write its file, enter it in ``Law`` and in ``LAWS``, and in ``msg/ImpactModel.msg`` for those who
-call the node. One that needs a coefficient of its own enters that in ``Settings`` and in
-``ImpactModel``.
+``CONTRIBUTING.md`` says how to add a law.
 """
 
 from .chatterjee_ruina import chatterjee_ruina
@@ -13,7 +11,7 @@ from .moreau import moreau
 from .routh import routh
 from .routh_by_speed import routh_by_speed
 
-LAWS = {
+LAWS = {  # cheapest first
     Law.FRICTIONLESS: frictionless,
     Law.COULOMB: chatterjee_ruina,
     Law.MOREAU: moreau,
@@ -23,12 +21,12 @@ LAWS = {
 }
 
 BY_SPEED = {Law.ROUTH_POISSON: routh_by_speed, Law.ROUTH_STRONGE: routh_by_speed}
-"""The laws that follow friction along its path where it is a function of the slip speed."""
+"""The laws that can evaluate friction along the path of the impact, as a function of the slip speed."""
 
 PATHS = (Law.ROUTH_POISSON, Law.ROUTH_STRONGE, Law.COMPLIANT)
-"""The laws that follow a path, step by step where slip turns. They need the digits of float64."""
+"""The laws that follow the impact step by step if slip turns. They need the digits of float64."""
 
 STEPPED = (Law.COMPLIANT,)
-"""The laws that are steps throughout: no arithmetic makes them more exact, and one kernel serves all."""
+"""The laws that always integrate in steps. More digits do not improve them, so one kernel serves all."""
 
 __all__ = ["BY_SPEED", "LAWS", "PATHS", "STEPPED", "Coefficients", "Law", "Outcome", "Regime", "Settings"]

@@ -1,25 +1,33 @@
-"""L2, Coulomb friction in closed form: Chatterjee & Ruina.
+"""Coulomb friction in closed form: Chatterjee & Ruina's law.
 
-Two impulses frame the answer: the frictionless perfectly plastic one, and the one that brings the
-contact to rest,
+Two impulses frame the answer. ``P_I`` ends the approach without friction, ``P_II`` brings the contact to
+rest. With ``u_I = u + K P_I``, the relative velocity after the first,
 
-    P_I = -n (n.u) / (n.K n)          P_II = -K^-1 u
+    P_I = j n        j = -n.u / (n.K n)        P_II = -K^-1 u        D = P_II - P_I = -K^-1 u_I
 
-Their difference ``D = P_II - P_I = -K^-1 (u + K P_I)`` is K-orthogonal to the normal, so adding any
-part of it leaves the normal velocity alone. The law is
+Since ``n.K D = -n.u_I = 0``, adding any multiple of ``D`` leaves the normal velocity alone. The law is
 
     P = (1 + e) P_I + kappa D
 
-with ``kappa = 1 + e_t`` if that lies in the friction cone ``|P_t| <= mu P_n``, else with the
-``kappa`` on the cone,
+so that ``n.u+ = -e n.u`` exactly. ``kappa`` is ``1 + e_t`` if the impulse is then in the friction cone,
+``|P_t| <= mu P_n``. Otherwise it is the ``kappa`` on the cone. With the parts ``D_n`` along the normal and
+``D_t`` across it,
 
-    kappa = mu (1 + e) P_I,n / (|D_t| - mu D_n)
+    P_n = (1 + e) j + kappa D_n        |P_t| = kappa |D_t|
 
-whose denominator is positive there. Hence ``n.u+ = -e n.u`` exactly. Along ``kappa`` the energy is a
-parabola, symmetric about ``kappa = 1``: for ``kappa`` in [0, 2] friction never adds any, and the law
-cannot create energy for ``e`` in [0, 1] and ``e_t`` in [-1, 1]. No iteration, no branch but the cone.
-The two losses separate: restitution takes ``(1 - e^2) j^2 (n.Kn) / 2``, with ``P_I = j n``, and friction
-``kappa (2 - kappa) D.KD / 2``, where ``K D = -(u + K P_I)``.
+    in the cone    (1 + e_t) |D_t| <= mu ((1 + e) j + (1 + e_t) D_n)
+    on the cone    kappa = mu (1 + e) j / (|D_t| - mu D_n)
+
+The denominator is positive whenever the first condition fails. In the code ``n`` has any length: ``j`` and
+``D_n`` are multiples of ``n``, and ``|D_t|`` is divided by ``|n|``.
+
+**Energy.** ``P_I`` and ``D`` are orthogonal in the metric of ``K``, and ``u.D = -D.K D``. So the change of
+energy ``u.P + P.K P / 2`` separates into the losses
+
+    restitution    (1 - e^2) j^2 (n.K n) / 2
+    friction       kappa (2 - kappa) D.K D / 2        K D = -u_I
+
+Neither is negative for ``e`` in [0, 1] and ``kappa`` in [0, 2], that is for ``e_t`` in [-1, 1].
 
 Source: Chatterjee & Ruina, "A New Algebraic Rigid-Body Collision Law Based on Impulse Space
 Considerations", J. Appl. Mech. 65 (1998) 939-951, eqs. 17-22.
@@ -39,42 +47,45 @@ def chatterjee_ruina(contact: ContactKinematics | ContactNumbers, coefficients: 
     n, u, K = contact.n, contact.u, contact.inverse_effective_mass()
     nn, Kn = n.dot(n), K @ n
     j = -contact.n_u / contact.n_Kn
-    plastic = u + Kn * j
-    D = -contact.impulse_for(K, plastic)
+    u_I = u + Kn * j
+    D = -contact.impulse_for(K, u_I)
     D_n = n.dot(D) / nn
     D_t = D - n * D_n
-    slip = D_t.dot(D_t)
+    D_t_squared = D_t.dot(D_t)
 
-    stick = 1 + e_t
-    reach = mu * ((1 + e) * j + stick * D_n)
-    in_cone = (reach >= 0) & (stick * stick * slip <= reach * reach * nn)
+    kappa_stick = 1 + e_t
+    friction_limit = mu * ((1 + e) * j + kappa_stick * D_n)
+    in_cone = (friction_limit >= 0) & (
+        kappa_stick * kappa_stick * D_t_squared <= friction_limit * friction_limit * nn
+    )
 
-    def on_cone() -> Scalar:
-        slope = square_root(slip / nn) - mu * D_n
-        reached = mu * (1 + e) * j / choose(slope > 0, lambda: slope, lambda: slope * 0 + 1)
-        return choose(mu > 0, lambda: reached, lambda: varying_as(mu, lambda: reached))
+    def kappa_on_cone() -> Scalar:
+        denominator = square_root(D_t_squared / nn) - mu * D_n
+        kappa = mu * (1 + e) * j / choose(denominator > 0, lambda: denominator, lambda: denominator * 0 + 1)
+        return choose(mu > 0, lambda: kappa, lambda: varying_as(mu, lambda: kappa))
 
-    kappa = choose(in_cone, lambda: stick, on_cone)
+    kappa = choose(in_cone, lambda: kappa_stick, kappa_on_cone)
     P = n * ((1 + e) * j) + D * kappa
     regime = choose(in_cone, lambda: 1.0 * Regime.STICKING, lambda: slip_regime(contact, u + K @ P))
     lost_restitution = (1 - e) * (1 + e) * j * -contact.n_u / 2
-    lost_friction = -(kappa * (2 - kappa)) * D.dot(plastic) / 2
-    size = slip + j * j * nn
+    lost_friction = -(kappa * (2 - kappa)) * D.dot(u_I) / 2
+    size = D_t_squared + j * j * nn
     return Outcome(P, regime, lost_restitution, lost_friction, out_of_range=leave_range(size, size / nn))
 
 
 def fallback_where(
     fails: Condition, contact: ContactKinematics | ContactNumbers, coefficients: Coefficients, own: Solution
 ) -> Solution:
-    """The answer of another law; this one's where that has none that is sound."""
+    """The solution of this law where another law fails, else ``own``, the other law's solution."""
 
-    def instead() -> Solution:
-        seen = ContactNumbers.of(contact)
-        return called(fallback, seen._replace(regularized_K=contact.regularized(seen.K)), coefficients)
+    def of_this_law() -> Solution:
+        numbers = ContactNumbers.of(contact)
+        numbers = numbers._replace(regularized_K=contact.regularized(numbers.K))
+        return called(fallback, numbers, coefficients)
 
-    return choose(fails, instead, lambda: own)
+    return choose(fails, of_this_law, lambda: own)
 
 
 def fallback(contact: ContactNumbers, coefficients: Coefficients) -> Solution:
-    """:func:`chatterjee_ruina` for other laws."""
+    """:func:`chatterjee_ruina` in the form that other laws call: compiled, it is a function of its own."""
     return Solution(*chatterjee_ruina(contact, coefficients)[:4])

@@ -1,7 +1,7 @@
-"""A contact in axes of its own: two tangents and the normal.
+"""A contact in its own axes: two tangents and the normal, each of length 1.
 
-The tangents are those of Duff et al., with the pole in x: to a normal in the x-y plane one of them is
-along z, and a planar contact stays planar to the last digit.
+The tangents are those of Duff et al., with x in the place of their z: for a normal in the x-y plane one
+tangent is the z axis, up to sign, so a planar contact stays exactly planar.
 
 Source: Duff et al., "Building an Orthonormal Basis, Revisited", J. Comput. Graph. Tech. 6 (2017).
 """
@@ -16,7 +16,7 @@ from ..vector import Vec3
 
 
 class Tangential(NamedTuple):
-    """A vector across the normal."""
+    """A tangential vector, by its components along the two tangents."""
 
     x: Scalar
     y: Scalar
@@ -38,11 +38,11 @@ class Tangential(NamedTuple):
         return self[0] * other[0] + self[1] * other[1]
 
     def cross(self, other: Tangential) -> Scalar:
-        """The vector product, along the normal."""
+        """The normal component of the vector product."""
         return self[0] * other[1] - self[1] * other[0]
 
     def length(self) -> Scalar:
-        """The length."""
+        """The Euclidean length."""
         return square_root(self.dot(self))
 
     def size(self) -> Scalar:
@@ -51,7 +51,7 @@ class Tangential(NamedTuple):
 
 
 class ContactFrame(NamedTuple):
-    """The axes ``t1``, ``t2``, ``n`` of length 1, with ``u`` and ``K`` in them."""
+    """The unit vectors ``t1``, ``t2`` and ``n``, and the components of ``u`` and ``K`` along them."""
 
     t1: Vec3
     t2: Vec3
@@ -72,7 +72,7 @@ class ContactFrame(NamedTuple):
         nn, length = contact.n.dot(contact.n), contact.n.norm()
         n = contact.n / length
         x, y, z = n
-        sign = choose(fixed(certain(x)) < 0, lambda: -1, lambda: 1)  # either does: no answer turns on it
+        sign = choose(fixed(certain(x)) < 0, lambda: -1, lambda: 1)  # at 0 either sign works
         a = -1 / (sign + x)
         b = y * z * a
         t1 = Vec3(-(sign * y), 1 + sign * (y * y * a), sign * b)

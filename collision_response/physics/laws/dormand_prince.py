@@ -1,7 +1,14 @@
-"""The coefficients of DOP853: Dormand & Prince's method of order 8, with estimates of orders 5 and 3.
+"""Coefficients of DOP853: Dormand & Prince's Runge-Kutta method of order 8 with error estimates.
 
-Rows are pairs of the number of a stage and its weight. ``STAGES`` are those of stages 1 to 11 (0 starts the
-step), ``WEIGHTS`` of the step, ``ERROR_5`` of the error by order 5; ``ORDER_3`` of the step by order 3.
+For ``y' = f(y)`` and a step ``h``, a row of pairs ``(j, a_j)`` stands for the sum ``sum a_j k_j``:
+
+    STAGES     k_0 = f(y)    k_i = f(y + h sum a_j k_j)        rows for the stages i = 1 to 11
+    WEIGHTS    y + h sum a_j k_j                               the result of the step, of order 8
+    ORDER_3    y + h sum a_j k_j                               a result of order 3
+    ERROR_5    h sum a_j k_j                                   its difference from a result of order 5
+
+The error of the step is estimated from ``e5``, the norm of ``ERROR_5``, and ``e3``, that of the difference
+between ``WEIGHTS`` and ``ORDER_3``, as ``e5^2 / (e5^2 + 0.01 e3^2)^(1/2)``.
 
 Source: Hairer, Norsett & Wanner, *Solving ODEs I*, 1993, section II.5.
 """

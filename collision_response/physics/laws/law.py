@@ -1,8 +1,8 @@
-"""What every law takes and gives.
+"""The types that every impact law takes and returns.
 
-A law is a function ``law(contact, coefficients) -> Outcome`` of numbers of any make. It sees two bodies
-only through :class:`~collision_response.physics.effective_mass.ContactKinematics`, and its answer counts
-only where they approach each other, ``n.u < 0``.
+A law is a function ``law(contact, coefficients) -> Outcome`` of numbers of any type. It sees the two bodies
+only through :class:`~collision_response.physics.effective_mass.ContactKinematics`. Its outcome is used only
+if they approach each other, ``n.u < 0``.
 """
 
 from __future__ import annotations
@@ -16,33 +16,34 @@ from ..vector import Vec3
 
 
 class Law(NamedEnum):
-    """The impact laws; see ``docs/impact-laws.md`` for which to choose."""
+    """The impact laws. ``docs/impact-laws.md`` explains them and helps to choose one."""
 
     AUTO = 0
-    """COULOMB where there is friction, else FRICTIONLESS."""
+    """COULOMB if there is friction, else FRICTIONLESS."""
     FRICTIONLESS = 1
-    """Newton's restitution along the normal; no tangential impulse."""
+    """Newton's restitution along the normal, no tangential impulse."""
     COULOMB = 2
-    """Chatterjee & Ruina's algebraic law with friction; never creates energy."""
+    """Chatterjee & Ruina's algebraic law with Coulomb friction."""
     MOREAU = 3
-    """Coulomb's friction in one step, as iterative engines converge to; COULOMB where that is unsound."""
+    """Moreau's one-step law, to which iterative engines converge; COULOMB if it would create energy."""
     ROUTH_POISSON = 4
-    """Friction along the path of the impulse; restitution of impulse."""
+    """Routh's path of the impulse with Coulomb friction; Poisson's restitution of impulse."""
     ROUTH_STRONGE = 5
-    """Friction along the path of the impulse; restitution of energy."""
+    """Routh's path of the impulse with Coulomb friction; Stronge's restitution of energy."""
     COMPLIANT = 6
-    """Springs along and across the normal, friction between them; restitution of energy."""
+    """Normal and tangential springs with Coulomb friction between them; restitution of energy."""
 
 
 class Settings(NamedTuple):
-    """The numbers of a model, by the names that they have in :class:`~collision_response.ImpactModel`.
+    """The numbers of an :class:`~collision_response.ImpactModel`, under the same names.
 
     Attributes:
         tangential_restitution: ``e_t`` in [-1, 1], for COULOMB.
-        restitution_threshold: approach speed [m/s] under which restitution is taken as 0. Laws need not mind.
-        tolerance: relative error of the impulse at which a law that integrates may stop.
+        restitution_threshold: approach speed below which restitution is 0 [m/s]. The caller of a law applies
+            it.
+        tolerance: relative error of the impulse that a law which integrates may make; 0 for its default.
         stiffness_ratio: tangential over normal stiffness of the contact, > 0, for COMPLIANT.
-        law: the number of the law, for a formula that serves two. Left out: of the law that is asked.
+        law: number of the :class:`Law`, for a function that computes several; ``None`` until it is known.
     """
 
     tangential_restitution: Scalar = 0.0
@@ -53,11 +54,11 @@ class Settings(NamedTuple):
 
 
 class Coefficients(NamedTuple):
-    """What a law needs to know besides the bodies.
+    """The coefficients of a contact and the settings of the model.
 
     Attributes:
         restitution: ``e`` in [0, 1].
-        friction: ``mu`` >= 0; for the laws of ``BY_SPEED`` a function that gives it for a slip speed [m/s].
+        friction: ``mu`` >= 0; for the laws of ``BY_SPEED``, a function of the slip speed [m/s].
         settings: of the model.
     """
 
@@ -67,7 +68,7 @@ class Coefficients(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """An :class:`Outcome` without its flags."""
+    """The first four fields of an :class:`Outcome`."""
 
     impulse: Vec3
     regime: Scalar
@@ -76,33 +77,33 @@ class Solution(NamedTuple):
 
 
 class Regime(NamedEnum):
-    """What friction did: the constants of ``msg/CollisionResult.msg``."""
+    """What friction did during the impact. The numbers are those of ``msg/CollisionResult.msg``."""
 
     SEPARATING = 1
-    """The bodies do not approach: no impulse."""
+    """The bodies do not approach each other: there is no impulse."""
     STICKING = 2
-    """Friction holds: it stays below its limit, or the path of the impulse ends without slip."""
+    """Friction stays below its limit, or the impact ends without slip."""
     SLIDING = 3
-    """Friction is at its limit; or there is none."""
+    """Friction is at its limit, or there is no friction."""
     REVERSED = 4
-    """As SLIDING, and the slip ends against its first direction."""
+    """As SLIDING, and the slip after the impact is against the slip before."""
     JAMMED = 5
-    """Friction pressed the bodies together for a while (Painleve)."""
+    """For part of the impact, friction pressed the bodies together (Painleve's paradox)."""
 
 
 class Outcome(NamedTuple):
-    """The answer of a law.
+    """The result of a law.
 
     Attributes:
-        impulse: on body_a [N s].
-        regime: what friction did: the number of a :class:`Regime`.
-        energy_lost_restitution: energy lost to the normal impulse [J].
-        energy_lost_friction: energy lost to the tangential impulse [J].
-        normal_factor: ``j``, if the impulse is ``j n`` by the law; the response is then cheaper.
-        fell_back: whether the law had no sound answer, and this is Chatterjee & Ruina's.
-        unfinished: whether a loop of the law ended by its budget.
-        estimated_error: an estimate of the error of ``impulse`` by a law that can give no bound [N s].
-        out_of_range: whether a square that it hangs on leaves the range of its numbers.
+        impulse: on body_a [N s]. regime: the number of a :class:`Regime`. energy_lost_restitution: work done
+        against the normal impulse [J]. energy_lost_friction: work done against the tangential impulse [J].
+        normal_factor: ``j`` if the impulse of this law is always ``j n``, which makes the change of the
+        twists
+            cheaper to compute; else ``None``.
+        fell_back: whether the law had no sound answer, and this is that of COULOMB.
+        unfinished: whether a loop used up its budget of steps.
+        estimated_error: estimated error of ``impulse`` [N s], from a law that cannot bound it; else ``None``.
+        out_of_range: whether a square that the result depends on overflowed, or lost digits to underflow.
     """
 
     impulse: Vec3
@@ -117,7 +118,7 @@ class Outcome(NamedTuple):
 
 
 def slip_regime(contact: ContactKinematics | ContactNumbers, velocity_after: Vec3) -> Scalar:
-    """The regime of a contact that ends with slip: SLIDING, or REVERSED against its first direction."""
+    """The regime of a contact that slips after the impact: SLIDING or REVERSED."""
     n, u = contact.n, contact.u
     slip_before = u - n * (n.dot(u) / n.dot(n))
     return choose(
