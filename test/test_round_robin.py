@@ -48,7 +48,7 @@ def test_requests_of_one_client_are_answered_in_order():
     assert len(bench.turns) == 0
 
 
-def test_clients_take_turns_each_for_a_slice():
+def test_clients_take_turns_of_one_slice():
     bench = Bench()
     for i in range(3):
         bench.turns.add("burst", bench.job(f"burst {i}", takes=TIME_SLICE))
@@ -72,7 +72,7 @@ def test_a_long_request_lets_others_go_first_between_its_parts():
     assert bench.run() == ["step 0", "a", "b", "step 1", "step 2"]
 
 
-def test_a_request_that_waits_holds_up_nobody_and_goes_on_when_woken():
+def test_a_waiting_request_blocks_no_other_and_continues_when_woken():
     bench = Bench()
     bench.turns.add("client", bench.job("waits", until=10.0))
     bench.turns.add("client", bench.job("next"))
@@ -84,7 +84,7 @@ def test_a_request_that_waits_holds_up_nobody_and_goes_on_when_woken():
     assert bench.run() == ["next", "waits"]
 
 
-def test_a_request_that_waits_goes_on_when_its_time_is_up():
+def test_a_waiting_request_continues_when_its_time_is_up():
     bench = Bench()
     bench.turns.add("client", bench.job("waits", until=10.0))
     bench.run()
@@ -114,7 +114,7 @@ def test_requests_of_a_client_that_left_are_dropped_wherever_they_are():
     assert bench.run() == ["other"]
 
 
-def test_at_the_end_every_request_gets_an_error_begun_or_not():
+def test_at_the_end_every_request_gets_an_error():
     bench = Bench()
     bench.turns.add("a", bench.job("begun ", steps=2, takes=TIME_SLICE))
     bench.turns.add("a", bench.job("queued"))
@@ -128,7 +128,7 @@ def test_at_the_end_every_request_gets_an_error_begun_or_not():
     assert len(bench.turns) == 0
 
 
-def test_there_may_be_no_time_left_for_that():
+def test_at_the_end_requests_beyond_the_deadline_are_counted():
     bench = Bench()
     for name in "abc":
         bench.turns.add("client", bench.job(name))

@@ -1,4 +1,4 @@
-"""Scenes of nothing but floats are answered without Python: the same answers as with it, to the last bit."""
+"""Scenes of floats only are answered by compiled code, with the same bits as without it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LAWS = [Law.AUTO, Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU]
 
 @pytest.fixture
 def both(monkeypatch):
-    """The answer of a scene without Python, which must be one, and that with it."""
+    """Answer a scene by the compiled code, which must succeed, and without it."""
 
     def answers(scene: Scene, model: ImpactModel):
         found = []
@@ -30,8 +30,8 @@ def both(monkeypatch):
     return answers
 
 
-def together(scene: Scene) -> Scene:
-    """The contacts of clusters of several, none twice, and bodies that they touch."""
+def contacts_of_larger_clusters(scene: Scene) -> Scene:
+    """The contacts of clusters of several, without repetitions, and the bodies that they touch."""
     kept = []
     for cluster in scene.resolve(Law.FRICTIONLESS).clusters:
         own = list({(scene.pairs[i], scene.contacts[i]): i for i in cluster}.values())
@@ -46,10 +46,10 @@ def together(scene: Scene) -> Scene:
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 @pytest.mark.parametrize("threshold", [0.0, 0.4])
-def test_the_same_to_the_last_bit(both, law, threshold):
+def test_compiled_scenes_give_the_same_bits(both, law, threshold):
     compiled = 0
     for seed in range(30, 110):
-        scene = together(any_scene(seed))
+        scene = contacts_of_larger_clusters(any_scene(seed))
         one, other = both(scene, ImpactModel(law, restitution_threshold=threshold))
         compiled += one is not None
         assert one is None or one == other
@@ -91,7 +91,7 @@ def test_every_adjustment_and_status_is_the_same(both, law):
         Scene(box().bodies, [(0, 1)], box().contacts[:1]),
     ],
 )
-def test_what_is_unusual_is_left_to_python(both, unusual):
+def test_unusual_scenes_are_left_to_python(both, unusual):
     one, other = both(unusual, ImpactModel())
     assert one is None
     assert len(other.contacts) == len(unusual.contacts)
@@ -99,7 +99,7 @@ def test_what_is_unusual_is_left_to_python(both, unusual):
 
 @pytest.mark.parametrize("field, value", [("friction", -1.0), ("friction", math.nan), ("restitution", 2.0)])
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
-def test_faults_are_told_by_name(law, field, value):
+def test_invalid_values_are_refused_by_name(law, field, value):
     scene = box(e=0.5, mu=0.3)
     contacts = [*scene.contacts[:3], scene.contacts[3]._replace(**{field: value})]
     if law is Law.FRICTIONLESS and field == "friction" and value < 0:

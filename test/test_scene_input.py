@@ -1,4 +1,4 @@
-"""What a scene may ask for: refused by code and by the name of the field, never a hang."""
+"""Input of scenes: invalid values are refused by code and field, contradictory walls are recognised."""
 
 from __future__ import annotations
 
@@ -32,6 +32,7 @@ FLOOR = Body.static()
 
 
 def refusal(*request, **more) -> ImpactError:
+    """Resolve a scene that must be refused; return the error."""
     with pytest.raises(ImpactError) as raised:
         resolve_scene(*request, **more)
     return raised.value
@@ -51,7 +52,7 @@ def three(contacts):
         pytest.param([(0, 1), (0, 1), (1, 2)], StatusCode.NO_DYNAMIC_BODY, "pairs[2]", id="two walls"),
     ],
 )
-def test_pairs_are_named(pairs, code, field):
+def test_invalid_pairs_are_refused_by_name(pairs, code, field):
     error = refusal([BALL, FLOOR, FLOOR], pairs, [UP] * 3)
     assert (error.code, error.field) == (code, field)
 
@@ -72,7 +73,7 @@ def test_pairs_are_named(pairs, code, field):
     ],
 )
 @pytest.mark.parametrize("pairs", [[(0, 1)] * 3, [(0, 1), (2, 1), (3, 1)]], ids=["cluster", "alone"])
-def test_contacts_are_named(change, code, field, pairs):
+def test_invalid_contacts_are_refused_by_name(change, code, field, pairs):
     contacts = [UP, UP._replace(position=(1.0, 0.0, 0.0)), UP._replace(**change)]
     error = refusal([BALL, FLOOR, BALL, BALL], pairs, contacts)
     assert (error.code, error.field) == (code, field)
@@ -81,8 +82,8 @@ def test_contacts_are_named(change, code, field, pairs):
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 @pytest.mark.parametrize("field", ["restitution", "friction"])
 @pytest.mark.parametrize("value", [math.inf, -math.inf, math.nan, -1.0, 2.0])
-def test_a_coefficient_is_refused_in_the_words_of_one_contact(law, field, value):
-    """The value among them: infinite friction is not none at all that went wrong."""
+def test_a_coefficient_is_refused_as_by_resolve(law, field, value):
+    """With the value in the message."""
     contact = UP._replace(**{field: value})
     try:
         resolve(BALL, FLOOR, contact, ImpactModel(law))
@@ -106,7 +107,7 @@ def test_a_coefficient_is_refused_in_the_words_of_one_contact(law, field, value)
     ],
 )
 @pytest.mark.parametrize("number", [float, F])
-def test_bodies_are_named(change, code, field, number):
+def test_invalid_bodies_are_refused_by_name(change, code, field, number):
     bad = BALL._replace(
         **{k: type(getattr(BALL, k))(*v) if isinstance(v, tuple) else v for k, v in change.items()}
     )
@@ -137,12 +138,12 @@ def test_bodies_are_named(change, code, field, number):
         ),
     ],
 )
-def test_kinds_are_named(request_, message):
+def test_arguments_of_the_wrong_type_are_refused_by_name(request_, message):
     with pytest.raises(TypeError, match=message):
         resolve_scene(*request_)
 
 
-def test_there_is_one_pair_for_each_contact():
+def test_there_must_be_one_pair_for_each_contact():
     with pytest.raises(ValueError, match="pairs: must be one for each contact"):
         resolve_scene([BALL, FLOOR], [(0, 1)], [UP, UP])
 
@@ -156,7 +157,7 @@ def test_there_is_one_pair_for_each_contact():
         (ImpactModel(geometry=Geometry.PLANAR), "model.geometry"),
     ],
 )
-def test_what_is_for_one_contact_is_refused_for_several(model, field):
+def test_models_for_one_contact_are_refused_for_several(model, field):
     error = refusal(*box(), model)
     assert (error.code, error.field) == (StatusCode.INVALID_MODEL, field)
 
@@ -171,23 +172,23 @@ def test_what_is_for_one_contact_is_refused_for_several(model, field):
         ({"stiffness": [1, 1, 0, 1]}, "stiffness[2]"),
     ],
 )
-def test_options_are_named(option, field):
+def test_invalid_options_are_refused_by_name(option, field):
     error = refusal(*box(), **option)
     assert (error.code, error.field) == (StatusCode.INVALID_MODEL, field)
 
 
 @pytest.mark.parametrize("orders", [1.5, 2.0, math.pi, "2", None, True])
-def test_the_number_of_orders_is_a_whole_number(orders):
+def test_the_number_of_orders_must_be_an_integer(orders):
     with pytest.raises(TypeError, match="orders: must be a "):
         resolve_scene(*box(), orders=orders)
 
 
-def test_one_stiffness_for_each_contact():
+def test_there_must_be_one_stiffness_for_each_contact():
     with pytest.raises(ValueError, match="stiffness: must be one for each contact"):
         resolve_scene(*box(), stiffness=[1.0])
 
 
-def test_springs_that_give_nothing_back_are_refused():
+def test_restitution_too_small_for_stronge_is_refused():
     error = refusal(*box(e=0.01), ImpactModel(Law.ROUTH_STRONGE))
     assert (error.code, error.field) == (StatusCode.PATH_TOO_LONG, "contacts[0].restitution")
 
@@ -236,7 +237,7 @@ def squeezed(v, left, right, e=1.0, number=float) -> Scene:
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 @pytest.mark.parametrize("number", [float, F])
-def test_two_walls_that_close_in_contradict_each_other(law, number):
+def test_closing_walls_contradict_each_other(law, number):
     if number is F and law is Law.COULOMB:
         return
     error = refusal(*squeezed(0, 1, -1, number=number), ImpactModel(law))
@@ -244,7 +245,7 @@ def test_two_walls_that_close_in_contradict_each_other(law, number):
 
 
 def pressed(corners: int, closing: float, e: float, mu: float, v=(0.3, 0.1, -1.0)) -> Scene:
-    """A cube between a floor and a ceiling, each of which it touches at so many points."""
+    """A cube between a floor and a ceiling that moves down, touching each at ``corners`` points."""
     bodies = [
         Body.box(1.0, (1, 1, 1), velocity=v, angular_velocity=(0, 0, 0.5)),
         Body.static(),
@@ -258,15 +259,15 @@ def pressed(corners: int, closing: float, e: float, mu: float, v=(0.3, 0.1, -1.0
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
 @pytest.mark.parametrize("corners", [1, 2, 3, 4, 5, 6])
 @pytest.mark.parametrize("closing", [1.0, 1e-3, 1e-12])
-def test_what_closes_in_contradicts_itself_by_every_law(law, corners, closing):
-    """However fast it closes in, with whatever coefficients; in large clusters, too."""
+def test_closing_walls_are_refused_by_every_law(law, corners, closing):
+    """However slowly they close, with any coefficients, also in large clusters."""
     for e, mu, v in product((0.0, 0.5, 1.0), (0.0, 0.3, 3.0), ((0.0, 0.0, 0.0), (0.3, 0.1, -1.0))):
         error = refusal(*pressed(corners, closing, e, mu, v), ImpactModel(law))
         assert (error.code, error.field) == (StatusCode.CONTRADICTORY_CONTACTS, "contacts")
 
 
 def between_jaws(gaps, velocity=0, e=0.5, mu=0.0, number=float) -> Scene:
-    """A point between pairs of walls; each pair, along an axis of its own, opens at so much."""
+    """A point between pairs of walls, each pair along its own axis; the gaps open at the speeds ``gaps``."""
     axes = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1), (0, 3, 4), (2, 0, -1)]
     bodies = [Body.dynamic(number(1), velocity=(number(0), number(velocity), number(velocity)))]
     pairs, contacts = [], []
@@ -283,8 +284,8 @@ def between_jaws(gaps, velocity=0, e=0.5, mu=0.0, number=float) -> Scene:
 @pytest.mark.parametrize(
     "law, walls", [*product((Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU), (2, 4, 6)), (Law.MOREAU, 10)]
 )
-def test_between_walls_at_rest_what_does_not_approach_is_left_alone(law, walls):
-    """Pressed by none of them, with whatever coefficients; by MOREAU beside more than 8, too."""
+def test_between_walls_at_rest_a_body_that_does_not_approach_is_unchanged(law, walls):
+    """With any coefficients; by MOREAU also with more than 8 walls."""
     normals = [(1, 0, 0), (-1, 0, 0), (1, 1, 0), (-1, -1, 0), (2, 1, 0), (-2, -1, 0)]
     normals += [(3, 1, 0), (-3, -1, 0), (1, 3, 0), (-1, -3, 0)]
     for velocity, e, mu in product(((0, 0, 0), (0, 0, 1.5)), (0.0, 0.5, 1.0), (0.0, 0.5)):
@@ -296,8 +297,8 @@ def test_between_walls_at_rest_what_does_not_approach_is_left_alone(law, walls):
 
 
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
-def test_by_moreau_without_friction_fractions_decide_what_is_held(e):
-    """A point between two walls lands on a third: as without the two, but for what they stop."""
+def test_frictionless_moreau_between_walls_agrees_with_fractions(e):
+    """A point between two walls lands on a third."""
     for velocity in product((0, 1), (0.0, 1.0), (-2, -1e-9)):
         contacts = [Contact.of((0, 0, 0), n, e) for n in ((1, 0, 0), (-1, 0, 0), (0, 0, 1), (0, 1, 2))]
         scene = Scene([Body.dynamic(1.0, velocity=velocity), FLOOR], [(0, 1)] * 4, contacts)
@@ -318,8 +319,7 @@ GAPS = [gaps for size in (2, 4, 6) for gaps in product((-1, 0, 1), repeat=size) 
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
-def test_jaws_that_open_make_up_for_none_that_close(law):
-    """A pair of jaws contradicts itself, whatever up to five other pairs do."""
+def test_one_closing_pair_of_walls_contradicts_itself_whatever_the_others_do(law):
     for gaps, velocity, mu in product(GAPS, (0, 1), (0.0, 0.3)):
         if min(gaps) < 0:
             error = refusal(*between_jaws(gaps, velocity, mu=mu), ImpactModel(law))
@@ -327,7 +327,7 @@ def test_jaws_that_open_make_up_for_none_that_close(law):
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
-def test_jaws_that_do_not_close_hold_or_let_go(law):
+def test_walls_that_do_not_close_hold_or_release(law):
     for gaps, velocity, mu in product(GAPS, (0, 1), (0.0, 0.3)):
         scene = between_jaws(gaps, velocity, mu=mu)
         if min(gaps) < 0:
@@ -342,8 +342,7 @@ def test_jaws_that_do_not_close_hold_or_let_go(law):
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.MOREAU])
-def test_jaws_in_fractions(law):
-    """Those that rest hold, those that open do not."""
+def test_walls_at_rest_hold_and_opening_walls_release_in_fractions(law):
     for gaps, velocity in product((g for g in GAPS if len(g) < 6), (0, 1)):
         scene = between_jaws(gaps, velocity, number=F)
         if min(gaps) < 0:
@@ -356,8 +355,8 @@ def test_jaws_in_fractions(law):
             assert min(after) >= 0 and (gap > 0 or after == [0, 0])
 
 
-def test_a_wall_that_turns_may_contradict_itself():
-    """A point beside its axis: whoever touches it from both sides, at one radius, is squeezed or let go."""
+def test_a_rotating_wall_may_contradict_itself():
+    """A point next to its axis that touches it from both sides is squeezed or released."""
     for law, radii in product(
         (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE), product((-2, -1, 0, 0.5, 2), repeat=3)
     ):
@@ -375,12 +374,12 @@ def test_a_wall_that_turns_may_contradict_itself():
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
 @pytest.mark.parametrize("corners", [1, 3, 4, 6])
 @pytest.mark.parametrize("closing", [0.0, -0.125, -1.0])
-def test_what_does_not_close_in_is_no_contradiction(law, corners, closing):
+def test_walls_that_do_not_close_are_no_contradiction(law, corners, closing):
     for e, mu in product((0.5, 1.0), (0.0, 0.3)):
         try:
             answer = pressed(corners, closing, e, mu).resolve(law)
         except ImpactError as error:
-            assert error.code is StatusCode.PATH_TOO_LONG  # a cube between walls, without end
+            assert error.code is StatusCode.PATH_TOO_LONG  # a cube that bounces between walls without end
         else:
             parts = min(answer.normal_velocities_after) > -1e-6
             assert parts or answer.status is StatusCode.TOLERANCE_NOT_MET
@@ -389,8 +388,8 @@ def test_what_does_not_close_in_is_no_contradiction(law, corners, closing):
 
 @pytest.mark.parametrize("corners", [1, 2, 3, 4])
 @pytest.mark.parametrize("mu", [0.3, 3.0])
-def test_what_cannot_rebound_from_two_walls_is_held(corners, mu):
-    """Newton asks for a rebound from the floor, which is an approach to the ceiling: COULOMB answers."""
+def test_between_two_walls_moreau_falls_back_to_coulomb(corners, mu):
+    """The rebound from the floor that Newton requires would be an approach to the ceiling."""
     scene = pressed(corners, 0.0, 0.5, mu)
     answer, held = scene.resolve(Law.MOREAU), scene.resolve(Law.COULOMB)
     assert answer.adjustments & Adjustment.LAW_FALLBACK
@@ -408,7 +407,7 @@ def test_a_ball_between_two_walls_is_held(number, e, law):
     assert [P.x for P in answer.impulses] == [0, -1]
 
 
-def test_what_is_held_moves_with_the_walls_and_free_contacts_still_bounce():
+def test_a_held_body_moves_with_the_walls_and_its_free_contacts_bounce():
     scene = squeezed(1, F(1, 2), F(1, 2), number=F)
     striker = Body.dynamic(F(1), velocity=(F(0), F(-1), F(0)))
     contact = Contact.of((F(0), F(1), F(0)), (F(0), F(1), F(0)))
@@ -419,7 +418,7 @@ def test_what_is_held_moves_with_the_walls_and_free_contacts_still_bounce():
     assert answer.twists[3].linear == (0, 0, 0)
 
 
-def test_walls_that_part_let_a_ball_bounce_until_it_is_slower():
+def test_between_opening_walls_a_ball_bounces_until_it_is_slower():
     answer = squeezed(1, F(-1, 8), F(1, 8), number=F).resolve(Law.FRICTIONLESS)
     assert min(answer.normal_velocities_after) >= 0
     in_floats = squeezed(1, -0.125, 0.125).resolve(Law.FRICTIONLESS)
@@ -446,13 +445,13 @@ def test_a_body_without_approach_is_separating():
     assert answer.error_bound == 0
 
 
-def test_a_tolerance_that_is_not_met_is_said():
+def test_a_tolerance_that_is_not_met_is_reported():
     assert box((1, 0, -1), mu=0.3).resolve(tolerance=1e-4).status is StatusCode.OK
     assert box((1, 0, -1), mu=0.3).resolve(tolerance=1e-15).status is StatusCode.TOLERANCE_NOT_MET
     assert box().resolve(tolerance=1e-13).status is StatusCode.OK
 
 
-def test_restitution_may_depend_on_speed_and_ends_below_the_threshold():
+def test_restitution_may_depend_on_speed_and_vanishes_below_the_threshold():
     scene = box(e=1.0)
     fading = scene.with_contacts(restitution=lambda v: 0.5 if v > 0.5 else 0.1)
     assert {c.restitution for c in fading.resolve().contacts} == {0.5}
@@ -462,7 +461,7 @@ def test_restitution_may_depend_on_speed_and_ends_below_the_threshold():
     assert answer.twists[0].linear == pytest.approx((0, 0, 0), abs=1e-15)
 
 
-def test_what_was_modelled_is_said():
+def test_the_answer_reports_what_was_modelled():
     answer = box(mu=0.3).resolve()
     assert (answer.model.law, answer.model.geometry, answer.model.precision) == (
         Law.COULOMB,
@@ -474,7 +473,7 @@ def test_what_was_modelled_is_said():
     assert {c.friction for c in smooth.contacts} == {0}
 
 
-def test_the_order_matters_to_a_box_and_not_to_a_ball():
+def test_order_sensitivity_is_positive_for_a_box_and_zero_for_a_ball():
     assert box().resolve(options={"orders": 4}).order_sensitivity > 0.3
     assert resolve_scene([BALL, FLOOR], [(0, 1)], [UP], orders=4).order_sensitivity == 0
     assert box().resolve().order_sensitivity is None
@@ -487,7 +486,7 @@ def test_the_table_shows_every_contact_and_body():
     assert len(text.splitlines()) == 1 + 5 + 3 + 1 + 1
 
 
-def test_a_contact_that_is_given_twice_shares_its_impulse():
+def test_a_repeated_contact_shares_its_impulse():
     one = resolve(BALL, FLOOR, UP)
     answer = resolve_scene([BALL, FLOOR], [(0, 1), (1, 0)], [UP, UP._replace(normal=-UP.normal)])
     assert answer.impulses[0] == one.impulse * 0.5
@@ -495,5 +494,5 @@ def test_a_contact_that_is_given_twice_shares_its_impulse():
     assert answer.twists[0] == one.twist_a
 
 
-def test_the_example_runs():
+def test_the_docstring_examples_run():
     assert doctest.testmod(sys.modules["collision_response.scene.resolve_scene"]).failed == 0

@@ -1,4 +1,4 @@
-"""Boxes a hair from flat: contacts that depend on each other, but for some digits."""
+"""Nearly flat boxes: contacts that depend on each other up to some digits."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LAWS = [(Law.FRICTIONLESS, 0.0), (Law.COULOMB, 0.3), (Law.COULOMB, 1.0)]
 
 
 def stack(count: int, off: float, seed: int, mu: float = 0.0, sideways: float = 0.0) -> Scene:
-    """Cubes on each other fall on a floor; corners, normals and velocities are off by some rounding."""
+    """Cubes on each other fall on a floor; corners, normals and velocities have errors of size ``off``."""
     rng = random.Random(seed)
 
     def near(*numbers: float) -> tuple[float, ...]:
@@ -33,24 +33,26 @@ def stack(count: int, off: float, seed: int, mu: float = 0.0, sideways: float = 
 
 @pytest.mark.parametrize("count, seed", [(1, 1), (1, 2), (1, 3), (2, 1), (2, 2), (3, 1)])
 @pytest.mark.parametrize("off", [1e-14, 1e-13, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5])
-def test_32_digits_tell_what_depends(off, count, seed):
-    """Without refusal, and within the bound of the same in fractions."""
+def test_double_doubles_decide_dependence(off, count, seed):
+    """No scene is refused, and the answer is within the bound of the one in fractions."""
     scene = stack(count, off, seed)
     answer = scene.resolve(Law.FRICTIONLESS)
     assert answer.status is StatusCode.OK
     assert_bounded(scene, answer, exactly(scene))
-    assert answer.error_bound < 2.0**-43  # the root of what 32 digits leave, of some terms
+    assert answer.error_bound < 2.0**-43  # the root of the rounding in 32 digits, for some terms
 
 
 @pytest.mark.parametrize("law, mu", LAWS)
 @pytest.mark.parametrize("count", [1, 2, 5])
 @pytest.mark.parametrize("off", [1e-14, 1e-13, 1e-11, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5])
-def test_a_hair_changes_no_velocity_by_more(off, count, law, mu):
-    """Loads are shared as if it were flat. Reflections, which jump, do not count approaches of that size."""
+def test_small_errors_change_velocities_by_as_little(off, count, law, mu):
+    """Loads are shared as if the box were flat. The threshold keeps reflections from reacting to small
+    approaches.
+    """
     flat, scene = (stack(count, by, 1, mu, sideways=0.5) for by in (0.0, off))
     exact, answer = (one.resolve(law, options={"threshold": 1e-3}) for one in (flat, scene))
     assert answer.status is StatusCode.OK
-    assert answer.error_bound < max(1e-4, 200 * off)  # a root; or what is off, by contact
+    assert answer.error_bound < max(1e-4, 200 * off)  # a root of rounding, or proportional to ``off``
     assert answer.kinetic_energy_after <= answer.kinetic_energy_before
     assert min(answer.normal_velocities_after) >= -answer.error_bound * 10
     for one, other in zip(answer.twists, exact.twists, strict=True):
@@ -60,7 +62,7 @@ def test_a_hair_changes_no_velocity_by_more(off, count, law, mu):
 
 @pytest.mark.parametrize("seed", range(60))
 def test_the_order_of_contacts_changes_nothing_beyond_the_bound(seed):
-    """Though it decides which of those that nearly depend on each other are kept."""
+    """Although it decides which of the nearly dependent contacts are kept."""
     rng = random.Random(seed)
     count, mu = rng.choice([1, 2, 3]), rng.choice([0.1, 0.3, 1.0, 3.0])
     sideways = rng.choice([0.0, 0.3, 20.0])
@@ -75,8 +77,8 @@ def test_the_order_of_contacts_changes_nothing_beyond_the_bound(seed):
 
 @pytest.mark.parametrize("law, mu", LAWS)
 @pytest.mark.parametrize("seed", range(12))
-def test_corners_of_an_engine_in_float32(seed, law, mu):
-    """A turned box on a slope, its corners and normal as such engines give them."""
+def test_corners_rounded_to_float32(seed, law, mu):
+    """A rotated box on a slope, with corners and normal as physics engines give them."""
     rng = np.random.default_rng(seed)
     rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     rotation *= np.sign(np.linalg.det(rotation))
@@ -95,7 +97,7 @@ def test_corners_of_an_engine_in_float32(seed, law, mu):
 
 
 def _quaternion(rotation):
-    """Of a rotation matrix, by its largest component."""
+    """The quaternion of a rotation matrix, as an eigenvector."""
     w = np.array(
         [
             [rotation[0, 0] - rotation[1, 1] - rotation[2, 2], 0, 0, 0],

@@ -1,4 +1,4 @@
-"""The service for several contacts at once, called over DDS."""
+"""The service for several simultaneous contacts, over DDS."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ def xyz(vector) -> tuple[float, float, float]:
     return vector.x, vector.y, vector.z
 
 
-def test_a_scene_by_names_is_the_same_scene():
-    """The cube by name, and the ground in full: by name the order is that of first mention."""
+def test_a_scene_packed_by_names_equals_the_packed_scene():
+    """The cube is given by name and the ground in full; names come in the order of first mention."""
     touches = [Touch("cube", "ground", corner, (0, 0, 1)) for corner in CORNERS]
     ground = Body.static()
     by_name = pack_named(touches, {"ground": ground}, restitution=0.5, friction=0.3, frame_id="world")
@@ -66,7 +66,7 @@ def test_a_scene_by_names_is_the_same_scene():
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
 @pytest.mark.parametrize("scene", SCENES)
-def test_an_answer_over_the_wire_is_that_of_the_library(tried_node, scene, law):
+def test_answers_over_dds_equal_the_library(tried_node, scene, law):
     response = tried_node.call(request_of(*SCENES[scene], law=law))
     assert response.success, response.result.status.message
     result, expected = response.result, resolve_scene(*SCENES[scene], ImpactModel(law))
@@ -86,7 +86,7 @@ def test_an_answer_over_the_wire_is_that_of_the_library(tried_node, scene, law):
     assert [(c.restitution, c.friction) for c in result.contacts] == [c[2:4] for c in expected.contacts]
 
 
-def test_a_cradle_passes_its_speed_on(tried_node):
+def test_a_cradle_passes_on_its_speed(tried_node):
     result = tried_node.call(request_of(*CRADLE)).result
     assert [twist.linear.x for twist in result.twists] == pytest.approx([0, 0, 1], abs=result.error_bound)
 
@@ -150,8 +150,8 @@ materials:
 """
 
 
-def test_pairs_of_materials_count_in_scenes(graph, tmp_path):
-    """One contact alone takes the tangential restitution of its pair, a cluster of two refuses it by name."""
+def test_pairs_of_materials_apply_in_scenes(graph, tmp_path):
+    """A single contact uses the tangential restitution of its pair; a cluster of two refuses it by name."""
     file = tmp_path / "materials.yaml"
     file.write_text(MATERIALS)
     graph.serve(materials_file=str(file), friction=0.125)
@@ -241,7 +241,7 @@ REFUSALS = [
 
 
 def change(request, case):
-    """One entry of a table, or a field."""
+    """Change one entry of a table, or a field."""
     if case.at is None:
         assign(request, case.field, case.value)
     else:
@@ -286,7 +286,7 @@ def test_a_scene_without_contacts_changes_nothing(tried_node):
     assert result.twists[0].linear.x == 3.0
 
 
-def test_answers_are_published_refusals_included(graph):
+def test_answers_and_refusals_are_published(graph):
     graph.serve()
     good, bad = request_of(*CRADLE), request_of(*CRADLE)
     bad.contacts[2 * 3] = 0.0  # the x of the first normal
@@ -324,7 +324,7 @@ def test_a_scene_is_recorded(graph, tmp_path):
     assert told[1].startswith("INVALID_NORMAL: contacts[0].normal")
 
 
-def test_a_flat_box_does_not_spin_over_the_wire(tried_node):
+def test_a_flat_box_does_not_spin(tried_node):
     bodies, pairs, contacts = FLAT_BOX
     result = tried_node.call(request_of(bodies, pairs, [c._replace(friction=0.0) for c in contacts])).result
     assert xyz(result.twists[0].linear) == pytest.approx((0.25, 0.0, 0.5), abs=1e-12)

@@ -1,4 +1,4 @@
-"""Known answers for several contacts at once: rational ones exactly."""
+"""Known answers for several simultaneous contacts; rational ones exactly."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_a_cradle_of_springs_loses_energy():
     [(1e-8, (-1 / 3, 2 / 3, 2 / 3)), (1e8, (0, 0, 1))],
     ids=["soft first", "stiff first"],
 )
-def test_the_ratio_of_stiffnesses_leads_from_all_at_once_to_one_after_another(ratio, expected):
+def test_the_stiffness_ratio_leads_from_simultaneous_to_successive_impacts(ratio, expected):
     options = {"stiffness": [ratio, 1.0]}
     answer = row_of_balls((1, 0, 0), number=float).resolve(LZB, options=options)
     assert speeds(answer) == pytest.approx(expected, abs=2e-2)
@@ -81,7 +81,7 @@ def test_ten_balls_by_springs():
 
 
 def cue_on_two(e: float) -> Scene:
-    """One ball on two, at 30 degrees to either side, along x."""
+    """One ball strikes two along x, at 30 degrees to either side."""
     c, s = 3**0.5 / 2, 0.5
     bodies = [
         Body.dynamic(1.0, velocity=(1.0, 0.0, 0.0)),
@@ -125,7 +125,7 @@ def test_a_flat_block_on_two_corners_does_not_spin(law):
 
 @pytest.mark.parametrize(("rows", "expected"), [(2, F(3, 5)), (3, F(54, 95)), (4, None)])
 def test_a_rack(rows, expected):
-    """A cue ball breaks a triangle of balls. Root 3 scales y, which leaves the equations rational."""
+    """A cue ball breaks a triangle of balls. Root 3 only scales y, so the equations are rational."""
     c, s = 3**0.5 / 2, 0.5
     at = [(c * (i + 1), s * (2 * j - i)) for i in range(rows) for j in range(i + 1)]
     at.insert(0, (0.0, 0.0))
@@ -153,7 +153,7 @@ def test_a_rack(rows, expected):
 
 @pytest.mark.parametrize("number", [F, float])
 def test_reflections_jump_where_a_contact_begins_to_approach(number):
-    """A gap that closes ever so slowly is struck at the same time as the first."""
+    """A gap that closes extremely slowly is struck at the same time as the first contact."""
     scene = row_of_balls((1, 0, number(F(-1, 10**12))), number=number)
     at_once = speeds(scene.resolve(GR, options={"threshold": 0}))
     assert at_once == pytest.approx((-1 / 3, 2 / 3, 2 / 3), abs=1e-11)
@@ -163,7 +163,9 @@ def test_reflections_jump_where_a_contact_begins_to_approach(number):
 
 
 def falling_pair(t, number, lengths=(1, 1), still: int = 0) -> Scene:
-    """A ball falls onto the floor, one onto it, t as fast beside it; and some that only touch the first."""
+    """A ball falls onto the floor, and a second onto the first, faster by t; ``still`` more balls touch the
+    first.
+    """
     zero, one = number(0), number(1)
     balls = [
         Body.dynamic(one, velocity=(zero, zero, -one)),
@@ -184,8 +186,10 @@ def falling_pair(t, number, lengths=(1, 1), still: int = 0) -> Scene:
         *((number, t) for number in (F, float) for t in (F(3, 4), F(1, 2), F(1, 64), F(1, 2**30))),
     ],
 )
-def test_an_approach_just_at_the_threshold_counts(number, t, lengths):
-    """Both at once turn their speeds round; the first alone is struck again, and leaves with the second."""
+def test_an_approach_at_the_threshold_counts(number, t, lengths):
+    """Together they both reverse their velocities. The first alone would be struck again and leave with the
+    second.
+    """
     scene, little = falling_pair(t, number, lengths), F(1, 2**45)
     both, joined = [1, 1 + t], [1 + t / 2, 1 + t / 2]
     for threshold, expected in ((0, both), (t - little, both), (t, both), (t + little, joined)):
@@ -195,8 +199,8 @@ def test_an_approach_just_at_the_threshold_counts(number, t, lengths):
         assert answer.decision_margin == number(min(abs(t - threshold), 1 - threshold))
 
 
-def test_an_approach_just_at_the_threshold_of_the_front_door_counts():
-    """In the kernels as in fractions; and in a cluster that is too large for those, with no bound."""
+def test_an_approach_at_the_default_threshold_counts():
+    """In the kernels as in fractions; in a cluster too large for fractions, without a bound."""
     t, floats = F(THRESHOLD), (float(1), float(1 + F(THRESHOLD)))
     for still in (0, 3, 9):
         answer = falling_pair(t, float, still=still).resolve(GR)
@@ -204,8 +208,8 @@ def test_an_approach_just_at_the_threshold_of_the_front_door_counts():
         assert (answer.error_bound < math.inf) == (still < 7)
 
 
-def test_the_least_restitution_does_not_kill_a_bounce():
-    """A ball on a box that rests: the box' contacts do not approach, so theirs does not count."""
+def test_contacts_that_do_not_approach_do_not_lower_the_restitution():
+    """A ball falls on a box at rest, whose own contacts have e = 0."""
     flat = box(velocity=(0, 0, 0), e=0.0)
     ball = Body.dynamic(1.0, position=(0.0, 0.0, 1.5), velocity=(0.0, 0.0, -1.0))
     contact = Contact.of((0.0, 0.0, 1.0), (0.0, 0.0, 1.0), 0.8)
@@ -215,8 +219,8 @@ def test_the_least_restitution_does_not_kill_a_bounce():
 
 
 @pytest.mark.parametrize("number", [float, F])
-def test_what_moreau_creates_within_rounding_counts_for_no_number(number):
-    """2^-60 of the work: by a body so light that it decides how it turns, and nothing else."""
+def test_moreau_may_create_energy_within_rounding(number):
+    """2^-60 of the work, by a body so light that it affects only its own spin."""
     spins = (-0.125, -1.0, 1.0), (0.0, -0.5, 0.375), (0.875, -0.25, -0.75)
     bodies = [
         Body.dynamic(
@@ -236,7 +240,7 @@ def test_what_moreau_creates_within_rounding_counts_for_no_number(number):
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
-def test_one_restitution_is_for_a_cluster_that_is_struck(law):
+def test_restitution_is_averaged_over_the_contacts_that_are_struck(law):
     own = (0.25, 0.75)
     for velocities, expected in (((0, 1, 2), own), ((2, 1, 1), own[:1] * 2), ((1, 1, 0), own[1:] * 2)):
         scene = row_of_balls(velocities, number=float)
@@ -246,9 +250,9 @@ def test_one_restitution_is_for_a_cluster_that_is_struck(law):
 
 
 def in_a_groove(slope, count, law, pair, *, turned):
-    """The answer for a point that falls between flanks, each of so many contacts; and its error.
+    """The answer for a point that falls between flanks of ``count`` contacts each, and its error.
 
-    The flanks share the load evenly, so it is thrown back by the mean of both restitutions.
+    The flanks share the load evenly, so the point rebounds with the mean restitution.
     """
     mu = 0.0 if law is Law.FRICTIONLESS else 1e-30
     flanks = [(side * slope, e) for side, e in zip((-1, 1), pair, strict=True) for _ in range(count)]
@@ -266,10 +270,10 @@ def in_a_groove(slope, count, law, pair, *, turned):
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
 @pytest.mark.parametrize("count", [1, 2, 4])
 @pytest.mark.parametrize("slope", [2.0**-k for k in (3, 10, 17, 20, 24, 30, 36, 40, 43)])
-def test_flanks_that_are_nearly_one_plane_share_a_load_evenly(slope, count, law, pair, turned):
-    """However near, for up to eight contacts: these are decided in rationals."""
+def test_nearly_parallel_flanks_share_a_load_evenly(slope, count, law, pair, turned):
+    """At any angle for up to eight contacts, which are decided in rationals."""
     answer, error = in_a_groove(slope, count, law, pair, turned=turned)
-    assert error <= answer.error_bound + 1e-16  # the mean is rounded, and so is the velocity
+    assert error <= answer.error_bound + 1e-16  # the mean and the velocity are rounded
     assert answer.status is StatusCode.OK
     assert answer.error_bound < 1e-6
     assert answer.contacts[0].restitution == pytest.approx(sum(pair) / 2, rel=1e-7)
@@ -277,8 +281,8 @@ def test_flanks_that_are_nearly_one_plane_share_a_load_evenly(slope, count, law,
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
 @pytest.mark.parametrize("slope", [2.0**-k for k in (3, 10, 17, 18, 19, 20, 21, 22, 24, 30, 36, 40)])
-def test_who_has_the_load_is_not_guessed(slope, law):
-    """Ten contacts are too many for rationals: the bound says what is not known."""
+def test_an_undecided_load_is_in_the_bound(slope, law):
+    """Ten contacts are too many for rationals."""
     answer, error = in_a_groove(slope, 5, law, (0.5, 1.0), turned=False)
     assert error <= answer.error_bound + 1e-16
     assert (answer.status is StatusCode.OK) == (answer.error_bound < 1e-6)
@@ -286,8 +290,8 @@ def test_who_has_the_load_is_not_guessed(slope, law):
 
 @pytest.mark.parametrize("pair", [(0.5, 1.0), (0.0, 1.0), (1.0, 0.25)])
 @pytest.mark.parametrize("power", range(0, 26, 2))
-def test_a_grain_between_two_places_of_a_heavy_ball_does_not_turn_it(power, pair):
-    """So the one that is half as far from its middle has twice the load, and counts twice."""
+def test_a_light_body_between_two_contacts_of_a_heavy_ball_does_not_turn_it(power, pair):
+    """The contact at half the distance from the middle carries twice the load and has twice the weight."""
     ball = Body.dynamic(1.0, (1.0, 0.0, 0.0, 1.0, 0.0, 1.0), (0.0, 0.0, 1.0))
     mass = 10.0**-power
     grain = Body.dynamic(mass, position=(0.0, 0.0, -1.0), velocity=(0.0, 0.0, 1.0))
@@ -304,8 +308,8 @@ def test_a_grain_between_two_places_of_a_heavy_ball_does_not_turn_it(power, pair
 
 @pytest.mark.parametrize("count", [9, 12, 16])
 @pytest.mark.parametrize("spread", [1e-8, 1e-7, 3e-7, 1e-6, 3e-6, 1e-5])
-def test_many_normals_that_are_nearly_parallel_hold_nothing(spread, count):
-    """As those of a floor in float32 are. A point that falls on them is thrown back; fractions say how."""
+def test_many_nearly_parallel_normals_hold_nothing(spread, count):
+    """Like those of a floor in float32. A point that falls on them must rebound as in fractions."""
     rng = random.Random(0)
     normals = [(rng.uniform(-spread, spread), rng.uniform(-spread, spread), 1.0) for _ in range(count)]
     answers = []
@@ -319,6 +323,6 @@ def test_many_normals_that_are_nearly_parallel_hold_nothing(spread, count):
         answers.append(resolve_scene([point, Body.static()], pairs, contacts, ImpactModel(GR)))
     found, exact = (answer.changes[0].linear for answer in answers)
     off = math.dist(found, map(float, exact)) / math.hypot(*map(float, exact))
-    assert off <= answers[0].error_bound + 1e-15  # rounded to floats on the way here
+    assert off <= answers[0].error_bound + 1e-15  # the expected values are rounded to floats
     assert answers[0].status is StatusCode.OK
     assert answers[0].error_bound < 1e-6

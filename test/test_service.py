@@ -1,4 +1,4 @@
-"""The service, called over DDS."""
+"""The service for single impacts, over DDS."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_separating_bodies_are_a_valid_answer(tried_node):
     assert (answer.result.normal_impulse, answer.result.twist_a) == (0.0, request.body_a.twist)
 
 
-def test_a_long_quaternion_is_normalised_and_said_so(tried_node):
+def test_a_quaternion_of_another_length_is_normalised_and_reported(tried_node):
     request = balls_meet()
     request.body_a.pose.orientation.w = 2.0
     answer = tried_node.call(request)
@@ -84,7 +84,7 @@ def test_a_long_quaternion_is_normalised_and_said_so(tried_node):
     assert "pose.orientation" in answer.result.status.message
 
 
-def test_a_tolerance_that_is_not_met_is_said_so(tried_node):
+def test_a_tolerance_that_is_not_met_is_reported(tried_node):
     request = balls_meet()
     request.model.precision, request.model.tolerance = ImpactModel.DOUBLE, 1e-30
     answer = tried_node.call(request)
@@ -221,7 +221,7 @@ def test_a_refusal_names_the_field_and_its_value(tried_node, case):
     assert answer.result.twist_a == CollisionResult().twist_a
 
 
-def test_every_reason_for_a_refusal_is_among_these():
+def test_every_refusal_code_is_tested():
     answers = {code for code in StatusCode if code.is_answer}
     by_tests_of_their_own = {
         StatusCode.STALE_STATE,
@@ -258,7 +258,7 @@ def test_a_path_that_does_not_end_is_refused(tried_node, monkeypatch):
     ],
     ids=str,
 )
-def test_numbers_at_the_end_of_their_range_are_answered_or_refused_by_name(tried_node, law, changes):
+def test_numbers_at_the_end_of_float64_are_answered_or_refused(tried_node, law, changes):
     request = request_of(*boxes_in_space(), law=law)
     for field, value in changes.items():
         assign(request.body_a, field, value)
@@ -269,13 +269,13 @@ def test_numbers_at_the_end_of_their_range_are_answered_or_refused_by_name(tried
     assert all(math.isfinite(getattr(vector, axis)) for vector in vectors for axis in "xyz")
 
 
-def test_a_constructed_request_is_refused(tried_node):
+def test_a_default_constructed_request_is_refused(tried_node):
     answer = tried_node.call(ResolveCollision.Request())
     assert not answer.success
     assert answer.result.status.code == StatusCode.INVALID_MASS
 
 
-def test_a_fault_of_the_package_is_answered_too(tried_node, monkeypatch):
+def test_an_internal_error_is_answered(tried_node, monkeypatch):
     def fail(*_):
         raise RuntimeError("a bolt is loose")
 
@@ -309,7 +309,9 @@ LATE = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def subscribe(graph):
-    """A subscription to the results that asks for earlier ones, and the list of what it gets."""
+    """Subscribe to the results, earlier ones included; return the subscription and the list of received
+    results.
+    """
     received = []
     subscription = graph.user.create_subscription(
         CollisionResult, "collision_response/result", received.append, LATE
@@ -317,7 +319,7 @@ def subscribe(graph):
     return subscription, received
 
 
-def test_results_reach_subscribers_that_come_late(graph):
+def test_results_reach_late_subscribers(graph):
     graph.serve()
     bad = balls_meet()
     bad.contact.normal.x = 0.0
@@ -341,7 +343,7 @@ def test_results_from_before_and_after_a_subscription_arrive_in_order_once(graph
     assert first == second == [*before, *after, last]
 
 
-def test_results_wait_again_when_the_last_subscriber_has_left(graph):
+def test_results_are_kept_again_when_the_last_subscriber_has_left(graph):
     node = graph.serve()
     subscription, received = subscribe(graph)
     heard = graph.call(balls_meet()).result
@@ -356,7 +358,7 @@ def test_results_wait_again_when_the_last_subscriber_has_left(graph):
     assert received == [heard, unheard]
 
 
-def test_the_last_hundred_results_wait(graph):
+def test_the_last_hundred_results_are_kept(graph):
     graph.serve()
     answers = [graph.call(balls_meet()).result for _ in range(103)]
     _, received = subscribe(graph)
@@ -364,7 +366,7 @@ def test_the_last_hundred_results_wait(graph):
     assert received == answers[3:]
 
 
-def test_what_nobody_hears_is_not_published(graph, monkeypatch):
+def test_results_without_a_subscriber_are_not_published(graph, monkeypatch):
     published, publish = [], Publisher.publish
 
     def note(publisher, message):
@@ -384,7 +386,7 @@ def test_what_nobody_hears_is_not_published(graph, monkeypatch):
 
 
 @pytest.mark.parametrize("system", all_systems(), ids=attrgetter("name"))
-def test_the_source_systems_over_the_wire(tried_node, system):
+def test_the_source_systems_over_dds(tried_node, system):
     result = tried_node.call(request_of(system.body_a, system.body_b, system.contact)).result
     for quantity, value in system.expected.items():
         assert attrgetter(quantity)(result) == pytest.approx(value, rel=ROUNDING, abs=0), quantity
@@ -397,7 +399,7 @@ def rod_on_plane(slope: float, restitution: float, slip: float) -> tuple[Body, B
 
 
 def boxes_in_space() -> tuple[Body, Body, Contact]:
-    """Two boxes that turn; the frame of one starts at a corner."""
+    """Two rotating boxes; the frame of one starts at a corner."""
     inertia, com = box(2.0, (1, 2, 3)).inertia, (0.5, 1, 1.5)
     a = Body.dynamic(2.0, inertia, (0.2, 0.1, 0.5), (1, 2, 3, 4), (0.3, 0, -1), (1, 2, 3), com)
     inertia = box(3.0, (3, 1, 1)).inertia
@@ -415,7 +417,7 @@ COLLISIONS = {
 
 
 def assert_same(result: CollisionResult, impact: Impact) -> None:
-    """Whether a result has every number of an answer."""
+    """Check that a result has every number of an impact."""
     for field in NUMBERS:
         assert getattr(result, field) == getattr(impact, field), field
     for field in ("regime", "adjustments"):
@@ -434,19 +436,19 @@ def assert_same(result: CollisionResult, impact: Impact) -> None:
 
 
 @pytest.mark.parametrize(("collision", "law"), list(product(COLLISIONS, LAWS)))
-def test_an_answer_over_the_wire_is_that_of_the_library(tried_node, collision, law):
+def test_answers_over_dds_equal_the_library(tried_node, collision, law):
     result = tried_node.call(request_of(*COLLISIONS[collision], law=law)).result
     assert_same(result, resolve(*COLLISIONS[collision], Model(law)))
 
 
-def test_a_fall_back_is_told_over_the_wire(tried_node):
+def test_a_fallback_is_reported(tried_node):
     result = tried_node.call(request_of(*FALLS_BACK, law=Law.MOREAU)).result
     assert result.model.law == ImpactModel.COULOMB
     assert result.adjustments == CollisionResult.LAW_FALLBACK
     assert "COULOMB was used" in result.status.message
 
 
-def test_a_spin_without_inertia_is_told_over_the_wire(tried_node):
+def test_massless_spin_is_reported(tried_node):
     request = balls_meet()
     for field in ("ixx", "iyy", "izz"):
         setattr(request.body_a.inertia, field, 0.0)
@@ -471,8 +473,8 @@ def test_the_node_logs_what_the_scene_requires(graph):
     )
 
 
-def test_tangential_restitution_over_the_wire(tried_node):
-    """Of Garwin's ball, which test_laws.py knows."""
+def test_tangential_restitution(tried_node):
+    """Garwin's ball, as in test_laws.py."""
     ball = Body.sphere(2.0, 0.1, position=(0, 0.1, 0), velocity=(1, -1, 0), angular_velocity=(0, 0, -30))
     superball = ball, Body.static(), Contact.of((0, 0, 0), (0, 1, 0), 1.0, friction=10.0)
     result = tried_node.call(request_of(*superball, tangential_restitution=1.0)).result
@@ -482,7 +484,7 @@ def test_tangential_restitution_over_the_wire(tried_node):
 @pytest.mark.parametrize(
     ("tolerance", "precision"), [(1e-9, ImpactModel.DOUBLE), (3e-16, ImpactModel.EXTENDED)]
 )
-def test_a_tolerance_decides_the_precision_over_the_wire(tried_node, tolerance, precision):
+def test_a_tolerance_decides_the_precision(tried_node, tolerance, precision):
     result = tried_node.call(request_of(*boxes_in_space(), tolerance=tolerance)).result
     assert result.error_bound <= tolerance
     assert result.model.precision == precision

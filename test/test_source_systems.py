@@ -1,4 +1,4 @@
-"""The systems S1 to S8 of the two sources, through the front door."""
+"""The systems S1 to S8 of the two sources, by resolve()."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_system(system):
 
 
 def test_s1_conserves_energy():
-    """It fails with the source's second formula as printed, which lacks a sine."""
+    """The second formula of the source as printed lacks a sine and would fail here."""
     system = s1()
     impact = resolve(system.body_a, system.body_b, system.contact)
     assert impact.kinetic_energy_after == pytest.approx(impact.kinetic_energy_before, rel=ROUNDING)

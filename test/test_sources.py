@@ -1,4 +1,4 @@
-"""States of bodies from odometry, TF and robot descriptions."""
+"""Body states from odometry, TF and robot descriptions."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def transform(
 
 @pytest.mark.parametrize("length", [1.0, 2.0, 1e-300, 1e-162, 1e-160, 1e154, 1e300])
 def test_a_twist_in_axes_of_the_robot_becomes_one_in_axes_of_the_world(length):
-    """A quarter turn about z, of a quaternion of any length: x becomes y, y becomes -x."""
+    """A quarter turn about z by a quaternion of any length: x becomes y, y becomes -x."""
     h = length * math.sqrt(0.5)
     state = from_odometry(odometry(turn=(0, 0, h, h), linear=(1, 2, 3), angular=(4, 5, 6)), MATTER)
     assert components(state.twist.linear) == pytest.approx((-2, 1, 3), abs=ROUNDING)
@@ -119,8 +119,8 @@ def test_two_transforms_give_the_mean_twist_between_them(angle, signs):
     assert state.pose.orientation == later.transform.rotation
 
 
-def test_the_axis_of_a_turn_is_that_of_the_world():
-    """First a quarter turn about z, then one about x of the world: of the body that was y."""
+def test_the_axis_of_a_rotation_is_in_world_axes():
+    """A quarter turn about z, then one about x of the world, which is y of the body."""
     h = math.sqrt(0.5)
     earlier, later = transform(0.0, (), math.pi / 2), transform(1.0)
     fill(later.transform.rotation, 0.5, -0.5, 0.5, 0.5)  # (h, 0, 0, h) times (0, 0, h, h)
@@ -152,7 +152,7 @@ def start(graph):
 
 
 def test_a_robot_drives_against_a_wall(graph, start):
-    """From odometry and description to the twist after: the mass of all links, the wheel included."""
+    """From odometry and description to the twist after: the mass of all links, including the wheel."""
     graph.serve()
     start()
     description = graph.user.create_publisher(String, "robot_description", DESCRIPTION_QOS)
@@ -172,7 +172,7 @@ def test_a_robot_drives_against_a_wall(graph, start):
         result = graph.call(request).result
         return result if result.status.code != StatusCode.UNKNOWN_BODY else None
 
-    assert ask() is None  # nobody has said what it weighs
+    assert ask() is None  # without a description there is no mass
     description.publish(String(data=ROBOT))
     result = wait_until(ask)
     assert components(result.twist_a.linear) == pytest.approx((0, -1, 0), abs=ROUNDING)
@@ -193,7 +193,7 @@ def test_a_description_may_be_a_file_and_the_body_have_another_name(graph, start
     assert (start.heard[0].name, start.heard[0].inertia.m) == ("crate", 3.0)
 
 
-def test_each_body_that_is_left_out_is_named(graph, start):
+def test_each_omitted_body_is_named(graph, start):
     source = start()
     said = []
     source._report = ThrottledWarnings(said.append, lambda: 0.0)
@@ -210,7 +210,7 @@ def test_each_body_that_is_left_out_is_named(graph, start):
 
 
 @pytest.mark.parametrize("things", [1, 2, MAX_SUBJECTS, MAX_SUBJECTS + 1, 3 * MAX_SUBJECTS])
-def test_one_thing_is_not_warned_of_all_the_time_nor_are_many(things):
+def test_warnings_are_throttled_by_subject_and_in_total(things):
     now, said = 0.0, []
     warn = ThrottledWarnings(said.append, lambda: now)
     for now in (0.0, 0.5 * WARNING_INTERVAL, WARNING_INTERVAL, 1.5 * WARNING_INTERVAL):
@@ -223,7 +223,7 @@ def test_one_thing_is_not_warned_of_all_the_time_nor_are_many(things):
 
 @pytest.fixture
 def tf2_ros(monkeypatch):
-    """tf2_ros; where it is not installed, what of it is used here. Its latest buffer is ``buffers[-1]``."""
+    """tf2_ros, or a minimal substitute where it is not installed. Its latest buffer is ``buffers[-1]``."""
     try:
         import tf2_ros
     except ImportError:
@@ -256,7 +256,7 @@ def tf2_ros(monkeypatch):
     return tf2_ros
 
 
-def test_a_frame_of_tf_is_a_link_with_what_is_fixed_to_it(graph, start, tf2_ros, tmp_path):
+def test_a_tf_frame_is_a_link_with_all_that_is_fixed_to_it(graph, start, tf2_ros, tmp_path):
     file = tmp_path / "robot.urdf"
     file.write_text(ROBOT.replace("base_footprint", "tool"))
     start(description_file=str(file), frames=["tool", "lost"], world_frame="map", rate=1000.0)
@@ -285,7 +285,7 @@ def test_a_frame_of_tf_is_a_link_with_what_is_fixed_to_it(graph, start, tf2_ros,
         ({"description_file": __file__}, "description_file: the description is no XML"),
     ],
 )
-def test_what_it_cannot_start_with_it_says(start, parameters, message):
+def test_an_invalid_start_is_explained(start, parameters, message):
     with pytest.raises(StartError, match=message):
         start(**parameters)
 

@@ -1,4 +1,4 @@
-"""Bodies given by name: look-up, age, frames."""
+"""Bodies given by name: lookup, age and frames."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def left_ball(velocity=3.0, stamp=0.0):
 
 
 class Publisher:
-    """Publishes states and waits until the node has them; best effort may lose one."""
+    """Publish states until the node has them; best effort may lose some."""
 
     def __init__(self, graph, topic="body_states"):
         self._graph = graph
@@ -62,7 +62,7 @@ def test_a_body_given_by_name_is_looked_up(graph):
     assert answer.result.contact.body_b == "left"
 
 
-def test_the_latest_state_counts(graph):
+def test_the_latest_state_is_used(graph):
     graph.serve()
     publisher = Publisher(graph)
     publisher.publish(left_ball(3.0))
@@ -114,7 +114,7 @@ def test_world_frame_is_the_only_frame_accepted(graph):
 
 
 def simulated_clock(graph, **parameters):
-    """Of a node that is started; call it to set it."""
+    """Start a node with simulated time; return a function that sets the time."""
     node = graph.serve(use_sim_time=True, **parameters)
     clock = graph.user.create_publisher(Clock, "/clock", 1)
 
@@ -131,7 +131,7 @@ def simulated_clock(graph, **parameters):
     return set_clock
 
 
-def test_age_is_by_the_clock_of_the_simulation(graph):
+def test_age_is_by_simulated_time(graph):
     set_clock = simulated_clock(graph, max_state_age=0.5)
     set_clock(100.5)
     assert Publisher(graph).publish(left_ball(stamp=100.0)).success
@@ -145,7 +145,7 @@ def test_age_is_by_the_clock_of_the_simulation(graph):
     )
 
 
-def test_age_is_by_the_clock_of_the_machine(graph):
+def test_age_is_by_system_time(graph):
     graph.serve(max_state_age=3600.0)
     publisher = Publisher(graph)
     assert publisher.publish(left_ball(stamp=1.0)).result.status.code == StatusCode.STALE_STATE
@@ -154,13 +154,13 @@ def test_age_is_by_the_clock_of_the_machine(graph):
     assert publisher.publish(left_ball(stamp=now), until_answer=lambda answer: answer.success)
 
 
-def test_states_never_grow_stale_unless_asked(graph):
+def test_states_are_never_stale_by_default(graph):
     graph.serve()
     assert Publisher(graph).publish(left_ball(stamp=1.0)).success
 
 
 def test_a_request_overtakes_no_state_published_before_it(graph):
-    """Each state is the last of many: taken one at a time, the request would be answered with the first."""
+    """Each state follows many others; taken one at a time, an older one would answer the request."""
     graph.serve()
     states = graph.user.create_publisher(BodyState, "body_states", 1000)
     wait_until(lambda: states.get_subscription_count() == 1)
@@ -176,14 +176,14 @@ def test_a_request_overtakes_no_state_published_before_it(graph):
         assert result.normal_velocity_before == -1.0 - speed
 
 
-def test_a_request_waits_for_the_state_that_it_asks_for(graph):
+def test_a_request_waits_for_a_state_with_its_stamp(graph):
     graph.serve(max_state_wait=DEADLINE)
     publisher = Publisher(graph)
     publisher.publish(left_ball(3.0, stamp=10.0))
     request = by_name()
     request.not_before.sec = 20
     future = graph.call_async(request)
-    assert graph.call(by_name()).result.normal_velocity_before == -4.0  # another one does not wait for it
+    assert graph.call(by_name()).result.normal_velocity_before == -4.0  # other requests do not wait for it
     assert not future.done()
 
     def answered():
@@ -202,7 +202,7 @@ def test_a_request_waits_for_the_state_that_it_asks_for(graph):
         ("ghost", "body_b.name: is 'ghost', of which no state has been received; heard of: left"),
     ],
 )
-def test_it_does_not_wait_for_ever(graph, name, reason):
+def test_waiting_ends_after_max_state_wait(graph, name, reason):
     graph.serve(max_state_wait=0.05)
     Publisher(graph).publish(left_ball(3.0, stamp=10.0))
     request = by_name(name)
@@ -237,7 +237,7 @@ def test_a_state_without_a_stamp_has_no_age(graph):
         (0.0, "has no stamp, or there is no time yet"),
     ],
 )
-def test_age_is_at_the_time_of_the_contact_and_to_either_side(graph, stamp, reason):
+def test_age_is_relative_to_the_contact_and_limited_in_both_directions(graph, stamp, reason):
     graph.serve(max_state_age=1.0)
     publisher = Publisher(graph)
     request = by_name()
@@ -250,7 +250,7 @@ def test_age_is_at_the_time_of_the_contact_and_to_either_side(graph, stamp, reas
     assert graph.call(request).success == bool(stamp)
 
 
-def test_what_has_no_stamp_is_not_said_to_be_old(graph):
+def test_a_state_without_a_stamp_is_not_reported_as_old(graph):
     graph.serve(max_state_wait=0.0)
     Publisher(graph).publish(left_ball())
     request = by_name()
@@ -270,7 +270,7 @@ def test_before_the_first_clock_a_state_has_no_age(graph):
     assert "has no stamp, or there is no time yet; max_state_age is 1 s" in status.message
 
 
-def test_bodies_may_be_named_by_the_contact_alone(graph):
+def test_bodies_may_be_named_by_the_contact_only(graph):
     graph.serve()
     publisher = Publisher(graph)
     publisher.publish(left_ball())
