@@ -33,8 +33,8 @@ from ..kernels import library
 from ..model import DEFAULT, LARGEST, ImpactModel, check_number, plan
 from ..physics.laws import PATHS
 from ..scene import SceneImpact, resolve_scene
+from ..scene.kernel_model import COMPILED_LAWS, THRESHOLD
 from ..scene.reflections import REFLECTIONS
-from ..scene.resolve_scene import COMPILED_LAWS, THRESHOLD
 from ..status import ImpactError, StatusCode
 from .one_by_one import REPORT, body_of, contact_of
 from .other_arrays import check_unmasked

@@ -1,4 +1,4 @@
-// The compiled part of scenes: the arithmetic of one cluster of contacts. What is asked of it is written in
+// The compiled part of scenes: the arithmetic of one cluster of contacts. What is options of it is written in
 // collision_response/scene/.
 //
 // Impulses along the normals travel as bytes: a double-double for each contact.
@@ -8,7 +8,7 @@
 #include "python.hpp"
 #define WITH_TABLES
 #include "scene/contact_springs.hpp"
-#include "scene/many.hpp"
+#include "scene/table_clusters.hpp"
 #include "validity_everything.hpp"
 
 namespace {
@@ -20,7 +20,7 @@ struct ClusterObject {
   Cluster* cluster;
 };
 
-// Numbers that are not exactly floats are left to Python.
+// ImpulseEffect that are not exactly floats are left to Python.
 bool floats(PyObject* o, int count, double* x) {
   if (!PyTuple_Check(o) || PyTuple_GET_SIZE(o) != count) return false;
   for (int k = 0; k < count; ++k)
@@ -71,31 +71,31 @@ void dealloc(PyObject* self) {
 PyObject* assemble(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 4 || !PyList_Check(args[0]) || !PyList_Check(args[1]) || !PyList_Check(args[2]) || !PyList_Check(args[3]))
     return PyErr_Format(PyExc_TypeError, "assemble() takes four lists");
-  Parts parts;
+  ClusterParts parts;
   parts.bodies.resize(PyList_GET_SIZE(args[0]));
   for (size_t i = 0; i < parts.bodies.size(); ++i)
     if (!read_body(PyList_GET_ITEM(args[0], i), parts.bodies[i].data())) Py_RETURN_NONE;
   for (Py_ssize_t k = 0; k < PyList_GET_SIZE(args[2]); ++k) {
     std::int64_t pair[2];
-    Parts::Contact contact{{}, {}, PyLong_AsDouble(PyList_GET_ITEM(args[3], k))};
+    ClusterParts::Contact contact{{}, {}, PyLong_AsDouble(PyList_GET_ITEM(args[3], k))};
     if (!read_contact(PyList_GET_ITEM(args[2], k), contact.x) || !read_pair(PyList_GET_ITEM(args[1], k), parts.bodies.size(), pair)) Py_RETURN_NONE;
     for (int side = 0; side < 2; ++side) contact.body[side] = static_cast<int>(pair[side]);
     parts.contacts.push_back(contact);
   }
   auto cluster = std::make_unique<Cluster>(parts, false);
-  if (cluster->fault) return PyLong_FromSize_t(cluster->at_fault);
+  if (cluster->fault) return PyLong_FromSize_t(cluster->invalid_contact);
   auto* object = PyObject_New(ClusterObject, cluster_type);
   if (object) object->cluster = cluster.release();
   return reinterpret_cast<PyObject*>(object);
 }
 
-Assembly& of(PyObject* self) { return reinterpret_cast<ClusterObject*>(self)->cluster->scene; }
+Assembly& assembly_of(PyObject* self) { return reinterpret_cast<ClusterObject*>(self)->cluster->assembly; }
 
 PyObject* bytes(const std::vector<DD>& p) {
   return PyBytes_FromStringAndSize(reinterpret_cast<const char*>(p.data()), p.size() * sizeof(DD));
 }
 const DD* impulses(PyObject* self, PyObject* o) {
-  if (PyBytes_Check(o) && PyBytes_GET_SIZE(o) == static_cast<Py_ssize_t>(of(self).count * sizeof(DD)))
+  if (PyBytes_Check(o) && PyBytes_GET_SIZE(o) == static_cast<Py_ssize_t>(assembly_of(self).count * sizeof(DD)))
     return reinterpret_cast<const DD*>(PyBytes_AS_STRING(o));
   PyErr_SetString(PyExc_TypeError, "these are no impulses of this cluster");
   return nullptr;
@@ -111,27 +111,27 @@ template <class Make> PyObject* listed(size_t count, Make make) {
 }
 
 // none(): no impulses.
-PyObject* none(PyObject* self, PyObject*) { return bytes(std::vector<DD>(of(self).count)); }
+PyObject* no_impulses(PyObject* self, PyObject*) { return bytes(std::vector<DD>(assembly_of(self).count)); }
 
 // from_floats(p): impulses.
-PyObject* from_floats(PyObject* self, PyObject* list) {
-  Vector numbers(of(self).count);
+PyObject* impulses_from_floats(PyObject* self, PyObject* list) {
+  Vector numbers(assembly_of(self).count);
   if (!read_list(list, numbers)) return nullptr;
   std::vector<DD> p;
   for (double number : numbers) p.push_back({number, 0});
   return bytes(p);
 }
 
-// contradiction(): the few contacts that seem to contradict each other; or none.
-PyObject* contradiction(PyObject* self, PyObject*) {
-  const std::vector<int> found = of(self).contradiction();
+// contradictory_contacts(): the few contacts that seem to contradict each other; or none.
+PyObject* find_contradictory_contacts(PyObject* self, PyObject*) {
+  const std::vector<int> found = contradictory_contacts(assembly_of(self));
   return listed(found.size(), [&found](size_t i) { return PyLong_FromLong(found[i]); });
 }
 
 // size(p): at least that of the velocities by impulses p, in the metric of kinetic energy.
-PyObject* size(PyObject* self, PyObject* o) {
+PyObject* velocity_size(PyObject* self, PyObject* o) {
   const DD* p = impulses(self, o);
-  return p ? PyFloat_FromDouble(of(self).size_of(p)) : nullptr;
+  return p ? PyFloat_FromDouble(assembly_of(self).velocity_size(p)) : nullptr;
 }
 
 // reflections(threshold, budget): how they ended, impulses, their error, the margin of decisions, and the restitution
@@ -140,9 +140,9 @@ PyObject* reflect(PyObject* self, PyObject* args) {
   double threshold;
   long budget;
   if (!PyArg_ParseTuple(args, "dl", &threshold, &budget)) return nullptr;
-  Struck found = Reflections{of(self)}.resolve(threshold, budget);
+  ClusterImpulses found = Reflections{assembly_of(self)}.resolve(threshold, budget);
   PyObject* e = found.restitution < 0 ? Py_NewRef(Py_None) : PyFloat_FromDouble(found.restitution);
-  return Py_BuildValue("iNddN", static_cast<int>(found.outcome), bytes(found.p), found.error, found.margin, e);
+  return Py_BuildValue("iNddN", static_cast<int>(found.outcome), bytes(found.normal), found.error, found.margin, e);
 }
 
 PyObject* number_list(const Vector& x) {
@@ -154,87 +154,87 @@ PyObject* number_list(const Vector& x) {
 // after, the regimes, the energies before and after and what restitution and friction lost, the relative error,
 // whether a body turned about an axis without inertia, whether a quaternion was not of unit length, and whether energy
 // was created.
-PyObject* answer(PyObject* self, PyObject* args) {
+PyObject* get_effect(PyObject* self, PyObject* args) {
   PyObject *normal, *across;
   double error;
   int by_slip;
   if (!PyArg_ParseTuple(args, "OOdp", &normal, &across, &error, &by_slip)) return nullptr;
   const DD* p = impulses(self, normal);
   if (!p) return nullptr;
-  Struck struck{Outcome::ANSWERED, {p, p + of(self).count}, error};
-  struck.tangential.resize(across == Py_None ? 0 : 2 * of(self).count);
-  if (!read_list(across, struck.tangential)) return nullptr;
+  ClusterImpulses impulses{Outcome::ANSWERED, {p, p + assembly_of(self).count}, error};
+  impulses.tangential.resize(across == Py_None ? 0 : 2 * assembly_of(self).count);
+  if (!read_list(across, impulses.tangential)) return nullptr;
   const Cluster& cluster = *reinterpret_cast<ClusterObject*>(self)->cluster;
-  Numbers y = numbers_of(of(self), struck, by_slip);
+  ImpulseEffect effect = effect_of(assembly_of(self), impulses, by_slip);
   return Py_BuildValue(
-      "NNNNNN(dddd)dNNN", listed(of(self).bodies, [&](size_t b) { return twist(&y.changes[6 * b]); }),
-      listed(of(self).bodies, [&](size_t b) { return twist(&y.after[6 * b]); }),
-      listed(of(self).count, [&](size_t i) { return vector(&y.pushes[3 * i]); }), number_list(y.before), number_list(y.then),
-      listed(of(self).count, [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(types.regimes, y.regimes[i])); }),
-      y.energies[0], y.energies[1], y.energies[2], y.energies[3], y.bound,
-      PyBool_FromLong(cluster.idle), PyBool_FromLong(cluster.off_unit),
-      PyBool_FromLong(y.creates_energy));
+      "NNNNNN(dddd)dNNN", listed(assembly_of(self).body_count, [&](size_t b) { return twist(&effect.changes[6 * b]); }),
+      listed(assembly_of(self).body_count, [&](size_t b) { return twist(&effect.twists[6 * b]); }),
+      listed(assembly_of(self).count, [&](size_t i) { return vector(&effect.impulses[3 * i]); }), number_list(effect.normal_velocities_before), number_list(effect.normal_velocities_after),
+      listed(assembly_of(self).count, [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(types.regimes, effect.regimes[i])); }),
+      effect.energies[0], effect.energies[1], effect.energies[2], effect.energies[3], effect.error_bound,
+      PyBool_FromLong(cluster.has_massless_spin), PyBool_FromLong(cluster.has_off_unit_orientation),
+      PyBool_FromLong(effect.creates_energy));
 }
 
-PyObject* struck_answer(const Struck& struck) {
-  if (struck.outcome != Outcome::ANSWERED) Py_RETURN_NONE;
-  PyObject* across = struck.tangential.empty() ? Py_NewRef(Py_None) : number_list(struck.tangential);
-  return Py_BuildValue("NNd", bytes(struck.p), across, struck.error);
+PyObject* struck_answer(const ClusterImpulses& impulses) {
+  if (impulses.outcome != Outcome::ANSWERED) Py_RETURN_NONE;
+  PyObject* across = impulses.tangential.empty() ? Py_NewRef(Py_None) : number_list(impulses.tangential);
+  return Py_BuildValue("NNd", bytes(impulses.normal), across, impulses.error);
 }
 
-// least_work(p, error), one_step(friction): impulses along the normals, across them, and the error; None if there are none.
-PyObject* with_least_work(PyObject* self, PyObject* args) {
+// least_work_friction(p, error), one_step(friction): impulses along the normals, across them, and the error; None if there are none.
+PyObject* add_least_work_friction(PyObject* self, PyObject* args) {
   PyObject* normal;
   double error;
   if (!PyArg_ParseTuple(args, "Od", &normal, &error)) return nullptr;
   const DD* p = impulses(self, normal);
-  return !p ? nullptr : struck_answer(least_work(of(self), {Outcome::ANSWERED, {p, p + of(self).count}, error}));
+  return !p ? nullptr : struck_answer(least_work_friction(assembly_of(self), {Outcome::ANSWERED, {p, p + assembly_of(self).count}, error}));
 }
-PyObject* in_one_step(PyObject* self, PyObject* rubs) { return struck_answer(stepped(of(self), rubs == Py_True)); }
+PyObject* apply_moreau(PyObject* self, PyObject* has_friction) { return struck_answer(moreau(assembly_of(self), has_friction == Py_True)); }
 
 // compress(stiffness, exponent, tolerance, budget, friction): impulses along a law with compliance, the energy that
 // friction took on the way, and what is left of the budget; None if it ran out, False if the path has no end.
-PyObject* compress(PyObject* self, PyObject* args) {
+PyObject* follow_springs(PyObject* self, PyObject* args) {
   PyObject* stiffness;
   double exponent, tolerance;
   long budget;
-  int rubs;
-  if (!PyArg_ParseTuple(args, "Oddlp", &stiffness, &exponent, &tolerance, &budget, &rubs)) return nullptr;
-  const Assembly& scene = of(self);
-  Vector ratios(scene.count);
+  int has_friction;
+  if (!PyArg_ParseTuple(args, "Oddlp", &stiffness, &exponent, &tolerance, &budget, &has_friction)) return nullptr;
+  const Assembly& assembly = assembly_of(self);
+  Vector ratios(assembly.count);
   if (!read_list(stiffness, ratios)) return nullptr;
-  ContactSprings law(scene, exponent, ratios, budget);
-  std::vector<Axes> P(scene.count);
+  ContactSprings law(assembly, exponent, ratios, budget);
+  std::vector<Axes> P(assembly.count);
   bool found;
   {
     WithoutGil without;
     Vector p;
-    found = rubs ? law.follow_with_friction(tolerance, P) : law.follow(tolerance, p);
+    found = has_friction ? law.follow_with_friction(tolerance, P) : law.follow_without_friction(tolerance, p);
     for (size_t i = 0; i < p.size(); ++i) P[i][0] = p[i];
   }
-  if (law.wedged) Py_RETURN_FALSE;
+  if (law.is_wedged) Py_RETURN_FALSE;
   if (!found) Py_RETURN_NONE;
-  const Struck struck = with_impulses({}, scene, P);
-  PyObject* across = rubs ? number_list(struck.tangential) : Py_NewRef(Py_None);
-  return Py_BuildValue("NNdl", bytes(struck.p), across, law.rubbed, law.work);
+  const ClusterImpulses impulses = with_axis_impulses({}, assembly, P);
+  PyObject* across = has_friction ? number_list(impulses.tangential) : Py_NewRef(Py_None);
+  return Py_BuildValue("NNdl", bytes(impulses.normal), across, law.friction_loss, law.work);
 }
 
-PyObject* get_locked(PyObject* self, void*) { return PyBool_FromLong(of(self).locked); }
-PyObject* get_doubtful(PyObject* self, void*) { return PyBool_FromLong(of(self).is_doubtful()); }
-PyObject* get_beyond(PyObject* self, void*) { return PyBool_FromLong(reinterpret_cast<ClusterObject*>(self)->cluster->beyond()); }
+PyObject* get_is_locked(PyObject* self, void*) { return PyBool_FromLong(assembly_of(self).is_locked); }
+PyObject* get_approach_is_uncertain(PyObject* self, void*) { return PyBool_FromLong(assembly_of(self).approach_is_uncertain()); }
+PyObject* get_is_out_of_range(PyObject* self, void*) { return PyBool_FromLong(reinterpret_cast<ClusterObject*>(self)->cluster->is_out_of_range()); }
 
 PyMethodDef methods[] = {
-    {"none", Guarded<none>::call, METH_NOARGS, ""},
-    {"from_floats", Guarded<from_floats>::call, METH_O, ""},
-    {"contradiction", Guarded<contradiction>::call, METH_NOARGS, ""},
-    {"size", size, METH_O, ""},
+    {"no_impulses", Guarded<no_impulses>::call, METH_NOARGS, ""},
+    {"impulses_from_floats", Guarded<impulses_from_floats>::call, METH_O, ""},
+    {"contradictory_contacts", Guarded<find_contradictory_contacts>::call, METH_NOARGS, ""},
+    {"velocity_size", velocity_size, METH_O, ""},
     {"reflections", Guarded<reflect>::call, METH_VARARGS, ""},
-    {"answer", Guarded<answer>::call, METH_VARARGS, ""},
-    {"least_work", Guarded<with_least_work>::call, METH_VARARGS, ""},
-    {"one_step", Guarded<in_one_step>::call, METH_O, ""},
-    {"compress", Guarded<compress>::call, METH_VARARGS, ""},
+    {"effect_of", Guarded<get_effect>::call, METH_VARARGS, ""},
+    {"least_work_friction", Guarded<add_least_work_friction>::call, METH_VARARGS, ""},
+    {"moreau", Guarded<apply_moreau>::call, METH_O, ""},
+    {"follow_springs", Guarded<follow_springs>::call, METH_VARARGS, ""},
     {}};
-PyGetSetDef fields[] = {{"locked", get_locked, nullptr, "", nullptr}, {"doubtful", get_doubtful, nullptr, "", nullptr}, {"beyond", get_beyond, nullptr, "", nullptr}, {}};
+PyGetSetDef fields[] = {{"is_locked", get_is_locked, nullptr, "", nullptr}, {"approach_is_uncertain", get_approach_is_uncertain, nullptr, "", nullptr}, {"is_out_of_range", get_is_out_of_range, nullptr, "", nullptr}, {}};
 PyType_Slot slots[] = {{Py_tp_dealloc, reinterpret_cast<void*>(dealloc)}, {Py_tp_methods, methods}, {Py_tp_getset, fields}, {}};
 PyType_Spec spec = {"collision_response.kernels._scene.Cluster", sizeof(ClusterObject), 0, Py_TPFLAGS_DEFAULT, slots};
 
@@ -269,7 +269,7 @@ PyObject* resolve_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (!open || PyErr_Occurred()) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): arrays must be contiguous");
   long n = static_cast<long>(contacts.view.shape[1]);
   auto numbers = [&result](int i) { return result[i].at<double>(); };
-  Many clusters{tables[place], bodies.at<double>(), contacts.at<double>(),
+  TableClusters clusters{tables[place], bodies.at<double>(), contacts.at<double>(),
              {pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, bodies.view.shape[1]},
              n, static_cast<long>(contacts.view.shape[0]), order.at<std::int64_t>(), starts.at<std::int64_t>(),
              {law, number[0], number[1], static_cast<int>(number[3])}, number[2],
@@ -285,7 +285,7 @@ PyObject* resolve_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
 struct Solved {  // a cluster of a scene, and which bodies it has
   std::vector<std::int64_t> bodies;
   Cluster cluster;
-  Answer found;
+  ClusterResult result;
 };
 
 struct Request {  // a scene from Python
@@ -294,7 +294,7 @@ struct Request {  // a scene from Python
   std::vector<std::int64_t> a, b, order, starts, cluster;
   std::unique_ptr<bool[]> movable;
   long count;  // of clusters
-  bool rubs = false;
+  bool has_friction = false;
   std::vector<Solved> solved;
   double energies[4] = {};
 
@@ -323,7 +323,7 @@ struct Request {  // a scene from Python
       a[k] = pair[0];
       b[k] = pair[1];
       touched[a[k]] = touched[b[k]] = 1;
-      rubs = rubs || contacts[k][7] > 0;
+      has_friction = has_friction || contacts[k][7] > 0;
     }
     for (long i = 0; i < of_bodies; ++i)
       if (movable[i] && !touched[i]) return false;
@@ -334,20 +334,20 @@ struct Request {  // a scene from Python
   }
 
   // Whether every cluster has its usual answer.
-  bool solve(const Asked& asked) {
+  bool solve(const ClusterOptions& options) {
     std::vector<int> place(bodies.size(), -1);
     auto body = [this](std::int64_t i, double* x) { std::copy(bodies[i].begin(), bodies[i].end(), x); };
     auto contact = [this](std::int64_t k, double* x) { std::copy(contacts[k].begin(), contacts[k].end(), x); };
     for (long c = 0; c < count; ++c) {
       std::vector<std::int64_t> used;
-      Parts parts = parts_of({a.data(), b.data(), 0}, &order[starts[c]], &order[0] + starts[c + 1], place, used, body, contact);
+      ClusterParts parts = take_parts({a.data(), b.data(), 0}, &order[starts[c]], &order[0] + starts[c + 1], place, used, body, contact);
       if (parts.has_copies()) return false;
-      Cluster cluster(parts, asked.law == LAW_FRICTIONLESS);
+      Cluster cluster(parts, options.law == LAW_FRICTIONLESS);
       if (cluster.fault) return false;
-      Answer found = answered(cluster, asked);
-      if (found.code != STATUS_OK) return false;
-      for (int i = 0; i < 4; ++i) energies[i] += found.numbers.energies[i];
-      solved.push_back({std::move(used), std::move(cluster), std::move(found)});
+      ClusterResult result = resolve_cluster(cluster, options);
+      if (result.code != STATUS_OK) return false;
+      for (int i = 0; i < 4; ++i) energies[i] += result.effect.energies[i];
+      solved.push_back({std::move(used), std::move(cluster), std::move(result)});
     }
     return std::all_of(energies, energies + 4, [](double energy) { return std::isfinite(energy); });
   }
@@ -363,8 +363,8 @@ PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t argc) {
     return PyErr_Occurred() ? nullptr : PyErr_Format(PyExc_TypeError, "resolve_scene() takes 6 arguments");
   Request request;
   if (!request.read(args[0], args[1], args[2])) Py_RETURN_NONE;
-  Asked asked{laws[request.rubs], number[0], number[1], static_cast<int>(number[3])};
-  if (!request.solve(asked)) Py_RETURN_NONE;
+  ClusterOptions options{laws[request.has_friction], number[0], number[1], static_cast<int>(number[3])};
+  if (!request.solve(options)) Py_RETURN_NONE;
 
   enum { CONTACTS, TWISTS, CHANGES, IMPULSES, BEFORE, AFTER, REGIMES, CLUSTERS, COLUMNS };
   auto bodies = static_cast<Py_ssize_t>(request.bodies.size()), contacts = static_cast<Py_ssize_t>(request.contacts.size());
@@ -377,37 +377,37 @@ PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t argc) {
     PyTuple_SET_ITEM(column[CHANGES], i, twist(none));
   }
   double bound = 0, margin = INFINITY;
-  int adjusted = 0, law = asked.law;
+  int adjusted = 0, law = options.law;
   bool separates = true, beyond_doubles = false;
   for (long c = 0; c < request.count; ++c) {
-    const auto& [used, cluster, found] = request.solved[c];
-    const Numbers& y = found.numbers;
+    const auto& [used, cluster, result] = request.solved[c];
+    const ImpulseEffect& effect = result.effect;
     for (size_t i = 0; i < used.size(); ++i) {
-      if (cluster.movable[i] < 0) continue;
-      PyTuple_SET_ITEM(column[TWISTS], used[i], twist(&y.after[6 * cluster.movable[i]]));
-      PyTuple_SET_ITEM(column[CHANGES], used[i], twist(&y.changes[6 * cluster.movable[i]]));
+      if (cluster.movable_place[i] < 0) continue;
+      PyTuple_SET_ITEM(column[TWISTS], used[i], twist(&effect.twists[6 * cluster.movable_place[i]]));
+      PyTuple_SET_ITEM(column[CHANGES], used[i], twist(&effect.changes[6 * cluster.movable_place[i]]));
     }
     long from = static_cast<long>(request.starts[c]), to = static_cast<long>(request.starts[c + 1]);
     PyObject* own = PyTuple_New(to - from);
     for (long i = 0; i < to - from; ++i) {
       auto k = static_cast<Py_ssize_t>(request.order[from + i]);
-      double e = found.restitution < 0 ? cluster.scene.touches[i].e : found.restitution;
+      double e = result.restitution < 0 ? cluster.assembly.contacts[i].e : result.restitution;
       PyTuple_SET_ITEM(own, i, PyLong_FromSsize_t(k));
       const auto& given = request.contacts[k];
-      PyTuple_SET_ITEM(column[CONTACTS], k, used_contact(PySequence_Fast_GET_ITEM(args[2], k), e, e != given[6], asked.law == LAW_FRICTIONLESS && given[7] != 0));
-      PyTuple_SET_ITEM(column[IMPULSES], k, vector(&y.pushes[3 * i]));
-      PyTuple_SET_ITEM(column[BEFORE], k, PyFloat_FromDouble(y.before[i]));
-      PyTuple_SET_ITEM(column[AFTER], k, PyFloat_FromDouble(y.then[i]));
-      PyTuple_SET_ITEM(column[REGIMES], k, Py_NewRef(PyTuple_GET_ITEM(types.regimes, y.regimes[i])));
+      PyTuple_SET_ITEM(column[CONTACTS], k, used_contact(PySequence_Fast_GET_ITEM(args[2], k), e, e != given[6], options.law == LAW_FRICTIONLESS && given[7] != 0));
+      PyTuple_SET_ITEM(column[IMPULSES], k, vector(&effect.impulses[3 * i]));
+      PyTuple_SET_ITEM(column[BEFORE], k, PyFloat_FromDouble(effect.normal_velocities_before[i]));
+      PyTuple_SET_ITEM(column[AFTER], k, PyFloat_FromDouble(effect.normal_velocities_after[i]));
+      PyTuple_SET_ITEM(column[REGIMES], k, Py_NewRef(PyTuple_GET_ITEM(types.regimes, effect.regimes[i])));
     }
     PyTuple_SET_ITEM(column[CLUSTERS], c, own);
-    bound = std::fmax(bound, y.bound);
-    margin = std::fmin(margin, found.margin);
-    adjusted |= cluster.off_unit * ADJUSTMENT_NORMALISED_ORIENTATION + found.slow * ADJUSTMENT_RESTITUTION_THRESHOLD +
-                found.fell_back * ADJUSTMENT_LAW_FALLBACK + cluster.idle * ADJUSTMENT_MASSLESS_SPIN;
-    if (found.fell_back && law == asked.law) law = cluster.rubs ? LAW_COULOMB : LAW_FRICTIONLESS;
-    separates = separates && y.separates();
-    beyond_doubles = beyond_doubles || !cluster.rubs;
+    bound = std::fmax(bound, effect.error_bound);
+    margin = std::fmin(margin, result.margin);
+    adjusted |= cluster.has_off_unit_orientation * ADJUSTMENT_NORMALISED_ORIENTATION + result.below_restitution_threshold * ADJUSTMENT_RESTITUTION_THRESHOLD +
+                result.fell_back * ADJUSTMENT_LAW_FALLBACK + cluster.has_massless_spin * ADJUSTMENT_MASSLESS_SPIN;
+    if (result.fell_back && law == options.law) law = cluster.has_friction ? LAW_COULOMB : LAW_FRICTIONLESS;
+    separates = separates && effect.is_separating();
+    beyond_doubles = beyond_doubles || !cluster.has_friction;
   }
   PyObject* status = PyTuple_GET_ITEM(types.statuses, bound > number[2] ? STATUS_TOLERANCE_NOT_MET : separates ? STATUS_SEPARATING : STATUS_OK);
   PyObject* model = PyTuple_GET_ITEM(PyTuple_GET_ITEM(args[5], law), beyond_doubles);

@@ -2,19 +2,26 @@
 
 From the request to its answer:
 
-    resolve_scene.py  the front door: check, divide, answer each cluster, put together
-    request.py        what is asked, checked
-    clusters.py       contacts that share a movable body, directly or through others
-    alone.py          a cluster of one contact;  several.py: of more, by
-    laws              reflections.py (FRICTIONLESS)  coulomb.py  moreau.py  stronge.py: one file each
-    answered.py       what becomes of one cluster;  answer.py: of the scene
+    resolve_scene.py      front door: check, divide into clusters, resolve each, combine their answers
+    request.py            the request, checked
+    clusters.py           which contacts form a cluster, and which of them are copies of another
+    single_contact.py     resolve a cluster of one contact
+    resolve_cluster.py    resolve a cluster of several contacts:
+        cluster.py        - its bodies and contacts, as the numbers that the laws compute with
+        apply_law.py      - the impulses that a law gives, with its fallbacks
+    cluster_answer.py     the answer for one cluster;  answer.py: for the scene
 
-A scene of floats in which nothing is unusual goes no further than the front door: ``usual`` in
-``kernels/scene.cpp`` answers it, by the same steps. Unusual are a cluster of one contact, a contact given
-twice, a restitution that is a function, fractions, ROUTH_STRONGE, what needs more digits, and faults.
+The laws: ``reflections.py`` (FRICTIONLESS), ``coulomb.py``, ``moreau.py`` and ``stronge.py``. Each states its
+equations and its sources. Most of the arithmetic is in ``kernels/scene/``.
 
-The laws are written over a cluster, which knows what impulses do: ``collision_response.kernels._scene``
-in double-double with a bound on its error, :mod:`~collision_response.scene.rational_cluster` exactly.
+A law is given a *cluster*, which knows what impulses do to its bodies and contacts. There are two kinds:
+``Cluster`` of ``kernels/scene.cpp``, in double-double with a bound on its error, and the exact
+:class:`~collision_response.scene.rational_cluster.RationalCluster`.
+
+``resolve_scene`` of ``kernels/scene.cpp`` takes the same steps without Python, for the usual scene: all
+numbers are floats, the law is FRICTIONLESS, COULOMB or MOREAU, every movable body is in a cluster of several
+contacts, no contact is given twice, and doubles are enough. It leaves every other scene, and every error, to
+Python.
 """
 
 from .answer import SceneImpact

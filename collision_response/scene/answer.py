@@ -1,4 +1,4 @@
-"""What an answer for a scene holds."""
+"""The answer for a scene, and how it is printed."""
 
 from __future__ import annotations
 
@@ -22,36 +22,38 @@ NUMBERS = (
     "error_bound",
     "decision_margin",
 )
-"""Fields of :class:`SceneImpact` that are one number; messages and recordings have them by the same names."""
+"""The fields of :class:`SceneImpact` that are one number. Messages and recordings use the same names."""
 
 
 class SceneImpact(NamedTuple):
-    """The answer for a scene. Of contacts and bodies there is one entry each, in the order given.
+    """The answer for a scene. Sequences have one entry for each contact or body, in the order given.
 
     Attributes:
         status: OK, SEPARATING (no contact approaches) or TOLERANCE_NOT_MET.
-        model: as used; its law is that of the clusters of several contacts.
-        contacts: as used: every restitution is a number, and one for a cluster where the law has one and a
-            contact approaches.
+        model: as used. Its law is the one for clusters of several contacts.
+        contacts: as used. Every restitution is a number. Laws with one restitution for a cluster give it to
+            all contacts of a cluster in which a contact approaches.
         twists: of the bodies' reference points after the impact, in world axes [m/s, rad/s].
-        changes: what the impact changed of them.
-        impulses: on body_a of each contact, in world axes [N s]. Where several do the same, those of least
-            sum of squares; of ROUTH_STRONGE with friction, those that its path ended with.
+        changes: of the twists by the impact.
+        impulses: on body_a of each contact, in world axes [N s]. Where several sets of impulses have the same
+            effect, the one with the least sum of squares; with ROUTH_STRONGE and friction, the one at the end
+            of the path.
         normal_velocities_before, normal_velocities_after: of body_a relative to body_b [m/s]; negative when
             approaching.
         regimes: what friction did at each contact; SEPARATING where there is no impulse.
         kinetic_energy_before, kinetic_energy_after: of the dynamic bodies [J].
-        energy_lost_restitution, energy_lost_friction: work done against the normal and against the
-            tangential impulses [J]; by MOREAU one may be negative, not their sum.
-        clusters: the contacts that were resolved together.
-        order_sensitivity: how far the answers of one impact after another lie apart, over the orders tried,
-            relative to the change of velocity; ``None`` if none were tried.
+        energy_lost_restitution, energy_lost_friction: work done against the normal and against the tangential
+            impulses [J]. With MOREAU one of them may be negative, but not their sum.
+        clusters: indices of the contacts that were resolved together.
+        order_sensitivity: greatest distance between the answers if contacts are resolved one after another,
+            over the orders tried, relative to the change of velocity; ``None`` if none were tried.
         error_bound: upper bound on the error of the change of any twist, relative to the largest change in
-            its cluster, in the norm of :class:`~collision_response.Impact`. Infinite where nothing can be
-            said. Of MOREAU with friction and ROUTH_STRONGE in clusters: an estimate; of MOREAU infinite where
-            the law has several answers.
-        decision_margin: how far the nearest velocity that decided whether a contact is struck was from the
-            threshold, relative to the fastest approach of its cluster; the answer jumps there.
+            its cluster, in the norm of :class:`~collision_response.Impact`. Infinite if nothing can be said.
+            In clusters resolved by ROUTH_STRONGE, or by MOREAU with friction, it is an estimate; with MOREAU
+            it is infinite where the law has several answers.
+        decision_margin: distance from the threshold of the nearest velocity that decided whether a contact
+            takes part in a reflection, relative to the fastest approach of its cluster. The answer jumps at
+            the threshold.
         adjustments: what was changed from what was asked.
     """
 
@@ -75,19 +77,21 @@ class SceneImpact(NamedTuple):
     adjustments: Adjustment
 
     def __str__(self) -> str:
-        """A table of the contacts, one of the bodies, and what holds for all."""
-        of = {contact: number for number, cluster in enumerate(self.clusters) for contact in cluster}
-        return scene_table(self, of, self.order_sensitivity)
+        """Return a table of the contacts, a table of the bodies, and what holds for the whole scene."""
+        cluster_of = {i: number for number, cluster in enumerate(self.clusters) for i in cluster}
+        return scene_table(self, cluster_of, self.order_sensitivity)
 
 
 def scene_table(
     answer: Any, cluster_of: Mapping[int, int] | Sequence[int], order_sensitivity: float | None = None
 ) -> str:
-    """A :class:`SceneImpact`, or a ``SceneResult`` message: its fields have the same names, but for two.
+    """Return a :class:`SceneImpact`, or a ``SceneResult`` message, as a table.
+
+    Both have fields of the same names, except for the two that are arguments here.
 
     Args:
         answer: what to show.
-        cluster_of: the number of the cluster of each contact.
+        cluster_of: for each contact, the number of its cluster.
         order_sensitivity: as in :class:`SceneImpact`.
     """
     contacts = [

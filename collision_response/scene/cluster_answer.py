@@ -1,4 +1,4 @@
-"""What becomes of one cluster, and what each copy of a contact has of it."""
+"""The answer for one cluster, and how copies of a contact share it."""
 
 from __future__ import annotations
 
@@ -17,47 +17,54 @@ from .request import SceneRequest
 
 
 class ClusterAnswer(NamedTuple):
-    """What becomes of one cluster: see :class:`~collision_response.SceneImpact`.
+    """The part of a :class:`~collision_response.SceneImpact` that one cluster determines.
 
     Attributes:
-        places: the bodies that moved, by their indices in the scene.
-        changes, twists: one for each of those.
-        contacts, impulses, before, after, regimes: one for each contact.
-        energies: before and after, and what restitution and friction lost.
-        bound, margin, adjustments, model: of the whole cluster.
+        bodies: indices in the scene of the movable bodies of the cluster.
+        changes, twists: one for each of those bodies.
+        contacts, impulses, normal_velocities_before, normal_velocities_after, regimes: one for each contact.
+        energies: kinetic energy before and after, energy lost to restitution and to friction [J].
+        error_bound, decision_margin, adjustments, model: for the whole cluster.
     """
 
-    places: Sequence[int]
+    bodies: Sequence[int]
     changes: Sequence[Twist]
     twists: Sequence[Twist]
     contacts: Sequence[Contact]
     impulses: Sequence[Vec3]
-    before: Sequence[Scalar]
-    after: Sequence[Scalar]
+    normal_velocities_before: Sequence[Scalar]
+    normal_velocities_after: Sequence[Scalar]
     regimes: Sequence[Regime]
     energies: Sequence[Scalar]
-    bound: float
-    margin: Scalar
+    error_bound: float
+    decision_margin: Scalar
     adjustments: int
     model: ImpactModel
 
 
 def split_among_copies(
-    answered: ClusterAnswer, scene: SceneRequest, cluster: Sequence[int], copies: DistinctContacts
+    answer: ClusterAnswer, scene: SceneRequest, cluster: Sequence[int], distinct: DistinctContacts
 ) -> ClusterAnswer:
-    """With an entry for every copy of a contact: they share its impulse, whichever body is given first."""
+    """Return the answer with an entry for every contact of ``cluster``, from one for distinct contacts.
+
+    Copies share the impulse of their contact equally. A copy that names the two bodies in the opposite order
+    gets its share with the opposite sign.
+    """
     contacts, impulses = [], []
-    for i, place in zip(cluster, copies.places, strict=True):
-        used, count = answered.contacts[place], copies.counts[place]
-        same = scene.pairs[i] == scene.pairs[copies.first[place]]
-        share: Scalar = Fraction(1, count) if isinstance(answered.impulses[place].x, Fraction) else 1 / count
-        impulses.append(answered.impulses[place] * (share if same else -share))
-        own = scene.contacts[i]
-        contacts.append(used if same else own._replace(restitution=used.restitution, friction=used.friction))
-    return answered._replace(
+    for i, place in zip(cluster, distinct.places, strict=True):
+        used, impulse, count = answer.contacts[place], answer.impulses[place], distinct.counts[place]
+        share: Scalar = Fraction(1, count) if isinstance(impulse.x, Fraction) else 1 / count
+        if scene.pairs[i] == scene.pairs[distinct.indices[place]]:
+            contacts.append(used)
+            impulses.append(impulse * share)
+        else:
+            given = scene.contacts[i]
+            contacts.append(given._replace(restitution=used.restitution, friction=used.friction))
+            impulses.append(impulse * -share)
+    return answer._replace(
         contacts=contacts,
         impulses=impulses,
-        before=[answered.before[place] for place in copies.places],
-        after=[answered.after[place] for place in copies.places],
-        regimes=[answered.regimes[place] for place in copies.places],
+        normal_velocities_before=[answer.normal_velocities_before[place] for place in distinct.places],
+        normal_velocities_after=[answer.normal_velocities_after[place] for place in distinct.places],
+        regimes=[answer.regimes[place] for place in distinct.places],
     )

@@ -1,8 +1,8 @@
-"""Which contacts belong together.
+"""Which contacts must be resolved together.
 
-Two contacts are of one cluster if they share a body that can move, directly or through further
-contacts. What happens in one cluster does not matter to another. A contact that is given several times
-is one contact, whose impulse its copies share.
+Two contacts belong to one cluster if they share a movable body, directly or through further contacts.
+Clusters do not affect each other. A contact that is given several times counts as one contact, and its copies
+share its impulse.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ from ..physics.contact import Contact
 from ..physics.vector import Vec3
 
 Pair = tuple[int, int]
+"""Indices of body_a and body_b."""
 
 
 def find_clusters(pairs: Sequence[Pair], movable: Sequence[bool]) -> list[list[int]]:
-    """The contacts of each cluster, in order."""
+    """Return the contacts of each cluster, in order; clusters are ordered by their first contact."""
     leader = list(range(len(movable)))
 
     def find(body: int) -> int:
@@ -36,44 +37,44 @@ def find_clusters(pairs: Sequence[Pair], movable: Sequence[bool]) -> list[list[i
 
 
 class DistinctContacts(NamedTuple):
-    """The contacts of a cluster, each once.
+    """The contacts of a cluster without copies.
 
     Attributes:
-        first: of each, its index in the scene, where it is given first.
-        counts: of each, how often it is given.
-        places: of each contact of the cluster, its place among those.
+        indices: scene index of each distinct contact, where it is given first.
+        counts: how often each is given.
+        places: for each contact of the cluster, its place in ``indices``.
     """
 
-    first: list[int]
+    indices: list[int]
     counts: list[int]
     places: list[int]
 
 
 def distinct_contacts(
-    cluster: list[int], pairs: Sequence[Pair], contacts: Sequence[Contact], *, join: bool
+    cluster: list[int], pairs: Sequence[Pair], contacts: Sequence[Contact], *, merge_copies: bool
 ) -> DistinctContacts:
-    """Which contacts of a cluster are given several times; without ``join``, none is taken as such."""
-    places: dict[Any, int] = {}
-    copies = DistinctContacts([], [], [])
+    """Return the distinct contacts of a cluster; without ``merge_copies`` all contacts are distinct."""
     try:
-        may_be = join and len({contacts[i].position for i in cluster}) < len(cluster)
+        may_have_copies = merge_copies and len({contacts[i].position for i in cluster}) < len(cluster)
     except TypeError:  # lists or arrays, which have no hash
-        may_be = False
-    if not may_be:
+        may_have_copies = False
+    if not may_have_copies:
         return DistinctContacts(cluster, [1] * len(cluster), list(range(len(cluster))))
+    known: dict[Any, int] = {}
+    distinct = DistinctContacts([], [], [])
     for i in cluster:
-        place = places.setdefault(_key(pairs[i], contacts[i]), len(places))
-        copies.places.append(place)
-        if place == len(copies.first):
-            copies.first.append(i)
-            copies.counts.append(1)
+        place = known.setdefault(_key(pairs[i], contacts[i]), len(known))
+        distinct.places.append(place)
+        if place == len(distinct.indices):
+            distinct.indices.append(i)
+            distinct.counts.append(1)
         else:
-            copies.counts[place] += 1
-    return copies
+            distinct.counts[place] += 1
+    return distinct
 
 
 def _key(pair: Pair, contact: Contact) -> Any:
-    """What is the same for the same contact, whichever of its bodies is given first."""
+    """Return a key that copies of a contact have in common, in whichever order they name its bodies."""
     a, b = pair
     if a < b:
         return pair, contact

@@ -1,24 +1,28 @@
-"""COULOMB for several contacts: friction does the least work it can, beside the frictionless answer.
+"""COULOMB for several contacts: the frictionless answer, then the friction that does the least work.
 
-First GRR, without friction. Then, over all impulses P of the contacts that it loads, each in the cone
-of friction of its own normal impulse, |P_t| <= mu P_n, the work on the relative velocities u,
+First compute GRR, the answer without friction (``reflections.py``). Then consider the contacts that it loads,
+and all impulses P of theirs that lie in the cones of friction of their own normal impulses, |P_t| <= mu P_n.
+Among those that keep the normal velocities after GRR, take the one with the least work on the relative
+velocities u:
 
-    P.A P / 2 + u.P  ->  least         with the normal velocities after GRR kept
+    P.A P / 2 + u.P  ->  min
 
-is a convex programme. GRR itself is admissible, so energy can't grow; the velocities of the least are
-unique, since the programme is strictly convex in them, and so as symmetric as the scene. If another
-contact then approaches, one more projection, with e = 0, keeps it from that; it takes energy too, and
-only widens cones.
+This is a convex programme. The impulses of GRR are admissible in it, so energy cannot grow. It is strictly
+convex in the velocities, so these are unique, and as symmetric as the scene. If another contact then
+approaches, one more projection, with e = 0, stops that. It takes energy too, and only widens the cones.
 
-The work is that on relative velocities, not the kinetic energy: beside a moving floor the latter is not
-the same for every observer.
+The work is that on relative velocities, not the change of kinetic energy: next to a moving floor, the latter
+depends on the observer.
 
-A load is shared by all contacts that can carry it, to a change of its effect by 1e-4: so a box whose corners
-are a hair from flat slides as one that is flat. What those of them that depend on others do to each other's
-normal velocities, by that hair, is in the bound.
+All contacts that can carry a load share it, if that changes its effect by less than 1e-4. So a box whose
+corners are slightly off a plane slides like one whose corners are in it. The error bound includes what the
+contacts that depend on others then do to each other's normal velocities.
 
-In the plane, where a contact sticks, and where normal and slip are uncoupled, this is Chatterjee &
-Ruina's law of one contact. In space, sliding, it is not: the two differ by up to 23 % of the impulse.
+For one contact this is Chatterjee & Ruina's law, in the plane, where the contact sticks, and where normal and
+slip are uncoupled. In space, sliding, the two differ by up to 23 % of the impulse.
+
+The computation is ``least_work_friction`` of ``kernels/scene/friction.hpp``, which solves the programme with
+``kernels/scene/cones.hpp``.
 
 Sources: Kaufman, Sueda, James & Pai, "Staggered Projections for Frictional Contact in Multibody
 Systems", ACM Trans. Graph. 27 (2008), for maximal dissipation over actual cones; Smith et al. 2012 (see
@@ -29,10 +33,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from .reflections import ClusterImpulses
+from .impulses import ClusterImpulses
 
 
-def with_friction(cluster: Any, struck: ClusterImpulses) -> ClusterImpulses:
-    """The impulses with friction, from those of GRR."""
-    p, tangential, error = cluster.least_work(struck.p, struck.error)
-    return struck._replace(p=p, tangential=tangential, error=error)
+def add_friction(cluster: Any, impulses: ClusterImpulses) -> ClusterImpulses:
+    """Return the impulses with friction, from those of GRR."""
+    normal, tangential, error = cluster.least_work_friction(impulses.normal, impulses.error)
+    return impulses._replace(normal=normal, tangential=tangential, error=error)

@@ -1,17 +1,15 @@
-"""How much the order matters: contacts resolved one after another, as game engines do.
+"""How much the answer depends on the order if contacts are resolved one after another, as game engines do.
 
-In each order the contacts that approach are resolved one by one, and again, until none approaches.
-Where the answers of several orders lie apart, the answer for all at once is a matter of modelling: a
-flat box; where they agree, it is not: two balls that strike one wall.
+In each order the approaching contacts are resolved one by one, again and again, until none approaches. Where
+the answers of several orders differ, as for a box that lands flat, the answer for all contacts at once is a
+matter of modelling. Where they agree, as for two balls that strike one wall, it is not.
 """
 
 from __future__ import annotations
 
-import math
 import random
 from collections.abc import Sequence
 
-from ..answer import in_norm
 from ..model import ImpactModel
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
@@ -19,12 +17,13 @@ from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..status import StatusCode
 from .clusters import Pair
+from .impulses import relative_distance
 
 SWEEPS = 1000
-"""A budget for each order: impacts at e = 1 between walls never end."""
+"""Greatest number of passes over the contacts: between walls, impacts with e = 1 never end."""
 
 AT_REST = 1e-9
-"""An approach slower than this part of the fastest counts as none."""
+"""Approaches slower than this fraction of the fastest one are ignored."""
 
 
 def order_sensitivity(
@@ -34,16 +33,16 @@ def order_sensitivity(
     model: ImpactModel,
     orders: int,
 ) -> float:
-    """The greatest distance of the changes of velocity by two orders, relative to them."""
+    """Return the greatest relative distance between the changes of velocity that two orders give."""
     indices = list(range(len(contacts)))
-    shuffled = random.Random(0)
+    rng = random.Random(0)
     answers: list[list[Twist]] = []
-    for turn in range(orders):
-        order = indices[::-1] if turn == 1 else list(indices)
-        if turn > 1:
-            shuffled.shuffle(order)
+    for k in range(orders):
+        order = indices[::-1] if k == 1 else list(indices)
+        if k > 1:
+            rng.shuffle(order)
         answers.append(resolve_sequentially(bodies, pairs, contacts, model, order))
-    return max(distance(bodies, one, other) for one in answers for other in answers)
+    return max(relative_distance(bodies, one, other) for one in answers for other in answers)
 
 
 def resolve_sequentially(
@@ -53,22 +52,23 @@ def resolve_sequentially(
     model: ImpactModel,
     order: Sequence[int],
 ) -> list[Twist]:
-    """The changes of velocity if contacts are resolved one by one, until none approaches."""
+    """Return the change of each body's twist if contacts are resolved one by one until none approaches."""
     moved = list(bodies)
     fastest = 0.0
     for _ in range(SWEEPS):
-        struck = False
+        any_approaches = False
         for i in order:
             a, b = pairs[i]
             impact = resolve(moved[a], moved[b], contacts[i], model)
-            fastest = max(fastest, -impact.normal_velocity_before)
-            if impact.status is StatusCode.SEPARATING or -impact.normal_velocity_before <= AT_REST * fastest:
+            speed = -impact.normal_velocity_before
+            fastest = max(fastest, speed)
+            if impact.status is StatusCode.SEPARATING or speed <= AT_REST * fastest:
                 continue
-            struck = True
-            for place, twist in ((a, impact.twist_a), (b, impact.twist_b)):
-                if moved[place].is_movable():
-                    moved[place] = moved[place].with_twist(twist)
-        if not struck:
+            any_approaches = True
+            for body, twist in ((a, impact.twist_a), (b, impact.twist_b)):
+                if moved[body].is_movable():
+                    moved[body] = moved[body].with_twist(twist)
+        if not any_approaches:
             break
     return [
         Twist(
@@ -77,16 +77,3 @@ def resolve_sequentially(
         )
         for before, after in zip(bodies, moved, strict=True)
     ]
-
-
-def distance(bodies: Sequence[Body], one: Sequence[Twist], other: Sequence[Twist]) -> float:
-    """How far apart two motions are, relative to the second, in the norm of ``error_bound``."""
-    apart, size = [], []
-    for body, x, y in zip(bodies, one, other, strict=True):
-        if body.is_movable():
-            change = in_norm(body, y)
-            root = math.sqrt(body.mass)
-            apart.append(root * math.dist(in_norm(body, x), change))
-            size.append(root * math.hypot(*change))
-    far, whole = math.hypot(*apart), math.hypot(*size)
-    return 0.0 if far == 0 else far / whole if whole else math.inf

@@ -1,20 +1,19 @@
-"""A cluster in exact arithmetic: what :class:`collision_response.kernels._scene.Cluster` is in double-
-double.
+"""A cluster in exact arithmetic, the counterpart of ``Cluster`` of ``kernels/scene.cpp`` in double-double.
 
-Impulses are lists of fractions. It is the answer for rational input, and decides what double-double
-can't.
+Its impulses are lists of fractions. It answers rational input, and decides what double-double cannot.
 
-Self-locking contacts, of which some impulses ``p >= 0``, not all 0, do nothing (``N p = 0``), are found
-here. The sum of ``p_i u_i`` is then the same before and after. Where it is negative, no velocity is
-admissible at all. Where it is 0, no velocity of theirs can be above 0 afterwards: they hold, as bilateral
-constraints do. Negative is looked for first: with a positive one it may make 0, which holds nothing.
+It also finds the contacts that *lock*: some impulses ``p >= 0`` of theirs, not all 0, do nothing, ``N p =
+0``. The sum of ``p_i u_i`` is then the same before and after the impact. If it is negative, no velocities
+keep these contacts from approaching: they contradict each other. If it is 0, none of these contacts can
+separate, and each *holds*, as a bilateral constraint does. Contradictions must be looked for first, because a
+negative sum and a positive one may add up to 0, which holds nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any
 
 from ..numbers.operations import Scalar
 from ..physics.body import Body, Twist
@@ -24,114 +23,108 @@ from ..physics.energy import kinetic_energy
 from ..physics.laws import Regime
 from ..physics.vector import Vec3
 from ..validity import is_off_unit
+from .impulses import ImpulseEffect
+from .rational_algebra import ZERO, Numbers, dot, minimise, null_space, solve
 
-Numbers = list[Scalar]
-NOUGHT = Fraction(0)
-NOTHING = Vec3(NOUGHT, NOUGHT, NOUGHT)
+ZERO_VECTOR = Vec3(ZERO, ZERO, ZERO)
+
 ROUNDING = Fraction(1, 2**40)
-"""This part of the work at the contacts may be created: floats can tell no less, and the law is the same."""
-
-
-class ImpulseEffect(NamedTuple):
-    """What becomes of a cluster: see ``answer`` in ``kernels/scene.cpp``."""
-
-    changes: list[Twist]
-    twists: list[Twist]
-    impulses: list[Vec3]
-    before: Numbers
-    after: Numbers
-    regimes: list[Regime]
-    energies: tuple[Scalar, Scalar, Scalar, Scalar]
-    error_bound: float
-    idle: bool
-    off_unit: bool
-    creates_energy: bool
+"""A law may create this fraction of the work at the contacts: the same as in floats, where it is rounding."""
 
 
 class RationalCluster:
-    """Contacts of one cluster, of fractions."""
+    """The contacts of one cluster, in fractions. ``counts`` says how often each contact is given.
+
+    ``A`` is the matrix of normal velocities by normal impulses; impulses and velocities are along normals of
+    any length.
+    """
+
+    is_locked = False
+    approach_is_uncertain = False
 
     def __init__(
         self,
         bodies: Sequence[Body],
         pairs: Sequence[tuple[int, int]],
         contacts: Sequence[Contact],
-        copies: Sequence[int],
+        counts: Sequence[int],
     ) -> None:
         self.count = len(contacts)
         self._bodies = [body for body in bodies if body.is_movable()]
         places = iter(range(len(self._bodies)))
         self._places = [next(places) if body.is_movable() else None for body in bodies]
         self._contacts = contacts
-        self._copies = copies
+        self._counts = counts
         self._pairs = pairs
-        columns = [
+        self._columns = [
             tuple(Column.of(bodies[body], contact.position, contact.normal) for body in pair)
             for pair, contact in zip(pairs, contacts, strict=True)
         ]
-        self._columns = columns
-        self._u = [a.velocity - b.velocity for a, b in columns]
+        self._u = [a.velocity - b.velocity for a, b in self._columns]
         units = [[Fraction(i == j) for j in range(self.count)] for i in range(self.count)]
-        self.A = [list(row) for row in zip(*(self._velocity_change(unit) for unit in units), strict=True)]
-        self._held = self._find_held()
-        self.locked = self.doubtful = False
+        self.A = [list(row) for row in zip(*(self._velocity_changes(unit) for unit in units), strict=True)]
+        self._holding = self._find_holding()
 
-    def none(self) -> Numbers:
-        """No impulses, but for those of contacts that hold."""
-        zero = [NOUGHT] * self.count
-        if not self._held:
+    def no_impulses(self) -> Numbers:
+        """Return impulses of 0, except for those that contacts that hold need at once."""
+        zero = [ZERO] * self.count
+        if not self._holding:
             return zero
-        found = self._least(self._u, [])
+        found = self._minimise(self._u, [])
         return zero if found is None else found
 
-    def approach(self) -> Scalar:
-        """The speed of the fastest approach."""
+    def fastest_approach(self) -> Scalar:
+        """Return the speed of the fastest approach, or 0 if no contact approaches."""
         speeds = (-u / c.normal.norm() for u, c in zip(self._u, self._contacts, strict=True))
-        return max(NOUGHT, *speeds)
+        return max(ZERO, *speeds)
 
     def violated(self, p: Numbers, limit: Scalar) -> tuple[list[int], Scalar]:
-        """The contacts that approach at ``limit`` or faster; the least distance from that."""
+        """Return the contacts that approach at ``limit`` or faster after impulses ``p``, and the least
+        distance of any speed from ``limit``.
+        """
         u = [u / c.normal.norm() for u, c in zip(self._velocities(p), self._contacts, strict=True)]
-        looked = [i for i in range(self.count) if i not in self._held]
-        margin = min((abs(u[i] + limit) for i in looked), default=NOUGHT)
-        return [i for i in looked if u[i] <= -limit and u[i] < 0], margin
+        candidates = [i for i in range(self.count) if i not in self._holding]
+        margin = min((abs(u[i] + limit) for i in candidates), default=ZERO)
+        return [i for i in candidates if u[i] <= -limit and u[i] < 0], margin
 
-    def approaching(self, p: Numbers) -> bool:
-        """Whether some contact approaches."""
+    def has_approach(self, p: Numbers) -> bool:
+        """Whether some contact approaches after impulses ``p``."""
         return any(u < 0 for u in self._velocities(p))
 
     def project(self, p: Numbers, among: list[int] | None = None) -> Numbers | None:
-        """The impulses on top of ``p`` that just keep the contacts ``among`` from approaching."""
-        return self._keep_apart(self._velocities(p), range(self.count) if among is None else among)
+        """Return the impulses, on top of ``p``, that just keep contacts from approaching, or ``None``.
 
-    def one_step(self, _: bool) -> tuple[Numbers, None, float] | None:
-        """The impulses of MOREAU, without friction; ``None``: no velocities rebound from all contacts."""
+        Only the contacts ``among`` are looked at, or all if it is left out.
+        """
+        return self._keep_from_approaching(self._velocities(p), range(self.count) if among is None else among)
+
+    def moreau(self, _: bool) -> tuple[Numbers, None, float] | None:
+        """Return the impulses of MOREAU without friction; ``None`` if there are none."""
         if not self.can_rebound():
             return None
-        q = self._keep_apart(self._beside_rebound(), range(self.count))
+        q = self._keep_from_approaching(self._velocities_minus_rebound(), range(self.count))
         return None if q is None else (q, None, 0.0)
 
     def can_rebound(self) -> bool:
-        """Whether some velocities are those that MOREAU asks for, or above, at all contacts."""
-        return not least(self.A, self._beside_rebound(), range(self.count), []).ray
+        """Whether all contacts can have at least the velocities ``-e min(u, 0)`` that MOREAU asks for."""
+        return not minimise(self.A, self._velocities_minus_rebound(), range(self.count), []).ray
 
-    def _beside_rebound(self) -> Numbers:
-        """The velocities, from those that MOREAU asks for."""
+    def _velocities_minus_rebound(self) -> Numbers:
         pairs = zip(self._u, self._contacts, strict=True)
-        return [u + c.restitution * min(u, NOUGHT) for u, c in pairs]
+        return [u + c.restitution * min(u, ZERO) for u, c in pairs]
 
-    def joined_restitution(self, q: Numbers) -> Scalar:
-        """``sum e u q / sum u q`` over the contacts that approach, of the ``q`` of least norm."""
-        own = self.least_norm(q, shared=False)
-        weights = [min(u, NOUGHT) * x for u, x in zip(self._u, own, strict=True)]
+    def cluster_restitution(self, q: Numbers) -> Scalar:
+        """Return ``sum e u q / sum u q`` over the contacts that approach, for the ``q`` of least norm."""
+        q = self.least_norm(q, over_copies=False)
+        weights = [min(u, ZERO) * x for u, x in zip(self._u, q, strict=True)]
         total = sum(weights)
         if total == 0:
-            return NOUGHT
+            return ZERO
         return sum(w * c.restitution for w, c in zip(weights, self._contacts, strict=True)) / total
 
-    def answer(self, p: Numbers, *_: Any) -> ImpulseEffect:
-        """What becomes of the bodies."""
-        changes = self._changes(p)
+    def effect_of(self, p: Numbers, *_: Any) -> ImpulseEffect:
+        """Return what normal impulses do."""
+        changes = self._twist_changes(p)
         moved = [
             body._replace(
                 velocity=body.velocity + c.linear, angular_velocity=body.angular_velocity + c.angular
@@ -139,27 +132,28 @@ class RationalCluster:
             for body, c in zip(self._bodies, changes, strict=True)
         ]
         after = self._velocities(p)
-        lost = -sum((x * (b + a) for x, b, a in zip(p, self._u, after, strict=True)), start=NOUGHT) / 2
-        work = sum((x * (abs(b) + abs(a)) for x, b, a in zip(p, self._u, after, strict=True)), start=NOUGHT)
-        idle = [body.angular_velocity - body.effective_spin()[1] for body in self._bodies]
+        lost = -sum((x * (b + a) for x, b, a in zip(p, self._u, after, strict=True)), start=ZERO) / 2
+        work = sum((x * (abs(b) + abs(a)) for x, b, a in zip(p, self._u, after, strict=True)), start=ZERO)
+        massless_spins = [body.angular_velocity - body.effective_spin()[1] for body in self._bodies]
         lengths = [contact.normal.norm() for contact in self._contacts]
         impulses = [c.normal * x for c, x in zip(self._contacts, self.least_norm(p), strict=True)]
         return ImpulseEffect(
-            changes,
-            [Twist(body.velocity, body.angular_velocity) for body in moved],
-            impulses,
-            [u / size for u, size in zip(self._u, lengths, strict=True)],
-            [u / size for u, size in zip(after, lengths, strict=True)],
-            [Regime.SLIDING if any(impulse) else Regime.SEPARATING for impulse in impulses],
-            (sum(map(kinetic_energy, self._bodies)), sum(map(kinetic_energy, moved)), lost, NOUGHT),
-            0.0,
-            any(spin.dot(spin) > 0 for spin in idle),
-            any(map(is_off_unit, self._bodies)),
-            lost < -ROUNDING * work,
+            changes=changes,
+            twists=[Twist(body.velocity, body.angular_velocity) for body in moved],
+            impulses=impulses,
+            normal_velocities_before=[u / length for u, length in zip(self._u, lengths, strict=True)],
+            normal_velocities_after=[u / length for u, length in zip(after, lengths, strict=True)],
+            regimes=[Regime.SLIDING if any(impulse) else Regime.SEPARATING for impulse in impulses],
+            energies=(sum(map(kinetic_energy, self._bodies)), sum(map(kinetic_energy, moved)), lost, ZERO),
+            error_bound=0.0,
+            has_massless_spin=any(spin.dot(spin) > 0 for spin in massless_spins),
+            has_off_unit_orientation=any(map(is_off_unit, self._bodies)),
+            creates_energy=lost < -ROUNDING * work,
         )
 
-    def _changes(self, p: Numbers) -> list[Twist]:
-        changes = [Twist(NOTHING, NOTHING) for _ in self._bodies]
+    def _twist_changes(self, p: Numbers) -> list[Twist]:
+        """Return the change of each movable body's twist by impulses ``p``."""
+        changes = [Twist(ZERO_VECTOR, ZERO_VECTOR) for _ in self._bodies]
         for x, pair, sides in zip(p, self._pairs, self._columns, strict=True):
             for body, side, sign in zip(pair, sides, (1, -1), strict=True):
                 place = self._places[body]
@@ -169,10 +163,11 @@ class RationalCluster:
                     changes[place] = Twist(linear + by.linear * (sign * x), angular + by.angular * (sign * x))
         return changes
 
-    def _velocity_change(self, p: Numbers) -> Numbers:
-        changes, result = self._changes(p), []
+    def _velocity_changes(self, p: Numbers) -> Numbers:
+        """Return the change of each normal velocity by impulses ``p``."""
+        changes, result = self._twist_changes(p), []
         for contact, pair, sides in zip(self._contacts, self._pairs, self._columns, strict=True):
-            total = NOUGHT
+            total = ZERO
             for body, side, sign in zip(pair, sides, (1, -1), strict=True):
                 place = self._places[body]
                 if place is not None:
@@ -182,152 +177,52 @@ class RationalCluster:
         return result
 
     def _velocities(self, p: Numbers) -> Numbers:
-        return [u + _dot(row, p) for u, row in zip(self._u, self.A, strict=True)]
+        """Return the normal velocities after impulses ``p``."""
+        return [u + dot(row, p) for u, row in zip(self._u, self.A, strict=True)]
 
-    def _keep_apart(self, u: Numbers, among: Iterable[int]) -> Numbers | None:
-        return self._least(u, [i for i in among if i not in self._held])
+    def _keep_from_approaching(self, u: Numbers, among: Iterable[int]) -> Numbers | None:
+        return self._minimise(u, [i for i in among if i not in self._holding])
 
-    def _least(self, b: Numbers, among: Sequence[int]) -> Numbers | None:
-        found = least(self.A, b, among, self._held)
+    def _minimise(self, b: Numbers, among: Sequence[int]) -> Numbers | None:
+        found = minimise(self.A, b, among, self._holding)
         return None if found.ray else found.x
 
-    def _find_held(self) -> list[int]:
-        """The contacts that hold; none do where they contradict each other."""
+    def _find_holding(self) -> list[int]:
+        """Return the contacts that hold; none if contacts contradict each other."""
         everyone = range(self.count)
-        if least(self.A, self._u, everyone, []).ray:
+        if minimise(self.A, self._u, everyone, []).ray:
             return []
         matrix = self._with_work()
-        held: set[int] = set()
+        holding: set[int] = set()
         while True:
-            found = least(matrix, [NOUGHT if i in held else Fraction(-1) for i in everyone], everyone, [])
+            weights = [ZERO if i in holding else Fraction(-1) for i in everyone]
+            found = minimise(matrix, weights, everyone, [])
             if not found.ray:
-                return sorted(held)
-            held |= {i for i in everyone if found.ray[i] > 0}
+                return sorted(holding)
+            holding |= {i for i in everyone if found.ray[i] > 0}
 
     def _with_work(self) -> list[Numbers]:
-        """``A + u u^T``: impulses that it maps to 0 move nothing, and do no work on moving walls either."""
+        """Return ``A + u u^T``: impulses that it maps to 0 move nothing, and do no work on moving walls."""
         return [
             [a + x * y for a, y in zip(row, self._u, strict=True)]
             for row, x in zip(self.A, self._u, strict=True)
         ]
 
-    def least_norm(self, p: Numbers, *, shared: bool = True) -> Numbers:
-        """Of the impulses ``>= 0`` that do the same, those of least squares; ``shared``: over all copies."""
+    def least_norm(self, p: Numbers, *, over_copies: bool = True) -> Numbers:
+        """Return the impulses >= 0 with the effect of ``p`` whose sum of squares is least.
+
+        ``over_copies``: count the square of every copy of a contact, which share its impulse.
+        """
         Z = null_space(self._with_work())
         if not Z:
             return p
-        copies = self._copies if shared else [1] * self.count
-        weights = [c.normal.dot(c.normal) / n for c, n in zip(self._contacts, copies, strict=True)]
-        H = [[_dot3(weights, z, y) for y in Z] for z in Z]
-        back = solve(H, [_dot3(weights, z, p) for z in Z])
-        free = [x - sum(c * z[i] for c, z in zip(back, Z, strict=True)) for i, x in enumerate(p)]
+        counts = self._counts if over_copies else [1] * self.count
+        weights = [c.normal.dot(c.normal) / n for c, n in zip(self._contacts, counts, strict=True)]
+        H = [[dot(weights, z, y) for y in Z] for z in Z]
+        back = solve(H, [dot(weights, z, p) for z in Z])
+        unconstrained = [x - sum(c * z[i] for c, z in zip(back, Z, strict=True)) for i, x in enumerate(p)]
         responses = [solve(H, [z[j] for z in Z]) for j in range(self.count)]  # columns of H^-1 Z^T
-        matrix = [[_dot([z[i] for z in Z], row) for row in responses] for i in range(self.count)]
+        matrix = [[dot([z[i] for z in Z], row) for row in responses] for i in range(self.count)]
         among = [i for i in range(self.count) if matrix[i][i] != 0]
-        x = least(matrix, free, among, []).x
-        return [f + _dot(row, x) for f, row in zip(free, matrix, strict=True)]
-
-
-class Least(NamedTuple):
-    """The least of ``x.A x / 2 + b.x``; or a ray ``A ray = 0``, ``b.ray < 0`` along which there is none."""
-
-    x: Numbers
-    ray: Numbers | None
-
-
-def least(A: Sequence[Numbers], b: Numbers, among: Sequence[int], free: Sequence[int]) -> Least:
-    """The least of ``x.A x / 2 + b.x`` over ``x_i >= 0`` for ``i`` in ``among`` and any ``x_i`` in ``free``.
-
-    The method of ``kernels/scene/active_set.hpp``, by the smallest index, which does not cycle. A column that
-    depends on the free ones stays out.
-    """
-    x = [NOUGHT] * len(b)
-    active: list[int] = []
-
-    def solved(right: Sequence[Scalar]) -> Numbers:
-        return solve([[A[j][k] for k in active] for j in active], [right[j] for j in active])
-
-    def times(row: Numbers, factors: Iterable[Scalar]) -> Scalar:
-        return _dot([row[j] for j in active], list(factors))
-
-    for i in free:
-        if A[i][i] - times(A[i], solved(A[i])) > 0:
-            active.append(i)
-    bound = len(active)
-    for j, value in zip(active, solved([-y for y in b]), strict=True):
-        x[j] = value
-    while True:
-        slopes = {i: b[i] + times(A[i], (x[j] for j in active)) for i in among if i not in active}
-        entering = next((i for i, slope in slopes.items() if slope < 0), None)
-        if entering is None:
-            return Least(x, None)
-        slope = slopes[entering]
-        while True:
-            w = solved(A[entering])
-            curvature = A[entering][entering] - times(A[entering], w)
-            steps = [(x[j] / c, j) for j, c in list(zip(active, w, strict=True))[bound:] if c > 0]
-            blocked, leaving = min(steps, default=(None, None))
-            if curvature > 0 and (blocked is None or -slope / curvature <= blocked):
-                step, leaving = -slope / curvature, None
-            elif blocked is None:
-                ray = [NOUGHT] * len(b)
-                ray[entering] = Fraction(1)
-                for j, c in zip(active, w, strict=True):
-                    ray[j] = -c
-                return Least(x, ray)
-            else:
-                step = blocked
-            x[entering] += step
-            for j, c in zip(active, w, strict=True):
-                x[j] -= step * c
-            slope += step * curvature
-            if leaving is None:
-                active.append(entering)
-                break
-            active.remove(leaving)
-
-
-def solve(matrix: Sequence[Sequence[Scalar]], right: Sequence[Scalar]) -> Numbers:
-    """The solution of a regular system."""
-    rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
-    _reduce(rows, len(right))
-    return [row[-1] for row in rows]
-
-
-def null_space(matrix: Sequence[Sequence[Scalar]]) -> list[Numbers]:
-    """Vectors that span what a square matrix maps to 0."""
-    rows, n = [list(row) for row in matrix], len(matrix)
-    pivots = _reduce(rows, n)
-    basis = []
-    for k in range(n):
-        if k not in pivots:
-            vector = [Fraction(i == k) for i in range(n)]
-            for row, pivot in zip(rows, pivots, strict=False):
-                vector[pivot] = -row[k]
-            basis.append(vector)
-    return basis
-
-
-def _reduce(rows: list[Numbers], columns: int) -> list[int]:
-    """Bring the first columns to reduced echelon form, in place; those of the pivots."""
-    pivots: list[int] = []
-    for k in range(columns):
-        place = len(pivots)
-        found = next((i for i in range(place, len(rows)) if rows[i][k] != 0), None)
-        if found is None:
-            continue
-        rows[place], rows[found] = rows[found], rows[place]
-        rows[place] = [a / rows[place][k] for a in rows[place]]
-        for i, row in enumerate(rows):
-            if i != place and row[k] != 0:
-                rows[i] = [a - row[k] * c for a, c in zip(row, rows[place], strict=True)]
-        pivots.append(k)
-    return pivots
-
-
-def _dot(v: Sequence[Scalar], w: Sequence[Scalar]) -> Scalar:
-    return sum((a * b for a, b in zip(v, w, strict=True)), start=NOUGHT)
-
-
-def _dot3(v: Sequence[Scalar], w: Sequence[Scalar], z: Sequence[Scalar]) -> Scalar:
-    return sum((a * b * c for a, b, c in zip(v, w, z, strict=True)), start=NOUGHT)
+        x = minimise(matrix, unconstrained, among, []).x
+        return [f + dot(row, x) for f, row in zip(unconstrained, matrix, strict=True)]

@@ -1,116 +1,96 @@
 """FRICTIONLESS for several contacts: generalised reflections.
 
-The inelastic projection of a velocity keeps a set V of contacts from approaching by the least change,
-in the metric of kinetic energy; it is unique, and so is the reflection at it:
+The inelastic projection P of a velocity v keeps a set V of contacts from approaching by the least change, in
+the metric of kinetic energy. It is unique, and so is the reflection R:
 
     q = argmin_{q >= 0} |v + M^-1 N_V q|         P(v) = v + M^-1 N_V q         R(v) = v + 2 M^-1 N_V q
 
-GR, for e = 1: reflect at all contacts that approach, no slower than the threshold, at once, until there are
-none. A reflection keeps the energy. All at once: so the answer is as symmetric as the scene, and
-depends on no order.
+GR, for e = 1: reflect at all contacts that approach no slower than the threshold, all at once, until no
+contact does. A reflection keeps the energy. Because it takes all contacts at once, the answer is as symmetric
+as the scene, and depends on no order.
 
-GRR, for e < 1:      p = e p_GR + (1 - e) p_P          p_P: of one projection at all contacts
+GRR, for e < 1:      p = e p_GR + (1 - e) p_P          p_P: the impulses of one projection at all contacts
 
-Every step leaves v in exactly known linear relation to the impulses, and neither P nor R lets two
-velocities part: errors add and do not grow. What jumps is which contacts are in V: that a velocity is
-below the threshold must be certain.
+After every step v is an exactly known linear function of the impulses. Neither P nor R increases the distance
+between two velocities, so errors add up but do not grow. Only the set V can jump: whether a velocity is below
+the threshold must be certain.
 
-It stands here for fractions, and in ``kernels/scene/reflections.hpp`` for double-double, with the errors.
+The computation in fractions is here. The one in double-double, with a bound on the error, is in
+``kernels/scene/reflections.hpp``.
 
 Sources: Smith, Kaufman, Vouga, Tamstorf & Grinspun, "Reflections on Simultaneous Impact", ACM Trans.
 Graph. 31 (2012); Vouga, Smith, Kaufman, Tamstorf & Grinspun, "All's Well That Ends Well", ACM Trans.
-Graph. 36 (2017), that it ends.
+Graph. 36 (2017), for the proof that the reflections end.
 """
 
 from __future__ import annotations
 
 import math
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any
 
 from ..numbers.operations import Scalar
 from ..status import ImpactError, StatusCode
+from .impulses import ClusterImpulses
 from .rational_cluster import RationalCluster
 
 REFLECTIONS = 10_000
-"""A budget. A chain of n equal balls takes n."""
+"""Greatest number of reflections. A chain of n equal balls takes n."""
 
 DIGITS = 2**25
-"""A budget for fractions, less than a second or two: binary digits of the longest impulse, which each
-reflection adds to, times the square of the contacts, of all reflections together."""
+"""Budget for reflections in fractions, which takes less than a second or two: the sum, over all reflections,
+of the binary digits of the longest impulse times the square of the number of contacts."""
 
 ANSWERED, CONTRADICTORY, ENDLESS = range(3)
-"""How reflections end."""
-
-
-class ClusterImpulses(NamedTuple):
-    """What a law gives for a cluster.
-
-    Attributes:
-        p: impulses along the normals.
-        tangential: across them, or ``None``.
-        error: of the velocities, in the metric of kinetic energy.
-        margin: the least distance of a decision from its threshold, relative to the fastest approach.
-        restitution: of all contacts, or ``None``: each has its own.
-        rubbed: the energy that friction took on the way; ``None``: that at the mean of the slip before and
-            after.
-        fell_back: whether the law had no sound answer, and this is another's.
-    """
-
-    p: Any
-    tangential: list[float] | None = None
-    error: float = 0.0
-    margin: Scalar = math.inf
-    restitution: Scalar | None = None
-    rubbed: float | None = None
-    fell_back: bool = False
+"""How reflections end: ``Outcome`` in ``kernels/scene/impulses.hpp``."""
 
 
 def reflections(cluster: Any, threshold: Scalar) -> ClusterImpulses:
-    """The impulses of GRR.
+    """Return the impulses of GRR.
 
     Args:
-        cluster: see ``collision_response/scene/__init__.py``.
-        threshold: below this part of the fastest approach a contact does not count as approaching.
+        cluster: see ``scene/__init__.py``.
+        threshold: approaches slower than this fraction of the fastest one are ignored.
 
     Raises:
-        ImpactError: CONTRADICTORY_CONTACTS or PATH_TOO_LONG.
+        ImpactError: CONTRADICTORY_CONTACTS, if no velocities keep all contacts from approaching;
+            PATH_TOO_LONG, if the reflections do not end within their budget.
     """
     if isinstance(cluster, RationalCluster):
-        end, struck = _exactly(cluster, Fraction(threshold))
+        outcome, impulses = _in_fractions(cluster, Fraction(threshold))
     else:
-        end, p, error, margin, e = cluster.reflections(threshold, REFLECTIONS)
-        struck = ClusterImpulses(p, None, error, margin, e)
-    if end == CONTRADICTORY:
+        outcome, normal, error, margin, e = cluster.reflections(threshold, REFLECTIONS)
+        impulses = ClusterImpulses(normal, error=error, margin=margin, restitution=e)
+    if outcome == CONTRADICTORY:
         raise contradiction()
-    if end == ENDLESS:
+    if outcome == ENDLESS:
         reason = f"the reflections did not end within {REFLECTIONS}, or their fractions grew too long"
         raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
-    return struck
+    return impulses
 
 
 def contradiction() -> ImpactError:
-    """Why there is no answer to contacts that contradict each other."""
+    """Return the error for contacts that contradict each other."""
     reason = "contradict each other: no velocities keep all of them from approaching"
     return ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
 
 
-def _exactly(cluster: RationalCluster, threshold: Fraction) -> tuple[int, ClusterImpulses]:
-    p, speed = cluster.none(), cluster.approach()
+def _in_fractions(cluster: RationalCluster, threshold: Fraction) -> tuple[int, ClusterImpulses]:
+    p, speed = cluster.no_impulses(), cluster.fastest_approach()
     if not speed > 0:
         return ANSWERED, ClusterImpulses(p)
     q = cluster.project(p)
     if q is None:
         return CONTRADICTORY, ClusterImpulses(p)
-    e = cluster.joined_restitution(q)
+    e = cluster.cluster_restitution(q)
     inelastic = [x + y for x, y in zip(p, q, strict=True)]
     if e == 0:
         return ANSWERED, ClusterImpulses(inelastic, restitution=e)
     margin: Scalar = math.inf
     digits = 0
     for _ in range(REFLECTIONS):
-        violated, near = cluster.violated(p, threshold * speed)
-        margin = min(margin, near / speed)
+        violated, distance = cluster.violated(p, threshold * speed)
+        margin = min(margin, distance / speed)
         if not violated:
             break
         q = cluster.project(p, violated)
@@ -123,7 +103,7 @@ def _exactly(cluster: RationalCluster, threshold: Fraction) -> tuple[int, Cluste
     else:
         return ENDLESS, ClusterImpulses(p)
     p = [e * x + (1 - e) * y for x, y in zip(p, inelastic, strict=True)]
-    if cluster.approaching(p):  # slower than the threshold
+    if cluster.has_approach(p):  # slower than the threshold
         q = cluster.project(p)
         if q is None:
             return CONTRADICTORY, ClusterImpulses(p)

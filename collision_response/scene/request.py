@@ -1,15 +1,19 @@
-"""What is asked of a scene, checked and in numbers of one make; and which field is at fault."""
+"""The request for a scene, checked, and the errors that name its fields."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from numbers import Integral
 from typing import Any, NamedTuple, TypeVar
 
 from .. import validity
 from ..in_python import arbitrary_precision
+from ..model import ImpactModel, check_number
+from ..numbers.operations import Scalar
 from ..physics.body import Body
 from ..physics.contact import Contact
+from ..physics.laws import Law
 from ..status import ImpactError, StatusCode, shown
 from .clusters import Pair
 
@@ -17,12 +21,12 @@ T = TypeVar("T")
 
 
 class SceneRequest(NamedTuple):
-    """The parts of a request.
+    """The bodies and contacts of a scene.
 
     Attributes:
         bodies, pairs, contacts: as given.
-        movable: of each body, whether impulses move it.
-        has_friction: whether any contact has.
+        movable: for each body, whether impulses move it.
+        has_friction: whether any contact has friction.
     """
 
     bodies: list[Body]
@@ -32,13 +36,30 @@ class SceneRequest(NamedTuple):
     has_friction: bool
 
 
-def check(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterable[Any]) -> SceneRequest:
-    """What can be told of a request without its numbers.
+class SceneOptions(NamedTuple):
+    """How to resolve a scene: see :func:`~collision_response.resolve_scene`.
+
+    Attributes:
+        model, threshold, stiffness, exponent: as given.
+        law: the law of ``model``, with AUTO decided.
+        exact: whether to compute with fractions.
+    """
+
+    model: ImpactModel
+    law: Law
+    threshold: Scalar
+    stiffness: Sequence[float] | None
+    exponent: float
+    exact: bool
+
+
+def check_request(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterable[Any]) -> SceneRequest:
+    """Check everything about a request that does not depend on its numbers.
 
     Raises:
-        ImpactError: UNKNOWN_BODY, SAME_BODY, NO_DYNAMIC_BODY; INVALID_INERTIA: a body is articulated.
-        TypeError: a part is not of the kind that it should be.
-        ValueError: there is not one pair for each contact.
+        ImpactError: UNKNOWN_BODY or SAME_BODY for a pair; INVALID_INERTIA if a body is articulated.
+        TypeError: if a part of the request has the wrong type.
+        ValueError: if there is not one pair for each contact.
     """
     bodies, pairs, contacts = list(bodies), list(pairs), list(contacts)
     movable, has_friction = [], False
@@ -85,74 +106,103 @@ def _as_pair(i: int, pair: Any) -> Pair:
     return a, b
 
 
-def as_floats(
-    bodies: Sequence[Body],
-    pairs: Sequence[Pair],
-    contacts: Sequence[Contact],
-    names: Sequence[ContactIndices],
-) -> tuple[list[Body], list[Contact]]:
-    """The same in floats, where numbers were of other kinds.
-
-    Args:
-        bodies, pairs, contacts: of a cluster.
-        names: of the contacts and their bodies in the scene.
+def check_options(threshold: Any, stiffness: Any, exponent: Any, orders: Any, contacts: int) -> None:
+    """Check the options of :func:`~collision_response.resolve_scene`.
 
     Raises:
-        TypeError: something is no number.
-        ImpactError: INVALID_MODEL: a number is no float; give :class:`fractions.Fraction` for exact numbers.
+        ImpactError: NOT_FINITE or INVALID_MODEL, if a number is out of range.
+        TypeError: if an option has the wrong type.
+        ValueError: if ``stiffness`` does not have one entry for each of the ``contacts``.
     """
-    floats, touches = list(bodies), list(contacts)
-    for i, ((a, b), name) in enumerate(zip(pairs, names, strict=True)):
-        lost: list[float] = []
-
-        def read(x: float, error: float, lost: list[float] = lost) -> float:
-            lost.append(error)
-            return x
-
-        given = bodies[a], bodies[b], contacts[i], read
-        floats[a], floats[b], touches[i] = with_scene_names(name, arbitrary_precision.read, *given)
-        if any(lost):
-            reason = (
-                "a number of it, or of its bodies, is no float: give fractions.Fraction for exact numbers"
+    check_number("threshold", threshold, 0, math.nextafter(1, 0), StatusCode.INVALID_MODEL)
+    check_number("exponent", exponent, 1, 10, StatusCode.INVALID_MODEL)
+    check_number("orders", orders, 0, math.inf, StatusCode.INVALID_MODEL)
+    if not isinstance(orders, (int, Integral)):
+        raise TypeError(f"orders: must be a whole number, is {orders!r}")
+    if stiffness is not None:
+        if len(stiffness) != contacts:
+            raise ValueError(
+                f"stiffness: must be one for each contact; are {len(stiffness)} for {contacts} contacts"
             )
-            raise ImpactError(StatusCode.INVALID_MODEL, f"contacts[{name.contact}]", reason)
-    return floats, touches
+        for i, k in enumerate(stiffness):
+            check_number(f"stiffness[{i}]", k, math.nextafter(0, 1), math.inf, StatusCode.INVALID_MODEL)
 
 
 class ContactIndices(NamedTuple):
-    """A contact and its bodies, as the scene numbers them."""
+    """The indices of a contact and its two bodies in the scene."""
 
     contact: int
     body_a: int
     body_b: int
 
 
-def _named(text: str, name: ContactIndices) -> str:
-    """A message about one impact, in the words of the scene."""
-    fields = (("body_a", f"bodies[{name.body_a}]"), ("body_b", f"bodies[{name.body_b}]"))
-    for word, place in (*fields, ("contact", f"contacts[{name.contact}]")):
-        if text == word or text.startswith((word + ".", word + ":", word + "(")):
-            return place + text[len(word) :]
-    return text
+def with_scene_names(indices: ContactIndices, function: Callable[..., T], *arguments: Any) -> T:
+    """Return ``function(*arguments)``, a function about one impact.
 
-
-def with_scene_names(name: ContactIndices, function: Callable[..., T], *arguments: Any) -> T:
-    """``function(*arguments)``, which is about one impact; its errors are in the words of the scene."""
+    Its errors name ``body_a``, ``body_b`` and ``contact``; here they name ``bodies[i]`` and ``contacts[i]``.
+    """
     try:
         return function(*arguments)
     except ImpactError as error:
-        raise _renamed(error, name) from None
+        raise _as_scene_error(error, indices) from None
     except TypeError as error:
-        raise TypeError(_named(str(error), name)) from None
+        raise TypeError(_with_scene_name(str(error), indices)) from None
 
 
-def _renamed(error: ImpactError, name: ContactIndices) -> ImpactError:
+def _as_scene_error(error: ImpactError, indices: ContactIndices) -> ImpactError:
     if error.code is StatusCode.NO_DYNAMIC_BODY:
-        reason = f"one body must be dynamic; is {(name.body_a, name.body_b)}"
-        return ImpactError(error.code, f"pairs[{name.contact}]", reason)
-    return ImpactError(error.code, _named(error.field, name), error.reason)
+        reason = f"one body must be dynamic; is {(indices.body_a, indices.body_b)}"
+        return ImpactError(error.code, f"pairs[{indices.contact}]", reason)
+    return ImpactError(error.code, _with_scene_name(error.field, indices), error.reason)
 
 
-def check_contact(body_a: Body, body_b: Body, contact: Contact, name: ContactIndices) -> None:
-    """Raises: ImpactError: what is wrong with one contact, or its bodies."""
-    with_scene_names(name, validity.check, body_a, body_b, contact, 0.0)
+def _with_scene_name(text: str, indices: ContactIndices) -> str:
+    """Replace the field at the start of a message about one impact by the field of the scene."""
+    for field, name in (
+        ("body_a", f"bodies[{indices.body_a}]"),
+        ("body_b", f"bodies[{indices.body_b}]"),
+        ("contact", f"contacts[{indices.contact}]"),
+    ):
+        if text == field or text.startswith((field + ".", field + ":", field + "(")):
+            return name + text[len(field) :]
+    return text
+
+
+def check_contact(body_a: Body, body_b: Body, contact: Contact, indices: ContactIndices) -> None:
+    """Check one contact and its bodies. Raises: ImpactError: if they are invalid."""
+    with_scene_names(indices, validity.check, body_a, body_b, contact, 0.0)
+
+
+def as_floats(
+    bodies: Sequence[Body],
+    pairs: Sequence[Pair],
+    contacts: Sequence[Contact],
+    indices: Sequence[ContactIndices],
+) -> tuple[list[Body], list[Contact]]:
+    """Return the bodies and contacts of a cluster with every number converted to a float, without loss.
+
+    Args:
+        bodies, pairs, contacts: of the cluster.
+        indices: of the contacts and their bodies in the scene, for errors.
+
+    Raises:
+        TypeError: if something is not a number.
+        ImpactError: INVALID_MODEL, if a number is not exactly a float; give :class:`fractions.Fraction` for
+            exact numbers.
+    """
+    float_bodies, float_contacts = list(bodies), list(contacts)
+    for i, ((a, b), own) in enumerate(zip(pairs, indices, strict=True)):
+        errors: list[float] = []
+
+        def number(x: float, error: float, errors: list[float] = errors) -> float:
+            errors.append(error)
+            return x
+
+        given = bodies[a], bodies[b], contacts[i], number
+        float_bodies[a], float_bodies[b], float_contacts[i] = with_scene_names(own, arbitrary_precision.read, *given)
+        if any(errors):
+            reason = (
+                "a number of it, or of its bodies, is no float: give fractions.Fraction for exact numbers"
+            )
+            raise ImpactError(StatusCode.INVALID_MODEL, f"contacts[{own.contact}]", reason)
+    return float_bodies, float_contacts

@@ -13,7 +13,6 @@
 #include "../numbers.hpp"
 #include "vectors.hpp"
 
-using DD = DoubleDouble<double>;
 
 // Up to where it is rounding: a pivot; a part of a line, or of a slope.
 template <class R> constexpr double DEPENDENT = 1e-11;
@@ -122,11 +121,11 @@ class ActiveSet {
   std::vector<R> factor;  // rows of the lower triangle
 };
 
-enum class Found { LEAST, NO_LEAST, TOO_LONG };
+enum class MinimumStatus { FOUND, UNBOUNDED, TOO_LONG };
 
 // Let component i in, whose slope is negative. at(j) gives x_j, move(j, by) changes it; by -infinity: to 0.
 template <class R, class Move, class At>
-Found enter(ActiveSet<R>& active, int i, R slope, Move move, At at) {
+MinimumStatus enter(ActiveSet<R>& active, int i, R slope, Move move, At at) {
   auto positive = [](const R& x) { return high(x) > 0 ? x : R{}; };
   std::vector<R> w;
   for (int turn = 0;; ++turn) {
@@ -138,29 +137,29 @@ Found enter(ActiveSet<R>& active, int i, R slope, Move move, At at) {
         step = x / w[k];
         leaves = static_cast<int>(k);
       }
-    if (high(step) == INFINITY) return Found::NO_LEAST;
+    if (high(step) == INFINITY) return MinimumStatus::UNBOUNDED;
     for (size_t k = 0; k < w.size(); ++k) move(active.members[k], leaves == static_cast<int>(k) ? constant<R>(-INFINITY) : -step * w[k]);
     move(i, step);
     slope = slope + step * curvature;
-    if (leaves < 0) return active.append(i) ? Found::LEAST : Found::TOO_LONG;
+    if (leaves < 0) return active.append(i) ? MinimumStatus::FOUND : MinimumStatus::TOO_LONG;
     active.drop(leaves);
-    if (turn > 10000) return Found::TOO_LONG;
+    if (turn > 10000) return MinimumStatus::TOO_LONG;
   }
 }
 
 template <class R>
-struct Least {
+struct Minimum {
   ActiveSet<R> active;  // A x + b is 0 on it, and x is 0 outside
   std::vector<R> x;
-  Found found = Found::TOO_LONG;
+  MinimumStatus status = MinimumStatus::TOO_LONG;
   int last = -1;  // the component that entered last
 };
 
 // Of the components `among`.
 template <class R>
-Least<R> least(const std::vector<R>& A, const std::vector<R>& b, const std::vector<int>& among) {
+Minimum<R> minimise(const std::vector<R>& A, const std::vector<R>& b, const std::vector<int>& among) {
   const int stride = static_cast<int>(b.size());
-  Least<R> result{{A.data(), stride}, std::vector<R>(b.size())};
+  Minimum<R> result{{A.data(), stride}, std::vector<R>(b.size())};
   ActiveSet<R>& active = result.active;
   std::vector<R>& x = result.x;
   std::vector<R> y;
@@ -183,18 +182,18 @@ Least<R> least(const std::vector<R>& A, const std::vector<R>& b, const std::vect
         entering = i;
       }
     }
-    result.found = Found::LEAST;
+    result.status = MinimumStatus::FOUND;
     if (entering < 0) return result;
     result.last = entering;
-    result.found = enter(
+    result.status = enter(
         active, entering, most, [&](int j, const R& by) { x[j] = high(by) == -INFINITY ? R{} : x[j] + by; }, [&](int j) { return x[j]; });
-    if (result.found != Found::LEAST) return result;
+    if (result.status != MinimumStatus::FOUND) return result;
     // Rounding of the steps does not gather: the active part anew.
     y.clear();
     for (int j : active.members) y.push_back(-b[j]);
     active.solve(y.data());
     for (size_t k = 0; k < y.size(); ++k) x[active.members[k]] = high(y[k]) > 0 ? y[k] : R{};
   }
-  result.found = Found::TOO_LONG;
+  result.status = MinimumStatus::TOO_LONG;
   return result;
 }

@@ -3,7 +3,7 @@
 #include <array>
 
 #include "../gather.hpp"
-#include "answer.hpp"
+#include "effect.hpp"
 #include "reflections.hpp"
 #include "validity_everything.hpp"
 
@@ -11,7 +11,7 @@ using Code = unsigned char;  // a status, or:
 constexpr Code LEFT_TO_PYTHON = 0;
 
 // The numbers of a cluster. Contacts name bodies by their places here.
-struct Parts {
+struct ClusterParts {
   struct Contact {
     int body[2];
     double x[8], copies;
@@ -40,8 +40,8 @@ struct Parts {
 // The parts of a cluster whose contacts are listed: bodies get their places as they come. `place` is -1 for all bodies,
 // and so again afterwards; `used` gets the bodies. body(b, x) and contact(k, x) give numbers.
 template <class Body, class Contact>
-Parts parts_of(const Pairs& pairs, const std::int64_t* first, const std::int64_t* last, std::vector<int>& place, std::vector<std::int64_t>& used, Body body, Contact contact) {
-  Parts parts;
+ClusterParts take_parts(const Pairs& pairs, const std::int64_t* first, const std::int64_t* last, std::vector<int>& place, std::vector<std::int64_t>& used, Body body, Contact contact) {
+  ClusterParts parts;
   auto place_of = [&](std::int64_t b) {
     if (place[b] < 0) {
       place[b] = static_cast<int>(used.size());
@@ -59,32 +59,32 @@ Parts parts_of(const Pairs& pairs, const std::int64_t* first, const std::int64_t
 }
 
 struct Cluster {
-  Assembly scene;
-  std::vector<int> movable;  // of each body, its place among those that can move, or -1
+  Assembly assembly;
+  std::vector<int> movable_place;  // of each body, its place among those that can move, or -1
   double energy = 0;         // of those
-  bool idle = false, off_unit = false, rubs = false;
+  bool has_massless_spin = false, has_off_unit_orientation = false, has_friction = false;
   int fault = 0;             // of the first contact that has one, and its place
-  size_t at_fault = 0;
+  size_t invalid_contact = 0;
 
   // Whether doubles do not hold its numbers: then they decide nothing.
-  bool beyond() const { return !(std::isfinite(energy) && scene.is_finite() && scene.has_impulses()); }
+  bool is_out_of_range() const { return !(std::isfinite(energy) && assembly.is_finite() && assembly.has_representable_impulses()); }
 
-  Cluster(const Parts& parts, bool frictionless) {
-    std::vector<Given> given(parts.bodies.size());
+  Cluster(const ClusterParts& parts, bool frictionless) {
+    std::vector<AssembledBody> given(parts.bodies.size());
     for (size_t i = 0; i < given.size(); ++i) {
       std::copy(parts.bodies[i].begin(), parts.bodies[i].end(), given[i].x);
-      if (!given[i].rests()) given[i].look();
-      movable.push_back(given[i].movable() ? scene.bodies++ : -1);
-      if (movable[i] < 0) {
-        scene.driven = scene.driven || given[i].moves();
+      if (!given[i].rests()) given[i].prepare();
+      movable_place.push_back(given[i].is_movable() ? assembly.body_count++ : -1);
+      if (movable_place[i] < 0) {
+        assembly.has_moving_wall = assembly.has_moving_wall || given[i].moves();
         continue;
       }
       energy += given[i].energy;
-      idle = idle || given[i].idle;
-      scene.given.push_back(given[i]);
+      has_massless_spin = has_massless_spin || given[i].has_massless_spin;
+      assembly.bodies.push_back(given[i]);
     }
-    scene.touches.reserve(parts.contacts.size());
-    for (Parts::Contact contact : parts.contacts) {
+    assembly.contacts.reserve(parts.contacts.size());
+    for (ClusterParts::Contact contact : parts.contacts) {
       auto [a, b] = contact.body;
       if (frictionless && contact.x[7] < INFINITY) contact.x[7] = std::fmin(contact.x[7], 0);  // what is at fault stays so
       double in[INPUTS] = {}, found;
@@ -95,71 +95,71 @@ struct Cluster {
       validity<double>(in, nullptr, &found, shapes);
       fault = static_cast<int>(found);
       if (fault) return;
-      ++at_fault;
-      off_unit = off_unit || shapes[4];
-      rubs = rubs || contact.x[7] > 0;
-      scene.add(given[a], given[b], movable[a], movable[b], contact.x, contact.copies);
+      ++invalid_contact;
+      has_off_unit_orientation = has_off_unit_orientation || shapes[4];
+      has_friction = has_friction || contact.x[7] > 0;
+      assembly.add(given[a], given[b], movable_place[a], movable_place[b], contact.x, contact.copies);
     }
-    scene.finish();
+    assembly.finish();
   }
 };
 
 // By which law, and with which numbers: see resolve_scene.py.
-struct Asked {
+struct ClusterOptions {
   int law;
   double threshold, restitution_threshold;
   int budget;  // of reflections
 };
 
-struct Answer {
+struct ClusterResult {
   Code code;
-  Numbers numbers;
+  ImpulseEffect effect;
   double margin = INFINITY, restitution = -1;  // of all contacts; -1: each has its own
-  bool slow = false, fell_back = false;
+  bool below_restitution_threshold = false, fell_back = false;
 };
 
 // MOREAU's impulses.
-inline Struck stepped(const Assembly& scene, bool rubs) {
-  if (rubs) return one_step(scene);
-  auto parts = [](const Touch& touch) { return high(touch.velocity) >= 0; };
-  if (std::all_of(scene.touches.begin(), scene.touches.end(), parts)) return {Outcome::ANSWERED, std::vector<DD>(scene.count)};
-  Assembly::Projection found = scene.rebound();
-  return {found.found == Found::LEAST ? Outcome::ANSWERED : Outcome::CONTRADICTORY, found.q, found.error};
+inline ClusterImpulses moreau(const Assembly& assembly, bool has_friction) {
+  if (has_friction) return moreau_with_friction(assembly);
+  auto parts = [](const AssembledContact& contact) { return high(contact.velocity) >= 0; };
+  if (std::all_of(assembly.contacts.begin(), assembly.contacts.end(), parts)) return {Outcome::ANSWERED, std::vector<DD>(assembly.count)};
+  Projection found = project_to_rebound(assembly);
+  return {found.status == MinimumStatus::FOUND ? Outcome::ANSWERED : Outcome::CONTRADICTORY, found.q, found.error};
 }
 
 // What resolve_cluster.py does, where doubles can decide it.
-inline Answer answered(Cluster& cluster, const Asked& asked) {
-  Assembly& scene = cluster.scene;
-  Answer answer{LEFT_TO_PYTHON, {}};
-  if (cluster.beyond()) {
-    answer.code = STATUS_OUT_OF_RANGE;
-    return answer;
+inline ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& options) {
+  Assembly& assembly = cluster.assembly;
+  ClusterResult result{LEFT_TO_PYTHON, {}};
+  if (cluster.is_out_of_range()) {
+    result.code = STATUS_OUT_OF_RANGE;
+    return result;
   }
-  if (scene.locked || scene.is_doubtful()) return answer;
-  for (Touch& touch : scene.touches) {
-    double speed = -touch.plain[0].velocity;
-    bool slow = speed > 0 && speed < asked.restitution_threshold && touch.e > 0;
-    if (slow) touch.e = 0;
-    answer.slow = answer.slow || slow;
+  if (assembly.is_locked || assembly.approach_is_uncertain()) return result;
+  for (AssembledContact& contact : assembly.contacts) {
+    double speed = -contact.axes[0].velocity;
+    bool slow = speed > 0 && speed < options.restitution_threshold && contact.e > 0;
+    if (slow) contact.e = 0;
+    result.below_restitution_threshold = result.below_restitution_threshold || slow;
   }
-  Struck struck;
+  ClusterImpulses impulses;
   auto finish = [&] {
-    answer.numbers = numbers_of(scene, struck, false);
-    answer.code = answer.numbers.is_finite() ? STATUS_OK : STATUS_OUT_OF_RANGE;
-    answer.margin = struck.margin;
-    answer.restitution = struck.restitution;
+    result.effect = effect_of(assembly, impulses, false);
+    result.code = result.effect.is_finite() ? STATUS_OK : STATUS_OUT_OF_RANGE;
+    result.margin = impulses.margin;
+    result.restitution = impulses.restitution;
   };
-  if (asked.law == LAW_MOREAU) {
-    struck = stepped(scene, cluster.rubs);
-    if (struck.outcome == Outcome::ANSWERED) finish();
-    if (answer.code != LEFT_TO_PYTHON && !answer.numbers.creates_energy) return answer;
-    answer.fell_back = true;
+  if (options.law == LAW_MOREAU) {
+    impulses = moreau(assembly, cluster.has_friction);
+    if (impulses.outcome == Outcome::ANSWERED) finish();
+    if (result.code != LEFT_TO_PYTHON && !result.effect.creates_energy) return result;
+    result.fell_back = true;
   }
-  struck = Reflections{scene}.resolve(asked.threshold, asked.budget);
-  double undecided = struck.error;
-  if (cluster.rubs && struck.outcome == Outcome::ANSWERED) struck = least_work(scene, struck);
-  if (struck.outcome != Outcome::ANSWERED) answer.code = struck.outcome == Outcome::ENDLESS ? STATUS_PATH_TOO_LONG : STATUS_CONTRADICTORY_CONTACTS;
-  else if (undecided == INFINITY) answer.code = LEFT_TO_PYTHON;
+  impulses = Reflections{assembly}.resolve(options.threshold, options.budget);
+  double undecided = impulses.error;
+  if (cluster.has_friction && impulses.outcome == Outcome::ANSWERED) impulses = least_work_friction(assembly, impulses);
+  if (impulses.outcome != Outcome::ANSWERED) result.code = impulses.outcome == Outcome::ENDLESS ? STATUS_PATH_TOO_LONG : STATUS_CONTRADICTORY_CONTACTS;
+  else if (undecided == INFINITY) result.code = LEFT_TO_PYTHON;
   else finish();
-  return answer;
+  return result;
 }

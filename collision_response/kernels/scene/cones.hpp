@@ -1,9 +1,9 @@
 // Impulses in cones of friction,  K_i = { |P_t| <= mu_i P_n },  that do the least work on relative velocities:
 //
-//     |y|^2 / 2 + w.P -> least       y = B^T P, what they do to the bodies, in the metric of kinetic energy
+//     |y|^2 / 2 + w.P -> least       y = B^T P, what they do to the body_count, in the metric of kinetic energy
 //
 // and, if asked, with given normal velocities N y = c. Its dual has no constraints and one velocity eta for all
-// bodies, however many contacts they have; P solves it and its dual together where
+// body_count, however many contacts they have; P solves it and its dual together where
 //
 //     P_i = proj_K_i(P_i - rho_i (w + B eta)_i)       eta + N^T lambda = B^T P        N (eta + N^T lambda) = c
 //
@@ -35,53 +35,53 @@ class Cones {
     double mu, share;  // share: of rho
   };
   std::vector<Cone> cones;
-  Vector kept;   // c, of the first cones, whose normal impulses do different things; or empty
-  Vector loads;  // normal impulses > 0 that do it, but for `spare`
-  Vector spare;
-  ActiveSet<double> normals{nullptr, 0};  // how to find impulses that do what is kept
+  Vector kept_velocities;   // c, of the first cones, whose normal impulses do different things; or empty
+  Vector loads;  // normal impulses > 0 that do it, but for `slack`
+  Vector slack;
+  ActiveSet<double> normals{nullptr, 0};  // how to find impulses that do what is kept_velocities
   std::vector<Axes> P, z;     // z: w + B eta
 
-  explicit Cones(int bodies) : bodies(bodies) {}
+  explicit Cones(int body_count) : body_count(body_count) {}
 
   // After the last one.
-  void begin() {
+  void prepare() {
     size_t n = cones.size();
     P.resize(n);
     z.resize(n);
-    variables = 6 * bodies + static_cast<int>(kept.size());
+    variables = 6 * body_count + static_cast<int>(kept_velocities.size());
     x.resize(variables);
-    order();
-    profile();
+    order_variables();
+    allocate_matrix();
   }
 
   // Of all solutions that of least squares, nearly; and how far its y is off, at most.
   double solve() {
-    start_afresh();
-    mend();
-    if (!kept.empty() && off(0) > 30 * ENOUGH) {
+    solve_from_zero();
+    refine();
+    if (!kept_velocities.empty() && motion_error(0) > 30 * ENOUGH) {
       sigma = IF_NEED_BE;
-      mend();
+      refine();
     }
-    return off(ROUNDING);
+    return motion_error(ROUNDING);
   }
 
   // The first step towards that.
-  void start_afresh() {
+  void solve_from_zero() {
     const std::vector<Axes> none(P.size());
-    if (!settle(GREATEST, none, true, 12))
-      for (double size = 1; size <= GREATEST; size *= 100) settle(size, none, size == 1, 60);
+    if (!lagrangian_step(GREATEST, none, true, 12))
+      for (double size = 1; size <= GREATEST; size *= 100) lagrangian_step(size, none, size == 1, 60);
   }
 
   // The same without regard to the squares: steps from where it is, until they gain nothing.
-  void mend() {
-    double least = off(0);
+  void refine() {
+    double least = motion_error(0);
     for (double size = 100 * GREATEST; size >= LEAST; size /= 100)
       for (bool gains = true; gains && least > ENOUGH;) {
         const std::vector<Axes> old_P = P, old_z = z;
         const Vector old_x = x;
-        settle(size, P, false, 60);
-        sharpen();
-        double now = off(0);
+        lagrangian_step(size, P, false, 60);
+        polish();
+        double now = motion_error(0);
         gains = now < least / 3;
         if (now < least) {
           least = now;
@@ -94,17 +94,17 @@ class Cones {
   }
 
   // One step, from impulses Q; whether Newton's method ended.
-  bool settle(double size, std::vector<Axes> Q, bool afresh, int budget) {
+  bool lagrangian_step(double size, std::vector<Axes> Q, bool afresh, int budget) {
     rho = size;
     from = std::move(Q);
-    lambda_before.assign(x.begin() + 6 * bodies, x.end());
+    lambda_before.assign(x.begin() + 6 * body_count, x.end());
     Vector gradient(variables), trial, step(variables);
     if (afresh) {  // as if all contacts held
-      look(x, gradient, true);
+      evaluate(x, gradient, true);
       newton(gradient, step);
       increase(x, 1, step);
     }
-    double value = look(x, gradient, false), off = norm(gradient), enough = 1e-14 + 2e-16 * rho;
+    double value = evaluate(x, gradient, false), off = norm(gradient), enough = 1e-14 + 2e-16 * rho;
     for (int turn = 0; turn < budget && off > enough; ++turn) {
       newton(gradient, step);
       const double slope = dot(gradient, step), old = off;
@@ -112,12 +112,12 @@ class Cones {
       for (double length = 1;; length /= 2) {
         trial = x;
         increase(trial, length, step);
-        now = look(trial, gradient, false);
+        now = evaluate(trial, gradient, false);
         off = norm(gradient);
         if (off <= old / 2 || now <= value + 1e-4 * length * slope || length < 1e-3) break;
       }
       if (off >= old && old < 1e4 * enough) {  // rounding
-        look(x, gradient, false);
+        evaluate(x, gradient, false);
         return true;
       }
       x = trial;
@@ -127,9 +127,9 @@ class Cones {
   }
 
   // A last step of Newton's, by which P changes but is not computed anew: of rho (w + B eta) it has the rounding.
-  void sharpen() {
+  void polish() {
     Vector gradient(variables), step(variables);
-    look(x, gradient, false);
+    evaluate(x, gradient, false);
     newton(gradient, step);
     increase(x, 1, step);
     for (size_t i = 0; i < cones.size(); ++i) {
@@ -138,13 +138,13 @@ class Cones {
       for (int a = 0; a < 3; ++a)
         for (int k = 0; k < 3; ++k) P[i][a] -= rho * cones[i].share * slopes[i][a][k] * by[k];
       Slope unused;
-      onto(cones[i].mu, P[i], unused);
+      project_on_cone(cones[i].mu, P[i], unused);
     }
   }
 
   // y
   Vector motion() const {
-    Vector y(6 * static_cast<size_t>(bodies));
+    Vector y(6 * static_cast<size_t>(body_count));
     for (size_t i = 0; i < cones.size(); ++i) add_row(cones[i], P[i], y);
     return y;
   }
@@ -156,15 +156,15 @@ class Cones {
   //
   // Q is (1 - part) P + part `loads` + `by` along normals, with the least part that leaves it in the cones. P* is taken to
   // be no greater than the greatest impulse found.
-  double off(double rounding) const {
+  double motion_error(double rounding) const {
     const Vector y = motion();
-    Vector dual = y, by(kept.size()), e(y.size());
-    const double* lambda = x.data() + 6 * bodies;
+    Vector dual = y, by(kept_velocities.size()), e(y.size());
+    const double* lambda = x.data() + 6 * body_count;
     double part = 0, reach = 1, sum = 0;
-    for (size_t i = 0; i < kept.size(); ++i) {
+    for (size_t i = 0; i < kept_velocities.size(); ++i) {
       add_row(cones[i], Axes{-lambda[i], 0, 0}, dual);
-      double own = kept[i] - velocity(cones[i], y.data())[0];
-      by[i] = own + std::copysign(rounding * (std::fabs(kept[i]) + size_near(cones[i], y)) + spare[i], own);
+      double own = kept_velocities[i] - velocity(cones[i], y.data())[0];
+      by[i] = own + std::copysign(rounding * (std::fabs(kept_velocities[i]) + size_near(cones[i], y)) + slack[i], own);
     }
     along_normals(by, part);
     by.resize(loads.size());
@@ -178,14 +178,14 @@ class Cones {
       double slip = cone.mu > 0 ? std::hypot(v[1], v[2]) : 0, outside = std::fmax(cone.mu * slip - v[0], 0);
       sum += std::fabs(v[0] * P[i][0] + v[1] * P[i][1] + v[2] * P[i][2]);
       sum += reach * std::fmin(outside, slip + std::fmax(-v[0], 0));
-      if (!kept.empty()) sum += std::fabs(v[0]) * (part * loads[i] + std::fabs(by[i]));
+      if (!kept_velocities.empty()) sum += std::fabs(v[0]) * (part * loads[i] + std::fabs(by[i]));
     }
     const double far = std::sqrt(dot(e, e));
     return far + (far + std::sqrt(far * far + 4 * sum)) / 2;
   }
 
  private:
-  int bodies, variables = 0;
+  int body_count, variables = 0;
   double rho = 1, sigma = USUAL;
   Vector x;  // eta, lambda
   Vector lambda_before;
@@ -232,7 +232,7 @@ class Cones {
   }
 
   // The nearest of the cone, and the derivative of that.
-  static void onto(double mu, Axes& q, Slope& slope) {
+  static void project_on_cone(double mu, Axes& q, Slope& slope) {
     double t = std::sqrt(q[1] * q[1] + q[2] * q[2]);
     slope = {};
     if (q[0] >= 0 && t <= mu * q[0]) {
@@ -254,18 +254,18 @@ class Cones {
   }
 
   // The value of the dual, its gradient, P and slopes there. `holding`: with no cones.
-  double look(const Vector& at, Vector& gradient, bool holding) {
+  double evaluate(const Vector& at, Vector& gradient, bool holding) {
     slopes.resize(cones.size());
-    const double* lambda = at.data() + 6 * bodies;
+    const double* lambda = at.data() + 6 * body_count;
     Vector& y = whole;
-    y.assign(at.begin(), at.begin() + 6 * bodies);
-    for (size_t i = 0; i < kept.size(); ++i) add_row(cones[i], Axes{lambda[i], 0, 0}, y);
+    y.assign(at.begin(), at.begin() + 6 * body_count);
+    for (size_t i = 0; i < kept_velocities.size(); ++i) add_row(cones[i], Axes{lambda[i], 0, 0}, y);
     double value = 0;
     for (double v : y) value += v * v / 2;
-    for (size_t i = 0; i < kept.size(); ++i) {
+    for (size_t i = 0; i < kept_velocities.size(); ++i) {
       double by = lambda[i] - lambda_before[i];
-      gradient[6 * bodies + i] = velocity(cones[i], y.data())[0] - kept[i] + by / sigma;
-      value += by * by / (2 * sigma) - kept[i] * lambda[i];
+      gradient[6 * body_count + i] = velocity(cones[i], y.data())[0] - kept_velocities[i] + by / sigma;
+      value += by * by / (2 * sigma) - kept_velocities[i] * lambda[i];
     }
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone& cone = cones[i];
@@ -280,7 +280,7 @@ class Cones {
         for (int k = 0; k < 3; ++k) slopes[i][k][k] = k == 0 || cone.mu > 0;
         if (!(cone.mu > 0)) P[i][1] = P[i][2] = 0;
       } else {
-        onto(cone.mu, P[i], slopes[i]);
+        project_on_cone(cone.mu, P[i], slopes[i]);
       }
       value += (P[i][0] * P[i][0] + P[i][1] * P[i][1] + P[i][2] * P[i][2]) / (2 * own);
       add_row(cone, Axes{-P[i][0], -P[i][1], -P[i][2]}, y);
@@ -299,16 +299,16 @@ class Cones {
   }
 
   // Bodies by breadth from one with few neighbours, each followed by the multipliers of its contacts: rows are short.
-  void order() {
-    std::vector<std::vector<int>> touching(bodies);
+  void order_variables() {
+    std::vector<std::vector<int>> touching(body_count);
     for (size_t i = 0; i < cones.size(); ++i)
       for (int body : cones[i].body)
         if (body >= 0) touching[body].push_back(static_cast<int>(i));
-    std::vector<int> roots(bodies), queue;
+    std::vector<int> roots(body_count), queue;
     std::iota(roots.begin(), roots.end(), 0);
     auto fewer = [&](int a, int b) { return touching[a].size() < touching[b].size(); };
     std::stable_sort(roots.begin(), roots.end(), fewer);
-    std::vector<char> seen(bodies), placed(kept.size());
+    std::vector<char> seen(body_count), placed(kept_velocities.size());
     place.assign(variables, 0);
     int next = 0;
     for (int root : roots) {
@@ -321,9 +321,9 @@ class Cones {
         std::vector<int> near;
         for (int i : touching[body]) {
           int other = cones[i].body[0] == body ? cones[i].body[1] : cones[i].body[0];
-          if (i < static_cast<int>(kept.size()) && !placed[i] && (other < 0 || seen[other])) {
+          if (i < static_cast<int>(kept_velocities.size()) && !placed[i] && (other < 0 || seen[other])) {
             placed[i] = 1;
-            place[6 * bodies + i] = next++;
+            place[6 * body_count + i] = next++;
           }
           if (other >= 0 && !seen[other]) {
             seen[other] = 1;
@@ -334,16 +334,16 @@ class Cones {
         queue.insert(queue.end(), near.begin(), near.end());
       }
     }
-    members.assign(bodies, {});
-    for (int b = 0; b < bodies; ++b) {
+    members.assign(body_count, {});
+    for (int b = 0; b < body_count; ++b) {
       for (int c = 0; c < 6; ++c) members[b].push_back(6 * b + c);
       for (int i : touching[b])
-        if (i < static_cast<int>(kept.size())) members[b].push_back(6 * bodies + i);
+        if (i < static_cast<int>(kept_velocities.size())) members[b].push_back(6 * body_count + i);
     }
   }
   std::vector<std::vector<int>> members;  // the variables that a body brings together
 
-  void profile() {
+  void allocate_matrix() {
     first.assign(variables, 0);
     for (int i = 0; i < variables; ++i) first[place[i]] = place[i];
     auto join = [&](const std::vector<int>& all) {
@@ -362,15 +362,15 @@ class Cones {
     start.assign(variables + 1, 0);
     for (int i = 0; i < variables; ++i) start[i + 1] = start[i] + static_cast<size_t>(i - first[i] + 1);
     constant.assign(start[variables], 0.0);
-    for (int i = 0; i < 6 * bodies; ++i) at(constant, i, i) = 1;
-    for (int b = 0; b < bodies && !kept.empty(); ++b)
+    for (int i = 0; i < 6 * body_count; ++i) at(constant, i, i) = 1;
+    for (int b = 0; b < body_count && !kept_velocities.empty(); ++b)
       for (size_t s = 6; s < members[b].size(); ++s) {
         int i = members[b][s];
-        const double* row = normal(i - 6 * bodies, b);
+        const double* row = normal(i - 6 * body_count, b);
         for (int k = 0; k < 6; ++k) at(constant, 6 * b + k, i) += row[k];
         for (size_t t = 6; t <= s; ++t) {
           int j = members[b][t];
-          const double* other = normal(j - 6 * bodies, b);
+          const double* other = normal(j - 6 * body_count, b);
           double sum = 0;
           for (int k = 0; k < 6; ++k) sum += row[k] * other[k];
           at(constant, i, j) += sum;
@@ -382,7 +382,7 @@ class Cones {
   // step <- - M^-1 gradient
   void newton(const Vector& gradient, Vector& step) {
     M = constant;
-    for (size_t i = 0; i < kept.size(); ++i) at(M, 6 * bodies + static_cast<int>(i), 6 * bodies + static_cast<int>(i)) += 1 / sigma;
+    for (size_t i = 0; i < kept_velocities.size(); ++i) at(M, 6 * body_count + static_cast<int>(i), 6 * body_count + static_cast<int>(i)) += 1 / sigma;
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone& cone = cones[i];
       double own = rho * cone.share, part[2][3][6];

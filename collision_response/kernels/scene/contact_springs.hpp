@@ -11,7 +11,7 @@
 #include "friction.hpp"
 
 struct ContactSprings {
-  Assembly scene;                 // in units near its speed and mass, powers of two: squares and roots are of usual size
+  Assembly assembly;                 // in units near its speed and mass, powers of two: squares and roots are of usual size
   double unit = 1, root = 1;      // of speed, and of the root of mass
   double exponent;
   std::vector<double> stiffness;
@@ -24,30 +24,30 @@ struct ContactSprings {
   double speed = 0, mass = 0;
   double slow = 0;    // an approach below it is none: rounding would keep some contact for ever
   long work;          // that may still be done: 1 for a coupling of two contacts, about a nanosecond
-  double rubbed = 0;  // energy that friction took
-  bool wedged = false;  // the path has no end
+  double friction_loss = 0;  // energy that friction took
+  bool is_wedged = false;  // the path has no end
 
-  ContactSprings(const Assembly& assembly, double exponent, std::vector<double> ratios, long budget)
-      : scene(assembly), exponent(exponent), stiffness(std::move(ratios)), count(assembly.count), work(budget) {
+  ContactSprings(const Assembly& given, double exponent, std::vector<double> ratios, long budget)
+      : assembly(given), exponent(exponent), stiffness(std::move(ratios)), count(given.count), work(budget) {
     C.resize(count);
-    for (const Touch& touch : scene.touches) {
-      speed = std::fmax(speed, std::fabs(touch.plain[0].velocity));
-      mass = std::fmax(mass, std::fabs(touch.scale * touch.length));
+    for (const AssembledContact& contact : assembly.contacts) {
+      speed = std::fmax(speed, std::fabs(contact.axes[0].velocity));
+      mass = std::fmax(mass, std::fabs(contact.scale * contact.length));
     }
     unit = power_near(speed);
     root = power_near(mass);
     speed /= unit;
     mass = 0;
-    for (Touch& touch : scene.touches)
-      for (Plain& axis : touch.plain) {
+    for (AssembledContact& contact : assembly.contacts)
+      for (ContactAxis& axis : contact.axes) {
         axis.velocity /= unit;
         for (auto& side : axis.row)
           for (double& x : side) x *= root;
       }
     for (int i = 0; i < count; ++i) {
       for (int j = 0; j < count; ++j)
-        if (double by = coupling(scene, i, 0, j, 0); by != 0) C[i].push_back({j, by});
-      mass += 1 / coupling(scene, i, 0, i, 0) / count;
+        if (double by = coupling(assembly, i, 0, j, 0); by != 0) C[i].push_back({j, by});
+      mass += 1 / coupling(assembly, i, 0, i, 0) / count;
     }
     double most = 0;
     for (double k : stiffness) most = std::fmax(most, k);
@@ -60,11 +60,11 @@ struct ContactSprings {
     return x > 0 ? stiffness[i] * (exponent == 1.5 ? x * std::sqrt(x) : std::pow(x, exponent)) : 0;
   }
   double rate(int i, double x, double u) const {
-    double e = scene.touches[i].e;
+    double e = assembly.contacts[i].e;
     return u < -slow ? -u : x > 0 && u > 0 ? -u / (e * e) : 0;
   }
   double velocity(int i, const double* p) const {
-    double u = scene.touches[i].plain[0].velocity;
+    double u = assembly.contacts[i].axes[0].velocity;
     for (const Coupled& j : C[i]) u += j.by * p[j.other];
     return u;
   }
@@ -116,17 +116,17 @@ struct ContactSprings {
       return false;
     }
   };
-  double turn(int i, double x, double before, double after) const {
-    bool bends = x > 0 ? scene.touches[i].e < 1 : after < 0;
+  double turning_fraction(int i, double x, double before, double after) const {
+    bool bends = x > 0 ? assembly.contacts[i].e < 1 : after < 0;
     return bends && (before < 0) != (after < 0) ? before / (before - after) : 1;
   }
   // How much motion is left at a contact, as a velocity.
-  double motion_of(int i, double x, double u) const { return x > 0 || u < 0 ? std::sqrt(u * u + force(i, x) * x / mass) : 0; }
+  double residual_speed(int i, double x, double u) const { return x > 0 || u < 0 ? std::sqrt(u * u + force(i, x) * x / mass) : 0; }
   // The longest step, where the fastest motion is this: less of it compresses springs for longer.
-  double longest(double fastest) const { return 0.2 * std::pow(std::fmin(std::fmax(fastest, slow) / speed, 1), (1 - exponent) / (1 + exponent)); }
+  double longest_step(double fastest) const { return 0.2 * std::pow(std::fmin(std::fmax(fastest, slow) / speed, 1), (1 - exponent) / (1 + exponent)); }
 
   // The normal impulses without friction; whether it ended within its budget.
-  bool follow(double tolerance, std::vector<double>& p) {
+  bool follow_without_friction(double tolerance, std::vector<double>& p) {
     slow = std::fmax(tolerance / 10, 2e-14) * speed;
     size_t n = 2 * static_cast<size_t>(count);
     std::vector<double> y(n, 0.0), k[7], z(n, 0.0);
@@ -171,10 +171,10 @@ struct ContactSprings {
       double turns = 1, fastest = 0;
       for (int i : awake) {
         double u = velocity(i, z.data() + count);
-        turns = std::fmin(turns, turn(i, y[i], velocity(i, y.data() + count), u));
-        fastest = std::fmax(fastest, motion_of(i, z[i], u));
+        turns = std::fmin(turns, turning_fraction(i, y[i], velocity(i, y.data() + count), u));
+        fastest = std::fmax(fastest, residual_speed(i, z[i], u));
       }
-      if (pace.accepts(worst, 5, turns, longest(fastest))) {
+      if (pace.accepts(worst, 5, turns, longest_step(fastest))) {
         for (int i : awake) z[i] = std::fmax(z[i], 0);
         y = z;  // of those asleep they are the same
         awake = still_awake(y.data(), awake);
@@ -196,29 +196,29 @@ struct ContactSprings {
 
   // Loads act for some time, and friction that opposes the slip after it, to within `enough`; from forces of friction
   // that are near. Whether that ended within the budget.
-  bool rub(State& to, double time, const std::vector<double>& load, double enough) {
-    rubbing.clear();
+  bool apply_friction(State& to, double time, const std::vector<double>& load, double enough) {
+    frictional.clear();
     for (int i = 0; i < count; ++i) {
       if (!(load[i] > 0)) {
         to.friction[i] = {0, 0, 0};
         continue;
       }
-      double most = scene.touches[i].mu * load[i], size = std::hypot(to.friction[i][1], to.friction[i][2]);
+      double most = assembly.contacts[i].mu * load[i], size = std::hypot(to.friction[i][1], to.friction[i][2]);
       double fits = time * (size > most ? most / size : 1);
       to.friction[i] = {time * load[i], fits * to.friction[i][1], fits * to.friction[i][2]};
-      to.motion.push(i, to.friction[i]);
-      if (most > 0) rubbing.push_back(i);
+      to.motion.apply(i, to.friction[i]);
+      if (most > 0) frictional.push_back(i);
     }
     double change = INFINITY;
     while (change > enough && work > 0) {
       change = 0;
-      for (int i : rubbing) {
-        Axes by = slips[i].change(to.friction[i], scene.touches[i].mu * to.friction[i][0], to.motion.velocity(i, 1), to.motion.velocity(i, 2));
-        to.motion.push(i, by);
+      for (int i : frictional) {
+        Axes by = slips[i].change(to.friction[i], assembly.contacts[i].mu * to.friction[i][0], to.motion.velocity(i, 1), to.motion.velocity(i, 2));
+        to.motion.apply(i, by);
         for (int k = 1; k < 3; ++k) to.friction[i][k] += by[k];
         change = std::fmax(change, std::hypot(by[1], by[2]) * slips[i].trace);
       }
-      work -= SWEEP * static_cast<long>(rubbing.size() + 1);
+      work -= SWEEP * static_cast<long>(frictional.size() + 1);
     }
     for (int i = 0; i < count; ++i) {
       for (double& along : to.friction[i]) along /= time;
@@ -258,7 +258,7 @@ struct ContactSprings {
       to.x[i] = std::fmax(from.x[i] + h * g * first[i], 0);
       load[i] = force(i, to.x[i]);
     }
-    if (!rub(to, h * g, load, enough)) return false;
+    if (!apply_friction(to, h * g, load, enough)) return false;
     for (size_t k = 0; k < to.motion.y.size(); ++k) to.motion.y[k] = from.motion.y[k] + (to.motion.y[k] - from.motion.y[k]) * (1 - g) / g;
     for (int i = 0; i < count; ++i) {
       for (int k = 0; k < 3; ++k) to.P[i][k] += h * (1 - g) * to.friction[i][k];
@@ -266,7 +266,7 @@ struct ContactSprings {
       to.x[i] = std::fmax(from.x[i] + h * (d * first[i] + (1 - d) * second), 0);
       load[i] = force(i, to.x[i]);
     }
-    if (!rub(to, h * g, load, enough)) return false;
+    if (!apply_friction(to, h * g, load, enough)) return false;
     for (int i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k) to.P[i][k] += h * g * to.friction[i][k];
     return true;
@@ -283,22 +283,22 @@ struct ContactSprings {
 
   // Whether contacts that rest keep each other compressed for ever: friction holds the forces of their springs, to a
   // millionth, so that these take a million times as long as usual to bring anything to speed.
-  bool holds(const State& now) {
+  bool is_held(const State& now) {
     double greatest = 0;
     for (int i = 0; i < count; ++i) {
       load[i] = force(i, now.x[i]);
       greatest = std::fmax(greatest, load[i]);
-      if (load[i] > 0 && now.motion.fastest(i) > slow) return false;
+      if (load[i] > 0 && now.motion.speed(i) > slow) return false;
     }
     if (!(greatest > 0)) return false;
     State later = now;
     const long left = work;
     work = std::min(left, 1000 * SWEEP * count);  // where nothing holds it takes longer, or never ends
     const long budget = work;
-    const bool found = rub(later, 1e6 * mass * speed / greatest, load, 1e-3 * speed);
+    const bool found = apply_friction(later, 1e6 * mass * speed / greatest, load, 1e-3 * speed);
     work += left - budget;
     for (int i = 0; found && i < count; ++i)
-      if (load[i] > 0 && later.motion.fastest(i) > speed) return false;
+      if (load[i] > 0 && later.motion.speed(i) > speed) return false;
     return found;
   }
 
@@ -310,10 +310,10 @@ struct ContactSprings {
     const std::vector<double> zero(count, 0.0);
     first = load = zero;
     slips.resize(count);
-    State now{zero, zero, Motion(scene), none, none};
+    State now{zero, zero, Motion(assembly), none, none};
     for (int i = 0; i < count; ++i) {
       Slip& slip = slips[i];
-      slip = {{coupling(scene, i, 1, i, 1), coupling(scene, i, 1, i, 2), coupling(scene, i, 2, i, 2)}, 0};
+      slip = {{coupling(assembly, i, 1, i, 1), coupling(assembly, i, 1, i, 2), coupling(assembly, i, 2, i, 2)}, 0};
       slip.trace = slip.c[0] + slip.c[2];
       now.u[i] = now.motion.velocity(i, 0);
     }
@@ -327,7 +327,7 @@ struct ContactSprings {
         P = now.P;
         for (Axes& one : P)
           for (double& along : one) along = impulse(along);
-        rubbed = impulse(rubbed) * unit;
+        friction_loss = impulse(friction_loss) * unit;
         return true;
       }
       const double h = pace.h;
@@ -343,14 +343,14 @@ struct ContactSprings {
         double by_ends = std::fmax(now.x[i] + h / 4 * rates, 0);
         off = std::fmax(off, std::fmax(std::fabs(both.x[i] - whole.x[i]), std::fabs(both.x[i] - by_ends)));
         off = std::fmax(off, std::fabs(both.u[i] - whole.u[i]));  // light bodies count for little in the norm
-        turns = std::fmin(turns, turn(i, now.x[i], now.u[i], both.u[i]));
-        fastest = std::fmax(fastest, motion_of(i, both.x[i], both.u[i]));
+        turns = std::fmin(turns, turning_fraction(i, now.x[i], now.u[i], both.u[i]));
+        fastest = std::fmax(fastest, residual_speed(i, both.x[i], both.u[i]));
       }
       double worst = std::fmax(off, std::sqrt(square / mass)) / (3 * tolerance * speed);
       if (!(worst < INFINITY)) return false;
-      if (!pace.accepts(worst, 3, turns, longest(fastest))) continue;
+      if (!pace.accepts(worst, 3, turns, longest_step(fastest))) continue;
       auto mended = [](double fine, double coarse) { return fine + (fine - coarse) / 3; };
-      rubbed += mended(work_of_friction(now, half) + work_of_friction(half, both), work_of_friction(now, whole));
+      friction_loss += mended(work_of_friction(now, half) + work_of_friction(half, both), work_of_friction(now, whole));
       for (size_t k = 0; k < both.motion.y.size(); ++k) now.motion.y[k] = mended(both.motion.y[k], whole.motion.y[k]);
       for (int i = 0; i < count; ++i) {
         now.x[i] = std::fmax(mended(both.x[i], whole.x[i]), 0);
@@ -358,13 +358,13 @@ struct ContactSprings {
         for (int k = 0; k < 3; ++k) now.P[i][k] = mended(both.P[i][k], whole.P[i][k]);
       }
       now.friction = both.friction;
-      wedged = holds(now);
-      if (wedged) return false;
+      is_wedged = is_held(now);
+      if (is_wedged) return false;
     }
   }
 
  private:
   std::vector<double> first, load;
   std::vector<Slip> slips;
-  std::vector<int> rubbing;
+  std::vector<int> frictional;
 };

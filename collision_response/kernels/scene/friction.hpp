@@ -2,48 +2,50 @@
 // in the axes of each contact: unit normal, two tangents.
 #pragma once
 #include "cones.hpp"
-#include "struck.hpp"
+#include "impulses.hpp"
+#include "least_norm.hpp"
+#include "projection.hpp"
 
 struct Motion {  // of the movable bodies: y, and their twists have changed by L y
-  const Assembly* scene;
+  const Assembly* assembly;
   Vector y;
-  explicit Motion(const Assembly& assembly) : scene(&assembly), y(6 * static_cast<size_t>(assembly.bodies)) {}
+  explicit Motion(const Assembly& assembly) : assembly(&assembly), y(6 * static_cast<size_t>(assembly.body_count)) {}
 
-  void push(int i, const Axes& by) {
-    const Touch& touch = scene->touches[i];
+  void apply(int i, const Axes& by) {
+    const AssembledContact& contact = assembly->contacts[i];
     for (int side = 0; side < 2; ++side)
-      if (touch.body[side] >= 0) {
-        double* of = &y[6 * touch.body[side]];
+      if (contact.body[side] >= 0) {
+        double* of = &y[6 * contact.body[side]];
         for (int axis = 0; axis < 3; ++axis)
-          for (int k = 0; k < 6; ++k) of[k] += touch.plain[axis].row[side][k] * by[axis];
+          for (int k = 0; k < 6; ++k) of[k] += contact.axes[axis].row[side][k] * by[axis];
       }
   }
   double velocity(int i, int axis) const {
-    const Touch& touch = scene->touches[i];
-    double sum = touch.plain[axis].velocity;
+    const AssembledContact& contact = assembly->contacts[i];
+    double sum = contact.axes[axis].velocity;
     for (int side = 0; side < 2; ++side)
-      if (touch.body[side] >= 0)
-        for (int k = 0; k < 6; ++k) sum += touch.plain[axis].row[side][k] * y[6 * touch.body[side] + k];
+      if (contact.body[side] >= 0)
+        for (int k = 0; k < 6; ++k) sum += contact.axes[axis].row[side][k] * y[6 * contact.body[side] + k];
     return sum;
   }
-  double fastest(int i) const { return std::hypot(velocity(i, 0), velocity(i, 1), velocity(i, 2)); }
+  double speed(int i) const { return std::hypot(velocity(i, 0), velocity(i, 1), velocity(i, 2)); }
   // Of the part of y that the velocity of a contact is from, at most, as that velocity.
   double size_at(int i) const {
     double sum = 0;
     for (int side = 0; side < 2; ++side)
-      for (int k = 0; scene->touches[i].body[side] >= 0 && k < 6; ++k) sum += std::fabs(scene->touches[i].plain[0].row[side][k] * y[6 * scene->touches[i].body[side] + k]);
+      for (int k = 0; assembly->contacts[i].body[side] >= 0 && k < 6; ++k) sum += std::fabs(assembly->contacts[i].axes[0].row[side][k] * y[6 * assembly->contacts[i].body[side] + k]);
     return sum;
   }
   Axes velocity(int i) const { return {velocity(i, 0), velocity(i, 1), velocity(i, 2)}; }
 };
 
-inline double coupling(const Assembly& scene, int i, int a, int j, int b) {
-  const Touch &one = scene.touches[i], &other = scene.touches[j];
+inline double coupling(const Assembly& assembly, int i, int a, int j, int b) {
+  const AssembledContact &one = assembly.contacts[i], &other = assembly.contacts[j];
   double sum = 0;
   for (int s = 0; s < 2; ++s)
     for (int t = 0; t < 2; ++t)
       if (one.body[s] >= 0 && one.body[s] == other.body[t])
-        for (int k = 0; k < 6; ++k) sum += one.plain[a].row[s][k] * other.plain[b].row[t][k];
+        for (int k = 0; k < 6; ++k) sum += one.axes[a].row[s][k] * other.axes[b].row[t][k];
   return sum;
 }
 
@@ -55,16 +57,16 @@ constexpr double GREATEST_FRICTION = 1e30, LEAST_FRICTION = 1e-30, GREATEST_IN_O
 constexpr double UNLOADED = 0x1p-80, UNSHARED = 1e-10;
 
 // A contact as a cone: its impulses in units that make n.K n of every contact 1, velocities in units of `speed`.
-inline Cones::Cone cone_of(const Touch& touch, double speed, double mean) {
+inline Cones::Cone cone_of(const AssembledContact& contact, double speed, double mean) {
   Cones::Cone cone;
-  double unit = touch.scale * touch.length;
+  double unit = contact.scale * contact.length;
   for (int side = 0; side < 2; ++side) {
-    cone.body[side] = touch.body[side];
+    cone.body[side] = contact.body[side];
     for (int axis = 0; axis < 3; ++axis)
-      for (int k = 0; k < 6; ++k) cone.row[side][axis][k] = touch.plain[axis].row[side][k] * unit;
+      for (int k = 0; k < 6; ++k) cone.row[side][axis][k] = contact.axes[axis].row[side][k] * unit;
   }
-  for (int axis = 0; axis < 3; ++axis) cone.w[axis] = touch.plain[axis].velocity * unit / speed;
-  cone.mu = touch.mu > LEAST_FRICTION ? std::fmin(touch.mu, GREATEST_FRICTION) : 0;
+  for (int axis = 0; axis < 3; ++axis) cone.w[axis] = contact.axes[axis].velocity * unit / speed;
+  cone.mu = contact.mu > LEAST_FRICTION ? std::fmin(contact.mu, GREATEST_FRICTION) : 0;
   if (!(cone.mu > 0)) cone.w[1] = cone.w[2] = 0;  // which may be much
   // Least squares of the impulses in newton seconds.
   cone.share = std::fmin(std::fmax(1 / (unit * unit * mean), 1e-3), 1e3);
@@ -72,79 +74,79 @@ inline Cones::Cone cone_of(const Touch& touch, double speed, double mean) {
 }
 
 // And back: what an impulse in such units is.
-inline Axes in_newton_seconds(Axes P, const Touch& touch, double speed) {
-  for (double& along : P) along = along * speed * touch.scale * touch.length;
+inline Axes in_newton_seconds(Axes P, const AssembledContact& contact, double speed) {
+  for (double& along : P) along = along * speed * contact.scale * contact.length;
   return P;
 }
 
 // From frictionless impulses the least work on relative velocities over the cones of friction, with the normal velocities
 // of the loaded contacts kept. Loaded are those of the impulses of least norm, as others depend on the order; and of those
 // that do nearly the same, for a box a hair from flat stands on all its corners. Of contacts that nearly depend on others
-// no velocity is kept, or that hair would keep them from sliding. If none of them rubs, the frictionless impulses.
-inline Struck least_work(const Assembly& scene, const Struck& free) {
-  int count = scene.count;
-  Struck result = free;
-  Vector own = rounded(free.p.data(), count), shared = own;
-  scene.least_norm(shared, false);
+// no velocity is kept, or that hair would keep them from sliding. If none of them has_friction, the frictionless impulses.
+inline ClusterImpulses least_work_friction(const Assembly& assembly, const ClusterImpulses& free) {
+  int count = assembly.count;
+  ClusterImpulses result = free;
+  Vector own = rounded(free.normal.data(), count), shared = own;
+  least_norm(assembly, shared, false);
   Vector nearly_shared = shared;
-  const double off = scene.nearly_least_norm(nearly_shared);
+  const double off = nearly_least_norm(assembly, nearly_shared);
   for (int i = 0; i < count; ++i) shared[i] = (shared[i] + nearly_shared[i]) / 2;  // loaded in either
   double mean = 0, speed = 0;
-  Vector most(scene.bodies);  // of the loads of each body
+  Vector most(assembly.body_count);  // of the loads of each body
   for (int i = 0; i < count; ++i) {
-    const Touch& touch = scene.touches[i];
-    speed = std::fmax(speed, shared[i] / touch.scale);
-    for (int body : touch.body)
-      if (body >= 0) most[body] = std::fmax(most[body], own[i] / touch.scale);
+    const AssembledContact& contact = assembly.contacts[i];
+    speed = std::fmax(speed, shared[i] / contact.scale);
+    for (int body : contact.body)
+      if (body >= 0) most[body] = std::fmax(most[body], own[i] / contact.scale);
   }
   auto rounding = [&](int i) {  // of the load of a contact
     double near = 0;
-    for (int body : scene.touches[i].body)
+    for (int body : assembly.contacts[i].body)
       if (body >= 0) near = std::fmax(near, most[body]);
     bool is_new = shared[i] > 2 * own[i] || shared[i] < own[i] / 2;
     return is_new ? UNSHARED * (near > 0 ? near : speed) : UNLOADED * speed;
   };
   std::vector<int> loaded;
-  bool rubs = false;
-  Motion as_given(scene), as_shared(scene);
+  bool has_friction = false;
+  Motion as_given(assembly), as_shared(assembly);
   for (int i = 0; i < count; ++i) {
-    const Touch& touch = scene.touches[i];
-    as_given.push(i, {own[i] * touch.length, 0, 0});
-    as_shared.push(i, {shared[i] * touch.length, 0, 0});
-    if (!(shared[i] / touch.scale > rounding(i))) {
-      double slip = std::hypot(touch.plain[1].velocity, touch.plain[2].velocity) * touch.length;
-      if (shared[i] > 0) result.error += std::sqrt(2 * touch.mu * (shared[i] / touch.scale / speed) * (slip * touch.scale / speed)) * speed;
+    const AssembledContact& contact = assembly.contacts[i];
+    as_given.apply(i, {own[i] * contact.length, 0, 0});
+    as_shared.apply(i, {shared[i] * contact.length, 0, 0});
+    if (!(shared[i] / contact.scale > rounding(i))) {
+      double slip = std::hypot(contact.axes[1].velocity, contact.axes[2].velocity) * contact.length;
+      if (shared[i] > 0) result.error += std::sqrt(2 * contact.mu * (shared[i] / contact.scale / speed) * (slip * contact.scale / speed)) * speed;
       continue;
     }
     loaded.push_back(i);
-    rubs = rubs || touch.mu > LEAST_FRICTION;
-    mean += 1 / (touch.scale * touch.scale * touch.length * touch.length);
+    has_friction = has_friction || contact.mu > LEAST_FRICTION;
+    mean += 1 / (contact.scale * contact.scale * contact.length * contact.length);
   }
-  if (!rubs) return result;
+  if (!has_friction) return result;
   mean /= loaded.size();
-  Cones programme(scene.bodies);
-  programme.normals = ActiveSet<double>(scene.A.data(), count);
+  Cones programme(assembly.body_count);
+  programme.normals = ActiveSet<double>(assembly.A.data(), count);
   const std::vector<int> dependent = programme.normals.span(loaded, NEARLY_DEPENDENT);
   loaded = programme.normals.members;
   loaded.insert(loaded.end(), dependent.begin(), dependent.end());
   const size_t independent = programme.normals.members.size();
   for (int i : loaded) {
-    const Touch& touch = scene.touches[i];
-    programme.cones.push_back(cone_of(touch, speed, mean));
-    programme.loads.push_back(shared[i] / touch.scale / speed);
-    if (programme.kept.size() == independent) continue;
-    double unit = touch.scale * touch.length / speed;
-    programme.kept.push_back((as_given.velocity(i, 0) - touch.plain[0].velocity) * unit);
-    programme.spare.push_back(std::fabs(as_shared.velocity(i, 0) - as_given.velocity(i, 0)) * unit);
+    const AssembledContact& contact = assembly.contacts[i];
+    programme.cones.push_back(cone_of(contact, speed, mean));
+    programme.loads.push_back(shared[i] / contact.scale / speed);
+    if (programme.kept_velocities.size() == independent) continue;
+    double unit = contact.scale * contact.length / speed;
+    programme.kept_velocities.push_back((as_given.velocity(i, 0) - contact.axes[0].velocity) * unit);
+    programme.slack.push_back(std::fabs(as_shared.velocity(i, 0) - as_given.velocity(i, 0)) * unit);
   }
-  programme.begin();
+  programme.prepare();
   result.error += programme.solve() * speed;
   std::vector<Axes> P(count);
-  for (size_t k = 0; k < loaded.size(); ++k) P[loaded[k]] = in_newton_seconds(programme.P[k], scene.touches[loaded[k]], speed);
+  for (size_t k = 0; k < loaded.size(); ++k) P[loaded[k]] = in_newton_seconds(programme.P[k], assembly.contacts[loaded[k]], speed);
 
   // Another contact may approach now.
-  Motion moved(scene);
-  for (int i = 0; i < count; ++i) moved.push(i, P[i]);
+  Motion moved(assembly);
+  for (int i = 0; i < count; ++i) moved.apply(i, P[i]);
   double square = 0;  // of what friction changes
   for (size_t k = 0; k < moved.y.size(); ++k) square += (moved.y[k] - as_given.y[k]) / speed * ((moved.y[k] - as_given.y[k]) / speed);
   // An estimate: other contacts might have been kept, and shared. What two orders of them give was at most 0.73 of the sum
@@ -153,19 +155,19 @@ inline Struck least_work(const Assembly& scene, const Struck& free) {
   std::vector<N> offset;
   bool approaches = false;
   for (int i = 0; i < count; ++i) {
-    const Touch& touch = scene.touches[i];
-    double u = moved.velocity(i, 0), doubt = 0x1p-50 * (std::fabs(touch.plain[0].velocity) + moved.size_at(i));
+    const AssembledContact& contact = assembly.contacts[i];
+    double u = moved.velocity(i, 0), doubt = 0x1p-50 * (std::fabs(contact.axes[0].velocity) + moved.size_at(i));
     approaches = approaches || u < -doubt;
-    offset.push_back(exact(u * touch.length) - touch.velocity);
-    offset.back().error += doubt * touch.length;
+    offset.push_back(exact(u * contact.length) - contact.velocity);
+    offset.back().error += doubt * contact.length;
   }
   if (approaches) {
-    Assembly::Projection last = scene.project(std::vector<DD>(count).data(), scene.all(), offset.data());
+    Projection last = project(assembly, std::vector<DD>(count).data(), assembly.all_contacts(), offset.data());
     // GRR has found velocities that part them: if none are found here, doubles can't tell.
-    result.error += last.found == Found::LEAST ? last.error : INFINITY;
-    for (int i = 0; i < count; ++i) P[i][0] += last.q[i].h * scene.touches[i].length;
+    result.error += last.status == MinimumStatus::FOUND ? last.error : INFINITY;
+    for (int i = 0; i < count; ++i) P[i][0] += last.q[i].h * assembly.contacts[i].length;
   }
-  return with_impulses(std::move(result), scene, P);
+  return with_axis_impulses(std::move(result), assembly, P);
 }
 
 // The shifts that a solution leaves.
@@ -184,13 +186,13 @@ inline double distance(const Vector& one, const Vector& other) {
 // round takes shifts a little beside them nearer, by some rate: if by more than `off`, some that stay are no farther.
 // Where contacts lock, or share a load in several ways, shifts all around stay, and nothing can be said. The rate is
 // that of the direction in which rounds are slowest, by the power method: an estimate.
-inline double spread(Cones programme, const Vector& start, const Vector& shift, double off) {
+inline double shift_error(Cones programme, const Vector& start, const Vector& shift, double off) {
   constexpr double LEAST = 1e-9, WIDER = 30, WIDEST = 1e-3, SEEN = 1e-12, STAYS = 1 - 1e-5;
   constexpr int ROUNDS = 20;
   auto look = [&](const Vector& by) {
     for (size_t i = 0; i < by.size(); ++i) programme.cones[i].w[0] = start[i] + std::fmax(shift[i] + by[i], 0);
-    if (!programme.settle(Cones::GREATEST, programme.P, false, 60)) programme.start_afresh();
-    programme.sharpen();
+    if (!programme.lagrangian_step(Cones::GREATEST, programme.P, false, 60)) programme.solve_from_zero();
+    programme.polish();
     return shifts_of(programme);
   };
   const Vector zero(shift.size()), here = look(zero), y = programme.motion();
@@ -226,30 +228,30 @@ inline double spread(Cones programme, const Vector& start, const Vector& shift, 
 
 // Coulomb's law on the velocities after, by convex programmes: with the shift s = mu |u_t+| of normal velocities held,
 // this is least work again; s is then what that leaves, until it stays.
-inline Struck one_step(const Assembly& scene) {
-  int count = scene.count;
+inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
+  int count = assembly.count;
   std::vector<Axes> P(count);
   double mean = 0, speed = 0;
   bool approach = false;
-  for (const Touch& touch : scene.touches) {
-    mean += 1 / (touch.scale * touch.scale * touch.length * touch.length) / count;
-    approach = approach || touch.plain[0].velocity < 0;
-    bool rubs = touch.mu > LEAST_FRICTION;  // of what does not, the slip may be anything
-    speed = std::fmax(speed, std::hypot(touch.plain[0].velocity, rubs * touch.plain[1].velocity, rubs * touch.plain[2].velocity) * touch.scale * touch.length);
+  for (const AssembledContact& contact : assembly.contacts) {
+    mean += 1 / (contact.scale * contact.scale * contact.length * contact.length) / count;
+    approach = approach || contact.axes[0].velocity < 0;
+    bool has_friction = contact.mu > LEAST_FRICTION;  // of what does not, the slip may be anything
+    speed = std::fmax(speed, std::hypot(contact.axes[0].velocity, has_friction * contact.axes[1].velocity, has_friction * contact.axes[2].velocity) * contact.scale * contact.length);
   }
-  if (!approach) return with_impulses({}, scene, P);  // no impulse is a solution
-  Cones programme(scene.bodies);
+  if (!approach) return with_axis_impulses({}, assembly, P);  // no impulse is a solution
+  Cones programme(assembly.body_count);
   Vector start;
-  for (const Touch& touch : scene.touches) {
-    Cones::Cone cone = cone_of(touch, speed, mean);
+  for (const AssembledContact& contact : assembly.contacts) {
+    Cones::Cone cone = cone_of(contact, speed, mean);
     cone.mu = std::fmin(cone.mu, GREATEST_IN_ONE_STEP);
-    cone.w[0] += touch.e * std::fmin(cone.w[0], 0);
+    cone.w[0] += contact.e * std::fmin(cone.w[0], 0);
     start.push_back(cone.w[0]);
     programme.cones.push_back(cone);
   }
-  programme.begin();
-  programme.start_afresh();
-  programme.sharpen();
+  programme.prepare();
+  programme.solve_from_zero();
+  programme.polish();
   Vector shift(count), off, last_off, last_shift;
   double change = INFINITY, last_change = INFINITY;
   int round = 0;
@@ -274,8 +276,8 @@ inline Struck one_step(const Assembly& scene) {
     }
     last_shift = found;
     last_off = off;
-    programme.settle(Cones::GREATEST, programme.P, false, 60);
-    programme.sharpen();
+    programme.lagrangian_step(Cones::GREATEST, programme.P, false, 60);
+    programme.polish();
   }
   // Of several splits of a load, that of the most friction.
   for (double& s : shift) s *= 1 - 1e-9;
@@ -283,7 +285,7 @@ inline Struck one_step(const Assembly& scene) {
   double off_least = programme.solve();
   change = distance(shifts_of(programme), shift);
   if (!(change <= 1e-8)) return {Outcome::CONTRADICTORY, {}};
-  for (int i = 0; i < count; ++i) P[i] = in_newton_seconds(programme.P[i], scene.touches[i], speed);
-  double error = speed * (off_least + (scene.locked ? INFINITY : spread(programme, start, shift, change)));
-  return with_impulses({Outcome::ANSWERED, {}, error}, scene, P);
+  for (int i = 0; i < count; ++i) P[i] = in_newton_seconds(programme.P[i], assembly.contacts[i], speed);
+  double error = speed * (off_least + (assembly.is_locked ? INFINITY : shift_error(programme, start, shift, change)));
+  return with_axis_impulses({Outcome::ANSWERED, {}, error}, assembly, P);
 }

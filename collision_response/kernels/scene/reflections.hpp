@@ -1,24 +1,26 @@
 // Generalised reflections in double-double: what collision_response/scene/reflections.py writes down, and computes
 // of fractions.
 #pragma once
-#include "struck.hpp"
+#include "impulses.hpp"
+#include "least_norm.hpp"
+#include "projection.hpp"
 
 struct Reflections {
-  const Assembly& scene;
+  const Assembly& assembly;
 
-  Struck resolve(double threshold, long budget) const {
-    Struck result;
-    std::vector<DD>& p = result.p;
-    p.resize(scene.count);
+  ClusterImpulses resolve(double threshold, long budget) const {
+    ClusterImpulses result;
+    std::vector<DD>& p = result.normal;
+    p.resize(assembly.count);
     double speed = 0, doubt = 0;  // of the fastest approach
-    for (const Touch& touch : scene.touches) {
-      double own = -high(touch.velocity) / touch.length;
+    for (const AssembledContact& contact : assembly.contacts) {
+      double own = -high(contact.velocity) / contact.length;
       speed = std::fmax(speed, own);
-      doubt = std::fmax(doubt, width(touch.velocity) / touch.length + std::fabs(own) * 0x1p-50);
+      doubt = std::fmax(doubt, width(contact.velocity) / contact.length + std::fabs(own) * 0x1p-50);
     }
     if (!(speed > 0)) return result;
-    const Assembly::Projection first = scene.project(p.data(), scene.all(), nullptr);
-    if (first.found != Found::LEAST) return {Outcome::CONTRADICTORY, {}};
+    const Projection first = project(assembly, p.data(), assembly.all_contacts(), nullptr);
+    if (first.status != MinimumStatus::FOUND) return {Outcome::CONTRADICTORY, {}};
     double e_error;
     result.restitution = joined_restitution(first, e_error);
     if (!(result.restitution > 0)) {
@@ -35,22 +37,22 @@ struct Reflections {
       result.margin = std::fmin(result.margin, seen.margin / speed);
       all_part = seen.all_part;
       if (seen.violated.empty()) break;
-      bool is_first = turn == 0 && static_cast<int>(seen.violated.size()) == scene.count;
-      Assembly::Projection next = is_first ? first : scene.project(p.data(), seen.violated, nullptr);
-      if (next.found != Found::LEAST) return {Outcome::CONTRADICTORY, {}};
+      bool is_first = turn == 0 && static_cast<int>(seen.violated.size()) == assembly.count;
+      Projection next = is_first ? first : project(assembly, p.data(), seen.violated, nullptr);
+      if (next.status != MinimumStatus::FOUND) return {Outcome::CONTRADICTORY, {}};
       double rounding = add(p, 2, next.q);
       error += 2 * next.error + rounding;
     }
     // e p_GR + (1 - e) p_P
     double rounding = add(p, -1, first.q);
-    const double by_restitution = scene.size_of(p.data());
+    const double by_restitution = assembly.velocity_size(p.data());
     if (e_error > 0 && by_restitution > 0) error += e_error * by_restitution;
     for (DD& x : p) x = DD{result.restitution, 0} * x;
-    result.error = result.restitution * error + (1 - result.restitution) * first.error + rounding + scene.size_of(p.data()) * 0x1p-98;
+    result.error = result.restitution * error + (1 - result.restitution) * first.error + rounding + assembly.velocity_size(p.data()) * 0x1p-98;
     result.error += add(p, 1, first.q);
     if (!all_part && approaches(p.data(), result.error)) {  // slower than the threshold
-      Assembly::Projection last = scene.project(p.data(), scene.all(), nullptr);
-      if (last.found != Found::LEAST) return {Outcome::CONTRADICTORY, {}};
+      Projection last = project(assembly, p.data(), assembly.all_contacts(), nullptr);
+      if (last.status != MinimumStatus::FOUND) return {Outcome::CONTRADICTORY, {}};
       result.error += add(p, 1, last.q) + last.error;
     }
     return result;
@@ -58,57 +60,57 @@ struct Reflections {
 
  private:
   // sum e u q / sum u q over the contacts that approach, of the q of least norm: of others e would depend on the order.
-  double joined_restitution(const Assembly::Projection& first, double& error) const {
+  double joined_restitution(const Projection& first, double& error) const {
     const std::vector<DD>& q = first.q;
     error = 0;
     double least, most;
     auto are_equal = [&](const std::vector<int>& among) {
       least = 1, most = 0;
       for (int i : among) {
-        const Touch& touch = scene.touches[i];
-        if (!(high(touch.velocity) < 0)) continue;
-        least = std::fmin(least, touch.e);
-        most = std::fmax(most, touch.e);
+        const AssembledContact& contact = assembly.contacts[i];
+        if (!(high(contact.velocity) < 0)) continue;
+        least = std::fmin(least, contact.e);
+        most = std::fmax(most, contact.e);
       }
       return least >= most;
     };
-    if (are_equal(scene.all())) return most;
-    const std::vector<N> after = scene.velocities(q.data());
+    if (are_equal(assembly.all_contacts())) return most;
+    const std::vector<N> after = assembly.velocities(q.data());
     std::vector<int> pressed;  // the others part, and have no impulse
-    for (int i = 0; i < scene.count; ++i)
-      if (!(high(after[i]) > width(after[i]) + first.error / scene.touches[i].scale)) pressed.push_back(i);
+    for (int i = 0; i < assembly.count; ++i)
+      if (!(high(after[i]) > width(after[i]) + first.error / assembly.contacts[i].scale)) pressed.push_back(i);
     if (are_equal(pressed)) return most;
-    Vector shared = rounded(q.data(), scene.count);
-    bool is_unique = !scene.least_norm(shared, false);
+    Vector shared = rounded(q.data(), assembly.count);
+    bool is_unique = !least_norm(assembly, shared, false);
     // In units near the greatest: works may be beyond doubles.
     double fastest = 0, greatest = 0;
-    for (int i = 0; i < scene.count; ++i) {
-      fastest = std::fmax(fastest, -high(scene.touches[i].velocity));
+    for (int i = 0; i < assembly.count; ++i) {
+      fastest = std::fmax(fastest, -high(assembly.contacts[i].velocity));
       greatest = std::fmax(greatest, q[i].h);
     }
     if (!(greatest > 0)) return 0;
     const double unit = power_near(fastest), load = power_near(greatest);
     N above = exact(0.0), below = exact(0.0);
     for (int i : pressed) {
-      const Touch& touch = scene.touches[i];
-      if (!(high(touch.velocity) < 0)) continue;
-      const N& u = touch.velocity;
+      const AssembledContact& contact = assembly.contacts[i];
+      if (!(high(contact.velocity) < 0)) continue;
+      const N& u = contact.velocity;
       const DD p = is_unique ? q[i] : DD{shared[i], 0};
       N work = N{{u.value.h / unit, u.value.l / unit}, u.error / unit} * exact(DD{p.h / load, p.l / load});
-      above = above + work * exact(touch.e);
+      above = above + work * exact(contact.e);
       below = below + work;
     }
     if (!(high(below) < 0)) return 0;
     const N e = above / below;
     // How far the works may be from those of the exact q*:
     //     sum (e_i - e) u_i (q*_i - q_i) = z.A (q* - q) <= sqrt(z.A z) |M^-1 N (q* - q)|    for A z = (e_i - e) u_i
-    const std::vector<DD> matrix = scene.couplings<DD>();
-    ActiveSet<DD> basis(matrix.data(), scene.count);
+    const std::vector<DD> matrix = assembly.couplings<DD>();
+    ActiveSet<DD> basis(matrix.data(), assembly.count);
     const bool depends = !basis.span(pressed).empty();
     std::vector<DD> z;
     for (int i : basis.members) {
-      const Touch& touch = scene.touches[i];
-      z.push_back({(touch.e - high(e)) * (std::fmin(high(touch.velocity), 0) / unit) * touch.scale, 0});
+      const AssembledContact& contact = assembly.contacts[i];
+      z.push_back({(contact.e - high(e)) * (std::fmin(high(contact.velocity), 0) / unit) * contact.scale, 0});
     }
     std::vector<DD> c(z);
     basis.solve(z.data());
@@ -129,14 +131,14 @@ struct Reflections {
   };
   Seen look(const DD* p, double error, double limit, double doubt) const {
     Seen seen;
-    std::vector<N> u = scene.velocities(p);
-    for (int i = 0; i < scene.count; ++i) {
-      const Touch& touch = scene.touches[i];
-      N off = u[i] + exact(limit) * exact(touch.length);  // the length is rounded, as limit is
-      double known = width(off) + error / touch.scale + (doubt + limit * 0x1p-50) * touch.length;
+    std::vector<N> u = assembly.velocities(p);
+    for (int i = 0; i < assembly.count; ++i) {
+      const AssembledContact& contact = assembly.contacts[i];
+      N off = u[i] + exact(limit) * exact(contact.length);  // the length is rounded, as limit is
+      double known = width(off) + error / contact.scale + (doubt + limit * 0x1p-50) * contact.length;
       double distance = std::fabs(high(off));
       seen.certain = seen.certain && (distance > known || (known == 0 && error == 0));
-      seen.margin = std::fmin(seen.margin, distance / touch.length);
+      seen.margin = std::fmin(seen.margin, distance / contact.length);
       if (high(off) <= 0 && high(u[i]) < 0) seen.violated.push_back(i);
       seen.all_part = seen.all_part && high(u[i]) >= 0;
     }
@@ -145,18 +147,18 @@ struct Reflections {
 
   // Whether some contact approaches, beyond doubt.
   bool approaches(const DD* p, double error) const {
-    std::vector<N> u = scene.velocities(p);
-    for (int i = 0; i < scene.count; ++i)
-      if (high(u[i]) < -width(u[i]) - error / scene.touches[i].scale) return true;
+    std::vector<N> u = assembly.velocities(p);
+    for (int i = 0; i < assembly.count; ++i)
+      if (high(u[i]) < -width(u[i]) - error / assembly.contacts[i].scale) return true;
     return false;
   }
 
   // p += a q for a power of two; what rounding does to the velocities.
   double add(std::vector<DD>& p, double a, const std::vector<DD>& q) const {
     double lost = 0;
-    for (int i = 0; i < scene.count; ++i) {
+    for (int i = 0; i < assembly.count; ++i) {
       DD by{a * q[i].h, a * q[i].l};
-      lost += (std::fabs(p[i].h) + std::fabs(by.h)) / scene.touches[i].scale;
+      lost += (std::fabs(p[i].h) + std::fabs(by.h)) / assembly.contacts[i].scale;
       p[i] = p[i] + by;
     }
     return lost * 0x1p-98;

@@ -1,4 +1,4 @@
-// Vectors of any length, and of the three axes of space or of a contact.
+// Vectors of any length, vectors along the three axes of space or of a contact, and double-double numbers.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -6,6 +6,9 @@
 #include <numeric>
 #include <vector>
 
+#include "../numbers.hpp"
+
+using DD = DoubleDouble<double>;
 using Vector = std::vector<double>;
 using Axes = std::array<double, 3>;
 

@@ -1,16 +1,16 @@
-// Many clusters from tables.
+// TableClusters clusters from tables.
 #pragma once
 #include "cluster.hpp"
 
-// What is asked, as in resolve_scenes.py, and where the answers go. A quantity of bodies or contacts is a row. One cluster
+// What is options, as in resolve_scenes.py, and where the answers go. A quantity of bodies or contacts is a row. One cluster
 // is answered after the other.
-struct Many {
+struct TableClusters {
   const Table& table;
   const double *bodies, *contacts;
   Pairs pairs;
   long count, rows;  // of contacts
   const std::int64_t *order, *starts;
-  Asked asked;
+  ClusterOptions options;
   double limit;
   double *velocity, *spin, *impulse;  // of bodies, and of contacts
   unsigned char *regime, *status;     // of contacts, and of clusters
@@ -33,33 +33,33 @@ struct Many {
     auto contact = [this](std::int64_t k, double* x) {
       for (int i = 0; i < 8; ++i) x[i] = table.contact[i] < 0 || table.contact[i] >= rows ? 0 : contacts[table.contact[i] * count + k];
     };
-    Parts parts = parts_of(pairs, first, last, place, used, body, contact);
+    ClusterParts parts = take_parts(pairs, first, last, place, used, body, contact);
     status[cluster] = parts.has_copies() ? LEFT_TO_PYTHON : answer(cluster, parts);
   }
 
  private:
-  Code answer(long number, Parts& parts) {
-    Cluster cluster(parts, asked.law == LAW_FRICTIONLESS);
+  Code answer(long number, ClusterParts& parts) {
+    Cluster cluster(parts, options.law == LAW_FRICTIONLESS);
     if (cluster.fault) return refused(number, static_cast<Code>(cluster.fault));
-    Answer found = answered(cluster, asked);
-    if (found.code == LEFT_TO_PYTHON) return LEFT_TO_PYTHON;
-    if (found.code != STATUS_OK) return refused(number, found.code);
-    const Numbers& y = found.numbers;
+    ClusterResult result = resolve_cluster(cluster, options);
+    if (result.code == LEFT_TO_PYTHON) return LEFT_TO_PYTHON;
+    if (result.code != STATUS_OK) return refused(number, result.code);
+    const ImpulseEffect& effect = result.effect;
     const long n = pairs.bodies;
     for (size_t i = 0; i < used.size(); ++i) {
-      const double* after = cluster.movable[i] < 0 ? nullptr : &y.after[6 * cluster.movable[i]];
+      const double* after = cluster.movable_place[i] < 0 ? nullptr : &effect.twists[6 * cluster.movable_place[i]];
       for (int k = 0; after && k < table.axes; ++k) velocity[k * n + used[i]] = after[k];
       for (int k = table.first_spin; after && k < 3; ++k) spin[(k - table.first_spin) * n + used[i]] = after[3 + k];
     }
     for (auto k = first; k != last; ++k) {
       size_t i = k - first;
-      for (int axis = 0; axis < table.axes; ++axis) impulse[axis * count + *k] = y.pushes[3 * i + axis];
-      regime[*k] = y.regimes[i];
+      for (int axis = 0; axis < table.axes; ++axis) impulse[axis * count + *k] = effect.impulses[3 * i + axis];
+      regime[*k] = effect.regimes[i];
     }
-    bound[number] = y.bound;
-    margin[number] = found.margin;
-    for (int i = 0; i < 4; ++i) energy[i][number] = y.energies[i];
-    return y.bound <= limit ? (y.separates() ? STATUS_SEPARATING : STATUS_OK) : STATUS_TOLERANCE_NOT_MET;
+    bound[number] = effect.error_bound;
+    margin[number] = result.margin;
+    for (int i = 0; i < 4; ++i) energy[i][number] = effect.energies[i];
+    return effect.error_bound <= limit ? (effect.is_separating() ? STATUS_SEPARATING : STATUS_OK) : STATUS_TOLERANCE_NOT_MET;
   }
 
   // The answer that there is none. The bodies that could move have no velocity that is known.

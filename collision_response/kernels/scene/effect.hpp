@@ -22,7 +22,7 @@ inline double in_norm(const double* body) {
 }
 
 // A twist in that norm. No square of it overflows, or is lost.
-inline double size_of(const double* body, const double* twist) {
+inline double twist_size(const double* body, const double* twist) {
   double arm = (body[1] + body[4] + body[6]) / 3;
   return std::hypot(std::sqrt(body[0]) * std::hypot(twist[0], twist[1], twist[2]), std::sqrt(arm) * std::hypot(twist[3], twist[4], twist[5]));
 }
@@ -33,15 +33,15 @@ using Regime = unsigned char;
 constexpr double AT_REST = 0x1p-20;
 
 // What becomes of a cluster. Of movable bodies six numbers each, of contacts three, or one.
-struct Numbers {
-  Vector changes, after, pushes, before, then;
+struct ImpulseEffect {
+  Vector changes, twists, impulses, normal_velocities_before, normal_velocities_after;
   std::vector<Regime> regimes;
   double energies[4] = {};  // before, after, lost to restitution, to friction
-  double bound = 0;
+  double error_bound = 0;
   // More than rounding may seem to. By work on relative velocities, which is the same for every observer.
   bool creates_energy = false;
 
-  bool separates() const {
+  bool is_separating() const {
     return std::all_of(regimes.begin(), regimes.end(), [](Regime regime) { return regime == REGIME_SEPARATING; });
   }
   // The energies are sums over all the rest.
@@ -51,88 +51,88 @@ struct Numbers {
 };
 
 // A contact sticks if it does not slip (by_slip), or if its friction is below the limit.
-inline Numbers numbers_of(const Assembly& scene, const Struck& struck, bool by_slip) {
-  Numbers answer;
-  int count = scene.count;
-  const DD* p = struck.p.data();
-  double error = struck.error;
-  bool rubs = !struck.tangential.empty();
+inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& impulses, bool by_slip) {
+  ImpulseEffect effect;
+  int count = assembly.count;
+  const DD* p = impulses.normal.data();
+  double error = impulses.error;
+  bool has_friction = !impulses.tangential.empty();
   std::vector<Axes> P(count);  // across the normals
   Vector reported = rounded(p, count);
-  if (rubs)
+  if (has_friction)
     for (int i = 0; i < count; ++i)
-      for (int k = 0; k < 2; ++k) P[i][1 + k] = struck.tangential[2 * i + k];
-  std::vector<N> sums = scene.changes(p);
-  Motion motion(scene), across(scene);
+      for (int k = 0; k < 2; ++k) P[i][1 + k] = impulses.tangential[2 * i + k];
+  std::vector<N> sums = assembly.twist_changes(p);
+  Motion motion(assembly), across(assembly);
   for (int i = 0; i < count; ++i) {
-    if (rubs) across.push(i, P[i]);
-    motion.push(i, {reported[i] * scene.touches[i].length, P[i][1], P[i][2]});
+    if (has_friction) across.apply(i, P[i]);
+    motion.apply(i, {reported[i] * assembly.contacts[i].length, P[i][1], P[i][2]});
   }
-  if (!rubs) scene.least_norm(reported, true);
+  if (!has_friction) least_norm(assembly, reported, true);
 
   for (int i = 0; i < count; ++i)
-    if (p[i].h != 0) error += 0x1p-1073 / scene.touches[i].scale;  // an impulse is a multiple of the least double
+    if (p[i].h != 0) error += 0x1p-1073 / assembly.contacts[i].scale;  // an impulse is a multiple of the least double
 
   double largest = 0, worst = 0, rounding = 0;
-  for (int b = 0; b < scene.bodies; ++b) {
-    const double* body = scene.given[b].x;
+  for (int b = 0; b < assembly.body_count; ++b) {
+    const double* body = assembly.bodies[b].x;
     double change[6] = {};
-    if (rubs) scene.given[b].twist_of(&across.y[6 * b], change);
+    if (has_friction) assembly.bodies[b].twist_of(&across.y[6 * b], change);
     for (int k = 0; k < 6; ++k) change[k] += high(sums[6 * b + k]);
-    answer.changes.insert(answer.changes.end(), change, change + 6);
-    Given moved = scene.given[b];
+    effect.changes.insert(effect.changes.end(), change, change + 6);
+    AssembledBody moved = assembly.bodies[b];
     for (int k = 0; k < 6; ++k) moved.x[IN_BODY_A_VELOCITY_X + k] += change[k];
-    moved.fill(moved.plain);
-    answer.energies[0] += scene.given[b].energy;
-    answer.energies[1] += moved.energy;
+    moved.fill(moved.centre_in_doubles);
+    effect.energies[0] += assembly.bodies[b].energy;
+    effect.energies[1] += moved.energy;
     double lost[6];
-    for (int k = 0; k < 6; ++k) lost[k] = width(sums[6 * b + k]) + (std::fabs(change[k]) + std::fabs(high(sums[6 * b + k]))) * 0x1p-53 * (rubs ? 4 : 1);
-    largest = std::fmax(largest, size_of(body, change));
-    rounding = std::fmax(rounding, size_of(body, lost));
+    for (int k = 0; k < 6; ++k) lost[k] = width(sums[6 * b + k]) + (std::fabs(change[k]) + std::fabs(high(sums[6 * b + k]))) * 0x1p-53 * (has_friction ? 4 : 1);
+    largest = std::fmax(largest, twist_size(body, change));
+    rounding = std::fmax(rounding, twist_size(body, lost));
     worst = std::fmax(worst, error * in_norm(body));
-    answer.after.insert(answer.after.end(), moved.x + IN_BODY_A_VELOCITY_X, moved.x + IN_BODY_A_VELOCITY_X + 6);
+    effect.twists.insert(effect.twists.end(), moved.x + IN_BODY_A_VELOCITY_X, moved.x + IN_BODY_A_VELOCITY_X + 6);
   }
-  std::vector<N> u = scene.velocities(p);
+  std::vector<N> u = assembly.velocities(p);
   double fastest = 0, greatest = 0;
   for (int i = 0; i < count; ++i) {
-    const Plain* plain = scene.touches[i].plain;
+    const ContactAxis* plain = assembly.contacts[i].axes;
     fastest = std::fmax(fastest, std::hypot(plain[0].velocity, plain[1].velocity, plain[2].velocity));
-    greatest = std::fmax(greatest, p[i].h * scene.touches[i].length);
+    greatest = std::fmax(greatest, p[i].h * assembly.contacts[i].length);
   }
   // In units near the greatest: works may be below doubles.
   const double unit = power_near(fastest), load = power_near(greatest);
-  double restitution = 0, rubbing = 0, work = 0;
+  double restitution = 0, friction_loss = 0, work = 0;
   for (int i = 0; i < count; ++i) {
-    const Touch& touch = scene.touches[i];
+    const AssembledContact& contact = assembly.contacts[i];
     double push[3];
-    for (int k = 0; k < 3; ++k) push[k] = reported[i] * touch.normal[k];
-    Axes u_before{touch.plain[0].velocity, touch.plain[1].velocity, touch.plain[2].velocity};
+    for (int k = 0; k < 3; ++k) push[k] = reported[i] * contact.normal[k];
+    Axes u_before{contact.axes[0].velocity, contact.axes[1].velocity, contact.axes[2].velocity};
     Axes u_after = motion.velocity(i);
-    if (!rubs) u_after[0] = high(u[i]) / touch.length;
+    if (!has_friction) u_after[0] = high(u[i]) / contact.length;
     double speed = std::hypot(u_after[1], u_after[2]), back = u_before[1] * u_after[1] + u_before[2] * u_after[2];
-    double friction = std::hypot(P[i][1], P[i][2]), most = touch.mu * p[i].h * touch.length;
-    if (rubs) {
-      const auto axes = touch.axes();
+    double friction = std::hypot(P[i][1], P[i][2]), most = contact.mu * p[i].h * contact.length;
+    if (has_friction) {
+      const auto axes = contact.unit_vectors();
       for (int k = 0; k < 3; ++k) push[k] += P[i][1] * axes[1][k] + P[i][2] * axes[2][k];
     }
-    double normal = p[i].h * touch.length / load;
+    double normal = p[i].h * contact.length / load;
     double along = (P[i][1] / load * ((u_before[1] + u_after[1]) / unit) + P[i][2] / load * ((u_before[2] + u_after[2]) / unit)) / 2;
     restitution -= normal * ((u_before[0] + u_after[0]) / unit) / 2;
-    rubbing -= along;
+    friction_loss -= along;
     work += normal * ((std::fabs(u_before[0]) + std::fabs(u_after[0])) / unit) + std::fabs(along);
-    answer.pushes.insert(answer.pushes.end(), push, push + 3);
-    answer.before.push_back(u_before[0]);
-    answer.then.push_back(u_after[0]);
+    effect.impulses.insert(effect.impulses.end(), push, push + 3);
+    effect.normal_velocities_before.push_back(u_before[0]);
+    effect.normal_velocities_after.push_back(u_after[0]);
     Regime regime = back < 0 && speed > AT_REST * fastest ? REGIME_REVERSED : REGIME_SLIDING;
     if (push[0] == 0 && push[1] == 0 && push[2] == 0) regime = REGIME_SEPARATING;
-    else if (!(touch.mu > LEAST_FRICTION)) regime = REGIME_SLIDING;
+    else if (!(contact.mu > LEAST_FRICTION)) regime = REGIME_SLIDING;
     else if (by_slip ? speed <= AT_REST * fastest : friction < (1 - AT_REST) * most) regime = REGIME_STICKING;
-    answer.regimes.push_back(regime);
+    effect.regimes.push_back(regime);
   }
-  answer.energies[2] = restitution * load * unit;
-  answer.energies[3] = rubbing * load * unit;
-  answer.creates_energy = restitution + rubbing < -0x1p-40 * work;
-  answer.bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0) : (worst > 0 ? INFINITY : 0);
-  if (!(answer.bound == answer.bound)) answer.bound = INFINITY;
-  return answer;
+  effect.energies[2] = restitution * load * unit;
+  effect.energies[3] = friction_loss * load * unit;
+  effect.creates_energy = restitution + friction_loss < -0x1p-40 * work;
+  effect.error_bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0) : (worst > 0 ? INFINITY : 0);
+  if (!(effect.error_bound == effect.error_bound)) effect.error_bound = INFINITY;
+  return effect;
 }

@@ -1,0 +1,112 @@
+// One body and one contact of a cluster, with the numbers that the arithmetic of the cluster needs.
+#pragma once
+#include "../numbers.hpp"
+#include "column.hpp"
+#include "sizes.hpp"
+#include "vectors.hpp"
+
+
+using N = Bounded<DD>;
+
+INLINE N exact(DD x) { return {x, 0}; }
+INLINE N exact(double x) { return {{x, 0}, 0}; }
+template <class R> R rounded_to(const N& x) {  // to the digits of R
+  if constexpr (is_scalar<R>) return high(x);
+  else return value(x);
+}
+INLINE double width(const N& x) { return x.error * (1 + 0x1p-30); }  // a bound on the error of high(x)
+
+// The exponent of the power of two that scales a normal or a quaternion into the middle of the range of doubles; 0 if it
+// is there already. _with_scaled_normal in apply_law.py does the same for normals.
+inline int exponent_of(const double* x, int count) {
+  double largest = 0;
+  for (int k = 0; k < count; ++k) largest = std::fmax(largest, std::fabs(x[k]));
+  int exponent = 0;
+  std::frexp(largest, &exponent);
+  return std::abs(exponent) > 100 ? exponent : 0;
+}
+
+// The power of two just below `size`. Dividing by it loses no digits.
+inline double power_near(double size) { return size > 0 && size < INFINITY ? std::ldexp(1.0, std::ilogb(size)) : 1; }
+
+inline Vector rounded(const DD* p, int count) {
+  Vector out(count);
+  for (int i = 0; i < count; ++i) out[i] = p[i].h;
+  return out;
+}
+
+template <class T>
+struct Centre {  // a body as seen from its reference point, which is at x and moves with v
+  T numbers[CENTRE], x[3], v[3];
+};
+
+struct AssembledBody {
+  double x[BODY];  // as given
+  double energy;
+  bool has_massless_spin;
+  Centre<N> centre;
+  Centre<double> centre_in_doubles;
+  // M^-1 = L L^T. A twist is L y, and |y| is its size in the metric of kinetic energy.
+  double root, turn[3][3], com[3];  // L: root is 1 / sqrt(m), turn is the part for moments
+
+  bool is_movable() const { return x[0] < INFINITY; }
+  bool moves() const {
+    for (int k = 0; k < 6; ++k)
+      if (x[IN_BODY_A_VELOCITY_X + k] != 0) return true;
+    return false;
+  }
+  bool rests() const { return !is_movable() && !moves(); }
+
+  // Compute everything from x.
+  void prepare() {
+    fill(centre);
+    fill(centre_in_doubles);
+    const double* numbers = centre_in_doubles.numbers;
+    root = std::sqrt(numbers[CENTRE_INVERSE_MASS]);
+    std::copy(numbers + CENTRE_COM, numbers + CENTRE_COM + 3, com);
+  }
+  // twist = L y
+  void twist_of(const double* y, double* twist) const {
+    for (int j = 0; j < 3; ++j) twist[3 + j] = turn[0][j] * y[3] + turn[1][j] * y[4] + turn[2][j] * y[5];
+    const Axes at_centre = cross(twist + 3, com);
+    for (int j = 0; j < 3; ++j) twist[j] = root * y[j] - at_centre[j];
+  }
+  template <class T>
+  void fill(Centre<T>& seen) {
+    T in[BODY];
+    Report<T> motion[10];
+    const double* orientation = x + IN_BODY_A_ORIENTATION_X;
+    const int exponent = exponent_of(orientation, 4);
+    for (int i = 0; i < BODY; ++i) in[i] = Make<T>::constant(x[i]);
+    for (int k = 0; k < 4; ++k) in[IN_BODY_A_ORIENTATION_X + k] = Make<T>::constant(std::ldexp(orientation[k], -exponent));
+    ::centre<T>(in, seen.numbers, motion, &has_massless_spin);
+    energy = motion[0];
+    for (int i = 0; i < 9; ++i) turn[i / 3][i % 3] = motion[1 + i];
+    for (int k = 0; k < 3; ++k) {
+      seen.x[k] = in[IN_BODY_A_POSITION_X + k];
+      seen.v[k] = in[IN_BODY_A_VELOCITY_X + k];
+    }
+  }
+};
+
+// The relative velocity along one axis of a contact, in doubles: velocity + row.y, for bodies whose twists changed by L y.
+struct ContactAxis {
+  double row[2][6], velocity;
+};
+
+struct AssembledContact {
+  int body[2];  // places among the movable bodies; -1: immovable
+  double point[3], normal[3], length, scale;  // length: of the normal; scale: 1 / sqrt(n.K n)
+  double e, mu, copies;                       // copies: how often the contact is given
+  // Along the normal as given, for each body, with opposite signs: the velocity by the twist, and the twist by an impulse.
+  N jacobian[2][6], response[2][6];
+  N velocity;           // normal velocity before the impact, times the length of the normal
+  ContactAxis axes[3];  // along the unit normal and two tangents
+
+  // The unit normal and two tangents (Duff et al. 2017).
+  std::array<Axes, 3> unit_vectors() const {
+    double x = normal[0] / length, y = normal[1] / length, z = normal[2] / length;
+    double sign = x < 0 ? -1 : 1, c = -1 / (sign + x), d = y * z * c;
+    return {{{x, y, z}, {-(sign * y), 1 + sign * (y * y * c), sign * d}, {-z, d, sign + z * z * c}}};
+  }
+};

@@ -1,0 +1,24 @@
+// The impulses that a law gives for a cluster: ClusterImpulses of scene/impulses.py.
+#pragma once
+#include "assembly.hpp"
+
+enum class Outcome { ANSWERED, CONTRADICTORY, ENDLESS };
+
+struct ClusterImpulses {
+  Outcome outcome = Outcome::ANSWERED;
+  std::vector<DD> normal;    // along the normals
+  double error = 0;          // bound on that of the velocities, in the metric of kinetic energy
+  double margin = INFINITY;  // least distance of a decision from its threshold, relative to the fastest approach
+  double restitution = -1;   // the one used for all contacts; -1: each contact has its own
+  Vector tangential{};       // across the normals, two for each contact; empty without friction
+};
+
+// Set the impulses from those along the axes of each contact.
+inline ClusterImpulses with_axis_impulses(ClusterImpulses impulses, const Assembly& assembly, const std::vector<Axes>& P) {
+  impulses.normal.clear();
+  for (int i = 0; i < assembly.count; ++i) {
+    impulses.normal.push_back({P[i][0] / assembly.contacts[i].length, 0});
+    impulses.tangential.insert(impulses.tangential.end(), {P[i][1], P[i][2]});
+  }
+  return impulses;
+}

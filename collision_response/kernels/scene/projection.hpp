@@ -1,0 +1,148 @@
+// The inelastic projection: the least impulses, in the metric of kinetic energy, that keep contacts from approaching.
+#pragma once
+#include "assembly.hpp"
+
+struct Projection {
+  MinimumStatus status;
+  std::vector<DD> q;  // impulses along the normals
+  double error;       // a bound on that of the velocities, in the metric of kinetic energy
+};
+
+inline double greatest_scaled(const Assembly& assembly, const std::vector<N>& u, const std::vector<int>& among) {
+  double most = 0;
+  for (int i : among) most = std::fmax(most, std::fabs(high(u[i]) * assembly.contacts[i].scale));
+  return most;
+}
+
+// How far impulses q that leave velocities r are from those of project(), at most. With w the velocities reached, w*
+// those asked for, and r = u(w):
+//
+//     |w - w*|^2 = (q - q*).(r - r*) <= q.r + q*.max(-r, 0)        q*.r* = 0, q.r* >= 0
+//     q*.rho <= |d| |w* - v|          for any velocity d that separates the contacts, N^T d = rho > 0
+inline double projection_error(const Assembly& assembly, const std::vector<int>& among, const std::vector<DD>& q, const std::vector<N>& start, const std::vector<N>& r) {
+  if (assembly.is_locked) return INFINITY;
+  // In a unit near the size of the velocities: energies may be out of the range of doubles.
+  const double unit = power_near(greatest_scaled(assembly, start, among));
+  double gap = 0, far = 0, moved = 0;
+  for (int i : among) {
+    double low = high(r[i]) - width(r[i]), largest = std::fabs(high(r[i])) + width(r[i]);
+    gap += q[i].h / unit * (1 + 1e-9) * (largest / unit);
+    if (low < 0) far = std::fmax(far, -low * assembly.contacts[i].scale / unit / assembly.separation[i]);
+    moved += q[i].h / unit * ((std::fabs(high(start[i])) + width(start[i])) / unit);
+  }
+  far *= assembly.separating_size;
+  double distance = std::sqrt(moved);  // |w* - v|^2 <= -q.u
+  return (far + std::sqrt(far * far + 4 * (gap + far * distance))) / 2 * (1 + 1e-9) * unit;
+}
+
+// The projection from velocities `start`, with active sets in the digits of R and impulses in double-double.
+template <class R>
+Projection project_with(const Assembly& assembly, const std::vector<R>& matrix, const std::vector<N>& start, const std::vector<int>& among) {
+  const int count = assembly.count;
+  const std::vector<AssembledContact>& contacts = assembly.contacts;
+  auto scale = [&](int j) { return constant<R>(contacts[j].scale); };
+  Projection result{MinimumStatus::FOUND, std::vector<DD>(count), INFINITY};
+  std::vector<DD>& q = result.q;
+  std::vector<R> b(count);
+  for (int i : among) b[i] = rounded_to<R>(start[i]) * scale(i);
+  Minimum<R> first = minimise(matrix, b, among);
+  result.status = first.status;
+  if (result.status != MinimumStatus::FOUND) return result;
+  ActiveSet<R>& active = first.active;
+  for (int j : active.members) q[j] = lifted<DD>(first.x[j] * scale(j));
+
+  std::vector<N> r(count);
+  bool is_current = false;  // whether r are the velocities after q
+  auto update_r = [&] {
+    is_current = true;
+    std::vector<N> twists = assembly.twist_changes(q.data());
+    for (int i : among) r[i] = start[i] + assembly.velocity_change(contacts[i], twists);
+  };
+  std::vector<R> y;
+  for (int round = 0; round < 4 * count + 20; ++round) {
+    for (int turn = 0; turn < 8; ++turn) {  // refine the active impulses, by Newton's method
+      update_r();
+      bool is_settled = true;
+      y.clear();
+      for (int j : active.members) {
+        y.push_back(-rounded_to<R>(r[j]) * scale(j));
+        is_settled = is_settled && std::fabs(high(r[j])) <= 2 * r[j].error;
+      }
+      if (is_settled) break;
+      active.solve(y.data());
+      is_current = false;
+      for (size_t k = 0; k < y.size(); ++k) {
+        int j = active.members[k];
+        q[j] = q[j] + lifted<DD>(y[k] * scale(j));
+      }
+    }
+    int worst = -1;  // the most negative impulse leaves
+    for (size_t k = 0; k < active.members.size(); ++k) {
+      int j = active.members[k], other = active.members[worst < 0 ? k : worst];
+      if (q[j].h < 0 && (worst < 0 || q[j].h * contacts[other].scale < q[other].h * contacts[j].scale)) worst = static_cast<int>(k);
+    }
+    if (worst >= 0) {
+      q[active.members[worst]] = DD{0, 0};
+      active.drop(worst);
+      continue;
+    }
+    int entering = -1;  // the contact that approaches fastest enters
+    double most = 0;
+    for (int i : among) {
+      double slope = high(r[i]) * contacts[i].scale;
+      if (!active.has(i) && high(r[i]) < -8 * r[i].error && slope < most) {
+        most = slope;
+        entering = i;
+      }
+    }
+    if (entering < 0) break;
+    is_current = false;
+    MinimumStatus status = enter(
+        active, entering, rounded_to<R>(r[entering]) * scale(entering),
+        [&](int j, const R& by) { q[j] = high(by) == -INFINITY ? DD{0, 0} : q[j] + lifted<DD>(by * scale(j)); },
+        [&](int j) { return rounded_to<R>(exact(q[j])) / scale(j); });
+    if (status != MinimumStatus::FOUND) break;  // beyond what these digits can tell: the error bound says so
+  }
+  for (DD& one : q)
+    if (one.h < 0) {
+      one = DD{0, 0};
+      is_current = false;
+    }
+  if (!is_current) update_r();
+  result.error = projection_error(assembly, among, q, start, r);
+  return result;
+}
+
+// The impulses q >= 0 of the contacts `among` that change v0 + M^-1 N p least and give these contacts velocities
+// u + offset >= 0. Active sets are in doubles, and in double-double where contacts are nearly dependent.
+inline Projection project(const Assembly& assembly, const DD* p, const std::vector<int>& among, const N* offset) {
+  constexpr double FINE = 0x1p-32;  // the relative error up to which doubles are enough
+  std::vector<N> start = assembly.velocities(p);
+  if (offset)
+    for (int i : among) start[i] = start[i] + offset[i];
+  const Projection found = project_with(assembly, assembly.A, start, among);
+  if (assembly.is_locked || found.error <= FINE * greatest_scaled(assembly, start, among)) return found;
+  const Projection finer = project_with(assembly, assembly.couplings<DD>(), start, among);
+  return finer.error < found.error ? finer : found;
+}
+
+// The impulses that give all contacts velocities of at least -e min(u, 0).
+inline Projection project_to_rebound(const Assembly& assembly) {
+  std::vector<N> offset;
+  for (const AssembledContact& contact : assembly.contacts) {
+    double u = high(contact.velocity), doubt = width(contact.velocity);
+    offset.push_back(u < 0 ? contact.velocity * exact(contact.e) : N{{0, 0}, u < doubt ? doubt : 0});
+  }
+  return project(assembly, std::vector<DD>(assembly.count).data(), assembly.all_contacts(), offset.data());
+}
+
+// The few contacts that contradict each other as far as doubles can tell: no velocities keep all of them from
+// approaching. Empty if there are none.
+inline std::vector<int> contradictory_contacts(const Assembly& assembly) {
+  Vector b;
+  for (const AssembledContact& contact : assembly.contacts) b.push_back(high(contact.velocity) * contact.scale);
+  Minimum<double> end = minimise(assembly.A, b, assembly.all_contacts());
+  if (end.status != MinimumStatus::UNBOUNDED) return {};
+  end.active.members.push_back(end.last);
+  return end.active.members;
+}

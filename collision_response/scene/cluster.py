@@ -1,0 +1,147 @@
+"""The bodies and contacts of one cluster, and the object that knows what impulses do to them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+from ..in_python.coefficients_at_speed import friction_at_first, restitution_at
+from ..kernels import library
+from ..physics.body import Body
+from ..physics.contact import Contact
+from ..physics.laws import Law
+from ..status import ImpactError, StatusCode
+from .clusters import DistinctContacts, Pair
+from .impulses import ClusterImpulses, effect_of
+from .rational_cluster import RationalCluster
+from .request import ContactIndices, SceneOptions, SceneRequest, as_floats, check_contact, with_scene_names
+
+
+class ClusterParts(NamedTuple):
+    """The bodies and contacts of a cluster.
+
+    Attributes:
+        bodies: those that the contacts touch.
+        pairs: for each contact, the places of its body_a and body_b in ``bodies``.
+        contacts: without copies. All numbers of bodies and contacts are of one type.
+        counts: how often each contact is given.
+        indices: scene index of each contact.
+    """
+
+    bodies: list[Body]
+    pairs: list[Pair]
+    contacts: list[Contact]
+    counts: list[int]
+    indices: list[int]
+
+    def select(self, places: Sequence[int]) -> ClusterParts:
+        """Return the parts with only some of the contacts."""
+        return ClusterParts(
+            self.bodies,
+            [self.pairs[i] for i in places],
+            [self.contacts[i] for i in places],
+            [self.counts[i] for i in places],
+            [self.indices[i] for i in places],
+        )
+
+
+class AssembledCluster(NamedTuple):
+    """A cluster that a law can be applied to.
+
+    Attributes:
+        cluster: what impulses do; see ``scene/__init__.py``.
+        parts: its bodies and contacts, with the numbers that are used: every coefficient is a number.
+        bodies: scene indices of ``parts.bodies``.
+        below_restitution_threshold: whether an approach was so slow that its restitution was taken as 0.
+    """
+
+    cluster: Any
+    parts: ClusterParts
+    bodies: list[int]
+    below_restitution_threshold: bool
+
+
+def assemble(scene: SceneRequest, distinct: DistinctContacts, options: SceneOptions) -> AssembledCluster:
+    """Return the cluster of some contacts of a scene.
+
+    Raises:
+        ImpactError: if a body or a contact is invalid; ``field`` names it.
+        TypeError: if something is not a number.
+    """
+    places: dict[int, int] = {}
+    pairs = []
+    for i in distinct.indices:
+        a, b = scene.pairs[i]
+        pairs.append((places.setdefault(a, len(places)), places.setdefault(b, len(places))))
+    contacts = [_with_friction_as_number(scene, i, options.law) for i in distinct.indices]
+    bodies = [scene.bodies[body] for body in places]
+    parts = ClusterParts(bodies, pairs, contacts, distinct.counts, distinct.indices)
+    cluster, parts, is_slow = _assemble_with_restitution(scene, parts, options)
+    return AssembledCluster(cluster, parts, list(places), is_slow)
+
+
+def _with_friction_as_number(scene: SceneRequest, i: int, law: Law) -> Contact:
+    """Return contact ``i`` with its coefficient of friction a number; 0 for FRICTIONLESS."""
+    contact = scene.contacts[i]
+    mu = contact.friction
+    if not callable(mu):
+        is_left_out = law is Law.FRICTIONLESS and 0 < mu < math.inf
+        return contact._replace(friction=mu * 0) if is_left_out else contact
+    if law is Law.FRICTIONLESS:
+        return contact._replace(friction=0.0)
+    a, b = scene.pairs[i]
+    given = scene.bodies[a], scene.bodies[b], contact, law
+    return contact._replace(friction=with_scene_names(ContactIndices(i, a, b), friction_at_first, *given))
+
+
+def _assemble_with_restitution(
+    scene: SceneRequest, parts: ClusterParts, options: SceneOptions
+) -> tuple[Any, ClusterParts, bool]:
+    """Return the cluster, its parts with numbers for restitution, and whether a speed is below the threshold.
+
+    Restitution that is a function of the approach speed, or subject to the restitution threshold, needs the
+    speeds: then the cluster is assembled a second time, with the restitution that they give.
+    """
+    given, threshold = parts.contacts, options.model.restitution_threshold
+    has_function = any([callable(contact.restitution) for contact in given])
+    if has_function:
+        numbers = [c._replace(restitution=1.0) if callable(c.restitution) else c for c in given]
+        parts = parts._replace(contacts=numbers)
+    cluster, parts = _assemble(scene, parts, options.exact)
+    if not (has_function or threshold):
+        return cluster, parts, False
+    at_rest = effect_of(cluster, ClusterImpulses(cluster.no_impulses()))
+    speeds = [-u for u in at_rest.normal_velocities_before]
+    fastest, is_slow, contacts = max(0.0, *speeds), False, []
+    for original, contact, speed, i in zip(given, parts.contacts, speeds, parts.indices, strict=True):
+        e = contact.restitution
+        if callable(original.restitution):
+            e = restitution_at(float(speed if speed > 0 else fastest), original, f"contacts[{i}]")
+        if 0 < speed < threshold and e > 0:
+            e, is_slow = e * 0, True
+        contacts.append(contact._replace(restitution=Fraction(e) if options.exact else float(e)))
+    cluster, parts = _assemble(scene, parts._replace(contacts=contacts), options.exact)
+    return cluster, parts, is_slow
+
+
+def _assemble(scene: SceneRequest, parts: ClusterParts, exact: bool) -> tuple[Any, ClusterParts]:
+    """Return the cluster, and its parts in the numbers that it uses.
+
+    ``library.assemble`` returns ``None`` if a number is not a float, and a number if a contact is invalid.
+    """
+    indices = [ContactIndices(i, *scene.pairs[i]) for i in parts.indices]
+    if not exact:
+        cluster = library.assemble(*parts[:4])
+        if cluster is None:
+            bodies, contacts = as_floats(parts.bodies, parts.pairs, parts.contacts, indices)
+            parts = parts._replace(bodies=bodies, contacts=contacts)
+            cluster = library.assemble(*parts[:4])
+        if cluster.__class__ is library.Cluster:
+            return cluster, parts
+    for (a, b), contact, own in zip(parts.pairs, parts.contacts, indices, strict=True):
+        check_contact(parts.bodies[a], parts.bodies[b], contact, own)
+    if not exact:
+        raise ImpactError(StatusCode.INTERNAL_ERROR, "contacts", "were refused for no known reason")
+    return RationalCluster(*parts[:4]), parts
