@@ -199,7 +199,9 @@ def as_floats(
             return x
 
         given = bodies[a], bodies[b], contacts[i], number
-        float_bodies[a], float_bodies[b], float_contacts[i] = with_scene_names(own, arbitrary_precision.read, *given)
+        float_bodies[a], float_bodies[b], float_contacts[i] = with_scene_names(
+            own, arbitrary_precision.read, *given
+        )
         if any(errors):
             reason = (
                 "a number of it, or of its bodies, is no float: give fractions.Fraction for exact numbers"
