@@ -45,8 +45,8 @@ class Tangential(NamedTuple):
         """The Euclidean length."""
         return square_root(self.dot(self))
 
-    def size(self) -> Scalar:
-        """The sum of the magnitudes of the components: at least the length, at most sqrt(2) times it."""
+    def norm_1(self) -> Scalar:
+        """The sum of the magnitudes of the components: between the length and sqrt(2) times it."""
         return abs(self[0]) + abs(self[1])
 
 

@@ -1,36 +1,48 @@
-"""L3, Coulomb friction in one step: Moreau's law, to which iterative engines converge.
+"""Coulomb friction in one step: Moreau's law, to which iterative engines converge.
 
-The normal velocity is reversed, ``u_n+ = -e u_n``, and Coulomb's law is applied to the velocity *after*
-the impact. Without friction the normal impulse would be ``j`` and the slip left ``V``. Friction ``-f``
-adds ``beta.f`` to the normal impulse and takes ``S f`` from the slip, where ``S`` is the compliance across
-a normal whose velocity is held:
+The law applies Newton's restitution and Coulomb's law to the velocity *after* the impact. Let ``u_n`` be the
+normal velocity before the impact and ``u_t`` the slip, with unit normal ``n``, and write ``K`` by its normal,
+mixed and tangential parts ``K_nn``, ``K_tn``, ``K_tt``. The impulse has the normal part ``P_n`` and the
+tangential part ``P_t = -f``:
 
-    j = -(1 + e) u_n / K_nn     beta = K_tn / K_nn     V = u_t + j K_tn     S = K_tt - K_tn beta
-    P_n = j + beta.f            P_t = -f               u_t+ = V - S f
+    u_n+ = u_n + K_nn P_n - K_tn.f        u_t+ = u_t + K_tn P_n - K_tt f
 
-Friction opposes the slip that remains: ``u_t+ = rho f`` with ``rho >= 0``. So ``f = (rho + S)^-1 V``, and
+**The slip equation.** The first equation with ``u_n+ = -e u_n`` gives ``P_n``; the second is then linear in
+``f``:
 
-    stick   rho = 0         if |f| <= mu P_n
-    slide   |f| = mu P_n    one equation for rho
+    P_n  = j + beta.f      j = -(1 + e) u_n / K_nn      beta = K_tn / K_nn
+    u_t+ = V - S f         V = u_t + j K_tn             S = K_tt - K_tn beta^T
 
-Of rigid bodies ``S`` is positive definite: no slide is lost by this, and ``rho + S`` is never singular.
-Without fractions the equation is that of ``sliding.py``, whose ``sigma`` in [0, 1] is ``rho`` in units of
-``tr(S) / h``:
+``V`` is the slip that would remain without friction. ``S`` is the tangential part of ``K`` while the normal
+velocity is held. Friction opposes the slip that remains, ``u_t+ = rho f`` with ``rho >= 0``, so
+``f = (rho + S)^-1 V``, and
 
-    x = sigma v + h w     d = sigma^2 + h sigma + h^2 D     d + mu beta.x = |x|     f = mu j x / d
+    stick    rho = 0         if |f| <= mu P_n then
+    slip     |f| = mu P_n    otherwise: one equation for rho
 
-    v = c V     w = adj(S) v / tr(S)     D = det(S) / tr(S)^2     h = mu c j tr(S)
+**Scaling.** For rigid bodies ``S`` is positive definite. The inverse of the 2x2 matrix ``rho + S``, written
+with its adjugate and determinant, and ``rho = sigma tr(S) / h``, turn the slip equation into
 
-with any ``c > 0``; it is chosen such that ``mu``, masses and speeds may have any size. There is always a
-solution, and sometimes there are three: the one that loses most energy is then taken.
+    F(sigma) = d + mu beta.x - |x| = 0        x = sigma v + h w        d = sigma^2 + h sigma + h^2 D
 
-A mechanism may move the contact in a plane alone that does not hold the normal. Then ``det(S) = 0``: friction
-changes the slip along one tangent, and along the other it is what restitution makes of it, so ``w`` is that
-of ``-e u_n beta`` in place of ``V``. Only for ``e = 0`` does the contact stick, and the least such ``f`` is
-``V / tr(S)``.
+    v = c V      w = c W      W = adj(S) V / tr(S)      D = det(S) / tr(S)^2      h = mu c j tr(S)
 
-The law may *create* energy (Kane's paradox). That is detected; the answer is then Chatterjee & Ruina's,
-and says so.
+    f = mu j g      g = x / d      u_t+ = rho f = sigma g / c
+
+with ``1/c = |V| (1 + mu |beta|) + mu j tr(S)``, by 1-norms. With this ``c`` the roots ``sigma`` lie in [0, 1]
+for any ``mu``, masses and speeds. There is always a root, and sometimes there are three; the law takes the
+one that loses most energy. ``sliding.py`` finds it. The contact sticks if ``F(0) >= 0``.
+
+**Mechanisms.** A mechanism may confine the contact to a plane that does not contain the normal. Then
+``det(S) = 0``: friction cannot change the slip along the tangent ``z`` with ``S z = 0``. ``u`` lies in that
+plane, so ``u_t.z = u_n beta.z`` and ``V.z = -e u_n beta.z``. Since ``adj(S)`` uses only this component, ``W``
+is computed from ``-e u_n beta`` instead of ``V``. The contact sticks only for ``e = 0``; the least ``f`` is
+then ``V / tr(S)``, and the condition is ``F'(0) >= 0``, as ``F(0) = 0``.
+
+**Energy.** The law may *create* energy (Kane's paradox). If it does, the answer is that of Chatterjee &
+Ruina's law, and says so. The losses are
+
+    restitution    P_n (1 - e) |u_n| / 2        friction    f.(u_t + u_t+) / 2
 
 Sources: Moreau, "Unilateral Contact and Dry Friction in Finite Freedom Dynamics", 1988, section 9;
 Kane & Levinson, *Dynamics: Theory and Applications*, 1985, section 5.8, for the paradox.
@@ -56,95 +68,97 @@ from ..effective_mass import ContactKinematics
 from .chatterjee_ruina import fallback_where
 from .contact_frame import ContactFrame, Tangential
 from .law import Coefficients, Outcome, Regime, Solution
-from .sliding import NEAR, Sliding, divisor
+from .sliding import MARGIN, Sliding, safe_divisor
 
 ROUNDING = 2.0**-44
-"""An energy that is less than this part of the work may be rounding, in numbers that bound no error."""
+"""An energy below this part of the work may be rounding, in numbers that do not bound their error."""
 
 
 def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
-    """The one-step impulse, or Chatterjee & Ruina's where that one creates energy."""
+    """The one-step impulse, or that of COULOMB if the one-step impulse creates energy."""
     e, mu, _ = coefficients
     frame = ContactFrame.of(contact)
-    k, approach = frame.Knn, -frame.un
-    j = (1 + e) * approach / k
-    u, K_tn = Tangential(frame.u1, frame.u2), Tangential(frame.K1n, frame.K2n)
-    beta, V = K_tn / k, u + K_tn * j
+    K_nn, approach_speed = frame.Knn, -frame.un
+    j = (1 + e) * approach_speed / K_nn
+    u_t, K_tn = Tangential(frame.u1, frame.u2), Tangential(frame.K1n, frame.K2n)
+    beta, V = K_tn / K_nn, u_t + K_tn * j
     S11, S12, S22 = frame.K11 - K_tn.x * beta.x, frame.K12 - K_tn.x * beta.y, frame.K22 - K_tn.y * beta.y
     trace = S11 + S22
 
-    # c = unit * share: all that follows is relative to it, so that it need not vary
+    # c = unit * share. The answer does not depend on c, so c needs neither an error nor a derivative.
     share = fixed(certain(1 / (1 + mu)))
-    scale = certain(share * (V.size() + mu * (V.size() * beta.size() + j * trace)))
-    unit = fixed(certain(1 / divisor(scale)))
+    scale = certain(share * (V.norm_1() + mu * (V.norm_1() * beta.norm_1() + j * trace)))
+    unit = fixed(certain(1 / safe_divisor(scale)))
     s11, s12, s22 = S11 / trace, S12 / trace, S22 / trace
-    locks = contact.has_locked_direction()
-    left = choose(locks, lambda: beta * (e * approach), lambda: V)
-    W = Tangential(s22 * left.x - s12 * left.y, s11 * left.y - s12 * left.x)
-    det = choose(locks, lambda: 0 * s11, lambda: s11 * s22 - s12 * s12)
+    is_locked = contact.has_locked_direction()
+    V_for_W = choose(is_locked, lambda: beta * (e * approach_speed), lambda: V)
+    W = Tangential(s22 * V_for_W.x - s12 * V_for_W.y, s11 * V_for_W.y - s12 * V_for_W.x)
+    D = choose(is_locked, lambda: 0 * s11, lambda: s11 * s22 - s12 * s12)
     v, w, h, mu_beta = V * unit * share, W * unit * share, mu * share * (j * trace * unit), beta * mu
     w_length = w.length()
-    spare = h * det + mu_beta.dot(w) - w_length
-    turned = choose(certain(w_length) > 0, lambda: w.dot(v) / divisor(w_length), lambda: v.length())
-    slope = h + mu_beta.dot(v) - turned
+    F0_over_h = h * D + mu_beta.dot(w) - w_length
+    t_dot_v = choose(certain(w_length) > 0, lambda: w.dot(v) / safe_divisor(w_length), lambda: v.length())
+    F0_slope = h + mu_beta.dot(v) - t_dot_v
 
-    def is_held(spare: Scalar, slope: Scalar) -> Condition:
-        return choose(locks, lambda: (spare >= 0) & (slope >= 0), lambda: spare >= 0)
+    def is_stuck(F0_over_h: Scalar, F0_slope: Scalar) -> Condition:
+        return choose(is_locked, lambda: (F0_over_h >= 0) & (F0_slope >= 0), lambda: F0_over_h >= 0)
 
-    sticks = is_held(spare, slope)
-    sliding = Sliding(v, w * h, h, h * h * det, mu_beta)
-    root = values(sliding).solution(
-        certain(spare * h), certain(slope),
-        (certain(approach) > 0) & negation(is_held(certain(spare), certain(slope))),
-        mu, values(u * unit * share), certain((1 - e) * approach * unit * share),
+    sticks = is_stuck(F0_over_h, F0_slope)
+    sliding = Sliding(v, w * h, h, h * h * D, mu_beta)
+    root = values(sliding).root(
+        certain(F0_over_h * h), certain(F0_slope),
+        (certain(approach_speed) > 0) & negation(is_stuck(certain(F0_over_h), certain(F0_slope))),
+        mu, values(u_t * unit * share), certain((1 - e) * approach_speed * unit * share),
     )  # fmt: skip
-    doubt = sliding.doubt(root.sigma)
-    known = (doubt < 1) & (root.open == 0)
-    sigma = widened(root.sigma, choose(known, lambda: doubt, lambda: 0 * doubt))
-    sigma = varying_as(sigma, lambda: sliding.variation(sigma))
+    error = sliding.error_radius(root.sigma)
+    known = (error < 1) & (root.ambiguous == 0)
+    sigma = widened(root.sigma, choose(known, lambda: error, lambda: 0 * error))
+    sigma = varying_as(sigma, lambda: sliding.newton_correction(sigma))
 
     x = sliding.x(sigma)
-    g = x / divisor(sliding.d(sigma))
-    slide = choose(known, lambda: g * mu * j, lambda: _in_cone(g * mu * j, mu * j, mu_beta))
+    g = x / safe_divisor(sliding.d(sigma))
+    f_slide = choose(known, lambda: g * mu * j, lambda: _in_cone(g * mu * j, mu * j, mu_beta))
     slip = choose(
         known,
         lambda: g / share * (sigma / unit),
-        lambda: Tangential(V.x - S11 * slide.x - S12 * slide.y, V.y - S12 * slide.x - S22 * slide.y),
+        lambda: Tangential(V.x - S11 * f_slide.x - S12 * f_slide.y, V.y - S12 * f_slide.x - S22 * f_slide.y),
     )
-    stuck = choose(locks, lambda: V / trace, lambda: W / (divisor(det) * trace))
-    rubs = mu > 0
-    held = choose(sticks, lambda: stuck, lambda: slide)
-    f = choose(
-        rubs, lambda: held, lambda: Tangential(varying_as(mu, lambda: held.x), varying_as(mu, lambda: held.y))
-    )
-    slip = choose(sticks, lambda: V * 0, lambda: choose(rubs, lambda: slip, lambda: V))
+    f_stuck = choose(is_locked, lambda: V / trace, lambda: W / (safe_divisor(D) * trace))
+    has_friction = mu > 0
+    with_friction = choose(sticks, lambda: f_stuck, lambda: f_slide)
+
+    def no_friction() -> Tangential:
+        return Tangential(varying_as(mu, lambda: with_friction.x), varying_as(mu, lambda: with_friction.y))
+
+    f = choose(has_friction, lambda: with_friction, no_friction)
+    slip = choose(sticks, lambda: V * 0, lambda: choose(has_friction, lambda: slip, lambda: V))
     P_n = j + beta.dot(f)
 
-    regime = choose(u.dot(x) < 0, lambda: 1.0 * Regime.REVERSED, lambda: 1.0 * Regime.SLIDING)
+    regime = choose(u_t.dot(x) < 0, lambda: 1.0 * Regime.REVERSED, lambda: 1.0 * Regime.SLIDING)
     regime = choose(sticks, lambda: 1.0 * Regime.STICKING, lambda: regime)
-    lost_restitution, lost_friction = P_n * (1 - e) * approach / 2, f.dot(u + slip) / 2
-    own = Solution(frame.to_world(-f, P_n), regime, lost_restitution, lost_friction)
-    creates_energy = _creates(lost_restitution + lost_friction, P_n * approach + abs(f.dot(u)))
-    answer = fallback_where(creates_energy, contact, coefficients, own)
+    lost_restitution, lost_friction = P_n * (1 - e) * approach_speed / 2, f.dot(u_t + slip) / 2
+    solution = Solution(frame.to_world(-f, P_n), regime, lost_restitution, lost_friction)
+    creates_energy = _creates(lost_restitution + lost_friction, P_n * approach_speed + abs(f.dot(u_t)))
+    answer = fallback_where(creates_energy, contact, coefficients, solution)
     return Outcome(*answer, fell_back=creates_energy, unfinished=root.unfinished > 0)
 
 
 def _creates(lost: Scalar, work: Scalar) -> Condition:
-    """Whether energy is created: where numbers bound their error, as soon as they show it.
+    """Whether energy is created: numbers that bound their error must show it beyond that error.
 
-    Nothing decides an exact tie, as of a rod that strikes head-on with ``e = 1`` and sticks: it creates none.
+    An exact tie, as for a rod that strikes head-on with ``e = 1`` and sticks, creates none.
     """
     bounds_errors = error_of(certain(work) / 3) > 0
-    is_shown = bounds_errors & (certain(lost) + error_of(lost) * (1 + NEAR) < 0)
+    is_shown = bounds_errors & (certain(lost) + error_of(lost) * (1 + MARGIN) < 0)
     return is_shown | (lost < -ROUNDING * work)
 
 
 def _in_cone(f: Tangential, mu_j: Scalar, mu_beta: Tangential) -> Tangential:
-    """Friction of which no more is known than ``|f| <= mu P_n = mu (j + beta.f)``."""
-    most = certain(mu_beta.size() + error_of(mu_beta.x) + error_of(mu_beta.y)) * (1 + NEAR)
+    """Friction of which only ``|f| <= mu P_n = mu (j + beta.f)`` is known: ``f`` with that as its error."""
+    most = certain(mu_beta.norm_1() + error_of(mu_beta.x) + error_of(mu_beta.y)) * (1 + MARGIN)
     reach = choose(
         most < 1,
-        lambda: 2 * certain(mu_j + error_of(mu_j)) * (1 + NEAR) / divisor(1 - most),
+        lambda: 2 * certain(mu_j + error_of(mu_j)) * (1 + MARGIN) / safe_divisor(1 - most),
         lambda: math.inf + most,
     )
     return Tangential(widened(certain(f.x), reach), widened(certain(f.y), reach))
