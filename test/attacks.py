@@ -1,7 +1,8 @@
-"""Impacts that break solvers, in families: generators of cases, each with a name, a scene and a model.
+"""Impacts that are hard for solvers, in families: generators of named cases, each with a collision and a
+model.
 
-Nothing here knows the package: scenes are plain numbers, and a model is a dictionary of the fields of
-``ImpactModel`` with the names of laws, geometries and precisions for values. All is deterministic.
+This module does not use the package: collisions are plain numbers, and a model is a dictionary of fields of
+``ImpactModel`` with the names of laws, geometries and precisions as values. Everything is deterministic.
 """
 
 from __future__ import annotations
@@ -41,12 +42,12 @@ class Case(NamedTuple):
 
     Attributes:
         name: unique in its family.
-        scene: two bodies and their contact.
+        collision: two bodies and their contact.
         model: fields of ``ImpactModel``.
-        within: relative error that the answer must keep, whatever its bound says; for well-conditioned
-            requests, about which an infinite bound would be no excuse.
-        fields: whether what is reported beside impulse and twists is that of the whole motion; not so
-            where a cheaper geometry was forced.
+        max_error: relative error that the answer must not exceed, whatever its bound; given for
+            well-conditioned requests, for which an infinite bound would be no excuse.
+        check_fields: whether the fields other than impulse and twists are checked too; not where
+            a simpler geometry was forced.
     """
 
     name: str
@@ -71,7 +72,7 @@ LEVELS = (0.0, 0.5, 1.0)
 
 
 def model(law: str = "AUTO", precision: str = "AUTO", **more: Any) -> dict[str, Any]:
-    """A model; geometry AUTO unless told."""
+    """A model with geometry AUTO unless given."""
     return {"law": law, "precision": precision, **more}
 
 
@@ -86,7 +87,7 @@ def ball(mass: float = 1.0, moment: float = 0.4, **more: Any) -> PlainBody:
 def rod_in_plane(
     cosine: float, sine: float, u_t: float, u_n: float, e: float, mu: float, moment: float = 1 / 12
 ) -> PlainCollision:
-    """A unit rod whose lower end strikes the floor y = 0; it moves without turning."""
+    """A unit rod that translates and strikes the floor y = 0 with its lower end."""
     body = PlainBody(
         1.0, (moment, 0.0, 0.0, moment, 0.0, moment), (cosine / 2, sine / 2, 0.0), None, (u_t, u_n, 0.0)
     )
@@ -94,12 +95,12 @@ def rod_in_plane(
 
 
 def box_inertia(x: float, y: float, z: float) -> tuple[float, ...]:
-    """Of second moments x, y, z: always that of a body."""
+    """The inertia of a body with second moments x, y, z, which is always valid."""
     return (y + z, 0.0, 0.0, x + z, 0.0, x + y)
 
 
 def random_boxes(draw: random.Random, planar: bool = False) -> PlainCollision:
-    """Two boxes that approach, in no special axes; or in the plane."""
+    """Two boxes that approach, in random axes or in the plane."""
 
     def number(low: float, high: float) -> float:
         return draw.uniform(low, high)
@@ -121,7 +122,7 @@ def random_boxes(draw: random.Random, planar: bool = False) -> PlainCollision:
 
 
 def approaching(collision: PlainCollision) -> PlainCollision:
-    """The same with the normal reversed where the bodies separate."""
+    """The same collision, with the normal reversed if the bodies separate."""
     if pair_of(collision).n_u > 0:
         return with_contact(collision, normal=tuple(-c for c in collision.contact.normal))
     return collision
@@ -134,7 +135,7 @@ def scaled(v: Any, factor: float) -> Any:
 def in_units(
     collision: PlainCollision, mass: float = 1.0, length: float = 1.0, time: float = 1.0
 ) -> PlainCollision:
-    """The same scene in units so many times smaller."""
+    """The same collision in units that are smaller by these factors."""
 
     def body(b: PlainBody) -> PlainBody:
         return PlainBody(
@@ -155,7 +156,7 @@ def in_units(
 
 
 def quaternions() -> Cases:
-    """Lengths whose squares underflow and overflow; components that are 0."""
+    """Quaternions whose squared lengths underflow and overflow; components that are 0."""
     kinds = {
         "generic": TURN,
         "about x": (0.6, 0.0, 0.0, 0.8),
@@ -170,13 +171,13 @@ def quaternions() -> Cases:
             yield Case(f"{kind} {size:g} {precision} {law}", collision, model(law, precision))
         if kind == "about x":
             yield Case(f"{kind} {size:g} MOREAU", collision, model("MOREAU"), 1e-9)
-    for size in (TINY, 1e-300, 1e300):  # beyond the range that a square root could mend
+    for size in (TINY, 1e-300, 1e300):  # extreme lengths
         collision = TUMBLING._replace(a=BODY_A._replace(orientation=(0.0, size, 0.0, size)))
         yield Case(f"extreme {size:g}", collision, model("COULOMB"))
 
 
 def thresholds() -> Cases:
-    """A threshold that is the rounded approach speed, and the numbers beside it."""
+    """Restitution thresholds at the rounded approach speed, and one unit in the last place next to it."""
     mass_point = PlainBody(1.5, position=(0.0, 0.0, 0.0), velocity=(0.1, -0.2, -0.3))
     collisions = {
         "along z": PlainCollision(mass_point, FLOOR, PlainContact((0, 0, 0), (0.0, 0.0, 1.0), 0.5, 0.2))
@@ -197,7 +198,7 @@ def thresholds() -> Cases:
 
 
 def little_friction() -> Cases:
-    """COULOMB with no friction, or next to none, in EXTENDED."""
+    """COULOMB with no friction or almost none, in EXTENDED."""
     frictions = (0.0, TINY, 1e-320, 1e-308, 1e-300, 1e-200, 1e-100, 1e-30, 1e-17, 1e-8)
     collisions = {
         "space": TUMBLING,
@@ -222,7 +223,7 @@ def little_friction() -> Cases:
 
 
 def much_friction() -> Cases:
-    """Routh's path where slip stops at once. The limit is well-conditioned: to 1e-6 in any case."""
+    """Routh's path where slip stops at once. The limit is well-conditioned: errors up to 1e-6."""
     frictions = (1e3, 1e6, 1e8, 1e12, 1e16, 1e30, 1e100, 1e200, 1e300)
     tilts = {"5-12": (5 / 13, 12 / 13), "3-4": (0.6, 0.8), "level": (1.0, 0.0), "upright": (0.0, 1.0)}
     for mu, (tilt, (c, s)), u_t, law in product(frictions, tilts.items(), (1.0, -1.0), ROUTH):
@@ -234,7 +235,7 @@ def much_friction() -> Cases:
 
 
 def cancelled_mobility() -> Cases:
-    """K is large beside n.Kn: a contact nearly below the centre of a body that turns easily."""
+    """K is large compared with n.Kn: a contact nearly below the centre of a body that turns easily."""
     normal = (0.3, -0.5, 0.8)
     for inertia, aside, mu, law in product((1e-4, 1e-8, 1e-12), (0.0, 1e-9, 1e-3), (0.5, 1e8), FORMULAS):
         tensor = (inertia, 0.0, 0.0, 1.3 * inertia, 0.0, 0.9 * inertia)
@@ -257,7 +258,7 @@ def cancelled_mobility() -> Cases:
 
 
 def edge_of_the_cone() -> Cases:
-    """The impulse that brings the slip to rest lies exactly on the cone, or one rounding of mu beside it."""
+    """The impulse that stops the slip is exactly on the friction cone, or one rounding of mu off it."""
     bases = {
         "z": ((0.0, 0.0, 1.0), (3.0, 4.0, 0.0)),
         "122": ((1.0, 2.0, 2.0), (2.0, 1.0, -2.0)),
@@ -265,7 +266,7 @@ def edge_of_the_cone() -> Cases:
         "y": ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)),
     }
     for (axis, (n, t)), hoop, e, e_t in product(bases.items(), (False, True), (0.0, 0.5, 1.0), (0.0, 0.5)):
-        slip, speed = Fraction(2), Fraction(1)  # in lengths of t and of n, which are whole
+        slip, speed = Fraction(2), Fraction(1)  # in units of the lengths of t and n, which are integers
         length_n, length_t = (math.isqrt(int(dot(vec(v), vec(v)))) for v in (n, t))
         velocity = tuple(float(slip * Fraction(a) - speed * Fraction(b)) for a, b in zip(t, n, strict=True))
         share = Fraction(1, 2) if hoop else Fraction(1)  # 1/m + r^2/I = 2/m for a hoop, all at its rim
@@ -285,7 +286,7 @@ def edge_of_the_cone() -> Cases:
 
 
 def underflow() -> Cases:
-    """Numbers whose products underflow, one kind after the other, and all at once."""
+    """Numbers whose products underflow, one kind at a time and all at once."""
     up = (0.0, 0.0, 1.0)
     collisions: dict[str, PlainCollision] = {}
     for speed in (TINY, 1e-323, 1e-320, 1e-310, 1e-300, 1e-200, 1e-160):
@@ -325,7 +326,7 @@ def underflow() -> Cases:
 
 
 def uncertain_signs() -> Cases:
-    """Approach speeds that cancel to nothing, or to next to nothing of either sign."""
+    """Approach speeds that cancel to 0, or to almost 0 of either sign."""
     collisions: dict[str, PlainCollision] = {}
     for k in (0.1, 0.3, 0.7, 1 / 3):
         for nudge in (-1, 0, 1):
@@ -361,7 +362,7 @@ def uncertain_signs() -> Cases:
 
 
 def tolerances() -> Cases:
-    """Offsets small enough to be left out at some tolerance, with and without friction."""
+    """Offsets that are negligible at some tolerance, with and without friction."""
     wanted = (1e-2, 1e-4, 1e-6, 1e-9, 1e-12)
     for tolerance, share, mu in product(wanted, (1e-3, 0.1, 0.5, 3.0), (0.0, 0.3, 5.0)):
         aside = tolerance * share
@@ -400,7 +401,7 @@ def tolerances() -> Cases:
 
 
 def batches_with_much_friction() -> Cases:
-    """Rows of a batch in EXTENDED whose friction overflows once squared."""
+    """Columns of an EXTENDED batch whose friction overflows when squared."""
     draw = random.Random("batches with much friction")
     for mu, i in product((1e150, 1e155, 1e200, 1e300, 1.7e308), range(4)):
         yield Case(
@@ -440,8 +441,8 @@ def critical_paths() -> Cases:
 
 
 def jams() -> Cases:
-    """A rod that slides ahead of its end on rough ground, grazing: friction makes it fall to far above the
-    approach, in space, and with a slip that is turning as it does. To 1e-9: that is well-conditioned.
+    """A rod slides ahead of its end on rough ground, grazing. Friction raises its impulse far above that of
+    the approach, in space, while the slip turns. Well-conditioned: errors up to 1e-9.
     """
     thickness = 1e-3
     for law, (i, across), graze, (k, mu) in product(
@@ -457,7 +458,7 @@ def jams() -> Cases:
 
 
 def _sticking_friction(pair: Any) -> Fraction:
-    """The least friction with which slip that has stopped stays stopped: ``|K_tt^-1 K_tn|``.
+    """The least friction at which a stopped slip stays stopped: ``|K_tt^-1 K_tn|``.
 
     The impulse that holds it is along ``K^-1 n``.
     """
@@ -468,7 +469,7 @@ def _sticking_friction(pair: Any) -> Fraction:
 
 
 def everyday() -> Cases:
-    """Numbers with one decimal, on oblique normals. To 1e-9: nothing here is ill-conditioned."""
+    """Numbers with one decimal and oblique normals. Nothing is ill-conditioned: errors up to 1e-9."""
     draw = random.Random("everyday")
 
     def number(low: int, high: int) -> float:
@@ -521,7 +522,7 @@ def everyday() -> Cases:
 
 
 def massless_spins() -> Cases:
-    """Spin about an axis without inertia has no energy to give: it must move no contact."""
+    """Spin about an axis without inertia has no energy and must move no contact."""
     bodies = {
         "point": PlainBody(1.0, (0.0,) * 6, (0.3, -0.2, 0.5), None, (0.1, 0.2, -1.0), (2.0, -3.0, 1.0)),
         "point, turned": PlainBody(
@@ -555,7 +556,7 @@ def massless_spins() -> Cases:
 
 
 def zeros() -> Cases:
-    """Every kind of nothing: slip, friction, restitution, coupling. To 1e-9: all are simple impacts."""
+    """No slip, friction, restitution or coupling. All impacts are simple: errors up to 1e-9."""
     up = (0.0, 0.0, 1.0)
     collisions = {
         "no slip, ball": PlainCollision(
@@ -618,7 +619,7 @@ def zeros() -> Cases:
 
 
 def forced_geometries() -> Cases:
-    """POINT and PLANAR on what needs more: the bound covers what was dropped, or is infinite."""
+    """POINT and PLANAR where more is needed: the bound must cover what they leave out, or be infinite."""
     for aside, law, geometry in product((1e-12, 1e-7, 1e-3, 0.3), FORMULAS, ("POINT", "PLANAR")):
         collisions = {
             "arm": PlainCollision(
@@ -687,7 +688,7 @@ def forced_geometries() -> Cases:
 
 
 def far_centres() -> Cases:
-    """The centre of mass far from the reference point of a body that spins."""
+    """A centre of mass far from the reference point of a spinning body."""
     for far, w, precision, law in product((0.5, 1e3, 1e6, 1e9), (0.0, 1.0, 1e3, 1e8), PRECISIONS, FORMULAS):
         com = (far, -0.3 * far, 0.2 * far)
         at_com = _world(TURN, com)
@@ -732,7 +733,7 @@ def _world(q: Any, v: Any) -> Any:
 
 
 def elastic() -> Cases:
-    """Nothing is lost to restitution, and nothing is gained by rounding."""
+    """Elastic impacts: restitution loses no energy, and rounding must not create any."""
     draw = random.Random("elastic")
     for i in range(20):
         collision = with_contact(random_boxes(draw, planar=i % 2 == 0), restitution=1.0)
@@ -746,7 +747,7 @@ def elastic() -> Cases:
 
 
 def units() -> Cases:
-    """The same scenes in other units: nothing about them is harder."""
+    """The same collisions in other units, which must be no harder."""
     flat = rod_in_plane(0.6, 0.8, 1.0, -1.0, 0.5, 0.3)
     collisions = {"space": TUMBLING, "plane": flat}
     for unit, factor in product(("mass", "length", "time"), (1e30, 1e-30, 1e150, 1e-150)):
@@ -764,7 +765,7 @@ def units() -> Cases:
 
 
 def opposites() -> Cases:
-    """Opposite ranges in one request."""
+    """Opposite magnitudes in one request."""
 
     def changed(b: PlainBody, mass: float = 1.0, speed: float = 1.0) -> PlainBody:
         return b._replace(
@@ -799,7 +800,7 @@ def opposites() -> Cases:
 
 
 def swaps() -> Cases:
-    """Scenes to be seen from both sides."""
+    """Collisions to be resolved with their bodies in both orders."""
     draw = random.Random("swaps")
     for i in range(12):
         collision = random_boxes(draw, planar=i % 2 == 0)
@@ -810,11 +811,11 @@ def swaps() -> Cases:
             yield Case(f"{i} COULOMB {precision}", collision, model("COULOMB", precision))
 
 
-# numbers of other makes, and restitution that is a function
+# other number types, and restitution functions
 
 
 class FieldValue(NamedTuple):
-    """A value for a field of a request that must be served as ``float(value)``, or refused by name."""
+    """A value for a field of a request: accepted as ``float(value)``, or refused by name."""
 
     name: str
     field: str
@@ -838,7 +839,7 @@ FIELDS = (
 
 
 def kinds_of_number() -> Iterator[FieldValue]:
-    """Numbers of every make, and what is no number."""
+    """Values of every number type, and values that are not numbers."""
     numbers = (
         np.float32(0.5),
         np.float64(0.5),
@@ -856,7 +857,7 @@ def kinds_of_number() -> Iterator[FieldValue]:
 
 
 class Restitution(NamedTuple):
-    """A function for the restitution. ``code`` is that of the refusal, or None."""
+    """A restitution function. ``code`` is the code of its refusal, or None."""
 
     name: str
     function: Callable[[float], Any]
@@ -864,7 +865,7 @@ class Restitution(NamedTuple):
 
 
 def restitutions() -> Iterator[Restitution]:
-    """Functions that return other makes of number, and no coefficient."""
+    """Functions that return other number types, or invalid coefficients."""
     yield Restitution("float", lambda v: 0.5)
     yield Restitution("falling", lambda v: 1 / (1 + v))
     yield Restitution("np.float32", lambda v: np.float32(0.3))

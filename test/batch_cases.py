@@ -1,4 +1,4 @@
-"""One batch of contacts for all tests of batches: sound ones, odd ones, and some of every fault."""
+"""A batch of contacts shared by all tests of batches: sound ones, unusual ones, and some of every fault."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from collision_response.physics.vector import Vec3
 N = 300
 FIRST_FAULTY = 100
 FAULTY_VALUES = (math.nan, math.inf, -1.0, 0.0, 2.0, 5e-309)
-"""Written over one number of a contact each; not all are wrong everywhere."""
+"""Each faulty contact has one number replaced by one of these, which are not all invalid everywhere."""
 
 
 @cache
 def shared_batch(geometry: Geometry, *, oriented: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """``bodies`` and ``contacts``: sound ones first; the first four have an immovable body."""
+    """``bodies`` and ``contacts``: sound ones first; the first four contacts have an immovable body."""
     random = np.random.default_rng(int(geometry))
     body_row, contact_row = body_rows(geometry, oriented=oriented), contact_rows(geometry)
     bodies, contacts = (
@@ -48,10 +48,10 @@ def shared_batch(geometry: Geometry, *, oriented: bool = False) -> tuple[np.ndar
     if geometry is Geometry.SPATIAL:
         for thin_rod in (2, 4):
             bodies[body_row.inertia, 0, thin_rod] = (0.25, 0.0, 0.0, 0.0, 0.0, 0.25)
-    _spoil(bodies, contacts, random)
+    _insert_faults(bodies, contacts, random)
     bodies[body_row.mass, :, N - 1], bodies[body_row.inertia, :, N - 1] = math.inf, 0.0
     contacts[contact_row.normal, N - 2] = 0.0
-    bodies[body_row.inertia, 0, N - 3] = 3.0 if geometry is Geometry.PLANAR else _of_no_body(geometry)
+    bodies[body_row.inertia, 0, N - 3] = 3.0 if geometry is Geometry.PLANAR else _invalid_inertia(geometry)
     if oriented:
         bodies[body_row.orientation, 1, N - 4] = 0.0
     bodies.flags.writeable = contacts.flags.writeable = False
@@ -59,7 +59,7 @@ def shared_batch(geometry: Geometry, *, oriented: bool = False) -> tuple[np.ndar
 
 
 def _inertias(geometry: Geometry, random: np.random.Generator) -> np.ndarray:
-    """Of bodies made of a few points; nothing for POINT."""
+    """Inertias of bodies made of a few points; empty for POINT."""
     if geometry is Geometry.POINT:
         return np.empty((0, 2, N))
     if geometry is Geometry.PLANAR:
@@ -69,23 +69,23 @@ def _inertias(geometry: Geometry, random: np.random.Generator) -> np.ndarray:
     return np.array([component.sum(axis=0) for component in tensor])
 
 
-def _of_no_body(geometry: Geometry) -> tuple[float, ...]:
+def _invalid_inertia(geometry: Geometry) -> tuple[float, ...]:
     return (1.0, 0.0, 0.0, 1.0, 0.0, 3.0) if geometry is Geometry.SPATIAL else ()
 
 
-def _spoil(bodies: np.ndarray, contacts: np.ndarray, random: np.random.Generator) -> None:
+def _insert_faults(bodies: np.ndarray, contacts: np.ndarray, random: np.random.Generator) -> None:
     numbers = [(bodies, (row, lane)) for row in range(bodies.shape[0]) for lane in (0, 1)]
     numbers += [(contacts, (row,)) for row in range(contacts.shape[0])]
-    spoilt = [(*number, fault) for number in numbers for fault in FAULTY_VALUES]
-    random.shuffle(spoilt)
-    for i, (array, index, fault) in zip(range(FIRST_FAULTY, N - 4), spoilt, strict=False):
+    replaced = [(*number, fault) for number in numbers for fault in FAULTY_VALUES]
+    random.shuffle(replaced)
+    for i, (array, index, fault) in zip(range(FIRST_FAULTY, N - 4), replaced, strict=False):
         array[(*index, i)] = fault
 
 
 def collision_at(
     geometry: Geometry, bodies: np.ndarray, contacts: np.ndarray, i: int, number=float
 ) -> Collision:
-    """The bodies and the contact of a column, as the API for one impact takes them."""
+    """The bodies and the contact of column ``i``, as the API for single impacts takes them."""
     body_row = body_rows(
         geometry, oriented=bodies.shape[0] == body_rows(Geometry.SPATIAL, oriented=True).height
     )
@@ -102,7 +102,7 @@ def collision_at(
         position, velocity = vector(read(column, body_row.position)), vector(read(column, body_row.velocity))
         turning = vector(read(column, body_row.angular_velocity), at_end=True)
         inertia = read(column, body_row.inertia)
-        if geometry is not Geometry.SPATIAL:  # only the moment about z is known, and matters
+        if geometry is not Geometry.SPATIAL:  # only the moment about z is in the table
             zz = inertia[0] if inertia else number(0.0)
             inertia = [zz, number(0.0), number(0.0), zz, number(0.0), zz]
         orientation = read(column, body_row.orientation) if body_row.orientation != NOWHERE else None
@@ -124,9 +124,9 @@ def collision_at(
 
 
 def has_tiny_numbers(bodies: np.ndarray) -> np.ndarray:
-    """The contacts with a number near the end of the range, where products underflow.
+    """Which contacts have a number so small that products underflow.
 
-    There the programs of two layouts may differ, and one impact is computed in other units.
+    There the kernels of two layouts may differ, and a single impact is computed in other units.
     """
     return ((bodies != 0) & (abs(bodies) < 1e-290)).any(axis=(0, 1))
 
@@ -137,7 +137,7 @@ def batch_of(
     *,
     oriented: bool = True,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Scenes as the columns of a batch, which is told only what its geometry models."""
+    """Pack collisions into the columns of a batch, which has only what its geometry models."""
     collisions = list(collisions)
     body_row, contact_row = body_rows(geometry, oriented=oriented), contact_rows(geometry)
     bodies, contacts = (
@@ -173,9 +173,9 @@ def batch_of(
 def resolve_one_by_one(
     geometry: Geometry, collisions: list[Collision], models: list[ImpactModel]
 ) -> BatchResult:
-    """What a batch should give: each contact by the front door for one impact, in the precision of its model.
+    """The expected result of a batch: each contact by ``resolve``, in the precision of its model.
 
-    AUTO without a tolerance is DOUBLE in batches. Its errors are not known there, nor if they are too large.
+    In batches, AUTO without a tolerance is DOUBLE, and its errors are not known.
     """
     axes, spins = {Geometry.POINT: (3, 0), Geometry.PLANAR: (2, 1), Geometry.SPATIAL: (3, 3)}[geometry]
     n = len(collisions)
@@ -200,7 +200,7 @@ def resolve_one_by_one(
 
 
 def map_arrays(function, result: BatchResult) -> BatchResult:
-    """The result with a function applied to each array that there is."""
+    """The result with a function applied to each array that is not None."""
     return BatchResult(*(None if array is None else function(array) for array in result))
 
 
@@ -210,13 +210,13 @@ def columns(result: BatchResult, at) -> BatchResult:
 
 
 def assert_same(one: BatchResult, other: BatchResult) -> None:
-    """To the bit, but for the sign of a zero."""
+    """Check for equal bits, except for the sign of a zero."""
     for field, a, b in zip(BatchResult._fields, one, other, strict=True):
         np.testing.assert_array_equal(a, b, err_msg=field)
 
 
 def assert_same_values(one: BatchResult, other: BatchResult) -> None:
-    """Whatever is known of their errors."""
+    """Check everything except error bounds and precisions."""
     assert_same(
         one._replace(error_bound=None, precision=None), other._replace(error_bound=None, precision=None)
     )

@@ -1,7 +1,7 @@
-"""A float that knows a bound of its error: what the kernels' number type does, written anew in Python.
+"""A float with a bound of its error: the number type of the kernels, implemented independently in Python.
 
-The formulas run on it as on any number, so that what a law claims of its own error can be seen, without
-the kernels.
+The formulas run on it as on any number, so that a law's claims about its own error can be tested without the
+kernels.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from typing import Any, NamedTuple
 
 ROUNDING = 2.0**-53
 SLACK = 1 + 2.0**-48
-"""For the rounding of the errors themselves."""
+"""Factor for the rounding of the errors themselves."""
 LEAST = 5e-324
-"""More than an operation loses by underflow."""
+"""The most that an operation loses by underflow."""
 
 
 class Truth(NamedTuple):
-    """A truth value: what the values say, and whether the errors leave it in doubt.
+    """A truth value, and whether it is certain in spite of the errors.
 
     Attributes:
-        of_values: what the values alone say, for loops.
-        known: whether it is so in spite of the errors.
+        of_values: the comparison of the values alone, for loops.
+        known: whether the errors cannot change it.
     """
 
     of_values: bool
@@ -49,7 +49,7 @@ class Truth(NamedTuple):
 
     @staticmethod
     def pick(condition: Truth, if_true: Any, if_false: Any) -> Any:
-        """The branch that the values take; with an error that covers the other if there is doubt."""
+        """The branch that the values take, with an error that covers the other branch if there is doubt."""
         if isinstance(if_true, (bool, Truth)):
             one, other = _truth(if_true), _truth(if_false)
             taken = one if condition.of_values else other
@@ -64,7 +64,7 @@ class Truth(NamedTuple):
 
 
 class Bounded:
-    """A value and a bound of its error, which is infinite where nothing is known."""
+    """A value and a bound of its error, infinite if nothing is known."""
 
     __slots__ = ("error", "value")
     __hash__ = None  # type: ignore[assignment]
@@ -77,7 +77,7 @@ class Bounded:
         return f"{self.value} +- {self.error:.2g}"
 
     def covers(self, exact: Any, forgiven: Any = 0) -> bool:
-        """Whether ``exact``, of any precision, is within the error, but for ``forgiven``."""
+        """Whether ``exact``, of any precision, is within the error plus ``forgiven``."""
         return bool(abs(self.value - exact) <= self.error + forgiven)
 
     def certain(self) -> Bounded:

@@ -1,4 +1,4 @@
-"""Calls the node that `make colcon` installed, over DDS, and proves that it is that one."""
+"""Call the node that `make colcon` installed over DDS, and check that it is that one."""
 
 import os
 import signal
@@ -42,7 +42,7 @@ def ball(name: str, position: float, velocity: float) -> BodyState:
 
 
 def head_on() -> ResolveCollision.Request:
-    """Two equal balls, elastic: they exchange their velocities."""
+    """Two equal balls at e = 1, which exchange their velocities."""
     request = ResolveCollision.Request()
     request.body_a, request.body_b = ball("a", 0.5, -1.0), ball("b", -0.5, 3.0)
     request.contact.header.frame_id = "world"

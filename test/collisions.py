@@ -1,4 +1,4 @@
-"""Impacts for every test that wants many: drawn by Hypothesis or from a seeded generator."""
+"""Collisions of two bodies for many tests: drawn by Hypothesis, or from a seeded generator."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ pytest.importorskip("mpmath")
 import exact
 from exact_adapter import exact_answer
 from hypothesis import strategies as st
-from scene_cases import rotate, rotated
+from scene_cases import rotate, rotated_body
 
 from collision_response import Body, Contact, ImpactModel, Law, resolve
 from collision_response.physics.orientation import Quaternion
@@ -25,7 +25,7 @@ LAWS_WITH_FRICTION = [law for law in LAWS_WITH_ORACLE if law is not Law.FRICTION
 
 
 class Collision(NamedTuple):
-    """Two bodies about to collide."""
+    """Two bodies that are about to collide, and their contact."""
 
     body_a: Body
     body_b: Body
@@ -37,11 +37,11 @@ class Collision(NamedTuple):
     def swapped(self) -> Collision:
         return Collision(self.body_b, self.body_a, self.contact._replace(normal=-self.contact.normal))
 
-    def turned(self, q: Quaternion) -> Collision:
-        """The same scene, seen from a frame turned by ``q``."""
+    def rotated(self, q: Quaternion) -> Collision:
+        """The same collision in a frame rotated by ``q``."""
         return Collision(
-            rotated(self.body_a, q),
-            rotated(self.body_b, q),
+            rotated_body(self.body_a, q),
+            rotated_body(self.body_b, q),
             self.contact._replace(
                 position=rotate(q, self.contact.position), normal=rotate(q, self.contact.normal)
             ),
@@ -64,7 +64,7 @@ quaternions = st.builds(Quaternion, *[_numbers(-1, 1)] * 4).filter(lambda q: q.s
 
 @st.composite
 def inertias(draw, mass: float):
-    """A body's second moments may be anything; its moments of inertia may not."""
+    """Valid inertias: second moments are arbitrary, moments of inertia are not."""
     x, y, z = (mass * draw(_numbers(0.01, 1.0)) for _ in range(3))
     return (y + z, 0.0, 0.0, x + z, 0.0, x + y)
 
@@ -118,9 +118,9 @@ def planar_collisions(draw) -> Collision:
 def random_collision(
     seed: int, *, slender: bool = False, friction: float | None = None, off_centre: bool = False
 ) -> Collision:
-    """A scene whose bodies approach.
+    """A collision of bodies that approach.
 
-    ``slender`` ones have one moment 1e-4 of the others, ``off_centre`` ones their reference points away
+    ``slender`` bodies have one moment 1e-4 of the others; ``off_centre`` bodies have reference points away
     from their centres of mass.
     """
     rng = random.Random(seed)

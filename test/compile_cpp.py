@@ -1,4 +1,4 @@
-"""The kernels' C++ compiled for a test: the package is built from source, so there is a compiler."""
+"""Compile C++ for a test. The package is built from source, so there is a compiler."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pathlib import Path
 
 KERNELS = Path(__file__).parents[1] / "collision_response" / "kernels"
 OPTIONS = ("-std=c++17", "-O1", "-fPIC", "-shared", "-ffp-contract=off", "-Wno-psabi")
-"""As CMakeLists.txt has them, where it matters."""
+"""The options of CMakeLists.txt that matter here."""
 
 
-def compiled(source: str, directory: Path) -> ctypes.CDLL:
-    """The functions of a source that may include the kernels' headers."""
+def compile_library(source: str, directory: Path) -> ctypes.CDLL:
+    """Compile a source that may include the headers of the kernels; return the library."""
     file, library = directory / "test.cpp", directory / "test.so"
     file.write_text(source)
     compiler = shlex.split(os.environ.get("CXX", "c++"))

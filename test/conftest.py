@@ -1,14 +1,16 @@
-"""What every test needs: ROS that stays on this machine, checks its fields and meets no other session."""
+"""Settings and fixtures of all tests: ROS stays on this machine, checks field types and meets no other
+session.
+"""
 
 import os
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"  # read when a message is imported: before any test is
+os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"  # read when a message class is imported, so set before any test
 
 import pytest
 from hypothesis import settings
 
-# A busy machine is not a failure. The same examples each time, but for HYPOTHESIS_PROFILE=search.
+# No deadline, because the machine may be busy. Only HYPOTHESIS_PROFILE=search draws new examples.
 settings.register_profile("repeatable", deadline=None, derandomize=True, print_blob=True)
 settings.register_profile("search", deadline=None, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
@@ -26,7 +28,7 @@ def ros_domain():
 
 @pytest.fixture
 def graph(ros_domain):
-    """An empty ROS graph: see :class:`ros_graph.Graph`."""
+    """An empty ROS graph; see :class:`ros_graph.Graph`."""
     from ros_graph import Graph
 
     graph = Graph()
@@ -35,8 +37,8 @@ def graph(ros_domain):
 
 
 @pytest.fixture(scope="module")
-def tried_node(ros_domain):
-    """A graph with one node for many tests that must not change it, and so show that it outlives them."""
+def shared_node(ros_domain):
+    """A graph with one node for many tests, which must leave it unchanged."""
     from ros_graph import Graph
 
     graph = Graph()

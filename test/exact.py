@@ -1,8 +1,8 @@
-"""The exact answer to a request, from the equations, in rational arithmetic.
+"""The exact answer to a request, computed from the equations in rational arithmetic.
 
 FRICTIONLESS is rational in its inputs; COULOMB needs one square root, taken to 1000 bits. Both are right to
-hundreds of digits at any magnitude. MOREAU and ROUTH take their impulse from the mpmath oracle of the
-tests, given K, u and n exactly. This module shares no code with the package.
+hundreds of digits at any magnitude. MOREAU and ROUTH take their impulse from the mpmath oracle of the tests,
+given exact K, u and n. This module shares no code with the package.
 
     u = v_A + w_A x r_A - v_B - w_B x r_B        K = sum of 1/m - [r]x I^-1 [r]x        u+ = u + K P
 """
@@ -16,19 +16,19 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 try:
-    from gmpy2 import mpq as Fraction  # in some places ten times as fast
+    from gmpy2 import mpq as Fraction  # up to ten times as fast
 except ImportError:
     from fractions import Fraction
 
 ROOT_BITS = 1000
 PIVOT_LIMIT = Fraction(1, 2**50)
-"""A pivot of the inertia tensor at or below this part of its diagonal is no inertia."""
+"""A pivot of the inertia tensor counts as 0 at or below this part of its diagonal entry."""
 
 ORACLE_DIGITS = 35
-"""The path of Routh's law loses up to half of them where the work decides its end."""
+"""Routh's path loses up to half of them where the work decides its end."""
 
 ORACLE_ERROR = 1e-15
-"""Of the impulse, by that."""
+"""Relative error of the impulse by the oracle with these digits."""
 
 LARGEST_FLOAT = Fraction(math.nextafter(math.inf, 0.0))
 SMALLEST_FLOAT = Fraction(1, 2**1074)
@@ -40,7 +40,9 @@ ZERO_MATRIX: Mat = (ZERO,) * 3
 
 
 class PlainBody(NamedTuple):
-    """A body as given. ``mass`` None: immovable. ``position`` and ``velocity`` of the reference point."""
+    """A body in plain numbers. ``mass`` is None if it is immovable; ``position`` and ``velocity`` are those
+    of the reference point.
+    """
 
     mass: float | None = None
     inertia: Sequence[float] = (0.0,) * 6
@@ -52,7 +54,7 @@ class PlainBody(NamedTuple):
 
 
 class PlainContact(NamedTuple):
-    """A contact as given."""
+    """A contact in plain numbers."""
 
     position: Sequence[float]
     normal: Sequence[float]
@@ -61,7 +63,7 @@ class PlainContact(NamedTuple):
 
 
 class PlainCollision(NamedTuple):
-    """A request without its model."""
+    """Two bodies and their contact."""
 
     a: PlainBody
     b: PlainBody
@@ -104,7 +106,7 @@ def transposed(m: Mat) -> Mat:
 
 
 def inverse(m: Mat) -> Mat:
-    """By cofactors: exact, so its conditioning does not matter."""
+    """The inverse by cofactors: exact, so conditioning does not matter."""
     x, y, z = m
     adjugate = cross(y, z), cross(z, x), cross(x, y)
     determinant = dot(x, adjugate[0])
@@ -141,7 +143,7 @@ def nearest_float(x: Fraction) -> float:
 
 @dataclass(frozen=True)
 class Side:
-    """One body as seen from the contact, in world axes; each part when it is asked for."""
+    """One body as seen from the contact, in world axes; parts are computed on demand."""
 
     body: PlainBody
     point: Vec
@@ -172,7 +174,7 @@ class Side:
 
     @cached_property
     def speed_scale(self) -> Fraction:
-        """Of the terms of the contact's velocity, for the rounding that they bring."""
+        """Size of the terms of the contact velocity, for the rounding that they cause."""
         arms = length(self.point) + length(vec(self.body.position)) + length(self.com)
         return length(self.velocity) + length(self.spin) * arms
 
@@ -209,14 +211,14 @@ class Side:
 
     @cached_property
     def _tensor(self) -> Mat:
-        """Of the inertia in the axes of the body; an immovable one needs none."""
+        """The inertia in body axes; zero for an immovable body."""
         if self.mass is None:
             return ZERO_MATRIX
         xx, xy, xz, yy, yz, zz = (Fraction(c) for c in self.body.inertia)
         return (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
 
     def contact_velocity(self) -> Vec:
-        """An angular velocity about an axis without inertia moves no contact."""
+        """The velocity of the contact point; spin about an axis without inertia does not move it."""
         centre = plus(self.velocity, cross(self.spin, self.com))
         return plus(centre, cross(minus(self.spin, self.massless_spin), self.r))
 
@@ -235,7 +237,7 @@ class Side:
 
 
 def rotation_matrix(quaternion: Sequence[float] | None) -> Mat:
-    """Rational in the components: the length of the quaternion drops out."""
+    """Rational in the components, whatever the length of the quaternion."""
     if quaternion is None:
         quaternion = (0, 0, 0, 1)
     x, y, z, w = (Fraction(c) for c in quaternion)
@@ -252,7 +254,7 @@ def _trace(m: Mat) -> Fraction:
 
 
 def _is_definite(tensor: Mat) -> bool:
-    """Whether every pivot is more than rounding of its diagonal."""
+    """Whether every pivot is more than rounding of its diagonal entry."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = tensor
     if xx <= 0:
         return False
@@ -274,7 +276,7 @@ def _turned(rotation: Mat, tensor: Mat) -> Mat:
 
 @dataclass(frozen=True)
 class Pair:
-    """Two bodies as seen from their contact; each part when it is asked for."""
+    """Both bodies as seen from the contact; parts are computed on demand."""
 
     a: Side
     b: Side
@@ -327,17 +329,17 @@ def pair_of(collision: PlainCollision) -> Pair:
 
 
 class Answer(NamedTuple):
-    """What the equations say.
+    """The exact answer.
 
     Attributes:
         pair: the bodies.
-        separating: whether nothing happens.
-        impulses: those the law allows: one, but for MOREAU.
-        sticks: whether that of COULOMB brings the slip to where it wants it.
-        margin: how far that is from the edge of the cone, relatively.
+        separating: whether the bodies separate, so that nothing happens.
+        impulses: the impulses that the law allows: one, except for MOREAU.
+        sticks: whether COULOMB brings the slip to its target.
+        margin: relative distance of that impulse from the friction cone.
         restitution: as used.
-        below_threshold: whether the threshold took it away.
-        report: of the oracle, for MOREAU and ROUTH.
+        below_threshold: whether the threshold set the restitution to 0.
+        report: the report of the oracle, for MOREAU and ROUTH.
     """
 
     pair: Pair
@@ -353,7 +355,7 @@ class Answer(NamedTuple):
 def answer(
     collision: PlainCollision, law: str, e_t: float = 0.0, threshold: float = 0.0, pair: Pair | None = None
 ) -> Answer:
-    """The exact answer. ``law`` is decided, and the restitution a number."""
+    """The exact answer by a law that is not AUTO, with a restitution that is a number."""
     pair = pair or pair_of(collision)
     e, mu = Fraction(collision.contact.restitution), Fraction(collision.contact.friction)
     n_u, nn = pair.n_u, dot(pair.n, pair.n)
@@ -403,7 +405,7 @@ ORACLE_NAMES = {"MOREAU": "moreau", "ROUTH_POISSON": "routh_poisson", "ROUTH_STR
 
 
 def _by_oracle(pair: Pair, law: str, e: Fraction, mu: Fraction) -> tuple[list[Vec], Any]:
-    """Scaled to the size of the problem, so that no magnitude matters."""
+    """The impulses of the oracle. The problem is scaled to order 1, so that magnitudes do not matter."""
     import oracle
 
     mass, speed = _power_of_two(1 / pair.n_Kn * dot(pair.n, pair.n)), _power_of_two(length(pair.u))
@@ -411,7 +413,7 @@ def _by_oracle(pair: Pair, law: str, e: Fraction, mu: Fraction) -> tuple[list[Ve
     K = tuple(times(row, mass) for row in pair.K)
     u = times(pair.u, 1 / speed)
     n = times(pair.n, 1 / pair.normal_length)
-    mu = min(mu, Fraction(10**20))  # more sticks no better, and the oracle loses the digits of mu
+    mu = min(mu, Fraction(10**20))  # more would not change the answer, and the oracle would lose digits
     given = oracle.impulse(ORACLE_NAMES[law], K, u, n, e, mu, digits=ORACLE_DIGITS)
     impulses = [given[0]]
     if given[1].candidates:
@@ -432,41 +434,41 @@ def _fractions(P: Any) -> Vec:
     return tuple(out)  # type: ignore[return-value]
 
 
-# how far an answer is from it
+# errors of an answer
 
 
-def _difference(given: Sequence[float], exact: Vec) -> Vec:
-    """Numbers that are right to the nearest subnormal are right."""
+def _componentwise_error(given: Sequence[float], exact: Vec) -> Vec:
+    """The error of each component, where a number that is right to the nearest subnormal has none."""
     apart = minus(vec(given), exact)
     return tuple(Fraction(0) if 2 * abs(d) <= SMALLEST_FLOAT else d for d in apart)  # type: ignore[return-value]
 
 
-def _quotient(error2: Fraction, size2: Fraction) -> float:
+def _relative_error(error2: Fraction, size2: Fraction) -> float:
     if error2 == 0:
         return 0.0
     return nearest_float(square_root(error2 / size2)) if size2 > 0 else math.inf
 
 
 def impulse_error(given: Sequence[float], exact: Vec) -> float:
-    """Relative, Euclidean."""
-    apart = _difference(given, exact)
-    return _quotient(dot(apart, apart), dot(exact, exact))
+    """The relative error in the Euclidean norm."""
+    apart = _componentwise_error(given, exact)
+    return _relative_error(dot(apart, apart), dot(exact, exact))
 
 
 def twist_error(side: Side, linear: Sequence[float], angular: Sequence[float], impulse: Vec) -> float:
-    """Of a change of twist, relative, in the norm ``(m dv.dv + tr(I)/3 dw.dw)^(1/2)``."""
+    """The relative error of a change of twist in the norm ``(m dv.dv + tr(I)/3 dw.dw)^(1/2)``."""
     dv, dw = side.response(impulse)
     if side.mass is None:
         return 0.0 if not any((*linear, *angular)) else math.inf
     m, moment = side.mass, side.trace / 3
-    error_v, error_w = _difference(linear, dv), _difference(angular, dw)
-    return _quotient(
+    error_v, error_w = _componentwise_error(linear, dv), _componentwise_error(angular, dw)
+    return _relative_error(
         m * dot(error_v, error_v) + moment * dot(error_w, error_w), m * dot(dv, dv) + moment * dot(dw, dw)
     )
 
 
 def is_representable(exact: Answer) -> bool:
-    """Whether every number of the answer has a float64."""
+    """Whether every number of the answer is in the range of float64."""
     pair = exact.pair
     for P in exact.impulses[:1]:
         sizes = [abs(x) for x in P]

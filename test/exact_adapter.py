@@ -1,4 +1,4 @@
-"""The exact answers of ``exact.py`` to requests of the package, and how far a rounded one is from them."""
+"""Convert between the package and ``exact.py``, and measure how far answers are from the exact ones."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from collision_response import Body, Contact, Impact, ImpactModel, Law
 
 
 def as_exact(body_a: Body, body_b: Body, contact: Contact) -> exact.PlainCollision:
-    """A request of the package, as ``exact.py`` takes it."""
+    """A request of the package in the types of ``exact.py``."""
     a, b = (
         exact.PlainBody(None if body.mass == math.inf else body.mass, *body[1:7]) for body in (body_a, body_b)
     )
@@ -19,7 +19,7 @@ def as_exact(body_a: Body, body_b: Body, contact: Contact) -> exact.PlainCollisi
 
 
 def as_request(collision: exact.PlainCollision) -> tuple[Body, Body, Contact]:
-    """The other way round."""
+    """A collision of ``exact.py`` in the types of the package."""
 
     def body(solid: exact.PlainBody) -> Body:
         if solid.mass is None:
@@ -30,7 +30,7 @@ def as_request(collision: exact.PlainCollision) -> tuple[Body, Body, Contact]:
 
 
 def exact_answer(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> exact.Answer:
-    """By the law of a model, to the inputs as given, in space."""
+    """The exact answer by the law of a model, in space, to the inputs as given."""
     law = model.law
     if law is Law.AUTO:
         law = Law.COULOMB if contact.friction > 0 else Law.FRICTIONLESS
@@ -39,15 +39,16 @@ def exact_answer(body_a: Body, body_b: Body, contact: Contact, model: ImpactMode
 
 
 def true_error(impact: Impact, truth: exact.Answer) -> float:
-    """What ``error_bound`` is about: the greatest relative error of the impulse and of both twist changes.
+    """The quantity that ``error_bound`` bounds: the largest relative error of the impulse and both twist
+    changes.
 
-    Of several answers that a law allows, the nearest counts.
+    If a law allows several answers, the nearest is used.
     """
     return min(max(errors_of(impact, truth, P)) for P in truth.impulses)
 
 
 def errors_of(impact: Impact, truth: exact.Answer, impulse: exact.Vec) -> Sequence[float]:
-    """Those of the impulse, and of the twist changes of body_a and body_b, if this is the right impulse."""
+    """The errors of the impulse and of both twist changes, if ``impulse`` is the right one."""
     opposite = exact.times(impulse, exact.Fraction(-1))
     return (
         exact.impulse_error(impact.impulse, impulse),

@@ -1,4 +1,4 @@
-"""The extremes that break solvers, each with a name."""
+"""Extreme collisions that break solvers, each with a name."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from collision_response.physics.mass_properties import Particle, of_particles
 from collision_response.physics.vector import Vec3
 
 TURN = (0.31, -0.17, 0.52, 0.74)
-"""A quaternion that is not of unit length, as every length but 0 will do."""
+"""A quaternion that is not of unit length; any length except 0 is valid."""
 
 TURN_LENGTH = sum(q * q for q in TURN) ** 0.5
 UNIT_TURN = tuple(q / TURN_LENGTH for q in TURN)
@@ -33,27 +33,27 @@ ORDINARY = Collision(
     ),
     Contact.of((0.25, 0.1, 0.05), (0.1, -0.2, 1.0), 0.5, 0.3),
 )
-"""Two bodies that turn, struck off the centre, in no special axes."""
+"""Two rotating bodies, struck off-centre, in general axes."""
 
 
 BEYOND_FLOAT64 = {"speeds 1e+307 m/s"}
-"""Extremes whose kinetic energy is no float64: every tier must refuse them."""
+"""Extremes whose kinetic energy is beyond float64: every precision must refuse them."""
 
 
 class Extreme(NamedTuple):
-    """A named scene."""
+    """A named collision."""
 
     name: str
     collision: Collision
 
 
 def extremes() -> list[Extreme]:
-    """All of them, in the order of the report."""
+    """All extremes."""
     return [Extreme(name, collision) for name, collision in _all()]
 
 
 def collision_named(name: str) -> Collision:
-    """The scene of an extreme."""
+    """The collision of an extreme."""
     return dict(_all())[name]
 
 
@@ -105,9 +105,9 @@ def _all() -> Iterator[tuple[str, Collision]]:
 
 
 def grazing(share: float, collision: Collision = ORDINARY) -> Collision:
-    """``scene`` with a normal velocity of about ``-share`` of the slip."""
+    """The collision with a normal velocity of about ``-share`` times the slip."""
     n = collision.contact.normal
-    for _ in range(3):  # each time to the rounding of what is left
+    for _ in range(3):  # each step reduces the error to the rounding of the rest
         exactly = ImpactModel(geometry=Geometry.SPATIAL, precision=Precision.EXTENDED)
         u_n = resolve(*collision, exactly).normal_velocity_before
         slip = ContactKinematics.of(*collision).u.norm()
@@ -169,7 +169,7 @@ def _kinematic(body: Body, speed: float) -> Body:
 
 
 def _all_together() -> Collision:
-    """A grazing blow, along a long normal, on a heavy rod in turned axes, far from the origin."""
+    """A grazing impact along a long normal on a heavy rod in rotated axes, far from the origin."""
     collision = _with_inertia(rotated_tensor((1e-12, 1.0, 1.0), TURN), tuple(1.001 * q for q in UNIT_TURN))
     collision = _moved(collision._replace(body_a=_heavier(collision.body_a, 1e20)), 1e8)
     collision = collision._replace(contact=collision.contact._replace(normal=collision.contact.normal * 1e50))

@@ -1,4 +1,4 @@
-"""Ordinary differential equations step by step: Dormand & Prince's method of order 5, up to an event."""
+"""An integrator of ordinary differential equations up to an event: Dormand & Prince's method of order 5."""
 
 from __future__ import annotations
 
@@ -23,13 +23,16 @@ def integrate_until(
     events: Sequence[Callable[[np.ndarray], float]],
     tolerance: float = 1e-13,
 ) -> tuple[float, np.ndarray, int]:
-    """How far ``y' = rhs(y)`` gets until an event's value rises through 0: the way, ``y``, and which.
+    """Integrate ``y' = rhs(y)`` until the value of an event rises through 0.
 
     Args:
         rhs: the slope.
-        y: the start.
-        events: each below 0 before it happens.
+        y: the initial value.
+        events: functions of ``y``, each negative before it happens.
         tolerance: error of a step, relative to 1 and to ``y``.
+
+    Returns:
+        The length of the integration, the final ``y`` and the index of the event.
     """
     y = np.array(y, float)
     at, h = 0.0, 1e-6

@@ -1,4 +1,4 @@
-"""Random impacts over the whole range of float64, with all the ill conditions together."""
+"""Random impacts over the whole range of float64, with several kinds of ill conditioning at once."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ Collision = tuple[Body, Body, Contact]
 
 
 class RandomImpacts:
-    """An endless supply of valid requests, of a chosen wildness.
+    """An endless supply of valid requests.
 
-    ``wildness`` is the spread of magnitudes in decades: 0 for compact bodies that meet at about their
-    own size and speed, 10 for what a careless user sends, 100 for the range of float64.
+    ``decades`` is the spread of magnitudes: 0 for compact bodies that meet at about their own size and speed,
+    10 for careless input, 100 for the whole range of float64.
     """
 
-    def __init__(self, seed: int | str, wildness: float) -> None:
+    def __init__(self, seed: int | str, decades: float) -> None:
         self.draw = random.Random(seed)
-        self.wildness = wildness
+        self.decades = decades
 
     def request(self, law: Law) -> tuple[Collision, ImpactModel]:
-        """A scene that can be answered, and a model with any geometry."""
+        """A collision that can be answered, and a model with any geometry."""
         while True:
             collision = self.collision()
             geometry = self.draw.choice([Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL, Geometry.SPATIAL])
@@ -37,7 +37,7 @@ class RandomImpacts:
             return collision, model
 
     def collision(self) -> Collision:
-        """Two bodies and their contact, which need not be sound; often the bodies just graze."""
+        """Two bodies and their contact, not necessarily valid; often they just graze."""
         body_a, body_b, contact = self._body(), self._body(), self._contact()
         if self.draw.random() < 0.3:
             contact = self._grazing(body_a.velocity - body_b.velocity, contact)
@@ -50,9 +50,9 @@ class RandomImpacts:
         mass, size = self._magnitude(), self._magnitude(0.5)
         second = [mass * size * size * draw.uniform(0.2, 1) * self._magnitude(0.3) for _ in range(3)]
         kind = draw.random()
-        if self.wildness and kind < 0.1:
+        if self.decades and kind < 0.1:
             second = [0.0, 0.0, second[0]]
-        elif self.wildness and kind < 0.2:
+        elif self.decades and kind < 0.2:
             second[0] *= 10 ** draw.uniform(-15, 0)
             second[1] *= 10 ** draw.uniform(-15, 0)
         x, y, z = second
@@ -72,7 +72,7 @@ class RandomImpacts:
         return Contact.of(self._vector(self._magnitude(0.2)), self._vector(self._magnitude()), e, mu)
 
     def _grazing(self, u: Vec3, contact: Contact) -> Contact:
-        """The contact with the normal almost across the relative velocity."""
+        """The contact with its normal almost perpendicular to the relative velocity."""
         if not 0 < u.norm() < math.inf:
             return contact
         across = u.cross(self._vector()) / u.norm()
@@ -80,7 +80,7 @@ class RandomImpacts:
         return contact._replace(normal=across + into)
 
     def _magnitude(self, share: float = 1.0) -> float:
-        return 10 ** (self.draw.uniform(-1, 1) * self.wildness * share)
+        return 10 ** (self.draw.uniform(-1, 1) * self.decades * share)
 
     def _vector(self, size: float | None = None) -> Vec3:
         size = self._magnitude(0.3) if size is None else size
@@ -91,7 +91,7 @@ class RandomImpacts:
 
 
 def rotated_tensor(moments: tuple[float, float, float], quaternion: list[float]) -> tuple[float, ...]:
-    """The tensor of principal moments in turned axes."""
+    """The tensor with these principal moments in rotated axes."""
     length = math.sqrt(sum(q * q for q in quaternion))
     x, y, z, w = (q / length for q in quaternion)
     rows = (

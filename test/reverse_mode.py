@@ -1,6 +1,6 @@
-"""Numbers that are differentiated in reverse, as array libraries do it: in both branches of a choice.
+"""Reverse-mode differentiation the way array libraries do it: through both branches of a choice.
 
-What is not taken adds its slope times 0. That is NaN where the slope is infinite.
+The branch that is not taken adds its slope times 0, which is NaN where the slope is infinite.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Any
 
 
 class Reverse:
-    """A number, and how to pass a slope back to what it was made from."""
+    """A number that can pass a slope back to the numbers it was computed from."""
 
     shape = ()
 
@@ -94,7 +94,7 @@ class Reverse:
 
 
 class Truth:
-    """A truth value of such numbers."""
+    """The result of comparing such numbers."""
 
     def __init__(self, value: bool) -> None:
         self.value = bool(value)

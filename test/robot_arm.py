@@ -1,4 +1,4 @@
-"""A robot arm of seven joints, by NumPy alone: its tip, Jacobian and mass matrix in one pose."""
+"""A robot arm with seven joints, computed with NumPy only: its tip, Jacobian and mass matrix in one pose."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ Q = (0.3, -0.5, 0.2, -1.2, 0.4, 0.8, -0.1)
 V = np.array([0.5, -0.8, 0.3, 1.1, -0.4, 0.9, 2.0])
 
 
-def turn(axis: int, angle: float) -> np.ndarray:
-    """The rotation about an axis of coordinates."""
+def rotation_about_axis(axis: int, angle: float) -> np.ndarray:
+    """The rotation matrix about a coordinate axis."""
     c, s = math.cos(angle), math.sin(angle)
     R = np.eye(3)
     i, j = (axis + 1) % 3, (axis + 2) % 3
@@ -34,7 +34,7 @@ def turn(axis: int, angle: float) -> np.ndarray:
 
 
 class Arm(NamedTuple):
-    """The arm in its pose; rows of ``J`` linear, then angular, in world axes."""
+    """The arm in its pose; rows of ``J`` are linear, then angular, in world axes."""
 
     tip: np.ndarray
     J: np.ndarray
@@ -46,11 +46,17 @@ class Arm(NamedTuple):
 
 
 def robot_arm() -> Arm:
-    """By the composite of the links: ``M = sum J_i^T diag(m, I) J_i``."""
+    """The arm, with ``M = sum J_i^T diag(m, I) J_i`` over its links."""
     R, x, axes, links = np.eye(3), np.zeros(3), [], []
     for (xyz, rpy, mass, com, moments), q in zip(LINKS, Q, strict=True):
         x = x + R @ np.array(xyz)
-        R = R @ turn(2, rpy[2]) @ turn(1, rpy[1]) @ turn(0, rpy[0]) @ turn(2, q)
+        R = (
+            R
+            @ rotation_about_axis(2, rpy[2])
+            @ rotation_about_axis(1, rpy[1])
+            @ rotation_about_axis(0, rpy[0])
+            @ rotation_about_axis(2, q)
+        )
         axes.append((R[:, 2], x))
         links.append((mass, x + R @ np.array(com), R @ np.diag(moments) @ R.T))
 

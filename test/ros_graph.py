@@ -1,4 +1,4 @@
-"""Nodes of one test, spun in-process: calls and topics go over DDS."""
+"""ROS nodes of a test, spun in this process and connected over DDS."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from collision_response.ros.server import SERVICE_QOS
 from collision_response.srv import ResolveCollision, ResolveCollisionBatch, ResolveScene
 
 DEADLINE = 20.0
-"""Seconds after which nothing is waited for any more: far more than anything takes."""
+"""Seconds after which a test gives up waiting: far more than anything takes."""
 
 _numbers = itertools.count()
 
@@ -37,7 +37,7 @@ class Graph:
         self.service = f"{self.namespace}/collision_response/resolve_collision"
         self._executor = SingleThreadedExecutor(context=self.context)
         self._nodes: list[Node] = []
-        self._stop = Future()  # executor.shutdown() in another thread races with its waiting
+        self._stop = Future()  # executor.shutdown() from another thread is a race
         self._thread = threading.Thread(target=self._executor.spin_until_future_complete, args=[self._stop])
         self._thread.start()
         self.user = self.add(Node("user", context=self.context, namespace=self.namespace))
@@ -52,7 +52,7 @@ class Graph:
         }
 
     def add(self, node: Node) -> Any:
-        """Have a node spun until the test ends."""
+        """Spin a node until the test ends."""
         self._nodes.append(node)
         self._executor.add_node(node)
         return node
@@ -66,13 +66,13 @@ class Graph:
         return self.add(self.node)
 
     def call_async(self, request: Any) -> Any:
-        """Send a request to the service that takes it, once there is someone to answer it."""
+        """Send a request to its service, once the service is available."""
         client = self._clients[type(request)]
         wait_until(client.service_is_ready)
         return client.call_async(request)
 
     def call(self, request: Any) -> Any:
-        """The answer to a request."""
+        """Send a request and return the answer."""
         answered = threading.Event()
         future = self.call_async(request)
         future.add_done_callback(lambda _: answered.set())
@@ -80,7 +80,7 @@ class Graph:
         return future.result()
 
     def close(self) -> None:
-        """Stop spinning, then take everything down, in the order that Fast DDS survives; once."""
+        """Stop spinning, then destroy everything in an order that Fast DDS survives. Idempotent."""
         if self._stop.done():
             return
         self._stop.set_result(None)
@@ -92,7 +92,7 @@ class Graph:
 
 
 def wait_until(condition: Callable[[], Any]) -> Any:
-    """The first true value of ``condition``; discovery gives no event in every ROS release."""
+    """Wait for a true value of ``condition`` and return it; not every ROS release reports discovery."""
     deadline = time.monotonic() + DEADLINE
     while not (value := condition()):
         assert time.monotonic() < deadline, "this did not happen"
@@ -112,7 +112,7 @@ def ball(position: float = 0.0, velocity: float = 0.0, *, name: str = "", frame:
 
 
 def balls_meet() -> ResolveCollision.Request:
-    """Two equal balls that meet head-on at the origin with 4 m/s, e = 0.5; ``a`` is on the right."""
+    """Two equal balls meet head-on at the origin at 4 m/s, e = 0.5; ``a`` is on the right."""
     request = ResolveCollision.Request(body_a=ball(0.5, -1.0), body_b=ball(-0.5, 3.0))
     request.contact.header.frame_id = "world"
     request.contact.normal.x = 1.0
@@ -129,7 +129,7 @@ def assign(message: Any, path: str, value: Any) -> None:
 
 
 def request_of(body_a: Body, body_b: Body, contact: Contact, **model: Any) -> ResolveCollision.Request:
-    """A request for an impact of the numeric core, both bodies in full."""
+    """The request for an impact, with both bodies in full."""
     request = ResolveCollision.Request(body_a=state_of(body_a), body_b=state_of(body_b))
     request.contact.header.frame_id = "world"
     request.contact.restitution, request.contact.friction = (

@@ -1,4 +1,4 @@
-"""Scenes of several contacts for every test that wants some, and what every answer must keep."""
+"""Scenes of several contacts for many tests, and measures of their answers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from collision_response.physics.vector import Vec3
 
 
 class Scene(NamedTuple):
-    """A scene."""
+    """Bodies, the pairs of them that touch, and their contacts."""
 
     bodies: list[Body]
     pairs: list[tuple[int, int]]
@@ -29,7 +29,7 @@ class Scene(NamedTuple):
 
 
 def row_of_balls(velocities, e: Any = 1, masses=None, number: Any = Fraction) -> Scene:
-    """Balls in a row along x, that touch."""
+    """Balls in a row along x that touch."""
     masses = masses or [1] * len(velocities)
     zero = number(0)
     bodies = [
@@ -44,7 +44,7 @@ def row_of_balls(velocities, e: Any = 1, masses=None, number: Any = Fraction) ->
 
 
 def speeds(answer: SceneImpact) -> list[Any]:
-    """Along x."""
+    """The velocities along x."""
     return [twist.linear.x for twist in answer.twists]
 
 
@@ -57,7 +57,7 @@ def box(
     mass: Any = 1,
     number: Any = float,
 ) -> Scene:
-    """A box flat on a floor, with four corners."""
+    """A box flat on a floor, on its four corners."""
     x, y, z = (number(s) for s in size)
     mass = number(mass)
     inertia = (mass * (y * y + z * z) / 12, 0, 0, mass * (x * x + z * z) / 12, 0, mass * (x * x + y * y) / 12)
@@ -80,7 +80,7 @@ def box(
 
 
 def rotate(q: Quaternion, v) -> Vec3:
-    """``v`` turned by ``q``."""
+    """``v`` rotated by ``q``."""
     return q.rotation().to_world(Vec3(*v))
 
 
@@ -89,8 +89,8 @@ def product(p: Quaternion, q: Quaternion) -> Quaternion:
     return Quaternion(*(b * p.w + a * q.w + a.cross(b)), p.w * q.w - a.dot(b))
 
 
-def rotated(body: Body, q: Quaternion) -> Body:
-    """A body and its motion, turned about the origin."""
+def rotated_body(body: Body, q: Quaternion) -> Body:
+    """A body and its motion, rotated about the origin."""
     orientation = body.orientation or Quaternion(0.0, 0.0, 0.0, 1.0)
     return body._replace(
         position=rotate(q, body.position),
@@ -101,10 +101,9 @@ def rotated(body: Body, q: Quaternion) -> Body:
 
 
 def random_scene(seed: int, e: float | None = None, mu: float | None = None, contacts: int = 12) -> Scene:
-    """Some bodies that touch here and there: stacks, patches of contacts, doubled ones, walls that may move.
+    """Bodies with random contacts: patches of contacts, repeated ones, walls that may move.
 
-    The normals point from body to body, more or less, so that there is a velocity that parts all: away from
-    the middle.
+    Normals point from body to body, more or less, so that some motion separates all contacts.
     """
     rng = random.Random(seed)
 
@@ -148,7 +147,7 @@ def random_scene(seed: int, e: float | None = None, mu: float | None = None, con
 
 
 def any_scene(seed: int) -> Scene:
-    """As :func:`random_case`; from the 60th on also stacks, grids and chains, of up to 30 contacts."""
+    """As :func:`random_scene`; from seed 60 on also stacks, grids and chains, with up to 30 contacts."""
     if seed < 60:
         return random_scene(seed)
     rng = random.Random(seed)
@@ -160,7 +159,7 @@ def heap(rng: random.Random) -> Scene:
 
 
 def stack(rng: random.Random) -> Scene:
-    """Boxes, each flat on four corners on the one below, not quite above it; some corners twice."""
+    """Boxes on four corners each, on top of each other with small shifts; some corners occur twice."""
     bodies, touches, pairs = [], [], []
     for level in range(rng.randint(1, 6)):
         side, shift = rng.uniform(0.8, 1.2), rng.uniform(-0.1, 0.1)
@@ -187,7 +186,7 @@ def stack(rng: random.Random) -> Scene:
 
 
 def grid(rng: random.Random) -> Scene:
-    """Balls in rows and columns, on a wall or not; a few are points."""
+    """Balls in rows and columns, sometimes next to a wall; a few are points."""
     rows, columns = rng.randint(2, 4), rng.randint(2, 4)
     bodies = [_random_ball(rng, (float(i), float(k), 0.0)) for i in range(rows) for k in range(columns)]
     pairs, touches = [], []
@@ -206,7 +205,7 @@ def grid(rng: random.Random) -> Scene:
 
 
 def chain(rng: random.Random) -> Scene:
-    """Balls in a row, on a wall or not; unequal masses."""
+    """Balls of different masses in a row, sometimes next to a wall."""
     count = rng.randint(3, 30)
     bodies = [_random_ball(rng, (float(i), 0.0, 0.0)) for i in range(count)]
     touches = [_random_contact(rng, (i - 0.5, 0.0, 0.0), (1.0, 0.0, 0.0)) for i in range(count)]
@@ -232,7 +231,7 @@ def _random_contact(rng: random.Random, at, normal) -> Contact:
 
 
 def momentum(scene: Scene, twists) -> tuple[Vec3, Vec3]:
-    """Linear, and angular about the origin."""
+    """Linear momentum, and angular momentum about the origin."""
     linear = angular = Vec3(0, 0, 0)
     for body, twist in zip(scene.bodies, twists, strict=True):
         if body.is_movable():
@@ -245,7 +244,7 @@ def momentum(scene: Scene, twists) -> tuple[Vec3, Vec3]:
 
 
 def change_norm(scene: Scene, answer: SceneImpact) -> float:
-    """Of the change of velocity, in the metric of kinetic energy, at least that of any body."""
+    """The norm of the change of all twists in the metric of kinetic energy."""
     square = 0.0
     for body, change in zip(scene.bodies, answer.changes, strict=True):
         if body.is_movable():
@@ -265,7 +264,7 @@ def energy(scene: Scene, twists) -> Any:
 
 
 def distance(scene: Scene, one: SceneImpact, other: SceneImpact) -> float:
-    """The distance of two answers, relative to the change, in the norm of the error bound over all bodies."""
+    """The distance of two answers relative to the change, in the norm of the error bound over all bodies."""
     return distance_of_changes(scene, one.changes, other.changes)
 
 

@@ -1,8 +1,8 @@
-"""Attacks on every field of an answer: against exact arithmetic, and against what physics forbids.
+"""Hard impacts: every field of their answers, against exact arithmetic and against physical laws.
 
-``attacks.py`` holds the requests, ``exact.py`` the right answers. Where a tolerance is not ``error_bound``
-itself, it allows for the rounding of the one number that is looked at: ``ROUNDINGS`` units of the precision
-used, times the size of the terms that the number is a sum of.
+``attacks.py`` has the requests, ``exact.py`` the right answers. Where a tolerance is not ``error_bound``
+itself, it allows for the rounding of the number in question: ``ROUNDINGS`` units of the precision used, times
+the size of the terms that the number is a sum of.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from collision_response.kernels import library
 from collision_response.physics.laws import PATHS
 
 ROUNDINGS = 64
-"""More than any number of an answer has on its way from the inputs; a wrong digit is millions of them."""
+"""More roundings than any number of an answer undergoes; a wrong digit is millions of them."""
 
 UNIT = {
     Precision.SINGLE: Fraction(1, 2**24),
@@ -56,11 +56,11 @@ UNIT = {
 }
 LARGEST = math.nextafter(math.inf, 0.0)
 DECIDED = 0.1
-"""An answer with a greater bound may have taken the wrong side of a decision: its bound covers both."""
+"""With a greater bound, a decision may have gone the wrong way, and the bound covers both sides."""
 LAST_PLACE = 2.0**-52
 """EXTENDED promises the impulse and the twist changes to one unit in the last place."""
 
-pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")  # nothing here may leak from NumPy
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")  # NumPy must not warn
 
 FORMULAS = (Law.FRICTIONLESS, Law.COULOMB)
 ANSWERS = (StatusCode.OK, StatusCode.SEPARATING, StatusCode.TOLERANCE_NOT_MET)
@@ -102,7 +102,7 @@ def decided_law(law: Law, collision: PlainCollision) -> Law:
 
 
 def numbers_of(impact: Impact) -> dict[str, Any]:
-    """Every number but the bound, by name."""
+    """Every number of an answer except the bound, by name."""
     numbers = {name: getattr(impact, name) for name in SCALARS}
     numbers |= {f"impulse.{axis}": x for axis, x in zip("xyz", impact.impulse, strict=True)}
     for twist in ("twist_a", "twist_b", "change_a", "change_b"):
@@ -112,13 +112,15 @@ def numbers_of(impact: Impact) -> dict[str, Any]:
 
 
 class Faults(list[str]):
-    """What was found, in words."""
+    """Descriptions of what is wrong with an answer."""
 
-    def unless(self, holds: Any, what: str) -> None:
+    def require(self, holds: Any, what: str) -> None:
+        """Note a fault unless a condition holds."""
         if not holds:
             self.append(what)
 
-    def unless_near(self, name: str, given: float, right: Fraction, allowed: Fraction) -> None:
+    def require_near(self, name: str, given: float, right: Fraction, allowed: Fraction) -> None:
+        """Note a fault unless a number is as near to the right one as allowed."""
         off = abs(Fraction(given) - right)
         if off > allowed + exact.SMALLEST_FLOAT:
             self.append(
@@ -129,45 +131,49 @@ class Faults(list[str]):
 
 def faults_of(case: Case) -> list[str]:
     """Everything that is wrong with the answer to a case."""
-    asked = model_of(case.model)
-    collision, law = case.collision, decided_law(asked.law, case.collision)
-    right = right_answer(collision, law.name, asked.tangential_restitution, asked.restitution_threshold)
+    requested = model_of(case.model)
+    collision, law = case.collision, decided_law(requested.law, case.collision)
+    right = right_answer(
+        collision, law.name, requested.tangential_restitution, requested.restitution_threshold
+    )
     try:
-        impact = resolved(collision, asked)
+        impact = resolved(collision, requested)
     except ImpactError as refusal:
-        return _faults_of_refusal(refusal, case, asked, law, right)
-    return _faults_of_answer(impact, case, asked, law, right)
+        return _faults_of_refusal(refusal, case, requested, law, right)
+    return _faults_of_answer(impact, case, requested, law, right)
 
 
 def _faults_of_refusal(
-    refusal: ImpactError, case: Case, asked: ImpactModel, law: Law, right: exact.Answer
+    refusal: ImpactError, case: Case, requested: ImpactModel, law: Law, right: exact.Answer
 ) -> list[str]:
-    """Every request here is valid. What has no float64 is out of range; so may be a narrower arithmetic."""
+    """Every request here is valid. A refusal is right if the answer has no float64, or overflows in a
+    narrower arithmetic.
+    """
     if refusal.code is StatusCode.OUT_OF_RANGE and not exact.is_representable(right):
         return []
     if refusal.code is StatusCode.OUT_OF_RANGE and case.max_error is None:
-        gives_up = asked.precision in (Precision.SINGLE, Precision.DOUBLE) or law not in FORMULAS
+        gives_up = requested.precision in (Precision.SINGLE, Precision.DOUBLE) or law not in FORMULAS
         if gives_up:
             return []
-    if asked.geometry is Geometry.PLANAR and refusal.code is StatusCode.INVALID_NORMAL:
+    if requested.geometry is Geometry.PLANAR and refusal.code is StatusCode.INVALID_NORMAL:
         return [] if not any(case.collision.contact.normal[:2]) else [f"refused: {refusal}"]
     return [f"refused: {refusal.code.name} {refusal}"]
 
 
 def _faults_of_answer(
-    impact: Impact, case: Case, asked: ImpactModel, law: Law, right: exact.Answer
+    impact: Impact, case: Case, requested: ImpactModel, law: Law, right: exact.Answer
 ) -> list[str]:
     faults = Faults()
     for name, x in numbers_of(impact).items():
-        faults.unless(isinstance(x, float) or type(x) is int, f"{name} is a {type(x).__name__}")
-        faults.unless(math.isfinite(x), f"{name} is {x}")
+        faults.require(isinstance(x, float) or type(x) is int, f"{name} is a {type(x).__name__}")
+        faults.require(math.isfinite(x), f"{name} is {x}")
     if faults:
         return faults
-    _check_status(faults, impact, case, asked, law, right)
+    _check_status(faults, impact, case, requested, law, right)
     bound = impact.error_bound
     fell_back = Adjustment.LAW_FALLBACK in impact.adjustments
     if fell_back:
-        right = _after_fallback(faults, impact, case, asked, right)
+        right = _after_fallback(faults, impact, case, requested, right)
     known = bound if 0 <= bound < math.inf else case.max_error
     if known is not None:
         error, P = _check_error(faults, impact, right, case)
@@ -177,44 +183,44 @@ def _faults_of_answer(
 
 
 def _check_status(
-    faults: Faults, impact: Impact, case: Case, asked: ImpactModel, law: Law, right: exact.Answer
+    faults: Faults, impact: Impact, case: Case, requested: ImpactModel, law: Law, right: exact.Answer
 ) -> None:
     bound, status, model = impact.error_bound, impact.status, impact.model
-    faults.unless(isinstance(bound, float) and bound >= 0, f"error_bound is {bound!r}")
-    faults.unless(status in ANSWERS, f"status is {status!r}")
-    meets = bound <= (asked.tolerance or LARGEST)
-    faults.unless(
+    faults.require(isinstance(bound, float) and bound >= 0, f"error_bound is {bound!r}")
+    faults.require(status in ANSWERS, f"status is {status!r}")
+    meets = bound <= (requested.tolerance or LARGEST)
+    faults.require(
         (status is StatusCode.TOLERANCE_NOT_MET) == (not meets), f"{status!r} with error_bound {bound:.3g}"
     )
     separates = impact.regime == Regime.SEPARATING
     if meets:
-        faults.unless(
+        faults.require(
             (status is StatusCode.SEPARATING) == separates, f"{status!r} in regime {impact.regime!r}"
         )
         if bound < DECIDED:
-            faults.unless(
+            faults.require(
                 separates == right.separating,
                 f"regime is {impact.regime!r}, n.u = {nearest_float(right.pair.n_u):.3g}",
             )
-    faults.unless(
+    faults.require(
         separates == (not any(impact.impulse)) or not meets or impact.normal_impulse == 0,
         "an impulse of separating bodies",
     )
-    climbs = law in FORMULAS and asked.geometry in (Geometry.AUTO, Geometry.SPATIAL)
-    if climbs and asked.precision in (Precision.AUTO, Precision.EXTENDED):
-        faults.unless(meets, f"{asked.precision.name} stops at error_bound {bound:.3g}")
-    if climbs and asked.precision is Precision.EXTENDED:
-        faults.unless(bound <= LAST_PLACE, f"EXTENDED has error_bound {bound:.3g}")
+    climbs = law in FORMULAS and requested.geometry in (Geometry.AUTO, Geometry.SPATIAL)
+    if climbs and requested.precision in (Precision.AUTO, Precision.EXTENDED):
+        faults.require(meets, f"{requested.precision.name} stops at error_bound {bound:.3g}")
+    if climbs and requested.precision is Precision.EXTENDED:
+        faults.require(bound <= LAST_PLACE, f"EXTENDED has error_bound {bound:.3g}")
     for name in ("law", "geometry", "precision"):
-        used, wanted = getattr(model, name), getattr(asked, name)
-        faults.unless(used.name != "AUTO", f"model.{name} is left to AUTO")
+        used, wanted = getattr(model, name), getattr(requested, name)
+        faults.require(used.name != "AUTO", f"model.{name} is left to AUTO")
         fell_back = name == "law" and Adjustment.LAW_FALLBACK in impact.adjustments
         # EXTENDED leaves nothing out: it may model more than was forced.
         widened = name == "geometry" and used > wanted
         # The laws of paths need the digits of float64.
         widened |= used is Precision.DOUBLE and wanted is Precision.SINGLE and law in PATHS
         if wanted.name != "AUTO":
-            faults.unless(
+            faults.require(
                 used is wanted or fell_back or widened, f"model.{name} is {used.name}, not {wanted.name}"
             )
     _check_adjustments(faults, impact, case.collision, right)
@@ -229,37 +235,39 @@ def _check_adjustments(
             q = solid.orientation
             off_unit = off_unit or abs(sum(Fraction(c) ** 2 for c in q) - 1) > Fraction(1, 1000)
     says = Adjustment.NORMALISED_ORIENTATION in impact.adjustments
-    faults.unless(says or not off_unit, "NORMALISED_ORIENTATION is not said")
+    faults.require(says or not off_unit, "NORMALISED_ORIENTATION is not said")
     if 0 <= impact.error_bound < DECIDED:
         says = Adjustment.RESTITUTION_THRESHOLD in impact.adjustments
-        faults.unless(says == right.below_threshold, f"RESTITUTION_THRESHOLD is {says}")
-        faults.unless(
+        faults.require(says == right.below_threshold, f"RESTITUTION_THRESHOLD is {says}")
+        faults.require(
             Fraction(impact.contact.restitution) == right.restitution,
             f"contact.restitution is {impact.contact.restitution!r}, "
             f"not {nearest_float(right.restitution)!r}",
         )
     massless_spin_moves = any(any(cross(s.massless_spin, s.r)) for s in (right.pair.a, right.pair.b))
     if massless_spin_moves and impact.model.geometry is Geometry.SPATIAL:
-        faults.unless(int(impact.adjustments) & ~int(KNOWN), "spin that was left out is not said")
+        faults.require(int(impact.adjustments) & ~int(KNOWN), "spin that was left out is not said")
 
 
 def _after_fallback(
-    faults: Faults, impact: Impact, case: Case, asked: ImpactModel, right: exact.Answer
+    faults: Faults, impact: Impact, case: Case, requested: ImpactModel, right: exact.Answer
 ) -> exact.Answer:
-    """MOREAU gives way only where it creates energy; elastic impacts keep it, to the oracle's digits."""
-    faults.unless(impact.model.law is Law.COULOMB, f"fell back to {impact.model.law!r}")
-    faults.unless(asked.law is Law.MOREAU, f"{asked.law!r} fell back")
-    if asked.law is Law.MOREAU and not right.separating:
+    """The right answer after a fallback. MOREAU may give way only where it creates energy, to the digits of
+    the oracle.
+    """
+    faults.require(impact.model.law is Law.COULOMB, f"fell back to {impact.model.law!r}")
+    faults.require(requested.law is Law.MOREAU, f"{requested.law!r} fell back")
+    if requested.law is Law.MOREAU and not right.separating:
         P = right.impulses[0]
         gain, work = right.pair.energy_change(P), abs(dot(P, right.pair.u))
-        faults.unless(
+        faults.require(
             gain > -work / 10**12, f"fell back though the energy falls by {nearest_float(-gain):.3g}"
         )
-    return right_answer(case.collision, "COULOMB", 0.0, asked.restitution_threshold)
+    return right_answer(case.collision, "COULOMB", 0.0, requested.restitution_threshold)
 
 
 def _check_error(faults: Faults, impact: Impact, right: exact.Answer, case: Case) -> tuple[float, exact.Vec]:
-    """The impulse and both changes of twist are within the bound of one answer that the law allows."""
+    """Check that impulse and changes of twist are within the bound of one answer that the law allows."""
     found = []
     for P in right.impulses:
         errors = errors_of(impact, right, P)
@@ -267,13 +275,13 @@ def _check_error(faults: Faults, impact: Impact, right: exact.Answer, case: Case
     error, errors, P = min(found, key=lambda one: one[0])
     slack = exact.ORACLE_ERROR if right.report is not None else 0.0
     limit = impact.error_bound if impact.error_bound >= 0 else math.inf
-    faults.unless(
+    faults.require(
         error <= limit + slack,
         "the errors of impulse and twists are {:.3g}, {:.3g}, {:.3g}, ".format(*errors)
         + f"the bound is {limit:.3g}",
     )
     if case.max_error is not None:
-        faults.unless(
+        faults.require(
             error <= case.max_error,
             f"the error is {error:.3g}, of an impact that allows {case.max_error:.0e}",
         )
@@ -292,7 +300,7 @@ def _check_fields(
     P: exact.Vec,
     bound: Fraction,
 ) -> None:
-    """What is reported beside impulse and twists, each to the bound and the rounding of its own terms."""
+    """Check the other fields, each to the bound and to the rounding of its own terms."""
     pair = right.pair
     rounding = ROUNDINGS * UNIT[impact.model.precision]
     slack = bound + Fraction(exact.ORACLE_ERROR) if right.report is not None else bound
@@ -301,9 +309,9 @@ def _check_fields(
     pushed = _norm(pair.K) * size
     speeds = pair.a.speed_scale + pair.b.speed_scale
     u_n, u_n_after = pair.n_u / unit, dot(pair.n, u_after) / unit
-    near = faults.unless_near
+    near = faults.require_near
 
-    # the exact speed is part of the impulse, so in EXTENDED no cancellation may show
+    # in EXTENDED the speed is exact, because the impulse depends on it
     lost_digits = 0 if impact.model.precision is Precision.EXTENDED else speeds
     near(
         "normal_velocity_before",
@@ -325,17 +333,17 @@ def _check_fields(
     sideways = length(minus(P, times(pair.n, dot(P, pair.n) / nn)))
     near("normal_impulse", impact.normal_impulse, normal, allowed * size)
     near("tangential_impulse", impact.tangential_impulse, sideways, allowed * size)
-    faults.unless(impact.normal_impulse >= 0, f"normal_impulse is {impact.normal_impulse!r}")
+    faults.require(impact.normal_impulse >= 0, f"normal_impulse is {impact.normal_impulse!r}")
     mu = Fraction(collision.contact.friction) if impact.model.law is not Law.FRICTIONLESS else Fraction(0)
     over = Fraction(impact.tangential_impulse) - mu * Fraction(impact.normal_impulse)
-    # mu times the error of the normal impulse is far below mu P_n + the error of the tangential one
-    faults.unless(
+    # mu times the error of the normal impulse is far below mu P_n plus the error of the tangential impulse
+    faults.require(
         over <= allowed * (size + mu * normal) + exact.SMALLEST_FLOAT,
         f"outside the cone by {nearest_float(over):.3g}",
     )
     if impact.model.law in (*FORMULAS, Law.MOREAU) and not right.separating:
         off = abs(Fraction(impact.normal_velocity_after) + right.restitution * u_n)
-        faults.unless(
+        faults.require(
             off <= slack * (abs(u_n) + pushed) + rounding * (speeds + pushed) + exact.SMALLEST_FLOAT,
             f"u_n after is {impact.normal_velocity_after!r}, "
             f"-e u_n is {nearest_float(-right.restitution * u_n)!r}",
@@ -346,7 +354,7 @@ def _check_fields(
 
 
 def _check_twists(faults: Faults, impact: Impact, pair: exact.Pair, rounding: Fraction) -> None:
-    """After is before plus the change; what has no mass or no inertia keeps what it has."""
+    """Check that twists after are twists before plus changes, and that massless parts do not change."""
     for name, side, twist, change in (
         ("a", pair.a, impact.twist_a, impact.change_a),
         ("b", pair.b, impact.twist_b, impact.change_b),
@@ -357,9 +365,9 @@ def _check_twists(faults: Faults, impact: Impact, pair: exact.Pair, rounding: Fr
         ):
             for axis, x, y, d in zip("xyz", before, after, changed, strict=True):
                 size = abs(x) + abs(Fraction(d))
-                faults.unless_near(f"twist_{name}.{part}.{axis}", y, x + Fraction(d), rounding * size)
+                faults.require_near(f"twist_{name}.{part}.{axis}", y, x + Fraction(d), rounding * size)
         if side.mass is None or side.trace == 0:
-            faults.unless(not any(change.angular), f"change_{name}.angular is {change.angular}")
+            faults.require(not any(change.angular), f"change_{name}.angular is {change.angular}")
 
 
 def _check_energies(
@@ -382,20 +390,20 @@ def _check_energies(
         m, arm, moment = side.mass, length(side.com), side.trace
         before_scale += m * (length(side.velocity) + length(side.spin) * arm) ** 2
         before_scale += moment * dot(side.spin, side.spin)
-        # what the roundings of velocity, spin and their changes bring
+        # rounding of velocity, spin and their changes
         sizes = length(side.velocity) + length(dv), length(side.spin) + length(dw)
         after_scale += m * (sizes[0] + sizes[1] * arm) ** 2 + moment * sizes[1] ** 2
-        # an error of the change, in the norm of the bound, is 3 times that of sqrt(2 E) at most
+        # an error of the change, in the norm of the bound, is at most 3 times that of sqrt(2 E)
         of_change = exact.square_root(m * dot(dv, dv) + moment / 3 * dot(dw, dw))
         reach = 2 + 2 * (arm * exact.square_root(3 * m / moment) if moment else 0)
         changed += of_change * reach * (exact.square_root(after_scale) + of_change)
     tolerance_after = 2 * slack * changed + rounding * after_scale
-    near = faults.unless_near
+    near = faults.require_near
     near("kinetic_energy_before", impact.kinetic_energy_before, before, rounding * before_scale)
     near("kinetic_energy_after", impact.kinetic_energy_after, after, tolerance_after)
 
     mean = times(plus(pair.u, u_after), Fraction(1, 2))
-    if impact.model.law in FORMULAS and any(P):  # what (1+e) P_I loses; the rest is friction's
+    if impact.model.law in FORMULAS and any(P):  # the loss of (1+e) P_I; friction takes the rest
         e = Fraction(impact.contact.restitution)
         restitution = (1 - e * e) * pair.n_u**2 / (2 * pair.n_Kn)
     else:
@@ -412,10 +420,10 @@ def _check_energies(
         near("energy_lost_friction", impact.energy_lost_friction, total - restitution, of_terms)
     near("energy lost", nearest_float(lost), total, 2 * of_terms)
     if impact.model.law in FORMULAS:
-        faults.unless(
+        faults.require(
             impact.energy_lost_restitution >= 0, f"restitution gives {impact.energy_lost_restitution!r}"
         )
-        faults.unless(impact.energy_lost_friction >= 0, f"friction gives {impact.energy_lost_friction!r}")
+        faults.require(impact.energy_lost_friction >= 0, f"friction gives {impact.energy_lost_friction!r}")
     does_work = any(s.mass is None and (any(s.velocity) or any(s.spin)) for s in (collision.a, collision.b))
     if not does_work:
         given_before, given_after = (
@@ -423,27 +431,27 @@ def _check_energies(
             Fraction(impact.kinetic_energy_after),
         )
         allowed = tolerance_after + rounding * before_scale + 2 * of_terms + 2 * exact.SMALLEST_FLOAT
-        # what the bodies hold is known to the rounding of the whole, so the gain is
-        faults.unless(
+        # the energies are rounded, and so is the gain
+        faults.require(
             given_after <= given_before + tolerance_after + rounding * before_scale + exact.SMALLEST_FLOAT,
             f"the energy grows by {nearest_float(given_after - given_before):.3g}",
         )
         gap = given_before - given_after - lost
-        faults.unless(abs(gap) <= allowed, f"the balance of energy is off by {nearest_float(gap):.3g}")
+        faults.require(abs(gap) <= allowed, f"the balance of energy is off by {nearest_float(gap):.3g}")
 
 
 def _check_regime(
     faults: Faults, impact: Impact, right: exact.Answer, u_after: exact.Vec, pushed: Fraction, noise: Fraction
 ) -> None:
-    """Where it is clear, not at the edge of the cone nor where no slip is left."""
+    """Check the regime where it is clear: not at the edge of the cone or where the slip vanishes."""
     if right.separating or noise > Fraction(1, 10**6):
         return
     law, regime, pair = impact.model.law, impact.regime, right.pair
     if law is Law.FRICTIONLESS:
-        faults.unless(regime in (Regime.SLIDING, Regime.REVERSED), f"regime is {regime!r} without friction")
+        faults.require(regime in (Regime.SLIDING, Regime.REVERSED), f"regime is {regime!r} without friction")
         return
     if law is Law.COULOMB and abs(right.margin) > 1e-3:
-        faults.unless(
+        faults.require(
             (regime == Regime.STICKING) == right.sticks, f"regime is {regime!r}, but sticks: {right.sticks}"
         )
     if law is Law.COULOMB and not right.sticks and abs(right.margin) > 1e-3:
@@ -451,9 +459,9 @@ def _check_regime(
         along = dot(slip, u_after)
         if abs(along) > length(slip) * (length(pair.u) + pushed) / 10**3:
             wanted = Regime.REVERSED if along < 0 else Regime.SLIDING
-            faults.unless(regime == wanted, f"regime is {regime!r}, not {wanted!r}")
+            faults.require(regime == wanted, f"regime is {regime!r}, not {wanted!r}")
     if law in (Law.ROUTH_POISSON, Law.ROUTH_STRONGE) and right.report is not None:
-        faults.unless(regime != Regime.SEPARATING, "regime is SEPARATING")
+        faults.require(regime != Regime.SEPARATING, "regime is SEPARATING")
 
 
 # one test for each family
@@ -483,7 +491,7 @@ for _family in FAMILIES:
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_every_level_of_the_machine_gives_one_answer(family):
+def test_every_vector_width_gives_the_same_answer(family):
     for case in FAMILIES[family]:
         answers = []
         for bits in (512, 256, 0):
@@ -503,37 +511,37 @@ def test_families_have_distinct_names(family):
     assert len(names) == len(set(names)) >= 20
 
 
-def test_the_checks_can_fail():
-    """A digit wrong in any number of a good answer is found."""
+def test_the_checks_notice_wrong_digits():
+    """A wrong digit in any number of a right answer must be found."""
     case = Case("", attacks.TUMBLING, attacks.model("COULOMB", "EXTENDED"))
-    asked = model_of(case.model)
+    requested = model_of(case.model)
     right = right_answer(case.collision, "COULOMB", 0.0, 0.0)
-    impact = resolved(case.collision, asked)
+    impact = resolved(case.collision, requested)
     unseen = []
     for name in SCALARS:
         wrong = impact._replace(**{name: getattr(impact, name) * (1 + 1e-9) + 1e-9})
-        if not _faults_of_answer(wrong, case, asked, Law.COULOMB, right):
+        if not _faults_of_answer(wrong, case, requested, Law.COULOMB, right):
             unseen.append(name)
     wrong = impact._replace(impulse=impact.impulse * (1 + 2.0**-50))
-    if not _faults_of_answer(wrong, case, asked, Law.COULOMB, right):
+    if not _faults_of_answer(wrong, case, requested, Law.COULOMB, right):
         unseen.append("impulse")
     for name in ("change_a", "change_b", "twist_a", "twist_b"):
         twist = getattr(impact, name)
         wrong = impact._replace(**{name: twist._replace(angular=twist.angular * (1 + 1e-12))})
-        if not _faults_of_answer(wrong, case, asked, Law.COULOMB, right):
+        if not _faults_of_answer(wrong, case, requested, Law.COULOMB, right):
             unseen.append(name)
     assert not unseen
 
 
-# numbers of other makes
+# other number types
 
 
 GOOD = dict.fromkeys(attacks.FIELDS, 0.5)
 NAMES = {"spin": "angular_velocity", "e_t": "tangential_restitution", "threshold": "restitution_threshold"}
 
 
-def _with(field: str, value: Any) -> Impact:
-    """The answer to a request with one value of another make."""
+def _answer_with(field: str, value: Any) -> Impact:
+    """The answer to a request with one value of another type."""
     g = {**GOOD, field: value}
     body = Body.dynamic(
         g["mass"],
@@ -551,22 +559,22 @@ def _with(field: str, value: Any) -> Impact:
 
 
 @pytest.mark.parametrize("given", list(attacks.kinds_of_number()), ids=lambda given: given.name)
-def test_kinds_of_number(given):
-    """Served as the float that it equals, to the bit, or refused by name."""
+def test_number_types(given):
+    """A value is used as the float that it equals, to the bit, or refused by name."""
     try:
-        impact = _with(given.field, given.value)
+        impact = _answer_with(given.field, given.value)
     except (TypeError, ImpactError) as refusal:
         name = NAMES.get(given.field, given.field)
         assert name in str(refusal), f"the refusal does not name {name}: {refusal}"
         return
     assert given.is_number, f"{given.value!r} was taken for a number"
-    assert numbers_of(impact) == numbers_of(_with(given.field, float(given.value)))
+    assert numbers_of(impact) == numbers_of(_answer_with(given.field, float(given.value)))
     wrong = {name: type(x).__name__ for name, x in numbers_of(impact).items() if type(x) is not float}
     assert not wrong
     assert type(impact.error_bound) is float
 
 
-# restitution as a function
+# restitution functions
 
 
 @pytest.mark.parametrize(
@@ -594,7 +602,7 @@ def test_restitution_functions(restitution, law, precision):
         assert isinstance(used, (float, int))
         speed = nearest_float(pair_of(collision).approach_speed)
         if impact.error_bound < math.inf:
-            # the function sees the speed rounded, in the precision used
+            # the function gets the speed rounded to the precision used
             near = speed * 4 * float(UNIT[impact.model.precision])
             possible = [float(restitution.function(v)) for v in (speed - near, speed, speed + near)]
             assert min(possible) <= used <= max(possible)
@@ -609,7 +617,7 @@ def test_restitution_functions(restitution, law, precision):
     "precision", [Precision.AUTO, Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED]
 )
 @pytest.mark.parametrize("error", attacks.USER_ERRORS, ids=lambda error: type(error).__name__)
-def test_an_error_of_the_users_function_is_the_users(error, precision):
+def test_an_error_in_the_users_function_is_raised_unchanged(error, precision):
     def restitution(v: float) -> float:
         raise error
 
@@ -619,7 +627,7 @@ def test_an_error_of_the_users_function_is_the_users(error, precision):
     assert raised.value is error
 
 
-# bodies changed by hand
+# bodies with a replaced mass
 
 
 @pytest.mark.parametrize("factor", [2.0, 0.3, 1e6, 1e-6, 1e100])
@@ -627,7 +635,7 @@ def test_an_error_of_the_users_function_is_the_users(error, precision):
     "precision", [Precision.AUTO, Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED]
 )
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
-def test_a_replaced_mass_is_the_mass(law, precision, factor):
+def test_a_replaced_mass_is_used(law, precision, factor):
     for collision in (attacks.TUMBLING, attacks.ON_FLOOR):
         body_a, body_b, contact = as_request(collision)
         heavier = collision._replace(a=collision.a._replace(mass=collision.a.mass * factor))
@@ -640,8 +648,8 @@ def test_a_replaced_mass_is_the_mass(law, precision, factor):
     "precision", [Precision.AUTO, Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED]
 )
 @pytest.mark.parametrize("mass", [0.0, -0.0, -1.0, math.nan, -math.inf])
-def test_a_mass_that_is_none_is_refused(mass, precision):
-    """Whoever wrote it into the body, and whatever the precision."""
+def test_an_invalid_mass_is_refused(mass, precision):
+    """Even if it was written into an existing body, and in every precision."""
     body_a, body_b, contact = as_request(attacks.TUMBLING)
     with pytest.raises(ImpactError) as refusal:
         resolve(body_a._replace(mass=mass), body_b, contact, ImpactModel(precision=precision))
@@ -655,12 +663,12 @@ GEOMETRIES = (Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL)
 
 
 def pack(geometry: Geometry, collisions: list[PlainCollision]) -> tuple[np.ndarray, np.ndarray]:
-    """The arrays of some scenes; those in space have orientations."""
+    """The arrays of some collisions; spatial ones have orientations."""
     return batch_of(map(as_request, collisions), geometry, oriented=geometry is Geometry.SPATIAL)
 
 
-def seen_by(geometry: Geometry, collision: PlainCollision) -> PlainCollision:
-    """The scene without what a batch of this geometry cannot tell: then AUTO comes to the same."""
+def reduced_to(geometry: Geometry, collision: PlainCollision) -> PlainCollision:
+    """The collision without what a batch of this geometry has no rows for, so that AUTO means the same."""
     if geometry is Geometry.SPATIAL:
         return collision
     flat = [solid._replace(orientation=None, inertia=_about_z(solid.inertia)) for solid in collision[:2]]
@@ -671,13 +679,13 @@ def seen_by(geometry: Geometry, collision: PlainCollision) -> PlainCollision:
 
 
 def _about_z(inertia: tuple[float, ...]) -> tuple[float, ...]:
-    """The tensor that a batch of PLANAR takes a body to have: only its moment about z is told."""
+    """The tensor of a PLANAR batch, which has only the moment about z."""
     zz = inertia[5]
     return zz, 0.0, 0.0, zz, 0.0, zz
 
 
-def row_fits(geometry: Geometry, result: Any, i: int, impact: Impact) -> list[str]:
-    """Whether the numbers of a row are those of one impact, to the bit."""
+def differences_to_impact(geometry: Geometry, result: Any, i: int, impact: Impact) -> list[str]:
+    """How the numbers of a column differ from those of a single impact, to the bit."""
     axes = len(result.impulse)
     first = {Geometry.POINT: 3, Geometry.PLANAR: 2, Geometry.SPATIAL: 0}[geometry]
     found = []
@@ -695,10 +703,10 @@ def row_fits(geometry: Geometry, result: Any, i: int, impact: Impact) -> list[st
     return found
 
 
-def good_rows(geometry: Geometry) -> list[PlainCollision]:
+def sound_collisions(geometry: Geometry) -> list[PlainCollision]:
     draw = random.Random("good rows")
     return [
-        seen_by(geometry, attacks.random_boxes(draw, planar=geometry is not Geometry.SPATIAL))
+        reduced_to(geometry, attacks.random_boxes(draw, planar=geometry is not Geometry.SPATIAL))
         for _ in range(8)
     ]
 
@@ -717,16 +725,16 @@ BATCH_MODELS = {
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("repeats", [1, 8])
-def test_a_row_is_one_impact(geometry, law, fields, repeats):
-    """The same status and the same numbers as one impact has, in the same model."""
-    collisions = good_rows(geometry) * repeats
+def test_a_column_equals_a_single_impact(geometry, law, fields, repeats):
+    """The status and the numbers, in the same model."""
+    collisions = sound_collisions(geometry) * repeats
     model = ImpactModel(law, **fields)
     result = resolve_batch(*pack(geometry, collisions), model)
     found = []
     impacts = [resolved(collision, model._replace(geometry=geometry)) for collision in collisions[:8]]
     for i in range(len(collisions)):
         impact = impacts[i % 8]
-        found += [f"row {i}: {fault}" for fault in row_fits(geometry, result, i, impact)]
+        found += [f"row {i}: {fault}" for fault in differences_to_impact(geometry, result, i, impact)]
     assert not found, "\n".join(found)
 
 
@@ -760,7 +768,7 @@ def faulty_values(geometry: Geometry) -> list[tuple[str, str, Any, float]]:
 
 def with_faulty_columns(geometry: Geometry) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
     """Bodies and contacts with a fault in every other column, which columns are sound, and the faults."""
-    sound, faults = good_rows(geometry), faulty_values(geometry)
+    sound, faults = sound_collisions(geometry), faulty_values(geometry)
     count = 2 * len(faults)
     bodies, contacts = pack(geometry, [sound[i % len(sound)] for i in range(count)])
     names = [""] * count
@@ -776,8 +784,8 @@ def with_faulty_columns(geometry: Geometry) -> tuple[np.ndarray, np.ndarray, np.
 @pytest.mark.parametrize("fields", BATCH_MODELS.values(), ids=BATCH_MODELS)
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
 @pytest.mark.parametrize("geometry", GEOMETRIES)
-def test_hostile_rows_do_their_neighbours_no_harm(geometry, law, fields):
-    """Good rows have the bits that they have alone; bad ones have no numbers."""
+def test_faulty_columns_do_not_affect_others(geometry, law, fields):
+    """Sound columns have the bits that they have alone; faulty ones have no numbers."""
     bodies, contacts, is_good, names = with_faulty_columns(geometry)
     model = ImpactModel(law, **fields)
     together = resolve_batch(bodies, contacts, model)
@@ -796,7 +804,7 @@ def test_hostile_rows_do_their_neighbours_no_harm(geometry, law, fields):
 @pytest.mark.parametrize("precision", [Precision.DOUBLE, Precision.EXTENDED])
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
 @pytest.mark.parametrize("geometry", GEOMETRIES)
-def test_a_hostile_row_has_the_code_of_one_impact(geometry, law, precision):
+def test_a_faulty_column_has_the_code_of_a_single_impact(geometry, law, precision):
     bodies, contacts, _, names = with_faulty_columns(geometry)
     model = ImpactModel(law, precision=precision)
     status = resolve_batch(bodies, contacts, model).status
@@ -816,22 +824,22 @@ def test_a_hostile_row_has_the_code_of_one_impact(geometry, law, precision):
 @pytest.mark.parametrize(
     ("geometry", "size"), [*product(GEOMETRIES, (1, 20)), (Geometry.POINT, 600), (Geometry.SPATIAL, 600)]
 )
-def test_batches_with_much_friction(geometry, size):
-    """Each row is right to its bound, in batches of any size."""
+def test_extended_batches_with_much_friction(geometry, size):
+    """Each column is within its bound, in batches of any size."""
     cases = list(attacks.batches_with_much_friction())
     cases = (cases * (1 + size // len(cases)))[:size]
     collisions = [case.collision for case in cases]
     if geometry is not Geometry.SPATIAL:
         flat = [attacks.random_boxes(random.Random(case.name), planar=True) for case in cases]
         collisions = [
-            attacks.with_contact(seen_by(geometry, collision), friction=case.collision.contact.friction)
+            attacks.with_contact(reduced_to(geometry, collision), friction=case.collision.contact.friction)
             for collision, case in zip(flat, cases, strict=True)
         ]
     model = ImpactModel(Law.COULOMB, precision=Precision.EXTENDED)
     result = resolve_batch(*pack(geometry, collisions), model)
     found = []
     for field, array in zip(result._fields, result, strict=True):
-        if array is None:  # of a report, which was not asked for
+        if array is None:  # no report was requested
             continue
         for start in range(20, size, 20):  # the same rows again
             np.testing.assert_array_equal(array[..., start : start + 20], array[..., :20], err_msg=field)
@@ -852,9 +860,9 @@ def test_batches_with_much_friction(geometry, size):
 @pytest.mark.parametrize("kind", [np.float64, np.float32, Fraction])
 @pytest.mark.parametrize("field", ["restitution_threshold", "tolerance", "tangential_restitution"])
 @pytest.mark.parametrize("geometry", GEOMETRIES)
-def test_a_model_with_numbers_of_other_makes(geometry, field, kind):
-    """As with plain floats, bit for bit, whichever comes first; or refused by name."""
-    arrays = pack(geometry, good_rows(geometry))
+def test_batch_models_with_other_number_types(geometry, field, kind):
+    """As with plain floats, bit for bit, or refused by name."""
+    arrays = pack(geometry, sound_collisions(geometry))
     plain = resolve_batch(*arrays, ImpactModel(**{field: 0.5}))
     try:
         other = resolve_batch(*arrays, ImpactModel(**{field: kind(0.5)}))
@@ -866,7 +874,7 @@ def test_a_model_with_numbers_of_other_makes(geometry, field, kind):
         np.testing.assert_array_equal(a, b, err_msg=name)
 
 
-# seen from the other side
+# swapped bodies
 
 
 def swapped(collision: PlainCollision) -> PlainCollision:
@@ -876,7 +884,7 @@ def swapped(collision: PlainCollision) -> PlainCollision:
 
 @pytest.mark.parametrize("mirrored", list(attacks.swaps()), ids=lambda case: case.name)
 def test_swapped_bodies_have_the_mirrored_answer(mirrored):
-    """To the two bounds; where there is none, to 1e-9: the scenes are well-conditioned."""
+    """Up to both bounds, or 1e-9 without bounds: the collisions are well-conditioned."""
     model = model_of(mirrored.model)
     one, other = resolved(mirrored.collision, model), resolved(swapped(mirrored.collision), model)
     assert one.regime == other.regime
@@ -908,7 +916,7 @@ def test_swapped_bodies_have_the_mirrored_answer(mirrored):
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
 @pytest.mark.parametrize("exponents", [(100, 0, 0), (0, 100, 0), (0, 0, 100), (-60, 40, 30), (-200, 0, 100)])
 def test_powers_of_two_change_no_digit(exponents, law):
-    """No rounding depends on them while nothing under- or overflows, so the impulse scales exactly."""
+    """Without overflow and underflow no rounding depends on units, so the impulse scales exactly."""
     factors = [2.0**k for k in exponents]
     model = ImpactModel(law, precision=Precision.DOUBLE)
     plain = resolved(attacks.TUMBLING, model)

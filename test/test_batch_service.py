@@ -58,10 +58,10 @@ def balls_in_a_row() -> Request:
 
 
 @pytest.mark.parametrize(("layout", "law"), list(product(LAYOUTS, LAWS)))
-def test_answers_equal_resolve_batch(tried_node, layout, law):
+def test_answers_equal_resolve_batch(shared_node, layout, law):
     geometry, model = LAYOUTS[layout].geometry, ImpactModel(law)
     bodies, contacts = shared_batch(geometry, oriented=LAYOUTS[layout].oriented)
-    response = tried_node.call(packed(layout, model))
+    response = shared_node.call(packed(layout, model))
     assert (response.success, response.code, response.message) == (True, StatusCode.OK, "")
     assert (response.model.law, response.model.geometry, response.model.precision) == (
         law,
@@ -72,8 +72,8 @@ def test_answers_equal_resolve_batch(tried_node, layout, law):
 
 
 @pytest.mark.parametrize("model", [ImpactModel(tolerance=1e-14), ImpactModel(precision=Precision.EXTENDED)])
-def test_bounds_and_precisions_come_with_a_tolerance_or_extended(tried_node, model):
-    response = tried_node.call(packed(Request.SPATIAL, model))
+def test_bounds_and_precisions_come_with_a_tolerance_or_extended(shared_node, model):
+    response = shared_node.call(packed(Request.SPATIAL, model))
     assert (response.model.precision, response.model.tolerance) == (model.precision, model.tolerance)
     result = unpack(response)
     assert {Precision.EXTENDED} <= set(result.precision.tolist()) <= {Precision.DOUBLE, Precision.EXTENDED}
@@ -81,28 +81,28 @@ def test_bounds_and_precisions_come_with_a_tolerance_or_extended(tried_node, mod
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_regimes_and_energies_come_on_request(tried_node, law):
-    response = tried_node.call(packed(Request.SPATIAL, ImpactModel(law), report=True))
+def test_regimes_and_energies_come_on_request(shared_node, law):
+    response = shared_node.call(packed(Request.SPATIAL, ImpactModel(law), report=True))
     assert_same(
         unpack(response), resolve_batch(*shared_batch(Geometry.SPATIAL), ImpactModel(law), report=True)
     )
-    one = tried_node.call(
+    one = shared_node.call(
         request_of(*collision_at(Geometry.SPATIAL, *shared_batch(Geometry.SPATIAL), 7), law=law)
     ).result
     assert response.regimes[7] == one.regime
     assert response.kinetic_energy_after[7] == one.kinetic_energy_after
     assert response.energy_lost_friction[7] == one.energy_lost_friction
-    without = tried_node.call(packed(Request.SPATIAL, ImpactModel(law)))
+    without = shared_node.call(packed(Request.SPATIAL, ImpactModel(law)))
     assert not (without.regimes or without.kinetic_energy_before or without.energy_lost_restitution)
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_answers_equal_those_of_the_service_for_single_impacts(tried_node, law):
-    result = unpack(tried_node.call(packed(Request.SPATIAL_ORIENTED, ImpactModel(law))))
+def test_answers_equal_those_of_the_service_for_single_impacts(shared_node, law):
+    result = unpack(shared_node.call(packed(Request.SPATIAL_ORIENTED, ImpactModel(law))))
     bodies, contacts = shared_batch(Geometry.SPATIAL, oriented=True)
     for i in range(20):
         request = request_of(*collision_at(Geometry.SPATIAL, bodies, contacts, i), law=law)
-        one = tried_node.call(request).result
+        one = shared_node.call(request).result
         assert result.status[i] == one.status.code
         assert tuple(result.impulse[:, i]) == xyz(one.impulse)
         for lane, twist in enumerate((one.twist_a, one.twist_b)):
@@ -110,10 +110,10 @@ def test_answers_equal_those_of_the_service_for_single_impacts(tried_node, law):
             assert tuple(result.angular_velocity[:, lane, i]) == xyz(twist.angular)
 
 
-def test_contacts_of_one_body_are_answered_independently(tried_node):
+def test_contacts_of_one_body_are_answered_independently(shared_node):
     request = balls_in_a_row()
     request.header.stamp.sec = 12
-    response = tried_node.call(request)
+    response = shared_node.call(request)
     assert response.header == request.header
     result = unpack(response)
     # Reduced masses 2/3 and 6/5 kg, approach at 3 and 1 m/s, e = 0.5.
@@ -121,19 +121,19 @@ def test_contacts_of_one_body_are_answered_independently(tried_node):
     np.testing.assert_allclose(result.velocity[0], [[2.5, 0.6], [1.0, 0.1]], rtol=1e-14)
 
 
-def test_ten_thousand_contacts(tried_node):
+def test_ten_thousand_contacts(shared_node):
     some_bodies, some_contacts = (a[..., :FIRST_FAULTY] for a in shared_batch(Geometry.SPATIAL))
     bodies, contacts = some_bodies.reshape(16, -1), np.tile(some_contacts, 100)
     pairs = np.random.default_rng(0).integers(bodies.shape[1], size=(2, 10_000))
-    result = unpack(tried_node.call(pack(bodies, pairs, contacts)))
+    result = unpack(shared_node.call(pack(bodies, pairs, contacts)))
     same = pairs[0] == pairs[1]
     assert (result.status[same] == StatusCode.SAME_BODY).all()
     assert_same(columns(result, ~same), columns(resolve_batch(bodies[:, pairs], contacts), ~same))
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_no_contacts(tried_node, layout):
-    response = tried_node.call(Request(layout=layout))
+def test_no_contacts(shared_node, layout):
+    response = shared_node.call(Request(layout=layout))
     assert response.success
     assert_same(
         unpack(response), resolve_batch(*(a[..., :0] for a in shared_batch(LAYOUTS[layout].geometry)))
@@ -141,20 +141,20 @@ def test_no_contacts(tried_node, layout):
 
 
 @pytest.mark.parametrize("row", (False, True), ids=["of the model", "of each contact"])
-def test_tangential_restitution(tried_node, row):
+def test_tangential_restitution(shared_node, row):
     bodies, contacts = shared_batch(Geometry.SPATIAL)
     model = ImpactModel(Law.COULOMB, tangential_restitution=0.0 if row else 0.5)
     if row:
         contacts = np.concatenate([contacts, np.linspace(0, 1, N)[np.newaxis]])
-    result = unpack(tried_node.call(pack(bodies.reshape(16, -1), PAIRS, contacts, model)))
+    result = unpack(shared_node.call(pack(bodies.reshape(16, -1), PAIRS, contacts, model)))
     assert_same(result, resolve_batch(bodies, contacts, model))
 
 
-def test_friction_decides_the_law(tried_node):
+def test_friction_decides_the_law(shared_node):
     request = balls_in_a_row()
-    assert tried_node.call(request).model.law == Law.COULOMB
+    assert shared_node.call(request).model.law == Law.COULOMB
     del request.contacts[-2:]
-    assert tried_node.call(request).model.law == Law.FRICTIONLESS
+    assert shared_node.call(request).model.law == Law.FRICTIONLESS
 
 
 def test_the_node_parameters_apply_except_geometry(graph):
@@ -180,13 +180,13 @@ def test_a_batch_is_not_published(graph):
 # contacts that cannot be answered
 
 
-def test_an_invalid_pair_affects_no_other_contact(tried_node):
-    good = unpack(tried_node.call(packed(Request.SPATIAL, ImpactModel())))
+def test_an_invalid_pair_affects_no_other_contact(shared_node):
+    good = unpack(shared_node.call(packed(Request.SPATIAL, ImpactModel())))
     request = packed(Request.SPATIAL, ImpactModel())
     bad = {0: (5, 5, "SAME_BODY"), 7: (2 * N, 1, "UNKNOWN_BODY"), 20: (1, 2**32 - 1, "UNKNOWN_BODY")}
     for i, (a, b, _) in bad.items():
         request.pairs[i], request.pairs[N + i] = a, b
-    response = tried_node.call(request)
+    response = shared_node.call(request)
     assert (response.success, response.code, response.message) == (True, StatusCode.OK, "")
     result = unpack(response)
     at = list(bad)
@@ -197,10 +197,10 @@ def test_an_invalid_pair_affects_no_other_contact(tried_node):
     assert_same(columns(result, others), columns(good, others))
 
 
-def test_a_table_without_bodies(tried_node):
+def test_a_table_without_bodies(shared_node):
     request = balls_in_a_row()
     del request.bodies[:]
-    result = unpack(tried_node.call(request))
+    result = unpack(shared_node.call(request))
     assert (result.status == StatusCode.UNKNOWN_BODY).all()
     assert np.isnan(result.velocity).all()
 
@@ -243,10 +243,10 @@ REFUSALS = [
 
 
 @pytest.mark.parametrize("case", REFUSALS, ids=lambda case: f"{case.code.name}-{case.field}-{case.shown}")
-def test_a_refusal_names_the_field_and_its_value(tried_node, case):
+def test_a_refusal_names_the_field_and_its_value(shared_node, case):
     request = balls_in_a_row()
     assign(request, case.field, case.value)
-    response = tried_node.call(request)
+    response = shared_node.call(request)
     assert StatusCode(response.code) is case.code, response.message
     assert response.message.startswith(f"{case.says}: ")
     assert case.shown in response.message
@@ -259,17 +259,17 @@ def test_a_refusal_names_the_field_and_its_value(tried_node, case):
 
 
 @pytest.mark.parametrize("law", LAWS[1:], ids=lambda law: law.name)
-def test_a_law_with_friction_needs_friction(tried_node, law):
+def test_a_law_with_friction_needs_friction(shared_node, law):
     request = balls_in_a_row()
     request.model.law = int(law)
     del request.contacts[-2:]
-    response = tried_node.call(request)
+    response = shared_node.call(request)
     assert response.code == StatusCode.INVALID_MODEL
     assert response.message == f"model.law: is {law.name}, but contacts has no row mu"
 
 
-def test_a_default_constructed_request_is_refused(tried_node):
-    assert tried_node.call(Request()).code == StatusCode.INVALID_TABLE
+def test_a_default_constructed_request_is_refused(shared_node):
+    assert shared_node.call(Request()).code == StatusCode.INVALID_TABLE
     assert not Response().success and Response().code == StatusCode.UNSET
 
 
@@ -281,7 +281,7 @@ def test_a_frame_other_than_world_frame_is_refused(graph):
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_immovable_bodies_can_be_listed_instead_of_having_infinite_mass(tried_node, layout):
+def test_immovable_bodies_can_be_listed_instead_of_having_infinite_mass(shared_node, layout):
     """JSON has no infinity."""
     infinite = packed(layout, ImpactModel())
     rows, of = len(infinite.bodies) // (2 * N), LAYOUTS[layout].bodies
@@ -290,28 +290,28 @@ def test_immovable_bodies_can_be_listed_instead_of_having_infinite_mass(tried_no
     finite = packed(layout, ImpactModel())
     table[of.mass, N:], table[of.inertia, N:] = inf, 0.0
     finite.immovable = walls
-    assert_same(unpack(tried_node.call(finite)), unpack(tried_node.call(infinite)))
+    assert_same(unpack(shared_node.call(finite)), unpack(shared_node.call(infinite)))
 
 
-def test_immovable_bodies_must_be_in_the_table(tried_node):
+def test_immovable_bodies_must_be_in_the_table(shared_node):
     request = balls_in_a_row()
     request.immovable = [0, 3]
-    response = tried_node.call(request)
+    response = shared_node.call(request)
     assert response.code == StatusCode.INVALID_TABLE
     assert response.message == "immovable: must hold indices below 3, holds 3"
 
 
-def test_an_internal_error_is_answered(tried_node, monkeypatch):
+def test_an_internal_error_is_answered(shared_node, monkeypatch):
     def fail(*_: Any, **__: Any) -> None:
         raise RuntimeError("a bolt is loose")
 
     with monkeypatch.context() as patch:
         patch.setattr(batches, "resolve_with_pauses", fail)
-        response = tried_node.call(balls_in_a_row())
+        response = shared_node.call(balls_in_a_row())
     assert (response.success, response.code) == (False, StatusCode.INTERNAL_ERROR)
     assert response.message == "RuntimeError: a bolt is loose"
     assert not response.status
-    assert tried_node.call(balls_in_a_row()).success
+    assert shared_node.call(balls_in_a_row()).success
 
 
 # bodies that the node has received
@@ -367,15 +367,15 @@ def column(layout: int, state: BodyState) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def node_with_states(tried_node):
+def node_with_states(shared_node):
     other = ball(name="other", frame="map")
     broken = ball(name="broken")
     broken.inertia.m = -1.5
     odd, far = ball(name="odd"), ball(1e308, name="far")
     odd.inertia.izz = 7.0
     far.inertia.com.x = 1e308
-    publish_until_received(tried_node, top(), floor(), ball(0.5, -1.0, name="ball"), other, broken, odd, far)
-    return tried_node
+    publish_until_received(shared_node, top(), floor(), ball(0.5, -1.0, name="ball"), other, broken, odd, far)
+    return shared_node
 
 
 def contacts_of(layout: int, n: int) -> np.ndarray:

@@ -171,11 +171,11 @@ class TestCall:
         pytest.importorskip("rclpy")
 
     @pytest.fixture
-    def call(self, tried_node, capsys):
+    def call(self, shared_node, capsys):
         """Call the node; return the exit code, standard output and standard error."""
 
         def call(request, kind="ResolveCollision", suffix="collision"):
-            service = tried_node.service.replace("resolve_collision", f"resolve_{suffix}")
+            service = shared_node.service.replace("resolve_collision", f"resolve_{suffix}")
             code = main(["call", request, "--type", kind, "--service", service, "--timeout", "20"])
             said = capsys.readouterr()
             return code, said.out, said.err
@@ -212,14 +212,14 @@ class TestCall:
         assert rb"b\xe4ll " in written.getvalue()
 
     @pytest.mark.parametrize("unbuffered", ["", "1"])
-    def test_a_closed_pipe_ends_it_quietly(self, tried_node, unbuffered):
+    def test_a_closed_pipe_ends_it_quietly(self, shared_node, unbuffered):
         from ros_graph import DEADLINE
 
         source, sink = os.pipe()
         os.close(source)
         try:
             run = subprocess.run(
-                [sys.executable, str(EXECUTABLE), "call", BOUNCE, "--service", tried_node.service],
+                [sys.executable, str(EXECUTABLE), "call", BOUNCE, "--service", shared_node.service],
                 env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
                 stdout=sink,
                 stderr=subprocess.PIPE,

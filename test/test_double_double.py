@@ -9,7 +9,7 @@ from fractions import Fraction as F
 from itertools import product
 
 import pytest
-from compile_cpp import compiled
+from compile_cpp import compile_library
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -73,7 +73,7 @@ extern "C" int both(int a, int b, int op) {
 
 @pytest.fixture(scope="module")
 def numbers(tmp_path_factory) -> ctypes.CDLL:
-    return compiled(SOURCE, tmp_path_factory.mktemp("numbers"))
+    return compile_library(SOURCE, tmp_path_factory.mktemp("numbers"))
 
 
 def call(function, op: str | int, *x: float, count: int = 2) -> list[float]:

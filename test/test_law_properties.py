@@ -121,7 +121,7 @@ def test_rotating_the_frame_rotates_the_answer(law):
         impact = collision.resolve(law)
         if abs(impact.normal_velocity_before) < 1e-6:
             return  # whether it is an impact at all is then a matter of rounding
-        turned = collision.turned(q).resolve(law)
+        turned = collision.rotated(q).resolve(law)
         close(turned.impulse, rotate(q, impact.impulse))
         close(turned.twist_a.linear, rotate(q, impact.twist_a.linear))
 

@@ -256,7 +256,7 @@ def rod_in_space(
         velocity=(u_t, -1.0, drift),
     )
     collision = Collision(body, Body.static(), Contact.of((0, 0, 0), (0, 1, 0), restitution=0.5, friction=mu))
-    return collision.turned(Quaternion(0.3, -0.5, 0.2, 0.6))
+    return collision.rotated(Quaternion(0.3, -0.5, 0.2, 0.6))
 
 
 PATHS = {

@@ -110,7 +110,7 @@ def crowd(n):
     [(many_names(1000), batches, "find_state"), (crowd(1000), scenes, "_body_in_table")],
     ids=["names of a batch", "bodies of a scene"],
 )
-def test_many_bodies_are_looked_up_in_parts(tried_node, monkeypatch, request_, module, taking):
+def test_many_bodies_are_looked_up_in_parts(shared_node, monkeypatch, request_, module, taking):
     take, taken = getattr(module, taking), [0]
 
     def counted(*arguments, **options):
@@ -118,7 +118,7 @@ def test_many_bodies_are_looked_up_in_parts(tried_node, monkeypatch, request_, m
         return take(*arguments, **options)
 
     monkeypatch.setattr(module, taking, counted)
-    node, states = tried_node.node, LatestStates(10, lambda: 0, pytest.fail)
+    node, states = shared_node.node, LatestStates(10, lambda: 0, pytest.fail)
     if module is batches:
         service = batches.BatchService(node.parameters, states, lambda: 0)
     else:
@@ -144,10 +144,10 @@ def test_too_many_names_are_refused_by_name(graph):
     )
 
 
-def test_a_scene_of_too_many_bodies_is_refused_by_name(tried_node):
+def test_a_scene_of_too_many_bodies_is_refused_by_name(shared_node):
     request = crowd(2)
     request.bodies = array("d", [0.0] * 23 * (MAX_BODIES + 1))
-    status = tried_node.call(request).result.status
+    status = shared_node.call(request).result.status
     assert status.code == StatusCode.BUDGET_EXCEEDED
     assert status.message == f"bodies: has {MAX_BODIES + 1}; a scene may have {MAX_BODIES}"
 
@@ -172,16 +172,16 @@ def test_a_request_that_takes_too_long_is_refused_by_name(graph):
     assert (answer.velocity[2, 0] == 0.3 * 3.0).all()
 
 
-def test_a_request_that_needs_too_much_memory_is_refused(tried_node, monkeypatch):
+def test_a_request_that_needs_too_much_memory_is_refused(shared_node, monkeypatch):
     def fail(*_, **__):
         raise MemoryError
 
     with monkeypatch.context() as patch:
         patch.setattr(batches, "result_in", fail)
-        response = tried_node.call(falling(1))
+        response = shared_node.call(falling(1))
     assert response.code == StatusCode.BUDGET_EXCEEDED
     assert response.message == "request: needs more memory than the parameter memory_limit allows"
-    assert tried_node.call(falling(1)).success
+    assert shared_node.call(falling(1)).success
 
 
 LIMITED = """

@@ -52,8 +52,8 @@ DEFAULTS = {
 }
 
 
-def test_parameters_have_defaults_descriptions_and_limits(tried_node):
-    node = tried_node.node
+def test_parameters_have_defaults_descriptions_and_limits(shared_node):
+    node = shared_node.node
     names = [declaration.name for declaration in DECLARATIONS]
     assert {name: node.get_parameter(name).value for name in names} == DEFAULTS
     for name, default in DEFAULTS.items():
@@ -89,8 +89,8 @@ def test_parameters_have_defaults_descriptions_and_limits(tried_node):
         ("body_state_topics", ["other"], "read-only"),
     ],
 )
-def test_invalid_values_are_refused_with_the_reason(tried_node, name, value, reason):
-    node = tried_node.node
+def test_invalid_values_are_refused_with_the_reason(shared_node, name, value, reason):
+    node = shared_node.node
     (outcome,) = node.set_parameters([Parameter(name, value=value)])
     assert not outcome.successful
     assert reason in outcome.reason

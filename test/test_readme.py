@@ -39,12 +39,12 @@ def test_the_examples_run(node, code):
     assert (run.returncode, run.stdout.strip()) == (0, promised), run.stderr
 
 
-def test_the_service_call_is_a_valid_request(tried_node):
+def test_the_service_call_is_a_valid_request(shared_node):
     (text,) = re.findall(r'ResolveCollision "(.*?)"\n', README, re.DOTALL)
     request = ResolveCollision.Request()
     for path, value in _leaves(yaml.safe_load(text)):
         assign(request, path, value)
-    assert tried_node.call(request).result.twist_a.linear.z == 1.5
+    assert shared_node.call(request).result.twist_a.linear.z == 1.5
 
 
 def test_the_command_line_answers_as_shown(node, capsys):

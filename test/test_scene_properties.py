@@ -1,4 +1,4 @@
-"""What every answer for a scene keeps, on many random ones; benchmarks/scene_properties.py asks for more."""
+"""Properties of every answer for a scene, on many random ones; benchmarks/scene_properties.py checks more."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from scene_cases import (
     momentum,
     random_scene,
     rotate,
-    rotated,
+    rotated_body,
 )
 
 from collision_response import Body, Contact, ImpactError, ImpactModel, Law, Regime, resolve, resolve_scene
@@ -33,11 +33,11 @@ LAWS = [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU]
 each_law = pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 
 ENOUGH = {Law.FRICTIONLESS: 1e-9, Law.COULOMB: 1e-6, Law.MOREAU: 1e-6}
-"""How far two answers to the same question may be apart: COULOMB's bound is the root of a rounding."""
+"""How far two answers to the same question may differ: the bound of COULOMB is the root of a rounding."""
 
 
 def each_seed(test):
-    """Ten to a test: most scenes take less time than pytest does for a test."""
+    """Run a test for ten seeds at a time, because most scenes take less time than a test does."""
 
     @functools.wraps(test)
     def of_ten(seed, **others):
@@ -47,8 +47,8 @@ def each_seed(test):
     return pytest.mark.parametrize("seed", SEEDS[::10])(of_ten)
 
 
-def close(scene: Scene, one, other, law: Law) -> bool:
-    """Whether two answers agree, short of decisions that neither is sure of."""
+def agrees(scene: Scene, one, other, law: Law) -> bool:
+    """Whether two answers agree, or depend on a decision that neither is sure of."""
     if not (one.error_bound < 1 and other.error_bound < 1):
         return True
     if law is Law.MOREAU and (one.model.law, other.model.law) != (law, law):
@@ -125,7 +125,7 @@ def test_the_order_of_contacts_and_of_bodies_does_not_matter(seed, law):
     )
     other = shuffled.resolve(law)
     back = other._replace(changes=tuple(other.changes[place] for place in places))
-    assert close(scene, answer, back, law)
+    assert agrees(scene, answer, back, law)
 
 
 @each_seed
@@ -143,7 +143,7 @@ def test_a_contact_given_again_changes_no_velocity(seed, law):
     other = doubled.resolve(law)
     if all(len(cluster) > 1 for cluster in answer.clusters):
         assert [t.linear for t in other.twists] == [t.linear for t in answer.twists]
-    assert close(scene, answer, other, law) or len(answer.clusters) < len(scene.pairs)
+    assert agrees(scene, answer, other, law) or len(answer.clusters) < len(scene.pairs)
 
 
 @each_seed
@@ -176,13 +176,13 @@ def test_a_mirror_shows_the_mirrored_answer(seed, law):
         [c._replace(position=polar(c.position), normal=polar(c.normal)) for c in scene.contacts],
     ).resolve(law)
     back = image._replace(changes=tuple(type(t)(polar(t.linear), axial(t.angular)) for t in image.changes))
-    assert close(scene, answer, back, law)
+    assert agrees(scene, answer, back, law)
 
 
 @each_seed
 @each_law
 def test_every_observer_sees_the_same(seed, law):
-    """Moving, and turned."""
+    """In a moving and rotated frame."""
     scene = any_scene(seed)
     answer = scene.resolve(law)
     rng = random.Random(seed)
@@ -190,7 +190,7 @@ def test_every_observer_sees_the_same(seed, law):
     q = Quaternion(*(rng.gauss(0, 1) for _ in range(4)))
 
     def seen(body: Body) -> Body:
-        body = rotated(body, q)
+        body = rotated_body(body, q)
         return body._replace(velocity=body.velocity + boost)
 
     other = Scene(
@@ -202,11 +202,11 @@ def test_every_observer_sees_the_same(seed, law):
     back = other._replace(
         changes=tuple(type(t)(rotate(inverse, t.linear), rotate(inverse, t.angular)) for t in other.changes)
     )
-    assert close(scene, answer, back, law)
+    assert agrees(scene, answer, back, law)
     bounds = answer.error_bound + other.error_bound
     if bounds < 1 and answer.model.law is other.model.law:
         lost, other_lost = (x.energy_lost_restitution + x.energy_lost_friction for x in (answer, other))
-        # As the velocities are near one another, so are the works on them.
+        # The work on nearly equal velocities is nearly equal.
         assert (
             abs(lost - other_lost)
             <= (ENOUGH[law] + 4 * bounds) * change_norm(scene, answer) ** 2 + 1e-5 * lost
@@ -215,7 +215,7 @@ def test_every_observer_sees_the_same(seed, law):
 
 @each_seed
 @pytest.mark.parametrize("law", [*LAWS, Law.ROUTH_POISSON, Law.ROUTH_STRONGE], ids=lambda law: law.name)
-def test_one_contact_is_resolve(seed, law):
+def test_one_contact_equals_resolve(seed, law):
     scene = any_scene(seed)
     model = ImpactModel(law)
     (a, b), contact = scene.pairs[0], scene.contacts[0]
@@ -231,7 +231,7 @@ def test_one_contact_is_resolve(seed, law):
 
 @each_seed
 @each_law
-def test_far_clusters_are_separate_calls(seed, law):
+def test_far_clusters_equal_separate_calls(seed, law):
     one, other = any_scene(seed), any_scene(seed + 1000)
     shift = len(one.bodies)
     both = Scene(
@@ -249,7 +249,7 @@ def test_far_clusters_are_separate_calls(seed, law):
 
 @each_seed
 def test_without_restitution_the_answer_is_the_projection(seed):
-    """Against Dykstra's alternating projections, which share nothing with the method."""
+    """Against Dykstra's alternating projections, an independent method."""
     scene = random_scene(seed, e=0.0, contacts=6)
     answer = scene.resolve(Law.FRICTIONLESS)
     changes = _dykstra(scene)
@@ -258,7 +258,7 @@ def test_without_restitution_the_answer_is_the_projection(seed):
 
 
 def _dykstra(scene: Scene):
-    """The nearest velocities, in the metric of kinetic energy, by which no contact approaches."""
+    """The nearest velocities, in the metric of kinetic energy, at which no contact approaches."""
     from collision_response.physics.effective_mass import ContactKinematics
 
     seen = [
@@ -287,7 +287,7 @@ def _dykstra(scene: Scene):
     return changes
 
 
-def test_few_random_scenes_end_unbounded():
+def test_few_random_scenes_have_no_bound():
     unbounded = total = 0
     for seed in range(300):
         scene = random_scene(seed)
@@ -302,7 +302,7 @@ def test_few_random_scenes_end_unbounded():
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_the_bound_holds_against_exact_rationals(seed):
+def test_errors_against_rationals_are_within_the_bound(seed):
     scene = random_scene(seed, contacts=4)
     answer = scene.resolve(Law.FRICTIONLESS)
     exact = Scene(
@@ -357,8 +357,8 @@ def test_two_far_balls_on_one_floor_are_two_clusters():
     assert answer.clusters == ((0,), (1,))
 
 
-def test_the_benchmark_asks_for_each_property():
-    """Of one scene, and finds no violation."""
+def test_the_benchmark_checks_each_property():
+    """For one scene, without violation."""
     benchmark = Path(__file__).parents[1] / "benchmarks" / "scene_properties.py"
     ran = subprocess.run(
         [sys.executable, "-I", benchmark, "--scenes", "1"], capture_output=True, text=True, check=True

@@ -66,8 +66,8 @@ def test_a_scene_packed_by_names_equals_the_packed_scene():
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
 @pytest.mark.parametrize("scene", SCENES)
-def test_answers_over_dds_equal_the_library(tried_node, scene, law):
-    response = tried_node.call(request_of(*SCENES[scene], law=law))
+def test_answers_over_dds_equal_the_library(shared_node, scene, law):
+    response = shared_node.call(request_of(*SCENES[scene], law=law))
     assert response.success, response.result.status.message
     result, expected = response.result, resolve_scene(*SCENES[scene], ImpactModel(law))
     assert result.status.code == expected.status
@@ -86,8 +86,8 @@ def test_answers_over_dds_equal_the_library(tried_node, scene, law):
     assert [(c.restitution, c.friction) for c in result.contacts] == [c[2:4] for c in expected.contacts]
 
 
-def test_a_cradle_passes_on_its_speed(tried_node):
-    result = tried_node.call(request_of(*CRADLE)).result
+def test_a_cradle_passes_on_its_speed(shared_node):
+    result = shared_node.call(request_of(*CRADLE)).result
     assert [twist.linear.x for twist in result.twists] == pytest.approx([0, 0, 1], abs=result.error_bound)
 
 
@@ -251,24 +251,24 @@ def change(request, case):
 
 
 @pytest.mark.parametrize("case", REFUSALS, ids=lambda case: f"{case.code.name}-{case.says[:12]}")
-def test_a_refusal_names_the_body_or_the_contact(tried_node, case):
+def test_a_refusal_names_the_body_or_the_contact(shared_node, case):
     request = request_of(*FLAT_BOX)
     change(request, case)
-    response = tried_node.call(request)
+    response = shared_node.call(request)
     assert not response.success
     assert StatusCode(response.result.status.code) is case.code, response.result.status.message
     assert response.result.status.message.startswith(case.says), response.result.status.message
     assert response.result.error_bound == -1.0
 
 
-def test_contacts_that_contradict_each_other_are_refused(tried_node):
+def test_contacts_that_contradict_each_other_are_refused(shared_node):
     walls = [Body.kinematic((0, 0, -1), (0, 0, 1)), Body.kinematic((0, 0, 1), (0, 0, -1))]
     scene = (
         [Body.dynamic(1.0), *walls],
         [(0, 1), (0, 2)],
         [Contact.of((0, 0, -1), (0, 0, 1), 0.5), Contact.of((0, 0, 1), (0, 0, -1), 0.5)],
     )
-    assert tried_node.call(request_of(*scene)).result.status.code == StatusCode.CONTRADICTORY_CONTACTS
+    assert shared_node.call(request_of(*scene)).result.status.code == StatusCode.CONTRADICTORY_CONTACTS
 
 
 def test_a_scene_of_too_many_contacts_is_refused_by_name(graph):
@@ -279,9 +279,9 @@ def test_a_scene_of_too_many_contacts_is_refused_by_name(graph):
     assert graph.call(request_of(*CRADLE)).success
 
 
-def test_a_scene_without_contacts_changes_nothing(tried_node):
+def test_a_scene_without_contacts_changes_nothing(shared_node):
     request = request_of([Body.dynamic(2.0, velocity=(3.0, 0.0, 0.0))], [], [])
-    result = tried_node.call(request).result
+    result = shared_node.call(request).result
     assert result.status.code == StatusCode.SEPARATING
     assert result.twists[0].linear.x == 3.0
 
@@ -324,9 +324,9 @@ def test_a_scene_is_recorded(graph, tmp_path):
     assert told[1].startswith("INVALID_NORMAL: contacts[0].normal")
 
 
-def test_a_flat_box_does_not_spin(tried_node):
+def test_a_flat_box_does_not_spin(shared_node):
     bodies, pairs, contacts = FLAT_BOX
-    result = tried_node.call(request_of(bodies, pairs, [c._replace(friction=0.0) for c in contacts])).result
+    result = shared_node.call(request_of(bodies, pairs, [c._replace(friction=0.0) for c in contacts])).result
     assert xyz(result.twists[0].linear) == pytest.approx((0.25, 0.0, 0.5), abs=1e-12)
     assert xyz(result.twists[0].angular) == pytest.approx((0, 0, 0), abs=1e-12)
     assert xyz(result.twists[1].linear) == (0.0, 0.0, 0.0)

@@ -65,29 +65,29 @@ def test_an_impact_is_answered(graph):
     )
 
 
-def test_separating_bodies_are_a_valid_answer(tried_node):
+def test_separating_bodies_are_a_valid_answer(shared_node):
     request = balls_meet()
     request.body_a.twist.linear.x = 3.5
-    answer = tried_node.call(request)
+    answer = shared_node.call(request)
     assert answer.success
     assert answer.result.status.code == StatusCode.SEPARATING
     assert answer.result.regime == CollisionResult.SEPARATING
     assert (answer.result.normal_impulse, answer.result.twist_a) == (0.0, request.body_a.twist)
 
 
-def test_a_quaternion_of_another_length_is_normalised_and_reported(tried_node):
+def test_a_quaternion_of_another_length_is_normalised_and_reported(shared_node):
     request = balls_meet()
     request.body_a.pose.orientation.w = 2.0
-    answer = tried_node.call(request)
+    answer = shared_node.call(request)
     assert answer.success
     assert answer.result.adjustments == CollisionResult.NORMALISED_ORIENTATION
     assert "pose.orientation" in answer.result.status.message
 
 
-def test_a_tolerance_that_is_not_met_is_reported(tried_node):
+def test_a_tolerance_that_is_not_met_is_reported(shared_node):
     request = balls_meet()
     request.model.precision, request.model.tolerance = ImpactModel.DOUBLE, 1e-30
-    answer = tried_node.call(request)
+    answer = shared_node.call(request)
     assert answer.success
     assert answer.result.status.code == StatusCode.TOLERANCE_NOT_MET
     assert answer.result.normal_impulse == 6.0
@@ -206,12 +206,12 @@ REFUSALS = [
 
 
 @pytest.mark.parametrize("case", REFUSALS, ids=lambda case: f"{case.code.name}-{case.field}")
-def test_a_refusal_names_the_field_and_its_value(tried_node, case):
+def test_a_refusal_names_the_field_and_its_value(shared_node, case):
     request = balls_meet()
     for field, value in case.changes.items():
         assign(request, field, value)
 
-    answer = tried_node.call(request)
+    answer = shared_node.call(request)
 
     status = answer.result.status
     assert StatusCode(status.code) is case.code, status.message
@@ -235,13 +235,13 @@ def test_every_refusal_code_is_tested():
     assert {case.code for case in REFUSALS} == set(StatusCode) - others
 
 
-def test_a_path_that_does_not_end_is_refused(tried_node, monkeypatch):
+def test_a_path_that_does_not_end_is_refused(shared_node, monkeypatch):
     def give_up(*_):
         raise library.refusal(StatusCode.PATH_TOO_LONG)
 
     with monkeypatch.context() as patch:
         patch.setattr(impacts, "resolve", give_up)
-        answer = tried_node.call(balls_meet())
+        answer = shared_node.call(balls_meet())
     assert not answer.success
     assert answer.result.status.code == StatusCode.PATH_TOO_LONG
     assert answer.result.status.message.startswith("contact: ")
@@ -258,34 +258,34 @@ def test_a_path_that_does_not_end_is_refused(tried_node, monkeypatch):
     ],
     ids=str,
 )
-def test_numbers_at_the_end_of_float64_are_answered_or_refused(tried_node, law, changes):
+def test_numbers_at_the_end_of_float64_are_answered_or_refused(shared_node, law, changes):
     request = request_of(*boxes_in_space(), law=law)
     for field, value in changes.items():
         assign(request.body_a, field, value)
-    result = tried_node.call(request).result
+    result = shared_node.call(request).result
     status = StatusCode(result.status.code)
     assert status.is_answer or status is StatusCode.OUT_OF_RANGE
     vectors = result.twist_a.linear, result.twist_a.angular, result.twist_b.linear, result.impulse
     assert all(math.isfinite(getattr(vector, axis)) for vector in vectors for axis in "xyz")
 
 
-def test_a_default_constructed_request_is_refused(tried_node):
-    answer = tried_node.call(ResolveCollision.Request())
+def test_a_default_constructed_request_is_refused(shared_node):
+    answer = shared_node.call(ResolveCollision.Request())
     assert not answer.success
     assert answer.result.status.code == StatusCode.INVALID_MASS
 
 
-def test_an_internal_error_is_answered(tried_node, monkeypatch):
+def test_an_internal_error_is_answered(shared_node, monkeypatch):
     def fail(*_):
         raise RuntimeError("a bolt is loose")
 
     with monkeypatch.context() as patch:
         patch.setattr(impacts, "resolve", fail)
-        answer = tried_node.call(balls_meet())
+        answer = shared_node.call(balls_meet())
     assert not answer.success
     assert answer.result.status.code == StatusCode.INTERNAL_ERROR
     assert answer.result.status.message == "RuntimeError: a bolt is loose"
-    assert tried_node.call(balls_meet()).success
+    assert shared_node.call(balls_meet()).success
 
 
 def test_a_thousand_requests_at_once_get_a_thousand_answers(graph):
@@ -386,8 +386,8 @@ def test_results_without_a_subscriber_are_not_published(graph, monkeypatch):
 
 
 @pytest.mark.parametrize("system", all_systems(), ids=attrgetter("name"))
-def test_the_source_systems_over_dds(tried_node, system):
-    result = tried_node.call(request_of(system.body_a, system.body_b, system.contact)).result
+def test_the_source_systems_over_dds(shared_node, system):
+    result = shared_node.call(request_of(system.body_a, system.body_b, system.contact)).result
     for quantity, value in system.expected.items():
         assert attrgetter(quantity)(result) == pytest.approx(value, rel=ROUNDING, abs=0), quantity
 
@@ -436,24 +436,24 @@ def assert_same(result: CollisionResult, impact: Impact) -> None:
 
 
 @pytest.mark.parametrize(("collision", "law"), list(product(COLLISIONS, LAWS)))
-def test_answers_over_dds_equal_the_library(tried_node, collision, law):
-    result = tried_node.call(request_of(*COLLISIONS[collision], law=law)).result
+def test_answers_over_dds_equal_the_library(shared_node, collision, law):
+    result = shared_node.call(request_of(*COLLISIONS[collision], law=law)).result
     assert_same(result, resolve(*COLLISIONS[collision], Model(law)))
 
 
-def test_a_fallback_is_reported(tried_node):
-    result = tried_node.call(request_of(*FALLS_BACK, law=Law.MOREAU)).result
+def test_a_fallback_is_reported(shared_node):
+    result = shared_node.call(request_of(*FALLS_BACK, law=Law.MOREAU)).result
     assert result.model.law == ImpactModel.COULOMB
     assert result.adjustments == CollisionResult.LAW_FALLBACK
     assert "COULOMB was used" in result.status.message
 
 
-def test_massless_spin_is_reported(tried_node):
+def test_massless_spin_is_reported(shared_node):
     request = balls_meet()
     for field in ("ixx", "iyy", "izz"):
         setattr(request.body_a.inertia, field, 0.0)
     request.body_a.twist.angular.z = 3.0
-    result = tried_node.call(request).result
+    result = shared_node.call(request).result
     assert result.adjustments == CollisionResult.MASSLESS_SPIN
     assert result.twist_a.angular.z == 3.0
     assert "axis without inertia" in result.status.message
@@ -473,18 +473,18 @@ def test_the_node_logs_what_the_scene_requires(graph):
     )
 
 
-def test_tangential_restitution(tried_node):
+def test_tangential_restitution(shared_node):
     """Garwin's ball, as in test_laws.py."""
     ball = Body.sphere(2.0, 0.1, position=(0, 0.1, 0), velocity=(1, -1, 0), angular_velocity=(0, 0, -30))
     superball = ball, Body.static(), Contact.of((0, 0, 0), (0, 1, 0), 1.0, friction=10.0)
-    result = tried_node.call(request_of(*superball, tangential_restitution=1.0)).result
+    result = shared_node.call(request_of(*superball, tangential_restitution=1.0)).result
     assert_same(result, resolve(*superball, Model(tangential_restitution=1.0)))
 
 
 @pytest.mark.parametrize(
     ("tolerance", "precision"), [(1e-9, ImpactModel.DOUBLE), (3e-16, ImpactModel.EXTENDED)]
 )
-def test_a_tolerance_decides_the_precision(tried_node, tolerance, precision):
-    result = tried_node.call(request_of(*boxes_in_space(), tolerance=tolerance)).result
+def test_a_tolerance_decides_the_precision(shared_node, tolerance, precision):
+    result = shared_node.call(request_of(*boxes_in_space(), tolerance=tolerance)).result
     assert result.error_bound <= tolerance
     assert result.model.precision == precision
