@@ -12,7 +12,7 @@ from .geometry import flattened, flattened_contact
 from .in_python import arbitrary_precision, exact_fractions, friction_along_path
 from .in_python.coefficients_at_speed import friction_at_first, restitution_at
 from .kernels import library
-from .kernels.protocol import Left
+from .kernels.protocol import Handover
 from .model import DEFAULT, USEFUL, Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
 from .physics.body import Body, Twist
 from .physics.contact import Contact
@@ -54,22 +54,22 @@ def _left_to_python(
     body_a: Body, body_b: Body, contact: Contact, model: ImpactModel, answer: Impact | int
 ) -> Impact:
     """What the kernels do not answer, or not exactly enough: then ``answer`` is theirs, else it says why."""
-    if answer == Left.REFUSED:
+    if answer == Handover.INVALID:
         validity.check_two(body_a, body_b)
         a, b, numeric = arbitrary_precision.read(body_a, body_b, contact)
         e_t = plan(model).settings.tangential_restitution
         validity.check(a, b, numeric, e_t, (body_a, body_b, contact))
         raise ImpactError(StatusCode.INTERNAL_ERROR, "request", "was refused for no known reason")
-    if answer == Left.NOT_ONLY_NUMBERS:
+    if answer == Handover.NOT_ONLY_NUMBERS:
         if contact.tangential_restitution is not None:
             return _with_own_tangential(body_a, body_b, contact, model)
         contact = _with_numbers(body_a, body_b, contact, model)
         if callable(contact.friction):
             return _along_path(body_a, body_b, contact, model)
         return resolve(body_a, body_b, contact, model)
-    if answer == Left.RATIONAL:
+    if answer == Handover.RATIONAL:
         return exact_fractions.resolve(body_a, body_b, contact, model)
-    if answer == Left.GEOMETRY_TOO_SMALL:
+    if answer == Handover.GEOMETRY_TOO_SMALL:
         return _leaving_out(body_a, body_b, contact, model)
     may_climb = plan(model).last is Precision.EXTENDED
     more = arbitrary_precision.resolve(body_a, body_b, contact, model) if may_climb else None

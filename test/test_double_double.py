@@ -50,7 +50,7 @@ extern "C" int compare_pairs(int op, const double* x) {
   }                                                                                               \\
   extern "C" int compare_##name(int op, const double* x) {                                        \\
     auto truth = compared<Bounded<T>>(op, {T(x[0]), T(x[1])}, {T(x[2]), T(x[3])});                \\
-    return truth.value + 2 * truth.sure;                                                          \\
+    return truth.value + 2 * truth.certain;                                                          \\
   }                                                                                               \\
   extern "C" void choose_##name(int truth, const double* x, double* y) {                          \\
     Truth<T> c{truth % 2 == 1, truth >= 2};                                                       \\
@@ -66,7 +66,7 @@ extern "C" void on_bounded_pairs(int op, const double* x, double* y) {
 extern "C" int both(int a, int b, int op) {
   Truth<double> x{a % 2 == 1, a >= 2}, y{b % 2 == 1, b >= 2};
   auto z = op == '&' ? x & y : op == '|' ? x | y : negation(x);
-  return z.value + 2 * z.sure;
+  return z.value + 2 * z.certain;
 }
 """
 

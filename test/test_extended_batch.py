@@ -21,7 +21,7 @@ from collision_response.batch import BatchResult, resolve_batch
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.kernels import library
 from collision_response.kernels.layout import Layout
-from collision_response.kernels.protocol import Number
+from collision_response.kernels.protocol import NumberType
 
 ULP = 2.0**-52
 FORMULAS = (Law.FRICTIONLESS, Law.COULOMB)
@@ -112,7 +112,7 @@ def in_double_doubles(bodies, contacts, law: Law):
     bound, status = np.empty(n), np.empty(n, np.uint8)
     out = BatchResult(velocity, spin, impulse, status, bound, np.empty_like(status))
     tables = np.ascontiguousarray(bodies), None, np.ascontiguousarray(contacts), np.zeros(3)
-    kernel = law, list(Layout).index(Layout.SPATIAL), Number.EXTENDED
+    kernel = law, list(Layout).index(Layout.SPATIAL), NumberType.EXTENDED
     assert library.batch(*kernel, *tables, out, 0, n) is not None
     return impulse, bound
 

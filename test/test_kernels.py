@@ -20,10 +20,11 @@ from random_impacts import RandomImpacts
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, resolve
 from collision_response.impact import Answer, impact
 from collision_response.kernels import programs
+from collision_response.kernels.constants import FORMULAS
 from collision_response.kernels.emit import BRANCHES, emit
-from collision_response.kernels.layout import Layout, names_of_body, request
-from collision_response.kernels.pairs import PAIR, in_pairs
-from collision_response.kernels.programs import SEEN_BY_FALLBACK
+from collision_response.kernels.layout import Layout, kernel_inputs, names_of_body
+from collision_response.kernels.programs import FALLBACK_ARGUMENTS
+from collision_response.kernels.simd_pairs import PAIR, pair_bodies
 from collision_response.kernels.symbol import Loop, Node, Tape, rebuilt
 from collision_response.model import plan
 from collision_response.numbers.operations import (
@@ -149,7 +150,7 @@ class _Run(dict):
                 return self.state[node.value]
             case "call":
                 numbers = (self[arg] for arg in node.args)
-                return list(numbers_in(fallback(*(rebuilt(part, numbers) for part in SEEN_BY_FALLBACK))))
+                return list(numbers_in(fallback(*(rebuilt(part, numbers) for part in FALLBACK_ARGUMENTS))))
             case "part" | "result":
                 return self[node.args[0]][node.value]
             case "loop":
@@ -304,7 +305,7 @@ def test_operations_on_both_bodies_are_paired():
     tape = Tape()
     a, b, shared = (tape.input(name) for name in ("body_a.x", "body_b.x", "contact.y"))
     of_a, of_b = a * shared + 1, b * shared + 1
-    [[first, difference]] = in_pairs([[of_a, of_a / shared - of_b]])
+    [[first, difference]] = pair_bodies([[of_a, of_a / shared - of_b]])
     ops = [(node.op, node.value == PAIR) for node in first.tape.nodes]
     assert ops.count(("mul", True)) == ops.count(("add", True)) == 1
     assert ops.count(("div", False)) == ops.count(("sub", False)) == 1
@@ -390,7 +391,7 @@ def library(tmp_path_factory) -> ctypes.CDLL:
         truth = tape.symbol(inputs[0] < inputs[1])
         straight = emit(f"{name}_straight", ["x", "y"], [result], [result], [truth], [truth])
         branched = emit(name, ["x", "y"], [result], [result], [truth], [truth], branches=BRANCHES)
-        assert ("if (may_hold" in branched) is (name == "branches")
+        assert ("if (may_be_true" in branched) is (name == "branches")
         source += straight + branched
         for (kind, number), way in product(types.items(), ("", "_straight")):
             source += f"""
@@ -462,7 +463,7 @@ def values(answer: Answer) -> list[float]:
 @pytest.mark.parametrize("layout", [Layout.SPATIAL, Layout.EVERYTHING])
 def test_a_traced_law_gives_the_bits_of_the_law(law, layout):
     tape = Tape()
-    asked = request(layout, tape)
+    asked = kernel_inputs(layout, tape)
     traced = impact(asked.body_a, asked.body_b, asked.contact, law, asked.settings)
     places = [tape.symbol(x).place for x in numbers_in((traced.changes, traced.report))]
     compared = 0
@@ -479,11 +480,11 @@ def test_a_traced_law_gives_the_bits_of_the_law(law, layout):
     assert compared >= 3
 
 
-TEST = re.compile(r"may_hold\((?:(negation)\()?(t\d+)\)")
+TEST = re.compile(r"may_be_true\((?:(negation)\()?(t\d+)\)")
 WRITTEN = re.compile(r"(?:const auto )?(t\d+) = ")
 
 
-@pytest.mark.parametrize("formula", programs.FORMULAS)
+@pytest.mark.parametrize("formula", FORMULAS)
 def test_no_branch_reads_a_value_that_was_not_computed(formula):
     """A value computed only where a condition may hold must be read only below that condition."""
     tests = 0
@@ -518,11 +519,11 @@ def test_every_layout_of_every_law_is_generated():
     }
     for what, kinds in written.items():
         assert [name for name, _ in programs.headers(what)] == [f"{what}_{kind}" for kind in kinds]
-    kinds = [programs.LISTS[kind] for kind in ("formulas", "stepped_formulas")]
+    kinds = [programs.FORMULA_LISTS[kind] for kind in ("formulas", "stepped_formulas")]
     assert {*kinds[0], *kinds[1]} == {formula.__name__ for formula in LAWS.values()}
-    (_, sizes), *rest = programs.headers("sizes")
+    (_, header), *rest = programs.headers("constants")
     assert not rest
-    assert all(f"LAW_{law.name} = {law.value}," in sizes for law in Law)
+    assert all(f"LAW_{law.name} = {law.value}," in header for law in Law)
 
 
 def same_bits(collision: Collision, model: ImpactModel) -> bool:

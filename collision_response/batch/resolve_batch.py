@@ -31,7 +31,7 @@ import numpy as np
 
 from ..kernels import library
 from ..kernels.layout import Layout
-from ..kernels.protocol import Number
+from ..kernels.protocol import NumberType
 from ..model import DEFAULT, LARGEST, Geometry, ImpactModel, Law, Precision, check_model, law_for
 from ..model import Plan as PlanOfModel
 from ..model import plan as plan_of_model
@@ -208,7 +208,7 @@ class Plan(NamedTuple):
     layout: int
     oriented: bool
     model: ImpactModel
-    number: Number
+    number: NumberType
     constants: Array
     axes: int
     spins: int
@@ -267,7 +267,7 @@ def _improve(asked: Asked, out: BatchResult, found: tuple[int, float], workers: 
         few = BatchResult(
             *(None if a is None else np.empty((*a.shape[:-1], wanting.size), a.dtype) for a in out)
         )
-        _run(asked.some(wanting), Number.EXTENDED, few, workers, 0, wanting.size)
+        _run(asked.some(wanting), NumberType.EXTENDED, few, workers, 0, wanting.size)
         few.precision[:] = Precision.EXTENDED
         for array, better in zip(out, few, strict=True):
             if array is not None:
@@ -289,7 +289,7 @@ def _wanting(out: BatchResult, limit: float) -> Array:
 
 
 def _run(
-    asked: Asked, number: Number, out: BatchResult, workers: int, start: int, stop: int
+    asked: Asked, number: NumberType, out: BatchResult, workers: int, start: int, stop: int
 ) -> tuple[int, float] | None:
     """Compute columns; the greatest status, and the greatest error bound; ``None`` if arrays do not fit."""
     plan, bodies, pairs, contacts = asked
@@ -348,9 +348,9 @@ def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> P
     climb = plan_of_model(model)
     if law in STEPPED:
         climb = climb._replace(first=Precision.DOUBLE, last=Precision.DOUBLE)
-    number = Number.FLOAT if dtype == np.float32 else Number.PLAIN
+    number = NumberType.FLOAT if dtype == np.float32 else NumberType.PLAIN
     if is_bounded(model):
-        number = Number.EXTENDED if climb.first is Precision.EXTENDED else Number.BOUNDED
+        number = NumberType.EXTENDED if climb.first is Precision.EXTENDED else NumberType.BOUNDED
     of = body_rows(geometry)
     return Plan(
         list(Layout).index(layout_of(geometry, oriented=oriented)),

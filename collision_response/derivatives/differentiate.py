@@ -150,7 +150,7 @@ def differentiate(
     settings = _settings_of(model)
     count = directions.shape[1]
     jacobian, smoothness = np.empty((ROWS, count)), np.empty(count, np.uint8)
-    inputs = library.inputs(body_a, body_b, contact, settings)
+    inputs = library.input_bytes(body_a, body_b, contact, settings)
     if not _derivatives.differentiate(law, 1, count, True, inputs, directions, jacobian, smoothness):
         raise ImpactError(
             StatusCode.OUT_OF_RANGE, "result", "a derivative is beyond float64, or there is none"

@@ -45,7 +45,7 @@ def read(
     body_a: Body, body_b: Body, contact: Contact, number: Callable[[float, float], Any] = lambda x, _: x
 ) -> tuple[Body, Body, Contact]:
     """The same request in other numbers, each made from a float and the error of the conversion to it."""
-    numbers = list(map(number, *library.numbers(body_a, body_b, contact)))
+    numbers = list(map(number, *library.numbers_with_errors(body_a, body_b, contact)))
     own, it = iter(numbers[-2 * len(InverseInertia._fields) :]), iter(numbers)
 
     def take(kind: Callable[..., Any], count: int) -> Any:

@@ -2,7 +2,7 @@
 #pragma once
 #include "answer_bound.hpp"
 #include "numbers.hpp"
-#include "sizes.hpp"
+#include "constants.hpp"
 
 enum { ROWS = 2 * ROWS_OF_BODY + ROWS_OF_CONTACT + ROWS_OF_MODEL };
 enum { ENERGIES = OUT_ENERGY_LOST_FRICTION - OUT_KINETIC_ENERGY_BEFORE + 1, RESULTS = 12 + 3 + 1 + ENERGIES };

@@ -1,7 +1,7 @@
 // The compiled part of derivatives: arrays in, arrays out. What is asked of it is written in
 // collision_response/derivatives/.
 #include "arrays.hpp"
-#include "python.hpp"
+#include "python_objects.hpp"
 
 #include <algorithm>
 #include <array>
@@ -236,13 +236,13 @@ PyObject* differentiate_all(PyObject*, PyObject* args) {
   job.jacobian = of[2].at<double>();
   job.smoothness = of[3].at<unsigned char>();
   {
-    WithoutGil without;
+    ReleasedGil released;
     for (long at = 0; at < job.n; ++at) job.run(at);
   }
   return PyBool_FromLong(std::all_of(job.jacobian, job.jacobian + RESULTS * job.count * job.n, [](double d) { return d - d == 0; }));
 }
 
-PyMethodDef methods[] = {{"differentiate", Guarded<differentiate_all>::call, METH_VARARGS, ""}, {}};
+PyMethodDef methods[] = {{"differentiate", RaisesMemoryError<differentiate_all>::call, METH_VARARGS, ""}, {}};
 PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_derivatives", "", -1, methods};
 
 }  // namespace

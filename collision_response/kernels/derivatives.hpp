@@ -1,7 +1,7 @@
 // The derivatives of an impulse by what a law sees.
 #pragma once
 #include "dual.hpp"
-#include "sizes.hpp"
+#include "constants.hpp"
 
 enum { SEEN_BY_LAW = 21, AXES = 3 };
 

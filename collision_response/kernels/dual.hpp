@@ -206,13 +206,13 @@ INLINE Decision operator&(const Decision& a, const Decision& b) {
   return {a.value && b.value, (a.open & (everywhere_if(b.value) | b.open)) | (b.open & (everywhere_if(a.value) | a.open))};
 }
 INLINE Decision operator|(const Decision& a, const Decision& b) { return negation(negation(a) & negation(b)); }
-INLINE bool decided(const Decision& a) { return a.value; }
-INLINE bool may_hold(const Decision& a) { return a.value || a.open; }
+INLINE bool plain_truth(const Decision& a) { return a.value; }
+INLINE bool may_be_true(const Decision& a) { return a.value || a.open; }
 INLINE Decision choose(const Decision& c, const Decision& a, const Decision& b) { return (c & a) | (negation(c) & b); }
 
 DUAL INLINE bool decision(bool truth, const Dual<N, D>&, const Dual<N, D>&) { return truth; }
 DUAL INLINE Decision decision(const Truth<double>& truth, const Dual<N, D>& a, const Dual<N, D>& b) {
-  return {truth.value, !truth.sure || high(a.value) == high(b.value) ? parting(a, b) : 0};
+  return {truth.value, !truth.certain || high(a.value) == high(b.value) ? parting(a, b) : 0};
 }
 DUAL OUT auto less(const Dual<N, D>& a, const Dual<N, D>& b) { return decision(less(a.value, b.value), a, b); }
 DUAL OUT auto less_equal(const Dual<N, D>& a, const Dual<N, D>& b) { return decision(less_equal(a.value, b.value), a, b); }
@@ -226,7 +226,7 @@ DUAL OUT Dual<N, D> choose(const Decision& c, const Dual<N, D>& a, const Dual<N,
   Dual<N, D> y = c.value ? a : b;
   if (!c.open) return y;
   const Dual<N, D>& other = c.value ? b : a;
-  bool jumps = less(a.value, b.value).sure && high(a.value) != high(b.value);
+  bool jumps = less(a.value, b.value).certain && high(a.value) != high(b.value);
   y.kinks |= c.open & (jumps ? 0 : other.kinks | parting(a, b));
   y.jumps |= c.open & (jumps ? ~Edges{} : other.jumps);
   return y;

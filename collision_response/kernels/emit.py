@@ -22,7 +22,7 @@ from enum import IntEnum
 from itertools import groupby
 from typing import NamedTuple, TypeAlias
 
-from .pairs import PAIR
+from .simd_pairs import PAIR
 from .symbol import CONDITIONS, Loop, Node, Symbol, Tape
 
 
@@ -79,7 +79,7 @@ def emit(
     lines += [f"reported[{i}] = {scope.use(x.place, Form.REPORT)};" for i, x in enumerate(reported)]
     lines += [f"flags[{i}] = {scope.use(x.place, Form.REPORT)};" for i, x in enumerate(flags)]
     for i, x in enumerate(certainties, len(flags)):
-        lines.append(f"flags[{i}] = certainly({scope.use(x.place, Form.BOUNDED)});")
+        lines.append(f"flags[{i}] = certainly_true({scope.use(x.place, Form.BOUNDED)});")
     body = "\n".join("  " + line for line in lines)
     calls = any(tape.nodes[place].op == "law" for place in forms)
     parameters = "const N* in, N* bounded, Report<N>* reported, Mask<Base<N>>* flags"
@@ -288,7 +288,7 @@ class _Scope:
             return name
         if own < form:
             return f"lifted<{self._type(place, form)}>({name})"
-        return f"{_CASTS[form]}({name})" if not self._is_condition(place) else f"decided({name})"
+        return f"{_CASTS[form]}({name})" if not self._is_condition(place) else f"plain_truth({name})"
 
     def lines(self) -> Iterable[str]:
         """One or more for each operation needed."""
@@ -336,7 +336,7 @@ class _Scope:
 
     def _may_be(self, condition: int, value: bool) -> str:
         name = self._name(condition)
-        return f"may_hold({name if value else f'negation({name})'})"
+        return f"may_be_true({name if value else f'negation({name})'})"
 
     def _name(self, place: int) -> str:
         node = self.tape.nodes[place]
@@ -388,7 +388,7 @@ class _Scope:
         if not declared:
             yield from map(self._declaration, places)
         name = self._name(by)
-        never, always = f"if (!may_hold({name}))", f"if (!may_hold(negation({name})))"
+        never, always = f"if (!may_be_true({name}))", f"if (!may_be_true(negation({name})))"
         for test, arm in ((always, 1), (f"else {never}", 2), ("else", 0)):
             yield f"{test} {{"
             for place in places:

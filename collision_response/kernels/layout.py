@@ -42,7 +42,7 @@ class Layout(Enum):
         return {name: all_components.get(axes) or list(axes) for name, _, axes in fields}
 
 
-class Request(NamedTuple):
+class KernelInputs(NamedTuple):
     """What a kernel is given, as symbols.
 
     Attributes:
@@ -80,7 +80,7 @@ def names_of_inverse_inertia() -> list[str]:
     return [f"{body}.inverse_inertia.{entry}" for body in owners for entry in InverseInertia._fields]
 
 
-def request(layout: Layout, tape: Tape) -> Request:
+def kernel_inputs(layout: Layout, tape: Tape) -> KernelInputs:
     """The request of a layout, on a tape."""
     names = [f"{body}.{name}" for body in ("body_a", "body_b") for name in names_of_body(layout)]
     names += [f"contact.{name}" for name in names_of_contact(layout)] + names_of_model()
@@ -119,7 +119,7 @@ def request(layout: Layout, tape: Tape) -> Request:
         symbols["contact.friction."],
     )
     settings = Settings(*(symbols[name] for name in names_of_model()))
-    return Request(names, body("body_a"), body("body_b"), contact, settings)
+    return KernelInputs(names, body("body_a"), body("body_b"), contact, settings)
 
 
 DIMENSIONS = {

@@ -57,8 +57,8 @@ _compiled.setup(
 )
 
 resolve = _compiled.resolve
-numbers = _compiled.numbers
-inputs = _compiled.inputs
+numbers_with_errors = _compiled.numbers_with_errors
+input_bytes = _compiled.input_bytes
 batch = _compiled.batch
 independent_sets = _compiled.independent_sets
 limit_vectors = _compiled.limit_vectors

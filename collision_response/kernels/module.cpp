@@ -1,9 +1,9 @@
 // The compiled part of the package: nested named tuples in, an Impact out. See library.py.
 #define WITH_TABLES
 #include "arrays.hpp"
-#include "door.hpp"
-#include "gather.hpp"
-#include "table.hpp"
+#include "read_numbers.hpp"
+#include "contact_pairs.hpp"
+#include "kernel_table.hpp"
 #include "units.hpp"
 
 namespace {
@@ -112,26 +112,26 @@ bool read_request(PyObject* const* args, const Door& door, bool* has_more) {
   return read_body(args[0], door, 0) && read_body(args[1], door, BODY) && read_contact(args[2], door, has_more);
 }
 
-PyObject* answer(PyObject* contact, PyObject* model, const double* x, const Numbers& y, double bound, bool frictionless, bool normalised, bool articulated, int status) {
+PyObject* answer(PyObject* contact, PyObject* model, const double* x, const ImpactResult& y, double bound, bool frictionless, bool normalised, bool articulated, int status) {
   PyObject* impact = impact_type->tp_alloc(impact_type, 20);
   if (!impact) return nullptr;
   int i = 0;
   auto put = [&](PyObject* o) { PyTuple_SET_ITEM(impact, i++, o); };
-  put(Py_NewRef(PyTuple_GET_ITEM(types.statuses, status)));
-  put(used_contact(contact, y.reported[OUT_RESTITUTION], y.flags[FLAG_SLOW], frictionless && x[IN_CONTACT_FRICTION] != 0));
+  put(Py_NewRef(PyTuple_GET_ITEM(python_types.statuses, status)));
+  put(contact_as_used(contact, y.reported[OUT_RESTITUTION], y.flags[FLAG_SLOW], frictionless && x[IN_CONTACT_FRICTION] != 0));
   put(Py_NewRef(model));
-  put(twist(y.reported));
-  put(twist(y.reported + 6));
-  put(twist(y.change + 3));
-  put(twist(y.change + 9));
-  put(vector(y.change));
+  put(make_twist(y.reported));
+  put(make_twist(y.reported + 6));
+  put(make_twist(y.change + 3));
+  put(make_twist(y.change + 9));
+  put(make_vec3(y.change));
   for (int k = OUT_NORMAL_IMPULSE; k <= OUT_ENERGY_LOST_FRICTION; ++k) put(PyFloat_FromDouble(y.reported[k]));
-  put(Py_NewRef(PyTuple_GET_ITEM(types.regimes, static_cast<int>(y.reported[OUT_REGIME]))));
+  put(Py_NewRef(PyTuple_GET_ITEM(python_types.regimes, static_cast<int>(y.reported[OUT_REGIME]))));
   put(PyFloat_FromDouble(bound));
   int adjusted = normalised * ADJUSTMENT_NORMALISED_ORIENTATION + y.flags[FLAG_SLOW] * ADJUSTMENT_RESTITUTION_THRESHOLD +
                  y.flags[FLAG_FELL_BACK] * ADJUSTMENT_LAW_FALLBACK + y.flags[FLAG_IDLE_SPIN] * ADJUSTMENT_MASSLESS_SPIN +
                  articulated * ADJUSTMENT_ENERGY_CHANGE_ONLY;
-  put(Py_NewRef(PyTuple_GET_ITEM(types.adjustments, adjusted)));
+  put(Py_NewRef(PyTuple_GET_ITEM(python_types.adjustments, adjusted)));
   return impact;
 }
 
@@ -159,7 +159,7 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   bool rational = false;
   bool has_more;
   if (!read_request(args, {x, error, input_names, &rational}, &has_more)) return nullptr;
-  if (has_more) return PyLong_FromLong(LEFT_NOT_ONLY_NUMBERS);
+  if (has_more) return PyLong_FromLong(HANDOVER_NOT_ONLY_NUMBERS);
   for (int k = 0; k < ROWS_OF_MODEL; ++k) {
     x[IN_MODEL_TANGENTIAL_RESTITUTION + k] = plan->settings[k];
     error[IN_MODEL_TANGENTIAL_RESTITUTION + k] = plan->errors[k];
@@ -167,25 +167,25 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   double fault;
   bool shapes[5];
   (articulated ? check_articulated : check_everything)(x, &fault, shapes);
-  if (fault != 0 || args[0] == args[1]) return PyLong_FromLong(LEFT_REFUSED);
+  if (fault != 0 || args[0] == args[1]) return PyLong_FromLong(HANDOVER_INVALID);
 
   int law = x[IN_CONTACT_FRICTION] > 0 ? plan->law_with_friction : plan->law_without_friction;
   bool frictionless = law == LAW_FRICTIONLESS;
   int required = shapes[frictionless ? 0 : 1] ? GEOMETRY_POINT : shapes[frictionless ? 2 : 3] ? GEOMETRY_PLANAR : GEOMETRY_SPATIAL;
   if (plan->geometry != GEOMETRY_AUTO) {
-    if (plan->geometry < required) return PyLong_FromLong(LEFT_GEOMETRY_TOO_SMALL);
+    if (plan->geometry < required) return PyLong_FromLong(HANDOVER_GEOMETRY_TOO_SMALL);
     required = plan->geometry;
   }
-  if (rational && frictionless && !articulated) return PyLong_FromLong(LEFT_RATIONAL);
-  Numbers y;
+  if (rational && frictionless && !articulated) return PyLong_FromLong(HANDOVER_RATIONAL);
+  ImpactResult y;
   int used;
   for (int precision = plan->first;; ++precision) {
     used = precision;
-    Kernel kernel = kernel_of(law, articulated, used);
+    ImpactKernel kernel = kernel_of(law, articulated, used);
     if (!kernel) return PyErr_Format(PyExc_LookupError, "no kernel of law %d", law);
     kernel(x, error, &y);
     if (!(y.error_bound < INFINITY) || is_extreme(y, used == PRECISION_SINGLE) || !all_finite(y)) {
-      Numbers scaled;
+      ImpactResult scaled;
       impact_in_other_units(kernel, articulated, x, error, scaled);
       bool knows_more = scaled.error_bound < INFINITY || !(y.error_bound < INFINITY);
       if ((all_finite(scaled) && knows_more) || !all_finite(y)) y = scaled;
@@ -197,7 +197,7 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (y.flags[FLAG_UNPHYSICAL]) return refuse(STATUS_INTERNAL_ERROR);
   if (!all_finite(y)) {
     if (bound < INFINITY) return refuse(STATUS_OUT_OF_RANGE);
-    return PyLong_FromLong(LEFT_UNKNOWN);
+    return PyLong_FromLong(HANDOVER_NOTHING_KNOWN);
   }
   PyObject* model = decided(plan, y.flags[FLAG_FELL_BACK] ? LAW_COULOMB : law, required, used);
   if (!model) return nullptr;
@@ -205,19 +205,19 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   return answer(contact, model, x, y, bound, frictionless, shapes[4], articulated, status);
 }
 
-// numbers(body_a, body_b, contact): what resolve() reads of them, and the error of each.
-PyObject* numbers(PyObject*, PyObject* const* args, Py_ssize_t count) {
-  if (count != 3) return PyErr_Format(PyExc_TypeError, "numbers() takes two bodies and a contact");
+// numbers_with_errors(body_a, body_b, contact): what resolve() reads of them, and the error of each.
+PyObject* numbers_with_errors(PyObject*, PyObject* const* args, Py_ssize_t count) {
+  if (count != 3) return PyErr_Format(PyExc_TypeError, "numbers_with_errors() takes two bodies and a contact");
   double x[ALL_INPUTS] = {}, error[ALL_INPUTS] = {};
   bool has_more;
   if (!read_request(args, {x, error, input_names}, &has_more)) return nullptr;
-  return Py_BuildValue("NN", tuple_of(&PyTuple_Type, x, ALL_INPUTS), tuple_of(&PyTuple_Type, error, ALL_INPUTS));
+  return Py_BuildValue("NN", make_tuple(&PyTuple_Type, x, ALL_INPUTS), make_tuple(&PyTuple_Type, error, ALL_INPUTS));
 }
 
-// inputs(body_a, body_b, contact, settings): what kernels of rigid bodies read, as bytes.
-PyObject* inputs(PyObject*, PyObject* const* args, Py_ssize_t count) {
+// input_bytes(body_a, body_b, contact, settings): what kernels of rigid bodies read, as bytes.
+PyObject* input_bytes(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 4 || !PyTuple_Check(args[3]) || PyTuple_GET_SIZE(args[3]) != ROWS_OF_MODEL)
-    return PyErr_Format(PyExc_TypeError, "inputs() takes two bodies, a contact and settings");
+    return PyErr_Format(PyExc_TypeError, "input_bytes() takes two bodies, a contact and settings");
   double x[ALL_INPUTS] = {}, error[ALL_INPUTS] = {};
   bool has_more;
   if (!read_request(args, {x, error, input_names}, &has_more)) return nullptr;
@@ -246,7 +246,7 @@ Batch from_column(const Batch& batch, int body_rows, long at, int size) {
 
 // The columns from `from` to `to` of contacts between the bodies of one table, whose rows the batch finds in `there`.
 template <class T>
-void gathered(BatchKernel kernel, const Batch& batch, int body_rows, const Pairs& pairs, const T* table, int rows, T* there, long from, long to) {
+void gathered(BatchKernel kernel, const Batch& batch, int body_rows, const ContactPairs& pairs, const T* table, int rows, T* there, long from, long to) {
   for (long at = from; at < to; at += BLOCK) {
     long count = std::min<long>(BLOCK, to - at);
     bool any_fault = pairs.gather(table, rows, at, count, there);
@@ -281,7 +281,7 @@ struct Arrays {
   bool is_double() const { return *model.view.format == 'd'; }
 
   // Whether results and pairs are of the shapes and types that they should be; bodies and contacts have been looked at.
-  bool fit(const Table& table, bool bounded) const {
+  bool fit(const TableLayout& table, bool bounded) const {
     const char real = *model.view.format;
     const Py_ssize_t n = count, axes = table.axes, spins = 3 - table.first_spin;
     bool report = result[REGIME].is_there();
@@ -302,7 +302,7 @@ struct Arrays {
   }
 
   // Where a kernel finds its rows: in the order of the table, or of the general layout. Bodies of pairs will be `there`.
-  Batch batch(const Table& table, bool general, double* there) const {
+  Batch batch(const TableLayout& table, bool general, double* there) const {
     const int size = is_double() ? sizeof(double) : sizeof(float);
     const void* zero = is_double() ? static_cast<const void*>(&zero_double) : &zero_float;
     const void* one = is_double() ? static_cast<const void*>(&one_double) : &one_float;
@@ -355,7 +355,7 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   int place = static_cast<int>(PyLong_AsLong(args[1]));
   long from = PyLong_AsLong(args[8]), to = PyLong_AsLong(args[9]);
   if (PyErr_Occurred()) return nullptr;
-  const Table& table = tables[place];
+  const TableLayout& table = table_layouts[place];
   Arrays arrays;
   if (!arrays.open(args + 3, args[7]) || !arrays.fit(table, number == NUMBER_BOUNDED || number == NUMBER_EXTENDED)) Py_RETURN_NONE;
   if (arrays.overlap()) return PyErr_Format(PyExc_ValueError, "out: overlaps the input");
@@ -371,7 +371,7 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   Py_BEGIN_ALLOW_THREADS;
   if (arrays.pairs.is_there()) {
     const auto* a = arrays.pairs.at<std::int64_t>();
-    const Pairs who{a, a + arrays.count, arrays.bodies.view.shape[1]};
+    const ContactPairs who{a, a + arrays.count, arrays.bodies.view.shape[1]};
     if (arrays.is_double()) gathered(kernel, given, body_rows, who, arrays.bodies.at<double>(), table.body_rows, there, from, to);
     else gathered(kernel, given, body_rows, who, arrays.bodies.at<float>(), table.body_rows, reinterpret_cast<float*>(there), from, to);
   } else if (to > from) {
@@ -386,15 +386,15 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   return Py_BuildValue("id", most, loosest);
 }
 
-// independent_sets(pairs, movable, order, starts): see gather.hpp; the arrays are of the right shapes.
+// independent_sets(pairs, movable, order, starts): see contact_pairs.hpp; the arrays are of the right shapes.
 PyObject* independent(PyObject*, PyObject* const* args, Py_ssize_t count) {
   Array pairs, movable, order, starts;
   if (count != 4 || !pairs.open(args[0]) || !movable.open(args[1]) || !order.open(args[2], true) || !starts.open(args[3], true))
     return PyErr_Format(PyExc_TypeError, "independent_sets() takes four arrays");
   long n = static_cast<long>(order.view.shape[0]), sets;
-  Pairs who{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, movable.view.shape[0]};
+  ContactPairs who{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, movable.view.shape[0]};
   {
-    WithoutGil without;
+    ReleasedGil released;
     sets = independent_sets(who, n, movable.at<bool>(), order.at<std::int64_t>(), starts.at<std::int64_t>());
   }
   return PyLong_FromLong(sets);
@@ -407,17 +407,17 @@ PyObject* limit_vectors(PyObject*, PyObject* bits) {
 }
 
 PyObject* setup(PyObject*, PyObject* args) {
-  if (!PyArg_ParseTuple(args, "OOOOOOOOOOO", &impact_type, &types.twist, &types.vec3, &types.contact, &types.fraction, &types.statuses, &types.regimes, &types.adjustments, &plan_function, &decided_function, &refusal_function)) return nullptr;
+  if (!PyArg_ParseTuple(args, "OOOOOOOOOOO", &impact_type, &python_types.twist, &python_types.vec3, &python_types.contact, &python_types.fraction, &python_types.statuses, &python_types.regimes, &python_types.adjustments, &plan_function, &decided_function, &refusal_function)) return nullptr;
   Py_INCREF(args);  // keeps all of them for ever
   Py_RETURN_NONE;
 }
 
 PyMethodDef methods[] = {
-    FAST("resolve", resolve),
-    FAST("numbers", numbers),
-    FAST("inputs", inputs),
-    FAST("batch", batch),
-    FAST("independent_sets", independent),
+    FASTCALL("resolve", resolve),
+    FASTCALL("numbers_with_errors", numbers_with_errors),
+    FASTCALL("input_bytes", input_bytes),
+    FASTCALL("batch", batch),
+    FASTCALL("independent_sets", independent),
     {"limit_vectors", limit_vectors, METH_O, ""},
     {"setup", setup, METH_VARARGS, ""},
     {}};

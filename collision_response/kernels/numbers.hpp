@@ -143,9 +143,9 @@ BASE T error_of(T) { return T{}; }
 BASE T widened(T x, T) { return x; }
 BASE T value(T x) { return x; }
 BASE T report(T x) { return x; }
-BASE T decided(T m) { return m; }
-BASE T certainly(T) { return T{}; }  // without errors nothing is known to be certain
-BASE bool may_hold(T m) { return any(m); }
+BASE T plain_truth(T m) { return m; }
+BASE T certainly_true(T) { return T{}; }  // without errors nothing is known to be certain
+BASE bool may_be_true(T m) { return any(m); }
 
 // --- DoubleDouble ------------------------------------------------------------------------------------
 // Dekker 1971; Hida, Li & Bailey 2001. Every operation is right to 2^-102, short of under- and overflow.
@@ -224,7 +224,7 @@ template <class N> using Report = typename Traits<N>::Report;
 template <class N>
 struct Bounded { N value; Base<N> error; };
 template <class T>
-struct Truth { Mask<T> value, sure; };  // Kleene's logic
+struct Truth { Mask<T> value, certain; };  // Kleene's logic
 
 // What an error may lack for being computed in rounded arithmetic itself.
 template <class T> constexpr double slack = sizeof(Lane<T>) == 8 ? 0x1p-30 : 0x1p-10;
@@ -279,20 +279,20 @@ template <class N> SHORT_OPERATION Truth<Base<N>> less_equal(const Bounded<N>& a
 template <class N> SHORT_OPERATION Truth<Base<N>> equal(const Bounded<N>& a, const Bounded<N>& b) { return compared(equal(a.value, b.value), a, b); }
 template <class T> INLINE Truth<T> operator&(const Truth<T>& a, const Truth<T>& b) {
   return {(Mask<T>)(a.value & b.value),
-          (Mask<T>)((a.sure & b.sure) | (a.sure & negation(a.value)) | (b.sure & negation(b.value)))};
+          (Mask<T>)((a.certain & b.certain) | (a.certain & negation(a.value)) | (b.certain & negation(b.value)))};
 }
 template <class T> INLINE Truth<T> operator|(const Truth<T>& a, const Truth<T>& b) {
-  return {(Mask<T>)(a.value | b.value), (Mask<T>)((a.sure & b.sure) | (a.sure & a.value) | (b.sure & b.value))};
+  return {(Mask<T>)(a.value | b.value), (Mask<T>)((a.certain & b.certain) | (a.certain & a.value) | (b.certain & b.value))};
 }
-template <class T> INLINE Truth<T> negation(const Truth<T>& a) { return {negation(a.value), a.sure}; }
+template <class T> INLINE Truth<T> negation(const Truth<T>& a) { return {negation(a.value), a.certain}; }
 // What is not a number stays so: it counts as infinite.
 template <class T> INLINE T greater_error(T a, T b) { return choose<T>(a < b, b, choose<T>(a >= b, a, a + b)); }
 template <class N> SHORT_OPERATION Bounded<N> choose(const Truth<Base<N>>& c, const Bounded<N>& a, const Bounded<N>& b) {
   using T = Base<N>;
   T error = choose<T>(c.value, a.error, b.error);
-  if (__builtin_expect(any(negation(c.sure)), 0)) {
+  if (__builtin_expect(any(negation(c.certain)), 0)) {
     T hull = magnitude(high(sum_of(a.value, -b.value))) * spread<T>(1 + slack<T>) + choose<T>(c.value, b.error, a.error);
-    error = choose<T>(c.sure, error, greater_error(error, hull));
+    error = choose<T>(c.certain, error, greater_error(error, hull));
   }
   return {choose(c.value, a.value, b.value), error};
 }
@@ -302,9 +302,9 @@ template <class N> INLINE Report<N> report(const Bounded<N>& a) { return report(
 template <class N> INLINE Base<N> high(const Bounded<N>& a) { return high(a.value); }
 template <class N> INLINE Base<N> error_of(const Bounded<N>& a) { return a.error; }
 template <class N> INLINE Bounded<N> widened(const Bounded<N>& x, N by) { return {x.value, x.error + magnitude(high(by)) * spread<Base<N>>(1 + slack<Base<N>>)}; }
-template <class T> INLINE Mask<T> decided(const Truth<T>& a) { return a.value; }
-template <class T> INLINE bool may_hold(const Truth<T>& a) { return any((Mask<T>)(a.value | negation(a.sure))); }
-template <class T> INLINE Mask<T> certainly(const Truth<T>& a) { return a.value & a.sure; }
+template <class T> INLINE Mask<T> plain_truth(const Truth<T>& a) { return a.value; }
+template <class T> INLINE bool may_be_true(const Truth<T>& a) { return any((Mask<T>)(a.value | negation(a.certain))); }
+template <class T> INLINE Mask<T> certainly_true(const Truth<T>& a) { return a.value & a.certain; }
 
 // --- Constants, and numbers without an error as numbers with one -------------------------------------
 

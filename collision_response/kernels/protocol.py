@@ -1,27 +1,31 @@
-"""What Python and the kernels tell each other by number, besides what is in requests and answers."""
+"""The numbers by which Python and the compiled kernels refer to things, other than requests and answers."""
 
 from enum import IntEnum
 
 
-class Left(IntEnum):
-    """Why ``resolve`` of the kernels leaves a request to that of Python."""
+class Handover(IntEnum):
+    """Why the kernels' ``resolve`` hands a request over to Python instead of answering it."""
 
-    REFUSED = 0
-    """Something is wrong with it."""
+    INVALID = 0
+    """The request breaks a rule of :mod:`~collision_response.validity`."""
     NOT_ONLY_NUMBERS = 1
-    """The contact has functions for coefficients, or its own tangential restitution."""
+    """The contact has a coefficient that is a function, or a tangential restitution of its own."""
     GEOMETRY_TOO_SMALL = 2
-    """A forced geometry leaves out what matters."""
-    UNKNOWN = 3
-    """No number of the answer is known."""
+    """The model forces a geometry that leaves out part of the impact."""
+    NOTHING_KNOWN = 3
+    """The answer is not finite, and its error bound is infinite."""
     RATIONAL = 4
-    """Fractions, of a law that is rational."""
+    """The numbers are fractions and the law is rational, so that the answer can be exact."""
 
 
-class Number(IntEnum):
+class NumberType(IntEnum):
     """The number types that batches are computed in."""
 
     PLAIN = 0
+    """float64, without error bounds."""
     FLOAT = 1
+    """float32, without error bounds."""
     BOUNDED = 2
+    """float64 with error bounds."""
     EXTENDED = 3
+    """Double-doubles with error bounds."""

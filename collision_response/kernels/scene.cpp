@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "arrays.hpp"
-#include "python.hpp"
+#include "python_objects.hpp"
 #define WITH_TABLES
 #include "scene/contact_springs.hpp"
 #include "scene/table_clusters.hpp"
@@ -24,7 +24,7 @@ struct ClusterObject {
 bool floats(PyObject* o, int count, double* x) {
   if (!PyTuple_Check(o) || PyTuple_GET_SIZE(o) != count) return false;
   for (int k = 0; k < count; ++k)
-    if (!exact_float(PyTuple_GET_ITEM(o, k), x[k])) return false;
+    if (!read_exact_float(PyTuple_GET_ITEM(o, k), x[k])) return false;
   return true;
 }
 bool read_body(PyObject* o, double* x) {
@@ -33,15 +33,15 @@ bool read_body(PyObject* o, double* x) {
   double* q = x + IN_BODY_A_ORIENTATION_X;
   q[0] = q[1] = q[2] = 0;
   q[3] = 1;
-  return exact_float(item(0), x[0]) && floats(item(1), 6, x + IN_BODY_A_INERTIA_XX) &&
+  return read_exact_float(item(0), x[0]) && floats(item(1), 6, x + IN_BODY_A_INERTIA_XX) &&
          floats(item(2), 3, x + IN_BODY_A_POSITION_X) && (item(3) == Py_None || floats(item(3), 4, q)) &&
          floats(item(4), 3, x + IN_BODY_A_VELOCITY_X) && floats(item(5), 3, x + IN_BODY_A_ANGULAR_VELOCITY_X) &&
          floats(item(6), 3, x + IN_BODY_A_COM_X);
 }
 bool read_contact(PyObject* o, double* x) {
   return PyTuple_Check(o) && PyTuple_GET_SIZE(o) == 5 && floats(PyTuple_GET_ITEM(o, 0), 3, x) &&
-         floats(PyTuple_GET_ITEM(o, 1), 3, x + 3) && exact_float(PyTuple_GET_ITEM(o, 2), x[6]) &&
-         exact_float(PyTuple_GET_ITEM(o, 3), x[7]);
+         floats(PyTuple_GET_ITEM(o, 1), 3, x + 3) && read_exact_float(PyTuple_GET_ITEM(o, 2), x[6]) &&
+         read_exact_float(PyTuple_GET_ITEM(o, 3), x[7]);
 }
 
 // Indices of two bodies.
@@ -167,10 +167,10 @@ PyObject* get_effect(PyObject* self, PyObject* args) {
   const Cluster& cluster = *reinterpret_cast<ClusterObject*>(self)->cluster;
   ImpulseEffect effect = effect_of(assembly_of(self), impulses, by_slip);
   return Py_BuildValue(
-      "NNNNNN(dddd)dNNN", listed(assembly_of(self).body_count, [&](size_t b) { return twist(&effect.changes[6 * b]); }),
-      listed(assembly_of(self).body_count, [&](size_t b) { return twist(&effect.twists[6 * b]); }),
-      listed(assembly_of(self).count, [&](size_t i) { return vector(&effect.impulses[3 * i]); }), number_list(effect.normal_velocities_before), number_list(effect.normal_velocities_after),
-      listed(assembly_of(self).count, [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(types.regimes, effect.regimes[i])); }),
+      "NNNNNN(dddd)dNNN", listed(assembly_of(self).body_count, [&](size_t b) { return make_twist(&effect.changes[6 * b]); }),
+      listed(assembly_of(self).body_count, [&](size_t b) { return make_twist(&effect.twists[6 * b]); }),
+      listed(assembly_of(self).count, [&](size_t i) { return make_vec3(&effect.impulses[3 * i]); }), number_list(effect.normal_velocities_before), number_list(effect.normal_velocities_after),
+      listed(assembly_of(self).count, [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(python_types.regimes, effect.regimes[i])); }),
       effect.energies[0], effect.energies[1], effect.energies[2], effect.energies[3], effect.error_bound,
       PyBool_FromLong(cluster.has_massless_spin), PyBool_FromLong(cluster.has_off_unit_orientation),
       PyBool_FromLong(effect.creates_energy));
@@ -207,7 +207,7 @@ PyObject* follow_springs(PyObject* self, PyObject* args) {
   std::vector<Axes> P(assembly.count);
   bool found;
   {
-    WithoutGil without;
+    ReleasedGil released;
     Vector p;
     found = has_friction ? law.follow_with_friction(tolerance, P) : law.follow_without_friction(tolerance, p);
     for (size_t i = 0; i < p.size(); ++i) P[i][0] = p[i];
@@ -224,29 +224,29 @@ PyObject* get_approach_is_uncertain(PyObject* self, void*) { return PyBool_FromL
 PyObject* get_is_out_of_range(PyObject* self, void*) { return PyBool_FromLong(reinterpret_cast<ClusterObject*>(self)->cluster->is_out_of_range()); }
 
 PyMethodDef methods[] = {
-    {"no_impulses", Guarded<no_impulses>::call, METH_NOARGS, ""},
-    {"impulses_from_floats", Guarded<impulses_from_floats>::call, METH_O, ""},
-    {"contradictory_contacts", Guarded<find_contradictory_contacts>::call, METH_NOARGS, ""},
+    {"no_impulses", RaisesMemoryError<no_impulses>::call, METH_NOARGS, ""},
+    {"impulses_from_floats", RaisesMemoryError<impulses_from_floats>::call, METH_O, ""},
+    {"contradictory_contacts", RaisesMemoryError<find_contradictory_contacts>::call, METH_NOARGS, ""},
     {"velocity_size", velocity_size, METH_O, ""},
-    {"reflections", Guarded<reflect>::call, METH_VARARGS, ""},
-    {"effect_of", Guarded<get_effect>::call, METH_VARARGS, ""},
-    {"least_work_friction", Guarded<add_least_work_friction>::call, METH_VARARGS, ""},
-    {"moreau", Guarded<apply_moreau>::call, METH_O, ""},
-    {"follow_springs", Guarded<follow_springs>::call, METH_VARARGS, ""},
+    {"reflections", RaisesMemoryError<reflect>::call, METH_VARARGS, ""},
+    {"effect_of", RaisesMemoryError<get_effect>::call, METH_VARARGS, ""},
+    {"least_work_friction", RaisesMemoryError<add_least_work_friction>::call, METH_VARARGS, ""},
+    {"moreau", RaisesMemoryError<apply_moreau>::call, METH_O, ""},
+    {"follow_springs", RaisesMemoryError<follow_springs>::call, METH_VARARGS, ""},
     {}};
 PyGetSetDef fields[] = {{"is_locked", get_is_locked, nullptr, "", nullptr}, {"approach_is_uncertain", get_approach_is_uncertain, nullptr, "", nullptr}, {"is_out_of_range", get_is_out_of_range, nullptr, "", nullptr}, {}};
 PyType_Slot slots[] = {{Py_tp_dealloc, reinterpret_cast<void*>(dealloc)}, {Py_tp_methods, methods}, {Py_tp_getset, fields}, {}};
 PyType_Spec spec = {"collision_response.kernels._scene.Cluster", sizeof(ClusterObject), 0, Py_TPFLAGS_DEFAULT, slots};
 
-// clusters(pairs, movable, order, starts, cluster): how many; see gather.hpp.
+// clusters(pairs, movable, order, starts, cluster): how many; see contact_pairs.hpp.
 PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   Array pairs, movable, order, starts, cluster;
   if (count != 5 || !pairs.open(args[0]) || !movable.open(args[1]) || !order.open(args[2], true) || !starts.open(args[3], true) || !cluster.open(args[4], true))
     return PyErr_Format(PyExc_TypeError, "clusters() takes five arrays");
   long n = static_cast<long>(order.view.shape[0]), found;
-  Pairs who{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, movable.view.shape[0]};
+  ContactPairs who{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, movable.view.shape[0]};
   {
-    WithoutGil without;
+    ReleasedGil released;
     found = clusters(who, n, movable.at<bool>(), order.at<std::int64_t>(), starts.at<std::int64_t>(), cluster.at<std::int64_t>());
   }
   return PyLong_FromLong(found);
@@ -269,14 +269,14 @@ PyObject* resolve_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (!open || PyErr_Occurred()) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): arrays must be contiguous");
   long n = static_cast<long>(contacts.view.shape[1]);
   auto numbers = [&result](int i) { return result[i].at<double>(); };
-  TableClusters clusters{tables[place], bodies.at<double>(), contacts.at<double>(),
+  TableClusters clusters{table_layouts[place], bodies.at<double>(), contacts.at<double>(),
              {pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, bodies.view.shape[1]},
              n, static_cast<long>(contacts.view.shape[0]), order.at<std::int64_t>(), starts.at<std::int64_t>(),
              {law, number[0], number[1], static_cast<int>(number[3])}, number[2],
              numbers(0), numbers(1), numbers(2), result[3].at<unsigned char>(), result[5].at<unsigned char>(),
              numbers(6), numbers(7), {numbers(8), numbers(9), numbers(10), numbers(11)}};
   {
-    WithoutGil without;
+    ReleasedGil released;
     for (long i = from; i < to; ++i) clusters.answer(wanted.at<std::int64_t>()[i]);
   }
   Py_RETURN_NONE;
@@ -318,7 +318,7 @@ struct Request {  // a scene from Python
     for (long k = 0; k < n; ++k) {
       PyObject* contact = PySequence_Fast_GET_ITEM(contact_list, k);
       std::int64_t pair[2];
-      if (Py_TYPE(contact) != types.contact || PyTuple_GET_ITEM(contact, 4) != Py_None || !read_contact(contact, contacts[k].data())) return false;
+      if (Py_TYPE(contact) != python_types.contact || PyTuple_GET_ITEM(contact, 4) != Py_None || !read_contact(contact, contacts[k].data())) return false;
       if (!read_pair(PySequence_Fast_GET_ITEM(pair_list, k), of_bodies, pair)) return false;
       a[k] = pair[0];
       b[k] = pair[1];
@@ -373,8 +373,8 @@ PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t argc) {
   for (Py_ssize_t i = 0; i < bodies; ++i) {
     if (request.movable[i]) continue;
     const double none[6] = {};
-    PyTuple_SET_ITEM(column[TWISTS], i, twist(&request.bodies[i][IN_BODY_A_VELOCITY_X]));
-    PyTuple_SET_ITEM(column[CHANGES], i, twist(none));
+    PyTuple_SET_ITEM(column[TWISTS], i, make_twist(&request.bodies[i][IN_BODY_A_VELOCITY_X]));
+    PyTuple_SET_ITEM(column[CHANGES], i, make_twist(none));
   }
   double bound = 0, margin = INFINITY;
   int adjusted = 0, law = options.law;
@@ -384,8 +384,8 @@ PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t argc) {
     const ImpulseEffect& effect = result.effect;
     for (size_t i = 0; i < used.size(); ++i) {
       if (cluster.movable_place[i] < 0) continue;
-      PyTuple_SET_ITEM(column[TWISTS], used[i], twist(&effect.twists[6 * cluster.movable_place[i]]));
-      PyTuple_SET_ITEM(column[CHANGES], used[i], twist(&effect.changes[6 * cluster.movable_place[i]]));
+      PyTuple_SET_ITEM(column[TWISTS], used[i], make_twist(&effect.twists[6 * cluster.movable_place[i]]));
+      PyTuple_SET_ITEM(column[CHANGES], used[i], make_twist(&effect.changes[6 * cluster.movable_place[i]]));
     }
     long from = static_cast<long>(request.starts[c]), to = static_cast<long>(request.starts[c + 1]);
     PyObject* own = PyTuple_New(to - from);
@@ -394,11 +394,11 @@ PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t argc) {
       double e = result.restitution < 0 ? cluster.assembly.contacts[i].e : result.restitution;
       PyTuple_SET_ITEM(own, i, PyLong_FromSsize_t(k));
       const auto& given = request.contacts[k];
-      PyTuple_SET_ITEM(column[CONTACTS], k, used_contact(PySequence_Fast_GET_ITEM(args[2], k), e, e != given[6], options.law == LAW_FRICTIONLESS && given[7] != 0));
-      PyTuple_SET_ITEM(column[IMPULSES], k, vector(&effect.impulses[3 * i]));
+      PyTuple_SET_ITEM(column[CONTACTS], k, contact_as_used(PySequence_Fast_GET_ITEM(args[2], k), e, e != given[6], options.law == LAW_FRICTIONLESS && given[7] != 0));
+      PyTuple_SET_ITEM(column[IMPULSES], k, make_vec3(&effect.impulses[3 * i]));
       PyTuple_SET_ITEM(column[BEFORE], k, PyFloat_FromDouble(effect.normal_velocities_before[i]));
       PyTuple_SET_ITEM(column[AFTER], k, PyFloat_FromDouble(effect.normal_velocities_after[i]));
-      PyTuple_SET_ITEM(column[REGIMES], k, Py_NewRef(PyTuple_GET_ITEM(types.regimes, effect.regimes[i])));
+      PyTuple_SET_ITEM(column[REGIMES], k, Py_NewRef(PyTuple_GET_ITEM(python_types.regimes, effect.regimes[i])));
     }
     PyTuple_SET_ITEM(column[CLUSTERS], c, own);
     bound = std::fmax(bound, effect.error_bound);
@@ -409,11 +409,11 @@ PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t argc) {
     separates = separates && effect.is_separating();
     beyond_doubles = beyond_doubles || !cluster.has_friction;
   }
-  PyObject* status = PyTuple_GET_ITEM(types.statuses, bound > number[2] ? STATUS_TOLERANCE_NOT_MET : separates ? STATUS_SEPARATING : STATUS_OK);
+  PyObject* status = PyTuple_GET_ITEM(python_types.statuses, bound > number[2] ? STATUS_TOLERANCE_NOT_MET : separates ? STATUS_SEPARATING : STATUS_OK);
   PyObject* model = PyTuple_GET_ITEM(PyTuple_GET_ITEM(args[5], law), beyond_doubles);
   return Py_BuildValue("OONNNNNNNddddNOddO", status, model, column[CONTACTS], column[TWISTS], column[CHANGES], column[IMPULSES],
                        column[BEFORE], column[AFTER], column[REGIMES], request.energies[0], request.energies[1], request.energies[2], request.energies[3],
-                       column[CLUSTERS], Py_None, bound, margin, PyTuple_GET_ITEM(types.adjustments, adjusted));
+                       column[CLUSTERS], Py_None, bound, margin, PyTuple_GET_ITEM(python_types.adjustments, adjusted));
 }
 
 // Whether there is a fraction in it.
@@ -424,17 +424,17 @@ bool holds_fraction(PyObject* o) {
       if (holds_fraction(PySequence_Fast_GET_ITEM(o, i))) return true;
     return false;
   }
-  return PyObject_TypeCheck(o, types.fraction);
+  return PyObject_TypeCheck(o, python_types.fraction);
 }
 PyObject* is_rational(PyObject*, PyObject* o) { return PyBool_FromLong(holds_fraction(o)); }
 
 PyObject* setup(PyObject*, PyObject* args) {
-  if (!PyArg_ParseTuple(args, "OOOOOOOO", &types.vec3, &types.twist, &types.fraction, &body_type, &types.contact, &types.regimes, &types.statuses, &types.adjustments)) return nullptr;
+  if (!PyArg_ParseTuple(args, "OOOOOOOO", &python_types.vec3, &python_types.twist, &python_types.fraction, &body_type, &python_types.contact, &python_types.regimes, &python_types.statuses, &python_types.adjustments)) return nullptr;
   Py_INCREF(args);  // keeps all of them for ever
   Py_RETURN_NONE;
 }
 
-PyMethodDef functions[] = {FAST("assemble", assemble), FAST("clusters", find_clusters), FAST("resolve_clusters", resolve_clusters), FAST("resolve_scene", resolve_scene), {"is_rational", is_rational, METH_O, ""}, {"setup", setup, METH_VARARGS, ""}, {}};
+PyMethodDef functions[] = {FASTCALL("assemble", assemble), FASTCALL("clusters", find_clusters), FASTCALL("resolve_clusters", resolve_clusters), FASTCALL("resolve_scene", resolve_scene), {"is_rational", is_rational, METH_O, ""}, {"setup", setup, METH_VARARGS, ""}, {}};
 PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_scene", "", -1, functions, nullptr, nullptr, nullptr, nullptr};
 
 }  // namespace

@@ -22,8 +22,8 @@ def main(package: Path, folder: Path, what: str) -> None:
 
     from collision_response.kernels import programs
 
-    if what in programs.LISTS:
-        print(end=";".join(programs.LISTS[what]))
+    if what in programs.FORMULA_LISTS:
+        print(end=";".join(programs.FORMULA_LISTS[what]))
         return
 
     for name, text in programs.headers(what):

@@ -2,7 +2,7 @@
 #pragma once
 #include <algorithm>
 
-#include "table.hpp"
+#include "kernel_table.hpp"
 
 // Powers of two for mass, length, time, the two quaternions and the normal, that bring a request into the
 // middle of the range of floats.
@@ -65,7 +65,7 @@ struct Units {
 };
 
 // An impact in other units, and back.
-static void impact_in_other_units(Kernel kernel, bool articulated, const double* x, const double* error, Numbers& y) {
+static void impact_in_other_units(ImpactKernel kernel, bool articulated, const double* x, const double* error, ImpactResult& y) {
   Units units = Units::of(x, articulated);
   double scaled[ALL_INPUTS], lost[ALL_INPUTS], none = 0;
   for (int i = 0; i < (articulated ? ALL_INPUTS : INPUTS); ++i) {
@@ -79,14 +79,14 @@ static void impact_in_other_units(Kernel kernel, bool articulated, const double*
 }
 
 // Whether some square or product on the way may have left the range of floats.
-static inline bool is_extreme(const Numbers& y, bool single) {
+static inline bool is_extreme(const ImpactResult& y, bool single) {
   double most = single ? 0x1p40 : 0x1p400;
   auto out = [most](double x) { return x != 0 && !(std::fabs(x) > 1 / most && std::fabs(x) < most); };
   return out(y.reported[OUT_NORMAL_IMPULSE]) || out(y.reported[OUT_NORMAL_VELOCITY_BEFORE]) ||
          out(y.reported[OUT_KINETIC_ENERGY_BEFORE]) || out(y.reported[OUT_EFFECTIVE_MASS]);
 }
 
-static inline bool all_finite(const Numbers& y) {
+static inline bool all_finite(const ImpactResult& y) {
   double sum = 0;
   for (double number : y.change) sum += number - number;
   for (double number : y.reported) sum += number - number;

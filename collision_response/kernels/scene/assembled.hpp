@@ -2,7 +2,7 @@
 #pragma once
 #include "../numbers.hpp"
 #include "column.hpp"
-#include "sizes.hpp"
+#include "constants.hpp"
 #include "vectors.hpp"
 
 

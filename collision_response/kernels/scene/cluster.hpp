@@ -2,7 +2,7 @@
 #pragma once
 #include <array>
 
-#include "../gather.hpp"
+#include "../contact_pairs.hpp"
 #include "effect.hpp"
 #include "reflections.hpp"
 #include "validity_everything.hpp"
@@ -40,7 +40,7 @@ struct ClusterParts {
 // The parts of a cluster whose contacts are listed: bodies get their places as they come. `place` is -1 for all bodies,
 // and so again afterwards; `used` gets the bodies. body(b, x) and contact(k, x) give numbers.
 template <class Body, class Contact>
-ClusterParts take_parts(const Pairs& pairs, const std::int64_t* first, const std::int64_t* last, std::vector<int>& place, std::vector<std::int64_t>& used, Body body, Contact contact) {
+ClusterParts take_parts(const ContactPairs& pairs, const std::int64_t* first, const std::int64_t* last, std::vector<int>& place, std::vector<std::int64_t>& used, Body body, Contact contact) {
   ClusterParts parts;
   auto place_of = [&](std::int64_t b) {
     if (place[b] < 0) {

@@ -5,9 +5,9 @@
 // What is options, as in resolve_scenes.py, and where the answers go. A quantity of bodies or contacts is a row. One cluster
 // is answered after the other.
 struct TableClusters {
-  const Table& table;
+  const TableLayout& table;
   const double *bodies, *contacts;
-  Pairs pairs;
+  ContactPairs pairs;
   long count, rows;  // of contacts
   const std::int64_t *order, *starts;
   ClusterOptions options;

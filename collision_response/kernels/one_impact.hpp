@@ -2,11 +2,11 @@
 #pragma once
 #include "answer_bound.hpp"
 #include "numbers.hpp"
-#include "sizes.hpp"
+#include "constants.hpp"
 
 #include <limits>
 
-struct Numbers {
+struct ImpactResult {
   double change[CHANGES], error[CHANGES];  // what error_bound is about
   double reported[REPORTED];
   bool flags[FLAGS];
@@ -18,7 +18,7 @@ INLINE double linear_part(const double* d) { return d[0] + d[6] + d[11]; }
 INLINE double angular_part(const double* d) { return d[15] + d[18] + d[20]; }
 
 template <class N, int inputs, class F>
-INLINE void one_impact(F impact, const double* x, const double* error, Numbers* y) {
+INLINE void one_impact(F impact, const double* x, const double* error, ImpactResult* y) {
   using T = Base<N>;
   N in[inputs], changes[CHANGES];
   Report<N> reported[REPORTED];

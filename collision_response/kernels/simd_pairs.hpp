@@ -1,4 +1,4 @@
-// Pairs of numbers, in the two lanes of vectors: see pairs.py.
+// ContactPairs of numbers, in the two lanes of vectors: see simd_pairs.py.
 #pragma once
 #include "numbers.hpp"
 
@@ -21,7 +21,7 @@ template <class N> INLINE auto join_truths(bool a, bool b) {
   return M{-static_cast<Lane<M>>(a), -static_cast<Lane<M>>(b)};
 }
 template <class N, class T> INLINE auto join_truths(const Truth<T>& a, const Truth<T>& b) {
-  return Truth<Pair<T>>{join_truths<T>(a.value, b.value), join_truths<T>(a.sure, b.sure)};
+  return Truth<Pair<T>>{join_truths<T>(a.value, b.value), join_truths<T>(a.certain, b.certain)};
 }
 
 template <int lane, class T, class = std::enable_if_t<is_vector<T>>> INLINE auto at(T x) {
@@ -32,9 +32,9 @@ template <int lane, class T> INLINE auto at(const DoubleDouble<T>& x) { return D
 template <int lane, class N> INLINE auto at(const Bounded<N>& x) {
   return Bounded<decltype(at<lane>(x.value))>{at<lane>(x.value), at<lane>(x.error)};
 }
-template <int lane, class T> INLINE auto at(const Truth<T>& x) { return Truth<Lane<T>>{at<lane>(x.value), at<lane>(x.sure)}; }
+template <int lane, class T> INLINE auto at(const Truth<T>& x) { return Truth<Lane<T>>{at<lane>(x.value), at<lane>(x.certain)}; }
 
 template <class T, class = std::enable_if_t<is_vector<T>>> INLINE T swapped(T x) { return __builtin_shufflevector(x, x, 1, 0); }
 template <class T> INLINE DoubleDouble<T> swapped(const DoubleDouble<T>& x) { return {swapped(x.h), swapped(x.l)}; }
 template <class N> INLINE Bounded<N> swapped(const Bounded<N>& x) { return {swapped(x.value), swapped(x.error)}; }
-template <class T> INLINE Truth<T> swapped(const Truth<T>& x) { return {swapped(x.value), swapped(x.sure)}; }
+template <class T> INLINE Truth<T> swapped(const Truth<T>& x) { return {swapped(x.value), swapped(x.certain)}; }

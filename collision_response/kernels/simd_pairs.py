@@ -18,7 +18,7 @@ _ON_PAIRS = frozenset(
 )
 
 
-def in_pairs(results: Iterable[Iterable[Symbol]]) -> list[list[Symbol]]:
+def pair_bodies(results: Iterable[Iterable[Symbol]]) -> list[list[Symbol]]:
     """The same results on a new tape, on which as much as possible is computed in pairs.
 
     It has further operations: ``join`` (of two numbers), ``both`` (of one), ``swapped`` (of a pair) and, back

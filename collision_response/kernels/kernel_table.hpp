@@ -2,18 +2,18 @@
 // compiles, the longest vectors first.
 #pragma once
 #include "batch.hpp"
-#include "single.hpp"
+#include "one_impact.hpp"
 
-using Kernel = void (*)(const double* x, const double* error, Numbers* y);
+using ImpactKernel = void (*)(const double* x, const double* error, ImpactResult* y);
 
 extern "C" void check_everything(const double* x, double* fault, bool* shapes);
 extern "C" void check_articulated(const double* x, double* fault, bool* shapes);
 
-#define ONE(name, ...) extern "C" void impact_##name(const double*, const double*, Numbers*);
-#define MANY(name, ...) extern "C" void batch_##name(const Batch&, long, long);
+#define IMPACT_KERNEL(name, ...) extern "C" void impact_##name(const double*, const double*, ImpactResult*);
+#define BATCH_KERNEL(name, ...) extern "C" void batch_##name(const Batch&, long, long);
 #include "kernels.inc"
-#undef ONE
-#undef MANY
+#undef IMPACT_KERNEL
+#undef BATCH_KERNEL
 
 enum { LEVEL_BASE = 0, LEVEL_AVX2 = 256, LEVEL_AVX512 = 512 };  // levels, by the bits of their vectors
 static long longest_vectors = LEVEL_AVX512;         // that may be used: tests compare the levels of the machine
@@ -28,24 +28,24 @@ static bool runs(int level) { return level == LEVEL_BASE; }
 #endif
 
 enum { PRECISION_BOUNDED = PRECISION_DOUBLE };
-static const struct { int formula, layout, precision, level; Kernel kernel; } kernels_of_one[] = {
-#define ONE(name, FORMULA, LAYOUT, NUMBER, LEVEL) {FORMULA_##FORMULA, LAYOUT_##LAYOUT, PRECISION_##NUMBER, LEVEL_##LEVEL, impact_##name},
-#define MANY(...)
+static const struct { int formula, layout, precision, level; ImpactKernel kernel; } kernels_of_one[] = {
+#define IMPACT_KERNEL(name, FORMULA, LAYOUT, NUMBER, LEVEL) {FORMULA_##FORMULA, LAYOUT_##LAYOUT, PRECISION_##NUMBER, LEVEL_##LEVEL, impact_##name},
+#define BATCH_KERNEL(...)
 #include "kernels.inc"
-#undef ONE
-#undef MANY
+#undef IMPACT_KERNEL
+#undef BATCH_KERNEL
 };
 static const struct { int formula, layout, number, level; BatchKernel kernel; } kernels_of_many[] = {
-#define ONE(...)
-#define MANY(name, FORMULA, LAYOUT, NUMBER, LEVEL) {FORMULA_##FORMULA, LAYOUT_##LAYOUT, NUMBER_##NUMBER, LEVEL_##LEVEL, batch_##name},
+#define IMPACT_KERNEL(...)
+#define BATCH_KERNEL(name, FORMULA, LAYOUT, NUMBER, LEVEL) {FORMULA_##FORMULA, LAYOUT_##LAYOUT, NUMBER_##NUMBER, LEVEL_##LEVEL, batch_##name},
 #include "kernels.inc"
-#undef ONE
-#undef MANY
+#undef IMPACT_KERNEL
+#undef BATCH_KERNEL
 };
 
 // By law, whether a body is articulated, and precision: the fastest that the machine has. Where a precision has no
 // kernel of its own, it becomes DOUBLE.
-static Kernel kernel_of(int law, bool articulated, int& precision) {
+static ImpactKernel kernel_of(int law, bool articulated, int& precision) {
   int layout = articulated ? LAYOUT_ARTICULATED : LAYOUT_EVERYTHING;
   for (const auto& row : kernels_of_one)
     if (row.formula == formula_of[law] && row.layout == layout && row.precision == precision && runs(row.level)) return row.kernel;

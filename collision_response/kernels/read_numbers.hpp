@@ -4,7 +4,7 @@
 #include <cstring>
 #include <string>
 
-#include "python.hpp"
+#include "python_objects.hpp"
 
 struct Door {
   double* x;
@@ -28,8 +28,8 @@ static __attribute__((noinline, cold)) bool read_other(PyObject* o, const Door& 
   double& x = door.x[i];
   double& error = door.error[i];
   auto refuse = [&] { return refuse_kind(std::string(door.names[i]) + ": must be a real number,", o); };
-  if (exact_float(o, x)) return true;
-  if (door.rational && PyObject_TypeCheck(o, types.fraction)) *door.rational = true;
+  if (read_exact_float(o, x)) return true;
+  if (door.rational && PyObject_TypeCheck(o, python_types.fraction)) *door.rational = true;
   PyNumberMethods* as_number = Py_TYPE(o)->tp_as_number;
   if (PyBool_Check(o) || std::strncmp(Py_TYPE(o)->tp_name, "numpy.bool", 10) == 0 || PyComplex_Check(o) || PyUnicode_Check(o) || !as_number ||
       !(as_number->nb_float || as_number->nb_index))

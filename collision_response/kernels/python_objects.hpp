@@ -5,19 +5,19 @@
 #include <new>
 
 // Gives the GIL back when it ends, by an exception too.
-class WithoutGil {
+class ReleasedGil {
  public:
-  WithoutGil() : state(PyEval_SaveThread()) {}
-  WithoutGil(const WithoutGil&) = delete;
-  ~WithoutGil() { PyEval_RestoreThread(state); }
+  ReleasedGil() : state(PyEval_SaveThread()) {}
+  ReleasedGil(const ReleasedGil&) = delete;
+  ~ReleasedGil() { PyEval_RestoreThread(state); }
 
  private:
   PyThreadState* state;
 };
 
 // A function for Python whose memory may not suffice.
-template <auto function> struct Guarded;
-template <class... Args, PyObject* (*function)(Args...)> struct Guarded<function> {
+template <auto function> struct RaisesMemoryError;
+template <class... Args, PyObject* (*function)(Args...)> struct RaisesMemoryError<function> {
   static PyObject* call(Args... args) {
     try {
       return function(args...);
@@ -27,10 +27,10 @@ template <class... Args, PyObject* (*function)(Args...)> struct Guarded<function
   }
 };
 
-#define FAST(name, function) {name, reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(Guarded<function>::call)), METH_FASTCALL, ""}
+#define FASTCALL(name, function) {name, reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(RaisesMemoryError<function>::call)), METH_FASTCALL, ""}
 
 // A float, or an integer that is one.
-static inline bool exact_float(PyObject* o, double& x) {
+static inline bool read_exact_float(PyObject* o, double& x) {
   static PyTypeObject* known = &PyFloat_Type;  // np.float64, if that was the last: to ask for its bases takes longer
   if (Py_TYPE(o) == known || PyFloat_Check(o)) {
     if (!(Py_TYPE(o)->tp_flags & Py_TPFLAGS_HEAPTYPE)) known = Py_TYPE(o);  // it is there for ever
@@ -48,25 +48,25 @@ static inline bool exact_float(PyObject* o, double& x) {
 static struct {
   PyTypeObject *vec3, *twist, *contact, *fraction;
   PyObject *statuses, *regimes, *adjustments;  // by number
-} types;
+} python_types;
 
-static inline PyObject* tuple_of(PyTypeObject* type, const double* x, int count) {
+static inline PyObject* make_tuple(PyTypeObject* type, const double* x, int count) {
   PyObject* v = type->tp_alloc(type, count);
   if (v)
     for (int k = 0; k < count; ++k) PyTuple_SET_ITEM(v, k, PyFloat_FromDouble(x[k]));
   return v;
 }
-static inline PyObject* vector(const double* x) { return tuple_of(types.vec3, x, 3); }
-static inline PyObject* twist(const double* x) {
-  PyObject* t = types.twist->tp_alloc(types.twist, 2);
+static inline PyObject* make_vec3(const double* x) { return make_tuple(python_types.vec3, x, 3); }
+static inline PyObject* make_twist(const double* x) {
+  PyObject* t = python_types.twist->tp_alloc(python_types.twist, 2);
   if (t)
-    for (int k = 0; k < 2; ++k) PyTuple_SET_ITEM(t, k, vector(x + 3 * k));
+    for (int k = 0; k < 2; ++k) PyTuple_SET_ITEM(t, k, make_vec3(x + 3 * k));
   return t;
 }
 // A contact as used: with another restitution, and without friction, where they differ.
-static inline PyObject* used_contact(PyObject* contact, double e, bool e_changed, bool without_friction) {
+static inline PyObject* contact_as_used(PyObject* contact, double e, bool e_changed, bool without_friction) {
   if (!e_changed && !without_friction) return Py_NewRef(contact);
-  PyObject* used = types.contact->tp_alloc(types.contact, 5);
+  PyObject* used = python_types.contact->tp_alloc(python_types.contact, 5);
   for (int k = 0; used && k < 5; ++k) {
     bool changed = (k == 2 && e_changed) || (k == 3 && without_friction);
     PyTuple_SET_ITEM(used, k, changed ? PyFloat_FromDouble(k == 2 ? e : 0) : Py_NewRef(PyTuple_GET_ITEM(contact, k)));

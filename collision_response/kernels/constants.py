@@ -1,0 +1,128 @@
+"""The header ``constants.hpp``: sizes, indices, enumerations and tables that C++ shares with Python."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from ..impact import Flags, Report
+from ..model import Adjustment, Geometry, Precision
+from ..physics.inverse_inertia import InverseInertia
+from ..physics.laws import LAWS, Law, Regime
+from ..status import StatusCode
+from .layout import (
+    Layout,
+    kernel_inputs,
+    names_of_body,
+    names_of_contact,
+    names_of_inverse_inertia,
+    names_of_model,
+    units,
+)
+from .protocol import Handover, NumberType
+from .symbol import Tape
+
+ENUMERATIONS: dict[str, Iterable[Any]] = {
+    "LAW": Law,
+    "STATUS": StatusCode,
+    "REGIME": Regime,
+    "ADJUSTMENT": Adjustment,
+    "GEOMETRY": Geometry,
+    "PRECISION": Precision,
+    "NUMBER": NumberType,
+    "HANDOVER": Handover,
+}
+"""The enumerations whose members C++ knows by name, each with the prefix of these names."""
+
+FORMULAS = {formula.__name__: law for law, formula in LAWS.items()}
+"""The name of each law's formula, with a law that it computes. Laws may share a formula."""
+
+BATCH_LAYOUTS = (Layout.POINT, Layout.PLANAR, Layout.SPATIAL, Layout.SPATIAL_ORIENTED)
+"""The layouts that the tables of a batch may have."""
+
+ALL_ZERO, ALL_ONE = -1, -2
+"""In place of the index of a row that a table does not have: the value that the row would hold throughout."""
+
+TABLE_LAYOUT = f"""
+// Where the general layout finds its rows in the tables of a batch: the index of each row; \
+or, for a row that is
+// not there, {ALL_ZERO} if its numbers are 0 and {ALL_ONE} if they are 1.
+struct TableLayout {{
+  int body_rows, contact_rows;  // the latter with restitution and friction
+  int axes, first_spin;         // how many axes velocities have; the first axis of rotation, 3 if none
+  int body[ROWS_OF_BODY], contact[ROWS_OF_CONTACT];
+}};
+"""
+
+
+def constants() -> str:
+    """Text of ``constants.hpp``."""
+    inputs = kernel_inputs(Layout.EVERYTHING, Tape()).names
+    all_inputs = [*inputs, *names_of_inverse_inertia()]
+    twists = (["x.linear"] * 3 + ["x.angular"] * 3) * 2
+    changes = ["x.impulse"] * 3 + twists
+    reported = twists + [f"x.{field}" for field in Report._fields[2:]]
+    numbers = {
+        "INPUTS": len(inputs),
+        "INVERSE_INERTIA": len(InverseInertia._fields),
+        "ALL_INPUTS": len(all_inputs),
+        "BODY": len(names_of_body(Layout.EVERYTHING)),
+        "CHANGES": len(changes),
+        "REPORTED": len(reported),
+        "FLAGS": len(Flags._fields),
+        "LAW_COUNT": max(LAWS) + 1,
+    }
+    numbers |= {f"IN_{name.replace('.', '_').upper().rstrip('_')}": i for i, name in enumerate(inputs)}
+    numbers |= {f"OUT_{field.upper()}": 12 + i for i, field in enumerate(Report._fields[2:])}
+    numbers |= {f"FLAG_{field.upper()}": i for i, field in enumerate(Flags._fields)}
+    for prefix, enumeration in ENUMERATIONS.items():
+        numbers |= {f"{prefix}_{member.name}": int(member) for member in enumeration}
+    numbers |= {f"LAYOUT_{layout.name}": i for i, layout in enumerate(Layout)}
+    formulas = list(FORMULAS)
+    numbers |= {f"FORMULA_{formula.upper()}": i for i, formula in enumerate(formulas)}
+    formula_of = [formulas.index(LAWS[law].__name__) if law in LAWS else -1 for law in Law]
+    enumerators = "".join(f"  {name} = {value},\n" for name, value in numbers.items())
+    quoted = ", ".join('"' + name.rstrip(".") + '"' for name in all_inputs)
+    table_layouts = "".join(f"  {_table_layout(layout)},\n" for layout in BATCH_LAYOUTS)
+    return (
+        f"#pragma once\nenum {{\n{enumerators}}};\n"
+        f"enum {{ ROWS_OF_BODY = BODY, ROWS_OF_CONTACT = {len(names_of_contact(Layout.EVERYTHING))}, "
+        f"ROWS_OF_MODEL = {len(names_of_model())} }};\n"
+        f"#define EACH_FORMULA(X) {' '.join(f'X({formula})' for formula in formulas)}\n"
+        f"static const signed char formula_of[] = {{{', '.join(map(str, formula_of))}}};  // by law\n"
+        f"{TABLE_LAYOUT}#ifdef WITH_TABLES\n"
+        f"static const char* const input_names[] = {{{quoted}}};\n"
+        f"{_unit_table('input_units', all_inputs)}"
+        f"{_unit_table('change_units', changes)}"
+        f"{_unit_table('reported_units', reported)}"
+        f"static const TableLayout table_layouts[] = {{\n{table_layouts}}};\n"
+        "#endif\n"
+    )
+
+
+def _unit_table(name: str, quantities: list[str]) -> str:
+    """A C++ array with the units of some quantities."""
+    rows = ", ".join(_braced(units(quantity)) for quantity in quantities)
+    return f"static const signed char {name}[{len(quantities)}][6] = {{{rows}}};\n"
+
+
+def _table_layout(layout: Layout) -> str:
+    """Initializer of the ``TableLayout`` of a layout."""
+
+    def row(name: str, names: list[str]) -> int:
+        if name in names:
+            return names.index(name)
+        if name in ("inertia.xx", "inertia.yy") and "inertia.zz" in names:
+            return names.index("inertia.zz")
+        return ALL_ONE if name == "orientation.w" else ALL_ZERO
+
+    body, contact = names_of_body(layout), names_of_contact(layout)
+    body_rows = [row(name, body) for name in names_of_body(Layout.EVERYTHING)]
+    contact_rows = [row(name, contact) for name in names_of_contact(Layout.EVERYTHING)]
+    fields = layout.fields(0)
+    axes, spins = len(fields["velocity"]), len(fields.get("angular_velocity", []))
+    return _braced([len(body), len(contact), axes, 3 - spins, _braced(body_rows), _braced(contact_rows)])
+
+
+def _braced(values: Iterable[object]) -> str:
+    return "{" + ", ".join(map(str, values)) + "}"
