@@ -64,16 +64,17 @@ def resolve_scene(
     without friction.
 
     Args:
-        bodies: all bodies of the scene. A body may have no contact. pairs: for each contact, the indices of
-        its body_a and its body_b. contacts: where the bodies touch. Each normal points towards the contact's
-        body_a. model: what to model, and how exactly. ``tangential_restitution`` is for clusters of one
-        contact. threshold: for FRICTIONLESS and COULOMB, in [0, 1): approaches slower than this fraction of
-        the fastest
-            one in their cluster are ignored. The answer jumps where an approach reaches the threshold.
+        bodies: all bodies of the scene. A body may have no contact.
+        pairs: for each contact, the indices of its body_a and its body_b.
+        contacts: where the bodies touch. Each normal points towards the contact's body_a.
+        model: what to model, and how exactly. ``tangential_restitution`` is for clusters of one contact.
+        threshold: for FRICTIONLESS and COULOMB, in [0, 1): approaches slower than this fraction of the
+            fastest one in their cluster are ignored. The answer jumps where an approach reaches the
+            threshold.
         stiffness: for ROUTH_STRONGE, the stiffness of each contact, > 0, in any unit. Equal if left out.
         exponent: for ROUTH_STRONGE, the exponent of the contact forces, in [1, 10]: 1 is linear, 1.5 is
-        Hertz. orders: number of orders to try for ``order_sensitivity``. Each one takes longer than the
-        answer.
+            Hertz.
+        orders: number of orders to try for ``order_sensitivity``. Each one takes longer than the answer.
 
     Raises:
         ImpactError: if the scene cannot be resolved; ``field`` names the body, the pair or the contact.

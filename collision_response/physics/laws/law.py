@@ -95,11 +95,12 @@ class Outcome(NamedTuple):
     """The result of a law.
 
     Attributes:
-        impulse: on body_a [N s]. regime: the number of a :class:`Regime`. energy_lost_restitution: work done
-        against the normal impulse [J]. energy_lost_friction: work done against the tangential impulse [J].
+        impulse: on body_a [N s].
+        regime: the number of a :class:`Regime`.
+        energy_lost_restitution: work done against the normal impulse [J].
+        energy_lost_friction: work done against the tangential impulse [J].
         normal_factor: ``j`` if the impulse of this law is always ``j n``, which makes the change of the
-        twists
-            cheaper to compute; else ``None``.
+            twists cheaper to compute; else ``None``.
         fell_back: whether the law had no sound answer, and this is that of COULOMB.
         unfinished: whether a loop used up its budget of steps.
         estimated_error: estimated error of ``impulse`` [N s], from a law that cannot bound it; else ``None``.
