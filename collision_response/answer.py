@@ -83,15 +83,15 @@ class Impact(NamedTuple):
 
     def __str__(self) -> str:
         """What happened, as a table."""
-        return as_table(self)
+        return format_impact(self)
 
     def __repr__(self) -> str:
         """In one line: what to look at first. Every field has its name."""
         chosen = f"{self.status}, {self.model.law}, {self.regime}"
-        return f"Impact({chosen}, impulse={as_tuple(self.impulse)}, error_bound={self.error_bound:.2g})"
+        return f"Impact({chosen}, impulse={format_vector(self.impulse)}, error_bound={self.error_bound:.2g})"
 
 
-def impact_of(
+def make_impact(
     bodies: Iterable[Body],
     found: tuple[Any, Any, Any],
     contact: Contact,
@@ -112,7 +112,7 @@ def impact_of(
         normalised: whether a quaternion was off unit length.
     """
     changes, report, flags = found
-    slow, fell_back = flags.slow is True, flags.fell_back is True
+    slow, fell_back = flags.below_threshold is True, flags.fell_back is True
     status = StatusCode.SEPARATING if flags.separating is True else StatusCode.OK
     return Impact(
         status if error_bound <= limit else StatusCode.TOLERANCE_NOT_MET,
@@ -130,13 +130,13 @@ def impact_of(
             normalised * Adjustment.NORMALISED_ORIENTATION
             | slow * Adjustment.RESTITUTION_THRESHOLD
             | fell_back * Adjustment.LAW_FALLBACK
-            | (flags.idle_spin is True) * Adjustment.MASSLESS_SPIN
+            | (flags.massless_spin is True) * Adjustment.MASSLESS_SPIN
             | any(body.inverse_inertia is not None for body in bodies) * Adjustment.ENERGY_CHANGE_ONLY
         ),
     )
 
 
-def in_norm(body: Body, change: Twist) -> tuple[float, ...]:
+def norm_components(body: Body, change: Twist) -> tuple[float, ...]:
     """The components of a body's twist change, each scaled so that their length is in proportion to the norm
     of ``error_bound``; one 0 if nothing moves the body.
     """
@@ -151,7 +151,7 @@ def in_norm(body: Body, change: Twist) -> tuple[float, ...]:
     return (*(linear * v for v in change.linear), *(angular * w for w in change.angular))
 
 
-def as_table(answer: Any, names: tuple[str, str] = ("body_a", "body_b")) -> str:
+def format_impact(answer: Any, names: tuple[str, str] = ("body_a", "body_b")) -> str:
     """An :class:`Impact`, or a ``CollisionResult`` message: its fields have the same names.
 
     Args:
@@ -163,44 +163,44 @@ def as_table(answer: Any, names: tuple[str, str] = ("body_a", "body_b")) -> str:
     chosen = Law(model.law), Geometry(model.geometry), Precision(model.precision)
     touch = [
         str(Regime(answer.regime)),
-        *map(in_digits, (contact.restitution, contact.friction)),
-        *map(in_digits, (answer.normal_velocity_before, answer.normal_velocity_after)),
-        as_tuple(answer.impulse),
+        *map(format_number, (contact.restitution, contact.friction)),
+        *map(format_number, (answer.normal_velocity_before, answer.normal_velocity_after)),
+        format_vector(answer.impulse),
     ]
     bodies = [
-        [name, as_tuple(twist.linear), as_tuple(twist.angular)]
+        [name, format_vector(twist.linear), format_vector(twist.angular)]
         for name, twist in zip(names, (answer.twist_a, answer.twist_b), strict=True)
     ]
     lines = [
         f"{status} by {chosen[0]} ({chosen[1]}, {chosen[2]}), "
         f"relative error at most {answer.error_bound:.2g}",
-        *in_columns(["regime", "e", "mu", "u before [m/s]", "u after [m/s]", "impulse [N s]"], [touch]),
-        *in_columns(["body", "velocity [m/s]", "angular velocity [rad/s]"], bodies),
-        energies_of(answer),
+        *format_columns(["regime", "e", "mu", "u before [m/s]", "u after [m/s]", "impulse [N s]"], [touch]),
+        *format_columns(["body", "velocity [m/s]", "angular velocity [rad/s]"], bodies),
+        format_energies(answer),
     ]
     if answer.adjustments:
         lines.append(f"adjusted: {Adjustment(answer.adjustments)}")
     return "\n".join(lines)
 
 
-def energies_of(answer: Any) -> str:
+def format_energies(answer: Any) -> str:
     """Before and after, and what is lost."""
-    before, after = in_digits(answer.kinetic_energy_before), in_digits(answer.kinetic_energy_after)
-    lost = in_digits(answer.energy_lost_restitution), in_digits(answer.energy_lost_friction)
+    before, after = format_number(answer.kinetic_energy_before), format_number(answer.kinetic_energy_after)
+    lost = format_number(answer.energy_lost_restitution), format_number(answer.energy_lost_friction)
     return f"energy {before} -> {after} J; lost: {lost[0]} restitution, {lost[1]} friction"
 
 
-def in_digits(x: Scalar) -> str:
+def format_number(x: Scalar) -> str:
     """A number of six digits; 0 without its sign."""
     return f"{float(x) + 0.0:.6g}"
 
 
-def as_tuple(v: Any) -> str:
+def format_vector(v: Any) -> str:
     """A vector."""
-    return "(" + ", ".join(map(in_digits, (v.x, v.y, v.z))) + ")"
+    return "(" + ", ".join(map(format_number, (v.x, v.y, v.z))) + ")"
 
 
-def in_columns(head: list[str], rows: list[list[str]]) -> list[str]:
+def format_columns(head: list[str], rows: list[list[str]]) -> list[str]:
     """The lines of a table."""
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
     return [

@@ -11,7 +11,7 @@ from .physics.tensor import ZERO_TENSOR
 from .physics.vector import ZERO, Vec3
 
 
-def is_point(body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool) -> Condition:
+def point_suffices(body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool) -> Condition:
     """Whether rotation neither moves the contact, as far as the law looks, nor responds to it."""
 
     def is_point_like(body: Body) -> Condition:
@@ -24,7 +24,7 @@ def is_point(body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool
     return is_point_like(body_a) & is_point_like(body_b)
 
 
-def is_planar(body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool) -> Condition:
+def planar_suffices(body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool) -> Condition:
     """Whether all that matters lies in the x-y plane."""
     in_plane = contact.normal.z == 0
     for body in (body_a, body_b):
@@ -36,16 +36,16 @@ def is_planar(body_a: Body, body_b: Body, contact: Contact, *, frictionless: boo
     return in_plane & (body_a.velocity.z == body_b.velocity.z) & all_zero(tumbling)
 
 
-def required(body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool) -> Geometry:
+def required_geometry(body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool) -> Geometry:
     """The least geometry, for plain numbers."""
-    if is_point(body_a, body_b, contact, frictionless=frictionless):
+    if point_suffices(body_a, body_b, contact, frictionless=frictionless):
         return Geometry.POINT
-    if is_planar(body_a, body_b, contact, frictionless=frictionless):
+    if planar_suffices(body_a, body_b, contact, frictionless=frictionless):
         return Geometry.PLANAR
     return Geometry.SPATIAL
 
 
-def flattened(body: Body, geometry: Geometry) -> Body:
+def reduce_body(body: Body, geometry: Geometry) -> Body:
     """A body with what a geometry leaves out taken away."""
     if geometry is Geometry.POINT:
         return body._replace(inertia=ZERO_TENSOR, orientation=None, angular_velocity=ZERO, com=ZERO)
@@ -60,7 +60,7 @@ def flattened(body: Body, geometry: Geometry) -> Body:
     )
 
 
-def flattened_contact(contact: Contact, geometry: Geometry) -> Contact:
+def reduce_contact(contact: Contact, geometry: Geometry) -> Contact:
     """A contact with what a geometry leaves out taken away."""
     if geometry is Geometry.POINT:
         return contact

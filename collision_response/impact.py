@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .numbers.operations import Condition, Scalar, choose, leave_range, negation, square_root
+from .numbers.operations import Condition, Scalar, choose, is_out_of_range, negation, square_root
 from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics
@@ -68,9 +68,9 @@ class Flags(NamedTuple):
 
     Attributes:
         separating: the bodies do not approach each other.
-        slow: the approach was slower than the threshold, and restitution is 0.
+        below_threshold: the approach was slower than the threshold, and restitution is 0.
         fell_back: the law had no sound answer, and this is COULOMB's.
-        idle_spin: a body turned about an axis without inertia, which moved no contact.
+        massless_spin: a body turned about an axis without inertia, which moved no contact.
         unfinished: a loop of the law ended by its budget.
         out_of_range: a number that the answer hangs on is beyond the range, or among the least, which have
             few digits.
@@ -79,15 +79,15 @@ class Flags(NamedTuple):
     """
 
     separating: Condition
-    slow: Condition
+    below_threshold: Condition
     fell_back: Condition
-    idle_spin: Condition
+    massless_spin: Condition
     unfinished: Condition
     out_of_range: Condition
     unphysical: Condition
 
 
-class Blow(NamedTuple):
+class LawResult(NamedTuple):
     """The impulse, seen from the contact alone.
 
     Attributes:
@@ -113,24 +113,26 @@ class Blow(NamedTuple):
         return choose(self.approaching, lambda: condition, lambda: self.approaching)
 
 
-class Answer(NamedTuple):
+class ImpactNumbers(NamedTuple):
     """The numbers of an answer.
 
     Attributes:
         changes, report, flags: see there.
-        doubt: an estimate of the error of the changes, by a law that can give no bound.
+        estimated_error: an estimate of the error of the changes, by a law that can give no bound.
     """
 
     changes: Changes
     report: Report
     flags: Flags
-    doubt: Changes | None = None
+    estimated_error: Changes | None = None
 
 
 DEFAULT = Settings()
 
 
-def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Settings = DEFAULT) -> Answer:
+def impact(
+    body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Settings = DEFAULT
+) -> ImpactNumbers:
     """What becomes of two bodies that collide.
 
     Args:
@@ -145,11 +147,11 @@ def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Set
     length = square_root(n.dot(n))
     friction = contact.friction * 0 if law is Law.FRICTIONLESS else contact.friction
     by_speed = callable(friction)
-    blow = blow_of(kinematics, Coefficients(contact.restitution, friction, settings), law)
-    approaching, is_slow, e, outcome, impulse = blow
+    law_result = apply_law(kinematics, Coefficients(contact.restitution, friction, settings), law)
+    approaching, is_slow, e, outcome, impulse = law_result
     change_a, change_b = kinematics.twist_changes(impulse)
     if outcome.normal_factor is not None:
-        along = blow.if_approaching(outcome.normal_factor)
+        along = law_result.if_approaching(outcome.normal_factor)
         change_a, change_b = kinematics.twist_changes_along_normal(impulse, along)
     a, b = _moved(body_a, change_a), _moved(body_b, change_b)
     u_after = u + kinematics.velocity_change(change_a, change_b)
@@ -168,30 +170,31 @@ def impact(body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Set
         + kinetic_energy(b)
         + kinematics.body_a.energy_gained(body_a.velocity, impulse, change_a)
         + kinematics.body_b.energy_gained(body_b.velocity, -impulse, change_b),
-        energy_lost_restitution=blow.if_approaching(outcome.energy_lost_restitution),
-        energy_lost_friction=blow.if_approaching(outcome.energy_lost_friction),
+        energy_lost_restitution=law_result.if_approaching(outcome.energy_lost_restitution),
+        energy_lost_friction=law_result.if_approaching(outcome.energy_lost_friction),
         restitution=e,
         regime=choose(approaching, lambda: outcome.regime, lambda: 1.0 * Regime.SEPARATING),
     )
     flags = Flags(
         separating=negation(approaching),
-        slow=is_slow & (contact.restitution > 0),
+        below_threshold=is_slow & (contact.restitution > 0),
         fell_back=approaching & outcome.fell_back,
-        idle_spin=_is_idle(kinematics.body_a.massless_spin) | _is_idle(kinematics.body_b.massless_spin),
+        massless_spin=_is_nonzero(kinematics.body_a.massless_spin)
+        | _is_nonzero(kinematics.body_b.massless_spin),
         unfinished=approaching & outcome.unfinished,
-        out_of_range=leave_range(n.dot(n), kinematics.n_Kn)
-        | blow.and_approaching(
-            outcome.out_of_range | leave_range(-kinematics.n_u, -kinematics.n_u / kinematics.n_Kn)
+        out_of_range=is_out_of_range(n.dot(n), kinematics.n_Kn)
+        | law_result.and_approaching(
+            outcome.out_of_range | is_out_of_range(-kinematics.n_u, -kinematics.n_u / kinematics.n_Kn)
         ),
         unphysical=not by_speed
         and _is_unphysical(law, kinematics, u_after, impulse, friction, e * kinematics.n_u, approaching),
     )
     error = outcome.estimated_error
-    doubt = error and Changes(error, *kinematics.twist_changes(error))
-    return Answer(Changes(impulse, change_a, change_b), report, flags, doubt)
+    estimated_error = error and Changes(error, *kinematics.twist_changes(error))
+    return ImpactNumbers(Changes(impulse, change_a, change_b), report, flags, estimated_error)
 
 
-def blow_of(contact: ContactKinematics, coefficients: Coefficients, law: Law) -> Blow:
+def apply_law(contact: ContactKinematics, coefficients: Coefficients, law: Law) -> LawResult:
     """What a law makes of a contact, seen from there."""
     n, n_u, settings = contact.n, contact.n_u, coefficients.settings
     approaching = n_u < 0
@@ -210,7 +213,7 @@ def blow_of(contact: ContactKinematics, coefficients: Coefficients, law: Law) ->
     impulse = choose(
         approaching, lambda: outcome.impulse, lambda: n * 0
     )  # whatever the law makes of the rest
-    return Blow(approaching, is_slow, e, outcome, impulse)
+    return LawResult(approaching, is_slow, e, outcome, impulse)
 
 
 def _or_coulomb(contact: ContactKinematics, coefficients: Coefficients, outcome: Outcome) -> Outcome:
@@ -231,7 +234,7 @@ def _moved(body: Body, change: Twist) -> Body:
     )
 
 
-def _is_idle(spin: Vec3) -> Condition:
+def _is_nonzero(spin: Vec3) -> Condition:
     return spin.dot(spin) > 0
 
 

@@ -39,7 +39,7 @@ from .physics import friction
 from .physics.combine import CombineRule, check_rule, combine
 from .physics.friction import Friction
 from .physics.restitution import Restitution, johnson, plastic, power_law, tabulated
-from .status import ImpactError, StatusCode, shown
+from .status import ImpactError, StatusCode, format_value
 
 PUBLISHED = Path(__file__).with_name("materials.yaml")
 
@@ -85,7 +85,7 @@ RANGES = {
 }
 
 
-class Found(NamedTuple):
+class PairCoefficient(NamedTuple):
     """A coefficient, and how it came about.
 
     Attributes:
@@ -170,7 +170,9 @@ class Materials:
         """The entry of two materials; an empty one if there is none."""
         return self.pairs.get((min(a, b), max(a, b)), NO_PAIR)
 
-    def find(self, coefficient: str, a: str, b: str, rule: CombineRule = CombineRule.AVERAGE) -> Found | None:
+    def find(
+        self, coefficient: str, a: str, b: str, rule: CombineRule = CombineRule.AVERAGE
+    ) -> PairCoefficient | None:
         """A coefficient of two materials: of their pair, else combined; ``None``: nothing is known.
 
         Args:
@@ -189,7 +191,7 @@ class Materials:
         pair = self.between(a, b)
         value = getattr(pair, coefficient)
         if value is not None:
-            return Found(value, True, pair.source)
+            return PairCoefficient(value, True, pair.source)
         both = [self.materials.get(name, Material()) for name in (a, b)]
         values = [getattr(one, coefficient) for one in both]
         if None in values:
@@ -199,15 +201,15 @@ class Materials:
         if math.isinf(joined):
             reason = f"is beyond float64 by the rule {rule.value}: of {a} {values[0]}, of {b} {values[1]}"
             raise ImpactError(StatusCode.OUT_OF_RANGE, coefficient, reason)
-        return Found(joined, False, rule.value)
+        return PairCoefficient(joined, False, rule.value)
 
 
-NOTHING = Materials({}, {})
+NO_MATERIALS = Materials({}, {})
 """No file."""
 
 
 def _malformed(field: str, must: str, value: Any) -> ImpactError:
-    return ImpactError(StatusCode.INVALID_TABLE, field, f"{must}, is {shown(value, quoted)}")
+    return ImpactError(StatusCode.INVALID_TABLE, field, f"{must}, is {format_value(value, quoted)}")
 
 
 def _name(field: str, name: Any) -> str:
@@ -259,7 +261,7 @@ def _pair(field: str, entry: Any) -> tuple[tuple[str, str], Pair]:
 def _source(field: str, source: Any) -> str:
     if isinstance(source, bool) or not isinstance(source, (str, int, float, NoneType)):
         raise _malformed(field, "must be text", source)
-    return "" if source is None else shown(source, str)
+    return "" if source is None else format_value(source, str)
 
 
 YIELDING = {"thornton": plastic, "johnson": johnson}
@@ -301,7 +303,7 @@ def _columns(law: Mapping[str, Any]) -> tuple[list[float], list[float]]:
     """Raises: TypeError or ValueError: a column is no list of finite numbers; it says where."""
     for name in ("speeds", "values"):
         if not isinstance(law[name], list):
-            raise TypeError(f"{name}: must be a list of numbers, is {shown(law[name], quoted)}")
+            raise TypeError(f"{name}: must be a list of numbers, is {format_value(law[name], quoted)}")
     speeds, values = (
         [_finite(f"{name}[{i}]", x) for i, x in enumerate(law[name])] for name in ("speeds", "values")
     )

@@ -10,7 +10,7 @@ from .named_enum import NamedEnum
 from .physics.laws import Law as Law
 from .physics.laws import Settings
 from .physics.stiffness import METAL_ON_METAL
-from .status import ImpactError, StatusCode, limits, shown
+from .status import ImpactError, StatusCode, format_range, format_value
 
 
 class Geometry(NamedEnum):
@@ -71,7 +71,7 @@ class ImpactModel(NamedTuple):
         geometry: see :class:`Geometry`.
         precision: see :class:`Precision`.
         tolerance: greatest relative error of the impulse wanted, >= 0; 0: any that is known. Without one
-            AUTO tries harder above ``USEFUL``.
+            AUTO tries harder above ``USEFUL_BOUND``.
         tangential_restitution: ``e_t`` in [-1, 1], for COULOMB.
         restitution_threshold: approach speed [m/s] under which restitution is taken as 0, >= 0.
         stiffness_ratio: tangential over normal stiffness of the contact, in [1e-6, 1e6], for COMPLIANT: see
@@ -93,31 +93,31 @@ STIFFNESS_RATIOS = 1e-6, 1e6
 """Greater and smaller ones differ from ROUTH_STRONGE and FRICTIONLESS by less than any measurement shows."""
 
 
-class Plan(NamedTuple):
+class ModelPlan(NamedTuple):
     """What a model asks of the kernels: what AUTO stands for, as far as the model decides it.
 
     Attributes:
         law_without_friction, law_with_friction: for a contact.
         geometry: AUTO becomes what the impact requires, see :mod:`~collision_response.geometry`.
-        first, last: precisions to climb through until the bound is within the limit.
-        wanted: error bound to climb to.
-        limit: error bound above which the tolerance is not met.
+        first_precision, last_precision: precisions to climb through until the bound is low enough.
+        target_bound: error bound to climb to.
+        bound_limit: error bound above which the tolerance is not met.
         settings: the numbers of the model, as floats.
-        errors: of those, where they were none.
+        settings_errors: of those, where they were none.
     """
 
     law_without_friction: Law
     law_with_friction: Law
     geometry: Geometry
-    first: Precision
-    last: Precision
-    wanted: float
-    limit: float
+    first_precision: Precision
+    last_precision: Precision
+    target_bound: float
+    bound_limit: float
     settings: Settings
-    errors: Settings
+    settings_errors: Settings
 
 
-def plan(model: ImpactModel) -> Plan:
+def plan_model(model: ImpactModel) -> ModelPlan:
     """What a model comes to.
 
     Raises:
@@ -128,8 +128,8 @@ def plan(model: ImpactModel) -> Plan:
     law, geometry, precision = model[:3]
     given = [getattr(model, name) for name in Settings._fields]
     settings = Settings(*map(float, given))
-    limit = settings.tolerance or LARGEST
-    return Plan(
+    limit = settings.tolerance or LARGEST_BOUND
+    return ModelPlan(
         law_for(law, has_friction=False),
         law_for(law, has_friction=True),
         geometry,
@@ -157,30 +157,30 @@ def law_for(law: Law, *, has_friction: bool) -> Law:
 def _first(precision: Precision, tolerance: float) -> Precision:
     if precision is not Precision.AUTO:
         return precision
-    return Precision.EXTENDED if 0 < tolerance < BEYOND_DOUBLE else Precision.DOUBLE
+    return Precision.EXTENDED if 0 < tolerance < LEAST_DOUBLE_BOUND else Precision.DOUBLE
 
 
-BEYOND_DOUBLE = 2.0**-48
+LEAST_DOUBLE_BOUND = 2.0**-48
 """An error bound that DOUBLE hardly ever gets below: AUTO does not try."""
 
 
 def _wanted(precision: Precision, limit: float) -> float:
     if precision is Precision.EXTENDED:
         return min(limit, ULP)
-    return min(limit, USEFUL) if precision is Precision.AUTO else limit
+    return min(limit, USEFUL_BOUND) if precision is Precision.AUTO else limit
 
 
-USEFUL = 2.0**-20
+USEFUL_BOUND = 2.0**-20
 """An error bound above this hardly says anything: AUTO tries a better precision."""
 
-LARGEST = math.nextafter(math.inf, 0.0)
+LARGEST_BOUND = math.nextafter(math.inf, 0.0)
 """The greatest error bound that says anything."""
 
 ULP = 2.0**-52
 """A unit in the last place, at its largest relative to a number: what EXTENDED promises."""
 
 
-def decided(model: ImpactModel, law: int, geometry: int, precision: int) -> ImpactModel:
+def model_as_used(model: ImpactModel, law: int, geometry: int, precision: int) -> ImpactModel:
     """The model as used."""
     return model._replace(law=Law(law), geometry=Geometry(geometry), precision=Precision(precision))
 
@@ -194,13 +194,15 @@ def check_model(model: Any) -> None:
     """
     if not isinstance(model, ImpactModel):
         hint = f": write ImpactModel(law=Law.{model})" if isinstance(model, Law) else ""
-        raise TypeError(f"model: must be an ImpactModel, is {shown(model)}{hint}")
+        raise TypeError(f"model: must be an ImpactModel, is {format_value(model)}{hint}")
     for field, kind in (("law", Law), ("geometry", Geometry), ("precision", Precision)):
         value = getattr(model, field)
         if not isinstance(value, kind):
             known = ", ".join(f"{member.name} ({member.value})" for member in kind)
             raise ImpactError(
-                StatusCode.INVALID_MODEL, f"model.{field}", f"must be one of {known}; is {shown(value)}"
+                StatusCode.INVALID_MODEL,
+                f"model.{field}",
+                f"must be one of {known}; is {format_value(value)}",
             )
     for field, least, most, code in (
         ("tangential_restitution", -1, 1, StatusCode.INVALID_COEFFICIENT),
@@ -232,6 +234,6 @@ def check_number(field: str, value: Any, least: float, most: float, code: Status
     except TypeError:  # an array
         raise TypeError(f"{field}: must be a real number, is {value!r}") from None
     if not finite:
-        raise ImpactError(StatusCode.NOT_FINITE, field, f"must be finite; is {shown(value, str)}")
+        raise ImpactError(StatusCode.NOT_FINITE, field, f"must be finite; is {format_value(value, str)}")
     if not least <= value <= most:
-        raise ImpactError(code, field, f"must be {limits(least, most)}; is {shown(value, str)}")
+        raise ImpactError(code, field, f"must be {format_range(least, most)}; is {format_value(value, str)}")

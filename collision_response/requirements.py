@@ -19,7 +19,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from .answer import Impact, in_norm
+from .answer import Impact, norm_components
 from .model import ULP, Geometry, ImpactModel, Precision, check_by_one_code
 from .physics.body import Body
 from .physics.contact import Contact
@@ -36,7 +36,7 @@ class SceneContact(NamedTuple):
     contact: Contact
 
 
-class Need(NamedTuple):
+class Requirement(NamedTuple):
     """The least that a scene requires in one respect, and why it is not less."""
 
     least: Any
@@ -47,14 +47,14 @@ class SceneRequirements(NamedTuple):
     """The least that a scene requires.
 
     Attributes:
-        geometry, law, precision: a :class:`Need` each.
+        geometry, law, precision: a :class:`Requirement` each.
         tolerance: relative error that they meet in each impact, beside that of a law without friction, which
             is as much at most; see ``error_bound`` of :class:`~collision_response.Impact`.
     """
 
-    geometry: Need
-    law: Need
-    precision: Need
+    geometry: Requirement
+    law: Requirement
+    precision: Requirement
     tolerance: float
 
     def __str__(self) -> str:
@@ -84,9 +84,9 @@ class _Needs(NamedTuple):
         precisions: the greatest that a contact needs, in each geometry.
     """
 
-    geometry: Need
+    geometry: Requirement
     out_of_plane: str
-    precisions: Mapping[Geometry, Need]
+    precisions: Mapping[Geometry, Requirement]
 
     def with_contact(self, name: str, least: Mapping[Geometry, Precision]) -> _Needs:
         """With one more, of which ``least`` has the geometries that serve it and the precision there."""
@@ -100,17 +100,19 @@ class _Needs(NamedTuple):
             },
         )
 
-    def common_geometry(self) -> Need:
+    def common_geometry(self) -> Requirement:
         """The least that serves all contacts: one that needs none may lie out of the plane of another."""
         if self.geometry.least is Geometry.PLANAR and self.out_of_plane:
-            return Need(Geometry.SPATIAL, f"{self.geometry.reason}, and {self.out_of_plane} is not in it")
+            return Requirement(
+                Geometry.SPATIAL, f"{self.geometry.reason}, and {self.out_of_plane} is not in it"
+            )
         return self.geometry
 
 
 NO_NEEDS = _Needs(
-    Need(Geometry.POINT, WHY_GEOMETRY[Geometry.POINT]),
+    Requirement(Geometry.POINT, WHY_GEOMETRY[Geometry.POINT]),
     "",
-    dict.fromkeys(GEOMETRIES, Need(Precision.SINGLE, "the tolerance is met")),
+    dict.fromkeys(GEOMETRIES, Requirement(Precision.SINGLE, "the tolerance is met")),
 )
 LAWS = Law.FRICTIONLESS, Law.COULOMB
 
@@ -130,7 +132,7 @@ class SceneSurvey:
         """
         _check_tolerance(tolerance)
         self._tolerance = tolerance
-        self._law = Need(Law.FRICTIONLESS, "friction changes no impact by more than the tolerance")
+        self._law = Requirement(Law.FRICTIONLESS, "friction changes no impact by more than the tolerance")
         self._needs = dict.fromkeys(LAWS, NO_NEEDS)
 
     def add(self, name: str, body_a: Body, body_b: Body, contact: Contact) -> None:
@@ -199,8 +201,8 @@ def _check_tolerance(tolerance: Any) -> None:
         raise ImpactError(StatusCode.INVALID_MODEL, "tolerance", f"must be above 0, is {tolerance}")
 
 
-def _greater(need: Need, candidate: Any, reason: str) -> Need:
-    return Need(candidate, reason) if candidate > need.least else need
+def _greater(need: Requirement, candidate: Any, reason: str) -> Requirement:
+    return Requirement(candidate, reason) if candidate > need.least else need
 
 
 def _whole(law: Law) -> ImpactModel:
@@ -222,8 +224,8 @@ def _difference(one: Impact, other: Impact, body_a: Body, body_b: Body) -> float
     """A bound on the relative difference of two answers, in the norms of ``error_bound``."""
     apart = max(
         _relative(one.impulse, other.impulse),
-        _relative(in_norm(body_a, one.change_a), in_norm(body_a, other.change_a)),
-        _relative(in_norm(body_b, one.change_b), in_norm(body_b, other.change_b)),
+        _relative(norm_components(body_a, one.change_a), norm_components(body_a, other.change_a)),
+        _relative(norm_components(body_b, one.change_b), norm_components(body_b, other.change_b)),
     )
     return apart + one.error_bound + other.error_bound
 

@@ -7,13 +7,23 @@ from functools import lru_cache
 from typing import Any
 
 from . import validity
-from .answer import Impact, in_norm
-from .geometry import flattened, flattened_contact
+from .answer import Impact, norm_components
+from .geometry import reduce_body, reduce_contact
 from .in_python import arbitrary_precision, exact_fractions, friction_along_path
-from .in_python.coefficients_at_speed import friction_at_first, restitution_at
+from .in_python.coefficients_at_speed import initial_friction, restitution_at_speed
 from .kernels import library
 from .kernels.protocol import Handover
-from .model import DEFAULT, USEFUL, Adjustment, Geometry, ImpactModel, Precision, check_number, law_for, plan
+from .model import (
+    DEFAULT,
+    USEFUL_BOUND,
+    Adjustment,
+    Geometry,
+    ImpactModel,
+    Precision,
+    check_number,
+    law_for,
+    plan_model,
+)
 from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.laws import BY_SPEED, Law, Regime
@@ -55,9 +65,9 @@ def _left_to_python(
 ) -> Impact:
     """What the kernels do not answer, or not exactly enough: then ``answer`` is theirs, else it says why."""
     if answer == Handover.INVALID:
-        validity.check_two(body_a, body_b)
-        a, b, numeric = arbitrary_precision.read(body_a, body_b, contact)
-        e_t = plan(model).settings.tangential_restitution
+        validity.check_distinct(body_a, body_b)
+        a, b, numeric = arbitrary_precision.read_request(body_a, body_b, contact)
+        e_t = plan_model(model).settings.tangential_restitution
         validity.check(a, b, numeric, e_t, (body_a, body_b, contact))
         raise ImpactError(StatusCode.INTERNAL_ERROR, "request", "was refused for no known reason")
     if answer == Handover.NOT_ONLY_NUMBERS:
@@ -71,7 +81,7 @@ def _left_to_python(
         return exact_fractions.resolve(body_a, body_b, contact, model)
     if answer == Handover.GEOMETRY_TOO_SMALL:
         return _leaving_out(body_a, body_b, contact, model)
-    may_climb = plan(model).last is Precision.EXTENDED
+    may_climb = plan_model(model).last_precision is Precision.EXTENDED
     more = arbitrary_precision.resolve(body_a, body_b, contact, model) if may_climb else None
     if more is not None and not (isinstance(answer, Impact) and answer.error_bound < more.error_bound):
         return more
@@ -82,7 +92,11 @@ def _left_to_python(
             return decided
     if not isinstance(answer, Impact):
         raise library.refusal(StatusCode.OUT_OF_RANGE)
-    return answer._replace(status=_status(answer)) if answer.error_bound <= plan(model).limit else answer
+    return (
+        answer._replace(status=_status(answer))
+        if answer.error_bound <= plan_model(model).bound_limit
+        else answer
+    )
 
 
 def _status(answer: Impact) -> StatusCode:
@@ -96,13 +110,13 @@ def _with_numbers(body_a: Body, body_b: Body, contact: Contact, model: ImpactMod
     """
     if callable(contact.friction) and model.law not in BY_SPEED:
         law = law_for(model.law, has_friction=True)
-        mu = 0.0 if law is Law.FRICTIONLESS else friction_at_first(body_a, body_b, contact, law)
+        mu = 0.0 if law is Law.FRICTIONLESS else initial_friction(body_a, body_b, contact, law)
         contact = contact._replace(friction=mu)
     if callable(contact.restitution):
         elastic = contact._replace(restitution=1.0, friction=0.0)
         simple = model._replace(restitution_threshold=0.0, tolerance=0.0, precision=Precision.EXTENDED)
         before = resolve(body_a, body_b, elastic, simple).normal_velocity_before
-        e = restitution_at(float(max(-before, 0.0)), contact, "contact")
+        e = restitution_at_speed(float(max(-before, 0.0)), contact, "contact")
         contact = contact._replace(restitution=e)
     return contact
 
@@ -122,7 +136,7 @@ def _with_threshold_decided(
     """
     bare = model._replace(law=Law.FRICTIONLESS, precision=Precision.EXTENDED, tolerance=0.0)
     approach = resolve(body_a, body_b, contact._replace(restitution=1.0, friction=0.0), bare)
-    if not approach.error_bound <= USEFUL:
+    if not approach.error_bound <= USEFUL_BOUND:
         return None
     is_slow = Adjustment.RESTITUTION_THRESHOLD in approach.adjustments
     used = contact._replace(restitution=0.0) if is_slow else contact
@@ -158,15 +172,19 @@ def _leaving_out(body_a: Body, body_b: Body, contact: Contact, model: ImpactMode
         reason = f"has no part in the x-y plane, which is all that PLANAR models: {tuple(contact.normal)}"
         raise ImpactError(StatusCode.INVALID_NORMAL, "contact.normal", reason)
     whole = resolve(body_a, body_b, contact, model._replace(geometry=Geometry.SPATIAL))
-    flat_a, flat_b = (flattened(body, geometry) for body in (body_a, body_b))
-    flat = resolve(flat_a, flat_b, flattened_contact(contact, geometry), model)
+    flat_a, flat_b = (reduce_body(body, geometry) for body in (body_a, body_b))
+    flat = resolve(flat_a, flat_b, reduce_contact(contact, geometry), model)
     bound = max(
         flat.error_bound,
         _apart(flat.impulse, whole.impulse, whole.error_bound),
-        _apart(in_norm(body_a, flat.change_a), in_norm(body_a, whole.change_a), whole.error_bound),
-        _apart(in_norm(body_b, flat.change_b), in_norm(body_b, whole.change_b), whole.error_bound),
+        _apart(
+            norm_components(body_a, flat.change_a), norm_components(body_a, whole.change_a), whole.error_bound
+        ),
+        _apart(
+            norm_components(body_b, flat.change_b), norm_components(body_b, whole.change_b), whole.error_bound
+        ),
     )
-    limit = plan(model).limit
+    limit = plan_model(model).bound_limit
     return flat._replace(
         status=flat.status if bound <= limit else StatusCode.TOLERANCE_NOT_MET,
         twist_a=_sum(body_a, flat.change_a),

@@ -13,14 +13,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from .answer import as_tuple, in_columns, in_digits
+from .answer import format_columns, format_number, format_vector
 from .model import DEFAULT, Adjustment, ImpactModel
 from .physics.body import Body
 from .physics.contact import Contact
 from .physics.laws import Regime
 from .physics.vector import ZERO, Vec3, as_vector
 from .resolve import resolve
-from .status import ImpactError, StatusCode, shown
+from .status import ImpactError, StatusCode, format_value
 
 
 class ContactImpact(NamedTuple):
@@ -58,12 +58,14 @@ class ContactImpact(NamedTuple):
 
     def __str__(self) -> str:
         """What happened."""
-        touch = [str(self.regime), as_tuple(self.velocity_after), as_tuple(self.impulse)]
-        lost = map(in_digits, (self.energy_change, self.energy_lost_restitution, self.energy_lost_friction))
+        touch = [str(self.regime), format_vector(self.velocity_after), format_vector(self.impulse)]
+        lost = map(
+            format_number, (self.energy_change, self.energy_lost_restitution, self.energy_lost_friction)
+        )
         lines = [
             f"{self.status} by {self.model.law} ({self.model.precision}), "
             f"relative error at most {self.error_bound:.2g}",
-            *in_columns(["regime", "velocity after [m/s]", "impulse [N s]"], [touch]),
+            *format_columns(["regime", "velocity after [m/s]", "impulse [N s]"], [touch]),
             "energy changed by {} J; lost: {} restitution, {} friction".format(*lost),
         ]
         if self.adjustments:
@@ -74,7 +76,7 @@ class ContactImpact(NamedTuple):
         """In one line: what to look at first. Every field has its name."""
         chosen = f"{self.status}, {self.model.law}, {self.regime}"
         bound = f"error_bound={self.error_bound:.2g}"
-        return f"ContactImpact({chosen}, impulse={as_tuple(self.impulse)}, {bound})"
+        return f"ContactImpact({chosen}, impulse={format_vector(self.impulse)}, {bound})"
 
 
 def resolve_contact(
@@ -107,9 +109,9 @@ def resolve_contact(
     try:
         rows = [[*row, 0.0, 0.0, 0.0] for row in K]
     except TypeError:
-        raise TypeError(f"K: must be 3 x 3 numbers, is {shown(K)}") from None
+        raise TypeError(f"K: must be 3 x 3 numbers, is {format_value(K)}") from None
     if [len(row) for row in rows] != [6, 6, 6]:
-        raise ImpactError(StatusCode.INVALID_INERTIA, "K", f"must be 3 x 3 numbers, is {shown(K)}")
+        raise ImpactError(StatusCode.INVALID_INERTIA, "K", f"must be 3 x 3 numbers, is {format_value(K)}")
     contact, velocity = Contact(ZERO, as_vector("n", n), restitution, friction), as_vector("u", u)
     try:
         try:
@@ -121,7 +123,9 @@ def resolve_contact(
         if error.code is StatusCode.NO_DYNAMIC_BODY:
             raise ImpactError(error.code, "K", "must not be 0") from None
         field = _ARGUMENTS.get(error.field, error.field)
-        reason = f"{error.reason.partition('; is ')[0]}; is {shown(K)}" if field == "K" else error.reason
+        reason = (
+            f"{error.reason.partition('; is ')[0]}; is {format_value(K)}" if field == "K" else error.reason
+        )
         raise ImpactError(error.code, field, reason) from None
     except TypeError as error:
         said = _renamed(str(error))

@@ -69,7 +69,7 @@ class StatusCode(NamedEnum):
         return self in (StatusCode.OK, StatusCode.SEPARATING, StatusCode.TOLERANCE_NOT_MET)
 
 
-def shown(value: object, spell: Callable[[Any], str] = repr) -> str:
+def format_value(value: object, spell: Callable[[Any], str] = repr) -> str:
     """``repr(value)``, or what is said of numbers that Python does not spell out.
 
     Args:
@@ -82,7 +82,7 @@ def shown(value: object, spell: Callable[[Any], str] = repr) -> str:
         return "of more digits than are shown"
 
 
-def limits(least: float, most: float) -> str:
+def format_range(least: float, most: float) -> str:
     """What a number must be, in the words of all messages: 1 is 1 there, as an integer or not."""
     low, high = (str(limit).removesuffix(".0") for limit in (least, most))
     return f"at least {low}" if most == math.inf else f"in [{low}, {high}]"

@@ -16,7 +16,7 @@ from .physics.body import ROUNDINGS, Body
 from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics
 from .physics.tensor import Symmetric3
-from .status import ImpactError, StatusCode, limits, shown
+from .status import ImpactError, StatusCode, format_range, format_value
 
 UNIT_LENGTH_TOLERANCE = 1e-9
 """How far the squared length of a quaternion may be from 1 before its normalising is reported."""
@@ -107,7 +107,7 @@ def _of_mechanism(kinematics: ContactKinematics, contact: Contact) -> Iterator[R
     )
 
 
-def is_off_unit(body: Body) -> Condition:
+def is_not_normalised(body: Body) -> Condition:
     """Whether a quaternion is so far from unit length that its normalising is reported."""
     if body.orientation is None:
         return False
@@ -170,10 +170,10 @@ def _finite(field: str, numbers: Iterable[Scalar]) -> Rule:
 def _within(field: str, x: Scalar, least: float, most: float) -> Iterator[Rule]:
     yield _finite(field, (x,))
     holds = (x >= least) & (x <= most)
-    yield Rule(holds, StatusCode.INVALID_COEFFICIENT, field, f"must be {limits(least, most)}")
+    yield Rule(holds, StatusCode.INVALID_COEFFICIENT, field, f"must be {format_range(least, most)}")
 
 
-def is_plainly_sound(
+def is_clearly_valid(
     body_a: Body, body_b: Body, contact: Contact, tangential_restitution: Scalar
 ) -> Condition:
     """Whether a request is sound and usual: half the work. One that is not may be sound all the same."""
@@ -192,7 +192,7 @@ def is_plainly_sound(
     return all_of([*conditions, total - total == 0])
 
 
-def fault(*request: Any) -> Scalar:
+def first_fault(*request: Any) -> Scalar:
     """The code of the first rule that does not hold, or 0."""
 
     def or_else(code: Scalar, rule: Rule) -> Scalar:
@@ -201,7 +201,7 @@ def fault(*request: Any) -> Scalar:
     return reduce(or_else, reversed(list(rules(*request))), 0.0)
 
 
-def check_two(body_a: Body, body_b: Body) -> None:
+def check_distinct(body_a: Body, body_b: Body) -> None:
     """Whether two bodies are two.
 
     Raises:
@@ -242,4 +242,4 @@ def _value(field: str, body_a: Body, body_b: Body, contact: Contact, e_t: float)
         return "immovable, as is the other body"
     owners = {"body_a": body_a, "body_b": body_b, "contact": contact}
     value = getattr(owners[owner], name) if owner in owners else e_t
-    return shown(tuple(value) if isinstance(value, tuple) else value, str)
+    return format_value(tuple(value) if isinstance(value, tuple) else value, str)

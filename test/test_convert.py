@@ -71,7 +71,7 @@ def answer_to(request):
     return result
 
 
-def impact_of(request):
+def make_impact(request):
     problem, _ = convert.problem_of(request, PARAMETERS)
     return resolve(*problem)
 
@@ -151,7 +151,7 @@ def test_bodies_that_separate_keep_their_twists_to_the_last_bit(request, com):
 @given(request=requests(), com=vectors)
 def test_the_twist_after_is_the_twist_in_the_message_plus_the_change(request, com):
     set_vector(request.body_a.inertia.com, com)
-    impact, result = impact_of(request), answer_to(request)
+    impact, result = make_impact(request), answer_to(request)
     for state, after, change in (
         (request.body_a, result.twist_a, impact.change_a),
         (request.body_b, result.twist_b, impact.change_b),

@@ -37,7 +37,7 @@ from collision_response import (
     StatusCode,
     resolve,
 )
-from collision_response.model import LARGEST, USEFUL
+from collision_response.model import LARGEST_BOUND, USEFUL_BOUND
 from collision_response.physics.effective_mass import ContactKinematics
 from collision_response.physics.mass_properties import sphere
 from collision_response.physics.vector import Vec3
@@ -181,9 +181,9 @@ def test_without_a_tolerance_a_useless_bound_raises_the_precision(share, precisi
     collision = grazing(share)
     impact = resolve(*collision)
     assert impact.model.precision is precision
-    assert true_error(impact, exact_answer(*collision, impact.model)) <= impact.error_bound <= USEFUL
+    assert true_error(impact, exact_answer(*collision, impact.model)) <= impact.error_bound <= USEFUL_BOUND
     double = resolve(*collision, ImpactModel(precision=Precision.DOUBLE))
-    assert (double.error_bound <= USEFUL) == (precision is Precision.DOUBLE)
+    assert (double.error_bound <= USEFUL_BOUND) == (precision is Precision.DOUBLE)
 
 
 def test_a_tolerance_that_nothing_meets_is_reported():
@@ -221,7 +221,7 @@ def test_grazing_moreau_errors_are_within_the_bound():
     for share, seed in product((1e-3, 1e-8, 1e-12), (803, 805)):
         collision = extremes.grazing(share, random_collision(seed))
         impact = collision.resolve(Law.MOREAU)
-        assert error_of(collision, impact) <= impact.error_bound <= USEFUL
+        assert error_of(collision, impact) <= impact.error_bound <= USEFUL_BOUND
 
 
 @pytest.mark.parametrize("law", PATHS, ids=lambda law: law.name)
@@ -272,7 +272,7 @@ def test_grazing_paths_keep_their_digits(law, share):
     for collision in (random_collision(500), random_collision(502, slender=True, friction=5.0)):
         collision = extremes.grazing(share, collision)
         impact, better = collision.resolve(law), collision.resolve(law, precision=Precision.EXTENDED)
-        assert error_of(collision, impact) <= impact.error_bound <= USEFUL
+        assert error_of(collision, impact) <= impact.error_bound <= USEFUL_BOUND
         assert error_of(collision, better) <= min(better.error_bound, 1e-12)
 
 
@@ -345,7 +345,7 @@ def test_the_rounding_of_an_exact_impulse_is_in_the_bound(precision, tolerance, 
         exact = Fraction(mass) * (1 + Fraction(restitution)) * Fraction(speed)
         error = max(abs(Fraction(impact.impulse.z) - exact) - Fraction(math.ulp(0.0)) / 2, 0) / exact
         assert error <= impact.error_bound, (speed, restitution)
-        assert (impact.status is StatusCode.OK) == (impact.error_bound <= (tolerance or LARGEST))
+        assert (impact.status is StatusCode.OK) == (impact.error_bound <= (tolerance or LARGEST_BOUND))
         assert impact.error_bound > 0 or error == 0
 
 

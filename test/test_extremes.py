@@ -26,7 +26,7 @@ from collision_response import (
     StatusCode,
     resolve,
 )
-from collision_response.model import USEFUL
+from collision_response.model import USEFUL_BOUND
 from collision_response.numbers.operations import numbers_in
 from collision_response.physics.vector import Vec3
 
@@ -78,7 +78,7 @@ def test_with_auto_precision_every_extreme_meets_the_tolerance(extreme, law, tol
     impact = resolve(*extreme.collision, model)
     assert_sound(impact, extreme.collision)
     assert impact.status is StatusCode.OK
-    assert impact.error_bound <= (tolerance or USEFUL)
+    assert impact.error_bound <= (tolerance or USEFUL_BOUND)
 
 
 @each_law

@@ -20,7 +20,7 @@ from collision_response import (
     resolve_scene,
 )
 from collision_response.derivatives import differentiate
-from collision_response.in_python.coefficients_at_speed import slip_speed
+from collision_response.in_python.coefficients_at_speed import initial_slip_speed
 from collision_response.physics.friction import stribeck, tabulated
 
 FLOOR = Body.static()
@@ -130,7 +130,7 @@ def test_the_slip_speed_is_right_to_rounding_where_it_cancels(scale, length):
     spinning = Body.dynamic(
         1.0, (0.4, 0, 0, 0.4, 0, 0.4), (0, 0, 1), velocity=(v, 0, -scale), angular_velocity=(0, w, 0)
     )
-    assert slip_speed(spinning, FLOOR, Contact.of((0, 0, 0), (0, 0, length))) == scale * 2.0**-50
+    assert initial_slip_speed(spinning, FLOOR, Contact.of((0, 0, 0), (0, 0, length))) == scale * 2.0**-50
 
 
 def test_a_slip_speed_beyond_float64_is_refused():
@@ -145,11 +145,11 @@ def test_the_slip_speed_of_rotated_offset_and_articulated_bodies():
     """The twist is that of the reference point, so neither orientation nor centre of mass matters."""
     q = (0, 0, Fraction(1, 2), 1)
     body = Body.dynamic(1.0, (1, 0, 0, 2, 0, 3), (0, 0, 0), q, (3, 4, -1), (0, 0, 2), com=(0.5, 0.25, 0.125))
-    assert slip_speed(body, FLOOR, Contact.of((0, 0, -1), (0, 0, 1))) == 5.0
+    assert initial_slip_speed(body, FLOOR, Contact.of((0, 0, -1), (0, 0, 1))) == 5.0
     arm = Body.articulated(
         [[float(i == j) for j in range(6)] for i in range(6)], (0, 0, 1), (3, 4, -1), (0, 0, 9)
     )
-    assert slip_speed(FLOOR, arm, Contact.of((0, 0, 0), (0, 0, -2))) == 5.0
+    assert initial_slip_speed(FLOOR, arm, Contact.of((0, 0, 0), (0, 0, -2))) == 5.0
 
 
 def test_resolve_contact_accepts_functions():

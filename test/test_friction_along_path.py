@@ -29,7 +29,7 @@ from collision_response import (
     resolve_contact,
     resolve_scene,
 )
-from collision_response.answer import in_norm
+from collision_response.answer import norm_components
 from collision_response.materials import Materials
 from collision_response.physics.friction import stribeck, tabulated
 
@@ -396,7 +396,7 @@ def test_the_geometry_is_the_simplest_exact_one_or_the_requested_one():
         math.dist(found, right) / math.hypot(*right)
         for found, right in (
             (point.impulse, spatial.impulse),
-            (in_norm(flat, point.change_a), in_norm(flat, spatial.change_a)),
+            (norm_components(flat, point.change_a), norm_components(flat, spatial.change_a)),
         )
     ]
     assert point.error_bound == pytest.approx(max(apart), rel=1e-9)

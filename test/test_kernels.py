@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from random_impacts import RandomImpacts
 
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, resolve
-from collision_response.impact import Answer, impact
+from collision_response.impact import ImpactNumbers, impact
 from collision_response.kernels import programs
 from collision_response.kernels.constants import FORMULAS
 from collision_response.kernels.emit import BRANCHES, emit
@@ -26,14 +26,14 @@ from collision_response.kernels.layout import Layout, kernel_inputs, names_of_bo
 from collision_response.kernels.programs import FALLBACK_ARGUMENTS
 from collision_response.kernels.simd_pairs import PAIR, pair_bodies
 from collision_response.kernels.symbol import Loop, Node, Tape, rebuilt
-from collision_response.model import plan
+from collision_response.model import plan_model
 from collision_response.numbers.operations import (
     certain,
     choose,
     error_of,
-    greater,
     iterate,
-    lesser,
+    maximum,
+    minimum,
     numbers_in,
     square_root,
     widened,
@@ -234,9 +234,9 @@ def evaluated(formula, x, y):
         return square_root(abs(a) * 1.0)
     b = rest[0]
     if op == "max":
-        return greater(a, b)
+        return maximum(a, b)
     if op == "min":
-        return lesser(a, b)
+        return minimum(a, b)
     if op == "choose":
         return choose((a < b) & (b != 0), lambda: a / b, lambda: b - a)
     return {"+": lambda: a + b, "-": lambda: a - b, "*": lambda: a * b, "/": lambda: a / b}[op]()
@@ -263,7 +263,7 @@ class Newton(NamedTuple):
 
 def newtons_root(x, y):
     """The root of ``x`` by Newton's method from above. Adding ``y`` makes the loop read an outside value."""
-    start = Newton(greater(x, 1.0 + 0 * x) + 1, 3 * (x + 2))
+    start = Newton(maximum(x, 1.0 + 0 * x) + 1, 3 * (x + 2))
 
     def step(at: Newton) -> Newton:
         return Newton((at.root + x / at.root) / 2 + y, at.root)
@@ -455,7 +455,7 @@ def inputs_of(collision: Collision, layout: Layout, settings: Settings) -> dict[
     }
 
 
-def values(answer: Answer) -> list[float]:
+def values(answer: ImpactNumbers) -> list[float]:
     return [float(x) for x in numbers_in((answer.changes, answer.report))]
 
 
@@ -529,7 +529,7 @@ def test_every_layout_of_every_law_is_generated():
 def same_bits(collision: Collision, model: ImpactModel) -> bool:
     """Whether the kernels answer a request, and then with the bits of the formulas on plain floats."""
     try:
-        direct = impact(*collision, model.law, plan(model).settings)
+        direct = impact(*collision, model.law, plan_model(model).settings)
     except (ZeroDivisionError, OverflowError):  # the kernels give infinities instead
         return False
     try:

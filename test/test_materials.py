@@ -13,7 +13,7 @@ from collision_response.physics.restitution import johnson, plastic, power_law, 
 
 pytest.importorskip("yaml")
 
-from collision_response.materials import NOTHING, PUBLISHED, Materials
+from collision_response.materials import NO_MATERIALS, PUBLISHED, Materials
 
 FILE = """
 pairs:
@@ -158,13 +158,13 @@ def test_an_unknown_material_is_refused_with_the_known_ones(materials):
         materials.check("body_a.material", "cheese")
     assert (refusal.value.code.name, refusal.value.field) == ("UNKNOWN_MATERIAL", "body_a.material")
     with pytest.raises(ImpactError, match="known are none"):
-        NOTHING.check("body_a.material", "steel")
+        NO_MATERIALS.check("body_a.material", "steel")
 
 
 def test_an_empty_file_has_no_materials(tmp_path):
     path = tmp_path / "materials.yaml"
     path.write_text("")
-    assert Materials.read(path) == NOTHING
+    assert Materials.read(path) == NO_MATERIALS
 
 
 def test_the_published_values_name_their_sources():
@@ -274,7 +274,7 @@ def test_empty_values_of_the_wrong_type_are_refused_by_field(tmp_path, field, va
     path = tmp_path / "materials.yaml"
     path.write_text(f"{field}: {value}")
     if (field, value) == ("materials", "{}"):
-        assert Materials.read(path) == NOTHING
+        assert Materials.read(path) == NO_MATERIALS
         return
     with pytest.raises(ImpactError, match=f"^{field}: must be a ") as refusal:
         Materials.read(path)

@@ -32,11 +32,20 @@ import numpy as np
 from ..kernels import library
 from ..kernels.layout import Layout
 from ..kernels.protocol import NumberType
-from ..model import DEFAULT, LARGEST, Geometry, ImpactModel, Law, Precision, check_model, law_for
-from ..model import Plan as PlanOfModel
-from ..model import plan as plan_of_model
+from ..model import (
+    DEFAULT,
+    LARGEST_BOUND,
+    Geometry,
+    ImpactModel,
+    Law,
+    ModelPlan,
+    Precision,
+    check_model,
+    law_for,
+    plan_model,
+)
 from ..physics.laws import PATHS, STEPPED, Settings
-from ..status import ImpactError, StatusCode, shown
+from ..status import ImpactError, StatusCode, format_value
 from . import one_by_one
 from .other_arrays import check_unmasked, is_lazy
 from .other_arrays import resolve_batch as elsewhere
@@ -155,7 +164,7 @@ def resolve_batch(
 def check_workers(workers: Any) -> None:
     """Raises: ValueError: they are no number of threads."""
     if not isinstance(workers, (int, Integral)) or workers < 1:
-        raise ValueError(f"workers: must be a whole number, at least 1, is {shown(workers)}")
+        raise ValueError(f"workers: must be a whole number, at least 1, is {format_value(workers)}")
 
 
 def resolve_with_pauses(
@@ -212,7 +221,7 @@ class Plan(NamedTuple):
     constants: Array
     axes: int
     spins: int
-    climb: PlanOfModel
+    climb: ModelPlan
 
     def results(self, n: int, report: bool) -> tuple[tuple[tuple[int, ...], np.dtype[Any]] | None, ...]:
         """Shapes and types of a :class:`BatchResult`."""
@@ -256,12 +265,12 @@ def _improve(asked: Asked, out: BatchResult, found: tuple[int, float], workers: 
             odd = np.flatnonzero(out.status >= StatusCode.OUT_OF_RANGE)
             yield from one_by_one.retry(asked.some(odd), out, odd)
         return
-    out.precision[:] = climb.first
-    if worst <= StatusCode.SEPARATING and loosest <= climb.wanted:
+    out.precision[:] = climb.first_precision
+    if worst <= StatusCode.SEPARATING and loosest <= climb.target_bound:
         return
-    wanting = _wanting(out, climb.wanted)
+    wanting = _wanting(out, climb.target_bound)
     beyond = wanting[:0]
-    if climb.first is not climb.last and wanting.size:
+    if climb.first_precision is not climb.last_precision and wanting.size:
         is_beyond = out.status[wanting] == StatusCode.OUT_OF_RANGE  # in these units
         beyond, wanting = wanting[is_beyond], wanting[~is_beyond]
         few = BatchResult(
@@ -272,14 +281,14 @@ def _improve(asked: Asked, out: BatchResult, found: tuple[int, float], workers: 
         for array, better in zip(out, few, strict=True):
             if array is not None:
                 array[..., wanting] = better
-        wanting = wanting[_wanting(few, climb.wanted)]
-    if climb.last is Precision.DOUBLE:
-        wanting = _wanting(out, LARGEST)
+        wanting = wanting[_wanting(few, climb.target_bound)]
+    if climb.last_precision is Precision.DOUBLE:
+        wanting = _wanting(out, LARGEST_BOUND)
     wanting = np.concatenate([wanting, beyond])
     if wanting.size:
         yield from one_by_one.retry(asked.some(wanting), out, wanting)
     answered = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)
-    out.status[answered & ~(out.error_bound <= climb.limit)] = StatusCode.TOLERANCE_NOT_MET
+    out.status[answered & ~(out.error_bound <= climb.bound_limit)] = StatusCode.TOLERANCE_NOT_MET
 
 
 def _wanting(out: BatchResult, limit: float) -> Array:
@@ -345,12 +354,12 @@ def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> P
     law = law_for(model.law, has_friction=height >= least.height)
     if law is not Law.FRICTIONLESS and height < least.height:
         raise ValueError(f"contacts: {law.name} needs a row of friction")
-    climb = plan_of_model(model)
+    climb = plan_model(model)
     if law in STEPPED:
-        climb = climb._replace(first=Precision.DOUBLE, last=Precision.DOUBLE)
+        climb = climb._replace(first_precision=Precision.DOUBLE, last_precision=Precision.DOUBLE)
     number = NumberType.FLOAT if dtype == np.float32 else NumberType.PLAIN
     if is_bounded(model):
-        number = NumberType.EXTENDED if climb.first is Precision.EXTENDED else NumberType.BOUNDED
+        number = NumberType.EXTENDED if climb.first_precision is Precision.EXTENDED else NumberType.BOUNDED
     of = body_rows(geometry)
     return Plan(
         list(Layout).index(layout_of(geometry, oriented=oriented)),

@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..kernels import library
-from ..model import DEFAULT, LARGEST, ImpactModel, check_number, plan
+from ..model import DEFAULT, LARGEST_BOUND, ImpactModel, check_number, plan_model
 from ..physics.laws import PATHS
 from ..scene import SceneImpact, resolve_scene
 from ..scene.kernel_model import COMPILED_LAWS, THRESHOLD
@@ -140,7 +140,7 @@ def resolve_scenes(
     else:
         _alone(asked, alone, clusters.order[clusters.starts[alone]], result, workers)
     if model.law in COMPILED_LAWS and not model.tangential_restitution:
-        numbers = threshold, model.restitution_threshold, plan(model).limit, REFLECTIONS
+        numbers = threshold, model.restitution_threshold, plan_model(model).bound_limit, REFLECTIONS
         tables = bodies, pairs, contacts, *clusters, result, together
         kernel = here.layout, int(model.law), tuple(map(float, numbers))
         _share(lambda *part: library.resolve_clusters(*kernel, *tables, *part), together.size, workers)
@@ -182,7 +182,9 @@ def _alone(asked: Asked, alone: Array, at: Array, result: ScenesResult, workers:
         return
     model, bodies, pairs, contacts = asked.plan.model, *asked[1:]
     assert pairs is not None
-    wanted = model if model.tolerance else model._replace(tolerance=LARGEST)  # any, but there is a bound
+    wanted = (
+        model if model.tolerance else model._replace(tolerance=LARGEST_BOUND)
+    )  # any, but there is a bound
     own = pairs.take(at, 1)
     found = resolve_batch(bodies, contacts.take(at, 1), wanted, pairs=own, report=True, workers=workers)
     result.impulse[:, at], result.regime[at] = found.impulse, found.regime

@@ -15,7 +15,7 @@ from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from .. import Geometry, ImpactError, Law, Precision, StatusCode
-from ..answer import as_table, in_columns, in_digits
+from ..answer import format_columns, format_impact, format_number
 from ..msg import BodyState
 from ..named_enum import NamedEnum
 from ..ros.batch_client import unpack
@@ -216,7 +216,7 @@ def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:
 def _of_impact(response: Any) -> str:
     result = _valid(response)
     names = result.contact.body_a or "body_a", result.contact.body_b or "body_b"
-    return "\n".join(filter(None, [as_table(result, names), result.status.message]))
+    return "\n".join(filter(None, [format_impact(result, names), result.status.message]))
 
 
 def _of_scene(response: Any) -> str:
@@ -234,7 +234,9 @@ def _of_batch(response: Any) -> str:
         ]
         for i in range(min(len(batch.status), SHOWN))
     ]
-    lines = in_columns(["contact", "status", "velocity a [m/s]", "velocity b [m/s]", "impulse [N s]"], rows)
+    lines = format_columns(
+        ["contact", "status", "velocity a [m/s]", "velocity b [m/s]", "impulse [N s]"], rows
+    )
     if len(batch.status) > SHOWN:
         lines.append(f"and {len(batch.status) - SHOWN} more")
     return "\n".join(lines)
@@ -248,7 +250,7 @@ def _valid(response: Any) -> Any:
 
 
 def _row(numbers: Any) -> str:
-    return f"({', '.join(map(in_digits, numbers))})"
+    return f"({', '.join(map(format_number, numbers))})"
 
 
 SERVICES = {

@@ -27,7 +27,7 @@ from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Settings
 from ..resolve import resolve
-from ..status import ImpactError, StatusCode, shown
+from ..status import ImpactError, StatusCode, format_value
 
 Array = np.ndarray[Any, Any]
 
@@ -215,7 +215,7 @@ def differentiate_batch(
 def _unit(names: tuple[str, ...]) -> tuple[Array, dict[str, slice]]:
     for name in names:
         if name not in PARAMETERS:
-            reason = f"must be names of {', '.join(PARAMETERS)}; is {shown(name)}"
+            reason = f"must be names of {', '.join(PARAMETERS)}; is {format_value(name)}"
             raise ImpactError(StatusCode.INVALID_MODEL, "with_respect_to", reason)
     places = [i for name in names for i in range(COUNT)[PARAMETERS[name]]]
     columns = places_of({name: PARAMETERS[name].stop - PARAMETERS[name].start for name in names})

@@ -13,13 +13,13 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
-from ..answer import Impact, impact_of
-from ..geometry import required
-from ..impact import Answer, Changes, impact
+from ..answer import Impact, make_impact
+from ..geometry import required_geometry
+from ..impact import Changes, ImpactNumbers, impact
 from ..kernels import library
-from ..model import Geometry, ImpactModel, Law, Precision, plan
+from ..model import Geometry, ImpactModel, Law, Precision, plan_model
 from ..numbers import balls
-from ..numbers.balls import Ball, Truth
+from ..numbers.balls import Ball, Undecided
 from ..numbers.operations import numbers_in
 from ..physics.body import Body
 from ..physics.contact import Contact
@@ -28,7 +28,7 @@ from ..physics.laws import PATHS, Regime, Settings
 from ..physics.orientation import Quaternion
 from ..physics.tensor import Symmetric3
 from ..physics.vector import Vec3
-from ..validity import is_off_unit
+from ..validity import is_not_normalised
 
 BITS = tuple(2**k for k in range(7, 15))
 """Precisions to try. Products of three numbers of the whole float64 range are exact at the last."""
@@ -41,7 +41,7 @@ ENOUGH = 2.0**-60
 ends within 0.51 units in the last place instead of 0.5."""
 
 
-def read(
+def read_request(
     body_a: Body, body_b: Body, contact: Contact, number: Callable[[float, float], Any] = lambda x, _: x
 ) -> tuple[Body, Body, Contact]:
     """The same request in other numbers, each made from a float and the error of the conversion to it."""
@@ -71,27 +71,27 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     """
     if not balls.AVAILABLE:
         return None
-    chosen = plan(model)
-    plain = read(body_a, body_b, contact)
+    chosen = plan_model(model)
+    plain = read_request(body_a, body_b, contact)
     law = chosen.law_with_friction if plain[2].friction > 0 else chosen.law_without_friction
     geometry = model.geometry
     if geometry is Geometry.AUTO:
-        geometry = required(*plain, frictionless=law is Law.FRICTIONLESS)
+        geometry = required_geometry(*plain, frictionless=law is Law.FRICTIONLESS)
     is_path = law in PATHS and geometry is Geometry.SPATIAL
     used = model._replace(law=law, geometry=geometry, precision=Precision.EXTENDED)
-    off_unit = any(map(is_off_unit, plain[:2]))
+    off_unit = any(map(is_not_normalised, plain[:2]))
     best, least = None, math.inf
     for bits in BITS:
         with balls.working_precision(bits):
-            a, b, touch = read(body_a, body_b, contact, _ball)
-            settings = Settings(*map(Ball, chosen.settings, chosen.errors))
+            a, b, touch = read_request(body_a, body_b, contact, _ball)
+            settings = Settings(*map(Ball, chosen.settings, chosen.settings_errors))
             answer = impact(a, b, touch, Law.FRICTIONLESS if is_path else law, settings)
             if is_path and answer.flags.separating is not True:
                 if answer.flags.separating is False:
                     return None
                 continue
             bound = _bound((a, b), answer, Ball.radius)
-            given = _rounded((a, b), answer, contact, used, chosen.limit, off_unit)
+            given = _rounded((a, b), answer, contact, used, chosen.bound_limit, off_unit)
         if given is None:  # beyond float64; or nothing is known yet
             if bound < math.inf:
                 return None
@@ -107,7 +107,7 @@ def _ball(x: float, error: float) -> Any:
     return Ball(x, error) if math.isfinite(x) else x
 
 
-def _bound(bodies: tuple[Body, Body], answer: Answer, error: Callable[[Ball], Any]) -> float:
+def _bound(bodies: tuple[Body, Body], answer: ImpactNumbers, error: Callable[[Ball], Any]) -> float:
     """The greatest relative error of the impulse and of the twist changes, in the norms of the bound.
 
     Args:
@@ -115,11 +115,11 @@ def _bound(bodies: tuple[Body, Body], answer: Answer, error: Callable[[Ball], An
         answer: in balls.
         error: of a number: the radius of its ball, or its error when it is rounded to a float.
     """
-    errors = [_relative_error(pairs, error) for pairs in weighted(bodies, answer.changes)]
+    errors = [_relative_error(pairs, error) for pairs in weighted_components(bodies, answer.changes)]
     return max(errors)
 
 
-def weighted(bodies: tuple[Body, Body], changes: Changes) -> Iterator[list[tuple[Any, Any]]]:
+def weighted_components(bodies: tuple[Body, Body], changes: Changes) -> Iterator[list[tuple[Any, Any]]]:
     """The norms of the error bound: components of the impulse and of each body's twist change, with the
     weights of their squares.
     """
@@ -159,7 +159,7 @@ def _error_as_float(x: Ball) -> Any:
 
 def _rounded(
     bodies: tuple[Body, Body],
-    answer: Answer,
+    answer: ImpactNumbers,
     contact: Contact,
     model: ImpactModel,
     limit: float,
@@ -169,10 +169,10 @@ def _rounded(
     if not all(math.isfinite(x) for x in numbers_in((changes, report))):
         return None
     bound = _bound(bodies, answer, _error_as_float)
-    if not math.isfinite(bound) and isinstance(flags.separating, Truth):
+    if not math.isfinite(bound) and isinstance(flags.separating, Undecided):
         report = report._replace(regime=Regime.SEPARATING)
     used = contact._replace(friction=0.0) if model.law is Law.FRICTIONLESS else contact
-    return impact_of(bodies, (changes, report, flags), used, model, bound, limit, normalised=off_unit)
+    return make_impact(bodies, (changes, report, flags), used, model, bound, limit, normalised=off_unit)
 
 
 def as_floats(value: Any) -> Any:

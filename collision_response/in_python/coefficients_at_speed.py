@@ -18,7 +18,7 @@ from . import arbitrary_precision
 from .exact_fractions import as_fraction
 
 
-def restitution_at(speed: float, contact: Contact, field: str) -> float:
+def restitution_at_speed(speed: float, contact: Contact, field: str) -> float:
     """What the function of the restitution gives for an approach speed [m/s].
 
     Raises:
@@ -27,7 +27,7 @@ def restitution_at(speed: float, contact: Contact, field: str) -> float:
     return _value(contact.restitution, speed, 1.0, f"{field}.restitution(approach_speed)")
 
 
-def friction_at(speed: float, contact: Contact) -> float:
+def friction_at_speed(speed: float, contact: Contact) -> float:
     """What the function of the friction gives for a slip speed [m/s].
 
     Raises:
@@ -36,7 +36,7 @@ def friction_at(speed: float, contact: Contact) -> float:
     return _value(contact.friction, speed, math.inf, "contact.friction(slip_speed)")
 
 
-def friction_at_first(body_a: Body, body_b: Body, contact: Contact, law: Law) -> float:
+def initial_friction(body_a: Body, body_b: Body, contact: Contact, law: Law) -> float:
     """What the function of the friction gives for the slip speed at first touch.
 
     Args:
@@ -51,17 +51,17 @@ def friction_at_first(body_a: Body, body_b: Body, contact: Contact, law: Law) ->
         of_several = " of several contacts" if law in BY_SPEED else ""
         reason = f"{law.name} takes no friction{of_several} that depends on slip speed: give a number"
         raise ImpactError(StatusCode.INVALID_MODEL, "contact.friction", f"{reason}, or ask COULOMB")
-    validity.check(*arbitrary_precision.read(body_a, body_b, contact._replace(friction=0.0)), 0.0)
-    return friction_at(slip_speed(body_a, body_b, contact), contact)
+    validity.check(*arbitrary_precision.read_request(body_a, body_b, contact._replace(friction=0.0)), 0.0)
+    return friction_at_speed(initial_slip_speed(body_a, body_b, contact), contact)
 
 
-def slip_speed(body_a: Body, body_b: Body, contact: Contact) -> float:
+def initial_slip_speed(body_a: Body, body_b: Body, contact: Contact) -> float:
     """Of body_a relative to body_b across the normal, before the impact, to rounding [m/s].
 
     Raises:
         ImpactError: OUT_OF_RANGE.
     """
-    a, b, touch = arbitrary_precision.read(body_a, body_b, contact, lambda x, _: as_fraction(x))
+    a, b, touch = arbitrary_precision.read_request(body_a, body_b, contact, lambda x, _: as_fraction(x))
     kinematics = ContactKinematics.of(a, b, touch)
     n, u = touch.normal, kinematics.u
     try:

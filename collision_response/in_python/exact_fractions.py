@@ -14,8 +14,8 @@ from numbers import Rational
 from typing import Any
 
 from .. import validity
-from ..answer import Impact, impact_of
-from ..geometry import required
+from ..answer import Impact, make_impact
+from ..geometry import required_geometry
 from ..impact import impact
 from ..model import Geometry, ImpactModel, Precision
 from ..physics.body import Body
@@ -39,15 +39,15 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     found = impact(a, b, touch, Law.FRICTIONLESS, settings)[:3]
     geometry = model.geometry
     if geometry is Geometry.AUTO:
-        geometry = required(a, b, touch, frictionless=True)
-    return impact_of(
+        geometry = required_geometry(a, b, touch, frictionless=True)
+    return make_impact(
         (a, b),
         found,
         touch._replace(friction=Fraction(0)),
         model._replace(law=Law.FRICTIONLESS, geometry=geometry, precision=Precision.EXTENDED),
         0.0,
         0.0,
-        normalised=any(map(validity.is_off_unit, (a, b))),
+        normalised=any(map(validity.is_not_normalised, (a, b))),
     )
 
 

@@ -6,7 +6,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from ..answer import Impact
-from ..model import Adjustment, decided, plan
+from ..model import Adjustment, model_as_used, plan_model
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..physics.laws import Regime
@@ -51,8 +51,8 @@ _compiled.setup(
     _statuses_by_number,
     _regimes_by_number,
     _adjustments_by_number,
-    plan,
-    decided,
+    plan_model,
+    model_as_used,
     refusal,
 )
 

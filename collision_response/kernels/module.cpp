@@ -118,7 +118,7 @@ PyObject* answer(PyObject* contact, PyObject* model, const double* x, const Impa
   int i = 0;
   auto put = [&](PyObject* o) { PyTuple_SET_ITEM(impact, i++, o); };
   put(Py_NewRef(PyTuple_GET_ITEM(python_types.statuses, status)));
-  put(contact_as_used(contact, y.reported[OUT_RESTITUTION], y.flags[FLAG_SLOW], frictionless && x[IN_CONTACT_FRICTION] != 0));
+  put(contact_as_used(contact, y.reported[OUT_RESTITUTION], y.flags[FLAG_BELOW_THRESHOLD], frictionless && x[IN_CONTACT_FRICTION] != 0));
   put(Py_NewRef(model));
   put(make_twist(y.reported));
   put(make_twist(y.reported + 6));
@@ -128,8 +128,8 @@ PyObject* answer(PyObject* contact, PyObject* model, const double* x, const Impa
   for (int k = OUT_NORMAL_IMPULSE; k <= OUT_ENERGY_LOST_FRICTION; ++k) put(PyFloat_FromDouble(y.reported[k]));
   put(Py_NewRef(PyTuple_GET_ITEM(python_types.regimes, static_cast<int>(y.reported[OUT_REGIME]))));
   put(PyFloat_FromDouble(bound));
-  int adjusted = normalised * ADJUSTMENT_NORMALISED_ORIENTATION + y.flags[FLAG_SLOW] * ADJUSTMENT_RESTITUTION_THRESHOLD +
-                 y.flags[FLAG_FELL_BACK] * ADJUSTMENT_LAW_FALLBACK + y.flags[FLAG_IDLE_SPIN] * ADJUSTMENT_MASSLESS_SPIN +
+  int adjusted = normalised * ADJUSTMENT_NORMALISED_ORIENTATION + y.flags[FLAG_BELOW_THRESHOLD] * ADJUSTMENT_RESTITUTION_THRESHOLD +
+                 y.flags[FLAG_FELL_BACK] * ADJUSTMENT_LAW_FALLBACK + y.flags[FLAG_MASSLESS_SPIN] * ADJUSTMENT_MASSLESS_SPIN +
                  articulated * ADJUSTMENT_ENERGY_CHANGE_ONLY;
   put(Py_NewRef(PyTuple_GET_ITEM(python_types.adjustments, adjusted)));
   return impact;

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from .. import geometry, validity
-from ..impact import Changes, blow_of, impact
+from ..impact import Changes, apply_law, impact
 from ..numbers.operations import choose, numbers_in
 from ..physics.column import Column
 from ..physics.effective_mass import BodyAtContact, ContactKinematics, ContactNumbers
@@ -83,15 +83,15 @@ def validity_header(layout: Layout) -> str:
     tape = Tape()
     given = kernel_inputs(layout, tape)
     parts, e_t = given[1:4], given.settings.tangential_restitution
-    code = validity.fault(*parts, e_t)
+    code = validity.first_fault(*parts, e_t)
     flags = [
-        geometry.is_point(*parts, frictionless=True),
-        geometry.is_point(*parts, frictionless=False),
-        geometry.is_planar(*parts, frictionless=True),
-        geometry.is_planar(*parts, frictionless=False),
-        validity.is_off_unit(given.body_a) | validity.is_off_unit(given.body_b),
+        geometry.point_suffices(*parts, frictionless=True),
+        geometry.point_suffices(*parts, frictionless=False),
+        geometry.planar_suffices(*parts, frictionless=True),
+        geometry.planar_suffices(*parts, frictionless=False),
+        validity.is_not_normalised(given.body_a) | validity.is_not_normalised(given.body_b),
     ]
-    is_sound = tape.symbol(validity.is_plainly_sound(*parts, e_t))
+    is_sound = tape.symbol(validity.is_clearly_valid(*parts, e_t))
     return (
         emit("validity", given.names, [], [tape.symbol(code)], map(tape.symbol, flags))
         + emit("plainly_sound", given.names, [], [], [is_sound])
@@ -124,7 +124,7 @@ def impulse_header(law: Law) -> str:
     tape = Tape(of_derivatives=True)
     like = ContactNumbers(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR), Coefficients(0.0)
     inputs, (seen, coefficients) = _traced_arguments(tape, *like)
-    impulse = blow_of(seen, coefficients, law).impulse
+    impulse = apply_law(seen, coefficients, law).impulse
     return emit("impulse", inputs, map(tape.symbol, impulse), [], [], branches=BRANCHES)
 
 

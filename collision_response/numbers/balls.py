@@ -70,23 +70,23 @@ class Ball:
     def __abs__(self) -> Ball:
         return Ball(abs(self.arb))
 
-    def __lt__(self, other: Any) -> bool | Truth:
+    def __lt__(self, other: Any) -> bool | Undecided:
         other = _arb(other)
         return _truth(self.arb < other, self.arb >= other, self.arb.mid() < other.mid())
 
-    def __le__(self, other: Any) -> bool | Truth:
+    def __le__(self, other: Any) -> bool | Undecided:
         other = _arb(other)
         return _truth(self.arb <= other, self.arb > other, self.arb.mid() <= other.mid())
 
-    def __gt__(self, other: Any) -> bool | Truth:
+    def __gt__(self, other: Any) -> bool | Undecided:
         other = _arb(other)
         return _truth(self.arb > other, self.arb <= other, self.arb.mid() > other.mid())
 
-    def __ge__(self, other: Any) -> bool | Truth:
+    def __ge__(self, other: Any) -> bool | Undecided:
         other = _arb(other)
         return _truth(self.arb >= other, self.arb < other, self.arb.mid() >= other.mid())
 
-    def __eq__(self, other: object) -> bool | Truth:  # type: ignore[override]
+    def __eq__(self, other: object) -> bool | Undecided:  # type: ignore[override]
         value = _arb(other)
         return _truth(self.arb == value, self.arb != value, self.arb.mid() == value.mid())
 
@@ -107,7 +107,7 @@ class Ball:
         return Ball(self.arb + arb(0, abs(_arb(by)).upper()))
 
 
-class Truth:
+class Undecided:
     """A truth value that is undecided. ``true & undecided`` is undecided, ``false & undecided`` is false.
 
     Attributes:
@@ -120,24 +120,28 @@ class Truth:
         self.of_values = of_values
 
     @staticmethod
-    def pick(_: Truth, if_true: Any, if_false: Any) -> Any:
+    def pick(_: Undecided, if_true: Any, if_false: Any) -> Any:
         """A ball that covers both."""
-        if isinstance(if_true, (bool, Truth)):
-            return if_true if if_true is if_false else Truth(False)
+        if isinstance(if_true, (bool, Undecided)):
+            return if_true if if_true is if_false else Undecided(False)
         return Ball(_arb(if_true).union(_arb(if_false)))
 
-    def __and__(self, other: Any) -> bool | Truth:
-        return other if other is False else Truth(self.of_values and bool(getattr(other, "of_values", True)))
+    def __and__(self, other: Any) -> bool | Undecided:
+        return (
+            other if other is False else Undecided(self.of_values and bool(getattr(other, "of_values", True)))
+        )
 
     __rand__ = __and__
 
-    def __or__(self, other: Any) -> bool | Truth:
-        return other if other is True else Truth(self.of_values or bool(getattr(other, "of_values", False)))
+    def __or__(self, other: Any) -> bool | Undecided:
+        return (
+            other if other is True else Undecided(self.of_values or bool(getattr(other, "of_values", False)))
+        )
 
     __ror__ = __or__
 
-    def __invert__(self) -> Truth:
-        return Truth(not self.of_values)
+    def __invert__(self) -> Undecided:
+        return Undecided(not self.of_values)
 
     def __bool__(self) -> bool:
         raise TypeError("an undecided comparison has no truth value: branch with choose()")
@@ -160,5 +164,5 @@ def _arb(value: Any) -> Any:
     return value.arb if isinstance(value, Ball) else arb(value)
 
 
-def _truth(holds: bool, fails: bool, of_midpoints: bool) -> bool | Truth:
-    return True if holds else False if fails else Truth(of_midpoints)
+def _truth(holds: bool, fails: bool, of_midpoints: bool) -> bool | Undecided:
+    return True if holds else False if fails else Undecided(of_midpoints)

@@ -172,19 +172,19 @@ def given_roundoff(x: Scalar) -> Scalar:
     return 2.0**-24 if str(getattr(x, "dtype", "")).endswith("float32") else 2.0**-53
 
 
-def leave_range(*numbers: Scalar) -> Condition:
+def is_out_of_range(*numbers: Scalar) -> Condition:
     """Whether one of these, none of them negative, is infinite, or so small that it may have lost digits."""
     unit, total = given_roundoff(numbers[0]), sum(numbers[1:], start=numbers[0])
     least = unit * unit * unit * unit * unit
     return reduce(operator.or_, (x < least for x in numbers)) | negation(total - total == 0)
 
 
-def greater(x: Scalar, y: Scalar) -> Scalar:
+def maximum(x: Scalar, y: Scalar) -> Scalar:
     """The greater of two numbers."""
     return choose(x < y, lambda: y, lambda: x)
 
 
-def lesser(x: Scalar, y: Scalar) -> Scalar:
+def minimum(x: Scalar, y: Scalar) -> Scalar:
     """The lesser of two numbers."""
     return choose(y < x, lambda: y, lambda: x)
 

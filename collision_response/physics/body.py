@@ -21,7 +21,7 @@ from ..numbers.operations import (
     negation,
     varying_as,
 )
-from ..status import shown
+from ..status import format_value
 from . import mass_properties as solids
 from .inverse_inertia import InverseInertia
 from .mass_properties import MassProperties
@@ -128,7 +128,7 @@ class Body(NamedTuple):
             tensor = Symmetric3.of(inertia)
         except TypeError:
             raise TypeError(
-                f"inertia: must be (xx, xy, xz, yy, yz, zz) or a matrix, is {shown(inertia)}"
+                f"inertia: must be (xx, xy, xz, yy, yz, zz) or a matrix, is {format_value(inertia)}"
             ) from None
         except ValueError as error:
             raise ValueError(f"inertia: {error}") from None
@@ -327,7 +327,9 @@ def _quaternion(values: Sequence[Scalar]) -> Quaternion:
     try:
         return Quaternion(*values)
     except TypeError:
-        raise TypeError(f"orientation: must be a quaternion (x, y, z, w), is {shown(values)}") from None
+        raise TypeError(
+            f"orientation: must be a quaternion (x, y, z, w), is {format_value(values)}"
+        ) from None
 
 
 def _factor(inertia: Symmetric3) -> tuple[Condition, Factor3]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from enum import Enum
 from typing import Any
 
-from ..numbers.operations import Scalar, choose, greater, lesser, square_root
-from ..status import shown
+from ..numbers.operations import Scalar, choose, maximum, minimum, square_root
+from ..status import format_value
 
 
 class CombineRule(Enum):
@@ -57,7 +57,7 @@ def combine(
         return a / 2 + b / 2
     if rule is CombineRule.MULTIPLY:
         return a * b
-    low, high = lesser(a, b), greater(a, b)
+    low, high = minimum(a, b), maximum(a, b)
     if rule is CombineRule.MINIMUM:
         return low
     if rule is CombineRule.MAXIMUM:
@@ -70,7 +70,7 @@ def combine(
         return choose(
             ratio >= TINY, lambda: high * square_root(ratio), lambda: square_root(low) * square_root(high)
         )
-    softer = size / size * lesser(stiffness_a, stiffness_b) / greater(stiffness_a, stiffness_b)
+    softer = size / size * minimum(stiffness_a, stiffness_b) / maximum(stiffness_a, stiffness_b)
     a_is_softer = stiffness_a < stiffness_b
     soft = choose(a_is_softer, lambda: a, lambda: b) / size
     stiff = choose(a_is_softer, lambda: b, lambda: a) / size
@@ -85,7 +85,7 @@ def check_rule(rule: Any) -> None:
     """
     if not isinstance(rule, CombineRule):
         known = ", ".join(map(str, CombineRule))
-        raise TypeError(f"rule: must be one of {known}, is {shown(rule)}")
+        raise TypeError(f"rule: must be one of {known}, is {format_value(rule)}")
 
 
 TINY = 2.0**-1000

@@ -41,7 +41,7 @@ from __future__ import annotations
 from functools import reduce
 from typing import NamedTuple
 
-from ..numbers.operations import Condition, Scalar, all_zero, certain, choose, greater, negation, square_root
+from ..numbers.operations import Condition, Scalar, all_zero, certain, choose, maximum, negation, square_root
 from .body import Body, Twist
 from .contact import Contact
 from .inverse_inertia import SYMMETRY_TOLERANCE, InverseInertia
@@ -284,8 +284,8 @@ class ContactKinematics(NamedTuple):
         """Whether an impulse along the normal moves the contact."""
         n, K = Vec3(*_scaled(*self.n)), self._possibly_singular_K()
         cancelled = CANCELLATION * (n.x * n.x * K.xx + n.y * n.y * K.yy + n.z * n.z * K.zz)
-        least = n.dot(n) * greater(LEAST_EIGENVALUE * K.trace(), self._rounding_of_K())
-        return n.dot(K @ n) > greater(cancelled, least)
+        least = n.dot(n) * maximum(LEAST_EIGENVALUE * K.trace(), self._rounding_of_K())
+        return n.dot(K @ n) > maximum(cancelled, least)
 
     def is_confined_to_a_line(self) -> Condition:
         """Whether impulses can move the contact along one line only, and that line is not the normal."""
@@ -302,7 +302,7 @@ class ContactKinematics(NamedTuple):
         n, locked = Vec3(*_scaled(*self.n)), self._locked_directions(self.inverse_effective_mass())
         nn, along = n.dot(n), n.dot(locked @ n)
         return self.has_locked_direction() & (
-            square_root(greater(nn - along, 0 * nn)) <= mu * square_root(along)
+            square_root(maximum(nn - along, 0 * nn)) <= mu * square_root(along)
         )
 
     def can_come_to_rest(self) -> Condition:
@@ -386,6 +386,6 @@ class ContactNumbers(NamedTuple):
 
 def _scaled(*numbers: Scalar) -> list[Scalar]:
     """The numbers divided by the greatest of their magnitudes."""
-    size = reduce(greater, (certain(abs(x)) for x in numbers))
+    size = reduce(maximum, (certain(abs(x)) for x in numbers))
     size = choose(size > 0, lambda: size, lambda: size * 0 + 1)
     return [x / size for x in numbers]

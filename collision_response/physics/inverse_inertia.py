@@ -21,7 +21,7 @@ from collections.abc import Iterable
 from functools import reduce
 from typing import Any, NamedTuple
 
-from ..numbers.operations import Condition, Scalar, all_of, choose, greater, negation, square_root
+from ..numbers.operations import Condition, Scalar, all_of, choose, maximum, negation, square_root
 from ..status import ImpactError, StatusCode
 from .tensor import Symmetric3
 from .vector import Vec3
@@ -125,11 +125,11 @@ class InverseInertia(NamedTuple):
         linear, angular = self.xx + self.yy + self.zz, self.aa + self.bb + self.cc
         floors = [ROUNDING * linear] * 3 + [ROUNDING * angular] * 3
         units = [
-            _positive(square_root(greater(greater(full[i, i], floors[i]), 0 * linear))) for i in range(6)
+            _positive(square_root(maximum(maximum(full[i, i], floors[i]), 0 * linear))) for i in range(6)
         ]
         s = {(i, j): full[i, j] / units[i] / units[j] for i, j in _PLACES}
         for _ in range(6):
-            pivot = reduce(greater, (s[i, i] for i in range(6)))
+            pivot = reduce(maximum, (s[i, i] for i in range(6)))
             row = _row_of(pivot, s)
             share = choose(pivot > ROUNDING, lambda: 1.0, lambda: 0.0) / _positive(pivot)
             for j, k in _PLACES:

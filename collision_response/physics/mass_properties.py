@@ -16,7 +16,7 @@ from functools import wraps
 from typing import Any, NamedTuple, ParamSpec
 
 from ..numbers.operations import Scalar
-from ..status import ImpactError, StatusCode, shown
+from ..status import ImpactError, StatusCode, format_value
 from .tensor import ZERO_TENSOR, Symmetric3
 from .vector import ZERO, Vec3, as_vector
 
@@ -197,7 +197,7 @@ def _check_sizes(**sizes: Scalar) -> None:
         if type(size).__name__.startswith("bool") or not hasattr(size, "__float__"):
             raise TypeError(f"{name}: must be a real number, is {size!r}")
         if size < 0:
-            raise ValueError(f"{name}: must be at least 0, is {shown(size, str)}")
+            raise ValueError(f"{name}: must be at least 0, is {format_value(size, str)}")
 
 
 def _principal(mass: Scalar, xx: Scalar, yy: Scalar, zz: Scalar) -> MassProperties:

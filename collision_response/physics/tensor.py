@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, TypeVar
 
-from ..numbers.operations import Condition, Scalar, certain, choose, greater, square_root
+from ..numbers.operations import Condition, Scalar, certain, choose, maximum, square_root
 from .vector import AXES, Vec3
 
 T = TypeVar("T")
@@ -116,7 +116,7 @@ class Symmetric3(NamedTuple):
         minors, rounding = self._minors(least)
         has_rank_two = certain(minors) > rounding
         coupled = certain(SINGULAR * (xx * yy * zz))
-        is_definite = certain(det) > greater(coupled, self._least_share(least) * certain(minors))
+        is_definite = certain(det) > maximum(coupled, self._least_share(least) * certain(minors))
         size = choose(has_rank_two, lambda: minors, lambda: xx + yy + zz)
         size = choose(certain(size) > 0, lambda: size, lambda: size * 0 + 1)
 
@@ -134,11 +134,11 @@ class Symmetric3(NamedTuple):
         xx, xy, xz, yy, yz, zz = self * (1 / self._trace_or_one())
         minors = yy * zz - yz * yz + xx * zz - xz * xz + xx * yy - xy * xy
         coupled = certain(SINGULAR * (xx * yy + yy * zz + xx * zz))
-        return minors, greater(coupled, self._least_share(least))
+        return minors, maximum(coupled, self._least_share(least))
 
     def _least_share(self, least: Scalar) -> Scalar:
         """The part of the trace up to which an eigenvalue counts as 0."""
-        return greater(certain(least / self._trace_or_one()), LEAST_EIGENVALUE)
+        return maximum(certain(least / self._trace_or_one()), LEAST_EIGENVALUE)
 
     def _trace_or_one(self) -> Scalar:
         """The trace, or 1 if it is 0."""

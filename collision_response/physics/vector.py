@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from ..numbers.operations import Scalar, square_root
-from ..status import shown
+from ..status import format_value
 
 LEAST_SQUARE = sys.float_info.min / sys.float_info.epsilon
 """A sum of squares of floats that is smaller than this may have lost digits to underflow."""
@@ -78,7 +78,7 @@ def as_vector(field: str, values: Sequence[Scalar]) -> Vec3:
     try:
         return Vec3(*values)
     except TypeError:
-        raise TypeError(f"{field}: must be (x, y, z), is {shown(values)}") from None
+        raise TypeError(f"{field}: must be (x, y, z), is {format_value(values)}") from None
 
 
 ZERO = Vec3(0.0, 0.0, 0.0)

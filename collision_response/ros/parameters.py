@@ -17,13 +17,13 @@ from rclpy.parameter import Parameter
 from rclpy.qos import HistoryPolicy, ReliabilityPolicy
 from rclpy.service_introspection import ServiceIntrospectionState
 
-from ..materials import NOTHING, Materials
+from ..materials import NO_MATERIALS, Materials
 from ..model import STIFFNESS_RATIOS, Geometry, ImpactModel, Precision, check_model
 from ..physics.combine import CombineRule
 from ..physics.laws import Law
 from ..physics.stiffness import METAL_ON_METAL
 from ..recording.recorder import MAX_DURATION, MAX_SIZE, check_name
-from ..status import ImpactError, limits
+from ..status import ImpactError, format_range
 
 
 def _by_name(kind: type[IntEnum]) -> dict[str, IntEnum]:
@@ -172,7 +172,7 @@ class Parameters:
     combine_restitution: CombineRule
     combine_friction: CombineRule
     model: ImpactModel
-    materials: Materials = NOTHING
+    materials: Materials = NO_MATERIALS
 
     @classmethod
     def of(cls, node: Node) -> Parameters:
@@ -187,7 +187,7 @@ class Parameters:
 @cache
 def materials_in(file: str) -> Materials:
     """What a file says; nothing without one. Read once. Raises: see :meth:`Materials.read`."""
-    return Materials.read(Path(file)) if file else NOTHING
+    return Materials.read(Path(file)) if file else NO_MATERIALS
 
 
 PARAMETERS = tuple(field for field in Parameters.__dataclass_fields__ if field not in ("model", "materials"))
@@ -312,7 +312,7 @@ def _check_qos(name: str, value: Any) -> None:
     """What rclpy would raise errors of that do not name the parameter."""
     policy = name.rpartition(".")[2]
     if policy == "depth" and not 0 <= value <= MOST_DEPTH:
-        raise ValueError(f"{name} must be {limits(0, MOST_DEPTH)}; is {value}")
+        raise ValueError(f"{name} must be {format_range(0, MOST_DEPTH)}; is {value}")
     if policy in POLICIES and value.lower() not in POLICIES[policy]:
         raise ValueError(f"{name} must be one of {', '.join(POLICIES[policy])}; is {value!r}")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..answer import as_tuple, energies_of, in_columns, in_digits
+from ..answer import format_columns, format_energies, format_number, format_vector
 from ..model import Adjustment, ImpactModel
 from ..numbers.operations import Scalar
 from ..physics.body import Twist
@@ -99,23 +99,24 @@ def scene_table(
             str(i),
             str(cluster_of[i]),
             Regime(answer.regimes[i]).name,
-            *map(in_digits, (contact.restitution, contact.friction)),
-            *map(in_digits, (answer.normal_velocities_before[i], answer.normal_velocities_after[i])),
-            as_tuple(answer.impulses[i]),
+            *map(format_number, (contact.restitution, contact.friction)),
+            *map(format_number, (answer.normal_velocities_before[i], answer.normal_velocities_after[i])),
+            format_vector(answer.impulses[i]),
         ]
         for i, contact in enumerate(answer.contacts)
     ]
     bodies = [
-        [str(i), as_tuple(twist.linear), as_tuple(twist.angular)] for i, twist in enumerate(answer.twists)
+        [str(i), format_vector(twist.linear), format_vector(twist.angular)]
+        for i, twist in enumerate(answer.twists)
     ]
     status = StatusCode(getattr(answer.status, "code", answer.status))
     lines = [
         f"{status.name} by {Law(answer.model.law).name}, error <= {answer.error_bound:.2g}",
-        *in_columns(
+        *format_columns(
             [*["contact", "cluster", "regime", "e", "mu"], "u before", "u after", "impulse"], contacts
         ),
-        *in_columns(["body", "velocity", "angular velocity"], bodies),
-        energies_of(answer),
+        *format_columns(["body", "velocity", "angular velocity"], bodies),
+        format_energies(answer),
     ]
     if order_sensitivity is not None:
         lines.append(f"order sensitivity {order_sensitivity:.2g}")

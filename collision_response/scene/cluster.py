@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from ..in_python.coefficients_at_speed import friction_at_first, restitution_at
+from ..in_python.coefficients_at_speed import initial_friction, restitution_at_speed
 from ..kernels import library
 from ..physics.body import Body
 from ..physics.contact import Contact
@@ -93,7 +93,7 @@ def _with_friction_as_number(scene: SceneRequest, i: int, law: Law) -> Contact:
         return contact._replace(friction=0.0)
     a, b = scene.pairs[i]
     given = scene.bodies[a], scene.bodies[b], contact, law
-    return contact._replace(friction=with_scene_names(ContactIndices(i, a, b), friction_at_first, *given))
+    return contact._replace(friction=with_scene_names(ContactIndices(i, a, b), initial_friction, *given))
 
 
 def _assemble_with_restitution(
@@ -118,7 +118,7 @@ def _assemble_with_restitution(
     for original, contact, speed, i in zip(given, parts.contacts, speeds, parts.indices, strict=True):
         e = contact.restitution
         if callable(original.restitution):
-            e = restitution_at(float(speed if speed > 0 else fastest), original, f"contacts[{i}]")
+            e = restitution_at_speed(float(speed if speed > 0 else fastest), original, f"contacts[{i}]")
         if 0 < speed < threshold and e > 0:
             e, is_slow = e * 0, True
         contacts.append(contact._replace(restitution=Fraction(e) if options.exact else float(e)))

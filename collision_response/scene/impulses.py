@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from ..answer import in_norm
+from ..answer import norm_components
 from ..numbers.operations import Scalar
 from ..physics.body import Body, Twist
 from ..physics.laws import Regime
@@ -84,9 +84,9 @@ def relative_distance(bodies: Sequence[Body], changes: Sequence[Twist], referenc
     distances, sizes = [], []
     for body, change, expected in zip(bodies, changes, reference, strict=True):
         if body.is_movable():
-            components = in_norm(body, expected)
+            components = norm_components(body, expected)
             root = math.sqrt(body.mass)
-            distances.append(root * math.dist(in_norm(body, change), components))
+            distances.append(root * math.dist(norm_components(body, change), components))
             sizes.append(root * math.hypot(*components))
     distance, size = math.hypot(*distances), math.hypot(*sizes)
     return 0.0 if distance == 0 else distance / size if size else math.inf

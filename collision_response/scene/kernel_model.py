@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..model import Geometry, ImpactModel, Precision, plan
+from ..model import Geometry, ImpactModel, Precision
 from ..physics.laws import Law
 from .reflections import REFLECTIONS
 
@@ -52,7 +52,7 @@ def kernel_model(model: ImpactModel) -> KernelModel:
 
 
 def _kernel_model(model: ImpactModel) -> KernelModel:
-    decided = plan(model)
+    decided = plan_model(model)
     laws = decided.law_without_friction, decided.law_with_friction
     is_compiled = (
         model.geometry in (Geometry.AUTO, Geometry.SPATIAL)
@@ -65,5 +65,5 @@ def _kernel_model(model: ImpactModel) -> KernelModel:
             tuple(ImpactModel(law, Geometry.SPATIAL, precision, *model[3:]) for precision in PRECISIONS)
             for law in (Law.AUTO, *COMPILED_LAWS)
         )
-    numbers = THRESHOLD, decided.settings.restitution_threshold, decided.limit, REFLECTIONS
+    numbers = THRESHOLD, decided.settings.restitution_threshold, decided.bound_limit, REFLECTIONS
     return KernelModel(laws, numbers, models)

@@ -22,7 +22,7 @@ from ..physics.contact import Contact
 from ..physics.energy import kinetic_energy
 from ..physics.laws import Regime
 from ..physics.vector import Vec3
-from ..validity import is_off_unit
+from ..validity import is_not_normalised
 from .impulses import ImpulseEffect
 from .rational_algebra import ZERO, Numbers, dot, minimise, null_space, solve
 
@@ -147,7 +147,7 @@ class RationalCluster:
             energies=(sum(map(kinetic_energy, self._bodies)), sum(map(kinetic_energy, moved)), lost, ZERO),
             error_bound=0.0,
             has_massless_spin=any(spin.dot(spin) > 0 for spin in massless_spins),
-            has_off_unit_orientation=any(map(is_off_unit, self._bodies)),
+            has_off_unit_orientation=any(map(is_not_normalised, self._bodies)),
             creates_energy=lost < -ROUNDING * work,
         )
 

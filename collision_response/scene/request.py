@@ -14,7 +14,7 @@ from ..numbers.operations import Scalar
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
-from ..status import ImpactError, StatusCode, shown
+from ..status import ImpactError, StatusCode, format_value
 from .clusters import Pair
 
 T = TypeVar("T")
@@ -65,7 +65,7 @@ def check_request(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterabl
     movable, has_friction = [], False
     for i, body in enumerate(bodies):
         if not isinstance(body, Body):
-            raise TypeError(f"bodies[{i}]: must be a Body, is {shown(body)}")
+            raise TypeError(f"bodies[{i}]: must be a Body, is {format_value(body)}")
         if body.inverse_inertia is not None:
             field, reason = f"bodies[{i}].inverse_inertia", "is for one impact, by resolve(), not for scenes"
             raise ImpactError(StatusCode.INVALID_INERTIA, field, reason)
@@ -75,7 +75,7 @@ def check_request(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterabl
             raise TypeError(f"bodies[{i}].mass: must be a real number, is {body.mass!r}") from None
     for i, contact in enumerate(contacts):
         if not isinstance(contact, Contact):
-            raise TypeError(f"contacts[{i}]: must be a Contact, is {shown(contact)}")
+            raise TypeError(f"contacts[{i}]: must be a Contact, is {format_value(contact)}")
         try:
             has_friction = has_friction or callable(contact[3]) or bool(contact[3] > 0)
         except TypeError:
@@ -91,7 +91,7 @@ def check_request(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterabl
             pairs[i] = pair = _as_pair(i, pair)
         a, b = pair
         if not (0 <= a < count and 0 <= b < count):
-            reason = f"must be two indices of bodies, from 0 to {count - 1}; is {shown(pair)}"
+            reason = f"must be two indices of bodies, from 0 to {count - 1}; is {format_value(pair)}"
             raise ImpactError(StatusCode.UNKNOWN_BODY, f"pairs[{i}]", reason)
         if a == b:
             raise ImpactError(StatusCode.SAME_BODY, f"pairs[{i}]", f"a body cannot strike itself; is {pair}")
@@ -102,7 +102,7 @@ def _as_pair(i: int, pair: Any) -> Pair:
     try:
         a, b = (index.__index__() for index in pair)
     except (AttributeError, TypeError, ValueError):
-        raise TypeError(f"pairs[{i}]: must be two indices of bodies, is {shown(pair)}") from None
+        raise TypeError(f"pairs[{i}]: must be two indices of bodies, is {format_value(pair)}") from None
     return a, b
 
 
@@ -200,7 +200,7 @@ def as_floats(
 
         given = bodies[a], bodies[b], contacts[i], number
         float_bodies[a], float_bodies[b], float_contacts[i] = with_scene_names(
-            own, arbitrary_precision.read, *given
+            own, arbitrary_precision.read_request, *given
         )
         if any(errors):
             reason = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from ..geometry import required
+from ..geometry import required_geometry
 from ..kernels import library
 from ..model import Adjustment, Geometry, ImpactModel, Precision
 from ..physics.laws import Law
@@ -95,7 +95,7 @@ def _check_model(scene: SceneRequest, indices: Sequence[int], model: ImpactModel
 def _check_geometry(parts: ClusterParts, geometry: Geometry) -> None:
     """Raises: ImpactError: INVALID_MODEL, if the geometry leaves out motion that the cluster has."""
     for (a, b), contact in zip(parts.pairs, parts.contacts, strict=True):
-        if required(parts.bodies[a], parts.bodies[b], contact, frictionless=False) > geometry:
+        if required_geometry(parts.bodies[a], parts.bodies[b], contact, frictionless=False) > geometry:
             reason = (
                 f"{geometry.name} leaves out motion that matters, which a cluster of several contacts can't"
             )

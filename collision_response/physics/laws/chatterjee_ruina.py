@@ -35,7 +35,7 @@ Considerations", J. Appl. Mech. 65 (1998) 939-951, eqs. 17-22.
 
 from __future__ import annotations
 
-from ...numbers.operations import Condition, Scalar, called, choose, leave_range, square_root, varying_as
+from ...numbers.operations import Condition, Scalar, called, choose, is_out_of_range, square_root, varying_as
 from ..effective_mass import ContactKinematics, ContactNumbers
 from .law import Coefficients, Outcome, Regime, Solution, slip_regime
 
@@ -70,7 +70,7 @@ def chatterjee_ruina(contact: ContactKinematics | ContactNumbers, coefficients: 
     lost_restitution = (1 - e) * (1 + e) * j * -contact.n_u / 2
     lost_friction = -(kappa * (2 - kappa)) * D.dot(u_I) / 2
     size = D_t_squared + j * j * nn
-    return Outcome(P, regime, lost_restitution, lost_friction, out_of_range=leave_range(size, size / nn))
+    return Outcome(P, regime, lost_restitution, lost_friction, out_of_range=is_out_of_range(size, size / nn))
 
 
 def fallback_where(

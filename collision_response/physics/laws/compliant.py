@@ -60,9 +60,9 @@ from ...numbers.operations import (
     error_of,
     fixed,
     for_derivatives,
-    greater,
     iterate,
-    lesser,
+    maximum,
+    minimum,
     negation,
     square_root,
     values,
@@ -99,7 +99,7 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
         error_of(mu),
         error_of(kappa),
     )
-    e, mu, kappa = certain(e), lesser(certain(mu), GREATEST_FRICTION + 0 * certain(mu)), certain(kappa)
+    e, mu, kappa = certain(e), minimum(certain(mu), GREATEST_FRICTION + 0 * certain(mu)), certain(kappa)
     A11, A12, A22, b1, b2 = map(certain, data)
     o, one = 0 * A11, 1 + 0 * A11
 
@@ -122,7 +122,7 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
 
     tolerance = choose(
         tolerance > 0,
-        lambda: greater(lesser(SHARE * tolerance, COARSEST + o), TOLERANCE + o),
+        lambda: maximum(minimum(SHARE * tolerance, COARSEST + o), TOLERANCE + o),
         lambda: TOLERANCE + o,
     )
     springs = values(Springs(A11, A12, A22, b1, b2, s, across, mu, kappa, e, tolerance))
@@ -136,14 +136,14 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     force = certain(square_root(y.a1 * y.a1 + y.a2 * y.a2))
     slides = (y.slips > 0) | (mu <= 0)
     grip = mu * y.F
-    brief = lesser(certain(force / choose(mu > 0, lambda: mu, lambda: one) / rate), left)
+    brief = minimum(certain(force / choose(mu > 0, lambda: mu, lambda: one) / rate), left)
     push = certain(choose(slides, lambda: -grip * left / 2, lambda: left - brief / 2))
     P1, P2, P_n = map(certain, (y.P1 + y.a1 * push, y.P2 + y.a2 * push, y.Pn + y.F * left / 2))
     P_n = for_derivatives(P_n, lambda: P_n * choose(y.going > 0, lambda: math.nan + o, lambda: one))
     w1, w2, w_n = springs.velocity(P1, P2, P_n)
     total = certain(-(P1 * (s + w1) + P2 * w2 + P_n * (w_n - 1)) / 2)
     lost = (1 - e) * (1 + e) * y.most * y.most / 2
-    heat = greater(total - lost, o)
+    heat = maximum(total - lost, o)
 
     stuck = (y.stuck > 0) & (mu > 0)
     ahead = choose(stuck, lambda: 1.0 * Regime.STICKING + o, lambda: 1.0 * Regime.SLIDING + o)

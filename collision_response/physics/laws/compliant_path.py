@@ -19,8 +19,8 @@ from ...numbers.operations import (
     choose,
     fixed,
     for_derivatives,
-    greater,
-    lesser,
+    maximum,
+    minimum,
     negation,
     square_root,
     varying_as,
@@ -165,7 +165,7 @@ def step(springs: Springs, y: Course) -> Course:
     start = (y.a1, y.a2, y.F, y.P1, y.P2, y.Pn)
     share, reach = mu * k / kappa, springs.reach(y.P1, y.P2, y.Pn)
     h = for_derivatives(
-        y.h, lambda: fixed(choose(slips, lambda: lesser(y.h, _reach(springs, y, k)), lambda: y.h))
+        y.h, lambda: fixed(choose(slips, lambda: minimum(y.h, _reach(springs, y, k)), lambda: y.h))
     )
     slopes: list[tuple[Scalar, ...]] = []
 
@@ -177,13 +177,13 @@ def step(springs: Springs, y: Course) -> Course:
     end = tuple(v + total(WEIGHTS, i) for i, v in enumerate(start))
     fifth = [total(ERROR_5, i) for i in range(6)]
     third = [total(WEIGHTS, i) - total(ORDER_3, i) for i in range(6)]
-    scale = greater(one, (abs(y.P1) + abs(y.P2) + y.Pn) / 4)  # above 1 where friction jams
+    scale = maximum(one, (abs(y.P1) + abs(y.P2) + y.Pn) / 4)  # above 1 where friction jams
     e5, e3 = (_size(e, slips, mu, kappa, k, y.most) / scale for e in (fifth, third))
     square = e5 * e5
     err = choose(square > 0, lambda: square / square_root(square + 0.01 * e3 * e3), lambda: zero)
     ratio = choose(square < 1e6, lambda: err / springs.tolerance, lambda: 1e30 * one)  # nor if it is none
     factor = 0.9 / square_root(square_root(square_root(ratio + 1e-6)))
-    size = h * greater(lesser(factor, 4 * one), 0.2 * one)
+    size = h * maximum(minimum(factor, 4 * one), 0.2 * one)
 
     # The first event on the way, if there is one.
     before, after = events(*start), events(*end)
@@ -193,7 +193,7 @@ def step(springs: Springs, y: Course) -> Course:
     to.append(
         choose(fell, lambda: 0.98 * h * y.F / choose(fell, lambda: y.F - F, lambda: one), lambda: 2 * h)
     )
-    nearest = reduce(lesser, to)
+    nearest = reduce(minimum, to)
     is_fine = ratio <= 1
     passed = (nearest < h) & is_fine
     again = choose(is_fine, lambda: nearest, lambda: size)
@@ -215,7 +215,7 @@ def step(springs: Springs, y: Course) -> Course:
         now = choose(switches, lambda: 1 - y.slips, lambda: y.slips)
         unloads_now = choose(turns, lambda: 1 - y.unloads, lambda: y.unloads)
         begins = turns & (y.unloads < 1)
-        most = greater(y.most, F)
+        most = maximum(y.most, F)
         over = choose(
             springs.e < LEAST, lambda: begins, lambda: (y.unloads > 0) & (END * most >= F) & (u_n > 0)
         )
@@ -249,7 +249,7 @@ def _reach(springs: Springs, y: Course, k: Scalar) -> Scalar:
     """
     u1, u2, u_n = springs.velocity(y.P1, y.P2, y.Pn)
     force, turn = y.F / (k * abs(u_n)), springs.mu * y.F / (springs.kappa * (abs(u1) + abs(u2)))
-    far = lesser(force / 2, lesser(turn / 2 + force / 100, 3 * turn))
+    far = minimum(force / 2, minimum(turn / 2 + force / 100, 3 * turn))
     return choose(y.F > 0, lambda: far, lambda: y.h)
 
 
@@ -270,7 +270,7 @@ def _aim(first: Event, last: Event, h: Scalar) -> Scalar:
     rise = first.value - last.value
     chord = h * first.value / choose(rise > 0, lambda: rise, lambda: 1 + 0 * h)
     inside = (last.slope < 0) & (back > 0) & (back < h)
-    guess = choose(inside, lambda: back, lambda: greater(lesser(chord, 0.9 * h), 0.1 * h))
+    guess = choose(inside, lambda: back, lambda: maximum(minimum(chord, 0.9 * h), 0.1 * h))
     # A dip between two ends above 0: the least of the cubic.
     dips = (first.slope < 0) & (last.slope > 0) & (last.value > 0)
     fall = choose(

@@ -63,9 +63,9 @@ from ...numbers.operations import (
     choose,
     error_of,
     fixed,
-    greater,
     iterate,
-    lesser,
+    maximum,
+    minimum,
     negation,
     relative_exponential,
     relative_logarithm,
@@ -139,7 +139,7 @@ def ray_from_rest(path: Path, mu: Scalar) -> Ray:
         step = (square_root(square) - 1) * square / (z1 * y1 + z2 * y2)
         return Root(root.G + step, step)
 
-    low = choose(sticks, lambda: 0 * one, lambda: greater(1 - value * trace, 0 * one))
+    low = choose(sticks, lambda: 0 * one, lambda: maximum(1 - value * trace, 0 * one))
     start = Root(low, choose(sticks, lambda: 0 * one, lambda: one))
     root = iterate(start, lambda root: root.step > 1e-15 * (root.G + value * trace), climb, RAY_STEPS)
     G = certain(root.G)
@@ -201,7 +201,7 @@ def routh(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     """Routh's path: it ends by restitution of impulse by ROUTH_POISSON, else of energy."""
     e, mu, settings = coefficients
     energetic = negation(settings.law == Law.ROUTH_POISSON)
-    e_e, e_mu, mu = error_of(e) + LEAST_RESTITUTION, error_of(mu), lesser(certain(mu), GREATEST_FRICTION)
+    e_e, e_mu, mu = error_of(e) + LEAST_RESTITUTION, error_of(mu), minimum(certain(mu), GREATEST_FRICTION)
     e = choose(
         certain(e) < LEAST_RESTITUTION,
         lambda: varying_as(0 * certain(e), lambda: certain(e)),
@@ -218,7 +218,7 @@ def routh(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     o = 0 * certain(slip1)
     tolerance = choose(
         settings.tolerance > 0,
-        lambda: greater(lesser(PATH_SHARE * settings.tolerance, COARSEST + o), LEAST_TOLERANCE + o),
+        lambda: maximum(minimum(PATH_SHARE * settings.tolerance, COARSEST + o), LEAST_TOLERANCE + o),
         lambda: DEFAULT_TOLERANCE + o,
     )
     c = 1 / (1 + mu)
@@ -258,7 +258,7 @@ def routh(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     on_slip = (r > 0) & (s * r - g * y.u_n >= 0)
     x = choose(over, lambda: o, lambda: choose(on_slip, lambda: -y.u_n / r, lambda: s / -g))
     left = s + g * x  # less than 0 only by rounding; restitution would then have no end
-    s_c = choose(on_slip | over, lambda: varying_as(greater(left, o), lambda: left), lambda: o)
+    s_c = choose(on_slip | over, lambda: varying_as(maximum(left, o), lambda: left), lambda: o)
     u_c = choose(on_slip | over, lambda: o, lambda: y.u_n + r * x)
     y_c = choose(on_slip | over, lambda: o, lambda: -u_c / ray.rate)
     W_c = choose(over, lambda: y.W_c, lambda: y.W + c * (y.u_n + r * x / 2) * x + u_c * y_c / 2)
@@ -300,7 +300,7 @@ def routh(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     back = d1 * final1 + d2 * final2 < 0
     slides = choose(back, lambda: 1.0 * Regime.REVERSED + o, lambda: 1.0 * Regime.SLIDING + o)
     holds = choose(ray.sticks & (rest > 0), lambda: 1.0 * Regime.STICKING + o, lambda: slides)
-    least = lesser(y.least, choose(along > 0, lambda: r, lambda: 1 + o))
+    least = minimum(y.least, choose(along > 0, lambda: r, lambda: 1 + o))
     whole, X = p_c + p, choose(over, lambda: y.p_c / c + y.x, lambda: y.x) + along
     jams = (certain(least) < 0) & (certain(X) > tolerance)  # not while slip is as good as none
     regime = choose(jams, lambda: 1.0 * Regime.JAMMED + o, lambda: holds)
@@ -315,13 +315,13 @@ def routh(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
         certain(path.least_eigenvalue() - e_A),
         certain(E * square_root(L2 / path.least_eigenvalue())),
     )
-    slowest = certain(lesser(y.slowest, choose(to_end, lambda: lesser(s_c, s_e), lambda: o)) - reach)
+    slowest = certain(minimum(y.slowest, choose(to_end, lambda: minimum(s_c, s_e), lambda: o)) - reach)
     by_slip = certain(choose(room > 0, lambda: SAFETY * E / room, lambda: endless))
     by_turn = certain(choose(slowest > 0, lambda: P_t * reach / slowest, lambda: endless))
-    e_P = certain(lesser(lesser(by_slip, by_turn), certain(SAFETY * P_t)) + y.drift + e_mu * c * X)
+    e_P = certain(minimum(minimum(by_slip, by_turn), certain(SAFETY * P_t)) + y.drift + e_mu * c * X)
     D = certain(P_t * e_b + b * e_P + y.drift)
     R = certain(r / c)
-    either = choose(r > 0, lambda: lesser(R, rate), lambda: rate)
+    either = choose(r > 0, lambda: minimum(R, rate), lambda: rate)
     sliding = choose(certain(s_c * r + g * D * c) < 0, lambda: either, lambda: R)
     held = choose(certain(u_c + D) > 0, lambda: either, lambda: rate)
     e_c = certain(SAFETY * D / choose(on_slip, lambda: sliding, lambda: held))
@@ -329,8 +329,8 @@ def routh(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     def error_by_work() -> Scalar:
         e_W = certain(D * (e * e * p_c + p + e_c) - 2 * e * e_e * W_c)
         alone = to_end & (slowest > 0)
-        flat = choose(alone, lambda: R, lambda: choose(on_slip, lambda: lesser(R, rate), lambda: rate))
-        both = choose(on_slip, lambda: greater(abs(R), rate), lambda: rate)
+        flat = choose(alone, lambda: R, lambda: choose(on_slip, lambda: minimum(R, rate), lambda: rate))
+        both = choose(on_slip, lambda: maximum(abs(R), rate), lambda: rate)
         steep = choose(alone, lambda: abs(R), lambda: both)
         root = choose(flat > 0, lambda: square_root(2 * e_W / flat), lambda: endless)
         return choose(certain(4 * steep * e_W) < certain(u * u), lambda: SAFETY * e_W / u, lambda: root)

@@ -11,7 +11,7 @@ from functools import reduce
 from operator import add
 from typing import NamedTuple
 
-from ...numbers.operations import Condition, Scalar, choose, fixed, greater, lesser, square_root
+from ...numbers.operations import Condition, Scalar, choose, fixed, maximum, minimum, square_root
 from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row
 
 STEP_SHARE = 1 / 2  # of the path's, that each step may take
@@ -122,7 +122,7 @@ def outlook(path: Path, y: Turn) -> Turn:
 
     def to_rest() -> Scalar:
         square = r * r - 2 * bend * u_n
-        both = r + square_root(greater(square, 0 * square))
+        both = r + square_root(maximum(square, 0 * square))
         return choose((square >= 0) & (both > 0), lambda: -2 * u_n / both, lambda: never)
 
     def to_goal() -> Scalar:
@@ -132,7 +132,7 @@ def outlook(path: Path, y: Turn) -> Turn:
             slope = u_n + x * (r + x * bend / 2)
             bent = choose(slope > 0, lambda: x - bend * x * x * x / (6 * slope), lambda: x)
             falls = (r < 0) & (u_n > 0)
-            crest = choose(falls, lambda: greater(-u_n / r, 0.1 * y.h * s), lambda: never)
+            crest = choose(falls, lambda: maximum(-u_n / r, 0.1 * y.h * s), lambda: never)
             return choose(x < NEVER, lambda: bent, lambda: crest)
 
         return choose(path.energetic, by_work, lambda: x)
@@ -146,13 +146,13 @@ def outlook(path: Path, y: Turn) -> Turn:
     aim = choose((s > 0) & (s + g * x > 0), lambda: x / s, lambda: never)
     far = choose(compressing, lambda: choose(r > 0, to_end, lambda: never), lambda: abs(x))
     far = choose((s + g * far > 0) | (g >= 0), lambda: far, lambda: s / -g)
-    allowed = path.tolerance / 4 * greater(s, m * path.least_eigenvalue())
-    crest = choose(compressing & (r < 0), lambda: greater(y.crest, u_n), lambda: y.crest)
+    allowed = path.tolerance / 4 * maximum(s, m * path.least_eigenvalue())
+    crest = choose(compressing & (r < 0), lambda: maximum(y.crest, u_n), lambda: y.crest)
     y = y._replace(
         aim=aim,
         left=m * abs(w) * far - allowed,
-        least=lesser(y.least, r),
-        slowest=lesser(y.slowest, s),
+        least=minimum(y.least, r),
+        slowest=minimum(y.slowest, s),
         crest=crest,
     )
 
@@ -204,23 +204,23 @@ def step(path: Path, y: Turn) -> Turn:
     safe = choose(s > 0, lambda: s, lambda: y.s)
     fifth = [total(ERROR_5, i) for i in (0, 1, 2, 5)]
     third = [rises[i] - total(ORDER_3, i) for i in (0, 1, 2, 5)]
-    most = greater(one, greater(abs(y.u_n), abs(u_n)))  # it grows where friction jams
+    most = maximum(one, maximum(abs(y.u_n), abs(u_n)))  # it grows where friction jams
     e5, e3 = (
         abs(t1 * e[1] - t2 * e[0]) + abs(e[2]) / safe + c * abs(e[3]) / (most * most) for e in (fifth, third)
     )
     square = e5 * e5
     err = choose(square > 0, lambda: CAUTION * square / square_root(square + 0.01 * e3 * e3), lambda: 0 * e5)
-    allowed = STEP_SHARE * path.tolerance * greater(one, m * path.least_eigenvalue() / safe)
-    ratio = choose((s > 0) & (err < 1e3), lambda: err / lesser(allowed, 1e-3 * one), lambda: 1e30 * one)
+    allowed = STEP_SHARE * path.tolerance * maximum(one, m * path.least_eigenvalue() / safe)
+    ratio = choose((s > 0) & (err < 1e3), lambda: err / minimum(allowed, 1e-3 * one), lambda: 1e30 * one)
     factor = 0.9 / square_root(square_root(square_root(ratio + 1e-6)))
-    size = abs(h) * greater(lesser(factor, 4 * one), 0.2 * one)
+    size = abs(h) * maximum(minimum(factor, 4 * one), 0.2 * one)
     length, relative = 0.5 * (3 - t1 * t1 - t2 * t2), err + STEP_ROUNDING
 
     def accepted() -> Turn:
         return y._replace(
             t1=t1 * length, t2=t2 * length, s=s, u_n=u_n, x=y.x + dx, W=y.W + c * work,
-            P1=y.P1 - m * P1, P2=y.P2 - m * P2, heat=y.heat + m * heat, h=greater(size, y.h),
-            doubt=y.doubt + relative * greater(s, y.s), drift=y.drift + relative * abs(dx),
+            P1=y.P1 - m * P1, P2=y.P2 - m * P2, heat=y.heat + m * heat, h=maximum(size, y.h),
+            doubt=y.doubt + relative * maximum(s, y.s), drift=y.drift + relative * abs(dx),
         )  # fmt: skip
 
     return outlook(path, _turn_over(path, choose(ratio <= 1, accepted, lambda: y._replace(h=size))))

@@ -38,8 +38,8 @@ from ...numbers.operations import (
     choose,
     error_of,
     fixed,
-    greater,
     iterate,
+    maximum,
     negation,
     square_root,
     widened,
@@ -169,7 +169,7 @@ class Sliding(NamedTuple):
 
         def decide(roots: ThreeRoots) -> ThreeRoots:
             first, second, last = energy_lost(roots.low), energy_lost(roots.middle), energy_lost(roots.high)
-            other = greater(second, last)
+            other = maximum(second, last)
             sigma = choose(second > last, lambda: roots.middle, lambda: roots.high)
             sigma = choose(first >= other, lambda: roots.low, lambda: sigma)
             tie = MARGIN * (abs(first) + abs(second) + abs(last))
@@ -234,7 +234,7 @@ def _narrows(at: Bracket) -> Condition:
 
 def _crossing(F: Scalar, slope: Scalar) -> Scalar:
     """The positive zero of ``F + slope s + s^2``, with ``F < 0``."""
-    both = abs(slope) + square_root(greater(slope * slope - 4 * F, 0 * F))
+    both = abs(slope) + square_root(maximum(slope * slope - 4 * F, 0 * F))
     return choose(slope > 0, lambda: -2 * F / safe_divisor(both), lambda: both / 2)
 
 
