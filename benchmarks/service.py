@@ -20,7 +20,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from reliability.child import ros_node
+from reliability.child_process import ros_node
 from timing import Samples, ratio, spread
 
 HERE = Path(__file__).resolve().parent

@@ -1,5 +1,6 @@
-"""The node under load, faults and hostile input, from outside: it is a process, and so is each client.
+"""Tests of the node from outside: under load, with faults, and with hostile input.
 
-``processes.py`` starts and ends them, ``kinds.py`` has what they ask, ``client.py`` asks and counts. Then one
-file for each question: ``faults.py``, ``fuzz.py``, ``states.py``, ``soak.py``. ``page.py`` has the tables.
+The node is a process, and so is each client. ``processes.py`` starts and ends them, ``request_kinds.py`` has
+the requests, and ``client.py`` sends and counts them. Each question has one file: ``faults.py``, ``fuzz.py``,
+``states.py``, ``soak.py``. ``page.py`` makes the tables of docs/reliability.md.
 """

@@ -1,7 +1,7 @@
-"""``make faults``, ``fuzz``, ``states``, ``soak``, and ``make reliability`` for these: the node from outside.
+"""``make faults``, ``fuzz``, ``states``, ``soak`` test the node from outside; ``make reliability`` runs all.
 
-``make twice`` is for the tests. With arguments they only print. Without, they write benchmarks/results and
-docs/reliability.md too.
+``make twice`` tests the test suite. With arguments these only print; without, they also write
+benchmarks/results and docs/reliability.md.
 """
 
 from __future__ import annotations
@@ -14,19 +14,28 @@ from pathlib import Path
 
 sys.path[0] = str(Path(__file__).resolve().parent.parent)
 
-CHILDREN = ("client", "listener", "publisher", "raw", "values", "look", "known", "newcomers")
+CHILDREN = (
+    "client",
+    "diagnostics",
+    "hostile_bytes",
+    "hostile_values",
+    "known_bodies",
+    "new_clients",
+    "publisher",
+    "subscriber",
+)
 PARTS = ("faults", "fuzz", "states", "soak")
 
 
 def main() -> int:
-    """Be a child, or measure one part or all."""
+    """Run as a child process, or measure one part or all."""
     name, *arguments = sys.argv[1:]
     if name in CHILDREN:
-        from reliability.child import Parent
+        from reliability.child_process import Parent
 
         importlib.import_module(f"reliability.{name}").run(json.loads(arguments[0]), Parent())
         return 0
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # not without ending what was started
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that started processes are ended
     names = PARTS if name == "all" else (name,)
     return max([importlib.import_module(f"reliability.{part}").main(arguments) for part in names])
 

@@ -1,6 +1,6 @@
-"""A client: it asks, counts each request and its answer, and says what came of them.
+"""A client that sends requests, counts requests and answers, and reports the counts.
 
-It runs as a process of its own, so that it can be stopped, continued and killed; see ``processes.py``.
+It runs as a separate process, so that it can be stopped, continued and killed; see ``processes.py``.
 """
 
 from __future__ import annotations
@@ -11,24 +11,25 @@ from collections import Counter
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from .child import Parent, ros_node, service_client
-from .kinds import KINDS, code_of, is_right, stamp_of
+from .child_process import Parent, ros_node, service_client
 from .latency import Latencies
+from .request_kinds import KINDS, code_of, is_right, stamp_of
 
 
 @dataclass(frozen=True)
 class Order:
-    """What a client is to do.
+    """What a client has to do.
 
     Attributes:
-        kinds: of its requests, drawn at random.
-        requests: how many at most.
-        seconds: how long to ask at most.
-        window: how many may be unanswered at once; as many as ``requests`` for a burst.
-        pause: seconds to do nothing after each answer: a slow reader.
-        leaves: go, in good order, as soon as everything is asked.
-        patience: seconds without an answer after which the rest is given up. While it is stopped none pass.
-        seed: of what is drawn.
+        kinds: kinds of its requests, drawn at random.
+        requests: largest number of requests.
+        seconds: longest time to send requests [s].
+        window: largest number of pending requests; equal to ``requests`` for a burst.
+        pause: time to sleep after each answer [s], for a slow reader.
+        leaves: whether the client ends properly as soon as it has sent everything.
+        patience: time without an answer after which the client gives up [s]; time while it is stopped does
+            not count.
+        seed: seed of the random numbers.
     """
 
     kinds: tuple[str, ...] = ("full",)
@@ -46,15 +47,16 @@ class Order:
 
 @dataclass
 class Report:
-    """What came of it.
+    """Counts of requests and answers.
 
     Attributes:
-        asked: requests sent.
-        answered: of those, answered, whichever the code.
-        codes: how often each was answered, by kind.
-        wrong: answers with a code that was not to be expected, or with the number of another request; by kind
-            and code.
-        blocked: sends that the client's own middleware refused for now; tried again.
+        asked: number of requests sent.
+        answered: number of answers, whatever their code.
+        codes: number of answers with each code, by kind of request.
+        wrong: number of answers with an unexpected code or with the number of another request, by kind and
+            code.
+        blocked: number of times the client's own middleware did not accept a request; it was sent again.
+        latencies: times until the answers.
     """
 
     asked: int = 0
@@ -79,7 +81,7 @@ class Report:
 
     @classmethod
     def together(cls, reports: list[Report]) -> Report:
-        """Of several clients."""
+        """The sum of several reports."""
         merged = cls(latencies=Latencies.together(report.latencies for report in reports))
         for report in reports:
             merged.asked += report.asked
@@ -91,12 +93,12 @@ class Report:
         return merged
 
     def by_code(self) -> Counter[int]:
-        """How often each code was answered."""
+        """Number of answers with each code."""
         return sum(self.codes.values(), Counter())
 
 
 class Client:
-    """Asks as ordered, by clients of both services in one node."""
+    """Sends the requests of an order, to both services, from one node."""
 
     def __init__(self, order: Order, node: Any) -> None:
         self.order, self.report = order, Report()
@@ -109,11 +111,11 @@ class Client:
                 self._clients[type(request)] = service_client(node, service)
 
     def is_ready(self) -> bool:
-        """Whether all it asks is served."""
+        """Whether all services that it calls exist."""
         return all(client.service_is_ready() for client in self._clients.values())
 
     def ask(self) -> bool:
-        """Send a request; ``False`` if the middleware does not take one just now."""
+        """Send a request. Return ``False`` if the middleware does not accept one at the moment."""
         from rclpy._rclpy_pybind11 import RCLError
 
         name = self._draw.choice(self.order.kinds)
@@ -135,44 +137,44 @@ class Client:
         report.answered += 1
         report.latencies.add(time.perf_counter() - began)
         report.codes.setdefault(name, Counter())[code_of(response)] += 1
-        is_its_own = not kind.is_numbered or stamp_of(response).nanosec == number
-        if not is_its_own:
+        has_own_number = not kind.is_numbered or stamp_of(response).nanosec == number
+        if not has_own_number:
             report.wrong[f"{name}: of another request"] += 1
         elif not is_right(kind, response):
             report.wrong[f"{name}: {code_of(response)}"] += 1
 
 
 def run(order: dict[str, Any], parent: Parent) -> None:
-    """As a process: say when it is ready, ask when told to, say when all is asked, then what came of it."""
+    """Main function of the process: "ready", wait for "go", send the requests, "done" with the report."""
     with ros_node("client") as (node, executor):
         client = Client(Order(**{**order, "kinds": tuple(order["kinds"])}), node)
         parent.wait_until(client.is_ready)
-        parent.say("ready")
+        parent.send("ready")
         parent.wait_for("go")
         ask_all(client, executor, parent)
-        parent.say("done", client.report.to_json())
+        parent.send("done", client.report.to_json())
 
 
 def ask_all(client: Client, executor: Any, parent: Parent) -> None:
-    """Until everything is asked and answered, or nothing comes any more."""
+    """Send requests until all are sent and answered, or until no more answers come."""
     order, report = client.order, client.report
     end, before, quiet, is_asking = time.monotonic() + order.seconds, time.monotonic(), 0.0, True
     while is_asking or report.unanswered:
         while is_asking and report.unanswered < order.window and client.ask():
             is_asking = report.asked < order.requests
-        if is_asking and (time.monotonic() > end or parent.has_said("stop")):
+        if is_asking and (time.monotonic() > end or parent.has_sent("stop")):
             is_asking = False
         if not is_asking and order.leaves:
-            parent.say("sent")
+            parent.send("sent")
             return
         if report.asked == order.requests == order.window and not report.answered and not quiet:
-            parent.say("sent")  # a burst: none of its answers has been taken yet
+            parent.send("sent")  # a burst: no answer has been read yet
         answered = report.answered
         executor.spin_once(timeout_sec=0.1)
         if order.pause:
             parent.pause(order.pause)
         now = time.monotonic()
-        # Time in which it was stopped does not count: no more of a step than it can take.
+        # Time while the process was stopped does not count: limit the step to what it can take.
         quiet = 1e-9 if report.answered > answered else quiet + min(now - before, 0.2 + order.pause)
         before = now
         if quiet > order.patience or parent.is_gone():

@@ -1,6 +1,6 @@
-"""Clients that come in crowds, leave, stop, read slowly; long requests; and SIGTERM in the midst of it all.
+"""Crowds of clients, clients that leave, stop or read slowly, long requests, and SIGTERM during all of this.
 
-Each case has a node of its own. What is counted, is counted by the clients: each knows all it has asked.
+Each case has its own node. The clients count: each knows which requests it has sent.
 """
 
 from __future__ import annotations
@@ -11,26 +11,26 @@ from collections.abc import Callable
 from typing import Any
 
 from . import results
-from .child import NAMESPACE
+from .child_process import NAMESPACE
 from .client import Report
-from .kinds import MIXED, SMALL
 from .processes import Child, Environment, NodeProcess, Stage
+from .request_kinds import MIXED, SMALL
 
 Row = dict[str, Any]
 AMPLE = {"budget__contacts": 2_000_000, "budget__time": 600.0}
-"""Budgets that let the longest of these requests pass."""
+"""Budgets that allow the longest of these requests."""
 
 LONGEST_WAIT = 1.0
-"""Seconds that a client may wait because of another."""
+"""Longest time that a client may wait because of another client [s]."""
 
 LONGEST_EXIT = 15.0
-"""Seconds: the default of shutdown_timeout, and some to take things down."""
+"""Longest time to exit [s]: the default of shutdown_timeout, plus some for the cleanup."""
 
 CASES: dict[str, Callable[[Stage], Row]] = {}
 
 
 def case(name: str) -> Callable[[Callable[[Stage], Row]], Callable[[Stage], Row]]:
-    """Enter a case under its name."""
+    """Register a case under its name."""
 
     def enter(run: Callable[[Stage], Row]) -> Callable[[Stage], Row]:
         CASES[name] = run
@@ -49,19 +49,19 @@ def row(
     must: dict[str, bool] | None = None,
     notes: str = "",
 ) -> Row:
-    """What came of a case, and which promises it broke.
+    """The result of a case, with the promises that were broken.
 
     Args:
-        node: as it is now.
-        reports: of clients that were there from beginning to end.
-        others: of the client that did nothing unusual, if there is one: its waits are what is looked at.
-        apart: what was asked and answered by clients that left, were killed or stopped.
-        wait: the longest that the other may have waited [s].
-        must: what else must hold, by its name.
-        notes: what else there is to say.
+        node: the node at the end of the case.
+        reports: reports of the clients that stayed from beginning to end.
+        others: report of the client that did nothing unusual, if there is one; the times are then its times.
+        apart: requests and answers of clients that left, were killed or stopped.
+        wait: longest allowed wait of the other client [s].
+        must: further conditions, by name.
+        notes: a remark.
     """
     everyone = Report.together(reports + ([others] if others else []))
-    looked_at = (others or everyone).latencies.spread()
+    latency = (others or everyone).latencies.spread()
     usage = node.usage()
     promises = {
         f"{everyone.unanswered} unanswered": everyone.unanswered == 0,
@@ -69,15 +69,15 @@ def row(
         "no INTERNAL_ERROR": 100 not in everyone.by_code(),
         **(must or {"the node lives": node.is_alive()}),
     }
-    if others is not None and wait is not None and looked_at is not None:
-        promises[f"another waited {looked_at['max']:.2g} s"] = looked_at["max"] <= wait
+    if others is not None and wait is not None and latency is not None:
+        promises[f"the other client waited {latency['max']:.2g} s"] = latency["max"] <= wait
     return {
         "asked": everyone.asked,
         "answered": everyone.answered,
         "codes": dict(sorted(everyone.by_code().items())),
         "apart": apart,
         "others": others is not None,
-        "latency": looked_at,
+        "latency": latency,
         "peak": usage and usage.peak,
         "notes": notes,
         "broken": [what for what, holds in promises.items() if not holds],
@@ -86,31 +86,31 @@ def row(
 
 
 def started(stage: Stage, **parameters: Any) -> NodeProcess:
-    """The node, after it has answered each kind of small request."""
+    """A node that has answered each kind of small request."""
     node = stage.node(**parameters)
     calls(stage, 60)
     return node
 
 
 def calls(stage: Stage, number: int) -> Report:
-    """So many, one after the other, by a new client."""
+    """Send a number of requests, one after the other, from a new client."""
     client = stage.client(kinds=SMALL, requests=number, window=1, seed=2)
     stage.start(client)
     return client.report()
 
 
 def steady(stage: Stage) -> Child:
-    """A client that asks one thing after the other until it is told to stop."""
+    """A client that sends one request after the other until it receives "stop"."""
     return stage.client(kinds=SMALL, requests=1_000_000, window=1, seconds=900.0, seed=1)
 
 
 def stopped(client: Child) -> Report:
-    """Tell it to stop."""
+    """Stop a client and return its report."""
     client.tell("stop")
     return client.report()
 
 
-@case("the first requests of all")
+@case("the first requests to a new node")
 def first(stage: Stage) -> Row:
     node = stage.node()
     return row(node, [], others=calls(stage, 60))
@@ -119,14 +119,14 @@ def first(stage: Stage) -> Row:
 # Crowds ---------------------------------------------------------------------------------------
 
 
-@case("a burst of 5000")
+@case("a burst of 5000 requests")
 def burst(stage: Stage) -> Row:
     node, client = stage.node(), stage.client(kinds=MIXED, requests=5000, window=5000)
     stage.start(client)
     return row(node, [client.report()])
 
 
-@case("16 client processes, each 500, 50 at once")
+@case("16 client processes, 500 requests each, 50 pending")
 def processes(stage: Stage) -> Row:
     node = stage.node()
     clients = [stage.client(kinds=SMALL, requests=500, window=50, seed=seed) for seed in range(16)]
@@ -134,7 +134,7 @@ def processes(stage: Stage) -> Row:
     return row(node, [client.report() for client in clients])
 
 
-@case("a burst of 5000, and another client")
+@case("a burst of 5000 requests, and another client")
 def fairness(stage: Stage) -> Row:
     node, client, other = started(stage), stage.client(kinds=SMALL, requests=5000, window=5000), steady(stage)
     stage.start(other, client)
@@ -142,17 +142,17 @@ def fairness(stage: Stage) -> Row:
     return row(node, [found], others=stopped(other))
 
 
-@case("60 clients, each asks as soon as it sees the service")
+@case("60 clients that call as soon as they see the service")
 def newcomers(stage: Stage) -> Row:
     node = started(stage)
-    newcomers = stage.child("newcomers", number=60)
+    newcomers = stage.child("new_clients", number=60)
     return row(node, [newcomers.report()])
 
 
-# Clients that leave, die, stop or dawdle -------------------------------------------------------
+# Clients that leave, die, stop or read slowly ---------------------------------------------------
 
 
-@case("one leaves with 500 out")
+@case("a client leaves with 500 pending")
 def leaves(stage: Stage) -> Row:
     node, other = started(stage), steady(stage)
     client = stage.client(kinds=("full",), requests=500, window=500, leaves=True)
@@ -162,7 +162,7 @@ def leaves(stage: Stage) -> Row:
     return row(node, [], others=stopped(other), apart=(went.asked, went.answered))
 
 
-@case("one is killed with 500 out")
+@case("a client is killed with 500 pending")
 def killed(stage: Stage) -> Row:
     node, other = started(stage), steady(stage)
     client = stage.client(kinds=("full",), requests=500, window=500)
@@ -192,17 +192,17 @@ def _stop(stage: Stage, number: int, seconds: float) -> Row:
     )
 
 
-@case("one is stopped with 3000 out, for 5 s")
+@case("a client is stopped for 5 s with 3000 pending")
 def stops(stage: Stage) -> Row:
     return _stop(stage, 3000, 5.0)
 
 
-@case("one is stopped with 3000 out, for 40 s")
+@case("a client is stopped for 40 s with 3000 pending")
 def stops_for_long(stage: Stage) -> Row:
     return _stop(stage, 3000, 40.0)
 
 
-@case("one reads an answer every 5 ms, 2000 out")
+@case("a client reads an answer every 5 ms, 2000 pending")
 def reads_slowly(stage: Stage) -> Row:
     node, other = started(stage), steady(stage)
     client = stage.client(kinds=("full",), requests=2000, window=2000, pause=0.005)
@@ -215,11 +215,11 @@ def reads_slowly(stage: Stage) -> Row:
 def results_unread(stage: Stage) -> Row:
     node = stage.node()
     topic = f"{NAMESPACE}/collision_response/result"
-    listener = stage.child("listener", topic=topic, type="CollisionResult", reliable=True)
+    subscriber = stage.child("subscriber", topic=topic, type="CollisionResult", reliable=True)
     client = stage.client(kinds=SMALL, requests=5000, window=1)
-    listener.until("ready")
-    calls(stage, 10)  # it has heard something
-    listener.hold()
+    subscriber.until("ready")
+    calls(stage, 10)  # so that it has received something
+    subscriber.hold()
     stage.start(client)
     return row(node, [], others=client.report())
 
@@ -254,7 +254,7 @@ def great_point_batch(stage: Stage) -> Row:
 
 @case("a batch of 1e6, SPATIAL, EXTENDED, ample budget")
 def great_batch(stage: Stage) -> Row:
-    """DDS sends the answer, of 130 MB, in one piece: others wait for that."""
+    """DDS sends the answer of 130 MB in one piece, and other clients wait for that."""
     return _long(stage, "extended batch of 1e6", AMPLE, wait=None)
 
 
@@ -283,7 +283,7 @@ def sigterm_in_batch(stage: Stage) -> Row:
     client = stage.client(kinds=("routh batch of 2e5",), requests=1, window=1, patience=20.0)
     stage.start(client)
     client.until("sent")
-    time.sleep(3.0)  # its way to the node, and into the computation
+    time.sleep(3.0)  # until the node has received it and computes
     return _end(node, [client])
 
 
@@ -291,7 +291,7 @@ def sigterm_in_batch(stage: Stage) -> Row:
 
 
 def measure(named: str) -> dict[str, Row]:
-    """Every case whose name contains a word."""
+    """Run every case whose name contains a word."""
     found = {}
     with Environment() as environment:
         for name, run in CASES.items():
@@ -305,7 +305,7 @@ def measure(named: str) -> dict[str, Row]:
 
 
 def main(arguments: list[str]) -> int:
-    """The cases, all or some."""
+    """Run all cases or some."""
     parser = argparse.ArgumentParser(prog="make faults", description=__doc__)
     parser.add_argument("word", nargs="?", default="", help="only cases whose name contains this")
     asked = parser.parse_args(arguments)

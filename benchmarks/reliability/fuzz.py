@@ -1,6 +1,6 @@
-"""Hostile input: odd values through rclpy, and bytes that are no messages from another DDS implementation.
+"""Hostile input: unusual values through rclpy, and invalid bytes from another DDS implementation.
 
-Another client asks all the while, and counts.
+Another client sends requests at the same time, and counts.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from .processes import Environment, Stage
 SHARES = {"values single": 0.3, "values batch": 0.2, "values states": 0.1} | dict.fromkeys(
     ("raw single", "raw batch", "raw scene", "raw states"), 0.1
 )
-"""Of all that is sent."""
+"""Shares of the messages."""
 
 PACE = 500
-"""Raw messages a second."""
+"""Raw messages per second."""
 
 MOST_GROWTH = 200.0
-"""MiB that the memory may ever be above that before."""
+"""Largest growth of the memory [MiB]."""
 
 PLAIN_TYPES = (
     "<rtps><propertiesPolicy><properties><property>"
     "<name>fastdds.type_propagation</name><value>disabled</value>"
     "</property></properties></propertiesPolicy>"
 )
-"""In a profile for Fast DDS in place of ``<rtps>``: it takes bytes of whoever names the type."""
+"""Replaces ``<rtps>`` in a Fast DDS profile, which then accepts bytes from anyone who names the type."""
 
 CYCLONE_DDS = (
     '<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"/></Interfaces>'
@@ -43,9 +43,9 @@ Row = dict[str, Any]
 
 
 def values(stage: Stage, what: str, number: int, seed: int) -> Row:
-    """Messages with odd values."""
+    """Send messages with unusual values."""
     node, other = started(stage), steady(stage)
-    fuzzer = stage.child("values", what=what, number=number, seed=seed)
+    fuzzer = stage.child("hostile_values", what=what, number=number, seed=seed)
     stage.start(other, fuzzer)
     before = node.usage()
     done = fuzzer.until("done", 540.0)
@@ -53,9 +53,9 @@ def values(stage: Stage, what: str, number: int, seed: int) -> Row:
 
 
 def raw(stage: Stage, what: str, number: int, seed: int) -> Row:
-    """Bytes."""
+    """Send invalid bytes."""
     node, other = started(stage), steady(stage)
-    sender = stage.child("raw", what=what, number=number, seed=seed, pace=PACE)
+    sender = stage.child("hostile_bytes", what=what, number=number, seed=seed, pace=PACE)
     stage.start(other, sender)
     before = node.usage()
     done = sender.until("done", 540.0)
@@ -77,13 +77,13 @@ def _row(node: Any, before: Any, other: Any, unanswered: int) -> Row:
 
 
 def broken(name: str, row: Row) -> list[str]:
-    """The promises that were."""
+    """The promises that were broken."""
     wait = row["latency"] and row["latency"]["max"]
     is_flat = row["peak"] is not None and row["peak"] - row["before"] <= MOST_GROWTH
     promises = {
         "the node died": row["alive"],
         f"{row['unanswered']} unanswered": row["unanswered"] == 0,
-        f"another waited {wait or 0:.2g} s": wait is None or wait <= LONGEST_WAIT,
+        f"the other client waited {wait or 0:.2g} s": wait is None or wait <= LONGEST_WAIT,
         f"memory up to {row['peak'] or 0:.0f} MiB": is_flat or not row["alive"],
     }
     found = [f"{name}: {what}" for what, holds in promises.items() if not holds]
@@ -91,10 +91,10 @@ def broken(name: str, row: Row) -> list[str]:
 
 
 def measure(number: int, seed: int, word: str) -> dict[str, Row]:
-    """Each part of the share that is its."""
+    """Run each part with its share of the messages."""
     has_cyclone = importlib.util.find_spec("cyclonedds") is not None
     if not has_cyclone:
-        print("==> left out: raw bytes; the package cyclonedds is not installed")
+        print("==> skipped: raw bytes, because the package cyclonedds is not installed")
     found = {}
     with Environment() as environment, tempfile.TemporaryDirectory() as directory:
         profile = Path(directory, "fast_dds.xml")
@@ -117,10 +117,10 @@ def measure(number: int, seed: int, word: str) -> dict[str, Row]:
 
 
 def main(arguments: list[str]) -> int:
-    """All, or some."""
+    """Run all parts or some."""
     parser = argparse.ArgumentParser(prog="make fuzz", description=__doc__)
     parser.add_argument("word", nargs="?", default="", help="only parts whose name contains this")
-    parser.add_argument("--number", type=int, default=100_000, help="of messages in all")
+    parser.add_argument("--number", type=int, default=100_000, help="total number of messages")
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args(arguments)
     found = measure(asked.number, asked.seed, asked.word)

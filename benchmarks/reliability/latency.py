@@ -1,4 +1,4 @@
-"""How long answers took, kept in little space however many there are."""
+"""A histogram of response times, whose size does not grow with their number."""
 
 from __future__ import annotations
 
@@ -8,41 +8,41 @@ from collections import Counter
 from collections.abc import Iterable
 
 SECONDS = 5
-"""Of the clock in one interval. The clock is that of the machine, so intervals of processes are the same."""
+"""Length of one interval of the clock. All processes share the machine's clock, and so its intervals."""
 
 BINS = 24
-"""To each doubling of the time: what is read off is right to 1.5 %."""
+"""Bins for each doubling of the time, so that times are accurate to 1.5 %."""
 
 Intervals = dict[int, Counter[int]]
 
 
 class Latencies:
-    """Counts of times, by interval of the clock.
+    """Histograms of times, one for each interval of the clock.
 
     Attributes:
-        intervals: by the number of the interval, how many times fell in each bin.
+        intervals: by the number of the interval, the number of times in each bin.
     """
 
     def __init__(self, intervals: Intervals | None = None) -> None:
         self.intervals: Intervals = {} if intervals is None else intervals
 
     def add(self, seconds: float) -> None:
-        """One that ends now."""
+        """Add a time that ends now."""
         interval = self.intervals.setdefault(int(time.monotonic() // SECONDS), Counter())
         interval[round(BINS * math.log2(max(seconds, 1e-6) * 1e6))] += 1
 
     def to_json(self) -> dict[int, dict[int, int]]:
-        """As :meth:`from_json` takes it, after a journey through JSON."""
+        """The argument of :meth:`from_json`, before it is written as JSON."""
         return {number: dict(interval) for number, interval in self.intervals.items()}
 
     @classmethod
     def from_json(cls, found: dict[str, dict[str, int]]) -> Latencies:
-        """What another process has counted."""
+        """Histograms of another process."""
         return cls({int(k): Counter({int(b): n for b, n in bins.items()}) for k, bins in found.items()})
 
     @classmethod
     def together(cls, several: Iterable[Latencies]) -> Latencies:
-        """Of several clients."""
+        """The sum of several histograms."""
         merged = cls()
         for one in several:
             for number, interval in one.intervals.items():
@@ -50,12 +50,12 @@ class Latencies:
         return merged
 
     def spread(self) -> dict[str, float] | None:
-        """Over all intervals: see :func:`spread`."""
+        """Median, 99th percentile and maximum over all intervals: see :func:`spread`."""
         return spread(sum(self.intervals.values(), Counter()))
 
 
 def spread(bins: Counter[int]) -> dict[str, float] | None:
-    """The time that half, that 99 of 100, and that all stayed within [s]; ``None`` if there is none."""
+    """Median, 99th percentile and maximum [s]; ``None`` if there are no times."""
     if not bins:
         return None
     ordered, total, below = sorted(bins), sum(bins.values()), 0

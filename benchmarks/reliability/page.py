@@ -1,4 +1,4 @@
-"""The tables of docs/reliability.md, from what was measured."""
+"""The tables of docs/reliability.md, made from the measurements."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from collision_response import StatusCode
 
 Found = dict[str, Any]
 REFUSED_FOR_NOW = ("BUDGET_EXCEEDED", "SHUTTING_DOWN")
-TIMES = ("half within [ms]", "99 % [ms]", "all [ms]")
+TIMES = ("median [ms]", "99 % [ms]", "maximum [ms]")
 
 
 def parts(stored: Mapping[str, Found]) -> dict[str, str]:
-    """The generated parts of the page; what has not been measured says so."""
+    """The generated parts of the page; a part without measurements says so."""
     return {
-        name: write(stored[part]) if part in stored else f"Not measured yet: `make {part}` does."
+        name: write(stored[part]) if part in stored else f"Not measured yet: run `make {part}`."
         for part, writers in PARTS.items()
         for name, write in writers.items()
     }
@@ -28,14 +28,14 @@ def _measured(found: Found) -> str:
     machine, broken = found["machine"], found["broken"]
     on = described(machine)
     line = (
-        f"Measured on {found['date']}: {on}, a load of {found['load']:.1f} before. "
+        f"Measured on {found['date']}: {on}, load average {found['load']:.1f} before. "
         f"Promises broken: {len(broken)}."
     )
     return "\n".join([line, *(f"* {promise}" for promise in broken)])
 
 
 def milliseconds(seconds: float | None) -> str:
-    """Two digits."""
+    """A time in milliseconds, with two digits."""
     return "" if seconds is None else significant(seconds * 1e3)
 
 
@@ -44,7 +44,7 @@ def _spread(spread: dict[str, float] | None) -> list[str]:
 
 
 def refusals(codes: Mapping[Any, int]) -> dict[str, int]:
-    """By name."""
+    """Number of refusals by the name of their code."""
     named = {StatusCode(int(code)): n for code, n in codes.items()}
     return {code.name: n for code, n in named.items() if not code.is_answer}
 
@@ -53,7 +53,7 @@ def refusals(codes: Mapping[Any, int]) -> dict[str, int]:
 
 
 def faults(found: Found) -> str:
-    """A row for each case."""
+    """Table with a row for each case."""
     rows = []
     for name, row in found["cases"].items():
         apart = "" if row["apart"] is None else "{1:,} of {0:,}".format(*row["apart"])
@@ -71,25 +71,25 @@ def faults(found: Found) -> str:
                 "; ".join(notes),
             ]
         )
-    return table(["case", "asked", "unanswered", "apart", *TIMES, "peak [MiB]", ""], rows)
+    return table(["case", "requests", "unanswered", "apart", *TIMES, "peak memory [MiB]", "notes"], rows)
 
 
 # Hostile input --------------------------------------------------------------------------------
 
 
 def fuzz(found: Found) -> str:
-    """A row for each part."""
+    """Table with a row for each part."""
     rows = []
     for name, row in found["parts"].items():
         how, what = name.split()
         sender = "values by rclpy" if how == "values" else "bytes by Cyclone DDS"
         faults = sum(row["counts"].values())
-        memory = "it died"
+        memory = "the node died"
         if row["after"]:
             memory = f"{row['before']:.0f} → {row['after']:.0f}, at most {row['peak']:.0f}"
         numbers = [f"{n:,}" for n in (row["sent"], faults, row["unanswered"], row["other"])]
         rows.append([f"{sender}, `{what}`", *numbers, *_spread(row["latency"]), memory])
-    head = ["what", "sent", "wrong answers", "unanswered", "another asked"]
+    head = ["messages", "sent", "wrong answers", "unanswered", "requests of the other client"]
     return table([*head, *TIMES, "memory [MiB]"], rows)
 
 
@@ -97,7 +97,7 @@ def fuzz(found: Found) -> str:
 
 
 def soak(found: Found) -> str:
-    """A row for each kind of client."""
+    """Table with a row for each kind of client."""
     rows = []
     for name, row in found["clients"].items():
         refused = ", ".join(f"{n:,} {code}" for code, n in refusals(row["codes"]).items())
@@ -106,21 +106,21 @@ def soak(found: Found) -> str:
         rows.append([name, *numbers, refused, *_spread(row["latency"])])
     for name, (asked, answered) in found["apart"].items():
         rows.append([f"apart: {name}", f"{asked:,}", f"{answered:,}", "", "", "", "", ""])
-    head = ["clients", "asked", "answered", "unanswered", "of those answered, refused"]
+    head = ["clients", "requests", "answered", "unanswered", "refusals among the answers"]
     seconds, code = found["exit"]
     slope = (
-        "" if found["slope"] is None else f" Memory in the second half: {found['slope']:+.1f} MiB an hour."
+        "" if found["slope"] is None else f" Memory in the second half: {found['slope']:+.1f} MiB per hour."
     )
     return (
         f"{table([*head, *TIMES], rows)}\n\n"
         f"{found['minutes']:.1f} minutes, {found['faults']} faults, {found['states']:,} body states, "
-        f"{found['log_lines']:,} lines in the log.{slope} At the end SIGTERM: exit code {code} after "
+        f"{found['log_lines']:,} log lines.{slope} SIGTERM at the end: exit code {code} after "
         f"{significant(seconds)} s."
     )
 
 
 def over_time(found: Found) -> str:
-    """A row for each stretch of time."""
+    """Table with a row for each interval of time."""
     rows = [
         [
             f"{row['minutes']:.1f}",
@@ -132,7 +132,7 @@ def over_time(found: Found) -> str:
         ]
         for row in found["over time"]
     ]
-    head = ["to minute", "answers a second", *TIMES, "memory [MiB]", "descriptors", "threads"]
+    head = ["until minute", "answers per second", *TIMES, "memory [MiB]", "descriptors", "threads"]
     return table(head, rows)
 
 
@@ -140,7 +140,7 @@ def over_time(found: Found) -> str:
 
 
 def states(found: Found) -> str:
-    """A row for each rate."""
+    """Table with a row for each rate."""
     rows = []
     for row in found["rows"]:
         node, bare = row["node"], row["bare"]
@@ -157,13 +157,13 @@ def states(found: Found) -> str:
                 *_spread(node["latency"]),
             ]
         )
-    head = ["type", "offered a second", "heard by the node", "by a bare subscription", "lost by the node"]
-    head += ["lost, says the node", *TIMES]
+    head = ["type", "sent per second", "received by the node", "by a bare subscription", "lost by the node"]
+    head += ["losses that the node counted", *TIMES]
     return table(head, rows)
 
 
 def capacity(found: Found) -> str:
-    """A row for each rate, and the most."""
+    """Table with a row for each rate, and the largest rates."""
     rows = []
     for row in found["capacity"]:
         node, bare = row["node"], row["bare"]
@@ -175,12 +175,12 @@ def capacity(found: Found) -> str:
                 *(significant(one["processor"] * 1e6) for one in (node, bare)),
             ]
         )
-    head = ["offered a second", "heard by the node", "by a bare subscription"]
-    head += ["processor time of each [µs], the node", "the subscription"]
+    head = ["sent per second", "received by the node", "by a bare subscription"]
+    head += ["processor time per state [µs], node", "subscription"]
     node, bare = found["most"]["node"], found["most"]["bare"]
     return (
-        f"{table(head, rows)}\n\nAt most {significant(node, 3)} `BodyState` a second by the node, "
-        f"{significant(bare, 3)} by the bare subscription: {significant(node / bare)} times as many."
+        f"{table(head, rows)}\n\nThe node received at most {significant(node, 3)} `BodyState` per second, "
+        f"the bare subscription {significant(bare, 3)}: {significant(node / bare)} times as many."
     )
 
 
@@ -188,7 +188,7 @@ def capacity(found: Found) -> str:
 
 
 def twice(found: Found) -> str:
-    """A sentence."""
+    """A sentence about the rounds."""
     seconds = sorted(found["seconds"])
     return (
         f"{len(seconds)} times two suites at once: {len(found['failed'])} failed. "
@@ -203,4 +203,4 @@ PARTS: dict[str, dict[str, Callable[[Found], str]]] = {
     "soak": {"soak measured": _measured, "soak": soak, "over time": over_time},
     "twice": {"twice measured": _measured, "twice": twice},
 }
-"""The generated parts of the page, by what measures them."""
+"""The generated parts of the page, by the program that measures them."""

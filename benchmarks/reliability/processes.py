@@ -1,4 +1,4 @@
-"""Starts the node and the processes that drive it, and ends each of them whatever happens."""
+"""Starts the node and the processes that drive it, and always ends them."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from typing import Any, NamedTuple
 import pages
 import service
 
-from .child import DEADLINE, NAMESPACE
+from .child_process import DEADLINE, NAMESPACE
 from .client import Order, Report
 
-ROOM = Path(__file__).resolve().parent
-NODE = ROOM.parent.parent / "scripts" / "collision_response_node"
+DIRECTORY = Path(__file__).resolve().parent
+NODE = DIRECTORY.parent.parent / "scripts" / "collision_response_node"
 
 
 class Usage(NamedTuple):
-    """What a process takes of the machine; memory in MiB."""
+    """Resources used by a process; memory in MiB."""
 
     memory: float
     peak: float
@@ -36,14 +36,14 @@ class Usage(NamedTuple):
 
 
 class Process:
-    """One that this process has started.
+    """A process started by this one.
 
     Attributes:
-        pid: its number.
+        pid: its process id.
     """
 
     def __init__(self, command: list[str], environment: dict[str, str], **pipes: Any) -> None:
-        self._errors = tempfile.TemporaryFile("w+")  # noqa: SIM115  it lives as long as this
+        self._errors = tempfile.TemporaryFile("w+")  # noqa: SIM115  closed in close()
         self._process = subprocess.Popen(command, env=environment, stderr=self._errors, text=True, **pipes)
         self._is_held = False
         self.pid = self._process.pid
@@ -52,7 +52,7 @@ class Process:
         return self._process.poll() is None
 
     def hold(self) -> None:
-        """Stop it where it is, until :meth:`resume`."""
+        """Suspend the process until :meth:`resume`."""
         self._process.send_signal(signal.SIGSTOP)
         self._is_held = True
 
@@ -61,12 +61,12 @@ class Process:
         self._is_held = False
 
     def kill(self) -> None:
-        """At once: it cannot say goodbye."""
+        """Kill the process, without a chance to clean up."""
         self._process.kill()
         self._process.wait(DEADLINE)
 
     def terminate(self, seconds: float = DEADLINE) -> tuple[float, int | None]:
-        """Ask it to end: after how many seconds it did, and with what exit code; ``None`` if it did not."""
+        """Send SIGTERM; return the time until the process ended [s] and its exit code, or ``None``."""
         began = time.monotonic()
         self._process.send_signal(signal.SIGTERM)
         try:
@@ -77,12 +77,12 @@ class Process:
         return time.monotonic() - began, self._process.returncode
 
     def log(self) -> str:
-        """What it has written to standard error."""
+        """Its output on standard error."""
         self._errors.seek(0)
         return self._errors.read()
 
     def usage(self) -> Usage | None:
-        """``None`` if it is no more."""
+        """Current usage of resources; ``None`` if the process has ended."""
         try:
             lines = Path(f"/proc/{self.pid}/status").read_text().splitlines()
             words = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
@@ -90,27 +90,27 @@ class Process:
         except OSError:
             return None
         found = dict(line.split(":", 1) for line in lines)
-        if "VmRSS" not in found:  # it has ended, and nobody has waited for it yet
+        if "VmRSS" not in found:  # a zombie: it has ended but was not waited for
             return None
         memory, peak = (int(found[name].split()[0]) / 1024 for name in ("VmRSS", "VmHWM"))
         spent = (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
         return Usage(memory, peak, int(found["Threads"]), descriptors, spent)
 
     def close(self) -> None:
-        """End it."""
+        """End the process."""
         if self._is_held and self.is_alive():
             self.resume()
         if self.is_alive():
             self.terminate(10.0)
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
-                with suppress(BrokenPipeError):  # it has ended with words for it under way
+                with suppress(BrokenPipeError):  # it has ended without reading everything
                     pipe.close()
         self._errors.close()
 
 
 class NodeProcess(Process):
-    """The node under test, as installed."""
+    """The installed node, under test."""
 
     def __init__(self, environment: dict[str, str], parameters: dict[str, Any]) -> None:
         words = [
@@ -129,10 +129,10 @@ class NodeProcess(Process):
 
 
 class Child(Process):
-    """A process of this room: ``role`` is a word of ``__main__.py``."""
+    """A process of this package; ``role`` is one of ``CHILDREN`` in ``__main__.py``."""
 
     def __init__(self, role: str, order: dict[str, Any], environment: dict[str, str]) -> None:
-        command = [sys.executable, "-I", str(ROOM), role, json.dumps(order)]
+        command = [sys.executable, "-I", str(DIRECTORY), role, json.dumps(order)]
         super().__init__(command, environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         self._lines: queue.Queue[str | None] = queue.Queue()
         threading.Thread(target=self._listen, daemon=True).start()
@@ -144,11 +144,11 @@ class Child(Process):
         self._lines.put(None)
 
     def until(self, word: str, seconds: float = DEADLINE) -> Any:
-        """Wait for a word of it, and return what it says to that.
+        """Wait until the process sends a word, and return the data that comes with it.
 
         Raises:
-            TimeoutError: it does not say it.
-            ChildProcessError: it has ended without it.
+            TimeoutError: if the word does not come in time.
+            ChildProcessError: if the process ends without sending it.
         """
         end = time.monotonic() + seconds
         while True:
@@ -158,9 +158,9 @@ class Child(Process):
                 raise TimeoutError(f"no {word!r} from process {self.pid} within {seconds:.0f} s") from None
             if line is None:
                 raise ChildProcessError(f"process {self.pid} ended without {word!r}:\n{self.log()[-2000:]}")
-            said, _, what = line.partition(" ")
-            if said == word:
-                return json.loads(what)
+            sent, _, data = line.partition(" ")
+            if sent == word:
+                return json.loads(data)
 
     def tell(self, word: str) -> None:
         assert self._process.stdin is not None
@@ -168,16 +168,16 @@ class Child(Process):
         self._process.stdin.flush()
 
     def report(self, seconds: float = 600.0) -> Report:
-        """Of a client, what came of its requests."""
+        """Wait for the report of a client."""
         return Report.from_json(self.until("done", seconds))
 
 
 class Environment:
-    """Variables for the processes of one run, in a ROS domain of its own that nothing leaves.
+    """Environment variables for the processes of one run, in a ROS domain of its own on this machine.
 
     Attributes:
-        usual: with the profile for Fast DDS that the package recommends.
-        large: for requests and answers of many megabytes.
+        usual: variables with the Fast DDS profile that the package recommends.
+        large: variables for requests and answers of many megabytes.
     """
 
     def __enter__(self) -> Environment:
@@ -188,11 +188,11 @@ class Environment:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._domain.__exit__(None, None, None)  # what it cannot do is to end with an error
+        self._domain.__exit__(None, None, None)
 
 
 class Stage:
-    """What a case starts. Left as a context it ends it all, the node last."""
+    """The processes of one case. When the context is left, it ends all of them, the node last."""
 
     def __init__(self, environment: Environment, *, large: bool = False) -> None:
         self._variables = environment.large if large else environment.usual
@@ -209,20 +209,20 @@ class Stage:
         return process
 
     def node(self, **parameters: Any) -> NodeProcess:
-        """The node; a double underscore in the name of a parameter stands for a dot."""
+        """Start the node; a double underscore in the name of a parameter stands for a dot."""
         named = {name.replace("__", "."): value for name, value in parameters.items()}
         return self._keep(NodeProcess(self._variables, named))
 
     def child(self, role: str, **order: Any) -> Child:
-        """A process of this room."""
+        """Start a child process."""
         return self._keep(Child(role, order, self._variables))
 
     def client(self, **order: Any) -> Child:
-        """A client, by the fields of :class:`~.client.Order`."""
+        """Start a client, with the fields of :class:`~.client.Order`."""
         return self.child("client", **Order(**order).to_json())
 
     def start(self, *children: Child) -> None:
-        """Let them begin, all when the last is ready."""
+        """Let child processes begin, once all of them are ready."""
         for child in children:
             child.until("ready")
         for child in children:

@@ -1,4 +1,4 @@
-"""Publishes body states at a rate, as bytes made beforehand: making messages on the way is too slow."""
+"""Publishes body states at a given rate, as prepared bytes, because making messages would be too slow."""
 
 from __future__ import annotations
 
@@ -6,27 +6,27 @@ import struct
 import time
 from typing import Any
 
-from .child import Parent, ros_node
-from .kinds import NAMES, full
+from .child_process import Parent, ros_node
+from .request_kinds import NAMES, full
 
 TICK = 0.002
-"""Seconds; the states of one tick go out together."""
+"""Time between two ticks [s]; the states of one tick are published together."""
 
 TABLE = 1000
-"""Bodies of one message of ``BodyStates``."""
+"""Number of bodies in one ``BodyStates`` message."""
 
 
 def name_of(number: int) -> str:
-    """Of a body. All are of one length, so that one can take the place of another."""
+    """Name of a body. All names have the same length, so that one can replace another in the bytes."""
     return f"body_{number:07}"
 
 
 class Template:
-    """The bytes of a message about bodies, with their names and the present time filled in.
+    """The bytes of a message with body states, in which names and stamp are replaced.
 
     Attributes:
-        bodies: of one message.
-        kind: of message.
+        bodies: number of bodies in one message.
+        kind: type of the message.
     """
 
     def __init__(self, name: str) -> None:
@@ -52,8 +52,8 @@ class Template:
         second = self._bytes.find(name_of(1).encode())
         self._places = [first + number * (second - first) for number in range(self.bodies)]
 
-    def of(self, first: int) -> bytes:
-        """Of the bodies from that number on."""
+    def filled(self, first: int) -> bytes:
+        """The bytes for the bodies from number ``first`` on, with the current time."""
         for number, at in enumerate(self._places, first):
             name = name_of(number).encode()
             self._bytes[at : at + len(name)] = name
@@ -63,33 +63,33 @@ class Template:
 
 
 def run(order: dict[str, Any], parent: Parent) -> None:
-    """As a process: publish at ``rate`` until ``number`` are out or it is told to stop; say ``sent``.
+    """Main function of the process: publish at ``rate`` until ``number`` states are sent or "stop" comes.
 
-    The bodies are so many, from ``first`` on.
+    It ends by sending "sent". The states belong to ``bodies`` bodies, from number ``first`` on.
     """
     from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
     qos = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
     template = Template(order["type"])
-    asked_for = [full().body_a, full().body_b] if order["type"] == "BodyState" else []
-    for state, name in zip(asked_for, NAMES, strict=False):
+    named_states = [full().body_a, full().body_b] if order["type"] == "BodyState" else []
+    for state, name in zip(named_states, NAMES, strict=False):
         state.name = name
     with ros_node("publisher") as (node, _):
         publisher = node.create_publisher(template.kind, order["topic"], qos)
         parent.wait_until(publisher.get_subscription_count)
-        parent.say("ready")
+        parent.send("ready")
         parent.wait_for("go")
         began, sent, announced, step = time.monotonic(), 0, 0.0, template.bodies
-        while sent < order["number"] and not parent.has_said("stop") and not parent.is_gone():
+        while sent < order["number"] and not parent.has_sent("stop") and not parent.is_gone():
             elapsed = time.monotonic() - began
-            if elapsed >= announced:  # those that clients ask for by name, ten times a second
+            if elapsed >= announced:  # the bodies that clients give by name, ten times a second
                 announced = elapsed + 0.1
-                for state in asked_for:
+                for state in named_states:
                     state.header.stamp = node.get_clock().now().to_msg()
                     publisher.publish(state)
             due = min(order["number"], int(elapsed * order["rate"]) + step, sent + 1000 * step)
             while sent + step <= due:
-                publisher.publish(template.of(order["first"] + sent % order["bodies"]))
+                publisher.publish(template.filled(order["first"] + sent % order["bodies"]))
                 sent += step
             parent.pause(TICK)
-        parent.say("sent", {"states": sent, "seconds": time.monotonic() - began})
+        parent.send("sent", {"states": sent, "seconds": time.monotonic() - began})

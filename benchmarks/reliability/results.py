@@ -1,4 +1,4 @@
-"""What becomes of measurements: printed, and if they are whole, stored and on the page."""
+"""Prints measurements; complete ones are also stored and written to the page."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from . import page
 
 STORED = pages.ROOT / "benchmarks" / "results"
 LOAD = os.getloadavg()[0]
-"""Of the machine, before anything was started: what it does besides is in every time."""
+"""Load average before anything was started; other load affects every time."""
 
 
 def finish(part: str, found: dict[str, Any], *, is_whole: bool, broken: list[str]) -> int:
-    """The exit code: 1 if a promise was broken."""
+    """Print results and store complete ones. Return the exit code: 1 if a promise was broken."""
     when = {"date": datetime.date.today().isoformat(), "machine": machine(), "load": LOAD}
     found = {**when, **found, "broken": broken}
     print("\n\n".join(write(found) for write in page.PARTS[part].values()))
@@ -32,6 +32,6 @@ def finish(part: str, found: dict[str, Any], *, is_whole: bool, broken: list[str
 
 
 def stored() -> dict[str, dict[str, Any]]:
-    """The last whole measurements of each part."""
+    """The last complete measurements of each part."""
     files = {part: STORED / f"reliability-{part}.json" for part in page.PARTS}
     return {part: json.loads(file.read_text()) for part, file in files.items() if file.exists()}

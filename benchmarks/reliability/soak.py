@@ -1,7 +1,7 @@
-"""Load and faults together, for long: what was asked and answered, and what the node took of the machine.
+"""A long run with load and faults: counts requests and answers, and measures the node's use of resources.
 
-Clients that stay must get every answer. What was asked by those that left, were killed or were stopped is
-counted apart.
+Clients that stay must get every answer. Requests of clients that left, were killed or were stopped are
+counted separately.
 """
 
 from __future__ import annotations
@@ -15,34 +15,36 @@ from statistics import linear_regression
 from typing import Any
 
 from . import results
-from .child import NAMESPACE
+from .child_process import NAMESPACE
 from .client import Report
 from .faults import LONGEST_WAIT
-from .kinds import MIXED, SMALL
 from .latency import SECONDS, spread
 from .processes import Child, Environment, NodeProcess, Stage
+from .request_kinds import MIXED, SMALL
 
 WINDOWS = {1: 1, 4: 2, 16: 4}
-"""Requests out at once, of the clients that ask all the time; and their shares in a number of requests."""
+"""Numbers of pending requests of the clients that call all the time, and their shares of the requests."""
 
 LONGEST = 3600.0
-"""Seconds that it may take to ask so many."""
+"""Longest time of a run with a given number of requests [s]."""
 
 SAMPLES = 5.0
-"""Seconds from one look at the node to the next."""
+"""Time between two samples of the node's resources [s]."""
 
 ROWS = 10
+"""Rows of the table over time."""
+
 MOST_GROWTH = 20.0
-"""MiB of memory from the middle of the run to its end."""
+"""Largest growth of the memory from the middle of the run to its end [MiB]."""
 
 
 class Soak:
-    """One run: the node, the clients that stay, and what came of those that did not."""
+    """One run: the node, the clients that stay, and the counts of those that did not."""
 
     def __init__(self, stage: Stage) -> None:
         self.stage = stage
         self.node: NodeProcess = stage.node()
-        self.reports: dict[str, list[Report]] = {"all the time": [], "bursts of 1000": [], "slow readers": []}
+        self.reports: dict[str, list[Report]] = {"steady": [], "bursts of 1000": [], "slow readers": []}
         self.apart: dict[str, list[tuple[int, int]]] = {}
         self.faults = 0
         self._samples: list[list[float]] = []
@@ -55,7 +57,7 @@ class Soak:
                 self._samples.append([time.monotonic(), *usage])
 
     def run(self, seconds: float, requests: int) -> dict[str, Any]:
-        """So long, or until so many were asked."""
+        """Run for a time [s], or until a number of requests has been sent."""
         stage = self.stage
         topic = f"{NAMESPACE}/body_states"
         publisher = stage.child(
@@ -79,7 +81,7 @@ class Soak:
         while len(done) < len(steady) and time.monotonic() < began + seconds + 120.0 and self.node.is_alive():
             self._fault(next(faults))
             for client in steady:
-                if client not in done and (report := said(client)):
+                if client not in done and (report := finished_report(client)):
                     done[client] = report
         for client in steady:
             if client not in done:
@@ -89,7 +91,7 @@ class Soak:
         self._is_over.set()
         self._watch.join()
         publisher.tell("stop")
-        self.reports["all the time"] = [done[client] for client in steady]
+        self.reports["steady"] = [done[client] for client in steady]
         alive = self.node.is_alive()
         ended = self.node.terminate()
         return self._found(took, began, alive, ended, publisher.until("sent")["states"])
@@ -98,13 +100,13 @@ class Soak:
         try:
             fault(self)
             self.faults += 1
-        except (TimeoutError, ChildProcessError) as error:  # if it was the node's, the clients that stay tell
+        except (TimeoutError, ChildProcessError) as error:  # the clients that stay notice faults of the node
             print(f"    {fault.__name__}: {error}", flush=True)
 
     def _found(
         self, took: float, began: float, alive: bool, ended: tuple[float, int | None], states: int
     ) -> dict[str, Any]:
-        first = self.reports["all the time"][0].latencies.spread()
+        first = self.reports["steady"][0].latencies.spread()
         return {
             "minutes": took / 60,
             "alive": alive,
@@ -124,8 +126,8 @@ class Soak:
         }
 
     def _over_time(self, began: float) -> list[dict[str, Any]]:
-        """Rows of equal length."""
-        everyone = Report.together(self.reports["all the time"]).latencies.intervals
+        """Rows for equal intervals of time."""
+        everyone = Report.together(self.reports["steady"]).latencies.intervals
         if not everyone or not self._samples:
             return []
         numbers = range(min(everyone), max(everyone) + 1)
@@ -163,15 +165,15 @@ def _summary(report: Report) -> dict[str, Any]:
 
 
 def slope(samples: list[list[float]]) -> float | None:
-    """Of the memory in the second half of the run, by least squares [MiB/h]."""
+    """Growth of the memory in the second half of the run, by least squares [MiB/h]."""
     half = samples[len(samples) // 2 :]
     if len(half) < 3:
         return None
     return 3600 * linear_regression([s[0] for s in half], [s[1] for s in half]).slope
 
 
-def said(client: Child) -> Report | None:
-    """What came of a client, if it has said so."""
+def finished_report(client: Child) -> Report | None:
+    """The report of a client; ``None`` while it has not finished."""
     try:
         return client.report(0.01)
     except TimeoutError:
@@ -182,15 +184,15 @@ def said(client: Child) -> Report | None:
 
 
 def burst(soak: Soak) -> None:
-    with_all(soak, "bursts of 1000", kinds=SMALL, requests=1000, window=1000)
+    run_client(soak, "bursts of 1000", kinds=SMALL, requests=1000, window=1000)
 
 
 def slow(soak: Soak) -> None:
-    with_all(soak, "slow readers", kinds=("full",), requests=300, window=300, pause=0.005)
+    run_client(soak, "slow readers", kinds=("full",), requests=300, window=300, pause=0.005)
 
 
-def with_all(soak: Soak, name: str, **order: Any) -> None:
-    """A client that stays to the end."""
+def run_client(soak: Soak, name: str, **order: Any) -> None:
+    """Run a client that stays until it has all answers."""
     client = soak.stage.client(**order)
     soak.stage.start(client)
     soak.reports[name].append(client.report(120.0))
@@ -201,7 +203,7 @@ def leaves(soak: Soak) -> None:
     client = soak.stage.client(kinds=("full",), requests=200, window=200, leaves=True)
     soak.stage.start(client)
     report = client.report(60.0)
-    soak.apart.setdefault("left with 200 out", []).append((report.asked, report.answered))
+    soak.apart.setdefault("left with 200 pending", []).append((report.asked, report.answered))
     client.close()
 
 
@@ -210,7 +212,7 @@ def killed(soak: Soak) -> None:
     soak.stage.start(client)
     client.until("sent", 60.0)
     client.kill()
-    soak.apart.setdefault("killed with 200 out", []).append((200, 0))
+    soak.apart.setdefault("killed with 200 pending", []).append((200, 0))
     client.close()
 
 
@@ -222,22 +224,22 @@ def stopped(soak: Soak) -> None:
     time.sleep(5.0)
     client.resume()
     report = client.report(120.0)
-    soak.apart.setdefault("stopped for 5 s with 500 out", []).append((report.asked, report.answered))
+    soak.apart.setdefault("stopped for 5 s with 500 pending", []).append((report.asked, report.answered))
     client.close()
 
 
 def long_batch(soak: Soak) -> None:
     soak.reports.setdefault("extended batches of 1e4", [])
-    with_all(soak, "extended batches of 1e4", kinds=("extended batch of 1e4",), requests=2, window=1)
+    run_client(soak, "extended batches of 1e4", kinds=("extended batch of 1e4",), requests=2, window=1)
 
 
 def unread(soak: Soak) -> None:
     topic = f"{NAMESPACE}/collision_response/result"
-    listener = soak.stage.child("listener", topic=topic, type="CollisionResult", reliable=True)
-    listener.until("ready", 60.0)
-    listener.hold()
+    subscriber = soak.stage.child("subscriber", topic=topic, type="CollisionResult", reliable=True)
+    subscriber.until("ready", 60.0)
+    subscriber.hold()
     time.sleep(3.0)
-    listener.close()
+    subscriber.close()
 
 
 FAULTS = (burst, leaves, long_batch, killed, slow, unread, stopped)
@@ -247,14 +249,14 @@ FAULTS = (burst, leaves, long_batch, killed, slow, unread, stopped)
 
 
 def broken(found: dict[str, Any]) -> list[str]:
-    """The promises that were."""
+    """The promises that were broken."""
     rows = found["over time"]
     growth = rows[-1]["memory"] - rows[len(rows) // 2]["memory"] if rows else 0.0
     longest = found["one at a time"] and found["one at a time"]["max"]
     promises = {
         "the node died": found["alive"],
         f"exit {found['exit']}": found["exit"][1] == 0,
-        f"one that asks one at a time waited {longest or 0:.2g} s": longest is None
+        f"the client with one request at a time waited {longest or 0:.2g} s": longest is None
         or longest <= LONGEST_WAIT,
         f"{growth:.0f} MiB more at the end than in the middle": growth <= MOST_GROWTH,
     }
@@ -266,10 +268,10 @@ def broken(found: dict[str, Any]) -> list[str]:
 
 
 def main(arguments: list[str]) -> int:
-    """One run."""
+    """Run once."""
     parser = argparse.ArgumentParser(prog="make soak", description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0)
-    parser.add_argument("--requests", type=int, default=0, help="as long as it takes to ask so many, instead")
+    parser.add_argument("--requests", type=int, default=0, help="number of requests, instead of a time")
     asked = parser.parse_args(arguments)
     seconds = LONGEST if asked.requests else 60 * asked.minutes
     print(f"==> soak, {asked.requests or f'{asked.minutes:g} minutes'} ...", flush=True)

@@ -1,4 +1,4 @@
-"""The test suite, twice at once, while every core is busy with something else: no test may depend on time."""
+"""Runs the test suite twice at once, while every core is busy: no test may depend on time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from . import results
 
 ROUNDS = 10
 LONGEST = 3600.0
-"""Seconds of one round."""
+"""Longest time of one round [s]."""
 
 SUITE = ["-m", "pytest", "-q", "-n", "auto", "--dist", "loadscope", "-p", "no:cacheprovider"]
 FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.MULTILINE)
@@ -26,7 +26,7 @@ FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.MULTILINE)
 
 @contextmanager
 def busy_cores() -> Iterator[None]:
-    """A process for each core that computes all the time."""
+    """Keep each core busy with a process that computes all the time."""
     burners = [
         subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(os.cpu_count() or 1)
     ]
@@ -39,7 +39,7 @@ def busy_cores() -> Iterator[None]:
 
 
 def run_both() -> list[tuple[int, str]]:
-    """Exit code and output of each of the two."""
+    """Run two suites at once; return the exit code and the output of each."""
     suites = [
         subprocess.Popen(
             [sys.executable, "-I", *SUITE],
@@ -61,7 +61,7 @@ def run_both() -> list[tuple[int, str]]:
 
 
 def main(arguments: list[str]) -> int:
-    """So many rounds."""
+    """Run the rounds."""
     parser = argparse.ArgumentParser(prog="make twice", description=__doc__)
     parser.add_argument("--rounds", type=int, default=ROUNDS)
     rounds = parser.parse_args(arguments).rounds

@@ -1,6 +1,6 @@
-"""Bytes that are no messages, from another DDS implementation: Cyclone DDS.
+"""Sends bytes that are no valid messages, with another DDS implementation: Cyclone DDS.
 
-It reaches a node of Fast DDS only if that does not propagate its types (``fastdds.type_propagation``).
+They reach a node with Fast DDS only if it does not propagate its types (``fastdds.type_propagation``).
 """
 
 import os
@@ -9,8 +9,8 @@ import struct
 from functools import partial
 from typing import Any
 
-from .child import NAMESPACE, Parent
-from .kinds import batch, full, scene
+from .child_process import NAMESPACE, Parent
+from .request_kinds import batch, full, scene
 
 SERVICE = f"{NAMESPACE}/collision_response/resolve_collision"
 TOPICS = {
@@ -23,21 +23,21 @@ TOPICS = {
     "states": (f"rt{NAMESPACE}/body_states", "collision_response.msg.dds_.BodyState_"),
 }
 CLAIMS = (2**32 - 1, 2**31 - 1, 2**31, 20_000_000, 1_000_000, 65536, 0)
-"""Lengths that are not true."""
+"""Wrong lengths to claim."""
 
 HEADER = 4
-"""Bytes that name the encoding; offsets are counted from behind them."""
+"""Number of bytes that name the encoding; offsets count from their end."""
 
 PORTION = 100
-
+"""Messages sent between two pauses."""
 
 HARMFUL = {"single": (416, 2**32 - 1), "batch": (24, 20_000_000), "scene": (24, 20_000_000)}
-"""Where in a short message a length stands, and what it claimed to great harm: of the second body's inverse
-inertia, whose reader reads on behind it; of names, or bodies."""
+"""Offset of a length in a short message, and a claim that once did great harm: the length of the inverse
+inertia of the second body, after which the reader reads on, or that of the names or bodies."""
 
 
 def kept(what: str) -> list[bytes]:
-    """What did harm once, sent first."""
+    """Messages that did harm once; they are sent first."""
     if what not in HARMFUL:
         return []
     short, (offset, claim) = templates(what)[0], HARMFUL[what]
@@ -46,7 +46,7 @@ def kept(what: str) -> list[bytes]:
 
 
 def templates(what: str) -> list[bytes]:
-    """Good messages, as they travel: a short one and a full one."""
+    """Valid messages in serialized form: a short one and a complete one."""
     from rclpy.serialization import serialize_message
 
     if what == "states":
@@ -58,10 +58,10 @@ def templates(what: str) -> list[bytes]:
 
 
 class Draw(random.Random):
-    """What is sent."""
+    """Draws messages to send."""
 
     def bytes_of(self, good: bytes) -> bytes:
-        """Something made of a good message, by one of ``WAYS``."""
+        """A valid message, changed in one of ``WAYS``."""
         header, body = good[:HEADER], good[HEADER:]
         return self.choice(WAYS)(self, header, body)
 
@@ -75,7 +75,7 @@ class Draw(random.Random):
         return header + self.randbytes(self.choice((0, 1, 3, 4, 8, 80, 1000, 10_000)))
 
     def claimed(self, header: bytes, body: bytes) -> bytes:
-        """A number anywhere becomes a great one; if it was a length, what it claims is not there."""
+        """Replace a number anywhere by a large one; if it was a length, it is now wrong."""
         at = 4 * self.randrange(len(body) // 4)
         return header + body[:at] + struct.pack("<I", self.choice(CLAIMS)) + body[at + 4 :]
 
@@ -101,7 +101,7 @@ WAYS = (
 
 
 def run(order: dict[str, Any], parent: Parent) -> None:
-    """As a process: send so many at such a pace, and say ``done``."""
+    """Main function of the process: send the ordered number of messages at the ordered rate, then "done"."""
     from dataclasses import dataclass
 
     from cyclonedds.core import DDSException, Policy, Qos
@@ -115,7 +115,7 @@ def run(order: dict[str, Any], parent: Parent) -> None:
 
     @dataclass
     class Raw(IdlStruct, typename=typename):
-        """Goes out as the bytes it is given: Cyclone DDS checks only that its one field is there."""
+        """Serialized as the given bytes: Cyclone DDS only checks that its one field exists."""
 
         first: types.uint8 = 0
 
@@ -126,7 +126,7 @@ def run(order: dict[str, Any], parent: Parent) -> None:
     participant = DomainParticipant(int(os.environ["ROS_DOMAIN_ID"]))
     writer = DataWriter(participant, Topic(participant, topic, Raw), qos=qos)
     parent.wait_until(writer.get_matched_subscriptions)
-    parent.say("ready")
+    parent.send("ready")
     parent.wait_for("go")
     draw, good, message = Draw(order["seed"]), templates(order["what"]), Raw()
     first = [good[1], *kept(order["what"])]
@@ -137,8 +137,8 @@ def run(order: dict[str, Any], parent: Parent) -> None:
             sent += 1
             try:
                 writer.write(message)
-            except DDSException:  # of no byte at all
+            except DDSException:  # it refuses messages without any byte
                 refused += 1
         parent.pause(PORTION / order["pace"])
-    parent.pause(2.0)  # for what is under way
-    parent.say("done", {"sent": sent - refused})
+    parent.pause(2.0)  # so that the last messages arrive
+    parent.send("done", {"sent": sent - refused})

@@ -1,4 +1,4 @@
-"""What clients ask: each kind of request with the codes that are right for it."""
+"""The kinds of request that clients send, each with the correct status codes of its answer."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ ANSWERS = frozenset({1, 2, 17})
 """OK, SEPARATING and TOLERANCE_NOT_MET."""
 
 NAMES = ("known_a", "known_b")
-"""Bodies whose states the publisher of this room sends."""
+"""Names of bodies whose states ``publisher.py`` publishes."""
 
 
 class Kind(NamedTuple):
-    """Of a request.
+    """A kind of request.
 
     Attributes:
-        make: the message.
-        codes: with which it may be answered.
-        is_numbered: whether its stamp may hold its number, for the answer to echo. Not where a stamp asks for
-            a state of that time.
+        make: makes the message.
+        codes: the correct codes of an answer.
+        is_numbered: whether the stamp may hold the number of the request, which the answer echoes. This is
+            not possible where the stamp asks for a state of that time.
     """
 
     make: Callable[[], Any]
@@ -34,7 +34,7 @@ class Kind(NamedTuple):
 
 
 def full(**model: Any) -> Any:
-    """Two bodies in space, in full."""
+    """Two bodies in space, given completely."""
     from service import impact
 
     request = impact()
@@ -51,7 +51,7 @@ def separating() -> Any:
 
 
 def scene() -> Any:
-    """Two bodies in full, with two contacts."""
+    """Two bodies with two contacts."""
     from collision_response import Body, Contact
     from collision_response.ros.scene_client import pack
 
@@ -80,19 +80,21 @@ def not_a_number() -> Any:
     return request
 
 
-def batch(contacts: int, *, law: int = 2, extended: bool = False, by_point: bool = False) -> Any:
-    """Contacts between a quarter as many bodies, with friction; few bytes each if by point."""
+def batch(contacts: int, *, law: int = 2, extended: bool = False, of_points: bool = False) -> Any:
+    """Contacts with friction between a quarter as many bodies; point masses take fewer bytes."""
     from cases import tables
 
     from collision_response import Geometry, ImpactModel, Law, Precision
     from collision_response.ros.batch_client import pack
 
-    geometry = Geometry.POINT if by_point else Geometry.SPATIAL
-    bodies, touch = tables(geometry, contacts)
+    geometry = Geometry.POINT if of_points else Geometry.SPATIAL
+    bodies, contact_table = tables(geometry, contacts)
     number = max(2, contacts // 4)
     body_a = np.arange(contacts) % number
     model = ImpactModel(Law(law), precision=Precision.EXTENDED if extended else Precision.AUTO)
-    return pack(bodies[:, 0, :number], (body_a, (body_a + 1) % number), touch, model, frame_id="world")
+    return pack(
+        bodies[:, 0, :number], (body_a, (body_a + 1) % number), contact_table, model, frame_id="world"
+    )
 
 
 def wrong_table() -> Any:
@@ -116,7 +118,7 @@ def _kinds() -> dict[str, Kind]:
         "batch of 1e4": Kind(partial(batch, 10_000), frozenset({1})),
         "extended batch of 1e4": Kind(partial(batch, 10_000, extended=True), frozenset({1})),
         "wrong table": Kind(wrong_table, frozenset({19})),
-        "point batch of 1e6": Kind(partial(batch, 1_000_000, by_point=True), frozenset({1})),
+        "point batch of 1e6": Kind(partial(batch, 1_000_000, of_points=True), frozenset({1})),
         "extended batch of 1e6": Kind(partial(batch, 1_000_000, extended=True), frozenset({1})),
         "extended batch of 2e5": Kind(partial(batch, 200_000, extended=True), frozenset({1})),
         "routh batch of 2e5": Kind(partial(batch, 200_000, law=5, extended=True), frozenset({1})),
@@ -135,25 +137,25 @@ SMALL = (
     "without normal",
     "not finite",
 )
-"""For many at once: answers and refusals."""
+"""Small requests, answered or refused, for bursts."""
 
 MIXED = (*SMALL, "moreau", "routh_poisson", "batch of 100", "wrong table")
-"""For long: both services."""
+"""Requests to both services, for long runs."""
 
 
 def code_of(response: Any) -> int:
-    """Of either service."""
+    """Status code of a response of either service."""
     return int(response.code if hasattr(response, "code") else response.result.status.code)
 
 
 def stamp_of(message: Any) -> Any:
-    """Of a request or a response of either service, the stamp that is echoed."""
+    """The echoed stamp of a request to, or a response of, either service."""
     if hasattr(message, "result"):
         return message.result.header.stamp
     return message.contact.header.stamp if hasattr(message, "contact") else message.header.stamp
 
 
 def is_right(kind: Kind, response: Any) -> bool:
-    """Whether a code is one that was to be expected, and the response agrees with itself."""
+    """Whether a response has an expected code, and its ``success`` agrees with the code."""
     code = code_of(response)
     return code in kind.codes | REFUSALS_AT_ANY_TIME and bool(response.success) == (code in ANSWERS)

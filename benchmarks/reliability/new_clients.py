@@ -1,22 +1,22 @@
-"""Clients that ask at the first moment they can, one after the other: who answers must already know them."""
+"""Clients that call as soon as they see the service, one after the other; the node must already know them."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from .child import Parent, ros_node
+from .child_process import Parent, ros_node
 from .client import Client, Order, Report
 
 PATIENCE = 10.0
 
 
 def run(order: dict[str, Any], parent: Parent) -> None:
-    """As a process: say ``done``, and what came of it."""
+    """Main function of the process: send "done" with the report."""
     from rclpy.context import Context
 
     reports = []
     for number in range(order["number"]):
-        with ros_node("newcomer", Context()) as (node, executor):
+        with ros_node("new_client", Context()) as (node, executor):
             client = Client(Order(requests=1, seed=number), node)
             parent.wait_until(client.is_ready)
             client.ask()
@@ -26,5 +26,5 @@ def run(order: dict[str, Any], parent: Parent) -> None:
                 quiet += 0.1
         reports.append(client.report)
         if sum(report.unanswered for report in reports) > 3:
-            break  # that is enough to know
-    parent.say("done", Report.together(reports).to_json())
+            break  # enough to fail
+    parent.send("done", Report.together(reports).to_json())

@@ -1,15 +1,15 @@
-"""A bare subscription of rclpy: it counts what it hears."""
+"""A bare rclpy subscription that counts what it receives."""
 
 from __future__ import annotations
 
 import time
 from typing import Any
 
-from .child import Parent, ros_node
+from .child_process import Parent, ros_node
 
 
 def run(order: dict[str, Any], parent: Parent) -> None:
-    """As a process: say ``ready``; told to stop, say ``heard``: how many, how many names, in how long."""
+    """Main function of the process: "ready", wait for "stop", "heard" with the counts and the time."""
     from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
     from collision_response import msg
@@ -17,16 +17,16 @@ def run(order: dict[str, Any], parent: Parent) -> None:
     names: set[str] = set()
     times: list[float] = []
 
-    def hear(message: Any) -> None:
+    def receive(message: Any) -> None:
         times.append(time.monotonic())
         names.update(message.names if order["type"] == "BodyStates" else [getattr(message, "name", "")])
 
     reliability = ReliabilityPolicy.RELIABLE if order["reliable"] else ReliabilityPolicy.BEST_EFFORT
     qos = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=reliability)
-    with ros_node("listener") as (node, executor):
-        node.create_subscription(getattr(msg, order["type"]), order["topic"], hear, qos)
-        parent.say("ready")
-        while not parent.has_said("stop") and not parent.is_gone():
+    with ros_node("subscriber") as (node, executor):
+        node.create_subscription(getattr(msg, order["type"]), order["topic"], receive, qos)
+        parent.send("ready")
+        while not parent.has_sent("stop") and not parent.is_gone():
             executor.spin_once(timeout_sec=0.1)
         seconds = times[-1] - times[0] if times else 0.0
-        parent.say("heard", {"messages": len(times), "names": len(names), "seconds": seconds})
+        parent.send("heard", {"messages": len(times), "names": len(names), "seconds": seconds})

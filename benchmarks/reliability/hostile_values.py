@@ -1,4 +1,4 @@
-"""Requests and states whose fields hold what nobody expects, by rclpy; and what is wrong with answers."""
+"""Sends requests and states with unusual values through rclpy, and checks the answers."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from .child import DEADLINE, NAMESPACE, Parent, ros_node, service_client
-from .kinds import ANSWERS, batch, by_name, code_of, full
+from .child_process import DEADLINE, NAMESPACE, Parent, ros_node, service_client
+from .request_kinds import ANSWERS, batch, by_name, code_of, full
 
 TOLERANCE_NOT_MET = 17
 LONGEST_MESSAGE = 1000
-"""Characters of a refusal."""
+"""Largest number of characters in the message of a refusal."""
 
 WINDOW, MOST_FAULTS = 50, 10
 NUMBERS = (
@@ -38,7 +38,7 @@ NAMES = (
 WHOLE = {"uint8": (0, 255), "uint32": (0, 2**32 - 1), "int32": (-(2**31), 2**31 - 1)}
 TABLES = {"bodies": "d", "contacts": "d", "pairs": "I"}
 Changes = dict[str, Any]
-"""By the dotted name of a field; of a table, ``bodies[3]`` is a number and ``bodies#`` the length."""
+"""New values by the dotted name of a field; ``bodies[3]`` is a number of a table, ``bodies#`` its length."""
 
 _ORIENTATION = {
     "body_a.pose.orientation.x": 0.1,
@@ -55,11 +55,11 @@ KEPT: dict[str, list[Changes]] = {
     "batch": [],
     "states": [],
 }
-"""What was answered wrongly once. It is asked first."""
+"""Requests that were answered wrongly once. They are sent first."""
 
 
 def fields(message: Any, prefix: str = "") -> dict[str, str]:
-    """The types of all plain fields, by their dotted names."""
+    """Types of all plain fields of a message, by their dotted names."""
     found = {}
     for name, kind in message.get_fields_and_field_types().items():
         if "/" in kind and "<" not in kind and "[" not in kind:
@@ -70,7 +70,7 @@ def fields(message: Any, prefix: str = "") -> dict[str, str]:
 
 
 def changed(message: Any, changes: Changes) -> Any:
-    """The same message, changed."""
+    """The same message, with changes applied."""
     for path, value in changes.items():
         *owners, name = path.split(".")
         owner = message
@@ -90,7 +90,7 @@ def changed(message: Any, changes: Changes) -> Any:
 
 
 class Draw(random.Random):
-    """What to change."""
+    """Draws changes of messages."""
 
     def value(self, kind: str) -> Any:
         if kind in ("double", "float"):
@@ -104,7 +104,7 @@ class Draw(random.Random):
         return self.choice((least, most, self.randint(0, 6), self.randint(least, most)))
 
     def of(self, types: dict[str, str]) -> Changes:
-        """Some fields; often of one group, where extremes meet."""
+        """Changes of some fields; often of one group, so that extreme values meet."""
         paths = list(types)
         if self.random() < 0.5:
             group = self.choice(paths).rpartition(".")[0]
@@ -117,7 +117,7 @@ class Draw(random.Random):
         return found
 
     def of_tables(self, request: Any) -> Changes:
-        """Numbers and lengths of the tables of a batch."""
+        """Changes of numbers and lengths of the tables of a batch."""
         found: Changes = {}
         for _ in range(self.choice((1, 1, 2, 4))):
             name = self.choice(list(TABLES))
@@ -135,7 +135,7 @@ class Draw(random.Random):
 
 
 def fault_of(response: Any) -> str | None:
-    """``None`` if nothing is."""
+    """Description of what is wrong with a response; ``None`` if nothing is."""
     code = code_of(response)
     message = response.message if hasattr(response, "code") else response.result.status.message
     if code == 100:
@@ -150,7 +150,7 @@ def fault_of(response: Any) -> str | None:
 
 
 MAY_BE_INFINITE = ("contact.", "model.", "error_bound", "state_age_")
-"""Of a result: echoed, or said to be so where it is declared."""
+"""Prefixes of fields of a result that may be infinite: echoed ones, and those whose declaration says so."""
 
 
 def _fault_of_result(result: Any) -> str | None:
@@ -176,7 +176,7 @@ def _fault_of_batch(response: Any) -> str | None:
 
 
 def kind_of(fault: str) -> str:
-    """What makes two faults the same."""
+    """The fault without its numbers; two faults of one kind are the same."""
     return re.sub(r"[-+]?[\d.]+(e[-+]?\d+)?", "#", fault)[:120]
 
 
@@ -184,7 +184,7 @@ def kind_of(fault: str) -> str:
 
 
 class Fuzzer:
-    """Asks, and counts what came of it."""
+    """Sends requests and counts the answers and their faults."""
 
     def __init__(self, order: dict[str, Any], node: Any, executor: Any) -> None:
         service, self._base = {
@@ -202,14 +202,14 @@ class Fuzzer:
         self.counts: dict[str, int] = {}
 
     def changes(self) -> Changes:
-        """The next."""
+        """Changes for the next request."""
         if self._kept:
             return self._kept.pop()
         found = {} if self._is_batch and self._draw.random() < 0.7 else self._draw.of(self._types)
         return found | self._draw.of_tables(self._base()) if self._is_batch else found
 
     def ask(self, number: int) -> bool:
-        """So many requests, WINDOW at a time; whether all were answered."""
+        """Send a number of requests, WINDOW at a time; return whether all were answered."""
         for begin in range(0, number, WINDOW):
             pairs = []
             for _ in range(min(WINDOW, number - begin)):
@@ -238,7 +238,7 @@ class Fuzzer:
             self.faults[kind] = {"fault": fault[:300], "changes": changes}
 
     def minimise(self) -> None:
-        """Drop from each fault the changes that it does not need."""
+        """Remove from each fault the changes that are not needed to cause it."""
         for kind, found in self.faults.items():
             for path in list(found["changes"]) if kind != "unanswered" else ():
                 fewer = {other: value for other, value in found["changes"].items() if other != path}
@@ -256,7 +256,7 @@ def _shown(value: Any) -> Any:
 
 
 class States:
-    """Publishes changed states of the body that is asked for."""
+    """Publishes changed states of the body that the requests name."""
 
     def __init__(self, node: Any, seed: int) -> None:
         from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -277,14 +277,14 @@ class States:
 
 
 def run(order: dict[str, Any], parent: Parent) -> None:
-    """As a process: say ``done``, and what came of it."""
+    """Main function of the process: send "done" with the counts."""
     with ros_node("fuzzer") as (node, executor):
         fuzzer = Fuzzer(order, node, executor)
         states = States(node, order["seed"]) if order["what"] == "states" else None
         parent.wait_until(fuzzer.client.service_is_ready)
         if states is not None:
             parent.wait_until(lambda: states.publisher.get_subscription_count())
-        parent.say("ready")
+        parent.send("ready")
         parent.wait_for("go")
         left, sent, is_answered = order["number"], 0, True
         while left > 0 and is_answered and not parent.is_gone():
@@ -299,4 +299,4 @@ def run(order: dict[str, Any], parent: Parent) -> None:
         if is_answered:
             fuzzer.minimise()
         found = {name: getattr(fuzzer, name) for name in ("asked", "answered", "codes", "counts", "faults")}
-        parent.say("done", {"sent": sent + fuzzer.asked, **found})
+        parent.send("done", {"sent": sent + fuzzer.asked, **found})
