@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..model import Geometry, ImpactModel, Precision
+from ..model import Geometry, ImpactModel, Precision, plan_model
 from ..physics.laws import Law
 from .reflections import REFLECTIONS
 
