@@ -79,13 +79,13 @@ def echo() -> None:
 def batch_response() -> Any:
     """As many bytes as the node answers to :func:`batch`."""
     from collision_response import Geometry
-    from collision_response.ros.batch_fields import Response, result_shapes, with_zeros
+    from collision_response.ros.batch_fields import Response, result_shapes, zeros_in
 
     response = Response(success=True)
     response.header.frame_id = "world"
-    with_zeros(response.status, (CONTACTS,))
+    zeros_in(response.status, (CONTACTS,))
     for name, shape in result_shapes(Geometry.SPATIAL, CONTACTS).items():
-        with_zeros(getattr(response, name), shape)
+        zeros_in(getattr(response, name), shape)
     return response
 
 

@@ -343,7 +343,7 @@ def publish_until_received(graph: Any, *states: BodyState) -> None:
     def heard() -> bool:
         for state in states:
             publisher.publish(state)
-        return "no state has been received" not in graph.call(request).message
+        return "has been received" not in graph.call(request).message
 
     wait_until(heard)
 
@@ -418,8 +418,8 @@ def test_only_bodies_by_name(node_with_states):
 @pytest.mark.parametrize(
     ("name", "layout", "code", "message"),
     [
-        ("ghost", Request.POINT, StatusCode.UNKNOWN_BODY, "names[1]: is 'ghost', of which no state"),
-        ("", Request.POINT, StatusCode.UNKNOWN_BODY, "names[1]: is '', of which no state"),
+        ("ghost", Request.POINT, StatusCode.UNKNOWN_BODY, "names[1]: is 'ghost', but no state"),
+        ("", Request.POINT, StatusCode.UNKNOWN_BODY, "names[1]: is '', but no state"),
         ("other", Request.PLANAR, StatusCode.FRAME_MISMATCH, "names[1].header.frame_id: is 'map', but"),
         ("broken", Request.PLANAR, StatusCode.INVALID_MASS, "names[1].inertia.m: must be positive"),
         ("odd", Request.SPATIAL, StatusCode.INVALID_INERTIA, "names[1].inertia: must be positive semi"),

@@ -104,7 +104,7 @@ def test_forget_drops_all_states():
     store = StateStore()
     store.hear(left(1.0, 10))
     store.states.forget()
-    with pytest.raises(ImpactError, match="heard of: no body"):
+    with pytest.raises(ImpactError, match="known bodies: none"):
         store.speed()
     store.hear(left(2.0, 1))
     assert store.speed() == 2.0
@@ -183,7 +183,7 @@ def test_a_table_of_the_wrong_size_is_reported_at_lookup(field):
     getattr(message, field).append(1)
     store = StateStore()
     store.hear(message)
-    with pytest.raises(ImpactError, match=r"cannot be read: .* of 2 bodies") as caught:
+    with pytest.raises(ImpactError, match=r"cannot be read: .* for 2 bodies") as caught:
         store.speed("a")
     assert caught.value.code is StatusCode.UNKNOWN_BODY
 
@@ -227,10 +227,10 @@ def test_messages_do_not_grow_with_the_names_they_quote():
 def test_bodies_of_tables_are_listed_as_known():
     store = StateStore()
     store.hear(table(["a", "b"]))
-    with pytest.raises(ImpactError, match=r"heard of: a, b$"):
+    with pytest.raises(ImpactError, match=r"known bodies: a, b$"):
         store.speed("c")
     store.hear(left(0.0))
-    with pytest.raises(ImpactError, match=r"heard of: left, a, b$"):
+    with pytest.raises(ImpactError, match=r"known bodies: left, a, b$"):
         store.speed("c")
 
 
@@ -253,7 +253,7 @@ def test_lost_tables_have_a_warning_of_their_own():
     store.hear(table(["a"]), number=4)
     (report,) = store.reports
     assert report.startswith(
-        "tables were sent and did not arrive, 2 messages in all: large ones need reliable QoS"
+        "tables were published but did not arrive, 2 messages in all: large ones need reliable QoS"
     )
 
 
@@ -262,7 +262,7 @@ def test_two_publishers_of_one_name_are_reported_once():
     for publisher in (1, 2, 1, 2, 1):
         store.hear(left(0.0), publisher=publisher)
     assert [report for report in store.reports if "two publishers" in report] == [
-        "two publishers send states of 'left': which is used, the stamps decide"
+        "two publishers send states of 'left': the state with the latest stamp is used"
     ]
 
 
@@ -322,7 +322,7 @@ def test_a_message_that_ends_early_is_broken(size):
 def test_a_string_longer_than_the_message_is_broken(offset):
     message = bytearray(WHOLE)
     message[offset : offset + 4] = struct.pack("<I", 2**31)
-    with pytest.raises(MalformedMessage, match="a text in it ends after its end"):
+    with pytest.raises(MalformedMessage, match="a string in it reaches beyond its end"):
         SerializedState(bytes(message))
 
 

@@ -100,12 +100,12 @@ def test_it_needs_no_standard_streams(graph, start, tmp_path, closed):
         (("-p", "body_state_topics:=[a b]"), "a b"),
         (("--params-file", "/nowhere/to/be/found.yaml"), "found.yaml"),
         (("-p", "=1"), "=1"),
-        (("-p", "memory_limit:=1"), "memory_limit: is 1 MiB, but the start alone takes "),
+        (("-p", "memory_limit:=1"), "memory_limit: is 1 MiB, but the node uses "),
         (
             ("-p", "body_state_topics:=[]"),
-            "a parameter is a list without entries, which has no type; for none write ['']",
+            "a parameter is an empty list, which has no type: write [''] for none",
         ),
-        (("bogus", "--bogus"), "there are no such arguments: ['bogus', '--bogus']"),
+        (("bogus", "--bogus"), "unknown arguments: ['bogus', '--bogus']"),
         (
             ("-p", "recording.file:=../../x.rrd"),
             "must be a plain file name, without a directory; is '../../x.rrd'",

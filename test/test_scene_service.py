@@ -226,7 +226,7 @@ REFUSALS = [
     Refused(StatusCode.NOT_FINITE, "bodies", (17, 0), math.nan, "bodies[0].twist.linear: must be finite"),
     Refused(StatusCode.UNKNOWN_BODY, "pairs", (1, 2), 7, "pairs: must be indices of 2 bodies, from 0; those"),
     Refused(StatusCode.SAME_BODY, "pairs", (1, 2), 0, "contacts[2]: a body cannot strike itself"),
-    Refused(StatusCode.UNKNOWN_BODY, "names", None, "a\nb\nghost", "names[2]: is 'ghost', of which no"),
+    Refused(StatusCode.UNKNOWN_BODY, "names", None, "a\nb\nghost", "names[2]: is 'ghost', but no state"),
     Refused(StatusCode.SAME_BODY, "names", None, "a\na", "names[1]: is 'a', the same as names[0]"),
     Refused(
         StatusCode.INVALID_TABLE, "names", None, "a", "names: must be empty, or have a line for each of the 2"

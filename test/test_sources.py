@@ -130,7 +130,7 @@ def test_the_axis_of_a_rotation_is_in_world_axes():
 
 
 def test_transforms_at_one_time_are_refused():
-    with pytest.raises(ValueError, match="must be some time apart, not 0"):
+    with pytest.raises(ValueError, match="must be later than the first; it is 0"):
         from_transforms(transform(1.0), transform(1.0), MATTER)
 
 
@@ -196,7 +196,7 @@ def test_a_description_may_be_a_file_and_the_body_have_another_name(graph, start
 def test_each_omitted_body_is_named(graph, start):
     source = start()
     said = []
-    source._report = ThrottledWarnings(said.append, lambda: 0.0)
+    source._warn = ThrottledWarnings(said.append, lambda: 0.0)
     odom = graph.user.create_publisher(Odometry, "odom", 10)
     wait_until(odom.get_subscription_count)
 
@@ -205,7 +205,7 @@ def test_each_omitted_body_is_named(graph, start):
             odom.publish(odometry(child=frame))
 
     wait_until(lambda: publish() or len(said) >= 2)
-    no_description = "is left out: no robot_description has been received"
+    no_description = "is not published: no robot_description has been received"
     assert sorted(said) == [f"{frame!r} {no_description}" for frame in ("left", "right")]
 
 
@@ -313,6 +313,6 @@ def test_the_process_ends_on_a_signal(graph):
 
 def test_a_start_that_fails_ends_with_1_and_one_line(ros_domain):
     process = run("-p", "frames:=[tool]")
-    message = "frames needs world_frame: the inertial frame in which the bodies are given"
+    message = "frames needs world_frame: the inertial frame in which to publish the bodies"
     assert process.communicate(timeout=DEADLINE)[1] == f"collision_response: {message}\n"
     assert process.returncode == 1

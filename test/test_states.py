@@ -199,7 +199,10 @@ def test_a_request_waits_for_a_state_with_its_stamp(graph):
     ("name", "reason"),
     [
         ("left", "body_b.header.stamp: the last state of 'left' is 10 s older than not_before"),
-        ("ghost", "body_b.name: is 'ghost', of which no state has been received; heard of: left"),
+        (
+            "ghost",
+            "body_b.name: is 'ghost', but no state with this name has been received; known bodies: left",
+        ),
     ],
 )
 def test_waiting_ends_after_max_state_wait(graph, name, reason):

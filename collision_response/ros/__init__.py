@@ -2,4 +2,4 @@
 
 from .wheels import check_release
 
-check_release()  # first of all: wheels of two releases do not fail in an understandable way
+check_release()  # before any import of ROS: mixed releases fail with errors that nobody understands

@@ -1,15 +1,15 @@
-"""For clients of the batch service: arrays to a request, a response to arrays.
+"""For clients of ``~/resolve_collision_batch``: requests from arrays, and responses to arrays.
 
     >>> import numpy as np
     >>> from collision_response import Geometry
     >>> from collision_response.batch.rows import body_rows, contact_rows
-    >>> of, at = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
-    >>> bodies, contacts = np.zeros((of.height, 3)), np.zeros((at.height, 2))
-    >>> bodies[of.mass] = [[1.0, 2.0, np.inf]]
-    >>> contacts[at.normal] = [[0.0], [0.0], [1.0]]
+    >>> body, contact = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    >>> bodies, contacts = np.zeros((body.height, 3)), np.zeros((contact.height, 2))
+    >>> bodies[body.mass] = [[1.0, 2.0, np.inf]]
+    >>> contacts[contact.normal] = [[0.0], [0.0], [1.0]]
     >>> request = pack(bodies, [[0, 1], [2, 2]], contacts)  # the first two bodies each touch the third
 
-The rows are those of :mod:`collision_response.batch.rows`. It takes a client of rclpy to send the request.
+The rows are those of :mod:`collision_response.batch.rows`. Send the request with a client of rclpy.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ..status import ImpactError, StatusCode
 from .batch_fields import ENERGIES, LAYOUTS, Array, Request, Response, append, result_shapes, write_model
 
 LAYOUT_OF = {layout.bodies.height: number for number, layout in LAYOUTS.items()}
-"""The layout whose table of bodies has so many rows."""
+"""Number of the layout, by the number of rows in its table of bodies."""
 
 
 def pack(
@@ -38,22 +38,22 @@ def pack(
     frame_id: str = "",
     report: bool = False,
 ) -> Request:
-    """The request for a batch of N contacts.
+    """Make the request for a batch of N contacts.
 
     Args:
-        bodies: a column for each body, shape ``(rows, B)``, of which B may be 0. The number of rows tells
-            the layout.
-        pairs: for each contact the column of body_a, to whom its normal points, and that of body_b, shape
-            ``(2, N)``. Columns from B on are the bodies of ``names``.
+        bodies: a column for each body, shape ``(rows, B)``; B may be 0. The number of rows determines the
+            layout.
+        pairs: for each contact the column of body_a, to which the normal points, and the column of body_b,
+            shape ``(2, N)``. Columns from B on are the bodies of ``names``.
         contacts: a column for each contact, shape ``(rows, N)``.
-        model: what is 0 in it, the law AUTO too, is left to the node's parameter of the same name.
-        names: of bodies whose latest states the node has received.
+        model: fields that are 0, including the law AUTO, have the values of the node's parameters.
+        names: names of bodies of which the node uses the latest received states.
         frame_id: the inertial frame of all bodies and contacts.
         report: whether to ask for regimes and energies.
 
     Raises:
-        ValueError: an array has not the right shape, ``pairs`` holds what is no index, or a name has
-            several lines.
+        ValueError: if an array has the wrong shape, an entry of ``pairs`` is not an index, or a name has
+            more than one line.
     """
     bodies, pairs, contacts = np.asarray(bodies), np.asarray(pairs), np.asarray(contacts)
     _check_shapes(bodies, pairs, contacts)
@@ -68,10 +68,10 @@ def pack(
 
 
 def unpack(response: Response) -> BatchResult:
-    """The results of a batch; the arrays are the memory of the response.
+    """Results of a batch, as views of the response's memory.
 
     Raises:
-        ImpactError: the request as a whole was refused.
+        ImpactError: if the whole request was refused.
     """
     if not response.success:
         field, _, reason = response.message.partition(": ")
@@ -89,7 +89,11 @@ def unpack(response: Response) -> BatchResult:
 
 
 def as_lines(names: Iterable[str]) -> str:
-    """Names as one string. Raises: ValueError: one has several lines."""
+    """Join names to one string, one per line.
+
+    Raises:
+        ValueError: if a name has more than one line.
+    """
     names = list(names)
     for i, name in enumerate(names):
         if "\n" in name:

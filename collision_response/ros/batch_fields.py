@@ -1,6 +1,6 @@
-"""What the fields of ``srv/ResolveCollisionBatch.srv`` mean in terms of the numeric core.
+"""The fields of ``srv/ResolveCollisionBatch.srv`` as arrays.
 
-Tables are not copied to be looked at: the fields of a message are ``array.array``, whose memory NumPy shares.
+Array fields of a message are ``array.array``. NumPy arrays share their memory, so tables are not copied.
 """
 
 from __future__ import annotations
@@ -21,39 +21,38 @@ from ..srv import ResolveCollisionBatch
 Array = np.ndarray[Any, Any]
 Request, Response = ResolveCollisionBatch.Request, ResolveCollisionBatch.Response
 
-
 LAYOUTS = {getattr(Request, tables.name): tables for tables in TABLES.values()}
-"""By their number in a request."""
+"""The layouts of the tables, by their numbers in a request."""
 
 ENERGIES = BatchResult._fields[-4:]
-"""Fields of a response, of the same names."""
+"""Names of the energies, which are the same in a :class:`BatchResult` and in a response."""
 
 
 def result_shapes(geometry: Geometry, n: int) -> dict[str, tuple[int, ...]]:
-    """The shapes of the tables of a response to ``n`` contacts, by their names."""
-    of = body_rows(geometry)
-    axes, turns = (rows.stop - rows.start for rows in (of.velocity, of.angular_velocity))
-    return {"velocity": (axes, 2, n), "angular_velocity": (turns, 2, n), "impulse": (axes, n)}
+    """Shapes of the tables of a response with ``n`` contacts, by their names."""
+    rows = body_rows(geometry)
+    linear, angular = (part.stop - part.start for part in (rows.velocity, rows.angular_velocity))
+    return {"velocity": (linear, 2, n), "angular_velocity": (angular, 2, n), "impulse": (linear, n)}
 
 
 def names_in(request: Any) -> list[str]:
-    """The bodies of a request that are given by name."""
+    """Names in the field ``names`` of a request."""
     return request.names.split("\n") if request.names else []
 
 
 def append(field: array[Any], numbers: Array) -> None:
-    """Lengthen a field by the numbers of an array."""
+    """Append the numbers of an array, row by row, to a field."""
     field.frombytes(np.ascontiguousarray(numbers, field.typecode).ravel().view(np.uint8).data)
 
 
-def with_zeros(field: array[Any], shape: tuple[int, ...]) -> Array:
-    """An empty field, filled with zeros and seen as an array of that shape."""
+def zeros_in(field: array[Any], shape: tuple[int, ...]) -> Array:
+    """Fill an empty field with zeros, and return a view of it with a shape."""
     field.append(0)
     field *= math.prod(shape)
     return np.asarray(field).reshape(shape)
 
 
 def write_model(message: ImpactModelMessage, model: ImpactModel) -> None:
-    """Fill in a model."""
+    """Write a model into a message."""
     for field, value in model._asdict().items():
         setattr(message, field, int(value) if isinstance(value, NamedEnum) else float(value))

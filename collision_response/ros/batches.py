@@ -33,8 +33,8 @@ from .batch_fields import (
     Response,
     names_in,
     result_shapes,
-    with_zeros,
     write_model,
+    zeros_in,
 )
 from .body_lookup import (
     StateNotYetReceived,
@@ -145,14 +145,14 @@ def result_in(response: Response, geometry: Geometry, n: int, *, bounded: bool, 
         report: whether to include regimes and energies.
     """
     shapes = result_shapes(geometry, n)
-    tables = {name: with_zeros(getattr(response, name), shape) for name, shape in shapes.items()}
-    tables["status"] = with_zeros(response.status, (n,))
+    tables = {name: zeros_in(getattr(response, name), shape) for name, shape in shapes.items()}
+    tables["status"] = zeros_in(response.status, (n,))
     if bounded:
-        tables["error_bound"] = with_zeros(response.error_bounds, (n,))
-        tables["precision"] = with_zeros(response.precisions, (n,))
+        tables["error_bound"] = zeros_in(response.error_bounds, (n,))
+        tables["precision"] = zeros_in(response.precisions, (n,))
     if report:
-        tables["regime"] = with_zeros(response.regimes, (n,))
-        tables |= {name: with_zeros(getattr(response, name), (n,)) for name in ENERGIES}
+        tables["regime"] = zeros_in(response.regimes, (n,))
+        tables |= {name: zeros_in(getattr(response, name), (n,)) for name in ENERGIES}
     return BatchResult(**tables)
 
 

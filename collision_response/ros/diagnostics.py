@@ -1,4 +1,4 @@
-"""How the node is doing, on /diagnostics."""
+"""Publishing the state of the node on /diagnostics."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from .counters import Counters
 from .states import LatestStates
 
 PERIOD = 1.0
-"""Time [s] between messages."""
+"""Time [s] between two messages."""
 
 
 class Diagnostics:
-    """Publishes what was counted, once a second.
+    """Publishes counts, rates and latencies once a second, with level WARN if a problem count has grown.
 
     Args:
-        node: that publishes.
-        counters: of the services.
-        states: that the node has heard of.
-        recorder: or ``None``.
-        waiting: tells how many requests are not answered yet.
+        node: the node that publishes.
+        counters: what the services have counted.
+        states: the latest states of bodies.
+        recorder: records the answers; ``None``: they are not recorded.
+        waiting: returns the number of requests that are not answered yet.
     """
 
     def __init__(
@@ -42,9 +42,9 @@ class Diagnostics:
         self._states = states
         self._recorder = recorder
         self._waiting = waiting
-        self._troubles = self._count_troubles()
-        self._counts = self._count()
-        self._counted = time.perf_counter()
+        self._problems = self._problem_counts()
+        self._counts = self._progress_counts()
+        self._last_time = time.perf_counter()
         self._publisher = node.create_publisher(
             DiagnosticArray,
             "/diagnostics",
@@ -53,11 +53,11 @@ class Diagnostics:
         )
         node.create_timer(PERIOD, self._publish)
 
-    def _count(self) -> dict[str, int]:
+    def _progress_counts(self) -> dict[str, int]:
         answers = sum(self._tally.answers.values())
         return {"requests": self._tally.requests, "answers": answers, "states": self._states.received}
 
-    def _count_troubles(self) -> dict[str, int]:
+    def _problem_counts(self) -> dict[str, int]:
         counters, states = self._tally, self._states
         return {
             "requests that could not be read": counters.unreadable,
@@ -74,18 +74,19 @@ class Diagnostics:
         }
 
     def _publish(self) -> None:
-        counts, troubles = self._count(), self._count_troubles()
-        new = [
-            f"{name}: {troubles[name] - before}"
-            for name, before in self._troubles.items()
-            if troubles[name] > before
+        counts, problems = self._progress_counts(), self._problem_counts()
+        new_problems = [
+            f"{name}: {problems[name] - before}"
+            for name, before in self._problems.items()
+            if problems[name] > before
         ]
         now = time.perf_counter()
-        period = now - self._counted  # longer than PERIOD after a long computation
+        period = now - self._last_time  # longer than PERIOD after a long computation
         rates = {
-            f"{name} per second": f"{(counts[name] - old) / period:.1f}" for name, old in self._counts.items()
+            f"{name} per second": f"{(counts[name] - before) / period:.1f}"
+            for name, before in self._counts.items()
         }
-        self._counts, self._troubles, self._counted = counts, troubles, now
+        self._counts, self._problems, self._last_time = counts, problems, now
         values: Mapping[str, object] = {
             **counts,
             **rates,
@@ -93,15 +94,15 @@ class Diagnostics:
             "bodies known": len(self._states),
             **{f"latency {name} [ms]": f"{value:.3g}" for name, value in self._tally.percentiles().items()},
             **{f"answered {code.name}": number for code, number in sorted(self._tally.answers.items())},
-            **troubles,
+            **problems,
         }
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
         message.status = [
             DiagnosticStatus(
-                level=DiagnosticStatus.WARN if new else DiagnosticStatus.OK,
+                level=DiagnosticStatus.WARN if new_problems else DiagnosticStatus.OK,
                 name=self._node.get_fully_qualified_name(),
-                message="; ".join(new) or "all is well",
+                message="; ".join(new_problems) or "no problems",
                 hardware_id="",
                 values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
             )

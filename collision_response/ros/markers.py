@@ -1,7 +1,4 @@
-"""Answers as standard messages: markers for RViz and Foxglove, and wrenches.
-
-A node of its own: what it shows is all in the results of the service.
-"""
+"""Node that publishes the results of the service as markers for RViz and Foxglove, and as wrenches."""
 
 from __future__ import annotations
 
@@ -27,13 +24,15 @@ from .process import run
 from .throttled_warnings import WARNING_INTERVAL
 
 DECLARATIONS = (
-    Declaration("metres_per_newton_second", 0.1, "Length of an impulse's arrow [m/(N s)].", 1e-9, 1e9),
-    Declaration("size", 0.1, "Length of a normal's arrow [m]; points and shafts go with it.", 1e-9, 1e9),
-    Declaration("lifetime", 1.0, "Time [s] for which an impact is shown. 0: for ever.", most=1e9),
+    Declaration("metres_per_newton_second", 0.1, "Length of the arrow of an impulse [m/(N s)].", 1e-9, 1e9),
+    Declaration(
+        "size", 0.1, "Length of the arrow of a normal [m]. Points and shafts are scaled with it.", 1e-9, 1e9
+    ),
+    Declaration("lifetime", 1.0, "How long an impact is shown [s]. 0: forever.", most=1e9),
     Declaration(
         "contact_duration",
         1.0,
-        "Time [s] by which an impulse is divided for a wrench. 1: its numbers are N s and N m s.",
+        "Time [s] by which an impulse is divided to give a wrench. 1: the numbers are those of the impulse.",
         1e-9,
         1e9,
     ),
@@ -47,13 +46,13 @@ RED, GREY, GREEN, VIOLET = (
     ColorRGBA(r=r / 255, g=g / 255, b=b / 255, a=a)
     for r, g, b, a in ((220, 80, 80, 1.0), (150, 150, 150, 1.0), (110, 190, 110, 1.0), (160, 120, 210, 0.3))
 )
-"""As in recordings."""
+"""The same colours as in recordings."""
 
-ROUND = np.linspace(0.0, 2 * np.pi, 33)
+FULL_CIRCLE = np.linspace(0.0, 2 * np.pi, 33)
 
 
 class Drawing(NamedTuple):
-    """How impacts are drawn: the parameters of the same names."""
+    """How impacts are drawn: the values of the parameters of the same names."""
 
     metres_per_newton_second: float
     size: float
@@ -61,7 +60,7 @@ class Drawing(NamedTuple):
 
 
 class DrawnContact(NamedTuple):
-    """What is drawn of a contact; ``normal`` is of length 1."""
+    """A contact as it is drawn; ``normal`` is of length 1."""
 
     position: Vec3
     normal: Vec3
@@ -70,30 +69,40 @@ class DrawnContact(NamedTuple):
 
 
 def contacts_of(result: CollisionResult | SceneResult) -> list[DrawnContact]:
-    """The contacts of an answer; none of a refusal, nor those that no answer of the service has."""
+    """Contacts of an answer.
+
+    A refusal has none. Contacts with a normal of length 0, or with numbers that are not finite, are left out:
+    the service does not answer with such contacts, but other publishers may.
+    """
     if result.status.code not in ANSWERS:
         return []
     if isinstance(result, CollisionResult):
         pairs = [(result.contact, result.impulse)]
     else:
         pairs = list(zip(result.contacts, result.impulses, strict=False))
-    return [touch for pair in pairs if (touch := _touch(*pair)) is not None]
+    return [contact for pair in pairs if (contact := _drawn_contact(*pair)) is not None]
 
 
 def markers_of(
-    header: Any, touches: Sequence[DrawnContact], drawing: Drawing, numbers: Iterator[int]
+    header: Any, contacts: Sequence[DrawnContact], drawing: Drawing, numbers: Iterator[int]
 ) -> MarkerArray:
-    """A point, two arrows and a cone for each contact, with the next of ``numbers`` as their id.
+    """Make a point, two arrows and a friction cone for each contact.
 
-    The cone has the directions that friction allows the impulse, and its edge is as long as the impulse: one
-    that slides ends on the rim. Without friction or impulse there is none. What would reach beyond float64 is
-    left out.
+    The cone holds the directions that friction allows for the impulse. Its edge is as long as the impulse, so
+    the impulse of a sliding contact ends on its rim. There is no cone without friction or impulse. Markers
+    that would reach beyond float64 are left out.
+
+    Args:
+        header: the header of the answer.
+        contacts: the contacts of the answer.
+        drawing: how they are drawn.
+        numbers: the markers of each contact have the next of these numbers as their id.
     """
     array = MarkerArray()
-    for touch in touches:
+    for contact in contacts:
         number = next(numbers) % 2**31
         with np.errstate(over="ignore", invalid="ignore"):
-            shapes = [*_shapes(touch, drawing)]
+            shapes = [*_shapes(contact, drawing)]
         for namespace, kind, colour, scale, points in shapes:
             if not np.isfinite(points).all():
                 continue
@@ -101,23 +110,23 @@ def markers_of(
             marker.points = [Point(x=x, y=y, z=z) for x, y, z in np.array(points).tolist()]
             marker.scale.x, marker.scale.y, marker.scale.z = scale
             marker.pose.orientation.w = 1.0
-            seconds, rest = divmod(drawing.lifetime, 1.0)
-            marker.lifetime = Duration(sec=int(seconds), nanosec=int(rest * 1e9))
+            seconds, fraction = divmod(drawing.lifetime, 1.0)
+            marker.lifetime = Duration(sec=int(seconds), nanosec=int(fraction * 1e9))
             array.markers.append(marker)
     return array
 
 
-def wrench_of(header: Any, touch: DrawnContact, contact_duration: float) -> WrenchStamped:
-    """The mean force on body_a while the impact lasts, and its moment about the origin of the frame.
+def wrench_of(header: Any, contact: DrawnContact, contact_duration: float) -> WrenchStamped:
+    """Mean force on body_a during the impact, and its moment about the origin of the frame.
 
     Args:
-        header: of the answer.
-        touch: its contact.
-        contact_duration: ``T`` [s]: force ``P/T`` [N], torque ``x cross P/T`` [N m].
+        header: the header of the answer.
+        contact: the contact of the answer, at ``x`` with the impulse ``P``.
+        contact_duration: ``T`` [s]. The force is ``P/T`` [N], the torque ``x cross P/T`` [N m].
     """
     wrench = WrenchStamped(header=header)
-    wrench.wrench.force = vector_message(touch.impulse / contact_duration)
-    wrench.wrench.torque = vector_message(touch.position.cross(touch.impulse) / contact_duration)
+    wrench.wrench.force = vector_message(contact.impulse / contact_duration)
+    wrench.wrench.torque = vector_message(contact.position.cross(contact.impulse) / contact_duration)
     return wrench
 
 
@@ -126,49 +135,49 @@ def _is_finite(wrench: WrenchStamped) -> bool:
     return all(math.isfinite(x) for part in parts for x in vector_of(part))
 
 
-def _touch(contact: Any, impulse: Any) -> DrawnContact | None:
+def _drawn_contact(contact: Any, impulse: Any) -> DrawnContact | None:
     x, n, p = map(vector_of, (contact.position, contact.normal, impulse))
     if not all(map(math.isfinite, (*x, *n, *p))) or not any(n):
         return None
-    n = n / max(map(abs, n))  # of any length, its square perhaps too small
+    n = n / max(map(abs, n))  # so that the squares in its norm neither overflow nor vanish
     return DrawnContact(x, n / n.norm(), contact.friction, p)
 
 
-def _shapes(touch: DrawnContact, drawing: Drawing) -> Iterator[tuple[str, int, ColorRGBA, Any, Any]]:
+def _shapes(contact: DrawnContact, drawing: Drawing) -> Iterator[tuple[str, int, ColorRGBA, Any, Any]]:
     """Namespace, type, colour, scale and points of each marker."""
-    size, tip = drawing.size, touch.impulse * drawing.metres_per_newton_second
+    size, tip = drawing.size, contact.impulse * drawing.metres_per_newton_second
     shaft = (size / 10, size / 5, 0.0)
-    here = np.array(touch.position)
+    here = np.array(contact.position)
     yield "point", Marker.SPHERE_LIST, RED, (size / 5,) * 3, [here]
-    yield "normal", Marker.ARROW, GREY, shaft, [here, here + size * np.array(touch.normal)]
+    yield "normal", Marker.ARROW, GREY, shaft, [here, here + size * np.array(contact.normal)]
     length = math.hypot(*tip)
     if not length:
         return
     yield "impulse", Marker.ARROW, GREEN, shaft, [here, here + np.array(tip)]
-    if touch.friction > 0:
-        rim = here + length * _rim(np.array(touch.normal), math.atan(touch.friction))
+    if contact.friction > 0:
+        rim = here + length * _rim(np.array(contact.normal), math.atan(contact.friction))
         corners = [corner for a, b in pairwise(rim) for corner in (here, a, b)]
         yield "friction cone", Marker.TRIANGLE_LIST, VIOLET, (1.0, 1.0, 1.0), corners
 
 
 def _rim(normal: Any, angle: float) -> Any:
-    """Unit vectors at an angle to the normal, all round it."""
+    """Unit vectors at an angle to the normal, evenly spaced around it."""
     across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
     across /= np.linalg.norm(across)
-    circle = np.outer(np.cos(ROUND), across) + np.outer(np.sin(ROUND), np.cross(normal, across))
+    circle = np.outer(np.cos(FULL_CIRCLE), across) + np.outer(np.sin(FULL_CIRCLE), np.cross(normal, across))
     return math.cos(angle) * normal + math.sin(angle) * circle
 
 
 class ContactMarkers(Node):
-    """Shows the answers of the service.
+    """Publishes markers and wrenches for the answers of the service.
 
     Interfaces (all may be remapped):
-        subscriptions ``collision_response/result``, ``collision_response/scene_result``.
+        subscriptions ``collision_response/result`` and ``collision_response/scene_result``.
         publisher ``collision_response/markers``: every contact of every answer.
-        publisher ``collision_response/wrench``: of every single impact, on body_a.
+        publisher ``collision_response/wrench``: the wrench on body_a of every single impact.
 
     Args:
-        options: those of :class:`rclpy.node.Node`.
+        options: as for :class:`rclpy.node.Node`.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -179,27 +188,27 @@ class ContactMarkers(Node):
         self._numbers = count()
         self._markers = self.create_publisher(MarkerArray, "collision_response/markers", 100)
         self._wrenches = self.create_publisher(WrenchStamped, "collision_response/wrench", 100)
-        self.create_subscription(CollisionResult, "collision_response/result", self._hear, RESULTS)
-        self.create_subscription(SceneResult, "collision_response/scene_result", self._hear, RESULTS)
+        self.create_subscription(CollisionResult, "collision_response/result", self._show, RESULTS)
+        self.create_subscription(SceneResult, "collision_response/scene_result", self._show, RESULTS)
 
-    def _hear(self, result: CollisionResult | SceneResult) -> None:
-        touches = contacts_of(result)
-        if not touches:
+    def _show(self, result: CollisionResult | SceneResult) -> None:
+        contacts = contacts_of(result)
+        if not contacts:
             return
         drawing = Drawing(*(self.get_parameter(name).value for name in Drawing._fields))
-        self._markers.publish(markers_of(result.header, touches, drawing, self._numbers))
+        self._markers.publish(markers_of(result.header, contacts, drawing, self._numbers))
         if isinstance(result, CollisionResult):
             duration = self.get_parameter("contact_duration").value
-            wrench = wrench_of(result.header, touches[0], duration)
+            wrench = wrench_of(result.header, contacts[0], duration)
             if _is_finite(wrench):
                 self._wrenches.publish(wrench)
             else:
                 self.get_logger().warning(
-                    "a wrench beyond float64 is left out: see contact_duration",
+                    "a wrench beyond float64 is not published: see contact_duration",
                     throttle_duration_sec=WARNING_INTERVAL,
                 )
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the node until SIGINT or SIGTERM."""
+    """Run the node until SIGINT or SIGTERM, and return the exit code."""
     return run(ContactMarkers, args)

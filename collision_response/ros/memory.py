@@ -1,4 +1,4 @@
-"""How much memory the process may take."""
+"""Limiting the memory of the process."""
 
 from __future__ import annotations
 
@@ -10,29 +10,30 @@ from .process import StartError
 
 
 def limit_memory(mebibytes: int) -> None:
-    """Have allocations fail beyond a limit, so that no request, however hostile, takes the machine's memory.
+    """Make allocations fail beyond a limit, so that no request can exhaust the memory of the machine.
 
-    What is counted is private memory that can be written to: not libraries, and not what DDS shares.
+    The limit is on private writable memory. It excludes libraries and the shared memory of DDS.
 
     Args:
         mebibytes: the limit; 0: none.
 
     Raises:
-        StartError: so much is taken already that DDS would end the process at the next request.
+        StartError: if the process already uses so much that DDS would end it at the next request.
     """
     if not mebibytes:
         return
-    taken = private_memory()
-    if mebibytes << 20 <= taken:
-        raise StartError(f"memory_limit: is {mebibytes} MiB, but the start alone takes {(taken >> 20) + 1}")
+    used, limit = private_memory(), mebibytes << 20
+    if limit <= used:
+        raise StartError(
+            f"memory_limit: is {mebibytes} MiB, but the node uses {(used >> 20) + 1} at its start"
+        )
     _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    wanted = mebibytes << 20
     if hard != resource.RLIM_INFINITY:
-        wanted = min(wanted, hard)
-    resource.setrlimit(resource.RLIMIT_DATA, (wanted, hard))
+        limit = min(limit, hard)
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
 
 
 def private_memory() -> int:
-    """What the process has of the memory that is limited [bytes]."""
-    found = re.search(r"^VmData:\s*(\d+) kB$", Path("/proc/self/status").read_text(), re.MULTILINE)
-    return int(found[1]) << 10 if found else 0
+    """Memory that the process uses, of the kind that is limited [bytes]."""
+    match = re.search(r"^VmData:\s*(\d+) kB$", Path("/proc/self/status").read_text(), re.MULTILINE)
+    return int(match[1]) << 10 if match else 0

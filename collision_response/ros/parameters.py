@@ -1,4 +1,4 @@
-"""The parameters of the node: declared with descriptions and ranges, read as frozen snapshots."""
+"""The parameters of the node: their declarations, and immutable snapshots of their values."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ CHOICES: Mapping[str, Mapping[str, Any]] = {
         "contents": ServiceIntrospectionState.CONTENTS,
     },
 }
-"""The words that some parameters may be, and what they mean."""
+"""The values that some parameters may have, and what each stands for."""
 
 
 class Declaration(NamedTuple):
-    """A parameter as it is declared; ``least`` and ``most`` are for numbers."""
+    """A parameter as it is declared; ``least`` and ``most`` are the limits of a number."""
 
     name: str
     default: Any
@@ -56,7 +56,7 @@ class Declaration(NamedTuple):
     read_only: bool = False
 
     def descriptor(self) -> ParameterDescriptor:
-        """What ``ros2 param describe`` shows."""
+        """Descriptor that ``ros2 param describe`` shows."""
         descriptor = ParameterDescriptor(description=self.description, read_only=self.read_only)
         if isinstance(self.default, float):
             descriptor.floating_point_range = [FloatingPointRange(from_value=self.least, to_value=self.most)]
@@ -68,96 +68,126 @@ class Declaration(NamedTuple):
 
 
 DECLARATIONS = (
-    Declaration("world_frame", "", "Only frame_id accepted in requests. Empty: any one."),
+    Declaration("world_frame", "", "The only frame_id accepted in requests. Empty: any."),
     Declaration(
-        "body_state_topics", ["body_states"], "Topics of BodyState to listen to; '' for none.", read_only=True
+        "body_state_topics",
+        ["body_states"],
+        'Topics of BodyState to subscribe to. [""]: none.',
+        read_only=True,
     ),
-    Declaration("max_bodies", 10_000, "States remembered; more: the stalest are forgotten.", 1, 10**6, True),
     Declaration(
-        "max_state_age", 0.0, "Time [s] between a state and the contact above which it is refused. 0: any."
+        "max_bodies",
+        10_000,
+        "Number of body states to keep, and as many from tables. "
+        "Beyond, the least recently updated are dropped.",
+        1,
+        10**6,
+        True,
+    ),
+    Declaration(
+        "max_state_age",
+        0.0,
+        "Longest time [s] between the contact and the state of a body given by name. 0: no limit.",
     ),
     Declaration(
         "max_state_wait",
         0.5,
-        "Longest wait [s] for a state that not_before of a request asks for.",
+        "Longest time [s] to wait for states that not_before of a request asks for.",
         most=60.0,
     ),
-    Declaration("restitution", 1.0, "Where neither the contact nor both bodies give one.", most=1.0),
-    Declaration("friction", 0.0, "Where neither the contact nor both bodies give one.", most=1000.0),
-    Declaration("combine_restitution", "average", "How the bodies' two coefficients become one."),
-    Declaration("combine_friction", "average", "How the bodies' two coefficients become one."),
+    Declaration(
+        "restitution", 1.0, "Restitution where neither the contact nor both bodies give one.", most=1.0
+    ),
+    Declaration("friction", 0.0, "Friction where neither the contact nor both bodies give one.", most=1000.0),
+    Declaration("combine_restitution", "average", "How the coefficients of two bodies are combined."),
+    Declaration("combine_friction", "average", "How the coefficients of two bodies are combined."),
     Declaration(
         "materials_file",
         "",
-        "YAML file with the coefficients of pairs of materials. Empty: none.",
+        "YAML file with coefficients of materials and pairs of materials. Empty: none.",
         read_only=True,
     ),
     Declaration("law", "auto", "Impact law. auto: coulomb where there is friction, else frictionless."),
-    Declaration("geometry", "auto", "How much motion is modelled. auto: the cheapest that is exact."),
-    Declaration("precision", "auto", "Arithmetic. auto: double, or what the tolerance asks for."),
+    Declaration("geometry", "auto", "Which motion is modelled. auto: the simplest geometry that is exact."),
     Declaration(
-        "tolerance", 0.0, "Greatest relative error of the impulse wanted. 0: any that is known.", most=1.0
+        "precision", "auto", "Arithmetic. auto: double, or extended where double does not meet the tolerance."
     ),
-    Declaration("tangential_restitution", 0.0, "For the law coulomb; 1: superball.", -1.0, 1.0),
-    Declaration("restitution_threshold", 0.0, "Approach speed [m/s] under which restitution is taken as 0."),
+    Declaration(
+        "tolerance", 0.0, "Greatest relative error of the impulse. 0: any, if it is bounded.", most=1.0
+    ),
+    Declaration(
+        "tangential_restitution",
+        0.0,
+        "Coefficient of tangential restitution, for the law coulomb. 1: a superball.",
+        -1.0,
+        1.0,
+    ),
+    Declaration("restitution_threshold", 0.0, "Approach speed [m/s] below which restitution is taken as 0."),
     Declaration(
         "stiffness_ratio",
         METAL_ON_METAL,
-        "Tangential over normal stiffness, for the law compliant.",
+        "Tangential over normal stiffness of the contact, for the law compliant.",
         *STIFFNESS_RATIOS,
     ),
     Declaration(
         "scene_tolerance",
         0.0,
-        "Log the least that meets this tolerance in every impact so far, when it grows. 0: do not.",
+        "Log the simplest model that meets this tolerance for all impacts so far, when it changes. 0: off.",
         read_only=True,
     ),
-    Declaration("budget.contacts", 200_000, "Contacts that one batch may have.", 1, 10**9),
-    Declaration("budget.scene_contacts", 256, "Contacts that one scene may have.", 1, 4096),
-    Declaration("budget.time", 60.0, "Computing time [s] that one request may take. 0: any."),
-    Declaration("memory_limit", 2048, "Memory [MiB] that the process may take. 0: any.", 0, 10**9, True),
+    Declaration("budget.contacts", 200_000, "Greatest number of contacts in one batch.", 1, 10**9),
+    Declaration("budget.scene_contacts", 256, "Greatest number of contacts in one scene.", 1, 4096),
+    Declaration("budget.time", 60.0, "Longest computing time [s] of one request. 0: no limit."),
+    Declaration("memory_limit", 2048, "Memory [MiB] that the process may use. 0: no limit.", 0, 10**9, True),
     Declaration(
         "shutdown_timeout",
         5.0,
-        "Time [s] from SIGINT or SIGTERM to the end, in which requests are answered.",
+        "Longest time [s] from SIGINT or SIGTERM to the end; requests that have arrived are answered first.",
         most=86_400.0,
     ),
     Declaration(
-        "service_introspection",
-        "off",
-        "What of each call is published for ros2 service echo.",
-        read_only=True,
+        "service_introspection", "off", "What to publish of each call, for ros2 service echo.", read_only=True
     ),
-    Declaration("recording.enabled", False, "Record every impact for the rerun viewer.", read_only=True),
     Declaration(
-        "recording.directory", "recordings", "Where to; new files for each start of the node.", read_only=True
+        "recording.enabled", False, "Record impacts and body states for the rerun viewer.", read_only=True
+    ),
+    Declaration(
+        "recording.directory",
+        "recordings",
+        "Directory of the recordings. Each start of the node makes new files.",
+        read_only=True,
     ),
     Declaration(
         "recording.file",
         "",
-        "Name of the first file, which must be new. Empty: made from the time.",
+        "Name of the first file, which must not exist yet. Empty: made from the time.",
         read_only=True,
     ),
     Declaration(
-        "recording.max_size", MAX_SIZE, "Size [MB] at which the next file begins. 0: any.", read_only=True
+        "recording.max_size",
+        MAX_SIZE,
+        "Size [MB] at which the next file begins. 0: no limit.",
+        read_only=True,
     ),
     Declaration(
         "recording.max_duration",
         MAX_DURATION,
-        "Time [s] after which the next file begins. 0: any.",
+        "Time [s] after which the next file begins. 0: no limit.",
         read_only=True,
     ),
 )
 
 NAMES = {declaration.name.replace(".", "_"): declaration.name for declaration in DECLARATIONS}
-"""Of the parameters, by the fields that hold them."""
+"""Name of each parameter, by the field of :class:`Parameters` or :class:`StartParameters` that holds it."""
 
 
 @dataclass(frozen=True)
 class Parameters:
-    """What may change while the node runs, as it was at one moment.
+    """Values of the parameters that may change while the node runs.
 
-    Fields are named as the parameters, with an underscore for a dot.
+    The fields are named like the parameters, with an underscore for a dot. ``model`` holds the parameters
+    that are fields of :class:`~collision_response.ImpactModel`, ``materials`` the contents of
+    ``materials_file``.
     """
 
     world_frame: str
@@ -176,7 +206,7 @@ class Parameters:
 
     @classmethod
     def of(cls, node: Node) -> Parameters:
-        """The present values of a node."""
+        """Read the current values of a node."""
         return cls(
             **{field: _value(node, NAMES[field]) for field in PARAMETERS},
             model=ImpactModel(*(_value(node, field) for field in ImpactModel._fields)),
@@ -186,7 +216,11 @@ class Parameters:
 
 @cache
 def materials_in(file: str) -> Materials:
-    """What a file says; nothing without one. Read once. Raises: see :meth:`Materials.read`."""
+    """Read a file of materials, once; without a name, return no materials.
+
+    Raises:
+        as :meth:`Materials.read`.
+    """
     return Materials.read(Path(file)) if file else NO_MATERIALS
 
 
@@ -194,14 +228,16 @@ PARAMETERS = tuple(field for field in Parameters.__dataclass_fields__ if field n
 
 
 class LatestParameters:
-    """The parameters of a node as they were last set: reading them costs a request nothing.
+    """The parameters of a node as they were last set. They are read when they change, not for each request.
 
     Attributes:
-        values: the present ones.
+        values: the current values.
+
+    Args:
+        node: the node. All parameters must have been declared.
     """
 
     def __init__(self, node: Node) -> None:
-        """Read them, now and after each change; all must have been declared."""
         self._node = node
         self.values = Parameters.of(node)
         node.add_post_set_parameters_callback(self._read)
@@ -212,24 +248,24 @@ class LatestParameters:
 
 @dataclass(frozen=True)
 class StartParameters:
-    """What is read once."""
+    """Values of the parameters that are read once, when the node starts.
+
+    The fields are named like the parameters, with an underscore for a dot. ``recording_directory`` is
+    ``None`` if the node does not record.
+    """
 
     body_state_topics: tuple[str, ...]
     recording_directory: Path | None
-    """``None``: do not record."""
     recording_file: str
     recording_max_size: float
-    """Of a file [MB]; 0: any."""
     recording_max_duration: float
-    """Of a file [s]; 0: any."""
     scene_tolerance: float
-    """0: do not log what the scene requires."""
     max_bodies: int
     service_introspection: ServiceIntrospectionState
 
     @classmethod
     def of(cls, node: Node) -> StartParameters:
-        """The values a node was started with."""
+        """Read the values that a node was started with."""
         values = {field: _value(node, NAMES[field]) for field in cls.__dataclass_fields__}
         values["body_state_topics"] = tuple(filter(None, dict.fromkeys(values["body_state_topics"])))
         is_recording, directory = _value(node, "recording.enabled"), values["recording_directory"]
@@ -238,30 +274,31 @@ class StartParameters:
 
 
 QOS_OVERRIDES = "qos_overrides."
-"""What the parameters begin with that set the QoS of a topic."""
+"""Prefix of the parameters that set the QoS of a topic."""
 
 POLICIES = {
     kind: [key for key in policy.short_keys() if key != "unknown"]
     for kind, policy in (("history", HistoryPolicy), ("reliability", ReliabilityPolicy))
 }
 
-MOST_DEPTH = 2**31 - 1
+MAX_DEPTH = 2**31 - 1
 
-OWN_BY_RCLPY = {"use_sim_time", "start_type_description_service"}
-"""What every node declares by itself."""
+DECLARED_BY_RCLPY = {"use_sim_time", "start_type_description_service"}
+"""Parameters that rclpy declares for every node."""
 
 
 def declare(node: Node, declarations: Iterable[Declaration]) -> None:
-    """Declare every parameter of a node, and warn of those that it was given and does not have.
+    """Declare the parameters of a node, and warn about parameters that were given but do not exist.
 
     Args:
-        node: made with ``automatically_declare_parameters_from_overrides``, which tells what it was given.
-        declarations: of its parameters.
+        node: a node made with ``automatically_declare_parameters_from_overrides``, so that all parameters
+            that were given are declared. They are declared again here, with descriptions and ranges.
+        declarations: the parameters of the node.
 
     Raises:
-        rclpy.exceptions.ParameterException: the node was started with a value that is not allowed.
+        rclpy.exceptions.ParameterException: if a value that was given is not allowed.
     """
-    given = set(node.get_parameters_by_prefix("")) - OWN_BY_RCLPY
+    given = set(node.get_parameters_by_prefix("")) - DECLARED_BY_RCLPY
     for name in given:
         node.undeclare_parameter(name)
     node.add_on_set_parameters_callback(validate)
@@ -271,12 +308,12 @@ def declare(node: Node, declarations: Iterable[Declaration]) -> None:
         known.append(declaration.name)
     for name in sorted(given.difference(known)):
         if not name.startswith(QOS_OVERRIDES):
-            (like,) = get_close_matches(name, known, 1, 0.0)
-            node.get_logger().warning(f"there is no parameter {name!r}; did you mean {like!r}?")
+            (closest,) = get_close_matches(name, known, 1, 0.0)
+            node.get_logger().warning(f"there is no parameter {name!r}; did you mean {closest!r}?")
 
 
 def validate(parameters: list[Parameter[Any]]) -> SetParametersResult:
-    """Accept new values, or say what is wrong with one; types and ranges rclpy checks itself."""
+    """Accept or refuse new values. rclpy itself checks types and ranges."""
     try:
         for parameter in parameters:
             _check(parameter.name, parameter.value)
@@ -286,7 +323,7 @@ def validate(parameters: list[Parameter[Any]]) -> SetParametersResult:
 
 
 def _check(name: str, value: Any) -> None:
-    """Raises: ValueError: it says what is wrong."""
+    """Raise a ``ValueError`` that says what is wrong with a value."""
     if isinstance(value, float) and not math.isfinite(value):
         raise ValueError(f"{name} must be finite, is {value}")
     if name == "recording.file":
@@ -309,10 +346,10 @@ def _check(name: str, value: Any) -> None:
 
 
 def _check_qos(name: str, value: Any) -> None:
-    """What rclpy would raise errors of that do not name the parameter."""
+    """Check the values for which rclpy would raise errors that do not name the parameter."""
     policy = name.rpartition(".")[2]
-    if policy == "depth" and not 0 <= value <= MOST_DEPTH:
-        raise ValueError(f"{name} must be {format_range(0, MOST_DEPTH)}; is {value}")
+    if policy == "depth" and not 0 <= value <= MAX_DEPTH:
+        raise ValueError(f"{name} must be {format_range(0, MAX_DEPTH)}; is {value}")
     if policy in POLICIES and value.lower() not in POLICIES[policy]:
         raise ValueError(f"{name} must be one of {', '.join(POLICIES[policy])}; is {value!r}")
 

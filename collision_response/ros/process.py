@@ -1,4 +1,4 @@
-"""A node as a process: from its arguments to the signal that ends it."""
+"""Running a node as a process, from its arguments to the signal that ends it."""
 
 from __future__ import annotations
 
@@ -24,49 +24,49 @@ from .throttled_warnings import WARNING_INTERVAL
 AnyNode = TypeVar("AnyNode", bound=Node)
 
 
-BREATH = 0.001
-"""Time [s] without work after an error, which may come again at once."""
+PAUSE_AFTER_ERROR = 0.001
+"""Pause [s] after an error in a callback, in case the error occurs again and again."""
 
 
 class StartError(Exception):
-    """What a node needs to start is not there; the message is for a person."""
+    """The node cannot start. The message is for the user."""
 
 
 UnknownArguments: type[Exception] = rclpy_implementation.UnknownROSArgsError
 
-NOT_ALLOWED = (StartError, ParameterException, NameValidationException, RCLError)
-"""What a start raises with arguments that are not allowed, or of no use here."""
+START_ERRORS = (StartError, ParameterException, NameValidationException, RCLError)
+"""Errors that starting a node raises if its arguments are invalid or cannot be used."""
 
 
 def run(
     make: Callable[[], AnyNode], args: list[str] | None, end: Callable[[AnyNode], Any] = Node.destroy_node
 ) -> int:
-    """Spin a node until SIGINT, SIGTERM or SIGHUP, then end it.
+    """Make a node and spin it until SIGINT, SIGTERM or SIGHUP.
 
     Args:
-        make: the node.
-        args: of ROS; ``None``: those of this process.
-        end: called with the node, that nobody spins any more.
+        make: makes the node.
+        args: the ROS arguments; ``None``: those of this process.
+        end: shuts the node down. It is called when the node is not spun any more.
 
     Returns:
-        The exit code: 0, or 1 if it cannot start.
+        The exit code: 0, or 1 if the node cannot start.
     """
-    have_standard_streams()
+    open_standard_streams()
     stop = shutdown_requested()
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make()
     except UnknownArguments as error:
-        print("collision_response: there are no such arguments:", error, file=sys.stderr)
+        print("collision_response: unknown arguments:", error, file=sys.stderr)
         return 1
     except ValueError as error:
-        if "PARAMETER_NOT_SET" not in str(error):  # so rclpy says it, and not of which parameter
+        if "PARAMETER_NOT_SET" not in str(error):  # rclpy's text; it does not name the parameter
             raise
-        reason = "a parameter is a list without entries, which has no type; for none write ['']"
+        reason = "a parameter is an empty list, which has no type: write [''] for none"
         print("collision_response:", reason, file=sys.stderr)
         rclpy.try_shutdown()
         return 1
-    except NOT_ALLOWED as error:
+    except START_ERRORS as error:
         print("collision_response:", *str(error).split(), file=sys.stderr)  # on one line
         rclpy.try_shutdown()
         return 1
@@ -78,21 +78,21 @@ def run(
     return 0
 
 
-def have_standard_streams() -> None:
-    """Open those that are closed into nothing.
+def open_standard_streams() -> None:
+    """Open standard streams that are closed, as /dev/null.
 
-    Else the next file or socket takes the number of one, and what is logged goes there.
+    Otherwise the next file or socket would get the number of a standard stream, and the log would go there.
     """
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115, as long as the process
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115  # open until the process ends
 
 
 def spin(node: Node, stop: Future[None]) -> None:
-    """Do what comes until told to stop.
+    """Spin a node until ``stop`` is done.
 
-    Anybody may send what rclpy's own callbacks raise errors of, such as a parameter of no type: they are
-    logged, and end nothing.
+    Errors in callbacks are logged and do not end the node: rclpy's own callbacks raise them for requests that
+    anybody can send, such as a parameter without a type.
     """
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
@@ -106,6 +106,6 @@ def spin(node: Node, stop: Future[None]) -> None:
                 return
             except Exception:
                 node.get_logger().error(traceback.format_exc(), throttle_duration_sec=WARNING_INTERVAL)
-                time.sleep(BREATH)
+                time.sleep(PAUSE_AFTER_ERROR)
     finally:
         executor.shutdown()

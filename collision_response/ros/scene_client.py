@@ -1,10 +1,10 @@
-"""For clients of the service for scenes: bodies and contacts to a request.
+"""For clients of ``~/resolve_scene``: requests from bodies and contacts.
 
     >>> from collision_response import Body, Contact
     >>> ball = Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0))
     >>> request = pack([ball, Body.static()], [(0, 1)], [Contact.of((0, 0, 0), (0, 0, 1), 0.5)])
 
-It takes a client of rclpy to send the request.
+Send the request with a client of rclpy.
 """
 
 from __future__ import annotations
@@ -34,18 +34,19 @@ def pack(
     names: Iterable[str] = (),
     frame_id: str = "",
 ) -> ResolveScene.Request:
-    """The request for a scene, as that of :func:`~collision_response.resolve_scene`.
+    """Make the request for a scene, with arguments as for :func:`~collision_response.resolve_scene`.
 
     Args:
-        bodies: that are given in full.
-        pairs: for each contact, the indices of its body_a and its body_b; from ``len(bodies)`` on, of names.
-        contacts: where they touch; an ``e`` or ``mu`` of -1 is filled in by the node.
-        model: what is 0 in it, the law AUTO too, is left to the node's parameter of the same name.
-        names: of the bodies, then of bodies whose latest states the node has received.
-        frame_id: the inertial frame of all.
+        bodies: the bodies that are given in full.
+        pairs: for each contact, the indices of its body_a and its body_b. Indices from ``len(bodies)`` on are
+            those of the further ``names``.
+        contacts: the contacts. The node chooses a restitution or friction of -1.
+        model: fields that are 0, including the law AUTO, have the values of the node's parameters.
+        names: names of ``bodies``, then names of bodies of which the node uses the latest received states.
+        frame_id: the inertial frame of all bodies and contacts.
 
     Raises:
-        ValueError: a name has several lines.
+        ValueError: if a name has more than one line.
     """
     request = ResolveScene.Request(names=as_lines(names))
     request.header.frame_id = frame_id
@@ -62,13 +63,13 @@ def pack(
 
 
 class Touch(NamedTuple):
-    """A contact as simulators tell it.
+    """A contact of two bodies given by name, as simulators report it.
 
     Attributes:
-        body_a: its name.
-        body_b: the same.
-        position: of the contact point [m].
-        normal: from body_b to body_a. Any length but 0.
+        body_a: name of body_a.
+        body_b: name of body_b.
+        position: position of the contact point [m].
+        normal: contact normal, from body_b to body_a, of any length except 0.
     """
 
     body_a: str
@@ -86,19 +87,19 @@ def pack_named(
     friction: float = -1.0,
     frame_id: str = "",
 ) -> ResolveScene.Request:
-    """The request for a scene whose bodies have names.
+    """Make the request for a scene whose bodies have names.
 
     Args:
         touches: the contacts.
-        bodies: those that are given in full, such as the ground. Of the others the node uses the latest
-            states that it has received.
+        bodies: bodies that are given in full, by their names, such as the ground. For all others the node
+            uses the latest states that it has received.
         model: as for :func:`pack`.
-        restitution: of all contacts; -1: filled in by the node.
-        friction: the same.
-        frame_id: the inertial frame of all.
+        restitution: restitution of all contacts; -1: chosen by the node.
+        friction: friction of all contacts; -1: chosen by the node.
+        frame_id: the inertial frame of all bodies and contacts.
 
     Raises:
-        ValueError: a name has several lines.
+        ValueError: if a name has more than one line.
     """
     touches = [*touches]
     names = [*dict.fromkeys(chain(bodies, *((touch.body_a, touch.body_b) for touch in touches)))]

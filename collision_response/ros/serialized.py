@@ -1,6 +1,6 @@
-"""States of bodies as they come over the wire: read as far as needed, when needed.
+"""Serialized states of bodies, which are read only as far and only when they are needed.
 
-Messages of ROS 2 are in CDR (OMG, "DDS-XTypes" 1.3, 7.4): four bytes that say the byte order, then the
+ROS 2 serializes messages in CDR (OMG, "DDS-XTypes" 1.3, 7.4): four bytes that give the byte order, then the
 fields, each aligned to its size.
 """
 
@@ -19,60 +19,60 @@ from ..body_conversions import ROWS
 from ..msg import BodyState, BodyStates
 
 MAX_STATE_SIZE = 4096
-"""Bytes of a ``BodyState``: only its names may be long."""
+"""Largest ``BodyState`` accepted [bytes]. Only long names can make a message that large."""
 
 MAX_TABLE_SIZE = 1 << 24
-"""Bytes of a ``BodyStates``."""
+"""Largest ``BodyStates`` accepted [bytes]."""
 
 
 class MalformedMessage(ValueError):
-    """A message that is none of its type."""
+    """A message that cannot be read as its type."""
 
 
 class Serialized:
-    """A message that starts with a header.
+    """A serialized message that starts with a header.
 
     Attributes:
-        stamp: of the header [ns].
-        arrival: its number among those that arrived.
+        stamp: stamp of the header [ns].
+        arrival: number of the message in the order of arrival.
 
     Raises:
-        MalformedMessage: it is too short or too long.
+        MalformedMessage: if the message is too short or too long.
     """
 
     arrival = 0
 
-    def __init__(self, message: bytes, longest: int) -> None:
-        if len(message) > longest:
-            raise MalformedMessage(f"it has {len(message)} bytes, more than {longest}")
+    def __init__(self, message: bytes, max_size: int) -> None:
+        if len(message) > max_size:
+            raise MalformedMessage(f"it has {len(message)} bytes, more than {max_size}")
         self._message = message
-        self._order = "<" if len(message) > 1 and message[1] & 1 else ">"
-        self.stamp, self._end = 0, 4
-        seconds, nanoseconds = self._integer(signed=True), self._integer()
+        self._byte_order = "<" if len(message) > 1 and message[1] & 1 else ">"
+        self._end = 4  # where the fields read so far end
+        seconds, nanoseconds = self._read_integer(signed=True), self._read_integer()
         self.stamp = seconds * 1_000_000_000 + nanoseconds
-        self._string()  # frame_id
+        self._read_string()  # frame_id
 
     def state_of(self, name: str) -> BodyState:
-        """The state of a body.
+        """State of the body with this name.
 
         Raises:
-            MalformedMessage: the rest of the message is none of its type.
+            MalformedMessage: if the message cannot be read as its type.
         """
         raise NotImplementedError
 
-    def _integer(self, *, signed: bool = False) -> int:
+    def _read_integer(self, *, signed: bool = False) -> int:
         start = -(-self._end // 4) * 4
         self._end = start + 4
         try:
-            return struct.unpack_from(self._order + ("i" if signed else "I"), self._message, start)[0]
+            return struct.unpack_from(self._byte_order + ("i" if signed else "I"), self._message, start)[0]
         except struct.error:
             raise MalformedMessage("it ends too early") from None
 
-    def _string(self) -> str:
-        size = self._integer()
+    def _read_string(self) -> str:
+        size = self._read_integer()
         start, self._end = self._end, self._end + size
         if self._end > len(self._message):
-            raise MalformedMessage("a text in it ends after its end")
+            raise MalformedMessage("a string in it reaches beyond its end")
         try:
             return self._message[start : max(start, self._end - 1)].decode()  # without the 0 at its end
         except UnicodeDecodeError as error:
@@ -80,55 +80,56 @@ class Serialized:
 
 
 class SerializedState(Serialized):
-    """A ``BodyState``.
+    """A serialized ``BodyState``.
 
     Attributes:
-        name: of the body.
+        name: name of the body.
     """
 
     def __init__(self, message: bytes) -> None:
         super().__init__(message, MAX_STATE_SIZE)
-        self.name = self._string()
+        self.name = self._read_string()
 
     def state_of(self, name: str) -> BodyState:
-        """The state, whatever the name."""
+        """Return the state; the name is not checked."""
         return self.state
 
     @cached_property
     def state(self) -> BodyState:
-        """All of it."""
+        """The whole message."""
         return _deserialized(self._message, BodyState)
 
 
 class SerializedTable(Serialized):
-    """A ``BodyStates``.
+    """A serialized ``BodyStates``.
 
     Attributes:
-        size: number of its bodies.
+        size: number of bodies.
     """
 
     def __init__(self, message: bytes) -> None:
         super().__init__(message, MAX_TABLE_SIZE)
-        self.size = self._integer()
-        least = 8 * self.size  # bytes, of as many names
-        if least > len(message):
-            raise MalformedMessage(f"its names alone need {least} bytes, but it has {len(message)}")
+        self.size = self._read_integer()
+        names_size = 8 * self.size  # bytes that this number of names has at least
+        if names_size > len(message):
+            raise MalformedMessage(f"its names alone need {names_size} bytes, but it has {len(message)}")
 
     @cached_property
     def columns(self) -> dict[str, int]:
-        """The columns of the bodies by their names; none if the message cannot be read."""
+        """Column of each body by its name; empty if the message cannot be read."""
         try:
             return {name: column for column, name in enumerate(self._table.names)}
         except MalformedMessage:
             return {}
 
     def state_of(self, name: str) -> BodyState:
-        """The state of one of its bodies."""
+        """State of one of the bodies."""
         table = self._table
         size, column = len(table.names), self.columns[name]
         if len(table.numbers) != ROWS * size or len(table.motion_types) not in (0, size):
             raise MalformedMessage(
-                f"{len(table.numbers)} numbers and {len(table.motion_types)} motion types of {size} bodies"
+                f"it has {len(table.numbers)} numbers and {len(table.motion_types)} motion types "
+                f"for {size} bodies"
             )
         numbers = np.asarray(table.numbers).reshape(ROWS, size)[:, column].tolist()
         motion_type = table.motion_types[column] if table.motion_types else BodyState.DYNAMIC
@@ -140,7 +141,7 @@ class SerializedTable(Serialized):
 
 
 def state_from(numbers: Iterable[float], state: BodyState) -> BodyState:
-    """A state with the numbers of a column of a table."""
+    """Write the numbers of a column of a table into a state, and return it."""
     rest = iter(numbers)
     inertia, pose, twist = state.inertia, state.pose, state.twist
     inertia.m = next(rest)
@@ -159,12 +160,12 @@ def state_from(numbers: Iterable[float], state: BodyState) -> BodyState:
 
 
 def nanoseconds(stamp: Time) -> int:
-    """A stamp as one number [ns]."""
+    """Convert a stamp to nanoseconds."""
     return stamp.sec * 1_000_000_000 + stamp.nanosec
 
 
 def _deserialized(message: bytes, kind: type) -> Any:
     try:
         return deserialize_message(message, kind)
-    except Exception as error:  # whatever the typesupport makes of broken bytes
+    except Exception as error:  # the typesupport raises all kinds of errors for malformed bytes
         raise MalformedMessage(str(error)) from None

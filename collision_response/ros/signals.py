@@ -1,4 +1,4 @@
-"""How the node's process is asked to end."""
+"""The signals that end the node's process."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from rclpy.task import Future
 
 
 def shutdown_requested() -> Future[None]:
-    """A future that SIGINT, SIGTERM and SIGHUP complete. To be called in the main thread.
+    """Make a future that is done after SIGINT, SIGTERM or SIGHUP. Call this in the main thread.
 
-    SIGHUP is what comes when the terminal is closed; ``nohup`` has it ignored, and then it stays so.
+    SIGHUP is sent when the terminal is closed. If it is ignored at the start, as by ``nohup``, it stays
+    ignored.
 
-    rclpy's own handlers wake the executor before they shut the context down, so now and then it
-    goes to sleep again for ever; and they take the context from under the node. A handler in Python
-    would not run while the main thread waits for DDS; what Python writes to the wake-up pipe
-    arrives at once.
+    rclpy's own signal handlers are not used: they wake the executor before they shut the context down, so it
+    may go to sleep again for ever, and they shut the context down while the node still needs it. A Python
+    handler would not run while the main thread waits for DDS. What Python writes to the wake-up pipe arrives
+    at once.
     """
     stop: Future[None] = Future()
     source, sink = os.pipe()

@@ -1,6 +1,6 @@
-"""States of bodies from what robots publish: odometry or TF, and the robot's description.
+"""Node that publishes body states from a robot's odometry or TF and its description.
 
-A node of its own, one for each robot or model, so that the service knows nothing of all that.
+There is one such node for each robot or model. The service only sees the body states.
 """
 
 from __future__ import annotations
@@ -31,92 +31,96 @@ from .serialized import nanoseconds
 from .throttled_warnings import ThrottledWarnings
 
 DECLARATIONS = (
-    Declaration("name", "", "Of the body from odometry. Empty: its child_frame_id.", read_only=True),
+    Declaration("name", "", "Name of the body from odometry. Empty: its child_frame_id.", read_only=True),
     Declaration(
         "description_file",
         "",
-        "URDF or SDF file with the inertias. Empty: the topic robot_description.",
+        "URDF or SDF file with the inertias. Empty: use the topic robot_description.",
         read_only=True,
     ),
-    Declaration("frames", [""], "Frames of TF that are bodies; '' for none.", read_only=True),
-    Declaration("world_frame", "", "Inertial frame in which bodies from TF are given.", read_only=True),
-    Declaration("rate", 50.0, "How often TF is looked up [1/s].", 0.001, 10_000.0, True),
+    Declaration("frames", [""], 'Frames of TF to publish as bodies. [""]: none.', read_only=True),
+    Declaration("world_frame", "", "Inertial frame in which to publish bodies from TF.", read_only=True),
+    Declaration("rate", 50.0, "How often to look up TF [1/s].", 0.001, 10_000.0, True),
 )
 
 DESCRIPTION_QOS = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""As robot descriptions are published: whoever comes late gets the last one."""
+"""As robot descriptions are published: a late subscriber gets the last one."""
 
 ODOMETRY_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""It takes publishers of either kind."""
+"""Compatible with reliable and best-effort publishers."""
 
 
-def body_state(header: Any, name: str, matter: MassProperties) -> BodyState:
-    """The state of a body at rest at the origin: pose and twist are to be filled in.
+def body_state(header: Any, name: str, mass_properties: MassProperties) -> BodyState:
+    """Make the state of a body at rest at the origin; pose and twist can be filled in.
 
     Args:
-        header: stamp, and inertial frame.
-        name: of the body.
-        matter: of the body, in axes of its frame.
+        header: stamp and inertial frame.
+        name: the name of the body.
+        mass_properties: mass, centre of mass and inertia, in the body frame.
     """
     state = BodyState(header=header, name=name)
     inertia = state.inertia
-    inertia.m, inertia.com = matter.mass, vector_message(matter.com)
-    inertia.ixx, inertia.ixy, inertia.ixz, inertia.iyy, inertia.iyz, inertia.izz = matter.inertia
+    inertia.m, inertia.com = mass_properties.mass, vector_message(mass_properties.com)
+    inertia.ixx, inertia.ixy, inertia.ixz, inertia.iyy, inertia.iyz, inertia.izz = mass_properties.inertia
     return state
 
 
-def from_odometry(odometry: Odometry, matter: MassProperties, name: str = "") -> BodyState:
-    """The state of the body whose origin is that of ``child_frame_id``.
+def from_odometry(odometry: Odometry, mass_properties: MassProperties, name: str = "") -> BodyState:
+    """Make the state of the body whose body frame is ``child_frame_id``.
 
-    The twist of an odometry is in axes of the child frame, that of a state in those of ``header.frame_id``.
+    The twist of an odometry is in axes of the child frame. The twist of a body state is in axes of
+    ``header.frame_id``.
 
     Args:
-        odometry: its pose must have a quaternion of length other than 0.
-        matter: of the body, in axes of the child frame.
-        name: of the body; empty: its ``child_frame_id``.
+        odometry: the odometry.
+        mass_properties: mass, centre of mass and inertia, in the child frame.
+        name: the name of the body; empty: ``child_frame_id``.
 
     Raises:
-        ValueError: the quaternion is 0, or not finite.
+        ValueError: if the quaternion is 0 or not finite.
     """
-    turn, twist = odometry.pose.pose.orientation, odometry.twist.twist
-    rotation = _nonzero(turn).rotation()
+    orientation, twist = odometry.pose.pose.orientation, odometry.twist.twist
+    rotation = _nonzero(orientation).rotation()
     linear, angular = (rotation.to_world(vector_of(v)) for v in (twist.linear, twist.angular))
-    state = body_state(odometry.header, name or odometry.child_frame_id, matter)
+    state = body_state(odometry.header, name or odometry.child_frame_id, mass_properties)
     state.pose = odometry.pose.pose
     state.twist = twist_message(Twist(linear, angular))
     return state
 
 
-def from_transforms(earlier: TransformStamped, later: TransformStamped, matter: MassProperties) -> BodyState:
-    """The state at the later of two transforms; its twist is the mean one between them.
+def from_transforms(
+    earlier: TransformStamped, later: TransformStamped, mass_properties: MassProperties
+) -> BodyState:
+    """Make the state at the later of two transforms, with the mean twist between them.
 
-    The mean is the twist of half their interval ``T`` before, and so wrong by ``T/2`` times the acceleration.
-    Of a rotation by more than half a turn it takes the shorter way.
+    The mean twist is that at the middle of the interval ``T`` between the transforms, so it is wrong by
+    ``T/2`` times the acceleration. If the body rotates by more than half a turn in between, the twist is that
+    of the shorter rotation.
 
     Args:
-        earlier: of the body's frame in the inertial one.
-        later: the same, at another stamp.
-        matter: of the body, in axes of its frame.
+        earlier: transform of the body frame in the inertial frame.
+        later: the same at a later stamp.
+        mass_properties: mass, centre of mass and inertia, in the body frame.
 
     Raises:
-        ValueError: a quaternion is 0 or not finite, or the second stamp is not after the first.
+        ValueError: if a quaternion is 0 or not finite, or the second stamp is not after the first.
     """
     t = (nanoseconds(later.header.stamp) - nanoseconds(earlier.header.stamp)) * 1e-9
     if not t > 0:
-        raise ValueError(f"the transforms must be some time apart, not {t} s")
+        raise ValueError(f"the second transform must be later than the first; it is {t} s later")
     before, after = earlier.transform, later.transform
-    place = vector_of(after.translation)
-    way = place - vector_of(before.translation)
-    state = body_state(later.header, later.child_frame_id, matter)
-    state.pose.position.x, state.pose.position.y, state.pose.position.z = place
+    position = vector_of(after.translation)
+    displacement = position - vector_of(before.translation)
+    state = body_state(later.header, later.child_frame_id, mass_properties)
+    state.pose.position.x, state.pose.position.y, state.pose.position.z = position
     state.pose.orientation = after.rotation
-    spin = _turn(_nonzero(before.rotation), _nonzero(after.rotation)) / t
-    state.twist = twist_message(Twist(way / t, spin))
+    angular_velocity = _rotation_vector(_nonzero(before.rotation), _nonzero(after.rotation)) / t
+    state.twist = twist_message(Twist(displacement / t, angular_velocity))
     return state
 
 
-def _turn(before: Quaternion, after: Quaternion) -> Vec3:
-    """The rotation vector in world axes, at most half a turn: of ``after before^-1 = (v, w)``."""
+def _rotation_vector(before: Quaternion, after: Quaternion) -> Vec3:
+    """Vector of the rotation ``after before^-1 = (v, w)``, in world axes and by at most half a turn."""
     p, q = Vec3(*before[:3]), Vec3(*after[:3])
     v, w = q * before.w - p * after.w - q.cross(p), after.w * before.w + q.dot(p)
     length = v.norm()
@@ -135,16 +139,17 @@ class BodyStatePublisher(Node):
     """Publishes the states of one robot's bodies.
 
     Interfaces (all may be remapped):
-        subscription ``odom``: the robot as one body, its joints held at 0.
-        subscription ``robot_description``: its mass and inertia, unless a file has them.
-        ``/tf`` and ``/tf_static``, if ``frames`` are asked for: links, each with what is fixed to it.
-        publisher ``body_states``: where the service listens.
+        subscription ``odom``: moves the robot as one body, with its joints at 0.
+        subscription ``robot_description``: mass and inertia, unless ``description_file`` is set.
+        subscriptions ``/tf`` and ``/tf_static``, if ``frames`` is set: move links, each together with the
+            links that are fixed to it.
+        publisher ``body_states``: the topic to which the service subscribes.
 
     Args:
-        options: those of :class:`rclpy.node.Node`.
+        options: as for :class:`rclpy.node.Node`.
 
     Raises:
-        StartError: TF is asked for and is not installed, or the description cannot be read.
+        StartError: if ``frames`` is set and TF is not installed, or the description cannot be read.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -153,81 +158,94 @@ class BodyStatePublisher(Node):
         )
         declare(self, DECLARATIONS)
         start = {declaration.name: self.get_parameter(declaration.name).value for declaration in DECLARATIONS}
-        self._report = ThrottledWarnings(self.get_logger().warning)
+        self._warn = ThrottledWarnings(self.get_logger().warning)
         self._name: str = start["name"]
         self._description: Description | None = None
-        self._matter: dict[tuple[str, bool], MassProperties] = {}
+        self._mass_properties: dict[tuple[str, bool], MassProperties] = {}
         self._publisher = self.create_publisher(BodyState, "body_states", 10)
         if start["description_file"]:
             try:
-                self._describe(Path(start["description_file"]).read_text())
+                self._set_description(Path(start["description_file"]).read_text())
             except (OSError, ValueError) as error:
                 raise StartError(f"description_file: {error}") from None
         else:
-            self.create_subscription(String, "robot_description", self._hear_description, DESCRIPTION_QOS)
-        self.create_subscription(Odometry, "odom", self._hear_odometry, ODOMETRY_QOS)
+            self.create_subscription(String, "robot_description", self._on_description, DESCRIPTION_QOS)
+        self.create_subscription(Odometry, "odom", self._on_odometry, ODOMETRY_QOS)
         frames = [frame for frame in start["frames"] if frame]
         if frames:
-            self._follow(frames, start["world_frame"], start["rate"])
+            self._follow_frames(frames, start["world_frame"], start["rate"])
 
-    def _follow(self, frames: list[str], world: str, rate: float) -> None:
-        if not world:
-            raise StartError("frames needs world_frame: the inertial frame in which the bodies are given")
+    def _follow_frames(self, frames: list[str], world_frame: str, rate: float) -> None:
+        if not world_frame:
+            raise StartError("frames needs world_frame: the inertial frame in which to publish the bodies")
         try:
             import tf2_ros
         except ImportError:
             raise StartError(
                 "frames needs tf2_ros, which is not installed: apt install ros-$ROS_DISTRO-tf2-ros-py"
             ) from None
-        buffer = tf2_ros.Buffer(node=self)  # whose clock empties it when it is set back
+        buffer = tf2_ros.Buffer(node=self)  # the buffer is emptied when the node's clock is set back
         self._listener = tf2_ros.TransformListener(buffer, self)
         latest: dict[str, TransformStamped] = {}
 
-        def look() -> None:
+        def publish_frames() -> None:
             for frame in frames:
                 try:
-                    found = buffer.lookup_transform(world, frame, Time())
+                    transform = buffer.lookup_transform(world_frame, frame, Time())
                 except tf2_ros.TransformException as error:
-                    self._report(f"transforms of {frame}", str(error))
+                    self._warn(f"transforms of {frame}", str(error))
                     continue
-                before, latest[frame] = latest.get(frame), found
-                if before is not None and nanoseconds(found.header.stamp) > nanoseconds(before.header.stamp):
-                    self._publish(frame, False, partial(from_transforms, before, found))
+                before, latest[frame] = latest.get(frame), transform
+                if before is not None and _is_later(transform, before):
+                    self._publish(frame, False, partial(from_transforms, before, transform))
 
-        self.create_timer(1 / rate, look)
+        self.create_timer(1 / rate, publish_frames)
 
-    def _hear_description(self, message: String) -> None:
+    def _on_description(self, message: String) -> None:
         try:
-            self._describe(message.data)
+            self._set_description(message.data)
         except ValueError as error:
             self.get_logger().error(f"robot_description: {error}")
 
-    def _describe(self, text: str) -> None:
+    def _set_description(self, text: str) -> None:
         self._description = Description.read(text)
-        self._matter.clear()
+        self._mass_properties.clear()
 
-    def _hear_odometry(self, odometry: Odometry) -> None:
+    def _on_odometry(self, odometry: Odometry) -> None:
         frame = odometry.child_frame_id
         self._publish(frame, True, partial(from_odometry, odometry, name=self._name))
 
     def _publish(self, frame: str, locked: bool, state_of: Callable[..., BodyState]) -> None:
         try:
-            self._publisher.publish(state_of(matter=self._matter_of(frame, locked)))
+            self._publisher.publish(state_of(mass_properties=self._mass_properties_of(frame, locked)))
         except ValueError as error:
-            self._report(frame, f"{frame!r} is left out: {error}")
+            self._warn(frame, f"{frame!r} is not published: {error}")
 
-    def _matter_of(self, frame: str, locked: bool) -> MassProperties:
-        """Raises: ValueError: nobody knows."""
+    def _mass_properties_of(self, frame: str, locked: bool) -> MassProperties:
+        """Mass properties of a frame's link and all that moves with it.
+
+        Args:
+            frame: the name of the link, perhaps with a prefix that ends in ``/``.
+            locked: whether joints are locked, so that the whole robot moves with the link.
+
+        Raises:
+            ValueError: if there is no description, or the description does not say.
+        """
         if self._description is None:
             raise ValueError("no robot_description has been received")
-        known = self._matter.get((frame, locked))
+        known = self._mass_properties.get((frame, locked))
         if known is None:
             links = self._description.inertials
-            link = frame if frame in links else frame.rpartition("/")[2]  # without a frame_prefix
-            known = self._matter[frame, locked] = self._description.mass_properties(link, locked=locked)
+            link = frame if frame in links else frame.rpartition("/")[2]
+            known = self._description.mass_properties(link, locked=locked)
+            self._mass_properties[frame, locked] = known
         return known
 
 
+def _is_later(a: TransformStamped, b: TransformStamped) -> bool:
+    return nanoseconds(a.header.stamp) > nanoseconds(b.header.stamp)
+
+
 def main(args: list[str] | None = None) -> int:
-    """Run the node until SIGINT or SIGTERM."""
+    """Run the node until SIGINT or SIGTERM, and return the exit code."""
     return run(BodyStatePublisher, args)

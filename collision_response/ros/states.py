@@ -1,7 +1,7 @@
-"""The latest state of every body that has been heard of.
+"""The latest state of every body.
 
-Messages are kept as they arrived. Of one that nobody asks for, the stamp and the names are all that is read:
-the rest takes ten times as long.
+Messages are kept serialized. Until a request needs a state, only its stamp and name are read: to deserialize
+the whole message takes ten times as long.
 """
 
 from __future__ import annotations
@@ -17,122 +17,130 @@ from .serialized import MalformedMessage, Serialized, SerializedState, Serialize
 
 AnySerialized = TypeVar("AnySerialized", bound=Serialized)
 
-SHOWN = 60
-"""Characters of a name that a message quotes."""
+MAX_QUOTED = 60
+"""Longest name that an error message quotes in full [characters]."""
 
-PUBLISHERS = 1000
-"""Publishers whose messages are counted; and a tenth of that, of tables."""
+MAX_PUBLISHERS = 1000
+"""Number of publishers whose messages are counted. Tables are kept of a tenth of that number."""
 
 
 def quoted(name: str) -> str:
-    """A name for a message, however long it is."""
-    return repr(name if len(name) <= SHOWN else f"{name[:SHOWN]}...")
+    """Quote a name for an error message; a long one is truncated."""
+    return repr(name if len(name) <= MAX_QUOTED else f"{name[:MAX_QUOTED]}...")
 
 
-class _Source(NamedTuple):
-    """The state of a body by name, and whom it came from: the publisher, and the one before that."""
+class _Known(NamedTuple):
+    """The latest state of a body, the publisher of the last state, and the publisher before that."""
 
     latest: SerializedState
     publisher: bytes
-    earlier: bytes | None
+    earlier_publisher: bytes | None
 
 
 class LatestStates:
-    """Body states by name: of each body the one with the latest stamp.
+    """The latest states of bodies by their names, from single states and tables.
 
-    A state without a stamp counts as the latest when it arrives. So does every state while the one that is
-    known is stamped in the future: a wrong clock must not shut out the right ones. It is the same whether
-    they come alone or in tables.
+    The latest state is the one with the latest stamp. A state without a stamp counts as the latest when it
+    arrives. So does every state that arrives while the known state is stamped in the future: one wrong clock
+    must not shut out the right ones.
 
     Attributes:
-        received: number of messages taken.
-        lost: number of messages that publishers sent and that did not arrive.
-        broken: number of messages that could not be read.
-        outdated: number of states passed over as older than the one that was known.
+        received: number of messages received.
+        lost: number of messages that were published but did not arrive.
+        unreadable: number of messages that could not be read.
+        outdated: number of states ignored because the known state was later.
         evicted: number of bodies forgotten because there were too many.
-        take_all: takes what waits on the subscriptions; to be set.
+        take_all: called before a look-up, to receive the messages that wait on the subscriptions. To be set
+            by the owner.
 
     Args:
-        most: the number of bodies to remember, and as many in tables; those that were heard of last.
-        now: the time by the node's clock [ns].
-        report: told what a person should know: what it is about, of which he need not add all the time, and
-            the words.
+        max_bodies: number of bodies to remember from single states, and as many from tables. The least
+            recently updated bodies are forgotten first.
+        now: returns the time of the node's clock [ns].
+        warn: logs a warning: called with its subject, by which repetitions are suppressed, and its text.
     """
 
-    def __init__(self, most: int, now: Callable[[], int], report: Callable[[str, str], object]) -> None:
+    def __init__(self, max_bodies: int, now: Callable[[], int], warn: Callable[[str, str], object]) -> None:
         self.received = self.lost = self.unreadable = self.outdated = self.evicted = 0
         self.take_all: Callable[[], object] = lambda: None
-        self._most = most
+        self._max_bodies = max_bodies
         self._now = now
-        self._report = report
-        self._by_name: dict[str, _Source] = {}
-        self._tables: dict[bytes | tuple[str, ...], SerializedTable] = {}
-        self._counts: dict[bytes, int] = {}
+        self._warn = warn
+        self._by_name: dict[str, _Known] = {}  # ordered by the arrival of the last state
+        self._tables: dict[bytes | tuple[str, ...], SerializedTable] = {}  # the same
+        self._sequence_numbers: dict[bytes, int] = {}
         self._shared_names: set[str] = set()
 
     def __len__(self) -> int:
-        """How many bodies are known."""
+        """Number of bodies known."""
         return len(self._by_name) + sum(len(table.columns) for table in self._tables.values())
 
     def add(self, message: bytes, info: Any) -> SerializedState | None:
-        """Take note of a ``BodyState``. One without a name could not be asked for, and is passed over."""
-        publisher = self._count(info, "states", "publish fewer, or as BodyStates")
+        """Add a serialized ``BodyState``.
+
+        Returns:
+            The state; ``None`` if it cannot be read or has no name.
+        """
+        publisher = self._count(info, "states", "publish fewer, or publish BodyStates")
         state = self._read(SerializedState, message)
         if state is None or not state.name:
             return None
-        old = self._by_name.pop(
-            state.name, None
-        )  # the order of names is that in which they were heard of last
-        if old is None:
-            self._by_name[state.name] = _Source(state, publisher, None)
+        known = self._by_name.pop(state.name, None)
+        if known is None:
+            self._by_name[state.name] = _Known(state, publisher, None)
             self._make_room()
             return state
-        earlier = old.earlier
-        if publisher != old.publisher:
-            self._check_publisher(state.name, publisher, earlier)
-            earlier = old.publisher
-        self._by_name[state.name] = _Source(self._not_overtaken(old.latest, state), publisher, earlier)
+        earlier_publisher = known.earlier_publisher
+        if publisher != known.publisher:
+            self._check_publisher(state.name, publisher, earlier_publisher)
+            earlier_publisher = known.publisher
+        latest = self._count_outdated(known.latest, state)
+        self._by_name[state.name] = _Known(latest, publisher, earlier_publisher)
         return state
 
     def add_table(self, message: bytes, info: Any) -> None:
-        """Take note of a ``BodyStates``; it stands for the one before it from the same publisher.
+        """Add a serialized ``BodyStates``. It replaces the previous table of the same publisher.
 
-        Where publishers are unknown, it stands for the one before it of the same bodies.
+        If the publisher is unknown, it replaces the previous table with the same names.
         """
         publisher = self._count(info, "tables", "large ones need reliable QoS: see docs/ros.md")
         table = self._read(SerializedTable, message)
         if table is None:
             return
-        whose = publisher or tuple(table.columns)
-        old = self._tables.pop(whose, None)
-        if table.size > self._most:
-            self._tell_evicted(table.size)
+        key = publisher or tuple(table.columns)
+        known = self._tables.pop(key, None)
+        if table.size > self._max_bodies:
+            self._count_evicted(table.size)
             return
-        self._tables[whose] = table if old is None else self._not_overtaken(old, table)
+        self._tables[key] = table if known is None else self._count_outdated(known, table)
         while (
-            len(self._tables) > PUBLISHERS // 10
-            or sum(known.size for known in self._tables.values()) > self._most
+            len(self._tables) > MAX_PUBLISHERS // 10
+            or sum(known.size for known in self._tables.values()) > self._max_bodies
         ):
-            self._tell_evicted(self._tables.pop(next(iter(self._tables))).size)
+            self._count_evicted(self._tables.pop(next(iter(self._tables))).size)
 
     def note_unreadable(self, error: Exception) -> None:
-        """Take note of a message that could not even be taken."""
+        """Count a message that could not be taken from the middleware."""
         self.unreadable += 1
-        self._report("broken", f"a state could not be taken: {error}")
+        self._warn("unreadable", f"a state could not be taken: {error}")
 
     def find(self, field: str, name: str) -> BodyState:
-        """The state of a body given by name only, after taking what has arrived.
+        """Latest state of a body, after the messages that wait have been received.
+
+        Args:
+            field: the field that holds the name, for the error.
+            name: the name of the body.
 
         Raises:
-            ImpactError: UNKNOWN_BODY, for the field that holds the name.
+            ImpactError: UNKNOWN_BODY.
         """
         self.take_all()
-        found: list[Serialized] = [table for table in self._tables.values() if name in table.columns]
+        candidates: list[Serialized] = [table for table in self._tables.values() if name in table.columns]
         if name in self._by_name:
-            found.append(self._by_name[name].latest)
-        if not found:
+            candidates.append(self._by_name[name].latest)
+        if not candidates:
             raise ImpactError(StatusCode.UNKNOWN_BODY, field, self._unknown(name))
-        first, *others = sorted(found, key=lambda message: message.arrival)
+        first, *others = sorted(candidates, key=lambda message: message.arrival)
         latest = reduce(self._later, others, first)
         try:
             return latest.state_of(name)
@@ -141,70 +149,86 @@ class LatestStates:
             raise ImpactError(StatusCode.UNKNOWN_BODY, field, reason) from None
 
     def forget(self) -> None:
-        """Forget every body."""
+        """Forget the states of all bodies."""
         self._by_name.clear()
         self._tables.clear()
 
     def _unknown(self, name: str) -> str:
-        every = chain(self._by_name, *(table.columns for table in self._tables.values()))
-        some = [quoted(known)[1:-1] for known in islice(every, 10)]
-        more = ", ..." if next(every, None) is not None else ""
-        heard_of = f"{', '.join(some) or 'no body'}{more}"
-        return f"is {quoted(name)}, of which no state has been received; heard of: {heard_of}"
+        """Reason why a name is refused, with some of the known names."""
+        names = chain(self._by_name, *(table.columns for table in self._tables.values()))
+        some = [quoted(known)[1:-1] for known in islice(names, 10)]
+        more = ", ..." if next(names, None) is not None else ""
+        known_bodies = f"{', '.join(some) or 'none'}{more}"
+        return (
+            f"is {quoted(name)}, but no state with this name has been received; known bodies: {known_bodies}"
+        )
 
     def _read(self, kind: Any, message: bytes) -> Any:
         try:
-            read = kind(message)
+            serialized = kind(message)
         except MalformedMessage as error:
             self.unreadable += 1
-            self._report("broken", f"a state could not be read: {error}")
+            self._warn("unreadable", f"a state could not be read: {error}")
             return None
-        read.arrival = self.received
-        return read
+        serialized.arrival = self.received
+        return serialized
 
     def _later(self, old: AnySerialized, new: AnySerialized) -> AnySerialized:
-        """Of two of which the second arrived later."""
+        """The later of two messages, of which ``new`` arrived later."""
         return new if new.stamp >= old.stamp or not new.stamp or old.stamp > self._now() else old
 
-    def _not_overtaken(self, old: AnySerialized, new: AnySerialized) -> AnySerialized:
+    def _count_outdated(self, old: AnySerialized, new: AnySerialized) -> AnySerialized:
+        """The later of two messages; counts ``new`` as outdated if it is not."""
         later = self._later(old, new)
         self.outdated += later is old
         return later
 
     def _count(self, info: Any, kind: str, advice: str) -> bytes:
-        """The publisher of a message; messages between this and its last one were lost, of which it tells.
+        """Count a message, and those of the same publisher that were lost since its last one.
 
-        Empty, and nothing told of losses, where rclpy does not say whose it is: that of Jazzy.
+        Args:
+            info: the message info of rclpy.
+            kind: what the warning calls the messages.
+            advice: what the warning recommends.
+
+        Returns:
+            Identity of the publisher. Empty if rclpy does not give it, as in Jazzy: then losses are not
+            counted.
         """
         self.received += 1
         if "publisher_gid" not in info:
             return b""
         publisher, number = bytes(info["publisher_gid"]["data"]), info["publication_sequence_number"]
-        last = self._counts.get(publisher)
-        if last is None and len(self._counts) >= PUBLISHERS:
-            self._counts.clear()
+        last = self._sequence_numbers.get(publisher)
+        if last is None and len(self._sequence_numbers) >= MAX_PUBLISHERS:
+            self._sequence_numbers.clear()
         elif last is not None and number > last + 1:
             self.lost += number - last - 1
-            self._report(
-                f"lost {kind}", f"{kind} were sent and did not arrive, {self.lost} messages in all: {advice}"
+            self._warn(
+                f"lost {kind}",
+                f"{kind} were published but did not arrive, {self.lost} messages in all: {advice}",
             )
-        self._counts[publisher] = number
+        self._sequence_numbers[publisher] = number
         return publisher
 
-    def _check_publisher(self, name: str, publisher: bytes, earlier: bytes | None) -> None:
-        """Two publishers of one name take turns; one that replaces another does not."""
-        if publisher == earlier and name not in self._shared_names and len(self._shared_names) < PUBLISHERS:
+    def _check_publisher(self, name: str, publisher: bytes, earlier_publisher: bytes | None) -> None:
+        """Warn if two publishers alternate. One that replaces another for good does not."""
+        is_new = name not in self._shared_names and len(self._shared_names) < MAX_PUBLISHERS
+        if publisher == earlier_publisher and is_new:
             self._shared_names.add(name)
-            self._report(
+            self._warn(
                 f"publishers of {name}",
-                f"two publishers send states of {quoted(name)}: which is used, the stamps decide",
+                f"two publishers send states of {quoted(name)}: the state with the latest stamp is used",
             )
 
     def _make_room(self) -> None:
-        if len(self._by_name) > self._most:
+        if len(self._by_name) > self._max_bodies:
             del self._by_name[next(iter(self._by_name))]
-            self._tell_evicted(1)
+            self._count_evicted(1)
 
-    def _tell_evicted(self, bodies: int) -> None:
+    def _count_evicted(self, bodies: int) -> None:
         self.evicted += bodies
-        self._report("evicted", f"more than {self._most} bodies: the stalest are forgotten; see max_bodies")
+        self._warn(
+            "evicted",
+            f"more than {self._max_bodies} bodies: the least recently updated are forgotten; see max_bodies",
+        )

@@ -1,4 +1,4 @@
-"""ROS from wheels: all of the release that this package was built with."""
+"""Check that the installed ROS wheels belong to the release that this package was built with."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ MISSING = "(missing)"
 
 
 def check_release(package: str = "collision_response") -> None:
-    """Make sure that the installed ROS wheels are those a package was built with.
+    """Check the ROS wheels that a package requires.
 
-    A package that colcon built has no requirements to read, and nothing is checked.
+    A package built by colcon has no list of requirements: nothing is checked.
 
     Raises:
-        ImportError: a wheel is missing or of another release. It says what to install.
+        ImportError: if a wheel is missing or of another release. The message says what to install.
     """
     try:
         requirements = metadata.requires(package) or []
     except metadata.PackageNotFoundError:
         return
-    pinned = [match for match in map(PINNED.fullmatch, requirements) if match]  # of no extra
+    pinned = [match for match in map(PINNED.fullmatch, requirements) if match]  # without those of extras
     wrong = [
         f"{match['name']} {installed}"
         for match in pinned
