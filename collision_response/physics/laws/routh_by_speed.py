@@ -179,7 +179,7 @@ class Walk:
 
     def __init__(self, path: Path, mu: Callable[[float], float]) -> None:
         self._path, self._mu = path, mu
-        self._h = path.held(path.b1, path.b2)
+        self._h = path.solve(path.b1, path.b2)
         self._hold = math.hypot(*self._h)
         self._room = path.least_eigenvalue()
         self._none = path.tolerance * self._room
@@ -229,7 +229,7 @@ class Walk:
 
     def _stopped(self, y: Point) -> Point:
         """Slip that is none, stopped."""
-        path, (P1, P2) = self._path, self._path.held(y.v1, y.v2)
+        path, (P1, P2) = self._path, self._path.solve(y.v1, y.v2)
         u = y.u - path.b1 * P1 - path.b2 * P2
         return y._replace(v1=0.0, v2=0.0, u=u, P1=y.P1 - P1, P2=y.P2 - P2)
 
@@ -287,7 +287,7 @@ class Walk:
     def _is_straight(self, at: Slope, h: float) -> bool:
         """Whether what a step turns by is less than counts."""
         w, share = abs(at.w), STRAIGHT * self._path.tolerance
-        A_qq, A_tq = self._path.across(at.t1, at.t2)
+        A_qq, A_tq = self._path.A_along(at.t1, at.t2)
         pull = at.g + at.m * A_qq
         gain = (w + at.m * abs(A_tq)) * h  # of speed, by a turn
         is_small = w <= ROUNDING * pull or w * gain <= share * at.s * pull
