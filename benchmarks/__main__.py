@@ -1,9 +1,9 @@
-"""``make bench``: times, errors and targets, side by side in one run.
+"""``make bench``: measure times, errors and targets in one run.
 
-It writes them to benchmarks/results, and to docs/trade-off.md and docs/scenes.md as tables and plots. Then it
-makes the other pages with measured tables and pictures anew: docs/stability.md, docs/impact-laws.md and
-docs/square-on-incline.md. Named parts measure only those, for a look: ``make bench ARGS='one batch'``; then
-only the terminal is written to.
+The results go to benchmarks/results, and as tables and plots to docs/trade-off.md and docs/scenes.md. Then
+the other pages with measured tables and pictures are made again: docs/stability.md, docs/impact-laws.md and
+docs/square-on-incline.md. If parts are named, as in ``make bench ARGS='one batch'``, only those are measured,
+and printed to the terminal only.
 """
 
 from __future__ import annotations
@@ -30,31 +30,31 @@ PARTS = {
     "trade": "time against true error",
     "scenes": "several contacts at once, against MuJoCo, pinocchio and Siconos",
 }
-"""Modules, and what their ``measure()`` finds. It is told where to note what it skips, and how to speak."""
+"""Modules, and what their ``measure(skipped, say)`` measures: it notes what it skips, and prints by ``say``."""
 
 OTHERS = ("benchmarks/stability.py", "docs/impact_laws.py", "docs/scenes.py", "docs/square_on_incline.py")
-"""What makes the other pages."""
+"""Scripts that make the other pages."""
 
 PACKAGES = ("pin", "mujoco", "pybullet", "pymunk", "numpy", "python-flint")
 
 
 def main() -> int:
-    """Measure, and write."""
+    """Measure and write."""
     if sys.argv[1:2] and sys.argv[1] in service.CHILDREN:
         service.CHILDREN[sys.argv[1]]()
         return 0
     parser = argparse.ArgumentParser(prog="make bench", description=__doc__.partition("\n")[0])
     parser.add_argument(
-        "parts", nargs="*", help=f"of {', '.join(PARTS)}; all, and the pages, if none is named"
+        "parts", nargs="*", help=f"parts to measure, of {', '.join(PARTS)}; all, and the pages, by default"
     )
-    asked = parser.parse_args().parts
-    if unknown := set(asked) - set(PARTS):
-        parser.error(f"no part {', '.join(unknown)}: there are {', '.join(PARTS)}")
-    results = measure(asked or list(PARTS))
+    names = parser.parse_args().parts
+    if unknown := set(names) - set(PARTS):
+        parser.error(f"unknown part {', '.join(unknown)}; the parts are {', '.join(PARTS)}")
+    results = measure(names or list(PARTS))
     import report
     import scenes
 
-    if asked:
+    if names:
         texts = report.parts(results) | (scenes.parts(results) if "scenes" in results else {})
         for text in texts.values():
             say(f"\n{text}")
@@ -66,7 +66,7 @@ def main() -> int:
 
 
 def measure(names: list[str]) -> dict[str, Any]:
-    """The named parts, one after the other."""
+    """Measure the named parts, one after the other."""
     start, skipped = time.monotonic(), dict[str, str]()
     results: dict[str, Any] = {
         "date": datetime.date.today().isoformat(),
@@ -80,13 +80,13 @@ def measure(names: list[str]) -> dict[str, Any]:
         results[name] = import_module(name).measure(skipped, say)
         say(f"==> {name} took {time.monotonic() - began:.0f} s")
     for what, why in skipped.items():
-        say(f"==> left out: {what}: {why}")
+        say(f"==> skipped: {what}: {why}")
     results["seconds"] = round(time.monotonic() - start)
     return results
 
 
 def versions() -> dict[str, str]:
-    """Of the peers and of what computes here."""
+    """Installed versions of the peers and of the numeric packages."""
     found = {}
     for package in PACKAGES:
         try:
@@ -97,7 +97,7 @@ def versions() -> dict[str, str]:
 
 
 def write(results: dict[str, Any]) -> None:
-    """The numbers, the tables and the picture."""
+    """Write the results, the tables and the plots."""
     import report
     import scenes
     import trade_plot
@@ -112,7 +112,7 @@ def write(results: dict[str, Any]) -> None:
 
 
 def say(line: str) -> None:
-    """Progress."""
+    """Print a line of progress."""
     print(line, flush=True)
 
 

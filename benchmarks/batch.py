@@ -1,4 +1,4 @@
-"""Batches on one core, against plain C: two bodies in space, without orientation; all in turns."""
+"""Batches on one core, compared with plain C: pairs of bodies in space, without orientation."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ FLAGS = {
     C: ("-O3", "-march=native"),
     C_TUNED: ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math"),
 }
-"""As a user compiles it; and so that roots and choices are vectorised too."""
+"""Compiler flags as a user sets them, and tuned so that roots and choices are vectorised too."""
 
 
 def c_libraries() -> dict[str, ctypes.CDLL]:
-    """The loops in C, by how they were compiled; none where there is no compiler."""
+    """The C loops, by the way they were compiled; empty if there is no compiler."""
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     if compiler is None:
         return {}
@@ -47,7 +47,7 @@ def c_libraries() -> dict[str, ctypes.CDLL]:
 
 
 def by_c(library: ctypes.CDLL, law: Law, bodies: np.ndarray, contacts: np.ndarray) -> tuple[Call, np.ndarray]:
-    """The call, and the impulses that it will write."""
+    """A call of the C loop, and the array into which it writes the impulses."""
     n = bodies.shape[-1]
     velocity, spin, impulse = np.empty((3, 2, n)), np.empty((3, 2, n)), np.empty((3, n))
     arrays = (bodies, contacts, velocity, spin, impulse)
@@ -58,13 +58,13 @@ def by_c(library: ctypes.CDLL, law: Law, bodies: np.ndarray, contacts: np.ndarra
 
 
 def by_batch(bodies: np.ndarray, contacts: np.ndarray, model: ImpactModel, **options: Any) -> Call:
-    """``resolve_batch`` with ready memory for the results."""
+    """A call of ``resolve_batch`` with preallocated results."""
     out = resolve_batch(bodies, contacts, model, **options)
     return lambda: resolve_batch(bodies, contacts, model, out=out, **options)
 
 
 def runs_of(n: int, libraries: dict[str, ctypes.CDLL]) -> dict[str, Call]:
-    """All that is timed for one size, by name."""
+    """The calls that are timed for one size, by name."""
     bodies, contacts = tables(Geometry.SPATIAL, n)
     flat = tables(Geometry.PLANAR, n)
     source = np.ones(40 * n + 15 * n)
@@ -81,13 +81,13 @@ def runs_of(n: int, libraries: dict[str, ctypes.CDLL]) -> dict[str, Call]:
         runs[f"{name}, with bound"] = by_batch(bodies, contacts, ImpactModel(law, tolerance=TOLERANCE))
         runs[f"{name}, EXTENDED"] = by_batch(bodies, contacts, ImpactModel(law, precision=Precision.EXTENDED))
     coulomb = ImpactModel(Law.COULOMB)
-    runs["immovable bodies among them"] = by_batch(
+    runs["COULOMB, with immovable bodies"] = by_batch(
         with_immovable(bodies, Geometry.SPATIAL), contacts, coulomb
     )
     reported = resolve_batch(bodies, contacts, coulomb, report=True)
     runs["COULOMB, with a report"] = lambda: resolve_batch(bodies, contacts, coulomb, out=reported)
     table, pairs = bodies.reshape(len(bodies), -1), np.arange(2 * n).reshape(2, n)
-    runs["COULOMB, by pairs of one table"] = by_batch(table, contacts, coulomb, pairs=pairs)
+    runs["COULOMB, pairs of one table"] = by_batch(table, contacts, coulomb, pairs=pairs)
     runs["COULOMB, planar"] = by_batch(*flat, coulomb)
     runs["MOREAU"] = by_batch(bodies, contacts, ImpactModel(Law.MOREAU))
     runs["ROUTH_STRONGE, planar"] = by_batch(*flat, ImpactModel(Law.ROUTH_STRONGE))
@@ -99,7 +99,7 @@ def runs_of(n: int, libraries: dict[str, ctypes.CDLL]) -> dict[str, Call]:
 
 
 def measure(_: object, say: Callable[[str], object]) -> dict[str, Any]:
-    """``ns`` per contact by size and name, and the targets."""
+    """Measure the time per contact [ns] by size and name, and the targets."""
     libraries = c_libraries()
     ns: dict[str, dict[str, dict[str, float]]] = {}
     samples: dict[int, Samples] = {}
@@ -113,24 +113,24 @@ def measure(_: object, say: Callable[[str], object]) -> dict[str, Any]:
 
 
 def targets(samples: dict[int, Samples]) -> list[dict[str, Any]]:
-    """What is to be met."""
+    """The targets and their measured ratios."""
     few, many = SIZES
     found = []
 
-    def against(what: str, most: float, n: int, of: str, to: str) -> None:
-        found.append({"what": f"batch, {what}", "most": most, "measured": ratio(samples[n], of, to)})
+    def against(what: str, most: float, n: int, numerator: str, denominator: str) -> None:
+        measured = ratio(samples[n], numerator, denominator)
+        found.append({"what": f"batch, {what}", "most": most, "measured": measured})
 
     for n, size, mosts in ((few, "1e3", (1.3, 1.5)), (many, "1e6", (1.5, 1.8))):
         for law, most in zip(LAWS, mosts, strict=True):
             name = law.name
             against(f"{name}, N = {size}, against C", most, n, name, f"C, {name}")
             against(f"{name}, N = {size}, against tuned C", most, n, name, f"{C_TUNED}, {name}")
-            against(
-                f"the same with error bounds, to {TOLERANCE:.0e}", 5.0, n, f"{name}, with bound", f"C, {name}"
-            )
-            against("the same in EXTENDED with bounds", 12.0, n, f"{name}, EXTENDED", f"C, {name}")
-        without = "COULOMB, against the same without"
-        against(f"immovable bodies, N = {size}, {without}", 1.2, n, "immovable bodies among them", "COULOMB")
+            bounded = f"{name}, N = {size}, with bounds to {TOLERANCE:g}, against C"
+            against(bounded, 5.0, n, f"{name}, with bound", f"C, {name}")
+            against(f"{name}, N = {size}, EXTENDED, against C", 12.0, n, f"{name}, EXTENDED", f"C, {name}")
+        what = f"COULOMB, N = {size}, with immovable bodies, against without"
+        against(what, 1.2, n, "COULOMB, with immovable bodies", "COULOMB")
     against(
         "ROUTH_STRONGE in the plane, against COULOMB", 5.0, few, "ROUTH_STRONGE, planar", "COULOMB, planar"
     )
@@ -139,30 +139,31 @@ def targets(samples: dict[int, Samples]) -> list[dict[str, Any]]:
     calls = {str(n): by_batch(bodies, contacts, ImpactModel(Law.COULOMB), workers=n) for n in (1, 2)}
     workers = interleaved(calls, rounds=11, seconds=0.01, clock=time.perf_counter)
     found.append(
-        {"what": "batch, N = 1e6, one worker against two", "least": 1.7, "measured": ratio(workers, "1", "2")}
+        {"what": "batch, N = 1e6: one worker against two", "least": 1.7, "measured": ratio(workers, "1", "2")}
     )
     return found + boxes()
 
 
 BOXES = 500
+"""Boxes of :func:`boxes`."""
 
 
 def boxes() -> list[dict[str, Any]]:
-    """Flat boxes, all by one call, one call each, and as many single impacts."""
+    """Targets for flat boxes: one call for all, one call for each, and one single impact for each."""
     tables_and_pairs = bodies, contacts, pairs = flat_boxes(BOXES)
-    rows, touch = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
-    scenes = [[body_of(rows, bodies[:, i]), body_of(rows, bodies[:, BOXES])] for i in range(BOXES)]
-    corners = [contact_of(touch, contacts[:, i]) for i in range(4)]
+    body_row, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
+    scenes = [[body_of(body_row, bodies[:, i]), body_of(body_row, bodies[:, BOXES])] for i in range(BOXES)]
+    corners = [contact_of(contact_row, contacts[:, i]) for i in range(4)]
     calls: dict[str, Call] = {
-        "one call": lambda: resolve_scenes(*tables_and_pairs[:2], pairs=pairs),
-        "a call each": lambda: [resolve_scene(scene, [(0, 1)] * 4, corners) for scene in scenes],
+        "one call for all": lambda: resolve_scenes(*tables_and_pairs[:2], pairs=pairs),
+        "one call for each": lambda: [resolve_scene(scene, [(0, 1)] * 4, corners) for scene in scenes],
         "single impacts": lambda: [resolve(*scene, corners[0]) for scene in scenes],
     }
     samples = interleaved(calls, rounds=11, seconds=0.05)
     what = f"{BOXES} flat boxes with friction"
     return [
-        {"what": f"{what}, one call against single impacts", "most": 10.0,
-         "measured": ratio(samples, "one call", "single impacts")},
-        {"what": f"{what}, a call each against one call", "least": 2.0,
-         "measured": ratio(samples, "a call each", "one call")},
+        {"what": f"{what}: one call for all, against single impacts", "most": 10.0,
+         "measured": ratio(samples, "one call for all", "single impacts")},
+        {"what": f"{what}: one call for each, against one call for all", "least": 2.0,
+         "measured": ratio(samples, "one call for each", "one call for all")},
     ]  # fmt: skip

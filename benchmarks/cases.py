@@ -1,4 +1,4 @@
-"""The requests that are timed."""
+"""The requests whose answers are timed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from collision_response.physics.vector import Vec3
 
 
 class Scene(NamedTuple):
-    """Two bodies that meet."""
+    """Two bodies and their contact."""
 
     body_a: Body
     body_b: Body
@@ -38,7 +38,7 @@ PAIR = Scene(
     ),
     Contact.of((0.05, 0.1, 0.02), (0.36, 0.48, 0.8), 0.5, 0.3),
 )
-"""Two bodies in space, turned, that tumble."""
+"""Two bodies in space that rotate, with orientations."""
 
 ALIGNED = Scene(
     Body.dynamic(
@@ -49,7 +49,7 @@ ALIGNED = Scene(
     ),
     Contact.of((0.05, 0.1, 0.02), (0.0, 0.0, 1.0), 0.5),
 )
-"""The same, as peers are given it: axes parallel to the world's, no friction."""
+"""The same as ``PAIR`` for the peers: axes parallel to the world's, no friction."""
 
 FLAT = Scene(
     Body.dynamic(
@@ -74,12 +74,12 @@ FLAT = Scene(
 
 
 def separating(scene: Scene) -> Scene:
-    """The same seen from the other side: the bodies fly apart."""
+    """The same with the opposite normal, so that the bodies separate."""
     return scene._replace(contact=scene.contact._replace(normal=-scene.contact.normal))
 
 
 def of_numpy(scene: Scene) -> Scene:
-    """The same request in scalars of NumPy."""
+    """The same with NumPy scalars."""
 
     def converted(value: Any) -> Any:
         if isinstance(value, tuple):
@@ -90,7 +90,7 @@ def of_numpy(scene: Scene) -> Scene:
 
 
 def grazing(scene: Scene, share: float) -> Scene:
-    """The same, but the approach speed is only ``share`` of the speed."""
+    """The same with an approach speed of only ``share`` times the relative speed."""
     a, b, contact = scene
 
     def at_contact(body: Body) -> Vec3:
@@ -102,7 +102,7 @@ def grazing(scene: Scene, share: float) -> Scene:
 
 
 def thin_rod() -> Scene:
-    """A rod a thousand times as long as thick, its tensor given in axes not its own, strikes a box."""
+    """A rod a thousand times as long as thick strikes a box; its tensor is given in axes other than its own."""
     mass, length, radius = 1.0, 1.0, 5e-4
     across, along = mass * (3 * radius**2 + length**2) / 12, mass * radius**2 / 2
     d = Vec3(2 / 3, 1 / 3, 2 / 3)
@@ -115,7 +115,7 @@ def thin_rod() -> Scene:
 
 
 def slip_reversal() -> Scene:
-    """A rod whose end strikes a floor in the plane; the slip stops, and runs back."""
+    """A rod whose end strikes a floor, in the plane; the slip stops and reverses."""
     angle = math.atan(2.0)
     body = Body.dynamic(
         1.0,
@@ -128,7 +128,7 @@ def slip_reversal() -> Scene:
 
 
 def turning_slip() -> Scene:
-    """A slender body whose slip turns all through the impact."""
+    """A slender body whose slip turns throughout the impact."""
     body = Body.dynamic(
         1.0, (0.081, 0.0, 0.0, 0.08, 0.0, 0.004), (0.1, -0.25, 0.35), Quaternion(*TURN), (0.5, 0.9, -1.2),
         (1.0, -0.6, 0.3),
@@ -140,56 +140,56 @@ def turning_slip() -> Scene:
 
 
 def tables(geometry: Geometry, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of movable bodies made of a few points, that meet at random."""
+    """Tables of random pairs of movable bodies, each made of a few points, and of their contacts."""
     random = np.random.default_rng(0)
-    rows, touch = body_rows(geometry), contact_rows(geometry)
-    bodies, contacts = random.normal(size=(rows.height, 2, n)), random.normal(size=(touch.height, n))
-    bodies[rows.mass] = random.uniform(0.5, 2.0, size=(1, 2, n))
+    body_row, contact_row = body_rows(geometry), contact_rows(geometry)
+    bodies, contacts = random.normal(size=(body_row.height, 2, n)), random.normal(size=(contact_row.height, n))
+    bodies[body_row.mass] = random.uniform(0.5, 2.0, size=(1, 2, n))
     if geometry is Geometry.PLANAR:
-        bodies[rows.inertia] = random.uniform(0.5, 2.0, size=(1, 2, n))
+        bodies[body_row.inertia] = random.uniform(0.5, 2.0, size=(1, 2, n))
     if geometry is Geometry.SPATIAL:
         tensor = np.zeros((6, 2, n))
         for _ in range(4):
             x, y, z = random.normal(size=(3, 2, n))
             tensor += (y * y + z * z, -x * y, -x * z, x * x + z * z, -y * z, x * x + y * y)
-        bodies[rows.inertia] = tensor
-    contacts[touch.restitution] = random.uniform(size=n)
-    contacts[touch.friction] = random.uniform(size=n)
+        bodies[body_row.inertia] = tensor
+    contacts[contact_row.restitution] = random.uniform(size=n)
+    contacts[contact_row.friction] = random.uniform(size=n)
     return bodies, contacts
 
 
 def with_immovable(bodies: np.ndarray, geometry: Geometry) -> np.ndarray:
-    """The same, but every second body_b is immovable."""
-    rows, bodies = body_rows(geometry), bodies.copy()
-    bodies[rows.mass, 1, ::2], bodies[rows.inertia, 1, ::2] = math.inf, 0.0
+    """The same, with every second body_b immovable."""
+    body_row, bodies = body_rows(geometry), bodies.copy()
+    bodies[body_row.mass, 1, ::2], bodies[body_row.inertia, 1, ::2] = math.inf, 0.0
     return bodies
 
 
 def flat_boxes(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Tables of boxes that land flat on four corners each, and slide; and the pairs. The floor comes last."""
+    """Tables of ``n`` sliding boxes that land flat on four corners each, and the pairs. The last body is the floor."""
     random = np.random.default_rng(0)
-    rows, touch = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
-    bodies, contacts = np.zeros((rows.height, n + 1)), np.zeros((touch.height, 4 * n))
-    bodies[rows.mass], bodies[rows.mass, n] = 1.0, math.inf
-    bodies[rows.inertia][[0, 3, 5], :n] = 1 / 6
-    bodies[rows.velocity][:2, :n] = random.normal(size=(2, n))
-    bodies[rows.velocity][2, :n] = -1.0
-    contacts[touch.position] = np.tile([[-0.5, -0.5, 0.5, 0.5], [-0.5, 0.5, -0.5, 0.5], [-0.5] * 4], n)
-    contacts[touch.normal][2] = 1.0
-    contacts[touch.restitution], contacts[touch.friction] = 0.5, 0.3
+    body_row, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
+    bodies, contacts = np.zeros((body_row.height, n + 1)), np.zeros((contact_row.height, 4 * n))
+    bodies[body_row.mass], bodies[body_row.mass, n] = 1.0, math.inf
+    bodies[body_row.inertia][[0, 3, 5], :n] = 1 / 6
+    bodies[body_row.velocity][:2, :n] = random.normal(size=(2, n))
+    bodies[body_row.velocity][2, :n] = -1.0
+    contacts[contact_row.position] = np.tile([[-0.5, -0.5, 0.5, 0.5], [-0.5, 0.5, -0.5, 0.5], [-0.5] * 4], n)
+    contacts[contact_row.normal][2] = 1.0
+    contacts[contact_row.restitution], contacts[contact_row.friction] = 0.5, 0.3
     return bodies, contacts, np.array([np.repeat(np.arange(n), 4), np.full(4 * n, n)])
 
 
 def copies(scene: Scene, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Tables of ``n`` times the same."""
-    rows, touch = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
-    bodies, contacts = np.zeros((rows.height, 2, n)), np.zeros((touch.height, n))
+    """Tables with ``n`` copies of a scene."""
+    body_row, contact_row = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
+    bodies, contacts = np.zeros((body_row.height, 2, n)), np.zeros((contact_row.height, n))
     for side, body in enumerate(scene[:2]):
         for field in ("inertia", "position", "velocity", "angular_velocity"):
-            bodies[getattr(rows, field), side] = np.array(getattr(body, field), dtype=float)[:, None]
-        bodies[rows.mass, side] = body.mass
-        bodies[rows.orientation, side] = np.array(body.orientation or (0.0, 0.0, 0.0, 1.0))[:, None]
+            bodies[getattr(body_row, field), side] = np.array(getattr(body, field), dtype=float)[:, None]
+        bodies[body_row.mass, side] = body.mass
+        bodies[body_row.orientation, side] = np.array(body.orientation or (0.0, 0.0, 0.0, 1.0))[:, None]
     for field in ("position", "normal"):
-        contacts[getattr(touch, field)] = np.array(getattr(scene.contact, field), dtype=float)[:, None]
-    contacts[touch.restitution], contacts[touch.friction] = scene.contact.restitution, scene.contact.friction
+        contacts[getattr(contact_row, field)] = np.array(getattr(scene.contact, field), dtype=float)[:, None]
+    contacts[contact_row.restitution], contacts[contact_row.friction] = scene.contact.restitution, scene.contact.friction
     return bodies, contacts

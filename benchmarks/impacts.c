@@ -1,9 +1,9 @@
-/* Many impacts as plain C does them: what a batch is measured against.
+/* Many impacts in plain C, for comparison with a batch.
  *
- * The arrays are those of resolve_batch, SPATIAL: one row a quantity, both bodies of a pair side by side. The
- * tensor is solved here, once for each body. Nothing is checked, and nothing reported but velocities and impulse.
- * Compiled twice: with `cc -O3 -march=native`, and tuned, with `-fno-math-errno -fno-trapping-math` too. Without
- * these no root and no choice is vectorised.
+ * The arrays are those of resolve_batch with SPATIAL geometry: one row per quantity, both bodies of a pair next to each
+ * other. The tensor of each body is inverted here. Nothing is checked, and only velocities and impulses are reported.
+ * Compiled twice: with `cc -O3 -march=native`, and tuned, with `-fno-math-errno -fno-trapping-math` too. Without these
+ * two options no root and no choice is vectorised.
  */
 
 #include <math.h>
@@ -48,7 +48,7 @@ INLINE Body body(const double *bodies, size_t n, size_t i, int side, Vec point)
     return (Body){1 / OF(bodies, 0, side), minus(point, VEC_OF(7)), VEC_OF(10), VEC_OF(13), inverse(inertia)};
 }
 
-INLINE void push(double *velocity, double *spin, size_t n, size_t i, int side, Body b, Vec P)
+INLINE void apply_impulse(double *velocity, double *spin, size_t n, size_t i, int side, Body b, Vec P)
 {
     Vec v = plus(b.v, times(P, b.inverse_mass)), w = plus(b.w, apply(b.inverse_inertia, cross(b.r, P)));
     OF(velocity, 0, side) = v.x, OF(velocity, 1, side) = v.y, OF(velocity, 2, side) = v.z;
@@ -56,7 +56,7 @@ INLINE void push(double *velocity, double *spin, size_t n, size_t i, int side, B
 }
 
 /* -[r]x I^-1 [r]x: its columns are (I^-1 (r x e)) x r. */
-INLINE Tensor add_mobility(Tensor K, Body b)
+INLINE Tensor add_inverse_effective_mass(Tensor K, Body b)
 {
     Vec r = b.r;
     Vec x = cross(apply(b.inverse_inertia, (Vec){0, r.z, -r.y}), r);
@@ -77,8 +77,8 @@ INLINE Tensor add_mobility(Tensor K, Body b)
             double n_u = dot(normal, u);                                                                    \
             Vec P = LAW(a, b, normal, u, n_u, ROW(contacts, 6), contacts, n, i);                            \
             P = times(P, n_u < 0 ? 1.0 : 0.0);                                                              \
-            push(velocity, spin, n, i, 0, a, P);                                                            \
-            push(velocity, spin, n, i, 1, b, times(P, -1));                                                 \
+            apply_impulse(velocity, spin, n, i, 0, a, P);                                                   \
+            apply_impulse(velocity, spin, n, i, 1, b, times(P, -1));                                        \
             ROW(impulse, 0) = P.x, ROW(impulse, 1) = P.y, ROW(impulse, 2) = P.z;                            \
         }                                                                                                   \
     }
@@ -97,7 +97,7 @@ INLINE Vec coulomb(Body a, Body b, Vec normal, Vec u, double n_u, double e, cons
                    size_t i)
 {
     double mu = ROW(contacts, 7);
-    Tensor K = add_mobility(add_mobility((Tensor){0, 0, 0, 0, 0, 0}, a), b);
+    Tensor K = add_inverse_effective_mass(add_inverse_effective_mass((Tensor){0, 0, 0, 0, 0, 0}, a), b);
     Vec Kn = apply(K, normal);
     double j = -n_u / dot(normal, Kn), nn = dot(normal, normal);
     Vec D = times(apply(inverse(K), plus(u, times(Kn, j))), -1);

@@ -1,4 +1,4 @@
-"""What a measurement was taken on."""
+"""The machine on which a measurement was taken."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 
 def machine() -> dict[str, Any]:
-    """What the times depend on, but for versions."""
+    """Processor, cores and Python version."""
     info = Path("/proc/cpuinfo")
     found = re.search(r"^model name\s*:\s*(.*)$", info.read_text(), re.MULTILINE) if info.exists() else None
     return {
@@ -21,5 +21,5 @@ def machine() -> dict[str, Any]:
 
 
 def described(found: dict[str, Any]) -> str:
-    """The same in words."""
+    """The same as text."""
     return f"{found['processor']}, {found['cores']} cores, Python {found['python']}"

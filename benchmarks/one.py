@@ -1,7 +1,7 @@
-"""One impact: ``resolve()`` and its peers, as a Python user gets the answer.
+"""One impact: ``resolve()`` and its peers, called from Python.
 
-The peers are given bodies whose axes are parallel to the world's, without friction. Engines that find
-contacts themselves are given two small balls that touch at the contact point, fixed to the bodies.
+The peers get bodies whose axes are parallel to the world's, without friction. Engines that find contacts
+themselves get two small balls that are fixed to the bodies and touch at the contact point.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ TARGETS: tuple[Timed, ...] = (
     ("COULOMB in the plane", 0.8, FLAT, ImpactModel(Law.COULOMB)),
     ("COULOMB, restitution threshold", 1.0, PAIR, ImpactModel(Law.COULOMB, restitution_threshold=0.01)),
     ("COULOMB, tolerance 1e-9", 1.0, PAIR, ImpactModel(Law.COULOMB, tolerance=1e-9)),
-    ("COULOMB, NumPy's numbers", 1.0, of_numpy(PAIR), ImpactModel(Law.COULOMB)),
+    ("COULOMB, NumPy scalars", 1.0, of_numpy(PAIR), ImpactModel(Law.COULOMB)),
     ("COULOMB, EXTENDED", 1.6, PAIR, ImpactModel(Law.COULOMB, precision=Precision.EXTENDED)),
     ("COULOMB, tolerance 1e-15", 1.6, PAIR, ImpactModel(Law.COULOMB, tolerance=1e-15)),
     ("MOREAU", 1.5, PAIR, ImpactModel(Law.MOREAU)),
     ("ROUTH_STRONGE in the plane", 1.2, FLAT, ImpactModel(Law.ROUTH_STRONGE)),
     ("ROUTH_STRONGE", 6.0, PAIR, ImpactModel(Law.ROUTH_STRONGE)),
 )
-"""What is timed, and at most how many times what pinocchio takes for two bodies in space, J by hand."""
+"""Timed requests, each with the largest allowed ratio to pinocchio for two bodies in space, J by hand."""
 
 JACOBIAN, MOST_FOR_JACOBIAN = "`differentiate()`, COULOMB, by everything", 10.0
-"""At most so many times what ``resolve()`` takes for the same."""
+"""The timed Jacobian, and its largest allowed ratio to ``resolve()`` for the same impact."""
 
 
 class Peer(NamedTuple):
-    """A way to the answer: what is timed, and how wrong what it returned is."""
+    """A way to compute the answer: the timed call, and the error of what it returns."""
 
     call: Callable[[], Any]
     error: Callable[[Any, Answer], float]
@@ -67,7 +67,7 @@ def is_planar(scene: Scene) -> bool:
 
 
 def pinocchio(scene: Scene) -> Iterator[tuple[str, Peer]]:
-    """``impulseDynamics`` of free bodies; the contact is a row of J for the normal velocity."""
+    """``impulseDynamics`` for free bodies; the contact is a row of J for the normal velocity."""
     import pinocchio as pin
 
     planar, model = is_planar(scene), pin.Model()
@@ -97,7 +97,7 @@ def pinocchio(scene: Scene) -> Iterator[tuple[str, Peer]]:
 
 
 def _jacobian_of(scene: Scene, planar: bool) -> Callable[[], list[float]]:
-    """A function that writes the row of J out by hand, as fast as Python can."""
+    """A function that computes the row of J in plain Python, as fast as possible."""
     position, normal = scene.contact.position, scene.contact.normal
     bodies = [(body.position, sign) for body, sign in zip(scene[:2], (1.0, -1.0), strict=True)]
 
@@ -122,7 +122,7 @@ def _jacobian_of(scene: Scene, planar: bool) -> Callable[[], list[float]]:
 
 
 def mujoco(scene: Scene) -> Iterator[tuple[str, Peer]]:
-    """One step so short that nothing moves, with the contact's damping chosen to give the restitution."""
+    """One step so short that nothing moves; the damping of the contact is chosen to give the restitution."""
     import mujoco as mj
 
     step = 1e-6
@@ -152,7 +152,7 @@ def mujoco(scene: Scene) -> Iterator[tuple[str, Peer]]:
 
 
 def pymunk(scene: Scene) -> Iterator[tuple[str, Peer]]:
-    """A step of no length to speak of; in the plane only."""
+    """One very short step; only in the plane."""
     import pymunk as pm
 
     if not is_planar(scene):
@@ -162,7 +162,7 @@ def pymunk(scene: Scene) -> Iterator[tuple[str, Peer]]:
         its = pm.Body(body.mass, body.inertia.zz)
         x, y, _ = _ball(scene, body, sign)
         ball = pm.Circle(its, BALL * (1 + 1e-14), (x, y))
-        ball.elasticity = sqrt(scene.contact.restitution)  # of a pair, the product
+        ball.elasticity = sqrt(scene.contact.restitution)  # a pair has the product of both
         space.add(its, ball)
         bodies.append((its, tuple(body.position[:2]), tuple(body.velocity[:2]), body.angular_velocity.z))
 
@@ -179,7 +179,7 @@ def pymunk(scene: Scene) -> Iterator[tuple[str, Peer]]:
 
 
 def pybullet(scene: Scene) -> Iterator[tuple[str, Peer]]:
-    """A short step."""
+    """One short step."""
     import pybullet as pb
 
     world = pb.connect(pb.DIRECT)
@@ -191,7 +191,7 @@ def pybullet(scene: Scene) -> Iterator[tuple[str, Peer]]:
         place = tuple(_ball(scene, body, sign))
         shape = pb.createCollisionShape(pb.GEOM_SPHERE, radius=BALL, collisionFramePosition=place, **there)
         number = pb.createMultiBody(body.mass, shape, basePosition=tuple(body.position), **there)
-        restitution = sqrt(scene.contact.restitution)  # of a pair, the product
+        restitution = sqrt(scene.contact.restitution)  # a pair has the product of both
         undamped = {"lateralFriction": 0.0, "linearDamping": 0.0, "angularDamping": 0.0}
         moments = [body.inertia.xx, body.inertia.yy, body.inertia.zz]
         pb.changeDynamics(
@@ -214,11 +214,11 @@ def pybullet(scene: Scene) -> Iterator[tuple[str, Peer]]:
 
 
 PEERS = {"pin": pinocchio, "mujoco": mujoco, "pybullet": pybullet, "pymunk": pymunk}
-"""By the name under which pip knows them."""
+"""The peers, by the names of their pip packages."""
 
 
 def _ball(scene: Scene, body: Any, sign: float) -> tuple[float, ...]:
-    """Where a body's ball is, from its centre of mass."""
+    """Position of a body's ball relative to its centre of mass."""
     return tuple(scene.contact.position + scene.contact.normal * (sign * BALL) - body.position)
 
 
@@ -230,21 +230,21 @@ def _words(numbers: Any) -> str:
 
 
 def peers_of(scene: Scene, skipped: dict[str, str]) -> dict[str, Peer]:
-    """All that are there; what is not is noted in ``skipped``."""
+    """The installed peers; missing ones are noted in ``skipped``."""
     found: dict[str, Peer] = {}
     for package, builder in PEERS.items():
         try:
             found |= dict(builder(scene))
         except ImportError as missing:
             skipped[package] = str(missing)
-        except Exception as failure:  # a peer's interface moves; the others are still worth measuring
+        except Exception as failure:  # an interface has changed; measure the other peers
             skipped[package] = f"{type(failure).__name__}: {failure}"
             print(f"    {package}: {skipped[package]}", file=sys.stderr)
     return found
 
 
 def measure(skipped: dict[str, str], _: object) -> dict[str, Any]:
-    """Times [s] and errors of all ways in space and in the plane, and the targets."""
+    """Measure times [s] and errors of all ways in space and in the plane, and the targets."""
     scenes = {}
     flat = FLAT._replace(
         body_a=FLAT.body_a._replace(orientation=None), body_b=FLAT.body_b._replace(orientation=None)
@@ -264,7 +264,7 @@ def measure(skipped: dict[str, str], _: object) -> dict[str, Any]:
 
 
 def targets(skipped: dict[str, str]) -> dict[str, Any]:
-    """All kinds of request, against pinocchio; and a Jacobian."""
+    """Measure all kinds of request, compared with pinocchio, and a Jacobian."""
     calls = {what: by_resolve(scene, model).call for what, _, scene, model in TARGETS}
     peer = peers_of(ALIGNED, skipped).get(PINOCCHIO_J)
     if peer is not None:
@@ -279,7 +279,7 @@ def targets(skipped: dict[str, str]) -> dict[str, Any]:
 
 
 def jacobian() -> dict[str, Any]:
-    """All derivatives of an impact, against the impact."""
+    """Measure all derivatives of an impact, compared with the impact."""
     model = ImpactModel(Law.COULOMB)
     samples = interleaved(
         {RESOLVE: lambda: resolve(*PAIR, model), JACOBIAN: lambda: differentiate(*PAIR, model)}

@@ -1,4 +1,4 @@
-"""The package itself: how tight its bounds are, how long it is, how long it takes to import."""
+"""Targets for the package itself: tightness of its error bounds, lines of code, import time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ IMPORT = "import time; t = time.perf_counter(); import collision_response; print
 
 
 def measure(*_: object) -> dict[str, Any]:
-    """The targets."""
+    """Measure the targets."""
     found = [
         {
             "what": f"error bound over true error, boxes, {law.name}, median",
@@ -37,7 +37,7 @@ def measure(*_: object) -> dict[str, Any]:
 
 
 def tightness(law: Law) -> float:
-    """Median of bound over error for usual boxes that approach; where there is an error."""
+    """Median of bound over error, for boxes that approach and answers with an error."""
     from attacks import random_boxes
 
     draw, quotients = random.Random(5), []
@@ -52,14 +52,14 @@ def tightness(law: Law) -> float:
 
 
 def lines() -> int:
-    """All lines of the package but those of the demo."""
+    """Number of lines of the package, without the demo."""
     demo = PACKAGE / "demo"
     files = [path for path in PACKAGE.rglob("*") if path.suffix in SOURCES and demo not in path.parents]
     return sum(len(path.read_bytes().splitlines()) for path in files)
 
 
 def import_time() -> float:
-    """Seconds, NumPy's included; the best of some, files in memory."""
+    """Import time including NumPy [s]: the best of some runs, with the files in memory."""
     times = [
         float(subprocess.run([sys.executable, "-I", "-c", IMPORT], capture_output=True, check=True).stdout)
         for _ in range(7)

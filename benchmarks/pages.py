@@ -1,4 +1,4 @@
-"""Tables for the pages, and how they get there."""
+"""Writes generated tables into the pages, and results into JSON files."""
 
 from __future__ import annotations
 
@@ -15,8 +15,12 @@ DOCS = ROOT / "docs"
 def rewrite(page: Path, parts: dict[str, str]) -> None:
     """Replace the generated parts of a page.
 
+    Args:
+        page: the page, with ``<!-- generated: NAME -->`` and ``<!-- end -->`` around each part.
+        parts: the new texts by name.
+
     Raises:
-        ValueError: the page has no place for one.
+        ValueError: if the page has no place for a part.
     """
     text = page.read_text()
     for name, part in parts.items():
@@ -28,12 +32,12 @@ def rewrite(page: Path, parts: dict[str, str]) -> None:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """In Markdown."""
+    """A Markdown table."""
     return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))
 
 
 def store(results: dict[str, Any], path: Path) -> None:
-    """As JSON; three digits are enough to read, and change less from run to run."""
+    """Write results as JSON, with three digits: enough to read, and fewer changes between runs."""
     path.parent.mkdir(exist_ok=True)
     path.write_text(_compact(_rounded(results)) + "\n")
     print(f"==> wrote {path.relative_to(ROOT)}")
@@ -48,7 +52,7 @@ def _rounded(value: Any) -> Any:
 
 
 def _compact(value: Any, indent: str = "") -> str:
-    """What fits in one line in one line."""
+    """JSON text in which every part that fits in one line is on one line."""
     line = json.dumps(value)
     if len(indent) + len(line) <= 150 or not isinstance(value, (dict, list)):
         return line
@@ -62,13 +66,13 @@ def _compact(value: Any, indent: str = "") -> str:
 
 
 def significant(value: float, digits: int = 2) -> str:
-    """So many digits, without an exponent."""
+    """Text of a number with some significant digits, without an exponent."""
     rounded = float(f"{value:.{digits}g}" if value < 100 else f"{value:.3g}")
     return f"{rounded:,.0f}" if rounded >= 100 or (rounded >= 10 and digits < 3) else f"{rounded:g}"
 
 
 def power(error: float, least: float = 0.0) -> str:
-    """One digit, with an exponent where that is shorter."""
+    """Text of a number with one digit, with an exponent if that is shorter."""
     if error <= least:
         return "0"
     if error == float("inf"):
@@ -79,6 +83,6 @@ def power(error: float, least: float = 0.0) -> str:
 
 
 def times(found: dict[str, float], in_a_second: float = 1.0, digits: int = 2) -> str:
-    """Median, least and greatest."""
+    """Text of median, minimum and maximum."""
     least, middle, most = (significant(found[key] * in_a_second, digits) for key in ("min", "median", "max"))
     return f"**{middle}** ({least} … {most})"

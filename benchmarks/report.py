@@ -1,4 +1,4 @@
-"""The tables of docs/trade-off.md, from what was measured."""
+"""The tables of docs/trade-off.md, made from the measurements."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ def parts(results: Results) -> dict[str, str]:
 
 
 def machine(results: Results) -> str:
-    """What the times depend on."""
+    """Date, machine and versions of the measurement."""
     listed = ", ".join(f"{name} {version}" for name, version in results["versions"].items())
     took, on = f"{results['seconds'] / 60:.0f} minutes", described(results["machine"])
     lines = [f"Measured on {results['date']} in {took}: {on}; {listed}."]
-    lines += [f"* Left out: {what}: {why}." for what, why in results["skipped"].items()]
+    lines += [f"* Skipped: {what}: {why}." for what, why in results["skipped"].items()]
     return "\n".join(lines)
 
 
 def targets(results: Results) -> str:
-    """Every target with what was measured."""
+    """Table of the targets and their measured values."""
     rows = []
     for part in ("one", "batch", "package", "service", "scenes"):
         for target in (results.get(part) or {}).get("targets", []):
@@ -40,11 +40,11 @@ def targets(results: Results) -> str:
                 verdict = "met" if met else "**missed**"
             limit = f"≤ {most:g}" if least is None else f"≥ {least:g}"
             rows.append([target["what"], limit, shown, verdict])
-    return table(["what", "target", "measured (min … max)", ""], rows)
+    return table(["what", "target", "measured (min … max)", "verdict"], rows)
 
 
 def one_impact(results: Results) -> str:
-    """A row for each peer, its time and error in each scene."""
+    """Table with a row for each program: its time and error in each scene."""
     import one
 
     scenes = results["one"]["scenes"]
@@ -53,29 +53,29 @@ def one_impact(results: Results) -> str:
         if any(way in found for found in scenes.values()):
             row = [way]
             for found in scenes.values():
-                its = found.get(way)
-                row += [times(its["s"], 1e6), power(its["error"])] if its else ["", ""]
+                measured = found.get(way)
+                row += [times(measured["s"], 1e6), power(measured["error"])] if measured else ["", ""]
             rows.append(row)
     head = [heading for scene in scenes for heading in (f"{scene} [µs]", "error")]
     return table(["one frictionless impact", *head], rows)
 
 
 def requests(results: Results) -> str:
-    """Microseconds of each kind of request."""
+    """Table of times by kind of request."""
     rows = [[what, times(spent, 1e6)] for what, spent in results["one"]["s"].items()]
     return table(["`resolve()`, two turned bodies", "µs"], rows)
 
 
 def batch(results: Results) -> str:
-    """Nanoseconds of one contact, by size."""
+    """Table of times per contact, by size of the batch."""
     found = results["batch"]["ns"]
     names = list(dict.fromkeys(name for runs in found.values() for name in runs))
     rows = [[name, *(times(runs[name]) if name in runs else "" for runs in found.values())] for name in names]
-    return table(["ns a contact", *(f"N = {size}" for size in found)], rows)
+    return table(["ns per contact", *(f"N = {size}" for size in found)], rows)
 
 
 def service(results: Results) -> str:
-    """A row for each kind of server."""
+    """Table with a row for each kind of server."""
     found = results["service"]
     rows = []
     for name, what in (("echo", "echo"), ("plain", "the node"), ("recording", "the node, recording")):
@@ -84,17 +84,17 @@ def service(results: Results) -> str:
             spent, quotient = found["s"][f"{name}, {kind}"], found["ratios"].get(f"{name}, {kind}")
             row += [times(spent, 1e6), times(quotient) if quotient else ""]
         rows.append(row)
-    head = ["server", "1 client [µs]", "of the echo", "8 clients, per answer [µs]", "of the echo"]
+    head = ["server", "1 client [µs]", "ratio to the echo", "8 clients, per answer [µs]", "ratio to the echo"]
     answered, echoed = (times(found["s"][f"{name}, batch"], 1e3) for name in ("plain", "echo"))
     return (
-        f"{table(head, rows)}\n\nThe node's callback by itself, without the transport, takes "
-        f"{times(found['callback'], 1e6)} µs.\n\nA batch of 1e4 contacts in space takes the node {answered} "
-        f"ms, the echo {echoed} ms: {times(found['ratios']['batch'])} times as long."
+        f"{table(head, rows)}\n\nThe node's callback alone, without the transport, takes "
+        f"{times(found['callback'], 1e6)} µs.\n\nFor a batch of 1e4 contacts in space the node needs {answered} "
+        f"ms, the echo {echoed} ms; the ratio is {times(found['ratios']['batch'])}."
     )
 
 
 def trade_table(results: Results) -> str:
-    """A row for each way; error and bound in each scene."""
+    """Table with a row for each law, precision and tolerance: error and bound in each scene."""
     import trade
 
     points, rows = results["trade"]["points"], []
@@ -124,7 +124,7 @@ def _error_and_bound(point: dict[str, Any] | None) -> str:
 
 
 def between_laws(results: Results) -> str:
-    """How far the laws are apart."""
+    """Table of the differences between the laws."""
     found = results["trade"]["between_laws"]
     laws = list(next(iter(found.values())))[:-1]
     rows = [[f"`{law}`", *(power(found[scene][law], least=1e-12) for scene in found)] for law in laws]
@@ -141,4 +141,4 @@ PARTS: dict[str, tuple[str, Callable[[Results], str]]] = {
     "trade": ("trade", trade_table),
     "between laws": ("trade", between_laws),
 }
-"""The generated parts of the page, and which results each needs."""
+"""The generated parts of the page, each with the name of the results that it needs."""

@@ -1,8 +1,8 @@
-"""The properties of test/test_scene_properties.py on 1000 scenes of up to 30 contacts:
+"""Checks the properties of test/test_scene_properties.py on 1000 random scenes of up to 30 contacts:
 
     .bench-venv/bin/python -I benchmarks/scene_properties.py [--scenes N]
 
-Violations are printed as they come. All 1000 rewrite the table of docs/scenes.md, fewer do not.
+It prints violations as they occur. A run with all 1000 scenes rewrites the table of docs/scenes.md.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ import test_scene_properties as properties  # noqa: E402
 from collision_response import Law  # noqa: E402
 
 FIRST, SCENES = 60, 1000
-"""The scenes before the first are those of the tests."""
+"""First seed, and number of scenes; the tests use the seeds below the first one."""
 
 
 class Outcome(NamedTuple):
-    """One property of one scene; ``fault`` is empty if it holds."""
+    """Result of one check of one scene; ``fault`` is empty if the property holds."""
 
     seed: int
     name: str
@@ -38,30 +38,30 @@ class Outcome(NamedTuple):
 
 
 def checks() -> Iterator[tuple[str, Callable[..., None], list[Law | None]]]:
-    """What takes any seed, by which laws."""
+    """Name and function of each check that takes a seed, with the laws that it takes (``None`` if it takes none)."""
     for name, check in vars(properties).items():
-        of_one = getattr(check, "__wrapped__", None)  # what each_seed repeats
+        of_one = getattr(check, "__wrapped__", None)  # the function that each_seed repeats
         if name.startswith("test_") and of_one is not None:
             by_law = "law" in inspect.signature(of_one).parameters
             yield name.removeprefix("test_"), of_one, list(properties.LAWS) if by_law else [None]
 
 
 def outcomes(seed: int) -> list[Outcome]:
-    """Of all checks for one scene."""
+    """Results of all checks for one scene."""
     found = []
     for name, check, laws in checks():
         for law in laws:
             fault = ""
             try:
                 check(seed) if law is None else check(seed, law)
-            except Exception as error:  # whatever it is, the property does not hold
+            except Exception as error:  # any exception means that the property does not hold
                 fault = type(error).__name__
             found.append(Outcome(seed, name, law.name if law else "", fault))
     return found
 
 
 def table(found: Counter[Any], asked: Counter[Any]) -> str:
-    """Violations by property and law."""
+    """Table of violations by property and law."""
     laws = [law.name for law in properties.LAWS]
     rows = []
     for name in dict.fromkeys(name for name, _ in asked):
@@ -73,9 +73,9 @@ def table(found: Counter[Any], asked: Counter[Any]) -> str:
 
 
 def main() -> int:
-    """Check, print and write."""
+    """Check the scenes, print violations, and write the table."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--scenes", type=int, default=SCENES, help=f"how many; {SCENES} if not given")
+    parser.add_argument("--scenes", type=int, default=SCENES, help=f"number of scenes, by default {SCENES}")
     scenes = parser.parse_args().scenes
     found: Counter[Any] = Counter()
     asked: Counter[Any] = Counter()

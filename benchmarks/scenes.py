@@ -1,18 +1,19 @@
-"""Several contacts at once: ``resolve_scene()`` and its peers, their answers and what they cost.
+"""Several contacts at once: answers and times of ``resolve_scene()`` and its peers.
 
     .bench-venv/bin/python -I benchmarks/scenes.py [--quick]
 
-measures anew and rewrites the generated parts of docs/scenes.md and its plot, as ``make bench`` does.
+measures everything again and rewrites the generated parts of docs/scenes.md and its plot, as ``make bench``
+does.
 
-What the peers are given, all at e = 1 and without friction:
+All scenes have e = 1 and no friction. The peers:
 
-* MuJoCo: the scene. Its contacts are soft. Restitution is set as its guide says ("Restitution" in
-  "Tips and tricks"): ``solref`` with a large stiffness and no damping; the impedance is .9999, and a
-  contact lasts 20 steps. What is timed is the whole impact, until nothing touches.
-* pinocchio: the bodies, a point contact each, and the drift (1 + e) u where they approach. What is timed is
-  the mass matrix, the Jacobian, the Cholesky decomposition of the constraints and ADMM, to 1e-10.
-* Siconos: the matrix and the vector of the linear complementarity problem, by Lemke's method. They are
-  computed beforehand, for nothing.
+* MuJoCo gets the scene. Its contacts are soft. Restitution is set as its guide says ("Restitution" in "Tips
+  and tricks"): ``solref`` with a large stiffness and no damping; the impedance is .9999, and a contact lasts
+  20 steps. The time is that of the whole impact, until nothing touches.
+* pinocchio gets the bodies, the point contacts, and the drift (1 + e) u where they approach. The time
+  includes the mass matrix, the Jacobian, the Cholesky decomposition of the constraints and ADMM, to 1e-10.
+* Siconos gets the matrix and the vector of the linear complementarity problem, for Lemke's method. The time
+  does not include computing them.
 """
 
 from __future__ import annotations
@@ -52,22 +53,22 @@ from collision_response.physics.vector import Vec3  # noqa: E402
 from collision_response.scene.order_sensitivity import resolve_sequentially  # noqa: E402
 
 Vectors = list[tuple[Any, Any]]
-"""Velocity and angular velocity of each body that can move."""
+"""Velocity and angular velocity of each movable body."""
 
 STIFFNESS, STEPS = 1e6, 20
-"""Of MuJoCo's contacts [1/s^2], and how many steps one lasts."""
+"""Stiffness of MuJoCo's contacts [1/s^2], and the number of steps that one lasts."""
 
 PATIENCE = 1.0
-"""A way that takes longer for one scene is not asked for a larger one [s]."""
+"""A program that takes longer than this for one scene does not get a larger one [s]."""
 
 SIZES = (1, 4, 10, 32, 100, 316, 1000, 3160, 10000)
 ROUNDS = 5
-GIVEN = {"pinocchio": 320, "Siconos": 1000, "`ROUTH_STRONGE`": 320}
-"""Contacts beyond which dense matrices, or paths, are too much."""
+LIMITS = {"pinocchio": 320, "Siconos": 1000, "`ROUTH_STRONGE`": 320}
+"""Largest numbers of contacts, where dense matrices or paths would take too much."""
 
 
 class Scene(NamedTuple):
-    """What is resolved; ``mjcf`` is the same for MuJoCo."""
+    """A scene; ``mjcf`` is the same scene for MuJoCo."""
 
     bodies: list[Body]
     pairs: list[tuple[int, int]]
@@ -76,58 +77,58 @@ class Scene(NamedTuple):
 
 
 def row(contacts: int) -> Scene:
-    """Balls in a row that touch, of which the first comes at 1 m/s."""
+    """Touching balls in a row; the first one comes at 1 m/s."""
     moments = sphere(1.0, 0.5).inertia
     bodies = [
         Body.dynamic(1.0, moments, (float(i), 0.0, 0.0), None, (float(i == 0), 0.0, 0.0))
         for i in range(contacts + 1)
     ]
-    touch = [Contact.of((i + 0.5, 0.0, 0.0), (-1.0, 0.0, 0.0), 1.0) for i in range(contacts)]
+    impacts = [Contact.of((i + 0.5, 0.0, 0.0), (-1.0, 0.0, 0.0), 1.0) for i in range(contacts)]
     geom = '<freejoint/><geom type="sphere" size=".5" mass="1"/>'
     balls = "".join(f'<body pos="{i} 0 0">{geom}</body>' for i in range(contacts + 1))
-    return Scene(bodies, [(i, i + 1) for i in range(contacts)], touch, balls)
+    return Scene(bodies, [(i, i + 1) for i in range(contacts)], impacts, balls)
 
 
 def boxes(contacts: int) -> Scene:
-    """Boxes side by side that land flat at 1 m/s, four corners each."""
+    """Boxes side by side that land flat at 1 m/s, with four corners each."""
     moments, count = box(1.0, (1.0, 1.0, 1.0)).inertia, max(1, contacts // 4)
     corners = [(x, y) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
     bodies = [Body.dynamic(1.0, moments, (2.0 * i, 0.0, 0.5), None, (0.0, 0.0, -1.0)) for i in range(count)]
-    touch = [
+    impacts = [
         Contact.of((2.0 * i + x, y, 0.0), (0.0, 0.0, 1.0), 1.0) for i in range(count) for x, y in corners
     ]
     geom = '<freejoint/><geom type="box" size=".5 .5 .5" mass="1"/>'
     falling = "".join(f'<body pos="{2 * i} 0 .5">{geom}</body>' for i in range(count))
     pairs = [(i, count) for i in range(count) for _ in corners]
-    return Scene([*bodies, Body.static()], pairs, touch, f'<geom type="plane" size="9 9 1"/>{falling}')
+    return Scene([*bodies, Body.static()], pairs, impacts, f'<geom type="plane" size="9 9 1"/>{falling}')
 
 
 def stack(contacts: int) -> Scene:
-    """Boxes on each other that come down at 1 m/s, four corners each, sliding; for us alone."""
+    """A sliding stack of boxes that lands at 1 m/s, with four corners each; only for this package."""
     moments, count = box(1.0, (1.0, 1.0, 1.0)).inertia, max(1, contacts // 4)
     bodies = [
         Body.dynamic(1.0, moments, (0.0, 0.0, i + 0.5), None, (0.2 * (i + 1), 0.0, -1.0))
         for i in range(count)
     ]
-    touch = [
+    impacts = [
         Contact.of((x, y, float(i)), (0.0, 0.0, 1.0), 0.5, 0.3)
         for i in range(count)
         for x in (-0.5, 0.5)
         for y in (-0.5, 0.5)
     ]
     pairs = [(i, i - 1 if i else count) for i in range(count) for _ in range(4)]
-    return Scene([*bodies, Body.static()], pairs, touch, "")
+    return Scene([*bodies, Body.static()], pairs, impacts, "")
 
 
 # Ways to the answer ---------------------------------------------------------------------------
 
 
 class Way(NamedTuple):
-    """One way to the answer of a scene.
+    """One program that resolves a scene.
 
     Attributes:
-        answer: gives it.
-        seconds: resolves it so often, and says how long one took.
+        answer: returns the twists after the impact.
+        seconds: resolves the scene a number of times and returns the time of one [s].
     """
 
     answer: Callable[[], Vectors]
@@ -135,7 +136,7 @@ class Way(NamedTuple):
 
 
 def timed(call: Callable[[], Any]) -> Callable[[int], float]:
-    """The time of the processor."""
+    """A function that calls a number of times and returns the processor time of one call [s]."""
 
     def seconds(number: int) -> float:
         start = time.thread_time()
@@ -158,7 +159,7 @@ def ours(law: Law) -> Callable[[Scene], Way]:
 
 
 def in_turn(scene: Scene) -> Way:
-    """Single impacts, contact by contact, until none approaches: what game engines do."""
+    """Single impacts, contact by contact, until none approaches, as game engines do."""
     order = range(len(scene.contacts))
 
     def call() -> list[Twist]:
@@ -267,7 +268,7 @@ def pinocchio(scene: Scene) -> Way:
 
 
 class Siconos:
-    """Its process, which stays."""
+    """A process that solves the linear complementarity problems of several scenes."""
 
     def __init__(self) -> None:
         python = shutil.which("python3", path="/usr/bin")
@@ -278,10 +279,10 @@ class Siconos:
             [python, HERE / "siconos_lcp.py"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
 
-    def ask(self, what: Any) -> tuple[list[float], float]:
-        """What it answers to a line."""
+    def ask(self, problem: Any) -> tuple[list[float], float]:
+        """Send a line and return the answer: the solution, and the time of one solution [s]."""
         assert self._process.stdin is not None and self._process.stdout is not None
-        self._process.stdin.write(json.dumps(what) + "\n")
+        self._process.stdin.write(json.dumps(problem) + "\n")
         self._process.stdin.flush()
         p, seconds = json.loads(self._process.stdout.readline())
         if p is None:
@@ -289,7 +290,7 @@ class Siconos:
         return p, seconds
 
     def close(self) -> None:
-        """End it."""
+        """End the process."""
         self._process.communicate()
 
     def __call__(self, scene: Scene) -> Way:
@@ -332,7 +333,7 @@ FOR_FRICTION = {f"`{law.name}`": ours(law) for law in (Law.FRICTIONLESS, Law.COU
 
 
 def measure(_: object, say: Callable[[str], object], *, quick: bool = False) -> dict[str, Any]:
-    """The answers to the cradle and the flat box, the times by number of contacts, and what was left out."""
+    """Measure the answers to the cradle and the flat box, the times by number of contacts, and the targets."""
     skipped: dict[str, str] = {}
     ways: dict[str, Callable[[Scene], Way]] = {**OURS, "one after another": in_turn}
     siconos = None
@@ -345,9 +346,9 @@ def measure(_: object, say: Callable[[str], object], *, quick: bool = False) -> 
             if way is not None:
                 way(boxes(4)).answer()
                 ways[name] = way
-        except Exception as failure:  # a peer's interface moves; the others are still worth measuring
+        except Exception as failure:  # an interface has changed; measure the other peers
             skipped[name] = f"{type(failure).__name__}: {failure}"
-    answers = {  # as text: of numbers a few digits are kept
+    answers = {  # as text, because stored numbers keep only three digits
         name: [*_row_cells(way(row(2)).answer()), *_box_cells(way(boxes(4)).answer())]
         for name, way in ways.items()
     }
@@ -356,9 +357,9 @@ def measure(_: object, say: Callable[[str], object], *, quick: bool = False) -> 
         costs[what] = dict(cost(build, ways, 300 if quick else max(SIZES), say))
     costs["stack"] = dict(cost(stack, FOR_FRICTION, 120, say))
     targets = [
-        {"what": "a box flat on a floor against one impact, COULOMB", "most": 10.0, "measured": box_ratio()},
+        {"what": "a box flat on a floor, against one impact, COULOMB", "most": 10.0, "measured": box_ratio()},
         {
-            "what": "a cluster of 100 contacts, by its slowest law but ROUTH_STRONGE [ms]",
+            "what": "a cluster of 100 contacts, slowest law except ROUTH_STRONGE [ms]",
             "most": 20.0,
             "measured": 1e3 * max(*costs["stack"]["100"].values(), costs["row"]["100"]["`FRICTIONLESS`"]),
         },
@@ -371,21 +372,21 @@ def measure(_: object, say: Callable[[str], object], *, quick: bool = False) -> 
 def cost(
     build: Callable[[int], Scene], ways: dict[str, Any], most: int, say: Callable[[str], object]
 ) -> Iterator[tuple[str, dict[str, float]]]:
-    """For each number of contacts the least time of each way, taken in turns [s]."""
-    left = dict(ways)
+    """For each number of contacts, the minimum time of each program over several rounds [s]."""
+    remaining = dict(ways)
     for size in SIZES:
         if size > most or (build is not row and size < 4):
             continue
         scene, built = build(size), {}
-        for name in list(left):
-            if size > GIVEN.get(name, most):
-                del left[name]
+        for name in list(remaining):
+            if size > LIMITS.get(name, most):
+                del remaining[name]
                 continue
             try:
-                built[name] = left[name](scene)
-            except Exception as failure:  # too large for it
+                built[name] = remaining[name](scene)
+            except Exception as failure:  # the scene is too large
                 say(f"    {name}, {size} contacts: {type(failure).__name__}: {failure}")
-                del left[name]
+                del remaining[name]
         once = {name: way.seconds(1) for name, way in built.items()}
         best = dict(once)
         for _ in range(ROUNDS):
@@ -394,7 +395,7 @@ def cost(
                     best[name] = min(best[name], way.seconds(max(1, int(0.02 / (best[name] + 1e-9)))))
         for name, spent in once.items():
             if spent > PATIENCE:
-                del left[name]
+                del remaining[name]
         number = len(scene.contacts)
         say(
             f"    {build.__name__}, {number} contacts: {', '.join(f'{n} {t:.2g} s' for n, t in best.items())}"
@@ -403,7 +404,7 @@ def cost(
 
 
 def box_ratio() -> float:
-    """What a sliding flat box takes, against one of its corners alone; the least of each, in turns."""
+    """Time of a sliding flat box divided by that of one of its corners: the minimum of each over several rounds."""
     bodies, pairs, contacts, _ = boxes(4)
     bodies = [bodies[0]._replace(velocity=Vec3(0.25, 0.0, -1.0)), bodies[1]]
     contacts = [contact._replace(restitution=0.5, friction=0.3) for contact in contacts]
@@ -420,9 +421,9 @@ def parts(results: dict[str, Any]) -> dict[str, str]:
     """The generated parts of docs/scenes.md."""
     found = results["scenes"]
     lines = [f"Measured on {results['date']}: {described(results['machine'])}; {_versions()}."]
-    lines += [f"* Left out: {what}: {why}." for what, why in found["skipped"].items()]
+    lines += [f"* Skipped: {what}: {why}." for what, why in found["skipped"].items()]
     rows = [[name, *cells] for name, cells in found["answers"].items()]
-    head = ["", "cradle: speeds after", "energy kept", "flat box: up", "turning [rad/s]"]
+    head = ["", "cradle: speeds after [m/s]", "energy kept", "flat box: up [m/s]", "spin [rad/s]"]
     tables = []
     heads = {
         "row": "balls in a row, contacts",
@@ -477,7 +478,7 @@ COLOURS = {
 
 
 def draw(found: dict[str, Any], path: Path) -> None:
-    """Time against the number of contacts, a panel for each kind of scene."""
+    """Plot time against the number of contacts, with a panel for each kind of scene."""
     plt.rcParams.update({"font.size": 10, "axes.spines.top": False, "axes.spines.right": False})
     figure, grid = plt.subplots(1, 2, figsize=(9, 4.3), sharex=True, sharey=True, layout="constrained")
     titles = {"row": "balls in a row: one cluster", "boxes": "flat boxes: clusters of four"}
@@ -501,16 +502,16 @@ def draw(found: dict[str, Any], path: Path) -> None:
 
 
 def write(results: dict[str, Any]) -> None:
-    """The generated parts of the page, and its plot."""
+    """Write the generated parts of the page, and its plot."""
     pages.rewrite(pages.DOCS / "scenes.md", parts(results))
     draw(results["scenes"], pages.DOCS / "images" / "scenes-cost.png")
     print("==> wrote docs/scenes.md and its plot of costs")
 
 
 def main() -> None:
-    """Measure, and write."""
+    """Measure and write."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--quick", action="store_true", help="fewer contacts; prints, and writes nothing")
+    parser.add_argument("--quick", action="store_true", help="measure fewer contacts, and only print")
     quick = parser.parse_args().quick
     results: dict[str, Any] = {
         "date": datetime.date.today().isoformat(),

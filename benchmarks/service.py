@@ -1,7 +1,7 @@
-"""The round trip of the services, against services of the same types that only echo.
+"""The round trip of the services, compared with an echo server of the same types.
 
-Every server is a process of its own; the clients share one. Both are this directory, run with the words
-in ``CHILDREN``.
+Each server is a separate process; the clients share one. Servers and clients are this directory, run with one
+of the words in ``CHILDREN``.
 """
 
 from __future__ import annotations
@@ -25,19 +25,21 @@ from timing import Samples, ratio, spread
 
 HERE = Path(__file__).resolve().parent
 DEADLINE = 30.0
-"""Seconds for anything to happen that should take much less."""
+"""Longest time to wait for anything [s]."""
 
 ROUNDS = 80
 CALLS = 24
-"""In a round, one after the other; of concurrent ones, together."""
+"""Calls in a round: one after the other, or of all concurrent clients together."""
 
 CONCURRENT = 8
+"""Number of concurrent clients."""
+
 BATCH = "batch"
 CONTACTS, BODIES, BATCH_CALLS = 10_000, 4_000, 3
-"""Of a batch, in which each body touches five others; and in a round."""
+"""Contacts and bodies of a batch, in which each body touches five others; batches in a round."""
 
 LARGE_DATA = {"FASTDDS_BUILTIN_TRANSPORTS": "LARGE_DATA"}
-"""By its other transports Fast DDS loses parts of a batch, and both servers wait until they are repeated."""
+"""With its other transports Fast DDS loses parts of a batch, and both servers wait for the repetition."""
 
 CALLBACK = "the callback alone"
 
@@ -46,7 +48,7 @@ CALLBACK = "the callback alone"
 
 
 def echo() -> None:
-    """Serve prebuilt answers under the names of the node's services."""
+    """Serve prepared answers under the names of the node's services."""
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
@@ -77,7 +79,7 @@ def echo() -> None:
 
 
 def batch_response() -> Any:
-    """As many bytes as the node answers to :func:`batch`."""
+    """A response with as many bytes as the node's answer to :func:`batch`."""
     from collision_response import Geometry
     from collision_response.ros.batch_fields import Response, result_shapes, zeros_in
 
@@ -91,7 +93,7 @@ def batch_response() -> Any:
 
 @contextmanager
 def server(command: list[str], namespace: str, *parameters: str) -> Iterator[subprocess.Popen]:
-    """A server in a namespace, ended when the context is left."""
+    """A server in a namespace, which ends when the context is left."""
     options = [word for parameter in parameters for word in ("-p", parameter)]
     words = [*command, "--ros-args", "-r", f"__ns:=/{namespace}", *options, "--log-level", "warn"]
     process = subprocess.Popen(words, stdin=subprocess.DEVNULL)
@@ -110,7 +112,7 @@ def server(command: list[str], namespace: str, *parameters: str) -> Iterator[sub
 
 
 def impact() -> Any:
-    """A request: two bodies in space, in full, with friction."""
+    """A request with two bodies in space and friction."""
     from collision_response.srv import ResolveCollision
 
     request = ResolveCollision.Request()
@@ -128,7 +130,7 @@ def impact() -> Any:
 
 
 def batch() -> Any:
-    """A request: many contacts in space between fewer bodies, without friction."""
+    """A request with many contacts in space between fewer bodies, without friction."""
     import numpy as np
     from cases import tables
 
@@ -164,34 +166,34 @@ class Clients:
         }
 
     def wait(self) -> None:
-        """Until every server is there.
+        """Wait until every server is available.
 
         Raises:
-            TimeoutError: one is not.
+            TimeoutError: if a server is not available in time.
         """
         for name, clients in self._clients.items():
             for client in clients:
                 if not client.wait_for_service(DEADLINE):
-                    raise TimeoutError(f"{name} does not serve")
+                    raise TimeoutError(f"the server {name} is not available")
 
     def call(self, name: str, request: Any) -> Any:
-        """The answer of a server.
+        """Call a server and return its answer.
 
         Raises:
-            TimeoutError: there is none.
+            TimeoutError: if there is no answer in time.
         """
         future = self._clients[name][0].call_async(request)
         return self._result(future)
 
-    def one_after_the_other(self, name: str, request: Any, calls: int = CALLS) -> float:
-        """Seconds of a call."""
+    def call_in_sequence(self, name: str, request: Any, calls: int = CALLS) -> float:
+        """Mean time of a call [s]."""
         start = time.perf_counter()
         for _ in range(calls):
             self.call(name, request)
         return (time.perf_counter() - start) / calls
 
-    def at_once(self, name: str, request: Any) -> float:
-        """Seconds between answers, when each client asks again as soon as it has its answer."""
+    def call_concurrently(self, name: str, request: Any) -> float:
+        """Mean time between answers [s], if each client calls again as soon as it has its answer."""
         from rclpy.task import Future
 
         done, left, answers = Future(), CALLS, 0
@@ -226,7 +228,7 @@ class Clients:
 
 
 def round_trips(service: str, request: Any, *names: str) -> Samples:
-    """Seconds of a round trip, by kind: of a batch, or of one impact by one client and by several."""
+    """Round-trip times [s] of a batch, or of one impact with one client and with several, by server."""
     with ExitStack() as stack:
         directory = stack.enter_context(tempfile.TemporaryDirectory())
         record = ("recording.enabled:=true", f"recording.directory:={directory}")
@@ -241,11 +243,11 @@ def round_trips(service: str, request: Any, *names: str) -> Samples:
         for name in names:
             assert clients.call(name, request).success, name
             if is_batch:
-                calls[f"{name}, {BATCH}"] = partial(clients.one_after_the_other, name, request, BATCH_CALLS)
+                calls[f"{name}, {BATCH}"] = partial(clients.call_in_sequence, name, request, BATCH_CALLS)
                 continue
-            clients.at_once(name, request)
-            calls[f"{name}, 1 client"] = partial(clients.one_after_the_other, name, request)
-            calls[f"{name}, {CONCURRENT} clients"] = partial(clients.at_once, name, request)
+            clients.call_concurrently(name, request)
+            calls[f"{name}, 1 client"] = partial(clients.call_in_sequence, name, request)
+            calls[f"{name}, {CONCURRENT} clients"] = partial(clients.call_concurrently, name, request)
         return _rounds(calls)
 
 
@@ -260,7 +262,7 @@ def _rounds(calls: dict[str, Callable[[], float]]) -> Samples:
 
 
 def callback_time() -> dict[str, float]:
-    """Seconds that the node's work for a request takes by itself."""
+    """Time of the node's own work for a request [s]."""
     import rclpy
     from timing import interleaved
 
@@ -282,29 +284,29 @@ def callback_time() -> dict[str, float]:
 
 
 def measure_requests() -> None:
-    """Print all there is to say of the service for one impact."""
+    """Measure the service for one impact and print the results."""
     samples = round_trips("resolve_collision", impact(), "echo", "plain", "recording")
     ratios = {
         f"{name}, {kind}": ratio(samples, f"{name}, {kind}", f"echo, {kind}")
         for name in ("plain", "recording")
         for kind in ("1 client", "8 clients")
     }
-    _tell(samples, ratios, callback=callback_time())
+    _print_results(samples, ratios, callback=callback_time())
 
 
 def measure_batch() -> None:
-    """The same of that for a batch."""
+    """Measure the service for a batch and print the results."""
     samples = round_trips("resolve_collision_batch", batch(), "echo", "plain")
-    _tell(samples, {BATCH: ratio(samples, f"plain, {BATCH}", f"echo, {BATCH}")})
+    _print_results(samples, {BATCH: ratio(samples, f"plain, {BATCH}", f"echo, {BATCH}")})
 
 
-def _tell(samples: Samples, ratios: dict[str, Any], **more: Any) -> None:
+def _print_results(samples: Samples, ratios: dict[str, Any], **others: Any) -> None:
     seconds = {name: spread(values) for name, values in samples.items()}
-    print(json.dumps({"s": seconds, "ratios": ratios, **more}))
+    print(json.dumps({"s": seconds, "ratios": ratios, **others}))
 
 
 CHILDREN = {"echo": echo, "measure-requests": measure_requests, "measure-batch": measure_batch}
-"""What this directory does when it is run with such a word."""
+"""Functions that this directory runs when it is called with one of these words."""
 
 
 def measure(skipped: dict[str, str], _: object) -> dict[str, Any] | None:
@@ -322,7 +324,7 @@ def measure(skipped: dict[str, str], _: object) -> dict[str, Any] | None:
         {"what": f"service, {what}, against the echo", "most": most, "measured": merged["ratios"][name]}
         for what, most, name in (
             ("one request after the other", 1.1, "plain, 1 client"),
-            ("the same, recording", 1.35, "recording, 1 client"),
+            ("one request after the other, recording", 1.35, "recording, 1 client"),
             ("a batch of 1e4 contacts", 1.6, BATCH),
         )
     ]
@@ -338,7 +340,7 @@ def _by(command: list[str], environment: dict[str, str]) -> dict[str, Any]:
 
 @contextmanager
 def own_domain() -> Iterator[dict[str, str]]:
-    """An environment in which no other session on this machine is met, and none beyond it."""
+    """An environment with a ROS domain that nobody else uses, limited to this machine."""
     import domain_coordinator
 
     with domain_coordinator.domain_id() as domain:

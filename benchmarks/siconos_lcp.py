@@ -1,8 +1,10 @@
-"""Linear complementarity problems solved by Siconos, for benchmarks/scenes.py, which runs this with the
-Python that has Siconos: on Debian and Ubuntu the system's, after ``apt install python3-siconos``.
+"""Solves linear complementarity problems with Siconos, for benchmarks/scenes.py.
 
-Each line of the input is ``[A, q]`` for a new problem, or a number: solve the last one so often. Each line
-of the output is ``[p, seconds]``: the solution, and the time of one.
+That program runs this one with the Python that has Siconos: on Debian and Ubuntu the system's, after
+``apt install python3-siconos``.
+
+Each line of the input is ``[A, q]`` for a new problem, or a number: how often to solve the last problem. Each
+line of the output is ``[p, seconds]``: the solution, and the time of one.
 """
 
 import json

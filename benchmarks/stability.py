@@ -1,9 +1,9 @@
-"""The stability report: ``make stability`` measures everything anew and rewrites docs/stability.md.
+"""The stability report: ``make stability`` measures everything again and rewrites docs/stability.md.
 
     python benchmarks/stability.py [--quick]
 
-Random impacts and structured attacks, each against the exact answer: is any error above its bound?
-``--quick`` does a twentieth, and prints the tables instead.
+It compares random impacts and structured attacks with exact answers: is any error above its bound?
+``--quick`` does a twentieth of the work and only prints the tables.
 """
 
 from __future__ import annotations
@@ -51,25 +51,27 @@ FORMULAS = (Law.FRICTIONLESS, Law.COULOMB)
 PATHS = (Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE)
 PRECISIONS = (Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED, Precision.AUTO)
 WILDNESS = {"usual": 0.0, "1e±3": 3.0, "1e±10": 10.0, "1e±30": 30.0, "1e±150": 150.0}
-"""Spread of magnitudes in decades."""
+"""Spread of the magnitudes, in decades."""
 
 WILDEST_PATH = 3.0
 REQUESTS, PATH_REQUESTS, SAMPLES, IMPACTS = 1500, 500, 400, 1_000_000
-"""Of each law and wildness, of each path law and wildness, of an ill condition, of the drift."""
+"""Impacts for each law and spread, for each path law and spread, for each ill condition, and for the drift."""
 
 PIECE = 50
+"""Random impacts of one job."""
+
 CORES = 2
 ULP = 2.0**-52
 Key = tuple[Any, ...]
 
 
 class Tally(NamedTuple):
-    """What came of many impacts, by whatever they are sorted by.
+    """Counts of the outcomes of many impacts.
 
     Attributes:
-        counts: by key and outcome.
-        ratios: of error to bound; where there is an error, and a bound.
-        violations: the requests that broke a promise.
+        counts: number of impacts, by key and outcome.
+        ratios: ratios of error to bound by key, where there is an error and a finite bound.
+        violations: descriptions of the answers whose error is above their bound.
     """
 
     counts: Counter[tuple[Key, str]]
@@ -87,7 +89,7 @@ class Tally(NamedTuple):
         self.violations.extend(other.violations)
 
     def count(self, key: Key, name: str, scene: Scene, model: ImpactModel) -> None:
-        """One answer, or its refusal."""
+        """Resolve a request, and count its answer or refusal."""
         self.counts[key, "asked"] += 1
         try:
             impact = resolve(*scene, model)
@@ -106,7 +108,7 @@ class Tally(NamedTuple):
 
 
 def right_answer(scene: Scene, impact: Impact, model: ImpactModel) -> Answer:
-    """By the law that answered."""
+    """The exact answer of the law that answered."""
     e_t = model.tangential_restitution if Adjustment.LAW_FALLBACK not in impact.adjustments else 0.0
     return _right_answer(scene, impact.model.law.name, e_t, model.restitution_threshold)
 
@@ -120,7 +122,7 @@ def _right_answer(scene: Scene, law: str, e_t: float, threshold: float) -> Answe
 
 
 def random_piece(law: Law, wildness: str, seed: int) -> Tally:
-    """Some random impacts by one law, in every precision. What is no request at all is drawn again."""
+    """Count some random impacts of one law, in every precision. Invalid requests are drawn again."""
     tally, impacts = Tally.empty(), RandomImpacts(f"{law.name} {wildness} {seed}", WILDNESS[wildness])
     draw, done = impacts.draw, 0
     while done < PIECE:
@@ -142,7 +144,7 @@ def random_piece(law: Law, wildness: str, seed: int) -> Tally:
 
 
 def attack_family(family: str) -> Tally:
-    """All the attacks of one family of test/attacks.py."""
+    """Count all attacks of one family of test/attacks.py."""
     import attacks
 
     enums = {"law": Law, "geometry": Geometry, "precision": Precision}
@@ -157,7 +159,7 @@ def attack_family(family: str) -> Tally:
 
 
 def by_condition(samples: int) -> dict[str, list[dict[str, Any]]]:
-    """True error and bound of frictional impacts that graze, and of ever more slender bodies."""
+    """True error and bound of grazing impacts with friction, and of more and more slender bodies."""
     found: dict[str, list[dict[str, Any]]] = {"grazing": [], "inertia": []}
     draw = random.Random(7)
     while len(found["inertia"]) < samples:
@@ -171,13 +173,13 @@ def by_condition(samples: int) -> dict[str, list[dict[str, Any]]]:
         inertia = draw.choice([(moments[0], 0.0, 0.0, moments[1], 0.0, moments[2]), in_turned_axes])
         try:
             found["inertia"] += _sample(max(moments) / min(moments), _varied(draw, inertia))
-        except ImpactError:  # rounding made it the tensor of no body
+        except ImpactError:  # rounded to a tensor that no body has
             continue
     return found
 
 
 def _sample(condition: float, scene: Scene) -> list[dict[str, Any]]:
-    """Error and bound in each precision; nothing for bodies that separate."""
+    """Error and bound in each precision; an empty list for bodies that separate."""
     sample: dict[str, Any] = {"condition": condition}
     for precision in (Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED):
         impact = resolve(*scene, ImpactModel(Law.COULOMB, Geometry.SPATIAL, precision))
@@ -190,7 +192,7 @@ def _sample(condition: float, scene: Scene) -> list[dict[str, Any]]:
 
 
 def _varied(draw: random.Random, inertia: tuple[float, ...]) -> Scene:
-    """``PAIR`` with other velocities, and another body_a."""
+    """``PAIR`` with random velocities, and another inertia of body_a."""
 
     def vector() -> Vec3:
         return Vec3(*(draw.gauss(0, 1) for _ in range(3)))
@@ -204,7 +206,7 @@ def _varied(draw: random.Random, inertia: tuple[float, ...]) -> Scene:
 
 
 def drift(precision: str, impacts: int) -> list[dict[str, float]]:
-    """How far energy and momenta of three bodies are off, after many elastic impacts where they are."""
+    """Relative drift of energy and momenta of three fixed bodies, after many elastic impacts."""
     draw = random.Random(20)
 
     def vector() -> list[float]:
@@ -227,7 +229,7 @@ def drift(precision: str, impacts: int) -> list[dict[str, float]]:
     while done < impacts:
         (a, b), contact = draw.choice(contacts)
         impact = resolve(bodies[a], bodies[b], contact, model)
-        if impact.status is StatusCode.SEPARATING:  # see it from the other side
+        if impact.status is StatusCode.SEPARATING:  # then the opposite normal approaches
             impact = resolve(bodies[a], bodies[b], contact._replace(normal=-contact.normal), model)
         for i, twist in ((a, impact.twist_a), (b, impact.twist_b)):
             bodies[i] = bodies[i].with_twist(twist)
@@ -242,7 +244,7 @@ def drift(precision: str, impacts: int) -> list[dict[str, float]]:
 
 
 def invariants(bodies: list[Body]) -> tuple[Any, ...]:
-    """What elastic impacts keep, in exact arithmetic but for the last rounding."""
+    """Energy and momenta, which elastic impacts conserve: in exact arithmetic except for the last rounding."""
     energy, momentum, angular = exact.Fraction(0), exact.ZERO, exact.ZERO
     for body in bodies:
         side = exact.Side(exact.PlainBody(*body[:7]), exact.ZERO)
@@ -259,7 +261,7 @@ def invariants(bodies: list[Body]) -> tuple[Any, ...]:
 
 
 def jobs(share: int) -> Iterator[tuple[str, tuple[Any, ...]]]:
-    """Functions of this module, and what to give them; the longest first."""
+    """Names and arguments of the functions of this module to run, the longest first."""
     for precision in ("EXTENDED", "DOUBLE", "SINGLE"):
         yield "drift", (precision, IMPACTS // share)
     yield "by_condition", (SAMPLES // share,)
@@ -281,7 +283,7 @@ def _done(job: tuple[str, tuple[Any, ...]]) -> tuple[tuple[str, tuple[Any, ...]]
 
 
 def measure(share: int = 1) -> dict[str, Any]:
-    """The figures of the report."""
+    """Measure all figures of the report."""
     start, tally, others = time.monotonic(), Tally.empty(), {}
     todo = list(jobs(share))
     with multiprocessing.Pool(CORES) as pool:
@@ -303,7 +305,7 @@ def measure(share: int = 1) -> dict[str, Any]:
 
 
 def rows_of(tally: Tally) -> list[dict[str, Any]]:
-    """For each key what came of its impacts."""
+    """A row with the outcomes of each key."""
     rows: dict[Key, dict[str, Any]] = {}
     for (key, outcome), count in tally.counts.items():
         rows.setdefault(key, {"key": list(key), "statuses": {}})["statuses"][outcome] = count
@@ -318,9 +320,9 @@ def rows_of(tally: Tally) -> list[dict[str, Any]]:
 
 
 def main() -> int:
-    """Measure, and write."""
+    """Measure and write."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--quick", action="store_true", help="a twentieth of the work, to the terminal")
+    parser.add_argument("--quick", action="store_true", help="do a twentieth of the work, and only print")
     quick = parser.parse_args().quick
     results = measure(20 if quick else 1)
     if quick:

@@ -1,4 +1,4 @@
-"""The tables and pictures of docs/stability.md, from what was measured."""
+"""The tables and pictures of docs/stability.md, made from the measurements."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from pages import DOCS, ROOT, power, rewrite, significant, store, table
 
 LOW, HIGH = 1e-18, 30.0
-"""Where an error of 0 and an infinite bound are drawn."""
+"""Where the plots show an error of 0 and an infinite bound."""
 
 ERROR, BOUND, INK, GREY = "#2a7f9e", "#d95f02", "#222222", "#8a8a8a"
 PRECISIONS = ("SINGLE", "DOUBLE", "EXTENDED")
@@ -36,7 +36,7 @@ OTHER = (*ANSWERS, "asked", "bounded")
 
 
 def write(results: dict[str, Any]) -> None:
-    """The numbers, the tables and the pictures."""
+    """Write the results, the tables and the pictures."""
     kept = {key: value for key, value in results.items() if key != "conditions"}
     store(kept, ROOT / "benchmarks" / "results" / f"stability-{results['date']}.json")
     rewrite(DOCS / "stability.md", {name: part(results) for name, part in PARTS.items()})
@@ -72,12 +72,12 @@ def _random(results: dict[str, Any]) -> str:
                 f"**{sum(row['violations'] for row in own)}**",
             ])  # fmt: skip
     head = ["law", "magnitudes", "impacts", *(f"bounded, `{p}`" for p in PRECISIONS), "by default",
-            "bound / error, `DOUBLE`", "worst error / bound", "above"]  # fmt: skip
+            "bound / error, `DOUBLE`", "worst error / bound", "violations"]  # fmt: skip
     return table(head, rows)
 
 
 def _share(row: dict[str, Any]) -> str:
-    """Of all impacts those that have an answer with a bound."""
+    """Share of the impacts whose answer has a finite bound."""
     share = row["statuses"].get("bounded", 0) / row["statuses"]["asked"]
     return "all" if share == 1 else f"{100 * share:.3g} %" if share < 0.9995 else f"{100 * share:.2f} %"
 
@@ -100,7 +100,7 @@ def _attacks(results: dict[str, Any]) -> str:
                 _worst(row["worst"]),
                 f"**{row['violations']}**",
             ])  # fmt: skip
-    head = ["family", "cases", *(f"`{name}`" for name in ANSWERS), "refused", "worst error / bound", "above"]
+    head = ["family", "cases", *(f"`{name}`" for name in ANSWERS), "refused", "worst error / bound", "violations"]
     return table(head, rows)
 
 
@@ -122,8 +122,8 @@ PARTS: dict[str, Callable[[dict[str, Any]], str]] = {
 
 
 def draw_conditions(conditions: dict[str, list[dict[str, Any]]], path: Path) -> None:
-    """True errors and their bounds, a row for each ill condition, a column for each precision."""
-    titles = {"grazing": "grazing: slip / approach speed", "inertia": "slender body: greatest / least moment"}
+    """Plot true errors and bounds, with a row for each ill condition and a column for each precision."""
+    titles = {"grazing": "grazing: slip / approach speed", "inertia": "slender body: largest / smallest moment"}
     figure, axes = plt.subplots(2, 3, figsize=(8, 5.2), sharex=True, sharey=True, layout="constrained")
     for row, (kind, title) in zip(axes, titles.items(), strict=True):
         for ax, precision in zip(row, PRECISIONS, strict=True):
@@ -145,7 +145,7 @@ def _draw_condition(ax: Axes, samples: list[dict[str, Any]], precision: str) -> 
     ax.scatter(x, bounds, s=4, color=BOUND, alpha=0.6, linewidths=0, label="error_bound of each impact")
     ax.scatter(x, errors, s=4, color=ERROR, alpha=0.6, linewidths=0, label="its true error")
     edges, least = _lower_envelope([(a, b) for a, b in zip(x, bounds, strict=True) if b < HIGH])
-    ax.plot(edges, least, color=BOUND, linewidth=1.2, label="least bound hereabouts")
+    ax.plot(edges, least, color=BOUND, linewidth=1.2, label="smallest bound nearby")
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_ylim(LOW / 2, 300)
@@ -160,7 +160,7 @@ def _draw_condition(ax: Axes, samples: list[dict[str, Any]], precision: str) -> 
 
 
 def _lower_envelope(points: Iterable[tuple[float, float]]) -> tuple[list[float], list[float]]:
-    """The least ordinate in each half decade of the abscissa."""
+    """Minimum of the ordinates in each half decade of the abscissa."""
     least: dict[int, float] = {}
     for a, b in points:
         place = math.floor(2 * math.log10(a))
@@ -170,7 +170,7 @@ def _lower_envelope(points: Iterable[tuple[float, float]]) -> tuple[list[float],
 
 
 def draw_drift(drifts: dict[str, list[dict[str, float]]], path: Path) -> None:
-    """What elastic impacts should keep, against their number."""
+    """Plot the drift of what elastic impacts should conserve, against their number."""
     figure, axes = plt.subplots(1, 3, figsize=(8, 2.9), sharex=True, sharey=True, layout="constrained")
     for ax, quantity in zip(axes, ("energy", "momentum", "angular momentum"), strict=True):
         for precision, colour in DRIFT_COLOURS.items():

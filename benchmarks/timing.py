@@ -1,4 +1,4 @@
-"""Times that can be compared: all taken in one run, round by round, one after the other."""
+"""Comparable times: in each round, all calls are timed one after the other."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Call = Callable[[], Any]
 T = TypeVar("T")
 
 Samples = dict[str, list[float]]
-"""Seconds of one call, one for each round, by name. The rounds of all names are in step."""
+"""Times of one call [s], one for each round, by name. Entries with the same index are of the same round."""
 
 
 def interleaved(
@@ -23,9 +23,9 @@ def interleaved(
     seconds: float = 0.001,
     clock: Callable[[], float] = time.process_time,
 ) -> dict[T, list[float]]:
-    """Time every call in every round, each for about ``seconds``, in an order that changes.
+    """Time every call in every round, each for about ``seconds``, in a random order.
 
-    By default it is the time of the processor: while another process has the core, none passes.
+    The default clock is processor time, which stops while another process has the core.
     """
     numbers = {name: _repetitions(call, seconds) for name, call in calls.items()}
     samples: dict[T, list[float]] = {name: [] for name in calls}
@@ -39,7 +39,7 @@ def interleaved(
 
 
 def _repetitions(call: Call, seconds: float) -> int:
-    call()  # what is set up once is not measured
+    call()  # so that one-time setup is not measured
     start, number = time.perf_counter(), 0
     while (spent := time.perf_counter() - start) < seconds:
         call()
@@ -48,12 +48,12 @@ def _repetitions(call: Call, seconds: float) -> int:
 
 
 def spread(values: Sequence[float]) -> dict[str, float]:
-    """Least, middle and greatest."""
+    """Least, median and maximum."""
     return {"min": min(values), "median": median(values), "max": max(values)}
 
 
 def ratio(samples: Mapping[Any, list[float]], of: Any, to: Any) -> dict[str, float] | None:
-    """Quotients of two times of the same round; ``None`` where one was not taken."""
+    """Quotients of two times of the same round; ``None`` if one of them was not measured."""
     if of not in samples or to not in samples:
         return None
     return spread([a / b for a, b in zip(samples[of], samples[to], strict=True)])

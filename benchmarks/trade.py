@@ -1,7 +1,8 @@
-"""Time against true error and against the bound that is promised: every law, every precision, six scenes.
+"""Time against true error and error bound: every law, every precision, six scenes.
 
-The truth is the law's own answer, by the tests' oracle. So the error is that of rounding, not of the law; for
-that see ``between_laws``. Where MOREAU falls back to COULOMB, the truth is COULOMB's.
+The true answer is that of the same law, by the tests' oracle. So the error measures rounding and not the law;
+see ``between_laws`` for the difference between laws. If MOREAU falls back to COULOMB, the true answer is that
+of COULOMB.
 """
 
 from __future__ import annotations
@@ -23,13 +24,13 @@ from collision_response.in_python import arbitrary_precision
 from collision_response.in_python.exact_fractions import body_as_fractions, contact_as_fractions
 from collision_response.physics.mass_properties import sphere
 
-LAWS = [law for law in Law if law not in (Law.AUTO, Law.COMPLIANT)]  # of this no exact answer is known
-ROUNDS, FEW, CONTACTS = 9, 3, 512
-"""Turns of the clock, and of that for batches; contacts in a batch."""
+LAWS = [law for law in Law if law not in (Law.AUTO, Law.COMPLIANT)]  # which has no known exact answer
+ROUNDS, BATCH_ROUNDS, CONTACTS = 9, 3, 512
+"""Rounds of timing for single impacts and for batches; contacts in a batch."""
 
 
 class Way(NamedTuple):
-    """A row of the table: ``tolerance`` 0: none asked for."""
+    """A row of the table; a ``tolerance`` of 0 means none."""
 
     law: str
     precision: str
@@ -55,7 +56,7 @@ SUITE: dict[str, Callable[[], Scene]] = {
 
 
 def ways() -> dict[Way, ImpactModel]:
-    """What ``resolve`` is asked."""
+    """The models for ``resolve``."""
     precisions = (Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED)
     found = {Way(law.name, one.name): ImpactModel(law, precision=one) for law in LAWS for one in precisions}
     for tolerance in (1e-6, 1e-9, 1e-12, 1e-15):
@@ -66,7 +67,7 @@ def ways() -> dict[Way, ImpactModel]:
 
 
 def batch_ways() -> dict[Way, ImpactModel]:
-    """What ``resolve_batch`` is asked."""
+    """The models for ``resolve_batch``."""
     found = {}
     for law in batch.LAWS:
         found[Way(law.name, "DOUBLE", by="batch")] = ImpactModel(law)
@@ -76,7 +77,7 @@ def batch_ways() -> dict[Way, ImpactModel]:
 
 
 def measure(skipped: dict[str, str], progress: Callable[[str], object]) -> dict[str, Any]:
-    """Time [s], error and bound of every way in every scene; the plot; the distances between the laws."""
+    """Measure time [s], error and bound of every way in every scene, the plot, and the differences between laws."""
     points, between, above, bounded = [], {}, [], 0
     for name, build in SUITE.items():
         progress(f"    {name}")
@@ -88,7 +89,7 @@ def measure(skipped: dict[str, str], progress: Callable[[str], object]) -> dict[
         for way, model in ways().items():
             try:
                 answer = resolve(*scene, model)
-            except ImpactError:  # 32 bits are too few for some paths
+            except ImpactError:  # 32 bits are not enough for some paths
                 continue
             error = true_error(answer, truths[answer.model.law])
             calls[way], results[way] = by_resolve(scene, model).call, (error, answer.error_bound)
@@ -102,7 +103,7 @@ def measure(skipped: dict[str, str], progress: Callable[[str], object]) -> dict[
             out = run()
             bound = None if out.error_bound is None else float(out.error_bound[0])
             results[way] = error_of_impulse(out.impulse[:, 0], truths[Law[way.law]]), bound
-        of_batches = interleaved(runs, rounds=FEW, seconds=0.002)
+        of_batches = interleaved(runs, rounds=BATCH_ROUNDS, seconds=0.002)
         times |= {way: [t / CONTACTS for t in taken] for way, taken in of_batches.items()}
         points += [
             {
@@ -120,7 +121,7 @@ def measure(skipped: dict[str, str], progress: Callable[[str], object]) -> dict[
 
 
 def between_laws(truths: dict[Law, Any]) -> dict[str, float]:
-    """How far the exact impulses of the laws are from ROUTH_STRONGE's."""
+    """Relative differences of the laws' exact impulses from that of ROUTH_STRONGE."""
     reference = truths[Law.ROUTH_STRONGE].impulses[0]
     size = math.hypot(*map(float, reference))
     return {
@@ -134,12 +135,12 @@ def between_laws(truths: dict[Law, Any]) -> dict[str, float]:
 PLOTTED: dict[str, Callable[[], Scene]] = {
     "a usual pair": lambda: ALIGNED,
     "grazing at 1e-10 of the speed": lambda: grazing(ALIGNED, 1e-10),
-    "a thin rod, in axes not its own": thin_rod,
+    "a thin rod in other axes": thin_rod,
 }
 
 
 def plotted(name: str, scene: Scene, skipped: dict[str, str]) -> list[dict[str, Any]]:
-    """One frictionless impact by all means: ``kind`` is ours, exact, peer or batch."""
+    """One frictionless impact by all programs; ``kind`` is ours, exact, peer or batch."""
     scene = scene._replace(contact=scene.contact._replace(friction=0.0))
     truth, found, calls = truth_of(scene, Law.FRICTIONLESS), [], {}
 
@@ -168,7 +169,7 @@ def plotted(name: str, scene: Scene, skipped: dict[str, str]) -> list[dict[str, 
             note("peer", way, peer.error(peer.call(), truth), None, peer.call)
     times = interleaved(calls, rounds=ROUNDS, seconds=0.002)
     bodies, contacts = copies(scene, CONTACTS)
-    bodies = bodies[:16]  # all axes are the world's
+    bodies = bodies[:16]  # without orientation: all axes are the world's
     runs = {
         "batch": ImpactModel(Law.FRICTIONLESS),
         "batch, with bound": ImpactModel(Law.FRICTIONLESS, precision=Precision.DOUBLE, tolerance=1e-9),
@@ -189,12 +190,12 @@ def plotted(name: str, scene: Scene, skipped: dict[str, str]) -> list[dict[str, 
         call, impulse = batch.by_c(list(libraries.values())[-1], Law.FRICTIONLESS, bodies, contacts)
         call()
         note("batch", "C", error_of_impulse(impulse[:, 0], truth), None, call)
-    of_batches = interleaved(calls, rounds=FEW, seconds=0.002)
+    of_batches = interleaved(calls, rounds=BATCH_ROUNDS, seconds=0.002)
     times |= {way: [t / CONTACTS for t in taken] for way, taken in of_batches.items()}
     return [{**point, "s": spread(times[point["way"]])} for point in found]
 
 
 def in_fractions(scene: Scene) -> Any:
-    """The formulas as they are written, on exact rational numbers."""
+    """The Python formulas on exact rational numbers."""
     a, b, contact = scene
     return impact(body_as_fractions(a), body_as_fractions(b), contact_as_fractions(contact), Law.FRICTIONLESS)

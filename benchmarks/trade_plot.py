@@ -1,4 +1,4 @@
-"""The picture of the trade: time against true error, for an easy impact and for two hard ones."""
+"""The plot of time against true error, for an easy impact and for two hard ones."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ NAMES = {
     "pybullet, one step": "pybullet",
     "fractions": "Fraction",
 }
-LABELS = {  # where a name goes, in points, if its mark is at the lower edge, and if not
+LABELS = {  # offset of a name in points, if its mark is at the lower edge, and otherwise
     "C": ((-11, 0), (-11, 0)),
     "pinocchio": ((34, 34), (38, 16)),
     "MuJoCo": ((26, 0), (26, 0)),
@@ -43,7 +43,7 @@ FLOOR, CEILING = 1e-17, 3.0
 
 
 def draw(points: Sequence[Point], path: Path) -> None:
-    """A panel for each scene, to a file."""
+    """Draw a panel for each scene and save the figure."""
     plt.rcParams.update({"font.size": 11, "axes.spines.top": False, "axes.spines.right": False})
     names = list(dict.fromkeys(point["scene"] for point in points))
     figure, grid = plt.subplots(1, len(names), figsize=(12, 5.0), sharex=True, sharey=True)
@@ -59,7 +59,7 @@ def draw(points: Sequence[Point], path: Path) -> None:
 
 
 def panel(axes: Axes, name: str, points: dict[str, Point]) -> None:
-    """One scene."""
+    """Draw one scene."""
     axes.set(xscale="log", yscale="log", xlim=(4e-3, 2e4), ylim=(FLOOR / 30, CEILING))
     axes.set_title(name, loc="left", fontsize=12, fontweight="bold")
     axes.set_xticks([1e-2, 1, 1e2, 1e4], ["10 ns", "1 µs", "100 µs", "10 ms"])
@@ -81,17 +81,17 @@ def panel(axes: Axes, name: str, points: dict[str, Point]) -> None:
 
 
 def place(point: Point) -> tuple[float, float]:
-    """Microseconds, and the error within the picture."""
+    """Coordinates of a point: time [µs], and the error clipped to the plot."""
     return point["s"]["median"] * 1e6, shown(point["error"])
 
 
 def shown(error: float) -> float:
-    """Within the picture."""
+    """An error clipped to the range of the plot."""
     return min(max(error, FLOOR), CEILING)
 
 
 def mark(axes: Axes, way: str, point: Point) -> None:
-    """One way to the answer; a bar reaches up to what it promises."""
+    """Draw one way to the answer; a bar reaches up to its bound."""
     x, y = place(point)
     if point["bound"] is not None:
         _, _, colour, _ = STYLES[way]
@@ -116,7 +116,7 @@ def mark(axes: Axes, way: str, point: Point) -> None:
 
 
 def legend() -> list[Artist]:
-    """What the marks mean."""
+    """The marks and their meaning."""
 
     def dot(text: str, way: str) -> Line2D:
         marker, size, colour, filled = STYLES[way]
@@ -134,13 +134,13 @@ def legend() -> list[Artist]:
 
     return [
         dot("resolve()", "DOUBLE"),
-        dot("the same, EXTENDED", "EXTENDED"),
+        dot("resolve(), EXTENDED", "EXTENDED"),
         dot("batch, with bound", "batch, with bound"),
-        dot("the same, EXTENDED", "batch, EXTENDED"),
+        dot("batch, EXTENDED", "batch, EXTENDED"),
         dot("batch, no bound", "batch"),
         Line2D(
-            [], [], ls="-", color=ONE, lw=1.6, alpha=0.7, marker="_", markersize=9, label="up to its bound"
+            [], [], ls="-", color=ONE, lw=1.6, alpha=0.7, marker="_", markersize=9, label="error bound"
         ),
-        Line2D([], [], ls="", marker="X", markersize=8, color=PEER, label="peers, which have no bound"),
+        Line2D([], [], ls="", marker="X", markersize=8, color=PEER, label="peers, without a bound"),
         Line2D([], [], ls="", marker="D", markersize=7, color=EXACT, label="formulas on exact numbers"),
     ]

@@ -1,6 +1,6 @@
-"""The exact answers, by the tests' oracle, which shares no code with the package.
+"""Exact answers from the tests' oracle, which shares no code with the package.
 
-It computes in rational numbers, and with mpmath where the path of the impulse is followed.
+It computes with rational numbers, and with mpmath for laws that follow the path of the impulse.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def error_of_impulse(impulse: Any, truth: Answer) -> float:
 
 
 def error_of_twists(twists: Any, scene: Scene, truth: Answer) -> float:
-    """Of rows ``(v, w)`` after the impact: the greatest error, relative to what the impact changes."""
+    """Largest error of twists ``(v, w)`` after the impact, relative to what the impact changes."""
     P = truth.impulses[0]
     errors = []
     for body, side, row, push in zip(
