@@ -30,7 +30,7 @@ PARTS = {
     "trade": "time against true error",
     "scenes": "several contacts at once, against MuJoCo, pinocchio and Siconos",
 }
-"""Modules, and what their ``measure(skipped, say)`` measures: it notes what it skips, and prints by ``say``."""
+"""Modules, and what ``measure(skipped, say)`` measures: it notes what it skips and prints by ``say``."""
 
 OTHERS = ("benchmarks/stability.py", "docs/impact_laws.py", "docs/scenes.py", "docs/square_on_incline.py")
 """Scripts that make the other pages."""

@@ -102,7 +102,7 @@ def grazing(scene: Scene, share: float) -> Scene:
 
 
 def thin_rod() -> Scene:
-    """A rod a thousand times as long as thick strikes a box; its tensor is given in axes other than its own."""
+    """A rod a thousand times as long as thick strikes a box; its tensor is in axes other than its own."""
     mass, length, radius = 1.0, 1.0, 5e-4
     across, along = mass * (3 * radius**2 + length**2) / 12, mass * radius**2 / 2
     d = Vec3(2 / 3, 1 / 3, 2 / 3)
@@ -143,7 +143,10 @@ def tables(geometry: Geometry, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Tables of random pairs of movable bodies, each made of a few points, and of their contacts."""
     random = np.random.default_rng(0)
     body_row, contact_row = body_rows(geometry), contact_rows(geometry)
-    bodies, contacts = random.normal(size=(body_row.height, 2, n)), random.normal(size=(contact_row.height, n))
+    bodies, contacts = (
+        random.normal(size=(body_row.height, 2, n)),
+        random.normal(size=(contact_row.height, n)),
+    )
     bodies[body_row.mass] = random.uniform(0.5, 2.0, size=(1, 2, n))
     if geometry is Geometry.PLANAR:
         bodies[body_row.inertia] = random.uniform(0.5, 2.0, size=(1, 2, n))
@@ -166,7 +169,7 @@ def with_immovable(bodies: np.ndarray, geometry: Geometry) -> np.ndarray:
 
 
 def flat_boxes(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Tables of ``n`` sliding boxes that land flat on four corners each, and the pairs. The last body is the floor."""
+    """Tables and pairs of ``n`` sliding boxes that land flat on four corners each. The floor comes last."""
     random = np.random.default_rng(0)
     body_row, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
     bodies, contacts = np.zeros((body_row.height, n + 1)), np.zeros((contact_row.height, 4 * n))
@@ -191,5 +194,8 @@ def copies(scene: Scene, n: int) -> tuple[np.ndarray, np.ndarray]:
         bodies[body_row.orientation, side] = np.array(body.orientation or (0.0, 0.0, 0.0, 1.0))[:, None]
     for field in ("position", "normal"):
         contacts[getattr(contact_row, field)] = np.array(getattr(scene.contact, field), dtype=float)[:, None]
-    contacts[contact_row.restitution], contacts[contact_row.friction] = scene.contact.restitution, scene.contact.friction
+    contacts[contact_row.restitution], contacts[contact_row.friction] = (
+        scene.contact.restitution,
+        scene.contact.friction,
+    )
     return bodies, contacts

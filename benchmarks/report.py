@@ -88,8 +88,8 @@ def service(results: Results) -> str:
     answered, echoed = (times(found["s"][f"{name}, batch"], 1e3) for name in ("plain", "echo"))
     return (
         f"{table(head, rows)}\n\nThe node's callback alone, without the transport, takes "
-        f"{times(found['callback'], 1e6)} µs.\n\nFor a batch of 1e4 contacts in space the node needs {answered} "
-        f"ms, the echo {echoed} ms; the ratio is {times(found['ratios']['batch'])}."
+        f"{times(found['callback'], 1e6)} µs.\n\nFor a batch of 1e4 contacts in space the node needs "
+        f"{answered} ms, the echo {echoed} ms; the ratio is {times(found['ratios']['batch'])}."
     )
 
 

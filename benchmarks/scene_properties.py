@@ -38,7 +38,7 @@ class Outcome(NamedTuple):
 
 
 def checks() -> Iterator[tuple[str, Callable[..., None], list[Law | None]]]:
-    """Name and function of each check that takes a seed, with the laws that it takes (``None`` if it takes none)."""
+    """Name, function and laws of each check that takes a seed; the law is ``None`` if it takes none."""
     for name, check in vars(properties).items():
         of_one = getattr(check, "__wrapped__", None)  # the function that each_seed repeats
         if name.startswith("test_") and of_one is not None:

@@ -333,7 +333,7 @@ FOR_FRICTION = {f"`{law.name}`": ours(law) for law in (Law.FRICTIONLESS, Law.COU
 
 
 def measure(_: object, say: Callable[[str], object], *, quick: bool = False) -> dict[str, Any]:
-    """Measure the answers to the cradle and the flat box, the times by number of contacts, and the targets."""
+    """Measure the answers to cradle and flat box, the times by number of contacts, and the targets."""
     skipped: dict[str, str] = {}
     ways: dict[str, Callable[[Scene], Way]] = {**OURS, "one after another": in_turn}
     siconos = None
@@ -404,7 +404,7 @@ def cost(
 
 
 def box_ratio() -> float:
-    """Time of a sliding flat box divided by that of one of its corners: the minimum of each over several rounds."""
+    """Time of a sliding flat box divided by that of one corner; the minimum of each over several rounds."""
     bodies, pairs, contacts, _ = boxes(4)
     bodies = [bodies[0]._replace(velocity=Vec3(0.25, 0.0, -1.0)), bodies[1]]
     contacts = [contact._replace(restitution=0.5, friction=0.3) for contact in contacts]

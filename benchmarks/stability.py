@@ -55,7 +55,7 @@ WILDNESS = {"usual": 0.0, "1e±3": 3.0, "1e±10": 10.0, "1e±30": 30.0, "1e±150
 
 WILDEST_PATH = 3.0
 REQUESTS, PATH_REQUESTS, SAMPLES, IMPACTS = 1500, 500, 400, 1_000_000
-"""Impacts for each law and spread, for each path law and spread, for each ill condition, and for the drift."""
+"""Impacts for each law and spread, each path law and spread, each ill condition, and for the drift."""
 
 PIECE = 50
 """Random impacts of one job."""
@@ -244,7 +244,7 @@ def drift(precision: str, impacts: int) -> list[dict[str, float]]:
 
 
 def invariants(bodies: list[Body]) -> tuple[Any, ...]:
-    """Energy and momenta, which elastic impacts conserve: in exact arithmetic except for the last rounding."""
+    """Energy and momenta, which elastic impacts conserve; exact except for the last rounding."""
     energy, momentum, angular = exact.Fraction(0), exact.ZERO, exact.ZERO
     for body in bodies:
         side = exact.Side(exact.PlainBody(*body[:7]), exact.ZERO)

@@ -100,7 +100,14 @@ def _attacks(results: dict[str, Any]) -> str:
                 _worst(row["worst"]),
                 f"**{row['violations']}**",
             ])  # fmt: skip
-    head = ["family", "cases", *(f"`{name}`" for name in ANSWERS), "refused", "worst error / bound", "violations"]
+    head = [
+        "family",
+        "cases",
+        *(f"`{name}`" for name in ANSWERS),
+        "refused",
+        "worst error / bound",
+        "violations",
+    ]
     return table(head, rows)
 
 
@@ -123,7 +130,10 @@ PARTS: dict[str, Callable[[dict[str, Any]], str]] = {
 
 def draw_conditions(conditions: dict[str, list[dict[str, Any]]], path: Path) -> None:
     """Plot true errors and bounds, with a row for each ill condition and a column for each precision."""
-    titles = {"grazing": "grazing: slip / approach speed", "inertia": "slender body: largest / smallest moment"}
+    titles = {
+        "grazing": "grazing: slip / approach speed",
+        "inertia": "slender body: largest / smallest moment",
+    }
     figure, axes = plt.subplots(2, 3, figsize=(8, 5.2), sharex=True, sharey=True, layout="constrained")
     for row, (kind, title) in zip(axes, titles.items(), strict=True):
         for ax, precision in zip(row, PRECISIONS, strict=True):

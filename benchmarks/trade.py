@@ -77,7 +77,7 @@ def batch_ways() -> dict[Way, ImpactModel]:
 
 
 def measure(skipped: dict[str, str], progress: Callable[[str], object]) -> dict[str, Any]:
-    """Measure time [s], error and bound of every way in every scene, the plot, and the differences between laws."""
+    """Measure time [s], error and bound of all ways in all scenes, the plot, and the laws' differences."""
     points, between, above, bounded = [], {}, [], 0
     for name, build in SUITE.items():
         progress(f"    {name}")

@@ -138,9 +138,7 @@ def legend() -> list[Artist]:
         dot("batch, with bound", "batch, with bound"),
         dot("batch, EXTENDED", "batch, EXTENDED"),
         dot("batch, no bound", "batch"),
-        Line2D(
-            [], [], ls="-", color=ONE, lw=1.6, alpha=0.7, marker="_", markersize=9, label="error bound"
-        ),
+        Line2D([], [], ls="-", color=ONE, lw=1.6, alpha=0.7, marker="_", markersize=9, label="error bound"),
         Line2D([], [], ls="", marker="X", markersize=8, color=PEER, label="peers, without a bound"),
         Line2D([], [], ls="", marker="D", markersize=7, color=EXACT, label="formulas on exact numbers"),
     ]
