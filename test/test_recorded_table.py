@@ -222,7 +222,7 @@ def _assert_refused_as_foreign(path, capsys):
         assert main([command, str(path)]) == 2
         said = capsys.readouterr()
         assert said.out == ""
-        assert said.err.startswith(f"collision_response {command}: {path} is no recording of this node: ")
+        assert said.err.startswith(f"collision_response {command}: {path} is not a recording of this node: ")
         assert said.err.count("\n") == 1
     assert not path.with_suffix(".html").exists()
 

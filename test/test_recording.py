@@ -284,7 +284,7 @@ class TestRotation:
             first.rename(tmp_path / "moved.rrd")
         recorder.add(impact(1))
         recorder.close()
-        assert problems == [f"recording {first} was removed; what comes goes into a new file"]
+        assert problems == [f"recording {first} was removed; recording continues in a new file"]
         assert recorder.path == tmp_path / "here" / "a_001.rrd"
         verify(recorder.path, *tmp_path.glob("moved.rrd"))
         assert [row[1] for row in read(recorder.path, "/impact/impulse", "Scalars:scalars")] == [1]
@@ -473,7 +473,7 @@ def test_an_entry_that_cannot_be_written_leaves_a_gap(tmp_path, monkeypatch):
     assert [*told] == [1, 2, 3, 4, 5]
     assert told[2].startswith("1 entries are missing here: this cannot be written: Unicode")
     first, last = problems
-    assert first.startswith("an entry cannot be written, and is left out; this is said once:\nTraceback")
+    assert first.startswith("an entry cannot be written and is left out (logged once):\nTraceback")
     assert last == f"recording {recorder.path} lacks 3 entries, which cannot be written"
 
 

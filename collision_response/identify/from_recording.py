@@ -66,11 +66,11 @@ def impacts_in(path: Path, within: float) -> Impacts:
 def _rows(path: Path, entity: str) -> Iterator[dict[str, Any]]:
     """The rows of an entity, by column."""
     try:
-        from ..recording.table import complete
+        from ..recording.table import open_complete
     except ImportError:
         raise ImportError("a recording needs rerun: pip install rerun-sdk") from None
     try:
-        chunks = list(complete(path).stream().filter(content=entity).to_chunks())
+        chunks = list(open_complete(path).stream().filter(content=entity).to_chunks())
     except (RuntimeError, ValueError) as error:  # of a file that is none of rerun's own, or cut short
         raise OSError(str(error)) from None
     for chunk in chunks:

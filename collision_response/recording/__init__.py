@@ -1,4 +1,4 @@
-"""Impacts to a rerun recording: a worker with a queue. Importing this does not import rerun."""
+"""Recording of impacts for the rerun viewer, by a worker thread. Importing this does not import rerun."""
 
 from .record import BodyRecord, Gap, Record, Refusal, SceneRecord
 from .recorder import Recorder

@@ -1,4 +1,4 @@
-"""What a body looks like, from its mass and inertia alone: nobody tells the recorder its shape."""
+"""The shape that is drawn for a body, from its mass and inertia: its real shape is unknown."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import rerun as rr
 from ..physics.body import Body
 
 EQUAL = 1e-6
-"""Moments of inertia that differ by less than this part of the largest are those of a ball."""
+"""Principal moments that differ by less than this fraction of the largest are those of a ball."""
 
-THINNEST = 0.02
-"""Least half-size that is drawn, of the largest."""
+MIN_THICKNESS = 0.02
+"""Smallest half-size that is drawn, as a fraction of the largest."""
 
 
 class EquivalentSolid(NamedTuple):
     """The homogeneous ball or box that has a body's mass and inertia.
 
     Attributes:
-        is_ball: else it is a box. A cube, too, is shown as the ball of its inertia.
-        half_sizes: along its axes [m].
-        axes: a quaternion ``(x, y, z, w)``, from its axes to those of the body.
+        is_ball: whether it is a ball; otherwise it is a box. A cube is drawn as the ball with its inertia.
+        half_sizes: half of its size along each of its axes [m].
+        axes: quaternion ``(x, y, z, w)`` from its axes to the body axes.
     """
 
     is_ball: bool
@@ -31,7 +31,7 @@ class EquivalentSolid(NamedTuple):
 
     @classmethod
     def of(cls, body: Body) -> EquivalentSolid | None:
-        """``None`` for a point mass, and for a body that nothing moves."""
+        """Equivalent solid of a body; ``None`` for a point mass and for an immovable body."""
         xx, xy, xz, yy, yz, zz = body.inertia
         moments, columns = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
         if not moments[2] > 0:
@@ -42,8 +42,8 @@ class EquivalentSolid(NamedTuple):
         return cls(is_ball, np.sqrt(mean_squares * (5 if is_ball else 3)), _quaternion(columns))
 
     def columns(self) -> Any:
-        """What is drawn, as one row; the thin is given a thickness, or the viewer would show nothing."""
-        half_sizes = np.maximum(self.half_sizes, THINNEST * self.half_sizes.max())
+        """Columns for rerun, with one row. Thin solids get a thickness: the viewer would not show them."""
+        half_sizes = np.maximum(self.half_sizes, MIN_THICKNESS * self.half_sizes.max())
         kind = rr.Ellipsoids3D if self.is_ball else rr.Boxes3D
         return kind.columns(
             half_sizes=[half_sizes], quaternions=[self.axes], fill_mode=[rr.components.FillMode.Solid]
@@ -51,7 +51,7 @@ class EquivalentSolid(NamedTuple):
 
 
 def _quaternion(m: np.ndarray) -> np.ndarray:
-    """Of a rotation matrix: the eigenvector of the largest eigenvalue (Bar-Itzhack 2000)."""
+    """Quaternion of a rotation matrix: the eigenvector of the largest eigenvalue (Bar-Itzhack 2000)."""
     k = np.array(
         [
             [m[0, 0] - m[1, 1] - m[2, 2], m[1, 0] + m[0, 1], m[2, 0] + m[0, 2], m[2, 1] - m[1, 2]],

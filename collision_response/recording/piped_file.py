@@ -1,4 +1,4 @@
-"""A file that rerun may write without ever failing to."""
+"""A file to which rerun can write without errors."""
 
 from __future__ import annotations
 
@@ -12,42 +12,46 @@ CHUNK = 1 << 16
 class PipedFile:
     """A new file behind a pipe.
 
-    rerun writes files in a thread of its own, and does not outlive an error in it: with the disk
-    full, closing the recording, and even leaving the interpreter, may wait for ever (rerun 0.41).
-    What is written to the pipe is always taken; an error of the file is kept, to be asked for.
+    rerun writes files in a thread of its own, and does not survive an error in that thread: if the disk is
+    full, closing the recording, or even leaving the interpreter, may wait for ever (rerun 0.41). A pipe
+    accepts everything. If the file cannot be written, the error is kept and the data is dropped.
 
     Attributes:
-        name: of the pipe's end, for rerun to open.
-        error: what went wrong with the file, if anything did.
+        name: path of the pipe's end that rerun opens.
+        error: the error of the file, if there was one.
+
+    Args:
+        path: the path of the file.
+
+    Raises:
+        OSError: if the file exists or cannot be created.
     """
 
     def __init__(self, path: Path) -> None:
-        """Create the file.
-
-        Raises:
-            OSError: it exists, or cannot be created.
-        """
         self.error: OSError | None = None
         self._path = path
         self._file = path.open("xb", buffering=0)
         self._source, self._sink = os.pipe()
         self.name = f"/dev/fd/{self._sink}"
-        self._pump = threading.Thread(target=self._copy, name="recording file", daemon=True)
-        self._pump.start()
+        self._copier = threading.Thread(target=self._copy, name="recording file", daemon=True)
+        self._copier.start()
 
-    def opened(self) -> None:
-        """To be called once ``name`` has been opened: the file ends when whoever did so closes it."""
+    def close_own_end(self) -> None:
+        """Close our copy of the pipe's end, once rerun has opened ``name``.
+
+        Then the file ends when rerun closes it.
+        """
         os.close(self._sink)
 
     def size(self) -> int:
-        """What has been written [bytes]; before :meth:`join` only."""
+        """Number of bytes written so far. Not to be called after :meth:`join`."""
         return os.fstat(self._file.fileno()).st_size
 
     def is_in_place(self) -> bool:
-        """Whether the file is still where it was created; before :meth:`join` only.
+        """Whether the file is still at its path. Not to be called after :meth:`join`.
 
         Raises:
-            OSError: nobody can tell.
+            OSError: if the path cannot be examined.
         """
         try:
             return os.path.samestat(self._path.stat(), os.fstat(self._file.fileno()))
@@ -55,13 +59,13 @@ class PipedFile:
             return False
 
     def check(self) -> None:
-        """Raises: OSError: something went wrong with the file."""
+        """Raise the error of the file, if there was one."""
         if self.error is not None:
             raise self.error
 
     def join(self) -> None:
-        """Wait until all is written."""
-        self._pump.join()
+        """Wait until everything is written."""
+        self._copier.join()
 
     def _copy(self) -> None:
         with self._file, open(self._source, "rb", buffering=0) as source:

@@ -1,4 +1,4 @@
-"""What is recorded, in plain Python."""
+"""The entries of a recording, without rerun."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ class Record(NamedTuple):
     """One impact.
 
     Attributes:
-        stamp: when [ns]; 0 if nobody knows.
+        stamp: time of the impact [ns]; 0 if unknown.
         sequence: number of the answer.
-        name_a, name_b: of the bodies.
+        name_a, name_b: names of the bodies.
         body_a, body_b, contact, model: the request.
         impact: the answer.
-        duration: of the computation [s]; NaN if nobody measured it.
+        duration: time that the computation took [s]; NaN if unknown.
     """
 
     stamp: int
@@ -37,12 +37,12 @@ class SceneRecord(NamedTuple):
     """Several contacts at once.
 
     Attributes:
-        stamp: when [ns]; 0 if nobody knows.
+        stamp: time of the impact [ns]; 0 if unknown.
         sequence: number of the answer.
-        names: of the bodies.
-        bodies: before the impact.
+        names: names of the bodies.
+        bodies: the bodies before the impact.
         pairs: for each contact, the indices of its body_a and its body_b.
-        contacts, model: as asked.
+        contacts, model: the rest of the request.
         impact: the answer.
     """
 
@@ -57,12 +57,12 @@ class SceneRecord(NamedTuple):
 
 
 class BodyRecord(NamedTuple):
-    """Where a body was, at a time when nothing need have struck it.
+    """State of a body that was received, whether or not the body collides.
 
     Attributes:
-        stamp: when [ns].
-        name: of the body.
-        body: as it was.
+        stamp: time of the state [ns].
+        name: name of the body.
+        body: the state.
     """
 
     stamp: int
@@ -71,12 +71,12 @@ class BodyRecord(NamedTuple):
 
 
 class Refusal(NamedTuple):
-    """One request that could not be answered.
+    """One request that was refused.
 
     Attributes:
-        stamp: when [ns]; 0 if nobody knows.
+        stamp: time of the request [ns]; 0 if unknown.
         sequence: number of the answer.
-        reason: in words.
+        reason: the status code, a colon, and why the request was refused.
     """
 
     stamp: int
@@ -85,13 +85,13 @@ class Refusal(NamedTuple):
 
 
 class Gap(NamedTuple):
-    """Entries that are missing.
+    """A place where entries are missing.
 
     Attributes:
-        stamp: of the last entry before them, or of the one that is missing [ns]; 0 if nobody knows.
-        sequence: number of that answer.
-        missing: how many.
-        why: they are.
+        stamp: stamp of the last entry before the gap, or of the missing entry [ns]; 0 if unknown.
+        sequence: sequence number of the same.
+        missing: number of missing entries.
+        why: why they are missing.
     """
 
     stamp: int
@@ -104,10 +104,10 @@ Entry = Record | SceneRecord | BodyRecord | Refusal | Gap
 
 
 class UnwritableEntries(Exception):
-    """Entries of which there is nothing to be written, whatever is done; nothing of their batch is.
+    """Some entries of a batch cannot be written, so nothing of the batch was written.
 
     Attributes:
-        entries: those.
+        entries: the entries that cannot be written.
     """
 
     def __init__(self, entries: list[Entry]) -> None:

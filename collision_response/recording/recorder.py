@@ -1,4 +1,4 @@
-"""The worker that writes recordings, and never gets in the way of who feeds it."""
+"""A worker thread that writes recordings and never blocks its callers."""
 
 from __future__ import annotations
 
@@ -19,55 +19,56 @@ if TYPE_CHECKING:
     from .writer import Writer
 
 CAPACITY = 10_000
-"""Entries that may wait. Those that come on top of them are dropped."""
+"""Number of entries that may wait. Further entries are dropped."""
 
 INTERVAL = 2.0
-"""Entries are written in batches, this often [s], or when half of the capacity waits.
+"""Time [s] between two batches. A batch is also written as soon as half of the capacity waits.
 
-Each batch costs the file some 2 kB for each entity in it, whatever the number of rows, and up to five
-times as much memory until the file is complete. A killed process loses what it had not written."""
+Each batch costs about 2 kB in the file for each entity in it, whatever the number of rows, and up to five
+times as much memory until the file is complete. A killed process loses what it has not written."""
 
 STATES_INTERVAL = 10.0
-"""Body states are written this often [s], or when half of the capacity waits: there are many bodies."""
+"""Time [s] between two batches of body states, which are written less often because there are many bodies."""
 
 MAX_SIZE = 50.0
-"""Of a file [MB]. Until it is complete, memory grows with it: with these limits by at most some 200 MB."""
+"""Largest file [MB]. Until a file is complete, memory grows with it, with these limits by up to 200 MB."""
 
 MAX_DURATION = 3600.0
-"""Of a file [s], from the first entry in it."""
+"""Longest duration of a file [s], from its first entry."""
 
 
 def check_name(name: str) -> None:
-    """Make sure that a file of this name lies in the directory of the recordings. Empty: none is given.
+    """Check that a file name has no directory. The empty name, which means none, is accepted.
 
     Raises:
-        ValueError: it is more than a plain name.
+        ValueError: if it is not a plain file name.
     """
     if name in (".", "..") or "/" in name or not name.isprintable():
         raise ValueError(f"must be a plain file name, without a directory; is {name!r}")
 
 
 class Recorder:
-    """Writes impacts to new files. It costs the caller a queue's :meth:`put`, whatever happens.
+    """Writes impacts to new files. Each entry costs the caller one :meth:`put` to a queue.
 
-    One file follows the other, when it is large, or old, or has been removed. Each is complete in
-    itself, and all are one recording: ``rerun directory/*.rrd`` shows them together. Files that are
-    complete are never touched again. The names are numbered: ``name.rrd``, ``name_001.rrd``, and so on.
+    A new file begins when the current one is too large, too old, or has been removed. Each file is complete
+    in itself, and all of them are one recording: ``rerun directory/*.rrd`` shows them together. Complete
+    files are never touched again. The names are numbered: ``name.rrd``, ``name_001.rrd``, and so on.
 
-    A file that is not complete, for the process was killed or the disk was full, has no footer, and its
-    last piece may be torn. rerun itself makes a good file of what is there::
+    If the process is killed or the disk is full, the file is not complete: it has no footer, and its last
+    chunk may be cut off. rerun can recover the rest::
 
         rerun rrd merge --continue-on-error torn.rrd -o recovered.rrd
 
-    rerun is imported by the worker, for that takes a second. If it is not there, or a file cannot be
-    written, the recorder says so once and takes no more. An entry that cannot be written is left out.
+    The worker imports rerun, because that takes a second. If rerun is missing or a file cannot be written,
+    the recorder reports that once and drops all further entries. Single entries that cannot be written are
+    left out.
 
     Attributes:
-        path: of the file that is being written, or was last.
-        dropped: number of entries that found the queue full. They are recorded as gaps, too.
-        unwritable: number of entries that could not be written, whatever was done. Answers among them are
-            recorded as gaps, too.
-        untimed: number of sightings without a stamp. There is no place for them on any timeline.
+        path: path of the current file, or of the last one.
+        dropped: number of entries dropped because the queue was full. The recording has gaps for them.
+        unwritable: number of entries that could not be written. The recording has gaps for the answers among
+            them.
+        untimed: number of body states without a stamp, which have no place on any timeline.
     """
 
     def __init__(
@@ -84,16 +85,16 @@ class Recorder:
         """Start the worker.
 
         Args:
-            directory: made if it is not there.
-            report: is told what goes wrong, from any thread.
-            opened: is told of each file, once it is open, from the worker.
-            name: of the first file, which must not be there yet. Empty: one made from the time.
-            max_size: of a file [MB], passed by one batch at most; 0: any.
-            max_duration: of a file [s], from its first entry to the last batch; 0: any.
-            capacity: entries that may wait.
+            directory: directory of the files, which is made if it does not exist.
+            report: called with the text of each problem, from any thread.
+            opened: called with a text when a file has been opened, from the worker.
+            name: name of the first file, which must not exist yet. Empty: a name made from the time.
+            max_size: largest file [MB], exceeded by at most one batch; 0: no limit.
+            max_duration: longest time [s] from the first entry of a file to its last batch; 0: no limit.
+            capacity: number of entries that may wait.
 
         Raises:
-            ValueError: the name is more than a plain name.
+            ValueError: if ``name`` is not a plain file name.
         """
         check_name(name)
         self.path = directory / (name or f"collision_response_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}.rrd")
@@ -115,7 +116,7 @@ class Recorder:
         self._worker.start()
 
     def add(self, entry: Entry) -> None:
-        """Record this. Returns at once."""
+        """Record an entry. Returns at once."""
         if self._stopped.is_set():
             return
         waiting = self._queue.qsize()
@@ -129,14 +130,14 @@ class Recorder:
             self._due.set()
 
     def missing(self) -> int:
-        """How many entries are not recorded."""
+        """Number of entries that are not recorded."""
         return self.dropped + self.unwritable
 
     def close(self, timeout: float = 10.0) -> None:
-        """Write what waits and complete the file; a second call does nothing.
+        """Write all entries that wait and complete the file. A second call does nothing.
 
         Args:
-            timeout: how long to wait for that [s].
+            timeout: how long to wait for this [s].
         """
         if self._closing.is_set():
             return
@@ -154,31 +155,40 @@ class Recorder:
             self._report(f"recording {self._first} lacks {self.untimed} body states, which had no stamp")
 
     def _work(self) -> None:
-        what = "not recording to {}: {}"
+        problem = "not recording to {}: {}"
         try:
             from .writer import Recording, Writer
 
-            gc.freeze()  # what waits grows old: the collector would soon search all of rerun too, for 50 ms
+            gc.freeze()  # the garbage collector would search all of rerun, too, which takes 50 ms
             recording, batches = Recording(), self._batches()
-            rest: list[Entry] | None = []
-            while rest is not None:
+            remaining: list[Entry] | None = []
+            while remaining is not None:
                 with Writer(self.path, recording) as writer:
                     self._opened(f"recording to {self.path}")
-                    what = "recording {} has stopped: {}"
-                    rest = self._fill(writer, rest, batches)
-                if rest is not None:
-                    self.path = self._next()
-        except Exception as error:  # of rerun, of its absence or of the disk: none may reach the caller
-            self._report(what.format(self.path, str(error) or type(error).__name__))
+                    problem = "recording {} has stopped: {}"
+                    remaining = self._fill(writer, remaining, batches)
+                if remaining is not None:
+                    self.path = self._next_path()
+        except Exception as error:  # of rerun or the disk; it must not reach the caller
+            self._report(problem.format(self.path, str(error) or type(error).__name__))
         finally:
             self._stopped.set()
 
     def _fill(self, writer: Writer, first: list[Entry], batches: Iterator[list[Entry]]) -> list[Entry] | None:
-        """Write one file, from a batch on. Returns what belongs into the next one; ``None``: that was all."""
+        """Write one file.
+
+        Args:
+            writer: writes the file.
+            first: the first batch of the file.
+            batches: the batches after that.
+
+        Returns:
+            The first batch of the next file; ``None`` if the recording ends.
+        """
         begin = None
         for batch in filter(None, chain([first], batches)):
             if not writer.is_in_place():
-                self._report(f"recording {writer.path} was removed; what comes goes into a new file")
+                self._report(f"recording {writer.path} was removed; recording continues in a new file")
                 return batch
             if begin is None:
                 begin = time.monotonic()
@@ -190,22 +200,22 @@ class Recorder:
         return None
 
     def _write(self, writer: Writer, batch: list[Entry]) -> None:
-        """Write all that can be, and gaps in place of the other answers."""
+        """Write a batch, with gaps in place of answers that cannot be written."""
         try:
             writer.write(batch)
         except UnwritableEntries as error:
             if not self.unwritable:
                 fault = "".join(traceback.format_exception(error.__cause__))
-                self._report(f"an entry cannot be written, and is left out; this is said once:\n{fault}")
+                self._report(f"an entry cannot be written and is left out (logged once):\n{fault}")
             self.unwritable += len(error.entries)
-            odd = {id(entry) for entry in error.entries}
+            unwritable = {id(entry) for entry in error.entries}
             why = f"this cannot be written: {error.__cause__!r}"
-            rest = [entry for entry in batch if id(entry) not in odd]
+            rest = [entry for entry in batch if id(entry) not in unwritable]
             gaps = [Gap(e.stamp, e.sequence, 1, why) for e in error.entries if not isinstance(e, BodyRecord)]
             writer.write([*rest, *gaps])
 
-    def _next(self) -> Path:
-        """The next numbered name that is free."""
+    def _next_path(self) -> Path:
+        """Path with the next number that does not exist yet."""
         while True:
             self._number += 1
             path = self._first.with_stem(f"{self._first.stem}_{self._number:03d}")
@@ -213,19 +223,22 @@ class Recorder:
                 return path
 
     def _batches(self) -> Iterator[list[Entry]]:
-        """What is to be written, until :meth:`close`: states less often; after drops, with their gap."""
+        """Yield the batches to write, until :meth:`close`.
+
+        Body states are held back for ``STATES_INTERVAL``. A batch after dropped entries has a gap for them.
+        """
         states: list[Entry] = []
-        sequence, told, since, last = 0, 0, 0.0, False
+        sequence, recorded_drops, since, last = 0, 0, 0.0, False
         while not last:
             waiting = self._wait(STATES_INTERVAL if states else None)
             last = None in waiting
-            entries = [entry for entry in waiting if entry is not None and self._has_place(entry)]
+            entries = [entry for entry in waiting if entry is not None and self._has_timeline(entry)]
             sequence = max((e.sequence for e in entries if not isinstance(e, BodyRecord)), default=sequence)
             dropped = self.dropped
-            if dropped > told:
+            if dropped > recorded_drops:
                 stamp = max((entry.stamp for entry in entries), default=0)
-                entries.append(Gap(stamp, sequence, dropped - told))
-                told = dropped
+                entries.append(Gap(stamp, sequence, dropped - recorded_drops))
+                recorded_drops = dropped
             since = since if states else time.monotonic()
             states += (entry for entry in entries if isinstance(entry, BodyRecord))
             batch: list[Entry] = [entry for entry in entries if not isinstance(entry, BodyRecord)]
@@ -235,7 +248,11 @@ class Recorder:
             yield batch
 
     def _wait(self, timeout: float | None) -> list[Entry | None]:
-        """What waits, some time after the first of it came; nothing if nothing came until the timeout."""
+        """Wait for an entry, then for ``INTERVAL``, and return all entries that have come.
+
+        Returns nothing if no entry comes within ``timeout`` [s]. ``None`` among the entries: no more will
+        come.
+        """
         try:
             waiting = [self._queue.get(timeout=timeout)]
         except queue.Empty:
@@ -247,8 +264,8 @@ class Recorder:
             waiting.append(self._queue.get())
         return waiting
 
-    def _has_place(self, entry: Entry) -> bool:
-        """Whether there is a timeline for it."""
+    def _has_timeline(self, entry: Entry) -> bool:
+        """Whether there is a timeline for an entry; if not, it is counted."""
         if entry.stamp or not isinstance(entry, BodyRecord):
             return True
         if not self.untimed:

@@ -1,15 +1,18 @@
-"""Scenes as rows of a table, ``/scenes`` in a recording: written here, read here, asked again from here.
+"""The table ``/scenes`` of a recording, with one row per scene: writing, reading and recomputing it.
 
-The columns, after the timelines. Those of bodies and contacts hold all of a scene, one after the other:
+Its columns, after the timelines. Columns of bodies and contacts hold all bodies or contacts of the scene, one
+after the other:
 
-* words: ``status``, ``law``, ``geometry``, ``precision``, ``adjustments``; lists of them: ``bodies``,
+* words: ``status``, ``law``, ``geometry``, ``precision``, ``adjustments``; lists of words: ``bodies``
+(names),
   ``regimes``
-* numbers, as in :class:`~collision_response.SceneImpact`: those of ``NUMBERS``
-* of bodies: ``twists``, ``vx vy vz wx wy wz`` after the impact
-* of contacts: ``impulses``, ``x y z``; ``normal_velocities_before``, ``normal_velocities_after``;
+* numbers, as in :class:`~collision_response.SceneImpact`: the fields of ``NUMBERS``
+* for bodies: ``twists``, each ``vx vy vz wx wy wz`` after the impact
+* for contacts: ``impulses``, each ``x y z``; ``normal_velocities_before``, ``normal_velocities_after``;
   ``restitution``, ``friction``, as used
-* the request, complete: ``request_bodies``, ``request_contacts`` and ``request_model`` as ``/impacts`` has
-  them; ``request_pairs``: ``a b``
+* the request: ``request_bodies``, ``request_contacts`` and ``request_model`` with the numbers of
+``/impacts``;
+  ``request_pairs``, each ``a b``
 """
 
 from __future__ import annotations
@@ -27,7 +30,7 @@ from ..body_conversions import ROWS, body_from_numbers, body_to_numbers
 from ..scene.answer import NUMBERS
 from . import table
 from .record import SceneRecord
-from .table import ARCHETYPE, changed, contact_of, model_of, numbers_of_contact
+from .table import ARCHETYPE, changed_columns, contact_of, model_of, numbers_of_contact
 
 TABLE = "/scenes"
 
@@ -51,12 +54,12 @@ COLUMNS = {
     **dict.fromkeys(NUMBERS, table.NUMBER),
     **dict.fromkeys(LISTS, table.LIST),
 }
-CONTACT = 9
-"""Numbers of a contact in a request."""
+CONTACT_SIZE = 9
+"""Numbers of each contact in ``request_contacts``."""
 
 
 def scene_columns(rows: Sequence[SceneRecord]) -> Any:
-    """What is written of scenes."""
+    """Columns of the table for some scenes."""
     dicts = [_answer_of(row.impact) | _request_of(row) for row in rows]
     return rr.DynamicArchetype.columns(
         archetype=ARCHETYPE, components={name: pa.array([one[name] for one in dicts]) for name in dicts[0]}
@@ -64,11 +67,11 @@ def scene_columns(rows: Sequence[SceneRecord]) -> Any:
 
 
 def read(paths: Iterable[Path | str]) -> pa.Table:
-    """All scenes of some recordings, in the order of their answers.
+    """Read all scenes of some recordings, in the order of their answers.
 
     Raises:
-        OSError, RuntimeError: a file cannot be read.
-        ValueError: it is no recording of this node.
+        OSError, RuntimeError: if a file cannot be read.
+        ValueError: if a file is not a recording of this node, or is not complete.
     """
     return table.read(paths, TABLE, LISTS, COLUMNS)
 
@@ -95,22 +98,24 @@ def _request_of(row: SceneRecord) -> dict[str, Any]:
         "bodies": [*row.names],
         "request_bodies": [float(x) for body in row.bodies for x in body_to_numbers(body)],
         "request_pairs": [float(i) for pair in row.pairs for i in pair],
-        "request_contacts": [float(x) for asked, used in contacts for x in numbers_of_contact(asked, used)],
+        "request_contacts": [
+            float(x) for requested, used in contacts for x in numbers_of_contact(requested, used)
+        ],
         "request_model": [float(x) for x in row.model],
     }
 
 
 def differences(row: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
-    """Ask again what a row of ``/scenes`` asked: each column whose value is now another one; was, is."""
+    """Compute the scene of a row again, and yield each column that differs, with its old and new value."""
     bodies = [body_from_numbers(numbers) for numbers in _split(row["request_bodies"], ROWS)]
-    contacts = [contact_of(numbers) for numbers in _split(row["request_contacts"], CONTACT)]
+    contacts = [contact_of(numbers) for numbers in _split(row["request_contacts"], CONTACT_SIZE)]
     pairs = [(int(a), int(b)) for a, b in _split(row["request_pairs"], 2)]
     try:
         impact = resolve_scene(bodies, pairs, contacts, model_of(row["request_model"]))
     except ImpactError as error:
         yield "status", row["status"], str(error.code)
         return
-    yield from changed(row, _answer_of(impact))
+    yield from changed_columns(row, _answer_of(impact))
 
 
 def _split(numbers: Sequence[float], size: int) -> list[Sequence[float]]:

@@ -1,20 +1,20 @@
-"""Impacts as rows of a table, ``/impacts`` in a recording: written here, read here, asked again from here.
+"""The table ``/impacts`` of a recording, with one row per impact: writing, reading and recomputing it.
 
-The columns, after the timelines:
+Its columns, after the timelines:
 
-* words: ``status``; ``message``, of a refusal; ``body_a``, ``body_b``; ``law``, ``geometry``, ``precision``,
-  as used; ``regime``; ``adjustments``
-* numbers, as in :class:`~collision_response.Impact`: those of ``NUMBERS``
-* ``restitution``, ``friction``: as used; ``duration``: of the computation [s]
+* words: ``status``; ``message``, for refusals only; ``body_a``, ``body_b`` (names); ``law``, ``geometry``,
+  ``precision``, as used; ``regime``; ``adjustments``
+* numbers, as in :class:`~collision_response.Impact`: the fields of ``NUMBERS``
+* ``restitution``, ``friction``, as used; ``duration``: the time that the computation took [s]
 * vectors: ``position``, ``normal``, ``impulse``; ``twist_a_before``, ``twist_a_after``, ``twist_b_before``,
   ``twist_b_after``, each ``vx vy vz wx wy wz``
-* the request, complete: ``request_a``, ``request_b``, the rows of ``BodyStates.msg`` (of a body that does not
-  give way the mass is infinite); ``request_contact``: ``x y z nx ny nz e mu et``, et NaN if the model's;
-  ``request_model``: the fields of :class:`~collision_response.ImpactModel`; where a body is a link of a
-  mechanism also ``inverse_inertia_a``, ``inverse_inertia_b``, the 21 numbers from the diagonal on, NaN of a
-  rigid body
+* the request: ``request_a``, ``request_b``, with the rows of ``BodyStates.msg`` (an immovable body has
+infinite
+  mass); ``request_contact``, ``x y z nx ny nz e mu et`` (et is NaN if the model's value is used);
+  ``request_model``, the fields of :class:`~collision_response.ImpactModel`; if a body is articulated, also
+  ``inverse_inertia_a`` and ``inverse_inertia_b``, the 21 numbers of the upper triangle (NaN for a rigid body)
 
-A refusal has a status and a message and nothing else.
+The row of a refusal has only a status and a message.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ TABLE = "/impacts"
 ARCHETYPE = "Impact"
 TIMELINES = ("ros_time", "answer")
 
-OWN = next(iter(PLOTS))
-"""What every recording has, also one without an answer: its style."""
+ALWAYS_PRESENT = next(iter(PLOTS))
+"""An entity that every recording has, even one without answers: the style of this plot is always written."""
 
 WORD, NUMBER, LIST = 0, 1, -1
-"""Kinds of columns; a greater number is that of a vector's components."""
+"""Kinds of columns. A greater kind is a vector with that many components."""
 REFUSAL = {"answer": NUMBER, "status": WORD, "message": WORD}
 ANSWER = {
     "answer": NUMBER,
@@ -62,7 +62,7 @@ ANSWER = {
 
 
 def answer_of(row: Record) -> dict[str, Any]:
-    """The columns of an answer, but for the request and how long it took."""
+    """Columns of an answer, without the request and the duration."""
     impact, model = row.impact, row.impact.model
     return {
         "status": str(impact.status),
@@ -103,27 +103,27 @@ def _inverse_inertias_of(row: Record) -> dict[str, list[float]]:
     }
 
 
-def numbers_of_contact(asked: Contact, used: Contact) -> list[float]:
-    """The numbers of a contact; a coefficient that is a function is what it gave."""
-    e_t = asked.tangential_restitution
-    e = used.restitution if callable(asked.restitution) else asked.restitution
-    mu = used.friction if callable(asked.friction) else asked.friction
-    return [*asked.position, *asked.normal, e, mu, math.nan if e_t is None else e_t]
+def numbers_of_contact(requested: Contact, used: Contact) -> list[float]:
+    """Numbers of a requested contact, with the values used for coefficients that are functions."""
+    e_t = requested.tangential_restitution
+    e = used.restitution if callable(requested.restitution) else requested.restitution
+    mu = used.friction if callable(requested.friction) else requested.friction
+    return [*requested.position, *requested.normal, e, mu, math.nan if e_t is None else e_t]
 
 
 def impact_columns(rows: Sequence[Record]) -> Any:
-    """What is written of impacts."""
+    """Columns of the table for some impacts."""
     dicts = [answer_of(row) | _request_of(row) | {"duration": row.duration} for row in rows]
     if any(body.inverse_inertia for row in rows for body in (row.body_a, row.body_b)):
-        for one, row in zip(dicts, rows, strict=True):
-            one |= _inverse_inertias_of(row)
-    return _columns({name: [one[name] for one in dicts] for name in dicts[0]})
+        for values, row in zip(dicts, rows, strict=True):
+            values |= _inverse_inertias_of(row)
+    return _columns({name: [values[name] for values in dicts] for name in dicts[0]})
 
 
 def refusal_columns(rows: Sequence[Refusal]) -> Any:
-    """What is written of requests that were refused."""
+    """Columns of the table for some refusals."""
     parts = [row.reason.partition(": ") for row in rows]
-    return _columns({"status": [code for code, _, _ in parts], "message": [said for _, _, said in parts]})
+    return _columns({"status": [code for code, _, _ in parts], "message": [text for _, _, text in parts]})
 
 
 def _columns(table: dict[str, list[Any]]) -> Any:
@@ -145,24 +145,24 @@ def read(
     lists: Sequence[str] = (),
     columns: Mapping[str, int] = ANSWER,
 ) -> pa.Table:
-    """All impacts and refusals of some recordings, in the order of their answers.
+    """Read all impacts and refusals of some recordings, in the order of their answers.
 
     Args:
-        paths: of the files.
-        table: another one to read instead.
-        lists: its columns with several values in a row.
-        columns: the kinds of those that its answers have.
+        paths: paths of the files.
+        table: entity of another table to read instead.
+        lists: columns of that table with several values in each row.
+        columns: kinds of the columns that answers have in that table.
 
     Raises:
-        OSError, RuntimeError: a file cannot be read.
-        ValueError: it is no recording of this node, or is not complete; it says which.
+        OSError, RuntimeError: if a file cannot be read.
+        ValueError: if a file is not a recording of this node, or is not complete. The message names the file.
     """
     tables = []
     for path in paths:
-        recording = complete(path)
+        recording = open_complete(path)
         chunks = recording.stream().filter(content=table).to_chunks()
-        if not chunks and not recording.stream().filter(content=OWN).to_chunks():
-            raise _foreign(path, f"it has neither {table} nor {OWN}")
+        if not chunks and not recording.stream().filter(content=ALWAYS_PRESENT).to_chunks():
+            raise _foreign(path, f"it has neither {table} nor {ALWAYS_PRESENT}")
         for chunk in chunks:
             batch = chunk.to_record_batch()
             found = {
@@ -176,37 +176,37 @@ def read(
             is_refusal = {*found} <= {*TIMELINES, *REFUSAL}
             for name, kind in (REFUSAL if is_refusal else columns).items():
                 if name not in found or not _is_of(kind, rows.schema.field(name).type):
-                    raise _foreign(path, f"{table} has no such {name}")
+                    raise _foreign(path, f"{table} has no valid column {name}")
             tables.append(rows)
     if not tables:
         return pa.table({"status": pa.array([], pa.string())})
     return pa.concat_tables(tables, promote_options="default").sort_by("answer")
 
 
-def complete(path: Path | str) -> RrdReader:
-    """A recording that has its end. rerun reads what there is of one cut off between two pieces, and warns.
+def open_complete(path: Path | str) -> RrdReader:
+    """Open a recording that is complete.
 
     Raises:
-        RuntimeError: it cannot be read.
-        ValueError: it is not complete.
+        RuntimeError: if it cannot be read.
+        ValueError: if it is not complete.
     """
-    with warnings.catch_warnings():
+    with warnings.catch_warnings():  # rerun only warns if a file was cut off between two of its chunks
         warnings.filterwarnings("error", "RRD file has no footer", RerunWarning)
         try:
             return RrdReader(str(path))
         except RerunWarning:
             why = "is not complete, as after a crash or while it is being written"
-            good = Path(path).with_name(f"recovered_{Path(path).name}")
-            repair = ["rerun", "rrd", "merge", "--continue-on-error", str(path), "-o", str(good)]
-            raise ValueError(f"{path} {why}; this makes a good one: {shlex.join(repair)}") from None
+            recovered = Path(path).with_name(f"recovered_{Path(path).name}")
+            repair = ["rerun", "rrd", "merge", "--continue-on-error", str(path), "-o", str(recovered)]
+            raise ValueError(f"{path} {why}; recover it with: {shlex.join(repair)}") from None
 
 
 def _foreign(path: Path | str, why: str) -> ValueError:
-    return ValueError(f"{path} is no recording of this node: {why}")
+    return ValueError(f"{path} is not a recording of this node: {why}")
 
 
 def _is_of(kind: int, found: pa.DataType) -> bool:
-    """Whether values of a column are of a kind."""
+    """Whether a column of this type is of a kind."""
     if kind == WORD:
         return bool(pa.types.is_string(found))
     if kind == NUMBER:
@@ -217,43 +217,44 @@ def _is_of(kind: int, found: pa.DataType) -> bool:
 
 
 def rows_of(impacts: pa.Table) -> list[dict[str, Any]]:
-    """The rows, but for their time, which Python's own times are too coarse for."""
+    """Rows of a table as dictionaries, without ``ros_time``, for which Python's times are too coarse."""
     return impacts.select([name for name in impacts.column_names if name != "ros_time"]).to_pylist()
 
 
 def differences(row: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
-    """Ask again what a row of :func:`read` asked: each column whose value is now another one; was, is."""
-    request = _asked(row)
+    """Compute the impact of a row again, and yield each column that differs, with its old and new value."""
+    request = _request_in(row)
     try:
         impact = resolve(*request)
     except ImpactError as error:
         yield "status", row["status"], str(error.code)
         return
     now = answer_of(Record(0, 0, row["body_a"], row["body_b"], *request, impact))
-    yield from changed(row, now)
+    yield from changed_columns(row, now)
 
 
-def _asked(row: dict[str, Any]) -> tuple[Body, Body, Contact, ImpactModel]:
+def _request_in(row: dict[str, Any]) -> tuple[Body, Body, Contact, ImpactModel]:
     a, b = (body_from_numbers(row[f"request_{side}"], row.get(f"inverse_inertia_{side}")) for side in "ab")
     return a, b, contact_of(row["request_contact"]), model_of(row["request_model"])
 
 
 def model_of(numbers: Sequence[float]) -> ImpactModel:
-    """The model with these numbers."""
+    """Model from the numbers of ``request_model``."""
     law, geometry, precision, *others = numbers
     return ImpactModel(Law(int(law)), Geometry(int(geometry)), Precision(int(precision)), *others)
 
 
 def contact_of(numbers: Sequence[float]) -> Contact:
-    """The contact with these numbers."""
-    *place, e, mu, e_t = numbers
-    return Contact(Vec3(*place[:3]), Vec3(*place[3:]), e, mu, None if math.isnan(e_t) else e_t)
+    """Contact from the numbers of ``request_contact``."""
+    *position_and_normal, e, mu, e_t = numbers
+    position, normal = Vec3(*position_and_normal[:3]), Vec3(*position_and_normal[3:])
+    return Contact(position, normal, e, mu, None if math.isnan(e_t) else e_t)
 
 
-def changed(was: dict[str, Any], now: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
-    """Each column of a row whose value is another one now."""
+def changed_columns(before: dict[str, Any], now: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
+    """Yield the columns in which two rows differ, with both values. ``before`` may lack columns."""
     for name, value in now.items():
-        old = was.get(name)
+        old = before.get(name)
         if old is None or old == value:
             continue
         first = value[0] if isinstance(value, list) else value

@@ -1,4 +1,4 @@
-"""Where things are in a recording, and how the viewer shows them at first."""
+"""The entities of a recording, and the initial layout of the viewer."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ SPIN_BEFORE, SPIN_AFTER = (60, 110, 170), (180, 100, 20)
 REGIMES = {"STICKING": GREEN, "SLIDING": BLUE, "REVERSED": ORANGE, "JAMMED": RED, "SEPARATING": GREY}
 
 HAS_STATES = hasattr(rr, "StateChange")
-"""Whether this rerun shows states over time: 0.39, the last for Python 3.10, does not."""
+"""Whether this version of rerun shows states over time. 0.39, the last one for Python 3.10, does not."""
 
 
 class Plot(NamedTuple):
-    """Numbers over time in one view.
+    """A view with two curves over time.
 
     Attributes:
-        title: of the view.
-        fields: of ``Impact``, one for each curve.
-        names: of the curves.
-        colours: of the curves.
+        title: title of the view.
+        fields: field of ``Impact`` that each curve shows.
+        names: names of the curves.
+        colours: colours of the curves.
     """
 
     title: str
@@ -70,7 +70,7 @@ PLOTS = {
         "Impulse [N s]", ("normal_impulse", "tangential_impulse"), ("normal", "tangential"), (GREEN, VIOLET)
     ),
 }
-"""By entity: all curves of a view are columns of one, for what a recording costs goes with its entities."""
+"""The plots by entity. The curves of a plot share an entity, because each entity makes a recording larger."""
 
 SCENE = (
     "Velocity before (blue), after (orange), spin darker; contact normal (grey), impulse (green) in its cone"
@@ -78,21 +78,21 @@ SCENE = (
 
 
 def body_path(name: str) -> str:
-    """The entity of a body, whatever its name: the frame of its centre of mass."""
+    """Entity of a body: the frame of its centre of mass. Any name works."""
     return f"{WORLD}/bodies/{rr.escape_entity_path_part(name)}"
 
 
 def velocity_path(name: str) -> str:
-    """The entity of a body's velocities, in the world's frame."""
+    """Entity of a body's velocities, in the world frame."""
     return f"{WORLD}/velocities/{rr.escape_entity_path_part(name)}"
 
 
 def blueprint(eye: rrb.EyeControls3D | None = None, time_axis: rrb.TimeAxis | None = None) -> rrb.Blueprint:
-    """The scene, beside it what changes with time, below it the answers in words.
+    """Make the layout: the scene with the plots next to it, and the answers in words below.
 
     Args:
-        eye: where to look at the scene from; left out, the viewer looks at all of it.
-        time_axis: of the plots; left out, they show all of the time.
+        eye: the viewpoint of the scene; ``None``: the viewer shows all of it.
+        time_axis: the time axis of the plots; ``None``: they show all times.
     """
     plots = [
         rrb.TimeSeriesView(

@@ -120,7 +120,7 @@ class Writer:
         try:
             self._stream.save(self._file.name)
         finally:
-            self._file.opened()
+            self._file.close_own_end()
         self._stream.log_file_from_contents(EMPTY, recording.empty)
         self._log_styles()
         self._stream.flush(timeout_sec=5.0)  # columns do not wait for what is logged, and a file may be torn
