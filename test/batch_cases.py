@@ -24,6 +24,8 @@ from collision_response.batch import BatchResult
 from collision_response.batch.rows import NOWHERE, body_rows, contact_rows
 from collision_response.physics.vector import Vec3
 
+GEOMETRIES = (Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL)
+ANSWERED = (StatusCode.OK, StatusCode.SEPARATING)
 N = 300
 FIRST_FAULTY = 100
 FAULTY_VALUES = (math.nan, math.inf, -1.0, 0.0, 2.0, 5e-309)

@@ -21,6 +21,8 @@ from collision_response.physics.vector import ZERO, Vec3
 
 EVERY_LAW = [law for law in Law if law is not Law.AUTO]
 LAWS_WITH_ORACLE = [Law.FRICTIONLESS, Law.COULOMB, *(Law[name] for name in exact.ORACLE_NAMES)]
+CLOSED_FORM_LAWS = [Law.FRICTIONLESS, Law.COULOMB]
+PATH_LAWS = [Law.ROUTH_POISSON, Law.ROUTH_STRONGE]
 LAWS_WITH_FRICTION = [law for law in LAWS_WITH_ORACLE if law is not Law.FRICTIONLESS]
 
 

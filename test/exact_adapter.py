@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import exact
 
@@ -35,7 +36,11 @@ def exact_answer(body_a: Body, body_b: Body, contact: Contact, model: ImpactMode
     if law is Law.AUTO:
         law = Law.COULOMB if contact.friction > 0 else Law.FRICTIONLESS
     collision = as_exact(body_a, body_b, contact)
-    return exact.answer(collision, law.name, model.tangential_restitution, model.restitution_threshold)
+    return _exact_answer(collision, law.name, model.tangential_restitution, model.restitution_threshold)
+
+
+_exact_answer = lru_cache(maxsize=1024)(exact.answer)
+"""Many tests compare several answers to one request."""
 
 
 def true_error(impact: Impact, truth: exact.Answer) -> float:

@@ -9,10 +9,12 @@ from collections.abc import Callable
 from typing import Any
 
 import rclpy
+from rcl_interfaces.msg import Log
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 
 from collision_response import Body, Contact
@@ -20,6 +22,9 @@ from collision_response.msg import BodyState
 from collision_response.ros.node import CollisionResponseNode
 from collision_response.ros.server import SERVICE_QOS
 from collision_response.srv import ResolveCollision, ResolveCollisionBatch, ResolveScene
+
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""For subscriptions that also get earlier messages."""
 
 DEADLINE = 20.0
 """Seconds after which a test gives up waiting: far more than anything takes."""
@@ -64,6 +69,18 @@ class Graph:
             context=self.context, namespace=self.namespace, parameter_overrides=overrides
         )
         return self.add(self.node)
+
+    def listen(self, kind: type, topic: str, qos: Any = 10) -> list[Any]:
+        """Subscribe to a topic; return the list to which its messages are added."""
+        received: list[Any] = []
+        self.user.create_subscription(kind, topic, received.append, qos)
+        return received
+
+    def log(self) -> list[str]:
+        """The texts that nodes log, past ones included, as a list to which new ones are added."""
+        texts: list[str] = []
+        self.user.create_subscription(Log, "/rosout", lambda log: texts.append(log.msg), LATCHED)
+        return texts
 
     def call_async(self, request: Any) -> Any:
         """Send a request to its service, once the service is available."""

@@ -24,6 +24,13 @@ class Scene(NamedTuple):
     ) -> SceneImpact:
         return resolve_scene(*self, ImpactModel(law, **model), **(options or {}))
 
+    def in_fractions(self) -> Scene:
+        """The same scene with one mass as a fraction, so that it is resolved in fractions."""
+        bodies = list(self.bodies)
+        first = next(i for i, body in enumerate(bodies) if body.is_movable())
+        bodies[first] = bodies[first]._replace(mass=Fraction(bodies[first].mass))
+        return self._replace(bodies=bodies)
+
     def with_contacts(self, **fields: Any) -> Scene:
         return self._replace(contacts=[contact._replace(**fields) for contact in self.contacts])
 
@@ -279,3 +286,18 @@ def distance_of_changes(scene: Scene, one, other) -> float:
             )
             size += float(body.mass) * math.hypot(*y.linear) ** 2 + arm * math.hypot(*y.angular) ** 2
     return math.sqrt(off / size) if size else math.sqrt(off)
+
+
+def assert_within_bound(scene: Scene, answer: SceneImpact, exact: SceneImpact) -> None:
+    """Check that every change of twist is within the bound, relative to the largest one of its cluster."""
+    assert answer.error_bound < math.inf
+    for cluster in answer.clusters:
+        errors, sizes = [], []
+        for i in {i for contact in cluster for i in scene.pairs[contact] if scene.bodies[i].is_movable()}:
+            body, change, right = scene.bodies[i], answer.changes[i], exact.changes[i]
+            roots = [math.sqrt(body.mass)] * 3 + [math.sqrt(body.inertia.trace() / 3)] * 3
+            right = [x for v in right for x in v]
+            off = [float(Fraction(x) - y) for x, y in zip((x for v in change for x in v), right, strict=True)]
+            errors.append(math.hypot(*(w * x for w, x in zip(roots, off, strict=True))))
+            sizes.append(math.hypot(*(w * float(x) for w, x in zip(roots, right, strict=True))))
+        assert max(errors) <= answer.error_bound * max(sizes) * (1 + 1e-9)

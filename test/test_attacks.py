@@ -23,7 +23,7 @@ import attacks
 import exact
 import numpy as np
 from attacks import Case
-from batch_cases import batch_of, collision_at
+from batch_cases import GEOMETRIES, batch_of, collision_at
 from exact import PlainCollision, cross, dot, length, minus, nearest_float, plus, times, vec
 from exact_adapter import as_request, errors_of
 
@@ -657,9 +657,6 @@ def test_an_invalid_mass_is_refused(mass, precision):
 
 
 # batches
-
-
-GEOMETRIES = (Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL)
 
 
 def pack(geometry: Geometry, collisions: list[PlainCollision]) -> tuple[np.ndarray, np.ndarray]:

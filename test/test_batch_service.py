@@ -14,8 +14,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from batch_cases import FIRST_FAULTY, N, assert_same, collision_at, columns, shared_batch
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_graph import assign, ball, balls_meet, request_of, wait_until
+from ros_graph import LATCHED, assign, ball, balls_meet, request_of, wait_until
 
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, StatusCode
 from collision_response.batch import resolve_batch
@@ -167,9 +166,7 @@ def test_the_node_parameters_apply_except_geometry(graph):
 
 def test_a_batch_is_not_published(graph):
     graph.serve()
-    received = []
-    late = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    graph.user.create_subscription(CollisionResult, "collision_response/result", received.append, late)
+    received = graph.listen(CollisionResult, "collision_response/result", LATCHED)
     assert graph.call(balls_in_a_row()).success
     one = graph.call(balls_meet()).result
     wait_until(lambda: received)

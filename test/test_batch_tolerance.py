@@ -10,7 +10,9 @@ pytest.importorskip("flint")
 
 import numpy as np
 from batch_cases import (
+    ANSWERED,
     FIRST_FAULTY,
+    GEOMETRIES,
     N,
     assert_same,
     assert_same_values,
@@ -20,7 +22,7 @@ from batch_cases import (
     resolve_one_by_one,
     shared_batch,
 )
-from collisions import LAWS_WITH_ORACLE, Collision
+from collisions import CLOSED_FORM_LAWS, LAWS_WITH_ORACLE, PATH_LAWS, Collision
 from exact import impulse_error
 from exact_adapter import exact_answer
 from random_impacts import RandomImpacts
@@ -29,10 +31,6 @@ from collision_response import Geometry, ImpactError, ImpactModel, Law, Precisio
 from collision_response.batch import body_rows, contact_rows, resolve_batch
 from collision_response.physics.vector import ZERO
 
-FORMULAS = (Law.FRICTIONLESS, Law.COULOMB)
-PATHS = (Law.ROUTH_POISSON, Law.ROUTH_STRONGE)
-GEOMETRIES = (Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL)
-ANSWERED = (StatusCode.OK, StatusCode.SEPARATING)
 DOUBLE = ImpactModel(precision=Precision.DOUBLE, tolerance=1e300)
 """Report bounds, and never recompute with more digits."""
 
@@ -128,7 +126,7 @@ def test_every_ill_conditioned_column_equals_resolve(law, decades):
 
 
 @pytest.mark.parametrize("decades", [0, 3, 8, 60])
-@pytest.mark.parametrize("law", FORMULAS, ids=lambda law: law.name)
+@pytest.mark.parametrize("law", CLOSED_FORM_LAWS, ids=lambda law: law.name)
 def test_no_error_exceeds_its_bound(law, decades):
     collisions, models, bodies, contacts = ill_conditioned(law, decades)
     result = resolve_batch(bodies, contacts, DOUBLE._replace(law=law))
@@ -145,7 +143,7 @@ def test_only_contacts_that_miss_the_tolerance_are_recomputed(law):
     collisions, models, bodies, contacts = ill_conditioned(law, 3)
     bounds = resolve_batch(bodies, contacts, DOUBLE._replace(law=law)).error_bound
     tolerance = float(np.median(bounds[bounds > 0]))
-    if law in PATHS:  # their step length depends on the tolerance
+    if law in PATH_LAWS:  # their step length depends on the tolerance
         tolerance = 1e-11
     plain = resolve_batch(bodies, contacts, ImpactModel(law, precision=Precision.DOUBLE, tolerance=tolerance))
     result = resolve_batch(bodies, contacts, ImpactModel(law, tolerance=tolerance))
@@ -154,7 +152,7 @@ def test_only_contacts_that_miss_the_tolerance_are_recomputed(law):
     np.testing.assert_array_equal(result.precision == Precision.EXTENDED, missed)
     assert_same(columns(result, ~missed), columns(plain, ~missed))
     assert (np.isin(result.status, ANSWERED) == (result.error_bound <= tolerance)).all()
-    if law in FORMULAS:
+    if law in CLOSED_FORM_LAWS:
         assert np.isin(result.status, ANSWERED).all()
         assert max(impulse_errors(collisions, models, result, np.flatnonzero(missed))) <= tolerance
 
@@ -211,7 +209,7 @@ def slender_boxes(n: int, approach: float) -> tuple[np.ndarray, np.ndarray]:
     return bodies, contacts
 
 
-@pytest.mark.parametrize("law", PATHS)
+@pytest.mark.parametrize("law", PATH_LAWS)
 def test_a_path_that_jams_ends(law):
     bodies, contacts = slender_boxes(20_000, -6)
     found = resolve_batch(bodies, contacts, ImpactModel(law), report=True)

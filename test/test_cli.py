@@ -48,7 +48,7 @@ def test_ctrl_c_during_the_import_is_quiet(tmp_path, script):
 
 IMPACTS = (
     f"{EXECUTABLE.parent.parent}/docs/kharaz-2001.csv --speed 3.9 --radius 0.0025 "
-    "--errors ratio=0.008 angle=0.84 spin=44"
+    "--errors ratio=0.008 angle=0.84 spin=44 --resamples 2"
 )
 
 
@@ -239,7 +239,7 @@ class TestCall:
 
         command = [sys.executable, str(EXECUTABLE), "call", "{}", "--service", "/nobody", "--timeout", "1000"]
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as run:
-            wait_until(lambda: "collision_response_call" in graph.user.get_node_names())
+            wait_until(lambda: graph.user.count_clients("/nobody"))  # until then, ROS is still starting
             run.send_signal(number)
             _, wrong = run.communicate(timeout=DEADLINE)
         assert (run.returncode, wrong) == (code, "")

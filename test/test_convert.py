@@ -13,6 +13,7 @@ pytest.importorskip("rclpy")
 
 from hypothesis import given
 from hypothesis import strategies as st
+from refusals import refused
 from ros_graph import ball
 
 from collision_response import ImpactError, ImpactModel, Precision, StatusCode, resolve
@@ -204,9 +205,8 @@ def test_an_answer_beyond_float64_is_refused():
     request.contact.normal.x, request.contact.restitution, request.contact.friction = 1.0, 0.5, 0.0
     a = request.body_a
     a.pose.position.y, a.inertia.com.y, a.twist.angular.z = -1e308, 1e308, 1.0
-    with pytest.raises(ImpactError) as raised:
+    with refused(StatusCode.OUT_OF_RANGE):
         answer_to(request)
-    assert raised.value.code is StatusCode.OUT_OF_RANGE
 
 
 @pytest.mark.parametrize("mass", [math.inf, -math.inf, math.nan])
@@ -286,10 +286,8 @@ def test_a_link_given_by_its_inverse_inertia(graph):
 @pytest.mark.parametrize("count", [1, 35])
 def test_an_inverse_inertia_of_the_wrong_length(count):
     state = BodyState(inverse_inertia=[1.0] * count)
-    with pytest.raises(ImpactError) as caught:
+    with refused(StatusCode.INVALID_INERTIA, "body_a.inverse_inertia"):
         convert.body_of("body_a", state)
-    assert caught.value.code is StatusCode.INVALID_INERTIA
-    assert caught.value.field == "body_a.inverse_inertia"
 
 
 def test_an_immovable_body_needs_no_inverse_inertia():

@@ -18,7 +18,7 @@ pytest.importorskip("flint")
 pytest.importorskip("mpmath")
 
 import extremes
-from collisions import Collision, random_collision
+from collisions import CLOSED_FORM_LAWS, PATH_LAWS, Collision, random_collision
 from exact import impulse_error
 from exact_adapter import exact_answer, true_error
 from flint import ctx
@@ -42,15 +42,13 @@ from collision_response.physics.effective_mass import ContactKinematics
 from collision_response.physics.mass_properties import sphere
 from collision_response.physics.vector import Vec3
 
-FORMULAS = [Law.FRICTIONLESS, Law.COULOMB]
-PATHS = [Law.ROUTH_POISSON, Law.ROUTH_STRONGE]
 TIERS = [Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED]
 ULP = 2.0**-52
 
 
 @pytest.mark.parametrize("decades", [0, 3, 10, 60])
 @pytest.mark.parametrize("precision", TIERS, ids=lambda tier: tier.name)
-@pytest.mark.parametrize("law", FORMULAS, ids=lambda law: law.name)
+@pytest.mark.parametrize("law", CLOSED_FORM_LAWS, ids=lambda law: law.name)
 def test_no_error_exceeds_its_bound(law, precision, decades):
     """A sample of what ``make stability`` runs."""
     impacts = RandomImpacts(seed=decades, decades=decades)
@@ -92,7 +90,7 @@ def test_every_part_of_the_stability_report_runs():
 
 
 @pytest.mark.parametrize("decades", [0, 1, 10])
-@pytest.mark.parametrize("law", FORMULAS, ids=lambda law: law.name)
+@pytest.mark.parametrize("law", CLOSED_FORM_LAWS, ids=lambda law: law.name)
 def test_the_bound_covers_what_a_forced_geometry_leaves_out(law, decades):
     impacts = RandomImpacts(seed=decades, decades=decades)
     answered = 0
@@ -113,7 +111,7 @@ def test_the_bound_covers_what_a_forced_geometry_leaves_out(law, decades):
     assert answered >= 5
 
 
-@pytest.mark.parametrize("law", FORMULAS, ids=lambda law: law.name)
+@pytest.mark.parametrize("law", CLOSED_FORM_LAWS, ids=lambda law: law.name)
 def test_the_bound_is_tight_enough_to_be_useful(law):
     """On well-conditioned inputs: solid balls that touch, with any velocity and spin."""
     ratios = []
@@ -224,7 +222,7 @@ def test_grazing_moreau_errors_are_within_the_bound():
         assert error_of(collision, impact) <= impact.error_bound <= USEFUL_BOUND
 
 
-@pytest.mark.parametrize("law", PATHS, ids=lambda law: law.name)
+@pytest.mark.parametrize("law", PATH_LAWS, ids=lambda law: law.name)
 def test_a_planar_path_is_right_to_the_last_digit(law):
     """Its formula has no loop."""
     a = Body.dynamic(
@@ -238,7 +236,7 @@ def test_a_planar_path_is_right_to_the_last_digit(law):
             assert error_of(collision, impact) <= impact.error_bound <= ULP
 
 
-@pytest.mark.parametrize("law", PATHS, ids=lambda law: law.name)
+@pytest.mark.parametrize("law", PATH_LAWS, ids=lambda law: law.name)
 @pytest.mark.parametrize("precision", TIERS, ids=lambda tier: tier.name)
 def test_no_error_of_a_path_exceeds_its_bound(law, precision):
     for seed in (400, 401):
@@ -249,7 +247,7 @@ def test_no_error_of_a_path_exceeds_its_bound(law, precision):
             assert impact.error_bound <= 1e-8
 
 
-@pytest.mark.parametrize("law", PATHS, ids=lambda law: law.name)
+@pytest.mark.parametrize("law", PATH_LAWS, ids=lambda law: law.name)
 @pytest.mark.parametrize("tolerance", [0.0, 1e-4])
 def test_a_path_meets_its_tolerance(law, tolerance):
     for seed in (402, 403):
@@ -266,7 +264,7 @@ def test_a_tolerance_that_no_path_meets_is_reported():
     assert error_of(collision, impact) <= impact.error_bound
 
 
-@pytest.mark.parametrize("law", PATHS, ids=lambda law: law.name)
+@pytest.mark.parametrize("law", PATH_LAWS, ids=lambda law: law.name)
 @pytest.mark.parametrize("share", [1e-7, 1e-12])
 def test_grazing_paths_keep_their_digits(law, share):
     for collision in (random_collision(500), random_collision(502, slender=True, friction=5.0)):
@@ -294,7 +292,7 @@ def test_path_errors_are_within_the_bound_near_jamming(past):
     slip = contact.u - n * n.dot(contact.u)
     mu = (1 + past) * n.dot(K @ n) * slip.norm() / slip.dot(K @ n)
     collision = collision._replace(contact=collision.contact._replace(friction=mu))
-    for law, tolerance in zip(PATHS, (0.0, 1e-3), strict=True):
+    for law, tolerance in zip(PATH_LAWS, (0.0, 1e-3), strict=True):
         impact = collision.resolve(law, tolerance=tolerance)
         assert error_of(collision, impact) <= impact.error_bound
 

@@ -10,8 +10,8 @@ import pytest
 pytest.importorskip("flint")
 
 import numpy as np
-from batch_cases import FIRST_FAULTY, N, collision_at, resolve_one_by_one, shared_batch
-from collisions import Collision
+from batch_cases import ANSWERED, FIRST_FAULTY, GEOMETRIES, N, collision_at, resolve_one_by_one, shared_batch
+from collisions import CLOSED_FORM_LAWS, Collision
 from exact import Fraction, dot, impulse_error, length, plus, times
 from exact_adapter import exact_answer
 from test_batch_tolerance import ill_conditioned
@@ -24,9 +24,6 @@ from collision_response.kernels.layout import Layout
 from collision_response.kernels.protocol import NumberType
 
 ULP = 2.0**-52
-FORMULAS = (Law.FRICTIONLESS, Law.COULOMB)
-GEOMETRIES = (Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL)
-ANSWERED = (StatusCode.OK, StatusCode.SEPARATING)
 
 
 def check_contact(model: ImpactModel, result, i: int, collision: Collision) -> None:
@@ -52,7 +49,7 @@ def check_vector(given, exact, change) -> None:
 
 
 @pytest.mark.parametrize("oriented", [False, True])
-@pytest.mark.parametrize(("geometry", "law"), [*product(GEOMETRIES, FORMULAS)])
+@pytest.mark.parametrize(("geometry", "law"), [*product(GEOMETRIES, CLOSED_FORM_LAWS)])
 def test_shared_contacts_are_exact_to_an_ulp(geometry, law, oriented):
     if oriented and geometry is not Geometry.SPATIAL:
         return  # only those in space have orientations
@@ -66,7 +63,7 @@ def test_shared_contacts_are_exact_to_an_ulp(geometry, law, oriented):
         check_contact(model, result, i, collision_at(geometry, bodies, contacts, i))
 
 
-@pytest.mark.parametrize("law", FORMULAS)
+@pytest.mark.parametrize("law", CLOSED_FORM_LAWS)
 @pytest.mark.parametrize("decades", [0, 1, 3, 8])
 def test_ill_conditioned_contacts(law, decades):
     """Grazing contacts, thin or lopsided bodies, contacts far from their bodies."""
@@ -78,7 +75,7 @@ def test_ill_conditioned_contacts(law, decades):
         assert impulse_error(result.impulse[:, i].tolist(), impulse) <= ULP
 
 
-@pytest.mark.parametrize("law", FORMULAS)
+@pytest.mark.parametrize("law", CLOSED_FORM_LAWS)
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_refusals_equal_those_in_double(geometry, law):
     bodies, contacts = shared_batch(geometry)
@@ -140,7 +137,7 @@ def test_contacts_that_double_doubles_cannot_decide_are_recomputed():
         check_contact(ImpactModel(Law.FRICTIONLESS), result, i, collision)
 
 
-@pytest.mark.parametrize("law", FORMULAS)
+@pytest.mark.parametrize("law", CLOSED_FORM_LAWS)
 def test_double_doubles_suffice_for_most_contacts(law):
     bodies, contacts = (array[..., :FIRST_FAULTY] for array in shared_batch(Geometry.SPATIAL))
     impulse, bound = in_double_doubles(bodies, contacts, law)

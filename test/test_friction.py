@@ -6,6 +6,7 @@ import math
 from fractions import Fraction
 
 import pytest
+from refusals import refused
 
 from collision_response import (
     Body,
@@ -103,12 +104,10 @@ def test_compliant_refuses_it_by_name():
     ],
 )
 def test_a_function_with_an_invalid_value_is_refused(value, code):
-    with pytest.raises(ImpactError) as error:
+    with refused(code, "contact.friction(slip_speed)"):
         resolve(ball(1.0), FLOOR, contact(lambda v: value))
-    assert (error.value.code, error.value.field) == (code, "contact.friction(slip_speed)")
-    with pytest.raises(ImpactError) as error:
+    with refused(code, "friction(slip_speed)"):
         resolve_contact(SPHERE, (1, 0, -1), (0, 0, 1), 0.5, lambda v: value)
-    assert (error.value.code, error.value.field) == (code, "friction(slip_speed)")
     with pytest.raises(TypeError):
         resolve(ball(1.0), FLOOR, contact(lambda v: "much"))
 
@@ -117,9 +116,8 @@ def test_an_invalid_request_is_refused_before_the_function_is_called():
     def never(v):
         raise AssertionError
 
-    with pytest.raises(ImpactError) as error:
+    with refused(StatusCode.NOT_FINITE, "body_a.velocity"):
         resolve(ball(math.nan), FLOOR, contact(never))
-    assert (error.value.code, error.value.field) == (StatusCode.NOT_FINITE, "body_a.velocity")
 
 
 @pytest.mark.parametrize("scale", [2.0**-300, 1.0, 2.0**300])
@@ -136,9 +134,8 @@ def test_the_slip_speed_is_right_to_rounding_where_it_cancels(scale, length):
 def test_a_slip_speed_beyond_float64_is_refused():
     fast = Body.dynamic(1.0, velocity=(1.7e308, 1.7e308, -1.0))
     for law in (Law.COULOMB, Law.ROUTH_STRONGE):
-        with pytest.raises(ImpactError) as error:
+        with refused(StatusCode.OUT_OF_RANGE):
             resolve(fast, FLOOR, contact(lambda v: 0.5), ImpactModel(law))
-        assert error.value.code is StatusCode.OUT_OF_RANGE
 
 
 def test_the_slip_speed_of_rotated_offset_and_articulated_bodies():

@@ -13,6 +13,7 @@ pytest.importorskip("mpmath")
 pytest.importorskip("scipy")
 
 from oracle.routh_by_speed import routh_by_speed
+from refusals import refused
 from test_routh import FAMILIES
 
 from collision_response import (
@@ -285,9 +286,8 @@ def test_an_endless_path_is_refused():
     """A function that keeps the slip at one speed and turns it, and one that is random."""
     draw = random.Random(1)
     for K, mu in ((OBLIQUE, lambda v: 0.05 if v < 0.3 else 2.0), (ROD, lambda v: draw.random())):
-        with pytest.raises(ImpactError) as error:
+        with refused(StatusCode.PATH_TOO_LONG):
             follow(K, (0.5, 0.2, -1), 0.5, mu)
-        assert error.value.code is StatusCode.PATH_TOO_LONG
 
 
 @pytest.mark.parametrize(
@@ -419,16 +419,14 @@ def test_an_invalid_request_is_refused_before_the_function_is_called(change, cod
     request = {"body_a": BOX, "body_b": TABLE, "contact": CORNER, "model": ImpactModel(Law.ROUTH_STRONGE)}
     request |= change
     request["contact"] = request["contact"]._replace(friction=never)
-    with pytest.raises(ImpactError) as error:
+    with refused(StatusCode[code], field):
         resolve(**request)
-    assert (error.value.code.name, error.value.field) == (code, field)
 
 
 def test_slip_in_a_locked_direction_is_refused_even_if_friction_begins_at_zero():
     K = [[0, 0, 0], [0, 1, 0], [0, 0, 1]]
-    with pytest.raises(ImpactError) as error:
+    with refused(StatusCode.INVALID_COEFFICIENT, "friction"):
         follow(K, (1, 0, -1), 0.5, lambda v: 0.0 if v > 0.5 else 0.5)
-    assert (error.value.code, error.value.field) == (StatusCode.INVALID_COEFFICIENT, "friction")
     slides = follow(K, (0, 1, -1), 0.5, lambda v: 0.25)
     assert slides.impulse == pytest.approx((0, -0.375, 1.5), abs=TINY)
 
@@ -446,9 +444,8 @@ def test_fractions_are_accepted():
 
 
 def test_magnitudes_too_far_apart_for_floats_are_refused():
-    with pytest.raises(ImpactError) as error:
+    with refused(StatusCode.OUT_OF_RANGE):
         follow(SPHERE, (1e300, 0, -1e-300), 0.5, CORNER.friction)
-    assert error.value.code is StatusCode.OUT_OF_RANGE
 
 
 def test_materials_with_friction_by_speed():

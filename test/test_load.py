@@ -222,8 +222,7 @@ def by_name(seconds):
 
 def diagnostics(graph):
     """Subscribe to the diagnostics; return a function that gives the last status and its values."""
-    received = []
-    graph.user.create_subscription(DiagnosticArray, "/diagnostics", received.append, 10)
+    received = graph.listen(DiagnosticArray, "/diagnostics")
 
     def last():
         for message in reversed(received):

@@ -182,9 +182,8 @@ def test_answers_are_shown_over_dds(graph):
             parameter_overrides=[Parameter("contact_duration", value=0.25)],
         )
     )
-    shown, wrenches = [], []
-    graph.user.create_subscription(MarkerArray, "collision_response/markers", shown.append, 10)
-    graph.user.create_subscription(WrenchStamped, "collision_response/wrench", wrenches.append, 10)
+    shown = graph.listen(MarkerArray, "collision_response/markers")
+    wrenches = graph.listen(WrenchStamped, "collision_response/wrench")
 
     def ask(request, heard):
         graph.call(request)

@@ -8,8 +8,9 @@ from itertools import product
 
 import numpy as np
 import pytest
+from refusals import refused
 
-from collision_response import ImpactError, StatusCode
+from collision_response import StatusCode
 from collision_response.physics import mass_properties as mp
 from collision_response.physics.vector import Vec3
 
@@ -121,9 +122,8 @@ CONSTRUCTORS += [lambda m, x: mp.capsule(m, x, x), lambda m, x: mp.cone(m, x, x)
 @pytest.mark.parametrize("mass", [1, 10**400], ids=["1", "beyond"])
 @pytest.mark.parametrize("power", [200, 400, 5000])
 def test_integers_beyond_float64_are_refused_by_name(solid, mass, power):
-    with pytest.raises(ImpactError, match="inertia: is beyond float64") as refusal:
+    with refused(StatusCode.NOT_FINITE, match="inertia: is beyond float64"):
         solid(mass, 10**power)
-    assert refusal.value.code is StatusCode.NOT_FINITE
 
 
 @pytest.mark.parametrize("solid", CONSTRUCTORS)

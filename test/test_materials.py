@@ -6,6 +6,7 @@ import math
 from fractions import Fraction
 
 import pytest
+from refusals import refused
 
 from collision_response import Body, Contact, ImpactError, StatusCode, resolve
 from collision_response.physics.combine import CombineRule, combine
@@ -31,10 +32,20 @@ materials:
 
 
 @pytest.fixture
-def materials(tmp_path):
-    path = tmp_path / "materials.yaml"
-    path.write_text(FILE)
-    return Materials.read(path)
+def write(tmp_path):
+    """Write a file of materials; return its path."""
+
+    def write(text):
+        path = tmp_path / "materials.yaml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+@pytest.fixture
+def materials(write):
+    return Materials.read(write(FILE))
 
 
 def test_a_pair_entry_has_priority_in_either_order(materials):
@@ -137,19 +148,14 @@ def pair(text):
         ("- 1", "INVALID_TABLE", "materials file"),
     ],
 )
-def test_a_bad_file_is_refused_by_code_and_field(tmp_path, text, code, field):
-    path = tmp_path / "materials.yaml"
-    path.write_text(text)
-    with pytest.raises(ImpactError) as refusal:
-        Materials.read(path)
-    assert (refusal.value.code.name, refusal.value.field) == (code, field)
+def test_a_bad_file_is_refused_by_code_and_field(write, text, code, field):
+    with refused(StatusCode[code], field):
+        Materials.read(write(text))
 
 
-def test_invalid_yaml_is_refused_in_one_line(tmp_path):
-    path = tmp_path / "materials.yaml"
-    path.write_text("pairs: [")
+def test_invalid_yaml_is_refused_in_one_line(write):
     with pytest.raises(ImpactError, match="is no YAML") as refusal:
-        Materials.read(path)
+        Materials.read(write("pairs: ["))
     assert "\n" not in str(refusal.value)
 
 
@@ -161,10 +167,8 @@ def test_an_unknown_material_is_refused_with_the_known_ones(materials):
         NO_MATERIALS.check("body_a.material", "steel")
 
 
-def test_an_empty_file_has_no_materials(tmp_path):
-    path = tmp_path / "materials.yaml"
-    path.write_text("")
-    assert Materials.read(path) == NO_MATERIALS
+def test_an_empty_file_has_no_materials(write):
+    assert Materials.read(write("")) == NO_MATERIALS
 
 
 def test_the_published_values_name_their_sources():
@@ -206,9 +210,8 @@ def test_friction_of_a_pair_may_depend_on_the_slip_speed():
     ],
 )
 def test_invalid_friction_by_speed_is_refused(friction, code):
-    with pytest.raises(ImpactError) as error:
+    with refused(code, "pairs[0].friction"):
         Materials.of({"pairs": [{"materials": ["a", "b"], "friction": friction}]})
-    assert (error.value.code, error.value.field) == (code, "pairs[0].friction")
 
 
 LONG = "1" + "0" * 400
@@ -229,17 +232,15 @@ DIGITS = "1" + "0" * 5000
         (pair("friction: {static: 1, kinetic: 1, speed: 1, static: 2}"), "static"),
     ],
 )
-def test_duplicate_keys_are_refused_at_every_level(tmp_path, text, key):
-    path = tmp_path / "materials.yaml"
-    path.write_text(text)
+def test_duplicate_keys_are_refused_at_every_level(write, text, key):
+    path = write(text)
     with pytest.raises(ImpactError, match=f"'{key}' is there twice .* line ") as refusal:
         Materials.read(path)
     assert (refusal.value.code, refusal.value.field) == (StatusCode.INVALID_TABLE, str(path))
 
 
-def test_merged_keys_may_be_overridden(tmp_path):
-    path = tmp_path / "materials.yaml"
-    path.write_text(
+def test_merged_keys_may_be_overridden(write):
+    path = write(
         "materials:\n  a: &a {friction: 0.1, restitution: 0.2}\n  b: &b {<<: *a, restitution: 0.3}\n"
         "  c: {<<: *b, friction: 0.4}"
     )
@@ -253,9 +254,8 @@ def test_names_that_yaml_does_not_read_as_text_must_be_quoted(tmp_path, name):
     singles, pairs = f"materials: {{{name}: {{friction: 0.5}}}}", f"pairs: [{{materials: [{name}, b]}}]"
     for text in (singles, pairs):
         path.write_text(text)
-        with pytest.raises(ImpactError, match=r"quote|unhashable") as refusal:
+        with refused(StatusCode.INVALID_TABLE, match=r"quote|unhashable"):
             Materials.read(path)
-        assert refusal.value.code is StatusCode.INVALID_TABLE
         path.write_text(text.replace(name, f'"{name}"'))
         assert name in Materials.read(path).known
 
@@ -270,15 +270,13 @@ def test_names_must_be_text_in_python_trees_too(name):
 
 @pytest.mark.parametrize("value", ["false", "0", '""', "{}", "3", "text"])
 @pytest.mark.parametrize("field", ["pairs", "materials"])
-def test_empty_values_of_the_wrong_type_are_refused_by_field(tmp_path, field, value):
-    path = tmp_path / "materials.yaml"
-    path.write_text(f"{field}: {value}")
+def test_empty_values_of_the_wrong_type_are_refused_by_field(write, field, value):
+    path = write(f"{field}: {value}")
     if (field, value) == ("materials", "{}"):
         assert Materials.read(path) == NO_MATERIALS
         return
-    with pytest.raises(ImpactError, match=f"^{field}: must be a ") as refusal:
+    with refused(StatusCode.INVALID_TABLE, match=f"^{field}: must be a "):
         Materials.read(path)
-    assert refusal.value.code is StatusCode.INVALID_TABLE
 
 
 @pytest.mark.parametrize(
@@ -292,9 +290,8 @@ def test_empty_values_of_the_wrong_type_are_refused_by_field(tmp_path, field, va
         ("our tests, 2026", "our tests, 2026"),
     ],
 )
-def test_a_source_is_read_as_text(tmp_path, written, source):
-    path = tmp_path / "materials.yaml"
-    path.write_text(f"pairs:\n- materials: [a, b]\n  source: {written}\n")
+def test_a_source_is_read_as_text(write, written, source):
+    path = write(f"pairs:\n- materials: [a, b]\n  source: {written}\n")
     assert Materials.read(path).between("a", "b").source == source
 
 
@@ -322,9 +319,8 @@ def test_a_source_is_read_as_text(tmp_path, written, source):
         "&a {materials: *a}",
     ],
 )
-def test_malformed_files_are_refused_in_one_line(tmp_path, text):
-    path = tmp_path / "materials.yaml"
-    path.write_text(text)
+def test_malformed_files_are_refused_in_one_line(write, text):
+    path = write(text)
     with pytest.raises(ImpactError) as refusal:
         Materials.read(path)
     assert refusal.value.code is StatusCode.INVALID_TABLE
@@ -351,13 +347,10 @@ def test_malformed_files_are_refused_in_one_line(tmp_path, text):
         ("friction: {static: 1, kinetic: 1, speed: high}", "speed: must be a real number, is 'high'"),
     ],
 )
-def test_invalid_constants_are_refused_by_name(tmp_path, text, reason):
-    path = tmp_path / "materials.yaml"
-    path.write_text(pair(text))
+def test_invalid_constants_are_refused_by_name(write, text, reason):
     field = text.partition(":")[0]
-    with pytest.raises(ImpactError, match=rf"^pairs\[0\]\.{field}: {reason}") as refusal:
-        Materials.read(path)
-    assert refusal.value.code is StatusCode.INVALID_COEFFICIENT
+    with refused(StatusCode.INVALID_COEFFICIENT, match=rf"^pairs\[0\]\.{field}: {reason}"):
+        Materials.read(write(pair(text)))
 
 
 @pytest.mark.parametrize("rule", ["energetic", "energetix", None, 3])
@@ -378,11 +371,10 @@ def test_combined_friction_is_finite_or_refused(rule):
     """Only the product of two numbers can exceed both."""
     great = Materials.of({"materials": {"a": {"friction": 1.7e308}, "b": {"friction": 1e308}}})
     if rule is CombineRule.MULTIPLY:
-        with pytest.raises(
-            ImpactError, match=r"^friction: is beyond float64 by the rule multiply: of a "
-        ) as e:
+        with refused(
+            StatusCode.OUT_OF_RANGE, match=r"^friction: is beyond float64 by the rule multiply: of a "
+        ):
             great.find("friction", "a", "b", rule)
-        assert e.value.code is StatusCode.OUT_OF_RANGE
     else:
         assert 1e308 <= great.find("friction", "a", "b", rule).value <= 1.7e308
 

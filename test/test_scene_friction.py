@@ -6,6 +6,7 @@ import math
 import random
 
 import pytest
+from refusals import refused
 from scene_cases import (
     Scene,
     any_scene,
@@ -149,12 +150,8 @@ def test_friction_that_pushes_into_another_contact():
 
 
 def test_tangential_restitution_is_for_one_contact():
-    with pytest.raises(ImpactError) as refused:
+    with refused(StatusCode.INVALID_MODEL, "model.tangential_restitution"):
         box(mu=0.3).resolve(Law.COULOMB, tangential_restitution=0.5)
-    assert (refused.value.code, refused.value.field) == (
-        StatusCode.INVALID_MODEL,
-        "model.tangential_restitution",
-    )
 
 
 def test_moreau_is_replaced_where_it_would_create_energy():
@@ -319,9 +316,8 @@ def test_stronge_gives_the_closed_form_of_a_corner(walls, part, e, exponent, mon
 @pytest.mark.parametrize("part", [1.01, 1.5, 20.0])
 def test_contacts_that_friction_keeps_compressed_are_refused(walls, part, e):
     """As above with c > 1: friction holds more than a spring gives back."""
-    with pytest.raises(ImpactError, match="friction wedges the bodies") as refused:
+    with refused(StatusCode.PATH_TOO_LONG, match="friction wedges the bodies"):
         corner(walls, part, e).resolve(Law.ROUTH_STRONGE)
-    assert refused.value.code is StatusCode.PATH_TOO_LONG
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-16, 1e-15, 1e-12, 1e-9])
@@ -352,9 +348,8 @@ def test_an_exhausted_budget_has_a_status(monkeypatch):
     scene = box((1, 0.3, -1), (0.2, 0.3, 1), e=0.5, mu=0.3)
     exact = scene.resolve(Law.ROUTH_STRONGE)
     monkeypatch.setattr(stronge, "WORK", 30_000)
-    with pytest.raises(ImpactError) as refused:
+    with refused(StatusCode.PATH_TOO_LONG):
         scene.resolve(Law.ROUTH_STRONGE)
-    assert refused.value.code is StatusCode.PATH_TOO_LONG
     monkeypatch.setattr(stronge, "WORK", 1_500_000)
     answer = scene.resolve(Law.ROUTH_STRONGE, tolerance=1e-9)
     assert answer.status is StatusCode.TOLERANCE_NOT_MET

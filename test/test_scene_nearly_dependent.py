@@ -6,8 +6,7 @@ import random
 
 import numpy as np
 import pytest
-from scene_cases import Scene, distance
-from test_scene_attacks import assert_bounded, exactly
+from scene_cases import Scene, assert_within_bound, distance
 
 from collision_response import Body, Contact, Law, StatusCode
 
@@ -38,7 +37,7 @@ def test_double_doubles_decide_dependence(off, count, seed):
     scene = stack(count, off, seed)
     answer = scene.resolve(Law.FRICTIONLESS)
     assert answer.status is StatusCode.OK
-    assert_bounded(scene, answer, exactly(scene))
+    assert_within_bound(scene, answer, scene.in_fractions().resolve(Law.FRICTIONLESS))
     assert answer.error_bound < 2.0**-43  # the root of the rounding in 32 digits, for some terms
 
 
@@ -92,7 +91,7 @@ def test_corners_rounded_to_float32(seed, law, mu):
     assert answer.status is StatusCode.OK
     assert answer.error_bound < (2.0**-43 if law is Law.FRICTIONLESS else 1e-3)
     if law is Law.FRICTIONLESS:
-        assert_bounded(scene, answer, exactly(scene))
+        assert_within_bound(scene, answer, scene.in_fractions().resolve(Law.FRICTIONLESS))
     assert np.dot(answer.twists[0].linear, -down) == pytest.approx(0.5, abs=1e-3)
 
 

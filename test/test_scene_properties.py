@@ -7,13 +7,13 @@ import math
 import random
 import subprocess
 import sys
-from fractions import Fraction
 from pathlib import Path
 
 import pytest
 from scene_cases import (
     Scene,
     any_scene,
+    assert_within_bound,
     change_norm,
     distance,
     distance_of_changes,
@@ -305,33 +305,10 @@ def test_few_random_scenes_have_no_bound():
 def test_errors_against_rationals_are_within_the_bound(seed):
     scene = random_scene(seed, contacts=4)
     answer = scene.resolve(Law.FRICTIONLESS)
-    exact = Scene(
-        [body._replace(mass=Fraction(body.mass)) if body.is_movable() else body for body in scene.bodies],
-        *scene[1:],
-    ).resolve(Law.FRICTIONLESS)
+    exact = scene.in_fractions().resolve(Law.FRICTIONLESS)
     assert exact.error_bound == 0
-    if answer.error_bound == math.inf:
-        return
-    for cluster in answer.clusters:
-        bodies = {place for i in cluster for place in scene.pairs[i] if scene.bodies[place].is_movable()}
-        norms = {}
-        for place in bodies:
-            body, change, true = scene.bodies[place], answer.changes[place], exact.changes[place]
-            off = [
-                float(Fraction(x) - y)
-                for v, w in zip(change, true, strict=True)
-                for x, y in zip(v, w, strict=True)
-            ]
-            arm = body.inertia.trace() / 3
-            weights = [body.mass] * 3 + [arm] * 3
-            size = [float(x) for v in true for x in v]
-            norms[place] = (
-                math.sqrt(sum(w * x * x for w, x in zip(weights, off, strict=True))),
-                math.sqrt(sum(w * x * x for w, x in zip(weights, size, strict=True))),
-            )
-        largest = max(size for _, size in norms.values())
-        for off, _ in norms.values():
-            assert off <= answer.error_bound * largest * (1 + 1e-9)
+    if answer.error_bound < math.inf:
+        assert_within_bound(scene, answer, exact)
 
 
 @each_seed

@@ -9,8 +9,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_graph import assign, state_of, wait_until
+from ros_graph import LATCHED, assign, state_of, wait_until
 
 from collision_response import Body, Contact, ImpactModel, Law, StatusCode, resolve, resolve_scene
 from collision_response.msg import BodyState, SceneResult
@@ -291,9 +290,7 @@ def test_answers_and_refusals_are_published(graph):
     good, bad = request_of(*CRADLE), request_of(*CRADLE)
     bad.contacts[2 * 3] = 0.0  # the x of the first normal
     answers = [graph.call(request).result for request in (good, bad)]
-    received = []
-    late = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    graph.user.create_subscription(SceneResult, "collision_response/scene_result", received.append, late)
+    received = graph.listen(SceneResult, "collision_response/scene_result", LATCHED)
     wait_until(lambda: len(received) == 2)
     assert received == answers
     assert [result.sequence for result in received] == [1, 2]

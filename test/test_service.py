@@ -14,10 +14,8 @@ pytest.importorskip("rclpy")
 
 from attacks import rod_in_plane
 from exact_adapter import as_request
-from rcl_interfaces.msg import Log
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_graph import DEADLINE, assign, balls_meet, request_of, wait_until
+from ros_graph import DEADLINE, LATCHED, assign, balls_meet, request_of, wait_until
 from test_source_systems import ROUNDING
 
 from collision_response import Body, Contact, Impact, Law, StatusCode, resolve
@@ -305,16 +303,13 @@ def test_a_thousand_requests_at_once_get_a_thousand_answers(graph):
     assert {answer.result.sequence for answer in answers} == set(range(1, total + 1))
 
 
-LATE = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-
 def subscribe(graph):
     """Subscribe to the results, earlier ones included; return the subscription and the list of received
     results.
     """
     received = []
     subscription = graph.user.create_subscription(
-        CollisionResult, "collision_response/result", received.append, LATE
+        CollisionResult, "collision_response/result", received.append, LATCHED
     )
     return subscription, received
 
@@ -460,17 +455,11 @@ def test_massless_spin_is_reported(shared_node):
 
 
 def test_the_node_logs_what_the_scene_requires(graph):
-    said = []
-    graph.user.create_subscription(
-        Log, "/rosout", said.append, QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    )
+    logged = graph.log()
     graph.serve(scene_tolerance=1e-6)
     graph.call(request_of(*COLLISIONS["sliding"]))
-    wait_until(
-        lambda: [
-            log for log in said if log.msg.startswith("the scene requires PLANAR: body_a - body_b turns")
-        ]
-    )
+    required = "the scene requires PLANAR: body_a - body_b turns"
+    wait_until(lambda: any(text.startswith(required) for text in logged))
 
 
 def test_tangential_restitution(shared_node):

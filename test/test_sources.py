@@ -146,8 +146,7 @@ def start(graph):
             )
         )
 
-    start.heard = []
-    graph.user.create_subscription(BodyState, "body_states", start.heard.append, 10)
+    start.heard = graph.listen(BodyState, "body_states")
     return start
 
 
