@@ -26,7 +26,7 @@ from collision_response import (
 )
 from collision_response.batch import body_rows, contact_rows, resolve_batch
 from collision_response.model import Geometry
-from collision_response.physics.laws.compliant_path import LEAST
+from collision_response.physics.laws.compliant_path import LEAST_RESTITUTION
 from collision_response.physics.mass_properties import sphere
 from collision_response.physics.stiffness import METAL_ON_METAL, Elastic, stiffness_ratio
 
@@ -270,7 +270,8 @@ def test_regimes(asked, regime):
 def test_the_smallest_restitution_is_close_to_none(K, u, mu):
     """Restitution of e gives back an impulse of e."""
     none = planar(K, u, 0.0, mu, 1.0)
-    for e in (LEAST / 2, math.nextafter(LEAST, 0), LEAST, math.nextafter(LEAST, 1), 2 * LEAST):
+    limit = LEAST_RESTITUTION
+    for e in (limit / 2, math.nextafter(limit, 0), limit, math.nextafter(limit, 1), 2 * limit):
         least = planar(K, u, e, mu, 1.0)
         size = math.hypot(*none.impulse)
         bound = (none.error_bound + least.error_bound + 2 * e) * size

@@ -1,10 +1,12 @@
-"""The course of an impact between springs, in the units and letters of ``compliant.py``.
+"""Integrate an impact between springs, in the letters and units of ``compliant.py``.
 
-It goes on by the method of ``dormand_prince.py``, from event to event: a step that goes past one is taken
-again, shorter, until it ends there to ``EVENT``. What holds between events is a number that stays positive:
+The method is that of ``dormand_prince.py``. The motion is smooth between events. Each state has a number that
+is positive until the event that ends it:
 
-    stick      mu F_n - |F_t|               slip       lambda
-    loading    -u_n                         unloading  F_max - F_n
+    stick      mu F_n - |F_t|        slip         lambda
+    loading    -u_n                  unloading    F_max - F_n
+
+A step that leads past an event is repeated with a shorter length until it ends at the event, to ``EVENT``.
 """
 
 from __future__ import annotations
@@ -28,23 +30,29 @@ from ...numbers.operations import (
 from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row
 
 EVENT = 2.0**-48
-"""How far past its event a phase may end, relative to what the event is decided by."""
+"""How far past the event a step may end, in units of the terms that make up the number of the event."""
 
 END = 1e-8
-"""Normal force, relative to its greatest, from which on the rest of the way is straight."""
+"""Normal force, relative to its maximum, at which the rest of the path counts as straight."""
 
 STEP_ROUNDING = 4e-15
+"""Rounding error of a step."""
+
 STEPS = 10000
+"""Steps at most."""
+
+LEAST_RESTITUTION = 1e-12
+"""Less restitution returns nothing that counts: the impact ends with compression, and the bound says so."""
 
 
 class Springs(NamedTuple):
-    """What stays the same on the way.
+    """The constants of an impact between springs.
 
     Attributes:
-        A11, A12, A22, b1, b2: ``K`` across the normal, and beside it.
-        v1, v2: the first slip.
-        mu, kappa: friction, and tangential over normal stiffness.
-        e: restitution of energy, not 0.
+        A11, A12, A22, b1, b2: the tangential and the mixed part of ``K``.
+        v1, v2: the slip before the impact.
+        mu, kappa: friction, and the ratio of tangential to normal stiffness.
+        e: restitution of energy.
         tolerance: of a step.
     """
 
@@ -61,32 +69,33 @@ class Springs(NamedTuple):
     tolerance: Scalar
 
     def velocity(self, P1: Scalar, P2: Scalar, Pn: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-        """``u``, after an impulse."""
+        """``u`` after an impulse."""
         return (
             self.v1 + self.A11 * P1 + self.A12 * P2 + self.b1 * Pn,
             self.v2 + self.A12 * P1 + self.A22 * P2 + self.b2 * Pn,
             self.b1 * P1 + self.b2 * P2 + Pn - 1,
         )
 
-    def reach(self, P1: Scalar, P2: Scalar, Pn: Scalar) -> Scalar:
-        """The size of what :meth:`velocity` sums up, and so of its rounding."""
+    def size_of_terms(self, P1: Scalar, P2: Scalar, Pn: Scalar) -> Scalar:
+        """The size of the terms that :meth:`velocity` adds up: the unit of its rounding."""
         b, P_t = abs(self.b1) + abs(self.b2), abs(P1) + abs(P2)
         return 1 + abs(self.v1) + abs(self.v2) + (self.A11 + self.A22 + b) * P_t + (1 + b) * Pn
 
 
-class Course(NamedTuple):
-    """A point of the course.
+class State(NamedTuple):
+    """The state of the contact during the impact. Flags are 1 or 0.
 
     Attributes:
-        a1, a2: the tangential force if it sticks, the direction of the spring's deflection if it slips.
+        a1, a2: the tangential force if it sticks; the direction of the spring's deflection if it slips.
         F: the normal force.
-        P1, P2, Pn: the impulse.
-        slips, unloads: 1 or 0.
-        most: the greatest normal force so far.
-        h: the next step.
-        going: not 0 until it ends.
-        growth: by how much what is amiss may have grown; ``doubt``: the steps' errors.
-        stuck, jams: not 0 if it ever stuck, or friction pressed the bodies together.
+        P1, P2, Pn: the impulse so far.
+        slips, unloads: whether it slips, not sticks; and unloads, not loads.
+        F_max: the greatest normal force so far.
+        h: length of the next step, in time.
+        is_running: 1 until the impact ends.
+        growth: the factor by which an initial error may have grown.
+        step_error: the sum of the errors of the steps.
+        has_stuck, has_jammed: whether it ever stuck, and whether friction ever pressed the bodies together.
     """
 
     a1: Scalar
@@ -97,36 +106,36 @@ class Course(NamedTuple):
     Pn: Scalar
     slips: Scalar
     unloads: Scalar
-    most: Scalar
+    F_max: Scalar
     h: Scalar
-    going: Scalar
+    is_running: Scalar
     growth: Scalar
-    doubt: Scalar
-    stuck: Scalar
-    jams: Scalar
+    step_error: Scalar
+    has_stuck: Scalar
+    has_jammed: Scalar
 
 
 class Event(NamedTuple):
-    """A number that is positive until the event, and how fast it rises."""
+    """A number that is positive until an event, and its derivative by time."""
 
     value: Scalar
     slope: Scalar
 
     def is_passed(self) -> Condition:
-        """Whether it is long over."""
+        """Whether the event lies in the past, by more than ``EVENT``."""
         return self.value < -EVENT
 
     def is_now(self) -> Condition:
-        """Whether it is just over."""
+        """Whether the number has just reached 0, falling."""
         return (self.value <= 0) & (self.slope < 0)
 
     def delay(self) -> Scalar:
-        """0: by how much later it comes as its value varies."""
+        """0, with the derivatives of the time by which the event comes later."""
         return varying_as(0 * self.value, lambda: -self.value / fixed(self.slope))
 
 
-def step(springs: Springs, y: Course) -> Course:
-    """One step of the course, or a shorter one to try next."""
+def step(springs: Springs, y: State) -> State:
+    """The state after one step; or, if the step is too long, with a smaller ``h``."""
     mu, kappa = springs.mu, springs.kappa
     one, zero = 1 + 0 * y.F, 0 * y.F
     slips, unloads = y.slips > 0, y.unloads > 0
@@ -152,20 +161,20 @@ def step(springs: Springs, y: Course) -> Course:
         dun = springs.b1 * F1 + springs.b2 * F2 + F
         size = square_root(a1 * a1 + a2 * a2)
         safe = choose(size > 0, lambda: size, lambda: one)
-        # In units in which what they are made of is 1: EVENT is more than its rounding.
-        grip, speed = (1 + mu) * (1 + y.most), (1 + share) * reach
-        stick = Event((mu * F - size) / grip, (mu * dF - (a1 * d1 + a2 * d2) / safe) / grip)
-        fades = a1 * du1 + a2 * du2 + d1 * u1 + d2 * u2 + share * dun
-        slip = Event((a1 * u1 + a2 * u2 + share * u_n) / speed, fades / speed)
+        # In units of the terms that they are made of, so that EVENT is more than their rounding.
+        force_unit, speed_unit = (1 + mu) * (1 + y.F_max), (1 + share) * terms
+        stick = Event((mu * F - size) / force_unit, (mu * dF - (a1 * d1 + a2 * d2) / safe) / force_unit)
+        d_lambda = a1 * du1 + a2 * du2 + d1 * u1 + d2 * u2 + share * dun
+        slip = Event((a1 * u1 + a2 * u2 + share * u_n) / speed_unit, d_lambda / speed_unit)
         friction = choose(slips, lambda: slip, lambda: stick)
-        rough = choose(mu > 0, lambda: friction, lambda: Event(one, zero))
-        full = Event((y.most - F) / (1 + y.most), -dF / (1 + y.most))
-        return [rough, choose(unloads, lambda: full, lambda: Event(-u_n / reach, -dun / reach))]
+        friction_event = choose(mu > 0, lambda: friction, lambda: Event(one, zero))
+        full = Event((y.F_max - F) / (1 + y.F_max), -dF / (1 + y.F_max))
+        return [friction_event, choose(unloads, lambda: full, lambda: Event(-u_n / terms, -dun / terms))]
 
     start = (y.a1, y.a2, y.F, y.P1, y.P2, y.Pn)
-    share, reach = mu * k / kappa, springs.reach(y.P1, y.P2, y.Pn)
+    share, terms = mu * k / kappa, springs.size_of_terms(y.P1, y.P2, y.Pn)
     h = for_derivatives(
-        y.h, lambda: fixed(choose(slips, lambda: minimum(y.h, _reach(springs, y, k)), lambda: y.h))
+        y.h, lambda: fixed(choose(slips, lambda: minimum(y.h, _longest(springs, y, k)), lambda: y.h))
     )
     slopes: list[tuple[Scalar, ...]] = []
 
@@ -177,17 +186,17 @@ def step(springs: Springs, y: Course) -> Course:
     end = tuple(v + total(WEIGHTS, i) for i, v in enumerate(start))
     fifth = [total(ERROR_5, i) for i in range(6)]
     third = [total(WEIGHTS, i) - total(ORDER_3, i) for i in range(6)]
-    scale = maximum(one, (abs(y.P1) + abs(y.P2) + y.Pn) / 4)  # above 1 where friction jams
-    e5, e3 = (_size(e, slips, mu, kappa, k, y.most) / scale for e in (fifth, third))
+    scale = maximum(one, (abs(y.P1) + abs(y.P2) + y.Pn) / 4)  # above 1 if friction jams
+    e5, e3 = (_error_norm(e, slips, mu, kappa, k, y.F_max) / scale for e in (fifth, third))
     square = e5 * e5
     err = choose(square > 0, lambda: square / square_root(square + 0.01 * e3 * e3), lambda: zero)
-    ratio = choose(square < 1e6, lambda: err / springs.tolerance, lambda: 1e30 * one)  # nor if it is none
+    ratio = choose(square < 1e6, lambda: err / springs.tolerance, lambda: 1e30 * one)  # NaN is too long, too
     factor = 0.9 / square_root(square_root(square_root(ratio + 1e-6)))
     size = h * maximum(minimum(factor, 4 * one), 0.2 * one)
 
-    # The first event on the way, if there is one.
+    # The first event within the step, if there is one.
     before, after = events(*start), events(*end)
-    to = [_aim(first, last, h) for first, last in zip(before, after, strict=True)]
+    to = [_step_to(first, last, h) for first, last in zip(before, after, strict=True)]
     F = end[2]
     fell = F < 0
     to.append(
@@ -198,7 +207,7 @@ def step(springs: Springs, y: Course) -> Course:
     passed = (nearest < h) & is_fine
     again = choose(is_fine, lambda: nearest, lambda: size)
 
-    def accepted() -> Course:
+    def accepted() -> State:
         switches, turns = (event.is_now() for event in after)
         delay = choose(turns, after[1].delay, lambda: zero)
         delay = choose(switches, after[0].delay, lambda: delay)
@@ -215,37 +224,36 @@ def step(springs: Springs, y: Course) -> Course:
         now = choose(switches, lambda: 1 - y.slips, lambda: y.slips)
         unloads_now = choose(turns, lambda: 1 - y.unloads, lambda: y.unloads)
         begins = turns & (y.unloads < 1)
-        most = maximum(y.most, F)
+        F_max = maximum(y.F_max, F)
         over = choose(
-            springs.e < LEAST, lambda: begins, lambda: (y.unloads > 0) & (END * most >= F) & (u_n > 0)
+            springs.e < LEAST_RESTITUTION,
+            lambda: begins,
+            lambda: (y.unloads > 0) & (END * F_max >= F) & (u_n > 0),
         )
         along = y.a1 * y.a1 * springs.A11 + 2 * y.a1 * y.a2 * springs.A12 + y.a2 * y.a2 * springs.A22
         slid = mu * square_root(along * k) * h / 2
         turned = mu * square_root(k / kappa) * (abs(a1 - y.a1) + abs(a2 - y.a2)) / 2
         gain = choose(slips, lambda: slid + turned, lambda: zero)
         held = choose(slips & switches, lambda: mu * mu * k / kappa, lambda: zero)
-        missed = choose(switches | turns, lambda: EVENT * reach, lambda: zero)
+        missed = choose(switches | turns, lambda: EVENT * terms, lambda: zero)
         pressed = (y.unloads < 1) & (u_n < springs.velocity(y.P1, y.P2, y.Pn)[2])
-        return Course(
-            b1, b2, F, P1, P2, Pn, now, unloads_now, most,
+        return State(
+            b1, b2, F, P1, P2, Pn, now, unloads_now, F_max,
             choose(begins, lambda: size * springs.e, lambda: size),
             choose(over, lambda: zero, lambda: one),
             y.growth * _exponential(gain) * square_root(1 + held),
-            y.doubt + (err + STEP_ROUNDING) * scale + missed,
-            choose(now > 0, lambda: y.stuck, lambda: one), choose(pressed, lambda: one, lambda: y.jams),
+            y.step_error + (err + STEP_ROUNDING) * scale + missed,
+            choose(now > 0, lambda: y.has_stuck, lambda: one),
+            choose(pressed, lambda: one, lambda: y.has_jammed),
         )  # fmt: skip
 
     return choose(is_fine & negation(passed), accepted, lambda: y._replace(h=again))
 
 
-LEAST = 1e-12
-"""Less restitution gives back nothing that would count: 0 is answered, and the bound says so."""
+def _longest(springs: Springs, y: State, k: Scalar) -> Scalar:
+    """The longest step of slip, for derivatives: the direction of slip is stiff where ``F_n`` is small.
 
-
-def _reach(springs: Springs, y: Course, k: Scalar) -> Scalar:
-    """How far slip may go in one step: its direction is stiff where ``F_n`` is small.
-
-    Steps that are fine for planar slip are too long for how it leaves its plane as the data vary.
+    A step that suits planar slip may be too long for the derivatives of how slip leaves its plane.
     """
     u1, u2, u_n = springs.velocity(y.P1, y.P2, y.Pn)
     force, turn = y.F / (k * abs(u_n)), springs.mu * y.F / (springs.kappa * (abs(u1) + abs(u2)))
@@ -254,24 +262,24 @@ def _reach(springs: Springs, y: Course, k: Scalar) -> Scalar:
 
 
 def _exponential(x: Scalar) -> Scalar:
-    """``exp``, from above if ``x`` is at most 8; more grows beyond all use in a few steps."""
+    """An upper bound of ``exp(x)`` for ``x`` up to 8. A greater ``x`` leaves no useful error bound."""
     power = 1 + x / 8 * (1 + x / 8)
     for _ in range(3):
         power = power * power
     return power
 
 
-def _aim(first: Event, last: Event, h: Scalar) -> Scalar:
-    """The step that ends at an event; twice ``h`` if that holds none."""
+def _step_to(first: Event, last: Event, h: Scalar) -> Scalar:
+    """The length of the step that ends at the event; ``2 h`` if there is none within ``h``."""
     never = 2 * h
-    # Newton's step back from the end, within what is known.
+    # Newton's step back from the end, if it stays within the step; else the chord.
     safe = choose(last.slope < 0, lambda: last.slope, lambda: -1 + 0 * h)
     back = h - (last.value + EVENT / 2) / safe
     rise = first.value - last.value
     chord = h * first.value / choose(rise > 0, lambda: rise, lambda: 1 + 0 * h)
     inside = (last.slope < 0) & (back > 0) & (back < h)
     guess = choose(inside, lambda: back, lambda: maximum(minimum(chord, 0.9 * h), 0.1 * h))
-    # A dip between two ends above 0: the least of the cubic.
+    # Both ends are positive, with a dip in between: the minimum of the cubic.
     dips = (first.slope < 0) & (last.slope > 0) & (last.value > 0)
     fall = choose(
         dips,
@@ -284,14 +292,16 @@ def _aim(first: Event, last: Event, h: Scalar) -> Scalar:
 
 
 def _cubic(first: Event, last: Event, h: Scalar, s: Scalar) -> Scalar:
-    """Hermite's interpolation at ``s h``."""
+    """Hermite's cubic interpolation at the time ``s h``."""
     r = 1 - s
     ends = first.value * (r * r * (1 + 2 * s)) + last.value * (s * s * (3 - 2 * s))
     return ends + h * (first.slope * (s * r * r) - last.slope * (s * s * r))
 
 
-def _size(e: list[Scalar], slips: Condition, mu: Scalar, kappa: Scalar, k: Scalar, most: Scalar) -> Scalar:
-    """An error of the state, as a speed."""
+def _error_norm(
+    e: list[Scalar], slips: Condition, mu: Scalar, kappa: Scalar, k: Scalar, F_max: Scalar
+) -> Scalar:
+    """The size of an error of the state, as a speed: about the root of ``V``."""
     turn = abs(e[0]) + abs(e[1])
-    across = choose(slips, lambda: mu * most * turn, lambda: turn) / square_root(kappa)
+    across = choose(slips, lambda: mu * F_max * turn, lambda: turn) / square_root(kappa)
     return across + abs(e[2]) / square_root(k) + abs(e[3]) + abs(e[4]) + abs(e[5])
