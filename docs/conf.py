@@ -1,8 +1,8 @@
-"""The reference site: `make docs`, and rosdoc2 for the ROS index, let Sphinx read this.
+"""Sphinx configuration of the reference site, for `make docs` and for rosdoc2 (the ROS index).
 
-The pages are Markdown that reads well where it lies. This adds the README as the first page, the interfaces
-as they are written, the API by its docstrings, and every file of the repository that a page links to. All of
-that is written beside the pages, so Sphinx is to be given a copy of this folder, as both of them do.
+The pages are Markdown that can be read without the site. This file adds the README as the first page, the
+interface files, the API from its docstrings, and every file of the repository that a page links to. It writes
+all of these next to the pages, so Sphinx must work on a copy of this folder, as `make docs` and rosdoc2 do.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ project = "collision_response"
 copyright = "the contributors of collision_response"
 release = (ROOT / "package.xml").read_text().partition("<version>")[2].partition("</version>")[0]
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx.ext.viewcode"]
-# index.rst includes the README; the others are what rosdoc2 adds of its own, which this site has in its way.
+# index.rst includes the README. The others are added by rosdoc2; this site has them elsewhere.
 exclude_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.rst", "__*", "msg", "srv"]
 html_theme = "sphinx_rtd_theme"
 html_show_sourcelink = False
@@ -34,7 +34,7 @@ myst_fence_as_directive = ["math"]
 myst_heading_anchors = 4
 autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
-# The source is read as it lies: some of these are made by its build, the others are not needed to read it.
+# The source is read without a build: some of these modules are made by the build, the others are not needed.
 autodoc_mock_imports = [
     *(f"collision_response.kernels.{name}" for name in ("_compiled", "_derivatives", "_scene")),
     *("collision_response.msg", "collision_response.srv"),
@@ -63,7 +63,7 @@ INTERFACES = {path: sorted(path.iterdir()) for path in (ROOT / "srv", ROOT / "ms
 
 
 def in_site(path: Path) -> str:
-    """Where the site has a file or folder of the repository."""
+    """Path in the site of a file or folder of the repository."""
     if path in PAGES:
         return PAGES[path]
     if path in INTERFACES:
@@ -76,21 +76,21 @@ def in_site(path: Path) -> str:
 
 
 def for_site(page: Path, text: str) -> str:
-    """A page of the repository, its links led to pages of the site, and its formulas as MyST writes them."""
+    """Text of a page with links to pages of the site, and with formulas in the syntax of MyST."""
 
-    def led(link: re.Match[str]) -> str:
+    def site_link(link: re.Match[str]) -> str:
         target = (page.parent / link[1]).resolve()
-        return f"]({in_site(target)}{link[2] or ''})" if target.exists() else link[0]  # of that, Sphinx warns
+        return f"]({in_site(target)}{link[2] or ''})" if target.exists() else link[0]  # Sphinx warns about it
 
-    return re.sub(r"\$`(.+?)`\$", r"$\1$", re.sub(r"\]\(([\w./-]+)(#[\w-]+)?\)", led, text))
+    return re.sub(r"\$`(.+?)`\$", r"$\1$", re.sub(r"\]\(([\w./-]+)(#[\w-]+)?\)", site_link, text))
 
 
 def source_page(path: Path) -> Path:
-    """A page that shows a file, or lists a folder."""
+    """Path of a page that shows a file or lists a folder."""
     name = path.relative_to(ROOT)
     page = Path("source", f"{name}.md")
     if not (HERE / page).exists():
-        write(page, "")  # in case it links to itself
+        write(page, "")  # in case the page links to itself
         if path.is_dir():
             files = sorted(file for file in path.iterdir() if file.is_file())
             text = "\n".join(f"* [{file.name}](/{source_page(file)})" for file in files)
@@ -101,9 +101,9 @@ def source_page(path: Path) -> Path:
 
 
 def code(path: Path) -> str:
-    """A file, coloured by the language that its name says."""
+    """A code block with a file, highlighted by the language of its extension."""
     lexer = find_lexer_class_for_filename(path.name)
-    language = lexer.aliases[0] if lexer else "python"  # for interfaces: comments and numbers are alike
+    language = lexer.aliases[0] if lexer else "python"  # interfaces have the same comments and numbers
     return f"``````{{code-block}} {language}\n:force:\n\n{path.read_text()}``````\n"
 
 
@@ -114,9 +114,9 @@ def write(name: Path | str, text: str) -> None:
 
 
 def write_pages(*_: Any) -> None:
-    """All pages that do not lie in this folder."""
+    """Write all pages that are not in this folder."""
     for page in PAGES:
-        for_site(page, page.read_text())  # makes the pages of the files that it links to
+        for_site(page, page.read_text())  # writes the pages of the files that it links to
     for page, name in ((ROOT / "README.md", "README.md"), (ROOT / "CONTRIBUTING.md", "contributing.md")):
         write(name, for_site(page, page.read_text()))
     write("changelog.rst", (ROOT / "CHANGELOG.rst").read_text())
@@ -133,8 +133,8 @@ def read_page(_: Any, name: str, content: list[str]) -> None:
 
 
 def as_sphinx_reads(app: Any, what: str, name: str, member: object, options: Any, lines: list[str]) -> None:
-    """Docstrings: sections as Sphinx writes them, and formulas, which a module indents, as they stand."""
-    kind = "" if what == "attribute" else what  # else their first colon would end a type
+    """Convert docstrings: sections to Sphinx syntax, and indented formulas of a module to literal blocks."""
+    kind = "" if what == "attribute" else what  # otherwise their first colon would end a type
     text = str(GoogleDocstring(lines, Config(napoleon_use_ivar=True), app, kind, name, member, options))
     if what == "module":
         formulas = r"^(\S.*(?<!::)\n\n)(?= {4}(?!>>>))"
@@ -143,7 +143,7 @@ def as_sphinx_reads(app: Any, what: str, name: str, member: object, options: Any
 
 
 def is_left_out(_: Any, __: str, ___: str, member: object, skip: bool, ____: Any) -> bool:
-    """Fields of named tuples: their class says what they are."""
+    """Whether to skip a member: fields of named tuples are documented by their class."""
     return skip or type(member).__name__ == "_tuplegetter"
 
 

@@ -1,4 +1,4 @@
-"""The pictures and the tables of impact-laws.md, computed by the package itself.
+"""Makes the pictures and tables of impact-laws.md with the package.
 
 It needs ``pip install '.[plots]'``. ``python docs/impact_laws.py`` writes the pictures to docs/images
 and the tables into the page; with ``--no-tables`` only the pictures.
@@ -45,7 +45,7 @@ LAWS = [law for law in Law if law is not Law.AUTO]
 
 
 class Case(NamedTuple):
-    """A thin rod, 1 kg and 1 m, whose end strikes a fixed plane; and the window to draw it in."""
+    """A thin rod of 1 kg and 1 m whose end strikes a fixed plane, and the window of its drawing."""
 
     name: str
     angle: float
@@ -92,13 +92,13 @@ def kinetics(case: Case) -> tuple[np.ndarray, np.ndarray]:
 
 
 def energy_change(case: Case, p: np.ndarray) -> float:
-    """Of the rod, for an impulse ``p`` [J]."""
+    """Change of the energy of the rod by an impulse ``p`` [J]."""
     K, u = kinetics(case)
     return float(p @ (2 * u + K @ p) / 2)
 
 
 def draw_plane(ax: Axes, case: Case) -> None:
-    """What is the same for every law: cone, compression, sticking, energy."""
+    """Draw what is the same for every law: friction cone, compression, sticking, energy."""
     K, u = kinetics(case)
     left, right, bottom, top = case.window
     ax.fill([0, case.mu * 2 * top, -case.mu * 2 * top], [0, 2 * top, 2 * top], color=CONE, zorder=0)
@@ -115,7 +115,7 @@ def draw_plane(ax: Axes, case: Case) -> None:
 
 
 def equal_energy(K: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """The ellipse ``P.(2 u + K P) = 0``: the rod ends with the energy it had."""
+    """The ellipse ``P.(2 u + K P) = 0`` of impulses that do not change the energy."""
     centre = -np.linalg.solve(K, u)
     radius = math.sqrt(-centre @ u)
     turn = np.linspace(0, 2 * math.pi, 400)
@@ -125,7 +125,7 @@ def equal_energy(K: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def draw_path(ax: Axes, points: np.ndarray) -> None:
-    """The path of the impulse, with an arrow head in the middle of every long leg."""
+    """Draw the path of the impulse, with an arrow head in the middle of every long leg."""
     ax.plot(points[:, 0], points[:, 1], color=PATH, lw=2.4, zorder=4, solid_capstyle="round")
     length = np.ptp(points[:, 1]) + np.ptp(points[:, 0])
     for a, b in pairwise(points):
@@ -142,7 +142,7 @@ def draw_path(ax: Axes, points: np.ndarray) -> None:
 def mark(
     ax: Axes, at: np.ndarray, text: str, offset: tuple[float, float], color: str = INK, marker: str = "o"
 ) -> None:
-    """A point with its name; ``offset`` in points, the text's side follows its sign."""
+    """Draw a point with its name; ``offset`` is in points, and its sign decides the side of the text."""
     ax.plot(*at, marker=marker, ms=6, color=color, mec="white", mew=0.8, zorder=6, ls="none")
     ax.annotate(
         text,
@@ -172,7 +172,7 @@ def legend_handles(*extra: Line2D) -> list[Line2D | Patch]:
 
 
 def picture(name: str, draw: Callable[[Axes, Case], None], *extra: Line2D) -> None:
-    """One law, T2 on the left and T3 on the right."""
+    """Draw one law, with T2 on the left and T3 on the right."""
     figure, axes = plt.subplots(1, 2, figsize=(8, 6.3 if extra else 5.9), layout="constrained")
     for ax, case in zip(axes, CASES, strict=True):
         draw_plane(ax, case)
@@ -199,7 +199,7 @@ def answer(case: Case, law: Law) -> np.ndarray:
 
 
 def raw_moreau(case: Case) -> np.ndarray:
-    """Moreau's own answer to T2 and T3, where the contact can stick: ``u+ = -e u_n n``."""
+    """Moreau's own answer to T2 and T3, in which the contact sticks: ``u+ = -e u_n n``."""
     K, u = kinetics(case)
     P: np.ndarray = np.linalg.solve(K, np.array([0.0, -case.e * u[1]]) - u)
     assert abs(P[0]) <= case.mu * P[1]
@@ -207,7 +207,7 @@ def raw_moreau(case: Case) -> np.ndarray:
 
 
 def corners(case: Case) -> tuple[np.ndarray, np.ndarray]:
-    """``P_I`` and ``P_II``: the frictionless plastic impulse, and the one that brings to rest."""
+    """``P_I`` and ``P_II``: the frictionless plastic impulse, and that which brings the contact to rest."""
     K, u = kinetics(case)
     return np.array([0.0, -u[1] / K[1, 1]]), -np.linalg.solve(K, u)
 
@@ -266,7 +266,7 @@ def draw_routh(law: Law, end: str) -> Callable[[Axes, Case], None]:
 
 
 def path(case: Case, p_end: float) -> tuple[np.ndarray, np.ndarray]:
-    """Where Routh's path starts, bends and ends, and where compression ends, if slip stops and runs back."""
+    """Start, bend and end of Routh's path, and the end of compression, if slip stops and reverses."""
     K, u = kinetics(case)
     start = np.zeros(2)
     first = np.array([-case.mu * np.sign(u[0]), 1.0])
@@ -284,7 +284,7 @@ def path(case: Case, p_end: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def draw_comparison() -> None:
-    """All answers side by side."""
+    """Draw all answers together."""
     figure, axes = plt.subplots(1, 2, figsize=(8, 4.6), layout="constrained")
     labels = {
         T2: {
@@ -315,7 +315,7 @@ def draw_comparison() -> None:
 
 
 def draw_rods() -> None:
-    """What T2 and T3 are."""
+    """Draw the rods of T2 and T3."""
     figure, axes = plt.subplots(1, 2, figsize=(8, 3.0), layout="constrained")
     for ax, case in zip(axes, CASES, strict=True):
         end = np.array([math.cos(case.angle), math.sin(case.angle)])
@@ -341,11 +341,11 @@ SPHERE = [[3.5, 0.0, 0.0], [0.0, 3.5, 0.0], [0.0, 0.0, 1.0]]
 
 with PAGE.with_name("kharaz-2001.csv").open(newline="") as _file:
     KHARAZ = [(float(row["incidence"]), float(row["ratio"])) for row in csv.DictReader(_file) if row["ratio"]]
-"""Angle of incidence [deg], and tangential velocity of the centre after over that before."""
+"""Angle of incidence [deg], and tangential velocity of the centre after the impact over that before."""
 
 
 def rebound(degrees: float, law: Law, kappa: float) -> tuple[float, float]:
-    """Of a sphere of speed 1: the slip after, and what is left of its centre's tangential velocity."""
+    """Slip of a sphere of speed 1 after the impact; tangential velocity of its centre, after over before."""
     u_t, u_n = math.sin(math.radians(degrees)), -math.cos(math.radians(degrees))
     model = ImpactModel(law, stiffness_ratio=kappa)
     impact = resolve_contact(SPHERE, (u_t, 0, u_n), (0, 0, 1), 0.98, 0.092, model)
@@ -353,7 +353,7 @@ def rebound(degrees: float, law: Law, kappa: float) -> tuple[float, float]:
 
 
 def draw_compliant() -> None:
-    """The slip that a sphere ends with, and its centre beside measurements."""
+    """Draw the slip of a sphere after the impact, and the velocity of its centre with measurements."""
     figure, axes = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
     angles, own = np.linspace(0.5, 65, 200), stiffness_ratio(Elastic(0.23), Elastic(0.23))
     curves = [
@@ -391,7 +391,7 @@ def arrow(
 
 
 def draw_restitution() -> None:
-    """The velocity-dependent coefficients."""
+    """Draw the coefficients that depend on the approach speed."""
     figure, ax = plt.subplots(figsize=(8, 3.4), layout="constrained")
     v = np.geomspace(1e-3, 30, 400)
     curves = {
@@ -415,7 +415,7 @@ HEAD = "case", "law", "$p_t$", "$p_n$", "$u_t^+$", "$u_n^+$", "ΔE", "by restitu
 
 
 def values() -> Iterator[list[str]]:
-    """The answers to T1, T2, T3 and to T3 with e = 1; energies are those gained."""
+    """Rows of the answers to T1, T2, T3 and T3 with e = 1; energies are gains."""
     for case in (T1, T2, T3, T3._replace(name="T3, $e=1$", e=1.0)):
         for law in LAWS:
             impact = case.resolve(law)
@@ -437,7 +437,7 @@ def row_of(case: Case, law: str, P: np.ndarray, energies: list[float], regime: s
 
 
 def decimals(x: float) -> str:
-    """Five decimals, and rounding is 0."""
+    """Text with five decimals; rounding errors become 0."""
     return "0" if abs(x) < 1e-12 else f"{x:.5f}"
 
 
@@ -445,7 +445,7 @@ COSTS = "law", "`resolve()`, plane", "`resolve()`, space"
 
 
 def costs() -> Iterator[list[str]]:
-    """Microseconds of a call, the fastest of 15; and the ratio to the frictionless law in the same column."""
+    """Rows of the times of a call [µs], the fastest of 15, and the ratio to the frictionless law."""
     requests = {"plane": (T2.rod(), Body.static(), T2.contact()), "space": tumbling_box()}
     calls = {
         (law, where): partial(resolve, *request, ImpactModel(law))
@@ -459,7 +459,7 @@ def costs() -> Iterator[list[str]]:
 
 
 def tumbling_box() -> tuple[Body, Body, Contact]:
-    """A box on its corner, in space: the slip turns while it lasts, then stops."""
+    """A box on its corner, in space: the slip turns and then stops."""
     body = Body.dynamic(
         2.0,
         box(2.0, (1.0, 0.6, 0.3)).inertia,

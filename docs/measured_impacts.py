@@ -1,10 +1,10 @@
-"""The figures, the tables and the pictures of measured-impacts.md.
+"""Makes the figures, tables and pictures of measured-impacts.md.
 
     python docs/measured_impacts.py --ellipse CLONE --cubes FILE
 
-It needs ``pip install '.[identify]'``. CLONE is a clone of github.com/mcubelab/planar-impact-dataset; FILE
-a table, as ``python -m collision_response.identify --help`` describes it, of impacts of cubes. What is not
-given keeps the figures of ``measured-impacts.json``.
+It needs ``pip install '.[identify]'``. CLONE is a clone of github.com/mcubelab/planar-impact-dataset. FILE is
+a table of impacts of cubes, as ``python -m collision_response.identify --help`` describes it. Without an
+argument, its figures in ``measured-impacts.json`` are kept.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ HERE = Path(__file__).parent
 PAGE, RESULTS, KHARAZ = HERE / "measured-impacts.md", HERE / "measured-impacts.json", HERE / "kharaz-2001.csv"
 LAWS = [law for law in Law if law is not Law.AUTO]
 SHOWN = 10, 50, 90
-"""Percentiles of the impacts."""
+"""Percentiles of the impacts to show."""
 INK, BLUE, ORANGE, GREY = "#222222", "#0072b2", "#d55e00", "#8a8a8a"
 
 SPEED, RADIUS = 3.9, 0.0025
 BY_AUTHORS = {"restitution": 0.98, "friction": 0.092, "stiffness_ratio": 0.87}
-"""The last by Poisson's ratio 0.23, for a law that has it."""
+"""The stiffness ratio is from Poisson's ratio 0.23, for the law that uses it."""
 READING = {"ratio": 0.008, "angle": 0.84, "spin": 44.0}
 SLIDING = 25.0
-"""Above this incidence the sphere slides all the time [degrees]."""
+"""Incidence above which the sphere slides all the time [degrees]."""
 
 MASS, GYRATION_SQUARED = 0.0364, 3.7e-4
 
@@ -71,7 +71,7 @@ ALIKE = {  # our law, its e and μ, and the model that it should agree with
 
 
 def of_models(clone: Path, drops: Impacts, laws: dict[str, Any]) -> dict[str, Any]:
-    """Mean error of the dataset's models and of ours, in the kinetic norm [m/s]; and where two agree."""
+    """Mean errors of the dataset's models and of our laws in the kinetic norm [m/s]; differences of pairs."""
     from scipy.io import loadmat
 
     columns = loadmat(clone / "processed_data" / "v_models.mat")["v_models"].T.reshape(6, 3, -1)
@@ -101,7 +101,7 @@ def percentiles(values: np.ndarray) -> list[float]:
 
 
 def of_impacts(measured: Impacts) -> dict[str, Any]:
-    """By law: the fit, and by how much of its twist after each impact is missed; and what rounding does."""
+    """For each law the fit and the relative errors of the twists after the impacts; the rounding errors."""
     size = norms(measured.sizes("kinetic"))
     results: dict[str, Any] = {"impacts": len(measured), "laws": {}}
     for law in LAWS:
@@ -119,7 +119,7 @@ def of_impacts(measured: Impacts) -> dict[str, Any]:
 
 
 def rounding(measured: Impacts, coefficients: dict[str, list[float]]) -> np.ndarray:
-    """How far COULOMB in 64 bits is from the same right to the last place, relative to the impulse."""
+    """Rounding errors of COULOMB in 64 bits, relative to the impulse, compared with EXTENDED."""
     rows, contacts = contact_rows(Geometry.SPATIAL), measured.contacts.copy()
     contacts[rows.restitution], contacts[rows.friction] = (
         coefficients[name][0] for name in ("restitution", "friction")
@@ -132,7 +132,7 @@ def rounding(measured: Impacts, coefficients: dict[str, list[float]]) -> np.ndar
 
 
 def of_kharaz() -> dict[str, Any]:
-    """What COULOMB with the authors' coefficients misses of the tangential velocity, by the speed."""
+    """Fits to the table of the paper, and errors of COULOMB with the authors' coefficients."""
     rows = rows_of(KHARAZ, {})
     results: dict[str, Any] = {"impacts": len(rows), "fits": {}}
     sliding = [row for row in rows if row["incidence"] > SLIDING]
@@ -155,13 +155,13 @@ def of_kharaz() -> dict[str, Any]:
 
 
 def ratio_by(law: Law, angles: np.ndarray) -> np.ndarray:
-    """Tangential velocity of the centre after, over before, with the authors' coefficients."""
+    """Tangential velocity of the centre, after over before, by a law with the authors' coefficients."""
     readings = SphereReadings(SPEED, RADIUS, {"ratio": [(a, 0.0) for a in angles]}, READING)
     return readings.predict(law, BY_AUTHORS)
 
 
 def picture(results: dict[str, Any], path: Path) -> None:
-    """What rounding costs and what laws miss, on one axis."""
+    """Draw the errors from rounding and those of the laws on one axis."""
     cubes, drops, sphere = results["cubes"], results["ellipse"], results["kharaz"]["missed"]
     rows = [
         ("rounding in 64 bits: cubes", cubes["rounding"], BLUE),
@@ -190,7 +190,7 @@ def picture(results: dict[str, Any], path: Path) -> None:
 
 
 def picture_of_sphere(results: dict[str, Any], path: Path) -> None:
-    """What was read and what the laws say, over the angle of incidence."""
+    """Draw the measurements and the laws over the angle of incidence."""
     figure, axes = plt.subplots(figsize=(8, 4.2), layout="constrained")
     angles = np.linspace(0.5, 62, 200)
     styles = {"COULOMB": ("-", INK), "COMPLIANT": ("-", ORANGE)}
@@ -208,11 +208,11 @@ def picture_of_sphere(results: dict[str, Any], path: Path) -> None:
     plt.close(figure)
 
 
-MISSES = "law", "e", "μ", "misfit", "an impact is missed by (10 %, half, 90 % of them)"
+MISSES = "law", "e", "μ", "misfit", "error per impact (10th, 50th, 90th percentile)"
 
 
 def tables(results: dict[str, Any]) -> dict[str, str]:
-    """By the name of their place in the page."""
+    """The tables, by the name of their place in the page."""
     parts = {}
     for name in ("cubes", "ellipse"):
         rows = []

@@ -2,7 +2,7 @@
 
     .venv/bin/python -I docs/recording_picture.py
 
-The viewer needs no screen for that, but a Vulkan driver; on Debian and Ubuntu:
+The viewer needs no screen, but a Vulkan driver; on Debian and Ubuntu:
 apt install mesa-vulkan-drivers libvulkan1 libxkbcommon-x11-0 libegl1
 """
 
@@ -32,13 +32,13 @@ WIDTH = 1280
 PORT = 9433
 
 SHOWN = (0.0, 0.033, 1.0, 0.965)
-"""Left, top, right and bottom of what is shown, of the width and height of the window."""
+"""Left, top, right and bottom of the picture, as fractions of the width and height of the window."""
 
 SETTLING = 3.0
-"""For the viewer to load everything and to draw it [s]."""
+"""Time for the viewer to load and draw everything [s]."""
 
 AT = 0.43
-"""Time into the break [s]."""
+"""Time of the picture after the start of the break [s]."""
 
 SPAN = 1.0
 """Time of the break that the plots show [s]."""
@@ -47,7 +47,7 @@ EYE = rrb.EyeControls3D(position=(0.3, -0.85, 0.85), look_target=(0.32, 0.02, 0.
 
 
 def begin() -> np.datetime64:
-    """When the recording begins."""
+    """Time at which the recording begins."""
     chunks = RrdReader(str(RECORDING)).stream().filter(content="/world/bodies/cue").to_chunks()
     batches = (chunk.to_record_batch() for chunk in chunks)
     stamps = [b.column("ros_time").cast("int64").to_pylist() for b in batches if "ros_time" in b.schema.names]
@@ -55,7 +55,7 @@ def begin() -> np.datetime64:
 
 
 def with_layout(start: np.datetime64, folder: Path) -> Path:
-    """The recording, its layout replaced: looking at the rack, the plots at the time of the break."""
+    """The recording with another layout: it looks at the rack, and the plots show the time of the break."""
     ends = (start, start + np.timedelta64(int(SPAN * 1e9), "ns"))
     bounds = (rrb.TimeRangeBoundary.absolute(int(end.astype("int64"))) for end in ends)
     bare, layout, merged = folder / "bare.rrd", folder / "layout.rbl", folder / "merged.rrd"
@@ -67,7 +67,7 @@ def with_layout(start: np.datetime64, folder: Path) -> Path:
 
 
 def screenshot(recording: Path, at: np.datetime64) -> Image.Image:
-    """What the viewer shows."""
+    """Screenshot of the viewer."""
     viewer = ViewerClient.spawn(headless=True, port=PORT, executable_path=str(VIEWER))
     try:
         viewer.open(str(recording))
@@ -80,7 +80,7 @@ def screenshot(recording: Path, at: np.datetime64) -> Image.Image:
 
 
 def main() -> None:
-    """Open the recording in a viewer without a screen, and take a picture of all but its controls."""
+    """Open the recording in a viewer without a screen, and save a picture without its controls."""
     start = begin()
     with tempfile.TemporaryDirectory() as folder:
         picture = screenshot(with_layout(start, Path(folder)), start + np.timedelta64(int(AT * 1e9), "ns"))

@@ -1,7 +1,7 @@
-"""The pictures and the table of laws of scenes.md, computed by the package itself.
+"""Makes the pictures and the table of laws of scenes.md with the package.
 
 It needs ``pip install '.[plots]'``. ``python docs/scenes.py`` writes the pictures to docs/images and the
-table into the page. What the page says of costs and of peers is from benchmarks/scenes.py.
+table into the page. Costs and peers on the page come from benchmarks/scenes.py.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ COLOURS = (BLUE, ORANGE, GREEN, "#6a9f3c")
 
 
 def cradle(speeds: Sequence[float], e: float, law: Law, options: Options) -> list[float]:
-    """Equal balls in a row that touch: their speeds after."""
+    """Speeds of equal touching balls in a row after the impact."""
     bodies = [
         Body.dynamic(1.0, position=(float(i), 0.0, 0.0), velocity=(v, 0.0, 0.0)) for i, v in enumerate(speeds)
     ]
@@ -57,7 +57,7 @@ def cradle(speeds: Sequence[float], e: float, law: Law, options: Options) -> lis
 
 
 def draw_cradle() -> None:
-    """Bars of velocities, a panel for each law."""
+    """Draw bars of the velocities, with a panel for each law."""
     figure, grid = plt.subplots(1, 4, figsize=(9, 2.9), sharey=True, layout="constrained")
     for ax, (name, (law, options, what)), colour in zip(grid, WAYS.items(), COLOURS, strict=True):
         elastic, half = (cradle((1.0, 0.0, 0.0, 0.0, 0.0), e, law, options) for e in (1.0, 0.5))
@@ -94,7 +94,7 @@ def flat_box() -> tuple[list[Body], list[tuple[int, int]], list[Contact]]:
 
 
 def spins() -> Counter[tuple[float, float, float]]:
-    """Spin about x and y and the speed upwards, of all 24 orders, and how many of them give it."""
+    """Spin about x and y and upward speed for all 24 orders, with the number of orders that give them."""
     found: Counter[tuple[float, float, float]] = Counter()
     for order in permutations(range(4)):
         change, _ = resolve_sequentially(*flat_box(), ImpactModel(), order)
@@ -104,7 +104,7 @@ def spins() -> Counter[tuple[float, float, float]]:
 
 
 def draw_box() -> None:
-    """The corners, and the spin by the order in which they are resolved."""
+    """Draw the corners, and the spin for each order in which they are resolved."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.7), width_ratios=[1, 1.5], layout="constrained")
     left.add_patch(Rectangle((-0.5, -0.5), 1, 1, fc=PALE, ec=INK, lw=1.2))
     for i, (x, y) in enumerate(CORNERS):
@@ -145,7 +145,7 @@ def racked(law: Law) -> list[Vec3]:
 
 
 def racked_in_turn() -> list[Vec3]:
-    """The same, contact by contact, in the order in which they are listed."""
+    """The same, with one contact resolved after another, in the order of the list."""
     bodies, _, pairs, contacts, _ = tight_rack(Vec3(0.0, 0.0, 0.0))
     balls = [*bodies.values()]
     changes = resolve_sequentially(balls, pairs, contacts, ImpactModel(), range(len(pairs)))
@@ -153,7 +153,7 @@ def racked_in_turn() -> list[Vec3]:
 
 
 def draw_rack() -> None:
-    """The fan of velocities, a panel for each way."""
+    """Draw the velocities of the balls, with a panel for each way."""
     at = [ball.position for ball in tight_rack(Vec3(0.0, 0.0, 0.0)).bodies.values()]
     panels: dict[str, tuple[Callable[[], list[Vec3]], str]] = {
         "one contact after another": (racked_in_turn, RED),
@@ -180,7 +180,7 @@ def draw_rack() -> None:
 
 
 def law_table() -> str:
-    """Cradles of three and of five, and the flat box."""
+    """Table of the speeds of cradles with three and five balls."""
     cradles = {"three, e = 1": (3, 1.0), "three, e = 0.5": (3, 0.5), "five, e = 1": (5, 1.0)}
     rows = []
     for name, (law, options, what) in WAYS.items():
@@ -194,7 +194,7 @@ def speeds_of(speeds: Sequence[float]) -> str:
 
 
 def example() -> SceneImpact:
-    """What the example of the page prints."""
+    """The answer that the example of the page prints."""
     text = PAGE.read_text()
     code = text.partition("```python\n")[2].partition("```")[0]
     scope: dict[str, Any] = {"print": lambda _: None}
@@ -204,7 +204,7 @@ def example() -> SceneImpact:
 
 
 def facts() -> Iterator[str]:
-    """What the text below the picture of the box says."""
+    """The sentences below the picture of the box."""
     found = spins()
     still = sum(count for (x, y, _), count in found.items() if x == y == 0)
     ups = sorted({up for *_, up in found})
@@ -225,7 +225,7 @@ def save(figure: Figure, name: str) -> None:
 
 
 def main() -> None:
-    """Draw, and write the table."""
+    """Draw the pictures and write the tables."""
     plt.rcParams.update({"font.size": 9.5, "axes.spines.top": False, "axes.spines.right": False})
     draw_cradle()
     draw_box()

@@ -1,6 +1,6 @@
-"""The picture and the table of square-on-incline.md.
+"""Makes the picture and the table of square-on-incline.md.
 
-It needs ``pip install '.[plots]'``; then ``python docs/square_on_incline.py``.
+Run ``pip install '.[plots]'``, then ``python docs/square_on_incline.py``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from collision_response.demo.systems import System, s2
 INK, GREY = "#222222", "#8a8a8a"
 PICTURE = Path(__file__).parent / "images" / "square-on-incline.png"
 SHOWN = math.radians(20)
-"""The corner angle of the sketch."""
+"""Corner angle in the sketch [rad]."""
 EVERY = 0.5
 """Step of the corner angle in the picture [degrees]."""
 QUANTITIES = {
@@ -75,7 +75,7 @@ def draw(degrees: np.ndarray, solved: np.ndarray, expected: np.ndarray) -> None:
 
 
 def sketch(ax: Axes) -> None:
-    """The square as it touches, at one corner angle."""
+    """Draw the square at the moment of contact, at one corner angle."""
     system = s2(SHOWN)
     com = np.array(system.body_a.position[:2])
     normal = np.array(system.contact.normal[:2])

@@ -1,11 +1,11 @@
-"""A robot arm of seven joints strikes a ball: with the arm's inverse inertia, from pinocchio.
+"""A robot arm with seven joints strikes a ball; pinocchio computes the arm's inverse inertia.
 
-    pip install pin    # or all of it: make examples
+    pip install pin    # or run all examples: make examples
     python examples/arm_strikes_ball.py
 
-At its tip the arm is a body whose inverse inertia is ``J M^-1 J^T``. What becomes of the joints follows from
-the impulse, ``q' + M^-1 J_c^T P``; pinocchio's ``impulseDynamics`` agrees to 1e-12. To take the last link for
-the whole arm is 3.5 times off.
+At its tip the arm is a body with the inverse inertia ``J M^-1 J^T``. The impulse gives the joint velocities
+after the impact, ``q' + M^-1 J_c^T P``; pinocchio's ``impulseDynamics`` agrees to 1e-12. The effective mass
+of the last link alone is wrong by a factor of 3.5.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ BALL_SPIN = np.array([3.0, -5.0, 2.0])
 
 
 def arm(*, with_ball: bool) -> pin.Model:
-    """The arm, perhaps with the ball as a free body beside it."""
+    """Model of the arm, optionally with the ball as a free body."""
     model = pin.Model()
     parent = 0
     for i, (xyz, rpy, mass, com, moments) in enumerate(LINKS):
@@ -56,7 +56,7 @@ def arm(*, with_ball: bool) -> pin.Model:
 
 
 class Arm:
-    """The arm in its pose: mass matrix, and place and Jacobian of its tip in world axes."""
+    """The arm in its pose: mass matrix, and position and Jacobian of its tip in world axes."""
 
     def __init__(self, model: pin.Model) -> None:
         data = model.createData()
@@ -75,26 +75,26 @@ class Arm:
         return Body.articulated(inverse_inertia, self.tip, twist[:3], twist[3:])
 
     def last_link(self) -> Body:
-        """The last link as if nothing held it."""
+        """The last link without the rest of the arm."""
         mass, com, (xx, yy, zz) = LINKS[-1][2:]
         turn, twist = pin.Quaternion(self.rotation).coeffs(), self.J @ V
         inertia, centre = (xx, 0, 0, yy, 0, zz), np.array(com) - TIP.translation
         return Body.dynamic(mass, inertia, self.tip, turn, twist[:3], twist[3:], centre)
 
     def joints_after(self, impact: Impact) -> Any:
-        """``q'`` after an impact at the tip."""
+        """Joint velocities ``q'`` after an impact at the tip."""
         return V + np.linalg.solve(self.M, self.J[:3].T @ np.array(impact.impulse))
 
 
 def ball(tip: Any) -> Body:
-    """The ball, which the tip touches."""
+    """The ball, in contact with the tip."""
     moment = 0.4 * BALL * RADIUS**2
     inertia = (moment, 0.0, 0.0, moment, 0.0, moment)
     return Body.dynamic(BALL, inertia, tip - RADIUS * NORMAL, None, BALL_VELOCITY, BALL_SPIN)
 
 
 def by_pinocchio(rows: Any, restitution: float) -> Any:
-    """``q'`` after, of the arm with the ball, when the velocity along ``rows`` becomes ``-e`` times it."""
+    """``q'`` of arm and ball after an impact that multiplies the velocity along ``rows`` by ``-e``."""
     model = arm(with_ball=True)
     data = model.createData()
     tip = Arm(arm(with_ball=False)).tip
@@ -110,7 +110,7 @@ def by_pinocchio(rows: Any, restitution: float) -> Any:
 
 
 def main() -> None:
-    """Print how far two models are from pinocchio, and what a naive one would make of the arm."""
+    """Print how far two laws are from pinocchio, and the effective masses of the arm and of its last link."""
     mechanism = Arm(arm(with_ball=False))
     tip, struck = mechanism.body(), ball(mechanism.tip)
     e = 0.7

@@ -1,9 +1,9 @@
-"""A cube that is thrown, tumbles, bounces and comes to rest: a simulation of one's own.
+"""A complete simulation: a cube is thrown, tumbles, bounces and comes to rest.
 
     python examples/bouncing_box.py
 
-Each step moves the cube, finds the corners that are below the floor, and asks for their impact, all at once.
-The energy, that of its height counted, is only lost.
+Each step moves the cube, finds the corners below the floor, and resolves their impacts at once. The energy,
+including the potential energy, never increases.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ SIDE = 0.2  # m
 CORNERS = list(product((-SIDE / 2, SIDE / 2), repeat=3))
 UP = (0.0, 0.0, 1.0)
 FLOOR = Body.static()
-MODEL = ImpactModel(restitution_threshold=0.1)  # what comes slower does not bounce: so there is an end
+MODEL = ImpactModel(restitution_threshold=0.1)  # slower approaches do not bounce, so the cube comes to rest
 
 
 def moved(cube: Body, time: float) -> Body:
-    """The cube later, as it moves. Its spin stays, which that of a longer box would not."""
+    """The cube after free motion. A cube keeps its angular velocity; other boxes would not."""
     x, y, z, w = cube.orientation
     a, b, c = cube.angular_velocity * (time / 2)
     turned = (x + a * w + b * z - c * y, y + b * w + c * x - a * z, z + c * w + a * y - b * x)
     return cube._replace(
         position=cube.position + cube.velocity * time,
-        orientation=(*turned, w - a * x - b * y - c * z),  # it need not be of length 1
+        orientation=(*turned, w - a * x - b * y - c * z),  # need not have length 1
     )
 
 
 def struck(cube: Body) -> Body:
-    """The cube after its corners have struck the floor, if any do."""
+    """The cube after the impact of those corners that strike the floor."""
     corners = [cube.position + cube.to_world(corner) for corner in CORNERS]
     contacts = [Contact.of(at, UP, restitution=0.5, friction=0.4) for at in corners if at.z <= 0]
     if not contacts:

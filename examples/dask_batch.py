@@ -1,11 +1,11 @@
-"""A batch that does not fit in memory: contacts by the chunk, on a Dask cluster.
+"""A batch that does not fit in memory, in chunks on a Dask cluster.
 
     pip install "dask[array,distributed]"
     python examples/dask_batch.py            # two workers on this machine
     python examples/dask_batch.py tcp://scheduler:8786
 
-``resolve_batch`` of Dask arrays is lazy. A worker makes or loads a chunk, resolves it and keeps what is asked
-for. So memory is that of a few chunks on each worker, however many contacts there are.
+``resolve_batch`` is lazy for Dask arrays. A worker makes or loads a chunk, resolves it and keeps only what is
+needed. So each worker needs memory for a few chunks, however many contacts there are.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from collision_response.batch import body_rows, contact_rows, resolve_batch
 
 
 def random_scene(n: int, chunk: int) -> tuple[da.Array, da.Array]:
-    """Spheres of 1 kg and 0.1 m that meet at random."""
+    """Random pairs of spheres of 1 kg and 0.1 m, and their contacts."""
     rows, touch = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
     random = da.random.default_rng(0)
     ones = da.ones((1, 2, n), chunks=(1, 2, chunk))

@@ -1,10 +1,10 @@
-"""The gradient of an impact by JAX, in reverse: the formula runs on arrays as it runs on floats.
+"""The gradient of an impact by reverse-mode JAX: the formula runs on arrays as it does on floats.
 
     python examples/gradient_by_jax.py
 
-For an optimisation that is written in JAX anyway. Where it is not, `differentiate` of
-`collision_response.derivatives` is a hundred times faster, and marks the edges where a derivative jumps.
-A ball strikes the ground head on: slip is 0, where a square root in a branch not taken has no slope.
+Use this if your optimisation is written in JAX. Otherwise `differentiate` of `collision_response.derivatives`
+is a hundred times faster, and marks the edges where a derivative jumps. Here a ball strikes the ground head
+on. Its slip is 0, where a square root in the branch that is not taken has no derivative.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ CONTACT = Contact.of((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), restitution=0.5, friction
 
 
 def impulse(velocity: jax.Array) -> jax.Array:
-    """Of the ground on the ball."""
+    """Impulse of the ground on the ball."""
     body_a, body_b, contact = jax.tree.map(jnp.asarray, (BALL, Body.static(), CONTACT))
     answer = impact(body_a._replace(velocity=Vec3(*velocity)), body_b, contact, Law.COULOMB)
     return jnp.stack(list(answer.changes.impulse))

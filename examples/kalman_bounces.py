@@ -1,13 +1,13 @@
-"""A Kalman filter tracks a ball through its bounces, with the saltation matrix and without.
+"""A Kalman filter tracks a bouncing ball, with and without the saltation matrix.
 
-    python examples/kalman_bounces.py                   # prints how far each filter may be believed
+    python examples/kalman_bounces.py                   # prints the consistency of each filter
     python examples/kalman_bounces.py --plot file.png   # needs matplotlib
 
-A camera sees where the ball is, to 5 cm, 20 times a second. Between bounces the motion is linear. At a bounce
-the filter that only multiplies by the derivatives of the impact, by the velocities, does not know that a
-ball which is higher than expected bounces later: it becomes too sure of itself. The other one takes the
-saltation matrix. A filter may be believed if its errors are as large as its covariance says: if the mean of
-``error . P^-1 error`` of position and velocity is 6, for they are six numbers.
+A camera measures the position of the ball to 5 cm, 20 times a second. Between bounces the motion is linear.
+At a bounce the naive filter multiplies only by the derivatives of the impact by the velocities. It does not
+know that a ball which is higher than expected bounces later, and becomes too confident. The other filter uses
+the saltation matrix. A filter is consistent if its errors are as large as its covariance says: if the mean of
+``error . P^-1 error`` is 6, the number of components of position and velocity.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ MOTION = [0, 1, 2, 6, 7, 8]
 
 
 class Track(NamedTuple):
-    """What a filter said, at each step; and whether that was clear of a bounce."""
+    """Estimates of a filter at each step, and whether the step was far from a bounce."""
 
     time: Array
     truth: Array
@@ -44,20 +44,20 @@ class Track(NamedTuple):
     clear: Array
 
     def trust(self) -> Array:
-        """``error . P^-1 error`` of position and velocity: 6 in the mean."""
+        """``error . P^-1 error`` of position and velocity; its mean should be 6."""
         error = (self.estimate - self.truth)[self.clear][:, MOTION]
         P = self.covariance[self.clear][:, MOTION][:, :, MOTION]
         return np.einsum("ni,ni->n", error, np.linalg.solve(P, error[..., None])[..., 0])
 
 
 def ball(state: Array) -> Body:
-    """The ball in a state ``(x, theta, v, w)``; a ball looks the same however it is turned."""
+    """The ball in a state ``(x, theta, v, w)``; its orientation does not matter."""
     x, v, w = (state[part].tolist() for part in (POSITION, VELOCITY, SPIN))
     return Body.dynamic(MASS, (MOMENT, 0.0, 0.0, MOMENT, 0.0, MOMENT), x, None, v, w)
 
 
 def contact_of(state: Array, e: float, mu: float) -> Contact:
-    """Of the ball with the floor below it."""
+    """Contact of the ball with the floor below it."""
     return Contact.of((state[0], state[1], state[2] - RADIUS), (0.0, 0.0, 1.0), e, mu)
 
 
@@ -70,7 +70,7 @@ def flown(state: Array, time: float) -> Array:
 
 
 def time_to_floor(state: Array) -> float:
-    """Until the ball meets the floor."""
+    """Time until the ball meets the floor [s]."""
     height, speed, g = state[2] - RADIUS, state[8], -GRAVITY[2]
     if height <= 0:
         return 0.0 if speed < 0 else 2 * speed / g
@@ -86,7 +86,7 @@ def struck(state: Array, e: float, mu: float) -> Array:
 
 
 def covariance_after(state: Array, P: Array, with_matrix: bool) -> Array:
-    """Of a filter, at a bounce."""
+    """Estimate and covariance of a filter after a bounce."""
     request = ball(state), Body.static(), contact_of(state, E, MU), MODEL
     if with_matrix:
         known = propagate_covariance(
@@ -101,7 +101,7 @@ def covariance_after(state: Array, P: Array, with_matrix: bool) -> Array:
 
 
 def track(seed: int, with_matrix: bool) -> Track:
-    """One run: the ball flies, the camera sees it, the filter follows."""
+    """One run: the ball flies, the camera measures it, the filter follows."""
     random = np.random.default_rng(seed)
     truth = START + START_SD * random.normal(size=12)
     estimate, P = START.copy(), np.diag(START_SD**2)
@@ -133,20 +133,20 @@ def track(seed: int, with_matrix: bool) -> Track:
 
 
 def is_clear(estimate: Array, P: Array, since: float) -> bool:
-    """Whether ball and estimate are on one side of a bounce, to four standard deviations of its time."""
+    """Whether ball and estimate are on the same side of a bounce, to four standard deviations of its time."""
     impact_speed = math.hypot(estimate[8], math.sqrt(2 * -GRAVITY[2] * max(estimate[2] - RADIUS, 0.0)))
     return min(since, time_to_floor(estimate)) > 4 * math.sqrt(P[2, 2]) / impact_speed
 
 
 def flight(time: float) -> Array:
-    """How small changes of a state grow in free flight."""
+    """Transition matrix of the state in free flight."""
     matrix = np.eye(12)
     matrix[POSITION, VELOCITY] = matrix[3:6, SPIN] = np.eye(3) * time
     return matrix
 
 
 def compare(runs: int) -> tuple[float, float]:
-    """The mean trust of the filters, with the matrix and without."""
+    """Mean of ``error . P^-1 error`` for the filter with the matrix and the one without."""
     with_matrix, without = (
         float(np.mean(np.concatenate([track(seed, choice).trust() for seed in range(runs)])))
         for choice in (True, False)
@@ -155,7 +155,7 @@ def compare(runs: int) -> tuple[float, float]:
 
 
 def plot(file: str) -> None:
-    """The ball's height, and how far each filter may be believed: the mean of 100 runs, at each step."""
+    """Plot the height of the ball and the consistency of each filter: means of 100 runs at each step."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -184,11 +184,10 @@ if __name__ == "__main__":
     parser.add_argument("--plot", metavar="FILE", help="draw one run")
     arguments = parser.parse_args()
     good, naive = compare(runs=40)
-    print(
-        f"mean of error . P^-1 error, which should be 6: {good:.2f} with the saltation matrix, {naive:.2f} without"  # noqa: E501
-    )
+    print("mean of error . P^-1 error, which should be 6:")
+    print(f"{good:.2f} with the saltation matrix, {naive:.2f} without")
     if not (5 < good < 7.5 < naive):
-        raise SystemExit("failed: the filter with the matrix is not the one to be believed")
-    print("passed: the filter with the matrix may be believed")
+        raise SystemExit("failed: the filter with the saltation matrix is not consistent")
+    print("passed: the filter with the saltation matrix is consistent")
     if arguments.plot:
         plot(arguments.plot)

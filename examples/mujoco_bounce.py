@@ -1,13 +1,13 @@
-"""MuJoCo finds the contacts, the service resolves them, and MuJoCo goes on with the velocities.
+"""MuJoCo finds the contacts, the service resolves them, and MuJoCo continues with the new velocities.
 
-    pip install mujoco    # or all of it: make examples
+    pip install mujoco    # or run all examples: make examples
     python examples/mujoco_bounce.py
 
-MuJoCo's own contacts are springs with dampers: how high a ball bounces follows from their stiffness. Here
-restitution is a number, and the kinetic energy that MuJoCo itself finds missing after each impact is what the
-service says is lost.
+MuJoCo's own contacts are springs with dampers, whose stiffness decides how high a ball bounces. Here
+restitution is a number, and the loss of kinetic energy that MuJoCo computes agrees with the loss that the
+service reports.
 
-A step is Moreau's: forces change velocities, then impacts do, and then bodies move.
+The time step is Moreau's: first forces change velocities, then impacts do, then bodies move.
 """
 
 from __future__ import annotations
@@ -34,8 +34,10 @@ GRAVITY, STEP, STEPS = 9.81, 0.001, 1600
 
 STIFFNESS = 1e5
 DAMPING = -2 * np.sqrt(STIFFNESS) * np.log(RESTITUTION[BALL]) / np.hypot(np.pi, np.log(RESTITUTION[BALL]))
-"""Of MuJoCo's spring [1/s^2] and damper [1/s]: half a period of the two leaves e of the speed. A contact that
-does not pull ends a little before."""
+"""Stiffness [1/s^2] and damping [1/s] of MuJoCo's contacts: half a period leaves e times the speed.
+
+A contact cannot pull, so it ends slightly earlier.
+"""
 
 SCENE = f"""
 <mujoco>
@@ -57,12 +59,12 @@ SCENE = f"""
 
 
 class Run(NamedTuple):
-    """What became of the bodies.
+    """The results of a run.
 
     Attributes:
-        heights: of the lowest point of the ball after each step [m].
-        gained: most kinetic energy [J] that a scene gave to all bodies.
-        misfit: greatest difference of MuJoCo's energies and those of the answers [J].
+        heights: height of the lowest point of the ball after each step [m].
+        gained: largest gain of the kinetic energy of all bodies in a scene [J].
+        misfit: largest difference between MuJoCo's energies and those of the answers [J].
         impacts: number of requests.
     """
 
@@ -73,10 +75,10 @@ class Run(NamedTuple):
 
 
 def body_of(model: Any, data: Any, i: int) -> Body:
-    """A body of MuJoCo: free, or one that does not give way.
+    """A body of MuJoCo, free or immovable.
 
-    MuJoCo's velocity of a free joint is that of the origin, in world axes; the angular one is in body axes.
-    The inertia is in axes of its own, at the centre of mass.
+    The velocity of a free joint in MuJoCo is that of the origin, in world axes; the angular velocity is in
+    body axes. The inertia is about the centre of mass, in its own axes.
     """
     if not model.body_dofnum[i]:
         return Body.static()
@@ -91,12 +93,12 @@ def body_of(model: Any, data: Any, i: int) -> Body:
 
 
 def dofs(model: Any, i: int) -> slice:
-    """Where the six velocities of a free body are."""
+    """Indices of the six velocities of a free body."""
     return slice(model.body_dofadr[i], model.body_dofadr[i] + 6)
 
 
 def request_of(model: Any, data: Any) -> ResolveScene.Request:
-    """All contacts that MuJoCo has found. Its normals point to the second body, ours to the first."""
+    """All contacts that MuJoCo found. Its normals point to the second body, ours to the first."""
     bodies = [body_of(model, data, i) for i in range(model.nbody)]
     pairs, contacts = [], []
     for contact in data.contact:
@@ -108,7 +110,7 @@ def request_of(model: Any, data: Any) -> ResolveScene.Request:
 
 
 def energy(model: Any, data: Any) -> float:
-    """Kinetic energy by MuJoCo's own mass matrix."""
+    """Kinetic energy from MuJoCo's mass matrix."""
     momentum = np.empty(model.nv)
     mujoco.mj_mulM(model, data, momentum, data.qvel)
     return float(data.qvel @ momentum) / 2
@@ -136,7 +138,7 @@ def by_the_service(model: Any, ask: Any) -> Run:
 
 
 def by_mujoco(model: Any) -> np.ndarray:
-    """The heights with MuJoCo as it is."""
+    """Heights of the ball with MuJoCo's own contacts."""
     data, heights = mujoco.MjData(model), []
     for _ in range(STEPS):
         mujoco.mj_step(model, data)
@@ -145,7 +147,7 @@ def by_mujoco(model: Any) -> np.ndarray:
 
 
 def rebounds(heights: np.ndarray) -> np.ndarray:
-    """The heights of the tops between bounces."""
+    """Largest heights between bounces."""
     inner = heights[1:-1]
     return inner[(inner > heights[:-2]) & (inner >= heights[2:]) & (inner > 0)]
 
@@ -175,16 +177,16 @@ def main() -> None:
 
     e = RESTITUTION[BALL]
     exact = HEIGHT * e ** (2 * np.arange(1, 3))
-    print(f"a ball falls {HEIGHT:g} m, e = {e:g}; tops of its bounces [m]")
+    print(f"a ball falls {HEIGHT:g} m, e = {e:g}; largest heights after its bounces [m]")
     for name, tops in (
         ("exact", exact),
         ("service", rebounds(ours.heights)),
         ("MuJoCo", rebounds(by_mujoco(model))),
     ):
         print(f"  {name:8}", "  ".join(f"{top:.4f}" for top in tops[:2]))
-    print(f"{ours.impacts} scenes of ball and box; most energy gained in one: {ours.gained:.1e} J")
+    print(f"{ours.impacts} scenes of ball and box; largest energy gained in one: {ours.gained:.1e} J")
     print(f"MuJoCo's energies differ from those of the answers by {ours.misfit:.1e} J")
-    way = STEP * np.sqrt(2 * GRAVITY * HEIGHT)  # in one step: so far too late a contact may be found
+    way = STEP * np.sqrt(2 * GRAVITY * HEIGHT)  # motion in one step, by which a contact may be found too late
     assert np.abs(rebounds(ours.heights)[:2] - exact).max() < 2 * way
     assert ours.misfit < 1e-12
     assert ours.gained < 1e-12

@@ -1,10 +1,11 @@
-"""A simulator's step with arrays only: balls that fly about in a box, and what they strike.
+"""A simulator's step with arrays only: balls that fly in a box and strike its walls and each other.
 
     python examples/step_of_arrays.py
 
-The balls are columns of one table, and so are the six walls. Each step finds the contacts, resolves them in
-order, each on what those before it left, and moves the balls. No Python runs for a single ball or contact.
-The momentum shown is that of balls and walls together; energy is only ever lost, to restitution and friction.
+The balls and the six walls are columns of one table. Each step finds the contacts, resolves them one after
+the other, each with the velocities that the previous ones left, and moves the balls. No Python loop runs over
+balls or contacts. The printed momentum is that of balls and walls together. Energy is only lost, to
+restitution and friction.
 """
 
 from __future__ import annotations
@@ -29,11 +30,11 @@ STEP = 0.01
 RESTITUTION, FRICTION = 0.8, 0.3
 
 WALLS = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, np.newaxis]
-"""The normals of the walls, inwards: a wall through 0 and one through BOX for each axis."""
+"""Inward normals of the walls: for each axis one wall through 0 and one through BOX."""
 
 
 class Step(NamedTuple):
-    """What a step did."""
+    """Number of contacts, momentum, energy and lost energy of one step."""
 
     contacts: int
     momentum: np.ndarray
@@ -85,7 +86,7 @@ def energy_of(bodies: np.ndarray) -> float:
 
 
 def steps(balls: int, count: int, seed: int = 0) -> list[Step]:
-    """Let some time pass."""
+    """Simulate some steps."""
     bodies = balls_and_walls(balls, seed)
     movable = np.isfinite(bodies[0])
     to_walls = np.zeros(3)
@@ -112,7 +113,7 @@ if __name__ == "__main__":
             momentum = "  ".join(f"{x:11.8f}" for x in step.momentum)
             print(f"{number:4d}  {step.contacts:8d}  {momentum}  {step.energy:10.4f}")
     drift = max(np.abs(step.momentum - done[0].momentum).max() for step in done)
-    amiss = max(abs(before.energy - after.energy - after.lost) for before, after in pairwise(done))
-    print(f"momentum drifts by {drift:.1g} N s; energy is lost as reported, to {amiss:.1g} J a step")
+    error = max(abs(before.energy - after.energy - after.lost) for before, after in pairwise(done))
+    print(f"momentum drifts by {drift:.1g} N s; energy is lost as reported, to {error:.1g} J per step")
     assert drift < 1e-10
-    assert amiss < 1e-10
+    assert error < 1e-10
