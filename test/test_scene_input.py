@@ -25,6 +25,7 @@ from collision_response import (
     resolve,
     resolve_scene,
 )
+from collision_response.scene import stronge
 
 UP = Contact.of((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 BALL = Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0))
@@ -369,12 +370,14 @@ def test_a_rotating_wall_may_contradict_itself():
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
 @pytest.mark.parametrize("corners", [1, 3, 4, 6])
 @pytest.mark.parametrize("closing", [0.0, -0.125, -1.0])
-def test_walls_that_do_not_close_are_no_contradiction(law, corners, closing):
+def test_walls_that_do_not_close_are_no_contradiction(law, corners, closing, monkeypatch):
+    """With a tenth of the usual budget: more would not end a cube that bounces between walls at rest."""
+    monkeypatch.setattr(stronge, "WORK", stronge.WORK // 10)
     for e, mu in product((0.5, 1.0), (0.0, 0.3)):
         try:
             answer = pressed(corners, closing, e, mu).resolve(law)
         except ImpactError as error:
-            assert error.code is StatusCode.PATH_TOO_LONG  # a cube that bounces between walls without end
+            assert error.code is StatusCode.PATH_TOO_LONG
         else:
             parts = min(answer.normal_velocities_after) > -1e-6
             assert parts or answer.status is StatusCode.TOLERANCE_NOT_MET
