@@ -151,7 +151,9 @@ class TestReplay:
     def test_nothing_differs_where_nothing_changed(self, all_kinds, capsys):
         assert main(["replay", str(all_kinds)]) == 0
         count = len([*requests()])
-        assert capsys.readouterr().out == f"{count} impacts asked again, 0 of them answered differently\n"
+        assert (
+            capsys.readouterr().out == f"{count} impacts computed again, 0 of them with different answers\n"
+        )
 
     def test_every_difference_is_reported(self, recording, capsys):
         request = next(requests())
@@ -164,7 +166,7 @@ class TestReplay:
             "answer 2, a2 on floor: regime was JAMMED, is",
             "answer 2, a2 on floor: kinetic_energy_after was 1.0, is",
         ]
-        assert lines[-1] == "2 impacts asked again, 1 of them answered differently"
+        assert lines[-1] == "2 impacts computed again, 1 of them with different answers"
 
     def test_a_tolerance_applies_to_numbers_only(self, recording, capsys):
         right = record(1, next(requests()))
@@ -351,7 +353,7 @@ class TestReport:
         assert main(["report", option, str(path), *files]) == 2
         said = capsys.readouterr()
         assert said.out == ""
-        assert said.err == f"collision_response report: {path} is a recording, and is not written over\n"
+        assert said.err == f"collision_response report: {path} is a recording and is not overwritten\n"
         assert path.read_bytes() == before
 
     @pytest.mark.parametrize("name", ["some.html", "folder/../some.html", "link.html"])
@@ -365,7 +367,7 @@ class TestReport:
             assert ended.value.code == 2
             said = capsys.readouterr()
             assert said.out == ""
-            assert said.err.endswith(f"--csv {tmp_path / name} would be written over the page\n")
+            assert said.err.endswith(f"--csv {tmp_path / name} would overwrite the page\n")
             assert not (tmp_path / "some.html").exists()
 
     def test_the_csv_table_has_every_number(self, all_kinds, tmp_path, capsys):
@@ -402,7 +404,9 @@ def test_scenes_are_read_and_replayed(recording, capsys):
         assert row["twists"][:3] == [*entry.impact.twists[0].linear]
         assert row["error_bound"] == entry.impact.error_bound
     assert main(["replay", str(path)]) == 0
-    assert capsys.readouterr().out == "1 impacts and 3 scenes asked again, 0 of them answered differently\n"
+    assert (
+        capsys.readouterr().out == "1 impacts and 3 scenes computed again, 0 of them with different answers\n"
+    )
 
 
 def test_scenes_are_reported(recording, capsys):
@@ -427,5 +431,5 @@ def test_a_scene_that_is_answered_differently_is_reported(recording, capsys):
     first, second, last = capsys.readouterr().out.splitlines()
     assert first.startswith("answer 1, scene of box, the floor: impulses was [")
     assert second.startswith("answer 1, scene of box, the floor: regimes was ['REVERSED', ")
-    assert last == "0 impacts and 1 scenes asked again, 1 of them answered differently"
+    assert last == "0 impacts and 1 scenes computed again, 1 of them with different answers"
     assert main(["replay", "--tolerance", "2", str(path)]) == 1  # the tolerance does not apply to words

@@ -1,7 +1,7 @@
-"""``collision_response COMMAND``: all that the package does, from one command line.
+"""``collision_response COMMAND``: the command line of the package.
 
-A command is a module with ``main(arguments) -> int``, or a node; it is imported when it is called, so each
-needs only what it works with.
+A command is a module with ``main(arguments) -> int``, or a node. It is imported when it is called, so each
+command needs only its own dependencies.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from . import nodes
 
 
 class Command(NamedTuple):
-    """A module, and what it does."""
+    """The module of a command, and what the command does."""
 
     module: str
     purpose: str
@@ -29,16 +29,18 @@ class Command(NamedTuple):
 
 COMMANDS = {
     "demo": Command(
-        "collision_response.demo.__main__", "see it work: known answers, a break shot, a tumbling rod"
+        "collision_response.demo.__main__", "run a demonstration: known answers, a break shot, a tumbling rod"
     ),
     "node": Command("collision_response.ros.node", "run the ROS node that answers requests"),
-    "call": Command("collision_response.cli.call", "send the node one request, and read the answer"),
-    "states": Command("collision_response.ros.sources", "tell the node where a robot is: odometry, TF, URDF"),
-    "markers": Command("collision_response.ros.markers", "show the answers in RViz or Foxglove"),
-    "report": Command(
-        "collision_response.cli.report", "what happened in a recording: in words, plots, a table"
+    "call": Command("collision_response.cli.call", "send one request to the node, and print the answer"),
+    "states": Command(
+        "collision_response.ros.sources", "publish the states of a robot, from odometry or TF and its URDF"
     ),
-    "replay": Command("collision_response.cli.replay", "ask a recording again, and report what differs"),
+    "markers": Command("collision_response.ros.markers", "show the answers in RViz or Foxglove"),
+    "report": Command("collision_response.cli.report", "summarize a recording: in words, plots and a table"),
+    "replay": Command(
+        "collision_response.cli.replay", "compute the answers of a recording again, and report differences"
+    ),
     "identify": Command(
         "collision_response.identify.__main__", "find restitution and friction from measured impacts"
     ),
@@ -52,23 +54,25 @@ first steps:
   body_b: {motion_type: STATIC}
   contact: {normal: {z: 1.0}, restitution: 0.5}'
 
-"collision_response COMMAND --help" says more of each.
+"collision_response COMMAND --help" describes each command.
 """
 
-
-NO_ROOM = errno.ENOSPC, errno.EDQUOT, errno.EFBIG
-"""Why standard output cannot be written. What becomes of files of their own, the commands see to."""
+NO_SPACE = errno.ENOSPC, errno.EDQUOT, errno.EFBIG
+"""Errors of a standard output without space. The commands handle errors of their own files themselves."""
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command; the exit code is its own, or that of a process which SIGINT or SIGPIPE has ended, or
-    ``EX_IOERR`` where there is no room for its output.
+    """Run a command.
 
     Args:
-        arguments: of the command line; left out, those of this process.
+        arguments: the command line; ``None``: that of this process.
+
+    Returns:
+        The exit code of the command; that of a process ended by SIGINT or SIGPIPE; or ``EX_IOERR`` if there
+        is no space for its output.
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # names may have letters that the locale has not
+        sys.stdout.reconfigure(errors="backslashreplace")  # names may have letters that the locale lacks
     try:
         try:
             return _run(sys.argv[1:] if arguments is None else arguments)
@@ -77,11 +81,11 @@ def main(arguments: list[str] | None = None) -> int:
                 sys.stdout.flush()
     except KeyboardInterrupt:
         return 128 + signal.SIGINT
-    except BrokenPipeError:  # who read the output has seen enough
+    except BrokenPipeError:  # the reader of the output has ended
         _drop_output()
         return 128 + signal.SIGPIPE
     except OSError as error:
-        if error.errno not in NO_ROOM:
+        if error.errno not in NO_SPACE:
             raise
         _drop_output()
         print(f"collision_response: standard output: {error.strerror}", file=sys.stderr)
@@ -89,7 +93,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _drop_output() -> None:
-    """So that Python does not try once more, at its end, to write what is left."""
+    """Discard further output, or Python would try to write the rest at its end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
@@ -118,8 +122,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="collision_response",
         usage="collision_response COMMAND ...",
-        description=f"Collision response: two bodies and a contact in, the twists after the impact out.\n\n"
-        f"commands:\n{commands}",
+        description=f"Compute the twists of two bodies after an impact.\n\ncommands:\n{commands}",
         epilog=EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

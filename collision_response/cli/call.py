@@ -1,4 +1,4 @@
-"""``collision_response call``: a request in YAML, the answer as a table."""
+"""``collision_response call``: send a request in YAML, and print the answer as a table."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from ..scene.answer import scene_table
 from ..srv import ResolveCollision, ResolveCollisionBatch, ResolveScene
 from ..strict_yaml import YAMLError, load_yaml
 
-DESCRIPTION = """Sends a request to the node and shows the answer as a table. The request is YAML, as for
-ros2 service call; what is left out has its default, and constants may be written by name:
+DESCRIPTION = """Sends a request to the node and prints the answer as a table. The request is YAML, as for
+ros2 service call. Fields that are left out have their defaults. Constants may be given by name:
 
   collision_response call '
   body_a: {inertia: {m: 2.0}, twist: {linear: {z: -3.0}}}
@@ -34,9 +34,9 @@ ros2 service call; what is left out has its default, and constants may be writte
   contact: {normal: {z: 1.0}, restitution: 0.5, friction: 0.3}
   model: {law: ROUTH_STRONGE}'
 
-A body without inertia is a point mass. All fields: the files in share/collision_response/srv, or
-ros2 interface show collision_response/srv/ResolveCollision. The exit code is 1 for a refusal, 2 if the
-request cannot be sent, 3 if nobody answers.
+A body without inertia is a point mass. The files in share/collision_response/srv describe all fields, and so
+does ros2 interface show collision_response/srv/ResolveCollision. The exit code is 1 if the request is
+refused, 2 if it cannot be sent, and 3 if the node does not answer.
 """
 
 MODEL: dict[str, type[NamedEnum]] = {"law": Law, "geometry": Geometry, "precision": Precision}
@@ -45,37 +45,41 @@ NAMES: dict[str, dict[str, int]] = {
     "motion_type": {name: getattr(BodyState, name) for name in ("DYNAMIC", "KINEMATIC", "STATIC")},
     "layout": {tables.name: number for number, tables in LAYOUTS.items()},
 }
-"""Fields that may be given by name."""
+"""Numbers by name, for each field whose constants may be given by name."""
 
-LONGEST = 1e6
-"""Time [s] that may be waited for the node."""
+MAX_TIMEOUT = 1e6
+"""Greatest value of ``--timeout`` [s]."""
 
 SHOWN = 20
-"""Contacts of a batch that are shown."""
+"""Number of contacts of a batch that are printed."""
 
 
-class Unclear(Exception):
-    """A request that cannot be sent: the message names the field, and says what to write."""
+class InvalidRequest(Exception):
+    """A request that cannot be sent. The message names the field and says what to write."""
 
 
 def main(arguments: list[str]) -> int:
-    """Send the request, print the answer."""
+    """Send the request and print the answer."""
     parser = argparse.ArgumentParser(
         prog="collision_response call",
         description=DESCRIPTION,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("request", metavar="YAML", help="the request; - reads it from standard input")
-    parser.add_argument("--type", choices=SERVICES, default="ResolveCollision", help="of the service")
-    parser.add_argument("--service", metavar="NAME", help="where it is not /collision_response/...")
-    parser.add_argument("--timeout", type=_seconds, default=5.0, metavar="S", help="to wait for the node [s]")
+    parser.add_argument("request", metavar="YAML", help="the request; - to read it from standard input")
+    parser.add_argument("--type", choices=SERVICES, default="ResolveCollision", help="type of the service")
+    parser.add_argument(
+        "--service", metavar="NAME", help="name of the service, if it is not /collision_response/..."
+    )
+    parser.add_argument(
+        "--timeout", type=_seconds, default=5.0, metavar="S", help="how long to wait for the node [s]"
+    )
     given = parser.parse_args(arguments)
     kind, default, show = SERVICES[given.type]
     try:
         request = kind.Request()
         tree = load_yaml(_read() if given.request == "-" else given.request)
-        fill(request, {} if tree is None else tree)  # nothing is a request in which all is left out
-    except (Unclear, YAMLError) as error:
+        fill(request, {} if tree is None else tree)  # an empty request has all defaults
+    except (InvalidRequest, YAMLError) as error:
         print(f"collision_response call: {error}", file=sys.stderr)
         return 2
     try:
@@ -99,35 +103,42 @@ def main(arguments: list[str]) -> int:
 
 def _seconds(text: str) -> float:
     seconds = float(text)
-    if not 0 <= seconds <= LONGEST:
-        raise argparse.ArgumentTypeError(f"must be in [0, {LONGEST:g}], is {text}")
+    if not 0 <= seconds <= MAX_TIMEOUT:
+        raise argparse.ArgumentTypeError(f"must be in [0, {MAX_TIMEOUT:g}], is {text}")
     return seconds
 
 
 def _read() -> str:
     if sys.stdin is None:
-        raise Unclear("standard input is closed")
+        raise InvalidRequest("standard input is closed")
     try:
         return sys.stdin.read()
     except UnicodeDecodeError as error:
-        raise Unclear(f"standard input: {error}") from None
+        raise InvalidRequest(f"standard input: {error}") from None
 
 
 def fill(message: Any, tree: Any, path: str = "") -> None:
-    """Write YAML into a message.
+    """Write a tree of values, as read from YAML, into a message.
+
+    Args:
+        message: the message.
+        tree: values by field.
+        path: what errors call the message.
 
     Raises:
-        Unclear: a field is not there, or is not of the kind that it should be.
+        InvalidRequest: if there is no such field, or a value has the wrong type.
     """
     types = message.get_fields_and_field_types()
     if not isinstance(tree, dict):
-        raise Unclear(f"{path or 'the request'}: has the fields {', '.join(types)}; is {tree!r}")
+        raise InvalidRequest(
+            f"{path or 'the request'}: must have some of the fields {', '.join(types)}; is {tree!r}"
+        )
     for name, value in tree.items():
         where = f"{path}.{name}" if path else str(name)
         if name not in types:
-            like = get_close_matches(str(name), types, 1)
-            hint = f"write {like[0]}" if like else f"there are {', '.join(types)}"
-            raise Unclear(f"{where}: there is no such field; {hint}")
+            closest = get_close_matches(str(name), types, 1)
+            hint = f"did you mean {closest[0]}?" if closest else f"the fields are {', '.join(types)}"
+            raise InvalidRequest(f"{where}: there is no such field; {hint}")
         if hasattr(getattr(message, name), "get_fields_and_field_types"):
             fill(getattr(message, name), value, where)
         else:
@@ -137,10 +148,10 @@ def fill(message: Any, tree: Any, path: str = "") -> None:
 def _value(where: str, name: str, value: Any, default: Any, kind: str) -> Any:
     if isinstance(default, array | list):
         if not isinstance(value, list):
-            raise Unclear(f"{where}: must be a list in brackets, is {value!r}")
+            raise InvalidRequest(f"{where}: must be a list in brackets, is {value!r}")
         item, _, bound = kind.partition("[")[0].removeprefix("sequence<").rstrip(">").partition(", ")
         if bound and len(value) > int(bound):
-            raise Unclear(f"{where}: must have {bound} entries at most, has {len(value)}")
+            raise InvalidRequest(f"{where}: must have {bound} entries at most, has {len(value)}")
         return [
             _value(f"{where}[{i}]", name, one, 0.0 if "float" in item or item == "double" else 0, item)
             for i, one in enumerate(value)
@@ -149,33 +160,33 @@ def _value(where: str, name: str, value: Any, default: Any, kind: str) -> Any:
         return _text(where, value)
     if isinstance(default, bool):
         if not isinstance(value, bool):
-            raise Unclear(f"{where}: must be true or false, is {value!r}")
+            raise InvalidRequest(f"{where}: must be true or false, is {value!r}")
         return value
     if name in NAMES and isinstance(value, str):
         if value.upper() in NAMES[name]:
             return NAMES[name][value.upper()]
-        raise Unclear(f"{where}: must be one of {', '.join(NAMES[name])}; is {value}")
+        raise InvalidRequest(f"{where}: must be one of {', '.join(NAMES[name])}; is {value}")
     try:
         if isinstance(value, bool):
             raise ValueError
         if isinstance(default, float):
-            return float(value)  # YAML takes 1e-3 for a word
+            return float(value)  # YAML reads 1e-3 as a string
         least, most = _range(kind)
         if int(value) != value or not least <= value <= most:
             raise ValueError
         return int(value)
     except (TypeError, ValueError, OverflowError):
         must = "a number" if isinstance(default, float) else f"{'an' if kind.startswith('i') else 'a'} {kind}"
-        raise Unclear(f"{where}: must be {must}, is {value!r}") from None
+        raise InvalidRequest(f"{where}: must be {must}, is {value!r}") from None
 
 
 def _text(where: str, value: Any) -> str:
     if not isinstance(value, str):
-        raise Unclear(f"{where}: must be text, is {value!r}: write it in quotes")
+        raise InvalidRequest(f"{where}: must be text, is {value!r}: write it in quotes")
     try:
         value.encode()
     except UnicodeEncodeError as error:
-        raise Unclear(f"{where}: must be text in UTF-8, is {value!r}: {error.reason}") from None
+        raise InvalidRequest(f"{where}: must be text in UTF-8, is {value!r}: {error.reason}") from None
     return value
 
 
@@ -185,14 +196,14 @@ def _range(kind: str) -> tuple[int, int]:
 
 
 def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:
-    """The response of the node.
+    """Send a request and return the response.
 
     Raises:
-        TimeoutError: none came.
-        RCLError: ROS cannot be used here.
+        TimeoutError: if there is no response within the timeout [s].
+        RCLError: if ROS cannot be used.
     """
-    woken = SignalHandlerOptions.SIGINT  # type: ignore[attr-defined]  # the stub spells it otherwise
-    rclpy.init(signal_handler_options=woken)  # SIGTERM is left to end the process
+    sigint = SignalHandlerOptions.SIGINT  # type: ignore[attr-defined]  # rclpy's stub has another spelling
+    rclpy.init(signal_handler_options=sigint)  # SIGTERM ends the process
     node = rclpy.create_node("collision_response_call")
     try:
         client: Any = node.create_client(
@@ -201,7 +212,7 @@ def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:
         end = time.monotonic() + timeout
         if not client.wait_for_service(timeout):
             raise TimeoutError(
-                f"nobody serves {service} within {timeout:g} s; start the node with: collision_response node"
+                f"no service {service} within {timeout:g} s; start the node with: collision_response node"
             )
         future = client.call_async(request)
         rclpy.spin_until_future_complete(node, future, timeout_sec=max(end - time.monotonic(), 1.0))
@@ -258,4 +269,4 @@ SERVICES = {
     "ResolveScene": (ResolveScene, "resolve_scene", _of_scene),
     "ResolveCollisionBatch": (ResolveCollisionBatch, "resolve_collision_batch", _of_batch),
 }
-"""What may be called: its type, its name under the node's, and how its answer is shown."""
+"""The services by their types' names: type, name within the node, and function that formats a response."""

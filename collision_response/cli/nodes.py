@@ -1,4 +1,4 @@
-"""Commands that run a node: what their help says, beside the node's parameters."""
+"""The commands that run a node."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import argparse
 from types import ModuleType
 
 DESCRIPTIONS = {
-    "node": """Runs the node collision_response until Ctrl-C. It is the same as
-ros2 run collision_response collision_response_node, and takes the same arguments after --ros-args, which
-may be left out here:
+    "node": """Runs the node collision_response until Ctrl-C, like
+ros2 run collision_response collision_response_node. It takes the same arguments, but --ros-args may be
+left out:
 
   collision_response node -p friction:=0.3 -p recording.enabled:=true
   collision_response node -r __ns:=/robot1
   collision_response node --params-file params.yaml
 """,
-    "states": """Tells the service where a robot is: publishes BodyState on body_states, from the robot's
+    "states": """Publishes the states of a robot for the service, as BodyState on body_states, from its
 odometry (topic odom) and its description (topic robot_description: URDF or SDF). It is the same as
 ros2 run collision_response collision_response_states.
 
@@ -22,7 +22,7 @@ ros2 run collision_response collision_response_states.
   collision_response states -p description_file:=box.sdf -r odom:=/model/box/odometry -p name:=box
   collision_response states -p 'frames:=[tool0]' -p world_frame:=map
 """,
-    "markers": """Shows what the service answers, in RViz or Foxglove: listens to its results and publishes
+    "markers": """Shows the service's answers in RViz or Foxglove: subscribes to its results and publishes
 collision_response/markers (visualization_msgs/MarkerArray) and collision_response/wrench
 (geometry_msgs/WrenchStamped). It is the same as ros2 run collision_response collision_response_markers.
 
@@ -32,7 +32,7 @@ collision_response/markers (visualization_msgs/MarkerArray) and collision_respon
 
 
 def run(command: str, node: ModuleType, arguments: list[str]) -> int:
-    """Run a node with ROS arguments, before which ``--ros-args`` may be left out; or show help."""
+    """Run a node with ROS arguments, with or without ``--ros-args`` before them, or print its help."""
     if {"-h", "--help"} & set(arguments):
         width = max(len(declaration.name) for declaration in node.DECLARATIONS)
         lines = [f"  {d.name:{width}}  {d.default!r}: {d.description}" for d in node.DECLARATIONS]

@@ -1,4 +1,4 @@
-"""``collision_response replay``: recordings as regression tests."""
+"""``collision_response replay``: compute the answers of a recording again, and compare."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 
 from ..recording import scenes, table
 
-DESCRIPTION = """Asks again what a recording holds, in this process, and reports every answer that is now
-another one. So a recording made with one version is a test of the next. The exit code is 1 if there is a
-difference. Refusals are not asked again."""
+DESCRIPTION = """Computes all impacts and scenes of recordings again, in this process, and reports every
+answer that differs. So a recording made with one version is a regression test for the next. The exit code is
+1 if there is a difference. Refusals are not computed again."""
 
 
 def main(arguments: list[str]) -> int:
-    """Compare, and print what differs."""
+    """Compute the answers again and print what differs."""
     parser = argparse.ArgumentParser(prog="collision_response replay", description=DESCRIPTION)
     parser.add_argument("files", nargs="+", metavar="FILE.rrd")
     parser.add_argument(
@@ -23,28 +23,29 @@ def main(arguments: list[str]) -> int:
         type=_tolerance,
         default=0.0,
         metavar="T",
-        help="forgive a number that differs by this part of itself; 0: none",
+        help="relative difference of a number that is not reported; default: 0",
     )
     given = parser.parse_args(arguments)
     try:
-        impacts, several = (table.rows_of(of.read(given.files)) for of in (table, scenes))
+        impact_rows, scene_rows = (table.rows_of(module.read(given.files)) for module in (table, scenes))
     except (OSError, RuntimeError, ValueError) as error:
         print(f"collision_response replay: {error}", file=sys.stderr)
         return 2
     differing = 0
-    asked = [
+    answers = [
         (row, table.differences, f"{row['body_a']} on {row['body_b']}")
-        for row in impacts
+        for row in impact_rows
         if row.get("request_a") is not None
     ]
-    asked += [(row, scenes.differences, f"scene of {', '.join(row['bodies'])}") for row in several]
-    for row, differences, name in asked:
-        found = [d for d in differences(row) if _distance(*d[1:]) > given.tolerance]
-        differing += bool(found)
-        for column, was, now in found:
-            print(f"answer {row['answer']}, {name}: {column} was {was}, is {now}")
-    what = f"{len(asked) - len(several)} impacts" + (f" and {len(several)} scenes" if several else "")
-    print(f"{what} asked again, {differing} of them answered differently")
+    impacts = len(answers)
+    answers += [(row, scenes.differences, f"scene of {', '.join(row['bodies'])}") for row in scene_rows]
+    for row, differences, name in answers:
+        reported = [d for d in differences(row) if _relative_difference(*d[1:]) > given.tolerance]
+        differing += bool(reported)
+        for column, before, now in reported:
+            print(f"answer {row['answer']}, {name}: {column} was {before}, is {now}")
+    computed = f"{impacts} impacts" + (f" and {len(scene_rows)} scenes" if scene_rows else "")
+    print(f"{computed} computed again, {differing} of them with different answers")
     return 1 if differing else 0
 
 
@@ -58,9 +59,9 @@ def _tolerance(text: str) -> float:
     return tolerance
 
 
-def _distance(was: Any, now: Any) -> float:
-    """Of numbers or vectors, relative to their size; infinite for words that differ."""
-    before, after = (was, now) if isinstance(was, list) else ([was], [now])
+def _relative_difference(before: Any, after: Any) -> float:
+    """Difference of two numbers or vectors, relative to the first; infinite for words."""
+    before, after = (before, after) if isinstance(before, list) else ([before], [after])
     if isinstance(before[0], str):
         return math.inf
     size = math.hypot(*before)

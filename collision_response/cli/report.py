@@ -1,4 +1,4 @@
-"""``collision_response report``: what happened in a recording."""
+"""``collision_response report``: summarize a recording."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from ..recording import scenes
 from ..recording.report import Summary, in_words, page
 from ..recording.table import read
 
-DESCRIPTION = """Prints what happened in recordings, and writes it to one page with plots, which any browser
-shows and which needs no other file. Several files are taken as one recording."""
+DESCRIPTION = """Prints a summary of recordings, and writes it, with plots, to one page for any browser. The
+page needs no other files. Several files are treated as one recording."""
 
 MAGIC = b"RRF2"
-"""What a recording begins with."""
+"""The first bytes of a recording."""
 
 
 def main(arguments: list[str]) -> int:
-    """Print the report, write the page and, if asked for, the table."""
+    """Print the summary, and write the page and, if requested, the table."""
     parser = argparse.ArgumentParser(prog="collision_response report", description=DESCRIPTION)
     parser.add_argument("files", nargs="+", metavar="FILE.rrd")
     parser.add_argument("--html", type=Path, metavar="PAGE", help="default: the first file's name, .html")
@@ -29,7 +29,7 @@ def main(arguments: list[str]) -> int:
     target = given.html or Path(given.files[0]).with_suffix(".html")
     try:
         if given.csv is not None and given.csv.resolve() == target.resolve():
-            parser.error(f"--csv {given.csv} would be written over the page")
+            parser.error(f"--csv {given.csv} would overwrite the page")
         for path in filter(None, (target, given.csv)):
             spare_recordings(path)
         impacts = read(given.files)
@@ -53,20 +53,20 @@ def _failed(error: Exception) -> int:
 
 
 def spare_recordings(target: Path) -> None:
-    """``--csv *.rrd`` takes the first of the recordings for the table.
+    """Refuse to overwrite a recording, as ``--csv *.rrd`` would do.
 
     Raises:
-        ValueError: the file to be written is a recording.
+        ValueError: if the file to be written is a recording.
     """
     if not target.is_file():
         return
     with target.open("rb") as file:
         if file.read(len(MAGIC)) == MAGIC:
-            raise ValueError(f"{target} is a recording, and is not written over")
+            raise ValueError(f"{target} is a recording and is not overwritten")
 
 
 def write_csv(impacts: object, target: Path) -> None:
-    """One column for each component of a vector: ``impulse.0``, ``impulse.1`` ..."""
+    """Write a table, with a column for each component of a vector: ``impulse.0``, ``impulse.1`` ..."""
     import pyarrow as pa
     from pyarrow import compute, csv
 

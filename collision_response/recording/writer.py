@@ -1,4 +1,4 @@
-"""Records to a rerun file, in columns."""
+"""Writing entries to a rerun file, in columns."""
 
 from __future__ import annotations
 
@@ -47,83 +47,87 @@ from .viewer_layout import (
 )
 
 ARROW_TIME = 0.1
-"""A velocity is drawn as the way made in this time [s]; an impulse, as the change of velocity that it
-causes along itself; a normal, as 1 m/s. So all arrows of a scene are of one scale."""
+"""Time [s] that scales all arrows: a velocity is drawn as the distance covered in this time, an impulse as
+the change of velocity that it causes along itself, a normal as 1 m/s."""
 
-WIDEST = 3.0
-"""The friction coefficient above which a cone is not drawn any wider."""
+MAX_CONE_SLOPE = 3.0
+"""Friction coefficient above which friction cones are not drawn wider."""
 
-ROUND = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+CIRCLE = np.linspace(0, 2 * np.pi, 32, endpoint=False)
 CONE_MESH = rr.Mesh3D(
-    vertex_positions=[(0.0, 0.0, 0.0), *np.stack([np.cos(ROUND), np.sin(ROUND), np.ones(32)], axis=1)],
+    vertex_positions=[(0.0, 0.0, 0.0), *np.stack([np.cos(CIRCLE), np.sin(CIRCLE), np.ones(32)], axis=1)],
     triangle_indices=[(0, 1 + i, 1 + (i + 1) % 32) for i in range(32)],
     albedo_factor=(*VIOLET, 70),
 )
-"""Of height and slope 1, about the z axis."""
+"""A cone about the z axis with height and slope 1."""
 
-EMPTY = "empty.rrd"
+LAYOUT_FILE = "layout.rrd"
 
 POINT_RADIUS = rr.Radius.ui_points(6)
 ARROW_RADIUS = rr.Radius.ui_points(2)
 
 Times = list[rr.TimeColumn]
 Columns = tuple[str, Times, Any]
-"""An entity, when each of its rows was, and the columns."""
-Struck = Record | SceneRecord
-Answer = Struck | Refusal | Gap
-"""What has a number."""
+"""An entity, the times of its rows, and its columns."""
+AnyImpact = Record | SceneRecord
+Answer = AnyImpact | Refusal | Gap
+"""Entries with a sequence number."""
 Appearance = tuple[str, bool, bool]
-"""Of a body: its name, whether it was seen or struck, and whether there was no time yet."""
+"""Name of a body, whether it appears in a body state (else in an impact), and whether it has no stamp. The
+style of a body is written for each of these combinations, since each has other timelines."""
 
 
 class Recording:
-    """What all files of one recording share: the viewer shows them together.
+    """What all files of one recording share, so that the viewer shows them together.
 
-    A stream for each file would not do, nor a layout: two threads and 1 MB of either outlive it (rerun
-    0.41). So there is one stream, and the contents of a file that holds the layout alone.
+    Every stream and every blueprint leaves two threads and 1 MB of memory behind (rerun 0.41). So there is
+    one stream for all files, and the blueprint is written once, to a temporary file whose contents are then
+    copied to each file.
+
+    Attributes:
+        stream: the stream of the recording.
+        layout: contents of a file with only the layout of the viewer.
     """
 
     def __init__(self) -> None:
         self.stream = rr.RecordingStream("collision_response", recording_id=uuid4())
         with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder, EMPTY)
+            path = Path(folder, LAYOUT_FILE)
             self.stream.save(path, default_blueprint=blueprint())
             self.stream.disconnect()
-            self.empty = path.read_bytes()
+            self.layout = path.read_bytes()
 
 
 class Writer:
-    """One file, complete in itself when the context is left.
+    """Writes one file, which is complete when the context is left.
 
-    Timelines: ``answer``, which counts, and ``ros_time``. What has no stamp (of 0: so it is before the
-    first ``/clock`` of a simulation) is on the first only.
+    There are two timelines: ``answer``, the sequence number, and ``ros_time``. Entries without a stamp, as
+    before the first ``/clock`` of a simulation, are on the first only.
 
     Attributes:
-        path: of the file.
+        path: path of the file.
+
+    Args:
+        path: path of the file; its directory is made if it does not exist.
+        recording: the recording. No other of its files may be open.
+
+    Raises:
+        OSError: if the file exists or cannot be created.
     """
 
     def __init__(self, path: Path, recording: Recording) -> None:
-        """Create the file, and its directory if need be.
-
-        Args:
-            path: of the file.
-            recording: what it is a part of, with no other file open.
-
-        Raises:
-            OSError: it exists, or cannot be created.
-        """
         path.parent.mkdir(parents=True, exist_ok=True)
         self.path = path
-        self._known: set[Appearance] = set()
+        self._styled: set[Appearance] = set()
         self._stream = recording.stream
         self._file = PipedFile(path)
         try:
             self._stream.save(self._file.name)
         finally:
             self._file.close_own_end()
-        self._stream.log_file_from_contents(EMPTY, recording.empty)
+        self._stream.log_file_from_contents(LAYOUT_FILE, recording.layout)
         self._log_styles()
-        self._stream.flush(timeout_sec=5.0)  # columns do not wait for what is logged, and a file may be torn
+        self._stream.flush(timeout_sec=5.0)  # or columns would be written before it
 
     def __enter__(self) -> Writer:
         return self
@@ -134,55 +138,55 @@ class Writer:
         self._file.check()
 
     def size(self) -> int:
-        """Of the file by now [bytes]."""
+        """Size of the file so far [bytes]."""
         return self._file.size()
 
     def is_in_place(self) -> bool:
-        """Whether the file is still where it was created, neither moved nor removed.
+        """Whether the file is still at its path, neither moved nor removed.
 
         Raises:
-            OSError: nobody can tell.
+            OSError: if the path cannot be examined.
         """
         return self._file.is_in_place()
 
     def write(self, batch: Sequence[Entry]) -> None:
-        """Append entries, and have them written before long.
+        """Append entries, which are then written soon.
 
         Raises:
-            OSError: these or earlier ones cannot be.
-            UnwritableEntries: some of them never can be.
+            OSError: if these or earlier entries cannot be written to the file.
+            UnwritableEntries: if some of the entries cannot be converted for rerun.
         """
         try:
-            columns, looks = self._prepared(batch)
-        except Exception as error:  # of whatever numbers and names an entry has
-            odd = [entry for entry in batch if not self._is_writable(entry)]
-            raise UnwritableEntries(odd or [*batch]) from error
-        for path, times, some in columns:
-            self._stream.send_columns(path, indexes=times, columns=some)
-        for appearance, look in looks.items():
-            self._known.add(appearance)
-            for path, style in look.styles:
+            columns, styles = self._prepared(batch)
+        except Exception as error:  # names and numbers may be anything
+            unwritable = [entry for entry in batch if not self._is_writable(entry)]
+            raise UnwritableEntries(unwritable or [*batch]) from error
+        for path, times, values in columns:
+            self._stream.send_columns(path, indexes=times, columns=values)
+        for appearance, body_style in styles.items():
+            self._styled.add(appearance)
+            for path, style in body_style.styles:
                 self._stream.log(path, style, static=True)
-            path, times, shape = look.shape
+            path, times, shape = body_style.shape
             self._stream.send_columns(path, indexes=times, columns=shape)
         self._stream.flush(timeout_sec=5.0)
         self._file.check()
 
-    def _prepared(self, batch: Sequence[Entry]) -> tuple[list[Columns], dict[Appearance, Look]]:
-        """All that is to be sent of a batch, and of the bodies that are new in it."""
-        with np.errstate(over="ignore", invalid="ignore"):  # what is drawn is of float32
-            looks: dict[Appearance, Look] = {}
+    def _prepared(self, batch: Sequence[Entry]) -> tuple[list[Columns], dict[Appearance, BodyStyle]]:
+        """Columns of a batch, and styles of the bodies that are new in it."""
+        with np.errstate(over="ignore", invalid="ignore"):  # rerun draws in float32
+            styles: dict[Appearance, BodyStyle] = {}
             for entry in batch:
                 for name, body, _ in _appearances(entry):
                     appearance = name, isinstance(entry, BodyRecord), entry.stamp == 0
-                    if appearance not in self._known and appearance not in looks:
-                        looks[appearance] = _look(entry, name, body)
-            return [*_columns(batch)], looks
+                    if appearance not in self._styled and appearance not in styles:
+                        styles[appearance] = _style_of(entry, name, body)
+            return [*_columns(batch)], styles
 
     def _is_writable(self, entry: Entry) -> bool:
         try:
             self._prepared([entry])
-        except Exception:  # reported by who gets the first one
+        except Exception:  # the first error is reported
             return False
         return True
 
@@ -199,29 +203,29 @@ class Writer:
             log(entity, points, static=True)
 
 
-class Look(NamedTuple):
-    """What a body looks like, from its first appearance on each timeline on."""
+class BodyStyle(NamedTuple):
+    """How a body is drawn, from its first appearance on each timeline."""
 
     styles: list[tuple[str, Any]]
     shape: Columns
 
 
-def _look(entry: Entry, name: str, body: Body) -> Look:
+def _style_of(entry: Entry, name: str, body: Body) -> BodyStyle:
     path, colour = body_path(name), None if body.is_movable() else GREY
     style = rr.Points3D.from_fields(radii=POINT_RADIUS, colors=colour, labels=name, show_labels=True)
     arrows = rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=[AFTER, SPIN_AFTER, BEFORE, SPIN_BEFORE])
     shape = [*rr.Points3D.columns(positions=[(0.0, 0.0, 0.0)])]
     if (solid := EquivalentSolid.of(body)) is not None:
         shape += solid.columns()
-    return Look([(path, style), (velocity_path(name), arrows)], (path, _times([entry]), shape))
+    return BodyStyle([(path, style), (velocity_path(name), arrows)], (path, _times([entry]), shape))
 
 
 def _columns(batch: Sequence[Entry]) -> Iterator[Columns]:
-    """All of a batch. The rows of one table have the same timelines."""
+    """All columns of a batch. The rows of each table have the same timelines."""
     yield from bodies([entry for entry in batch if isinstance(entry, BodyRecord)])
     answers = [entry for entry in batch if not isinstance(entry, BodyRecord)]
     for rows in ([row for row in answers if row.stamp], [row for row in answers if not row.stamp]):
-        impacts = [row for row in rows if isinstance(row, Struck)]
+        impacts = [row for row in rows if isinstance(row, AnyImpact)]
         yield from bodies(impacts)
         yield from contacts(impacts)
         yield from series(impacts)
@@ -231,7 +235,7 @@ def _columns(batch: Sequence[Entry]) -> Iterator[Columns]:
 
 
 def _appearances(entry: Entry) -> list[tuple[str, Body, list[Twist]]]:
-    """Every body of an entry: its name, what it was, and its twist after an impact."""
+    """Bodies of an entry: name, body (before an impact), and its twist after the impact, if any."""
     match entry:
         case BodyRecord():
             return [(entry.name, entry.body, [])]
@@ -247,7 +251,7 @@ def _appearances(entry: Entry) -> list[tuple[str, Body, list[Twist]]]:
 
 
 def bodies(rows: Iterable[Entry]) -> Iterator[Columns]:
-    """Centres of mass, and their velocities and spins: after an impact and before it, or when seen."""
+    """Columns of bodies: their centres of mass, with velocities and spins after and before an impact."""
     by_name: dict[str, list[tuple[Entry, list[Body]]]] = defaultdict(list)
     for row in rows:
         for name, body, after in _appearances(row):
@@ -262,21 +266,21 @@ def bodies(rows: Iterable[Entry]) -> Iterator[Columns]:
         yield velocity_path(name), times, _arrows(positions, *motions)
 
 
-def contacts(impacts: Sequence[Struck]) -> Iterator[Columns]:
-    """Contact points; from each, the normal, the impulse, and the cone that friction keeps it in."""
-    touched = [(row, touches) for row in impacts if (touches := _touches(row))]
-    if not touched:
+def contacts(impacts: Sequence[AnyImpact]) -> Iterator[Columns]:
+    """Columns of contacts: contact points, each with normal, impulse and friction cone."""
+    with_contacts = [(row, found) for row in impacts if (found := _contacts_of(row))]
+    if not with_contacts:
         return
-    times, counts = _times([row for row, _ in touched]), [len(touches) for _, touches in touched]
-    touches = [touch for _, touches in touched for touch in touches]
-    positions = _array(contact.position for contact, _, _ in touches)
-    normals = _units(_array(contact.normal for contact, _, _ in touches))
-    changes = _array(impulse / mass if mass > 0 else ZERO for _, impulse, mass in touches)
-    labels = [f"{impulse.norm():.3g} N s" for _, impulse, _ in touches]
+    times, counts = _times([row for row, _ in with_contacts]), [len(found) for _, found in with_contacts]
+    drawn = [contact for _, found in with_contacts for contact in found]
+    positions = _array(contact.position for contact, _, _ in drawn)
+    normals = _units(_array(contact.normal for contact, _, _ in drawn))
+    changes = _array(impulse / mass if mass > 0 else ZERO for _, impulse, mass in drawn)
+    labels = [f"{impulse.norm():.3g} N s" for _, impulse, _ in drawn]
     points = rr.Points3D.columns(positions=positions, labels=labels).partition(counts)
     yield CONTACT, times, [*points, *_arrows(positions, normals, changes, rows=counts)]
     heights = np.maximum((normals * changes).sum(axis=1), 0.0) * ARROW_TIME
-    slopes = np.minimum(np.array([contact.friction for contact, _, _ in touches], float), WIDEST)
+    slopes = np.minimum(np.array([contact.friction for contact, _, _ in drawn], float), MAX_CONE_SLOPE)
     cones = rr.InstancePoses3D.columns(
         translations=positions,
         quaternions=_from_z_axis(normals),
@@ -285,10 +289,10 @@ def contacts(impacts: Sequence[Struck]) -> Iterator[Columns]:
     yield CONE, times, cones.partition(counts)
 
 
-def _touches(row: Struck) -> list[tuple[Contact, Vec3, float]]:
-    """Every contact, its impulse, and the mass [kg] that tells what change of velocity that is.
+def _contacts_of(row: AnyImpact) -> list[tuple[Contact, Vec3, float]]:
+    """Every contact, its impulse, and the mass [kg] by which the impulse is divided for drawing.
 
-    The mass is 0 where it is below all floats, and infinite where nothing there has one.
+    The mass is 0 if it is smaller than any float, and infinite if no body there has a mass.
     """
     if not isinstance(row, SceneRecord):
         return [(row.impact.contact, row.impact.impulse, row.impact.effective_mass)]
@@ -297,8 +301,8 @@ def _touches(row: Struck) -> list[tuple[Contact, Vec3, float]]:
     return list(zip(row.impact.contacts, row.impact.impulses, masses, strict=True))
 
 
-def series(impacts: Sequence[Struck]) -> Iterator[Columns]:
-    """Numbers over time; of a scene, those that are not of one contact."""
+def series(impacts: Sequence[AnyImpact]) -> Iterator[Columns]:
+    """Columns of the plots. A scene has only the numbers that do not belong to one contact."""
     for entity, plot in PLOTS.items():
         rows = [row for row in impacts if hasattr(row.impact, plot.fields[0])]
         if rows:
@@ -307,15 +311,15 @@ def series(impacts: Sequence[Struck]) -> Iterator[Columns]:
             yield entity, _times(rows), rr.Scalars.columns(scalars=values.ravel()).partition(lengths)
 
 
-def regimes(impacts: Sequence[Struck]) -> Iterator[Columns]:
-    """What friction did, over time."""
+def regimes(impacts: Sequence[AnyImpact]) -> Iterator[Columns]:
+    """Columns of the regimes over time."""
     rows = [row for row in impacts if isinstance(row, Record)]
     if rows and HAS_STATES:
         yield REGIME, _times(rows), rr.StateChange.columns(state=[str(row.impact.regime) for row in rows])
 
 
 def table(rows: Sequence[Answer]) -> Iterator[Columns]:
-    """Impacts and scenes with all that was asked and answered, and refusals."""
+    """Columns of the tables: impacts and scenes with request and answer, and refusals."""
     scenes = [row for row in rows if isinstance(row, SceneRecord)]
     if scenes:
         yield SCENES, _times(scenes), scene_columns(scenes)
@@ -328,10 +332,10 @@ def table(rows: Sequence[Answer]) -> Iterator[Columns]:
 
 
 def log(rows: Sequence[Answer]) -> Iterator[Columns]:
-    """Every answer in words."""
+    """Columns of the log: every answer in words."""
     if not rows:
         return
-    levels = [rr.TextLogLevel.INFO if isinstance(row, Struck) else rr.TextLogLevel.WARN for row in rows]
+    levels = [rr.TextLogLevel.INFO if isinstance(row, AnyImpact) else rr.TextLogLevel.WARN for row in rows]
     yield LOG, _times(rows), rr.TextLog.columns(text=[_in_words(row) for row in rows], level=levels)
 
 
@@ -358,13 +362,13 @@ def _poses(positions: np.ndarray, bodies: Sequence[Body]) -> Any:
 
 
 def _motions(bodies: Sequence[Body]) -> tuple[np.ndarray, np.ndarray]:
-    """Velocities; and spins, as velocities of points as far from their axes as the mass is in the mean."""
+    """Velocities, and spins as the velocities that they give points at the radius of gyration."""
     arms = np.array([[(body.inertia.trace() / 2 / body.mass) ** 0.5] for body in bodies], float)
     return _array(body.velocity for body in bodies), arms * _array(body.angular_velocity for body in bodies)
 
 
 def _from_z_axis(normals: np.ndarray) -> np.ndarray:
-    """Quaternions ``(x, y, z, w)`` that turn the z axis to unit vectors."""
+    """Quaternions ``(x, y, z, w)`` that rotate the z axis to unit vectors."""
     x, y, z = normals.T
     turned = np.stack([-y, x, 0 * x, 1 + z], axis=1)
     turned[z < -1 + 1e-12] = 1.0, 0.0, 0.0, 0.0
@@ -372,11 +376,12 @@ def _from_z_axis(normals: np.ndarray) -> np.ndarray:
 
 
 def _arrows(origins: np.ndarray, *velocities: np.ndarray, rows: Sequence[int] | None = None) -> Any:
-    """At each origin as many arrows as there are arrays of velocities.
+    """Columns of arrows, from each origin one arrow for each array of velocities.
 
     Args:
-        origins, velocities: an entry each.
-        rows: how many origins are in each row; left out, one.
+        origins: origin of the arrows.
+        velocities: arrays with one velocity for each origin.
+        rows: number of origins in each row; ``None``: one.
     """
     count, vectors = len(velocities), np.stack(velocities, axis=1) * ARROW_TIME
     columns = rr.Arrows3D.columns(origins=origins.repeat(count, axis=0), vectors=vectors.reshape(-1, 3))
@@ -388,13 +393,13 @@ def _array(tuples: Iterable[tuple[float, ...]], length: int = 3) -> np.ndarray:
 
 
 def _units(rows: np.ndarray) -> np.ndarray:
-    """Each row of length 1: first its longest component, so that no square overflows, or is 0."""
+    """Rows scaled to length 1, first by their largest component: so no square overflows or becomes 0."""
     rows = rows / abs(rows).max(axis=1, keepdims=True)
     return rows / np.linalg.norm(rows, axis=1, keepdims=True)
 
 
 def _times(rows: Sequence[Entry]) -> Times:
-    """Of rows that all have a stamp or none, and all a number or none."""
+    """Time columns of rows, which all have a stamp or all none, and all a sequence number or all none."""
     times = []
     if rows[0].stamp:
         stamps = np.array([row.stamp for row in rows], dtype="datetime64[ns]")
