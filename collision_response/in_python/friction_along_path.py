@@ -19,7 +19,7 @@ from ..model import Geometry, ImpactModel, Precision, plan_model
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law, Settings
-from ..physics.laws.routh_by_speed import FINEST, of_path
+from ..physics.laws.routh_by_speed import FINEST, path_tolerance
 from ..status import StatusCode
 from .arbitrary_precision import as_floats, weighted_components
 from .coefficients_at_speed import friction_at_speed, initial_slip_speed
@@ -97,4 +97,4 @@ def _followed(a: Body, b: Body, touch: Contact, law: Law, settings: Settings) ->
         if estimated_error > 0 and estimated_error * 16 >= size:
             return answer, math.inf
         worst = max(worst, math.sqrt(estimated_error / size) if size else 0.0)
-    return answer, SAFETY * worst + STEPS * of_path(settings.tolerance)
+    return answer, SAFETY * worst + STEPS * path_tolerance(settings.tolerance)

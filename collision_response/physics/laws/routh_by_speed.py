@@ -1,41 +1,43 @@
-"""Routh's path of the impulse where friction depends on the speed of slip: ``mu(s)``, any function.
+"""Routh's path of the impulse for friction that depends on the slip speed: ``mu(s)``, any function.
 
-The letters, the units and both ends of the path are those of ``routh.py``:
+Letters, units and the two ends of the path are those of ``routh.py``:
 
     dp = c dx    dP_t = -m t dx    du_t/dx = f = c b - m A t    du_n/dx = r = c - m b.t
 
-Now ``c = 1 / (1 + mu)`` and ``m = mu c`` vary with the slip ``s = |u_t|`` on the way, so that slip may turn
-in each phase and stop more than once. ``v = u_t`` follows a law of its own, ``dv/dx = f(v)``, and all else
-is integrated beside it, by the method of ``dormand_prince.py``. ``f`` is smooth but where slip stops and
-where ``mu`` is not, and no step leads farther than ``LONGEST`` of the way to the stop. So steps shrink with
-the slip, down to one that is none: ``l`` times the tolerance, with the least eigenvalue ``l`` of ``A``. The
-impulse that stops it, ``A^-1 v``, is below the tolerance. Friction opposes slip whatever its size, so energy
-never grows, by either end.
+Here ``c = 1 / (1 + mu)`` and ``m = mu c`` vary with the slip speed ``s = |u_t|`` along the path. So slip may
+turn in both phases and stop more than once. The slip ``v = u_t`` obeys an equation of its own, ``dv/dx =
+f(v)``. The method of ``dormand_prince.py`` integrates it, and everything else along with it.
 
-**Straight steps.** Slip near a direction that it is drawn to would take steps as short as the time in which
-it gets there, however long it stays. So a step keeps its direction if what it would turn by moves the slip
-by less than counts: ``|w| dx``; or, where slip is drawn back at the rate ``pull / s`` and so turns by
-``|w| / pull`` in all, ``s |w| / pull`` across, and along what such a turn does to ``g dx``: a part of the
-slip however small that is, for it may grow in one direction and stop in another. Planar slip takes no other
-steps.
+**Steps.** ``f`` is smooth except where slip stops and where ``mu`` is not smooth. No step goes farther than
+``LONGEST`` of the way to the stop, so steps shrink with the slip. Slip counts as stopped when it is below
+``l2`` times the tolerance, with the least eigenvalue ``l2`` of ``A``: the impulse that stops it, ``A^-1 v``,
+is then below the tolerance. Friction opposes slip whatever its size, so energy never grows, at either end.
 
-**Slip stops.** ``h = A^-1 b`` would hold it: it sticks if ``|h| <= mu(0)``, to the end, for the forces keep
-their ratio. Else it slips on along the ray of ``mu(0)`` at first. If friction jumps at 0 (static above
-kinetic) it soon follows the ray of the friction beside 0 instead: slip that grows from rest is drawn to
-that.
+**Straight steps.** Slip near a direction to which it is drawn would need steps as short as the time in which
+it gets there, however long it stays. So a step keeps the direction of slip if its turn is negligible. Either
+the turn is small, ``|w| dx`` against ``s``. Or slip is drawn back at the rate ``pull / s`` with
+``pull = g + m A_qq``, and so turns by ``|w| / pull`` at most. Then both ``s |w| / pull`` and the effect of
+the turn on ``g dx`` must be negligible; the latter compared with the slip, however small, since slip may grow
+in one direction and stop in another. Planar slip takes straight steps only.
 
-**Slip stays** where friction rises with the speed through ``|h|``: at ``v = s h / |h|`` there is ``f = 0``,
-and slip is drawn to it. So friction that is 0 at rest never sticks, but creeps; and slip ends at a speed at
-which friction jumps upwards, once it has the direction of ``h``. What is so near that it counts as there
-stays.
+**Slip stops.** ``h = A^-1 b`` would hold the contact. It sticks if ``|h| <= mu(0)``, and then to the end, as
+the forces keep their ratio. Otherwise it first slips on along the ray of ``mu(0)`` (see ``routh.py``). If
+friction jumps at 0, from static to kinetic, slip soon follows the ray of the friction next to 0 instead, as
+slip that grows from rest is drawn to it.
 
-**The ends of the phases** lie on a step that leads across: it is cut, by secants, until it leads there.
+**Slip stays** where friction rises through ``|h|`` as the speed grows: at ``v = s h / |h|``, ``f`` is 0, and
+slip is drawn there. So if ``mu(0)`` is 0 the contact never sticks, but creeps; and slip that has the
+direction of ``h`` may stay at a speed at which friction jumps upwards. Once slip is so near that the
+difference is negligible, it stays.
 
-**Error.** Of a function that is only asked for values, nothing can bound it. So the path is followed once
-more, to a tolerance ``COARSER`` times as great, with data and friction ``OTHER`` than those given, and with
-a tie of stick and slip decided the other way. The difference is the doubt.
+**The ends of the phases.** A step that leads across the end of a phase is shortened by the secant method
+until it ends there.
 
-Sources: those of ``routh.py``, Keller's equation first; for slip that stays at a jump, Filippov,
+**Error.** A function that can only be evaluated gives no bound. So the path is computed a second time, with a
+tolerance ``COARSER`` times as great, with data and friction that differ in the last digits, and with a tie of
+stick and slip decided the other ray. The difference of the two impulses is the estimated error.
+
+Sources: those of ``routh.py``, Keller's equation in particular; for slip that stays at a jump, Filippov,
 *Differential Equations with Discontinuous Righthand Sides*, 1988.
 """
 
@@ -65,29 +67,48 @@ from .routh import (
 from .routh_path import LONGEST, Path
 
 FINEST = LEAST_TOLERANCE / PATH_SHARE
-"""The least tolerance that makes a difference."""
+"""The least tolerance of a model that makes a difference."""
 
-COARSEST = 1e-9  # a coarser path is hardly faster, and passes by what the function has
+COARSEST = 1e-9
+"""The coarsest tolerance of the path: a coarser one is hardly faster, and may miss features of ``mu``."""
+
 COARSER = 10.0
-OTHER = 2.0**-50  # relative, times a small number for each
-TIE = 2.0**-45  # friction, relative: more than the other data can move a tie of stick and slip
+"""Factor of the tolerance of the second path."""
+
+PERTURBATION = 2.0**-50
+"""Relative change of the data of the second path, times the index of each number."""
+
+TIE = 2.0**-45
+"""Relative change of the friction of the second path: more than ``PERTURBATION`` can move a tie."""
+
 STEPS = 4000
+"""Steps at most."""
+
 ROUNDING = 2.0**-50
-STEP_SHARE = 1 / 16  # of the tolerance, that a step may seem to err by
-STRAIGHT = 1 / 16  # of the tolerance, that a straight step may leave out
+"""Relative rounding of a step."""
+
+STEP_SHARE = 1 / 16
+"""The part of the tolerance of the path that the estimated error of a step may use."""
+
+STRAIGHT = 1 / 16
+"""The part of the tolerance of the path that a straight step may neglect."""
+
 CUTS = 60
-BEYOND = 1.01  # a step aims so far beyond the end of a phase, to lead across
+"""Secant steps at most."""
+
+BEYOND = 1.01
+"""Factor by which a step goes beyond the expected end of a phase, so that it leads across."""
 
 
 class Point(NamedTuple):
-    """A point of the path.
+    """A point of the path. A phase is compression or restitution.
 
     Attributes:
         v1, v2: slip.
         u: normal velocity.
-        p, W: normal impulse and its work, since the phase began.
+        p, W: normal impulse and its work since the phase began.
         P1, P2: tangential impulse.
-        heat: what friction took.
+        heat: work done against friction.
         p_c, W_c: normal impulse and work of compression; 0 until it is over.
     """
 
@@ -104,7 +125,7 @@ class Point(NamedTuple):
 
 
 class Slope(NamedTuple):
-    """Direction and speed of the slip of a point, and how they change: the letters of ``routh.py``."""
+    """Direction and speed of the slip at a point, and the rates of change there: letters of ``routh.py``."""
 
     t1: float
     t2: float
@@ -116,40 +137,40 @@ class Slope(NamedTuple):
     r: float
 
 
-def of_path(tolerance: Scalar) -> float:
-    """To what tolerance the path is followed."""
+def path_tolerance(tolerance: Scalar) -> float:
+    """The tolerance of the path for the tolerance of a model."""
     return max(LEAST_TOLERANCE, min(PATH_SHARE * tolerance, COARSEST)) if tolerance else DEFAULT_TOLERANCE
 
 
 def routh_by_speed(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
-    """As :func:`~collision_response.physics.laws.routh.routh`; ``coefficients.friction`` is a function."""
+    """The impulse by Routh's path; ``coefficients.friction`` is a function of the slip speed [m/s]."""
     energetic = coefficients.settings.law != Law.ROUTH_POISSON
     frame = ContactFrame.of(contact)
-    k, speed, nothing = frame.Knn, -frame.un, contact.n * 0
+    K_nn, speed, no_impulse = frame.Knn, -frame.un, contact.n * 0
     if not speed > 0:
-        return Outcome(nothing, 1.0 * Regime.SEPARATING, 0, 0)
-    j = speed / k
-    of_K = (K / k for K in (frame.K11, frame.K12, frame.K22, frame.K1n, frame.K2n))
-    unit, *data = _floats(speed, *of_K, frame.u1 / speed, frame.u2 / speed)
+        return Outcome(no_impulse, 1.0 * Regime.SEPARATING, 0, 0)
+    j = speed / K_nn
+    scaled_K = (K / K_nn for K in (frame.K11, frame.K12, frame.K22, frame.K1n, frame.K2n))
+    unit, *data = _floats(speed, *scaled_K, frame.u1 / speed, frame.u2 / speed)
     e = float(coefficients.restitution)
     e = 0.0 if e < LEAST_RESTITUTION else e
-    tolerance = of_path(coefficients.settings.tolerance)
+    tolerance = path_tolerance(coefficients.settings.tolerance)
 
-    def walk(data: list[float], factor: float, tolerance: float) -> tuple[Point, Regime] | None:
+    def follow(data: list[float], factor: float, tolerance: float) -> tuple[Point, Regime] | None:
         *K, v1, v2 = data
         path = Path._make([*K, math.nan, math.nan, e, energetic, tolerance])
-        return Walk(path, lambda s: factor * coefficients.friction(s * unit)).course(v1, v2)
+        return PathFollower(path, lambda s: factor * coefficients.friction(s * unit)).follow(v1, v2)
 
     def impulse(P1: Fraction, P2: Fraction, p: Fraction) -> Vec3:
         return frame.to_world(Tangential(P1 * j, P2 * j), p * j)
 
-    found = walk(data, 1.0, tolerance)
-    sticks = found is not None and found[1] is Regime.STICKING
-    beside = [x * (1 + i * OTHER) for i, x in enumerate(data)]
-    other = found and walk(beside, 1 - TIE if sticks else 1 + TIE, COARSER * tolerance)
-    if found is None or other is None:
-        return Outcome(nothing, 1.0 * Regime.SLIDING, 0, 0, unfinished=True)
-    end, regime = found
+    result = follow(data, 1.0, tolerance)
+    sticks = result is not None and result[1] is Regime.STICKING
+    perturbed = [x * (1 + i * PERTURBATION) for i, x in enumerate(data)]
+    other = result and follow(perturbed, 1 - TIE if sticks else 1 + TIE, COARSER * tolerance)
+    if result is None or other is None:
+        return Outcome(no_impulse, 1.0 * Regime.SLIDING, 0, 0, unfinished=True)
+    end, regime = result
     ends = [[Fraction(x) for x in (y.P1, y.P2, y.p_c + y.p)] for y in (end, other[0])]
     lost = (1 - e) * (1 + e) * -end.W_c if energetic else -(end.W_c + end.W)
     return Outcome(
@@ -165,43 +186,43 @@ def _floats(*numbers: Scalar) -> list[float]:
     try:
         return [float(x) for x in numbers]
     except OverflowError:
-        reason = "slip, approach and what an impulse moves are too unlike for float64"
+        reason = "slip, approach speed and inverse effective mass differ in size by more than float64 can hold"
         raise ImpactError(StatusCode.OUT_OF_RANGE, "contact", reason) from None
 
 
-class Walk:
-    """One way along the path.
+class PathFollower:
+    """Follows the path from a first slip to its end.
 
     Args:
-        path: what stays the same on the way, which is all but ``c`` and ``m``.
-        mu: the friction at a slip in units of the approach speed.
+        path: the constants of the path; ``c`` and ``m`` vary and are not used.
+        mu: friction as a function of the slip speed, in units of the approach speed.
     """
 
     def __init__(self, path: Path, mu: Callable[[float], float]) -> None:
         self._path, self._mu = path, mu
         self._h = path.solve(path.b1, path.b2)
-        self._hold = math.hypot(*self._h)
-        self._room = path.least_eigenvalue()
-        self._none = path.tolerance * self._room
+        self._h_size = math.hypot(*self._h)
+        self._l2 = path.least_eigenvalue()
+        self._least_slip = path.tolerance * self._l2
 
-    def course(self, v1: float, v2: float) -> tuple[Point, Regime] | None:
-        """The end of the path from a first slip, and what friction did; ``None`` if none is in sight."""
+    def follow(self, v1: float, v2: float) -> tuple[Point, Regime] | None:
+        """The end of the path for a first slip, and the regime; ``None`` if it does not end."""
         y, jams, length = Point(v1, v2), False, 0.0
-        first = (v1, v2) if math.hypot(v1, v2) > self._none else (0.0, 0.0)
+        first = (v1, v2) if math.hypot(v1, v2) > self._least_slip else (0.0, 0.0)
         for _ in range(STEPS):
             if y.v1 == y.v2 == 0:
-                way = ray_from_rest(self._path, max(self._friction(0.0), self._friction(self._none)))
-                start, length = self._out_of_rest(y, way), 0.0
-                if start.v1 == start.v2 == 0:  # it sticks, or slip never counts
-                    return self._held(y, Regime.JAMMED if jams else Regime.STICKING)
+                ray = ray_from_rest(self._path, max(self._friction(0.0), self._friction(self._least_slip)))
+                start, length = self._leave_rest(y, ray), 0.0
+                if start.v1 == start.v2 == 0:  # it sticks, or slip remains negligible
+                    return self._end_without_change(y, Regime.JAMMED if jams else Regime.STICKING)
                 y = start
                 first = first if any(first) else (y.v1, y.v2)
             at = self._slope(y.v1, y.v2)
-            if at.g < 0 and at.s <= self._none:
-                y = self._stopped(y)
+            if at.g < 0 and at.s <= self._least_slip:
+                y = self._stop(y)
                 continue
             if self._stays(at):
-                return self._held(y, _regime(y, first, jams=jams))
+                return self._end_without_change(y, _regime(y, first, jams=jams))
             length = length or self._first_length(at)
             h = self._longest(y, at, length)
             turns = not self._is_straight(at, h)
@@ -215,10 +236,10 @@ class Walk:
                 continue
             length = max(length, h * min(4.0, factor))
             jams = jams or at.r * h < -self._path.tolerance
-            if self._left(to) <= 0:
-                y = self._cut(y, at, h, to, turns=turns)
-                y = _turned_over(y) if y.p_c == 0 else y
-                if self._left(y) <= 0:
+            if self._remaining(to) <= 0:
+                y = self._end_of_phase(y, at, h, to, turns=turns)
+                y = _begin_restitution(y) if y.p_c == 0 else y
+                if self._remaining(y) <= 0:
                     return y, _regime(y, first, jams=jams)
             else:
                 y = to
@@ -227,23 +248,23 @@ class Walk:
     def _friction(self, s: float) -> float:
         return min(self._mu(s), GREATEST_FRICTION)
 
-    def _stopped(self, y: Point) -> Point:
-        """Slip that is none, stopped."""
+    def _stop(self, y: Point) -> Point:
+        """The point after the impulse that stops a negligible slip."""
         path, (P1, P2) = self._path, self._path.solve(y.v1, y.v2)
         u = y.u - path.b1 * P1 - path.b2 * P2
         return y._replace(v1=0.0, v2=0.0, u=u, P1=y.P1 - P1, P2=y.P2 - P2)
 
-    def _out_of_rest(self, y: Point, way: Ray) -> Point:
-        """The first slip that is not none."""
-        p = self._none / max(1.0, way.G)
+    def _leave_rest(self, y: Point, ray: Ray) -> Point:
+        """The point on the ray from rest at which slip is no longer negligible."""
+        p = self._least_slip / max(1.0, ray.G)
         return Point(
-            way.G * p * way.z1,
-            way.G * p * way.z2,
-            y.u + way.rate * p,
+            ray.G * p * ray.z1,
+            ray.G * p * ray.z2,
+            y.u + ray.rate * p,
             y.p + p,
-            y.W + (y.u + way.rate * p / 2) * p,
-            y.P1 - way.kz1 * p,
-            y.P2 - way.kz2 * p,
+            y.W + (y.u + ray.rate * p / 2) * p,
+            y.P1 - ray.kz1 * p,
+            y.P2 - ray.kz2 * p,
             y.heat,
             y.p_c,
             y.W_c,
@@ -262,7 +283,7 @@ class Walk:
         return 0.3 * min(1.0, at.s) / pace if pace > 0 else 1.0
 
     def _longest(self, y: Point, at: Slope, length: float) -> float:
-        """At most ``length``, not to the stop of slip, and hardly beyond the end of the phase."""
+        """``length``, limited to before the stop of slip and just beyond the end of the phase."""
         if at.g < 0:
             length = min(length, LONGEST * at.s / -at.g)
         if y.p_c == 0:
@@ -270,35 +291,35 @@ class Walk:
         missing = self._path.missing(y.p_c, y.W_c, y.p, y.W) / at.c
         return min(length, BEYOND * self._path.distance(missing, y.u, at.r))
 
-    def _left(self, y: Point) -> float:
-        """How much of the phase is left: of normal velocity, or of what restitution has to give back."""
+    def _remaining(self, y: Point) -> float:
+        """What the phase lacks: normal velocity, or what restitution has yet to return; <= 0 at the end."""
         return -y.u if y.p_c == 0 else self._path.missing(y.p_c, y.W_c, y.p, y.W)
 
     def _stays(self, at: Slope) -> bool:
-        """Whether slip is where nothing moves it any more."""
-        (h1, h2), hold, near = self._h, self._hold, self._path.tolerance * max(at.s, self._room)
-        apart = math.hypot(hold * at.t1 - h1, hold * at.t2 - h2) * at.s
+        """Whether slip is where ``f`` is 0 and to which it is drawn: see "Slip stays" above."""
+        (h1, h2), h_size, near = self._h, self._h_size, self._path.tolerance * max(at.s, self._l2)
+        apart = math.hypot(h_size * at.t1 - h1, h_size * at.t2 - h2) * at.s
         return (
-            hold > 0
-            and apart <= near * hold
-            and (self._friction(max(at.s - near, 0.0)) <= hold <= self._friction(at.s + near))
+            h_size > 0
+            and apart <= near * h_size
+            and (self._friction(max(at.s - near, 0.0)) <= h_size <= self._friction(at.s + near))
         )
 
     def _is_straight(self, at: Slope, h: float) -> bool:
-        """Whether what a step turns by is less than counts."""
+        """Whether the turn of a step is negligible: see "Straight steps" above."""
         w, share = abs(at.w), STRAIGHT * self._path.tolerance
         A_qq, A_tq = self._path.A_along(at.t1, at.t2)
         pull = at.g + at.m * A_qq
-        gain = (w + at.m * abs(A_tq)) * h  # of speed, by a turn
+        gain = (w + at.m * abs(A_tq)) * h  # of the speed, by a turn
         is_small = w <= ROUNDING * pull or w * gain <= share * at.s * pull
-        drawn = pull > 0 and is_small and w * at.s <= share * max(at.s, self._room) * pull
+        drawn = pull > 0 and is_small and w * at.s <= share * max(at.s, self._l2) * pull
         return w * h <= share * at.s or drawn
 
     def _step(self, y: Point, at: Slope, h: float, *, turns: bool) -> tuple[Point, float]:
-        """Where a step leads, and its error in units of what it may be.
+        """The point after a step, and the error of the step in units of the allowed one.
 
-        It is infinite if the step leads past the stop of slip, which gives ``y``, or is not as straight as it
-        was taken to be.
+        The error is infinite if the step leads past the stop of slip, and the point is then ``y``; or if a
+        step without ``turns`` is not straight throughout.
         """
         slopes: list[tuple[float, ...]] = []
 
@@ -319,46 +340,46 @@ class Walk:
         to = Point._make([*(x + rise for x, rise in zip(y[:8], rises, strict=True)), y.p_c, y.W_c])
         if not at.t1 * to.v1 + at.t2 * to.v2 > 0:
             return y, math.inf
-        size = max(min(at.s, math.hypot(to.v1, to.v2)), self._room)
+        size = max(min(at.s, math.hypot(to.v1, to.v2)), self._l2)
         fifth = [total(ERROR_5, i) for i in range(3)]
         third = [rises[i] - total(ORDER_3, i) for i in range(3)]
-        pace = max(1.0, abs(to.u))  # which is greater than 1 once friction jams
+        pace = max(1.0, abs(to.u))  # u exceeds 1 if friction jams
         e5, e3 = (math.hypot(e[0], e[1]) / size + abs(e[2]) / pace for e in (fifth, third))
         error = e5 * e5 / math.hypot(e5, 0.1 * e3) if e5 > 0 else e5
         return to, math.inf if bends else error / (STEP_SHARE * self._path.tolerance)
 
-    def _cut(self, y: Point, at: Slope, h: float, to: Point, *, turns: bool) -> Point:
-        """Where the phase ends, on the step that leads across its end."""
-        low, left_low, high, left_high = 0.0, self._left(y), h, self._left(to)
+    def _end_of_phase(self, y: Point, at: Slope, h: float, to: Point, *, turns: bool) -> Point:
+        """The point at which the phase ends, within a step of length ``h`` that leads across to ``to``."""
+        low, remaining_low, high, remaining_high = 0.0, self._remaining(y), h, self._remaining(to)
         goal = 1.0 if y.p_c == 0 else self._path.missing(y.p_c, y.W_c, 0.0, 0.0)
         for _ in range(CUTS):
-            if abs(self._left(to)) <= ROUNDING * goal:
+            if abs(self._remaining(to)) <= ROUNDING * goal:
                 break
-            h = low + (high - low) * left_low / (left_low - left_high)
+            h = low + (high - low) * remaining_low / (remaining_low - remaining_high)
             if not low < h < high:
                 break
             trial, _ = self._step(y, at, h, turns=turns)
-            left = self._left(trial)
-            if left <= ROUNDING * goal:
+            remaining = self._remaining(trial)
+            if remaining <= ROUNDING * goal:
                 to = trial
-            if left > 0:
-                low, left_low, left_high = h, left, left_high / 2
+            if remaining > 0:
+                low, remaining_low, remaining_high = h, remaining, remaining_high / 2
             else:
-                high, left_high, left_low = h, left, left_low / 2
+                high, remaining_high, remaining_low = h, remaining, remaining_low / 2
         return to
 
-    def _held(self, y: Point, regime: Regime) -> tuple[Point, Regime] | None:
-        """The end of the path where slip stays as it is."""
+    def _end_without_change(self, y: Point, regime: Regime) -> tuple[Point, Regime] | None:
+        """The end of the path if slip stays as it is, and the regime; ``None`` if ``u_n`` never rises."""
         path = self._path
         rate = 1 - (path.b1 * self._h[0] + path.b2 * self._h[1])
         if not rate > 0:
             return None
         if y.p_c == 0:
-            y = _turned_over(self._on(y, -y.u / rate, rate))
-        return self._on(y, path.distance(path.missing(y.p_c, y.W_c, y.p, y.W), y.u, rate), rate), regime
+            y = _begin_restitution(self._advance(y, -y.u / rate, rate))
+        return self._advance(y, path.distance(path.missing(y.p_c, y.W_c, y.p, y.W), y.u, rate), rate), regime
 
-    def _on(self, y: Point, p: float, rate: float) -> Point:
-        """On by ``p``, where slip stays as it is."""
+    def _advance(self, y: Point, p: float, rate: float) -> Point:
+        """The point after the normal impulse ``p`` while slip stays as it is."""
         h1, h2 = self._h
         return y._replace(
             u=y.u + rate * p,
@@ -366,17 +387,17 @@ class Walk:
             W=y.W + (y.u + rate * p / 2) * p,
             P1=y.P1 - h1 * p,
             P2=y.P2 - h2 * p,
-            heat=y.heat + self._hold * math.hypot(y.v1, y.v2) * p,
+            heat=y.heat + self._h_size * math.hypot(y.v1, y.v2) * p,
         )
 
 
-def _turned_over(y: Point) -> Point:
-    """The end of compression as the begin of restitution."""
+def _begin_restitution(y: Point) -> Point:
+    """The point at the end of compression as the beginning of restitution."""
     return y._replace(u=0.0, p=0.0, W=0.0, p_c=y.p, W_c=y.W)
 
 
 def _regime(y: Point, first: tuple[float, float], *, jams: bool) -> Regime:
-    """What friction did, where slip is left."""
+    """The regime of a path that ends with slip."""
     if jams:
         return Regime.JAMMED
     return Regime.REVERSED if first[0] * y.v1 + first[1] * y.v2 < 0 else Regime.SLIDING
