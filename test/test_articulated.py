@@ -309,13 +309,13 @@ def test_a_contact_point_at_rest_up_to_rounding_gets_no_impulse(law, friction, p
     """A stretched arm turns about its tip, so the velocity of the tip is rounding, also along locked
     directions. The reference point is next to the tip, so that no entry is exactly 0.
     """
-    tip, beside = np.array([math.cos(math.pi / 2) * 2, 2.0, 0.0]), np.array([0.5, -0.25, 0.0])
+    tip, offset = np.array([math.cos(math.pi / 2) * 2, 2.0, 0.0]), np.array([0.5, -0.25, 0.0])
     J = np.zeros((6, 2))
     J[:3] = np.array([-tip, -tip / 2])[:, [1, 0, 2]].T * [[1], [-1], [1]]
     J[5] = 1
-    J[:3] += np.cross(J[3:].T, beside).T
+    J[:3] += np.cross(J[3:].T, offset).T
     M = np.array([[8 / 3, 5 / 6], [5 / 6, 1 / 3]])
-    link = Body.articulated(J @ np.linalg.solve(M, J.T), tip + beside, *np.split(J @ [1.0, -2.0], 2))
+    link = Body.articulated(J @ np.linalg.solve(M, J.T), tip + offset, *np.split(J @ [1.0, -2.0], 2))
     for n in [(1, 1, 0), (-1, -1, 0), (1, 2, 3), (-1, -2, -3), (1, 0, 0), (-1, 0, 0)]:
         contact = Contact.of(tip, n, 0.5, friction)
         impact = resolve(link, Body.static(), contact, ImpactModel(law, precision=precision))

@@ -262,7 +262,7 @@ UNUSUAL = {
     "infinitely steep": math.sqrt,
     "steep": lambda v: 1e12 * v,
     "falls with the speed": lambda v: 0.1 / v if v else 1e300,
-    "is none at rest and without end beside": lambda v: 0.1 / v if v else 0.0,
+    "zero at rest and unbounded next to it": lambda v: 0.1 / v if v else 0.0,
     "waves": lambda v: 0.5 + 0.4 * math.sin(50 * v),
     "a step far below": lambda v: 0.2 if v > 1e-7 else 0.9,
 }

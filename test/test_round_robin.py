@@ -21,7 +21,7 @@ class Bench:
         self.turns = RoundRobin(over_budget, lambda: self.now)
 
     def job(self, name, steps=1, takes=0.0, until=None):
-        """A job of so many steps that take so long; ``until``: it waits before the last."""
+        """A job of ``steps`` steps of ``takes`` seconds; before the last it waits until ``until``."""
 
         def work():
             for step in range(steps):

@@ -199,7 +199,7 @@ def test_fractions_are_for_rational_laws():
     assert (error.code, error.field) == (StatusCode.INVALID_MODEL, "model.law")
 
 
-def test_a_number_that_is_no_float_is_refused_rather_than_rounded():
+def test_an_integer_beyond_the_digits_of_a_float_is_refused():
     contacts = [UP._replace(position=(2**60 + 1, 0, 0)), UP]
     error = refusal([BALL, FLOOR], [(0, 1)] * 2, contacts)
     assert (error.code, error.field) == (StatusCode.INVALID_MODEL, "contacts[0]")

@@ -171,11 +171,11 @@ def falling_pair(t, number, lengths=(1, 1), still: int = 0) -> Scene:
         Body.dynamic(one, velocity=(zero, zero, -one)),
         Body.dynamic(one, velocity=(zero, zero, -one - number(t))),
     ]
-    beside = [Body.dynamic(one) for _ in range(still)]
+    others = [Body.dynamic(one) for _ in range(still)]
     up = [Contact.of((zero,) * 3, (zero, zero, number(length)), one) for length in lengths]
     level = [Contact.of((zero, one, number(i)), (one, zero, zero), one) for i in range(still)]
     pairs = [(0, 2), (1, 0), *((0, 3 + i) for i in range(still))]
-    return Scene([*balls, Body.static(), *beside], pairs, [*up, *level])
+    return Scene([*balls, Body.static(), *others], pairs, [*up, *level])
 
 
 @pytest.mark.parametrize("lengths", [(1, 1), (4, 2)])
