@@ -9,8 +9,7 @@ Its columns, after the timelines:
 * vectors: ``position``, ``normal``, ``impulse``; ``twist_a_before``, ``twist_a_after``, ``twist_b_before``,
   ``twist_b_after``, each ``vx vy vz wx wy wz``
 * the request: ``request_a``, ``request_b``, with the rows of ``BodyStates.msg`` (an immovable body has
-infinite
-  mass); ``request_contact``, ``x y z nx ny nz e mu et`` (et is NaN if the model's value is used);
+  infinite mass); ``request_contact``, ``x y z nx ny nz e mu et`` (et is NaN if the model's value is used);
   ``request_model``, the fields of :class:`~collision_response.ImpactModel`; if a body is articulated, also
   ``inverse_inertia_a`` and ``inverse_inertia_b``, the 21 numbers of the upper triangle (NaN for a rigid body)
 
