@@ -1,4 +1,4 @@
-"""Impact laws at a contact of two rigid bodies in arbitrary precision, to check solvers against."""
+"""Impact laws in arbitrary precision, as a reference for tests. They share no code with the package."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The contact in axes (t1, t2, n), with tangential vectors as complex numbers.
+"""A contact in the axes (t1, t2, n), with tangential vectors as complex numbers.
 
 U = s z is the slip, z = exp(i theta) its direction; b = K_tn; K_tt z = a z + d conj(z), where
 a = (K11+K22)/2 and d = (K11-K22)/2 + i K12; k = K_nn. While friction opposes the slip,
@@ -43,7 +43,7 @@ class Contact:
 
 
 def roots(c):
-    """Roots of c0 z^4 + ... + c4 with |c_j| = |c_(4-j)|, less those at 0 and infinity."""
+    """Roots of c0 z^4 + ... + c4, where |c_j| = |c_(4-j)|, except those at 0 and infinity."""
     tiny = mp.mpf(10) ** -(mp.dps - GUARD // 3) * max(map(abs, c))
     while c and abs(c[0]) <= tiny:
         c = c[1:-1]

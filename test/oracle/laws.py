@@ -1,14 +1,14 @@
-"""The impulse of one impact, by five laws; the letters are those of contact.py.
+"""The impulse of one impact by five laws, in the letters of contact.py.
 
 Chatterjee & Ruina (1998): P = (1+e) P_I + c (P_II - P_I) with
-P_I = -n u_n/k, P_II = -K^-1 u, and c = 1+e_t, or what puts P on the cone. Moreau, in one step:
+P_I = -n u_n/k, P_II = -K^-1 u, and c = 1+e_t, or the c that puts P on the cone. Moreau, in one step:
 u_n+ = -e u_n and either u_t+ = 0 with P in the cone, or P = p (n - mu z) with p > 0 and z the
 direction of u_t+. With p = N/q, N = -(1+e) u_n, these z are the unit roots of a quartic,
 Im(U/z) q + N w = 0, with q > 0 and Re((U + p h)/z) >= 0, h = z (r + i w).
 
-Moreau's problem always has a solution, but not always one: sticking can come with two ways to
-slide when K is very anisotropic and mu of order 1. Every one is in `candidates`; the impulse
-returned is sticking if that is there, else the one that leaves the least kinetic energy.
+Moreau's problem always has a solution, but it may have three: besides sticking there can be two ways
+to slide if K is very anisotropic and mu of order 1. All are in `candidates`. The impulse returned is
+that of sticking if it is among them, else the one that leaves the least kinetic energy.
 """
 
 from dataclasses import dataclass, field

@@ -1,7 +1,7 @@
-"""Vectors and matrices of mpmath, for what an impulse sees of two bodies that touch at a point.
+"""Vectors and matrices of mpmath.
 
-A and B touch at a point; n points from B to A; r = point - CoM; u is the velocity of A
-relative to B there, so u_n < 0 approaches. An impulse P on A, -P on B, gives
+Bodies A and B touch at a point; n points from B to A; r = point - CoM; u is the velocity of A
+relative to B at the point, negative along n if they approach. An impulse P on A and -P on B gives
 
     u+ = u + K P,   K = sum over A, B of  1/m - [r]x I^-1 [r]x      (3x3, positive definite)
 """

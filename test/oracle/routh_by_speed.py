@@ -4,8 +4,8 @@ The normal is z. Slip has the angle a and the logarithm l of its speed s; the im
 
     f = b - mu A t      da/dT = q.f      dl/dT = t.f      du_n/dT = s (k - mu b.t)      dP/dT = s (-mu t, 1)
 
-Where slip stops it sticks if mu(0) holds it, and to the end; else it goes on in the direction in which it
-grows straight, a root of q.f.
+Where slip stops, the contact sticks to the end if mu(0) can hold it. Otherwise slip goes on in the direction
+in which it grows straight, a root of q.f.
 """
 
 from itertools import pairwise
@@ -15,11 +15,11 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 LEAST = -34.0
-"""Logarithm of the slip that counts as none, against the approach."""
+"""Logarithm of the slip that counts as 0, relative to the approach speed."""
 
 
 def _directions(mu, A, b):
-    """Angles in which friction mu lets slip grow straight from rest."""
+    """Angles of the directions in which slip grows straight from rest, with the friction mu."""
 
     def across(a):
         return (b - mu * A @ (np.cos(a), np.sin(a))) @ (-np.sin(a), np.cos(a))
@@ -41,7 +41,7 @@ def routh_by_speed(K, u, e, mu, energetic, tolerance=1e-11):
     state = [np.arctan2(u[1], u[0]), np.log(slip)] if slip > 0 else None
 
     def left(y):
-        """What is left of the phase of p, W and u_n."""
+        """What the phase lacks after p, W and u_n: 0 at its end."""
         if compression is None:
             return -y[2]
         p_c, W_c = compression

@@ -1,15 +1,15 @@
 """A planar impact between springs (Stronge, Impact Mechanics, ch. 5) in arbitrary precision, phase by phase.
 
-Within a phase all is linear: z' = M z for z = (u_t, u_n, F_t, F_n, P_t, P_n), and z(t) is the series of the
-matrix exponential, in steps that are short beside the fastest spring. What ends a phase is a linear form of
-z that falls below 0: a polynomial on the step, of which the first root is found, a dip between two samples
-included.
+Within a phase the equations are linear: z' = M z for z = (u_t, u_n, F_t, F_n, P_t, P_n). z(t) is the series
+of the matrix exponential, in steps that are short compared with the period of the fastest spring. A phase
+ends when a linear form of z falls below 0. On a step that form is a polynomial, whose first root is found,
+also if it only dips below 0 between two samples.
 
     u' = K F,  P' = F,  F_n' = -k u_n,  k = 1 in loading, 1/e^2 in unloading and up again to F_max
     stick   F_t' = -kappa u_t         until |F_t| > mu F_n
     slip    F_t' = -s mu F_n'         until s u_t + mu k u_n / kappa < 0, s the sign of the deflection
 
-It shares nothing with what it checks: no integrator, no units, no axes.
+It uses neither the integrator nor the units nor the axes of the law that it checks.
 """
 
 from mpmath import mp
@@ -20,7 +20,7 @@ SAMPLES = 8
 
 
 def springs(K, u, e, mu, kappa):
-    """(P_t, P_n) of K = (K_tt, K_tn, K_nn), u = (u_t, u_n), u_n < 0."""
+    """The impulse (P_t, P_n) for K = (K_tt, K_tn, K_nn) and u = (u_t, u_n), with u_n < 0."""
     Ktt, Ktn, Knn = map(mp.mpf, K)
     u_t, u_n = map(mp.mpf, u)
     e, mu, kappa = mp.mpf(e), mp.mpf(mu), mp.mpf(kappa)
@@ -82,7 +82,7 @@ def _value(polynomial, t):
 
 
 def _first_below(p, end, tiny):
-    """The first t in (0, end] from which on p is below 0; None if it stays above."""
+    """The first t in (0, end] at which the polynomial p falls below 0; None if it does not."""
     slope = [j * c for j, c in enumerate(p)][1:]
     low = mp.mpf(0)
     for i in range(1, SAMPLES + 1):

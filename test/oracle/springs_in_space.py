@@ -1,11 +1,11 @@
-"""An impact in space between springs (Stronge, Impact Mechanics, ch. 5), by SciPy from event to event.
+"""An impact in space between springs (Stronge, Impact Mechanics, ch. 5), by SciPy, from event to event.
 
 The state is P, F_n, and the tangential force while the contact sticks, or the angle theta of the spring's
 deflection while it slips:
 
     u = u_0 + K P,  P' = F,  F_n' = -k u_n,  stick F_t' = -kappa u_t,  slip theta' = kappa q.u_t / (mu F_n)
 
-theta' is steep at first: a slip that turns is taken up at EARLY with the first term of theta.
+theta changes fast at first, so slip is integrated from the time EARLY on, after the first term of theta.
 """
 
 import math
@@ -18,7 +18,7 @@ LAST = 1e-9  # of the greatest normal force: the rest has 1e-18 of the impulse
 
 
 def springs_in_space(K, u, e, mu, kappa):
-    """P, with the normal along z; mu and e > 0."""
+    """The impulse P, for a normal along z, mu > 0 and e > 0."""
     K, u_0 = np.array(K, float), np.array(u, float)
     k, most, loading = 1.0, 0.0, True
     slip, speed = math.hypot(*u_0[:2]), -u_0[2]
@@ -83,6 +83,6 @@ def springs_in_space(K, u, e, mu, kappa):
 
 
 def _axes(angle):
-    """The direction, and across it."""
+    """The unit vector at an angle, and the one perpendicular to it."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array([c, s]), np.array([-s, c])

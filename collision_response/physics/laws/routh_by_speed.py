@@ -186,7 +186,7 @@ def _floats(*numbers: Scalar) -> list[float]:
     try:
         return [float(x) for x in numbers]
     except OverflowError:
-        reason = "slip, approach speed and inverse effective mass differ in size by more than float64 can hold"
+        reason = "slip, approach speed and inverse effective mass differ too much in size for float64"
         raise ImpactError(StatusCode.OUT_OF_RANGE, "contact", reason) from None
 
 
