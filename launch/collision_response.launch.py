@@ -1,4 +1,4 @@
-"""The node, and beside it what feeds it and what shows its answers.
+"""Start the node and, if requested, the nodes that publish body states and markers.
 
 ros2 launch collision_response collision_response.launch.py states:=true markers:=true
 """
@@ -17,13 +17,13 @@ PACKAGE = "collision_response"
 CONFIG = PathJoinSubstitution([FindPackageShare(PACKAGE), "config"])
 PARAMETERS = PathJoinSubstitution([CONFIG, "collision_response.yaml"])
 
-JAZZY = os.environ.get("ROS_DISTRO") == "jazzy"  # whose Fast DDS is of version 2
+JAZZY = os.environ.get("ROS_DISTRO") == "jazzy"  # which has Fast DDS 2
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE" if JAZZY else "FASTDDS_DEFAULT_PROFILES_FILE"
-PROFILE = "fast_dds_2.xml" if JAZZY else "fast_dds.xml"  # docs/reliability.md says what for
+PROFILE = "fast_dds_2.xml" if JAZZY else "fast_dds.xml"  # docs/reliability.md says why
 
 
 def generate_launch_description() -> LaunchDescription:
-    """One argument for each choice; ``ros2 launch --show-args`` lists them."""
+    """Describe the launch. ``ros2 launch --show-args`` lists the arguments."""
 
     def node(executable: str, **options: object) -> Node:
         use_sim_time = ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool)
@@ -42,13 +42,19 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
             DeclareLaunchArgument(
-                "params_file", default_value=PARAMETERS, description="parameters of all nodes"
+                "params_file", default_value=PARAMETERS, description="file with the parameters of all nodes"
             ),
-            DeclareLaunchArgument("namespace", default_value="", description="of all nodes"),
-            DeclareLaunchArgument("use_sim_time", default_value="false", description="time from /clock"),
-            DeclareLaunchArgument("states", default_value="false", description="body states from odom or TF"),
+            DeclareLaunchArgument("namespace", default_value="", description="namespace of all nodes"),
             DeclareLaunchArgument(
-                "markers", default_value="false", description="answers for RViz or Foxglove"
+                "use_sim_time", default_value="false", description="whether to take the time from /clock"
+            ),
+            DeclareLaunchArgument(
+                "states", default_value="false", description="whether to publish body states from odom or TF"
+            ),
+            DeclareLaunchArgument(
+                "markers",
+                default_value="false",
+                description="whether to publish answers for RViz or Foxglove",
             ),
             node("collision_response_node", respawn=True, respawn_delay=1.0),
             node("collision_response_states", condition=IfCondition(LaunchConfiguration("states"))),

@@ -1,4 +1,4 @@
-"""What happened in a recording: in words, and as a page with plots that needs no other file."""
+"""Summary of a recording, in words and as an HTML page with plots that needs no other file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .table import rows_of
 from .viewer_layout import BLUE, GREY, ORANGE, RED, REGIMES, VIOLET, Colour
 
 SHOWN = 3000
-"""Points of a plot: of more impacts, evenly chosen ones. The tables look at all."""
+"""Greatest number of points in a plot. Of more impacts, evenly spaced ones are shown; the tables use all."""
 
 LISTED = 10
 
@@ -26,14 +26,14 @@ Row = dict[str, Any]
 
 
 class Summary(NamedTuple):
-    """The rows of a recording, sorted by what they are.
+    """The rows of a recording.
 
     Attributes:
-        answers: with an answer.
-        refusals: without.
-        residuals: of each answer: by how much the energy before, after and lost disagree, relative;
-            NaN where an immovable body moves, for it does work.
-        scenes: several contacts at once, each with an answer.
+        answers: impacts with an answer.
+        refusals: refused requests.
+        residuals: for each answer, by how much the energies before, after and lost disagree, relative to the
+            energy before. NaN if an immovable body moves: then it does work.
+        scenes: scenes, each with an answer.
     """
 
     answers: list[Row]
@@ -43,7 +43,7 @@ class Summary(NamedTuple):
 
     @classmethod
     def of(cls, impacts: pa.Table, scenes: pa.Table) -> Summary:
-        """From what ``read`` of :mod:`~collision_response.recording.table` and of ``scenes`` give."""
+        """Sort the tables that ``read`` of ``recording.table`` and of ``recording.scenes`` return."""
         rows = rows_of(impacts)
         answers = [row for row in rows if row.get("regime")]
         before, after, restitution, friction = (
@@ -61,31 +61,31 @@ class Summary(NamedTuple):
         return cls(answers, [row for row in rows if not row.get("regime")], residuals, rows_of(scenes))
 
     def worst(self, name: str) -> list[Row]:
-        """The answers that have most of a column."""
-        return _most(self.answers, name)
+        """Answers with the largest values of a column."""
+        return _largest(self.answers, name)
 
 
 def in_words(summary: Summary) -> list[str]:
-    """Lines that say what happened."""
+    """Lines of text that describe what happened."""
     answers, scenes = summary.answers, summary.scenes
     lines = [f"{len(answers)} impacts, {len(summary.refusals)} refusals"]
     if answers:
         lost = sum(row["energy_lost_restitution"] for row in answers)
-        rubbed = sum(row["energy_lost_friction"] for row in answers)
+        lost_by_friction = sum(row["energy_lost_friction"] for row in answers)
         slowest, loosest = summary.worst("duration")[:1], summary.worst("error_bound")[0]
         lines += [
             f"laws: {_counted(row['law'] for row in answers)}",
             f"regimes: {_counted(row['regime'] for row in answers)}",
-            f"energy lost: {lost:.6g} J by restitution, {rubbed:.6g} J by friction",
+            f"energy lost: {lost:.6g} J by restitution, {lost_by_friction:.6g} J by friction",
             f"energy unaccounted for: at most {_greatest(summary.residuals):.2g} of that before an impact",
             f"error bound: at most {loosest['error_bound']:.2g} (answer {loosest['answer']})",
-            *(f"slowest: {_micro(row)} us (answer {row['answer']})" for row in slowest),
+            *(f"slowest: {_microseconds(row)} us (answer {row['answer']})" for row in slowest),
         ]
         adjusted = [row["adjustments"] for row in answers if row["adjustments"] != "NONE"]
         if adjusted:
             lines.append(f"adjusted: {_counted(adjusted)}")
     if scenes:
-        loosest = _most(scenes, "error_bound")[0]
+        loosest = _largest(scenes, "error_bound")[0]
         contacts, laws = sum(len(row["regimes"]) for row in scenes), _counted(row["law"] for row in scenes)
         lines += [
             f"{len(scenes)} scenes of {contacts} contacts in all, by {laws}",
@@ -96,7 +96,12 @@ def in_words(summary: Summary) -> list[str]:
 
 
 def page(summary: Summary, files: Sequence[str]) -> str:
-    """The report as HTML."""
+    """Make the HTML page.
+
+    Args:
+        summary: the summary.
+        files: names of the files, for the title.
+    """
     words = "\n".join(in_words(summary))
     parts = [f"<pre>{escape(words)}</pre>"]
     if summary.answers:
@@ -121,9 +126,9 @@ def _plots(summary: Summary) -> list[str]:
     answers = summary.answers
     number = np.array([row["answer"] for row in answers], float)
     lost_by = [np.cumsum([row[f"energy_lost_{by}"] for row in answers]) for by in ("restitution", "friction")]
-    shown = _spread(len(answers))
+    shown = _evenly_chosen(len(answers))
     regimes = [answers[i]["regime"] for i in shown]
-    titles = [_title(answers[i]) for i in shown]
+    titles = [_label(answers[i]) for i in shown]
     lost = np.concatenate([*lost_by, [0.0]])
     energy = SvgPlot("Energy lost so far [J]", "answer", _limits(number), _limits(lost))
     for name, values in zip(("restitution", "friction"), lost_by, strict=True):
@@ -153,10 +158,10 @@ def _plots(summary: Summary) -> list[str]:
     mu = np.array([row["friction"] for row in answers], float)[shown]
     along = np.array([row["normal_impulse"] for row in answers], float)[shown]
     across = np.array([row["tangential_impulse"] for row in answers], float)[shown]
-    rubs = (mu > 0) & (along > 0)
-    if rubs.any():
-        slope = np.divide(across, along, out=np.full_like(across, np.nan), where=rubs)
-        top = 1.05 * max(mu[rubs].max(), slope[rubs].max())
+    has_cone = (mu > 0) & (along > 0)
+    if has_cone.any():
+        slope = np.divide(across, along, out=np.full_like(across, np.nan), where=has_cone)
+        top = 1.05 * max(mu[has_cone].max(), slope[has_cone].max())
         limits = (0.0, top)
         cone = SvgPlot(
             "Impulses in their cones: tangential over normal", "friction", limits, limits, key=dict(key)
@@ -182,7 +187,7 @@ def _tables(summary: Summary) -> list[str]:
             f"{one['kinetic_energy_before']:.6g}",
             f"{lost:.6g}",
             f"{one['error_bound']:.2g}",
-            _micro(one),
+            _microseconds(one),
         ]
 
     order = np.argsort(-summary.residuals)[:LISTED]
@@ -211,7 +216,7 @@ def _table_of_scenes(scenes: list[Row]) -> str:
             f"{row['energy_lost_restitution'] + row['energy_lost_friction']:.6g}",
             f"{row['error_bound']:.2g}",
         ]
-        for row in _most(scenes, "error_bound")
+        for row in _largest(scenes, "error_bound")
     ]
     return _table(head, rows)
 
@@ -221,12 +226,12 @@ class SvgPlot:
     """A plot as SVG.
 
     Attributes:
-        title: above it.
-        across: what the x axis is.
+        title: title above the plot.
+        across: label of the x axis.
         x, y: limits of the axes.
-        log_y: whether y is the exponent of ten of what it shows.
-        marks: what is drawn.
-        key: what colours mean.
+        log_y: whether the y values are decimal logarithms of the quantity shown.
+        marks: SVG elements of curves and points.
+        key: meaning of each colour.
     """
 
     title: str
@@ -238,20 +243,20 @@ class SvgPlot:
     key: dict[str, Colour] = field(default_factory=dict)
 
     def line(self, x: np.ndarray, y: np.ndarray, colour: Colour, name: str) -> None:
-        """A curve."""
+        """Add a curve."""
         places = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(*self._places(x, y), strict=True))
         self.marks.append(f'<polyline points="{places}" stroke="{_css(colour)}"/>')
         self.key[name] = colour
 
     def points(self, x: np.ndarray, y: np.ndarray, colours: Sequence[Colour], titles: Sequence[str]) -> None:
-        """Dots; a title appears under the mouse."""
+        """Add dots, whose titles appear under the mouse pointer."""
         for a, b, colour, title in zip(*self._places(x, y), colours, titles, strict=True):
             if math.isfinite(b):
                 dot = f'<circle cx="{a:.1f}" cy="{b:.1f}" r="2.5" fill="{_css(colour)}">'
                 self.marks.append(f"{dot}<title>{escape(title)}</title></circle>")
 
     def svg(self) -> str:
-        """The picture."""
+        """SVG text of the plot."""
         parts = [f'<text class="title" x="{LEFT}" y="16">{escape(self.title)}</text>']
         for value in _ticks(*self.x):
             at = self._places(np.array([value]), np.array([self.y[0]]))[0][0]
@@ -308,7 +313,7 @@ def _limits(values: np.ndarray) -> tuple[float, float]:
 
 
 def _ticks(low: float, high: float) -> Iterable[float]:
-    """Round numbers between two, about six."""
+    """About six round numbers between two limits."""
     rough = (high - low) / 6
     power = 10.0 ** math.floor(math.log10(rough))
     step = power * next(n for n in (1, 2, 5, 10) if n * power >= rough)
@@ -316,12 +321,12 @@ def _ticks(low: float, high: float) -> Iterable[float]:
     return [n * step for n in range(first, last + 1)]
 
 
-def _spread(count: int) -> np.ndarray:
-    """Indices of all, or of as many as are shown, evenly chosen, the last among them."""
+def _evenly_chosen(count: int) -> np.ndarray:
+    """Indices of all points, or of ``SHOWN`` evenly spaced ones that include the last."""
     return np.unique(np.linspace(0, count - 1, min(count, SHOWN)).round().astype(int))
 
 
-def _most(rows: list[Row], name: str) -> list[Row]:
+def _largest(rows: list[Row], name: str) -> list[Row]:
     known = [row for row in rows if not math.isnan(row[name])]
     return sorted(known, key=lambda row: row[name], reverse=True)[:LISTED]
 
@@ -330,11 +335,11 @@ def _greatest(values: np.ndarray) -> float:
     return max(values[~np.isnan(values)], default=0.0)
 
 
-def _title(row: Row) -> str:
+def _label(row: Row) -> str:
     return f"{row['answer']}: {row['body_a']} on {row['body_b']}, {row['regime']} by {row['law']}"
 
 
-def _micro(row: Row) -> str:
+def _microseconds(row: Row) -> str:
     return "" if math.isnan(row["duration"]) else f"{row['duration'] * 1e6:.1f}"
 
 
