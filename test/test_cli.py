@@ -239,7 +239,7 @@ class TestCall:
 
         command = [sys.executable, str(EXECUTABLE), "call", "{}", "--service", "/nobody", "--timeout", "1000"]
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as run:
-            wait_until(lambda: graph.user.count_clients("/nobody"))  # until then, ROS is still starting
+            wait_until(lambda: "collision_response_call" in graph.user.get_node_names())
             run.send_signal(number)
             _, wrong = run.communicate(timeout=DEADLINE)
         assert (run.returncode, wrong) == (code, "")

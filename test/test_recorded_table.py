@@ -208,7 +208,7 @@ def test_a_truncated_recording_is_refused_with_the_command_that_repairs_it(all_k
             (line,) = said.err.splitlines()
             assert line.startswith(f"collision_response {command}: {torn} is not complete, ")
     repair = shlex.split(line.partition(": rerun ")[2])
-    subprocess.run([sys.executable, "-m", "rerun_cli", *repair], check=True)
+    subprocess.run([sys.executable, "-m", "rerun", *repair], check=True)
     assert main(["replay", repair[-1]]) == 0
 
 

@@ -36,7 +36,7 @@ def strict():
 
 
 def rerun(*arguments, **options):
-    command = [sys.executable, "-m", "rerun_cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "rerun", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE, check=False, **options)
 
 
