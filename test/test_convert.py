@@ -162,7 +162,7 @@ def test_the_twist_after_is_the_twist_in_the_message_plus_the_change(request, co
 
 
 @given(request=requests(), com=vectors, far=st.sampled_from([1e3, 1e8, 1e13]))
-def test_a_distant_frame_origin_costs_digits_and_the_bound_covers_them(request, com, far):
+def test_a_frame_that_starts_far_from_the_body_costs_digits_that_the_bound_counts(request, com, far):
     com = com * far
     a = request.body_a
     set_vector(a.inertia.com, com)
