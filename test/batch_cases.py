@@ -21,7 +21,7 @@ from collision_response import (
     resolve,
 )
 from collision_response.batch import BatchResult
-from collision_response.batch.rows import NOWHERE, body_rows, contact_rows
+from collision_response.batch.rows import NO_ROWS, body_rows, contact_rows
 from collision_response.physics.vector import Vec3
 
 GEOMETRIES = (Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL)
@@ -107,7 +107,7 @@ def collision_at(
         if geometry is not Geometry.SPATIAL:  # only the moment about z is in the table
             zz = inertia[0] if inertia else number(0.0)
             inertia = [zz, number(0.0), number(0.0), zz, number(0.0), zz]
-        orientation = read(column, body_row.orientation) if body_row.orientation != NOWHERE else None
+        orientation = read(column, body_row.orientation) if body_row.orientation != NO_ROWS else None
         return Body.dynamic(
             number(column[body_row.mass][0]), inertia, position, orientation, velocity, turning
         )

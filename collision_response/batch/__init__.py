@@ -1,4 +1,4 @@
-"""Many independent contacts at once: arrays in, arrays out."""
+"""Many contacts, or many scenes, at once: arrays in, arrays out."""
 
 from .pairs import independent_sets, scatter_velocities
 from .resolve_batch import BatchResult, is_bounded, resolve_batch, resolve_with_pauses

@@ -1,4 +1,4 @@
-"""The few contacts of a batch that need more than the kernels give: each by the front door for one impact."""
+"""The few contacts of a batch that the kernels cannot answer well enough: ``resolve`` answers them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..status import ImpactError, StatusCode
 from .rows import BodyRows, ContactRows, body_rows, contact_rows
 
 if TYPE_CHECKING:
-    from .resolve_batch import Asked, BatchResult, Plan
+    from .resolve_batch import BatchPlan, BatchRequest, BatchResult
 
 Array = np.ndarray[Any, Any]
 
@@ -30,52 +30,57 @@ REPORT = (
     "energy_lost_restitution",
     "energy_lost_friction",
 )
+"""The fields of a :class:`~collision_response.batch.BatchResult` that are there only with a report."""
 
 
-def retry(asked: Asked, out: BatchResult, columns: Array) -> Iterator[None]:
-    """Answer some columns anew, with as many digits as it takes; a pause after each."""
-    plan, bodies, _, contacts = asked
+def resolve_one_by_one(request: BatchRequest, out: BatchResult, columns: Array) -> Iterator[None]:
+    """Resolve the contacts of ``request``, with as many digits as it takes; pause after each.
+
+    The results are written to these ``columns`` of ``out``.
+    """
+    plan, bodies, _, contacts = request
     model = plan.model
     if out.velocity.dtype == np.float32:
         model = model._replace(precision=Precision.SINGLE)
-    rows, touch = body_rows(model.geometry, oriented=plan.oriented), contact_rows(model.geometry)
+    rows = body_rows(model.geometry, oriented=plan.oriented)
+    contact_table = contact_rows(model.geometry)
     for k, i in enumerate(columns.tolist()):
         contact = contacts[:, k]
-        own = model
-        if contact.size > touch.height:
-            own = model._replace(tangential_restitution=float(contact[touch.height]))
+        own_model = model
+        if contact.size > contact_table.height:
+            own_model = model._replace(tangential_restitution=float(contact[contact_table.height]))
         try:
             impact = resolve(
                 body_of(rows, bodies[:, 0, k]),
                 body_of(rows, bodies[:, 1, k]),
-                contact_of(touch, contact),
-                own,
+                contact_of(contact_table, contact),
+                own_model,
             )
         except ImpactError as error:
-            _refuse(out, i, error.code)
+            _write_refusal(out, i, error.code)
         else:
-            _write(plan, out, i, impact)
+            _write_impact(plan, out, i, impact)
         yield
 
 
-def _write(plan: Plan, out: BatchResult, i: int, impact: Impact) -> None:
+def _write_impact(plan: BatchPlan, out: BatchResult, i: int, impact: Impact) -> None:
     twists = impact.twist_a, impact.twist_b
-    axes, spins = plan.axes, plan.spins
-    out.velocity[..., i] = np.array([twist.linear[:axes] for twist in twists]).T
-    out.angular_velocity[..., i] = np.array([twist.angular[3 - spins :] for twist in twists]).T
-    out.impulse[..., i] = impact.impulse[:axes]
+    linear, angular = plan.linear_axes, plan.angular_axes
+    out.velocity[..., i] = np.array([twist.linear[:linear] for twist in twists]).T
+    out.angular_velocity[..., i] = np.array([twist.angular[3 - angular :] for twist in twists]).T
+    out.impulse[..., i] = impact.impulse[:linear]
     out.status[i] = impact.status
     for field in REPORT if out.regime is not None else ():
         getattr(out, field)[i] = getattr(impact, field)
     if out.precision is None:
-        if impact.status is StatusCode.TOLERANCE_NOT_MET:  # of which this batch knows nothing
-            separating = impact.regime == impact.regime.SEPARATING
-            out.status[i] = StatusCode.SEPARATING if separating else StatusCode.OK
+        if impact.status is StatusCode.TOLERANCE_NOT_MET:  # a batch without bounds does not report that
+            is_separating = impact.regime == impact.regime.SEPARATING
+            out.status[i] = StatusCode.SEPARATING if is_separating else StatusCode.OK
     else:
         out.error_bound[i], out.precision[i] = impact.error_bound, impact.model.precision
 
 
-def _refuse(out: BatchResult, i: int, code: StatusCode) -> None:
+def _write_refusal(out: BatchResult, i: int, code: StatusCode) -> None:
     for array in out:
         if array is not None:
             array[..., i] = math.nan if array.dtype.kind == "f" else 0
@@ -83,10 +88,10 @@ def _refuse(out: BatchResult, i: int, code: StatusCode) -> None:
 
 
 def body_of(rows: BodyRows, column: Array) -> Body:
-    """The body of a column."""
-    turning = column[rows.angular_velocity].tolist()
+    """Return the body in a column of a table."""
+    angular_velocity = column[rows.angular_velocity].tolist()
     inertia = column[rows.inertia].tolist()
-    if len(inertia) == 1:  # about z, the only one that matters
+    if len(inertia) == 1:  # only the moment of inertia about z matters
         inertia = ZERO_TENSOR._replace(xx=inertia[0], yy=inertia[0], zz=inertia[0])
     orientation = column[rows.orientation].tolist() or None
     return Body.dynamic(
@@ -95,12 +100,12 @@ def body_of(rows: BodyRows, column: Array) -> Body:
         _vector(column[rows.position]),
         orientation,
         _vector(column[rows.velocity]),
-        Vec3(*ZERO[len(turning) :], *turning),
+        Vec3(*ZERO[len(angular_velocity) :], *angular_velocity),
     )
 
 
 def contact_of(rows: ContactRows, column: Array) -> Contact:
-    """The contact of a column."""
+    """Return the contact in a column of a table."""
     friction = column[rows.friction].tolist()
     return Contact(
         _vector(column[rows.position]),

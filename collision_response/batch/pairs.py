@@ -1,16 +1,16 @@
-"""Contacts of one table of bodies: which may be answered at once, and the way back into the table.
+"""Contacts of one table of bodies: which may be resolved at once, and how results get into the table.
 
-A simulator that resolves its contacts one after another, each on what those before it left, goes through a
-step by the set:
+A simulator may resolve the contacts of a time step one after another, each with the velocities that the
+earlier ones left. The same results come from resolving one independent set after another:
 
     >>> import numpy as np
     >>> from collision_response import Geometry
     >>> from collision_response.batch import body_rows, contact_rows, resolve_batch
-    >>> rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
-    >>> bodies, contacts = np.zeros((rows.height, 3)), np.zeros((touch.height, 2))
+    >>> rows, contact = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    >>> bodies, contacts = np.zeros((rows.height, 3)), np.zeros((contact.height, 2))
     >>> bodies[rows.mass] = 1.0
     >>> bodies[rows.velocity][0] = [3.0, 0.0, 0.0]  # the first of three equal balls in a row moves
-    >>> contacts[touch.normal][0], contacts[touch.restitution] = -1.0, 1.0
+    >>> contacts[contact.normal][0], contacts[contact.restitution] = -1.0, 1.0
     >>> pairs = np.array([[0, 1], [1, 2]])
     >>> for some in independent_sets(pairs):
     ...     result = resolve_batch(bodies, contacts[:, some], pairs=pairs[:, some])
@@ -28,7 +28,7 @@ import numpy as np
 
 from ..kernels import library
 from ..status import StatusCode
-from .other_arrays import as_numpy, is_lazy, maker
+from .other_arrays import as_numpy, converter_like, is_lazy
 from .rows import rows_of
 
 if TYPE_CHECKING:
@@ -38,14 +38,18 @@ Array = np.ndarray[Any, Any]
 
 IS_ANSWER = np.zeros(256, np.bool_)
 IS_ANSWER[[code for code in StatusCode if code.is_answer]] = True
-"""By code, whether there are numbers."""
+"""For each status code, whether the contact has results."""
 
 MOTION = ("status", "velocity", "angular_velocity")
-"""What is scattered of a result."""
+"""The fields of a result that :func:`scatter_velocities` reads."""
 
 
 def as_pairs(pairs: Any) -> Array:
-    """Columns of bodies, int64, shape ``(2, N)``. Raises: ValueError: they are not."""
+    """Return the columns of body_a and body_b, int64, shape ``(2, N)``.
+
+    Raises:
+        ValueError: if ``pairs`` does not hold integers, or has another shape.
+    """
     array = as_numpy("pairs", pairs)
     if array.ndim != 2 or array.shape[0] != 2 or (array.dtype.kind not in "iu" and array.size):
         raise ValueError(f"pairs: must be integers of shape (2, N), are {array.dtype} of {array.shape}")
@@ -53,27 +57,29 @@ def as_pairs(pairs: Any) -> Array:
 
 
 def independent_sets(pairs: Any, movable: Any = None) -> list[Array]:
-    """Sets of contacts in which no movable body appears twice.
+    """Divide contacts into sets in which no movable body appears twice.
 
-    Whoever answers the sets in turn answers the contacts of each body in the order given: a contact is in the
-    set after the last one with which it shares a movable body, and no later.
+    If the sets are resolved in turn, the contacts of each body are resolved in the order given: a contact is
+        in
+    the set right after the last earlier contact with which it shares a movable body.
 
     Args:
-        pairs: the columns of both bodies of each contact, shape ``(2, N)``.
-        movable: for each body whether impulses move it, bool, shape ``(B,)``: ``isfinite`` of its mass. Left
-            out, all are. Immovable bodies, as a floor, part no contacts.
+        pairs: for each contact the columns of its two bodies, integers, shape ``(2, N)``.
+        movable: for each body whether impulses move it, bool, shape ``(B,)``; ``np.isfinite`` of the masses.
+            If left out, all bodies are movable. Contacts that share only an immovable body, such as a floor,
+            may be in one set.
 
     Returns:
-        Indices of contacts, in order.
+        The indices of the contacts of each set, in increasing order.
 
     Raises:
-        ValueError: an array has not the right shape or type, or a pair is not of two bodies.
+        ValueError: if an array has the wrong shape or type, or if a pair does not name two bodies.
     """
     given = pairs = as_pairs(pairs)
     n = pairs.shape[1]
     if movable is None:
         last = given.max(initial=-1)
-        bodies, places = np.unique(given, return_inverse=True)  # of which the columns may be far apart
+        bodies, places = np.unique(given, return_inverse=True)  # columns may be far apart
         pairs, movable = np.where(given < 0, -1, places.reshape(given.shape)), np.ones(bodies.size, np.bool_)
     else:
         last = np.size(movable) - 1
@@ -92,27 +98,28 @@ def independent_sets(pairs: Any, movable: Any = None) -> list[Array]:
 def scatter_velocities(bodies: Array, pairs: Any, result: BatchResult) -> None:
     """Write the velocities of a result into the table of bodies.
 
-    Bodies of contacts without an answer keep theirs.
+    The bodies of contacts without an answer keep their velocities.
 
     Args:
-        bodies: the table, shape ``(rows, B)``. It is changed, so it must be an array that can be: NumPy's,
-            or of another library with the Array API whose rows can be set.
-        pairs: of the contacts, as given to :func:`~collision_response.batch.resolve_batch`. Of a movable body
-            that is in several the last one counts, so let them be of one of the :func:`independent_sets`.
-        result: what became of them.
+        bodies: the table, shape ``(rows, B)``, which is changed: an array of NumPy, or of another library
+            with the Array API whose rows can be assigned.
+        pairs: of the contacts, as given to :func:`~collision_response.batch.resolve_batch`. If a movable body
+            is in several pairs, the last one counts, so the contacts should be one of the
+            :func:`independent_sets`.
+        result: what ``resolve_batch`` returned for these contacts.
 
     Raises:
-        ValueError: an array has not the right shape or type; or ``bodies`` are lazy.
+        ValueError: if an array has the wrong shape or type, or if ``bodies`` is lazy.
     """
     if not isinstance(bodies, np.ndarray):
-        make = None if is_lazy(bodies) else maker(bodies)
-        if make is None:
+        convert = None if is_lazy(bodies) else converter_like(bodies)
+        if convert is None:
             raise ValueError(f"bodies: must be an array that can be changed, is {type(bodies).__name__}")
         table = as_numpy("bodies", bodies).copy()
         scatter_velocities(table, pairs, result)
         rows = rows_of(table.shape[0])
         for motion in (rows.velocity, rows.angular_velocity):
-            bodies[motion, :] = make(table[motion])
+            bodies[motion, :] = convert(table[motion])
         return
     if bodies.ndim != 2 or bodies.dtype.kind != "f":
         raise ValueError(f"bodies: must be floats of shape (rows, B), are {bodies.dtype} of {bodies.shape}")

@@ -1,23 +1,23 @@
-"""Many independent contacts at once, from arrays to arrays.
+"""Resolve many independent contacts at once: arrays in, arrays out.
 
     >>> import numpy as np
     >>> from collision_response import Geometry
     >>> from collision_response.batch import body_rows, contact_rows, resolve_batch
-    >>> rows, touch = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
-    >>> bodies, contacts = np.zeros((rows.height, 2, 1)), np.zeros((touch.height, 1))
+    >>> rows, contact = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    >>> bodies, contacts = np.zeros((rows.height, 2, 1)), np.zeros((contact.height, 1))
     >>> bodies[rows.mass] = [[1.0], [np.inf]]  # the second body is immovable
     >>> bodies[rows.velocity] = [[[0.0], [0.0]], [[0.0], [0.0]], [[-2.0], [0.0]]]
-    >>> contacts[touch.normal] = [[0.0], [0.0], [1.0]]
-    >>> contacts[touch.restitution] = 0.5
+    >>> contacts[contact.normal] = [[0.0], [0.0], [1.0]]
+    >>> contacts[contact.restitution] = 0.5
     >>> resolve_batch(bodies, contacts).velocity[2]
     array([[1.],
            [0.]])
 
-What a row of ``bodies`` and of ``contacts`` holds, :mod:`~collision_response.batch.rows` says. The numbers
-are those of :func:`~collision_response.resolve`, bit by bit. With a tolerance every contact gets an error
-bound, and those whose bound is above what ``resolve`` climbs to are computed again with more digits. Without
-one there is no bound: AUTO stays in DOUBLE, also where ``resolve`` sees that it is not enough. A contact that
-cannot be answered has its own status and NaN for results; the others are not affected.
+The rows of ``bodies`` and ``contacts`` are listed in :mod:`~collision_response.batch.rows`. The numbers are
+those of :func:`~collision_response.resolve`, to the bit. With a tolerance every contact gets an error bound,
+and is computed again with more digits where ``resolve`` would do so. Without a tolerance there is no bound,
+and AUTO precision stays in DOUBLE, even where ``resolve`` would notice that DOUBLE is not enough. A contact
+that cannot be resolved gets its own status and NaN for results; it does not affect the others.
 """
 
 from __future__ import annotations
@@ -46,18 +46,17 @@ from ..model import (
 )
 from ..physics.laws import PATHS, STEPPED, Settings
 from ..status import ImpactError, StatusCode, format_value
-from . import one_by_one
-from .other_arrays import check_unmasked, is_lazy
-from .other_arrays import resolve_batch as elsewhere
+from .one_by_one import resolve_one_by_one
+from .other_arrays import check_unmasked, is_lazy, resolve_other_arrays
 from .pairs import as_pairs
-from .rows import TABLES, body_rows, contact_rows, layout_of
+from .rows import TABLE_LAYOUTS, body_rows, contact_rows, layout_of
 
 Array = np.ndarray[Any, Any]
 
 UINT8 = np.dtype(np.uint8)
 
-SHARE = 1024
-"""Contacts below which a second worker is not worth waking."""
+CONTACTS_PER_WORKER = 1024
+"""With fewer contacts, another worker takes longer to start than it saves."""
 
 _PRECISIONS = {
     np.dtype(np.float32): (Precision.SINGLE,),
@@ -66,22 +65,22 @@ _PRECISIONS = {
 
 
 class BatchResult(NamedTuple):
-    """What became of the bodies.
+    """The results of :func:`resolve_batch`.
 
     Attributes:
-        velocity: of the centres of mass after the impact [m/s], shape ``(3, 2, N)``; PLANAR ``(2, 2, N)``.
-        angular_velocity: after the impact [rad/s], shape ``(3, 2, N)``; PLANAR, about z, ``(1, 2, N)``;
+        velocity: of the centres of mass after the impact [m/s], shape ``(3, 2, N)``; in PLANAR ``(2, 2, N)``.
+        angular_velocity: after the impact [rad/s], shape ``(3, 2, N)``; in PLANAR, about z, ``(1, 2, N)``; in
             POINT ``(0, 2, N)``.
-        impulse: on body_a [N s], shape ``(3, N)``; PLANAR ``(2, N)``.
+        impulse: on body_a [N s], shape ``(3, N)``; in PLANAR ``(2, N)``.
         status: a :class:`~collision_response.StatusCode` for each contact, uint8, shape ``(N,)``.
-        error_bound: of each contact, as that of :class:`~collision_response.Impact`, shape ``(N,)``; there
-            only with a tolerance or EXTENDED. NaN where there is no answer.
+        error_bound: of each contact, as in :class:`~collision_response.Impact`, shape ``(N,)``; NaN where
+            there is no answer. ``None`` without a tolerance, unless the precision is EXTENDED.
         precision: the :class:`~collision_response.Precision` used for each contact, uint8, shape ``(N,)``;
-            there only with the error bound.
+            ``None`` without error bounds.
         regime: what friction did at each contact, a :class:`~collision_response.Regime`, uint8, shape
-            ``(N,)``; 0 where there is no answer. This and the energies are there only with a report.
-        kinetic_energy_before, kinetic_energy_after: of the movable bodies of each contact [J],
-            shape ``(N,)``.
+            ``(N,)``; 0 where there is no answer. ``None`` without a report, like the energies.
+        kinetic_energy_before, kinetic_energy_after: of the movable bodies of each contact [J], shape
+            ``(N,)``.
         energy_lost_restitution, energy_lost_friction: work done at each contact against the normal and
             against the tangential impulse [J], shape ``(N,)``.
     """
@@ -100,7 +99,7 @@ class BatchResult(NamedTuple):
 
 
 def is_bounded(model: ImpactModel) -> bool:
-    """Whether results in this model have error bounds."""
+    """Whether the results of a batch with this model have error bounds."""
     return bool(model.tolerance) or model.precision is Precision.EXTENDED
 
 
@@ -114,31 +113,34 @@ def resolve_batch(
     out: BatchResult | None = None,
     workers: int = 1,
 ) -> BatchResult:
-    """The motion of N pairs of bodies after they collide.
+    """Compute the motion of N pairs of bodies after they collide.
 
-    Each contact is answered for itself, as if it were the only one; for what follows from that see
+    Each contact is resolved as if it were the only one. For contacts that share bodies see
     :func:`~collision_response.batch.independent_sets`.
 
     Args:
-        bodies: the pairs, shape ``(rows, 2, N)``: ``[:, 0]`` are body_a, to whom the normals point. The
-            number of rows tells the geometry. With ``pairs``, a table of bodies, shape ``(rows, B)``.
-        contacts: the contacts, shape ``(rows, N)``, of the same type: float32 or float64.
-        model: which law; AUTO is COULOMB if ``contacts`` has a row of friction. A tolerance, or EXTENDED,
-            is for float64.
-        pairs: for each contact the column of its body_a and that of its body_b, integers, shape ``(2, N)``.
-            A pair of one body twice gets the status SAME_BODY, a column that is not there UNKNOWN_BODY.
+        bodies: the pairs of bodies, shape ``(rows, 2, N)``: ``[:, 0]`` are the bodies that the normals point
+            to, body_a. The number of rows determines the geometry. With ``pairs``, a table of bodies, shape
+            ``(rows, B)``.
+        contacts: the contacts, shape ``(rows, N)``, of the same type as ``bodies``: float32 or float64.
+        model: what to model, and how exactly. AUTO law is COULOMB if ``contacts`` has a row of friction, else
+            FRICTIONLESS. A tolerance and EXTENDED precision need float64.
+        pairs: for each contact the columns of its body_a and its body_b, integers, shape ``(2, N)``. A pair
+            that names one body twice gets the status SAME_BODY, one that names no column of ``bodies``
+            UNKNOWN_BODY.
         report: whether to report regimes and energies, too.
-        out: where to write the results: an earlier result, or a BatchResult of arrays like its. They must
-            overlap neither the input nor each other. Those of a report are written if they are there.
-        workers: threads to use, at least 1. Each takes its share of the contacts; Python runs on meanwhile.
+        out: where to write the results: an earlier result, or a BatchResult of arrays of the same shapes and
+            types. They must not overlap the input or each other. Arrays for a report are written if they are
+            there.
+        workers: number of threads, at least 1, that share the contacts. Other Python threads run meanwhile.
 
     Returns:
-        Arrays of the library that ``bodies`` are of. If any of the arrays is Dask's, they are lazy: cut as
-        the bodies are, with ``pairs`` as the contacts are, but without empty chunks.
+        Arrays of the library of ``bodies``. If any of the arrays is one of Dask, they are lazy, with the
+        chunks of ``bodies``, or with ``pairs`` those of ``contacts``, without empty ones.
 
     Raises:
-        ImpactError: INVALID_MODEL or INVALID_COEFFICIENT: the model is none for a batch.
-        ValueError: an array has not the right shape or type.
+        ImpactError: INVALID_MODEL or INVALID_COEFFICIENT, if the model is invalid, or not for batches.
+        ValueError: if an array has the wrong shape or type.
     """
     check_workers(workers)
     if not (out is None or isinstance(out, BatchResult)):
@@ -146,23 +148,25 @@ def resolve_batch(
     if not (isinstance(bodies, np.ndarray) and isinstance(contacts, np.ndarray)) or (
         pairs is not None and is_lazy(pairs)
     ):
-        return elsewhere(bodies, contacts, model, pairs=pairs, report=report, out=out, workers=workers)
+        return resolve_other_arrays(
+            bodies, contacts, model, pairs=pairs, report=report, out=out, workers=workers
+        )
     pairs = None if pairs is None else as_pairs(pairs)
     if out is None:
         plan = plan_for(bodies, contacts, model, pairs)
-        shapes = plan.results(contacts.shape[1], report)
-        out = BatchResult(*(None if one is None else np.empty(*one) for one in shapes))
+        fields = plan.result_fields(contacts.shape[1], report)
+        out = BatchResult(*(None if field is None else np.empty(*field) for field in fields))
     elif report and out.regime is None:
         raise ValueError("out.regime: must be there for a report, is None")
     else:
-        _check_apart(out)
+        _check_distinct(out)
     for _ in resolve_with_pauses(bodies, contacts, model, out, workers, pairs=pairs):
         pass
     return out
 
 
 def check_workers(workers: Any) -> None:
-    """Raises: ValueError: they are no number of threads."""
+    """Raises: ValueError: if ``workers`` is not a positive integer."""
     if not isinstance(workers, (int, Integral)) or workers < 1:
         raise ValueError(f"workers: must be a whole number, at least 1, is {format_value(workers)}")
 
@@ -178,137 +182,146 @@ def resolve_with_pauses(
     start: int = 0,
     stop: int | None = None,
 ) -> Iterator[None]:
-    """The same on NumPy's arrays, with a pause after each contact that needs more than the kernels give.
+    """Resolve a batch of NumPy arrays, pausing after each contact that the kernels cannot answer well enough.
 
-    So whoever has other things to do meanwhile can do them. The results of the contacts from ``start`` to
-    ``stop`` are complete at the end.
+    Callers that have other work can do it in the pauses. When the iterator ends, the results of the contacts
+    from ``start`` to ``stop`` are complete in ``out``. For the other arguments see :func:`resolve_batch`.
     """
     plan, target, n = plan_for(bodies, contacts, model, pairs), out, contacts.shape[1]
-    asked, columns = Asked(plan, bodies, pairs, contacts), (start, n if stop is None else min(stop, n))
-    found = _run(asked, plan.number, out, workers, *columns)
-    if found is None:  # some array has gaps between its numbers, or is not what it should be
-        _check_out(plan, n, out)
-        asked = Asked(plan, np.ascontiguousarray(bodies), pairs, np.ascontiguousarray(contacts))
-        target = BatchResult(*(None if array is None else np.empty_like(array, order="C") for array in out))
-        found = _run(asked, plan.number, target, workers, *columns)
-        assert found is not None, "copies fit"
-    yield from _improve(
-        *((asked, target) if columns == (0, n) else asked.part(target, *columns)), found, workers
+    request, columns = (
+        BatchRequest(plan, bodies, pairs, contacts),
+        (start, n if stop is None else min(stop, n)),
     )
+    worst = _run(request, plan.number, out, workers, *columns)
+    if worst is None:  # an array is not contiguous, or has the wrong shape or type
+        _check_out(plan, n, out)
+        request = BatchRequest(plan, np.ascontiguousarray(bodies), pairs, np.ascontiguousarray(contacts))
+        target = BatchResult(*(None if array is None else np.empty_like(array, order="C") for array in out))
+        worst = _run(request, plan.number, target, workers, *columns)
+        assert worst is not None, "copies fit"
+    part = (request, target) if columns == (0, n) else request.part(target, *columns)
+    yield from _refine(*part, *worst, workers)
     if target is not out:
-        for written, wanted in zip(target, out, strict=True):
+        for computed, wanted in zip(target, out, strict=True):
             if wanted is not None:
                 own = (..., slice(*columns))
-                wanted[own] = written[own]
+                wanted[own] = computed[own]
 
 
-class Plan(NamedTuple):
-    """All that does not depend on the numbers, nor on how many contacts there are.
+class BatchPlan(NamedTuple):
+    """Everything about a batch that does not depend on its numbers, or on how many contacts there are.
 
     Attributes:
-        layout: its number.
-        oriented: whether bodies are.
+        layout: number of the layout in the kernels.
+        oriented: whether the bodies have orientations.
         model: with the law and the geometry that are used.
-        number, constants: what kernels take: the kind of number, and those of the model.
-        axes, spins: of velocities, and of angular ones.
-        climb: through which precisions, until the error bound is within what is wanted: as ``resolve`` does.
+        number, settings: the number type and the settings of the model, as the kernels take them.
+        linear_axes, angular_axes: number of components of velocities and of angular velocities.
+        precisions: the precisions to try until the error bound is small enough, as ``resolve`` does.
     """
 
     layout: int
     oriented: bool
     model: ImpactModel
     number: NumberType
-    constants: Array
-    axes: int
-    spins: int
-    climb: ModelPlan
+    settings: Array
+    linear_axes: int
+    angular_axes: int
+    precisions: ModelPlan
 
-    def results(self, n: int, report: bool) -> tuple[tuple[tuple[int, ...], np.dtype[Any]] | None, ...]:
-        """Shapes and types of a :class:`BatchResult`."""
-        real, number, code = self.constants.dtype, ((n,), self.constants.dtype), ((n,), UINT8)
-        motion = ((self.axes, 2, n), real), ((self.spins, 2, n), real), ((self.axes, n), real), code
-        bounds = (number, code) if is_bounded(self.model) else (None, None)
-        return *motion, *bounds, *((code, *[number] * 4) if report else [None] * 5)
+    def result_fields(self, n: int, report: bool) -> tuple[tuple[tuple[int, ...], np.dtype[Any]] | None, ...]:
+        """Return the shape and type of each array of a :class:`BatchResult`; ``None`` for those left out."""
+        real, numbers, codes = self.settings.dtype, ((n,), self.settings.dtype), ((n,), UINT8)
+        velocity, angular_velocity = ((self.linear_axes, 2, n), real), ((self.angular_axes, 2, n), real)
+        motion = velocity, angular_velocity, ((self.linear_axes, n), real), codes
+        bounds = (numbers, codes) if is_bounded(self.model) else (None, None)
+        return *motion, *bounds, *((codes, *[numbers] * 4) if report else [None] * 5)
 
 
-class Asked(NamedTuple):
-    """What is asked of a batch: see :func:`resolve_batch`."""
+class BatchRequest(NamedTuple):
+    """The input of a batch: see :func:`resolve_batch`."""
 
-    plan: Plan
+    plan: BatchPlan
     bodies: Array
     pairs: Array | None
     contacts: Array
 
-    def some(self, columns: Array) -> Asked:
-        """Of some contacts, each with its own two bodies."""
+    def select(self, columns: Array) -> BatchRequest:
+        """Return the request for some contacts, each with its own copy of its two bodies."""
         at = columns if self.pairs is None else self.pairs.take(columns, 1)
-        return Asked(self.plan, self.bodies.take(at, -1), None, self.contacts.take(columns, -1))
+        return BatchRequest(self.plan, self.bodies.take(at, -1), None, self.contacts.take(columns, -1))
 
-    def part(self, out: BatchResult, *columns: int) -> tuple[Asked, BatchResult]:
-        """Of contacts that follow each other, and what became of them."""
-        own = slice(*columns)
+    def part(self, out: BatchResult, start: int, stop: int) -> tuple[BatchRequest, BatchResult]:
+        """Return the request for a range of contacts, and their part of ``out``, without copies."""
+        own = slice(start, stop)
         bodies, pairs = self.bodies, self.pairs
         if pairs is None:
             bodies = bodies[..., own]
         else:
             pairs = pairs[:, own]
         part = BatchResult(*(None if array is None else array[..., own] for array in out))
-        return Asked(self.plan, bodies, pairs, self.contacts[:, own]), part
+        return BatchRequest(self.plan, bodies, pairs, self.contacts[:, own]), part
 
 
-def _improve(asked: Asked, out: BatchResult, found: tuple[int, float], workers: int) -> Iterator[None]:
-    """Climb to more digits where the bound is above the limit."""
-    worst, loosest = found
-    climb = asked.plan.climb
+def _refine(
+    request: BatchRequest, out: BatchResult, worst_status: int, worst_bound: float, workers: int
+) -> Iterator[None]:
+    """Compute contacts again with more digits where their error bound is too large."""
+    precisions = request.plan.precisions
     if out.precision is None:
-        if worst >= StatusCode.OUT_OF_RANGE:
-            odd = np.flatnonzero(out.status >= StatusCode.OUT_OF_RANGE)
-            yield from one_by_one.retry(asked.some(odd), out, odd)
+        if worst_status >= StatusCode.OUT_OF_RANGE:
+            columns = np.flatnonzero(out.status >= StatusCode.OUT_OF_RANGE)
+            yield from resolve_one_by_one(request.select(columns), out, columns)
         return
-    out.precision[:] = climb.first_precision
-    if worst <= StatusCode.SEPARATING and loosest <= climb.target_bound:
+    out.precision[:] = precisions.first_precision
+    if worst_status <= StatusCode.SEPARATING and worst_bound <= precisions.target_bound:
         return
-    wanting = _wanting(out, climb.target_bound)
-    beyond = wanting[:0]
-    if climb.first_precision is not climb.last_precision and wanting.size:
-        is_beyond = out.status[wanting] == StatusCode.OUT_OF_RANGE  # in these units
-        beyond, wanting = wanting[is_beyond], wanting[~is_beyond]
-        few = BatchResult(
-            *(None if a is None else np.empty((*a.shape[:-1], wanting.size), a.dtype) for a in out)
+    columns = _inexact(out, precisions.target_bound)
+    out_of_range = columns[:0]
+    if precisions.first_precision is not precisions.last_precision and columns.size:
+        is_out_of_range = out.status[columns] == StatusCode.OUT_OF_RANGE  # more digits have the same range
+        out_of_range, columns = columns[is_out_of_range], columns[~is_out_of_range]
+        refined = BatchResult(
+            *(None if a is None else np.empty((*a.shape[:-1], columns.size), a.dtype) for a in out)
         )
-        _run(asked.some(wanting), NumberType.EXTENDED, few, workers, 0, wanting.size)
-        few.precision[:] = Precision.EXTENDED
-        for array, better in zip(out, few, strict=True):
+        _run(request.select(columns), NumberType.EXTENDED, refined, workers, 0, columns.size)
+        refined.precision[:] = Precision.EXTENDED
+        for array, better in zip(out, refined, strict=True):
             if array is not None:
-                array[..., wanting] = better
-        wanting = wanting[_wanting(few, climb.target_bound)]
-    if climb.last_precision is Precision.DOUBLE:
-        wanting = _wanting(out, LARGEST_BOUND)
-    wanting = np.concatenate([wanting, beyond])
-    if wanting.size:
-        yield from one_by_one.retry(asked.some(wanting), out, wanting)
-    answered = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)
-    out.status[answered & ~(out.error_bound <= climb.bound_limit)] = StatusCode.TOLERANCE_NOT_MET
+                array[..., columns] = better
+        columns = columns[_inexact(refined, precisions.target_bound)]
+    if precisions.last_precision is Precision.DOUBLE:
+        columns = _inexact(out, LARGEST_BOUND)
+    columns = np.concatenate([columns, out_of_range])
+    if columns.size:
+        yield from resolve_one_by_one(request.select(columns), out, columns)
+    has_answer = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)
+    out.status[has_answer & ~(out.error_bound <= precisions.bound_limit)] = StatusCode.TOLERANCE_NOT_MET
 
 
-def _wanting(out: BatchResult, limit: float) -> Array:
-    """The columns of sound contacts whose error bound is above a limit."""
-    sound = np.isin(out.status, (StatusCode.OK, StatusCode.SEPARATING, StatusCode.OUT_OF_RANGE))
-    return np.flatnonzero(sound & ~(out.error_bound <= limit))
+def _inexact(out: BatchResult, limit: float) -> Array:
+    """Return the columns of valid contacts whose error bound is above ``limit``."""
+    is_valid = np.isin(out.status, (StatusCode.OK, StatusCode.SEPARATING, StatusCode.OUT_OF_RANGE))
+    return np.flatnonzero(is_valid & ~(out.error_bound <= limit))
 
 
 def _run(
-    asked: Asked, number: NumberType, out: BatchResult, workers: int, start: int, stop: int
+    request: BatchRequest, number: NumberType, out: BatchResult, workers: int, start: int, stop: int
 ) -> tuple[int, float] | None:
-    """Compute columns; the greatest status, and the greatest error bound; ``None`` if arrays do not fit."""
-    plan, bodies, pairs, contacts = asked
-    law, layout, constants = plan.model.law, plan.layout, plan.constants
+    """Compute the contacts from ``start`` to ``stop``.
+
+    Returns:
+        The greatest status and the greatest error bound; ``None`` if an array has the wrong shape, type or
+        memory layout.
+    """
+    plan, bodies, pairs, contacts = request
+    law, layout, settings = plan.model.law, plan.layout, plan.settings
 
     def run(start: int, stop: int) -> tuple[int, float] | None:
-        return library.batch(law, layout, number, bodies, pairs, contacts, constants, out, start, stop)
+        return library.batch(law, layout, number, bodies, pairs, contacts, settings, out, start, stop)
 
     n = max(0, stop - start)
-    shares = max(1, min(workers, n // SHARE))
+    shares = max(1, min(workers, n // CONTACTS_PER_WORKER))
     if shares == 1:
         return run(start, start + n)
     cuts = [start + n * i // shares // 64 * 64 for i in range(shares)] + [start + n]
@@ -318,8 +331,8 @@ def _run(
     return (max(statuses), max(bounds)) if found else None
 
 
-def plan_for(bodies: Array, contacts: Array, model: ImpactModel, pairs: Array | None) -> Plan:
-    """What is to be done with such tables. Raises: as :func:`resolve_batch`."""
+def plan_for(bodies: Array, contacts: Array, model: ImpactModel, pairs: Array | None) -> BatchPlan:
+    """Return the plan for a batch with such tables. Raises: as :func:`resolve_batch`."""
     check_unmasked("bodies", bodies)
     check_unmasked("contacts", contacts)
     shape, n = bodies.shape, contacts.shape[-1] if contacts.ndim == 2 else -1
@@ -328,48 +341,47 @@ def plan_for(bodies: Array, contacts: Array, model: ImpactModel, pairs: Array | 
     else:
         fits = len(shape) == 2 and pairs.shape[1] == n
     key = shape[0] if fits else 0, contacts.shape[:1], bodies.dtype, contacts.dtype, id(model)
-    model_and_plan = _RECENT.get(key)
+    model_and_plan = _recent_plans.get(key)
     if model_and_plan is None:
         _check_tables(bodies, contacts, pairs)
-        if len(_RECENT) >= KEPT:
-            _RECENT.clear()
+        if len(_recent_plans) >= KEPT:
+            _recent_plans.clear()
         plan = _plan(shape[0], contacts.shape[0], bodies.dtype, model)
-        model_and_plan = _RECENT[key] = model, plan  # the model stays alive, and so its id
+        model_and_plan = _recent_plans[key] = model, plan  # keeps the model alive, and so its id valid
     return model_and_plan[1]
 
 
 KEPT = 64
-_RECENT: dict[tuple[Any, ...], tuple[ImpactModel, Plan]] = {}
-"""The plans of the last models, by identity: to hash one takes as long as a hundred contacts."""
+_recent_plans: dict[tuple[Any, ...], tuple[ImpactModel, BatchPlan]] = {}
+"""Recent plans, by the identity of the model: hashing a model takes as long as a hundred contacts."""
 
 
-def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> Plan:
-    geometry, oriented = TABLES[rows]
-    least = contact_rows(geometry)
-    if height not in (least.friction.start, least.height, least.height + 1):
-        raise ValueError(
-            f"contacts: {geometry.name} has {least.friction.start} to {least.height + 1} rows, not {height}"
-        )
+def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> BatchPlan:
+    geometry, oriented = TABLE_LAYOUTS[rows]
+    contact = contact_rows(geometry)
+    least, most = contact.friction.start, contact.height + 1
+    if height not in (least, contact.height, most):
+        raise ValueError(f"contacts: {geometry.name} has {least} to {most} rows, not {height}")
     _check_model(model, geometry, dtype)
-    law = law_for(model.law, has_friction=height >= least.height)
-    if law is not Law.FRICTIONLESS and height < least.height:
+    law = law_for(model.law, has_friction=height >= contact.height)
+    if law is not Law.FRICTIONLESS and height < contact.height:
         raise ValueError(f"contacts: {law.name} needs a row of friction")
-    climb = plan_model(model)
+    precisions = plan_model(model)
     if law in STEPPED:
-        climb = climb._replace(first_precision=Precision.DOUBLE, last_precision=Precision.DOUBLE)
+        precisions = precisions._replace(first_precision=Precision.DOUBLE, last_precision=Precision.DOUBLE)
     number = NumberType.FLOAT if dtype == np.float32 else NumberType.PLAIN
     if is_bounded(model):
-        number = NumberType.EXTENDED if climb.first_precision is Precision.EXTENDED else NumberType.BOUNDED
-    of = body_rows(geometry)
-    return Plan(
-        list(Layout).index(layout_of(geometry, oriented=oriented)),
-        oriented,
-        model._replace(law=law, geometry=geometry),
-        number,
-        np.array([getattr(model, name) for name in Settings._fields], dtype),
-        of.velocity.stop - of.velocity.start,
-        of.angular_velocity.stop - of.angular_velocity.start,
-        climb,
+        number = NumberType.EXTENDED if precisions.first_precision is Precision.EXTENDED else NumberType.BOUNDED
+    body = body_rows(geometry)
+    return BatchPlan(
+        layout=list(Layout).index(layout_of(geometry, oriented=oriented)),
+        oriented=oriented,
+        model=model._replace(law=law, geometry=geometry),
+        number=number,
+        settings=np.array([getattr(model, name) for name in Settings._fields], dtype),
+        linear_axes=body.velocity.stop - body.velocity.start,
+        angular_axes=body.angular_velocity.stop - body.angular_velocity.start,
+        precisions=precisions,
     )
 
 
@@ -378,13 +390,13 @@ def _check_tables(bodies: Array, contacts: Array, pairs: Array | None) -> None:
         raise ValueError(
             f"bodies, contacts: must both be float32 or float64; are {bodies.dtype}, {contacts.dtype}"
         )
-    heights = " or ".join(map(str, TABLES))
+    heights = " or ".join(map(str, TABLE_LAYOUTS))
     if pairs is not None:
         n, shape, fits = pairs.shape[1], f"({heights}, B)", bodies.ndim == 2
     else:
         n, shape = bodies.shape[-1] if bodies.ndim else 0, f"({heights}, 2, N)"
         fits = bodies.ndim == 3 and bodies.shape[1] == 2
-    if not fits or bodies.shape[0] not in TABLES:
+    if not fits or bodies.shape[0] not in TABLE_LAYOUTS:
         raise ValueError(f"bodies: must be of shape {shape}, is {bodies.shape}")
     if contacts.ndim != 2 or contacts.shape[1] != n:
         raise ValueError(f"contacts: must be of shape (rows, {n}), is {contacts.shape}")
@@ -392,34 +404,34 @@ def _check_tables(bodies: Array, contacts: Array, pairs: Array | None) -> None:
 
 def _check_model(model: ImpactModel, geometry: Geometry, dtype: np.dtype[Any]) -> None:
     check_model(model)
-    possible: dict[str, tuple[Any, ...]] = {
+    allowed: dict[str, tuple[Any, ...]] = {
         "geometry": (Geometry.AUTO, geometry),
         "precision": (Precision.AUTO, *_PRECISIONS[dtype]),
     }
     if dtype == np.float32:
-        possible["tolerance"] = (0.0,)
-        possible["law"] = tuple(law for law in Law if law not in PATHS)
-    for field, known in possible.items():
+        allowed["tolerance"] = (0.0,)
+        allowed["law"] = tuple(law for law in Law if law not in PATHS)
+    for field, values in allowed.items():
         value = getattr(model, field)
-        if value not in known:
-            names = ", ".join(str(getattr(one, "name", one)) for one in known)
+        if value not in values:
+            names = ", ".join(str(getattr(one, "name", one)) for one in values)
             reason = (
                 f"must be {names} for a batch of {geometry.name} {dtype}; is {getattr(value, 'name', value)}"
             )
             raise ImpactError(StatusCode.INVALID_MODEL, f"model.{field}", reason)
 
 
-def _check_out(plan: Plan, n: int, out: BatchResult) -> None:
-    for field, array, expected in zip(
-        BatchResult._fields, out, plan.results(n, out.regime is not None), strict=True
-    ):
+def _check_out(plan: BatchPlan, n: int, out: BatchResult) -> None:
+    """Raises: ValueError: if an array has the wrong shape or type."""
+    fields = plan.result_fields(n, out.regime is not None)
+    for name, array, expected in zip(BatchResult._fields, out, fields, strict=True):
         found = None if array is None else (array.shape, array.dtype)
         if found != expected:
-            raise ValueError(f"out.{field}: must be {_described(expected)}, is {_described(found)}")
+            raise ValueError(f"out.{name}: must be {_described(expected)}, is {_described(found)}")
 
 
-def _check_apart(out: BatchResult) -> None:
-    """Raises: ValueError: an array is there twice."""
+def _check_distinct(out: BatchResult) -> None:
+    """Raises: ValueError: if one array is given for two results."""
     fields: dict[int, str] = {}
     for field, array in zip(BatchResult._fields, out, strict=True):
         if array is not None and (other := fields.setdefault(id(array), field)) != field:

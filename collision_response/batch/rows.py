@@ -1,6 +1,6 @@
-"""The rows of a batch's tables: which quantity lies where, for each geometry.
+"""The tables of a batch: which rows hold which quantity, for each geometry.
 
-Only what a geometry and a law need is there. Write ``bodies[rows.velocity] = ...``.
+A table has rows only for what the geometry and the law need. Use them as in ``bodies[rows.velocity] = ...``.
 """
 
 from __future__ import annotations
@@ -12,23 +12,24 @@ from typing import NamedTuple
 from ..kernels.layout import Layout
 from ..model import Geometry
 
-NOWHERE = slice(0, 0)
+NO_ROWS = slice(0, 0)
 
 
 class BodyRows(NamedTuple):
-    """Where the quantities of the bodies lie in ``bodies``.
+    """The rows of ``bodies`` that hold each quantity.
 
-    That is a table of bodies, shape ``(height, B)``; or without ``pairs``, of them, ``(height, 2, N)``.
+    ``bodies`` is an array of shape ``(height, B)``, with a column for each body. Without ``pairs`` its shape
+    is ``(height, 2, N)``, with body_a and body_b of each contact.
 
     Attributes:
-        mass: [kg]; ``inf``: the body is immovable.
-        inertia: about the centre of mass [kg m^2]: ``(xx, xy, xz, yy, yz, zz)`` in body axes, or
-            ``zz`` alone. 0 for an immovable body, or one that does not turn.
+        mass: [kg]; ``inf`` for an immovable body.
+        inertia: about the centre of mass [kg m^2]: ``(xx, xy, xz, yy, yz, zz)`` in body axes; in PLANAR only
+            ``zz``. 0 for an immovable body, or one that does not turn.
         position: of the centre of mass [m].
         velocity: of the centre of mass [m/s].
-        angular_velocity: [rad/s], in world axes, or about z alone.
-        orientation: ``(x, y, z, w)`` from body axes to world axes. Left out, the two are parallel.
-        height: how many rows there are.
+        angular_velocity: in world axes [rad/s]; in PLANAR only about z.
+        orientation: ``(x, y, z, w)`` from body axes to world axes. Without it, the axes are parallel.
+        height: number of rows.
     """
 
     mass: slice
@@ -41,15 +42,15 @@ class BodyRows(NamedTuple):
 
 
 class ContactRows(NamedTuple):
-    """Where the quantities of the contacts lie in ``contacts``, an array of shape ``(height, N)``.
+    """The rows of ``contacts`` that hold each quantity, in an array of shape ``(height, N)``.
 
     Attributes:
         position: of the contact point [m].
         normal: from body_b to body_a, of any length but 0.
         restitution: in [0, 1].
-        friction: >= 0. May be left out, with what follows it, for the law FRICTIONLESS.
-        tangential_restitution: in [-1, 1]. May be left out: then it is that of the model.
-        height: how many rows there are with friction, without tangential restitution.
+        friction: >= 0. For the law FRICTIONLESS this row and all after it may be left out.
+        tangential_restitution: in [-1, 1]. If left out, the one of the model is used.
+        height: number of rows with friction and without tangential restitution.
     """
 
     position: slice
@@ -61,39 +62,39 @@ class ContactRows(NamedTuple):
 
 
 def layout_of(geometry: Geometry, *, oriented: bool = False) -> Layout:
-    """The layout of the tables of a geometry; only SPATIAL bodies may be oriented."""
+    """Return the layout for a geometry. Raises: ValueError: if ``oriented``, but not SPATIAL."""
     if oriented and geometry is not Geometry.SPATIAL:
         raise ValueError(f"orientation has no effect in {geometry.name}: leave it out")
     return Layout.SPATIAL_ORIENTED if oriented else Layout[geometry.name]
 
 
-def places_of(widths: dict[str, int]) -> dict[str, slice]:
-    """Where quantities of these widths lie, one after the other."""
+def slices_of(widths: dict[str, int]) -> dict[str, slice]:
+    """Return the slices that quantities of these widths occupy, one after the other."""
     ends = accumulate(widths.values())
     return {name: slice(end - width, end) for (name, width), end in zip(widths.items(), ends, strict=True)}
 
 
 @cache
 def body_rows(geometry: Geometry, *, oriented: bool = False) -> BodyRows:
-    """The rows of ``bodies``; only SPATIAL bodies may be oriented."""
+    """Return the rows of ``bodies``. Only SPATIAL bodies may be ``oriented``."""
     fields = layout_of(geometry, oriented=oriented).fields(0)
     widths = {name: len(axes) for name, axes in fields.items()}
-    places = places_of(widths)
+    slices = slices_of(widths)
     height = sum(widths.values())
-    return BodyRows._make([*(places.get(field, NOWHERE) for field in BodyRows._fields[:-1]), height])
+    return BodyRows._make([*(slices.get(field, NO_ROWS) for field in BodyRows._fields[:-1]), height])
 
 
 @cache
 def contact_rows(geometry: Geometry) -> ContactRows:
-    """The rows of ``contacts``."""
+    """Return the rows of ``contacts``."""
     widths = {name: len(axes) for name, axes in layout_of(geometry).fields(1).items()}
-    places = places_of({**widths, "restitution": 1, "friction": 1, "tangential_restitution": 1})
-    height = places["friction"].stop
-    return ContactRows._make([*(places.get(field, NOWHERE) for field in ContactRows._fields[:-1]), height])
+    slices = slices_of({**widths, "restitution": 1, "friction": 1, "tangential_restitution": 1})
+    height = slices["friction"].stop
+    return ContactRows._make([*(slices.get(field, NO_ROWS) for field in ContactRows._fields[:-1]), height])
 
 
-class Tables(NamedTuple):
-    """What the tables of a batch describe.
+class TableLayout(NamedTuple):
+    """How the tables of a batch are laid out.
 
     Attributes:
         geometry: POINT, PLANAR or SPATIAL.
@@ -105,7 +106,7 @@ class Tables(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Of the layout."""
+        """Name of the layout in the kernels and in messages."""
         return layout_of(self.geometry, oriented=self.oriented).name
 
     @property
@@ -119,18 +120,18 @@ class Tables(NamedTuple):
         return contact_rows(self.geometry)
 
 
-TABLES = {
-    tables.bodies.height: tables
-    for tables in (
-        *map(Tables, (Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL)),
-        Tables(Geometry.SPATIAL, oriented=True),
+TABLE_LAYOUTS = {
+    layout.bodies.height: layout
+    for layout in (
+        *map(TableLayout, (Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL)),
+        TableLayout(Geometry.SPATIAL, oriented=True),
     )
 }
-"""By the number of rows of ``bodies``."""
+"""The layouts by the number of rows of ``bodies``."""
 
 
 def rows_of(height: int) -> BodyRows:
-    """The rows of a table of bodies with so many. Raises: ValueError: there is no such table."""
-    if height not in TABLES:
-        raise ValueError(f"bodies: must have {' or '.join(map(str, TABLES))} rows, has {height}")
-    return TABLES[height].bodies
+    """Return the rows of a table of bodies by their number. Raises: ValueError: if no table has so many."""
+    if height not in TABLE_LAYOUTS:
+        raise ValueError(f"bodies: must have {' or '.join(map(str, TABLE_LAYOUTS))} rows, has {height}")
+    return TABLE_LAYOUTS[height].bodies

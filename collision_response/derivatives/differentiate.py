@@ -19,7 +19,7 @@ import numpy as np
 from ..answer import Impact
 from ..batch import BatchResult, resolve_batch
 from ..batch.other_arrays import as_numpy
-from ..batch.rows import places_of
+from ..batch.rows import slices_of
 from ..kernels import _derivatives, library  # type: ignore[attr-defined]  # made by the build
 from ..kernels.layout import Layout, names_of_body, names_of_contact
 from ..model import DEFAULT, Geometry, ImpactModel, law_for
@@ -45,10 +45,10 @@ def _parameters() -> dict[str, int]:
     return widths | {"model.tangential_restitution": 1, "model.stiffness_ratio": 1}
 
 
-PARAMETERS = places_of(_parameters())
+PARAMETERS = slices_of(_parameters())
 """What may be differentiated by, and its places in a direction."""
 
-RESULTS = places_of(
+RESULTS = slices_of(
     {"twist_a.linear": 3, "twist_a.angular": 3, "twist_b.linear": 3, "twist_b.angular": 3, "impulse": 3}
 )
 """What is differentiated, and its rows in a Jacobian. Twists are those after the impact."""
@@ -218,7 +218,7 @@ def _unit(names: tuple[str, ...]) -> tuple[Array, dict[str, slice]]:
             reason = f"must be names of {', '.join(PARAMETERS)}; is {format_value(name)}"
             raise ImpactError(StatusCode.INVALID_MODEL, "with_respect_to", reason)
     places = [i for name in names for i in range(COUNT)[PARAMETERS[name]]]
-    columns = places_of({name: PARAMETERS[name].stop - PARAMETERS[name].start for name in names})
+    columns = slices_of({name: PARAMETERS[name].stop - PARAMETERS[name].start for name in names})
     return np.ascontiguousarray(np.eye(COUNT)[:, places]), columns
 
 

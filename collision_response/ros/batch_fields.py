@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..batch import BatchResult
-from ..batch.rows import TABLES, body_rows
+from ..batch.rows import TABLE_LAYOUTS, body_rows
 from ..model import Geometry, ImpactModel
 from ..msg import ImpactModel as ImpactModelMessage
 from ..named_enum import NamedEnum
@@ -21,7 +21,7 @@ from ..srv import ResolveCollisionBatch
 Array = np.ndarray[Any, Any]
 Request, Response = ResolveCollisionBatch.Request, ResolveCollisionBatch.Response
 
-LAYOUTS = {getattr(Request, tables.name): tables for tables in TABLES.values()}
+LAYOUTS = {getattr(Request, tables.name): tables for tables in TABLE_LAYOUTS.values()}
 """The layouts of the tables, by their numbers in a request."""
 
 ENERGIES = BatchResult._fields[-4:]

@@ -17,7 +17,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 
 from ..batch import BatchResult, is_bounded, resolve_with_pauses
-from ..batch.rows import Tables
+from ..batch.rows import TableLayout
 from ..body_conversions import IDENTITY_QUATERNION, with_com_as_reference
 from ..model import Geometry, ImpactModel, check_model, law_for
 from ..msg import BodyState
@@ -175,7 +175,7 @@ def compute(
             yield
 
 
-def layout_of(request: Request) -> Tables:
+def layout_of(request: Request) -> TableLayout:
     """Layout of the tables of a request.
 
     Raises:
@@ -204,7 +204,7 @@ def pairs_of(request: Request, max_contacts: int) -> Array:
     return indices.reshape(2, -1).astype(np.int64)
 
 
-def contacts_of(request: Request, layout: Tables, n: int) -> Array:
+def contacts_of(request: Request, layout: TableLayout, n: int) -> Array:
     """Table of the ``n`` contacts, shape ``(rows, n)``.
 
     Raises:
@@ -219,7 +219,7 @@ def contacts_of(request: Request, layout: Tables, n: int) -> Array:
     return numbers.reshape(rows, n)
 
 
-def model_of(request: Request, layout: Tables, contacts: Array, defaults: ImpactModel) -> ImpactModel:
+def model_of(request: Request, layout: TableLayout, contacts: Array, defaults: ImpactModel) -> ImpactModel:
     """Model of a request, in which every AUTO is decided, except the precision: that depends on each contact.
 
     Raises:
@@ -238,7 +238,11 @@ def model_of(request: Request, layout: Tables, contacts: Array, defaults: Impact
 
 
 def bodies_of(
-    request: Request, layout: Tables, states: LatestStates, parameters: Parameters, now: Callable[[], int]
+    request: Request,
+    layout: TableLayout,
+    states: LatestStates,
+    parameters: Parameters,
+    now: Callable[[], int],
 ) -> LookUp[BatchBodies]:
     """Collect the bodies of a request: those of the table, then the latest states of those given by name.
 
@@ -288,7 +292,7 @@ def bodies_of(
     return BatchBodies(np.concatenate([table, columns], axis=1), codes, errors, stamps, ages)
 
 
-def with_immovable(table: Array, immovable: Sequence[int], layout: Tables) -> Array:
+def with_immovable(table: Array, immovable: Sequence[int], layout: TableLayout) -> Array:
     """Copy of a table of bodies, in which immovable bodies have infinite mass and no inertia.
 
     Raises:
@@ -303,7 +307,7 @@ def with_immovable(table: Array, immovable: Sequence[int], layout: Tables) -> Ar
     return table
 
 
-def _column(owner: str, state: BodyState, layout: Tables) -> list[float]:
+def _column(owner: str, state: BodyState, layout: TableLayout) -> list[float]:
     """Column of the table for a body given by name."""
     body = convert.body_of(owner, state)
     convert.check_body(owner, body)
