@@ -371,7 +371,9 @@ def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> B
         precisions = precisions._replace(first_precision=Precision.DOUBLE, last_precision=Precision.DOUBLE)
     number = NumberType.FLOAT if dtype == np.float32 else NumberType.PLAIN
     if is_bounded(model):
-        number = NumberType.EXTENDED if precisions.first_precision is Precision.EXTENDED else NumberType.BOUNDED
+        number = (
+            NumberType.EXTENDED if precisions.first_precision is Precision.EXTENDED else NumberType.BOUNDED
+        )
     body = body_rows(geometry)
     return BatchPlan(
         layout=list(Layout).index(layout_of(geometry, oriented=oriented)),

@@ -1,7 +1,7 @@
-// The compiled part of scenes: the arithmetic of one cluster of contacts. What is options of it is written in
-// collision_response/scene/.
+// The compiled part of scenes, as the Python module _scene: the class Cluster, for the laws of collision_response/scene/,
+// and functions that resolve whole scenes, and clusters of tables, without Python.
 //
-// Impulses along the normals travel as bytes: a double-double for each contact.
+// Python holds impulses along the normals as bytes: a double-double for each contact.
 #include <memory>
 
 #include "arrays.hpp"
@@ -20,8 +20,8 @@ struct ClusterObject {
   Cluster* cluster;
 };
 
-// ImpulseEffect that are not exactly floats are left to Python.
-bool floats(PyObject* o, int count, double* x) {
+// Read numbers. False if one is not exactly a float: those are left to Python.
+bool read_floats(PyObject* o, int count, double* x) {
   if (!PyTuple_Check(o) || PyTuple_GET_SIZE(o) != count) return false;
   for (int k = 0; k < count; ++k)
     if (!read_exact_float(PyTuple_GET_ITEM(o, k), x[k])) return false;
@@ -33,18 +33,18 @@ bool read_body(PyObject* o, double* x) {
   double* q = x + IN_BODY_A_ORIENTATION_X;
   q[0] = q[1] = q[2] = 0;
   q[3] = 1;
-  return read_exact_float(item(0), x[0]) && floats(item(1), 6, x + IN_BODY_A_INERTIA_XX) &&
-         floats(item(2), 3, x + IN_BODY_A_POSITION_X) && (item(3) == Py_None || floats(item(3), 4, q)) &&
-         floats(item(4), 3, x + IN_BODY_A_VELOCITY_X) && floats(item(5), 3, x + IN_BODY_A_ANGULAR_VELOCITY_X) &&
-         floats(item(6), 3, x + IN_BODY_A_COM_X);
+  return read_exact_float(item(0), x[0]) && read_floats(item(1), 6, x + IN_BODY_A_INERTIA_XX) &&
+         read_floats(item(2), 3, x + IN_BODY_A_POSITION_X) && (item(3) == Py_None || read_floats(item(3), 4, q)) &&
+         read_floats(item(4), 3, x + IN_BODY_A_VELOCITY_X) && read_floats(item(5), 3, x + IN_BODY_A_ANGULAR_VELOCITY_X) &&
+         read_floats(item(6), 3, x + IN_BODY_A_COM_X);
 }
 bool read_contact(PyObject* o, double* x) {
-  return PyTuple_Check(o) && PyTuple_GET_SIZE(o) == 5 && floats(PyTuple_GET_ITEM(o, 0), 3, x) &&
-         floats(PyTuple_GET_ITEM(o, 1), 3, x + 3) && read_exact_float(PyTuple_GET_ITEM(o, 2), x[6]) &&
+  return PyTuple_Check(o) && PyTuple_GET_SIZE(o) == 5 && read_floats(PyTuple_GET_ITEM(o, 0), 3, x) &&
+         read_floats(PyTuple_GET_ITEM(o, 1), 3, x + 3) && read_exact_float(PyTuple_GET_ITEM(o, 2), x[6]) &&
          read_exact_float(PyTuple_GET_ITEM(o, 3), x[7]);
 }
 
-// Indices of two bodies.
+// Read the indices of two different bodies.
 bool read_pair(PyObject* o, long bodies, std::int64_t* pair) {
   if (!PyTuple_CheckExact(o) || PyTuple_GET_SIZE(o) != 2) return false;
   for (int side = 0; side < 2; ++side) {
@@ -66,8 +66,8 @@ void dealloc(PyObject* self) {
   Py_DECREF(type);
 }
 
-// assemble(bodies, pairs, contacts, copies): a cluster, of contacts each given so many times; or the place of the
-// first contact at fault; or None if a number is no float.
+// assemble(bodies, pairs, contacts, counts): a Cluster of contacts, each given `counts` times. The place of the first
+// invalid contact, if there is one; None if a number is not a float.
 PyObject* assemble(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 4 || !PyList_Check(args[0]) || !PyList_Check(args[1]) || !PyList_Check(args[2]) || !PyList_Check(args[3]))
     return PyErr_Format(PyExc_TypeError, "assemble() takes four lists");
@@ -110,10 +110,10 @@ template <class Make> PyObject* listed(size_t count, Make make) {
   return list;
 }
 
-// none(): no impulses.
+// no_impulses(): impulses of 0.
 PyObject* no_impulses(PyObject* self, PyObject*) { return bytes(std::vector<DD>(assembly_of(self).count)); }
 
-// from_floats(p): impulses.
+// impulses_from_floats(p): impulses from a list of floats.
 PyObject* impulses_from_floats(PyObject* self, PyObject* list) {
   Vector numbers(assembly_of(self).count);
   if (!read_list(list, numbers)) return nullptr;
@@ -122,20 +122,20 @@ PyObject* impulses_from_floats(PyObject* self, PyObject* list) {
   return bytes(p);
 }
 
-// contradictory_contacts(): the few contacts that seem to contradict each other; or none.
+// contradictory_contacts(): the few contacts that seem to contradict each other, or an empty list.
 PyObject* find_contradictory_contacts(PyObject* self, PyObject*) {
   const std::vector<int> found = contradictory_contacts(assembly_of(self));
   return listed(found.size(), [&found](size_t i) { return PyLong_FromLong(found[i]); });
 }
 
-// size(p): at least that of the velocities by impulses p, in the metric of kinetic energy.
+// velocity_size(p): an upper bound on the size of the velocities that impulses p produce, in the metric of kinetic energy.
 PyObject* velocity_size(PyObject* self, PyObject* o) {
   const DD* p = impulses(self, o);
   return p ? PyFloat_FromDouble(assembly_of(self).velocity_size(p)) : nullptr;
 }
 
-// reflections(threshold, budget): how they ended, impulses, their error, the margin of decisions, and the restitution
-// of all contacts, or None.
+// reflections(threshold, budget): the Outcome, then the normal impulses, error, margin and restitution (or None) of
+// ClusterImpulses.
 PyObject* reflect(PyObject* self, PyObject* args) {
   double threshold;
   long budget;
@@ -149,23 +149,20 @@ PyObject* number_list(const Vector& x) {
   return listed(x.size(), [&x](size_t i) { return PyFloat_FromDouble(x[i]); });
 }
 
-// answer(p, tangential, error, by_slip): of normal impulses, and of tangential ones (pairs of floats in the axes of
-// each contact, or None): the changes and the twists of the movable bodies, the impulses, the velocities before and
-// after, the regimes, the energies before and after and what restitution and friction lost, the relative error,
-// whether a body turned about an axis without inertia, whether a quaternion was not of unit length, and whether energy
-// was created.
+// effect_of(p, tangential, error, sticks_by_slip): the fields of an ImpulseEffect of scene/impulses.py. p are normal
+// impulses, tangential a list with two floats for each contact, along its tangents, or None.
 PyObject* get_effect(PyObject* self, PyObject* args) {
-  PyObject *normal, *across;
+  PyObject *normal, *tangential;
   double error;
-  int by_slip;
-  if (!PyArg_ParseTuple(args, "OOdp", &normal, &across, &error, &by_slip)) return nullptr;
+  int sticks_by_slip;
+  if (!PyArg_ParseTuple(args, "OOdp", &normal, &tangential, &error, &sticks_by_slip)) return nullptr;
   const DD* p = impulses(self, normal);
   if (!p) return nullptr;
   ClusterImpulses impulses{Outcome::ANSWERED, {p, p + assembly_of(self).count}, error};
-  impulses.tangential.resize(across == Py_None ? 0 : 2 * assembly_of(self).count);
-  if (!read_list(across, impulses.tangential)) return nullptr;
+  impulses.tangential.resize(tangential == Py_None ? 0 : 2 * assembly_of(self).count);
+  if (!read_list(tangential, impulses.tangential)) return nullptr;
   const Cluster& cluster = *reinterpret_cast<ClusterObject*>(self)->cluster;
-  ImpulseEffect effect = effect_of(assembly_of(self), impulses, by_slip);
+  ImpulseEffect effect = effect_of(assembly_of(self), impulses, sticks_by_slip);
   return Py_BuildValue(
       "NNNNNN(dddd)dNNN", listed(assembly_of(self).body_count, [&](size_t b) { return make_twist(&effect.changes[6 * b]); }),
       listed(assembly_of(self).body_count, [&](size_t b) { return make_twist(&effect.twists[6 * b]); }),
@@ -176,24 +173,27 @@ PyObject* get_effect(PyObject* self, PyObject* args) {
       PyBool_FromLong(effect.creates_energy));
 }
 
-PyObject* struck_answer(const ClusterImpulses& impulses) {
+// Normal impulses, tangential ones (or None) and their error; None if there is no answer.
+PyObject* impulses_or_none(const ClusterImpulses& impulses) {
   if (impulses.outcome != Outcome::ANSWERED) Py_RETURN_NONE;
-  PyObject* across = impulses.tangential.empty() ? Py_NewRef(Py_None) : number_list(impulses.tangential);
-  return Py_BuildValue("NNd", bytes(impulses.normal), across, impulses.error);
+  PyObject* tangential = impulses.tangential.empty() ? Py_NewRef(Py_None) : number_list(impulses.tangential);
+  return Py_BuildValue("NNd", bytes(impulses.normal), tangential, impulses.error);
 }
 
-// least_work_friction(p, error), one_step(friction): impulses along the normals, across them, and the error; None if there are none.
+// least_work_friction(p, error): the impulses of COULOMB, from frictionless ones.
 PyObject* add_least_work_friction(PyObject* self, PyObject* args) {
   PyObject* normal;
   double error;
   if (!PyArg_ParseTuple(args, "Od", &normal, &error)) return nullptr;
   const DD* p = impulses(self, normal);
-  return !p ? nullptr : struck_answer(least_work_friction(assembly_of(self), {Outcome::ANSWERED, {p, p + assembly_of(self).count}, error}));
+  return !p ? nullptr : impulses_or_none(least_work_friction(assembly_of(self), {Outcome::ANSWERED, {p, p + assembly_of(self).count}, error}));
 }
-PyObject* apply_moreau(PyObject* self, PyObject* has_friction) { return struck_answer(moreau(assembly_of(self), has_friction == Py_True)); }
+// moreau(has_friction): the impulses of MOREAU.
+PyObject* apply_moreau(PyObject* self, PyObject* has_friction) { return impulses_or_none(moreau(assembly_of(self), has_friction == Py_True)); }
 
-// compress(stiffness, exponent, tolerance, budget, friction): impulses along a law with compliance, the energy that
-// friction took on the way, and what is left of the budget; None if it ran out, False if the path has no end.
+// follow_springs(stiffness, exponent, tolerance, budget, has_friction): the impulses of ROUTH_STRONGE at the end of one
+// path, normal and tangential (or None), the energy that friction took, and the rest of the budget. None if the budget ran
+// out, False if the path has no end.
 PyObject* follow_springs(PyObject* self, PyObject* args) {
   PyObject* stiffness;
   double exponent, tolerance;
@@ -203,20 +203,20 @@ PyObject* follow_springs(PyObject* self, PyObject* args) {
   const Assembly& assembly = assembly_of(self);
   Vector ratios(assembly.count);
   if (!read_list(stiffness, ratios)) return nullptr;
-  ContactSprings law(assembly, exponent, ratios, budget);
+  ContactSprings springs(assembly, exponent, ratios, budget);
   std::vector<Axes> P(assembly.count);
   bool found;
   {
     ReleasedGil released;
     Vector p;
-    found = has_friction ? law.follow_with_friction(tolerance, P) : law.follow_without_friction(tolerance, p);
+    found = has_friction ? springs.follow_with_friction(tolerance, P) : springs.follow_without_friction(tolerance, p);
     for (size_t i = 0; i < p.size(); ++i) P[i][0] = p[i];
   }
-  if (law.is_wedged) Py_RETURN_FALSE;
+  if (springs.is_wedged) Py_RETURN_FALSE;
   if (!found) Py_RETURN_NONE;
   const ClusterImpulses impulses = with_axis_impulses({}, assembly, P);
-  PyObject* across = has_friction ? number_list(impulses.tangential) : Py_NewRef(Py_None);
-  return Py_BuildValue("NNdl", bytes(impulses.normal), across, law.friction_loss, law.work);
+  PyObject* tangential = has_friction ? number_list(impulses.tangential) : Py_NewRef(Py_None);
+  return Py_BuildValue("NNdl", bytes(impulses.normal), tangential, springs.friction_loss, springs.work);
 }
 
 PyObject* get_is_locked(PyObject* self, void*) { return PyBool_FromLong(assembly_of(self).is_locked); }
@@ -238,7 +238,8 @@ PyGetSetDef fields[] = {{"is_locked", get_is_locked, nullptr, "", nullptr}, {"ap
 PyType_Slot slots[] = {{Py_tp_dealloc, reinterpret_cast<void*>(dealloc)}, {Py_tp_methods, methods}, {Py_tp_getset, fields}, {}};
 PyType_Spec spec = {"collision_response.kernels._scene.Cluster", sizeof(ClusterObject), 0, Py_TPFLAGS_DEFAULT, slots};
 
-// clusters(pairs, movable, order, starts, cluster): how many; see contact_pairs.hpp.
+// clusters(pairs, movable, order, starts, cluster): writes the clusters to the last three arrays, as in contact_pairs.hpp, and
+// returns how many there are.
 PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   Array pairs, movable, order, starts, cluster;
   if (count != 5 || !pairs.open(args[0]) || !movable.open(args[1]) || !order.open(args[2], true) || !starts.open(args[3], true) || !cluster.open(args[4], true))
@@ -252,16 +253,16 @@ PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   return PyLong_FromLong(found);
 }
 
-// resolve_clusters(table, law, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): the clusters
-// that `wanted` lists between two places, without the GIL. numbers are the threshold, the restitution threshold, the
-// limit of error bounds and the budget of reflections. The arrays are those of resolve_scenes.py, of the
-// right shapes. A status of 0: left to Python.
+// resolve_clusters(table, law, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): resolve the
+// clusters wanted[from:to], without the GIL. `numbers` are as in KernelModel of scene/kernel_model.py. The arrays are those
+// of batch/resolve_scenes.py, of the right shapes; `results` are the fields of a ScenesResult. Clusters that are left to
+// Python get the status 0.
 PyObject* resolve_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   constexpr int RESULTS = 12;
   if (count != 12 || !PyTuple_Check(args[8]) || PyTuple_GET_SIZE(args[8]) != RESULTS) return PyErr_Format(PyExc_TypeError, "resolve_clusters() takes 12 arguments");
   int place = static_cast<int>(PyLong_AsLong(args[0])), law = static_cast<int>(PyLong_AsLong(args[1]));
   double number[4];
-  if (PyErr_Occurred() || !floats(args[2], 4, number)) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): numbers");
+  if (PyErr_Occurred() || !read_floats(args[2], 4, number)) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): numbers");
   long from = PyLong_AsLong(args[10]), to = PyLong_AsLong(args[11]);
   Array bodies, pairs, contacts, order, starts, wanted, result[RESULTS];
   bool open = bodies.open(args[3]) && pairs.open(args[4]) && contacts.open(args[5]) && order.open(args[6]) && starts.open(args[7]) && wanted.open(args[9]);
@@ -277,28 +278,30 @@ PyObject* resolve_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
              numbers(6), numbers(7), {numbers(8), numbers(9), numbers(10), numbers(11)}};
   {
     ReleasedGil released;
-    for (long i = from; i < to; ++i) clusters.answer(wanted.at<std::int64_t>()[i]);
+    for (long i = from; i < to; ++i) clusters.resolve(wanted.at<std::int64_t>()[i]);
   }
   Py_RETURN_NONE;
 }
 
-struct Solved {  // a cluster of a scene, and which bodies it has
-  std::vector<std::int64_t> bodies;
+struct SolvedCluster {
+  std::vector<std::int64_t> bodies;  // their indices in the scene
   Cluster cluster;
   ClusterResult result;
 };
 
-struct Request {  // a scene from Python
+// A scene from Python.
+struct SceneRequest {
   std::vector<std::array<double, BODY>> bodies;
   std::vector<std::array<double, 8>> contacts;
   std::vector<std::int64_t> a, b, order, starts, cluster;
   std::unique_ptr<bool[]> movable;
-  long count;  // of clusters
+  long count;  // number of clusters
   bool has_friction = false;
-  std::vector<Solved> solved;
+  std::vector<SolvedCluster> solved;
   double energies[4] = {};
 
-  // Whether it is usual: of floats, and with no cluster of one contact, nor a movable body without contacts.
+  // Read a scene. Whether it is a usual one: all numbers are floats, and every movable body is in a cluster of several
+  // contacts.
   bool read(PyObject* body_list, PyObject* pair_list, PyObject* contact_list) {
     for (PyObject* list : {body_list, pair_list, contact_list})
       if (!PyList_Check(list) && !PyTuple_Check(list)) return false;
@@ -333,7 +336,7 @@ struct Request {  // a scene from Python
     return count > 0;
   }
 
-  // Whether every cluster has its usual answer.
+  // Resolve every cluster. False if one of them is left to Python, or has no answer.
   bool solve(const ClusterOptions& options) {
     std::vector<int> place(bodies.size(), -1);
     auto body = [this](std::int64_t i, double* x) { std::copy(bodies[i].begin(), bodies[i].end(), x); };
@@ -353,15 +356,14 @@ struct Request {  // a scene from Python
   }
 };
 
-// resolve_scene(bodies, pairs, contacts, laws, numbers, models): the fields of a SceneImpact; or None, if something is unusual.
-// laws: without friction and with; numbers: the threshold, the restitution threshold, the limit of error bounds and the
-// budget of reflections; models: as used, by law and whether impulses are known beyond doubles.
+// resolve_scene(bodies, pairs, contacts, laws, numbers, models): the fields of a SceneImpact; None if the scene is left to
+// Python. The last three are the fields of a KernelModel of scene/kernel_model.py.
 PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t argc) {
   double number[4];
   int laws[2];
-  if (argc != 6 || !PyArg_ParseTuple(args[3], "ii", &laws[0], &laws[1]) || !floats(args[4], 4, number))
+  if (argc != 6 || !PyArg_ParseTuple(args[3], "ii", &laws[0], &laws[1]) || !read_floats(args[4], 4, number))
     return PyErr_Occurred() ? nullptr : PyErr_Format(PyExc_TypeError, "resolve_scene() takes 6 arguments");
-  Request request;
+  SceneRequest request;
   if (!request.read(args[0], args[1], args[2])) Py_RETURN_NONE;
   ClusterOptions options{laws[request.has_friction], number[0], number[1], static_cast<int>(number[3])};
   if (!request.solve(options)) Py_RETURN_NONE;
@@ -378,7 +380,7 @@ PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t argc) {
   }
   double bound = 0, margin = INFINITY;
   int adjusted = 0, law = options.law;
-  bool separates = true, beyond_doubles = false;
+  bool is_separating = true, is_extended = false;
   for (long c = 0; c < request.count; ++c) {
     const auto& [used, cluster, result] = request.solved[c];
     const ImpulseEffect& effect = result.effect;
@@ -406,17 +408,17 @@ PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t argc) {
     adjusted |= cluster.has_off_unit_orientation * ADJUSTMENT_NORMALISED_ORIENTATION + result.below_restitution_threshold * ADJUSTMENT_RESTITUTION_THRESHOLD +
                 result.fell_back * ADJUSTMENT_LAW_FALLBACK + cluster.has_massless_spin * ADJUSTMENT_MASSLESS_SPIN;
     if (result.fell_back && law == options.law) law = cluster.has_friction ? LAW_COULOMB : LAW_FRICTIONLESS;
-    separates = separates && effect.is_separating();
-    beyond_doubles = beyond_doubles || !cluster.has_friction;
+    is_separating = is_separating && effect.is_separating();
+    is_extended = is_extended || !cluster.has_friction;
   }
-  PyObject* status = PyTuple_GET_ITEM(python_types.statuses, bound > number[2] ? STATUS_TOLERANCE_NOT_MET : separates ? STATUS_SEPARATING : STATUS_OK);
-  PyObject* model = PyTuple_GET_ITEM(PyTuple_GET_ITEM(args[5], law), beyond_doubles);
+  PyObject* status = PyTuple_GET_ITEM(python_types.statuses, bound > number[2] ? STATUS_TOLERANCE_NOT_MET : is_separating ? STATUS_SEPARATING : STATUS_OK);
+  PyObject* model = PyTuple_GET_ITEM(PyTuple_GET_ITEM(args[5], law), is_extended);
   return Py_BuildValue("OONNNNNNNddddNOddO", status, model, column[CONTACTS], column[TWISTS], column[CHANGES], column[IMPULSES],
                        column[BEFORE], column[AFTER], column[REGIMES], request.energies[0], request.energies[1], request.energies[2], request.energies[3],
                        column[CLUSTERS], Py_None, bound, margin, PyTuple_GET_ITEM(python_types.adjustments, adjusted));
 }
 
-// Whether there is a fraction in it.
+// Whether an object is a fraction, or a tuple or list that contains one.
 bool holds_fraction(PyObject* o) {
   if (PyFloat_CheckExact(o) || o == Py_None) return false;
   if (PyTuple_Check(o) || PyList_Check(o)) {
@@ -430,7 +432,7 @@ PyObject* is_rational(PyObject*, PyObject* o) { return PyBool_FromLong(holds_fra
 
 PyObject* setup(PyObject*, PyObject* args) {
   if (!PyArg_ParseTuple(args, "OOOOOOOO", &python_types.vec3, &python_types.twist, &python_types.fraction, &body_type, &python_types.contact, &python_types.regimes, &python_types.statuses, &python_types.adjustments)) return nullptr;
-  Py_INCREF(args);  // keeps all of them for ever
+  Py_INCREF(args);  // keeps all of them alive for ever
   Py_RETURN_NONE;
 }
 

@@ -1,26 +1,25 @@
-// The least of  x.A x / 2 + b.x  over x >= 0, for a positive semi-definite A of unit diagonal: its optimum is
-// x >= 0, A x + b >= 0, x.(A x + b) = 0.
+// Minimise  x.A x / 2 + b.x  over x >= 0, for a positive semi-definite A with a unit diagonal. At the minimum
+// x >= 0, A x + b >= 0, x.(A x + b) = 0: a linear complementarity problem.
 //
-// The method keeps A x + b = 0 on an active set of independent columns, held as a Cholesky factor, and lets in
-// the most negative component of A x + b, along the line that keeps those zeros; what x reaches 0 on the way
-// leaves. A column that depends on the active ones enters in exchange for one of them; if there is nothing to
-// exchange it for, there is no least (Keller, "The General Quadratic Optimization Problem", Math. Programming 5,
-// 1973).
+// The method keeps A x + b = 0 on an active set of independent columns, held as a Cholesky factor. In each turn the most
+// negative component of A x + b enters, along the line that keeps those zeros; components of x that reach 0 on the way
+// leave. A column that depends on the active ones enters in exchange for one of them. If there is none to exchange it for,
+// there is no minimum (Keller, "The General Quadratic Optimization Problem", Math. Programming 5, 1973).
 //
-// R is double or double-double: contacts that are nearly dependent, as the corners of a box a hair from flat, take more
-// digits.
+// R is double or double-double. Contacts that are nearly dependent, such as the corners of a box that are slightly off a
+// plane, need more digits. scene/rational_algebra.py has the same method in exact arithmetic.
 #pragma once
 #include "../numbers.hpp"
 #include "vectors.hpp"
 
 
-// Up to where it is rounding: a pivot; a part of a line, or of a slope.
+// Values up to which it may be rounding: a pivot; a component of a line or of a slope, relative to its terms.
 template <class R> constexpr double DEPENDENT = 1e-11;
 template <class R> constexpr double UNMOVED = 1e-14;
 template <> inline constexpr double DEPENDENT<DD> = 1e-29;
 template <> inline constexpr double UNMOVED<DD> = 1e-30;
 
-constexpr double NEARLY_DEPENDENT = 1e-8;  // a pivot of contacts whose normals differ by 1e-4, or their lever arms
+constexpr double NEARLY_DEPENDENT = 1e-8;  // the pivot of contacts whose normals or lever arms differ by 1e-4
 
 template <class R>
 class ActiveSet {
@@ -30,7 +29,7 @@ class ActiveSet {
   std::vector<int> members;
   bool has(int i) const { return is_member[i]; }
 
-  // Whether column i is independent of the active ones; it is active then.
+  // Make column i active if it is independent of the active ones. Whether it is.
   bool append(int i) {
     size_t m = members.size();
     factor.resize((m + 1) * (m + 2) / 2);
@@ -46,8 +45,8 @@ class ActiveSet {
     return true;
   }
 
-  // Make an independent part of `among` active, the farthest from dependent first. What depends on it, with pivots up to
-  // `dependent`, is returned.
+  // Make an independent subset of `among` active, the column farthest from dependent first. Returns the others: they
+  // depend on the subset, with pivots up to `dependent`.
   std::vector<int> span(const std::vector<int>& among, double dependent = DEPENDENT<R>) {
     std::vector<int> left(among);
     std::vector<std::vector<R>> rows(stride);
@@ -82,7 +81,7 @@ class ActiveSet {
     for (int i : later) append(i);
   }
 
-  // In place: y <- A_PP^-1 y.
+  // y <- A_PP^-1 y, in place, for the active set P.
   void solve(R* y) const {
     size_t m = members.size();
     forward(y, m);
@@ -93,7 +92,8 @@ class ActiveSet {
     }
   }
 
-  // The line that keeps the zeros of A x + b as x_i grows: x_P falls by w. Its curvature; 0 if i depends on P.
+  // The line that keeps the zeros of A x + b as x_i grows: x_P decreases by w. Returns the curvature along it; 0 if column
+  // i depends on the active ones.
   R line(int i, std::vector<R>& w) const {
     w.resize(members.size());
     for (size_t k = 0; k < w.size(); ++k) w[k] = A[i * stride + members[k]];
@@ -123,7 +123,8 @@ class ActiveSet {
 
 enum class MinimumStatus { FOUND, UNBOUNDED, TOO_LONG };
 
-// Let component i in, whose slope is negative. at(j) gives x_j, move(j, by) changes it; by -infinity: to 0.
+// Let component i enter, whose slope is negative. at(j) returns x_j, and move(j, by) changes it; by = -infinity sets it
+// to 0.
 template <class R, class Move, class At>
 MinimumStatus enter(ActiveSet<R>& active, int i, R slope, Move move, At at) {
   auto positive = [](const R& x) { return high(x) > 0 ? x : R{}; };
@@ -149,13 +150,13 @@ MinimumStatus enter(ActiveSet<R>& active, int i, R slope, Move move, At at) {
 
 template <class R>
 struct Minimum {
-  ActiveSet<R> active;  // A x + b is 0 on it, and x is 0 outside
+  ActiveSet<R> active;  // A x + b is 0 on it, and x is 0 outside of it
   std::vector<R> x;
   MinimumStatus status = MinimumStatus::TOO_LONG;
   int last = -1;  // the component that entered last
 };
 
-// Of the components `among`.
+// Minimise over the components `among`; the others are 0. A is stored by rows.
 template <class R>
 Minimum<R> minimise(const std::vector<R>& A, const std::vector<R>& b, const std::vector<int>& among) {
   const int stride = static_cast<int>(b.size());
@@ -188,7 +189,7 @@ Minimum<R> minimise(const std::vector<R>& A, const std::vector<R>& b, const std:
     result.status = enter(
         active, entering, most, [&](int j, const R& by) { x[j] = high(by) == -INFINITY ? R{} : x[j] + by; }, [&](int j) { return x[j]; });
     if (result.status != MinimumStatus::FOUND) return result;
-    // Rounding of the steps does not gather: the active part anew.
+    // Solve for the active components anew, so that the rounding of the steps does not accumulate.
     y.clear();
     for (int j : active.members) y.push_back(-b[j]);
     active.solve(y.data());

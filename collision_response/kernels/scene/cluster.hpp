@@ -1,4 +1,4 @@
-// One cluster of several contacts, from its numbers to what becomes of it.
+// Resolve one cluster of several contacts: what resolve_cluster.py does, where doubles and double-double decide it.
 #pragma once
 #include <array>
 
@@ -7,10 +7,10 @@
 #include "reflections.hpp"
 #include "validity_everything.hpp"
 
-using Code = unsigned char;  // a status, or:
+using Code = unsigned char;  // a StatusCode, or LEFT_TO_PYTHON
 constexpr Code LEFT_TO_PYTHON = 0;
 
-// The numbers of a cluster. Contacts name bodies by their places here.
+// The bodies and contacts of a cluster as numbers. Contacts name bodies by their places in `bodies`.
 struct ClusterParts {
   struct Contact {
     int body[2];
@@ -19,7 +19,7 @@ struct ClusterParts {
   std::vector<std::array<double, BODY>> bodies;
   std::vector<Contact> contacts;
 
-  // Whether a contact is given twice, whichever of its bodies is named first.
+  // Whether a contact is given twice, in whichever order it names its bodies.
   bool has_copies() const {
     for (const Contact& one : contacts)
       for (const Contact* other = contacts.data(); other != &one; ++other)
@@ -37,8 +37,9 @@ struct ClusterParts {
   }
 };
 
-// The parts of a cluster whose contacts are listed: bodies get their places as they come. `place` is -1 for all bodies,
-// and so again afterwards; `used` gets the bodies. body(b, x) and contact(k, x) give numbers.
+// The parts of a cluster from the list of its contacts. Bodies get places in the order in which contacts name them, and
+// are listed in `used`. `place` must be -1 for all bodies, and is so again afterwards. body(b, x) and contact(k, x) write
+// the numbers of a body and of a contact to x.
 template <class Body, class Contact>
 ClusterParts take_parts(const ContactPairs& pairs, const std::int64_t* first, const std::int64_t* last, std::vector<int>& place, std::vector<std::int64_t>& used, Body body, Contact contact) {
   ClusterParts parts;
@@ -60,13 +61,13 @@ ClusterParts take_parts(const ContactPairs& pairs, const std::int64_t* first, co
 
 struct Cluster {
   Assembly assembly;
-  std::vector<int> movable_place;  // of each body, its place among those that can move, or -1
-  double energy = 0;         // of those
+  std::vector<int> movable_place;  // for each body, its place among the movable ones, or -1
+  double energy = 0;               // kinetic energy of the movable bodies
   bool has_massless_spin = false, has_off_unit_orientation = false, has_friction = false;
-  int fault = 0;             // of the first contact that has one, and its place
-  size_t invalid_contact = 0;
+  int fault = 0;               // status of the first invalid contact, or 0
+  size_t invalid_contact = 0;  // its place
 
-  // Whether doubles do not hold its numbers: then they decide nothing.
+  // Whether some numbers are out of the range of doubles. Then doubles decide nothing.
   bool is_out_of_range() const { return !(std::isfinite(energy) && assembly.is_finite() && assembly.has_representable_impulses()); }
 
   Cluster(const ClusterParts& parts, bool frictionless) {
@@ -86,7 +87,7 @@ struct Cluster {
     assembly.contacts.reserve(parts.contacts.size());
     for (ClusterParts::Contact contact : parts.contacts) {
       auto [a, b] = contact.body;
-      if (frictionless && contact.x[7] < INFINITY) contact.x[7] = std::fmin(contact.x[7], 0);  // what is at fault stays so
+      if (frictionless && contact.x[7] < INFINITY) contact.x[7] = std::fmin(contact.x[7], 0);  // an invalid coefficient stays invalid
       double in[INPUTS] = {}, found;
       bool shapes[5];
       std::copy(given[a].x, given[a].x + BODY, in);
@@ -104,30 +105,30 @@ struct Cluster {
   }
 };
 
-// By which law, and with which numbers: see resolve_scene.py.
+// The law, and its numbers as in KernelModel of scene/kernel_model.py.
 struct ClusterOptions {
   int law;
   double threshold, restitution_threshold;
-  int budget;  // of reflections
+  int budget;  // greatest number of reflections
 };
 
 struct ClusterResult {
   Code code;
   ImpulseEffect effect;
-  double margin = INFINITY, restitution = -1;  // of all contacts; -1: each has its own
+  double margin = INFINITY, restitution = -1;  // as in ClusterImpulses
   bool below_restitution_threshold = false, fell_back = false;
 };
 
-// MOREAU's impulses.
+// MOREAU: see scene/moreau.py. Without friction, in double-double.
 inline ClusterImpulses moreau(const Assembly& assembly, bool has_friction) {
   if (has_friction) return moreau_with_friction(assembly);
-  auto parts = [](const AssembledContact& contact) { return high(contact.velocity) >= 0; };
-  if (std::all_of(assembly.contacts.begin(), assembly.contacts.end(), parts)) return {Outcome::ANSWERED, std::vector<DD>(assembly.count)};
+  auto separates = [](const AssembledContact& contact) { return high(contact.velocity) >= 0; };
+  if (std::all_of(assembly.contacts.begin(), assembly.contacts.end(), separates)) return {Outcome::ANSWERED, std::vector<DD>(assembly.count)};
   Projection found = project_to_rebound(assembly);
   return {found.status == MinimumStatus::FOUND ? Outcome::ANSWERED : Outcome::CONTRADICTORY, found.q, found.error};
 }
 
-// What resolve_cluster.py does, where doubles can decide it.
+// Apply a law, with its fallbacks, as in scene/apply_law.py. LEFT_TO_PYTHON where fractions must decide.
 inline ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& options) {
   Assembly& assembly = cluster.assembly;
   ClusterResult result{LEFT_TO_PYTHON, {}};
@@ -138,9 +139,9 @@ inline ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& opt
   if (assembly.is_locked || assembly.approach_is_uncertain()) return result;
   for (AssembledContact& contact : assembly.contacts) {
     double speed = -contact.axes[0].velocity;
-    bool slow = speed > 0 && speed < options.restitution_threshold && contact.e > 0;
-    if (slow) contact.e = 0;
-    result.below_restitution_threshold = result.below_restitution_threshold || slow;
+    bool is_slow = speed > 0 && speed < options.restitution_threshold && contact.e > 0;
+    if (is_slow) contact.e = 0;
+    result.below_restitution_threshold = result.below_restitution_threshold || is_slow;
   }
   ClusterImpulses impulses;
   auto finish = [&] {
@@ -156,10 +157,10 @@ inline ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& opt
     result.fell_back = true;
   }
   impulses = Reflections{assembly}.resolve(options.threshold, options.budget);
-  double undecided = impulses.error;
+  const bool is_undecided = impulses.error == INFINITY;
   if (cluster.has_friction && impulses.outcome == Outcome::ANSWERED) impulses = least_work_friction(assembly, impulses);
   if (impulses.outcome != Outcome::ANSWERED) result.code = impulses.outcome == Outcome::ENDLESS ? STATUS_PATH_TOO_LONG : STATUS_CONTRADICTORY_CONTACTS;
-  else if (undecided == INFINITY) result.code = LEFT_TO_PYTHON;
+  else if (is_undecided) result.code = LEFT_TO_PYTHON;
   else finish();
   return result;
 }

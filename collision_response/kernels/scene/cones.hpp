@@ -1,20 +1,22 @@
-// Impulses in cones of friction,  K_i = { |P_t| <= mu_i P_n },  that do the least work on relative velocities:
+// A convex programme: among impulses in cones of friction, K_i = { |P_t| <= mu_i P_n }, those that do the least work on
+// relative velocities,
 //
-//     |y|^2 / 2 + w.P -> least       y = B^T P, what they do to the body_count, in the metric of kinetic energy
+//     |y|^2 / 2 + w.P -> min         y = B^T P: their effect on the bodies, in the metric of kinetic energy
 //
-// and, if asked, with given normal velocities N y = c. Its dual has no constraints and one velocity eta for all
-// body_count, however many contacts they have; P solves it and its dual together where
+// if asked, with given normal velocities N y = c. The dual has no constraints, and a single velocity eta for all bodies,
+// however many contacts there are. P and (eta, lambda) solve the programme and its dual where
 //
 //     P_i = proj_K_i(P_i - rho_i (w + B eta)_i)       eta + N^T lambda = B^T P        N (eta + N^T lambda) = c
 //
-// Augmented Lagrangian steps: with Q for the P on the right, the least over eta and lambda of
+// This is solved by steps of the augmented Lagrangian method. With Q for the P on the right, each step minimises over eta
+// and lambda
 //
 //     |eta + N^T lambda|^2 / 2 - c.lambda + sum |P_i|^2 / (2 rho_i) + |lambda - lambda_0|^2 / (2 sigma)
 //
-// is found by Newton's method, as its gradient is piecewise smooth. From Q = 0, P is that of least sum of squares among
-// all that do the same, nearly; further steps, from the greatest rho down, mend the rest. Each ends with a step that
-// changes P instead of computing it anew, for rho times a rounding is no small number. sigma is greater: of little load
-// and much friction lambda is long, and |lambda| / sigma is what c is missed by.
+// by Newton's method, as its gradient is piecewise smooth. A step from Q = 0 gives nearly the P of least sum of squares
+// among all with the same effect. Further steps, from the greatest rho down, reduce the error. Each ends with a Newton step
+// that changes P instead of computing it anew, because rho times a rounding is not small. sigma is greater than rho: with
+// little load and much friction lambda is long, and c is missed by |lambda| / sigma.
 //
 // Rockafellar, "Augmented Lagrangians and Applications of the Proximal Point Algorithm in Convex Programming",
 // Math. Oper. Res. 1 (1976); Li, Sun & Toh, "A Highly Efficient Semismooth Newton Augmented Lagrangian Method",
@@ -24,26 +26,26 @@
 
 class Cones {
  public:
-  static constexpr double GREATEST = 1e6, LEAST = 1e2;        // rho
-  static constexpr double USUAL = 1e10, IF_NEED_BE = 1e14;    // sigma
-  static constexpr double ENOUGH = 5e-8;                // of what y is off
+  static constexpr double GREATEST_RHO = 1e6, LEAST_RHO = 1e2;
+  static constexpr double SIGMA = 1e10, GREATEST_SIGMA = 1e14;
+  static constexpr double SMALL_ERROR = 5e-8;  // of y: no further steps are needed
 
   struct Cone {
-    int body[2];  // -1: none
+    int body[2];  // -1: immovable
     double row[2][3][6];
     Axes w;
-    double mu, share;  // share: of rho
+    double mu, share;  // share: rho_i / rho
   };
   std::vector<Cone> cones;
-  Vector kept_velocities;   // c, of the first cones, whose normal impulses do different things; or empty
-  Vector loads;  // normal impulses > 0 that do it, but for `slack`
+  Vector kept_velocities;  // c, for the first cones, whose normal impulses are independent; or empty
+  Vector loads;            // normal impulses > 0 that give these velocities, to within `slack`
   Vector slack;
-  ActiveSet<double> normals{nullptr, 0};  // how to find impulses that do what is kept_velocities
-  std::vector<Axes> P, z;     // z: w + B eta
+  ActiveSet<double> normals{nullptr, 0};  // solves for normal impulses from changes of kept_velocities
+  std::vector<Axes> P, z;                 // z: w + B eta
 
   explicit Cones(int body_count) : body_count(body_count) {}
 
-  // After the last one.
+  // After the last cone.
   void prepare() {
     size_t n = cones.size();
     P.resize(n);
@@ -54,29 +56,29 @@ class Cones {
     allocate_matrix();
   }
 
-  // Of all solutions that of least squares, nearly; and how far its y is off, at most.
+  // Find P: of all solutions nearly the one with the least sum of squares. Returns a bound on the error of y.
   double solve() {
     solve_from_zero();
     refine();
-    if (!kept_velocities.empty() && motion_error(0) > 30 * ENOUGH) {
-      sigma = IF_NEED_BE;
+    if (!kept_velocities.empty() && motion_error(0) > 30 * SMALL_ERROR) {
+      sigma = GREATEST_SIGMA;
       refine();
     }
     return motion_error(ROUNDING);
   }
 
-  // The first step towards that.
+  // The first step of solve().
   void solve_from_zero() {
     const std::vector<Axes> none(P.size());
-    if (!lagrangian_step(GREATEST, none, true, 12))
-      for (double size = 1; size <= GREATEST; size *= 100) lagrangian_step(size, none, size == 1, 60);
+    if (!lagrangian_step(GREATEST_RHO, none, true, 12))
+      for (double size = 1; size <= GREATEST_RHO; size *= 100) lagrangian_step(size, none, size == 1, 60);
   }
 
-  // The same without regard to the squares: steps from where it is, until they gain nothing.
+  // Further steps from the current P, until they reduce the error no more. They do not keep the sum of squares least.
   void refine() {
     double least = motion_error(0);
-    for (double size = 100 * GREATEST; size >= LEAST; size /= 100)
-      for (bool gains = true; gains && least > ENOUGH;) {
+    for (double size = 100 * GREATEST_RHO; size >= LEAST_RHO; size /= 100)
+      for (bool gains = true; gains && least > SMALL_ERROR;) {
         const std::vector<Axes> old_P = P, old_z = z;
         const Vector old_x = x;
         lagrangian_step(size, P, false, 60);
@@ -93,13 +95,14 @@ class Cones {
       }
   }
 
-  // One step, from impulses Q; whether Newton's method ended.
-  bool lagrangian_step(double size, std::vector<Axes> Q, bool afresh, int budget) {
+  // One augmented Lagrangian step with rho = size, from impulses Q. `from_start` begins as if all contacts held. Whether
+  // Newton's method converged.
+  bool lagrangian_step(double size, std::vector<Axes> Q, bool from_start, int budget) {
     rho = size;
     from = std::move(Q);
     lambda_before.assign(x.begin() + 6 * body_count, x.end());
     Vector gradient(variables), trial, step(variables);
-    if (afresh) {  // as if all contacts held
+    if (from_start) {
       evaluate(x, gradient, true);
       newton(gradient, step);
       increase(x, 1, step);
@@ -126,7 +129,7 @@ class Cones {
     return off <= 1e6 * enough;
   }
 
-  // A last step of Newton's, by which P changes but is not computed anew: of rho (w + B eta) it has the rounding.
+  // A last Newton step, which changes P instead of computing it anew, with the rounding of rho (w + B eta).
   void polish() {
     Vector gradient(variables), step(variables);
     evaluate(x, gradient, false);
@@ -142,25 +145,26 @@ class Cones {
     }
   }
 
-  // y
+  // y = B^T P
   Vector motion() const {
     Vector y(6 * static_cast<size_t>(body_count));
     for (size_t i = 0; i < cones.size(); ++i) add_row(cones[i], P[i], y);
     return y;
   }
 
-  // How far y is from y* of the least, at most, of P as it is. With v the velocities of the cones, which lack `outside`
-  // to those that no impulse of theirs works on, and Q any impulses that keep c, y_Q = y + e:
+  // A bound on the distance of y from y* of the minimum, for the current P. Let v be the velocities of the cones,
+  // `outside` their distance from velocities against which no impulse in the cone gains work, and Q any impulses that keep
+  // c, with y_Q = y + e:
   //
   //     |y_Q - y*|^2 = (Q - P*).(v - v*) + (y_Q - y*).e <= Q.v + P*.outside + |y_Q - y*| |e|
   //
-  // Q is (1 - part) P + part `loads` + `by` along normals, with the least part that leaves it in the cones. P* is taken to
-  // be no greater than the greatest impulse found.
+  // Q is (1 - part) P + part `loads` + `by` along normals, with the least part that leaves it in the cones. P* is assumed
+  // to be no greater than the greatest impulse found.
   double motion_error(double rounding) const {
     const Vector y = motion();
     Vector dual = y, by(kept_velocities.size()), e(y.size());
     const double* lambda = x.data() + 6 * body_count;
-    double part = 0, reach = 1, sum = 0;
+    double part = 0, greatest = 1, sum = 0;
     for (size_t i = 0; i < kept_velocities.size(); ++i) {
       add_row(cones[i], Axes{-lambda[i], 0, 0}, dual);
       double own = kept_velocities[i] - velocity(cones[i], y.data())[0];
@@ -170,14 +174,14 @@ class Cones {
     by.resize(loads.size());
     for (size_t i = 0; i < by.size(); ++i) add_row(cones[i], Axes{by[i] + part * loads[i], 0, 0}, e);
     increase(e, -part, y);
-    for (const Axes& one : P) reach = std::fmax(reach, std::hypot(one[0], one[1], one[2]));
+    for (const Axes& one : P) greatest = std::fmax(greatest, std::hypot(one[0], one[1], one[2]));
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone& cone = cones[i];
       Axes v = velocity(cone, dual.data());
       for (int k = 0; k < 3; ++k) v[k] += cone.w[k];
       double slip = cone.mu > 0 ? std::hypot(v[1], v[2]) : 0, outside = std::fmax(cone.mu * slip - v[0], 0);
       sum += std::fabs(v[0] * P[i][0] + v[1] * P[i][1] + v[2] * P[i][2]);
-      sum += reach * std::fmin(outside, slip + std::fmax(-v[0], 0));
+      sum += greatest * std::fmin(outside, slip + std::fmax(-v[0], 0));
       if (!kept_velocities.empty()) sum += std::fabs(v[0]) * (part * loads[i] + std::fabs(by[i]));
     }
     const double far = std::sqrt(dot(e, e));
@@ -186,7 +190,7 @@ class Cones {
 
  private:
   int body_count, variables = 0;
-  double rho = 1, sigma = USUAL;
+  double rho = 1, sigma = SIGMA;
   Vector x;  // eta, lambda
   Vector lambda_before;
   std::vector<Axes> from;
@@ -194,7 +198,8 @@ class Cones {
   using Slope = std::array<Axes, 3>;
   std::vector<Slope> slopes;
 
-  // From changes of normal velocities to impulses along normals, and the part of the loads that leaves them in the cones.
+  // Replace changes of normal velocities by the normal impulses that make them, and find the part of the loads that keeps
+  // these in the cones.
   void along_normals(Vector& by, double& part) const {
     normals.solve(by.data());
     for (size_t i = 0; i < by.size(); ++i) part = std::fmax(part, std::fabs(by[i]) / loads[i]);
@@ -231,7 +236,7 @@ class Cones {
       }
   }
 
-  // The nearest of the cone, and the derivative of that.
+  // Project q on the cone; `slope` is the derivative of the projection.
   static void project_on_cone(double mu, Axes& q, Slope& slope) {
     double t = std::sqrt(q[1] * q[1] + q[2] * q[2]);
     slope = {};
@@ -253,7 +258,7 @@ class Cones {
     q = {n, mu * n * d[0], mu * n * d[1]};
   }
 
-  // The value of the dual, its gradient, P and slopes there. `holding`: with no cones.
+  // Returns the value to minimise at (eta, lambda); sets its gradient, P and slopes. `holding`: as if all contacts held.
   double evaluate(const Vector& at, Vector& gradient, bool holding) {
     slopes.resize(cones.size());
     const double* lambda = at.data() + 6 * body_count;
@@ -289,7 +294,7 @@ class Cones {
     return value;
   }
 
-  // The matrix of Newton's method by rows, each from its first entry to the diagonal.
+  // The matrix of Newton's method, by rows from the first entry that is not 0 to the diagonal.
   std::vector<int> place, first;
   std::vector<size_t> start;
   Vector constant, M, rhs, whole;
@@ -298,7 +303,8 @@ class Cones {
     return matrix[start[a] + static_cast<size_t>(b - first[a])];
   }
 
-  // Bodies by breadth from one with few neighbours, each followed by the multipliers of its contacts: rows are short.
+  // Order the variables so that rows are short: bodies breadth first from one with few contacts, each followed by the
+  // multipliers of its contacts.
   void order_variables() {
     std::vector<std::vector<int>> touching(body_count);
     for (size_t i = 0; i < cones.size(); ++i)
@@ -341,7 +347,7 @@ class Cones {
         if (i < static_cast<int>(kept_velocities.size())) members[b].push_back(6 * body_count + i);
     }
   }
-  std::vector<std::vector<int>> members;  // the variables that a body brings together
+  std::vector<std::vector<int>> members;  // for each body, its variables and the multipliers of its contacts
 
   void allocate_matrix() {
     first.assign(variables, 0);
@@ -379,14 +385,14 @@ class Cones {
   }
   const double* normal(int i, int body) const { return cones[i].row[cones[i].body[0] == body ? 0 : 1][0]; }
 
-  // step <- - M^-1 gradient
+  // step = -M^-1 gradient
   void newton(const Vector& gradient, Vector& step) {
     M = constant;
     for (size_t i = 0; i < kept_velocities.size(); ++i) at(M, 6 * body_count + static_cast<int>(i), 6 * body_count + static_cast<int>(i)) += 1 / sigma;
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone& cone = cones[i];
       double own = rho * cone.share, part[2][3][6];
-      if (slopes[i][0][0] == 0) continue;  // open
+      if (slopes[i][0][0] == 0) continue;  // no impulse at this contact
       for (int side = 0; side < 2; ++side)
         for (int a = 0; cone.body[side] >= 0 && a < 3; ++a)
           for (int k = 0; k < 6; ++k)

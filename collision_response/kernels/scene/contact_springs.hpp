@@ -1,5 +1,5 @@
-// Liu, Zhao & Brogliato's law as an equation in time: see stronge.py. In plain doubles, in the axes of each
-// contact.
+// ROUTH_STRONGE: the differential equation of Liu, Zhao & Brogliato, in plain doubles, along the axes of each contact.
+// scene/stronge.py derives it, and decides how exactly to follow the path.
 //
 //     p_i' = f_i = k_i max(x_i, 0)^eta
 //     x_i' = -u_i            while u_i < 0                     loading
@@ -11,21 +11,21 @@
 #include "friction.hpp"
 
 struct ContactSprings {
-  Assembly assembly;                 // in units near its speed and mass, powers of two: squares and roots are of usual size
-  double unit = 1, root = 1;      // of speed, and of the root of mass
+  Assembly assembly;          // in units near its speed and mass, powers of two: no square overflows or underflows
+  double unit = 1, root = 1;  // the units of speed, and of the root of mass
   double exponent;
   std::vector<double> stiffness;
   struct Coupled {
     int other;
     double by;
   };
-  std::vector<std::vector<Coupled>> C;  // normal velocities by unit normal impulses
+  std::vector<std::vector<Coupled>> C;  // for each contact, its normal velocity by unit normal impulses on others
   int count;
   double speed = 0, mass = 0;
-  double slow = 0;    // an approach below it is none: rounding would keep some contact for ever
-  long work;          // that may still be done: 1 for a coupling of two contacts, about a nanosecond
+  double slow = 0;  // slower approaches count as none: rounding would keep a contact approaching for ever
+  long work;        // the rest of the budget: 1 for a coupling of two contacts, about a nanosecond
   double friction_loss = 0;  // energy that friction took
-  bool is_wedged = false;  // the path has no end
+  bool is_wedged = false;    // the path has no end
 
   ContactSprings(const Assembly& given, double exponent, std::vector<double> ratios, long budget)
       : assembly(given), exponent(exponent), stiffness(std::move(ratios)), count(given.count), work(budget) {
@@ -51,7 +51,7 @@ struct ContactSprings {
     }
     double most = 0;
     for (double k : stiffness) most = std::fmax(most, k);
-    // A unit of time is what a contact takes: k x^eta t = m u with x = u t.
+    // In a unit of time near the duration of a contact: k x^eta t = m u with x = u t.
     for (double& k : stiffness) k *= mass * speed / std::pow(speed, exponent) / most;
   }
 
@@ -69,11 +69,12 @@ struct ContactSprings {
     return u;
   }
 
-  // y: x_i, p_i. Dormand & Prince's pair of orders 5 and 4.
-  static constexpr long STAGE = 20;  // the work of one contact in a stage, besides its couplings
-  void derivative(const double* y, double* d, const std::vector<int>& awake) {
+  // Without friction the state y is all x_i, then all p_i. It is integrated by the pair of Dormand & Prince, of orders 5
+  // and 4.
+  static constexpr long STAGE = 20;  // the work for one contact in a stage, in addition to its couplings
+  void derivative(const double* y, double* d, const std::vector<int>& active) {
     const double *x = y, *p = y + count;
-    for (int i : awake) {
+    for (int i : active) {
       work -= STAGE + static_cast<long>(C[i].size());
       double u = velocity(i, p);
       d[i] = rate(i, x[i], u);
@@ -81,10 +82,10 @@ struct ContactSprings {
     }
   }
 
-  // Whether what is left in a spring is too little to show.
+  // Whether the energy left in a spring is too small to matter, and its contact does not approach.
   bool is_over(int i, double x, double u) const { return force(i, x) * x <= mass * slow * slow && u >= -slow; }
-  // Of some contacts those that are not over, and what these may strike within a step: two contacts away.
-  std::vector<int> still_awake(const double* y, const std::vector<int>& some) const {
+  // The contacts that are not over, among some, and those that these may strike within a step: up to two contacts away.
+  std::vector<int> still_active(const double* y, const std::vector<int>& some) const {
     std::vector<int> found;
     std::vector<char> listed(count, 0);
     auto list = [&](int i) {
@@ -99,13 +100,14 @@ struct ContactSprings {
     return found;
   }
 
-  // How long steps are. An error that is too large is mostly that of a spring that turns within the step, where its
-  // rate bends: the step then ends there, by the secant. One that turns at the end is not what makes the error: steps
-  // that ended there would be none the shorter.
+  // The length of steps. An error that is too large is mostly due to a spring that turns from loading to unloading within
+  // the step, where its rate has a kink: then the step is shortened to end there, by the secant. A spring that turns at the
+  // very end is not the cause.
   struct Pace {
     double h;
 
-    // worst: the error relative to that allowed. turns: after which part of the step the first spring turns.
+    // Whether to accept a step; sets the length of the next. worst: the error relative to the one allowed; turns: the
+    // fraction of the step after which the first spring turns.
     bool accepts(double worst, double order, double turns, double longest) {
       double by = 0.9 * std::pow(std::fmax(worst, 1e-10), -1 / order);
       if (worst <= 1 || h < 1e-13) {
@@ -120,12 +122,12 @@ struct ContactSprings {
     bool bends = x > 0 ? assembly.contacts[i].e < 1 : after < 0;
     return bends && (before < 0) != (after < 0) ? before / (before - after) : 1;
   }
-  // How much motion is left at a contact, as a velocity.
+  // The motion left at a contact, with the energy of its spring, as a velocity.
   double residual_speed(int i, double x, double u) const { return x > 0 || u < 0 ? std::sqrt(u * u + force(i, x) * x / mass) : 0; }
-  // The longest step, where the fastest motion is this: less of it compresses springs for longer.
+  // The longest step for a fastest motion: slower motion compresses springs for longer.
   double longest_step(double fastest) const { return 0.2 * std::pow(std::fmin(std::fmax(fastest, slow) / speed, 1), (1 - exponent) / (1 + exponent)); }
 
-  // The normal impulses without friction; whether it ended within its budget.
+  // Find the normal impulses p without friction. Whether the path ended within its budget.
   bool follow_without_friction(double tolerance, std::vector<double>& p) {
     slow = std::fmax(tolerance / 10, 2e-14) * speed;
     size_t n = 2 * static_cast<size_t>(count);
@@ -141,61 +143,61 @@ struct ContactSprings {
         {35.0 / 384, 0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84}};
     static const double error[7] = {71.0 / 57600, 0, -71.0 / 16695, 71.0 / 1920, -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
     Pace pace{1e-4};
-    std::vector<int> awake(count);
-    std::iota(awake.begin(), awake.end(), 0);
-    awake = still_awake(y.data(), awake);
-    derivative(y.data(), k[0].data(), awake);
+    std::vector<int> active(count);
+    std::iota(active.begin(), active.end(), 0);
+    active = still_active(y.data(), active);
+    derivative(y.data(), k[0].data(), active);
     while (work > 0) {
-      if (awake.empty()) {
+      if (active.empty()) {
         p.assign(y.begin() + count, y.end());
         for (double& one : p) one = impulse(one);
         return true;
       }
       const double h = pace.h;
       for (int s = 1; s < 7; ++s) {
-        for (int contact : awake)
+        for (int contact : active)
           for (int i : {contact, count + contact}) {
             double sum = 0;
             for (int j = 0; j < s; ++j) sum += a[s][j] * k[j][i];
             z[i] = y[i] + h * sum;
           }
-        derivative(z.data(), k[s].data(), awake);
+        derivative(z.data(), k[s].data(), active);
       }
       double worst = 0;
-      for (int contact : awake)
+      for (int contact : active)
         for (int i : {contact, count + contact}) {
           double off = 0;
           for (int j = 0; j < 7; ++j) off += error[j] * k[j][i];
           worst = std::fmax(worst, std::fabs(h * off) / (tolerance * (i < count ? speed : mass * speed)));
         }
       double turns = 1, fastest = 0;
-      for (int i : awake) {
+      for (int i : active) {
         double u = velocity(i, z.data() + count);
         turns = std::fmin(turns, turning_fraction(i, y[i], velocity(i, y.data() + count), u));
         fastest = std::fmax(fastest, residual_speed(i, z[i], u));
       }
       if (pace.accepts(worst, 5, turns, longest_step(fastest))) {
-        for (int i : awake) z[i] = std::fmax(z[i], 0);
-        y = z;  // of those asleep they are the same
-        awake = still_awake(y.data(), awake);
-        derivative(y.data(), k[0].data(), awake);
+        for (int i : active) z[i] = std::fmax(z[i], 0);
+        y = z;  // contacts that are not active have not changed
+        active = still_active(y.data(), active);
+        derivative(y.data(), k[0].data(), active);
       }
     }
     return false;
   }
 
-  // With friction. A step is the method (2, 2, 2) of Ascher, Ruuth & Spiteri, of order 2: velocities that are known
-  // compress the springs, and friction opposes the slip at the end of each of two stages, so that contacts stick. A
-  // step and two of half its length tell its error, and make it of order 3.
-  static constexpr long SWEEP = 60;  // the work of one contact in a sweep
+  // With friction a step is the method (2, 2, 2) of Ascher, Ruuth & Spiteri, of order 2. Springs are compressed by the
+  // known velocities (explicit), and friction opposes the slip at the end of each of the two stages (implicit), so that
+  // contacts can stick. Comparing one step with two of half its length gives its error, and extrapolates to order 3.
+  static constexpr long SWEEP = 60;  // the work for one contact in a sweep
   struct State {
     std::vector<double> x, u;  // u: normal velocities
     Motion motion;
-    std::vector<Axes> P, friction;  // friction: forces in the last stage, which are near those of the next
+    std::vector<Axes> P, friction;  // friction: forces in the last stage, where the next stage starts its search
   };
 
-  // Loads act for some time, and friction that opposes the slip after it, to within `enough`; from forces of friction
-  // that are near. Whether that ended within the budget.
+  // Apply normal forces `load` for some time, with the friction that opposes the slip at its end, to within `enough`.
+  // Sweeps over the contacts start from the forces of friction in `to`. Whether they converged within the budget.
   bool apply_friction(State& to, double time, const std::vector<double>& load, double enough) {
     frictional.clear();
     for (int i = 0; i < count; ++i) {
@@ -228,11 +230,12 @@ struct ContactSprings {
     return change <= enough;
   }
 
-  // What tangential impulses do to the slip of their own contact.
+  // The change of the slip of a contact by tangential impulses on it: a symmetric matrix.
   struct Slip {
-    double c[3], trace;  // c: of 11, 12, 22
+    double c[3], trace;  // c: elements 11, 12, 22
 
-    // To the friction of at most some size that opposes the slip, or near it; v: the slip now.
+    // The change of friction, from `now`, to one of at most size `most` that opposes the slip, or nearly does; v: the slip
+    // now.
     Axes change(const Axes& now, double most, double v1, double v2) const {
       double det = c[0] * c[2] - c[1] * c[1], t1 = now[1], t2 = now[2];
       if (det > 1e-6 * trace * trace) {
@@ -272,7 +275,7 @@ struct ContactSprings {
     return true;
   }
 
-  // Against friction between two states: at the mean of the slip.
+  // The work against friction between two states, with the mean of their slips.
   double work_of_friction(const State& from, const State& to) const {
     double sum = 0;
     for (int i = 0; i < count; ++i)
@@ -281,8 +284,8 @@ struct ContactSprings {
     return sum;
   }
 
-  // Whether contacts that rest keep each other compressed for ever: friction holds the forces of their springs, to a
-  // millionth, so that these take a million times as long as usual to bring anything to speed.
+  // Whether contacts at rest keep each other compressed for ever: friction balances the forces of their springs so well
+  // that these, acting a million times as long as usual, set nothing in motion.
   bool is_held(const State& now) {
     double greatest = 0;
     for (int i = 0; i < count; ++i) {
@@ -293,7 +296,7 @@ struct ContactSprings {
     if (!(greatest > 0)) return false;
     State later = now;
     const long left = work;
-    work = std::min(left, 1000 * SWEEP * count);  // where nothing holds it takes longer, or never ends
+    work = std::min(left, 1000 * SWEEP * count);  // where friction does not hold, sweeps take longer, or never converge
     const long budget = work;
     const bool found = apply_friction(later, 1e6 * mass * speed / greatest, load, 1e-3 * speed);
     work += left - budget;
@@ -302,8 +305,7 @@ struct ContactSprings {
     return found;
   }
 
-  // The impulses with friction; whether it ended within its budget. Friction may wedge bodies: then springs stay
-  // compressed.
+  // Find the impulses P with friction. Whether the path ended within its budget, and was not wedged.
   bool follow_with_friction(double tolerance, std::vector<Axes>& P) {
     slow = std::fmax(tolerance / 10, 2e-14) * speed;
     const std::vector<Axes> none(count, Axes{0, 0, 0});
@@ -338,11 +340,11 @@ struct ContactSprings {
         square += by * by;
       }
       for (int i = 0; i < count; ++i) {
-        // By the trapezoidal rule too, which sees a spring turn later than any stage.
+        // Also compare with the trapezoidal rule, which notices a spring that turns after the last stage.
         double rates = rate(i, now.x[i], now.u[i]) + 2 * rate(i, half.x[i], half.u[i]) + rate(i, both.x[i], both.u[i]);
         double by_ends = std::fmax(now.x[i] + h / 4 * rates, 0);
         off = std::fmax(off, std::fmax(std::fabs(both.x[i] - whole.x[i]), std::fabs(both.x[i] - by_ends)));
-        off = std::fmax(off, std::fabs(both.u[i] - whole.u[i]));  // light bodies count for little in the norm
+        off = std::fmax(off, std::fabs(both.u[i] - whole.u[i]));  // the norm would give little weight to light bodies
         turns = std::fmin(turns, turning_fraction(i, now.x[i], now.u[i], both.u[i]));
         fastest = std::fmax(fastest, residual_speed(i, both.x[i], both.u[i]));
       }

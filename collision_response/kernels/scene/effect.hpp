@@ -1,9 +1,9 @@
-// What becomes of the bodies and the contacts of a cluster by impulses.
+// What impulses do to the bodies and the contacts of a cluster: ImpulseEffect of scene/impulses.py.
 #pragma once
 #include "friction.hpp"
 
-// A size in the metric of kinetic energy, in the norm of error_bound: at most how many times it is.
-inline double in_norm(const double* body) {
+// The greatest ratio of the norm of error_bound to the size in the metric of kinetic energy, for twist changes of a body.
+inline double norm_ratio(const double* body) {
   double mass = body[0], xx = body[1], xy = body[2], xz = body[3], yy = body[4], yz = body[5], zz = body[6];
   double trace = xx + yy + zz, c = 0;
   for (int k = 0; k < 3; ++k) c += body[IN_BODY_A_COM_X + k] * body[IN_BODY_A_COM_X + k];
@@ -21,7 +21,7 @@ inline double in_norm(const double* body) {
   return std::sqrt(std::fmax(base, (shift + trace / 3) * inverse));
 }
 
-// A twist in that norm. No square of it overflows, or is lost.
+// The size of a twist change in the norm of error_bound, computed so that no square overflows or underflows.
 inline double twist_size(const double* body, const double* twist) {
   double arm = (body[1] + body[4] + body[6]) / 3;
   return std::hypot(std::sqrt(body[0]) * std::hypot(twist[0], twist[1], twist[2]), std::sqrt(arm) * std::hypot(twist[3], twist[4], twist[5]));
@@ -29,55 +29,57 @@ inline double twist_size(const double* body, const double* twist) {
 
 using Regime = unsigned char;
 
-// Of slip, relative to the fastest speed before, and of what friction lacks to its limit: this is none.
+// A slip below this fraction of the fastest speed before counts as none; so does a friction this close to its limit.
 constexpr double AT_REST = 0x1p-20;
 
-// What becomes of a cluster. Of movable bodies six numbers each, of contacts three, or one.
 struct ImpulseEffect {
-  Vector changes, twists, impulses, normal_velocities_before, normal_velocities_after;
+  Vector changes, twists;  // six numbers for each movable body
+  Vector impulses;         // three numbers for each contact
+  Vector normal_velocities_before, normal_velocities_after;
   std::vector<Regime> regimes;
-  double energies[4] = {};  // before, after, lost to restitution, to friction
+  double energies[4] = {};  // kinetic energy before and after, energy lost to restitution and to friction
   double error_bound = 0;
-  // More than rounding may seem to. By work on relative velocities, which is the same for every observer.
+  // Whether the contacts gain more energy than rounding explains, by the work on relative velocities, which is the same
+  // for every observer.
   bool creates_energy = false;
 
   bool is_separating() const {
     return std::all_of(regimes.begin(), regimes.end(), [](Regime regime) { return regime == REGIME_SEPARATING; });
   }
-  // The energies are sums over all the rest.
+  // The energies are sums over everything else.
   bool is_finite() const {
     return std::all_of(energies, energies + 4, [](double energy) { return std::isfinite(energy); });
   }
 };
 
-// A contact sticks if it does not slip (by_slip), or if its friction is below the limit.
-inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& impulses, bool by_slip) {
+// A contact sticks if it does not slip afterwards (sticks_by_slip); else, if its friction is below the limit.
+inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& impulses, bool sticks_by_slip) {
   ImpulseEffect effect;
   int count = assembly.count;
   const DD* p = impulses.normal.data();
   double error = impulses.error;
   bool has_friction = !impulses.tangential.empty();
-  std::vector<Axes> P(count);  // across the normals
+  std::vector<Axes> P(count);  // tangential impulses
   Vector reported = rounded(p, count);
   if (has_friction)
     for (int i = 0; i < count; ++i)
       for (int k = 0; k < 2; ++k) P[i][1 + k] = impulses.tangential[2 * i + k];
   std::vector<N> sums = assembly.twist_changes(p);
-  Motion motion(assembly), across(assembly);
+  Motion motion(assembly), by_friction(assembly);
   for (int i = 0; i < count; ++i) {
-    if (has_friction) across.apply(i, P[i]);
+    if (has_friction) by_friction.apply(i, P[i]);
     motion.apply(i, {reported[i] * assembly.contacts[i].length, P[i][1], P[i][2]});
   }
   if (!has_friction) least_norm(assembly, reported, true);
 
   for (int i = 0; i < count; ++i)
-    if (p[i].h != 0) error += 0x1p-1073 / assembly.contacts[i].scale;  // an impulse is a multiple of the least double
+    if (p[i].h != 0) error += 0x1p-1073 / assembly.contacts[i].scale;  // an impulse is rounded to a multiple of the least double
 
   double largest = 0, worst = 0, rounding = 0;
   for (int b = 0; b < assembly.body_count; ++b) {
     const double* body = assembly.bodies[b].x;
     double change[6] = {};
-    if (has_friction) assembly.bodies[b].twist_of(&across.y[6 * b], change);
+    if (has_friction) assembly.bodies[b].twist_of(&by_friction.y[6 * b], change);
     for (int k = 0; k < 6; ++k) change[k] += high(sums[6 * b + k]);
     effect.changes.insert(effect.changes.end(), change, change + 6);
     AssembledBody moved = assembly.bodies[b];
@@ -89,44 +91,44 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
     for (int k = 0; k < 6; ++k) lost[k] = width(sums[6 * b + k]) + (std::fabs(change[k]) + std::fabs(high(sums[6 * b + k]))) * 0x1p-53 * (has_friction ? 4 : 1);
     largest = std::fmax(largest, twist_size(body, change));
     rounding = std::fmax(rounding, twist_size(body, lost));
-    worst = std::fmax(worst, error * in_norm(body));
+    worst = std::fmax(worst, error * norm_ratio(body));
     effect.twists.insert(effect.twists.end(), moved.x + IN_BODY_A_VELOCITY_X, moved.x + IN_BODY_A_VELOCITY_X + 6);
   }
   std::vector<N> u = assembly.velocities(p);
   double fastest = 0, greatest = 0;
   for (int i = 0; i < count; ++i) {
-    const ContactAxis* plain = assembly.contacts[i].axes;
-    fastest = std::fmax(fastest, std::hypot(plain[0].velocity, plain[1].velocity, plain[2].velocity));
+    const ContactAxis* axes = assembly.contacts[i].axes;
+    fastest = std::fmax(fastest, std::hypot(axes[0].velocity, axes[1].velocity, axes[2].velocity));
     greatest = std::fmax(greatest, p[i].h * assembly.contacts[i].length);
   }
-  // In units near the greatest: works may be below doubles.
+  // In units near the greatest: the works may be out of the range of doubles.
   const double unit = power_near(fastest), load = power_near(greatest);
   double restitution = 0, friction_loss = 0, work = 0;
   for (int i = 0; i < count; ++i) {
     const AssembledContact& contact = assembly.contacts[i];
-    double push[3];
-    for (int k = 0; k < 3; ++k) push[k] = reported[i] * contact.normal[k];
+    double impulse[3];
+    for (int k = 0; k < 3; ++k) impulse[k] = reported[i] * contact.normal[k];
     Axes u_before{contact.axes[0].velocity, contact.axes[1].velocity, contact.axes[2].velocity};
     Axes u_after = motion.velocity(i);
     if (!has_friction) u_after[0] = high(u[i]) / contact.length;
     double speed = std::hypot(u_after[1], u_after[2]), back = u_before[1] * u_after[1] + u_before[2] * u_after[2];
     double friction = std::hypot(P[i][1], P[i][2]), most = contact.mu * p[i].h * contact.length;
     if (has_friction) {
-      const auto axes = contact.unit_vectors();
-      for (int k = 0; k < 3; ++k) push[k] += P[i][1] * axes[1][k] + P[i][2] * axes[2][k];
+      const auto directions = contact.unit_vectors();
+      for (int k = 0; k < 3; ++k) impulse[k] += P[i][1] * directions[1][k] + P[i][2] * directions[2][k];
     }
     double normal = p[i].h * contact.length / load;
     double along = (P[i][1] / load * ((u_before[1] + u_after[1]) / unit) + P[i][2] / load * ((u_before[2] + u_after[2]) / unit)) / 2;
     restitution -= normal * ((u_before[0] + u_after[0]) / unit) / 2;
     friction_loss -= along;
     work += normal * ((std::fabs(u_before[0]) + std::fabs(u_after[0])) / unit) + std::fabs(along);
-    effect.impulses.insert(effect.impulses.end(), push, push + 3);
+    effect.impulses.insert(effect.impulses.end(), impulse, impulse + 3);
     effect.normal_velocities_before.push_back(u_before[0]);
     effect.normal_velocities_after.push_back(u_after[0]);
     Regime regime = back < 0 && speed > AT_REST * fastest ? REGIME_REVERSED : REGIME_SLIDING;
-    if (push[0] == 0 && push[1] == 0 && push[2] == 0) regime = REGIME_SEPARATING;
+    if (impulse[0] == 0 && impulse[1] == 0 && impulse[2] == 0) regime = REGIME_SEPARATING;
     else if (!(contact.mu > LEAST_FRICTION)) regime = REGIME_SLIDING;
-    else if (by_slip ? speed <= AT_REST * fastest : friction < (1 - AT_REST) * most) regime = REGIME_STICKING;
+    else if (sticks_by_slip ? speed <= AT_REST * fastest : friction < (1 - AT_REST) * most) regime = REGIME_STICKING;
     effect.regimes.push_back(regime);
   }
   effect.energies[2] = restitution * load * unit;

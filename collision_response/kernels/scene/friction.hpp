@@ -1,12 +1,13 @@
-// Laws with friction for one cluster, in plain doubles: see coulomb.py and moreau.py. Impulses and velocities are
-// in the axes of each contact: unit normal, two tangents.
+// COULOMB and MOREAU with friction for one cluster, in plain doubles: scene/coulomb.py and scene/moreau.py derive them.
+// Impulses and velocities are along the axes of each contact: the unit normal and two tangents.
 #pragma once
 #include "cones.hpp"
 #include "impulses.hpp"
 #include "least_norm.hpp"
 #include "projection.hpp"
 
-struct Motion {  // of the movable bodies: y, and their twists have changed by L y
+// A motion of the movable bodies: their twists have changed by L y.
+struct Motion {
   const Assembly* assembly;
   Vector y;
   explicit Motion(const Assembly& assembly) : assembly(&assembly), y(6 * static_cast<size_t>(assembly.body_count)) {}
@@ -29,7 +30,7 @@ struct Motion {  // of the movable bodies: y, and their twists have changed by L
     return sum;
   }
   double speed(int i) const { return std::hypot(velocity(i, 0), velocity(i, 1), velocity(i, 2)); }
-  // Of the part of y that the velocity of a contact is from, at most, as that velocity.
+  // A bound on the terms that the change of the normal velocity of a contact is the sum of.
   double size_at(int i) const {
     double sum = 0;
     for (int side = 0; side < 2; ++side)
@@ -39,6 +40,7 @@ struct Motion {  // of the movable bodies: y, and their twists have changed by L
   Axes velocity(int i) const { return {velocity(i, 0), velocity(i, 1), velocity(i, 2)}; }
 };
 
+// The velocity of contact i along its axis a by a unit impulse on contact j along its axis b.
 inline double coupling(const Assembly& assembly, int i, int a, int j, int b) {
   const AssembledContact &one = assembly.contacts[i], &other = assembly.contacts[j];
   double sum = 0;
@@ -49,14 +51,15 @@ inline double coupling(const Assembly& assembly, int i, int a, int j, int b) {
   return sum;
 }
 
-// Friction beyond these sticks no better, or does not show.
+// Coefficients of friction: greater ones have no further effect, and smaller ones none at all.
 constexpr double GREATEST_FRICTION = 1e30, LEAST_FRICTION = 1e-30, GREATEST_IN_ONE_STEP = 1e6;
 
-// A load that is this part of the greatest is rounding, of double-double; one that was not there before loads were shared
-// out is rounding of doubles if it is this part of others of its bodies, or of the greatest if they have none.
+// Loads that are rounding. UNLOADED: relative to the greatest load, in double-double. UNSHARED: for a load that came from
+// sharing loads among contacts, in doubles, relative to other loads of its bodies, or to the greatest if they have none.
 constexpr double UNLOADED = 0x1p-80, UNSHARED = 1e-10;
 
-// A contact as a cone: its impulses in units that make n.K n of every contact 1, velocities in units of `speed`.
+// A contact as a cone, with impulses in units that make n.K n of every contact 1, and velocities in units of `speed`.
+// `mean` is the mean of 1 / (n.K n) of unit normals.
 inline Cones::Cone cone_of(const AssembledContact& contact, double speed, double mean) {
   Cones::Cone cone;
   double unit = contact.scale * contact.length;
@@ -67,44 +70,47 @@ inline Cones::Cone cone_of(const AssembledContact& contact, double speed, double
   }
   for (int axis = 0; axis < 3; ++axis) cone.w[axis] = contact.axes[axis].velocity * unit / speed;
   cone.mu = contact.mu > LEAST_FRICTION ? std::fmin(contact.mu, GREATEST_FRICTION) : 0;
-  if (!(cone.mu > 0)) cone.w[1] = cone.w[2] = 0;  // which may be much
-  // Least squares of the impulses in newton seconds.
+  if (!(cone.mu > 0)) cone.w[1] = cone.w[2] = 0;  // they have no effect, but may be large
+  // So that the least sum of squares is that of impulses in newton seconds.
   cone.share = std::fmin(std::fmax(1 / (unit * unit * mean), 1e-3), 1e3);
   return cone;
 }
 
-// And back: what an impulse in such units is.
+// The inverse: an impulse of such a cone in newton seconds.
 inline Axes in_newton_seconds(Axes P, const AssembledContact& contact, double speed) {
   for (double& along : P) along = along * speed * contact.scale * contact.length;
   return P;
 }
 
-// From frictionless impulses the least work on relative velocities over the cones of friction, with the normal velocities
-// of the loaded contacts kept. Loaded are those of the impulses of least norm, as others depend on the order; and of those
-// that do nearly the same, for a box a hair from flat stands on all its corners. Of contacts that nearly depend on others
-// no velocity is kept, or that hair would keep them from sliding. If none of them has_friction, the frictionless impulses.
-inline ClusterImpulses least_work_friction(const Assembly& assembly, const ClusterImpulses& free) {
+// COULOMB: from frictionless impulses, those in the cones of friction that do the least work on relative velocities and
+// keep the normal velocities of the loaded contacts.
+//
+// Contacts are loaded if the impulses of least norm load them, because other impulses would depend on the order of the
+// contacts, or if those of least norm with nearly the same effect do: a box whose corners are slightly off a plane stands
+// on all of them. Contacts that nearly depend on others keep no velocity: that slight distance would stop them from
+// sliding. If no loaded contact has friction, the result is the frictionless impulses.
+inline ClusterImpulses least_work_friction(const Assembly& assembly, const ClusterImpulses& frictionless) {
   int count = assembly.count;
-  ClusterImpulses result = free;
-  Vector own = rounded(free.normal.data(), count), shared = own;
+  ClusterImpulses result = frictionless;
+  Vector own = rounded(frictionless.normal.data(), count), shared = own;
   least_norm(assembly, shared, false);
   Vector nearly_shared = shared;
-  const double off = nearly_least_norm(assembly, nearly_shared);
-  for (int i = 0; i < count; ++i) shared[i] = (shared[i] + nearly_shared[i]) / 2;  // loaded in either
+  const double difference = nearly_least_norm(assembly, nearly_shared);
+  for (int i = 0; i < count; ++i) shared[i] = (shared[i] + nearly_shared[i]) / 2;  // > 0 if loaded by either
   double mean = 0, speed = 0;
-  Vector most(assembly.body_count);  // of the loads of each body
+  Vector most(assembly.body_count);  // the greatest load of each body
   for (int i = 0; i < count; ++i) {
     const AssembledContact& contact = assembly.contacts[i];
     speed = std::fmax(speed, shared[i] / contact.scale);
     for (int body : contact.body)
       if (body >= 0) most[body] = std::fmax(most[body], own[i] / contact.scale);
   }
-  auto rounding = [&](int i) {  // of the load of a contact
-    double near = 0;
+  auto rounding = [&](int i) {  // the load of a contact up to which it may be rounding
+    double nearby = 0;
     for (int body : assembly.contacts[i].body)
-      if (body >= 0) near = std::fmax(near, most[body]);
+      if (body >= 0) nearby = std::fmax(nearby, most[body]);
     bool is_new = shared[i] > 2 * own[i] || shared[i] < own[i] / 2;
-    return is_new ? UNSHARED * (near > 0 ? near : speed) : UNLOADED * speed;
+    return is_new ? UNSHARED * (nearby > 0 ? nearby : speed) : UNLOADED * speed;
   };
   std::vector<int> loaded;
   bool has_friction = false;
@@ -144,14 +150,14 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
   std::vector<Axes> P(count);
   for (size_t k = 0; k < loaded.size(); ++k) P[loaded[k]] = in_newton_seconds(programme.P[k], assembly.contacts[loaded[k]], speed);
 
-  // Another contact may approach now.
+  // Friction may have made another contact approach.
   Motion moved(assembly);
   for (int i = 0; i < count; ++i) moved.apply(i, P[i]);
-  double square = 0;  // of what friction changes
+  double square = 0;  // of the change by friction
   for (size_t k = 0; k < moved.y.size(); ++k) square += (moved.y[k] - as_given.y[k]) / speed * ((moved.y[k] - as_given.y[k]) / speed);
-  // An estimate: other contacts might have been kept, and shared. What two orders of them give was at most 0.73 of the sum
-  // of both bounds apart, in 1500 stacks.
-  result.error += 4 * off * (1 + std::sqrt(square)) * speed;
+  // An estimate of the effect of the choice of contacts that keep velocities and share loads. In 1500 stacks, the answers
+  // for two orders of the contacts differed by at most 0.73 of the sum of both bounds.
+  result.error += 4 * difference * (1 + std::sqrt(square)) * speed;
   std::vector<N> offset;
   bool approaches = false;
   for (int i = 0; i < count; ++i) {
@@ -163,71 +169,73 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
   }
   if (approaches) {
     Projection last = project(assembly, std::vector<DD>(count).data(), assembly.all_contacts(), offset.data());
-    // GRR has found velocities that part them: if none are found here, doubles can't tell.
+    // GRR has found velocities that separate the contacts. If none are found here, doubles cannot tell.
     result.error += last.status == MinimumStatus::FOUND ? last.error : INFINITY;
     for (int i = 0; i < count; ++i) P[i][0] += last.q[i].h * assembly.contacts[i].length;
   }
   return with_axis_impulses(std::move(result), assembly, P);
 }
 
-// The shifts that a solution leaves.
+// The shifts mu |u_t| of a solution.
 inline Vector shifts_of(const Cones& programme) {
   Vector shifts;
   for (size_t i = 0; i < programme.cones.size(); ++i) shifts.push_back(programme.cones[i].mu * std::hypot(programme.z[i][1], programme.z[i][2]));
   return shifts;
 }
+// The greatest distance between two components.
 inline double distance(const Vector& one, const Vector& other) {
   double most = 0;
   for (size_t i = 0; i < one.size(); ++i) most = std::fmax(most, std::fabs(one[i] - other[i]));
   return most;
 }
 
-// How far the velocities may be from those of shifts that stay, if these shifts are `off` after one more round. One
-// round takes shifts a little beside them nearer, by some rate: if by more than `off`, some that stay are no farther.
-// Where contacts lock, or share a load in several ways, shifts all around stay, and nothing can be said. The rate is
-// that of the direction in which rounds are slowest, by the power method: an estimate.
-inline double shift_error(Cones programme, const Vector& start, const Vector& shift, double off) {
-  constexpr double LEAST = 1e-9, WIDER = 30, WIDEST = 1e-3, SEEN = 1e-12, STAYS = 1 - 1e-5;
+// An estimate of the error of the velocities, if one more round changes the shifts by `change`. A round takes shifts at a
+// small distance from these nearer to them, by some rate. If it takes them nearer by more than `change`, there is a fixed
+// point within that distance. Where contacts lock, or share a load in several ways, all shifts nearby are fixed points, and
+// the error is unknown: infinite. The rate is that in the direction in which rounds are slowest, by the power method.
+inline double shift_error(Cones programme, const Vector& start, const Vector& shift, double change) {
+  constexpr double LEAST = 1e-9, WIDER = 30, WIDEST = 1e-3, ROUNDING = 1e-12, FIXED = 1 - 1e-5;
   constexpr int ROUNDS = 20;
-  auto look = [&](const Vector& by) {
+  auto round_from = [&](const Vector& by) {
     for (size_t i = 0; i < by.size(); ++i) programme.cones[i].w[0] = start[i] + std::fmax(shift[i] + by[i], 0);
-    if (!programme.lagrangian_step(Cones::GREATEST, programme.P, false, 60)) programme.solve_from_zero();
+    if (!programme.lagrangian_step(Cones::GREATEST_RHO, programme.P, false, 60)) programme.solve_from_zero();
     programme.polish();
     return shifts_of(programme);
   };
-  const Vector zero(shift.size()), here = look(zero), y = programme.motion();
-  off = std::fmax(off, SEEN) + distance(here, shift);
-  double turned = 0;  // the velocities, at most
-  auto rate_beside = [&](double beside, double uneven) {
+  const Vector zero(shift.size()), here = round_from(zero), y = programme.motion();
+  change = std::fmax(change, ROUNDING) + distance(here, shift);
+  double velocity_change = 0;  // the greatest seen
+  auto rate_at = [&](double size, double unevenness) {
     Vector by;
-    for (size_t i = 0; i < shift.size(); ++i) by.push_back(beside * (1 + std::fmod(uneven * static_cast<double>(i), 1)));
+    for (size_t i = 0; i < shift.size(); ++i) by.push_back(size * (1 + std::fmod(unevenness * static_cast<double>(i), 1)));
     double rate = 0, last = -1;
     for (int round = 0; round < ROUNDS && std::fabs(rate - last) > 0.01 * (1 - rate); ++round) {
-      double size = distance(by, zero);
-      if (!(size > 0)) break;
-      for (double& x : by) x *= beside / size;
-      by = look(by);
+      double now = distance(by, zero);
+      if (!(now > 0)) break;
+      for (double& x : by) x *= size / now;
+      by = round_from(by);
       increase(by, -1, here);
       Vector moved = programme.motion();
       increase(moved, -1, y);
-      turned = std::fmax(turned, std::sqrt(dot(moved, moved)));
+      velocity_change = std::fmax(velocity_change, std::sqrt(dot(moved, moved)));
       last = rate;
-      rate = distance(by, zero) / beside;
+      rate = distance(by, zero) / size;
     }
     return rate;
   };
-  for (double beside = LEAST; beside < WIDEST; beside *= WIDER) {
-    if (off > beside / 2) continue;
-    double nearer = 1 - off / beside, rate = rate_beside(beside, 0);  // as symmetric as the scene
-    if (rate <= nearer) rate = rate_beside(beside, 0.618);             // or not
-    if (rate <= nearer) return 2 * turned;
-    if (rate > STAYS) break;
+  for (double size = LEAST; size < WIDEST; size *= WIDER) {
+    if (change > size / 2) continue;
+    double nearer = 1 - change / size, rate = rate_at(size, 0);  // in a direction as symmetric as the scene
+    if (rate <= nearer) rate = rate_at(size, 0.618);             // and in one that is not
+    if (rate <= nearer) return 2 * velocity_change;
+    if (rate > FIXED) break;
   }
   return INFINITY;
 }
 
-// Coulomb's law on the velocities after, by convex programmes: with the shift s = mu |u_t+| of normal velocities held,
-// this is least work again; s is then what that leaves, until it stays.
+// MOREAU with friction: Coulomb's law on the velocities after the impact, by a sequence of convex programmes. For given
+// shifts s = mu |u_t+| of the normal velocities this is a programme of least work. Its solution gives new shifts, until
+// they no longer change.
 inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
   int count = assembly.count;
   std::vector<Axes> P(count);
@@ -236,10 +244,10 @@ inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
   for (const AssembledContact& contact : assembly.contacts) {
     mean += 1 / (contact.scale * contact.scale * contact.length * contact.length) / count;
     approach = approach || contact.axes[0].velocity < 0;
-    bool has_friction = contact.mu > LEAST_FRICTION;  // of what does not, the slip may be anything
+    bool has_friction = contact.mu > LEAST_FRICTION;  // without friction, the slip may be anything
     speed = std::fmax(speed, std::hypot(contact.axes[0].velocity, has_friction * contact.axes[1].velocity, has_friction * contact.axes[2].velocity) * contact.scale * contact.length);
   }
-  if (!approach) return with_axis_impulses({}, assembly, P);  // no impulse is a solution
+  if (!approach) return with_axis_impulses({}, assembly, P);  // impulses of 0 are a solution
   Cones programme(assembly.body_count);
   Vector start;
   for (const AssembledContact& contact : assembly.contacts) {
@@ -252,40 +260,40 @@ inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
   programme.prepare();
   programme.solve_from_zero();
   programme.polish();
-  Vector shift(count), off, last_off, last_shift;
+  Vector shift(count), step, last_step, last_shift;
   double change = INFINITY, last_change = INFINITY;
   int round = 0;
   for (; round < 300 && change > 1e-12; ++round) {
     const Vector found = shifts_of(programme);
-    off = found;
-    increase(off, -1, shift);
+    step = found;
+    increase(step, -1, shift);
     change = distance(found, shift);
-    // The secant of the last two, which leaps where the shifts settle slowly (Anderson 1965). Elsewhere it would make
-    // much of rounding.
+    // Where the shifts settle slowly, a secant step from the last two rounds (Anderson 1965). Elsewhere that would magnify
+    // rounding.
     Vector by;
     if (round > 0) {
-      by = off;
-      increase(by, -1, last_off);
+      by = step;
+      increase(by, -1, last_step);
     }
-    bool slow = change > 0.9 * last_change;
+    bool is_slow = change > 0.9 * last_change;
     last_change = change;
-    double square = dot(by, by), leap = slow && square > 0 ? std::fmin(std::fmax(dot(by, off) / square, -20), 0.5) : 0;
+    double square = dot(by, by), leap = is_slow && square > 0 ? std::fmin(std::fmax(dot(by, step) / square, -20), 0.5) : 0;
     for (int i = 0; i < count; ++i) {
       shift[i] = std::fmax(round > 0 ? found[i] - leap * (found[i] - last_shift[i]) : found[i], 0);
       programme.cones[i].w[0] = start[i] + shift[i];
     }
     last_shift = found;
-    last_off = off;
-    programme.lagrangian_step(Cones::GREATEST, programme.P, false, 60);
+    last_step = step;
+    programme.lagrangian_step(Cones::GREATEST_RHO, programme.P, false, 60);
     programme.polish();
   }
-  // Of several splits of a load, that of the most friction.
+  // If a load can be shared in several ways, take the one with the most friction.
   for (double& s : shift) s *= 1 - 1e-9;
   for (int i = 0; i < count; ++i) programme.cones[i].w[0] = start[i] + shift[i];
-  double off_least = programme.solve();
+  double motion_error = programme.solve();
   change = distance(shifts_of(programme), shift);
   if (!(change <= 1e-8)) return {Outcome::CONTRADICTORY, {}};
   for (int i = 0; i < count; ++i) P[i] = in_newton_seconds(programme.P[i], assembly.contacts[i], speed);
-  double error = speed * (off_least + (assembly.is_locked ? INFINITY : shift_error(programme, start, shift, change)));
+  double error = speed * (motion_error + (assembly.is_locked ? INFINITY : shift_error(programme, start, shift, change)));
   return with_axis_impulses({Outcome::ANSWERED, {}, error}, assembly, P);
 }

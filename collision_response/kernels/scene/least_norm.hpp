@@ -4,7 +4,8 @@
 #include "assembly.hpp"
 
 // A basis of the impulses that do next to nothing: one for each contact that depends on others, by pivots up to
-// `dependent`. Included are those whose effect, squared, is less than `most`. The sum of their effects is added to `effect`.
+// `dependent`. Included are those whose effect, squared, is less than `most`. The sum of their effects is added to
+// `effect`.
 inline std::vector<Vector> null_impulses(const Assembly& assembly, double dependent, double most, double& effect) {
   const int count = assembly.count;
   const std::vector<AssembledContact>& contacts = assembly.contacts;

@@ -1,5 +1,5 @@
-// Generalised reflections in double-double: what collision_response/scene/reflections.py writes down, and computes
-// of fractions.
+// FRICTIONLESS: generalised reflections in double-double. scene/reflections.py derives them, and computes them in
+// fractions by the same steps.
 #pragma once
 #include "impulses.hpp"
 #include "least_norm.hpp"
@@ -12,7 +12,7 @@ struct Reflections {
     ClusterImpulses result;
     std::vector<DD>& p = result.normal;
     p.resize(assembly.count);
-    double speed = 0, doubt = 0;  // of the fastest approach
+    double speed = 0, doubt = 0;  // of the fastest approach, and its error
     for (const AssembledContact& contact : assembly.contacts) {
       double own = -high(contact.velocity) / contact.length;
       speed = std::fmax(speed, own);
@@ -29,13 +29,13 @@ struct Reflections {
       return result;
     }
     double error = 0;
-    bool all_part = false;
+    bool all_separate = false;
     for (long turn = 0;; ++turn) {
       if (turn == budget) return {Outcome::ENDLESS, {}};
-      const Seen seen = look(p.data(), error, threshold * speed, threshold * doubt);
-      if (!seen.certain) error = INFINITY;
+      const Violations seen = find_violations(p.data(), error, threshold * speed, threshold * doubt);
+      if (!seen.is_certain) error = INFINITY;
       result.margin = std::fmin(result.margin, seen.margin / speed);
-      all_part = seen.all_part;
+      all_separate = seen.all_separate;
       if (seen.violated.empty()) break;
       bool is_first = turn == 0 && static_cast<int>(seen.violated.size()) == assembly.count;
       Projection next = is_first ? first : project(assembly, p.data(), seen.violated, nullptr);
@@ -50,7 +50,7 @@ struct Reflections {
     for (DD& x : p) x = DD{result.restitution, 0} * x;
     result.error = result.restitution * error + (1 - result.restitution) * first.error + rounding + assembly.velocity_size(p.data()) * 0x1p-98;
     result.error += add(p, 1, first.q);
-    if (!all_part && approaches(p.data(), result.error)) {  // slower than the threshold
+    if (!all_separate && approaches(p.data(), result.error)) {  // slower than the threshold
       Projection last = project(assembly, p.data(), assembly.all_contacts(), nullptr);
       if (last.status != MinimumStatus::FOUND) return {Outcome::CONTRADICTORY, {}};
       result.error += add(p, 1, last.q) + last.error;
@@ -59,7 +59,8 @@ struct Reflections {
   }
 
  private:
-  // sum e u q / sum u q over the contacts that approach, of the q of least norm: of others e would depend on the order.
+  // The restitution of the cluster: sum e u q / sum u q over the contacts that approach, for the q of least norm. For
+  // another q, e would depend on the order of the contacts.
   double joined_restitution(const Projection& first, double& error) const {
     const std::vector<DD>& q = first.q;
     error = 0;
@@ -76,13 +77,13 @@ struct Reflections {
     };
     if (are_equal(assembly.all_contacts())) return most;
     const std::vector<N> after = assembly.velocities(q.data());
-    std::vector<int> pressed;  // the others part, and have no impulse
+    std::vector<int> pressed;  // the others separate, and have no impulse
     for (int i = 0; i < assembly.count; ++i)
       if (!(high(after[i]) > width(after[i]) + first.error / assembly.contacts[i].scale)) pressed.push_back(i);
     if (are_equal(pressed)) return most;
     Vector shared = rounded(q.data(), assembly.count);
     bool is_unique = !least_norm(assembly, shared, false);
-    // In units near the greatest: works may be beyond doubles.
+    // In units near the greatest: the works may be out of the range of doubles.
     double fastest = 0, greatest = 0;
     for (int i = 0; i < assembly.count; ++i) {
       fastest = std::fmax(fastest, -high(assembly.contacts[i].velocity));
@@ -102,7 +103,7 @@ struct Reflections {
     }
     if (!(high(below) < 0)) return 0;
     const N e = above / below;
-    // How far the works may be from those of the exact q*:
+    // How far the works may be from those for the exact q*:
     //     sum (e_i - e) u_i (q*_i - q_i) = z.A (q* - q) <= sqrt(z.A z) |M^-1 N (q* - q)|    for A z = (e_i - e) u_i
     const std::vector<DD> matrix = assembly.couplings<DD>();
     ActiveSet<DD> basis(matrix.data(), assembly.count);
@@ -117,35 +118,35 @@ struct Reflections {
     double square = 0;
     for (size_t k = 0; k < c.size(); ++k) square += high(c[k] * z[k]);
     const double doubt = first.error / load * std::sqrt(square) / -high(below);
-    error = width(e) + doubt + (is_unique ? 0x1p-53 : 0x1p-36 * (most - least));  // least squares in doubles
-    // Where the digits do not tell which of them has the load, rationals may.
+    error = width(e) + doubt + (is_unique ? 0x1p-53 : 0x1p-36 * (most - least));  // the least norm is computed in doubles
+    // If these digits do not tell which contacts have the load, fractions may.
     if ((depends && is_unique) || doubt > 0x1p-30) error = INFINITY;
     return std::fmin(std::fmax(high(e), 0), 1);
   }
 
-  struct Seen {
+  struct Violations {
     std::vector<int> violated;  // the contacts that approach at the limit or faster
-    double margin = INFINITY;   // the least distance of one from that
-    bool certain = true;        // all this
-    bool all_part = true;       // to all digits
+    double margin = INFINITY;   // the least distance of a contact from the limit
+    bool is_certain = true;     // whether the errors leave `violated` without doubt
+    bool all_separate = true;   // no contact approaches, whatever the threshold
   };
-  Seen look(const DD* p, double error, double limit, double doubt) const {
-    Seen seen;
+  Violations find_violations(const DD* p, double error, double limit, double doubt) const {
+    Violations seen;
     std::vector<N> u = assembly.velocities(p);
     for (int i = 0; i < assembly.count; ++i) {
       const AssembledContact& contact = assembly.contacts[i];
-      N off = u[i] + exact(limit) * exact(contact.length);  // the length is rounded, as limit is
+      N off = u[i] + exact(limit) * exact(contact.length);  // both the length and the limit are rounded
       double known = width(off) + error / contact.scale + (doubt + limit * 0x1p-50) * contact.length;
       double distance = std::fabs(high(off));
-      seen.certain = seen.certain && (distance > known || (known == 0 && error == 0));
+      seen.is_certain = seen.is_certain && (distance > known || (known == 0 && error == 0));
       seen.margin = std::fmin(seen.margin, distance / contact.length);
       if (high(off) <= 0 && high(u[i]) < 0) seen.violated.push_back(i);
-      seen.all_part = seen.all_part && high(u[i]) >= 0;
+      seen.all_separate = seen.all_separate && high(u[i]) >= 0;
     }
     return seen;
   }
 
-  // Whether some contact approaches, beyond doubt.
+  // Whether some contact certainly approaches.
   bool approaches(const DD* p, double error) const {
     std::vector<N> u = assembly.velocities(p);
     for (int i = 0; i < assembly.count; ++i)
@@ -153,7 +154,7 @@ struct Reflections {
     return false;
   }
 
-  // p += a q for a power of two; what rounding does to the velocities.
+  // p += a q, for a power of two a. Returns a bound on what its rounding does to the velocities.
   double add(std::vector<DD>& p, double a, const std::vector<DD>& q) const {
     double lost = 0;
     for (int i = 0; i < assembly.count; ++i) {

@@ -1,28 +1,28 @@
-// TableClusters clusters from tables.
+// Resolve clusters whose bodies and contacts are columns of tables: see batch/resolve_scenes.py.
 #pragma once
 #include "cluster.hpp"
 
-// What is options, as in resolve_scenes.py, and where the answers go. A quantity of bodies or contacts is a row. One cluster
-// is answered after the other.
+// The tables, the options, and the arrays for the results. Each quantity is a row of a table, each body or contact a
+// column.
 struct TableClusters {
   const TableLayout& table;
   const double *bodies, *contacts;
   ContactPairs pairs;
-  long count, rows;  // of contacts
-  const std::int64_t *order, *starts;
+  long count, rows;                    // of contacts
+  const std::int64_t *order, *starts;  // contacts by cluster: order[starts[c]] up to order[starts[c + 1]]
   ClusterOptions options;
-  double limit;
-  double *velocity, *spin, *impulse;  // of bodies, and of contacts
-  unsigned char *regime, *status;     // of contacts, and of clusters
-  double *bound, *margin, *energy[4];
+  double limit;  // error bound above which the tolerance is not met
+  double *velocity, *angular_velocity, *impulse;  // of bodies; impulse: of contacts
+  unsigned char *regime, *status;                 // of contacts; status: of clusters
+  double *error_bound, *margin, *energy[4];       // of clusters
 
-  // Of the cluster that is answered.
-  std::vector<int> place{};          // of each body, -1: not of it
-  std::vector<std::int64_t> used{};  // its bodies
-  const std::int64_t *first = nullptr, *last = nullptr;
+  // The current cluster.
+  std::vector<int> place{};          // for each body, its place in the cluster, or -1
+  std::vector<std::int64_t> used{};  // the bodies of the cluster
+  const std::int64_t *first = nullptr, *last = nullptr;  // its contacts
 
-  // Of several contacts without copies.
-  void answer(long cluster) {
+  // Resolve a cluster of several contacts. Its status is LEFT_TO_PYTHON if Python must do that.
+  void resolve(long cluster) {
     first = order + starts[cluster];
     last = order + starts[cluster + 1];
     used.clear();
@@ -34,47 +34,47 @@ struct TableClusters {
       for (int i = 0; i < 8; ++i) x[i] = table.contact[i] < 0 || table.contact[i] >= rows ? 0 : contacts[table.contact[i] * count + k];
     };
     ClusterParts parts = take_parts(pairs, first, last, place, used, body, contact);
-    status[cluster] = parts.has_copies() ? LEFT_TO_PYTHON : answer(cluster, parts);
+    status[cluster] = parts.has_copies() ? LEFT_TO_PYTHON : resolve(cluster, parts);
   }
 
  private:
-  Code answer(long number, ClusterParts& parts) {
+  Code resolve(long number, ClusterParts& parts) {
     Cluster cluster(parts, options.law == LAW_FRICTIONLESS);
-    if (cluster.fault) return refused(number, static_cast<Code>(cluster.fault));
+    if (cluster.fault) return refuse(number, static_cast<Code>(cluster.fault));
     ClusterResult result = resolve_cluster(cluster, options);
     if (result.code == LEFT_TO_PYTHON) return LEFT_TO_PYTHON;
-    if (result.code != STATUS_OK) return refused(number, result.code);
+    if (result.code != STATUS_OK) return refuse(number, result.code);
     const ImpulseEffect& effect = result.effect;
     const long n = pairs.bodies;
     for (size_t i = 0; i < used.size(); ++i) {
       const double* after = cluster.movable_place[i] < 0 ? nullptr : &effect.twists[6 * cluster.movable_place[i]];
       for (int k = 0; after && k < table.axes; ++k) velocity[k * n + used[i]] = after[k];
-      for (int k = table.first_spin; after && k < 3; ++k) spin[(k - table.first_spin) * n + used[i]] = after[3 + k];
+      for (int k = table.first_spin; after && k < 3; ++k) angular_velocity[(k - table.first_spin) * n + used[i]] = after[3 + k];
     }
     for (auto k = first; k != last; ++k) {
       size_t i = k - first;
       for (int axis = 0; axis < table.axes; ++axis) impulse[axis * count + *k] = effect.impulses[3 * i + axis];
       regime[*k] = effect.regimes[i];
     }
-    bound[number] = effect.error_bound;
+    error_bound[number] = effect.error_bound;
     margin[number] = result.margin;
     for (int i = 0; i < 4; ++i) energy[i][number] = effect.energies[i];
     return effect.error_bound <= limit ? (effect.is_separating() ? STATUS_SEPARATING : STATUS_OK) : STATUS_TOLERANCE_NOT_MET;
   }
 
-  // The answer that there is none. The bodies that could move have no velocity that is known.
-  Code refused(long number, Code code) {
+  // Write that there is no answer: the velocities of movable bodies are unknown.
+  Code refuse(long number, Code code) {
     const long n = pairs.bodies;
     for (std::int64_t body : used) {
       if (!(bodies[body] < INFINITY)) continue;
       for (int k = 0; k < table.axes; ++k) velocity[k * n + body] = NAN;
-      for (int k = table.first_spin; k < 3; ++k) spin[(k - table.first_spin) * n + body] = NAN;
+      for (int k = table.first_spin; k < 3; ++k) angular_velocity[(k - table.first_spin) * n + body] = NAN;
     }
     for (auto k = first; k != last; ++k) {
       for (int axis = 0; axis < table.axes; ++axis) impulse[axis * count + *k] = NAN;
       regime[*k] = 0;
     }
-    bound[number] = margin[number] = NAN;
+    error_bound[number] = margin[number] = NAN;
     for (double* one : energy) one[number] = NAN;
     return code;
   }
