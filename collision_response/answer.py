@@ -1,4 +1,4 @@
-"""What an answer holds, and how it reads."""
+"""The answer to a request for one impact, and its presentation as text."""
 
 from __future__ import annotations
 
@@ -26,38 +26,40 @@ NUMBERS = (
     "energy_lost_friction",
     "error_bound",
 )
-"""Fields of :class:`Impact` that are one number; messages and recordings have them by the same names."""
+"""The fields of :class:`Impact` that are single numbers. Messages and recordings use the same names."""
 
 
 class Impact(NamedTuple):
-    """The answer to one request. ``print`` shows it as a table.
+    """The answer to a request for one impact. ``print`` shows it as a table.
 
     Attributes:
         status: OK, SEPARATING or TOLERANCE_NOT_MET.
-        contact: as used, its coefficients numbers. Friction that Routh's laws follow as a function of slip
-            speed is given at first touch: a constant of that value would give another answer.
-        model: as used, every AUTO decided.
-        twist_a, twist_b: of the bodies' reference points after the impact, in world axes [m/s, rad/s].
-        change_a, change_b: what the impact changed of them.
-        impulse: on body_a, in world axes [N s].
-        normal_impulse: its part along the normal, >= 0 [N s].
-        tangential_impulse: the length of the rest [N s].
-        normal_velocity_before, normal_velocity_after: of body_a relative to body_b at the contact
-            [m/s]; negative when approaching.
-        effective_mass: of the two bodies along the normal [kg].
-        kinetic_energy_before, kinetic_energy_after: of the dynamic bodies [J]. Of an articulated body only
-            the change is known: it counts as 0 before, and as its change after.
-        energy_lost_restitution, energy_lost_friction: work done against the normal and against the
+        contact: the contact with the coefficients that were used, as numbers. For friction that Routh's laws
+            follow as a function of the slip speed, this is its value at the initial slip speed; a constant
+            friction of that value would give another answer.
+        model: the model that was used, with every AUTO decided.
+        twist_a, twist_b: twists of the bodies' reference points after the impact, in world axes [m/s, rad/s].
+        change_a, change_b: changes of these twists by the impact.
+        impulse: impulse on body_a, in world axes [N s]; the impulse on body_b is its negative.
+        normal_impulse: component of the impulse along the normal, >= 0 [N s].
+        tangential_impulse: length of the rest of the impulse [N s].
+        normal_velocity_before, normal_velocity_after: normal velocity of body_a relative to body_b at the
+            contact [m/s]; negative if the bodies approach.
+        effective_mass: effective mass of the two bodies along the normal [kg].
+        kinetic_energy_before, kinetic_energy_after: kinetic energy of the dynamic bodies [J]. Of an
+            articulated body only the change is known: it counts as 0 before the impact, and as the change
+            after it.
+        energy_lost_restitution, energy_lost_friction: work done against the normal impulse and against the
             tangential impulse [J].
-        regime: what friction did.
-        error_bound: upper bound on the relative error of the impulse, and of each twist change
-            ``(dv, dw)`` in the norm ``(m dv.dv + tr(I)/3 dw.dw)^(1/2)``, from rounding and from what
-            was not modelled. For an articulated body ``m`` is 1 over the trace of the linear part of its
-            inverse inertia, and ``tr(I)/3`` 1 over that of the angular part. The bound is infinite where
-            nothing can be said in this precision. Of numbers below 2.3e-308 it does not speak.
-            Where friction is followed as a function of the slip speed, it is an estimate: four
-            times what changes if the path is followed to ten times the tolerance, and eight tolerances of it.
-        adjustments: what was changed from what was asked.
+        regime: what friction did, see :class:`Regime`.
+        error_bound: upper bound on the relative error of the impulse, and of the twist change ``(dv, dw)`` of
+            each body in the norm ``(m dv.dv + tr(I)/3 dw.dw)^(1/2)``. It includes rounding and what the
+            geometry leaves out. For an articulated body, ``1/m`` is the trace of the linear part of its
+            inverse inertia, and ``3/tr(I)`` the trace of the angular part. The bound is infinite if this
+            precision tells nothing. It does not cover numbers below 2.3e-308. If friction is followed as a
+            function of the slip speed, it is an estimate: four times the change of the answer when the path
+            is followed with ten times the tolerance, plus eight times the tolerance.
+        adjustments: how the impact that was computed differs from the request.
     """
 
     status: StatusCode
@@ -82,41 +84,43 @@ class Impact(NamedTuple):
     adjustments: Adjustment
 
     def __str__(self) -> str:
-        """What happened, as a table."""
+        """The answer as a table."""
         return format_impact(self)
 
     def __repr__(self) -> str:
-        """In one line: what to look at first. Every field has its name."""
+        """The most important fields, in one line."""
         chosen = f"{self.status}, {self.model.law}, {self.regime}"
         return f"Impact({chosen}, impulse={format_vector(self.impulse)}, error_bound={self.error_bound:.2g})"
 
 
 def make_impact(
     bodies: Iterable[Body],
-    found: tuple[Any, Any, Any],
+    changes: Any,
+    report: Any,
+    flags: Any,
     contact: Contact,
     model: ImpactModel,
     error_bound: Scalar,
-    limit: float,
+    bound_limit: float,
     *,
     normalised: bool,
 ) -> Impact:
-    """An answer, of the changes, the report and the flags that ``impact.py`` computes.
+    """Make an answer of what ``impact.py`` computes.
 
     Args:
-        bodies: of the request.
-        found: those three. A flag that is undecided counts as false.
-        contact, model: as used, but for what the flags say.
+        bodies: the bodies of the request.
+        changes, report, flags: as :class:`~collision_response.impact.ImpactNumbers` has them, the numbers as
+            they are to appear in the answer. A flag that is undecided counts as false.
+        contact, model: as used, except for what the flags say.
         error_bound: of the changes.
-        limit: the greatest that meets the tolerance.
-        normalised: whether a quaternion was off unit length.
+        bound_limit: the largest error bound that meets the tolerance.
+        normalised: whether a quaternion did not have unit length.
     """
-    changes, report, flags = found
-    slow, fell_back = flags.below_threshold is True, flags.fell_back is True
+    below_threshold, fell_back = flags.below_threshold is True, flags.fell_back is True
     status = StatusCode.SEPARATING if flags.separating is True else StatusCode.OK
     return Impact(
-        status if error_bound <= limit else StatusCode.TOLERANCE_NOT_MET,
-        contact._replace(restitution=report.restitution) if slow else contact,
+        status if error_bound <= bound_limit else StatusCode.TOLERANCE_NOT_MET,
+        contact._replace(restitution=report.restitution) if below_threshold else contact,
         model._replace(law=Law.COULOMB) if fell_back else model,
         report.twist_a,
         report.twist_b,
@@ -128,7 +132,7 @@ def make_impact(
         error_bound=error_bound,
         adjustments=Adjustment(
             normalised * Adjustment.NORMALISED_ORIENTATION
-            | slow * Adjustment.RESTITUTION_THRESHOLD
+            | below_threshold * Adjustment.RESTITUTION_THRESHOLD
             | fell_back * Adjustment.LAW_FALLBACK
             | (flags.massless_spin is True) * Adjustment.MASSLESS_SPIN
             | any(body.inverse_inertia is not None for body in bodies) * Adjustment.ENERGY_CHANGE_ONLY
@@ -137,8 +141,8 @@ def make_impact(
 
 
 def norm_components(body: Body, change: Twist) -> tuple[float, ...]:
-    """The components of a body's twist change, each scaled so that their length is in proportion to the norm
-    of ``error_bound``; one 0 if nothing moves the body.
+    """Scale the components of a body's twist change so that their length is proportional to the norm of
+    ``error_bound``. For an immovable body the result is a single 0.
     """
     if not body.is_movable():
         return (0.0,)
@@ -152,16 +156,17 @@ def norm_components(body: Body, change: Twist) -> tuple[float, ...]:
 
 
 def format_impact(answer: Any, names: tuple[str, str] = ("body_a", "body_b")) -> str:
-    """An :class:`Impact`, or a ``CollisionResult`` message: its fields have the same names.
+    """Format an answer as a table.
 
     Args:
-        answer: what to show.
-        names: of the bodies.
+        answer: an :class:`Impact` or a ``CollisionResult`` message, whose fields have the same names.
+        names: names of the two bodies.
     """
     model, contact = answer.model, answer.contact
     status = StatusCode(getattr(answer.status, "code", answer.status))
-    chosen = Law(model.law), Geometry(model.geometry), Precision(model.precision)
-    touch = [
+    law, geometry, precision = Law(model.law), Geometry(model.geometry), Precision(model.precision)
+    contact_head = ["regime", "e", "mu", "u before [m/s]", "u after [m/s]", "impulse [N s]"]
+    contact_row = [
         str(Regime(answer.regime)),
         *map(format_number, (contact.restitution, contact.friction)),
         *map(format_number, (answer.normal_velocity_before, answer.normal_velocity_after)),
@@ -172,9 +177,8 @@ def format_impact(answer: Any, names: tuple[str, str] = ("body_a", "body_b")) ->
         for name, twist in zip(names, (answer.twist_a, answer.twist_b), strict=True)
     ]
     lines = [
-        f"{status} by {chosen[0]} ({chosen[1]}, {chosen[2]}), "
-        f"relative error at most {answer.error_bound:.2g}",
-        *format_columns(["regime", "e", "mu", "u before [m/s]", "u after [m/s]", "impulse [N s]"], [touch]),
+        f"{status} by {law} ({geometry}, {precision}), relative error at most {answer.error_bound:.2g}",
+        *format_columns(contact_head, [contact_row]),
         *format_columns(["body", "velocity [m/s]", "angular velocity [rad/s]"], bodies),
         format_energies(answer),
     ]
@@ -184,24 +188,24 @@ def format_impact(answer: Any, names: tuple[str, str] = ("body_a", "body_b")) ->
 
 
 def format_energies(answer: Any) -> str:
-    """Before and after, and what is lost."""
+    """Format the kinetic energies before and after, and the energy lost."""
     before, after = format_number(answer.kinetic_energy_before), format_number(answer.kinetic_energy_after)
     lost = format_number(answer.energy_lost_restitution), format_number(answer.energy_lost_friction)
     return f"energy {before} -> {after} J; lost: {lost[0]} restitution, {lost[1]} friction"
 
 
 def format_number(x: Scalar) -> str:
-    """A number of six digits; 0 without its sign."""
+    """Format a number with six digits, and -0 as 0."""
     return f"{float(x) + 0.0:.6g}"
 
 
 def format_vector(v: Any) -> str:
-    """A vector."""
+    """Format a vector as "(x, y, z)"."""
     return "(" + ", ".join(map(format_number, (v.x, v.y, v.z))) + ")"
 
 
 def format_columns(head: list[str], rows: list[list[str]]) -> list[str]:
-    """The lines of a table."""
+    """Format a table as lines of left-aligned columns."""
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
     return [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()

@@ -1,4 +1,4 @@
-"""What an impact requires: the least geometry whose answer is exactly that of SPATIAL."""
+"""Decide which geometry an impact requires: the smallest one whose answer is exactly that of SPATIAL."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from .physics.vector import ZERO, Vec3
 
 
 def point_suffices(body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool) -> Condition:
-    """Whether rotation neither moves the contact, as far as the law looks, nor responds to it."""
+    """Whether POINT gives the answer of SPATIAL.
+
+    That is so if rotation changes no velocity that the law uses, and the impulse changes no rotation.
+    """
 
     def is_point_like(body: Body) -> Condition:
         arm = contact.position - body.position
@@ -25,7 +28,7 @@ def point_suffices(body_a: Body, body_b: Body, contact: Contact, *, frictionless
 
 
 def planar_suffices(body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool) -> Condition:
-    """Whether all that matters lies in the x-y plane."""
+    """Whether PLANAR gives the answer of SPATIAL: all that the law uses lies in the x-y plane."""
     in_plane = contact.normal.z == 0
     for body in (body_a, body_b):
         in_plane = in_plane & (contact.position.z == body.position.z) & _turns_about_z(body)
@@ -37,7 +40,7 @@ def planar_suffices(body_a: Body, body_b: Body, contact: Contact, *, frictionles
 
 
 def required_geometry(body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool) -> Geometry:
-    """The least geometry, for plain numbers."""
+    """Return the smallest geometry that gives the answer of SPATIAL, for plain numbers."""
     if point_suffices(body_a, body_b, contact, frictionless=frictionless):
         return Geometry.POINT
     if planar_suffices(body_a, body_b, contact, frictionless=frictionless):
@@ -46,10 +49,10 @@ def required_geometry(body_a: Body, body_b: Body, contact: Contact, *, frictionl
 
 
 def reduce_body(body: Body, geometry: Geometry) -> Body:
-    """A body with what a geometry leaves out taken away."""
+    """Return a body without what a geometry leaves out."""
     if geometry is Geometry.POINT:
         return body._replace(inertia=ZERO_TENSOR, orientation=None, angular_velocity=ZERO, com=ZERO)
-    zz = body.inertia.zz  # only that matters
+    zz = body.inertia.zz  # the only moment that PLANAR uses
     return body._replace(
         inertia=ZERO_TENSOR._replace(xx=zz, yy=zz, zz=zz),
         position=_in_plane(body.position),
@@ -61,7 +64,7 @@ def reduce_body(body: Body, geometry: Geometry) -> Body:
 
 
 def reduce_contact(contact: Contact, geometry: Geometry) -> Contact:
-    """A contact with what a geometry leaves out taken away."""
+    """Return a contact without what a geometry leaves out."""
     if geometry is Geometry.POINT:
         return contact
     return contact._replace(position=_in_plane(contact.position), normal=_in_plane(contact.normal))
@@ -72,12 +75,12 @@ def _in_plane(v: Vec3) -> Vec3:
 
 
 def _is_parallel(v: Vec3, w: Vec3) -> Condition:
-    """Whether two vectors lie along one axis of coordinates: then no rounding can hide a torque."""
+    """Whether two vectors lie along the same coordinate axis, so that their cross product is exactly 0."""
     return all_of((v[i] == 0) | (w[j] == 0) for i in range(3) for j in range(3) if i != j)
 
 
 def _turns_about_z(body: Body) -> Condition:
-    """Whether an impulse in the x-y plane through the centre of mass turns the body about z alone."""
+    """Whether an impulse in the x-y plane of the reference point turns the body about z only."""
     inertia, q = body.inertia, body.orientation
     is_uncoupled = all_zero([inertia.xz, inertia.yz, body.com.z])
     return is_uncoupled if q is None else is_uncoupled & (all_zero([q.x, q.y]) | all_zero(inertia))

@@ -1,14 +1,16 @@
-"""The impact itself: from two bodies, a contact and a decided model to an answer, for any number type.
+"""The formulas of one impact: from two bodies, a contact and a law to the numbers of an answer.
 
-It is what is traced and compiled, what exact rationals and balls run on, and what a gradient runs through:
+They take any number type: floats, fractions, balls, arrays, and the symbols from which the kernels are
+compiled. The steps of :func:`impact` are:
 
-    kinematics   the bodies as seen from their contact      physics/effective_mass.py
-                 rigid, or given by their inverse inertia   physics/inverse_inertia.py
-    law          the impulse                                physics/laws/
-    response     what it changes of the twists
-    report       velocities, energies, what was adjusted
+    kinematics   the two bodies as seen from their contact         physics/effective_mass.py
+                 articulated bodies, by their inverse inertia      physics/inverse_inertia.py
+    law          the impulse, its regime, the energy lost          physics/laws/
+    changes      how the impulse changes the twists
+    report       velocities, energies and the rest of the answer
+    flags        what else must be known about the answer
 
-It takes what :mod:`~collision_response.validity` accepts.
+The bodies and the contact must be valid by :mod:`~collision_response.validity`.
 """
 
 from __future__ import annotations
@@ -26,18 +28,18 @@ from .physics.laws.law import Solution
 from .physics.vector import Vec3
 
 KEEPS_RESTITUTION = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU)
-"""The laws by which the normal velocity after is ``-e`` times that before."""
+"""The laws for which the normal velocity after the impact is ``-e`` times the one before."""
 
 FOLLOWS_SLIP = tuple(law for law in LAWS if law not in (Law.FRICTIONLESS, Law.COULOMB))
-"""The laws that need impulses to change slip and approach apart from each other."""
+"""The laws that need an impulse to be able to change the slip and the approach speed separately."""
 
 
 class Changes(NamedTuple):
-    """What an impact changes: the numbers that ``error_bound`` is about.
+    """The impulse and the changes of the twists: the numbers whose error ``error_bound`` bounds.
 
     Attributes:
-        impulse: on body_a, in world axes [N s].
-        change_a, change_b: of the twists of the bodies' reference points [m/s, rad/s].
+        impulse: impulse on body_a, in world axes [N s].
+        change_a, change_b: changes of the twists of the bodies' reference points [m/s, rad/s].
     """
 
     impulse: Vec3
@@ -46,7 +48,10 @@ class Changes(NamedTuple):
 
 
 class Report(NamedTuple):
-    """What follows from the changes: see :class:`~collision_response.Impact`."""
+    """The numbers of an :class:`~collision_response.Impact` that follow from the changes; see there.
+
+    ``restitution`` is the one that was used: 0 if the approach is slower than the threshold.
+    """
 
     twist_a: Twist
     twist_b: Twist
@@ -64,18 +69,17 @@ class Report(NamedTuple):
 
 
 class Flags(NamedTuple):
-    """What else is to be said of an answer.
+    """Conditions on an answer.
 
     Attributes:
         separating: the bodies do not approach each other.
-        below_threshold: the approach was slower than the threshold, and restitution is 0.
-        fell_back: the law had no sound answer, and this is COULOMB's.
-        massless_spin: a body turned about an axis without inertia, which moved no contact.
-        unfinished: a loop of the law ended by its budget.
-        out_of_range: a number that the answer hangs on is beyond the range, or among the least, which have
-            few digits.
-        unphysical: beyond its error the answer adds energy, pulls, leaves the friction cone, or misses
-            the restitution asked for: a fault of this package.
+        below_threshold: the approach is slower than the restitution threshold, so restitution is taken as 0.
+        fell_back: the law has no sound answer here, and COULOMB answered in its place.
+        massless_spin: a body turns about an axis without inertia; that rotation was left out.
+        unfinished: a loop of the law used up its budget of steps.
+        out_of_range: a number that the answer depends on overflowed, or is so small that it lost digits.
+        unphysical: by more than its error, the answer adds energy, pulls the bodies together, leaves the
+            friction cone, or misses the requested restitution. That would be a fault of this package.
     """
 
     separating: Condition
@@ -88,14 +92,14 @@ class Flags(NamedTuple):
 
 
 class LawResult(NamedTuple):
-    """The impulse, seen from the contact alone.
+    """The result of a law at a contact that may also be separating.
 
     Attributes:
         approaching: whether the bodies approach each other.
-        is_slow: whether they do so more slowly than the threshold.
-        restitution: used.
-        outcome: of the law; it means something only if they approach.
-        impulse: on body_a; 0 if they do not approach.
+        is_slow: whether they approach more slowly than the restitution threshold.
+        restitution: the restitution that was used.
+        outcome: the outcome of the law, which has a meaning only if the bodies approach.
+        impulse: impulse on body_a, 0 if the bodies do not approach [N s].
     """
 
     approaching: Condition
@@ -105,20 +109,20 @@ class LawResult(NamedTuple):
     impulse: Vec3
 
     def if_approaching(self, x: Scalar) -> Scalar:
-        """``x``, or 0."""
+        """Return ``x`` if the bodies approach, else 0."""
         return choose(self.approaching, lambda: x, lambda: self.restitution * 0)
 
     def and_approaching(self, condition: Condition) -> Condition:
-        """Whether they approach and a condition holds; only if they do is it computed."""
+        """Whether the bodies approach and ``condition`` holds. It need not mean anything if they do not."""
         return choose(self.approaching, lambda: condition, lambda: self.approaching)
 
 
 class ImpactNumbers(NamedTuple):
-    """The numbers of an answer.
+    """All that :func:`impact` computes.
 
     Attributes:
-        changes, report, flags: see there.
-        estimated_error: an estimate of the error of the changes, by a law that can give no bound.
+        changes, report, flags: the parts of the answer; see the classes.
+        estimated_error: estimated error of ``changes``, from a law that cannot bound it; else ``None``.
     """
 
     changes: Changes
@@ -133,45 +137,45 @@ DEFAULT = Settings()
 def impact(
     body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Settings = DEFAULT
 ) -> ImpactNumbers:
-    """What becomes of two bodies that collide.
+    """Compute the impact of two bodies by a law, for any number type.
 
     Args:
-        body_a, body_b: of numbers of one type, sound by :mod:`~collision_response.validity`.
-        contact: where they touch; its restitution is a number, and so is its friction but for the laws of
-            ``BY_SPEED``.
-        law: not AUTO.
+        body_a, body_b: the bodies, all numbers of one type, valid by :mod:`~collision_response.validity`.
+        contact: the contact. Its restitution is a number; its friction is a number or, for the laws of
+            ``BY_SPEED``, a function of the slip speed.
+        law: any law except AUTO.
         settings: the numbers of the model.
     """
     kinematics = ContactKinematics.of(body_a, body_b, contact)
-    n, u = kinematics.n, kinematics.u
+    n = kinematics.n
     length = square_root(n.dot(n))
     friction = contact.friction * 0 if law is Law.FRICTIONLESS else contact.friction
-    by_speed = callable(friction)
-    law_result = apply_law(kinematics, Coefficients(contact.restitution, friction, settings), law)
-    approaching, is_slow, e, outcome, impulse = law_result
+    result = apply_law(kinematics, Coefficients(contact.restitution, friction, settings), law)
+    approaching, is_slow, e, outcome, impulse = result
+
     change_a, change_b = kinematics.twist_changes(impulse)
     if outcome.normal_factor is not None:
-        along = law_result.if_approaching(outcome.normal_factor)
-        change_a, change_b = kinematics.twist_changes_along_normal(impulse, along)
-    a, b = _moved(body_a, change_a), _moved(body_b, change_b)
-    u_after = u + kinematics.velocity_change(change_a, change_b)
+        j = result.if_approaching(outcome.normal_factor)
+        change_a, change_b = kinematics.twist_changes_along_normal(impulse, j)
+    after_a, after_b = _with_change(body_a, change_a), _with_change(body_b, change_b)
+    u_after = kinematics.u + kinematics.velocity_change(change_a, change_b)
     normal_impulse = impulse.dot(n) / length
     tangential = impulse - n * (normal_impulse / length)
     report = Report(
-        twist_a=Twist(a.velocity, a.angular_velocity),
-        twist_b=Twist(b.velocity, b.angular_velocity),
+        twist_a=Twist(after_a.velocity, after_a.angular_velocity),
+        twist_b=Twist(after_b.velocity, after_b.angular_velocity),
         normal_impulse=normal_impulse,
         tangential_impulse=square_root(tangential.dot(tangential)),
         normal_velocity_before=kinematics.n_u / length,
         normal_velocity_after=n.dot(u_after) / length,
         effective_mass=n.dot(n) / kinematics.n_Kn,
         kinetic_energy_before=kinetic_energy(body_a) + kinetic_energy(body_b),
-        kinetic_energy_after=kinetic_energy(a)
-        + kinetic_energy(b)
+        kinetic_energy_after=kinetic_energy(after_a)
+        + kinetic_energy(after_b)
         + kinematics.body_a.energy_gained(body_a.velocity, impulse, change_a)
         + kinematics.body_b.energy_gained(body_b.velocity, -impulse, change_b),
-        energy_lost_restitution=law_result.if_approaching(outcome.energy_lost_restitution),
-        energy_lost_friction=law_result.if_approaching(outcome.energy_lost_friction),
+        energy_lost_restitution=result.if_approaching(outcome.energy_lost_restitution),
+        energy_lost_friction=result.if_approaching(outcome.energy_lost_friction),
         restitution=e,
         regime=choose(approaching, lambda: outcome.regime, lambda: 1.0 * Regime.SEPARATING),
     )
@@ -183,10 +187,10 @@ def impact(
         | _is_nonzero(kinematics.body_b.massless_spin),
         unfinished=approaching & outcome.unfinished,
         out_of_range=is_out_of_range(n.dot(n), kinematics.n_Kn)
-        | law_result.and_approaching(
+        | result.and_approaching(
             outcome.out_of_range | is_out_of_range(-kinematics.n_u, -kinematics.n_u / kinematics.n_Kn)
         ),
-        unphysical=not by_speed
+        unphysical=not callable(friction)
         and _is_unphysical(law, kinematics, u_after, impulse, friction, e * kinematics.n_u, approaching),
     )
     error = outcome.estimated_error
@@ -195,13 +199,12 @@ def impact(
 
 
 def apply_law(contact: ContactKinematics, coefficients: Coefficients, law: Law) -> LawResult:
-    """What a law makes of a contact, seen from there."""
+    """Apply a law to a contact, with the restitution threshold; the impulse is 0 if the bodies separate."""
     n, n_u, settings = contact.n, contact.n_u, coefficients.settings
     approaching = n_u < 0
     threshold = settings.restitution_threshold
-    is_slow = approaching & (  # -n_u / |n| < threshold, without the root
-        n_u * n_u < threshold * threshold * n.dot(n)
-    )
+    is_below = n_u * n_u < threshold * threshold * n.dot(n)  # -n_u / |n| < threshold, without the root
+    is_slow = approaching & is_below
     e = choose(is_slow, lambda: coefficients.restitution * 0, lambda: coefficients.restitution)
     laws = BY_SPEED if callable(coefficients.friction) else LAWS
     if settings.law is None:
@@ -210,14 +213,12 @@ def apply_law(contact: ContactKinematics, coefficients: Coefficients, law: Law) 
     outcome = laws[law](contact, coefficients)
     if law in FOLLOWS_SLIP and laws is LAWS and not contact.is_rigid():
         outcome = _or_coulomb(contact, coefficients, outcome)
-    impulse = choose(
-        approaching, lambda: outcome.impulse, lambda: n * 0
-    )  # whatever the law makes of the rest
+    impulse = choose(approaching, lambda: outcome.impulse, lambda: n * 0)
     return LawResult(approaching, is_slow, e, outcome, impulse)
 
 
 def _or_coulomb(contact: ContactKinematics, coefficients: Coefficients, outcome: Outcome) -> Outcome:
-    """The answer of a law; COULOMB's where a mechanism moves one way only, or wedges."""
+    """Replace the outcome by that of COULOMB where a mechanism moves in one direction only, or wedges."""
     fails = contact.is_confined_to_a_line() | contact.has_locked_direction_in_cone(coefficients.friction)
     error = outcome.estimated_error
     return Outcome(
@@ -228,14 +229,14 @@ def _or_coulomb(contact: ContactKinematics, coefficients: Coefficients, outcome:
     )
 
 
-def _moved(body: Body, change: Twist) -> Body:
+def _with_change(body: Body, change: Twist) -> Body:
     return body._replace(
         velocity=body.velocity + change.linear, angular_velocity=body.angular_velocity + change.angular
     )
 
 
-def _is_nonzero(spin: Vec3) -> Condition:
-    return spin.dot(spin) > 0
+def _is_nonzero(v: Vec3) -> Condition:
+    return v.dot(v) > 0
 
 
 def _is_unphysical(
@@ -247,14 +248,14 @@ def _is_unphysical(
     e_n_u: Scalar,
     approaching: Condition,
 ) -> Condition:
-    """Whether the answer breaks what every answer keeps, seen from the changes of the twists alone."""
+    """Whether the changes of the twists break what every answer must keep, by more than their error."""
     n, (work, speed) = contact.n, contact.tolerated_error(P)
     n_P, nn = n.dot(P), n.dot(n)
     tangential = P * nn - n * n_P
-    gains = P.dot(contact.u + u_after) > work
+    gains_energy = P.dot(contact.u + u_after) > work
     pulls = n_P < 0
-    outside = tangential.dot(tangential) > mu * mu * n_P * n_P * nn
-    fault = gains | pulls | outside
+    leaves_cone = tangential.dot(tangential) > mu * mu * n_P * n_P * nn
+    fault = gains_energy | pulls | leaves_cone
     if law in KEEPS_RESTITUTION:
         rebound = n.dot(u_after) + e_n_u
         fault = fault | (rebound > speed) | (rebound < -speed)

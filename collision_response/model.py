@@ -1,4 +1,9 @@
-"""What to model, and how exactly: the numbers of ``msg/ImpactModel.msg``, named; and what AUTO becomes."""
+"""What to model and how exactly, by the names of ``msg/ImpactModel.msg``; and what each AUTO stands for.
+
+AUTO is decided in three places: the law and the precisions here, in :func:`plan_model`, because the model and
+whether there is friction decide them; the geometry in :mod:`~collision_response.geometry`, because the bodies
+and the contact decide it.
+"""
 
 from __future__ import annotations
 
@@ -14,52 +19,53 @@ from .status import ImpactError, StatusCode, format_range, format_value
 
 
 class Geometry(NamedEnum):
-    """How much of the motion is modelled."""
+    """Which motion is modelled."""
 
     AUTO = 1
-    """The cheapest that is exact for the bodies and the contact at hand."""
+    """The smallest geometry that leaves out nothing, for the bodies and the contact of the request."""
     POINT = 2
-    """No rotation."""
+    """Translation only; bodies do not rotate."""
     PLANAR = 3
-    """Motion in the x-y plane, rotation about z."""
+    """Translation in the x-y plane, and rotation about z."""
     SPATIAL = 4
-    """Everything."""
+    """Translation and rotation in space."""
 
 
 class Precision(NamedEnum):
-    """The kinds of arithmetic. Each bounds its own error."""
+    """The arithmetic of the computation. Each kind bounds its own rounding error."""
 
     AUTO = 1
-    """DOUBLE, and where that does not meet the tolerance (without one: bounds nothing), EXTENDED."""
+    """DOUBLE; EXTENDED where the error bound of DOUBLE is above the tolerance, or, without a tolerance, so
+    large that it says nothing."""
     SINGLE = 2
-    """32 bits, some 7 digits; DOUBLE for the laws of paths, which need its digits. One impact takes about as
-    long as in DOUBLE; batches of float32 take half as long."""
+    """float32, about 7 digits. Laws that follow a path of the impulse run in DOUBLE, whose digits they need.
+    One impact takes about as long as in DOUBLE; a batch of float32 takes half as long."""
     DOUBLE = 3
-    """64 bits, some 16 digits."""
+    """float64, about 16 digits."""
     EXTENDED = 4
-    """Right to a unit in the last place: by some 32 digits, and by as many as it takes where that is not
-    enough and python-flint is installed. A law that takes steps leaves what they miss: the bound says how
-    much."""
+    """Right to one unit in the last place of float64: with about 32 digits, and where these are not enough,
+    with as many as it takes if python-flint is installed. A law that integrates in steps still has the error
+    of its steps, which the bound includes."""
 
 
 class Adjustment(IntFlag):
-    """What was changed from what was asked."""
+    """How the impact that was computed differs from the request."""
 
     NONE = 0
     NORMALISED_ORIENTATION = 1
-    """A quaternion was not of unit length."""
+    """A quaternion did not have unit length and was normalised."""
     RESTITUTION_THRESHOLD = 2
-    """The approach was slower than ``restitution_threshold``: restitution was taken as 0."""
+    """The approach was slower than ``restitution_threshold``, so restitution was taken as 0."""
     LAW_FALLBACK = 4
-    """MOREAU has no solution, or would create energy; or a mechanism moves one way only, or wedges: COULOMB
-    answered."""
+    """COULOMB answered in place of the law. Either MOREAU has no solution or would create energy, or friction
+    acts on a mechanism that moves in one direction only, or wedges."""
     MASSLESS_SPIN = 8
-    """A body turned about an axis without inertia: that rotation was left out, it moves no contact."""
+    """A body turned about an axis without inertia. That rotation moves no contact and was left out."""
     ENERGY_CHANGE_ONLY = 16
-    """A body is articulated: of its kinetic energy only the change is known, so it counts from 0."""
+    """A body is articulated: only the change of its kinetic energy is known, so its energy counts from 0."""
 
     def __str__(self) -> str:
-        """The names of what was changed."""
+        """The names of the flags that are set."""
         return ", ".join(flag.name or "" for flag in Adjustment if flag & self) or "NONE"
 
 
@@ -67,13 +73,14 @@ class ImpactModel(NamedTuple):
     """What to model, and how exactly.
 
     Attributes:
-        law: see :class:`Law`.
-        geometry: see :class:`Geometry`.
-        precision: see :class:`Precision`.
-        tolerance: greatest relative error of the impulse wanted, >= 0; 0: any that is known. Without one
-            AUTO tries harder above ``USEFUL_BOUND``.
+        law: the impact law, see :class:`Law`.
+        geometry: which motion is modelled, see :class:`Geometry`.
+        precision: the arithmetic, see :class:`Precision`.
+        tolerance: largest acceptable relative error of the impulse and of the twist changes, >= 0. An answer
+            whose error bound is above it has the status TOLERANCE_NOT_MET. 0 accepts every finite bound; AUTO
+            then tries EXTENDED if the bound is above 2^-20.
         tangential_restitution: ``e_t`` in [-1, 1], for COULOMB.
-        restitution_threshold: approach speed [m/s] under which restitution is taken as 0, >= 0.
+        restitution_threshold: approach speed [m/s] below which restitution is taken as 0, >= 0.
         stiffness_ratio: tangential over normal stiffness of the contact, in [1e-6, 1e6], for COMPLIANT: see
             :func:`~collision_response.physics.stiffness.stiffness_ratio`.
     """
@@ -90,20 +97,23 @@ class ImpactModel(NamedTuple):
 DEFAULT = ImpactModel()
 
 STIFFNESS_RATIOS = 1e-6, 1e6
-"""Greater and smaller ones differ from ROUTH_STRONGE and FRICTIONLESS by less than any measurement shows."""
+"""The range of ``stiffness_ratio``. Beyond it COMPLIANT differs from ROUTH_STRONGE, or from FRICTIONLESS, by
+less than any measurement shows."""
 
 
 class ModelPlan(NamedTuple):
-    """What a model asks of the kernels: what AUTO stands for, as far as the model decides it.
+    """What a model asks of the kernels, with AUTO decided as far as the model alone decides it.
 
     Attributes:
-        law_without_friction, law_with_friction: for a contact.
-        geometry: AUTO becomes what the impact requires, see :mod:`~collision_response.geometry`.
-        first_precision, last_precision: precisions to climb through until the bound is low enough.
-        target_bound: error bound to climb to.
-        bound_limit: error bound above which the tolerance is not met.
+        law_without_friction, law_with_friction: the laws for contacts without and with friction.
+        geometry: as in the model. AUTO becomes what the bodies and the contact require, see
+            :mod:`~collision_response.geometry`.
+        first_precision, last_precision: the precisions to try, from the first up to the last, until the error
+            bound is at most ``target_bound``.
+        target_bound: the error bound to aim for.
+        bound_limit: the error bound above which the answer does not meet the tolerance; >= ``target_bound``.
         settings: the numbers of the model, as floats.
-        settings_errors: of those, where they were none.
+        settings_errors: the rounding errors of those conversions to float.
     """
 
     law_without_friction: Law
@@ -118,79 +128,81 @@ class ModelPlan(NamedTuple):
 
 
 def plan_model(model: ImpactModel) -> ModelPlan:
-    """What a model comes to.
+    """Decide what a model asks of the kernels.
 
     Raises:
-        ImpactError: NOT_FINITE, INVALID_MODEL or INVALID_COEFFICIENT.
-        TypeError: it is no model.
+        ImpactError: NOT_FINITE, INVALID_MODEL or INVALID_COEFFICIENT, as :func:`check_model`.
+        TypeError: if ``model`` is not an :class:`ImpactModel`, or a number of it is not a real number.
     """
     check_model(model)
     law, geometry, precision = model[:3]
     given = [getattr(model, name) for name in Settings._fields]
     settings = Settings(*map(float, given))
-    limit = settings.tolerance or LARGEST_BOUND
+    bound_limit = settings.tolerance or LARGEST_BOUND
     return ModelPlan(
-        law_for(law, has_friction=False),
-        law_for(law, has_friction=True),
-        geometry,
-        _first(precision, settings.tolerance),
-        Precision.EXTENDED if precision is Precision.AUTO else precision,
-        _wanted(precision, limit),
-        limit,
-        settings,
-        Settings(*map(_lost, settings, given)),
+        law_without_friction=law_for(law, has_friction=False),
+        law_with_friction=law_for(law, has_friction=True),
+        geometry=geometry,
+        first_precision=_first_precision(precision, settings.tolerance),
+        last_precision=Precision.EXTENDED if precision is Precision.AUTO else precision,
+        target_bound=_target_bound(precision, bound_limit),
+        bound_limit=bound_limit,
+        settings=settings,
+        settings_errors=Settings(*map(_conversion_error, settings, given)),
     )
 
 
-def _lost(x: float, given: Any) -> float:
-    """What rounding to a float may have cost."""
-    return 0.0 if x == given else abs(x) * 2.0**-53
-
-
 def law_for(law: Law, *, has_friction: bool) -> Law:
-    """What a law comes to, for contacts with friction or without."""
+    """Return the law that AUTO stands for; any other law as it is."""
     if law is not Law.AUTO:
         return law
     return Law.COULOMB if has_friction else Law.FRICTIONLESS
 
 
-def _first(precision: Precision, tolerance: float) -> Precision:
+def _first_precision(precision: Precision, tolerance: float) -> Precision:
     if precision is not Precision.AUTO:
         return precision
     return Precision.EXTENDED if 0 < tolerance < LEAST_DOUBLE_BOUND else Precision.DOUBLE
 
 
-LEAST_DOUBLE_BOUND = 2.0**-48
-"""An error bound that DOUBLE hardly ever gets below: AUTO does not try."""
-
-
-def _wanted(precision: Precision, limit: float) -> float:
+def _target_bound(precision: Precision, bound_limit: float) -> float:
     if precision is Precision.EXTENDED:
-        return min(limit, ULP)
-    return min(limit, USEFUL_BOUND) if precision is Precision.AUTO else limit
+        return min(bound_limit, ULP)
+    return min(bound_limit, USEFUL_BOUND) if precision is Precision.AUTO else bound_limit
 
+
+def _conversion_error(x: float, given: Any) -> float:
+    """Bound the error of ``x = float(given)``."""
+    return 0.0 if x == given else abs(x) * 2.0**-53
+
+
+LEAST_DOUBLE_BOUND = 2.0**-48
+"""DOUBLE rarely reaches an error bound below this, so AUTO does not try it for a smaller tolerance."""
 
 USEFUL_BOUND = 2.0**-20
-"""An error bound above this hardly says anything: AUTO tries a better precision."""
+"""An error bound above this says little, so AUTO tries a better precision."""
 
 LARGEST_BOUND = math.nextafter(math.inf, 0.0)
-"""The greatest error bound that says anything."""
+"""The largest finite error bound."""
 
 ULP = 2.0**-52
-"""A unit in the last place, at its largest relative to a number: what EXTENDED promises."""
+"""One unit in the last place of a float64, at most, relative to the number: what EXTENDED aims for."""
 
 
 def model_as_used(model: ImpactModel, law: int, geometry: int, precision: int) -> ImpactModel:
-    """The model as used."""
+    """Return the model with these in place of each AUTO."""
     return model._replace(law=Law(law), geometry=Geometry(geometry), precision=Precision(precision))
 
 
 def check_model(model: Any) -> None:
-    """Accept a model, or say what is wrong with it.
+    """Check that a model can be used.
 
     Raises:
-        ImpactError: NOT_FINITE, INVALID_MODEL or INVALID_COEFFICIENT.
-        TypeError: it is no model.
+        ImpactError: NOT_FINITE, if a number is not finite. INVALID_MODEL, if ``law``, ``geometry`` or
+            ``precision`` is not a member of its enumeration, or ``tolerance`` or ``restitution_threshold`` is
+            negative. INVALID_COEFFICIENT, if ``tangential_restitution`` or ``stiffness_ratio`` is out of
+            range.
+        TypeError: if ``model`` is not an :class:`ImpactModel`, or a number of it is not a real number.
     """
     if not isinstance(model, ImpactModel):
         hint = f": write ImpactModel(law=Law.{model})" if isinstance(model, Law) else ""
@@ -199,11 +211,8 @@ def check_model(model: Any) -> None:
         value = getattr(model, field)
         if not isinstance(value, kind):
             known = ", ".join(f"{member.name} ({member.value})" for member in kind)
-            raise ImpactError(
-                StatusCode.INVALID_MODEL,
-                f"model.{field}",
-                f"must be one of {known}; is {format_value(value)}",
-            )
+            reason = f"must be one of {known}; is {format_value(value)}"
+            raise ImpactError(StatusCode.INVALID_MODEL, f"model.{field}", reason)
     for field, least, most, code in (
         ("tangential_restitution", -1, 1, StatusCode.INVALID_COEFFICIENT),
         ("tolerance", 0, math.inf, StatusCode.INVALID_MODEL),
@@ -213,17 +222,28 @@ def check_model(model: Any) -> None:
         check_number(f"model.{field}", getattr(model, field), least, most, code)
 
 
-def check_by_one_code(field: str, value: Any, least: float, most: float, code: StatusCode) -> None:
-    """As :func:`check_number`, with one code for all that is wrong with a number."""
-    try:
-        check_number(field, value, least, most, code)
-    except ImpactError as error:
-        raise ImpactError(code, field, error.reason) from None
+def check_number(
+    field: str,
+    value: Any,
+    least: float,
+    most: float,
+    code: StatusCode,
+    not_finite: StatusCode = StatusCode.NOT_FINITE,
+) -> None:
+    """Check that a value is a finite real number in ``[least, most]``.
 
+    Args:
+        field: the name of the value, for the error.
+        value: the value to check.
+        least, most: the range.
+        code: the code of the error if the value is out of range.
+        not_finite: the code of the error if the value is infinite or NaN.
 
-def check_number(field: str, value: Any, least: float, most: float, code: StatusCode) -> None:
-    """Raises: ImpactError: NOT_FINITE, or ``code`` beyond the limits. TypeError: no real number."""
-    is_truth = type(value).__name__.startswith(("bool", "Masked"))  # NumPy's; one that is masked is none
+    Raises:
+        ImpactError: ``code`` or ``not_finite``.
+        TypeError: if ``value`` is not a real number: a boolean, a complex number, text or an array.
+    """
+    is_truth = type(value).__name__.startswith(("bool", "Masked"))  # also NumPy's bool_ and masked values
     is_number = hasattr(value, "__float__") and not getattr(value, "shape", ())
     if is_truth or isinstance(value, (complex, str)) or not is_number:
         raise TypeError(f"{field}: must be a real number, is {value!r}")
@@ -234,6 +254,6 @@ def check_number(field: str, value: Any, least: float, most: float, code: Status
     except TypeError:  # an array
         raise TypeError(f"{field}: must be a real number, is {value!r}") from None
     if not finite:
-        raise ImpactError(StatusCode.NOT_FINITE, field, f"must be finite; is {format_value(value, str)}")
+        raise ImpactError(not_finite, field, f"must be finite; is {format_value(value, str)}")
     if not least <= value <= most:
         raise ImpactError(code, field, f"must be {format_range(least, most)}; is {format_value(value, str)}")

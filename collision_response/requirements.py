@@ -20,7 +20,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from .answer import Impact, norm_components
-from .model import ULP, Geometry, ImpactModel, Precision, check_by_one_code
+from .model import ULP, Geometry, ImpactModel, Precision, check_number
 from .physics.body import Body
 from .physics.contact import Contact
 from .physics.laws import Law
@@ -196,7 +196,8 @@ def scene_requirements(
 
 
 def _check_tolerance(tolerance: Any) -> None:
-    check_by_one_code("tolerance", tolerance, 0, math.inf, StatusCode.INVALID_MODEL)
+    invalid = StatusCode.INVALID_MODEL
+    check_number("tolerance", tolerance, 0, math.inf, invalid, not_finite=invalid)
     if tolerance == 0:
         raise ImpactError(StatusCode.INVALID_MODEL, "tolerance", f"must be above 0, is {tolerance}")
 

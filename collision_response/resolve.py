@@ -1,10 +1,21 @@
-"""The front door for one impact: check, decide, compute in growing precision, answer."""
+"""Resolve one impact: the compiled kernels answer nearly every request, Python the few that they hand over.
+
+A request takes this path:
+
+1. ``kernels/module.cpp`` reads the bodies and the contact, checks them by the rules of ``validity.py``, and
+   computes the formulas of ``impact.py`` in the first precision of the model's plan (``plan_model`` in
+   ``model.py``), then in the next ones, until the error bound is low enough.
+2. If the bound is still too large, ``in_python/arbitrary_precision.py`` computes with as many digits as it
+   takes.
+3. What the kernels cannot compute at all they hand over to :func:`_resolve_in_python`: fractions, functions
+   for coefficients, a geometry that leaves out part of the impact, and requests that break a rule.
+"""
 
 from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any
+from typing import Any, NoReturn
 
 from . import validity
 from .answer import Impact, norm_components
@@ -30,83 +41,144 @@ from .physics.laws import BY_SPEED, Law, Regime
 from .physics.vector import Vec3
 from .status import ImpactError, StatusCode
 
-NOT_MET = StatusCode.TOLERANCE_NOT_MET
-"""Of the kernels: look for more digits; it may turn out that these are enough for what was asked."""
+TOLERANCE_NOT_MET = StatusCode.TOLERANCE_NOT_MET
 
 
 def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = DEFAULT) -> Impact:
-    """The twists of two bodies after they collide.
+    """Compute the impact of two bodies: their twists afterwards, and how exact these are.
 
     Args:
-        body_a: one body; the contact's normal points to it. If a number of the request is a
-            :class:`fractions.Fraction`, FRICTIONLESS answers exactly, in fractions.
+        body_a: one body. The contact's normal points from ``body_b`` to ``body_a``.
         body_b: the other body.
-        contact: where they touch, and the coefficients.
+        contact: where the bodies touch, with restitution and friction.
         model: what to model, and how exactly.
 
     Returns:
-        The twists, how they were computed and how exactly, and what became of the energy.
+        The twists after the impact, the impulse, the energies, the model that was used, and a bound on the
+        relative error. If a number of the request is a :class:`fractions.Fraction` and the law is
+        FRICTIONLESS, the answer is exact and consists of fractions.
 
     Raises:
-        ImpactError: the request cannot be answered; its ``code``, ``field`` and ``reason`` say why.
-        TypeError: a field is not of the kind that it should be.
+        ImpactError: if the request cannot be answered. Its ``code``, ``field`` and ``reason`` say why.
+        TypeError: if an argument or one of its fields has the wrong type.
     """
-    impact = library.resolve(body_a, body_b, contact, model)
-    if impact.__class__ is Impact and impact.status is not NOT_MET:
-        return impact
-    return _left_to_python(body_a, body_b, contact, model, impact)
+    answer = library.resolve(body_a, body_b, contact, model)
+    if answer.__class__ is Impact and answer.status is not TOLERANCE_NOT_MET:
+        return answer
+    return _resolve_in_python(body_a, body_b, contact, model, answer)
 
 
-OF_BODIES = Adjustment.NORMALISED_ORIENTATION | Adjustment.MASSLESS_SPIN
-
-
-def _left_to_python(
+def _resolve_in_python(
     body_a: Body, body_b: Body, contact: Contact, model: ImpactModel, answer: Impact | int
 ) -> Impact:
-    """What the kernels do not answer, or not exactly enough: then ``answer`` is theirs, else it says why."""
-    if answer == Handover.INVALID:
-        validity.check_distinct(body_a, body_b)
-        a, b, numeric = arbitrary_precision.read_request(body_a, body_b, contact)
-        e_t = plan_model(model).settings.tangential_restitution
-        validity.check(a, b, numeric, e_t, (body_a, body_b, contact))
-        raise ImpactError(StatusCode.INTERNAL_ERROR, "request", "was refused for no known reason")
+    """Answer a request that the kernels did not answer, or not exactly enough.
+
+    Args:
+        body_a, body_b, contact, model: the request.
+        answer: the kernels' answer, if its error bound is too large; else the number of the
+            :class:`~collision_response.kernels.protocol.Handover` that says why there is no answer.
+    """
+    if isinstance(answer, Impact):
+        return _resolve_more_exactly(body_a, body_b, contact, model, answer)
+    if answer == Handover.NOTHING_KNOWN:
+        return _resolve_more_exactly(body_a, body_b, contact, model, None)
     if answer == Handover.NOT_ONLY_NUMBERS:
-        if contact.tangential_restitution is not None:
-            return _with_own_tangential(body_a, body_b, contact, model)
-        contact = _with_numbers(body_a, body_b, contact, model)
-        if callable(contact.friction):
-            return _along_path(body_a, body_b, contact, model)
-        return resolve(body_a, body_b, contact, model)
+        return _resolve_with_functions(body_a, body_b, contact, model)
     if answer == Handover.RATIONAL:
         return exact_fractions.resolve(body_a, body_b, contact, model)
     if answer == Handover.GEOMETRY_TOO_SMALL:
-        return _leaving_out(body_a, body_b, contact, model)
-    may_climb = plan_model(model).last_precision is Precision.EXTENDED
-    more = arbitrary_precision.resolve(body_a, body_b, contact, model) if may_climb else None
-    if more is not None and not (isinstance(answer, Impact) and answer.error_bound < more.error_bound):
-        return more
-    has_threshold = model.restitution_threshold > 0 and contact.restitution > 0
-    if may_climb and has_threshold and model.law is not Law.FRICTIONLESS:
-        decided = _with_threshold_decided(body_a, body_b, contact, model)
-        if decided is not None:
-            return decided
-    if not isinstance(answer, Impact):
+        return _resolve_reduced(body_a, body_b, contact, model)
+    _raise_fault(body_a, body_b, contact, model)
+
+
+def _raise_fault(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> NoReturn:
+    """Raise the error that says which rule a request breaks."""
+    validity.check_distinct(body_a, body_b)
+    a, b, numeric_contact = arbitrary_precision.read_request(body_a, body_b, contact)
+    e_t = plan_model(model).settings.tangential_restitution
+    validity.check(a, b, numeric_contact, e_t, (body_a, body_b, contact))
+    raise ImpactError(StatusCode.INTERNAL_ERROR, "request", "was refused for no known reason")
+
+
+def _resolve_more_exactly(
+    body_a: Body, body_b: Body, contact: Contact, model: ImpactModel, answer: Impact | None
+) -> Impact:
+    """Answer with more digits than the kernels have, as far as the model allows more and more digits help.
+
+    Args:
+        body_a, body_b, contact, model: the request.
+        answer: the best answer of the kernels; ``None`` if they know no number of it.
+    """
+    plan = plan_model(model)
+    if plan.last_precision is Precision.EXTENDED:
+        more = arbitrary_precision.resolve(body_a, body_b, contact, model)
+        if more is not None and (answer is None or not answer.error_bound < more.error_bound):
+            return more
+        has_threshold = model.restitution_threshold > 0 and contact.restitution > 0
+        if has_threshold and model.law is not Law.FRICTIONLESS:
+            decided = _resolve_with_threshold_decided(body_a, body_b, contact, model)
+            if decided is not None:
+                return decided
+    if answer is None:
         raise library.refusal(StatusCode.OUT_OF_RANGE)
-    return (
-        answer._replace(status=_status(answer))
-        if answer.error_bound <= plan_model(model).bound_limit
-        else answer
+    if answer.error_bound <= plan.bound_limit:
+        # The kernels aimed at plan.target_bound, which may be lower.
+        is_separating = answer.regime is Regime.SEPARATING
+        return answer._replace(status=StatusCode.SEPARATING if is_separating else StatusCode.OK)
+    return answer
+
+
+def _resolve_with_threshold_decided(
+    body_a: Body, body_b: Body, contact: Contact, model: ImpactModel
+) -> Impact | None:
+    """Answer where double-doubles leave open whether the approach is slower than the restitution threshold.
+
+    For a law that follows a path of the impulse, more digits do not make the result more exact. But whether
+    the threshold applies does not depend on the law, so FRICTIONLESS decides it with as many digits as it
+    takes.
+
+    Returns:
+        The answer, or ``None`` if no number of digits decides.
+    """
+    elastic = contact._replace(restitution=1.0, friction=0.0)
+    frictionless = model._replace(law=Law.FRICTIONLESS, precision=Precision.EXTENDED, tolerance=0.0)
+    approach = resolve(body_a, body_b, elastic, frictionless)
+    if not approach.error_bound <= USEFUL_BOUND:
+        return None
+    is_below = Adjustment.RESTITUTION_THRESHOLD in approach.adjustments
+    used = contact._replace(restitution=0.0) if is_below else contact
+    impact = resolve(body_a, body_b, used, model._replace(restitution_threshold=0.0))
+    return impact._replace(
+        model=impact.model._replace(restitution_threshold=model.restitution_threshold),
+        adjustments=impact.adjustments | (is_below * Adjustment.RESTITUTION_THRESHOLD),
     )
 
 
-def _status(answer: Impact) -> StatusCode:
-    return StatusCode.SEPARATING if answer.regime is Regime.SEPARATING else StatusCode.OK
+def _resolve_with_functions(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:
+    """Answer where a coefficient is a function, or the contact has its own tangential restitution."""
+    e_t = contact.tangential_restitution
+    if e_t is not None:
+        check_number("contact.tangential_restitution", e_t, -1, 1, StatusCode.INVALID_COEFFICIENT)
+        contact = contact._replace(tangential_restitution=None)
+        impact = resolve(body_a, body_b, contact, _model_with_tangential_restitution(model, e_t))
+        return impact._replace(contact=impact.contact._replace(tangential_restitution=e_t))
+    contact = _with_initial_coefficients(body_a, body_b, contact, model)
+    if not callable(contact.friction):
+        return resolve(body_a, body_b, contact, model)
+    followed = friction_along_path.resolve(body_a, body_b, contact, model)
+    return _resolve_reduced(body_a, body_b, contact, model) if followed is None else followed
 
 
-def _with_numbers(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Contact:
-    """The contact with the coefficients that its functions give for the speeds at first touch.
+@lru_cache(maxsize=64)
+def _model_with_tangential_restitution(model: ImpactModel, e_t: Any) -> ImpactModel:
+    """Cached, because the kernels look up the plan of a model by the identity of the model."""
+    return model._replace(tangential_restitution=e_t)
 
-    Friction stays a function for laws that follow it on its way.
+
+def _with_initial_coefficients(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Contact:
+    """Evaluate the coefficients that are functions, at the approach and slip speed before the impact.
+
+    Friction stays a function for the laws that follow it along the path of the impulse.
     """
     if callable(contact.friction) and model.law not in BY_SPEED:
         law = law_for(model.law, has_friction=True)
@@ -114,99 +186,68 @@ def _with_numbers(body_a: Body, body_b: Body, contact: Contact, model: ImpactMod
         contact = contact._replace(friction=mu)
     if callable(contact.restitution):
         elastic = contact._replace(restitution=1.0, friction=0.0)
-        simple = model._replace(restitution_threshold=0.0, tolerance=0.0, precision=Precision.EXTENDED)
-        before = resolve(body_a, body_b, elastic, simple).normal_velocity_before
-        e = restitution_at_speed(float(max(-before, 0.0)), contact, "contact")
+        exact = model._replace(restitution_threshold=0.0, tolerance=0.0, precision=Precision.EXTENDED)
+        normal_velocity = resolve(body_a, body_b, elastic, exact).normal_velocity_before
+        e = restitution_at_speed(float(max(-normal_velocity, 0.0)), contact, "contact")
         contact = contact._replace(restitution=e)
     return contact
 
 
-def _along_path(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:
-    """The answer where friction is a function, by a law that follows it."""
-    impact = friction_along_path.resolve(body_a, body_b, contact, model)
-    return _leaving_out(body_a, body_b, contact, model) if impact is None else impact
+BODY_ADJUSTMENTS = Adjustment.NORMALISED_ORIENTATION | Adjustment.MASSLESS_SPIN
+"""Adjustments of bodies, which a reduced geometry no longer shows."""
 
 
-def _with_threshold_decided(
-    body_a: Body, body_b: Body, contact: Contact, model: ImpactModel
-) -> Impact | None:
-    """The answer by a law that more digits make no more exact; ``None`` if no digits decide the threshold.
+def _resolve_reduced(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:
+    """Answer in a geometry that leaves out part of the impact. The error bound counts what is left out.
 
-    Whether an approach is slower than that no law decides, so FRICTIONLESS does.
+    Raises:
+        ImpactError: INVALID_MODEL, if a body is articulated. INVALID_NORMAL, if the geometry is PLANAR and
+            the normal is along z.
     """
-    bare = model._replace(law=Law.FRICTIONLESS, precision=Precision.EXTENDED, tolerance=0.0)
-    approach = resolve(body_a, body_b, contact._replace(restitution=1.0, friction=0.0), bare)
-    if not approach.error_bound <= USEFUL_BOUND:
-        return None
-    is_slow = Adjustment.RESTITUTION_THRESHOLD in approach.adjustments
-    used = contact._replace(restitution=0.0) if is_slow else contact
-    impact = resolve(body_a, body_b, used, model._replace(restitution_threshold=0.0))
-    return impact._replace(
-        model=impact.model._replace(restitution_threshold=model.restitution_threshold),
-        adjustments=impact.adjustments | (is_slow * Adjustment.RESTITUTION_THRESHOLD),
-    )
-
-
-def _with_own_tangential(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:
-    """The answer where the contact, not the model, says what the tangential restitution is."""
-    e_t = contact.tangential_restitution
-    check_number("contact.tangential_restitution", e_t, -1, 1, StatusCode.INVALID_COEFFICIENT)
-    given = contact._replace(tangential_restitution=None)
-    impact = resolve(body_a, body_b, given, model_with(model, e_t))
-    return impact._replace(contact=impact.contact._replace(tangential_restitution=e_t))
-
-
-@lru_cache(maxsize=64)
-def model_with(model: ImpactModel, tangential_restitution: Any) -> ImpactModel:
-    """Equal ones are one object: the kernels remember by that what a model comes to."""
-    return model._replace(tangential_restitution=tangential_restitution)
-
-
-def _leaving_out(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:
-    """The answer of a geometry that leaves out what matters; the bound counts that too."""
     geometry = model.geometry
     if body_a.is_articulated() or body_b.is_articulated():
         reason = f"must be AUTO or SPATIAL for an articulated body, is {geometry.name}"
         raise ImpactError(StatusCode.INVALID_MODEL, "model.geometry", reason)
     if geometry is Geometry.PLANAR and not (contact.normal[0] or contact.normal[1]):
-        reason = f"has no part in the x-y plane, which is all that PLANAR models: {tuple(contact.normal)}"
+        reason = f"must not be along z in the geometry PLANAR; is {tuple(contact.normal)}"
         raise ImpactError(StatusCode.INVALID_NORMAL, "contact.normal", reason)
-    whole = resolve(body_a, body_b, contact, model._replace(geometry=Geometry.SPATIAL))
-    flat_a, flat_b = (reduce_body(body, geometry) for body in (body_a, body_b))
-    flat = resolve(flat_a, flat_b, reduce_contact(contact, geometry), model)
-    bound = max(
-        flat.error_bound,
-        _apart(flat.impulse, whole.impulse, whole.error_bound),
-        _apart(
-            norm_components(body_a, flat.change_a), norm_components(body_a, whole.change_a), whole.error_bound
-        ),
-        _apart(
-            norm_components(body_b, flat.change_b), norm_components(body_b, whole.change_b), whole.error_bound
-        ),
-    )
-    limit = plan_model(model).bound_limit
-    return flat._replace(
-        status=flat.status if bound <= limit else StatusCode.TOLERANCE_NOT_MET,
-        twist_a=_sum(body_a, flat.change_a),
-        twist_b=_sum(body_b, flat.change_b),
-        kinetic_energy_before=whole.kinetic_energy_before,
-        kinetic_energy_after=whole.kinetic_energy_before
-        + flat.kinetic_energy_after
-        - flat.kinetic_energy_before,
+    full = resolve(body_a, body_b, contact, model._replace(geometry=Geometry.SPATIAL))
+    reduced_a, reduced_b = (reduce_body(body, geometry) for body in (body_a, body_b))
+    reduced = resolve(reduced_a, reduced_b, reduce_contact(contact, geometry), model)
+    compared = [
+        (reduced.impulse, full.impulse),
+        (norm_components(body_a, reduced.change_a), norm_components(body_a, full.change_a)),
+        (norm_components(body_b, reduced.change_b), norm_components(body_b, full.change_b)),
+    ]
+    left_out = (_relative_distance(x, y, full.error_bound) for x, y in compared)
+    bound = max(reduced.error_bound, *left_out)
+    return reduced._replace(
+        status=reduced.status if bound <= plan_model(model).bound_limit else TOLERANCE_NOT_MET,
+        twist_a=_twist_after(body_a, reduced.change_a),
+        twist_b=_twist_after(body_b, reduced.change_b),
+        kinetic_energy_before=full.kinetic_energy_before,
+        kinetic_energy_after=full.kinetic_energy_before
+        + reduced.kinetic_energy_after
+        - reduced.kinetic_energy_before,
         error_bound=bound,
-        adjustments=flat.adjustments | (whole.adjustments & OF_BODIES),
+        adjustments=reduced.adjustments | (full.adjustments & BODY_ADJUSTMENTS),
     )
 
 
-def _sum(body: Body, change: Twist) -> Twist:
+def _twist_after(body: Body, change: Twist) -> Twist:
     return Twist(Vec3(*body.velocity) + change.linear, Vec3(*body.angular_velocity) + change.angular)
 
 
-def _apart(flat: tuple[float, ...], whole: tuple[float, ...], whole_bound: float) -> float:
-    """The relative distance of an answer from another, which is itself within a bound of the truth."""
-    if not whole_bound < 1:
+def _relative_distance(x: tuple[float, ...], y: tuple[float, ...], y_error: float) -> float:
+    """Bound the distance of ``x`` from a vector, relative to its length.
+
+    Args:
+        x, y: ``x``, and an approximation of that vector.
+        y_error: the relative error of ``y``.
+    """
+    if not y_error < 1:
         return math.inf
-    size = math.hypot(*whole)
-    if size == 0.0:  # as is the truth then
-        return 0.0 if math.hypot(*flat) == 0.0 else math.inf
-    return (math.dist(flat, whole) / size + whole_bound) / (1 - whole_bound) * (1 + 2.0**-40)
+    size = math.hypot(*y)
+    if size == 0.0:  # then the vector itself is 0
+        return 0.0 if math.hypot(*x) == 0.0 else math.inf
+    return (math.dist(x, y) / size + y_error) / (1 - y_error) * (1 + 2.0**-40)

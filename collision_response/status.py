@@ -1,4 +1,4 @@
-"""How a request ends: codes that the whole package shares, and the one exception of the Python API."""
+"""How a request ended: the status codes of the whole package, and the one exception of the Python API."""
 
 from __future__ import annotations
 
@@ -10,56 +10,57 @@ from .named_enum import NamedEnum
 
 
 class StatusCode(NamedEnum):
-    """How a request ended: the codes of ``msg/Status.msg``."""
+    """How a request ended. The codes are those of ``msg/Status.msg``."""
 
     UNSET = 0
-    """Of a default-constructed message: no answer."""
+    """The message was default-constructed: there is no answer."""
     OK = 1
-    """The answer holds."""
+    """The answer is valid."""
     SEPARATING = 2
-    """The bodies do not approach, so the impulse is zero. An answer, too."""
+    """The answer is valid: the bodies do not approach each other, so the impulse is 0."""
     INVALID_INERTIA = 3
-    """Of no real body: not positive semi-definite, or against the triangle inequality."""
+    """No real body has this inertia: it is not positive semi-definite, or a principal moment is greater than
+    the sum of the other two."""
     INVALID_NORMAL = 4
-    """Of length 0."""
+    """The normal has length 0."""
     INVALID_COEFFICIENT = 5
-    """Restitution, friction or tangential restitution out of range."""
+    """Restitution, friction, tangential restitution or stiffness ratio is out of range."""
     NOT_FINITE = 6
-    """NaN or infinite number."""
+    """A number is NaN or infinite."""
     FRAME_MISMATCH = 7
-    """``frame_id`` is not the same of the bodies and the contact. Of the node only."""
+    """The bodies and the contact do not have the same ``frame_id``. From the node only."""
     UNKNOWN_BODY = 8
-    """A body given by name only, and no state of that name received. Of the node only."""
+    """A body is given by name only, and the node has received no state of that name. From the node only."""
     STALE_STATE = 9
-    """A body's last state is too old. Of the node only."""
+    """The last state of a body is too old. From the node only."""
     INVALID_MODEL = 10
-    """Unknown or unavailable law, geometry, precision or tolerance."""
+    """The law, geometry, precision or tolerance is unknown or not available."""
     NO_DYNAMIC_BODY = 11
     """Neither body can move."""
     INVALID_MASS = 12
-    """Not positive, or so small that its inverse overflows."""
+    """A mass is not positive, or so small that its inverse overflows."""
     INVALID_ORIENTATION = 13
-    """A quaternion of length 0."""
+    """A quaternion has length 0."""
     INVALID_MOTION_TYPE = 14
-    """Unknown, or a static body that moves. Of the node only."""
+    """The motion type is unknown, or a static body moves. From the node only."""
     SAME_BODY = 15
-    """``body_a`` and ``body_b`` are one body."""
+    """``body_a`` and ``body_b`` are the same body."""
     OUT_OF_RANGE = 16
     """A number of the answer is beyond float64."""
     TOLERANCE_NOT_MET = 17
-    """An answer, but its error bound is above the tolerance asked for, or infinite."""
+    """There is an answer, but its error bound is above the requested tolerance, or infinite."""
     PATH_TOO_LONG = 18
-    """A law's path or search did not end within its budget of steps."""
+    """The path or search of a law did not end within its budget of steps."""
     INVALID_TABLE = 19
-    """Of a batch or scene: a table whose size does not fit."""
+    """A table of a batch, a scene or a file does not have the right size or content."""
     BUDGET_EXCEEDED = 20
-    """More contacts, time or memory than the node allows one request."""
+    """The request takes more contacts, time or memory than the node allows for one request."""
     SHUTTING_DOWN = 21
     """The node is shutting down and did not get to this request."""
     CONTRADICTORY_CONTACTS = 22
-    """Of a scene: no velocities keep all contacts from approaching."""
+    """No velocities keep all contacts of the scene from approaching."""
     UNKNOWN_MATERIAL = 23
-    """A material that the node has no entry for. Of the node only."""
+    """The node has no entry for a material. From the node only."""
     INTERNAL_ERROR = 100
     """A fault of this package: please report the message."""
 
@@ -70,31 +71,31 @@ class StatusCode(NamedEnum):
 
 
 def format_value(value: object, spell: Callable[[Any], str] = repr) -> str:
-    """``repr(value)``, or what is said of numbers that Python does not spell out.
+    """Return ``spell(value)`` for an error message, also where Python refuses to spell out a large integer.
 
     Args:
-        value: anything.
-        spell: ``str`` or ``repr``.
+        value: any value.
+        spell: ``str``, ``repr`` or a similar function.
     """
     try:
         return spell(value)
-    except ValueError:  # of sys.set_int_max_str_digits
+    except ValueError:  # the limit of sys.set_int_max_str_digits
         return "of more digits than are shown"
 
 
 def format_range(least: float, most: float) -> str:
-    """What a number must be, in the words of all messages: 1 is 1 there, as an integer or not."""
+    """Return "at least 0" or "in [0, 1]" for an error message. Integers and floats read the same."""
     low, high = (str(limit).removesuffix(".0") for limit in (least, most))
     return f"at least {low}" if most == math.inf else f"in [{low}, {high}]"
 
 
 class ImpactError(ValueError):
-    """A request that cannot be answered.
+    """A request cannot be answered.
 
     Attributes:
         code: why, as a :class:`StatusCode`; the service answers with the same number.
-        field: the offending field, dotted as in the messages (``body_a.mass``).
-        reason: what is wrong with it, with its value.
+        field: the name of the offending field, as in the messages, with dots: ``body_a.mass``.
+        reason: what is wrong with the field, and its value.
     """
 
     def __init__(self, code: StatusCode, field: str, reason: str) -> None:
@@ -104,14 +105,14 @@ class ImpactError(ValueError):
         self.reason = reason
 
     def __reduce__(self) -> tuple[type[ImpactError], tuple[StatusCode, str, str]]:
-        """How it is pickled: an exception is made again from its ``args``, which hold the text alone."""
+        """Pickle by the three arguments; ``args`` holds only the text."""
         return type(self), (self.code, self.field, self.reason)
 
     def within(self, owner: str) -> ImpactError:
-        """The same error, seen from ``owner``, of which ``field`` is a part."""
+        """Return the same error with ``owner.`` in front of its field."""
         return ImpactError(self.code, f"{owner}.{self.field}", self.reason)
 
     def with_owner(self, owner: str) -> ImpactError:
-        """The same error, of another owner: that is what ``field`` begins with, up to the first dot."""
+        """Return the same error with ``owner`` in place of its field up to the first dot."""
         _, dot, rest = self.field.partition(".")
         return ImpactError(self.code, f"{owner}{dot}{rest}", self.reason)

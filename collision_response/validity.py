@@ -1,7 +1,8 @@
-"""What may be answered: the rules of a request, each with its code and field.
+"""The rules that a request must keep, each with the status code and the field that name a violation.
 
-They are formulas over any number type. For plain numbers :func:`check` raises the first that does not
-hold; compiled, they give its code for every contact of a batch.
+The rules are formulas over any number type. :func:`check` evaluates them on floats or fractions and raises
+an error for the first one that does not hold. The kernels have :func:`first_fault` compiled, which gives the
+code of that rule for every contact of a batch.
 """
 
 from __future__ import annotations
@@ -19,29 +20,29 @@ from .physics.tensor import Symmetric3
 from .status import ImpactError, StatusCode, format_range, format_value
 
 UNIT_LENGTH_TOLERANCE = 1e-9
-"""How far the squared length of a quaternion may be from 1 before its normalising is reported."""
+"""How far the squared length of a quaternion may be from 1 without being reported as normalised."""
 
 
 class Rule(NamedTuple):
-    """One condition.
+    """One condition on a request.
 
     Attributes:
-        holds: whether it does.
-        code: of what is wrong if it does not.
-        field: of the request.
-        must: what the field must be.
+        holds: whether the request keeps the rule.
+        code: the status code of a violation.
+        field: the field that the rule is about.
+        requirement: what the field must be, as a message says it.
     """
 
     holds: Condition
     code: StatusCode
     field: str
-    must: str
+    requirement: str
 
 
 def rules(body_a: Body, body_b: Body, contact: Contact, tangential_restitution: Scalar) -> Iterator[Rule]:
-    """All that must hold, in the order in which it is said."""
+    """Yield all rules for a request. An error is about the first one that does not hold."""
     for name, body in (("body_a", body_a), ("body_b", body_b)):
-        yield from _of_body(name, body)
+        yield from _body_rules(name, body)
     movable = body_a.is_movable() | body_b.is_movable()
     yield Rule(movable, StatusCode.NO_DYNAMIC_BODY, "body_a", "or body_b must be dynamic")
     yield _finite("contact.position", contact.position)
@@ -50,29 +51,29 @@ def rules(body_a: Body, body_b: Body, contact: Contact, tangential_restitution: 
         negation(all_zero(contact.normal)), StatusCode.INVALID_NORMAL, "contact.normal", "must not be 0"
     )
     if body_a.inverse_inertia is not None or body_b.inverse_inertia is not None:
-        yield from _of_mechanism(ContactKinematics.of(body_a, body_b, contact), contact)
+        yield from _articulated_rules(ContactKinematics.of(body_a, body_b, contact), contact)
     e, mu = contact.restitution, contact.friction
     yield from _within("contact.restitution", e, 0, 1)
     yield from _within("contact.friction", mu, 0, math.inf)
     yield from _within("model.tangential_restitution", tangential_restitution, -1, 1)
 
 
-def _of_body(name: str, body: Body) -> Iterator[Rule]:
+def _body_rules(name: str, body: Body) -> Iterator[Rule]:
     mass = body.mass
     yield Rule(mass == mass, StatusCode.NOT_FINITE, f"{name}.mass", "must be a number")
     yield Rule(
         _is_mass(mass),
         StatusCode.INVALID_MASS,
         f"{name}.mass",
-        "must be positive, 1/mass finite; what nothing moves is Body.static(), motion_type STATIC",
+        "must be positive, and 1/mass finite; for an immovable body use Body.static(), motion_type STATIC",
     )
     yield _finite(f"{name}.inertia", body.inertia)
     yield Rule(
         _is_inertia(body.inertia) & (body.has_mass() | all_zero(body.inertia)),
         StatusCode.INVALID_INERTIA,
         f"{name}.inertia",
-        "must be positive semi-definite, no principal moment greater than the sum of the others, and 0 if "
-        "the body is immovable",
+        "must be positive semi-definite, with no principal moment greater than the sum of the other two, and "
+        "0 if the body is immovable",
     )
     if body.inverse_inertia is not None:
         yield Rule(
@@ -91,24 +92,24 @@ def _of_body(name: str, body: Body) -> Iterator[Rule]:
         )
 
 
-def _of_mechanism(kinematics: ContactKinematics, contact: Contact) -> Iterator[Rule]:
-    """What rigid bodies cannot lack: mechanisms move in some directions only."""
+def _articulated_rules(kinematics: ContactKinematics, contact: Contact) -> Iterator[Rule]:
+    """Yield the rules for an articulated body, which an impulse may be unable to move in some directions."""
     yield Rule(
         kinematics.is_movable_along_normal(),
         StatusCode.INVALID_NORMAL,
         "contact.normal",
-        "must have an impulse along it that moves the contact: n.K n is 0",
+        "must be a direction in which an impulse moves the contact: n.K n is 0",
     )
     yield Rule(
         (contact.friction == 0) | kinematics.can_come_to_rest(),
         StatusCode.INVALID_COEFFICIENT,
         "contact.friction",
-        "must be 0 where the contact slips in a direction in which no impulse moves it",
+        "must be 0 if the contact slips in a direction in which no impulse moves it",
     )
 
 
 def is_not_normalised(body: Body) -> Condition:
-    """Whether a quaternion is so far from unit length that its normalising is reported."""
+    """Whether a quaternion is so far from unit length that the answer reports its normalisation."""
     if body.orientation is None:
         return False
     return abs(body.orientation.squared_length() - 1) > UNIT_LENGTH_TOLERANCE
@@ -121,10 +122,10 @@ def _is_mass(mass: Scalar) -> Condition:
 def _is_inertia(inertia: Symmetric3) -> Condition:
     """Whether a real body can have this tensor.
 
-    It can if the second moments of its mass, ``S = tr(I)/2 1 - I``, are positive semi-definite: that
-    is the triangle inequality of the principal moments, and makes ``I`` positive semi-definite too.
-    Rounding of the components is forgiven, nothing more. The tensor is brought into the middle of the
-    range of numbers first.
+    It can if the matrix of the second moments of its mass, ``S = tr(I)/2 1 - I``, is positive semi-definite.
+    That is the triangle inequality of the principal moments, and makes ``I`` positive semi-definite as well.
+    The test tolerates the rounding of the components and nothing more. The tensor is first scaled to the
+    middle of the range of floats.
     """
     size = inertia.trace()
     grow = choose(size < 2.0**-900, lambda: 2.0**150, lambda: 1.0)
@@ -149,7 +150,7 @@ def _has_second_moments(inertia: Symmetric3) -> Condition:
 
 
 def _is_plainly_inertia(inertia: Symmetric3) -> Condition:
-    """Whether the second moments are positive definite beyond all rounding, by their minors."""
+    """Whether the second moments are positive definite by far more than rounding, by their minors."""
     xx, xy, xz, yy, yz, zz = inertia
     h = (xx + yy + zz) / 2
     s_xx, s_yy, s_zz = h - xx, h - yy, h - zz
@@ -160,7 +161,7 @@ def _is_plainly_inertia(inertia: Symmetric3) -> Condition:
 
 
 CLEARANCE = 2.0**-16
-"""Relative size of a second moment that no rounding explains, in float32 either."""
+"""A relative second moment greater than any rounding, also that of float32."""
 
 
 def _finite(field: str, numbers: Iterable[Scalar]) -> Rule:
@@ -176,7 +177,10 @@ def _within(field: str, x: Scalar, least: float, most: float) -> Iterator[Rule]:
 def is_clearly_valid(
     body_a: Body, body_b: Body, contact: Contact, tangential_restitution: Scalar
 ) -> Condition:
-    """Whether a request is sound and usual: half the work. One that is not may be sound all the same."""
+    """Whether a request is valid by far more than rounding. It takes half the work of all rules.
+
+    A request that is not clearly valid may still be valid.
+    """
     e, mu, e_t = contact.restitution, contact.friction, tangential_restitution
     vectors: list[Iterable[Scalar]] = [contact.position, contact.normal, (mu,)]
     conditions = [e >= 0, e <= 1, mu >= 0, e_t >= -1, e_t <= 1, contact.normal.dot(contact.normal) > 0]
@@ -188,12 +192,12 @@ def is_clearly_valid(
         if body.orientation is not None:
             vectors.append(body.orientation)
             conditions.append(body.orientation.squared_length() > 0)
-    total = sum(map(sum, vectors))  # not a number, or infinite, if any is
+    total = sum(map(sum, vectors))  # NaN or infinite if any number is
     return all_of([*conditions, total - total == 0])
 
 
 def first_fault(*request: Any) -> Scalar:
-    """The code of the first rule that does not hold, or 0."""
+    """Return the code of the first rule that a request breaks, or 0. Takes the arguments of :func:`rules`."""
 
     def or_else(code: Scalar, rule: Rule) -> Scalar:
         return choose(rule.holds, lambda: code, lambda: 1.0 * rule.code)
@@ -202,10 +206,10 @@ def first_fault(*request: Any) -> Scalar:
 
 
 def check_distinct(body_a: Body, body_b: Body) -> None:
-    """Whether two bodies are two.
+    """Check that two bodies are not the same object.
 
     Raises:
-        ImpactError: SAME_BODY.
+        ImpactError: SAME_BODY, if they are.
     """
     if body_a is body_b:
         raise ImpactError(StatusCode.SAME_BODY, "body_b", "is body_a: a body cannot strike itself")
@@ -218,14 +222,15 @@ def check(
     tangential_restitution: float,
     given: tuple[Body, Body, Contact] | None = None,
 ) -> None:
-    """Accept a request of plain floats, or say what is wrong with it.
+    """Check a request of floats or fractions by all rules.
 
     Args:
-        body_a, body_b, contact, tangential_restitution: of the request, NaN where a number is beyond floats.
-        given: the bodies and the contact before they were read, to quote that number.
+        body_a, body_b, contact, tangential_restitution: the request, with NaN for a number beyond float64.
+        given: the bodies and the contact before their conversion to floats, so that the error can quote such
+            a number.
 
     Raises:
-        ImpactError: with the code, the field and its value.
+        ImpactError: if a rule does not hold; with its code, the field and the value of the field.
     """
     request = body_a, body_b, contact
     for rule in rules(*request, tangential_restitution):
@@ -233,7 +238,7 @@ def check(
             value = _value(rule.field, *request, tangential_restitution)
             if given is not None and "nan" in value:
                 value = _value(rule.field, *given, tangential_restitution)
-            raise ImpactError(rule.code, rule.field, f"{rule.must}; is {value}")
+            raise ImpactError(rule.code, rule.field, f"{rule.requirement}; is {value}")
 
 
 def _value(field: str, body_a: Body, body_b: Body, contact: Contact, e_t: float) -> str:

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..body_conversions import IDENTITY_QUATERNION
-from ..model import DEFAULT, ImpactModel, check_by_one_code
+from ..model import DEFAULT, ImpactModel, check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Regime
@@ -115,7 +115,8 @@ def propagate_covariance(
 
 def _deviation(name: str, sd: Any) -> float:
     """Raises: ImpactError: INVALID_COEFFICIENT. TypeError: no real number."""
-    check_by_one_code(name, sd, 0, math.inf, StatusCode.INVALID_COEFFICIENT)
+    invalid = StatusCode.INVALID_COEFFICIENT
+    check_number(name, sd, 0, math.inf, invalid, not_finite=invalid)
     return float(sd)
 
 

@@ -1,4 +1,4 @@
-"""What the kernels leave to Python: impacts on fractions and on balls, and coefficients that are functions.
+"""What the kernels leave to Python: fractions, arbitrary precision, and coefficients that are functions.
 
-``resolve.py`` comes here where the kernels cannot answer. The formulas are the same.
+``resolve.py`` calls these modules for requests that the kernels cannot answer. The formulas are the same.
 """

@@ -1,4 +1,4 @@
-"""Coefficients that are functions of a speed, as numbers for the impact at hand."""
+"""Evaluate coefficients that are functions of a speed."""
 
 from __future__ import annotations
 
@@ -19,58 +19,71 @@ from .exact_fractions import as_fraction
 
 
 def restitution_at_speed(speed: float, contact: Contact, field: str) -> float:
-    """What the function of the restitution gives for an approach speed [m/s].
+    """Evaluate the restitution of a contact, a function, at an approach speed [m/s].
+
+    Args:
+        speed: the approach speed [m/s], >= 0.
+        contact: the contact.
+        field: the name of the contact, for the error.
 
     Raises:
-        ImpactError: INVALID_COEFFICIENT or NOT_FINITE: it gives no coefficient.
+        ImpactError: INVALID_COEFFICIENT or NOT_FINITE, if the value is not in [0, 1].
     """
-    return _value(contact.restitution, speed, 1.0, f"{field}.restitution(approach_speed)")
+    return _evaluate(contact.restitution, speed, 1.0, f"{field}.restitution(approach_speed)")
 
 
 def friction_at_speed(speed: float, contact: Contact) -> float:
-    """What the function of the friction gives for a slip speed [m/s].
+    """Evaluate the friction of a contact, a function, at a slip speed [m/s].
 
     Raises:
-        ImpactError: INVALID_COEFFICIENT or NOT_FINITE: it gives no coefficient.
+        ImpactError: INVALID_COEFFICIENT or NOT_FINITE, if the value is negative or not finite.
     """
-    return _value(contact.friction, speed, math.inf, "contact.friction(slip_speed)")
+    return _evaluate(contact.friction, speed, math.inf, "contact.friction(slip_speed)")
 
 
 def initial_friction(body_a: Body, body_b: Body, contact: Contact, law: Law) -> float:
-    """What the function of the friction gives for the slip speed at first touch.
+    """Evaluate the friction of a contact, a function, at the slip speed before the impact.
 
     Args:
-        body_a, body_b, contact: of one impact.
-        law: not AUTO. COMPLIANT takes no such function; Routh's laws, of one contact, follow it on its way
-            instead: see ``friction_along_path.py``.
+        body_a, body_b, contact: the request.
+        law: the law that takes the value; not AUTO. COMPLIANT takes no friction that is a function. Routh's
+            laws follow the function along the path of the impulse (``friction_along_path.py``), but only for
+            a single contact.
 
     Raises:
-        ImpactError: INVALID_MODEL, INVALID_COEFFICIENT or NOT_FINITE; or the request cannot be answered.
+        ImpactError: INVALID_MODEL, if the law cannot take the value. INVALID_COEFFICIENT or NOT_FINITE, if
+            the value is negative or not finite. Others, if the request breaks a rule of
+            :mod:`~collision_response.validity`.
     """
     if law in PATHS:
         of_several = " of several contacts" if law in BY_SPEED else ""
         reason = f"{law.name} takes no friction{of_several} that depends on slip speed: give a number"
         raise ImpactError(StatusCode.INVALID_MODEL, "contact.friction", f"{reason}, or ask COULOMB")
-    validity.check(*arbitrary_precision.read_request(body_a, body_b, contact._replace(friction=0.0)), 0.0)
+    frictionless = contact._replace(friction=0.0)
+    validity.check(*arbitrary_precision.read_request(body_a, body_b, frictionless), 0.0)
     return friction_at_speed(initial_slip_speed(body_a, body_b, contact), contact)
 
 
 def initial_slip_speed(body_a: Body, body_b: Body, contact: Contact) -> float:
-    """Of body_a relative to body_b across the normal, before the impact, to rounding [m/s].
+    """Return the tangential speed of body_a relative to body_b at the contact before the impact [m/s].
+
+    It is computed in fractions and correct to rounding.
 
     Raises:
-        ImpactError: OUT_OF_RANGE.
+        ImpactError: OUT_OF_RANGE, if the speed is beyond float64.
     """
-    a, b, touch = arbitrary_precision.read_request(body_a, body_b, contact, lambda x, _: as_fraction(x))
-    kinematics = ContactKinematics.of(a, b, touch)
-    n, u = touch.normal, kinematics.u
+    a, b, exact_contact = arbitrary_precision.read_request(
+        body_a, body_b, contact, lambda x, _: as_fraction(x)
+    )
+    kinematics = ContactKinematics.of(a, b, exact_contact)
+    n, u = exact_contact.normal, kinematics.u
     try:
         return float(square_root(u.dot(u) - kinematics.n_u * kinematics.n_u / n.dot(n)))
     except OverflowError:
         raise library.refusal(StatusCode.OUT_OF_RANGE) from None
 
 
-def _value(function: Callable[[float], float], speed: float, most: float, field: str) -> float:
+def _evaluate(function: Callable[[float], float], speed: float, most: float, field: str) -> float:
     value = function(speed)
     try:
         check_number(field, value, 0, most, StatusCode.INVALID_COEFFICIENT)

@@ -1,9 +1,9 @@
-"""Exact rationals: what FRICTIONLESS gives of fractions.
+"""Exact answers in fractions, for requests with fractions and the law FRICTIONLESS.
 
-The law takes no square root, so impulses and twists are exact. Only what is along the normal is relative
-to its length: where that is no fraction, ``normal_impulse`` and the normal velocities are the nearest
-ones to some 60 bits. The other laws are not rational: they answer fractions by floats, and their bounds
-count the rounding.
+This law takes no square root, so the impulse and the twists are exact. Numbers along the normal are divided
+by its length: if that is not a fraction, ``normal_impulse`` and the normal velocities are fractions that are
+right to about 60 bits. The other laws are not rational. They answer requests with fractions in floats, and
+their error bound includes the rounding.
 """
 
 from __future__ import annotations
@@ -28,31 +28,33 @@ from ..physics.vector import Vec3
 
 
 def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:
-    """The answer of FRICTIONLESS to a request with fractions in it; the numbers of the answer are fractions.
+    """Answer a request by FRICTIONLESS, exactly. The numbers of the answer are fractions.
 
     Raises:
-        ImpactError: the request cannot be answered.
+        ImpactError: if the request breaks a rule of :mod:`~collision_response.validity`.
     """
-    a, b, touch = body_as_fractions(body_a), body_as_fractions(body_b), contact_as_fractions(contact)
-    validity.check(a, b, touch, model.tangential_restitution)
+    a, b, exact_contact = body_as_fractions(body_a), body_as_fractions(body_b), contact_as_fractions(contact)
+    validity.check(a, b, exact_contact, model.tangential_restitution)
     settings = Settings(restitution_threshold=Fraction(model.restitution_threshold))
-    found = impact(a, b, touch, Law.FRICTIONLESS, settings)[:3]
+    answer = impact(a, b, exact_contact, Law.FRICTIONLESS, settings)
     geometry = model.geometry
     if geometry is Geometry.AUTO:
-        geometry = required_geometry(a, b, touch, frictionless=True)
+        geometry = required_geometry(a, b, exact_contact, frictionless=True)
     return make_impact(
         (a, b),
-        found,
-        touch._replace(friction=Fraction(0)),
+        answer.changes,
+        answer.report,
+        answer.flags,
+        exact_contact._replace(friction=Fraction(0)),
         model._replace(law=Law.FRICTIONLESS, geometry=geometry, precision=Precision.EXTENDED),
-        0.0,
-        0.0,
+        error_bound=0.0,
+        bound_limit=0.0,
         normalised=any(map(validity.is_not_normalised, (a, b))),
     )
 
 
 def body_as_fractions(body: Body) -> Body:
-    """A body of exact numbers; an infinite mass stays."""
+    """Convert the numbers of a body to fractions, exactly. An infinite mass stays a float."""
     q = body.orientation
     return Body(
         as_fraction(body.mass),
@@ -67,7 +69,10 @@ def body_as_fractions(body: Body) -> Body:
 
 
 def contact_as_fractions(contact: Contact) -> Contact:
-    """A contact of exact numbers for FRICTIONLESS; a restitution that is a function stays."""
+    """Convert the numbers of a contact to fractions, exactly.
+
+    A restitution that is a function stays one; a friction that is a function becomes 0.
+    """
     e, mu = contact.restitution, contact.friction
     return Contact(
         _vector(contact.position),
@@ -83,7 +88,7 @@ def _vector(v: Any) -> Vec3:
 
 
 def as_fraction(x: Any) -> Any:
-    """Exactly; what is not finite stays."""
+    """Convert a number to a fraction, exactly. An infinite number and NaN stay floats."""
     if isinstance(x, Rational):
         return Fraction(x)
     x = float(x)

@@ -1,8 +1,7 @@
-"""One impact by a law that follows slip, where friction is a function of the slip speed.
+"""One impact by a law that follows friction, a function of the slip speed, along the path of the impulse.
 
-The request is read as fractions. All but the path is exact, up to the rounding of roots; the path is
-followed in floats. How far it may be off is estimated: a function that is only asked for values allows no
-bound.
+The path is followed in floats. Everything else is computed in fractions, exactly up to the rounding of roots.
+The error of the path is estimated, not bounded: no bound follows from values of an unknown function.
 """
 
 from __future__ import annotations
@@ -26,75 +25,79 @@ from .coefficients_at_speed import friction_at_speed, initial_slip_speed
 from .exact_fractions import as_fraction, body_as_fractions, contact_as_fractions
 
 SAFETY = 4.0
-"""The bound is this times the estimate, and more."""
+"""The error bound is the estimated error times this factor, plus ``ADDED_TOLERANCES``."""
 
-STEPS = 8.0
-"""So many errors of whole steps are added: an estimate may be small by chance."""
+ADDED_TOLERANCES = 8.0
+"""How many tolerances of the path the error bound adds, because an estimate may be small by chance."""
 
 
 def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact | None:
-    """The answer of a law of ``BY_SPEED``; ``None`` if the geometry leaves out what matters.
+    """Answer a request by a law of ``BY_SPEED``.
 
     Args:
-        body_a, body_b: of one impact.
-        contact: its friction is a function of the slip speed, its restitution a number.
-        model: its law is one of ``BY_SPEED``.
+        body_a, body_b: the bodies.
+        contact: the contact; its friction is a function of the slip speed, its restitution a number.
+        model: the model; its law is one of ``BY_SPEED``.
+
+    Returns:
+        The answer, or ``None`` if the geometry of the model leaves out part of the impact.
 
     Raises:
-        ImpactError: the request cannot be answered; of a value that is no coefficient, the field is
-            ``contact.friction(slip_speed)``.
+        ImpactError: if the request cannot be answered. If the function returns a value that is not a
+            coefficient of friction, the field is ``contact.friction(slip_speed)``.
     """
     validity.check_distinct(body_a, body_b)
-    a, b, touch = body_as_fractions(body_a), body_as_fractions(body_b), contact_as_fractions(contact)
-    chosen = plan_model(model)
-    validity.check(a, b, touch, chosen.settings.tangential_restitution)
-    geometry = required_geometry(a, b, touch, frictionless=False)
+    a, b, exact_contact = body_as_fractions(body_a), body_as_fractions(body_b), contact_as_fractions(contact)
+    plan = plan_model(model)
+    validity.check(a, b, exact_contact, plan.settings.tangential_restitution)
+    geometry = required_geometry(a, b, exact_contact, frictionless=False)
     if model.geometry is not Geometry.AUTO:
         if model.geometry < geometry:
             return None
         geometry = model.geometry
     first = friction_at_speed(initial_slip_speed(body_a, body_b, contact), contact)
-    # Friction that begins with 0 need not stay so.
-    validity.check(a, b, touch._replace(friction=first or 1), chosen.settings.tangential_restitution)
-    touch = touch._replace(friction=lambda v: friction_at_speed(v, contact))
-    settings = Settings(*map(as_fraction, chosen.settings))
-    answer, bound = _followed(a, b, touch, model.law, settings)
+    # Check as with friction also if its initial value is 0, because it may not stay 0.
+    validity.check(a, b, exact_contact._replace(friction=first or 1), plan.settings.tangential_restitution)
+    exact_contact = exact_contact._replace(friction=lambda v: friction_at_speed(v, contact))
+    settings = Settings(*map(as_fraction, plan.settings))
+    answer, bound = _answer_and_bound(a, b, exact_contact, model.law, settings)
     if answer.flags.unfinished:
         raise library.refusal(StatusCode.PATH_TOO_LONG)
-    if bound > chosen.target_bound:
-        finer = _followed(a, b, touch, model.law, settings._replace(tolerance=FINEST))
+    if bound > plan.target_bound:
+        finest = settings._replace(tolerance=FINEST)
+        finer = _answer_and_bound(a, b, exact_contact, model.law, finest)
         answer, bound = min((answer, bound), finer, key=itemgetter(1))
     try:
-        found = as_floats(answer.changes), as_floats(answer.report), answer.flags
+        changes, report = as_floats(answer.changes), as_floats(answer.report)
     except OverflowError:
         raise library.refusal(StatusCode.OUT_OF_RANGE) from None
     return make_impact(
         (a, b),
-        found,
+        changes,
+        report,
+        answer.flags,
         contact._replace(friction=first),
         model._replace(geometry=geometry, precision=Precision.DOUBLE),
         bound,
-        chosen.bound_limit,
+        plan.bound_limit,
         normalised=any(map(validity.is_not_normalised, (a, b))),
     )
 
 
-def _followed(a: Body, b: Body, touch: Contact, law: Law, settings: Settings) -> tuple[ImpactNumbers, float]:
-    """The answer, and its bound in the norms of ``Impact.error_bound``: infinite where nothing is known."""
-    answer = impact(a, b, touch, law, settings)
+def _answer_and_bound(
+    a: Body, b: Body, contact: Contact, law: Law, settings: Settings
+) -> tuple[ImpactNumbers, float]:
+    """Compute the answer and its error bound, in the norms of ``Impact.error_bound``; infinite if unknown."""
+    answer = impact(a, b, contact, law, settings)
     if answer.flags.separating:
         return answer, 0.0
     if answer.estimated_error is None:
         return answer, math.inf
     worst = 0.0
-    parts = zip(
-        weighted_components((a, b), answer.changes),
-        weighted_components((a, b), answer.estimated_error),
-        strict=True,
-    )
-    for values, doubts in parts:
-        size, estimated_error = (sum(weight * x * x for x, weight in part) for part in (values, doubts))
-        if estimated_error > 0 and estimated_error * 16 >= size:
+    changes, errors = (weighted_components((a, b), x) for x in (answer.changes, answer.estimated_error))
+    for pair in zip(changes, errors, strict=True):
+        size, error = (sum(weight * x * x for x, weight in components) for components in pair)
+        if error > 0 and error * 16 >= size:
             return answer, math.inf
-        worst = max(worst, math.sqrt(estimated_error / size) if size else 0.0)
-    return answer, SAFETY * worst + STEPS * path_tolerance(settings.tolerance)
+        worst = max(worst, math.sqrt(error / size) if size else 0.0)
+    return answer, SAFETY * worst + ADDED_TOLERANCES * path_tolerance(settings.tolerance)

@@ -1,7 +1,7 @@
-"""Balls, "midpoint +- radius", of as many digits as asked for: numbers that enclose what they stand for.
+"""Ball arithmetic: a ball, "midpoint +- radius", encloses a real number, with any number of digits.
 
-FLINT's ``arb`` computes with them rigorously, with practically unlimited exponents. A :class:`Ball` adds
-comparisons that know when they are undecided.
+FLINT's ``arb`` computes with balls rigorously, and with practically unlimited exponents. A :class:`Ball` adds
+comparisons that may be undecided.
 
 Source: Johansson, "Arb: Efficient Arbitrary-Precision Midpoint-Radius Interval Arithmetic", IEEE
 Trans. Comput. 66 (2017).
@@ -23,7 +23,7 @@ else:
 
 
 class Ball:
-    """A real number that is known to lie in a ball."""
+    """A real number that lies in a ball."""
 
     __slots__ = ("arb",)
     __hash__ = None  # type: ignore[assignment]
@@ -32,11 +32,11 @@ class Ball:
         self.arb: Any = value.arb if isinstance(value, Ball) else arb(value, error) if error else arb(value)
 
     def radius(self) -> Any:
-        """How far from the midpoint the number may be."""
+        """Return the largest distance of the number from the midpoint."""
         return self.arb.rad()
 
     def midpoint(self) -> Any:
-        """The middle."""
+        """Return the midpoint."""
         return self.arb.mid()
 
     def __float__(self) -> float:
@@ -91,7 +91,7 @@ class Ball:
         return _truth(self.arb == value, self.arb != value, self.arb.mid() == value.mid())
 
     def sqrt(self) -> Ball:
-        """The square root of a number that is not negative, though its ball may reach below 0."""
+        """Return the square root. The number must not be negative, but its ball may reach below 0."""
         return Ball(self.arb.nonnegative_part().sqrt())
 
     def certain(self) -> Ball:
@@ -108,10 +108,12 @@ class Ball:
 
 
 class Undecided:
-    """A truth value that is undecided. ``true & undecided`` is undecided, ``false & undecided`` is false.
+    """The result of a comparison of balls that overlap.
+
+    ``true & undecided`` is undecided; ``false & undecided`` is false.
 
     Attributes:
-        of_values: what the midpoints say, for loops, which carry no errors.
+        of_values: the result for the midpoints. Loops use it, because they drop errors.
     """
 
     __slots__ = ("of_values",)
@@ -121,7 +123,7 @@ class Undecided:
 
     @staticmethod
     def pick(_: Undecided, if_true: Any, if_false: Any) -> Any:
-        """A ball that covers both."""
+        """Return a ball that covers both branches of a ``choose``."""
         if isinstance(if_true, (bool, Undecided)):
             return if_true if if_true is if_false else Undecided(False)
         return Ball(_arb(if_true).union(_arb(if_false)))
@@ -147,16 +149,16 @@ class Undecided:
         raise TypeError("an undecided comparison has no truth value: branch with choose()")
 
 
-_ONE_AT_A_TIME = RLock()
+_PRECISION_LOCK = RLock()
 
 
 @contextmanager
 def working_precision(bits: int) -> Iterator[None]:
-    """A context in which balls have that many bits.
+    """Return a context in which ball arithmetic has this many bits.
 
-    FLINT's precision is that of the process, so other threads that want one wait.
+    FLINT has one precision per process, so other threads wait until they can set theirs.
     """
-    with _ONE_AT_A_TIME, ctx.workprec(bits):
+    with _PRECISION_LOCK, ctx.workprec(bits):
         yield
 
 
@@ -164,5 +166,5 @@ def _arb(value: Any) -> Any:
     return value.arb if isinstance(value, Ball) else arb(value)
 
 
-def _truth(holds: bool, fails: bool, of_midpoints: bool) -> bool | Undecided:
-    return True if holds else False if fails else Undecided(of_midpoints)
+def _truth(holds: bool, fails: bool, of_values: bool) -> bool | Undecided:
+    return True if holds else False if fails else Undecided(of_values)

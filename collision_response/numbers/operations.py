@@ -1,11 +1,11 @@
-"""What a formula may do with numbers of any make.
+"""Operations on numbers of any type, beyond Python's arithmetic and comparisons.
 
-A formula is written once and runs on whatever numbers it is given: Python floats, ``fractions.Fraction``
-(a rational law is then exact), mpmath, balls that enclose what they stand for
-(:mod:`~collision_response.numbers.balls`), arrays of one shape (one contact an element), or symbols that
-write the formula down (:mod:`~collision_response.kernels.symbol`). Arithmetic and comparisons are
-Python's own. The rest is here: a branch, a root, a loop, and three words about the error that a number
-may carry.
+A formula is written once, with these operations, and runs on every number type: Python floats; fractions,
+with which a rational law is exact; mpmath numbers; balls, which enclose a real number
+(:mod:`~collision_response.numbers.balls`); arrays of one shape, with one contact per element; and symbols,
+which record the formula for the compiler (:mod:`~collision_response.kernels.symbol`). The operations are a
+branch (:func:`choose`), a square root, a loop (:func:`iterate`), and some that concern the error or the
+derivatives that a number may carry. A number type takes part in these by a method of the same name.
 """
 
 from __future__ import annotations
@@ -20,19 +20,20 @@ from importlib import import_module
 from typing import Any, TypeAlias, TypeVar
 
 Scalar: TypeAlias = Any
-"""A real number of any make, or an array of them."""
+"""A real number of any type, or an array of them."""
 
 Condition: TypeAlias = Any
-"""A truth value, an array or symbol of them, or one that may be undecided."""
+"""A truth value, an array or a symbol of truth values, or an undecided one (``balls.Undecided``)."""
 
 T = TypeVar("T")
 
 
 def choose(condition: Condition, if_true: Callable[[], T], if_false: Callable[[], T]) -> T:
-    """``if_true()`` where ``condition`` holds, else ``if_false()``.
+    """Return ``if_true()`` where ``condition`` holds, else ``if_false()``.
 
-    A plain truth value evaluates one branch. Any other evaluates both and picks number by number, through
-    named tuples. Where it is undecided the result covers both.
+    For a plain truth value one branch is evaluated. For any other condition both are, and the result takes
+    each number from one of them, also within named tuples. If the condition is undecided, the result covers
+    both branches.
     """
     if _is_plain(condition):
         return if_true() if condition else if_false()
@@ -41,13 +42,16 @@ def choose(condition: Condition, if_true: Callable[[], T], if_false: Callable[[]
 
 
 def square_root(x: Scalar) -> Scalar:
-    """The square root of ``x >= 0``, in the arithmetic of ``x``; of a fraction, exact where that is one."""
+    """Return the square root of ``x >= 0``, in the arithmetic of ``x``.
+
+    The root of a fraction is a fraction, exact if the root is rational and else right to 2^-62.
+    """
     if isinstance(x, float):
         return math.sqrt(x)
     if isinstance(x, Fraction):
         return _rational_root(x)
     if hasattr(x, "shape"):
-        # Arrays are differentiated in both branches of a choice: slopes that do not count must be finite.
+        # Reverse-mode gradients of arrays run through both branches, so both need finite slopes.
         is_zero = x == 0
         return choose(is_zero, lambda: x, lambda: _root(choose(is_zero, lambda: x + 1, lambda: x)))
     return _root(x)
@@ -62,7 +66,6 @@ def _root(x: Scalar) -> Scalar:
 
 
 def _rational_root(x: Fraction) -> Fraction:
-    """Exact if it is rational, else within a part of 2^-62."""
     scale = 0 if x == 0 else max(0, 128 - x.numerator.bit_length() + x.denominator.bit_length()) // 2 + 1
     top, bottom = math.isqrt(x.numerator), math.isqrt(x.denominator)
     if top * top == x.numerator and bottom * bottom == x.denominator:
@@ -73,8 +76,14 @@ def _rational_root(x: Fraction) -> Fraction:
 def iterate(state: T, going: Callable[[T], Condition], step: Callable[[T], T], budget: int) -> T:
     """Repeat ``state = step(state)`` while ``going(state)`` holds, at most ``budget`` times.
 
-    ``state`` is a named tuple of numbers. A loop carries values, no errors: how far its result is from
-    what it approximates is for the formula to say, with :func:`widened`.
+    Args:
+        state: a named tuple of numbers.
+        going: whether to go on from a state.
+        step: computes the next state.
+        budget: the largest number of steps.
+
+    A loop drops the errors that numbers carry. A formula that uses a loop must add the error of its result
+    with :func:`widened`.
     """
     for _ in range(budget):
         state = values(state)
@@ -99,63 +108,67 @@ def _where_going(go_on: Condition, after: T, before: T) -> T:
 
 
 def certain(x: Scalar) -> Scalar:
-    """``x`` as the exact number that it is written as: without the error that it carries."""
+    """Return ``x`` without the error that it carries, as if its value were exact."""
     own = getattr(x, "certain", None)
     return x if own is None else own()
 
 
 def values(state: T) -> T:
-    """The numbers of nested named tuples without their errors."""
+    """Return nested named tuples with :func:`certain` applied to every number."""
     return type(state)(*map(values, state)) if isinstance(state, tuple) else certain(state)
 
 
 def error_of(x: Scalar) -> Scalar:
-    """An upper bound of the error that ``x`` carries; 0 if numbers of its make carry none."""
+    """Return an upper bound on the error that ``x`` carries; 0 if its type carries no error."""
     own = getattr(x, "error_of", None)
     return x * 0 if own is None else own()
 
 
 def widened(x: Scalar, by: Scalar) -> Scalar:
-    """``x`` with a further error of at most ``by >= 0``. Numbers that carry no error stay as they are."""
+    """Return ``x`` with a further error of at most ``by >= 0``; ``x`` as it is if its type carries none."""
     own = getattr(x, "widened", None)
     return x if own is None else own(by)
 
 
 def varying_as(x: Scalar, other: Callable[[], Scalar]) -> Scalar:
-    """``x``, which varies as ``other()`` does. Numbers that carry no derivatives stay as they are.
+    """Return the value of ``x`` with the derivatives of ``other()``; ``x`` itself if its type carries none.
 
-    For a number that its formula gives where it is, but not next to it: a root that a loop found, a branch
-    that holds at one point alone.
+    Use it where the derivatives of a formula are not those of the number that it computes: for a root that a
+    loop finds, and for a branch that holds at a single point.
     """
     own = getattr(x, "varying_as", None)
     return x if own is None else own(other)
 
 
 def fixed(x: Scalar) -> Scalar:
-    """``x``, which does not vary."""
+    """Return the value of ``x`` with derivatives 0; ``x`` itself if its type carries no derivatives."""
     return varying_as(x, lambda: 0.0)
 
 
 def for_derivatives(x: Scalar, other: Callable[[], Scalar]) -> Scalar:
-    """``x``; or ``other()``, a value that serves derivatives better, of numbers that carry them."""
+    """Return ``x``, or ``other()`` if the type of ``x`` carries derivatives.
+
+    ``other()`` has the same value, by a formula with better derivatives.
+    """
     own = getattr(x, "for_derivatives", None)
     return x if own is None else own(other)
 
 
 def relative_logarithm(x: Scalar) -> Scalar:
-    """``log(1 + x) / x``: a value, of numbers that carry derivatives."""
+    """Return ``log(1 + x) / x``, without derivatives. Only for number types that carry derivatives."""
     return x.value_of("log1p_over")
 
 
 def relative_exponential(x: Scalar) -> Scalar:
-    """``(exp(x) - 1) / x``: a value, of numbers that carry derivatives."""
+    """Return ``(exp(x) - 1) / x``, without derivatives. Only for number types that carry derivatives."""
     return x.value_of("expm1_over")
 
 
 def called(formula: Callable[..., T], *arguments: Any) -> T:
-    """``formula(*arguments)``, which is rarely needed: where formulas are compiled, by a call.
+    """Return ``formula(*arguments)``. Compiled code calls the formula instead of inlining it.
 
-    The arguments are named tuples of numbers, and so is the result.
+    Use it for a formula that is large and rarely needed. The arguments and the result are named tuples of
+    numbers.
     """
     first = arguments[0]
     while isinstance(first, tuple):
@@ -165,7 +178,7 @@ def called(formula: Callable[..., T], *arguments: Any) -> T:
 
 
 def given_roundoff(x: Scalar) -> Scalar:
-    """Half the spacing of the floats that numbers are given in, relative: 2^-53, of float32 2^-24."""
+    """Return the unit roundoff of the input numbers: 2^-53 for float64, 2^-24 for float32."""
     own = getattr(x, "given_roundoff", None)
     if own is not None:
         return own()
@@ -173,19 +186,19 @@ def given_roundoff(x: Scalar) -> Scalar:
 
 
 def is_out_of_range(*numbers: Scalar) -> Condition:
-    """Whether one of these, none of them negative, is infinite, or so small that it may have lost digits."""
+    """Whether one of these non-negative numbers is infinite or NaN, or so small that it may lose digits."""
     unit, total = given_roundoff(numbers[0]), sum(numbers[1:], start=numbers[0])
     least = unit * unit * unit * unit * unit
     return reduce(operator.or_, (x < least for x in numbers)) | negation(total - total == 0)
 
 
 def maximum(x: Scalar, y: Scalar) -> Scalar:
-    """The greater of two numbers."""
+    """Return the larger of two numbers."""
     return choose(x < y, lambda: y, lambda: x)
 
 
 def minimum(x: Scalar, y: Scalar) -> Scalar:
-    """The lesser of two numbers."""
+    """Return the smaller of two numbers."""
     return choose(y < x, lambda: y, lambda: x)
 
 
@@ -195,7 +208,7 @@ def all_of(conditions: Iterable[Condition]) -> Condition:
 
 
 def all_zero(numbers: Iterable[Scalar]) -> Condition:
-    """Whether all numbers are 0; NaN is not."""
+    """Whether all numbers are 0. NaN is not 0."""
     return all_of(number == 0 for number in numbers)
 
 
@@ -205,7 +218,7 @@ def negation(condition: Condition) -> Condition:
 
 
 def _is_plain(condition: Condition) -> bool:
-    """Whether a condition is a truth value of Python's, or NumPy's scalar."""
+    """Whether a condition is a ``bool`` of Python or a scalar one of NumPy."""
     return isinstance(condition, bool) or type(condition).__name__ in ("bool_", "bool")
 
 
@@ -215,10 +228,11 @@ def _any(condition: Any) -> bool:
 
 
 def _where_of(condition: Any) -> Callable[..., Any]:
-    """``where`` of the arrays that ``condition`` is made of.
+    """Return the function ``where`` for the kind of array that ``condition`` is.
 
-    PyTorch's have no namespace, but its module; Dask's have neither, but NumPy's function passes on to
-    theirs. By the standard ``where`` takes numbers only beside an array.
+    PyTorch's arrays have no ``__array_namespace__``, so it is looked up in their module. Dask's have neither,
+    but NumPy's ``where`` dispatches to theirs. By the array standard, ``where`` takes a number only together
+    with an array, so numbers are converted.
     """
     namespace = getattr(condition, "__array_namespace__", None)
     if namespace is None:
@@ -244,7 +258,7 @@ def _merge(pick: Callable[..., Any], condition: Any, if_true: Any, if_false: Any
 
 
 def numbers_in(value: Any) -> Iterator[Any]:
-    """Every number in nested named tuples."""
+    """Yield every number of nested named tuples."""
     if isinstance(value, tuple):
         for part in value:
             yield from numbers_in(part)
