@@ -1,4 +1,4 @@
-"""What a whole scene requires: the least geometry, law and precision, and which contact asks for it.
+"""Find what a whole scene requires: the smallest geometry, law and precision, and which contact requires it.
 
     >>> from collision_response import Body, Contact
     >>> bodies = {"ball": Body.dynamic(1.0, velocity=(0, 0, -2)), "floor": Body.static()}
@@ -9,8 +9,9 @@
     >>> required.law.reason
     'friction changes no impact by more than the tolerance'
 
-The law is one for all contacts, geometry is the least in which they can be answered by it, and precision the
-least there. In these each contact, also one that separates, ends with the status that it has in truth.
+One law serves all contacts. The geometry is the smallest one that answers all of them by this law, and the
+precision is the lowest one in this geometry. With these, each contact ends with its right status, also one
+that separates.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from .status import ImpactError, StatusCode
 
 
 class SceneContact(NamedTuple):
-    """A contact between two named bodies."""
+    """A contact between two bodies, given by their names."""
 
     body_a: str
     body_b: str
@@ -37,19 +38,19 @@ class SceneContact(NamedTuple):
 
 
 class Requirement(NamedTuple):
-    """The least that a scene requires in one respect, and why it is not less."""
+    """The least geometry, law or precision that a scene requires, and the reason."""
 
     least: Any
     reason: str
 
 
 class SceneRequirements(NamedTuple):
-    """The least that a scene requires.
+    """The answer of :func:`scene_requirements`.
 
     Attributes:
-        geometry, law, precision: a :class:`Requirement` each.
-        tolerance: relative error that they meet in each impact, beside that of a law without friction, which
-            is as much at most; see ``error_bound`` of :class:`~collision_response.Impact`.
+        geometry, law, precision: the least of each, and the reason: ``least`` and ``reason``.
+        tolerance: relative error that they keep in each impact, see ``error_bound`` of
+            :class:`~collision_response.Impact`. Leaving out friction may add an error of the same size.
     """
 
     geometry: Requirement
@@ -89,7 +90,7 @@ class _Needs(NamedTuple):
     precisions: Mapping[Geometry, Requirement]
 
     def with_contact(self, name: str, least: Mapping[Geometry, Precision]) -> _Needs:
-        """With one more, of which ``least`` has the geometries that serve it and the precision there."""
+        """Add a contact. ``least`` maps each geometry that serves it to the lowest precision there."""
         own = min(least)
         return _Needs(
             _greater(self.geometry, own, f"{name} {WHY_GEOMETRY[own]}"),
@@ -101,7 +102,10 @@ class _Needs(NamedTuple):
         )
 
     def common_geometry(self) -> Requirement:
-        """The least that serves all contacts: one that needs none may lie out of the plane of another."""
+        """Return the smallest geometry that serves all contacts.
+
+        It may have to be SPATIAL if one contact requires PLANAR and another lies outside the x-y plane.
+        """
         if self.geometry.least is Geometry.PLANAR and self.out_of_plane:
             return Requirement(
                 Geometry.SPATIAL, f"{self.geometry.reason}, and {self.out_of_plane} is not in it"
@@ -118,17 +122,17 @@ LAWS = Law.FRICTIONLESS, Law.COULOMB
 
 
 class SceneSurvey:
-    """The contacts of a scene, one by one. One law serves them all, and decides what else they need."""
+    """Collects the requirements of a scene's contacts one by one, for :func:`scene_requirements`."""
 
     def __init__(self, tolerance: float) -> None:
-        """No contacts yet.
+        """Start without contacts.
 
         Args:
-            tolerance: greatest relative error of each impact, > 0 and finite.
+            tolerance: largest relative error of each impact, > 0 and finite.
 
         Raises:
-            ImpactError: INVALID_MODEL: it is not so.
-            TypeError: it is no number.
+            ImpactError: INVALID_MODEL, if ``tolerance`` is not positive and finite.
+            TypeError: if ``tolerance`` is not a number.
         """
         _check_tolerance(tolerance)
         self._tolerance = tolerance
@@ -136,10 +140,10 @@ class SceneSurvey:
         self._needs = dict.fromkeys(LAWS, NO_NEEDS)
 
     def add(self, name: str, body_a: Body, body_b: Body, contact: Contact) -> None:
-        """Consider one more contact.
+        """Add a contact.
 
         Raises:
-            ImpactError: it cannot be resolved; the survey is as it was before.
+            ImpactError: if the contact cannot be resolved. The survey then stays as it was.
         """
         scene = body_a, body_b, contact
         smooth, rough = (resolve(*scene, _whole(law)) for law in LAWS)
@@ -154,13 +158,13 @@ class SceneSurvey:
         self._needs = needs
 
     def requirements(self) -> SceneRequirements:
-        """What the contacts so far require."""
+        """Return what the contacts added so far require."""
         needs = self._needs[self._law.least]
         geometry = needs.common_geometry()
         return SceneRequirements(geometry, self._law, needs.precisions[geometry.least], self._tolerance)
 
     def _least(self, scene: tuple[Body, Body, Contact], whole: Impact) -> dict[Geometry, Precision]:
-        """The geometries that serve a contact, each with its least precision; SPATIAL always does."""
+        """Return the geometries that serve a contact, always SPATIAL too, with the lowest precision in each."""
         found = {Geometry.SPATIAL: Precision.EXTENDED}
         for geometry in GEOMETRIES:
             for precision in (Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED):
@@ -174,20 +178,22 @@ class SceneSurvey:
 def scene_requirements(
     bodies: Mapping[str, Body], contacts: Iterable[SceneContact], tolerance: float
 ) -> SceneRequirements:
-    """The least law, geometry and precision, in this order, with which every contact meets ``tolerance``.
+    """Find the smallest law, geometry and precision with which every contact of a scene meets a tolerance.
 
-    The law is FRICTIONLESS or COULOMB. Contacts that separate do so in that model too. Where no precision
-    meets the tolerance, as below 2.2e-16, it is EXTENDED.
+    The law, FRICTIONLESS or COULOMB, is found first, then the geometry, then the precision. Contacts that
+    separate also separate in the model that is found. If no precision meets the tolerance, as for one below
+    2.2e-16, the precision is EXTENDED.
 
     Args:
-        bodies: by name.
-        contacts: the contacts, of bodies by name.
-        tolerance: greatest relative error of each impact, > 0 and finite.
+        bodies: the bodies by name.
+        contacts: the contacts, with the names of their bodies.
+        tolerance: largest relative error of each impact, > 0 and finite.
 
     Raises:
-        ImpactError: a contact cannot be resolved; INVALID_MODEL: that is no tolerance.
-        KeyError: a contact names an unknown body.
-        TypeError: the tolerance is no number.
+        ImpactError: if a contact cannot be resolved. INVALID_MODEL, if ``tolerance`` is not positive and
+            finite.
+        KeyError: if a contact names an unknown body.
+        TypeError: if ``tolerance`` is not a number.
     """
     survey = SceneSurvey(tolerance)
     for a, b, contact in contacts:
@@ -207,12 +213,12 @@ def _greater(need: Requirement, candidate: Any, reason: str) -> Requirement:
 
 
 def _whole(law: Law) -> ImpactModel:
-    """With nothing left out."""
+    """Return the model that leaves out nothing."""
     return ImpactModel(law, Geometry.SPATIAL, Precision.EXTENDED)
 
 
 def _status(scene: tuple[Body, Body, Contact], model: ImpactModel) -> StatusCode | None:
-    """How an impact ends that has an answer in some model; ``None``: it has none in this one."""
+    """Return the status of an impact in a model, or ``None`` if this model cannot answer it."""
     if model.precision is Precision.EXTENDED:
         model = model._replace(tolerance=max(model.tolerance, ULP))  # that is all it promises
     try:

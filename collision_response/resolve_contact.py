@@ -1,11 +1,12 @@
-"""The front door for whatever has an inverse effective mass: mechanisms, soft robots, two links of one arm.
+"""Resolve an impact given by its inverse effective mass: for mechanisms, soft robots, two links of one arm.
 
     >>> K = [[3.5, 0, 0], [0, 3.5, 0], [0, 0, 1]]  # a solid sphere of 1 kg
     >>> impact = resolve_contact(K, u=(0.2, 0, -1), n=(0, 0, 1), restitution=0.5, friction=0.3)
     >>> impact.velocity_after.z, impact.regime.name
     (0.5, 'STICKING')
 
-It asks ``resolve`` about a body at whose origin the contact is, and whose inverse inertia is ``K`` there.
+It calls ``resolve`` for an articulated body that has the contact at its origin and ``K`` as its inverse
+inertia there.
 """
 
 from __future__ import annotations
@@ -24,22 +25,25 @@ from .status import ImpactError, StatusCode, format_value
 
 
 class ContactImpact(NamedTuple):
-    """What becomes of one contact. ``print`` shows it as a table.
+    """The answer of :func:`resolve_contact`. ``print`` shows it as a table.
 
     Attributes:
         status: OK, SEPARATING or TOLERANCE_NOT_MET.
-        model: as used, every AUTO decided.
+        model: the model that was used, with every AUTO decided.
         velocity_after: relative velocity at the contact after the impact, ``u + K P`` [m/s].
         velocity_change: ``K P`` [m/s].
-        impulse: ``P``, on the body that the normal points to [N s].
-        normal_impulse, tangential_impulse: its part along the normal, and the length of the rest [N s].
-        energy_change: ``P.(u + u_after) / 2`` of all that moves together, <= 0 but for rounding [J].
-        energy_lost_restitution, energy_lost_friction: the two shares of what is lost [J].
-        regime: what friction did.
-        error_bound: upper bound on the relative error of the impulse and of the velocity change, each in
-            the Euclidean norm, from rounding and from numbers given that are no floats; an estimate where
-            friction is followed as a function of the slip speed, as in :class:`Impact`.
-        adjustments: what was changed from what was asked.
+        impulse: ``P``, the impulse on the body that the normal points to [N s].
+        normal_impulse: component of the impulse along the normal, >= 0 [N s].
+        tangential_impulse: length of the rest of the impulse [N s].
+        energy_change: change of the kinetic energy of the whole system, ``P.(u + u_after) / 2``; <= 0 except
+            for rounding [J].
+        energy_lost_restitution, energy_lost_friction: work done against the normal impulse and against the
+            tangential impulse [J].
+        regime: what friction did, see :class:`Regime`.
+        error_bound: upper bound on the relative errors of the impulse and of the velocity change, in the
+            Euclidean norm. It includes rounding, also that of inputs that are not floats. If friction is
+            followed as a function of the slip speed, it is an estimate, as in :class:`Impact`.
+        adjustments: how the impact that was computed differs from the request.
     """
 
     status: StatusCode
@@ -57,7 +61,7 @@ class ContactImpact(NamedTuple):
     adjustments: Adjustment
 
     def __str__(self) -> str:
-        """What happened."""
+        """The answer as a table."""
         touch = [str(self.regime), format_vector(self.velocity_after), format_vector(self.impulse)]
         lost = map(
             format_number, (self.energy_change, self.energy_lost_restitution, self.energy_lost_friction)
@@ -73,7 +77,7 @@ class ContactImpact(NamedTuple):
         return "\n".join(lines)
 
     def __repr__(self) -> str:
-        """In one line: what to look at first. Every field has its name."""
+        """The most important fields, in one line."""
         chosen = f"{self.status}, {self.model.law}, {self.regime}"
         bound = f"error_bound={self.error_bound:.2g}"
         return f"ContactImpact({chosen}, impulse={format_vector(self.impulse)}, {bound})"
@@ -87,24 +91,27 @@ def resolve_contact(
     friction: float | Callable[[float], float] = 0.0,
     model: ImpactModel = DEFAULT,
 ) -> ContactImpact:
-    """The impulse at a contact of which no more is known than how easily it moves.
+    """Compute the impulse at a contact from its inverse effective mass, instead of from two bodies.
 
     Args:
-        K: inverse effective mass, 3x3, symmetric and positive semi-definite [1/kg]: an impulse ``P``
-            changes the relative velocity by ``K P``. Of mechanisms ``J M^-1 J^T``, with ``J`` of the relative
-            velocity at the contact. It may be singular as long as ``n.K n`` is not 0 and, with friction,
-            ``u`` lies in its range. It counts as singular from a determinant of 2^-40 of the product of its
-            diagonal down, or an eigenvalue of 2^-70 of its trace.
-        u: relative velocity of the first body to the second at the contact [m/s].
-        n: the normal, from the second body to the first; any length but 0.
-        restitution: ``e`` in [0, 1], or a function that gives it for an approach speed [m/s].
-        friction: Coulomb's coefficient, >= 0, or a function that gives it for a slip speed [m/s], as in
-            :class:`Contact`.
-        model: what to model, and how exactly; its geometry is AUTO or SPATIAL.
+        K: inverse effective mass at the contact, 3x3, symmetric and positive semi-definite [1/kg]. An impulse
+            ``P`` changes the relative velocity by ``K P``. For a mechanism it is ``J M^-1 J^T``, where ``J``
+            is the Jacobian of the relative velocity at the contact. ``K`` may be singular as long as
+            ``n.K n`` is not 0 and, with friction, ``u`` is in its range. It counts as singular if its determinant is at
+            most 2^-40 times the product of its diagonal, or an eigenvalue at most 2^-70 times its trace.
+        u: velocity of the first body relative to the second at the contact [m/s].
+        n: normal from the second body to the first, of any length except 0.
+        restitution: ``e`` in [0, 1], or a function of the approach speed [m/s].
+        friction: Coulomb's coefficient, >= 0, or a function of the slip speed [m/s], as in :class:`Contact`.
+        model: what to model, and how exactly. Its geometry must be AUTO or SPATIAL.
+
+    Returns:
+        The impulse on the first body, the relative velocity after the impact, the energies, and a bound on
+        the relative error.
 
     Raises:
-        ImpactError: the request cannot be answered; ``field`` is the name of an argument.
-        TypeError: an argument is not of the kind that it should be.
+        ImpactError: if the request cannot be answered. ``field`` is the name of an argument.
+        TypeError: if an argument has the wrong type.
     """
     try:
         rows = [[*row, 0.0, 0.0, 0.0] for row in K]
@@ -150,8 +157,11 @@ def resolve_contact(
 
 
 def _renamed(said: str) -> str | None:
-    """What ``resolve`` says of a field, of the argument that it is here; ``None``: of none."""
-    for field, argument in sorted(_ARGUMENTS.items(), reverse=True):  # the longest that fits comes first
+    """Put the argument's name in place of the field that a message of ``resolve`` begins with.
+
+    Returns ``None`` if the message is not about a field.
+    """
+    for field, argument in sorted(_ARGUMENTS.items(), reverse=True):  # try longer names first
         rest = said.removeprefix(field)
         if rest != said and rest[:1] in (".", ":"):
             return argument + rest
@@ -169,4 +179,4 @@ _ARGUMENTS = {
     "contact.friction": "friction",
     "contact.friction(slip_speed)": "friction(slip_speed)",
 }
-"""What fields of ``resolve`` are called here."""
+"""The fields of ``resolve``, and the arguments of :func:`resolve_contact` that they come from."""

@@ -217,7 +217,7 @@ def test_an_invalid_request_is_refused_with_its_code_and_field(code, field, requ
 
 
 def test_an_impact_error_is_a_value_error_with_the_reason():
-    with pytest.raises(ValueError, match=r"body_a\.inertia: .*greater than the sum of the others.* 2\.001"):
+    with pytest.raises(ValueError, match=r"body_a\.inertia.*greater than the sum of the other two.* 2\.001"):
         resolve(body(inertia=(1.0, 0.0, 0.0, 1.0, 0.0, 2.001)), FLOOR, CONTACT)
 
 
