@@ -164,7 +164,7 @@ class SceneSurvey:
         return SceneRequirements(geometry, self._law, needs.precisions[geometry.least], self._tolerance)
 
     def _least(self, scene: tuple[Body, Body, Contact], whole: Impact) -> dict[Geometry, Precision]:
-        """Return the geometries that serve a contact, always SPATIAL too, with the lowest precision in each."""
+        """Return the geometries that serve a contact, with the lowest precision in each."""
         found = {Geometry.SPATIAL: Precision.EXTENDED}
         for geometry in GEOMETRIES:
             for precision in (Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED):
