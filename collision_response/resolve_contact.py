@@ -98,8 +98,8 @@ def resolve_contact(
             ``P`` changes the relative velocity by ``K P``. For a mechanism it is ``J M^-1 J^T``, where ``J``
             is the Jacobian of the relative velocity at the contact. ``K`` may be singular as long as
             ``n.K n`` is not 0 and, with friction, ``u`` is in its range. It counts as singular if its
-            determinant is at
-            most 2^-40 times the product of its diagonal, or an eigenvalue at most 2^-70 times its trace.
+            determinant is at most 2^-40 times the product of its diagonal, or an eigenvalue at most 2^-70
+            times its trace.
         u: velocity of the first body relative to the second at the contact [m/s].
         n: normal from the second body to the first, of any length except 0.
         restitution: ``e`` in [0, 1], or a function of the approach speed [m/s].
