@@ -46,7 +46,7 @@ from collision_response.status import StatusCode
 def traced(formula) -> tuple[Tape, int]:
     """A formula of x and y on a tape, and the index of its result."""
     tape = Tape()
-    return tape, tape.symbol(formula(tape.input("x"), tape.input("y"))).place
+    return tape, tape.symbol(formula(tape.input("x"), tape.input("y"))).index
 
 
 def tree(tape: Tape, place: int) -> tuple:
@@ -193,9 +193,9 @@ class _Run(dict):
     def loop(self, loop: Loop, state: tuple) -> tuple:
         for _ in range(loop.budget):
             turn = _Run(loop.tape, self.inputs, self, state)
-            if not turn[loop.going]:
+            if not turn[loop.condition]:
                 break
-            state = tuple(turn[place] for place in loop.after)
+            state = tuple(turn[place] for place in loop.state_after)
         return state
 
 
@@ -358,8 +358,8 @@ def test_constants_are_exact_and_unused_inputs_are_omitted():
 
 def test_a_loop_has_plain_values_and_tests_its_condition_first():
     code = lines(emitted(bounded=[newtons_root]))
-    start = code.index("for (int turn = 0; turn < 60; ++turn) {")
-    going = next(i for i, line in enumerate(code) if "_going = " in line)
+    start = code.index("for (int iteration = 0; iteration < 60; ++iteration) {")
+    going = next(i for i, line in enumerate(code) if "_continues = " in line)
     assert code[going + 1].startswith("if (!any(")
     division = next(i for i, line in enumerate(code[start:], start) if " / " in line)
     assert start < going < division
@@ -465,7 +465,7 @@ def test_a_traced_law_gives_the_bits_of_the_law(law, layout):
     tape = Tape()
     asked = kernel_inputs(layout, tape)
     traced = impact(asked.body_a, asked.body_b, asked.contact, law, asked.settings)
-    places = [tape.symbol(x).place for x in numbers_in((traced.changes, traced.report))]
+    places = [tape.symbol(x).index for x in numbers_in((traced.changes, traced.report))]
     compared = 0
     for seed in range(6):
         collision = random_collision(seed, off_centre=layout is Layout.EVERYTHING)

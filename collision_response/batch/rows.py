@@ -77,7 +77,7 @@ def slices_of(widths: dict[str, int]) -> dict[str, slice]:
 @cache
 def body_rows(geometry: Geometry, *, oriented: bool = False) -> BodyRows:
     """Return the rows of ``bodies``. Only SPATIAL bodies may be ``oriented``."""
-    fields = layout_of(geometry, oriented=oriented).fields(0)
+    fields = layout_of(geometry, oriented=oriented).body_fields
     widths = {name: len(axes) for name, axes in fields.items()}
     slices = slices_of(widths)
     height = sum(widths.values())
@@ -87,7 +87,7 @@ def body_rows(geometry: Geometry, *, oriented: bool = False) -> BodyRows:
 @cache
 def contact_rows(geometry: Geometry) -> ContactRows:
     """Return the rows of ``contacts``."""
-    widths = {name: len(axes) for name, axes in layout_of(geometry).fields(1).items()}
+    widths = {name: len(axes) for name, axes in layout_of(geometry).contact_fields.items()}
     slices = slices_of({**widths, "restitution": 1, "friction": 1, "tangential_restitution": 1})
     height = slices["friction"].stop
     return ContactRows._make([*(slices.get(field, NO_ROWS) for field in ContactRows._fields[:-1]), height])

@@ -36,7 +36,8 @@ _settings_of = attrgetter(*Settings._fields)
 
 def _parameters() -> dict[str, int]:
     of_body, of_contact = (
-        {name: len(axes) for name, axes in Layout.EVERYTHING.fields(part).items()} for part in (0, 1)
+        {name: len(axes) for name, axes in fields.items()}
+        for fields in (Layout.EVERYTHING.body_fields, Layout.EVERYTHING.contact_fields)
     )
     of_body["orientation"] = 3
     of_contact |= {"restitution": 1, "friction": 1}

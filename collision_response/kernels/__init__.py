@@ -1,1 +1,1 @@
-"""The formulas as machine code: written down on a tape, emitted as C++, compiled by the build."""
+"""The formulas, compiled to machine code by the build. Head of ``symbol.py``: how."""

@@ -1,4 +1,4 @@
-// Arrays of NumPy, by the buffer protocol.
+// NumPy arrays, through the buffer protocol.
 #pragma once
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
@@ -6,23 +6,25 @@
 #include <algorithm>
 #include <initializer_list>
 
-// Contiguous, and of the numbers and the shape that it should be; or not there.
+// A C-contiguous array; empty until it is opened.
 struct Array {
   Py_buffer view{};
   Array() = default;
   Array(const Array&) = delete;
   ~Array() { PyBuffer_Release(&view); }
+  // Return whether there is such an array. No Python error is set.
   bool open(PyObject* o, bool writable = false) {
     if (PyObject_GetBuffer(o, &view, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT | (writable ? PyBUF_WRITABLE : 0)) == 0) return true;
     PyErr_Clear();
     return false;
   }
-  bool is(char format, std::initializer_list<Py_ssize_t> shape) const {
+  // Whether the elements are of a type, by its format character, and the array has a shape.
+  bool has(char format, std::initializer_list<Py_ssize_t> shape) const {
     return *view.format == format && !view.format[1] && view.ndim == static_cast<int>(shape.size()) &&
            std::equal(shape.begin(), shape.end(), view.shape);
   }
-  bool is_whole() const { return view.itemsize == 8 && (*view.format == 'l' || *view.format == 'q'); }
-  bool is_there() const { return view.obj; }
+  bool has_int64() const { return view.itemsize == 8 && (*view.format == 'l' || *view.format == 'q'); }
+  bool is_open() const { return view.obj; }
   template <class T = char> T* at(Py_ssize_t index = 0) const { return static_cast<T*>(view.buf) + index; }
   char* row(Py_ssize_t index) const { return at(index * view.shape[view.ndim - 1] * view.itemsize); }
   bool overlaps(const Array& other) const { return at() < other.at(other.view.len) && other.at() < at(view.len); }

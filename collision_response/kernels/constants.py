@@ -41,15 +41,15 @@ BATCH_LAYOUTS = (Layout.POINT, Layout.PLANAR, Layout.SPATIAL, Layout.SPATIAL_ORI
 """The layouts that the tables of a batch may have."""
 
 ALL_ZERO, ALL_ONE = -1, -2
-"""In place of the index of a row that a table does not have: the value that the row would hold throughout."""
+"""In place of the index of a row that a table lacks: all its numbers would be 0, or 1."""
 
 TABLE_LAYOUT = f"""
-// Where the general layout finds its rows in the tables of a batch: the index of each row; \
-or, for a row that is
-// not there, {ALL_ZERO} if its numbers are 0 and {ALL_ONE} if they are 1.
+// Where the general layout finds its rows in the tables of a batch: the index of each row, or, for a row that
+// the table lacks, ALL_ZERO or ALL_ONE: its numbers are all 0 or 1.
+enum {{ ALL_ZERO = {ALL_ZERO}, ALL_ONE = {ALL_ONE} }};
 struct TableLayout {{
-  int body_rows, contact_rows;  // the latter with restitution and friction
-  int axes, first_spin;         // how many axes velocities have; the first axis of rotation, 3 if none
+  int body_rows, contact_rows;  // contact_rows counts restitution and friction
+  int axes, first_spin;         // number of axes of velocities; first axis of rotation, 3 if there is none
   int body[ROWS_OF_BODY], contact[ROWS_OF_CONTACT];
 }};
 """
@@ -119,7 +119,7 @@ def _table_layout(layout: Layout) -> str:
     body, contact = names_of_body(layout), names_of_contact(layout)
     body_rows = [row(name, body) for name in names_of_body(Layout.EVERYTHING)]
     contact_rows = [row(name, contact) for name in names_of_contact(Layout.EVERYTHING)]
-    fields = layout.fields(0)
+    fields = layout.body_fields
     axes, spins = len(fields["velocity"]), len(fields.get("angular_velocity", []))
     return _braced([len(body), len(contact), axes, 3 - spins, _braced(body_rows), _braced(contact_rows)])
 

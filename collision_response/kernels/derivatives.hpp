@@ -1,15 +1,15 @@
-// The derivatives of an impulse by what a law sees.
+// The derivatives of an impulse by the inputs of a law.
 #pragma once
 #include "dual.hpp"
 #include "constants.hpp"
 
-enum { SEEN_BY_LAW = 21, AXES = 3 };
+enum { LAW_INPUTS = 21, AXES = 3 };
 
-// The derivatives of what a law sees, in some directions, and those of the impulse.
-using Seeds = double[SEEN_BY_LAW][Few::DIRECTIONS];
+// Derivatives in some directions: of the inputs of a law, and of its impulse.
+using Seeds = double[LAW_INPUTS][DenseDerivatives::DIRECTIONS];
 struct Impulse {
   Bounded<double> value[AXES];
-  double d[AXES][Few::DIRECTIONS];
+  double d[AXES][DenseDerivatives::DIRECTIONS];
   Edges kinks, jumps;
 };
-using DerivativeKernel = void (*)(const Bounded<double>* seen, const Seeds& seeds, Impulse* y);
+using DerivativeKernel = void (*)(const Bounded<double>* law_input, const Seeds& seeds, Impulse* result);

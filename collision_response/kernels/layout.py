@@ -1,4 +1,4 @@
-"""Which numbers a kernel reads. What a layout leaves out is 0, and the formulas shrink by it."""
+"""Layouts: which numbers a kernel reads. Those that a layout lacks are 0, which simplifies the formulas."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from .symbol import Tape
 
 
 class Layout(Enum):
-    """The kinds of tables that batches have, and what one impact reads.
+    """What kernels read: POINT to SPATIAL_ORIENTED are the tables of batches, the others serve one impact.
 
-    The value says, for a body and then for a contact, what there is of each field.
+    The value lists the fields of a body, then those of a contact, each with its components.
     """
 
     POINT = ("mass velocity=xyz", "normal=xyz")
@@ -33,22 +33,32 @@ class Layout(Enum):
         "position=xyz normal=xyz",
     )
     ARTICULATED = (EVERYTHING[0], EVERYTHING[1], "inverse_inertia")
-    """Everything, and then the inverse inertia of both bodies: 0 of a rigid one."""
+    """EVERYTHING, followed by the inverse inertia of both bodies, which is 0 for a rigid body."""
 
-    def fields(self, part: int) -> dict[str, list[str]]:
-        """For the body (0) or the contact (1): its fields, and the components of each."""
-        all_components = {"all": list(Symmetric3._fields), "zz": ["zz"], "": [""]}
-        fields = (text.partition("=") for text in self.value[part].split())
-        return {name: all_components.get(axes) or list(axes) for name, _, axes in fields}
+    @property
+    def body_fields(self) -> dict[str, list[str]]:
+        """The fields of a body, each with its components."""
+        return _parsed_fields(self.value[0])
+
+    @property
+    def contact_fields(self) -> dict[str, list[str]]:
+        """The fields of a contact, each with its components."""
+        return _parsed_fields(self.value[1])
+
+
+def _parsed_fields(text: str) -> dict[str, list[str]]:
+    named = {"all": list(Symmetric3._fields), "zz": ["zz"], "": [""]}
+    fields = (field.partition("=") for field in text.split())
+    return {name: named.get(axes) or list(axes) for name, _, axes in fields}
 
 
 class KernelInputs(NamedTuple):
-    """What a kernel is given, as symbols.
+    """Two bodies, a contact and settings, made of the symbols that a kernel reads.
 
     Attributes:
-        names: of its inputs, in their order: those of body_a, of body_b, of the contact, of the model.
-        body_a, body_b, contact: of symbols, and of the 0s that the layout leaves out.
-        settings: the numbers of the model.
+        names: the names of the inputs, in the order of the kernel: body_a, body_b, contact, model.
+        body_a, body_b, contact: symbols, and 0 for each number that the layout lacks.
+        settings: symbols for the numbers of the model.
     """
 
     names: list[str]
@@ -59,29 +69,29 @@ class KernelInputs(NamedTuple):
 
 
 def names_of_body(layout: Layout) -> list[str]:
-    """The numbers of one body, in order."""
-    return [f"{name}.{axis}" for name, axes in layout.fields(0).items() for axis in axes]
+    """Names of the numbers of one body, in order: field and component, such as ``position.x``."""
+    return [f"{name}.{axis}" for name, axes in layout.body_fields.items() for axis in axes]
 
 
 def names_of_contact(layout: Layout) -> list[str]:
-    """The numbers of a contact, in order."""
-    names = [f"{name}.{axis}" for name, axes in layout.fields(1).items() for axis in axes]
+    """Names of the numbers of a contact, in order."""
+    names = [f"{name}.{axis}" for name, axes in layout.contact_fields.items() for axis in axes]
     return [*names, "restitution.", "friction."]
 
 
 def names_of_model() -> list[str]:
-    """The numbers of a model, in order."""
+    """Names of the numbers of a model, in order."""
     return [f"model.{name}" for name in Settings._fields]
 
 
 def names_of_inverse_inertia() -> list[str]:
-    """The numbers that articulated bodies have besides."""
+    """Names of the numbers that the layout ARTICULATED adds."""
     owners = ("body_a", "body_b")
     return [f"{body}.inverse_inertia.{entry}" for body in owners for entry in InverseInertia._fields]
 
 
 def kernel_inputs(layout: Layout, tape: Tape) -> KernelInputs:
-    """The request of a layout, on a tape."""
+    """Add the inputs of a layout to a tape."""
     names = [f"{body}.{name}" for body in ("body_a", "body_b") for name in names_of_body(layout)]
     names += [f"contact.{name}" for name in names_of_contact(layout)] + names_of_model()
     if layout is Layout.ARTICULATED:
@@ -95,9 +105,9 @@ def kernel_inputs(layout: Layout, tape: Tape) -> KernelInputs:
         return Vec3(*read(owner, field, "xyz"))
 
     def body(owner: str) -> Body:
-        has = layout.fields(0)
+        has = layout.body_fields
         inertia = Symmetric3(*read(owner, "inertia", Symmetric3._fields)) if "inertia" in has else ZERO_TENSOR
-        if has.get("inertia") == ["zz"]:  # only that matters
+        if has.get("inertia") == ["zz"]:  # the only moment that a planar impact depends on
             inertia = inertia._replace(xx=inertia.zz, yy=inertia.zz)
         return Body(
             symbols[f"{owner}.mass."],
@@ -143,15 +153,22 @@ DIMENSIONS = {
     "energy_lost_restitution": (1, 2, -2),
     "energy_lost_friction": (1, 2, -2),
 }
-"""Exponents of mass, length and time. What is not here has none."""
+"""Exponents of mass, length and time for each field. A field that is not listed is dimensionless."""
 
 
 def units(name: str) -> tuple[int, int, int, int, int, int]:
-    """Exponents of mass, length, time, and of the lengths of the two quaternions and of the normal."""
+    """Return the unit of a quantity, as exponents.
+
+    The base units are those of mass, length and time, then the lengths of the two quaternions and of the
+    normal, on which no answer depends.
+    """
     owner, field, *_ = [*name.split("."), ""]
-    own = {("body_a", "orientation"): (1, 0, 0), ("body_b", "orientation"): (0, 1, 0)}
-    own[("contact", "normal")] = (0, 0, 1)
+    lengths = {
+        ("body_a", "orientation"): (1, 0, 0),
+        ("body_b", "orientation"): (0, 1, 0),
+        ("contact", "normal"): (0, 0, 1),
+    }
     dimensions = DIMENSIONS.get(field, (0, 0, 0))
-    if field == "inverse_inertia":  # the angular axes are a, b and c
+    if field == "inverse_inertia":  # the angular components are named a, b and c
         dimensions = (-1, -sum(axis in "abc" for axis in name.rpartition(".")[2]), 0)
-    return (*dimensions, *own.get((owner, field), (0, 0, 0)))
+    return (*dimensions, *lengths.get((owner, field), (0, 0, 0)))

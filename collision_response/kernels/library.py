@@ -1,7 +1,8 @@
-"""The compiled kernels, told of the Python types that they take and give."""
+"""The compiled functions. The modules get the Python types that they use here, once, by ``setup``."""
 
 from __future__ import annotations
 
+from enum import IntEnum
 from fractions import Fraction
 from pathlib import Path
 
@@ -32,15 +33,17 @@ _REFUSALS = {
 
 
 def refusal(code: int) -> ImpactError:
-    """Why there is no answer to a sound request."""
+    """Return the error for a valid request that a kernel could not answer."""
     status = StatusCode(code)
     return ImpactError(status, *_REFUSALS[status])
 
 
-_statuses = {int(status): status for status in StatusCode}
-_regimes = {int(regime): regime for regime in Regime}
-_regimes_by_number = tuple(_regimes.get(i) for i in range(max(_regimes) + 1))
-_statuses_by_number = tuple(_statuses.get(i) for i in range(max(_statuses) + 1))
+def _by_number(enumeration: type[IntEnum]) -> tuple[IntEnum | None, ...]:
+    members = {int(member): member for member in enumeration}
+    return tuple(members.get(i) for i in range(max(members) + 1))
+
+
+_regimes_by_number, _statuses_by_number = _by_number(Regime), _by_number(StatusCode)
 _adjustments_by_number = tuple(Adjustment(i) for i in range(32))
 _compiled.setup(
     Impact,

@@ -1,15 +1,24 @@
-// The number types that a traced formula may run on. A base T is double, float, or a vector of one of them.
+// The number types that the emitted formulas run on. T is a base: double, float, or a vector of one of them.
 //
 //   T                  rounds as IEEE 754 says
-//   DoubleDouble<T>    some 32 digits: an unevaluated sum of two
-//   Bounded<N>         N, and a bound on the error that it has gathered so far
+//   DoubleDouble<T>    an unevaluated sum of two T: some 32 digits if T is double
+//   Bounded<N>         a value of type N, and a bound on its error: here the error bounds are made
 //
-// Running error: every operation adds what it rounds, and passes on what its operands carry (Wilkinson;
-// Higham, Accuracy and Stability of Numerical Algorithms, 2002, section 3.3). A comparison of two numbers
-// that are nearer to each other than their errors is undecided; a choice by it gives either branch, with an
-// error that covers the other.
+// Bounded is a running error analysis: Wilkinson; Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed.,
+// 2002, section 3.3. With values a, b, their error bounds da, db, and u the roundoff of N, an operation computes its
+// value as N does, and as its bound (in floating point, see `slack`)
 //
-// The same bits everywhere: no contraction, no fast-math; of NaN only that it is one.
+//   a + b, a - b   da + db + u |result|
+//   a b            (|a| + da) db + |b| da + u |result| + underflow
+//   a / b          (da + |a / b| db) / (|b| - db) + u |result| + underflow; infinite unless |b| > db
+//   root(a)        min(da / root(a), root(da)) + u |result|
+//
+// A comparison is three-valued (Truth): it is certain if the values are farther apart than the sum of their bounds,
+// or if both bounds are 0. A choice by an uncertain condition gives the branch that the values take, with a bound that
+// covers the other branch too: the hull of both.
+//
+// The results are the same to the bit on every machine: no contraction to fused operations, no fast-math. Only which
+// NaN a NaN is may differ.
 #pragma once
 #include <cmath>
 #include <cstddef>
@@ -17,12 +26,12 @@
 #include <cstring>
 #include <type_traits>
 
-#ifndef GIVEN_ROUNDOFF  // of the floats that the numbers were given in
+#ifndef GIVEN_ROUNDOFF  // roundoff of the floats that the inputs were given in
 #define GIVEN_ROUNDOFF 0x1p-53
 #endif
 #define INLINE static inline __attribute__((always_inline))
-// OUT_OF_LINE: operations are calls, but those of a base; that compiles in a third of the time. LONG_OUT_OF_LINE: only the
-// long operations are.
+// With OUT_OF_LINE, operations are function calls, except those on a base. That compiles in a third of the time. With
+// LONG_OUT_OF_LINE, only the long operations are.
 #ifdef OUT_OF_LINE
 #define SHORT_OPERATION static __attribute__((noinline))
 #else
@@ -55,12 +64,12 @@ template <class T>
 struct MaskOf<T, std::enable_if_t<is_vector<T>>> { using type = decltype(T{} < T{}); };
 template <class T> using Mask = typename MaskOf<T>::type;  // the result of comparing bases
 
-template <class T> INLINE T spread(double x) { return T{} + static_cast<Lane<T>>(x); }
-template <class T> INLINE Mask<T> spread_truth(bool x) { return x ? Mask<T>(T{} == T{}) : Mask<T>(T{} != T{}); }
+template <class T> INLINE T broadcast(double x) { return T{} + static_cast<Lane<T>>(x); }
+template <class T> INLINE Mask<T> broadcast_truth(bool x) { return x ? Mask<T>(T{} == T{}) : Mask<T>(T{} != T{}); }
 
 INLINE bool negation(bool m) { return !m; }
 template <class M, class = std::enable_if_t<is_vector<M>>> INLINE M negation(M m) { return ~m; }
-// Instructions by name, here and below: to read the header of all intrinsics takes longer than most files to compile.
+// Some instructions are written as assembly here: the compiler reads the header of intrinsics longer than most files.
 INLINE bool any(bool m) { return m; }
 template <class M, class = std::enable_if_t<is_vector<M>>> INLINE bool any(M m) {
 #ifdef __AVX512F__
@@ -100,7 +109,7 @@ template <class T> INLINE T root_of_base(T x) {
     return x;
   }
 }
-template <class T> INLINE T remainder_by_library(T a, T b, T p) {
+template <class T> INLINE T fms_by_library(T a, T b, T p) {
   if constexpr (is_scalar<T>) return std::fma(a, b, -p);
   else {
     for (std::size_t i = 0; i < lanes<T>; ++i) p[i] = std::fma(a[i], b[i], -p[i]);
@@ -109,56 +118,57 @@ template <class T> INLINE T remainder_by_library(T a, T b, T p) {
 }
 #ifdef __x86_64__
 #ifndef __FMA__
-// The instruction where the machine has it: a call takes as long as ten operations.
+// Use the instruction if the machine has it: a call of std::fma takes as long as ten operations.
 static const bool has_fma = __builtin_cpu_supports("fma");
-template <class T> static __attribute__((noinline, cold)) T remainder_by_calls(T a, T b, T p) { return remainder_by_library(a, b, p); }
+template <class T> static __attribute__((noinline, cold)) T fms_out_of_line(T a, T b, T p) { return fms_by_library(a, b, p); }
 #endif
-template <class T> INLINE T remainder(T a, T b, T p) {  // a b - p of doubles, rounded once
+template <class T> INLINE T fms(T a, T b, T p) {  // fused multiply-subtract: a b - p of doubles, rounded once
 #ifndef __FMA__
-  if (!has_fma) return remainder_by_calls(a, b, p);
+  if (!has_fma) return fms_out_of_line(a, b, p);
 #endif
   if constexpr (is_scalar<T>) __asm__("vfmsub231sd %2, %1, %0" : "+x"(p) : "x"(a), "x"(b));
   else __asm__("vfmsub231pd %2, %1, %0" : "+v"(p) : "v"(a), "v"(b));
   return p;
 }
 #else
-template <class T> INLINE T remainder(T a, T b, T p) { return remainder_by_library(a, b, p); }
+template <class T> INLINE T fms(T a, T b, T p) { return fms_by_library(a, b, p); }
 #endif
 template <class T> INLINE T lesser(T a, T b) { return a < b ? a : b; }
 
-// What reads alike on every number type: arithmetic, root, less, less_equal, equal, choose, constant, truth.
-#define BASE template <class T, class = std::enable_if_t<!std::is_class_v<T>>> INLINE
-BASE T root(T x) { return root_of_base(x); }
-// Arithmetic that is never a call: what operations with bounds are made of.
-BASE T sum_of(T a, T b) { return a + b; }
-BASE T product_of(T a, T b) { return a * b; }
-BASE T quotient_of(T a, T b) { return a / b; }
-BASE T root_of(T x) { return root_of_base(x); }
-BASE Mask<T> less(T a, T b) { return a < b; }
-BASE Mask<T> less_equal(T a, T b) { return a <= b; }
-BASE Mask<T> equal(T a, T b) { return a == b; }
+// The operations that emitted code uses on every number type, for a base; below for the others.
+#define ON_BASE template <class T, class = std::enable_if_t<!std::is_class_v<T>>> INLINE
+ON_BASE T root(T x) { return root_of_base(x); }
+// Arithmetic that is always inline. The operations of Bounded are made of it.
+ON_BASE T sum_of(T a, T b) { return a + b; }
+ON_BASE T product_of(T a, T b) { return a * b; }
+ON_BASE T quotient_of(T a, T b) { return a / b; }
+ON_BASE T root_of(T x) { return root_of_base(x); }
+ON_BASE Mask<T> less(T a, T b) { return a < b; }
+ON_BASE Mask<T> less_equal(T a, T b) { return a <= b; }
+ON_BASE Mask<T> equal(T a, T b) { return a == b; }
 template <class T> INLINE T choose(Mask<T> m, T a, T b) { return m ? a : b; }
-BASE T high(T x) { return x; }  // the number to the precision of the base
-BASE T error_of(T) { return T{}; }
-BASE T widened(T x, T) { return x; }
-BASE T value(T x) { return x; }
-BASE T report(T x) { return x; }
-BASE T plain_truth(T m) { return m; }
-BASE T certainly_true(T) { return T{}; }  // without errors nothing is known to be certain
-BASE bool may_be_true(T m) { return any(m); }
+ON_BASE T high(T x) { return x; }  // the number, rounded to the base
+ON_BASE T error_of(T) { return T{}; }
+ON_BASE T widened(T x, T) { return x; }
+ON_BASE T value(T x) { return x; }
+ON_BASE T report(T x) { return x; }
+ON_BASE T plain_truth(T m) { return m; }
+ON_BASE T certainly_true(T) { return T{}; }  // without error bounds nothing is certain
+ON_BASE bool may_be_true(T m) { return any(m); }
 
 // --- DoubleDouble ------------------------------------------------------------------------------------
-// Dekker 1971; Hida, Li & Bailey 2001. Every operation is right to 2^-102, short of under- and overflow.
+// Dekker 1971; Hida, Li & Bailey 2001. The relative error of every operation is at most 2^-102, except where it
+// underflows or overflows.
 
 template <class T>
-struct DoubleDouble { T h, l; };
+struct DoubleDouble { T h, l; };  // high and low part
 
 template <class T> INLINE DoubleDouble<T> quick_sum(T a, T b) { T s = a + b; return {s, b - (s - a)}; }
 template <class T> INLINE DoubleDouble<T> exact_sum(T a, T b) {
   T s = a + b, c = s - a;
   return {s, (a - (s - c)) + (b - c)};
 }
-template <class T> INLINE DoubleDouble<T> exact_product(T a, T b) { T p = a * b; return {p, remainder(a, b, p)}; }
+template <class T> INLINE DoubleDouble<T> exact_product(T a, T b) { T p = a * b; return {p, fms(a, b, p)}; }
 
 template <class T> INLINE DoubleDouble<T> sum_of(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
   DoubleDouble<T> s = exact_sum(a.h, b.h), t = exact_sum(a.l, b.l);
@@ -179,8 +189,8 @@ template <class T> INLINE DoubleDouble<T> quotient_of(const DoubleDouble<T>& a, 
 template <class T> INLINE DoubleDouble<T> root_of(const DoubleDouble<T>& a) {
   T s = root_of_base(a.h);
   DoubleDouble<T> p = exact_product(s, s);
-  T rest = (((a.h - p.h) - p.l) + a.l) / (s + s);
-  return quick_sum(s, choose<T>(s == 0, T{}, rest));
+  T correction = (((a.h - p.h) - p.l) + a.l) / (s + s);
+  return quick_sum(s, choose<T>(s == 0, T{}, correction));
 }
 template <class T> SHORT_OPERATION DoubleDouble<T> operator+(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return sum_of(a, b); }
 template <class T> SHORT_OPERATION DoubleDouble<T> operator-(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return sum_of(a, -b); }
@@ -201,9 +211,10 @@ template <class T> INLINE T high(const DoubleDouble<T>& a) { return a.h; }
 template <class T> INLINE T report(const DoubleDouble<T>& a) { return a.h; }
 
 // --- Traits ------------------------------------------------------------------------------------------
+// Value: the type without its error bound. Report: the type of results that are reported without bounds.
 
 template <class N> struct Bounded;
-template <class N> struct Traits {  // of a base
+template <class N> struct Traits {  // a base
   using Base = N; using Value = N; using Report = N;
   static constexpr double roundoff = sizeof(Lane<N>) == 8 ? 0x1p-53 : 0x1p-24;
 };
@@ -224,59 +235,59 @@ template <class N> using Report = typename Traits<N>::Report;
 template <class N>
 struct Bounded { N value; Base<N> error; };
 template <class T>
-struct Truth { Mask<T> value, certain; };  // Kleene's logic
+struct Truth { Mask<T> value, certain; };  // what the values say, and whether their errors leave no doubt; Kleene's logic
 
-// What an error may lack for being computed in rounded arithmetic itself.
+// Bounds are computed in floating point too, and may come out too small by this fraction.
 template <class T> constexpr double slack = sizeof(Lane<T>) == 8 ? 0x1p-30 : 0x1p-10;
-// More than an operation can lose by underflow.
+// More than an operation can lose through underflow.
 template <class T> constexpr double underflow = sizeof(Lane<T>) == 8 ? 0x1p-1060 : 0x1p-138;
 
-template <class N> INLINE Bounded<N> rounded(N x, Base<N> error) {
-  return {x, error + magnitude(high(x)) * spread<Base<N>>(Traits<N>::roundoff)};
+template <class N> INLINE Bounded<N> with_roundoff(N x, Base<N> error) {
+  return {x, error + magnitude(high(x)) * broadcast<Base<N>>(Traits<N>::roundoff)};
 }
-template <class T> INLINE Bounded<T> sum_in_bounds(T a, T b, T error) { return rounded(a + b, error); }
-// The low parts are summed as they are, and what that rounds counts by itself: half the operations of a sum that is
-// right to the last digit, and no error where nothing is rounded.
-template <class T> INLINE Bounded<DoubleDouble<T>> sum_in_bounds(const DoubleDouble<T>& a, const DoubleDouble<T>& b, T error) {
+template <class T> INLINE Bounded<T> bounded_sum(T a, T b, T error) { return with_roundoff(a + b, error); }
+// The low parts are added in the base, and the rounding of that is counted. It takes half the operations of sum_of,
+// and gives no error where nothing is rounded.
+template <class T> INLINE Bounded<DoubleDouble<T>> bounded_sum(const DoubleDouble<T>& a, const DoubleDouble<T>& b, T error) {
   DoubleDouble<T> s = exact_sum(a.h, b.h);
   T low = a.l + b.l;
-  return rounded(quick_sum(s.h, s.l + low), error + magnitude(low) * spread<T>(0x1p-53));
+  return with_roundoff(quick_sum(s.h, s.l + low), error + magnitude(low) * broadcast<T>(0x1p-53));
 }
-template <class N> SHORT_OPERATION Bounded<N> operator+(const Bounded<N>& a, const Bounded<N>& b) { return sum_in_bounds(a.value, b.value, a.error + b.error); }
-template <class N> SHORT_OPERATION Bounded<N> operator-(const Bounded<N>& a, const Bounded<N>& b) { return sum_in_bounds(a.value, -b.value, a.error + b.error); }
+template <class N> SHORT_OPERATION Bounded<N> operator+(const Bounded<N>& a, const Bounded<N>& b) { return bounded_sum(a.value, b.value, a.error + b.error); }
+template <class N> SHORT_OPERATION Bounded<N> operator-(const Bounded<N>& a, const Bounded<N>& b) { return bounded_sum(a.value, -b.value, a.error + b.error); }
 template <class N> INLINE Bounded<N> operator-(const Bounded<N>& a) { return {-a.value, a.error}; }
 template <class N> SHORT_OPERATION Bounded<N> operator*(const Bounded<N>& a, const Bounded<N>& b) {
   using T = Base<N>;
   T size_a = magnitude(high(a.value)) + a.error, size_b = magnitude(high(b.value));
-  T lost = lesser(size_a, size_b + b.error) > 0 ? spread<T>(underflow<T>) : T{};  // 0 times anything is 0
-  return rounded(product_of(a.value, b.value), (size_a * b.error + size_b * a.error) + lost);
+  T lost = lesser(size_a, size_b + b.error) > 0 ? broadcast<T>(underflow<T>) : T{};  // a product with 0 is exact
+  return with_roundoff(product_of(a.value, b.value), (size_a * b.error + size_b * a.error) + lost);
 }
 template <class N> LONG_OPERATION Bounded<N> operator/(const Bounded<N>& a, const Bounded<N>& b) {
   using T = Base<N>;
   N q = quotient_of(a.value, b.value);
-  T least = magnitude(high(b.value)) - b.error * spread<T>(1 + slack<T>);
-  T lost = magnitude(high(a.value)) + a.error > 0 ? spread<T>(underflow<T>) : T{};
-  // The remainder of a long division may underflow, before it is divided.
-  T rest = std::is_same_v<N, T> ? T{} : lost;
-  T error = (a.error + magnitude(high(q)) * b.error + rest) / least;
-  return rounded(q, choose<T>(least > 0, error + lost, spread<T>(__builtin_inf())));
+  T least_divisor = magnitude(high(b.value)) - b.error * broadcast<T>(1 + slack<T>);
+  T lost = magnitude(high(a.value)) + a.error > 0 ? broadcast<T>(underflow<T>) : T{};
+  // In a long division the remainder may underflow before it is divided.
+  T lost_remainder = std::is_same_v<N, T> ? T{} : lost;
+  T error = (a.error + magnitude(high(q)) * b.error + lost_remainder) / least_divisor;
+  return with_roundoff(q, choose<T>(least_divisor > 0, error + lost, broadcast<T>(__builtin_inf())));
 }
 template <class N> LONG_OPERATION Bounded<N> root(const Bounded<N>& a) {
   using T = Base<N>;
   N s = root_of(a.value);
   T error = a.error;
-  if constexpr (!std::is_same_v<N, T>) error += high(a.value) > 0 ? spread<T>(underflow<T>) : T{};
-  T far = error / high(s), near = root_of_base(error);
-  return rounded(s, choose<T>(far < near, far, near));
+  if constexpr (!std::is_same_v<N, T>) error += high(a.value) > 0 ? broadcast<T>(underflow<T>) : T{};
+  T far_from_0 = error / high(s), near_0 = root_of_base(error);
+  return with_roundoff(s, choose<T>(far_from_0 < near_0, far_from_0, near_0));
 }
-template <class N> INLINE Truth<Base<N>> compared(Mask<Base<N>> truth, const Bounded<N>& a, const Bounded<N>& b) {
+template <class N> INLINE Truth<Base<N>> compare(Mask<Base<N>> truth, const Bounded<N>& a, const Bounded<N>& b) {
   using T = Base<N>;
-  T errors = (a.error + b.error) * spread<T>(1 + slack<T>);
+  T errors = (a.error + b.error) * broadcast<T>(1 + slack<T>);
   return {truth, (Mask<T>)((magnitude(high(sum_of(a.value, -b.value))) > errors) | (errors == 0))};
 }
-template <class N> SHORT_OPERATION Truth<Base<N>> less(const Bounded<N>& a, const Bounded<N>& b) { return compared(less(a.value, b.value), a, b); }
-template <class N> SHORT_OPERATION Truth<Base<N>> less_equal(const Bounded<N>& a, const Bounded<N>& b) { return compared(less_equal(a.value, b.value), a, b); }
-template <class N> SHORT_OPERATION Truth<Base<N>> equal(const Bounded<N>& a, const Bounded<N>& b) { return compared(equal(a.value, b.value), a, b); }
+template <class N> SHORT_OPERATION Truth<Base<N>> less(const Bounded<N>& a, const Bounded<N>& b) { return compare(less(a.value, b.value), a, b); }
+template <class N> SHORT_OPERATION Truth<Base<N>> less_equal(const Bounded<N>& a, const Bounded<N>& b) { return compare(less_equal(a.value, b.value), a, b); }
+template <class N> SHORT_OPERATION Truth<Base<N>> equal(const Bounded<N>& a, const Bounded<N>& b) { return compare(equal(a.value, b.value), a, b); }
 template <class T> INLINE Truth<T> operator&(const Truth<T>& a, const Truth<T>& b) {
   return {(Mask<T>)(a.value & b.value),
           (Mask<T>)((a.certain & b.certain) | (a.certain & negation(a.value)) | (b.certain & negation(b.value)))};
@@ -285,13 +296,13 @@ template <class T> INLINE Truth<T> operator|(const Truth<T>& a, const Truth<T>& 
   return {(Mask<T>)(a.value | b.value), (Mask<T>)((a.certain & b.certain) | (a.certain & a.value) | (b.certain & b.value))};
 }
 template <class T> INLINE Truth<T> negation(const Truth<T>& a) { return {negation(a.value), a.certain}; }
-// What is not a number stays so: it counts as infinite.
+// A bound that is NaN stays NaN, and counts as infinite.
 template <class T> INLINE T greater_error(T a, T b) { return choose<T>(a < b, b, choose<T>(a >= b, a, a + b)); }
 template <class N> SHORT_OPERATION Bounded<N> choose(const Truth<Base<N>>& c, const Bounded<N>& a, const Bounded<N>& b) {
   using T = Base<N>;
   T error = choose<T>(c.value, a.error, b.error);
   if (__builtin_expect(any(negation(c.certain)), 0)) {
-    T hull = magnitude(high(sum_of(a.value, -b.value))) * spread<T>(1 + slack<T>) + choose<T>(c.value, b.error, a.error);
+    T hull = magnitude(high(sum_of(a.value, -b.value))) * broadcast<T>(1 + slack<T>) + choose<T>(c.value, b.error, a.error);
     error = choose<T>(c.certain, error, greater_error(error, hull));
   }
   return {choose(c.value, a.value, b.value), error};
@@ -301,22 +312,23 @@ template <class N> INLINE N value(const Bounded<N>& a) { return a.value; }
 template <class N> INLINE Report<N> report(const Bounded<N>& a) { return report(a.value); }
 template <class N> INLINE Base<N> high(const Bounded<N>& a) { return high(a.value); }
 template <class N> INLINE Base<N> error_of(const Bounded<N>& a) { return a.error; }
-template <class N> INLINE Bounded<N> widened(const Bounded<N>& x, N by) { return {x.value, x.error + magnitude(high(by)) * spread<Base<N>>(1 + slack<Base<N>>)}; }
+template <class N> INLINE Bounded<N> widened(const Bounded<N>& x, N by) { return {x.value, x.error + magnitude(high(by)) * broadcast<Base<N>>(1 + slack<Base<N>>)}; }
 template <class T> INLINE Mask<T> plain_truth(const Truth<T>& a) { return a.value; }
 template <class T> INLINE bool may_be_true(const Truth<T>& a) { return any((Mask<T>)(a.value | negation(a.certain))); }
 template <class T> INLINE Mask<T> certainly_true(const Truth<T>& a) { return a.value & a.certain; }
 
-// --- Constants, and numbers without an error as numbers with one -------------------------------------
+// --- Making numbers ----------------------------------------------------------------------------------
+// constant, truth: from a literal. lifted: from a number of a type that carries less. read: from an input and its error.
 
-template <class N> struct Make {  // of a base
-  INLINE N constant(double x) { return spread<N>(x); }
-  INLINE Mask<N> truth(bool x) { return spread_truth<N>(x); }
+template <class N> struct Make {  // a base
+  INLINE N constant(double x) { return broadcast<N>(x); }
+  INLINE Mask<N> truth(bool x) { return broadcast_truth<N>(x); }
   INLINE N lifted(N x) { return x; }
   INLINE N read(Base<N> x, Base<N>) { return x; }
 };
 template <class T> struct Make<DoubleDouble<T>> {
-  INLINE DoubleDouble<T> constant(double x) { return {spread<T>(x), T{}}; }
-  INLINE Mask<T> truth(bool x) { return spread_truth<T>(x); }
+  INLINE DoubleDouble<T> constant(double x) { return {broadcast<T>(x), T{}}; }
+  INLINE Mask<T> truth(bool x) { return broadcast_truth<T>(x); }
   INLINE DoubleDouble<T> lifted(T x) { return {x, T{}}; }
   INLINE DoubleDouble<T> lifted(const DoubleDouble<T>& x) { return x; }
   INLINE DoubleDouble<T> read(T x, T) { return {x, T{}}; }
@@ -324,9 +336,9 @@ template <class T> struct Make<DoubleDouble<T>> {
 template <class N> struct Make<Bounded<N>> {
   INLINE Bounded<N> constant(double x) {
     double lost = x - x == 0 ? x - static_cast<double>(static_cast<Lane<Base<N>>>(x)) : 0;
-    return {Make<N>::constant(x), spread<Base<N>>((lost < 0 ? -lost : lost) * (1 + slack<Base<N>>))};
+    return {Make<N>::constant(x), broadcast<Base<N>>((lost < 0 ? -lost : lost) * (1 + slack<Base<N>>))};
   }
-  INLINE Truth<Base<N>> truth(bool x) { return {spread_truth<Base<N>>(x), spread_truth<Base<N>>(true)}; }
+  INLINE Truth<Base<N>> truth(bool x) { return {broadcast_truth<Base<N>>(x), broadcast_truth<Base<N>>(true)}; }
   INLINE Bounded<N> lifted(Base<N> x) { return {Make<N>::lifted(x), Base<N>{}}; }
   INLINE Bounded<N> lifted(const DoubleDouble<Base<N>>& x) { return {x, Base<N>{}}; }
   INLINE Bounded<N> read(Base<N> x, Base<N> error) { return {Make<N>::read(x, error), error}; }

@@ -78,7 +78,7 @@ def validity_header(layout: Layout) -> str:
 
     ``validity`` reports the code of what is wrong, 0 if nothing is. Its flags say whether geometry POINT is
     enough without friction and with it, whether PLANAR is enough without and with it, and whether a
-    quaternion was not of unit length. ``plainly_sound`` is a quick check that most requests pass.
+    quaternion was not of unit length. ``clearly_valid`` is a quick check that most requests pass.
     """
     tape = Tape()
     given = kernel_inputs(layout, tape)
@@ -94,7 +94,7 @@ def validity_header(layout: Layout) -> str:
     is_sound = tape.symbol(validity.is_clearly_valid(*parts, e_t))
     return (
         emit("validity", given.names, [], [tape.symbol(code)], map(tape.symbol, flags))
-        + emit("plainly_sound", given.names, [], [], [is_sound])
+        + emit("clearly_valid", given.names, [], [], [is_sound])
         + _layout_struct(layout)
     )
 
@@ -112,8 +112,8 @@ def _layout_struct(layout: Layout) -> str:
     return (
         f"\nstruct Layout_{layout.name.lower()} {{\n"
         f"  static constexpr int body = {len(body)}, inputs = {inputs};\n"
-        f"  static constexpr int given = {2 * len(body) + contact.index('friction.')};\n"
-        f"  static constexpr bool any_may_be_one_for_all = {'true' if layout in GENERAL else 'false'};\n"
+        f"  static constexpr int always_per_impact = {2 * len(body) + contact.index('friction.')};\n"
+        f"  static constexpr bool any_may_be_shared = {'true' if layout in GENERAL else 'false'};\n"
         f"  template <class T> INLINE T trace(const T* x) {{ return {trace}; }}\n"
         "};\n"
     )
@@ -135,12 +135,12 @@ def changes_header() -> str:
     contact = ContactKinematics.of(given.body_a, given.body_b, given.contact)
     coefficients = Coefficients(given.contact.restitution, given.contact.friction, given.settings)
     seen = (*ContactNumbers.of(contact), *coefficients)
-    law = tape.write(Node("law", tuple(tape.symbol(x).place for x in numbers_in(seen)))).place
-    impulse = Vec3(*(tape.write(Node("part", (law,), i)) for i in range(3)))
+    law = tape.add(Node("law", tuple(tape.symbol(x).index for x in numbers_in(seen)))).index
+    impulse = Vec3(*(tape.add(Node("part", (law,), i)) for i in range(3)))
     results = map(tape.symbol, numbers_in(Changes(impulse, *contact.twist_changes(impulse))))
     names = (*ContactNumbers._fields, *Coefficients._fields)
     text = emit("changes", given.names, results, [], [], branches=BRANCHES)
-    return _offsets("SEEN", names, seen) + text
+    return _offsets("LAW_INPUT", names, seen) + text
 
 
 FALLBACK_ARGUMENTS = ContactNumbers(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR, ZERO_TENSOR), Coefficients(0.0)
@@ -207,7 +207,7 @@ def _offsets(prefix: str, names: Iterable[str], parts: Iterable[Any]) -> str:
     for name, part in zip(names, parts, strict=True):
         offsets.append(f"{prefix}_{name.upper()} = {count}, ")
         count += len(list(numbers_in(part)))
-    return f"enum {{ {''.join(offsets)}{prefix} = {count} }};\n"
+    return f"enum {{ {''.join(offsets)}{prefix}_COUNT = {count} }};\n"
 
 
 def _is_condition(symbol: Symbol) -> bool:

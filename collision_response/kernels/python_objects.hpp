@@ -1,10 +1,10 @@
-// Python's numbers, named tuples of them, its lock and its errors.
+// Helpers for Python's C API: numbers, named tuples, the GIL, errors.
 #pragma once
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
 #include <new>
 
-// Gives the GIL back when it ends, by an exception too.
+// Releases the GIL for the lifetime of the object.
 class ReleasedGil {
  public:
   ReleasedGil() : state(PyEval_SaveThread()) {}
@@ -15,7 +15,7 @@ class ReleasedGil {
   PyThreadState* state;
 };
 
-// A function for Python whose memory may not suffice.
+// A function for Python that raises MemoryError where C++ throws std::bad_alloc.
 template <auto function> struct RaisesMemoryError;
 template <class... Args, PyObject* (*function)(Args...)> struct RaisesMemoryError<function> {
   static PyObject* call(Args... args) {
@@ -29,11 +29,11 @@ template <class... Args, PyObject* (*function)(Args...)> struct RaisesMemoryErro
 
 #define FASTCALL(name, function) {name, reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(RaisesMemoryError<function>::call)), METH_FASTCALL, ""}
 
-// A float, or an integer that is one.
+// Whether `o` is a float, or an integer that a double holds exactly; then x is set.
 static inline bool read_exact_float(PyObject* o, double& x) {
-  static PyTypeObject* known = &PyFloat_Type;  // np.float64, if that was the last: to ask for its bases takes longer
+  static PyTypeObject* known = &PyFloat_Type;  // float, or the last subclass of it: comparing is faster than PyFloat_Check
   if (Py_TYPE(o) == known || PyFloat_Check(o)) {
-    if (!(Py_TYPE(o)->tp_flags & Py_TPFLAGS_HEAPTYPE)) known = Py_TYPE(o);  // it is there for ever
+    if (!(Py_TYPE(o)->tp_flags & Py_TPFLAGS_HEAPTYPE)) known = Py_TYPE(o);  // a static type is never freed
     x = PyFloat_AS_DOUBLE(o);
     return true;
   }
@@ -44,10 +44,10 @@ static inline bool read_exact_float(PyObject* o, double& x) {
   return !overflow && -(1LL << 53) <= whole && whole <= 1LL << 53;
 }
 
-// What Python's side knows, given by setup().
+// Python types and objects, given by setup().
 static struct {
   PyTypeObject *vec3, *twist, *contact, *fraction;
-  PyObject *statuses, *regimes, *adjustments;  // by number
+  PyObject *statuses, *regimes, *adjustments;  // tuples of the members of enumerations, by number
 } python_types;
 
 static inline PyObject* make_tuple(PyTypeObject* type, const double* x, int count) {
@@ -63,7 +63,7 @@ static inline PyObject* make_twist(const double* x) {
     for (int k = 0; k < 2; ++k) PyTuple_SET_ITEM(t, k, make_vec3(x + 3 * k));
   return t;
 }
-// A contact as used: with another restitution, and without friction, where they differ.
+// The contact with the coefficients that were used: another restitution, or no friction, where these differ.
 static inline PyObject* contact_as_used(PyObject* contact, double e, bool e_changed, bool without_friction) {
   if (!e_changed && !without_friction) return Py_NewRef(contact);
   PyObject* used = python_types.contact->tp_alloc(python_types.contact, 5);

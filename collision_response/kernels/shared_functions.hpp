@@ -1,4 +1,5 @@
-// What kernels share as functions: long to compile, and rarely called.
+// Functions that kernels call instead of having them inline: they take long to compile and are rarely needed. Each is
+// compiled once for each number type.
 #pragma once
 #include "numbers.hpp"
 

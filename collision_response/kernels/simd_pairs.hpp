@@ -1,4 +1,4 @@
-// ContactPairs of numbers, in the two lanes of vectors: see simd_pairs.py.
+// Pairs of numbers in the two lanes of a SIMD vector, one for each body: see simd_pairs.py.
 #pragma once
 #include "numbers.hpp"
 
@@ -24,6 +24,7 @@ template <class N, class T> INLINE auto join_truths(const Truth<T>& a, const Tru
   return Truth<Pair<T>>{join_truths<T>(a.value, b.value), join_truths<T>(a.certain, b.certain)};
 }
 
+// One number of a pair.
 template <int lane, class T, class = std::enable_if_t<is_vector<T>>> INLINE auto at(T x) {
   if constexpr (std::is_integral_v<Lane<T>>) return x[lane] != 0;
   else return x[lane];

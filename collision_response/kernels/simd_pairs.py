@@ -1,7 +1,7 @@
-"""Both bodies of a contact in the two lanes of a vector: what is done to one is done to the other.
+"""Vectorise a tape over the two bodies: numbers of body_a and body_b share the two lanes of a SIMD vector.
 
-An operation and the one that it becomes when the bodies change places are written as one, on pairs of
-numbers. The numbers stay the same to the bit.
+An operation, and the one that it becomes when the bodies are exchanged, are written as one operation on pairs
+of numbers. The results stay the same to the bit. The C++ side is ``simd_pairs.hpp``.
 """
 
 from __future__ import annotations
@@ -19,75 +19,76 @@ _ON_PAIRS = frozenset(
 
 
 def pair_bodies(results: Iterable[Iterable[Symbol]]) -> list[list[Symbol]]:
-    """The same results on a new tape, on which as much as possible is computed in pairs.
+    """Return the same results on a new tape, on which as much as possible is computed on pairs.
 
-    It has further operations: ``join`` (of two numbers), ``both`` (of one), ``swapped`` (of a pair) and, back
-    to single numbers, ``first`` and ``second``.
+    The new tape has further operations. ``join`` (two numbers), ``both`` (one number, twice) and ``swapped``
+    (a pair) give a pair. ``first`` and ``second`` (of a pair) give a single number.
     """
-    lists = [list(some) for some in results]
-    tape, to = lists[0][0].tape, Tape()
-    partners = _partners(tape, tape.needed_for(x.place for some in lists for x in some))
-    places: dict[int, int] = {}
+    groups = [list(group) for group in results]
+    old, new = groups[0][0].tape, Tape()
+    partners = _partners(old, old.needed_for(x.index for group in groups for x in group))
+    translated: dict[int, int] = {}
 
-    def write(op: str, *args: int, value: object = None) -> int:
-        return to.write(Node(op, args, value)).place
+    def add(op: str, *args: int, value: object = None) -> int:
+        return new.add(Node(op, args, value)).index
 
-    def is_paired(place: int) -> bool:
-        node, other = tape.nodes[place], tape.nodes[partners.get(place, place)]
-        alike = other.args == tuple(partners.get(arg, arg) for arg in node.args)
-        return place in partners and alike and node.op in _ON_PAIRS
+    def is_paired(index: int) -> bool:
+        node, partner = old.nodes[index], old.nodes[partners.get(index, index)]
+        is_symmetric = partner.args == tuple(partners.get(arg, arg) for arg in node.args)
+        return index in partners and is_symmetric and node.op in _ON_PAIRS
 
-    def single(place: int) -> int:
-        if not is_paired(place):
-            return written(place)
-        return write("first" if place < partners[place] else "second", written(place))
+    def single(index: int) -> int:
+        if not is_paired(index):
+            return translate(index)
+        return add("first" if index < partners[index] else "second", translate(index))
 
-    def pair(place: int) -> int:
-        if place not in partners:
-            return write("both", written(place), value=PAIR)
-        if not is_paired(place):
-            return write("join", written(place), written(partners[place]), value=PAIR)
-        at = written(place)
-        return at if place < partners[place] else write("swapped", at, value=PAIR)
+    def pair(index: int) -> int:
+        if index not in partners:
+            return add("both", translate(index), value=PAIR)
+        if not is_paired(index):
+            return add("join", translate(index), translate(partners[index]), value=PAIR)
+        result = translate(index)
+        return result if index < partners[index] else add("swapped", result, value=PAIR)
 
-    def written(place: int) -> int:
-        if is_paired(place):
-            place = min(place, partners[place])
-        if place not in places:
-            node = tape.nodes[place]
-            if not is_paired(place):
-                value = _moved(node.value, to, single) if node.op == "loop" else node.value
-                places[place] = write(node.op, *map(single, node.args), value=value)
+    def translate(index: int) -> int:
+        if is_paired(index):
+            index = min(index, partners[index])
+        if index not in translated:
+            node = old.nodes[index]
+            if not is_paired(index):
+                value = _translated_loop(node.value, new, single) if node.op == "loop" else node.value
+                translated[index] = add(node.op, *map(single, node.args), value=value)
             elif node.op == "input":
-                both = (write("input", value=tape.nodes[one].value) for one in (place, partners[place]))
-                places[place] = write("join", *both, value=PAIR)
+                inputs = (add("input", value=old.nodes[one].value) for one in (index, partners[index]))
+                translated[index] = add("join", *inputs, value=PAIR)
             else:
-                places[place] = write(node.op, *map(pair, node.args), value=PAIR)
-        return places[place]
+                translated[index] = add(node.op, *map(pair, node.args), value=PAIR)
+        return translated[index]
 
-    return [[to.at(single(x.place)) for x in some] for some in lists]
+    return [[new.symbol_at(single(x.index)) for x in group] for group in groups]
 
 
-def _moved(loop: Loop, to: Tape, place_of: Callable[[int], int]) -> Loop:
-    """A loop on another tape."""
-    turn = Tape(outside=to)
+def _translated_loop(loop: Loop, parent: Tape, index_of: Callable[[int], int]) -> Loop:
+    """The loop on another parent tape, where ``index_of`` says which index a number has."""
+    body = Tape(parent=parent)
     for node in loop.tape.nodes:
-        turn.write(node._replace(value=place_of(node.value)) if node.op == "outer" else node)
-    return loop._replace(tape=turn)
+        body.add(node._replace(value=index_of(node.value)) if node.op == "outer" else node)
+    return loop._replace(tape=body)
 
 
 def _partners(tape: Tape, needed: set[int]) -> dict[int, int]:
-    """What operations become when the bodies change places, if something else that is needed."""
+    """For each operation: the other one that it becomes when the bodies are exchanged, if that is needed."""
     partners: dict[int, int] = {}
-    for place in sorted(needed):
-        node, value = tape.nodes[place], tape.nodes[place].value
+    for index in sorted(needed):
+        node = tape.nodes[index]
+        value = node.value
         if node.op == "input":
             owner, _, name = str(value).partition(".")
-            value = f"{_OTHER.get(owner, owner)}.{name}"
-        found = tape.find(node.op, [partners.get(arg, arg) for arg in node.args], value)
-        if found in needed and found != place:
-            partners[place] = found
-    return {place: partner for place, partner in partners.items() if partners.get(partner) == place}
+            value = f"{_OTHER_BODY.get(owner, owner)}.{name}"
+        partner = tape.index_of(node.op, [partners.get(arg, arg) for arg in node.args], value)
+        if partner in needed and partner != index:
+            partners[index] = partner
+    return {index: partner for index, partner in partners.items() if partners.get(partner) == index}
 
 
-_OTHER = {"body_a": "body_b", "body_b": "body_a"}
+_OTHER_BODY = {"body_a": "body_b", "body_b": "body_a"}

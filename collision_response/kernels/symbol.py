@@ -1,12 +1,18 @@
-"""Formulas as data: run a formula on symbols once, and get the list of its operations.
+"""Formulas as data: run on symbols, a formula leaves its operations on a tape. The first step of compiling.
 
-A :class:`Symbol` is a number that computes nothing: it writes every operation on its :class:`Tape`. What a
-tape holds is what the formula says, no arithmetic is expanded.
+How a formula in Python becomes machine code:
 
-The tape simplifies what changes no rounding: equal operations are written once, operations on constants
-are carried out, ``x + 0``, ``x * 1`` and ``x * 0`` vanish, and minus signs leave products and quotients.
-For finite numbers the results are those of the formula; only the sign of a zero may differ. A number that
-is not finite may get lost in ``x * 0``: look for those first.
+1. ``programs.py`` runs the formula on instances of :class:`Symbol`, defined here. A symbol is a number that
+   computes nothing: it appends each operation to its :class:`Tape`.
+2. ``emit.py`` writes the tape as a C++ function template. Its parameter is the number type.
+3. ``CMakeLists.txt`` has ``trace.py`` do these two steps during the build. Then it compiles the template for
+   each number type of ``numbers.hpp`` and for each instruction set.
+4. ``module.cpp`` calls the compiled kernels, and ``library.py`` imports it.
+
+The tape simplifies a formula where that changes no rounding: it holds equal operations once, carries out
+operations on constants, drops ``x + 0``, ``x * 1`` and ``x * 0``, and moves minus signs out of products and
+quotients. For finite numbers the results are those of the formula; only the sign of a zero may differ. A
+number that is not finite may get lost in ``x * 0``: a formula that has to notice it must look at the inputs.
 """
 
 from __future__ import annotations
@@ -23,7 +29,7 @@ CONDITIONS = frozenset({"truth", "lt", "le", "eq", "and", "or", "not"})
 """The operations whose result is a truth value."""
 
 _COMMUTATIVE = frozenset({"add", "mul", "eq", "and", "or"})
-_FOLD: dict[str, Callable[..., Any]] = {
+_ON_CONSTANTS: dict[str, Callable[..., Any]] = {
     "add": operator.add,
     "sub": operator.sub,
     "mul": operator.mul,
@@ -38,20 +44,24 @@ _FOLD: dict[str, Callable[..., Any]] = {
 
 
 class Node(NamedTuple):
-    """One operation.
+    """One operation on a tape.
 
     Attributes:
-        op: ``input``, ``constant``, ``truth``, ``given_roundoff``;
-            ``add``, ``sub``, ``mul``, ``div``, ``neg``, ``sqrt``;
-            ``log1p_over``, ``expm1_over`` (values);
-            ``lt``, ``le``, ``eq``, ``and``, ``or``, ``not``, ``select`` (condition, if true, if false);
-            ``certain``, ``error_of``, ``widened`` (number, by); ``varying_as`` (number, number with its
-            derivatives); ``law``, of what it sees, left open; ``loop`` (of the first state); ``part`` of the
-            result of either; ``call`` of a function, ``result`` of it; within a loop ``state``, and ``outer``
-            for what lies outside it.
-        args: the operands, as places on the tape; all of them earlier.
-        value: the name of an input or a function, the value of a constant, a :class:`Loop`, the index of a
-            part, result or state, the place of what lies outside.
+        op: the kind of operation, with its operands in parentheses where they need a word:
+
+            * ``input``, ``constant``, ``truth`` (a constant condition), ``given_roundoff``
+            * ``add``, ``sub``, ``mul``, ``div``, ``neg``, ``sqrt``
+            * ``log1p_over``, ``expm1_over``: values without derivatives
+            * ``lt``, ``le``, ``eq``, ``and``, ``or``, ``not``, ``select`` (condition, if true, if false)
+            * ``certain``, ``error_of``, ``widened`` (number, by)
+            * ``varying_as`` (number, number whose derivatives it has)
+            * ``law`` (the numbers that a law gets): the law itself is a parameter of the emitted code
+            * ``loop`` (the initial state); within its tape ``state``, and ``outer`` for a number from outside
+            * ``part`` (law or loop): one number of its result
+            * ``call`` (arguments) of a function that is compiled once; ``result`` (call): one of its numbers
+        args: the operands, by their indices on the tape. All of them are less than the node's own.
+        value: the name of an input or function, the value of a constant, the :class:`Loop` of a loop, which
+            part, result or state it is, or the index of an ``outer`` number on the parent tape.
     """
 
     op: str
@@ -59,135 +69,143 @@ class Node(NamedTuple):
     value: Any = None
 
     def operands(self) -> list[int]:
-        """The places that the result takes; of a loop those outside too."""
+        """Indices of all nodes that the result depends on, those that a loop reads from outside included."""
         return [*self.args, *(self.value.outer() if self.op == "loop" else ())]
 
 
 class Loop(NamedTuple):
-    """What is repeated.
+    """The body of a loop.
 
     Attributes:
-        tape: of one turn, from the ``state`` nodes on.
-        going: the place of the condition under which there is one more turn.
-        after: the places of the state after the turn.
-        budget: turns at most.
+        tape: one iteration: a function of the ``state`` nodes.
+        condition: index on that tape of the condition under which there is another iteration.
+        state_after: indices on that tape of the state after the iteration.
+        budget: the largest number of iterations.
     """
 
     tape: Tape
-    going: int
-    after: tuple[int, ...]
+    condition: int
+    state_after: tuple[int, ...]
     budget: int
 
     def outer(self) -> list[int]:
-        """What the turns take of the tape outside."""
-        nodes = (self.tape.nodes[place] for place in sorted(self.tape.needed_for([self.going, *self.after])))
+        """Indices on the parent tape of the numbers that the loop reads from there."""
+        needed = self.tape.needed_for([self.condition, *self.state_after])
+        nodes = (self.tape.nodes[index] for index in sorted(needed))
         return [node.value for node in nodes if node.op == "outer"]
 
 
 class Tape:
-    """The operations of a formula, each once, operands before results.
+    """The operations of a formula: each once, operands before results.
 
     Args:
-        outside: the tape around a loop, if this is the tape of one turn of it.
-        of_derivatives: whether its numbers carry derivatives, not errors: see
+        parent: for the tape of a loop, the tape that has the loop.
+        of_derivatives: whether its numbers carry derivatives instead of errors: see
             :mod:`~collision_response.numbers.operations`.
     """
 
-    def __init__(self, outside: Tape | None = None, *, of_derivatives: bool = False) -> None:
+    def __init__(self, parent: Tape | None = None, *, of_derivatives: bool = False) -> None:
         self.nodes: list[Node] = []
-        self.outside = outside
-        self.of_derivatives: bool = of_derivatives if outside is None else outside.of_derivatives
-        self.depth: int = 0 if outside is None else outside.depth + 1
-        self._places: dict[Node, int] = {}
+        self.parent = parent
+        self.of_derivatives: bool = of_derivatives if parent is None else parent.of_derivatives
+        self.depth: int = 0 if parent is None else parent.depth + 1
+        self._index_of: dict[Node, int] = {}
 
     def input(self, name: Hashable) -> Symbol:
-        """The number that will be called ``name``."""
-        return self.write(Node("input", (), name))
+        """Add an input of this name."""
+        return self.add(Node("input", (), name))
 
     def symbol(self, operand: Any) -> Symbol:
-        """A symbol of this tape for a plain number or truth value, or a symbol of this tape or outside it."""
+        """Return a symbol of this tape for a number, a truth value, or a symbol of this tape or its parents.
+
+        Raises:
+            ValueError: if the symbol belongs to another tape.
+        """
         if isinstance(operand, Symbol):
             if operand.tape is self:
                 return operand
-            if self.outside is None:
+            if self.parent is None:
                 raise ValueError("symbols of two tapes do not mix")
-            outer = self.outside.symbol(operand)
+            outer = self.parent.symbol(operand)
             if outer.is_constant:
-                return self.write(outer.node)
-            return self.write(Node("outer", (), outer.place))
+                return self.add(outer.node)
+            return self.add(Node("outer", (), outer.index))
         if isinstance(operand, bool):
-            return self.write(Node("truth", (), operand))
+            return self.add(Node("truth", (), operand))
         number = float(operand)
-        return self.write(Node("constant", (), math.nan if math.isnan(number) else number + 0.0))
+        return self.add(Node("constant", (), math.nan if math.isnan(number) else number + 0.0))
 
-    def at(self, place: int) -> Symbol:
-        """The number at a place."""
-        return Symbol(self, place)
+    def symbol_at(self, index: int) -> Symbol:
+        """Return the symbol for the node of this index."""
+        return Symbol(self, index)
 
-    def find(self, op: str, args: Iterable[int], value: Any = None) -> int | None:
-        """The place of this operation, if it is on the tape."""
-        return self._places.get(Node(op, _ordered(op, args), value))
+    def index_of(self, op: str, args: Iterable[int], value: Any = None) -> int | None:
+        """Return the index of an operation, ``None`` if it is not on the tape."""
+        return self._index_of.get(Node(op, _ordered(op, args), value))
 
-    def results_of(self, call: int) -> int:
-        """How many there are."""
+    def count_results(self, call: int) -> int:
+        """Return how many numbers of the result of a call are on the tape."""
         return sum(node.op == "result" and node.args[0] == call for node in self.nodes)
 
-    def needed_for(self, places: Iterable[int]) -> set[int]:
-        """The places of all operations that some results take."""
+    def needed_for(self, indices: Iterable[int]) -> set[int]:
+        """Return the indices of all nodes that some nodes depend on, their own included."""
         needed: set[int] = set()
-        left = list(places)
-        while left:
-            place = left.pop()
-            if place not in needed:
-                needed.add(place)
-                left += self.nodes[place].operands()
+        pending = list(indices)
+        while pending:
+            index = pending.pop()
+            if index not in needed:
+                needed.add(index)
+                pending += self.nodes[index].operands()
         return needed
 
-    def write(self, node: Node) -> Symbol:
-        """The result of an operation, as it is: its error may be rounded by the order of operands."""
-        same = node._replace(args=_ordered(node.op, node.args))
-        if same not in self._places:
-            self._places[same] = len(self.nodes)
+    def add(self, node: Node) -> Symbol:
+        """Add an operation without simplifying it, unless it is on the tape already.
+
+        Operands that commute keep their order when the node is new: the rounding of the error depends on it.
+        """
+        key = node._replace(args=_ordered(node.op, node.args))
+        if key not in self._index_of:
+            self._index_of[key] = len(self.nodes)
             self.nodes.append(node)
-        return self.at(self._places[same])
+        return self.symbol_at(self._index_of[key])
 
 
-def record(op: str, *operands: Any) -> Symbol:
-    """The result of an operation, simplified, on the innermost tape of its operands."""
+def apply(op: str, *operands: Any) -> Symbol:
+    """Apply an operation: simplify it, or add it to the innermost tape of its operands."""
     tape = max((x.tape for x in operands if isinstance(x, Symbol)), key=lambda tape: tape.depth)
     args = [tape.symbol(operand) for operand in operands]
-    if op in _FOLD and all(arg.is_constant for arg in args):
-        return tape.symbol(_FOLD[op](*(arg.node.value for arg in args)))
-    simpler = _SIMPLER[op](*args) if op in _SIMPLER else None
+    if op in _ON_CONSTANTS and all(arg.is_constant for arg in args):
+        return tape.symbol(_ON_CONSTANTS[op](*(arg.node.value for arg in args)))
+    simpler = _SIMPLIFY[op](*args) if op in _SIMPLIFY else None
     if simpler is not None:
         return tape.symbol(simpler)
-    return tape.write(Node(op, tuple(arg.place for arg in args)))
+    return tape.add(Node(op, tuple(arg.index for arg in args)))
 
 
-def _operator(op: str) -> Callable[[Symbol, Any], Symbol]:
-    """Of a symbol and what follows it."""
-    return lambda self, other: record(op, self, other)
+def _binary(op: str) -> Callable[[Symbol, Any], Symbol]:
+    """Operator with the symbol on the left."""
+    return lambda self, other: apply(op, self, other)
 
 
-def _turned(op: str) -> Callable[[Symbol, Any], Symbol]:
-    """Of a symbol and what comes before it."""
-    return lambda self, other: record(op, other, self)
+def _reflected(op: str) -> Callable[[Symbol, Any], Symbol]:
+    """Operator with the symbol on the right."""
+    return lambda self, other: apply(op, other, self)
 
 
 class Symbol:
-    """A number, or a truth value, that stands for a place on a tape."""
+    """A number or truth value that stands for a node on a tape."""
 
-    __slots__ = ("place", "tape")
+    __slots__ = ("index", "tape")
     __hash__ = None  # type: ignore[assignment]
 
-    def __init__(self, tape: Tape, place: int) -> None:
+    def __init__(self, tape: Tape, index: int) -> None:
         self.tape = tape
-        self.place = place
+        self.index = index
 
     @property
     def node(self) -> Node:
-        """The operation that gives this number."""
-        return self.tape.nodes[self.place]
+        """The operation whose result this is."""
+        return self.tape.nodes[self.index]
 
     @property
     def is_constant(self) -> bool:
@@ -195,44 +213,44 @@ class Symbol:
         return self.node.op in ("constant", "truth")
 
     def is_value(self, value: float) -> bool:
-        """Whether this is known to be ``value``."""
+        """Whether this is the constant ``value``."""
         return self.node.op == "constant" and bool(self.node.value == value)
 
     def operands(self) -> list[Symbol]:
-        """What the operation takes."""
-        return [self.tape.at(place) for place in self.node.args]
+        """The operands of the operation."""
+        return [self.tape.symbol_at(index) for index in self.node.args]
 
     def negated(self) -> Symbol | None:
-        """``y`` if this is ``-y``, or ``not y``."""
+        """``y`` if this is ``-y`` or ``not y``, else ``None``."""
         return self.operands()[0] if self.node.op in ("neg", "not") else None
 
     def sqrt(self) -> Symbol:
         """The square root."""
-        return record("sqrt", self)
+        return apply("sqrt", self)
 
     def certain(self) -> Symbol:
         """See :func:`~collision_response.numbers.operations.certain`."""
-        return self if self.tape.of_derivatives else record("certain", self)
+        return self if self.tape.of_derivatives else apply("certain", self)
 
     def error_of(self) -> Symbol:
         """See :func:`~collision_response.numbers.operations.error_of`."""
-        return self.tape.symbol(0.0) if self.tape.of_derivatives else record("error_of", self)
+        return self.tape.symbol(0.0) if self.tape.of_derivatives else apply("error_of", self)
 
     def widened(self, by: Any) -> Symbol:
         """See :func:`~collision_response.numbers.operations.widened`."""
-        return self if self.tape.of_derivatives else record("widened", self, by)
+        return self if self.tape.of_derivatives else apply("widened", self, by)
 
     def varying_as(self, other: Callable[[], Any]) -> Symbol:
         """See :func:`~collision_response.numbers.operations.varying_as`."""
-        return record("varying_as", self, other()) if self.tape.of_derivatives else self
+        return apply("varying_as", self, other()) if self.tape.of_derivatives else self
 
     def for_derivatives(self, other: Callable[[], Any]) -> Any:
         """See :func:`~collision_response.numbers.operations.for_derivatives`."""
         return other() if self.tape.of_derivatives else self
 
     def value_of(self, function: str) -> Symbol:
-        """A function of it, as a number that does not vary."""
-        return record(function, self)
+        """Apply ``log1p_over`` or ``expm1_over``. The result has no derivatives."""
+        return apply(function, self)
 
     def called(self, formula: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
         """See :func:`~collision_response.numbers.operations.called`."""
@@ -241,77 +259,77 @@ class Symbol:
         tape, numbers = self.tape, list(numbers_in(arguments))
         inputs = map(Tape().input, range(len(numbers)))
         result = formula(*(rebuilt(argument, inputs) for argument in arguments))
-        call = tape.write(Node("call", tuple(tape.symbol(x).place for x in numbers), formula.__name__)).place
-        return rebuilt(result, (tape.write(Node("result", (call,), i)) for i in count()))
+        call = tape.add(Node("call", tuple(tape.symbol(x).index for x in numbers), formula.__name__)).index
+        return rebuilt(result, (tape.add(Node("result", (call,), i)) for i in count()))
 
     def given_roundoff(self) -> Symbol:
         """See :func:`~collision_response.numbers.operations.given_roundoff`."""
-        return self.tape.write(Node("given_roundoff"))
+        return self.tape.add(Node("given_roundoff"))
 
     @staticmethod
     def pick(condition: Symbol, if_true: Any, if_false: Any) -> Any:
         """``if_true`` where the condition holds, else ``if_false``."""
-        return record("select", condition, if_true, if_false)
+        return apply("select", condition, if_true, if_false)
 
     def loop(self, state: Any, going: Callable[[Any], Any], step: Callable[[Any], Any], budget: int) -> Any:
-        """The state after a loop that starts with ``state``, of which this is the first ``going``."""
+        """The state after a loop that starts with ``state``. This symbol is ``going(state)``."""
         if self.is_constant and not self.node.value:
             return state
-        first: list[Any] = list(numbers_in(state))
-        tape = max((x.tape for x in [self, *first] if isinstance(x, Symbol)), key=lambda tape: tape.depth)
-        turn = Tape(outside=tape)
-        inside = rebuilt(state, (turn.write(Node("state", (), i)) for i in range(len(first))))
-        go_on = turn.symbol(going(inside)).place
-        after = tuple(turn.symbol(x).place for x in numbers_in(step(inside)))
-        starts = tuple(tape.symbol(x).place for x in first)
-        loop = tape.write(Node("loop", starts, Loop(turn, go_on, after, budget))).place
-        return rebuilt(state, (tape.write(Node("part", (loop,), i)) for i in range(len(first))))
+        initial: list[Any] = list(numbers_in(state))
+        tape = max((x.tape for x in [self, *initial] if isinstance(x, Symbol)), key=lambda tape: tape.depth)
+        body = Tape(parent=tape)
+        inside = rebuilt(state, (body.add(Node("state", (), i)) for i in range(len(initial))))
+        condition = body.symbol(going(inside)).index
+        state_after = tuple(body.symbol(x).index for x in numbers_in(step(inside)))
+        args = tuple(tape.symbol(x).index for x in initial)
+        loop = tape.add(Node("loop", args, Loop(body, condition, state_after, budget))).index
+        return rebuilt(state, (tape.add(Node("part", (loop,), i)) for i in range(len(initial))))
 
-    __add__, __radd__ = _operator("add"), _turned("add")
-    __sub__, __rsub__ = _operator("sub"), _turned("sub")
-    __rmul__ = _turned("mul")
-    __truediv__, __rtruediv__ = _operator("div"), _turned("div")
-    __lt__, __gt__ = _operator("lt"), _turned("lt")
-    __le__, __ge__ = _operator("le"), _turned("le")
-    __eq__ = _operator("eq")  # type: ignore[assignment]
-    __and__, __rand__ = _operator("and"), _turned("and")
-    __or__, __ror__ = _operator("or"), _turned("or")
+    __add__, __radd__ = _binary("add"), _reflected("add")
+    __sub__, __rsub__ = _binary("sub"), _reflected("sub")
+    __rmul__ = _reflected("mul")
+    __truediv__, __rtruediv__ = _binary("div"), _reflected("div")
+    __lt__, __gt__ = _binary("lt"), _reflected("lt")
+    __le__, __ge__ = _binary("le"), _reflected("le")
+    __eq__ = _binary("eq")  # type: ignore[assignment]
+    __and__, __rand__ = _binary("and"), _reflected("and")
+    __or__, __ror__ = _binary("or"), _reflected("or")
 
     def __mul__(self, other: Any) -> Symbol:
-        return record("mul", self, other) if not isinstance(other, tuple) else NotImplemented
+        return apply("mul", self, other) if not isinstance(other, tuple) else NotImplemented
 
     def __ne__(self, other: Any) -> Symbol:  # type: ignore[override]
         return ~(self == other)
 
     def __neg__(self) -> Symbol:
-        return record("neg", self)
+        return apply("neg", self)
 
     def __abs__(self) -> Symbol:
-        return record("select", self < 0, -self, self)
+        return apply("select", self < 0, -self, self)
 
     def __invert__(self) -> Symbol:
-        return record("not", self)
+        return apply("not", self)
 
     def __bool__(self) -> bool:
         raise TypeError("a symbol has no truth value yet: branch with choose()")
 
 
 def rebuilt(value: Any, numbers: Iterator[Any]) -> Any:
-    """Nested named tuples like ``value``, of other numbers."""
+    """Return nested named tuples of the structure of ``value``, filled with other numbers in order."""
     if isinstance(value, tuple):
         return type(value)(*[rebuilt(part, numbers) for part in value])
     return next(numbers)
 
 
 def _ordered(op: str, args: Iterable[int]) -> tuple[int, ...]:
-    """The operands, in one order."""
+    """The operands; in ascending order if they commute, so that equal operations compare equal."""
     return tuple(sorted(args)) if op in _COMMUTATIVE else tuple(args)
 
 
-# What an operation is simplified to; None: nothing. No rule changes a rounding.
+# Rules: each returns what an operation is simplified to, None if it stays. No rule changes a rounding.
 
 
-def _add(x: Symbol, y: Symbol) -> Any:
+def _simplify_add(x: Symbol, y: Symbol) -> Any:
     if x.is_value(0):
         return y
     if y.is_value(0):
@@ -322,7 +340,7 @@ def _add(x: Symbol, y: Symbol) -> Any:
     return None if minus_x is None else y - minus_x
 
 
-def _sub(x: Symbol, y: Symbol) -> Any:
+def _simplify_sub(x: Symbol, y: Symbol) -> Any:
     if y.is_value(0):
         return x
     if x.is_value(0):
@@ -332,11 +350,11 @@ def _sub(x: Symbol, y: Symbol) -> Any:
         return x + minus_y
     if minus_x is not None:
         return -(minus_x + y)
-    opposite = x.tape.find("sub", (y.place, x.place))
-    return None if opposite is None or x.place == y.place else -x.tape.at(opposite)
+    opposite = x.tape.index_of("sub", (y.index, x.index))
+    return None if opposite is None or x.index == y.index else -x.tape.symbol_at(opposite)
 
 
-def _mul(x: Symbol, y: Symbol) -> Any:
+def _simplify_mul(x: Symbol, y: Symbol) -> Any:
     for factor, other in ((x, y), (y, x)):
         if factor.is_value(0):
             return 0.0
@@ -350,58 +368,58 @@ def _mul(x: Symbol, y: Symbol) -> Any:
     return None if minus_y is None else -(x * minus_y)
 
 
-def _div(x: Symbol, y: Symbol) -> Any:
+def _simplify_div(x: Symbol, y: Symbol) -> Any:
     if x.is_value(0) or y.is_value(1):
         return x
     if y.node.op == "constant" and abs(math.frexp(y.node.value)[0]) == 0.5:
-        return x * (1 / y.node.value)  # a power of two: the same number, and cheaper
+        return x * (1 / y.node.value)  # exact for a power of two, and cheaper
     minus_x, minus_y = x.negated(), y.negated()
     if minus_x is not None:
         return -(minus_x / y)
     return None if minus_y is None else -(x / minus_y)
 
 
-def _joined(neutral: bool) -> Callable[[Symbol, Symbol], Any]:
-    """Of ``and`` and ``or``, which leave the other operand as it is if one is ``neutral``."""
+def _simplify_logical(neutral: bool) -> Callable[[Symbol, Symbol], Any]:
+    """Rule for ``and`` and ``or``. If one operand is ``neutral``, the result is the other operand."""
 
     def simpler(x: Symbol, y: Symbol) -> Any:
-        for one, other in ((x, y), (y, x)):
-            if one.node.op == "truth":
-                return other if one.node.value is neutral else one
-        return x if x.place == y.place else None
+        for operand, other in ((x, y), (y, x)):
+            if operand.node.op == "truth":
+                return other if operand.node.value is neutral else operand
+        return x if x.index == y.index else None
 
     return simpler
 
 
-def _select(condition: Symbol, x: Symbol, y: Symbol) -> Any:
+def _simplify_select(condition: Symbol, x: Symbol, y: Symbol) -> Any:
     if condition.node.op == "truth":
         return x if condition.node.value else y
-    return x if x.place == y.place else None
+    return x if x.index == y.index else None
 
 
-def _certain(x: Symbol) -> Any:
+def _simplify_certain(x: Symbol) -> Any:
     return x if x.node.op in ("certain", "state", "part", "error_of") else None
 
 
-def _error_of(x: Symbol) -> Any:
+def _simplify_error_of(x: Symbol) -> Any:
     return 0.0 if x.node.op in ("constant", "certain", "state", "part", "error_of") else None
 
 
-def _widened(x: Symbol, by: Symbol) -> Any:
+def _simplify_widened(x: Symbol, by: Symbol) -> Any:
     return x if by.is_value(0) else None
 
 
-_SIMPLER: dict[str, Callable[..., Any]] = {
-    "add": _add,
-    "sub": _sub,
-    "mul": _mul,
-    "div": _div,
+_SIMPLIFY: dict[str, Callable[..., Any]] = {
+    "add": _simplify_add,
+    "sub": _simplify_sub,
+    "mul": _simplify_mul,
+    "div": _simplify_div,
     "neg": Symbol.negated,
     "not": Symbol.negated,
-    "and": _joined(neutral=True),
-    "or": _joined(neutral=False),
-    "select": _select,
-    "certain": _certain,
-    "error_of": _error_of,
-    "widened": _widened,
+    "and": _simplify_logical(neutral=True),
+    "or": _simplify_logical(neutral=False),
+    "select": _simplify_select,
+    "certain": _simplify_certain,
+    "error_of": _simplify_error_of,
+    "widened": _simplify_widened,
 }

@@ -1,9 +1,13 @@
-"""Writes the formulas down as C++: run by the build, ``python trace.py PACKAGE FOLDER WHAT``.
+"""Write formulas as C++ headers: ``python trace.py PACKAGE FOLDER TARGET``, run by CMakeLists.txt.
 
-``WHAT`` is the formula of a law, ``validity``, ``column``, ``changes`` or ``sizes``; or a list of formulas,
-which is printed. A formula gives a header for each layout that there are kernels for. ``FOLDER/WHAT.d`` says
-which modules they were made from: the build runs this again if one changes. A header that comes out as it
-was is left alone, and nothing that includes it is compiled again.
+``TARGET`` is one of:
+
+* the formula of a law, or ``validity``: a header for each layout that there are kernels for;
+* ``changes``, ``column``, ``constants`` or ``fallback``: one header;
+* a name in ``programs.FORMULA_LISTS``: prints that list of formulas, for CMake.
+
+``FOLDER/TARGET.d`` lists the modules that the headers depend on: if one changes, the build runs this again.
+A header whose text stays the same is not written, so that nothing that includes it is compiled again.
 """
 
 from __future__ import annotations
@@ -13,20 +17,20 @@ import types
 from pathlib import Path
 
 
-def main(package: Path, folder: Path, what: str) -> None:
-    """Write the headers."""
-    # The package without what its __init__ imports: that needs the kernels that are to be built.
+def main(package: Path, folder: Path, target: str) -> None:
+    """Write the headers of a target, or print a list of formulas."""
+    # The package without its __init__, which imports the kernels that are about to be built.
     bare = types.ModuleType("collision_response")
     bare.__path__ = [str(package)]
     sys.modules["collision_response"] = bare
 
     from collision_response.kernels import programs
 
-    if what in programs.FORMULA_LISTS:
-        print(end=";".join(programs.FORMULA_LISTS[what]))
+    if target in programs.FORMULA_LISTS:
+        print(end=";".join(programs.FORMULA_LISTS[target]))
         return
 
-    for name, text in programs.headers(what):
+    for name, text in programs.headers(target):
         header = folder / f"{name}.hpp"
         if not header.exists() or header.read_text() != text:
             header.write_text(text)
@@ -35,9 +39,9 @@ def main(package: Path, folder: Path, what: str) -> None:
         for name, module in sys.modules.items()
         if name.startswith("collision_response.") and module.__file__
     )
-    stamp = folder / f"{what}.stamp"
+    stamp = folder / f"{target}.stamp"
     stamp.touch()
-    Path(folder / f"{what}.d").write_text(f"{stamp}: {' '.join(modules)}\n")
+    Path(folder / f"{target}.d").write_text(f"{stamp}: {' '.join(modules)}\n")
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ inline Vector rounded(const DD* p, int count) {
 
 template <class T>
 struct Centre {  // a body as seen from its reference point, which is at x and moves with v
-  T numbers[CENTRE], x[3], v[3];
+  T numbers[CENTRE_COUNT], x[3], v[3];
 };
 
 struct AssembledBody {

@@ -179,12 +179,12 @@ struct Assembly {
   // The formula of physics/column.py for one body of a contact along a direction. Returns the velocity of the body.
   template <class T>
   static T column_of(const Centre<T>& body, const AssembledContact& contact, const T* direction, int side, T* jacobian, T* response) {
-    T in[CENTRE + 9], out[10];
-    std::copy(body.numbers, body.numbers + CENTRE, in);
+    T in[CENTRE_COUNT + 9], out[10];
+    std::copy(body.numbers, body.numbers + CENTRE_COUNT, in);
     for (int k = 0; k < 3; ++k) {
-      in[CENTRE + k] = body.v[k];
-      in[CENTRE + 3 + k] = Make<T>::constant(contact.point[k]) - body.x[k];
-      in[CENTRE + 6 + k] = direction[k];
+      in[CENTRE_COUNT + k] = body.v[k];
+      in[CENTRE_COUNT + 3 + k] = Make<T>::constant(contact.point[k]) - body.x[k];
+      in[CENTRE_COUNT + 6 + k] = direction[k];
     }
     column<T>(in, out, nullptr, nullptr);
     std::copy(direction, direction + 3, jacobian);
