@@ -120,7 +120,11 @@ def _resolve_more_exactly(
             if decided is not None:
                 return decided
     if answer is None:
-        raise library.refusal(StatusCode.OUT_OF_RANGE)
+        automatic = model._replace(precision=Precision.AUTO)
+        if plan.last_precision is plan_model(automatic).last_precision:
+            raise library.refusal(StatusCode.OUT_OF_RANGE)
+        reason = f"{model.precision.name} leaves no digit of the answer: ask for AUTO or EXTENDED"
+        raise ImpactError(StatusCode.OUT_OF_RANGE, "model.precision", reason)
     if answer.error_bound <= plan.bound_limit:
         # The kernels aimed at plan.target_bound, which may be lower.
         is_separating = answer.regime is Regime.SEPARATING

@@ -162,15 +162,19 @@ def test_the_twist_after_is_the_twist_in_the_message_plus_the_change(request, co
 
 
 @given(request=requests(), com=vectors, far=st.sampled_from([1e3, 1e8, 1e13]))
-def test_a_frame_that_starts_far_from_the_body_costs_digits_that_the_bound_counts(request, com, far):
+def test_a_distant_frame_origin_costs_digits_and_the_bound_counts_them(request, com, far):
     com = com * far
     a = request.body_a
     set_vector(a.inertia.com, com)
     set_vector(a.pose.position, vector_of(a.pose.position) - com)
-    request.model.precision = int(Precision.DOUBLE)
-    given = answer_to(request)
     request.model.precision = int(Precision.EXTENDED)
     exact = answer_to(request)
+    request.model.precision = int(Precision.DOUBLE)
+    try:
+        given = answer_to(request)
+    except ImpactError as error:  # at 1e13 m, body_a may have no digit left in DOUBLE
+        assert (error.code, error.field, far) == (StatusCode.OUT_OF_RANGE, "model.precision", 1e13)
+        return
     size = vector_of(exact.impulse).norm()
     apart = (vector_of(given.impulse) - vector_of(exact.impulse)).norm()
     assert apart <= (given.error_bound + exact.error_bound) * size or given.error_bound == math.inf

@@ -620,3 +620,13 @@ def test_whether_bodies_approach_does_not_depend_on_the_law(law, turn, way):
     impact = resolve(ball, Body.static(), Contact.of((0, 0, 0), n, 0.75, 0.5), ImpactModel(law))
     assert (impact.status is StatusCode.SEPARATING) == (way >= 0)
     assert way < 0 or (impact.error_bound, impact.model.law, tuple(impact.impulse)) == (0, law, (0, 0, 0))
+
+
+def test_a_precision_that_leaves_no_digit_is_refused_by_name():
+    """In DOUBLE the effective mass of this body, 1e13 m from its reference point, is all rounding."""
+    far = Body.dynamic(1.0, (1.5, 0, 0, 1.5, 0, 2), (0, 0, -1e13), (0, 1, 0, 1), (0, 0, -1))
+    request = far._replace(com=Vec3(0.0, 0.0, 1e13)), Body.dynamic(2.0, (0.2, 0, 0, 0.2, 0, 0.2))
+    contact = Contact.of((0, 0, 0), (0, 0, 1), restitution=0.0, friction=1.0)
+    with refused(StatusCode.OUT_OF_RANGE, "model.precision"):
+        resolve(*request, contact, ImpactModel(precision=Precision.DOUBLE))
+    assert resolve(*request, contact).error_bound < 1e-15
