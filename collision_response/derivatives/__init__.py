@@ -1,10 +1,11 @@
-"""Derivatives of an impact, and what they are for: estimators and planners.
+"""Derivatives of an impact, for estimators and planners.
 
-    differentiate           the Jacobian of the twists after, and of the impulse      differentiate.py
-    saltation_matrix        of a state, from before an impact to after it             saltation.py
-    propagate_covariance    of such a state, with uncertain coefficients and normal   covariance.py
+    differentiate           Jacobian of the twists after an impact and of the impulse         differentiate.py
+    saltation_matrix        maps changes of the state before an impact to changes after it    saltation.py
+    propagate_covariance    covariance of the state after an impact                           covariance.py
+    sphere_on_plane, ...    how the contact point and the normal move with the bodies         surfaces.py
 
-What is held fixed, and what kinks and jumps are: ``docs/derivatives.md``.
+``docs/derivatives.md`` says what is held fixed, and explains kinks and jumps.
 """
 
 from .covariance import CovarianceAfter, propagate_covariance

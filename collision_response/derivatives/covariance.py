@@ -1,13 +1,13 @@
-"""What is known of the bodies after an impact, given what was known before.
+"""The covariance of the state of two bodies after an impact, from the covariance before it.
 
-To first order, at one time: with the saltation matrix ``Xi``, and the derivatives of the state after by
-restitution, friction and normal,
+To first order and at one time, with the saltation matrix ``Xi``, and the derivatives ``J`` of the state after
+the impact by restitution, friction and normal:
 
     S+ = Xi S Xi^T + J diag(sd^2) J^T
 
-That holds as long as the impact does the same for all that is likely. Whether friction may stick as well as
-slip is found by trying: points at two standard deviations, along the axes of what is uncertain and where the
-friction used, the slip that is left and the slip at first change most.
+This holds as long as all likely impacts have the same regime. To find out whether both sticking and
+slipping are likely, points at two standard deviations are tried: along each source of uncertainty, and in
+the directions in which the friction used, the slip after the impact and the slip before it change most.
 """
 
 from __future__ import annotations
@@ -31,28 +31,28 @@ from .saltation import (
     POSES,
     STANDARD_GRAVITY,
     TWISTS,
-    Passage,
-    finite,
-    finite_numbers,
-    linearised,
-    may_be_off,
+    LinearisedImpact,
+    as_finite_array,
+    check_finite,
+    is_nonsmooth,
+    linearise,
 )
 from .surfaces import SurfaceMotion, Surfaces, unit_normal
 
 Array = np.ndarray[Any, Any]
 
-LIKELY = 2.0
-"""Standard deviations within which the regime must be one for the first order to be believed."""
+LIKELY_DEVIATIONS = 2.0
+"""Number of standard deviations within which all impacts must have the same regime."""
 
 
 class CovarianceAfter(NamedTuple):
-    """What is known after an impact.
+    """The covariance after an impact, and whether to trust it.
 
     Attributes:
-        covariance: of the state after, of the shape of that before.
-        regimes: all that were met within two standard deviations; the first is that of the mean.
-        is_reliable: whether sticking and slipping are not both among them, nor separating with any, and the
-            mean lies on no kink or jump.
+        covariance: of the state after the impact; its shape is that of the covariance before.
+        regimes: all regimes found within two standard deviations; the first is that of the mean state.
+        is_reliable: ``False`` if ``regimes`` has both sticking and slipping, or separating and another one,
+            or if the mean state is at a kink or a jump.
     """
 
     covariance: Array
@@ -73,61 +73,71 @@ def propagate_covariance(
     normal_sd: float = 0.0,
     gravity: Sequence[float] = STANDARD_GRAVITY,
 ) -> CovarianceAfter:
-    """The covariance of a state after an impact, at the time at which the mean state has it.
+    """Return the covariance of the state after an impact, at the time of the impact of the mean state.
 
     Args:
         body_a, body_b, contact, model, surfaces, gravity: as for
             :func:`~collision_response.derivatives.saltation_matrix`; the bodies have their mean states.
-        covariance: of ``(dx, dtheta, dv, dw)`` before the impact: shape ``(12, 12)`` with one body that can
-            move, ``(24, 24)`` with two.
-        restitution_sd, friction_sd: standard deviations of the coefficients.
-        normal_sd: of the turn of the normal about each axis across it [rad].
+        covariance: of ``(dx, dtheta, dv, dw)`` before the impact, of shape ``(12, 12)`` if one body is
+            movable, ``(24, 24)`` if both are. Required.
+        restitution_sd, friction_sd: standard deviations of the coefficients, >= 0.
+        normal_sd: standard deviation of the rotation of the normal about each axis perpendicular to it [rad],
+            >= 0.
 
     Raises:
-        ImpactError: as ``saltation_matrix``; INVALID_TABLE: ``covariance`` is not of numbers, symmetric,
-            positive semi-definite and of its shape; INVALID_COEFFICIENT: a standard deviation is negative or
-            infinite.
-        TypeError: a standard deviation is no real number.
+        ImpactError: as ``saltation_matrix``, or with the status INVALID_TABLE if ``covariance`` is not a
+            symmetric positive semi-definite matrix of this shape, INVALID_COEFFICIENT if a standard deviation
+            is negative or not finite.
+        TypeError: as ``saltation_matrix``, or if a standard deviation is not a real number.
     """
-    passage = linearised(body_a, body_b, contact, model, surfaces, gravity)
-    restitution_sd = _deviation("restitution_sd", restitution_sd)
-    friction_sd = _deviation("friction_sd", friction_sd)
-    normal_sd = _deviation("normal_sd", normal_sd)
-    kept = passage.kept
-    root = _root(covariance, len(kept))
+    linearised = linearise(body_a, body_b, contact, model, surfaces, gravity)
+    restitution_sd = _checked_deviation("restitution_sd", restitution_sd)
+    friction_sd = _checked_deviation("friction_sd", friction_sd)
+    normal_sd = _checked_deviation("normal_sd", normal_sd)
+    movable = linearised.movable
+    root = _square_root(covariance, len(movable))
     by_coefficients = np.zeros((24, 2))
-    J, columns = passage.derivatives.jacobian, passage.derivatives.columns
+    J, columns = linearised.derivatives.jacobian, linearised.derivatives.columns
     for i, name in enumerate(("contact.restitution", "contact.friction")):
         by_coefficients[TWISTS, i] = J[:12, columns[name]][:, 0]
-    of_coefficients = by_coefficients * [restitution_sd, friction_sd]
+    from_coefficients = by_coefficients * [restitution_sd, friction_sd]
     with np.errstate(over="ignore", invalid="ignore"):
-        by_state = passage.matrix[:, kept] @ root
-        spread = np.hstack([by_state, of_coefficients, passage.by_normal * normal_sd])[kept]
-        after = finite("covariance", spread @ spread.T)
-    found = list(
-        _regimes(passage, body_a, body_b, contact, model, root, (restitution_sd, friction_sd, normal_sd))
+        from_state = linearised.matrix[:, movable] @ root
+        root_after = np.hstack([from_state, from_coefficients, linearised.by_normal * normal_sd])[movable]
+        after = check_finite("covariance", root_after @ root_after.T)
+    deviations = restitution_sd, friction_sd, normal_sd
+    regimes = tuple(
+        dict.fromkeys(_likely_regimes(linearised, body_a, body_b, contact, model, root, deviations))
     )
-    regimes = tuple(dict.fromkeys(found))
     sticking, separating = Regime.STICKING in regimes, Regime.SEPARATING in regimes
     is_reliable = len(regimes) == 1 or not (sticking or separating)
-    return CovarianceAfter(after, regimes, is_reliable and not may_be_off(passage.derivatives))
+    return CovarianceAfter(after, regimes, is_reliable and not is_nonsmooth(linearised.derivatives))
 
 
-def _deviation(name: str, sd: Any) -> float:
-    """Raises: ImpactError: INVALID_COEFFICIENT. TypeError: no real number."""
+def _checked_deviation(name: str, sd: Any) -> float:
+    """Return a standard deviation as a float.
+
+    Raises:
+        ImpactError: INVALID_COEFFICIENT if it is negative or not finite.
+        TypeError: if it is not a real number.
+    """
     invalid = StatusCode.INVALID_COEFFICIENT
     check_number(name, sd, 0, math.inf, invalid, not_finite=invalid)
     return float(sd)
 
 
-def _root(covariance: Array | None, size: int) -> Array:
-    """A square root of the covariance."""
-    S = finite_numbers(covariance, (size, size))
+def _square_root(covariance: Array | None, size: int) -> Array:
+    """Return a matrix ``L`` with ``L L^T`` equal to the covariance.
+
+    Raises:
+        ImpactError: INVALID_TABLE if it is not a symmetric positive semi-definite matrix of this size.
+    """
+    S = as_finite_array(covariance, (size, size))
     problem = f"must be a covariance of shape ({size}, {size})"
     if S is None:
         raise ImpactError(StatusCode.INVALID_TABLE, "covariance", f"{problem}, is {covariance}")
     sd = np.sqrt(np.abs(np.diag(S)))
-    scale = np.where(sd > 0, sd, 1.0)  # its units mix
+    scale = np.where(sd > 0, sd, 1.0)  # the entries have different units
     values, axes = np.linalg.eigh(S / np.outer(scale, scale))
     rounding = 1e-12 * size
     asymmetry = np.abs((S - S.T) / np.outer(scale, scale)).max()
@@ -139,8 +149,8 @@ def _root(covariance: Array | None, size: int) -> Array:
     return root
 
 
-def _regimes(
-    passage: Passage,
+def _likely_regimes(
+    linearised: LinearisedImpact,
     body_a: Body,
     body_b: Body,
     contact: Contact,
@@ -148,83 +158,82 @@ def _regimes(
     root: Array,
     deviations: tuple[float, float, float],
 ) -> Iterator[Regime]:
-    """Of the mean, and of what lies two standard deviations from it."""
-    impact, derivatives = passage.derivatives.impact, passage.derivatives
+    """Yield the regime of the mean, then those of points two standard deviations away from it."""
+    derivatives = linearised.derivatives
+    impact, J, columns = derivatives.impact, derivatives.jacobian, derivatives.columns
     yield impact.regime
-    e_sd, mu_sd, n_sd = deviations
+    restitution_sd, friction_sd, normal_sd = deviations
     size = root.shape[0]
     n = unit_normal(contact)
-    across = np.linalg.svd(n[None])[2][1:].T * n_sd
-    # One column for each independent standard deviation: the state, e, mu, the normal.
-    space = np.zeros((24 + 5, size + 4))
-    space[np.ix_(passage.kept, range(size))] = root
-    space[24, size], space[25, size + 1], space[26:, size + 2 :] = e_sd, mu_sd, across
+    tilts = np.linalg.svd(n[None])[2][1:].T * normal_sd
+    # Rows: state, restitution, friction, normal. One column for each independent source of uncertainty.
+    spread = np.zeros((24 + 5, size + 4))
+    spread[np.ix_(linearised.movable, range(size))] = root
+    spread[24, size], spread[25, size + 1], spread[26:, size + 2 :] = restitution_sd, friction_sd, tilts
 
-    by = np.hstack(
-        [derivatives.jacobian[:, :24], derivatives.jacobian[:, derivatives.columns["contact.restitution"]],
-         derivatives.jacobian[:, derivatives.columns["contact.friction"]],
-         derivatives.jacobian[:, derivatives.columns["contact.normal"]]]
-    )  # fmt: skip
+    # The derivatives of the twists after the impact and of the impulse, by the rows of `spread`.
+    names = "contact.restitution", "contact.friction", "contact.normal"
+    by_inputs = np.hstack([J[:, :24], *(J[:, columns[name]] for name in names)])
     P, mu = np.array(impact.impulse), contact.friction
-    tangent = np.eye(3) - np.outer(n, n)
+    tangential = np.eye(3) - np.outer(n, n)
     arms = [np.subtract(contact.position, body.position) for body in (body_a, body_b)]
 
-    def slip_of(twists: Array) -> Array:
-        """Of twists of both bodies, 12 numbers or columns of them."""
+    def slip(twists: Array) -> Array:
+        """Slip velocity of the twists of both bodies: of 12 numbers, or of each column of 12."""
         v_a, w_a, v_b, w_b = twists[:3], twists[3:6], twists[6:9], twists[9:12]
         u = v_a + np.cross(w_a, arms[0], axis=0) - v_b - np.cross(w_b, arms[1], axis=0)
-        return tangent @ u
+        return tangential @ u
 
-    twists_before = np.zeros((12, by.shape[1]))
-    twists_before[np.arange(12), TWISTS] = 1.0
+    before_by_inputs = np.zeros((12, by_inputs.shape[1]))
+    before_by_inputs[np.arange(12), TWISTS] = 1.0
     before = np.concatenate([[*b.velocity, *b.angular_velocity] for b in (body_a, body_b)])
     after = np.concatenate([[*t.linear, *t.angular] for t in (impact.twist_a, impact.twist_b)])
-    friction = tangent @ P
+    friction_impulse = tangential @ P
     gradients = [
-        _along(friction) @ by[12:] - mu * n @ by[12:],
-        _along(slip_of(after)) @ slip_of(by[:12]),
-        _along(slip_of(before)) @ slip_of(twists_before),
+        _normalised(friction_impulse) @ by_inputs[12:] - mu * n @ by_inputs[12:],
+        _normalised(slip(after)) @ slip(by_inputs[:12]),
+        _normalised(slip(before)) @ slip(before_by_inputs),
     ]
-    steepest = [gradient @ space for gradient in gradients]
-    unit = [g / np.linalg.norm(g) for g in steepest if np.linalg.norm(g) > 0]
-    for step in [*np.eye(space.shape[1]), *unit]:
-        for sign in (LIKELY, -LIKELY):
-            shift = space @ step * sign
-            if shift.any():
-                yield _regime_at(body_a, body_b, contact, model, passage.motion, shift)
+    steepest = [gradient @ spread for gradient in gradients]
+    steepest = [_normalised(step) for step in steepest if np.linalg.norm(step) > 0]
+    for step in [*np.eye(spread.shape[1]), *steepest]:
+        for sign in (LIKELY_DEVIATIONS, -LIKELY_DEVIATIONS):
+            change = spread @ step * sign
+            if change.any():
+                yield _regime_at(body_a, body_b, contact, model, linearised.motion, change)
 
 
-def _along(v: Array) -> Array:
-    size = np.linalg.norm(v)
-    return v / size if size > 0 else v
+def _normalised(v: Array) -> Array:
+    """Return the unit vector along ``v``, or ``v`` if it is zero."""
+    length = np.linalg.norm(v)
+    return v / length if length > 0 else v
 
 
 def _regime_at(
-    body_a: Body, body_b: Body, contact: Contact, model: ImpactModel, motion: SurfaceMotion, shift: Array
+    body_a: Body, body_b: Body, contact: Contact, model: ImpactModel, motion: SurfaceMotion, change: Array
 ) -> Regime:
-    moved_a, moved_b = (
-        _moved(body, shift[12 * side : 12 * side + 12]) for side, body in enumerate((body_a, body_b))
-    )
-    poses, tilt = shift[POSES], shift[26:]
+    """Return the regime after a change of the state (24 numbers), restitution, friction and normal (3)."""
+    changed_a, changed_b = _changed(body_a, change[:12]), _changed(body_b, change[12:24])
+    poses, tilt = change[POSES], change[26:]
     point = np.array(contact.position) + motion.position @ poses + motion.position_by_normal @ tilt
     normal = unit_normal(contact) + motion.normal @ poses + tilt
-    e, mu = contact.restitution + shift[24], contact.friction + shift[25]
-    moved = Contact.of(point.tolist(), normal.tolist(), min(max(float(e), 0.0), 1.0), max(float(mu), 0.0))
-    return resolve(moved_a, moved_b, moved, model).regime
+    e, mu = contact.restitution + change[24], contact.friction + change[25]
+    changed = Contact.of(point.tolist(), normal.tolist(), min(max(float(e), 0.0), 1.0), max(float(mu), 0.0))
+    return resolve(changed_a, changed_b, changed, model).regime
 
 
-def _moved(body: Body, shift: Array) -> Body:
-    if not shift.any():
+def _changed(body: Body, change: Array) -> Body:
+    """Return the body with a small change ``(dx, dtheta, dv, dw)`` of its state."""
+    if not change.any():
         return body
-    dx, theta, dv, dw = (Vec3(*part.tolist()) for part in np.split(shift, 4))
+    dx, theta, dv, dw = (Vec3(*part.tolist()) for part in np.split(change, 4))
     half = theta * 0.5
     q = body.orientation or IDENTITY_QUATERNION
     v = Vec3(*q[:3])
     x, y, z = v + half * q.w + half.cross(v)
-    turned = Quaternion(x, y, z, q.w - half.dot(v))
     return body._replace(
         position=Vec3(*body.position) + dx,
-        orientation=turned,
+        orientation=Quaternion(x, y, z, q.w - half.dot(v)),
         velocity=Vec3(*body.velocity) + dv,
         angular_velocity=Vec3(*body.angular_velocity) + dw,
     )

@@ -1,8 +1,9 @@
-"""How small changes of a state before an impact appear after it, at the same time.
+"""The saltation matrix: how a small change of the state before an impact appears in the state after it.
 
-The state of a body is ``(dx, dtheta, dv, dw)``: of its reference point, turned by ``R <- exp([theta]x) R``,
-in the axes of the world. A changed state meets the surface earlier or later. With the impact as a map ``R``
-of states, with ``F`` the rate of the state in free flight, and the distance ``g`` of the surfaces,
+Both changes belong to the same time. The state of a body is ``(dx, dtheta, dv, dw)``: the displacement of its
+reference point, a rotation by ``R <- exp([theta]x) R``, and the changes of its twist, all in world axes. A
+changed state meets the surface earlier or later. With the impact as a map ``R`` of states, the rate ``F`` of
+the state in free flight, and the distance ``g`` of the surfaces,
 
     Xi = DR + (F+ - DR F-) Dg / (Dg F-)        Dg F- = u_n
     DR = [[1, 0], [dv+/dq, dv+/dv]]            dv+/dq = d_q v+ + d_C v+ dC/dq + d_n v+ dn/dq
@@ -43,25 +44,26 @@ STANDARD_GRAVITY = (0.0, 0.0, -9.80665)
 POSE, TWIST = ("position", "orientation"), ("velocity", "angular_velocity")
 STATE = [f"{body}.{name}" for body in ("body_a", "body_b") for name in (*POSE, *TWIST)]
 POSES, TWISTS = [*range(6), *range(12, 18)], [*range(6, 12), *range(18, 24)]
-"""Where positions and turns lie in the state of two bodies, and where their twists do."""
+"""Indices of the poses and of the twists in the state of two bodies."""
 
 
-class Passage(NamedTuple):
-    """An impact, linearised.
+class LinearisedImpact(NamedTuple):
+    """An impact and its first-order behaviour.
 
     Attributes:
-        derivatives: of the impact, by the state, contact point, normal, restitution and friction.
+        derivatives: of the impact by the state, contact point, normal, restitution and friction.
         matrix: the saltation matrix of both bodies, shape ``(24, 24)``.
-        by_normal: of the state after, as the unit normal turns by itself, shape ``(24, 3)``.
-        motion: of contact point and normal.
-        kept: the places of bodies that can move.
+        by_normal: derivative of the state after the impact by a change of the unit normal alone, shape
+            ``(24, 3)``.
+        motion: how the contact point and the normal move with the bodies.
+        movable: indices, in the state of two bodies, that belong to movable bodies.
     """
 
     derivatives: Derivatives
     matrix: Array
     by_normal: Array
     motion: SurfaceMotion
-    kept: list[int]
+    movable: list[int]
 
 
 def saltation_matrix(
@@ -72,39 +74,42 @@ def saltation_matrix(
     surfaces: Surfaces | SurfaceMotion | None = None,
     gravity: Sequence[float] = STANDARD_GRAVITY,
 ) -> Array:
-    """The matrix from changes of the state before an impact to those after it, at one time.
+    """Return the matrix that maps changes of the state before an impact to changes after it, at one time.
 
     Args:
         body_a, body_b, contact, model: as for :func:`~collision_response.derivatives.differentiate`.
-        surfaces: how contact point and normal move with the poses: a form of ``surfaces.py``, or the
-            matrices. It cannot be left out: nothing else tells a ball on a plane from a corner.
-        gravity: [m/s^2].
+        surfaces: how the contact point and the normal move with the poses: a function such as
+            :func:`~collision_response.derivatives.sphere_on_plane` returns, or a :class:`SurfaceMotion`. It
+            is required, because the bodies and the contact do not tell a ball on a plane from a corner.
+        gravity: in world axes [m/s^2].
 
     Returns:
-        Of ``(dx, dtheta, dv, dw)`` of body_a, shape ``(12, 12)``, if body_b is immovable, or the other way
-        round; else of body_a and of body_b, shape ``(24, 24)``.
+        The matrix for ``(dx, dtheta, dv, dw)`` of the movable body, shape ``(12, 12)``, if the other body is
+        immovable; otherwise for those of body_a and then body_b, shape ``(24, 24)``.
 
     Raises:
-        ImpactError: as ``differentiate``; INVALID_NORMAL: ``surfaces`` is missing, or not of its shape;
-            SEPARATING: there is no impact; OUT_OF_RANGE: a number is beyond float64.
+        ImpactError: as ``differentiate``, or with the status INVALID_NORMAL if ``surfaces`` is missing or has
+            a matrix that does not hold finite numbers of the right shape, SEPARATING if there is no impact,
+            NOT_FINITE if ``gravity`` is not finite, or OUT_OF_RANGE if a result is beyond float64.
+        TypeError: as ``differentiate``, or if ``gravity`` is not a vector of real numbers.
     """
-    passage = linearised(body_a, body_b, contact, model, surfaces, gravity)
-    return passage.matrix[np.ix_(passage.kept, passage.kept)]
+    impact = linearise(body_a, body_b, contact, model, surfaces, gravity)
+    return impact.matrix[np.ix_(impact.movable, impact.movable)]
 
 
-def linearised(
+def linearise(
     body_a: Body,
     body_b: Body,
     contact: Contact,
     model: ImpactModel,
     surfaces: Surfaces | SurfaceMotion | None,
     gravity: Sequence[float],
-) -> Passage:
-    """All that is known to first order of an impact at its time."""
+) -> LinearisedImpact:
+    """Linearise an impact about the given state. Arguments and errors are as for :func:`saltation_matrix`."""
     for acceleration in as_vector("gravity", gravity):
         check_number("gravity", acceleration, -math.inf, math.inf, StatusCode.NOT_FINITE)
-    resolve(body_a, body_b, contact, model)  # names what is wrong, before surfaces are asked
-    motion = _checked(surfaces, body_a, body_b, contact)
+    resolve(body_a, body_b, contact, model)  # refuses invalid input before `surfaces` is called with it
+    motion = _surface_motion(surfaces, body_a, body_b, contact)
     names = [*STATE, "contact.position", "contact.normal", "contact.restitution", "contact.friction"]
     contact = contact._replace(normal=Vec3(*unit_normal(contact).tolist()))
     derivatives = differentiate(body_a, body_b, contact, model, names)
@@ -113,84 +118,93 @@ def linearised(
         raise ImpactError(
             StatusCode.SEPARATING, "contact.normal", f"there is no impact: the normal velocity is {u_n}"
         )
-    J = derivatives.jacobian[:12]
-    by_point, by_n = (J[:, derivatives.columns[name]] for name in names[len(STATE) : len(STATE) + 2])
-    across = np.eye(3) - np.outer(contact.normal, contact.normal)
-    by_state = J[:, :24].copy()
-    by_state[:, POSES] += by_point @ motion.position + by_n @ motion.normal
-    reset = np.eye(24)
-    reset[TWISTS] = by_state
+    J = derivatives.jacobian[:12]  # rows of the twists
+    dv_dC, dv_dn = (J[:, derivatives.columns[name]] for name in ("contact.position", "contact.normal"))
+    tangential = np.eye(3) - np.outer(contact.normal, contact.normal)
+    dv_dstate = J[:, :24].copy()
+    dv_dstate[:, POSES] += dv_dC @ motion.position + dv_dn @ motion.normal
+    DR = np.eye(24)
+    DR[TWISTS] = dv_dstate
     by_normal = np.zeros((24, 3))
-    by_normal[TWISTS] = (by_n + by_point @ motion.position_by_normal) @ across
+    by_normal[TWISTS] = (dv_dn + dv_dC @ motion.position_by_normal) @ tangential
 
     bodies = body_a, body_b
     n = Vec3(*contact.normal)
-    arms = [Vec3(*np.subtract(contact.position, body.position).tolist()) for body in bodies]
-    none = [0.0] * 6
-    guard = np.array([*n, *arms[0].cross(n), *none, *-n, *-(arms[1].cross(n)), *none])
-    answers = derivatives.impact.twist_a, derivatives.impact.twist_b
-    before = np.concatenate([_rate(body, gravity) for body in bodies])
-    moved = (body.with_twist(twist) for body, twist in zip(bodies, answers, strict=True))
-    after = np.concatenate([_rate(body, gravity) for body in moved])
+    d_A, d_B = (Vec3(*np.subtract(contact.position, body.position).tolist()) for body in bodies)
+    by_twist = [0.0] * 6
+    Dg = np.array([*n, *d_A.cross(n), *by_twist, *-n, *-(d_B.cross(n)), *by_twist])
+    twists_after = derivatives.impact.twist_a, derivatives.impact.twist_b
+    bodies_after = (body.with_twist(twist) for body, twist in zip(bodies, twists_after, strict=True))
+    F_before = np.concatenate([_free_flight_rate(body, gravity) for body in bodies])
+    F_after = np.concatenate([_free_flight_rate(body, gravity) for body in bodies_after])
     with np.errstate(over="ignore", invalid="ignore"):
-        matrix = finite("matrix", reset + np.outer(after - reset @ before, guard) / u_n)
-    kept = [12 * side + i for side, body in enumerate(bodies) if body.is_movable() for i in range(12)]
-    return Passage(derivatives, matrix, by_normal, motion, kept)
+        matrix = check_finite("matrix", DR + np.outer(F_after - DR @ F_before, Dg) / u_n)
+    movable = [12 * side + i for side, body in enumerate(bodies) if body.is_movable() for i in range(12)]
+    return LinearisedImpact(derivatives, matrix, by_normal, motion, movable)
 
 
-def finite(name: str, numbers: Array) -> Array:
-    """Raises: ImpactError: OUT_OF_RANGE: a number is beyond float64, as where the bodies hardly approach."""
-    if not np.isfinite(numbers).all():
+def check_finite(name: str, array: Array) -> Array:
+    """Return the array.
+
+    Raises:
+        ImpactError: OUT_OF_RANGE if a number is not finite, which happens if the bodies approach very slowly.
+    """
+    if not np.isfinite(array).all():
         raise ImpactError(
-            StatusCode.OUT_OF_RANGE, name, "a number is beyond float64: the bodies hardly approach"
+            StatusCode.OUT_OF_RANGE, name, "a number is beyond float64: the bodies approach too slowly"
         )
-    return numbers
+    return array
 
 
-def finite_numbers(value: Any, shape: tuple[int, ...]) -> Array | None:
-    """As floats; ``None`` if it is anything else than so many finite real numbers."""
+def as_finite_array(value: Any, shape: tuple[int, ...]) -> Array | None:
+    """Return ``value`` as a float64 array, or ``None`` if it is not finite real numbers of this shape."""
     try:
         if np.asarray(value).dtype.kind not in "biufO":
             return None
-        numbers = np.asarray(value, float)
+        array = np.asarray(value, float)
     except (OverflowError, TypeError, ValueError):
         return None
-    return numbers if numbers.shape == shape and np.isfinite(numbers).all() else None
+    return array if array.shape == shape and np.isfinite(array).all() else None
 
 
-def may_be_off(derivatives: Derivatives) -> bool:
-    """Whether the answer has a kink or a jump just here."""
+def is_nonsmooth(derivatives: Derivatives) -> bool:
+    """Whether any of the derivatives is taken at a kink or a jump."""
     return bool((derivatives.smoothness != Smoothness.SMOOTH).any())
 
 
-def _checked(
+def _surface_motion(
     surfaces: Surfaces | SurfaceMotion | None, body_a: Body, body_b: Body, contact: Contact
 ) -> SurfaceMotion:
+    """Return the motion that ``surfaces`` gives, checked.
+
+    Raises:
+        ImpactError: INVALID_NORMAL if it is missing, or a matrix does not hold finite numbers of its shape.
+    """
     motion = surfaces(body_a, body_b, contact) if callable(surfaces) else surfaces
     if motion is None:
         reason = (
-            "is missing: how contact point and normal move with the poses, dC/dq and dn/dq; "
+            "is missing: it says how contact point and normal move with the poses, dC/dq and dn/dq; "
             "see collision_response.derivatives.surfaces"
         )
         raise ImpactError(StatusCode.INVALID_NORMAL, "surfaces", reason)
     for name, shape in (("position", (3, 12)), ("normal", (3, 12)), ("position_by_normal", (3, 3))):
         value: Any = getattr(motion, name, None)
-        if finite_numbers(value, shape) is None:
+        if as_finite_array(value, shape) is None:
             reason = f"must be finite numbers of shape {shape}, is {value}"
             raise ImpactError(StatusCode.INVALID_NORMAL, f"surfaces.{name}", reason)
     return motion
 
 
-def _rate(body: Body, gravity: Sequence[float]) -> Array:
-    """Of the state, in free flight."""
+def _free_flight_rate(body: Body, gravity: Sequence[float]) -> Array:
+    """Rate of the state of a body in free flight, shape ``(12,)``."""
     v, w = np.array(body.velocity, float), np.array(body.angular_velocity, float)
     if not body.is_movable():
         return np.concatenate([v, w, np.zeros(6)])
     R = np.array(body_rotation(body)[:3], float)
     xx, xy, xz, yy, yz, zz = body.inertia
-    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], float)
-    spin = R.T @ w
-    turning = R @ np.linalg.lstsq(tensor, -np.cross(spin, tensor @ spin), rcond=None)[0]
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], float)
+    w_body = R.T @ w
+    angular = R @ np.linalg.lstsq(inertia, -np.cross(w_body, inertia @ w_body), rcond=None)[0]
     c = com_in_world_axes(body)
-    falling = np.array(gravity, float) - np.cross(turning, c) - np.cross(w, np.cross(w, c))
-    return np.concatenate([v, w, falling, turning])
+    linear = np.array(gravity, float) - np.cross(angular, c) - np.cross(w, np.cross(w, c))
+    return np.concatenate([v, w, linear, angular])
