@@ -1,4 +1,4 @@
-// Resolve one cluster of several contacts: what resolve_cluster.py does, where doubles and double-double decide it.
+// Resolve one cluster of several contacts as scene/resolve_cluster.py does, if doubles and double-double suffice.
 #pragma once
 #include <array>
 
@@ -10,7 +10,7 @@
 using Code = unsigned char;  // a StatusCode, or LEFT_TO_PYTHON
 constexpr Code LEFT_TO_PYTHON = 0;
 
-// The bodies and contacts of a cluster as numbers. Contacts name bodies by their places in `bodies`.
+// The bodies and contacts of a cluster as numbers. Contacts name bodies by their indices in `bodies`.
 struct ClusterParts {
   struct Contact {
     int body[2];
@@ -37,9 +37,9 @@ struct ClusterParts {
   }
 };
 
-// The parts of a cluster from the list of its contacts. Bodies get places in the order in which contacts name them, and
-// are listed in `used`. `place` must be -1 for all bodies, and is so again afterwards. body(b, x) and contact(k, x) write
-// the numbers of a body and of a contact to x.
+// Return the parts of a cluster from the list of its contacts. Bodies are numbered in the order in which contacts name
+// them, and are listed in `used`. `place` must be -1 for all bodies, and is -1 again afterwards. body(b, x) and
+// contact(k, x) write the numbers of a body and of a contact to x.
 template <class Body, class Contact>
 ClusterParts take_parts(const ContactPairs& pairs, const std::int64_t* first, const std::int64_t* last, std::vector<int>& place, std::vector<std::int64_t>& used, Body body, Contact contact) {
   ClusterParts parts;
@@ -65,9 +65,9 @@ struct Cluster {
   double energy = 0;               // kinetic energy of the movable bodies
   bool has_massless_spin = false, has_off_unit_orientation = false, has_friction = false;
   int fault = 0;               // status of the first invalid contact, or 0
-  size_t invalid_contact = 0;  // its place
+  size_t invalid_contact = 0;  // its index
 
-  // Whether some numbers are out of the range of doubles. Then doubles decide nothing.
+  // Whether some numbers are out of the range of doubles, so that doubles cannot give an answer.
   bool is_out_of_range() const { return !(std::isfinite(energy) && assembly.is_finite() && assembly.has_representable_impulses()); }
 
   Cluster(const ClusterParts& parts, bool frictionless) {
@@ -105,7 +105,7 @@ struct Cluster {
   }
 };
 
-// The law, and its numbers as in KernelModel of scene/kernel_model.py.
+// The law and its settings, as in KernelModel of scene/kernel_model.py.
 struct ClusterOptions {
   int law;
   double threshold, restitution_threshold;
@@ -128,7 +128,7 @@ inline ClusterImpulses moreau(const Assembly& assembly, bool has_friction) {
   return {found.status == MinimumStatus::FOUND ? Outcome::ANSWERED : Outcome::CONTRADICTORY, found.q, found.error};
 }
 
-// Apply a law, with its fallbacks, as in scene/apply_law.py. LEFT_TO_PYTHON where fractions must decide.
+// Apply a law, with its fallbacks, as in scene/apply_law.py. The code is LEFT_TO_PYTHON if only fractions can decide.
 inline ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& options) {
   Assembly& assembly = cluster.assembly;
   ClusterResult result{LEFT_TO_PYTHON, {}};

@@ -1,5 +1,5 @@
 // ROUTH_STRONGE: the differential equation of Liu, Zhao & Brogliato, in plain doubles, along the axes of each contact.
-// scene/stronge.py derives it, and decides how exactly to follow the path.
+// scene/stronge.py derives it, and chooses the tolerance of the path.
 //
 //     p_i' = f_i = k_i max(x_i, 0)^eta
 //     x_i' = -u_i            while u_i < 0                     loading
@@ -19,11 +19,11 @@ struct ContactSprings {
     int other;
     double by;
   };
-  std::vector<std::vector<Coupled>> C;  // for each contact, its normal velocity by unit normal impulses on others
+  std::vector<std::vector<Coupled>> C;  // for each contact, the change of its normal velocity by unit normal impulses on others
   int count;
   double speed = 0, mass = 0;
-  double slow = 0;  // slower approaches count as none: rounding would keep a contact approaching for ever
-  long work;        // the rest of the budget: 1 for a coupling of two contacts, about a nanosecond
+  double slow = 0;  // slower approaches count as none, because rounding could keep a contact approaching for ever
+  long work;        // remaining budget: the coupling of two contacts costs 1, about a nanosecond
   double friction_loss = 0;  // energy that friction took
   bool is_wedged = false;    // the path has no end
 
@@ -71,7 +71,7 @@ struct ContactSprings {
 
   // Without friction the state y is all x_i, then all p_i. It is integrated by the pair of Dormand & Prince, of orders 5
   // and 4.
-  static constexpr long STAGE = 20;  // the work for one contact in a stage, in addition to its couplings
+  static constexpr long STAGE = 20;  // the cost of one contact in a stage, in addition to its couplings
   void derivative(const double* y, double* d, const std::vector<int>& active) {
     const double *x = y, *p = y + count;
     for (int i : active) {
@@ -84,7 +84,8 @@ struct ContactSprings {
 
   // Whether the energy left in a spring is too small to matter, and its contact does not approach.
   bool is_over(int i, double x, double u) const { return force(i, x) * x <= mass * slow * slow && u >= -slow; }
-  // The contacts that are not over, among some, and those that these may strike within a step: up to two contacts away.
+  // Those of `some` contacts that are not over, and the contacts that these may compress within a step: those up to two
+  // contacts away.
   std::vector<int> still_active(const double* y, const std::vector<int>& some) const {
     std::vector<int> found;
     std::vector<char> listed(count, 0);
@@ -100,7 +101,7 @@ struct ContactSprings {
     return found;
   }
 
-  // The length of steps. An error that is too large is mostly due to a spring that turns from loading to unloading within
+  // The length of the steps. An error that is too large is mostly due to a spring that turns from loading to unloading within
   // the step, where its rate has a kink: then the step is shortened to end there, by the secant. A spring that turns at the
   // very end is not the cause.
   struct Pace {
@@ -122,12 +123,12 @@ struct ContactSprings {
     bool bends = x > 0 ? assembly.contacts[i].e < 1 : after < 0;
     return bends && (before < 0) != (after < 0) ? before / (before - after) : 1;
   }
-  // The motion left at a contact, with the energy of its spring, as a velocity.
+  // The normal speed of a contact after its spring has given its energy back.
   double residual_speed(int i, double x, double u) const { return x > 0 || u < 0 ? std::sqrt(u * u + force(i, x) * x / mass) : 0; }
-  // The longest step for a fastest motion: slower motion compresses springs for longer.
+  // The longest step, if `fastest` is the greatest residual speed. Slower contacts compress their springs for longer.
   double longest_step(double fastest) const { return 0.2 * std::pow(std::fmin(std::fmax(fastest, slow) / speed, 1), (1 - exponent) / (1 + exponent)); }
 
-  // Find the normal impulses p without friction. Whether the path ended within its budget.
+  // Find the normal impulses p without friction. Returns whether the path ended within its budget.
   bool follow_without_friction(double tolerance, std::vector<double>& p) {
     slow = std::fmax(tolerance / 10, 2e-14) * speed;
     size_t n = 2 * static_cast<size_t>(count);
@@ -189,15 +190,16 @@ struct ContactSprings {
   // With friction a step is the method (2, 2, 2) of Ascher, Ruuth & Spiteri, of order 2. Springs are compressed by the
   // known velocities (explicit), and friction opposes the slip at the end of each of the two stages (implicit), so that
   // contacts can stick. Comparing one step with two of half its length gives its error, and extrapolates to order 3.
-  static constexpr long SWEEP = 60;  // the work for one contact in a sweep
+  static constexpr long SWEEP = 60;  // the cost of one contact in a sweep
   struct State {
     std::vector<double> x, u;  // u: normal velocities
     Motion motion;
     std::vector<Axes> P, friction;  // friction: forces in the last stage, where the next stage starts its search
   };
 
-  // Apply normal forces `load` for some time, with the friction that opposes the slip at its end, to within `enough`.
-  // Sweeps over the contacts start from the forces of friction in `to`. Whether they converged within the budget.
+  // Apply the normal forces `load` for some time, with friction that opposes the slip at the end of it, to within
+  // `enough`. Sweeps over the contacts start from the friction forces in `to`. Returns whether they converged within the
+  // budget.
   bool apply_friction(State& to, double time, const std::vector<double>& load, double enough) {
     frictional.clear();
     for (int i = 0; i < count; ++i) {
@@ -234,8 +236,8 @@ struct ContactSprings {
   struct Slip {
     double c[3], trace;  // c: elements 11, 12, 22
 
-    // The change of friction, from `now`, to one of at most size `most` that opposes the slip, or nearly does; v: the slip
-    // now.
+    // The change from the friction impulse `now` to one of size at most `most` that opposes the slip, or nearly does. v1,
+    // v2: the slip now.
     Axes change(const Axes& now, double most, double v1, double v2) const {
       double det = c[0] * c[2] - c[1] * c[1], t1 = now[1], t2 = now[2];
       if (det > 1e-6 * trace * trace) {
@@ -275,7 +277,7 @@ struct ContactSprings {
     return true;
   }
 
-  // The work against friction between two states, with the mean of their slips.
+  // The energy that friction takes between two states, by the mean of their slips.
   double work_of_friction(const State& from, const State& to) const {
     double sum = 0;
     for (int i = 0; i < count; ++i)
@@ -284,8 +286,8 @@ struct ContactSprings {
     return sum;
   }
 
-  // Whether contacts at rest keep each other compressed for ever: friction balances the forces of their springs so well
-  // that these, acting a million times as long as usual, set nothing in motion.
+  // Whether contacts at rest stay compressed for ever, because friction balances the forces of their springs. To find out,
+  // the forces act a million times as long as usual: they must set nothing in motion.
   bool is_held(const State& now) {
     double greatest = 0;
     for (int i = 0; i < count; ++i) {
@@ -296,7 +298,7 @@ struct ContactSprings {
     if (!(greatest > 0)) return false;
     State later = now;
     const long left = work;
-    work = std::min(left, 1000 * SWEEP * count);  // where friction does not hold, sweeps take longer, or never converge
+    work = std::min(left, 1000 * SWEEP * count);  // if friction does not hold, sweeps take longer or never converge
     const long budget = work;
     const bool found = apply_friction(later, 1e6 * mass * speed / greatest, load, 1e-3 * speed);
     work += left - budget;
@@ -305,7 +307,7 @@ struct ContactSprings {
     return found;
   }
 
-  // Find the impulses P with friction. Whether the path ended within its budget, and was not wedged.
+  // Find the impulses P with friction. Returns whether the path ended within its budget and was not wedged.
   bool follow_with_friction(double tolerance, std::vector<Axes>& P) {
     slow = std::fmax(tolerance / 10, 2e-14) * speed;
     const std::vector<Axes> none(count, Axes{0, 0, 0});
@@ -344,20 +346,20 @@ struct ContactSprings {
         double rates = rate(i, now.x[i], now.u[i]) + 2 * rate(i, half.x[i], half.u[i]) + rate(i, both.x[i], both.u[i]);
         double by_ends = std::fmax(now.x[i] + h / 4 * rates, 0);
         off = std::fmax(off, std::fmax(std::fabs(both.x[i] - whole.x[i]), std::fabs(both.x[i] - by_ends)));
-        off = std::fmax(off, std::fabs(both.u[i] - whole.u[i]));  // the norm would give little weight to light bodies
+        off = std::fmax(off, std::fabs(both.u[i] - whole.u[i]));  // the norm gives little weight to light bodies
         turns = std::fmin(turns, turning_fraction(i, now.x[i], now.u[i], both.u[i]));
         fastest = std::fmax(fastest, residual_speed(i, both.x[i], both.u[i]));
       }
       double worst = std::fmax(off, std::sqrt(square / mass)) / (3 * tolerance * speed);
       if (!(worst < INFINITY)) return false;
       if (!pace.accepts(worst, 3, turns, longest_step(fastest))) continue;
-      auto mended = [](double fine, double coarse) { return fine + (fine - coarse) / 3; };
-      friction_loss += mended(work_of_friction(now, half) + work_of_friction(half, both), work_of_friction(now, whole));
-      for (size_t k = 0; k < both.motion.y.size(); ++k) now.motion.y[k] = mended(both.motion.y[k], whole.motion.y[k]);
+      auto extrapolated = [](double fine, double coarse) { return fine + (fine - coarse) / 3; };
+      friction_loss += extrapolated(work_of_friction(now, half) + work_of_friction(half, both), work_of_friction(now, whole));
+      for (size_t k = 0; k < both.motion.y.size(); ++k) now.motion.y[k] = extrapolated(both.motion.y[k], whole.motion.y[k]);
       for (int i = 0; i < count; ++i) {
-        now.x[i] = std::fmax(mended(both.x[i], whole.x[i]), 0);
+        now.x[i] = std::fmax(extrapolated(both.x[i], whole.x[i]), 0);
         now.u[i] = now.motion.velocity(i, 0);
-        for (int k = 0; k < 3; ++k) now.P[i][k] = mended(both.P[i][k], whole.P[i][k]);
+        for (int k = 0; k < 3; ++k) now.P[i][k] = extrapolated(both.P[i][k], whole.P[i][k]);
       }
       now.friction = both.friction;
       is_wedged = is_held(now);

@@ -29,7 +29,8 @@ inline double twist_size(const double* body, const double* twist) {
 
 using Regime = unsigned char;
 
-// A slip below this fraction of the fastest speed before counts as none; so does a friction this close to its limit.
+// A slip below this fraction of the fastest speed before the impact counts as none. Friction that is below its limit by a
+// smaller fraction counts as being at the limit.
 constexpr double AT_REST = 0x1p-20;
 
 struct ImpulseEffect {
@@ -46,13 +47,14 @@ struct ImpulseEffect {
   bool is_separating() const {
     return std::all_of(regimes.begin(), regimes.end(), [](Regime regime) { return regime == REGIME_SEPARATING; });
   }
-  // The energies are sums over everything else.
+  // It suffices to check the energies, which are sums over everything else.
   bool is_finite() const {
     return std::all_of(energies, energies + 4, [](double energy) { return std::isfinite(energy); });
   }
 };
 
-// A contact sticks if it does not slip afterwards (sticks_by_slip); else, if its friction is below the limit.
+// Compute the effect of impulses. With `sticks_by_slip`, a contact sticks if it does not slip afterwards; otherwise, if its
+// friction is below the limit.
 inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& impulses, bool sticks_by_slip) {
   ImpulseEffect effect;
   int count = assembly.count;
@@ -101,7 +103,7 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
     fastest = std::fmax(fastest, std::hypot(axes[0].velocity, axes[1].velocity, axes[2].velocity));
     greatest = std::fmax(greatest, p[i].h * assembly.contacts[i].length);
   }
-  // In units near the greatest: the works may be out of the range of doubles.
+  // In units near the greatest, because the works may be out of the range of doubles.
   const double unit = power_near(fastest), load = power_near(greatest);
   double restitution = 0, friction_loss = 0, work = 0;
   for (int i = 0; i < count; ++i) {

@@ -12,11 +12,11 @@ struct Reflections {
     ClusterImpulses result;
     std::vector<DD>& p = result.normal;
     p.resize(assembly.count);
-    double speed = 0, doubt = 0;  // of the fastest approach, and its error
+    double speed = 0, doubt = 0;  // the speed of the fastest approach, and a bound on its error
     for (const AssembledContact& contact : assembly.contacts) {
-      double own = -high(contact.velocity) / contact.length;
-      speed = std::fmax(speed, own);
-      doubt = std::fmax(doubt, width(contact.velocity) / contact.length + std::fabs(own) * 0x1p-50);
+      double approach = -high(contact.velocity) / contact.length;
+      speed = std::fmax(speed, approach);
+      doubt = std::fmax(doubt, width(contact.velocity) / contact.length + std::fabs(approach) * 0x1p-50);
     }
     if (!(speed > 0)) return result;
     const Projection first = project(assembly, p.data(), assembly.all_contacts(), nullptr);
@@ -50,7 +50,7 @@ struct Reflections {
     for (DD& x : p) x = DD{result.restitution, 0} * x;
     result.error = result.restitution * error + (1 - result.restitution) * first.error + rounding + assembly.velocity_size(p.data()) * 0x1p-98;
     result.error += add(p, 1, first.q);
-    if (!all_separate && approaches(p.data(), result.error)) {  // slower than the threshold
+    if (!all_separate && approaches(p.data(), result.error)) {  // more slowly than the threshold
       Projection last = project(assembly, p.data(), assembly.all_contacts(), nullptr);
       if (last.status != MinimumStatus::FOUND) return {Outcome::CONTRADICTORY, {}};
       result.error += add(p, 1, last.q) + last.error;
@@ -83,7 +83,7 @@ struct Reflections {
     if (are_equal(pressed)) return most;
     Vector shared = rounded(q.data(), assembly.count);
     bool is_unique = !least_norm(assembly, shared, false);
-    // In units near the greatest: the works may be out of the range of doubles.
+    // In units near the greatest, because the works may be out of the range of doubles.
     double fastest = 0, greatest = 0;
     for (int i = 0; i < assembly.count; ++i) {
       fastest = std::fmax(fastest, -high(assembly.contacts[i].velocity));
@@ -119,7 +119,7 @@ struct Reflections {
     for (size_t k = 0; k < c.size(); ++k) square += high(c[k] * z[k]);
     const double doubt = first.error / load * std::sqrt(square) / -high(below);
     error = width(e) + doubt + (is_unique ? 0x1p-53 : 0x1p-36 * (most - least));  // the least norm is computed in doubles
-    // If these digits do not tell which contacts have the load, fractions may.
+    // These digits do not tell which contacts carry the load; fractions may.
     if ((depends && is_unique) || doubt > 0x1p-30) error = INFINITY;
     return std::fmin(std::fmax(high(e), 0), 1);
   }
@@ -154,7 +154,7 @@ struct Reflections {
     return false;
   }
 
-  // p += a q, for a power of two a. Returns a bound on what its rounding does to the velocities.
+  // p += a q, for a power of two a. Returns a bound on the error that rounding causes in the velocities.
   double add(std::vector<DD>& p, double a, const std::vector<DD>& q) const {
     double lost = 0;
     for (int i = 0; i < assembly.count; ++i) {

@@ -11,7 +11,7 @@ struct TableClusters {
   long count, rows;                    // of contacts
   const std::int64_t *order, *starts;  // contacts by cluster: order[starts[c]] up to order[starts[c + 1]]
   ClusterOptions options;
-  double limit;  // error bound above which the tolerance is not met
+  double limit;  // the error bound above which the tolerance is not met
   double *velocity, *angular_velocity, *impulse;  // of bodies; impulse: of contacts
   unsigned char *regime, *status;                 // of contacts; status: of clusters
   double *error_bound, *margin, *energy[4];       // of clusters
@@ -21,7 +21,7 @@ struct TableClusters {
   std::vector<std::int64_t> used{};  // the bodies of the cluster
   const std::int64_t *first = nullptr, *last = nullptr;  // its contacts
 
-  // Resolve a cluster of several contacts. Its status is LEFT_TO_PYTHON if Python must do that.
+  // Resolve a cluster of several contacts. Its status is LEFT_TO_PYTHON if only Python can resolve it.
   void resolve(long cluster) {
     first = order + starts[cluster];
     last = order + starts[cluster + 1];
