@@ -1,14 +1,14 @@
-# Each target sets up what it needs by itself, given Python 3.10 or newer and a C++ compiler.
+# Every target installs what it needs. Requires Python 3.10 or newer and a C++ compiler.
 
 PYTHON ?= python3
-ARGS ?=# of pytest: make test ARGS='-k energy'
+ARGS ?=# options for pytest and others: make test ARGS='-k energy'
 EXTRAS := test,lint
 
-# -I: the package as installed, with its messages, not the directory of that name beside this file.
+# -I: import the installed package, which has the generated messages, not the source directory.
 VENV_PYTHON := .venv/bin/python -I
 DEMO := $(VENV_PYTHON) -m collision_response.demo
 
-# The environments bring their own ROS; a sourced one must not get in among it.
+# The virtual environments have their own ROS. The variables of a sourced ROS would mix the two.
 unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONHOME PYTHONPATH
 unexport RMW_IMPLEMENTATION ROS_DISTRO VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
@@ -17,23 +17,23 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 .PHONY: .venv .audit-venv .bench-venv .colcon-venv .docs-venv .examples-venv
 
 help:
-	@echo 'make demo       collisions, answered by the node'
-	@echo "make test       the tests; make test ARGS='-k energy' some of them"
-	@echo 'make lint       ruff and mypy'
-	@echo 'make audit      known weaknesses of what the package needs; asks the package index'
-	@echo 'make bench      times against peers and limits, and stability: some ten minutes'
-	@echo 'make stability  the measurements of docs/stability.md alone: some eight minutes'
-	@echo 'make faults     clients that crowd, leave and stop, and SIGTERM: docs/reliability.md'
-	@echo 'make fuzz       hostile input, to the node from outside'
-	@echo 'make states     body states at rates'
-	@echo "make soak       load and faults for ten minutes; make soak ARGS='--minutes 1' for one"
-	@echo 'make reliability  these four: some half an hour'
-	@echo 'make twice      ten times two test suites at once, on busy cores: an hour or more'
-	@echo 'make examples   all programs of examples/: each checks what it prints'
-	@echo 'make colcon     a colcon build of this tree, and a call of the node it installs'
-	@echo 'make arm64      the library compiled for arm64, its tests under emulation'
-	@echo 'make docs       the reference site: these pages, the API, the interfaces'
-	@echo 'make clean      remove all that these made'
+	@echo 'make demo       collisions that the node answers'
+	@echo "make test       run the tests; some of them: make test ARGS='-k energy'"
+	@echo 'make lint       run ruff and mypy'
+	@echo 'make audit      look up known vulnerabilities of the dependencies in the package index'
+	@echo 'make bench      speed compared with other programs and with targets, and stability: about ten minutes'
+	@echo 'make stability  only the measurements of docs/stability.md: about eight minutes'
+	@echo 'make faults     many clients, clients that leave or stop, and SIGTERM: docs/reliability.md'
+	@echo 'make fuzz       send invalid input to the node'
+	@echo 'make states     body states at several rates'
+	@echo "make soak       load and faults for ten minutes; for one minute: make soak ARGS='--minutes 1'"
+	@echo 'make reliability  faults, fuzz, states and soak: about half an hour'
+	@echo 'make twice      run two test suites at once on busy cores, ten times: an hour or more'
+	@echo 'make examples   run all programs in examples/; each checks its own output'
+	@echo 'make colcon     build this tree with colcon and call the installed node'
+	@echo 'make arm64      compile the library for arm64 and run its tests under emulation'
+	@echo 'make docs       build the documentation site: pages, API, ROS interfaces'
+	@echo 'make clean      remove everything that these targets created'
 
 demo: .venv
 	@$(DEMO)
@@ -50,13 +50,13 @@ audit: .venv .audit-venv
 		--path "$$($(VENV_PYTHON) -c 'import site; print(*site.getsitepackages())')"; status=$$?; \
 	cat .audit-venv/report; \
 	if grep -q '^numpy .*could not be audited' .audit-venv/report; then \
-		echo 'This package index keeps no record of weaknesses: nothing was audited.'; exit 1; \
+		echo 'This package index has no vulnerability records: nothing was audited.'; exit 1; \
 	fi; exit $$status
 
 .audit-venv:
 	@test -x .audit-venv/bin/pip-audit || { $(PYTHON) -m venv .audit-venv && .audit-venv/bin/pip install -q pip-audit; }
 
-# Quick ones: emulation takes ten times as long.
+# Only fast test files, because emulation is ten times slower.
 ARM64 := answers articulated batch_pairs batch_scenes extended_batch moreau resolve scene_values
 
 arm64: .venv

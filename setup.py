@@ -1,5 +1,8 @@
-"""Builds the wheel for pip. What the package consists of is said in CMakeLists.txt alone: it is
-built and installed into a staging prefix here, and the wheel ships what then lies there."""
+"""Build the wheel for pip.
+
+CMakeLists.txt alone says what belongs to the package. This script builds and installs it into a staging
+prefix; the wheel contains what is installed there.
+"""
 
 import os
 import shutil
@@ -15,13 +18,13 @@ from setuptools.command.build import build
 
 SOURCE = Path(__file__).resolve().parent
 RELEASES = SOURCE / "tools" / "ros"
-WORK = tempfile.TemporaryDirectory()  # leaves the checkout, and colcon's build/ in it, as they are
+WORK = tempfile.TemporaryDirectory()  # outside the checkout, which may hold colcon's build/
 STAGE = Path(WORK.name, "stage")
-NO_WHEELS = "No ROS wheels found. Where ROS is installed, build with colcon: see README.md."
+NO_WHEELS = "No ROS wheels found. If ROS is installed, build with colcon: see README.md."
 
 
 def ros_prefix() -> Path:
-    """Where the ROS wheels lie: in an isolated build that is not sys.prefix."""
+    """Return the prefix of the ROS wheels, which is not ``sys.prefix`` in an isolated build."""
     for entry in map(Path, sys.path):
         for parent in entry.parents:
             if (parent / "share" / "ament_index").is_dir():
@@ -29,23 +32,24 @@ def ros_prefix() -> Path:
     raise SystemExit(NO_WHEELS)
 
 
-def lines(path: Path) -> list[str]:
-    """The requirements in a file."""
+def read_requirements(path: Path) -> list[str]:
+    """Return the requirements in a file, without comments."""
     return [line for line in (line.partition("#")[0].strip() for line in path.open()) if line]
 
 
 def release_of(name: str, version: str) -> str:
-    """The ROS release of a wheel."""
+    """Return the ROS release that a wheel belongs to."""
     for file in sorted(RELEASES.glob("*.txt")):
-        pins = (line.split("==") for line in lines(file))
-        if any(pin.partition("[")[0] == name and version.startswith(of[:-1]) for pin, of in pins):
+        pins = (line.split("==") for line in read_requirements(file))
+        if any(pin.partition("[")[0] == name and version.startswith(series[:-1]) for pin, series in pins):
             return file.stem
-    return "no release in tools/ros"
+    return "not in tools/ros"
 
 
 def run_time_requirements() -> list[str]:
-    """What the package needs to run: of ROS, the release it is built with and no other."""
-    names = {line.split("==")[0].partition("[")[0] for file in RELEASES.glob("*.txt") for line in lines(file)}
+    """Return what the package needs to run, with ROS pinned to the release that it is built with."""
+    pins = (pin for file in RELEASES.glob("*.txt") for pin in read_requirements(file))
+    names = {pin.split("==")[0].partition("[")[0] for pin in pins}
     wheels: dict[str, list[str]] = {}
     for name in sorted(names):
         with suppress(metadata.PackageNotFoundError):
@@ -56,13 +60,14 @@ def run_time_requirements() -> list[str]:
     (release, *others) = wheels
     file = RELEASES / f"{release}.txt"
     if others or not file.exists():
-        found = "; ".join(f"of {release}: {', '.join(some)}" for release, some in sorted(wheels.items()))
-        raise SystemExit(f"ROS wheels that are not of one release: {found}")
-    of_ros = file.read_text().split("\n\n")[1]
-    return [*lines(SOURCE / "tools" / "python.txt"), *of_ros.split()]
+        found = "; ".join(f"{release}: {', '.join(names)}" for release, names in sorted(wheels.items()))
+        raise SystemExit(f"The ROS wheels must be of one release listed in tools/ros. Found: {found}")
+    ros_run_time = file.read_text().split("\n\n")[1]
+    return [*read_requirements(SOURCE / "tools" / "python.txt"), *ros_run_time.split()]
 
 
 def build_and_stage() -> None:
+    """Build the package with CMake and install it into ``STAGE``."""
     prefix, binaries = ros_prefix(), Path(WORK.name, "cmake")
     environment = {**os.environ, "AMENT_PREFIX_PATH": str(prefix), "CMAKE_PREFIX_PATH": str(prefix)}
 
@@ -84,12 +89,12 @@ def build_and_stage() -> None:
 
 
 def version() -> str:
-    """It is set in package.xml alone, where ROS's release tools change it."""
+    """Return the version from package.xml, where the release tools of ROS change it."""
     return (SOURCE / "package.xml").read_text().partition("<version>")[2].partition("</version>")[0]
 
 
 class Build(build):
-    """Puts the staged Python where setuptools expects it, and lists the rest as data files."""
+    """Copies the staged Python files to where setuptools expects them and lists the others as data files."""
 
     def run(self) -> None:
         build_and_stage()

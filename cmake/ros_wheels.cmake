@@ -1,7 +1,7 @@
-# For builds against the ROS wheels from PyPI only, by -DCMAKE_PROJECT_INCLUDE. The targets of
-# generated Python support carry the include directories of the machine that built them. CMake
-# refuses those that do not exist here, and ours must not be passed on in the same way.
-# A build against a ROS installation needs none of this.
+# Include this with -DCMAKE_PROJECT_INCLUDE in builds against the ROS wheels from PyPI. In these wheels, the
+# targets with generated Python support name include directories of the machine that built the wheel. CMake
+# refuses directories that do not exist here, and this package must not export its own directories either.
+# A build against a ROS installation does not need this file.
 
 function(keep_include_directories_local)
   get_property(targets DIRECTORY PROPERTY IMPORTED_TARGETS)
@@ -22,5 +22,5 @@ function(keep_include_directories_local)
   set_target_properties(${target} PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${directories}")
 endfunction()
 
-# Deferred: the targets appear as CMakeLists.txt is read.
+# Deferred until CMakeLists.txt has defined the targets.
 cmake_language(DEFER CALL keep_include_directories_local)

@@ -17,7 +17,7 @@ PACKAGE = "collision_response"
 CONFIG = PathJoinSubstitution([FindPackageShare(PACKAGE), "config"])
 PARAMETERS = PathJoinSubstitution([CONFIG, "collision_response.yaml"])
 
-JAZZY = os.environ.get("ROS_DISTRO") == "jazzy"  # which has Fast DDS 2
+JAZZY = os.environ.get("ROS_DISTRO") == "jazzy"  # ROS Jazzy has Fast DDS 2
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE" if JAZZY else "FASTDDS_DEFAULT_PROFILES_FILE"
 PROFILE = "fast_dds_2.xml" if JAZZY else "fast_dds.xml"  # docs/reliability.md says why
 

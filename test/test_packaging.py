@@ -129,16 +129,14 @@ def test_requirements_are_those_of_the_release_it_is_built_with(requirements, re
 @pytest.mark.parametrize("name", sorted(wheels("kilted").keys() & wheels("jazzy").keys()))
 def test_a_build_refuses_a_mixture_in_one_line(requirements, name):
     mixed = wheels("kilted") | {name: wheels("jazzy")[name]}
-    wrong = f"not of one release: of jazzy: {name} {wheels('jazzy')[name]}; of kilted: ros-"
+    wrong = f"must be of one release .* Found: jazzy: {name} {wheels('jazzy')[name]}; kilted: ros-"
     with pytest.raises(SystemExit, match=wrong) as refusal:
         requirements(mixed)
     assert "\n" not in str(refusal.value)
 
 
 def test_a_build_refuses_a_release_that_is_not_listed(requirements):
-    with pytest.raises(
-        SystemExit, match="not of one release: of no release in tools/ros: ros-ament-cmake 99"
-    ):
+    with pytest.raises(SystemExit, match="Found: not in tools/ros: ros-ament-cmake 99"):
         requirements({name: "99.0.0" for name in wheels("kilted")})
     with pytest.raises(SystemExit, match="No ROS wheels"):
         requirements({})

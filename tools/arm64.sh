@@ -1,10 +1,10 @@
 #!/bin/sh
-# The library on arm64, by emulation: compiles the kernels for it and runs tests there, those that need no ROS.
+# Compile the kernels for arm64 and run tests that do not need ROS under emulation.
 #
 #   apt install g++-aarch64-linux-gnu mmdebstrap qemu-user-static
 #   make arm64 ARGS='test/test_laws.py test/test_batch.py'
 #
-# Everything is in .arm64: Python as Debian has it, its packages, and the build.
+# Everything goes into .arm64: Debian's Python, the packages, and the build.
 set -e
 cd "$(dirname "$0")/.."
 bin=$PWD/.venv/bin root=$PWD/.arm64/root site=$PWD/.arm64/site build=$PWD/.arm64/build
@@ -28,5 +28,5 @@ for module in _compiled _scene _derivatives; do
     cp "$build/$module".*.so "$site/collision_response/kernels/$module.so"
 done
 
-# -P: the package in .arm64, not the directory of that name beside this one.
+# -P: import the package in .arm64, not the source directory.
 qemu-aarch64-static -L "$root" -E PYTHONPATH="$site" "$root/usr/bin/python3.11" -P -m pytest -q -p no:cacheprovider "$@"

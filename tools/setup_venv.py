@@ -1,13 +1,13 @@
-"""Makes the virtual environments that the Makefile uses, or brings them up to date:
+"""Create the virtual environments that the Makefile uses, or bring them up to date:
 
     python3 tools/setup_venv.py .venv test,lint   pip install '.[test,lint]'
-    python3 tools/setup_venv.py .colcon-venv      what a colcon build needs; not this package itself
+    python3 tools/setup_venv.py .colcon-venv      what a colcon build needs, without this package
 
-A third argument names a file of requirements that are installed one by one; one that cannot be is
-skipped by name, and tried again the next time.
+A third argument names a file of optional requirements, which are installed one by one. One that cannot be
+installed is reported, skipped, and tried again the next time.
 """
 
-# Also read by Pythons that are too old, to tell them so: nothing newer than Python 3.6 here.
+# Only syntax of Python 3.6: a Python that is too old must be able to run this and print that it is too old.
 
 import hashlib
 import os
@@ -30,10 +30,10 @@ COLCON = ["colcon-common-extensions", "ros-ament-cmake-pytest==2.7.*", "ros-doma
 
 
 def missing():
-    """What this machine lacks, in one line."""
+    """Return one line that says what this machine lacks, or ``None``."""
     version = "{}.{}".format(*sys.version_info)
     if sys.version_info < (3, 10):  # noqa: UP036
-        return f"Python 3.10 or newer is needed and this is {version}: make PYTHON=python3.X names another."
+        return f"Python 3.10 or newer is needed, this is {version}. Name another one: make PYTHON=python3.X"
     if (
         (platform.system(), platform.machine(), platform.libc_ver()[0]) != ("Linux", "x86_64", "glibc")
         or platform.python_implementation() != "CPython"
@@ -49,7 +49,7 @@ def missing():
     if not Path(sysconfig.get_path("include"), "Python.h").exists():
         parts["Python's headers"] = f"python{version}-dev"
     try:
-        import ensurepip  # noqa: F401  Debian ships it apart from Python
+        import ensurepip  # noqa: F401  a separate package on Debian
         import venv  # noqa: F401
     except ImportError:
         parts["Python's venv module"] = f"python{version}-venv"
@@ -59,7 +59,7 @@ def missing():
 
 
 def digest(*parts):
-    """Of strings as they are, and of the names and contents of files."""
+    """Hash strings, and the names and contents of files. A directory stands for all files in it."""
     sha = hashlib.sha256()
     for part in parts:
         if isinstance(part, str):
@@ -73,17 +73,21 @@ def digest(*parts):
 
 
 class Environment:
+    """A virtual environment in the root of the repository."""
+
     def __init__(self, name):
         self.path = ROOT / name
         self.python = self.path / "bin" / "python"
-        # Of the interpreter under a virtual environment, should that be what runs this.
+        # If a virtual environment runs this: the interpreter that it was made from.
         self.base_python = os.path.realpath(getattr(sys, "_base_executable", sys.executable))
 
     def is_current(self, name, value):
+        """Whether the stamp file of this name holds this value."""
         stamp = self.path / name
         return stamp.exists() and stamp.read_text() == value
 
     def create(self):
+        """Create the environment, in place of an older one."""
         if self.path.exists():
             shutil.rmtree(str(self.path))
         self.run(
@@ -92,7 +96,7 @@ class Environment:
         )
 
     def run(self, what, command):
-        """One line of progress; the output only if the command fails."""
+        """Run a command and return its output. If it fails, print the output and exit."""
         result = self.attempt(what, command)
         if result.returncode:
             print(f"{result.stdout}\n==> {self.path.name}: {what} failed, output above.")
@@ -100,7 +104,7 @@ class Environment:
         return result.stdout
 
     def attempt(self, what, command):
-        """One line of progress, whether the command fails or not."""
+        """Run a command, print one line of progress, and return the completed process."""
         print(f"==> {self.path.name}: {what} ...", end="", flush=True)
         start = time.monotonic()
         result = subprocess.run(
@@ -115,11 +119,11 @@ class Environment:
         return result
 
     def pip_install(self, what, *arguments):
-        """Without bytecode: that of all packages takes half the time, and Python writes what it uses."""
+        """Install packages, without compiling them to bytecode, which would take as long again."""
         self.run(what, [str(self.python), "-m", "pip", "install", "--no-compile", *arguments])
 
-    def install_what_builds(self, what, *arguments):
-        """What pyproject.toml wants for a build: pip would install it a second time, for the build alone."""
+    def install_build_requirements(self, what, *arguments):
+        """Install the build requirements of pyproject.toml; pip would install them for each build."""
         requirements = self.run(
             "reading pyproject.toml",
             [
@@ -134,17 +138,17 @@ class Environment:
         self.pip_install(what, *requirements.split(), *arguments)
 
 
-def needs(environment):
-    """A digest of all that, if it changes, makes the installed dependencies the wrong ones."""
+def dependencies_digest(environment):
+    """Hash everything that decides which dependencies are installed."""
     requirements = (ROOT / "pyproject.toml").read_text().partition("\n[tool.")[0]
     files = [Path(__file__).resolve(), *RUN_TIME]
     return digest(requirements, sys.version, environment.base_python, str(ROOT), *files)
 
 
 class Kernels:
-    """The compiled kernels, built beside the package: an edited formula compiles what it needs and no more.
+    """The compiled kernels, built outside pip, so that an edited formula recompiles only what depends on it.
 
-    Environments of one Python share them.
+    Environments of the same Python share them.
     """
 
     def __init__(self, environment):
@@ -153,7 +157,7 @@ class Kernels:
         self.log = ROOT / ".kernels" / "build.log"
 
     def ninja(self):
-        """Of the environment that made the build, which need not be this one; ``None`` if it is gone."""
+        """Return the ninja that the build uses, of this or another environment; ``None`` if it is gone."""
         cache = self.path / "CMakeCache.txt"
         if not cache.exists():
             return None
@@ -161,7 +165,7 @@ class Kernels:
         return found[1] if found and Path(found[1]).exists() else None
 
     def start(self):
-        """Begin to build what is not up to date."""
+        """Start building what is not up to date, and return the process."""
         tools, ninja = self.environment.path / "bin", self.ninja()
         if not ninja:
             shutil.rmtree(str(self.path), ignore_errors=True)
@@ -183,10 +187,10 @@ class Kernels:
         )
 
     def wait(self, build):
-        """The compiled modules, once they are there."""
+        """Wait for the build and return the compiled modules. If it fails, print its log and exit."""
         started = time.monotonic()
         if build.wait():
-            print(f"{self.log.read_text()}\n==> the kernels could not be built, output above.")
+            print(f"{self.log.read_text()}\n==> building the kernels failed, output above.")
             sys.exit(1)
         seconds = time.monotonic() - started
         if seconds > 2:
@@ -197,49 +201,51 @@ class Kernels:
 
 
 def install_package(name, extras):
+    """Create or update an environment that holds the package, and return it."""
     environment, kernels = Environment(name), Kernels(Environment(name))
-    os.environ["COLLISION_RESPONSE_KERNELS"] = "OFF"  # of the pip build: they are built here
-    needed, built = digest(needs(environment), extras), digest(*(ROOT / name for name in BUILD_INPUTS))
-    is_new = not environment.is_current("needs.stamp", needed)
+    os.environ["COLLISION_RESPONSE_KERNELS"] = "OFF"  # not by pip: this script builds them
+    dependencies = digest(dependencies_digest(environment), extras)
+    inputs = digest(*(ROOT / name for name in BUILD_INPUTS))
+    is_new = not environment.is_current("needs.stamp", dependencies)
     if is_new:
         environment.create()
         environment.pip_install("cmake and ninja", "cmake", "ninja")
     build = kernels.start()
     os.environ["PATH"] = f"{environment.path / 'bin'}{os.pathsep}{os.environ['PATH']}"
     if is_new:
-        environment.install_what_builds("what the package is built with")
+        environment.install_build_requirements("build requirements")
         environment.pip_install(
-            "the package and all it needs (2 min)", "--no-build-isolation", f".[{extras}]"
+            "the package and its dependencies (2 min)", "--no-build-isolation", f".[{extras}]"
         )
-        (environment.path / "needs.stamp").write_text(needed)
-        (environment.path / "build.stamp").write_text(built)
-    elif not environment.is_current("build.stamp", built):
-        (environment.path / "build.stamp").unlink(missing_ok=True)  # an interruption must not go unnoticed
+        (environment.path / "needs.stamp").write_text(dependencies)
+        (environment.path / "build.stamp").write_text(inputs)
+    elif not environment.is_current("build.stamp", inputs):
+        (environment.path / "build.stamp").unlink(missing_ok=True)  # if interrupted, install again next time
         environment.pip_install(
-            "the package anew (1 min)", "--no-build-isolation", "--no-deps", "--force-reinstall", "."
+            "the package again (1 min)", "--no-build-isolation", "--no-deps", "--force-reinstall", "."
         )
-        (environment.path / "build.stamp").write_text(built)
+        (environment.path / "build.stamp").write_text(inputs)
     compiled = kernels.wait(build)
     link_python(next(environment.path.glob("lib/python*/site-packages/collision_response")), compiled)
     return environment
 
 
 def install_optional(environment, requirements):
-    """What is good to have: each by itself, so that one that cannot be installed spoils no other."""
+    """Install optional requirements one by one. One that cannot be installed does not affect the others."""
     stamp = environment.path / "optional.stamp"
     installed = set(stamp.read_text().splitlines()) if stamp.exists() else set()
     lines = (line.partition("#")[0].strip() for line in (ROOT / requirements).read_text().splitlines())
     for requirement in sorted({line for line in lines if line} - installed):
         command = [str(environment.python), "-m", "pip", "install", "--prefer-binary", requirement]
         if environment.attempt(requirement, command).returncode:
-            print(f"==> {environment.path.name}: {requirement} is left out")
+            print(f"==> {environment.path.name}: {requirement} is not available, continuing without it")
         else:
             installed.add(requirement)
             stamp.write_text("\n".join(sorted(installed)))
 
 
 def link_python(installed, compiled):
-    """Make every installed module a link to that in the tree, as colcon --symlink-install does."""
+    """Replace every installed module by a link to its source, as colcon --symlink-install does."""
     sources = {
         path.relative_to(PACKAGE): path
         for path in PACKAGE.rglob("*")
@@ -266,21 +272,22 @@ def link_python(installed, compiled):
 
 
 def install_colcon():
+    """Create or update the environment for a colcon build."""
     environment = Environment(".colcon-venv")
-    needed = needs(environment)
-    if environment.is_current("needs.stamp", needed):
+    dependencies = dependencies_digest(environment)
+    if environment.is_current("needs.stamp", dependencies):
         return
     environment.create()
     files = [argument for path in RUN_TIME for argument in ("-r", str(path))]
-    environment.install_what_builds("colcon, ROS and its build tools (1 min)", *COLCON, *files)
-    (environment.path / "needs.stamp").write_text(needed)
+    environment.install_build_requirements("colcon, ROS and its build tools (1 min)", *COLCON, *files)
+    (environment.path / "needs.stamp").write_text(dependencies)
 
 
 def main(name, extras="", optional=""):
     problem = missing()
     if problem:
         sys.exit(problem)
-    # What a ROS wheel put there for the Python that runs this is wrong for every other.
+    # A ROS wheel may have set these for the Python that runs this; they are wrong for any other Python.
     for variable in ("LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE"):
         os.environ.pop(variable, None)
     if name == ".colcon-venv":
