@@ -6,8 +6,8 @@
     >>> resolve(ball, Body.static(), contact).twist_a.linear.z
     1.0
 
-This package needs NumPy alone; the node in :mod:`collision_response.ros` needs ROS, recordings need rerun,
-the last digits of EXTENDED need python-flint.
+The package needs only NumPy. The node in :mod:`collision_response.ros` also needs ROS, recordings need rerun,
+and results of precision EXTENDED that take more than the kernels' digits need python-flint.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> str:
-    """``__version__``, looked up when it is asked for: pip's record, or what colcon installed."""
+    """Look up ``__version__`` in pip's metadata, or in the ``package.xml`` that colcon installed."""
     if name != "__version__":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from contextlib import suppress

@@ -1,12 +1,12 @@
-"""The rigid bodies of a robot, from its description in URDF or SDF.
+"""Mass properties of a robot's rigid bodies, from its description in URDF or SDF.
 
-A body is a link with all that fixed joints join to it; or, with ``locked`` joints, all links of the robot,
-each joint at 0. Of links with masses ``m_i``, centres of mass ``c_i`` and inertias ``I_i`` about these, in
-the same axes:
+A body is a link together with all links that fixed joints connect to it; with ``locked`` joints, movable
+joints connect links too, each at position 0. For links with masses ``m_i``, centres of mass ``c_i`` and
+inertias ``I_i`` about them, all in the same axes, the body has
 
     m = sum m_i    c = sum m_i c_i / m    I = sum I_i + m_i (d_i.d_i 1 - d_i d_i^T)    d_i = c_i - c
 
-Poses are homogeneous matrices, shape (4, 4). What a format leaves out has the default that it says: a link
+Poses are homogeneous matrices of shape (4, 4). Missing elements have the defaults of their format: a link
 without ``inertial`` has no mass in URDF, and 1 kg in SDF.
 """
 
@@ -26,14 +26,14 @@ from .physics.tensor import Symmetric3
 from .physics.vector import Vec3
 
 Pose = Any
-"""A matrix of shape (4, 4)."""
+"""A homogeneous matrix of shape (4, 4)."""
 
-MODEL = "__model__"
-"""What SDF calls the frame of the model."""
+MODEL_FRAME = "__model__"
+"""SDF's name for the frame of the model."""
 
 
 class Inertial(NamedTuple):
-    """Of a link: mass [kg], centre of mass [m] and inertia about it [kg m^2], in axes of the link."""
+    """A link's mass [kg], centre of mass [m] and inertia about it [kg m^2], in the axes of the link."""
 
     mass: float
     com: Any
@@ -41,7 +41,7 @@ class Inertial(NamedTuple):
 
 
 class Joint(NamedTuple):
-    """Two links, and the pose of the child in axes of the parent, the joint at 0."""
+    """A joint between two links, and the pose of the child in the axes of the parent at joint position 0."""
 
     parent: str
     child: str
@@ -50,12 +50,12 @@ class Joint(NamedTuple):
 
 
 class Description(NamedTuple):
-    """What a robot consists of.
+    """The links and joints of a robot.
 
     Attributes:
-        name: of the robot.
-        inertials: by the names of the links.
-        joints: between them.
+        name: name of the robot.
+        inertials: mass properties of the links, by link name.
+        joints: the joints between the links.
     """
 
     name: str
@@ -63,18 +63,18 @@ class Description(NamedTuple):
     joints: tuple[Joint, ...]
 
     @classmethod
-    @np.errstate(over="ignore", invalid="ignore")  # what floats cannot hold is refused by name
+    @np.errstate(over="ignore", invalid="ignore")  # overflow is reported below, with the name of the link
     def read(cls, text: str) -> Description:
-        """From the text of a URDF, or of an SDF with one model.
+        """Parse a URDF, or an SDF with one model.
 
         Raises:
-            ValueError: it is neither, or holds what is no number, a mass below 0 or a link twice; it says
-                where.
+            ValueError: if ``text`` is neither, or has an invalid number, a negative mass or a duplicate link.
+                The message says where.
         """
         try:
             root = ElementTree.fromstring(text)
         except ElementTree.ParseError as error:
-            raise ValueError(f"the description is no XML: {error}") from None
+            raise ValueError(f"the description is not XML: {error}") from None
         if root.tag == "robot":
             return cls(root.get("name", ""), *_urdf(root))
         models = [*root.iterfind("model"), *root.iterfind("world/model")]
@@ -85,67 +85,71 @@ class Description(NamedTuple):
             )
         return cls(models[0].get("name", ""), *_sdf(models[0]))
 
-    @np.errstate(over="ignore", invalid="ignore")  # what floats cannot hold is refused by name
+    @np.errstate(over="ignore", invalid="ignore")  # overflow is reported below, with the name of the link
     def mass_properties(self, link: str, *, locked: bool = False) -> MassProperties:
-        """Of the body that a link belongs to, in axes of the link.
+        """Return the mass properties of the body that a link belongs to, in the axes of the link.
 
         Args:
-            link: its name.
-            locked: whether movable joints hold, too.
+            link: name of the link.
+            locked: whether movable joints connect links as fixed joints do.
 
         Raises:
-            ValueError: there is no such link, or the body has no mass, or more than floats can hold.
+            ValueError: if there is no such link, or if the body has no mass, or a mass or inertia that
+                exceeds float64.
         """
         if link not in self.inertials:
             raise ValueError(f"{self.name!r} has no link {link!r}; it has {', '.join(self.inertials)}")
-        parts = [_seen_from(pose, self.inertials[name]) for name, pose in self._joined(link, locked)]
+        parts = [
+            _transformed(pose, self.inertials[name]) for name, pose in self._connected_links(link, locked)
+        ]
         mass = sum(part.mass for part in parts)
         if not mass > 0:
             raise ValueError(f"link {link!r} of {self.name!r} has no mass")
         com = sum(part.mass * part.com for part in parts) / mass
         inertia = sum(part.inertia + part.mass * _second_moment(part.com - com) for part in parts)
         if not np.isfinite([mass, *com, *np.ravel(inertia)]).all():
-            raise ValueError(f"link {link!r} of {self.name!r} has a mass or an inertia beyond all floats")
+            raise ValueError(f"link {link!r} of {self.name!r} has a mass or an inertia that exceeds float64")
         rows = [[float(x) for x in row] for row in inertia]
         return MassProperties(mass, Vec3(*map(float, com)), Symmetric3.of(rows))
 
-    def _joined(self, link: str, locked: bool) -> Iterator[tuple[str, Pose]]:
-        """The links of a body, and their poses in axes of the first."""
-        found, joints = {link: np.eye(4)}, [joint for joint in self.joints if locked or joint.is_fixed]
-        waiting = [link]
-        while waiting:
-            name = waiting.pop()
-            yield name, found[name]
+    def _connected_links(self, link: str, locked: bool) -> Iterator[tuple[str, Pose]]:
+        """Yield the links of the body that ``link`` belongs to, with their poses in the axes of ``link``."""
+        poses = {link: np.eye(4)}
+        joints = [joint for joint in self.joints if locked or joint.is_fixed]
+        pending = [link]
+        while pending:
+            name = pending.pop()
+            yield name, poses[name]
             for joint in joints:
-                if joint.parent == name and joint.child not in found:
-                    found[joint.child] = found[name] @ joint.pose
-                    waiting.append(joint.child)
-                elif joint.child == name and joint.parent not in found:
-                    found[joint.parent] = found[name] @ np.linalg.inv(joint.pose)
-                    waiting.append(joint.parent)
+                if joint.parent == name and joint.child not in poses:
+                    poses[joint.child] = poses[name] @ joint.pose
+                    pending.append(joint.child)
+                elif joint.child == name and joint.parent not in poses:
+                    poses[joint.parent] = poses[name] @ np.linalg.inv(joint.pose)
+                    pending.append(joint.parent)
 
 
-def _seen_from(pose: Pose, part: Inertial) -> Inertial:
-    turn = pose[:3, :3]
-    return Inertial(part.mass, turn @ part.com + pose[:3, 3], turn @ part.inertia @ turn.T)
+def _transformed(pose: Pose, part: Inertial) -> Inertial:
+    rotation = pose[:3, :3]
+    return Inertial(part.mass, rotation @ part.com + pose[:3, 3], rotation @ part.inertia @ rotation.T)
 
 
 def _second_moment(d: Any) -> Any:
     return d @ d * np.eye(3) - np.outer(d, d)
 
 
-def _of_links(owner: Element, inertial: Callable[[Element], Inertial]) -> dict[str, Inertial]:
+def _inertials(owner: Element, inertial: Callable[[Element], Inertial]) -> dict[str, Inertial]:
     inertials: dict[str, Inertial] = {}
     for link in owner.iterfind("link"):
         name = link.get("name", "")
         if name in inertials:
-            raise ValueError(f"link {name!r} is there twice")
+            raise ValueError(f"link {name!r} appears twice")
         inertials[name] = inertial(link)
     return inertials
 
 
 def _urdf(robot: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
-    inertials = _of_links(robot, _urdf_inertial)
+    inertials = _inertials(robot, _urdf_inertial)
     joints = []
     for joint in robot.iterfind("joint"):
         where = f"joint {joint.get('name')!r}"
@@ -163,7 +167,7 @@ def _urdf_inertial(link: Element) -> Inertial:
     mass = _mass(_child(inertial, "mass", where).get("value"), where)
     numbers = _child(inertial, "inertia", where).attrib
     at_com = Inertial(mass, np.zeros(3), _tensor(numbers, 0.0, where))
-    return _seen_from(_urdf_pose(inertial, where), at_com)
+    return _transformed(_urdf_pose(inertial, where), at_com)
 
 
 def _urdf_pose(owner: Element, where: str) -> Pose:
@@ -171,45 +175,45 @@ def _urdf_pose(owner: Element, where: str) -> Pose:
     if origin is None:
         return np.eye(4)
     xyz = _numbers(origin.get("xyz", "0 0 0"), 3, f"xyz of {where}")
-    turn, turned = origin.get("quat_xyzw"), origin.get("rpy")
-    if turn is None:
-        return _pose(xyz, _numbers("0 0 0" if turned is None else turned, 3, f"rpy of {where}"))
-    if turned is not None:
+    quat, rpy = origin.get("quat_xyzw"), origin.get("rpy")
+    if quat is None:
+        return _pose(xyz, _numbers("0 0 0" if rpy is None else rpy, 3, f"rpy of {where}"))
+    if rpy is not None:
         raise ValueError(f"origin of {where}: must have rpy or quat_xyzw, not both")
-    return _turned(xyz, _numbers(turn, 4, f"quat_xyzw of {where}"), f"quat_xyzw of {where}")
+    return _pose_from_quaternion(xyz, _numbers(quat, 4, f"quat_xyzw of {where}"), f"quat_xyzw of {where}")
 
 
 def _sdf(model: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
     for tag in ("model", "include"):
         if model.find(tag) is not None:
             raise ValueError(f"model {model.get('name')!r}: a <{tag}> inside a model is not supported")
-    places = {e.get("name", ""): e for tag in ("link", "joint", "frame") for e in model.iterfind(tag)}
+    elements = {e.get("name", ""): e for tag in ("link", "joint", "frame") for e in model.iterfind(tag)}
 
-    known = {MODEL: np.eye(4)}
+    known = {MODEL_FRAME: np.eye(4)}
 
-    def place(name: str) -> Pose:
-        """Of a link, joint or frame, in axes of the model."""
-        trail: dict[str, Pose] = {}
+    def pose_in_model(name: str) -> Pose:
+        """Return the pose of a link, joint or frame in the axes of the model."""
+        relative: dict[str, Pose] = {}
         while name not in known:
-            if name not in places or name in trail:
-                raise ValueError(f"the pose of {[*trail][-1]!r} is relative to {name!r}, which has none")
-            element = places[name]
+            if name not in elements or name in relative:
+                raise ValueError(f"the pose of {[*relative][-1]!r} is relative to {name!r}, which has none")
+            element = elements[name]
             pose = element.find("pose")
-            trail[name] = _sdf_pose(pose, f"{element.tag} {name!r}")
-            usual = element.findtext("child") if element.tag == "joint" else element.get("attached_to")
-            name = (None if pose is None else pose.get("relative_to")) or usual or MODEL
+            relative[name] = _sdf_pose(pose, f"{element.tag} {name!r}")
+            default = element.findtext("child") if element.tag == "joint" else element.get("attached_to")
+            name = (None if pose is None else pose.get("relative_to")) or default or MODEL_FRAME
         base = known[name]
-        for name in reversed(trail):
-            base = known[name] = base @ trail[name]
+        for name in reversed(relative):
+            base = known[name] = base @ relative[name]
         return base
 
-    inertials = _of_links(model, _sdf_inertial)
+    inertials = _inertials(model, _sdf_inertial)
     joints = []
     for joint in model.iterfind("joint"):
         parent, child = (joint.findtext(end, "").strip() for end in ("parent", "child"))
         if "world" not in (parent, child):
             _check_links(f"joint {joint.get('name')!r}", (parent, child), inertials)
-            pose = np.linalg.inv(place(parent)) @ place(child)
+            pose = np.linalg.inv(pose_in_model(parent)) @ pose_in_model(child)
             joints.append(Joint(parent, child, pose, joint.get("type") == "fixed"))
     return inertials, tuple(joints)
 
@@ -224,7 +228,7 @@ def _sdf_inertial(link: Element) -> Inertial:
     mass = _mass(inertial.findtext("mass", "1"), where)
     numbers = {e.tag: e.text or "" for e in inertial.iterfind("inertia/*")}
     at_com = Inertial(mass, np.zeros(3), _tensor(numbers, 1.0, where))
-    return _seen_from(_sdf_pose(inertial.find("pose"), where), at_com)
+    return _transformed(_sdf_pose(inertial.find("pose"), where), at_com)
 
 
 def _sdf_pose(pose: Element | None, where: str) -> Pose:
@@ -232,21 +236,21 @@ def _sdf_pose(pose: Element | None, where: str) -> Pose:
         return np.eye(4)
     if pose.get("rotation_format") == "quat_xyzw":
         numbers = _numbers(pose.text, 7, f"pose of {where}")
-        return _turned(numbers[:3], numbers[3:], f"pose of {where}")
+        return _pose_from_quaternion(numbers[:3], numbers[3:], f"pose of {where}")
     numbers = _numbers(pose.text, 6, f"pose of {where}")
     unit = math.pi / 180 if pose.get("degrees") == "true" else 1.0
     return _pose(numbers[:3], [unit * angle for angle in numbers[3:]])
 
 
 def quaternion(numbers: Sequence[float], what: str) -> Quaternion:
-    """With a length between 1/2 and 2, so that its square is a float.
+    """Build a quaternion, scaled to a length between 1/2 and 2 so that its square is a float.
 
     Args:
-        numbers: ``x y z w``, of any other length but 0.
-        what: they are, for the error.
+        numbers: ``x y z w``, of any length except 0.
+        what: name of the quaternion, for the error.
 
     Raises:
-        ValueError: they are 0, or not finite.
+        ValueError: if all numbers are 0, or one is not finite.
     """
     if not any(numbers) or not all(map(math.isfinite, numbers)):
         raise ValueError(f"{what}: the quaternion must be finite and not 0, is {tuple(numbers)}")
@@ -254,14 +258,14 @@ def quaternion(numbers: Sequence[float], what: str) -> Quaternion:
     return Quaternion(*(math.ldexp(x, -exponent) for x in numbers))
 
 
-def _turned(xyz: Any, xyzw: Sequence[float], what: str) -> Pose:
+def _pose_from_quaternion(xyz: Any, xyzw: Sequence[float], what: str) -> Pose:
     pose = _pose(xyz, (0.0, 0.0, 0.0))
     pose[:3, :3] = quaternion(xyzw, what).rotation()[:3]
     return pose
 
 
 def _pose(xyz: Any, rpy: Any) -> Pose:
-    """Roll about x, then pitch about y, then yaw about z: fixed axes, as in both formats."""
+    """Return the pose with roll about x, then pitch about y, then yaw about z, all about fixed axes."""
     (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
     pose = np.eye(4)
     pose[:3, :3] = [
@@ -274,11 +278,11 @@ def _pose(xyz: Any, rpy: Any) -> Pose:
 
 
 def _tensor(numbers: Any, moment: float, where: str) -> Any:
-    """From ``ixx`` and so on; moments left out are ``moment``, products 0."""
+    """Read an inertia from ``ixx`` etc. Missing moments are ``moment``, missing products are 0."""
 
     def number(name: str) -> float:
-        usual = moment if name[1] == name[2] else 0.0
-        return _numbers(numbers.get(name, str(usual)), 1, f"{name} of {where}")[0]
+        default = moment if name[1] == name[2] else 0.0
+        return _numbers(numbers.get(name, str(default)), 1, f"{name} of {where}")[0]
 
     xx, xy, xz, yy, yz, zz = map(number, ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -311,4 +315,4 @@ def _child(owner: Element, tag: str, where: str) -> Element:
 def _check_links(where: str, ends: tuple[str, str], links: dict[str, Inertial]) -> None:
     for end in ends:
         if end not in links:
-            raise ValueError(f"{where}: there is no link {end!r}")
+            raise ValueError(f"{where}: the robot has no link {end!r}")

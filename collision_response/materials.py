@@ -1,4 +1,4 @@
-"""Coefficients of pairs of materials, from a file.
+"""Coefficients for pairs of materials, read from a file.
 
     pairs:
       - materials: [steel, glass]
@@ -10,17 +10,24 @@
     materials:
       steel: {restitution: 0.9, friction: 0.2, stiffness: 2.3e+11}
 
-An entry of a pair comes before what its two materials say each. ``restitution`` is a number, or depends on
-the approach speed [m/s]: ``{power: 0.25, speed: 1.0, value: 0.8}``, which is ``value (v / speed)^-power``
-and at most 1; ``{yield_speed: 0.02, after: thornton}``, or ``johnson``; ``{speeds: [0.1, 1.0], values:
-[0.9, 0.7]}``. ``friction`` of a pair is a number, or depends on the slip speed [m/s]: ``{static: 0.5,
-kinetic: 0.3, speed: 0.1}``, which is ``kinetic + (static - kinetic) exp(-v / speed)``; or such a table.
-``stiffness`` is of a material, in any unit, for the rule "energetic". Whatever an entry leaves out is
-decided elsewhere. Nothing may be said twice. Names are text: quote those that YAML takes for something else,
-as ``"304"`` and ``"no"``.
+The entry of a pair takes precedence over the entries of its two materials. The coefficients:
 
-The file ``materials.yaml`` beside this module has published values, each with its source. They are of those
-bodies and surfaces: not truths about materials.
+* ``restitution`` of a pair is a number, or a function of the approach speed ``v`` [m/s]:
+  ``{power: 0.25, speed: 1.0, value: 0.8}`` is ``value (v / speed)^-power``, at most 1;
+  ``{yield_speed: 0.02, after: thornton}`` (or ``johnson``) is a law of plastic yielding;
+  ``{speeds: [0.1, 1.0], values: [0.9, 0.7]}`` is a table.
+* ``friction`` of a pair is a number, or a function of the slip speed ``v`` [m/s]:
+  ``{static: 0.5, kinetic: 0.3, speed: 0.1}`` is ``kinetic + (static - kinetic) exp(-v / speed)``; a table is
+  written as for restitution.
+* ``restitution`` and ``friction`` of a single material are numbers.
+* ``stiffness`` belongs to a material, in any unit; the combine rule "energetic" uses it.
+
+Every coefficient is optional; the caller decides what applies where an entry leaves one out. Duplicate keys
+and pairs are errors. Names are text: quote those that YAML reads as another type, such as ``"304"`` and
+``"no"``.
+
+The file ``materials.yaml`` next to this module has published values, each with its source. They hold for the
+bodies and surfaces that were measured, not for the materials in general.
 """
 
 from __future__ import annotations
@@ -45,15 +52,14 @@ PUBLISHED = Path(__file__).with_name("materials.yaml")
 
 
 class Pair(NamedTuple):
-    """What is known of two materials.
+    """The coefficients of a pair of materials; ``None`` where one is not known.
 
     Attributes:
-        restitution: in [0, 1], or a function of the approach speed [m/s]; ``None``: not known, as for the
-            rest.
+        restitution: in [0, 1], or a function of the approach speed [m/s].
         friction: >= 0, or a function of the slip speed [m/s].
         tangential_restitution: in [-1, 1].
-        stiffness_ratio: tangential over normal, > 0.
-        source: where it is from, in words.
+        stiffness_ratio: tangential over normal stiffness, > 0.
+        source: where the values come from, in words.
     """
 
     restitution: float | Restitution | None = None
@@ -64,10 +70,10 @@ class Pair(NamedTuple):
 
 
 class Material(NamedTuple):
-    """What is known of one.
+    """The coefficients of a single material; ``None`` where one is not known.
 
     Attributes:
-        restitution, friction: to be combined with those of the other material; ``None``: not known.
+        restitution, friction: are combined with those of the other material.
         stiffness: > 0, in any unit.
     """
 
@@ -86,12 +92,12 @@ RANGES = {
 
 
 class PairCoefficient(NamedTuple):
-    """A coefficient, and how it came about.
+    """A coefficient of two materials, and where it comes from.
 
     Attributes:
-        value: a number, or a function: of the approach speed, or for friction of the slip speed.
-        is_of_pair: whether an entry for the pair has it; else it is combined.
-        how: the source of the entry, or the rule.
+        value: a number, or a function of the approach speed (restitution) or of the slip speed (friction).
+        is_of_pair: whether it comes from the entry of the pair; otherwise it is combined from both materials.
+        how: the source given in the entry, or the name of the combine rule.
     """
 
     value: float | Restitution | Friction
@@ -104,11 +110,11 @@ NO_PAIR = Pair()
 
 @dataclass(frozen=True)
 class Materials:
-    """The contents of a file: read one with :meth:`read`.
+    """The contents of a materials file. Use :meth:`read` to read one.
 
     Attributes:
-        pairs: by the names of both materials, in alphabetical order.
-        materials: by name.
+        pairs: entries of pairs, by the names of both materials in alphabetical order.
+        materials: entries of single materials, by name.
     """
 
     pairs: Mapping[tuple[str, str], Pair]
@@ -116,13 +122,13 @@ class Materials:
 
     @classmethod
     def read(cls, path: Path) -> Materials:
-        """The contents of a YAML file.
+        """Read a YAML file.
 
         Raises:
-            ImpactError: INVALID_TABLE: it is not made as it should be; INVALID_COEFFICIENT, NOT_FINITE: a
-                number is out of range. The field says where.
-            OSError: it cannot be read.
-            ImportError: PyYAML is not installed.
+            ImpactError: INVALID_TABLE, if the file does not have the structure described above;
+                INVALID_COEFFICIENT or NOT_FINITE, if a number is out of range. ``field`` says where.
+            OSError: if the file cannot be read.
+            ImportError: if PyYAML is not installed.
         """
         try:
             from .strict_yaml import YAMLError, load_yaml
@@ -132,14 +138,18 @@ class Materials:
             tree = load_yaml(path.read_text())
         except (YAMLError, UnicodeDecodeError) as error:
             where = " ".join(str(error).split())
-            raise ImpactError(StatusCode.INVALID_TABLE, str(path), f"is no YAML: {where}") from None
+            raise ImpactError(StatusCode.INVALID_TABLE, str(path), f"is not valid YAML: {where}") from None
         return cls.of(tree)
 
     @classmethod
     def of(cls, tree: Any) -> Materials:
-        """The same from nested lists and mappings. Raises: ImpactError, as :meth:`read`."""
+        """Build from nested lists and mappings, as in the file.
+
+        Raises:
+            ImpactError: as :meth:`read` does.
+        """
         top = _mapping("materials file", tree, ("pairs", "materials"))
-        singles = {
+        materials = {
             _name("materials", name): Material(**_numbers(f"materials.{name}", entry, Material._fields))
             for name, entry in _mapping("materials", top.get("materials"), None).items()
         }
@@ -151,39 +161,39 @@ class Materials:
             field = f"pairs[{i}]"
             names, pair = _pair(field, entry)
             if names in pairs:
-                raise _malformed(f"{field}.materials", "must not be there twice", list(names))
+                raise _malformed(f"{field}.materials", "must not appear twice", list(names))
             pairs[names] = pair
-        return cls(pairs, singles)
+        return cls(pairs, materials)
 
     @cached_property
     def known(self) -> frozenset[str]:
-        """The names of all materials that are mentioned."""
+        """The names of all materials in the file, including those of pairs."""
         return frozenset(self.materials).union(*self.pairs)
 
     def check(self, field: str, name: str) -> None:
-        """Raises: ImpactError: UNKNOWN_MATERIAL: the file has nothing of this material."""
+        """Raise ``ImpactError`` (UNKNOWN_MATERIAL) if the file does not have this material."""
         if name not in self.known:
             names = ", ".join(sorted(self.known)) or "none"
-            raise ImpactError(StatusCode.UNKNOWN_MATERIAL, field, f"is {quoted(name)}; known are {names}")
+            raise ImpactError(StatusCode.UNKNOWN_MATERIAL, field, f"is {quoted(name)}; the file has {names}")
 
     def between(self, a: str, b: str) -> Pair:
-        """The entry of two materials; an empty one if there is none."""
+        """Return the entry of the pair ``a`` and ``b``, or an empty entry if the file has none."""
         return self.pairs.get((min(a, b), max(a, b)), NO_PAIR)
 
     def find(
         self, coefficient: str, a: str, b: str, rule: CombineRule = CombineRule.AVERAGE
     ) -> PairCoefficient | None:
-        """A coefficient of two materials: of their pair, else combined; ``None``: nothing is known.
+        """Return a coefficient of two materials: that of the pair, else both combined, else ``None``.
 
         Args:
             coefficient: "restitution" or "friction".
             a, b: names of the materials.
-            rule: that combines.
+            rule: how to combine the coefficients of two materials.
 
         Raises:
-            ImpactError: OUT_OF_RANGE: what is combined is beyond float64.
-            TypeError: ``rule`` is no :class:`~collision_response.physics.combine.CombineRule`.
-            ValueError: there is no such coefficient.
+            ImpactError: OUT_OF_RANGE, if the combined coefficient exceeds the range of float64.
+            TypeError: if ``rule`` is not a :class:`~collision_response.physics.combine.CombineRule`.
+            ValueError: if ``coefficient`` is not "restitution" or "friction".
         """
         check_rule(rule)
         if coefficient not in ("restitution", "friction"):
@@ -192,20 +202,20 @@ class Materials:
         value = getattr(pair, coefficient)
         if value is not None:
             return PairCoefficient(value, True, pair.source)
-        both = [self.materials.get(name, Material()) for name in (a, b)]
-        values = [getattr(one, coefficient) for one in both]
+        materials = [self.materials.get(name, Material()) for name in (a, b)]
+        values = [getattr(material, coefficient) for material in materials]
         if None in values:
             return None
-        stiffnesses = [one.stiffness for one in both]
-        joined = combine(rule, *values, *(stiffnesses if None not in stiffnesses else ()))
-        if math.isinf(joined):
-            reason = f"is beyond float64 by the rule {rule.value}: of {a} {values[0]}, of {b} {values[1]}"
+        stiffnesses = [material.stiffness for material in materials]
+        combined = combine(rule, *values, *(stiffnesses if None not in stiffnesses else ()))
+        if math.isinf(combined):
+            reason = f"exceeds float64 by the rule {rule.value}: {a} has {values[0]}, {b} has {values[1]}"
             raise ImpactError(StatusCode.OUT_OF_RANGE, coefficient, reason)
-        return PairCoefficient(joined, False, rule.value)
+        return PairCoefficient(combined, False, rule.value)
 
 
 NO_MATERIALS = Materials({}, {})
-"""No file."""
+"""Stands for the absence of a materials file."""
 
 
 def _malformed(field: str, must: str, value: Any) -> ImpactError:
@@ -215,7 +225,7 @@ def _malformed(field: str, must: str, value: Any) -> ImpactError:
 def _name(field: str, name: Any) -> str:
     if not isinstance(name, str):
         raise _malformed(
-            field, "must have names that are text; quote what YAML takes for something else", name
+            field, "must have names that are text; quote names that YAML reads as another type", name
         )
     return name
 
@@ -225,9 +235,9 @@ def _mapping(field: str, tree: Any, keys: tuple[str, ...] | None) -> Mapping[str
         return {}
     if not isinstance(tree, dict):
         raise _malformed(field, "must be a mapping", tree)
-    strangers = [key for key in tree if keys is not None and key not in keys]
-    if strangers:
-        raise _malformed(field, f"may have {', '.join(keys or ())}", strangers[0])
+    unknown = [key for key in tree if keys is not None and key not in keys]
+    if unknown:
+        raise _malformed(field, f"may have {', '.join(keys or ())}", unknown[0])
     return tree
 
 
@@ -250,12 +260,12 @@ def _pair(field: str, entry: Any) -> tuple[tuple[str, str], Pair]:
         raise _malformed(f"{field}.materials", "must be two names", names)
     a, b = sorted(_name(f"{field}.materials", name) for name in names)
     source = _source(f"{field}.source", numbers.pop("source", None))
-    by_speed = {
+    laws = {
         name: read(f"{field}.{name}", numbers.pop(name))
         for name, read in (("restitution", _restitution), ("friction", _friction))
         if name in numbers
     }
-    return (a, b), Pair(source=source, **by_speed, **_numbers(field, numbers, Pair._fields))
+    return (a, b), Pair(source=source, **laws, **_numbers(field, numbers, Pair._fields))
 
 
 def _source(field: str, source: Any) -> str:
@@ -295,12 +305,12 @@ def _friction(field: str, law: Any) -> Any:
 
 
 def _constants(law: Mapping[str, Any], *names: str) -> list[float]:
-    """Raises: TypeError or ValueError: one is no finite number; it says which."""
+    """Return the constants of a law. Raises ``TypeError`` or ``ValueError`` if one is not a finite number."""
     return [_finite(name, law[name]) for name in names]
 
 
 def _columns(law: Mapping[str, Any]) -> tuple[list[float], list[float]]:
-    """Raises: TypeError or ValueError: a column is no list of finite numbers; it says where."""
+    """Return the columns of a table. Raises ``TypeError`` or ``ValueError`` if a number is not finite."""
     for name in ("speeds", "values"):
         if not isinstance(law[name], list):
             raise TypeError(f"{name}: must be a list of numbers, is {format_value(law[name], quoted)}")
@@ -316,10 +326,16 @@ def _finite(name: str, x: Any) -> float:
 
 
 def _by_speed(field: str, law: Any, read: Callable[[], Any], keys: str) -> Any:
-    """A number, or the function that ``read`` makes of a mapping.
+    """Read a coefficient that is a number, or a mapping that describes a function of speed.
+
+    Args:
+        field: name of the coefficient, for errors.
+        law: the number or mapping.
+        read: builds the function from the mapping; returns ``None`` if its keys are those of no law.
+        keys: the keys that a mapping may have, for the error.
 
     Raises:
-        ImpactError: it makes none, or a number is wrong.
+        ImpactError: INVALID_TABLE, if the keys are wrong; INVALID_COEFFICIENT, if a number is.
     """
     if not isinstance(law, dict):
         owner, _, name = field.rpartition(".")

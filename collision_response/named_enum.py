@@ -1,4 +1,4 @@
-"""Numbers that print as their names."""
+"""Integer enumerations that print as names."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class NamedEnum(IntEnum):
-    """The number of a constant of the messages, by name: ``print(Law.COULOMB)`` says ``COULOMB``."""
+    """Constants of the messages, printed by name: ``print(Law.COULOMB)`` shows ``COULOMB``."""
 
     def __str__(self) -> str:
         return self.name

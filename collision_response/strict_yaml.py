@@ -1,6 +1,7 @@
-"""YAML as nested lists, mappings, numbers and text, with nothing said twice.
+"""Read YAML as nested lists, mappings, numbers and text; duplicate keys are errors.
 
-PyYAML takes the last of equal keys, and leaves some of what it cannot read to the exceptions of Python.
+PyYAML alone would keep the last of several equal keys, and would raise exceptions other than ``YAMLError``
+for some values that it cannot read.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from yaml.nodes import MappingNode, Node, ScalarNode
 
 
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]
-    """Dates are text, as they are written."""
+    """Refuses duplicate keys, and reads dates as text."""
 
     def compose_mapping_node(self, anchor: Any) -> MappingNode:
         node = super().compose_mapping_node(anchor)
@@ -22,7 +23,7 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
         for key, _ in node.value:
             if isinstance(key, ScalarNode):
                 if (key.tag, key.value) in keys:
-                    raise ConstructorError(None, None, f"{key.value!r} is there twice", key.start_mark)
+                    raise ConstructorError(None, None, f"{key.value!r} appears twice", key.start_mark)
                 keys.add((key.tag, key.value))
         return node
 
@@ -38,12 +39,12 @@ _Loader.add_constructor("tag:yaml.org,2002:timestamp", yaml.SafeLoader.construct
 
 
 def load_yaml(text: str) -> Any:
-    """What a document holds.
+    """Return the contents of a YAML document.
 
     Raises:
-        YAMLError: it is none.
+        YAMLError: if ``text`` is not valid YAML, has a duplicate key or is nested too deeply.
     """
     try:
         return yaml.load(text, _Loader)
     except RecursionError:
-        raise YAMLError("it is nested too deeply") from None
+        raise YAMLError("the document is nested too deeply") from None

@@ -27,7 +27,7 @@ from pages import rewrite, table
 from collision_response import Body, Contact, Geometry, ImpactModel, Law, Precision, Twist
 from collision_response.batch import contact_rows, resolve_batch
 from collision_response.identify import Impacts, SphereReadings, identify
-from collision_response.identify.from_table import impacts_of, readings_of, rows_of
+from collision_response.identify.from_table import impacts_from_rows, read_rows, readings_from_rows
 from collision_response.identify.plot import draw
 from collision_response.physics.vector import Vec3
 
@@ -133,13 +133,13 @@ def rounding(measured: Impacts, coefficients: dict[str, list[float]]) -> np.ndar
 
 def of_kharaz() -> dict[str, Any]:
     """Fits to the table of the paper, and errors of COULOMB with the authors' coefficients."""
-    rows = rows_of(KHARAZ, {})
+    rows = read_rows(KHARAZ, {})
     results: dict[str, Any] = {"impacts": len(rows), "fits": {}}
     sliding = [row for row in rows if row["incidence"] > SLIDING]
     for name in ("ratio", "angle", "spin", "all"):
         columns = ["ratio", "angle", "spin"] if name == "all" else [name]
         some = [{"incidence": row["incidence"], **{c: row[c] for c in columns}} for row in sliding]
-        found = identify(readings_of(some, SPEED, RADIUS, READING), loss="linear")
+        found = identify(readings_from_rows(some, SPEED, RADIUS, READING), loss="linear")
         results["fits"][name] = str(found).splitlines()[1:]
         print(name, found, sep="\n")
     angles, ratios = np.array([(row["incidence"], row["ratio"]) for row in rows if row["ratio"] > 0]).T
@@ -247,7 +247,7 @@ def main() -> None:
         results["ellipse"] = of_impacts(drops)
         results["models"] = of_models(arguments.ellipse, drops, results["ellipse"]["laws"])
     if arguments.cubes:
-        cubes = impacts_of(rows_of(arguments.cubes, {}))
+        cubes = impacts_from_rows(read_rows(arguments.cubes, {}))
         results["cubes"] = of_impacts(cubes)
         draw(identify(cubes), cubes, HERE / "images" / "identify.png")
     results["kharaz"] = of_kharaz()

@@ -151,8 +151,8 @@ def test_sdf_poses_may_be_relative_to_frames_and_joints():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "the description is no XML: no element found"),
-        ("<robot", "the description is no XML"),
+        ("", "the description is not XML: no element found"),
+        ("<robot", "the description is not XML"),
         ("<html/>", "must be a URDF <robot>, or an <sdf> with one <model>; is a <html> with 0"),
         (sdf(before="<model name='other'/>"), "is a <sdf> with 2"),
         (urdf(link("base", "${m}")), "mass of link 'base': must be 1 finite numbers, is '${m}'"),
@@ -166,13 +166,13 @@ def test_sdf_poses_may_be_relative_to_frames_and_joints():
             sdf("<link name='a'><inertial><mass>-1e-300</mass></inertial></link>"),
             "mass of link 'a': must be at least 0, is '-1e-300'",
         ),
-        (urdf(link("a", 1.0), link("a", 2.0)), "link 'a' is there twice"),
-        (sdf("<link name='a'/><link name='b'/><link name='a'/>"), "link 'a' is there twice"),
+        (urdf(link("a", 1.0), link("a", 2.0)), "link 'a' appears twice"),
+        (sdf("<link name='a'/><link name='b'/><link name='a'/>"), "link 'a' appears twice"),
         (urdf(turned("1 0 0 0", "rpy='0 0 0'")), "origin of link 'a': must have rpy or quat_xyzw, not both"),
         (urdf(turned("0 0 1")), "quat_xyzw of link 'a': must be 4 finite numbers, is '0 0 1'"),
         (urdf(turned("0 0 0 0")), "quat_xyzw of link 'a': the quaternion must be finite and not 0"),
         (urdf("<link name='a'><inertial/></link>"), "link 'a' has no <mass>"),
-        (urdf(link("a", 1.0), joint("a", "b")), "joint 'a-b': there is no link 'b'"),
+        (urdf(link("a", 1.0), joint("a", "b")), "joint 'a-b': the robot has no link 'b'"),
         (sdf("<include/>"), "model 'model': a <include> inside a model is not supported"),
         (sdf("<link name='a'><inertial auto='true'/></link>"), "link 'a': an inertial with auto='true'"),
         (
@@ -252,7 +252,7 @@ def test_masses_and_inertias_beyond_float64_are_refused_by_name(links):
         warnings.simplefilter("error")
         description = Description.read(urdf(*links, joint("a", "b")))
         with pytest.raises(
-            ValueError, match="link 'a' of 'robot' has a mass or an inertia beyond all floats"
+            ValueError, match="link 'a' of 'robot' has a mass or an inertia that exceeds float64"
         ):
             description.mass_properties("a")
 

@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 from collision_response import Body, Contact, ImpactModel, Law, StatusCode, Twist, resolve
 from collision_response.identify import Impacts, SphereReadings, compare, identify
 from collision_response.identify.__main__ import main
-from collision_response.identify.from_table import impacts_of, rows_of
-from collision_response.identify.measurements import BODY, TOUCH
+from collision_response.identify.from_table import impacts_from_rows, read_rows
+from collision_response.identify.measurements import BODY, CONTACT
 from collision_response.physics.vector import Vec3
 
 SOLVED = 1e-6
@@ -430,7 +430,7 @@ def test_the_command_does_not_fit_what_is_given(tmp_path: Path, capsys):
 def test_a_byte_order_mark_is_not_part_of_a_name(tmp_path: Path, encoding):
     table = tmp_path / "impacts.csv"
     table.write_text("vz,note,note\n-1,a,b\n", encoding=encoding)
-    assert rows_of(table, {}) == [{"vz": -1.0}]
+    assert read_rows(table, {}) == [{"vz": -1.0}]
 
 
 @pytest.mark.parametrize(
@@ -441,7 +441,7 @@ def test_blanks_are_not_part_of_a_name_or_a_number(tmp_path: Path, text):
     """A name with blanks would be unknown, and its numbers would count as 0."""
     table = tmp_path / "impacts.csv"
     table.write_bytes(text.encode())
-    assert [[name, str(x)] for row in rows_of(table, {}) for name, x in row.items()] == [
+    assert [[name, str(x)] for row in read_rows(table, {}) for name, x in row.items()] == [
         ["vz", "-1.0"],
         ["vx", "nan"],
     ]
@@ -451,15 +451,15 @@ def test_blanks_are_not_part_of_a_name_or_a_number(tmp_path: Path, text):
 def test_missing_components_of_a_contact_position_are_0(there):
     """If all are missing, the contact is at the lever arm from the origin of body_a."""
     row = {"m": 1.0, "nz": 1.0, "vz": -1.0, "vz_after": 0.5, "x": 7.0, "ry": 8.0}
-    measured = impacts_of([row | {f"c{axis}": 3.0 for axis in there}])
+    measured = impacts_from_rows([row | {f"c{axis}": 3.0 for axis in there}])
     expected = [3.0 * (axis in there) for axis in "xyz"] if there else [7.0, 8.0, 0.0]
-    assert measured.contacts[TOUCH.position, 0].tolist() == expected
+    assert measured.contacts[CONTACT.position, 0].tolist() == expected
 
 
 @pytest.mark.parametrize("there", ["x", "y", "z", "w", "xw", "yz", "xyzw", ""])
 def test_missing_components_of_a_quaternion_are_those_of_the_identity(there):
     row = {"m": 1.0, "nz": 1.0, "vz": -1.0, "vz_after": 0.5} | {f"q{axis}": 0.5 for axis in there}
-    turned = impacts_of([row]).bodies[BODY.orientation, 0, 0]
+    turned = impacts_from_rows([row]).bodies[BODY.orientation, 0, 0]
     expected = np.array([0.5 if axis in there else float(axis == "w") for axis in "xyzw"])
     assert turned == pytest.approx(expected)
 

@@ -165,7 +165,7 @@ def test_point_masses_that_stop_altogether_bound_friction_from_below():
     assert math.isnan(found.coefficients["friction"].value)
     assert found.coefficients["friction"].low == pytest.approx(
         1.0, rel=1e-4
-    )  # limited by the tolerance ALIKE
+    )  # limited by the tolerance NEGLIGIBLE_SQUARES
     assert found.misfit < 1e-12
 
 
@@ -209,7 +209,7 @@ def test_spins_alone_have_no_linear_residuals():
     impacts = spheres(6, 0.5, 0.1)
     after = [Twist(NOTHING, resolve(*one).twist_a.angular) for one in zip(*impacts, strict=True)]
     measured = Impacts.of(*impacts, after, after)
-    assert not measured.counts("linear").any()
+    assert not measured.is_measured("linear").any()
     with pytest.raises(ImpactError, match="by residuals linear") as refusal:
         identify(measured, kind="linear")
     assert (refusal.value.code, refusal.value.field) == (StatusCode.INVALID_TABLE, "impacts")

@@ -198,7 +198,7 @@ def test_a_pair_of_materials_overrides_all_but_the_contact(graph, tmp_path):
     request.body_b.material = "cheese"
     status = graph.call(request).result.status
     assert status.code == StatusCode.UNKNOWN_MATERIAL
-    assert status.message.startswith("body_b.material: is 'cheese'; known are glass, rubber, steel")
+    assert status.message.startswith("body_b.material: is 'cheese'; the file has glass, rubber, steel")
 
 
 def test_friction_by_slip_speed_is_evaluated_once_and_refused_by_path_laws(graph, tmp_path):

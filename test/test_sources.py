@@ -281,7 +281,7 @@ def test_a_tf_frame_is_a_link_with_all_that_is_fixed_to_it(graph, start, tf2_ros
     [
         ({"frames": ["tool"]}, "frames needs world_frame"),
         ({"description_file": "/nowhere.urdf"}, "description_file: .*No such file"),
-        ({"description_file": __file__}, "description_file: the description is no XML"),
+        ({"description_file": __file__}, "description_file: the description is not XML"),
     ],
 )
 def test_an_invalid_start_is_explained(start, parameters, message):

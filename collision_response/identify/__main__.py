@@ -12,7 +12,7 @@ from ..model import Law
 from ..status import ImpactError
 from . import from_table
 from .compare import Comparison, compare
-from .from_recording import impacts_in
+from .from_recording import read_impacts
 from .identification import Identification, identify
 from .measurements import Measurements
 from .plot import draw
@@ -80,18 +80,18 @@ def main(argv: Sequence[str] | None = None) -> int:
             if arguments.compare
             else identify(measured, law, arguments.fit, given, **options)
         )
-    except REFUSED as error:
+    except EXPECTED_ERRORS as error:
         return _failed(arguments.file, error)
     print(found)
     if arguments.plot and isinstance(found, Identification):
         try:
             draw(found, measured, arguments.plot)
-        except REFUSED as error:
+        except EXPECTED_ERRORS as error:
             return _failed(arguments.file, error)
     return 0
 
 
-REFUSED = ImpactError, ImportError, OSError, ValueError
+EXPECTED_ERRORS = ImpactError, ImportError, OSError, ValueError
 
 
 def _failed(file: object, error: Exception) -> int:
@@ -103,13 +103,13 @@ def _failed(file: object, error: Exception) -> int:
 def read(arguments: argparse.Namespace) -> Measurements:
     """The impacts of a file."""
     if arguments.file.suffix == ".rrd":
-        return impacts_in(arguments.file, arguments.within)
-    rows = from_table.rows_of(arguments.file, dict(arguments.set))
+        return read_impacts(arguments.file, arguments.within)
+    rows = from_table.read_rows(arguments.file, dict(arguments.set))
     if "incidence" not in rows[0]:
-        return from_table.impacts_of(rows)
+        return from_table.impacts_from_rows(rows)
     if arguments.speed is None or arguments.radius is None:
         raise ValueError("readings of a sphere need --speed, --radius and --errors")
-    return from_table.readings_of(rows, arguments.speed, arguments.radius, dict(arguments.errors))
+    return from_table.readings_from_rows(rows, arguments.speed, arguments.radius, dict(arguments.errors))
 
 
 def _pair(text: str) -> tuple[str, str]:

@@ -9,11 +9,11 @@ import numpy as np
 
 from ..model import Law
 from .identification import Identification, identify
-from .least_squares import ALIKE, unit_of
-from .measurements import Measurements, usable
+from .least_squares import NEGLIGIBLE_SQUARES, residual_unit
+from .measurements import Measurements, informative
 
 LAWS = tuple(law for law in Law if law is not Law.AUTO)
-REDRAWN = 4000
+RESAMPLES = 4000
 
 
 class Excess(NamedTuple):
@@ -69,8 +69,8 @@ def compare(
     fits = dict(sorted(fits.items(), key=lambda item: float(item[1].squares.sum())))
     best, *others = fits
     n, kind = len(fits[best].squares), fits[best].kind
-    floor = ALIKE * unit_of(usable(measured, kind), kind) ** 2 / n
-    draws = np.random.default_rng(seed).integers(n, size=(REDRAWN, n))
+    floor = NEGLIGIBLE_SQUARES * residual_unit(informative(measured, kind), kind) ** 2 / n
+    draws = np.random.default_rng(seed).integers(n, size=(RESAMPLES, n))
     least = fits[best].squares + floor
     excess = {}
     for law in others:

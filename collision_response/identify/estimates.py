@@ -15,19 +15,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .least_squares import ALIKE, RANGES, LeastSquares
+from .least_squares import NEGLIGIBLE_SQUARES, RANGES, LeastSquares
 from .measurements import Array
 
-LARGE = 1e3
+LARGE_COEFFICIENT = 1e3
 """As good as infinite, for a coefficient."""
 
 HALF_CHI_SQUARE = 1.92
 """Half of the 95 % point of chi square with one degree of freedom."""
 
-BLURRED = 1e4
+CONDITION_LIMIT = 1e4
 """Where one combination of coefficients is known this much better than another, the other is not known."""
 
-OUTLYING = 3.0
+OUTLIER_SCALES = 3.0
 """A residual of more scales counts as one of so many: it does not tell how noisy the others are."""
 
 HALVINGS = 20
@@ -71,7 +71,7 @@ def estimates(problem: LeastSquares, best: Any, values: Array) -> tuple[dict[str
     low, high = np.percentile(values, (2.5, 97.5), axis=0, method="inverted_cdf")
     formal = np.sqrt(np.diag(covariance))
     found = {name: Estimate(*map(float, row)) for name, *row in zip(names, x, low, high, formal, strict=True)}
-    unknown = _blurred(best.jac, names)
+    unknown = _confounded(best.jac, names)
     return found | undetermined(problem, best), (
         _product(x, values, names, covariance) if unknown == set(PRODUCT) else None
     )
@@ -83,10 +83,14 @@ def undetermined(problem: LeastSquares, best: Any) -> dict[str, Estimate]:
     Args:
         problem, best: see :func:`estimates`.
     """
-    unknown = _blurred(best.jac, problem.names)
-    allowed = problem.squares(best.x) + 2 * HALF_CHI_SQUARE * _variance(problem, best) + ALIKE
+    unknown = _confounded(best.jac, problem.names)
+    allowed = problem.squares(best.x) + 2 * HALF_CHI_SQUARE * _variance(problem, best) + NEGLIGIBLE_SQUARES
     found = {name: Estimate(math.nan, *RANGES[name][:2], math.inf) for name in unknown}
-    rest = {name: _unbounded(problem, best, name, allowed) for name in problem.names if name not in unknown}
+    rest = {
+        name: _undetermined_alone(problem, best, name, allowed)
+        for name in problem.names
+        if name not in unknown
+    }
     return found | {name: estimate for name, estimate in rest.items() if estimate is not None}
 
 
@@ -94,17 +98,17 @@ def _variance(problem: LeastSquares, best: Any) -> float:
     """Of a residual. One that is 0 whatever the coefficients are does not count: it was not measured, or lies
     across the plane of a planar impact."""
     counts = (best.fun != 0) | best.jac.any(axis=1)
-    most = OUTLYING * problem.scale or math.inf
+    most = OUTLIER_SCALES * problem.scale or math.inf
     return float((np.minimum(abs(best.fun), most) ** 2).sum() / max(counts.sum() - best.x.size, 1))
 
 
-def _blurred(jacobian: Array, names: tuple[str, ...]) -> set[str]:
+def _confounded(jacobian: Array, names: tuple[str, ...]) -> set[str]:
     """The coefficients of which the impacts determine no more than a combination."""
     effective = [i for i in range(len(names)) if jacobian[:, i].any()]
     if len(effective) < 2:
         return set()
     _, sizes, directions = np.linalg.svd(jacobian[:, effective], full_matrices=False)
-    if sizes[-1] * BLURRED > sizes[0]:
+    if sizes[-1] * CONDITION_LIMIT > sizes[0]:
         return set()
     return {
         names[i]
@@ -125,16 +129,16 @@ def _product(x: Array, values: Array, names: tuple[str, ...], covariance: Array)
     return Estimate(x[mu] * (1 + x[e]), low, high, math.sqrt(slope @ covariance @ slope))
 
 
-def _unbounded(problem: LeastSquares, best: Any, name: str, allowed: float) -> Estimate | None:
+def _undetermined_alone(problem: LeastSquares, best: Any, name: str, allowed: float) -> Estimate | None:
     """What is not ruled out, of a coefficient that may be anything, or anything above some value."""
     (least, most, _), x, i = RANGES[name], best.x, problem.names.index(name)
-    if problem.squares_with(x, name, min(most, LARGE)) > allowed:
+    if problem.squares_at_fixed(x, name, min(most, LARGE_COEFFICIENT)) > allowed:
         return None
-    is_open = problem.squares_with(x, name, least) <= allowed
+    is_open = problem.squares_at_fixed(x, name, least) <= allowed
     if most < math.inf and not is_open and best.jac[:, i].any():
         return None
     low, high = least, float(x[i])
     for _ in range(0 if is_open else HALVINGS):
         middle = (low + high) / 2
-        low, high = (low, middle) if problem.squares_with(x, name, middle) <= allowed else (middle, high)
+        low, high = (low, middle) if problem.squares_at_fixed(x, name, middle) <= allowed else (middle, high)
     return Estimate(math.nan, least if is_open else high, most, math.inf)

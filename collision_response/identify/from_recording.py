@@ -26,7 +26,7 @@ States = tuple[list[int], list[Vec3]]
 """Stamps [ns], in order, and velocities."""
 
 
-def impacts_in(path: Path, within: float) -> Impacts:
+def read_impacts(path: Path, within: float) -> Impacts:
     """The impacts of a recording.
 
     Args:
@@ -49,10 +49,11 @@ def impacts_in(path: Path, within: float) -> Impacts:
     after = {side: [_answer(row, side) for row in answered] for side in "ab"}
     if within:
         names = {row[f"Impact:body_{side}"][0] for row in answered for side in "ab"}
-        heard = {name: _heard(path, name) for name in names}
+        heard = {name: _read_states(path, name) for name in names}
         for side, twists in after.items():
             twists[:] = [
-                Twist(_next(heard[row[f"Impact:body_{side}"][0]], row, within), UNKNOWN) for row in answered
+                Twist(_first_velocity_after(heard[row[f"Impact:body_{side}"][0]], row, within), UNKNOWN)
+                for row in answered
             ]
         movable = (
             t for side in "ab" for b, t in zip(bodies[side], after[side], strict=True) if b.is_movable()
@@ -97,7 +98,7 @@ def _answer(row: dict[str, Any], side: str) -> Twist:
     return Twist(with_com_as_reference(body).velocity, body.angular_velocity)
 
 
-def _heard(path: Path, name: str) -> States:
+def _read_states(path: Path, name: str) -> States:
     """What was heard of a body: of its velocity there is one arrow then."""
     from ..recording.viewer_layout import velocity_path
     from ..recording.writer import ARROW_TIME
@@ -107,7 +108,7 @@ def _heard(path: Path, name: str) -> States:
     return [stamp for stamp, _ in states], [Vec3(*arrow) * (1 / ARROW_TIME) for _, arrow in states]
 
 
-def _next(heard: States, row: dict[str, Any], within: float) -> Vec3:
+def _first_velocity_after(heard: States, row: dict[str, Any], within: float) -> Vec3:
     """The first velocity heard after an impact."""
     stamps, velocities = heard
     stamp: int = row.get("ros_time") or 0  # 0: nobody knows

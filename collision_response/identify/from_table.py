@@ -36,7 +36,7 @@ KNOWN |= {"incidence", *SphereReadings.QUANTITIES}
 Row = Mapping[str, float]
 
 
-def rows_of(path: Path, more: Mapping[str, str]) -> list[dict[str, float]]:
+def read_rows(path: Path, more: Mapping[str, str]) -> list[dict[str, float]]:
     """The numbers of a CSV file, by column; an empty cell is NaN. Columns that mean nothing here are left
     out.
 
@@ -90,19 +90,19 @@ def _number(field: str, cell: str | None) -> float:
         raise ImpactError(StatusCode.INVALID_TABLE, field, f"must be a number, is {cell!r}") from None
 
 
-def impacts_of(rows: list[dict[str, float]]) -> Impacts:
+def impacts_from_rows(rows: list[dict[str, float]]) -> Impacts:
     """The impacts in the rows of a table.
 
     Raises:
         ImpactError: INVALID_TABLE: a column is missing. Others: an impact is not sound.
     """
-    _require(rows[0], ["m"], NORMAL, AFTER + [f"b_{name}" for name in AFTER])
+    _require_columns(rows[0], ["m"], NORMAL, AFTER + [f"b_{name}" for name in AFTER])
     bodies_a, bodies_b = ([_body(row, owner) for row in rows] for owner in ("", "b_"))
     after_a, after_b = ([_twist(row, owner) for row in rows] for owner in ("", "b_"))
     return Impacts.of(bodies_a, bodies_b, [_contact(row) for row in rows], after_a, after_b)
 
 
-def readings_of(
+def readings_from_rows(
     rows: list[dict[str, float]], speed: float, radius: float, errors: Mapping[str, float]
 ) -> SphereReadings:
     """The readings in the rows of a table.
@@ -111,7 +111,7 @@ def readings_of(
         ImpactError: INVALID_TABLE: a column is missing.
         ValueError: of :class:`~collision_response.identify.SphereReadings`.
     """
-    _require(rows[0], ["incidence"], SphereReadings.QUANTITIES)
+    _require_columns(rows[0], ["incidence"], SphereReadings.QUANTITIES)
     tables = {
         name: [(row["incidence"], row[name]) for row in rows if not math.isnan(row[name])]
         for name in SphereReadings.QUANTITIES
@@ -120,7 +120,7 @@ def readings_of(
     return SphereReadings(speed, radius, tables, errors)
 
 
-def _require(row: Row, *groups: Sequence[str]) -> None:
+def _require_columns(row: Row, *groups: Sequence[str]) -> None:
     """At least one column of each group."""
     missing = [" or ".join(group) for group in groups if not any(name in row for name in group)]
     if missing:

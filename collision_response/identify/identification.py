@@ -10,13 +10,13 @@ from typing import NamedTuple
 from ..model import ImpactModel, Law, check_number
 from ..status import ImpactError, StatusCode
 from .estimates import Estimate, estimates, undetermined
-from .least_squares import ALIKE, COST, PRECISE, RANGES, LeastSquares, unit_of
-from .measurements import Array, Measurements, usable
+from .least_squares import LOSSES, NEGLIGIBLE_SQUARES, PRECISION, RANGES, LeastSquares, residual_unit
+from .measurements import Array, Measurements, informative
 
-FEW = 10
+FEW_IMPACTS = 10
 """Of fewer impacts the bootstrap says little."""
 
-APART = 3.0
+DISAGREEMENT = 3.0
 """Residuals of two kinds that lead this many formal deviations apart have more than noise in them."""
 
 
@@ -99,15 +99,15 @@ def identify(
     usual = ("restitution",) if law is Law.FRICTIONLESS else ("restitution", "friction")
     fit = tuple(fit) or tuple(name for name in usual if name not in given)
     _check(measured, law, fit, given, kind, loss, resamples)
-    used = _used(measured, kind, len(fit))
-    unit = unit_of(used, kind)
+    used = _informative_impacts(measured, kind, len(fit))
+    unit = residual_unit(used, kind)
     given = {"restitution": 1.0, "friction": 0.0} | given
     problem, best = LeastSquares(used, law, fit, given, kind, loss, unit).best()
     resampled = problem.resampled(best.x, resamples, seed)
     coefficients, combination = estimates(problem, best, resampled)
-    others = dict(_others(problem))
+    others = dict(_fits_to_other_residuals(problem))
     squares = (used.residuals(law, problem.at(best.x), kind) ** 2).sum(axis=0)
-    whole = max((used.sizes(kind) ** 2).sum(), ALIKE * unit**2)  # bodies may stop
+    whole = max((used.sizes(kind) ** 2).sum(), NEGLIGIBLE_SQUARES * unit**2)  # bodies may stop
     misfit = math.sqrt(squares.sum() / whole)
     notes = _notes(measured, len(used), coefficients, others)
     return Identification(
@@ -139,7 +139,7 @@ def _check(
     for field, value, known in (
         ("law", law, [one for one in Law if one is not Law.AUTO]),
         ("kind", kind, measured.kinds),
-        ("loss", loss, COST),
+        ("loss", loss, LOSSES),
         *(("fit", name, here) for name in fit),
         *(("given", name, here) for name in given),
     ):
@@ -159,9 +159,9 @@ def _check(
         check_number(f"given.{name}", value, least, most, StatusCode.INVALID_COEFFICIENT)
 
 
-def _used(measured: Measurements, kind: str, count: int) -> Measurements:
+def _informative_impacts(measured: Measurements, kind: str, count: int) -> Measurements:
     """The impacts that say anything."""
-    used = usable(measured, kind)
+    used = informative(measured, kind)
     if len(used) > count:
         return used
     approaching = int(measured.approaching().sum())
@@ -173,14 +173,14 @@ def _used(measured: Measurements, kind: str, count: int) -> Measurements:
     raise ImpactError(StatusCode.INVALID_TABLE, "impacts", reason)
 
 
-def _others(problem: LeastSquares) -> Iterator[tuple[str, dict[str, float]]]:
+def _fits_to_other_residuals(problem: LeastSquares) -> Iterator[tuple[str, dict[str, float]]]:
     """What residuals of other kinds lead to, where they determine anything."""
     for kind in problem.measured.kinds:
-        used = usable(problem.measured, kind)
+        used = informative(problem.measured, kind)
         if kind == problem.kind or len(used) <= len(problem.names):
             continue
         other, nearest = problem._replace(
-            measured=used, kind=kind, unit=unit_of(used, kind), scale=0.0
+            measured=used, kind=kind, unit=residual_unit(used, kind), scale=0.0
         ).best()
         values, unknown = other.at(nearest.x), undetermined(other, nearest)
         known = {name: values[name] for name in problem.names if name not in unknown}
@@ -200,18 +200,18 @@ def _notes(
         yield f"{separating} impacts separate, and do not count"
     if unmeasured := approaching - used:
         yield f"{unmeasured} impacts do not count: nothing was measured after them that tells anything"
-    if used < FEW:
+    if used < FEW_IMPACTS:
         yield f"{used} impacts are few: the intervals say little"
     for name, (value, low, high, formal) in coefficients.items():
         if math.isnan(value):
             continue
-        formal = max(formal, PRECISE)  # what was made without noise is known no better
+        formal = max(formal, PRECISION)  # what was made without noise is known no better
         if value in RANGES[name][:2]:
             yield f"{name} is at its limit: what was measured is there, or beyond it by law or error"
         if high - low > 2 * 2 * 1.96 * formal:
             yield f"{name}: the formal interval is {(high - low) / (2 * 1.96 * formal):.1f} times too small"
         apart = max((abs(values[name] - value) for values in others.values() if name in values), default=0.0)
-        if apart > APART * formal:
+        if apart > DISAGREEMENT * formal:
             yield (
                 f"{name}: residuals of other kinds lead {apart:.2g} away, {apart / formal:.0f} formal "
                 "deviations: geometry, law or noise of the normals are in it, and no interval here holds that"

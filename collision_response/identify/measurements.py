@@ -25,10 +25,10 @@ Array = np.ndarray[Any, Any]
 CoefficientValues = Mapping[str, float]
 """By name: restitution, friction, or a field of :class:`~collision_response.ImpactModel`."""
 
-ROUNDED = 1e-12
+ROUNDING = 1e-12
 """A component of a vector so much smaller than it is what rounding left of 0."""
 
-BODY, TOUCH = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
+BODY, CONTACT = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
 
 
 class Measurements(Protocol):
@@ -50,24 +50,25 @@ class Measurements(Protocol):
     def residuals(self, law: Law, coefficients: CoefficientValues, kind: str) -> Array:
         """Predicted less measured, shape ``(rows, N)``; 0 where nothing was measured."""
 
-    def counts(self, kind: str) -> Array:
+    def is_measured(self, kind: str) -> Array:
         """Whether a residual has anything measured in it, shape ``(rows, N)``."""
 
     def sizes(self, kind: str) -> Array:
         """What was measured, in the same norm as the residuals, shape ``(rows, N)``."""
 
 
-EXTREMES = (0.0, 0.0), (1.0, 0.0), (0.0, 1e3)
+EXTREME_COEFFICIENTS = (0.0, 0.0), (1.0, 0.0), (0.0, 1e3)
 """Restitution and friction: where nothing that was measured differs, it tells of neither."""
 
 
-def usable(measured: Measurements, kind: str) -> Measurements:
+def informative(measured: Measurements, kind: str) -> Measurements:
     """The impacts that say anything by residuals of a kind: they approach, and what was measured after them
     depends on restitution or friction."""
     first, *others = (
-        measured.residuals(Law.COULOMB, {"restitution": e, "friction": mu}, kind) for e, mu in EXTREMES
+        measured.residuals(Law.COULOMB, {"restitution": e, "friction": mu}, kind)
+        for e, mu in EXTREME_COEFFICIENTS
     )
-    tells = np.any([one != first for one in others], axis=0) & measured.counts(kind)
+    tells = np.any([one != first for one in others], axis=0) & measured.is_measured(kind)
     return measured.take(np.flatnonzero(measured.approaching() & tells.any(axis=0)))
 
 
@@ -118,7 +119,7 @@ class Impacts:
                 field starts with the number of the impact.
         """
         n = len(contacts)
-        tables = np.zeros((BODY.height, 2, n)), np.zeros((TOUCH.height, n)), np.zeros((6, 2, n))
+        tables = np.zeros((BODY.height, 2, n)), np.zeros((CONTACT.height, n)), np.zeros((6, 2, n))
         root = np.zeros((3, 3, 2, n))
         rows = zip(bodies_a, bodies_b, contacts, after_a, after_b, strict=True)
         for i, (a, b, contact, twist_a, twist_b) in enumerate(rows):
@@ -136,7 +137,7 @@ class Impacts:
                 _check_twist(f"impacts[{i}].{name}", body, twist)
             tables[1][:, i] = *contact.position, *contact.normal, 1.0, 0.0
             for side, (body, twist) in enumerate(((a, twist_a), (b, twist_b))):
-                _write(tables[0][:, side, i], tables[2][:, side, i], root[:, :, side, i], body, twist)
+                _write_body(tables[0][:, side, i], tables[2][:, side, i], root[:, :, side, i], body, twist)
         return cls(*tables, root)
 
     def __len__(self) -> int:
@@ -148,19 +149,19 @@ class Impacts:
 
     def approaching(self) -> Array:
         """See :class:`Measurements`."""
-        return (self._at_contact(self._before()) * self.contacts[TOUCH.normal]).sum(axis=0) < 0
+        return (self._at_contact(self._twists_before()) * self.contacts[CONTACT.normal]).sum(axis=0) < 0
 
     def residuals(self, law: Law, coefficients: CoefficientValues, kind: str) -> Array:
         """See :class:`Measurements`."""
         return self._in_norm(kind, self.predict(law, coefficients) - self.after)
 
-    def counts(self, kind: str) -> Array:
+    def is_measured(self, kind: str) -> Array:
         """See :class:`Measurements`."""
         known = ~np.isnan(self.after) & np.isfinite(self.bodies[BODY.mass])
         linear, angular = known[:3], known[3:]
         if kind == "contact":
-            acts = np.roll(self._arms() != 0, 1, axis=0) & np.roll(angular, 2, axis=0)
-            acts |= np.roll(self._arms() != 0, 2, axis=0) & np.roll(angular, 1, axis=0)
+            acts = np.roll(self._lever_arms() != 0, 1, axis=0) & np.roll(angular, 2, axis=0)
+            acts |= np.roll(self._lever_arms() != 0, 2, axis=0) & np.roll(angular, 1, axis=0)
             return (linear | acts).any(axis=1)
         turning = ((self.root != 0) & angular).any(axis=1)
         rows = [linear] if kind == "linear" else [linear, turning]
@@ -180,7 +181,7 @@ class Impacts:
             name: x for name, x in coefficients.items() if name in ImpactModel._fields
         }
         contacts = self.contacts.copy()
-        contacts[TOUCH.restitution], contacts[TOUCH.friction] = (
+        contacts[CONTACT.restitution], contacts[CONTACT.friction] = (
             coefficients["restitution"],
             coefficients.get("friction", 0.0),
         )
@@ -204,13 +205,13 @@ class Impacts:
 
     def _at_contact(self, twists: Array) -> Array:
         """Velocities of body_a relative to body_b, there."""
-        there = twists[:3] + np.cross(twists[3:], self._arms(), axis=0)
+        there = twists[:3] + np.cross(twists[3:], self._lever_arms(), axis=0)
         return there[:, 0] - there[:, 1]
 
-    def _arms(self) -> Array:
-        return np.asarray(self.contacts[TOUCH.position][:, None] - self.bodies[BODY.position])
+    def _lever_arms(self) -> Array:
+        return np.asarray(self.contacts[CONTACT.position][:, None] - self.bodies[BODY.position])
 
-    def _before(self) -> Array:
+    def _twists_before(self) -> Array:
         return np.concatenate([self.bodies[BODY.velocity], self.bodies[BODY.angular_velocity]])
 
 
@@ -222,7 +223,7 @@ def _check_twist(field: str, body: Body, twist: Twist) -> None:
             raise ImpactError(StatusCode.NOT_FINITE, f"{field}.{name}", reason)
 
 
-def _write(column: Array, after: Array, root: Array, body: Body, twist: Twist) -> None:
+def _write_body(column: Array, after: Array, root: Array, body: Body, twist: Twist) -> None:
     """One body of one impact, by its centre of mass."""
     centre = with_com_as_reference(body)
     column[BODY.mass], column[BODY.inertia], column[BODY.position] = body.mass, body.inertia, centre.position
@@ -231,17 +232,17 @@ def _write(column: Array, after: Array, root: Array, body: Body, twist: Twist) -
     if not body.is_movable():
         after[:3], after[3:] = centre.velocity, body.angular_velocity
         return
-    after[:3], after[3:] = _velocity_of_centre(body, twist), twist.angular
+    after[:3], after[3:] = _com_velocity(body, twist), twist.angular
     xx, xy, xz, yy, yz, zz = body.inertia
     moments, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
     across = [body.to_world(Vec3(*axis)) for axis in axes.T.tolist()]
     root[...] = np.sqrt(np.maximum(moments, 0.0))[:, None] * np.array(across)
 
 
-def _velocity_of_centre(body: Body, twist: Twist) -> Vec3:
+def _com_velocity(body: Body, twist: Twist) -> Vec3:
     """After; NaN only where a component that was not measured has a part in it."""
     c, w = com_in_world_axes(body), Vec3(*twist.angular)
-    least = ROUNDED * max(map(abs, c))
+    least = ROUNDING * max(map(abs, c))
 
     def part(spin: float, arm: float) -> float:
         return spin * arm if abs(arm) > least else 0.0
@@ -252,7 +253,7 @@ def _velocity_of_centre(body: Body, twist: Twist) -> Vec3:
     return Vec3(*twist.linear) + turned
 
 
-SHELL = 2 / 3
+SHELL_GYRATION = 2 / 3
 """``I / (m R^2)`` of a hollow sphere: no sphere has more."""
 
 
@@ -289,7 +290,7 @@ class SphereReadings:
         """
         _check_positive("speed", speed)
         _check_positive("radius", radius)
-        _check_positive("gyration", gyration, SHELL)
+        _check_positive("gyration", gyration, SHELL_GYRATION)
         for name, rows in tables.items():
             if name not in self.QUANTITIES:
                 raise ValueError(f"tables: {name!r} is none of {', '.join(self.QUANTITIES)}")
@@ -336,16 +337,16 @@ class SphereReadings:
 
     def residuals(self, law: Law, coefficients: CoefficientValues, kind: str) -> Array:
         """See :class:`Measurements`; in errors of a reading."""
-        return self._counted(kind, self.predict(law, coefficients) - self._rows[2])
+        return self._in_reading_errors(kind, self.predict(law, coefficients) - self._rows[2])
 
-    def counts(self, kind: str) -> Array:
+    def is_measured(self, kind: str) -> Array:
         """See :class:`Measurements`."""
         of = range(len(self.QUANTITIES)) if kind == "all" else [self.QUANTITIES.index(kind)]
         return np.isin(self._rows[0], of)[None]
 
     def sizes(self, kind: str) -> Array:
         """See :class:`Measurements`."""
-        return self._counted(kind, self._rows[2])
+        return self._in_reading_errors(kind, self._rows[2])
 
     def predict(self, law: Law, coefficients: CoefficientValues) -> Array:
         """What would be read, shape ``(N,)``."""
@@ -355,8 +356,8 @@ class SphereReadings:
         read = ratio, np.degrees(np.arctan2(after[0], after[2])), after[4]
         return np.choose(self._rows[0].astype(int), read)
 
-    def _counted(self, kind: str, numbers: Array) -> Array:
-        return np.asarray(np.where(self.counts(kind), numbers, 0.0) / self._rows[3])
+    def _in_reading_errors(self, kind: str, numbers: Array) -> Array:
+        return np.asarray(np.where(self.is_measured(kind), numbers, 0.0) / self._rows[3])
 
 
 def _check_positive(field: str, value: float, most: float = math.inf) -> None:

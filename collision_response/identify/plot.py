@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 from .identification import Identification
-from .measurements import Measurements, usable
+from .measurements import Measurements, informative
 
 INK, BLUE, ORANGE, GREY = "#222222", "#0072b2", "#d55e00", "#8a8a8a"
 MARKERS = "sD^v"
@@ -30,9 +30,9 @@ def draw(found: Identification, measured: Measurements, path: Path) -> None:
         raise ImportError("a plot needs matplotlib: pip install matplotlib") from None
     figure = Figure(figsize=(10, 4.6), layout="constrained")
     left, right = figure.subplots(1, 2)
-    used = usable(measured, found.kind)
+    used = informative(measured, found.kind)
     sizes, off = used.sizes(found.kind), used.residuals(found.law, found.values, found.kind)
-    shown = used.counts(found.kind)
+    shown = used.is_measured(found.kind)
     left.axline((0, 0), slope=1, color=GREY, lw=1)
     left.plot(sizes[shown], (sizes + off)[shown], "o", ms=4, alpha=0.6, color=BLUE, mew=0)
     left.set_title(f"{found.law.name}: misfit {found.misfit:.1%}", loc="left", color=INK)
