@@ -55,10 +55,11 @@ class Impact(NamedTuple):
         error_bound: upper bound on the relative error of the impulse, and of the twist change ``(dv, dw)`` of
             each body in the norm ``(m dv.dv + tr(I)/3 dw.dw)^(1/2)``. It includes rounding and what the
             geometry leaves out. For an articulated body, ``1/m`` is the trace of the linear part of its
-            inverse inertia, and ``3/tr(I)`` the trace of the angular part. The bound is infinite if this
-            precision tells nothing. It does not cover numbers below 2.3e-308. If friction is followed as a
-            function of the slip speed, it is an estimate: four times the change of the answer when the path
-            is followed with ten times the tolerance, plus eight times the tolerance.
+            inverse inertia, and ``3/tr(I)`` the trace of the angular part. The bound is infinite if no
+            digit is known. Numbers below 2.3e-308, which lose digits to underflow, are not covered. If
+            friction is followed as a function of the slip speed, the bound is an estimate: four times the
+            change of the answer when the path is followed with ten times the tolerance, plus eight times the
+            tolerance.
         adjustments: how the impact that was computed differs from the request.
     """
 
@@ -105,13 +106,15 @@ def make_impact(
     *,
     normalised: bool,
 ) -> Impact:
-    """Make an answer of what ``impact.py`` computes.
+    """Make an answer from what ``impact.py`` computes, for the requests that Python answers.
+
+    For all others, ``make_impact`` of ``kernels/module.cpp`` does this.
 
     Args:
         bodies: the bodies of the request.
         changes, report, flags: as :class:`~collision_response.impact.ImpactNumbers` has them, the numbers as
             they are to appear in the answer. A flag that is undecided counts as false.
-        contact, model: as used, except for what the flags say.
+        contact, model: as used, before the flags change their restitution and their law.
         error_bound: of the changes.
         bound_limit: the largest error bound that meets the tolerance.
         normalised: whether a quaternion did not have unit length.
@@ -141,8 +144,9 @@ def make_impact(
 
 
 def norm_components(body: Body, change: Twist) -> tuple[float, ...]:
-    """Scale the components of a body's twist change so that their length is proportional to the norm of
-    ``error_bound``. For an immovable body the result is a single 0.
+    """Components of a body's twist change, scaled so that their length is proportional to its norm.
+
+    The norm is that of ``error_bound``. For an immovable body there is a single component, 0.
     """
     if not body.is_movable():
         return (0.0,)

@@ -30,8 +30,8 @@ from .physics.vector import Vec3
 KEEPS_RESTITUTION = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU)
 """The laws for which the normal velocity after the impact is ``-e`` times the one before."""
 
-FOLLOWS_SLIP = tuple(law for law in LAWS if law not in (Law.FRICTIONLESS, Law.COULOMB))
-"""The laws that need an impulse to be able to change the slip and the approach speed separately."""
+NEEDS_FREE_SLIP = tuple(law for law in LAWS if law not in (Law.FRICTIONLESS, Law.COULOMB))
+"""The laws that have no answer at a mechanism whose slip and approach speed cannot change separately."""
 
 
 class Changes(NamedTuple):
@@ -96,14 +96,14 @@ class LawResult(NamedTuple):
 
     Attributes:
         approaching: whether the bodies approach each other.
-        is_slow: whether they approach more slowly than the restitution threshold.
+        below_threshold: whether they approach more slowly than the restitution threshold.
         restitution: the restitution that was used.
         outcome: the outcome of the law, which has a meaning only if the bodies approach.
         impulse: impulse on body_a, 0 if the bodies do not approach [N s].
     """
 
     approaching: Condition
-    is_slow: Condition
+    below_threshold: Condition
     restitution: Scalar
     outcome: Outcome
     impulse: Vec3
@@ -113,7 +113,7 @@ class LawResult(NamedTuple):
         return choose(self.approaching, lambda: x, lambda: self.restitution * 0)
 
     def and_approaching(self, condition: Condition) -> Condition:
-        """Whether the bodies approach and ``condition`` holds. It need not mean anything if they do not."""
+        """Whether the bodies approach and ``condition`` holds, which may be meaningless if they do not."""
         return choose(self.approaching, lambda: condition, lambda: self.approaching)
 
 
@@ -151,7 +151,7 @@ def impact(
     length = square_root(n.dot(n))
     friction = contact.friction * 0 if law is Law.FRICTIONLESS else contact.friction
     result = apply_law(kinematics, Coefficients(contact.restitution, friction, settings), law)
-    approaching, is_slow, e, outcome, impulse = result
+    approaching, below_threshold, e, outcome, impulse = result
 
     change_a, change_b = kinematics.twist_changes(impulse)
     if outcome.normal_factor is not None:
@@ -181,7 +181,7 @@ def impact(
     )
     flags = Flags(
         separating=negation(approaching),
-        below_threshold=is_slow & (contact.restitution > 0),
+        below_threshold=below_threshold & (contact.restitution > 0),
         fell_back=approaching & outcome.fell_back,
         massless_spin=_is_nonzero(kinematics.body_a.massless_spin)
         | _is_nonzero(kinematics.body_b.massless_spin),
@@ -203,18 +203,18 @@ def apply_law(contact: ContactKinematics, coefficients: Coefficients, law: Law) 
     n, n_u, settings = contact.n, contact.n_u, coefficients.settings
     approaching = n_u < 0
     threshold = settings.restitution_threshold
-    is_below = n_u * n_u < threshold * threshold * n.dot(n)  # -n_u / |n| < threshold, without the root
-    is_slow = approaching & is_below
-    e = choose(is_slow, lambda: coefficients.restitution * 0, lambda: coefficients.restitution)
+    # -n_u / |n| < threshold, without the root
+    below_threshold = approaching & (n_u * n_u < threshold * threshold * n.dot(n))
+    e = choose(below_threshold, lambda: coefficients.restitution * 0, lambda: coefficients.restitution)
     laws = BY_SPEED if callable(coefficients.friction) else LAWS
     if settings.law is None:
         settings = settings._replace(law=1.0 * law)
     coefficients = coefficients._replace(restitution=e, settings=settings)
     outcome = laws[law](contact, coefficients)
-    if law in FOLLOWS_SLIP and laws is LAWS and not contact.is_rigid():
+    if law in NEEDS_FREE_SLIP and laws is LAWS and not contact.is_rigid():
         outcome = _or_coulomb(contact, coefficients, outcome)
     impulse = choose(approaching, lambda: outcome.impulse, lambda: n * 0)
-    return LawResult(approaching, is_slow, e, outcome, impulse)
+    return LawResult(approaching, below_threshold, e, outcome, impulse)
 
 
 def _or_coulomb(contact: ContactKinematics, coefficients: Coefficients, outcome: Outcome) -> Outcome:
@@ -248,7 +248,7 @@ def _is_unphysical(
     e_n_u: Scalar,
     approaching: Condition,
 ) -> Condition:
-    """Whether the changes of the twists break what every answer must keep, by more than their error."""
+    """Whether the changes of the twists violate what every answer must satisfy, by more than their error."""
     n, (work, speed) = contact.n, contact.tolerated_error(P)
     n_P, nn = n.dot(P), n.dot(n)
     tangential = P * nn - n * n_P

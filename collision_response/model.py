@@ -1,6 +1,6 @@
 """What to model and how exactly, by the names of ``msg/ImpactModel.msg``; and what each AUTO stands for.
 
-AUTO is decided in three places: the law and the precisions here, in :func:`plan_model`, because the model and
+AUTO is decided in two places: the law and the precisions here, in :func:`plan_model`, because the model and
 whether there is friction decide them; the geometry in :mod:`~collision_response.geometry`, because the bodies
 and the contact decide it.
 """
@@ -57,8 +57,9 @@ class Adjustment(IntFlag):
     RESTITUTION_THRESHOLD = 2
     """The approach was slower than ``restitution_threshold``, so restitution was taken as 0."""
     LAW_FALLBACK = 4
-    """COULOMB answered in place of the law. Either MOREAU has no solution or would create energy, or friction
-    acts on a mechanism that moves in one direction only, or wedges."""
+    """COULOMB answered in place of the law; in a scene without friction, FRICTIONLESS. Either MOREAU has no
+    solution or would create energy, or friction acts on a mechanism that moves in one direction only, or
+    wedges."""
     MASSLESS_SPIN = 8
     """A body turned about an axis without inertia. That rotation moves no contact and was left out."""
     ENERGY_CHANGE_ONLY = 16
@@ -190,7 +191,7 @@ ULP = 2.0**-52
 
 
 def model_as_used(model: ImpactModel, law: int, geometry: int, precision: int) -> ImpactModel:
-    """Return the model with these in place of each AUTO."""
+    """Return the model with the law, geometry and precision that were used."""
     return model._replace(law=Law(law), geometry=Geometry(geometry), precision=Precision(precision))
 
 

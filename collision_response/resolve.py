@@ -2,13 +2,15 @@
 
 A request takes this path:
 
-1. ``kernels/module.cpp`` reads the bodies and the contact, checks them by the rules of ``validity.py``, and
-   computes the formulas of ``impact.py`` in the first precision of the model's plan (``plan_model`` in
-   ``model.py``), then in the next ones, until the error bound is low enough.
-2. If the bound is still too large, ``in_python/arbitrary_precision.py`` computes with as many digits as it
-   takes.
-3. What the kernels cannot compute at all they hand over to :func:`_resolve_in_python`: fractions, functions
-   for coefficients, a geometry that leaves out part of the impact, and requests that break a rule.
+1. ``kernels/module.cpp`` looks up the model's plan (``plan_model`` in ``model.py``), reads the bodies and
+   the contact, checks them by the rules of ``validity.py``, and computes the formulas of ``impact.py`` in the
+   first precision of the plan, then in the next ones, until the error bound is low enough. Nearly every
+   request ends here.
+2. Otherwise :func:`_resolve_in_python` takes over. If the bound is still too large, or nothing is known of
+   the answer, ``in_python/arbitrary_precision.py`` computes with as many digits as it takes. The other
+   reasons are things that the kernels cannot compute: fractions, coefficients that are functions, a
+   tangential restitution of the contact, a geometry that leaves out part of the impact, and requests that
+   break a rule.
 """
 
 from __future__ import annotations
@@ -55,8 +57,8 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = D
 
     Returns:
         The twists after the impact, the impulse, the energies, the model that was used, and a bound on the
-        relative error. If a number of the request is a :class:`fractions.Fraction` and the law is
-        FRICTIONLESS, the answer is exact and consists of fractions.
+        relative error. If a number of the request is a :class:`fractions.Fraction`, the law is
+        FRICTIONLESS, and no body is articulated, the answer is exact and consists of fractions.
 
     Raises:
         ImpactError: if the request cannot be answered. Its ``code``, ``field`` and ``reason`` say why.
@@ -83,7 +85,7 @@ def _resolve_in_python(
     if answer == Handover.NOTHING_KNOWN:
         return _resolve_more_exactly(body_a, body_b, contact, model, None)
     if answer == Handover.NOT_ONLY_NUMBERS:
-        return _resolve_with_functions(body_a, body_b, contact, model)
+        return _resolve_with_own_coefficients(body_a, body_b, contact, model)
     if answer == Handover.RATIONAL:
         return exact_fractions.resolve(body_a, body_b, contact, model)
     if answer == Handover.GEOMETRY_TOO_SMALL:
@@ -158,7 +160,9 @@ def _resolve_with_threshold_decided(
     )
 
 
-def _resolve_with_functions(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:
+def _resolve_with_own_coefficients(
+    body_a: Body, body_b: Body, contact: Contact, model: ImpactModel
+) -> Impact:
     """Answer where a coefficient is a function, or the contact has its own tangential restitution."""
     e_t = contact.tangential_restitution
     if e_t is not None:
@@ -175,7 +179,10 @@ def _resolve_with_functions(body_a: Body, body_b: Body, contact: Contact, model:
 
 @lru_cache(maxsize=64)
 def _model_with_tangential_restitution(model: ImpactModel, e_t: Any) -> ImpactModel:
-    """Cached, because the kernels look up the plan of a model by the identity of the model."""
+    """Return the model with this tangential restitution.
+
+    Cached, because the kernels look up the plan of a model by the identity of the model.
+    """
     return model._replace(tangential_restitution=e_t)
 
 
@@ -243,11 +250,12 @@ def _twist_after(body: Body, change: Twist) -> Twist:
 
 
 def _relative_distance(x: tuple[float, ...], y: tuple[float, ...], y_error: float) -> float:
-    """Bound the distance of ``x`` from a vector, relative to its length.
+    """Bound the distance between ``x`` and the vector that ``y`` approximates, relative to its length.
 
     Args:
-        x, y: ``x``, and an approximation of that vector.
-        y_error: the relative error of ``y``.
+        x: a vector.
+        y: the approximation.
+        y_error: the relative error of the approximation.
     """
     if not y_error < 1:
         return math.inf

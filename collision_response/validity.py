@@ -1,8 +1,8 @@
 """The rules that a request must keep, each with the status code and the field that name a violation.
 
 The rules are formulas over any number type. :func:`check` evaluates them on floats or fractions and raises
-an error for the first one that does not hold. The kernels have :func:`first_fault` compiled, which gives the
-code of that rule for every contact of a batch.
+an error for the first one that does not hold. The kernels have :func:`first_fault` compiled: it gives the
+code of that rule, for one request and for each contact of a batch.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .physics.tensor import Symmetric3
 from .status import ImpactError, StatusCode, format_range, format_value
 
 UNIT_LENGTH_TOLERANCE = 1e-9
-"""How far the squared length of a quaternion may be from 1 without being reported as normalised."""
+"""Largest difference between a quaternion's squared length and 1 that an answer does not report."""
 
 
 class Rule(NamedTuple):
@@ -225,7 +225,7 @@ def check(
     """Check a request of floats or fractions by all rules.
 
     Args:
-        body_a, body_b, contact, tangential_restitution: the request, with NaN for a number beyond float64.
+        body_a, body_b, contact, tangential_restitution: the request. A number beyond float64 is NaN here.
         given: the bodies and the contact before their conversion to floats, so that the error can quote such
             a number.
 

@@ -126,8 +126,8 @@ def resolve_batch(
         model: what to model, and how exactly. AUTO law is COULOMB if ``contacts`` has a row of friction, else
             FRICTIONLESS. A tolerance and EXTENDED precision need float64.
         pairs: for each contact the columns of its body_a and its body_b, integers, shape ``(2, N)``. A pair
-            that names one body twice gets the status SAME_BODY, one that names no column of ``bodies``
-            UNKNOWN_BODY.
+            that names one body twice gets the status SAME_BODY, a pair that names no column of ``bodies``
+            gets UNKNOWN_BODY.
         report: whether to report regimes and energies, too.
         out: where to write the results: an earlier result, or a BatchResult of arrays of the same shapes and
             types. They must not overlap the input or each other. Arrays for a report are written if they are
@@ -135,8 +135,8 @@ def resolve_batch(
         workers: number of threads, at least 1, that share the contacts. Other Python threads run meanwhile.
 
     Returns:
-        Arrays of the library of ``bodies``. If any of the arrays is one of Dask, they are lazy, with the
-        chunks of ``bodies``, or with ``pairs`` those of ``contacts``, without empty ones.
+        Arrays of the library of ``bodies``. If any input is a Dask array, they are lazy. Their chunks
+        are those of ``bodies``, or with ``pairs`` those of ``contacts``, without the empty ones.
 
     Raises:
         ImpactError: INVALID_MODEL or INVALID_COEFFICIENT, if the model is invalid, or not for batches.
@@ -192,12 +192,12 @@ def resolve_with_pauses(
         BatchRequest(plan, bodies, pairs, contacts),
         (start, n if stop is None else min(stop, n)),
     )
-    worst = _run(request, plan.number, out, workers, *columns)
+    worst = _run(request, plan.number_type, out, workers, *columns)
     if worst is None:  # an array is not contiguous, or has the wrong shape or type
         _check_out(plan, n, out)
         request = BatchRequest(plan, np.ascontiguousarray(bodies), pairs, np.ascontiguousarray(contacts))
         target = BatchResult(*(None if array is None else np.empty_like(array, order="C") for array in out))
-        worst = _run(request, plan.number, target, workers, *columns)
+        worst = _run(request, plan.number_type, target, workers, *columns)
         assert worst is not None, "copies fit"
     part = (request, target) if columns == (0, n) else request.part(target, *columns)
     yield from _refine(*part, *worst, workers)
@@ -215,19 +215,19 @@ class BatchPlan(NamedTuple):
         layout: number of the layout in the kernels.
         oriented: whether the bodies have orientations.
         model: with the law and the geometry that are used.
-        number, settings: the number type and the settings of the model, as the kernels take them.
+        number_type, settings: the number type and the settings of the model, as the kernels take them.
         linear_axes, angular_axes: number of components of velocities and of angular velocities.
-        precisions: the precisions to try until the error bound is small enough, as ``resolve`` does.
+        model_plan: the plan of the model: which precisions to try, and the error bounds to reach.
     """
 
     layout: int
     oriented: bool
     model: ImpactModel
-    number: NumberType
+    number_type: NumberType
     settings: Array
     linear_axes: int
     angular_axes: int
-    precisions: ModelPlan
+    model_plan: ModelPlan
 
     def result_fields(self, n: int, report: bool) -> tuple[tuple[tuple[int, ...], np.dtype[Any]] | None, ...]:
         """Return the shape and type of each array of a :class:`BatchResult`; ``None`` for those left out."""
@@ -267,18 +267,18 @@ def _refine(
     request: BatchRequest, out: BatchResult, worst_status: int, worst_bound: float, workers: int
 ) -> Iterator[None]:
     """Compute contacts again with more digits where their error bound is too large."""
-    precisions = request.plan.precisions
+    plan = request.plan.model_plan
     if out.precision is None:
         if worst_status >= StatusCode.OUT_OF_RANGE:
             columns = np.flatnonzero(out.status >= StatusCode.OUT_OF_RANGE)
             yield from resolve_one_by_one(request.select(columns), out, columns)
         return
-    out.precision[:] = precisions.first_precision
-    if worst_status <= StatusCode.SEPARATING and worst_bound <= precisions.target_bound:
+    out.precision[:] = plan.first_precision
+    if worst_status <= StatusCode.SEPARATING and worst_bound <= plan.target_bound:
         return
-    columns = _inexact(out, precisions.target_bound)
+    columns = _inexact(out, plan.target_bound)
     out_of_range = columns[:0]
-    if precisions.first_precision is not precisions.last_precision and columns.size:
+    if plan.first_precision is not plan.last_precision and columns.size:
         is_out_of_range = out.status[columns] == StatusCode.OUT_OF_RANGE  # more digits have the same range
         out_of_range, columns = columns[is_out_of_range], columns[~is_out_of_range]
         refined = BatchResult(
@@ -289,14 +289,14 @@ def _refine(
         for array, better in zip(out, refined, strict=True):
             if array is not None:
                 array[..., columns] = better
-        columns = columns[_inexact(refined, precisions.target_bound)]
-    if precisions.last_precision is Precision.DOUBLE:
+        columns = columns[_inexact(refined, plan.target_bound)]
+    if plan.last_precision is Precision.DOUBLE:
         columns = _inexact(out, LARGEST_BOUND)
     columns = np.concatenate([columns, out_of_range])
     if columns.size:
         yield from resolve_one_by_one(request.select(columns), out, columns)
     has_answer = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)
-    out.status[has_answer & ~(out.error_bound <= precisions.bound_limit)] = StatusCode.TOLERANCE_NOT_MET
+    out.status[has_answer & ~(out.error_bound <= plan.bound_limit)] = StatusCode.TOLERANCE_NOT_MET
 
 
 def _inexact(out: BatchResult, limit: float) -> Array:
@@ -306,7 +306,7 @@ def _inexact(out: BatchResult, limit: float) -> Array:
 
 
 def _run(
-    request: BatchRequest, number: NumberType, out: BatchResult, workers: int, start: int, stop: int
+    request: BatchRequest, number_type: NumberType, out: BatchResult, workers: int, start: int, stop: int
 ) -> tuple[int, float] | None:
     """Compute the contacts from ``start`` to ``stop``.
 
@@ -318,7 +318,7 @@ def _run(
     law, layout, settings = plan.model.law, plan.layout, plan.settings
 
     def run(start: int, stop: int) -> tuple[int, float] | None:
-        return library.batch(law, layout, number, bodies, pairs, contacts, settings, out, start, stop)
+        return library.batch(law, layout, number_type, bodies, pairs, contacts, settings, out, start, stop)
 
     n = max(0, stop - start)
     shares = max(1, min(workers, n // CONTACTS_PER_WORKER))
@@ -366,24 +366,24 @@ def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> B
     law = law_for(model.law, has_friction=height >= contact.height)
     if law is not Law.FRICTIONLESS and height < contact.height:
         raise ValueError(f"contacts: {law.name} needs a row of friction")
-    precisions = plan_model(model)
+    model_plan = plan_model(model)
     if law in STEPPED:
-        precisions = precisions._replace(first_precision=Precision.DOUBLE, last_precision=Precision.DOUBLE)
-    number = NumberType.FLOAT if dtype == np.float32 else NumberType.PLAIN
+        model_plan = model_plan._replace(first_precision=Precision.DOUBLE, last_precision=Precision.DOUBLE)
+    number_type = NumberType.FLOAT if dtype == np.float32 else NumberType.PLAIN
     if is_bounded(model):
-        number = (
-            NumberType.EXTENDED if precisions.first_precision is Precision.EXTENDED else NumberType.BOUNDED
+        number_type = (
+            NumberType.EXTENDED if model_plan.first_precision is Precision.EXTENDED else NumberType.BOUNDED
         )
     body = body_rows(geometry)
     return BatchPlan(
         layout=list(Layout).index(layout_of(geometry, oriented=oriented)),
         oriented=oriented,
         model=model._replace(law=law, geometry=geometry),
-        number=number,
+        number_type=number_type,
         settings=np.array([getattr(model, name) for name in Settings._fields], dtype),
         linear_axes=body.velocity.stop - body.velocity.start,
         angular_axes=body.angular_velocity.stop - body.angular_velocity.start,
-        precisions=precisions,
+        model_plan=model_plan,
     )
 
 

@@ -31,7 +31,7 @@ template <class N> INLINE Base<N> squared_error(const N* change, int count, Base
 }
 
 // The largest relative error of the impulse and of the two changes of twist. `trace` is that of each inertia tensor: the
-// radius of gyration is the arm of the angular velocities. A body of infinite mass has no change.
+// root of trace / 3 mass, a radius of gyration, is the arm of the angular velocities. A body of infinite mass has no change.
 template <class N> INLINE Base<N> error_bound(const N* changes, const Base<N>* mass, const Base<N>* trace) {
   using T = Base<N>;
   T worst = squared_error(changes, 3, broadcast<T>(1));

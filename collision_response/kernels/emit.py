@@ -6,7 +6,7 @@ Not every result needs all that ``N`` carries, so each number has one of three C
 
     BOUNDED   ``N``           the number with its error bound
     VALUE     ``Value<N>``    the same number without its error bound
-    REPORT    ``Report<N>``   the number in double precision at most
+    REPORT    ``Report<N>``   the number rounded to its base, float or double
 
 Not every request needs every operation either. What only one branch of a choice needs may stand in an ``if``,
 which is entered if any lane of the vectors may take that branch. The results are the same to the bit.
@@ -66,9 +66,9 @@ def emit(
         inputs: the names of the inputs, in the order of ``in``.
         bounded: the results to write with their error bounds.
         reported: the results to write without.
-        flags: the conditions to write, each as its values say.
+        flags: the conditions to write, as the values decide them, whatever their errors.
         certainties: conditions to write after the flags, as true only if their errors leave no doubt.
-        branches: how many additions an ``if`` must save to be written. By default there is none.
+        branches: how many additions an ``if`` must save to be written. By default no ``if`` is written.
     """
     bounded, reported, flags, certainties = map(list, (bounded, reported, flags, certainties))
     tape = (bounded + reported + flags)[0].tape
@@ -137,7 +137,7 @@ def _needed_types(tape: Tape, wanted: Iterable[tuple[int, CppType]]) -> dict[int
 
 
 def _parts(tape: Tape, indices: Iterable[int], loop: int) -> list[int]:
-    """Those of some operations that are parts of the result of a loop."""
+    """Return those of ``indices`` that are parts of the result of ``loop``."""
     nodes = tape.nodes
     return [index for index in indices if nodes[index].op == "part" and nodes[index].args[0] == loop]
 
@@ -147,7 +147,7 @@ class _Differentiated(NamedTuple):
 
     Attributes:
         indices: the operations; ``None`` if the numbers of the tape carry no derivatives.
-        states: the numbers of the parts of the state.
+        states: indices of the parts of the state.
     """
 
     indices: frozenset[int] | None = None
@@ -392,7 +392,7 @@ class _TapeWriter:
             yield f"{declaration}{name} = {self._expression(index, self.types[index])};"
 
     def _choices(self, condition: int, indices: list[int], *, declared: bool) -> Iterable[str]:
-        """Choices by one condition. If all lanes agree on it, one branch is all that is read."""
+        """Choices by one condition. If all lanes agree on it, only the branch that they take is read."""
         if not declared:
             yield from map(self._declaration, indices)
         name = self._name(condition)

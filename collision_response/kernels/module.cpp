@@ -10,14 +10,14 @@ namespace {
 
 constexpr int LAWS = LAW_COUNT, GEOMETRIES = 5, PRECISIONS = 5;
 
-PyTypeObject* impact_type;  // these four are set by setup()
+PyTypeObject* impact_type;  // these, and python_types, are set by setup()
 PyObject *plan_function, *model_as_used_function, *refusal_function;
 
 // What plan_model() of model.py decides for an ImpactModel.
 struct CachedPlan {
   PyObject* model;
   int law_without_friction, law_with_friction, geometry, first_precision, last_precision;
-  double settings[ROWS_OF_MODEL], errors[ROWS_OF_MODEL], sufficient_bound;
+  double settings[ROWS_OF_MODEL], errors[ROWS_OF_MODEL], target_bound;
   PyObject* models_as_used[LAWS * GEOMETRIES * PRECISIONS];  // made when they are first needed
 };
 constexpr int CACHE_SIZE = 8;
@@ -34,7 +34,7 @@ CachedPlan* find_plan(PyObject* model) {
   double limit;  // not used here
   PyObject *settings, *errors;
   bool read = PyArg_ParseTuple(made, "iiiiiddOO", &plan.law_without_friction, &plan.law_with_friction, &plan.geometry,
-                               &plan.first_precision, &plan.last_precision, &plan.sufficient_bound, &limit, &settings, &errors);
+                               &plan.first_precision, &plan.last_precision, &plan.target_bound, &limit, &settings, &errors);
   for (int k = 0; read && k < ROWS_OF_MODEL; ++k) {
     plan.settings[k] = PyFloat_AsDouble(PyTuple_GET_ITEM(settings, k));
     plan.errors[k] = PyFloat_AsDouble(PyTuple_GET_ITEM(errors, k));
@@ -147,8 +147,8 @@ PyObject* raise_refusal(int status) {
   return nullptr;
 }
 
-// resolve(body_a, body_b, contact, model): an Impact, with TOLERANCE_NOT_MET if Python should compute with more digits; or a
-// number, the Handover of protocol.py, that says why Python has to answer.
+// resolve(body_a, body_b, contact, model): an Impact, with TOLERANCE_NOT_MET if its bound is above target_bound: Python then
+// decides; or a number, the Handover of protocol.py, that says why Python has to answer.
 PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 4) return PyErr_Format(PyExc_TypeError, "resolve() takes two bodies, a contact and a model");
   PyObject* contact = args[2];
@@ -194,7 +194,7 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
       bool knows_more = scaled.error_bound < INFINITY || !(result.error_bound < INFINITY);
       if ((all_finite(scaled) && knows_more) || !all_finite(result)) result = scaled;
     }
-    if (result.error_bound <= plan->sufficient_bound || precision == plan->last_precision) break;
+    if (result.error_bound <= plan->target_bound || precision == plan->last_precision) break;
   }
   if (result.flags[FLAG_UNFINISHED]) return raise_refusal(STATUS_PATH_TOO_LONG);
   if (result.flags[FLAG_UNPHYSICAL]) return raise_refusal(STATUS_INTERNAL_ERROR);
@@ -204,7 +204,7 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   }
   PyObject* model = model_as_used(plan, result.flags[FLAG_FELL_BACK] ? LAW_COULOMB : law, required, used_precision);
   if (!model) return nullptr;
-  int status = result.error_bound <= plan->sufficient_bound ? (result.flags[FLAG_SEPARATING] ? STATUS_SEPARATING : STATUS_OK) : STATUS_TOLERANCE_NOT_MET;
+  int status = result.error_bound <= plan->target_bound ? (result.flags[FLAG_SEPARATING] ? STATUS_SEPARATING : STATUS_OK) : STATUS_TOLERANCE_NOT_MET;
   return make_impact(contact, model, input, result, frictionless, flags[4], articulated, status);
 }
 

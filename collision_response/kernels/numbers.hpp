@@ -17,8 +17,8 @@
 // or if both bounds are 0. A choice by an uncertain condition gives the branch that the values take, with a bound that
 // covers the other branch too: the hull of both.
 //
-// The results are the same to the bit on every machine: no contraction to fused operations, no fast-math. Only which
-// NaN a NaN is may differ.
+// The results are the same to the bit on every machine: no fast-math, and the compiler fuses nothing. The one fused
+// operation, `fms`, is written out and rounds alike everywhere. Only the bits of a NaN may differ.
 #pragma once
 #include <cmath>
 #include <cstddef>
@@ -69,7 +69,7 @@ template <class T> INLINE Mask<T> broadcast_truth(bool x) { return x ? Mask<T>(T
 
 INLINE bool negation(bool m) { return !m; }
 template <class M, class = std::enable_if_t<is_vector<M>>> INLINE M negation(M m) { return ~m; }
-// Some instructions are written as assembly here: the compiler reads the header of intrinsics longer than most files.
+// Some instructions are written as assembly here: parsing the header of intrinsics takes longer than most of these files.
 INLINE bool any(bool m) { return m; }
 template <class M, class = std::enable_if_t<is_vector<M>>> INLINE bool any(M m) {
 #ifdef __AVX512F__

@@ -15,7 +15,7 @@ class Handover(IntEnum):
     NOTHING_KNOWN = 3
     """The answer is not finite, and its error bound is infinite."""
     RATIONAL = 4
-    """The numbers are fractions and the law is rational, so that the answer can be exact."""
+    """A number is a fraction, the law FRICTIONLESS, and no body articulated: the answer can be exact."""
 
 
 class NumberType(IntEnum):

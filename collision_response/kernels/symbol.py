@@ -9,10 +9,11 @@ How a formula in Python becomes machine code:
    each number type of ``numbers.hpp`` and for each instruction set.
 4. ``module.cpp`` calls the compiled kernels, and ``library.py`` imports it.
 
-The tape simplifies a formula where that changes no rounding: it holds equal operations once, carries out
-operations on constants, drops ``x + 0``, ``x * 1`` and ``x * 0``, and moves minus signs out of products and
-quotients. For finite numbers the results are those of the formula; only the sign of a zero may differ. A
-number that is not finite may get lost in ``x * 0``: a formula that has to notice it must look at the inputs.
+The tape simplifies a formula where that changes no rounding. It holds equal operations once, carries out
+operations on constants, replaces ``x + 0`` and ``x * 1`` by ``x`` and ``x * 0`` by 0, and moves minus signs
+out of products and quotients. For finite numbers the results are those of the formula; only the sign of a
+zero may differ. A number that is not finite may get lost in ``x * 0``: a formula that has to notice it must
+look at the inputs.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class Node(NamedTuple):
     """One operation on a tape.
 
     Attributes:
-        op: the kind of operation, with its operands in parentheses where they need a word:
+        op: the kind of operation, one of these; in parentheses are the operands that need a word:
 
             * ``input``, ``constant``, ``truth`` (a constant condition), ``given_roundoff``
             * ``add``, ``sub``, ``mul``, ``div``, ``neg``, ``sqrt``
@@ -159,7 +160,7 @@ class Tape:
         return needed
 
     def add(self, node: Node) -> Symbol:
-        """Add an operation without simplifying it, unless it is on the tape already.
+        """Return the symbol of an operation; add it, unsimplified, if it is not on the tape yet.
 
         Operands that commute keep their order when the node is new: the rounding of the error depends on it.
         """
@@ -220,7 +221,7 @@ class Symbol:
         """The operands of the operation."""
         return [self.tape.symbol_at(index) for index in self.node.args]
 
-    def negated(self) -> Symbol | None:
+    def without_sign(self) -> Symbol | None:
         """``y`` if this is ``-y`` or ``not y``, else ``None``."""
         return self.operands()[0] if self.node.op in ("neg", "not") else None
 
@@ -334,7 +335,7 @@ def _simplify_add(x: Symbol, y: Symbol) -> Any:
         return y
     if y.is_value(0):
         return x
-    minus_x, minus_y = x.negated(), y.negated()
+    minus_x, minus_y = x.without_sign(), y.without_sign()
     if minus_y is not None:
         return x - minus_y
     return None if minus_x is None else y - minus_x
@@ -345,7 +346,7 @@ def _simplify_sub(x: Symbol, y: Symbol) -> Any:
         return x
     if x.is_value(0):
         return -y
-    minus_x, minus_y = x.negated(), y.negated()
+    minus_x, minus_y = x.without_sign(), y.without_sign()
     if minus_y is not None:
         return x + minus_y
     if minus_x is not None:
@@ -362,7 +363,7 @@ def _simplify_mul(x: Symbol, y: Symbol) -> Any:
             return other
         if factor.is_value(-1):
             return -other
-    minus_x, minus_y = x.negated(), y.negated()
+    minus_x, minus_y = x.without_sign(), y.without_sign()
     if minus_x is not None:
         return -(minus_x * y)
     return None if minus_y is None else -(x * minus_y)
@@ -373,7 +374,7 @@ def _simplify_div(x: Symbol, y: Symbol) -> Any:
         return x
     if y.node.op == "constant" and abs(math.frexp(y.node.value)[0]) == 0.5:
         return x * (1 / y.node.value)  # exact for a power of two, and cheaper
-    minus_x, minus_y = x.negated(), y.negated()
+    minus_x, minus_y = x.without_sign(), y.without_sign()
     if minus_x is not None:
         return -(minus_x / y)
     return None if minus_y is None else -(x / minus_y)
@@ -414,8 +415,8 @@ _SIMPLIFY: dict[str, Callable[..., Any]] = {
     "sub": _simplify_sub,
     "mul": _simplify_mul,
     "div": _simplify_div,
-    "neg": Symbol.negated,
-    "not": Symbol.negated,
+    "neg": Symbol.without_sign,
+    "not": Symbol.without_sign,
     "and": _simplify_logical(neutral=True),
     "or": _simplify_logical(neutral=False),
     "select": _simplify_select,

@@ -71,7 +71,7 @@ class BodyAtContact(NamedTuple):
         massless_spin: the part of the angular velocity about axes without inertia [rad/s].
         has_full_inertia: whether there is inertia about every axis, or the body is immovable:
             ``massless_spin`` is then 0.
-        link_inverse_inertia: of a link of a mechanism; empty for a rigid body.
+        link_inverse_inertia: the inverse inertia of a link of a mechanism; empty for a rigid body.
     """
 
     inverse_mass: Scalar
@@ -176,7 +176,7 @@ class BodyAtContact(NamedTuple):
         return linear.trace() + angular.trace() * self.d.dot(self.d)
 
     def size_of_offset_terms(self) -> Scalar:
-        """Size of those terms that are there because ``d`` is not 0 [1/kg]; 0 for a rigid body."""
+        """The part of :meth:`size_of_terms` that is there because ``d`` is not 0 [1/kg]; 0 if rigid."""
         if not self.link_inverse_inertia:
             return 0
         linear, _, angular = self.link_inverse_inertia.blocks()
@@ -242,8 +242,9 @@ class ContactKinematics(NamedTuple):
     def inverse_effective_mass(self) -> Symmetric3:
         """``K`` [1/kg].
 
-        For a mechanism that cannot move in some tangential directions, ``K`` gets its least other eigenvalue
-        there, so that it can be inverted. ``u`` is 0 in those directions, so laws apply no impulse there.
+        For a mechanism that cannot move in some tangential directions, ``K`` is given its smallest non-zero
+        eigenvalue there, so that it can be inverted. ``u`` is 0 in those directions, so laws apply no impulse
+        there.
         """
         K = self._possibly_singular_K()
         if self.is_rigid():
@@ -260,7 +261,7 @@ class ContactKinematics(NamedTuple):
         return self.regularized(K).solve(change)
 
     def regularized(self, K: Symmetric3) -> Symmetric3:
-        """``K``, made invertible for a mechanism: with its least other eigenvalue in locked directions."""
+        """``K``, made invertible: with its smallest non-zero eigenvalue where a mechanism is locked."""
         if self.is_rigid():
             return K
         return K + self._locked_directions(K) * K.least_nonzero_eigenvalue(self._rounding_of_K())
@@ -268,7 +269,7 @@ class ContactKinematics(NamedTuple):
     def tolerated_error(self, impulse: Vec3) -> tuple[Scalar, Scalar]:
         """How far an answer may be off because matrices of mechanisms are accepted with some rounding.
 
-        A locked component of ``u`` is rounding too. No law takes more than twice of it.
+        A locked component of ``u`` is rounding too. No law changes ``u`` by more than twice that component.
 
         Returns:
             The error of twice the work of the impulse [J], and of ``n.u`` after it; 0, 0 for rigid bodies.
@@ -298,7 +299,7 @@ class ContactKinematics(NamedTuple):
         return certain(self._locked_directions(self.inverse_effective_mass()).trace()) > 0
 
     def has_locked_direction_in_cone(self, mu: Scalar) -> Condition:
-        """Whether such a direction lies in the friction cone: no law then determines the impulse along it."""
+        """Whether a locked direction lies in the friction cone: no law determines the impulse along it."""
         n, locked = Vec3(*_scaled(*self.n)), self._locked_directions(self.inverse_effective_mass())
         nn, along = n.dot(n), n.dot(locked @ n)
         return self.has_locked_direction() & (
@@ -360,11 +361,11 @@ class ContactNumbers(NamedTuple):
 
     @classmethod
     def of(cls, contact: ContactKinematics | ContactNumbers) -> ContactNumbers:
-        """The numbers of a contact between rigid bodies."""
+        """The numbers of a contact, without ``regularized_K``."""
         return cls(contact.n, contact.u, contact.n_u, contact.n_Kn, contact.inverse_effective_mass())
 
     def is_rigid(self) -> bool:
-        """Always true: ``regularized_K`` stands in for the mechanism."""
+        """Always true: a law needs to do nothing else for a mechanism, once it has ``regularized_K``."""
         return True
 
     def has_locked_direction(self) -> bool:

@@ -101,8 +101,8 @@ class Recording:
 class Writer:
     """Writes one file, which is complete when the context is left.
 
-    There are two timelines: ``answer``, the sequence number, and ``ros_time``. Entries without a stamp, as
-    before the first ``/clock`` of a simulation, are on the first only.
+    There are two timelines: ``answer``, the sequence number, and ``ros_time``. Answers without a stamp, as
+    before the first ``/clock`` of a simulation, are on the first only; body states without one are left out.
 
     Attributes:
         path: path of the file.
@@ -127,7 +127,7 @@ class Writer:
             self._file.close_own_end()
         self._stream.log_file_from_contents(LAYOUT_FILE, recording.layout)
         self._log_styles()
-        self._stream.flush(timeout_sec=5.0)  # or columns would be written before it
+        self._stream.flush(timeout_sec=5.0)  # so that the styles come before the columns
 
     def __enter__(self) -> Writer:
         return self
@@ -292,7 +292,7 @@ def contacts(impacts: Sequence[AnyImpact]) -> Iterator[Columns]:
 def _contacts_of(row: AnyImpact) -> list[tuple[Contact, Vec3, float]]:
     """Every contact, its impulse, and the mass [kg] by which the impulse is divided for drawing.
 
-    The mass is 0 if it is smaller than any float, and infinite if no body there has a mass.
+    The mass is 0 if it is smaller than any float, and infinite if both bodies are immovable.
     """
     if not isinstance(row, SceneRecord):
         return [(row.impact.contact, row.impact.impulse, row.impact.effective_mass)]
@@ -362,7 +362,7 @@ def _poses(positions: np.ndarray, bodies: Sequence[Body]) -> Any:
 
 
 def _motions(bodies: Sequence[Body]) -> tuple[np.ndarray, np.ndarray]:
-    """Velocities, and spins as the velocities that they give points at the radius of gyration."""
+    """Velocities, and spins as the velocities of points at the root-mean-square distance of the mass."""
     arms = np.array([[(body.inertia.trace() / 2 / body.mass) ** 0.5] for body in bodies], float)
     return _array(body.velocity for body in bodies), arms * _array(body.angular_velocity for body in bodies)
 

@@ -3,7 +3,7 @@
 The tables of batches and scenes are converted in ``batches.py`` and ``scenes.py``.
 
 The numeric core takes a body as a message describes it: pose and twist of the origin of the body frame, and
-the position of the centre of mass in that frame. So nothing is computed here.
+the position of the centre of mass in that frame. So no mechanics is computed here.
 
 Errors name fields as the messages do: ``body_a.inertia.m``, not ``body_a.mass`` as in the core.
 """
@@ -53,7 +53,7 @@ CORE_TO_MESSAGE = {
 ADJUSTMENT_NOTES = {
     Adjustment.NORMALISED_ORIENTATION: "a pose.orientation was not of unit length and was normalised",
     Adjustment.RESTITUTION_THRESHOLD: "the approach is slower than restitution_threshold: restitution was 0",
-    Adjustment.LAW_FALLBACK: "the law has no solution here, or would create energy: COULOMB was used",
+    Adjustment.LAW_FALLBACK: "the law has no solution here, or would create energy: model.law was used",
     Adjustment.ENERGY_CHANGE_ONLY: "a body is articulated: kinetic energies include only its change",
     Adjustment.MASSLESS_SPIN: "a body rotated about an axis without inertia: that rotation was ignored",
 }
@@ -289,7 +289,7 @@ def _coefficient(field: str, request: Any, parameters: Parameters) -> Coefficien
 def _with_pair(model: ImpactModel, pair: Pair) -> ImpactModel:
     """Set what a pair of materials says about the model.
 
-    Cached, because the core looks up what it makes of a model by identity.
+    Cached, because the core finds the plan of a model by the model's identity.
     """
     of_pair = {name: x for name, x in pair._asdict().items() if name in ImpactModel._fields and x is not None}
     return model._replace(**of_pair)
@@ -298,7 +298,7 @@ def _with_pair(model: ImpactModel, pair: Pair) -> ImpactModel:
 def is_given_by_one_body_only(field: str, request: ResolveCollision.Request) -> bool:
     """Whether a coefficient of one body is not used because the other body has none.
 
-    It is not missed where the contact gives the coefficient, or both bodies have a material.
+    False if the contact gives the coefficient, or if both bodies have a material.
     """
     if request.body_a.material and request.body_b.material:
         return False
@@ -316,7 +316,7 @@ def model_of(message: ImpactModelMessage, defaults: ImpactModel) -> ImpactModel:
 
 @lru_cache(maxsize=64)
 def _model(fields: tuple[Any, ...], defaults: ImpactModel) -> ImpactModel:
-    """Cached, because the core looks up what it makes of a model by identity."""
+    """Return the model of these fields. Cached, because the core finds its plan by the model's identity."""
     law, geometry, precision, *numbers = fields
     named = LAWS.get(law, law), GEOMETRIES.get(geometry, geometry), PRECISIONS.get(precision, precision)
     values: list[Any] = [x or default for x, default in zip((*named, *numbers), defaults, strict=True)]

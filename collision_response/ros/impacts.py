@@ -83,7 +83,7 @@ class ImpactService:
         return response
 
     def refusal(self, request: ResolveCollision.Request, error: ImpactError) -> ResolveCollision.Response:
-        """Response that says why there is no answer."""
+        """Return the response that says why there is no answer."""
         response = ResolveCollision.Response()
         convert.echo_contact(response.result, request)
         convert.write_refusal(response.result, request.model, error)
@@ -91,7 +91,7 @@ class ImpactService:
         return response
 
     def code(self, response: ResolveCollision.Response) -> StatusCode:
-        """Status code of a response."""
+        """Return the status code of a response."""
         return StatusCode(response.result.status.code)
 
     def _warn_of_coefficients(self, request: ResolveCollision.Request) -> None:
@@ -105,7 +105,7 @@ class ImpactService:
 
     def _log_requirements(self, survey: SceneSurvey, name: str, problem: convert.ImpactProblem) -> None:
         before = survey.requirements()
-        with suppress(ImpactError):  # without friction there is no answer
+        with suppress(ImpactError):  # the survey also resolves it without friction, which may be refused
             survey.add(name, problem.body_a, problem.body_b, problem.contact)
         after = survey.requirements()
         if after != before:

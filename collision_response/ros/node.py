@@ -211,7 +211,7 @@ class CollisionResponseNode(Node):
         if not limit or spent <= limit:
             return None
         reason = (
-            f"took {spent:.3g} s to compute so far; budget.time is {limit:g} s: send fewer contacts at a time"
+            f"was stopped after {spent:.3g} s of computing; budget.time is {limit:g} s: send fewer contacts"
         )
         return ImpactError(StatusCode.BUDGET_EXCEEDED, "request", reason)
 
@@ -220,7 +220,10 @@ class CollisionResponseNode(Node):
 
 
 def warm_up() -> None:
-    """Compute an impact by every law at every precision, so that the first request is not slow."""
+    """Compute an impact by every law, in DOUBLE, in EXTENDED and with more digits than that.
+
+    So the first request is not slow.
+    """
     ball = Body.dynamic(1.0, (0.4, 0, 0, 0.4, 0, 0.4), (0.0, 0.1, 1.0), None, (0.1, 0.2, -2.0))
     contact = Contact.of((0, 0, 0), (0, 0, 1), restitution=0.5, friction=0.3)
     for law, tolerance in product(Law, (0.0, 1e-15, 1e-17)):

@@ -1,7 +1,7 @@
 """The server of the node's services: takes requests as they arrive, and answers the clients in turns.
 
-So a client with many requests, or with a long one, does not keep the others waiting. Requests of a client
-that has left are dropped, and an answer that cannot be sent does not affect the other clients.
+Taking turns keeps a client with many requests, or with a long one, from holding up the others. Requests of a
+client that has left are dropped, and an answer that cannot be sent does not affect the other clients.
 """
 
 from __future__ import annotations
@@ -72,10 +72,10 @@ class NodeService(Protocol):
         """Compute the response to a request, in steps."""
 
     def refusal(self, request: Any, error: ImpactError) -> Any:
-        """Response that says why there is no answer."""
+        """Return the response that says why there is no answer."""
 
     def code(self, response: Any) -> StatusCode:
-        """Status code of a response."""
+        """Return the status code of a response."""
 
 
 class Call(NamedTuple):
@@ -278,7 +278,7 @@ class Server:
 
 
 def _try_to_send(service: Service[Any, Any], response: Any, header: Any) -> bool:
-    """Send a response. Whether the middleware accepted it in time (if not, rclpy may only warn)."""
+    """Send a response; return whether the middleware accepted it in time (if not, rclpy may only warn)."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:

@@ -1,6 +1,7 @@
 """Apply a law to a cluster, with the fallbacks where the law or double-double arithmetic has no answer.
 
-Most clusters are answered in double-double, with a bound on the error. Three cases need more:
+Without friction, most clusters are answered in double-double, with a bound on the error. Friction and
+ROUTH_STRONGE are computed in doubles. Three cases need more:
 
 * Contacts that press on each other without end, such as a ball between two walls, are *locked*: no velocity
   separates all of them. Exact arithmetic decides what happens, in clusters of up to ``RATIONAL_CONTACTS``.
@@ -43,19 +44,19 @@ def apply_law(
 
     Raises:
         ImpactError: CONTRADICTORY_CONTACTS, if no velocities keep all contacts from approaching;
-            PATH_TOO_LONG, if no answer is found within a budget.
+            PATH_TOO_LONG, if no answer is found within a budget, or if a restitution is too small for
+            ROUTH_STRONGE.
     """
     exact = _exact_if_locked(cluster, parts)
     if cluster.approach_is_uncertain and not cluster.is_locked:
         approaches = _has_approach(parts)
-        needs_doubles = has_friction or options.law is Law.ROUTH_STRONGE
-        if not approaches or needs_doubles or len(parts.contacts) > RATIONAL_CONTACTS:
+        only_in_doubles = has_friction or options.law is Law.ROUTH_STRONGE
+        if not approaches or only_in_doubles or len(parts.contacts) > RATIONAL_CONTACTS:
             nothing = ClusterImpulses(cluster.no_impulses(), error=math.inf if approaches else 0.0)
             return nothing, effect_of(cluster, nothing)
         exact = _in_fractions(parts)
     if options.law is Law.ROUTH_STRONGE:
         return _by_stronge(cluster, parts, options, has_friction=has_friction)
-    fell_back = options.law is Law.MOREAU
     if options.law is Law.MOREAU:
         by_moreau = _by_moreau(cluster, exact, has_friction=has_friction)
         if by_moreau is not None:
@@ -65,7 +66,7 @@ def apply_law(
     impulses = _by_reflections(cluster, parts, exact, options.threshold)
     if has_friction:
         impulses = add_friction(cluster, impulses)
-    impulses = impulses._replace(fell_back=fell_back)
+    impulses = impulses._replace(fell_back=options.law is Law.MOREAU)
     return impulses, effect_of(cluster, impulses)
 
 
@@ -175,7 +176,7 @@ def _with_scaled_normal(contact: Contact) -> Contact:
 
 
 def _as_floats(cluster: Any, exact: RationalCluster, impulses: ClusterImpulses) -> ClusterImpulses:
-    """Return impulses computed exactly as impulses of the compiled cluster, rounded to floats."""
+    """Convert the impulses of an exact cluster to those of the compiled one, rounded to floats."""
     normal = cluster.impulses_from_floats([float(x) for x in exact.least_norm(impulses.normal)])
     e = None if impulses.restitution is None else float(impulses.restitution)
     error = cluster.velocity_size(normal) * 2.0**-53

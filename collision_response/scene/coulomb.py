@@ -1,7 +1,8 @@
 """COULOMB for several contacts: the frictionless answer, then the friction that does the least work.
 
-First compute GRR, the answer without friction (``reflections.py``). Then consider the contacts that it loads,
-and all impulses P of theirs that lie in the cones of friction of their own normal impulses, |P_t| <= mu P_n.
+First compute GRR, the answer without friction: generalised reflections with restitution (``reflections.py``).
+Then consider the contacts that it loads, and all impulses P of theirs that lie in the cones of friction of
+their own normal impulses, |P_t| <= mu P_n.
 Among those that keep the normal velocities after GRR, take the one with the least work on the relative
 velocities u:
 
@@ -9,17 +10,18 @@ velocities u:
 
 This is a convex programme. The impulses of GRR are admissible in it, so energy cannot grow. It is strictly
 convex in the velocities, so these are unique, and as symmetric as the scene. If another contact then
-approaches, one more projection, with e = 0, stops that. It takes energy too, and only widens the cones.
+approaches, one more projection, with e = 0, stops that. That
+projection only takes energy, too; and because it adds normal impulse, friction stays in its cones.
 
 The work is that on relative velocities, not the change of kinetic energy: next to a moving floor, the latter
 depends on the observer.
 
 All contacts that can carry a load share it, if that changes its effect by less than 1e-4. So a box whose
-corners are slightly off a plane slides like one whose corners are in it. The error bound includes what the
-contacts that depend on others then do to each other's normal velocities.
+corners are slightly off a plane slides like one whose corners are in it. The error bound includes the
+normal velocities that this sharing gives to contacts that depend on each other.
 
-For one contact this is Chatterjee & Ruina's law, in the plane, where the contact sticks, and where normal and
-slip are uncoupled. In space, sliding, the two differ by up to 23 % of the impulse.
+For one contact this is Chatterjee & Ruina's law in each of three cases: in the plane; where the contact
+sticks; and where normal and slip are uncoupled. In space, sliding, they differ by up to 23 % of the impulse.
 
 The computation is ``least_work_friction`` of ``kernels/scene/friction.hpp``, which solves the programme with
 ``kernels/scene/cones.hpp``.

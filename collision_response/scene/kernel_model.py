@@ -52,8 +52,8 @@ def kernel_model(model: ImpactModel) -> KernelModel:
 
 
 def _kernel_model(model: ImpactModel) -> KernelModel:
-    decided = plan_model(model)
-    laws = decided.law_without_friction, decided.law_with_friction
+    plan = plan_model(model)
+    laws = plan.law_without_friction, plan.law_with_friction
     is_compiled = (
         model.geometry in (Geometry.AUTO, Geometry.SPATIAL)
         and not model.tangential_restitution
@@ -65,5 +65,5 @@ def _kernel_model(model: ImpactModel) -> KernelModel:
             tuple(ImpactModel(law, Geometry.SPATIAL, precision, *model[3:]) for precision in PRECISIONS)
             for law in (Law.AUTO, *COMPILED_LAWS)
         )
-    numbers = THRESHOLD, decided.settings.restitution_threshold, decided.bound_limit, REFLECTIONS
+    numbers = THRESHOLD, plan.settings.restitution_threshold, plan.bound_limit, REFLECTIONS
     return KernelModel(laws, numbers, models)

@@ -18,8 +18,8 @@ so that ``n.u+ = -e n.u`` exactly. ``kappa`` is ``1 + e_t`` if the impulse is th
     in the cone    (1 + e_t) |D_t| <= mu ((1 + e) j + (1 + e_t) D_n)
     on the cone    kappa = mu (1 + e) j / (|D_t| - mu D_n)
 
-The denominator is positive whenever the first condition fails. In the code ``n`` has any length: ``j`` and
-``D_n`` are multiples of ``n``, and ``|D_t|`` is divided by ``|n|``.
+The denominator is positive whenever the first condition fails. In the code ``n`` has any length: the
+vectors are ``j n`` and ``D_n n``, and ``|D_t|`` is divided by ``|n|``.
 
 **Energy.** ``P_I`` and ``D`` are orthogonal in the metric of ``K``, and ``u.D = -D.K D``. So the change of
 energy ``u.P + P.K P / 2`` separates into the losses
