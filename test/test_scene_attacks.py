@@ -812,3 +812,33 @@ def test_a_rough_belt_drags_with_mu_times_the_load_at_any_speed(law, belt, mu, e
     right = Vec3(0.0, 1.0, e) + slip * (mu * (1 + e) / slip.norm())
     size = (right - Vec3(0.0, 1.0, -1.0)).norm()
     assert (answer.twists[0].linear - right).norm() <= answer.error_bound * size + 1e-15
+
+
+@pytest.mark.parametrize("vz", [-(10.0**-k) for k in (3, 6, 9, 12, 15, 17)])
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("mu", [0.1, 0.3])
+@pytest.mark.parametrize("offset", [0.0, 1e-12, 1e-8])
+def test_a_box_that_slides_far_faster_than_it_comes_down(offset, mu, e, vz):
+    """All corners slip the same way: the change of velocity is (1 + e) |vz| (-mu t, n)."""
+    scene = box((1, 0, vz), e=e, mu=mu, size=(1, 0.6, 0.2))
+    corners = [
+        c._replace(position=c.position + Vec3(0.0, 0.0, k * offset)) for k, c in enumerate(scene.contacts)
+    ]
+    scene = scene._replace(contacts=corners)
+    answer = scene.resolve(Law.COULOMB)
+    impulse = sum(answer.impulses, Vec3(0.0, 0.0, 0.0))
+    right = Vec3(-mu, 0.0, 1.0) * ((1 + e) * -vz)
+    assert answer.status is StatusCode.OK
+    assert answer.error_bound < 1e-5
+    assert (impulse - right).norm() <= (answer.error_bound + 1e-9) * right.norm()
+
+
+def test_a_box_that_slides_and_spins_far_faster_than_it_comes_down():
+    """The impulse in the limit of no approach; for this approach it differs by about 1e-12."""
+    vz = -1e-12
+    scene = box((1, 0.3, vz), (0, 0, 0.5), e=0.5, mu=0.3, size=(1, 0.6, 0.4))
+    answer = scene.resolve(Law.COULOMB)
+    impulse = sum(answer.impulses, Vec3(0.0, 0.0, 0.0)) * (1 / -vz)
+    right = Vec3(-0.413984665491, -0.133048208429, 1.5)
+    assert answer.error_bound < 1e-5
+    assert (impulse - right).norm() <= answer.error_bound * right.norm() + 1e-9

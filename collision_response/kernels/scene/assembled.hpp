@@ -89,13 +89,53 @@ struct AssembledBody {
   }
 };
 
-// The relative velocity along one axis of a contact, in doubles: velocity + row.y, for bodies whose twists changed by L y.
-struct ContactAxis {
-  double row[2][6], velocity;
+// The relative velocity along one axis of a contact: velocity + row.y, for bodies whose twists changed by L y.
+template <class R>
+struct ContactAxisOf {
+  R row[2][6], velocity;
+};
+using ContactAxis = ContactAxisOf<double>;
+
+// A body in double-double. L is from a Cholesky factorisation of the inverse inertia.
+struct PreciseBody {
+  Centre<DD> centre;
+  DD root, turn[3][3], com[3];
+
+  explicit PreciseBody(const AssembledBody& body) {
+    const auto value_of = [](const N& x) { return value(x); };
+    std::transform(body.centre.numbers, body.centre.numbers + CENTRE_COUNT, centre.numbers, value_of);
+    std::transform(body.centre.x, body.centre.x + 3, centre.x, value_of);
+    std::transform(body.centre.v, body.centre.v + 3, centre.v, value_of);
+    std::copy(centre.numbers + CENTRE_COM, centre.numbers + CENTRE_COM + 3, com);
+    if (!body.is_movable()) return;
+    root = ::root(centre.numbers[CENTRE_INVERSE_MASS]);
+    DD inverse_inertia[3][3];
+    for (int axis = 0; axis < 3; ++axis) {  // the response to a unit moment, by a force along one axis and its lever arm
+      const int arm = (axis + 1) % 3, force = (axis + 2) % 3;
+      DD in[CENTRE_COUNT + 9]{}, out[10];
+      std::copy(centre.numbers, centre.numbers + CENTRE_COUNT, in);
+      std::fill_n(in + CENTRE_COM, 3, DD{});
+      in[CENTRE_COUNT + 3 + arm] = DD{1, 0};
+      in[CENTRE_COUNT + 6 + force] = DD{1, 0};
+      column<DD>(in, out, nullptr, nullptr);
+      std::copy(out + 7, out + 10, inverse_inertia[axis]);
+    }
+    const double size = inverse_inertia[0][0].h + inverse_inertia[1][1].h + inverse_inertia[2][2].h;
+    for (int k = 0; k < 3; ++k) {
+      auto remainder = [&](int i) {
+        DD sum = inverse_inertia[i][k];
+        for (int j = 0; j < k; ++j) sum -= turn[j][i] * turn[j][k];
+        return sum;
+      };
+      const DD pivot = remainder(k);
+      for (int i = 0; i < 3; ++i) turn[k][i] = pivot.h > 0x1p-80 * size && i >= k ? remainder(i) / ::root(pivot) : DD{};
+    }
+  }
 };
 
 struct AssembledContact {
   int body[2];  // places among the movable bodies; -1: immovable
+  int wall[2];  // places among the walls; -1: no wall that moves
   double point[3], normal[3], length, scale;  // length: of the normal; scale: 1 / sqrt(n.K n)
   double e, mu, copies;                       // copies: how often the contact is given
   // Along the normal as given, for each body, with opposite signs: the velocity by the twist, and the twist by an impulse.
@@ -104,9 +144,17 @@ struct AssembledContact {
   ContactAxis axes[3];  // along the unit normal and two tangents
 
   // The unit normal and two tangents (Duff et al. 2017).
-  std::array<Axes, 3> unit_vectors() const {
-    double x = normal[0] / length, y = normal[1] / length, z = normal[2] / length;
-    double sign = x < 0 ? -1 : 1, c = -1 / (sign + x), d = y * z * c;
-    return {{{x, y, z}, {-(sign * y), 1 + sign * (y * y * c), sign * d}, {-z, d, sign + z * z * c}}};
+  std::array<Axes, 3> unit_vectors() const { return unit_vectors(length); }
+  template <class R>
+  std::array<std::array<R, 3>, 3> unit_vectors(const R& length) const {
+    const R x = constant<R>(normal[0]) / length, y = constant<R>(normal[1]) / length, z = constant<R>(normal[2]) / length;
+    const double side = high(x) < 0 ? -1 : 1;
+    const R sign = constant<R>(side), c = constant<R>(-1) / (sign + x), d = y * z * c;
+    return {{{x, y, z}, {-(sign * y), constant<R>(1) + sign * (y * y * c), sign * d}, {-z, d, sign + z * z * c}}};
+  }
+  DD precise_length() const {
+    DD square{};
+    for (double n : normal) square += exact_product(n, n);
+    return root(square);
   }
 };

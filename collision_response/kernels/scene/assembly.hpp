@@ -11,6 +11,7 @@ struct Assembly {
   int count = 0, body_count = 0;  // of contacts, of movable bodies
   std::vector<AssembledContact> contacts;
   std::vector<AssembledBody> bodies;  // the movable ones
+  std::vector<AssembledBody> walls;   // the immovable ones that move, once for each contact
   Vector A;                           // n.K n of all pairs of contacts, scaled to a diagonal of 1
   bool has_moving_wall = false;
   // A velocity that separates all contacts, if there is one: by how much, scaled, and its size in the metric of kinetic
@@ -21,7 +22,7 @@ struct Assembly {
 
   // Add a contact, given as position, normal, e and mu. The places of its bodies are those among the movable ones.
   void add(const AssembledBody& a, const AssembledBody& b, int place_a, int place_b, const double* given, double copies) {
-    AssembledContact contact{{place_a, place_b}};
+    AssembledContact contact{{place_a, place_b}, {-1, -1}};
     const int exponent = exponent_of(given + 3, 3);
     for (int k = 0; k < 3; ++k) {
       contact.point[k] = given[k];
@@ -40,6 +41,10 @@ struct Assembly {
       if (both[side]->rests()) {
         velocity[side] = exact(0.0);
         continue;
+      }
+      if (!both[side]->is_movable()) {
+        contact.wall[side] = static_cast<int>(walls.size());
+        walls.push_back(*both[side]);
       }
       Centre<N> centre = both[side]->centre;
       if (is_common) std::fill_n(centre.v, 3, exact(0.0));
@@ -104,6 +109,27 @@ struct Assembly {
     return std::none_of(contacts.begin(), contacts.end(), approaches) && std::any_of(contacts.begin(), contacts.end(), may_approach);
   }
 
+  // AssembledContact::axes in double-double. `precise` are the movable bodies.
+  std::array<ContactAxisOf<DD>, 3> precise_axes(const AssembledContact& contact, const std::vector<PreciseBody>& precise) const {
+    std::array<ContactAxisOf<DD>, 3> axes{};
+    const auto unit_vectors = contact.unit_vectors(contact.precise_length());
+    const AssembledBody* both[2];  // nullptr: at rest and immovable
+    for (int side = 0; side < 2; ++side) both[side] = contact.body[side] >= 0 ? &bodies[contact.body[side]] : contact.wall[side] >= 0 ? &walls[contact.wall[side]] : nullptr;
+    const bool is_common = both[0] && both[1] && std::equal(both[0]->x + IN_BODY_A_VELOCITY_X, both[0]->x + IN_BODY_A_VELOCITY_X + 3, both[1]->x + IN_BODY_A_VELOCITY_X);
+    for (int side = 0; side < 2; ++side) {
+      if (!both[side]) continue;
+      PreciseBody body = contact.body[side] >= 0 ? precise[contact.body[side]] : PreciseBody(*both[side]);
+      if (is_common) std::fill_n(body.centre.v, 3, DD{});
+      for (int axis = 0; axis < 3; ++axis) {
+        DD jacobian[6], response[6];
+        const DD velocity = column_of<DD>(body.centre, contact, unit_vectors[axis].data(), side, jacobian, response);
+        axes[axis].velocity += side ? -velocity : velocity;
+        if (both[side]->is_movable()) to_energy_metric(body, jacobian, axes[axis].row[side]);
+      }
+    }
+    return axes;
+  }
+
   // The changes of the twists of the movable bodies by impulses p.
   std::vector<N> twist_changes(const DD* p) const {
     std::vector<N> twists(6 * static_cast<size_t>(body_count), exact(0.0));
@@ -151,6 +177,18 @@ struct Assembly {
   }
 
  private:
+  // row = L^T jacobian
+  template <class SomeBody, class R>
+  static void to_energy_metric(const SomeBody& body, const R* jacobian, R* row) {
+    const auto of_centre = cross(body.com, jacobian);
+    R moment[3];  // about the centre of mass
+    for (int k = 0; k < 3; ++k) moment[k] = jacobian[3 + k] - of_centre[k];
+    for (int k = 0; k < 3; ++k) {
+      row[k] = body.root * jacobian[k];
+      row[3 + k] = body.turn[k][0] * moment[0] + body.turn[k][1] * moment[1] + body.turn[k][2] * moment[2];
+    }
+  }
+
   static void add_axes(const AssembledBody* const* both, AssembledContact& contact) {
     const auto unit_vectors = contact.unit_vectors();
     for (int axis = 0; axis < 3; ++axis) {
@@ -158,18 +196,10 @@ struct Assembly {
       double velocity[2] = {0, 0};
       for (int side = 0; side < 2; ++side) {
         const AssembledBody& body = *both[side];
-        double* row = contact.axes[axis].row[side];
         if (body.rests()) continue;
         double jacobian[6], response[6];
         velocity[side] = column_of<double>(body.centre_in_doubles, contact, direction, side, jacobian, response);
-        if (!body.is_movable()) continue;
-        const Axes of_centre = cross(body.com, jacobian);
-        double moment[3];  // about the centre of mass
-        for (int k = 0; k < 3; ++k) moment[k] = jacobian[3 + k] - of_centre[k];
-        for (int k = 0; k < 3; ++k) {
-          row[k] = body.root * jacobian[k];
-          row[3 + k] = body.turn[k][0] * moment[0] + body.turn[k][1] * moment[1] + body.turn[k][2] * moment[2];
-        }
+        if (body.is_movable()) to_energy_metric(body, jacobian, contact.axes[axis].row[side]);
       }
       contact.axes[axis].velocity = velocity[0] - velocity[1];
     }

@@ -21,25 +21,34 @@
 // Rockafellar, "Augmented Lagrangians and Applications of the Proximal Point Algorithm in Convex Programming",
 // Math. Oper. Res. 1 (1976); Li, Sun & Toh, "A Highly Efficient Semismooth Newton Augmented Lagrangian Method",
 // SIAM J. Optim. 28 (2018).
+//
+// R is double or double-double. The bound is the square root of a gap that contains the rounding of the slip w. If the slip
+// is 1e9 times faster than the approach, as for a box that slides and hardly comes down, the bound of doubles is 1e-3.
 #pragma once
 #include "active_set.hpp"
 
+template <class R>
 class Cones {
  public:
+  using Axes = std::array<R, 3>;
+  using Vector = std::vector<R>;
   static constexpr double GREATEST_RHO = 1e6, LEAST_RHO = 1e2;
   static constexpr double SIGMA = 1e10, GREATEST_SIGMA = 1e14;
   static constexpr double SMALL_ERROR = 5e-8;  // of y: no further steps are needed
+  static constexpr double SLOW_SLIP = 1e6, FIRST_FACTOR = 100;  // solve_by_raising_slip: the first slip, and its increase
+  static constexpr int MAX_STEPS = 60;
+  static constexpr double BUDGET = 3e7;  // multiplications in newton(): about a second in double-double
 
   struct Cone {
     int body[2];  // -1: immovable
-    double row[2][3][6];
+    R row[2][3][6];
     Axes w;
     double mu, share;  // share: rho_i / rho
   };
   std::vector<Cone> cones;
   Vector kept_velocities;  // c, for the first cones, whose normal impulses are independent; or empty
   Vector loads;            // normal impulses > 0 that give these velocities, to within `slack`
-  Vector slack;
+  ::Vector slack;
   ActiveSet<double> normals{nullptr, 0};  // solves for normal impulses from changes of kept_velocities
   std::vector<Axes> P, z;                 // z: w + B eta
 
@@ -52,13 +61,35 @@ class Cones {
     z.resize(n);
     variables = 6 * body_count + static_cast<int>(kept_velocities.size());
     x.resize(variables);
+    if constexpr (!is_scalar<R>)
+      for (const Cone& cone : cones)
+        for (const R& w : cone.w) fastest = std::fmax(fastest, std::fabs(high(w)));
     order_variables();
     allocate_matrix();
   }
 
+  // Correct the loads, which are known in doubles, so that they give kept_velocities to the digits of R. Sets `slack`.
+  void refine_loads() {
+    for (int turn = 0; turn < 3; ++turn) {
+      Vector y(6 * static_cast<size_t>(body_count));
+      for (size_t i = 0; i < loads.size(); ++i) add_row(cones[i], Axes{loads[i], R{}, R{}}, y);
+      slack.clear();
+      ::Vector by;
+      for (size_t i = 0; i < kept_velocities.size(); ++i) {
+        by.push_back(high(kept_velocities[i] - velocity(cones[i], y.data())[0]));
+        slack.push_back(std::fabs(by[i]));
+      }
+      if (turn == 2) break;
+      normals.solve(by.data());
+      for (size_t i = 0; i < kept_velocities.size(); ++i) loads[i] += constant<R>(by[i]);
+    }
+  }
+
   // Find P: of all solutions nearly the one with the least sum of squares. Returns a bound on the error of y.
   double solve() {
-    solve_from_zero();
+    if (fastest > SLOW_SLIP) solve_by_raising_slip();
+    else solve_from_zero();
+    if constexpr (!is_scalar<R>) take_adaptive_steps();
     refine();
     if (!kept_velocities.empty() && motion_error(0) > 30 * SMALL_ERROR) {
       sigma = GREATEST_SIGMA;
@@ -74,24 +105,69 @@ class Cones {
       for (double size = 1; size <= GREATEST_RHO; size *= 100) lagrangian_step(size, none, size == 1, 60);
   }
 
+  // The first step of solve() for fast slip: solve with w scaled down, then raise w step by step. Each step starts from the
+  // last solution, with lambda scaled as w, because P hardly changes.
+  void solve_by_raising_slip() {
+    std::vector<Axes> w;
+    for (const Cone& cone : cones) w.push_back(cone.w);
+    auto slip_at = [&](double part) {
+      for (size_t i = 0; i < cones.size(); ++i)
+        for (int k = 0; k < 3; ++k) cones[i].w[k] = part * w[i][k];
+    };
+    double part = SLOW_SLIP / fastest, factor = FIRST_FACTOR;
+    slip_at(part);
+    solve_from_zero();
+    for (int turn = 0; turn < MAX_STEPS && part < 1 && work < BUDGET; ++turn) {
+      const State before = state();
+      const double next = std::fmin(factor * part, 1), by = next / part;
+      const Vector y = motion();
+      for (R& one : x) one = by * one;
+      for (size_t i = 0; i < y.size(); ++i) x[i] -= (by - 1) * y[i];
+      slip_at(next);
+      if (lagrangian_step(GREATEST_RHO, P, false, 60)) {
+        part = next;
+        continue;
+      }
+      restore(before);
+      factor = std::sqrt(factor);
+    }
+    slip_at(1);
+  }
+
+  // Further steps, with the greatest rho for which Newton's method converges. Many are needed if several ways to share a
+  // load do nearly the same work.
+  void take_adaptive_steps() {
+    State best = state();
+    double least = motion_error(0), size = GREATEST_RHO;
+    for (int turn = 0; turn < MAX_STEPS && least > SMALL_ERROR && work < BUDGET; ++turn) {
+      const State before = state();
+      if (!lagrangian_step(size, P, false, 30)) {
+        restore(before);
+        size /= 10;
+        continue;
+      }
+      size *= 3;
+      polish();
+      if (const double now = motion_error(0); now < least) {
+        least = now;
+        best = state();
+      }
+    }
+    restore(best);
+  }
+
   // Further steps from the current P, until they reduce the error no more. They do not keep the sum of squares least.
   void refine() {
     double least = motion_error(0);
     for (double size = 100 * GREATEST_RHO; size >= LEAST_RHO; size /= 100)
       for (bool gains = true; gains && least > SMALL_ERROR;) {
-        const std::vector<Axes> old_P = P, old_z = z;
-        const Vector old_x = x;
+        const State before = state();
         lagrangian_step(size, P, false, 60);
         polish();
         double now = motion_error(0);
         gains = now < least / 3;
-        if (now < least) {
-          least = now;
-        } else {
-          P = old_P;
-          z = old_z;
-          x = old_x;
-        }
+        if (now < least) least = now;
+        else restore(before);
       }
   }
 
@@ -107,17 +183,19 @@ class Cones {
       newton(gradient, step);
       increase(x, 1, step);
     }
-    double value = evaluate(x, gradient, false), off = norm(gradient), enough = 1e-14 + 2e-16 * rho;
+    R value = evaluate(x, gradient, false);
+    double off = norm(gradient), enough = (1e-14 + 2e-16 * rho) * (is_scalar<R> ? 1 : 0x1p-44 * fastest);
     for (int turn = 0; turn < budget && off > enough; ++turn) {
       newton(gradient, step);
-      const double slope = dot(gradient, step), old = off;
-      double now = 0;
+      const R slope = dot(gradient, step);
+      const double old = off;
+      R now{};
       for (double length = 1;; length /= 2) {
         trial = x;
         increase(trial, length, step);
         now = evaluate(trial, gradient, false);
         off = norm(gradient);
-        if (off <= old / 2 || now <= value + 1e-4 * length * slope || length < 1e-3) break;
+        if (off <= old / 2 || less_equal(now, value + 1e-4 * length * slope) || length < 1e-3) break;
       }
       if (off >= old && old < 1e4 * enough) {  // rounding
         evaluate(x, gradient, false);
@@ -163,66 +241,83 @@ class Cones {
   double motion_error(double rounding) const {
     const Vector y = motion();
     Vector dual = y, by(kept_velocities.size()), e(y.size());
-    const double* lambda = x.data() + 6 * body_count;
+    const R* lambda = x.data() + 6 * body_count;
     double part = 0, greatest = 1, sum = 0;
     for (size_t i = 0; i < kept_velocities.size(); ++i) {
-      add_row(cones[i], Axes{-lambda[i], 0, 0}, dual);
-      double own = kept_velocities[i] - velocity(cones[i], y.data())[0];
-      by[i] = own + std::copysign(rounding * (std::fabs(kept_velocities[i]) + size_near(cones[i], y)) + slack[i], own);
+      add_row(cones[i], Axes{-lambda[i], R{}, R{}}, dual);
+      R own = kept_velocities[i] - velocity(cones[i], y.data())[0];
+      by[i] = own + std::copysign(rounding * (std::fabs(high(kept_velocities[i])) + size_near(cones[i], y)) + slack[i], high(own));
     }
     along_normals(by, part);
     by.resize(loads.size());
-    for (size_t i = 0; i < by.size(); ++i) add_row(cones[i], Axes{by[i] + part * loads[i], 0, 0}, e);
+    for (size_t i = 0; i < by.size(); ++i) add_row(cones[i], Axes{by[i] + part * loads[i], R{}, R{}}, e);
     increase(e, -part, y);
-    for (const Axes& one : P) greatest = std::fmax(greatest, std::hypot(one[0], one[1], one[2]));
+    for (const Axes& one : P) greatest = std::fmax(greatest, std::hypot(high(one[0]), high(one[1]), high(one[2])));
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone& cone = cones[i];
       Axes v = velocity(cone, dual.data());
       for (int k = 0; k < 3; ++k) v[k] += cone.w[k];
-      double slip = cone.mu > 0 ? std::hypot(v[1], v[2]) : 0, outside = std::fmax(cone.mu * slip - v[0], 0);
-      sum += std::fabs(v[0] * P[i][0] + v[1] * P[i][1] + v[2] * P[i][2]);
-      sum += greatest * std::fmin(outside, slip + std::fmax(-v[0], 0));
-      if (!kept_velocities.empty()) sum += std::fabs(v[0]) * (part * loads[i] + std::fabs(by[i]));
+      const R slip = cone.mu > 0 ? length_of(v[1], v[2]) : R{};
+      const double outside = std::fmax(high(cone.mu * slip - v[0]), 0);
+      sum += std::fabs(high(v[0] * P[i][0] + v[1] * P[i][1] + v[2] * P[i][2]));
+      sum += greatest * std::fmin(outside, high(slip) + std::fmax(-high(v[0]), 0));
+      if (!kept_velocities.empty()) sum += std::fabs(high(v[0])) * (part * high(loads[i]) + std::fabs(high(by[i])));
     }
-    const double far = std::sqrt(dot(e, e));
+    const double far = std::sqrt(high(dot(e, e)));
     return far + (far + std::sqrt(far * far + 4 * sum)) / 2;
   }
 
  private:
   int body_count, variables = 0;
   double rho = 1, sigma = SIGMA;
+  double work = 0;     // multiplications in newton() so far
+  double fastest = 1;  // the greatest component of w in double-double; not used in doubles
   Vector x;  // eta, lambda
+  struct State {
+    std::vector<Axes> P, z;
+    Vector x;
+  };
+  State state() const { return {P, z, x}; }
+  void restore(const State& before) {
+    P = before.P;
+    z = before.z;
+    x = before.x;
+  }
   Vector lambda_before;
   std::vector<Axes> from;
-  static constexpr double ROUNDING = 0x1p-50;
+  static constexpr double ROUNDING = Traits<R>::roundoff * 8;
   using Slope = std::array<Axes, 3>;
   std::vector<Slope> slopes;
 
   // Replace changes of normal velocities by the normal impulses that make them, and find the part of the loads that keeps
   // these in the cones.
   void along_normals(Vector& by, double& part) const {
-    normals.solve(by.data());
-    for (size_t i = 0; i < by.size(); ++i) part = std::fmax(part, std::fabs(by[i]) / loads[i]);
-    if (part < 1) return;
-    part = 1;
-    std::fill(by.begin(), by.end(), 0.0);
+    ::Vector solved;
+    for (const R& one : by) solved.push_back(high(one));
+    normals.solve(solved.data());
+    for (size_t i = 0; i < by.size(); ++i) part = std::fmax(part, std::fabs(solved[i]) / high(loads[i]));
+    if (!(part < 1)) {
+      part = 1;
+      std::fill(solved.begin(), solved.end(), 0.0);
+    }
+    for (size_t i = 0; i < by.size(); ++i) by[i] = constant<R>(solved[i]);
   }
   static double size_near(const Cone& cone, const Vector& y) {
     double square = 0;
     for (int body : cone.body)
-      for (int k = 0; body >= 0 && k < 6; ++k) square += y[6 * body + k] * y[6 * body + k];
+      for (int k = 0; body >= 0 && k < 6; ++k) square += high(y[6 * body + k]) * high(y[6 * body + k]);
     return std::sqrt(square);
   }
   static double norm(const Vector& g) {
     double most = 0;
-    for (double v : g) most = std::max(most, std::fabs(v));
+    for (const R& v : g) most = std::max(most, std::fabs(high(v)));
     return most;
   }
-  static Axes velocity(const Cone& cone, const double* y) {
-    Axes v{0, 0, 0};
+  static Axes velocity(const Cone& cone, const R* y) {
+    Axes v{};
     for (int side = 0; side < 2; ++side)
       if (cone.body[side] >= 0) {
-        const double* of = y + 6 * cone.body[side];
+        const R* of = y + 6 * cone.body[side];
         for (int a = 0; a < 3; ++a)
           for (int k = 0; k < 6; ++k) v[a] += cone.row[side][a][k] * of[k];
       }
@@ -231,44 +326,45 @@ class Cones {
   static void add_row(const Cone& cone, const Axes& by, Vector& y) {
     for (int side = 0; side < 2; ++side)
       if (cone.body[side] >= 0) {
-        double* of = &y[6 * cone.body[side]];
+        R* of = &y[6 * cone.body[side]];
         for (int k = 0; k < 6; ++k) of[k] += cone.row[side][0][k] * by[0] + cone.row[side][1][k] * by[1] + cone.row[side][2][k] * by[2];
       }
   }
 
   // Project q on the cone; `slope` is the derivative of the projection.
   static void project_on_cone(double mu, Axes& q, Slope& slope) {
-    double t = std::sqrt(q[1] * q[1] + q[2] * q[2]);
+    const R t = root(q[1] * q[1] + q[2] * q[2]), one = constant<R>(1), none{};
     slope = {};
-    if (q[0] >= 0 && t <= mu * q[0]) {
-      for (int k = 0; k < 3; ++k) slope[k][k] = 1;
+    if (less_equal(none, q[0]) && less_equal(t, mu * q[0])) {
+      for (int k = 0; k < 3; ++k) slope[k][k] = one;
       return;
     }
-    if (mu * t <= -q[0]) {
-      q = {0, 0, 0};
+    if (less_equal(mu * t, -q[0])) {
+      q = {};
       return;
     }
-    double d[2] = {t > 0 ? q[1] / t : 0, t > 0 ? q[2] / t : 0}, whole = 1 / (1 + mu * mu);
-    double n = (q[0] + mu * t) * whole, round = t > 0 ? mu * n / t : 0;
+    const bool turned = high(t) > 0;
+    const R d[2] = {turned ? q[1] / t : none, turned ? q[2] / t : none}, whole = one / (one + mu * constant<R>(mu));
+    const R n = (q[0] + mu * t) * whole, round = turned ? mu * n / t : none;
     slope[0][0] = whole;
     for (int k = 0; k < 2; ++k) {
       slope[0][1 + k] = slope[1 + k][0] = mu * whole * d[k];
-      for (int l = 0; l < 2; ++l) slope[1 + k][1 + l] = (mu * mu * whole - round) * d[k] * d[l] + (k == l ? round : 0);
+      for (int l = 0; l < 2; ++l) slope[1 + k][1 + l] = (mu * mu * whole - round) * d[k] * d[l] + (k == l ? round : none);
     }
     q = {n, mu * n * d[0], mu * n * d[1]};
   }
 
   // Returns the value to minimise at (eta, lambda); sets its gradient, P and slopes. `holding`: as if all contacts held.
-  double evaluate(const Vector& at, Vector& gradient, bool holding) {
+  R evaluate(const Vector& at, Vector& gradient, bool holding) {
     slopes.resize(cones.size());
-    const double* lambda = at.data() + 6 * body_count;
+    const R* lambda = at.data() + 6 * body_count;
     Vector& y = whole;
     y.assign(at.begin(), at.begin() + 6 * body_count);
-    for (size_t i = 0; i < kept_velocities.size(); ++i) add_row(cones[i], Axes{lambda[i], 0, 0}, y);
-    double value = 0;
-    for (double v : y) value += v * v / 2;
+    for (size_t i = 0; i < kept_velocities.size(); ++i) add_row(cones[i], Axes{lambda[i], R{}, R{}}, y);
+    R value{};
+    for (const R& v : y) value += v * v / 2;
     for (size_t i = 0; i < kept_velocities.size(); ++i) {
-      double by = lambda[i] - lambda_before[i];
+      const R by = lambda[i] - lambda_before[i];
       gradient[6 * body_count + i] = velocity(cones[i], y.data())[0] - kept_velocities[i] + by / sigma;
       value += by * by / (2 * sigma) - kept_velocities[i] * lambda[i];
     }
@@ -282,8 +378,8 @@ class Cones {
       }
       if (holding) {
         slopes[i] = {};
-        for (int k = 0; k < 3; ++k) slopes[i][k][k] = k == 0 || cone.mu > 0;
-        if (!(cone.mu > 0)) P[i][1] = P[i][2] = 0;
+        for (int k = 0; k < 3; ++k) slopes[i][k][k] = constant<R>(k == 0 || cone.mu > 0);
+        if (!(cone.mu > 0)) P[i][1] = P[i][2] = R{};
       } else {
         project_on_cone(cone.mu, P[i], slopes[i]);
       }
@@ -297,8 +393,8 @@ class Cones {
   // The matrix of Newton's method, by rows from the first entry that is not 0 to the diagonal.
   std::vector<int> place, first;
   std::vector<size_t> start;
-  Vector constant, M, rhs, whole;
-  double& at(Vector& matrix, int i, int j) const {
+  Vector fixed, M, rhs, whole;
+  R& at(Vector& matrix, int i, int j) const {
     int a = std::max(place[i], place[j]), b = std::min(place[i], place[j]);
     return matrix[start[a] + static_cast<size_t>(b - first[a])];
   }
@@ -367,32 +463,33 @@ class Cones {
       }
     start.assign(variables + 1, 0);
     for (int i = 0; i < variables; ++i) start[i + 1] = start[i] + static_cast<size_t>(i - first[i] + 1);
-    constant.assign(start[variables], 0.0);
-    for (int i = 0; i < 6 * body_count; ++i) at(constant, i, i) = 1;
+    fixed.assign(start[variables], R{});
+    for (int i = 0; i < 6 * body_count; ++i) at(fixed, i, i) = constant<R>(1);
     for (int b = 0; b < body_count && !kept_velocities.empty(); ++b)
       for (size_t s = 6; s < members[b].size(); ++s) {
         int i = members[b][s];
-        const double* row = normal(i - 6 * body_count, b);
-        for (int k = 0; k < 6; ++k) at(constant, 6 * b + k, i) += row[k];
+        const R* row = normal(i - 6 * body_count, b);
+        for (int k = 0; k < 6; ++k) at(fixed, 6 * b + k, i) += row[k];
         for (size_t t = 6; t <= s; ++t) {
           int j = members[b][t];
-          const double* other = normal(j - 6 * body_count, b);
-          double sum = 0;
+          const R* other = normal(j - 6 * body_count, b);
+          R sum{};
           for (int k = 0; k < 6; ++k) sum += row[k] * other[k];
-          at(constant, i, j) += sum;
+          at(fixed, i, j) += sum;
         }
       }
   }
-  const double* normal(int i, int body) const { return cones[i].row[cones[i].body[0] == body ? 0 : 1][0]; }
+  const R* normal(int i, int body) const { return cones[i].row[cones[i].body[0] == body ? 0 : 1][0]; }
 
   // step = -M^-1 gradient
   void newton(const Vector& gradient, Vector& step) {
-    M = constant;
-    for (size_t i = 0; i < kept_velocities.size(); ++i) at(M, 6 * body_count + static_cast<int>(i), 6 * body_count + static_cast<int>(i)) += 1 / sigma;
+    M = fixed;
+    for (size_t i = 0; i < kept_velocities.size(); ++i) at(M, 6 * body_count + static_cast<int>(i), 6 * body_count + static_cast<int>(i)) += constant<R>(1 / sigma);
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone& cone = cones[i];
-      double own = rho * cone.share, part[2][3][6];
-      if (slopes[i][0][0] == 0) continue;  // no impulse at this contact
+      const double own = rho * cone.share;
+      R part[2][3][6];
+      if (high(slopes[i][0][0]) == 0) continue;  // no impulse at this contact
       for (int side = 0; side < 2; ++side)
         for (int a = 0; cone.body[side] >= 0 && a < 3; ++a)
           for (int k = 0; k < 6; ++k)
@@ -403,7 +500,7 @@ class Cones {
           int rows = place[6 * cone.body[s]], columns = place[6 * cone.body[t]];
           if (columns > rows) continue;
           for (int k = 0; k < 6; ++k) {
-            double* row = &M[start[rows + k] + static_cast<size_t>(columns - first[rows + k])];
+            R* row = &M[start[rows + k] + static_cast<size_t>(columns - first[rows + k])];
             int last = rows == columns ? k + 1 : 6;
             for (int l = 0; l < last; ++l) row[l] += cone.row[s][0][k] * part[t][0][l] + cone.row[s][1][k] * part[t][1][l] + cone.row[s][2][k] * part[t][2][l];
           }
@@ -412,22 +509,23 @@ class Cones {
     rhs.resize(variables);
     for (int i = 0; i < variables; ++i) rhs[place[i]] = -gradient[i];
     for (int i = 0; i < variables; ++i) {
-      double* row = &M[start[i]];
+      R* row = &M[start[i]];
       for (int j = first[i]; j < i; ++j) {
         int from = std::max(first[i], first[j]);
-        const double *p = row + (from - first[i]), *q = &M[start[j]] + (from - first[j]);
-        double sum = row[j - first[i]];
+        const R *p = row + (from - first[i]), *q = &M[start[j]] + (from - first[j]);
+        R sum = row[j - first[i]];
         for (int k = 0; k < j - from; ++k) sum -= p[k] * q[k];
+        work += j - from;
         row[j - first[i]] = sum / M[start[j + 1] - 1];
       }
-      double pivot = row[i - first[i]];
+      R pivot = row[i - first[i]];
       for (int j = first[i]; j < i; ++j) pivot -= row[j - first[i]] * row[j - first[i]];
-      row[i - first[i]] = pivot > 0 ? std::sqrt(pivot) : 0x1p200;
+      row[i - first[i]] = high(pivot) > 0 ? root(pivot) : constant<R>(0x1p200);
       for (int j = first[i]; j < i; ++j) rhs[i] -= row[j - first[i]] * rhs[j];
       rhs[i] /= row[i - first[i]];
     }
     for (int i = variables; i-- > 0;) {
-      const double* row = &M[start[i]];
+      const R* row = &M[start[i]];
       rhs[i] /= row[i - first[i]];
       for (int j = first[i]; j < i; ++j) rhs[j] -= row[j - first[i]] * rhs[i];
     }

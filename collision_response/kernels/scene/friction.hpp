@@ -60,17 +60,18 @@ constexpr double UNLOADED = 0x1p-80, UNSHARED = 1e-10;
 
 // A contact as a cone, with impulses in units that make n.K n of every contact 1, and velocities in units of `speed`.
 // `mean` is the mean of 1 / (n.K n) of unit normals.
-inline Cones::Cone cone_of(const AssembledContact& contact, double speed, double mean) {
-  Cones::Cone cone;
+template <class R>
+typename Cones<R>::Cone cone_of(const AssembledContact& contact, const ContactAxisOf<R>* axes, double speed, double mean) {
+  typename Cones<R>::Cone cone;
   double unit = contact.scale * contact.length;
   for (int side = 0; side < 2; ++side) {
     cone.body[side] = contact.body[side];
     for (int axis = 0; axis < 3; ++axis)
-      for (int k = 0; k < 6; ++k) cone.row[side][axis][k] = contact.axes[axis].row[side][k] * unit;
+      for (int k = 0; k < 6; ++k) cone.row[side][axis][k] = unit * axes[axis].row[side][k];
   }
-  for (int axis = 0; axis < 3; ++axis) cone.w[axis] = contact.axes[axis].velocity * unit / speed;
+  for (int axis = 0; axis < 3; ++axis) cone.w[axis] = unit * axes[axis].velocity / speed;
   cone.mu = contact.mu > LEAST_FRICTION ? std::fmin(contact.mu, GREATEST_FRICTION) : 0;
-  if (!(cone.mu > 0)) cone.w[1] = cone.w[2] = 0;  // they have no effect, but may be large
+  if (!(cone.mu > 0)) cone.w[1] = cone.w[2] = R{};  // they have no effect, but may be large
   // So that the least sum of squares is that of impulses in newton seconds.
   cone.share = std::fmin(std::fmax(1 / (unit * unit * mean), 1e-3), 1e3);
   return cone;
@@ -80,6 +81,36 @@ inline Cones::Cone cone_of(const AssembledContact& contact, double speed, double
 inline Axes in_newton_seconds(Axes P, const AssembledContact& contact, double speed) {
   for (double& along : P) along = along * speed * contact.scale * contact.length;
   return P;
+}
+
+constexpr double SMALL_ERROR = 1e-6;  // of y: no need for double-double
+
+// Solve the programme of least work again, in double-double. If this reduces `error`, the bound on the error of y, set the
+// impulses of `programme`. Returns the new bound.
+inline double solve_in_double_double(const Assembly& assembly, const std::vector<int>& loaded, const std::vector<DD>& p, double speed, double mean, Cones<double>& programme, double error) {
+  Cones<DD> precise(assembly.body_count);
+  const std::vector<PreciseBody> bodies(assembly.bodies.begin(), assembly.bodies.end());
+  for (int i : loaded) precise.cones.push_back(cone_of(assembly.contacts[i], assembly.precise_axes(assembly.contacts[i], bodies).data(), speed, mean));
+  for (double load : programme.loads) precise.loads.push_back({load, 0});
+  precise.normals = programme.normals;
+  const std::vector<N> changes = assembly.twist_changes(p.data());
+  for (size_t k = 0; k < programme.kept_velocities.size(); ++k) {
+    const AssembledContact& contact = assembly.contacts[loaded[k]];
+    precise.kept_velocities.push_back(contact.scale * contact.length * value(assembly.velocity_change(contact, changes)) / contact.precise_length() / speed);
+  }
+  precise.prepare();
+  precise.refine_loads();
+  double precise_error = precise.solve();
+  if (!(precise_error < error)) return error;
+  for (size_t k = 0; k < loaded.size(); ++k)
+    for (int axis = 0; axis < 3; ++axis) {
+      programme.P[k][axis] = precise.P[k][axis].h;
+      double square = 0;
+      for (const auto& side : programme.cones[k].row)
+        for (double x : side[axis]) square += x * x;
+      precise_error += 0x1p-53 * std::fabs(programme.P[k][axis]) * std::sqrt(square);  // P is rounded to doubles
+    }
+  return precise_error;
 }
 
 // COULOMB: from frictionless impulses, those in the cones of friction that do the least work on relative velocities and
@@ -130,7 +161,7 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
   }
   if (!has_friction) return result;
   mean /= loaded.size();
-  Cones programme(assembly.body_count);
+  Cones<double> programme(assembly.body_count);
   programme.normals = ActiveSet<double>(assembly.A.data(), count);
   const std::vector<int> dependent = programme.normals.span(loaded, NEARLY_DEPENDENT);
   loaded = programme.normals.members;
@@ -138,7 +169,7 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
   const size_t independent = programme.normals.members.size();
   for (int i : loaded) {
     const AssembledContact& contact = assembly.contacts[i];
-    programme.cones.push_back(cone_of(contact, speed, mean));
+    programme.cones.push_back(cone_of(contact, contact.axes, speed, mean));
     programme.loads.push_back(shared[i] / contact.scale / speed);
     if (programme.kept_velocities.size() == independent) continue;
     double unit = contact.scale * contact.length / speed;
@@ -146,7 +177,9 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
     programme.slack.push_back(std::fabs(as_shared.velocity(i, 0) - as_given.velocity(i, 0)) * unit);
   }
   programme.prepare();
-  result.error += programme.solve() * speed;
+  double error = programme.solve();
+  if (!(error <= SMALL_ERROR)) error = solve_in_double_double(assembly, loaded, frictionless.normal, speed, mean, programme, error);
+  result.error += error * speed;
   std::vector<Axes> P(count);
   for (size_t k = 0; k < loaded.size(); ++k) P[loaded[k]] = in_newton_seconds(programme.P[k], assembly.contacts[loaded[k]], speed);
 
@@ -177,7 +210,7 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
 }
 
 // The shifts mu |u_t| of a solution.
-inline Vector shifts_of(const Cones& programme) {
+inline Vector shifts_of(const Cones<double>& programme) {
   Vector shifts;
   for (size_t i = 0; i < programme.cones.size(); ++i) shifts.push_back(programme.cones[i].mu * std::hypot(programme.z[i][1], programme.z[i][2]));
   return shifts;
@@ -193,12 +226,12 @@ inline double distance(const Vector& one, const Vector& other) {
 // small distance from these nearer to them, by some rate. If it takes them nearer by more than `change`, there is a fixed
 // point within that distance. Where contacts lock, or share a load in several ways, all shifts nearby are fixed points, and
 // the error is unknown: infinite. The rate is that in the direction in which rounds are slowest, by the power method.
-inline double shift_error(Cones programme, const Vector& start, const Vector& shift, double change) {
+inline double shift_error(Cones<double> programme, const Vector& start, const Vector& shift, double change) {
   constexpr double LEAST = 1e-9, WIDER = 30, WIDEST = 1e-3, ROUNDING = 1e-12, FIXED = 1 - 1e-5;
   constexpr int ROUNDS = 20;
   auto round_from = [&](const Vector& by) {
     for (size_t i = 0; i < by.size(); ++i) programme.cones[i].w[0] = start[i] + std::fmax(shift[i] + by[i], 0);
-    if (!programme.lagrangian_step(Cones::GREATEST_RHO, programme.P, false, 60)) programme.solve_from_zero();
+    if (!programme.lagrangian_step(programme.GREATEST_RHO, programme.P, false, 60)) programme.solve_from_zero();
     programme.polish();
     return shifts_of(programme);
   };
@@ -248,10 +281,10 @@ inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
     speed = std::fmax(speed, std::hypot(contact.axes[0].velocity, has_friction * contact.axes[1].velocity, has_friction * contact.axes[2].velocity) * contact.scale * contact.length);
   }
   if (!approach) return with_axis_impulses({}, assembly, P);  // impulses of 0 are a solution
-  Cones programme(assembly.body_count);
+  Cones<double> programme(assembly.body_count);
   Vector start;
   for (const AssembledContact& contact : assembly.contacts) {
-    Cones::Cone cone = cone_of(contact, speed, mean);
+    Cones<double>::Cone cone = cone_of(contact, contact.axes, speed, mean);
     cone.mu = std::fmin(cone.mu, GREATEST_IN_ONE_STEP);
     cone.w[0] += contact.e * std::fmin(cone.w[0], 0);
     start.push_back(cone.w[0]);
@@ -284,7 +317,7 @@ inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
     }
     last_shift = found;
     last_step = step;
-    programme.lagrangian_step(Cones::GREATEST_RHO, programme.P, false, 60);
+    programme.lagrangian_step(programme.GREATEST_RHO, programme.P, false, 60);
     programme.polish();
   }
   // If a load can be shared in several ways, take the one with the most friction.

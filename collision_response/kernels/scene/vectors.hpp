@@ -12,10 +12,27 @@ using DD = DoubleDouble<double>;
 using Vector = std::vector<double>;
 using Axes = std::array<double, 3>;
 
-inline double dot(const Vector& a, const Vector& b) { return std::inner_product(a.begin(), a.end(), b.begin(), 0.0); }
-inline Axes cross(const double* a, const double* b) { return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]}; }
+INLINE DD operator+(const DD& a, double b) { return a + DD{b, 0}; }
+INLINE DD operator*(double a, const DD& b) { return DD{a, 0} * b; }
+INLINE DD operator/(const DD& a, double b) { return a / DD{b, 0}; }
+INLINE DD& operator+=(DD& a, const DD& b) { return a = a + b; }
+INLINE DD& operator-=(DD& a, const DD& b) { return a = a - b; }
+INLINE DD& operator/=(DD& a, const DD& b) { return a = a / b; }
+
+inline double length_of(double a, double b) { return std::hypot(a, b); }
+inline DD length_of(const DD& a, const DD& b) { return root(a * a + b * b); }
+
+template <class R>
+R dot(const std::vector<R>& a, const std::vector<R>& b) {
+  return std::inner_product(a.begin(), a.end(), b.begin(), R{});
+}
+template <class R>
+std::array<R, 3> cross(const R* a, const R* b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
 
 // y += by x
-inline void increase(Vector& y, double by, const Vector& x) {
+template <class R>
+void increase(std::vector<R>& y, double by, const std::vector<R>& x) {
   for (size_t i = 0; i < y.size(); ++i) y[i] += by * x[i];
 }
