@@ -1,4 +1,4 @@
-"""``python -m collision_response.identify FILE``: coefficients from a table or a recording."""
+"""``python -m collision_response.identify FILE``: fit coefficients to a table or a recording."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LAWS = {law.name.lower(): law for law in Law if law is not Law.AUTO}
 
 
 def parser() -> argparse.ArgumentParser:
-    """What it takes."""
+    """Return the parser of the command line."""
     it = argparse.ArgumentParser(
         prog="collision_response identify",
         description="Restitution and friction from measured impacts.",
@@ -66,7 +66,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Fit, print, draw; the exit status."""
+    """Fit the coefficients, print and draw the result, and return the exit status."""
     it = parser()
     arguments = it.parse_args(argv)
     if arguments.compare and arguments.plot:
@@ -101,7 +101,15 @@ def _failed(file: object, error: Exception) -> int:
 
 
 def read(arguments: argparse.Namespace) -> Measurements:
-    """The impacts of a file."""
+    """Read the file of impacts that the command line names.
+
+    Raises:
+        ImpactError: if the file holds no usable impacts.
+        ImportError: if the file is a recording and rerun is not installed.
+        OSError: if the file cannot be read.
+        ValueError: if readings of a sphere lack ``--speed``, ``--radius`` or ``--errors``, or have a number
+            that is out of range.
+    """
     if arguments.file.suffix == ".rrd":
         return read_impacts(arguments.file, arguments.within)
     rows = from_table.read_rows(arguments.file, dict(arguments.set))

@@ -1,4 +1,4 @@
-"""Which law comes nearest to measured impacts, if they tell."""
+"""Compare how well laws fit measured impacts, and say which laws the impacts cannot distinguish."""
 
 from __future__ import annotations
 
@@ -17,7 +17,12 @@ RESAMPLES = 4000
 
 
 class Excess(NamedTuple):
-    """How much more a law's sum of squares is than that of the best one, relative; with its 95 % interval."""
+    """Relative excess of a law's sum of squares over the sum of squares of the best law.
+
+    Attributes:
+        value: the excess; 0.1 means that the sum is 10 % larger.
+        low, high: 95 % interval of the bootstrap.
+    """
 
     value: float
     low: float
@@ -25,12 +30,12 @@ class Excess(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """What laws make of the same impacts.
+    """Fits of several laws to the same impacts.
 
     Attributes:
-        fits: by law, the nearest first.
-        excess: of each law but the first.
-        candidates: the first, and the laws that these impacts do not tell from it.
+        fits: the fit of each law, the best law first.
+        excess: how much worse each law except the best one is.
+        candidates: the best law, and the laws that these impacts cannot distinguish from it.
     """
 
     fits: dict[Law, Identification]
@@ -51,16 +56,17 @@ class Comparison(NamedTuple):
 def compare(
     measured: Measurements, laws: Sequence[Law] = LAWS, *, seed: int = 0, **options: Any
 ) -> Comparison:
-    """Fit several laws, and see whether the impacts tell them apart.
+    """Fit several laws to the same impacts, and find out which ones the impacts distinguish.
 
-    The interval of the excess is that of the bootstrap over the impacts, at the coefficients of the whole.
-    A law whose interval reaches 0 or below is not told from the best.
+    The interval of an excess comes from a bootstrap over the impacts, in which each law keeps the
+    coefficients that fit all impacts. If it reaches down to 0, the impacts do not distinguish the law from
+    the best one.
 
     Args:
-        measured: see :func:`~collision_response.identify.identify`.
-        laws: to compare.
-        seed: of the bootstrap.
-        options: of :func:`~collision_response.identify.identify`.
+        measured: the impacts, as for :func:`~collision_response.identify.identify`.
+        laws: the laws to compare.
+        seed: seed of the random numbers of all bootstraps.
+        options: the other arguments of :func:`~collision_response.identify.identify`.
 
     Raises:
         ImpactError, ImportError: as :func:`~collision_response.identify.identify`.

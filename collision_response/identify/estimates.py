@@ -1,9 +1,10 @@
-"""How well a fit knows its coefficients: intervals, lower bounds, and combinations.
+"""How well a fit determines its coefficients: intervals, lower bounds, and combinations.
 
-The formal intervals of least squares take every residual for independent noise of one size. Noise of a
-normal is not: it tilts the impulse, and the fit answers with other coefficients. So the intervals given are
-those of the bootstrap, of fits to impacts drawn from the measured ones with replacement. They hold what
-differs from impact to impact, not what is wrong with all of them, such as a geometry or a law.
+The formal intervals of least squares treat all residuals as independent noise of one size. Noise of a normal
+is different: it tilts the impulse, and the fit makes up for that with other coefficients. So the intervals
+come from the bootstrap: from fits to impacts drawn from the measured ones with replacement. They include
+errors that vary from impact to impact, but not errors that all impacts share, such as a wrong geometry or
+law.
 
 Source: Efron & Tibshirani, *An Introduction to the Bootstrap*, 1993, section 13.3.
 """
@@ -19,28 +20,31 @@ from .least_squares import NEGLIGIBLE_SQUARES, RANGES, LeastSquares
 from .measurements import Array
 
 LARGE_COEFFICIENT = 1e3
-"""As good as infinite, for a coefficient."""
+"""Stands for infinity where a coefficient without an upper limit is tried at its limit."""
 
 HALF_CHI_SQUARE = 1.92
 """Half of the 95 % point of chi square with one degree of freedom."""
 
 CONDITION_LIMIT = 1e4
-"""Where one combination of coefficients is known this much better than another, the other is not known."""
+"""A combination of coefficients counts as undetermined if another is determined this many times better."""
 
 OUTLIER_SCALES = 3.0
-"""A residual of more scales counts as one of so many: it does not tell how noisy the others are."""
+"""Residuals are clipped at this many scales when their variance is estimated, because an outlier does not
+tell how noisy the other residuals are."""
 
 HALVINGS = 20
-"""Of the interval in which a lower bound is sought."""
+"""Number of bisection steps in the search for a lower bound."""
 
 
 class Estimate(NamedTuple):
-    """A coefficient.
+    """A fitted coefficient and how well it is known.
 
     Attributes:
-        value: the best; NaN where the impacts do not tell.
-        low, high: 95 % interval of the bootstrap; with ``value`` NaN, of what is not ruled out.
-        formal: standard deviation by least squares, too small by far where normals are noisy.
+        value: the best fit; NaN if the impacts do not determine the coefficient.
+        low, high: 95 % interval of the bootstrap; if ``value`` is NaN, the range of values that the impacts
+            do not rule out.
+        formal: standard deviation according to least squares; far too small if the normals are noisy.
+            Infinite if ``value`` is NaN.
     """
 
     value: float
@@ -59,12 +63,14 @@ class Estimate(NamedTuple):
 
 
 def estimates(problem: LeastSquares, best: Any, values: Array) -> tuple[dict[str, Estimate], Estimate | None]:
-    """What is known of each coefficient, and of ``friction (1 + restitution)`` where it alone is known.
+    """Return an estimate of each fitted coefficient, and one of ``friction (1 + restitution)``.
+
+    The second is ``None`` unless the impacts determine this combination but neither factor.
 
     Args:
-        problem: that was solved.
-        best: SciPy's solution.
-        values: those of the bootstrap, a row each.
+        problem: the least squares problem.
+        best: SciPy's solution of it.
+        values: the fitted coefficients of each resample, one row each.
     """
     x, names = best.x, problem.names
     covariance = _variance(problem, best) * np.linalg.pinv(best.jac.T @ best.jac)
@@ -78,10 +84,10 @@ def estimates(problem: LeastSquares, best: Any, values: Array) -> tuple[dict[str
 
 
 def undetermined(problem: LeastSquares, best: Any) -> dict[str, Estimate]:
-    """What is not ruled out, of each coefficient that these impacts do not determine.
+    """Return, for each coefficient that the impacts do not determine, the range that they do not rule out.
 
     Args:
-        problem, best: see :func:`estimates`.
+        problem, best: as for :func:`estimates`.
     """
     unknown = _confounded(best.jac, problem.names)
     allowed = problem.squares(best.x) + 2 * HALF_CHI_SQUARE * _variance(problem, best) + NEGLIGIBLE_SQUARES
@@ -95,15 +101,18 @@ def undetermined(problem: LeastSquares, best: Any) -> dict[str, Estimate]:
 
 
 def _variance(problem: LeastSquares, best: Any) -> float:
-    """Of a residual. One that is 0 whatever the coefficients are does not count: it was not measured, or lies
-    across the plane of a planar impact."""
+    """Return the variance of a residual.
+
+    Residuals that are 0 for all coefficients do not count: they were not measured, or are perpendicular to
+    the plane of a planar impact.
+    """
     counts = (best.fun != 0) | best.jac.any(axis=1)
     most = OUTLIER_SCALES * problem.scale or math.inf
     return float((np.minimum(abs(best.fun), most) ** 2).sum() / max(counts.sum() - best.x.size, 1))
 
 
 def _confounded(jacobian: Array, names: tuple[str, ...]) -> set[str]:
-    """The coefficients of which the impacts determine no more than a combination."""
+    """Return the coefficients of which the impacts determine only a combination."""
     effective = [i for i in range(len(names)) if jacobian[:, i].any()]
     if len(effective) < 2:
         return set()
@@ -121,7 +130,11 @@ PRODUCT = ("restitution", "friction")
 
 
 def _product(x: Array, values: Array, names: tuple[str, ...], covariance: Array) -> Estimate:
-    """``friction (1 + restitution)``: all that a tangential velocity after sliding tells, or a spin."""
+    """Estimate ``friction (1 + restitution)``.
+
+    Where the contact slides throughout the impact, tangential velocities and spins afterwards determine only
+    this product.
+    """
     e, mu = (names.index(name) for name in PRODUCT)
     low, high = np.percentile(values[:, mu] * (1 + values[:, e]), (2.5, 97.5))
     slope = np.zeros(len(names))
@@ -130,7 +143,15 @@ def _product(x: Array, values: Array, names: tuple[str, ...], covariance: Array)
 
 
 def _undetermined_alone(problem: LeastSquares, best: Any, name: str, allowed: float) -> Estimate | None:
-    """What is not ruled out, of a coefficient that may be anything, or anything above some value."""
+    """Return the range that is not ruled out for a coefficient that can have any value, or any above a bound.
+
+    Returns ``None`` if the impacts determine the coefficient.
+
+    Args:
+        problem, best: as for :func:`estimates`.
+        name: the coefficient.
+        allowed: the sum of squares up to which a value is not ruled out, with the other coefficients fitted.
+    """
     (least, most, _), x, i = RANGES[name], best.x, problem.names.index(name)
     if problem.squares_at_fixed(x, name, min(most, LARGE_COEFFICIENT)) > allowed:
         return None

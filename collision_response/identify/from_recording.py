@@ -1,7 +1,8 @@
-"""Measurements impacts from a recording of the node: its table ``/impacts``, and the states that it heard.
+"""Measured impacts from a recording of the node: its table ``/impacts``, and the states that it received.
 
-What the table has after an impact is the answer of a law, which no measurement is. What was measured is the
-first state of a body that was heard after it. Of that a recording has the velocity of the centre of mass.
+A law computed the twists after an impact in the table, so they are not measurements. The measurement is the
+first state of a body that the node received after the impact. A recording holds the velocity of the centre of
+mass in that state, but not the angular velocity.
 """
 
 from __future__ import annotations
@@ -23,22 +24,23 @@ TABLE = "/impacts"
 UNKNOWN = Vec3(math.nan, math.nan, math.nan)
 
 States = tuple[list[int], list[Vec3]]
-"""Stamps [ns], in order, and velocities."""
+"""Stamps of states [ns], in ascending order, and the velocities of the centre of mass [m/s]."""
 
 
 def read_impacts(path: Path, within: float) -> Impacts:
-    """The impacts of a recording.
+    """Read the impacts of a recording.
 
     Args:
-        path: of the file.
-        within: the latest that a state may be after the impact for the velocity after it [s]. Gravity has
-            changed it until then. 0: the answers of the node stand for what was measured, to see what it
-            was told.
+        path: the recording.
+        within: how long after an impact a state may be received and still be its measurement [s]. Gravity
+            changes the velocity in the meantime. With 0 the node's answers are used as measurements, which
+            gives back the coefficients that the node used.
 
     Raises:
-        ImpactError: INVALID_TABLE: it has no impacts, or nothing was heard after them.
-        ImportError: rerun is not installed.
-        OSError: it cannot be read.
+        ImpactError: INVALID_TABLE if the recording has no impacts, or no state that was received within the
+            given time after one of them. Other codes as :meth:`~collision_response.identify.Impacts.of`.
+        ImportError: if rerun is not installed.
+        OSError: if the file cannot be read.
     """
     rows = list(_rows(path, TABLE))
     answered = [row for row in rows if row.get("Impact:request_a") and row.get("Impact:twist_a_after")]
@@ -65,14 +67,19 @@ def read_impacts(path: Path, within: float) -> Impacts:
 
 
 def _rows(path: Path, entity: str) -> Iterator[dict[str, Any]]:
-    """The rows of an entity, by column."""
+    """Yield the rows of an entity, each with its values by column name.
+
+    Raises:
+        ImportError: if rerun is not installed.
+        OSError: if the file cannot be read.
+    """
     try:
         from ..recording.table import open_complete
     except ImportError:
         raise ImportError("a recording needs rerun: pip install rerun-sdk") from None
     try:
         chunks = list(open_complete(path).stream().filter(content=entity).to_chunks())
-    except (RuntimeError, ValueError) as error:  # of a file that is none of rerun's own, or cut short
+    except (RuntimeError, ValueError) as error:  # the file is cut short, or not a recording
         raise OSError(str(error)) from None
     for chunk in chunks:
         batch = chunk.to_record_batch()
@@ -92,14 +99,17 @@ def _contact(numbers: list[float]) -> Contact:
 
 
 def _answer(row: dict[str, Any], side: str) -> Twist:
-    """After the impact, of the centre of mass."""
+    """Return the node's answer for a body: its twist after the impact, at the centre of mass."""
     numbers = row[f"Impact:twist_{side}_after"][0]
     body = _body(row, side).with_twist(Twist(Vec3(*numbers[:3]), Vec3(*numbers[3:])))
     return Twist(with_com_as_reference(body).velocity, body.angular_velocity)
 
 
 def _read_states(path: Path, name: str) -> States:
-    """What was heard of a body: of its velocity there is one arrow then."""
+    """Read the states of a body that the node received.
+
+    They are the rows with a single velocity arrow. The rows of impacts have more.
+    """
     from ..recording.viewer_layout import velocity_path
     from ..recording.writer import ARROW_TIME
 
@@ -109,9 +119,9 @@ def _read_states(path: Path, name: str) -> States:
 
 
 def _first_velocity_after(heard: States, row: dict[str, Any], within: float) -> Vec3:
-    """The first velocity heard after an impact."""
+    """Return the first velocity received within a time [s] after an impact; NaN if there is none."""
     stamps, velocities = heard
-    stamp: int = row.get("ros_time") or 0  # 0: nobody knows
+    stamp: int = row.get("ros_time") or 0  # 0: the time is not known
     place = bisect_right(stamps, stamp) if stamp else len(stamps)
     is_there = place < len(stamps) and stamps[place] - stamp <= within * 1e9
     return velocities[place] if is_there else UNKNOWN

@@ -1,13 +1,15 @@
-"""Measurements impacts from a table: CSV, with a line for each impact.
+"""Measured impacts from a table: a CSV file with one line per impact.
 
-Columns are named as the rows of ``BodyStates``, in SI units: ``m``, ``ixx ixy ixz iyy iyz izz``, ``comx
-comy comz``, ``x y z``, ``qx qy qz qw``, ``vx vy vz``, ``wx wy wz`` are of body_a before the impact. Those
-of body_b begin with ``b_``; without a ``b_m`` it is immovable. After the impact: ``vx_after`` and so on;
-empty, or no such column: not measured. The contact is at ``cx cy cz``, or at ``rx ry rz`` from the origin
-of body_a; its normal, from body_b to body_a, is ``nx ny nz``. What is not there is 0, and ``qw`` 1.
+The columns have the names of the rows of ``BodyStates``, in SI units. ``m``, ``ixx ixy ixz iyy iyz izz``,
+``comx comy comz``, ``x y z``, ``qx qy qz qw``, ``vx vy vz`` and ``wx wy wz`` describe body_a before the
+impact. The same names with ``b_`` in front describe body_b, which is immovable if there is no ``b_m``.
+Columns such as ``vx_after`` and ``b_wz_after`` hold what was measured after the impact. If something was not
+measured, leave its cell empty or leave out its column. The contact is at ``cx cy cz``, or at ``rx ry rz``
+relative to the position ``x y z`` of body_a. Its normal, ``nx ny nz``, points from body_b to body_a. A table
+needs ``m``, a normal and a measurement. Other missing columns count as 0, and ``qw`` as 1.
 
-A table with a column ``incidence`` is one of readings of a sphere on a flat target: see
-:class:`~collision_response.identify.SphereReadings`, whose tables are its other columns.
+A table with a column ``incidence`` holds readings of a sphere that strikes a flat target. Its other columns
+are ``ratio``, ``angle`` and ``spin``: see :class:`~collision_response.identify.SphereReadings`.
 """
 
 from __future__ import annotations
@@ -37,17 +39,19 @@ Row = Mapping[str, float]
 
 
 def read_rows(path: Path, more: Mapping[str, str]) -> list[dict[str, float]]:
-    """The numbers of a CSV file, by column; an empty cell is NaN. Columns that mean nothing here are left
-    out.
+    """Read the numbers of a CSV file: one dictionary per row, by column name.
+
+    Empty cells are NaN. Columns with unknown names are left out.
 
     Args:
-        path: of the file.
-        more: columns that it does not have: a number, the same in each row, or the name of the column to
-            take.
+        path: the file.
+        more: columns to set in every row: by name, either a number, or the name of a column of the file that
+            has the values.
 
     Raises:
-        ImpactError: INVALID_TABLE: a cell is no number or too long, a column is there twice, a row has more
-            cells than there are columns, or there is no row.
+        ImpactError: INVALID_TABLE if a cell is not a number or is too long, a needed column appears twice, a
+            row has more cells than there are columns, or there are no rows.
+        OSError: if the file cannot be read.
     """
     rows = []
     for i, cells in enumerate(_cells(path, KNOWN.union(more.values()))):
@@ -59,9 +63,12 @@ def read_rows(path: Path, more: Mapping[str, str]) -> list[dict[str, float]]:
 
 
 def _cells(path: Path, needed: set[str]) -> list[dict[str, str]]:
-    """The cells of each row, by column; of the columns that are needed each must be there once.
+    """Read the text of the cells: one dictionary per row, by column name, without blanks around the names.
 
-    Blanks around a name or a number are no part of it.
+    Raises:
+        ImpactError: INVALID_TABLE if a cell is too long, a column of ``needed`` appears twice, or a row has
+            more cells than there are columns.
+        OSError: if the file cannot be read.
     """
     with path.open(newline="", encoding="utf-8-sig") as file:
         reader = csv.DictReader(file)
@@ -91,10 +98,11 @@ def _number(field: str, cell: str | None) -> float:
 
 
 def impacts_from_rows(rows: list[dict[str, float]]) -> Impacts:
-    """The impacts in the rows of a table.
+    """Return the impacts in the rows of a table.
 
     Raises:
-        ImpactError: INVALID_TABLE: a column is missing. Others: an impact is not sound.
+        ImpactError: INVALID_TABLE if a column is missing; else as
+            :meth:`~collision_response.identify.Impacts.of`.
     """
     _require_columns(rows[0], ["m"], NORMAL, AFTER + [f"b_{name}" for name in AFTER])
     bodies_a, bodies_b = ([_body(row, owner) for row in rows] for owner in ("", "b_"))
@@ -105,11 +113,15 @@ def impacts_from_rows(rows: list[dict[str, float]]) -> Impacts:
 def readings_from_rows(
     rows: list[dict[str, float]], speed: float, radius: float, errors: Mapping[str, float]
 ) -> SphereReadings:
-    """The readings in the rows of a table.
+    """Return the readings in the rows of a table.
+
+    Args:
+        rows: the rows, from :func:`read_rows`.
+        speed, radius, errors: as for :class:`~collision_response.identify.SphereReadings`.
 
     Raises:
-        ImpactError: INVALID_TABLE: a column is missing.
-        ValueError: of :class:`~collision_response.identify.SphereReadings`.
+        ImpactError: INVALID_TABLE if a column is missing.
+        ValueError: as :class:`~collision_response.identify.SphereReadings`.
     """
     _require_columns(rows[0], ["incidence"], SphereReadings.QUANTITIES)
     tables = {
@@ -121,7 +133,11 @@ def readings_from_rows(
 
 
 def _require_columns(row: Row, *groups: Sequence[str]) -> None:
-    """At least one column of each group."""
+    """Check that a row has at least one column of each group.
+
+    Raises:
+        ImpactError: INVALID_TABLE if it has no column of some group.
+    """
     missing = [" or ".join(group) for group in groups if not any(name in row for name in group)]
     if missing:
         reason = f"must have {'; '.join(missing)}. Known are {', '.join(row)}"

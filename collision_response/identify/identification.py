@@ -1,4 +1,4 @@
-"""Coefficients of a law from measured impacts, by robust least squares."""
+"""Fit the coefficients of a law to measured impacts by robust least squares."""
 
 from __future__ import annotations
 
@@ -14,28 +14,30 @@ from .least_squares import LOSSES, NEGLIGIBLE_SQUARES, PRECISION, RANGES, LeastS
 from .measurements import Array, Measurements, informative
 
 FEW_IMPACTS = 10
-"""Of fewer impacts the bootstrap says little."""
+"""With fewer impacts than this, the intervals of the bootstrap say little."""
 
 DISAGREEMENT = 3.0
-"""Residuals of two kinds that lead this many formal deviations apart have more than noise in them."""
+"""If two kinds of residuals lead to values more formal standard deviations apart than this, the cause is not
+only noise."""
 
 
 class Identification(NamedTuple):
-    """What was found.
+    """A law fitted to measured impacts.
 
     Attributes:
-        law: that was fitted.
-        values: of all coefficients at the best fit, given ones too; one that is not determined is as good
-            as others.
-        kind: of the residuals.
-        coefficients: by name.
-        combination: ``friction (1 + restitution)``, where the impacts determine it and not the two apart.
-        others: the values that residuals of other kinds lead to, by kind and name, where they determine it.
-        misfit: root of the sum of squares of the residuals, over that of what was measured.
-        squares: sum of squares of each impact's residuals; those that separate, and those after which
-            nothing was measured that tells anything, are left out. Shape ``(N,)``.
-        resampled: the coefficients of each fit of the bootstrap, a row each.
-        notes: what a person should know, in words.
+        law: the fitted law.
+        values: all coefficients at the best fit, including the given ones. The value of a coefficient that
+            the impacts do not determine is one of many that fit equally well.
+        kind: the kind of residuals that was fitted.
+        coefficients: an estimate of each fitted coefficient, by name.
+        combination: estimate of ``friction (1 + restitution)`` if the impacts determine this product but
+            neither factor; else ``None``.
+        others: by kind and name, the values that other kinds of residuals lead to, if they determine them.
+        misfit: root of the sum of squared residuals divided by the root of the sum of squared measurements.
+        squares: sum of squared residuals of each impact, shape ``(N,)``. Impacts that separate, and impacts
+            without a useful measurement after them, are left out.
+        resampled: fitted coefficients of each resample of the bootstrap, one row each.
+        notes: remarks for the user, as text.
     """
 
     law: Law
@@ -73,27 +75,31 @@ def identify(
     resamples: int = 200,
     seed: int = 0,
 ) -> Identification:
-    """The coefficients by which a law comes nearest to measured impacts.
+    """Find the coefficients with which a law comes closest to measured impacts.
 
     Args:
-        measured: :class:`~collision_response.identify.Impacts` or
+        measured: the impacts, as :class:`~collision_response.identify.Impacts` or
             :class:`~collision_response.identify.SphereReadings`.
-        law: not AUTO.
-        fit: what to fit: "restitution", "friction", "tangential_restitution", "stiffness_ratio" of COMPLIANT.
-            Left out: restitution, and friction if the law has any; those of them that are not given.
-        given: the coefficients that are known, by name, none of them in ``fit``; what is neither fitted nor
-            given is 0, restitution 1.
-        kind: of the residuals, one of ``measured.kinds``; left out, the first.
-        loss: of SciPy's ``least_squares``. All but "linear" are robust against outliers.
-        resamples: fits of the bootstrap, >= 2.
-        seed: of the bootstrap.
+        law: any law except AUTO.
+        fit: names of the coefficients to fit: "restitution", "friction", "tangential_restitution", or
+            "stiffness_ratio", which belongs to COMPLIANT. Default: restitution, and friction if the law has
+            friction, without those in ``given``.
+        given: known coefficients, by name, none of them in ``fit``. If they are neither fitted nor given,
+            restitution is 1, friction is 0 and the others are as in a default
+            :class:`~collision_response.ImpactModel`.
+        kind: kind of the residuals, one of ``measured.kinds``. Default: the first.
+        loss: loss function of SciPy's ``least_squares``. All except "linear" are robust against outliers.
+        resamples: number of fits of the bootstrap, at least 2.
+        seed: seed of the random numbers of the bootstrap.
 
     Raises:
-        ImpactError: INVALID_TABLE: too few impacts, or nothing but separating ones, or nothing was measured
-            after them. INVALID_MODEL: no such law, coefficient, kind or loss; a coefficient twice, fitted
-            and given, or none to fit; ``resamples`` < 2. INVALID_COEFFICIENT: a given one is out of range.
-        TypeError: ``resamples`` is no whole number.
-        ImportError: SciPy is not installed.
+        ImpactError: INVALID_TABLE if there are too few impacts that approach and have a useful measurement
+            after them. INVALID_MODEL if the law, the kind, the loss or the name of a coefficient is unknown,
+            a coefficient is in ``fit`` twice or in both ``fit`` and ``given``, none is to be fitted, or
+            ``resamples`` is less than 2. INVALID_COEFFICIENT if a given coefficient is out of range. Other
+            codes if the law cannot answer an impact.
+        TypeError: if ``resamples`` is not an integer.
+        ImportError: if SciPy is not installed.
     """
     given, kind = dict(given or {}), kind or measured.kinds[0]
     usual = ("restitution",) if law is Law.FRICTIONLESS else ("restitution", "friction")
@@ -107,7 +113,7 @@ def identify(
     coefficients, combination = estimates(problem, best, resampled)
     others = dict(_fits_to_other_residuals(problem))
     squares = (used.residuals(law, problem.at(best.x), kind) ** 2).sum(axis=0)
-    whole = max((used.sizes(kind) ** 2).sum(), NEGLIGIBLE_SQUARES * unit**2)  # bodies may stop
+    whole = max((used.sizes(kind) ** 2).sum(), NEGLIGIBLE_SQUARES * unit**2)  # not 0 even if all bodies stop
     misfit = math.sqrt(squares.sum() / whole)
     notes = _notes(measured, len(used), coefficients, others)
     return Identification(
@@ -160,7 +166,11 @@ def _check(
 
 
 def _informative_impacts(measured: Measurements, kind: str, count: int) -> Measurements:
-    """The impacts that say anything."""
+    """Return the impacts that tell something about the coefficients.
+
+    Raises:
+        ImpactError: INVALID_TABLE if they are not more than ``count``, the number of coefficients to fit.
+    """
     used = informative(measured, kind)
     if len(used) > count:
         return used
@@ -174,7 +184,7 @@ def _informative_impacts(measured: Measurements, kind: str, count: int) -> Measu
 
 
 def _fits_to_other_residuals(problem: LeastSquares) -> Iterator[tuple[str, dict[str, float]]]:
-    """What residuals of other kinds lead to, where they determine anything."""
+    """Yield the other kinds of residuals with the coefficients that they determine, if there are any."""
     for kind in problem.measured.kinds:
         used = informative(problem.measured, kind)
         if kind == problem.kind or len(used) <= len(problem.names):
@@ -194,7 +204,7 @@ def _notes(
     coefficients: Mapping[str, Estimate],
     others: Mapping[str, Mapping[str, float]],
 ) -> Iterator[str]:
-    """What a person should know."""
+    """Yield remarks for the user about a fit."""
     approaching = int(measured.approaching().sum())
     if separating := len(measured) - approaching:
         yield f"{separating} impacts separate, and do not count"
@@ -205,7 +215,7 @@ def _notes(
     for name, (value, low, high, formal) in coefficients.items():
         if math.isnan(value):
             continue
-        formal = max(formal, PRECISION)  # what was made without noise is known no better
+        formal = max(formal, PRECISION)  # without noise it is near 0, but the search ends at PRECISION
         if value in RANGES[name][:2]:
             yield f"{name} is at its limit: what was measured is there, or beyond it by law or error"
         if high - low > 2 * 2 * 1.96 * formal:

@@ -1,4 +1,4 @@
-"""The least squares: which coefficients, between which limits, of which residuals."""
+"""The least squares problem: the coefficients with their limits, the residuals, and the search."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .measurements import Array, Measurements
 
 
 class Range(NamedTuple):
-    """The limits of a coefficient, and the values from which its search starts."""
+    """Lower and upper limit of a coefficient, and the values at which a search starts."""
 
     least: float
     most: float
@@ -28,25 +28,28 @@ RANGES = {
     "tangential_restitution": Range(-1.0, 1.0, (-0.5, 0.0, 0.5)),
     "stiffness_ratio": Range(0.05, 20.0, (0.5, 1.0, 3.0)),
 }
-"""THE coefficients that can be fitted: those of a contact, and fields of ``ImpactModel``."""
+"""All coefficients that can be fitted: coefficients of a contact, and fields of ``ImpactModel``."""
 
 MAGNIFICATION = 2.0**100
-"""SciPy ends a search at an absolute gradient: of residuals so much larger none but 0 is too small."""
+"""Factor on the residuals in SciPy. Its search ends when the gradient is below an absolute limit; with this
+factor only a gradient of 0 is."""
 
 PRECISION = 1e-10
-"""Relative precision to which a coefficient is found."""
+"""Relative precision of a fitted coefficient."""
 
 ROUGH_PRECISION = 1e-4
-"""The relative precision of the cost of a first fit, of those of the bootstrap, and of what is ruled out."""
+"""Relative precision of the cost in fits that need not be exact: those from several starting points, those of
+the bootstrap, and those that tell which values of a coefficient are ruled out. Also how close to a limit a
+coefficient must be to be moved onto it."""
 
 ROUNDING = 1e-13
-"""A residual up to this size, in units, counts as rounding of 0."""
+"""A residual of at most this size, in units of the problem, counts as a rounding error."""
 
 NEGLIGIBLE_SQUARES = 1e-12
-"""A sum of squares up to this size, in units, counts as 0."""
+"""A sum of squares of at most this size, in squared units of the problem, counts as 0."""
 
 UNANSWERED_RESIDUAL = 1e6
-"""The residual, in units, of impacts that the law cannot answer."""
+"""All residuals, in units of the problem, at coefficients with which the law cannot answer some impact."""
 
 LOSSES: dict[str, Callable[[Array], Array]] = {
     "linear": lambda z: z,
@@ -55,29 +58,33 @@ LOSSES: dict[str, Callable[[Array], Array]] = {
     "cauchy": np.log1p,
     "arctan": np.arctan,
 }
-"""What the square of a residual counts, both in parts of the scale's: the losses of SciPy."""
+"""SciPy's loss functions: from a squared residual to its part of the cost, both over the squared scale."""
 
 SEARCHES = 4
-"""Number of starting points, the best ones, from which a search starts."""
+"""Number of searches: they start at the points with the smallest sums of squares."""
 
 
 def residual_unit(measured: Measurements, kind: str) -> float:
-    """How far bodies are off that have no friction and stop or bounce fully: the root of the sum of squares.
+    """Return a unit for the residuals of one kind.
 
-    Unlike what was measured it is not 0 for bodies that stop, and the same in a frame that moves along.
+    It is the root of the sum of the squared residuals without friction, at restitution 0 and 1 together; 1 if
+    these are all 0. Unlike the size of the measurements, it is not 0 if all bodies stop, and it is the same
+    in a moving frame.
     """
     off = (measured.residuals(Law.FRICTIONLESS, {"restitution": e}, kind) for e in (0.0, 1.0))
     return math.sqrt(sum((one**2).sum() for one in off)) or 1.0
 
 
 class LeastSquares(NamedTuple):
-    """What is minimised.
+    """A least squares problem.
 
     Attributes:
-        measured: impacts that say anything.
-        law, names, given, kind, loss: see :func:`identify`.
-        unit: of the residuals, see :func:`residual_unit`.
-        scale: a residual above this counts as an outlier; 0: none does.
+        measured: the impacts that tell something about the coefficients.
+        law, given, kind, loss: as for :func:`~collision_response.identify.identify`.
+        names: the coefficients to fit; ``fit`` of :func:`~collision_response.identify.identify`.
+        unit: unit of the residuals, see :func:`residual_unit`.
+        scale: size, in units, from which the loss treats a residual as an outlier. 0: no residual is one, and
+            the sum of squares itself is minimised.
     """
 
     measured: Measurements
@@ -90,12 +97,18 @@ class LeastSquares(NamedTuple):
     scale: float = 0.0
 
     def at(self, x: Iterable[float]) -> dict[str, float]:
-        """All coefficients, with those fitted at ``x``."""
+        """Return all coefficients by name: the given ones, and ``x`` for the fitted ones."""
         return {**self.given, **dict(zip(self.names, map(float, x), strict=True))}
 
     def residuals(self, x: Iterable[float]) -> Array:
-        """All of them, one after the other, in parts of the unit; beyond all measure where the law does not
-        follow an impact to its end, so that no search stays there."""
+        """Return the residuals at ``x`` in units of the problem, as a flat array.
+
+        If the law does not follow an impact to its end (PATH_TOO_LONG), all residuals are so large that no
+        search stays there.
+
+        Raises:
+            ImpactError: if the law cannot answer an impact for another reason.
+        """
         try:
             return self.measured.residuals(self.law, self.at(x), self.kind).ravel() / self.unit
         except ImpactError as error:
@@ -104,22 +117,23 @@ class LeastSquares(NamedTuple):
             return np.full(self.measured.is_measured(self.kind).size, UNANSWERED_RESIDUAL)
 
     def start(self) -> Array:
-        """Where the search begins: a rough solution, the best of those from several places."""
+        """Return the point where the final search begins: the best of rough solutions from several points."""
         places = sorted(product(*(RANGES[name].starts for name in self.names)), key=self.squares)
         found = (self.solve(np.array(place), ROUGH_PRECISION) for place in places[:SEARCHES])
         return min(found, key=lambda one: one.cost).x
 
     def squares(self, x: Iterable[float]) -> float:
-        """The sum of the squares of the residuals; of outliers what the loss leaves of them."""
+        """Return the sum of the squared residuals at ``x``, with outliers reduced by the loss."""
         squares = self.residuals(x) ** 2
         if self.scale:
             squares = self.scale**2 * LOSSES[self.loss](squares / self.scale**2)
         return float(squares.sum())
 
     def best(self) -> tuple[LeastSquares, Any]:
-        """With the scale of the middle residual of a fit that knows no outliers; and the solution.
+        """Return the problem with its scale set, and SciPy's solution of it.
 
-        Residuals that are 0 do not say how noisy the others are.
+        The scale is taken from the median residual of a fit that treats no residual as an outlier. Residuals
+        that are 0 do not count in the median, because they do not tell how noisy the others are.
         """
         first = self.solve(self.start())
         noise = abs(first.fun[abs(first.fun) > ROUNDING])
@@ -129,10 +143,17 @@ class LeastSquares(NamedTuple):
         return scaled, scaled.solve(first.x)
 
     def solve(self, x: Array, precision: float = PRECISION) -> Any:
-        """SciPy's solution, from ``x`` on, to a relative precision of its cost.
+        """Return SciPy's solution of a search that starts at ``x``.
 
-        The search is of coefficients whose lower limit is 1: SciPy's first step is no longer than what it
-        begins with, and one that is too short ends it.
+        The search uses coefficients that are shifted so that their lower limit is 1. SciPy limits its
+        first step to the length of the starting point, and a step that is too short would end the search.
+
+        Args:
+            x: starting values of the coefficients, in the order of ``names``.
+            precision: relative change of the cost at which the search ends.
+
+        Raises:
+            ImportError: if SciPy is not installed.
         """
         least, most = np.array([RANGES[name][:2] for name in self.names]).T
         loss = {"loss": self.loss, "f_scale": MAGNIFICATION * self.scale} if self.scale else {}
@@ -155,7 +176,10 @@ class LeastSquares(NamedTuple):
         return one
 
     def resampled(self, x: Array, count: int, seed: int) -> Array:
-        """Rows of coefficients that fit impacts drawn with replacement; one without effect is at its most."""
+        """Return fits to ``count`` sets of impacts drawn with replacement, one row of coefficients each.
+
+        A coefficient that has no effect on a set of impacts gets its upper limit.
+        """
         rng, n, most = (
             np.random.default_rng(seed),
             len(self.measured),
@@ -166,7 +190,7 @@ class LeastSquares(NamedTuple):
         return np.array([np.where(one.jac.any(axis=0), one.x, most) for one in found])
 
     def squares_at_fixed(self, x: Array, name: str, value: float) -> float:
-        """The least sum of squares with one coefficient held."""
+        """Return the smallest sum of squares with one coefficient held; the search starts at ``x``."""
         i = self.names.index(name)
         rest = self._replace(names=self.names[:i] + self.names[i + 1 :], given={**self.given, name: value})
         others = np.delete(x, i)
@@ -174,8 +198,11 @@ class LeastSquares(NamedTuple):
 
 
 def _snap_to_limits(x: Array, one: Any, limits: Iterable[Array], precision: float) -> Array:
-    """``x``, at the limits that SciPy only comes near: where the next step would lead there or beyond, and
-    the cost is as good as the same."""
+    """Return ``x`` with coefficients moved onto their limits, which SciPy approaches but never reaches.
+
+    A coefficient is moved if it is close to the limit, the next step would reach or cross it, and the cost
+    stays the same to the given relative precision.
+    """
     curvature = (one.jac**2).sum(axis=0)
     for limit in limits:
         way = np.where(abs(limit - x) < ROUGH_PRECISION, limit - x, 0.0)

@@ -1,7 +1,7 @@
-"""Measurements impacts, and how far a law's predictions are from them.
+"""Measured impacts, and how far a law's predictions are from them.
 
-:class:`Impacts` has the twists of both bodies, :class:`SphereReadings` what papers print of a sphere on a
-flat target.
+:class:`Impacts` holds the twists of both bodies. :class:`SphereReadings` holds what papers usually print
+about a sphere that strikes a flat target.
 """
 
 from __future__ import annotations
@@ -23,47 +23,50 @@ from ..status import ImpactError, StatusCode
 
 Array = np.ndarray[Any, Any]
 CoefficientValues = Mapping[str, float]
-"""By name: restitution, friction, or a field of :class:`~collision_response.ImpactModel`."""
+"""Values by name: restitution, friction, or a field of :class:`~collision_response.ImpactModel`."""
 
 ROUNDING = 1e-12
-"""A component of a vector so much smaller than it is what rounding left of 0."""
+"""A component of a vector counts as 0 if it is at most this fraction of the largest component."""
 
 BODY, CONTACT = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
 
 
 class Measurements(Protocol):
-    """What coefficients can be fitted to."""
+    """Measurements of N impacts to which coefficients can be fitted."""
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """The kinds of residuals there are, the first of them the best."""
+        """Names of the available kinds of residuals. The first is the default."""
 
     def __len__(self) -> int:
         """The number of impacts."""
 
     def take(self, chosen: Array) -> Measurements:
-        """Some of the impacts, by number, each as often as it is named."""
+        """Return the impacts with the given indices. An index may appear several times."""
 
     def approaching(self) -> Array:
-        """Whether the bodies approach each other, shape ``(N,)``."""
+        """Whether the bodies of each impact approach each other, shape ``(N,)``."""
 
     def residuals(self, law: Law, coefficients: CoefficientValues, kind: str) -> Array:
-        """Predicted less measured, shape ``(rows, N)``; 0 where nothing was measured."""
+        """Return prediction minus measurement, shape ``(rows, N)``; 0 where nothing was measured."""
 
     def is_measured(self, kind: str) -> Array:
-        """Whether a residual has anything measured in it, shape ``(rows, N)``."""
+        """Whether a residual depends on any measured number, shape ``(rows, N)``."""
 
     def sizes(self, kind: str) -> Array:
-        """What was measured, in the same norm as the residuals, shape ``(rows, N)``."""
+        """Return the measurements in the same norm as the residuals, shape ``(rows, N)``."""
 
 
 EXTREME_COEFFICIENTS = (0.0, 0.0), (1.0, 0.0), (0.0, 1e3)
-"""Restitution and friction: where nothing that was measured differs, it tells of neither."""
+"""Pairs of restitution and friction. A measurement that is predicted the same with all of them tells nothing
+about either coefficient."""
 
 
 def informative(measured: Measurements, kind: str) -> Measurements:
-    """The impacts that say anything by residuals of a kind: they approach, and what was measured after them
-    depends on restitution or friction."""
+    """Return the impacts that tell something about the coefficients, by residuals of one kind.
+
+    In these the bodies approach, and a measurement after the impact depends on restitution or friction.
+    """
     first, *others = (
         measured.residuals(Law.COULOMB, {"restitution": e, "friction": mu}, kind)
         for e, mu in EXTREME_COEFFICIENTS
@@ -73,25 +76,27 @@ def informative(measured: Measurements, kind: str) -> Measurements:
 
 
 class Impacts:
-    """Twists of two bodies before and after each of N impacts: build them with :meth:`of`.
+    """Twists of two bodies before and after each of N impacts. Use :meth:`of` to build them.
 
-    The kinds of residuals: ``kinetic``, whose square is twice the kinetic energy of what twists are off;
-    ``contact``, what the relative velocity at the contact point is off [m/s]; ``linear``, the linear part
-    of ``kinetic``.
+    There are three kinds of residuals. The squares of ``kinetic`` add up to twice the kinetic energy of the
+    errors of the twists; ``linear`` is the part of it from linear velocities. ``contact`` is the error of the
+    relative velocity at the contact point [m/s].
     """
 
     kinds = ("kinetic", "contact", "linear")
 
     def __init__(self, bodies: Array, contacts: Array, after: Array, root: Array) -> None:
-        """From tables.
+        """Build the impacts from arrays.
 
         Args:
-            bodies: before, of SPATIAL, oriented rows, shape ``(rows, 2, N)``; see
-                :func:`~collision_response.batch.resolve_batch`.
-            contacts: points and normals, shape ``(rows, N)``; coefficients in them do not count.
-            after: linear and angular velocities of the centres of mass, in world axes [m/s, rad/s], shape
-                ``(6, 2, N)``. NaN: not measured.
-            root: of the inertia in world axes, ``root^T root = I`` [kg^(1/2) m], shape ``(3, 3, 2, N)``.
+            bodies: the bodies before the impacts, in the rows for SPATIAL with orientations, shape
+                ``(rows, 2, N)``; see :func:`~collision_response.batch.resolve_batch`.
+            contacts: contact points and normals, shape ``(rows, N)``. The coefficients in them have no
+                effect.
+            after: measured velocities of the centres of mass and angular velocities after the impacts, in
+                world axes [m/s, rad/s], shape ``(6, 2, N)``. NaN where nothing was measured.
+            root: square roots of the inertias in world axes, ``root^T root = I`` [kg^(1/2) m], shape
+                ``(3, 3, 2, N)``.
         """
         self.bodies, self.contacts, self.after, self.root = bodies, contacts, after, root
 
@@ -104,19 +109,22 @@ class Impacts:
         after_a: Sequence[Twist],
         after_b: Sequence[Twist],
     ) -> Impacts:
-        """From what :func:`~collision_response.resolve` takes, and what was measured after.
+        """Build the impacts from requests as for :func:`~collision_response.resolve`, and measured twists.
 
         Args:
-            bodies_a, bodies_b: before. A common factor of all masses of an impact changes no prediction; by
-                residuals ``kinetic`` and ``linear`` it is the weight of that impact.
-            contacts: where they touch; their coefficients do not count.
-            after_a, after_b: twists of the reference points after; NaN where nothing was measured. Those of
-                immovable bodies do not count. If the centre of mass is off the reference point, its velocity
-                is known as far as the angular velocity is.
+            bodies_a, bodies_b: the bodies before the impacts. A factor on all masses and inertias of one
+                impact changes no prediction, but it is the weight of that impact in the sum of squares of the
+                residuals ``kinetic`` and ``linear``.
+            contacts: the contacts. Their restitution and friction have no effect.
+            after_a, after_b: measured twists of the reference points after the impacts, NaN where nothing was
+                measured. Those of immovable bodies have no effect. If the centre of mass is not the reference
+                point, its velocity is only known if the angular velocity is.
 
         Raises:
-            ImpactError: a request is not sound, or of a mechanism, or something infinite was measured; the
-                field starts with the number of the impact.
+            ImpactError: if an impact breaks a rule of :func:`~collision_response.resolve`, a body is
+                articulated (INVALID_INERTIA), or a measured number is infinite (NOT_FINITE). The field starts
+                with the index of the impact.
+            ValueError: if the sequences have different lengths.
         """
         n = len(contacts)
         tables = np.zeros((BODY.height, 2, n)), np.zeros((CONTACT.height, n)), np.zeros((6, 2, n))
@@ -172,10 +180,10 @@ class Impacts:
         return self._in_norm(kind, self.after)
 
     def predict(self, law: Law, coefficients: CoefficientValues) -> Array:
-        """The twists after, by a law, as those of ``after``.
+        """Return the twists after the impacts according to a law, in the layout of ``after``.
 
         Raises:
-            ImpactError: the law does not answer an impact.
+            ImpactError: if the law cannot answer an impact.
         """
         of_model: dict[str, Any] = {
             name: x for name, x in coefficients.items() if name in ImpactModel._fields
@@ -204,7 +212,7 @@ class Impacts:
         return np.concatenate(rows).reshape(-1, len(self))
 
     def _at_contact(self, twists: Array) -> Array:
-        """Velocities of body_a relative to body_b, there."""
+        """Return the velocities of body_a relative to body_b at the contact points."""
         there = twists[:3] + np.cross(twists[3:], self._lever_arms(), axis=0)
         return there[:, 0] - there[:, 1]
 
@@ -216,7 +224,11 @@ class Impacts:
 
 
 def _check_twist(field: str, body: Body, twist: Twist) -> None:
-    """Raises: ImpactError: NOT_FINITE: it is infinite. NaN was not measured."""
+    """Check that a measured twist has no infinite component. NaN is allowed: it was not measured.
+
+    Raises:
+        ImpactError: NOT_FINITE if the body is movable and a component is infinite.
+    """
     for name, vector in zip(twist._fields, twist, strict=True):
         if body.is_movable() and any(map(math.isinf, vector)):
             reason = f"must be finite, or NaN where nothing was measured; is {tuple(vector)}"
@@ -224,7 +236,7 @@ def _check_twist(field: str, body: Body, twist: Twist) -> None:
 
 
 def _write_body(column: Array, after: Array, root: Array, body: Body, twist: Twist) -> None:
-    """One body of one impact, by its centre of mass."""
+    """Write one body of one impact into the arrays of :class:`Impacts`, at its centre of mass."""
     centre = with_com_as_reference(body)
     column[BODY.mass], column[BODY.inertia], column[BODY.position] = body.mass, body.inertia, centre.position
     column[BODY.orientation] = body.orientation or IDENTITY_QUATERNION
@@ -240,7 +252,7 @@ def _write_body(column: Array, after: Array, root: Array, body: Body, twist: Twi
 
 
 def _com_velocity(body: Body, twist: Twist) -> Vec3:
-    """After; NaN only where a component that was not measured has a part in it."""
+    """Return the velocity of the centre of mass, NaN only in components that depend on unmeasured ones."""
     c, w = com_in_world_axes(body), Vec3(*twist.angular)
     least = ROUNDING * max(map(abs, c))
 
@@ -254,13 +266,13 @@ def _com_velocity(body: Body, twist: Twist) -> Vec3:
 
 
 SHELL_GYRATION = 2 / 3
-"""``I / (m R^2)`` of a hollow sphere: no sphere has more."""
+"""``I / (m R^2)`` of a thin hollow sphere, the largest of all spheres."""
 
 
 class SphereReadings:
-    """What papers print of a sphere that strikes a flat target at one speed, without spin.
+    """Readings, as papers print them, of a sphere that strikes a flat target at one speed and without spin.
 
-    The kinds of residuals are those of the tables together, ``all``, and each table alone.
+    The kinds of residuals are the names of the tables, and ``all`` for all together if there are several.
     """
 
     QUANTITIES = ("ratio", "angle", "spin")
@@ -273,20 +285,21 @@ class SphereReadings:
         errors: Mapping[str, float],
         gyration: float = 0.4,
     ) -> None:
-        """From tables of pairs: incidence from the normal [degrees], reading.
+        """Take the readings from tables of pairs: angle of incidence from the normal [degrees], and reading.
 
         Args:
-            speed: of the centre before [m/s], > 0.
-            radius: of the sphere [m], > 0.
-            tables: by name: ``ratio``, tangential velocity of the centre after over before, which needs an
-                incidence that is not 0; ``angle``, of the rebound from the normal [degrees]; ``spin``, after
-                [rad/s].
-            errors: of a reading, by name, > 0, in the same units: they say what a table counts.
-            gyration: ``I / (m R^2)``, in (0, 2/3]: 0.4 for a solid sphere, 2/3 for a shell.
+            speed: speed of the centre before the impacts [m/s], > 0.
+            radius: radius of the sphere [m], > 0.
+            tables: the tables, by name. ``ratio``: tangential velocity of the centre after the impact divided
+                by the one before, at incidences that are not 0. ``angle``: angle of the rebound from the
+                normal [degrees]. ``spin``: angular velocity after the impact [rad/s].
+            errors: error of one reading of each table, by name, > 0, in the units of the table. Residuals are
+                divided by it, so it sets the weight of the table.
+            gyration: ``I / (m R^2)``, in (0, 2/3]: 0.4 for a solid sphere, 2/3 for a thin shell.
 
         Raises:
-            ValueError: there is no such table, no reading, or a number is out of range; it begins with the
-                argument.
+            ValueError: if a table has an unknown name, there are no readings, or a number is out of range.
+                The message starts with the name of the argument.
         """
         _check_positive("speed", speed)
         _check_positive("radius", radius)
@@ -336,7 +349,7 @@ class SphereReadings:
         return self._impacts.approaching()
 
     def residuals(self, law: Law, coefficients: CoefficientValues, kind: str) -> Array:
-        """See :class:`Measurements`; in errors of a reading."""
+        """See :class:`Measurements`. The unit is the error of a reading."""
         return self._in_reading_errors(kind, self.predict(law, coefficients) - self._rows[2])
 
     def is_measured(self, kind: str) -> Array:
@@ -349,7 +362,11 @@ class SphereReadings:
         return self._in_reading_errors(kind, self._rows[2])
 
     def predict(self, law: Law, coefficients: CoefficientValues) -> Array:
-        """What would be read, shape ``(N,)``."""
+        """Return the readings that a law predicts, shape ``(N,)``.
+
+        Raises:
+            ImpactError: if the law cannot answer an impact.
+        """
         before = self._impacts.bodies[BODY.velocity, 0]
         after = self._impacts.predict(law, coefficients)[:, 0]
         ratio = np.divide(after[0], before[0], out=np.zeros_like(before[0]), where=before[0] != 0)

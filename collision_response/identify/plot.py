@@ -1,4 +1,4 @@
-"""The picture of an identification."""
+"""Draw a fit to measured impacts."""
 
 from __future__ import annotations
 
@@ -13,16 +13,20 @@ MARKERS = "sD^v"
 
 
 def draw(found: Identification, measured: Measurements, path: Path) -> None:
-    """Left: predicted over measured. Right: the coefficients, how far they are known, and what other
-    residuals say.
+    """Draw a fit, and write the picture to a file.
+
+    The left half shows the predictions over the measurements. The right half shows the coefficients: fits of
+    the bootstrap, the best fit with its formal interval, and the fits to other kinds of residuals.
 
     Args:
-        found: in ``measured``.
-        measured: the impacts.
-        path: of the picture; its suffix tells the format.
+        found: the fit.
+        measured: the impacts to which it was fitted.
+        path: file of the picture. Its suffix gives the format.
 
     Raises:
-        ImportError: matplotlib is not installed.
+        ImportError: if matplotlib is not installed.
+        OSError: if the file cannot be written.
+        ValueError: if matplotlib does not know the format.
     """
     try:
         from matplotlib.figure import Figure
