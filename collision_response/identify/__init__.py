@@ -2,10 +2,10 @@
 
     >>> from collision_response import Body, Contact, Law, Twist, resolve
     >>> from collision_response.identify import Impacts, identify
-    >>> wall, touch = Body.static(), Contact.of((0, 0, 0), (0, 0, 1), restitution=0.6)
+    >>> wall, contact = Body.static(), Contact.of((0, 0, 0), (0, 0, 1), restitution=0.6)
     >>> balls = [Body.dynamic(1.0, velocity=(0.0, 0.0, -v)) for v in (1.0, 2.0, 3.0)]
-    >>> after = [resolve(ball, wall, touch).twist_a for ball in balls]
-    >>> impacts = Impacts.of(balls, [wall] * 3, [touch] * 3, after, after)
+    >>> after = [resolve(ball, wall, contact).twist_a for ball in balls]
+    >>> impacts = Impacts.of(balls, [wall] * 3, [contact] * 3, after, after)
     >>> round(identify(impacts, Law.FRICTIONLESS).coefficients["restitution"].value, 6)
     0.6
 

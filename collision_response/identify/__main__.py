@@ -20,57 +20,60 @@ from .plot import draw
 LAWS = {law.name.lower(): law for law in Law if law is not Law.AUTO}
 
 
-def parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    it = argparse.ArgumentParser(
+    parser = argparse.ArgumentParser(
         prog="collision_response identify",
         description="Restitution and friction from measured impacts.",
         epilog=from_table.__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     pair: dict[str, Any] = {"nargs": "+", "default": [], "metavar": "NAME=VALUE"}
-    it.add_argument("file", type=Path, help="CSV, its columns explained below; or a recording, .rrd")
-    it.add_argument("--law", choices=LAWS, default="coulomb")
-    it.add_argument(
+    parser.add_argument("file", type=Path, help="CSV, its columns explained below; or a recording, .rrd")
+    parser.add_argument("--law", choices=LAWS, default="coulomb")
+    parser.add_argument(
         "--compare", action="store_true", help="fit all laws, and say which the impacts tell apart"
     )
-    it.add_argument(
+    parser.add_argument(
         "--fit",
         nargs="+",
         default=[],
         metavar="NAME",
         help="restitution, friction, tangential_restitution, stiffness_ratio",
     )
-    it.add_argument("--given", help="coefficients that are known: they are not fitted", type=_number, **pair)
-    columns = "columns that the file lacks: a number, or another column: nz=1 vx_after=vx2"
-    it.add_argument("--set", help=columns, type=_pair, **pair)
-    it.add_argument(
-        "--residuals", default="", help="kinetic, contact or linear; of readings all, or a quantity"
+    parser.add_argument(
+        "--given", help="coefficients that are known: they are not fitted", type=_number, **pair
     )
-    it.add_argument("--loss", default="soft_l1", help="of scipy.optimize.least_squares")
-    it.add_argument("--resamples", type=int, default=200, help="fits of the bootstrap")
-    it.add_argument("--plot", type=Path, metavar="FILE", help="write a picture: .png, .svg or .pdf")
-    it.add_argument(
+    columns = "columns that the file lacks: a number, or another column: nz=1 vx_after=vx2"
+    parser.add_argument("--set", help=columns, type=_pair, **pair)
+    parser.add_argument(
+        "--residuals", default="", help="kinetic, contact or linear; for readings: all, or one quantity"
+    )
+    parser.add_argument("--loss", default="soft_l1", help="loss of scipy.optimize.least_squares")
+    parser.add_argument("--resamples", type=int, default=200, help="fits of the bootstrap")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="write a picture: .png, .svg or .pdf")
+    parser.add_argument(
         "--within",
         type=float,
         default=0.05,
         metavar="SECONDS",
-        help="of a recording: the state heard so soon after is what was measured; 0: the node's answers are",
+        help="for a recording: a state heard within this time after an impact is the measurement; "
+        "0: the node's answer is",
     )
-    sphere = it.add_argument_group("readings of a sphere")
-    sphere.add_argument("--speed", type=float, help="before [m/s]")
-    sphere.add_argument("--radius", type=float, help="[m]")
-    errors = "of a reading: ratio=0.01 angle=1 (degrees) spin=40 (rad/s)"
+    sphere = parser.add_argument_group("readings of a sphere")
+    sphere.add_argument("--speed", type=float, help="speed before the impact [m/s]")
+    sphere.add_argument("--radius", type=float, help="radius of the sphere [m]")
+    errors = "errors of the readings: ratio=0.01 angle=1 (degrees) spin=40 (rad/s)"
     sphere.add_argument("--errors", help=errors, type=_number, **pair)
-    return it
+    return parser
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Fit the coefficients, print and draw the result, and return the exit status."""
-    it = parser()
-    arguments = it.parse_args(argv)
+    parser = make_parser()
+    arguments = parser.parse_args(argv)
     if arguments.compare and arguments.plot:
-        it.error("--plot draws one law: not with --compare")
+        parser.error("--plot draws one law: not with --compare")
     law, given = LAWS[arguments.law], dict(arguments.given)
     options = {"kind": arguments.residuals, "loss": arguments.loss, "resamples": arguments.resamples}
     try:
