@@ -274,7 +274,7 @@ def callback_time() -> dict[str, float]:
         request = impact()
 
         def call() -> None:
-            for _ in node.impacts.answer(request):
+            for _ in node.impact_service.answer(request):
                 pass
 
         return spread(interleaved({CALLBACK: call}, rounds=11, seconds=0.02)[CALLBACK])
