@@ -83,7 +83,7 @@ inline Axes in_newton_seconds(Axes P, const AssembledContact& contact, double sp
   return P;
 }
 
-constexpr double SMALL_ERROR = 1e-6;  // of y: no need for double-double
+constexpr double ACCEPTED_IN_DOUBLES = 1e-6;  // a bound on the error of y: no need for double-double
 
 // Solve the programme of least work again, in double-double. If this reduces `error`, the bound on the error of y, set the
 // impulses of `programme`. Returns the new bound.
@@ -178,7 +178,7 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
   }
   programme.prepare();
   double error = programme.solve();
-  if (!(error <= SMALL_ERROR)) error = solve_in_double_double(assembly, loaded, frictionless.normal, speed, mean, programme, error);
+  if (!(error <= ACCEPTED_IN_DOUBLES)) error = solve_in_double_double(assembly, loaded, frictionless.normal, speed, mean, programme, error);
   result.error += error * speed;
   std::vector<Axes> P(count);
   for (size_t k = 0; k < loaded.size(); ++k) P[loaded[k]] = in_newton_seconds(programme.P[k], assembly.contacts[loaded[k]], speed);
