@@ -21,7 +21,7 @@ from collision_response import Body, Contact, ImpactError, ImpactModel, Law, Pre
 from collision_response.batch import resolve_batch
 from collision_response.impact import impact
 from collision_response.in_python import arbitrary_precision
-from collision_response.in_python.exact_fractions import body_as_fractions, contact_as_fractions
+from collision_response.in_python.request_numbers import body_as_fractions, contact_as_fractions
 from collision_response.physics.mass_properties import sphere
 
 LAWS = [law for law in Law if law not in (Law.AUTO, Law.COMPLIANT)]  # which has no known exact answer

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from .impact import ImpactNumbers
 from .model import Adjustment, Geometry, ImpactModel, Law, Precision
 from .numbers.operations import Scalar
 from .physics.body import Body, Twist
@@ -13,6 +14,7 @@ from .physics.contact import Contact
 from .physics.laws import Regime
 from .physics.vector import Vec3
 from .status import StatusCode
+from .validity import is_not_normalised
 
 NUMBERS = (
     "normal_impulse",
@@ -95,30 +97,25 @@ class Impact(NamedTuple):
 
 
 def make_impact(
-    bodies: Iterable[Body],
-    changes: Any,
-    report: Any,
-    flags: Any,
+    bodies: Sequence[Body],
+    numbers: ImpactNumbers,
     contact: Contact,
     model: ImpactModel,
     error_bound: Scalar,
     bound_limit: float,
-    *,
-    normalised: bool,
 ) -> Impact:
     """Make an answer from what ``impact.py`` computes, for the requests that Python answers.
 
     For all others, ``make_impact`` of ``kernels/module.cpp`` does this.
 
     Args:
-        bodies: the bodies of the request.
-        changes, report, flags: as :class:`~collision_response.impact.ImpactNumbers` has them, the numbers as
-            they are to appear in the answer. A flag that is undecided counts as false.
+        bodies: the bodies of the request, in floats or fractions.
+        numbers: as they are to appear in the answer. A flag that is undecided counts as false.
         contact, model: as used, before the flags change their restitution and their law.
         error_bound: of the changes.
         bound_limit: the largest error bound that meets the tolerance.
-        normalised: whether a quaternion did not have unit length.
     """
+    changes, report, flags, _ = numbers
     below_threshold, fell_back = flags.below_threshold is True, flags.fell_back is True
     status = StatusCode.SEPARATING if flags.separating is True else StatusCode.OK
     return Impact(
@@ -134,7 +131,7 @@ def make_impact(
         regime=Regime(round(report.regime)),
         error_bound=error_bound,
         adjustments=Adjustment(
-            normalised * Adjustment.NORMALISED_ORIENTATION
+            any(map(is_not_normalised, bodies)) * Adjustment.NORMALISED_ORIENTATION
             | below_threshold * Adjustment.RESTITUTION_THRESHOLD
             | fell_back * Adjustment.LAW_FALLBACK
             | (flags.massless_spin is True) * Adjustment.MASSLESS_SPIN

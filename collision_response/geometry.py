@@ -48,6 +48,15 @@ def required_geometry(body_a: Body, body_b: Body, contact: Contact, *, frictionl
     return Geometry.SPATIAL
 
 
+def geometry_for(
+    geometry: Geometry, body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool
+) -> Geometry:
+    """Return the geometry that AUTO stands for, for plain numbers; any other geometry as it is."""
+    if geometry is not Geometry.AUTO:
+        return geometry
+    return required_geometry(body_a, body_b, contact, frictionless=frictionless)
+
+
 def reduce_body(body: Body, geometry: Geometry) -> Body:
     """Return a body without what a geometry leaves out."""
     if geometry is Geometry.POINT:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .numbers.operations import Condition, Scalar, choose, is_out_of_range, negation, square_root
+from .numbers.operations import Condition, Scalar, choose, is_out_of_range, map_numbers, negation, square_root
 from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics
@@ -129,6 +129,15 @@ class ImpactNumbers(NamedTuple):
     report: Report
     flags: Flags
     estimated_error: Changes | None = None
+
+    def as_floats(self) -> ImpactNumbers:
+        """Return the changes and the report, which are balls or fractions, rounded to the nearest float64.
+
+        Raises:
+            OverflowError: if a fraction is beyond float64.
+        """
+        changes, report = map_numbers(float, self.changes), map_numbers(float, self.report)
+        return self._replace(changes=changes, report=report)
 
 
 DEFAULT = Settings()

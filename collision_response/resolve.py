@@ -24,6 +24,7 @@ from .answer import Impact, norm_components
 from .geometry import reduce_body, reduce_contact
 from .in_python import arbitrary_precision, exact_fractions, friction_along_path
 from .in_python.coefficients_at_speed import initial_friction, restitution_at_speed
+from .in_python.request_numbers import read_request
 from .kernels import library
 from .kernels.protocol import Handover
 from .model import (
@@ -96,7 +97,7 @@ def _resolve_in_python(
 def _raise_fault(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> NoReturn:
     """Raise the error that says which rule a request breaks."""
     validity.check_distinct(body_a, body_b)
-    a, b, numeric_contact = arbitrary_precision.read_request(body_a, body_b, contact)
+    a, b, numeric_contact = read_request(body_a, body_b, contact)
     e_t = plan_model(model).settings.tangential_restitution
     validity.check(a, b, numeric_contact, e_t, (body_a, body_b, contact))
     raise ImpactError(StatusCode.INTERNAL_ERROR, "request", "was refused for no known reason")

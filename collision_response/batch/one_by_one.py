@@ -16,10 +16,10 @@ from ..physics.tensor import ZERO_TENSOR
 from ..physics.vector import ZERO, Vec3
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
-from .rows import BodyRows, ContactRows, body_rows, contact_rows
+from .rows import BodyRows, ContactRows
 
 if TYPE_CHECKING:
-    from .resolve_batch import BatchPlan, BatchRequest, BatchResult
+    from .resolve_batch import BatchRequest, BatchResult
 
 Array = np.ndarray[Any, Any]
 
@@ -39,33 +39,26 @@ def resolve_one_by_one(request: BatchRequest, out: BatchResult, columns: Array) 
     The results are written to these ``columns`` of ``out``.
     """
     plan, bodies, _, contacts = request
-    model = plan.model
+    model, rows, contact_rows = plan.model, plan.table.bodies, plan.table.contacts
     if out.velocity.dtype == np.float32:
         model = model._replace(precision=Precision.SINGLE)
-    rows = body_rows(model.geometry, oriented=plan.oriented)
-    contact_table = contact_rows(model.geometry)
     for k, i in enumerate(columns.tolist()):
-        contact = contacts[:, k]
-        own_model = model
-        if contact.size > contact_table.height:
-            own_model = model._replace(tangential_restitution=float(contact[contact_table.height]))
+        body_a, body_b = (body_of(rows, bodies[:, side, k]) for side in (0, 1))
+        contact, own_model = contacts[:, k], model
+        if contact.size > contact_rows.height:
+            own_model = model._replace(tangential_restitution=float(contact[contact_rows.height]))
         try:
-            impact = resolve(
-                body_of(rows, bodies[:, 0, k]),
-                body_of(rows, bodies[:, 1, k]),
-                contact_of(contact_table, contact),
-                own_model,
-            )
+            impact = resolve(body_a, body_b, contact_of(contact_rows, contact), own_model)
         except ImpactError as error:
             _write_refusal(out, i, error.code)
         else:
-            _write_impact(plan, out, i, impact)
+            _write_impact(out, i, impact)
         yield
 
 
-def _write_impact(plan: BatchPlan, out: BatchResult, i: int, impact: Impact) -> None:
+def _write_impact(out: BatchResult, i: int, impact: Impact) -> None:
     twists = impact.twist_a, impact.twist_b
-    linear, angular = plan.linear_axes, plan.angular_axes
+    linear, angular = len(out.velocity), len(out.angular_velocity)
     out.velocity[..., i] = np.array([twist.linear[:linear] for twist in twists]).T
     out.angular_velocity[..., i] = np.array([twist.angular[3 - angular :] for twist in twists]).T
     out.impulse[..., i] = impact.impulse[:linear]

@@ -22,10 +22,10 @@ that cannot be resolved gets its own status and NaN for results; it does not aff
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from numbers import Integral
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -49,9 +49,10 @@ from ..status import ImpactError, StatusCode, format_value
 from .one_by_one import resolve_one_by_one
 from .other_arrays import check_unmasked, is_lazy, resolve_other_arrays
 from .pairs import as_pairs
-from .rows import TABLE_LAYOUTS, body_rows, contact_rows, layout_of
+from .rows import TABLE_LAYOUTS, TableLayout
 
 Array = np.ndarray[Any, Any]
+T = TypeVar("T")
 
 UINT8 = np.dtype(np.uint8)
 
@@ -212,28 +213,25 @@ class BatchPlan(NamedTuple):
     """Everything about a batch that does not depend on its numbers, or on how many contacts there are.
 
     Attributes:
-        layout: number of the layout in the kernels.
-        oriented: whether the bodies have orientations.
+        table: the layout of the tables.
         model: with the law and the geometry that are used.
-        number_type, settings: the number type and the settings of the model, as the kernels take them.
-        linear_axes, angular_axes: number of components of velocities and of angular velocities.
+        layout, number_type, settings: the layout, the number type and the settings, as the kernels take them.
         model_plan: the plan of the model: which precisions to try, and the error bounds to reach.
     """
 
-    layout: int
-    oriented: bool
+    table: TableLayout
     model: ImpactModel
+    layout: int
     number_type: NumberType
     settings: Array
-    linear_axes: int
-    angular_axes: int
     model_plan: ModelPlan
 
     def result_fields(self, n: int, report: bool) -> tuple[tuple[tuple[int, ...], np.dtype[Any]] | None, ...]:
         """Return the shape and type of each array of a :class:`BatchResult`; ``None`` for those left out."""
         real, numbers, codes = self.settings.dtype, ((n,), self.settings.dtype), ((n,), UINT8)
-        velocity, angular_velocity = ((self.linear_axes, 2, n), real), ((self.angular_axes, 2, n), real)
-        motion = velocity, angular_velocity, ((self.linear_axes, n), real), codes
+        rows = self.table.bodies
+        linear, angular = (each.stop - each.start for each in (rows.velocity, rows.angular_velocity))
+        motion = ((linear, 2, n), real), ((angular, 2, n), real), ((linear, n), real), codes
         bounds = (numbers, codes) if is_bounded(self.model) else (None, None)
         return *motion, *bounds, *((codes, *[numbers] * 4) if report else [None] * 5)
 
@@ -315,20 +313,23 @@ def _run(
         memory layout.
     """
     plan, bodies, pairs, contacts = request
-    law, layout, settings = plan.model.law, plan.layout, plan.settings
+    kernel, tables = (plan.model.law, plan.layout, number_type), (bodies, pairs, contacts, plan.settings, out)
 
     def run(start: int, stop: int) -> tuple[int, float] | None:
-        return library.batch(law, layout, number_type, bodies, pairs, contacts, settings, out, start, stop)
+        return library.batch(*kernel, *tables, start, stop)
 
-    n = max(0, stop - start)
-    shares = max(1, min(workers, n // CONTACTS_PER_WORKER))
-    if shares == 1:
-        return run(start, start + n)
-    cuts = [start + n * i // shares // 64 * 64 for i in range(shares)] + [start + n]
-    with ThreadPoolExecutor(shares) as pool:
-        found = [each for each in pool.map(run, cuts[:-1], cuts[1:]) if each is not None]
-    statuses, bounds = zip(*found, strict=True) if found else ((), ())
-    return (max(statuses), max(bounds)) if found else None
+    parts = run_in_parts(run, start, stop, min(workers, max(0, stop - start) // CONTACTS_PER_WORKER))
+    worst = [part for part in parts if part is not None]
+    return (max(status for status, _ in worst), max(bound for _, bound in worst)) if worst else None
+
+
+def run_in_parts(work: Callable[[int, int], T], start: int, stop: int, threads: int) -> list[T]:
+    """Return the results of ``work(start, stop)`` for parts of a range, each in a thread."""
+    if threads <= 1:
+        return [work(start, stop)]
+    cuts = [start + (stop - start) * i // threads // 64 * 64 for i in range(threads)]
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(work, cuts, [*cuts[1:], stop]))
 
 
 def plan_for(bodies: Array, contacts: Array, model: ImpactModel, pairs: Array | None) -> BatchPlan:
@@ -357,8 +358,8 @@ _recent_plans: dict[tuple[Any, ...], tuple[ImpactModel, BatchPlan]] = {}
 
 
 def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> BatchPlan:
-    geometry, oriented = TABLE_LAYOUTS[rows]
-    contact = contact_rows(geometry)
+    table = TABLE_LAYOUTS[rows]
+    geometry, contact = table.geometry, table.contacts
     least, most = contact.friction.start, contact.height + 1
     if height not in (least, contact.height, most):
         raise ValueError(f"contacts: {geometry.name} has {least} to {most} rows, not {height}")
@@ -374,15 +375,12 @@ def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> B
         number_type = (
             NumberType.EXTENDED if model_plan.first_precision is Precision.EXTENDED else NumberType.BOUNDED
         )
-    body = body_rows(geometry)
     return BatchPlan(
-        layout=list(Layout).index(layout_of(geometry, oriented=oriented)),
-        oriented=oriented,
+        table=table,
         model=model._replace(law=law, geometry=geometry),
+        layout=[layout.name for layout in Layout].index(table.name),
         number_type=number_type,
         settings=np.array([getattr(model, name) for name in Settings._fields], dtype),
-        linear_axes=body.velocity.stop - body.velocity.start,
-        angular_axes=body.angular_velocity.stop - body.angular_velocity.start,
         model_plan=model_plan,
     )
 

@@ -24,14 +24,12 @@ by itself. So one table holds many scenes. An immovable body, such as a floor, m
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..kernels import library
-from ..model import DEFAULT, LARGEST_BOUND, ImpactModel, check_number, plan_model
+from ..model import DEFAULT, LARGEST_BOUND, ImpactModel, check_number
 from ..physics.laws import PATHS
 from ..scene import resolve_scene
 from ..scene.kernel_model import COMPILED_LAWS, THRESHOLD
@@ -40,8 +38,7 @@ from ..status import ImpactError, StatusCode
 from .one_by_one import REPORT, body_of, contact_of
 from .other_arrays import check_unmasked
 from .pairs import IS_ANSWER, as_pairs
-from .resolve_batch import UINT8, BatchRequest, check_workers, plan_for, resolve_batch
-from .rows import body_rows, contact_rows
+from .resolve_batch import UINT8, BatchRequest, check_workers, plan_for, resolve_batch, run_in_parts
 
 Array = np.ndarray[Any, Any]
 
@@ -132,21 +129,22 @@ def resolve_scenes(
     check_number("threshold", threshold, 0, math.nextafter(1, 0), StatusCode.INVALID_MODEL)
     batch_plan = plan_for(bodies, contacts, model, pairs)
     model, request = batch_plan.model, BatchRequest(batch_plan, bodies, pairs, contacts)
-    if bodies.dtype != np.float64 or contacts.shape[0] > contact_rows(model.geometry).height:
+    if bodies.dtype != np.float64 or contacts.shape[0] > batch_plan.table.contacts.height:
         raise ValueError("bodies, contacts: must be float64, and without rows of tangential restitution")
     clusters, cluster_of = _find_clusters(bodies, pairs)
     result = _initial_result(request, cluster_of, clusters.starts.size - 1)
-    sizes = np.diff(clusters.starts)
-    singles, several = np.flatnonzero(sizes == 1), np.flatnonzero(sizes > 1)
-    if model.law in PATHS:
-        several = np.flatnonzero(sizes > 0)
-    else:
-        _resolve_single_contacts(request, singles, clusters.order[clusters.starts[singles]], result, workers)
+    is_single = (np.diff(clusters.starts) == 1) & (model.law not in PATHS)
+    singles, several = np.flatnonzero(is_single), np.flatnonzero(~is_single)
+    _resolve_single_contacts(request, singles, clusters.order[clusters.starts[singles]], result, workers)
     if model.law in COMPILED_LAWS and not model.tangential_restitution:
-        numbers = threshold, model.restitution_threshold, plan_model(model).bound_limit, REFLECTIONS
+        bound_limit = batch_plan.model_plan.bound_limit
+        numbers = threshold, model.restitution_threshold, bound_limit, REFLECTIONS
         tables = bodies, pairs, contacts, *clusters, result, several
         kernel = batch_plan.layout, int(model.law), tuple(map(float, numbers))
-        _run_in_parts(lambda *part: library.resolve_clusters(*kernel, *tables, *part), several.size, workers)
+        threads = min(workers, several.size // CLUSTERS_PER_WORKER)
+        run_in_parts(
+            lambda *part: library.resolve_clusters(*kernel, *tables, *part), 0, several.size, threads
+        )
         several = several[result.status[several] == StatusCode.UNSET]  # those left to Python
     for cluster in several.tolist():
         _resolve_in_python(request, cluster, clusters.contacts(cluster), threshold, result)
@@ -163,23 +161,14 @@ def _find_clusters(bodies: Array, pairs: Array) -> tuple[Clusters, Array]:
 
 def _initial_result(request: BatchRequest, cluster_of: Array, clusters: int) -> ScenesResult:
     """Return a result in which no cluster is resolved yet."""
-    plan, bodies, n = request.plan, request.bodies, cluster_of.size
-    rows = body_rows(plan.model.geometry, oriented=plan.oriented)
-    motion = bodies[rows.velocity].copy(), bodies[rows.angular_velocity].copy()
-    impulse, regime = np.full((plan.linear_axes, n), np.nan), np.zeros(n, UINT8)
+    rows, n = request.plan.table.bodies, cluster_of.size
+    velocity, angular_velocity = (
+        request.bodies[rows.velocity].copy(),
+        request.bodies[rows.angular_velocity].copy(),
+    )
+    impulse, regime = np.full((len(velocity), n), np.nan), np.zeros(n, UINT8)
     status, numbers = np.zeros(clusters, UINT8), np.full((6, clusters), np.nan)
-    return ScenesResult(*motion, impulse, regime, cluster_of, status, *numbers)
-
-
-def _run_in_parts(work: Callable[[int, int], None], count: int, workers: int) -> None:
-    """Call ``work(start, stop)`` for parts of a range, in as many threads as are worth it."""
-    shares = max(1, min(workers, count // CLUSTERS_PER_WORKER))
-    cuts = [count * i // shares for i in range(shares + 1)]
-    if shares == 1:
-        work(*cuts)
-        return
-    with ThreadPoolExecutor(shares) as pool:
-        list(pool.map(work, cuts[:-1], cuts[1:]))
+    return ScenesResult(velocity, angular_velocity, impulse, regime, cluster_of, status, *numbers)
 
 
 def _resolve_single_contacts(
@@ -220,14 +209,13 @@ def _resolve_in_python(
         return
     order = np.argsort(first)  # bodies in the order in which contacts name them
     columns, scene_pairs = columns[order], np.argsort(order)[inverse].reshape(-1, 2)
-    rows = body_rows(model.geometry, oriented=request.plan.oriented)
-    contact_table = contact_rows(model.geometry)
+    rows, contact_rows = request.plan.table.bodies, request.plan.table.contacts
     movable = columns[bodies[0, columns] < np.inf]
     try:
         answer = resolve_scene(
             [body_of(rows, bodies[:, i]) for i in columns.tolist()],
             [(a, b) for a, b in scene_pairs.tolist()],
-            [contact_of(contact_table, request.contacts[:, i]) for i in contacts.tolist()],
+            [contact_of(contact_rows, request.contacts[:, i]) for i in contacts.tolist()],
             model,
             threshold=threshold,
         )

@@ -14,21 +14,16 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from ..answer import Impact, make_impact
-from ..geometry import required_geometry
+from ..geometry import geometry_for
 from ..impact import Changes, ImpactNumbers, impact
-from ..kernels import library
 from ..model import Geometry, ImpactModel, Law, Precision, plan_model
 from ..numbers import balls
 from ..numbers.balls import Ball, Undecided
 from ..numbers.operations import numbers_in
 from ..physics.body import Body
 from ..physics.contact import Contact
-from ..physics.inverse_inertia import InverseInertia
 from ..physics.laws import PATHS, Regime, Settings
-from ..physics.orientation import Quaternion
-from ..physics.tensor import Symmetric3
-from ..physics.vector import Vec3
-from ..validity import is_not_normalised
+from .request_numbers import read_request
 
 BITS = tuple(2**k for k in range(7, 15))
 """The precisions to try. With the last, a product of three float64 numbers of any magnitude is exact."""
@@ -39,32 +34,6 @@ LEAST_FLOAT = 2.0**-1074
 SMALL_ENOUGH = 2.0**-60
 """A ball of this relative radius rounds to the same float64 as the number in it, except for one ball in 128:
 there, the float64 is within 0.51 units in the last place of the number instead of 0.5."""
-
-
-def read_request(
-    body_a: Body, body_b: Body, contact: Contact, convert: Callable[[float, float], Any] = lambda x, _: x
-) -> tuple[Body, Body, Contact]:
-    """Convert all numbers of a request.
-
-    Args:
-        body_a, body_b, contact: the request.
-        convert: makes a number from a float and the error of the conversion to that float.
-    """
-    numbers = list(map(convert, *library.numbers_with_errors(body_a, body_b, contact)))
-    inverse_inertias, rest = iter(numbers[-2 * len(InverseInertia._fields) :]), iter(numbers)
-
-    def take(kind: Callable[..., Any], count: int) -> Any:
-        return kind(*(next(rest) for _ in range(count)))
-
-    def take_body(given: Body) -> Body:
-        mass, inertia, position = next(rest), take(Symmetric3, 6), take(Vec3, 3)
-        q, velocity, spin, com = take(Quaternion, 4), take(Vec3, 3), take(Vec3, 3), take(Vec3, 3)
-        inverse_inertia = InverseInertia(*(next(inverse_inertias) for _ in InverseInertia._fields))
-        is_rigid = given.inverse_inertia is None
-        return Body(mass, inertia, position, q, velocity, spin, com, None if is_rigid else inverse_inertia)
-
-    a, b = take_body(body_a), take_body(body_b)
-    return a, b, Contact(take(Vec3, 3), take(Vec3, 3), next(rest), next(rest))
 
 
 def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact | None:
@@ -80,13 +49,10 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     plan = plan_model(model)
     plain = read_request(body_a, body_b, contact)
     law = plan.law_with_friction if plain[2].friction > 0 else plan.law_without_friction
-    geometry = model.geometry
-    if geometry is Geometry.AUTO:
-        geometry = required_geometry(*plain, frictionless=law is Law.FRICTIONLESS)
+    frictionless = law is Law.FRICTIONLESS
+    geometry = geometry_for(model.geometry, *plain, frictionless=frictionless)
     has_path = law in PATHS and geometry is Geometry.SPATIAL
-    used = model._replace(law=law, geometry=geometry, precision=Precision.EXTENDED)
-    normalised = any(map(is_not_normalised, plain[:2]))
-    best, least_bound = None, math.inf
+    best, best_bound, least_bound = None, math.inf, math.inf
     for bits in BITS:
         with balls.working_precision(bits):
             a, b, ball_contact = read_request(body_a, body_b, contact, _ball)
@@ -97,16 +63,24 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
                     return None
                 continue
             bound = _error_bound((a, b), answer, Ball.radius)
-            rounded = _round_to_floats((a, b), answer, contact, used, plan.bound_limit, normalised)
-        if rounded is None:
-            if bound < math.inf:  # a number is beyond float64
-                return None
-            continue
+            rounded = answer.as_floats()
+            if not all(map(math.isfinite, numbers_in(rounded[:2]))):
+                if bound < math.inf:  # a number is beyond float64
+                    return None
+                continue
+            rounded_bound = _error_bound((a, b), answer, _error_as_float)
         if best is None or bound < least_bound:
-            best, is_stuck, least_bound = rounded, bound > least_bound / 2, bound
+            is_stuck = bound > least_bound / 2
+            best, best_bound, least_bound = rounded, rounded_bound, bound
         if bound <= SMALL_ENOUGH or (bound < math.inf and is_stuck):
             break
-    return best
+    if best is None:
+        return None
+    if not math.isfinite(best_bound) and isinstance(best.flags.separating, Undecided):
+        best = best._replace(report=best.report._replace(regime=Regime.SEPARATING))
+    used_contact = contact._replace(friction=0.0) if frictionless else contact
+    used_model = model._replace(law=law, geometry=geometry, precision=Precision.EXTENDED)
+    return make_impact(plain[:2], best, used_contact, used_model, best_bound, plan.bound_limit)
 
 
 def _ball(x: float, error: float) -> Any:
@@ -157,33 +131,3 @@ def _error_as_float(x: Ball) -> Any:
     """Bound the error of rounding the number in a ball to a float. One below the least float counts as 0."""
     error = abs(x.arb - float(x)).upper()
     return error if error > LEAST_FLOAT else Ball(0).arb
-
-
-def _round_to_floats(
-    bodies: tuple[Body, Body],
-    answer: ImpactNumbers,
-    contact: Contact,
-    model: ImpactModel,
-    bound_limit: float,
-    normalised: bool,
-) -> Impact | None:
-    """Round an answer in balls to an answer in floats, or return ``None`` if a number is not finite."""
-    changes, report, flags = as_floats(answer.changes), as_floats(answer.report), answer.flags
-    if not all(math.isfinite(x) for x in numbers_in((changes, report))):
-        return None
-    bound = _error_bound(bodies, answer, _error_as_float)
-    if not math.isfinite(bound) and isinstance(flags.separating, Undecided):
-        report = report._replace(regime=Regime.SEPARATING)
-    used = contact._replace(friction=0.0) if model.law is Law.FRICTIONLESS else contact
-    return make_impact(bodies, changes, report, flags, used, model, bound, bound_limit, normalised=normalised)
-
-
-def as_floats(value: Any) -> Any:
-    """Round the balls or fractions of nested named tuples to the nearest float64.
-
-    Raises:
-        OverflowError: if a fraction is beyond float64.
-    """
-    if isinstance(value, tuple):
-        return type(value)(*map(as_floats, value))
-    return float(value)

@@ -14,8 +14,7 @@ from ..physics.contact import Contact
 from ..physics.effective_mass import ContactKinematics
 from ..physics.laws import BY_SPEED, PATHS, Law
 from ..status import ImpactError, StatusCode
-from . import arbitrary_precision
-from .exact_fractions import as_fraction
+from .request_numbers import as_fraction, read_request
 
 
 def restitution_at_speed(speed: float, contact: Contact, field: str) -> float:
@@ -60,7 +59,7 @@ def initial_friction(body_a: Body, body_b: Body, contact: Contact, law: Law) -> 
         reason = f"{law.name} takes no friction{of_several} that depends on slip speed: give a number"
         raise ImpactError(StatusCode.INVALID_MODEL, "contact.friction", f"{reason}, or ask COULOMB")
     frictionless = contact._replace(friction=0.0)
-    validity.check(*arbitrary_precision.read_request(body_a, body_b, frictionless), 0.0)
+    validity.check(*read_request(body_a, body_b, frictionless), 0.0)
     return friction_at_speed(initial_slip_speed(body_a, body_b, contact), contact)
 
 
@@ -72,13 +71,10 @@ def initial_slip_speed(body_a: Body, body_b: Body, contact: Contact) -> float:
     Raises:
         ImpactError: OUT_OF_RANGE, if the speed is beyond float64.
     """
-    a, b, exact_contact = arbitrary_precision.read_request(
-        body_a, body_b, contact, lambda x, _: as_fraction(x)
-    )
-    kinematics = ContactKinematics.of(a, b, exact_contact)
-    n, u = exact_contact.normal, kinematics.u
+    request = read_request(body_a, body_b, contact, lambda x, _: as_fraction(x))
+    n, u, n_u = ContactKinematics.of(*request)[:3]
     try:
-        return float(square_root(u.dot(u) - kinematics.n_u * kinematics.n_u / n.dot(n)))
+        return float(square_root(u.dot(u) - n_u * n_u / n.dot(n)))
     except OverflowError:
         raise library.refusal(StatusCode.OUT_OF_RANGE) from None
 

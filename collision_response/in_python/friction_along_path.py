@@ -20,9 +20,9 @@ from ..physics.contact import Contact
 from ..physics.laws import Law, Settings
 from ..physics.laws.routh_by_speed import FINEST, path_tolerance
 from ..status import StatusCode
-from .arbitrary_precision import as_floats, weighted_components
+from .arbitrary_precision import weighted_components
 from .coefficients_at_speed import friction_at_speed, initial_slip_speed
-from .exact_fractions import as_fraction, body_as_fractions, contact_as_fractions
+from .request_numbers import as_fraction, body_as_fractions, contact_as_fractions
 
 SAFETY = 4.0
 """The error bound is the estimated error times this factor, plus ``ADDED_TOLERANCES``."""
@@ -47,54 +47,45 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
             coefficient of friction, the field is ``contact.friction(slip_speed)``.
     """
     validity.check_distinct(body_a, body_b)
-    a, b, exact_contact = body_as_fractions(body_a), body_as_fractions(body_b), contact_as_fractions(contact)
+    bodies = body_as_fractions(body_a), body_as_fractions(body_b)
+    exact_contact = contact_as_fractions(contact)
     plan = plan_model(model)
-    validity.check(a, b, exact_contact, plan.settings.tangential_restitution)
-    geometry = required_geometry(a, b, exact_contact, frictionless=False)
-    if model.geometry is not Geometry.AUTO:
-        if model.geometry < geometry:
-            return None
-        geometry = model.geometry
+    validity.check(*bodies, exact_contact, plan.settings.tangential_restitution)
+    required = required_geometry(*bodies, exact_contact, frictionless=False)
+    geometry = required if model.geometry is Geometry.AUTO else model.geometry
+    if geometry < required:
+        return None
     first = friction_at_speed(initial_slip_speed(body_a, body_b, contact), contact)
     # Check as with friction also if its initial value is 0, because it may not stay 0.
-    validity.check(a, b, exact_contact._replace(friction=first or 1), plan.settings.tangential_restitution)
+    validity.check(*bodies, exact_contact._replace(friction=first or 1), plan.settings.tangential_restitution)
     exact_contact = exact_contact._replace(friction=lambda v: friction_at_speed(v, contact))
     settings = Settings(*map(as_fraction, plan.settings))
-    answer, bound = _answer_and_bound(a, b, exact_contact, model.law, settings)
+    answer, bound = _answer_and_bound(bodies, exact_contact, model.law, settings)
     if answer.flags.unfinished:
         raise library.refusal(StatusCode.PATH_TOO_LONG)
     if bound > plan.target_bound:
         finest = settings._replace(tolerance=FINEST)
-        finer = _answer_and_bound(a, b, exact_contact, model.law, finest)
+        finer = _answer_and_bound(bodies, exact_contact, model.law, finest)
         answer, bound = min((answer, bound), finer, key=itemgetter(1))
     try:
-        changes, report = as_floats(answer.changes), as_floats(answer.report)
+        answer = answer.as_floats()
     except OverflowError:
         raise library.refusal(StatusCode.OUT_OF_RANGE) from None
-    return make_impact(
-        (a, b),
-        changes,
-        report,
-        answer.flags,
-        contact._replace(friction=first),
-        model._replace(geometry=geometry, precision=Precision.DOUBLE),
-        bound,
-        plan.bound_limit,
-        normalised=any(map(validity.is_not_normalised, (a, b))),
-    )
+    used = model._replace(geometry=geometry, precision=Precision.DOUBLE)
+    return make_impact(bodies, answer, contact._replace(friction=first), used, bound, plan.bound_limit)
 
 
 def _answer_and_bound(
-    a: Body, b: Body, contact: Contact, law: Law, settings: Settings
+    bodies: tuple[Body, Body], contact: Contact, law: Law, settings: Settings
 ) -> tuple[ImpactNumbers, float]:
     """Compute the answer and its error bound, in the norms of ``Impact.error_bound``; infinite if unknown."""
-    answer = impact(a, b, contact, law, settings)
+    answer = impact(*bodies, contact, law, settings)
     if answer.flags.separating:
         return answer, 0.0
     if answer.estimated_error is None:
         return answer, math.inf
     worst = 0.0
-    changes, errors = (weighted_components((a, b), x) for x in (answer.changes, answer.estimated_error))
+    changes, errors = (weighted_components(bodies, x) for x in (answer.changes, answer.estimated_error))
     for pair in zip(changes, errors, strict=True):
         size, error = (sum(weight * x * x for x, weight in components) for components in pair)
         if error > 0 and error * 16 >= size:

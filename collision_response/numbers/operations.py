@@ -113,9 +113,9 @@ def certain(x: Scalar) -> Scalar:
     return x if own is None else own()
 
 
-def values(state: T) -> T:
+def values(state: Any) -> Any:
     """Return nested named tuples with :func:`certain` applied to every number."""
-    return type(state)(*map(values, state)) if isinstance(state, tuple) else certain(state)
+    return map_numbers(certain, state)
 
 
 def error_of(x: Scalar) -> Scalar:
@@ -255,6 +255,13 @@ def _merge(pick: Callable[..., Any], condition: Any, if_true: Any, if_false: Any
         merged = (_merge(pick, condition, t, f) for t, f in parts)
         return type(if_true)(*merged) if hasattr(if_true, "_fields") else tuple(merged)
     return pick(condition, if_true, if_false)
+
+
+def map_numbers(function: Callable[[Any], Any], value: Any) -> Any:
+    """Return nested named tuples with ``function`` applied to every number."""
+    if isinstance(value, tuple):
+        return type(value)(*(map_numbers(function, part) for part in value))
+    return function(value)
 
 
 def numbers_in(value: Any) -> Iterator[Any]:

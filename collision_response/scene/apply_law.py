@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..in_python import exact_fractions
+from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
 from ..numbers.operations import Scalar
 from ..physics.body import Twist
 from ..physics.column import Column
@@ -148,9 +148,9 @@ def _exact_if_locked(cluster: Any, parts: ClusterParts) -> RationalCluster | Non
 
 def _has_approach(parts: ClusterParts) -> bool:
     """Whether a contact approaches, decided in fractions."""
-    bodies = list(map(exact_fractions.body_as_fractions, parts.bodies))
+    bodies = list(map(body_as_fractions, parts.bodies))
     for (a, b), given in zip(parts.pairs, parts.contacts, strict=True):
-        contact = exact_fractions.contact_as_fractions(given)
+        contact = contact_as_fractions(given)
         u_a, u_b = (Column.of(bodies[k], contact.position, contact.normal).velocity for k in (a, b))
         if u_a < u_b:
             return True
@@ -158,8 +158,8 @@ def _has_approach(parts: ClusterParts) -> bool:
 
 
 def _in_fractions(parts: ClusterParts) -> RationalCluster:
-    bodies = list(map(exact_fractions.body_as_fractions, parts.bodies))
-    contacts = [exact_fractions.contact_as_fractions(_with_scaled_normal(c)) for c in parts.contacts]
+    bodies = list(map(body_as_fractions, parts.bodies))
+    contacts = [contact_as_fractions(_with_scaled_normal(c)) for c in parts.contacts]
     return RationalCluster(bodies, parts.pairs, contacts, parts.counts)
 
 

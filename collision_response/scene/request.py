@@ -8,7 +8,7 @@ from numbers import Integral
 from typing import Any, NamedTuple, TypeVar
 
 from .. import validity
-from ..in_python import arbitrary_precision
+from ..in_python.request_numbers import read_request
 from ..model import ImpactModel, check_number
 from ..numbers.operations import Scalar
 from ..physics.body import Body
@@ -199,9 +199,7 @@ def as_floats(
             return x
 
         given = bodies[a], bodies[b], contacts[i], number
-        float_bodies[a], float_bodies[b], float_contacts[i] = with_scene_names(
-            own, arbitrary_precision.read_request, *given
-        )
+        float_bodies[a], float_bodies[b], float_contacts[i] = with_scene_names(own, read_request, *given)
         if any(errors):
             reason = (
                 "a number of it, or of its bodies, is no float: give fractions.Fraction for exact numbers"

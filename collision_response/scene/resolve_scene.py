@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
-from ..in_python import exact_fractions
+from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
 from ..kernels import library
 from ..model import DEFAULT, Adjustment, Geometry, ImpactModel, Precision, law_for
 from ..numbers.operations import Scalar
@@ -122,8 +122,8 @@ def _as_fractions(scene: SceneRequest, law: Law) -> SceneRequest:
     if not (law is Law.FRICTIONLESS or (law is Law.MOREAU and not scene.has_friction)):
         raise ImpactError(StatusCode.INVALID_MODEL, "model.law", f"{law.name} is not rational: give floats")
     return scene._replace(
-        bodies=list(map(exact_fractions.body_as_fractions, scene.bodies)),
-        contacts=list(map(exact_fractions.contact_as_fractions, scene.contacts)),
+        bodies=list(map(body_as_fractions, scene.bodies)),
+        contacts=list(map(contact_as_fractions, scene.contacts)),
     )
 
 

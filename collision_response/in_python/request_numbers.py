@@ -1,0 +1,79 @@
+"""The numbers of a request, converted to another type of number: floats, balls or fractions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from fractions import Fraction
+from itertools import islice
+from numbers import Rational
+from typing import Any
+
+from ..kernels import library
+from ..physics.body import Body
+from ..physics.contact import Contact
+from ..physics.inverse_inertia import InverseInertia
+from ..physics.orientation import Quaternion
+from ..physics.tensor import Symmetric3
+from ..physics.vector import Vec3
+
+RIGID_FIELDS = (Symmetric3, Vec3, Quaternion, Vec3, Vec3, Vec3)
+"""The types of the fields of a :class:`Body` from ``inertia`` to ``com``."""
+
+
+def read_request(
+    body_a: Body, body_b: Body, contact: Contact, convert: Callable[[float, float], Any] = lambda x, _: x
+) -> tuple[Body, Body, Contact]:
+    """Convert all numbers of a request, as the kernels read them.
+
+    Args:
+        body_a, body_b, contact: the request.
+        convert: makes a number from a float and the error of the conversion to that float.
+    """
+    converted = list(map(convert, *library.numbers_with_errors(body_a, body_b, contact)))
+    count = len(InverseInertia._fields)
+    numbers, inverse_inertias = iter(converted), (converted[-2 * count : -count], converted[-count:])
+
+    def take(kind: type[Any]) -> Any:
+        return kind(*islice(numbers, len(kind._fields)))
+
+    bodies = [Body(next(numbers), *map(take, RIGID_FIELDS)) for _ in inverse_inertias]
+    a, b = (
+        body if given.inverse_inertia is None else body._replace(inverse_inertia=InverseInertia(*entries))
+        for body, given, entries in zip(bodies, (body_a, body_b), inverse_inertias, strict=True)
+    )
+    return a, b, Contact(take(Vec3), take(Vec3), next(numbers), next(numbers))
+
+
+def body_as_fractions(body: Body) -> Body:
+    """Convert the numbers of a body to fractions, exactly. An infinite mass stays a float."""
+    fields = zip((*RIGID_FIELDS, InverseInertia), body[1:], strict=True)
+    converted = (None if given is None else _fractions(kind, given) for kind, given in fields)
+    return Body._make([as_fraction(body.mass), *converted])
+
+
+def contact_as_fractions(contact: Contact) -> Contact:
+    """Convert the numbers of a contact to fractions, exactly.
+
+    A restitution that is a function stays one; a friction that is a function becomes 0.
+    """
+    e, mu = contact.restitution, contact.friction
+    return Contact(
+        _fractions(Vec3, contact.position),
+        _fractions(Vec3, contact.normal),
+        e if callable(e) else as_fraction(e),
+        Fraction(0) if callable(mu) else as_fraction(mu),
+        contact.tangential_restitution,
+    )
+
+
+def _fractions(kind: type[Any], numbers: Iterable[Any]) -> Any:
+    return kind(*map(as_fraction, numbers))
+
+
+def as_fraction(x: Any) -> Any:
+    """Convert a number to a fraction, exactly. An infinite number and NaN stay floats."""
+    if isinstance(x, Rational):
+        return Fraction(x)
+    x = float(x)
+    return Fraction(x) if math.isfinite(x) else x
