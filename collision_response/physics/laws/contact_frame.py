@@ -85,6 +85,10 @@ class ContactFrame(NamedTuple):
             t1.dot(K1), t2.dot(K1), t2.dot(K2), n.dot(K1), n.dot(K2), contact.n_Kn / nn,
         )  # fmt: skip
 
+    def scaled_K(self) -> tuple[Scalar, ...]:
+        """``K11``, ``K12``, ``K22``, ``K1n`` and ``K2n`` in units of ``Knn``."""
+        return tuple(K / self.Knn for K in (self.K11, self.K12, self.K22, self.K1n, self.K2n))
+
     def to_world(self, tangential: Tangential, normal: Scalar) -> Vec3:
         """The vector with these components, in world axes."""
         return self.t1 * tangential[0] + self.t2 * tangential[1] + self.n * normal

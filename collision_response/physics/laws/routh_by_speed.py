@@ -55,16 +55,9 @@ from ..vector import Vec3
 from .contact_frame import ContactFrame, Tangential
 from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row
 from .law import Coefficients, Law, Outcome, Regime
-from .routh import (
-    DEFAULT_TOLERANCE,
-    GREATEST_FRICTION,
-    LEAST_RESTITUTION,
-    LEAST_TOLERANCE,
-    PATH_SHARE,
-    Ray,
-    ray_from_rest,
-)
+from .routh import DEFAULT_TOLERANCE, GREATEST_FRICTION, LEAST_RESTITUTION, LEAST_TOLERANCE, PATH_SHARE
 from .routh_path import LONGEST, Path
+from .routh_straight import Ray, ray_from_rest
 
 FINEST = LEAST_TOLERANCE / PATH_SHARE
 """The least tolerance of a model that makes a difference."""

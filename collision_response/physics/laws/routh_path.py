@@ -1,8 +1,9 @@
 """Integrate Routh's path while slip turns, in the letters and units of ``routh.py``.
 
-:func:`look_ahead` finds whether the rest of the path is straight to the tolerance, and how far the end of the
-phase is. :func:`step` makes one step of the method of ``dormand_prince.py``, or reduces the step that is
-tried next. The variable of a step is ``eta``, with
+:func:`turn` repeats :func:`step` as long as slip turns. A step is one of the method of
+``dormand_prince.py``, or reduces the step that is tried next; then :func:`look_ahead` finds whether the rest
+of the path is straight to the tolerance, and how far the end of the phase is. The variable of a step is
+``eta``, with
 
     dT = d eta / (1 + g_0 eta)        g_0 = g at the beginning of the step
 
@@ -15,7 +16,18 @@ from functools import reduce
 from operator import add
 from typing import NamedTuple
 
-from ...numbers.operations import Condition, Scalar, choose, fixed, maximum, minimum, square_root
+from ...numbers.operations import (
+    Condition,
+    Scalar,
+    certain,
+    choose,
+    fixed,
+    iterate,
+    maximum,
+    minimum,
+    square_root,
+    values,
+)
 from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row
 
 STEP_SHARE = 1 / 2
@@ -135,6 +147,26 @@ class TurningSlip(NamedTuple):
     least_s: Scalar
     least_r: Scalar
     u_n_crest: Scalar
+
+
+def turn(path: Path, t1: Scalar, t2: Scalar, s: Scalar, u_n: Scalar) -> TurningSlip:
+    """Follow the path, in values, until slip turns no more.
+
+    Args:
+        path: the constants of the path.
+        t1, t2, s: direction and speed of the first slip.
+        u_n: normal velocity before the impact.
+    """
+    A11, _, A22, b1, b2, c, m, *_ = path
+    o = 0 * A11
+    h = 0.3 / (c * (abs(b1) + abs(b2)) + m * (A11 + A22) + 1e-300)
+    start = TurningSlip(
+        t1, t2, s, u_n, x=o, W=o, P1=o, P2=o, heat=o, p_c=o, W_c=o, h=h, h_end=o, excess_turn=o,
+        slip_error=o, impulse_error=o, least_s=s, least_r=1 + o, u_n_crest=o - 1,
+    )  # fmt: skip
+    exact = path._replace(c=certain(c), m=certain(m))
+    y = look_ahead(exact, values(start))
+    return iterate(y, lambda y: y.excess_turn > 0, lambda y: step(exact, y), STEPS)
 
 
 def look_ahead(path: Path, y: TurningSlip) -> TurningSlip:

@@ -1,0 +1,116 @@
+"""A bound on the error of Routh's path, in the letters and units of ``routh.py``.
+
+Friction draws any two slips together, in the norm of ``A^-1``. So at a given ``p`` the error of the slip is,
+in that norm, at most ``E / l``, where ``l^2`` is the least eigenvalue of ``A``, and
+
+    E = |du_t| + p |db| + |P_t| |dA| + ...
+
+is the sum of all errors in the data and in ``du_t = f dx``. Hence ``P_t = A^-1 (u_t - u_t0 - b p)`` has an
+error of at most ``2 E / l^2``. While slip is fast, only its direction is in error, and ``P_t`` by
+``m x E L / (l s)``, with the greatest eigenvalue ``L^2``; this is less if the impact grazes. ``u_n`` then has
+an error of ``D = |b| |dP_t| + |P_t| |db|``, which moves the ends of the phases by
+
+    compression    D / (du_n/dp)
+    Poisson        e times that
+    Stronge        D (e^2 p_c + p) / u_n, or the root of 2 D (e^2 p_c + p) / (du_n/dp) if that is less
+
+Rounding in the straight pieces is bounded by the numbers themselves.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from ...numbers.operations import Scalar, certain, choose, maximum, minimum, square_root
+from .contact_frame import Tangential
+from .routh_path import Path, TurningSlip
+from .routh_straight import Ray, StraightRest
+
+SAFETY = 2.01
+"""Factor of the errors; 2 by the derivation above."""
+
+
+class InputErrors(NamedTuple):
+    """The errors of the data: of ``A``, of ``b``, of the first slip, of restitution and of friction."""
+
+    A: Scalar
+    b: Scalar
+    slip: Scalar
+    e: Scalar
+    mu: Scalar
+
+
+class PathError(NamedTuple):
+    """The error of a path, in values.
+
+    Attributes:
+        P_t, P_n: of the tangential and the normal impulse.
+        u_n, slip: of the normal velocity and the slip at a given normal impulse.
+        steps: of the slip and the impulses while slip turns, from the steps.
+        friction: tangential impulse per normal impulse where the end of the path is uncertain.
+        size: the tangential impulse itself.
+    """
+
+    P_t: Scalar
+    P_n: Scalar
+    u_n: Scalar
+    slip: Scalar
+    steps: Scalar
+    friction: Scalar
+    size: Scalar
+
+
+def path_error(
+    path: Path, ray: Ray, y: TurningSlip, rest: StraightRest, X: Scalar, mu: Scalar, errors: InputErrors
+) -> PathError:
+    """The error of the path: see the head of this file. ``X`` is the impulse ``x`` of all slip."""
+    slips_on, slips_to_end = rest.slips_on, rest.slips_to_end
+    known = (
+        X, rest.along, rest.after_stop, rest.p_c, rest.p, rest.s_c, rest.s_e, rest.u_c, rest.u, rest.W_c,
+        rest.g, rest.w, rest.r, *ray[4:8],
+    )  # fmt: skip
+    X, along, after_stop, p_c, p, s_c, s_e, u_c, u, W_c, g, w, r, k, _, rate, misfit = map(certain, known)
+    A11, _, A22, b1, b2, c, m, e, energetic, _ = path
+    infinite, L2, P_t, b = math.inf + 0 * A11, A11 + A22, m * X + k * after_stop, Tangential(b1, b2).length()
+    E = errors.slip + errors.b * (p_c + p) + errors.A * P_t + errors.mu * L2 * c * X
+    E = certain(E + abs(w) * abs(along) + y.slip_error + misfit * k * L2 * after_stop)
+    l2, slip_error = (
+        certain(path.least_eigenvalue() - errors.A),
+        certain(E * square_root(L2 / path.least_eigenvalue())),
+    )
+    least_s = certain(
+        minimum(y.least_s, choose(slips_to_end, lambda: minimum(s_c, s_e), lambda: 0 * A11)) - slip_error
+    )
+    by_slip = certain(choose(l2 > 0, lambda: SAFETY * E / l2, lambda: infinite))
+    by_direction = certain(choose(least_s > 0, lambda: P_t * slip_error / least_s, lambda: infinite))
+    e_P = certain(
+        minimum(minimum(by_slip, by_direction), certain(SAFETY * P_t)) + y.impulse_error + errors.mu * c * X
+    )
+    D = certain(P_t * errors.b + b * e_P + y.impulse_error)
+    # The error of p_c: by the least du_n/dp that u_n may have had where it reached 0.
+    R = certain(r / c)
+    either = choose(r > 0, lambda: minimum(R, rate), lambda: rate)
+    sliding_rate = choose(certain(s_c * r + g * D * c) < 0, lambda: either, lambda: R)
+    stopped_rate = choose(certain(u_c + D) > 0, lambda: either, lambda: rate)
+    e_c = certain(SAFETY * D / choose(slips_on, lambda: sliding_rate, lambda: stopped_rate))
+
+    def error_by_work() -> Scalar:
+        e_W = certain(D * (e * e * p_c + p + e_c) - 2 * e * errors.e * W_c)
+        surely_slips = slips_to_end & (least_s > 0)
+        least_rate = choose(
+            surely_slips, lambda: R, lambda: choose(slips_on, lambda: minimum(R, rate), lambda: rate)
+        )
+        either = choose(slips_on, lambda: maximum(abs(R), rate), lambda: rate)
+        greatest_rate = choose(surely_slips, lambda: abs(R), lambda: either)
+        root = choose(least_rate > 0, lambda: square_root(2 * e_W / least_rate), lambda: infinite)
+        is_linear = certain(4 * greatest_rate * e_W) < certain(u * u)
+        return choose(is_linear, lambda: SAFETY * e_W / u, lambda: root)
+
+    e_r = choose(energetic, error_by_work, lambda: e * e_c + errors.e * p_c)
+    e_p, steps = certain(e_c + e_r), y.slip_error + y.impulse_error
+    is_sound = (e_c >= 0) & (certain(-y.u_n_crest - 2 * D) > 0) & (y.excess_turn <= 0)
+    friction = choose(slips_to_end | (after_stop < e_p), lambda: mu, lambda: k)
+    e_P = choose(is_sound, lambda: e_P + friction * e_p, lambda: infinite)
+    e_p = choose(is_sound, lambda: e_p, lambda: infinite)
+    return PathError(e_P, e_p, D, slip_error, steps, friction, P_t)
