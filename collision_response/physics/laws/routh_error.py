@@ -28,7 +28,6 @@ from .routh_path import Path, TurningSlip
 from .routh_straight import Ray, StraightRest
 
 SAFETY = 2.01
-"""Factor of the errors; 2 by the derivation above."""
 
 
 class InputErrors(NamedTuple):
