@@ -140,6 +140,15 @@ def make_impact(
     )
 
 
+def bounded_vectors(impact: Impact, body_a: Body, body_b: Body) -> tuple[tuple[float, ...], ...]:
+    """The three vectors whose relative errors ``error_bound`` bounds, each in its norm.
+
+    They are the impulse, and the twist changes as :func:`norm_components` gives them.
+    """
+    changes = norm_components(body_a, impact.change_a), norm_components(body_b, impact.change_b)
+    return impact.impulse, *changes
+
+
 def norm_components(body: Body, change: Twist) -> tuple[float, ...]:
     """Components of a body's twist change, scaled so that their length is proportional to its norm.
 

@@ -20,7 +20,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from .answer import Impact, norm_components
+from .answer import Impact, bounded_vectors
 from .model import ULP, Geometry, ImpactModel, Precision, check_number
 from .physics.body import Body
 from .physics.contact import Contact
@@ -151,9 +151,9 @@ class SceneSurvey:
             law: self._needs[law].with_contact(name, self._least(scene, whole))
             for law, whole in zip(LAWS, (smooth, rough), strict=True)
         }
-        rubs = _difference(smooth, rough, body_a, body_b)
-        if rough.contact.friction > 0 and rubs > self._tolerance:
-            reason = f"friction changes the impact of {name} by {rubs:.2g} of it"
+        difference = _difference(smooth, rough, body_a, body_b)
+        if rough.contact.friction > 0 and difference > self._tolerance:
+            reason = f"friction changes the impact of {name} by {difference:.2g} of it"
             self._law = _greater(self._law, Law.COULOMB, reason)
         self._needs = needs
 
@@ -229,13 +229,6 @@ def _status(scene: tuple[Body, Body, Contact], model: ImpactModel) -> StatusCode
 
 def _difference(one: Impact, other: Impact, body_a: Body, body_b: Body) -> float:
     """A bound on the relative difference of two answers, in the norms of ``error_bound``."""
-    apart = max(
-        _relative(one.impulse, other.impulse),
-        _relative(norm_components(body_a, one.change_a), norm_components(body_a, other.change_a)),
-        _relative(norm_components(body_b, one.change_b), norm_components(body_b, other.change_b)),
-    )
-    return apart + one.error_bound + other.error_bound
-
-
-def _relative(v: tuple[float, ...], w: tuple[float, ...]) -> float:
-    return math.dist(v, w) / (math.hypot(*w) or 1.0)
+    compared = (bounded_vectors(impact, body_a, body_b) for impact in (one, other))
+    distance = max(math.dist(v, w) / (math.hypot(*w) or 1.0) for v, w in zip(*compared, strict=True))
+    return distance + one.error_bound + other.error_bound

@@ -20,7 +20,7 @@ from functools import lru_cache
 from typing import Any, NoReturn
 
 from . import validity
-from .answer import Impact, norm_components
+from .answer import Impact, bounded_vectors
 from .geometry import reduce_body, reduce_contact
 from .in_python import arbitrary_precision, exact_fractions, friction_along_path
 from .in_python.coefficients_at_speed import initial_friction, restitution_at_speed
@@ -226,12 +226,8 @@ def _resolve_reduced(body_a: Body, body_b: Body, contact: Contact, model: Impact
     full = resolve(body_a, body_b, contact, model._replace(geometry=Geometry.SPATIAL))
     reduced_a, reduced_b = (reduce_body(body, geometry) for body in (body_a, body_b))
     reduced = resolve(reduced_a, reduced_b, reduce_contact(contact, geometry), model)
-    compared = [
-        (reduced.impulse, full.impulse),
-        (norm_components(body_a, reduced.change_a), norm_components(body_a, full.change_a)),
-        (norm_components(body_b, reduced.change_b), norm_components(body_b, full.change_b)),
-    ]
-    left_out = (_relative_distance(x, y, full.error_bound) for x, y in compared)
+    compared = (bounded_vectors(impact, body_a, body_b) for impact in (reduced, full))
+    left_out = (_relative_distance(x, y, full.error_bound) for x, y in zip(*compared, strict=True))
     bound = max(reduced.error_bound, *left_out)
     return reduced._replace(
         status=reduced.status if bound <= plan_model(model).bound_limit else TOLERANCE_NOT_MET,

@@ -122,24 +122,20 @@ def resolve_contact(
         raise ImpactError(StatusCode.INVALID_INERTIA, "K", f"must be 3 x 3 numbers, is {format_value(K)}")
     contact, velocity = Contact(ZERO, as_vector("n", n), restitution, friction), as_vector("u", u)
     try:
-        try:
-            body = Body.articulated([*rows, *[[0.0] * 6] * 3], velocity=velocity)
-        except TypeError as error:
-            raise TypeError(str(error).replace("inverse_inertia", "K")) from None
+        body = Body.articulated([*rows, *[[0.0] * 6] * 3], velocity=velocity)
         impact = resolve(body, Body.static(), contact, model)
     except ImpactError as error:
         if error.code is StatusCode.NO_DYNAMIC_BODY:
             raise ImpactError(error.code, "K", "must not be 0") from None
-        field = _ARGUMENTS.get(error.field, error.field)
-        reason = (
-            f"{error.reason.partition('; is ')[0]}; is {format_value(K)}" if field == "K" else error.reason
-        )
+        field, reason = _renamed(error.field) or error.field, error.reason
+        if field == "K":
+            reason = f"{reason.partition('; is ')[0]}; is {format_value(K)}"
         raise ImpactError(error.code, field, reason) from None
     except TypeError as error:
-        said = _renamed(str(error))
-        if said is None:  # raised by a function of the caller's
+        text = _renamed(str(error))
+        if text is None:  # raised by a function of the caller's
             raise
-        raise TypeError(said) from None
+        raise TypeError(text) from None
     return ContactImpact(
         impact.status,
         impact.model,
@@ -157,27 +153,25 @@ def resolve_contact(
     )
 
 
-def _renamed(said: str) -> str | None:
-    """Put the argument's name in place of the field that a message of ``resolve`` begins with.
+def _renamed(text: str) -> str | None:
+    """Put the argument's name in place of the field of ``resolve`` that a text begins with.
 
-    Returns ``None`` if the message is not about a field.
+    Returns ``None`` if the text does not begin with a field.
     """
-    for field, argument in sorted(_ARGUMENTS.items(), reverse=True):  # try longer names first
-        rest = said.removeprefix(field)
-        if rest != said and rest[:1] in (".", ":"):
-            return argument + rest
-    return said if said.startswith(("K:", "model:")) else None
+    for field, argument in _ARGUMENTS.items():
+        if text.startswith(field) and text[len(field) :][:1] in ("", ".", ":", "("):
+            return argument + text.removeprefix(field)
+    return None
 
 
 _ARGUMENTS = {
     "inverse_inertia": "K",
     "body_a.inverse_inertia": "K",
-    "body_a": "K",
     "body_a.velocity": "u",
+    "body_a": "K",
     "contact.normal": "n",
     "contact.restitution": "restitution",
-    "contact.restitution(approach_speed)": "restitution(approach_speed)",
     "contact.friction": "friction",
-    "contact.friction(slip_speed)": "friction(slip_speed)",
+    "model": "model",
 }
 """The fields of ``resolve``, and the arguments of :func:`resolve_contact` that they come from."""

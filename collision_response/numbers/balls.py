@@ -9,7 +9,8 @@ Trans. Comput. 66 (2017).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import operator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import RLock
 from typing import Any
@@ -22,11 +23,42 @@ else:
     AVAILABLE = True
 
 
+def _operator(apply: Callable[[Any, Any], Any]) -> Callable[[Ball, Any], Ball]:
+    """Return the method of a ball that applies an operator of ``arb``."""
+
+    def method(self: Ball, other: Any) -> Ball:
+        return NotImplemented if isinstance(other, tuple) else Ball(apply(self.arb, _arb(other)))
+
+    return method
+
+
+def _comparison(
+    holds: Callable[[Any, Any], bool], fails: Callable[[Any, Any], bool]
+) -> Callable[[Ball, Any], bool | Undecided]:
+    """Return the method of a ball that compares, by two comparisons of ``arb``.
+
+    Each is true only if it is true for all numbers in the two balls.
+    """
+
+    def method(self: Ball, other: Any) -> bool | Undecided:
+        x, y = self.arb, _arb(other)
+        return True if holds(x, y) else False if fails(x, y) else Undecided(holds(x.mid(), y.mid()))
+
+    return method
+
+
 class Ball:
     """A real number that lies in a ball."""
 
     __slots__ = ("arb",)
     __hash__ = None  # type: ignore[assignment]
+    __add__ = __radd__ = _operator(operator.add)
+    __sub__, __rsub__ = _operator(operator.sub), _operator(lambda x, y: y - x)
+    __mul__ = __rmul__ = _operator(operator.mul)
+    __truediv__, __rtruediv__ = _operator(operator.truediv), _operator(lambda x, y: y / x)
+    __lt__, __ge__ = _comparison(operator.lt, operator.ge), _comparison(operator.ge, operator.lt)
+    __le__, __gt__ = _comparison(operator.le, operator.gt), _comparison(operator.gt, operator.le)
+    __eq__ = _comparison(operator.eq, operator.ne)  # type: ignore[assignment]
 
     def __init__(self, value: Any, error: float = 0.0) -> None:
         self.arb: Any = value.arb if isinstance(value, Ball) else arb(value, error) if error else arb(value)
@@ -42,53 +74,11 @@ class Ball:
     def __float__(self) -> float:
         return float(self.arb)
 
-    def __add__(self, other: Any) -> Ball:
-        return Ball(self.arb + _arb(other))
-
-    __radd__ = __add__
-
-    def __sub__(self, other: Any) -> Ball:
-        return Ball(self.arb - _arb(other))
-
-    def __rsub__(self, other: Any) -> Ball:
-        return Ball(_arb(other) - self.arb)
-
-    def __mul__(self, other: Any) -> Ball:
-        return NotImplemented if isinstance(other, tuple) else Ball(self.arb * _arb(other))
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, other: Any) -> Ball:
-        return Ball(self.arb / _arb(other))
-
-    def __rtruediv__(self, other: Any) -> Ball:
-        return Ball(_arb(other) / self.arb)
-
     def __neg__(self) -> Ball:
         return Ball(-self.arb)
 
     def __abs__(self) -> Ball:
         return Ball(abs(self.arb))
-
-    def __lt__(self, other: Any) -> bool | Undecided:
-        other = _arb(other)
-        return _truth(self.arb < other, self.arb >= other, self.arb.mid() < other.mid())
-
-    def __le__(self, other: Any) -> bool | Undecided:
-        other = _arb(other)
-        return _truth(self.arb <= other, self.arb > other, self.arb.mid() <= other.mid())
-
-    def __gt__(self, other: Any) -> bool | Undecided:
-        other = _arb(other)
-        return _truth(self.arb > other, self.arb <= other, self.arb.mid() > other.mid())
-
-    def __ge__(self, other: Any) -> bool | Undecided:
-        other = _arb(other)
-        return _truth(self.arb >= other, self.arb < other, self.arb.mid() >= other.mid())
-
-    def __eq__(self, other: object) -> bool | Undecided:  # type: ignore[override]
-        value = _arb(other)
-        return _truth(self.arb == value, self.arb != value, self.arb.mid() == value.mid())
 
     def sqrt(self) -> Ball:
         """Return the square root. The number must not be negative, but its ball may reach below 0."""
@@ -164,7 +154,3 @@ def working_precision(bits: int) -> Iterator[None]:
 
 def _arb(value: Any) -> Any:
     return value.arb if isinstance(value, Ball) else arb(value)
-
-
-def _truth(holds: bool, fails: bool, of_values: bool) -> bool | Undecided:
-    return True if holds else False if fails else Undecided(of_values)

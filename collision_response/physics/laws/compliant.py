@@ -62,6 +62,7 @@ spheres", Wear 38 (1976), for the elastic bodies that the bilinear springs appro
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from ...numbers.operations import (
     Scalar,
@@ -110,45 +111,27 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     e, mu, settings = coefficients
     tolerance, kappa = settings.tolerance, settings.stiffness_ratio
     frame = ContactFrame.of(contact)
-    K_nn, speed = frame.Knn, choose(certain(frame.un) < 0, lambda: -frame.un, lambda: 1 + 0 * frame.un)
-    j = speed / K_nn
-    data = (frame.K11 / K_nn, frame.K12 / K_nn, frame.K22 / K_nn, frame.K1n / K_nn, frame.K2n / K_nn)
-    slip = frame.u1 / speed, frame.u2 / speed
-    e_K = sum(map(error_of, data[2:]), error_of(data[0]) + 2 * error_of(data[1]))
-    e_u, e_e, e_mu, e_kappa = (
-        error_of(slip[0]) + error_of(slip[1]),
+    speed = choose(certain(frame.un) < 0, lambda: -frame.un, lambda: 1 + 0 * frame.un)
+    j = speed / frame.Knn
+    data = frame.scaled_K()
+    slip = Tangential(frame.u1 / speed, frame.u2 / speed)
+    errors = InputErrors(
+        sum(map(error_of, data[2:]), error_of(data[0]) + 2 * error_of(data[1])),
+        error_of(slip.x) + error_of(slip.y),
         error_of(e),
         error_of(mu),
         error_of(kappa),
     )
     e, mu, kappa = certain(e), minimum(certain(mu), GREATEST_FRICTION + 0 * certain(mu)), certain(kappa)
-    A11, A12, A22, b1, b2 = map(certain, data)
+    axis, flattened, (A11, A12, A22, b1, b2, s, slip_across) = _in_axes_of_slip(data, slip)
     o, one = 0 * A11, 1 + 0 * A11
-
-    # Axis 1 is along the first slip. Components across it that are rounding become 0. For derivatives the
-    # axes are fixed, and the first slip may vary from them.
-    v1, v2 = map(certain, slip)
-    c1, c2 = map(fixed, map(certain, _direction(v1, v2, b1, b2)))
-    s, slip_across = c1 * v1 + c2 * v2, varying_as(o, lambda: c1 * v2 - c2 * v1)
-    b1, b2 = c1 * b1 + c2 * b2, c1 * b2 - c2 * b1
-    A11, A12, A22 = (
-        c1 * c1 * A11 + 2 * c1 * c2 * A12 + c2 * c2 * A22,
-        c1 * c2 * (A22 - A11) + (c1 * c1 - c2 * c2) * A12,
-        c2 * c2 * A11 - 2 * c1 * c2 * A12 + c1 * c1 * A22,
-    )
-    A11, A12, A22, b1, b2, s = map(certain, (A11, A12, A22, b1, b2, s))
-    trace = certain(A11 + A22)
-    planar = (abs(b2) <= PLANAR * (1 + trace)) & (abs(A12) <= PLANAR * trace)
-    flattened = choose(planar, lambda: abs(b2) + abs(A12), lambda: o)
-    flat = varying_as(o, lambda: b2), varying_as(o, lambda: A12)
-    b2, A12 = choose(planar, lambda: flat, lambda: (b2, A12))
-
     tolerance = choose(
         tolerance > 0,
         lambda: maximum(minimum(SHARE * tolerance, COARSEST + o), TOLERANCE + o),
         lambda: TOLERANCE + o,
     )
-    springs = values(Springs(A11, A12, A22, b1, b2, s, slip_across, mu, kappa, e, tolerance))
+    given = Springs(A11, A12, A22, b1, b2, s, slip_across, mu, kappa, e, tolerance)
+    springs = values(given)
     y = iterate(_start(springs), lambda y: y.is_running > 0, lambda y: step(springs, y), STEPS)
 
     # The rest of the path, which is straight. These are values; the bound below counts their errors.
@@ -173,19 +156,8 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     regime = choose(w1 * s < 0, lambda: 1.0 * Regime.REVERSED + o, lambda: forward)
     regime = choose(y.has_jammed > 0, lambda: 1.0 * Regime.JAMMED + o, lambda: regime)
 
-    # The error, from values. det / minors is a lower bound of the least eigenvalue of K.
-    minors = A11 * A22 - A12 * A12 + A11 - b1 * b1 + A22 - b2 * b2
-    det = A11 * (A22 - b2 * b2) - A12 * (A12 - b1 * b2) + b1 * (A12 * b2 - A22 * b1)
-    least = det / minors - e_K
-    known = (least > 0) & (y.is_running <= 0)
-    root = square_root(choose(known, lambda: least, lambda: one))
-    size = 1 + abs(P1) + abs(P2) + P_n
-    data_error = (e_u + (e_K + flattened) * size) / root + 2 * e_e * y.F_max + e_mu * P_n * square_root(trace)
-    data_error = data_error + (4 * e_kappa / kappa + PLANAR) * size
-    data_error = data_error + choose(plastic, lambda: e * y.F_max, lambda: o)
-    E = SAFETY * (data_error + y.step_error) * y.growth
-    e_P = choose(known & (size > E), lambda: E / root, lambda: math.inf + o)
-    P = Tangential(widened(c1 * P1 - c2 * P2, e_P) * j, widened(c2 * P1 + c1 * P2, e_P) * j)
+    E, e_P = _error(given, y, Tangential(P1, P2), P_n, flattened, errors)
+    P = Tangential(widened(axis.x * P1 - axis.y * P2, e_P) * j, widened(axis.y * P1 + axis.x * P2, e_P) * j)
     return Outcome(
         frame.to_world(P, widened(P_n, e_P) * j),
         regime,
@@ -193,6 +165,80 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
         widened(heat, 4 * (1 + s + y.F_max) * E) * (speed * j),
         unfinished=y.is_running > 0,
     )
+
+
+def _in_axes_of_slip(
+    data: tuple[Scalar, ...], slip: Tangential
+) -> tuple[Tangential, Scalar, tuple[Scalar, ...]]:
+    """The values of the data with axis 1 along the first slip.
+
+    Components across it that are rounding become 0. For derivatives the axes are fixed, and the first slip
+    may vary from them.
+
+    Args:
+        data: ``A11``, ``A12``, ``A22``, ``b1`` and ``b2``.
+        slip: the first slip.
+
+    Returns:
+        Axis 1; the size of the components that became 0; and the data, the slip, and the slip across axis 1.
+    """
+    A11, A12, A22, b1, b2 = map(certain, data)
+    o = 0 * A11
+    v1, v2 = map(certain, slip)
+    c1, c2 = map(fixed, map(certain, _direction(v1, v2, b1, b2)))
+    s, slip_across = c1 * v1 + c2 * v2, varying_as(o, lambda: c1 * v2 - c2 * v1)
+    b1, b2 = c1 * b1 + c2 * b2, c1 * b2 - c2 * b1
+    A11, A12, A22 = (
+        c1 * c1 * A11 + 2 * c1 * c2 * A12 + c2 * c2 * A22,
+        c1 * c2 * (A22 - A11) + (c1 * c1 - c2 * c2) * A12,
+        c2 * c2 * A11 - 2 * c1 * c2 * A12 + c1 * c1 * A22,
+    )
+    A11, A12, A22, b1, b2, s = map(certain, (A11, A12, A22, b1, b2, s))
+    trace = certain(A11 + A22)
+    planar = (abs(b2) <= PLANAR * (1 + trace)) & (abs(A12) <= PLANAR * trace)
+    flattened = choose(planar, lambda: abs(b2) + abs(A12), lambda: o)
+    flat = varying_as(o, lambda: b2), varying_as(o, lambda: A12)
+    b2, A12 = choose(planar, lambda: flat, lambda: (b2, A12))
+    return Tangential(c1, c2), flattened, (A11, A12, A22, b1, b2, s, slip_across)
+
+
+class InputErrors(NamedTuple):
+    """The errors of the data: of ``K``, of the first slip, of restitution, friction and stiffness ratio."""
+
+    K: Scalar
+    slip: Scalar
+    e: Scalar
+    mu: Scalar
+    kappa: Scalar
+
+
+def _error(
+    springs: Springs, y: State, P_t: Tangential, P_n: Scalar, flattened: Scalar, errors: InputErrors
+) -> tuple[Scalar, Scalar]:
+    """The error of the path, measured by the root of ``V``, and that of the impulse; in values.
+
+    Args:
+        springs: the constants.
+        y: the last state.
+        P_t, P_n: the impulse.
+        flattened: size of the components of the data that became 0.
+        errors: of the data.
+    """
+    A11, A12, A22, b1, b2, _, _, _, kappa, e, _ = springs
+    o, one = 0 * A11, 1 + 0 * A11
+    # det / minors is a lower bound of the least eigenvalue of K.
+    minors = A11 * A22 - A12 * A12 + A11 - b1 * b1 + A22 - b2 * b2
+    det = A11 * (A22 - b2 * b2) - A12 * (A12 - b1 * b2) + b1 * (A12 * b2 - A22 * b1)
+    least = det / minors - errors.K
+    known = (least > 0) & (y.is_running <= 0)
+    root = square_root(choose(known, lambda: least, lambda: one))
+    size = 1 + abs(P_t.x) + abs(P_t.y) + P_n
+    data_error = (errors.slip + (errors.K + flattened) * size) / root + 2 * errors.e * y.F_max
+    data_error = data_error + errors.mu * P_n * square_root(certain(A11 + A22))
+    data_error = data_error + (4 * errors.kappa / kappa + PLANAR) * size
+    data_error = data_error + choose(e < LEAST_RESTITUTION, lambda: e * y.F_max, lambda: o)
+    E = SAFETY * (data_error + y.step_error) * y.growth
+    return E, choose(known & (size > E), lambda: E / root, lambda: math.inf + o)
 
 
 def _direction(u1: Scalar, u2: Scalar, b1: Scalar, b2: Scalar) -> tuple[Scalar, Scalar]:

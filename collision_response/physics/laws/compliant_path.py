@@ -134,47 +134,116 @@ class Event(NamedTuple):
         return varying_as(0 * self.value, lambda: -self.value / fixed(self.slope))
 
 
-def step(springs: Springs, y: State) -> State:
-    """The state after one step; or, if the step is too long, with a smaller ``h``."""
-    mu, kappa = springs.mu, springs.kappa
-    one, zero = 1 + 0 * y.F, 0 * y.F
-    slips, unloads = y.slips > 0, y.unloads > 0
-    k = choose(unloads, lambda: one / (springs.e * springs.e), lambda: one)
+class Motion(NamedTuple):
+    """The equations of motion up to the next event.
 
-    def rates(a1: Scalar, a2: Scalar, F: Scalar, *P: Scalar) -> tuple[Scalar, ...]:
-        u1, u2, u_n = springs.velocity(*P)
-        grip = mu * F
+    Attributes:
+        springs: the constants.
+        slips, unloads: whether the contact slips, not sticks; and unloads, not loads.
+        k: stiffness of the normal spring.
+        share: ``mu k / kappa``.
+        terms: the unit of the rounding of ``u``.
+        F_max: the greatest normal force so far.
+    """
+
+    springs: Springs
+    slips: Condition
+    unloads: Condition
+    k: Scalar
+    share: Scalar
+    terms: Scalar
+    F_max: Scalar
+
+    @classmethod
+    def of(cls, springs: Springs, y: State) -> Motion:
+        """The motion from a state on."""
+        one, slips, unloads = 1 + 0 * y.F, y.slips > 0, y.unloads > 0
+        k = choose(unloads, lambda: one / (springs.e * springs.e), lambda: one)
+        share, terms = springs.mu * k / springs.kappa, springs.size_of_terms(y.P1, y.P2, y.Pn)
+        return cls(springs, slips, unloads, k, share, terms, y.F_max)
+
+    def rates(self, a1: Scalar, a2: Scalar, F: Scalar, *P: Scalar) -> tuple[Scalar, ...]:
+        """The rates of the first six numbers of a state."""
+        kappa, zero = self.springs.kappa, 0 * F
+        u1, u2, u_n = self.springs.velocity(*P)
+        grip = self.springs.mu * F
         w = choose(
             grip > 0,
-            lambda: kappa * (a1 * u2 - a2 * u1) / choose(grip > 0, lambda: grip, lambda: one),
+            lambda: kappa * (a1 * u2 - a2 * u1) / choose(grip > 0, lambda: grip, lambda: 1 + zero),
             lambda: zero,
         )
-        forces = choose(slips, lambda: (-grip * a1, -grip * a2), lambda: (a1, a2))
-        turns = choose(slips, lambda: (-w * a2, w * a1), lambda: (-kappa * u1, -kappa * u2))
-        return (*turns, -k * u_n, *forces, F)
+        forces = choose(self.slips, lambda: (-grip * a1, -grip * a2), lambda: (a1, a2))
+        turns = choose(self.slips, lambda: (-w * a2, w * a1), lambda: (-kappa * u1, -kappa * u2))
+        return (*turns, -self.k * u_n, *forces, F)
 
-    def events(a1: Scalar, a2: Scalar, F: Scalar, P1: Scalar, P2: Scalar, Pn: Scalar) -> list[Event]:
+    def events(self, a1: Scalar, a2: Scalar, F: Scalar, P1: Scalar, P2: Scalar, Pn: Scalar) -> list[Event]:
+        """The next changes between stick and slip, and between loading and unloading.
+
+        In units of the terms that they are made of, so that EVENT is more than their rounding.
+        """
+        springs, mu, share, terms = self.springs, self.springs.mu, self.share, self.terms
+        one, zero = 1 + 0 * F, 0 * F
         u1, u2, u_n = springs.velocity(P1, P2, Pn)
-        d1, d2, dF, F1, F2, _ = rates(a1, a2, F, P1, P2, Pn)
+        d1, d2, dF, F1, F2, _ = self.rates(a1, a2, F, P1, P2, Pn)
         du1 = springs.A11 * F1 + springs.A12 * F2 + springs.b1 * F
         du2 = springs.A12 * F1 + springs.A22 * F2 + springs.b2 * F
         dun = springs.b1 * F1 + springs.b2 * F2 + F
         size = square_root(a1 * a1 + a2 * a2)
         safe = choose(size > 0, lambda: size, lambda: one)
-        # In units of the terms that they are made of, so that EVENT is more than their rounding.
-        force_unit, speed_unit = (1 + mu) * (1 + y.F_max), (1 + share) * terms
+        force_unit, speed_unit = (1 + mu) * (1 + self.F_max), (1 + share) * terms
         stick = Event((mu * F - size) / force_unit, (mu * dF - (a1 * d1 + a2 * d2) / safe) / force_unit)
         d_lambda = a1 * du1 + a2 * du2 + d1 * u1 + d2 * u2 + share * dun
         slip = Event((a1 * u1 + a2 * u2 + share * u_n) / speed_unit, d_lambda / speed_unit)
-        friction = choose(slips, lambda: slip, lambda: stick)
+        friction = choose(self.slips, lambda: slip, lambda: stick)
         friction_event = choose(mu > 0, lambda: friction, lambda: Event(one, zero))
-        full = Event((y.F_max - F) / (1 + y.F_max), -dF / (1 + y.F_max))
-        return [friction_event, choose(unloads, lambda: full, lambda: Event(-u_n / terms, -dun / terms))]
+        full = Event((self.F_max - F) / (1 + self.F_max), -dF / (1 + self.F_max))
+        return [friction_event, choose(self.unloads, lambda: full, lambda: Event(-u_n / terms, -dun / terms))]
 
-    start = (y.a1, y.a2, y.F, y.P1, y.P2, y.Pn)
-    share, terms = mu * k / kappa, springs.size_of_terms(y.P1, y.P2, y.Pn)
+
+class Trial(NamedTuple):
+    """A step that is tried.
+
+    Attributes:
+        h: its length.
+        end: the first six numbers of the state at its end.
+        error, scale: its error in units of ``scale``, which is 1, or greater if friction jams.
+        ratio: its error over the tolerance: the step is short enough if it is <= 1.
+        next_h: length of the next step.
+    """
+
+    h: Scalar
+    end: tuple[Scalar, ...]
+    error: Scalar
+    scale: Scalar
+    ratio: Scalar
+    next_h: Scalar
+
+
+def step(springs: Springs, y: State) -> State:
+    """The state after one step; or, if the step is too long, with a smaller ``h``."""
+    motion = Motion.of(springs, y)
+    trial = _try_step(motion, y)
+    h, F = trial.h, trial.end[2]
+    # The first event within the step, if there is one.
+    before, after = motion.events(*y[:6]), motion.events(*trial.end)
+    to = [_step_to(first, last, h) for first, last in zip(before, after, strict=True)]
+    fell, one = F < 0, 1 + 0 * F
+    to.append(
+        choose(fell, lambda: 0.98 * h * y.F / choose(fell, lambda: y.F - F, lambda: one), lambda: 2 * h)
+    )
+    nearest = reduce(minimum, to)
+    is_fine = trial.ratio <= 1
+    passed = (nearest < h) & is_fine
+    again = choose(is_fine, lambda: nearest, lambda: trial.next_h)
+    is_accepted = is_fine & negation(passed)
+    return choose(is_accepted, lambda: _accepted(motion, y, trial, after), lambda: y._replace(h=again))
+
+
+def _try_step(motion: Motion, y: State) -> Trial:
+    """One step of the method of ``dormand_prince.py``."""
+    one, start = 1 + 0 * y.F, y[:6]
     h = for_derivatives(
-        y.h, lambda: fixed(choose(slips, lambda: minimum(y.h, _longest(springs, y, k)), lambda: y.h))
+        y.h, lambda: fixed(choose(motion.slips, lambda: minimum(y.h, _longest(motion, y)), lambda: y.h))
     )
     slopes: list[tuple[Scalar, ...]] = []
 
@@ -182,81 +251,75 @@ def step(springs: Springs, y: State) -> State:
         return h * reduce(add, (weight * slopes[j][i] for j, weight in row))
 
     for row in ((), *STAGES):
-        slopes.append(rates(*(v + total(row, i) for i, v in enumerate(start))) if row else rates(*start))
+        slopes.append(motion.rates(*(v + total(row, i) for i, v in enumerate(start)) if row else start))
     end = tuple(v + total(WEIGHTS, i) for i, v in enumerate(start))
     fifth = [total(ERROR_5, i) for i in range(6)]
     third = [total(WEIGHTS, i) - total(ORDER_3, i) for i in range(6)]
-    scale = maximum(one, (abs(y.P1) + abs(y.P2) + y.Pn) / 4)  # above 1 if friction jams
-    e5, e3 = (_error_norm(e, slips, mu, kappa, k, y.F_max) / scale for e in (fifth, third))
+    scale = maximum(one, (abs(y.P1) + abs(y.P2) + y.Pn) / 4)
+    e5, e3 = (_error_norm(e, motion) / scale for e in (fifth, third))
     square = e5 * e5
-    err = choose(square > 0, lambda: square / square_root(square + 0.01 * e3 * e3), lambda: zero)
-    ratio = choose(square < 1e6, lambda: err / springs.tolerance, lambda: 1e30 * one)  # NaN is too long, too
+    error = choose(square > 0, lambda: square / square_root(square + 0.01 * e3 * e3), lambda: 0 * e5)
+    # NaN is too long, too.
+    ratio = choose(square < 1e6, lambda: error / motion.springs.tolerance, lambda: 1e30 * one)
     factor = 0.9 / square_root(square_root(square_root(ratio + 1e-6)))
-    size = h * maximum(minimum(factor, 4 * one), 0.2 * one)
+    return Trial(h, end, error, scale, ratio, h * maximum(minimum(factor, 4 * one), 0.2 * one))
 
-    # The first event within the step, if there is one.
-    before, after = events(*start), events(*end)
-    to = [_step_to(first, last, h) for first, last in zip(before, after, strict=True)]
-    F = end[2]
-    fell = F < 0
-    to.append(
-        choose(fell, lambda: 0.98 * h * y.F / choose(fell, lambda: y.F - F, lambda: one), lambda: 2 * h)
+
+def _accepted(motion: Motion, y: State, trial: Trial, events: list[Event]) -> State:
+    """The state after a step from ``y`` that is short enough.
+
+    If it ends at one of the events, another motion begins.
+    """
+    springs, slips, end = motion.springs, motion.slips, trial.end
+    mu, kappa, k, one, zero = springs.mu, springs.kappa, motion.k, 1 + 0 * y.F, 0 * y.F
+    switches, turns = (event.is_now() for event in events)
+    delay = choose(turns, events[1].delay, lambda: zero)
+    delay = choose(switches, events[0].delay, lambda: delay)
+    a1, a2, F, P1, P2, Pn = (v + rate * delay for v, rate in zip(end, motion.rates(*end), strict=True))
+    u_n = springs.velocity(P1, P2, Pn)[2]
+    length = choose(slips, lambda: 0.5 * (3 - a1 * a1 - a2 * a2), lambda: one)
+    a1, a2 = a1 * length, a2 * length
+    # stick <-> slip
+    grip = mu * F
+    force = square_root(a1 * a1 + a2 * a2)
+    safe = choose(force > 0, lambda: force, lambda: one)
+    other = choose(slips, lambda: (-grip * a1, -grip * a2), lambda: (-a1 / safe, -a2 / safe))
+    b1, b2 = choose(switches, lambda: other, lambda: (a1, a2))
+    now = choose(switches, lambda: 1 - y.slips, lambda: y.slips)
+    unloads_now = choose(turns, lambda: 1 - y.unloads, lambda: y.unloads)
+    begins = turns & (y.unloads < 1)
+    F_max = maximum(y.F_max, F)
+    over = choose(
+        springs.e < LEAST_RESTITUTION,
+        lambda: begins,
+        lambda: (y.unloads > 0) & (END * F_max >= F) & (u_n > 0),
     )
-    nearest = reduce(minimum, to)
-    is_fine = ratio <= 1
-    passed = (nearest < h) & is_fine
-    again = choose(is_fine, lambda: nearest, lambda: size)
-
-    def accepted() -> State:
-        switches, turns = (event.is_now() for event in after)
-        delay = choose(turns, after[1].delay, lambda: zero)
-        delay = choose(switches, after[0].delay, lambda: delay)
-        a1, a2, F, P1, P2, Pn = (v + rate * delay for v, rate in zip(end, rates(*end), strict=True))
-        u_n = springs.velocity(P1, P2, Pn)[2]
-        length = choose(slips, lambda: 0.5 * (3 - a1 * a1 - a2 * a2), lambda: one)
-        a1, a2 = a1 * length, a2 * length
-        # stick <-> slip
-        grip = mu * F
-        force = square_root(a1 * a1 + a2 * a2)
-        safe = choose(force > 0, lambda: force, lambda: one)
-        other = choose(slips, lambda: (-grip * a1, -grip * a2), lambda: (-a1 / safe, -a2 / safe))
-        b1, b2 = choose(switches, lambda: other, lambda: (a1, a2))
-        now = choose(switches, lambda: 1 - y.slips, lambda: y.slips)
-        unloads_now = choose(turns, lambda: 1 - y.unloads, lambda: y.unloads)
-        begins = turns & (y.unloads < 1)
-        F_max = maximum(y.F_max, F)
-        over = choose(
-            springs.e < LEAST_RESTITUTION,
-            lambda: begins,
-            lambda: (y.unloads > 0) & (END * F_max >= F) & (u_n > 0),
-        )
-        along = y.a1 * y.a1 * springs.A11 + 2 * y.a1 * y.a2 * springs.A12 + y.a2 * y.a2 * springs.A22
-        slid = mu * square_root(along * k) * h / 2
-        turned = mu * square_root(k / kappa) * (abs(a1 - y.a1) + abs(a2 - y.a2)) / 2
-        gain = choose(slips, lambda: slid + turned, lambda: zero)
-        held = choose(slips & switches, lambda: mu * mu * k / kappa, lambda: zero)
-        missed = choose(switches | turns, lambda: EVENT * terms, lambda: zero)
-        pressed = (y.unloads < 1) & (u_n < springs.velocity(y.P1, y.P2, y.Pn)[2])
-        return State(
-            b1, b2, F, P1, P2, Pn, now, unloads_now, F_max,
-            choose(begins, lambda: size * springs.e, lambda: size),
-            choose(over, lambda: zero, lambda: one),
-            y.growth * _exponential(gain) * square_root(1 + held),
-            y.step_error + (err + STEP_ROUNDING) * scale + missed,
-            choose(now > 0, lambda: y.has_stuck, lambda: one),
-            choose(pressed, lambda: one, lambda: y.has_jammed),
-        )  # fmt: skip
-
-    return choose(is_fine & negation(passed), accepted, lambda: y._replace(h=again))
+    along = y.a1 * y.a1 * springs.A11 + 2 * y.a1 * y.a2 * springs.A12 + y.a2 * y.a2 * springs.A22
+    slid = mu * square_root(along * k) * trial.h / 2
+    turned = mu * square_root(k / kappa) * (abs(a1 - y.a1) + abs(a2 - y.a2)) / 2
+    gain = choose(slips, lambda: slid + turned, lambda: zero)
+    held = choose(slips & switches, lambda: mu * mu * k / kappa, lambda: zero)
+    missed = choose(switches | turns, lambda: EVENT * motion.terms, lambda: zero)
+    pressed = (y.unloads < 1) & (u_n < springs.velocity(y.P1, y.P2, y.Pn)[2])
+    return State(
+        b1, b2, F, P1, P2, Pn, now, unloads_now, F_max,
+        choose(begins, lambda: trial.next_h * springs.e, lambda: trial.next_h),
+        choose(over, lambda: zero, lambda: one),
+        y.growth * _exponential(gain) * square_root(1 + held),
+        y.step_error + (trial.error + STEP_ROUNDING) * trial.scale + missed,
+        choose(now > 0, lambda: y.has_stuck, lambda: one),
+        choose(pressed, lambda: one, lambda: y.has_jammed),
+    )  # fmt: skip
 
 
-def _longest(springs: Springs, y: State, k: Scalar) -> Scalar:
+def _longest(motion: Motion, y: State) -> Scalar:
     """The longest step of slip, for derivatives: the direction of slip is stiff where ``F_n`` is small.
 
     A step that suits planar slip may be too long for the derivatives of how slip leaves its plane.
     """
+    springs = motion.springs
     u1, u2, u_n = springs.velocity(y.P1, y.P2, y.Pn)
-    force, turn = y.F / (k * abs(u_n)), springs.mu * y.F / (springs.kappa * (abs(u1) + abs(u2)))
+    force, turn = y.F / (motion.k * abs(u_n)), springs.mu * y.F / (springs.kappa * (abs(u1) + abs(u2)))
     far = minimum(force / 2, minimum(turn / 2 + force / 100, 3 * turn))
     return choose(y.F > 0, lambda: far, lambda: y.h)
 
@@ -298,10 +361,10 @@ def _cubic(first: Event, last: Event, h: Scalar, s: Scalar) -> Scalar:
     return ends + h * (first.slope * (s * r * r) - last.slope * (s * s * r))
 
 
-def _error_norm(
-    e: list[Scalar], slips: Condition, mu: Scalar, kappa: Scalar, k: Scalar, F_max: Scalar
-) -> Scalar:
+def _error_norm(e: list[Scalar], motion: Motion) -> Scalar:
     """The size of an error of the state, as a speed: about the root of ``V``."""
     turn = abs(e[0]) + abs(e[1])
-    across = choose(slips, lambda: mu * F_max * turn, lambda: turn) / square_root(kappa)
-    return across + abs(e[2]) / square_root(k) + abs(e[3]) + abs(e[4]) + abs(e[5])
+    springs = motion.springs
+    across = choose(motion.slips, lambda: springs.mu * motion.F_max * turn, lambda: turn)
+    across = across / square_root(springs.kappa)
+    return across + abs(e[2]) / square_root(motion.k) + abs(e[3]) + abs(e[4]) + abs(e[5])
