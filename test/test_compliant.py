@@ -25,6 +25,7 @@ from collision_response import (
     resolve_contact,
 )
 from collision_response.batch import body_rows, contact_rows, resolve_batch
+from collision_response.in_python import arbitrary_precision
 from collision_response.model import Geometry
 from collision_response.physics.laws.compliant_path import LEAST_RESTITUTION
 from collision_response.physics.mass_properties import sphere
@@ -373,6 +374,16 @@ def test_batches_agree_with_single_impacts():
             ball = Body.dynamic(1.0, inertia, (0, 0, 0.5), None, (slip, 0, -1))
             one = resolve(ball, Body.static(), Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3), model)
             assert many.impulse[:, i] == pytest.approx(one.impulse, abs=1e-12)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+def test_more_digits_than_those_of_the_kernel_are_not_tried(tilt):
+    """They cost a second, and the steps would be no more exact."""
+    body = Body.dynamic(1.0, (0.2, 0, 0, 0.2, 0, 0.2), (-0.3, -0.4, 0.0), velocity=(0.7, -1.0, 0.0))
+    request = body, Body.static(), Contact.of((0, 0, 0), (0, 1, tilt), 0.5, 0.3)
+    exact, double = (ImpactModel(Law.COMPLIANT, precision=p) for p in (Precision.EXTENDED, Precision.DOUBLE))
+    assert arbitrary_precision.resolve(*request, exact) is None
+    assert resolve(*request, exact).impulse == pytest.approx(resolve(*request, double).impulse, rel=1e-11)
 
 
 def test_the_stiffness_ratio_of_two_materials():

@@ -22,7 +22,7 @@ from ..numbers.balls import Ball, Undecided
 from ..numbers.operations import numbers_in
 from ..physics.body import Body
 from ..physics.contact import Contact
-from ..physics.laws import PATHS, Regime, Settings
+from ..physics.laws import PATHS, STEPPED, Regime, Settings
 from .request_numbers import read_request
 
 BITS = tuple(2**k for k in range(7, 15))
@@ -41,7 +41,7 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
 
     Returns:
         The answer; or ``None`` if python-flint is not installed, if a number of the answer is beyond float64,
-        or if the law integrates a path in space. More digits do not make such a path more exact, but they
+        or if the law integrates a path in steps. More digits do not make such a path more exact, but they
         still decide whether the bodies separate, in which case there is no path.
     """
     if not balls.AVAILABLE:
@@ -51,7 +51,7 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     law = plan.law_with_friction if plain[2].friction > 0 else plan.law_without_friction
     frictionless = law is Law.FRICTIONLESS
     geometry = geometry_for(model.geometry, *plain, frictionless=frictionless)
-    has_path = law in PATHS and geometry is Geometry.SPATIAL
+    has_path = law in STEPPED or (law in PATHS and geometry is Geometry.SPATIAL)
     best, best_bound, least_bound = None, math.inf, math.inf
     for bits in BITS:
         with balls.working_precision(bits):
