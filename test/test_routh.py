@@ -16,6 +16,7 @@ from bounded import ROUNDING, Bounded
 from mpmath import mp
 from oracle.laws import impulse
 
+from collision_response import Body, Contact, ImpactError, ImpactModel, Precision, resolve
 from collision_response.physics.effective_mass import ContactNumbers
 from collision_response.physics.laws import Coefficients, Law, Outcome, Settings
 from collision_response.physics.laws.routh import routh
@@ -260,3 +261,22 @@ def test_the_bound_covers_errors_of_the_input():
         for x, z in zip(outcome.impulse, P, strict=True):
             assert x.covers(z)
             assert x.error < math.inf
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("slip", [0.0, 1e-20, 1e-18, 1e-16, 1e-15, 1e-12])
+@pytest.mark.parametrize("lever", [2.0**10, 2.0**20, 2.0**30])
+def test_the_bound_covers_slip_below_its_own_rounding(lever, slip, law):
+    """Friction stops the slip. At such a lever the normal impulse is so small that this impulse counts."""
+    body = Body.dynamic(1.0, (1.0, 0, 0, 1.0, 0, 1.0), (-lever, 0.0, 0.0), velocity=(slip, -1.0, 0.0))
+    contact = Contact.of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), restitution=0.5, friction=0.5)
+    P_n = Fraction(3, 2) / (1 + Fraction(lever) ** 2)
+    P_t = -min(Fraction(slip), P_n / 2)
+    for precision in Precision:
+        try:
+            impact = resolve(body, Body.static(), contact, ImpactModel(law, precision=precision))
+        except ImpactError:  # nothing is known at this precision
+            continue
+        x, y, _ = map(Fraction, impact.impulse)
+        error = math.hypot(x - P_t, y - P_n) / math.hypot(P_t, P_n)
+        assert error <= impact.error_bound

@@ -133,6 +133,8 @@ def routh(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     P_n, X = rest.p_c + p, choose(rest.in_restitution, lambda: y.p_c / c + y.x, lambda: y.x) + rest.along
     jams = (certain(least_r) < 0) & (certain(X) > tolerance)  # not while slip is as good as none
     regime = choose(jams, lambda: 1.0 * Regime.JAMMED + o, lambda: regime)
+    ignored_slip = choose(first.slips, lambda: o, lambda: abs(certain(slip.x)) + abs(certain(slip.y)))
+    e_slip = e_slip + ignored_slip / certain(speed)
     error = path_error(path, ray, y, rest._replace(p=p), X, mu, InputErrors(e_A, e_b, e_slip, e_e, e_mu))
 
     tangential = Tangential(widened(P1, error.P_t) * j, widened(P2, error.P_t) * j)

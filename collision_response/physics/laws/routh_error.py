@@ -83,9 +83,8 @@ def path_error(
     )
     by_slip = certain(choose(l2 > 0, lambda: SAFETY * E / l2, lambda: infinite))
     by_direction = certain(choose(least_s > 0, lambda: P_t * slip_error / least_s, lambda: infinite))
-    e_P = certain(
-        minimum(minimum(by_slip, by_direction), certain(SAFETY * P_t)) + y.impulse_error + errors.mu * c * X
-    )
+    by_cone = certain(SAFETY / 2 * (P_t + mu * (p_c + p)))  # no two impulses in the cone are further apart
+    e_P = certain(minimum(minimum(by_slip, by_direction), by_cone) + y.impulse_error + errors.mu * c * X)
     D = certain(P_t * errors.b + b * e_P + y.impulse_error)
     # The error of p_c: by the least du_n/dp that u_n may have had where it reached 0.
     R = certain(r / c)
