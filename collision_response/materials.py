@@ -260,11 +260,7 @@ def _pair(field: str, entry: Any) -> tuple[tuple[str, str], Pair]:
         raise _malformed(f"{field}.materials", "must be two names", names)
     a, b = sorted(_name(f"{field}.materials", name) for name in names)
     source = _source(f"{field}.source", numbers.pop("source", None))
-    laws = {
-        name: read(f"{field}.{name}", numbers.pop(name))
-        for name, read in (("restitution", _restitution), ("friction", _friction))
-        if name in numbers
-    }
+    laws = {name: _coefficient(f"{field}.{name}", numbers.pop(name)) for name in FUNCTIONS if name in numbers}
     return (a, b), Pair(source=source, **laws, **_numbers(field, numbers, Pair._fields))
 
 
@@ -274,76 +270,51 @@ def _source(field: str, source: Any) -> str:
     return "" if source is None else format_value(source, str)
 
 
-YIELDING = {"thornton": plastic, "johnson": johnson}
+FUNCTIONS: dict[str, dict[tuple[str, ...], Callable[..., Restitution | Friction]]] = {
+    "restitution": {
+        ("value", "speed", "power"): power_law,
+        ("yield_speed", "after: thornton"): plastic,
+        ("yield_speed", "after: johnson"): johnson,
+        ("speeds", "values"): tabulated,
+    },
+    "friction": {("static", "kinetic", "speed"): friction.stribeck, ("speeds", "values"): friction.tabulated},
+}
+"""The functions of speed that restitution and friction of a pair may be, by the keys that describe them."""
 
 
-def _restitution(field: str, law: Any) -> Any:
-    def read() -> Restitution | None:
-        match sorted(map(str, law)):
-            case ["power", "speed", "value"]:
-                return power_law(*_constants(law, "value", "speed", "power"))
-            case ["after", "yield_speed"] if isinstance(law["after"], str) and law["after"] in YIELDING:
-                return YIELDING[law["after"]](*_constants(law, "yield_speed"))
-            case ["speeds", "values"]:
-                return tabulated(*_columns(law))
-        return None
+def _coefficient(field: str, law: Any) -> Any:
+    """Read a coefficient that is a number, or a mapping that describes a function of speed.
 
-    keys = "power, speed and value; yield_speed and after (thornton, johnson); or speeds and values"
-    return _by_speed(field, law, read, keys)
-
-
-def _friction(field: str, law: Any) -> Any:
-    def read() -> Friction | None:
-        match sorted(map(str, law)):
-            case ["kinetic", "speed", "static"]:
-                return friction.stribeck(*_constants(law, "static", "kinetic", "speed"))
-            case ["speeds", "values"]:
-                return friction.tabulated(*_columns(law))
-        return None
-
-    return _by_speed(field, law, read, "static, kinetic and speed; or speeds and values")
+    Raises:
+        ImpactError: INVALID_TABLE, if the keys are those of no function; INVALID_COEFFICIENT, if a number is
+            out of range.
+    """
+    owner, _, name = field.rpartition(".")
+    if not isinstance(law, dict):
+        return _number(owner, name, law)
+    given = {f"after: {law[key]}" if key == "after" else key for key in law}
+    for keys, function in FUNCTIONS[name].items():
+        if given == set(keys):
+            try:
+                return function(*(_constant(key, law[key]) for key in keys if key in law))
+            except (TypeError, ValueError) as error:
+                raise ImpactError(StatusCode.INVALID_COEFFICIENT, field, str(error)) from None
+    raise _malformed(field, f"must have {'; or '.join(map(', '.join, FUNCTIONS[name]))}", law)
 
 
-def _constants(law: Mapping[str, Any], *names: str) -> list[float]:
-    """Return the constants of a law. Raises ``TypeError`` or ``ValueError`` if one is not a finite number."""
-    return [_finite(name, law[name]) for name in names]
+def _constant(name: str, value: Any) -> Any:
+    """Read a number of a function, or a list of numbers.
 
-
-def _columns(law: Mapping[str, Any]) -> tuple[list[float], list[float]]:
-    """Return the columns of a table. Raises ``TypeError`` or ``ValueError`` if a number is not finite."""
-    for name in ("speeds", "values"):
-        if not isinstance(law[name], list):
-            raise TypeError(f"{name}: must be a list of numbers, is {format_value(law[name], quoted)}")
-    speeds, values = (
-        [_finite(f"{name}[{i}]", x) for i, x in enumerate(law[name])] for name in ("speeds", "values")
-    )
-    return speeds, values
+    Raises:
+        TypeError, ValueError: if a number is not finite, or there is no list.
+    """
+    if name not in ("speeds", "values"):
+        return _finite(name, value)
+    if not isinstance(value, list):
+        raise TypeError(f"{name}: must be a list of numbers, is {format_value(value, quoted)}")
+    return [_finite(f"{name}[{i}]", x) for i, x in enumerate(value)]
 
 
 def _finite(name: str, x: Any) -> float:
     check_number(name, x, -math.inf, math.inf, StatusCode.INVALID_COEFFICIENT)
     return float(x)
-
-
-def _by_speed(field: str, law: Any, read: Callable[[], Any], keys: str) -> Any:
-    """Read a coefficient that is a number, or a mapping that describes a function of speed.
-
-    Args:
-        field: name of the coefficient, for errors.
-        law: the number or mapping.
-        read: builds the function from the mapping; returns ``None`` if its keys are those of no law.
-        keys: the keys that a mapping may have, for the error.
-
-    Raises:
-        ImpactError: INVALID_TABLE, if the keys are wrong; INVALID_COEFFICIENT, if a number is.
-    """
-    if not isinstance(law, dict):
-        owner, _, name = field.rpartition(".")
-        return _number(owner, name, law)
-    try:
-        function = read()
-    except (TypeError, ValueError) as error:
-        raise ImpactError(StatusCode.INVALID_COEFFICIENT, field, str(error)) from None
-    if function is None:
-        raise _malformed(field, f"must have {keys}", law)
-    return function
