@@ -74,7 +74,7 @@ def resolve_other_arrays(
     Raises:
         ValueError: if an argument is not an array, or if ``out`` is given: it is only for arrays of NumPy.
     """
-    from .resolve_batch import BatchResult, resolve_batch
+    from .resolve_batch import resolve_batch
 
     lazy = any(map(is_lazy, (bodies, contacts, pairs)))
     convert = None if lazy else converter_like(bodies)
@@ -91,9 +91,7 @@ def resolve_other_arrays(
         out=out,
         workers=workers,
     )
-    if convert is None:
-        return result
-    return BatchResult(*(None if array is None else convert(array) for array in result))
+    return result if convert is None else result.mapped(convert)
 
 
 def _resolve_lazily(

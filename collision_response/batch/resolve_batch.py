@@ -98,6 +98,10 @@ class BatchResult(NamedTuple):
     energy_lost_restitution: Any = None
     energy_lost_friction: Any = None
 
+    def mapped(self, function: Callable[[Any], Any]) -> BatchResult:
+        """Return the result with ``function`` applied to each array that is there."""
+        return BatchResult(*(None if array is None else function(array) for array in self))
+
 
 def is_bounded(model: ImpactModel) -> bool:
     """Whether the results of a batch with this model have error bounds."""
@@ -155,8 +159,7 @@ def resolve_batch(
     pairs = None if pairs is None else as_pairs(pairs)
     if out is None:
         plan = plan_for(bodies, contacts, model, pairs)
-        fields = plan.result_fields(contacts.shape[1], report)
-        out = BatchResult(*(None if field is None else np.empty(*field) for field in fields))
+        out = plan.result_fields(contacts.shape[1], report).mapped(lambda field: np.empty(*field))
     elif report and out.regime is None:
         raise ValueError("out.regime: must be there for a report, is None")
     else:
@@ -197,16 +200,20 @@ def resolve_with_pauses(
     if worst is None:  # an array is not contiguous, or has the wrong shape or type
         _check_out(plan, n, out)
         request = BatchRequest(plan, np.ascontiguousarray(bodies), pairs, np.ascontiguousarray(contacts))
-        target = BatchResult(*(None if array is None else np.empty_like(array, order="C") for array in out))
+        target = out.mapped(lambda array: np.empty_like(array, order="C"))
         worst = _run(request, plan.number_type, target, workers, *columns)
         assert worst is not None, "copies fit"
     part = (request, target) if columns == (0, n) else request.part(target, *columns)
     yield from _refine(*part, *worst, workers)
     if target is not out:
-        for computed, wanted in zip(target, out, strict=True):
-            if wanted is not None:
-                own = (..., slice(*columns))
-                wanted[own] = computed[own]
+        _copy(target.mapped(lambda array: array[..., slice(*columns)]), out, slice(*columns))
+
+
+def _copy(results: BatchResult, out: BatchResult, columns: slice | Array) -> None:
+    """Write results to these columns of ``out``."""
+    for array, wanted in zip(results, out, strict=True):
+        if wanted is not None:
+            wanted[..., columns] = array
 
 
 class BatchPlan(NamedTuple):
@@ -226,14 +233,14 @@ class BatchPlan(NamedTuple):
     settings: Array
     model_plan: ModelPlan
 
-    def result_fields(self, n: int, report: bool) -> tuple[tuple[tuple[int, ...], np.dtype[Any]] | None, ...]:
-        """Return the shape and type of each array of a :class:`BatchResult`; ``None`` for those left out."""
+    def result_fields(self, n: int, report: bool) -> BatchResult:
+        """Return the shape and type of each array of a result, in its place."""
         real, numbers, codes = self.settings.dtype, ((n,), self.settings.dtype), ((n,), UINT8)
         rows = self.table.bodies
         linear, angular = (each.stop - each.start for each in (rows.velocity, rows.angular_velocity))
         motion = ((linear, 2, n), real), ((angular, 2, n), real), ((linear, n), real), codes
         bounds = (numbers, codes) if is_bounded(self.model) else (None, None)
-        return *motion, *bounds, *((codes, *[numbers] * 4) if report else [None] * 5)
+        return BatchResult(*motion, *bounds, *((codes, *[numbers] * 4) if report else ()))
 
 
 class BatchRequest(NamedTuple):
@@ -252,13 +259,10 @@ class BatchRequest(NamedTuple):
     def part(self, out: BatchResult, start: int, stop: int) -> tuple[BatchRequest, BatchResult]:
         """Return the request for a range of contacts, and their part of ``out``, without copies."""
         own = slice(start, stop)
-        bodies, pairs = self.bodies, self.pairs
-        if pairs is None:
-            bodies = bodies[..., own]
-        else:
-            pairs = pairs[:, own]
-        part = BatchResult(*(None if array is None else array[..., own] for array in out))
-        return BatchRequest(self.plan, bodies, pairs, self.contacts[:, own]), part
+        bodies = self.bodies[..., own] if self.pairs is None else self.bodies
+        pairs = None if self.pairs is None else self.pairs[:, own]
+        request = BatchRequest(self.plan, bodies, pairs, self.contacts[:, own])
+        return request, out.mapped(lambda array: array[..., own])
 
 
 def _refine(
@@ -274,27 +278,24 @@ def _refine(
     out.precision[:] = plan.first_precision
     if worst_status <= StatusCode.SEPARATING and worst_bound <= plan.target_bound:
         return
-    columns = _inexact(out, plan.target_bound)
-    out_of_range = columns[:0]
-    if plan.first_precision is not plan.last_precision and columns.size:
-        is_out_of_range = out.status[columns] == StatusCode.OUT_OF_RANGE  # more digits have the same range
-        out_of_range, columns = columns[is_out_of_range], columns[~is_out_of_range]
-        refined = BatchResult(
-            *(None if a is None else np.empty((*a.shape[:-1], columns.size), a.dtype) for a in out)
-        )
-        _run(request.select(columns), NumberType.EXTENDED, refined, workers, 0, columns.size)
-        refined.precision[:] = Precision.EXTENDED
-        for array, better in zip(out, refined, strict=True):
-            if array is not None:
-                array[..., columns] = better
-        columns = columns[_inexact(refined, plan.target_bound)]
-    if plan.last_precision is Precision.DOUBLE:
-        columns = _inexact(out, LARGEST_BOUND)
-    columns = np.concatenate([columns, out_of_range])
+    columns = _inexact(out, LARGEST_BOUND if plan.last_precision is Precision.DOUBLE else plan.target_bound)
+    if columns.size and plan.first_precision is not plan.last_precision:
+        columns = _compute_extended(request, out, columns, workers)
     if columns.size:
         yield from resolve_one_by_one(request.select(columns), out, columns)
     has_answer = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)
     out.status[has_answer & ~(out.error_bound <= plan.bound_limit)] = StatusCode.TOLERANCE_NOT_MET
+
+
+def _compute_extended(request: BatchRequest, out: BatchResult, columns: Array, workers: int) -> Array:
+    """Compute contacts in double-doubles, and return those that need still more digits."""
+    is_out_of_range = out.status[columns] == StatusCode.OUT_OF_RANGE  # double-doubles have the same range
+    inexact, out_of_range = columns[~is_out_of_range], columns[is_out_of_range]
+    refined = out.mapped(lambda array: np.empty((*array.shape[:-1], inexact.size), array.dtype))
+    _run(request.select(inexact), NumberType.EXTENDED, refined, workers, 0, inexact.size)
+    refined.precision[:] = Precision.EXTENDED
+    _copy(refined, out, inexact)
+    return np.concatenate([inexact[_inexact(refined, request.plan.model_plan.target_bound)], out_of_range])
 
 
 def _inexact(out: BatchResult, limit: float) -> Array:

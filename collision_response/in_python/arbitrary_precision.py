@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..answer import Impact, make_impact
 from ..geometry import geometry_for
@@ -36,6 +36,20 @@ SMALL_ENOUGH = 2.0**-60
 there, the float64 is within 0.51 units in the last place of the number instead of 0.5."""
 
 
+class Attempt(NamedTuple):
+    """The result of a computation with some number of digits.
+
+    Attributes:
+        answer: rounded to floats; ``None`` if it cannot be.
+        bound: on the error of the balls; infinite if more digits may help.
+        rounded_bound: on the error of ``answer``.
+    """
+
+    answer: ImpactNumbers | None
+    bound: float
+    rounded_bound: float = math.inf
+
+
 def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact | None:
     """Answer a valid request to within one unit in the last place of float64, if any number of digits can.
 
@@ -46,41 +60,50 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     """
     if not balls.AVAILABLE:
         return None
+    request = body_a, body_b, contact
+    a, b, plain_contact = read_request(*request)
     plan = plan_model(model)
-    plain = read_request(body_a, body_b, contact)
-    law = plan.law_with_friction if plain[2].friction > 0 else plan.law_without_friction
+    law = plan.law_with_friction if plain_contact.friction > 0 else plan.law_without_friction
     frictionless = law is Law.FRICTIONLESS
-    geometry = geometry_for(model.geometry, *plain, frictionless=frictionless)
-    has_path = law in STEPPED or (law in PATHS and geometry is Geometry.SPATIAL)
-    best, best_bound, least_bound = None, math.inf, math.inf
-    for bits in BITS:
-        with balls.working_precision(bits):
-            a, b, ball_contact = read_request(body_a, body_b, contact, _ball)
-            settings = Settings(*map(Ball, plan.settings, plan.settings_errors))
-            answer = impact(a, b, ball_contact, Law.FRICTIONLESS if has_path else law, settings)
-            if has_path and answer.flags.separating is not True:
-                if answer.flags.separating is False:
-                    return None
-                continue
-            bound = _error_bound((a, b), answer, Ball.radius)
-            rounded = answer.as_floats()
-            if not all(map(math.isfinite, numbers_in(rounded[:2]))):
-                if bound < math.inf:  # a number is beyond float64
-                    return None
-                continue
-            rounded_bound = _error_bound((a, b), answer, _error_as_float)
-        if best is None or bound < least_bound:
-            is_stuck = bound > least_bound / 2
-            best, best_bound, least_bound = rounded, rounded_bound, bound
-        if bound <= SMALL_ENOUGH or (bound < math.inf and is_stuck):
-            break
-    if best is None:
-        return None
-    if not math.isfinite(best_bound) and isinstance(best.flags.separating, Undecided):
-        best = best._replace(report=best.report._replace(regime=Regime.SEPARATING))
-    used_contact = contact._replace(friction=0.0) if frictionless else contact
+    geometry = geometry_for(model.geometry, a, b, plain_contact, frictionless=frictionless)
     used_model = model._replace(law=law, geometry=geometry, precision=Precision.EXTENDED)
-    return make_impact(plain[:2], best, used_contact, used_model, best_bound, plan.bound_limit)
+    best, is_stuck = Attempt(None, math.inf), False
+    for bits in BITS:
+        attempt = _attempt(request, used_model, bits)
+        if attempt.answer is None:
+            if attempt.bound < math.inf:
+                return None
+            continue
+        if best.answer is None or attempt.bound < best.bound:
+            is_stuck = attempt.bound > best.bound / 2
+            best = attempt
+        if attempt.bound <= SMALL_ENOUGH or (attempt.bound < math.inf and is_stuck):
+            break
+    if best.answer is None:
+        return None
+    used_contact = contact._replace(friction=0.0) if frictionless else contact
+    return make_impact((a, b), best.answer, used_contact, used_model, best.rounded_bound, plan.bound_limit)
+
+
+def _attempt(request: tuple[Body, Body, Contact], model: ImpactModel, bits: int) -> Attempt:
+    """Compute a request in balls of this precision, by a model without AUTO."""
+    has_path = model.law in STEPPED or (model.law in PATHS and model.geometry is Geometry.SPATIAL)
+    plan = plan_model(model)
+    with balls.working_precision(bits):
+        a, b, contact = read_request(*request, _ball)
+        settings = Settings(*map(Ball, plan.settings, plan.settings_errors))
+        answer = impact(a, b, contact, Law.FRICTIONLESS if has_path else model.law, settings)
+        separating = answer.flags.separating
+        if has_path and separating is not True:
+            return Attempt(None, 0.0 if separating is False else math.inf)
+        bound = _error_bound((a, b), answer, Ball.radius)
+        rounded = answer.as_floats()
+        if not all(map(math.isfinite, numbers_in(rounded[:2]))):
+            return Attempt(None, bound)
+        rounded_bound = _error_bound((a, b), answer, _error_as_float)
+    if not math.isfinite(rounded_bound) and isinstance(separating, Undecided):
+        rounded = rounded._replace(report=rounded.report._replace(regime=Regime.SEPARATING))
+    return Attempt(rounded, bound, rounded_bound)
 
 
 def _ball(x: float, error: float) -> Any:

@@ -124,7 +124,7 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     )
     e, mu, kappa = certain(e), minimum(certain(mu), GREATEST_FRICTION + 0 * certain(mu)), certain(kappa)
     axis, flattened, (A11, A12, A22, b1, b2, s, slip_across) = _in_axes_of_slip(data, slip)
-    o, one = 0 * A11, 1 + 0 * A11
+    o = 0 * A11
     tolerance = choose(
         tolerance > 0,
         lambda: maximum(minimum(SHARE * tolerance, COARSEST + o), TOLERANCE + o),
@@ -134,18 +134,7 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     springs = values(given)
     y = iterate(_start(springs), lambda y: y.is_running > 0, lambda y: step(springs, y), STEPS)
 
-    # The rest of the path, which is straight. These are values; the bound below counts their errors.
-    plastic, u_n = e < LEAST_RESTITUTION, certain(springs.velocity(y.P1, y.P2, y.Pn)[2])
-    stiff = choose(y.unloads > 0, lambda: one / choose(plastic, lambda: one, lambda: e * e), lambda: one)
-    fall = certain(choose(u_n > 0, lambda: stiff * u_n, lambda: one))
-    time_left = certain(choose(plastic, lambda: o, lambda: y.F / fall))
-    force = certain(square_root(y.a1 * y.a1 + y.a2 * y.a2))
-    slides = (y.slips > 0) | (mu <= 0)
-    friction = mu * y.F
-    until_slip = minimum(certain(force / choose(mu > 0, lambda: mu, lambda: one) / fall), time_left)
-    along_a = certain(choose(slides, lambda: -friction * time_left / 2, lambda: time_left - until_slip / 2))
-    P1, P2, P_n = map(certain, (y.P1 + y.a1 * along_a, y.P2 + y.a2 * along_a, y.Pn + y.F * time_left / 2))
-    P_n = for_derivatives(P_n, lambda: P_n * choose(y.is_running > 0, lambda: math.nan + o, lambda: one))
+    P1, P2, P_n = _impulse_at_end(springs, y, e, mu)
     w1, w2, w_n = springs.velocity(P1, P2, P_n)
     total = certain(-(P1 * (s + w1) + P2 * w2 + P_n * (w_n - 1)) / 2)
     lost = (1 - e) * (1 + e) * y.F_max * y.F_max / 2
@@ -200,6 +189,23 @@ def _in_axes_of_slip(
     flat = varying_as(o, lambda: b2), varying_as(o, lambda: A12)
     b2, A12 = choose(planar, lambda: flat, lambda: (b2, A12))
     return Tangential(c1, c2), flattened, (A11, A12, A22, b1, b2, s, slip_across)
+
+
+def _impulse_at_end(springs: Springs, y: State, e: Scalar, mu: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+    """The impulse of the whole path, the rest of which is straight, in values: the bound counts its error."""
+    o, one = 0 * y.F, 1 + 0 * y.F
+    plastic, u_n = e < LEAST_RESTITUTION, certain(springs.velocity(y.P1, y.P2, y.Pn)[2])
+    stiff = choose(y.unloads > 0, lambda: one / choose(plastic, lambda: one, lambda: e * e), lambda: one)
+    fall = certain(choose(u_n > 0, lambda: stiff * u_n, lambda: one))
+    time_left = certain(choose(plastic, lambda: o, lambda: y.F / fall))
+    force = certain(square_root(y.a1 * y.a1 + y.a2 * y.a2))
+    slides = (y.slips > 0) | (mu <= 0)
+    friction = mu * y.F
+    until_slip = minimum(certain(force / choose(mu > 0, lambda: mu, lambda: one) / fall), time_left)
+    along_a = certain(choose(slides, lambda: -friction * time_left / 2, lambda: time_left - until_slip / 2))
+    P1, P2, P_n = map(certain, (y.P1 + y.a1 * along_a, y.P2 + y.a2 * along_a, y.Pn + y.F * time_left / 2))
+    P_n = for_derivatives(P_n, lambda: P_n * choose(y.is_running > 0, lambda: math.nan + o, lambda: one))
+    return P1, P2, P_n
 
 
 class InputErrors(NamedTuple):

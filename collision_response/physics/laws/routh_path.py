@@ -216,7 +216,25 @@ def look_ahead(path: Path, y: TurningSlip) -> TurningSlip:
         u_n_crest=crest,
     )
 
-    # Where w = 0, t is kept. A small turn a away from there is drawn back at the rate pull / s if pull > 0.
+    return _keep_direction(path, y, g, w, far, allowed)
+
+
+def _keep_direction(
+    path: Path, y: TurningSlip, g: Scalar, w: Scalar, far: Scalar, allowed: Scalar
+) -> TurningSlip:
+    """The state with slip in the direction that it keeps, if it is near that and drawn to it.
+
+    Where ``w = 0``, ``t`` is kept. A small turn ``a`` away from there is drawn back at the rate ``pull / s``
+    if ``pull > 0``.
+
+    Args:
+        path: the constants of the path.
+        y: the state, with ``excess_turn``.
+        g, w: rates of the slip.
+        far: impulse until slip stops or the impact ends.
+        allowed: what ``m |w| far`` may be on a straight path.
+    """
+    m, s = path.m, y.s
     q1, q2 = -y.t2, y.t1
     pull = g + m * (path.A11 * q1 * q1 + 2 * path.A12 * q1 * q2 + path.A22 * q2 * q2)
     remainder = m * (path.A11 + path.A22) * w * w * far  # over pull^2: the excess turn after it is put there
