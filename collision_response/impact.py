@@ -159,7 +159,7 @@ def impact(
     n = kinematics.n
     length = square_root(n.dot(n))
     friction = contact.friction * 0 if law is Law.FRICTIONLESS else contact.friction
-    result = apply_law(kinematics, Coefficients(contact.restitution, friction, settings), law)
+    result = evaluate_law(kinematics, Coefficients(contact.restitution, friction, settings), law)
     approaching, below_threshold, e, outcome, impulse = result
 
     change_a, change_b = kinematics.twist_changes(impulse)
@@ -207,8 +207,8 @@ def impact(
     return ImpactNumbers(Changes(impulse, change_a, change_b), report, flags, estimated_error)
 
 
-def apply_law(contact: ContactKinematics, coefficients: Coefficients, law: Law) -> LawResult:
-    """Apply a law to a contact, with the restitution threshold; the impulse is 0 if the bodies separate."""
+def evaluate_law(contact: ContactKinematics, coefficients: Coefficients, law: Law) -> LawResult:
+    """Evaluate a law at a contact, with the restitution threshold. No impulse if the bodies separate."""
     n, n_u, settings = contact.n, contact.n_u, coefficients.settings
     approaching = n_u < 0
     threshold = settings.restitution_threshold

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from .. import geometry, validity
-from ..impact import Changes, apply_law, impact
+from ..impact import Changes, evaluate_law, impact
 from ..numbers.operations import choose, numbers_in
 from ..physics.column import Column
 from ..physics.effective_mass import BodyAtContact, ContactKinematics, ContactNumbers
@@ -124,7 +124,7 @@ def impulse_header(law: Law) -> str:
     tape = Tape(of_derivatives=True)
     like = ContactNumbers(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR), Coefficients(0.0)
     inputs, (seen, coefficients) = _traced_arguments(tape, *like)
-    impulse = apply_law(seen, coefficients, law).impulse
+    impulse = evaluate_law(seen, coefficients, law).impulse
     return emit("impulse", inputs, map(tape.symbol, impulse), [], [], branches=BRANCHES)
 
 

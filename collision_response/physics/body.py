@@ -25,7 +25,7 @@ from ..status import format_value
 from . import mass_properties as solids
 from .inverse_inertia import InverseInertia
 from .mass_properties import MassProperties
-from .orientation import Quaternion
+from .orientation import ALIGNED, Quaternion, Rotation
 from .tensor import UNIT, ZERO_TENSOR, Factor3, InverseTensor, RodFactor, Symmetric3
 from .vector import ZERO, Vec3, as_vector
 
@@ -286,13 +286,17 @@ class Body(NamedTuple):
         """``1/m`` [1/kg]; 0 for an immovable body."""
         return choose(self.has_mass(), lambda: 1 / self.mass, lambda: 0)
 
+    def rotation(self) -> Rotation:
+        """Rotation from body axes to world axes."""
+        return ALIGNED if self.orientation is None else Quaternion(*self.orientation).rotation()
+
     def to_world(self, v: Vec3) -> Vec3:
         """World components of a vector given in body axes."""
-        return v if self.orientation is None else Quaternion(*self.orientation).rotation().to_world(v)
+        return self.rotation().to_world(v)
 
     def to_body(self, v: Vec3) -> Vec3:
         """Body components of a vector given in world axes."""
-        return v if self.orientation is None else Quaternion(*self.orientation).rotation().to_body(v)
+        return self.rotation().to_body(v)
 
     def inverse_tensor(self) -> InverseTensor:
         """``I^-1`` in body axes [1/(kg m^2)]; the pseudo-inverse if an axis has no inertia.

@@ -45,7 +45,7 @@ from ..numbers.operations import Condition, Scalar, all_zero, certain, choose, m
 from .body import Body, Twist
 from .contact import Contact
 from .inverse_inertia import SYMMETRY_TOLERANCE, InverseInertia
-from .orientation import ALIGNED, Rotation
+from .orientation import Rotation
 from .tensor import LEAST_EIGENVALUE, InverseTensor, Symmetric3
 from .vector import Vec3
 
@@ -89,7 +89,7 @@ class BodyAtContact(NamedTuple):
     @classmethod
     def of(cls, body: Body, point: Vec3) -> BodyAtContact:
         """A body as seen from a contact at ``point``, in world axes [m]."""
-        rotation = ALIGNED if body.orientation is None else body.orientation.rotation()
+        rotation = body.rotation()
         has_offset = negation(all_zero(body.com))
         com = choose(has_offset, lambda: rotation.to_world(body.com), lambda: body.com)
         d = point - body.position
