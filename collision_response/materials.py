@@ -243,10 +243,9 @@ def _mapping(field: str, tree: Any, keys: tuple[str, ...] | None) -> Mapping[str
 
 def _number(field: str, name: str, value: Any) -> float:
     try:
-        check_number(f"{field}.{name}", value, *RANGES[name], StatusCode.INVALID_COEFFICIENT)
+        return check_number(f"{field}.{name}", value, *RANGES[name], StatusCode.INVALID_COEFFICIENT)
     except TypeError:
         raise _malformed(f"{field}.{name}", "must be a number", value) from None
-    return float(value)
 
 
 def _numbers(field: str, entry: Any, keys: tuple[str, ...]) -> dict[str, float]:
@@ -316,5 +315,4 @@ def _constant(name: str, value: Any) -> Any:
 
 
 def _finite(name: str, x: Any) -> float:
-    check_number(name, x, -math.inf, math.inf, StatusCode.INVALID_COEFFICIENT)
-    return float(x)
+    return check_number(name, x, -math.inf, math.inf, StatusCode.INVALID_COEFFICIENT)

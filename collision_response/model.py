@@ -230,8 +230,8 @@ def check_number(
     most: float,
     code: StatusCode,
     not_finite: StatusCode = StatusCode.NOT_FINITE,
-) -> None:
-    """Check that a value is a finite real number in ``[least, most]``.
+) -> float:
+    """Check that a value is a finite real number in ``[least, most]``, and return it as a float.
 
     Args:
         field: the name of the value, for the error.
@@ -258,3 +258,4 @@ def check_number(
         raise ImpactError(not_finite, field, f"must be finite; is {format_value(value, str)}")
     if not least <= value <= most:
         raise ImpactError(code, field, f"must be {format_range(least, most)}; is {format_value(value, str)}")
+    return float(value)

@@ -119,6 +119,7 @@ NO_NEEDS = _Needs(
     dict.fromkeys(GEOMETRIES, Requirement(Precision.SINGLE, "the tolerance is met")),
 )
 LAWS = Law.FRICTIONLESS, Law.COULOMB
+LEAVES_OUT_NOTHING = Geometry.SPATIAL, Precision.EXTENDED
 
 
 class SceneSurvey:
@@ -146,11 +147,12 @@ class SceneSurvey:
             ImpactError: if the contact cannot be resolved. The survey then stays as it was.
         """
         scene = body_a, body_b, contact
-        smooth, rough = (resolve(*scene, _whole(law)) for law in LAWS)
+        impacts = {law: resolve(*scene, ImpactModel(law, *LEAVES_OUT_NOTHING)) for law in LAWS}
         needs = {
-            law: self._needs[law].with_contact(name, self._least(scene, whole))
-            for law, whole in zip(LAWS, (smooth, rough), strict=True)
+            law: self._needs[law].with_contact(name, self._least(scene, impact))
+            for law, impact in impacts.items()
         }
+        smooth, rough = impacts.values()
         difference = _difference(smooth, rough, body_a, body_b)
         if rough.contact.friction > 0 and difference > self._tolerance:
             reason = f"friction changes the impact of {name} by {difference:.2g} of it"
@@ -163,13 +165,13 @@ class SceneSurvey:
         geometry = needs.common_geometry()
         return SceneRequirements(geometry, self._law, needs.precisions[geometry.least], self._tolerance)
 
-    def _least(self, scene: tuple[Body, Body, Contact], whole: Impact) -> dict[Geometry, Precision]:
+    def _least(self, scene: tuple[Body, Body, Contact], impact: Impact) -> dict[Geometry, Precision]:
         """Return the geometries that serve a contact, with the lowest precision in each."""
         found = {Geometry.SPATIAL: Precision.EXTENDED}
         for geometry in GEOMETRIES:
             for precision in (Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED):
-                model = ImpactModel(whole.model.law, geometry, precision, self._tolerance)
-                if _status(scene, model) is whole.status:
+                model = ImpactModel(impact.model.law, geometry, precision, self._tolerance)
+                if _status(scene, model) is impact.status:
                     found[geometry] = precision
                     break
         return found
@@ -210,11 +212,6 @@ def _check_tolerance(tolerance: Any) -> None:
 
 def _greater(need: Requirement, candidate: Any, reason: str) -> Requirement:
     return Requirement(candidate, reason) if candidate > need.least else need
-
-
-def _whole(law: Law) -> ImpactModel:
-    """Return the model that leaves out nothing."""
-    return ImpactModel(law, Geometry.SPATIAL, Precision.EXTENDED)
 
 
 def _status(scene: tuple[Body, Body, Contact], model: ImpactModel) -> StatusCode | None:

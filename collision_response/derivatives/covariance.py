@@ -91,9 +91,10 @@ def propagate_covariance(
         TypeError: as ``saltation_matrix``, or if a standard deviation is not a real number.
     """
     linearised = linearise(body_a, body_b, contact, model, surfaces, gravity)
-    restitution_sd = _checked_deviation("restitution_sd", restitution_sd)
-    friction_sd = _checked_deviation("friction_sd", friction_sd)
-    normal_sd = _checked_deviation("normal_sd", normal_sd)
+    given = {"restitution_sd": restitution_sd, "friction_sd": friction_sd, "normal_sd": normal_sd}
+    invalid = StatusCode.INVALID_COEFFICIENT
+    deviations = [check_number(name, sd, 0, math.inf, invalid, invalid) for name, sd in given.items()]
+    restitution_sd, friction_sd, normal_sd = deviations
     movable = linearised.movable
     root = _square_root(covariance, len(movable))
     by_coefficients = np.zeros((24, 2))
@@ -105,25 +106,12 @@ def propagate_covariance(
         from_state = linearised.matrix[:, movable] @ root
         root_after = np.hstack([from_state, from_coefficients, linearised.by_normal * normal_sd])[movable]
         after = check_finite("covariance", root_after @ root_after.T)
-    deviations = restitution_sd, friction_sd, normal_sd
     regimes = tuple(
         dict.fromkeys(_likely_regimes(linearised, body_a, body_b, contact, model, root, deviations))
     )
     sticking, separating = Regime.STICKING in regimes, Regime.SEPARATING in regimes
     is_reliable = len(regimes) == 1 or not (sticking or separating)
     return CovarianceAfter(after, regimes, is_reliable and not is_nonsmooth(linearised.derivatives))
-
-
-def _checked_deviation(name: str, sd: Any) -> float:
-    """Return a standard deviation as a float.
-
-    Raises:
-        ImpactError: INVALID_COEFFICIENT if it is negative or not finite.
-        TypeError: if it is not a real number.
-    """
-    invalid = StatusCode.INVALID_COEFFICIENT
-    check_number(name, sd, 0, math.inf, invalid, not_finite=invalid)
-    return float(sd)
 
 
 def _square_root(covariance: Array | None, size: int) -> Array:
@@ -156,7 +144,7 @@ def _likely_regimes(
     contact: Contact,
     model: ImpactModel,
     root: Array,
-    deviations: tuple[float, float, float],
+    deviations: Sequence[float],
 ) -> Iterator[Regime]:
     """Yield the regime of the mean, then those of points two standard deviations away from it."""
     derivatives = linearised.derivatives

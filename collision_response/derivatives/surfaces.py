@@ -81,7 +81,7 @@ def sphere_on_plane(radius: float) -> Surfaces:
         ImpactError: NOT_FINITE if ``radius`` is not finite.
         TypeError: if ``radius`` is not a real number.
     """
-    radius = _checked_radius("radius", radius)
+    radius = check_number("radius", radius, -math.inf, math.inf, StatusCode.NOT_FINITE)
 
     def motion(body_a: Body, body_b: Body, contact: Contact) -> SurfaceMotion:
         n = unit_normal(contact)
@@ -102,8 +102,8 @@ def sphere_on_sphere(radius_a: float, radius_b: float) -> Surfaces:
         ImpactError: NOT_FINITE if a radius is not finite.
         TypeError: if a radius is not a real number.
     """
-    radius_a = _checked_radius("radius_a", radius_a)
-    radius_b = _checked_radius("radius_b", radius_b)
+    radius_a = check_number("radius_a", radius_a, -math.inf, math.inf, StatusCode.NOT_FINITE)
+    radius_b = check_number("radius_b", radius_b, -math.inf, math.inf, StatusCode.NOT_FINITE)
 
     def motion(body_a: Body, body_b: Body, contact: Contact) -> SurfaceMotion:
         n = unit_normal(contact)
@@ -114,12 +114,6 @@ def sphere_on_sphere(radius_a: float, radius_b: float) -> Surfaces:
         return _sphere_motion(radius_a, n, normal, body_a, contact)
 
     return motion
-
-
-def _checked_radius(name: str, radius: Any) -> float:
-    """Return a radius as a float; refuse it if it is not a finite real number."""
-    check_number(name, radius, -math.inf, math.inf, StatusCode.NOT_FINITE)
-    return float(radius)
 
 
 def _sphere_motion(radius: float, n: Array, normal: Array, body_a: Body, contact: Contact) -> SurfaceMotion:

@@ -82,7 +82,6 @@ def initial_slip_speed(body_a: Body, body_b: Body, contact: Contact) -> float:
 def _evaluate(function: Callable[[float], float], speed: float, most: float, field: str) -> float:
     value = function(speed)
     try:
-        check_number(field, value, 0, most, StatusCode.INVALID_COEFFICIENT)
+        return check_number(field, value, 0, most, StatusCode.INVALID_COEFFICIENT)
     except ImpactError as error:
         raise ImpactError(error.code, field, f"{error.reason} at {speed:.6g} m/s") from None
-    return float(value)
