@@ -266,7 +266,7 @@ def test_an_invalid_qos_override_is_refused_by_name(graph, topic, policy, value,
 @pytest.mark.parametrize("value", ["best_effort", "BEST_EFFORT"])
 def test_a_qos_override_may_be_upper_case(graph, value):
     graph.serve(**{f"qos_overrides.{graph.namespace}/collision_response/result.publisher.reliability": value})
-    topic = graph.node.impact_service.answer_log.publisher.topic
+    topic = graph.node.impact_service.answer_log.topics[0]
     (publisher,) = wait_until(lambda: graph.user.get_publishers_info_by_topic(topic))
     assert publisher.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT
 

@@ -63,7 +63,8 @@ def test_it_answers_another_process_and_ends_on_a_signal(graph, start, number):
     _, stderr = node.communicate(timeout=DEADLINE)
     assert node.returncode == 0
     assert "Traceback" not in stderr
-    assert f"serving {graph.service}" in stderr
+    scene = f"{graph.namespace}/collision_response/resolve_scene"
+    assert f"serving {graph.service}, {graph.service}_batch, {scene}; " in stderr
 
 
 def test_signals_ignored_at_the_start_stay_ignored(graph, start):
@@ -85,7 +86,8 @@ def test_it_needs_no_standard_streams(graph, start, tmp_path, closed):
     from collision_response.recording.table import read
 
     recording = ("-p", "recording.enabled:=true", "-p", f"recording.directory:={tmp_path}")
-    node = start(*recording, before=("sh", "-c", f'exec "$@" {closed}', "sh"))
+    busy = ("-p", "shutdown_timeout:=60.0")  # on a busy machine, importing rerun takes seconds
+    node = start(*recording, *busy, before=("sh", "-c", f'exec "$@" {closed}', "sh"))
     assert graph.call(balls_meet()).success
     node.send_signal(signal.SIGTERM)
     node.communicate(timeout=DEADLINE)

@@ -15,6 +15,7 @@ pytest.importorskip("rclpy")
 from attacks import rod_in_plane
 from exact_adapter import as_request
 from rclpy.publisher import Publisher
+from rclpy.service import Service
 from ros_graph import DEADLINE, LATCHED, assign, balls_meet, request_of, wait_until
 from test_source_systems import ROUNDING
 
@@ -26,6 +27,7 @@ from collision_response.msg import BodyState, CollisionResult, ImpactModel
 from collision_response.physics.mass_properties import box
 from collision_response.ros import impacts
 from collision_response.ros.convert import NUMBERS
+from collision_response.ros.result_publisher import ResultPublisher
 from collision_response.srv import ResolveCollision
 
 nan, inf = math.nan, math.inf
@@ -378,6 +380,36 @@ def test_results_without_a_subscriber_are_not_published(graph, monkeypatch):
     graph.call(balls_meet())
     wait_until(lambda: len(received) == 2)
     assert published == [1, 2]
+
+
+def test_a_result_is_published_after_its_response_is_sent(graph, monkeypatch):
+    graph.serve()
+    events = []
+
+    def note(kind, method):
+        call = getattr(kind, method)
+
+        def noted(*arguments):
+            events.append(method)
+            return call(*arguments)
+
+        monkeypatch.setattr(kind, method, noted)
+
+    note(Service, "send_response")
+    note(ResultPublisher, "publish")
+    graph.call(balls_meet())
+    graph.call(ResolveCollision.Request())
+    assert wait_until(lambda: len(events) == 4 and events) == ["send_response", "publish"] * 2
+
+
+def test_an_answer_arrives_even_if_its_result_cannot_be_published(graph, monkeypatch):
+    graph.serve()
+    logged = graph.log()
+    with monkeypatch.context() as patch:
+        patch.setattr(ResultPublisher, "publish", lambda *_: 1 / 0)
+        assert graph.call(balls_meet()).success
+        wait_until(lambda: any("ZeroDivisionError" in text for text in logged))
+    assert graph.call(balls_meet()).success
 
 
 @pytest.mark.parametrize("system", all_systems(), ids=attrgetter("name"))

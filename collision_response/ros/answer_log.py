@@ -1,11 +1,15 @@
-"""Numbering, publishing and recording the answers of a service."""
+"""Numbering, publishing and recording the answers of the node."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Callable
+from itertools import count
 from typing import Any
 
+from rclpy.node import Node
+
+from ..msg import CollisionResult, SceneResult
 from ..recording import Recorder, Refusal
 from ..recording.record import Entry
 from ..status import StatusCode
@@ -13,37 +17,53 @@ from .result_publisher import ResultPublisher
 from .serialized import nanoseconds
 
 
-@dataclass
 class AnswerLog:
-    """Numbers, publishes and records the answers of one service.
+    """Numbers the answers of all services, and publishes and records them once they are sent.
 
     Attributes:
-        publisher: publishes the results.
+        topics: the resolved names of the topics of the results.
+
+    Args:
+        node: the node that publishes the results.
         recorder: records them; ``None``: they are not recorded.
-        sequence: counts the answers of the node.
         now: returns the time of the node's clock [ns].
     """
 
-    publisher: ResultPublisher
-    recorder: Recorder | None
-    sequence: Iterator[int]
-    now: Callable[[], int]
+    def __init__(self, node: Node, recorder: Recorder | None, now: Callable[[], int]) -> None:
+        self._publishers = {
+            CollisionResult: ResultPublisher(node, CollisionResult, "~/result"),
+            SceneResult: ResultPublisher(node, SceneResult, "~/scene_result"),
+        }
+        self.topics = [publisher.topic for publisher in self._publishers.values()]
+        self._recorder = recorder
+        self._now = now
+        self._sequence = count(1)
+        self._unpublished: deque[tuple[Any, Callable[[int, int], Entry]]] = deque()
 
     def add(self, result: Any, entry: Callable[[int, int], Entry]) -> None:
-        """Number, publish and record a result.
+        """Number a result, and keep it for :meth:`publish`.
 
         Args:
             result: a message with a header and a sequence number, which is set here.
             entry: makes the entry to record from the stamp of the result [ns] (now, if it has none) and its
                 sequence number. Called only if there is a recorder.
         """
-        result.sequence = next(self.sequence)
-        self.publisher.publish(result)
-        if self.recorder is not None:
-            stamp = nanoseconds(result.header.stamp) or self.now()
-            self.recorder.add(entry(stamp, result.sequence))
+        result.sequence = next(self._sequence)
+        self._unpublished.append((result, entry))
 
     def add_refusal(self, result: Any, code: StatusCode) -> None:
-        """Number, publish and record a result that says why the request was refused."""
+        """Add a result that says why the request was refused."""
         reason = f"{code.name}: {result.status.message}"
         self.add(result, lambda stamp, sequence: Refusal(stamp, sequence, reason))
+
+    def publish(self) -> None:
+        """Publish and record the results that were added.
+
+        To be called when their responses have been sent, so that no client waits for this.
+        """
+        while self._unpublished:
+            result, entry = self._unpublished.popleft()
+            self._publishers[type(result)].publish(result)
+            if self._recorder is not None:
+                stamp = nanoseconds(result.header.stamp) or self._now()
+                self._recorder.add(entry(stamp, result.sequence))

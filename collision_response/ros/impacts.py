@@ -30,7 +30,7 @@ class ImpactService:
     Attributes:
         parameters: the parameters of the node.
         states: the latest states of bodies.
-        answer_log: publishes and records the answers.
+        answer_log: numbers, publishes and records the answers.
         survey: collects all impacts, to log what the scene requires; or ``None``.
         now: returns the time of the node's clock [ns].
         log: the logger of the node.

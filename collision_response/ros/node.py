@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from copy import copy
-from itertools import count, product
+from itertools import product
 from typing import Any
 
 from rclpy.clock import JumpThreshold, TimeJump
@@ -18,7 +18,7 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from ..model import ImpactModel
-from ..msg import BodyState, BodyStates, CollisionResult, SceneResult
+from ..msg import BodyState, BodyStates
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
@@ -35,7 +35,6 @@ from .impacts import ImpactService
 from .memory import limit_memory
 from .parameters import DECLARATIONS
 from .process import StartError, run
-from .result_publisher import ResultPublisher
 from .scenes import SceneService
 from .serialized import MalformedMessage
 from .server import Server
@@ -103,32 +102,24 @@ class CollisionResponseNode(Node):
         self._states = LatestStates(start.max_bodies, self._now, warn)
         self._jump_handle = self.get_clock().create_jump_callback(CLOCK_JUMPS, post_callback=self._on_jump)
 
-        results = ResultPublisher(self, CollisionResult, "~/result")
-        scene_results = ResultPublisher(self, SceneResult, "~/scene_result")
-        sequence = count(1)
+        answer_log = AnswerLog(self, self._recorder, self._now)
         self.impact_service = ImpactService(
             self.parameters,
             self._states,
-            AnswerLog(results, self._recorder, sequence, self._now),
+            answer_log,
             SceneSurvey(start.scene_tolerance) if start.scene_tolerance else None,
             self._now,
             self.get_logger(),
         )
-        batch_service = BatchService(self.parameters, self._states, self._now)
-        scene_service = SceneService(
-            self.parameters,
-            self._states,
-            AnswerLog(scene_results, self._recorder, sequence, self._now),
-            self._now,
+        services = (
+            self.impact_service,
+            BatchService(self.parameters, self._states, self._now),
+            SceneService(self.parameters, self._states, answer_log, self._now),
         )
         warm_up()
         counters = Counters()
         self._server = Server(
-            self,
-            (self.impact_service, batch_service, scene_service),
-            counters,
-            self._over_budget,
-            start.service_introspection,
+            self, services, counters, self._over_budget, answer_log.publish, start.service_introspection
         )
         self._state_inputs = [
             *(
@@ -139,11 +130,11 @@ class CollisionResponseNode(Node):
         ]
         self._states.take_all = self._take_states
         Diagnostics(self, counters, self._states, self._recorder, self._server.waiting)
-        topics = [self.resolve_topic_name(topic) for topic in start.body_state_topics]
+        state_topics = [self.resolve_topic_name(topic) for topic in start.body_state_topics]
         self.get_logger().info(
-            f"serving {self.resolve_service_name(self.impact_service.name)}; "
-            f"body states from {', '.join(topics) or 'requests only'}; "
-            f"results on {results.topic}"
+            f"serving {', '.join(self.resolve_service_name(service.name) for service in services)}; "
+            f"body states from {', '.join(state_topics) or 'requests only'}; "
+            f"results on {', '.join(answer_log.topics)}"
             f"{'; not recording' if self._recorder is None else ''}"
         )
 

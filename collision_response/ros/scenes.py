@@ -94,7 +94,7 @@ class SceneService:
     Attributes:
         parameters: the parameters of the node.
         states: the latest states of bodies.
-        answer_log: publishes and records the answers.
+        answer_log: numbers, publishes and records the answers.
         now: returns the time of the node's clock [ns].
     """
 

@@ -107,6 +107,7 @@ class Server:
         counters: counts requests and answers.
         over_budget: returns the error with which to end a request that has used this much computing time [s],
             or ``None`` if it may go on.
+        after_sending: called after each response, for work that no client should wait for.
         introspection: what to publish of each call.
     """
 
@@ -116,10 +117,12 @@ class Server:
         node_services: tuple[NodeService, ...],
         counters: Counters,
         over_budget: Callable[[float], ImpactError | None],
+        after_sending: Callable[[], None],
         introspection: ServiceIntrospectionState,
     ) -> None:
         self._log = node.get_logger()
         self._counters = counters
+        self._after_sending = after_sending
         self._jobs = RoundRobin(over_budget)
         self._unconfirmed: Counter[bytes] = Counter()
         self._clients: list[ConnectedClients] = []
@@ -244,14 +247,21 @@ class Server:
         self._serve()
 
     def _send(self, call: Call, response: Any) -> None:
-        if not _try_to_send(call.service, response, call.header):
+        if _try_to_send(call.service, response, call.header):
+            self._note_sent(call, response)
+        else:
             call.clients.note_unreachable(call.client)
             self._counters.unsent += 1
             self._log.warning(
                 "an answer could not be sent: its client does not read answers, or has left",
                 throttle_duration_sec=WARNING_INTERVAL,
             )
-            return
+        try:
+            self._after_sending()
+        except Exception:  # the answer is sent, so there is nobody else to tell
+            self._log.error(traceback.format_exc(), throttle_duration_sec=WARNING_INTERVAL)
+
+    def _note_sent(self, call: Call, response: Any) -> None:
         call.clients.note_reached(call.client)
         self._unconfirmed[call.client] += 1
         if len(self._unconfirmed) > MAX_UNCONFIRMED_CLIENTS:  # the departure of some clients goes unnoticed
