@@ -376,6 +376,30 @@ def test_batches_agree_with_single_impacts():
             assert many.impulse[:, i] == pytest.approx(one.impulse, abs=1e-12)
 
 
+@pytest.mark.parametrize("kappa", [0.25, 1.0])
+@pytest.mark.parametrize("slip", [100.0, 2000.0, -2000.0])
+@pytest.mark.parametrize("friction", [1e3, 1e6, 1e12])
+def test_the_bound_of_a_plastic_impact_covers_its_end(friction, slip, kappa):
+    """Sticking forces that are large compared with the normal force act until ``u_n`` is exactly 0."""
+    impact = planar((2.0, 0.0, 1.0), (slip, -1.0), 0.0, friction, kappa)
+    exact = slip * (mp.cos(mp.sqrt(2 * kappa) * mp.pi / 2) - 1) / 2, 1
+    error = mp.hypot(impact.impulse[0] - exact[0], impact.impulse[1] - exact[1])
+    assert error <= impact.error_bound * mp.hypot(*exact)
+
+
+@pytest.mark.parametrize("friction", [1e9, 1e12, 1e300])
+@pytest.mark.parametrize(
+    ("slip", "exact"),
+    [(1.0, (-0.22361246648618, 0.65760771298493)), (100.0, (-1.8042880996611, 0.044425481068144))],
+)
+def test_the_bound_covers_that_friction_is_limited(slip, exact, friction):
+    """The exact impulse, by series in 60 digits, is the one for a friction of 1e15."""
+    impact = planar((2.0, -1.0, 2.0), (slip, -1.0), 0.5, friction, 0.25)
+    error = math.hypot(impact.impulse[0] - exact[0], impact.impulse[1] - exact[1])
+    assert error <= (impact.error_bound + 5 / friction) * math.hypot(*exact)
+    assert impact.error_bound < 1e-4
+
+
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
 def test_more_digits_than_those_of_the_kernel_are_not_tried(tilt):
     """They cost a second, and the steps would be no more exact."""

@@ -101,7 +101,7 @@ PLANAR = 2.0**-49
 """Relative size up to which a component of u, b or A perpendicular to axis 1 is rounding."""
 
 GREATEST_FRICTION = 1e8
-"""More friction changes nothing."""
+"""More friction changes nothing but the very end of the impact, and the bound says so."""
 
 SAFETY = 4.0
 
@@ -230,8 +230,9 @@ def _error(
         flattened: size of the components of the data that became 0.
         errors: of the data.
     """
-    A11, A12, A22, b1, b2, _, _, _, kappa, e, _ = springs
+    A11, A12, A22, b1, b2, s, _, mu, kappa, e, _ = springs
     o, one = 0 * A11, 1 + 0 * A11
+    u_n, plastic = abs(springs.velocity(P_t.x, P_t.y, P_n)[2]), e < LEAST_RESTITUTION
     # det / minors is a lower bound of the least eigenvalue of K.
     minors = A11 * A22 - A12 * A12 + A11 - b1 * b1 + A22 - b2 * b2
     det = A11 * (A22 - b2 * b2) - A12 * (A12 - b1 * b2) + b1 * (A12 * b2 - A22 * b1)
@@ -242,9 +243,20 @@ def _error(
     data_error = (errors.slip + (errors.K + flattened) * size) / root + 2 * errors.e * y.F_max
     data_error = data_error + errors.mu * P_n * square_root(certain(A11 + A22))
     data_error = data_error + (4 * errors.kappa / kappa + PLANAR) * size
-    data_error = data_error + choose(e < LEAST_RESTITUTION, lambda: e * y.F_max, lambda: o)
+    data_error = data_error + choose(plastic, lambda: e * y.F_max, lambda: o)
     E = SAFETY * (data_error + y.step_error) * y.growth
-    return E, choose(known & (size > E), lambda: E / root, lambda: math.inf + o)
+    # Without restitution the impact ends where u_n is 0. If u_n is not, the forces acted too long or too short.
+    # More friction than GREATEST_FRICTION would hold until F_n is 0, and not only until kappa |x| = mu F_n.
+    grip = choose(y.slips > 0, lambda: -mu * y.F, lambda: one)
+    F1, F2 = grip * y.a1, grip * y.a2
+    capped = (mu >= GREATEST_FRICTION) & negation(plastic)
+    missed = choose(plastic, lambda: (abs(F1) + abs(F2) + y.F) * (E + u_n), lambda: o)
+    missed = choose(capped, lambda: kappa * (1 + s * s) / (root * root * mu), lambda: missed)
+    rate = choose(plastic, lambda: y.F + b1 * F1 + b2 * F2, lambda: one)
+    rate = choose(capped, lambda: u_n / (e * e), lambda: rate)
+    known = known & (rate > 0) & (size > E)
+    missed = missed / choose(rate > 0, lambda: rate, lambda: one)
+    return E, choose(known, lambda: E / root + missed, lambda: math.inf + o)
 
 
 def _direction(u1: Scalar, u2: Scalar, b1: Scalar, b2: Scalar) -> tuple[Scalar, Scalar]:
