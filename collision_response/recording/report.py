@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from typing import Any, NamedTuple
@@ -19,6 +19,9 @@ SHOWN = 3000
 """Greatest number of points in a plot. Of more impacts, evenly spaced ones are shown; the tables use all."""
 
 LISTED = 10
+
+CAUSES = ("restitution", "friction")
+"""Causes of energy losses."""
 
 COLOURS = {**REGIMES, "restitution": RED, "friction": VIOLET}
 
@@ -46,23 +49,12 @@ class Summary(NamedTuple):
         """Sort the tables that ``read`` of ``recording.table`` and of ``recording.scenes`` return."""
         rows = rows_of(impacts)
         answers = [row for row in rows if row.get("regime")]
-        before, after, restitution, friction = (
-            np.array([row[name] for row in answers], float)
-            for name in (
-                "kinetic_energy_before",
-                "kinetic_energy_after",
-                "energy_lost_restitution",
-                "energy_lost_friction",
-            )
-        )
+        before, after = _column(answers, "kinetic_energy_before"), _column(answers, "kinetic_energy_after")
+        restitution, friction = (_column(answers, f"energy_lost_{cause}") for cause in CAUSES)
         gap = abs(before - after - restitution - friction)
         gap[[any(map(_is_driven, (row["request_a"], row["request_b"]))) for row in answers]] = math.nan
         residuals = np.divide(gap, before, out=np.zeros_like(gap), where=before > 0)
         return cls(answers, [row for row in rows if not row.get("regime")], residuals, rows_of(scenes))
-
-    def worst(self, name: str) -> list[Row]:
-        """Answers with the largest values of a column."""
-        return _largest(self.answers, name)
 
 
 def in_words(summary: Summary) -> list[str]:
@@ -72,7 +64,7 @@ def in_words(summary: Summary) -> list[str]:
     if answers:
         lost = sum(row["energy_lost_restitution"] for row in answers)
         lost_by_friction = sum(row["energy_lost_friction"] for row in answers)
-        slowest, loosest = summary.worst("duration")[:1], summary.worst("error_bound")[0]
+        slowest, loosest = _largest(answers, "duration")[:1], _largest(answers, "error_bound")[0]
         lines += [
             f"laws: {_counted(row['law'] for row in answers)}",
             f"regimes: {_counted(row['regime'] for row in answers)}",
@@ -103,16 +95,8 @@ def page(summary: Summary, files: Sequence[str]) -> str:
         files: names of the files, for the title.
     """
     words = "\n".join(in_words(summary))
-    parts = [f"<pre>{escape(words)}</pre>"]
-    if summary.answers:
-        parts += [*_plots(summary), *_tables(summary)]
-    if summary.scenes:
-        parts += ["<h2>Several contacts at once: largest error bounds</h2>", _table_of_scenes(summary.scenes)]
-    if summary.refusals:
-        rows = [[row["answer"], row["status"], row["message"] or ""] for row in summary.refusals[:100]]
-        parts += ["<h2>Refused requests</h2>", _table(["answer", "code", "why"], rows)]
     title = escape(", ".join(files))
-    body = "\n".join(parts)
+    body = "\n".join([f"<pre>{escape(words)}</pre>", *_plots(summary), *_tables(summary)])
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>Impacts of {title}</title>
 <meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head>
@@ -123,102 +107,85 @@ def page(summary: Summary, files: Sequence[str]) -> str:
 
 
 def _plots(summary: Summary) -> list[str]:
-    answers = summary.answers
-    number = np.array([row["answer"] for row in answers], float)
-    lost_by = [np.cumsum([row[f"energy_lost_{by}"] for row in answers]) for by in ("restitution", "friction")]
-    shown = _evenly_chosen(len(answers))
-    regimes = [answers[i]["regime"] for i in shown]
-    titles = [_label(answers[i]) for i in shown]
-    lost = np.concatenate([*lost_by, [0.0]])
-    energy = SvgPlot("Energy lost so far [J]", "answer", _limits(number), _limits(lost))
-    for name, values in zip(("restitution", "friction"), lost_by, strict=True):
-        energy.line(number[shown], values[shown], COLOURS[name], name)
+    count = len(summary.answers)
+    if not count:
+        return []
+    shown = _evenly_chosen(count)
+    plots = (make(summary, shown) for make in (_energy_plot, _residual_plot, _time_plot, _cone_plot))
+    note = f"<p>The plots show {len(shown)} of {count} impacts.</p>" if len(shown) < count else ""
+    return [f'<div class="plots">{"".join(plot.svg() for plot in plots if plot is not None)}</div>{note}']
 
+
+def _energy_plot(summary: Summary, shown: np.ndarray) -> SvgPlot:
+    number = _column(summary.answers, "answer")
+    lost = {cause: _column(summary.answers, f"energy_lost_{cause}").cumsum() for cause in CAUSES}
+    y = _limits(np.concatenate([*lost.values(), [0.0]]))
+    plot = SvgPlot("Energy lost so far [J]", "answer", _limits(number), y)
+    for cause, values in lost.items():
+        plot.line(number[shown], values[shown], COLOURS[cause], cause)
+    return plot
+
+
+def _residual_plot(summary: Summary, shown: np.ndarray) -> SvgPlot:
+    number, bounds = (_column(summary.answers, name) for name in ("answer", "error_bound"))
     key = {"found": BLUE, "error bound of the answer": ORANGE}
-    residual = SvgPlot(
-        "Energy unaccounted for, relative", "answer", _limits(number), (-18.0, 0.0), log_y=True, key=key
-    )
-    for colour, values in (
-        (ORANGE, np.array([row["error_bound"] for row in answers], float)),
-        (BLUE, summary.residuals),
-    ):
-        residual.points(
-            number[shown], np.log10(np.clip(values[shown], 1e-18, 1.0)), [colour] * len(shown), titles
-        )
+    title = "Energy unaccounted for, relative"
+    plot = SvgPlot(title, "answer", _limits(number), (-18.0, 0.0), log_y=True, key=key)
+    titles = [_label(summary.answers[i]) for i in shown]
+    for colour, values in ((ORANGE, bounds), (BLUE, summary.residuals)):
+        heights = np.log10(np.clip(values[shown], 1e-18, 1.0))
+        plot.points(number[shown], heights, [colour] * len(shown), titles)
+    return plot
 
-    colours = [COLOURS[regime] for regime in regimes]
-    key = {name: COLOURS[name] for name in sorted({*regimes})}
-    plots = [energy, residual]
-    duration = np.array([row["duration"] for row in answers], float)[shown]
-    if np.isfinite(duration).any():
-        speed = SvgPlot("Time to compute [s]", "answer", _limits(number), (-6.0, 0.0), log_y=True, key=key)
-        speed.points(number[shown], np.log10(np.clip(duration, 1e-6, 1.0)), colours, titles)
-        plots.append(speed)
 
-    mu = np.array([row["friction"] for row in answers], float)[shown]
-    along = np.array([row["normal_impulse"] for row in answers], float)[shown]
-    across = np.array([row["tangential_impulse"] for row in answers], float)[shown]
+def _time_plot(summary: Summary, shown: np.ndarray) -> SvgPlot | None:
+    """The durations, or ``None`` if none is known."""
+    rows, number = [summary.answers[i] for i in shown], _column(summary.answers, "answer")
+    duration = _column(rows, "duration")
+    if not np.isfinite(duration).any():
+        return None
+    x, key = _limits(number), _regime_key(rows)
+    plot = SvgPlot("Time to compute [s]", "answer", x, (-6.0, 0.0), log_y=True, key=key)
+    heights = np.log10(np.clip(duration, 1e-6, 1.0))
+    plot.points(number[shown], heights, [COLOURS[row["regime"]] for row in rows], [*map(_label, rows)])
+    return plot
+
+
+def _cone_plot(summary: Summary, shown: np.ndarray) -> SvgPlot | None:
+    """The slopes of the impulses, or ``None`` if no impulse has a friction cone."""
+    rows = [summary.answers[i] for i in shown]
+    mu, along, across = (_column(rows, name) for name in ("friction", "normal_impulse", "tangential_impulse"))
     has_cone = (mu > 0) & (along > 0)
-    if has_cone.any():
-        slope = np.divide(across, along, out=np.full_like(across, np.nan), where=has_cone)
-        top = 1.05 * max(mu[has_cone].max(), slope[has_cone].max())
-        limits = (0.0, top)
-        cone = SvgPlot(
-            "Impulses in their cones: tangential over normal", "friction", limits, limits, key=dict(key)
-        )
-        cone.line(np.array(limits), np.array(limits), GREY, "edge of the cone")
-        cone.points(mu, slope, colours, titles)
-        plots.append(cone)
-    left_out = len(answers) - len(shown)
-    note = f"<p>The plots show {len(shown)} of {len(answers)} impacts.</p>" if left_out else ""
-    return [f'<div class="plots">{"".join(plot.svg() for plot in plots)}</div>{note}']
+    if not has_cone.any():
+        return None
+    slope = np.divide(across, along, out=np.full_like(across, np.nan), where=has_cone)
+    limits = (0.0, 1.05 * max(mu[has_cone].max(), slope[has_cone].max()))
+    title = "Impulses in their cones: tangential over normal"
+    plot = SvgPlot(title, "friction", limits, limits, key=_regime_key(rows))
+    plot.line(np.array(limits), np.array(limits), GREY, "edge of the cone")
+    plot.points(mu, slope, [COLOURS[row["regime"]] for row in rows], [*map(_label, rows)])
+    return plot
 
 
-def _tables(summary: Summary) -> list[str]:
-    head = ["answer", "bodies", "law", "regime", "energy before [J]", "lost [J]", "error bound", "time [us]"]
-
-    def row(one: Row) -> list[object]:
-        lost = one["energy_lost_restitution"] + one["energy_lost_friction"]
-        return [
-            one["answer"],
-            f"{one['body_a']} on {one['body_b']}",
-            one["law"],
-            one["regime"],
-            f"{one['kinetic_energy_before']:.6g}",
-            f"{lost:.6g}",
-            f"{one['error_bound']:.2g}",
-            _microseconds(one),
-        ]
-
-    order = np.argsort(-summary.residuals)[:LISTED]
-    parts = [
-        "<h2>Worst residuals of energy</h2>",
-        _table(
-            [*head, "residual"], [[*row(summary.answers[i]), f"{summary.residuals[i]:.2g}"] for i in order]
-        ),
-    ]
-    for title, name in (("Largest error bounds", "error_bound"), ("Slowest answers", "duration")):
-        worst = summary.worst(name)
-        if worst:
-            parts += [f"<h2>{title}</h2>", _table(head, [row(one) for one in worst])]
-    return parts
+def _regime_key(rows: list[Row]) -> dict[str, Colour]:
+    return {regime: COLOURS[regime] for regime in sorted({row["regime"] for row in rows})}
 
 
-def _table_of_scenes(scenes: list[Row]) -> str:
-    head = ["answer", "bodies", "contacts", "law", "energy before [J]", "lost [J]", "error bound"]
-    rows = [
-        [
-            row["answer"],
-            ", ".join(row["bodies"]),
-            len(row["regimes"]),
-            row["law"],
-            f"{row['kinetic_energy_before']:.6g}",
-            f"{row['energy_lost_restitution'] + row['energy_lost_friction']:.6g}",
-            f"{row['error_bound']:.2g}",
-        ]
-        for row in _largest(scenes, "error_bound")
-    ]
-    return _table(head, rows)
+def _tables(summary: Summary) -> Iterator[str]:
+    """Tables, each with its heading. Tables without rows are left out."""
+    answers, residuals = summary.answers, summary.residuals
+    unbalanced = [answers[i] | {"residual": residuals[i]} for i in np.argsort(-residuals)[:LISTED]]
+    loosest_scenes = _largest(summary.scenes, "error_bound")
+    for title, columns, rows in (
+        ("Worst residuals of energy", (*IMPACT_COLUMNS, "residual"), unbalanced),
+        ("Largest error bounds", IMPACT_COLUMNS, _largest(answers, "error_bound")),
+        ("Slowest answers", IMPACT_COLUMNS, _largest(answers, "duration")),
+        ("Several contacts at once: largest error bounds", SCENE_COLUMNS, loosest_scenes),
+        ("Refused requests", REFUSAL_COLUMNS, summary.refusals[:100]),
+    ):
+        if rows:
+            yield f"<h2>{title}</h2>"
+            yield _table(columns, ([CELLS[column](row) for column in columns] for row in rows))
 
 
 @dataclass
@@ -299,6 +266,36 @@ td { font-variant-numeric: tabular-nums } th { font-weight: 600; border-bottom: 
 """
 
 
+CELLS: dict[str, Callable[[Row], object]] = {
+    "answer": lambda row: row["answer"],
+    "bodies": lambda row: ", ".join(row.get("bodies") or (f"{row['body_a']} on {row['body_b']}",)),
+    "contacts": lambda row: len(row["regimes"]),
+    "law": lambda row: row["law"],
+    "regime": lambda row: row["regime"],
+    "energy before [J]": lambda row: f"{row['kinetic_energy_before']:.6g}",
+    "lost [J]": lambda row: f"{row['energy_lost_restitution'] + row['energy_lost_friction']:.6g}",
+    "error bound": lambda row: f"{row['error_bound']:.2g}",
+    "time [us]": lambda row: _microseconds(row),
+    "residual": lambda row: f"{row['residual']:.2g}",
+    "code": lambda row: row["status"],
+    "why": lambda row: row["message"] or "",
+}
+"""What the tables show of a row, by the heading of the column."""
+
+IMPACT_COLUMNS = (
+    "answer",
+    "bodies",
+    "law",
+    "regime",
+    "energy before [J]",
+    "lost [J]",
+    "error bound",
+    "time [us]",
+)
+SCENE_COLUMNS = ("answer", "bodies", "contacts", "law", "energy before [J]", "lost [J]", "error bound")
+REFUSAL_COLUMNS = ("answer", "code", "why")
+
+
 def _is_driven(body: list[float]) -> bool:
     return body[0] == math.inf and any(body[17:])
 
@@ -326,7 +323,12 @@ def _evenly_chosen(count: int) -> np.ndarray:
     return np.unique(np.linspace(0, count - 1, min(count, SHOWN)).round().astype(int))
 
 
+def _column(rows: list[Row], name: str) -> np.ndarray:
+    return np.array([row[name] for row in rows], float)
+
+
 def _largest(rows: list[Row], name: str) -> list[Row]:
+    """Rows with the largest values of a column."""
     known = [row for row in rows if not math.isnan(row[name])]
     return sorted(known, key=lambda row: row[name], reverse=True)[:LISTED]
 
