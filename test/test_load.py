@@ -30,6 +30,7 @@ from collision_response.msg import BodyState
 from collision_response.ros import batches, clients, scenes, server
 from collision_response.ros import diagnostics as diagnostics_module
 from collision_response.ros.batch_client import pack, unpack
+from collision_response.ros.body_lookup import StateFinder
 from collision_response.ros.clients import ConnectedClients
 from collision_response.ros.counters import Counters
 from collision_response.ros.diagnostics import PERIOD, Diagnostics
@@ -107,7 +108,7 @@ def crowd(n):
 
 @pytest.mark.parametrize(
     ("request_", "module", "taking"),
-    [(many_names(1000), batches, "find_state"), (crowd(1000), scenes, "_body_in_table")],
+    [(many_names(1000), StateFinder, "find"), (crowd(1000), scenes, "_body_in_table")],
     ids=["names of a batch", "bodies of a scene"],
 )
 def test_many_bodies_are_looked_up_in_parts(shared_node, monkeypatch, request_, module, taking):
@@ -119,7 +120,7 @@ def test_many_bodies_are_looked_up_in_parts(shared_node, monkeypatch, request_, 
 
     monkeypatch.setattr(module, taking, counted)
     node, states = shared_node.node, LatestStates(10, lambda: 0, pytest.fail)
-    if module is batches:
+    if module is StateFinder:
         service = batches.BatchService(node.parameters, states, lambda: 0)
     else:
         service = scenes.SceneService(

@@ -17,6 +17,7 @@ from ..model import Geometry, ImpactModel
 from ..msg import ImpactModel as ImpactModelMessage
 from ..named_enum import NamedEnum
 from ..srv import ResolveCollisionBatch
+from ..status import ImpactError, StatusCode
 
 Array = np.ndarray[Any, Any]
 Request, Response = ResolveCollisionBatch.Request, ResolveCollisionBatch.Response
@@ -38,6 +39,25 @@ def result_shapes(geometry: Geometry, n: int) -> dict[str, tuple[int, ...]]:
 def names_in(request: Any) -> list[str]:
     """Names in the field ``names`` of a request."""
     return request.names.split("\n") if request.names else []
+
+
+def table_in(field: str, numbers: array[Any], rows: int, of_layout: str = "") -> Array:
+    """Return the numbers of a field as a table, which shares their memory.
+
+    Args:
+        field: the name of the field, for the error.
+        numbers: the numbers, row by row.
+        rows: the number of rows.
+        of_layout: follows the number of rows in the error.
+
+    Raises:
+        ImpactError: INVALID_TABLE if the rows do not all have the same length.
+    """
+    table = np.asarray(numbers)
+    if table.size % rows:
+        reason = f"must hold {rows} rows of equal length{of_layout}; holds {table.size} numbers"
+        raise ImpactError(StatusCode.INVALID_TABLE, field, reason)
+    return table.reshape(rows, -1)
 
 
 def append(field: array[Any], numbers: Array) -> None:

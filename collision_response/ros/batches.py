@@ -33,23 +33,22 @@ from .batch_fields import (
     Response,
     names_in,
     result_shapes,
+    table_in,
     write_model,
     zeros_in,
 )
 from .body_lookup import (
+    LookUp,
+    StateFinder,
     StateNotYetReceived,
-    StateUsed,
-    check_age,
     check_distinct,
     check_frame,
     check_immovable,
     check_world_frame,
-    find_state,
 )
 from .parameters import LatestParameters, Parameters
-from .serialized import nanoseconds
 from .server import Work
-from .state_wait import BODIES_PER_STEP, LookUp, wait_for_states
+from .state_wait import BODIES_PER_STEP, wait_for_states
 from .states import LatestStates
 
 
@@ -252,11 +251,9 @@ def bodies_of(
         StateNotYetReceived: if the request has ``not_before``, and a state is older than that or unknown.
         ImpactError: INVALID_TABLE, SAME_BODY, or BUDGET_EXCEEDED for too many names.
     """
-    numbers, height = np.asarray(request.bodies), layout.bodies.height
-    if numbers.size % height:
-        reason = f"must hold {height} rows of equal length for {layout.name}; holds {numbers.size} numbers"
-        raise ImpactError(StatusCode.INVALID_TABLE, "bodies", reason)
-    table = with_immovable(numbers.reshape(height, -1), request.immovable, layout)
+    height = layout.bodies.height
+    table = table_in("bodies", request.bodies, height, f" for {layout.name}")
+    table = with_immovable(table, request.immovable, layout)
     count, names = table.shape[1], names_in(request)
     codes = np.zeros(count + len(names), np.uint8)
     if not names:
@@ -272,17 +269,15 @@ def bodies_of(
     check_distinct(names)
     columns, errors = np.full((height, len(names)), math.nan), []
     stamps, ages = [NO_STAMP] * len(names), [math.nan] * len(names)
-    contact_time = nanoseconds(request.header.stamp) or now()
-    not_before = nanoseconds(request.not_before)
+    finder = StateFinder.of(request.header, request.not_before, states, parameters, now)
     for i, name in enumerate(names):
         if not i % BODIES_PER_STEP:
             yield
         owner = f"names[{i}]"
         try:
-            state = find_state(states, owner, owner, name, not_before)
-            stamps[i], ages[i] = StateUsed.of(state, contact_time)
+            state, (stamps[i], ages[i]) = finder.find(owner, owner, name)
             check_frame(f"{owner}.header.frame_id", state, "header.frame_id", request.header.frame_id)
-            check_age(owner, name, ages[i], parameters.max_state_age)
+            finder.check_age(owner, name, ages[i])
             columns[:, i] = _column(owner, state, layout)
         except StateNotYetReceived:
             raise

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Generator, Sequence
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from std_msgs.msg import Header
 
 from ..msg import BodyState
 from ..srv import ResolveCollision
@@ -15,6 +16,11 @@ from ..status import ImpactError, StatusCode
 from .parameters import Parameters
 from .serialized import nanoseconds
 from .states import LatestStates, quoted
+
+Found = TypeVar("Found")
+
+LookUp = Generator[None, None, Found]
+"""A look-up of bodies, as a generator. It yields where another client may have its turn."""
 
 OWNERS = ("body_a", "body_b")
 
@@ -30,15 +36,6 @@ class StateUsed(NamedTuple):
     stamp: Time
     age: float
 
-    @classmethod
-    def of(cls, state: BodyState, time: int) -> StateUsed:
-        """Stamp of a state, and its age at a time [ns].
-
-        The age is unknown if the state has no stamp, or ``time`` is 0.
-        """
-        stamp = nanoseconds(state.header.stamp)
-        return cls(state.header.stamp, (time - stamp) / 1e9 if stamp and time else math.nan)
-
 
 GIVEN_IN_FULL = StateUsed(Time(), 0.0)
 """For a body that the request gives in full."""
@@ -48,9 +45,95 @@ class StateNotYetReceived(ImpactError):
     """No suitable state has been received, but one may still come."""
 
 
+class StateFinder(NamedTuple):
+    """Finds the states of the bodies that one request gives by name.
+
+    Attributes:
+        states: the latest states received.
+        time: time of the contact [ns]; 0: unknown.
+        not_before: the earliest stamp accepted [ns]; 0: any.
+        max_age: the greatest distance in time allowed, before and after the contact [s]; 0: any.
+    """
+
+    states: LatestStates
+    time: int
+    not_before: int
+    max_age: float
+
+    @classmethod
+    def of(
+        cls,
+        header: Header,
+        not_before: Time,
+        states: LatestStates,
+        parameters: Parameters,
+        now: Callable[[], int],
+    ) -> StateFinder:
+        """Make the finder of a request.
+
+        Args:
+            header: header of the contact. If it has no stamp, the contact is now.
+            not_before: field of the request.
+            states: the latest states received.
+            parameters: the parameters of the node.
+            now: returns the time of the node's clock [ns].
+        """
+        time = nanoseconds(header.stamp) or now()
+        return cls(states, time, nanoseconds(not_before), parameters.max_state_age)
+
+    def find(self, owner: str, field: str, name: str) -> tuple[BodyState, StateUsed]:
+        """Find the latest state of a body.
+
+        Its age is unknown if it has no stamp, or the time of the contact is unknown.
+
+        Args:
+            owner: what errors call the body.
+            field: the field that holds its name, for errors.
+            name: its name.
+
+        Raises:
+            StateNotYetReceived: if there is a ``not_before``, and no such state.
+            ImpactError: UNKNOWN_BODY.
+        """
+        try:
+            state = self.states.find(field, name)
+        except ImpactError as error:
+            if not self.not_before:
+                raise
+            raise StateNotYetReceived(error.code, error.field, error.reason) from None
+        stamp = nanoseconds(state.header.stamp)
+        if stamp < self.not_before:
+            fault = f"is {(self.not_before - stamp) / 1e9:.6g} s older than not_before"
+            if not stamp:
+                fault = "has no stamp, which not_before requires"
+            reason = f"the last state of {quoted(name)} {fault}"
+            raise StateNotYetReceived(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
+        age = (self.time - stamp) / 1e9 if stamp and self.time else math.nan
+        return state, StateUsed(state.header.stamp, age)
+
+    def check_age(self, owner: str, name: str, age: float) -> None:
+        """Refuse a state that is too far in time from the contact.
+
+        Args:
+            owner: what the error calls the body.
+            name: the name of the body.
+            age: how much older the state is than the contact [s]; NaN: unknown.
+
+        Raises:
+            ImpactError: STALE_STATE.
+        """
+        if not self.max_age or abs(age) <= self.max_age:
+            return
+        fault = f"is {age:.6g} s old" if age > 0 else f"is {-age:.6g} s ahead: do the clocks agree?"
+        if math.isnan(age):
+            fault = "has no stamp, or there is no time yet"
+        reason = f"the last state of {quoted(name)} {fault}; max_state_age is {self.max_age:.6g} s"
+        raise ImpactError(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
+
+
 def complete(
     request: ResolveCollision.Request, states: LatestStates, parameters: Parameters, now: Callable[[], int]
-) -> list[StateUsed]:
+) -> LookUp[list[StateUsed]]:
     """Replace bodies given only by name by their latest states, and check names, ages and frames.
 
     Args:
@@ -67,25 +150,23 @@ def complete(
         StateNotYetReceived: if the request has ``not_before``, and a state is older than that or unknown.
         ImpactError: SAME_BODY, UNKNOWN_BODY, STALE_STATE or FRAME_MISMATCH.
     """
+    yield from ()  # two bodies need no pause
     names = {
         owner: name
         for owner, name in zip(OWNERS, names_of(request), strict=True)
         if name and _has_only_a_name(getattr(request, owner))
     }
-    used = dict.fromkeys(OWNERS, GIVEN_IN_FULL)
+    states_used = dict.fromkeys(OWNERS, GIVEN_IN_FULL)
     if names:
-        time, not_before = nanoseconds(request.contact.header.stamp) or now(), nanoseconds(request.not_before)
-        found = {
-            owner: find_state(states, owner, f"{owner}.name", name, not_before)
-            for owner, name in names.items()
-        }
-        for owner, state in found.items():
-            used[owner] = StateUsed.of(state, time)
-            check_age(owner, names[owner], used[owner].age, parameters.max_state_age)
-        for owner, state in found.items():
+        finder = StateFinder.of(request.contact.header, request.not_before, states, parameters, now)
+        found = {owner: finder.find(owner, f"{owner}.name", name) for owner, name in names.items()}
+        for owner, (_, used) in found.items():
+            finder.check_age(owner, names[owner], used.age)
+        for owner, (state, used) in found.items():
             setattr(request, owner, state)
+            states_used[owner] = used
     check_frames(request, parameters.world_frame)
-    return list(used.values())
+    return [*states_used.values()]
 
 
 def _has_only_a_name(body: BodyState) -> bool:
@@ -93,57 +174,6 @@ def _has_only_a_name(body: BodyState) -> bool:
     if body.inertia.m or body.motion_type:
         return False  # true of most bodies given in full; the comparison below takes ten times as long
     return body == BodyState(name=body.name)
-
-
-def find_state(states: LatestStates, owner: str, field: str, name: str, not_before: int) -> BodyState:
-    """Find the latest state of a body given by name.
-
-    Args:
-        states: the latest states received.
-        owner: what errors call the body.
-        field: the field that holds its name, for errors.
-        name: its name.
-        not_before: the earliest stamp accepted [ns]; 0: any.
-
-    Raises:
-        StateNotYetReceived: if there is a ``not_before``, and no such state.
-        ImpactError: UNKNOWN_BODY.
-    """
-    try:
-        state = states.find(field, name)
-    except ImpactError as error:
-        if not_before:
-            raise StateNotYetReceived(error.code, error.field, error.reason) from None
-        raise
-    stamp = nanoseconds(state.header.stamp)
-    if stamp < not_before:
-        fault = f"is {(not_before - stamp) / 1e9:.6g} s older than not_before"
-        if not stamp:
-            fault = "has no stamp, which not_before requires"
-        reason = f"the last state of {quoted(name)} {fault}"
-        raise StateNotYetReceived(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
-    return state
-
-
-def check_age(owner: str, name: str, age: float, limit: float) -> None:
-    """Refuse a state that is too far in time from the contact.
-
-    Args:
-        owner: what the error calls the body.
-        name: the name of the body.
-        age: how much older the state is than the contact [s]; NaN: unknown.
-        limit: the greatest distance in time allowed, before and after the contact [s]; 0: any.
-
-    Raises:
-        ImpactError: STALE_STATE.
-    """
-    if not limit or abs(age) <= limit:
-        return
-    fault = f"is {age:.6g} s old" if age > 0 else f"is {-age:.6g} s ahead: do the clocks agree?"
-    if math.isnan(age):
-        fault = "has no stamp, or there is no time yet"
-    reason = f"the last state of {quoted(name)} {fault}; max_state_age is {limit:.6g} s"
-    raise ImpactError(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
 
 
 def names_of(request: ResolveCollision.Request) -> list[str]:

@@ -19,7 +19,7 @@ from .answer_log import AnswerLog
 from .body_lookup import complete
 from .parameters import LatestParameters
 from .server import Work
-from .state_wait import wait_for_states, without_pauses
+from .state_wait import wait_for_states
 from .states import LatestStates
 
 
@@ -50,7 +50,7 @@ class ImpactService:
         """Compute the response to a request, in steps."""
         parameters = self.parameters.values
         look_up = partial(complete, request, self.states, parameters, self.now)
-        states_used = yield from wait_for_states(partial(without_pauses, look_up), parameters.max_state_wait)
+        states_used = yield from wait_for_states(look_up, parameters.max_state_wait)
         self._warn_of_coefficients(request)
         problem, coefficients = convert.problem_of(request, parameters)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,21 +23,20 @@ from ..srv import ResolveScene
 from ..status import ImpactError, StatusCode
 from . import convert
 from .answer_log import AnswerLog
-from .batch_fields import names_in, write_model
+from .batch_fields import names_in, table_in, write_model
 from .body_lookup import (
     GIVEN_IN_FULL,
+    LookUp,
+    StateFinder,
     StateUsed,
-    check_age,
     check_distinct,
     check_frame,
     check_immovable,
     check_world_frame,
-    find_state,
 )
 from .parameters import LatestParameters, Parameters
-from .serialized import nanoseconds
 from .server import Work
-from .state_wait import BODIES_PER_STEP, LookUp, wait_for_states
+from .state_wait import BODIES_PER_STEP, wait_for_states
 from .states import LatestStates
 
 CONTACT_ROWS = ("x", "y", "z", "nx", "ny", "nz", "e", "mu")
@@ -139,31 +138,13 @@ class SceneService:
         return StatusCode(response.result.status.code)
 
 
-def table_of(field: str, numbers: Any, rows: int) -> Any:
-    """Arrange the numbers of a field as a table.
-
-    Args:
-        field: the name of the field, for the error.
-        numbers: the numbers, row by row.
-        rows: the number of rows.
-
-    Raises:
-        ImpactError: INVALID_TABLE if the rows do not all have the same length.
-    """
-    numbers = np.asarray(numbers)
-    if numbers.size % rows:
-        reason = f"must hold {rows} rows of equal length; holds {numbers.size} numbers"
-        raise ImpactError(StatusCode.INVALID_TABLE, field, reason)
-    return numbers.reshape(rows, -1)
-
-
 def contacts_of(request: ResolveScene.Request, max_contacts: int) -> list[ContactMessage]:
     """Make a message of each contact of a request.
 
     Raises:
         ImpactError: INVALID_TABLE, or BUDGET_EXCEEDED if there are more than ``max_contacts``.
     """
-    table = table_of("contacts", request.contacts, len(CONTACT_ROWS))
+    table = table_in("contacts", request.contacts, len(CONTACT_ROWS))
     count = table.shape[1]
     if count > max_contacts:
         reason = f"has {count} contacts; budget.scene_contacts is {max_contacts}"
@@ -192,7 +173,7 @@ def bodies_of(
     """
     header = request.header
     check_world_frame("header.frame_id", header.frame_id, parameters.world_frame)
-    table = table_of("bodies", request.bodies, ROWS)
+    table = table_in("bodies", request.bodies, ROWS)
     count = table.shape[1]
     names_given = names_in(request)
     if max(count, len(names_given)) > MAX_BODIES:
@@ -206,14 +187,13 @@ def bodies_of(
     check_immovable(request.immovable, count)
     owners = [f"bodies[{i}]" for i in range(count)]
     bodies = SceneBodies(names, table.T.tolist(), [IN_TABLE] * count, [GIVEN_IN_FULL] * count, owners)
-    time, not_before = nanoseconds(header.stamp) or now(), nanoseconds(request.not_before)
+    finder = StateFinder.of(header, request.not_before, states, parameters, now)
     for i, name in enumerate(names[count:], count):
         if not i % BODIES_PER_STEP:
             yield
         owner = f"names[{i}]"
-        state = find_state(states, owner, owner, name, not_before)
-        used = StateUsed.of(state, time)
-        check_age(owner, name, used.age, parameters.max_state_age)
+        state, used = finder.find(owner, owner, name)
+        finder.check_age(owner, name, used.age)
         check_frame(f"{owner}.header.frame_id", state, "header.frame_id", header.frame_id)
         bodies.states.append(state)
         bodies.used.append(used)

@@ -4,25 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator
-from typing import TypeVar
 
 from ..status import ImpactError, StatusCode
-from .body_lookup import StateNotYetReceived
-
-Found = TypeVar("Found")
-
-
-LookUp = Generator[None, None, Found]
-"""A look-up of bodies, as a generator. It yields where another client may have its turn."""
+from .body_lookup import Found, LookUp, StateNotYetReceived
 
 BODIES_PER_STEP = 50
 """Bodies that are looked up, or converted, between two yields: each takes up to a tenth of a millisecond."""
-
-
-def without_pauses(look_up: Callable[[], Found]) -> LookUp[Found]:
-    """Make a :data:`LookUp` that never yields from a function."""
-    yield from ()
-    return look_up()
 
 
 def wait_for_states(
