@@ -64,6 +64,9 @@ class Adjustment(IntFlag):
     """A body turned about an axis without inertia. That rotation moves no contact and was left out."""
     ENERGY_CHANGE_ONLY = 16
     """A body is articulated: only the change of its kinetic energy is known, so its energy counts from 0."""
+    NO_REBOUND = 32
+    """In a scene, bodies would rebound without end, such as a box between the fingers of a gripper.
+    Restitution was taken as 0."""
 
     def __str__(self) -> str:
         """The names of the flags that are set."""

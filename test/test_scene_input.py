@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import doctest
 import math
+import random
 import sys
 from fractions import Fraction as F
 from itertools import product
@@ -282,11 +283,10 @@ def between_jaws(gaps, velocity=0, e=0.5, mu=0.0, number=float) -> Scene:
     return Scene(bodies, pairs, contacts)
 
 
-@pytest.mark.parametrize(
-    "law, walls", [*product((Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU), (2, 4, 6)), (Law.MOREAU, 10)]
-)
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("walls", [2, 4, 6, 10])
 def test_between_walls_at_rest_a_body_that_does_not_approach_is_unchanged(law, walls):
-    """With any coefficients; by MOREAU also with more than 8 walls."""
+    """With any coefficients."""
     normals = [(1, 0, 0), (-1, 0, 0), (1, 1, 0), (-1, -1, 0), (2, 1, 0), (-2, -1, 0)]
     normals += [(3, 1, 0), (-3, -1, 0), (1, 3, 0), (-1, -3, 0)]
     for velocity, e, mu in product(((0, 0, 0), (0, 0, 1.5)), (0.0, 0.5, 1.0), (0.0, 0.5)):
@@ -328,13 +328,9 @@ def test_walls_that_do_not_close_hold_or_release(law):
         scene = between_jaws(gaps, velocity, mu=mu)
         if min(gaps) < 0:
             continue
-        try:
-            answer = scene.resolve(law)
-        except ImpactError as error:
-            assert error.code is StatusCode.PATH_TOO_LONG and len(scene.contacts) > 8
-        else:
-            parts = min(answer.normal_velocities_after) > -1e-6
-            assert parts or answer.error_bound == math.inf
+        answer = scene.resolve(law)
+        parts = min(answer.normal_velocities_after) > -1e-6
+        assert parts or answer.error_bound == math.inf
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.MOREAU])
@@ -349,6 +345,41 @@ def test_walls_at_rest_hold_and_opening_walls_release_in_fractions(law):
             gaps, answer.normal_velocities_after[::2], answer.normal_velocities_after[1::2], strict=True
         ):
             assert min(after) >= 0 and (gap > 0 or after == [0, 0])
+
+
+def gripped(points: int, tilt: float, e: float, mu: float, seed: int) -> Scene:
+    """A box at rest between two fingers that move to the right; its contact points and normals are off."""
+    fingers = [Body.kinematic((side * 0.1, 0, 0), velocity=(0.5, 0, 0)) for side in (-1, 1)]
+    pairs, contacts = [], []
+    draw = random.Random(seed).gauss
+    for finger, side in ((1, -1), (2, 1)):
+        for y, z in [(-0.03, -0.03), (0.03, 0.03), (-0.03, 0.03), (0.03, -0.03), (0, 0), (0, 0.03)][:points]:
+            point = [x + tilt * draw(0, 1) for x in (side * 0.05, y, z)]
+            normal = [x + tilt * draw(0, 1) for x in (-side, 0, 0)]
+            pairs.append((0, finger))
+            contacts.append(Contact.of(point, normal, e, mu))
+    return Scene([Body.box(1.0, (0.1, 0.1, 0.1)), *fingers], pairs, contacts)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("points", [1, 2, 4, 6])
+@pytest.mark.parametrize("tilt", [0.0, 1e-16, 1e-14, 1e-12, 1e-9, 1e-6, 1e-3])
+def test_a_gripper_moves_what_it_holds(law, points, tilt):
+    """However exactly its fingers are parallel. A box that would rattle between them does not rebound.
+
+    Symmetric fingers without friction do not turn the box, so it moves as they do.
+    """
+    for e, mu in product((0.0, 0.5, 1.0), (0.0, 0.5)):
+        answer = gripped(points, tilt, e, mu, seed=points).resolve(law)
+        after = answer.normal_velocities_after
+        assert min(after) > -1e-9 or answer.error_bound == math.inf
+        assert answer.energy_lost_restitution + answer.energy_lost_friction >= -1e-12
+        if Adjustment.NO_REBOUND in answer.adjustments:
+            assert e > 0 and {contact.restitution for contact in answer.contacts} == {0.0}
+            plastic = gripped(points, tilt, 0.0, mu, seed=points).resolve(answer.model.law)
+            assert math.dist(answer.twists[0].linear, plastic.twists[0].linear) < 1e-6
+        if tilt == 0 and points == 4 and law is not Law.MOREAU:
+            assert math.dist(answer.twists[0].linear, (0.5, 0, 0)) < 1e-7
 
 
 def test_a_rotating_wall_may_contradict_itself():
@@ -377,7 +408,7 @@ def test_walls_that_do_not_close_are_no_contradiction(law, corners, closing, mon
         try:
             answer = pressed(corners, closing, e, mu).resolve(law)
         except ImpactError as error:
-            assert error.code is StatusCode.PATH_TOO_LONG
+            assert law is Law.ROUTH_STRONGE and error.code is StatusCode.PATH_TOO_LONG
         else:
             parts = min(answer.normal_velocities_after) > -1e-6
             assert parts or answer.status is StatusCode.TOLERANCE_NOT_MET

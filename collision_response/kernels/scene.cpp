@@ -134,15 +134,16 @@ PyObject* velocity_size(PyObject* self, PyObject* o) {
   return p ? PyFloat_FromDouble(assembly_of(self).velocity_size(p)) : nullptr;
 }
 
-// reflections(threshold, budget): the Outcome, then the normal impulses, error, margin and restitution (or None) of
-// ClusterImpulses.
+// reflections(threshold, budget): the normal impulses, error, margin, restitution (or None) and no_rebound of ClusterImpulses;
+// None if contacts contradict each other.
 PyObject* reflect(PyObject* self, PyObject* args) {
   double threshold;
   long budget;
   if (!PyArg_ParseTuple(args, "dl", &threshold, &budget)) return nullptr;
   ClusterImpulses found = Reflections{assembly_of(self)}.resolve(threshold, budget);
+  if (!found.are_found) Py_RETURN_NONE;
   PyObject* e = found.restitution < 0 ? Py_NewRef(Py_None) : PyFloat_FromDouble(found.restitution);
-  return Py_BuildValue("iNddN", static_cast<int>(found.outcome), bytes(found.normal), found.error, found.margin, e);
+  return Py_BuildValue("NddNN", bytes(found.normal), found.error, found.margin, e, PyBool_FromLong(found.no_rebound));
 }
 
 PyObject* number_list(const Vector& x) {
@@ -158,7 +159,7 @@ PyObject* get_effect(PyObject* self, PyObject* args) {
   if (!PyArg_ParseTuple(args, "OOdp", &normal, &tangential, &error, &sticks_by_slip)) return nullptr;
   const DD* p = impulses(self, normal);
   if (!p) return nullptr;
-  ClusterImpulses impulses{Outcome::ANSWERED, {p, p + assembly_of(self).count}, error};
+  ClusterImpulses impulses{true, {p, p + assembly_of(self).count}, error};
   impulses.tangential.resize(tangential == Py_None ? 0 : 2 * assembly_of(self).count);
   if (!read_list(tangential, impulses.tangential)) return nullptr;
   const Cluster& cluster = *reinterpret_cast<ClusterObject*>(self)->cluster;
@@ -175,7 +176,7 @@ PyObject* get_effect(PyObject* self, PyObject* args) {
 
 // Normal impulses, tangential ones (or None) and their error; None if there is no answer.
 PyObject* impulses_or_none(const ClusterImpulses& impulses) {
-  if (impulses.outcome != Outcome::ANSWERED) Py_RETURN_NONE;
+  if (!impulses.are_found) Py_RETURN_NONE;
   PyObject* tangential = impulses.tangential.empty() ? Py_NewRef(Py_None) : number_list(impulses.tangential);
   return Py_BuildValue("NNd", bytes(impulses.normal), tangential, impulses.error);
 }
@@ -186,7 +187,7 @@ PyObject* add_least_work_friction(PyObject* self, PyObject* args) {
   double error;
   if (!PyArg_ParseTuple(args, "Od", &normal, &error)) return nullptr;
   const DD* p = impulses(self, normal);
-  return !p ? nullptr : impulses_or_none(least_work_friction(assembly_of(self), {Outcome::ANSWERED, {p, p + assembly_of(self).count}, error}));
+  return !p ? nullptr : impulses_or_none(least_work_friction(assembly_of(self), {true, {p, p + assembly_of(self).count}, error}));
 }
 // moreau(has_friction): the impulses of MOREAU.
 PyObject* apply_moreau(PyObject* self, PyObject* has_friction) { return impulses_or_none(moreau(assembly_of(self), has_friction == Py_True)); }
@@ -406,7 +407,7 @@ PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t argc) {
     bound = std::fmax(bound, effect.error_bound);
     margin = std::fmin(margin, result.margin);
     adjusted |= cluster.has_off_unit_orientation * ADJUSTMENT_NORMALISED_ORIENTATION + result.below_restitution_threshold * ADJUSTMENT_RESTITUTION_THRESHOLD +
-                result.fell_back * ADJUSTMENT_LAW_FALLBACK + cluster.has_massless_spin * ADJUSTMENT_MASSLESS_SPIN;
+                result.fell_back * ADJUSTMENT_LAW_FALLBACK + result.no_rebound * ADJUSTMENT_NO_REBOUND + cluster.has_massless_spin * ADJUSTMENT_MASSLESS_SPIN;
     if (result.fell_back && law == options.law) law = cluster.has_friction ? LAW_COULOMB : LAW_FRICTIONLESS;
     is_separating = is_separating && effect.is_separating();
     is_extended = is_extended || !cluster.has_friction;

@@ -55,6 +55,7 @@ ADJUSTMENT_NOTES = {
     Adjustment.RESTITUTION_THRESHOLD: "the approach is slower than restitution_threshold: restitution was 0",
     Adjustment.LAW_FALLBACK: "the law has no solution here, or would create energy: model.law was used",
     Adjustment.ENERGY_CHANGE_ONLY: "a body is articulated: kinetic energies include only its change",
+    Adjustment.NO_REBOUND: "bodies would rebound without end: restitution was 0",
     Adjustment.MASSLESS_SPIN: "a body rotated about an axis without inertia: that rotation was ignored",
 }
 """What the message of an answer says about each adjustment."""

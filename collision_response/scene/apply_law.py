@@ -5,6 +5,7 @@ ROUTH_STRONGE are computed in doubles. Three cases need more:
 
 * Contacts that press on each other without end, such as a ball between two walls, are *locked*: no velocity
   separates all of them. Exact arithmetic decides what happens, in clusters of up to ``RATIONAL_CONTACTS``.
+  Larger ones do not rebound, and their error has no bound.
 * Double-double may be too coarse to tell whether a contact approaches, or reaches the threshold of
   reflections. Exact arithmetic decides that too.
 * MOREAU may have no solution, or one that creates energy. Then COULOMB answers, or FRICTIONLESS if there is
@@ -48,7 +49,7 @@ def apply_law(
             ROUTH_STRONGE.
     """
     exact = _exact_if_locked(cluster, parts)
-    if cluster.approach_is_uncertain and not cluster.is_locked:
+    if cluster.approach_is_uncertain and exact is None:
         approaches = _has_approach(parts)
         only_in_doubles = has_friction or options.law is Law.ROUTH_STRONGE
         if not approaches or only_in_doubles or len(parts.contacts) > RATIONAL_CONTACTS:
@@ -77,23 +78,27 @@ def _by_moreau(cluster: Any, exact: RationalCluster | None, *, has_friction: boo
     if has_friction:
         return None
     impulses = moreau(exact, has_friction=False)
-    return None if impulses is None else _as_floats(cluster, exact, impulses)
+    if impulses is None or exact.effect_of(impulses.normal).creates_energy:
+        return None
+    return _as_floats(cluster, exact, impulses)
 
 
 def _by_reflections(
     cluster: Any, parts: ClusterParts, exact: RationalCluster | None, threshold: Scalar
 ) -> ClusterImpulses:
     """Return the impulses of FRICTIONLESS, in fractions where double-double cannot decide."""
-    impulses = None if exact or cluster.is_locked else reflections(cluster, threshold)
-    if impulses is not None and impulses.error < math.inf:
-        return impulses
-    if len(parts.contacts) <= RATIONAL_CONTACTS:
-        exact = exact or _in_fractions(parts)
-        return _as_floats(cluster, exact, reflections(exact, threshold))
-    if impulses is None:
-        reason = f"more than {RATIONAL_CONTACTS} press on each other without end, as a ball between walls"
-        raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
-    return impulses
+    if exact is None:
+        try:
+            impulses = reflections(cluster, threshold)
+        except ImpactError:
+            if not cluster.is_locked:
+                raise
+            reason = f"more than {RATIONAL_CONTACTS} press on each other, and may or may not contradict"
+            raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason) from None
+        if impulses.error < math.inf or len(parts.contacts) > RATIONAL_CONTACTS:
+            return impulses
+        exact = _in_fractions(parts)
+    return _as_floats(cluster, exact, reflections(exact, threshold))
 
 
 def _by_stronge(
@@ -180,4 +185,7 @@ def _as_floats(cluster: Any, exact: RationalCluster, impulses: ClusterImpulses) 
     normal = cluster.impulses_from_floats([float(x) for x in exact.least_norm(impulses.normal)])
     e = None if impulses.restitution is None else float(impulses.restitution)
     error = cluster.velocity_size(normal) * 2.0**-53
-    return ClusterImpulses(normal, error=error, margin=float(impulses.margin), restitution=e)
+    margin = float(impulses.margin)
+    return ClusterImpulses(
+        normal, error=error, margin=margin, restitution=e, no_rebound=impulses.no_rebound
+    )

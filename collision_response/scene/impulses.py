@@ -25,6 +25,7 @@ class ClusterImpulses(NamedTuple):
         friction_loss: energy that friction took along the path; ``None`` to compute it from the mean of the
             slip before and after.
         fell_back: whether the law had no sound answer and these are the impulses of another law.
+        no_rebound: whether bodies would rebound without end, so that restitution was taken as 0.
     """
 
     normal: Any
@@ -34,6 +35,7 @@ class ClusterImpulses(NamedTuple):
     restitution: Scalar | None = None
     friction_loss: float | None = None
     fell_back: bool = False
+    no_rebound: bool = False
 
 
 class ImpulseEffect(NamedTuple):

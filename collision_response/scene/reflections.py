@@ -11,6 +11,9 @@ as the scene, and depends on no order.
 
 GRR, for e < 1:      p = e p_GR + (1 - e) p_P          p_P: the impulses of one projection at all contacts
 
+Between contacts that are nearly parallel, as in a gripper, reflections do not end in time. Then the answer
+is p_P, as for e = 0.
+
 After every step v is an exactly known linear function of the impulses. Neither P nor R increases the distance
 between two velocities, so errors add up but do not grow. Only the set V can jump: whether a velocity is below
 the threshold must be certain.
@@ -37,12 +40,9 @@ from .rational_cluster import RationalCluster
 REFLECTIONS = 10_000
 """Greatest number of reflections. A chain of n equal balls takes n."""
 
-DIGITS = 2**25
-"""Budget for reflections in fractions, which takes less than a second or two: the sum, over all reflections,
+DIGITS = 2**23
+"""Budget for reflections in fractions, which takes less than a second: the sum, over all reflections,
 of the binary digits of the longest impulse times the square of the number of contacts."""
-
-ANSWERED, CONTRADICTORY, ENDLESS = range(3)
-"""How reflections end: ``Outcome`` in ``kernels/scene/impulses.hpp``."""
 
 
 def reflections(cluster: Any, threshold: Scalar) -> ClusterImpulses:
@@ -53,19 +53,14 @@ def reflections(cluster: Any, threshold: Scalar) -> ClusterImpulses:
         threshold: approaches slower than this fraction of the fastest one are ignored.
 
     Raises:
-        ImpactError: CONTRADICTORY_CONTACTS, if no velocities keep all contacts from approaching;
-            PATH_TOO_LONG, if the reflections do not end within their budget.
+        ImpactError: CONTRADICTORY_CONTACTS, if no velocities keep all contacts from approaching.
     """
     if isinstance(cluster, RationalCluster):
-        outcome, impulses = _in_fractions(cluster, Fraction(threshold))
+        impulses = _in_fractions(cluster, Fraction(threshold))
     else:
-        outcome, normal, error, margin, e = cluster.reflections(threshold, REFLECTIONS)
-        impulses = ClusterImpulses(normal, error=error, margin=margin, restitution=e)
-    if outcome == CONTRADICTORY:
+        impulses = _in_double_double(cluster, threshold)
+    if impulses is None:
         raise contradiction()
-    if outcome == ENDLESS:
-        reason = f"the reflections did not end within {REFLECTIONS}, or their fractions grew too long"
-        raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
     return impulses
 
 
@@ -75,17 +70,26 @@ def contradiction() -> ImpactError:
     return ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
 
 
-def _in_fractions(cluster: RationalCluster, threshold: Fraction) -> tuple[int, ClusterImpulses]:
+def _in_double_double(cluster: Any, threshold: Scalar) -> ClusterImpulses | None:
+    found = cluster.reflections(threshold, REFLECTIONS)
+    if found is None:
+        return None
+    normal, error, margin, e, no_rebound = found
+    return ClusterImpulses(normal, error=error, margin=margin, restitution=e, no_rebound=no_rebound)
+
+
+def _in_fractions(cluster: RationalCluster, threshold: Fraction) -> ClusterImpulses | None:
     p, speed = cluster.no_impulses(), cluster.fastest_approach()
     if not speed > 0:
-        return ANSWERED, ClusterImpulses(p)
+        return ClusterImpulses(p)
     q = cluster.project(p)
     if q is None:
-        return CONTRADICTORY, ClusterImpulses(p)
+        return None
     e = cluster.cluster_restitution(q)
     inelastic = [x + y for x, y in zip(p, q, strict=True)]
     if e == 0:
-        return ANSWERED, ClusterImpulses(inelastic, restitution=e)
+        return ClusterImpulses(inelastic, restitution=e)
+    endless = ClusterImpulses(inelastic, restitution=Fraction(0), no_rebound=True)
     margin: Scalar = math.inf
     digits = 0
     for _ in range(REFLECTIONS):
@@ -95,17 +99,17 @@ def _in_fractions(cluster: RationalCluster, threshold: Fraction) -> tuple[int, C
             break
         q = cluster.project(p, violated)
         if q is None:
-            return CONTRADICTORY, ClusterImpulses(p)
+            return None
         p = [x + 2 * y for x, y in zip(p, q, strict=True)]
         digits += len(p) ** 2 * max(x.denominator.bit_length() for x in p)
         if digits > DIGITS:
-            return ENDLESS, ClusterImpulses(p)
+            return endless
     else:
-        return ENDLESS, ClusterImpulses(p)
+        return endless
     p = [e * x + (1 - e) * y for x, y in zip(p, inelastic, strict=True)]
     if cluster.has_approach(p):  # slower than the threshold
         q = cluster.project(p)
         if q is None:
-            return CONTRADICTORY, ClusterImpulses(p)
+            return None
         p = [x + y for x, y in zip(p, q, strict=True)]
-    return ANSWERED, ClusterImpulses(p, margin=margin, restitution=e)
+    return ClusterImpulses(p, margin=margin, restitution=e)

@@ -69,6 +69,7 @@ def resolve_cluster(scene: SceneRequest, distinct: DistinctContacts, options: Sc
         adjustments=effect.has_off_unit_orientation * Adjustment.NORMALISED_ORIENTATION
         | below_restitution_threshold * Adjustment.RESTITUTION_THRESHOLD
         | impulses.fell_back * Adjustment.LAW_FALLBACK
+        | impulses.no_rebound * Adjustment.NO_REBOUND
         | effect.has_massless_spin * Adjustment.MASSLESS_SPIN,
         model=ImpactModel(
             law,

@@ -128,7 +128,6 @@ def _as_fractions(scene: SceneRequest, law: Law) -> SceneRequest:
 
 
 UNCHANGED = Twist(Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
-ADJUSTMENTS = tuple(map(Adjustment, range(16)))
 FELL_BACK = int(Adjustment.LAW_FALLBACK)
 
 
@@ -203,7 +202,7 @@ def _combine(
         order_sensitivity=None,
         error_bound=bound,
         decision_margin=margin,
-        adjustments=ADJUSTMENTS[adjustments],
+        adjustments=Adjustment(adjustments),
     )
 
 

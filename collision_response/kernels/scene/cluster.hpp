@@ -116,16 +116,16 @@ struct ClusterResult {
   Code code;
   ImpulseEffect effect;
   double margin = INFINITY, restitution = -1;  // as in ClusterImpulses
-  bool below_restitution_threshold = false, fell_back = false;
+  bool below_restitution_threshold = false, fell_back = false, no_rebound = false;
 };
 
 // MOREAU: see scene/moreau.py. Without friction, in double-double.
 inline ClusterImpulses moreau(const Assembly& assembly, bool has_friction) {
   if (has_friction) return moreau_with_friction(assembly);
   auto separates = [](const AssembledContact& contact) { return high(contact.velocity) >= 0; };
-  if (std::all_of(assembly.contacts.begin(), assembly.contacts.end(), separates)) return {Outcome::ANSWERED, std::vector<DD>(assembly.count)};
+  if (std::all_of(assembly.contacts.begin(), assembly.contacts.end(), separates)) return {true, std::vector<DD>(assembly.count)};
   Projection found = project_to_rebound(assembly);
-  return {found.status == MinimumStatus::FOUND ? Outcome::ANSWERED : Outcome::CONTRADICTORY, found.q, found.error};
+  return {found.status == MinimumStatus::FOUND, found.q, found.error};
 }
 
 // Apply a law, with its fallbacks, as in scene/apply_law.py. The code is LEFT_TO_PYTHON if only fractions can decide.
@@ -149,17 +149,18 @@ inline ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& opt
     result.code = result.effect.is_finite() ? STATUS_OK : STATUS_OUT_OF_RANGE;
     result.margin = impulses.margin;
     result.restitution = impulses.restitution;
+    result.no_rebound = impulses.no_rebound;
   };
   if (options.law == LAW_MOREAU) {
     impulses = moreau(assembly, cluster.has_friction);
-    if (impulses.outcome == Outcome::ANSWERED) finish();
+    if (impulses.are_found) finish();
     if (result.code != LEFT_TO_PYTHON && !result.effect.creates_energy) return result;
     result.fell_back = true;
   }
   impulses = Reflections{assembly}.resolve(options.threshold, options.budget);
   const bool is_undecided = impulses.error == INFINITY;
-  if (cluster.has_friction && impulses.outcome == Outcome::ANSWERED) impulses = least_work_friction(assembly, impulses);
-  if (impulses.outcome != Outcome::ANSWERED) result.code = impulses.outcome == Outcome::ENDLESS ? STATUS_PATH_TOO_LONG : STATUS_CONTRADICTORY_CONTACTS;
+  if (cluster.has_friction && impulses.are_found) impulses = least_work_friction(assembly, impulses);
+  if (!impulses.are_found) result.code = STATUS_CONTRADICTORY_CONTACTS;
   else if (is_undecided) result.code = LEFT_TO_PYTHON;
   else finish();
   return result;

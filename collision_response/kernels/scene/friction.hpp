@@ -325,8 +325,8 @@ inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
   for (int i = 0; i < count; ++i) programme.cones[i].w[0] = start[i] + shift[i];
   double motion_error = programme.solve();
   change = distance(shifts_of(programme), shift);
-  if (!(change <= 1e-8)) return {Outcome::CONTRADICTORY, {}};
+  if (!(change <= 1e-8)) return {false};
   for (int i = 0; i < count; ++i) P[i] = in_newton_seconds(programme.P[i], assembly.contacts[i], speed);
   double error = speed * (motion_error + (assembly.is_locked ? INFINITY : shift_error(programme, start, shift, change)));
-  return with_axis_impulses({Outcome::ANSWERED, {}, error}, assembly, P);
+  return with_axis_impulses({true, {}, error}, assembly, P);
 }

@@ -2,14 +2,13 @@
 #pragma once
 #include "assembly.hpp"
 
-enum class Outcome { ANSWERED, CONTRADICTORY, ENDLESS };
-
 struct ClusterImpulses {
-  Outcome outcome = Outcome::ANSWERED;
+  bool are_found = true;     // else contacts contradict each other, or the law has no answer
   std::vector<DD> normal;    // along the normals
   double error = 0;          // bound on that of the velocities, in the metric of kinetic energy
   double margin = INFINITY;  // least distance of a decision from its threshold, relative to the fastest approach
   double restitution = -1;   // the one used for all contacts; -1: each contact has its own
+  bool no_rebound = false;   // reflections did not end: restitution is 0
   Vector tangential{};       // across the normals, two for each contact; empty without friction
 };
 

@@ -121,9 +121,10 @@ inline Projection project(const Assembly& assembly, const DD* p, const std::vect
   if (offset)
     for (int i : among) start[i] = start[i] + offset[i];
   const Projection found = project_with(assembly, assembly.A, start, among);
-  if (assembly.is_locked || found.error <= FINE * greatest_scaled(assembly, start, among)) return found;
+  const double fine = assembly.is_locked ? INFINITY : FINE * greatest_scaled(assembly, start, among);
+  if (found.status == MinimumStatus::FOUND && found.error <= fine) return found;
   const Projection finer = project_with(assembly, assembly.couplings<DD>(), start, among);
-  return finer.error < found.error ? finer : found;
+  return finer.error < found.error || found.status != MinimumStatus::FOUND ? finer : found;
 }
 
 // The impulses that give all contacts velocities of at least -e min(u, 0).

@@ -20,18 +20,21 @@ struct Reflections {
     }
     if (!(speed > 0)) return result;
     const Projection first = project(assembly, p.data(), assembly.all_contacts(), nullptr);
-    if (first.status != MinimumStatus::FOUND) return {Outcome::CONTRADICTORY, {}};
+    if (first.status != MinimumStatus::FOUND) return {false};
     double e_error;
     result.restitution = joined_restitution(first, e_error);
-    if (!(result.restitution > 0)) {
-      p = first.q;
-      result.error = e_error < INFINITY ? first.error : INFINITY;
-      return result;
-    }
     double error = 0;
+    auto inelastic = [&] {
+      p = first.q;
+      result.no_rebound = result.restitution > 0;
+      result.restitution = 0;
+      result.error = e_error < INFINITY && error < INFINITY ? first.error : INFINITY;
+      return result;
+    };
+    if (!(result.restitution > 0) || assembly.is_locked) return inelastic();
     bool all_separate = false;
     for (long turn = 0;; ++turn) {
-      if (turn == budget) return {Outcome::ENDLESS, {}};
+      if (turn == budget) return inelastic();
       const Violations seen = find_violations(p.data(), error, threshold * speed, threshold * doubt);
       if (!seen.is_certain) error = INFINITY;
       result.margin = std::fmin(result.margin, seen.margin / speed);
@@ -39,7 +42,7 @@ struct Reflections {
       if (seen.violated.empty()) break;
       bool is_first = turn == 0 && static_cast<int>(seen.violated.size()) == assembly.count;
       Projection next = is_first ? first : project(assembly, p.data(), seen.violated, nullptr);
-      if (next.status != MinimumStatus::FOUND) return {Outcome::CONTRADICTORY, {}};
+      if (next.status != MinimumStatus::FOUND) return {false};
       double rounding = add(p, 2, next.q);
       error += 2 * next.error + rounding;
     }
@@ -52,7 +55,7 @@ struct Reflections {
     result.error += add(p, 1, first.q);
     if (!all_separate && approaches(p.data(), result.error)) {  // more slowly than the threshold
       Projection last = project(assembly, p.data(), assembly.all_contacts(), nullptr);
-      if (last.status != MinimumStatus::FOUND) return {Outcome::CONTRADICTORY, {}};
+      if (last.status != MinimumStatus::FOUND) return {false};
       result.error += add(p, 1, last.q) + last.error;
     }
     return result;
