@@ -330,7 +330,7 @@ def test_readings_of_a_vertical_fall_are_used_where_they_are_meaningful():
     tables = {"angle": [(0, 0.0), *KHARAZ["angle"]], "spin": [(0, 0.0), *KHARAZ["spin"]]}
     found = identify(SphereReadings(3.9, 0.0025, tables, READING), resamples=2)
     assert len(found.squares) == 8
-    assert any(note.startswith("2 impacts do not count") for note in found.notes)
+    assert any(note.startswith("2 impacts are left out") for note in found.notes)
 
 
 @pytest.mark.parametrize("side", ["body_a", "body_b"])
@@ -554,7 +554,7 @@ def test_the_command_uses_the_states_received_after_an_impact(tmp_path: Path, ca
 def test_a_recording_without_body_states_is_refused(tmp_path: Path, capsys):
     path = recording(tmp_path / "a.rrd", [(1.0, 0.9)] * 3, [])
     assert main([str(path)]) == 1
-    assert "no state of a body was heard within 0.05 s" in capsys.readouterr().err
+    assert "no state of a body was received within 0.05 s" in capsys.readouterr().err
 
 
 def test_a_recording_of_articulated_bodies_is_refused(tmp_path: Path, capsys):

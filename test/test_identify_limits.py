@@ -196,11 +196,11 @@ def test_impacts_without_measurements_do_not_count(unmeasured):
     assert with_more.resampled.tolist() == alone.resampled.tolist()
     others = [note for note in with_more.notes if note not in alone.notes]
     assert [note.split()[0] for note in others] == [str(unmeasured)] * bool(unmeasured)
-    assert any(note.startswith("4 impacts are few") for note in with_more.notes)
+    assert any(note.startswith("4 impacts are too few") for note in with_more.notes)
 
 
 def test_impacts_without_measurements_do_not_satisfy_the_minimum():
-    with pytest.raises(ImpactError, match="1 of these tell anything") as refusal:
+    with pytest.raises(ImpactError, match="1 of these are informative") as refusal:
         identify(drops(up(0.5), up(math.nan), up(math.nan)), Law.FRICTIONLESS)
     assert (refusal.value.code, refusal.value.field) == (StatusCode.INVALID_TABLE, "impacts")
 

@@ -8,16 +8,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..model import Law
 from ..status import ImpactError
 from . import from_table
 from .compare import Comparison, compare
 from .from_recording import read_impacts
-from .identification import Identification, identify
+from .identification import LAWS, Identification, identify
 from .measurements import Measurements
 from .plot import draw
 
-LAWS = {law.name.lower(): law for law in Law if law is not Law.AUTO}
+LAWS_BY_NAME = {law.name.lower(): law for law in LAWS}
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -30,9 +29,9 @@ def make_parser() -> argparse.ArgumentParser:
     )
     pair: dict[str, Any] = {"nargs": "+", "default": [], "metavar": "NAME=VALUE"}
     parser.add_argument("file", type=Path, help="CSV, its columns explained below; or a recording, .rrd")
-    parser.add_argument("--law", choices=LAWS, default="coulomb")
+    parser.add_argument("--law", choices=LAWS_BY_NAME, default="coulomb")
     parser.add_argument(
-        "--compare", action="store_true", help="fit all laws, and say which the impacts tell apart"
+        "--compare", action="store_true", help="fit all laws, and say which the impacts distinguish"
     )
     parser.add_argument(
         "--fit",
@@ -57,7 +56,7 @@ def make_parser() -> argparse.ArgumentParser:
         type=float,
         default=0.05,
         metavar="SECONDS",
-        help="for a recording: a state heard within this time after an impact is the measurement; "
+        help="for a recording: a state received within this time after an impact is the measurement; "
         "0: the node's answer is",
     )
     sphere = parser.add_argument_group("readings of a sphere")
@@ -74,7 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     if arguments.compare and arguments.plot:
         parser.error("--plot draws one law: not with --compare")
-    law, given = LAWS[arguments.law], dict(arguments.given)
+    law, given = LAWS_BY_NAME[arguments.law], dict(arguments.given)
     options = {"kind": arguments.residuals, "loss": arguments.loss, "resamples": arguments.resamples}
     try:
         measured = read(arguments)

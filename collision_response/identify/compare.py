@@ -8,11 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..model import Law
-from .identification import Identification, identify
+from .identification import LAWS, Identification, identify
 from .least_squares import NEGLIGIBLE_SQUARES, residual_unit
 from .measurements import Measurements, informative
 
-LAWS = tuple(law for law in Law if law is not Law.AUTO)
 RESAMPLES = 4000
 
 
@@ -47,9 +46,9 @@ class Comparison(NamedTuple):
         lines = [f"{best.name}: misfit {self.fits[best].misfit:.1%}"]
         for law in others:
             value, low, high = self.excess[law]
-            told = "cannot tell" if law in self.candidates else "worse"
+            verdict = "cannot tell" if law in self.candidates else "worse"
             squares = f"sum of squares {value:+.1%} [{low:+.1%}, {high:+.1%}]"
-            lines.append(f"{law.name}: misfit {self.fits[law].misfit:.1%}, {squares}: {told}")
+            lines.append(f"{law.name}: misfit {self.fits[law].misfit:.1%}, {squares}: {verdict}")
         return "\n".join(lines)
 
 

@@ -58,7 +58,7 @@ class Estimate(NamedTuple):
                 f"= {self.value:.4g}  [{self.low:.4g}, {self.high:.4g}]  (formal ± {1.96 * self.formal:.2g})"
             )
         if self.high == math.inf and self.low > 0:
-            return f">= {self.low:.4g}: the impacts stick, and do not tell how much more"
+            return f">= {self.low:.4g}: the impacts stick, so only this lower bound is known"
         return f"in [{self.low:.4g}, {self.high:.4g}]: not determined by these impacts"
 
 

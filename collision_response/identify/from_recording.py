@@ -48,21 +48,20 @@ def read_impacts(path: Path, within: float) -> Impacts:
         raise ImpactError(StatusCode.INVALID_TABLE, TABLE, f"there are none in {path}")
     bodies = {side: [with_com_as_reference(_body(row, side)) for row in answered] for side in "ab"}
     contacts = [_contact(row["Impact:request_contact"][0]) for row in answered]
-    after = {side: [_answer(row, side) for row in answered] for side in "ab"}
     if within:
         names = {row[f"Impact:body_{side}"][0] for row in answered for side in "ab"}
-        heard = {name: _read_states(path, name) for name in names}
-        for side, twists in after.items():
-            twists[:] = [
-                Twist(_first_velocity_after(heard[row[f"Impact:body_{side}"][0]], row, within), UNKNOWN)
-                for row in answered
-            ]
+        states = {name: _read_states(path, name) for name in names}
+        after = {side: [_measured(row, side, states, within) for row in answered] for side in "ab"}
         movable = (
             t for side in "ab" for b, t in zip(bodies[side], after[side], strict=True) if b.is_movable()
         )
         if all(math.isnan(twist.linear.x) for twist in movable):
-            reason = f"no state of a body was heard within {within:g} s after any of {len(answered)} impacts"
+            reason = (
+                f"no state of a body was received within {within:g} s after any of {len(answered)} impacts"
+            )
             raise ImpactError(StatusCode.INVALID_TABLE, "states", reason)
+    else:
+        after = {side: [_answer(row, side) for row in answered] for side in "ab"}
     return Impacts.of(bodies["a"], bodies["b"], contacts, after["a"], after["b"])
 
 
@@ -118,10 +117,17 @@ def _read_states(path: Path, name: str) -> States:
     return [stamp for stamp, _ in states], [Vec3(*arrow) * (1 / ARROW_TIME) for _, arrow in states]
 
 
-def _first_velocity_after(heard: States, row: dict[str, Any], within: float) -> Vec3:
-    """Return the first velocity received within a time [s] after an impact; NaN if there is none."""
-    stamps, velocities = heard
+def _measured(row: dict[str, Any], side: str, states: dict[str, States], within: float) -> Twist:
+    """Return the measurement of a body: its first velocity within a time after an impact, if there is one.
+
+    Args:
+        row: the row of the impact.
+        side: ``"a"`` or ``"b"``.
+        states: the states of all bodies, by name.
+        within: the time [s].
+    """
+    stamps, velocities = states[row[f"Impact:body_{side}"][0]]
     stamp: int = row.get("ros_time") or 0  # 0: the time is not known
     place = bisect_right(stamps, stamp) if stamp else len(stamps)
     is_there = place < len(stamps) and stamps[place] - stamp <= within * 1e9
-    return velocities[place] if is_there else UNKNOWN
+    return Twist(velocities[place] if is_there else UNKNOWN, UNKNOWN)

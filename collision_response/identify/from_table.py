@@ -160,5 +160,5 @@ def _twist(row: Row, owner: str) -> Twist:
 
 def _contact(row: Row) -> Contact:
     point = [x + r for x, r in zip(_numbers(row, POSITION), _numbers(row, ARM), strict=True)]
-    is_told = any(name in row for name in POINT)
-    return Contact.of(_numbers(row, POINT) if is_told else point, _numbers(row, NORMAL))
+    has_point = any(name in row for name in POINT)
+    return Contact.of(_numbers(row, POINT) if has_point else point, _numbers(row, NORMAL))

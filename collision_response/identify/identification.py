@@ -13,6 +13,9 @@ from .estimates import Estimate, estimates, undetermined
 from .least_squares import LOSSES, NEGLIGIBLE_SQUARES, PRECISION, RANGES, LeastSquares, residual_unit
 from .measurements import Array, Measurements, informative
 
+LAWS = tuple(law for law in Law if law is not Law.AUTO)
+"""The laws that can be fitted."""
+
 FEW_IMPACTS = 10
 """With fewer impacts than this, the intervals of the bootstrap say little."""
 
@@ -59,8 +62,8 @@ class Identification(NamedTuple):
         if self.combination is not None:
             lines.append(f"  friction (1 + restitution) {self.combination}")
         for kind, values in self.others.items():
-            told = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
-            lines.append(f"  residuals {kind}: {told}")
+            fitted = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
+            lines.append(f"  residuals {kind}: {fitted}")
         return "\n".join([*lines, *(f"  note: {note}" for note in self.notes)])
 
 
@@ -143,7 +146,7 @@ def _check(
         raise TypeError(f"resamples: must be a whole number, is {resamples!r}")
     here = {"restitution", "friction", *ImpactModel._fields}.intersection(RANGES)
     for field, value, known in (
-        ("law", law, [one for one in Law if one is not Law.AUTO]),
+        ("law", law, LAWS),
         ("kind", kind, measured.kinds),
         ("loss", loss, LOSSES),
         *(("fit", name, here) for name in fit),
@@ -166,7 +169,7 @@ def _check(
 
 
 def _informative_impacts(measured: Measurements, kind: str, count: int) -> Measurements:
-    """Return the impacts that tell something about the coefficients.
+    """Return the impacts that depend on the coefficients.
 
     Raises:
         ImpactError: INVALID_TABLE if they are not more than ``count``, the number of coefficients to fit.
@@ -176,9 +179,9 @@ def _informative_impacts(measured: Measurements, kind: str, count: int) -> Measu
         return used
     approaching = int(measured.approaching().sum())
     if approaching > count and not len(used):
-        reason = f"nothing was measured after them that tells anything by residuals {kind}"
+        reason = f"no measurement after them depends on the coefficients, by residuals {kind}"
         raise ImpactError(StatusCode.INVALID_TABLE, "impacts", reason)
-    of_all = f"{approaching} of {len(measured)} impacts approach, and {len(used)} of these tell anything"
+    of_all = f"{approaching} of {len(measured)} impacts approach, and {len(used)} of these are informative"
     reason = f"must be more than {count}, the number of coefficients to fit: {of_all}"
     raise ImpactError(StatusCode.INVALID_TABLE, "impacts", reason)
 
@@ -207,22 +210,25 @@ def _notes(
     """Yield remarks for the user about a fit."""
     approaching = int(measured.approaching().sum())
     if separating := len(measured) - approaching:
-        yield f"{separating} impacts separate, and do not count"
+        yield f"{separating} impacts separate and are left out"
     if unmeasured := approaching - used:
-        yield f"{unmeasured} impacts do not count: nothing was measured after them that tells anything"
+        why = "no measurement after them depends on restitution or friction"
+        yield f"{unmeasured} impacts are left out: {why}"
     if used < FEW_IMPACTS:
-        yield f"{used} impacts are few: the intervals say little"
+        yield f"{used} impacts are too few for reliable intervals"
     for name, (value, low, high, formal) in coefficients.items():
         if math.isnan(value):
             continue
         formal = max(formal, PRECISION)  # without noise it is near 0, but the search ends at PRECISION
         if value in RANGES[name][:2]:
-            yield f"{name} is at its limit: what was measured is there, or beyond it by law or error"
+            why = "the measurements lie there, or beyond it because of their errors or the law"
+            yield f"{name} is at its limit: {why}"
         if high - low > 2 * 2 * 1.96 * formal:
             yield f"{name}: the formal interval is {(high - low) / (2 * 1.96 * formal):.1f} times too small"
         apart = max((abs(values[name] - value) for values in others.values() if name in values), default=0.0)
         if apart > DISAGREEMENT * formal:
             yield (
-                f"{name}: residuals of other kinds lead {apart:.2g} away, {apart / formal:.0f} formal "
-                "deviations: geometry, law or noise of the normals are in it, and no interval here holds that"
+                f"{name}: other kinds of residuals lead to a value {apart:.2g} away, which is "
+                f"{apart / formal:.0f} formal standard deviations: the geometry, the law or noise of the "
+                "normals has an effect that no interval here includes"
             )

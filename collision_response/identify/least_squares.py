@@ -79,7 +79,7 @@ class LeastSquares(NamedTuple):
     """A least squares problem.
 
     Attributes:
-        measured: the impacts that tell something about the coefficients.
+        measured: the impacts that depend on the coefficients.
         law, given, kind, loss: as for :func:`~collision_response.identify.identify`.
         names: the coefficients to fit; ``fit`` of :func:`~collision_response.identify.identify`.
         unit: unit of the residuals, see :func:`residual_unit`.

@@ -58,12 +58,12 @@ class Measurements(Protocol):
 
 
 EXTREME_COEFFICIENTS = (0.0, 0.0), (1.0, 0.0), (0.0, 1e3)
-"""Pairs of restitution and friction. A measurement that is predicted the same with all of them tells nothing
-about either coefficient."""
+"""Pairs of restitution and friction. A measurement that is predicted the same with all of them depends on
+neither coefficient."""
 
 
 def informative(measured: Measurements, kind: str) -> Measurements:
-    """Return the impacts that tell something about the coefficients, by residuals of one kind.
+    """Return the impacts that depend on the coefficients, by residuals of one kind.
 
     In these the bodies approach, and a measurement after the impact depends on restitution or friction.
     """
@@ -71,8 +71,8 @@ def informative(measured: Measurements, kind: str) -> Measurements:
         measured.residuals(Law.COULOMB, {"restitution": e, "friction": mu}, kind)
         for e, mu in EXTREME_COEFFICIENTS
     )
-    tells = np.any([one != first for one in others], axis=0) & measured.is_measured(kind)
-    return measured.take(np.flatnonzero(measured.approaching() & tells.any(axis=0)))
+    depends = np.any([one != first for one in others], axis=0) & measured.is_measured(kind)
+    return measured.take(np.flatnonzero(measured.approaching() & depends.any(axis=0)))
 
 
 class Impacts:
