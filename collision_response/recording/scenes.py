@@ -4,15 +4,13 @@ Its columns, after the timelines. Columns of bodies and contacts hold all bodies
 after the other:
 
 * words: ``status``, ``law``, ``geometry``, ``precision``, ``adjustments``; lists of words: ``bodies``
-(names),
-  ``regimes``
+  (names), ``regimes``
 * numbers, as in :class:`~collision_response.SceneImpact`: the fields of ``NUMBERS``
 * for bodies: ``twists``, each ``vx vy vz wx wy wz`` after the impact
 * for contacts: ``impulses``, each ``x y z``; ``normal_velocities_before``, ``normal_velocities_after``;
   ``restitution``, ``friction``, as used
 * the request: ``request_bodies``, ``request_contacts`` and ``request_model`` with the numbers of
-``/impacts``;
-  ``request_pairs``, each ``a b``
+  ``/impacts``; ``request_pairs``, each ``a b``
 """
 
 from __future__ import annotations

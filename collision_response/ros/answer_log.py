@@ -51,9 +51,9 @@ class AnswerLog:
         result.sequence = next(self._sequence)
         self._unpublished.append((result, entry))
 
-    def add_refusal(self, result: Any, code: StatusCode) -> None:
+    def add_refusal(self, result: Any) -> None:
         """Add a result that says why the request was refused."""
-        reason = f"{code.name}: {result.status.message}"
+        reason = f"{StatusCode(result.status.code).name}: {result.status.message}"
         self.add(result, lambda stamp, sequence: Refusal(stamp, sequence, reason))
 
     def publish(self) -> None:

@@ -38,7 +38,7 @@ class Diagnostics:
         waiting: Callable[[], int],
     ) -> None:
         self._node = node
-        self._tally = counters
+        self._counters = counters
         self._states = states
         self._recorder = recorder
         self._waiting = waiting
@@ -54,11 +54,11 @@ class Diagnostics:
         node.create_timer(PERIOD, self._publish)
 
     def _progress_counts(self) -> dict[str, int]:
-        answers = sum(self._tally.answers.values())
-        return {"requests": self._tally.requests, "answers": answers, "states": self._states.received}
+        requests, answers = self._counters.requests, self._counters.answers.total()
+        return {"requests": requests, "answers": answers, "states": self._states.received}
 
     def _problem_counts(self) -> dict[str, int]:
-        counters, states = self._tally, self._states
+        counters, states = self._counters, self._states
         return {
             "requests that could not be read": counters.unreadable,
             "requests of clients that left": counters.dropped,
@@ -74,7 +74,7 @@ class Diagnostics:
         }
 
     def _publish(self) -> None:
-        counts, problems = self._progress_counts(), self._problem_counts()
+        counters, counts, problems = self._counters, self._progress_counts(), self._problem_counts()
         new_problems = [
             f"{name}: {problems[name] - before}"
             for name, before in self._problems.items()
@@ -92,8 +92,8 @@ class Diagnostics:
             **rates,
             "requests waiting": self._waiting(),
             "bodies known": len(self._states),
-            **{f"latency {name} [ms]": f"{value:.3g}" for name, value in self._tally.percentiles().items()},
-            **{f"answered {code.name}": number for code, number in sorted(self._tally.answers.items())},
+            **{f"latency {name} [ms]": f"{value:.3g}" for name, value in counters.percentiles().items()},
+            **{f"answered {code.name}": number for code, number in sorted(counters.answers.items())},
             **problems,
         }
         message = DiagnosticArray()

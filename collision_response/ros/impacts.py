@@ -87,7 +87,7 @@ class ImpactService:
         response = ResolveCollision.Response()
         convert.echo_contact(response.result, request)
         convert.write_refusal(response.result, request.model, error)
-        self.answer_log.add_refusal(response.result, error.code)
+        self.answer_log.add_refusal(response.result)
         return response
 
     def code(self, response: ResolveCollision.Response) -> StatusCode:

@@ -130,7 +130,7 @@ class SceneService:
         response = ResolveScene.Response()
         response.result.header = request.header
         convert.write_refusal(response.result, request.model, error)
-        self.answer_log.add_refusal(response.result, error.code)
+        self.answer_log.add_refusal(response.result)
         return response
 
     def code(self, response: ResolveScene.Response) -> StatusCode:
