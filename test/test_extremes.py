@@ -12,10 +12,8 @@ pytest.importorskip("flint")
 from collisions import CLOSED_FORM_LAWS, Collision
 from exact_adapter import exact_answer, true_error
 from extremes import BEYOND_FLOAT64, ORDINARY, collision_named, extremes
-from refusals import refused
 
 from collision_response import (
-    Adjustment,
     Body,
     Contact,
     Geometry,
@@ -95,18 +93,6 @@ def test_a_grazing_contact_needs_extended(law):
     assert extended <= ULP
     assert by_itself <= ULP
     assert impact.model.precision is Precision.EXTENDED
-
-
-def test_a_mass_whose_inverse_overflows_is_refused():
-    with refused(StatusCode.INVALID_MASS):
-        resolve(ORDINARY.body_a._replace(mass=5e-309), *ORDINARY[1:])
-
-
-def test_a_quaternion_of_another_length_is_normalised_and_reported():
-    collision = collision_named("quaternion of length 1.001")
-    given, unit = resolve(*collision), resolve(*ORDINARY)
-    assert given.adjustments == Adjustment.NORMALISED_ORIENTATION
-    assert math.dist(given.impulse, unit.impulse) < 1e-15 * math.hypot(*unit.impulse)
 
 
 CONSERVATIVE = [extreme for extreme in extremes() if extreme.name != "kinematic body at 1e+06 m/s"]

@@ -594,14 +594,6 @@ def test_integers_too_long_to_print_are_refused(wrong):
         wrong(10**5000)
 
 
-def test_an_error_in_a_restitution_function_is_raised_unchanged():
-    def wrong(_):
-        raise LookupError("no such material")
-
-    with pytest.raises(LookupError, match="no such material"):
-        resolve(BALL, FLOOR, CONTACT._replace(restitution=wrong))
-
-
 def test_a_kinematic_body_keeps_its_twist():
     pusher = Body.kinematic(velocity=(0.0, 0.0, 3.0), angular_velocity=(1.0, 0.0, 0.0))
     impact = resolve(BALL, pusher, CONTACT)

@@ -106,9 +106,7 @@ def propagate_covariance(
         from_state = linearised.matrix[:, movable] @ root
         root_after = np.hstack([from_state, from_coefficients, linearised.by_normal * normal_sd])[movable]
         after = check_finite("covariance", root_after @ root_after.T)
-    regimes = tuple(
-        dict.fromkeys(_likely_regimes(linearised, body_a, body_b, contact, model, root, deviations))
-    )
+    regimes = tuple(dict.fromkeys(_likely_regimes(linearised, root, deviations)))
     sticking, separating = Regime.STICKING in regimes, Regime.SEPARATING in regimes
     is_reliable = len(regimes) == 1 or not (sticking or separating)
     return CovarianceAfter(after, regimes, is_reliable and not is_nonsmooth(linearised.derivatives))
@@ -138,16 +136,10 @@ def _square_root(covariance: Array | None, size: int) -> Array:
 
 
 def _likely_regimes(
-    linearised: LinearisedImpact,
-    body_a: Body,
-    body_b: Body,
-    contact: Contact,
-    model: ImpactModel,
-    root: Array,
-    deviations: Sequence[float],
+    linearised: LinearisedImpact, root: Array, deviations: Sequence[float]
 ) -> Iterator[Regime]:
     """Yield the regime of the mean, then those of points two standard deviations away from it."""
-    derivatives = linearised.derivatives
+    (body_a, body_b, contact, _), derivatives = linearised[:2]
     impact, J, columns = derivatives.impact, derivatives.jacobian, derivatives.columns
     yield impact.regime
     restitution_sd, friction_sd, normal_sd = deviations
@@ -188,7 +180,7 @@ def _likely_regimes(
         for sign in (LIKELY_DEVIATIONS, -LIKELY_DEVIATIONS):
             change = spread @ step * sign
             if change.any():
-                yield _regime_at(body_a, body_b, contact, model, linearised.motion, change)
+                yield _regime_at(linearised, change)
 
 
 def _normalised(v: Array) -> Array:
@@ -197,10 +189,9 @@ def _normalised(v: Array) -> Array:
     return v / length if length > 0 else v
 
 
-def _regime_at(
-    body_a: Body, body_b: Body, contact: Contact, model: ImpactModel, motion: SurfaceMotion, change: Array
-) -> Regime:
+def _regime_at(linearised: LinearisedImpact, change: Array) -> Regime:
     """Return the regime after a change of the state (24 numbers), restitution, friction and normal (3)."""
+    (body_a, body_b, contact, model), motion = linearised.request, linearised.motion
     changed_a, changed_b = _changed(body_a, change[:12]), _changed(body_b, change[12:24])
     poses, tilt = change[POSES], change[26:]
     point = np.array(contact.position) + motion.position @ poses + motion.position_by_normal @ tilt

@@ -51,6 +51,7 @@ class LinearisedImpact(NamedTuple):
     """An impact and its first-order behaviour.
 
     Attributes:
+        request: body_a, body_b, contact and model, as given.
         derivatives: of the impact by the state, contact point, normal, restitution and friction.
         matrix: the saltation matrix of both bodies, shape ``(24, 24)``.
         by_normal: derivative of the state after the impact by a change of the unit normal alone, shape
@@ -59,6 +60,7 @@ class LinearisedImpact(NamedTuple):
         movable: indices, in the state of two bodies, that belong to movable bodies.
     """
 
+    request: tuple[Body, Body, Contact, ImpactModel]
     derivatives: Derivatives
     matrix: Array
     by_normal: Array
@@ -109,6 +111,7 @@ def linearise(
     for acceleration in as_vector("gravity", gravity):
         check_number("gravity", acceleration, -math.inf, math.inf, StatusCode.NOT_FINITE)
     resolve(body_a, body_b, contact, model)  # refuses invalid input before `surfaces` is called with it
+    request = body_a, body_b, contact, model
     motion = _surface_motion(surfaces, body_a, body_b, contact)
     names = [*STATE, "contact.position", "contact.normal", "contact.restitution", "contact.friction"]
     contact = contact._replace(normal=Vec3(*unit_normal(contact).tolist()))
@@ -140,7 +143,7 @@ def linearise(
     with np.errstate(over="ignore", invalid="ignore"):
         matrix = check_finite("matrix", DR + np.outer(F_after - DR @ F_before, Dg) / u_n)
     movable = [12 * side + i for side, body in enumerate(bodies) if body.is_movable() for i in range(12)]
-    return LinearisedImpact(derivatives, matrix, by_normal, motion, movable)
+    return LinearisedImpact(request, derivatives, matrix, by_normal, motion, movable)
 
 
 def check_finite(name: str, array: Array) -> Array:

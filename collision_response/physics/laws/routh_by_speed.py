@@ -139,12 +139,11 @@ def routh_by_speed(contact: ContactKinematics, coefficients: Coefficients) -> Ou
     """The impulse by Routh's path; ``coefficients.friction`` is a function of the slip speed [m/s]."""
     energetic = coefficients.settings.law != Law.ROUTH_POISSON
     frame = ContactFrame.of(contact)
-    K_nn, speed, no_impulse = frame.Knn, -frame.un, contact.n * 0
+    speed, no_impulse = -frame.un, contact.n * 0
     if not speed > 0:
         return Outcome(no_impulse, 1.0 * Regime.SEPARATING, 0, 0)
-    j = speed / K_nn
-    scaled_K = (K / K_nn for K in (frame.K11, frame.K12, frame.K22, frame.K1n, frame.K2n))
-    unit, *data = _floats(speed, *scaled_K, frame.u1 / speed, frame.u2 / speed)
+    j = speed / frame.Knn
+    unit, *data = _floats(speed, *frame.scaled_K(), frame.u1 / speed, frame.u2 / speed)
     e = float(coefficients.restitution)
     e = 0.0 if e < LEAST_RESTITUTION else e
     tolerance = path_tolerance(coefficients.settings.tolerance)
