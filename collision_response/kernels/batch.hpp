@@ -49,21 +49,34 @@ INLINE T find_fault(const T* x) {
   return fault;
 }
 
-// Compute as many columns as there are lanes, from column `at` on.
-//   Layout                            counts of the layout's inputs: see Layout_... in the header of validity
-//   impact, validity, clearly_valid   the emitted functions; as arguments they would make GCC clone all of this
-template <class N, class Layout, auto impact, auto validity, auto clearly_valid>
+// What a kernel of a layout reads.
+template <int layout> struct LayoutInputs {
+  static constexpr const TableLayout& table = table_layouts[layout];
+  static constexpr int body = table.body_rows, count = 2 * body + table.contact_rows + ROWS_OF_MODEL;
+  // The first input that may be one number for all impacts: friction, because the tables of FRICTIONLESS lack it.
+  static constexpr int first_shared = layout == LAYOUT_EVERYTHING ? 0 : 2 * body + table.contact_rows - 1;
+
+  // Trace of the inertia tensor of a body.
+  template <class T> INLINE T trace(const T* x) {
+    if constexpr (table.body[IN_BODY_A_INERTIA_XX] < 0) return T{};
+    else return x[table.body[IN_BODY_A_INERTIA_XX]] + x[table.body[IN_BODY_A_INERTIA_YY]] + x[table.body[IN_BODY_A_INERTIA_ZZ]];
+  }
+};
+
+// Compute as many columns as there are lanes, from column `at` on. The emitted functions impact, validity and clearly_valid
+// are template arguments because GCC would clone all of this for function arguments.
+template <class N, int layout, auto impact, auto validity, auto clearly_valid>
 static __attribute__((noinline)) void compute_lanes(const Batch& batch, long at) {
   using T = Base<N>;
-  T x[Layout::inputs];
-  UNROLLED for (int i = 0; i < Layout::inputs; ++i) {
+  using Inputs = LayoutInputs<layout>;
+  T x[Inputs::count];
+  UNROLLED for (int i = 0; i < Inputs::count; ++i) {
     auto row = static_cast<const Lane<T>*>(batch.row[i]);
-    bool is_shared = i < Layout::always_per_impact ? false : batch.is_shared[i];
-    if constexpr (Layout::any_may_be_shared) is_shared = batch.is_shared[i];
+    bool is_shared = i >= Inputs::first_shared && batch.is_shared[i];
     x[i] = is_shared ? T{} + *row : load<T>(row + at);
   }
-  N in[Layout::inputs], changes[CHANGES];
-  UNROLLED for (int i = 0; i < Layout::inputs; ++i) in[i] = Make<N>::read(x[i], T{});
+  N in[Inputs::count], changes[CHANGES];
+  UNROLLED for (int i = 0; i < Inputs::count; ++i) in[i] = Make<N>::read(x[i], T{});
   T fault = find_fault<validity, clearly_valid>(x);
   Report<N> reported[REPORTED];
   Mask<T> flags[FLAGS];
@@ -91,8 +104,7 @@ static __attribute__((noinline)) void compute_lanes(const Batch& batch, long at)
     store<T>(batch.impulse[k], at, choose<T>(answered, high(changes[k]), nan));
   }
   if constexpr (!std::is_same_v<N, T>) {
-    T mass[2] = {x[0], x[Layout::body]}, trace[2];
-    for (int side = 0; side < 2; ++side) trace[side] = Layout::trace(x + side * Layout::body);
+    T mass[2] = {x[0], x[Inputs::body]}, trace[2] = {Inputs::trace(x), Inputs::trace(x + Inputs::body)};
     store<T>(batch.error_bound, at, choose<T>(answered, error_bound<N>(changes, mass, trace), nan));
   }
   store_codes<T>(batch.status + at, status);
@@ -105,19 +117,20 @@ static __attribute__((noinline)) void compute_lanes(const Batch& batch, long at)
 
 // Compute the columns from `from` to `to`. Columns left over at the end are computed together with some before them. If
 // there are fewer columns than lanes, they are copied and padded with the first.
-template <class N, class Layout, auto impact, auto validity, auto clearly_valid>
+template <class N, int layout, auto impact, auto validity, auto clearly_valid>
 INLINE void compute_columns(const Batch& batch, long from, long to) {
   using T = Base<N>;
   constexpr long width = lanes<T>;
   if (to - from >= width) {
     for (long at = from; at < to; at += width)
-      compute_lanes<N, Layout, impact, validity, clearly_valid>(batch, at + width <= to ? at : to - width);
+      compute_lanes<N, layout, impact, validity, clearly_valid>(batch, at + width <= to ? at : to - width);
     return;
   }
-  Lane<T> inputs[Layout::inputs][width], results[RESULTS][width];
+  constexpr int count = LayoutInputs<layout>::count;
+  Lane<T> inputs[count][width], results[RESULTS][width];
   unsigned char status[width], regime[width];
   Batch padded = batch;
-  for (int i = 0; i < Layout::inputs; ++i) {
+  for (int i = 0; i < count; ++i) {
     for (long k = 0; k < width; ++k) {
       long at = from + (k < to - from ? k : 0);
       inputs[i][k] = static_cast<const Lane<T>*>(batch.row[i])[batch.is_shared[i] ? 0 : at];
@@ -130,7 +143,7 @@ INLINE void compute_columns(const Batch& batch, long from, long to) {
   for (int i = 0; i < RESULTS; ++i) padded_results[i] = batch_results[i] ? results[i] : nullptr;
   padded.status = status;
   if (padded.regime) padded.regime = regime;
-  compute_lanes<N, Layout, impact, validity, clearly_valid>(padded, 0);
+  compute_lanes<N, layout, impact, validity, clearly_valid>(padded, 0);
   for (int i = 0; i < RESULTS; ++i)
     for (long k = 0; batch_results[i] && k < to - from; ++k) static_cast<Lane<T>*>(batch_results[i])[from + k] = results[i][k];
   for (long k = 0; k < to - from; ++k) {

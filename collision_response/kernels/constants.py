@@ -37,19 +37,20 @@ ENUMERATIONS: dict[str, Iterable[Any]] = {
 FORMULAS = {formula.__name__: law for law, formula in LAWS.items()}
 """The name of each law's formula, with a law that it computes. Laws may share a formula."""
 
-BATCH_LAYOUTS = (Layout.POINT, Layout.PLANAR, Layout.SPATIAL, Layout.SPATIAL_ORIENTED)
-"""The layouts that the tables of a batch may have."""
+LAYOUTS_OF_TABLES = [layout for layout in Layout if layout is not Layout.ARTICULATED]
+"""The layouts that kernels of batches read."""
 
 ALL_ZERO, ALL_ONE = -1, -2
 """In place of the index of a row that a table lacks: all its numbers would be 0, or 1."""
 
 TABLE_LAYOUT = f"""
-// Where the general layout finds its rows in the tables of a batch: the index of each row, or, for a row that
-// the table lacks, ALL_ZERO or ALL_ONE: its numbers are all 0 or 1.
+// The tables of a batch of some layout.
 enum {{ ALL_ZERO = {ALL_ZERO}, ALL_ONE = {ALL_ONE} }};
 struct TableLayout {{
   int body_rows, contact_rows;  // contact_rows counts restitution and friction
   int axes, first_spin;         // number of axes of velocities; first axis of rotation, 3 if there is none
+  // Where the layout EVERYTHING finds its rows: the index of each row, or, for a row that the table lacks,
+  // ALL_ZERO or ALL_ONE: its numbers are all 0 or 1.
   int body[ROWS_OF_BODY], contact[ROWS_OF_CONTACT];
 }};
 """
@@ -83,20 +84,19 @@ def constants() -> str:
     formula_of = [formulas.index(LAWS[law].__name__) if law in LAWS else -1 for law in Law]
     enumerators = "".join(f"  {name} = {value},\n" for name, value in numbers.items())
     quoted = ", ".join('"' + name.rstrip(".") + '"' for name in all_inputs)
-    table_layouts = "".join(f"  {_table_layout(layout)},\n" for layout in BATCH_LAYOUTS)
+    table_layouts = "".join(f"  {_table_layout(layout)},\n" for layout in LAYOUTS_OF_TABLES)
     return (
-        f"#pragma once\nenum {{\n{enumerators}}};\n"
+        f"enum {{\n{enumerators}}};\n"
         f"enum {{ ROWS_OF_BODY = BODY, ROWS_OF_CONTACT = {len(names_of_contact(Layout.EVERYTHING))}, "
         f"ROWS_OF_MODEL = {len(names_of_model())} }};\n"
         f"#define EACH_FORMULA(X) {' '.join(f'X({formula})' for formula in formulas)}\n"
         f"static const signed char formula_of[] = {{{', '.join(map(str, formula_of))}}};  // by law\n"
-        f"{TABLE_LAYOUT}#ifdef WITH_TABLES\n"
+        f"{TABLE_LAYOUT}"
+        f"constexpr TableLayout table_layouts[] = {{\n{table_layouts}}};  // by layout\n"
         f"static const char* const input_names[] = {{{quoted}}};\n"
         f"{_unit_table('input_units', all_inputs)}"
         f"{_unit_table('change_units', changes)}"
         f"{_unit_table('reported_units', reported)}"
-        f"static const TableLayout table_layouts[] = {{\n{table_layouts}}};\n"
-        "#endif\n"
     )
 
 

@@ -17,9 +17,10 @@ struct ImpactResult {
 INLINE double linear_trace(const double* inverse_inertia) { return inverse_inertia[0] + inverse_inertia[6] + inverse_inertia[11]; }
 INLINE double angular_trace(const double* inverse_inertia) { return inverse_inertia[15] + inverse_inertia[18] + inverse_inertia[20]; }
 
-template <class N, int inputs, class F>
+template <class N, int layout, class F>
 INLINE void compute_impact(F impact, const double* input, const double* error, ImpactResult* result) {
   using T = Base<N>;
+  constexpr int inputs = layout == LAYOUT_ARTICULATED ? ALL_INPUTS : INPUTS;
   N in[inputs], changes[CHANGES];
   Report<N> reported[REPORTED];
   for (int i = 0; i < inputs; ++i) {
@@ -36,7 +37,7 @@ INLINE void compute_impact(F impact, const double* input, const double* error, I
     const double* moment = input + side * BODY + IN_BODY_A_INERTIA_XX;
     mass[side] = static_cast<T>(input[side * BODY]);
     trace[side] = static_cast<T>(moment[0] + moment[3] + moment[5]);
-    if constexpr (inputs > INPUTS) {
+    if constexpr (layout == LAYOUT_ARTICULATED) {
       const double* inverse_inertia = input + INPUTS + side * INVERSE_INERTIA;
       double linear = linear_trace(inverse_inertia), angular = angular_trace(inverse_inertia);
       if (linear > 0 || angular > 0) {  // those of a rigid body that is as easily moved

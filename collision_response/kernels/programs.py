@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 from .. import geometry, validity
@@ -17,7 +18,7 @@ from ..physics.tensor import ZERO_TENSOR
 from ..physics.vector import ZERO, Vec3
 from .constants import FORMULAS, constants
 from .emit import BRANCHES, BRANCHES_OF_PLAIN_NUMBERS, emit
-from .layout import Layout, kernel_inputs, names_of_body, names_of_contact, names_of_model
+from .layout import Layout, kernel_inputs, names_of_body
 from .simd_pairs import pair_bodies
 from .symbol import CONDITIONS, Node, Symbol, Tape, rebuilt
 
@@ -39,22 +40,28 @@ FORMULA_LISTS = {
 (``formulas``) or one kernel for all precisions (``stepped_formulas``); float32 as well; optimised most."""
 
 
-def headers(target: str) -> Iterator[tuple[str, str]]:
-    """Yield the name and the text of each C++ header of a target of ``trace.py``."""
-    if target == "constants":
-        yield target, constants()
-    elif target in SHARED_HEADERS:
-        yield target, HEAD + SHARED_HEADERS[target]()
-    else:
-        for layout in GENERAL if target in FORMULA_LISTS["stepped_formulas"] else Layout:
-            is_validity = target == "validity"
-            text = validity_header(layout) if is_validity else impact_header(FORMULAS[target], layout)
-            yield f"{target}_{layout.name.lower()}", HEAD + text
-        if target != "validity":
-            yield f"{target}_derivatives", HEAD + impulse_header(FORMULAS[target])
+def headers(target: str) -> dict[str, Callable[[], str]]:
+    """The C++ headers of a target of ``trace.py``: for each name a function that returns the text."""
+    if target in SHARED_HEADERS:
+        return {target: SHARED_HEADERS[target]}
+    if target == "validity":
+        return {f"validity_{layout.name.lower()}": partial(validity_header, layout) for layout in Layout}
+    law = FORMULAS[target]
+    layouts = GENERAL if law in STEPPED else Layout
+    by_layout = {f"{target}_{layout.name.lower()}": partial(impact_header, law, layout) for layout in layouts}
+    return by_layout | {f"{target}_derivatives": partial(impulse_header, law)}
+
+
+def cmake_lists() -> str:
+    """CMake code that sets the lists of formulas, and for each target the names of its headers."""
+    targets = [*SHARED_HEADERS, "validity", *FORMULAS]
+    header_lists = {f"{target}_headers": list(headers(target)) for target in targets}
+    lists = FORMULA_LISTS | header_lists | {"targets": targets}
+    return "".join(f"set({name} {' '.join(items)})\n" for name, items in lists.items())
 
 
 HEAD = '#pragma once\n#include "simd_pairs.hpp"\n\n'
+"""The first lines of each header."""
 
 
 def impact_header(law: Law, layout: Layout) -> str:
@@ -74,7 +81,7 @@ def impact_header(law: Law, layout: Layout) -> str:
 
 
 def validity_header(layout: Layout) -> str:
-    """The check of a request, and what a batch needs to know of its layout.
+    """The check of a request.
 
     ``validity`` reports the code of what is wrong, 0 if nothing is. Its flags say whether geometry POINT is
     enough without friction and with it, whether PLANAR is enough without and with it, and whether a
@@ -92,31 +99,8 @@ def validity_header(layout: Layout) -> str:
         validity.is_not_normalised(given.body_a) | validity.is_not_normalised(given.body_b),
     ]
     is_sound = tape.symbol(validity.is_clearly_valid(*parts, e_t))
-    return (
-        emit("validity", given.names, [], [tape.symbol(code)], map(tape.symbol, flags))
-        + emit("clearly_valid", given.names, [], [], [is_sound])
-        + _layout_struct(layout)
-    )
-
-
-def _layout_struct(layout: Layout) -> str:
-    """What a batch needs to know of a layout, as a C++ type."""
-    body, contact = names_of_body(layout), names_of_contact(layout)
-    moments = [
-        f"x[{body.index(f'inertia.{axes}')}]" for axes in ("xx", "yy", "zz") if f"inertia.{axes}" in body
-    ]
-    if moments and len(moments) < 3:
-        moments *= 3
-    trace = " + ".join(moments) or "*x - *x"
-    inputs = 2 * len(body) + len(contact) + len(names_of_model())
-    return (
-        f"\nstruct Layout_{layout.name.lower()} {{\n"
-        f"  static constexpr int body = {len(body)}, inputs = {inputs};\n"
-        f"  static constexpr int always_per_impact = {2 * len(body) + contact.index('friction.')};\n"
-        f"  static constexpr bool any_may_be_shared = {'true' if layout in GENERAL else 'false'};\n"
-        f"  template <class T> INLINE T trace(const T* x) {{ return {trace}; }}\n"
-        "};\n"
-    )
+    text = emit("validity", given.names, [], [tape.symbol(code)], map(tape.symbol, flags))
+    return text + emit("clearly_valid", given.names, [], [], [is_sound])
 
 
 def impulse_header(law: Law) -> str:
@@ -189,6 +173,7 @@ def column_header() -> str:
 SHARED_HEADERS: dict[str, Callable[[], str]] = {
     "changes": changes_header,
     "column": column_header,
+    "constants": constants,
     "fallback": fallback_header,
 }
 """The headers that do not depend on a law or layout."""

@@ -6,7 +6,6 @@
 
 #include "arrays.hpp"
 #include "python_objects.hpp"
-#define WITH_TABLES
 #include "scene/contact_springs.hpp"
 #include "scene/table_clusters.hpp"
 #include "validity_everything.hpp"

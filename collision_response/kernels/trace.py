@@ -4,7 +4,7 @@
 
 * the formula of a law, or ``validity``: a header for each layout that there are kernels for;
 * ``changes``, ``column``, ``constants`` or ``fallback``: one header;
-* a name in ``programs.FORMULA_LISTS``: prints that list of formulas, for CMake.
+* ``lists``: prints CMake code that sets lists of the formulas, targets and headers.
 
 ``FOLDER/TARGET.d`` lists the modules that the headers depend on: if one changes, the build runs this again.
 A header whose text stays the same is not written, so that nothing that includes it is compiled again.
@@ -18,7 +18,7 @@ from pathlib import Path
 
 
 def main(package: Path, folder: Path, target: str) -> None:
-    """Write the headers of a target, or print a list of formulas."""
+    """Write the headers of a target, or print the lists for CMake."""
     # The package without its __init__, which imports the kernels that are about to be built.
     bare = types.ModuleType("collision_response")
     bare.__path__ = [str(package)]
@@ -26,12 +26,12 @@ def main(package: Path, folder: Path, target: str) -> None:
 
     from collision_response.kernels import programs
 
-    if target in programs.FORMULA_LISTS:
-        print(end=";".join(programs.FORMULA_LISTS[target]))
+    if target == "lists":
+        print(programs.cmake_lists())
         return
 
-    for name, text in programs.headers(target):
-        header = folder / f"{name}.hpp"
+    for name, body in programs.headers(target).items():
+        header, text = folder / f"{name}.hpp", programs.HEAD + body()
         if not header.exists() or header.read_text() != text:
             header.write_text(text)
     modules = sorted(
