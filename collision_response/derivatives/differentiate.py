@@ -32,6 +32,9 @@ from ..status import ImpactError, StatusCode, format_value
 Array = np.ndarray[Any, Any]
 
 _settings_of = attrgetter(*Settings._fields)
+_BYTES_BEFORE_SETTINGS = 8 * (
+    2 * len(names_of_body(Layout.EVERYTHING)) + len(names_of_contact(Layout.EVERYTHING))
+)
 
 
 def _parameter_widths() -> dict[str, int]:
@@ -156,7 +159,8 @@ def differentiate(
     settings = _settings_of(model)
     count = directions.shape[1]
     jacobian, smoothness = np.empty((RESULT_COUNT, count)), np.empty(count, np.uint8)
-    inputs = library.input_bytes(body_a, body_b, contact, settings)
+    numbers, _ = library.numbers_with_errors(body_a, body_b, contact)
+    inputs = numbers[:_BYTES_BEFORE_SETTINGS] + np.array(settings, float).tobytes()
     if not _derivatives.differentiate(law, 1, count, True, inputs, directions, jacobian, smoothness):
         reason = "a derivative is beyond float64 or could not be computed"
         raise ImpactError(StatusCode.OUT_OF_RANGE, "result", reason)

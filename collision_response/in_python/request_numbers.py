@@ -30,7 +30,8 @@ def read_request(
         body_a, body_b, contact: the request.
         convert: makes a number from a float and the error of the conversion to that float.
     """
-    converted = list(map(convert, *library.numbers_with_errors(body_a, body_b, contact)))
+    doubles = (memoryview(part).cast("d") for part in library.numbers_with_errors(body_a, body_b, contact))
+    converted = list(map(convert, *doubles))
     count = len(InverseInertia._fields)
     numbers, inverse_inertias = iter(converted), (converted[-2 * count : -count], converted[-count:])
 

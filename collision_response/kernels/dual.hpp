@@ -48,12 +48,12 @@ struct DenseDerivatives {
   Edges nonzero() const { return nonzero_directions(d, 0, BLOCKS); }
   __attribute__((always_inline)) DenseDerivatives scaled(double by) const {
     DenseDerivatives y;
-    for (int k = 0; k < BLOCKS; ++k) y.d[k] = d[k] * by;
+    multiply(y.d, d, by, BLOCKS);
     return y;
   }
   __attribute__((always_inline)) DenseDerivatives blended(double by, const DenseDerivatives& b, double by_b) const {
     DenseDerivatives y;
-    for (int k = 0; k < BLOCKS; ++k) y.d[k] = d[k] * by + b.d[k] * by_b;
+    blend(y.d, d, by, b.d, by_b, BLOCKS);
     return y;
   }
 };

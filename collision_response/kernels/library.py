@@ -61,7 +61,6 @@ _compiled.setup(
 
 resolve = _compiled.resolve
 numbers_with_errors = _compiled.numbers_with_errors
-input_bytes = _compiled.input_bytes
 batch = _compiled.batch
 independent_sets = _compiled.independent_sets
 limit_vectors = _compiled.limit_vectors

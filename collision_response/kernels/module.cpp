@@ -1,5 +1,4 @@
 // The Python module _compiled: takes named tuples apart, picks and calls kernels, makes an Impact. See library.py.
-#define WITH_TABLES
 #include "arrays.hpp"
 #include "contact_pairs.hpp"
 #include "kernel_table.hpp"
@@ -208,25 +207,14 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   return make_impact(contact, model, input, result, frictionless, flags[4], articulated, status);
 }
 
-// numbers_with_errors(body_a, body_b, contact): the numbers that resolve() reads, and the error of each, as two tuples.
+// numbers_with_errors(body_a, body_b, contact): the numbers that resolve() reads, and the error of each, as the bytes of doubles
+// in the order of the layout ARTICULATED. Those of the model are 0.
 PyObject* numbers_with_errors(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 3) return PyErr_Format(PyExc_TypeError, "numbers_with_errors() takes two bodies and a contact");
   double value[ALL_INPUTS] = {}, error[ALL_INPUTS] = {};
   bool not_only_numbers;
   if (!read_request(args, {value, error, input_names}, &not_only_numbers)) return nullptr;
-  return Py_BuildValue("NN", make_tuple(&PyTuple_Type, value, ALL_INPUTS), make_tuple(&PyTuple_Type, error, ALL_INPUTS));
-}
-
-// input_bytes(body_a, body_b, contact, settings): the inputs of kernels of rigid bodies, as the bytes of doubles.
-PyObject* input_bytes(PyObject*, PyObject* const* args, Py_ssize_t count) {
-  if (count != 4 || !PyTuple_Check(args[3]) || PyTuple_GET_SIZE(args[3]) != ROWS_OF_MODEL)
-    return PyErr_Format(PyExc_TypeError, "input_bytes() takes two bodies, a contact and settings");
-  double value[ALL_INPUTS] = {}, error[ALL_INPUTS] = {};
-  bool not_only_numbers;
-  if (!read_request(args, {value, error, input_names}, &not_only_numbers)) return nullptr;
-  for (int k = 0; k < ROWS_OF_MODEL; ++k) value[IN_MODEL_TANGENTIAL_RESTITUTION + k] = PyFloat_AsDouble(PyTuple_GET_ITEM(args[3], k));
-  if (PyErr_Occurred()) return nullptr;
-  return PyBytes_FromStringAndSize(reinterpret_cast<const char*>(value), INPUTS * sizeof(double));
+  return Py_BuildValue("y#y#", value, static_cast<Py_ssize_t>(sizeof value), error, static_cast<Py_ssize_t>(sizeof error));
 }
 
 const double zero_double = 0, one_double = 1;
@@ -269,12 +257,12 @@ __attribute__((noinline)) int greatest(const unsigned char* code, const unsigned
 
 // The arrays of a batch: tables and results.
 struct BatchArrays {
-  Array bodies, pairs, contacts, model, result[FIELDS];
+  Array bodies, pairs, contacts, settings, result[FIELDS];
   long count = -1;  // of contacts
 
   // If `pairs` is None, the bodies of a contact are in its own column.
   bool open(PyObject* const* inputs, PyObject* results) {
-    if (!bodies.open(inputs[0]) || (inputs[1] != Py_None && !pairs.open(inputs[1])) || !contacts.open(inputs[2]) || !model.open(inputs[3])) return false;
+    if (!bodies.open(inputs[0]) || (inputs[1] != Py_None && !pairs.open(inputs[1])) || !contacts.open(inputs[2]) || !settings.open(inputs[3])) return false;
     for (int i = 0; i < FIELDS; ++i) {
       PyObject* o = PyTuple_GET_ITEM(results, i);
       if (o != Py_None && !result[i].open(o, true)) return false;
@@ -282,11 +270,11 @@ struct BatchArrays {
     if (contacts.view.ndim == 2) count = contacts.view.shape[1];
     return true;
   }
-  bool is_double() const { return *model.view.format == 'd'; }
+  bool is_double() const { return *settings.view.format == 'd'; }
 
   // Whether results and pairs have the right shapes and types. Those of bodies and contacts have been checked.
   bool are_valid(const TableLayout& table, bool bounded) const {
-    const char real = *model.view.format;
+    const char real = *settings.view.format;
     const Py_ssize_t n = count, axes = table.axes, spins = 3 - table.first_spin;
     bool report = result[REGIME].is_open();
     bool valid = result[VELOCITY].has(real, {axes, 2, n}) && result[ANGULAR_VELOCITY].has(real, {spins, 2, n}) &&
@@ -331,7 +319,7 @@ struct BatchArrays {
     }
     for (int i = 0; i < ROWS_OF_MODEL; ++i) {
       bool has_own_row = i == 0 && contact_rows > table.contact_rows;  // tangential restitution, if each contact has its own
-      put(has_own_row ? contacts.row(table.contact_rows) : model.at(i * size), !has_own_row);
+      put(has_own_row ? contacts.row(table.contact_rows) : settings.at(i * size), !has_own_row);
     }
     for (int k = 0; k < 3; ++k) {
       for (int side = 0; side < 2; ++side) {
@@ -348,8 +336,8 @@ struct BatchArrays {
   }
 };
 
-// batch(law, layout, number_type, bodies, pairs, contacts, model, results, from, to): compute the columns from `from` to `to`.
-// model holds the numbers of Settings, in the type of the tables; results is a BatchResult. Returns the greatest status and
+// batch(law, layout, number_type, bodies, pairs, contacts, settings, results, from, to): compute the columns from `from` to `to`.
+// settings holds the numbers of Settings, in the type of the tables; results is a BatchResult. Returns the greatest status and
 // the greatest error bound (infinite if one is NaN); or None if an array is not contiguous, or not of the right type and
 // shape, for which resolve_batch.py then raises. Raises ValueError if results overlap the tables. Releases the GIL.
 PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
@@ -419,7 +407,6 @@ PyObject* setup(PyObject*, PyObject* args) {
 PyMethodDef methods[] = {
     FASTCALL("resolve", resolve),
     FASTCALL("numbers_with_errors", numbers_with_errors),
-    FASTCALL("input_bytes", input_bytes),
     FASTCALL("batch", batch),
     FASTCALL("independent_sets", find_independent_sets),
     {"limit_vectors", limit_vectors, METH_O, ""},

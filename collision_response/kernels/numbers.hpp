@@ -45,24 +45,15 @@
 
 // --- Bases -------------------------------------------------------------------------------------------
 
-template <class T, class = void>
-struct LaneOf { using type = T; };
-template <class T>
-struct LaneOf<T, std::enable_if_t<!std::is_arithmetic_v<T>, std::void_t<decltype(T{}[0])>>> {
-  using type = std::remove_cv_t<std::remove_reference_t<decltype(T{}[0])>>;
-};
-template <class T> using Lane = typename LaneOf<T>::type;  // the float or double in a base
-template <class T> constexpr std::size_t lanes = sizeof(T) / sizeof(Lane<T>);
 template <class T> constexpr bool is_scalar = std::is_arithmetic_v<T>;
-
 template <class T> constexpr bool is_vector = !is_scalar<T> && !std::is_class_v<T>;
-template <class T, class = void>
-struct MaskOf {};
-template <class T>
-struct MaskOf<T, std::enable_if_t<is_scalar<T>>> { using type = bool; };
-template <class T>
-struct MaskOf<T, std::enable_if_t<is_vector<T>>> { using type = decltype(T{} < T{}); };
-template <class T> using Mask = typename MaskOf<T>::type;  // the result of comparing bases
+template <class T> auto first_lane(T x) {
+  if constexpr (is_vector<T>) return x[0];
+  else return x;
+}
+template <class T> using Lane = decltype(first_lane(T{}));  // the float or double in a base
+template <class T> constexpr std::size_t lanes = sizeof(T) / sizeof(Lane<T>);
+template <class T> using Mask = decltype(T{} < T{});  // the result of comparing bases
 
 template <class T> INLINE T broadcast(double x) { return T{} + static_cast<Lane<T>>(x); }
 template <class T> INLINE Mask<T> broadcast_truth(bool x) { return x ? Mask<T>(T{} == T{}) : Mask<T>(T{} != T{}); }
