@@ -311,7 +311,7 @@ def test_operations_on_both_bodies_are_paired():
     assert ops.count(("div", False)) == ops.count(("sub", False)) == 1
     assert not {("mul", False), ("add", False)} & set(ops)
     assert first.node.op == "first"
-    assert [one.node.op for one in difference.operands()] == ["div", "second"]
+    assert [difference.tape.nodes[index].op for index in difference.node.args] == ["div", "second"]
 
 
 # The emitter.

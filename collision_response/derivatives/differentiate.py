@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from enum import IntEnum
 from functools import lru_cache
 from operator import attrgetter
+from struct import Struct
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,6 +33,7 @@ from ..status import ImpactError, StatusCode, format_value
 Array = np.ndarray[Any, Any]
 
 _settings_of = attrgetter(*Settings._fields)
+_PACKED_SETTINGS = Struct(f"{len(Settings._fields)}d")
 _BYTES_BEFORE_SETTINGS = 8 * (
     2 * len(names_of_body(Layout.EVERYTHING)) + len(names_of_contact(Layout.EVERYTHING))
 )
@@ -160,7 +162,7 @@ def differentiate(
     count = directions.shape[1]
     jacobian, smoothness = np.empty((RESULT_COUNT, count)), np.empty(count, np.uint8)
     numbers, _ = library.numbers_with_errors(body_a, body_b, contact)
-    inputs = numbers[:_BYTES_BEFORE_SETTINGS] + np.array(settings, float).tobytes()
+    inputs = numbers[:_BYTES_BEFORE_SETTINGS] + _PACKED_SETTINGS.pack(*settings)
     if not _derivatives.differentiate(law, 1, count, True, inputs, directions, jacobian, smoothness):
         reason = "a derivative is beyond float64 or could not be computed"
         raise ImpactError(StatusCode.OUT_OF_RANGE, "result", reason)

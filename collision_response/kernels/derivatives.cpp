@@ -20,7 +20,7 @@ static_assert(int(LAW_INPUT_COUNT) == int(LAW_INPUTS));
 
 // An impact is differentiated by these parameters: its inputs, but three rotations about the world axes in k_index of the
 // four numbers of a quaternion, and only those numbers of the model that laws read.
-enum { PARAMETERS_OF_BODY = BODY - 1, FIRST_OF_CONTACT = 2 * PARAMETERS_OF_BODY, STIFFNESS = IN_MODEL_RESTITUTION_THRESHOLD - 2, PARAMETERS };
+enum { PARAMETERS_OF_BODY = BODY - 1, STIFFNESS = IN_MODEL_RESTITUTION_THRESHOLD - 2, PARAMETERS };
 enum { TWISTS = CHANGES - AXES, RESULTS = CHANGES };  // the twists after the impact, then the impulse
 
 DerivativeKernel find_kernel(int law) {
@@ -197,14 +197,15 @@ struct Differentiation {
   }
   // Set the derivatives of the inputs from those of the parameters.
   static void seed(SparseDual* in, const SparseDerivatives* parameters) {
-    for (int body = 0; body < 2; ++body, in += BODY, parameters += PARAMETERS_OF_BODY) {
-      for (int i = 0; i < ORIENTATION; ++i) in[i].d = parameters[i];
-      rotate(in + ORIENTATION, parameters + ORIENTATION);
-      for (int i = ORIENTATION + 4; i < BODY; ++i) in[i].d = parameters[i - 1];
+    for (int side = 0; side < 2; ++side) {
+      SparseDual* body = in + side * BODY;
+      const SparseDerivatives* given = parameters + side * PARAMETERS_OF_BODY;
+      for (int i = 0; i < ORIENTATION; ++i) body[i].d = given[i];
+      rotate(body + ORIENTATION, given + ORIENTATION);
+      for (int i = ORIENTATION + 4; i < BODY; ++i) body[i].d = given[i - 1];
     }
-    in -= 2 * BODY;
-    for (int i = 2 * BODY; i < IN_MODEL_RESTITUTION_THRESHOLD; ++i) in[i].d = (parameters - FIRST_OF_CONTACT)[i - 2];
-    in[IN_MODEL_STIFFNESS_RATIO].d = (parameters - FIRST_OF_CONTACT)[STIFFNESS];
+    for (int i = 2 * BODY; i < IN_MODEL_RESTITUTION_THRESHOLD; ++i) in[i].d = parameters[i - 2];
+    in[IN_MODEL_STIFFNESS_RATIO].d = parameters[STIFFNESS];
   }
   // The derivative of a quaternion q that rotates by v about the world axes: v q / 2.
   static void rotate(SparseDual* q, const SparseDerivatives* v) {

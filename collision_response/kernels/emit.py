@@ -40,9 +40,9 @@ CONSTANTS = ("constant", "truth", "given_roundoff")
 _SPELLING = {CppType.REPORT: "Report<N>", CppType.VALUE: "Value<N>", CppType.BOUNDED: "N"}
 _CASTS = {CppType.REPORT: "report", CppType.VALUE: "value"}
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "and": "&", "or": "|"}
-_PREFIX = {"sqrt": "root", "lt": "less", "le": "less_equal", "eq": "equal", "not": "negation"}
-_PREFIX |= {"log1p_over": "log1p_over", "expm1_over": "expm1_over"}
-_PREFIX |= {"varying_as": "varying_as", "first": "at<0>", "second": "at<1>", "swapped": "swapped"}
+_FUNCTIONS = {"sqrt": "root", "lt": "less", "le": "less_equal", "eq": "equal", "not": "negation"}
+_FUNCTIONS |= {"select": "choose", "first": "at<0>", "second": "at<1>"}
+"""Those C++ functions that have another name than the operation."""
 _ON_BOTH = ("select", "join", "both", "first", "second", "swapped")
 """Operations on numbers and on conditions alike."""
 
@@ -435,9 +435,7 @@ class _TapeWriter:
         if node.op in ("join", "both"):
             name = f"join_truths<{_SPELLING[cpp_type]}>" if self._is_condition(index) else "join"
             return f"{name}({args[0]}, {args[-1]})"
-        if node.op == "select":
-            return f"choose({', '.join(args)})"
-        return f"{_PREFIX[node.op]}({', '.join(args)})"
+        return f"{_FUNCTIONS.get(node.op, node.op)}({', '.join(args)})"
 
     def _operand(self, index: int, cpp_type: CppType) -> str:
         """As :meth:`use`, but a constant stays a number without derivatives."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
 
@@ -40,7 +40,7 @@ FORMULA_LISTS = {
 (``formulas``) or one kernel for all precisions (``stepped_formulas``); float32 as well; optimised most."""
 
 
-def headers(target: str) -> dict[str, Callable[[], str]]:
+def headers(target: str) -> Mapping[str, Callable[[], str]]:
     """The C++ headers of a target of ``trace.py``: for each name a function that returns the text."""
     if target in SHARED_HEADERS:
         return {target: SHARED_HEADERS[target]}

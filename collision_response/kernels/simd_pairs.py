@@ -65,7 +65,7 @@ def pair_bodies(results: Iterable[Iterable[Symbol]]) -> list[list[Symbol]]:
                 translated[index] = add(node.op, *map(pair, node.args), value=PAIR)
         return translated[index]
 
-    return [[new.symbol_at(single(x.index)) for x in group] for group in groups]
+    return [[Symbol(new, single(x.index)) for x in group] for group in groups]
 
 
 def _translated_loop(loop: Loop, parent: Tape, index_of: Callable[[int], int]) -> Loop:

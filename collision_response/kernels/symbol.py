@@ -136,10 +136,6 @@ class Tape:
         number = float(operand)
         return self.add(Node("constant", (), math.nan if math.isnan(number) else number + 0.0))
 
-    def symbol_at(self, index: int) -> Symbol:
-        """Return the symbol for the node of this index."""
-        return Symbol(self, index)
-
     def index_of(self, op: str, args: Iterable[int], value: Any = None) -> int | None:
         """Return the index of an operation, ``None`` if it is not on the tape."""
         return self._index_of.get(Node(op, _ordered(op, args), value))
@@ -168,7 +164,7 @@ class Tape:
         if key not in self._index_of:
             self._index_of[key] = len(self.nodes)
             self.nodes.append(node)
-        return self.symbol_at(self._index_of[key])
+        return Symbol(self, self._index_of[key])
 
 
 def apply(op: str, *operands: Any) -> Symbol:
@@ -217,13 +213,9 @@ class Symbol:
         """Whether this is the constant ``value``."""
         return self.node.op == "constant" and bool(self.node.value == value)
 
-    def operands(self) -> list[Symbol]:
-        """The operands of the operation."""
-        return [self.tape.symbol_at(index) for index in self.node.args]
-
     def without_sign(self) -> Symbol | None:
         """``y`` if this is ``-y`` or ``not y``, else ``None``."""
-        return self.operands()[0] if self.node.op in ("neg", "not") else None
+        return Symbol(self.tape, self.node.args[0]) if self.node.op in ("neg", "not") else None
 
     def sqrt(self) -> Symbol:
         """The square root."""
@@ -352,7 +344,7 @@ def _simplify_sub(x: Symbol, y: Symbol) -> Any:
     if minus_x is not None:
         return -(minus_x + y)
     opposite = x.tape.index_of("sub", (y.index, x.index))
-    return None if opposite is None or x.index == y.index else -x.tape.symbol_at(opposite)
+    return None if opposite is None or x.index == y.index else -Symbol(x.tape, opposite)
 
 
 def _simplify_mul(x: Symbol, y: Symbol) -> Any:
