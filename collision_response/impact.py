@@ -17,7 +17,17 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .numbers.operations import Condition, Scalar, choose, is_out_of_range, map_numbers, negation, square_root
+from .numbers.operations import (
+    Condition,
+    Scalar,
+    certain,
+    choose,
+    is_out_of_range,
+    map_numbers,
+    maximum,
+    negation,
+    square_root,
+)
 from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics
@@ -173,7 +183,7 @@ def impact(
     report = Report(
         twist_a=Twist(after_a.velocity, after_a.angular_velocity),
         twist_b=Twist(after_b.velocity, after_b.angular_velocity),
-        normal_impulse=normal_impulse,
+        normal_impulse=maximum(certain(normal_impulse), 0 * length),  # below 0 only by rounding
         tangential_impulse=square_root(tangential.dot(tangential)),
         normal_velocity_before=kinematics.n_u / length,
         normal_velocity_after=n.dot(u_after) / length,

@@ -7,6 +7,7 @@ import re
 from decimal import Decimal
 from fractions import Fraction as F
 from functools import partial
+from itertools import product
 
 import numpy as np
 import pytest
@@ -622,3 +623,23 @@ def test_a_precision_that_leaves_no_digit_is_refused_by_name():
     with refused(StatusCode.OUT_OF_RANGE, "model.precision"):
         resolve(*request, contact, ImpactModel(precision=Precision.DOUBLE))
     assert resolve(*request, contact).error_bound < 1e-15
+
+
+@pytest.mark.parametrize("precision", Precision)
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
+def test_the_normal_impulse_is_not_negative(law, precision):
+    """Here it is so much smaller than the tangential impulse that rounding could make it negative."""
+    for axis, (friction, slip) in product(
+        range(3), [(1e10, 2e10), (1e12, -4e12), (1e20, 1e21), (1e10, 1e20)]
+    ):
+        turned = tuple(
+            np.roll(v, axis) for v in ((4.0, 4.0, 0.5), (slip, -12.0, 0.25 * slip), (0.0, 3.0, 1.0))
+        )
+        lever, velocity, normal = (tuple(map(float, v)) for v in turned)
+        body = Body.dynamic(1.0, (16.0, 0, 0, 16.0, 0, 16.0), tuple(-x for x in lever), velocity=velocity)
+        contact = Contact.of((0, 0, 0), normal, 0.5, friction)
+        try:
+            impact = resolve(body, Body.static(), contact, ImpactModel(law, precision=precision))
+        except ImpactError:  # not known at this precision
+            continue
+        assert impact.normal_impulse >= 0
