@@ -759,3 +759,12 @@ def test_the_derivative_by_friction_at_zero_is_a_kink_where_slip_turns(law):
             ["contact.friction", "body_a.velocity"],
         )
         assert [*found.smoothness] == [mark, *[Smoothness.SMOOTH] * 3]
+
+
+@pytest.mark.parametrize(("restitution", "mark"), [(1.0, JUMP), (0.9, SMOOTH)])
+def test_moreau_jumps_where_the_least_slip_would_create_energy(restitution, mark):
+    """A contact without slip that sticks and loses nothing: with slip to one side, COULOMB answers."""
+    rod = Body.dynamic(1.0, (1.0, 0, 0, 1.0, 0, 1.0), (-1.0, -1.0, 0.0), velocity=(0.0, -1.0, 0.0))
+    contact = Contact.of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), restitution, friction=1.0)
+    found = differentiate(rod, Body.static(), contact, ImpactModel(Law.MOREAU), ["body_a.velocity"])
+    assert found.smoothness[0] == mark

@@ -313,3 +313,15 @@ def test_energy_created_is_explained_by_the_bound(turn, precision):
         if not falls:
             off = math.dist(map(float, P), answer.impulse) / math.hypot(*map(float, P))
             assert off <= answer.error_bound + 2.0**-52
+
+
+@pytest.mark.parametrize("friction", [1e99, 1e100, 1e300, 1.7e308])
+@pytest.mark.parametrize("slip", [-1e40, -1e10, 1.0, 1e10, 1e20, 1e40])
+def test_friction_without_limit_has_an_answer(slip, friction):
+    """Fast slip that no friction stops: the bodies press with nearly no impulse, or the contact sticks."""
+    body = Body.dynamic(1.0, (1.0, 0, 0, 1.0, 0, 1.0), (-1.0, -2.0, 0.0), velocity=(slip, -1.0, 0.0))
+    contact = Contact.of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), restitution=0.5, friction=friction)
+    impact = resolve(body, Body.static(), contact, ImpactModel(Law.MOREAU))
+    assert impact.status is StatusCode.OK
+    before, after = impact.kinetic_energy_before, impact.kinetic_energy_after
+    assert after <= before * (1 + 1e-12)

@@ -245,7 +245,7 @@ def _error(
     data_error = data_error + (4 * errors.kappa / kappa + PLANAR) * size
     data_error = data_error + choose(plastic, lambda: e * y.F_max, lambda: o)
     E = SAFETY * (data_error + y.step_error) * y.growth
-    # Without restitution the impact ends where u_n is 0. If u_n is not, the forces acted too long or too short.
+    # Without restitution the impact ends where u_n is 0. If not, the forces acted too long or too short.
     # More friction than GREATEST_FRICTION would hold until F_n is 0, and not only until kappa |x| = mu F_n.
     grip = choose(y.slips > 0, lambda: -mu * y.F, lambda: one)
     F1, F2 = grip * y.a1, grip * y.a2

@@ -59,6 +59,8 @@ from ...numbers.operations import (
     choose,
     error_of,
     fixed,
+    for_derivatives,
+    minimum,
     negation,
     values,
     varying_as,
@@ -70,6 +72,9 @@ from .contact_frame import ContactFrame, Tangential
 from .law import Coefficients, Outcome, Regime, Solution
 from .sliding import MARGIN, Sliding, safe_divisor
 
+GREATEST_FRICTION = 1e100
+"""More friction changes nothing: what slips presses with less than 1e-100 of its impulse."""
+
 ROUNDING = 2.0**-44
 """An energy below this part of the work may be rounding, in numbers that do not bound their error."""
 
@@ -77,6 +82,7 @@ ROUNDING = 2.0**-44
 def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     """The one-step impulse, or that of COULOMB if the one-step impulse creates energy."""
     e, mu, _ = coefficients
+    mu = minimum(mu, GREATEST_FRICTION + 0 * certain(mu))
     frame = ContactFrame.of(contact)
     K_nn, approach_speed = frame.Knn, -frame.un
     j = (1 + e) * approach_speed / K_nn
@@ -146,11 +152,17 @@ def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
 def _creates(lost: Scalar, work: Scalar) -> Condition:
     """Whether energy is created: numbers that bound their error must show it beyond that error.
 
-    An exact tie, as for a rod that strikes head-on with ``e = 1`` and sticks, creates none.
+    An exact tie, as for a rod that strikes head-on with ``e = 1`` and sticks, creates none. But next to a tie
+    the answer jumps, so derivatives take each loss that may be rounding for one at the limit.
     """
     bounds_errors = error_of(certain(work) / 3) > 0
     is_shown = bounds_errors & (certain(lost) + error_of(lost) * (1 + MARGIN) < 0)
-    return is_shown | (lost < -ROUNDING * work)
+    limit = -ROUNDING * work
+
+    def at_limit() -> Scalar:
+        return choose(abs(lost) <= -limit, lambda: varying_as(limit, lambda: lost), lambda: lost)
+
+    return is_shown | (for_derivatives(lost, at_limit) < limit)
 
 
 def _in_cone(f: Tangential, mu_j: Scalar, mu_beta: Tangential) -> Tangential:
