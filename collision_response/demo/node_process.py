@@ -11,8 +11,13 @@ import tempfile
 from typing import Any
 
 EXECUTABLE = "collision_response_node"
-PATIENCE = 15.0
-"""Longest time for the node to end [s]; it has to complete its recording."""
+SHUTDOWN_TIME = 30.0
+"""Longest time for the node to answer what has arrived and to complete its recording [s].
+
+On a busy machine, rerun alone may take many seconds to load."""
+
+PATIENCE = SHUTDOWN_TIME + 10.0
+"""Longest time for the node to end [s]."""
 
 
 class NodeFailed(Exception):
@@ -27,6 +32,7 @@ class NodeProcess:
     """
 
     def __init__(self, parameters: dict[str, Any]) -> None:
+        parameters = {"shutdown_timeout": SHUTDOWN_TIME, **parameters}
         arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
         self._output = tempfile.TemporaryFile("w+")  # noqa: SIM115, closed with the process
         # In its own session, so that Ctrl-C reaches only the demo, which then ends the node properly.
