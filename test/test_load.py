@@ -121,11 +121,9 @@ def test_many_bodies_are_looked_up_in_parts(shared_node, monkeypatch, request_, 
     monkeypatch.setattr(module, taking, counted)
     node, states = shared_node.node, LatestStates(10, lambda: 0, pytest.fail)
     if module is StateFinder:
-        service = batches.BatchService(node.parameters, states, lambda: 0)
+        service = batches.BatchService(node.parameters, states)
     else:
-        service = scenes.SceneService(
-            node.parameters, states, SimpleNamespace(add=lambda *_: None), lambda: 0
-        )
+        service = scenes.SceneService(node.parameters, states, SimpleNamespace(add=lambda *_: None))
     for _ in service.answer(request_):
         taken.append(0)
     assert sum(taken) == 1000

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import Any
 
 from ..recording import scenes
 from ..recording.report import Summary, in_words, page
@@ -65,12 +66,11 @@ def spare_recordings(target: Path) -> None:
             raise ValueError(f"{target} is a recording and is not overwritten")
 
 
-def write_csv(impacts: object, target: Path) -> None:
+def write_csv(impacts: Any, target: Path) -> None:
     """Write a table, with a column for each component of a vector: ``impulse.0``, ``impulse.1`` ..."""
     import pyarrow as pa
     from pyarrow import compute, csv
 
-    assert isinstance(impacts, pa.Table)
     flat = {}
     for name, column in zip(impacts.column_names, impacts.columns, strict=True):
         if pa.types.is_fixed_size_list(column.type):

@@ -47,7 +47,8 @@ def read_impacts(path: Path, within: float) -> Impacts:
     if not answered:
         raise ImpactError(StatusCode.INVALID_TABLE, TABLE, f"there are none in {path}")
     bodies = {side: [with_com_as_reference(_body(row, side)) for row in answered] for side in "ab"}
-    contacts = [_contact(row["Impact:request_contact"][0]) for row in answered]
+    numbers = (row["Impact:request_contact"][0] for row in answered)
+    contacts = [Contact.of(one[:3], one[3:6]) for one in numbers]
     if within:
         names = {row[f"Impact:body_{side}"][0] for row in answered for side in "ab"}
         states = {name: _read_states(path, name) for name in names}
@@ -91,10 +92,6 @@ def _rows(path: Path, entity: str) -> Iterator[dict[str, Any]]:
 def _body(row: dict[str, Any], side: str) -> Body:
     own = row.get(f"Impact:inverse_inertia_{side}")
     return body_from_numbers(row[f"Impact:request_{side}"][0], own[0] if own else None)
-
-
-def _contact(numbers: list[float]) -> Contact:
-    return Contact.of(numbers[:3], numbers[3:6])
 
 
 def _answer(row: dict[str, Any], side: str) -> Twist:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import time
 from array import array
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -70,8 +70,6 @@ class BatchBodies(NamedTuple):
     ages: list[float]
 
 
-NO_STAMP = Time()
-
 INITIAL_BLOCK = 256
 """Contacts that are computed between two pauses at first. Later blocks are sized by the time they take."""
 
@@ -86,14 +84,12 @@ class BatchService:
     Attributes:
         parameters: the parameters of the node.
         states: the latest states of bodies.
-        now: returns the time of the node's clock [ns].
     """
 
     interface = ResolveCollisionBatch
     name = "~/resolve_collision_batch"
     parameters: LatestParameters
     states: LatestStates
-    now: Callable[[], int]
 
     def answer(self, request: Request) -> Work:
         """Compute the response to a request, in steps."""
@@ -104,7 +100,7 @@ class BatchService:
         count = pairs.shape[1]
         contacts = contacts_of(request, layout, count)
         model = model_of(request, layout, contacts, parameters.model)
-        look_up = partial(bodies_of, request, layout, self.states, parameters, self.now)
+        look_up = partial(bodies_of, request, layout, self.states, parameters)
         bodies = yield from wait_for_states(look_up, parameters.max_state_wait)
 
         response = Response()
@@ -237,11 +233,7 @@ def model_of(request: Request, layout: TableLayout, contacts: Array, defaults: I
 
 
 def bodies_of(
-    request: Request,
-    layout: TableLayout,
-    states: LatestStates,
-    parameters: Parameters,
-    now: Callable[[], int],
+    request: Request, layout: TableLayout, states: LatestStates, parameters: Parameters
 ) -> LookUp[BatchBodies]:
     """Collect the bodies of a request: those of the table, then the latest states of those given by name.
 
@@ -268,8 +260,8 @@ def bodies_of(
         raise ImpactError(StatusCode.BUDGET_EXCEEDED, "names", reason)
     check_distinct(names)
     columns, errors = np.full((height, len(names)), math.nan), []
-    stamps, ages = [NO_STAMP] * len(names), [math.nan] * len(names)
-    finder = StateFinder.of(request.header, request.not_before, states, parameters, now)
+    stamps, ages = [Time()] * len(names), [math.nan] * len(names)
+    finder = StateFinder.of(request.header, request.not_before, states, parameters)
     for i, name in enumerate(names):
         if not i % BODIES_PER_STEP:
             yield

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Generator, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -62,23 +62,10 @@ class StateFinder(NamedTuple):
 
     @classmethod
     def of(
-        cls,
-        header: Header,
-        not_before: Time,
-        states: LatestStates,
-        parameters: Parameters,
-        now: Callable[[], int],
+        cls, header: Header, not_before: Time, states: LatestStates, parameters: Parameters
     ) -> StateFinder:
-        """Make the finder of a request.
-
-        Args:
-            header: header of the contact. If it has no stamp, the contact is now.
-            not_before: field of the request.
-            states: the latest states received.
-            parameters: the parameters of the node.
-            now: returns the time of the node's clock [ns].
-        """
-        time = nanoseconds(header.stamp) or now()
+        """Make the finder of a request. If the header of its contact has no stamp, the contact is now."""
+        time = nanoseconds(header.stamp) or states.now()
         return cls(states, time, nanoseconds(not_before), parameters.max_state_age)
 
     def find(self, owner: str, field: str, name: str) -> tuple[BodyState, StateUsed]:
@@ -132,7 +119,7 @@ class StateFinder(NamedTuple):
 
 
 def complete(
-    request: ResolveCollision.Request, states: LatestStates, parameters: Parameters, now: Callable[[], int]
+    request: ResolveCollision.Request, states: LatestStates, parameters: Parameters
 ) -> LookUp[list[StateUsed]]:
     """Replace bodies given only by name by their latest states, and check names, ages and frames.
 
@@ -140,8 +127,6 @@ def complete(
         request: changed in place; unchanged if there is an error.
         states: the latest states received.
         parameters: the parameters of the node.
-        now: returns the time of the node's clock [ns]. A function, because reading the clock takes time and
-            is rarely necessary.
 
     Returns:
         The states used for body_a and body_b.
@@ -158,7 +143,7 @@ def complete(
     }
     states_used = dict.fromkeys(OWNERS, GIVEN_IN_FULL)
     if names:
-        finder = StateFinder.of(request.contact.header, request.not_before, states, parameters, now)
+        finder = StateFinder.of(request.contact.header, request.not_before, states, parameters)
         found = {owner: finder.find(owner, f"{owner}.name", name) for owner, name in names.items()}
         for owner, (_, used) in found.items():
             finder.check_age(owner, names[owner], used.age)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -32,7 +31,6 @@ class ImpactService:
         states: the latest states of bodies.
         answer_log: numbers, publishes and records the answers.
         survey: collects all impacts, to log what the scene requires; or ``None``.
-        now: returns the time of the node's clock [ns].
         log: the logger of the node.
     """
 
@@ -42,14 +40,13 @@ class ImpactService:
     states: LatestStates
     answer_log: AnswerLog
     survey: SceneSurvey | None
-    now: Callable[[], int]
     log: Any
     _warned: set[str] = field(default_factory=set, init=False)
 
     def answer(self, request: ResolveCollision.Request) -> Work:
         """Compute the response to a request, in steps."""
         parameters = self.parameters.values
-        look_up = partial(complete, request, self.states, parameters, self.now)
+        look_up = partial(complete, request, self.states, parameters)
         states_used = yield from wait_for_states(look_up, parameters.max_state_wait)
         self._warn_of_coefficients(request)
         problem, coefficients = convert.problem_of(request, parameters)

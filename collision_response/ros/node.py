@@ -108,13 +108,12 @@ class CollisionResponseNode(Node):
             self._states,
             answer_log,
             SceneSurvey(start.scene_tolerance) if start.scene_tolerance else None,
-            self._now,
             self.get_logger(),
         )
         services = (
             self.impact_service,
-            BatchService(self.parameters, self._states, self._now),
-            SceneService(self.parameters, self._states, answer_log, self._now),
+            BatchService(self.parameters, self._states),
+            SceneService(self.parameters, self._states, answer_log),
         )
         warm_up()
         counters = Counters()

@@ -208,7 +208,7 @@ class Parameters:
     def of(cls, node: Node) -> Parameters:
         """Read the current values of a node."""
         return cls(
-            **{field: _value(node, NAMES[field]) for field in PARAMETERS},
+            **{field: _value(node, NAMES[field]) for field in cls.__dataclass_fields__ if field in NAMES},
             model=ImpactModel(*(_value(node, field) for field in ImpactModel._fields)),
             materials=materials_in(_value(node, "materials_file")),
         )
@@ -222,9 +222,6 @@ def materials_in(file: str) -> Materials:
         as :meth:`Materials.read`.
     """
     return Materials.read(Path(file)) if file else NO_MATERIALS
-
-
-PARAMETERS = tuple(field for field in Parameters.__dataclass_fields__ if field not in ("model", "materials"))
 
 
 class LatestParameters:

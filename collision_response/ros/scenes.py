@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -94,7 +93,6 @@ class SceneService:
         parameters: the parameters of the node.
         states: the latest states of bodies.
         answer_log: numbers, publishes and records the answers.
-        now: returns the time of the node's clock [ns].
     """
 
     interface = ResolveScene
@@ -102,13 +100,12 @@ class SceneService:
     parameters: LatestParameters
     states: LatestStates
     answer_log: AnswerLog
-    now: Callable[[], int]
 
     def answer(self, request: ResolveScene.Request) -> Work:
         """Compute the response to a request, in steps."""
         parameters = self.parameters.values
         contacts = contacts_of(request, parameters.budget_scene_contacts)
-        look_up = partial(bodies_of, request, self.states, parameters, self.now)
+        look_up = partial(bodies_of, request, self.states, parameters)
         bodies = yield from wait_for_states(look_up, parameters.max_state_wait)
         problem, coefficients = yield from problem_of(request, contacts, bodies, parameters)
 
@@ -162,7 +159,7 @@ def contacts_of(request: ResolveScene.Request, max_contacts: int) -> list[Contac
 
 
 def bodies_of(
-    request: ResolveScene.Request, states: LatestStates, parameters: Parameters, now: Callable[[], int]
+    request: ResolveScene.Request, states: LatestStates, parameters: Parameters
 ) -> LookUp[SceneBodies]:
     """Collect the bodies of a request: those of the table, then the latest states of those given by name.
 
@@ -187,7 +184,7 @@ def bodies_of(
     check_immovable(request.immovable, count)
     owners = [f"bodies[{i}]" for i in range(count)]
     bodies = SceneBodies(names, table.T.tolist(), [IN_TABLE] * count, [GIVEN_IN_FULL] * count, owners)
-    finder = StateFinder.of(header, request.not_before, states, parameters, now)
+    finder = StateFinder.of(header, request.not_before, states, parameters)
     for i, name in enumerate(names[count:], count):
         if not i % BODIES_PER_STEP:
             yield

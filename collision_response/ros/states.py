@@ -50,6 +50,7 @@ class LatestStates:
         unreadable: number of messages that could not be read.
         outdated: number of states ignored because the known state was later.
         evicted: number of bodies forgotten because there were too many.
+        now: returns the time of the node's clock [ns].
         take_all: called before a look-up, to receive the messages that wait on the subscriptions. To be set
             by the owner.
 
@@ -64,7 +65,7 @@ class LatestStates:
         self.received = self.lost = self.unreadable = self.outdated = self.evicted = 0
         self.take_all: Callable[[], object] = lambda: None
         self._max_bodies = max_bodies
-        self._now = now
+        self.now = now
         self._warn = warn
         self._by_name: dict[str, _Known] = {}  # ordered by the arrival of the last state
         self._tables: dict[bytes | tuple[str, ...], SerializedTable] = {}  # the same
@@ -175,7 +176,7 @@ class LatestStates:
 
     def _later(self, old: AnySerialized, new: AnySerialized) -> AnySerialized:
         """The later of two messages, of which ``new`` arrived later."""
-        return new if new.stamp >= old.stamp or not new.stamp or old.stamp > self._now() else old
+        return new if new.stamp >= old.stamp or not new.stamp or old.stamp > self.now() else old
 
     def _count_outdated(self, old: AnySerialized, new: AnySerialized) -> AnySerialized:
         """The later of two messages; counts ``new`` as outdated if it is not."""
