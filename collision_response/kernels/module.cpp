@@ -186,13 +186,7 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
     used_precision = precision;
     ImpactKernel kernel = find_impact_kernel(law, articulated, used_precision);
     if (!kernel) return PyErr_Format(PyExc_LookupError, "no kernel of law %d", law);
-    kernel(input, error, &result);
-    if (!(result.error_bound < INFINITY) || is_extreme(result, used_precision == PRECISION_SINGLE) || !all_finite(result)) {
-      ImpactResult scaled;
-      impact_in_other_units(kernel, articulated, input, error, scaled);
-      bool knows_more = scaled.error_bound < INFINITY || !(result.error_bound < INFINITY);
-      if ((all_finite(scaled) && knows_more) || !all_finite(result)) result = scaled;
-    }
+    compute_in_suitable_units(kernel, articulated, used_precision == PRECISION_SINGLE, input, error, result);
     if (result.error_bound <= plan->target_bound || precision == plan->last_precision) break;
   }
   if (result.flags[FLAG_UNFINISHED]) return raise_refusal(STATUS_PATH_TOO_LONG);

@@ -94,3 +94,13 @@ static inline bool all_finite(const ImpactResult& result) {
   for (double number : result.reported) sum += number - number;
   return sum == 0;
 }
+
+// Compute an impact; in other units too, if numbers near the ends of the range of floats may have spoilt the result.
+static inline void compute_in_suitable_units(ImpactKernel kernel, bool articulated, bool single, const double* input, const double* error, ImpactResult& result) {
+  kernel(input, error, &result);
+  if (result.error_bound < INFINITY && !is_extreme(result, single) && all_finite(result)) return;
+  ImpactResult scaled;
+  impact_in_other_units(kernel, articulated, input, error, scaled);
+  bool knows_more = scaled.error_bound < INFINITY || !(result.error_bound < INFINITY);
+  if ((all_finite(scaled) && knows_more) || !all_finite(result)) result = scaled;
+}
