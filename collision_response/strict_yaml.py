@@ -1,11 +1,13 @@
 """Read YAML as nested lists, mappings, numbers and text; duplicate keys are errors.
 
 PyYAML alone would keep the last of several equal keys, and would raise exceptions other than ``YAMLError``
-for some values that it cannot read.
+for some values that it cannot read. It also reads ``1e7`` as text: YAML 1.1 wants ``1.0e+7``. Here both are
+numbers, as in YAML 1.2.
 """
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import yaml
@@ -35,6 +37,8 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
             raise ConstructorError(None, None, f"cannot be read as {kind}", node.start_mark) from None
 
 
+_FLOAT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
+_Loader.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+.0123456789"))
 _Loader.add_constructor("tag:yaml.org,2002:timestamp", yaml.SafeLoader.construct_yaml_str)
 
 

@@ -159,6 +159,20 @@ def test_invalid_yaml_is_refused_in_one_line(write):
     assert "\n" not in str(refusal.value)
 
 
+@pytest.mark.parametrize(
+    "text", ["1e7", "1E7", "1e+7", "1.e7", "1.0e7", "+.1e8", "1.0e+7", "10000000", "1e07"]
+)
+def test_numbers_with_exponents_are_numbers(write, text):
+    found = Materials.read(write(f"materials: {{steel: {{stiffness: {text}}}}}"))
+    assert found.materials["steel"].stiffness == 1e7
+
+
+@pytest.mark.parametrize("text", ["1e", "e7", "1e7x", "1e7.0", "1 e7", "1e+-7"])
+def test_what_only_looks_like_a_number_is_refused(write, text):
+    with refused(StatusCode.INVALID_TABLE, match="stiffness"):
+        Materials.read(write(f"materials: {{steel: {{stiffness: {text}}}}}"))
+
+
 def test_an_unknown_material_is_refused_with_the_known_ones(materials):
     with pytest.raises(ImpactError, match="'cheese'; the file has glass, rubber, steel") as refusal:
         materials.check("body_a.material", "cheese")

@@ -186,6 +186,4 @@ def _as_floats(cluster: Any, exact: RationalCluster, impulses: ClusterImpulses) 
     e = None if impulses.restitution is None else float(impulses.restitution)
     error = cluster.velocity_size(normal) * 2.0**-53
     margin = float(impulses.margin)
-    return ClusterImpulses(
-        normal, error=error, margin=margin, restitution=e, no_rebound=impulses.no_rebound
-    )
+    return ClusterImpulses(normal, error=error, margin=margin, restitution=e, no_rebound=impulses.no_rebound)
