@@ -505,13 +505,30 @@ def test_a_masked_tolerance_is_refused(recwarn):
     assert not recwarn.list
 
 
-def test_out_may_not_use_one_array_twice():
+def test_results_may_not_share_memory():
     bodies, contacts = shared_batch(Geometry.SPATIAL)
     out = resolve_batch(bodies, contacts, report=True)
     for one, other in (("kinetic_energy_before", "kinetic_energy_after"), ("status", "regime")):
         shared = out._replace(**{other: getattr(out, one)})
-        with pytest.raises(ValueError, match=f"^out.{other}: must be an array of its own, is that of {one}$"):
+        with pytest.raises(
+            ValueError, match=f"^out.{other}: must have memory of its own, shares that of out.{one}"
+        ):
             resolve_batch(bodies, contacts, report=True, out=shared)
+    n = contacts.shape[1]
+    memory = np.empty((5, n))
+    parts = out._replace(impulse=memory[:3], kinetic_energy_before=memory[2])
+    with pytest.raises(ValueError, match=r"^out\.kinetic_energy_before: .* shares that of out\.impulse$"):
+        resolve_batch(bodies, contacts, report=True, out=parts)
+    parts = out._replace(impulse=memory[:3], kinetic_energy_before=memory[3], kinetic_energy_after=memory[4])
+    assert_same(resolve_batch(bodies, contacts, report=True, out=parts), out)
+
+
+def test_results_may_lie_between_each_other_in_memory():
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
+    expected = resolve_batch(bodies, contacts, report=True)
+    memory = np.empty((contacts.shape[1], 2))
+    mixed = expected._replace(kinetic_energy_before=memory[:, 0], kinetic_energy_after=memory[:, 1])
+    assert_same(resolve_batch(bodies, contacts, report=True, out=mixed), expected)
 
 
 @pytest.mark.parametrize("workers", [1, 2, np.int64(2), np.uint8(3)])

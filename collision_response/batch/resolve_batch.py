@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from itertools import combinations
 from numbers import Integral
 from typing import Any, NamedTuple, TypeVar
 
@@ -162,8 +163,6 @@ def resolve_batch(
         out = plan.result_fields(contacts.shape[1], report).mapped(lambda field: np.empty(*field))
     elif report and out.regime is None:
         raise ValueError("out.regime: must be there for a report, is None")
-    else:
-        _check_distinct(out)
     for _ in resolve_with_pauses(bodies, contacts, model, out, workers, pairs=pairs):
         pass
     return out
@@ -197,7 +196,9 @@ def resolve_with_pauses(
         (start, n if stop is None else min(stop, n)),
     )
     worst = _run(request, plan.number_type, out, workers, *columns)
-    if worst is None:  # an array is not contiguous, or has the wrong shape or type
+    if (
+        worst is None
+    ):  # an array is not contiguous, or has the wrong shape or type, or shares memory with another
         _check_out(plan, n, out)
         request = BatchRequest(plan, np.ascontiguousarray(bodies), pairs, np.ascontiguousarray(contacts))
         target = out.mapped(lambda array: np.empty_like(array, order="C"))
@@ -314,13 +315,15 @@ def _run(
         memory layout.
     """
     plan, bodies, pairs, contacts = request
-    kernel, tables = (plan.model.law, plan.layout, number_type), (bodies, pairs, contacts, plan.settings, out)
+    law, layout, settings = plan.model.law, plan.layout, plan.settings
 
     def run(start: int, stop: int) -> tuple[int, float] | None:
-        return library.batch(*kernel, *tables, start, stop)
+        return library.batch(law, layout, number_type, bodies, pairs, contacts, settings, out, start, stop)
 
-    parts = run_in_parts(run, start, stop, min(workers, max(0, stop - start) // CONTACTS_PER_WORKER))
-    worst = [part for part in parts if part is not None]
+    threads = min(workers, (stop - start) // CONTACTS_PER_WORKER)
+    if threads <= 1:
+        return run(start, stop)
+    worst = [part for part in run_in_parts(run, start, stop, threads) if part is not None]
     return (max(status for status, _ in worst), max(bound for _, bound in worst)) if worst else None
 
 
@@ -423,20 +426,16 @@ def _check_model(model: ImpactModel, geometry: Geometry, dtype: np.dtype[Any]) -
 
 
 def _check_out(plan: BatchPlan, n: int, out: BatchResult) -> None:
-    """Raises: ValueError: if an array has the wrong shape or type."""
+    """Raises: ValueError: if an array has the wrong shape or type, or shares memory with another."""
     fields = plan.result_fields(n, out.regime is not None)
     for name, array, expected in zip(BatchResult._fields, out, fields, strict=True):
         found = None if array is None else (array.shape, array.dtype)
         if found != expected:
             raise ValueError(f"out.{name}: must be {_described(expected)}, is {_described(found)}")
-
-
-def _check_distinct(out: BatchResult) -> None:
-    """Raises: ValueError: if one array is given for two results."""
-    fields: dict[int, str] = {}
-    for field, array in zip(BatchResult._fields, out, strict=True):
-        if array is not None and (other := fields.setdefault(id(array), field)) != field:
-            raise ValueError(f"out.{field}: must be an array of its own, is that of {other}")
+    given = [(name, array) for name, array in zip(BatchResult._fields, out, strict=True) if array is not None]
+    for (one, first), (other, second) in combinations(given, 2):
+        if np.shares_memory(first, second):
+            raise ValueError(f"out.{other}: must have memory of its own, shares that of out.{one}")
 
 
 def _described(array: tuple[tuple[int, ...], np.dtype[Any]] | None) -> str:
