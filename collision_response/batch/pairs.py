@@ -59,9 +59,8 @@ def as_pairs(pairs: Any) -> Array:
 def independent_sets(pairs: Any, movable: Any = None) -> list[Array]:
     """Divide contacts into sets in which no movable body appears twice.
 
-    If the sets are resolved in turn, the contacts of each body are resolved in the order given: a contact is
-        in
-    the set right after the last earlier contact with which it shares a movable body.
+    If the sets are resolved in turn, the contacts of each body are resolved in the order given: a contact
+    is in the set right after the last earlier contact with which it shares a movable body.
 
     Args:
         pairs: for each contact the columns of its two bodies, integers, shape ``(2, N)``.
