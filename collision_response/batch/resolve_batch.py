@@ -196,9 +196,7 @@ def resolve_with_pauses(
         (start, n if stop is None else min(stop, n)),
     )
     worst = _run(request, plan.number_type, out, workers, *columns)
-    if (
-        worst is None
-    ):  # an array is not contiguous, or has the wrong shape or type, or shares memory with another
+    if worst is None:  # an array is not contiguous, does not fit, or shares memory with another
         _check_out(plan, n, out)
         request = BatchRequest(plan, np.ascontiguousarray(bodies), pairs, np.ascontiguousarray(contacts))
         target = out.mapped(lambda array: np.empty_like(array, order="C"))

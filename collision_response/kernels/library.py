@@ -44,7 +44,7 @@ def _by_number(enumeration: type[IntEnum]) -> tuple[IntEnum | None, ...]:
 
 
 _regimes_by_number, _statuses_by_number = _by_number(Regime), _by_number(StatusCode)
-_adjustments_by_number = tuple(Adjustment(i) for i in range(64))
+_adjustments_by_number = tuple(Adjustment(i) for i in range(2 * max(Adjustment)))
 _compiled.setup(
     Impact,
     Twist,

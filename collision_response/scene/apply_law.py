@@ -88,13 +88,7 @@ def _by_reflections(
 ) -> ClusterImpulses:
     """Return the impulses of FRICTIONLESS, in fractions where double-double cannot decide."""
     if exact is None:
-        try:
-            impulses = reflections(cluster, threshold)
-        except ImpactError:
-            if not cluster.is_locked:
-                raise
-            reason = f"more than {RATIONAL_CONTACTS} press on each other, and may or may not contradict"
-            raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason) from None
+        impulses = reflections(cluster, threshold)
         if impulses.error < math.inf or len(parts.contacts) > RATIONAL_CONTACTS:
             return impulses
         exact = _in_fractions(parts)

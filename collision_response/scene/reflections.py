@@ -53,12 +53,16 @@ def reflections(cluster: Any, threshold: Scalar) -> ClusterImpulses:
         threshold: approaches slower than this fraction of the fastest one are ignored.
 
     Raises:
-        ImpactError: CONTRADICTORY_CONTACTS, if no velocities keep all contacts from approaching.
+        ImpactError: CONTRADICTORY_CONTACTS, if no velocities keep all contacts from approaching;
+            PATH_TOO_LONG, if contacts press on each other so that double-double arithmetic cannot tell.
     """
     if isinstance(cluster, RationalCluster):
         impulses = _in_fractions(cluster, Fraction(threshold))
     else:
         impulses = _in_double_double(cluster, threshold)
+    if impulses is None and cluster.is_locked:
+        reason = "press on each other, and may or may not contradict: too many to decide exactly"
+        raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
     if impulses is None:
         raise contradiction()
     return impulses
