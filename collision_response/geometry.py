@@ -58,17 +58,25 @@ def geometry_for(
 
 
 def reduce_body(body: Body, geometry: Geometry) -> Body:
-    """Return a body without what a geometry leaves out."""
+    """Return a body without what a geometry leaves out.
+
+    Its centre of mass keeps its velocity, in PLANAR the part of it in the plane.
+    """
+    com, spin = com_in_world_axes(body), body.angular_velocity
     if geometry is Geometry.POINT:
-        return body._replace(inertia=ZERO_TENSOR, orientation=None, angular_velocity=ZERO, com=ZERO)
+        velocity = body.velocity + spin.cross(com)
+        return body._replace(
+            inertia=ZERO_TENSOR, orientation=None, velocity=velocity, angular_velocity=ZERO, com=ZERO
+        )
     zz = body.inertia.zz  # the only moment that PLANAR uses
+    tumbling = _in_plane(spin)
     return body._replace(
         inertia=ZERO_TENSOR._replace(xx=zz, yy=zz, zz=zz),
         position=_in_plane(body.position),
         orientation=None,
-        velocity=_in_plane(body.velocity),
-        angular_velocity=Vec3(0.0, 0.0, body.angular_velocity.z),
-        com=_in_plane(com_in_world_axes(body)),
+        velocity=_in_plane(body.velocity + tumbling.cross(com)),
+        angular_velocity=spin - tumbling,
+        com=_in_plane(com),
     )
 
 

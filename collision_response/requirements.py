@@ -168,6 +168,8 @@ class SceneSurvey:
     def _least(self, scene: tuple[Body, Body, Contact], impact: Impact) -> dict[Geometry, Precision]:
         """Return the geometries that serve a contact, with the lowest precision in each."""
         found = {Geometry.SPATIAL: Precision.EXTENDED}
+        if impact.status is StatusCode.TOLERANCE_NOT_MET:  # numbers that are not floats may leave it open
+            return found
         for geometry in GEOMETRIES:
             for precision in (Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED):
                 model = ImpactModel(impact.model.law, geometry, precision, self._tolerance)

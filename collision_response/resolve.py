@@ -197,9 +197,9 @@ def _with_initial_coefficients(body_a: Body, body_b: Body, contact: Contact, mod
         mu = 0.0 if law is Law.FRICTIONLESS else initial_friction(body_a, body_b, contact, law)
         contact = contact._replace(friction=mu)
     if callable(contact.restitution):
-        elastic = contact._replace(restitution=1.0, friction=0.0)
-        exact = model._replace(restitution_threshold=0.0, tolerance=0.0, precision=Precision.EXTENDED)
-        normal_velocity = resolve(body_a, body_b, elastic, exact).normal_velocity_before
+        plastic = contact._replace(restitution=0.0, friction=0.0)
+        exact = model._replace(geometry=Geometry.AUTO, precision=Precision.EXTENDED, tolerance=0.0)
+        normal_velocity = resolve(body_a, body_b, plastic, exact).normal_velocity_before
         e = restitution_at_speed(float(max(-normal_velocity, 0.0)), contact, "contact")
         contact = contact._replace(restitution=e)
     return contact

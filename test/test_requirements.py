@@ -303,6 +303,29 @@ def test_a_tolerance_that_nothing_meets_requires_extended(tolerance):
     assert scene_requirements(BODIES, [RUBBING], tolerance).precision.least is Precision.EXTENDED
 
 
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-9])
+def test_a_contact_that_no_precision_resolves_requires_extended(tolerance):
+    """A third minus a third: COULOMB computes with floats, which leave open whether the bodies separate."""
+    third = Fraction(1, 3)
+    bodies = {"sliding": Body.dynamic(1.0, velocity=(third, -third, 0.0)), "ground": Body.static()}
+    contacts = [SceneContact("sliding", "ground", Contact.of((0, 0, 0), (1, 1, 0), 0.5, 0.3))]
+    needs = scene_requirements(bodies, contacts, tolerance)
+    assert (needs.law.least, needs.precision.least) == (Law.COULOMB, Precision.EXTENDED)
+
+
+@pytest.mark.parametrize("spin", [0.5, -0.5])
+def test_a_step_of_restitution_at_the_approach_speed_requires_no_rotation(spin):
+    """Rotation changes the approach of 2 m/s by 5e-5: that decides the restitution, in every geometry."""
+    body = Body.sphere(1.0, 1.0, position=(1e-4, 0, 1), velocity=(0, 0, -2), angular_velocity=(0, spin, 0))
+    contact = Contact.of((0, 0, 0), (0, 0, 1), lambda v: 0.9 if v <= 2.0 else 0.1)
+    bodies = {"body": body, "ground": Body.static()}
+    model = _assert_least(bodies, [SceneContact("body", "ground", contact)], 1e-2)
+    assert model.geometry is Geometry.POINT
+    used, exact = resolve(body, bodies["ground"], contact, model), resolve(body, bodies["ground"], contact)
+    assert used.contact.restitution == exact.contact.restitution == (0.9 if spin > 0 else 0.1)
+    assert (used.impulse - exact.impulse).norm() <= 1e-2 * exact.impulse.norm()
+
+
 def test_an_invalid_contact_leaves_a_survey_unchanged():
     survey = SceneSurvey(1e-6)
     with pytest.raises(ImpactError):

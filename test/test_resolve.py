@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from collisions import LAWS_WITH_ORACLE, Collision, collisions, planar_collisions
+from collisions import EVERY_LAW, LAWS_WITH_ORACLE, Collision, collisions, planar_collisions
 from hypothesis import given, settings
 from refusals import refused
 
@@ -32,6 +32,7 @@ from collision_response import (
 from collision_response.batch import resolve_batch
 from collision_response.derivatives import differentiate
 from collision_response.physics.combine import combine
+from collision_response.physics.energy import kinetic_energy
 from collision_response.physics.mass_properties import box, rod
 from collision_response.physics.vector import ZERO, Vec3
 
@@ -429,6 +430,25 @@ def test_the_bound_covers_what_a_forced_geometry_leaves_out(geometry):
 
     holds()
     assert left_out > 5
+
+
+@pytest.mark.parametrize("law", EVERY_LAW)
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("geometry", [Geometry.POINT, Geometry.PLANAR])
+def test_a_forced_geometry_reports_the_energy_of_its_twists(geometry, friction, law):
+    """The reference point is not the centre of mass, and the body turns about axes that are left out."""
+    for com in product((-0.25, 0.25), repeat=3):
+        thrown = Body.dynamic(
+            2.0, (0.3, 0, 0, 0.4, 0, 0.5), (0.2, 1, 0.1), None, (0.5, -1, 0.25), (1.5, -2, 0.75), com
+        )
+        contact = Contact.of((0, 0, 0), (0, 1, 0), 1.0, friction)
+        impact = resolve(thrown, FLOOR, contact, ImpactModel(law, geometry, tolerance=10.0))
+        assert impact.regime is not Regime.SEPARATING
+        before, after = kinetic_energy(thrown), kinetic_energy(thrown.with_twist(impact.twist_a))
+        rounding = 1e-14 * before
+        assert impact.kinetic_energy_before == pytest.approx(before, abs=rounding)
+        assert impact.kinetic_energy_after == pytest.approx(after, abs=rounding)
+        assert after <= before + rounding
 
 
 def test_a_geometry_that_leaves_nothing_out_is_exact():

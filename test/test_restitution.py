@@ -19,6 +19,7 @@ from collision_response import (
     Adjustment,
     Body,
     Contact,
+    Geometry,
     ImpactError,
     ImpactModel,
     Precision,
@@ -70,6 +71,27 @@ def test_a_function_gives_the_coefficient_and_the_answer_reports_it():
     impact = resolve(DROP, FLOOR, contact_with(lambda speed: 1 / (1 + speed)))
     assert impact.contact.restitution == pytest.approx(1 / 3)
     assert impact.twist_a.linear.z == pytest.approx(2 / 3)
+
+
+@pytest.mark.parametrize("geometry", Geometry)
+@pytest.mark.parametrize("friction", [0.0, 0.3, lambda v: 0.3 / (1 + v)])
+def test_the_approach_speed_includes_what_a_forced_geometry_leaves_out(geometry, friction):
+    """The centre approaches at 2 m/s, the contact at 2.5: that speed decides the restitution."""
+    body = Body.sphere(
+        1.0, 1.0, position=(0.0, 1.0, -0.1), velocity=(0.0, -2.0, 0.0), angular_velocity=(5.0, 0.0, 0.0)
+    )
+    contact = Contact.of((0, 0, 0), (0, 1, 0), lambda v: 0.9 if v < 2.25 else 0.1, friction)
+    impact = resolve(body, FLOOR, contact, ImpactModel(geometry=geometry, tolerance=0.5))
+    exact = resolve(body, FLOOR, contact._replace(restitution=0.1))
+    assert impact.contact.restitution == 0.1
+    error = (impact.impulse - exact.impulse).norm()
+    assert error <= impact.error_bound * exact.impulse.norm()
+
+
+def test_a_function_answers_where_the_number_does():
+    """With a restitution of 1, the impulse would exceed float64."""
+    heavy = Body.dynamic(1.5e308, velocity=(0.0, 0.0, -0.9))
+    assert resolve(heavy, FLOOR, contact_with(lambda v: 0.0)) == resolve(heavy, FLOOR, contact_with(0.0))
 
 
 def test_the_threshold_acts_below_it_and_is_reported():
