@@ -5,9 +5,9 @@ the impact by restitution, friction and normal:
 
     S+ = Xi S Xi^T + J diag(sd^2) J^T
 
-This holds as long as all likely impacts have the same regime. To find out whether both sticking and
-slipping are likely, points at two standard deviations are tried: along each source of uncertainty, and in
-the directions in which the friction used, the slip after the impact and the slip before it change most.
+This holds as long as all likely impacts have the same regime. To find out whether others are likely, points
+at two standard deviations are tried: along each source of uncertainty, and in the directions in which the
+friction used, the slip after the impact, the slip before it and the approach change most.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 from .saltation import (
+    COEFFICIENTS,
     POSES,
     STANDARD_GRAVITY,
     TWISTS,
@@ -51,8 +52,8 @@ class CovarianceAfter(NamedTuple):
     Attributes:
         covariance: of the state after the impact; its shape is that of the covariance before.
         regimes: all regimes found within two standard deviations; the first is that of the mean state.
-        is_reliable: ``False`` if ``regimes`` has both sticking and slipping, or separating and another one,
-            or if the mean state is at a kink or a jump.
+        is_reliable: ``False`` if ``regimes`` has separating and another one, or both sticking and slipping of
+            a contact with friction; or if a derivative that was used is at a kink or a jump.
     """
 
     covariance: Array
@@ -99,17 +100,21 @@ def propagate_covariance(
     root = _square_root(covariance, len(movable))
     by_coefficients = np.zeros((24, 2))
     J, columns = linearised.derivatives.jacobian, linearised.derivatives.columns
-    for i, name in enumerate(("contact.restitution", "contact.friction")):
+    for i, name in enumerate(COEFFICIENTS):
         by_coefficients[TWISTS, i] = J[:12, columns[name]][:, 0]
-    from_coefficients = by_coefficients * [restitution_sd, friction_sd]
     with np.errstate(over="ignore", invalid="ignore"):
         from_state = linearised.matrix[:, movable] @ root
+        from_coefficients = by_coefficients * [restitution_sd, friction_sd]
         root_after = np.hstack([from_state, from_coefficients, linearised.by_normal * normal_sd])[movable]
         after = check_finite("covariance", root_after @ root_after.T)
     regimes = tuple(dict.fromkeys(_likely_regimes(linearised, root, deviations)))
-    sticking, separating = Regime.STICKING in regimes, Regime.SEPARATING in regimes
-    is_reliable = len(regimes) == 1 or not (sticking or separating)
-    return CovarianceAfter(after, regimes, is_reliable and not is_nonsmooth(linearised.derivatives))
+    has_friction = contact.friction > 0 or friction_sd > 0  # if not, a contact that sticks just does not slip
+    differ = {Regime.SEPARATING, Regime.STICKING} if has_friction else {Regime.SEPARATING}
+    has_one_behaviour = len(regimes) == 1 or differ.isdisjoint(regimes)
+    certain = [name for name, sd in zip(COEFFICIENTS, deviations[:2], strict=True) if sd == 0]
+    return CovarianceAfter(
+        after, regimes, has_one_behaviour and not is_nonsmooth(linearised.derivatives, without=certain)
+    )
 
 
 def _square_root(covariance: Array | None, size: int) -> Array:
@@ -152,27 +157,28 @@ def _likely_regimes(
     spread[24, size], spread[25, size + 1], spread[26:, size + 2 :] = restitution_sd, friction_sd, tilts
 
     # The derivatives of the twists after the impact and of the impulse, by the rows of `spread`.
-    names = "contact.restitution", "contact.friction", "contact.normal"
+    names = *COEFFICIENTS, "contact.normal"
     by_inputs = np.hstack([J[:, :24], *(J[:, columns[name]] for name in names)])
     P, mu = np.array(impact.impulse), contact.friction
     tangential = np.eye(3) - np.outer(n, n)
     arms = [np.subtract(contact.position, body.position) for body in (body_a, body_b)]
 
-    def slip(twists: Array) -> Array:
-        """Slip velocity of the twists of both bodies: of 12 numbers, or of each column of 12."""
+    def relative_velocity(twists: Array) -> Array:
+        """Relative velocity at the contact, for twists of both bodies: 12 numbers, or columns of 12."""
         v_a, w_a, v_b, w_b = twists[:3], twists[3:6], twists[6:9], twists[9:12]
-        u = v_a + np.cross(w_a, arms[0], axis=0) - v_b - np.cross(w_b, arms[1], axis=0)
-        return tangential @ u
+        return np.asarray(v_a + np.cross(w_a, arms[0], axis=0) - v_b - np.cross(w_b, arms[1], axis=0))
 
     before_by_inputs = np.zeros((12, by_inputs.shape[1]))
     before_by_inputs[np.arange(12), TWISTS] = 1.0
     before = np.concatenate([[*b.velocity, *b.angular_velocity] for b in (body_a, body_b)])
     after = np.concatenate([[*t.linear, *t.angular] for t in (impact.twist_a, impact.twist_b)])
     friction_impulse = tangential @ P
+    u_before_by_inputs = relative_velocity(before_by_inputs)
     gradients = [
         _normalised(friction_impulse) @ by_inputs[12:] - mu * n @ by_inputs[12:],
-        _normalised(slip(after)) @ slip(by_inputs[:12]),
-        _normalised(slip(before)) @ slip(before_by_inputs),
+        _normalised(tangential @ relative_velocity(after)) @ relative_velocity(by_inputs[:12]),
+        _normalised(tangential @ relative_velocity(before)) @ u_before_by_inputs,
+        n @ u_before_by_inputs,
     ]
     steepest = [gradient @ spread for gradient in gradients]
     steepest = [_normalised(step) for step in steepest if np.linalg.norm(step) > 0]

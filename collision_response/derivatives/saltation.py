@@ -28,9 +28,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..body_conversions import body_rotation, com_in_world_axes
-from ..model import DEFAULT, ImpactModel, check_number
+from ..model import DEFAULT, Adjustment, ImpactModel, check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
+from ..physics.laws import Regime
 from ..physics.vector import Vec3, as_vector
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
@@ -43,6 +44,7 @@ STANDARD_GRAVITY = (0.0, 0.0, -9.80665)
 
 POSE, TWIST = ("position", "orientation"), ("velocity", "angular_velocity")
 STATE = [f"{body}.{name}" for body in ("body_a", "body_b") for name in (*POSE, *TWIST)]
+COEFFICIENTS = "contact.restitution", "contact.friction"
 POSES, TWISTS = [*range(6), *range(12, 18)], [*range(6, 12), *range(18, 24)]
 """Indices of the poses and of the twists in the state of two bodies."""
 
@@ -113,14 +115,9 @@ def linearise(
     resolve(body_a, body_b, contact, model)  # refuses invalid input before `surfaces` is called with it
     request = body_a, body_b, contact, model
     motion = _surface_motion(surfaces, body_a, body_b, contact)
-    names = [*STATE, "contact.position", "contact.normal", "contact.restitution", "contact.friction"]
+    names = [*STATE, "contact.position", "contact.normal", *COEFFICIENTS]
     contact = contact._replace(normal=Vec3(*unit_normal(contact).tolist()))
     derivatives = differentiate(body_a, body_b, contact, model, names)
-    u_n = derivatives.impact.normal_velocity_before
-    if not u_n < 0:
-        raise ImpactError(
-            StatusCode.SEPARATING, "contact.normal", f"there is no impact: the normal velocity is {u_n}"
-        )
     J = derivatives.jacobian[:12]  # rows of the twists
     dv_dC, dv_dn = (J[:, derivatives.columns[name]] for name in ("contact.position", "contact.normal"))
     tangential = np.eye(3) - np.outer(contact.normal, contact.normal)
@@ -136,10 +133,17 @@ def linearise(
     d_A, d_B = (Vec3(*np.subtract(contact.position, body.position).tolist()) for body in bodies)
     by_twist = [0.0] * 6
     Dg = np.array([*n, *d_A.cross(n), *by_twist, *-n, *-(d_B.cross(n)), *by_twist])
-    twists_after = derivatives.impact.twist_a, derivatives.impact.twist_b
-    bodies_after = (body.with_twist(twist) for body, twist in zip(bodies, twists_after, strict=True))
+    impact = derivatives.impact
+    bodies_after = body_a.with_twist(impact.twist_a), body_b.with_twist(impact.twist_b)
     F_before = np.concatenate([_free_flight_rate(body, gravity) for body in bodies])
     F_after = np.concatenate([_free_flight_rate(body, gravity) for body in bodies_after])
+    u_n = impact.normal_velocity_before
+    if Adjustment.MASSLESS_SPIN in impact.adjustments:  # the rotation left out moves the surface all the same
+        u_n = float(Dg @ F_before)
+    if impact.regime is Regime.SEPARATING or not u_n < 0:
+        raise ImpactError(
+            StatusCode.SEPARATING, "contact.normal", f"there is no impact: the normal velocity is {u_n}"
+        )
     with np.errstate(over="ignore", invalid="ignore"):
         matrix = check_finite("matrix", DR + np.outer(F_after - DR @ F_before, Dg) / u_n)
     movable = [12 * side + i for side, body in enumerate(bodies) if body.is_movable() for i in range(12)]
@@ -170,9 +174,10 @@ def as_finite_array(value: Any, shape: tuple[int, ...]) -> Array | None:
     return array if array.shape == shape and np.isfinite(array).all() else None
 
 
-def is_nonsmooth(derivatives: Derivatives) -> bool:
-    """Whether any of the derivatives is taken at a kink or a jump."""
-    return bool((derivatives.smoothness != Smoothness.SMOOTH).any())
+def is_nonsmooth(derivatives: Derivatives, without: Sequence[str] = ()) -> bool:
+    """Whether a derivative, except those by the parameters ``without``, is taken at a kink or a jump."""
+    used = [columns for name, columns in derivatives.columns.items() if name not in without]
+    return any((derivatives.smoothness[columns] != Smoothness.SMOOTH).any() for columns in used)
 
 
 def _surface_motion(
