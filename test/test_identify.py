@@ -174,6 +174,16 @@ def test_one_table_of_a_sliding_sphere_determines_a_product_only(quantity):
     assert found.combination.value == pytest.approx(by_hand, rel=1e-5)
 
 
+def test_the_interval_of_a_product_may_reach_to_infinity():
+    """Resamples of only the reading at 90 degrees approach at 1e-16 m/s: any friction fits."""
+    readings = SphereReadings(
+        3.0, 0.01, {"ratio": [(90, 0.5), (20, 0.6), (30, 0.7), (45, 0.8)]}, {"ratio": 0.01}
+    )
+    found = identify(readings)
+    assert found.combination is not None
+    assert found.combination.low <= found.combination.value < found.combination.high == math.inf
+
+
 def test_three_tables_of_a_sliding_sphere_determine_both_coefficients():
     found = identify(SphereReadings(3.9, 0.0025, KHARAZ, READING), resamples=2, loss="linear")
     assert found.values["friction"] == pytest.approx(0.0926, abs=5e-4)
@@ -413,6 +423,13 @@ def test_invalid_arguments_are_refused_by_the_parser(capsys, options, told):
     with pytest.raises(SystemExit):
         main(["impacts.csv", *options])
     assert told in capsys.readouterr().err
+
+
+def test_a_misspelt_column_is_refused(tmp_path: Path, capsys):
+    table = tmp_path / "impacts.csv"
+    table.write_text(TABLE)
+    assert main([str(table), "--set", "m=2", "nz=1", "vy_afte=0"]) == 1
+    assert "columns: vy_afte is unknown" in capsys.readouterr().err
 
 
 def test_the_command_does_not_fit_what_is_given(tmp_path: Path, capsys):

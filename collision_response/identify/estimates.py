@@ -136,7 +136,8 @@ def _product(x: Array, values: Array, names: tuple[str, ...], covariance: Array)
     this product.
     """
     e, mu = (names.index(name) for name in PRODUCT)
-    low, high = np.percentile(values[:, mu] * (1 + values[:, e]), (2.5, 97.5))
+    products = values[:, mu] * (1 + values[:, e])  # infinite where friction has no effect
+    low, high = map(float, np.percentile(products, (2.5, 97.5), method="inverted_cdf"))
     slope = np.zeros(len(names))
     slope[e], slope[mu] = x[mu], 1 + x[e]
     return Estimate(x[mu] * (1 + x[e]), low, high, math.sqrt(slope @ covariance @ slope))

@@ -50,9 +50,12 @@ def read_rows(path: Path, more: Mapping[str, str]) -> list[dict[str, float]]:
 
     Raises:
         ImpactError: INVALID_TABLE if a cell is not a number or is too long, a needed column appears twice, a
-            row has more cells than there are columns, or there are no rows.
+            row has more cells than there are columns, there are no rows, or ``more`` has an unknown column.
         OSError: if the file cannot be read.
     """
+    for name in more:
+        if name not in KNOWN:
+            raise ImpactError(StatusCode.INVALID_TABLE, "columns", f"{name} is unknown")
     rows = []
     for i, cells in enumerate(_cells(path, KNOWN.union(more.values()))):
         cells |= {name: cells.get(value, value) for name, value in more.items()}
