@@ -106,7 +106,7 @@ def make_impact(
 ) -> Impact:
     """Make an answer from what ``impact.py`` computes, for the requests that Python answers.
 
-    For all others, ``make_impact`` of ``kernels/module.cpp`` does this.
+    For all others, ``make_impact`` of ``kernels/resolve.cpp`` does this.
 
     Args:
         bodies: the bodies of the request, in floats or fractions.

@@ -2,7 +2,7 @@
 
 A request takes this path:
 
-1. ``kernels/module.cpp`` looks up the model's plan (``plan_model`` in ``model.py``), reads the bodies and
+1. ``kernels/resolve.cpp`` looks up the model's plan (``plan_model`` in ``model.py``), reads the bodies and
    the contact, checks them by the rules of ``validity.py``, and computes the formulas of ``impact.py`` in the
    first precision of the plan, then in the next ones, until the error bound is low enough. Nearly every
    request ends here.

@@ -7,7 +7,16 @@ import math
 import pytest
 from scene_cases import Scene, any_scene, box, row_of_balls
 
-from collision_response import Body, Contact, ImpactError, ImpactModel, Law, resolve_scene
+from collision_response import (
+    Body,
+    Contact,
+    Geometry,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Precision,
+    resolve_scene,
+)
 from collision_response.kernels import library
 
 LAWS = [Law.AUTO, Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU]
@@ -30,17 +39,19 @@ def both(monkeypatch):
     return answers
 
 
-def contacts_of_larger_clusters(scene: Scene) -> Scene:
-    """The contacts of clusters of several, without repetitions, and the bodies that they touch."""
-    kept = []
-    for cluster in scene.resolve(Law.FRICTIONLESS).clusters:
-        own = list({(scene.pairs[i], scene.contacts[i]): i for i in cluster}.values())
-        kept += own if len(own) > 1 else []
-    places = sorted({b for i in kept for b in scene.pairs[i]})
+def without_copies(scene: Scene) -> Scene:
+    """The scene without contacts that are given before, and with two bodies that nothing touches."""
+    kept = {
+        (frozenset(pair), contact.position): i
+        for i, (pair, contact) in enumerate(zip(*scene[1:], strict=True))
+    }
+    free = Body.sphere(
+        2.0, 0.1, position=(50.0, 0.0, 0.0), velocity=(1.0, 2.0, -3.0), angular_velocity=(0.1, 0.0, 7.0)
+    )
     return Scene(
-        [scene.bodies[b] for b in places],
-        [(places.index(scene.pairs[i][0]), places.index(scene.pairs[i][1])) for i in kept],
-        [scene.contacts[i] for i in kept],
+        [*scene.bodies, free, Body.kinematic(velocity=(0.0, 0.0, 1.0))],
+        [scene.pairs[i] for i in kept.values()],
+        [scene.contacts[i] for i in kept.values()],
     )
 
 
@@ -49,12 +60,80 @@ def contacts_of_larger_clusters(scene: Scene) -> Scene:
 def test_compiled_scenes_give_the_same_bits(both, law, threshold):
     compiled = 0
     for seed in range(30, 110):
-        scene = contacts_of_larger_clusters(any_scene(seed))
+        scene = without_copies(any_scene(seed))
         one, other = both(scene, ImpactModel(law, restitution_threshold=threshold))
         compiled += one is not None
         assert one is None or one == other
         assert one is None or (type(one), one.status, one.model) == (type(other), other.status, other.model)
     assert compiled > 60
+
+
+def drops(*contacts: Contact, spin: float = 0.0) -> Scene:
+    """Balls that each strike the ground at one contact, and a box that lands on four."""
+    box_scene, count = box((1, 0.5, -1), e=0.5, mu=0.3), len(contacts)
+    balls = [
+        Body.sphere(
+            2.0,
+            0.1,
+            position=(c.position[0], 0.0, 0.1),
+            velocity=(0.3, 0.0, -1.0),
+            angular_velocity=(0, 0, spin),
+        )
+        for c in contacts
+    ]
+    pairs = [(2 + i, 1) for i in range(count)]
+    return Scene([*box_scene.bodies, *balls], pairs + box_scene.pairs, [*contacts, *box_scene.contacts])
+
+
+GROUND = (0.0, 0.0, 1.0)
+SINGLE_CONTACTS = {
+    "frictionless": [Contact.of((9.0, 0.0, 0.0), GROUND, 0.5)],
+    "with friction": [
+        Contact.of((9.0, 0.0, 0.0), GROUND, 0.5, 0.3),
+        Contact.of((7.0, 0.0, 0.0), GROUND, 1.0, 0.1),
+    ],
+    "separating": [Contact.of((9.0, 0.0, 0.0), (0.0, 0.0, -1.0), 0.5, 0.3)],
+    "oblique": [Contact.of((9.0, 0.01, 0.0), (0.1, 0.2, 1.0), 0.9, 2.0)],
+}
+
+
+@pytest.mark.parametrize("name", SINGLE_CONTACTS)
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"restitution_threshold": 1.5}, {"tolerance": 1e-15}, {"precision": Precision.EXTENDED}],
+    ids=str,
+)
+def test_clusters_of_one_contact(both, law, name, options):
+    one, other = both(drops(*SINGLE_CONTACTS[name], spin=3.0), ImpactModel(law, **options))
+    assert one is not None
+    assert one == other
+    assert (one.status, one.model) == (other.status, other.model)
+
+
+@pytest.mark.parametrize("law", Law)
+@pytest.mark.parametrize("geometry", [Geometry.AUTO, Geometry.POINT, Geometry.SPATIAL])
+@pytest.mark.parametrize("precision", [Precision.AUTO, Precision.DOUBLE])
+def test_only_clusters_of_one_contact(both, law, geometry, precision):
+    points = [Body.dynamic(1.0, position=(2.0 * i, 0.0, 0.0), velocity=(0.2, -0.1, -i)) for i in range(5)]
+    contacts = [Contact.of(p.position, GROUND, 0.25 * i, 0.2 * i) for i, p in enumerate(points)]
+    scene = Scene([Body.static(), *points], [(i + 1, 0) for i in range(5)], contacts)
+    one, other = both(scene, ImpactModel(law, geometry, precision))
+    assert one is not None
+    assert one == other
+    assert (one.status, one.model) == (other.status, other.model)
+
+
+def test_an_invalid_body_without_contact_is_refused():
+    scene = box()
+    for field, value in (
+        ("mass", -1.0),
+        ("inertia", (1.0, 0.0, 0.0, 1.0, 0.0, 5.0)),
+        ("velocity", (math.nan, 0, 0)),
+    ):
+        free = Body.dynamic(1.0)._replace(**{field: value})
+        with pytest.raises(ImpactError, match=rf"bodies\[2\].{field}"):
+            scene._replace(bodies=[*scene.bodies, free]).resolve(Law.AUTO)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
@@ -87,8 +166,6 @@ def test_every_adjustment_and_status_is_the_same(both, law):
         row_of_balls((1, 0, 0)),
         Scene(*box()[:2], [c._replace(tangential_restitution=0.0) for c in box().contacts]),
         Scene(box().bodies, [(0, 1)] * 5, [*box().contacts, box().contacts[0]]),
-        Scene([*box().bodies, Body.dynamic(1.0)], *box()[1:]),
-        Scene(box().bodies, [(0, 1)], box().contacts[:1]),
     ],
 )
 def test_unusual_scenes_are_left_to_python(both, unusual):

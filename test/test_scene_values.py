@@ -10,7 +10,7 @@ import pytest
 from scene_cases import Scene, box, row_of_balls, speeds
 
 from collision_response import Adjustment, Body, Contact, ImpactModel, Law, Regime, StatusCode, resolve_scene
-from collision_response.scene.kernel_model import THRESHOLD
+from collision_response.scene.reflections import THRESHOLD
 
 GR, LCP, LZB = Law.FRICTIONLESS, Law.MOREAU, Law.ROUTH_STRONGE
 

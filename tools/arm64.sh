@@ -24,7 +24,7 @@ mkdir -p .arm64
 "$bin/ninja" -C "$build" >> "$build.log"
 rm -rf "$site/collision_response"
 cp -r collision_response "$site"
-for module in _compiled _scene _derivatives; do
+for module in _compiled _derivatives; do
     cp "$build/$module".*.so "$site/collision_response/kernels/$module.so"
 done
 

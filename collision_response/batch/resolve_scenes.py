@@ -30,10 +30,9 @@ import numpy as np
 
 from ..kernels import library
 from ..model import DEFAULT, LARGEST_BOUND, ImpactModel, check_number
-from ..physics.laws import PATHS
+from ..physics.laws import PATHS, Law
 from ..scene import resolve_scene
-from ..scene.kernel_model import COMPILED_LAWS, THRESHOLD
-from ..scene.reflections import REFLECTIONS
+from ..scene.reflections import REFLECTIONS, THRESHOLD
 from ..status import ImpactError, StatusCode
 from .one_by_one import REPORT, body_of, contact_of
 from .other_arrays import check_unmasked
@@ -41,6 +40,9 @@ from .pairs import IS_ANSWER, as_pairs
 from .resolve_batch import UINT8, BatchRequest, check_workers, plan_for, resolve_batch, run_in_parts
 
 Array = np.ndarray[Any, Any]
+
+COMPILED_LAWS = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU)
+"""The laws by which the kernels resolve clusters of several contacts."""
 
 CLUSTERS_PER_WORKER = 64
 """With fewer clusters, another worker takes longer to start than it saves."""

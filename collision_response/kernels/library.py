@@ -1,4 +1,4 @@
-"""The compiled functions. The modules get the Python types that they use here, once, by ``setup``."""
+"""The compiled functions. ``setup`` gives them the Python objects that they use."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..physics.vector import Vec3
 from ..status import ImpactError, StatusCode
 
 try:
-    from . import _compiled, _scene  # type: ignore[attr-defined]  # made by the build
+    from . import _compiled  # type: ignore[attr-defined]  # made by the build
 except ImportError as error:
     raise ImportError(
         f"{Path(__file__).parents[1]} is not compiled. In a source tree, Python takes the directory of that "
@@ -43,17 +43,16 @@ def _by_number(enumeration: type[IntEnum]) -> tuple[IntEnum | None, ...]:
     return tuple(members.get(i) for i in range(max(members) + 1))
 
 
-_regimes_by_number, _statuses_by_number = _by_number(Regime), _by_number(StatusCode)
-_adjustments_by_number = tuple(Adjustment(i) for i in range(2 * max(Adjustment)))
 _compiled.setup(
     Impact,
     Twist,
     Vec3,
+    Body,
     Contact,
     Fraction,
-    _statuses_by_number,
-    _regimes_by_number,
-    _adjustments_by_number,
+    _by_number(StatusCode),
+    _by_number(Regime),
+    tuple(Adjustment(i) for i in range(2 * max(Adjustment))),
     plan_model,
     model_as_used,
     refusal,
@@ -64,13 +63,9 @@ numbers_with_errors = _compiled.numbers_with_errors
 batch = _compiled.batch
 independent_sets = _compiled.independent_sets
 limit_vectors = _compiled.limit_vectors
-
-_scene.setup(
-    Vec3, Twist, Fraction, Body, Contact, _regimes_by_number, _statuses_by_number, _adjustments_by_number
-)
-resolve_scene = _scene.resolve_scene
-assemble = _scene.assemble
-Cluster = _scene.Cluster
-is_rational = _scene.is_rational
-clusters = _scene.clusters
-resolve_clusters = _scene.resolve_clusters
+resolve_scene = _compiled.resolve_scene
+assemble = _compiled.assemble
+Cluster = _compiled.Cluster
+is_rational = _compiled.is_rational
+clusters = _compiled.clusters
+resolve_clusters = _compiled.resolve_clusters

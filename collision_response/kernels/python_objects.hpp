@@ -44,11 +44,13 @@ static inline bool read_exact_float(PyObject* o, double& x) {
   return !overflow && -(1LL << 53) <= whole && whole <= 1LL << 53;
 }
 
-// Python types and objects, given by setup().
-static struct {
-  PyTypeObject *vec3, *twist, *contact, *fraction;
-  PyObject *statuses, *regimes, *adjustments;  // tuples of the members of enumerations, by number
-} python_types;
+// Python's types, functions and enumerations, given by setup().
+struct PythonObjects {
+  PyTypeObject *impact, *twist, *vec3, *body, *contact, *fraction;
+  PyObject *statuses, *regimes, *adjustments;  // tuples of the members, by number
+  PyObject *plan_model, *model_as_used, *refusal;
+};
+inline PythonObjects python;
 
 static inline PyObject* make_tuple(PyTypeObject* type, const double* x, int count) {
   PyObject* v = type->tp_alloc(type, count);
@@ -56,9 +58,9 @@ static inline PyObject* make_tuple(PyTypeObject* type, const double* x, int coun
     for (int k = 0; k < count; ++k) PyTuple_SET_ITEM(v, k, PyFloat_FromDouble(x[k]));
   return v;
 }
-static inline PyObject* make_vec3(const double* x) { return make_tuple(python_types.vec3, x, 3); }
+static inline PyObject* make_vec3(const double* x) { return make_tuple(python.vec3, x, 3); }
 static inline PyObject* make_twist(const double* x) {
-  PyObject* t = python_types.twist->tp_alloc(python_types.twist, 2);
+  PyObject* t = python.twist->tp_alloc(python.twist, 2);
   if (t)
     for (int k = 0; k < 2; ++k) PyTuple_SET_ITEM(t, k, make_vec3(x + 3 * k));
   return t;
@@ -66,7 +68,7 @@ static inline PyObject* make_twist(const double* x) {
 // The contact with the coefficients that were used: another restitution, or no friction, where these differ.
 static inline PyObject* contact_as_used(PyObject* contact, double e, bool e_changed, bool without_friction) {
   if (!e_changed && !without_friction) return Py_NewRef(contact);
-  PyObject* used = python_types.contact->tp_alloc(python_types.contact, 5);
+  PyObject* used = python.contact->tp_alloc(python.contact, 5);
   for (int k = 0; used && k < 5; ++k) {
     bool changed = (k == 2 && e_changed) || (k == 3 && without_friction);
     PyTuple_SET_ITEM(used, k, changed ? PyFloat_FromDouble(k == 2 ? e : 0) : Py_NewRef(PyTuple_GET_ITEM(contact, k)));

@@ -30,7 +30,7 @@ static __attribute__((noinline, cold)) bool read_other(PyObject* o, const InputB
   double& error = buffer.error[i];
   auto refuse = [&] { return set_type_error(std::string(buffer.names[i]) + ": must be a real number,", o); };
   if (read_exact_float(o, x)) return true;
-  if (buffer.has_fraction && PyObject_TypeCheck(o, python_types.fraction)) *buffer.has_fraction = true;
+  if (buffer.has_fraction && PyObject_TypeCheck(o, python.fraction)) *buffer.has_fraction = true;
   PyNumberMethods* as_number = Py_TYPE(o)->tp_as_number;
   if (PyBool_Check(o) || std::strncmp(Py_TYPE(o)->tp_name, "numpy.bool", 10) == 0 || PyComplex_Check(o) || PyUnicode_Check(o) || !as_number ||
       !(as_number->nb_float || as_number->nb_index))

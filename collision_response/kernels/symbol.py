@@ -7,7 +7,7 @@ How a formula in Python becomes machine code:
 2. ``emit.py`` writes the tape as a C++ function template. Its parameter is the number type.
 3. ``CMakeLists.txt`` has ``trace.py`` do these two steps during the build. Then it compiles the template for
    each number type of ``numbers.hpp`` and for each instruction set.
-4. ``module.cpp`` calls the compiled kernels, and ``library.py`` imports it.
+4. ``resolve.cpp`` and ``resolve_batch.cpp`` call the compiled kernels. ``library.py`` imports them.
 
 The tape simplifies a formula where that changes no rounding. It holds equal operations once, carries out
 operations on constants, replaces ``x + 0`` and ``x * 1`` by ``x`` and ``x * 0`` by 0, and moves minus signs

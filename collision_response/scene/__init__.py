@@ -15,13 +15,12 @@ The laws: ``reflections.py`` (FRICTIONLESS), ``coulomb.py``, ``moreau.py`` and `
 equations and its sources. Most of the arithmetic is in ``kernels/scene/``.
 
 A law is given a *cluster*, which knows what impulses do to its bodies and contacts. There are two kinds:
-``Cluster`` of ``kernels/scene.cpp``, in double-double with a bound on its error, and the exact
+``Cluster`` of ``kernels/cluster_object.cpp``, in double-double with a bound on its error, and the exact
 :class:`~collision_response.scene.rational_cluster.RationalCluster`.
 
-``resolve_scene`` of ``kernels/scene.cpp`` takes the same steps without Python, for the usual scene: all
-numbers are floats, the law is FRICTIONLESS, COULOMB or MOREAU, every movable body is in a cluster of several
-contacts, no contact is given twice, and doubles are enough. It leaves every other scene, and every error, to
-Python.
+``kernels/resolve_scene.cpp`` takes the same steps without Python, for the usual scene: all numbers are
+floats, clusters of several contacts have the law FRICTIONLESS, COULOMB or MOREAU, no contact is given twice,
+and double-double is enough. It leaves every other scene, and every error, to Python.
 """
 
 from .answer import SceneImpact

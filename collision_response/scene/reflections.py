@@ -37,6 +37,9 @@ from ..status import ImpactError, StatusCode
 from .impulses import ClusterImpulses
 from .rational_cluster import RationalCluster
 
+THRESHOLD = 2.0**-30
+"""Approaches slower than this fraction of the fastest one are ignored, so that rounding never decides one."""
+
 REFLECTIONS = 10_000
 """Greatest number of reflections. A chain of n equal balls takes n."""
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
 from ..kernels import library
-from ..model import DEFAULT, Adjustment, Geometry, ImpactModel, Precision, law_for
+from ..model import DEFAULT, Adjustment, Geometry, ImpactModel, Precision, law_for, plan_model
 from ..numbers.operations import Scalar
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
@@ -22,8 +22,8 @@ from ..status import ImpactError, StatusCode
 from .answer import SceneImpact
 from .cluster_answer import ClusterAnswer, split_among_copies
 from .clusters import Pair, distinct_contacts, find_clusters
-from .kernel_model import THRESHOLD, kernel_model
 from .order_sensitivity import order_sensitivity
+from .reflections import REFLECTIONS, THRESHOLD
 from .request import (
     ContactIndices,
     SceneOptions,
@@ -81,9 +81,8 @@ def resolve_scene(
         TypeError: if a field has the wrong type.
         ValueError: if there is not one pair, or not one stiffness, for each contact.
     """
-    kernel = kernel_model(model)
-    if threshold is THRESHOLD and stiffness is None and exponent == 1.5 and orders == 0 and kernel.models:
-        fields = library.resolve_scene(bodies, pairs, contacts, *kernel)
+    if threshold is THRESHOLD and stiffness is None and exponent == 1.5 and orders == 0:
+        fields = library.resolve_scene(bodies, pairs, contacts, model, THRESHOLD, REFLECTIONS)
         if fields is not None:
             return SceneImpact._make(fields)
     scene = check_request(bodies, pairs, contacts)
@@ -95,7 +94,7 @@ def resolve_scene(
         scene = _as_fractions(scene, law)
     clusters = find_clusters(scene.pairs, scene.movable)
     answers = [_resolve_one(scene, cluster, options) for cluster in clusters]
-    answer = _combine(scene, options, kernel.numbers[2], clusters, answers)
+    answer = _combine(scene, options, clusters, answers)
     if orders:
         sensitivity = order_sensitivity(scene.bodies, scene.pairs, answer.contacts, model, orders)
         answer = answer._replace(order_sensitivity=sensitivity)
@@ -134,11 +133,10 @@ FELL_BACK = int(Adjustment.LAW_FALLBACK)
 def _combine(
     scene: SceneRequest,
     options: SceneOptions,
-    limit: float,
     clusters: list[list[int]],
     answers: list[ClusterAnswer],
 ) -> SceneImpact:
-    """Combine the answers for clusters into that for the scene; ``limit`` is the greatest error allowed."""
+    """Combine the answers for clusters into that for the scene."""
     twists: list[Any] = [None] * len(scene.bodies)
     changes = [UNCHANGED] * len(scene.bodies)
     rows: list[Any] = [None] * len(scene.contacts)
@@ -180,7 +178,7 @@ def _combine(
         raise library.refusal(StatusCode.OUT_OF_RANGE)
     contacts, impulses, before, after, regimes = zip(*rows, strict=True) if rows else ((),) * 5
     status = StatusCode.OK
-    if bound > limit:
+    if bound > plan_model(options.model).bound_limit:
         status = StatusCode.TOLERANCE_NOT_MET
     elif regimes.count(Regime.SEPARATING) == len(regimes):
         status = StatusCode.SEPARATING

@@ -105,7 +105,7 @@ struct Cluster {
   }
 };
 
-// The law and its settings, as in KernelModel of scene/kernel_model.py.
+// The law and its settings.
 struct ClusterOptions {
   int law;
   double threshold, restitution_threshold;
@@ -118,6 +118,11 @@ struct ClusterResult {
   double margin = INFINITY, restitution = -1;  // as in ClusterImpulses
   bool below_restitution_threshold = false, fell_back = false, no_rebound = false;
 };
+
+inline int adjustments_of(const Cluster& cluster, const ClusterResult& result) {
+  return cluster.has_off_unit_orientation * ADJUSTMENT_NORMALISED_ORIENTATION + result.below_restitution_threshold * ADJUSTMENT_RESTITUTION_THRESHOLD +
+         result.fell_back * ADJUSTMENT_LAW_FALLBACK + result.no_rebound * ADJUSTMENT_NO_REBOUND + cluster.has_massless_spin * ADJUSTMENT_MASSLESS_SPIN;
+}
 
 // MOREAU: see scene/moreau.py. Without friction, in double-double.
 inline ClusterImpulses moreau(const Assembly& assembly, bool has_friction) {

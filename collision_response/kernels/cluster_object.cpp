@@ -1,0 +1,204 @@
+// The Python type Cluster, for the laws of collision_response/scene/.
+//
+// Python holds impulses along the normals as bytes: a double-double for each contact.
+#include <memory>
+
+#include "module.hpp"
+#include "scene/cluster.hpp"
+#include "scene/contact_springs.hpp"
+#include "scene/read_scene.hpp"
+
+namespace {
+
+PyTypeObject* cluster_type;
+
+struct ClusterObject {
+  PyObject_HEAD
+  Cluster* cluster;
+};
+void dealloc(PyObject* self) {
+  delete reinterpret_cast<ClusterObject*>(self)->cluster;
+  PyTypeObject* type = Py_TYPE(self);
+  type->tp_free(self);
+  Py_DECREF(type);
+}
+
+Assembly& assembly_of(PyObject* self) { return reinterpret_cast<ClusterObject*>(self)->cluster->assembly; }
+
+PyObject* bytes(const std::vector<DD>& p) {
+  return PyBytes_FromStringAndSize(reinterpret_cast<const char*>(p.data()), p.size() * sizeof(DD));
+}
+const DD* impulses(PyObject* self, PyObject* o) {
+  if (PyBytes_Check(o) && PyBytes_GET_SIZE(o) == static_cast<Py_ssize_t>(assembly_of(self).count * sizeof(DD)))
+    return reinterpret_cast<const DD*>(PyBytes_AS_STRING(o));
+  PyErr_SetString(PyExc_TypeError, "these are no impulses of this cluster");
+  return nullptr;
+}
+bool read_list(PyObject* list, Vector& x) {
+  for (size_t i = 0; i < x.size(); ++i) x[i] = PyFloat_AsDouble(PyList_GET_ITEM(list, i));
+  return !PyErr_Occurred();
+}
+template <class Make> PyObject* listed(size_t count, Make make) {
+  PyObject* list = PyList_New(static_cast<Py_ssize_t>(count));
+  for (size_t i = 0; list && i < count; ++i) PyList_SET_ITEM(list, static_cast<Py_ssize_t>(i), make(i));
+  return list;
+}
+
+// no_impulses(): impulses of 0.
+PyObject* no_impulses(PyObject* self, PyObject*) { return bytes(std::vector<DD>(assembly_of(self).count)); }
+
+// impulses_from_floats(p): impulses from a list of floats.
+PyObject* impulses_from_floats(PyObject* self, PyObject* list) {
+  Vector numbers(assembly_of(self).count);
+  if (!read_list(list, numbers)) return nullptr;
+  std::vector<DD> p;
+  for (double number : numbers) p.push_back({number, 0});
+  return bytes(p);
+}
+
+// contradictory_contacts(): the few contacts that seem to contradict each other, or an empty list.
+PyObject* find_contradictory_contacts(PyObject* self, PyObject*) {
+  const std::vector<int> found = contradictory_contacts(assembly_of(self));
+  return listed(found.size(), [&found](size_t i) { return PyLong_FromLong(found[i]); });
+}
+
+// velocity_size(p): an upper bound on the size of the velocities that impulses p produce, in the metric of kinetic energy.
+PyObject* velocity_size(PyObject* self, PyObject* o) {
+  const DD* p = impulses(self, o);
+  return p ? PyFloat_FromDouble(assembly_of(self).velocity_size(p)) : nullptr;
+}
+
+// reflections(threshold, budget): the normal impulses, error, margin, restitution (or None) and no_rebound of ClusterImpulses;
+// None if contacts contradict each other.
+PyObject* reflect(PyObject* self, PyObject* args) {
+  double threshold;
+  long budget;
+  if (!PyArg_ParseTuple(args, "dl", &threshold, &budget)) return nullptr;
+  ClusterImpulses found = Reflections{assembly_of(self)}.resolve(threshold, budget);
+  if (!found.are_found) Py_RETURN_NONE;
+  PyObject* e = found.restitution < 0 ? Py_NewRef(Py_None) : PyFloat_FromDouble(found.restitution);
+  return Py_BuildValue("NddNN", bytes(found.normal), found.error, found.margin, e, PyBool_FromLong(found.no_rebound));
+}
+
+PyObject* number_list(const Vector& x) {
+  return listed(x.size(), [&x](size_t i) { return PyFloat_FromDouble(x[i]); });
+}
+
+// effect_of(p, tangential, error, sticks_by_slip): the fields of an ImpulseEffect of scene/impulses.py. p are normal
+// impulses, tangential a list with two floats for each contact, along its tangents, or None.
+PyObject* get_effect(PyObject* self, PyObject* args) {
+  PyObject *normal, *tangential;
+  double error;
+  int sticks_by_slip;
+  if (!PyArg_ParseTuple(args, "OOdp", &normal, &tangential, &error, &sticks_by_slip)) return nullptr;
+  const DD* p = impulses(self, normal);
+  if (!p) return nullptr;
+  ClusterImpulses impulses{true, {p, p + assembly_of(self).count}, error};
+  impulses.tangential.resize(tangential == Py_None ? 0 : 2 * assembly_of(self).count);
+  if (!read_list(tangential, impulses.tangential)) return nullptr;
+  const Cluster& cluster = *reinterpret_cast<ClusterObject*>(self)->cluster;
+  ImpulseEffect effect = effect_of(assembly_of(self), impulses, sticks_by_slip);
+  return Py_BuildValue(
+      "NNNNNN(dddd)dNNN", listed(assembly_of(self).body_count, [&](size_t b) { return make_twist(&effect.changes[6 * b]); }),
+      listed(assembly_of(self).body_count, [&](size_t b) { return make_twist(&effect.twists[6 * b]); }),
+      listed(assembly_of(self).count, [&](size_t i) { return make_vec3(&effect.impulses[3 * i]); }), number_list(effect.normal_velocities_before), number_list(effect.normal_velocities_after),
+      listed(assembly_of(self).count, [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(python.regimes, effect.regimes[i])); }),
+      effect.energies[0], effect.energies[1], effect.energies[2], effect.energies[3], effect.error_bound,
+      PyBool_FromLong(cluster.has_massless_spin), PyBool_FromLong(cluster.has_off_unit_orientation),
+      PyBool_FromLong(effect.creates_energy));
+}
+
+// Normal impulses, tangential ones (or None) and their error; None if there is no answer.
+PyObject* impulses_or_none(const ClusterImpulses& impulses) {
+  if (!impulses.are_found) Py_RETURN_NONE;
+  PyObject* tangential = impulses.tangential.empty() ? Py_NewRef(Py_None) : number_list(impulses.tangential);
+  return Py_BuildValue("NNd", bytes(impulses.normal), tangential, impulses.error);
+}
+
+// least_work_friction(p, error): the impulses of COULOMB, from frictionless ones.
+PyObject* add_least_work_friction(PyObject* self, PyObject* args) {
+  PyObject* normal;
+  double error;
+  if (!PyArg_ParseTuple(args, "Od", &normal, &error)) return nullptr;
+  const DD* p = impulses(self, normal);
+  return !p ? nullptr : impulses_or_none(least_work_friction(assembly_of(self), {true, {p, p + assembly_of(self).count}, error}));
+}
+// moreau(has_friction): the impulses of MOREAU.
+PyObject* apply_moreau(PyObject* self, PyObject* has_friction) { return impulses_or_none(moreau(assembly_of(self), has_friction == Py_True)); }
+
+// follow_springs(stiffness, exponent, tolerance, budget, has_friction): the impulses of ROUTH_STRONGE at the end of one
+// path, normal and tangential (or None), the energy that friction took, and the rest of the budget. None if the budget ran
+// out, False if the path has no end.
+PyObject* follow_springs(PyObject* self, PyObject* args) {
+  PyObject* stiffness;
+  double exponent, tolerance;
+  long budget;
+  int has_friction;
+  if (!PyArg_ParseTuple(args, "Oddlp", &stiffness, &exponent, &tolerance, &budget, &has_friction)) return nullptr;
+  const Assembly& assembly = assembly_of(self);
+  Vector ratios(assembly.count);
+  if (!read_list(stiffness, ratios)) return nullptr;
+  ContactSprings springs(assembly, exponent, ratios, budget);
+  std::vector<Axes> P(assembly.count);
+  bool found;
+  {
+    ReleasedGil released;
+    Vector p;
+    found = has_friction ? springs.follow_with_friction(tolerance, P) : springs.follow_without_friction(tolerance, p);
+    for (size_t i = 0; i < p.size(); ++i) P[i][0] = p[i];
+  }
+  if (springs.is_wedged) Py_RETURN_FALSE;
+  if (!found) Py_RETURN_NONE;
+  const ClusterImpulses impulses = with_axis_impulses({}, assembly, P);
+  PyObject* tangential = has_friction ? number_list(impulses.tangential) : Py_NewRef(Py_None);
+  return Py_BuildValue("NNdl", bytes(impulses.normal), tangential, springs.friction_loss, springs.work);
+}
+
+PyObject* get_is_locked(PyObject* self, void*) { return PyBool_FromLong(assembly_of(self).is_locked); }
+PyObject* get_approach_is_uncertain(PyObject* self, void*) { return PyBool_FromLong(assembly_of(self).approach_is_uncertain()); }
+PyObject* get_is_out_of_range(PyObject* self, void*) { return PyBool_FromLong(reinterpret_cast<ClusterObject*>(self)->cluster->is_out_of_range()); }
+
+PyMethodDef methods[] = {
+    {"no_impulses", RaisesMemoryError<no_impulses>::call, METH_NOARGS, ""},
+    {"impulses_from_floats", RaisesMemoryError<impulses_from_floats>::call, METH_O, ""},
+    {"contradictory_contacts", RaisesMemoryError<find_contradictory_contacts>::call, METH_NOARGS, ""},
+    {"velocity_size", velocity_size, METH_O, ""},
+    {"reflections", RaisesMemoryError<reflect>::call, METH_VARARGS, ""},
+    {"effect_of", RaisesMemoryError<get_effect>::call, METH_VARARGS, ""},
+    {"least_work_friction", RaisesMemoryError<add_least_work_friction>::call, METH_VARARGS, ""},
+    {"moreau", RaisesMemoryError<apply_moreau>::call, METH_O, ""},
+    {"follow_springs", RaisesMemoryError<follow_springs>::call, METH_VARARGS, ""},
+    {}};
+PyGetSetDef fields[] = {{"is_locked", get_is_locked, nullptr, "", nullptr}, {"approach_is_uncertain", get_approach_is_uncertain, nullptr, "", nullptr}, {"is_out_of_range", get_is_out_of_range, nullptr, "", nullptr}, {}};
+PyType_Slot slots[] = {{Py_tp_dealloc, reinterpret_cast<void*>(dealloc)}, {Py_tp_methods, methods}, {Py_tp_getset, fields}, {}};
+PyType_Spec spec = {"collision_response.kernels._compiled.Cluster", sizeof(ClusterObject), 0, Py_TPFLAGS_DEFAULT, slots};
+
+}  // namespace
+
+// assemble(bodies, pairs, contacts, counts): a Cluster of contacts, each given `counts` times. The place of the first
+// invalid contact, if there is one; None if a number is not a float.
+PyObject* assemble(PyObject*, PyObject* const* args, Py_ssize_t count) {
+  if (count != 4 || !PyList_Check(args[0]) || !PyList_Check(args[1]) || !PyList_Check(args[2]) || !PyList_Check(args[3]))
+    return PyErr_Format(PyExc_TypeError, "assemble() takes four lists");
+  ClusterParts parts;
+  parts.bodies.resize(PyList_GET_SIZE(args[0]));
+  for (size_t i = 0; i < parts.bodies.size(); ++i)
+    if (!read_body(PyList_GET_ITEM(args[0], i), parts.bodies[i].data())) Py_RETURN_NONE;
+  for (Py_ssize_t k = 0; k < PyList_GET_SIZE(args[2]); ++k) {
+    std::int64_t pair[2];
+    ClusterParts::Contact contact{{}, {}, PyLong_AsDouble(PyList_GET_ITEM(args[3], k))};
+    if (!read_contact(PyList_GET_ITEM(args[2], k), contact.x) || !read_pair(PyList_GET_ITEM(args[1], k), parts.bodies.size(), pair)) Py_RETURN_NONE;
+    for (int side = 0; side < 2; ++side) contact.body[side] = static_cast<int>(pair[side]);
+    parts.contacts.push_back(contact);
+  }
+  auto cluster = std::make_unique<Cluster>(parts, false);
+  if (cluster->fault) return PyLong_FromSize_t(cluster->invalid_contact);
+  auto* object = PyObject_New(ClusterObject, cluster_type);
+  if (object) object->cluster = cluster.release();
+  return reinterpret_cast<PyObject*>(object);
+}
+
+bool add_cluster_type(PyObject* module) {
+  cluster_type = reinterpret_cast<PyTypeObject*>(PyType_FromSpec(&spec));
+  return cluster_type && PyModule_AddType(module, cluster_type) == 0;
+}

@@ -1,0 +1,12 @@
+// The functions of the Python module _compiled, and the files that they are in.
+#pragma once
+#include "python_objects.hpp"
+
+using Function = PyObject*(PyObject* module, PyObject* const* args, Py_ssize_t count);
+
+Function resolve, numbers_with_errors;                    // resolve.cpp
+Function batch, find_independent_sets;                    // resolve_batch.cpp
+Function resolve_scene, find_clusters, resolve_clusters;  // resolve_scene.cpp
+PyObject* is_rational(PyObject* module, PyObject* o);
+Function assemble;  // cluster_object.cpp
+bool add_cluster_type(PyObject* module);

@@ -1,0 +1,26 @@
+// One impact, as numbers.
+#pragma once
+#include "one_impact.hpp"
+#include "plan.hpp"
+
+struct OneImpact {
+  double input[ALL_INPUTS];
+  ImpactResult result;
+  int law, geometry, precision;  // as used
+  bool is_articulated, leaves_out_friction;
+  bool flags[5];  // see validity_header() of programs.py
+
+  int adjustments() const {
+    return flags[4] * ADJUSTMENT_NORMALISED_ORIENTATION + result.flags[FLAG_BELOW_THRESHOLD] * ADJUSTMENT_RESTITUTION_THRESHOLD +
+           result.flags[FLAG_FELL_BACK] * ADJUSTMENT_LAW_FALLBACK + result.flags[FLAG_MASSLESS_SPIN] * ADJUSTMENT_MASSLESS_SPIN +
+           is_articulated * ADJUSTMENT_ENERGY_CHANGE_ONLY;
+  }
+  PyObject* contact_as_used(PyObject* contact) const {
+    return ::contact_as_used(contact, result.reported[OUT_RESTITUTION], result.flags[FLAG_BELOW_THRESHOLD], leaves_out_friction);
+  }
+};
+
+// Compute the impact of a body_a, a body_b and a contact. Returns ANSWERED, RAISED if a Python error is set, or the Handover
+// of protocol.py that says why Python has to answer.
+enum { ANSWERED = -1, RAISED = -2 };
+int compute_one_impact(PyObject* const* request, const Plan& plan, OneImpact& impact);

@@ -1,0 +1,269 @@
+// Scenes: several contacts at once. Resolve whole scenes, and clusters of tables, without Python.
+#include <memory>
+
+#include "arrays.hpp"
+#include "module.hpp"
+#include "resolve.hpp"
+#include "scene/read_scene.hpp"
+#include "scene/table_clusters.hpp"
+
+// clusters(pairs, movable, order, starts, cluster): writes the clusters to the last three arrays, as in contact_pairs.hpp, and
+// returns how many there are.
+PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
+  Array pairs, movable, order, starts, cluster;
+  if (count != 5 || !pairs.open(args[0]) || !movable.open(args[1]) || !order.open(args[2], true) || !starts.open(args[3], true) || !cluster.open(args[4], true))
+    return PyErr_Format(PyExc_TypeError, "clusters() takes five arrays");
+  long n = static_cast<long>(order.view.shape[0]), found;
+  ContactPairs who{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, movable.view.shape[0]};
+  {
+    ReleasedGil released;
+    found = clusters(who, n, movable.at<bool>(), order.at<std::int64_t>(), starts.at<std::int64_t>(), cluster.at<std::int64_t>());
+  }
+  return PyLong_FromLong(found);
+}
+
+// resolve_clusters(table, law, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): resolve the
+// clusters wanted[from:to], without the GIL. `numbers` are the approach threshold, the restitution
+// threshold, the greatest error bound allowed, and the greatest number of reflections. The arrays are those
+// of batch/resolve_scenes.py, of the right shapes; `results` are the fields of a ScenesResult. Clusters that are left to
+// Python get the status 0.
+PyObject* resolve_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
+  constexpr int RESULTS = 12;
+  if (count != 12 || !PyTuple_Check(args[8]) || PyTuple_GET_SIZE(args[8]) != RESULTS) return PyErr_Format(PyExc_TypeError, "resolve_clusters() takes 12 arguments");
+  int place = static_cast<int>(PyLong_AsLong(args[0])), law = static_cast<int>(PyLong_AsLong(args[1]));
+  double number[4];
+  if (PyErr_Occurred() || !read_floats(args[2], 4, number)) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): numbers");
+  long from = PyLong_AsLong(args[10]), to = PyLong_AsLong(args[11]);
+  Array bodies, pairs, contacts, order, starts, wanted, result[RESULTS];
+  bool open = bodies.open(args[3]) && pairs.open(args[4]) && contacts.open(args[5]) && order.open(args[6]) && starts.open(args[7]) && wanted.open(args[9]);
+  for (int i = 0; i < RESULTS; ++i) open = open && (i == 4 || result[i].open(PyTuple_GET_ITEM(args[8], i), true));
+  if (!open || PyErr_Occurred()) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): arrays must be contiguous");
+  long n = static_cast<long>(contacts.view.shape[1]);
+  auto numbers = [&result](int i) { return result[i].at<double>(); };
+  TableClusters clusters{table_layouts[place], bodies.at<double>(), contacts.at<double>(),
+             {pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, bodies.view.shape[1]},
+             n, static_cast<long>(contacts.view.shape[0]), order.at<std::int64_t>(), starts.at<std::int64_t>(),
+             {law, number[0], number[1], static_cast<int>(number[3])}, number[2],
+             numbers(0), numbers(1), numbers(2), result[3].at<unsigned char>(), result[5].at<unsigned char>(),
+             numbers(6), numbers(7), {numbers(8), numbers(9), numbers(10), numbers(11)}};
+  {
+    ReleasedGil released;
+    for (long i = from; i < to; ++i) clusters.resolve(wanted.at<std::int64_t>()[i]);
+  }
+  Py_RETURN_NONE;
+}
+
+namespace {
+
+// A scene from Python.
+struct SceneRequest {
+  std::vector<std::array<double, BODY>> bodies;
+  std::vector<std::array<double, 8>> contacts;
+  std::vector<std::int64_t> a, b, order, starts, cluster;
+  std::unique_ptr<bool[]> movable;
+  std::vector<char> has_contact;  // for each body
+  long clusters = 0;
+  bool has_friction = false;
+
+  // Read a scene. False if something is not what it usually is: a number no float, a body articulated, a wrong index.
+  bool read(PyObject* body_list, PyObject* pair_list, PyObject* contact_list) {
+    for (PyObject* list : {body_list, pair_list, contact_list})
+      if (!PyList_Check(list) && !PyTuple_Check(list)) return false;
+    long n = PySequence_Fast_GET_SIZE(contact_list), of_bodies = PySequence_Fast_GET_SIZE(body_list);
+    if (PySequence_Fast_GET_SIZE(pair_list) != n) return false;
+    bodies.resize(of_bodies);
+    contacts.resize(n);
+    for (auto* numbers : {&a, &b, &order, &cluster}) numbers->resize(n);
+    starts.resize(n + 1);
+    movable.reset(new bool[of_bodies]);
+    has_contact.resize(of_bodies);
+    for (long i = 0; i < of_bodies; ++i) {
+      PyObject* body = PySequence_Fast_GET_ITEM(body_list, i);
+      if (Py_TYPE(body) != python.body || PyTuple_GET_ITEM(body, 7) != Py_None || !read_body(body, bodies[i].data())) return false;
+      movable[i] = bodies[i][0] < INFINITY;
+    }
+    for (long k = 0; k < n; ++k) {
+      PyObject* contact = PySequence_Fast_GET_ITEM(contact_list, k);
+      std::int64_t pair[2];
+      if (Py_TYPE(contact) != python.contact || PyTuple_GET_ITEM(contact, 4) != Py_None || !read_contact(contact, contacts[k].data())) return false;
+      if (!read_pair(PySequence_Fast_GET_ITEM(pair_list, k), of_bodies, pair)) return false;
+      a[k] = pair[0];
+      b[k] = pair[1];
+      has_contact[a[k]] = has_contact[b[k]] = 1;
+      has_friction = has_friction || contacts[k][7] > 0;
+    }
+    clusters = ::clusters({a.data(), b.data(), of_bodies}, n, movable.get(), order.data(), starts.data(), cluster.data());
+    return clusters > 0;
+  }
+};
+
+// The answer for a scene, put together cluster by cluster: see SceneImpact.
+class SceneAnswer {
+ public:
+  SceneAnswer(const SceneRequest& scene, PyObject* const* given, Plan* plan, const ClusterOptions& options)
+      : scene(scene), bodies(given[0]), contacts(given[2]), model(given[3]), plan(plan), options(options), law(options.law), place(scene.bodies.size(), -1) {
+    auto bodies = static_cast<Py_ssize_t>(scene.bodies.size()), contacts = static_cast<Py_ssize_t>(scene.contacts.size());
+    for (int i = 0; i < COLUMNS; ++i) column[i] = PyTuple_New(i == CLUSTERS ? scene.clusters : i == TWISTS || i == CHANGES ? bodies : contacts);
+  }
+  SceneAnswer(const SceneAnswer&) = delete;
+  ~SceneAnswer() {
+    for (PyObject* one : column) Py_XDECREF(one);
+  }
+
+  // Resolve everything. False if a part is left to Python, or has no answer.
+  bool resolve() {
+    for (PyObject* one : column)
+      if (!one) return false;
+    for (long c = 0; c < scene.clusters; ++c) {
+      long from = static_cast<long>(scene.starts[c]), to = static_cast<long>(scene.starts[c + 1]);
+      if (!(to - from == 1 ? resolve_single_contact(scene.order[from]) : resolve_contacts(from, to))) return false;
+      PyObject* indices = PyTuple_New(to - from);
+      for (long i = from; i < to; ++i) PyTuple_SET_ITEM(indices, i - from, PyLong_FromLongLong(scene.order[i]));
+      PyTuple_SET_ITEM(column[CLUSTERS], c, indices);
+    }
+    for (std::size_t i = 0; i < scene.bodies.size(); ++i)
+      if (!(scene.movable[i] && scene.has_contact[i]) && !add_unchanged_body(i)) return false;
+    return std::all_of(energies, energies + 4, [](double energy) { return std::isfinite(energy); });
+  }
+
+  // The fields of a SceneImpact.
+  PyObject* fields() {
+    PyObject* used = model_as_used(plan, law, geometry, precision);
+    if (!used) return nullptr;
+    int status = bound > plan->bound_limit ? STATUS_TOLERANCE_NOT_MET : is_separating ? STATUS_SEPARATING : STATUS_OK;
+    return Py_BuildValue("OOOOOOOOOddddOOddO", PyTuple_GET_ITEM(python.statuses, status), used, column[CONTACTS], column[TWISTS], column[CHANGES],
+                         column[IMPULSES], column[BEFORE], column[AFTER], column[REGIMES], energies[0], energies[1], energies[2], energies[3],
+                         column[CLUSTERS], Py_None, bound, margin, PyTuple_GET_ITEM(python.adjustments, adjustments));
+  }
+
+ private:
+  enum { CONTACTS, TWISTS, CHANGES, IMPULSES, BEFORE, AFTER, REGIMES, CLUSTERS, COLUMNS };
+
+  const SceneRequest& scene;
+  PyObject *bodies, *contacts, *model;
+  Plan* plan;
+  const ClusterOptions& options;
+  PyObject* column[COLUMNS];
+  double energies[4] = {}, bound = 0, margin = INFINITY;
+  int law, geometry = GEOMETRY_AUTO, precision = PRECISION_AUTO, adjustments = 0;
+  bool is_separating = true;
+  std::vector<int> place;  // for take_parts()
+
+  void put_body(std::int64_t i, const double* twist, const double* change) {
+    PyTuple_SET_ITEM(column[TWISTS], i, make_twist(twist));
+    PyTuple_SET_ITEM(column[CHANGES], i, make_twist(change));
+  }
+  // `used` is a new reference.
+  void put_contact(std::int64_t k, PyObject* used, const double* impulse, double before, double after, int regime) {
+    PyTuple_SET_ITEM(column[CONTACTS], k, used);
+    PyTuple_SET_ITEM(column[IMPULSES], k, make_vec3(impulse));
+    PyTuple_SET_ITEM(column[BEFORE], k, PyFloat_FromDouble(before));
+    PyTuple_SET_ITEM(column[AFTER], k, PyFloat_FromDouble(after));
+    PyTuple_SET_ITEM(column[REGIMES], k, Py_NewRef(PyTuple_GET_ITEM(python.regimes, regime)));
+    is_separating = is_separating && regime == REGIME_SEPARATING;
+  }
+  void put_cluster(const double* its_energies, double its_bound, int its_adjustments, int law_used, int geometry_used, int precision_used) {
+    for (int i = 0; i < 4; ++i) energies[i] += its_energies[i];
+    bound = std::fmax(bound, its_bound);
+    adjustments |= its_adjustments;
+    if (its_adjustments & ADJUSTMENT_LAW_FALLBACK && law == options.law) law = law_used;
+    geometry = std::max(geometry, geometry_used);
+    precision = std::max(precision, precision_used);
+  }
+
+  // A cluster of one contact is an ordinary impact.
+  bool resolve_single_contact(std::int64_t k) {
+    PyObject* contact = PySequence_Fast_GET_ITEM(contacts, k);
+    PyObject* request[] = {PySequence_Fast_GET_ITEM(bodies, scene.a[k]), PySequence_Fast_GET_ITEM(bodies, scene.b[k]), contact};
+    OneImpact impact;
+    if (compute_one_impact(request, *plan, impact) != ANSWERED) {
+      PyErr_Clear();  // Python raises it again, and names the fields of the scene
+      return false;
+    }
+    const ImpactResult& result = impact.result;
+    if (!(result.error_bound <= plan->target_bound)) return false;
+    if (scene.movable[scene.a[k]]) put_body(scene.a[k], result.reported, result.change + 3);
+    if (scene.movable[scene.b[k]]) put_body(scene.b[k], result.reported + 6, result.change + 9);
+    int regime = static_cast<int>(result.reported[OUT_REGIME]);
+    put_contact(k, impact.contact_as_used(contact), result.change, result.reported[OUT_NORMAL_VELOCITY_BEFORE], result.reported[OUT_NORMAL_VELOCITY_AFTER], regime);
+    put_cluster(result.reported + OUT_KINETIC_ENERGY_BEFORE, result.error_bound, impact.adjustments(), impact.law, impact.geometry, impact.precision);
+    return true;
+  }
+
+  // Resolve the cluster of the contacts order[from:to].
+  bool resolve_contacts(long from, long to) {
+    const bool has_compiled_law = options.law == LAW_FRICTIONLESS || options.law == LAW_COULOMB || options.law == LAW_MOREAU;
+    const bool is_full_geometry = plan->geometry == GEOMETRY_AUTO || plan->geometry == GEOMETRY_SPATIAL;
+    if (!has_compiled_law || !is_full_geometry || plan->setting(IN_MODEL_TANGENTIAL_RESTITUTION) != 0) return false;
+    auto read_body = [this](std::int64_t i, double* x) { std::copy(scene.bodies[i].begin(), scene.bodies[i].end(), x); };
+    auto read_contact = [this](std::int64_t k, double* x) { std::copy(scene.contacts[k].begin(), scene.contacts[k].end(), x); };
+    std::vector<std::int64_t> used;
+    ClusterParts parts = take_parts({scene.a.data(), scene.b.data(), 0}, &scene.order[from], &scene.order[0] + to, place, used, read_body, read_contact);
+    if (parts.has_copies()) return false;
+    Cluster cluster(parts, options.law == LAW_FRICTIONLESS);
+    if (cluster.fault) return false;
+    const ClusterResult result = resolve_cluster(cluster, options);
+    if (result.code != STATUS_OK) return false;
+    const ImpulseEffect& effect = result.effect;
+    for (std::size_t i = 0; i < used.size(); ++i) {
+      int movable = cluster.movable_place[i];
+      if (movable >= 0) put_body(used[i], &effect.twists[6 * movable], &effect.changes[6 * movable]);
+    }
+    for (long i = 0; i < to - from; ++i) {
+      std::int64_t k = scene.order[from + i];
+      const auto& given = scene.contacts[k];
+      double e = result.restitution < 0 ? cluster.assembly.contacts[i].e : result.restitution;
+      PyObject* contact = contact_as_used(PySequence_Fast_GET_ITEM(contacts, k), e, e != given[6], options.law == LAW_FRICTIONLESS && given[7] != 0);
+      put_contact(k, contact, &effect.impulses[3 * i], effect.normal_velocities_before[i], effect.normal_velocities_after[i], effect.regimes[i]);
+    }
+    put_cluster(effect.energies, effect.error_bound, adjustments_of(cluster, result), cluster.has_friction ? LAW_COULOMB : LAW_FRICTIONLESS, GEOMETRY_SPATIAL,
+                cluster.has_friction ? PRECISION_DOUBLE : PRECISION_EXTENDED);
+    margin = std::fmin(margin, result.margin);
+    return true;
+  }
+
+  // A body that is not movable, or has no contact. False if it is invalid, which a contact with a wall tells.
+  bool add_unchanged_body(std::size_t i) {
+    const double none[6] = {};
+    put_body(static_cast<std::int64_t>(i), &scene.bodies[i][IN_BODY_A_VELOCITY_X], none);
+    if (!scene.movable[i]) return true;
+    std::array<double, BODY> wall{};
+    wall[0] = INFINITY;
+    wall[IN_BODY_A_ORIENTATION_X + 3] = 1;
+    const Cluster cluster({{scene.bodies[i], wall}, {{{0, 1}, {0, 0, 0, 1, 0, 0, 0, 0}, 1}}}, true);
+    energies[0] += cluster.energy;
+    energies[1] += cluster.energy;
+    return !cluster.fault;
+  }
+};
+
+// Whether an object is a fraction, or a tuple or list that contains one.
+bool holds_fraction(PyObject* o) {
+  if (PyFloat_CheckExact(o) || o == Py_None) return false;
+  if (PyTuple_Check(o) || PyList_Check(o)) {
+    for (Py_ssize_t i = 0; i < PySequence_Fast_GET_SIZE(o); ++i)
+      if (holds_fraction(PySequence_Fast_GET_ITEM(o, i))) return true;
+    return false;
+  }
+  return PyObject_TypeCheck(o, python.fraction);
+}
+
+}  // namespace
+
+PyObject* is_rational(PyObject*, PyObject* o) { return PyBool_FromLong(holds_fraction(o)); }
+
+// resolve_scene(bodies, pairs, contacts, model, threshold, budget): the fields of a SceneImpact; None if the scene is left to
+// Python. The budget is the greatest number of reflections in a cluster.
+PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t count) {
+  if (count != 6) return PyErr_Format(PyExc_TypeError, "resolve_scene() takes 6 arguments");
+  Plan* plan = find_plan(args[3]);
+  if (!plan) return nullptr;
+  ClusterOptions options{0, PyFloat_AsDouble(args[4]), plan->setting(IN_MODEL_RESTITUTION_THRESHOLD), static_cast<int>(PyLong_AsLong(args[5]))};
+  if (PyErr_Occurred()) return nullptr;
+  SceneRequest scene;
+  if (!scene.read(args[0], args[1], args[2])) Py_RETURN_NONE;
+  options.law = scene.has_friction ? plan->law_with_friction : plan->law_without_friction;
+  SceneAnswer answer(scene, args, plan, options);
+  if (answer.resolve()) return answer.fields();
+  Py_RETURN_NONE;
+}
