@@ -65,10 +65,7 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = D
         ImpactError: if the request cannot be answered. Its ``code``, ``field`` and ``reason`` say why.
         TypeError: if an argument or one of its fields has the wrong type.
     """
-    answer = library.resolve(body_a, body_b, contact, model)
-    if answer.__class__ is Impact and answer.status is not TOLERANCE_NOT_MET:
-        return answer
-    return _resolve_in_python(body_a, body_b, contact, model, answer)
+    return library.resolve(body_a, body_b, contact, model, _resolve_in_python)
 
 
 def _resolve_in_python(

@@ -663,3 +663,14 @@ def test_the_normal_impulse_is_not_negative(law, precision):
         except ImpactError:  # not known at this precision
             continue
         assert impact.normal_impulse >= 0
+
+
+def test_an_answer_and_its_parts_have_the_hash_of_equal_tuples():
+    contact, model = CONTACT._replace(friction=0.5), ImpactModel(Law.FRICTIONLESS, restitution_threshold=9.0)
+    impact = resolve(BALL, FLOOR, contact, model)
+    for part in (impact, impact.contact, impact.twist_a, impact.change_a, impact.impulse):
+        assert hash(part) == hash(type(part)(*part))
+    contacts = [contact, contact._replace(position=(0.1, 0.0, 0.0))]
+    scene = resolve_scene([BALL, FLOOR], [(0, 1)] * 2, contacts, model)
+    for part in (*scene.contacts, *scene.twists, *scene.changes, *scene.impulses):
+        assert hash(part) == hash(type(part)(*part))

@@ -52,15 +52,23 @@ struct PythonObjects {
 };
 inline PythonObjects python;
 
+// A new named tuple, whose fields are null.
+static inline PyObject* new_tuple(PyTypeObject* type, int count) {
+  PyObject* o = type->tp_alloc(type, count);
+#if PY_VERSION_HEX >= 0x030E0000
+  if (o) reinterpret_cast<PyTupleObject*>(o)->ob_hash = -1;  // not known yet
+#endif
+  return o;
+}
 static inline PyObject* make_tuple(PyTypeObject* type, const double* x, int count) {
-  PyObject* v = type->tp_alloc(type, count);
+  PyObject* v = new_tuple(type, count);
   if (v)
     for (int k = 0; k < count; ++k) PyTuple_SET_ITEM(v, k, PyFloat_FromDouble(x[k]));
   return v;
 }
 static inline PyObject* make_vec3(const double* x) { return make_tuple(python.vec3, x, 3); }
 static inline PyObject* make_twist(const double* x) {
-  PyObject* t = python.twist->tp_alloc(python.twist, 2);
+  PyObject* t = new_tuple(python.twist, 2);
   if (t)
     for (int k = 0; k < 2; ++k) PyTuple_SET_ITEM(t, k, make_vec3(x + 3 * k));
   return t;
@@ -68,7 +76,7 @@ static inline PyObject* make_twist(const double* x) {
 // The contact with the coefficients that were used: another restitution, or no friction, where these differ.
 static inline PyObject* contact_as_used(PyObject* contact, double e, bool e_changed, bool without_friction) {
   if (!e_changed && !without_friction) return Py_NewRef(contact);
-  PyObject* used = python.contact->tp_alloc(python.contact, 5);
+  PyObject* used = new_tuple(python.contact, 5);
   for (int k = 0; used && k < 5; ++k) {
     bool changed = (k == 2 && e_changed) || (k == 3 && without_friction);
     PyTuple_SET_ITEM(used, k, changed ? PyFloat_FromDouble(k == 2 ? e : 0) : Py_NewRef(PyTuple_GET_ITEM(contact, k)));

@@ -75,7 +75,7 @@ int raise_refusal(int status) {
 }
 
 PyObject* make_impact(PyObject* contact, PyObject* model, const OneImpact& one, int status) {
-  PyObject* impact = python.impact->tp_alloc(python.impact, 20);
+  PyObject* impact = new_tuple(python.impact, 20);
   if (!impact) return nullptr;
   const ImpactResult& result = one.result;
   int i = 0;
@@ -143,19 +143,26 @@ int compute_one_impact(PyObject* const* request, const Plan& plan, OneImpact& im
   return ANSWERED;
 }
 
-// resolve(body_a, body_b, contact, model): an Impact, with TOLERANCE_NOT_MET if its bound is above target_bound: Python then
-// decides; or the number of a Handover.
+// resolve(body_a, body_b, contact, model, in_python): an Impact. What the kernels cannot answer, or not exactly enough, is left
+// to in_python(body_a, body_b, contact, model, answer): see _resolve_in_python() of resolve.py.
 PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
-  if (count != 4) return PyErr_Format(PyExc_TypeError, "resolve() takes two bodies, a contact and a model");
+  if (count != 5) return PyErr_Format(PyExc_TypeError, "resolve() takes two bodies, a contact, a model and a function");
+  auto in_python = [args](PyObject* answer) {
+    if (!answer) return answer;
+    PyObject* request[] = {args[0], args[1], args[2], args[3], answer};
+    PyObject* impact = PyObject_Vectorcall(args[4], request, 5, nullptr);
+    Py_DECREF(answer);
+    return impact;
+  };
   Plan* plan = find_plan(args[3]);
   if (!plan) return nullptr;
   OneImpact impact;
   int outcome = compute_one_impact(args, *plan, impact);
-  if (outcome != ANSWERED) return outcome == RAISED ? nullptr : PyLong_FromLong(outcome);
+  if (outcome != ANSWERED) return outcome == RAISED ? nullptr : in_python(PyLong_FromLong(outcome));
   PyObject* model = model_as_used(plan, impact.law, impact.geometry, impact.precision);
   if (!model) return nullptr;
-  int status = impact.result.error_bound <= plan->target_bound ? (impact.result.flags[FLAG_SEPARATING] ? STATUS_SEPARATING : STATUS_OK) : STATUS_TOLERANCE_NOT_MET;
-  return make_impact(args[2], model, impact, status);
+  if (!(impact.result.error_bound <= plan->target_bound)) return in_python(make_impact(args[2], model, impact, STATUS_TOLERANCE_NOT_MET));
+  return make_impact(args[2], model, impact, impact.result.flags[FLAG_SEPARATING] ? STATUS_SEPARATING : STATUS_OK);
 }
 
 // numbers_with_errors(body_a, body_b, contact): the numbers that resolve() reads, and the error of each, as the bytes of doubles

@@ -1,4 +1,4 @@
-"""A cluster in exact arithmetic. ``Cluster`` of ``kernels/cluster_object.cpp`` is its counterpart in double-double.
+"""A cluster in exact arithmetic: the counterpart of ``Cluster`` of ``kernels/cluster_object.cpp``.
 
 Its impulses are lists of fractions. It answers rational input, and decides what double-double cannot.
 
