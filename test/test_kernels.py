@@ -34,6 +34,7 @@ from collision_response.numbers.operations import (
     iterate,
     maximum,
     minimum,
+    negation,
     numbers_in,
     square_root,
     widened,
@@ -370,9 +371,13 @@ def quotients(x, y):
     return x / (y * y + 1) - (x + y) / (x * x + 2) + choose(y < 1, lambda: x / 3 + y / 7, lambda: y)
 
 
+def choices(x, y):
+    return choose((x < y) & negation(y == 2.5), lambda: -x, lambda: square_root(y * y)) + abs(x)
+
+
 FUNCTIONS = {
     "arithmetic": lambda x, y: (x - y) * (x + 3) / (y * y + 1) - x / 8,
-    "choices": lambda x, y: choose((x < y) & ~(y == 2.5), lambda: -x, lambda: square_root(y * y)) + abs(x),
+    "choices": choices,
     "newtons_root": newtons_root,
     "branches": lambda x, y: choose(x < y, lambda: quotients(x, y), lambda: abs(x)),
     "mixed": lambda x, y: widened(certain(x) + y, abs(y)) * choose(certain(x) < y, lambda: y, lambda: 2.0),
