@@ -17,6 +17,9 @@ ROWS = 23
 IDENTITY_QUATERNION = Quaternion(0.0, 0.0, 0.0, 1.0)
 """The orientation of a body whose axes are parallel to the world's."""
 
+LEAST_MOMENT = 2.0**-48
+"""A moment of inertia in turned axes is rounding if it is at most this fraction of the trace."""
+
 
 def body_to_numbers(body: Body) -> list[float]:
     """Return the 23 numbers of a body, in the order of ``BodyStates.msg``.
@@ -74,6 +77,15 @@ def with_com_as_reference(body: Body) -> Body:
 def com_in_world_axes(body: Body) -> Vec3:
     """Vector from the reference point to the centre of mass, in world axes [m]."""
     return body.com if body.orientation is None else body_rotation(body).to_world(body.com)
+
+
+def moment_about_z(body: Body) -> float:
+    """Moment of inertia about the z axis of the world, through the centre of mass [kg m^2]."""
+    if body.orientation is None:
+        return body.inertia.zz
+    axis, inertia = body_rotation(body).z, body.inertia
+    moment = axis.dot(inertia @ axis)
+    return moment if moment > LEAST_MOMENT * inertia.trace() else 0.0
 
 
 def body_rotation(body: Body) -> Rotation:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .body_conversions import com_in_world_axes
+from .body_conversions import com_in_world_axes, moment_about_z
 from .model import Geometry
 from .numbers.operations import Condition, all_of, all_zero, negation
 from .physics.body import Body
@@ -68,8 +68,7 @@ def reduce_body(body: Body, geometry: Geometry) -> Body:
         return body._replace(
             inertia=ZERO_TENSOR, orientation=None, velocity=velocity, angular_velocity=ZERO, com=ZERO
         )
-    zz = body.inertia.zz  # the only moment that PLANAR uses
-    tumbling = _in_plane(spin)
+    zz, tumbling = moment_about_z(body), _in_plane(spin)
     return body._replace(
         inertia=ZERO_TENSOR._replace(xx=zz, yy=zz, zz=zz),
         position=_in_plane(body.position),

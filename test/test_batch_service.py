@@ -19,7 +19,7 @@ from ros_graph import LATCHED, assign, ball, balls_meet, request_of, wait_until
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, StatusCode
 from collision_response.batch import resolve_batch
 from collision_response.batch.rows import body_rows, contact_rows
-from collision_response.body_conversions import with_com_as_reference
+from collision_response.body_conversions import moment_about_z, with_com_as_reference
 from collision_response.msg import BodyState, CollisionResult
 from collision_response.ros import batch_client, batches
 from collision_response.ros.batch_client import pack, unpack
@@ -350,16 +350,16 @@ def column(layout: int, state: BodyState) -> np.ndarray:
     of, body = LAYOUTS[layout].bodies, with_com_as_reference(body_of("body", state))
     numbers = np.zeros(of.height)
     numbers[of.mass] = body.mass
+    inertia = [moment_about_z(body)] if LAYOUTS[layout].geometry is Geometry.PLANAR else body.inertia
     for rows, quantity in (
-        (of.inertia, body.inertia),
+        (of.inertia, inertia),
         (of.position, body.position),
         (of.velocity, body.velocity),
         (of.angular_velocity, body.angular_velocity),
         (of.orientation, body.orientation or (0, 0, 0, 1)),
     ):
         width = rows.stop - rows.start
-        last = rows in (of.inertia, of.angular_velocity)
-        numbers[rows] = quantity[len(quantity) - width :] if last else quantity[:width]
+        numbers[rows] = quantity[len(quantity) - width :] if rows == of.angular_velocity else quantity[:width]
     return numbers
 
 
@@ -371,7 +371,11 @@ def node_with_states(shared_node):
     odd, far = ball(name="odd"), ball(1e308, name="far")
     odd.inertia.izz = 7.0
     far.inertia.com.x = 1e308
-    publish_until_received(shared_node, top(), floor(), ball(0.5, -1.0, name="ball"), other, broken, odd, far)
+    lying, still = ball(0.5, -1.0, name="lying"), BodyState(name="still", motion_type=BodyState.STATIC)
+    lying.inertia.iyy, lying.pose.orientation.x = 0.3, 1.0
+    still.header.frame_id = "world"
+    states = top(), floor(), ball(0.5, -1.0, name="ball"), other, broken, odd, far, lying, still
+    publish_until_received(shared_node, *states)
     return shared_node
 
 
@@ -396,6 +400,21 @@ def test_bodies_by_name_follow_those_of_the_table(node_with_states, layout):
     result = unpack(response)
     assert (result.status[:2] == StatusCode.OK).all()
     assert_same(result, resolve_batch(in_full[:, pairs], contacts))
+
+
+def test_a_body_by_name_turns_in_the_plane_about_any_of_its_axes(node_with_states):
+    """The y axis of the body is along z. Nothing leaves the plane, so PLANAR is the motion in space."""
+    contacts = np.array([[0.25, 0.25, 0.0, 1.0, 0.25, 0.0, 0.5, 0.3]]).T
+    in_space, in_plane = (
+        unpack(
+            node_with_states.call(
+                pack(np.empty((height, 0)), [[0], [1]], rows, names=["lying", "still"], frame_id="world")
+            )
+        )
+        for height, rows in ((20, contacts), (7, contacts[[0, 1, 3, 4, 6, 7]]))
+    )
+    np.testing.assert_allclose(in_plane.velocity, in_space.velocity[:2], rtol=1e-14)
+    np.testing.assert_allclose(in_plane.angular_velocity, in_space.angular_velocity[2:], rtol=1e-14)
 
 
 def test_only_bodies_by_name(node_with_states):

@@ -451,6 +451,30 @@ def test_a_forced_geometry_reports_the_energy_of_its_twists(geometry, friction, 
         assert after <= before + rounding
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.2])
+def test_planar_uses_the_moment_about_the_axis_that_the_body_turns_about(friction):
+    """That is the y axis of the body, which points along z, so PLANAR leaves out nothing."""
+    turned = Body.dynamic(
+        1.0, (1, 0, 0, 2, 0, 3), (0.3, 1, 0), (1, 0, 0, 1), (0.5, -1, 0), (0, 0, 0.4), com=(0.1, 0, 0.2)
+    )
+    contact = Contact.of((0, 0, 0), (0, 1, 0), 1.0, friction)
+    planar = resolve(turned, FLOOR, contact, ImpactModel(geometry=Geometry.PLANAR, tolerance=1e-12))
+    assert planar.status is StatusCode.OK
+    assert planar.kinetic_energy_after == pytest.approx(
+        kinetic_energy(turned.with_twist(planar.twist_a)), rel=1e-14
+    )
+
+
+def test_planar_ignores_the_rounding_of_a_moment_that_is_0():
+    """A thin rod, turned so that its axis is along z up to rounding: no rotation is excited."""
+    rod_along_z = Body.dynamic(
+        1.0, (0, 0, 0, 1, 0, 1), (0, 1, 0), (0, -math.sqrt(0.5), 0, math.sqrt(0.5)), (0, -1, 0)
+    )
+    contact = Contact.of((0.25, 0, 0), (0, 1, 0), 0.5)
+    planar = resolve(rod_along_z, FLOOR, contact, ImpactModel(geometry=Geometry.PLANAR))
+    assert planar.impulse.y == pytest.approx(1.5, rel=1e-14)
+
+
 def test_a_geometry_that_leaves_nothing_out_is_exact():
     for geometry in (Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL):
         contact = CONTACT._replace(normal=Vec3(0.0, 1.0, 0.0))
