@@ -21,18 +21,22 @@ LEAST_MOMENT = 2.0**-48
 """A moment of inertia in turned axes is rounding if it is at most this fraction of the trace."""
 
 
+def orientation_of(body: Body) -> Quaternion:
+    """Return the orientation of a body, which is the identity if its axes are parallel to the world's."""
+    return IDENTITY_QUATERNION if body.orientation is None else Quaternion(*body.orientation)
+
+
 def body_to_numbers(body: Body) -> list[float]:
     """Return the 23 numbers of a body, in the order of ``BodyStates.msg``.
 
     The mass of an immovable body is infinite. The inverse inertia of an articulated body is not among them.
     """
-    orientation = body.orientation or IDENTITY_QUATERNION
     return [
         body.mass,
         *body.inertia,
         *body.com,
         *body.position,
-        *orientation,
+        *orientation_of(body),
         *body.velocity,
         *body.angular_velocity,
     ]
@@ -70,26 +74,30 @@ def with_com_as_reference(body: Body) -> Body:
         return body
     c = com_in_world_axes(body)
     return body._replace(
-        position=body.position + c, velocity=body.velocity + body.angular_velocity.cross(c), com=ZERO
+        position=Vec3(*body.position) + c,
+        velocity=Vec3(*body.velocity) + Vec3(*body.angular_velocity).cross(c),
+        com=ZERO,
     )
 
 
 def com_in_world_axes(body: Body) -> Vec3:
     """Vector from the reference point to the centre of mass, in world axes [m]."""
-    return body.com if body.orientation is None else body_rotation(body).to_world(body.com)
+    com = Vec3(*body.com)
+    return com if body.orientation is None else body_rotation(body).to_world(com)
 
 
 def moment_about_z(body: Body) -> float:
     """Moment of inertia about the z axis of the world, through the centre of mass [kg m^2]."""
+    inertia = Symmetric3(*body.inertia)
     if body.orientation is None:
-        return body.inertia.zz
-    axis, inertia = body_rotation(body).z, body.inertia
+        return inertia.zz
+    axis = body_rotation(body).z
     moment = axis.dot(inertia @ axis)
     return moment if moment > LEAST_MOMENT * inertia.trace() else 0.0
 
 
 def body_rotation(body: Body) -> Rotation:
     """Rotation from body axes to world axes. The quaternion may have any length except 0."""
-    orientation = body.orientation or IDENTITY_QUATERNION
+    orientation = orientation_of(body)
     largest = max(map(abs, orientation))  # divide by it, so that no square overflows or underflows
     return Quaternion(*(q / largest for q in orientation)).rotation()

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from .body_conversions import com_in_world_axes, moment_about_z
 from .model import Geometry
-from .numbers.operations import Condition, all_of, all_zero, negation
+from .numbers.operations import Condition, Scalar, all_of, all_zero, negation
 from .physics.body import Body
 from .physics.contact import Contact
 from .physics.tensor import ZERO_TENSOR
@@ -62,18 +64,21 @@ def reduce_body(body: Body, geometry: Geometry) -> Body:
 
     Its centre of mass keeps its velocity, in PLANAR the part of it in the plane.
     """
-    com, spin = com_in_world_axes(body), body.angular_velocity
+    com, velocity, spin = com_in_world_axes(body), Vec3(*body.velocity), Vec3(*body.angular_velocity)
     if geometry is Geometry.POINT:
-        velocity = body.velocity + spin.cross(com)
         return body._replace(
-            inertia=ZERO_TENSOR, orientation=None, velocity=velocity, angular_velocity=ZERO, com=ZERO
+            inertia=ZERO_TENSOR,
+            orientation=None,
+            velocity=velocity + spin.cross(com),
+            angular_velocity=ZERO,
+            com=ZERO,
         )
     zz, tumbling = moment_about_z(body), _in_plane(spin)
     return body._replace(
         inertia=ZERO_TENSOR._replace(xx=zz, yy=zz, zz=zz),
         position=_in_plane(body.position),
         orientation=None,
-        velocity=_in_plane(body.velocity + tumbling.cross(com)),
+        velocity=_in_plane(velocity + tumbling.cross(com)),
         angular_velocity=spin - tumbling,
         com=_in_plane(com),
     )
@@ -86,8 +91,8 @@ def reduce_contact(contact: Contact, geometry: Geometry) -> Contact:
     return contact._replace(position=_in_plane(contact.position), normal=_in_plane(contact.normal))
 
 
-def _in_plane(v: Vec3) -> Vec3:
-    return Vec3(v.x, v.y, 0.0)
+def _in_plane(v: Sequence[Scalar]) -> Vec3:
+    return Vec3(v[0], v[1], 0.0)
 
 
 def _is_parallel(v: Vec3, w: Vec3) -> Condition:

@@ -38,13 +38,21 @@ from collision_response import (
     Law,
     Precision,
     Regime,
+    SceneContact,
+    SceneImpact,
     StatusCode,
+    Twist,
     resolve,
+    resolve_scene,
+    scene_requirements,
 )
 from collision_response.batch import resolve_batch
 from collision_response.batch.rows import body_rows, contact_rows
+from collision_response.derivatives import propagate_covariance, sphere_on_plane
+from collision_response.identify import Impacts
 from collision_response.kernels import library
 from collision_response.physics.laws import PATHS
+from collision_response.physics.vector import ZERO
 
 ROUNDINGS = 64
 """More roundings than any number of an answer undergoes; a wrong digit is millions of them."""
@@ -572,6 +580,54 @@ def test_number_types(given):
     wrong = {name: type(x).__name__ for name, x in numbers_of(impact).items() if type(x) is not float}
     assert not wrong
     assert type(impact.error_bound) is float
+
+
+TURNED = Body.dynamic(
+    1.0, (1.0, 0.0, 0.0, 2.0, 0.0, 2.5), (0.25, 1.0, 0.125), (0.0, 0.0, 0.6, 0.8), (0.5, -1.0, 0.25),
+    (1.0, 0.5, 0.25), (0.125, 0.0625, 0.125),
+)  # fmt: skip
+REQUEST = {
+    "body_a": TURNED,
+    "body_b": Body.kinematic((0.0, 0.0, 0.0), (0.125, 0.0, 0.0), (0.0, 0.0, 0.5)),
+    "contact": Contact.of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.5, 0.25),
+}
+CALLS = {
+    "point": lambda a, b, c: resolve(a, b, c, ImpactModel(geometry=Geometry.POINT)),
+    "planar": lambda a, b, c: resolve(a, b, c, ImpactModel(geometry=Geometry.PLANAR)),
+    "more digits": lambda a, b, c: resolve(a, b, c, ImpactModel(tolerance=1e-30)),
+    "functions": lambda a, b, c: resolve(a, b, c._replace(restitution=lambda v: v / 8, friction=lambda v: v)),
+    "a path": lambda a, b, c: resolve(
+        a, b, c._replace(friction=lambda v: 0.1), ImpactModel(Law.ROUTH_STRONGE)
+    ),
+    "requirements": lambda a, b, c: scene_requirements({"a": a, "b": b}, [SceneContact("a", "b", c)], 0.5),
+    "scene": lambda a, b, c: resolve_scene(
+        [a, b], [(0, 1)] * 2, [c, c._replace(position=(0.25, 0.0, 0.125))]
+    ),
+    "covariance": lambda a, b, c: propagate_covariance(
+        a, b, c, ImpactModel(), np.eye(12) / 64, sphere_on_plane(0.125), normal_sd=0.125
+    ),
+    "measurements": lambda a, b, c: (
+        Impacts.of([a], [b], [c], [Twist(ZERO, ZERO)], [Twist(ZERO, ZERO)]).bodies
+    ),
+}
+
+
+@pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
+@pytest.mark.parametrize("kind", [tuple, list, np.array])
+def test_vectors_may_be_any_sequence(kind, call):
+    expected = call(*REQUEST.values())
+    for owner, part in REQUEST.items():
+        for field, value in part._asdict().items():
+            if isinstance(value, tuple):
+                given = REQUEST | {owner: part._replace(**{field: kind(value)})}
+                np.testing.assert_equal(_without_contacts(call(*given.values())), _without_contacts(expected))
+
+
+def _without_contacts(answer: Any) -> Any:
+    """The answer without the contacts of the request, which it returns as they were given."""
+    if isinstance(answer, SceneImpact):
+        return answer._replace(contacts=())
+    return answer._replace(contact=None) if isinstance(answer, Impact) else answer
 
 
 # restitution functions

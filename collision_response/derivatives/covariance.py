@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..body_conversions import IDENTITY_QUATERNION
+from ..body_conversions import orientation_of
 from ..model import DEFAULT, ImpactModel, check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
@@ -213,7 +213,7 @@ def _changed(body: Body, change: Array) -> Body:
         return body
     dx, theta, dv, dw = (Vec3(*part.tolist()) for part in np.split(change, 4))
     half = theta * 0.5
-    q = body.orientation or IDENTITY_QUATERNION
+    q = orientation_of(body)
     v = Vec3(*q[:3])
     x, y, z = v + half * q.w + half.cross(v)
     return body._replace(

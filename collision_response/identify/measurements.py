@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..batch import body_rows, contact_rows, resolve_batch
-from ..body_conversions import IDENTITY_QUATERNION, com_in_world_axes, with_com_as_reference
+from ..body_conversions import com_in_world_axes, orientation_of, with_com_as_reference
 from ..model import Geometry, ImpactModel, Law
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
@@ -239,7 +239,7 @@ def _write_body(column: Array, after: Array, root: Array, body: Body, twist: Twi
     """Write one body of one impact into the arrays of :class:`Impacts`, at its centre of mass."""
     centre = with_com_as_reference(body)
     column[BODY.mass], column[BODY.inertia], column[BODY.position] = body.mass, body.inertia, centre.position
-    column[BODY.orientation] = body.orientation or IDENTITY_QUATERNION
+    column[BODY.orientation] = orientation_of(body)
     column[BODY.velocity], column[BODY.angular_velocity] = centre.velocity, body.angular_velocity
     if not body.is_movable():
         after[:3], after[3:] = centre.velocity, body.angular_velocity

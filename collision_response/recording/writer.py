@@ -14,7 +14,7 @@ from uuid import uuid4
 import numpy as np
 import rerun as rr
 
-from ..body_conversions import IDENTITY_QUATERNION, with_com_as_reference
+from ..body_conversions import orientation_of, with_com_as_reference
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..physics.vector import ZERO, Vec3
@@ -357,7 +357,7 @@ def _in_words(row: Answer) -> str:
 
 
 def _poses(positions: np.ndarray, bodies: Sequence[Body]) -> Any:
-    turned = _units(_array((body.orientation or IDENTITY_QUATERNION for body in bodies), length=4))
+    turned = _units(_array((orientation_of(body) for body in bodies), length=4))
     return rr.Transform3D.columns(translation=positions, quaternion=turned)
 
 

@@ -18,7 +18,7 @@ from builtin_interfaces.msg import Time
 
 from ..batch import BatchResult, is_bounded, resolve_with_pauses
 from ..batch.rows import TableLayout
-from ..body_conversions import IDENTITY_QUATERNION, moment_about_z, with_com_as_reference
+from ..body_conversions import moment_about_z, orientation_of, with_com_as_reference
 from ..model import Geometry, ImpactModel, check_model, law_for
 from ..msg import BodyState
 from ..physics.laws import Law
@@ -312,7 +312,7 @@ def _column(owner: str, state: BodyState, layout: TableLayout) -> list[float]:
         return [body.mass, moment_about_z(body), *motion]
     column = [body.mass, *body.inertia, *body.position, *body.velocity, *body.angular_velocity]
     if layout.oriented:
-        return [*column, *(body.orientation or IDENTITY_QUATERNION)]
+        return [*column, *orientation_of(body)]
     if body.orientation and body.is_movable():
         reason = f"is {tuple(body.orientation)}: rotated bodies need the layout SPATIAL_ORIENTED"
         raise ImpactError(StatusCode.INVALID_ORIENTATION, f"{owner}.pose.orientation", reason)
