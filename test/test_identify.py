@@ -224,6 +224,9 @@ def test_separating_impacts_are_ignored():
 @pytest.mark.parametrize(
     ("measured", "options", "code", "field"),
     [
+        (falling(), {}, StatusCode.INVALID_TABLE, "impacts"),
+        (falling(), {"kind": "contact"}, StatusCode.INVALID_TABLE, "impacts"),
+        (falling(), {"kind": "linear"}, StatusCode.INVALID_TABLE, "impacts"),
         (falling(1.0, 2.0), {}, StatusCode.INVALID_TABLE, "impacts"),
         (falling(-1.0, -2.0, -3.0), {}, StatusCode.INVALID_TABLE, "impacts"),
         (falling(1.0, 2.0, 3.0, after=math.nan), {}, StatusCode.INVALID_TABLE, "impacts"),
@@ -256,6 +259,11 @@ def test_separating_impacts_are_ignored():
 def test_invalid_requests_are_refused_by_name(measured, options, code, field):
     with refused(code, field):
         identify(measured, **options)
+
+
+def test_a_comparison_of_no_laws_is_refused_by_name():
+    with refused(StatusCode.INVALID_MODEL, "laws"):
+        compare(falling(1.0, 2.0, 3.0), [])
 
 
 @pytest.mark.parametrize("count", [2.5, "3", None, math.nan])

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..model import Law
+from ..status import ImpactError, StatusCode
 from .identification import LAWS, Identification, identify
 from .least_squares import NEGLIGIBLE_SQUARES, residual_unit
 from .measurements import Measurements, informative
@@ -63,13 +64,16 @@ def compare(
 
     Args:
         measured: the impacts, as for :func:`~collision_response.identify.identify`.
-        laws: the laws to compare.
+        laws: the laws to compare, at least one.
         seed: seed of the random numbers of all bootstraps.
         options: the other arguments of :func:`~collision_response.identify.identify`.
 
     Raises:
-        ImpactError, ImportError: as :func:`~collision_response.identify.identify`.
+        ImpactError: as :func:`~collision_response.identify.identify`, or INVALID_MODEL if there are no laws.
+        ImportError: as :func:`~collision_response.identify.identify`.
     """
+    if not laws:
+        raise ImpactError(StatusCode.INVALID_MODEL, "laws", "must name a law, is empty")
     fits = {law: identify(measured, law, seed=seed, **options) for law in laws}
     fits = dict(sorted(fits.items(), key=lambda item: float(item[1].squares.sum())))
     best, *others = fits

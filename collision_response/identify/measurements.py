@@ -172,8 +172,7 @@ class Impacts:
             acts |= np.roll(self._lever_arms() != 0, 2, axis=0) & np.roll(angular, 1, axis=0)
             return (linear | acts).any(axis=1)
         turning = ((self.root != 0) & angular).any(axis=1)
-        rows = [linear] if kind == "linear" else [linear, turning]
-        return np.concatenate(rows).reshape(-1, len(self))
+        return _in_rows([linear] if kind == "linear" else [linear, turning])
 
     def sizes(self, kind: str) -> Array:
         """See :class:`Measurements`."""
@@ -208,8 +207,7 @@ class Impacts:
         mass = self.bodies[BODY.mass][0]
         linear = np.sqrt(np.where(np.isinf(mass), 0.0, mass)) * twists[:3]
         angular = np.einsum("ijsn,jsn->isn", self.root, twists[3:])
-        rows = [linear] if kind == "linear" else [linear, angular]
-        return np.concatenate(rows).reshape(-1, len(self))
+        return _in_rows([linear] if kind == "linear" else [linear, angular])
 
     def _at_contact(self, twists: Array) -> Array:
         """Return the velocities of body_a relative to body_b at the contact points."""
@@ -221,6 +219,12 @@ class Impacts:
 
     def _twists_before(self) -> Array:
         return np.concatenate([self.bodies[BODY.velocity], self.bodies[BODY.angular_velocity]])
+
+
+def _in_rows(parts: Sequence[Array]) -> Array:
+    """Return numbers of both bodies, parts of shape ``(3, 2, N)``, as rows, shape ``(rows, N)``."""
+    both = np.concatenate(parts)
+    return both.reshape(both.shape[0] * both.shape[1], both.shape[2])
 
 
 def _check_twist(field: str, body: Body, twist: Twist) -> None:
