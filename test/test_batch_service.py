@@ -417,6 +417,26 @@ def test_a_body_by_name_turns_in_the_plane_about_any_of_its_axes(node_with_state
     np.testing.assert_allclose(in_plane.angular_velocity, in_space.angular_velocity[2:], rtol=1e-14)
 
 
+@pytest.mark.parametrize("geometry", [Geometry.POINT, Geometry.PLANAR])
+def test_bodies_by_name_are_reduced_to_the_layout_as_for_single_impacts(node_with_states, geometry):
+    layout = getattr(Request, geometry.name)
+    contacts = contacts_of(layout, 1)
+    request = pack(
+        np.empty((LAYOUTS[layout].bodies.height, 0)), [[0], [1]], contacts, names=["top", "floor"],
+        frame_id="world",
+    )  # fmt: skip
+    result = unpack(node_with_states.call(request))
+    one = ResolveCollision.Request(body_a=top(), body_b=floor())
+    one.contact.header.frame_id, one.model.geometry = "world", geometry
+    at, normal = one.contact.position, one.contact.normal
+    at.x = at.y = normal.y = 0.25
+    normal.x, normal.z = 1.0, 0.25 if geometry is Geometry.POINT else 0.0
+    one.contact.restitution = one.contact.friction = 0.25
+    expected = xyz(node_with_states.call(one).result.impulse)
+    # The velocity of the centre of mass is rounded, and the error bound includes that.
+    np.testing.assert_allclose(result.impulse[:, 0], expected[: len(result.impulse)], rtol=1e-13)
+
+
 def test_only_bodies_by_name(node_with_states):
     table, contacts = np.empty((20, 0)), contacts_of(Request.SPATIAL_ORIENTED, 1)
     request = pack(table, [[0], [1]], contacts, names=["top", "floor"], frame_id="world")
