@@ -60,7 +60,6 @@ from ...numbers.operations import (
     error_of,
     fixed,
     for_derivatives,
-    minimum,
     negation,
     values,
     varying_as,
@@ -73,7 +72,8 @@ from .law import Coefficients, Outcome, Regime, Solution
 from .sliding import MARGIN, Sliding, safe_divisor
 
 GREATEST_FRICTION = 1e100
-"""More friction changes nothing: what slips presses with less than 1e-100 of its impulse."""
+"""More friction counts as this: what slips presses with less than 1e-100 of its impulse. The error bound
+includes the difference."""
 
 ROUNDING = 2.0**-44
 """An energy below this part of the work may be rounding, in numbers that do not bound their error."""
@@ -82,7 +82,9 @@ ROUNDING = 2.0**-44
 def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     """The one-step impulse, or that of COULOMB if the one-step impulse creates energy."""
     e, mu, _ = coefficients
-    mu = minimum(mu, GREATEST_FRICTION + 0 * certain(mu))
+    o = 0 * certain(mu)
+    is_capped = certain(certain(mu) * (1 / GREATEST_FRICTION)) > 1  # a product, as float32 has no 1e100
+    mu = choose(is_capped, lambda: GREATEST_FRICTION + o, lambda: mu)
     frame = ContactFrame.of(contact)
     K_nn, approach_speed = frame.Knn, -frame.un
     j = (1 + e) * approach_speed / K_nn
@@ -94,7 +96,8 @@ def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     # c = unit * share. The answer does not depend on c, so c needs neither an error nor a derivative.
     share = fixed(certain(1 / (1 + mu)))
     scale = certain(share * (V.norm_1() + mu * (V.norm_1() * beta.norm_1() + j * trace)))
-    unit = fixed(certain(1 / safe_divisor(scale)))
+    unit = choose(scale < math.inf, lambda: certain(1 / safe_divisor(scale)), lambda: math.nan + o)
+    unit = fixed(unit)
     s11, s12, s22 = S11 / trace, S12 / trace, S22 / trace
     is_locked = contact.has_locked_direction()
     V_for_W = choose(is_locked, lambda: beta * (e * approach_speed), lambda: V)
@@ -116,14 +119,17 @@ def moreau(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
         (certain(approach_speed) > 0) & negation(is_stuck(certain(F0_over_h), certain(F0_slope))),
         mu, values(u_t * unit * share), certain((1 - e) * approach_speed * unit * share),
     )  # fmt: skip
-    error = sliding.error_radius(root.sigma)
-    known = (error < 1) & (root.ambiguous == 0)
+    error = sliding.error_radius(root.sigma, choose(is_capped, lambda: 1 + o, lambda: o))
+    # A contact that slips may stick with more friction, if its impulse presses.
+    may_stick = is_capped & negation(sticks) & (certain(F0_over_h + w_length) >= 0)
+    known = (error < 1) & (root.ambiguous == 0) & negation(may_stick)
     sigma = widened(root.sigma, choose(known, lambda: error, lambda: 0 * error))
     sigma = varying_as(sigma, lambda: sliding.newton_correction(sigma))
 
     x = sliding.x(sigma)
     g = x / safe_divisor(sliding.d(sigma))
-    f_slide = choose(known, lambda: g * mu * j, lambda: _in_cone(g * mu * j, mu * j, mu_beta))
+    most_friction = widened(mu, choose(is_capped, lambda: math.inf + o, lambda: o))
+    f_slide = choose(known, lambda: g * mu * j, lambda: _in_cone(g * mu * j, most_friction * j, mu_beta))
     slip = choose(
         known,
         lambda: g / share * (sigma / unit),
@@ -155,7 +161,7 @@ def _creates(lost: Scalar, work: Scalar) -> Condition:
     An exact tie, as for a rod that strikes head-on with ``e = 1`` and sticks, creates none. But next to a tie
     the answer jumps, so derivatives take each loss that may be rounding for one at the limit.
     """
-    bounds_errors = error_of(certain(work) / 3) > 0
+    bounds_errors = error_of((1 + 0 * certain(work)) / 3) > 0
     is_shown = bounds_errors & (certain(lost) + error_of(lost) * (1 + MARGIN) < 0)
     limit = -ROUNDING * work
 

@@ -86,7 +86,8 @@ COARSEST = 4e-9
 """The coarsest tolerance of the path: a coarser path is no faster, and its bound grows out of proportion."""
 
 GREATEST_FRICTION = 1e100
-"""More friction changes nothing: slip stops within 1e-100 of its impulse."""
+"""More friction counts as this: slip stops within 1e-100 of its impulse. The error bound includes the
+difference."""
 
 LEAST_RESTITUTION = 1e-140
 """Less restitution returns nothing that counts."""
@@ -96,7 +97,8 @@ def routh(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     """The impulse by Routh's path: ROUTH_POISSON if ``settings.law`` says so, else ROUTH_STRONGE."""
     e, mu, settings = coefficients
     energetic = negation(settings.law == Law.ROUTH_POISSON)
-    e_e, e_mu, mu = error_of(e) + LEAST_RESTITUTION, error_of(mu), minimum(certain(mu), GREATEST_FRICTION)
+    e_e, e_mu, friction = error_of(e) + LEAST_RESTITUTION, error_of(mu), certain(mu)
+    mu = minimum(friction, GREATEST_FRICTION)
     e = choose(
         certain(e) < LEAST_RESTITUTION,
         lambda: varying_as(0 * certain(e), lambda: certain(e)),
@@ -117,6 +119,7 @@ def routh(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
         lambda: DEFAULT_TOLERANCE + o,
     )
     c = 1 / (1 + mu)
+    e_c = choose(friction > GREATEST_FRICTION, lambda: c, lambda: o)
     A11, A12, A22, b1, b2 = map(certain, data)
     path = Path(A11, A12, A22, b1, b2, c, mu * c, e, energetic, tolerance)
     ray = ray_from_rest(path, mu)
@@ -135,7 +138,7 @@ def routh(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     regime = choose(jams, lambda: 1.0 * Regime.JAMMED + o, lambda: regime)
     ignored_slip = choose(first.slips, lambda: o, lambda: abs(certain(slip.x)) + abs(certain(slip.y)))
     e_slip = e_slip + ignored_slip / certain(speed)
-    error = path_error(path, ray, y, rest._replace(p=p), X, mu, InputErrors(e_A, e_b, e_slip, e_e, e_mu))
+    error = path_error(path, ray, y, rest._replace(p=p), X, mu, InputErrors(e_A, e_b, e_slip, e_e, e_mu, e_c))
 
     tangential = Tangential(widened(P1, error.P_t) * j, widened(P2, error.P_t) * j)
     p_c, p, u, s_e, G, after_stop = map(certain, (rest.p_c, p, rest.u, rest.s_e, ray.G, rest.after_stop))

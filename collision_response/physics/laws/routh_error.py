@@ -15,6 +15,10 @@ an error of ``D = |b| |dP_t| + |P_t| |db|``, which moves the ends of the phases 
     Stronge        D (e^2 p_c + p) / u_n, or the root of 2 D (e^2 p_c + p) / (du_n/dp) if that is less
 
 Rounding in the straight pieces is bounded by the numbers themselves.
+
+Friction above ``GREATEST_FRICTION`` is taken as that. At a given ``x``, ``c`` and ``m`` are then in error by
+``c`` at most, so that the normal impulse of the slip, ``c x``, may be anything down to 0. No bound is known
+if that matters: if only ``c`` raises ``u_n`` while the contact slips, or if it slips on after a stop.
 """
 
 from __future__ import annotations
@@ -22,7 +26,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ...numbers.operations import Scalar, certain, choose, maximum, minimum, square_root
+from ...numbers.operations import Scalar, certain, choose, maximum, minimum, negation, square_root
 from .contact_frame import Tangential
 from .routh_path import Path, TurningSlip
 from .routh_straight import Ray, StraightRest
@@ -31,13 +35,19 @@ SAFETY = 2.01
 
 
 class InputErrors(NamedTuple):
-    """The errors of the data: of ``A``, of ``b``, of the first slip, of restitution and of friction."""
+    """The errors of the data.
+
+    Attributes:
+        A, b, slip, e, mu: of ``A``, of ``b``, of the first slip, of restitution and of friction.
+        c: of ``c`` and of ``m`` at a given ``x``; 0 unless friction is above ``GREATEST_FRICTION``.
+    """
 
     A: Scalar
     b: Scalar
     slip: Scalar
     e: Scalar
     mu: Scalar
+    c: Scalar
 
 
 class PathError(NamedTuple):
@@ -74,6 +84,9 @@ def path_error(
     infinite, L2, P_t, b = math.inf + 0 * A11, A11 + A22, m * X + k * after_stop, Tangential(b1, b2).length()
     E = errors.slip + errors.b * (p_c + p) + errors.A * P_t + errors.mu * L2 * c * X
     E = certain(E + abs(w) * abs(along) + y.slip_error + misfit * k * L2 * after_stop)
+    excess = certain(errors.c * X)
+    early = certain(excess * (1 + b * P_t))  # normal work that may be done earlier
+    E = certain(E + excess * (b + L2))
     l2, slip_error = (
         certain(path.least_eigenvalue() - errors.A),
         certain(E * square_root(L2 / path.least_eigenvalue())),
@@ -85,7 +98,9 @@ def path_error(
     by_direction = certain(choose(least_s > 0, lambda: P_t * slip_error / least_s, lambda: infinite))
     by_cone = certain(SAFETY / 2 * (P_t + mu * (p_c + p)))  # no two impulses in the cone are further apart
     e_P = certain(minimum(minimum(by_slip, by_direction), by_cone) + y.impulse_error + errors.mu * c * X)
-    D = certain(P_t * errors.b + b * e_P + y.impulse_error)
+    shift = choose(slips_on & (excess > 0), lambda: 3 * excess + after_stop, lambda: 3 * excess)
+    e_P = certain(e_P + excess + k * shift)
+    D = certain(P_t * errors.b + b * e_P + y.impulse_error + excess)
     # The error of p_c: by the least du_n/dp that u_n may have had where it reached 0.
     R = certain(r / c)
     either = choose(r > 0, lambda: minimum(R, rate), lambda: rate)
@@ -95,6 +110,7 @@ def path_error(
 
     def error_by_work() -> Scalar:
         e_W = certain(D * (e * e * p_c + p + e_c) - 2 * e * errors.e * W_c)
+        e_W = certain(e_W + choose(slips_on, lambda: 0 * A11, lambda: e * e * early))
         surely_slips = slips_to_end & (least_s > 0)
         least_rate = choose(
             surely_slips, lambda: R, lambda: choose(slips_on, lambda: minimum(R, rate), lambda: rate)
@@ -106,9 +122,11 @@ def path_error(
         return choose(is_linear, lambda: SAFETY * e_W / u, lambda: root)
 
     e_r = choose(energetic, error_by_work, lambda: e * e_c + errors.e * p_c)
-    e_p, steps = certain(e_c + e_r), y.slip_error + y.impulse_error
+    e_p, steps = certain(e_c + e_r), y.slip_error + y.impulse_error + early + excess * L2 * P_t
     is_sound = (e_c >= 0) & (certain(-y.u_n_crest - 2 * D) > 0) & (y.excess_turn <= 0)
+    is_known = ray.sticks & negation(slips_on & (r <= 1e3 * errors.c))
+    is_sound = is_sound & ((errors.c <= 0) | is_known)
     friction = choose(slips_to_end | (after_stop < e_p), lambda: mu, lambda: k)
     e_P = choose(is_sound, lambda: e_P + friction * e_p, lambda: infinite)
     e_p = choose(is_sound, lambda: e_p, lambda: infinite)
-    return PathError(e_P, e_p, D, slip_error, steps, friction, P_t)
+    return PathError(e_P, e_p + shift, D, slip_error, steps, friction, P_t)

@@ -33,6 +33,7 @@ from ...numbers.operations import (
     fixed,
     iterate,
     maximum,
+    minimum,
     relative_exponential,
     relative_logarithm,
     square_root,
@@ -113,7 +114,7 @@ def ray_from_rest(path: Path, mu: Scalar) -> Ray:
     # From |a| = |(G + k A) z| <= G + k tr(A): a lower bound of the root.
     low = choose(sticks, lambda: 0 * one, lambda: maximum(1 - k_value * trace, 0 * one))
     start = Newton(low, choose(sticks, lambda: 0 * one, lambda: one))
-    root = iterate(start, lambda at: at.step > 1e-15 * (at.G + k_value * trace), climb, RAY_STEPS)
+    root = iterate(start, lambda at: at.step > 1e-15 * minimum(at.G + k_value * trace, one), climb, RAY_STEPS)
     G = certain(root.G)
     G = varying_as(G, lambda: climb(Newton(fixed(G), G)).G)
     z1, z2 = solve(G, k, a1, a2)

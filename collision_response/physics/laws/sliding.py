@@ -97,7 +97,10 @@ class ThreeRoots(NamedTuple):
 
 
 class Sliding(NamedTuple):
-    """The coefficients of the slip equation: ``v``, ``h w``, ``h``, ``h^2 D`` and ``mu beta``."""
+    """The coefficients of the slip equation: ``v``, ``h w``, ``h``, ``h^2 D`` and ``mu beta``.
+
+    ``F`` is ``d (1 + beta.f / j) - |x|``, in which only ``|x| = d |f| / (mu j)`` depends on ``mu``.
+    """
 
     v: Tangential
     hw: Tangential
@@ -128,10 +131,16 @@ class Sliding(NamedTuple):
         F, slope, _, _ = self.evaluate(fixed(sigma))
         return -F / slope
 
-    def error_radius(self, sigma: Scalar) -> Scalar:
-        """Greatest distance of a root from ``sigma``; 2, so anywhere, if it cannot be bounded."""
-        F, slope, _, curvature = self.evaluate(sigma)
-        E, m = certain(abs(F) + error_of(F)), certain(abs(certain(slope)) - error_of(slope))
+    def error_radius(self, sigma: Scalar, capped: Scalar) -> Scalar:
+        """Greatest distance of a root from ``sigma``; 2, so anywhere, if it cannot be bounded.
+
+        Args:
+            sigma: the root that was found.
+            capped: 1 if friction is greater than the one in the coefficients, else 0.
+        """
+        F, slope, length, curvature = self.evaluate(sigma)
+        E = certain(abs(F) + error_of(F) + capped * certain(length))
+        m = certain(abs(certain(slope)) - error_of(slope) - capped * certain(self.v.norm_1()))
         radius = certain(2 * E / safe_divisor(m))
         # |x| >= (sigma + h D) |v|. So within this distance |x| shrinks by a quarter at most, and |x|'', which
         # goes with its inverse cube, grows less than threefold.
@@ -181,8 +190,8 @@ class Sliding(NamedTuple):
         three = ThreeRoots(low, (middle.low + middle.high) / 2, high, greatest.ambiguous, undecided)
         chosen = iterate(three, lambda roots: roots.undecided > 0, decide, 1)
         # A search that moves by less than MARGIN has ended: the residual gives its error.
-        has_converged = (low - least.previous <= MARGIN * low) & (greatest.previous - high <= MARGIN * high)
-        unfinished = negation(has_converged) | _narrows(middle)
+        moves = (low - least.previous > MARGIN * low) | (greatest.previous - high > MARGIN * high)
+        unfinished = moves | _narrows(middle)
         return Root(chosen.low, chosen.ambiguous, choose(unfinished, lambda: 1 + zero, lambda: zero))
 
     def _least(self, F: Scalar, slope: Scalar, slides: Condition) -> Search:
