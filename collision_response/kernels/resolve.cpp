@@ -125,15 +125,18 @@ int compute_one_impact(PyObject* const* request, const Plan& plan, OneImpact& im
     impact.geometry = plan.geometry;
   }
   if (has_fraction && frictionless && !impact.is_articulated) return HANDOVER_RATIONAL;
-  ImpactResult& result = impact.result;
+  ImpactResult &result = impact.result, more_exact;
   for (int precision = plan.first_precision;; ++precision) {
-    impact.precision = precision;
-    ImpactKernel kernel = find_impact_kernel(impact.law, impact.is_articulated, impact.precision);
+    bool is_first = precision == plan.first_precision;
+    int used_precision = precision;
+    ImpactKernel kernel = find_impact_kernel(impact.law, impact.is_articulated, used_precision);
     if (!kernel) {
       PyErr_Format(PyExc_LookupError, "no kernel of law %d", impact.law);
       return RAISED;
     }
-    compute_in_suitable_units(kernel, impact.is_articulated, impact.precision == PRECISION_SINGLE, input, error, result);
+    compute_in_suitable_units(kernel, impact.is_articulated, used_precision == PRECISION_SINGLE, input, error, is_first ? result : more_exact);
+    if (is_first || all_finite(more_exact)) impact.precision = used_precision;
+    if (!is_first && all_finite(more_exact)) result = more_exact;  // pairs of float64 overflow before float64 does
     if (result.error_bound <= plan.target_bound || precision == plan.last_precision) break;
   }
   if (result.flags[FLAG_UNFINISHED]) return raise_refusal(STATUS_PATH_TOO_LONG);
