@@ -7,6 +7,7 @@ friction is that of a tie between two regimes, one unit next to it, or extreme.
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Iterator
 from itertools import product
 from typing import NamedTuple
@@ -15,6 +16,8 @@ import pytest
 
 pytest.importorskip("flint")
 
+import numpy as np
+from exact_adapter import exact_answer, true_error
 from mpmath import mp
 from oracle.in_plane import coulomb_in_plane, moreau_in_plane, routh_in_plane
 
@@ -22,6 +25,7 @@ from collision_response import (
     Adjustment,
     Body,
     Contact,
+    Geometry,
     Impact,
     ImpactError,
     ImpactModel,
@@ -31,6 +35,7 @@ from collision_response import (
     StatusCode,
     resolve,
 )
+from collision_response.batch import body_rows, contact_rows, resolve_batch
 
 DIGITS = 700
 """Of the closed forms: more than any of these requests can cancel."""
@@ -222,3 +227,47 @@ def test_moreau_with_the_least_friction(slip, lever):
     with mp.workdps(DIGITS):
         P, _ = moreau_in_plane(*case.numbers())
     assert error_of(impact, P) <= impact.error_bound < 1e-12
+
+
+def test_resolve_answers_what_a_batch_answers():
+    """Levers whose squares nearly overflow, in space. Pairs of float64, which EXTENDED computes with, then
+    overflow where float64 does not; the numbers of DOUBLE remain, without a bound."""
+    draw, rows, unbounded = random.Random(1), body_rows(Geometry.SPATIAL), 0
+    contact_row, unit = contact_rows(Geometry.SPATIAL), np.array([1.0, 0, 0, 1.0, 0, 1.0])
+
+    def vector(size: float) -> tuple[float, ...]:
+        return tuple(size * draw.choice([0.0, 1.0, -1.0, draw.uniform(-1, 1)]) for _ in range(3))
+
+    for _ in range(600):
+        bodies = np.zeros((rows.height, 2))
+        for side in range(2):
+            mass = draw.choice([1.0, 1e-10, 1e10, 1e-100])
+            bodies[rows.mass, side] = mass
+            bodies[rows.inertia, side] = mass * draw.choice([1.0, 1e100, 1e200]) * unit
+            bodies[rows.position, side] = vector(draw.choice([1e152, 1e153, 1e154]))
+            bodies[rows.velocity, side] = vector(draw.choice([1.0, 1e-10, 1e-100]))
+            bodies[rows.angular_velocity, side] = vector(draw.choice([0.0, 1.0, 1e-154]))
+        contact = Contact.of(vector(1.0), draw.choice([(1, 0, 0), (0, 1, 0), (1, 2, -3)]), 0.5, 2.0)
+        columns = np.zeros((contact_row.height, 1))
+        columns[contact_row.position, 0], columns[contact_row.normal, 0] = contact.position, contact.normal
+        columns[contact_row.restitution], columns[contact_row.friction] = 0.5, 2.0
+        model = ImpactModel(draw.choice([Law.COULOMB, Law.MOREAU, *ROUTH]))
+        batch = resolve_batch(bodies, columns, model, pairs=[[0], [1]], report=True)
+        if batch.status[0] not in (StatusCode.OK, StatusCode.SEPARATING):
+            continue
+        a, b = (
+            Body.dynamic(
+                bodies[rows.mass, side].item(),
+                bodies[rows.inertia, side].tolist(),
+                bodies[rows.position, side].tolist(),
+                None,
+                bodies[rows.velocity, side].tolist(),
+                bodies[rows.angular_velocity, side].tolist(),
+            )
+            for side in range(2)
+        )
+        impact = resolve(a, b, contact, model)
+        unbounded += impact.error_bound == math.inf
+        if model.law is Law.COULOMB:
+            assert true_error(impact, exact_answer(a, b, contact, model)) <= impact.error_bound
+    assert unbounded
