@@ -266,7 +266,7 @@ UNCERTAIN = {"restitution_sd": 0.02, "friction_sd": 0.01, "normal_sd": 0.005}
 
 
 def propagated(friction: float, **given):
-    args = ball(), Body.static(), FLOOR._replace(friction=friction), ImpactModel(Law.COULOMB), np.diag(SD**2)
+    args = ball(), Body.static(), FLOOR._replace(friction=friction), ImpactModel(), np.diag(SD**2)
     return propagate_covariance(*args, sphere_on_plane(RADIUS), **(UNCERTAIN | {"gravity": G} | given))
 
 
@@ -342,6 +342,15 @@ def test_without_friction_every_law_is_reliable(law, velocity, restitution):
     request = *bodies, Contact.of((0, 0, 0), (0, 0, 1), restitution), ImpactModel(law), np.diag(SD**2)
     after = propagate_covariance(*request, sphere_on_plane(RADIUS), restitution_sd=0.02, normal_sd=0.005)
     assert after.is_reliable
+
+
+def test_uncertain_friction_counts_where_its_mean_is_0():
+    """AUTO is COULOMB where there is friction."""
+    request = propagated(0.0), propagated(0.0, friction_sd=0.0)
+    with_friction, without = (np.diag(after.covariance) for after in request)
+    slowed = 0.01 * 1.8 * 3.0  # sd of mu, times (1 + e) v_n: along the slip, which here has x and y components
+    gained = (with_friction - without)[[6, 7]].sum()
+    assert gained == pytest.approx(slowed**2, rel=1e-9)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])

@@ -151,7 +151,8 @@ def differentiate(
     if model.geometry not in (Geometry.AUTO, Geometry.SPATIAL):
         reason = f"must be AUTO or SPATIAL for derivatives, is {model.geometry.name}"
         raise ImpactError(StatusCode.INVALID_MODEL, "model.geometry", reason)
-    law = law_for(model.law, has_friction=contact.friction > 0)
+    # At 0, the derivative by friction is that of the law of contacts with friction.
+    law = law_for(model.law, has_friction=contact.friction > 0 or "contact.friction" in columns)
     for name, body in (("body_a", body_a), ("body_b", body_b)):
         if body.inverse_inertia is not None:
             reason = "must be None for derivatives: articulated bodies have none"
