@@ -348,7 +348,7 @@ def test_uncertain_friction_counts_where_its_mean_is_0():
     """AUTO is COULOMB where there is friction."""
     request = propagated(0.0), propagated(0.0, friction_sd=0.0)
     with_friction, without = (np.diag(after.covariance) for after in request)
-    slowed = 0.01 * 1.8 * 3.0  # sd of mu, times (1 + e) v_n: along the slip, which here has x and y components
+    slowed = 0.01 * 1.8 * 3.0  # sd of mu, times (1 + e) v_n; the slip has x and y components
     gained = (with_friction - without)[[6, 7]].sum()
     assert gained == pytest.approx(slowed**2, rel=1e-9)
 
