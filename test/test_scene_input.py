@@ -9,6 +9,7 @@ import sys
 from fractions import Fraction as F
 from itertools import product
 
+import numpy as np
 import pytest
 from scene_cases import Scene, box, row_of_balls, speeds
 
@@ -522,6 +523,42 @@ def test_a_repeated_contact_shares_its_impulse():
     assert answer.impulses[0] == one.impulse * 0.5
     assert answer.impulses[1] == -one.impulse * 0.5
     assert answer.twists[0] == one.twist_a
+
+
+TURNING = box((1.0, 0.5, -1.0), (3.0, 2.0, 1.0), e=0.9, mu=0.4)
+AND_A_BALL = TURNING._replace(bodies=[*TURNING.bodies, BALL])
+SMOOTH = AND_A_BALL.with_contacts(friction=0.0)
+DISC = Body.dynamic(1.0, (0.4, 0.0, 0.0, 0.4, 0.0, 0.6), velocity=(0.3, -2.0, 0.0))
+SIDE = Contact.of((0.1, -1.0, 0.0), (0.0, 1.0, 0.0), 0.5, 0.3)
+IN_PLANE = Scene([DISC, FLOOR], [(0, 1)] * 2, [SIDE, SIDE._replace(position=(-0.1, -1.0, 0.0))])
+PATHS_OF_SCENES = {
+    "kernels": (AND_A_BALL, {}),
+    "in Python": (AND_A_BALL, {"threshold": 0.01}),
+    "restitution threshold": (
+        AND_A_BALL,
+        {"threshold": 0.01, "model": ImpactModel(restitution_threshold=0.1)},
+    ),
+    "springs": (AND_A_BALL, {"model": ImpactModel(Law.ROUTH_STRONGE)}),
+    "in several orders": (AND_A_BALL, {"orders": 3}),
+    "one contact": (AND_A_BALL._replace(pairs=[(0, 1)], contacts=TURNING.contacts[:1]), {"threshold": 0.01}),
+    "in the plane": (IN_PLANE, {"model": ImpactModel(geometry=Geometry.PLANAR)}),
+    "fractions": (SMOOTH._replace(bodies=[SMOOTH.bodies[0]._replace(mass=F(1, 3)), *SMOOTH.bodies[1:]]), {}),
+    "restitution by speed": (AND_A_BALL.with_contacts(restitution=lambda _: 0.5), {}),
+    "friction by speed": (AND_A_BALL.with_contacts(friction=lambda _: 0.5), {}),
+}
+
+
+@pytest.mark.parametrize("kind", [tuple, list, np.array], ids=lambda kind: kind.__name__)
+@pytest.mark.parametrize("name", PATHS_OF_SCENES)
+def test_vectors_may_be_any_sequence(name, kind):
+    (bodies, pairs, contacts), options = PATHS_OF_SCENES[name]
+
+    def in_kind(given):
+        return type(given)(*(kind(field) if isinstance(field, tuple) else field for field in given))
+
+    expected = resolve_scene(bodies, pairs, contacts, **options)
+    scene = resolve_scene([*map(in_kind, bodies)], pairs, [*map(in_kind, contacts)], **options)
+    assert scene._replace(contacts=()) == expected._replace(contacts=())
 
 
 def test_the_docstring_examples_run():

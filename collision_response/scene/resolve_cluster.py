@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from ..geometry import required_geometry
+from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
 from ..kernels import library
 from ..model import Adjustment, Geometry, ImpactModel, Precision
 from ..physics.laws import Law
@@ -95,8 +96,10 @@ def _check_model(scene: SceneRequest, indices: Sequence[int], model: ImpactModel
 
 def _check_geometry(parts: ClusterParts, geometry: Geometry) -> None:
     """Raises: ImpactError: INVALID_MODEL, if the geometry leaves out motion that the cluster has."""
-    for (a, b), contact in zip(parts.pairs, parts.contacts, strict=True):
-        if required_geometry(parts.bodies[a], parts.bodies[b], contact, frictionless=False) > geometry:
+    bodies = list(map(body_as_fractions, parts.bodies))
+    for (a, b), given in zip(parts.pairs, parts.contacts, strict=True):
+        contact = contact_as_fractions(given)
+        if required_geometry(bodies[a], bodies[b], contact, frictionless=False) > geometry:
             reason = (
                 f"{geometry.name} leaves out motion that matters, which a cluster of several contacts can't"
             )

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
-from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
+from ..in_python.request_numbers import body_as_fractions, contact_as_fractions, read_request
 from ..kernels import library
 from ..model import DEFAULT, Adjustment, Geometry, ImpactModel, Precision, law_for, plan_model
 from ..numbers.operations import Scalar
@@ -172,7 +172,7 @@ def _combine(
             body = scene.bodies[i]
             twists[i] = Twist(Vec3(*body.velocity), Vec3(*body.angular_velocity))
             if scene.movable[i]:
-                energy = _energy_without_contacts(i, body)
+                energy = _energy_without_contacts(i, body, options.exact)
                 energies = [energies[0] + energy, energies[1] + energy, *energies[2:]]
     if not (options.exact or all(map(math.isfinite, energies))):
         raise library.refusal(StatusCode.OUT_OF_RANGE)
@@ -215,7 +215,7 @@ PROBE = Body.dynamic(1.0)
 PROBE_CONTACT = Contact.of((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
 
 
-def _energy_without_contacts(i: int, body: Body) -> Scalar:
+def _energy_without_contacts(i: int, body: Body, exact: bool) -> Scalar:
     """Return the kinetic energy of a body that has no contact.
 
     Raises:
@@ -226,4 +226,4 @@ def _energy_without_contacts(i: int, body: Body) -> Scalar:
     except ImpactError as error:
         if error.code is not StatusCode.OUT_OF_RANGE:
             raise
-    return kinetic_energy(body)
+    return kinetic_energy(body if exact else read_request(body, PROBE, PROBE_CONTACT)[0])
