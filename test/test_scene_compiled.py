@@ -134,6 +134,9 @@ def test_an_invalid_body_without_contact_is_refused():
         free = Body.dynamic(1.0)._replace(**{field: value})
         with pytest.raises(ImpactError, match=rf"bodies\[2\].{field}"):
             scene._replace(bodies=[*scene.bodies, free]).resolve(Law.AUTO)
+    belt = Body.kinematic(velocity=(math.nan, 0.0, 0.0))
+    with pytest.raises(ImpactError, match=r"bodies\[2\].velocity"):
+        scene._replace(bodies=[*scene.bodies, belt]).resolve(Law.AUTO)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)

@@ -222,15 +222,14 @@ class SceneAnswer {
     return true;
   }
 
-  // A body that is not movable, or has no contact. False if it is invalid, which a contact with a wall tells.
+  // A body that is not movable, or has no contact. False if it is invalid, which a contact with a point mass tells.
   bool add_unchanged_body(std::size_t i) {
     const double none[6] = {};
     put_body(static_cast<std::int64_t>(i), &scene.bodies[i][IN_BODY_A_VELOCITY_X], none);
-    if (!scene.movable[i]) return true;
-    std::array<double, BODY> wall{};
-    wall[0] = INFINITY;
-    wall[IN_BODY_A_ORIENTATION_X + 3] = 1;
-    const Cluster cluster({{scene.bodies[i], wall}, {{{0, 1}, {0, 0, 0, 1, 0, 0, 0, 0}, 1}}}, true);
+    if (scene.has_contact[i]) return true;
+    std::array<double, BODY> point_mass{};
+    point_mass[0] = point_mass[IN_BODY_A_ORIENTATION_X + 3] = 1;
+    const Cluster cluster({{scene.bodies[i], point_mass}, {{{0, 1}, {0, 0, 0, 1, 0, 0, 0, 0}, 1}}}, true);
     energies[0] += cluster.energy;
     energies[1] += cluster.energy;
     return !cluster.fault;

@@ -171,9 +171,8 @@ def _combine(
         if twist is None:
             body = scene.bodies[i]
             twists[i] = Twist(Vec3(*body.velocity), Vec3(*body.angular_velocity))
-            if scene.movable[i]:
-                energy = _energy_without_contacts(i, body, options.exact)
-                energies = [energies[0] + energy, energies[1] + energy, *energies[2:]]
+            energy = _energy_without_contacts(i, body, options.exact)
+            energies = [energies[0] + energy, energies[1] + energy, *energies[2:]]
     if not (options.exact or all(map(math.isfinite, energies))):
         raise library.refusal(StatusCode.OUT_OF_RANGE)
     contacts, impulses, before, after, regimes = zip(*rows, strict=True) if rows else ((),) * 5
@@ -216,7 +215,7 @@ PROBE_CONTACT = Contact.of((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
 
 
 def _energy_without_contacts(i: int, body: Body, exact: bool) -> Scalar:
-    """Return the kinetic energy of a body that has no contact.
+    """Return the kinetic energy of a body that has no contact, or is not movable.
 
     Raises:
         ImpactError, TypeError: if the body is invalid, which an impact with a probe tells.
