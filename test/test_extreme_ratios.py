@@ -271,3 +271,19 @@ def test_resolve_answers_what_a_batch_answers():
         if model.law is Law.COULOMB:
             assert true_error(impact, exact_answer(a, b, contact, model)) <= impact.error_bound
     assert unbounded
+
+
+@pytest.mark.parametrize("friction", [4.0, 1e10, 1e300])
+def test_moreau_in_extended_precision_sees_the_least_gain_of_energy(friction):
+    """With e = 1, a contact that sticks against the least slip gains energy, far more than rounding there."""
+    for (x, y), power in product(((1.0, 1.0), (1.0, 0.5), (1024.0, 512.0), (3.0, -1.0)), range(-53, -29)):
+        for slip in (2.0**power, -(2.0**power)):
+            case = Case(x, y, slip, 1.0, friction)
+            with mp.workdps(DIGITS):
+                _, gain = moreau_in_plane(*case.numbers())
+                P = coulomb_in_plane(*case.numbers())
+            if gain <= 0:
+                continue
+            impact = resolve(*case.request(), ImpactModel(Law.MOREAU, precision=Precision.EXTENDED))
+            assert impact.adjustments is Adjustment.LAW_FALLBACK, case
+            assert error_of(impact, P) <= impact.error_bound, case
