@@ -698,3 +698,20 @@ def test_an_answer_and_its_parts_have_the_hash_of_equal_tuples():
     scene = resolve_scene([BALL, FLOOR], [(0, 1)] * 2, contacts, model)
     for part in (*scene.contacts, *scene.twists, *scene.changes, *scene.impulses):
         assert hash(part) == hash(type(part)(*part))
+
+
+def test_reading_a_number_may_resolve_with_other_models():
+    """Python code may run while a request is read: in a number's ``__float__``, or in another thread."""
+    others = [ImpactModel(Law.ROUTH_STRONGE, tolerance=1e-3 + i * 1e-6) for i in range(20)]
+    contact, body = CONTACT._replace(friction=0.3), BALL._replace(velocity=(0.5, 0.0, -1.0))
+
+    class Speed:
+        def __float__(self):
+            for model in others:
+                resolve(body, FLOOR, contact, model)
+            return -1.0
+
+    for model in (ImpactModel(Law.COULOMB), ImpactModel(Law.COULOMB, precision=Precision.DOUBLE)):
+        impact = resolve(body._replace(velocity=(0.5, 0.0, Speed())), FLOOR, contact, model)
+        expected = resolve(body, FLOOR, contact, model)
+        assert (impact.model, impact.impulse) == (expected.model, expected.impulse)

@@ -18,6 +18,7 @@ from collision_response import (
     resolve_scene,
 )
 from collision_response.kernels import library
+from collision_response.scene.reflections import THRESHOLD
 
 LAWS = [Law.AUTO, Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU]
 
@@ -26,14 +27,14 @@ LAWS = [Law.AUTO, Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU]
 def both(monkeypatch):
     """Answer a scene by the compiled code, which must succeed, and without it."""
 
-    def answers(scene: Scene, model: ImpactModel):
+    def answers(scene: Scene, model: ImpactModel, threshold: float = THRESHOLD):
         found = []
         compiled = library.resolve_scene
         with monkeypatch.context() as patch:
             patch.setattr(library, "resolve_scene", lambda *args: found.append(compiled(*args)) or found[-1])
-            one = resolve_scene(*scene, model)
+            one = resolve_scene(*scene, model, threshold=threshold)
             patch.setattr(library, "resolve_scene", lambda *_: None)
-            other = resolve_scene(*scene, model)
+            other = resolve_scene(*scene, model, threshold=threshold)
         return one if found and found[-1] is not None else None, other
 
     return answers
@@ -56,12 +57,13 @@ def without_copies(scene: Scene) -> Scene:
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
-@pytest.mark.parametrize("threshold", [0.0, 0.4])
-def test_compiled_scenes_give_the_same_bits(both, law, threshold):
+@pytest.mark.parametrize("restitution_threshold", [0.0, 0.4])
+@pytest.mark.parametrize("threshold", [THRESHOLD, 0.0, 0.3])
+def test_compiled_scenes_give_the_same_bits(both, law, restitution_threshold, threshold):
     compiled = 0
     for seed in range(30, 110):
         scene = without_copies(any_scene(seed))
-        one, other = both(scene, ImpactModel(law, restitution_threshold=threshold))
+        one, other = both(scene, ImpactModel(law, restitution_threshold=restitution_threshold), threshold)
         compiled += one is not None
         assert one is None or one == other
         assert one is None or (type(one), one.status, one.model) == (type(other), other.status, other.model)

@@ -533,14 +533,11 @@ SIDE = Contact.of((0.1, -1.0, 0.0), (0.0, 1.0, 0.0), 0.5, 0.3)
 IN_PLANE = Scene([DISC, FLOOR], [(0, 1)] * 2, [SIDE, SIDE._replace(position=(-0.1, -1.0, 0.0))])
 PATHS_OF_SCENES = {
     "kernels": (AND_A_BALL, {}),
-    "in Python": (AND_A_BALL, {"threshold": 0.01}),
-    "restitution threshold": (
-        AND_A_BALL,
-        {"threshold": 0.01, "model": ImpactModel(restitution_threshold=0.1)},
-    ),
+    "in Python": (AND_A_BALL, {"exponent": 2.0}),
+    "restitution threshold": (AND_A_BALL, {"exponent": 2.0, "model": ImpactModel(restitution_threshold=0.1)}),
     "springs": (AND_A_BALL, {"model": ImpactModel(Law.ROUTH_STRONGE)}),
     "in several orders": (AND_A_BALL, {"orders": 3}),
-    "one contact": (AND_A_BALL._replace(pairs=[(0, 1)], contacts=TURNING.contacts[:1]), {"threshold": 0.01}),
+    "one contact": (AND_A_BALL._replace(pairs=[(0, 1)], contacts=TURNING.contacts[:1]), {"exponent": 2.0}),
     "in the plane": (IN_PLANE, {"model": ImpactModel(geometry=Geometry.PLANAR)}),
     "fractions": (SMOOTH._replace(bodies=[SMOOTH.bodies[0]._replace(mass=F(1, 3)), *SMOOTH.bodies[1:]]), {}),
     "restitution by speed": (AND_A_BALL.with_contacts(restitution=lambda _: 0.5), {}),

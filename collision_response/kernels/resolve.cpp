@@ -74,15 +74,19 @@ int raise_refusal(int status) {
   return RAISED;
 }
 
+// `model` is a new reference.
 PyObject* make_impact(PyObject* contact, PyObject* model, const OneImpact& one, int status) {
   PyObject* impact = new_tuple(python.impact, 20);
-  if (!impact) return nullptr;
+  if (!impact) {
+    Py_DECREF(model);
+    return nullptr;
+  }
   const ImpactResult& result = one.result;
   int i = 0;
   auto put = [&](PyObject* o) { PyTuple_SET_ITEM(impact, i++, o); };
   put(Py_NewRef(PyTuple_GET_ITEM(python.statuses, status)));
   put(one.contact_as_used(contact));
-  put(Py_NewRef(model));
+  put(model);
   put(make_twist(result.reported));
   put(make_twist(result.reported + 6));
   put(make_twist(result.change + 3));
@@ -157,14 +161,14 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
     Py_DECREF(answer);
     return impact;
   };
-  Plan* plan = find_plan(args[3]);
-  if (!plan) return nullptr;
+  Plan plan;
+  if (!find_plan(args[3], plan)) return nullptr;
   OneImpact impact;
-  int outcome = compute_one_impact(args, *plan, impact);
+  int outcome = compute_one_impact(args, plan, impact);
   if (outcome != ANSWERED) return outcome == RAISED ? nullptr : in_python(PyLong_FromLong(outcome));
-  PyObject* model = model_as_used(plan, impact.law, impact.geometry, impact.precision);
+  PyObject* model = model_as_used(args[3], impact.law, impact.geometry, impact.precision);
   if (!model) return nullptr;
-  if (!(impact.result.error_bound <= plan->target_bound)) return in_python(make_impact(args[2], model, impact, STATUS_TOLERANCE_NOT_MET));
+  if (!(impact.result.error_bound <= plan.target_bound)) return in_python(make_impact(args[2], model, impact, STATUS_TOLERANCE_NOT_MET));
   return make_impact(args[2], model, impact, impact.result.flags[FLAG_SEPARATING] ? STATUS_SEPARATING : STATUS_OK);
 }
 

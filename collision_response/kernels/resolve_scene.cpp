@@ -22,7 +22,7 @@ PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   return PyLong_FromLong(found);
 }
 
-// resolve_clusters(table, law, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): resolve the
+// resolve_clusters(layout, law, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): resolve the
 // clusters wanted[from:to], without the GIL. `numbers` are the approach threshold, the restitution
 // threshold, the greatest error bound allowed, and the greatest number of reflections. The arrays are those
 // of batch/resolve_scenes.py, of the right shapes; `results` are the fields of a ScenesResult. Clusters that are left to
@@ -30,7 +30,7 @@ PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
 PyObject* resolve_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   constexpr int RESULTS = 12;
   if (count != 12 || !PyTuple_Check(args[8]) || PyTuple_GET_SIZE(args[8]) != RESULTS) return PyErr_Format(PyExc_TypeError, "resolve_clusters() takes 12 arguments");
-  int place = static_cast<int>(PyLong_AsLong(args[0])), law = static_cast<int>(PyLong_AsLong(args[1]));
+  int layout = static_cast<int>(PyLong_AsLong(args[0])), law = static_cast<int>(PyLong_AsLong(args[1]));
   double number[4];
   if (PyErr_Occurred() || !read_floats(args[2], 4, number)) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): numbers");
   long from = PyLong_AsLong(args[10]), to = PyLong_AsLong(args[11]);
@@ -40,7 +40,7 @@ PyObject* resolve_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (!open || PyErr_Occurred()) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): arrays must be contiguous");
   long n = static_cast<long>(contacts.view.shape[1]);
   auto numbers = [&result](int i) { return result[i].at<double>(); };
-  TableClusters clusters{table_layouts[place], bodies.at<double>(), contacts.at<double>(),
+  TableClusters clusters{table_layouts[layout], bodies.at<double>(), contacts.at<double>(),
              {pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, bodies.view.shape[1]},
              n, static_cast<long>(contacts.view.shape[0]), order.at<std::int64_t>(), starts.at<std::int64_t>(),
              {law, number[0], number[1], static_cast<int>(number[3])}, number[2],
@@ -65,7 +65,7 @@ struct SceneRequest {
   long clusters = 0;
   bool has_friction = false;
 
-  // Read a scene. False if something is not what it usually is: a number no float, a body articulated, a wrong index.
+  // Read a scene. False for anything unusual: a number that is no float, an articulated body, a wrong index.
   bool read(PyObject* body_list, PyObject* pair_list, PyObject* contact_list) {
     for (PyObject* list : {body_list, pair_list, contact_list})
       if (!PyList_Check(list) && !PyTuple_Check(list)) return false;
@@ -100,7 +100,7 @@ struct SceneRequest {
 // The answer for a scene, put together cluster by cluster: see SceneImpact.
 class SceneAnswer {
  public:
-  SceneAnswer(const SceneRequest& scene, PyObject* const* given, Plan* plan, const ClusterOptions& options)
+  SceneAnswer(const SceneRequest& scene, PyObject* const* given, const Plan& plan, const ClusterOptions& options)
       : scene(scene), bodies(given[0]), contacts(given[2]), model(given[3]), plan(plan), options(options), law(options.law), place(scene.bodies.size(), -1) {
     auto bodies = static_cast<Py_ssize_t>(scene.bodies.size()), contacts = static_cast<Py_ssize_t>(scene.contacts.size());
     for (int i = 0; i < COLUMNS; ++i) column[i] = PyTuple_New(i == CLUSTERS ? scene.clusters : i == TWISTS || i == CHANGES ? bodies : contacts);
@@ -118,6 +118,7 @@ class SceneAnswer {
       long from = static_cast<long>(scene.starts[c]), to = static_cast<long>(scene.starts[c + 1]);
       if (!(to - from == 1 ? resolve_single_contact(scene.order[from]) : resolve_contacts(from, to))) return false;
       PyObject* indices = PyTuple_New(to - from);
+      if (!indices) return false;
       for (long i = from; i < to; ++i) PyTuple_SET_ITEM(indices, i - from, PyLong_FromLongLong(scene.order[i]));
       PyTuple_SET_ITEM(column[CLUSTERS], c, indices);
     }
@@ -128,10 +129,10 @@ class SceneAnswer {
 
   // The fields of a SceneImpact.
   PyObject* fields() {
-    PyObject* used = model_as_used(plan, law, geometry, precision);
+    PyObject* used = model_as_used(model, law, geometry, precision);
     if (!used) return nullptr;
-    int status = bound > plan->bound_limit ? STATUS_TOLERANCE_NOT_MET : is_separating ? STATUS_SEPARATING : STATUS_OK;
-    return Py_BuildValue("OOOOOOOOOddddOOddO", PyTuple_GET_ITEM(python.statuses, status), used, column[CONTACTS], column[TWISTS], column[CHANGES],
+    int status = bound > plan.bound_limit ? STATUS_TOLERANCE_NOT_MET : is_separating ? STATUS_SEPARATING : STATUS_OK;
+    return Py_BuildValue("ONOOOOOOOddddOOddO", PyTuple_GET_ITEM(python.statuses, status), used, column[CONTACTS], column[TWISTS], column[CHANGES],
                          column[IMPULSES], column[BEFORE], column[AFTER], column[REGIMES], energies[0], energies[1], energies[2], energies[3],
                          column[CLUSTERS], Py_None, bound, margin, PyTuple_GET_ITEM(python.adjustments, adjustments));
   }
@@ -141,7 +142,7 @@ class SceneAnswer {
 
   const SceneRequest& scene;
   PyObject *bodies, *contacts, *model;
-  Plan* plan;
+  const Plan& plan;
   const ClusterOptions& options;
   PyObject* column[COLUMNS];
   double energies[4] = {}, bound = 0, margin = INFINITY;
@@ -176,12 +177,12 @@ class SceneAnswer {
     PyObject* contact = PySequence_Fast_GET_ITEM(contacts, k);
     PyObject* request[] = {PySequence_Fast_GET_ITEM(bodies, scene.a[k]), PySequence_Fast_GET_ITEM(bodies, scene.b[k]), contact};
     OneImpact impact;
-    if (compute_one_impact(request, *plan, impact) != ANSWERED) {
+    if (compute_one_impact(request, plan, impact) != ANSWERED) {
       PyErr_Clear();  // Python raises it again, and names the fields of the scene
       return false;
     }
     const ImpactResult& result = impact.result;
-    if (!(result.error_bound <= plan->target_bound)) return false;
+    if (!(result.error_bound <= plan.target_bound)) return false;
     if (scene.movable[scene.a[k]]) put_body(scene.a[k], result.reported, result.change + 3);
     if (scene.movable[scene.b[k]]) put_body(scene.b[k], result.reported + 6, result.change + 9);
     int regime = static_cast<int>(result.reported[OUT_REGIME]);
@@ -193,8 +194,8 @@ class SceneAnswer {
   // Resolve the cluster of the contacts order[from:to].
   bool resolve_contacts(long from, long to) {
     const bool has_compiled_law = options.law == LAW_FRICTIONLESS || options.law == LAW_COULOMB || options.law == LAW_MOREAU;
-    const bool is_full_geometry = plan->geometry == GEOMETRY_AUTO || plan->geometry == GEOMETRY_SPATIAL;
-    if (!has_compiled_law || !is_full_geometry || plan->setting(IN_MODEL_TANGENTIAL_RESTITUTION) != 0) return false;
+    const bool is_full_geometry = plan.geometry == GEOMETRY_AUTO || plan.geometry == GEOMETRY_SPATIAL;
+    if (!has_compiled_law || !is_full_geometry || plan.setting(IN_MODEL_TANGENTIAL_RESTITUTION) != 0) return false;
     auto read_body = [this](std::int64_t i, double* x) { std::copy(scene.bodies[i].begin(), scene.bodies[i].end(), x); };
     auto read_contact = [this](std::int64_t k, double* x) { std::copy(scene.contacts[k].begin(), scene.contacts[k].end(), x); };
     std::vector<std::int64_t> used;
@@ -255,14 +256,14 @@ PyObject* is_rational(PyObject*, PyObject* o) { return PyBool_FromLong(holds_fra
 // Python. The budget is the greatest number of reflections in a cluster.
 PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 6) return PyErr_Format(PyExc_TypeError, "resolve_scene() takes 6 arguments");
-  Plan* plan = find_plan(args[3]);
-  if (!plan) return nullptr;
-  ClusterOptions options{0, PyFloat_AsDouble(args[4]), plan->setting(IN_MODEL_RESTITUTION_THRESHOLD), static_cast<int>(PyLong_AsLong(args[5]))};
+  Plan plan;
+  if (!find_plan(args[3], plan)) return nullptr;
+  ClusterOptions options{0, PyFloat_AsDouble(args[4]), plan.setting(IN_MODEL_RESTITUTION_THRESHOLD), static_cast<int>(PyLong_AsLong(args[5]))};
   if (PyErr_Occurred()) return nullptr;
   SceneRequest scene;
   if (!scene.read(args[0], args[1], args[2])) Py_RETURN_NONE;
-  options.law = scene.has_friction ? plan->law_with_friction : plan->law_without_friction;
+  options.law = scene.has_friction ? plan.law_with_friction : plan.law_without_friction;
   SceneAnswer answer(scene, args, plan, options);
   if (answer.resolve()) return answer.fields();
-  Py_RETURN_NONE;
+  return PyErr_Occurred() ? nullptr : Py_NewRef(Py_None);
 }

@@ -81,8 +81,9 @@ def resolve_scene(
         TypeError: if a field has the wrong type.
         ValueError: if there is not one pair, or not one stiffness, for each contact.
     """
-    if threshold is THRESHOLD and stiffness is None and exponent == 1.5 and orders == 0:
-        fields = library.resolve_scene(bodies, pairs, contacts, model, THRESHOLD, REFLECTIONS)
+    is_usual = stiffness is None and exponent == 1.5 and orders == 0
+    if is_usual and isinstance(threshold, float) and 0 <= threshold < 1:
+        fields = library.resolve_scene(bodies, pairs, contacts, model, threshold, REFLECTIONS)
         if fields is not None:
             return SceneImpact._make(fields)
     scene = check_request(bodies, pairs, contacts)
