@@ -72,7 +72,7 @@ def demonstrate() -> Iterator[str]:
         print("Nothing recorded: rerun-sdk is not installed.")
         return
     recorded = impacts_in(RECORDING)
-    print(f"The node has recorded {recorded} impacts. To see them: {viewer()} {RECORDING}")
+    print(f"The node has recorded {recorded} impacts and scenes. To see them: {viewer()} {RECORDING}")
     if recorded != impacts:
         yield f"{RECORDING} has {recorded} impacts instead of {impacts}"
 

@@ -66,6 +66,6 @@ limit_vectors = _compiled.limit_vectors
 resolve_scene = _compiled.resolve_scene
 assemble = _compiled.assemble
 Cluster = _compiled.Cluster
-is_rational = _compiled.is_rational
+has_fraction = _compiled.has_fraction
 clusters = _compiled.clusters
 resolve_clusters = _compiled.resolve_clusters

@@ -28,7 +28,7 @@ PyMethodDef methods[] = {
     FASTCALL("clusters", find_clusters),
     FASTCALL("resolve_clusters", resolve_clusters),
     FASTCALL("assemble", assemble),
-    {"is_rational", is_rational, METH_O, ""},
+    {"has_fraction", has_fraction, METH_O, ""},
     {"limit_vectors", limit_vectors, METH_O, ""},
     {"setup", setup, METH_VARARGS, ""},
     {}};

@@ -20,7 +20,8 @@ struct OneImpact {
   }
 };
 
+enum { ANSWERED = -1, RAISED = -2 };
+
 // Compute the impact of a body_a, a body_b and a contact. Returns ANSWERED, RAISED if a Python error is set, or the Handover
 // of protocol.py that says why Python has to answer.
-enum { ANSWERED = -1, RAISED = -2 };
 int compute_one_impact(PyObject* const* request, const Plan& plan, OneImpact& impact);

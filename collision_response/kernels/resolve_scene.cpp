@@ -250,7 +250,7 @@ bool holds_fraction(PyObject* o) {
 
 }  // namespace
 
-PyObject* is_rational(PyObject*, PyObject* o) { return PyBool_FromLong(holds_fraction(o)); }
+PyObject* has_fraction(PyObject*, PyObject* o) { return PyBool_FromLong(holds_fraction(o)); }
 
 // resolve_scene(bodies, pairs, contacts, model, threshold, budget): the fields of a SceneImpact; None if the scene is left to
 // Python. The budget is the greatest number of reflections in a cluster.

@@ -1,17 +1,16 @@
 """COULOMB for several contacts: the frictionless answer, then the friction that does the least work.
 
-First compute GRR, the answer without friction: generalised reflections with restitution (``reflections.py``).
-Then consider the contacts that it loads, and all impulses P of theirs that lie in the cones of friction of
-their own normal impulses, |P_t| <= mu P_n.
-Among those that keep the normal velocities after GRR, take the one with the least work on the relative
-velocities u:
+First comes the answer without friction, by generalised reflections with restitution: GRR, ``reflections.py``.
+The contacts that it loads may then have any impulses P in the friction cones of their own normal impulses,
+|P_t| <= mu P_n. Of those that keep the normal velocities of GRR, the law takes the P with the least work on
+the relative velocities u:
 
     P.A P / 2 + u.P  ->  min
 
 This is a convex programme. The impulses of GRR are admissible in it, so energy cannot grow. It is strictly
 convex in the velocities, so these are unique, and as symmetric as the scene. If another contact then
-approaches, one more projection, with e = 0, stops that. That
-projection only takes energy, too; and because it adds normal impulse, friction stays in its cones.
+approaches, one more projection, with e = 0, stops that. It only takes energy, too; and because it adds normal
+impulse, friction stays in its cones.
 
 The work is that on relative velocities, not the change of kinetic energy: next to a moving floor, the latter
 depends on the observer.

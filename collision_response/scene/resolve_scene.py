@@ -88,7 +88,7 @@ def resolve_scene(
             return SceneImpact._make(fields)
     scene = check_request(bodies, pairs, contacts)
     law = law_for(model.law, has_friction=scene.has_friction)
-    exact = library.is_rational(scene.bodies) or library.is_rational(scene.contacts)
+    exact = library.has_fraction(scene.bodies) or library.has_fraction(scene.contacts)
     check_options(threshold, stiffness, exponent, orders, len(scene.contacts))
     options = SceneOptions(model, law, threshold, stiffness, exponent, exact)
     if exact:
@@ -132,10 +132,7 @@ FELL_BACK = int(Adjustment.LAW_FALLBACK)
 
 
 def _combine(
-    scene: SceneRequest,
-    options: SceneOptions,
-    clusters: list[list[int]],
-    answers: list[ClusterAnswer],
+    scene: SceneRequest, options: SceneOptions, clusters: list[list[int]], answers: list[ClusterAnswer]
 ) -> SceneImpact:
     """Combine the answers for clusters into that for the scene."""
     twists: list[Any] = [None] * len(scene.bodies)
