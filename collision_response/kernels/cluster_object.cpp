@@ -175,8 +175,8 @@ PyType_Spec spec = {"collision_response.kernels._compiled.Cluster", sizeof(Clust
 
 }  // namespace
 
-// assemble(bodies, pairs, contacts, counts): a Cluster of contacts, each given `counts` times. The place of the first
-// invalid contact, if there is one; None if a number is not a float.
+// assemble(bodies, pairs, contacts, counts): a Cluster of contacts, each given as often as `counts` says; the index of the
+// first invalid contact, if there is one; None if a number is not a float.
 PyObject* assemble(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 4 || !PyList_Check(args[0]) || !PyList_Check(args[1]) || !PyList_Check(args[2]) || !PyList_Check(args[3]))
     return PyErr_Format(PyExc_TypeError, "assemble() takes four lists");

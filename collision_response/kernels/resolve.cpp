@@ -117,13 +117,15 @@ int compute_one_impact(PyObject* const* request, const Plan& plan, OneImpact& im
     error[IN_MODEL_TANGENTIAL_RESTITUTION + k] = plan.errors[k];
   }
   double fault;
-  (impact.is_articulated ? check_articulated : check_everything)(input, &fault, impact.flags);
+  (impact.is_articulated ? check_articulated : check_everything)(input, &fault, impact.validity);
   if (fault != 0 || request[0] == request[1]) return HANDOVER_INVALID;
 
   impact.law = input[IN_CONTACT_FRICTION] > 0 ? plan.law_with_friction : plan.law_without_friction;
-  const bool frictionless = impact.law == LAW_FRICTIONLESS, *flags = impact.flags;
+  const bool frictionless = impact.law == LAW_FRICTIONLESS, *validity = impact.validity;
   impact.leaves_out_friction = frictionless && input[IN_CONTACT_FRICTION] != 0;
-  impact.geometry = flags[frictionless ? 0 : 1] ? GEOMETRY_POINT : flags[frictionless ? 2 : 3] ? GEOMETRY_PLANAR : GEOMETRY_SPATIAL;
+  const bool is_point = validity[frictionless ? POINT_IF_FRICTIONLESS : POINT_SUFFICES];
+  const bool is_planar = validity[frictionless ? PLANAR_IF_FRICTIONLESS : PLANAR_SUFFICES];
+  impact.geometry = is_point ? GEOMETRY_POINT : is_planar ? GEOMETRY_PLANAR : GEOMETRY_SPATIAL;
   if (plan.geometry != GEOMETRY_AUTO) {
     if (plan.geometry < impact.geometry) return HANDOVER_GEOMETRY_TOO_SMALL;
     impact.geometry = plan.geometry;

@@ -2,16 +2,17 @@
 #pragma once
 #include "one_impact.hpp"
 #include "plan.hpp"
+#include "validity_flags.hpp"
 
 struct OneImpact {
   double input[ALL_INPUTS];
   ImpactResult result;
   int law, geometry, precision;  // as used
   bool is_articulated, leaves_out_friction;
-  bool flags[5];  // see validity_header() of programs.py
+  bool validity[VALIDITY_FLAGS];
 
   int adjustments() const {
-    return flags[4] * ADJUSTMENT_NORMALISED_ORIENTATION + result.flags[FLAG_BELOW_THRESHOLD] * ADJUSTMENT_RESTITUTION_THRESHOLD +
+    return validity[IS_OFF_UNIT] * ADJUSTMENT_NORMALISED_ORIENTATION + result.flags[FLAG_BELOW_THRESHOLD] * ADJUSTMENT_RESTITUTION_THRESHOLD +
            result.flags[FLAG_FELL_BACK] * ADJUSTMENT_LAW_FALLBACK + result.flags[FLAG_MASSLESS_SPIN] * ADJUSTMENT_MASSLESS_SPIN +
            is_articulated * ADJUSTMENT_ENERGY_CHANGE_ONLY;
   }

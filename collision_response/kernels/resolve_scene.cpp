@@ -23,10 +23,9 @@ PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
 }
 
 // resolve_clusters(layout, law, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): resolve the
-// clusters wanted[from:to], without the GIL. `numbers` are the approach threshold, the restitution
-// threshold, the greatest error bound allowed, and the greatest number of reflections. The arrays are those
-// of batch/resolve_scenes.py, of the right shapes; `results` are the fields of a ScenesResult. Clusters that are left to
-// Python get the status 0.
+// clusters wanted[from:to], without the GIL. `numbers` are the approach threshold, the restitution threshold, the greatest
+// error bound allowed, and the greatest number of reflections. The arrays are those of batch/resolve_scenes.py, of the right
+// shapes; `results` are the fields of a ScenesResult. Clusters that are left to Python get the status 0.
 PyObject* resolve_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   constexpr int RESULTS = 12;
   if (count != 12 || !PyTuple_Check(args[8]) || PyTuple_GET_SIZE(args[8]) != RESULTS) return PyErr_Format(PyExc_TypeError, "resolve_clusters() takes 12 arguments");

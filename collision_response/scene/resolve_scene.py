@@ -165,10 +165,11 @@ def _combine(
         model = answer.model if model is None else _most_exact(model, answer.model)
     if model is None:
         model = ImpactModel(law, Geometry.SPATIAL, Precision.DOUBLE, *options.model[3:])
-    for i, twist in enumerate(twists):
-        if twist is None:
-            body = scene.bodies[i]
+    has_contact = {i for pair in scene.pairs for i in pair}
+    for i, body in enumerate(scene.bodies):
+        if twists[i] is None:
             twists[i] = Twist(Vec3(*body.velocity), Vec3(*body.angular_velocity))
+        if i not in has_contact:
             energy = _energy_without_contacts(i, body, options.exact)
             energies = [energies[0] + energy, energies[1] + energy, *energies[2:]]
     if not (options.exact or all(map(math.isfinite, energies))):
@@ -213,7 +214,7 @@ PROBE_CONTACT = Contact.of((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
 
 
 def _energy_without_contacts(i: int, body: Body, exact: bool) -> Scalar:
-    """Return the kinetic energy of a body that has no contact, or is not movable.
+    """Return the kinetic energy of a body that has no contact.
 
     Raises:
         ImpactError, TypeError: if the body is invalid, which an impact with a probe tells.

@@ -6,6 +6,7 @@
 #include "effect.hpp"
 #include "reflections.hpp"
 #include "validity_everything.hpp"
+#include "validity_flags.hpp"
 
 using Code = unsigned char;  // a StatusCode, or LEFT_TO_PYTHON
 constexpr Code LEFT_TO_PYTHON = 0;
@@ -89,15 +90,15 @@ struct Cluster {
       auto [a, b] = contact.body;
       if (frictionless && contact.x[7] < INFINITY) contact.x[7] = std::fmin(contact.x[7], 0);  // an invalid coefficient stays invalid
       double in[INPUTS] = {}, found;
-      bool shapes[5];
+      bool flags[VALIDITY_FLAGS];
       std::copy(given[a].x, given[a].x + BODY, in);
       std::copy(given[b].x, given[b].x + BODY, in + BODY);
       std::copy(contact.x, contact.x + 8, in + IN_CONTACT_POSITION_X);
-      validity<double>(in, nullptr, &found, shapes);
+      validity<double>(in, nullptr, &found, flags);
       fault = static_cast<int>(found);
       if (fault) return;
       ++invalid_contact;
-      has_off_unit_orientation = has_off_unit_orientation || shapes[4];
+      has_off_unit_orientation = has_off_unit_orientation || flags[IS_OFF_UNIT];
       has_friction = has_friction || contact.x[7] > 0;
       assembly.add(given[a], given[b], movable_place[a], movable_place[b], contact.x, contact.copies);
     }
