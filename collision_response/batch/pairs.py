@@ -86,7 +86,7 @@ def independent_sets(pairs: Any, movable: Any = None) -> list[Array]:
     if movable.ndim != 1 or movable.dtype != np.bool_:
         raise ValueError(f"movable: must be bool of shape (B,), is {movable.dtype} of {movable.shape}")
     order, starts = np.empty(n, np.int64), np.empty(n + 1, np.int64)
-    sets = library.independent_sets(pairs, movable, order, starts)
+    sets = library.find_independent_sets(pairs, movable, order, starts)
     if sets < 0:
         first = -1 - sets
         wrong = tuple(given[:, first].tolist())

@@ -30,7 +30,7 @@ import numpy as np
 
 from ..kernels import library
 from ..model import DEFAULT, LARGEST_BOUND, ImpactModel, check_number
-from ..physics.laws import PATHS, Law
+from ..physics.laws import PATHS
 from ..scene import resolve_scene
 from ..scene.reflections import REFLECTIONS, THRESHOLD
 from ..status import ImpactError, StatusCode
@@ -40,9 +40,6 @@ from .pairs import IS_ANSWER, as_pairs
 from .resolve_batch import UINT8, BatchRequest, check_workers, plan_for, resolve_batch, run_in_parts
 
 Array = np.ndarray[Any, Any]
-
-COMPILED_LAWS = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU)
-"""The laws by which the kernels resolve clusters of several contacts."""
 
 CLUSTERS_PER_WORKER = 64
 """With fewer clusters, another worker takes longer to start than it saves."""
@@ -138,17 +135,9 @@ def resolve_scenes(
     is_single = (np.diff(clusters.starts) == 1) & (model.law not in PATHS)
     singles, several = np.flatnonzero(is_single), np.flatnonzero(~is_single)
     _resolve_single_contacts(request, singles, clusters.order[clusters.starts[singles]], result, workers)
-    if model.law in COMPILED_LAWS and not model.tangential_restitution:
-        bound_limit = batch_plan.model_plan.bound_limit
-        numbers = threshold, model.restitution_threshold, bound_limit, REFLECTIONS
-        tables = bodies, pairs, contacts, *clusters, result, several
-        kernel = batch_plan.layout, int(model.law), tuple(map(float, numbers))
-        threads = min(workers, several.size // CLUSTERS_PER_WORKER)
-        run_in_parts(
-            lambda *part: library.resolve_clusters(*kernel, *tables, *part), 0, several.size, threads
-        )
-        several = several[result.status[several] == StatusCode.UNSET]  # those left to Python
-    for cluster in several.tolist():
+    _resolve_without_python(request, clusters, several, threshold, result, workers)
+    left_to_python = several[result.status[several] == StatusCode.UNSET]
+    for cluster in left_to_python.tolist():
         _resolve_in_python(request, cluster, clusters.contacts(cluster), threshold, result)
     return result
 
@@ -157,7 +146,7 @@ def _find_clusters(bodies: Array, pairs: Array) -> tuple[Clusters, Array]:
     """Return the contacts by cluster, and the cluster of each contact."""
     n = pairs.shape[1]
     order, starts, cluster_of = np.empty(n, np.int64), np.empty(n + 1, np.int64), np.empty(n, np.int64)
-    count = library.clusters(pairs, bodies[0] < np.inf, order, starts, cluster_of)
+    count = library.find_clusters(pairs, bodies[0] < np.inf, order, starts, cluster_of)
     return Clusters(order, starts[: count + 1]), cluster_of
 
 
@@ -197,6 +186,39 @@ def _resolve_single_contacts(
         angular_velocity = found.angular_velocity[:, side, has_bodies]
         result.velocity[:, column[movable]] = velocity[:, movable]
         result.angular_velocity[:, column[movable]] = angular_velocity[:, movable]
+
+
+def _resolve_without_python(
+    request: BatchRequest,
+    clusters: Clusters,
+    wanted: Array,
+    threshold: float,
+    result: ScenesResult,
+    workers: int,
+) -> None:
+    """Resolve the clusters ``wanted``. Those that are left to Python keep the status UNSET."""
+    plan, model, pairs = request.plan, request.plan.model, request.pairs
+    assert pairs is not None
+    thresholds = threshold, model.restitution_threshold, model.tangential_restitution
+    numbers = tuple(map(float, (*thresholds, plan.model_plan.bound_limit, REFLECTIONS)))
+
+    def resolve_some(start: int, stop: int) -> None:
+        library.resolve_clusters(
+            plan.layout,
+            int(model.law),
+            numbers,
+            request.bodies,
+            pairs,
+            request.contacts,
+            clusters.order,
+            clusters.starts,
+            result,
+            wanted,
+            start,
+            stop,
+        )
+
+    run_in_parts(resolve_some, 0, wanted.size, min(workers, wanted.size // CLUSTERS_PER_WORKER))
 
 
 def _resolve_in_python(

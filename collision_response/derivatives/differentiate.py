@@ -21,7 +21,7 @@ from ..answer import Impact
 from ..batch import BatchResult, resolve_batch
 from ..batch.other_arrays import as_numpy
 from ..batch.rows import slices_of
-from ..kernels import _derivatives, library  # type: ignore[attr-defined]  # made by the build
+from ..kernels import _derivatives, library
 from ..kernels.layout import Layout, names_of_body, names_of_contact
 from ..model import DEFAULT, Geometry, ImpactModel, law_for
 from ..physics.body import Body

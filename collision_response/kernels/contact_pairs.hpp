@@ -56,7 +56,7 @@ static inline void sort_by_set(const std::vector<std::int64_t>& set, long sets, 
 // Divide n contacts into sets in which no movable body appears twice, and sort them by these. A contact is in the first set
 // after those of earlier contacts with which it shares a movable body. Return the number of sets; if a body of a contact
 // is not in the table, -1 - contact for the first such contact.
-static inline long independent_sets(const ContactPairs& pairs, long n, const bool* movable, std::int64_t* order, std::int64_t* starts) {
+static inline long divide_into_independent_sets(const ContactPairs& pairs, long n, const bool* movable, std::int64_t* order, std::int64_t* starts) {
   std::vector<std::int64_t> next_set(pairs.bodies, 0), set(n);
   long sets = 0;
   for (long k = 0; k < n; ++k) {
@@ -73,7 +73,7 @@ static inline long independent_sets(const ContactPairs& pairs, long n, const boo
 // Divide n contacts into clusters, and sort them by these. Contacts are in one cluster if they share a movable body,
 // directly or through other contacts. A contact that has a fault or two immovable bodies is a cluster by itself. Clusters
 // are numbered in the order of their first contacts. Return their number.
-static inline long clusters(const ContactPairs& pairs, long n, const bool* movable, std::int64_t* order, std::int64_t* starts, std::int64_t* cluster) {
+static inline long divide_into_clusters(const ContactPairs& pairs, long n, const bool* movable, std::int64_t* order, std::int64_t* starts, std::int64_t* cluster) {
   std::vector<std::int64_t> leader(pairs.bodies), number(pairs.bodies, -1), set(n);  // union-find; number: by leader
   for (std::int64_t body = 0; body < pairs.bodies; ++body) leader[body] = body;
   auto find = [&](std::int64_t body) {

@@ -15,12 +15,40 @@ from ..physics.vector import Vec3
 from ..status import ImpactError, StatusCode
 
 try:
-    from . import _compiled  # type: ignore[attr-defined]  # made by the build
+    from . import _compiled
+    from ._compiled import (
+        Cluster,
+        assemble,
+        batch,
+        find_clusters,
+        find_independent_sets,
+        has_fraction,
+        limit_vectors,
+        numbers_with_errors,
+        resolve,
+        resolve_clusters,
+        resolve_scene,
+    )
 except ImportError as error:
     raise ImportError(
         f"{Path(__file__).parents[1]} is not compiled. In a source tree, Python takes the directory of that "
         "name for the package: run .venv/bin/python -I, which does not, or change to another directory"
     ) from error
+
+__all__ = [
+    "Cluster",
+    "assemble",
+    "batch",
+    "find_clusters",
+    "find_independent_sets",
+    "has_fraction",
+    "limit_vectors",
+    "numbers_with_errors",
+    "refusal",
+    "resolve",
+    "resolve_clusters",
+    "resolve_scene",
+]
 
 _REFUSALS = {
     StatusCode.OUT_OF_RANGE: ("result", "a number of the answer is beyond float64"),
@@ -57,15 +85,3 @@ _compiled.setup(
     model_as_used,
     refusal,
 )
-
-resolve = _compiled.resolve
-numbers_with_errors = _compiled.numbers_with_errors
-batch = _compiled.batch
-independent_sets = _compiled.independent_sets
-limit_vectors = _compiled.limit_vectors
-resolve_scene = _compiled.resolve_scene
-assemble = _compiled.assemble
-Cluster = _compiled.Cluster
-has_fraction = _compiled.has_fraction
-clusters = _compiled.clusters
-resolve_clusters = _compiled.resolve_clusters

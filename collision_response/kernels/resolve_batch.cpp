@@ -178,16 +178,16 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   return Py_BuildValue("id", greatest_status, greatest_bound);
 }
 
-// independent_sets(pairs, movable, order, starts): see contact_pairs.hpp. The caller has checked the shapes of the arrays.
+// find_independent_sets(pairs, movable, order, starts): see contact_pairs.hpp. The caller has checked the shapes of the arrays.
 PyObject* find_independent_sets(PyObject*, PyObject* const* args, Py_ssize_t count) {
   Array pairs, movable, order, starts;
   if (count != 4 || !pairs.open(args[0]) || !movable.open(args[1]) || !order.open(args[2], true) || !starts.open(args[3], true))
-    return PyErr_Format(PyExc_TypeError, "independent_sets() takes four arrays");
+    return PyErr_Format(PyExc_TypeError, "find_independent_sets() takes four arrays");
   long n = static_cast<long>(order.view.shape[0]), sets;
   ContactPairs body_pairs{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, movable.view.shape[0]};
   {
     ReleasedGil released;
-    sets = independent_sets(body_pairs, n, movable.at<bool>(), order.at<std::int64_t>(), starts.at<std::int64_t>());
+    sets = divide_into_independent_sets(body_pairs, n, movable.at<bool>(), order.at<std::int64_t>(), starts.at<std::int64_t>());
   }
   return PyLong_FromLong(sets);
 }

@@ -1,4 +1,5 @@
 // Scenes: several contacts at once. Resolve whole scenes, and clusters of tables, without Python.
+#include <array>
 #include <memory>
 
 #include "arrays.hpp"
@@ -7,44 +8,47 @@
 #include "scene/read_scene.hpp"
 #include "scene/table_clusters.hpp"
 
-// clusters(pairs, movable, order, starts, cluster): writes the clusters to the last three arrays, as in contact_pairs.hpp, and
+// find_clusters(pairs, movable, order, starts, cluster): writes the clusters to the last three arrays, as in contact_pairs.hpp, and
 // returns how many there are.
 PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   Array pairs, movable, order, starts, cluster;
   if (count != 5 || !pairs.open(args[0]) || !movable.open(args[1]) || !order.open(args[2], true) || !starts.open(args[3], true) || !cluster.open(args[4], true))
-    return PyErr_Format(PyExc_TypeError, "clusters() takes five arrays");
+    return PyErr_Format(PyExc_TypeError, "find_clusters() takes five arrays");
   long n = static_cast<long>(order.view.shape[0]), found;
   ContactPairs who{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, movable.view.shape[0]};
   {
     ReleasedGil released;
-    found = clusters(who, n, movable.at<bool>(), order.at<std::int64_t>(), starts.at<std::int64_t>(), cluster.at<std::int64_t>());
+    found = divide_into_clusters(who, n, movable.at<bool>(), order.at<std::int64_t>(), starts.at<std::int64_t>(), cluster.at<std::int64_t>());
   }
   return PyLong_FromLong(found);
 }
 
 // resolve_clusters(layout, law, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): resolve the
-// clusters wanted[from:to], without the GIL. `numbers` are the approach threshold, the restitution threshold, the greatest
-// error bound allowed, and the greatest number of reflections. The arrays are those of batch/resolve_scenes.py, of the right
-// shapes; `results` are the fields of a ScenesResult. Clusters that are left to Python get the status 0.
+// clusters wanted[from:to], without the GIL. `numbers` are the approach threshold, the restitution threshold, the tangential
+// restitution, the greatest error bound allowed, and the greatest number of reflections. The arrays are those of
+// batch/resolve_scenes.py, of the right shapes; `results` are the fields of a ScenesResult. Clusters that are left to Python
+// get the status 0, or keep theirs if no cluster is resolved here.
 PyObject* resolve_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
-  constexpr int RESULTS = 12;
+  enum { VELOCITY, ANGULAR_VELOCITY, IMPULSE, REGIME, CLUSTER, STATUS, ERROR_BOUND, MARGIN, ENERGIES, RESULTS = ENERGIES + 4 };
   if (count != 12 || !PyTuple_Check(args[8]) || PyTuple_GET_SIZE(args[8]) != RESULTS) return PyErr_Format(PyExc_TypeError, "resolve_clusters() takes 12 arguments");
   int layout = static_cast<int>(PyLong_AsLong(args[0])), law = static_cast<int>(PyLong_AsLong(args[1]));
-  double number[4];
-  if (PyErr_Occurred() || !read_floats(args[2], 4, number)) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): numbers");
+  std::array<double, 5> numbers;
+  if (PyErr_Occurred() || !read_floats(args[2], 5, numbers.data())) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): numbers");
+  auto [threshold, restitution_threshold, tangential_restitution, bound_limit, budget] = numbers;
+  const ClusterOptions options{law, threshold, restitution_threshold, tangential_restitution, static_cast<int>(budget)};
+  if (!options.is_compiled()) Py_RETURN_NONE;
   long from = PyLong_AsLong(args[10]), to = PyLong_AsLong(args[11]);
   Array bodies, pairs, contacts, order, starts, wanted, result[RESULTS];
   bool open = bodies.open(args[3]) && pairs.open(args[4]) && contacts.open(args[5]) && order.open(args[6]) && starts.open(args[7]) && wanted.open(args[9]);
-  for (int i = 0; i < RESULTS; ++i) open = open && (i == 4 || result[i].open(PyTuple_GET_ITEM(args[8], i), true));
+  for (int i = 0; i < RESULTS; ++i) open = open && (i == CLUSTER || result[i].open(PyTuple_GET_ITEM(args[8], i), true));
   if (!open || PyErr_Occurred()) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): arrays must be contiguous");
   long n = static_cast<long>(contacts.view.shape[1]);
-  auto numbers = [&result](int i) { return result[i].at<double>(); };
+  auto doubles = [&result](int field) { return result[field].at<double>(); };
   TableClusters clusters{table_layouts[layout], bodies.at<double>(), contacts.at<double>(),
              {pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, bodies.view.shape[1]},
-             n, static_cast<long>(contacts.view.shape[0]), order.at<std::int64_t>(), starts.at<std::int64_t>(),
-             {law, number[0], number[1], static_cast<int>(number[3])}, number[2],
-             numbers(0), numbers(1), numbers(2), result[3].at<unsigned char>(), result[5].at<unsigned char>(),
-             numbers(6), numbers(7), {numbers(8), numbers(9), numbers(10), numbers(11)}};
+             n, static_cast<long>(contacts.view.shape[0]), order.at<std::int64_t>(), starts.at<std::int64_t>(), options, bound_limit,
+             doubles(VELOCITY), doubles(ANGULAR_VELOCITY), doubles(IMPULSE), result[REGIME].at<unsigned char>(), result[STATUS].at<unsigned char>(),
+             doubles(ERROR_BOUND), doubles(MARGIN), {doubles(ENERGIES), doubles(ENERGIES + 1), doubles(ENERGIES + 2), doubles(ENERGIES + 3)}};
   {
     ReleasedGil released;
     for (long i = from; i < to; ++i) clusters.resolve(wanted.at<std::int64_t>()[i]);
@@ -91,7 +95,7 @@ struct SceneRequest {
       has_contact[a[k]] = has_contact[b[k]] = 1;
       has_friction = has_friction || contacts[k][7] > 0;
     }
-    clusters = ::clusters({a.data(), b.data(), of_bodies}, n, movable.get(), order.data(), starts.data(), cluster.data());
+    clusters = divide_into_clusters({a.data(), b.data(), of_bodies}, n, movable.get(), order.data(), starts.data(), cluster.data());
     return clusters > 0;
   }
 };
@@ -192,9 +196,8 @@ class SceneAnswer {
 
   // Resolve the cluster of the contacts order[from:to].
   bool resolve_contacts(long from, long to) {
-    const bool has_compiled_law = options.law == LAW_FRICTIONLESS || options.law == LAW_COULOMB || options.law == LAW_MOREAU;
     const bool is_full_geometry = plan.geometry == GEOMETRY_AUTO || plan.geometry == GEOMETRY_SPATIAL;
-    if (!has_compiled_law || !is_full_geometry || plan.setting(IN_MODEL_TANGENTIAL_RESTITUTION) != 0) return false;
+    if (!is_full_geometry || !options.is_compiled()) return false;
     auto read_body = [this](std::int64_t i, double* x) { std::copy(scene.bodies[i].begin(), scene.bodies[i].end(), x); };
     auto read_contact = [this](std::int64_t k, double* x) { std::copy(scene.contacts[k].begin(), scene.contacts[k].end(), x); };
     std::vector<std::int64_t> used;
@@ -257,7 +260,8 @@ PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 6) return PyErr_Format(PyExc_TypeError, "resolve_scene() takes 6 arguments");
   Plan plan;
   if (!find_plan(args[3], plan)) return nullptr;
-  ClusterOptions options{0, PyFloat_AsDouble(args[4]), plan.setting(IN_MODEL_RESTITUTION_THRESHOLD), static_cast<int>(PyLong_AsLong(args[5]))};
+  ClusterOptions options{0, PyFloat_AsDouble(args[4]), plan.setting(IN_MODEL_RESTITUTION_THRESHOLD), plan.setting(IN_MODEL_TANGENTIAL_RESTITUTION),
+                         static_cast<int>(PyLong_AsLong(args[5]))};
   if (PyErr_Occurred()) return nullptr;
   SceneRequest scene;
   if (!scene.read(args[0], args[1], args[2])) Py_RETURN_NONE;

@@ -32,6 +32,7 @@ import math
 from fractions import Fraction
 from typing import Any
 
+from ..kernels.library import Cluster
 from ..numbers.operations import Scalar
 from ..status import ImpactError, StatusCode
 from .impulses import ClusterImpulses
@@ -77,7 +78,7 @@ def contradiction() -> ImpactError:
     return ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
 
 
-def _in_double_double(cluster: Any, threshold: Scalar) -> ClusterImpulses | None:
+def _in_double_double(cluster: Cluster, threshold: Scalar) -> ClusterImpulses | None:
     found = cluster.reflections(threshold, REFLECTIONS)
     if found is None:
         return None

@@ -32,8 +32,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from ..kernels.library import Cluster
 from ..status import ImpactError, StatusCode
 from .impulses import ClusterImpulses
 
@@ -74,7 +75,7 @@ WORST = 0.1
 
 
 def follow_springs(
-    cluster: Any,
+    cluster: Cluster,
     stiffness: Sequence[float],
     exponent: float,
     tolerance: float,

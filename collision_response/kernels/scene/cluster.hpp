@@ -109,8 +109,13 @@ struct Cluster {
 // The law and its settings.
 struct ClusterOptions {
   int law;
-  double threshold, restitution_threshold;
+  double threshold, restitution_threshold, tangential_restitution;
   int budget;  // greatest number of reflections
+
+  // Whether clusters of several contacts are resolved here. If not, they are left to Python.
+  bool is_compiled() const {
+    return (law == LAW_FRICTIONLESS || law == LAW_COULOMB || law == LAW_MOREAU) && tangential_restitution == 0;
+  }
 };
 
 struct ClusterResult {
