@@ -1,5 +1,16 @@
-"""Impact laws, one per file, all with the signature given in ``law.py``.
+"""Impact laws: functions of the signature given in ``law.py``.
 
+    frictionless.py        FRICTIONLESS: Newton's restitution
+    chatterjee_ruina.py    COULOMB: friction in closed form
+    moreau.py              MOREAU: friction in one step; sliding.py solves its equation
+    routh.py               ROUTH_POISSON, ROUTH_STRONGE: friction along the path of the impulse
+        routh_path.py      - integrates the path while slip turns, with the coefficients of dormand_prince.py
+        routh_straight.py  - the part of the path after slip has turned
+        routh_error.py     - a bound on the error of the path
+    routh_by_speed.py      the same laws where friction is a function of the slip speed
+    compliant.py           COMPLIANT: springs along and across the normal; compliant_path.py integrates it
+
+Those that need a contact in its own axes take them from ``contact_frame.py``.
 ``CONTRIBUTING.md`` says how to add a law.
 """
 
