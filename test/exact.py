@@ -22,7 +22,7 @@ except ImportError:
 
 ROOT_BITS = 1000
 PIVOT_LIMIT = Fraction(1, 2**50)
-"""A pivot of the inertia tensor counts as 0 at or below this part of its diagonal entry."""
+"""A moment of inertia counts as 0 at or below this part of the terms that add up to it."""
 
 ORACLE_DIGITS = 35
 """Routh's path loses up to half of them where the work decides its end."""
@@ -254,15 +254,15 @@ def _trace(m: Mat) -> Fraction:
 
 
 def _is_definite(tensor: Mat) -> bool:
-    """Whether every pivot is more than rounding of its diagonal entry."""
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = tensor
-    if xx <= 0:
-        return False
-    d_y = yy - xy * xy / xx
-    if d_y <= yy * PIVOT_LIMIT:
-        return False
-    w = yz - xz * xy / xx
-    return zz - xz * xz / xx - w * w / d_y > zz * PIVOT_LIMIT
+    """Whether the moments about three conjugate axes are more than the rounding of the components."""
+    x, y, z = tensor
+    axes = ((Fraction(1), Fraction(0), Fraction(0)), (-x[1], x[0], Fraction(0)), cross(x, y))
+    for axis in axes:
+        moment = dot(axis, apply(tensor, axis))
+        rounding = PIVOT_LIMIT * sum(tensor[k][k] * axis[k] ** 2 for k in range(3))
+        if not moment > rounding:
+            return False
+    return True
 
 
 def _turned(rotation: Mat, tensor: Mat) -> Mat:

@@ -33,7 +33,7 @@ from collision_response.batch import resolve_batch
 from collision_response.derivatives import differentiate
 from collision_response.physics.combine import combine
 from collision_response.physics.energy import kinetic_energy
-from collision_response.physics.mass_properties import box, rod
+from collision_response.physics.mass_properties import Particle, box, of_particles, rod
 from collision_response.physics.vector import ZERO, Vec3
 
 BALL = Body.dynamic(1.0, (0.4, 0.0, 0.0, 0.4, 0.0, 0.4), (0.0, 0.0, 1.0), None, (0.0, 0.0, -2.0))
@@ -277,6 +277,38 @@ def test_spin_about_an_axis_without_inertia_moves_no_contact_and_stays(axis, law
     assert spinning.change_a.angular == pytest.approx(other.change_a.angular, rel=1e-13, abs=1e-14)
     assert spinning.adjustments & Adjustment.MASSLESS_SPIN
     assert spinning.normal_velocity_before == pytest.approx(other.normal_velocity_before, rel=1e-14)
+
+
+DUMBBELLS = [
+    *((round(math.cos(i), 2), round(math.sin(2 * i), 2), round(math.sin(3 * i), 1)) for i in range(1, 60)),
+    *((1.0, 0.3 * 10.0**-i, -0.7 * 10.0**-j) for i, j in product(range(0, 9, 2), repeat=2)),
+]
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("precision", [Precision.AUTO, Precision.DOUBLE, Precision.EXTENDED])
+def test_two_particles_have_no_inertia_about_their_line_in_any_axes(law, precision):
+    """Rounding gives the tensor a moment of 1e-16 there. Whether that counts must not depend on the axes."""
+    contact, model = CONTACT._replace(friction=0.3), ImpactModel(law, precision=precision)
+    for place, order in product(DUMBBELLS, ((0, 1, 2), (1, 2, 0), (2, 0, 1), (1, 0, 2))):
+        arm = Vec3(*(place[i] for i in order))
+        mass, _, inertia = of_particles([Particle(0.7, arm), Particle(0.7, -arm)])
+        dumbbell = Body.dynamic(
+            mass, inertia, (0.3, 0.2, 0.5), velocity=(0.1, -0.2, -1.0), angular_velocity=arm
+        )
+        # the same rod along x, turned by half a turn about the axis halfway between x and the arm
+        halfway = arm + Vec3(arm.norm(), 0.0, 0.0)
+        length = mass * arm.dot(arm)
+        own_axes = dumbbell._replace(
+            inertia=dumbbell.inertia._replace(xx=0.0, xy=0.0, xz=0.0, yy=length, yz=0.0, zz=length),
+            orientation=(*halfway, 0.0),
+        )
+        impact, expected = (resolve(one, FLOOR, contact, model) for one in (dumbbell, own_axes))
+        assert impact.adjustments & Adjustment.MASSLESS_SPIN
+        allowed = {"rel": 1e-12, "abs": 1e-12 + 2 * impact.error_bound}  # the two tensors differ by rounding
+        assert impact.error_bound < 1e-10
+        assert impact.impulse == pytest.approx(expected.impulse, **allowed)
+        assert impact.change_a.angular == pytest.approx(expected.change_a.angular, **allowed)
 
 
 def test_a_point_mass_does_not_spin():

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from typing import Unpack
 
 ROUNDINGS = 8
-"""A pivot of the inertia tensor counts as 0 up to this number of units of roundoff of its diagonal entry."""
+"""A pivot of the inertia tensor counts as 0 up to this number of units of roundoff of what it is made of."""
 
 
 class Twist(NamedTuple):
@@ -337,27 +337,34 @@ def _quaternion(values: Sequence[Scalar]) -> Quaternion:
 
 
 def _factor(inertia: Symmetric3) -> tuple[Condition, Factor3]:
-    """Whether there is inertia about every axis, and the factors of the tensor; their ``i`` are 0 if not."""
+    """Whether there is inertia about every axis, and the factors of the tensor; their ``i`` are 0 if not.
+
+    A pivot is the moment ``v.I v`` about an axis ``v``: ``(1, 0, 0)``, ``(-l_yx, 1, 0)`` and
+    ``(l_zy l_yx - l_zx, -l_zy, 1)``. Roundings of the components of ``I`` change it by up to a small multiple
+    of ``v.D v``, where ``D`` is the diagonal of ``I``. A thin rod may lie along any axis, so its moment about
+    itself counts as 0 up to that size, which may be much greater than the diagonal entry of the pivot.
+    """
     xx, xy, xz, yy, yz, zz = inertia
     has_x, i_x = _inverse_pivot(xx, xx, xy, xz)
     l_yx, l_zx = xy * i_x, xz * i_x
     w = yz - l_zx * xy
-    has_y, i_y = _inverse_pivot(yy - l_yx * xy, yy, l_yx, w)
+    has_y, i_y = _inverse_pivot(yy - l_yx * xy, yy + l_yx * xy, l_yx, w)
     l_zy = w * i_y
-    has_z, i_z = _inverse_pivot(zz - l_zx * xz - l_zy * w, zz, l_zx - l_zy * l_yx, l_zy)
+    v_x = l_zy * l_yx - l_zx
+    has_z, i_z = _inverse_pivot(zz - l_zx * xz - l_zy * w, xx * v_x * v_x + yy * l_zy * l_zy + zz, v_x, l_zy)
     is_definite = has_x & has_y & has_z
     i = choose(is_definite, lambda: (i_x, i_y, i_z), lambda: (0, 0, 0))
     return is_definite, Factor3(l_yx, l_zx, l_zy, *i)
 
 
-def _inverse_pivot(value: Scalar, diagonal: Scalar, *couplings: Scalar) -> tuple[Condition, Scalar]:
+def _inverse_pivot(value: Scalar, size: Scalar, *couplings: Scalar) -> tuple[Condition, Scalar]:
     """Whether a pivot is more than rounding; and its inverse, or 1 if it is not.
 
-    If the pivot is rounding, its ``couplings`` to the other axes determine which axis has no inertia, and
+    ``size`` is that of the terms that add up to it. If the pivot is rounding, its ``couplings`` to the other axes determine which axis has no inertia, and
     nothing has a derivative with respect to them. For numbers that carry derivatives the comparison is then
     exactly on its edge and varies with them, which marks the jump.
     """
-    rounding = fixed(diagonal * (ROUNDINGS * given_roundoff(diagonal)))
+    rounding = fixed(size * (ROUNDINGS * given_roundoff(size)))
     is_inertia = value > rounding
 
     def with_couplings() -> Scalar:

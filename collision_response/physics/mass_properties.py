@@ -50,7 +50,7 @@ def of_particles(particles: Iterable[Particle]) -> MassProperties:
     Raises:
         ValueError: if the sum of the masses is not positive, or there is no particle.
     """
-    particles = list(particles)
+    particles = [Particle(mass, as_vector("position", position)) for mass, position in particles]
     mass = sum(p.mass for p in particles)
     if not mass > 0:
         raise ValueError(f"the particles' masses must add up to more than 0, not {mass}")
