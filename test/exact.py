@@ -255,7 +255,7 @@ def _trace(m: Mat) -> Fraction:
 
 def _is_definite(tensor: Mat) -> bool:
     """Whether the moments about three conjugate axes are more than the rounding of the components."""
-    x, y, z = tensor
+    x, y, _ = tensor
     axes = ((Fraction(1), Fraction(0), Fraction(0)), (-x[1], x[0], Fraction(0)), cross(x, y))
     for axis in axes:
         moment = dot(axis, apply(tensor, axis))

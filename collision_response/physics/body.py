@@ -360,9 +360,10 @@ def _factor(inertia: Symmetric3) -> tuple[Condition, Factor3]:
 def _inverse_pivot(value: Scalar, size: Scalar, *couplings: Scalar) -> tuple[Condition, Scalar]:
     """Whether a pivot is more than rounding; and its inverse, or 1 if it is not.
 
-    ``size`` is that of the terms that add up to it. If the pivot is rounding, its ``couplings`` to the other axes determine which axis has no inertia, and
-    nothing has a derivative with respect to them. For numbers that carry derivatives the comparison is then
-    exactly on its edge and varies with them, which marks the jump.
+    ``size`` is that of the terms that add up to it. If the pivot is rounding, its ``couplings`` to the other
+    axes determine which axis has no inertia, and nothing has a derivative with respect to them. For numbers
+    that carry derivatives the comparison is then exactly on its edge and varies with them, which marks the
+    jump.
     """
     rounding = fixed(size * (ROUNDINGS * given_roundoff(size)))
     is_inertia = value > rounding
