@@ -184,6 +184,38 @@ def test_the_error_is_within_the_bound_in_space(name):
     assert impact.error_bound < 1e-8  # the oracle is right to 1e-13
 
 
+LIGHT = [[20.0, 1.0, 0.5], [1.0, 2.0, -0.5], [0.5, -0.5, 1.0]]
+FAST_TURNS = {
+    "little friction": (1e-3, 0.8, (-1.0, 2.0, -0.75)),
+    "very little friction": (1e-5, 0.8, (0.05, -0.04, -1.0)),
+    "hardly any friction": (1e-9, 0.8, (1.05, 1.0, -0.75)),
+    "fast slip": (0.3, 0.8, (1e3, 300.0, -1.0)),
+    "stiff spring": (0.1, 100.0, (1.05, 1.0, -0.75)),
+    "very stiff spring": (0.3, 1e4, (1.05, 1.0, -0.75)),
+}
+
+
+@pytest.mark.parametrize("K", [X1, LIGHT], ids=["X1", "light"])
+@pytest.mark.parametrize("name", FAST_TURNS)
+def test_the_error_is_within_the_bound_where_the_spring_turns_fast(name, K):
+    """The spring then turns more slowly than the equations say, and the bound counts that."""
+    mu, kappa, u = FAST_TURNS[name]
+    impact = resolve_contact(K, u, (0, 0, 1), 0.6, mu, ImpactModel(Law.COMPLIANT, stiffness_ratio=kappa))
+    P = springs_in_space(K, u, 0.6, mu, kappa, stiff=True)
+    assert np.linalg.norm(impact.impulse - P) <= (impact.error_bound + 1e-10) * np.linalg.norm(P)
+    assert impact.error_bound < (0.01 if kappa > 100 else 1e-5)
+
+
+@pytest.mark.parametrize("mu", [1e-4, 1e-6, 1e-9, 1e-12, 1e-15, 1e-100, 1e-300])
+@pytest.mark.parametrize("u", [(1.05, 1.0, -0.75), (0.05, -0.04, -1.0), (1e3, 300.0, -1.0), (0.0, 0.0, -1.0)])
+def test_little_friction_changes_little(mu, u):
+    model = ImpactModel(Law.COMPLIANT)
+    impact, smooth = (resolve_contact(X1, u, (0, 0, 1), 0.6, friction, model) for friction in (mu, 0.0))
+    allowed = 2 * mu + impact.error_bound + smooth.error_bound
+    assert np.linalg.norm(impact.impulse - smooth.impulse) <= allowed * smooth.normal_impulse
+    assert impact.error_bound < 1e-5
+
+
 def test_reference_in_space():
     model = ImpactModel(Law.COMPLIANT, stiffness_ratio=0.8)
     impact = resolve_contact(X1, (1.05, 1, -0.75), (0, 0, 1), 0.6, 0.3, model)

@@ -37,6 +37,10 @@ integration begins at the time ``t``, when ``F_n = t``, with the first term of t
 
     coefficient = w / (2 s + 4 mu / kappa)        w = q.(b - mu A a)        s = |u_t|
 
+Little friction and fast slip make the equation stiff: ``a`` then lags behind the direction of slip by about
+``mu F_n / (kappa s)`` times the rate at which that turns. ``LEAST_LAG`` lets it lag more, which changes the
+impulse by ``mu F_n dt`` times the lag: little, since ``mu`` is small or the slip hardly turns.
+
 The rest of the path is straight once ``F_n`` has fallen to ``END F_max``. ``compliant_path.py`` integrates
 what is in between.
 
@@ -279,7 +283,9 @@ def _start(springs: Springs) -> State:
     w = b2 - mu * A12 - angle * (b1 + mu * (A22 - A11))
     turns = slips & negation((w == 0) & (angle == 0)) & (mu > 0)
     t = choose(turns, lambda: EARLY / square_root(fastest), lambda: o)
-    turned = angle + t * t * w / choose(turns, lambda: 2 * s + 4 * mu / kappa, lambda: one)
+    turned = angle + t * t * w / choose(
+        turns, lambda: 2 * s + 4 * maximum(mu, springs.least_friction(s)) / kappa, lambda: one
+    )
     F = t - (1 - mu * b1) * t * t * t / 6
     P = t * t / 2 - (1 - mu * b1) * t * t * t * t / 24
     a1, a2 = choose(slips, lambda: (one, turned), lambda: (o, o))

@@ -38,8 +38,15 @@ END = 1e-8
 STEP_ROUNDING = 4e-15
 """Rounding error of a step."""
 
-STEPS = 10000
+STEPS = 20000
 """Steps at most."""
+
+LEAST_LAG = 2.0**-11
+"""The direction of the spring follows that of the slip as if ``mu / kappa |u_t|`` were at least this: else it
+would take too many steps. The bound counts the difference."""
+
+LEAST_WEIGHT = 1e-9
+"""Less friction weighs the error of a direction as much as this: it must stay a direction."""
 
 LEAST_RESTITUTION = 1e-12
 """Less restitution returns nothing that counts: the impact ends with compression, and the bound says so."""
@@ -75,6 +82,10 @@ class Springs(NamedTuple):
             self.v2 + self.A12 * P1 + self.A22 * P2 + self.b2 * Pn,
             self.b1 * P1 + self.b2 * P2 + Pn - 1,
         )
+
+    def least_friction(self, s: Scalar) -> Scalar:
+        """The friction up to which the spring turns as if there were this much, at a slip speed."""
+        return LEAST_LAG * self.kappa * s
 
     def size_of_terms(self, P1: Scalar, P2: Scalar, Pn: Scalar) -> Scalar:
         """The size of the terms that :meth:`velocity` adds up: the unit of its rounding."""
@@ -167,9 +178,10 @@ class Motion(NamedTuple):
         kappa, zero = self.springs.kappa, 0 * F
         u1, u2, u_n = self.springs.velocity(*P)
         grip = self.springs.mu * F
+        held = maximum(self.springs.mu, self.springs.least_friction(a1 * u1 + a2 * u2)) * F
         w = choose(
             grip > 0,
-            lambda: kappa * (a1 * u2 - a2 * u1) / choose(grip > 0, lambda: grip, lambda: 1 + zero),
+            lambda: kappa * (a1 * u2 - a2 * u1) / choose(grip > 0, lambda: held, lambda: 1 + zero),
             lambda: zero,
         )
         forces = choose(self.slips, lambda: (-grip * a1, -grip * a2), lambda: (a1, a2))
@@ -276,7 +288,7 @@ def _accepted(motion: Motion, y: State, trial: Trial, events: list[Event]) -> St
     delay = choose(turns, events[1].delay, lambda: zero)
     delay = choose(switches, events[0].delay, lambda: delay)
     a1, a2, F, P1, P2, Pn = (v + rate * delay for v, rate in zip(end, motion.rates(*end), strict=True))
-    u_n = springs.velocity(P1, P2, Pn)[2]
+    u1, u2, u_n = springs.velocity(P1, P2, Pn)
     length = choose(slips, lambda: 0.5 * (3 - a1 * a1 - a2 * a2), lambda: one)
     a1, a2 = a1 * length, a2 * length
     # stick <-> slip
@@ -294,12 +306,20 @@ def _accepted(motion: Motion, y: State, trial: Trial, events: list[Event]) -> St
         lambda: begins,
         lambda: (y.unloads > 0) & (END * F_max >= F) & (u_n > 0),
     )
-    along = y.a1 * y.a1 * springs.A11 + 2 * y.a1 * y.a2 * springs.A12 + y.a2 * y.a2 * springs.A22
-    slid = mu * square_root(along * k) * trial.h / 2
+    a_A_a = y.a1 * y.a1 * springs.A11 + 2 * y.a1 * y.a2 * springs.A12 + y.a2 * y.a2 * springs.A22
+    slid = mu * square_root(a_A_a * k) * trial.h / 2
     turned = mu * square_root(k / kappa) * (abs(a1 - y.a1) + abs(a2 - y.a2)) / 2
     gain = choose(slips, lambda: slid + turned, lambda: zero)
     held = choose(slips & switches, lambda: mu * mu * k / kappa, lambda: zero)
     missed = choose(switches | turns, lambda: EVENT * motion.terms, lambda: zero)
+    along, across = a1 * u1 + a2 * u2, abs(a1 * u2 - a2 * u1)
+    excess = springs.least_friction(along) - mu
+    lags = slips & (excess > 0)
+    # the lag is this much greater than that of mu
+    lag = choose(
+        lags, lambda: across * excess / choose(lags, lambda: along * (mu + excess), lambda: one), lambda: zero
+    )
+    missed = missed + mu * maximum(y.F, F) * trial.h * lag
     pressed = (y.unloads < 1) & (u_n < springs.velocity(y.P1, y.P2, y.Pn)[2])
     return State(
         b1, b2, F, P1, P2, Pn, now, unloads_now, F_max,
@@ -319,7 +339,9 @@ def _longest(motion: Motion, y: State) -> Scalar:
     """
     springs = motion.springs
     u1, u2, u_n = springs.velocity(y.P1, y.P2, y.Pn)
-    force, turn = y.F / (motion.k * abs(u_n)), springs.mu * y.F / (springs.kappa * (abs(u1) + abs(u2)))
+    s = abs(u1) + abs(u2)
+    force = y.F / (motion.k * abs(u_n))
+    turn = maximum(springs.mu, springs.least_friction(s)) * y.F / (springs.kappa * s)
     far = minimum(force / 2, minimum(turn / 2 + force / 100, 3 * turn))
     return choose(y.F > 0, lambda: far, lambda: y.h)
 
@@ -365,6 +387,7 @@ def _error_norm(e: list[Scalar], motion: Motion) -> Scalar:
     """The size of an error of the state, as a speed: about the root of ``V``."""
     turn = abs(e[0]) + abs(e[1])
     springs = motion.springs
-    across = choose(motion.slips, lambda: springs.mu * motion.F_max * turn, lambda: turn)
+    weight = maximum(springs.mu, LEAST_WEIGHT + 0 * springs.mu)
+    across = choose(motion.slips, lambda: weight * motion.F_max * turn, lambda: turn)
     across = across / square_root(springs.kappa)
     return across + abs(e[2]) / square_root(motion.k) + abs(e[3]) + abs(e[4]) + abs(e[5])
