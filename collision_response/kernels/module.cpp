@@ -15,6 +15,7 @@ PyObject* limit_vectors(PyObject*, PyObject* bits) {
 PyObject* setup(PyObject*, PyObject* args) {
   if (!PyArg_ParseTuple(args, "OOOOOOOOOOOO", &python.impact, &python.twist, &python.vec3, &python.body, &python.contact, &python.fraction,
                         &python.statuses, &python.regimes, &python.adjustments, &python.plan_model, &python.model_as_used, &python.refusal)) return nullptr;
+  python.vec3->tp_dealloc = python.twist->tp_dealloc = free_tuple_of_numbers;
   Py_INCREF(args);  // keeps the objects alive
   Py_RETURN_NONE;
 }

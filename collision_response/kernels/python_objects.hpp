@@ -65,6 +65,17 @@ static inline PyObject* new_tuple(PyTypeObject* type, int count) { return with_u
 static inline PyObject* new_tuple_of_numbers(PyTypeObject* type, int count) {
   return with_unknown_hash(reinterpret_cast<PyObject*>(PyObject_GC_NewVar(PyTupleObject, type, count)));
 }
+// Free a tuple of a class written in Python that has neither a finalizer nor attributes. Python's own function looks for
+// these, which takes a fourteenth of the time of resolve(). For subclasses that function calls this one.
+static void free_tuple_of_numbers(PyObject* tuple) {
+  PyTypeObject* type = Py_TYPE(tuple);
+  PyObject_GC_UnTrack(tuple);
+  Py_TRASHCAN_BEGIN(tuple, free_tuple_of_numbers)
+  for (Py_ssize_t i = Py_SIZE(tuple); i-- > 0;) Py_XDECREF(PyTuple_GET_ITEM(tuple, i));
+  type->tp_free(tuple);
+  Py_DECREF(type);
+  Py_TRASHCAN_END
+}
 static inline PyObject* make_tuple(PyTypeObject* type, const double* x, int count) {
   PyObject* v = new_tuple_of_numbers(type, count);
   if (v)
