@@ -307,6 +307,42 @@ def test_impulses_with_friction_have_the_least_norm():
         assert given == pytest.approx(least, abs=1e-5)
 
 
+def rod_on_supports(least: float, offset: float, mu: float, coupled: bool) -> Scene:
+    """A body that hardly resists turning about z, or about an axis in the plane x = 0, on three contacts."""
+    s, c = (0.6, 0.8) if coupled else (0.0, 1.0)
+    inertia = (1.0, 0.0, 0.0, c * c + s * s * least, s * c * (1 - least), s * s + c * c * least)
+    rod = Body.dynamic(1.0, inertia, (0, 0, 1), None, (1.0, 0.5, -1.0), (0.0, 0.0, 1.0))
+    contacts = [
+        Contact.of(
+            (offset * math.cos(k), offset * math.sin(k), 0.1 * k), (0.0, 0.1 * math.sin(k), 1.0), 0.5, mu
+        )
+        for k in range(3)
+    ]
+    return Scene([rod, Body.static()], [(0, 1)] * 3, contacts)
+
+
+@pytest.mark.parametrize(
+    ("least", "coupled"),
+    [*((least, False) for least in (1e-6, 1e-12, 1e-14, 1e-16, 1e-18, 1e-20)), (1e-6, True), (1e-12, True)],
+)
+@pytest.mark.parametrize("offset", [1e-8, 1e-4, 0.1])
+def test_the_bound_includes_turning_about_an_axis_of_little_inertia(least, offset, coupled):
+    """A small error of an impulse changes the spin about that axis by much more."""
+    smooth = rod_on_supports(least, offset, 0.0, coupled)
+    answer, exact = smooth.resolve(), smooth.in_fractions().resolve()
+    if answer.error_bound < math.inf:
+        assert_within_bound(smooth, answer, exact)
+    for mu in (0.3, 1.0):
+        rough = rod_on_supports(least, offset, mu, coupled)
+        answers = [
+            Scene(rough.bodies, rough.pairs, list(order)).resolve()
+            for order in itertools.permutations(rough.contacts)
+        ]
+        bound = max(answer.error_bound for answer in answers)
+        for other in answers[1:] if bound < 1 else []:
+            assert distance(rough, answers[0], other) <= 2 * bound
+
+
 @pytest.mark.parametrize("ratio", [1e-12, 1e-6, 1e6, 1e12])
 def test_friction_in_a_chain_of_extreme_masses(ratio):
     """Balls that rub along each other: energy is lost, and no contact approaches afterwards."""
@@ -537,9 +573,9 @@ def test_a_ball_that_rattles_takes_no_more_digits_than_the_budget(kind, walls, m
     """Summed over all reflections, between a heavy body and the ground, also next to walls."""
     spent = []
 
-    def violated(self, p, limit, told=RationalCluster.violated):
+    def violated(self, p, threshold, told=RationalCluster.violated):
         spent.append(len(p) ** 2 * max(x.denominator.bit_length() for x in p))
-        return told(self, p, limit)
+        return told(self, p, threshold)
 
     monkeypatch.setattr(RationalCluster, "violated", violated)
     bodies = [Body.dynamic(kind(1), velocity=(0, 0, 1)), Body.dynamic(mass), Body.static()]

@@ -6,6 +6,7 @@ import doctest
 import math
 import random
 import sys
+from decimal import Decimal
 from fractions import Fraction as F
 from itertools import product
 
@@ -27,6 +28,7 @@ from collision_response import (
     resolve,
     resolve_scene,
 )
+from collision_response.physics.vector import Vec3
 from collision_response.scene import stronge
 
 UP = Contact.of((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
@@ -139,11 +141,61 @@ def test_invalid_bodies_are_refused_by_name(change, code, field, number):
             r"contacts\[1\].normal: must be 3",
             id="two numbers",
         ),
+        pytest.param((3, [(0, 1)], [UP]), "bodies: must be a sequence", id="no bodies"),
+        pytest.param(([BALL, FLOOR], None, [UP]), "pairs: must be a sequence", id="no pairs"),
+        pytest.param(([BALL, FLOOR], [(0, 1)], 1.5), "contacts: must be a sequence", id="no contacts"),
     ],
 )
 def test_arguments_of_the_wrong_type_are_refused_by_name(request_, message):
     with pytest.raises(TypeError, match=message):
         resolve_scene(*request_)
+
+
+NOT_NUMBERS = [None, "x", "", (1, 2), [1], {}, object(), np.array([1.0, 2.0]), Decimal("NaN"), 1j, True]
+
+
+@pytest.mark.parametrize("value", NOT_NUMBERS, ids=lambda value: type(value).__name__)
+@pytest.mark.parametrize("options", [{}, {"exponent": 1.0}], ids=["in kernels", "in Python"])
+@pytest.mark.parametrize("kind", ["cluster", "fractions", "one contact", "no contact"])
+@pytest.mark.parametrize("law", [Law.AUTO, Law.FRICTIONLESS])
+def test_what_is_no_number_is_refused_by_name(value, options, kind, law):
+    """In place of a number, and of a vector, of a body and of a contact."""
+    contacts = [UP, UP._replace(normal=(1.0, 0.0, 0.0))][: {"one contact": 1, "no contact": 0}.get(kind)]
+    if kind == "fractions":
+        law, contacts[0] = Law.FRICTIONLESS, contacts[0]._replace(restitution=F(1))
+    for field in ("mass", "inertia", "position", "orientation", "velocity", "angular_velocity", "com"):
+        if field == "orientation" and value is None:
+            continue
+        bodies = [BALL._replace(**{field: value}), FLOOR]
+        with pytest.raises((TypeError, ImpactError), match=rf"^bodies\[0\]\.{field}"):
+            resolve_scene(bodies, [(0, 1)] * len(contacts), contacts, ImpactModel(law), **options)
+    for field in ("position", "normal", "restitution", "friction") if contacts else ():
+        wrong = [*contacts[:-1], contacts[-1]._replace(**{field: value})]
+        with pytest.raises((TypeError, ImpactError), match=rf"^contacts\[{len(wrong) - 1}\]\.{field}"):
+            resolve_scene([BALL, FLOOR], [(0, 1)] * len(wrong), wrong, ImpactModel(law), **options)
+
+
+@pytest.mark.parametrize("value", [None, 3, "COULOMB", Law.COULOMB, (1, 2), {}], ids=repr)
+@pytest.mark.parametrize("options", [{}, {"exponent": 1.0}], ids=["in kernels", "in Python"])
+def test_what_is_no_model_is_refused(value, options):
+    with pytest.raises(TypeError, match=r"^model: must be an ImpactModel"):
+        resolve_scene(*box(), value, **options)
+
+
+@pytest.mark.parametrize("option", ["threshold", "exponent", "orders", "stiffness"])
+@pytest.mark.parametrize("value", [np.array([1.5, 1.5]), np.array([1.5]), "x", False, {}, 1j], ids=repr)
+def test_options_of_the_wrong_type_are_refused_by_name(option, value):
+    with pytest.raises((TypeError, ValueError), match=f"^{option}"):
+        resolve_scene(*box(), **{option: value})
+
+
+def test_stiffness_may_be_any_iterable():
+    given = 1.0, 2.0, 3.0, 4.0
+    answers = [
+        resolve_scene(*box(e=0.5), ImpactModel(Law.ROUTH_STRONGE), stiffness=kind(given))
+        for kind in (tuple, list, iter, np.array)
+    ]
+    assert all(answer == answers[0] for answer in answers)
 
 
 def test_there_must_be_one_pair_for_each_contact():
@@ -531,6 +583,12 @@ SMOOTH = AND_A_BALL.with_contacts(friction=0.0)
 DISC = Body.dynamic(1.0, (0.4, 0.0, 0.0, 0.4, 0.0, 0.6), velocity=(0.3, -2.0, 0.0))
 SIDE = Contact.of((0.1, -1.0, 0.0), (0.0, 1.0, 0.0), 0.5, 0.3)
 IN_PLANE = Scene([DISC, FLOOR], [(0, 1)] * 2, [SIDE, SIDE._replace(position=(-0.1, -1.0, 0.0))])
+IN_A_CORNER = Scene(
+    [BALL._replace(velocity=(-1.0, -2.0, -1.0)), FLOOR],
+    [(0, 1)] * 2,
+    [UP._replace(restitution=0.5), UP._replace(normal=Vec3(1.0, 0.0, 0.0))],
+)
+TWICE = [*IN_A_CORNER.contacts, UP._replace(normal=Vec3(0.0, 0.0, -1.0), restitution=0.5)]
 PATHS_OF_SCENES = {
     "kernels": (AND_A_BALL, {}),
     "in Python": (AND_A_BALL, {"exponent": 2.0}),
@@ -542,6 +600,8 @@ PATHS_OF_SCENES = {
     "fractions": (SMOOTH._replace(bodies=[SMOOTH.bodies[0]._replace(mass=F(1, 3)), *SMOOTH.bodies[1:]]), {}),
     "restitution by speed": (AND_A_BALL.with_contacts(restitution=lambda _: 0.5), {}),
     "friction by speed": (AND_A_BALL.with_contacts(friction=lambda _: 0.5), {}),
+    "several walls at one point": (IN_A_CORNER, {}),
+    "a contact given twice": (Scene(IN_A_CORNER[0], [*IN_A_CORNER[1], (1, 0)], TWICE), {}),
 }
 
 

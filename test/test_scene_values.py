@@ -10,6 +10,7 @@ import pytest
 from scene_cases import Scene, box, row_of_balls, speeds
 
 from collision_response import Adjustment, Body, Contact, ImpactModel, Law, Regime, StatusCode, resolve_scene
+from collision_response.physics.vector import Vec3
 from collision_response.scene.reflections import THRESHOLD
 
 GR, LCP, LZB = Law.FRICTIONLESS, Law.MOREAU, Law.ROUTH_STRONGE
@@ -197,6 +198,29 @@ def test_an_approach_at_the_threshold_counts(number, t, lengths):
         assert [twist.linear.z for twist in answer.twists[:2]] == [number(z) for z in expected]
         assert answer.status is StatusCode.OK
         assert answer.decision_margin == number(min(abs(t - threshold), 1 - threshold))
+
+
+@pytest.mark.parametrize("number", [F, float])
+@pytest.mark.parametrize("t", [F(1, 8), F(1, 2), F(3, 4)])
+@pytest.mark.parametrize("walls", [((1, 1, 0), (1, -1, 0)), ((1, 2, 0), (2, -1, 0)), ((1, 0, 3), (3, 0, -1))])
+@pytest.mark.parametrize("lengths", [(1, 1), (1, 3), (3, 7), (F(5, 8), 7), (1, F(1, 2**70))])
+def test_a_threshold_is_exact_where_the_lengths_of_normals_are_irrational(number, t, walls, lengths):
+    """A ball comes to two perpendicular walls, to the second slower by the factor t. If that is ignored, the
+    second wall stops it.
+    """
+    first, second = (Vec3(*map(F, wall)) for wall in walls)
+    both, one = first + second * t, first
+    ball = Body.dynamic(number(1), velocity=tuple(number(-x) for x in both))
+    contacts = [
+        Contact.of([number(0)] * 3, [number(x * length) for x in wall], number(1))
+        for wall, length in zip(walls, lengths, strict=True)
+    ]
+    scene = Scene([ball, Body.static()], [(0, 1)] * 2, contacts)
+    for threshold, expected in ((t, both), (t + F(1, 2**40), one)):
+        answer = scene.resolve(GR, options={"threshold": number(threshold)})
+        assert answer.twists[0].linear == pytest.approx(tuple(map(float, expected)), abs=1e-14)
+        assert answer.error_bound < 1e-13
+        assert (answer.decision_margin == 0) is (threshold == t)
 
 
 def test_an_approach_at_the_default_threshold_counts():

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from ..in_python.coefficients_at_speed import initial_friction, restitution_at_speed
 from ..kernels import library
+from ..model import check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
@@ -87,8 +88,10 @@ def _with_friction_as_number(scene: SceneRequest, i: int, law: Law) -> Contact:
     contact = scene.contacts[i]
     mu = contact.friction
     if not callable(mu):
-        is_left_out = law is Law.FRICTIONLESS and 0 < mu < math.inf
-        return contact._replace(friction=mu * 0) if is_left_out else contact
+        if not (law is Law.FRICTIONLESS and 0 < mu < math.inf):
+            return contact
+        check_number(f"contacts[{i}].friction", mu, 0, math.inf, StatusCode.INVALID_COEFFICIENT)
+        return contact._replace(friction=mu * 0)
     if law is Law.FRICTIONLESS:
         return contact._replace(friction=0.0)
     a, b = scene.pairs[i]

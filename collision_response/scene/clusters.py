@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from ..physics.contact import Contact
-from ..physics.vector import Vec3
 
 Pair = tuple[int, int]
 """Indices of body_a and body_b."""
@@ -54,16 +53,19 @@ def distinct_contacts(
     cluster: list[int], pairs: Sequence[Pair], contacts: Sequence[Contact], *, merge_copies: bool
 ) -> DistinctContacts:
     """Return the distinct contacts of a cluster; without ``merge_copies`` all contacts are distinct."""
+    all_distinct = DistinctContacts(cluster, [1] * len(cluster), list(range(len(cluster))))
+    if not merge_copies:
+        return all_distinct
     try:
-        may_have_copies = merge_copies and len({contacts[i].position for i in cluster}) < len(cluster)
-    except TypeError:  # lists or arrays, which have no hash
-        may_have_copies = False
-    if not may_have_copies:
-        return DistinctContacts(cluster, [1] * len(cluster), list(range(len(cluster))))
-    known: dict[Any, int] = {}
+        if len({tuple(contacts[i].position) for i in cluster}) == len(cluster):
+            return all_distinct
+        keys = [_key(pairs[i], contacts[i]) for i in cluster]
+        place_of = {key: place for place, key in enumerate(dict.fromkeys(keys))}
+    except TypeError:  # something is not a number, and is refused later
+        return all_distinct
     distinct = DistinctContacts([], [], [])
-    for i in cluster:
-        place = known.setdefault(_key(pairs[i], contacts[i]), len(known))
+    for i, key in zip(cluster, keys, strict=True):
+        place = place_of[key]
         distinct.places.append(place)
         if place == len(distinct.indices):
             distinct.indices.append(i)
@@ -75,7 +77,7 @@ def distinct_contacts(
 
 def _key(pair: Pair, contact: Contact) -> Any:
     """Return a key that copies of a contact have in common, in whichever order they name its bodies."""
-    a, b = pair
-    if a < b:
-        return pair, contact
-    return (b, a), contact._replace(normal=Vec3(*(-x for x in contact.normal)))
+    (a, b), position, normal = pair, tuple(contact.position), tuple(contact.normal)
+    if a > b:
+        a, b, normal = b, a, tuple(-x for x in normal)
+    return a, b, position, normal, *contact[2:]

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import Any
 
-from ..numbers.operations import Scalar
+from ..numbers.operations import Scalar, square_root
 from ..physics.body import Body, Twist
 from ..physics.column import Column
 from ..physics.contact import Contact
@@ -36,7 +36,7 @@ class RationalCluster:
     """The contacts of one cluster, in fractions. ``counts`` says how often each contact is given.
 
     ``A`` is the matrix of normal velocities by normal impulses; impulses and velocities are along normals of
-    any length.
+    any length. ``fastest_square`` is the square of the speed of the fastest approach before the impact.
     """
 
     is_locked = False
@@ -64,6 +64,7 @@ class RationalCluster:
         units = [[Fraction(i == j) for j in range(self.count)] for i in range(self.count)]
         self.A = [list(row) for row in zip(*(self._velocity_changes(unit) for unit in units), strict=True)]
         self._holding = self._find_holding()
+        self.fastest_square = max(ZERO, *(-square for square in self._signed_squares(self._u)))
 
     def no_impulses(self) -> Numbers:
         """Return impulses of 0, except for those that contacts that hold need at once."""
@@ -73,19 +74,20 @@ class RationalCluster:
         found = self._minimise(self._u, [])
         return zero if found is None else found
 
-    def fastest_approach(self) -> Scalar:
-        """Return the speed of the fastest approach, or 0 if no contact approaches."""
-        speeds = (-u / c.normal.norm() for u, c in zip(self._u, self._contacts, strict=True))
-        return max(ZERO, *speeds)
+    def violated(self, p: Numbers, threshold: Scalar) -> tuple[list[int], Scalar]:
+        """Return the contacts that approach no slower than the threshold after impulses ``p``, and the least
+        distance of any speed from the threshold. Both are relative to the fastest approach before the impact.
 
-    def violated(self, p: Numbers, limit: Scalar) -> tuple[list[int], Scalar]:
-        """Return the contacts that approach at ``limit`` or faster after impulses ``p``, and the least
-        distance of any speed from ``limit``.
+        Squares are compared, because the lengths of normals may be irrational.
         """
-        u = [u / c.normal.norm() for u, c in zip(self._velocities(p), self._contacts, strict=True)]
+        squares = [square / self.fastest_square for square in self._signed_squares(self._velocities(p))]
         candidates = [i for i in range(self.count) if i not in self._holding]
-        margin = min((abs(u[i] + limit) for i in candidates), default=ZERO)
-        return [i for i in candidates if u[i] <= -limit and u[i] < 0], margin
+        margin = min((abs(_signed_root(squares[i]) + threshold) for i in candidates), default=ZERO)
+        return [i for i in candidates if 0 > squares[i] <= -(threshold**2)], margin
+
+    def _signed_squares(self, u: Numbers) -> Numbers:
+        """Return the squares of speeds, with the signs of the normal velocities ``u``."""
+        return [x * abs(x) / c.normal.dot(c.normal) for x, c in zip(u, self._contacts, strict=True)]
 
     def has_approach(self, p: Numbers) -> bool:
         """Whether some contact approaches after impulses ``p``."""
@@ -226,3 +228,8 @@ class RationalCluster:
         among = [i for i in range(self.count) if matrix[i][i] != 0]
         x = minimise(matrix, unconstrained, among, []).x
         return [f + dot(row, x) for f, row in zip(unconstrained, matrix, strict=True)]
+
+
+def _signed_root(x: Scalar) -> Scalar:
+    """Return the square root of ``|x|`` with the sign of ``x``; exact if it is rational."""
+    return square_root(x) if x > 0 else -square_root(-x)

@@ -87,8 +87,8 @@ def _in_double_double(cluster: Cluster, threshold: Scalar) -> ClusterImpulses | 
 
 
 def _in_fractions(cluster: RationalCluster, threshold: Fraction) -> ClusterImpulses | None:
-    p, speed = cluster.no_impulses(), cluster.fastest_approach()
-    if not speed > 0:
+    p = cluster.no_impulses()
+    if not cluster.fastest_square > 0:
         return ClusterImpulses(p)
     q = cluster.project(p)
     if q is None:
@@ -101,8 +101,8 @@ def _in_fractions(cluster: RationalCluster, threshold: Fraction) -> ClusterImpul
     margin: Scalar = math.inf
     digits = 0
     for _ in range(REFLECTIONS):
-        violated, distance = cluster.violated(p, threshold * speed)
-        margin = min(margin, distance / speed)
+        violated, distance = cluster.violated(p, threshold)
+        margin = min(margin, distance)
         if not violated:
             break
         q = cluster.project(p, violated)

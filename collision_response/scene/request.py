@@ -61,7 +61,11 @@ def check_request(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterabl
         TypeError: if a part of the request has the wrong type.
         ValueError: if there is not one pair for each contact.
     """
-    bodies, pairs, contacts = list(bodies), list(pairs), list(contacts)
+    bodies, pairs, contacts = (
+        as_list("bodies", bodies),
+        as_list("pairs", pairs),
+        as_list("contacts", contacts),
+    )
     movable, has_friction = [], False
     for i, body in enumerate(bodies):
         if not isinstance(body, Body):
@@ -69,18 +73,12 @@ def check_request(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterabl
         if body.inverse_inertia is not None:
             field, reason = f"bodies[{i}].inverse_inertia", "is for one impact, by resolve(), not for scenes"
             raise ImpactError(StatusCode.INVALID_INERTIA, field, reason)
-        try:
-            movable.append(bool(body[0] < math.inf))
-        except TypeError:
-            raise TypeError(f"bodies[{i}].mass: must be a real number, is {body.mass!r}") from None
+        movable.append(_holds(f"bodies[{i}].mass", body[0], lambda mass: mass < math.inf))
     for i, contact in enumerate(contacts):
         if not isinstance(contact, Contact):
             raise TypeError(f"contacts[{i}]: must be a Contact, is {format_value(contact)}")
-        try:
-            has_friction = has_friction or callable(contact[3]) or bool(contact[3] > 0)
-        except TypeError:
-            reason = f"must be a real number, is {contact.friction!r}"
-            raise TypeError(f"contacts[{i}].friction: {reason}") from None
+        is_rough = _holds(f"contacts[{i}].friction", contact[3], lambda mu: callable(mu) or mu > 0)
+        has_friction = has_friction or is_rough
     count = len(bodies)
     if len(pairs) != len(contacts):
         raise ValueError(
@@ -96,6 +94,22 @@ def check_request(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterabl
         if a == b:
             raise ImpactError(StatusCode.SAME_BODY, f"pairs[{i}]", f"a body cannot strike itself; is {pair}")
     return SceneRequest(bodies, pairs, contacts, movable, has_friction)
+
+
+def as_list(field: str, values: Iterable[Any]) -> list[Any]:
+    """Return a list of values. Raises: TypeError: if they are not iterable."""
+    try:
+        return list(values)
+    except TypeError:
+        raise TypeError(f"{field}: must be a sequence, is {format_value(values)}") from None
+
+
+def _holds(field: str, number: Any, condition: Callable[[Any], Any]) -> bool:
+    """Return whether a number satisfies a condition. Raises: TypeError: if it is not a number."""
+    try:
+        return bool(condition(number))
+    except (TypeError, ValueError, ArithmeticError):
+        raise TypeError(f"{field}: must be a real number, is {number!r}") from None
 
 
 def _as_pair(i: int, pair: Any) -> Pair:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from ..geometry import required_geometry
 from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
 from ..kernels import library
-from ..model import Adjustment, Geometry, ImpactModel, Precision
+from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number
 from ..physics.laws import Law
 from ..status import ImpactError, StatusCode
 from .apply_law import apply_law
@@ -89,6 +89,7 @@ def _check_model(scene: SceneRequest, indices: Sequence[int], model: ImpactModel
     for i in indices if law is Law.COULOMB else ():
         own = scene.contacts[i].tangential_restitution
         place, e_t = ("model", model.tangential_restitution) if own is None else (f"contacts[{i}]", own)
+        check_number(f"{place}.tangential_restitution", e_t, -1, 1, StatusCode.INVALID_COEFFICIENT)
         if e_t:
             reason = f"must be 0 for clusters of several contacts, is {e_t}"
             raise ImpactError(StatusCode.INVALID_MODEL, f"{place}.tangential_restitution", reason)

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..in_python.request_numbers import body_as_fractions, contact_as_fractions, read_request
 from ..kernels import library
-from ..model import DEFAULT, Adjustment, Geometry, ImpactModel, Precision, law_for, plan_model
+from ..model import DEFAULT, Adjustment, Geometry, ImpactModel, Precision, check_model, law_for, plan_model
 from ..numbers.operations import Scalar
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
@@ -28,6 +28,7 @@ from .request import (
     ContactIndices,
     SceneOptions,
     SceneRequest,
+    as_list,
     check_options,
     check_request,
     with_scene_names,
@@ -81,14 +82,22 @@ def resolve_scene(
         TypeError: if a field has the wrong type.
         ValueError: if there is not one pair, or not one stiffness, for each contact.
     """
-    is_usual = stiffness is None and exponent == 1.5 and orders == 0
-    if is_usual and isinstance(threshold, float) and 0 <= threshold < 1:
+    has_usual_types = (
+        stiffness is None
+        and isinstance(threshold, float)
+        and isinstance(exponent, float)
+        and type(orders) is int
+    )
+    if has_usual_types and 0 <= threshold < 1 and exponent == 1.5 and orders == 0:
         fields = library.resolve_scene(bodies, pairs, contacts, model, threshold, REFLECTIONS)
         if fields is not None:
             return SceneImpact._make(fields)
+    check_model(model)
     scene = check_request(bodies, pairs, contacts)
     law = law_for(model.law, has_friction=scene.has_friction)
     exact = library.has_fraction(scene.bodies) or library.has_fraction(scene.contacts)
+    if stiffness is not None:
+        stiffness = as_list("stiffness", stiffness)
     check_options(threshold, stiffness, exponent, orders, len(scene.contacts))
     options = SceneOptions(model, law, threshold, stiffness, exponent, exact)
     if exact:
@@ -117,10 +126,23 @@ def _resolve_one(scene: SceneRequest, cluster: list[int], options: SceneOptions)
     return answer
 
 
+PROBE, PROBE_CONTACT = Body.dynamic(1.0), Contact.of((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+"""Something to try one body, or one contact, with."""
+
+
 def _as_fractions(scene: SceneRequest, law: Law) -> SceneRequest:
-    """Return the scene in fractions. Raises: ImpactError: if the law cannot be computed exactly."""
+    """Return the scene in fractions.
+
+    Raises:
+        ImpactError: if the law cannot be computed exactly.
+        TypeError: if something is not a number.
+    """
     if not (law is Law.FRICTIONLESS or (law is Law.MOREAU and not scene.has_friction)):
         raise ImpactError(StatusCode.INVALID_MODEL, "model.law", f"{law.name} is not rational: give floats")
+    for i, body in enumerate(scene.bodies):
+        with_scene_names(ContactIndices(-1, i, -1), library.numbers_with_errors, body, PROBE, PROBE_CONTACT)
+    for i, contact in enumerate(scene.contacts):
+        with_scene_names(ContactIndices(i, -1, -1), library.numbers_with_errors, PROBE, PROBE, contact)
     return scene._replace(
         bodies=list(map(body_as_fractions, scene.bodies)),
         contacts=list(map(contact_as_fractions, scene.contacts)),
@@ -167,11 +189,11 @@ def _combine(
         model = ImpactModel(law, Geometry.SPATIAL, Precision.DOUBLE, *options.model[3:])
     has_contact = {i for pair in scene.pairs for i in pair}
     for i, body in enumerate(scene.bodies):
-        if twists[i] is None:
-            twists[i] = Twist(Vec3(*body.velocity), Vec3(*body.angular_velocity))
         if i not in has_contact:
             energy = _energy_without_contacts(i, body, options.exact)
             energies = [energies[0] + energy, energies[1] + energy, *energies[2:]]
+        if twists[i] is None:
+            twists[i] = Twist(Vec3(*body.velocity), Vec3(*body.angular_velocity))
     if not (options.exact or all(map(math.isfinite, energies))):
         raise library.refusal(StatusCode.OUT_OF_RANGE)
     contacts, impulses, before, after, regimes = zip(*rows, strict=True) if rows else ((),) * 5
@@ -207,10 +229,6 @@ def _most_exact(one: ImpactModel, other: ImpactModel) -> ImpactModel:
     return one._replace(
         geometry=max(one.geometry, other.geometry), precision=max(one.precision, other.precision)
     )
-
-
-PROBE = Body.dynamic(1.0)
-PROBE_CONTACT = Contact.of((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
 
 
 def _energy_without_contacts(i: int, body: Body, exact: bool) -> Scalar:

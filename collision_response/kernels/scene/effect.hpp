@@ -3,22 +3,22 @@
 #include "friction.hpp"
 
 // The greatest ratio of the norm of error_bound to the size in the metric of kinetic energy, for twist changes of a body.
-inline double norm_ratio(const double* body) {
-  double mass = body[0], xx = body[1], xy = body[2], xz = body[3], yy = body[4], yz = body[5], zz = body[6];
-  double trace = xx + yy + zz, c = 0;
-  for (int k = 0; k < 3; ++k) c += body[IN_BODY_A_COM_X + k] * body[IN_BODY_A_COM_X + k];
+inline double norm_ratio(const AssembledBody& body) {
+  const double* x = body.x;
+  double mass = x[0], moments[3] = {x[1], x[4], x[6]}, trace = x[1] + x[4] + x[6], c = 0;
+  for (int k = 0; k < 3; ++k) c += x[IN_BODY_A_COM_X + k] * x[IN_BODY_A_COM_X + k];
   double shift = 2 * mass * c, base = c > 0 ? 2 : 1;
   if (!(trace > 0)) return std::sqrt(base);
-  if (xy == 0 && xz == 0 && yz == 0) {
-    double least = INFINITY;
-    for (double moment : {xx, yy, zz})
-      if (moment > trace * 0x1p-48) least = std::fmin(least, moment);
-    return std::sqrt(std::fmax(base, (shift + trace / 3) / least));
+  const bool is_diagonal = x[2] == 0 && x[3] == 0 && x[5] == 0;
+  double least = INFINITY, inverse = 0;  // the least moment that is not 0; the sum of the inverses of the moments
+  for (int k = 0; k < 3; ++k) {
+    const double* turn = body.turn[k];
+    double square = turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2];
+    inverse += square;
+    if (square > 0) least = std::fmin(least, moments[k]);
   }
-  double det = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
-  double inverse = det > trace * trace * trace * 0x1p-46 ? (yy * zz - yz * yz + xx * zz - xz * xz + xx * yy - xy * xy) / det * (1 + 0x1p-4) : INFINITY;
-  if (inverse == INFINITY) inverse = 4 / trace * 0x1p46;
-  return std::sqrt(std::fmax(base, (shift + trace / 3) * inverse));
+  // Half of the digits of the least moment may be rounding: see ROUNDINGS in physics/body.py.
+  return std::sqrt(std::fmax(base, is_diagonal ? (shift + trace / 3) / least : (shift + trace / 3) * 2 * inverse));
 }
 
 // The size of a twist change in the norm of error_bound, computed so that no square overflows or underflows.
@@ -93,7 +93,7 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
     for (int k = 0; k < 6; ++k) lost[k] = width(sums[6 * b + k]) + (std::fabs(change[k]) + std::fabs(high(sums[6 * b + k]))) * 0x1p-53 * (has_friction ? 4 : 1);
     largest = std::fmax(largest, twist_size(body, change));
     rounding = std::fmax(rounding, twist_size(body, lost));
-    worst = std::fmax(worst, error * norm_ratio(body));
+    worst = std::fmax(worst, error * norm_ratio(assembly.bodies[b]));
     effect.twists.insert(effect.twists.end(), moved.x + IN_BODY_A_VELOCITY_X, moved.x + IN_BODY_A_VELOCITY_X + 6);
   }
   std::vector<N> u = assembly.velocities(p);
