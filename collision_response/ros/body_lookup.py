@@ -150,7 +150,10 @@ def complete(
         for owner, (state, used) in found.items():
             setattr(request, owner, state)
             states_used[owner] = used
-    check_frames(request, parameters.world_frame)
+    frame, field = request.contact.header.frame_id, "contact.header.frame_id"
+    check_world_frame(field, frame, parameters.world_frame)
+    for owner in OWNERS:
+        check_frame(f"{owner}.header.frame_id", getattr(request, owner), field, frame)
     return [*states_used.values()]
 
 
@@ -202,18 +205,6 @@ def check_immovable(immovable: Sequence[int], count: int) -> None:
     if len(immovable) and np.max(immovable) >= count:
         reason = f"must hold indices below {count}, holds {np.max(immovable)}"
         raise ImpactError(StatusCode.INVALID_TABLE, "immovable", reason)
-
-
-def check_frames(request: ResolveCollision.Request, world_frame: str) -> None:
-    """Check that the contact and both bodies are in the same frame, and that it is ``world_frame``.
-
-    Raises:
-        ImpactError: FRAME_MISMATCH.
-    """
-    frame, field = request.contact.header.frame_id, "contact.header.frame_id"
-    check_world_frame(field, frame, world_frame)
-    for owner in OWNERS:
-        check_frame(f"{owner}.header.frame_id", getattr(request, owner), field, frame)
 
 
 def check_world_frame(field: str, frame: str, world_frame: str) -> None:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from enum import IntEnum
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -21,7 +20,7 @@ from geometry_msgs.msg import Vector3
 
 from ..answer import NUMBERS, Impact
 from ..body_conversions import IDENTITY_QUATERNION
-from ..materials import Pair
+from ..materials import RANGES, Pair
 from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number
 from ..msg import BodyState, CollisionResult, SceneResult
 from ..msg import Contact as ContactMessage
@@ -67,16 +66,6 @@ PRECISIONS: dict[int, Any] = {int(precision): precision for precision in Precisi
 AT_REST = Twist(ZERO, ZERO)
 
 
-class CoefficientSource(IntEnum):
-    """Where a coefficient came from."""
-
-    CONTACT = CollisionResult.FROM_CONTACT
-    BODIES = CollisionResult.FROM_BODIES
-    PARAMETER = CollisionResult.FROM_PARAMETER
-    PAIR = CollisionResult.FROM_PAIR
-    MATERIALS = CollisionResult.FROM_MATERIALS
-
-
 UNSET = -1.0
 """Value of a coefficient that a message does not give."""
 
@@ -86,13 +75,13 @@ class Coefficient(NamedTuple):
 
     Attributes:
         value: a number, or for a pair of materials possibly a function of the approach or slip speed.
-        source: where the coefficient came from.
+        source: where the coefficient came from: a constant ``FROM_...`` of ``CollisionResult``.
         rule: the rule that combined two coefficients, or the source that the entry of a pair of materials
             names.
     """
 
     value: Any
-    source: CoefficientSource
+    source: int
     rule: str
 
 
@@ -125,7 +114,7 @@ def problem_of(
         ImpactError: if the request cannot be converted.
     """
     bodies = body_of("body_a", request.body_a), body_of("body_b", request.body_b)
-    coefficients = coefficients_of(request, parameters)
+    coefficients = coefficients_of(request.contact, request.body_a, request.body_b, parameters)
     model = model_of(request.model, _with_pair(parameters.model, coefficients.pair))
     return ImpactProblem(*bodies, contact_of(request.contact, coefficients, model.law), model), coefficients
 
@@ -237,53 +226,45 @@ def contact_of(
     )
 
 
-MAX_COEFFICIENTS = {"restitution": 1.0, "friction": math.inf}
-
-
-def coefficients_of(request: Any, parameters: Parameters) -> ContactCoefficients:
+def coefficients_of(
+    contact: ContactMessage, body_a: BodyState, body_b: BodyState, parameters: Parameters
+) -> ContactCoefficients:
     """Find the coefficients of a contact.
 
     Each comes from the first of these that gives it: the contact, the entry of the pair of materials, both
     materials, both bodies, the node's parameter.
 
-    Args:
-        request: anything with the messages ``contact``, ``body_a`` and ``body_b``, such as a request for one
-            impact.
-        parameters: the parameters of the node.
-
     Raises:
         ImpactError: UNKNOWN_MATERIAL, or NOT_FINITE or INVALID_COEFFICIENT for a coefficient of a body.
     """
-    materials = request.body_a.material, request.body_b.material
-    for owner, material in zip(("body_a", "body_b"), materials, strict=True):
-        if material:
-            parameters.materials.check(f"{owner}.material", material)
+    for owner, body in (("body_a", body_a), ("body_b", body_b)):
+        if body.material:
+            parameters.materials.check(f"{owner}.material", body.material)
     return ContactCoefficients(
-        _coefficient("restitution", request, parameters),
-        _coefficient("friction", request, parameters),
-        parameters.materials.between(*materials),
+        _coefficient("restitution", contact, body_a, body_b, parameters),
+        _coefficient("friction", contact, body_a, body_b, parameters),
+        parameters.materials.between(body_a.material, body_b.material),
     )
 
 
-def _coefficient(field: str, request: Any, parameters: Parameters) -> Coefficient:
-    of_a, of_b = getattr(request.body_a, field), getattr(request.body_b, field)
+def _coefficient(
+    field: str, contact: ContactMessage, body_a: BodyState, body_b: BodyState, parameters: Parameters
+) -> Coefficient:
+    of_contact, of_a, of_b = (getattr(message, field) for message in (contact, body_a, body_b))
     for owner, value in (("body_a", of_a), ("body_b", of_b)):
         if value != UNSET:
-            check_number(
-                f"{owner}.{field}", value, 0, MAX_COEFFICIENTS[field], StatusCode.INVALID_COEFFICIENT
-            )
-    of_contact = getattr(request.contact, field)
+            check_number(f"{owner}.{field}", value, *RANGES[field], StatusCode.INVALID_COEFFICIENT)
     if of_contact != UNSET:
-        return Coefficient(of_contact, CoefficientSource.CONTACT, "")  # checked by the core
+        return Coefficient(of_contact, CollisionResult.FROM_CONTACT, "")  # checked by the core
     rule: CombineRule = getattr(parameters, f"combine_{field}")
-    a, b = request.body_a.material, request.body_b.material
+    a, b = body_a.material, body_b.material
     found = parameters.materials.find(field, a, b, rule) if a and b else None
     if found is not None:
-        source = CoefficientSource.PAIR if found.is_of_pair else CoefficientSource.MATERIALS
+        source = CollisionResult.FROM_PAIR if found.is_of_pair else CollisionResult.FROM_MATERIALS
         return Coefficient(found.value, source, found.how)
     if of_a != UNSET and of_b != UNSET:
-        return Coefficient(combine(rule, of_a, of_b), CoefficientSource.BODIES, rule.value)
-    return Coefficient(getattr(parameters, field), CoefficientSource.PARAMETER, "")
+        return Coefficient(combine(rule, of_a, of_b), CollisionResult.FROM_BODIES, rule.value)
+    return Coefficient(getattr(parameters, field), CollisionResult.FROM_PARAMETER, "")
 
 
 @lru_cache(maxsize=64)

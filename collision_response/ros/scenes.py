@@ -68,21 +68,8 @@ IN_TABLE = BodyState()
 """State of a body of the table, for its material and coefficients: it has none."""
 
 
-class ContactAndBodies(NamedTuple):
-    """One contact and its two bodies, under the names they have in a request for one impact."""
-
-    contact: ContactMessage
-    body_a: BodyState
-    body_b: BodyState
-
-
-class SceneProblem(NamedTuple):
-    """A request as the numeric core takes it: the arguments of :func:`~collision_response.resolve_scene`."""
-
-    bodies: list[Body]
-    pairs: list[tuple[int, int]]
-    contacts: list[Contact]
-    model: ImpactModel
+SceneProblem = tuple[list[Body], list[tuple[int, int]], list[Contact], ImpactModel]
+"""A request as the numeric core takes it: the arguments of :func:`~collision_response.resolve_scene`."""
 
 
 @dataclass
@@ -129,10 +116,6 @@ class SceneService:
         convert.write_refusal(response.result, request.model, error)
         self.answer_log.add_refusal(response.result)
         return response
-
-    def code(self, response: ResolveScene.Response) -> StatusCode:
-        """Status code of a response."""
-        return StatusCode(response.result.status.code)
 
 
 def contacts_of(request: ResolveScene.Request, max_contacts: int) -> list[ContactMessage]:
@@ -234,9 +217,8 @@ def problem_of(
             raise ImpactError(StatusCode.UNKNOWN_BODY, "pairs", reason)
         message.body_a, message.body_b = (bodies.names[index] for index in pair)
         try:
-            found = convert.coefficients_of(
-                ContactAndBodies(message, *(bodies.states[index] for index in pair)), parameters
-            )
+            body_a, body_b = (bodies.states[index] for index in pair)
+            found = convert.coefficients_of(message, body_a, body_b, parameters)
             of_pair = None if request.model.tangential_restitution else found.pair.tangential_restitution
             contacts.append(convert.contact_of(message, found, model.law, of_pair))
         except ImpactError as error:
@@ -251,7 +233,7 @@ def problem_of(
             reason = f"must be given in a scene: the materials of contacts[{i}] have {ratio}"
             raise ImpactError(StatusCode.INVALID_MODEL, "model.stiffness_ratio", reason)
         coefficients.append(found)
-    return SceneProblem(core_bodies, pairs, contacts, model), coefficients
+    return (core_bodies, pairs, contacts, model), coefficients
 
 
 def _body_in_table(owner: str, column: list[float], *, is_immovable: bool) -> Body:
@@ -288,9 +270,9 @@ def write_answer(
     result.contacts = contacts
     for message, contact in zip(result.contacts, impact.contacts, strict=True):
         message.restitution, message.friction = float(contact.restitution), contact.friction
-    result.restitution_from = [int(of_contact.restitution.source) for of_contact in coefficients]
+    result.restitution_from = [of_contact.restitution.source for of_contact in coefficients]
     result.restitution_rules = [of_contact.restitution.rule for of_contact in coefficients]
-    result.friction_from = [int(of_contact.friction.source) for of_contact in coefficients]
+    result.friction_from = [of_contact.friction.source for of_contact in coefficients]
     result.friction_rules = [of_contact.friction.rule for of_contact in coefficients]
     write_model(result.model, impact.model)
     result.body_names = bodies.names

@@ -89,7 +89,9 @@ class LatestStates:
         known = self._by_name.pop(state.name, None)
         if known is None:
             self._by_name[state.name] = _Known(state, publisher, None)
-            self._make_room()
+            if len(self._by_name) > self._max_bodies:
+                del self._by_name[next(iter(self._by_name))]
+                self._count_evicted(1)
             return state
         earlier_publisher = known.earlier_publisher
         if publisher != known.publisher:
@@ -221,11 +223,6 @@ class LatestStates:
                 f"publishers of {name}",
                 f"two publishers send states of {quoted(name)}: the state with the latest stamp is used",
             )
-
-    def _make_room(self) -> None:
-        if len(self._by_name) > self._max_bodies:
-            del self._by_name[next(iter(self._by_name))]
-            self._count_evicted(1)
 
     def _count_evicted(self, bodies: int) -> None:
         self.evicted += bodies
