@@ -143,10 +143,8 @@ def tables(geometry: Geometry, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Tables of random pairs of movable bodies, each made of a few points, and of their contacts."""
     random = np.random.default_rng(0)
     body_row, contact_row = body_rows(geometry), contact_rows(geometry)
-    bodies, contacts = (
-        random.normal(size=(body_row.height, 2, n)),
-        random.normal(size=(contact_row.height, n)),
-    )
+    bodies = random.normal(size=(body_row.height, 2, n))
+    contacts = random.normal(size=(contact_row.height, n))
     bodies[body_row.mass] = random.uniform(0.5, 2.0, size=(1, 2, n))
     if geometry is Geometry.PLANAR:
         bodies[body_row.inertia] = random.uniform(0.5, 2.0, size=(1, 2, n))
@@ -194,8 +192,6 @@ def copies(scene: Scene, n: int) -> tuple[np.ndarray, np.ndarray]:
         bodies[body_row.orientation, side] = np.array(body.orientation or (0.0, 0.0, 0.0, 1.0))[:, None]
     for field in ("position", "normal"):
         contacts[getattr(contact_row, field)] = np.array(getattr(scene.contact, field), dtype=float)[:, None]
-    contacts[contact_row.restitution], contacts[contact_row.friction] = (
-        scene.contact.restitution,
-        scene.contact.friction,
-    )
+    contacts[contact_row.restitution] = scene.contact.restitution
+    contacts[contact_row.friction] = scene.contact.friction
     return bodies, contacts

@@ -252,10 +252,8 @@ def measure(skipped: dict[str, str], _: object) -> dict[str, Any]:
     for name, scene in (("in space", ALIGNED), ("in the plane", flat)):
         scene = scene._replace(contact=scene.contact._replace(friction=0.0))
         ways = {RESOLVE: by_resolve(scene, ImpactModel()), **peers_of(scene, skipped)}
-        samples, truth = (
-            interleaved({way: peer.call for way, peer in ways.items()}),
-            truth_of(scene, Law.FRICTIONLESS),
-        )
+        samples = interleaved({way: peer.call for way, peer in ways.items()})
+        truth = truth_of(scene, Law.FRICTIONLESS)
         scenes[name] = {
             way: {"s": spread(samples[way]), "error": peer.error(peer.call(), truth)}
             for way, peer in ways.items()

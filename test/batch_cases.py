@@ -37,10 +37,8 @@ def shared_batch(geometry: Geometry, *, oriented: bool = False) -> tuple[np.ndar
     """``bodies`` and ``contacts``: sound ones first; the first four contacts have an immovable body."""
     random = np.random.default_rng(int(geometry))
     body_row, contact_row = body_rows(geometry, oriented=oriented), contact_rows(geometry)
-    bodies, contacts = (
-        random.normal(size=(body_row.height, 2, N)),
-        random.normal(size=(contact_row.height, N)),
-    )
+    bodies = random.normal(size=(body_row.height, 2, N))
+    contacts = random.normal(size=(contact_row.height, N))
     bodies[body_row.mass] = random.uniform(0.5, 2.0, size=(1, 2, N))
     bodies[body_row.inertia] = _inertias(geometry, random)
     contacts[contact_row.restitution] = random.uniform(size=N)
@@ -142,10 +140,8 @@ def batch_of(
     """Pack collisions into the columns of a batch, which has only what its geometry models."""
     collisions = list(collisions)
     body_row, contact_row = body_rows(geometry, oriented=oriented), contact_rows(geometry)
-    bodies, contacts = (
-        np.zeros((body_row.height, 2, len(collisions))),
-        np.zeros((contact_row.height, len(collisions))),
-    )
+    bodies = np.zeros((body_row.height, 2, len(collisions)))
+    contacts = np.zeros((contact_row.height, len(collisions)))
 
     def first(rows: slice, numbers: tuple[float, ...]) -> tuple[float, ...]:
         return numbers[: rows.stop - rows.start]
@@ -165,10 +161,8 @@ def batch_of(
                 column[body_row.orientation] = body.orientation or (0.0, 0.0, 0.0, 1.0)
         contacts[contact_row.position, i] = first(contact_row.position, contact.position)
         contacts[contact_row.normal, i] = first(contact_row.normal, contact.normal)
-        contacts[contact_row.restitution, i], contacts[contact_row.friction, i] = (
-            contact.restitution,
-            contact.friction,
-        )
+        contacts[contact_row.restitution, i] = contact.restitution
+        contacts[contact_row.friction, i] = contact.friction
     return bodies, contacts
 
 

@@ -11,9 +11,11 @@ from collision_response import ImpactError, StatusCode
 
 
 @contextmanager
-def refused(code: StatusCode, field: str | None = None, match: str | None = None) -> Iterator[None]:
+def refused(
+    code: StatusCode, field: str | None = None, match: str | None = None
+) -> Iterator[pytest.ExceptionInfo[ImpactError]]:
     """Check that the block raises an ImpactError with this code; also its field and a pattern if given."""
     with pytest.raises(ImpactError, match=match) as caught:
-        yield
+        yield caught
     assert caught.value.code is code, caught.value
     assert field in (None, caught.value.field), caught.value

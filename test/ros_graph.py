@@ -149,10 +149,8 @@ def request_of(body_a: Body, body_b: Body, contact: Contact, **model: Any) -> Re
     """The request for an impact, with both bodies in full."""
     request = ResolveCollision.Request(body_a=state_of(body_a), body_b=state_of(body_b))
     request.contact.header.frame_id = "world"
-    request.contact.restitution, request.contact.friction = (
-        float(contact.restitution),
-        float(contact.friction),
-    )
+    request.contact.restitution = float(contact.restitution)
+    request.contact.friction = float(contact.friction)
     _fill(request.contact.position, contact.position)
     _fill(request.contact.normal, contact.normal)
     for field, value in model.items():

@@ -434,10 +434,8 @@ def _check_energies(
         faults.require(impact.energy_lost_friction >= 0, f"friction gives {impact.energy_lost_friction!r}")
     does_work = any(s.mass is None and (any(s.velocity) or any(s.spin)) for s in (collision.a, collision.b))
     if not does_work:
-        given_before, given_after = (
-            Fraction(impact.kinetic_energy_before),
-            Fraction(impact.kinetic_energy_after),
-        )
+        given_before = Fraction(impact.kinetic_energy_before)
+        given_after = Fraction(impact.kinetic_energy_after)
         allowed = tolerance_after + rounding * before_scale + 2 * of_terms + 2 * exact.SMALLEST_FLOAT
         # the energies are rounded, and so is the gain
         faults.require(
@@ -899,11 +897,8 @@ def test_extended_batches_with_much_friction(geometry, size):
     for i, collision in enumerate(collisions[:20]):
         right = right_answer(collision, "COULOMB", 0.0, 0.0)
         row = [*result.impulse[:, i].tolist(), 0.0][:3]
-        error, bound, status = (
-            exact.impulse_error(row, right.impulses[0]),
-            result.error_bound[i],
-            result.status[i],
-        )
+        error = exact.impulse_error(row, right.impulses[0])
+        bound, status = result.error_bound[i], result.status[i]
         expected = StatusCode.SEPARATING if right.separating else StatusCode.OK
         if not error <= bound <= LAST_PLACE or status != expected:
             found.append(f"{cases[i].name}: error {error:.3g}, bound {bound:.3g}, status {status}")

@@ -125,11 +125,9 @@ def test_intermediate_overflow_is_answered_as_by_resolve():
     bodies, contacts = (array[..., STICKS : STICKS + 30].copy() for array in shared_batch(Geometry.SPATIAL))
     body_row, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
     contacts[contact_row.normal, 0] *= 1e-200
-    contacts[contact_row.normal, 1], bodies[body_row.velocity, 0, 1], bodies[body_row.velocity, 1, 1] = (
-        1.0,
-        -1e308,
-        1e308,
-    )
+    contacts[contact_row.normal, 1] = 1.0
+    bodies[body_row.velocity, 0, 1] = -1e308
+    bodies[body_row.velocity, 1, 1] = 1e308
     model = ImpactModel(Law.COULOMB)
     result = resolve_batch(bodies, contacts, model)
     assert (result.status[0], result.status[1]) == (StatusCode.OK, StatusCode.OUT_OF_RANGE)
@@ -154,16 +152,12 @@ def test_a_normal_may_have_any_length(geometry, law, length):
 @pytest.mark.parametrize(("mass", "length"), [(1.0, 1e20), (1e-36, 100.0), (1e-30, 1e5)])
 def test_float32_survives_intermediate_overflow(law, mass, length):
     body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
-    bodies, contacts = (
-        np.zeros((body_row.height, 2, 5), np.float32),
-        np.zeros((contact_row.height, 5), np.float32),
-    )
+    bodies = np.zeros((body_row.height, 2, 5), np.float32)
+    contacts = np.zeros((contact_row.height, 5), np.float32)
     bodies[body_row.mass], bodies[body_row.velocity][1, 0] = mass, -1
-    contacts[contact_row.normal][1], contacts[contact_row.restitution], contacts[contact_row.friction] = (
-        length,
-        0.5,
-        0.25,
-    )
+    contacts[contact_row.normal][1] = length
+    contacts[contact_row.restitution] = 0.5
+    contacts[contact_row.friction] = 0.25
     result = resolve_batch(bodies, contacts, ImpactModel(law))
     np.testing.assert_allclose(result.impulse[1], 0.75 * mass, rtol=1e-5)
     np.testing.assert_allclose(result.velocity[1], [[-0.25] * 5, [-0.75] * 5], rtol=1e-5)
@@ -484,11 +478,9 @@ def with_masked_entry(array: np.ndarray) -> np.ma.MaskedArray:
 def test_masked_entries_are_refused(name):
     """A mask that hides nothing is accepted."""
     body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
-    bodies, contacts, pairs = (
-        np.zeros((body_row.height, 3)),
-        np.zeros((contact_row.height, 2)),
-        np.array([[0, 1], [2, 2]]),
-    )
+    bodies = np.zeros((body_row.height, 3))
+    contacts = np.zeros((contact_row.height, 2))
+    pairs = np.array([[0, 1], [2, 2]])
     bodies[body_row.mass], contacts[contact_row.normal] = (2.0, 1.0, np.inf), [[0.0], [0.0], [1.0]]
     bodies[body_row.velocity][2] = -1.0
     given = {"bodies": bodies, "contacts": contacts, "pairs": pairs}
@@ -663,11 +655,9 @@ def test_units_do_not_matter(dtype, geometry, law):
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU], ids=lambda law: law.name)
 def test_slip_and_approach_may_differ_by_many_magnitudes(law, friction):
     """Squares of float32 overflow at 2^64; the same numbers in float64 do not."""
-    body_row, contact_row, powers = (
-        body_rows(Geometry.POINT),
-        contact_rows(Geometry.POINT),
-        range(-60, 61, 10),
-    )
+    body_row = body_rows(Geometry.POINT)
+    contact_row = contact_rows(Geometry.POINT)
+    powers = range(-60, 61, 10)
     velocities = [(2.0**slip, 0.0, -(2.0**approach)) for slip, approach in product(powers, repeat=2)]
     bodies, contacts = np.zeros((body_row.height, 2, 169)), np.zeros((contact_row.height, 169))
     bodies[body_row.mass] = [[1.0], [3.0]]
@@ -700,11 +690,9 @@ def test_no_impulse_is_lost_to_underflow(law, dtype, mass, speed, length):
     bodies, contacts = np.zeros((body_row.height, 2, 9), dtype), np.zeros((contact_row.height, 9), dtype)
     bodies[body_row.mass] = [[mass], [np.inf]]
     bodies[body_row.velocity][2, 0] = -speed
-    contacts[contact_row.normal][2], contacts[contact_row.restitution], contacts[contact_row.friction] = (
-        length,
-        0.5,
-        0.25,
-    )
+    contacts[contact_row.normal][2] = length
+    contacts[contact_row.restitution] = 0.5
+    contacts[contact_row.friction] = 0.25
     result = resolve_batch(bodies, contacts, ImpactModel(law))
     assert (result.status == StatusCode.OK).all()
     np.testing.assert_allclose(result.velocity[2, 0], speed / 2, rtol=4 * np.finfo(dtype).eps)

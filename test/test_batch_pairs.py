@@ -429,10 +429,8 @@ def resolve_one_after_another(
         except ImpactError:
             continue
         for body, twist in zip(pair, (impact.twist_a, impact.twist_b), strict=True):
-            table[body_row.velocity, body], table[body_row.angular_velocity, body] = (
-                twist.linear,
-                twist.angular,
-            )
+            table[body_row.velocity, body] = twist.linear
+            table[body_row.angular_velocity, body] = twist.angular
     return table
 
 

@@ -170,10 +170,8 @@ def test_structured_scenes(law):
     """Repeated contacts, chains, a ball between walls, contradictory walls, single contacts."""
     wall = Body.kinematic((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     ball = Body.dynamic(1.0)
-    left, right = (
-        Contact.of((-1.0, 0, 0), (1.0, 0, 0), 1.0, 0.0),
-        Contact.of((1.0, 0, 0), (-1.0, 0, 0), 1.0, 0.0),
-    )
+    left = Contact.of((-1.0, 0, 0), (1.0, 0, 0), 1.0, 0.0)
+    right = Contact.of((1.0, 0, 0), (-1.0, 0, 0), 1.0, 0.0)
     moving = ball._replace(velocity=type(ball.velocity)(-1.0, 0.0, 0.0))
     doubled = box(e=0.5, mu=0.3, velocity=(0.2, 0, -1), spin=(0, 0.3, 0))
     doubled = Scene(doubled.bodies, [*doubled.pairs, (1, 0)], [

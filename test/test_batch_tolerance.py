@@ -188,11 +188,9 @@ def slender_boxes(n: int, approach: float) -> tuple[np.ndarray, np.ndarray]:
 
     They approach the ground at between ``10**approach`` and 1 times their slip.
     """
-    random, body_row, contact_row = (
-        np.random.default_rng(5),
-        body_rows(Geometry.SPATIAL),
-        contact_rows(Geometry.SPATIAL),
-    )
+    random = np.random.default_rng(5)
+    body_row = body_rows(Geometry.SPATIAL)
+    contact_row = contact_rows(Geometry.SPATIAL)
     bodies, contacts = np.zeros((body_row.height, 2, n)), np.zeros((contact_row.height, n))
     edges = 10 ** random.uniform(-1.5, 0.3, (3, n))
     axes = np.linalg.qr(random.normal(size=(n, 3, 3)))[0]

@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from batch_cases import batch_of
 from mpmath import mp
 from oracle.springs import springs
 from oracle.springs_in_space import springs_in_space
@@ -24,11 +25,9 @@ from collision_response import (
     resolve,
     resolve_contact,
 )
-from collision_response.batch import body_rows, contact_rows, resolve_batch
+from collision_response.batch import resolve_batch
 from collision_response.in_python import arbitrary_precision
-from collision_response.model import Geometry
 from collision_response.physics.laws.compliant_path import LEAST_RESTITUTION
-from collision_response.physics.mass_properties import sphere
 from collision_response.physics.stiffness import METAL_ON_METAL, Elastic, stiffness_ratio
 
 SAME = 1.54 / 1.77
@@ -389,23 +388,15 @@ def test_answers_rotate_with_the_axes(degrees):
 
 
 def test_batches_agree_with_single_impacts():
-    body_row, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
-    bodies, contacts = np.zeros((body_row.height, 2, 5)), np.zeros((contact_row.height, 5))
-    inertia = sphere(1.0, 0.5).inertia
-    bodies[body_row.mass] = [[1.0] * 5, [math.inf] * 5]
-    bodies[body_row.inertia, 0] = np.array(inertia)[:, None]
-    bodies[body_row.position, 0] = np.array([0, 0, 0.5])[:, None]
     slips = np.linspace(0, 2, 5)
-    bodies[body_row.velocity, 0] = [slips, 0 * slips, -1 + 0 * slips]
-    contacts[contact_row.normal] = np.array([0, 0, 1])[:, None]
-    contacts[contact_row.restitution], contacts[contact_row.friction] = 0.5, 0.3
+    balls = [Body.sphere(1.0, 0.5, position=(0, 0, 0.5), velocity=(slip, 0, -1)) for slip in slips]
+    touch = Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3)
+    collisions = [(ball, Body.static(), touch) for ball in balls]
     for precision in (Precision.AUTO, Precision.EXTENDED):
         model = ImpactModel(Law.COMPLIANT, precision=precision)
-        many = resolve_batch(bodies, contacts, model)
-        for i, slip in enumerate(slips):
-            ball = Body.dynamic(1.0, inertia, (0, 0, 0.5), None, (slip, 0, -1))
-            one = resolve(ball, Body.static(), Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3), model)
-            assert many.impulse[:, i] == pytest.approx(one.impulse, abs=1e-12)
+        many = resolve_batch(*batch_of(collisions, oriented=False), model)
+        for i, collision in enumerate(collisions):
+            assert many.impulse[:, i] == pytest.approx(resolve(*collision, model).impulse, abs=1e-12)
 
 
 @pytest.mark.parametrize("kappa", [0.25, 1.0])

@@ -218,9 +218,8 @@ def test_a_dynamic_body_without_finite_mass_is_refused_by_name(mass):
     """In the numeric core, an infinite mass means an immovable body."""
     request = ResolveCollision.Request(body_a=ball(0.5, -1.0), body_b=ball(-0.5))
     request.body_a.inertia.m = mass
-    with pytest.raises(ImpactError) as raised:
+    with refused(StatusCode.NOT_FINITE) as raised:
         answer_to(request)
-    assert raised.value.code is StatusCode.NOT_FINITE
     assert convert.error_text(raised.value).startswith("body_a.inertia.m: must be finite")
 
 

@@ -14,6 +14,7 @@ import pytest
 pytest.importorskip("mpmath")
 
 import numpy as np
+from batch_cases import batch_of
 from collisions import EVERY_LAW, LAWS_WITH_FRICTION, LAWS_WITH_ORACLE, random_collision
 from mpmath import mp, mpf
 from refusals import refused
@@ -606,16 +607,9 @@ def test_moreau_differentiates_its_fallback():
 
 @pytest.mark.parametrize("law", EVERY_LAW)
 def test_a_batch_has_the_same_derivatives(law):
-    body_row, contact_row = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
     collisions = [random_collision(seed) for seed in range(5)]
-    bodies, contacts = np.zeros((body_row.height, 2, 5)), np.zeros((contact_row.height, 5))
-    for i, collision in enumerate(collisions):
-        for side, body in enumerate(collision[:2]):
-            for field in body_row._fields[:-1]:
-                bodies[getattr(body_row, field), side, i] = getattr(body, field)
-        for field in contact_row._fields[:-2]:
-            contacts[getattr(contact_row, field), i] = getattr(collision.contact, field)
-    contacts[contact_row.normal, 4] = 0.0
+    bodies, contacts = batch_of(collisions)
+    contacts[contact_rows(Geometry.SPATIAL).normal, 4] = 0.0
     names = ("body_a.velocity", "contact.friction", "body_b.orientation")
     found = differentiate_batch(bodies, contacts, unit_directions(*names), ImpactModel(law))
     for i, collision in enumerate(collisions[:4]):
@@ -649,23 +643,10 @@ def test_single_columns_equal_those_of_the_whole_jacobian(law):
 
 
 def test_a_planar_batch_has_the_same_derivatives():
-    body_row, contact_row = body_rows(Geometry.PLANAR), contact_rows(Geometry.PLANAR)
-    bodies, contacts = np.zeros((body_row.height, 2, 1)), np.zeros((contact_row.height, 1))
-    bodies[body_row.mass] = [[1.0], [np.inf]]
-    bodies[body_row.inertia, 0], bodies[body_row.position, 0, 0], bodies[body_row.velocity, 0, 0] = (
-        0.4,
-        (0.1, 1.0),
-        (0.3, -2.0),
-    )
-    contacts[contact_row.normal, 0], contacts[contact_row.restitution], contacts[contact_row.friction] = (
-        (0.0, 1.0),
-        0.5,
-        0.2,
-    )
-    found = differentiate_batch(bodies, contacts, unit_directions())
     body = Body.dynamic(1.0, (0.4, 0.0, 0.0, 0.4, 0.0, 0.4), (0.1, 1.0, 0.0), None, (0.3, -2.0, 0.0))
     contact = Contact.of((0, 0, 0), (0, 1, 0), 0.5, 0.2)
-    assert found.jacobian.shape == (15, 0, 1)
+    bodies, contacts = batch_of([(body, Body.static(), contact)], Geometry.PLANAR, oriented=False)
+    assert differentiate_batch(bodies, contacts, unit_directions()).jacobian.shape == (15, 0, 1)
     names = ("body_a.velocity", "contact.normal", "body_a.inertia")
     found = differentiate_batch(bodies, contacts, unit_directions(*names))
     np.testing.assert_array_equal(

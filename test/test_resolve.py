@@ -211,11 +211,8 @@ REFUSALS = [
     ("code", "field", "request_it"), [case[1:] for case in REFUSALS], ids=[case[0] for case in REFUSALS]
 )
 def test_an_invalid_request_is_refused_with_its_code_and_field(code, field, request_it):
-    with pytest.raises(ImpactError) as refusal:
+    with refused(code, field, "^" + re.escape(field)):
         request_it()
-    assert refusal.value.code is code
-    assert refusal.value.field == field
-    assert str(refusal.value).startswith(field)
 
 
 def test_an_impact_error_is_a_value_error_with_the_reason():

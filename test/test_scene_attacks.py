@@ -71,10 +71,8 @@ def test_energies_and_impulses_at_the_end_of_float64(law, mass, speed, e):
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
 @pytest.mark.parametrize("mass", [1e-12, 1e12])
 def test_a_box_of_any_mass(mass, law):
-    one, other = (
-        box((1, 0.5, -1), e=0.5, mu=0.3).resolve(law),
-        box((1, 0.5, -1), e=0.5, mu=0.3, mass=mass).resolve(law),
-    )
+    one = box((1, 0.5, -1), e=0.5, mu=0.3).resolve(law)
+    other = box((1, 0.5, -1), e=0.5, mu=0.3, mass=mass).resolve(law)
     assert other.twists[0].linear == pytest.approx(one.twists[0].linear, abs=1e-7)
 
 
@@ -515,10 +513,8 @@ def test_repeated_corners_change_no_bit(law, again):
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.MOREAU])
 def test_a_cradle_with_slight_differences(law, off):
     """A slight change of masses, speeds and restitution changes the answer slightly."""
-    even, odd = (
-        row_of_balls((1, 0, 0), 0.5, None, float),
-        row_of_balls((1 + off, 0, off), 0.5, (1, 1 + off, 1 - off), float),
-    )
+    even = row_of_balls((1, 0, 0), 0.5, None, float)
+    odd = row_of_balls((1 + off, 0, off), 0.5, (1, 1 + off, 1 - off), float)
     odd = odd._replace(contacts=[odd.contacts[0], odd.contacts[1]._replace(restitution=0.5 + off)])
     assert speeds(odd.resolve(law)) == pytest.approx(speeds(even.resolve(law)), abs=1e-10)
 

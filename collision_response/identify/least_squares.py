@@ -166,11 +166,9 @@ class LeastSquares(NamedTuple):
         one = _least_squares()(
             lambda y: MAGNIFICATION * self.residuals(y + origin), x - origin, **ends, **loss
         )
-        one.cost, one.grad, one.jac = (
-            one.cost / MAGNIFICATION**2,
-            one.grad / MAGNIFICATION**2,
-            one.jac / MAGNIFICATION,
-        )
+        one.cost = one.cost / MAGNIFICATION**2
+        one.grad = one.grad / MAGNIFICATION**2
+        one.jac = one.jac / MAGNIFICATION
         one.x = _snap_to_limits(one.x + origin, one, (least, most), precision)
         one.fun = self.residuals(one.x)
         return one
@@ -180,11 +178,8 @@ class LeastSquares(NamedTuple):
 
         A coefficient that has no effect on a set of impacts gets its upper limit.
         """
-        rng, n, most = (
-            np.random.default_rng(seed),
-            len(self.measured),
-            [RANGES[name].most for name in self.names],
-        )
+        rng, n = np.random.default_rng(seed), len(self.measured)
+        most = [RANGES[name].most for name in self.names]
         draws = (rng.integers(n, size=n) for _ in range(count))
         found = (self._replace(measured=self.measured.take(draw)).solve(x, ROUGH_PRECISION) for draw in draws)
         return np.array([np.where(one.jac.any(axis=0), one.x, most) for one in found])

@@ -188,10 +188,8 @@ class Impacts:
             name: x for name, x in coefficients.items() if name in ImpactModel._fields
         }
         contacts = self.contacts.copy()
-        contacts[CONTACT.restitution], contacts[CONTACT.friction] = (
-            coefficients["restitution"],
-            coefficients.get("friction", 0.0),
-        )
+        contacts[CONTACT.restitution] = coefficients["restitution"]
+        contacts[CONTACT.friction] = coefficients.get("friction", 0.0)
         result = resolve_batch(self.bodies, contacts, ImpactModel(law, **of_model))
         if (refused := np.flatnonzero(result.status > StatusCode.SEPARATING)).size:
             i = int(refused[0])
