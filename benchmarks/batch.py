@@ -149,7 +149,7 @@ BOXES = 500
 
 
 def boxes() -> list[dict[str, Any]]:
-    """Targets for flat boxes: one call for all, one call for each, and single impacts, also as one scene."""
+    """Targets for flat boxes: one call for all, and single impacts, also as one scene."""
     tables_and_pairs = bodies, contacts, pairs = flat_boxes(BOXES)
     body_row, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
     scenes = [[body_of(body_row, bodies[:, i]), body_of(body_row, bodies[:, BOXES])] for i in range(BOXES)]
@@ -161,7 +161,6 @@ def boxes() -> list[dict[str, Any]]:
     )
     calls: dict[str, Call] = {
         "one call for all": lambda: resolve_scenes(*tables_and_pairs[:2], pairs=pairs),
-        "one call for each": lambda: [resolve_scene(scene, [(0, 1)] * 4, corners) for scene in scenes],
         "single impacts": lambda: [resolve(*scene, corners[0]) for scene in scenes],
         "one scene of single contacts": lambda: resolve_scene(*of_one),
     }
@@ -170,8 +169,6 @@ def boxes() -> list[dict[str, Any]]:
     return [
         {"what": f"{what}: one call for all, against single impacts", "most": 10.0,
          "measured": ratio(samples, "one call for all", "single impacts")},
-        {"what": f"{what}: one call for each, against one call for all", "least": 2.0,
-         "measured": ratio(samples, "one call for each", "one call for all")},
         {"what": f"{BOXES} boxes with one contact each: one scene, against single impacts", "most": 1.0,
          "measured": ratio(samples, "one scene of single contacts", "single impacts")},
     ]  # fmt: skip
