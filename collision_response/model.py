@@ -19,7 +19,12 @@ from .status import ImpactError, StatusCode, format_range, format_value
 
 
 class Geometry(NamedEnum):
-    """Which motion is modelled."""
+    """Which motion is modelled.
+
+    If a request needs more than the geometry that it asks for, the answer is that of the smaller model: it
+    creates no energy there, and the error bound counts what is left out. The twists of the real bodies may then
+    gain energy, as when a body turns about x and its inertia couples that to the rotation about z.
+    """
 
     AUTO = 1
     """The smallest geometry that leaves out nothing, for the bodies and the contact of the request."""
