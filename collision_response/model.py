@@ -21,9 +21,9 @@ from .status import ImpactError, StatusCode, format_range, format_value
 class Geometry(NamedEnum):
     """Which motion is modelled.
 
-    If a request needs more than the geometry that it asks for, the answer is that of the smaller model: it
-    creates no energy there, and the error bound counts what is left out. The twists of the real bodies may then
-    gain energy, as when a body turns about x and its inertia couples that to the rotation about z.
+    If a request needs more than the geometry that it asks for, the answer is that of the smaller model. It
+    creates no energy there, and the error bound counts what is left out. The real bodies may gain energy, as
+    when one turns about x and its inertia couples that to the rotation about z.
     """
 
     AUTO = 1
