@@ -1,6 +1,6 @@
 """Several contacts at once: answers and times of ``resolve_scene()`` and its peers.
 
-    .bench-venv/bin/python -I benchmarks/scenes.py [--quick]
+    .bench-venv/bin/python -I benchmarks/scenes.py
 
 measures everything again and rewrites the generated parts of docs/scenes.md and its plot, as ``make bench``
 does.
@@ -18,7 +18,6 @@ All scenes have e = 1 and no friction. The peers:
 
 from __future__ import annotations
 
-import argparse
 import datetime
 import json
 import math
@@ -332,7 +331,7 @@ OURS = {
 FOR_FRICTION = {f"`{law.name}`": ours(law) for law in (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU)}
 
 
-def measure(_: object, say: Callable[[str], object], *, quick: bool = False) -> dict[str, Any]:
+def measure(_: object, say: Callable[[str], object]) -> dict[str, Any]:
     """Measure the answers to cradle and flat box, the times by number of contacts, and the targets."""
     skipped: dict[str, str] = {}
     ways: dict[str, Callable[[Scene], Way]] = {**OURS, "one after another": in_turn}
@@ -354,7 +353,7 @@ def measure(_: object, say: Callable[[str], object], *, quick: bool = False) -> 
     }
     costs = {}
     for what, build in (("row", row), ("boxes", boxes)):
-        costs[what] = dict(cost(build, ways, 300 if quick else max(SIZES), say))
+        costs[what] = dict(cost(build, ways, max(SIZES), say))
     costs["stack"] = dict(cost(stack, FOR_FRICTION, 120, say))
     targets = [
         {"what": "a box flat on a floor, against one impact, COULOMB", "most": 10.0, "measured": box_ratio()},
@@ -510,18 +509,11 @@ def write(results: dict[str, Any]) -> None:
 
 def main() -> None:
     """Measure and write."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--quick", action="store_true", help="measure fewer contacts, and only print")
-    quick = parser.parse_args().quick
     results: dict[str, Any] = {
         "date": datetime.date.today().isoformat(),
         "machine": machine(),
-        "scenes": measure(None, partial(print, flush=True), quick=quick),
+        "scenes": measure(None, partial(print, flush=True)),
     }
-    if quick:
-        for text in parts(results).values():
-            print(f"\n{text}")
-        return
     pages.store(results, HERE / "results" / "scenes.json")
     write(results)
     for target in results["scenes"]["targets"]:

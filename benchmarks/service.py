@@ -49,33 +49,27 @@ CALLBACK = "the callback alone"
 
 def echo() -> None:
     """Serve prepared answers under the names of the node's services."""
-    import rclpy
-    from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
-    from rclpy.signals import SignalHandlerOptions
 
+    from collision_response import srv
+    from collision_response.ros.process import run
     from collision_response.ros.server import SERVICE_QOS
-    from collision_response.ros.signals import shutdown_requested
-    from collision_response.srv import ResolveCollision, ResolveCollisionBatch
 
-    stop = shutdown_requested()
-    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-    node, executor = Node("collision_response"), SingleThreadedExecutor()
-    response = ResolveCollision.Response(success=True)
-    response.result.header.frame_id = response.result.contact.header.frame_id = "world"
-    response.result.contact.body_a, response.result.contact.body_b = "a", "b"
-    node.create_service(
-        ResolveCollision, "~/resolve_collision", lambda request, _: response, qos_profile=SERVICE_QOS
-    )
-    batch = batch_response()
-    node.create_service(
-        ResolveCollisionBatch, "~/resolve_collision_batch", lambda request, _: batch, qos_profile=SERVICE_QOS
-    )
-    executor.add_node(node)
-    executor.spin_until_future_complete(stop)
-    executor.shutdown()
-    node.destroy_node()
-    rclpy.try_shutdown()
+    one = srv.ResolveCollision.Response(success=True)
+    one.result.header.frame_id = one.result.contact.header.frame_id = "world"
+    one.result.contact.body_a, one.result.contact.body_b = "a", "b"
+    many = batch_response()
+
+    def make() -> Node:
+        node = Node("collision_response")
+        for kind, name, response in (
+            (srv.ResolveCollision, "~/resolve_collision", one),
+            (srv.ResolveCollisionBatch, "~/resolve_collision_batch", many),
+        ):
+            node.create_service(kind, name, lambda *_, response=response: response, qos_profile=SERVICE_QOS)
+        return node
+
+    run(make, sys.argv)
 
 
 def batch_response() -> Any:

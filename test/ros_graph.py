@@ -76,6 +76,12 @@ class Graph:
         self.user.create_subscription(kind, topic, received.append, qos)
         return received
 
+    def publisher(self, kind: type, topic: str, qos: Any = 10) -> Any:
+        """A publisher on a topic, once a node under test has subscribed to it."""
+        publisher = self.user.create_publisher(kind, topic, qos)
+        wait_until(publisher.get_subscription_count)
+        return publisher
+
     def log(self) -> list[str]:
         """The texts that nodes log, past ones included, as a list to which new ones are added."""
         texts: list[str] = []

@@ -378,8 +378,7 @@ def test_diagnostics_count_answers_and_failures(graph):
     assert (values["answered OK"], values["answered INVALID_NORMAL"]) == ("2", "1")
     assert 0 < float(values["latency p50 [ms]"]) <= float(values["latency max [ms]"])
     assert status.level == DiagnosticStatus.OK
-    states = graph.user.create_publisher(BodyState, "body_states", 10)
-    wait_until(lambda: states.get_subscription_count() == 1)
+    states = graph.publisher(BodyState, "body_states")
     states.publish(BodyState(name="x" * 5000))
     wait_until(lambda: last()[1]["states that could not be read"] == "1")
     assert last()[1]["states"] == "1"

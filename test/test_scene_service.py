@@ -92,8 +92,7 @@ def test_a_cradle_passes_on_its_speed(shared_node):
 
 def test_bodies_may_be_received(graph):
     graph.serve()
-    states = graph.user.create_publisher(BodyState, "body_states", 10)
-    wait_until(lambda: states.get_subscription_count() == 1)
+    states = graph.publisher(BodyState, "body_states")
     (first, *others), pairs, contacts = CRADLE
     for stamp, name, body in zip((4, 5), ("middle", "last"), others, strict=True):
         state = state_of(body)
@@ -115,8 +114,7 @@ def test_bodies_may_be_received(graph):
 
 def test_coefficients_are_filled_in_for_each_contact(graph):
     graph.serve(restitution=0.75, friction=0.125)
-    states = graph.user.create_publisher(BodyState, "body_states", 10)
-    wait_until(lambda: states.get_subscription_count() == 1)
+    states = graph.publisher(BodyState, "body_states")
     for i, (body, friction) in enumerate(zip(FLAT_BOX[0], (0.5, 0.25), strict=True)):
         state = state_of(body)
         state.name, state.friction, state.header.stamp.sec = f"body {i}", friction, 1
@@ -154,8 +152,7 @@ def test_pairs_of_materials_apply_in_scenes(graph, tmp_path):
     file = tmp_path / "materials.yaml"
     file.write_text(MATERIALS)
     graph.serve(materials_file=str(file), friction=0.125)
-    states = graph.user.create_publisher(BodyState, "body_states", 10)
-    wait_until(lambda: states.get_subscription_count() == 1)
+    states = graph.publisher(BodyState, "body_states")
     ball = Body.dynamic(1.0, (0.4, 0, 0, 0.4, 0, 0.4), (0, 0, 1), velocity=(0.5, 0.0, -1.0))
     for name, body, material in (
         ("ball", ball, "rubber"),

@@ -155,8 +155,7 @@ def test_a_robot_drives_against_a_wall(graph, start):
     graph.serve()
     start()
     description = graph.user.create_publisher(String, "robot_description", DESCRIPTION_QOS)
-    odom = graph.user.create_publisher(Odometry, "odom", 10)
-    wait_until(odom.get_subscription_count)
+    odom = graph.publisher(Odometry, "odom")
     h = math.sqrt(0.5)
     driving = odometry(turn=(0, 0, h, h), linear=(2, 0, 0), child="robot1/base_footprint")
 
@@ -186,8 +185,7 @@ def test_a_description_may_be_a_file_and_the_body_have_another_name(graph, start
         "<inertial><mass>3</mass></inertial></link></model></sdf>"
     )
     start(description_file=str(file), name="crate")
-    odom = graph.user.create_publisher(Odometry, "odom", 10)
-    wait_until(odom.get_subscription_count)
+    odom = graph.publisher(Odometry, "odom")
     wait_until(lambda: odom.publish(odometry(child="box/link")) or start.heard)
     assert (start.heard[0].name, start.heard[0].inertia.m) == ("crate", 3.0)
 
@@ -196,8 +194,7 @@ def test_each_omitted_body_is_named(graph, start):
     source = start()
     said = []
     source._warn = ThrottledWarnings(said.append, lambda: 0.0)
-    odom = graph.user.create_publisher(Odometry, "odom", 10)
-    wait_until(odom.get_subscription_count)
+    odom = graph.publisher(Odometry, "odom")
 
     def publish():
         for frame in ("left", "right", "left"):

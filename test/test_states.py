@@ -160,8 +160,7 @@ def test_states_are_never_stale_by_default(graph):
 def test_a_request_overtakes_no_state_published_before_it(graph):
     """Each state follows many others; taken one at a time, an older one would answer the request."""
     graph.serve()
-    states = graph.user.create_publisher(BodyState, "body_states", 1000)
-    wait_until(lambda: states.get_subscription_count() == 1)
+    states = graph.publisher(BodyState, "body_states", 1000)
     for speed in range(1, 20):
         for other in range(30):
             states.publish(ball(name=f"other {other}"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, deque
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,6 +13,7 @@ LATENCIES = 1000
 """Number of requests whose latency is kept."""
 
 
+@dataclass
 class Counters:
     """Counts since the start of the node.
 
@@ -26,14 +28,13 @@ class Counters:
         latencies: of the last requests: time from receiving the request to sending the answer [s].
     """
 
-    def __init__(self) -> None:
-        self.requests = 0
-        self.answers: Counter[StatusCode] = Counter()
-        self.unsent = 0
-        self.dropped = 0
-        self.at_risk = 0
-        self.unreadable = 0
-        self.latencies: deque[float] = deque(maxlen=LATENCIES)
+    requests: int = 0
+    answers: Counter[StatusCode] = field(default_factory=Counter)
+    unsent: int = 0
+    dropped: int = 0
+    at_risk: int = 0
+    unreadable: int = 0
+    latencies: deque[float] = field(default_factory=lambda: deque(maxlen=LATENCIES))
 
     def percentiles(self) -> dict[str, float]:
         """Percentiles of the latencies [ms]; empty before the first answer."""

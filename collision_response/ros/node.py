@@ -7,7 +7,9 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from copy import copy
+from functools import partial
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 from rclpy.clock import JumpThreshold, TimeJump
@@ -87,19 +89,19 @@ class CollisionResponseNode(Node):
         )
         parameters.declare(self, DECLARATIONS)
         self.parameters = parameters.LatestParameters(self)
-        start = parameters.StartParameters.of(self)
-        if start.recording_directory is not None:
+        value = partial(parameters.value_of, self)
+        if value("recording.enabled"):
             self._recorder = Recorder(
-                start.recording_directory,
+                Path(value("recording.directory")),
                 self.get_logger().warning,
                 opened=self.get_logger().info,
-                name=start.recording_file,
-                max_size=start.recording_max_size,
-                max_duration=start.recording_max_duration,
+                name=value("recording.file"),
+                max_size=value("recording.max_size"),
+                max_duration=value("recording.max_duration"),
             )
 
         warn = ThrottledWarnings(self.get_logger().warning)
-        self._states = LatestStates(start.max_bodies, self._now, warn)
+        self._states = LatestStates(value("max_bodies"), self._now, warn)
         self._jump_handle = self.get_clock().create_jump_callback(CLOCK_JUMPS, post_callback=self._on_jump)
 
         answer_log = AnswerLog(self, self._recorder, self._now)
@@ -107,7 +109,7 @@ class CollisionResponseNode(Node):
             self.parameters,
             self._states,
             answer_log,
-            SceneSurvey(start.scene_tolerance) if start.scene_tolerance else None,
+            SceneSurvey(tolerance) if (tolerance := value("scene_tolerance")) else None,
             self.get_logger(),
         )
         services = (
@@ -118,21 +120,18 @@ class CollisionResponseNode(Node):
         warm_up()
         counters = Counters()
         self._server = Server(
-            self, services, counters, self._over_budget, answer_log.publish, start.service_introspection
+            self, services, counters, self._over_budget, answer_log.publish, value("service_introspection")
         )
+        topics = [*filter(None, dict.fromkeys(value("body_state_topics")))]
         self._state_inputs = [
-            *(
-                self._subscribe(BodyState, topic, STATE_QOS, self._add_state)
-                for topic in start.body_state_topics
-            ),
+            *(self._subscribe(BodyState, topic, STATE_QOS, self._add_state) for topic in topics),
             self._subscribe(BodyStates, TABLE_TOPIC, TABLE_QOS, self._states.add_table),
         ]
         self._states.take_all = self._take_states
         Diagnostics(self, counters, self._states, self._recorder, self._server.waiting)
-        state_topics = [self.resolve_topic_name(topic) for topic in start.body_state_topics]
         self.get_logger().info(
             f"serving {', '.join(self.resolve_service_name(service.name) for service in services)}; "
-            f"body states from {', '.join(state_topics) or 'requests only'}; "
+            f"body states from {', '.join(map(self.resolve_topic_name, topics)) or 'requests only'}; "
             f"results on {', '.join(answer_log.topics)}"
             f"{'; not recording' if self._recorder is None else ''}"
         )

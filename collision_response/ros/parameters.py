@@ -178,7 +178,7 @@ DECLARATIONS = (
 )
 
 NAMES = {declaration.name.replace(".", "_"): declaration.name for declaration in DECLARATIONS}
-"""Name of each parameter, by the field of :class:`Parameters` or :class:`StartParameters` that holds it."""
+"""Name of each parameter, by the name that a field of :class:`Parameters` has for it."""
 
 
 @dataclass(frozen=True)
@@ -208,9 +208,9 @@ class Parameters:
     def of(cls, node: Node) -> Parameters:
         """Read the current values of a node."""
         return cls(
-            **{field: _value(node, NAMES[field]) for field in cls.__dataclass_fields__ if field in NAMES},
-            model=ImpactModel(*(_value(node, field) for field in ImpactModel._fields)),
-            materials=materials_in(_value(node, "materials_file")),
+            **{field: value_of(node, NAMES[field]) for field in cls.__dataclass_fields__ if field in NAMES},
+            model=ImpactModel(*(value_of(node, field) for field in ImpactModel._fields)),
+            materials=materials_in(value_of(node, "materials_file")),
         )
 
 
@@ -241,33 +241,6 @@ class LatestParameters:
 
     def _read(self, _: list[Parameter[Any]]) -> None:
         self.values = Parameters.of(self._node)
-
-
-@dataclass(frozen=True)
-class StartParameters:
-    """Values of the parameters that are read once, when the node starts.
-
-    The fields are named like the parameters, with an underscore for a dot. ``recording_directory`` is
-    ``None`` if the node does not record.
-    """
-
-    body_state_topics: tuple[str, ...]
-    recording_directory: Path | None
-    recording_file: str
-    recording_max_size: float
-    recording_max_duration: float
-    scene_tolerance: float
-    max_bodies: int
-    service_introspection: ServiceIntrospectionState
-
-    @classmethod
-    def of(cls, node: Node) -> StartParameters:
-        """Read the values that a node was started with."""
-        values = {field: _value(node, NAMES[field]) for field in cls.__dataclass_fields__}
-        values["body_state_topics"] = tuple(filter(None, dict.fromkeys(values["body_state_topics"])))
-        is_recording, directory = _value(node, "recording.enabled"), values["recording_directory"]
-        values["recording_directory"] = Path(directory) if is_recording else None
-        return cls(**values)
 
 
 QOS_OVERRIDES = "qos_overrides."
@@ -351,6 +324,7 @@ def _check_qos(name: str, value: Any) -> None:
         raise ValueError(f"{name} must be one of {', '.join(POLICIES[policy])}; is {value!r}")
 
 
-def _value(node: Node, name: str) -> Any:
+def value_of(node: Node, name: str) -> Any:
+    """Return the value of a parameter, or what it stands for if it is one of some choices."""
     value = node.get_parameter(name).value
     return CHOICES[name][value] if name in CHOICES else value

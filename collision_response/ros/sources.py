@@ -195,8 +195,8 @@ class BodyStatePublisher(Node):
                 except tf2_ros.TransformException as error:
                     self._warn(f"transforms of {frame}", str(error))
                     continue
-                before, latest[frame] = latest.get(frame), transform
-                if before is not None and _is_later(transform, before):
+                before, latest[frame] = latest.get(frame, transform), transform
+                if nanoseconds(before.header.stamp) < nanoseconds(transform.header.stamp):
                     self._publish(frame, False, partial(from_transforms, before, transform))
 
         self.create_timer(1 / rate, publish_frames)
@@ -240,10 +240,6 @@ class BodyStatePublisher(Node):
             known = self._description.mass_properties(link, locked=locked)
             self._mass_properties[frame, locked] = known
         return known
-
-
-def _is_later(a: TransformStamped, b: TransformStamped) -> bool:
-    return nanoseconds(a.header.stamp) > nanoseconds(b.header.stamp)
 
 
 def main(args: list[str] | None = None) -> int:
