@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.parameter import Parameter
 from ros_graph import DEADLINE, assign, ball, balls_meet, wait_until
 from rosgraph_msgs.msg import Clock
@@ -141,6 +142,26 @@ def test_age_is_by_simulated_time(graph):
     assert answer.result.status.message == (
         "body_b.header.stamp: the last state of 'left' is 2.25 s old; max_state_age is 0.5 s"
     )
+
+
+@pytest.mark.parametrize("has_clock", [True, False])
+def test_no_request_waits_for_ever_while_simulated_time_stands_still(graph, has_clock):
+    if has_clock:
+        simulated_clock(graph, max_state_wait=0.05)(100.0)
+    else:
+        graph.serve(use_sim_time=True, max_state_wait=0.05)
+    request = by_name()
+    request.not_before.sec = 200
+    status = graph.call(request).result.status
+    assert status.code == StatusCode.STALE_STATE
+    assert status.message.endswith("; waited 0.05 s (max_state_wait)")
+
+
+def test_diagnostics_are_published_while_simulated_time_stands_still(graph):
+    node = graph.serve(use_sim_time=True)
+    received = graph.listen(DiagnosticArray, "/diagnostics")
+    name = node.get_fully_qualified_name()
+    wait_until(lambda: any(status.name == name for array in received for status in array.status))
 
 
 def test_age_is_by_system_time(graph):

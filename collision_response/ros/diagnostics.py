@@ -13,6 +13,7 @@ from ..recording import Recorder
 from ..status import StatusCode
 from .counters import Counters
 from .states import LatestStates
+from .steady_timer import create_steady_timer
 
 PERIOD = 1.0
 """Time [s] between two messages."""
@@ -51,7 +52,7 @@ class Diagnostics:
             10,
             event_callbacks=PublisherEventCallbacks(use_default_callbacks=False),
         )
-        node.create_timer(PERIOD, self._publish)
+        create_steady_timer(node, PERIOD, self._publish)
 
     def _progress_counts(self) -> dict[str, int]:
         requests, answers = self._counters.requests, self._counters.answers.total()

@@ -23,6 +23,7 @@ from ..status import ImpactError, StatusCode
 from .clients import ConnectedClients, client_id
 from .counters import Counters
 from .round_robin import Job, RoundRobin, Steps
+from .steady_timer import create_steady_timer
 from .take_all import IdleCallbackGroup, RCLError, TakeAllWaitable, never_called
 from .throttled_warnings import WARNING_INTERVAL
 
@@ -125,9 +126,9 @@ class Server:
         self._clients: list[ConnectedClients] = []
         self._waitables: list[TakeAllWaitable] = []
         self._more = node.create_guard_condition(self._serve)
-        self._overdue_timer = node.create_timer(WAIT_CHECK_INTERVAL, self._serve_overdue)
+        self._overdue_timer = create_steady_timer(node, WAIT_CHECK_INTERVAL, self._serve_overdue)
         self._overdue_timer.cancel()
-        node.create_timer(DEPARTURE_CHECK_INTERVAL, self._forget_departed)
+        create_steady_timer(node, DEPARTURE_CHECK_INTERVAL, self._forget_departed)
         group = IdleCallbackGroup()
         for node_service in node_services:
             service = node.create_service(
