@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from graphlib import CycleError, TopologicalSorter
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -64,12 +65,16 @@ class Description(NamedTuple):
 
     @classmethod
     @np.errstate(over="ignore", invalid="ignore")  # overflow is reported below, with the name of the link
-    def read(cls, text: str) -> Description:
+    def read(cls, text: str | bytes) -> Description:
         """Parse a URDF, or an SDF with one model.
 
+        Args:
+            text: the XML; bytes are decoded as their XML declaration says.
+
         Raises:
-            ValueError: if ``text`` is neither, or has an invalid number, a negative mass or a duplicate link.
-                The message says where.
+            ValueError: if ``text`` is neither, or has an invalid number, a negative mass or a duplicate link;
+                if a URDF is not a tree or has xacro elements; if an SDF model is static. The message says
+                where.
         """
         try:
             root = ElementTree.fromstring(text)
@@ -149,13 +154,23 @@ def _inertials(owner: Element, inertial: Callable[[Element], Inertial]) -> dict[
 
 
 def _urdf(robot: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
+    if any("xacro" in element.tag.rpartition("}")[0] for element in robot.iter()):  # by its namespace
+        raise ValueError(f"robot {robot.get('name')!r} has xacro elements: expand them with xacro first")
     inertials = _inertials(robot, _urdf_inertial)
     joints = []
+    parents: dict[str, list[str]] = {}
     for joint in robot.iterfind("joint"):
         where = f"joint {joint.get('name')!r}"
         parent, child = (_child(joint, end, where).get("link", "") for end in ("parent", "child"))
         _check_links(where, (parent, child), inertials)
+        if child in parents:
+            raise ValueError(f"{where}: its child {child!r} is the child of another joint too")
+        parents[child] = [parent]
         joints.append(Joint(parent, child, _urdf_pose(joint, where), joint.get("type") == "fixed"))
+    try:
+        TopologicalSorter(parents).prepare()
+    except CycleError as error:
+        raise ValueError(f"joints connect links in a circle: {', '.join(error.args[1])}") from None
     return inertials, tuple(joints)
 
 
@@ -187,6 +202,8 @@ def _sdf(model: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
     for tag in ("model", "include"):
         if model.find(tag) is not None:
             raise ValueError(f"model {model.get('name')!r}: a <{tag}> inside a model is not supported")
+    if _is_true(model.findtext("static")):
+        raise ValueError(f"model {model.get('name')!r} is static: give it as a STATIC body")
     elements = {e.get("name", ""): e for tag in ("link", "joint", "frame") for e in model.iterfind(tag)}
 
     known = {MODEL_FRAME: np.eye(4)}
@@ -223,7 +240,7 @@ def _sdf_inertial(link: Element) -> Inertial:
     inertial = link.find("inertial")
     if inertial is None:
         return Inertial(1.0, np.zeros(3), np.eye(3))
-    if inertial.get("auto") == "true":
+    if _is_true(inertial.get("auto")):
         raise ValueError(f"{where}: an inertial with auto='true' is not supported: write its numbers")
     mass = _mass(inertial.findtext("mass", "1"), where)
     numbers = {e.tag: e.text or "" for e in inertial.iterfind("inertia/*")}
@@ -234,12 +251,22 @@ def _sdf_inertial(link: Element) -> Inertial:
 def _sdf_pose(pose: Element | None, where: str) -> Pose:
     if pose is None or not (pose.text or "").strip():
         return np.eye(4)
-    if pose.get("rotation_format") == "quat_xyzw":
+    rotation_format = pose.get("rotation_format", "euler_rpy")
+    if rotation_format not in ("euler_rpy", "quat_xyzw"):
+        raise ValueError(
+            f"pose of {where}: rotation_format must be euler_rpy or quat_xyzw, is {rotation_format!r}"
+        )
+    if rotation_format == "quat_xyzw":
         numbers = _numbers(pose.text, 7, f"pose of {where}")
         return _pose_from_quaternion(numbers[:3], numbers[3:], f"pose of {where}")
     numbers = _numbers(pose.text, 6, f"pose of {where}")
-    unit = math.pi / 180 if pose.get("degrees") == "true" else 1.0
+    unit = math.pi / 180 if _is_true(pose.get("degrees")) else 1.0
     return _pose(numbers[:3], [unit * angle for angle in numbers[3:]])
+
+
+def _is_true(text: str | None) -> bool:
+    """Whether SDF reads a text as true."""
+    return (text or "").strip().lower() in ("true", "1")
 
 
 def quaternion(numbers: Sequence[float], what: str) -> Quaternion:

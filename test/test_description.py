@@ -183,6 +183,27 @@ def test_sdf_poses_may_be_relative_to_frames_and_joints():
             ),
             "the pose of 'g' is relative to 'f', which has none",
         ),
+        (sdf("<link name='a'><inertial auto='1'/></link>"), "link 'a': an inertial with auto='true'"),
+        (sdf("<static>true</static><link name='a'/>"), "model 'model' is static: give it as a STATIC body"),
+        (
+            sdf(
+                "<link name='a'><inertial><pose rotation_format='quat'>0 0 0 0 0 0 1</pose></inertial></link>"
+            ),
+            "pose of link 'a': rotation_format must be euler_rpy or quat_xyzw, is 'quat'",
+        ),
+        (
+            urdf(link("a", 1.0), "<w:wheel xmlns:w='http://www.ros.org/wiki/xacro' name='b'/>"),
+            "robot 'robot' has xacro elements: expand them with xacro first",
+        ),
+        (
+            urdf(*(link(name, 1.0) for name in "abc"), joint("a", "c"), joint("b", "c")),
+            "joint 'b-c': its child 'c' is the child of another joint too",
+        ),
+        (
+            urdf(*(link(name, 1.0) for name in "abc"), joint("a", "b"), joint("b", "c"), joint("c", "a")),
+            "joints connect links in a circle: ",
+        ),
+        (urdf(link("a", 1.0), joint("a", "a", xyz="1 0 0")), "joints connect links in a circle: a, a"),
         (
             sdf(
                 "<link name='a'><inertial><pose rotation_format='quat_xyzw'>0 0 0 0 0 0 0</pose></inertial>",
@@ -223,6 +244,22 @@ def test_a_quaternion_may_have_any_length(length):
         "<joint name='j' type='fixed'><parent>a</parent><child>b</child></joint>",
     )
     assert body_of(text, "a").com == pytest.approx((-0.5, 0.0, 0.0), abs=ROUNDING)
+
+
+@pytest.mark.parametrize("true", ["true", "True", "1", " true "])
+def test_angles_of_an_sdf_may_be_in_degrees(true):
+    text = sdf(
+        f"<link name='a'/><link name='b'><pose degrees='{true}'>0 0 0 0 0 180</pose>"
+        "<inertial><pose rotation_format='euler_rpy'>1 0 0 0 0 0</pose></inertial></link>",
+        "<joint name='j' type='fixed'><parent>a</parent><child>b</child></joint>",
+    )
+    assert body_of(text, "a").com == pytest.approx((-0.5, 0.0, 0.0), abs=ROUNDING)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "iso-8859-1", "utf-16"])
+def test_a_file_may_have_any_encoding_that_it_declares(encoding):
+    text = f"<?xml version='1.0' encoding='{encoding.removesuffix('-sig')}'?>{urdf(link('töne', 2.0))}"
+    assert body_of(text.encode(encoding), "töne").mass == 2.0
 
 
 @pytest.mark.parametrize("count", [1, 10_000])

@@ -172,6 +172,9 @@ def test_the_wrench_is_about_the_origin_of_the_frame():
     assert wrench.header.frame_id == "world"
 
 
+TOPICS = "result", "scene_result", "markers", "wrench"
+
+
 def test_answers_are_shown_over_dds(graph):
     """A frictionless impact gives three markers and a wrench; a scene the markers of each contact."""
     graph.serve()
@@ -182,6 +185,10 @@ def test_answers_are_shown_over_dds(graph):
             parameter_overrides=[Parameter("contact_duration", value=0.25)],
         )
     )
+    said = graph.log()
+    names = (f"{graph.namespace}/collision_response/{topic}" for topic in TOPICS)
+    line = "showing {}, {} as markers on {} and wrenches on {}".format(*names)
+    wait_until(lambda: line in said)
     shown = graph.listen(MarkerArray, "collision_response/markers")
     wrenches = graph.listen(WrenchStamped, "collision_response/wrench")
 

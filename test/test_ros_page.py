@@ -36,13 +36,8 @@ def example_with(what: str) -> dict:
     return names
 
 
-def test_gazebo_model_states_become_body_states(graph, tmp_path, monkeypatch):
+def test_gazebo_model_states_become_body_states(graph):
     """Shaped like gazebo_msgs/ModelStates: a crate falls on the ground, whose mass is unknown."""
-    (tmp_path / "crate.sdf").write_text(
-        "<sdf version='1.9'><model name='crate'><link name='link'><inertial><pose>0 0 -0.5 0 0 0</pose>"
-        "<mass>3</mass></inertial></link></model></sdf>"
-    )
-    monkeypatch.chdir(tmp_path)
     models = SimpleNamespace(name=["ground", "crate"], pose=[Pose(), Pose()], twist=[Twist(), Twist()])
     models.pose[1].position.z, models.twist[1].linear.z = 1.5, -2.0
     graph.serve()

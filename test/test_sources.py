@@ -304,7 +304,11 @@ def test_the_process_ends_on_a_signal(graph):
         lambda: ("collision_response_states", graph.namespace) in graph.user.get_node_names_and_namespaces()
     )
     process.send_signal(signal.SIGINT)
-    assert (process.communicate(timeout=DEADLINE)[1], process.returncode) == ("", 0)
+    (line,) = process.communicate(timeout=DEADLINE)[1].splitlines()
+    assert process.returncode == 0
+    topics = (f"{graph.namespace}/{name}" for name in ("body_states", "odom", "robot_description"))
+    says = "publishing body states on {}: motion from {}; mass and inertia from {}"
+    assert line.endswith(says.format(*topics))
 
 
 def test_a_start_that_fails_ends_with_1_and_one_line(ros_domain):

@@ -188,8 +188,17 @@ class ContactMarkers(Node):
         self._numbers = count()
         self._markers = self.create_publisher(MarkerArray, "collision_response/markers", 100)
         self._wrenches = self.create_publisher(WrenchStamped, "collision_response/wrench", 100)
-        self.create_subscription(CollisionResult, "collision_response/result", self._show, RESULTS)
-        self.create_subscription(SceneResult, "collision_response/scene_result", self._show, RESULTS)
+        results = [
+            self.create_subscription(kind, topic, self._show, RESULTS).topic_name
+            for kind, topic in (
+                (CollisionResult, "collision_response/result"),
+                (SceneResult, "collision_response/scene_result"),
+            )
+        ]
+        self.get_logger().info(
+            f"showing {', '.join(results)} as markers on {self._markers.topic_name} "
+            f"and wrenches on {self._wrenches.topic_name}"
+        )
 
     def _show(self, result: CollisionResult | SceneResult) -> None:
         contacts = contacts_of(result)

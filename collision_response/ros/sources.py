@@ -163,17 +163,26 @@ class BodyStatePublisher(Node):
         self._description: Description | None = None
         self._mass_properties: dict[tuple[str, bool], MassProperties] = {}
         self._publisher = self.create_publisher(BodyState, "body_states", 10)
-        if start["description_file"]:
+        description = start["description_file"]
+        if description:
             try:
-                self._set_description(Path(start["description_file"]).read_text())
+                self._set_description(Path(description).read_bytes())
             except (OSError, ValueError) as error:
                 raise StartError(f"description_file: {error}") from None
         else:
-            self.create_subscription(String, "robot_description", self._on_description, DESCRIPTION_QOS)
-        self.create_subscription(Odometry, "odom", self._on_odometry, ODOMETRY_QOS)
+            subscription = self.create_subscription(
+                String, "robot_description", self._on_description, DESCRIPTION_QOS
+            )
+            description = subscription.topic_name
+        odometry = self.create_subscription(Odometry, "odom", self._on_odometry, ODOMETRY_QOS).topic_name
         frames = [frame for frame in start["frames"] if frame]
         if frames:
             self._follow_frames(frames, start["world_frame"], start["rate"])
+        sources = [odometry, *(f"the TF frame {frame}" for frame in frames)]
+        self.get_logger().info(
+            f"publishing body states on {self._publisher.topic_name}: motion from {', '.join(sources)}; "
+            f"mass and inertia from {description}"
+        )
 
     def _follow_frames(self, frames: list[str], world_frame: str, rate: float) -> None:
         if not world_frame:
@@ -207,7 +216,7 @@ class BodyStatePublisher(Node):
         except ValueError as error:
             self.get_logger().error(f"robot_description: {error}")
 
-    def _set_description(self, text: str) -> None:
+    def _set_description(self, text: str | bytes) -> None:
         self._description = Description.read(text)
         self._mass_properties.clear()
 
