@@ -135,7 +135,7 @@ class Materials:
         except ImportError:
             raise ImportError("a file of materials needs PyYAML: pip install pyyaml") from None
         try:
-            tree = load_yaml(path.read_text())
+            tree = load_yaml(path.read_text(encoding="utf-8"))
         except (YAMLError, UnicodeDecodeError) as error:
             where = " ".join(str(error).split())
             raise ImpactError(StatusCode.INVALID_TABLE, str(path), f"is not valid YAML: {where}") from None

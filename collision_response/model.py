@@ -264,6 +264,10 @@ def check_number(
         raise TypeError(f"{field}: must be a real number, is {value!r}") from None
     if not finite:
         raise ImpactError(not_finite, field, f"must be finite; is {format_value(value, str)}")
-    if not least <= value <= most:
+    try:
+        is_in_range = least <= value <= most
+    except TypeError:  # it can be converted, but not compared
+        is_in_range = least <= float(value) <= most
+    if not is_in_range:
         raise ImpactError(code, field, f"must be {format_range(least, most)}; is {format_value(value, str)}")
     return float(value)

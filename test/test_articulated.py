@@ -408,6 +408,9 @@ def test_arguments_of_the_wrong_shape_are_refused(wrong):
 
 
 def test_invalid_inverse_inertias_are_refused():
+    for no_matrix in (None, 1.0):
+        with pytest.raises(TypeError, match=r"^inverse_inertia: must be 6 x 6 numbers, is "):
+            Body.articulated(no_matrix)
     with refused(StatusCode.INVALID_INERTIA, "inverse_inertia"):
         Body.articulated(np.eye(5))
     with refused(StatusCode.INVALID_INERTIA, "inverse_inertia"):

@@ -23,7 +23,7 @@ from collision_response.body_conversions import moment_about_z, with_com_as_refe
 from collision_response.msg import BodyState, CollisionResult
 from collision_response.ros import batch_client, batches
 from collision_response.ros.batch_client import pack, unpack
-from collision_response.ros.batch_fields import LAYOUTS, Request, Response
+from collision_response.ros.batch_fields import LAYOUTS, Request, Response, write_model
 from collision_response.ros.convert import body_of
 from collision_response.srv import ResolveCollision
 
@@ -130,13 +130,17 @@ def test_ten_thousand_contacts(shared_node):
     assert_same(columns(result, ~same), columns(resolve_batch(bodies[:, pairs], contacts), ~same))
 
 
+@pytest.mark.parametrize(
+    "model", [ImpactModel(), ImpactModel(tolerance=1e-6), ImpactModel(precision=Precision.EXTENDED)], ids=repr
+)
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_no_contacts(shared_node, layout):
-    response = shared_node.call(Request(layout=layout))
+def test_no_contacts(shared_node, layout, model):
+    request = Request(layout=layout)
+    write_model(request.model, model)
+    response = shared_node.call(request)
     assert response.success
-    assert_same(
-        unpack(response), resolve_batch(*(a[..., :0] for a in shared_batch(LAYOUTS[layout].geometry)))
-    )
+    none = (a[..., :0] for a in shared_batch(LAYOUTS[layout].geometry))
+    assert_same(unpack(response), resolve_batch(*none, model))
 
 
 @pytest.mark.parametrize("row", (False, True), ids=["of the model", "of each contact"])

@@ -361,6 +361,23 @@ def test_articulated_bodies_are_refused(side):
         Impacts.of([pair[0]], [pair[1]], [touch], [still], [still])
 
 
+@pytest.mark.parametrize("other", [None, (1.0, 2.0), "ball", np.ones(3)])
+@pytest.mark.parametrize("argument", ["body_a", "body_b", "contact", "after_a", "after_b"])
+def test_other_types_are_refused_by_name(argument, other):
+    ball = Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0))
+    still = Twist(Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
+    given = {
+        "body_a": ball,
+        "body_b": Body.static(),
+        "contact": Contact.of((0, 0, 0), (0, 0, 1)),
+        "after_a": still,
+        "after_b": still,
+    }
+    first, second = given.values(), (given | {argument: other}).values()
+    with pytest.raises(TypeError, match=rf"^impacts\[1\]\.{argument}: must be a (Body|Contact|Twist), is "):
+        Impacts.of(*zip(first, second, strict=True))
+
+
 def test_an_invalid_impact_is_refused_with_its_number():
     balls = [Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0)), Body.dynamic(-1.0)]
     twists = [Twist(Vec3(0.0, 0.0, 1.0), Vec3(0.0, 0.0, 0.0))] * 2

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from collision_response import StatusCode
+from collision_response import Body, StatusCode
 from collision_response.physics import mass_properties as mp
 from collision_response.physics.vector import Vec3
 
@@ -127,7 +127,7 @@ def test_integers_beyond_float64_are_refused_by_name(solid, mass, power):
 
 
 @pytest.mark.parametrize("solid", CONSTRUCTORS)
-@pytest.mark.parametrize("size", [True, np.True_, "1", None, 1j])
+@pytest.mark.parametrize("size", [True, np.True_, "1", None, 1j, [1.0]])
 def test_a_size_must_be_a_real_number(solid, size):
     with pytest.raises(TypeError, match=r"^(radius|size\.x|length): must be a real number, is "):
         solid(1.0, size)
@@ -146,6 +146,17 @@ def test_the_norm_does_not_overflow(exponent):
 def test_the_product_of_two_vectors_is_ambiguous_and_refused(other):
     with pytest.raises(TypeError, match=r"dot\(\) or cross\(\)"):
         Vec3(1.0, 2.0, 3.0) * other
+
+
+@pytest.mark.parametrize("other", [(1.0, 2.0), (1.0, 2.0, 3.0, 4.0), np.ones(4), 1.0, np.float32(1.0)])
+@pytest.mark.parametrize(
+    "combine",
+    [lambda v, other: v + other, lambda v, other: v - other, Vec3.dot, Vec3.cross],
+    ids=["+", "-", "dot", "cross"],
+)
+def test_the_other_vector_must_have_three_components(combine, other):
+    with pytest.raises((TypeError, ValueError)):
+        combine(Vec3(1.0, 2.0, 3.0), other)
 
 
 def test_a_box_has_three_edges():
@@ -217,5 +228,35 @@ def test_a_mesh_that_encloses_no_volume_is_refused(how, distance):
         mesh.invert()
     else:
         mesh.vertices = mesh.vertices * (1, 1, 0) if how == "flat" else mesh.vertices * (1, 1, np.nan)
+    with pytest.raises(ValueError, match="does not enclose a volume"):
+        mp.mesh(1.0, mesh)
+
+
+@pytest.mark.parametrize("shape", [None, "part.stl", np.zeros((12, 3, 3))])
+def test_only_a_mesh_is_accepted(shape):
+    with pytest.raises(TypeError, match="shape: must be a mesh of trimesh, is "):
+        Body.mesh(1.0, shape)
+
+
+class Triangles:
+    """A mesh of another library: a box of 2 x 4 x 6 m with a corner at (1, 1, 1)."""
+
+    is_watertight = is_winding_consistent = True
+
+    def __init__(self, kind):
+        corners = np.add(corners_of_a_box((2.0, 4.0, 6.0)), (2.0, 3.0, 4.0))
+        self.triangles = hull(corners).triangles.astype(kind)
+
+
+@pytest.mark.parametrize("kind", ["uint8", "int8", "uint32", "int64", "float32", "float64"])
+def test_the_corners_of_a_mesh_may_be_numbers_of_any_type(kind):
+    found = mp.mesh(3.0, Triangles(kind))
+    assert found.com == pytest.approx((2.0, 3.0, 4.0), rel=1e-15)
+    assert found.inertia == pytest.approx(mp.box(3.0, (2.0, 4.0, 6.0)).inertia, rel=1e-14, abs=1e-14)
+
+
+def test_a_mesh_without_triangles_encloses_no_volume():
+    mesh = Triangles(float)
+    mesh.triangles = mesh.triangles[:0]
     with pytest.raises(ValueError, match="does not enclose a volume"):
         mp.mesh(1.0, mesh)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
+import subprocess
+import sys
 from fractions import Fraction
 
 import pytest
@@ -398,3 +401,19 @@ def test_a_flat_power_law_of_a_file_is_used(power):
     drop = Body.dynamic(1.0, velocity=(0, 0, -1.0))
     impact = resolve(drop, Body.static(), Contact.of((0, 0, 0), (0, 0, 1), e.value))
     assert impact.twist_a.linear.z == 0.5
+
+
+def test_a_file_is_in_utf_8_whatever_the_locale(tmp_path):
+    path = tmp_path / "materials.yaml"
+    path.write_bytes("materials: {stål: {friction: 0.5}}".encode())
+    program = (
+        "import sys, pathlib\n"
+        "from collision_response.materials import Materials\n"
+        "print(ascii([*Materials.read(pathlib.Path(sys.argv[1])).known]))"
+    )
+    environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    command = [sys.executable, "-c", program, str(path)]
+    run = subprocess.run(
+        command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert run.stdout == "['st\\xe5l']\n", run.stderr

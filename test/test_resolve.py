@@ -744,3 +744,39 @@ def test_reading_a_number_may_resolve_with_other_models():
         impact = resolve(body._replace(velocity=(0.5, 0.0, Speed())), FLOOR, contact, model)
         expected = resolve(body, FLOOR, contact, model)
         assert (impact.model, impact.impulse) == (expected.model, expected.impulse)
+
+
+class OnlyConvertible:
+    """A number of a library whose numbers convert to floats, but do not compare with them."""
+
+    def __init__(self, value):
+        self.value = value
+
+    def __float__(self):
+        return self.value
+
+
+@pytest.mark.parametrize(
+    ("field", "is_function"),
+    [
+        ("restitution", False),
+        ("restitution", True),
+        ("friction", False),
+        ("friction", True),
+        ("tangential_restitution", False),
+    ],
+)
+def test_coefficients_need_only_convert_to_floats(field, is_function):
+    """Numbers, and what functions of a speed return."""
+    contact = Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.25, 0.125)
+    ball = Body.sphere(1.0, 0.5, position=(0.0, 0.0, 0.5), velocity=(1.0, 0.0, -1.0))
+
+    def answer(value):
+        given = (lambda speed: value) if is_function else value
+        return resolve(ball, FLOOR, contact._replace(**{field: given}))
+
+    assert answer(OnlyConvertible(0.75)).impulse == answer(0.75).impulse
+    name = f"contact.{field}"
+    with pytest.raises(ImpactError) as refusal:
+        answer(OnlyConvertible(-1.5))
+    assert refusal.value.field.startswith(name)

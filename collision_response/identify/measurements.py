@@ -124,6 +124,7 @@ class Impacts:
             ImpactError: if an impact breaks a rule of :func:`~collision_response.resolve`, a body is
                 articulated (INVALID_INERTIA), or a measured number is infinite (NOT_FINITE). The field starts
                 with the index of the impact.
+            TypeError: if one of them holds something else.
             ValueError: if the sequences have different lengths.
         """
         n = len(contacts)
@@ -131,16 +132,7 @@ class Impacts:
         root = np.zeros((3, 3, 2, n))
         rows = zip(bodies_a, bodies_b, contacts, after_a, after_b, strict=True)
         for i, (a, b, contact, twist_a, twist_b) in enumerate(rows):
-            for name, body in (("body_a", a), ("body_b", b)):
-                if body.is_articulated():
-                    field = f"impacts[{i}].{name}.inverse_inertia"
-                    raise ImpactError(
-                        StatusCode.INVALID_INERTIA, field, "is of a mechanism: give rigid bodies"
-                    )
-            try:
-                resolve(a, b, contact._replace(restitution=1.0, friction=0.0))
-            except ImpactError as error:
-                raise error.within(f"impacts[{i}]") from None
+            _check_request(f"impacts[{i}]", a, b, contact)
             for name, body, twist in (("after_a", a, twist_a), ("after_b", b, twist_b)):
                 _check_twist(f"impacts[{i}].{name}", body, twist)
             tables[1][:, i] = *contact.position, *contact.normal, 1.0, 0.0
@@ -225,12 +217,36 @@ def _in_rows(parts: Sequence[Array]) -> Array:
     return both.reshape(both.shape[0] * both.shape[1], both.shape[2])
 
 
+def _check_request(field: str, body_a: Body, body_b: Body, contact: Contact) -> None:
+    """Check that a request can be answered, whatever its coefficients, and that its bodies are rigid.
+
+    Raises:
+        ImpactError: as :meth:`Impacts.of` says.
+        TypeError: if an argument has the wrong type.
+    """
+    given = ("body_a", body_a, Body), ("body_b", body_b, Body), ("contact", contact, Contact)
+    for name, value, kind in given:
+        if not isinstance(value, kind):
+            raise TypeError(f"{field}.{name}: must be a {kind.__name__}, is {value!r}")
+    try:
+        resolve(body_a, body_b, contact._replace(restitution=1.0, friction=0.0))
+    except ImpactError as error:
+        raise error.within(field) from None
+    for name, body in (("body_a", body_a), ("body_b", body_b)):
+        if body.is_articulated():
+            reason = "is of a mechanism: give rigid bodies"
+            raise ImpactError(StatusCode.INVALID_INERTIA, f"{field}.{name}.inverse_inertia", reason)
+
+
 def _check_twist(field: str, body: Body, twist: Twist) -> None:
     """Check that a measured twist has no infinite component. NaN is allowed: it was not measured.
 
     Raises:
         ImpactError: NOT_FINITE if the body is movable and a component is infinite.
+        TypeError: if ``twist`` is not a :class:`Twist`.
     """
+    if not isinstance(twist, Twist):
+        raise TypeError(f"{field}: must be a Twist, is {twist!r}")
     for name, vector in zip(twist._fields, twist, strict=True):
         if body.is_movable() and any(map(math.isinf, vector)):
             reason = f"must be finite, or NaN where nothing was measured; is {tuple(vector)}"

@@ -74,7 +74,7 @@ class InverseInertia(NamedTuple):
         Raises:
             ImpactError: if there are not 36 numbers, or they are not symmetric to rounding
                 (INVALID_INERTIA); if a number is not finite (NOT_FINITE). The field is ``inverse_inertia``.
-            TypeError: if an element is not a number.
+            TypeError: if ``matrix`` is not a sequence, or an element is not a number.
         """
         numbers = _flat(matrix)
         if len(numbers) != 36:
@@ -158,6 +158,8 @@ def _positive(x: Scalar) -> Scalar:
 
 def _flat(matrix: Iterable[Any]) -> list[Any]:
     """The numbers of a matrix given by rows, or by one flat sequence."""
+    if not isinstance(matrix, Iterable):
+        raise TypeError(f"inverse_inertia: must be 6 x 6 numbers, is {matrix!r}")
     return [x for row in matrix for x in (row if isinstance(row, Iterable) else (row,))]
 
 

@@ -149,10 +149,13 @@ def mesh(mass: Scalar, shape: Any) -> MassProperties:
 
     Raises:
         ValueError: if the mesh is not closed, or is inside out.
+        TypeError: if ``shape`` is not a mesh.
     """
-    if not (shape.is_watertight and shape.is_winding_consistent):
+    if not all(hasattr(shape, name) for name in ("is_watertight", "is_winding_consistent", "triangles")):
+        raise TypeError(f"shape: must be a mesh of trimesh, is {shape!r}")
+    if not (shape.is_watertight and shape.is_winding_consistent and len(shape.triangles)):
         raise _no_volume()
-    points = shape.triangles.reshape(-1, 3)
+    points = shape.triangles.reshape(-1, 3).astype(float)
     least = points.min(axis=0)
     middle = least + (points.max(axis=0) - least) / 2
     size = abs(points - middle).max()  # unit of length: products of lengths could overflow
@@ -196,7 +199,7 @@ def _check_sizes(**sizes: Scalar) -> None:
     for name, size in sizes.items():
         if type(size).__name__.startswith("bool") or not hasattr(size, "__float__"):
             raise TypeError(f"{name}: must be a real number, is {size!r}")
-        if size < 0:
+        if float(size) < 0:
             raise ValueError(f"{name}: must be at least 0, is {format_value(size, str)}")
 
 

@@ -26,13 +26,15 @@ class Vec3(NamedTuple):
     z: Scalar
 
     def __add__(self, other: Vec3) -> Vec3:  # type: ignore[override]
-        return Vec3(self[0] + other[0], self[1] + other[1], self[2] + other[2])
+        x, y, z = other
+        return Vec3(self[0] + x, self[1] + y, self[2] + z)
 
     def __radd__(self, other: Vec3) -> Vec3:
         return self + other  # without this, a plain tuple + Vec3 would concatenate
 
     def __sub__(self, other: Vec3) -> Vec3:
-        return Vec3(self[0] - other[0], self[1] - other[1], self[2] - other[2])
+        x, y, z = other
+        return Vec3(self[0] - x, self[1] - y, self[2] - z)
 
     def __rsub__(self, other: Vec3) -> Vec3:
         return -self + other
@@ -53,7 +55,8 @@ class Vec3(NamedTuple):
 
     def dot(self, other: Vec3) -> Scalar:
         """Scalar product with another vector."""
-        return self[0] * other[0] + self[1] * other[1] + self[2] * other[2]
+        x, y, z = other
+        return self[0] * x + self[1] * y + self[2] * z
 
     def cross(self, other: Vec3) -> Vec3:
         """Vector product with another vector."""

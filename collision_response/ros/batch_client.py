@@ -19,7 +19,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..batch import BatchResult
+from ..batch import BatchResult, is_bounded
 from ..model import DEFAULT, Geometry, ImpactModel
 from ..status import ImpactError, StatusCode
 from .batch_fields import ENERGIES, LAYOUTS, Array, Request, Response, append, result_shapes, write_model
@@ -79,7 +79,7 @@ def unpack(response: Response) -> BatchResult:
     status = np.asarray(response.status)
     shapes = result_shapes(Geometry(response.model.geometry), len(status))
     tables = {name: np.asarray(getattr(response, name)).reshape(shape) for name, shape in shapes.items()}
-    if response.error_bounds:
+    if is_bounded(response.model):
         tables["error_bound"] = np.asarray(response.error_bounds)
         tables["precision"] = np.asarray(response.precisions)
     if response.regimes:
