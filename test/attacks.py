@@ -555,6 +555,20 @@ def massless_spins() -> Cases:
                 yield Case(f"{name} on {other} {law}", collision, model(law), 1e-9)
 
 
+def rods_in_any_axes() -> Cases:
+    """Two particles have no inertia about their line, but rounding gives their tensor some."""
+    places = [(math.cos(i), math.sin(2 * i), math.sin(3 * i)) for i in range(15)]
+    places += [(1.0, 0.3 * 10.0**-i, -0.7 * 10.0**-j) for i, j in product(range(0, 9, 2), repeat=2)]
+    for (x, y, z), order in product(places, ((0, 1, 2), (1, 2, 0), (2, 0, 1))):
+        arm = tuple((x, y, z)[i] for i in order)
+        x, y, z = arm
+        inertia = (y * y + z * z, -x * y, -x * z, x * x + z * z, -y * z, x * x + y * y)
+        rod = PlainBody(1.0, inertia, (0.3, -0.2, 0.5), None, (0.1, 0.2, -1.0), arm)
+        collision = with_contact(PlainCollision(rod, FLOOR, CONTACT), position=(0.0, 0.0, 0.0))
+        for law, precision in product(FORMULAS, ("AUTO", "DOUBLE", "EXTENDED")):
+            yield Case(f"{arm} {law} {precision}", collision, model(law, precision))
+
+
 def zeros() -> Cases:
     """No slip, friction, restitution or coupling. All impacts are simple: errors up to 1e-9."""
     up = (0.0, 0.0, 1.0)
@@ -903,6 +917,7 @@ FAMILIES: dict[str, Callable[[], Cases]] = {
     "jams": jams,
     "everyday": everyday,
     "massless spins": massless_spins,
+    "rods in any axes": rods_in_any_axes,
     "zeros": zeros,
     "forced geometries": forced_geometries,
     "far centres": far_centres,
