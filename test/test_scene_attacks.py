@@ -37,7 +37,7 @@ from collision_response.physics.orientation import Quaternion
 from collision_response.physics.tensor import Symmetric3
 from collision_response.physics.vector import Vec3
 from collision_response.scene.rational_cluster import RationalCluster
-from collision_response.scene.reflections import DIGITS
+from collision_response.scene.reflections import DIGITS, LEAST_DIGITS
 
 
 @pytest.mark.parametrize("masses", list(itertools.permutations((1e-12, 1.0, 1e12))))
@@ -585,6 +585,24 @@ def test_a_ball_that_rattles_takes_no_more_digits_than_the_budget(kind, walls, m
         assert answer.kinetic_energy_after == pytest.approx(0.5, rel=1e-6)
     assert sum(spent[:-1]) <= DIGITS  # what goes beyond is not looked at again
     assert spent or not (walls or kind is F)
+
+
+@pytest.mark.parametrize("corners", [1, 2, 3, 4])
+def test_many_reflections_of_few_digits_are_within_the_budget_too(corners, monkeypatch):
+    """A box between two walls that open slowly. Its velocities stay multiples of 2^-24."""
+    looks = []
+    violated = RationalCluster.violated
+    monkeypatch.setattr(RationalCluster, "violated", lambda *given: looks.append(1) or violated(*given))
+    points = [(y, z) for y in (-0.5, 0.5) for z in (-0.5, 0.5)][:corners]
+    contacts = [Contact.of((-side / 2, *at), (side, 0, 0), 1.0) for side in (1, -1) for at in points]
+    bodies = [
+        Body.box(1.0, (1.0, 1.0, 1.0), velocity=(1.0, 0.0, 0.0)),
+        Body.static(),
+        Body.kinematic(velocity=(2.0**-24, 0.0, 0.0)),
+    ]
+    answer = resolve_scene(bodies, [(0, 1)] * corners + [(0, 2)] * corners, contacts)
+    assert answer.adjustments is Adjustment.NO_REBOUND
+    assert len(looks) * len(contacts) ** 2 * LEAST_DIGITS <= DIGITS + len(contacts) ** 2 * LEAST_DIGITS
 
 
 LENGTHS = (2.0**-1000, 2.0**-660, 2.0**-101, 2.0**101, 2.0**660, 2.0**1000)

@@ -186,6 +186,26 @@ def test_moreau_friction_may_do_positive_work():
     assert along > 0
 
 
+def test_coulomb_friction_may_do_positive_work_where_it_adds_to_the_normal_impulses():
+    """A turning box is wedged between a wall and a floor. The sum of both losses is that of kinetic energy."""
+    moving = Body.box(
+        1.0, (1.0, 1.0, 1.0), position=(0, 0, 0.5), velocity=(-2, 0, 0), angular_velocity=(0, 0, -2)
+    )
+    contacts = [
+        Contact.of(position, normal, 0.0, 0.9)
+        for position, normal in (
+            ((-0.5, 0.0, 0.25), (1, 0, 0)),
+            ((-0.5, -0.5, 0.0), (0, 0, 1)),
+            ((0.0, 0.5, 0.0), (0, 0, 1)),
+        )
+    ]
+    answer = resolve_scene([moving, Body.static()], [(0, 1)] * 3, contacts)
+    assert answer.energy_lost_friction < 0 < answer.energy_lost_restitution
+    lost = answer.kinetic_energy_before - answer.kinetic_energy_after
+    assert answer.energy_lost_restitution + answer.energy_lost_friction == pytest.approx(lost, rel=1e-9)
+    assert lost > 0
+
+
 @pytest.mark.parametrize("law", [Law.MOREAU, Law.ROUTH_STRONGE])
 def test_other_laws_slow_a_box_similarly(law):
     answer = box((1.0, 0.5, -1.0), e=0.5, mu=0.1).resolve(law)

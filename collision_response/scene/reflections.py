@@ -45,8 +45,11 @@ REFLECTIONS = 10_000
 """Greatest number of reflections. A chain of n equal balls takes n."""
 
 DIGITS = 2**23
-"""Budget for reflections in fractions, which takes less than a second: the sum, over all reflections,
-of the binary digits of the longest impulse times the square of the number of contacts."""
+"""Budget for reflections in fractions, which takes about a second: the sum, over all reflections, of the
+binary digits of the longest impulse, at least ``LEAST_DIGITS``, times the square of the number of contacts."""
+
+LEAST_DIGITS = 64
+"""Shorter impulses take no less time."""
 
 
 def reflections(cluster: Any, threshold: Scalar) -> ClusterImpulses:
@@ -109,7 +112,8 @@ def _in_fractions(cluster: RationalCluster, threshold: Fraction) -> ClusterImpul
         if q is None:
             return None
         p = [x + 2 * y for x, y in zip(p, q, strict=True)]
-        digits += len(p) ** 2 * max(x.denominator.bit_length() for x in p)
+        longest = max(max(x.numerator.bit_length(), x.denominator.bit_length()) for x in p)
+        digits += len(p) ** 2 * max(longest, LEAST_DIGITS)
         if digits > DIGITS:
             return endless
     else:
