@@ -187,7 +187,7 @@ def test_moreau_friction_may_do_positive_work():
 
 
 def test_coulomb_friction_may_do_positive_work_where_it_adds_to_the_normal_impulses():
-    """A turning box is wedged between a wall and a floor. The sum of both losses is that of kinetic energy."""
+    """A turning box is wedged between a wall and a floor. Both losses add up to that of kinetic energy."""
     moving = Body.box(
         1.0, (1.0, 1.0, 1.0), position=(0, 0, 0.5), velocity=(-2, 0, 0), angular_velocity=(0, 0, -2)
     )

@@ -46,10 +46,10 @@ REFLECTIONS = 10_000
 
 DIGITS = 2**23
 """Budget for reflections in fractions, which takes about a second: the sum, over all reflections, of the
-binary digits of the longest impulse, at least ``LEAST_DIGITS``, times the square of the number of contacts."""
+binary digits of the longest impulse, or ``LEAST_DIGITS``, times the square of the number of contacts."""
 
 LEAST_DIGITS = 64
-"""Shorter impulses take no less time."""
+"""Impulses of fewer binary digits take no less time."""
 
 
 def reflections(cluster: Any, threshold: Scalar) -> ClusterImpulses:
