@@ -186,6 +186,25 @@ class TestReplay:
         assert main(["replay", str(recording([row]))]) == 1
         assert "status was OK, is INVALID_COEFFICIENT" in capsys.readouterr().out
 
+    @pytest.mark.parametrize(
+        "model", [(99.0, *ImpactModel()[1:]), (*ImpactModel(), 0.5)], ids=["another law", "one number more"]
+    )
+    def test_a_request_of_a_newer_version_is_reported(self, recording, model, capsys):
+        row, several = record(1, next(requests())), scene(2)
+        for entry in (row, several):
+            path = recording([entry._replace(model=model)], f"{entry.sequence}.rrd")
+            assert main(["replay", str(path)]) == 2
+            said = capsys.readouterr()
+            prefix = f"collision_response replay: answer {entry.sequence}: request_model is not known to this"
+            assert (said.out, said.err.startswith(prefix), said.err.count("\n")) == ("", True, 1)
+
+    @pytest.mark.parametrize("name", [".", "", "/"])
+    def test_a_directory_is_no_recording(self, tmp_path, monkeypatch, name, capsys):
+        monkeypatch.chdir(tmp_path)
+        for command in ("replay", "report"):
+            assert main([command, name]) == 2
+            assert capsys.readouterr().err.count("\n") == 1
+
     def test_a_file_that_is_not_a_recording_is_reported(self, tmp_path, capsys):
         (tmp_path / "no.rrd").write_bytes(b"something else")
         for name in ("no.rrd", "missing.rrd"):

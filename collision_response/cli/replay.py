@@ -40,7 +40,11 @@ def main(arguments: list[str]) -> int:
     impacts = len(answers)
     answers += [(row, scenes.differences, f"scene of {', '.join(row['bodies'])}") for row in scene_rows]
     for row, differences, name in answers:
-        reported = [d for d in differences(row) if _relative_difference(*d[1:]) > given.tolerance]
+        try:
+            reported = [d for d in differences(row) if _relative_difference(*d[1:]) > given.tolerance]
+        except ValueError as error:
+            print(f"collision_response replay: answer {row['answer']}: {error}", file=sys.stderr)
+            return 2
         differing += bool(reported)
         for column, before, now in reported:
             print(f"answer {row['answer']}, {name}: {column} was {before}, is {now}")

@@ -27,14 +27,14 @@ def main(arguments: list[str]) -> int:
         "--csv", type=Path, metavar="TABLE", help="also write every impact as a row of numbers"
     )
     given = parser.parse_args(arguments)
-    target = given.html or Path(given.files[0]).with_suffix(".html")
     try:
+        impacts = read(given.files)
+        summary = Summary.of(impacts, scenes.read(given.files))
+        target = given.html or Path(given.files[0]).with_suffix(".html")
         if given.csv is not None and given.csv.resolve() == target.resolve():
             parser.error(f"--csv {given.csv} would overwrite the page")
         for path in filter(None, (target, given.csv)):
             spare_recordings(path)
-        impacts = read(given.files)
-        summary = Summary.of(impacts, scenes.read(given.files))
     except (OSError, RuntimeError, ValueError) as error:
         return _failed(error)
     print("\n".join(in_words(summary)))

@@ -104,7 +104,11 @@ def _request_of(row: SceneRecord) -> dict[str, Any]:
 
 
 def differences(row: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
-    """Compute the scene of a row again, and yield each column that differs, with its old and new value."""
+    """Compute the scene of a row again, and yield each column that differs, with its old and new value.
+
+    Raises:
+        ValueError: if this version does not know the model.
+    """
     bodies = [body_from_numbers(numbers) for numbers in _split(row["request_bodies"], ROWS)]
     contacts = [contact_of(numbers) for numbers in _split(row["request_contacts"], CONTACT_SIZE)]
     pairs = [(int(a), int(b)) for a, b in _split(row["request_pairs"], 2)]

@@ -221,7 +221,11 @@ def rows_of(impacts: pa.Table) -> list[dict[str, Any]]:
 
 
 def differences(row: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
-    """Compute the impact of a row again, and yield each column that differs, with its old and new value."""
+    """Compute the impact of a row again, and yield each column that differs, with its old and new value.
+
+    Raises:
+        ValueError: if this version does not know the model.
+    """
     request = _request_in(row)
     try:
         impact = resolve(*request)
@@ -238,9 +242,16 @@ def _request_in(row: dict[str, Any]) -> tuple[Body, Body, Contact, ImpactModel]:
 
 
 def model_of(numbers: Sequence[float]) -> ImpactModel:
-    """Model from the numbers of ``request_model``."""
+    """Model from the numbers of ``request_model``.
+
+    Raises:
+        ValueError: if this version has no such model.
+    """
     law, geometry, precision, *others = numbers
-    return ImpactModel(Law(int(law)), Geometry(int(geometry)), Precision(int(precision)), *others)
+    try:
+        return ImpactModel(Law(int(law)), Geometry(int(geometry)), Precision(int(precision)), *others)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"request_model is not known to this version: {error}") from None
 
 
 def contact_of(numbers: Sequence[float]) -> Contact:
