@@ -80,6 +80,11 @@ def with_contact(collision: PlainCollision, **changes: Any) -> PlainCollision:
     return collision._replace(contact=collision.contact._replace(**changes))
 
 
+def strikes_floor(body: PlainBody, *contact: Any) -> PlainCollision:
+    """A body and the floor; ``contact`` is the position, the normal, and maybe restitution and friction."""
+    return PlainCollision(body, FLOOR, PlainContact(*contact))
+
+
 def ball(mass: float = 1.0, moment: float = 0.4, **more: Any) -> PlainBody:
     return PlainBody(mass, (moment, 0.0, 0.0, moment, 0.0, moment), **more)
 
@@ -91,7 +96,7 @@ def rod_in_plane(
     body = PlainBody(
         1.0, (moment, 0.0, 0.0, moment, 0.0, moment), (cosine / 2, sine / 2, 0.0), None, (u_t, u_n, 0.0)
     )
-    return PlainCollision(body, FLOOR, PlainContact((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), e, mu))
+    return strikes_floor(body, (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), e, mu)
 
 
 def box_inertia(x: float, y: float, z: float) -> tuple[float, ...]:
@@ -179,9 +184,7 @@ def quaternions() -> Cases:
 def thresholds() -> Cases:
     """Restitution thresholds at the rounded approach speed, and one unit in the last place next to it."""
     mass_point = PlainBody(1.5, position=(0.0, 0.0, 0.0), velocity=(0.1, -0.2, -0.3))
-    collisions = {
-        "along z": PlainCollision(mass_point, FLOOR, PlainContact((0, 0, 0), (0.0, 0.0, 1.0), 0.5, 0.2))
-    }
+    collisions = {"along z": strikes_floor(mass_point, (0, 0, 0), (0.0, 0.0, 1.0), 0.5, 0.2)}
     for normal in ((0.6, 0.8, 0.0), (0.1, 0.2, 1.0), (1.0, 1.0, 1.0), (300.0, 700.0, 200.0), (2.0, 3.0, 6.0)):
         collisions[f"along {normal}"] = with_contact(collisions["along z"], normal=normal)
     collisions["tumbling"] = TUMBLING
@@ -204,12 +207,8 @@ def little_friction() -> Cases:
         "space": TUMBLING,
         "floor": ON_FLOOR,
         "plane": rod_in_plane(0.6, 0.8, 1.0, -1.0, 0.5, 0.0),
-        "point": PlainCollision(
-            PlainBody(1.0, velocity=(0.3, 0.1, -1.0)), FLOOR, PlainContact((0, 0, 0), (0.1, 0.2, 1.0))
-        ),
-        "no slip": PlainCollision(
-            ball(velocity=(0.0, 0.0, -1.0)), FLOOR, PlainContact((0, 0, -1), (0.0, 0.0, 1.0))
-        ),
+        "point": strikes_floor(PlainBody(1.0, velocity=(0.3, 0.1, -1.0)), (0, 0, 0), (0.1, 0.2, 1.0)),
+        "no slip": strikes_floor(ball(velocity=(0.0, 0.0, -1.0)), (0, 0, -1), (0.0, 0.0, 1.0)),
     }
     for (name, collision), mu, (e, e_t) in product(
         collisions.items(), frictions, ((0.0, 0.0), (0.5, -1.0), (1.0, 1.0))
@@ -241,7 +240,7 @@ def cancelled_mobility() -> Cases:
         tensor = (inertia, 0.0, 0.0, 1.3 * inertia, 0.0, 0.9 * inertia)
         arm = (-0.3 + aside, 0.5, -0.8 + aside)
         body = PlainBody(1.0, tensor, (0.0, 0.0, 0.0), TURN, (0.2, 0.4, -1.0), (0.3, -0.2, 0.1))
-        collision = PlainCollision(body, FLOOR, PlainContact(arm, normal, 0.5, mu))
+        collision = strikes_floor(body, arm, normal, 0.5, mu)
         for precision in PRECISIONS:
             yield Case(
                 f"I={inertia:g} aside={aside:g} mu={mu:g} {law} {precision}",
@@ -277,7 +276,7 @@ def edge_of_the_cone() -> Cases:
         mu = nearest_float(critical)
         near = {"on": mu, "inside": math.nextafter(mu, 99), "outside": math.nextafter(mu, 0)}
         for (where, friction), precision in product(near.items(), PRECISIONS):
-            collision = PlainCollision(body, FLOOR, PlainContact(arm, n, e, friction))
+            collision = strikes_floor(body, arm, n, e, friction)
             yield Case(
                 f"{axis} {'hoop' if hoop else 'point'} e={e} e_t={e_t} {where} {precision}",
                 collision,
@@ -290,17 +289,15 @@ def underflow() -> Cases:
     up = (0.0, 0.0, 1.0)
     collisions: dict[str, PlainCollision] = {}
     for speed in (TINY, 1e-323, 1e-320, 1e-310, 1e-300, 1e-200, 1e-160):
-        collisions[f"speed {speed:g}"] = PlainCollision(
-            ball(velocity=(speed, 0.0, -speed)), FLOOR, PlainContact((0, 0, -1), up, 0.5, 0.3)
+        collisions[f"speed {speed:g}"] = strikes_floor(
+            ball(velocity=(speed, 0.0, -speed)), (0, 0, -1), up, 0.5, 0.3
         )
         collisions[f"oblique speed {speed:g}"] = in_units(TUMBLING, time=1 / max(speed, 1e-308))
     for size in (1e-160, 1e-250, 1e-310, TINY):
         normal = (0.6 * size, 0.0, 0.8 * size) if size > 1e-320 else (0.0, 0.0, size)
         collisions[f"normal {size:g}"] = with_contact(TUMBLING, normal=normal)
         slow = PlainBody(1.0, velocity=(0.0, 0.0, -1e-170))
-        collisions[f"normal {size:g} and speed 1e-170"] = PlainCollision(
-            slow, FLOOR, PlainContact((0, 0, 0), normal, 0.5, 0.2)
-        )
+        collisions[f"normal {size:g} and speed 1e-170"] = strikes_floor(slow, (0, 0, 0), normal, 0.5, 0.2)
     for size in (1e-100, 1e-160, 1e-200, 1e-310):
         collisions[f"lengths {size:g}"] = in_units(TUMBLING, length=size)
         arms = TUMBLING._replace(
@@ -315,9 +312,7 @@ def underflow() -> Cases:
     faint = PlainBody(
         1e-300, (1e-310, 0.0, 0.0, 1e-310, 0.0, 1e-310), (1e-5, 0.0, 0.0), None, (0, 0, -1e-310)
     )
-    collisions["all subnormal"] = PlainCollision(
-        faint, FLOOR, PlainContact((0, 0, 0), (0.0, 0.0, 1e-310), 0.5, 0.3)
-    )
+    collisions["all subnormal"] = strikes_floor(faint, (0, 0, 0), (0.0, 0.0, 1e-310), 0.5, 0.3)
     for (name, collision), law in product(collisions.items(), FORMULAS):
         for precision in PRECISIONS:
             yield Case(f"{name} {law} {precision}", collision, model(law, precision))
@@ -334,12 +329,12 @@ def uncertain_signs() -> Cases:
             v_z = k * 3 * 1.0
             v_z = math.nextafter(v_z, v_z + nudge) if nudge else v_z
             body = ball(velocity=(0.2, 0.0, v_z), spin=(0.0, spin, 0.0))
-            collisions[f"spin against speed {k:.2f} {nudge:+d}"] = PlainCollision(
-                body, FLOOR, PlainContact((1.0, 0.0, -0.5), (0.0, 0.0, 1.0), 0.5, 0.3)
+            collisions[f"spin against speed {k:.2f} {nudge:+d}"] = strikes_floor(
+                body, (1.0, 0.0, -0.5), (0.0, 0.0, 1.0), 0.5, 0.3
             )
             v = (0.8 * k, math.nextafter(-0.6 * k, nudge) if nudge else -0.6 * k, 0.0)
-            collisions[f"along the face {k:.2f} {nudge:+d}"] = PlainCollision(
-                PlainBody(1.0, velocity=v), FLOOR, PlainContact((0, 0, 0), (0.6, 0.8, 0.0), 0.5, 0.3)
+            collisions[f"along the face {k:.2f} {nudge:+d}"] = strikes_floor(
+                PlainBody(1.0, velocity=v), (0, 0, 0), (0.6, 0.8, 0.0), 0.5, 0.3
             )
     draw = random.Random("uncertain signs")
     for i in range(12):
@@ -378,8 +373,8 @@ def tolerances() -> Cases:
             1.0, 0.1, position=(aside, -aside, 1.0), velocity=(0.2, 0.1, -1.0), spin=(0.5, 0.0, 0.1)
         )
         collisions = {
-            "plane": PlainCollision(flat, FLOOR, PlainContact((0, 0, 0), (aside / 3, 1.0, aside), 0.5, mu)),
-            "ball": PlainCollision(round_, FLOOR, PlainContact((0, 0, 0), (0.0, 0.0, 1.0), 0.5, mu)),
+            "plane": strikes_floor(flat, (0, 0, 0), (aside / 3, 1.0, aside), 0.5, mu),
+            "ball": strikes_floor(round_, (0, 0, 0), (0.0, 0.0, 1.0), 0.5, mu),
             "near": PlainCollision(
                 ball(
                     1.0,
@@ -573,43 +568,33 @@ def zeros() -> Cases:
     """No slip, friction, restitution or coupling. All impacts are simple: errors up to 1e-9."""
     up = (0.0, 0.0, 1.0)
     collisions = {
-        "no slip, ball": PlainCollision(
-            ball(velocity=(0.0, 0.0, -1.0)), FLOOR, PlainContact((0, 0, -1), up, 0.5, 0.3)
+        "no slip, ball": strikes_floor(ball(velocity=(0.0, 0.0, -1.0)), (0, 0, -1), up, 0.5, 0.3),
+        "no slip, off centre": strikes_floor(
+            ball(position=(0.3, 0.0, 1.0), velocity=(0.0, 0.0, -1.0)), (0, 0, 0), up, 0.5, 0.3
         ),
-        "no slip, off centre": PlainCollision(
-            ball(position=(0.3, 0.0, 1.0), velocity=(0.0, 0.0, -1.0)),
-            FLOOR,
-            PlainContact((0, 0, 0), up, 0.5, 0.3),
+        "no slip, off centre, rough": strikes_floor(
+            ball(position=(0.3, 0.2, 1.0), velocity=(0.0, 0.0, -1.0)), (0, 0, 0), up, 0.5, 9.0
         ),
-        "no slip, off centre, rough": PlainCollision(
-            ball(position=(0.3, 0.2, 1.0), velocity=(0.0, 0.0, -1.0)),
-            FLOOR,
-            PlainContact((0, 0, 0), up, 0.5, 9.0),
+        "isotropic": strikes_floor(ball(velocity=(0.4, 0.3, -1.0)), (0, 0, 0), up, 0.5, 0.3),
+        "point": strikes_floor(PlainBody(1.0, velocity=(0.4, 0.3, -1.0)), (0, 0, 0), up, 0.5, 0.3),
+        "ball": strikes_floor(
+            ball(velocity=(0.4, 0.3, -1.0), spin=(0.2, 0.1, 0.7)), (0, 0, -1), up, 0.5, 0.1
         ),
-        "isotropic": PlainCollision(
-            ball(velocity=(0.4, 0.3, -1.0)), FLOOR, PlainContact((0, 0, 0), up, 0.5, 0.3)
-        ),
-        "point": PlainCollision(
-            PlainBody(1.0, velocity=(0.4, 0.3, -1.0)), FLOOR, PlainContact((0, 0, 0), up, 0.5, 0.3)
-        ),
-        "ball": PlainCollision(
-            ball(velocity=(0.4, 0.3, -1.0), spin=(0.2, 0.1, 0.7)),
-            FLOOR,
-            PlainContact((0, 0, -1), up, 0.5, 0.1),
-        ),
-        "aligned": PlainCollision(
+        "aligned": strikes_floor(
             PlainBody(1.0, (0.2, 0.0, 0.0, 0.3, 0.0, 0.4), velocity=(0.5, 0.0, -1.0)),
-            FLOOR,
-            PlainContact((0, 0, -1), up, 0.5, 0.2),
+            (0, 0, -1),
+            up,
+            0.5,
+            0.2,
         ),
-        "anisotropic, uncoupled": PlainCollision(
+        "anisotropic, uncoupled": strikes_floor(
             PlainBody(1.0, (0.1, 0.0, 0.0, 0.9, 0.0, 0.9), velocity=(0.5, 0.4, -1.0)),
-            FLOOR,
-            PlainContact((0, 0, -1), up, 0.5, 0.2),
+            (0, 0, -1),
+            up,
+            0.5,
+            0.2,
         ),
-        "faint slip": PlainCollision(
-            ball(velocity=(1e-300, 0.0, -1.0)), FLOOR, PlainContact((0, 0, -1), up, 0.5, 0.3)
-        ),
+        "faint slip": strikes_floor(ball(velocity=(1e-300, 0.0, -1.0)), (0, 0, -1), up, 0.5, 0.3),
         "slip across the coupling": rod_in_plane(0.6, 0.8, 0.0, -1.0, 0.5, 0.3),
         "plane, no slip, upright": rod_in_plane(0.0, 1.0, 0.0, -1.0, 0.5, 0.3),
         "plane, slip": rod_in_plane(0.0, 1.0, 1.0, -1.0, 0.5, 0.3),
@@ -636,17 +621,17 @@ def forced_geometries() -> Cases:
     """POINT and PLANAR where more is needed: the bound must cover what they leave out, or be infinite."""
     for aside, law, geometry in product((1e-12, 1e-7, 1e-3, 0.3), FORMULAS, ("POINT", "PLANAR")):
         collisions = {
-            "arm": PlainCollision(
-                ball(position=(aside, 0.4, 0.0), velocity=(0.3, -1.0, 0.0)),
-                FLOOR,
-                PlainContact((0, 0, 0), (0, 1.0, 0), 0.5, 0.3),
+            "arm": strikes_floor(
+                ball(position=(aside, 0.4, 0.0), velocity=(0.3, -1.0, 0.0)), (0, 0, 0), (0, 1.0, 0), 0.5, 0.3
             ),
-            "spin": PlainCollision(
+            "spin": strikes_floor(
                 ball(position=(aside, 0.0, 0.0), velocity=(0.0, -1.0, 0.0), spin=(0.0, 0.0, 1.0)),
-                FLOOR,
-                PlainContact((0, 0, 0), (0.0, 1.0, 0.0), 0.5, 0.3),
+                (0, 0, 0),
+                (0.0, 1.0, 0.0),
+                0.5,
+                0.3,
             ),
-            "out of plane": PlainCollision(
+            "out of plane": strikes_floor(
                 PlainBody(
                     1.0,
                     (0.2, 0.0, 0.0, 0.3, 0.0, 0.25),
@@ -655,17 +640,21 @@ def forced_geometries() -> Cases:
                     (0.3, -1.0, aside),
                     (0.0, aside, 0.5),
                 ),
-                FLOOR,
-                PlainContact((0, 0, 0), (0.0, 1.0, aside), 0.5, 0.3),
+                (0, 0, 0),
+                (0.0, 1.0, aside),
+                0.5,
+                0.3,
             ),
-            "coupled": PlainCollision(
+            "coupled": strikes_floor(
                 PlainBody(
                     1.0, (0.4, 0.01, aside / 3, 0.4, aside / 4, 0.4), (0.3, 0.4, 0.0), None, (0.3, -1.0, 0.0)
                 ),
-                FLOOR,
-                PlainContact((0, 0, 0), (0.0, 1.0, 0.0), 0.5, 0.3),
+                (0, 0, 0),
+                (0.0, 1.0, 0.0),
+                0.5,
+                0.3,
             ),
-            "turned": PlainCollision(
+            "turned": strikes_floor(
                 PlainBody(
                     1.0,
                     (0.2, 0.0, 0.0, 0.3, 0.0, 0.25),
@@ -673,8 +662,10 @@ def forced_geometries() -> Cases:
                     (aside, 0.0, 0.0, 1.0),
                     (0.3, -1.0, 0.0),
                 ),
-                FLOOR,
-                PlainContact((0, 0, 0), (0.0, 1.0, 0.0), 0.5, 0.3),
+                (0, 0, 0),
+                (0.0, 1.0, 0.0),
+                0.5,
+                0.3,
             ),
         }
         for (name, collision), precision, tolerance in product(
@@ -729,17 +720,9 @@ def far_centres() -> Cases:
     )
     for law in (*FORMULAS, *PATHS):
         yield Case(
-            f"near {law}",
-            PlainCollision(aligned, FLOOR, PlainContact((0, 0, -0.5), (0, 0, 1.0), 0.5, 0.3)),
-            model(law),
-            1e-9,
+            f"near {law}", strikes_floor(aligned, (0, 0, -0.5), (0, 0, 1.0), 0.5, 0.3), model(law), 1e-9
         )
-        yield Case(
-            f"flat {law}",
-            PlainCollision(flat, FLOOR, PlainContact((0, 0, 0), (0, 1.0, 0), 0.5, 0.3)),
-            model(law),
-            1e-9,
-        )
+        yield Case(f"flat {law}", strikes_floor(flat, (0, 0, 0), (0, 1.0, 0), 0.5, 0.3), model(law), 1e-9)
 
 
 def _world(q: Any, v: Any) -> Any:
