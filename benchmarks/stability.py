@@ -17,7 +17,6 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
-from functools import lru_cache
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -29,7 +28,7 @@ import exact  # noqa: E402
 import stability_page  # noqa: E402
 from cases import PAIR, Scene, grazing  # noqa: E402
 from exact import Answer  # noqa: E402
-from exact_adapter import as_exact, as_request, true_error  # noqa: E402
+from exact_adapter import as_request, exact_answer, true_error  # noqa: E402
 from random_impacts import RandomImpacts, rotated_tensor  # noqa: E402
 
 from collision_response import (  # noqa: E402
@@ -109,13 +108,9 @@ class Tally(NamedTuple):
 
 def right_answer(scene: Scene, impact: Impact, model: ImpactModel) -> Answer:
     """The exact answer of the law that answered."""
-    e_t = model.tangential_restitution if Adjustment.LAW_FALLBACK not in impact.adjustments else 0.0
-    return _right_answer(scene, impact.model.law.name, e_t, model.restitution_threshold)
-
-
-@lru_cache(maxsize=64)
-def _right_answer(scene: Scene, law: str, e_t: float, threshold: float) -> Answer:
-    return exact.answer(as_exact(*scene), law, e_t, threshold)
+    if Adjustment.LAW_FALLBACK in impact.adjustments:
+        model = model._replace(tangential_restitution=0.0)
+    return exact_answer(*scene, model._replace(law=impact.model.law))
 
 
 # Random impacts -------------------------------------------------------------------------------
@@ -183,7 +178,7 @@ def _sample(condition: float, scene: Scene) -> list[dict[str, Any]]:
     sample: dict[str, Any] = {"condition": condition}
     for precision in (Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED):
         impact = resolve(*scene, ImpactModel(Law.COULOMB, Geometry.SPATIAL, precision))
-        truth = _right_answer(scene, "COULOMB", 0.0, 0.0)
+        truth = exact_answer(*scene, ImpactModel(Law.COULOMB))
         if truth.separating:
             return []
         bound = impact.error_bound

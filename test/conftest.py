@@ -17,7 +17,13 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 
 @pytest.fixture(scope="session")
-def ros_domain():
+def need_ros():
+    """Skip the tests that need ROS where it is missing."""
+    pytest.importorskip("rclpy")
+
+
+@pytest.fixture(scope="session")
+def ros_domain(need_ros):
     """A ROS domain that no other session on this machine uses, for this process and its children."""
     import domain_coordinator
 

@@ -165,11 +165,8 @@ class TestOutput:
             )
 
 
+@pytest.mark.usefixtures("need_ros")
 class TestCall:
-    @pytest.fixture(autouse=True)
-    def need_ros(self):
-        pytest.importorskip("rclpy")
-
     @pytest.fixture
     def call(self, shared_node, capsys):
         """Call the node; return the exit code, standard output and standard error."""

@@ -153,18 +153,9 @@ GRAZING = Collision(
 )
 
 
-def grazing(share: float) -> Collision:
-    """``GRAZING`` with a normal velocity of about ``-share`` times the slip."""
-    approach = -resolve(*GRAZING).normal_velocity_before - 3 * share
-    velocity = GRAZING.body_a.velocity
-    return GRAZING._replace(
-        body_a=GRAZING.body_a._replace(velocity=velocity._replace(z=velocity.z + approach))
-    )
-
-
 def test_a_tolerance_selects_the_cheapest_precision_that_meets_it():
     """SINGLE is never chosen: one impact takes as long in it as in DOUBLE."""
-    collision, used = grazing(1e-10), []
+    collision, used = extremes.grazing(1e-10, GRAZING), []
     for tolerance in (1e-3, 1e-9, 1e-15):
         impact = resolve(*collision, ImpactModel(tolerance=tolerance))
         assert true_error(impact, exact_answer(*collision, impact.model)) <= impact.error_bound <= tolerance
@@ -176,7 +167,7 @@ def test_a_tolerance_selects_the_cheapest_precision_that_meets_it():
     ("share", "precision"), [(1e-3, Precision.DOUBLE), (1e-10, Precision.DOUBLE), (1e-14, Precision.EXTENDED)]
 )
 def test_without_a_tolerance_a_useless_bound_raises_the_precision(share, precision):
-    collision = grazing(share)
+    collision = extremes.grazing(share, GRAZING)
     impact = resolve(*collision)
     assert impact.model.precision is precision
     assert true_error(impact, exact_answer(*collision, impact.model)) <= impact.error_bound <= USEFUL_BOUND

@@ -142,12 +142,9 @@ def test_a_build_refuses_a_release_that_is_not_listed(requirements):
         requirements({})
 
 
+@pytest.mark.usefixtures("need_ros")
 class TestStart:
     """The check of the node before it imports ROS."""
-
-    @pytest.fixture(autouse=True)
-    def need_ros(self):
-        pytest.importorskip("rclpy")
 
     @pytest.fixture
     def check(self, monkeypatch):

@@ -524,20 +524,19 @@ def test_a_full_disk_is_reported_once(tmp_path):
 class TestNode:
     """Recordings made by the node."""
 
-    @pytest.fixture(autouse=True)
-    def need_ros(self):
-        pytest.importorskip("rclpy")
-
-    def test_a_recording_holds_the_answers(self, graph, tmp_path):
+    @pytest.fixture
+    def request_(self, need_ros):
         from ros_graph import balls_meet
 
+        return balls_meet()
+
+    def test_a_recording_holds_the_answers(self, graph, request_, tmp_path):
         graph.serve(recording__enabled=True, recording__directory=str(tmp_path))
         results = []
         for restitution in (0.25, 2.0, 0.5, 1.0):
-            request = balls_meet()
-            request.contact.header.stamp.sec = len(results) + 1
-            request.contact.restitution = restitution
-            results.append(graph.call(request).result)
+            request_.contact.header.stamp.sec = len(results) + 1
+            request_.contact.restitution = restitution
+            results.append(graph.call(request_).result)
         graph.close()
 
         (path,) = tmp_path.glob("*.rrd")
@@ -557,32 +556,26 @@ class TestNode:
         assert [sequence for _, sequence, _ in told] == [1, 2, 3, 4]
         assert told[1][2] == [f"INVALID_COEFFICIENT: {results[1].status.message}"]
 
-    def test_an_impact_without_a_stamp_is_recorded_at_the_time_of_its_answer(self, graph, tmp_path):
-        from ros_graph import balls_meet
-
+    def test_an_impact_without_a_stamp_is_recorded_at_the_time_of_its_answer(self, graph, request_, tmp_path):
         node = graph.serve(recording__enabled=True, recording__directory=str(tmp_path))
         before = node.get_clock().now().nanoseconds
-        graph.call(balls_meet())
+        graph.call(request_)
         after = node.get_clock().now().nanoseconds
         graph.close()
         (path,) = tmp_path.glob("*.rrd")
         ((stamp, _, _),) = read(path, "/impact/impulse", "Scalars:scalars")
         assert before <= stamp <= after
 
-    def test_a_bad_directory_does_not_keep_the_service_from_answering(self, graph, tmp_path, capfd):
-        from ros_graph import balls_meet
-
+    def test_a_bad_directory_does_not_keep_the_service_from_answering(self, graph, request_, tmp_path, capfd):
         (tmp_path / "file").touch()
         graph.serve(recording__enabled=True, recording__directory=str(tmp_path / "file"))
-        assert all(graph.call(balls_meet()).success for _ in range(20))
+        assert all(graph.call(request_).success for _ in range(20))
         graph.close()
         assert capfd.readouterr().err.count("recording to") == 1
 
-    def test_before_the_first_clock_there_is_no_time(self, graph, tmp_path):
-        from ros_graph import balls_meet
-
+    def test_before_the_first_clock_there_is_no_time(self, graph, request_, tmp_path):
         graph.serve(use_sim_time=True, recording__enabled=True, recording__directory=str(tmp_path))
-        graph.call(balls_meet())
+        graph.call(request_)
         graph.close()
         (path,) = tmp_path.glob("*.rrd")
         assert read(path, "/impact/impulse", "Scalars:scalars") == []
@@ -600,23 +593,19 @@ class TestNode:
             == 1
         )
 
-    def test_limits_are_parameters(self, graph, tmp_path, monkeypatch):
-        from ros_graph import balls_meet
-
+    def test_limits_are_parameters(self, graph, request_, tmp_path, monkeypatch):
         monkeypatch.setattr("collision_response.recording.recorder.INTERVAL", 0.0)
         parameters = {"max_size": 0.0, "max_duration": 1e-9, "directory": str(tmp_path), "file": "a.rrd"}
         graph.serve(
             recording__enabled=True, **{f"recording__{name}": parameters[name] for name in parameters}
         )
         while not (tmp_path / "a_001.rrd").exists():
-            assert graph.call(balls_meet()).success
+            assert graph.call(request_).success
         graph.close()
         verify(*tmp_path.glob("a*.rrd"))
 
-    def test_nothing_is_recorded_by_default(self, graph, tmp_path):
-        from ros_graph import balls_meet
-
+    def test_nothing_is_recorded_by_default(self, graph, request_, tmp_path):
         graph.serve(recording__directory=str(tmp_path))
-        graph.call(balls_meet())
+        graph.call(request_)
         graph.close()
         assert list(tmp_path.iterdir()) == []

@@ -231,10 +231,7 @@ def test_tiny_restitution_equals_none(law, e):
 
 
 def test_planar_slip_needs_no_loop(monkeypatch):
-    def never(*_):
-        raise AssertionError
-
-    monkeypatch.setitem(routh.__globals__, "step", never)
+    monkeypatch.setitem(routh.__globals__, "step", pytest.fail)
     draw = random.Random(1)
     for _ in range(50):
         run(Law.ROUTH_STRONGE, planar(draw), 0.5, draw.choice((0.0, 0.3, 3.0)))

@@ -770,11 +770,7 @@ def test_an_approach_below_double_double_precision_is_decided_or_unbounded(
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
 def test_bodies_that_move_together_need_no_fractions(law, monkeypatch):
     """A box on a lift."""
-
-    def never(_):
-        raise AssertionError
-
-    monkeypatch.setattr("collision_response.scene.apply_law._has_approach", never)
+    monkeypatch.setattr("collision_response.scene.apply_law._has_approach", pytest.fail)
     velocity, corners = (1.1, 0.3, -0.7), [(x, y, 0.0) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
     box = Body.box(1.0, (1.0, 1.0, 1.0), position=(0.0, 0.0, 0.5), velocity=velocity)
     touches = [Contact.of(corner, (0.1, -0.3, 1.0), 0.5, 0.3) for corner in corners]

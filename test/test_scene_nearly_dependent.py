@@ -6,7 +6,11 @@ import random
 
 import numpy as np
 import pytest
+
+pytest.importorskip("scipy")
+
 from scene_cases import Scene, assert_within_bound, distance
+from scipy.spatial.transform import Rotation
 
 from collision_response import Body, Contact, Law, StatusCode
 
@@ -81,7 +85,7 @@ def test_corners_rounded_to_float32(seed, law, mu):
     rng = np.random.default_rng(seed)
     rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     rotation *= np.sign(np.linalg.det(rotation))
-    down, q = -rotation[:, 2], _quaternion(rotation)
+    down, q = -rotation[:, 2], Rotation.from_matrix(rotation).as_quat().tolist()
     box = Body.box(1.0, (1, 1, 1), orientation=q, velocity=tuple(down + 0.5 * rotation[:, 0]))
     single = [np.float32(rotation @ (x, y, -0.5)).astype(float) for x, y in CORNERS]
     normal = np.float32(rotation[:, 2]).astype(float)
@@ -93,18 +97,3 @@ def test_corners_rounded_to_float32(seed, law, mu):
     if law is Law.FRICTIONLESS:
         assert_within_bound(scene, answer, scene.in_fractions().resolve(Law.FRICTIONLESS))
     assert np.dot(answer.twists[0].linear, -down) == pytest.approx(0.5, abs=1e-3)
-
-
-def _quaternion(rotation):
-    """The quaternion of a rotation matrix, as an eigenvector."""
-    w = np.array(
-        [
-            [rotation[0, 0] - rotation[1, 1] - rotation[2, 2], 0, 0, 0],
-            [rotation[0, 1] + rotation[1, 0], rotation[1, 1] - rotation[0, 0] - rotation[2, 2], 0, 0],
-            [rotation[0, 2] + rotation[2, 0], rotation[1, 2] + rotation[2, 1],
-             rotation[2, 2] - rotation[0, 0] - rotation[1, 1], 0],
-            [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0],
-             rotation[1, 0] - rotation[0, 1], np.trace(rotation)],
-        ]
-    )  # fmt: skip
-    return tuple(np.linalg.eigh(w)[1][:, -1])

@@ -24,10 +24,6 @@ def allowed(name: str, kind: str) -> list[str]:
 class TestPolicy:
     """security/policy.xml and a running node."""
 
-    @pytest.fixture(autouse=True)
-    def need_ros(self):
-        pytest.importorskip("rclpy")
-
     @pytest.mark.parametrize(
         ("kind", "permission", "query"),
         [
