@@ -282,12 +282,7 @@ FUNCTIONS: dict[str, dict[tuple[str, ...], Callable[..., Restitution | Friction]
 
 
 def _coefficient(field: str, law: Any) -> Any:
-    """Read a coefficient that is a number, or a mapping that describes a function of speed.
-
-    Raises:
-        ImpactError: INVALID_TABLE, if the keys are those of no function; INVALID_COEFFICIENT, if a number is
-            out of range.
-    """
+    """Read a coefficient that is a number, or a mapping that describes a function of speed."""
     owner, _, name = field.rpartition(".")
     if not isinstance(law, dict):
         return _number(owner, name, law)
@@ -302,11 +297,7 @@ def _coefficient(field: str, law: Any) -> Any:
 
 
 def _constant(name: str, value: Any) -> Any:
-    """Read a number of a function, or a list of numbers.
-
-    Raises:
-        TypeError, ValueError: if a number is not finite, or there is no list.
-    """
+    """Read a number of a function, or a list of numbers."""
     if name not in ("speeds", "values"):
         return _finite(name, value)
     if not isinstance(value, list):

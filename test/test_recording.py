@@ -26,6 +26,9 @@ from collision_response.recording.writer import Recording, Writer
 
 DEADLINE = 20.0
 
+FILE = SimpleNamespace(is_in_place=lambda: True, size=lambda: 0)
+"""A substitute for the file of a writer."""
+
 
 @pytest.fixture(autouse=True)
 def strict():
@@ -189,7 +192,7 @@ def test_body_states_are_written_in_batches(tmp_path, monkeypatch):
             pass
 
         def __enter__(self):
-            return SimpleNamespace(write=self.write, is_in_place=lambda: True, size=lambda: 0)
+            return SimpleNamespace(write=self.write, file=FILE)
 
         def write(self, batch):
             batches.append([type(entry) for entry in batch])
@@ -397,7 +400,7 @@ def test_entries_beyond_the_queue_are_dropped_and_counted(tmp_path, monkeypatch)
             go_on.wait(DEADLINE)
 
         def __enter__(self):
-            return SimpleNamespace(write=written.extend, is_in_place=lambda: True)
+            return SimpleNamespace(write=written.extend, file=FILE)
 
         def __exit__(self, *_):
             pass

@@ -118,11 +118,7 @@ def propagate_covariance(
 
 
 def _square_root(covariance: Array | None, size: int) -> Array:
-    """Return a matrix ``L`` with ``L L^T`` equal to the covariance.
-
-    Raises:
-        ImpactError: INVALID_TABLE if it is not a symmetric positive semi-definite matrix of this size.
-    """
+    """Return a matrix ``L`` with ``L L^T`` equal to the covariance, which is checked."""
     S = as_finite_array(covariance, (size, size))
     problem = f"must be a covariance of shape ({size}, {size})"
     if S is None:

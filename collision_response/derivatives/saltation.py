@@ -183,11 +183,7 @@ def is_nonsmooth(derivatives: Derivatives, without: Sequence[str] = ()) -> bool:
 def _surface_motion(
     surfaces: Surfaces | SurfaceMotion | None, body_a: Body, body_b: Body, contact: Contact
 ) -> SurfaceMotion:
-    """Return the motion that ``surfaces`` gives, checked.
-
-    Raises:
-        ImpactError: INVALID_NORMAL if it is missing, or a matrix does not hold finite numbers of its shape.
-    """
+    """Return the motion that ``surfaces`` gives, checked."""
     motion = surfaces(body_a, body_b, contact) if callable(surfaces) else surfaces
     if motion is None:
         reason = (

@@ -146,12 +146,8 @@ def _product(x: Array, values: Array, names: tuple[str, ...], covariance: Array)
 def _undetermined_alone(problem: LeastSquares, best: Any, name: str, allowed: float) -> Estimate | None:
     """Return the range that is not ruled out for a coefficient that can have any value, or any above a bound.
 
-    Returns ``None`` if the impacts determine the coefficient.
-
-    Args:
-        problem, best: as for :func:`estimates`.
-        name: the coefficient.
-        allowed: the sum of squares up to which a value is not ruled out, with the other coefficients fitted.
+    Returns ``None`` if the impacts determine the coefficient. A value is ruled out if the sum of squares is
+    above ``allowed`` with the other coefficients fitted.
     """
     (least, most, _), x, i = RANGES[name], best.x, problem.names.index(name)
     if problem.squares_at_fixed(x, name, min(most, LARGE_COEFFICIENT)) > allowed:

@@ -67,12 +67,7 @@ def read_impacts(path: Path, within: float) -> Impacts:
 
 
 def _rows(path: Path, entity: str) -> Iterator[dict[str, Any]]:
-    """Yield the rows of an entity, each with its values by column name.
-
-    Raises:
-        ImportError: if rerun is not installed.
-        OSError: if the file cannot be read.
-    """
+    """Yield the rows of an entity, each with its values by column name."""
     try:
         from ..recording.table import open_complete
     except ImportError:
@@ -115,14 +110,7 @@ def _read_states(path: Path, name: str) -> States:
 
 
 def _measured(row: dict[str, Any], side: str, states: dict[str, States], within: float) -> Twist:
-    """Return the measurement of a body: its first velocity within a time after an impact, if there is one.
-
-    Args:
-        row: the row of the impact.
-        side: ``"a"`` or ``"b"``.
-        states: the states of all bodies, by name.
-        within: the time [s].
-    """
+    """Return the measurement of a body: its first velocity ``within`` a time [s] after an impact, if any."""
     stamps, velocities = states[row[f"Impact:body_{side}"][0]]
     stamp: int = row.get("ros_time") or 0  # 0: the time is not known
     place = bisect_right(stamps, stamp) if stamp else len(stamps)

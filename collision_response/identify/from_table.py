@@ -66,13 +66,7 @@ def read_rows(path: Path, more: Mapping[str, str]) -> list[dict[str, float]]:
 
 
 def _cells(path: Path, needed: set[str]) -> list[dict[str, str]]:
-    """Read the text of the cells: one dictionary per row, by column name, without blanks around the names.
-
-    Raises:
-        ImpactError: INVALID_TABLE if a cell is too long, a column of ``needed`` appears twice, or a row has
-            more cells than there are columns.
-        OSError: if the file cannot be read.
-    """
+    """Read the text of the cells: one dictionary per row, by column name, without blanks around the names."""
     with path.open(newline="", encoding="utf-8-sig") as file:
         reader = csv.DictReader(file)
         try:
@@ -136,11 +130,7 @@ def readings_from_rows(
 
 
 def _require_columns(row: Row, *groups: Sequence[str]) -> None:
-    """Check that a row has at least one column of each group.
-
-    Raises:
-        ImpactError: INVALID_TABLE if it has no column of some group.
-    """
+    """Check that a row has at least one column of each group."""
     missing = [" or ".join(group) for group in groups if not any(name in row for name in group)]
     if missing:
         reason = f"must have {'; '.join(missing)}. Known are {', '.join(row)}"

@@ -169,11 +169,7 @@ def _check(
 
 
 def _informative_impacts(measured: Measurements, kind: str, count: int) -> Measurements:
-    """Return the impacts that depend on the coefficients.
-
-    Raises:
-        ImpactError: INVALID_TABLE if they are not more than ``count``, the number of coefficients to fit.
-    """
+    """Return the impacts that depend on the coefficients, if they are more than the ``count`` to fit."""
     used = informative(measured, kind)
     if len(used) > count:
         return used

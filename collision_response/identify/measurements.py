@@ -239,12 +239,7 @@ def _check_request(field: str, body_a: Body, body_b: Body, contact: Contact) -> 
 
 
 def _check_twist(field: str, body: Body, twist: Twist) -> None:
-    """Check that a measured twist has no infinite component. NaN is allowed: it was not measured.
-
-    Raises:
-        ImpactError: NOT_FINITE if the body is movable and a component is infinite.
-        TypeError: if ``twist`` is not a :class:`Twist`.
-    """
+    """Check that the measured twist of a movable body has no infinite component. NaN: not measured."""
     if not isinstance(twist, Twist):
         raise TypeError(f"{field}: must be a Twist, is {twist!r}")
     for name, vector in zip(twist._fields, twist, strict=True):

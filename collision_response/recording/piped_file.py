@@ -48,7 +48,7 @@ class PipedFile:
         return os.fstat(self._file.fileno()).st_size
 
     def is_in_place(self) -> bool:
-        """Whether the file is still at its path. Not to be called after :meth:`join`.
+        """Whether the file is still at its path, not moved or removed. Not to be called after :meth:`join`.
 
         Raises:
             OSError: if the path cannot be examined.

@@ -175,27 +175,18 @@ class Recorder:
             self._stopped.set()
 
     def _fill(self, writer: Writer, first: list[Entry], batches: Iterator[list[Entry]]) -> list[Entry] | None:
-        """Write one file.
-
-        Args:
-            writer: writes the file.
-            first: the first batch of the file.
-            batches: the batches after that.
-
-        Returns:
-            The first batch of the next file; ``None`` if the recording ends.
-        """
-        begin = None
+        """Write one file, and return the first batch of the next one, or ``None`` if the recording ends."""
+        begin, file = None, writer.file
         for batch in filter(None, chain([first], batches)):
-            if not writer.is_in_place():
+            if not file.is_in_place():
                 self._report(f"recording {writer.path} was removed; recording continues in a new file")
                 return batch
             if begin is None:
                 begin = time.monotonic()
-            elif 0 < self._max_size <= writer.size() or 0 < self._max_duration <= time.monotonic() - begin:
+            elif 0 < self._max_size <= file.size() or 0 < self._max_duration <= time.monotonic() - begin:
                 return batch
             self._write(writer, batch)
-        if not writer.is_in_place():
+        if not file.is_in_place():
             self._report(f"recording {writer.path} was removed")
         return None
 

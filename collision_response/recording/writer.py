@@ -106,6 +106,7 @@ class Writer:
 
     Attributes:
         path: path of the file.
+        file: the file, to which rerun writes through a pipe.
 
     Args:
         path: path of the file; its directory is made if it does not exist.
@@ -120,11 +121,11 @@ class Writer:
         self.path = path
         self._styled: set[Appearance] = set()
         self._stream = recording.stream
-        self._file = PipedFile(path)
+        self.file = PipedFile(path)
         try:
-            self._stream.save(self._file.name)
+            self._stream.save(self.file.name)
         finally:
-            self._file.close_own_end()
+            self.file.close_own_end()
         self._stream.log_file_from_contents(LAYOUT_FILE, recording.layout)
         self._log_styles()
         self._stream.flush(timeout_sec=5.0)  # so that the styles come before the columns
@@ -134,20 +135,8 @@ class Writer:
 
     def __exit__(self, *_: object) -> None:
         self._stream.disconnect()
-        self._file.join()
-        self._file.check()
-
-    def size(self) -> int:
-        """Size of the file so far [bytes]."""
-        return self._file.size()
-
-    def is_in_place(self) -> bool:
-        """Whether the file is still at its path, neither moved nor removed.
-
-        Raises:
-            OSError: if the path cannot be examined.
-        """
-        return self._file.is_in_place()
+        self.file.join()
+        self.file.check()
 
     def write(self, batch: Sequence[Entry]) -> None:
         """Append entries, which are then written soon.
@@ -170,7 +159,7 @@ class Writer:
             path, times, shape = body_style.shape
             self._stream.send_columns(path, indexes=times, columns=shape)
         self._stream.flush(timeout_sec=5.0)
-        self._file.check()
+        self.file.check()
 
     def _prepared(self, batch: Sequence[Entry]) -> tuple[list[Columns], dict[Appearance, BodyStyle]]:
         """Columns of a batch, and styles of the bodies that are new in it."""

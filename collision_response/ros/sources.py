@@ -236,9 +236,6 @@ class BodyStatePublisher(Node):
         Args:
             frame: the name of the link, perhaps with a prefix that ends in ``/``.
             locked: whether joints are locked, so that the whole robot moves with the link.
-
-        Raises:
-            ValueError: if there is no description, or the description does not say.
         """
         if self._description is None:
             raise ValueError("no robot_description has been received")
