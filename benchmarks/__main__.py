@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import datetime
-import importlib.metadata
 import re
 import subprocess
 import sys
@@ -20,7 +19,7 @@ from typing import Any
 
 import pages
 import service
-from machine import machine
+from machine import machine, versions
 
 PARTS = {
     "one": "one impact, against pinocchio, MuJoCo, pybullet and pymunk",
@@ -36,6 +35,7 @@ OTHERS = ("benchmarks/stability.py", "docs/impact_laws.py", "docs/scenes.py", "d
 """Scripts that make the other pages."""
 
 PACKAGES = ("pin", "mujoco", "pybullet", "pymunk", "numpy", "python-flint")
+"""The peers and the numeric packages, whose versions are reported."""
 
 
 def main() -> int:
@@ -71,7 +71,7 @@ def measure(names: list[str]) -> dict[str, Any]:
     results: dict[str, Any] = {
         "date": datetime.date.today().isoformat(),
         "machine": machine(),
-        "versions": versions(),
+        "versions": versions(PACKAGES),
         "skipped": skipped,
     }
     for number, name in enumerate(names, 1):
@@ -83,17 +83,6 @@ def measure(names: list[str]) -> dict[str, Any]:
         say(f"==> skipped: {what}: {why}")
     results["seconds"] = round(time.monotonic() - start)
     return results
-
-
-def versions() -> dict[str, str]:
-    """Installed versions of the peers and of the numeric packages."""
-    found = {}
-    for package in PACKAGES:
-        try:
-            found[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:
-            continue
-    return found
 
 
 def write(results: dict[str, Any]) -> None:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import os
 import platform
 import re
+from collections.abc import Iterable
+from contextlib import suppress
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -23,3 +26,12 @@ def machine() -> dict[str, Any]:
 def described(found: dict[str, Any]) -> str:
     """The same as text."""
     return f"{found['processor']}, {found['cores']} cores, Python {found['python']}"
+
+
+def versions(packages: Iterable[str]) -> dict[str, str]:
+    """Versions of those packages that are installed."""
+    found = {}
+    for package in packages:
+        with suppress(metadata.PackageNotFoundError):
+            found[package] = metadata.version(package)
+    return found

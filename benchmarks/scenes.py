@@ -43,7 +43,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 import pages  # noqa: E402
-from machine import described, machine  # noqa: E402
+from machine import described, machine, versions  # noqa: E402
 
 from collision_response import Body, Contact, ImpactModel, Law, resolve, resolve_scene  # noqa: E402
 from collision_response.physics.body import Twist  # noqa: E402
@@ -73,6 +73,19 @@ class Scene(NamedTuple):
     pairs: list[tuple[int, int]]
     contacts: list[Contact]
     mjcf: str
+
+    def movable(self) -> list[Body]:
+        return [body for body in self.bodies if body.is_movable()]
+
+    def velocities(self) -> np.ndarray:
+        """The twists of the movable bodies, one after the other."""
+        return np.concatenate([[*body.velocity, *body.angular_velocity] for body in self.movable()])
+
+    def masses(self) -> np.ndarray:
+        """For each of the velocities the mass, or the moment of inertia."""
+        return np.concatenate(
+            [[body.mass] * 3 + [body.inertia[i] for i in (0, 3, 5)] for body in self.movable()]
+        )
 
 
 def row(contacts: int) -> Scene:
@@ -134,6 +147,10 @@ class Way(NamedTuple):
     seconds: Callable[[int], float]
 
 
+def as_vectors(velocities: np.ndarray) -> Vectors:
+    return [(tuple(twist[:3]), tuple(twist[3:])) for twist in velocities.reshape(-1, 6)]
+
+
 def timed(call: Callable[[], Any]) -> Callable[[int], float]:
     """A function that calls a number of times and returns the processor time of one call [s]."""
 
@@ -186,9 +203,7 @@ def mujoco(scene: Scene) -> Way:
     )
     data = mj.MjData(model)
     q = data.qpos.copy()
-    v = np.concatenate(
-        [[*body.velocity, *body.angular_velocity] for body in scene.bodies if body.is_movable()]
-    )
+    v = scene.velocities()
 
     def call() -> Any:
         data.qpos[:], data.qvel[:] = q, v
@@ -199,7 +214,7 @@ def mujoco(scene: Scene) -> Way:
             steps += 1
         return data.qvel
 
-    return Way(lambda: [(tuple(part[:3]), tuple(part[3:])) for part in call().reshape(-1, 6)], timed(call))
+    return Way(lambda: as_vectors(call()), timed(call))
 
 
 def pinocchio(scene: Scene) -> Way:
@@ -230,9 +245,8 @@ def pinocchio(scene: Scene) -> Way:
         point = pin.PointContactConstraintModel(model, joint_of[b], places[0], joint_of[a], places[1])
         point.setFriction(0.0)
         constraints.append(pin.ConstraintModel(point))
-    movable = [body for body in scene.bodies if body.is_movable()]
-    q = np.concatenate([[*body.position, 0.0, 0.0, 0.0, 1.0] for body in movable])
-    v = np.concatenate([[*body.velocity, *body.angular_velocity] for body in movable])
+    q = np.concatenate([[*body.position, 0.0, 0.0, 0.0, 1.0] for body in scene.movable()])
+    v, masses = scene.velocities(), scene.masses()
     data, parts = model.createData(), pin.StdVec_ConstraintData()
     for constraint in constraints:
         parts.append(constraint.createData())
@@ -258,12 +272,7 @@ def pinocchio(scene: Scene) -> Way:
             raise ArithmeticError("ADMM has not converged")
         return J.T @ result.retrieveConstraintImpulses()
 
-    masses = np.concatenate([[body.mass] * 3 + list(body.inertia[i] for i in (0, 3, 5)) for body in movable])
-
-    def answer() -> Vectors:
-        return [(tuple(x[:3]), tuple(x[3:])) for x in (v + call() / masses).reshape(-1, 6)]
-
-    return Way(answer, timed(call))
+    return Way(lambda: as_vectors(v + call() / masses), timed(call))
 
 
 class Siconos:
@@ -293,9 +302,7 @@ class Siconos:
         self._process.communicate()
 
     def __call__(self, scene: Scene) -> Way:
-        movable = [body for body in scene.bodies if body.is_movable()]
-        v = np.concatenate([[*body.velocity, *body.angular_velocity] for body in movable])
-        masses = np.concatenate([[body.mass] * 3 + [body.inertia[i] for i in (0, 3, 5)] for body in movable])
+        v, masses = scene.velocities(), scene.masses()
         J = np.zeros((len(scene.contacts), len(v)))
         for line, ((a, b), contact) in enumerate(zip(scene.pairs, scene.contacts, strict=True)):
             for place, sign in ((a, 1), (b, -1)):
@@ -308,7 +315,7 @@ class Siconos:
 
         def answer() -> Vectors:
             p, _ = self.ask(problem)
-            return [(tuple(x[:3]), tuple(x[3:])) for x in (v + J.T @ np.array(p) / masses).reshape(-1, 6)]
+            return as_vectors(v + J.T @ np.array(p) / masses)
 
         self.ask(problem)
 
@@ -419,7 +426,9 @@ def box_ratio() -> float:
 def parts(results: dict[str, Any]) -> dict[str, str]:
     """The generated parts of docs/scenes.md."""
     found = results["scenes"]
-    lines = [f"Measured on {results['date']}: {described(results['machine'])}; {_versions()}."]
+    names = {"mujoco": "MuJoCo", "pin": "pinocchio"}
+    peers = ", ".join(f"{names[package]} {version}" for package, version in versions(names).items())
+    lines = [f"Measured on {results['date']}: {described(results['machine'])}; {peers}."]
     lines += [f"* Skipped: {what}: {why}." for what, why in found["skipped"].items()]
     rows = [[name, *cells] for name, cells in found["answers"].items()]
     head = ["", "cradle: speeds after [m/s]", "energy kept", "flat box: up [m/s]", "spin [rad/s]"]
@@ -436,13 +445,6 @@ def parts(results: dict[str, Any]) -> dict[str, str]:
         cells = [[f"{int(n):,}", *(_time(own.get(name)) for name in names)] for n, own in spent.items()]
         tables.append(pages.table(head_of, cells))
     return {"measured": "\n".join(lines), "answers": pages.table(head, rows), "cost": "\n\n".join(tables)}
-
-
-def _versions() -> str:
-    import importlib.metadata
-
-    known = {"MuJoCo": "mujoco", "pinocchio": "pin"}
-    return ", ".join(f"{name} {importlib.metadata.version(package)}" for name, package in known.items())
 
 
 def _row_cells(after: Vectors) -> list[str]:
