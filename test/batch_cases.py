@@ -123,6 +123,11 @@ def collision_at(
     )
 
 
+def collisions_at(geometry: Geometry, bodies: np.ndarray, contacts: np.ndarray) -> list[Collision]:
+    """The bodies and the contact of every column."""
+    return [collision_at(geometry, bodies, contacts, i) for i in range(bodies.shape[-1])]
+
+
 def has_tiny_numbers(bodies: np.ndarray) -> np.ndarray:
     """Which contacts have a number so small that products underflow.
 

@@ -23,6 +23,7 @@ from batch_cases import (
     assert_same,
     assert_same_values,
     collision_at,
+    collisions_at,
     columns,
     has_tiny_numbers,
     map_arrays,
@@ -44,7 +45,7 @@ from collision_response import (
     StatusCode,
     resolve,
 )
-from collision_response.batch import BatchResult, resolve_batch, resolve_scenes
+from collision_response.batch import resolve_batch, resolve_scenes
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.impact import impact
 from collision_response.kernels import library
@@ -59,10 +60,6 @@ STICKS = 7
 """Column of the shared spatial batch whose contact sticks."""
 
 every_kind = pytest.mark.parametrize(("geometry", "oriented", "law"), KINDS)
-
-
-def collisions_at(geometry: Geometry, bodies, contacts):
-    return [collision_at(geometry, bodies, contacts, i) for i in range(bodies.shape[-1])]
 
 
 # against one impact at a time
@@ -426,7 +423,7 @@ def test_one_dask_array_makes_the_results_dask_arrays(lazy, other, report):
     cuts = (90, 90, 90, 30) if "bodies" in lazy else (70, 70, 70, 70, 20)
     assert {array.chunks[-1] for array in here} == {cuts}
     assert result.impulse.chunks == ((3,), cuts)
-    computed = BatchResult(*(None if a is None else a.compute(scheduler="synchronous") for a in result))
+    computed = map_arrays(lambda array: array.compute(scheduler="synchronous"), result)
     assert_same(computed, resolve_batch(**given, report=report))
 
 

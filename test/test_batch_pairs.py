@@ -16,7 +16,16 @@ pytest.importorskip("dask.array")
 import array_api_strict
 import dask.array as da
 import numpy as np
-from batch_cases import FIRST_FAULTY, N, assert_same, collision_at, columns, has_tiny_numbers, shared_batch
+from batch_cases import (
+    FIRST_FAULTY,
+    N,
+    assert_same,
+    collision_at,
+    columns,
+    has_tiny_numbers,
+    map_arrays,
+    shared_batch,
+)
 from collisions import LAWS_WITH_ORACLE
 from test_examples import EXAMPLES
 
@@ -144,7 +153,7 @@ def test_strided_arrays_give_the_same():
     expected = resolve_batch(table, contacts, pairs=pairs)
     spread = (np.repeat(array, 2, axis=1)[:, ::2] for array in (table, contacts, pairs))
     spread_table, spread_contacts, spread_pairs = spread
-    out = BatchResult(*(None if a is None else np.repeat(a, 2, axis=-1)[..., ::2] for a in expected))
+    out = map_arrays(lambda array: np.repeat(array, 2, axis=-1)[..., ::2], expected)
     assert not out.velocity.flags.c_contiguous
     assert resolve_batch(spread_table, spread_contacts, pairs=spread_pairs, out=out) is out
     assert_same(out, expected)
@@ -197,7 +206,7 @@ def test_arrays_of_other_libraries(make):
     table, pairs, contacts = crowded_table()
     result = resolve_batch(make(table), make(contacts), pairs=make(pairs), report=True)
     assert type(result.regime) is type(make(table))
-    here = BatchResult(*(None if array is None else np.from_dlpack(array) for array in result))
+    here = map_arrays(np.from_dlpack, result)
     assert_same(here, resolve_batch(table, contacts, pairs=pairs, report=True))
 
 
@@ -212,7 +221,7 @@ def test_dask_cuts_contacts_and_keeps_the_table_whole(cut):
         report=True,
     )
     assert lazy.status.chunks == lazy.kinetic_energy_after.chunks == ((300, 300, 300, 100),)
-    here = BatchResult(*(None if array is None else array.compute() for array in lazy))
+    here = map_arrays(da.Array.compute, lazy)
     assert_same(here, resolve_batch(table, contacts, pairs=pairs, report=True))
 
 
@@ -228,7 +237,7 @@ def test_with_pairs_too_one_dask_array_makes_the_results_dask_arrays(lazy):
     assert all(isinstance(array, da.Array) for array in result if array is not None)
     size = 300 if "contacts" in lazy else 77 if "pairs" in lazy else 1000
     assert result.status.chunks[0][0] == size
-    here = BatchResult(*(None if array is None else array.compute() for array in result))
+    here = map_arrays(da.Array.compute, result)
     assert_same(here, resolve_batch(table, contacts, pairs=pairs, report=True))
 
 
@@ -475,7 +484,7 @@ def test_tables_of_every_array_library_get_the_velocities(geometry, oriented, ma
         result = resolve_batch(body_table(bodies), contacts[:, :count], pairs=own)
         expected = expected.copy()
         scatter_velocities(expected, own, result)
-        theirs = BatchResult(*(None if array is None else make_result(array) for array in result))
+        theirs = map_arrays(make_result, result)
         scatter_velocities(table, make(own), theirs)
         np.testing.assert_array_equal(np.asarray(np.from_dlpack(table)), expected)
         assert not np.array_equal(expected, body_table(bodies), equal_nan=True)

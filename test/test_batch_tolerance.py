@@ -17,7 +17,7 @@ from batch_cases import (
     assert_same,
     assert_same_values,
     batch_of,
-    collision_at,
+    collisions_at,
     columns,
     resolve_one_by_one,
     shared_batch,
@@ -77,8 +77,7 @@ def test_every_column_equals_resolve(geometry, law, precision):
     bodies, contacts = shared_batch(geometry)
     model = ImpactModel(law, precision=precision, tolerance=1e-13)
     result = resolve_batch(bodies, contacts, model)
-    collisions = [collision_at(geometry, bodies, contacts, i) for i in range(N)]
-    expected = resolve_one_by_one(geometry, collisions, [model] * N)
+    expected = resolve_one_by_one(geometry, collisions_at(geometry, bodies, contacts), [model] * N)
     assert_same_to_the_bound(result, expected)
 
 
@@ -93,7 +92,7 @@ def test_rescaling_is_preferred_to_more_digits(law, masses):
     for side, power in enumerate(masses):
         bodies[:7, side] *= 10.0**power
     result = resolve_batch(bodies, contacts, model)
-    collisions = [collision_at(geometry, bodies, contacts, i) for i in range(FIRST_FAULTY)]
+    collisions = collisions_at(geometry, bodies, contacts)
     expected = resolve_one_by_one(geometry, collisions, [model] * FIRST_FAULTY)
     assert_same_to_the_bound(result, expected)
 

@@ -46,6 +46,29 @@ def test_ctrl_c_during_the_import_is_quiet(tmp_path, script):
     assert (run.returncode, run.stdout, run.stderr) == (128 + signal.SIGINT, "", "")
 
 
+def ended(sink, *words, unbuffered):
+    """Run the command with its output in a sink; return the exit code and the standard error."""
+    run = subprocess.run(
+        [sys.executable, str(EXECUTABLE), *words],
+        env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+        stdout=sink,
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+    return run.returncode, run.stderr
+
+
+@pytest.fixture
+def closed_pipe():
+    """The sink of a pipe that nobody reads."""
+    source, sink = os.pipe()
+    os.close(source)
+    yield sink
+    os.close(sink)
+
+
 IMPACTS = (
     f"{EXECUTABLE.parent.parent}/docs/kharaz-2001.csv --speed 3.9 --radius 0.0025 "
     "--errors ratio=0.008 angle=0.84 spin=44 --resamples 2"
@@ -136,26 +159,10 @@ class TestOutput:
 
             Recorder(tmp_path, print, name=file.name).close()
 
-        def run(sink):
-            run = subprocess.run(
-                [sys.executable, str(EXECUTABLE), *words.replace("FILE", str(file)).split()],
-                env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
-                stdout=sink,
-                stderr=subprocess.PIPE,
-                text=True,
-                check=False,
-            )
-            return run.returncode, run.stderr
+        return lambda sink: ended(sink, *words.replace("FILE", str(file)).split(), unbuffered=unbuffered)
 
-        return run
-
-    def test_a_closed_pipe_ends_it_quietly(self, run):
-        source, sink = os.pipe()
-        os.close(source)
-        try:
-            assert run(sink) == (128 + signal.SIGPIPE, "")
-        finally:
-            os.close(sink)
+    def test_a_closed_pipe_ends_it_quietly(self, run, closed_pipe):
+        assert run(closed_pipe) == (128 + signal.SIGPIPE, "")
 
     def test_a_full_disk_is_reported(self, run):
         with open("/dev/full", "w") as full:
@@ -209,24 +216,9 @@ class TestCall:
         assert rb"b\xe4ll " in written.getvalue()
 
     @pytest.mark.parametrize("unbuffered", ["", "1"])
-    def test_a_closed_pipe_ends_it_quietly(self, shared_node, unbuffered):
-        from ros_graph import DEADLINE
-
-        source, sink = os.pipe()
-        os.close(source)
-        try:
-            run = subprocess.run(
-                [sys.executable, str(EXECUTABLE), "call", BOUNCE, "--service", shared_node.service],
-                env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
-                stdout=sink,
-                stderr=subprocess.PIPE,
-                text=True,
-                timeout=DEADLINE,
-                check=False,
-            )
-        finally:
-            os.close(sink)
-        assert (run.returncode, run.stderr) == (128 + signal.SIGPIPE, "")
+    def test_a_closed_pipe_ends_it_quietly(self, shared_node, unbuffered, closed_pipe):
+        words = "call", BOUNCE, "--service", shared_node.service
+        assert ended(closed_pipe, *words, unbuffered=unbuffered) == (128 + signal.SIGPIPE, "")
 
     @pytest.mark.parametrize(
         ("number", "code"), [(signal.SIGINT, 128 + signal.SIGINT), (signal.SIGTERM, -signal.SIGTERM)]

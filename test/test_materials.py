@@ -413,7 +413,5 @@ def test_a_file_is_in_utf_8_whatever_the_locale(tmp_path):
     )
     environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     command = [sys.executable, "-c", program, str(path)]
-    run = subprocess.run(
-        command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    run = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert run.stdout == "['st\\xe5l']\n", run.stderr
