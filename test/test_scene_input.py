@@ -554,6 +554,16 @@ def test_order_sensitivity_is_positive_for_a_box_and_zero_for_a_ball():
     assert row_of_balls((1, 0, 0), number=float).resolve(options={"orders": 4}).order_sensitivity == 0
 
 
+def test_one_object_may_be_several_bodies_in_every_order():
+    """Two equal boxes that touch, on one floor."""
+    scene = box(e=0.5)
+    bodies, pairs = [scene.bodies[0], scene.bodies[0], FLOOR], [(0, 2)] * 4 + [(1, 2)] * 4 + [(0, 1)]
+    contacts = [*scene.contacts * 2, UP]
+    answer = resolve_scene(bodies, pairs, contacts, orders=3)
+    copies = resolve_scene([Body(*body) for body in bodies], pairs, contacts, orders=3)
+    assert answer == copies and answer.order_sensitivity > 0
+
+
 def test_the_table_shows_every_contact_and_body():
     text = str(box((1, 0, -1), mu=0.3).resolve(options={"orders": 2}))
     assert text.splitlines()[0].startswith("OK by COULOMB, error <= ")

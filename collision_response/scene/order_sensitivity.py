@@ -18,6 +18,7 @@ from ..resolve import resolve
 from ..status import StatusCode
 from .clusters import Pair
 from .impulses import relative_distance
+from .request import ContactIndices, with_scene_names
 
 SWEEPS = 1000
 """Greatest number of passes over the contacts: between walls, impacts with e = 1 never end."""
@@ -52,14 +53,19 @@ def resolve_sequentially(
     model: ImpactModel,
     order: Sequence[int],
 ) -> list[Twist]:
-    """Return the change of each body's twist if contacts are resolved one by one until none approaches."""
-    moved = list(bodies)
+    """Return the change of each body's twist if contacts are resolved one by one until none approaches.
+
+    Raises:
+        ImpactError: if an impact on the way has no answer; its field is named as in the scene.
+    """
+    moved = [Body(*body) for body in bodies]  # resolve() refuses one object as both bodies
     fastest = 0.0
     for _ in range(SWEEPS):
         any_approaches = False
         for i in order:
             a, b = pairs[i]
-            impact = resolve(moved[a], moved[b], contacts[i], model)
+            given = moved[a], moved[b], contacts[i], model
+            impact = with_scene_names(ContactIndices(i, a, b), resolve, *given)
             speed = -impact.normal_velocity_before
             fastest = max(fastest, speed)
             if impact.status is StatusCode.SEPARATING or speed <= AT_REST * fastest:
