@@ -98,9 +98,3 @@ def test_the_parameters_it_names_exist():
     known = {declared.name for room in (sources, markers, parameters) for declared in room.DECLARATIONS}
     assert set(re.findall(r"-p '?(\w+):=", PAGE)) <= known
     assert set(re.findall(r"param set /collision_response_markers (\w+)", PAGE)) <= known
-
-
-def test_the_files_it_names_exist():
-    names = re.findall(r"\]\((\.\./[\w/.-]+)", PAGE)
-    assert len(names) > 4
-    assert [name for name in names if not (ROOT / "docs" / name).exists()] == []

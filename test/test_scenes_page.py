@@ -41,12 +41,6 @@ def test_the_speeds_in_the_table_are_right(line):
         assert speeds(answer) == pytest.approx(list(map(float, cell.split(", "))), abs=5.1e-5)
 
 
-def test_the_pictures_exist():
-    pictures = re.findall(r"!\[.*?\]\((.*?)\)", PAGE)
-    assert len(pictures) == 4
-    assert [picture for picture in pictures if not (ROOT / "docs" / picture).exists()] == []
-
-
 def test_the_example_of_many_scenes_prints_what_the_page_shows():
     _, code = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     run = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, timeout=60)
