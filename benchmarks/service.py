@@ -227,7 +227,11 @@ def round_trips(service: str, request: Any, *names: str) -> Samples:
         directory = stack.enter_context(tempfile.TemporaryDirectory())
         record = ("recording.enabled:=true", f"recording.directory:={directory}")
         for name in names:
-            command = _self("echo") if name == "echo" else [_script("collision_response_node")]
+            command = (
+                _self("echo")
+                if name == "echo"
+                else [str(Path(sys.executable).with_name("collision_response_node"))]
+            )
             stack.enter_context(server(command, name, *(record if name == "recording" else ())))
         is_batch = service.endswith("batch")
         node, executor = stack.enter_context(ros_node("clients"))
@@ -343,7 +347,3 @@ def own_domain() -> Iterator[dict[str, str]]:
 
 def _self(command: str) -> list[str]:
     return [sys.executable, "-I", str(HERE), command]
-
-
-def _script(name: str) -> str:
-    return str(Path(sys.executable).parent / name)

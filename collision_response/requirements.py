@@ -135,7 +135,10 @@ class SceneSurvey:
             ImpactError: INVALID_MODEL, if ``tolerance`` is not positive and finite.
             TypeError: if ``tolerance`` is not a number.
         """
-        _check_tolerance(tolerance)
+        invalid = StatusCode.INVALID_MODEL
+        check_number("tolerance", tolerance, 0, math.inf, invalid, not_finite=invalid)
+        if tolerance == 0:
+            raise ImpactError(invalid, "tolerance", f"must be above 0, is {tolerance}")
         self._tolerance = tolerance
         self._law = Requirement(Law.FRICTIONLESS, "friction changes no impact by more than the tolerance")
         self._needs = dict.fromkeys(LAWS, NO_NEEDS)
@@ -203,13 +206,6 @@ def scene_requirements(
     for a, b, contact in contacts:
         survey.add(f"{a} - {b}", bodies[a], bodies[b], contact)
     return survey.requirements()
-
-
-def _check_tolerance(tolerance: Any) -> None:
-    invalid = StatusCode.INVALID_MODEL
-    check_number("tolerance", tolerance, 0, math.inf, invalid, not_finite=invalid)
-    if tolerance == 0:
-        raise ImpactError(StatusCode.INVALID_MODEL, "tolerance", f"must be above 0, is {tolerance}")
 
 
 def _greater(need: Requirement, candidate: Any, reason: str) -> Requirement:

@@ -31,7 +31,7 @@ from ..physics.contact import Contact
 from ..physics.laws import BY_SPEED, Law
 from ..physics.orientation import Quaternion
 from ..physics.tensor import Symmetric3
-from ..physics.vector import ZERO, Vec3
+from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..scene import SceneImpact
 from ..srv import ResolveCollision
@@ -62,8 +62,6 @@ ADJUSTMENT_NOTES = {
 LAWS: dict[int, Any] = {int(law): law for law in Law}
 GEOMETRIES: dict[int, Any] = {int(geometry): geometry for geometry in Geometry}
 PRECISIONS: dict[int, Any] = {int(precision): precision for precision in Precision}
-
-AT_REST = Twist(ZERO, ZERO)
 
 
 UNSET = -1.0
@@ -136,7 +134,7 @@ def body_of(owner: str, state: BodyState) -> Body:
     rotation = Quaternion(q.x, q.y, q.z, q.w)
     orientation = None if rotation == IDENTITY_QUATERNION else rotation
     if state.motion_type != BodyState.DYNAMIC:
-        _check_immovable(owner, state.motion_type, Twist(velocity, angular_velocity))
+        _check_immovable(owner, state.motion_type, (*velocity, *angular_velocity))
         return Body.kinematic(position, velocity, angular_velocity)._replace(orientation=orientation)
     if state.inverse_inertia:
         try:
@@ -187,13 +185,13 @@ def check_body(owner: str, body: Body) -> None:
             raise error.with_owner(owner) from None
 
 
-def _check_immovable(owner: str, motion_type: int, twist: Twist) -> None:
+def _check_immovable(owner: str, motion_type: int, twist: tuple[float, ...]) -> None:
     field = f"{owner}.motion_type"
     if motion_type not in (BodyState.KINEMATIC, BodyState.STATIC):
         reason = f"must be DYNAMIC (0), KINEMATIC (1) or STATIC (2); is {motion_type}"
         raise ImpactError(StatusCode.INVALID_MOTION_TYPE, field, reason)
-    if motion_type == BodyState.STATIC and twist != AT_REST:
-        reason = f"is STATIC, but the twist is not 0: {(*twist.linear, *twist.angular)}"
+    if motion_type == BodyState.STATIC and any(twist):
+        reason = f"is STATIC, but the twist is not 0: {twist}"
         raise ImpactError(StatusCode.INVALID_MOTION_TYPE, field, reason)
 
 
