@@ -345,13 +345,15 @@ def _factor(inertia: Symmetric3) -> tuple[Condition, Factor3]:
     itself counts as 0 up to that size, which may be much greater than the diagonal entry of the pivot.
     """
     xx, xy, xz, yy, yz, zz = inertia
-    has_x, i_x = _inverse_pivot(xx, xx, xy, xz)
+    D_x, D_y, D_z = map(fixed, (xx, yy, zz))
+    has_x, i_x = _inverse_pivot(xx, D_x, xy, xz)
     l_yx, l_zx = xy * i_x, xz * i_x
     w = yz - l_zx * xy
-    has_y, i_y = _inverse_pivot(yy - l_yx * xy, yy + l_yx * xy, l_yx, w)
+    has_y, i_y = _inverse_pivot(yy - l_yx * xy, D_y + fixed(l_yx * xy), l_yx, w)
     l_zy = w * i_y
     v_x = l_zy * l_yx - l_zx
-    has_z, i_z = _inverse_pivot(zz - l_zx * xz - l_zy * w, xx * v_x * v_x + yy * l_zy * l_zy + zz, v_x, l_zy)
+    v_Dv = D_x * fixed(v_x) * fixed(v_x) + D_y * fixed(l_zy) * fixed(l_zy) + D_z
+    has_z, i_z = _inverse_pivot(zz - l_zx * xz - l_zy * w, v_Dv, v_x, l_zy)
     is_definite = has_x & has_y & has_z
     i = choose(is_definite, lambda: (i_x, i_y, i_z), lambda: (0, 0, 0))
     return is_definite, Factor3(l_yx, l_zx, l_zy, *i)
@@ -360,12 +362,12 @@ def _factor(inertia: Symmetric3) -> tuple[Condition, Factor3]:
 def _inverse_pivot(value: Scalar, size: Scalar, *couplings: Scalar) -> tuple[Condition, Scalar]:
     """Whether a pivot is more than rounding; and its inverse, or 1 if it is not.
 
-    ``size`` is that of the terms that add up to it. If the pivot is rounding, its ``couplings`` to the other
-    axes determine which axis has no inertia, and nothing has a derivative with respect to them. For numbers
-    that carry derivatives the comparison is then exactly on its edge and varies with them, which marks the
-    jump.
+    ``size`` is that of the terms that add up to it, without derivatives. If the pivot is rounding, its
+    ``couplings`` to the other axes determine which axis has no inertia, and nothing has a derivative with
+    respect to them. For numbers that carry derivatives the comparison is then exactly on its edge and varies
+    with them, which marks the jump.
     """
-    rounding = fixed(size * (ROUNDINGS * given_roundoff(size)))
+    rounding = size * (ROUNDINGS * given_roundoff(size))
     is_inertia = value > rounding
 
     def with_couplings() -> Scalar:
