@@ -513,7 +513,7 @@ problems = []
 recorder = Recorder(Path(sys.argv[1]), problems.append)
 for sequence in range(1, 5000):
     recorder.add(Refusal(sequence, sequence, f"{hash(str(sequence)):x}" * 4))
-recorder.close()
+recorder.close(100.0)
 assert len(problems) == 1 and "has stopped" in problems[0], problems
 """
 
