@@ -75,8 +75,7 @@ def pinocchio(scene: Scene) -> Iterator[tuple[str, Peer]]:
     configuration: list[float] = []
     for name, body in zip("ab", scene[:2], strict=True):
         number = model.addJoint(0, joint(), pin.SE3.Identity(), name)
-        xx, xy, xz, yy, yz, zz = body.inertia
-        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        tensor = np.array(body.inertia.rows())
         model.appendBodyToJoint(number, pin.Inertia(body.mass, np.zeros(3), tensor), pin.SE3.Identity())
         x, y, z = body.position
         configuration += [x, y, 1.0, 0.0] if planar else [x, y, z, 0.0, 0.0, 0.0, 1.0]

@@ -227,8 +227,7 @@ def pinocchio(scene: Scene) -> Way:
             joint_of.append(0)
             continue
         joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), str(model.njoints))
-        xx, xy, xz, yy, yz, zz = body.inertia
-        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        tensor = np.array(body.inertia.rows())
         model.appendBodyToJoint(joint, pin.Inertia(body.mass, np.zeros(3), tensor), pin.SE3.Identity())
         joint_of.append(joint)
     constraints = pin.StdVec_ConstraintModel()

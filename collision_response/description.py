@@ -311,8 +311,7 @@ def _tensor(numbers: Any, moment: float, where: str) -> Any:
         default = moment if name[1] == name[2] else 0.0
         return _numbers(numbers.get(name, str(default)), 1, f"{name} of {where}")[0]
 
-    xx, xy, xz, yy, yz, zz = map(number, ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return np.array(Symmetric3(*map(number, ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))).rows())
 
 
 def _numbers(text: str | None, count: int, what: str) -> list[float]:

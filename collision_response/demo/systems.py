@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.mass_properties import Particle, of_particles, rod
+from ..physics.tensor import Symmetric3
 from ..physics.vector import Vec3
 
 
@@ -262,7 +263,10 @@ def _reaction_model(a: Body, b: Body, contact: Contact) -> dict[str, float]:
     r = [[F(c) - F(x) for c, x in zip(contact.position, body.position, strict=True)] for body in (a, b)]
     v = [[F(x) for x in body.velocity] for body in (a, b)]
     w = [[F(x) for x in body.angular_velocity] for body in (a, b)]
-    spin = [_solve(_matrix(body), _cross(arm, unit)) for body, arm in zip((a, b), r, strict=True)]
+    spin = [
+        _solve(Symmetric3(*map(F, body.inertia)).rows(), _cross(arm, unit))
+        for body, arm in zip((a, b), r, strict=True)
+    ]
     at_contact = [[p + q for p, q in zip(v[i], _cross(w[i], r[i]), strict=True)] for i in range(2)]
     approach = _dot([p - q for p, q in zip(*at_contact, strict=True)], unit)
     turning = [p + q for p, q in zip(_cross(spin[0], r[0]), _cross(spin[1], r[1]), strict=True)]
@@ -277,11 +281,6 @@ def _reaction_model(a: Body, b: Body, contact: Contact) -> dict[str, float]:
             expected[f"twist_{name}.linear.{axis}"] = v_0[i] + sign * j / F(body.mass) * unit[i]
             expected[f"twist_{name}.angular.{axis}"] = w_0[i] + sign * j * change[i]
     return _floats(expected)
-
-
-def _matrix(body: Body) -> list[list[F]]:
-    xx, xy, xz, yy, yz, zz = (F(i) for i in body.inertia)
-    return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 
 
 def _solve(m: Sequence[Sequence[F]], y: Sequence[Any]) -> list[F]:

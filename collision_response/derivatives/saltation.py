@@ -32,6 +32,7 @@ from ..model import DEFAULT, Adjustment, ImpactModel, check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Regime
+from ..physics.tensor import Symmetric3
 from ..physics.vector import Vec3, as_vector
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
@@ -205,8 +206,7 @@ def _free_flight_rate(body: Body, gravity: Sequence[float]) -> Array:
     if not body.is_movable():
         return np.concatenate([v, w, np.zeros(6)])
     R = np.array(body_rotation(body)[:3], float)
-    xx, xy, xz, yy, yz, zz = body.inertia
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], float)
+    inertia = np.array(Symmetric3(*body.inertia).rows(), float)
     w_body = R.T @ w
     angular = R @ np.linalg.lstsq(inertia, -np.cross(w_body, inertia @ w_body), rcond=None)[0]
     c = com_in_world_axes(body)

@@ -17,6 +17,7 @@ from ..body_conversions import com_in_world_axes, orientation_of, with_com_as_re
 from ..model import Geometry, ImpactModel, Law
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
+from ..physics.tensor import Symmetric3
 from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
@@ -258,8 +259,7 @@ def _write_body(column: Array, after: Array, root: Array, body: Body, twist: Twi
         after[:3], after[3:] = centre.velocity, body.angular_velocity
         return
     after[:3], after[3:] = _com_velocity(body, twist), twist.angular
-    xx, xy, xz, yy, yz, zz = body.inertia
-    moments, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    moments, axes = np.linalg.eigh(np.array(Symmetric3(*body.inertia).rows()))
     across = [body.to_world(Vec3(*axis)) for axis in axes.T.tolist()]
     root[...] = np.sqrt(np.maximum(moments, 0.0))[:, None] * np.array(across)
 

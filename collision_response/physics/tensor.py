@@ -63,6 +63,11 @@ class Symmetric3(NamedTuple):
     def __mul__(self, factor: Scalar) -> Symmetric3:
         return Symmetric3(*(x * factor for x in self))
 
+    def rows(self) -> tuple[Vec3, Vec3, Vec3]:
+        """The rows of the matrix."""
+        xx, xy, xz, yy, yz, zz = self
+        return Vec3(xx, xy, xz), Vec3(xy, yy, yz), Vec3(xz, yz, zz)
+
     def trace(self) -> Scalar:
         """The sum of the diagonal."""
         return self.xx + self.yy + self.zz

@@ -8,6 +8,7 @@ import numpy as np
 import rerun as rr
 
 from ..physics.body import Body
+from ..physics.tensor import Symmetric3
 
 EQUAL = 1e-6
 """Principal moments that differ by less than this fraction of the largest are those of a ball."""
@@ -32,8 +33,7 @@ class EquivalentSolid(NamedTuple):
     @classmethod
     def of(cls, body: Body) -> EquivalentSolid | None:
         """Equivalent solid of a body; ``None`` for a point mass and for an immovable body."""
-        xx, xy, xz, yy, yz, zz = body.inertia
-        moments, columns = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+        moments, columns = np.linalg.eigh(np.array(Symmetric3(*body.inertia).rows()))
         if not moments[2] > 0:
             return None
         is_ball = bool(moments[2] - moments[0] <= EQUAL * moments[2])
