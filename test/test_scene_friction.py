@@ -423,6 +423,30 @@ def test_moreau_errors_are_within_the_bound_near_its_edges(theta, factor):
                 )
 
 
+@pytest.mark.parametrize("power", range(0, 81, 10))
+@pytest.mark.parametrize("contacts", [(0, 1, 2), (0, 2), (1, 2)])
+def test_moreau_where_a_light_ball_strikes_a_heavy_body_that_leaves_walls(power, contacts):
+    """The impulse is small next to the motion of the heavy body. The ball comes at 0.5 m/s, with e = 1/4."""
+    light = 2.0**-power
+    heavy = Body.dynamic(
+        2.0**20, (0.0, 0.0, 0.0, 2.0**20, 0.0, 2.0**20), (-1.0, 1.0, 1.0), None, (0.0, 1.0, 0.5),
+        (0.0, 0.0, 1.0), (-0.5, 0.0, 0.5),
+    )  # fmt: skip
+    ball = Body.dynamic(
+        light, [light / 8 * x for x in (1, 0, 0, 1, 0, 1)], (-1.0, 2.0, 2.0), None, (1.0, 0.5, -2.0)
+    )
+    walls = [Body.static(), Body.kinematic(velocity=(-1.0, 0.0, 1.0))]
+    all_contacts = [
+        ((1, 2), Contact.of((0.5, 1.0, 0.0), (0, 1, 0), 0.25, 0.1)),
+        ((0, 3), Contact.of((0.5, 0.0, 0.0), (1, 0, 0), 0.25, 0.1)),
+        ((0, 1), Contact.of((1.0, 0.5, 0.5), (1, 0, 0), 0.25, 0.3)),
+    ]
+    pairs, touches = zip(*(all_contacts[i] for i in contacts), strict=True)
+    answer = resolve_scene([heavy, ball, *walls], pairs, touches, ImpactModel(Law.MOREAU))
+    off = abs(answer.normal_velocities_after[-1] - 0.125)
+    assert off <= 0.625 * 3 * answer.error_bound  # 3: the spin of the ball adds to this velocity
+
+
 def test_a_load_with_several_distributions_has_no_bound():
     """A box slides and turns: it may rest on two different triples of its corners, with different spins."""
     scene = box((1, 0.3, -1), (0, 0, 0.3), e=0.5, mu=0.3)
