@@ -164,7 +164,8 @@ def _resolve_with_own_coefficients(
     """Answer where a coefficient is a function, or the contact has its own tangential restitution."""
     e_t = contact.tangential_restitution
     if e_t is not None:
-        check_number("contact.tangential_restitution", e_t, -1, 1, StatusCode.INVALID_COEFFICIENT)
+        number = check_number("contact.tangential_restitution", e_t, -1, 1, StatusCode.INVALID_COEFFICIENT)
+        e_t = number if e_t.__hash__ is None else e_t  # an array of one number
         contact = contact._replace(tangential_restitution=None)
         impact = resolve(body_a, body_b, contact, _model_with_tangential_restitution(model, e_t))
         return impact._replace(contact=impact.contact._replace(tangential_restitution=e_t))

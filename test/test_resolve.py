@@ -682,6 +682,7 @@ def test_coefficients_need_only_convert_to_floats(field, is_function):
         return resolve(ball, FLOOR, contact._replace(**{field: given}))
 
     assert answer(OnlyConvertible(0.75)).impulse == answer(0.75).impulse
+    assert answer(np.array(0.75)).impulse == answer(0.75).impulse
     name = f"contact.{field}"
     with pytest.raises(ImpactError) as refusal:
         answer(OnlyConvertible(-1.5))
