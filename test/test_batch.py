@@ -327,6 +327,10 @@ def invalid_arguments() -> list[tuple[str, dict]]:
             "out: must be None for arrays of dask",
             {"bodies": da.from_array(bodies), "contacts": da.from_array(contacts), "out": out},
         ),
+        (
+            "contacts: must have a known number of rows",
+            {"contacts": da.from_array(contacts)[da.from_array(np.ones(8, bool))]},
+        ),
     ]
 
 

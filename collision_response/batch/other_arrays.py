@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -109,7 +110,11 @@ def _resolve_lazily(
     from .resolve_batch import BatchResult, resolve_batch
 
     def as_dask(name: str, array: Any) -> Any:
-        return array if is_lazy(array) else da.from_array(as_numpy(name, array), chunks=-1)
+        if not is_lazy(array):
+            return da.from_array(as_numpy(name, array), chunks=-1)
+        if any(map(math.isnan, array.shape[:-1])):
+            raise ValueError(f"{name}: must have a known number of rows, is of shape {array.shape}")
+        return array
 
     given = {"bodies": bodies, "contacts": contacts, "pairs": pairs}
     candidates = ("bodies", "contacts") if pairs is None else ("contacts", "pairs")

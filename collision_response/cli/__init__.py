@@ -57,6 +57,9 @@ first steps:
 "collision_response COMMAND --help" describes each command.
 """
 
+PACKAGES = {"rerun": "rerun-sdk", "yaml": "pyyaml"}
+"""Packages that have another name than their module."""
+
 NO_SPACE = errno.ENOSPC, errno.EDQUOT, errno.EFBIG
 """Errors of a standard output without space. The commands handle errors of their own files themselves."""
 
@@ -106,7 +109,9 @@ def _run(words: list[str]) -> int:
     except ModuleNotFoundError as error:
         if (error.name or "").startswith("collision_response"):
             raise
-        print(f"collision_response {name} needs {error.name}, which is not installed", file=sys.stderr)
+        package = PACKAGES.get(error.name or "")
+        how = f": pip install {package}" if package else ""
+        print(f"collision_response {name} needs {error.name}, which is not installed{how}", file=sys.stderr)
         return 1
     except ImportError as error:
         if error.name:
