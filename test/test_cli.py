@@ -107,7 +107,9 @@ def test_a_command_names_the_package_that_it_lacks(capsys, monkeypatch):
 
 
 def test_a_command_says_how_to_install_what_it_lacks(capsys, monkeypatch):
-    monkeypatch.setitem(COMMANDS, "plan", collision_response.cli.Command("collision_response.strict_yaml", ""))
+    monkeypatch.setitem(
+        COMMANDS, "plan", collision_response.cli.Command("collision_response.strict_yaml", "")
+    )
     monkeypatch.delitem(sys.modules, "collision_response.strict_yaml", raising=False)
     monkeypatch.setitem(sys.modules, "yaml", None)
     assert main(["plan"]) == 1
