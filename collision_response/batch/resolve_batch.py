@@ -106,7 +106,7 @@ class BatchResult(NamedTuple):
 
 def is_bounded(model: ImpactModel) -> bool:
     """Whether the results of a batch with this model have error bounds."""
-    return bool(model.tolerance) or model.precision == Precision.EXTENDED
+    return bool(model.tolerance) or model.precision is Precision.EXTENDED
 
 
 def resolve_batch(

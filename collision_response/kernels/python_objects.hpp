@@ -67,7 +67,7 @@ static inline PyObject* new_tuple_of_numbers(PyTypeObject* type, int count) {
 }
 // Free a tuple of a class written in Python that has neither a finalizer nor attributes. Python's own function looks for
 // these, which takes a fourteenth of the time of resolve(). For subclasses that function calls this one.
-static void free_tuple_of_numbers(PyObject* tuple) {
+static inline void free_tuple_of_numbers(PyObject* tuple) {
   PyTypeObject* type = Py_TYPE(tuple);
   PyObject_GC_UnTrack(tuple);
   Py_TRASHCAN_BEGIN(tuple, free_tuple_of_numbers)

@@ -23,6 +23,7 @@ from ..batch import BatchResult, is_bounded
 from ..model import DEFAULT, Geometry, ImpactModel
 from ..status import ImpactError, StatusCode
 from .batch_fields import ENERGIES, LAYOUTS, Array, Request, Response, append, result_shapes, write_model
+from .convert import model_of
 
 LAYOUT_OF = {layout.bodies.height: number for number, layout in LAYOUTS.items()}
 """Number of the layout, by the number of rows in its table of bodies."""
@@ -79,7 +80,7 @@ def unpack(response: Response) -> BatchResult:
     status = np.asarray(response.status)
     shapes = result_shapes(Geometry(response.model.geometry), len(status))
     tables = {name: np.asarray(getattr(response, name)).reshape(shape) for name, shape in shapes.items()}
-    if is_bounded(response.model):
+    if is_bounded(model_of(response.model, DEFAULT)):
         tables["error_bound"] = np.asarray(response.error_bounds)
         tables["precision"] = np.asarray(response.precisions)
     if response.regimes:

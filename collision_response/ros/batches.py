@@ -124,6 +124,10 @@ class BatchService:
             message=convert.error_text(error),
         )
 
+    def code(self, response: Response) -> StatusCode:
+        """Return the status code of a response."""
+        return StatusCode(response.code)
+
 
 def result_in(response: Response, geometry: Geometry, n: int, *, bounded: bool, report: bool) -> BatchResult:
     """Make a result for ``n`` contacts whose arrays are the fields of a response.

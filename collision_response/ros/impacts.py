@@ -12,7 +12,7 @@ from ..recording import Record
 from ..requirements import SceneSurvey
 from ..resolve import resolve
 from ..srv import ResolveCollision
-from ..status import ImpactError
+from ..status import ImpactError, StatusCode
 from . import convert
 from .answer_log import AnswerLog
 from .body_lookup import complete
@@ -86,6 +86,10 @@ class ImpactService:
         convert.write_refusal(response.result, request.model, error)
         self.answer_log.add_refusal(response.result)
         return response
+
+    def code(self, response: ResolveCollision.Response) -> StatusCode:
+        """Return the status code of a response."""
+        return StatusCode(response.result.status.code)
 
     def _warn_of_coefficients(self, request: ResolveCollision.Request) -> None:
         for name in ("restitution", "friction"):

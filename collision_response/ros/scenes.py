@@ -117,6 +117,10 @@ class SceneService:
         self.answer_log.add_refusal(response.result)
         return response
 
+    def code(self, response: ResolveScene.Response) -> StatusCode:
+        """Return the status code of a response."""
+        return StatusCode(response.result.status.code)
+
 
 def contacts_of(request: ResolveScene.Request, max_contacts: int) -> list[ContactMessage]:
     """Make a message of each contact of a request.

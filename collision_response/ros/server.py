@@ -75,6 +75,9 @@ class NodeService(Protocol):
     def refusal(self, request: Any, error: ImpactError) -> Any:
         """Return the response that says why there is no answer."""
 
+    def code(self, response: Any) -> StatusCode:
+        """Return the status code of a response."""
+
 
 class Call(NamedTuple):
     """One request that was received.
@@ -264,8 +267,7 @@ class Server:
         self._unconfirmed[call.client] += 1
         if len(self._unconfirmed) > MAX_UNCONFIRMED_CLIENTS:  # the departure of some clients goes unnoticed
             del self._unconfirmed[next(iter(self._unconfirmed))]
-        code = response.result.status.code if hasattr(response, "result") else response.code
-        self._counters.answers[StatusCode(code)] += 1
+        self._counters.answers[call.node_service.code(response)] += 1
         self._counters.latencies.append(time.perf_counter() - call.received)
 
     def _forget_departed(self) -> None:

@@ -18,7 +18,7 @@ import math
 from typing import Any
 
 from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
-from ..kernels.library import Cluster
+from ..kernels import library
 from ..numbers.operations import Scalar
 from ..physics.body import Twist
 from ..physics.column import Column
@@ -128,7 +128,7 @@ def _by_stronge(
     return impulses, effect._replace(error_bound=error + effect.error_bound)
 
 
-def _exact_if_locked(cluster: Cluster, parts: ClusterParts) -> RationalCluster | None:
+def _exact_if_locked(cluster: Any, parts: ClusterParts) -> RationalCluster | None:
     """Return the cluster in fractions, if it is locked and small enough.
 
     Raises:
@@ -175,7 +175,9 @@ def _with_scaled_normal(contact: Contact) -> Contact:
     return contact._replace(normal=Vec3(*(math.ldexp(x, -exponent) for x in contact.normal)))
 
 
-def _as_floats(cluster: Cluster, exact: RationalCluster, impulses: ClusterImpulses) -> ClusterImpulses:
+def _as_floats(
+    cluster: library.Cluster, exact: RationalCluster, impulses: ClusterImpulses
+) -> ClusterImpulses:
     """Convert the impulses of an exact cluster to those of the compiled one, rounded to floats."""
     normal = cluster.impulses_from_floats([float(x) for x in exact.least_norm(impulses.normal)])
     e = None if impulses.restitution is None else float(impulses.restitution)

@@ -32,11 +32,11 @@ Systems", ACM Trans. Graph. 27 (2008), for maximal dissipation over actual cones
 
 from __future__ import annotations
 
-from ..kernels.library import Cluster
+from ..kernels import library
 from .impulses import ClusterImpulses
 
 
-def add_friction(cluster: Cluster, impulses: ClusterImpulses) -> ClusterImpulses:
+def add_friction(cluster: library.Cluster, impulses: ClusterImpulses) -> ClusterImpulses:
     """Return the impulses with friction, from those of GRR."""
     normal, tangential, error = cluster.least_work_friction(impulses.normal, impulses.error)
     return impulses._replace(normal=normal, tangential=tangential, error=error)

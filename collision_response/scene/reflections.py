@@ -32,7 +32,7 @@ import math
 from fractions import Fraction
 from typing import Any
 
-from ..kernels.library import Cluster
+from ..kernels import library
 from ..numbers.operations import Scalar
 from ..status import ImpactError, StatusCode
 from .impulses import ClusterImpulses
@@ -81,7 +81,7 @@ def contradiction() -> ImpactError:
     return ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
 
 
-def _in_double_double(cluster: Cluster, threshold: Scalar) -> ClusterImpulses | None:
+def _in_double_double(cluster: library.Cluster, threshold: Scalar) -> ClusterImpulses | None:
     found = cluster.reflections(threshold, REFLECTIONS)
     if found is None:
         return None

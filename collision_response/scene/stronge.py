@@ -34,7 +34,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from ..kernels.library import Cluster
+from ..kernels import library
 from ..status import ImpactError, StatusCode
 from .impulses import ClusterImpulses
 
@@ -75,7 +75,7 @@ WORST = 0.1
 
 
 def follow_springs(
-    cluster: Cluster,
+    cluster: library.Cluster,
     stiffness: Sequence[float],
     exponent: float,
     tolerance: float,

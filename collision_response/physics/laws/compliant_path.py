@@ -84,7 +84,7 @@ class Springs(NamedTuple):
         )
 
     def least_friction(self, s: Scalar) -> Scalar:
-        """The friction up to which the spring turns as if there were this much, at a slip speed."""
+        """The friction at the slip speed ``s`` below which the spring turns as if there were this much."""
         return LEAST_LAG * self.kappa * s
 
     def size_of_terms(self, P1: Scalar, P2: Scalar, Pn: Scalar) -> Scalar:
@@ -178,10 +178,10 @@ class Motion(NamedTuple):
         kappa, zero = self.springs.kappa, 0 * F
         u1, u2, u_n = self.springs.velocity(*P)
         grip = self.springs.mu * F
-        held = maximum(self.springs.mu, self.springs.least_friction(a1 * u1 + a2 * u2)) * F
+        resistance = maximum(self.springs.mu, self.springs.least_friction(a1 * u1 + a2 * u2)) * F
         w = choose(
             grip > 0,
-            lambda: kappa * (a1 * u2 - a2 * u1) / choose(grip > 0, lambda: held, lambda: 1 + zero),
+            lambda: kappa * (a1 * u2 - a2 * u1) / choose(grip > 0, lambda: resistance, lambda: 1 + zero),
             lambda: zero,
         )
         forces = choose(self.slips, lambda: (-grip * a1, -grip * a2), lambda: (a1, a2))
