@@ -1,11 +1,13 @@
 """Recording of impacts for the rerun viewer. Importing this does not import rerun.
 
-record.py            the entries of a recording
-recorder.py          a worker thread takes entries from a queue, so that no caller waits
-writer.py            writes entries for the viewer; viewer_layout.py: where it shows them
-    equivalent_solid.py, piped_file.py    the shape of a body; a file that rerun writes to
-table.py, scenes.py  the tables of impacts and of scenes: written, read and computed again
-report.py            a summary in words, and as an HTML page
+The files::
+
+    record.py            the entries of a recording
+    recorder.py          a worker thread takes entries from a queue, so that no caller waits
+    writer.py            writes entries for the viewer; viewer_layout.py: where it shows them
+        equivalent_solid.py, piped_file.py    the shape of a body; a file that rerun writes to
+    table.py, scenes.py  the tables of impacts and of scenes: written, read and computed again
+    report.py            a summary in words, and as an HTML page
 """
 
 from .record import BodyRecord, Gap, Record, Refusal, SceneRecord

@@ -1,5 +1,7 @@
 """Impact laws: functions of the signature given in ``law.py``.
 
+The files::
+
     frictionless.py        FRICTIONLESS: Newton's restitution
     chatterjee_ruina.py    COULOMB: friction in closed form
     moreau.py              MOREAU: friction in one step; sliding.py solves its equation
