@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import multiprocessing
 import os
+import pickle
 import subprocess
 import sys
 from fractions import Fraction
@@ -13,11 +15,11 @@ from refusals import refused
 
 from collision_response import Body, Contact, ImpactError, StatusCode, resolve
 from collision_response.physics.combine import CombineRule, combine
-from collision_response.physics.restitution import johnson, plastic, power_law, tabulated
+from collision_response.physics.restitution import johnson, plastic, power_law, tabulated, viscoelastic
 
 pytest.importorskip("yaml")
 
-from collision_response.materials import NO_MATERIALS, PUBLISHED, Materials
+from collision_response.materials import FUNCTIONS, NO_MATERIALS, PUBLISHED, Materials
 
 FILE = """
 pairs:
@@ -111,6 +113,50 @@ def test_johnson_is_the_high_speed_limit_of_thornton():
 def test_a_table_is_interpolated():
     e = tabulated([1.0, 2.0, 4.0], [1.0, 0.5, 0.25])
     assert [e(v) for v in (0.0, 1.0, 1.5, 2.0, 3.0, 4.0, 9.0)] == [1.0, 1.0, 0.75, 0.5, 0.375, 0.25, 0.25]
+
+
+PICKLED = {
+    "restitution": [
+        {"value": 0.5, "speed": 2.0, "power": 0.25},
+        {"value": 0.5, "speed": 2.0, "power": 0},
+        {"yield_speed": 0.02, "after": "thornton"},
+        {"yield_speed": 0.02, "after": "johnson"},
+        {"speeds": [0.1, 1.0], "values": [0.9, 0.7]},
+    ],
+    "friction": [
+        {"static": 0.5, "kinetic": 0.3, "speed": 0.1},
+        {"speeds": [0.1, 1.0], "values": [0.5, 1.7]},
+    ],
+}
+"""Every function of speed that a file may have."""
+SPEEDS = [0.0, 0.01, 0.3, 1.0, 40.0, 1e300]
+
+
+def values_of_functions(materials):
+    functions = [x for pair in materials.pairs.values() for x in (pair.restitution, pair.friction) if x]
+    return [function(v) for function in functions for v in SPEEDS]
+
+
+def test_functions_of_speed_can_be_sent_to_another_process():
+    assert {name: {*map(frozenset, laws)} for name, laws in PICKLED.items()} == {
+        name: {frozenset(key.partition(":")[0] for key in keys) for keys in laws}
+        for name, laws in FUNCTIONS.items()
+    }
+    pairs = [
+        {"materials": [name, str(i)], name: law}
+        for name, laws in PICKLED.items()
+        for i, law in enumerate(laws)
+    ]
+    materials = Materials.of({"pairs": pairs})
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        assert pool.apply(values_of_functions, (materials,)) == values_of_functions(materials)
+
+
+def test_a_contact_of_viscoelastic_spheres_can_be_pickled():
+    ball = Body.dynamic(1.0, velocity=(0.0, 0.0, -2.0))
+    contact = Contact.of((0, 0, 0), (0, 0, 1), restitution=viscoelastic(0.1))
+    again = pickle.loads(pickle.dumps(contact))
+    assert resolve(ball, Body.static(), again) == resolve(ball, Body.static(), contact)
 
 
 E = "pairs[0].restitution"

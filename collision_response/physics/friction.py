@@ -1,15 +1,16 @@
 """Friction that depends on the slip speed, for :attr:`Contact.friction`.
 
 Each function here takes constants of the two surfaces and returns a function ``mu(v)``: the coefficient,
->= 0, for a slip speed ``v`` [m/s]. You can also pass a function of your own. It is called with speeds >= 0.
-``mu(0)`` is static friction and may differ from the limit for small speeds. The Routh laws also call it with
-speeds slightly beyond those that occur during the impact.
+>= 0, for a slip speed ``v`` [m/s]. The returned functions can be pickled. You can also pass a function of your
+own. It is called with speeds >= 0. ``mu(0)`` is static friction and may differ from the limit for small speeds.
+The Routh laws also call it with speeds slightly beyond those that occur during the impact.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from . import restitution
 
@@ -35,7 +36,11 @@ def stribeck(static: float, kinetic: float, speed: float) -> Friction:
             raise ValueError(f"{name} must be finite and not negative, is {value}")
     if not 0 < speed < math.inf:
         raise ValueError(f"speed must be positive and finite, is {speed}")
-    return lambda v: kinetic + (static - kinetic) * math.exp(-v / speed)
+    return partial(_stribeck, static, kinetic, speed)
+
+
+def _stribeck(static: float, kinetic: float, speed: float, v: float) -> float:
+    return kinetic + (static - kinetic) * math.exp(-v / speed)
 
 
 def tabulated(speeds: Sequence[float], values: Sequence[float]) -> Friction:

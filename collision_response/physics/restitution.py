@@ -1,7 +1,7 @@
 """Restitution that depends on the approach speed, for :attr:`Contact.restitution`.
 
 Each function here takes constants of the materials and returns a function ``e(v)``: the coefficient in [0, 1]
-for an approach speed ``v`` >= 0 [m/s].
+for an approach speed ``v`` >= 0 [m/s]. The returned functions can be pickled.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import math
 import sys
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 
 Restitution = Callable[[float], float]
@@ -35,16 +36,17 @@ def viscoelastic(beta: float) -> Restitution:
     if not 0 <= beta < math.inf:
         raise ValueError(f"beta must be finite and not negative, is {beta}")
 
-    def restitution(v: float) -> float:
-        s = math.sqrt(beta) * v**0.1
-        if s > 1:  # in powers of 1/s, which do not overflow
-            t = 1 / s
-            denominator = 0.532178 + t * (0.577977 + t * (1.15345 + t * (0.501086 + t)))
-            return t * t * t * (t + 0.501086) / denominator
-        denominator = 1 + s * (0.501086 + s * (1.15345 + s * (0.577977 + s * 0.532178)))
-        return (1 + 0.501086 * s) / denominator
+    return partial(_viscoelastic, beta)
 
-    return restitution
+
+def _viscoelastic(beta: float, v: float) -> float:
+    s = math.sqrt(beta) * v**0.1
+    if s > 1:  # in powers of 1/s, which do not overflow
+        t = 1 / s
+        denominator = 0.532178 + t * (0.577977 + t * (1.15345 + t * (0.501086 + t)))
+        return t * t * t * (t + 0.501086) / denominator
+    denominator = 1 + s * (0.501086 + s * (1.15345 + s * (0.577977 + s * 0.532178)))
+    return (1 + 0.501086 * s) / denominator
 
 
 def plastic(yield_speed: float) -> Restitution:
@@ -60,18 +62,17 @@ def plastic(yield_speed: float) -> Restitution:
     Raises:
         ValueError: if ``yield_speed`` is not positive and finite.
     """
-    limit = johnson(yield_speed)
+    return partial(_plastic, yield_speed, johnson(yield_speed))
 
-    def restitution(v: float) -> float:
-        if v <= yield_speed:
-            return 1.0
-        q = yield_speed / v
-        if q < NEGLIGIBLE:
-            return limit(v)
-        root = math.sqrt(6 / 5 - q * q / 5)
-        return min(1.0, math.sqrt(6 * math.sqrt(3) / 5 * (1 - q * q / 6)) * (q / (q + 2 * root)) ** 0.25)
 
-    return restitution
+def _plastic(yield_speed: float, at_high_speed: Restitution, v: float) -> float:
+    if v <= yield_speed:
+        return 1.0
+    q = yield_speed / v
+    if q < NEGLIGIBLE:
+        return at_high_speed(v)
+    root = math.sqrt(6 / 5 - q * q / 5)
+    return min(1.0, math.sqrt(6 * math.sqrt(3) / 5 * (1 - q * q / 6)) * (q / (q + 2 * root)) ** 0.25)
 
 
 NEGLIGIBLE = 2.0**-60
@@ -96,22 +97,17 @@ def power_law(restitution: float, speed: float, exponent: float) -> Restitution:
         raise ValueError(f"speed must be positive and finite, is {speed}")
     if not 0 <= exponent < math.inf:
         raise ValueError(f"exponent must be finite and not negative, is {exponent}")
-    return _power_law(restitution, speed, exponent)
+    return partial(_power_law, restitution, speed, exponent)
 
 
-def _power_law(restitution: float, speed: float, exponent: float) -> Restitution:
+def _power_law(restitution: float, speed: float, exponent: float, v: float) -> float:
     if exponent == 0:
-        return lambda v: restitution
-    log_at_one = -math.log(restitution)
-
-    def of_speed(v: float) -> float:
-        log_factor = exponent * _log_quotient(speed, v) if v > 0 else math.inf
-        if log_factor >= log_at_one:
-            return 1.0
-        root = math.exp(log_factor / 2)  # the factor itself may overflow if restitution is tiny
-        return min(1.0, restitution * root * root)
-
-    return of_speed
+        return restitution
+    log_factor = exponent * _log_quotient(speed, v) if v > 0 else math.inf
+    if log_factor >= -math.log(restitution):
+        return 1.0
+    root = math.exp(log_factor / 2)  # the factor itself may overflow if restitution is tiny
+    return min(1.0, restitution * root * root)
 
 
 def _log_quotient(a: float, b: float) -> float:
@@ -140,7 +136,7 @@ def johnson(yield_speed: float) -> Restitution:
     """
     if not 0 < yield_speed < math.inf:
         raise ValueError(f"yield_speed must be positive and finite, is {yield_speed}")
-    return _power_law(math.sqrt(6 * math.sqrt(3) / 5) * (24 / 5) ** -0.125, yield_speed, 0.25)
+    return partial(_power_law, math.sqrt(6 * math.sqrt(3) / 5) * (24 / 5) ** -0.125, yield_speed, 0.25)
 
 
 def tabulated(speeds: Sequence[float], values: Sequence[float], most: float = 1.0) -> Restitution:
@@ -164,12 +160,13 @@ def tabulated(speeds: Sequence[float], values: Sequence[float], most: float = 1.
         if not (0 <= value <= most and value < math.inf):
             raise ValueError(f"values must be finite and in [0, {most:g}], one is {value}")
 
-    def restitution(v: float) -> float:
-        i = bisect_right(speeds, v)
-        if i == 0 or i == len(speeds):
-            return values[0] if i == 0 else values[-1]
-        part = (v - speeds[i - 1]) / (speeds[i] - speeds[i - 1])
-        below, above = values[i - 1], values[i]
-        return min(below * (1 - part) + above * part, max(below, above))
+    return partial(_interpolated, tuple(speeds), tuple(values))
 
-    return restitution
+
+def _interpolated(speeds: Sequence[float], values: Sequence[float], v: float) -> float:
+    i = bisect_right(speeds, v)
+    if i == 0 or i == len(speeds):
+        return values[0] if i == 0 else values[-1]
+    part = (v - speeds[i - 1]) / (speeds[i] - speeds[i - 1])
+    below, above = values[i - 1], values[i]
+    return min(below * (1 - part) + above * part, max(below, above))
