@@ -344,6 +344,25 @@ def test_invalid_arguments_are_refused(message, changes):
         resolve_batch(**{"bodies": bodies, "contacts": contacts, **changes})
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [changes for message, changes in INVALID if "out" not in changes and "known" not in message],
+    ids=lambda changes: "-".join(changes),
+)
+@pytest.mark.parametrize("known", [True, False])
+def test_lazy_arrays_are_refused_in_the_same_words(changes, known):
+    """Before anything is computed. An array of unknown length has the length of the other one."""
+    given = dict(zip(("bodies", "contacts"), shared_batch(Geometry.SPATIAL), strict=True)) | changes
+    with pytest.raises(ValueError) as refusal:
+        resolve_batch(**given)
+    model = given.pop("model", ImpactModel())
+    lazy = {name: da.from_array(array) for name, array in given.items()}
+    if not known and lazy["bodies"].shape[-1] == lazy["contacts"].shape[-1]:
+        lazy["bodies"] = lazy["bodies"][..., da.ones(N, dtype=bool)]
+    with pytest.raises(type(refusal.value), match=f"^{re.escape(str(refusal.value))}$"):
+        resolve_batch(**lazy, model=model)
+
+
 def test_an_invalid_model_is_refused():
     with refused(StatusCode.INVALID_COEFFICIENT):
         resolve_batch(*shared_batch(Geometry.POINT), ImpactModel(tangential_restitution=2.0))

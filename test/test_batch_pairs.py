@@ -176,10 +176,11 @@ def test_strided_arrays_give_the_same():
         ({"contacts": np.zeros(3)}, "contacts: must be of shape (rows, 3), is (3,)"),
     ],
 )
-def test_invalid_arrays_are_refused_by_name(change, message):
+@pytest.mark.parametrize("make", [np.asarray, da.from_array])
+def test_invalid_arrays_are_refused_by_name(change, message, make):
     request = {"bodies": np.zeros((16, 5)), "contacts": np.zeros((8, 3)), "pairs": np.zeros((2, 3), int)}
     with pytest.raises(ValueError) as refusal:
-        resolve_batch(**(request | change))
+        resolve_batch(**{name: make(array) for name, array in (request | change).items()})
     assert str(refusal.value).startswith(message)
 
 

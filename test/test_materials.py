@@ -123,10 +123,7 @@ PICKLED = {
         {"yield_speed": 0.02, "after": "johnson"},
         {"speeds": [0.1, 1.0], "values": [0.9, 0.7]},
     ],
-    "friction": [
-        {"static": 0.5, "kinetic": 0.3, "speed": 0.1},
-        {"speeds": [0.1, 1.0], "values": [0.5, 1.7]},
-    ],
+    "friction": [{"static": 0.5, "kinetic": 0.3, "speed": 0.1}, {"speeds": [0.1, 1.0], "values": [0.5, 1.7]}],
 }
 """Every function of speed that a file may have."""
 SPEEDS = [0.0, 0.01, 0.3, 1.0, 40.0, 1e300]

@@ -107,7 +107,8 @@ def _resolve_lazily(
     import dask.array as da
     from dask import delayed
 
-    from .resolve_batch import BatchResult, resolve_batch
+    from .pairs import check_pairs
+    from .resolve_batch import BatchResult, plan_for, resolve_batch
 
     def as_dask(name: str, array: Any) -> Any:
         if not is_lazy(array):
@@ -120,18 +121,13 @@ def _resolve_lazily(
     candidates = ("bodies", "contacts") if pairs is None else ("contacts", "pairs")
     chunked = next((name for name in candidates if is_lazy(given[name])), "contacts")
     bodies, contacts = as_dask("bodies", bodies), as_dask("contacts", contacts)
-    pairs = no_pairs = None
-    if given["pairs"] is not None:
-        pairs, no_pairs = as_dask("pairs", given["pairs"]), np.empty((2, 0), np.int64)
-    empty_tables = (
-        np.empty((*bodies.shape[:-1], 0), bodies.dtype),
-        np.empty((*contacts.shape[:-1], 0), contacts.dtype),
-    )
-    prototype = resolve_batch(*empty_tables, model, pairs=no_pairs, report=report)
-    others, n = (bodies if pairs is None else pairs).shape[-1], contacts.shape[-1]
-    if abs(others - n) > 0:  # false for unknown sizes, which are nan
-        name = "bodies" if pairs is None else "pairs"
-        raise ValueError(f"contacts: must be as many as the {name}, {others}; are {n}")
+    if pairs is not None:
+        pairs = as_dask("pairs", pairs)
+        check_pairs(pairs)
+    lengths = (*contacts.shape[-1:], *(bodies if pairs is None else pairs).shape[-1:])
+    n = next((length for length in lengths if not math.isnan(length)), 0)
+    tables = (_without_memory(array, n) for array in (bodies, contacts))
+    plan = plan_for(*tables, model, None if pairs is None else _without_memory(pairs, n))
     chunks = {"bodies": bodies, "contacts": contacts, "pairs": pairs}[chunked].chunks[-1]
     if pairs is None:
         body_chunks = bodies.rechunk({0: -1, 1: -1, 2: chunks}).to_delayed().ravel()
@@ -145,14 +141,18 @@ def _resolve_lazily(
         for b, c, p in zip(body_chunks, contact_chunks, pair_chunks, strict=True)
     ]
 
-    def joined(field: int, array: Any) -> Any:
-        shapes = [(*array.shape[:-1], n) for n in chunks]
+    def joined(field: int, shape: tuple[int, ...], dtype: np.dtype[Any]) -> Any:
         pieces = [
-            da.from_delayed(result[field], shape, array.dtype)
-            for result, shape in zip(results, shapes, strict=True)
+            da.from_delayed(result[field], (*shape[:-1], size), dtype)
+            for result, size in zip(results, chunks, strict=True)
         ]
         return da.concatenate(pieces, axis=-1)
 
-    return BatchResult(
-        *(None if array is None else joined(field, array) for field, array in enumerate(prototype))
-    )
+    fields = enumerate(plan.result_fields(0, report))
+    return BatchResult(*(None if array is None else joined(field, *array) for field, array in fields))
+
+
+def _without_memory(array: Any, n: int) -> Array:
+    """Return an array with the shape and type of one of Dask. A length that Dask does not know is ``n``."""
+    shape = [n if math.isnan(length) else length for length in array.shape]
+    return np.broadcast_to(np.empty((), array.dtype), shape)

@@ -51,9 +51,14 @@ def as_pairs(pairs: Any) -> Array:
         ValueError: if ``pairs`` does not hold integers, or has another shape.
     """
     array = as_numpy("pairs", pairs)
-    if array.ndim != 2 or array.shape[0] != 2 or (array.dtype.kind not in "iu" and array.size):
-        raise ValueError(f"pairs: must be integers of shape (2, N), are {array.dtype} of {array.shape}")
+    check_pairs(array)
     return np.require(array, np.int64, ("C", "ALIGNED"))
+
+
+def check_pairs(pairs: Any) -> None:
+    """Raises: ValueError: if an array of NumPy or Dask does not hold integers, or is not of shape (2, N)."""
+    if pairs.ndim != 2 or pairs.shape[0] != 2 or (pairs.dtype.kind not in "iu" and pairs.size):
+        raise ValueError(f"pairs: must be integers of shape (2, N), are {pairs.dtype} of {pairs.shape}")
 
 
 def independent_sets(pairs: Any, movable: Any = None) -> list[Array]:
