@@ -13,8 +13,9 @@ from rclpy.parameter import Parameter
 from ros_graph import DEADLINE, assign, ball, balls_meet, wait_until
 from rosgraph_msgs.msg import Clock
 
-from collision_response import StatusCode
+from collision_response import Body, Contact, StatusCode
 from collision_response.msg import BodyState, BodyStates
+from collision_response.ros import batch_client, scene_client
 
 
 def by_name(name="left"):
@@ -110,6 +111,47 @@ def test_world_frame_is_the_only_frame_accepted(graph):
     status = graph.call(balls_meet()).result.status
     assert status.code == StatusCode.FRAME_MISMATCH
     assert status.message == "contact.header.frame_id: is 'world', but the parameter world_frame is 'map'"
+
+
+def requests_by_name(name, frame):
+    """A request to each service in which ``name`` strikes a body given in full, and how it was answered."""
+    single = by_name(name)
+    single.contact.header.frame_id = single.body_a.header.frame_id = frame
+    wall = Contact.of((0, 0, 0), (-1, 0, 0), 0.5, 0.0)
+    scene = scene_client.pack([Body.static()], [(1, 0)], [wall], names=["wall", name], frame_id=frame)
+    bodies, contacts = [[math.inf], [0.0], [0.0], [0.0]], [[-1.0], [0.0], [0.0], [0.5]]
+    batch = batch_client.pack(bodies, [[1], [0]], contacts, names=[name], frame_id=frame)
+    return (
+        (single, lambda response: response.result.status.code),
+        (scene, lambda response: response.result.status.code),
+        (batch, lambda response: response.status[0] if response.success else response.code),
+    )
+
+
+def test_all_services_check_frames_and_ages_in_the_same_order(graph):
+    """The frame of the request; then of each state whether it is known, its age, and its frame."""
+    graph.serve(max_state_age=3600.0, world_frame="world")
+    now = graph.user.get_clock().now().nanoseconds / 1e9
+    publisher = Publisher(graph)
+    for name, frame, stamp in (
+        ("good", "world", now),
+        ("elsewhere", "map", now),
+        ("old", "world", 1.0),
+        ("old and elsewhere", "map", 1.0),
+    ):
+        state = left_ball(stamp=stamp)
+        state.name, state.header.frame_id = name, frame
+        publisher.publish(state)
+    for name, code in {
+        "good": StatusCode.OK,
+        "elsewhere": StatusCode.FRAME_MISMATCH,
+        "old": StatusCode.STALE_STATE,
+        "old and elsewhere": StatusCode.STALE_STATE,
+        "unknown": StatusCode.UNKNOWN_BODY,
+    }.items():
+        for frame, expected in (("world", code), ("map", StatusCode.FRAME_MISMATCH)):
+            for request, code_of in requests_by_name(name, frame):
+                assert code_of(graph.call(request)) == expected, (type(request), name, frame)
 
 
 def simulated_clock(graph, **parameters):

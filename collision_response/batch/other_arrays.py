@@ -126,8 +126,12 @@ def _resolve_lazily(
         check_pairs(pairs)
     lengths = (*contacts.shape[-1:], *(bodies if pairs is None else pairs).shape[-1:])
     n = next((length for length in lengths if not math.isnan(length)), 0)
-    tables = (_without_memory(array, n) for array in (bodies, contacts))
-    plan = plan_for(*tables, model, None if pairs is None else _without_memory(pairs, n))
+    plan = plan_for(
+        _without_memory(bodies, n),
+        _without_memory(contacts, n),
+        model,
+        None if pairs is None else _without_memory(pairs, n),
+    )
     chunks = {"bodies": bodies, "contacts": contacts, "pairs": pairs}[chunked].chunks[-1]
     if pairs is None:
         body_chunks = bodies.rechunk({0: -1, 1: -1, 2: chunks}).to_delayed().ravel()

@@ -1,9 +1,9 @@
 """Friction that depends on the slip speed, for :attr:`Contact.friction`.
 
 Each function here takes constants of the two surfaces and returns a function ``mu(v)``: the coefficient,
->= 0, for a slip speed ``v`` [m/s]. The returned functions can be pickled. You can also pass a function of your
-own. It is called with speeds >= 0. ``mu(0)`` is static friction and may differ from the limit for small speeds.
-The Routh laws also call it with speeds slightly beyond those that occur during the impact.
+>= 0, for a slip speed ``v`` [m/s]. The returned functions can be pickled. You can also pass a function of
+your own. It is called with speeds >= 0. ``mu(0)`` is static friction and may differ from the limit for small
+speeds. The Routh laws also call it with speeds slightly beyond those that occur during the impact.
 """
 
 from __future__ import annotations

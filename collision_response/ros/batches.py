@@ -42,7 +42,6 @@ from .body_lookup import (
     StateFinder,
     StateNotYetReceived,
     check_distinct,
-    check_frame,
     check_immovable,
     check_world_frame,
 )
@@ -261,15 +260,14 @@ def bodies_of(
     check_distinct(names)
     columns, errors = np.full((height, len(names)), math.nan), []
     stamps, ages = [Time()] * len(names), [math.nan] * len(names)
-    finder = StateFinder.of(request.header, request.not_before, states, parameters)
+    finder = StateFinder.of("header", request.header, request.not_before, states, parameters)
     for i, name in enumerate(names):
         if not i % BODIES_PER_STEP:
             yield
         owner = f"names[{i}]"
         try:
             state, (stamps[i], ages[i]) = finder.find(owner, owner, name)
-            check_frame(f"{owner}.header.frame_id", state, "header.frame_id", request.header.frame_id)
-            finder.check_age(owner, name, ages[i])
+            finder.check(owner, state, ages[i])
             columns[:, i] = _column(owner, state, layout)
         except StateNotYetReceived:
             raise

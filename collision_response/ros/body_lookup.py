@@ -53,20 +53,33 @@ class StateFinder(NamedTuple):
         time: time of the contact [ns]; 0: unknown.
         not_before: the earliest stamp accepted [ns]; 0: any.
         max_age: the greatest distance in time allowed, before and after the contact [s]; 0: any.
+        frame_field: the field that holds the frame of the contact, for errors.
+        frame: the frame of the contact.
     """
 
     states: LatestStates
     time: int
     not_before: int
     max_age: float
+    frame_field: str
+    frame: str
 
     @classmethod
     def of(
-        cls, header: Header, not_before: Time, states: LatestStates, parameters: Parameters
+        cls, field: str, header: Header, not_before: Time, states: LatestStates, parameters: Parameters
     ) -> StateFinder:
-        """Make the finder of a request. If the header of its contact has no stamp, the contact is now."""
+        """Make the finder of a request. If the header of its contact has no stamp, the contact is now.
+
+        Args:
+            field: the field that holds the header, for errors.
+            header: the header of the contact.
+            not_before: of the request.
+            states: the latest states received.
+            parameters: the parameters of the node.
+        """
         time = nanoseconds(header.stamp) or states.now()
-        return cls(states, time, nanoseconds(not_before), parameters.max_state_age)
+        max_age = parameters.max_state_age
+        return cls(states, time, nanoseconds(not_before), max_age, f"{field}.frame_id", header.frame_id)
 
     def find(self, owner: str, field: str, name: str) -> tuple[BodyState, StateUsed]:
         """Find the latest state of a body.
@@ -98,24 +111,24 @@ class StateFinder(NamedTuple):
         age = (self.time - stamp) / 1e9 if stamp and self.time else math.nan
         return state, StateUsed(state.header.stamp, age)
 
-    def check_age(self, owner: str, name: str, age: float) -> None:
-        """Refuse a state that is too far in time from the contact.
+    def check(self, owner: str, state: BodyState, age: float) -> None:
+        """Refuse a state that is too far in time from the contact, or not in its frame.
 
         Args:
             owner: what the error calls the body.
-            name: the name of the body.
-            age: how much older the state is than the contact [s]; NaN: unknown.
+            state: the state.
+            age: how much older it is than the contact [s]; NaN: unknown.
 
         Raises:
-            ImpactError: STALE_STATE.
+            ImpactError: STALE_STATE, else FRAME_MISMATCH.
         """
-        if not self.max_age or abs(age) <= self.max_age:
-            return
-        fault = f"is {age:.6g} s old" if age > 0 else f"is {-age:.6g} s ahead: do the clocks agree?"
-        if math.isnan(age):
-            fault = "has no stamp, or there is no time yet"
-        reason = f"the last state of {quoted(name)} {fault}; max_state_age is {self.max_age:.6g} s"
-        raise ImpactError(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
+        if self.max_age and not abs(age) <= self.max_age:
+            fault = f"is {age:.6g} s old" if age > 0 else f"is {-age:.6g} s ahead: do the clocks agree?"
+            if math.isnan(age):
+                fault = "has no stamp, or there is no time yet"
+            reason = f"the last state of {quoted(state.name)} {fault}; max_state_age is {self.max_age:.6g} s"
+            raise ImpactError(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
+        check_frame(owner, state, self.frame_field, self.frame)
 
 
 def complete(
@@ -141,19 +154,20 @@ def complete(
         for owner, name in zip(OWNERS, names_of(request), strict=True)
         if name and _has_only_a_name(getattr(request, owner))
     }
+    header, field = request.contact.header, "contact.header"
+    check_world_frame(f"{field}.frame_id", header.frame_id, parameters.world_frame)
+    for owner in OWNERS:
+        if owner not in names:
+            check_frame(owner, getattr(request, owner), f"{field}.frame_id", header.frame_id)
     states_used = dict.fromkeys(OWNERS, GIVEN_IN_FULL)
     if names:
-        finder = StateFinder.of(request.contact.header, request.not_before, states, parameters)
+        finder = StateFinder.of(field, header, request.not_before, states, parameters)
         found = {owner: finder.find(owner, f"{owner}.name", name) for owner, name in names.items()}
-        for owner, (_, used) in found.items():
-            finder.check_age(owner, names[owner], used.age)
+        for owner, (state, used) in found.items():
+            finder.check(owner, state, used.age)
         for owner, (state, used) in found.items():
             setattr(request, owner, state)
             states_used[owner] = used
-    frame, field = request.contact.header.frame_id, "contact.header.frame_id"
-    check_world_frame(field, frame, parameters.world_frame)
-    for owner in OWNERS:
-        check_frame(f"{owner}.header.frame_id", getattr(request, owner), field, frame)
     return [*states_used.values()]
 
 
@@ -218,11 +232,11 @@ def check_world_frame(field: str, frame: str, world_frame: str) -> None:
         raise ImpactError(StatusCode.FRAME_MISMATCH, field, reason)
 
 
-def check_frame(field: str, state: BodyState, expected_field: str, expected: str) -> None:
+def check_frame(owner: str, state: BodyState, expected_field: str, expected: str) -> None:
     """Refuse a body that is not in the expected frame.
 
     Args:
-        field: the field that holds the frame of the body.
+        owner: what the error calls the body.
         state: the body.
         expected_field: the field that holds the expected frame.
         expected: the expected frame.
@@ -233,4 +247,4 @@ def check_frame(field: str, state: BodyState, expected_field: str, expected: str
     frame = state.header.frame_id
     if frame != expected:
         reason = f"is {quoted(frame)}, but {expected_field} is {quoted(expected)}"
-        raise ImpactError(StatusCode.FRAME_MISMATCH, field, reason)
+        raise ImpactError(StatusCode.FRAME_MISMATCH, f"{owner}.header.frame_id", reason)

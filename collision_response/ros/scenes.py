@@ -29,7 +29,6 @@ from .body_lookup import (
     StateFinder,
     StateUsed,
     check_distinct,
-    check_frame,
     check_immovable,
     check_world_frame,
 )
@@ -171,14 +170,13 @@ def bodies_of(
     check_immovable(request.immovable, count)
     owners = [f"bodies[{i}]" for i in range(count)]
     bodies = SceneBodies(names, table.T.tolist(), [IN_TABLE] * count, [GIVEN_IN_FULL] * count, owners)
-    finder = StateFinder.of(header, request.not_before, states, parameters)
+    finder = StateFinder.of("header", header, request.not_before, states, parameters)
     for i, name in enumerate(names[count:], count):
         if not i % BODIES_PER_STEP:
             yield
         owner = f"names[{i}]"
         state, used = finder.find(owner, owner, name)
-        finder.check_age(owner, name, used.age)
-        check_frame(f"{owner}.header.frame_id", state, "header.frame_id", header.frame_id)
+        finder.check(owner, state, used.age)
         bodies.states.append(state)
         bodies.used.append(used)
         bodies.owners.append(owner)
