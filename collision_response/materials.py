@@ -130,10 +130,8 @@ class Materials:
             OSError: if the file cannot be read.
             ImportError: if PyYAML is not installed.
         """
-        try:
-            from .strict_yaml import YAMLError, load_yaml
-        except ImportError:
-            raise ImportError("a file of materials needs PyYAML: pip install pyyaml") from None
+        from .strict_yaml import YAMLError, load_yaml
+
         try:
             tree = load_yaml(path.read_text(encoding="utf-8"))
         except (YAMLError, UnicodeDecodeError) as error:

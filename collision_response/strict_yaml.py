@@ -10,10 +10,15 @@ from __future__ import annotations
 import re
 from typing import Any
 
-import yaml
-from yaml import YAMLError as YAMLError
-from yaml.constructor import ConstructorError
-from yaml.nodes import MappingNode, Node, ScalarNode
+from .optional import missing
+
+try:
+    import yaml
+    from yaml import YAMLError as YAMLError
+    from yaml.constructor import ConstructorError
+    from yaml.nodes import MappingNode, Node, ScalarNode
+except ModuleNotFoundError:
+    raise missing("PyYAML", "pyyaml") from None
 
 
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]

@@ -106,17 +106,6 @@ def test_a_command_names_the_package_that_it_lacks(capsys, monkeypatch):
     )
 
 
-def test_a_command_says_how_to_install_what_it_lacks(capsys, monkeypatch):
-    monkeypatch.setitem(
-        COMMANDS, "plan", collision_response.cli.Command("collision_response.strict_yaml", "")
-    )
-    monkeypatch.delitem(sys.modules, "collision_response.strict_yaml", raising=False)
-    monkeypatch.setitem(sys.modules, "yaml", None)
-    assert main(["plan"]) == 1
-    expected = "collision_response plan needs yaml, which is not installed: pip install pyyaml\n"
-    assert capsys.readouterr().err == expected
-
-
 def test_a_command_without_ros_says_what_to_install(capsys, monkeypatch):
     def without_ros(module):
         raise ImportError("collision_response needs ROS for this: pip install 'ros-rclpy==9.1.*'")

@@ -14,7 +14,7 @@ import collision_response
 PACKAGE = Path(collision_response.__file__).parent
 FRONT = "collision_response"
 LAYERS = (
-    {"named_enum", "numbers"},
+    {"named_enum", "numbers", "optional"},
     {"status", "strict_yaml"},
     {"physics"},
     {"body_conversions", "model"},
@@ -152,6 +152,65 @@ def test_batches_load_no_array_library_except_numpy(tmp_path):
 def test_recording_loads_no_ros_and_an_idle_node_loads_no_rerun(tmp_path):
     assert not loaded_with(["collision_response.recording"], tmp_path) & (ROS | {"rerun"})
     assert not loaded_with(["collision_response.ros.node"], tmp_path) & {"rerun", "pyarrow"}
+
+
+READ_RECORDING = "from collision_response.recording import table"
+COMMAND = "from collision_response.cli import main; main({})"
+TABLE = "m,vz,nz,vz_after\n1,-1,1,0.5\n1,-2,1,1\n1,-3,1,1.5\n"
+NODE = """
+import rclpy
+from rclpy.parameter import Parameter
+from collision_response.ros.node import CollisionResponseNode
+
+rclpy.init()
+CollisionResponseNode(parameter_overrides=[Parameter("recording.enabled", value=True)]).destroy_node()
+"""
+
+
+@pytest.mark.parametrize(
+    ("absent", "program", "name", "package"),
+    [
+        *(
+            pytest.param(absent, program, "rerun", "rerun-sdk", id=f"{what}-{'-'.join(absent)}")
+            for absent in (["rerun"], ["pyarrow"], ["rerun", "pyarrow"])
+            for what, program in {
+                "table": f"try: {READ_RECORDING}\nexcept ImportError as error: print(error)",
+                "Recorder": "from collision_response.recording import Recorder; from pathlib import Path; "
+                "Recorder(Path(), print).close()",
+                "node": NODE,
+                "report": COMMAND.format(["report", "a.rrd"]),
+                "replay": COMMAND.format(["replay", "a.rrd"]),
+                "identify": COMMAND.format(["identify", "a.rrd"]),
+            }.items()
+        ),
+        (["scipy"], COMMAND.format(["identify", "a.csv"]), "SciPy", "scipy"),
+        (
+            ["matplotlib"],
+            COMMAND.format(["identify", "a.csv", "--resamples", "2", "--plot", "a.png"]),
+            "matplotlib",
+            "matplotlib",
+        ),
+        (
+            ["yaml"],
+            "from collision_response.materials import *\n"
+            "try: Materials.read(PUBLISHED)\nexcept ImportError as error: print(error)",
+            "PyYAML",
+            "pyyaml",
+        ),
+    ],
+)
+def test_one_line_says_which_package_to_install(absent, program, name, package, tmp_path):
+    if program == NODE:
+        pytest.importorskip("rclpy")
+    (tmp_path / "a.csv").write_text(TABLE)
+    absences = f"import sys; sys.modules.update(dict.fromkeys({absent}))\n"
+    command = [sys.executable, "-c", absences + program]
+    said = subprocess.run(
+        command, cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=True
+    ).stdout
+    (line,) = (line for line in said.splitlines() if "collision_response needs" in line)
+    assert line.endswith(f"collision_response needs {name} for this: pip install {package}")
+    assert "Traceback" not in said
 
 
 WITHOUT = """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import pickle
 from fractions import Fraction
 from pathlib import Path
 
@@ -52,6 +53,15 @@ def test_a_ball_that_slides_on_a_plane():
         ball(), Body.static(), FLOOR, ImpactModel(Law.COULOMB), sphere_on_plane(RADIUS), G
     )
     np.testing.assert_allclose(found, REFERENCE["b ball mu=.1 sliding"], atol=6e-11 * 15)
+
+
+@pytest.mark.parametrize(
+    "surfaces", [point_on_plane, corner_on_plane, sphere_on_plane(RADIUS), sphere_on_sphere(RADIUS, 0.4)]
+)
+def test_surfaces_can_be_pickled(surfaces):
+    request = ball(), Body.static(), FLOOR
+    for one, again in zip(surfaces(*request), pickle.loads(pickle.dumps(surfaces))(*request), strict=True):
+        np.testing.assert_array_equal(one, again)
 
 
 # --- A simulated bounce

@@ -57,9 +57,6 @@ first steps:
 "collision_response COMMAND --help" describes each command.
 """
 
-PACKAGES = {"rerun": "rerun-sdk", "yaml": "pyyaml"}
-"""Packages that have another name than their module."""
-
 NO_SPACE = errno.ENOSPC, errno.EDQUOT, errno.EFBIG
 """Errors of a standard output without space. The commands handle errors of their own files themselves."""
 
@@ -109,14 +106,12 @@ def _run(words: list[str]) -> int:
     except ModuleNotFoundError as error:
         if (error.name or "").startswith("collision_response"):
             raise
-        package = PACKAGES.get(error.name or "")
-        how = f": pip install {package}" if package else ""
-        print(f"collision_response {name} needs {error.name}, which is not installed{how}", file=sys.stderr)
+        print(f"collision_response {name} needs {error.name}, which is not installed", file=sys.stderr)
         return 1
     except ImportError as error:
         if error.name:
             raise
-        print(error, file=sys.stderr)  # check_release() says what to install
+        print(error, file=sys.stderr)  # it says what to install
         return 1
     return nodes.run(name, module, rest) if name in nodes.DESCRIPTIONS else module.main(rest)
 

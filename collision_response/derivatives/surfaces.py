@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -81,15 +82,16 @@ def sphere_on_plane(radius: float) -> Surfaces:
         ImpactError: NOT_FINITE if ``radius`` is not finite.
         TypeError: if ``radius`` is not a real number.
     """
-    radius = check_number("radius", radius, -math.inf, math.inf, StatusCode.NOT_FINITE)
+    return partial(
+        _sphere_on_plane, check_number("radius", radius, -math.inf, math.inf, StatusCode.NOT_FINITE)
+    )
 
-    def motion(body_a: Body, body_b: Body, contact: Contact) -> SurfaceMotion:
-        n = unit_normal(contact)
-        normal = np.zeros((3, 12))
-        normal[:, 9:] = -cross_matrix(n)
-        return _sphere_motion(radius, n, normal, body_a, contact)
 
-    return motion
+def _sphere_on_plane(radius: float, body_a: Body, body_b: Body, contact: Contact) -> SurfaceMotion:
+    n = unit_normal(contact)
+    normal = np.zeros((3, 12))
+    normal[:, 9:] = -cross_matrix(n)
+    return _sphere_motion(radius, n, normal, body_a, contact)
 
 
 def sphere_on_sphere(radius_a: float, radius_b: float) -> Surfaces:
@@ -104,16 +106,18 @@ def sphere_on_sphere(radius_a: float, radius_b: float) -> Surfaces:
     """
     radius_a = check_number("radius_a", radius_a, -math.inf, math.inf, StatusCode.NOT_FINITE)
     radius_b = check_number("radius_b", radius_b, -math.inf, math.inf, StatusCode.NOT_FINITE)
+    return partial(_sphere_on_sphere, radius_a, radius_b)
 
-    def motion(body_a: Body, body_b: Body, contact: Contact) -> SurfaceMotion:
-        n = unit_normal(contact)
-        between_centres = np.zeros((3, 12))
-        between_centres[:, :6] = _point_motion(body_a, np.add(contact.position, radius_a * n))
-        between_centres[:, 6:] = -_point_motion(body_b, np.subtract(contact.position, radius_b * n))
-        normal = (np.eye(3) - np.outer(n, n)) @ between_centres / (radius_a + radius_b)
-        return _sphere_motion(radius_a, n, normal, body_a, contact)
 
-    return motion
+def _sphere_on_sphere(
+    radius_a: float, radius_b: float, body_a: Body, body_b: Body, contact: Contact
+) -> SurfaceMotion:
+    n = unit_normal(contact)
+    between_centres = np.zeros((3, 12))
+    between_centres[:, :6] = _point_motion(body_a, np.add(contact.position, radius_a * n))
+    between_centres[:, 6:] = -_point_motion(body_b, np.subtract(contact.position, radius_b * n))
+    normal = (np.eye(3) - np.outer(n, n)) @ between_centres / (radius_a + radius_b)
+    return _sphere_motion(radius_a, n, normal, body_a, contact)
 
 
 def _sphere_motion(radius: float, n: Array, normal: Array, body_a: Body, contact: Contact) -> SurfaceMotion:

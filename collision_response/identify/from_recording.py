@@ -68,10 +68,8 @@ def read_impacts(path: Path, within: float) -> Impacts:
 
 def _rows(path: Path, entity: str) -> Iterator[dict[str, Any]]:
     """Yield the rows of an entity, each with its values by column name."""
-    try:
-        from ..recording.table import open_complete
-    except ImportError:
-        raise ImportError("a recording needs rerun: pip install rerun-sdk") from None
+    from ..recording.table import open_complete
+
     try:
         chunks = list(open_complete(path).stream().filter(content=entity).to_chunks())
     except (RuntimeError, ValueError) as error:  # the file is cut short, or not a recording

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..model import Law
+from ..optional import missing
 from ..status import ImpactError, StatusCode
 from .measurements import Array, Measurements
 
@@ -210,6 +211,6 @@ def _snap_to_limits(x: Array, one: Any, limits: Iterable[Array], precision: floa
 def _least_squares() -> Any:
     try:
         from scipy.optimize import least_squares
-    except ImportError:
-        raise ImportError("to identify coefficients needs SciPy: pip install scipy") from None
+    except ModuleNotFoundError:
+        raise missing("SciPy", "scipy") from None
     return least_squares

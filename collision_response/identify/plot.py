@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from ..optional import missing
 from .identification import Identification
 from .measurements import Measurements, informative
 
@@ -30,8 +31,8 @@ def draw(found: Identification, measured: Measurements, path: Path) -> None:
     """
     try:
         from matplotlib.figure import Figure
-    except ImportError:
-        raise ImportError("a plot needs matplotlib: pip install matplotlib") from None
+    except ModuleNotFoundError:
+        raise missing("matplotlib", "matplotlib") from None
     figure = Figure(figsize=(10, 4.6), layout="constrained")
     left, right = figure.subplots(1, 2)
     used = informative(measured, found.kind)

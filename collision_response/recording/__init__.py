@@ -7,6 +7,7 @@ The files::
     writer.py            writes entries for the viewer; viewer_layout.py: where it shows them
         equivalent_solid.py, piped_file.py    the shape of a body; a file that rerun writes to
     table.py, scenes.py  the tables of impacts and of scenes: written, read and computed again
+    rerun_sdk.py         imports rerun, or says what to install
     report.py            a summary in words, and as an HTML page
 """
 

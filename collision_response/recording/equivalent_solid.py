@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-import rerun as rr
 
 from ..physics.body import Body
 from ..physics.tensor import Symmetric3
+from .rerun_sdk import rr
 
 EQUAL = 1e-6
 """Principal moments that differ by less than this fraction of the largest are those of a ball."""

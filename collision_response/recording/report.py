@@ -10,8 +10,8 @@ from html import escape
 from typing import Any, NamedTuple
 
 import numpy as np
-import pyarrow as pa
 
+from .rerun_sdk import pa
 from .table import rows_of
 from .viewer_layout import BLUE, GREY, ORANGE, RED, REGIMES, VIOLET, Colour
 

@@ -20,14 +20,12 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-import rerun as rr
-
 from .. import ImpactError, SceneImpact, resolve_scene
 from ..body_conversions import ROWS, body_from_numbers, body_to_numbers
 from ..scene.answer import NUMBERS
 from . import table
 from .record import SceneRecord
+from .rerun_sdk import pa, rr
 from .table import ARCHETYPE, changed_columns, contact_of, model_of, numbers_of_contact
 
 TABLE = "/scenes"

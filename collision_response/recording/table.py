@@ -26,10 +26,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import rerun as rr
-from rerun.chunk import RrdReader
-from rerun.error_utils import RerunWarning
 
 from .. import Body, Contact, Geometry, ImpactError, ImpactModel, Law, Precision, resolve
 from ..answer import NUMBERS
@@ -37,6 +33,7 @@ from ..body_conversions import ROWS, body_from_numbers, body_to_numbers
 from ..physics.inverse_inertia import InverseInertia
 from ..physics.vector import Vec3
 from .record import Record, Refusal
+from .rerun_sdk import RerunWarning, RrdReader, pa, rr
 from .viewer_layout import PLOTS
 
 TABLE = "/impacts"

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import rerun as rr
-import rerun.blueprint as rrb
+from .rerun_sdk import rr, rrb
 
 WORLD = "/world"
 CONTACT = f"{WORLD}/contact"

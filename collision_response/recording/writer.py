@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 from uuid import uuid4
 
 import numpy as np
-import rerun as rr
 
 from ..body_conversions import orientation_of, with_com_as_reference
 from ..physics.body import Body, Twist
@@ -21,6 +20,7 @@ from ..physics.vector import ZERO, Vec3
 from .equivalent_solid import EquivalentSolid
 from .piped_file import PipedFile
 from .record import BodyRecord, Entry, Gap, Record, Refusal, SceneRecord, UnwritableEntries
+from .rerun_sdk import rr
 from .scenes import TABLE as SCENES
 from .scenes import scene_columns
 from .table import TABLE, impact_columns, refusal_columns

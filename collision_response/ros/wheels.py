@@ -5,21 +5,26 @@ from __future__ import annotations
 import re
 from importlib import metadata
 
+from ..optional import missing
+
 PINNED = re.compile(r"(?P<name>ros-[\w-]+)(\[\w+\])?==(?P<series>[\d.]+\.)\*")
 
 MISSING = "(missing)"
 
 
-def check_release(package: str = "collision_response") -> None:
-    """Check the ROS wheels that a package requires.
+PACKAGE = "collision_response"
 
-    A package built by colcon has no list of requirements: nothing is checked.
+
+def check_release() -> None:
+    """Check the ROS wheels that this package requires.
+
+    If colcon has built it, it has no list of requirements: nothing is checked.
 
     Raises:
         ImportError: if a wheel is missing or of another release. The message says what to install.
     """
     try:
-        requirements = metadata.requires(package) or []
+        requirements = metadata.requires(PACKAGE) or []
     except metadata.PackageNotFoundError:
         return
     pinned = [match for match in map(PINNED.fullmatch, requirements) if match]  # without those of extras
@@ -30,10 +35,10 @@ def check_release(package: str = "collision_response") -> None:
     ]
     if wrong:
         wanted = " ".join(f"'{match.group()}'" for match in pinned)
+        if sum(wheel.endswith(MISSING) for wheel in wrong) == len(pinned):
+            raise missing("ROS", wanted)
         other = f"was built with other ROS wheels than {', '.join(wrong)}"
-        has_none = sum(wheel.endswith(MISSING) for wheel in wrong) == len(pinned)
-        fault = "needs ROS for this" if has_none else other
-        raise ImportError(f"{package} {fault}: pip install {wanted}")
+        raise ImportError(f"{PACKAGE} {other}: pip install {wanted}")
 
 
 def _version(name: str) -> str:

@@ -1,0 +1,16 @@
+"""rerun and PyArrow, which comes with it; or an error that says what to install."""
+
+from __future__ import annotations
+
+from ..optional import missing
+
+try:
+    import pyarrow as pa
+    import rerun as rr
+    import rerun.blueprint as rrb
+    from rerun.chunk import RrdReader
+    from rerun.error_utils import RerunWarning
+except ModuleNotFoundError:
+    raise missing("rerun", "rerun-sdk") from None
+
+__all__ = ["RerunWarning", "RrdReader", "pa", "rr", "rrb"]
