@@ -354,6 +354,43 @@ def test_without_friction_every_law_is_reliable(law, velocity, restitution):
     assert after.is_reliable
 
 
+@pytest.mark.parametrize("number", [Fraction, np.float32, np.float64, int])
+def test_the_type_of_the_numbers_does_not_matter(number):
+    """Each number of the request is exact in all of these types."""
+
+    def propagate(number):
+        def vector(*numbers):
+            return tuple(map(number, numbers))
+
+        inertia, position = vector(2, 0, 0, 3, 0, 1), vector(0, 0, 1)
+        twist = {"velocity": vector(3, 1, -2), "angular_velocity": vector(1, 2, -1)}
+        box = Body.dynamic(number(4), inertia, position, **twist)
+        contact = Contact.of(vector(0, 0, 0), vector(0, 0, 1), number(1), number(1))
+        return propagate_covariance(
+            box, Body.static(), contact, covariance=np.diag(SD**2), surfaces=corner_on_plane
+        )
+
+    found, expected = propagate(number), propagate(float)
+    np.testing.assert_array_equal(found.covariance, expected.covariance)
+    assert found[1:] == expected[1:]
+
+
+@pytest.mark.parametrize("friction", [0.22, 0.28, 0.36])
+def test_the_tangential_restitution_of_the_contact_counts_as_that_of_the_model(friction):
+    """In these impacts it decides which regimes are near."""
+    box = Body.dynamic(2.0, (0.3, 0, 0, 0.4, 0, 0.5), (0, 0, 0.1), None, (0.3, 0.2, -1.5), (0.4, -0.7, 0.9))
+    contact = Contact.of((0.05, 0.1, 0), (0, 0, 1), 0.5, friction)
+
+    def propagate(contact, model):
+        return propagate_covariance(
+            box, Body.static(), contact, model, 1e-4 * np.eye(12), corner_on_plane, friction_sd=0.01
+        )
+
+    in_contact = propagate(contact._replace(tangential_restitution=0.5), ImpactModel(Law.COULOMB))
+    in_model = propagate(contact, ImpactModel(Law.COULOMB, tangential_restitution=0.5))
+    assert in_contact[1:] == in_model[1:]
+
+
 def test_uncertain_friction_counts_where_its_mean_is_0():
     """AUTO is COULOMB where there is friction."""
     request = propagated(0.0), propagated(0.0, friction_sd=0.0)

@@ -199,7 +199,12 @@ def _regime_at(linearised: LinearisedImpact, change: Array) -> Regime:
     point = np.array(contact.position) + motion.position @ poses + motion.position_by_normal @ tilt
     normal = unit_normal(contact) + motion.normal @ poses + tilt
     e, mu = contact.restitution + change[24], contact.friction + change[25]
-    changed = Contact.of(point.tolist(), normal.tolist(), min(max(float(e), 0.0), 1.0), max(float(mu), 0.0))
+    changed = contact._replace(
+        position=Vec3(*point.tolist()),
+        normal=Vec3(*normal.tolist()),
+        restitution=min(max(float(e), 0.0), 1.0),
+        friction=max(float(mu), 0.0),
+    )
     return resolve(changed_a, changed_b, changed, model).regime
 
 
@@ -213,8 +218,8 @@ def _changed(body: Body, change: Array) -> Body:
     v = Vec3(*q[:3])
     x, y, z = v + half * q.w + half.cross(v)
     return body._replace(
-        position=Vec3(*body.position) + dx,
+        position=body.position + dx,
         orientation=Quaternion(x, y, z, q.w - half.dot(v)),
-        velocity=Vec3(*body.velocity) + dv,
-        angular_velocity=Vec3(*body.angular_velocity) + dw,
+        velocity=body.velocity + dv,
+        angular_velocity=body.angular_velocity + dw,
     )

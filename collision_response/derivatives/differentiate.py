@@ -143,10 +143,7 @@ def differentiate(
             beyond float64 or the path of COMPLIANT has too many steps.
     """
     directions, columns = _unit_directions(tuple(with_respect_to))
-    for name in ("restitution", "friction"):
-        if callable(getattr(contact, name)):
-            reason = "must be a number for derivatives: multiply the derivative by the slope of the function"
-            raise ImpactError(StatusCode.INVALID_COEFFICIENT, f"contact.{name}", reason)
+    check_coefficients(contact)
     impact = resolve(body_a, body_b, contact, model)
     if model.geometry not in (Geometry.AUTO, Geometry.SPATIAL):
         reason = f"must be AUTO or SPATIAL for derivatives, is {model.geometry.name}"
@@ -168,6 +165,18 @@ def differentiate(
         reason = "a derivative is beyond float64 or could not be computed"
         raise ImpactError(StatusCode.OUT_OF_RANGE, "result", reason)
     return Derivatives(impact, jacobian, smoothness, columns)
+
+
+def check_coefficients(contact: Contact) -> None:
+    """Refuse a coefficient that is a function.
+
+    Raises:
+        ImpactError: INVALID_COEFFICIENT.
+    """
+    for name in ("restitution", "friction"):
+        if callable(getattr(contact, name)):
+            reason = "must be a number for derivatives: multiply the derivative by the slope of the function"
+            raise ImpactError(StatusCode.INVALID_COEFFICIENT, f"contact.{name}", reason)
 
 
 def unit_directions(*with_respect_to: str) -> Array:

@@ -28,15 +28,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..body_conversions import body_rotation, com_in_world_axes
+from ..in_python.request_numbers import read_request
 from ..model import DEFAULT, Adjustment, ImpactModel, check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Regime
-from ..physics.tensor import Symmetric3
 from ..physics.vector import Vec3, as_vector
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
-from .differentiate import Derivatives, Smoothness, differentiate
+from .differentiate import Derivatives, Smoothness, check_coefficients, differentiate
 from .surfaces import SurfaceMotion, Surfaces, unit_normal
 
 Array = np.ndarray[Any, Any]
@@ -54,7 +54,7 @@ class LinearisedImpact(NamedTuple):
     """An impact and its first-order behaviour.
 
     Attributes:
-        request: body_a, body_b, contact and model, as given.
+        request: body_a, body_b, contact and model, with floats for all numbers.
         derivatives: of the impact by the state, contact point, normal, restitution and friction.
         matrix: the saltation matrix of both bodies, shape ``(24, 24)``.
         by_normal: derivative of the state after the impact by a change of the unit normal alone, shape
@@ -114,6 +114,8 @@ def linearise(
     for acceleration in as_vector("gravity", gravity):
         check_number("gravity", acceleration, -math.inf, math.inf, StatusCode.NOT_FINITE)
     resolve(body_a, body_b, contact, model)  # refuses invalid input before `surfaces` is called with it
+    check_coefficients(contact)
+    body_a, body_b, contact = read_request(body_a, body_b, contact)
     request = body_a, body_b, contact, model
     motion = _surface_motion(surfaces, body_a, body_b, contact)
     names = [*STATE, "contact.position", "contact.normal", *COEFFICIENTS]
@@ -130,8 +132,8 @@ def linearise(
     by_normal[TWISTS] = (dv_dn + dv_dC @ motion.position_by_normal) @ tangential
 
     bodies = body_a, body_b
-    n = Vec3(*contact.normal)
-    d_A, d_B = (Vec3(*np.subtract(contact.position, body.position).tolist()) for body in bodies)
+    n = contact.normal
+    d_A, d_B = (contact.position - body.position for body in bodies)
     by_twist = [0.0] * 6
     Dg = np.array([*n, *d_A.cross(n), *by_twist, *-n, *-(d_B.cross(n)), *by_twist])
     impact = derivatives.impact
@@ -202,11 +204,11 @@ def _surface_motion(
 
 def _free_flight_rate(body: Body, gravity: Sequence[float]) -> Array:
     """Rate of the state of a body in free flight, shape ``(12,)``."""
-    v, w = np.array(body.velocity, float), np.array(body.angular_velocity, float)
+    v, w = np.array(body.velocity), np.array(body.angular_velocity)
     if not body.is_movable():
         return np.concatenate([v, w, np.zeros(6)])
-    R = np.array(body_rotation(body)[:3], float)
-    inertia = np.array(Symmetric3(*body.inertia).rows(), float)
+    R = np.array(body_rotation(body)[:3])
+    inertia: Array = np.array(body.inertia.rows())
     w_body = R.T @ w
     angular = R @ np.linalg.lstsq(inertia, -np.cross(w_body, inertia @ w_body), rcond=None)[0]
     c = com_in_world_axes(body)

@@ -43,7 +43,8 @@ def read_request(
         body if given.inverse_inertia is None else body._replace(inverse_inertia=InverseInertia(*entries))
         for body, given, entries in zip(bodies, (body_a, body_b), inverse_inertias, strict=True)
     )
-    return a, b, Contact(take(Vec3), take(Vec3), next(numbers), next(numbers))
+    numeric_contact = Contact(take(Vec3), take(Vec3), next(numbers), next(numbers))
+    return a, b, numeric_contact._replace(tangential_restitution=contact.tangential_restitution)
 
 
 def body_as_fractions(body: Body) -> Body:
