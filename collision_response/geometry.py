@@ -64,7 +64,7 @@ def reduce_body(body: Body, geometry: Geometry) -> Body:
 
     Its centre of mass keeps its velocity, in PLANAR the part of it in the plane.
     """
-    com, velocity, spin = com_in_world_axes(body), Vec3(*body.velocity), Vec3(*body.angular_velocity)
+    com, velocity, spin = com_in_world_axes(body), body.velocity, body.angular_velocity
     if geometry is Geometry.POINT:
         return body._replace(
             inertia=ZERO_TENSOR,

@@ -21,6 +21,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from .answer import Impact, bounded_vectors
+from .in_python.request_numbers import read_request
 from .model import ULP, Geometry, ImpactModel, Precision, check_number
 from .physics.body import Body
 from .physics.contact import Contact
@@ -156,7 +157,7 @@ class SceneSurvey:
             for law, impact in impacts.items()
         }
         smooth, rough = impacts.values()
-        difference = _difference(smooth, rough, body_a, body_b)
+        difference = _difference(smooth, rough, *read_request(*scene)[:2])
         if rough.contact.friction > 0 and difference > self._tolerance:
             reason = f"friction changes the impact of {name} by {difference:.2g} of it"
             self._law = _greater(self._law, Law.COULOMB, reason)

@@ -41,7 +41,6 @@ from .model import (
 from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.laws import BY_SPEED, Law, Regime
-from .physics.vector import Vec3
 from .status import ImpactError, StatusCode
 
 TOLERANCE_NOT_MET = StatusCode.TOLERANCE_NOT_MET
@@ -222,6 +221,7 @@ def _resolve_reduced(body_a: Body, body_b: Body, contact: Contact, model: Impact
         reason = f"must not be along z in the geometry PLANAR; is {tuple(contact.normal)}"
         raise ImpactError(StatusCode.INVALID_NORMAL, "contact.normal", reason)
     full = resolve(body_a, body_b, contact, model._replace(geometry=Geometry.SPATIAL))
+    body_a, body_b, _ = read_request(body_a, body_b, contact)
     reduced_a, reduced_b = (reduce_body(body, geometry) for body in (body_a, body_b))
     reduced = resolve(reduced_a, reduced_b, reduce_contact(contact, geometry), model)
     compared = (bounded_vectors(impact, body_a, body_b) for impact in (reduced, full))
@@ -241,7 +241,7 @@ def _resolve_reduced(body_a: Body, body_b: Body, contact: Contact, model: Impact
 
 
 def _twist_after(body: Body, change: Twist) -> Twist:
-    return Twist(Vec3(*body.velocity) + change.linear, Vec3(*body.angular_velocity) + change.angular)
+    return Twist(body.velocity + change.linear, body.angular_velocity + change.angular)
 
 
 def _relative_distance(x: tuple[float, ...], y: tuple[float, ...], y_error: float) -> float:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from decimal import Decimal
 from fractions import Fraction as F
 
+import numpy as np
 import pytest
 from refusals import refused
 
@@ -33,6 +35,27 @@ def test_one_fraction_makes_the_answer_exact():
         Body.dynamic(1.0, velocity=(0.0, 0.0, F(-1, 3))), FLOOR, Contact.of((0, 0, 0), (0, 0, 1))
     )
     assert impact.twist_a.linear.z == F(1, 3)
+
+
+@pytest.mark.parametrize(
+    "tenth", [Decimal("0.1"), np.longdouble("0.1"), np.array(np.longdouble("0.1"))], ids=repr
+)
+def test_numbers_beyond_float64_stay_exact_next_to_a_fraction(tenth):
+    exact = F(*tenth.item().as_integer_ratio()) if hasattr(tenth, "item") else F(tenth)
+    impact = resolve(
+        Body.dynamic(tenth, velocity=(0, 0, F(-1))), FLOOR, Contact.of((0, 0, 0), (0, 0, 1), tenth)
+    )
+    assert exact != F(float(tenth))
+    assert impact.impulse.z == exact * (1 + exact)
+
+
+def test_friction_is_evaluated_at_the_slip_speed_of_fractions():
+    """A tenth and two tenths, which as floats add up to more than the float for three."""
+    speeds = []
+    body_a, body_b = (Body.dynamic(1, velocity=(F(v, 10), 0, v)) for v in (1, -2))
+    contact = Contact.of((0, 0, 0), (0, 0, -1), F(1, 2), lambda speed: speeds.append(speed) or 0.5)
+    resolve(body_a, body_b, contact)
+    assert set(speeds) == {0.3}
 
 
 def test_the_length_of_a_normal_need_not_be_rational():

@@ -471,23 +471,6 @@ def test_the_length_of_the_normal_does_not_matter():
 # Numbers of any type come in, floats go out.
 
 
-@pytest.mark.parametrize(
-    "number", [float, np.float64, np.float32, F, Decimal], ids=lambda kind: kind.__name__
-)
-def test_numbers_of_every_type_are_accepted(number):
-    """All numbers here are exact in every type."""
-
-    def made(value):
-        if isinstance(value, tuple):
-            return type(value)(*map(made, value))
-        return None if value is None else number(value)
-
-    model = ImpactModel(Law.COULOMB)  # FRICTIONLESS answers fractions by fractions: see test_rationals.py
-    impact = resolve(made(BALL), FLOOR, made(CONTACT), model)
-    assert impact._replace(contact=CONTACT) == resolve(BALL, FLOOR, CONTACT, model)
-    assert all(type(x) is float for x in (*impact.impulse, *impact.twist_a.linear, impact.normal_impulse))
-
-
 def test_lists_arrays_and_integers_are_accepted():
     plain = resolve(BALL, FLOOR, CONTACT)
     falling = BALL._replace(position=[0, 0, 1], velocity=np.array([0, 0, -2]))

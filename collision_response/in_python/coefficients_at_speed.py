@@ -14,7 +14,7 @@ from ..physics.contact import Contact
 from ..physics.effective_mass import ContactKinematics
 from ..physics.laws import BY_SPEED, PATHS, Law
 from ..status import ImpactError, StatusCode
-from .request_numbers import as_fraction, read_request
+from .request_numbers import body_as_fractions, contact_as_fractions, read_request
 
 
 def restitution_at_speed(speed: float, contact: Contact, field: str) -> float:
@@ -71,8 +71,8 @@ def initial_slip_speed(body_a: Body, body_b: Body, contact: Contact) -> float:
     Raises:
         ImpactError: OUT_OF_RANGE, if the speed is beyond float64.
     """
-    request = read_request(body_a, body_b, contact, lambda x, _: as_fraction(x))
-    n, u, n_u = ContactKinematics.of(*request)[:3]
+    bodies = body_as_fractions(body_a), body_as_fractions(body_b)
+    n, u, n_u = ContactKinematics.of(*bodies, contact_as_fractions(contact))[:3]
     try:
         return float(square_root(u.dot(u) - n_u * n_u / n.dot(n)))
     except OverflowError:

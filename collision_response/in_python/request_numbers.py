@@ -77,5 +77,6 @@ def as_fraction(x: Any) -> Any:
     """Convert a number to a fraction, exactly. An infinite number and NaN stay floats."""
     if isinstance(x, Rational):
         return Fraction(x)
-    x = float(x)
-    return Fraction(x) if math.isfinite(x) else x
+    number = x.item() if hasattr(x, "item") else x  # of NumPy
+    exact = number if hasattr(number, "as_integer_ratio") else float(number)
+    return Fraction(*exact.as_integer_ratio()) if math.isfinite(exact) else float(exact)

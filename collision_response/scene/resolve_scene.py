@@ -187,13 +187,12 @@ def _combine(
         model = answer.model if model is None else _most_exact(model, answer.model)
     if model is None:
         model = ImpactModel(law, Geometry.SPATIAL, Precision.DOUBLE, *options.model[3:])
-    has_contact = {i for pair in scene.pairs for i in pair}
-    for i, body in enumerate(scene.bodies):
-        if i not in has_contact:
-            energy = _energy_without_contacts(i, body, options.exact)
+    for i, given in enumerate(scene.bodies):
+        if twists[i] is None:  # it has no contact, or is immovable
+            body = _read_body(i, given, options.exact)
+            energy = kinetic_energy(body)
             energies = [energies[0] + energy, energies[1] + energy, *energies[2:]]
-        if twists[i] is None:
-            twists[i] = Twist(Vec3(*body.velocity), Vec3(*body.angular_velocity))
+            twists[i] = Twist(body.velocity, body.angular_velocity)
     if not (options.exact or all(map(math.isfinite, energies))):
         raise library.refusal(StatusCode.OUT_OF_RANGE)
     contacts, impulses, before, after, regimes = zip(*rows, strict=True) if rows else ((),) * 5
@@ -231,8 +230,8 @@ def _most_exact(one: ImpactModel, other: ImpactModel) -> ImpactModel:
     )
 
 
-def _energy_without_contacts(i: int, body: Body, exact: bool) -> Scalar:
-    """Return the kinetic energy of a body that has no contact.
+def _read_body(i: int, body: Body, exact: bool) -> Body:
+    """Return a body that no impulse changes, with its numbers as floats, or as they are if ``exact``.
 
     Raises:
         ImpactError, TypeError: if the body is invalid, which an impact with a probe tells.
@@ -242,4 +241,4 @@ def _energy_without_contacts(i: int, body: Body, exact: bool) -> Scalar:
     except ImpactError as error:
         if error.code is not StatusCode.OUT_OF_RANGE:
             raise
-    return kinetic_energy(body if exact else read_request(body, PROBE, PROBE_CONTACT)[0])
+    return body if exact else read_request(body, PROBE, PROBE_CONTACT)[0]

@@ -1,0 +1,129 @@
+"""Requests in other types of numbers: every function answers with the floats that it gives for floats."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from decimal import Decimal
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+
+from collision_response import (
+    Body,
+    Contact,
+    Geometry,
+    ImpactModel,
+    Law,
+    Precision,
+    SceneContact,
+    resolve,
+    resolve_scene,
+    scene_requirements,
+)
+from collision_response.derivatives import (
+    corner_on_plane,
+    differentiate,
+    propagate_covariance,
+    saltation_matrix,
+)
+
+TYPES = {
+    "float32": np.float32,
+    "float64": np.float64,
+    "longdouble": np.longdouble,
+    "int": int,
+    "int8": np.int8,
+    "0-d array": lambda x: np.array(float(x)),
+    "Decimal": Decimal,
+    "Fraction": Fraction,
+}
+
+FUNCTIONS: dict[str, Any] = {
+    **{f"resolve, {law.name}": lambda a, b, c, law=law: resolve(a, b, c, ImpactModel(law)) for law in Law},
+    **{
+        f"resolve, {precision.name}": lambda a, b, c, precision=precision: resolve(
+            a, b, c, ImpactModel(precision=precision)
+        )
+        for precision in Precision
+    },
+    **{
+        f"resolve, {geometry.name}": lambda a, b, c, geometry=geometry: resolve(
+            a, b, c, ImpactModel(geometry=geometry)
+        )
+        for geometry in (Geometry.POINT, Geometry.PLANAR)
+    },
+    "resolve, function": lambda a, b, c: resolve(a, b, c._replace(restitution=lambda v: 0.5)),
+    "one contact": lambda a, b, c: resolve_scene([a, b], [(0, 1)], [c], ImpactModel(Law.FRICTIONLESS)),
+    **{
+        f"scene, {law.name}": lambda a, b, c, law=law: resolve_scene(
+            [a, b], [(0, 1)] * 2, [c, _moved(c)], ImpactModel(law)
+        )
+        for law in (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE)
+    },
+    "no contact": lambda a, b, c: resolve_scene([a, b], [], []),
+    "scene_requirements": lambda a, b, c: scene_requirements(
+        {"a": a, "b": b}, [SceneContact("a", "b", c)], 1e-6
+    ),
+    "differentiate": lambda a, b, c: differentiate(a, b, c),
+    "saltation_matrix": lambda a, b, c: saltation_matrix(a, b, c, surfaces=corner_on_plane),
+    "propagate_covariance": lambda a, b, c: propagate_covariance(
+        a, b, c, covariance=np.eye(12), surfaces=corner_on_plane, friction_sd=0.1
+    ),
+}
+
+
+def _moved(contact: Contact) -> Contact:
+    x, y, z = contact.position
+    return contact._replace(position=(x, y + contact.normal[0] + contact.normal[1], z))
+
+
+def request(number: Any, kind: str) -> tuple[Body, Body, Contact]:
+    """Two bodies and a contact, of numbers that every type holds exactly."""
+
+    def vector(*numbers: int) -> tuple[Any, ...]:
+        return tuple(map(number, numbers))
+
+    inertia, twist = (
+        vector(2, 0, 0, 3, 0, 1),
+        {"velocity": vector(3, -2, -1), "angular_velocity": vector(1, 2, -1)},
+    )
+    contact = Contact.of(vector(1, -1, 0), vector(0, 2, 0), number(1), number(1))
+    other = Body.static()
+    if kind == "moving":
+        other = Body.kinematic(vector(1, -3, 0), vector(0, 1, 1), vector(1, 0, 0))
+    com = vector(0, 0, 1) if kind == "off-centre" else vector(0, 0, 0)
+    orientation = vector(0, 0, 2, 0) if kind == "turned" else None
+    body = Body.dynamic(number(4), inertia, vector(0, 0, 0), orientation, **twist)._replace(com=com)
+    return body, other, contact
+
+
+EXACT = ("resolve, FRICTIONLESS", "no contact", "one contact", "scene,")
+"""Functions that compute with fractions, or refuse them: see test_rationals.py."""
+
+CASES = [
+    (function, type_)
+    for function in FUNCTIONS
+    for type_ in TYPES
+    if not (type_ == "Fraction" and function.startswith(EXACT))
+]
+
+
+@pytest.mark.parametrize("kind", ["usual", "moving", "off-centre", "turned"])
+@pytest.mark.parametrize(("function", "type_"), CASES)
+def test_answers_are_those_of_floats(function, type_, kind):
+    expected = FUNCTIONS[function](*request(float, kind))
+    found = FUNCTIONS[function](*request(TYPES[type_], kind))
+    found, expected = list(_numbers(found)), list(_numbers(expected))
+    np.testing.assert_equal(found, expected)
+    assert list(map(type, found)) == list(map(type, expected))
+
+
+def _numbers(answer: Any) -> Iterator[Any]:
+    """All numbers of an answer, except those of contacts, which are the given ones."""
+    if not isinstance(answer, tuple):
+        yield answer
+    elif not isinstance(answer, Contact):
+        for part in answer:
+            yield from _numbers(part)
