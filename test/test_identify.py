@@ -19,6 +19,7 @@ from collision_response.identify.__main__ import main
 from collision_response.identify.from_table import impacts_from_rows, read_rows
 from collision_response.identify.measurements import BODY, CONTACT
 from collision_response.physics.vector import Vec3
+from collision_response.recording import BodyRecord, Record, Recorder
 
 SOLVED = 1e-6
 """Error of a coefficient without noise: the root of 1e-10, at which least squares stop, with a margin."""
@@ -535,47 +536,25 @@ def test_a_table_named_like_a_recording_is_refused_in_one_line(tmp_path: Path, c
     assert "Not an RRD file" in err and err.count("\n") == 1
 
 
-def recording(path, answers, heard, inverse_inertia=None):
-    """A recording of balls on a floor at whole seconds, and of received states: stamp [ns] and velocity."""
-    rr = pytest.importorskip("rerun")
-    pa = pytest.importorskip("pyarrow")
-    at_rest = [math.inf, *[0.0] * 12, 0.0, 0.0, 0.0, 1.0, *[0.0] * 6]
-    columns: dict[str, list] = {}
-    for speed, rebound in answers:
-        ball = [2.0, *[0.0] * 6, 0.0, 0.0, 0.25, *[0.0] * 6, 1.0, 0.0, 0.0, -speed, *[0.0] * 3]
-        for name, value in (
-            ("request_a", ball),
-            ("request_b", at_rest),
-            ("request_contact", [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.9, 0.0, math.nan]),
-            ("twist_a_after", [0.0, 0.0, rebound, 0.0, 0.0, 0.0]),
-            ("twist_b_after", [0.0] * 6),
-            ("body_a", "ball"),
-            ("body_b", "floor"),
-        ):
-            columns.setdefault(name, []).append(value)
-        if inverse_inertia:
-            columns.setdefault("inverse_inertia_b", []).append(inverse_inertia)
+def recording(path, answers, received, floor=None):
+    """A recording of balls that strike a floor at whole seconds, and of received states of the ball.
 
-    def arrow(values):
-        if isinstance(values[0], str):
-            return pa.array(values)
-        flat = np.array(values)
-        return pa.FixedSizeListArray.from_arrays(pa.array(flat.ravel()), flat.shape[1])
-
-    stream = rr.RecordingStream("test")
-    stream.save(path)
-    stamps = np.arange(1, 1 + len(answers)) * 10**9
-    times = [
-        rr.TimeColumn("ros_time", timestamp=stamps.astype("datetime64[ns]")),
-        rr.TimeColumn("answer", sequence=range(len(answers))),
-    ]
-    parts = {name: arrow(values) for name, values in columns.items()}
-    stream.send_columns("/impacts", times, rr.DynamicArchetype.columns(archetype="Impact", components=parts))
-    if heard:
-        when = np.array([stamp for stamp, _ in heard]).astype("datetime64[ns]")
-        arrows = rr.Arrows3D.columns(vectors=[[0.0, 0.0, 0.1 * v] for _, v in heard])
-        stream.send_columns("/world/velocities/ball", [rr.TimeColumn("ros_time", timestamp=when)], arrows)
-    stream.disconnect()
+    Args:
+        path: the file.
+        answers: speed and restitution of each impact.
+        received: stamp [ns] and vertical velocity of each state.
+        floor: the floor; static by default.
+    """
+    pytest.importorskip("rerun")
+    recorder = Recorder(path.parent, pytest.fail, name=path.name)
+    ball = Body.dynamic(2.0, (0.2, 0, 0, 0.2, 0, 0.2), (0.0, 0.0, 0.25))
+    for i, (speed, e) in enumerate(answers, start=1):
+        falling = ball._replace(velocity=Vec3(0.0, 0.0, -speed))
+        request = falling, floor or Body.static(), Contact.of((0, 0, 0), (0, 0, 1), e), ImpactModel()
+        recorder.add(Record(i * 10**9, i, "ball", "floor", *request, resolve(*request)))
+    for stamp, velocity in received:
+        recorder.add(BodyRecord(stamp, "ball", ball._replace(velocity=Vec3(0.0, 0.0, velocity))))
+    recorder.close()
     return path
 
 
@@ -583,9 +562,9 @@ def test_the_command_uses_the_states_received_after_an_impact(tmp_path: Path, ca
     """The node was given e = 0.9, but the balls bounce with 0.5. One state comes too late, and one before its
     impact.
     """
-    heard = [(10**9 - 1, -1.0), (10**9 + 10**7, 0.5), (10**9 + 2 * 10**7, 9.0)]
-    heard += [(2 * 10**9 + 10**7, 1.0), (3 * 10**9 + 10**7, 1.5), (4 * 10**9 + 10**8, 9.0)]
-    path = recording(tmp_path / "a.rrd", [(1.0, 0.9), (2.0, 1.8), (3.0, 2.7), (4.0, 3.6)], heard)
+    received = [(10**9 - 1, -1.0), (10**9 + 10**7, 0.5), (10**9 + 2 * 10**7, 9.0)]
+    received += [(2 * 10**9 + 10**7, 1.0), (3 * 10**9 + 10**7, 1.5), (4 * 10**9 + 10**8, 9.0)]
+    path = recording(tmp_path / "a.rrd", [(1.0, 0.9), (2.0, 0.9), (3.0, 0.9), (4.0, 0.9)], received)
     options = [str(path), "--law", "frictionless", "--resamples", "2"]
     assert main(options) == 0
     assert "restitution = 0.5 " in capsys.readouterr().out
@@ -601,8 +580,28 @@ def test_a_recording_without_body_states_is_refused(tmp_path: Path, capsys):
 
 def test_a_recording_of_articulated_bodies_is_refused(tmp_path: Path, capsys):
     """Its infinite mass must not be taken for an immovable body."""
-    rigid = recording(tmp_path / "a.rrd", [(1.0, 0.9)] * 3, [], [math.nan] * 21)
-    assert main([str(rigid), "--within", "0", "--law", "frictionless", "--resamples", "2"]) == 0
-    link = recording(tmp_path / "b.rrd", [(1.0, 0.9)] * 3, [], [1.0] * 6 + [0.0] * 15)
-    assert main([str(link), "--within", "0"]) == 1
+    link = Body.articulated(np.eye(6).tolist())
+    path = recording(tmp_path / "a.rrd", [(1.0, 0.9)] * 3, [], link)
+    assert main([str(path), "--within", "0"]) == 1
     assert "impacts[0].body_b.inverse_inertia" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "columns", [{}, {"request_a": [1.0]}, {"regime": ["STICKING"], "twist_a_after": [1.0]}]
+)
+def test_a_recording_of_another_program_is_refused_in_one_line(tmp_path: Path, capsys, columns):
+    rr = pytest.importorskip("rerun")
+    stream = rr.RecordingStream("test")
+    stream.save(tmp_path / "a.rrd")
+    if columns:
+        rows = rr.DynamicArchetype.columns(archetype="Impact", components=columns)
+        stream.send_columns("/impacts", [rr.TimeColumn("answer", sequence=[1])], rows)
+    stream.disconnect()
+    assert main([str(tmp_path / "a.rrd")]) == 1
+    err = capsys.readouterr().err
+    assert "is not a recording of this node" in err and err.count("\n") == 1
+
+
+def test_a_recording_without_impacts_is_refused(tmp_path: Path, capsys):
+    assert main([str(recording(tmp_path / "a.rrd", [], [(10**9, 1.0)]))]) == 1
+    assert "/impacts: there are none in" in capsys.readouterr().err

@@ -11,7 +11,6 @@ from typing import Any
 from ..status import ImpactError
 from . import from_table
 from .compare import Comparison, compare
-from .from_recording import read_impacts
 from .identification import LAWS, Identification, identify
 from .measurements import Measurements
 from .plot import draw
@@ -113,6 +112,8 @@ def read(arguments: argparse.Namespace) -> Measurements:
             that is out of range.
     """
     if arguments.file.suffix == ".rrd":
+        from .from_recording import read_impacts
+
         return read_impacts(arguments.file, arguments.within)
     rows = from_table.read_rows(arguments.file, dict(arguments.set))
     if "incidence" not in rows[0]:

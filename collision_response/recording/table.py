@@ -223,7 +223,8 @@ def differences(row: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
     Raises:
         ValueError: if this version does not know the model.
     """
-    request = _request_in(row)
+    contact, model = contact_of(row["request_contact"]), model_of(row["request_model"])
+    request = body_of(row, "a"), body_of(row, "b"), contact, model
     try:
         impact = resolve(*request)
     except ImpactError as error:
@@ -233,9 +234,9 @@ def differences(row: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
     yield from changed_columns(row, now)
 
 
-def _request_in(row: dict[str, Any]) -> tuple[Body, Body, Contact, ImpactModel]:
-    a, b = (body_from_numbers(row[f"request_{side}"], row.get(f"inverse_inertia_{side}")) for side in "ab")
-    return a, b, contact_of(row["request_contact"]), model_of(row["request_model"])
+def body_of(row: dict[str, Any], side: str) -> Body:
+    """Body of a request; ``side`` is ``"a"`` or ``"b"``."""
+    return body_from_numbers(row[f"request_{side}"], row.get(f"inverse_inertia_{side}"))
 
 
 def model_of(numbers: Sequence[float]) -> ImpactModel:
