@@ -30,14 +30,13 @@ from collision_response.msg import BodyState
 from collision_response.ros import batches, clients, scenes, server
 from collision_response.ros import diagnostics as diagnostics_module
 from collision_response.ros.batch_client import pack, unpack
-from collision_response.ros.body_lookup import StateFinder
+from collision_response.ros.body_lookup import BODIES_PER_STEP, StateFinder
 from collision_response.ros.clients import ConnectedClients
 from collision_response.ros.counters import Counters
 from collision_response.ros.diagnostics import PERIOD, Diagnostics
 from collision_response.ros.scene_client import pack as pack_scene
 from collision_response.ros.scenes import MAX_BODIES
 from collision_response.ros.server import SERVICE_QOS
-from collision_response.ros.state_wait import BODIES_PER_STEP
 from collision_response.ros.states import LatestStates
 from collision_response.ros.take_all import RCLError
 from collision_response.srv import ResolveCollision

@@ -11,6 +11,7 @@ import sys
 import sysconfig
 import time
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +19,15 @@ from ..ros.take_all import RCLError
 from . import chapters
 from .client import Client, NoAnswer
 from .node_process import NodeFailed, NodeProcess
-from .recording import RECORDING, can_record, impacts_in
 
 DESCRIPTION = """Start a node and call it: eight systems with known answers, a break shot, a tumbling rod, and
 several contacts at once. The exit code is 0 if all answers are correct to rounding. The node writes
 recordings/demo.rrd for the rerun viewer."""
+
+RECORDING = Path("recordings", "demo.rrd")
+
+CAN_RECORD = find_spec("rerun") is not None
+"""Whether rerun is installed; it may be missing if ROS was not installed by pip."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -68,10 +73,10 @@ def demonstrate() -> Iterator[str]:
         impacts = sum(answer.status.code == answer.status.OK for answer in answers)
         print(f"All {len(answers)} answers were also published on the result topics.")
 
-    if not can_record():
+    if not CAN_RECORD:
         print("Nothing recorded: rerun-sdk is not installed.")
         return
-    recorded = impacts_in(RECORDING)
+    recorded = recorded_impacts()
     print(f"The node has recorded {recorded} impacts and scenes. To see them: {viewer()} {RECORDING}")
     if recorded != impacts:
         yield f"{RECORDING} has {recorded} impacts instead of {impacts}"
@@ -79,7 +84,7 @@ def demonstrate() -> Iterator[str]:
 
 def recording_parameters() -> dict[str, Any]:
     """Parameters of the node for a new recording, which replaces the previous one."""
-    if not can_record():
+    if not CAN_RECORD:
         return {}
     RECORDING.unlink(missing_ok=True)
     return {
@@ -87,6 +92,15 @@ def recording_parameters() -> dict[str, Any]:
         "recording.directory": RECORDING.parent,
         "recording.file": RECORDING.name,
     }
+
+
+def recorded_impacts() -> int:
+    """Number of impacts and scenes in the recording."""
+    from ..recording import scenes, table
+    from ..recording.report import Summary
+
+    summary = Summary.of(table.read([RECORDING]), scenes.read([RECORDING]))
+    return len(summary.answers) + len(summary.scenes)
 
 
 def check_topic(client: Client) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import rclpy.time
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Twist
 
@@ -21,8 +22,7 @@ FRAME = "world"
 
 def time_of(nanoseconds: int) -> Time:
     """Stamp of a time [ns]."""
-    seconds, rest = divmod(nanoseconds, 1_000_000_000)
-    return Time(sec=seconds, nanosec=rest)
+    return rclpy.time.Time(nanoseconds=nanoseconds).to_msg()
 
 
 def state_of(name: str, body: Body, stamp: Time) -> BodyState:

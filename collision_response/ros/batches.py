@@ -38,16 +38,17 @@ from .batch_fields import (
     zeros_in,
 )
 from .body_lookup import (
+    BODIES_PER_STEP,
     LookUp,
     StateFinder,
     StateNotYetReceived,
     check_distinct,
     check_immovable,
     check_world_frame,
+    wait_for_states,
 )
 from .parameters import LatestParameters, Parameters
 from .server import Work
-from .state_wait import BODIES_PER_STEP, wait_for_states
 from .states import LatestStates
 
 

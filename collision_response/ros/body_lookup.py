@@ -1,9 +1,10 @@
-"""Finding the states of bodies given by name, and checks of names, ages and frames."""
+"""Finding the states of bodies given by name, waiting for them, and checks of names, ages and frames."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Sequence
+import time
+from collections.abc import Callable, Generator, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -21,6 +22,9 @@ Found = TypeVar("Found")
 
 LookUp = Generator[None, None, Found]
 """A look-up of bodies, as a generator. It yields where another client may have its turn."""
+
+BODIES_PER_STEP = 50
+"""Bodies that are looked up, or converted, between two yields: each takes up to a tenth of a millisecond."""
 
 OWNERS = ("body_a", "body_b")
 
@@ -77,9 +81,9 @@ class StateFinder(NamedTuple):
             states: the latest states received.
             parameters: the parameters of the node.
         """
-        time = nanoseconds(header.stamp) or states.now()
+        stamp = nanoseconds(header.stamp) or states.now()
         max_age = parameters.max_state_age
-        return cls(states, time, nanoseconds(not_before), max_age, f"{field}.frame_id", header.frame_id)
+        return cls(states, stamp, nanoseconds(not_before), max_age, f"{field}.frame_id", header.frame_id)
 
     def find(self, owner: str, field: str, name: str) -> tuple[BodyState, StateUsed]:
         """Find the latest state of a body.
@@ -129,6 +133,35 @@ class StateFinder(NamedTuple):
             reason = f"the last state of {quoted(state.name)} {fault}; max_state_age is {self.max_age:.6g} s"
             raise ImpactError(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
         check_frame(owner, state, self.frame_field, self.frame)
+
+
+def wait_for_states(
+    look_up: Callable[[], LookUp[Found]], timeout: float
+) -> Generator[float | None, None, Found]:
+    """Look up bodies, and wait for their states if necessary.
+
+    Args:
+        look_up: tried at once, and again whenever states have arrived.
+        timeout: how long to wait [s].
+
+    Yields:
+        While it waits: when it stops waiting [s], by ``time.perf_counter``. In a look-up: ``None``.
+
+    Returns:
+        What the look-up returns.
+
+    Raises:
+        ImpactError: STALE_STATE if no such state arrives in time; or what the look-up raises.
+    """
+    deadline = time.perf_counter() + timeout
+    while True:
+        try:
+            return (yield from look_up())
+        except StateNotYetReceived as error:
+            if time.perf_counter() >= deadline:
+                reason = f"{error.reason}; waited {timeout:.6g} s (max_state_wait)"
+                raise ImpactError(StatusCode.STALE_STATE, error.field, reason) from None
+        yield deadline
 
 
 def complete(

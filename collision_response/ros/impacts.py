@@ -15,10 +15,9 @@ from ..srv import ResolveCollision
 from ..status import ImpactError, StatusCode
 from . import convert
 from .answer_log import AnswerLog
-from .body_lookup import complete
+from .body_lookup import complete, wait_for_states
 from .parameters import LatestParameters
 from .server import Work
-from .state_wait import wait_for_states
 from .states import LatestStates
 
 

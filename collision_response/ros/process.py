@@ -56,18 +56,8 @@ def run(
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make()
-    except UnknownArguments as error:
-        print("collision_response: unknown arguments:", error, file=sys.stderr)
-        return 1
-    except ValueError as error:
-        if "PARAMETER_NOT_SET" not in str(error):  # rclpy's text; it does not name the parameter
-            raise
-        reason = "a parameter is an empty list, which has no type: write [''] for none"
-        print("collision_response:", reason, file=sys.stderr)
-        rclpy.try_shutdown()
-        return 1
-    except START_ERRORS as error:
-        print("collision_response:", *str(error).split(), file=sys.stderr)  # on one line
+    except (UnknownArguments, ValueError, *START_ERRORS) as error:
+        print("collision_response:", _why_not_started(error), file=sys.stderr)
         rclpy.try_shutdown()
         return 1
     try:
@@ -76,6 +66,17 @@ def run(
         end(node)
         rclpy.try_shutdown()
     return 0
+
+
+def _why_not_started(error: Exception) -> str:
+    """Reason why the node cannot start, on one line. An error that is not known is raised again."""
+    if isinstance(error, UnknownArguments):
+        return f"unknown arguments: {error}"
+    if "PARAMETER_NOT_SET" in str(error):  # rclpy's text; it does not name the parameter
+        return "a parameter is an empty list, which has no type: write [''] for none"
+    if not isinstance(error, START_ERRORS):
+        raise error
+    return " ".join(str(error).split())
 
 
 def open_standard_streams() -> None:

@@ -24,6 +24,7 @@ from . import convert
 from .answer_log import AnswerLog
 from .batch_fields import names_in, table_in, write_model
 from .body_lookup import (
+    BODIES_PER_STEP,
     GIVEN_IN_FULL,
     LookUp,
     StateFinder,
@@ -31,10 +32,10 @@ from .body_lookup import (
     check_distinct,
     check_immovable,
     check_world_frame,
+    wait_for_states,
 )
 from .parameters import LatestParameters, Parameters
 from .server import Work
-from .state_wait import BODIES_PER_STEP, wait_for_states
 from .states import LatestStates
 
 CONTACT_ROWS = ("x", "y", "z", "nx", "ny", "nz", "e", "mu")
