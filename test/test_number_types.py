@@ -28,6 +28,7 @@ from collision_response.derivatives import (
     propagate_covariance,
     saltation_matrix,
 )
+from collision_response.recording import Record, SceneRecord
 
 TYPES = {
     "float32": np.float32,
@@ -79,6 +80,9 @@ def _moved(contact: Contact) -> Contact:
     return contact._replace(position=(x, y + contact.normal[0] + contact.normal[1], z))
 
 
+KINDS = ("usual", "moving", "off-centre", "turned")
+
+
 def request(number: Any, kind: str) -> tuple[Body, Body, Contact]:
     """Two bodies and a contact, of numbers that every type holds exactly."""
 
@@ -110,7 +114,7 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize("kind", ["usual", "moving", "off-centre", "turned"])
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("function", "type_"), CASES)
 def test_answers_are_those_of_floats(function, type_, kind):
     expected = FUNCTIONS[function](*request(float, kind))
@@ -127,3 +131,30 @@ def _numbers(answer: Any) -> Iterator[Any]:
     elif not isinstance(answer, Contact):
         for part in answer:
             yield from _numbers(part)
+
+
+@pytest.mark.parametrize("type_", TYPES)
+def test_recordings_hold_floats(type_, tmp_path):
+    """What is recorded of a request does not depend on the type of its numbers."""
+    pytest.importorskip("rerun")
+    from collision_response.recording import Recorder, scenes, table
+
+    def recorded(name: str, number: Any) -> list[Any]:
+        problems: list[str] = []
+        recorder = Recorder(tmp_path, problems.append, name=f"{name}.rrd")
+        for i, kind in enumerate(KINDS):
+            a, b, contact = request(number, kind)
+            of_two = [a, b], [(0, 1)] * 2, [contact, _moved(contact)]
+            model = ImpactModel(Law.FRICTIONLESS)
+            impact, scene = resolve(a, b, contact, model), resolve_scene(*of_two, model)
+            recorder.add(Record(i + 1, 2 * i, "a", "b", a, b, contact, model, impact))
+            recorder.add(SceneRecord(i + 1, 2 * i + 1, ["a", "b"], *of_two, model, scene))
+        recorder.close()
+        assert problems == []
+        (path,) = tmp_path.glob(f"{name}*")
+        return [table.read([path]), scenes.read([path])]
+
+    for found, expected in zip(recorded("given", TYPES[type_]), recorded("floats", float), strict=True):
+        assert found.num_rows == len(KINDS)
+        if type_ != "Fraction":  # whose answers are rounded once
+            np.testing.assert_equal(found.to_pylist(), expected.to_pylist())

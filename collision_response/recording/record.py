@@ -1,12 +1,17 @@
-"""The entries of a recording, without rerun."""
+"""The entries of a recording, without rerun.
+
+Their numbers may be of any type and are recorded as floats. Exact answers, in fractions, are rounded to floats.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from fractions import Fraction
+from typing import Any, NamedTuple
 
 from .. import Body, Contact, Impact, ImpactModel, SceneImpact
+from ..body_conversions import body_from_numbers, body_to_numbers
 
 
 class Record(NamedTuple):
@@ -101,6 +106,43 @@ class Gap(NamedTuple):
 
 
 Entry = Record | SceneRecord | BodyRecord | Refusal | Gap
+
+
+def with_floats(entry: Entry) -> Entry:
+    """Return an entry whose bodies and answer hold floats, whatever numbers they were given as."""
+    match entry:
+        case BodyRecord(body=body):
+            return entry._replace(body=_body_with_floats(body))
+        case Record(body_a=body_a, body_b=body_b, impact=impact):
+            return entry._replace(
+                body_a=_body_with_floats(body_a),
+                body_b=_body_with_floats(body_b),
+                impact=_answer_with_floats(impact),
+            )
+        case SceneRecord(bodies=bodies, impact=impact):
+            return entry._replace(
+                bodies=list(map(_body_with_floats, bodies)), impact=_answer_with_floats(impact)
+            )
+    return entry
+
+
+def _body_with_floats(body: Body) -> Body:
+    inverse_inertia = body.inverse_inertia and [*map(float, body.inverse_inertia)]
+    return body_from_numbers([*map(float, body_to_numbers(body))], inverse_inertia)
+
+
+def _answer_with_floats(impact: Any) -> Any:
+    """Return an answer with floats; its numbers are all fractions, or all floats."""
+    return _without_fractions(impact) if isinstance(impact.kinetic_energy_before, Fraction) else impact
+
+
+def _without_fractions(value: Any) -> Any:
+    if isinstance(value, Fraction):
+        return float(value)
+    if isinstance(value, tuple):
+        parts = map(_without_fractions, value)
+        return value._make(parts) if hasattr(value, "_make") else tuple(parts)
+    return value
 
 
 class UnwritableEntries(Exception):

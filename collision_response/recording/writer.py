@@ -19,7 +19,7 @@ from ..physics.contact import Contact
 from ..physics.vector import ZERO, Vec3
 from .equivalent_solid import EquivalentSolid
 from .piped_file import PipedFile
-from .record import BodyRecord, Entry, Gap, Record, Refusal, SceneRecord, UnwritableEntries
+from .record import BodyRecord, Entry, Gap, Record, Refusal, SceneRecord, UnwritableEntries, with_floats
 from .rerun_sdk import rr
 from .scenes import TABLE as SCENES
 from .scenes import scene_columns
@@ -163,6 +163,7 @@ class Writer:
 
     def _prepared(self, batch: Sequence[Entry]) -> tuple[list[Columns], dict[Appearance, BodyStyle]]:
         """Columns of a batch, and styles of the bodies that are new in it."""
+        batch = list(map(with_floats, batch))
         with np.errstate(over="ignore", invalid="ignore"):  # rerun draws in float32
             styles: dict[Appearance, BodyStyle] = {}
             for entry in batch:
