@@ -1,6 +1,6 @@
 """The entries of a recording, without rerun.
 
-Their numbers may be of any type and are recorded as floats. Exact answers, in fractions, are rounded to floats.
+Their numbers may be of any type and are recorded as floats. So exact answers, in fractions, are rounded.
 """
 
 from __future__ import annotations
