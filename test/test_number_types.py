@@ -18,6 +18,8 @@ from collision_response import (
     Law,
     Precision,
     SceneContact,
+    Twist,
+    Vec3,
     resolve,
     resolve_scene,
     scene_requirements,
@@ -28,6 +30,7 @@ from collision_response.derivatives import (
     propagate_covariance,
     saltation_matrix,
 )
+from collision_response.identify import Impacts
 from collision_response.recording import Record, SceneRecord
 
 TYPES = {
@@ -69,10 +72,17 @@ FUNCTIONS: dict[str, Any] = {
     ),
     "differentiate": lambda a, b, c: differentiate(a, b, c),
     "saltation_matrix": lambda a, b, c: saltation_matrix(a, b, c, surfaces=corner_on_plane),
+    "Impacts.of": lambda a, b, c: _measured(a, b, c).residuals(Law.COULOMB, {"restitution": 0.5}, "kinetic"),
     "propagate_covariance": lambda a, b, c: propagate_covariance(
         a, b, c, covariance=np.eye(12), surfaces=corner_on_plane, friction_sd=0.1
     ),
 }
+
+
+def _measured(body_a: Body, body_b: Body, contact: Contact) -> Impacts:
+    """An impact after which the bodies have the twists that they had before."""
+    twists = [Twist(Vec3(*body.velocity), Vec3(*body.angular_velocity)) for body in (body_a, body_b)]
+    return Impacts.of([body_a], [body_b], [contact], *([twist] for twist in twists))
 
 
 def _moved(contact: Contact) -> Contact:

@@ -14,10 +14,10 @@ import numpy as np
 
 from ..batch import body_rows, contact_rows, resolve_batch
 from ..body_conversions import com_in_world_axes, orientation_of, with_com_as_reference
+from ..in_python.request_numbers import read_request
 from ..model import Geometry, ImpactModel, Law
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
-from ..physics.tensor import Symmetric3
 from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
@@ -133,11 +133,11 @@ class Impacts:
         root = np.zeros((3, 3, 2, n))
         rows = zip(bodies_a, bodies_b, contacts, after_a, after_b, strict=True)
         for i, (a, b, contact, twist_a, twist_b) in enumerate(rows):
-            _check_request(f"impacts[{i}]", a, b, contact)
-            for name, body, twist in (("after_a", a, twist_a), ("after_b", b, twist_b)):
-                _check_twist(f"impacts[{i}].{name}", body, twist)
-            tables[1][:, i] = *contact.position, *contact.normal, 1.0, 0.0
-            for side, (body, twist) in enumerate(((a, twist_a), (b, twist_b))):
+            *bodies, contact = _read_request(f"impacts[{i}]", a, b, contact)
+            tables[1][:, i] = *contact.position, *contact.normal, contact.restitution, contact.friction
+            measured = ("after_a", twist_a), ("after_b", twist_b)
+            for side, (body, (name, given)) in enumerate(zip(bodies, measured, strict=True)):
+                twist = _read_twist(f"impacts[{i}].{name}", body, given)
                 _write_body(tables[0][:, side, i], tables[2][:, side, i], root[:, :, side, i], body, twist)
         return cls(*tables, root)
 
@@ -218,8 +218,8 @@ def _in_rows(parts: Sequence[Array]) -> Array:
     return both.reshape(both.shape[0] * both.shape[1], both.shape[2])
 
 
-def _check_request(field: str, body_a: Body, body_b: Body, contact: Contact) -> None:
-    """Check that a request can be answered, whatever its coefficients, and that its bodies are rigid.
+def _read_request(field: str, body_a: Body, body_b: Body, contact: Contact) -> tuple[Body, Body, Contact]:
+    """Return a request with floats. It must have an answer, whatever its coefficients, and rigid bodies.
 
     Raises:
         ImpactError: as :meth:`Impacts.of` says.
@@ -229,24 +229,27 @@ def _check_request(field: str, body_a: Body, body_b: Body, contact: Contact) -> 
     for name, value, kind in given:
         if not isinstance(value, kind):
             raise TypeError(f"{field}.{name}: must be a {kind.__name__}, is {value!r}")
+    contact = contact._replace(restitution=1.0, friction=0.0)
     try:
-        resolve(body_a, body_b, contact._replace(restitution=1.0, friction=0.0))
+        resolve(body_a, body_b, contact)
     except ImpactError as error:
         raise error.within(field) from None
     for name, body in (("body_a", body_a), ("body_b", body_b)):
         if body.is_articulated():
             reason = "is of a mechanism: give rigid bodies"
             raise ImpactError(StatusCode.INVALID_INERTIA, f"{field}.{name}.inverse_inertia", reason)
+    return read_request(body_a, body_b, contact)
 
 
-def _check_twist(field: str, body: Body, twist: Twist) -> None:
-    """Check that the measured twist of a movable body has no infinite component. NaN: not measured."""
+def _read_twist(field: str, body: Body, twist: Twist) -> Twist:
+    """Return a measured twist with floats. That of a movable body must be finite, or NaN: not measured."""
     if not isinstance(twist, Twist):
         raise TypeError(f"{field}: must be a Twist, is {twist!r}")
     for name, vector in zip(twist._fields, twist, strict=True):
         if body.is_movable() and any(map(math.isinf, vector)):
             reason = f"must be finite, or NaN where nothing was measured; is {tuple(vector)}"
             raise ImpactError(StatusCode.NOT_FINITE, f"{field}.{name}", reason)
+    return Twist(*(Vec3(*map(float, vector)) for vector in twist))
 
 
 def _write_body(column: Array, after: Array, root: Array, body: Body, twist: Twist) -> None:
@@ -259,14 +262,14 @@ def _write_body(column: Array, after: Array, root: Array, body: Body, twist: Twi
         after[:3], after[3:] = centre.velocity, body.angular_velocity
         return
     after[:3], after[3:] = _com_velocity(body, twist), twist.angular
-    moments, axes = np.linalg.eigh(np.array(Symmetric3(*body.inertia).rows()))
+    moments, axes = np.linalg.eigh(np.array(body.inertia.rows()))
     across = [body.to_world(Vec3(*axis)) for axis in axes.T.tolist()]
     root[...] = np.sqrt(np.maximum(moments, 0.0))[:, None] * np.array(across)
 
 
 def _com_velocity(body: Body, twist: Twist) -> Vec3:
     """Return the velocity of the centre of mass, NaN only in components that depend on unmeasured ones."""
-    c, w = com_in_world_axes(body), Vec3(*twist.angular)
+    c, w = com_in_world_axes(body), twist.angular
     least = ROUNDING * max(map(abs, c))
 
     def part(spin: float, arm: float) -> float:
@@ -275,7 +278,7 @@ def _com_velocity(body: Body, twist: Twist) -> Vec3:
     turned = Vec3(
         part(w.y, c.z) - part(w.z, c.y), part(w.z, c.x) - part(w.x, c.z), part(w.x, c.y) - part(w.y, c.x)
     )
-    return Vec3(*twist.linear) + turned
+    return twist.linear + turned
 
 
 SHELL_GYRATION = 2 / 3
