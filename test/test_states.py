@@ -154,6 +154,20 @@ def test_all_services_check_frames_and_ages_in_the_same_order(graph):
                 assert code_of(graph.call(request)) == expected, (type(request), name, frame)
 
 
+def test_all_services_check_the_frame_of_the_request_first(graph):
+    graph.serve(world_frame="world")
+    for frame, expected in (
+        ("world", (StatusCode.SAME_BODY, StatusCode.INVALID_TABLE, StatusCode.INVALID_TABLE)),
+        ("map", (StatusCode.FRAME_MISMATCH,) * 3),
+    ):
+        requests = requests_by_name("left", frame)
+        (single, _), (scene, _), (batch, _) = requests
+        single.contact.body_a = single.body_b.name
+        scene.pairs, batch.pairs = [0], [0]
+        for (request, code_of), code in zip(requests, expected, strict=True):
+            assert code_of(graph.call(request)) == code, (type(request), frame)
+
+
 def simulated_clock(graph, **parameters):
     """Start a node with simulated time; return a function that sets the time."""
     node = graph.serve(use_sim_time=True, **parameters)

@@ -182,13 +182,13 @@ def complete(
         ImpactError: SAME_BODY, UNKNOWN_BODY, STALE_STATE or FRAME_MISMATCH.
     """
     yield from ()  # two bodies need no pause
+    header, field = request.contact.header, "contact.header"
+    check_world_frame(f"{field}.frame_id", header.frame_id, parameters.world_frame)
     names = {
         owner: name
         for owner, name in zip(OWNERS, names_of(request), strict=True)
         if name and _has_only_a_name(getattr(request, owner))
     }
-    header, field = request.contact.header, "contact.header"
-    check_world_frame(f"{field}.frame_id", header.frame_id, parameters.world_frame)
     for owner in OWNERS:
         if owner not in names:
             check_frame(owner, getattr(request, owner), f"{field}.frame_id", header.frame_id)

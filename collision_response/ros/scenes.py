@@ -91,6 +91,7 @@ class SceneService:
     def answer(self, request: ResolveScene.Request) -> Work:
         """Compute the response to a request, in steps."""
         parameters = self.parameters.values
+        check_world_frame("header.frame_id", request.header.frame_id, parameters.world_frame)
         contacts = contacts_of(request, parameters.budget_scene_contacts)
         look_up = partial(bodies_of, request, self.states, parameters)
         bodies = yield from wait_for_states(look_up, parameters.max_state_wait)
@@ -155,8 +156,6 @@ def bodies_of(
         ImpactError: INVALID_TABLE, BUDGET_EXCEEDED if there are more than ``MAX_BODIES``, SAME_BODY,
             UNKNOWN_BODY, STALE_STATE or FRAME_MISMATCH.
     """
-    header = request.header
-    check_world_frame("header.frame_id", header.frame_id, parameters.world_frame)
     table = table_in("bodies", request.bodies, ROWS)
     count = table.shape[1]
     names_given = names_in(request)
@@ -171,7 +170,7 @@ def bodies_of(
     check_immovable(request.immovable, count)
     owners = [f"bodies[{i}]" for i in range(count)]
     bodies = SceneBodies(names, table.T.tolist(), [IN_TABLE] * count, [GIVEN_IN_FULL] * count, owners)
-    finder = StateFinder.of("header", header, request.not_before, states, parameters)
+    finder = StateFinder.of("header", request.header, request.not_before, states, parameters)
     for i, name in enumerate(names[count:], count):
         if not i % BODIES_PER_STEP:
             yield
