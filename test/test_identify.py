@@ -536,7 +536,7 @@ def test_a_table_named_like_a_recording_is_refused_in_one_line(tmp_path: Path, c
     assert "Not an RRD file" in err and err.count("\n") == 1
 
 
-def recording(path, answers, received, floor=None):
+def recording(path, answers, received, floor=None, name="ball"):
     """A recording of balls that strike a floor at whole seconds, and of received states of the ball.
 
     Args:
@@ -544,6 +544,7 @@ def recording(path, answers, received, floor=None):
         answers: speed and restitution of each impact.
         received: stamp [ns] and vertical velocity of each state.
         floor: the floor; static by default.
+        name: the name of the ball.
     """
     pytest.importorskip("rerun")
     recorder = Recorder(path.parent, pytest.fail, name=path.name)
@@ -551,9 +552,9 @@ def recording(path, answers, received, floor=None):
     for i, (speed, e) in enumerate(answers, start=1):
         falling = ball._replace(velocity=Vec3(0.0, 0.0, -speed))
         request = falling, floor or Body.static(), Contact.of((0, 0, 0), (0, 0, 1), e), ImpactModel()
-        recorder.add(Record(i * 10**9, i, "ball", "floor", *request, resolve(*request)))
+        recorder.add(Record(i * 10**9, i, name, "floor", *request, resolve(*request)))
     for stamp, velocity in received:
-        recorder.add(BodyRecord(stamp, "ball", ball._replace(velocity=Vec3(0.0, 0.0, velocity))))
+        recorder.add(BodyRecord(stamp, name, ball._replace(velocity=Vec3(0.0, 0.0, velocity))))
     recorder.close()
     return path
 
@@ -570,6 +571,16 @@ def test_the_command_uses_the_states_received_after_an_impact(tmp_path: Path, ca
     assert "restitution = 0.5 " in capsys.readouterr().out
     assert main([*options, "--within", "0"]) == 0
     assert "restitution = 0.9 " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "name", ["robot1/base link", "ball ", " ", "**", "- /world/**", "\\/", "a\nb", "Kugel ü 🙂"]
+)
+def test_the_states_of_a_body_are_found_under_any_name(tmp_path: Path, capsys, name):
+    received = [(i * 10**9 + 10**7, 0.5 * i) for i in (1, 2, 3)]
+    path = recording(tmp_path / "a.rrd", [(1.0, 0.9), (2.0, 0.9), (3.0, 0.9)], received, name=name)
+    assert main([str(path), "--law", "frictionless", "--resamples", "2"]) == 0
+    assert "restitution = 0.5 " in capsys.readouterr().out
 
 
 def test_a_recording_without_body_states_is_refused(tmp_path: Path, capsys):

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections import defaultdict
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +17,15 @@ from ..body_conversions import with_com_as_reference
 from ..physics.body import Twist
 from ..physics.vector import Vec3
 from ..recording import table
-from ..recording.viewer_layout import velocity_path
+from ..recording.viewer_layout import VELOCITIES, velocity_path
 from ..recording.writer import ARROW_TIME
 from ..status import ImpactError, StatusCode
 from .measurements import Impacts
 
 UNKNOWN = Vec3(math.nan, math.nan, math.nan)
 
-States = tuple[list[int], list[Vec3]]
-"""Stamps of states [ns], in ascending order, and the velocities of the centre of mass [m/s]."""
+States = list[tuple[int, Vec3]]
+"""The stamp of each state [ns], in ascending order, and the velocity of the centre of mass [m/s]."""
 
 
 def read_impacts(path: Path, within: float) -> Impacts:
@@ -52,8 +54,7 @@ def read_impacts(path: Path, within: float) -> Impacts:
     bodies = {side: [with_com_as_reference(table.body_of(row, side)) for row in answered] for side in "ab"}
     contacts = [table.contact_of(row["request_contact"]) for row in answered]
     if within:
-        names = {row[f"body_{side}"] for row in answered for side in "ab"}
-        states = {name: _read_states(path, name) for name in names}
+        states = _read_states(path)
         after = {side: [_measured(row, side, states, within) for row in answered] for side in "ab"}
         movable = (
             t for side in "ab" for b, t in zip(bodies[side], after[side], strict=True) if b.is_movable()
@@ -75,25 +76,27 @@ def _answer(row: dict[str, Any], side: str) -> Twist:
     return Twist(with_com_as_reference(body).velocity, body.angular_velocity)
 
 
-def _read_states(path: Path, name: str) -> States:
-    """Read the states of a body that the node received: the rows that are not on the timeline of answers.
+def _read_states(path: Path) -> dict[str, States]:
+    """Read the states that the node received, by the entity of the body's velocities.
 
-    The first arrow of a row is the velocity.
+    They are the rows that are not on the timeline of answers. The first arrow of a row is the velocity.
     """
-    states: list[tuple[int, list[list[float]]]] = []
-    for chunk in table.open_complete(path).stream().filter(content=velocity_path(name)).to_chunks():
+    states: dict[str, States] = defaultdict(list)
+    for chunk in table.open_complete(path).stream().filter(content=f"{VELOCITIES}/**").to_chunks():
         batch = chunk.to_record_batch()
         if "answer" not in batch.schema.names and "Arrows3D:vectors" in batch.schema.names:
             stamps = batch.column("ros_time").cast("int64").to_pylist()
-            states += zip(stamps, batch.column("Arrows3D:vectors").to_pylist(), strict=True)
-    states.sort()
-    return [stamp for stamp, _ in states], [Vec3(*arrows[0]) / ARROW_TIME for _, arrows in states]
+            rows = zip(stamps, batch.column("Arrows3D:vectors").to_pylist(), strict=True)
+            states[chunk.entity_path] += ((stamp, Vec3(*arrows[0]) / ARROW_TIME) for stamp, arrows in rows)
+    for of_body in states.values():
+        of_body.sort(key=itemgetter(0))
+    return states
 
 
 def _measured(row: dict[str, Any], side: str, states: dict[str, States], within: float) -> Twist:
     """Return the measurement of a body: its first velocity ``within`` a time [s] after an impact, if any."""
-    stamps, velocities = states[row[f"body_{side}"]]
+    of_body = states[velocity_path(row[f"body_{side}"])]
     stamp: int = row.get("stamp") or 0  # 0: the time is not known
-    place = bisect_right(stamps, stamp) if stamp else len(stamps)
-    is_there = place < len(stamps) and stamps[place] - stamp <= within * 1e9
-    return Twist(velocities[place] if is_there else UNKNOWN, UNKNOWN)
+    place = bisect_right(of_body, stamp, key=itemgetter(0)) if stamp else len(of_body)
+    is_there = place < len(of_body) and of_body[place][0] - stamp <= within * 1e9
+    return Twist(of_body[place][1] if is_there else UNKNOWN, UNKNOWN)

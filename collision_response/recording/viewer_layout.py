@@ -7,6 +7,7 @@ from typing import NamedTuple
 from .rerun_sdk import rr, rrb
 
 WORLD = "/world"
+VELOCITIES = f"{WORLD}/velocities"
 CONTACT = f"{WORLD}/contact"
 CONE = f"{WORLD}/friction_cone"
 REGIME = "/impact/regime"
@@ -83,7 +84,7 @@ def body_path(name: str) -> str:
 
 def velocity_path(name: str) -> str:
     """Entity of a body's velocities, in the world frame."""
-    return f"{WORLD}/velocities/{rr.escape_entity_path_part(name)}"
+    return f"{VELOCITIES}/{rr.escape_entity_path_part(name)}"
 
 
 def blueprint(eye: rrb.EyeControls3D | None = None, time_axis: rrb.TimeAxis | None = None) -> rrb.Blueprint:
