@@ -541,7 +541,7 @@ def recording(path, answers, received, floor=None, name="ball"):
 
     Args:
         path: the file.
-        answers: speed and restitution of each impact.
+        answers: speed and restitution of each impact, and its stamp [ns] if it is not at a whole second.
         received: stamp [ns] and vertical velocity of each state.
         floor: the floor; static by default.
         name: the name of the ball.
@@ -549,10 +549,10 @@ def recording(path, answers, received, floor=None, name="ball"):
     pytest.importorskip("rerun")
     recorder = Recorder(path.parent, pytest.fail, name=path.name)
     ball = Body.dynamic(2.0, (0.2, 0, 0, 0.2, 0, 0.2), (0.0, 0.0, 0.25))
-    for i, (speed, e) in enumerate(answers, start=1):
+    for i, (speed, e, *stamp) in enumerate(answers, start=1):
         falling = ball._replace(velocity=Vec3(0.0, 0.0, -speed))
         request = falling, floor or Body.static(), Contact.of((0, 0, 0), (0, 0, 1), e), ImpactModel()
-        recorder.add(Record(i * 10**9, i, name, "floor", *request, resolve(*request)))
+        recorder.add(Record(*(stamp or [i * 10**9]), i, name, "floor", *request, resolve(*request)))
     for stamp, velocity in received:
         recorder.add(BodyRecord(stamp, name, ball._replace(velocity=Vec3(0.0, 0.0, velocity))))
     recorder.close()
@@ -571,6 +571,19 @@ def test_the_command_uses_the_states_received_after_an_impact(tmp_path: Path, ca
     assert "restitution = 0.5 " in capsys.readouterr().out
     assert main([*options, "--within", "0"]) == 0
     assert "restitution = 0.9 " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("pause", [0, 1, 5 * 10**6])
+def test_a_state_after_a_second_impact_is_no_measurement_of_the_first(tmp_path: Path, capsys, pause):
+    """Each two impacts are at one time or soon after each other; after the second one e is 0.5."""
+    answers, received = [], []
+    for i in (1, 2, 3):
+        answers += [(4.0 * i, 0.9, i * 10**9), (1.0 * i, 0.9, i * 10**9 + pause)]
+        received.append((i * 10**9 + 10**7, 0.5 * i))
+    path = recording(tmp_path / "a.rrd", answers, received)
+    assert main([str(path), "--law", "frictionless", "--resamples", "2"]) == 0
+    said = capsys.readouterr().out
+    assert "FRICTIONLESS, 3 impacts" in said and "restitution = 0.5 " in said
 
 
 @pytest.mark.parametrize(

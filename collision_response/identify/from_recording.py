@@ -1,7 +1,8 @@
 """Measured impacts from a recording of the node: its table ``/impacts``, and the states that it received.
 
 A law computed the twists after an impact in the table, so they are not measurements. The measurement is the
-velocity of the centre of mass in the first state of a body that the node received after the impact.
+velocity of the centre of mass in the first state of a body that the node received after the impact, unless
+the body had another impact before that.
 """
 
 from __future__ import annotations
@@ -24,8 +25,12 @@ from .measurements import Impacts
 
 UNKNOWN = Vec3(math.nan, math.nan, math.nan)
 
-States = list[tuple[int, Vec3]]
-"""The stamp of each state [ns], in ascending order, and the velocity of the centre of mass [m/s]."""
+History = list[tuple[int, int, Vec3 | None]]
+"""States and impacts of a body in the order of time: the stamp [ns]; the number of the answer, for a state
+``BEFORE_ANSWERS``; and for a state the velocity of the centre of mass [m/s]."""
+
+BEFORE_ANSWERS = 0
+"""A state with the stamp of an impact counts as the state before it."""
 
 
 def read_impacts(path: Path, within: float) -> Impacts:
@@ -54,8 +59,8 @@ def read_impacts(path: Path, within: float) -> Impacts:
     bodies = {side: [with_com_as_reference(table.body_of(row, side)) for row in answered] for side in "ab"}
     contacts = [table.contact_of(row["request_contact"]) for row in answered]
     if within:
-        states = _read_states(path)
-        after = {side: [_measured(row, side, states, within) for row in answered] for side in "ab"}
+        histories = _read_histories(path)
+        after = {side: [_measured(row, side, histories, within) for row in answered] for side in "ab"}
         movable = (
             t for side in "ab" for b, t in zip(bodies[side], after[side], strict=True) if b.is_movable()
         )
@@ -76,27 +81,35 @@ def _answer(row: dict[str, Any], side: str) -> Twist:
     return Twist(with_com_as_reference(body).velocity, body.angular_velocity)
 
 
-def _read_states(path: Path) -> dict[str, States]:
-    """Read the states that the node received, by the entity of the body's velocities.
+def _read_histories(path: Path) -> dict[str, History]:
+    """Read the states and the impacts of all bodies, by the entity of the body's velocities.
 
-    They are the rows that are not on the timeline of answers. The first arrow of a row is the velocity.
+    States are the rows that are not on the timeline of answers. The first arrow of a row is the velocity.
     """
-    states: dict[str, States] = defaultdict(list)
+    histories: dict[str, History] = defaultdict(list)
     for chunk in table.open_complete(path).stream().filter(content=f"{VELOCITIES}/**").to_chunks():
         batch = chunk.to_record_batch()
-        if "answer" not in batch.schema.names and "Arrows3D:vectors" in batch.schema.names:
-            stamps = batch.column("ros_time").cast("int64").to_pylist()
-            rows = zip(stamps, batch.column("Arrows3D:vectors").to_pylist(), strict=True)
-            states[chunk.entity_path] += ((stamp, Vec3(*arrows[0]) / ARROW_TIME) for stamp, arrows in rows)
-    for of_body in states.values():
-        of_body.sort(key=itemgetter(0))
-    return states
+        if not {"ros_time", "Arrows3D:vectors"} <= {*batch.schema.names}:
+            continue
+        history, stamps = histories[chunk.entity_path], batch.column("ros_time").cast("int64").to_pylist()
+        if "answer" in batch.schema.names:
+            answers = batch.column("answer").to_pylist()
+            history += ((stamp, answer, None) for stamp, answer in zip(stamps, answers, strict=True))
+        else:
+            arrows = batch.column("Arrows3D:vectors").to_pylist()
+            velocities = [Vec3(*velocity) / ARROW_TIME for velocity, *_ in arrows]
+            history += ((s, BEFORE_ANSWERS, v) for s, v in zip(stamps, velocities, strict=True))
+    for history in histories.values():
+        history.sort(key=itemgetter(0, 1))
+    return histories
 
 
-def _measured(row: dict[str, Any], side: str, states: dict[str, States], within: float) -> Twist:
+def _measured(row: dict[str, Any], side: str, histories: dict[str, History], within: float) -> Twist:
     """Return the measurement of a body: its first velocity ``within`` a time [s] after an impact, if any."""
-    of_body = states[velocity_path(row[f"body_{side}"])]
-    stamp: int = row.get("stamp") or 0  # 0: the time is not known
-    place = bisect_right(of_body, stamp, key=itemgetter(0)) if stamp else len(of_body)
-    is_there = place < len(of_body) and of_body[place][0] - stamp <= within * 1e9
-    return Twist(of_body[place][1] if is_there else UNKNOWN, UNKNOWN)
+    history, stamp = histories[velocity_path(row[f"body_{side}"])], row.get("stamp") or 0
+    place = bisect_right(history, (stamp, row["answer"]), key=itemgetter(0, 1))
+    if stamp and place < len(history):
+        next_stamp, _, velocity = history[place]
+        if velocity is not None and next_stamp - stamp <= within * 1e9:
+            return Twist(velocity, UNKNOWN)
+    return Twist(UNKNOWN, UNKNOWN)
