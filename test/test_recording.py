@@ -524,6 +524,29 @@ def test_a_full_disk_is_reported_once(tmp_path):
     assert result.returncode == 0, result.stderr
 
 
+@pytest.mark.parametrize("before", [0, 3])
+def test_entries_after_an_error_are_counted(tmp_path, before):
+    """Whether they wait when it occurs or come later; entries after the end are not missing."""
+    go_on, problems = threading.Event(), []
+
+    def report(problem):
+        problems.append(problem)
+        go_on.wait(DEADLINE)
+
+    (tmp_path / "file").touch()
+    recorder = Recorder(tmp_path / "file", report)
+    for sequence in range(1, before + 1):
+        recorder.add(impact(sequence))
+    go_on.set()
+    recorder._worker.join(DEADLINE)
+    assert recorder.missing() == before
+    recorder.add(impact(4))
+    assert recorder.missing() == before + 1
+    recorder.close()
+    recorder.add(impact(5))
+    assert recorder.missing() == before + 1 and len(problems) == 1
+
+
 class TestNode:
     """Recordings made by the node."""
 
@@ -571,8 +594,13 @@ class TestNode:
 
     def test_a_bad_directory_does_not_keep_the_service_from_answering(self, graph, request_, tmp_path, capfd):
         (tmp_path / "file").touch()
+        from diagnostic_msgs.msg import DiagnosticArray
+        from ros_graph import wait_until
+
+        diagnostics = graph.listen(DiagnosticArray, "/diagnostics")
         graph.serve(recording__enabled=True, recording__directory=str(tmp_path / "file"))
         assert all(graph.call(request_).success for _ in range(20))
+        wait_until(lambda: any("entries not recorded: " in array.status[0].message for array in diagnostics))
         graph.close()
         assert capfd.readouterr().err.count("recording to") == 1
 

@@ -60,14 +60,15 @@ class Recorder:
         rerun rrd merge --continue-on-error torn.rrd -o recovered.rrd
 
     The worker imports rerun, because that takes a second. If rerun is missing or a file cannot be written,
-    the recorder reports that once and drops all further entries. Single entries that cannot be written are
-    left out.
+    the recorder reports that once, and only counts all further entries. Single entries that cannot be written
+    are left out.
 
     Attributes:
         path: path of the current file, or of the last one.
         dropped: number of entries dropped because the queue was full. The recording has gaps for them.
         unwritable: number of entries that could not be written. The recording has gaps for the answers among
             them.
+        abandoned: number of entries that waited when the recorder stopped because of an error, or came later.
         untimed: number of body states without a stamp, which have no place on any timeline.
     """
 
@@ -100,6 +101,7 @@ class Recorder:
         self.path = directory / (name or f"collision_response_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}.rrd")
         self.dropped = 0
         self.unwritable = 0
+        self.abandoned = 0
         self.untimed = 0
         self._first = self.path
         self._number = 0
@@ -118,6 +120,7 @@ class Recorder:
     def add(self, entry: Entry) -> None:
         """Record an entry. Returns at once."""
         if self._stopped.is_set():
+            self.abandoned += not self._closing.is_set()
             return
         waiting = self._queue.qsize()
         if waiting >= self._capacity:
@@ -131,7 +134,7 @@ class Recorder:
 
     def missing(self) -> int:
         """Number of entries that are not recorded."""
-        return self.dropped + self.unwritable
+        return self.dropped + self.unwritable + self.abandoned
 
     def close(self, timeout: float = 10.0) -> None:
         """Write all entries that wait and complete the file. A second call does nothing.
@@ -171,6 +174,9 @@ class Recorder:
                     self.path = self._next_path()
         except Exception as error:  # of rerun or the disk; it must not reach the caller
             self._report(problem.format(self.path, str(error) or type(error).__name__))
+            self._stopped.set()
+            while not self._queue.empty():
+                self.abandoned += self._queue.get() is not None
         finally:
             self._stopped.set()
 
