@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from .physics.body import Body
 from .physics.inverse_inertia import InverseInertia
-from .physics.orientation import Quaternion, Rotation
+from .physics.orientation import ALIGNED, Quaternion, Rotation
 from .physics.tensor import Symmetric3
 from .physics.vector import ZERO, Vec3
 
@@ -94,6 +94,21 @@ def moment_about_z(body: Body) -> float:
     axis = body_rotation(body).z
     moment = axis.dot(inertia @ axis)
     return moment if moment > LEAST_MOMENT * inertia.trace() else 0.0
+
+
+def planar_spin(body: Body) -> float:
+    """Angular velocity of the planar body that has the same angular momentum about the z axis [rad/s].
+
+    That is not ``angular_velocity.z`` if the body also turns about x or y and its inertia couples these
+    rotations to that about z.
+    """
+    x, y, z = body.angular_velocity
+    moment = moment_about_z(body)
+    if not moment or not body.is_movable():
+        return z
+    rotation = ALIGNED if body.orientation is None else body_rotation(body)
+    tumbling = rotation.to_body(Vec3(x, y, 0.0))
+    return z + (Symmetric3(*body.inertia) @ rotation.z / moment).dot(tumbling)
 
 
 def body_rotation(body: Body) -> Rotation:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from .body_conversions import com_in_world_axes, moment_about_z
+from .body_conversions import com_in_world_axes, moment_about_z, planar_spin
 from .model import Geometry
 from .numbers.operations import Condition, Scalar, all_of, all_zero, negation
 from .physics.body import Body
@@ -62,7 +62,8 @@ def geometry_for(
 def reduce_body(body: Body, geometry: Geometry) -> Body:
     """Return a body without what a geometry leaves out.
 
-    Its centre of mass keeps its velocity, in PLANAR the part of it in the plane.
+    It keeps its momentum and, in PLANAR, its angular momentum about z. Then an impulse changes its energy as
+    it changes that of the given body, so the given body gains none either.
     """
     com, velocity, spin = com_in_world_axes(body), body.velocity, body.angular_velocity
     if geometry is Geometry.POINT:
@@ -73,13 +74,13 @@ def reduce_body(body: Body, geometry: Geometry) -> Body:
             angular_velocity=ZERO,
             com=ZERO,
         )
-    zz, tumbling = moment_about_z(body), _in_plane(spin)
+    zz, planar = moment_about_z(body), spin._replace(x=0.0, y=0.0, z=planar_spin(body))
     return body._replace(
         inertia=ZERO_TENSOR._replace(xx=zz, yy=zz, zz=zz),
         position=_in_plane(body.position),
         orientation=None,
-        velocity=_in_plane(velocity + tumbling.cross(com)),
-        angular_velocity=spin - tumbling,
+        velocity=_in_plane(velocity + (spin - planar).cross(com)),
+        angular_velocity=planar,
         com=_in_plane(com),
     )
 

@@ -21,9 +21,8 @@ from .status import ImpactError, StatusCode, format_range, format_value
 class Geometry(NamedEnum):
     """Which motion is modelled.
 
-    If a request needs more than the geometry that it asks for, the answer is that of the smaller model. It
-    creates no energy there, and the error bound counts what is left out. The real bodies may gain energy, as
-    when one turns about x and its inertia couples that to the rotation about z.
+    If a request needs more than the geometry that it asks for, the answer is that of the smaller model, in
+    which the bodies keep the momenta that it has. The error bound counts what is left out.
     """
 
     AUTO = 1

@@ -371,10 +371,16 @@ def test_the_bound_covers_what_a_forced_geometry_leaves_out(geometry):
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize("geometry", [Geometry.POINT, Geometry.PLANAR])
 def test_a_forced_geometry_reports_the_energy_of_its_twists(geometry, friction, law):
-    """The reference point is not the centre of mass, and the body turns about axes that are left out."""
-    for com in product((-0.25, 0.25), repeat=3):
+    """Also if the reference point is not the centre of mass, and the body turns about axes that are left out.
+
+    Products of inertia then couple what is left out to the rotation about z. No twists gain energy.
+    """
+    for com, coupling, orientation in product(
+        product((-0.25, 0.25), repeat=3), (-0.1, 0.0, 0.1), (None, (1, 2, 3, 4), (0, 0, 1, -2))
+    ):
+        inertia = (0.3, 0, coupling, 0.4, coupling / 2, 0.5)
         thrown = Body.dynamic(
-            2.0, (0.3, 0, 0, 0.4, 0, 0.5), (0.2, 1, 0.1), None, (0.5, -1, 0.25), (1.5, -2, 0.75), com
+            2.0, inertia, (0.2, 1, 0.1), orientation, (0.5, -3, 0.25), (1.5, -2, 0.75), com
         )
         contact = Contact.of((0, 0, 0), (0, 1, 0), 1.0, friction)
         impact = resolve(thrown, FLOOR, contact, ImpactModel(law, geometry, tolerance=10.0))
