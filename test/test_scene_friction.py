@@ -501,4 +501,23 @@ def test_properties_of_stronge_with_any_friction(seed):
         n = Vec3(*contact.normal)
         along = P.dot(n) / n.norm()
         across = (P - n * (along / n.norm())).norm()
-        assert across <= contact.friction * along + 10 * off * P.norm()
+        assert across <= contact.friction * along + 1e-9 * P.norm()
+
+
+@pytest.mark.parametrize("height", [0.05, 0.2])
+@pytest.mark.parametrize("e", [0.1, 0.5, 1.0])
+def test_friction_of_contacts_that_stick_at_last_is_in_its_cone(e, height):
+    """Slip ends just before the impact does, and two contacts can share the friction in several ways."""
+    mu, spin = 0.3, (0.0, 0.01 if e < 0.5 else 0.4, 0.0)
+    for k in range(90, 102):
+        velocity = (-mu * (1 + e) * k / 100, 0.0, -1.0)
+        body = Body.dynamic(1.0, (0.1, 0.0, 0.0, 0.1, 0.0, 0.1), (0.0, 0.0, height), None, velocity, spin)
+        contacts = [Contact.of((x, 0.0, 0.0), (0.0, 0.0, 1.0), e, mu) for x in (-0.5, 0.5)]
+        scene = Scene([body, Body.static()], [(0, 1)] * 2, contacts)
+        fine = scene.resolve(Law.ROUTH_STRONGE, tolerance=1e-7)
+        for tolerance in (0.0, 1e-3):
+            answer = scene.resolve(Law.ROUTH_STRONGE, tolerance=tolerance)
+            assert answer.status is StatusCode.OK
+            assert distance(scene, answer, fine) <= answer.error_bound + fine.error_bound
+            for P in answer.impulses:
+                assert math.hypot(P.x, P.y) <= mu * P.z + 1e-9

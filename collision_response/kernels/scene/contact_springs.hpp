@@ -307,6 +307,27 @@ struct ContactSprings {
     return found;
   }
 
+  // Extrapolated impulses may pull, or leave the friction cones if contacts can share their friction in several ways. Then
+  // replace them by impulses in the cones that have the same effect, to within `enough`. Returns whether these were found
+  // within the budget.
+  bool return_to_cones(State& now, double enough) {
+    bool are_in_cones = true;
+    Assembly at_rest = assembly;
+    for (int i = 0; i < count; ++i) {
+      load[i] = std::fmax(now.P[i][0], 0);
+      for (ContactAxis& axis : at_rest.contacts[i].axes) axis.velocity = 0;
+      const double most = assembly.contacts[i].mu * load[i] * (1 + 0x1p-30);
+      are_in_cones = are_in_cones && now.P[i][0] >= 0 && std::hypot(now.P[i][1], now.P[i][2]) <= most;
+    }
+    if (are_in_cones) return true;
+    now.motion = Motion(at_rest);  // the difference between the effects of the new impulses and of the old ones
+    for (int i = 0; i < count; ++i) now.motion.apply(i, {-now.P[i][0], -now.P[i][1], -now.P[i][2]});
+    now.friction = now.P;
+    const bool found = apply_friction(now, 1, load, enough);
+    now.P = now.friction;
+    return found;
+  }
+
   // Find the impulses P with friction. Returns whether the path ended within its budget and was not wedged.
   bool follow_with_friction(double tolerance, std::vector<Axes>& P) {
     slow = std::fmax(tolerance / 10, 2e-14) * speed;
@@ -328,6 +349,7 @@ struct ContactSprings {
       bool done = true;
       for (int i = 0; i < count; ++i) done = done && is_over(i, now.x[i], now.u[i]);
       if (done) {
+        if (!return_to_cones(now, enough)) return false;
         P = now.P;
         for (Axes& one : P)
           for (double& along : one) along = impulse(along);
