@@ -12,6 +12,7 @@ DEMO := $(VENV_PYTHON) -m collision_response.demo
 unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONHOME PYTHONPATH
 unexport RMW_IMPLEMENTATION ROS_DISTRO VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+unexport MAKEFLAGS  # ninja fails if it names a job server that is out of reach
 
 .PHONY: help demo test lint audit arm64 bench stability faults fuzz states soak twice reliability examples colcon docs clean
 .PHONY: .venv .audit-venv .bench-venv .colcon-venv .docs-venv .examples-venv
@@ -88,9 +89,10 @@ examples: .examples-venv
 .examples-venv:
 	@$(PYTHON) tools/setup_venv.py .examples-venv plots examples/requirements.txt
 
+# With MAKEFLAGS, colcon does not hold back compilers while the machine is busy.
 colcon: .colcon-venv
 	@PATH="$(CURDIR)/.colcon-venv/bin:$$PATH"; \
-	export PATH AMENT_PREFIX_PATH="$(CURDIR)/.colcon-venv" CMAKE_PREFIX_PATH="$(CURDIR)/.colcon-venv"; \
+	export PATH AMENT_PREFIX_PATH="$(CURDIR)/.colcon-venv" CMAKE_PREFIX_PATH="$(CURDIR)/.colcon-venv" MAKEFLAGS=-j; \
 	colcon --log-level error build --symlink-install --cmake-args -G Ninja -DPython3_FIND_VIRTUALENV=FIRST \
 		-DCMAKE_PROJECT_INCLUDE="$(CURDIR)/cmake/ros_wheels.cmake" && \
 	. install/setup.sh && python test/colcon_call.py
