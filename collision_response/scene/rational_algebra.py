@@ -81,9 +81,15 @@ def minimise(A: Sequence[Numbers], b: Numbers, nonnegative: Sequence[int], free:
 
 def solve(matrix: Sequence[Sequence[Scalar]], right: Sequence[Scalar]) -> Numbers:
     """Return the solution of a regular system."""
-    rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
-    _reduce(rows, len(right))
-    return [row[-1] for row in rows]
+    return solve_each(matrix, [right])[0]
+
+
+def solve_each(matrix: Sequence[Sequence[Scalar]], rights: Sequence[Sequence[Scalar]]) -> list[Numbers]:
+    """Return the solutions of regular systems with the same matrix, by one elimination."""
+    n = len(matrix)
+    rows = [[*row, *(right[i] for right in rights)] for i, row in enumerate(matrix)]
+    _reduce(rows, n)
+    return [[row[n + k] for row in rows] for k in range(len(rights))]
 
 
 def null_space(matrix: Sequence[Sequence[Scalar]]) -> list[Numbers]:

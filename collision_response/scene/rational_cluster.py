@@ -24,7 +24,7 @@ from ..physics.laws import Regime
 from ..physics.vector import Vec3
 from ..validity import is_not_normalised
 from .impulses import ImpulseEffect
-from .rational_algebra import ZERO, Numbers, dot, minimise, null_space, solve
+from .rational_algebra import ZERO, Numbers, dot, minimise, null_space, solve_each
 
 ZERO_VECTOR = Vec3(ZERO, ZERO, ZERO)
 
@@ -221,9 +221,9 @@ class RationalCluster:
         counts = self._counts if over_copies else [1] * self.count
         weights = [c.normal.dot(c.normal) / n for c, n in zip(self._contacts, counts, strict=True)]
         H = [[dot(weights, z, y) for y in Z] for z in Z]
-        back = solve(H, [dot(weights, z, p) for z in Z])
+        # The last ones are the columns of H^-1 Z^T.
+        back, *responses = solve_each(H, [[dot(weights, z, p) for z in Z], *map(list, zip(*Z, strict=True))])
         unconstrained = [x - sum(c * z[i] for c, z in zip(back, Z, strict=True)) for i, x in enumerate(p)]
-        responses = [solve(H, [z[j] for z in Z]) for j in range(self.count)]  # columns of H^-1 Z^T
         matrix = [[dot([z[i] for z in Z], row) for row in responses] for i in range(self.count)]
         among = [i for i in range(self.count) if matrix[i][i] != 0]
         x = minimise(matrix, unconstrained, among, []).x
