@@ -30,7 +30,7 @@ from collision_response import (
     resolve_scene,
 )
 from collision_response.physics.vector import Vec3
-from collision_response.scene import stronge
+from collision_response.scene import reflections, stronge
 
 UP = Contact.of((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 BALL = Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0))
@@ -404,16 +404,20 @@ def gripped(points: int, tilt: float, e: float, mu: float, seed: int) -> Scene:
     return Scene([Body.box(1.0, (0.1, 0.1, 0.1)), *fingers], pairs, contacts)
 
 
-@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize(
+    ("law", "mu"), [(Law.FRICTIONLESS, 0.0), (Law.COULOMB, 0.5), (Law.MOREAU, 0.0), (Law.MOREAU, 0.5)]
+)
 @pytest.mark.parametrize("points", [1, 2, 4, 6])
 @pytest.mark.parametrize("tilt", [0.0, 1e-16, 1e-14, 1e-12, 1e-9, 1e-6, 1e-3])
-def test_a_gripper_moves_what_it_holds(law, points, tilt):
+def test_a_gripper_moves_what_it_holds(law, mu, points, tilt, monkeypatch):
     """However exactly its fingers are parallel. A box that would rattle between them does not rebound.
 
     Symmetric fingers do not turn the box, so it moves as they do. Friction is computed to about 1e-8;
-    energies here are 0.1 J, right to the last bits.
+    energies here are 0.1 J, right to the last bits. An eighth of the usual budget: a box that rattles uses
+    all of it.
     """
-    for e, mu in product((0.0, 0.5, 1.0), (0.0, 0.5)):
+    monkeypatch.setattr(reflections, "DIGITS", reflections.DIGITS // 8)
+    for e in (0.0, 0.5, 1.0):
         answer = gripped(points, tilt, e, mu, seed=points).resolve(law)
         after = answer.normal_velocities_after
         assert min(after) > -1e-9 or answer.error_bound == math.inf
