@@ -104,7 +104,7 @@ SPRINGS = ("restitution", "friction", "stiffness_ratio")
 
 @pytest.mark.parametrize(("e", "mu", "kappa"), [(0.6, 0.15, 1.0), (0.9, 0.4, 2.5), (1.0, 0.4, 0.7)])
 def test_the_stiffness_ratio_of_compliant_is_found(e, mu, kappa):
-    measured = cubes(20, e, mu, law=Law.COMPLIANT, stiffness_ratio=kappa)
+    measured = cubes(8, e, mu, law=Law.COMPLIANT, stiffness_ratio=kappa)
     found = identify(measured, Law.COMPLIANT, SPRINGS, resamples=2)
     assert [found.values[name] for name in SPRINGS] == pytest.approx([e, mu, kappa], abs=SOLVED)
     assert found.misfit < SOLVED

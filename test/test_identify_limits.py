@@ -53,24 +53,23 @@ def noise_of(sigma):
     return mapped(lambda x: x + sigma * rng.normal())
 
 
-@pytest.mark.parametrize(
-    "factors",
-    [(1e-12, 1.0), (1.0, 1e-12), (1e-12, 1e-12), (1e-3, 1e-2), (1e12, 1.0), (1.0, 1e12), (1e12, 1e12)],
-)
 @pytest.mark.parametrize(("e", "mu"), [(0.62, 0.2), (1.0, 0.1), (0.5, 0.0)])
-def test_units_do_not_matter(factors, e, mu):
+def test_units_do_not_matter(e, mu):
     """The same impacts with other units of mass and speed."""
 
     def fitted(mass, speed):
         rng = np.random.default_rng(1)
         impacts = spheres(12, e, mu, mass=mass, speed=speed)
-        return identify(computed(*impacts, mapped(lambda x: x + speed * 0.01 * rng.normal())), resamples=20)
+        return identify(computed(*impacts, mapped(lambda x: x + speed * 0.01 * rng.normal())), resamples=5)
 
-    here, there = fitted(1.0, 1.0), fitted(*factors)
-    for name, estimate in here.coefficients.items():
-        assert there.coefficients[name] == pytest.approx(estimate, rel=1e-6, abs=1e-9), name
-    assert there.misfit == pytest.approx(here.misfit)
-    assert there.notes == here.notes
+    here = fitted(1.0, 1.0)
+    small, large = [(1e-12, 1.0), (1.0, 1e-12), (1e-12, 1e-12)], [(1e12, 1.0), (1.0, 1e12), (1e12, 1e12)]
+    for factors in (*small, (1e-3, 1e-2), *large):
+        there = fitted(*factors)
+        for name, estimate in here.coefficients.items():
+            assert there.coefficients[name] == pytest.approx(estimate, rel=1e-6, abs=1e-9), (name, factors)
+        assert there.misfit == pytest.approx(here.misfit), factors
+        assert there.notes == here.notes, factors
 
 
 @pytest.mark.parametrize("moving", [1.0, 1e3])
@@ -86,12 +85,11 @@ def test_the_frame_does_not_matter(moving):
         assert there.coefficients[name] == pytest.approx(estimate, rel=1e-7 * moving), name
 
 
-@pytest.mark.parametrize("count", [12, 30])
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.ROUTH_STRONGE])
 @pytest.mark.parametrize(("e", "mu"), PLACES)
-def test_clean_coefficients_near_a_limit_are_found_with_their_intervals(e, mu, law, count):
-    measured = computed(*spheres(count, e, mu), law=law)
-    found = identify(measured, law, resamples=20)
+def test_clean_coefficients_near_a_limit_are_found_with_their_intervals(e, mu, law):
+    measured = computed(*spheres(12, e, mu), law=law)
+    found = identify(measured, law, resamples=5)
     for name, true in (("restitution", e), ("friction", mu)):
         assert found.coefficients[name] == pytest.approx((true, true, true, 0.0), abs=1e-9), name
         assert all(values[name] == pytest.approx(true, abs=1e-8) for values in found.others.values())
@@ -99,14 +97,13 @@ def test_clean_coefficients_near_a_limit_are_found_with_their_intervals(e, mu, l
     assert len([note for note in found.notes if "limit" in note]) == len(limits) == len(found.notes)
 
 
-@pytest.mark.parametrize("count", [12, 30])
 @pytest.mark.parametrize("told", [mapped(lambda x: float(f"{x:.6g}")), *map(noise_of, (1e-7, 1e-6, 1e-4))])
 @pytest.mark.parametrize(("e", "mu"), PLACES)
-def test_noisy_coefficients_near_a_limit_are_as_accurate_as_others(e, mu, told, count):
+def test_noisy_coefficients_near_a_limit_are_as_accurate_as_others(e, mu, told):
     """Speeds are at least 1 m/s: formal deviations stay below the noise, and intervals near it."""
-    measured, exact = computed(*spheres(count, e, mu), told), computed(*spheres(count, e, mu))
+    measured, exact = computed(*spheres(12, e, mu), told), computed(*spheres(12, e, mu))
     noise = float(abs(measured.after - exact.after).max())
-    found = identify(measured, resamples=40)
+    found = identify(measured, resamples=20)
     for name, true in (("restitution", e), ("friction", mu)):
         value, low, high, formal = found.coefficients[name]
         assert abs(value - true) <= 5 * formal + 1e-10, name
