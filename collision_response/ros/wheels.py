@@ -11,7 +11,6 @@ PINNED = re.compile(r"(?P<name>ros-[\w-]+)(\[\w+\])?==(?P<series>[\d.]+\.)\*")
 
 MISSING = "(missing)"
 
-
 PACKAGE = "collision_response"
 
 
