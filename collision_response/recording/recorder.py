@@ -174,8 +174,7 @@ class Recorder:
                     self.path = self._next_path()
         except Exception as error:  # of rerun or the disk; it must not reach the caller
             self._report(problem.format(self.path, str(error) or type(error).__name__))
-            self._stopped.set()
-            while not self._queue.empty():
+            for _ in range(self._queue.qsize()):
                 self.abandoned += self._queue.get() is not None
         finally:
             self._stopped.set()
