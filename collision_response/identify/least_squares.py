@@ -71,9 +71,18 @@ def residual_unit(measured: Measurements, kind: str) -> float:
     It is the root of the sum of the squared residuals without friction, at restitution 0 and 1 together; 1 if
     these are all 0. Unlike the size of the measurements, it is not 0 if all bodies stop, and it is the same
     in a moving frame.
+
+    Raises:
+        ImpactError: OUT_OF_RANGE if the square of a residual or a measurement is beyond float64.
     """
-    off = (measured.residuals(Law.FRICTIONLESS, {"restitution": e}, kind) for e in (0.0, 1.0))
-    return math.sqrt(sum((one**2).sum() for one in off)) or 1.0
+    off = [measured.residuals(Law.FRICTIONLESS, {"restitution": e}, kind) for e in (0.0, 1.0)]
+    with np.errstate(over="ignore"):
+        squares = sum(float((one**2).sum()) for one in off)
+        largest = squares + float((measured.sizes(kind) ** 2).sum())
+    if not math.isfinite(largest):
+        reason = "a measurement is too large: its square is beyond float64"
+        raise ImpactError(StatusCode.OUT_OF_RANGE, "impacts", reason)
+    return math.sqrt(squares) or 1.0
 
 
 class LeastSquares(NamedTuple):
