@@ -281,8 +281,7 @@ def quaternion(numbers: Sequence[float], what: str) -> Quaternion:
     """
     if not any(numbers) or not all(map(math.isfinite, numbers)):
         raise ValueError(f"{what}: the quaternion must be finite and not 0, is {tuple(numbers)}")
-    exponent = math.frexp(max(map(abs, numbers)))[1]
-    return Quaternion(*(math.ldexp(x, -exponent) for x in numbers))
+    return Quaternion(*map(float, numbers)).scaled()
 
 
 def _pose_from_quaternion(xyz: Any, xyzw: Sequence[float], what: str) -> Pose:

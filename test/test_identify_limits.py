@@ -13,6 +13,7 @@ from refusals import refused
 
 from collision_response import Body, Contact, ImpactModel, Law, StatusCode, Twist, resolve
 from collision_response.identify import Impacts, SphereReadings, compare, identify
+from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import Vec3
 
 NOTHING = Vec3(math.nan, math.nan, math.nan)
@@ -171,6 +172,27 @@ def test_laws_are_not_told_apart_by_bodies_that_stop():
     found = compare(drops(*[up(0.0)] * 4), [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU], resamples=2)
     assert len(found.candidates) == 3
     assert all(excess == pytest.approx((0.0, 0.0, 0.0)) for excess in found.excess.values())
+
+
+@pytest.mark.parametrize("exponent", [-1000, 1000])
+def test_the_length_of_a_quaternion_does_not_matter(exponent):
+    """A power of two changes no digit."""
+    before, floors, contacts = spheres(6, 0.6, 0.1)
+    found = []
+    for length in (1.0, 2.0**exponent):
+        orientation = Quaternion(0.0, 0.3 * length, 0.1 * length, length)
+        turned = [ball._replace(orientation=orientation) for ball in before]
+        found.append(identify(computed(turned, floors, contacts), resamples=2).values)
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("speed", [1e160, 1e300])
+def test_measurements_whose_squares_are_beyond_float64_are_refused(speed):
+    impacts = computed(*spheres(6, 0.6, 0.1))
+    impacts.after[1, 0, 2] = speed
+    for fit in (identify, compare):
+        with refused(StatusCode.OUT_OF_RANGE, "impacts"):
+            fit(impacts)
 
 
 def test_zero_readings_are_measurements():

@@ -34,6 +34,7 @@ from collision_response.derivatives import differentiate
 from collision_response.physics.combine import combine
 from collision_response.physics.energy import kinetic_energy
 from collision_response.physics.mass_properties import Particle, box, of_particles, rod
+from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import ZERO, Vec3
 
 BALL = Body.dynamic(1.0, (0.4, 0.0, 0.0, 0.4, 0.0, 0.4), (0.0, 0.0, 1.0), None, (0.0, 0.0, -2.0))
@@ -379,9 +380,7 @@ def test_a_forced_geometry_reports_the_energy_of_its_twists(geometry, friction, 
         product((-0.25, 0.25), repeat=3), (-0.1, 0.0, 0.1), (None, (1, 2, 3, 4), (0, 0, 1, -2))
     ):
         inertia = (0.3, 0, coupling, 0.4, coupling / 2, 0.5)
-        thrown = Body.dynamic(
-            2.0, inertia, (0.2, 1, 0.1), orientation, (0.5, -3, 0.25), (1.5, -2, 0.75), com
-        )
+        thrown = Body.dynamic(2.0, inertia, (0.2, 1, 0.1), orientation, (0.5, -3, 0.25), (1.5, -2, 0.75), com)
         contact = Contact.of((0, 0, 0), (0, 1, 0), 1.0, friction)
         impact = resolve(thrown, FLOOR, contact, ImpactModel(law, geometry, tolerance=10.0))
         assert impact.regime is not Regime.SEPARATING
@@ -462,6 +461,17 @@ def test_a_quaternion_of_another_length_is_normalised_and_reported():
     assert said.adjustments == Adjustment.NORMALISED_ORIENTATION
     assert silent.adjustments == Adjustment.NONE
     assert said.twist_a == silent.twist_a
+
+
+@pytest.mark.parametrize("exponent", [-1040, -1000, -540, -500, 0, 500, 540, 1000])
+def test_a_body_converts_vectors_by_quaternions_of_any_length(exponent):
+    q, v = (0.125, -0.375, 0.25, 0.5), Vec3(3.0, -2.0, 7.0)
+    exact = body()._replace(orientation=Quaternion(*map(F, q)))
+    orientation = [math.ldexp(x, exponent) for x in q]
+    long = body(inertia=(0.4, 0, 0, 0.5, 0, 0.6), orientation=orientation, angular_velocity=v)
+    for converted, expected in ((long.to_world(v), exact.to_world(v)), (long.to_body(v), exact.to_body(v))):
+        assert converted == pytest.approx([float(x) for x in expected], rel=1e-15)
+    assert kinetic_energy(long) == kinetic_energy(long._replace(orientation=Quaternion(*q)))
 
 
 def test_the_length_of_the_normal_does_not_matter():

@@ -288,7 +288,7 @@ class Body(NamedTuple):
 
     def rotation(self) -> Rotation:
         """Rotation from body axes to world axes."""
-        return ALIGNED if self.orientation is None else Quaternion(*self.orientation).rotation()
+        return ALIGNED if self.orientation is None else Quaternion(*self.orientation).scaled().rotation()
 
     def to_world(self, v: Vec3) -> Vec3:
         """World components of a vector given in body axes."""

@@ -11,6 +11,7 @@ exact arithmetic.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from ..numbers.operations import Condition, Scalar, all_zero, choose, negation
@@ -61,6 +62,13 @@ class Quaternion(NamedTuple):
         """``q.q``: 1 for a unit quaternion."""
         x, y, z, w = self
         return x * x + y * y + z * z + w * w
+
+    def scaled(self) -> Quaternion:
+        """The same orientation, by floats with a length near 1: no square overflows, and not all vanish."""
+        if not all(isinstance(x, float) for x in self):
+            return self
+        exponent = math.frexp(max(map(abs, self)))[1]
+        return Quaternion(*(math.ldexp(x, -exponent) for x in self))
 
     def rotation(self) -> Rotation:
         """The rotation matrix."""
