@@ -20,7 +20,7 @@ unexport MAKEFLAGS  # ninja fails if it names a job server that is out of reach
 help:
 	@echo 'make demo       collisions that the node answers'
 	@echo "make test       run the tests; some of them: make test ARGS='-k energy'"
-	@echo 'make lint       run ruff and mypy'
+	@echo 'make lint       run ruff, mypy and clang-format'
 	@echo 'make audit      look up known vulnerabilities of the dependencies in the package index'
 	@echo 'make bench      speed compared with other programs and with targets, and stability: about ten minutes'
 	@echo 'make stability  only the measurements of docs/stability.md: about eight minutes'
@@ -45,6 +45,7 @@ test: .venv
 lint: .venv
 	@$(VENV_PYTHON) -m ruff check .
 	@$(VENV_PYTHON) -m mypy
+	@find collision_response -name '*.[ch]pp' | xargs .venv/bin/clang-format --dry-run --Werror
 
 audit: .venv .audit-venv
 	@.audit-venv/bin/pip-audit --progress-spinner off > .audit-venv/report 2>&1 \

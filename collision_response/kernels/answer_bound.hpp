@@ -25,13 +25,15 @@ template <class N> INLINE Base<N> squared_error(const N* change, int count, Base
     squares += error * error;
   }
   T squared_ratio = squares / size * broadcast<T>(1 + 4 * slack<T>);
-  squared_ratio = choose<T>(squared_ratio < 1, squared_ratio, broadcast<T>(__builtin_inf()));  // NaN too becomes infinite
+  // NaN too becomes infinite.
+  squared_ratio = choose<T>(squared_ratio < 1, squared_ratio, broadcast<T>(__builtin_inf()));
   T exact_ratio = choose<T>(largest == 0, T{}, broadcast<T>(result_roundoff<N> * result_roundoff<N>));
   return choose<T>((sum_of_errors == 0) & (largest < broadcast<T>(__builtin_inf())), exact_ratio, squared_ratio);
 }
 
-// The largest relative error of the impulse and of the two changes of twist. `trace` is that of each inertia tensor: the
-// root of trace / 3 mass, a radius of gyration, is the arm of the angular velocities. A body of infinite mass has no change.
+// The largest relative error of the impulse and of the two changes of twist. `trace` is that of each inertia tensor:
+// the root of trace / 3 mass, a radius of gyration, is the arm of the angular velocities. A body of infinite mass has
+// no change.
 template <class N> INLINE Base<N> error_bound(const N* changes, const Base<N>* mass, const Base<N>* trace) {
   using T = Base<N>;
   T worst = squared_error(changes, 3, broadcast<T>(1));
@@ -41,7 +43,8 @@ template <class N> INLINE Base<N> error_bound(const N* changes, const Base<N>* m
     twist_error = choose<T>(mass[side] < broadcast<T>(__builtin_inf()), twist_error, T{});
     worst = choose<T>(worst < twist_error, twist_error, worst);
   }
-  T ratio = root_of_base(worst), bound = ratio / (1 - ratio);  // relative to the true length, which is less by the error at most
+  // Relative to the true length, which is less by the error at most.
+  T ratio = root_of_base(worst), bound = ratio / (1 - ratio);
   bound = choose<T>(worst <= broadcast<T>(result_roundoff<N> * result_roundoff<N>), ratio, bound);
   return choose<T>(ratio < 1, bound, broadcast<T>(__builtin_inf()));
 }

@@ -14,7 +14,8 @@ struct Array {
   ~Array() { PyBuffer_Release(&view); }
   // Return whether there is such an array. No Python error is set.
   bool open(PyObject* o, bool writable = false) {
-    if (PyObject_GetBuffer(o, &view, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT | (writable ? PyBUF_WRITABLE : 0)) == 0) return true;
+    if (PyObject_GetBuffer(o, &view, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT | (writable ? PyBUF_WRITABLE : 0)) == 0)
+      return true;
     PyErr_Clear();
     return false;
   }

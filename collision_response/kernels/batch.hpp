@@ -9,9 +9,9 @@ enum { ENERGIES = OUT_ENERGY_LOST_FRICTION - OUT_KINETIC_ENERGY_BEFORE + 1, RESU
 
 // The rows of inputs and results, all of float or all of double. A result that is not wanted is null.
 struct Batch {
-  const void* row[ROWS];   // inputs, in the order of the layout
-  bool is_shared[ROWS];    // whether a row is one number for all impacts
-  void* velocity[3][2];    // by axis and body; from here on the results, RESULTS pointers
+  const void* row[ROWS];  // inputs, in the order of the layout
+  bool is_shared[ROWS];  // whether a row is one number for all impacts
+  void* velocity[3][2];  // by axis and body; from here on the results, RESULTS pointers
   void* angular_velocity[3][2];
   void* impulse[3];
   void* error_bound;
@@ -59,12 +59,14 @@ template <int layout> struct LayoutInputs {
   // Trace of the inertia tensor of a body.
   template <class T> INLINE T trace(const T* x) {
     if constexpr (table.body[IN_BODY_A_INERTIA_XX] < 0) return T{};
-    else return x[table.body[IN_BODY_A_INERTIA_XX]] + x[table.body[IN_BODY_A_INERTIA_YY]] + x[table.body[IN_BODY_A_INERTIA_ZZ]];
+    else
+      return x[table.body[IN_BODY_A_INERTIA_XX]] + x[table.body[IN_BODY_A_INERTIA_YY]] +
+             x[table.body[IN_BODY_A_INERTIA_ZZ]];
   }
 };
 
-// Compute as many columns as there are lanes, from column `at` on. The emitted functions impact, validity and clearly_valid
-// are template arguments because GCC would clone all of this for function arguments.
+// Compute as many columns as there are lanes, from column `at` on. The emitted functions impact, validity and
+// clearly_valid are template arguments because GCC would clone all of this for function arguments.
 template <class N, int layout, auto impact, auto validity, auto clearly_valid>
 static __attribute__((noinline)) void compute_lanes(const Batch& batch, long at) {
   using T = Base<N>;
@@ -76,21 +78,25 @@ static __attribute__((noinline)) void compute_lanes(const Batch& batch, long at)
     x[i] = is_shared ? T{} + *row : load<T>(row + at);
   }
   N in[Inputs::count], changes[CHANGES];
-  UNROLLED for (int i = 0; i < Inputs::count; ++i) in[i] = Make<N>::read(x[i], T{});
+  UNROLLED for (int i = 0; i < Inputs::count; ++i)
+    in[i] = Make<N>::read(x[i], T{});
   T fault = find_fault<validity, clearly_valid>(x);
   Report<N> reported[REPORTED];
   Mask<T> flags[FLAGS];
   impact(in, changes, reported, flags);
 
   T sum = high(changes[0]) + high(changes[1]) + high(changes[2]);
-  UNROLLED for (int i = 0; i < 12; i += 3) sum += reported[i] + reported[i + 1] + reported[i + 2];
+  UNROLLED for (int i = 0; i < 12; i += 3)
+    sum += reported[i] + reported[i + 1] + reported[i + 2];
   T status = choose<T>(flags[FLAG_SEPARATING], broadcast<T>(STATUS_SEPARATING), broadcast<T>(STATUS_OK));
   status = choose<T>(flags[FLAG_UNPHYSICAL], broadcast<T>(STATUS_INTERNAL_ERROR), status);
   status = choose<T>(flags[FLAG_UNFINISHED], broadcast<T>(STATUS_PATH_TOO_LONG), status);
   status = choose<T>((sum - sum == 0) & negation(flags[FLAG_OUT_OF_RANGE]), status, broadcast<T>(STATUS_OUT_OF_RANGE));
-  if (__builtin_expect(batch.regime != nullptr, 0)) {  // unlikely, so that the compiler moves what only this needs in here
+  // Unlikely, so that the compiler moves what only this needs in here.
+  if (__builtin_expect(batch.regime != nullptr, 0)) {
     T energies{};
-    UNROLLED for (int k = 0; k < ENERGIES; ++k) energies += reported[OUT_KINETIC_ENERGY_BEFORE + k];
+    UNROLLED for (int k = 0; k < ENERGIES; ++k)
+      energies += reported[OUT_KINETIC_ENERGY_BEFORE + k];
     status = choose<T>(energies - energies == 0, status, broadcast<T>(STATUS_OUT_OF_RANGE));
   }
   status = choose<T>(fault == 0, status, fault);
@@ -145,7 +151,8 @@ INLINE void compute_columns(const Batch& batch, long from, long to) {
   if (padded.regime) padded.regime = regime;
   compute_lanes<N, layout, impact, validity, clearly_valid>(padded, 0);
   for (int i = 0; i < RESULTS; ++i)
-    for (long k = 0; batch_results[i] && k < to - from; ++k) static_cast<Lane<T>*>(batch_results[i])[from + k] = results[i][k];
+    for (long k = 0; batch_results[i] && k < to - from; ++k)
+      static_cast<Lane<T>*>(batch_results[i])[from + k] = results[i][k];
   for (long k = 0; k < to - from; ++k) {
     batch.status[from + k] = status[k];
     if (batch.regime) batch.regime[from + k] = regime[k];

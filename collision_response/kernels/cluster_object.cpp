@@ -62,14 +62,15 @@ PyObject* find_contradictory_contacts(PyObject* self, PyObject*) {
   return listed(found.size(), [&found](size_t i) { return PyLong_FromLong(found[i]); });
 }
 
-// velocity_size(p): an upper bound on the size of the velocities that impulses p produce, in the metric of kinetic energy.
+// velocity_size(p): an upper bound on the size of the velocities that impulses p produce, in the metric of kinetic
+// energy.
 PyObject* velocity_size(PyObject* self, PyObject* o) {
   const DD* p = impulses(self, o);
   return p ? PyFloat_FromDouble(assembly_of(self).velocity_size(p)) : nullptr;
 }
 
-// reflections(threshold, budget): the normal impulses, error, margin, restitution (or None) and no_rebound of ClusterImpulses;
-// None if contacts contradict each other.
+// reflections(threshold, budget): the normal impulses, error, margin, restitution (or None) and no_rebound of
+// ClusterImpulses; None if contacts contradict each other.
 PyObject* reflect(PyObject* self, PyObject* args) {
   double threshold;
   long budget;
@@ -99,10 +100,13 @@ PyObject* get_effect(PyObject* self, PyObject* args) {
   const Cluster& cluster = *reinterpret_cast<ClusterObject*>(self)->cluster;
   ImpulseEffect effect = effect_of(assembly_of(self), impulses, sticks_by_slip);
   return Py_BuildValue(
-      "NNNNNN(dddd)dNNN", listed(assembly_of(self).body_count, [&](size_t b) { return make_twist(&effect.changes[6 * b]); }),
+      "NNNNNN(dddd)dNNN",
+      listed(assembly_of(self).body_count, [&](size_t b) { return make_twist(&effect.changes[6 * b]); }),
       listed(assembly_of(self).body_count, [&](size_t b) { return make_twist(&effect.twists[6 * b]); }),
-      listed(assembly_of(self).count, [&](size_t i) { return make_vec3(&effect.impulses[3 * i]); }), number_list(effect.normal_velocities_before), number_list(effect.normal_velocities_after),
-      listed(assembly_of(self).count, [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(python.regimes, effect.regimes[i])); }),
+      listed(assembly_of(self).count, [&](size_t i) { return make_vec3(&effect.impulses[3 * i]); }),
+      number_list(effect.normal_velocities_before), number_list(effect.normal_velocities_after),
+      listed(assembly_of(self).count,
+             [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(python.regimes, effect.regimes[i])); }),
       effect.energies[0], effect.energies[1], effect.energies[2], effect.energies[3], effect.error_bound,
       PyBool_FromLong(cluster.has_massless_spin), PyBool_FromLong(cluster.has_off_unit_orientation),
       PyBool_FromLong(effect.creates_energy));
@@ -121,14 +125,17 @@ PyObject* add_least_work_friction(PyObject* self, PyObject* args) {
   double error;
   if (!PyArg_ParseTuple(args, "Od", &normal, &error)) return nullptr;
   const DD* p = impulses(self, normal);
-  return !p ? nullptr : impulses_or_none(least_work_friction(assembly_of(self), {true, {p, p + assembly_of(self).count}, error}));
+  return !p ? nullptr
+            : impulses_or_none(least_work_friction(assembly_of(self), {true, {p, p + assembly_of(self).count}, error}));
 }
 // moreau(has_friction): the impulses of MOREAU.
-PyObject* apply_moreau(PyObject* self, PyObject* has_friction) { return impulses_or_none(moreau(assembly_of(self), has_friction == Py_True)); }
+PyObject* apply_moreau(PyObject* self, PyObject* has_friction) {
+  return impulses_or_none(moreau(assembly_of(self), has_friction == Py_True));
+}
 
 // follow_springs(stiffness, exponent, tolerance, budget, has_friction): the impulses of ROUTH_STRONGE at the end of one
-// path, normal and tangential (or None), the energy that friction took, and the rest of the budget. None if the budget ran
-// out, False if the path has no end.
+// path, normal and tangential (or None), the energy that friction took, and the rest of the budget. None if the budget
+// ran out, False if the path has no end.
 PyObject* follow_springs(PyObject* self, PyObject* args) {
   PyObject* stiffness;
   double exponent, tolerance;
@@ -155,8 +162,12 @@ PyObject* follow_springs(PyObject* self, PyObject* args) {
 }
 
 PyObject* get_is_locked(PyObject* self, void*) { return PyBool_FromLong(assembly_of(self).is_locked); }
-PyObject* get_approach_is_uncertain(PyObject* self, void*) { return PyBool_FromLong(assembly_of(self).approach_is_uncertain()); }
-PyObject* get_is_out_of_range(PyObject* self, void*) { return PyBool_FromLong(reinterpret_cast<ClusterObject*>(self)->cluster->is_out_of_range()); }
+PyObject* get_approach_is_uncertain(PyObject* self, void*) {
+  return PyBool_FromLong(assembly_of(self).approach_is_uncertain());
+}
+PyObject* get_is_out_of_range(PyObject* self, void*) {
+  return PyBool_FromLong(reinterpret_cast<ClusterObject*>(self)->cluster->is_out_of_range());
+}
 
 PyMethodDef methods[] = {
     {"no_impulses", RaisesMemoryError<no_impulses>::call, METH_NOARGS, ""},
@@ -169,16 +180,22 @@ PyMethodDef methods[] = {
     {"moreau", RaisesMemoryError<apply_moreau>::call, METH_O, ""},
     {"follow_springs", RaisesMemoryError<follow_springs>::call, METH_VARARGS, ""},
     {}};
-PyGetSetDef fields[] = {{"is_locked", get_is_locked, nullptr, "", nullptr}, {"approach_is_uncertain", get_approach_is_uncertain, nullptr, "", nullptr}, {"is_out_of_range", get_is_out_of_range, nullptr, "", nullptr}, {}};
-PyType_Slot slots[] = {{Py_tp_dealloc, reinterpret_cast<void*>(dealloc)}, {Py_tp_methods, methods}, {Py_tp_getset, fields}, {}};
-PyType_Spec spec = {"collision_response.kernels._compiled.Cluster", sizeof(ClusterObject), 0, Py_TPFLAGS_DEFAULT, slots};
+PyGetSetDef fields[] = {{"is_locked", get_is_locked, nullptr, "", nullptr},
+                        {"approach_is_uncertain", get_approach_is_uncertain, nullptr, "", nullptr},
+                        {"is_out_of_range", get_is_out_of_range, nullptr, "", nullptr},
+                        {}};
+PyType_Slot slots[] = {
+    {Py_tp_dealloc, reinterpret_cast<void*>(dealloc)}, {Py_tp_methods, methods}, {Py_tp_getset, fields}, {}};
+PyType_Spec spec = {"collision_response.kernels._compiled.Cluster", sizeof(ClusterObject), 0, Py_TPFLAGS_DEFAULT,
+                    slots};
 
 }  // namespace
 
-// assemble(bodies, pairs, contacts, counts): a Cluster of contacts, each given as often as `counts` says; the index of the
-// first invalid contact, if there is one; None if a number is not a float.
+// assemble(bodies, pairs, contacts, counts): a Cluster of contacts, each given as often as `counts` says; the index of
+// the first invalid contact, if there is one; None if a number is not a float.
 PyObject* assemble(PyObject*, PyObject* const* args, Py_ssize_t count) {
-  if (count != 4 || !PyList_Check(args[0]) || !PyList_Check(args[1]) || !PyList_Check(args[2]) || !PyList_Check(args[3]))
+  if (count != 4 || !PyList_Check(args[0]) || !PyList_Check(args[1]) || !PyList_Check(args[2]) ||
+      !PyList_Check(args[3]))
     return PyErr_Format(PyExc_TypeError, "assemble() takes four lists");
   ClusterParts parts;
   parts.bodies.resize(PyList_GET_SIZE(args[0]));
@@ -187,7 +204,9 @@ PyObject* assemble(PyObject*, PyObject* const* args, Py_ssize_t count) {
   for (Py_ssize_t k = 0; k < PyList_GET_SIZE(args[2]); ++k) {
     std::int64_t pair[2];
     ClusterParts::Contact contact{{}, {}, PyLong_AsDouble(PyList_GET_ITEM(args[3], k))};
-    if (!read_contact(PyList_GET_ITEM(args[2], k), contact.x) || !read_pair(PyList_GET_ITEM(args[1], k), parts.bodies.size(), pair)) Py_RETURN_NONE;
+    if (!read_contact(PyList_GET_ITEM(args[2], k), contact.x) ||
+        !read_pair(PyList_GET_ITEM(args[1], k), parts.bodies.size(), pair))
+      Py_RETURN_NONE;
     for (int side = 0; side < 2; ++side) contact.body[side] = static_cast<int>(pair[side]);
     parts.contacts.push_back(contact);
   }

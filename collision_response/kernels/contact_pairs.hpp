@@ -1,5 +1,5 @@
-// Contacts between the bodies of one table: reading the two bodies of each contact, and dividing the contacts into sets that
-// are independent or into clusters.
+// Contacts between the bodies of one table: reading the two bodies of each contact, and dividing the contacts into sets
+// that are independent or into clusters.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -35,17 +35,20 @@ struct ContactPairs {
     }
     for (int row = 0; row < (bodies ? rows : 0); ++row)
       for (int side = 0; side < 2; ++side)
-        for (long k = 0; k < count; ++k) gathered[(2 * row + side) * GATHER_BLOCK + k] = table[row * bodies + column[side][k]];
-    for (int row = 0; row < (bodies ? 0 : rows); ++row) std::fill_n(gathered + 2 * row * GATHER_BLOCK, 2 * GATHER_BLOCK, T(NAN));
+        for (long k = 0; k < count; ++k)
+          gathered[(2 * row + side) * GATHER_BLOCK + k] = table[row * bodies + column[side][k]];
+    for (int row = 0; row < (bodies ? 0 : rows); ++row)
+      std::fill_n(gathered + 2 * row * GATHER_BLOCK, 2 * GATHER_BLOCK, T(NAN));
     for (long k = 0; any_fault && k < count; ++k)
       if (fault(from + k)) gathered[k] = gathered[GATHER_BLOCK + k] = T(NAN);
     return any_fault;
   }
 };
 
-// Sort contacts by the set that each is in, keeping their order within a set. starts gets the place where each set begins
-// in `order`, and at the end the number of contacts.
-static inline void sort_by_set(const std::vector<std::int64_t>& set, long sets, std::int64_t* order, std::int64_t* starts) {
+// Sort contacts by the set that each is in, keeping their order within a set. starts gets the place where each set
+// begins in `order`, and at the end the number of contacts.
+static inline void sort_by_set(const std::vector<std::int64_t>& set, long sets, std::int64_t* order,
+                               std::int64_t* starts) {
   std::fill_n(starts, sets + 1, 0);
   for (std::int64_t one : set) ++starts[one + 1];
   for (long s = 0; s < sets; ++s) starts[s + 1] += starts[s];
@@ -53,10 +56,11 @@ static inline void sort_by_set(const std::vector<std::int64_t>& set, long sets, 
   for (std::size_t k = 0; k < set.size(); ++k) order[next[set[k]]++] = static_cast<std::int64_t>(k);
 }
 
-// Divide n contacts into sets in which no movable body appears twice, and sort them by these. A contact is in the first set
-// after those of earlier contacts with which it shares a movable body. Return the number of sets; if a body of a contact
-// is not in the table, -1 - contact for the first such contact.
-static inline long divide_into_independent_sets(const ContactPairs& pairs, long n, const bool* movable, std::int64_t* order, std::int64_t* starts) {
+// Divide n contacts into sets in which no movable body appears twice, and sort them by these. A contact is in the first
+// set after those of earlier contacts with which it shares a movable body. Return the number of sets; if a body of a
+// contact is not in the table, -1 - contact for the first such contact.
+static inline long divide_into_independent_sets(const ContactPairs& pairs, long n, const bool* movable,
+                                                std::int64_t* order, std::int64_t* starts) {
   std::vector<std::int64_t> next_set(pairs.bodies, 0), set(n);
   long sets = 0;
   for (long k = 0; k < n; ++k) {
@@ -71,9 +75,10 @@ static inline long divide_into_independent_sets(const ContactPairs& pairs, long 
 }
 
 // Divide n contacts into clusters, and sort them by these. Contacts are in one cluster if they share a movable body,
-// directly or through other contacts. A contact that has a fault or two immovable bodies is a cluster by itself. Clusters
-// are numbered in the order of their first contacts. Return their number.
-static inline long divide_into_clusters(const ContactPairs& pairs, long n, const bool* movable, std::int64_t* order, std::int64_t* starts, std::int64_t* cluster) {
+// directly or through other contacts. A contact that has a fault or two immovable bodies is a cluster by itself.
+// Clusters are numbered in the order of their first contacts. Return their number.
+static inline long divide_into_clusters(const ContactPairs& pairs, long n, const bool* movable, std::int64_t* order,
+                                        std::int64_t* starts, std::int64_t* cluster) {
   std::vector<std::int64_t> leader(pairs.bodies), number(pairs.bodies, -1), set(n);  // union-find; number: by leader
   for (std::int64_t body = 0; body < pairs.bodies; ++body) leader[body] = body;
   auto find = [&](std::int64_t body) {

@@ -18,8 +18,8 @@ namespace {
 using SparseDual = Dual<Bounded<double>, SparseDerivatives>;
 static_assert(int(LAW_INPUT_COUNT) == int(LAW_INPUTS));
 
-// An impact is differentiated by these parameters: its inputs, but three rotations about the world axes in k_index of the
-// four numbers of a quaternion, and only those numbers of the model that laws read.
+// An impact is differentiated by these parameters: its inputs, but three rotations about the world axes in k_index of
+// the four numbers of a quaternion, and only those numbers of the model that laws read.
 enum { PARAMETERS_OF_BODY = BODY - 1, STIFFNESS = IN_MODEL_RESTITUTION_THRESHOLD - 2, PARAMETERS };
 enum { TWISTS = CHANGES - AXES, RESULTS = CHANGES };  // the twists after the impact, then the impulse
 
@@ -34,7 +34,7 @@ DerivativeKernel find_kernel(int law) {
 // FRICTIONLESS too, except those by friction: at friction 0 slip and stick meet in one point, where a law takes either
 // branch. There springs of any stiffness have the derivatives of hard ones.
 void differentiate_law(int law, const Bounded<double>* law_input, Seeds& seeds, Impulse* y) {
-  double(&friction)[DenseDerivatives::DIRECTIONS] = seeds[LAW_INPUT_FRICTION];
+  double (&friction)[DenseDerivatives::DIRECTIONS] = seeds[LAW_INPUT_FRICTION];
   if (law_input[LAW_INPUT_FRICTION].value > 0 || law == LAW_FRICTIONLESS) return find_kernel(law)(law_input, seeds, y);
   double by_friction[DenseDerivatives::DIRECTIONS];
   std::memcpy(by_friction, friction, sizeof friction);
@@ -54,8 +54,14 @@ void differentiate_law(int law, const Bounded<double>* law_input, Seeds& seeds, 
 // The inputs of a law that are independent of each other: each is a direction. n.u and n.Kn depend on n, u and K.
 enum { BY_N, BY_U = BY_N + AXES, BY_K = BY_U + AXES };
 const int independent_inputs[DenseDerivatives::DIRECTIONS] = {
-    LAW_INPUT_N, LAW_INPUT_N + 1, LAW_INPUT_N + 2, LAW_INPUT_U, LAW_INPUT_U + 1, LAW_INPUT_U + 2, LAW_INPUT_K, LAW_INPUT_K + 1, LAW_INPUT_K + 2, LAW_INPUT_K + 3, LAW_INPUT_K + 4, LAW_INPUT_K + 5,
-    LAW_INPUT_RESTITUTION, LAW_INPUT_FRICTION, LAW_INPUT_SETTINGS, LAW_INPUT_SETTINGS + IN_MODEL_STIFFNESS_RATIO - IN_MODEL_TANGENTIAL_RESTITUTION};
+    LAW_INPUT_N,           LAW_INPUT_N + 1,
+    LAW_INPUT_N + 2,       LAW_INPUT_U,
+    LAW_INPUT_U + 1,       LAW_INPUT_U + 2,
+    LAW_INPUT_K,           LAW_INPUT_K + 1,
+    LAW_INPUT_K + 2,       LAW_INPUT_K + 3,
+    LAW_INPUT_K + 4,       LAW_INPUT_K + 5,
+    LAW_INPUT_RESTITUTION, LAW_INPUT_FRICTION,
+    LAW_INPUT_SETTINGS,    LAW_INPUT_SETTINGS + IN_MODEL_STIFFNESS_RATIO - IN_MODEL_TANGENTIAL_RESTITUTION};
 
 void seed_independent(const Bounded<double>* law_input, Seeds& seeds) {
   static const int k_index[AXES][AXES] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
@@ -73,29 +79,31 @@ void seed_independent(const Bounded<double>* law_input, Seeds& seeds) {
   }
 }
 
-// COMPLIANT takes a lesser restitution as this, since its springs would be too stiff. Its derivative by e at e = 0 is as
-// far off as that.
+// COMPLIANT takes a lesser restitution as this, since its springs would be too stiff. Its derivative by e at e = 0 is
+// as far off as that.
 constexpr double LEAST_RESTITUTION = 1e-7;
 
 FOR_EACH_LEVEL void add(Block* y, const Block* a, double by, int count) {
   for (int k = 0; k < count; ++k) y[k] += a[k] * by;
 }
 
-// The impulse of a law with its derivatives in many directions. They come by the chain rule from those by each independent
-// input of the law; on an edge, or for few directions, from the law in the directions themselves.
+// The impulse of a law with its derivatives in many directions. They come by the chain rule from those by each
+// independent input of the law; on an edge, or for few directions, from the law in the directions themselves.
 struct LawImpulse {
   int law, directions;
 
   std::array<SparseDual, AXES> operator()(const SparseDual* in) const {
     Bounded<double> law_input[LAW_INPUTS];
     for (int i = 0; i < LAW_INPUTS; ++i) law_input[i] = in[i].value;
-    if (double& e = law_input[LAW_INPUT_RESTITUTION].value; law == LAW_COMPLIANT && e < LEAST_RESTITUTION) e = LEAST_RESTITUTION;
+    if (double& e = law_input[LAW_INPUT_RESTITUTION].value; law == LAW_COMPLIANT && e < LEAST_RESTITUTION)
+      e = LEAST_RESTITUTION;
     Seeds seeds;
     Impulse y;
     std::array<SparseDual, AXES> P;
     P.fill(SparseDual(Bounded<double>{}));
     const int block_count = (directions + 3) / 4;
-    const bool has_edges = std::any_of(in, in + LAW_INPUTS, [](const SparseDual& one) { return one.kinks | one.jumps; });
+    const bool has_edges =
+        std::any_of(in, in + LAW_INPUTS, [](const SparseDual& one) { return one.kinks | one.jumps; });
     if (has_edges || directions > DenseDerivatives::DIRECTIONS) {
       seed_independent(law_input, seeds);
       differentiate_law(law, law_input, seeds, &y);
@@ -105,7 +113,8 @@ struct LawImpulse {
     for (int from = 0; from < block_count; from += DenseDerivatives::BLOCKS) {
       int blocks = std::min(DenseDerivatives::BLOCKS, block_count - from);
       for (int i = 0; i < LAW_INPUTS; ++i)
-        for (int k = 0; k < DenseDerivatives::DIRECTIONS; ++k) seeds[i][k] = k < 4 * blocks ? in[i].at(4 * from + k) : 0;
+        for (int k = 0; k < DenseDerivatives::DIRECTIONS; ++k)
+          seeds[i][k] = k < 4 * blocks ? in[i].at(4 * from + k) : 0;
       differentiate_law(law, law_input, seeds, &y);
       for (int i = 0; i < AXES; ++i) {
         if (from == 0) P[i] = {y.value[i], P[i].kinks, P[i].jumps, SparseDerivatives(0, block_count)};
@@ -130,7 +139,8 @@ struct LawImpulse {
       double by = y.d[axis][k];
       P.kinks |= by == 0 ? input.jumps : input.kinks;
       P.jumps |= by == 0 ? 0 : input.jumps;
-      if (by != 0 && input.d.begin < input.d.end) add(P.d.d + input.d.begin, input.d.d + input.d.begin, by, input.d.end - input.d.begin);
+      if (by != 0 && input.d.begin < input.d.end)
+        add(P.d.d + input.d.begin, input.d.d + input.d.begin, by, input.d.end - input.d.begin);
     }
     return P;
   }
@@ -140,7 +150,8 @@ struct LawImpulse {
 struct Differentiation {
   int law;
   const double *inputs, *directions;
-  long n, count, direction_stride;  // direction_stride: from the directions of an impact to those of the next; 0: shared
+  long n, count;
+  long direction_stride;  // from the directions of an impact to those of the next; 0: shared
   double* jacobian;
   unsigned char* smoothness;
 
@@ -161,7 +172,8 @@ struct Differentiation {
     for (int i = 0; i < RESULTS; ++i) {
       const SparseDual& change = y[i < TWISTS ? AXES + i : i - TWISTS];
       SparseDerivatives d = change.d;
-      if (i < TWISTS) d = d.blended(1, parameters[VELOCITY + (i < TWISTS / 2 ? i : PARAMETERS_OF_BODY + i - TWISTS / 2)], 1);
+      if (i < TWISTS)
+        d = d.blended(1, parameters[VELOCITY + (i < TWISTS / 2 ? i : PARAMETERS_OF_BODY + i - TWISTS / 2)], 1);
       double* row = jacobian + (i * count + first) * n + at;
       double line[SparseDerivatives::DIRECTIONS] = {};
       if (d.begin < d.end) std::memcpy(line + 4 * d.begin, d.d + d.begin, (d.end - d.begin) * sizeof(Block));
@@ -181,7 +193,8 @@ struct Differentiation {
     const double* row = directions + (p * count + first) * step + direction_stride * at;
     double line[SparseDerivatives::DIRECTIONS];
     if (step == 1) std::memcpy(line, row, width * sizeof *row);
-    else for (int k = 0; k < width; ++k) line[k] = row[k * step];
+    else
+      for (int k = 0; k < width; ++k) line[k] = row[k * step];
     int begin = 0, end = (width + 3) / 4;
     for (int k = width; k < 4 * end; ++k) line[k] = 0;
     auto is_zero = [&](int block) {
@@ -219,21 +232,27 @@ struct Differentiation {
   }
 };
 
-// differentiate(law, n, count, is_shared, inputs, directions, jacobian, smoothness): whether all derivatives are finite.
-// is_shared says whether all impacts have the same directions. smoothness gets 0 (smooth), 1 (kink) or 2 (jump) for each
-// impact and direction. Releases the GIL.
+// differentiate(law, n, count, is_shared, inputs, directions, jacobian, smoothness): whether all derivatives are
+// finite. is_shared says whether all impacts have the same directions. smoothness gets 0 (smooth), 1 (kink) or 2 (jump)
+// for each impact and direction. Releases the GIL.
 //   inputs (INPUTS, n), directions (PARAMETERS, count, n or 1), jacobian (CHANGES, count, n), smoothness (count, n)
 PyObject* differentiate_all(PyObject*, PyObject* args) {
   Differentiation job{};
   int is_shared;
   PyObject *inputs, *directions, *jacobian, *smoothness;
-  if (!PyArg_ParseTuple(args, "illpOOOO", &job.law, &job.n, &job.count, &is_shared, &inputs, &directions, &jacobian, &smoothness)) return nullptr;
+  if (!PyArg_ParseTuple(args, "illpOOOO", &job.law, &job.n, &job.count, &is_shared, &inputs, &directions, &jacobian,
+                        &smoothness))
+    return nullptr;
   Array arrays[4];
   const Py_ssize_t size = sizeof(double) * job.n;
   job.direction_stride = is_shared ? 0 : 1;
-  auto opens = [](Array& array, PyObject* o, Py_ssize_t bytes, bool writable) { return array.open(o, writable) && array.view.len == bytes; };
-  if (!opens(arrays[0], inputs, INPUTS * size, false) || !opens(arrays[1], directions, PARAMETERS * job.count * (is_shared ? sizeof(double) : size), false) ||
-      !opens(arrays[2], jacobian, CHANGES * job.count * size, true) || !opens(arrays[3], smoothness, job.count * job.n, true))
+  auto opens = [](Array& array, PyObject* o, Py_ssize_t bytes, bool writable) {
+    return array.open(o, writable) && array.view.len == bytes;
+  };
+  if (!opens(arrays[0], inputs, INPUTS * size, false) ||
+      !opens(arrays[1], directions, PARAMETERS * job.count * (is_shared ? sizeof(double) : size), false) ||
+      !opens(arrays[2], jacobian, CHANGES * job.count * size, true) ||
+      !opens(arrays[3], smoothness, job.count * job.n, true))
     return PyErr_Format(PyExc_TypeError, "differentiate(): arrays must be contiguous, and of the right sizes");
   job.inputs = arrays[0].at<double>();
   job.directions = arrays[1].at<double>();
@@ -243,7 +262,8 @@ PyObject* differentiate_all(PyObject*, PyObject* args) {
     ReleasedGil released;
     for (long at = 0; at < job.n; ++at) job.differentiate_impact(at);
   }
-  return PyBool_FromLong(std::all_of(job.jacobian, job.jacobian + RESULTS * job.count * job.n, [](double d) { return d - d == 0; }));
+  return PyBool_FromLong(
+      std::all_of(job.jacobian, job.jacobian + RESULTS * job.count * job.n, [](double d) { return d - d == 0; }));
 }
 
 PyMethodDef methods[] = {{"differentiate", RaisesMemoryError<differentiate_all>::call, METH_VARARGS, ""}, {}};

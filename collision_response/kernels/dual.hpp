@@ -6,8 +6,9 @@
 //         SparseDerivatives   in up to 56; only the range that may differ from 0 is stored
 //
 // A branch is taken by the value. Where the value leaves a comparison open, or both sides are equal, the directions in
-// which the sides differ are kept: a choice by that comparison has an edge there. The edge is a kink if both branches have
-// the same value, else a jump. A factor of 0 that does not jump itself turns a jump into a kink, and removes a kink.
+// which the sides differ are kept: a choice by that comparison has an edge there. The edge is a kink if both branches
+// have the same value, else a jump. A factor of 0 that does not jump itself turns a jump into a kink, and removes a
+// kink.
 //
 // Comparisons in the body of a loop mark no edges.
 #pragma once
@@ -18,7 +19,7 @@
 #include <vector>
 
 typedef double Block __attribute__((vector_size(32)));  // the derivatives in four directions
-using Edges = std::uint64_t;                            // a set of directions: a bit for each
+using Edges = std::uint64_t;  // a set of directions: a bit for each
 
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
 #define FOR_EACH_LEVEL __attribute__((target_clones("avx2", "default")))
@@ -59,7 +60,10 @@ struct DenseDerivatives {
 };
 
 // Memory for sparse derivatives. They are written once and shared by copies; for each impact the arena is reset.
-struct Arena { Block *next, *end; std::size_t chunks; };
+struct Arena {
+  Block *next, *end;
+  std::size_t chunks;
+};
 static thread_local Arena arena __attribute__((tls_model("initial-exec")));
 constexpr int CHUNK = 1 << 14;
 
@@ -72,7 +76,7 @@ static __attribute__((noinline, cold, unused)) void grow_arena(std::size_t chunk
 struct SparseDerivatives {
   static constexpr int BLOCKS = 14, DIRECTIONS = 4 * BLOCKS;
   int begin = BLOCKS, end = 0;  // the blocks that may differ from 0
-  Block* d = nullptr;         // stored from d[begin] on
+  Block* d = nullptr;  // stored from d[begin] on
 
   SparseDerivatives() = default;
   SparseDerivatives(int first, int last) : begin(first), end(last) {  // not initialised
@@ -130,7 +134,9 @@ struct Dual {
 template <class N> using Number = typename N::Number;
 
 template <class N, class D> struct Traits<Dual<N, D>> {
-  using Base = typename Traits<N>::Base; using Value = Dual<typename Traits<N>::Value, D>; using Report = typename Traits<N>::Report;
+  using Base = typename Traits<N>::Base;
+  using Value = Dual<typename Traits<N>::Value, D>;
+  using Report = typename Traits<N>::Report;
   static constexpr double roundoff = Traits<N>::roundoff;
 };
 
@@ -148,10 +154,16 @@ DUAL INLINE Dual<N, D> combined(N value, const Dual<N, D>& a, double by_a, const
   return {value, kinks, jumps, a.d.blended(by_a, b.d, by_b)};
 }
 
-DUAL NOT_INLINED Dual<N, D> operator+(const Dual<N, D>& a, const Dual<N, D>& b) { return combined(a.value + b.value, a, 1, b, 1); }
-DUAL NOT_INLINED Dual<N, D> operator-(const Dual<N, D>& a, const Dual<N, D>& b) { return combined(a.value - b.value, a, 1, b, -1); }
+DUAL NOT_INLINED Dual<N, D> operator+(const Dual<N, D>& a, const Dual<N, D>& b) {
+  return combined(a.value + b.value, a, 1, b, 1);
+}
+DUAL NOT_INLINED Dual<N, D> operator-(const Dual<N, D>& a, const Dual<N, D>& b) {
+  return combined(a.value - b.value, a, 1, b, -1);
+}
 DUAL NOT_INLINED Dual<N, D> operator-(const Dual<N, D>& a) { return scaled(-a.value, a, -1); }
-DUAL NOT_INLINED Dual<N, D> operator*(const Dual<N, D>& a, const Dual<N, D>& b) { return combined(a.value * b.value, a, high(b.value), b, high(a.value)); }
+DUAL NOT_INLINED Dual<N, D> operator*(const Dual<N, D>& a, const Dual<N, D>& b) {
+  return combined(a.value * b.value, a, high(b.value), b, high(a.value));
+}
 DUAL NOT_INLINED Dual<N, D> operator/(const Dual<N, D>& a, const Dual<N, D>& b) {
   N q = a.value / b.value;
   double by = 1 / high(b.value);
@@ -169,7 +181,8 @@ DUAL NOT_INLINED Dual<N, D> operator/(const N& a, const Dual<N, D>& b) {
   N q = a / b.value;
   return scaled(q, b, -high(q) / high(b.value));
 }
-// Derivative of a root s by what is under it. It is taken as 0 at s = 0: that is a sum of squares, whose slope is 0 too.
+// Derivative of a root s by what is under it. It is taken as 0 at s = 0: that is a sum of squares, whose slope is 0
+// too.
 INLINE double slope_of_root(double s) { return s > 0 ? 0.5 / s : 0; }
 DUAL NOT_INLINED Dual<N, D> root(const Dual<N, D>& a) {
   N s = root(a.value);
@@ -187,24 +200,27 @@ DUAL INLINE Report<N> report(const Dual<N, D>& a) { return report(a.value); }
 // Give the state of a loop the edges of all numbers that the loop reads.
 template <class... Outer> INLINE auto share_edges(const Outer&... outer) {
   return [&](auto&... state) {
-    Edges kinks = (Edges{} | ... | outer.kinks) | (state.kinks | ...), jumps = (Edges{} | ... | outer.jumps) | (state.jumps | ...);
+    Edges kinks = (Edges{} | ... | outer.kinks) | (state.kinks | ...),
+          jumps = (Edges{} | ... | outer.jumps) | (state.jumps | ...);
     ((state.kinks = kinks), ...);
     ((state.jumps = jumps), ...);
   };
 }
 
 // The directions in which the derivatives of two numbers differ.
-DUAL NOT_INLINED Edges differing(const Dual<N, D>& a, const Dual<N, D>& b) {
-  return a.d.blended(1, b.d, -1).nonzero();
-}
+DUAL NOT_INLINED Edges differing(const Dual<N, D>& a, const Dual<N, D>& b) { return a.d.blended(1, b.d, -1).nonzero(); }
 
 // The truth of a comparison by values, and the directions in which the smallest step may change it.
-struct Decision { bool value; Edges undecided; };
+struct Decision {
+  bool value;
+  Edges undecided;
+};
 
 INLINE Edges all_directions_if(bool holds) { return holds ? ~Edges{} : 0; }
 INLINE Decision negation(const Decision& a) { return {!a.value, a.undecided}; }
 INLINE Decision operator&(const Decision& a, const Decision& b) {
-  return {a.value && b.value, (a.undecided & (all_directions_if(b.value) | b.undecided)) | (b.undecided & (all_directions_if(a.value) | a.undecided))};
+  return {a.value && b.value, (a.undecided & (all_directions_if(b.value) | b.undecided)) |
+                                  (b.undecided & (all_directions_if(a.value) | a.undecided))};
 }
 INLINE Decision operator|(const Decision& a, const Decision& b) { return negation(negation(a) & negation(b)); }
 INLINE bool plain_truth(const Decision& a) { return a.value; }
@@ -216,8 +232,11 @@ DUAL INLINE Decision decision(const Truth<double>& truth, const Dual<N, D>& a, c
   return {truth.value, !truth.certain || high(a.value) == high(b.value) ? differing(a, b) : 0};
 }
 DUAL NOT_INLINED auto less(const Dual<N, D>& a, const Dual<N, D>& b) { return decision(less(a.value, b.value), a, b); }
-DUAL NOT_INLINED auto less_equal(const Dual<N, D>& a, const Dual<N, D>& b) { return decision(less_equal(a.value, b.value), a, b); }
-// Numbers whose derivatives differ do not count as equal: a condition that holds at one point only must not choose a formula.
+DUAL NOT_INLINED auto less_equal(const Dual<N, D>& a, const Dual<N, D>& b) {
+  return decision(less_equal(a.value, b.value), a, b);
+}
+// Numbers whose derivatives differ do not count as equal: a condition that holds at one point only must not choose a
+// formula.
 DUAL NOT_INLINED auto equal(const Dual<N, D>& a, const Dual<N, D>& b) {
   return truth<Dual<N, D>>(high(a.value) == high(b.value) && !differing(a, b));
 }

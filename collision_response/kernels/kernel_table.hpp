@@ -16,28 +16,39 @@ extern "C" void check_articulated(const double* input, double* fault, bool* flag
 #undef BATCH_KERNEL
 
 enum { LEVEL_BASE = 0, LEVEL_AVX2 = 256, LEVEL_AVX512 = 512 };  // instruction sets, by the bits of their vectors
-inline long longest_vectors = LEVEL_AVX512;                     // that may be used; tests lower it to compare levels
+inline long longest_vectors = LEVEL_AVX512;  // that may be used; tests lower it to compare levels
 
 #ifdef __x86_64__
 inline const bool has_256_bits = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
-inline const bool has_512_bits = has_256_bits && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
-                                 __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw");
-inline bool is_runnable(int level) { return level == LEVEL_BASE || (level <= longest_vectors && (level == LEVEL_AVX2 ? has_256_bits : has_512_bits)); }
+inline const bool has_512_bits = has_256_bits && __builtin_cpu_supports("avx512f") &&
+                                 __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq") &&
+                                 __builtin_cpu_supports("avx512bw");
+inline bool is_runnable(int level) {
+  return level == LEVEL_BASE || (level <= longest_vectors && (level == LEVEL_AVX2 ? has_256_bits : has_512_bits));
+}
 #else
 inline bool is_runnable(int level) { return level == LEVEL_BASE; }
 #endif
 
 enum { PRECISION_BOUNDED = PRECISION_DOUBLE };
-inline const struct { int formula, layout, precision, level; ImpactKernel kernel; } impact_kernels[] = {
-#define IMPACT_KERNEL(name, FORMULA, LAYOUT, NUMBER, LEVEL) {FORMULA_##FORMULA, LAYOUT_##LAYOUT, PRECISION_##NUMBER, LEVEL_##LEVEL, impact_##name},
+inline const struct {
+  int formula, layout, precision, level;
+  ImpactKernel kernel;
+} impact_kernels[] = {
+#define IMPACT_KERNEL(name, FORMULA, LAYOUT, NUMBER, LEVEL) \
+  {FORMULA_##FORMULA, LAYOUT_##LAYOUT, PRECISION_##NUMBER, LEVEL_##LEVEL, impact_##name},
 #define BATCH_KERNEL(...)
 #include "kernels.inc"
 #undef IMPACT_KERNEL
 #undef BATCH_KERNEL
 };
-inline const struct { int formula, layout, number_type, level; BatchKernel kernel; } batch_kernels[] = {
+inline const struct {
+  int formula, layout, number_type, level;
+  BatchKernel kernel;
+} batch_kernels[] = {
 #define IMPACT_KERNEL(...)
-#define BATCH_KERNEL(name, FORMULA, LAYOUT, NUMBER, LEVEL) {FORMULA_##FORMULA, LAYOUT_##LAYOUT, NUMBER_##NUMBER, LEVEL_##LEVEL, batch_##name},
+#define BATCH_KERNEL(name, FORMULA, LAYOUT, NUMBER, LEVEL) \
+  {FORMULA_##FORMULA, LAYOUT_##LAYOUT, NUMBER_##NUMBER, LEVEL_##LEVEL, batch_##name},
 #include "kernels.inc"
 #undef IMPACT_KERNEL
 #undef BATCH_KERNEL
@@ -48,17 +59,20 @@ inline const struct { int formula, layout, number_type, level; BatchKernel kerne
 inline ImpactKernel find_impact_kernel(int law, bool articulated, int& precision) {
   int layout = articulated ? LAYOUT_ARTICULATED : LAYOUT_EVERYTHING;
   for (const auto& row : impact_kernels)
-    if (row.formula == formula_of[law] && row.layout == layout && row.precision == precision && is_runnable(row.level)) return row.kernel;
+    if (row.formula == formula_of[law] && row.layout == layout && row.precision == precision && is_runnable(row.level))
+      return row.kernel;
   if (precision == PRECISION_DOUBLE) return nullptr;
   precision = PRECISION_DOUBLE;
   return find_impact_kernel(law, articulated, precision);
 }
 
-// Find the fastest kernel for batches that the machine can run, null if there is none for this layout. A law that has one
-// kernel for all precisions has that of BOUNDED.
+// Find the fastest kernel for batches that the machine can run, null if there is none for this layout. A law that has
+// one kernel for all precisions has that of BOUNDED.
 inline BatchKernel find_batch_kernel(int law, int layout, int number_type) {
   for (const auto& row : batch_kernels)
-    if (row.formula == formula_of[law] && row.layout == layout && row.number_type == number_type && is_runnable(row.level)) return row.kernel;
+    if (row.formula == formula_of[law] && row.layout == layout && row.number_type == number_type &&
+        is_runnable(row.level))
+      return row.kernel;
   bool is_substituted = layout == LAYOUT_EVERYTHING && (number_type == NUMBER_PLAIN || number_type == NUMBER_EXTENDED);
   return is_substituted ? find_batch_kernel(law, layout, NUMBER_BOUNDED) : nullptr;
 }

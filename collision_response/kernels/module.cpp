@@ -13,26 +13,27 @@ PyObject* limit_vectors(PyObject*, PyObject* bits) {
 
 // setup(...): take the Python objects that the functions use.
 PyObject* setup(PyObject*, PyObject* args) {
-  if (!PyArg_ParseTuple(args, "OOOOOOOOOOOO", &python.impact, &python.twist, &python.vec3, &python.body, &python.contact, &python.fraction,
-                        &python.statuses, &python.regimes, &python.adjustments, &python.plan_model, &python.model_as_used, &python.refusal)) return nullptr;
+  if (!PyArg_ParseTuple(args, "OOOOOOOOOOOO", &python.impact, &python.twist, &python.vec3, &python.body,
+                        &python.contact, &python.fraction, &python.statuses, &python.regimes, &python.adjustments,
+                        &python.plan_model, &python.model_as_used, &python.refusal))
+    return nullptr;
   python.vec3->tp_dealloc = python.twist->tp_dealloc = free_tuple_of_numbers;
   Py_INCREF(args);  // keeps the objects alive
   Py_RETURN_NONE;
 }
 
-PyMethodDef methods[] = {
-    FASTCALL("resolve", resolve),
-    FASTCALL("numbers_with_errors", numbers_with_errors),
-    FASTCALL("batch", batch),
-    FASTCALL("find_independent_sets", find_independent_sets),
-    FASTCALL("resolve_scene", resolve_scene),
-    FASTCALL("find_clusters", find_clusters),
-    FASTCALL("resolve_clusters", resolve_clusters),
-    FASTCALL("assemble", assemble),
-    {"has_fraction", has_fraction, METH_O, ""},
-    {"limit_vectors", limit_vectors, METH_O, ""},
-    {"setup", setup, METH_VARARGS, ""},
-    {}};
+PyMethodDef methods[] = {FASTCALL("resolve", resolve),
+                         FASTCALL("numbers_with_errors", numbers_with_errors),
+                         FASTCALL("batch", batch),
+                         FASTCALL("find_independent_sets", find_independent_sets),
+                         FASTCALL("resolve_scene", resolve_scene),
+                         FASTCALL("find_clusters", find_clusters),
+                         FASTCALL("resolve_clusters", resolve_clusters),
+                         FASTCALL("assemble", assemble),
+                         {"has_fraction", has_fraction, METH_O, ""},
+                         {"limit_vectors", limit_vectors, METH_O, ""},
+                         {"setup", setup, METH_VARARGS, ""},
+                         {}};
 PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_compiled", "", -1, methods, nullptr, nullptr, nullptr, nullptr};
 
 }  // namespace

@@ -60,7 +60,8 @@ template <class T> INLINE Mask<T> broadcast_truth(bool x) { return x ? Mask<T>(T
 
 INLINE bool negation(bool m) { return !m; }
 template <class M, class = std::enable_if_t<is_vector<M>>> INLINE M negation(M m) { return ~m; }
-// Some instructions are written as assembly here: parsing the header of intrinsics takes longer than most of these files.
+// Some instructions are written as assembly here: parsing the header of intrinsics takes longer than most of these
+// files.
 INLINE bool any(bool m) { return m; }
 template <class M, class = std::enable_if_t<is_vector<M>>> INLINE bool any(M m) {
 #ifdef __AVX512F__
@@ -111,7 +112,9 @@ template <class T> INLINE T fms_by_library(T a, T b, T p) {
 #ifndef __FMA__
 // Use the instruction if the machine has it: a call of std::fma takes as long as ten operations.
 static const bool has_fma = __builtin_cpu_supports("fma");
-template <class T> static __attribute__((noinline, cold)) T fms_out_of_line(T a, T b, T p) { return fms_by_library(a, b, p); }
+template <class T> static __attribute__((noinline, cold)) T fms_out_of_line(T a, T b, T p) {
+  return fms_by_library(a, b, p);
+}
 #endif
 template <class T> INLINE T fms(T a, T b, T p) {  // fused multiply-subtract: a b - p of doubles, rounded once
 #ifndef __FMA__
@@ -152,14 +155,22 @@ ON_BASE bool may_be_true(T m) { return any(m); }
 // underflows or overflows.
 
 template <class T>
-struct DoubleDouble { T h, l; };  // high and low part
+struct DoubleDouble {
+  T h, l;
+};  // high and low part
 
-template <class T> INLINE DoubleDouble<T> quick_sum(T a, T b) { T s = a + b; return {s, b - (s - a)}; }
+template <class T> INLINE DoubleDouble<T> quick_sum(T a, T b) {
+  T s = a + b;
+  return {s, b - (s - a)};
+}
 template <class T> INLINE DoubleDouble<T> exact_sum(T a, T b) {
   T s = a + b, c = s - a;
   return {s, (a - (s - c)) + (b - c)};
 }
-template <class T> INLINE DoubleDouble<T> exact_product(T a, T b) { T p = a * b; return {p, fms(a, b, p)}; }
+template <class T> INLINE DoubleDouble<T> exact_product(T a, T b) {
+  T p = a * b;
+  return {p, fms(a, b, p)};
+}
 
 template <class T> INLINE DoubleDouble<T> sum_of(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
   DoubleDouble<T> s = exact_sum(a.h, b.h), t = exact_sum(a.l, b.l);
@@ -183,10 +194,18 @@ template <class T> INLINE DoubleDouble<T> root_of(const DoubleDouble<T>& a) {
   T correction = (((a.h - p.h) - p.l) + a.l) / (s + s);
   return quick_sum(s, choose<T>(s == 0, T{}, correction));
 }
-template <class T> SHORT_OPERATION DoubleDouble<T> operator+(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return sum_of(a, b); }
-template <class T> SHORT_OPERATION DoubleDouble<T> operator-(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return sum_of(a, -b); }
-template <class T> SHORT_OPERATION DoubleDouble<T> operator*(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return product_of(a, b); }
-template <class T> SHORT_OPERATION DoubleDouble<T> operator/(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return quotient_of(a, b); }
+template <class T> SHORT_OPERATION DoubleDouble<T> operator+(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+  return sum_of(a, b);
+}
+template <class T> SHORT_OPERATION DoubleDouble<T> operator-(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+  return sum_of(a, -b);
+}
+template <class T> SHORT_OPERATION DoubleDouble<T> operator*(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+  return product_of(a, b);
+}
+template <class T> SHORT_OPERATION DoubleDouble<T> operator/(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+  return quotient_of(a, b);
+}
 template <class T> SHORT_OPERATION DoubleDouble<T> root(const DoubleDouble<T>& a) { return root_of(a); }
 template <class T> SHORT_OPERATION Mask<T> less(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
   return (a.h < b.h) | ((a.h == b.h) & (a.l < b.l));
@@ -194,7 +213,9 @@ template <class T> SHORT_OPERATION Mask<T> less(const DoubleDouble<T>& a, const 
 template <class T> SHORT_OPERATION Mask<T> less_equal(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
   return (a.h < b.h) | ((a.h == b.h) & (a.l <= b.l));
 }
-template <class T> INLINE Mask<T> equal(const DoubleDouble<T>& a, const DoubleDouble<T>& b) { return (a.h == b.h) & (a.l == b.l); }
+template <class T> INLINE Mask<T> equal(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+  return (a.h == b.h) & (a.l == b.l);
+}
 template <class T> INLINE DoubleDouble<T> choose(Mask<T> m, const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
   return {choose<T>(m, a.h, b.h), choose<T>(m, a.l, b.l)};
 }
@@ -206,15 +227,21 @@ template <class T> INLINE T report(const DoubleDouble<T>& a) { return a.h; }
 
 template <class N> struct Bounded;
 template <class N> struct Traits {  // a base
-  using Base = N; using Value = N; using Report = N;
+  using Base = N;
+  using Value = N;
+  using Report = N;
   static constexpr double roundoff = sizeof(Lane<N>) == 8 ? 0x1p-53 : 0x1p-24;
 };
 template <class T> struct Traits<DoubleDouble<T>> {
-  using Base = T; using Value = DoubleDouble<T>; using Report = T;
+  using Base = T;
+  using Value = DoubleDouble<T>;
+  using Report = T;
   static constexpr double roundoff = 0x1p-102;
 };
 template <class N> struct Traits<Bounded<N>> {
-  using Base = typename Traits<N>::Base; using Value = N; using Report = typename Traits<N>::Report;
+  using Base = typename Traits<N>::Base;
+  using Value = N;
+  using Report = typename Traits<N>::Report;
   static constexpr double roundoff = Traits<N>::roundoff;
 };
 template <class N> using Base = typename Traits<N>::Base;
@@ -224,9 +251,15 @@ template <class N> using Report = typename Traits<N>::Report;
 // --- Bounded -----------------------------------------------------------------------------------------
 
 template <class N>
-struct Bounded { N value; Base<N> error; };
+struct Bounded {
+  N value;
+  Base<N> error;
+};
+// What the values say, and whether their errors leave no doubt, in Kleene's logic.
 template <class T>
-struct Truth { Mask<T> value, certain; };  // what the values say, and whether their errors leave no doubt; Kleene's logic
+struct Truth {
+  Mask<T> value, certain;
+};
 
 // Bounds are computed in floating point too, and may come out too small by this fraction.
 template <class T> constexpr double slack = sizeof(Lane<T>) == 8 ? 0x1p-30 : 0x1p-10;
@@ -239,13 +272,18 @@ template <class N> INLINE Bounded<N> with_roundoff(N x, Base<N> error) {
 template <class T> INLINE Bounded<T> bounded_sum(T a, T b, T error) { return with_roundoff(a + b, error); }
 // The low parts are added in the base, and the rounding of that is counted. It takes half the operations of sum_of,
 // and gives no error where nothing is rounded.
-template <class T> INLINE Bounded<DoubleDouble<T>> bounded_sum(const DoubleDouble<T>& a, const DoubleDouble<T>& b, T error) {
+template <class T> INLINE Bounded<DoubleDouble<T>> bounded_sum(const DoubleDouble<T>& a, const DoubleDouble<T>& b,
+                                                               T error) {
   DoubleDouble<T> s = exact_sum(a.h, b.h);
   T low = a.l + b.l;
   return with_roundoff(quick_sum(s.h, s.l + low), error + magnitude(low) * broadcast<T>(0x1p-53));
 }
-template <class N> SHORT_OPERATION Bounded<N> operator+(const Bounded<N>& a, const Bounded<N>& b) { return bounded_sum(a.value, b.value, a.error + b.error); }
-template <class N> SHORT_OPERATION Bounded<N> operator-(const Bounded<N>& a, const Bounded<N>& b) { return bounded_sum(a.value, -b.value, a.error + b.error); }
+template <class N> SHORT_OPERATION Bounded<N> operator+(const Bounded<N>& a, const Bounded<N>& b) {
+  return bounded_sum(a.value, b.value, a.error + b.error);
+}
+template <class N> SHORT_OPERATION Bounded<N> operator-(const Bounded<N>& a, const Bounded<N>& b) {
+  return bounded_sum(a.value, -b.value, a.error + b.error);
+}
 template <class N> INLINE Bounded<N> operator-(const Bounded<N>& a) { return {-a.value, a.error}; }
 template <class N> SHORT_OPERATION Bounded<N> operator*(const Bounded<N>& a, const Bounded<N>& b) {
   using T = Base<N>;
@@ -276,40 +314,54 @@ template <class N> INLINE Truth<Base<N>> compare(Mask<Base<N>> truth, const Boun
   T errors = (a.error + b.error) * broadcast<T>(1 + slack<T>);
   return {truth, (Mask<T>)((magnitude(high(sum_of(a.value, -b.value))) > errors) | (errors == 0))};
 }
-template <class N> SHORT_OPERATION Truth<Base<N>> less(const Bounded<N>& a, const Bounded<N>& b) { return compare(less(a.value, b.value), a, b); }
-template <class N> SHORT_OPERATION Truth<Base<N>> less_equal(const Bounded<N>& a, const Bounded<N>& b) { return compare(less_equal(a.value, b.value), a, b); }
-template <class N> SHORT_OPERATION Truth<Base<N>> equal(const Bounded<N>& a, const Bounded<N>& b) { return compare(equal(a.value, b.value), a, b); }
+template <class N> SHORT_OPERATION Truth<Base<N>> less(const Bounded<N>& a, const Bounded<N>& b) {
+  return compare(less(a.value, b.value), a, b);
+}
+template <class N> SHORT_OPERATION Truth<Base<N>> less_equal(const Bounded<N>& a, const Bounded<N>& b) {
+  return compare(less_equal(a.value, b.value), a, b);
+}
+template <class N> SHORT_OPERATION Truth<Base<N>> equal(const Bounded<N>& a, const Bounded<N>& b) {
+  return compare(equal(a.value, b.value), a, b);
+}
 template <class T> INLINE Truth<T> operator&(const Truth<T>& a, const Truth<T>& b) {
   return {(Mask<T>)(a.value & b.value),
           (Mask<T>)((a.certain & b.certain) | (a.certain & negation(a.value)) | (b.certain & negation(b.value)))};
 }
 template <class T> INLINE Truth<T> operator|(const Truth<T>& a, const Truth<T>& b) {
-  return {(Mask<T>)(a.value | b.value), (Mask<T>)((a.certain & b.certain) | (a.certain & a.value) | (b.certain & b.value))};
+  return {(Mask<T>)(a.value | b.value),
+          (Mask<T>)((a.certain & b.certain) | (a.certain & a.value) | (b.certain & b.value))};
 }
 template <class T> INLINE Truth<T> negation(const Truth<T>& a) { return {negation(a.value), a.certain}; }
 // A bound that is NaN stays NaN, and counts as infinite.
 template <class T> INLINE T greater_error(T a, T b) { return choose<T>(a < b, b, choose<T>(a >= b, a, a + b)); }
-template <class N> SHORT_OPERATION Bounded<N> choose(const Truth<Base<N>>& c, const Bounded<N>& a, const Bounded<N>& b) {
+template <class N> SHORT_OPERATION Bounded<N> choose(const Truth<Base<N>>& c, const Bounded<N>& a,
+                                                     const Bounded<N>& b) {
   using T = Base<N>;
   T error = choose<T>(c.value, a.error, b.error);
   if (__builtin_expect(any(negation(c.certain)), 0)) {
-    T hull = magnitude(high(sum_of(a.value, -b.value))) * broadcast<T>(1 + slack<T>) + choose<T>(c.value, b.error, a.error);
+    T hull =
+        magnitude(high(sum_of(a.value, -b.value))) * broadcast<T>(1 + slack<T>) + choose<T>(c.value, b.error, a.error);
     error = choose<T>(c.certain, error, greater_error(error, hull));
   }
   return {choose(c.value, a.value, b.value), error};
 }
-template <class T> INLINE Truth<T> choose(const Truth<T>& c, const Truth<T>& a, const Truth<T>& b) { return (c & a) | (negation(c) & b) | (a & b); }
+template <class T> INLINE Truth<T> choose(const Truth<T>& c, const Truth<T>& a, const Truth<T>& b) {
+  return (c & a) | (negation(c) & b) | (a & b);
+}
 template <class N> INLINE N value(const Bounded<N>& a) { return a.value; }
 template <class N> INLINE Report<N> report(const Bounded<N>& a) { return report(a.value); }
 template <class N> INLINE Base<N> high(const Bounded<N>& a) { return high(a.value); }
 template <class N> INLINE Base<N> error_of(const Bounded<N>& a) { return a.error; }
-template <class N> INLINE Bounded<N> widened(const Bounded<N>& x, N by) { return {x.value, x.error + magnitude(high(by)) * broadcast<Base<N>>(1 + slack<Base<N>>)}; }
+template <class N> INLINE Bounded<N> widened(const Bounded<N>& x, N by) {
+  return {x.value, x.error + magnitude(high(by)) * broadcast<Base<N>>(1 + slack<Base<N>>)};
+}
 template <class T> INLINE Mask<T> plain_truth(const Truth<T>& a) { return a.value; }
 template <class T> INLINE bool may_be_true(const Truth<T>& a) { return any((Mask<T>)(a.value | negation(a.certain))); }
 template <class T> INLINE Mask<T> certainly_true(const Truth<T>& a) { return a.value & a.certain; }
 
 // --- Making numbers ----------------------------------------------------------------------------------
-// constant, truth: from a literal. lifted: from a number of a type that carries less. read: from an input and its error.
+// constant, truth: from a literal. lifted: from a number of a type that carries less. read: from an input and its
+// error.
 
 template <class N> struct Make {  // a base
   INLINE N constant(double x) { return broadcast<N>(x); }

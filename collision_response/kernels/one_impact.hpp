@@ -14,8 +14,12 @@ struct ImpactResult {
 };
 
 // Traces of the linear and the angular block of an inverse inertia; 0 for a rigid body.
-INLINE double linear_trace(const double* inverse_inertia) { return inverse_inertia[0] + inverse_inertia[6] + inverse_inertia[11]; }
-INLINE double angular_trace(const double* inverse_inertia) { return inverse_inertia[15] + inverse_inertia[18] + inverse_inertia[20]; }
+INLINE double linear_trace(const double* inverse_inertia) {
+  return inverse_inertia[0] + inverse_inertia[6] + inverse_inertia[11];
+}
+INLINE double angular_trace(const double* inverse_inertia) {
+  return inverse_inertia[15] + inverse_inertia[18] + inverse_inertia[20];
+}
 
 template <class N, int layout, class F>
 INLINE void compute_impact(F impact, const double* input, const double* error, ImpactResult* result) {

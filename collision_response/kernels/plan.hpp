@@ -11,7 +11,8 @@ struct Plan {
 };
 
 // Plans of the last few models are cached. Models are told apart by identity. Python code, which may run whenever the
-// functions here or read_numbers.hpp call it, may use other models, also in other threads: so no pointer into the cache is kept.
+// functions here or read_numbers.hpp call it, may use other models, also in other threads: so no pointer into the cache
+// is kept.
 constexpr int GEOMETRIES = GEOMETRY_SPATIAL + 1, PRECISIONS = PRECISION_EXTENDED + 1;
 struct CachedPlan {
   PyObject* model;
@@ -38,7 +39,8 @@ inline bool find_plan(PyObject* model, Plan& plan) {
   if (!made) return false;
   PyObject *settings, *errors;
   bool read = PyArg_ParseTuple(made, "iiiiiddOO", &plan.law_without_friction, &plan.law_with_friction, &plan.geometry,
-                               &plan.first_precision, &plan.last_precision, &plan.target_bound, &plan.bound_limit, &settings, &errors);
+                               &plan.first_precision, &plan.last_precision, &plan.target_bound, &plan.bound_limit,
+                               &settings, &errors);
   for (int k = 0; read && k < ROWS_OF_MODEL; ++k) {
     plan.settings[k] = PyFloat_AsDouble(PyTuple_GET_ITEM(settings, k));
     plan.errors[k] = PyFloat_AsDouble(PyTuple_GET_ITEM(errors, k));

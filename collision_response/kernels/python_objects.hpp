@@ -21,17 +21,17 @@ template <class... Args, PyObject* (*function)(Args...)> struct RaisesMemoryErro
   static PyObject* call(Args... args) {
     try {
       return function(args...);
-    } catch (const std::bad_alloc&) {
-      return PyErr_NoMemory();
-    }
+    } catch (const std::bad_alloc&) { return PyErr_NoMemory(); }
   }
 };
 
-#define FASTCALL(name, function) {name, reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(RaisesMemoryError<function>::call)), METH_FASTCALL, ""}
+#define FASTCALL(name, function) \
+  {name, reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(RaisesMemoryError<function>::call)), METH_FASTCALL, ""}
 
 // Whether `o` is a float, or an integer that a double holds exactly; then x is set.
 static inline bool read_exact_float(PyObject* o, double& x) {
-  static PyTypeObject* known = &PyFloat_Type;  // float, or the last subclass of it: comparing is faster than PyFloat_Check
+  // float, or the last subclass of it: comparing is faster than PyFloat_Check.
+  static PyTypeObject* known = &PyFloat_Type;
   if (Py_TYPE(o) == known || PyFloat_Check(o)) {
     if (!(Py_TYPE(o)->tp_flags & Py_TPFLAGS_HEAPTYPE)) known = Py_TYPE(o);  // a static type is never freed
     x = PyFloat_AS_DOUBLE(o);
@@ -59,18 +59,20 @@ static inline PyObject* with_unknown_hash(PyObject* tuple) {
   return tuple;
 }
 // A new named tuple, whose fields are null.
-static inline PyObject* new_tuple(PyTypeObject* type, int count) { return with_unknown_hash(type->tp_alloc(type, count)); }
-// A new named tuple for numbers only, whose fields must be set at once. The garbage collector need not know it, which saves a
-// tenth of the time of resolve().
+static inline PyObject* new_tuple(PyTypeObject* type, int count) {
+  return with_unknown_hash(type->tp_alloc(type, count));
+}
+// A new named tuple for numbers only, whose fields must be set at once. The garbage collector need not know it, which
+// saves a tenth of the time of resolve().
 static inline PyObject* new_tuple_of_numbers(PyTypeObject* type, int count) {
   return with_unknown_hash(reinterpret_cast<PyObject*>(PyObject_GC_NewVar(PyTupleObject, type, count)));
 }
-// Free a tuple of a class written in Python that has neither a finalizer nor attributes. Python's own function looks for
-// these, which takes a fourteenth of the time of resolve(). For subclasses that function calls this one.
+// Free a tuple of a class written in Python that has neither a finalizer nor attributes. Python's own function looks
+// for these, which takes a fourteenth of the time of resolve(). For subclasses that function calls this one.
 static inline void free_tuple_of_numbers(PyObject* tuple) {
   PyTypeObject* type = Py_TYPE(tuple);
   PyObject_GC_UnTrack(tuple);
-  Py_TRASHCAN_BEGIN(tuple, free_tuple_of_numbers)
+  Py_TRASHCAN_BEGIN(tuple, free_tuple_of_numbers);
   for (Py_ssize_t i = Py_SIZE(tuple); i-- > 0;) Py_XDECREF(PyTuple_GET_ITEM(tuple, i));
   type->tp_free(tuple);
   Py_DECREF(type);

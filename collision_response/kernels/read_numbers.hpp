@@ -10,12 +10,14 @@
 struct InputBuffer {
   double* value;
   double* error;
-  const char* const* names;      // of the numbers, for error messages
+  const char* const* names;  // of the numbers, for error messages
   bool* has_fraction = nullptr;  // set to true if a number is a Fraction
 };
 
-// Set a TypeError that ends with the repr() of an object. Python has none for an integer of too many digits. Return false.
-static __attribute__((noinline, cold)) bool set_type_error(const std::string& text, PyObject* o, const char* hint = "") {
+// Set a TypeError that ends with the repr() of an object. Python has none for an integer of too many digits. Return
+// false.
+static __attribute__((noinline, cold)) bool set_type_error(const std::string& text, PyObject* o,
+                                                           const char* hint = "") {
   PyObject* repr = PyObject_Repr(o);
   if (!repr && !PyErr_ExceptionMatches(PyExc_ValueError)) return false;
   PyErr_Clear();
@@ -32,8 +34,8 @@ static __attribute__((noinline, cold)) bool read_other(PyObject* o, const InputB
   if (read_exact_float(o, x)) return true;
   if (buffer.has_fraction && PyObject_TypeCheck(o, python.fraction)) *buffer.has_fraction = true;
   PyNumberMethods* as_number = Py_TYPE(o)->tp_as_number;
-  if (PyBool_Check(o) || std::strncmp(Py_TYPE(o)->tp_name, "numpy.bool", 10) == 0 || PyComplex_Check(o) || PyUnicode_Check(o) || !as_number ||
-      !(as_number->nb_float || as_number->nb_index))
+  if (PyBool_Check(o) || std::strncmp(Py_TYPE(o)->tp_name, "numpy.bool", 10) == 0 || PyComplex_Check(o) ||
+      PyUnicode_Check(o) || !as_number || !(as_number->nb_float || as_number->nb_index))
     return refuse();
   PyObject* number = as_number->nb_float ? PyNumber_Float(o) : PyNumber_Index(o);
   if (number && !PyFloat_Check(number)) Py_SETREF(number, PyNumber_Float(number));

@@ -11,14 +11,15 @@ bool is_articulated(PyObject* body) {
   return PyTuple_Check(body) && PyTuple_GET_SIZE(body) == 8 && PyTuple_GET_ITEM(body, 7) != Py_None;
 }
 
-// Read a body, from number i on. For an articulated one, its inverse inertia takes the place of mass, inertia, orientation
-// and centre of mass.
+// Read a body, from number i on. For an articulated one, its inverse inertia takes the place of mass, inertia,
+// orientation and centre of mass.
 bool read_body(PyObject* body, const InputBuffer& buffer, int i) {
   if (!PyTuple_Check(body) || PyTuple_GET_SIZE(body) != 8) {
     std::string name(buffer.names[i]);
     name.resize(name.find('.'));
     bool is_message = !strcmp(Py_TYPE(body)->tp_name, "BodyState");
-    const char* hint = is_message ? "; collision_response.ros.convert.body_of(name, message) makes one" : "; Body.dynamic(...) and Body.static() make one";
+    const char* hint = is_message ? "; collision_response.ros.convert.body_of(name, message) makes one"
+                                  : "; Body.dynamic(...) and Body.static() make one";
     return set_type_error(name + ": must be a Body,", body, hint);
   }
   PyObject *orientation = PyTuple_GET_ITEM(body, 3), *inverse_inertia = PyTuple_GET_ITEM(body, 7);
@@ -46,10 +47,11 @@ bool read_body(PyObject* body, const InputBuffer& buffer, int i) {
 
 bool is_function(PyObject* o) { return !PyFloat_CheckExact(o) && PyCallable_Check(o); }
 
-// Read a contact. Sets not_only_numbers if it has coefficients that are functions, or a tangential restitution: these are not
-// read.
+// Read a contact. Sets not_only_numbers if it has coefficients that are functions, or a tangential restitution: these
+// are not read.
 bool read_contact(PyObject* contact, const InputBuffer& buffer, bool* not_only_numbers) {
-  if (!PyTuple_Check(contact) || PyTuple_GET_SIZE(contact) != 5) return set_type_error("contact: must be a Contact, made by Contact.of(...);", contact);
+  if (!PyTuple_Check(contact) || PyTuple_GET_SIZE(contact) != 5)
+    return set_type_error("contact: must be a Contact, made by Contact.of(...);", contact);
   PyObject *e = PyTuple_GET_ITEM(contact, 2), *mu = PyTuple_GET_ITEM(contact, 3);
   bool e_is_function = is_function(e), mu_is_function = is_function(mu);
   if (e_is_function) buffer.value[IN_CONTACT_RESTITUTION] = 1;
@@ -63,7 +65,8 @@ bool read_contact(PyObject* contact, const InputBuffer& buffer, bool* not_only_n
 
 // Read two bodies and a contact.
 bool read_request(PyObject* const* args, const InputBuffer& buffer, bool* not_only_numbers) {
-  return read_body(args[0], buffer, 0) && read_body(args[1], buffer, BODY) && read_contact(args[2], buffer, not_only_numbers);
+  return read_body(args[0], buffer, 0) && read_body(args[1], buffer, BODY) &&
+         read_contact(args[2], buffer, not_only_numbers);
 }
 
 // Raise the ImpactError of a status.
@@ -140,20 +143,22 @@ int compute_one_impact(PyObject* const* request, const Plan& plan, OneImpact& im
       PyErr_Format(PyExc_LookupError, "no kernel of law %d", impact.law);
       return RAISED;
     }
-    compute_in_suitable_units(kernel, impact.is_articulated, used_precision == PRECISION_SINGLE, input, error, is_first ? result : more_exact);
+    compute_in_suitable_units(kernel, impact.is_articulated, used_precision == PRECISION_SINGLE, input, error,
+                              is_first ? result : more_exact);
     if (is_first || all_finite(more_exact)) impact.precision = used_precision;
     if (!is_first && all_finite(more_exact)) result = more_exact;  // pairs of float64 overflow before float64 does
     if (result.error_bound <= plan.target_bound || precision == plan.last_precision) break;
   }
   if (result.flags[FLAG_UNFINISHED]) return raise_refusal(STATUS_PATH_TOO_LONG);
   if (result.flags[FLAG_UNPHYSICAL]) return raise_refusal(STATUS_INTERNAL_ERROR);
-  if (!all_finite(result)) return result.error_bound < INFINITY ? raise_refusal(STATUS_OUT_OF_RANGE) : HANDOVER_NOTHING_KNOWN;
+  if (!all_finite(result))
+    return result.error_bound < INFINITY ? raise_refusal(STATUS_OUT_OF_RANGE) : HANDOVER_NOTHING_KNOWN;
   if (result.flags[FLAG_FELL_BACK]) impact.law = LAW_COULOMB;
   return ANSWERED;
 }
 
-// resolve(body_a, body_b, contact, model, in_python): an Impact. What the kernels cannot answer, or not exactly enough, is left
-// to in_python(body_a, body_b, contact, model, answer): see _resolve_in_python() of resolve.py.
+// resolve(body_a, body_b, contact, model, in_python): an Impact. What the kernels cannot answer, or not exactly enough,
+// is left to in_python(body_a, body_b, contact, model, answer): see _resolve_in_python() of resolve.py.
 PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 5) return PyErr_Format(PyExc_TypeError, "resolve() takes two bodies, a contact, a model and a function");
   auto in_python = [args](PyObject* answer) {
@@ -170,16 +175,18 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (outcome != ANSWERED) return outcome == RAISED ? nullptr : in_python(PyLong_FromLong(outcome));
   PyObject* model = model_as_used(args[3], impact.law, impact.geometry, impact.precision);
   if (!model) return nullptr;
-  if (!(impact.result.error_bound <= plan.target_bound)) return in_python(make_impact(args[2], model, impact, STATUS_TOLERANCE_NOT_MET));
+  if (!(impact.result.error_bound <= plan.target_bound))
+    return in_python(make_impact(args[2], model, impact, STATUS_TOLERANCE_NOT_MET));
   return make_impact(args[2], model, impact, impact.result.flags[FLAG_SEPARATING] ? STATUS_SEPARATING : STATUS_OK);
 }
 
-// numbers_with_errors(body_a, body_b, contact): the numbers that resolve() reads, and the error of each, as the bytes of doubles
-// in the order of the layout ARTICULATED. Those of the model are 0.
+// numbers_with_errors(body_a, body_b, contact): the numbers that resolve() reads, and the error of each, as the bytes
+// of doubles in the order of the layout ARTICULATED. Those of the model are 0.
 PyObject* numbers_with_errors(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 3) return PyErr_Format(PyExc_TypeError, "numbers_with_errors() takes two bodies and a contact");
   double value[ALL_INPUTS] = {}, error[ALL_INPUTS] = {};
   bool not_only_numbers;
   if (!read_request(args, {value, error, input_names}, &not_only_numbers)) return nullptr;
-  return Py_BuildValue("y#y#", value, static_cast<Py_ssize_t>(sizeof value), error, static_cast<Py_ssize_t>(sizeof error));
+  return Py_BuildValue("y#y#", value, static_cast<Py_ssize_t>(sizeof value), error,
+                       static_cast<Py_ssize_t>(sizeof error));
 }

@@ -12,17 +12,19 @@ struct OneImpact {
   bool validity[VALIDITY_FLAGS];
 
   int adjustments() const {
-    return validity[IS_OFF_UNIT] * ADJUSTMENT_NORMALISED_ORIENTATION + result.flags[FLAG_BELOW_THRESHOLD] * ADJUSTMENT_RESTITUTION_THRESHOLD +
-           result.flags[FLAG_FELL_BACK] * ADJUSTMENT_LAW_FALLBACK + result.flags[FLAG_MASSLESS_SPIN] * ADJUSTMENT_MASSLESS_SPIN +
-           is_articulated * ADJUSTMENT_ENERGY_CHANGE_ONLY;
+    return validity[IS_OFF_UNIT] * ADJUSTMENT_NORMALISED_ORIENTATION +
+           result.flags[FLAG_BELOW_THRESHOLD] * ADJUSTMENT_RESTITUTION_THRESHOLD +
+           result.flags[FLAG_FELL_BACK] * ADJUSTMENT_LAW_FALLBACK +
+           result.flags[FLAG_MASSLESS_SPIN] * ADJUSTMENT_MASSLESS_SPIN + is_articulated * ADJUSTMENT_ENERGY_CHANGE_ONLY;
   }
   PyObject* contact_as_used(PyObject* contact) const {
-    return ::contact_as_used(contact, result.reported[OUT_RESTITUTION], result.flags[FLAG_BELOW_THRESHOLD], leaves_out_friction);
+    return ::contact_as_used(contact, result.reported[OUT_RESTITUTION], result.flags[FLAG_BELOW_THRESHOLD],
+                             leaves_out_friction);
   }
 };
 
 enum { ANSWERED = -1, RAISED = -2 };
 
-// Compute the impact of a body_a, a body_b and a contact. Returns ANSWERED, RAISED if a Python error is set, or the Handover
-// of protocol.py that says why Python has to answer.
+// Compute the impact of a body_a, a body_b and a contact. Returns ANSWERED, RAISED if a Python error is set, or the
+// Handover of protocol.py that says why Python has to answer.
 int compute_one_impact(PyObject* const* request, const Plan& plan, OneImpact& impact);

@@ -9,7 +9,8 @@ namespace {
 const double zero_double = 0, one_double = 1;
 const float zero_float = 0, one_float = 1;
 
-enum { VELOCITY, ANGULAR_VELOCITY, IMPULSE, STATUS, ERROR_BOUND, REGIME = 6, ENERGY, FIELDS = ENERGY + ENERGIES };  // of BatchResult
+// The fields of BatchResult.
+enum { VELOCITY, ANGULAR_VELOCITY, IMPULSE, STATUS, ERROR_BOUND, REGIME = 6, ENERGY, FIELDS = ENERGY + ENERGIES };
 
 // The batch from a column on. Its bodies have been gathered, so their rows stay.
 Batch from_column(const Batch& batch, int body_rows, long at, int size) {
@@ -24,10 +25,11 @@ Batch from_column(const Batch& batch, int body_rows, long at, int size) {
   return moved;
 }
 
-// Compute the columns from `from` to `to` of a batch of contacts between the bodies of one table. The batch reads its bodies
-// from the buffer `gathered`.
+// Compute the columns from `from` to `to` of a batch of contacts between the bodies of one table. The batch reads its
+// bodies from the buffer `gathered`.
 template <class T>
-void compute_gathered(BatchKernel kernel, const Batch& batch, int body_rows, const ContactPairs& pairs, const T* table, int rows, T* gathered, long from, long to) {
+void compute_gathered(BatchKernel kernel, const Batch& batch, int body_rows, const ContactPairs& pairs, const T* table,
+                      int rows, T* gathered, long from, long to) {
   for (long at = from; at < to; at += GATHER_BLOCK) {
     long count = std::min<long>(GATHER_BLOCK, to - at);
     bool any_fault = pairs.gather(table, rows, at, count, gathered);
@@ -51,7 +53,9 @@ struct BatchArrays {
 
   // If `pairs` is None, the bodies of a contact are in its own column.
   bool open(PyObject* const* inputs, PyObject* results) {
-    if (!bodies.open(inputs[0]) || (inputs[1] != Py_None && !pairs.open(inputs[1])) || !contacts.open(inputs[2]) || !settings.open(inputs[3])) return false;
+    if (!bodies.open(inputs[0]) || (inputs[1] != Py_None && !pairs.open(inputs[1])) || !contacts.open(inputs[2]) ||
+        !settings.open(inputs[3]))
+      return false;
     for (int i = 0; i < FIELDS; ++i) {
       PyObject* o = PyTuple_GET_ITEM(results, i);
       if (o != Py_None && !result[i].open(o, true)) return false;
@@ -67,11 +71,15 @@ struct BatchArrays {
     const Py_ssize_t n = count, axes = table.axes, spins = 3 - table.first_spin;
     bool report = result[REGIME].is_open();
     bool valid = result[VELOCITY].has(real, {axes, 2, n}) && result[ANGULAR_VELOCITY].has(real, {spins, 2, n}) &&
-                result[IMPULSE].has(real, {axes, n}) && result[STATUS].has('B', {n}) &&
-                result[ERROR_BOUND].is_open() == bounded && (!bounded || (result[ERROR_BOUND].has(real, {n}) && result[ERROR_BOUND + 1].has('B', {n}))) &&
-                (!report || result[REGIME].has('B', {n}));
-    for (int i = ENERGY; i < FIELDS; ++i) valid = valid && result[i].is_open() == report && (!report || result[i].has(real, {n}));
-    if (pairs.is_open()) valid = valid && pairs.has_int64() && pairs.view.ndim == 2 && pairs.view.shape[0] == 2 && pairs.view.shape[1] == n && bodies.view.ndim == 2;
+                 result[IMPULSE].has(real, {axes, n}) && result[STATUS].has('B', {n}) &&
+                 result[ERROR_BOUND].is_open() == bounded &&
+                 (!bounded || (result[ERROR_BOUND].has(real, {n}) && result[ERROR_BOUND + 1].has('B', {n}))) &&
+                 (!report || result[REGIME].has('B', {n}));
+    for (int i = ENERGY; i < FIELDS; ++i)
+      valid = valid && result[i].is_open() == report && (!report || result[i].has(real, {n}));
+    if (pairs.is_open())
+      valid = valid && pairs.has_int64() && pairs.view.ndim == 2 && pairs.view.shape[0] == 2 &&
+              pairs.view.shape[1] == n && bodies.view.ndim == 2;
     return valid;
   }
 
@@ -90,7 +98,8 @@ struct BatchArrays {
     return false;
   }
 
-  // The rows for a kernel of the layout of the table, or of the general layout. Bodies of pairs are read from `gathered`.
+  // The rows for a kernel of the layout of the table, or of the general layout. Bodies of pairs are read from
+  // `gathered`.
   Batch make_batch(const TableLayout& table, bool general, double* gathered) const {
     const int size = is_double() ? sizeof(double) : sizeof(float);
     const void* zero = is_double() ? static_cast<const void*>(&zero_double) : &zero_float;
@@ -107,7 +116,10 @@ struct BatchArrays {
       for (int i = 0; i < (general ? ROWS_OF_BODY : table.body_rows); ++i) {
         int index = general ? table.body[i] : i;
         if (index < 0) absent(index);
-        else put(pairs.is_open() ? reinterpret_cast<char*>(gathered) + (2 * index + side) * GATHER_BLOCK * size : bodies.row(2 * index + side), false);
+        else
+          put(pairs.is_open() ? reinterpret_cast<char*>(gathered) + (2 * index + side) * GATHER_BLOCK * size
+                              : bodies.row(2 * index + side),
+              false);
       }
     for (int i = 0; i < (general ? ROWS_OF_CONTACT : table.contact_rows); ++i) {
       int index = general ? table.contact[i] : i;
@@ -115,13 +127,15 @@ struct BatchArrays {
       else absent(index);
     }
     for (int i = 0; i < ROWS_OF_MODEL; ++i) {
-      bool has_own_row = i == 0 && contact_rows > table.contact_rows;  // tangential restitution, if each contact has its own
+      // Tangential restitution, if each contact has its own.
+      bool has_own_row = i == 0 && contact_rows > table.contact_rows;
       put(has_own_row ? contacts.row(table.contact_rows) : settings.at(i * size), !has_own_row);
     }
     for (int k = 0; k < 3; ++k) {
       for (int side = 0; side < 2; ++side) {
         if (k < table.axes) batch.velocity[k][side] = result[VELOCITY].row(2 * k + side);
-        if (k >= table.first_spin) batch.angular_velocity[k][side] = result[ANGULAR_VELOCITY].row(2 * (k - table.first_spin) + side);
+        if (k >= table.first_spin)
+          batch.angular_velocity[k][side] = result[ANGULAR_VELOCITY].row(2 * (k - table.first_spin) + side);
       }
       if (k < table.axes) batch.impulse[k] = result[IMPULSE].row(k);
     }
@@ -135,11 +149,11 @@ struct BatchArrays {
 
 }  // namespace
 
-// batch(law, layout, number_type, bodies, pairs, contacts, settings, results, from, to): compute the columns from `from` to `to`.
-// settings holds the numbers of Settings, in the type of the tables; results is a BatchResult. Returns the greatest status and
-// the greatest error bound (infinite if one is NaN); or None if an array is not contiguous, or not of the right type and
-// shape, or if results overlap, for which resolve_batch.py then raises. Raises ValueError if results overlap the tables.
-// Releases the GIL.
+// batch(law, layout, number_type, bodies, pairs, contacts, settings, results, from, to): compute the columns from
+// `from` to `to`. settings holds the numbers of Settings, in the type of the tables; results is a BatchResult. Returns
+// the greatest status and the greatest error bound (infinite if one is NaN); or None if an array is not contiguous, or
+// not of the right type and shape, or if results overlap, for which resolve_batch.py then raises. Raises ValueError if
+// results overlap the tables. Releases the GIL.
 PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 10 || !PyTuple_Check(args[7]) || PyTuple_GET_SIZE(args[7]) != FIELDS)
     return PyErr_Format(PyExc_TypeError, "batch() takes 10 arguments");
@@ -149,7 +163,10 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (PyErr_Occurred()) return nullptr;
   const TableLayout& table = table_layouts[layout];
   BatchArrays arrays;
-  if (!arrays.open(args + 3, args[7]) || !arrays.are_valid(table, number_type == NUMBER_BOUNDED || number_type == NUMBER_EXTENDED) || arrays.overwrite_results()) Py_RETURN_NONE;
+  if (!arrays.open(args + 3, args[7]) ||
+      !arrays.are_valid(table, number_type == NUMBER_BOUNDED || number_type == NUMBER_EXTENDED) ||
+      arrays.overwrite_results())
+    Py_RETURN_NONE;
   if (arrays.overwrite_tables()) return PyErr_Format(PyExc_ValueError, "out: overlaps the input");
   BatchKernel special = find_batch_kernel(law, layout, number_type);
   bool general = !special;
@@ -164,8 +181,12 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (arrays.pairs.is_open()) {
     const auto* a = arrays.pairs.at<std::int64_t>();
     const ContactPairs body_pairs{a, a + arrays.count, arrays.bodies.view.shape[1]};
-    if (arrays.is_double()) compute_gathered(kernel, batch, body_rows, body_pairs, arrays.bodies.at<double>(), table.body_rows, gathered, from, to);
-    else compute_gathered(kernel, batch, body_rows, body_pairs, arrays.bodies.at<float>(), table.body_rows, reinterpret_cast<float*>(gathered), from, to);
+    if (arrays.is_double())
+      compute_gathered(kernel, batch, body_rows, body_pairs, arrays.bodies.at<double>(), table.body_rows, gathered,
+                       from, to);
+    else
+      compute_gathered(kernel, batch, body_rows, body_pairs, arrays.bodies.at<float>(), table.body_rows,
+                       reinterpret_cast<float*>(gathered), from, to);
   } else if (to > from) {
     kernel(batch, from, to);
   }
@@ -178,16 +199,19 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   return Py_BuildValue("id", greatest_status, greatest_bound);
 }
 
-// find_independent_sets(pairs, movable, order, starts): see contact_pairs.hpp. The caller has checked the shapes of the arrays.
+// find_independent_sets(pairs, movable, order, starts): see contact_pairs.hpp. The caller has checked the shapes of the
+// arrays.
 PyObject* find_independent_sets(PyObject*, PyObject* const* args, Py_ssize_t count) {
   Array pairs, movable, order, starts;
-  if (count != 4 || !pairs.open(args[0]) || !movable.open(args[1]) || !order.open(args[2], true) || !starts.open(args[3], true))
+  if (count != 4 || !pairs.open(args[0]) || !movable.open(args[1]) || !order.open(args[2], true) ||
+      !starts.open(args[3], true))
     return PyErr_Format(PyExc_TypeError, "find_independent_sets() takes four arrays");
   long n = static_cast<long>(order.view.shape[0]), sets;
   ContactPairs body_pairs{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, movable.view.shape[0]};
   {
     ReleasedGil released;
-    sets = divide_into_independent_sets(body_pairs, n, movable.at<bool>(), order.at<std::int64_t>(), starts.at<std::int64_t>());
+    sets = divide_into_independent_sets(body_pairs, n, movable.at<bool>(), order.at<std::int64_t>(),
+                                        starts.at<std::int64_t>());
   }
   return PyLong_FromLong(sets);
 }

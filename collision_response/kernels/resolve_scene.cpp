@@ -8,47 +8,76 @@
 #include "scene/read_scene.hpp"
 #include "scene/table_clusters.hpp"
 
-// find_clusters(pairs, movable, order, starts, cluster): writes the clusters to the last three arrays, as in contact_pairs.hpp, and
-// returns how many there are.
+// find_clusters(pairs, movable, order, starts, cluster): writes the clusters to the last three arrays, as in
+// contact_pairs.hpp, and returns how many there are.
 PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   Array pairs, movable, order, starts, cluster;
-  if (count != 5 || !pairs.open(args[0]) || !movable.open(args[1]) || !order.open(args[2], true) || !starts.open(args[3], true) || !cluster.open(args[4], true))
+  if (count != 5 || !pairs.open(args[0]) || !movable.open(args[1]) || !order.open(args[2], true) ||
+      !starts.open(args[3], true) || !cluster.open(args[4], true))
     return PyErr_Format(PyExc_TypeError, "find_clusters() takes five arrays");
   long n = static_cast<long>(order.view.shape[0]), found;
   ContactPairs who{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, movable.view.shape[0]};
   {
     ReleasedGil released;
-    found = divide_into_clusters(who, n, movable.at<bool>(), order.at<std::int64_t>(), starts.at<std::int64_t>(), cluster.at<std::int64_t>());
+    found = divide_into_clusters(who, n, movable.at<bool>(), order.at<std::int64_t>(), starts.at<std::int64_t>(),
+                                 cluster.at<std::int64_t>());
   }
   return PyLong_FromLong(found);
 }
 
-// resolve_clusters(layout, law, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): resolve the
-// clusters wanted[from:to], without the GIL. `numbers` are the approach threshold, the restitution threshold, the tangential
-// restitution, the greatest error bound allowed, and the greatest number of reflections. The arrays are those of
-// batch/resolve_scenes.py, of the right shapes; `results` are the fields of a ScenesResult. Clusters that are left to Python
-// get the status 0, or keep theirs if no cluster is resolved here.
+// resolve_clusters(layout, law, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): resolve
+// the clusters wanted[from:to], without the GIL. `numbers` are the approach threshold, the restitution threshold, the
+// tangential restitution, the greatest error bound allowed, and the greatest number of reflections. The arrays are
+// those of batch/resolve_scenes.py, of the right shapes; `results` are the fields of a ScenesResult. Clusters that are
+// left to Python get the status 0, or keep theirs if no cluster is resolved here.
 PyObject* resolve_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
-  enum { VELOCITY, ANGULAR_VELOCITY, IMPULSE, REGIME, CLUSTER, STATUS, ERROR_BOUND, MARGIN, ENERGIES, RESULTS = ENERGIES + 4 };
-  if (count != 12 || !PyTuple_Check(args[8]) || PyTuple_GET_SIZE(args[8]) != RESULTS) return PyErr_Format(PyExc_TypeError, "resolve_clusters() takes 12 arguments");
+  enum {
+    VELOCITY,
+    ANGULAR_VELOCITY,
+    IMPULSE,
+    REGIME,
+    CLUSTER,
+    STATUS,
+    ERROR_BOUND,
+    MARGIN,
+    ENERGIES,
+    RESULTS = ENERGIES + 4
+  };
+  if (count != 12 || !PyTuple_Check(args[8]) || PyTuple_GET_SIZE(args[8]) != RESULTS)
+    return PyErr_Format(PyExc_TypeError, "resolve_clusters() takes 12 arguments");
   int layout = static_cast<int>(PyLong_AsLong(args[0])), law = static_cast<int>(PyLong_AsLong(args[1]));
   std::array<double, 5> numbers;
-  if (PyErr_Occurred() || !read_floats(args[2], 5, numbers.data())) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): numbers");
+  if (PyErr_Occurred() || !read_floats(args[2], 5, numbers.data()))
+    return PyErr_Format(PyExc_TypeError, "resolve_clusters(): numbers");
   auto [threshold, restitution_threshold, tangential_restitution, bound_limit, budget] = numbers;
   const ClusterOptions options{law, threshold, restitution_threshold, tangential_restitution, static_cast<int>(budget)};
   if (!options.is_compiled()) Py_RETURN_NONE;
   long from = PyLong_AsLong(args[10]), to = PyLong_AsLong(args[11]);
   Array bodies, pairs, contacts, order, starts, wanted, result[RESULTS];
-  bool open = bodies.open(args[3]) && pairs.open(args[4]) && contacts.open(args[5]) && order.open(args[6]) && starts.open(args[7]) && wanted.open(args[9]);
+  bool open = bodies.open(args[3]) && pairs.open(args[4]) && contacts.open(args[5]) && order.open(args[6]) &&
+              starts.open(args[7]) && wanted.open(args[9]);
   for (int i = 0; i < RESULTS; ++i) open = open && (i == CLUSTER || result[i].open(PyTuple_GET_ITEM(args[8], i), true));
   if (!open || PyErr_Occurred()) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): arrays must be contiguous");
   long n = static_cast<long>(contacts.view.shape[1]);
   auto doubles = [&result](int field) { return result[field].at<double>(); };
-  TableClusters clusters{table_layouts[layout], bodies.at<double>(), contacts.at<double>(),
-             {pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, bodies.view.shape[1]},
-             n, static_cast<long>(contacts.view.shape[0]), order.at<std::int64_t>(), starts.at<std::int64_t>(), options, bound_limit,
-             doubles(VELOCITY), doubles(ANGULAR_VELOCITY), doubles(IMPULSE), result[REGIME].at<unsigned char>(), result[STATUS].at<unsigned char>(),
-             doubles(ERROR_BOUND), doubles(MARGIN), {doubles(ENERGIES), doubles(ENERGIES + 1), doubles(ENERGIES + 2), doubles(ENERGIES + 3)}};
+  TableClusters clusters{table_layouts[layout],
+                         bodies.at<double>(),
+                         contacts.at<double>(),
+                         {pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, bodies.view.shape[1]},
+                         n,
+                         static_cast<long>(contacts.view.shape[0]),
+                         order.at<std::int64_t>(),
+                         starts.at<std::int64_t>(),
+                         options,
+                         bound_limit,
+                         doubles(VELOCITY),
+                         doubles(ANGULAR_VELOCITY),
+                         doubles(IMPULSE),
+                         result[REGIME].at<unsigned char>(),
+                         result[STATUS].at<unsigned char>(),
+                         doubles(ERROR_BOUND),
+                         doubles(MARGIN),
+                         {doubles(ENERGIES), doubles(ENERGIES + 1), doubles(ENERGIES + 2), doubles(ENERGIES + 3)}};
   {
     ReleasedGil released;
     for (long i = from; i < to; ++i) clusters.resolve(wanted.at<std::int64_t>()[i]);
@@ -82,20 +111,24 @@ struct SceneRequest {
     has_contact.resize(of_bodies);
     for (long i = 0; i < of_bodies; ++i) {
       PyObject* body = PySequence_Fast_GET_ITEM(body_list, i);
-      if (Py_TYPE(body) != python.body || PyTuple_GET_ITEM(body, 7) != Py_None || !read_body(body, bodies[i].data())) return false;
+      if (Py_TYPE(body) != python.body || PyTuple_GET_ITEM(body, 7) != Py_None || !read_body(body, bodies[i].data()))
+        return false;
       movable[i] = bodies[i][0] < INFINITY;
     }
     for (long k = 0; k < n; ++k) {
       PyObject* contact = PySequence_Fast_GET_ITEM(contact_list, k);
       std::int64_t pair[2];
-      if (Py_TYPE(contact) != python.contact || PyTuple_GET_ITEM(contact, 4) != Py_None || !read_contact(contact, contacts[k].data())) return false;
+      if (Py_TYPE(contact) != python.contact || PyTuple_GET_ITEM(contact, 4) != Py_None ||
+          !read_contact(contact, contacts[k].data()))
+        return false;
       if (!read_pair(PySequence_Fast_GET_ITEM(pair_list, k), of_bodies, pair)) return false;
       a[k] = pair[0];
       b[k] = pair[1];
       has_contact[a[k]] = has_contact[b[k]] = 1;
       has_friction = has_friction || contacts[k][7] > 0;
     }
-    clusters = divide_into_clusters({a.data(), b.data(), of_bodies}, n, movable.get(), order.data(), starts.data(), cluster.data());
+    clusters = divide_into_clusters({a.data(), b.data(), of_bodies}, n, movable.get(), order.data(), starts.data(),
+                                    cluster.data());
     return clusters > 0;
   }
 };
@@ -104,9 +137,18 @@ struct SceneRequest {
 class SceneAnswer {
  public:
   SceneAnswer(const SceneRequest& scene, PyObject* const* given, const Plan& plan, const ClusterOptions& options)
-      : scene(scene), bodies(given[0]), contacts(given[2]), model(given[3]), plan(plan), options(options), law(options.law), place(scene.bodies.size(), -1) {
-    auto bodies = static_cast<Py_ssize_t>(scene.bodies.size()), contacts = static_cast<Py_ssize_t>(scene.contacts.size());
-    for (int i = 0; i < COLUMNS; ++i) column[i] = PyTuple_New(i == CLUSTERS ? scene.clusters : i == TWISTS || i == CHANGES ? bodies : contacts);
+      : scene(scene),
+        bodies(given[0]),
+        contacts(given[2]),
+        model(given[3]),
+        plan(plan),
+        options(options),
+        law(options.law),
+        place(scene.bodies.size(), -1) {
+    auto bodies = static_cast<Py_ssize_t>(scene.bodies.size()),
+         contacts = static_cast<Py_ssize_t>(scene.contacts.size());
+    for (int i = 0; i < COLUMNS; ++i)
+      column[i] = PyTuple_New(i == CLUSTERS ? scene.clusters : i == TWISTS || i == CHANGES ? bodies : contacts);
   }
   SceneAnswer(const SceneAnswer&) = delete;
   ~SceneAnswer() {
@@ -135,9 +177,10 @@ class SceneAnswer {
     PyObject* used = model_as_used(model, law, geometry, precision);
     if (!used) return nullptr;
     int status = bound > plan.bound_limit ? STATUS_TOLERANCE_NOT_MET : is_separating ? STATUS_SEPARATING : STATUS_OK;
-    return Py_BuildValue("ONOOOOOOOddddOOddO", PyTuple_GET_ITEM(python.statuses, status), used, column[CONTACTS], column[TWISTS], column[CHANGES],
-                         column[IMPULSES], column[BEFORE], column[AFTER], column[REGIMES], energies[0], energies[1], energies[2], energies[3],
-                         column[CLUSTERS], Py_None, bound, margin, PyTuple_GET_ITEM(python.adjustments, adjustments));
+    return Py_BuildValue("ONOOOOOOOddddOOddO", PyTuple_GET_ITEM(python.statuses, status), used, column[CONTACTS],
+                         column[TWISTS], column[CHANGES], column[IMPULSES], column[BEFORE], column[AFTER],
+                         column[REGIMES], energies[0], energies[1], energies[2], energies[3], column[CLUSTERS], Py_None,
+                         bound, margin, PyTuple_GET_ITEM(python.adjustments, adjustments));
   }
 
  private:
@@ -166,7 +209,8 @@ class SceneAnswer {
     PyTuple_SET_ITEM(column[REGIMES], k, Py_NewRef(PyTuple_GET_ITEM(python.regimes, regime)));
     is_separating = is_separating && regime == REGIME_SEPARATING;
   }
-  void put_cluster(const double* its_energies, double its_bound, int its_adjustments, int law_used, int geometry_used, int precision_used) {
+  void put_cluster(const double* its_energies, double its_bound, int its_adjustments, int law_used, int geometry_used,
+                   int precision_used) {
     for (int i = 0; i < 4; ++i) energies[i] += its_energies[i];
     bound = std::fmax(bound, its_bound);
     adjustments |= its_adjustments;
@@ -178,7 +222,8 @@ class SceneAnswer {
   // A cluster of one contact is an ordinary impact.
   bool resolve_single_contact(std::int64_t k) {
     PyObject* contact = PySequence_Fast_GET_ITEM(contacts, k);
-    PyObject* request[] = {PySequence_Fast_GET_ITEM(bodies, scene.a[k]), PySequence_Fast_GET_ITEM(bodies, scene.b[k]), contact};
+    PyObject* request[] = {PySequence_Fast_GET_ITEM(bodies, scene.a[k]), PySequence_Fast_GET_ITEM(bodies, scene.b[k]),
+                           contact};
     OneImpact impact;
     if (compute_one_impact(request, plan, impact) != ANSWERED) {
       PyErr_Clear();  // Python raises it again, and names the fields of the scene
@@ -189,8 +234,10 @@ class SceneAnswer {
     if (scene.movable[scene.a[k]]) put_body(scene.a[k], result.reported, result.change + 3);
     if (scene.movable[scene.b[k]]) put_body(scene.b[k], result.reported + 6, result.change + 9);
     int regime = static_cast<int>(result.reported[OUT_REGIME]);
-    put_contact(k, impact.contact_as_used(contact), result.change, result.reported[OUT_NORMAL_VELOCITY_BEFORE], result.reported[OUT_NORMAL_VELOCITY_AFTER], regime);
-    put_cluster(result.reported + OUT_KINETIC_ENERGY_BEFORE, result.error_bound, impact.adjustments(), impact.law, impact.geometry, impact.precision);
+    put_contact(k, impact.contact_as_used(contact), result.change, result.reported[OUT_NORMAL_VELOCITY_BEFORE],
+                result.reported[OUT_NORMAL_VELOCITY_AFTER], regime);
+    put_cluster(result.reported + OUT_KINETIC_ENERGY_BEFORE, result.error_bound, impact.adjustments(), impact.law,
+                impact.geometry, impact.precision);
     return true;
   }
 
@@ -198,10 +245,15 @@ class SceneAnswer {
   bool resolve_contacts(long from, long to) {
     const bool is_full_geometry = plan.geometry == GEOMETRY_AUTO || plan.geometry == GEOMETRY_SPATIAL;
     if (!is_full_geometry || !options.is_compiled()) return false;
-    auto read_body = [this](std::int64_t i, double* x) { std::copy(scene.bodies[i].begin(), scene.bodies[i].end(), x); };
-    auto read_contact = [this](std::int64_t k, double* x) { std::copy(scene.contacts[k].begin(), scene.contacts[k].end(), x); };
+    auto read_body = [this](std::int64_t i, double* x) {
+      std::copy(scene.bodies[i].begin(), scene.bodies[i].end(), x);
+    };
+    auto read_contact = [this](std::int64_t k, double* x) {
+      std::copy(scene.contacts[k].begin(), scene.contacts[k].end(), x);
+    };
     std::vector<std::int64_t> used;
-    ClusterParts parts = take_parts({scene.a.data(), scene.b.data(), 0}, &scene.order[from], &scene.order[0] + to, place, used, read_body, read_contact);
+    ClusterParts parts = take_parts({scene.a.data(), scene.b.data(), 0}, &scene.order[from], &scene.order[0] + to,
+                                    place, used, read_body, read_contact);
     if (parts.has_copies()) return false;
     Cluster cluster(parts, options.law == LAW_FRICTIONLESS);
     if (cluster.fault) return false;
@@ -216,10 +268,13 @@ class SceneAnswer {
       std::int64_t k = scene.order[from + i];
       const auto& given = scene.contacts[k];
       double e = result.restitution < 0 ? cluster.assembly.contacts[i].e : result.restitution;
-      PyObject* contact = contact_as_used(PySequence_Fast_GET_ITEM(contacts, k), e, e != given[6], options.law == LAW_FRICTIONLESS && given[7] != 0);
-      put_contact(k, contact, &effect.impulses[3 * i], effect.normal_velocities_before[i], effect.normal_velocities_after[i], effect.regimes[i]);
+      PyObject* contact = contact_as_used(PySequence_Fast_GET_ITEM(contacts, k), e, e != given[6],
+                                          options.law == LAW_FRICTIONLESS && given[7] != 0);
+      put_contact(k, contact, &effect.impulses[3 * i], effect.normal_velocities_before[i],
+                  effect.normal_velocities_after[i], effect.regimes[i]);
     }
-    put_cluster(effect.energies, effect.error_bound, adjustments_of(cluster, result), cluster.has_friction ? LAW_COULOMB : LAW_FRICTIONLESS, GEOMETRY_SPATIAL,
+    put_cluster(effect.energies, effect.error_bound, adjustments_of(cluster, result),
+                cluster.has_friction ? LAW_COULOMB : LAW_FRICTIONLESS, GEOMETRY_SPATIAL,
                 cluster.has_friction ? PRECISION_DOUBLE : PRECISION_EXTENDED);
     margin = std::fmin(margin, result.margin);
     return true;
@@ -254,14 +309,14 @@ bool holds_fraction(PyObject* o) {
 
 PyObject* has_fraction(PyObject*, PyObject* o) { return PyBool_FromLong(holds_fraction(o)); }
 
-// resolve_scene(bodies, pairs, contacts, model, threshold, budget): the fields of a SceneImpact; None if the scene is left to
-// Python. The budget is the greatest number of reflections in a cluster.
+// resolve_scene(bodies, pairs, contacts, model, threshold, budget): the fields of a SceneImpact; None if the scene is
+// left to Python. The budget is the greatest number of reflections in a cluster.
 PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 6) return PyErr_Format(PyExc_TypeError, "resolve_scene() takes 6 arguments");
   Plan plan;
   if (!find_plan(args[3], plan)) return nullptr;
-  ClusterOptions options{0, PyFloat_AsDouble(args[4]), plan.setting(IN_MODEL_RESTITUTION_THRESHOLD), plan.setting(IN_MODEL_TANGENTIAL_RESTITUTION),
-                         static_cast<int>(PyLong_AsLong(args[5]))};
+  ClusterOptions options{0, PyFloat_AsDouble(args[4]), plan.setting(IN_MODEL_RESTITUTION_THRESHOLD),
+                         plan.setting(IN_MODEL_TANGENTIAL_RESTITUTION), static_cast<int>(PyLong_AsLong(args[5]))};
   if (PyErr_Occurred()) return nullptr;
   SceneRequest scene;
   if (!scene.read(args[0], args[1], args[2])) Py_RETURN_NONE;

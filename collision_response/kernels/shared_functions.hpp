@@ -9,6 +9,5 @@ typedef float Floats __attribute__((vector_size(32)));
 #define NUMBERS_OF_avx2(X) X(Doubles) X(Floats) X(Bounded<Doubles>) X(Bounded<DoubleDouble<Doubles>>)
 
 #define DECLARE(N) void call_fallback(const N* seen, N* solution);
-NUMBERS_OF_base(DECLARE)
-NUMBERS_OF_avx2(DECLARE)
+NUMBERS_OF_base(DECLARE) NUMBERS_OF_avx2(DECLARE)
 #undef DECLARE

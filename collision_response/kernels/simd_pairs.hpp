@@ -29,13 +29,19 @@ template <int lane, class T, class = std::enable_if_t<is_vector<T>>> INLINE auto
   if constexpr (std::is_integral_v<Lane<T>>) return x[lane] != 0;
   else return x[lane];
 }
-template <int lane, class T> INLINE auto at(const DoubleDouble<T>& x) { return DoubleDouble<Lane<T>>{at<lane>(x.h), at<lane>(x.l)}; }
+template <int lane, class T> INLINE auto at(const DoubleDouble<T>& x) {
+  return DoubleDouble<Lane<T>>{at<lane>(x.h), at<lane>(x.l)};
+}
 template <int lane, class N> INLINE auto at(const Bounded<N>& x) {
   return Bounded<decltype(at<lane>(x.value))>{at<lane>(x.value), at<lane>(x.error)};
 }
-template <int lane, class T> INLINE auto at(const Truth<T>& x) { return Truth<Lane<T>>{at<lane>(x.value), at<lane>(x.certain)}; }
+template <int lane, class T> INLINE auto at(const Truth<T>& x) {
+  return Truth<Lane<T>>{at<lane>(x.value), at<lane>(x.certain)};
+}
 
-template <class T, class = std::enable_if_t<is_vector<T>>> INLINE T swapped(T x) { return __builtin_shufflevector(x, x, 1, 0); }
+template <class T, class = std::enable_if_t<is_vector<T>>> INLINE T swapped(T x) {
+  return __builtin_shufflevector(x, x, 1, 0);
+}
 template <class T> INLINE DoubleDouble<T> swapped(const DoubleDouble<T>& x) { return {swapped(x.h), swapped(x.l)}; }
 template <class N> INLINE Bounded<N> swapped(const Bounded<N>& x) { return {swapped(x.value), swapped(x.error)}; }
 template <class T> INLINE Truth<T> swapped(const Truth<T>& x) { return {swapped(x.value), swapped(x.certain)}; }

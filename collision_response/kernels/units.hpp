@@ -4,8 +4,8 @@
 
 #include "kernel_table.hpp"
 
-// Units that bring the numbers of a request into the middle of the range of floats: powers of two for mass, length, time,
-// and the lengths of the two quaternions and of the normal.
+// Units that bring the numbers of a request into the middle of the range of floats: powers of two for mass, length,
+// time, and the lengths of the two quaternions and of the normal.
 struct Units {
   int power[6];
 
@@ -67,7 +67,8 @@ struct Units {
 };
 
 // Compute an impact in other units, and convert the result back.
-static void impact_in_other_units(ImpactKernel kernel, bool articulated, const double* input, const double* error, ImpactResult& result) {
+static void impact_in_other_units(ImpactKernel kernel, bool articulated, const double* input, const double* error,
+                                  ImpactResult& result) {
   Units units = Units::of(input, articulated);
   double scaled[ALL_INPUTS], scaled_error[ALL_INPUTS], no_error = 0;
   for (int i = 0; i < (articulated ? ALL_INPUTS : INPUTS); ++i) {
@@ -96,7 +97,8 @@ static inline bool all_finite(const ImpactResult& result) {
 }
 
 // Compute an impact; in other units too, if numbers near the ends of the range of floats may have spoilt the result.
-static inline void compute_in_suitable_units(ImpactKernel kernel, bool articulated, bool single, const double* input, const double* error, ImpactResult& result) {
+static inline void compute_in_suitable_units(ImpactKernel kernel, bool articulated, bool single, const double* input,
+                                             const double* error, ImpactResult& result) {
   kernel(input, error, &result);
   if (result.error_bound < INFINITY && !is_extreme(result, single) && all_finite(result)) return;
   ImpactResult scaled;

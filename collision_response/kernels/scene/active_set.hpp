@@ -1,17 +1,16 @@
 // Minimise  x.A x / 2 + b.x  over x >= 0, for a positive semi-definite A with a unit diagonal. At the minimum
 // x >= 0, A x + b >= 0, x.(A x + b) = 0: a linear complementarity problem.
 //
-// The method keeps A x + b = 0 on an active set of independent columns, held as a Cholesky factor. In each turn the most
-// negative component of A x + b enters, along the line that keeps those zeros; components of x that reach 0 on the way
-// leave. A column that depends on the active ones enters in exchange for one of them. If there is none to exchange it for,
-// there is no minimum (Keller, "The General Quadratic Optimization Problem", Math. Programming 5, 1973).
+// The method keeps A x + b = 0 on an active set of independent columns, held as a Cholesky factor. In each turn the
+// most negative component of A x + b enters, along the line that keeps those zeros; components of x that reach 0 on the
+// way leave. A column that depends on the active ones enters in exchange for one of them. If there is none to exchange
+// it for, there is no minimum (Keller, "The General Quadratic Optimization Problem", Math. Programming 5, 1973).
 //
-// R is double or double-double. Contacts that are nearly dependent, such as the corners of a box that are slightly off a
-// plane, need more digits. scene/rational_algebra.py has the same method in exact arithmetic.
+// R is double or double-double. Contacts that are nearly dependent, such as the corners of a box that are slightly off
+// a plane, need more digits. scene/rational_algebra.py has the same method in exact arithmetic.
 #pragma once
 #include "../numbers.hpp"
 #include "vectors.hpp"
-
 
 // Values up to which it may be rounding: a pivot; a component of a line or of a slope, relative to its terms.
 template <class R> constexpr double DEPENDENT = 1e-11;
@@ -92,8 +91,8 @@ class ActiveSet {
     }
   }
 
-  // The line that keeps the zeros of A x + b as x_i grows: x_P decreases by w. Returns the curvature along it; 0 if column
-  // i depends on the active ones.
+  // The line that keeps the zeros of A x + b as x_i grows: x_P decreases by w. Returns the curvature along it; 0 if
+  // column i depends on the active ones.
   R line(int i, std::vector<R>& w) const {
     w.resize(members.size());
     for (size_t k = 0; k < w.size(); ++k) w[k] = A[i * stride + members[k]];
@@ -139,7 +138,8 @@ MinimumStatus enter(ActiveSet<R>& active, int i, R slope, Move move, At at) {
         leaves = static_cast<int>(k);
       }
     if (high(step) == INFINITY) return MinimumStatus::UNBOUNDED;
-    for (size_t k = 0; k < w.size(); ++k) move(active.members[k], leaves == static_cast<int>(k) ? constant<R>(-INFINITY) : -step * w[k]);
+    for (size_t k = 0; k < w.size(); ++k)
+      move(active.members[k], leaves == static_cast<int>(k) ? constant<R>(-INFINITY) : -step * w[k]);
     move(i, step);
     slope = slope + step * curvature;
     if (leaves < 0) return active.append(i) ? MinimumStatus::FOUND : MinimumStatus::TOO_LONG;
@@ -187,7 +187,8 @@ Minimum<R> minimise(const std::vector<R>& A, const std::vector<R>& b, const std:
     if (entering < 0) return result;
     result.last = entering;
     result.status = enter(
-        active, entering, most, [&](int j, const R& by) { x[j] = high(by) == -INFINITY ? R{} : x[j] + by; }, [&](int j) { return x[j]; });
+        active, entering, most, [&](int j, const R& by) { x[j] = high(by) == -INFINITY ? R{} : x[j] + by; },
+        [&](int j) { return x[j]; });
     if (result.status != MinimumStatus::FOUND) return result;
     // Solve for the active components anew, so that the rounding of the steps does not accumulate.
     y.clear();

@@ -5,7 +5,6 @@
 #include "constants.hpp"
 #include "vectors.hpp"
 
-
 using N = Bounded<DD>;
 
 INLINE N exact(DD x) { return {x, 0}; }
@@ -16,8 +15,8 @@ template <class R> R rounded_to(const N& x) {  // to the digits of R
 }
 INLINE double width(const N& x) { return x.error * (1 + 0x1p-30); }  // a bound on the error of high(x)
 
-// The exponent of the power of two that scales a normal or a quaternion into the middle of the range of doubles; 0 if it
-// is there already. _with_scaled_normal in apply_law.py does the same for normals.
+// The exponent of the power of two that scales a normal or a quaternion into the middle of the range of doubles; 0 if
+// it is there already. _with_scaled_normal in apply_law.py does the same for normals.
 inline int exponent_of(const double* x, int count) {
   double largest = 0;
   for (int k = 0; k < count; ++k) largest = std::fmax(largest, std::fabs(x[k]));
@@ -78,7 +77,8 @@ struct AssembledBody {
     const double* orientation = x + IN_BODY_A_ORIENTATION_X;
     const int exponent = exponent_of(orientation, 4);
     for (int i = 0; i < BODY; ++i) in[i] = Make<T>::constant(x[i]);
-    for (int k = 0; k < 4; ++k) in[IN_BODY_A_ORIENTATION_X + k] = Make<T>::constant(std::ldexp(orientation[k], -exponent));
+    for (int k = 0; k < 4; ++k)
+      in[IN_BODY_A_ORIENTATION_X + k] = Make<T>::constant(std::ldexp(orientation[k], -exponent));
     ::centre<T>(in, seen.numbers, motion, &has_massless_spin);
     energy = motion[0];
     for (int i = 0; i < 9; ++i) turn[i / 3][i % 3] = motion[1 + i];
@@ -110,7 +110,8 @@ struct PreciseBody {
     if (!body.is_movable()) return;
     root = ::root(centre.numbers[CENTRE_INVERSE_MASS]);
     DD inverse_inertia[3][3];
-    for (int axis = 0; axis < 3; ++axis) {  // the response to a unit moment, by a force along one axis and its lever arm
+    // The response to a unit moment, by a force along one axis and its lever arm.
+    for (int axis = 0; axis < 3; ++axis) {
       const int arm = (axis + 1) % 3, force = (axis + 2) % 3;
       DD in[CENTRE_COUNT + 9]{}, out[10];
       std::copy(centre.numbers, centre.numbers + CENTRE_COUNT, in);
@@ -137,17 +138,19 @@ struct AssembledContact {
   int body[2];  // places among the movable bodies; -1: immovable
   int wall[2];  // places among the walls; -1: no wall that moves
   double point[3], normal[3], length, scale;  // length: of the normal; scale: 1 / sqrt(n.K n)
-  double e, mu, copies;                       // copies: how often the contact is given
-  // Along the normal as given, for each body, with opposite signs: the velocity by the twist, and the twist by an impulse.
+  double e, mu, copies;  // copies: how often the contact is given
+  // Along the normal as given, for each body, with opposite signs: the velocity by the twist, and the twist by an
+  // impulse.
   N jacobian[2][6], response[2][6];
-  N velocity;           // normal velocity before the impact, times the length of the normal
+  N velocity;  // normal velocity before the impact, times the length of the normal
   ContactAxis axes[3];  // along the unit normal and two tangents
 
   // The unit normal and two tangents (Duff et al. 2017).
   std::array<Axes, 3> unit_vectors() const { return unit_vectors(length); }
   template <class R>
   std::array<std::array<R, 3>, 3> unit_vectors(const R& length) const {
-    const R x = constant<R>(normal[0]) / length, y = constant<R>(normal[1]) / length, z = constant<R>(normal[2]) / length;
+    const R x = constant<R>(normal[0]) / length, y = constant<R>(normal[1]) / length,
+            z = constant<R>(normal[2]) / length;
     const double side = high(x) < 0 ? -1 : 1;
     const R sign = constant<R>(side), c = constant<R>(-1) / (sign + x), d = y * z * c;
     return {{{x, y, z}, {-(sign * y), constant<R>(1) + sign * (y * y * c), sign * d}, {-z, d, sign + z * z * c}}};

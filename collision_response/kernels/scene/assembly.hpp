@@ -11,8 +11,8 @@ struct Assembly {
   int count = 0, body_count = 0;  // of contacts, of movable bodies
   std::vector<AssembledContact> contacts;
   std::vector<AssembledBody> bodies;  // the movable ones
-  std::vector<AssembledBody> walls;   // the immovable ones that move, once for each contact
-  Vector A;                           // n.K n of all pairs of contacts, scaled to a diagonal of 1
+  std::vector<AssembledBody> walls;  // the immovable ones that move, once for each contact
+  Vector A;  // n.K n of all pairs of contacts, scaled to a diagonal of 1
   bool has_moving_wall = false;
   // A velocity that separates all contacts, if there is one: by how much, scaled, and its size in the metric of kinetic
   // energy.
@@ -21,7 +21,8 @@ struct Assembly {
   bool is_locked = false;  // no velocity separates all contacts, as far as 32 digits can tell
 
   // Add a contact, given as position, normal, e and mu. The places of its bodies are those among the movable ones.
-  void add(const AssembledBody& a, const AssembledBody& b, int place_a, int place_b, const double* given, double copies) {
+  void add(const AssembledBody& a, const AssembledBody& b, int place_a, int place_b, const double* given,
+           double copies) {
     AssembledContact contact{{place_a, place_b}, {-1, -1}};
     const int exponent = exponent_of(given + 3, 3);
     for (int k = 0; k < 3; ++k) {
@@ -31,7 +32,8 @@ struct Assembly {
     contact.e = given[6];
     contact.mu = given[7];
     contact.copies = copies;
-    contact.length = std::sqrt(contact.normal[0] * contact.normal[0] + contact.normal[1] * contact.normal[1] + contact.normal[2] * contact.normal[2]);
+    contact.length = std::sqrt(contact.normal[0] * contact.normal[0] + contact.normal[1] * contact.normal[1] +
+                               contact.normal[2] * contact.normal[2]);
     N direction[3], velocity[2];
     for (int k = 0; k < 3; ++k) direction[k] = exact(contact.normal[k]);
     const AssembledBody* both[2] = {&a, &b};
@@ -80,14 +82,16 @@ struct Assembly {
     std::vector<R> matrix(static_cast<size_t>(count) * count);
     for (int i = 0; i < count; ++i)
       for (int j = 0; j <= i; ++j)
-        matrix[i * count + j] = matrix[j * count + i] = coupling<R>(contacts[i], contacts[j]) * (constant<R>(contacts[i].scale) * constant<R>(contacts[j].scale));
+        matrix[i * count + j] = matrix[j * count + i] =
+            coupling<R>(contacts[i], contacts[j]) * (constant<R>(contacts[i].scale) * constant<R>(contacts[j].scale));
     return matrix;
   }
 
   bool is_finite() const {
     auto is_number = [](double x) { return std::isfinite(x); };
     auto is_sound = [&](const AssembledContact& contact) {
-      return is_number(contact.scale) && std::all_of(contact.axes, contact.axes + 3, [&](const ContactAxis& axis) { return is_number(axis.velocity); });
+      return is_number(contact.scale) && std::all_of(contact.axes, contact.axes + 3,
+                                                     [&](const ContactAxis& axis) { return is_number(axis.velocity); });
     };
     return std::all_of(contacts.begin(), contacts.end(), is_sound) && std::all_of(A.begin(), A.end(), is_number);
   }
@@ -105,17 +109,26 @@ struct Assembly {
   // Whether no contact seems to approach, but one may, within the error of its velocity.
   bool approach_is_uncertain() const {
     auto approaches = [](const AssembledContact& contact) { return high(contact.velocity) < 0; };
-    auto may_approach = [](const AssembledContact& contact) { return high(contact.velocity) < width(contact.velocity); };
-    return std::none_of(contacts.begin(), contacts.end(), approaches) && std::any_of(contacts.begin(), contacts.end(), may_approach);
+    auto may_approach = [](const AssembledContact& contact) {
+      return high(contact.velocity) < width(contact.velocity);
+    };
+    return std::none_of(contacts.begin(), contacts.end(), approaches) &&
+           std::any_of(contacts.begin(), contacts.end(), may_approach);
   }
 
   // AssembledContact::axes in double-double. `precise` are the movable bodies.
-  std::array<ContactAxisOf<DD>, 3> precise_axes(const AssembledContact& contact, const std::vector<PreciseBody>& precise) const {
+  std::array<ContactAxisOf<DD>, 3> precise_axes(const AssembledContact& contact,
+                                                const std::vector<PreciseBody>& precise) const {
     std::array<ContactAxisOf<DD>, 3> axes{};
     const auto unit_vectors = contact.unit_vectors(contact.precise_length());
     const AssembledBody* both[2];  // nullptr: at rest and immovable
-    for (int side = 0; side < 2; ++side) both[side] = contact.body[side] >= 0 ? &bodies[contact.body[side]] : contact.wall[side] >= 0 ? &walls[contact.wall[side]] : nullptr;
-    const bool is_common = both[0] && both[1] && std::equal(both[0]->x + IN_BODY_A_VELOCITY_X, both[0]->x + IN_BODY_A_VELOCITY_X + 3, both[1]->x + IN_BODY_A_VELOCITY_X);
+    for (int side = 0; side < 2; ++side)
+      both[side] = contact.body[side] >= 0   ? &bodies[contact.body[side]]
+                   : contact.wall[side] >= 0 ? &walls[contact.wall[side]]
+                                             : nullptr;
+    const bool is_common = both[0] && both[1] &&
+                           std::equal(both[0]->x + IN_BODY_A_VELOCITY_X, both[0]->x + IN_BODY_A_VELOCITY_X + 3,
+                                      both[1]->x + IN_BODY_A_VELOCITY_X);
     for (int side = 0; side < 2; ++side) {
       if (!both[side]) continue;
       PreciseBody body = contact.body[side] >= 0 ? precise[contact.body[side]] : PreciseBody(*both[side]);
@@ -208,7 +221,8 @@ struct Assembly {
 
   // The formula of physics/column.py for one body of a contact along a direction. Returns the velocity of the body.
   template <class T>
-  static T column_of(const Centre<T>& body, const AssembledContact& contact, const T* direction, int side, T* jacobian, T* response) {
+  static T column_of(const Centre<T>& body, const AssembledContact& contact, const T* direction, int side, T* jacobian,
+                     T* response) {
     T in[CENTRE_COUNT + 9], out[10];
     std::copy(body.numbers, body.numbers + CENTRE_COUNT, in);
     for (int k = 0; k < 3; ++k) {
@@ -227,7 +241,8 @@ struct Assembly {
     return out[0];
   }
 
-  // Find a velocity that separates all contacts, in the digits of R: the least d with N^T d >= 1, scaled. Whether it does.
+  // Find a velocity that separates all contacts, in the digits of R: the least d with N^T d >= 1, scaled. Whether it
+  // does.
   template <class R>
   bool find_separating_velocity(const std::vector<R>& matrix) {
     const Minimum<R> minimum = minimise(matrix, std::vector<R>(count, constant<R>(-1)), all_contacts());

@@ -42,7 +42,8 @@ struct ClusterParts {
 // them, and are listed in `used`. `place` must be -1 for all bodies, and is -1 again afterwards. body(b, x) and
 // contact(k, x) write the numbers of a body and of a contact to x.
 template <class Body, class Contact>
-ClusterParts take_parts(const ContactPairs& pairs, const std::int64_t* first, const std::int64_t* last, std::vector<int>& place, std::vector<std::int64_t>& used, Body body, Contact contact) {
+ClusterParts take_parts(const ContactPairs& pairs, const std::int64_t* first, const std::int64_t* last,
+                        std::vector<int>& place, std::vector<std::int64_t>& used, Body body, Contact contact) {
   ClusterParts parts;
   auto place_of = [&](std::int64_t b) {
     if (place[b] < 0) {
@@ -63,13 +64,15 @@ ClusterParts take_parts(const ContactPairs& pairs, const std::int64_t* first, co
 struct Cluster {
   Assembly assembly;
   std::vector<int> movable_place;  // for each body, its place among the movable ones, or -1
-  double energy = 0;               // kinetic energy of the movable bodies
+  double energy = 0;  // kinetic energy of the movable bodies
   bool has_massless_spin = false, has_off_unit_orientation = false, has_friction = false;
-  int fault = 0;               // status of the first invalid contact, or 0
+  int fault = 0;  // status of the first invalid contact, or 0
   size_t invalid_contact = 0;  // its index
 
   // Whether some numbers are out of the range of doubles, so that doubles cannot give an answer.
-  bool is_out_of_range() const { return !(std::isfinite(energy) && assembly.is_finite() && assembly.has_representable_impulses()); }
+  bool is_out_of_range() const {
+    return !(std::isfinite(energy) && assembly.is_finite() && assembly.has_representable_impulses());
+  }
 
   Cluster(const ClusterParts& parts, bool frictionless) {
     std::vector<AssembledBody> given(parts.bodies.size());
@@ -88,7 +91,8 @@ struct Cluster {
     assembly.contacts.reserve(parts.contacts.size());
     for (ClusterParts::Contact contact : parts.contacts) {
       auto [a, b] = contact.body;
-      if (frictionless && contact.x[7] < INFINITY) contact.x[7] = std::fmin(contact.x[7], 0);  // an invalid coefficient stays invalid
+      // An invalid coefficient stays invalid.
+      if (frictionless && contact.x[7] < INFINITY) contact.x[7] = std::fmin(contact.x[7], 0);
       double in[INPUTS] = {}, found;
       bool flags[VALIDITY_FLAGS];
       std::copy(given[a].x, given[a].x + BODY, in);
@@ -126,15 +130,18 @@ struct ClusterResult {
 };
 
 inline int adjustments_of(const Cluster& cluster, const ClusterResult& result) {
-  return cluster.has_off_unit_orientation * ADJUSTMENT_NORMALISED_ORIENTATION + result.below_restitution_threshold * ADJUSTMENT_RESTITUTION_THRESHOLD +
-         result.fell_back * ADJUSTMENT_LAW_FALLBACK + result.no_rebound * ADJUSTMENT_NO_REBOUND + cluster.has_massless_spin * ADJUSTMENT_MASSLESS_SPIN;
+  return cluster.has_off_unit_orientation * ADJUSTMENT_NORMALISED_ORIENTATION +
+         result.below_restitution_threshold * ADJUSTMENT_RESTITUTION_THRESHOLD +
+         result.fell_back * ADJUSTMENT_LAW_FALLBACK + result.no_rebound * ADJUSTMENT_NO_REBOUND +
+         cluster.has_massless_spin * ADJUSTMENT_MASSLESS_SPIN;
 }
 
 // MOREAU: see scene/moreau.py. Without friction, in double-double.
 inline ClusterImpulses moreau(const Assembly& assembly, bool has_friction) {
   if (has_friction) return moreau_with_friction(assembly);
   auto separates = [](const AssembledContact& contact) { return high(contact.velocity) >= 0; };
-  if (std::all_of(assembly.contacts.begin(), assembly.contacts.end(), separates)) return {true, std::vector<DD>(assembly.count)};
+  if (std::all_of(assembly.contacts.begin(), assembly.contacts.end(), separates))
+    return {true, std::vector<DD>(assembly.count)};
   Projection found = project_to_rebound(assembly);
   return {found.status == MinimumStatus::FOUND, found.q, found.error};
 }

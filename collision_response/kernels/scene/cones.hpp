@@ -3,27 +3,28 @@
 //
 //     |y|^2 / 2 + w.P -> min         y = B^T P: their effect on the bodies, in the metric of kinetic energy
 //
-// if asked, with given normal velocities N y = c. The dual has no constraints, and a single velocity eta for all bodies,
-// however many contacts there are. P and (eta, lambda) solve the programme and its dual where
+// if asked, with given normal velocities N y = c. The dual has no constraints, and a single velocity eta for all
+// bodies, however many contacts there are. P and (eta, lambda) solve the programme and its dual where
 //
 //     P_i = proj_K_i(P_i - rho_i (w + B eta)_i)       eta + N^T lambda = B^T P        N (eta + N^T lambda) = c
 //
-// This is solved by steps of the augmented Lagrangian method. With Q for the P on the right, each step minimises over eta
-// and lambda
+// This is solved by steps of the augmented Lagrangian method. With Q for the P on the right, each step minimises over
+// eta and lambda
 //
 //     |eta + N^T lambda|^2 / 2 - c.lambda + sum |P_i|^2 / (2 rho_i) + |lambda - lambda_0|^2 / (2 sigma)
 //
 // by Newton's method, as its gradient is piecewise smooth. A step from Q = 0 gives nearly the P of least sum of squares
-// among all with the same effect. Further steps, from the greatest rho down, reduce the error. Each ends with a Newton step
-// that changes P instead of computing it anew, because rho times a rounding is not small. sigma is greater than rho: with
-// little load and much friction lambda is long, and c is missed by |lambda| / sigma.
+// among all with the same effect. Further steps, from the greatest rho down, reduce the error. Each ends with a Newton
+// step that changes P instead of computing it anew, because rho times a rounding is not small. sigma is greater than
+// rho: with little load and much friction lambda is long, and c is missed by |lambda| / sigma.
 //
 // Rockafellar, "Augmented Lagrangians and Applications of the Proximal Point Algorithm in Convex Programming",
 // Math. Oper. Res. 1 (1976); Li, Sun & Toh, "A Highly Efficient Semismooth Newton Augmented Lagrangian Method",
 // SIAM J. Optim. 28 (2018).
 //
-// R is double or double-double. The bound is the square root of a gap that contains the rounding of the slip w. If the slip
-// is 1e9 times faster than the approach, as for a box that slides and hardly comes down, the bound of doubles is 1e-3.
+// R is double or double-double. The bound is the square root of a gap that contains the rounding of the slip w. If the
+// slip is 1e9 times faster than the approach, as for a box that slides and hardly comes down, the bound of doubles is
+// 1e-3.
 #pragma once
 #include "active_set.hpp"
 
@@ -35,7 +36,8 @@ class Cones {
   static constexpr double GREATEST_RHO = 1e6, LEAST_RHO = 1e2;
   static constexpr double SIGMA = 1e10, GREATEST_SIGMA = 1e14;
   static constexpr double SMALL_ERROR = 5e-8;  // of y: no further steps are needed
-  static constexpr double SLOW_SLIP = 1e6, FIRST_FACTOR = 100;  // solve_by_raising_slip: the first slip, and its increase
+  // solve_by_raising_slip: the first slip, and its increase.
+  static constexpr double SLOW_SLIP = 1e6, FIRST_FACTOR = 100;
   static constexpr int MAX_STEPS = 60;
   static constexpr double BUDGET = 3e7;  // multiplications in newton(): about a second in double-double
 
@@ -47,10 +49,10 @@ class Cones {
   };
   std::vector<Cone> cones;
   Vector kept_velocities;  // c, for the first cones, whose normal impulses are independent; or empty
-  Vector loads;            // normal impulses > 0 that give these velocities, to within `slack`
+  Vector loads;  // normal impulses > 0 that give these velocities, to within `slack`
   ::Vector slack;
   ActiveSet<double> normals{nullptr, 0};  // solves for normal impulses from changes of kept_velocities
-  std::vector<Axes> P, z;                 // z: w + B eta
+  std::vector<Axes> P, z;  // z: w + B eta
 
   explicit Cones(int body_count) : body_count(body_count) {}
 
@@ -105,8 +107,8 @@ class Cones {
       for (double size = 1; size <= GREATEST_RHO; size *= 100) lagrangian_step(size, none, size == 1, 60);
   }
 
-  // The first step of solve() for fast slip: solve with w scaled down, then raise w step by step. Each step starts from the
-  // last solution, with lambda scaled as w, because P hardly changes.
+  // The first step of solve() for fast slip: solve with w scaled down, then raise w step by step. Each step starts from
+  // the last solution, with lambda scaled as w, because P hardly changes.
   void solve_by_raising_slip() {
     std::vector<Axes> w;
     for (const Cone& cone : cones) w.push_back(cone.w);
@@ -134,8 +136,8 @@ class Cones {
     slip_at(1);
   }
 
-  // Further steps, with the greatest rho for which Newton's method converges. Many are needed if several ways to share a
-  // load do nearly the same work.
+  // Further steps, with the greatest rho for which Newton's method converges. Many are needed if several ways to share
+  // a load do nearly the same work.
   void take_adaptive_steps() {
     State best = state();
     double least = motion_error(0), size = GREATEST_RHO;
@@ -171,8 +173,8 @@ class Cones {
       }
   }
 
-  // One augmented Lagrangian step with rho = size, from impulses Q. `from_start` begins as if all contacts held. Whether
-  // Newton's method converged.
+  // One augmented Lagrangian step with rho = size, from impulses Q. `from_start` begins as if all contacts held.
+  // Whether Newton's method converged.
   bool lagrangian_step(double size, std::vector<Axes> Q, bool from_start, int budget) {
     rho = size;
     from = std::move(Q);
@@ -231,13 +233,13 @@ class Cones {
   }
 
   // A bound on the distance of y from y* of the minimum, for the current P. Let v be the velocities of the cones,
-  // `outside` their distance from velocities against which no impulse in the cone gains work, and Q any impulses that keep
-  // c, with y_Q = y + e:
+  // `outside` their distance from velocities against which no impulse in the cone gains work, and Q any impulses that
+  // keep c, with y_Q = y + e:
   //
   //     |y_Q - y*|^2 = (Q - P*).(v - v*) + (y_Q - y*).e <= Q.v + P*.outside + |y_Q - y*| |e|
   //
-  // Q is (1 - part) P + part `loads` + `by` along normals, with the least part that leaves it in the cones. P* is assumed
-  // to be no greater than the greatest impulse found.
+  // Q is (1 - part) P + part `loads` + `by` along normals, with the least part that leaves it in the cones. P* is
+  // assumed to be no greater than the greatest impulse found.
   double motion_error(double rounding) const {
     const Vector y = motion();
     Vector dual = y, by(kept_velocities.size()), e(y.size());
@@ -246,7 +248,8 @@ class Cones {
     for (size_t i = 0; i < kept_velocities.size(); ++i) {
       add_row(cones[i], Axes{-lambda[i], R{}, R{}}, dual);
       R own = kept_velocities[i] - velocity(cones[i], y.data())[0];
-      by[i] = own + std::copysign(rounding * (std::fabs(high(kept_velocities[i])) + size_near(cones[i], y)) + slack[i], high(own));
+      by[i] = own + std::copysign(rounding * (std::fabs(high(kept_velocities[i])) + size_near(cones[i], y)) + slack[i],
+                                  high(own));
     }
     along_normals(by, part);
     by.resize(loads.size());
@@ -270,7 +273,7 @@ class Cones {
  private:
   int body_count, variables = 0;
   double rho = 1, sigma = SIGMA;
-  double work = 0;     // multiplications in newton() so far
+  double work = 0;  // multiplications in newton() so far
   double fastest = 1;  // the greatest component of w in double-double; not used in doubles
   Vector x;  // eta, lambda
   struct State {
@@ -289,8 +292,8 @@ class Cones {
   using Slope = std::array<Axes, 3>;
   std::vector<Slope> slopes;
 
-  // Replace changes of normal velocities by the normal impulses that make them, and find the part of the loads that keeps
-  // these in the cones.
+  // Replace changes of normal velocities by the normal impulses that make them, and find the part of the loads that
+  // keeps these in the cones.
   void along_normals(Vector& by, double& part) const {
     ::Vector solved;
     for (const R& one : by) solved.push_back(high(one));
@@ -327,7 +330,8 @@ class Cones {
     for (int side = 0; side < 2; ++side)
       if (cone.body[side] >= 0) {
         R* of = &y[6 * cone.body[side]];
-        for (int k = 0; k < 6; ++k) of[k] += cone.row[side][0][k] * by[0] + cone.row[side][1][k] * by[1] + cone.row[side][2][k] * by[2];
+        for (int k = 0; k < 6; ++k)
+          of[k] += cone.row[side][0][k] * by[0] + cone.row[side][1][k] * by[1] + cone.row[side][2][k] * by[2];
       }
   }
 
@@ -349,12 +353,14 @@ class Cones {
     slope[0][0] = whole;
     for (int k = 0; k < 2; ++k) {
       slope[0][1 + k] = slope[1 + k][0] = mu * whole * d[k];
-      for (int l = 0; l < 2; ++l) slope[1 + k][1 + l] = (mu * mu * whole - round) * d[k] * d[l] + (k == l ? round : none);
+      for (int l = 0; l < 2; ++l)
+        slope[1 + k][1 + l] = (mu * mu * whole - round) * d[k] * d[l] + (k == l ? round : none);
     }
     q = {n, mu * n * d[0], mu * n * d[1]};
   }
 
-  // Returns the value to minimise at (eta, lambda); sets its gradient, P and slopes. `holding`: as if all contacts held.
+  // Returns the value to minimise at (eta, lambda); sets its gradient, P and slopes. `holding`: as if all contacts
+  // held.
   R evaluate(const Vector& at, Vector& gradient, bool holding) {
     slopes.resize(cones.size());
     const R* lambda = at.data() + 6 * body_count;
@@ -484,7 +490,8 @@ class Cones {
   // step = -M^-1 gradient
   void newton(const Vector& gradient, Vector& step) {
     M = fixed;
-    for (size_t i = 0; i < kept_velocities.size(); ++i) at(M, 6 * body_count + static_cast<int>(i), 6 * body_count + static_cast<int>(i)) += constant<R>(1 / sigma);
+    for (size_t i = 0; i < kept_velocities.size(); ++i)
+      at(M, 6 * body_count + static_cast<int>(i), 6 * body_count + static_cast<int>(i)) += constant<R>(1 / sigma);
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone& cone = cones[i];
       const double own = rho * cone.share;
@@ -493,7 +500,8 @@ class Cones {
       for (int side = 0; side < 2; ++side)
         for (int a = 0; cone.body[side] >= 0 && a < 3; ++a)
           for (int k = 0; k < 6; ++k)
-            part[side][a][k] = own * (slopes[i][a][0] * cone.row[side][0][k] + slopes[i][a][1] * cone.row[side][1][k] + slopes[i][a][2] * cone.row[side][2][k]);
+            part[side][a][k] = own * (slopes[i][a][0] * cone.row[side][0][k] + slopes[i][a][1] * cone.row[side][1][k] +
+                                      slopes[i][a][2] * cone.row[side][2][k]);
       for (int s = 0; s < 2; ++s)
         for (int t = 0; t < 2; ++t) {
           if (cone.body[s] < 0 || cone.body[t] < 0) continue;
@@ -502,7 +510,9 @@ class Cones {
           for (int k = 0; k < 6; ++k) {
             R* row = &M[start[rows + k] + static_cast<size_t>(columns - first[rows + k])];
             int last = rows == columns ? k + 1 : 6;
-            for (int l = 0; l < last; ++l) row[l] += cone.row[s][0][k] * part[t][0][l] + cone.row[s][1][k] * part[t][1][l] + cone.row[s][2][k] * part[t][2][l];
+            for (int l = 0; l < last; ++l)
+              row[l] += cone.row[s][0][k] * part[t][0][l] + cone.row[s][1][k] * part[t][1][l] +
+                        cone.row[s][2][k] * part[t][2][l];
           }
         }
     }

@@ -11,7 +11,7 @@
 #include "friction.hpp"
 
 struct ContactSprings {
-  Assembly assembly;          // in units near its speed and mass, powers of two: no square overflows or underflows
+  Assembly assembly;  // in units near its speed and mass, powers of two: no square overflows or underflows
   double unit = 1, root = 1;  // the units of speed, and of the root of mass
   double exponent;
   std::vector<double> stiffness;
@@ -19,13 +19,14 @@ struct ContactSprings {
     int other;
     double by;
   };
-  std::vector<std::vector<Coupled>> C;  // for each contact, the change of its normal velocity by unit normal impulses on others
+  // For each contact, the change of its normal velocity by unit normal impulses on others.
+  std::vector<std::vector<Coupled>> C;
   int count;
   double speed = 0, mass = 0;
   double slow = 0;  // slower approaches count as none, because rounding could keep a contact approaching for ever
-  long work;        // remaining budget: the coupling of two contacts costs 1, about a nanosecond
+  long work;  // remaining budget: the coupling of two contacts costs 1, about a nanosecond
   double friction_loss = 0;  // energy that friction took
-  bool is_wedged = false;    // the path has no end
+  bool is_wedged = false;  // the path has no end
 
   ContactSprings(const Assembly& given, double exponent, std::vector<double> ratios, long budget)
       : assembly(given), exponent(exponent), stiffness(std::move(ratios)), count(given.count), work(budget) {
@@ -69,8 +70,8 @@ struct ContactSprings {
     return u;
   }
 
-  // Without friction the state y is all x_i, then all p_i. It is integrated by the pair of Dormand & Prince, of orders 5
-  // and 4.
+  // Without friction the state y is all x_i, then all p_i. It is integrated by the pair of Dormand & Prince, of orders
+  // 5 and 4.
   static constexpr long STAGE = 20;  // the cost of one contact in a stage, in addition to its couplings
   void derivative(const double* y, double* d, const std::vector<int>& active) {
     const double *x = y, *p = y + count;
@@ -101,9 +102,9 @@ struct ContactSprings {
     return found;
   }
 
-  // The length of the steps. An error that is too large is mostly due to a spring that turns from loading to unloading within
-  // the step, where its rate has a kink: then the step is shortened to end there, by the secant. A spring that turns at the
-  // very end is not the cause.
+  // The length of the steps. An error that is too large is mostly due to a spring that turns from loading to unloading
+  // within the step, where its rate has a kink: then the step is shortened to end there, by the secant. A spring that
+  // turns at the very end is not the cause.
   struct Pace {
     double h;
 
@@ -124,9 +125,13 @@ struct ContactSprings {
     return bends && (before < 0) != (after < 0) ? before / (before - after) : 1;
   }
   // The normal speed of a contact after its spring has given its energy back.
-  double residual_speed(int i, double x, double u) const { return x > 0 || u < 0 ? std::sqrt(u * u + force(i, x) * x / mass) : 0; }
+  double residual_speed(int i, double x, double u) const {
+    return x > 0 || u < 0 ? std::sqrt(u * u + force(i, x) * x / mass) : 0;
+  }
   // The longest step, if `fastest` is the greatest residual speed. Slower contacts compress their springs for longer.
-  double longest_step(double fastest) const { return 0.2 * std::pow(std::fmin(std::fmax(fastest, slow) / speed, 1), (1 - exponent) / (1 + exponent)); }
+  double longest_step(double fastest) const {
+    return 0.2 * std::pow(std::fmin(std::fmax(fastest, slow) / speed, 1), (1 - exponent) / (1 + exponent));
+  }
 
   // Find the normal impulses p without friction. Returns whether the path ended within its budget.
   bool follow_without_friction(double tolerance, std::vector<double>& p) {
@@ -134,15 +139,15 @@ struct ContactSprings {
     size_t n = 2 * static_cast<size_t>(count);
     std::vector<double> y(n, 0.0), k[7], z(n, 0.0);
     for (auto& one : k) one.resize(n);
-    static const double a[7][6] = {
-        {},
-        {1.0 / 5},
-        {3.0 / 40, 9.0 / 40},
-        {44.0 / 45, -56.0 / 15, 32.0 / 9},
-        {19372.0 / 6561, -25360.0 / 2187, 64448.0 / 6561, -212.0 / 729},
-        {9017.0 / 3168, -355.0 / 33, 46732.0 / 5247, 49.0 / 176, -5103.0 / 18656},
-        {35.0 / 384, 0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84}};
-    static const double error[7] = {71.0 / 57600, 0, -71.0 / 16695, 71.0 / 1920, -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
+    static const double a[7][6] = {{},
+                                   {1.0 / 5},
+                                   {3.0 / 40, 9.0 / 40},
+                                   {44.0 / 45, -56.0 / 15, 32.0 / 9},
+                                   {19372.0 / 6561, -25360.0 / 2187, 64448.0 / 6561, -212.0 / 729},
+                                   {9017.0 / 3168, -355.0 / 33, 46732.0 / 5247, 49.0 / 176, -5103.0 / 18656},
+                                   {35.0 / 384, 0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84}};
+    static const double error[7] = {71.0 / 57600,      0,          -71.0 / 16695, 71.0 / 1920,
+                                    -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
     Pace pace{1e-4};
     std::vector<int> active(count);
     std::iota(active.begin(), active.end(), 0);
@@ -198,8 +203,8 @@ struct ContactSprings {
   };
 
   // Apply the normal forces `load` for some time, with friction that opposes the slip at the end of it, to within
-  // `enough`. Sweeps over the contacts start from the friction forces in `to`. Returns whether they converged within the
-  // budget.
+  // `enough`. Sweeps over the contacts start from the friction forces in `to`. Returns whether they converged within
+  // the budget.
   bool apply_friction(State& to, double time, const std::vector<double>& load, double enough) {
     frictional.clear();
     for (int i = 0; i < count; ++i) {
@@ -217,7 +222,8 @@ struct ContactSprings {
     while (change > enough && work > 0) {
       change = 0;
       for (int i : frictional) {
-        Axes by = slips[i].change(to.friction[i], assembly.contacts[i].mu * to.friction[i][0], to.motion.velocity(i, 1), to.motion.velocity(i, 2));
+        Axes by = slips[i].change(to.friction[i], assembly.contacts[i].mu * to.friction[i][0], to.motion.velocity(i, 1),
+                                  to.motion.velocity(i, 2));
         to.motion.apply(i, by);
         for (int k = 1; k < 3; ++k) to.friction[i][k] += by[k];
         change = std::fmax(change, std::hypot(by[1], by[2]) * slips[i].trace);
@@ -236,8 +242,8 @@ struct ContactSprings {
   struct Slip {
     double c[3], trace;  // c: elements 11, 12, 22
 
-    // The change from the friction impulse `now` to one of size at most `most` that opposes the slip, or nearly does. v1,
-    // v2: the slip now.
+    // The change from the friction impulse `now` to one of size at most `most` that opposes the slip, or nearly does.
+    // v1, v2: the slip now.
     Axes change(const Axes& now, double most, double v1, double v2) const {
       double det = c[0] * c[2] - c[1] * c[1], t1 = now[1], t2 = now[2];
       if (det > 1e-6 * trace * trace) {
@@ -264,7 +270,8 @@ struct ContactSprings {
       load[i] = force(i, to.x[i]);
     }
     if (!apply_friction(to, h * g, load, enough)) return false;
-    for (size_t k = 0; k < to.motion.y.size(); ++k) to.motion.y[k] = from.motion.y[k] + (to.motion.y[k] - from.motion.y[k]) * (1 - g) / g;
+    for (size_t k = 0; k < to.motion.y.size(); ++k)
+      to.motion.y[k] = from.motion.y[k] + (to.motion.y[k] - from.motion.y[k]) * (1 - g) / g;
     for (int i = 0; i < count; ++i) {
       for (int k = 0; k < 3; ++k) to.P[i][k] += h * (1 - g) * to.friction[i][k];
       double second = rate(i, to.x[i], to.u[i]);
@@ -282,12 +289,13 @@ struct ContactSprings {
     double sum = 0;
     for (int i = 0; i < count; ++i)
       for (int axis = 1; axis < 3; ++axis)
-        if (double by = to.P[i][axis] - from.P[i][axis]; by != 0) sum -= by * (from.motion.velocity(i, axis) + to.motion.velocity(i, axis)) / 2;
+        if (double by = to.P[i][axis] - from.P[i][axis]; by != 0)
+          sum -= by * (from.motion.velocity(i, axis) + to.motion.velocity(i, axis)) / 2;
     return sum;
   }
 
-  // Whether contacts at rest stay compressed for ever, because friction balances the forces of their springs. To find out,
-  // the forces act a million times as long as usual: they must set nothing in motion.
+  // Whether contacts at rest stay compressed for ever, because friction balances the forces of their springs. To find
+  // out, the forces act a million times as long as usual: they must set nothing in motion.
   bool is_held(const State& now) {
     double greatest = 0;
     for (int i = 0; i < count; ++i) {
@@ -307,9 +315,9 @@ struct ContactSprings {
     return found;
   }
 
-  // Extrapolated impulses may pull, or leave the friction cones if contacts can share their friction in several ways. Then
-  // replace them by impulses in the cones that have the same effect, to within `enough`. Returns whether these were found
-  // within the budget.
+  // Extrapolated impulses may pull, or leave the friction cones if contacts can share their friction in several ways.
+  // Then replace them by impulses in the cones that have the same effect, to within `enough`. Returns whether these
+  // were found within the budget.
   bool return_to_cones(State& now, double enough) {
     bool are_in_cones = true;
     Assembly at_rest = assembly;
@@ -357,7 +365,8 @@ struct ContactSprings {
         return true;
       }
       const double h = pace.h;
-      if (!step(now, h, enough, whole) || !step(now, h / 2, enough, half) || !step(half, h / 2, enough, both)) return false;
+      if (!step(now, h, enough, whole) || !step(now, h / 2, enough, half) || !step(half, h / 2, enough, both))
+        return false;
       double off = 0, square = 0, turns = 1, fastest = 0;
       for (size_t k = 0; k < both.motion.y.size(); ++k) {
         double by = both.motion.y[k] - whole.motion.y[k];
@@ -376,8 +385,10 @@ struct ContactSprings {
       if (!(worst < INFINITY)) return false;
       if (!pace.accepts(worst, 3, turns, longest_step(fastest))) continue;
       auto extrapolated = [](double fine, double coarse) { return fine + (fine - coarse) / 3; };
-      friction_loss += extrapolated(work_of_friction(now, half) + work_of_friction(half, both), work_of_friction(now, whole));
-      for (size_t k = 0; k < both.motion.y.size(); ++k) now.motion.y[k] = extrapolated(both.motion.y[k], whole.motion.y[k]);
+      friction_loss +=
+          extrapolated(work_of_friction(now, half) + work_of_friction(half, both), work_of_friction(now, whole));
+      for (size_t k = 0; k < both.motion.y.size(); ++k)
+        now.motion.y[k] = extrapolated(both.motion.y[k], whole.motion.y[k]);
       for (int i = 0; i < count; ++i) {
         now.x[i] = std::fmax(extrapolated(both.x[i], whole.x[i]), 0);
         now.u[i] = now.motion.velocity(i, 0);

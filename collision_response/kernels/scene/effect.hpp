@@ -2,7 +2,8 @@
 #pragma once
 #include "friction.hpp"
 
-// The greatest ratio of the norm of error_bound to the size in the metric of kinetic energy, for twist changes of a body.
+// The greatest ratio of the norm of error_bound to the size in the metric of kinetic energy, for twist changes of a
+// body.
 inline double norm_ratio(const AssembledBody& body) {
   const double* x = body.x;
   double mass = x[0], moments[3] = {x[1], x[4], x[6]}, trace = x[1] + x[4] + x[6], c = 0;
@@ -24,18 +25,19 @@ inline double norm_ratio(const AssembledBody& body) {
 // The size of a twist change in the norm of error_bound, computed so that no square overflows or underflows.
 inline double twist_size(const double* body, const double* twist) {
   double arm = (body[1] + body[4] + body[6]) / 3;
-  return std::hypot(std::sqrt(body[0]) * std::hypot(twist[0], twist[1], twist[2]), std::sqrt(arm) * std::hypot(twist[3], twist[4], twist[5]));
+  return std::hypot(std::sqrt(body[0]) * std::hypot(twist[0], twist[1], twist[2]),
+                    std::sqrt(arm) * std::hypot(twist[3], twist[4], twist[5]));
 }
 
 using Regime = unsigned char;
 
-// A slip below this fraction of the fastest speed before the impact counts as none. Friction that is below its limit by a
-// smaller fraction counts as being at the limit.
+// A slip below this fraction of the fastest speed before the impact counts as none. Friction that is below its limit by
+// a smaller fraction counts as being at the limit.
 constexpr double AT_REST = 0x1p-20;
 
 struct ImpulseEffect {
   Vector changes, twists;  // six numbers for each movable body
-  Vector impulses;         // three numbers for each contact
+  Vector impulses;  // three numbers for each contact
   Vector normal_velocities_before, normal_velocities_after;
   std::vector<Regime> regimes;
   double energies[4] = {};  // kinetic energy before and after, energy lost to restitution and to friction
@@ -53,8 +55,8 @@ struct ImpulseEffect {
   }
 };
 
-// Compute the effect of impulses. With `sticks_by_slip`, a contact sticks if it does not slip afterwards; otherwise, if its
-// friction is below the limit.
+// Compute the effect of impulses. With `sticks_by_slip`, a contact sticks if it does not slip afterwards; otherwise, if
+// its friction is below the limit.
 inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& impulses, bool sticks_by_slip) {
   ImpulseEffect effect;
   int count = assembly.count;
@@ -75,7 +77,8 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
   if (!has_friction) least_norm(assembly, reported, true);
 
   for (int i = 0; i < count; ++i)
-    if (p[i].h != 0) error += 0x1p-1073 / assembly.contacts[i].scale;  // an impulse is rounded to a multiple of the least double
+    // An impulse is rounded to a multiple of the least double.
+    if (p[i].h != 0) error += 0x1p-1073 / assembly.contacts[i].scale;
 
   double largest = 0, worst = 0, rounding = 0;
   for (int b = 0; b < assembly.body_count; ++b) {
@@ -90,7 +93,9 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
     effect.energies[0] += assembly.bodies[b].energy;
     effect.energies[1] += moved.energy;
     double lost[6];
-    for (int k = 0; k < 6; ++k) lost[k] = width(sums[6 * b + k]) + (std::fabs(change[k]) + std::fabs(high(sums[6 * b + k]))) * 0x1p-53 * (has_friction ? 4 : 1);
+    for (int k = 0; k < 6; ++k)
+      lost[k] = width(sums[6 * b + k]) +
+                (std::fabs(change[k]) + std::fabs(high(sums[6 * b + k]))) * 0x1p-53 * (has_friction ? 4 : 1);
     largest = std::fmax(largest, twist_size(body, change));
     rounding = std::fmax(rounding, twist_size(body, lost));
     worst = std::fmax(worst, error * norm_ratio(assembly.bodies[b]));
@@ -120,7 +125,9 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
       for (int k = 0; k < 3; ++k) impulse[k] += P[i][1] * directions[1][k] + P[i][2] * directions[2][k];
     }
     double normal = p[i].h * contact.length / load;
-    double along = (P[i][1] / load * ((u_before[1] + u_after[1]) / unit) + P[i][2] / load * ((u_before[2] + u_after[2]) / unit)) / 2;
+    double along =
+        (P[i][1] / load * ((u_before[1] + u_after[1]) / unit) + P[i][2] / load * ((u_before[2] + u_after[2]) / unit)) /
+        2;
     restitution -= normal * ((u_before[0] + u_after[0]) / unit) / 2;
     friction_loss -= along;
     work += normal * ((std::fabs(u_before[0]) + std::fabs(u_after[0])) / unit) + std::fabs(along);
@@ -136,7 +143,8 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
   effect.energies[2] = restitution * load * unit;
   effect.energies[3] = friction_loss * load * unit;
   effect.creates_energy = restitution + friction_loss < -0x1p-40 * work;
-  effect.error_bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0) : (worst > 0 ? INFINITY : 0);
+  effect.error_bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0)
+                                   : (worst > 0 ? INFINITY : 0);
   if (!(effect.error_bound == effect.error_bound)) effect.error_bound = INFINITY;
   return effect;
 }

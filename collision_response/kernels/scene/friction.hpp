@@ -34,7 +34,8 @@ struct Motion {
   double size_at(int i) const {
     double sum = 0;
     for (int side = 0; side < 2; ++side)
-      for (int k = 0; assembly->contacts[i].body[side] >= 0 && k < 6; ++k) sum += std::fabs(assembly->contacts[i].axes[0].row[side][k] * y[6 * assembly->contacts[i].body[side] + k]);
+      for (int k = 0; assembly->contacts[i].body[side] >= 0 && k < 6; ++k)
+        sum += std::fabs(assembly->contacts[i].axes[0].row[side][k] * y[6 * assembly->contacts[i].body[side] + k]);
     return sum;
   }
   Axes velocity(int i) const { return {velocity(i, 0), velocity(i, 1), velocity(i, 2)}; }
@@ -54,14 +55,16 @@ inline double coupling(const Assembly& assembly, int i, int a, int j, int b) {
 // Coefficients of friction: greater ones have no further effect, and smaller ones none at all.
 constexpr double GREATEST_FRICTION = 1e30, LEAST_FRICTION = 1e-30, GREATEST_IN_ONE_STEP = 1e6;
 
-// Loads that are rounding. UNLOADED: relative to the greatest load, in double-double. UNSHARED: for a load that came from
-// sharing loads among contacts, in doubles, relative to other loads of its bodies, or to the greatest if they have none.
+// Loads that are rounding. UNLOADED: relative to the greatest load, in double-double. UNSHARED: for a load that came
+// from sharing loads among contacts, in doubles, relative to other loads of its bodies, or to the greatest if they have
+// none.
 constexpr double UNLOADED = 0x1p-80, UNSHARED = 1e-10;
 
 // A contact as a cone, with impulses in units that make n.K n of every contact 1, and velocities in units of `speed`.
 // `mean` is the mean of 1 / (n.K n) of unit normals.
 template <class R>
-typename Cones<R>::Cone cone_of(const AssembledContact& contact, const ContactAxisOf<R>* axes, double speed, double mean) {
+typename Cones<R>::Cone cone_of(const AssembledContact& contact, const ContactAxisOf<R>* axes, double speed,
+                                double mean) {
   typename Cones<R>::Cone cone;
   double unit = contact.scale * contact.length;
   for (int side = 0; side < 2; ++side) {
@@ -85,18 +88,23 @@ inline Axes in_newton_seconds(Axes P, const AssembledContact& contact, double sp
 
 constexpr double ACCEPTED_IN_DOUBLES = 1e-6;  // a bound on the error of y: no need for double-double
 
-// Solve the programme of least work again, in double-double. If this reduces `error`, the bound on the error of y, set the
-// impulses of `programme`. Returns the new bound.
-inline double solve_in_double_double(const Assembly& assembly, const std::vector<int>& loaded, const std::vector<DD>& p, double speed, double mean, Cones<double>& programme, double error) {
+// Solve the programme of least work again, in double-double. If this reduces `error`, the bound on the error of y, set
+// the impulses of `programme`. Returns the new bound.
+inline double solve_in_double_double(const Assembly& assembly, const std::vector<int>& loaded, const std::vector<DD>& p,
+                                     double speed, double mean, Cones<double>& programme, double error) {
   Cones<DD> precise(assembly.body_count);
   const std::vector<PreciseBody> bodies(assembly.bodies.begin(), assembly.bodies.end());
-  for (int i : loaded) precise.cones.push_back(cone_of(assembly.contacts[i], assembly.precise_axes(assembly.contacts[i], bodies).data(), speed, mean));
+  for (int i : loaded)
+    precise.cones.push_back(
+        cone_of(assembly.contacts[i], assembly.precise_axes(assembly.contacts[i], bodies).data(), speed, mean));
   for (double load : programme.loads) precise.loads.push_back({load, 0});
   precise.normals = programme.normals;
   const std::vector<N> changes = assembly.twist_changes(p.data());
   for (size_t k = 0; k < programme.kept_velocities.size(); ++k) {
     const AssembledContact& contact = assembly.contacts[loaded[k]];
-    precise.kept_velocities.push_back(contact.scale * contact.length * value(assembly.velocity_change(contact, changes)) / contact.precise_length() / speed);
+    precise.kept_velocities.push_back(contact.scale * contact.length *
+                                      value(assembly.velocity_change(contact, changes)) / contact.precise_length() /
+                                      speed);
   }
   precise.prepare();
   precise.refine_loads();
@@ -117,9 +125,9 @@ inline double solve_in_double_double(const Assembly& assembly, const std::vector
 // keep the normal velocities of the loaded contacts.
 //
 // Contacts are loaded if the impulses of least norm load them, because other impulses would depend on the order of the
-// contacts, or if those of least norm with nearly the same effect do: a box whose corners are slightly off a plane stands
-// on all of them. Contacts that nearly depend on others keep no velocity: that slight distance would stop them from
-// sliding. If no loaded contact has friction, the result is the frictionless impulses.
+// contacts, or if those of least norm with nearly the same effect do: a box whose corners are slightly off a plane
+// stands on all of them. Contacts that nearly depend on others keep no velocity: that slight distance would stop them
+// from sliding. If no loaded contact has friction, the result is the frictionless impulses.
 inline ClusterImpulses least_work_friction(const Assembly& assembly, const ClusterImpulses& frictionless) {
   int count = assembly.count;
   ClusterImpulses result = frictionless;
@@ -152,7 +160,9 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
     as_shared.apply(i, {shared[i] * contact.length, 0, 0});
     if (!(shared[i] / contact.scale > rounding(i))) {
       double slip = std::hypot(contact.axes[1].velocity, contact.axes[2].velocity) * contact.length;
-      if (shared[i] > 0) result.error += std::sqrt(2 * contact.mu * (shared[i] / contact.scale / speed) * (slip * contact.scale / speed)) * speed;
+      if (shared[i] > 0)
+        result.error +=
+            std::sqrt(2 * contact.mu * (shared[i] / contact.scale / speed) * (slip * contact.scale / speed)) * speed;
       continue;
     }
     loaded.push_back(i);
@@ -178,18 +188,21 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
   }
   programme.prepare();
   double error = programme.solve();
-  if (!(error <= ACCEPTED_IN_DOUBLES)) error = solve_in_double_double(assembly, loaded, frictionless.normal, speed, mean, programme, error);
+  if (!(error <= ACCEPTED_IN_DOUBLES))
+    error = solve_in_double_double(assembly, loaded, frictionless.normal, speed, mean, programme, error);
   result.error += error * speed;
   std::vector<Axes> P(count);
-  for (size_t k = 0; k < loaded.size(); ++k) P[loaded[k]] = in_newton_seconds(programme.P[k], assembly.contacts[loaded[k]], speed);
+  for (size_t k = 0; k < loaded.size(); ++k)
+    P[loaded[k]] = in_newton_seconds(programme.P[k], assembly.contacts[loaded[k]], speed);
 
   // Friction may have made another contact approach.
   Motion moved(assembly);
   for (int i = 0; i < count; ++i) moved.apply(i, P[i]);
   double square = 0;  // of the change by friction
-  for (size_t k = 0; k < moved.y.size(); ++k) square += (moved.y[k] - as_given.y[k]) / speed * ((moved.y[k] - as_given.y[k]) / speed);
-  // An estimate of the effect of the choice of contacts that keep velocities and share loads. In 1500 stacks, the answers
-  // for two orders of the contacts differed by at most 0.73 of the sum of both bounds.
+  for (size_t k = 0; k < moved.y.size(); ++k)
+    square += (moved.y[k] - as_given.y[k]) / speed * ((moved.y[k] - as_given.y[k]) / speed);
+  // An estimate of the effect of the choice of contacts that keep velocities and share loads. In 1500 stacks, the
+  // answers for two orders of the contacts differed by at most 0.73 of the sum of both bounds.
   result.error += 4 * difference * (1 + std::sqrt(square)) * speed;
   std::vector<N> offset;
   bool approaches = false;
@@ -212,7 +225,8 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
 // The shifts mu |u_t| of a solution.
 inline Vector shifts_of(const Cones<double>& programme) {
   Vector shifts;
-  for (size_t i = 0; i < programme.cones.size(); ++i) shifts.push_back(programme.cones[i].mu * std::hypot(programme.z[i][1], programme.z[i][2]));
+  for (size_t i = 0; i < programme.cones.size(); ++i)
+    shifts.push_back(programme.cones[i].mu * std::hypot(programme.z[i][1], programme.z[i][2]));
   return shifts;
 }
 // The greatest distance between two components.
@@ -222,10 +236,11 @@ inline double distance(const Vector& one, const Vector& other) {
   return most;
 }
 
-// An estimate of the error of the velocities, if one more round changes the shifts by `change`. A round takes shifts at a
-// small distance from these nearer to them, by some rate. If it takes them nearer by more than `change`, there is a fixed
-// point within that distance. Where contacts lock, or share a load in several ways, all shifts nearby are fixed points, and
-// the error is unknown: infinite. The rate is that in the direction in which rounds are slowest, by the power method.
+// An estimate of the error of the velocities, if one more round changes the shifts by `change`. A round takes shifts at
+// a small distance from these nearer to them, by some rate. If it takes them nearer by more than `change`, there is a
+// fixed point within that distance. Where contacts lock, or share a load in several ways, all shifts nearby are fixed
+// points, and the error is unknown: infinite. The rate is that in the direction in which rounds are slowest, by the
+// power method.
 inline double shift_error(Cones<double> programme, const Vector& start, const Vector& shift, double change) {
   constexpr double LEAST = 1e-9, WIDER = 30, WIDEST = 1e-3, ROUNDING = 1e-12, FIXED = 1 - 1e-5;
   constexpr int ROUNDS = 20;
@@ -240,7 +255,8 @@ inline double shift_error(Cones<double> programme, const Vector& start, const Ve
   double velocity_change = 0;  // the greatest seen
   auto rate_at = [&](double size, double unevenness) {
     Vector by;
-    for (size_t i = 0; i < shift.size(); ++i) by.push_back(size * (1 + std::fmod(unevenness * static_cast<double>(i), 1)));
+    for (size_t i = 0; i < shift.size(); ++i)
+      by.push_back(size * (1 + std::fmod(unevenness * static_cast<double>(i), 1)));
     double rate = 0, last = -1;
     for (int round = 0; round < ROUNDS && std::fabs(rate - last) > 0.01 * (1 - rate); ++round) {
       double now = distance(by, zero);
@@ -259,7 +275,7 @@ inline double shift_error(Cones<double> programme, const Vector& start, const Ve
   for (double size = LEAST; size < WIDEST; size *= WIDER) {
     if (change > size / 2) continue;
     double nearer = 1 - change / size, rate = rate_at(size, 0);  // in a direction as symmetric as the scene
-    if (rate <= nearer) rate = rate_at(size, 0.618);             // and in one that is not
+    if (rate <= nearer) rate = rate_at(size, 0.618);  // and in one that is not
     if (rate <= nearer) return 2 * velocity_change;
     if (rate > FIXED) break;
   }
@@ -278,7 +294,9 @@ inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
     mean += 1 / (contact.scale * contact.scale * contact.length * contact.length) / count;
     approach = approach || contact.axes[0].velocity < 0;
     bool has_friction = contact.mu > LEAST_FRICTION;  // without friction, the slip may be anything
-    speed = std::fmax(speed, std::hypot(contact.axes[0].velocity, has_friction * contact.axes[1].velocity, has_friction * contact.axes[2].velocity) * contact.scale * contact.length);
+    speed = std::fmax(speed, std::hypot(contact.axes[0].velocity, has_friction * contact.axes[1].velocity,
+                                        has_friction * contact.axes[2].velocity) *
+                                 contact.scale * contact.length);
   }
   if (!approach) return with_axis_impulses({}, assembly, P);  // impulses of 0 are a solution
   Cones<double> programme(assembly.body_count);
@@ -301,8 +319,8 @@ inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
     step = found;
     increase(step, -1, shift);
     change = distance(found, shift);
-    // Where the shifts settle slowly, a secant step from the last two rounds (Anderson 1965). Elsewhere that would magnify
-    // rounding.
+    // Where the shifts settle slowly, a secant step from the last two rounds (Anderson 1965). Elsewhere that would
+    // magnify rounding.
     Vector by;
     if (round > 0) {
       by = step;
@@ -310,7 +328,8 @@ inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
     }
     bool is_slow = change > 0.9 * last_change;
     last_change = change;
-    double square = dot(by, by), leap = is_slow && square > 0 ? std::fmin(std::fmax(dot(by, step) / square, -20), 0.5) : 0;
+    double square = dot(by, by),
+           leap = is_slow && square > 0 ? std::fmin(std::fmax(dot(by, step) / square, -20), 0.5) : 0;
     for (int i = 0; i < count; ++i) {
       shift[i] = std::fmax(round > 0 ? found[i] - leap * (found[i] - last_shift[i]) : found[i], 0);
       programme.cones[i].w[0] = start[i] + shift[i];
@@ -325,11 +344,13 @@ inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
   for (int i = 0; i < count; ++i) programme.cones[i].w[0] = start[i] + shift[i];
   double motion_error = programme.solve();
   change = distance(shifts_of(programme), shift);
-  // Relative to the fastest contact, and to the greatest impulse, which is small where a light body strikes a heavy one.
+  // Relative to the fastest contact, and to the greatest impulse, which is small where a light body strikes a heavy
+  // one.
   double greatest = 0;
   for (const Axes& one : programme.P) greatest = std::fmax(greatest, one[0]);
   if (!(change <= std::fmin(1e-8, 1e-4 * greatest))) return {false};
   for (int i = 0; i < count; ++i) P[i] = in_newton_seconds(programme.P[i], assembly.contacts[i], speed);
-  double error = speed * (motion_error + (assembly.is_locked ? INFINITY : shift_error(programme, start, shift, change)));
+  double error =
+      speed * (motion_error + (assembly.is_locked ? INFINITY : shift_error(programme, start, shift, change)));
   return with_axis_impulses({true, {}, error}, assembly, P);
 }

@@ -3,17 +3,18 @@
 #include "assembly.hpp"
 
 struct ClusterImpulses {
-  bool are_found = true;     // else contacts contradict each other, or the law has no answer
-  std::vector<DD> normal;    // along the normals
-  double error = 0;          // bound on that of the velocities, in the metric of kinetic energy
+  bool are_found = true;  // else contacts contradict each other, or the law has no answer
+  std::vector<DD> normal;  // along the normals
+  double error = 0;  // bound on that of the velocities, in the metric of kinetic energy
   double margin = INFINITY;  // least distance of a decision from its threshold, relative to the fastest approach
-  double restitution = -1;   // the one used for all contacts; -1: each contact has its own
-  bool no_rebound = false;   // reflections did not end: restitution is 0
-  Vector tangential{};       // across the normals, two for each contact; empty without friction
+  double restitution = -1;  // the one used for all contacts; -1: each contact has its own
+  bool no_rebound = false;  // reflections did not end: restitution is 0
+  Vector tangential{};  // across the normals, two for each contact; empty without friction
 };
 
 // Set the impulses from those along the axes of each contact.
-inline ClusterImpulses with_axis_impulses(ClusterImpulses impulses, const Assembly& assembly, const std::vector<Axes>& P) {
+inline ClusterImpulses with_axis_impulses(ClusterImpulses impulses, const Assembly& assembly,
+                                          const std::vector<Axes>& P) {
   impulses.normal.clear();
   for (int i = 0; i < assembly.count; ++i) {
     impulses.normal.push_back({P[i][0] / assembly.contacts[i].length, 0});

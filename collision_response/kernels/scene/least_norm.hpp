@@ -13,7 +13,8 @@ inline std::vector<Vector> null_impulses(const Assembly& assembly, double depend
   // Moving walls add a row for their work, which impulses of the same effect must not change either.
   Vector u(count), B, scale(count);
   double fastest = 0;
-  for (const AssembledContact& contact : contacts) fastest = std::fmax(fastest, std::fabs(high(contact.velocity)) * contact.scale);
+  for (const AssembledContact& contact : contacts)
+    fastest = std::fmax(fastest, std::fabs(high(contact.velocity)) * contact.scale);
   for (int i = 0; i < count; ++i) {
     u[i] = assembly.has_moving_wall && fastest > 0 ? high(contacts[i].velocity) * contacts[i].scale / fastest : 0;
     scale[i] = contacts[i].scale / std::sqrt(1 + u[i] * u[i]);
@@ -21,7 +22,9 @@ inline std::vector<Vector> null_impulses(const Assembly& assembly, double depend
   if (assembly.has_moving_wall) {
     B = A;
     for (int i = 0; i < count; ++i)
-      for (int j = 0; j < count; ++j) B[i * count + j] = i == j ? 1 : (A[i * count + j] + u[i] * u[j]) * scale[i] / contacts[i].scale * scale[j] / contacts[j].scale;
+      for (int j = 0; j < count; ++j)
+        B[i * count + j] =
+            i == j ? 1 : (A[i * count + j] + u[i] * u[j]) * scale[i] / contacts[i].scale * scale[j] / contacts[j].scale;
   }
   ActiveSet<double> basis(assembly.has_moving_wall ? B.data() : A.data(), count);
   std::vector<Vector> found;
@@ -46,7 +49,8 @@ inline std::vector<Vector> null_impulses(const Assembly& assembly, double depend
         w[m] = -(high(assembly.velocity_change(contacts[j], twists)) + u[j] / contacts[j].scale * work) * scale[j];
       }
       basis.solve(w.data());
-      for (size_t m = 0; m < w.size(); ++m) z[basis.members[m]] = z[basis.members[m]] + DD{w[m] * scale[basis.members[m]], 0};
+      for (size_t m = 0; m < w.size(); ++m)
+        z[basis.members[m]] = z[basis.members[m]] + DD{w[m] * scale[basis.members[m]], 0};
     }
     if (!(std::fabs(square) < most)) continue;
     found.push_back(rounded(z.data(), count));

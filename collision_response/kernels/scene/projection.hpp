@@ -5,7 +5,7 @@
 struct Projection {
   MinimumStatus status;
   std::vector<DD> q;  // impulses along the normals
-  double error;       // a bound on that of the velocities, in the metric of kinetic energy
+  double error;  // a bound on that of the velocities, in the metric of kinetic energy
 };
 
 inline double greatest_scaled(const Assembly& assembly, const std::vector<N>& u, const std::vector<int>& among) {
@@ -19,7 +19,8 @@ inline double greatest_scaled(const Assembly& assembly, const std::vector<N>& u,
 //
 //     |w - w*|^2 = (q - q*).(r - r*) <= q.r + q*.max(-r, 0)        q*.r* = 0, q.r* >= 0
 //     q*.rho <= |d| |w* - v|          for any velocity d that separates the contacts, N^T d = rho > 0
-inline double projection_error(const Assembly& assembly, const std::vector<int>& among, const std::vector<DD>& q, const std::vector<N>& start, const std::vector<N>& r) {
+inline double projection_error(const Assembly& assembly, const std::vector<int>& among, const std::vector<DD>& q,
+                               const std::vector<N>& start, const std::vector<N>& r) {
   if (assembly.is_locked) return INFINITY;
   // In a unit near the size of the velocities: energies may be out of the range of doubles.
   const double unit = power_near(greatest_scaled(assembly, start, among));
@@ -37,7 +38,8 @@ inline double projection_error(const Assembly& assembly, const std::vector<int>&
 
 // The projection from velocities `start`, with active sets in the digits of R and impulses in double-double.
 template <class R>
-Projection project_with(const Assembly& assembly, const std::vector<R>& matrix, const std::vector<N>& start, const std::vector<int>& among) {
+Projection project_with(const Assembly& assembly, const std::vector<R>& matrix, const std::vector<N>& start,
+                        const std::vector<int>& among) {
   const int count = assembly.count;
   const std::vector<AssembledContact>& contacts = assembly.contacts;
   auto scale = [&](int j) { return constant<R>(contacts[j].scale); };
@@ -79,7 +81,8 @@ Projection project_with(const Assembly& assembly, const std::vector<R>& matrix, 
     int worst = -1;  // the most negative impulse leaves
     for (size_t k = 0; k < active.members.size(); ++k) {
       int j = active.members[k], other = active.members[worst < 0 ? k : worst];
-      if (q[j].h < 0 && (worst < 0 || q[j].h * contacts[other].scale < q[other].h * contacts[j].scale)) worst = static_cast<int>(k);
+      if (q[j].h < 0 && (worst < 0 || q[j].h * contacts[other].scale < q[other].h * contacts[j].scale))
+        worst = static_cast<int>(k);
     }
     if (worst >= 0) {
       q[active.members[worst]] = DD{0, 0};

@@ -1,5 +1,5 @@
-// Read the bodies, contacts and pairs of a scene from Python. False if a number is not exactly a float, or an index is wrong:
-// these are left to Python.
+// Read the bodies, contacts and pairs of a scene from Python. False if a number is not exactly a float, or an index is
+// wrong: these are left to Python.
 #pragma once
 #include "python_objects.hpp"
 #include "constants.hpp"
@@ -21,8 +21,8 @@ inline bool read_body(PyObject* o, double* x) {
   q[3] = 1;
   return read_exact_float(item(0), x[0]) && read_floats(item(1), 6, x + IN_BODY_A_INERTIA_XX) &&
          read_floats(item(2), 3, x + IN_BODY_A_POSITION_X) && (item(3) == Py_None || read_floats(item(3), 4, q)) &&
-         read_floats(item(4), 3, x + IN_BODY_A_VELOCITY_X) && read_floats(item(5), 3, x + IN_BODY_A_ANGULAR_VELOCITY_X) &&
-         read_floats(item(6), 3, x + IN_BODY_A_COM_X);
+         read_floats(item(4), 3, x + IN_BODY_A_VELOCITY_X) &&
+         read_floats(item(5), 3, x + IN_BODY_A_ANGULAR_VELOCITY_X) && read_floats(item(6), 3, x + IN_BODY_A_COM_X);
 }
 inline bool read_contact(PyObject* o, double* x) {
   return PyTuple_Check(o) && PyTuple_GET_SIZE(o) == 5 && read_floats(PyTuple_GET_ITEM(o, 0), 3, x) &&

@@ -51,7 +51,8 @@ struct Reflections {
     const double by_restitution = assembly.velocity_size(p.data());
     if (e_error > 0 && by_restitution > 0) error += e_error * by_restitution;
     for (DD& x : p) x = DD{result.restitution, 0} * x;
-    result.error = result.restitution * error + (1 - result.restitution) * first.error + rounding + assembly.velocity_size(p.data()) * 0x1p-98;
+    result.error = result.restitution * error + (1 - result.restitution) * first.error + rounding +
+                   assembly.velocity_size(p.data()) * 0x1p-98;
     result.error += add(p, 1, first.q);
     if (!all_separate && approaches(p.data(), result.error)) {  // more slowly than the threshold
       Projection last = project(assembly, p.data(), assembly.all_contacts(), nullptr);
@@ -121,7 +122,8 @@ struct Reflections {
     double square = 0;
     for (size_t k = 0; k < c.size(); ++k) square += high(c[k] * z[k]);
     const double doubt = first.error / load * std::sqrt(square) / -high(below);
-    error = width(e) + doubt + (is_unique ? 0x1p-53 : 0x1p-36 * (most - least));  // the least norm is computed in doubles
+    // The least norm is computed in doubles.
+    error = width(e) + doubt + (is_unique ? 0x1p-53 : 0x1p-36 * (most - least));
     // These digits do not tell which contacts carry the load; fractions may.
     if ((depends && is_unique) || doubt > 0x1p-30) error = INFINITY;
     return std::fmin(std::fmax(high(e), 0), 1);
@@ -129,9 +131,9 @@ struct Reflections {
 
   struct Violations {
     std::vector<int> violated;  // the contacts that approach at the limit or faster
-    double margin = INFINITY;   // the least distance of a contact from the limit
-    bool is_certain = true;     // whether the errors leave `violated` without doubt
-    bool all_separate = true;   // no contact approaches, whatever the threshold
+    double margin = INFINITY;  // the least distance of a contact from the limit
+    bool is_certain = true;  // whether the errors leave `violated` without doubt
+    bool all_separate = true;  // no contact approaches, whatever the threshold
   };
   Violations find_violations(const DD* p, double error, double limit, double doubt) const {
     Violations seen;

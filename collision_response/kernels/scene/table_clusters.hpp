@@ -8,16 +8,16 @@ struct TableClusters {
   const TableLayout& table;
   const double *bodies, *contacts;
   ContactPairs pairs;
-  long count, rows;                    // of contacts
+  long count, rows;  // of contacts
   const std::int64_t *order, *starts;  // contacts by cluster: order[starts[c]] up to order[starts[c + 1]]
   ClusterOptions options;
   double limit;  // the error bound above which the tolerance is not met
   double *velocity, *angular_velocity, *impulse;  // of bodies; impulse: of contacts
-  unsigned char *regime, *status;                 // of contacts; status: of clusters
-  double *error_bound, *margin, *energy[4];       // of clusters
+  unsigned char *regime, *status;  // of contacts; status: of clusters
+  double *error_bound, *margin, *energy[4];  // of clusters
 
   // The current cluster.
-  std::vector<int> place{};          // for each body, its place in the cluster, or -1
+  std::vector<int> place{};  // for each body, its place in the cluster, or -1
   std::vector<std::int64_t> used{};  // the bodies of the cluster
   const std::int64_t *first = nullptr, *last = nullptr;  // its contacts
 
@@ -28,10 +28,12 @@ struct TableClusters {
     used.clear();
     place.resize(pairs.bodies, -1);
     auto body = [this](std::int64_t b, double* x) {
-      for (int i = 0; i < BODY; ++i) x[i] = table.body[i] < 0 ? table.body[i] == -2 : bodies[table.body[i] * pairs.bodies + b];
+      for (int i = 0; i < BODY; ++i)
+        x[i] = table.body[i] < 0 ? table.body[i] == -2 : bodies[table.body[i] * pairs.bodies + b];
     };
     auto contact = [this](std::int64_t k, double* x) {
-      for (int i = 0; i < 8; ++i) x[i] = table.contact[i] < 0 || table.contact[i] >= rows ? 0 : contacts[table.contact[i] * count + k];
+      for (int i = 0; i < 8; ++i)
+        x[i] = table.contact[i] < 0 || table.contact[i] >= rows ? 0 : contacts[table.contact[i] * count + k];
     };
     ClusterParts parts = take_parts(pairs, first, last, place, used, body, contact);
     status[cluster] = parts.has_copies() ? LEFT_TO_PYTHON : resolve(cluster, parts);
@@ -49,7 +51,8 @@ struct TableClusters {
     for (size_t i = 0; i < used.size(); ++i) {
       const double* after = cluster.movable_place[i] < 0 ? nullptr : &effect.twists[6 * cluster.movable_place[i]];
       for (int k = 0; after && k < table.axes; ++k) velocity[k * n + used[i]] = after[k];
-      for (int k = table.first_spin; after && k < 3; ++k) angular_velocity[(k - table.first_spin) * n + used[i]] = after[3 + k];
+      for (int k = table.first_spin; after && k < 3; ++k)
+        angular_velocity[(k - table.first_spin) * n + used[i]] = after[3 + k];
     }
     for (auto k = first; k != last; ++k) {
       size_t i = k - first;
@@ -59,7 +62,8 @@ struct TableClusters {
     error_bound[number] = effect.error_bound;
     margin[number] = result.margin;
     for (int i = 0; i < 4; ++i) energy[i][number] = effect.energies[i];
-    return effect.error_bound <= limit ? (effect.is_separating() ? STATUS_SEPARATING : STATUS_OK) : STATUS_TOLERANCE_NOT_MET;
+    return effect.error_bound <= limit ? (effect.is_separating() ? STATUS_SEPARATING : STATUS_OK)
+                                       : STATUS_TOLERANCE_NOT_MET;
   }
 
   // Write that there is no answer: the velocities of movable bodies are unknown.
