@@ -521,3 +521,13 @@ def test_friction_of_contacts_that_stick_at_last_is_in_its_cone(e, height):
             assert distance(scene, answer, fine) <= answer.error_bound + fine.error_bound
             for P in answer.impulses:
                 assert math.hypot(P.x, P.y) <= mu * P.z + 1e-9
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+@pytest.mark.parametrize("unit", [5e-324, 2.0**-1000, 2.0**1000])
+def test_only_the_ratios_of_the_stiffnesses_matter(unit, mu):
+    scene, ratios = box(spin=(0.1, 0.2, 0.0), e=0.5, mu=mu), (1.0, 2.0, 4.0, 1.0)
+    one, other = (
+        scene.resolve(Law.ROUTH_STRONGE, options={"stiffness": [k * by for k in ratios]}) for by in (1, unit)
+    )
+    assert one == other

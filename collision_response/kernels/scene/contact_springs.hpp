@@ -15,6 +15,8 @@ struct ContactSprings {
   double unit = 1, root = 1;  // the units of speed, and of the root of mass
   double exponent;
   std::vector<double> stiffness;
+  // Of the stiffest spring: softer springs count as this. They act when all others have done so.
+  static constexpr double SOFTEST = 0x1p-100;
   struct Coupled {
     int other;
     double by;
@@ -52,8 +54,10 @@ struct ContactSprings {
     }
     double most = 0;
     for (double k : stiffness) most = std::fmax(most, k);
+    const double stiffness_unit = power_near(most);
+    most /= stiffness_unit;
     // In a unit of time near the duration of a contact: k x^eta t = m u with x = u t.
-    for (double& k : stiffness) k *= mass * speed / std::pow(speed, exponent) / most;
+    for (double& k : stiffness) k = std::fmax(k / stiffness_unit, SOFTEST) * (mass * speed / std::pow(speed, exponent) / most);
   }
 
   double impulse(double p) const { return p * root * unit * root; }
