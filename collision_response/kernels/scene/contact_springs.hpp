@@ -57,7 +57,8 @@ struct ContactSprings {
     const double stiffness_unit = power_near(most);
     most /= stiffness_unit;
     // In a unit of time near the duration of a contact: k x^eta t = m u with x = u t.
-    for (double& k : stiffness) k = std::fmax(k / stiffness_unit, SOFTEST) * (mass * speed / std::pow(speed, exponent) / most);
+    for (double& k : stiffness)
+      k = std::fmax(k / stiffness_unit, SOFTEST) * (mass * speed / std::pow(speed, exponent) / most);
   }
 
   double impulse(double p) const { return p * root * unit * root; }
