@@ -48,8 +48,8 @@ class ActiveSet {
   // depend on the subset, with pivots up to `dependent`.
   std::vector<int> span(const std::vector<int>& among, double dependent = DEPENDENT<R>) {
     std::vector<int> left(among);
-    std::vector<std::vector<R>> rows(stride);
-    std::vector<R> pivot(stride);
+    const size_t width = among.size();
+    std::vector<R> rows(stride * width), pivot(stride);  // rows of the factor
     for (int i : left) pivot[i] = A[i * stride + i];
     while (!left.empty()) {
       size_t best = 0;
@@ -58,15 +58,16 @@ class ActiveSet {
       int chosen = left[best];
       if (!(high(pivot[chosen]) > dependent)) break;
       left.erase(left.begin() + static_cast<long>(best));
-      const R diagonal = root(pivot[chosen]);
+      const size_t m = members.size();
+      R* row = &rows[chosen * width];
+      row[m] = root(pivot[chosen]);
       for (int i : left) {
-        R y = A[i * stride + chosen];
-        for (size_t k = 0; k < rows[chosen].size(); ++k) y = y - rows[i][k] * rows[chosen][k];
-        rows[i].push_back(y / diagonal);
-        pivot[i] = pivot[i] - rows[i].back() * rows[i].back();
+        R *other = &rows[i * width], y = A[i * stride + chosen];
+        for (size_t k = 0; k < m; ++k) y = y - other[k] * row[k];
+        other[m] = y / row[m];
+        pivot[i] = pivot[i] - other[m] * other[m];
       }
-      rows[chosen].push_back(diagonal);
-      factor.insert(factor.end(), rows[chosen].begin(), rows[chosen].end());
+      factor.insert(factor.end(), row, row + m + 1);
       members.push_back(chosen);
       is_member[chosen] = true;
     }

@@ -53,6 +53,7 @@ ClusterParts take_parts(const ContactPairs& pairs, const std::int64_t* first, co
     }
     return place[b];
   };
+  parts.contacts.reserve(last - first);
   for (auto k = first; k != last; ++k) {
     parts.contacts.push_back({{place_of(pairs.a[*k]), place_of(pairs.b[*k])}, {}, 1});
     contact(*k, parts.contacts.back().x);

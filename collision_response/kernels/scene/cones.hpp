@@ -92,8 +92,7 @@ class Cones {
     if (fastest > SLOW_SLIP) solve_by_raising_slip();
     else solve_from_zero();
     if constexpr (!is_scalar<R>) take_adaptive_steps();
-    refine();
-    if (!kept_velocities.empty() && motion_error(0) > 30 * SMALL_ERROR) {
+    if (refine() > 30 * SMALL_ERROR && !kept_velocities.empty()) {
       sigma = GREATEST_SIGMA;
       refine();
     }
@@ -159,7 +158,8 @@ class Cones {
   }
 
   // Further steps from the current P, until they reduce the error no more. They do not keep the sum of squares least.
-  void refine() {
+  // Returns the error without rounding.
+  double refine() {
     double least = motion_error(0);
     for (double size = 100 * GREATEST_RHO; size >= LEAST_RHO; size /= 100)
       for (bool gains = true; gains && least > SMALL_ERROR;) {
@@ -171,6 +171,7 @@ class Cones {
         if (now < least) least = now;
         else restore(before);
       }
+    return least;
   }
 
   // One augmented Lagrangian step with rho = size, from impulses Q. `from_start` begins as if all contacts held.
@@ -295,8 +296,8 @@ class Cones {
   // Replace changes of normal velocities by the normal impulses that make them, and find the part of the loads that
   // keeps these in the cones.
   void along_normals(Vector& by, double& part) const {
-    ::Vector solved;
-    for (const R& one : by) solved.push_back(high(one));
+    ::Vector solved(by.size());
+    std::transform(by.begin(), by.end(), solved.begin(), [](const R& one) { return high(one); });
     normals.solve(solved.data());
     for (size_t i = 0; i < by.size(); ++i) part = std::fmax(part, std::fabs(solved[i]) / high(loads[i]));
     if (!(part < 1)) {
@@ -487,7 +488,7 @@ class Cones {
   }
   const R* normal(int i, int body) const { return cones[i].row[cones[i].body[0] == body ? 0 : 1][0]; }
 
-  // step = -M^-1 gradient
+  // step = -M^-1 gradient, by Cholesky's factors, which hold the inverses of their diagonal
   void newton(const Vector& gradient, Vector& step) {
     M = fixed;
     for (size_t i = 0; i < kept_velocities.size(); ++i)
@@ -526,17 +527,17 @@ class Cones {
         R sum = row[j - first[i]];
         for (int k = 0; k < j - from; ++k) sum -= p[k] * q[k];
         work += j - from;
-        row[j - first[i]] = sum / M[start[j + 1] - 1];
+        row[j - first[i]] = sum * M[start[j + 1] - 1];
       }
       R pivot = row[i - first[i]];
       for (int j = first[i]; j < i; ++j) pivot -= row[j - first[i]] * row[j - first[i]];
-      row[i - first[i]] = high(pivot) > 0 ? root(pivot) : constant<R>(0x1p200);
+      row[i - first[i]] = high(pivot) > 0 ? constant<R>(1) / root(pivot) : constant<R>(0x1p-200);
       for (int j = first[i]; j < i; ++j) rhs[i] -= row[j - first[i]] * rhs[j];
-      rhs[i] /= row[i - first[i]];
+      rhs[i] = rhs[i] * row[i - first[i]];
     }
     for (int i = variables; i-- > 0;) {
       const R* row = &M[start[i]];
-      rhs[i] /= row[i - first[i]];
+      rhs[i] = rhs[i] * row[i - first[i]];
       for (int j = first[i]; j < i; ++j) rhs[j] -= row[j - first[i]] * rhs[i];
     }
     for (int i = 0; i < variables; ++i) step[i] = rhs[place[i]];

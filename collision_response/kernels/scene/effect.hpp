@@ -36,6 +36,14 @@ using Regime = unsigned char;
 constexpr double AT_REST = 0x1p-20;
 
 struct ImpulseEffect {
+  explicit ImpulseEffect(int contacts = 0, int bodies = 0)
+      : changes(6 * static_cast<size_t>(bodies)),
+        twists(changes.size()),
+        impulses(3 * static_cast<size_t>(contacts)),
+        normal_velocities_before(contacts),
+        normal_velocities_after(contacts),
+        regimes(contacts) {}
+
   Vector changes, twists;  // six numbers for each movable body
   Vector impulses;  // three numbers for each contact
   Vector normal_velocities_before, normal_velocities_after;
@@ -58,7 +66,7 @@ struct ImpulseEffect {
 // Compute the effect of impulses. With `sticks_by_slip`, a contact sticks if it does not slip afterwards; otherwise, if
 // its friction is below the limit.
 inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& impulses, bool sticks_by_slip) {
-  ImpulseEffect effect;
+  ImpulseEffect effect(assembly.count, assembly.body_count);
   int count = assembly.count;
   const DD* p = impulses.normal.data();
   double error = impulses.error;
@@ -83,10 +91,9 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
   double largest = 0, worst = 0, rounding = 0;
   for (int b = 0; b < assembly.body_count; ++b) {
     const double* body = assembly.bodies[b].x;
-    double change[6] = {};
+    double* change = &effect.changes[6 * b];
     if (has_friction) assembly.bodies[b].twist_of(&by_friction.y[6 * b], change);
     for (int k = 0; k < 6; ++k) change[k] += high(sums[6 * b + k]);
-    effect.changes.insert(effect.changes.end(), change, change + 6);
     AssembledBody moved = assembly.bodies[b];
     for (int k = 0; k < 6; ++k) moved.x[IN_BODY_A_VELOCITY_X + k] += change[k];
     moved.fill(moved.centre_in_doubles);
@@ -99,9 +106,10 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
     largest = std::fmax(largest, twist_size(body, change));
     rounding = std::fmax(rounding, twist_size(body, lost));
     worst = std::fmax(worst, error * norm_ratio(assembly.bodies[b]));
-    effect.twists.insert(effect.twists.end(), moved.x + IN_BODY_A_VELOCITY_X, moved.x + IN_BODY_A_VELOCITY_X + 6);
+    std::copy_n(moved.x + IN_BODY_A_VELOCITY_X, 6, &effect.twists[6 * b]);
   }
-  std::vector<N> u = assembly.velocities(p);
+  std::vector<N> u;
+  if (!has_friction) u = assembly.velocities(p);
   double fastest = 0, greatest = 0;
   for (int i = 0; i < count; ++i) {
     const ContactAxis* axes = assembly.contacts[i].axes;
@@ -113,7 +121,7 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
   double restitution = 0, friction_loss = 0, work = 0;
   for (int i = 0; i < count; ++i) {
     const AssembledContact& contact = assembly.contacts[i];
-    double impulse[3];
+    double* impulse = &effect.impulses[3 * i];
     for (int k = 0; k < 3; ++k) impulse[k] = reported[i] * contact.normal[k];
     Axes u_before{contact.axes[0].velocity, contact.axes[1].velocity, contact.axes[2].velocity};
     Axes u_after = motion.velocity(i);
@@ -131,14 +139,13 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
     restitution -= normal * ((u_before[0] + u_after[0]) / unit) / 2;
     friction_loss -= along;
     work += normal * ((std::fabs(u_before[0]) + std::fabs(u_after[0])) / unit) + std::fabs(along);
-    effect.impulses.insert(effect.impulses.end(), impulse, impulse + 3);
-    effect.normal_velocities_before.push_back(u_before[0]);
-    effect.normal_velocities_after.push_back(u_after[0]);
+    effect.normal_velocities_before[i] = u_before[0];
+    effect.normal_velocities_after[i] = u_after[0];
     Regime regime = back < 0 && speed > AT_REST * fastest ? REGIME_REVERSED : REGIME_SLIDING;
     if (impulse[0] == 0 && impulse[1] == 0 && impulse[2] == 0) regime = REGIME_SEPARATING;
     else if (!(contact.mu > LEAST_FRICTION)) regime = REGIME_SLIDING;
     else if (sticks_by_slip ? speed <= AT_REST * fastest : friction < (1 - AT_REST) * most) regime = REGIME_STICKING;
-    effect.regimes.push_back(regime);
+    effect.regimes[i] = regime;
   }
   effect.energies[2] = restitution * load * unit;
   effect.energies[3] = friction_loss * load * unit;

@@ -131,10 +131,8 @@ inline double solve_in_double_double(const Assembly& assembly, const std::vector
 inline ClusterImpulses least_work_friction(const Assembly& assembly, const ClusterImpulses& frictionless) {
   int count = assembly.count;
   ClusterImpulses result = frictionless;
-  Vector own = rounded(frictionless.normal.data(), count), shared = own;
-  least_norm(assembly, shared, false);
-  Vector nearly_shared = shared;
-  const double difference = nearly_least_norm(assembly, nearly_shared);
+  Vector own = rounded(frictionless.normal.data(), count), shared = own, nearly_shared;
+  const double difference = share_loads(assembly, shared, nearly_shared);
   for (int i = 0; i < count; ++i) shared[i] = (shared[i] + nearly_shared[i]) / 2;  // > 0 if loaded by either
   double mean = 0, speed = 0;
   Vector most(assembly.body_count);  // the greatest load of each body
@@ -177,6 +175,7 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
   loaded = programme.normals.members;
   loaded.insert(loaded.end(), dependent.begin(), dependent.end());
   const size_t independent = programme.normals.members.size();
+  programme.cones.reserve(loaded.size());
   for (int i : loaded) {
     const AssembledContact& contact = assembly.contacts[i];
     programme.cones.push_back(cone_of(contact, contact.axes, speed, mean));

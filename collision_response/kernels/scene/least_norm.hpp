@@ -124,11 +124,18 @@ inline bool least_norm(const Assembly& assembly, Vector& p, bool over_copies) {
   return true;
 }
 
-// Replace p by the impulses of nearly the same effect with the least norm. Returns the difference in their effects, at
-// most, for a load of 1 on each contact, in the metric of kinetic energy.
-inline double nearly_least_norm(const Assembly& assembly, Vector& p) {
+// Replace p as least_norm() does, and set `nearly` to the impulses of nearly the same effect with the least norm.
+// Returns the difference in their effects, at most, for a load of 1 on each contact, in the metric of kinetic energy.
+inline double share_loads(const Assembly& assembly, Vector& p, Vector& nearly) {
   double effect = 0;
   std::vector<Vector> Z = null_impulses(assembly, NEARLY_DEPENDENT, 1, effect);
-  if (effect > 0x1p-50 * assembly.count) minimise_norm(assembly, p, false, std::move(Z));
+  if (effect > 0x1p-50 * assembly.count) {
+    least_norm(assembly, p, false);
+    nearly = p;
+    minimise_norm(assembly, nearly, false, std::move(Z));
+  } else {  // contacts depend on others or are independent, and none is between
+    if (!Z.empty()) minimise_norm(assembly, p, false, std::move(Z));
+    nearly = p;
+  }
   return effect;
 }

@@ -17,7 +17,6 @@ INLINE DD operator*(double a, const DD& b) { return DD{a, 0} * b; }
 INLINE DD operator/(const DD& a, double b) { return a / DD{b, 0}; }
 INLINE DD& operator+=(DD& a, const DD& b) { return a = a + b; }
 INLINE DD& operator-=(DD& a, const DD& b) { return a = a - b; }
-INLINE DD& operator/=(DD& a, const DD& b) { return a = a / b; }
 
 inline double length_of(double a, double b) { return std::hypot(a, b); }
 inline DD length_of(const DD& a, const DD& b) { return root(a * a + b * b); }
