@@ -44,6 +44,7 @@ test: .venv
 
 lint: .venv
 	@$(VENV_PYTHON) -m ruff check .
+	@$(VENV_PYTHON) -m ruff format --check --quiet .
 	@$(VENV_PYTHON) -m mypy
 	@find collision_response -name '*.[ch]pp' | xargs .venv/bin/clang-format --dry-run --Werror
 

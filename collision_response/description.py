@@ -217,7 +217,8 @@ def _sdf(model: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
             element = elements[name]
             pose = element.find("pose")
             relative[name] = _sdf_pose(pose, f"{element.tag} {name!r}")
-            default = element.findtext("child") if element.tag == "joint" else element.get("attached_to")
+            is_joint = element.tag == "joint"
+            default = element.findtext("child", "").strip() if is_joint else element.get("attached_to")
             name = (None if pose is None else pose.get("relative_to")) or default or MODEL_FRAME
         base = known[name]
         for name in reversed(relative):

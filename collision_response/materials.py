@@ -33,7 +33,7 @@ bodies and surfaces that were measured, not for the materials in general.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -204,12 +204,37 @@ class Materials:
         values = [getattr(material, coefficient) for material in materials]
         if None in values:
             return None
-        stiffnesses = [material.stiffness for material in materials]
-        combined = combine(rule, *values, *(stiffnesses if None not in stiffnesses else ()))
-        if math.isinf(combined):
-            reason = f"exceeds float64 by the rule {rule.value}: {a} has {values[0]}, {b} has {values[1]}"
-            raise ImpactError(StatusCode.OUT_OF_RANGE, coefficient, reason)
+        known = [material.stiffness for material in materials if material.stiffness is not None]
+        stiffnesses = known if len(known) == 2 else ()
+        combined = combined_coefficient(coefficient, rule, (a, b), values, stiffnesses)
         return PairCoefficient(combined, False, rule.value)
+
+
+def combined_coefficient(
+    coefficient: str,
+    rule: CombineRule,
+    owners: Sequence[str],
+    values: Sequence[float],
+    stiffnesses: Sequence[float] = (),
+) -> float:
+    """Return the coefficient of a contact from those of two bodies or materials.
+
+    Args:
+        coefficient: its name, for the error.
+        rule: how to combine the values.
+        owners: the names of the two bodies or materials, for the error.
+        values: their coefficients.
+        stiffnesses: their stiffnesses, if both are known.
+
+    Raises:
+        ImpactError: OUT_OF_RANGE if the coefficient is beyond float64.
+    """
+    combined = combine(rule, *values, *stiffnesses)
+    if math.isinf(combined):
+        both = ", ".join(f"{owner} has {value}" for owner, value in zip(owners, values, strict=True))
+        reason = f"exceeds float64 by the rule {rule.value}: {both}"
+        raise ImpactError(StatusCode.OUT_OF_RANGE, f"contact.{coefficient}", reason)
+    return float(combined)
 
 
 NO_MATERIALS = Materials({}, {})

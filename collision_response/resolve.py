@@ -166,7 +166,11 @@ def _resolve_with_own_coefficients(
         number = check_number("contact.tangential_restitution", e_t, -1, 1, StatusCode.INVALID_COEFFICIENT)
         e_t = number if e_t.__hash__ is None else e_t  # an array of one number
         contact = contact._replace(tangential_restitution=None)
-        impact = resolve(body_a, body_b, contact, _model_with_tangential_restitution(model, e_t))
+        try:
+            own = _model_with_tangential_restitution(model, e_t)
+        except TypeError:  # a number of the model is an array of one number, which has no hash
+            own = model._replace(tangential_restitution=e_t)
+        impact = resolve(body_a, body_b, contact, own)
         return impact._replace(contact=impact.contact._replace(tangential_restitution=e_t))
     contact = _with_initial_coefficients(body_a, body_b, contact, model)
     if not callable(contact.friction):

@@ -36,7 +36,7 @@ autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
 # The source is read without a build: some of these modules are made by the build, the others are not needed.
 autodoc_mock_imports = [
-    *(f"collision_response.kernels.{name}" for name in ("_compiled", "_derivatives", "_scene")),
+    *(f"collision_response.kernels.{name}" for name in ("_compiled", "_derivatives")),
     *("collision_response.msg", "collision_response.srv"),
     *("geometry_msgs", "pyarrow", "rcl_interfaces", "rclpy", "rerun"),
 ]

@@ -159,19 +159,19 @@ def mark(
     )
 
 
-def legend_handles(*extra: Line2D) -> list[Line2D | Patch]:
+def legend_handles(*extra: Line2D, path: str = "path") -> list[Line2D | Patch]:
     return [
         Patch(color=CONE, label=r"friction cone $|p_t| \leq \mu\, p_n$"),
         Line2D([], [], color=COMPRESSION, ls="--", label="$u_n = 0$: greatest compression"),
         Line2D([], [], color=STICKING, ls="-.", label="$u_t = 0$: sticking"),
         Line2D([], [], color=ENERGY, label="equal energy (outside: gained)"),
-        Line2D([], [], color=PATH, lw=2.4, label="path"),
+        Line2D([], [], color=PATH, lw=2.4, label=path),
         Line2D([], [], color=ANSWER, marker="o", ls="none", label="answer"),
         *extra,
     ]
 
 
-def picture(name: str, draw: Callable[[Axes, Case], None], *extra: Line2D) -> None:
+def picture(name: str, draw: Callable[[Axes, Case], None], *extra: Line2D, path: str = "path") -> None:
     """Draw one law, with T2 on the left and T3 on the right."""
     figure, axes = plt.subplots(1, 2, figsize=(8, 6.3 if extra else 5.9), layout="constrained")
     for ax, case in zip(axes, CASES, strict=True):
@@ -179,7 +179,11 @@ def picture(name: str, draw: Callable[[Axes, Case], None], *extra: Line2D) -> No
         draw(ax, case)
     axes[0].set_ylabel("$p_n$  [N s]")
     figure.legend(
-        handles=legend_handles(*extra), loc="outside lower center", ncols=3, fontsize=8.5, frameon=False
+        handles=legend_handles(*extra, path=path),
+        loc="outside lower center",
+        ncols=3,
+        fontsize=8.5,
+        frameon=False,
     )
     save(figure, name)
 
@@ -480,7 +484,7 @@ def main() -> None:
     picture("impact-law-frictionless.png", draw_frictionless)
     picture("impact-law-coulomb.png", draw_coulomb)
     bounce = Line2D([], [], color=COMPRESSION, lw=1.2, label="$u_n^+ = -e\\,u_n$: Newton's end")
-    picture("impact-law-moreau.png", draw_moreau, bounce)
+    picture("impact-law-moreau.png", draw_moreau, bounce, path="from the origin to the answer")
     picture("impact-law-routh-poisson.png", draw_routh(Law.ROUTH_POISSON, "$p = (1+e)\\,p_c$"))
     picture("impact-law-routh-stronge.png", draw_routh(Law.ROUTH_STRONGE, "$W = (1-e^2)\\,W_c$"))
     draw_compliant()

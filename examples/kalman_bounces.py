@@ -181,7 +181,7 @@ def plot(file: str) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="A Kalman filter tracks a bouncing ball.")
-    parser.add_argument("--plot", metavar="FILE", help="draw one run")
+    parser.add_argument("--plot", metavar="FILE", help="draw the means of 100 runs")
     arguments = parser.parse_args()
     good, naive = compare(runs=40)
     print("mean of error . P^-1 error, which should be 6:")

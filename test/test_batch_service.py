@@ -19,7 +19,7 @@ from ros_graph import LATCHED, assign, ball, balls_meet, request_of, wait_until
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, StatusCode
 from collision_response.batch import resolve_batch
 from collision_response.batch.rows import body_rows, contact_rows
-from collision_response.body_conversions import moment_about_z, with_com_as_reference
+from collision_response.body_conversions import moment_about_z, planar_spin, with_com_as_reference
 from collision_response.msg import BodyState, CollisionResult
 from collision_response.ros import batch_client, batches
 from collision_response.ros.batch_client import pack, unpack
@@ -324,8 +324,9 @@ def top() -> BodyState:
     state.inertia.ixx, state.inertia.iyy, state.inertia.izz = 0.2, 0.3, 0.4
     state.inertia.com.x, state.inertia.com.y = 0.1, -0.2
     q = state.pose.orientation
-    q.x, q.y, q.z, q.w = 0.1, 0.7, -0.1, 0.7
-    state.twist.linear.y, state.twist.angular.x, state.twist.angular.z = 0.5, 1.0, 2.0
+    q.x, q.y, q.z, q.w = 0.1, 0.7, -0.1, 0.5
+    state.twist.linear.y = 0.5
+    state.twist.angular.x, state.twist.angular.y, state.twist.angular.z = 1.0, -1.5, 2.0
     return state
 
 
@@ -354,12 +355,14 @@ def column(layout: int, state: BodyState) -> np.ndarray:
     of, body = LAYOUTS[layout].bodies, with_com_as_reference(body_of("body", state))
     numbers = np.zeros(of.height)
     numbers[of.mass] = body.mass
-    inertia = [moment_about_z(body)] if LAYOUTS[layout].geometry is Geometry.PLANAR else body.inertia
+    inertia, spin = body.inertia, body.angular_velocity
+    if LAYOUTS[layout].geometry is Geometry.PLANAR:
+        inertia, spin = [moment_about_z(body)], [planar_spin(body)]
     for rows, quantity in (
         (of.inertia, inertia),
         (of.position, body.position),
         (of.velocity, body.velocity),
-        (of.angular_velocity, body.angular_velocity),
+        (of.angular_velocity, spin),
         (of.orientation, body.orientation or (0, 0, 0, 1)),
     ):
         width = rows.stop - rows.start

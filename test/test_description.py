@@ -139,7 +139,7 @@ def test_sdf_poses_may_be_relative_to_frames_and_joints():
         "<frame name='f' attached_to='a'><pose>1 0 0 0 0 0</pose></frame>",
         "<link name='a'><pose relative_to='__model__'>0 1 0 0 0 0</pose></link>",
         "<link name='b'><pose relative_to='j' rotation_format='quat_xyzw'>0 0 1  0 0 1 0</pose></link>",
-        "<joint name='j' type='fixed'><pose relative_to='f'/><parent>a</parent><child>b</child></joint>",
+        "<joint name='j' type='fixed'><pose relative_to='f'/><parent>a</parent><child> b </child></joint>",
         "<joint name='ground' type='fixed'><parent>world</parent><child>a</child></joint>",
     )
     found = body_of(text, "a")

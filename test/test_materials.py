@@ -430,7 +430,7 @@ def test_combined_friction_is_finite_or_refused(rule):
     great = Materials.of({"materials": {"a": {"friction": 1.7e308}, "b": {"friction": 1e308}}})
     if rule is CombineRule.MULTIPLY:
         with refused(
-            StatusCode.OUT_OF_RANGE, match=r"^friction: exceeds float64 by the rule multiply: a has "
+            StatusCode.OUT_OF_RANGE, match=r"^contact.friction: exceeds float64 by the rule multiply: a has "
         ):
             great.find("friction", "a", "b", rule)
     else:

@@ -59,6 +59,9 @@ FUNCTIONS: dict[str, Any] = {
         for geometry in (Geometry.POINT, Geometry.PLANAR)
     },
     "resolve, function": lambda a, b, c: resolve(a, b, c._replace(restitution=lambda v: 0.5)),
+    "resolve, own coefficient": lambda a, b, c: resolve(
+        a, b, c._replace(tangential_restitution=c.friction), ImpactModel(tolerance=c.friction)
+    ),
     "one contact": lambda a, b, c: resolve_scene([a, b], [(0, 1)], [c], ImpactModel(Law.FRICTIONLESS)),
     **{
         f"scene, {law.name}": lambda a, b, c, law=law: resolve_scene(
@@ -135,10 +138,10 @@ def test_answers_are_those_of_floats(function, type_, kind):
 
 
 def _numbers(answer: Any) -> Iterator[Any]:
-    """All numbers of an answer, except those of contacts, which are the given ones."""
+    """All numbers of an answer, except those of contacts and models, which are the given ones."""
     if not isinstance(answer, tuple):
         yield answer
-    elif not isinstance(answer, Contact):
+    elif not isinstance(answer, (Contact, ImpactModel)):
         for part in answer:
             yield from _numbers(part)
 

@@ -94,6 +94,16 @@ def test_a_waiting_request_continues_when_its_time_is_up():
     assert not bench.turns.is_waiting
 
 
+def test_waiting_requests_of_one_client_continue_in_order():
+    bench = Bench()
+    for name in "ab":
+        bench.turns.add("client", bench.job(name, steps=2, until=10.0))
+    bench.run()
+    bench.turns.add("client", bench.job("next"))
+    bench.turns.resume_all()
+    assert bench.run() == ["a0", "b0", "a1", "b1", "next"]
+
+
 def test_a_request_over_its_budget_is_ended_before_its_next_part():
     over = ImpactError(StatusCode.BUDGET_EXCEEDED, "request", "took too long")
     bench = Bench(lambda spent: over if spent > 2.5 else None)

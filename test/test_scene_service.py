@@ -22,11 +22,8 @@ CUBE = Body.dynamic(
     1.0, box(1.0, (1.0, 1.0, 1.0)).inertia, position=(0.0, 0.0, 0.5), velocity=(0.25, 0.0, -1.0)
 )
 CORNERS = [(x, y, 0.0) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
-FLAT_BOX = (
-    [CUBE, Body.static()],
-    [(0, 1)] * 4,
-    [Contact.of(corner, (0, 0, 1), 0.5, 0.3) for corner in CORNERS],
-)
+CONTACTS = [Contact.of(corner, (0, 0, 1), 0.5, 0.3) for corner in CORNERS]
+FLAT_BOX = [CUBE, Body.static()], [(0, 1)] * 4, CONTACTS
 CRADLE = (
     [
         Body.dynamic(1.0, position=(float(i), 0.0, 0.0), velocity=(1.0 if i == 0 else 0.0, 0, 0))
@@ -61,6 +58,15 @@ def test_a_scene_packed_by_names_equals_the_packed_scene():
     in_full = pack_named(touches[:1], {"cube": CUBE, "ground": ground})
     open_ = Contact.of(CORNERS[0], (0, 0, 1), -1.0, -1.0)
     assert in_full == pack([CUBE, ground], [(0, 1)], [open_], names=["cube", "ground"])
+
+
+def test_what_a_request_has_no_place_for_is_refused():
+    hand = Body.articulated([[float(i == j) for j in range(6)] for i in range(6)])
+    with pytest.raises(ValueError, match=r"^bodies\[1\].inverse_inertia: "):
+        pack([Body.static(), hand], [(1, 0)], CONTACTS[:1])
+    superball = CONTACTS[0]._replace(tangential_restitution=0.0)
+    with pytest.raises(ValueError, match=r"^contacts\[1\].tangential_restitution: "):
+        pack([CUBE, Body.static()], [(0, 1)] * 2, [CONTACTS[0], superball])
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
@@ -145,6 +151,23 @@ pairs:
 materials:
   steel: {restitution: 0.75}
 """
+
+
+def test_coefficients_that_combine_beyond_float64_are_refused_by_name(graph, tmp_path):
+    file = tmp_path / "materials.yaml"
+    file.write_text("materials: {ice: {friction: 1.0e+200}}")
+    graph.serve(materials_file=str(file), combine_friction="multiply")
+    states = graph.publisher(BodyState, "body_states")
+    for name, body in (("box", CUBE), ("floor", Body.static())):
+        state = state_of(body)
+        state.name, state.material, state.friction, state.header.stamp.sec = name, "ice", 1e200, 1
+        states.publish(state)
+    request = request_of([], [(0, 1)], [CONTACTS[0]._replace(friction=-1.0)], ["box", "floor"])
+    request.not_before.sec = 1
+    status = graph.call(request).result.status
+    assert status.code == StatusCode.OUT_OF_RANGE
+    rule = "exceeds float64 by the rule multiply"
+    assert status.message == f"contacts[0].friction: {rule}: ice has 1e+200, ice has 1e+200"
 
 
 def test_pairs_of_materials_apply_in_scenes(graph, tmp_path):

@@ -20,7 +20,7 @@ ros2 run collision_response collision_response_states.
 
   collision_response states -r odom:=/robot1/odom -r robot_description:=/robot1/robot_description
   collision_response states -p description_file:=box.sdf -r odom:=/model/box/odometry -p name:=box
-  collision_response states -p 'frames:=[tool0]' -p world_frame:=map
+  collision_response states -p 'frames:=[tool0]' -p world_frame:=odom
 """,
     "markers": """Shows the service's answers in RViz or Foxglove: subscribes to its results and publishes
 collision_response/markers (visualization_msgs/MarkerArray) and collision_response/wrench

@@ -18,7 +18,7 @@ from builtin_interfaces.msg import Time
 
 from ..batch import BatchResult, is_bounded, resolve_with_pauses
 from ..batch.rows import TableLayout
-from ..body_conversions import moment_about_z, orientation_of, with_com_as_reference
+from ..body_conversions import moment_about_z, orientation_of, planar_spin, with_com_as_reference
 from ..model import Geometry, ImpactModel, check_model, law_for
 from ..msg import BodyState
 from ..physics.laws import Law
@@ -307,7 +307,7 @@ def _column(owner: str, state: BodyState, layout: TableLayout) -> list[float]:
     if layout.geometry is Geometry.POINT:
         return [body.mass, *body.velocity]
     if layout.geometry is Geometry.PLANAR:
-        motion = *body.position[:2], *body.velocity[:2], body.angular_velocity.z
+        motion = *body.position[:2], *body.velocity[:2], planar_spin(body)
         return [body.mass, moment_about_z(body), *motion]
     column = [body.mass, *body.inertia, *body.position, *body.velocity, *body.angular_velocity]
     if layout.oriented:

@@ -20,13 +20,13 @@ from geometry_msgs.msg import Vector3
 
 from ..answer import NUMBERS, Impact
 from ..body_conversions import IDENTITY_QUATERNION
-from ..materials import RANGES, Pair
+from ..materials import RANGES, Pair, combined_coefficient
 from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number
 from ..msg import BodyState, CollisionResult, SceneResult
 from ..msg import Contact as ContactMessage
 from ..msg import ImpactModel as ImpactModelMessage
 from ..physics.body import Body, Twist
-from ..physics.combine import CombineRule, combine
+from ..physics.combine import CombineRule
 from ..physics.contact import Contact
 from ..physics.laws import BY_SPEED, Law
 from ..physics.orientation import Quaternion
@@ -233,7 +233,8 @@ def coefficients_of(
     materials, both bodies, the node's parameter.
 
     Raises:
-        ImpactError: UNKNOWN_MATERIAL, or NOT_FINITE or INVALID_COEFFICIENT for a coefficient of a body.
+        ImpactError: UNKNOWN_MATERIAL; NOT_FINITE or INVALID_COEFFICIENT for a coefficient of a body;
+            OUT_OF_RANGE if two coefficients combine to one that is beyond float64.
     """
     for owner, body in (("body_a", body_a), ("body_b", body_b)):
         if body.material:
@@ -261,7 +262,8 @@ def _coefficient(
         source = CollisionResult.FROM_PAIR if found.is_of_pair else CollisionResult.FROM_MATERIALS
         return Coefficient(found.value, source, found.how)
     if of_a != UNSET and of_b != UNSET:
-        return Coefficient(combine(rule, of_a, of_b), CollisionResult.FROM_BODIES, rule.value)
+        combined = combined_coefficient(field, rule, ("body_a", "body_b"), (of_a, of_b))
+        return Coefficient(combined, CollisionResult.FROM_BODIES, rule.value)
     return Coefficient(getattr(parameters, field), CollisionResult.FROM_PARAMETER, "")
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
+from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from ..recording import Recorder
 from ..status import StatusCode
@@ -51,6 +52,7 @@ class Diagnostics:
             "/diagnostics",
             10,
             event_callbacks=PublisherEventCallbacks(use_default_callbacks=False),
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
         create_steady_timer(node, PERIOD, self._publish)
 

@@ -110,7 +110,10 @@ DECLARATIONS = (
     Declaration("law", "auto", "Impact law. auto: coulomb where there is friction, else frictionless."),
     Declaration("geometry", "auto", "Which motion is modelled. auto: the simplest geometry that is exact."),
     Declaration(
-        "precision", "auto", "Arithmetic. auto: double, or extended where double does not meet the tolerance."
+        "precision",
+        "auto",
+        "Arithmetic. auto: double, or extended where double misses the tolerance or, without one, has an "
+        "error bound above 1e-6.",
     ),
     Declaration(
         "tolerance", 0.0, "Greatest relative error of the impulse. 0: any, if it is bounded.", most=1.0

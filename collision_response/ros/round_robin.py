@@ -128,12 +128,10 @@ class RoundRobin:
         return 0
 
     def _resume(self, may_go_on: Callable[[Job], bool]) -> None:
-        waiting, self._waiting = self._waiting, []
-        for client, job in waiting:
-            if may_go_on(job):
-                self._queues.setdefault(client, deque()).appendleft(job)
-            else:
-                self._waiting.append((client, job))
+        resumed = [(client, job) for client, job in self._waiting if may_go_on(job)]
+        self._waiting = [(client, job) for client, job in self._waiting if not may_go_on(job)]
+        for client, job in reversed(resumed):
+            self._queues.setdefault(client, deque()).appendleft(job)
 
     def _run_step(self, client: Hashable, queue: deque[Job]) -> float:
         """Run one step of the first job in the queue, and return the time at its end."""

@@ -46,8 +46,15 @@ def pack(
         frame_id: the inertial frame of all bodies and contacts.
 
     Raises:
-        ValueError: if a name has more than one line.
+        ValueError: if a name has more than one line, or the request has no place for something: the inverse
+            inertia of an articulated body, or the tangential restitution of a contact.
     """
+    for i, body in enumerate(bodies):
+        if body.inverse_inertia is not None:
+            raise ValueError(f"bodies[{i}].inverse_inertia: a scene is for rigid bodies")
+    for i, contact in enumerate(contacts):
+        if contact.tangential_restitution is not None:
+            raise ValueError(f"contacts[{i}].tangential_restitution: set that of the model")
     request = ResolveScene.Request(names=as_lines(names))
     request.header.frame_id = frame_id
     columns = [body_to_numbers(body if body.is_movable() else body._replace(mass=0.0)) for body in bodies]

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from ...named_enum import NamedEnum
 from ...numbers.operations import Condition, Scalar, choose
 from ..effective_mass import ContactKinematics, ContactNumbers
+from ..stiffness import METAL_ON_METAL
 from ..vector import Vec3
 
 
@@ -49,7 +50,7 @@ class Settings(NamedTuple):
     tangential_restitution: Scalar = 0.0
     restitution_threshold: Scalar = 0.0
     tolerance: Scalar = 0.0
-    stiffness_ratio: Scalar = 1.0
+    stiffness_ratio: Scalar = METAL_ON_METAL
     law: Scalar | None = None
 
 

@@ -35,7 +35,7 @@ until it ends there.
 
 **Error.** A function that can only be evaluated gives no bound. So the path is computed a second time, with a
 tolerance ``COARSER`` times as great, with data and friction that differ in the last digits, and with a tie of
-stick and slip decided the other ray. The difference of the two impulses is the estimated error.
+stick and slip decided the other way. The difference of the two impulses is the estimated error.
 
 Sources: those of ``routh.py``, Keller's equation in particular; for slip that stays at a jump, Filippov,
 *Differential Equations with Discontinuous Righthand Sides*, 1988.

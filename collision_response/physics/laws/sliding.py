@@ -13,10 +13,9 @@ In the letters of ``moreau.py`` the equation is
 ``F`` is first concave, then convex. If the contact slips, ``F`` is negative at 0; it is not negative at 1. So
 there is one root in between, or there are three.
 
-    least root       from 0 upwards. ``|x|`` lies above its tangents, so the parabola minus a tangent reaches
-    0
-                     before ``F`` does. The order of convergence is two. One step is exact if ``x`` keeps its
-                     direction, as in the plane, or if ``S`` is a multiple of 1.
+    least root       from 0 upwards. ``|x|`` lies above its tangents, so the parabola minus a tangent
+                     reaches 0 before ``F`` does. The order of convergence is two. One step is exact if ``x``
+                     keeps its direction, as in the plane, or if ``S`` is a multiple of 1.
     greatest root    from 1 downwards by Newton's method, if ``F`` is concave at the least root. Where ``F``
                      stops being convex or rising, there is no other root.
     middle root      between these two, by bisection.
