@@ -21,7 +21,7 @@ from .physics.contact import Contact
 from .physics.laws import Regime
 from .physics.vector import ZERO, Vec3, as_vector
 from .resolve import resolve
-from .status import ImpactError, StatusCode, format_value
+from .status import ImpactError, StatusCode, format_value, renamed
 
 
 class ContactImpact(NamedTuple):
@@ -127,13 +127,14 @@ def resolve_contact(
     except ImpactError as error:
         if error.code is StatusCode.NO_DYNAMIC_BODY:
             raise ImpactError(error.code, "K", "must not be 0") from None
-        field, reason = _renamed(error.field) or error.field, error.reason
-        if field == "K":
-            reason = f"{reason.partition('; is ')[0]}; is {format_value(K)}"
-        raise ImpactError(error.code, field, reason) from None
+        error = error.renamed(_ARGUMENTS)
+        if error.field == "K":
+            reason = f"{error.reason.partition('; is ')[0]}; is {format_value(K)}"
+            raise ImpactError(error.code, "K", reason) from None
+        raise error from None
     except TypeError as error:
-        text = _renamed(str(error))
-        if text is None:  # raised by a function of the caller's
+        text = renamed(str(error), _ARGUMENTS)
+        if text == str(error):  # it names no argument: a function of the caller's raised it
             raise
         raise TypeError(text) from None
     return ContactImpact(
@@ -153,17 +154,6 @@ def resolve_contact(
     )
 
 
-def _renamed(text: str) -> str | None:
-    """Put the argument's name in place of the field of ``resolve`` that a text begins with.
-
-    Returns ``None`` if the text does not begin with a field.
-    """
-    for field, argument in _ARGUMENTS.items():
-        if text.startswith(field) and text[len(field) :][:1] in ("", ".", ":", "("):
-            return argument + text.removeprefix(field)
-    return None
-
-
 _ARGUMENTS = {
     "inverse_inertia": "K",
     "body_a.inverse_inertia": "K",
@@ -172,6 +162,5 @@ _ARGUMENTS = {
     "contact.normal": "n",
     "contact.restitution": "restitution",
     "contact.friction": "friction",
-    "model": "model",
 }
 """The fields of ``resolve``, and the arguments of :func:`resolve_contact` that they come from."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from .named_enum import NamedEnum
@@ -112,7 +112,19 @@ class ImpactError(ValueError):
         """Return the same error with ``owner.`` in front of its field."""
         return ImpactError(self.code, f"{owner}.{self.field}", self.reason)
 
-    def with_owner(self, owner: str) -> ImpactError:
-        """Return the same error with ``owner`` in place of its field up to the first dot."""
-        _, dot, rest = self.field.partition(".")
-        return ImpactError(self.code, f"{owner}{dot}{rest}", self.reason)
+    def renamed(self, names: Mapping[str, str]) -> ImpactError:
+        """Return the same error with its field renamed as by :func:`renamed`."""
+        return ImpactError(self.code, renamed(self.field, names), self.reason)
+
+
+def renamed(text: str, names: Mapping[str, str]) -> str:
+    """Rename the field that a text begins with, such as ``body_a.mass`` or ``body_a.mass: must be ...``.
+
+    Args:
+        text: a field, or the text of an error.
+        names: new names of fields. Of those that contain the field, the innermost counts; if there is none,
+            the text stays as it is.
+    """
+    owners = [name for name in names if text.startswith(name) and text[len(name) :][:1] in ("", *".:([")]
+    owner = max(owners, key=len, default="")
+    return names.get(owner, owner) + text[len(owner) :]

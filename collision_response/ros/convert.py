@@ -182,7 +182,7 @@ def check_body(owner: str, body: Body) -> None:
         resolve(body, *VALID_REST)
     except ImpactError as error:
         if error.field.startswith("body_a."):
-            raise error.with_owner(owner) from None
+            raise error.renamed({"body_a": owner}) from None
 
 
 def _check_immovable(owner: str, motion_type: int, twist: tuple[float, ...]) -> None:

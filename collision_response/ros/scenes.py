@@ -224,12 +224,9 @@ def problem_of(
             of_pair = None if request.model.tangential_restitution else found.pair.tangential_restitution
             contacts.append(convert.contact_of(message, found, model.law, of_pair))
         except ImpactError as error:
-            owners = {
-                "contact": f"contacts[{i}]",
-                "body_a": bodies.owners[pair[0]],
-                "body_b": bodies.owners[pair[1]],
-            }
-            raise error.with_owner(owners[error.field.partition(".")[0]]) from None
+            owner_a, owner_b = (bodies.owners[index] for index in pair)
+            owners = {"contact": f"contacts[{i}]", "body_a": owner_a, "body_b": owner_b}
+            raise error.renamed(owners) from None
         ratio = found.pair.stiffness_ratio
         if model.law is Law.COMPLIANT and not request.model.stiffness_ratio and ratio is not None:
             reason = f"must be given in a scene: the materials of contacts[{i}] have {ratio}"
@@ -249,12 +246,8 @@ def _body_in_table(owner: str, column: list[float], *, is_immovable: bool) -> Bo
 
 def as_in_request(error: ImpactError, bodies: SceneBodies) -> ImpactError:
     """An error of the numeric core, with the body or contact named as in the request."""
-    owner = error.field.partition(".")[0]
-    if owner.startswith("bodies["):
-        return error.with_owner(bodies.owners[int(owner[len("bodies[") : -1])])
-    if owner.startswith("pairs["):  # pairs[i] is what the core calls contact i
-        return error.with_owner(owner.replace("pairs", "contacts"))
-    return error
+    owners = {f"bodies[{i}]": owner for i, owner in enumerate(bodies.owners)}
+    return error.renamed({"pairs": "contacts", **owners})  # pairs[i] is what the core calls contact i
 
 
 def write_answer(

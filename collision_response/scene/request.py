@@ -14,7 +14,7 @@ from ..numbers.operations import Scalar
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
-from ..status import ImpactError, StatusCode, format_value
+from ..status import ImpactError, StatusCode, format_value, renamed
 from .clusters import Pair
 
 T = TypeVar("T")
@@ -149,6 +149,11 @@ class ContactIndices(NamedTuple):
     body_a: int
     body_b: int
 
+    def names(self) -> dict[str, str]:
+        """Return the fields of the scene, by what errors about one impact call them."""
+        a, b, contact = f"bodies[{self.body_a}]", f"bodies[{self.body_b}]", f"contacts[{self.contact}]"
+        return {"body_a": a, "body_b": b, "contact": contact}
+
 
 def with_scene_names(indices: ContactIndices, function: Callable[..., T], *arguments: Any) -> T:
     """Return ``function(*arguments)``, a function about one impact.
@@ -158,28 +163,12 @@ def with_scene_names(indices: ContactIndices, function: Callable[..., T], *argum
     try:
         return function(*arguments)
     except ImpactError as error:
-        raise _as_scene_error(error, indices) from None
+        if error.code is StatusCode.NO_DYNAMIC_BODY:
+            reason = f"one body must be dynamic; is {(indices.body_a, indices.body_b)}"
+            raise ImpactError(error.code, f"pairs[{indices.contact}]", reason) from None
+        raise error.renamed(indices.names()) from None
     except TypeError as error:
-        raise TypeError(_with_scene_name(str(error), indices)) from None
-
-
-def _as_scene_error(error: ImpactError, indices: ContactIndices) -> ImpactError:
-    if error.code is StatusCode.NO_DYNAMIC_BODY:
-        reason = f"one body must be dynamic; is {(indices.body_a, indices.body_b)}"
-        return ImpactError(error.code, f"pairs[{indices.contact}]", reason)
-    return ImpactError(error.code, _with_scene_name(error.field, indices), error.reason)
-
-
-def _with_scene_name(text: str, indices: ContactIndices) -> str:
-    """Replace the field at the start of a message about one impact by the field of the scene."""
-    for field, name in (
-        ("body_a", f"bodies[{indices.body_a}]"),
-        ("body_b", f"bodies[{indices.body_b}]"),
-        ("contact", f"contacts[{indices.contact}]"),
-    ):
-        if text == field or text.startswith((field + ".", field + ":", field + "(")):
-            return name + text[len(field) :]
-    return text
+        raise TypeError(renamed(str(error), indices.names())) from None
 
 
 def check_contact(body_a: Body, body_b: Body, contact: Contact, indices: ContactIndices) -> None:
