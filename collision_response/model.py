@@ -52,6 +52,10 @@ class Precision(NamedEnum):
     of its steps, which the bound includes."""
 
 
+ENUMERATIONS: dict[str, type[NamedEnum]] = {"law": Law, "geometry": Geometry, "precision": Precision}
+"""The enumerations of an :class:`ImpactModel`, by its fields."""
+
+
 class Adjustment(IntFlag):
     """How the impact that was computed differs from the request."""
 
@@ -215,7 +219,7 @@ def check_model(model: Any) -> None:
     if not isinstance(model, ImpactModel):
         hint = f": write ImpactModel(law=Law.{model})" if isinstance(model, Law) else ""
         raise TypeError(f"model: must be an ImpactModel, is {format_value(model)}{hint}")
-    for field, kind in (("law", Law), ("geometry", Geometry), ("precision", Precision)):
+    for field, kind in ENUMERATIONS.items():
         value = getattr(model, field)
         if not isinstance(value, kind):
             known = ", ".join(f"{member.name} ({member.value})" for member in kind)

@@ -14,10 +14,10 @@ from rclpy.exceptions import NameValidationException
 from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
-from .. import Geometry, ImpactError, Law, Precision, StatusCode
+from .. import ImpactError, StatusCode
 from ..answer import format_columns, format_impact, format_number
+from ..model import ENUMERATIONS
 from ..msg import BodyState
-from ..named_enum import NamedEnum
 from ..ros.batch_client import unpack
 from ..ros.batch_fields import LAYOUTS
 from ..ros.take_all import RCLError
@@ -39,9 +39,8 @@ does ros2 interface show collision_response/srv/ResolveCollision. The exit code 
 refused, 2 if it cannot be sent, and 3 if the node does not answer.
 """
 
-MODEL: dict[str, type[NamedEnum]] = {"law": Law, "geometry": Geometry, "precision": Precision}
 NAMES: dict[str, dict[str, int]] = {
-    **{field: {member.name: int(member) for member in kind} for field, kind in MODEL.items()},
+    **{field: {member.name: int(member) for member in kind} for field, kind in ENUMERATIONS.items()},
     "motion_type": {name: getattr(BodyState, name) for name in ("DYNAMIC", "KINEMATIC", "STATIC")},
     "layout": {tables.name: number for number, tables in LAYOUTS.items()},
 }

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -21,7 +22,7 @@ from geometry_msgs.msg import Vector3
 from ..answer import NUMBERS, Impact
 from ..body_conversions import IDENTITY_QUATERNION
 from ..materials import RANGES, Pair, combined_coefficient
-from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number
+from ..model import ENUMERATIONS, Adjustment, ImpactModel, Precision, check_number
 from ..msg import BodyState, CollisionResult, SceneResult
 from ..msg import Contact as ContactMessage
 from ..msg import ImpactModel as ImpactModelMessage
@@ -58,11 +59,6 @@ ADJUSTMENT_NOTES = {
     Adjustment.MASSLESS_SPIN: "a body rotated about an axis without inertia: that rotation was ignored",
 }
 """What the message of an answer says about each adjustment."""
-
-LAWS: dict[int, Any] = {int(law): law for law in Law}
-GEOMETRIES: dict[int, Any] = {int(geometry): geometry for geometry in Geometry}
-PRECISIONS: dict[int, Any] = {int(precision): precision for precision in Precision}
-
 
 UNSET = -1.0
 """Value of a coefficient that a message does not give."""
@@ -299,10 +295,11 @@ def model_of(message: ImpactModelMessage, defaults: ImpactModel) -> ImpactModel:
 @lru_cache(maxsize=64)
 def _model(fields: tuple[Any, ...], defaults: ImpactModel) -> ImpactModel:
     """Return the model of these fields. Cached, because the core finds its plan by the model's identity."""
-    law, geometry, precision, *numbers = fields
-    named = LAWS.get(law, law), GEOMETRIES.get(geometry, geometry), PRECISIONS.get(precision, precision)
-    values: list[Any] = [x or default for x, default in zip((*named, *numbers), defaults, strict=True)]
-    return ImpactModel(*values)
+    given = dict(zip(ImpactModel._fields, fields, strict=True))
+    for field, kind in ENUMERATIONS.items():
+        with suppress(ValueError):
+            given[field] = kind(given[field])
+    return defaults._replace(**{field: value for field, value in given.items() if value})
 
 
 def write_answer(

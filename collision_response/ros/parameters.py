@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
-from enum import IntEnum
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,22 +17,14 @@ from rclpy.qos import HistoryPolicy, ReliabilityPolicy
 from rclpy.service_introspection import ServiceIntrospectionState
 
 from ..materials import NO_MATERIALS, Materials
-from ..model import STIFFNESS_RATIOS, Geometry, ImpactModel, Precision, check_model
+from ..model import ENUMERATIONS, STIFFNESS_RATIOS, ImpactModel, check_model
 from ..physics.combine import CombineRule
-from ..physics.laws import Law
 from ..physics.stiffness import METAL_ON_METAL
 from ..recording.recorder import MAX_DURATION, MAX_SIZE, check_name
 from ..status import ImpactError, format_range
 
-
-def _by_name(kind: type[IntEnum]) -> dict[str, IntEnum]:
-    return {member.name.lower(): member for member in kind}
-
-
 CHOICES: Mapping[str, Mapping[str, Any]] = {
-    "law": _by_name(Law),
-    "geometry": _by_name(Geometry),
-    "precision": _by_name(Precision),
+    **{field: {member.name.lower(): member for member in kind} for field, kind in ENUMERATIONS.items()},
     "combine_restitution": {rule.value: rule for rule in CombineRule},
     "combine_friction": {rule.value: rule for rule in CombineRule if rule is not CombineRule.ENERGETIC},
     "service_introspection": {
