@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-from typing import TextIO
 
 
 class Progress:
@@ -13,9 +12,8 @@ class Progress:
     Use it as a context manager: on a terminal the line is erased at the end.
     """
 
-    def __init__(self, stream: TextIO = sys.stdout) -> None:
-        self._stream = stream
-        self._terminal = stream.isatty()
+    def __init__(self) -> None:
+        self._terminal = sys.stdout.isatty()
         self._interval = 0.1 if self._terminal else 2.0
         self._next = time.monotonic() + (0.0 if self._terminal else self._interval)
 
@@ -24,14 +22,11 @@ class Progress:
 
     def __exit__(self, *_: object) -> None:
         if self._terminal:
-            self._write("\r\033[K")
+            print("\r\033[K", end="", flush=True)
 
     def report(self, text: str) -> None:
         """Print the text, unless another one was printed shortly before."""
         if time.monotonic() >= self._next:
             self._next = time.monotonic() + self._interval
-            self._write(f"\r\033[K  {text} ..." if self._terminal else f"  {text} ...\n")
-
-    def _write(self, text: str) -> None:
-        self._stream.write(text)
-        self._stream.flush()
+            line = f"\r\033[K  {text} ..." if self._terminal else f"  {text} ...\n"
+            print(line, end="", flush=True)

@@ -22,6 +22,7 @@ from typing import Any
 
 from .. import ImpactError, SceneImpact, resolve_scene
 from ..body_conversions import ROWS, body_from_numbers, body_to_numbers
+from ..model import ENUMERATIONS
 from ..scene.answer import NUMBERS
 from . import table
 from .record import SceneRecord
@@ -46,7 +47,7 @@ LISTS = (
 )
 COLUMNS = {
     "answer": table.NUMBER,
-    **dict.fromkeys(("status", "law", "geometry", "precision", "adjustments"), table.WORD),
+    **dict.fromkeys(("status", *ENUMERATIONS, "adjustments"), table.WORD),
     **dict.fromkeys(NUMBERS, table.NUMBER),
     **dict.fromkeys(LISTS, table.LIST),
 }
@@ -75,7 +76,7 @@ def read(paths: Iterable[Path | str]) -> pa.Table:
 def _answer_of(impact: SceneImpact) -> dict[str, Any]:
     return {
         "status": str(impact.status),
-        **{name: str(getattr(impact.model, name)) for name in ("law", "geometry", "precision")},
+        **{name: str(getattr(impact.model, name)) for name in ENUMERATIONS},
         "adjustments": str(impact.adjustments),
         **{name: float(getattr(impact, name)) for name in NUMBERS},
         "twists": [float(x) for twist in impact.twists for x in (*twist.linear, *twist.angular)],
@@ -110,12 +111,12 @@ def differences(row: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
     bodies = [body_from_numbers(numbers) for numbers in _split(row["request_bodies"], ROWS)]
     contacts = [contact_of(numbers) for numbers in _split(row["request_contacts"], CONTACT_SIZE)]
     pairs = [(int(a), int(b)) for a, b in _split(row["request_pairs"], 2)]
+    model = model_of(row["request_model"])
     try:
-        impact = resolve_scene(bodies, pairs, contacts, model_of(row["request_model"]))
+        now = _answer_of(resolve_scene(bodies, pairs, contacts, model))
     except ImpactError as error:
-        yield "status", row["status"], str(error.code)
-        return
-    yield from changed_columns(row, _answer_of(impact))
+        now = {"status": str(error.code)}
+    yield from changed_columns(row, now)
 
 
 def _split(numbers: Sequence[float], size: int) -> list[Sequence[float]]:

@@ -30,6 +30,7 @@ import numpy as np
 from .. import Body, Contact, Geometry, ImpactError, ImpactModel, Law, Precision, resolve
 from ..answer import NUMBERS
 from ..body_conversions import ROWS, body_from_numbers, body_to_numbers
+from ..model import ENUMERATIONS
 from ..physics.inverse_inertia import InverseInertia
 from ..physics.vector import Vec3
 from .record import Record, Refusal
@@ -48,7 +49,7 @@ WORD, NUMBER, LIST = 0, 1, -1
 REFUSAL = {"answer": NUMBER, "status": WORD, "message": WORD}
 ANSWER = {
     "answer": NUMBER,
-    **dict.fromkeys(("status", "body_a", "body_b", "law", "geometry", "precision", "regime"), WORD),
+    **dict.fromkeys(("status", "body_a", "body_b", *ENUMERATIONS, "regime"), WORD),
     "adjustments": WORD,
     **dict.fromkeys((*NUMBERS, "restitution", "friction", "duration"), NUMBER),
     **dict.fromkeys(("position", "normal", "impulse"), 3),
@@ -59,14 +60,12 @@ ANSWER = {
 
 def answer_of(row: Record) -> dict[str, Any]:
     """Columns of an answer, without the request and the duration."""
-    impact, model = row.impact, row.impact.model
+    impact = row.impact
     return {
         "status": str(impact.status),
         "body_a": row.name_a,
         "body_b": row.name_b,
-        "law": str(model.law),
-        "geometry": str(model.geometry),
-        "precision": str(model.precision),
+        **{name: str(getattr(impact.model, name)) for name in ENUMERATIONS},
         "regime": str(impact.regime),
         "adjustments": str(impact.adjustments),
         **{name: float(getattr(impact, name)) for name in NUMBERS},
@@ -226,11 +225,9 @@ def differences(row: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
     contact, model = contact_of(row["request_contact"]), model_of(row["request_model"])
     request = body_of(row, "a"), body_of(row, "b"), contact, model
     try:
-        impact = resolve(*request)
+        now = answer_of(Record(0, 0, row["body_a"], row["body_b"], *request, resolve(*request)))
     except ImpactError as error:
-        yield "status", row["status"], str(error.code)
-        return
-    now = answer_of(Record(0, 0, row["body_a"], row["body_b"], *request, impact))
+        now = {"status": str(error.code)}
     yield from changed_columns(row, now)
 
 
