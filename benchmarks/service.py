@@ -75,13 +75,14 @@ def echo() -> None:
 def batch_response() -> Any:
     """A response with as many bytes as the node's answer to :func:`batch`."""
     from collision_response import Geometry
-    from collision_response.ros.batch_fields import Response, result_shapes, zeros_in
+    from collision_response.batch import body_rows
+    from collision_response.batch.result import result_fields
+    from collision_response.ros.batch_fields import Response, result_in, zeros_in
 
     response = Response(success=True)
     response.header.frame_id = "world"
-    zeros_in(response.status, (CONTACTS,))
-    for name, shape in result_shapes(Geometry.SPATIAL, CONTACTS).items():
-        zeros_in(getattr(response, name), shape)
+    fields = result_fields(body_rows(Geometry.SPATIAL), CONTACTS, bounded=False, report=False)
+    result_in(response, fields, zeros_in)
     return response
 
 

@@ -21,7 +21,8 @@ from collision_response import (
     resolve,
 )
 from collision_response.batch import BatchResult
-from collision_response.batch.rows import NO_ROWS, body_rows, contact_rows
+from collision_response.batch.rows import body_rows, contact_rows
+from collision_response.kernels.layout import NO_ROWS
 from collision_response.physics.vector import Vec3
 
 GEOMETRIES = (Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL)

@@ -31,6 +31,7 @@ from collision_response import (
 from collision_response.physics import mass_properties
 from collision_response.physics.body import Twist
 from collision_response.physics.vector import Vec3
+from collision_response.status import renamed
 
 BALL = Body.sphere(2.0, 0.1, position=(0.0, 0.0, 0.1), velocity=(1.0, 0.0, -3.0))
 FLOOR = Body.static()
@@ -251,6 +252,13 @@ class TestTangentialRestitution:
 
 
 class TestErrorsSayWhatToWrite:
+    def test_a_field_is_renamed_by_the_innermost_name(self):
+        names = {"body_a": "K", "body_a.velocity": "u"}
+        error = ImpactError(StatusCode.NOT_FINITE, "body_a.velocity.x", "must be finite; is nan")
+        assert str(error.renamed(names)) == "u.x: must be finite; is nan"
+        assert renamed("body_a[0]: must be a Body", names) == "K[0]: must be a Body"
+        assert renamed("body_ab: must be a Body", names) == "body_ab: must be a Body"
+
     @pytest.mark.parametrize(
         "field, wrong, says",
         [

@@ -306,7 +306,10 @@ def invalid_arguments() -> list[tuple[str, dict]]:
         ("contacts: must be of shape (rows, 300)", {"contacts": contacts[:, :7]}),
         ("contacts: SPATIAL has 7 to 9 rows, not 3", {"contacts": contacts[:3]}),
         *(
-            (f"{law.name} needs a row of friction", {"contacts": contacts[:7], "model": ImpactModel(law)})
+            (
+                f"model.law: is {law.name}, but contacts has no row of friction",
+                {"contacts": contacts[:7], "model": ImpactModel(law)},
+            )
             for law in LAWS_WITH_FRICTION
         ),
         ("model.geometry: must be AUTO, SPATIAL", {"model": ImpactModel(geometry=Geometry.POINT)}),

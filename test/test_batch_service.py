@@ -23,8 +23,8 @@ from collision_response.body_conversions import moment_about_z, planar_spin, wit
 from collision_response.msg import BodyState, CollisionResult
 from collision_response.ros import batch_client, batches
 from collision_response.ros.batch_client import pack, unpack
-from collision_response.ros.batch_fields import LAYOUTS, Request, Response, write_model
-from collision_response.ros.convert import body_of
+from collision_response.ros.batch_fields import LAYOUTS, Request, Response
+from collision_response.ros.convert import body_of, write_model
 from collision_response.srv import ResolveCollision
 
 nan, inf = math.nan, math.inf
@@ -141,6 +141,13 @@ def test_no_contacts(shared_node, layout, model):
     assert response.success
     none = (a[..., :0] for a in shared_batch(LAYOUTS[layout].geometry))
     assert_same(unpack(response), resolve_batch(*none, model))
+
+
+def test_without_contacts_a_report_is_empty_and_the_model_is_checked(shared_node):
+    request = Request(layout=Request.POINT, report=True)
+    assert unpack(shared_node.call(request)).regime is None
+    request.model.geometry = int(Geometry.SPATIAL)
+    assert shared_node.call(request).message.startswith("model.geometry: must be AUTO, POINT for a batch of ")
 
 
 @pytest.mark.parametrize("row", (False, True), ids=["of the model", "of each contact"])
@@ -266,7 +273,7 @@ def test_a_law_with_friction_needs_friction(shared_node, law):
     del request.contacts[-2:]
     response = shared_node.call(request)
     assert response.code == StatusCode.INVALID_MODEL
-    assert response.message == f"model.law: is {law.name}, but contacts has no row mu"
+    assert response.message == f"model.law: is {law.name}, but contacts has no row of friction"
 
 
 def test_a_default_constructed_request_is_refused(shared_node):
@@ -517,12 +524,12 @@ def test_a_stale_state_is_not_used(graph):
         ("bodies: must be of shape (4 or 7 or 16 or 20, B), is (4,)", {"bodies": np.zeros(4)}),
         ("pairs: must be of shape (2, N), is (3, 2)", {"pairs": np.zeros((3, 2), int)}),
         ("contacts: must be of shape (rows, 2), is (5, 3)", {"contacts": np.zeros((5, 3))}),
-        ("pairs: must be columns of bodies, counted from 0; one is -1", {"pairs": [[0, -1], [1, 2]]}),
+        ("pairs: must be indices of bodies, counted from 0; one is -1", {"pairs": [[0, -1], [1, 2]]}),
         (
-            "pairs: must be columns of bodies, counted from 0; one is 4294967296",
+            "pairs: must be indices of bodies, counted from 0; one is 4294967296",
             {"pairs": [[2**32, 1], [1, 2]]},
         ),
-        ("pairs: must be columns of bodies, counted from 0; one is 0.5", {"pairs": [[0.5, 1], [1, 2]]}),
+        ("pairs: must be indices of bodies, counted from 0; one is 0.5", {"pairs": [[0.5, 1], [1, 2]]}),
     ],
 )
 def test_pack_refuses_invalid_arrays(message, changes):

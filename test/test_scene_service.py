@@ -69,6 +69,14 @@ def test_what_a_request_has_no_place_for_is_refused():
         pack([CUBE, Body.static()], [(0, 1)] * 2, [CONTACTS[0], superball])
 
 
+@pytest.mark.parametrize("index", [-1, 0.5, 2**32])
+def test_pairs_must_be_indices(index):
+    with pytest.raises(
+        ValueError, match=f"^pairs: must be indices of bodies, counted from 0; one is {index}"
+    ):
+        pack([CUBE, Body.static()], [(0, index)], CONTACTS[:1])
+
+
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
 @pytest.mark.parametrize("scene", SCENES)
 def test_answers_over_dds_equal_the_library(shared_node, scene, law):

@@ -1,8 +1,9 @@
 """Many contacts, or many scenes, at once: arrays in, arrays out."""
 
 from .pairs import independent_sets, scatter_velocities
-from .resolve_batch import BatchResult, is_bounded, resolve_batch, resolve_with_pauses
+from .resolve_batch import resolve_batch, resolve_with_pauses
 from .resolve_scenes import ScenesResult, resolve_scenes
+from .result import BatchResult, is_bounded
 from .rows import BodyRows, ContactRows, body_rows, contact_rows
 
 __all__ = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,21 +16,11 @@ from ..physics.tensor import ZERO_TENSOR
 from ..physics.vector import ZERO, Vec3
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
+from .plan import BatchRequest
+from .result import REPORT, BatchResult
 from .rows import BodyRows, ContactRows
 
-if TYPE_CHECKING:
-    from .resolve_batch import BatchRequest, BatchResult
-
 Array = np.ndarray[Any, Any]
-
-REPORT = (
-    "regime",
-    "kinetic_energy_before",
-    "kinetic_energy_after",
-    "energy_lost_restitution",
-    "energy_lost_friction",
-)
-"""The fields of a :class:`~collision_response.batch.BatchResult` that are there only with a report."""
 
 
 def resolve_one_by_one(request: BatchRequest, out: BatchResult, columns: Array) -> Iterator[None]:
@@ -39,7 +29,7 @@ def resolve_one_by_one(request: BatchRequest, out: BatchResult, columns: Array) 
     The results are written to these ``columns`` of ``out``.
     """
     plan, bodies, _, contacts = request
-    model, rows, contact_rows = plan.model, plan.table.bodies, plan.table.contacts
+    model, rows, contact_rows = plan.model, plan.layout.bodies, plan.layout.contacts
     if out.velocity.dtype == np.float32:
         model = model._replace(precision=Precision.SINGLE)
     for k, i in enumerate(columns.tolist()):

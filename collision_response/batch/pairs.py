@@ -22,17 +22,15 @@ earlier ones left. The same results come from resolving one independent set afte
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..kernels import library
 from ..status import StatusCode
 from .other_arrays import as_numpy, converter_like, is_lazy
+from .result import BatchResult
 from .rows import rows_of
-
-if TYPE_CHECKING:
-    from .resolve_batch import BatchResult
 
 Array = np.ndarray[Any, Any]
 

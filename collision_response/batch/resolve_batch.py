@@ -26,87 +26,26 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import combinations
 from numbers import Integral
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ..kernels import library
-from ..kernels.layout import Layout
 from ..kernels.protocol import NumberType
-from ..model import (
-    DEFAULT,
-    LARGEST_BOUND,
-    Geometry,
-    ImpactModel,
-    Law,
-    ModelPlan,
-    Precision,
-    check_model,
-    law_for,
-    plan_model,
-)
-from ..physics.laws import PATHS, STEPPED, Settings
-from ..status import ImpactError, StatusCode, format_value
+from ..model import DEFAULT, LARGEST_BOUND, ImpactModel, Precision
+from ..status import StatusCode, format_value
+from .dask_arrays import resolve_lazily
 from .one_by_one import resolve_one_by_one
-from .other_arrays import check_unmasked, is_lazy, resolve_other_arrays
+from .other_arrays import as_numpy, converter_like, is_lazy, library_of
 from .pairs import as_pairs
-from .rows import TABLE_LAYOUTS, TableLayout
+from .plan import BatchPlan, BatchRequest, plan_for
+from .result import BatchResult
 
 Array = np.ndarray[Any, Any]
 T = TypeVar("T")
 
-UINT8 = np.dtype(np.uint8)
-
 CONTACTS_PER_WORKER = 1024
 """With fewer contacts, another worker takes longer to start than it saves."""
-
-_PRECISIONS = {
-    np.dtype(np.float32): (Precision.SINGLE,),
-    np.dtype(np.float64): (Precision.DOUBLE, Precision.EXTENDED),
-}
-
-
-class BatchResult(NamedTuple):
-    """The results of :func:`resolve_batch`.
-
-    Attributes:
-        velocity: of the centres of mass after the impact [m/s], shape ``(3, 2, N)``; in PLANAR ``(2, 2, N)``.
-        angular_velocity: after the impact [rad/s], shape ``(3, 2, N)``; in PLANAR, about z, ``(1, 2, N)``; in
-            POINT ``(0, 2, N)``.
-        impulse: on body_a [N s], shape ``(3, N)``; in PLANAR ``(2, N)``.
-        status: a :class:`~collision_response.StatusCode` for each contact, uint8, shape ``(N,)``.
-        error_bound: of each contact, as in :class:`~collision_response.Impact`, shape ``(N,)``; NaN where
-            there is no answer. ``None`` without a tolerance, unless the precision is EXTENDED.
-        precision: the :class:`~collision_response.Precision` used for each contact, uint8, shape ``(N,)``;
-            ``None`` without error bounds.
-        regime: what friction did at each contact, a :class:`~collision_response.Regime`, uint8, shape
-            ``(N,)``; 0 where there is no answer. ``None`` without a report, like the energies.
-        kinetic_energy_before, kinetic_energy_after: of the movable bodies of each contact [J], shape
-            ``(N,)``.
-        energy_lost_restitution, energy_lost_friction: work done at each contact against the normal and
-            against the tangential impulse [J], shape ``(N,)``.
-    """
-
-    velocity: Any
-    angular_velocity: Any
-    impulse: Any
-    status: Any
-    error_bound: Any = None
-    precision: Any = None
-    regime: Any = None
-    kinetic_energy_before: Any = None
-    kinetic_energy_after: Any = None
-    energy_lost_restitution: Any = None
-    energy_lost_friction: Any = None
-
-    def mapped(self, function: Callable[[Any], Any]) -> BatchResult:
-        """Return the result with ``function`` applied to each array that is there."""
-        return BatchResult(*(None if array is None else function(array) for array in self))
-
-
-def is_bounded(model: ImpactModel) -> bool:
-    """Whether the results of a batch with this model have error bounds."""
-    return bool(model.tolerance) or model.precision is Precision.EXTENDED
 
 
 def resolve_batch(
@@ -154,9 +93,7 @@ def resolve_batch(
     if not (isinstance(bodies, np.ndarray) and isinstance(contacts, np.ndarray)) or (
         pairs is not None and is_lazy(pairs)
     ):
-        return resolve_other_arrays(
-            bodies, contacts, model, pairs=pairs, report=report, out=out, workers=workers
-        )
+        return _resolve_other_arrays(bodies, contacts, model, pairs, report, out, workers)
     pairs = None if pairs is None else as_pairs(pairs)
     if out is None:
         plan = plan_for(bodies, contacts, model, pairs)
@@ -166,6 +103,38 @@ def resolve_batch(
     for _ in resolve_with_pauses(bodies, contacts, model, out, workers, pairs=pairs):
         pass
     return out
+
+
+def _resolve_other_arrays(
+    bodies: Any,
+    contacts: Any,
+    model: ImpactModel,
+    pairs: Any,
+    report: bool,
+    out: BatchResult | None,
+    workers: int,
+) -> BatchResult:
+    """Resolve a batch. The results are in the library of ``bodies``, or lazy if any of the arrays is lazy.
+
+    Raises:
+        ValueError: if an argument is not an array, or if ``out`` is given: it is only for arrays of NumPy.
+    """
+    lazy = any(map(is_lazy, (bodies, contacts, pairs)))
+    convert = None if lazy else converter_like(bodies)
+    if out is not None and (lazy or convert is not None):
+        raise ValueError(f"out: must be None for arrays of {'dask' if lazy else library_of(bodies)}")
+    if lazy:
+        return resolve_lazily(resolve_batch, bodies, contacts, model, pairs, report, workers)
+    result = resolve_batch(
+        as_numpy("bodies", bodies),
+        as_numpy("contacts", contacts),
+        model,
+        pairs=None if pairs is None else as_numpy("pairs", pairs),
+        report=report,
+        out=out,
+        workers=workers,
+    )
+    return result if convert is None else result.mapped(convert)
 
 
 def check_workers(workers: Any) -> None:
@@ -213,55 +182,6 @@ def _copy(results: BatchResult, out: BatchResult, columns: slice | Array) -> Non
     for array, wanted in zip(results, out, strict=True):
         if wanted is not None:
             wanted[..., columns] = array
-
-
-class BatchPlan(NamedTuple):
-    """Everything about a batch that does not depend on its numbers, or on how many contacts there are.
-
-    Attributes:
-        table: the layout of the tables.
-        model: with the law and the geometry that are used.
-        layout, number_type, settings: the layout, the number type and the settings, as the kernels take them.
-        model_plan: the plan of the model: which precisions to try, and the error bounds to reach.
-    """
-
-    table: TableLayout
-    model: ImpactModel
-    layout: int
-    number_type: NumberType
-    settings: Array
-    model_plan: ModelPlan
-
-    def result_fields(self, n: int, report: bool) -> BatchResult:
-        """Return the shape and type of each array of a result, in its place."""
-        real, numbers, codes = self.settings.dtype, ((n,), self.settings.dtype), ((n,), UINT8)
-        rows = self.table.bodies
-        linear, angular = (each.stop - each.start for each in (rows.velocity, rows.angular_velocity))
-        motion = ((linear, 2, n), real), ((angular, 2, n), real), ((linear, n), real), codes
-        bounds = (numbers, codes) if is_bounded(self.model) else (None, None)
-        return BatchResult(*motion, *bounds, *((codes, *[numbers] * 4) if report else ()))
-
-
-class BatchRequest(NamedTuple):
-    """The input of a batch: see :func:`resolve_batch`."""
-
-    plan: BatchPlan
-    bodies: Array
-    pairs: Array | None
-    contacts: Array
-
-    def select(self, columns: Array) -> BatchRequest:
-        """Return the request for some contacts, each with its own copy of its two bodies."""
-        at = columns if self.pairs is None else self.pairs.take(columns, 1)
-        return BatchRequest(self.plan, self.bodies.take(at, -1), None, self.contacts.take(columns, -1))
-
-    def part(self, out: BatchResult, start: int, stop: int) -> tuple[BatchRequest, BatchResult]:
-        """Return the request for a range of contacts, and their part of ``out``, without copies."""
-        own = slice(start, stop)
-        bodies = self.bodies[..., own] if self.pairs is None else self.bodies
-        pairs = None if self.pairs is None else self.pairs[:, own]
-        request = BatchRequest(self.plan, bodies, pairs, self.contacts[:, own])
-        return request, out.mapped(lambda array: array[..., own])
 
 
 def _refine(
@@ -313,7 +233,7 @@ def _run(
         memory layout.
     """
     plan, bodies, pairs, contacts = request
-    law, layout, settings = plan.model.law, plan.layout, plan.settings
+    law, layout, settings = plan.model.law, plan.layout.number, plan.settings
 
     def run(start: int, stop: int) -> tuple[int, float] | None:
         return library.batch(law, layout, number_type, bodies, pairs, contacts, settings, out, start, stop)
@@ -332,95 +252,6 @@ def run_in_parts(work: Callable[[int, int], T], start: int, stop: int, threads: 
     cuts = [start + (stop - start) * i // threads // 64 * 64 for i in range(threads)]
     with ThreadPoolExecutor(threads) as pool:
         return list(pool.map(work, cuts, [*cuts[1:], stop]))
-
-
-def plan_for(bodies: Array, contacts: Array, model: ImpactModel, pairs: Array | None) -> BatchPlan:
-    """Return the plan for a batch with such tables. Raises: as :func:`resolve_batch`."""
-    check_unmasked("bodies", bodies)
-    check_unmasked("contacts", contacts)
-    shape, n = bodies.shape, contacts.shape[-1] if contacts.ndim == 2 else -1
-    if pairs is None:
-        fits = len(shape) == 3 and shape[1:] == (2, n)
-    else:
-        fits = len(shape) == 2 and pairs.shape[1] == n
-    key = shape[0] if fits else 0, contacts.shape[:1], bodies.dtype, contacts.dtype, id(model)
-    model_and_plan = _recent_plans.get(key)
-    if model_and_plan is None:
-        _check_tables(bodies, contacts, pairs)
-        if len(_recent_plans) >= KEPT:
-            _recent_plans.clear()
-        plan = _plan(shape[0], contacts.shape[0], bodies.dtype, model)
-        model_and_plan = _recent_plans[key] = model, plan  # keeps the model alive, and so its id valid
-    return model_and_plan[1]
-
-
-KEPT = 64
-_recent_plans: dict[tuple[Any, ...], tuple[ImpactModel, BatchPlan]] = {}
-"""Recent plans, by the identity of the model: hashing a model takes as long as a hundred contacts."""
-
-
-def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> BatchPlan:
-    table = TABLE_LAYOUTS[rows]
-    geometry, contact = table.geometry, table.contacts
-    least, most = contact.friction.start, contact.height + 1
-    if height not in (least, contact.height, most):
-        raise ValueError(f"contacts: {geometry.name} has {least} to {most} rows, not {height}")
-    _check_model(model, geometry, dtype)
-    law = law_for(model.law, has_friction=height >= contact.height)
-    if law is not Law.FRICTIONLESS and height < contact.height:
-        raise ValueError(f"contacts: {law.name} needs a row of friction")
-    model_plan = plan_model(model)
-    if law in STEPPED:
-        model_plan = model_plan._replace(first_precision=Precision.DOUBLE, last_precision=Precision.DOUBLE)
-    number_type = NumberType.FLOAT if dtype == np.float32 else NumberType.PLAIN
-    if is_bounded(model):
-        number_type = (
-            NumberType.EXTENDED if model_plan.first_precision is Precision.EXTENDED else NumberType.BOUNDED
-        )
-    return BatchPlan(
-        table=table,
-        model=model._replace(law=law, geometry=geometry),
-        layout=[layout.name for layout in Layout].index(table.name),
-        number_type=number_type,
-        settings=np.array([getattr(model, name) for name in Settings._fields], dtype),
-        model_plan=model_plan,
-    )
-
-
-def _check_tables(bodies: Array, contacts: Array, pairs: Array | None) -> None:
-    if bodies.dtype not in _PRECISIONS or contacts.dtype != bodies.dtype:
-        raise ValueError(
-            f"bodies, contacts: must both be float32 or float64; are {bodies.dtype}, {contacts.dtype}"
-        )
-    heights = " or ".join(map(str, TABLE_LAYOUTS))
-    if pairs is not None:
-        n, shape, fits = pairs.shape[1], f"({heights}, B)", bodies.ndim == 2
-    else:
-        n, shape = bodies.shape[-1] if bodies.ndim else 0, f"({heights}, 2, N)"
-        fits = bodies.ndim == 3 and bodies.shape[1] == 2
-    if not fits or bodies.shape[0] not in TABLE_LAYOUTS:
-        raise ValueError(f"bodies: must be of shape {shape}, is {bodies.shape}")
-    if contacts.ndim != 2 or contacts.shape[1] != n:
-        raise ValueError(f"contacts: must be of shape (rows, {n}), is {contacts.shape}")
-
-
-def _check_model(model: ImpactModel, geometry: Geometry, dtype: np.dtype[Any]) -> None:
-    check_model(model)
-    allowed: dict[str, tuple[Any, ...]] = {
-        "geometry": (Geometry.AUTO, geometry),
-        "precision": (Precision.AUTO, *_PRECISIONS[dtype]),
-    }
-    if dtype == np.float32:
-        allowed["tolerance"] = (0.0,)
-        allowed["law"] = tuple(law for law in Law if law not in PATHS)
-    for field, values in allowed.items():
-        value = getattr(model, field)
-        if value not in values:
-            names = ", ".join(str(getattr(one, "name", one)) for one in values)
-            reason = (
-                f"must be {names} for a batch of {geometry.name} {dtype}; is {getattr(value, 'name', value)}"
-            )
-            raise ImpactError(StatusCode.INVALID_MODEL, f"model.{field}", reason)
 
 
 def _check_out(plan: BatchPlan, n: int, out: BatchResult) -> None:

@@ -34,17 +34,17 @@ from ..physics.laws import PATHS
 from ..scene import resolve_scene
 from ..scene.reflections import REFLECTIONS, THRESHOLD
 from ..status import ImpactError, StatusCode
-from .one_by_one import REPORT, body_of, contact_of
+from .one_by_one import body_of, contact_of
 from .other_arrays import check_unmasked
 from .pairs import IS_ANSWER, as_pairs
-from .resolve_batch import UINT8, BatchRequest, check_workers, plan_for, resolve_batch, run_in_parts
+from .plan import BatchRequest, plan_for
+from .resolve_batch import check_workers, resolve_batch, run_in_parts
+from .result import ENERGIES, UINT8
 
 Array = np.ndarray[Any, Any]
 
 CLUSTERS_PER_WORKER = 64
 """With fewer clusters, another worker takes longer to start than it saves."""
-
-ENERGIES = REPORT[1:]
 
 
 class ScenesResult(NamedTuple):
@@ -128,7 +128,7 @@ def resolve_scenes(
     check_number("threshold", threshold, 0, math.nextafter(1, 0), StatusCode.INVALID_MODEL)
     batch_plan = plan_for(bodies, contacts, model, pairs)
     model, request = batch_plan.model, BatchRequest(batch_plan, bodies, pairs, contacts)
-    if bodies.dtype != np.float64 or contacts.shape[0] > batch_plan.table.contacts.height:
+    if bodies.dtype != np.float64 or contacts.shape[0] > batch_plan.layout.contacts.height:
         raise ValueError("bodies, contacts: must be float64, and without rows of tangential restitution")
     clusters, cluster_of = _find_clusters(bodies, pairs)
     result = _initial_result(request, cluster_of, clusters.starts.size - 1)
@@ -152,7 +152,7 @@ def _find_clusters(bodies: Array, pairs: Array) -> tuple[Clusters, Array]:
 
 def _initial_result(request: BatchRequest, cluster_of: Array, clusters: int) -> ScenesResult:
     """Return a result in which no cluster is resolved yet."""
-    rows, n = request.plan.table.bodies, cluster_of.size
+    rows, n = request.plan.layout.bodies, cluster_of.size
     velocity, angular_velocity = (
         request.bodies[rows.velocity].copy(),
         request.bodies[rows.angular_velocity].copy(),
@@ -204,7 +204,7 @@ def _resolve_without_python(
 
     def resolve_some(start: int, stop: int) -> None:
         library.resolve_clusters(
-            plan.layout,
+            plan.layout.number,
             int(model.law),
             numbers,
             request.bodies,
@@ -233,7 +233,7 @@ def _resolve_in_python(
         return
     order = np.argsort(first)  # bodies in the order in which contacts name them
     columns, scene_pairs = columns[order], np.argsort(order)[inverse].reshape(-1, 2)
-    rows, contact_rows = request.plan.table.bodies, request.plan.table.contacts
+    rows, contact_rows = request.plan.layout.bodies, request.plan.layout.contacts
     movable = columns[bodies[0, columns] < np.inf]
     try:
         answer = resolve_scene(

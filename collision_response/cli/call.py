@@ -20,6 +20,7 @@ from ..model import ENUMERATIONS
 from ..msg import BodyState
 from ..ros.batch_client import unpack
 from ..ros.batch_fields import LAYOUTS
+from ..ros.convert import error_from
 from ..ros.take_all import RCLError
 from ..scene.answer import scene_table
 from ..srv import ResolveCollision, ResolveCollisionBatch, ResolveScene
@@ -255,8 +256,8 @@ def _of_batch(response: Any) -> str:
 def _valid(response: Any) -> Any:
     if response.success:
         return response.result
-    field, _, reason = response.result.status.message.partition(": ")
-    raise ImpactError(StatusCode(response.result.status.code), field, reason)
+    status = response.result.status
+    raise error_from(status.code, status.message)
 
 
 def _row(numbers: Any) -> str:

@@ -20,9 +20,17 @@ import numpy as np
 from ..answer import Impact
 from ..batch import BatchResult, resolve_batch
 from ..batch.other_arrays import as_numpy
-from ..batch.rows import slices_of
+from ..batch.rows import TABLE_LAYOUTS
 from ..kernels import _derivatives, library
-from ..kernels.layout import Layout, names_of_body, names_of_contact
+from ..kernels.layout import (
+    ALL_ONE,
+    ALL_ZERO,
+    Layout,
+    names_of_body,
+    names_of_contact,
+    rows_in_everything,
+    slices_of,
+)
 from ..model import DEFAULT, Geometry, ImpactModel, law_for
 from ..physics.body import Body
 from ..physics.contact import Contact
@@ -221,7 +229,7 @@ def differentiate_batch(
             f"is {directions.shape}"
         )
     inputs = _kernel_inputs(bodies, contacts, model)
-    has_friction = contacts.shape[0] > names_of_contact(_layout_of(bodies)).index("friction.")
+    has_friction = contacts.shape[0] >= TABLE_LAYOUTS[bodies.shape[0]].contacts.height
     law = law_for(model.law, has_friction=has_friction)
     count, same_for_all = directions.shape[1], directions.ndim == 2
     jacobian, smoothness = np.empty((RESULT_COUNT, count, n)), np.empty((count, n), np.uint8)
@@ -243,25 +251,14 @@ def _unit_directions(names: tuple[str, ...]) -> tuple[Array, dict[str, slice]]:
     return np.ascontiguousarray(np.eye(PARAMETER_COUNT)[:, components]), columns
 
 
-def _layout_of(bodies: Array) -> Layout:
-    return next(layout for layout in Layout if len(names_of_body(layout)) == bodies.shape[0])
-
-
 def _kernel_inputs(bodies: Array, contacts: Array, model: ImpactModel) -> Array:
     """Return the rows that the kernels read: from the tables, or defaults for rows that these leave out."""
-    layout = _layout_of(bodies)
+    layout = TABLE_LAYOUTS[bodies.shape[0]]
     zeros = np.zeros(bodies.shape[2])
-    rows = names_of_body(layout)
-    defaults = {"orientation.w": zeros + 1}
-
-    def body_row(side: int, name: str) -> Array:
-        if name.startswith("inertia") and rows.count("inertia.zz") and not rows.count("inertia.xx"):
-            name = "inertia.zz" if name[-2] == name[-1] else ""  # in PLANAR only zz matters
-        row: Array = bodies[rows.index(name), side] if name in rows else defaults.get(name, zeros)
-        return row
-
+    defaults = {ALL_ZERO: zeros, ALL_ONE: zeros + 1}
+    rows, _ = rows_in_everything(layout)
     contact = dict(zip([*names_of_contact(layout), Settings._fields[0]], contacts, strict=False))
-    everything = [body_row(side, name) for side in (0, 1) for name in names_of_body(Layout.EVERYTHING)]
+    everything = [defaults[i] if i in defaults else bodies[i, side] for side in (0, 1) for i in rows]
     everything += [contact.get(name, zeros) for name in names_of_contact(Layout.EVERYTHING)]
     everything += [contact.get(name, zeros + getattr(model, name)) for name in Settings._fields]
     return np.array(everything)

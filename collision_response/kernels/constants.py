@@ -11,12 +11,15 @@ from ..physics.inverse_inertia import InverseInertia
 from ..physics.laws import LAWS, Law, Regime
 from ..status import StatusCode
 from .layout import (
+    ALL_ONE,
+    ALL_ZERO,
     Layout,
     kernel_inputs,
     names_of_body,
     names_of_contact,
     names_of_inverse_inertia,
     names_of_model,
+    rows_in_everything,
     units,
 )
 from .protocol import Handover, NumberType
@@ -39,9 +42,6 @@ FORMULAS = {formula.__name__: law for law, formula in LAWS.items()}
 
 LAYOUTS_OF_TABLES = [layout for layout in Layout if layout is not Layout.ARTICULATED]
 """The layouts that kernels of batches read."""
-
-ALL_ZERO, ALL_ONE = -1, -2
-"""In place of the index of a row that a table lacks: all its numbers would be 0, or 1."""
 
 TABLE_LAYOUT = f"""
 // The tables of a batch of some layout.
@@ -78,7 +78,7 @@ def constants() -> str:
     numbers |= {f"FLAG_{field.upper()}": i for i, field in enumerate(Flags._fields)}
     for prefix, enumeration in ENUMERATIONS.items():
         numbers |= {f"{prefix}_{member.name}": int(member) for member in enumeration}
-    numbers |= {f"LAYOUT_{layout.name}": i for i, layout in enumerate(Layout)}
+    numbers |= {f"LAYOUT_{layout.name}": layout.number for layout in Layout}
     formulas = list(FORMULAS)
     numbers |= {f"FORMULA_{formula.upper()}": i for i, formula in enumerate(formulas)}
     formula_of = [formulas.index(LAWS[law].__name__) if law in LAWS else -1 for law in Law]
@@ -108,20 +108,11 @@ def _unit_table(name: str, quantities: list[str]) -> str:
 
 def _table_layout(layout: Layout) -> str:
     """Initializer of the ``TableLayout`` of a layout."""
-
-    def row(name: str, names: list[str]) -> int:
-        if name in names:
-            return names.index(name)
-        if name in ("inertia.xx", "inertia.yy") and "inertia.zz" in names:
-            return names.index("inertia.zz")
-        return ALL_ONE if name == "orientation.w" else ALL_ZERO
-
-    body, contact = names_of_body(layout), names_of_contact(layout)
-    body_rows = [row(name, body) for name in names_of_body(Layout.EVERYTHING)]
-    contact_rows = [row(name, contact) for name in names_of_contact(Layout.EVERYTHING)]
+    body_rows, contact_rows = rows_in_everything(layout)
     fields = layout.body_fields
     axes, spins = len(fields["velocity"]), len(fields.get("angular_velocity", []))
-    return _braced([len(body), len(contact), axes, 3 - spins, _braced(body_rows), _braced(contact_rows)])
+    heights = len(names_of_body(layout)), len(names_of_contact(layout))
+    return _braced([*heights, axes, 3 - spins, _braced(body_rows), _braced(contact_rows)])
 
 
 def _braced(values: Iterable[object]) -> str:

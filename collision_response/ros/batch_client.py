@@ -20,10 +20,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..batch import BatchResult, is_bounded
+from ..batch.result import result_fields
+from ..batch.rows import body_rows
 from ..model import DEFAULT, Geometry, ImpactModel
-from ..status import ImpactError, StatusCode
-from .batch_fields import ENERGIES, LAYOUTS, Array, Request, Response, append, result_shapes, write_model
-from .convert import model_of
+from .batch_fields import LAYOUTS, Array, Request, Response, append, result_in, view_of
+from .convert import error_from, model_of, write_model
 
 LAYOUT_OF = {layout.bodies.height: number for number, layout in LAYOUTS.items()}
 """Number of the layout, by the number of rows in its table of bodies."""
@@ -62,7 +63,7 @@ def pack(
     request.header.frame_id = frame_id
     request.layout = LAYOUT_OF[bodies.shape[0]]
     append(request.bodies, bodies)
-    append(request.pairs, _indices(pairs))
+    append(request.pairs, as_indices(pairs))
     append(request.contacts, contacts)
     write_model(request.model, model)
     return request
@@ -71,22 +72,16 @@ def pack(
 def unpack(response: Response) -> BatchResult:
     """Results of a batch, as views of the response's memory.
 
+    A batch without contacts has no report, even if it was asked for: the response does not tell.
+
     Raises:
         ImpactError: if the whole request was refused.
     """
     if not response.success:
-        field, _, reason = response.message.partition(": ")
-        raise ImpactError(StatusCode(response.code), field, reason)
-    status = np.asarray(response.status)
-    shapes = result_shapes(Geometry(response.model.geometry), len(status))
-    tables = {name: np.asarray(getattr(response, name)).reshape(shape) for name, shape in shapes.items()}
-    if is_bounded(model_of(response.model, DEFAULT)):
-        tables["error_bound"] = np.asarray(response.error_bounds)
-        tables["precision"] = np.asarray(response.precisions)
-    if response.regimes:
-        tables["regime"] = np.asarray(response.regimes)
-        tables |= {name: np.asarray(getattr(response, name)) for name in ENERGIES}
-    return BatchResult(**tables, status=status)
+        raise error_from(response.code, response.message)
+    rows, n = body_rows(Geometry(response.model.geometry)), len(response.status)
+    bounded, report = is_bounded(model_of(response.model, DEFAULT)), bool(response.regimes)
+    return result_in(response, result_fields(rows, n, bounded=bounded, report=report), view_of)
 
 
 def as_lines(names: Iterable[str]) -> str:
@@ -112,9 +107,14 @@ def _check_shapes(bodies: Array, pairs: Array, contacts: Array) -> None:
         raise ValueError(f"contacts: must be of shape (rows, {pairs.shape[1]}), is {contacts.shape}")
 
 
-def _indices(pairs: Array) -> Array:
+def as_indices(pairs: Array) -> Array:
+    """Convert indices of bodies to those of a request.
+
+    Raises:
+        ValueError: if a number is not an index.
+    """
     indices = pairs.astype(np.uint32)
     if (indices != pairs).any():
         wrong = pairs[indices != pairs][0]
-        raise ValueError(f"pairs: must be columns of bodies, counted from 0; one is {wrong}")
+        raise ValueError(f"pairs: must be indices of bodies, counted from 0; one is {wrong}")
     return indices

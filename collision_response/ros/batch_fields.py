@@ -7,33 +7,40 @@ from __future__ import annotations
 
 import math
 from array import array
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from ..batch import BatchResult
-from ..batch.rows import TABLE_LAYOUTS, body_rows
-from ..model import Geometry, ImpactModel
-from ..msg import ImpactModel as ImpactModelMessage
-from ..named_enum import NamedEnum
+from ..batch.rows import TABLE_LAYOUTS
 from ..srv import ResolveCollisionBatch
 from ..status import ImpactError, StatusCode
 
 Array = np.ndarray[Any, Any]
 Request, Response = ResolveCollisionBatch.Request, ResolveCollisionBatch.Response
 
-LAYOUTS = {getattr(Request, tables.name): tables for tables in TABLE_LAYOUTS.values()}
+LAYOUTS = {getattr(Request, layout.name): layout for layout in TABLE_LAYOUTS.values()}
 """The layouts of the tables, by their numbers in a request."""
 
-ENERGIES = BatchResult._fields[-4:]
-"""Names of the energies, which are the same in a :class:`BatchResult` and in a response."""
+NAMES = BatchResult(*BatchResult._fields)._replace(
+    error_bound="error_bounds", precision="precisions", regime="regimes"
+)
+"""What a response calls the fields of a result."""
 
 
-def result_shapes(geometry: Geometry, n: int) -> dict[str, tuple[int, ...]]:
-    """Shapes of the tables of a response with ``n`` contacts, by their names."""
-    rows = body_rows(geometry)
-    linear, angular = (part.stop - part.start for part in (rows.velocity, rows.angular_velocity))
-    return {"velocity": (linear, 2, n), "angular_velocity": (angular, 2, n), "impulse": (linear, n)}
+def result_in(
+    response: Any, fields: BatchResult, view: Callable[[array[Any], tuple[int, ...]], Array]
+) -> BatchResult:
+    """Make a result whose arrays are the fields of a response.
+
+    Args:
+        response: the response.
+        fields: shape and type of each array, or ``None``, as ``result_fields`` returns them.
+        view: makes an array of a field and a shape: :func:`view_of` or :func:`zeros_in`.
+    """
+    given = zip(NAMES, fields, strict=True)
+    return BatchResult(*(field and view(getattr(response, name), field[0]) for name, field in given))
 
 
 def names_in(request: Any) -> list[str]:
@@ -69,10 +76,9 @@ def zeros_in(field: array[Any], shape: tuple[int, ...]) -> Array:
     """Fill an empty field with zeros, and return a view of it with a shape."""
     field.append(0)
     field *= math.prod(shape)
+    return view_of(field, shape)
+
+
+def view_of(field: array[Any], shape: tuple[int, ...]) -> Array:
+    """Return a view of a field with a shape."""
     return np.asarray(field).reshape(shape)
-
-
-def write_model(message: ImpactModelMessage, model: ImpactModel) -> None:
-    """Write a model into a message."""
-    for field, value in model._asdict().items():
-        setattr(message, field, int(value) if isinstance(value, NamedEnum) else float(value))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import time
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -16,27 +16,16 @@ from typing import NamedTuple
 import numpy as np
 from builtin_interfaces.msg import Time
 
-from ..batch import BatchResult, is_bounded, resolve_with_pauses
-from ..batch.rows import TableLayout
+from ..batch import BatchResult, resolve_with_pauses
+from ..batch.plan import plan_for
+from ..batch.rows import Layout
 from ..body_conversions import moment_about_z, orientation_of, planar_spin, with_com_as_reference
-from ..model import Geometry, ImpactModel, check_model, law_for
+from ..model import Geometry, ImpactModel
 from ..msg import BodyState
-from ..physics.laws import Law
 from ..srv import ResolveCollisionBatch
 from ..status import ImpactError, StatusCode
 from . import convert
-from .batch_fields import (
-    ENERGIES,
-    LAYOUTS,
-    Array,
-    Request,
-    Response,
-    names_in,
-    result_shapes,
-    table_in,
-    write_model,
-    zeros_in,
-)
+from .batch_fields import LAYOUTS, Array, Request, Response, names_in, result_in, table_in, zeros_in
 from .body_lookup import (
     BODIES_PER_STEP,
     LookUp,
@@ -97,14 +86,14 @@ class BatchService:
         check_world_frame("header.frame_id", request.header.frame_id, parameters.world_frame)
         layout = layout_of(request)
         pairs = pairs_of(request, parameters.budget_contacts)
-        count = pairs.shape[1]
-        contacts = contacts_of(request, layout, count)
-        model = model_of(request, layout, contacts, parameters.model)
-        look_up = partial(bodies_of, request, layout, self.states, parameters)
+        table, contacts = table_of(request, layout), contacts_of(request, layout, pairs.shape[1])
+        model = convert.model_of(request.model, parameters.model._replace(geometry=layout.geometry))
+        plan = plan_for(table, contacts, model, pairs)
+        look_up = partial(bodies_of, request, table, layout, self.states, parameters)
         bodies = yield from wait_for_states(look_up, parameters.max_state_wait)
 
         response = Response()
-        out = result_in(response, layout.geometry, count, bounded=is_bounded(model), report=request.report)
+        out = result_in(response, plan.result_fields(pairs.shape[1], request.report), zeros_in)
         yield from compute(bodies.table, pairs, contacts, model, out)
 
         if bodies.errors:
@@ -112,7 +101,7 @@ class BatchService:
         response.success, response.code, response.header = True, int(StatusCode.OK), request.header
         response.message = summary_of(bodies.errors)
         response.state_stamps, response.state_ages = bodies.stamps, array("d", bodies.ages)
-        write_model(response.model, model)
+        convert.write_model(response.model, plan.model)
         return response
 
     def refusal(self, request: Request, error: ImpactError) -> Response:
@@ -127,28 +116,6 @@ class BatchService:
     def code(self, response: Response) -> StatusCode:
         """Return the status code of a response."""
         return StatusCode(response.code)
-
-
-def result_in(response: Response, geometry: Geometry, n: int, *, bounded: bool, report: bool) -> BatchResult:
-    """Make a result for ``n`` contacts whose arrays are the fields of a response.
-
-    Args:
-        response: its fields are given their size here.
-        geometry: the geometry of the layout.
-        n: the number of contacts.
-        bounded: whether to include error bounds.
-        report: whether to include regimes and energies.
-    """
-    shapes = result_shapes(geometry, n)
-    tables = {name: zeros_in(getattr(response, name), shape) for name, shape in shapes.items()}
-    tables["status"] = zeros_in(response.status, (n,))
-    if bounded:
-        tables["error_bound"] = zeros_in(response.error_bounds, (n,))
-        tables["precision"] = zeros_in(response.precisions, (n,))
-    if report:
-        tables["regime"] = zeros_in(response.regimes, (n,))
-        tables |= {name: zeros_in(getattr(response, name), (n,)) for name in ENERGIES}
-    return BatchResult(**tables)
 
 
 def compute(
@@ -170,7 +137,7 @@ def compute(
             yield
 
 
-def layout_of(request: Request) -> TableLayout:
+def layout_of(request: Request) -> Layout:
     """Layout of the tables of a request.
 
     Raises:
@@ -199,7 +166,7 @@ def pairs_of(request: Request, max_contacts: int) -> Array:
     return indices.reshape(2, -1).astype(np.int64)
 
 
-def contacts_of(request: Request, layout: TableLayout, n: int) -> Array:
+def contacts_of(request: Request, layout: Layout, n: int) -> Array:
     """Table of the ``n`` contacts, shape ``(rows, n)``.
 
     Raises:
@@ -214,26 +181,23 @@ def contacts_of(request: Request, layout: TableLayout, n: int) -> Array:
     return numbers.reshape(rows, n)
 
 
-def model_of(request: Request, layout: TableLayout, contacts: Array, defaults: ImpactModel) -> ImpactModel:
-    """Model of a request, in which every AUTO is decided, except the precision: that depends on each contact.
+def table_of(request: Request, layout: Layout) -> Array:
+    """Table of the bodies of a request that are given in full, shape ``(rows, bodies)``.
 
     Raises:
-        ImpactError: NOT_FINITE, INVALID_MODEL or INVALID_COEFFICIENT.
+        ImpactError: INVALID_TABLE.
     """
-    model = convert.model_of(request.model, defaults._replace(geometry=layout.geometry))
-    check_model(model)
-    has_friction = len(contacts) >= layout.contacts.height
-    model = model._replace(law=law_for(model.law, has_friction=has_friction))
-    if model.law is not Law.FRICTIONLESS and not has_friction:
-        reason = f"is {model.law.name}, but contacts has no row mu"
-        raise ImpactError(StatusCode.INVALID_MODEL, "model.law", reason)
-    if model.geometry is Geometry.AUTO:
-        model = model._replace(geometry=layout.geometry)
-    return model
+    rows = layout.bodies
+    table = table_in("bodies", request.bodies, rows.height, f" for {layout.name}")
+    if request.immovable:
+        check_immovable(request.immovable, table.shape[1])
+        table, columns = table.copy(), np.asarray(request.immovable)
+        table[rows.mass, columns], table[rows.inertia, columns] = math.inf, 0.0
+    return table
 
 
 def bodies_of(
-    request: Request, layout: TableLayout, states: LatestStates, parameters: Parameters
+    request: Request, table: Array, layout: Layout, states: LatestStates, parameters: Parameters
 ) -> LookUp[BatchBodies]:
     """Collect the bodies of a request: those of the table, then the latest states of those given by name.
 
@@ -241,11 +205,8 @@ def bodies_of(
 
     Raises:
         StateNotYetReceived: if the request has ``not_before``, and a state is older than that or unknown.
-        ImpactError: INVALID_TABLE, SAME_BODY, or BUDGET_EXCEEDED for too many names.
+        ImpactError: SAME_BODY, or BUDGET_EXCEEDED for too many names.
     """
-    height = layout.bodies.height
-    table = table_in("bodies", request.bodies, height, f" for {layout.name}")
-    table = with_immovable(table, request.immovable, layout)
     count, names = table.shape[1], names_in(request)
     codes = np.zeros(count + len(names), np.uint8)
     if not names:
@@ -259,7 +220,7 @@ def bodies_of(
         )
         raise ImpactError(StatusCode.BUDGET_EXCEEDED, "names", reason)
     check_distinct(names)
-    columns, errors = np.full((height, len(names)), math.nan), []
+    columns, errors = np.full((len(table), len(names)), math.nan), []
     stamps, ages = [Time()] * len(names), [math.nan] * len(names)
     finder = StateFinder.of("header", request.header, request.not_before, states, parameters)
     for i, name in enumerate(names):
@@ -278,22 +239,7 @@ def bodies_of(
     return BatchBodies(np.concatenate([table, columns], axis=1), codes, errors, stamps, ages)
 
 
-def with_immovable(table: Array, immovable: Sequence[int], layout: TableLayout) -> Array:
-    """Copy of a table of bodies, in which immovable bodies have infinite mass and no inertia.
-
-    Raises:
-        ImpactError: INVALID_TABLE if an index is not one of the table.
-    """
-    if not immovable:
-        return table
-    check_immovable(immovable, table.shape[1])
-    columns, rows = np.asarray(immovable), layout.bodies
-    table = table.copy()
-    table[rows.mass, columns], table[rows.inertia, columns] = math.inf, 0.0
-    return table
-
-
-def _column(owner: str, state: BodyState, layout: TableLayout) -> list[float]:
+def _column(owner: str, state: BodyState, layout: Layout) -> list[float]:
     """Column of the table for a body given by name."""
     body = convert.body_of(owner, state)
     convert.check_body(owner, body)

@@ -26,6 +26,7 @@ from ..model import ENUMERATIONS, Adjustment, ImpactModel, Precision, check_numb
 from ..msg import BodyState, CollisionResult, SceneResult
 from ..msg import Contact as ContactMessage
 from ..msg import ImpactModel as ImpactModelMessage
+from ..named_enum import NamedEnum
 from ..physics.body import Body, Twist
 from ..physics.combine import CombineRule
 from ..physics.contact import Contact
@@ -37,7 +38,6 @@ from ..resolve import resolve
 from ..scene import SceneImpact
 from ..srv import ResolveCollision
 from ..status import ImpactError, StatusCode
-from .batch_fields import write_model
 from .parameters import Parameters
 
 CORE_TO_MESSAGE = {
@@ -302,6 +302,12 @@ def _model(fields: tuple[Any, ...], defaults: ImpactModel) -> ImpactModel:
     return defaults._replace(**{field: value for field, value in given.items() if value})
 
 
+def write_model(message: ImpactModelMessage, model: ImpactModel) -> None:
+    """Write a model into a message."""
+    for field, value in model._asdict().items():
+        setattr(message, field, int(value) if isinstance(value, NamedEnum) else float(value))
+
+
 def write_answer(
     result: CollisionResult,
     request: ResolveCollision.Request,
@@ -351,6 +357,12 @@ def error_text(error: ImpactError) -> str:
     if owner.startswith(("body_a", "body_b", "bodies[", "names[")) and head in CORE_TO_MESSAGE:
         return f"{owner}.{CORE_TO_MESSAGE[head]}{dot}{component}: {error.reason}"
     return str(error)
+
+
+def error_from(code: int, text: str) -> ImpactError:
+    """Return the error that a response describes by its code and text."""
+    field, _, reason = text.partition(": ")
+    return ImpactError(StatusCode(code), field, reason)
 
 
 def echo_contact(result: CollisionResult, request: ResolveCollision.Request) -> None:

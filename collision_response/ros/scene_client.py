@@ -21,8 +21,9 @@ from ..model import DEFAULT, ImpactModel
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..srv import ResolveScene
-from .batch_client import as_lines
-from .batch_fields import append, write_model
+from .batch_client import as_indices, as_lines
+from .batch_fields import append
+from .convert import write_model
 
 
 def pack(
@@ -46,8 +47,9 @@ def pack(
         frame_id: the inertial frame of all bodies and contacts.
 
     Raises:
-        ValueError: if a name has more than one line, or the request has no place for something: the inverse
-            inertia of an articulated body, or the tangential restitution of a contact.
+        ValueError: if an entry of ``pairs`` is not an index, a name has more than one line, or the request
+            has no place for something: the inverse inertia of an articulated body, or the tangential
+            restitution of a contact.
     """
     for i, body in enumerate(bodies):
         if body.inverse_inertia is not None:
@@ -60,7 +62,7 @@ def pack(
     columns = [body_to_numbers(body if body.is_movable() else body._replace(mass=0.0)) for body in bodies]
     append(request.bodies, np.array(columns, float).T)
     request.immovable = [i for i, body in enumerate(bodies) if not body.is_movable()]
-    append(request.pairs, np.array([*pairs], np.uint32).T)
+    append(request.pairs, as_indices(np.array([*pairs])).T)
     rows = [
         [*contact.position, *contact.normal, contact.restitution, contact.friction] for contact in contacts
     ]

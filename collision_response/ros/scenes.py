@@ -22,7 +22,7 @@ from ..srv import ResolveScene
 from ..status import ImpactError, StatusCode
 from . import convert
 from .answer_log import AnswerLog
-from .batch_fields import names_in, table_in, write_model
+from .batch_fields import names_in, table_in
 from .body_lookup import (
     BODIES_PER_STEP,
     GIVEN_IN_FULL,
@@ -269,7 +269,7 @@ def write_answer(
     result.restitution_rules = [of_contact.restitution.rule for of_contact in coefficients]
     result.friction_from = [of_contact.friction.source for of_contact in coefficients]
     result.friction_rules = [of_contact.friction.rule for of_contact in coefficients]
-    write_model(result.model, impact.model)
+    convert.write_model(result.model, impact.model)
     result.body_names = bodies.names
     result.state_stamps = [used.stamp for used in bodies.used]
     result.state_ages = [used.age for used in bodies.used]

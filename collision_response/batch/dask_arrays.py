@@ -1,0 +1,87 @@
+"""Batches of Dask arrays."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..model import ImpactModel
+from .other_arrays import as_numpy, is_lazy
+from .pairs import check_pairs
+from .plan import plan_for
+from .result import BatchResult
+
+Array = np.ndarray[Any, Any]
+
+
+def resolve_lazily(
+    resolve: Callable[..., BatchResult],
+    bodies: Any,
+    contacts: Any,
+    model: ImpactModel,
+    pairs: Any,
+    report: bool,
+    workers: int,
+) -> BatchResult:
+    """Resolve a batch chunk by chunk, each by ``resolve``, which is ``resolve_batch``.
+
+    Without ``pairs`` the chunks are those of ``bodies`` along the last axis, with ``pairs`` those of
+    ``contacts``. If that array is not one of Dask, they are those of the other array that has an entry for
+    each contact.
+    """
+    import dask.array as da
+    from dask import delayed
+
+    def as_dask(name: str, array: Any) -> Any:
+        if not is_lazy(array):
+            return da.from_array(as_numpy(name, array), chunks=-1)
+        if any(map(math.isnan, array.shape[:-1])):
+            raise ValueError(f"{name}: must have a known number of rows, is of shape {array.shape}")
+        return array
+
+    given = {"bodies": bodies, "contacts": contacts, "pairs": pairs}
+    candidates = ("bodies", "contacts") if pairs is None else ("contacts", "pairs")
+    chunked = next((name for name in candidates if is_lazy(given[name])), "contacts")
+    bodies, contacts = as_dask("bodies", bodies), as_dask("contacts", contacts)
+    if pairs is not None:
+        pairs = as_dask("pairs", pairs)
+        check_pairs(pairs)
+    lengths = (*contacts.shape[-1:], *(bodies if pairs is None else pairs).shape[-1:])
+    n = next((length for length in lengths if not math.isnan(length)), 0)
+    plan = plan_for(
+        _without_memory(bodies, n),
+        _without_memory(contacts, n),
+        model,
+        None if pairs is None else _without_memory(pairs, n),
+    )
+    chunks = {"bodies": bodies, "contacts": contacts, "pairs": pairs}[chunked].chunks[-1]
+    if pairs is None:
+        body_chunks = bodies.rechunk({0: -1, 1: -1, 2: chunks}).to_delayed().ravel()
+        pair_chunks = [None] * len(chunks)
+    else:
+        body_chunks = [bodies.rechunk(-1).to_delayed().item()] * len(chunks)
+        pair_chunks = pairs.rechunk({0: -1, 1: chunks}).to_delayed().ravel()
+    contact_chunks = contacts.rechunk({0: -1, 1: chunks}).to_delayed().ravel()
+    results = [
+        delayed(resolve, pure=True)(b, c, model, pairs=p, report=report, workers=workers)
+        for b, c, p in zip(body_chunks, contact_chunks, pair_chunks, strict=True)
+    ]
+
+    def joined(field: int, shape: tuple[int, ...], dtype: np.dtype[Any]) -> Any:
+        pieces = [
+            da.from_delayed(result[field], (*shape[:-1], size), dtype)
+            for result, size in zip(results, chunks, strict=True)
+        ]
+        return da.concatenate(pieces, axis=-1)
+
+    fields = enumerate(plan.result_fields(0, report))
+    return BatchResult(*(None if array is None else joined(field, *array) for field, array in fields))
+
+
+def _without_memory(array: Any, n: int) -> Array:
+    """Return an array with the shape and type of one of Dask. A length that Dask does not know is ``n``."""
+    shape = [n if math.isnan(length) else length for length in array.shape]
+    return np.broadcast_to(np.empty((), array.dtype), shape)
