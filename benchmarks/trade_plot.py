@@ -98,9 +98,7 @@ def mark(axes: Axes, way: str, point: Point) -> None:
         axes.plot([x, x], [y, shown(point["bound"])], color=colour, lw=1.6, alpha=0.55, zorder=2)
         axes.plot(x, shown(point["bound"]), "_", color=colour, markersize=9, markeredgewidth=1.8, zorder=2)
     if way in STYLES:
-        marker, size, colour, filled = STYLES[way]
-        face, edge = (colour, "white") if filled else ("white", colour)
-        axes.plot(x, y, marker, markersize=size, markerfacecolor=face, markeredgecolor=edge, zorder=4)
+        axes.plot(x, y, **style_of(way), zorder=4)
         return
     colour, marker = (EXACT, "D") if point["kind"] == "exact" else (PEER, "X")
     axes.plot(x, y, marker, markersize=8, color=colour, markeredgecolor="white", zorder=3)
@@ -115,22 +113,18 @@ def mark(axes: Axes, way: str, point: Point) -> None:
     )  # fmt: skip
 
 
+def style_of(way: str) -> dict[str, Any]:
+    """How the mark of one of our own ways is drawn."""
+    marker, size, colour, filled = STYLES[way]
+    face, edge = (colour, "white") if filled else ("white", colour)
+    return {"ls": "", "marker": marker, "ms": size, "mfc": face, "mec": edge}
+
+
 def legend() -> list[Artist]:
     """The marks and their meaning."""
 
     def dot(text: str, way: str) -> Line2D:
-        marker, size, colour, filled = STYLES[way]
-        face, edge = (colour, "white") if filled else ("white", colour)
-        return Line2D(
-            [],
-            [],
-            ls="",
-            marker=marker,
-            markersize=size,
-            markerfacecolor=face,
-            markeredgecolor=edge,
-            label=text,
-        )
+        return Line2D([], [], **style_of(way), label=text)
 
     return [
         dot("resolve()", "DOUBLE"),

@@ -99,8 +99,9 @@ class SceneService:
 
         try:
             impact = resolve_scene(*problem)
-        except ImpactError as error:
-            raise as_in_request(error, bodies) from None
+        except ImpactError as error:  # pairs[i] is what the core calls contact i
+            owners = {f"bodies[{i}]": owner for i, owner in enumerate(bodies.owners)}
+            raise error.renamed({"pairs": "contacts", **owners}) from None
 
         response = ResolveScene.Response(success=True)
         write_answer(response.result, request, contacts, bodies, coefficients, impact)
@@ -242,12 +243,6 @@ def _body_in_table(owner: str, column: list[float], *, is_immovable: bool) -> Bo
         return kinematic._replace(orientation=body.orientation)
     convert.check_mass(owner, body.mass)
     return body
-
-
-def as_in_request(error: ImpactError, bodies: SceneBodies) -> ImpactError:
-    """An error of the numeric core, with the body or contact named as in the request."""
-    owners = {f"bodies[{i}]": owner for i, owner in enumerate(bodies.owners)}
-    return error.renamed({"pairs": "contacts", **owners})  # pairs[i] is what the core calls contact i
 
 
 def write_answer(
