@@ -147,9 +147,10 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
     else if (sticks_by_slip ? speed <= AT_REST * fastest : friction < (1 - AT_REST) * most) regime = REGIME_STICKING;
     effect.regimes[i] = regime;
   }
+  effect.creates_energy = restitution + friction_loss < -0x1p-40 * work;
+  if (!effect.creates_energy) restitution = std::fmax(restitution, -friction_loss);  // a loss below 0 is rounding
   effect.energies[2] = restitution * load * unit;
   effect.energies[3] = friction_loss * load * unit;
-  effect.creates_energy = restitution + friction_loss < -0x1p-40 * work;
   effect.error_bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0)
                                    : (worst > 0 ? INFINITY : 0);
   if (!(effect.error_bound == effect.error_bound)) effect.error_bound = INFINITY;
