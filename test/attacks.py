@@ -736,6 +736,8 @@ def elastic() -> Cases:
         collision = with_contact(random_boxes(draw, planar=i % 2 == 0), restitution=1.0)
         for law, precision in product(FORMULAS, PRECISIONS):
             yield Case(f"{i} {law} {precision}", collision, model(law, precision))
+        for law, mu in product(PATHS, (0.0, 0.3)):
+            yield Case(f"{i} {law} mu={mu}", with_contact(collision, friction=mu), model(law))
         rough = with_contact(collision, friction=50.0)
         for e_t, precision in product((-1.0, 1.0), PRECISIONS):
             yield Case(

@@ -175,6 +175,8 @@ def _faults_of_answer(
     for name, x in numbers_of(impact).items():
         faults.require(isinstance(x, float) or type(x) is int, f"{name} is a {type(x).__name__}")
         faults.require(math.isfinite(x), f"{name} is {x}")
+    lost = impact.energy_lost_restitution + impact.energy_lost_friction
+    faults.require(lost >= 0, f"{lost:.3g} J are lost")
     if faults:
         return faults
     _check_status(faults, impact, case, requested, law, right)

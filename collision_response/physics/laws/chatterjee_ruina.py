@@ -35,7 +35,16 @@ Considerations", J. Appl. Mech. 65 (1998) 939-951, eqs. 17-22.
 
 from __future__ import annotations
 
-from ...numbers.operations import Condition, Scalar, called, choose, is_out_of_range, square_root, varying_as
+from ...numbers.operations import (
+    Condition,
+    Scalar,
+    called,
+    choose,
+    is_out_of_range,
+    maximum,
+    square_root,
+    varying_as,
+)
 from ..effective_mass import ContactKinematics, ContactNumbers
 from .law import Coefficients, Outcome, Regime, Solution, slip_regime
 
@@ -68,7 +77,8 @@ def chatterjee_ruina(contact: ContactKinematics | ContactNumbers, coefficients: 
     P = n * ((1 + e) * j) + D * kappa
     regime = choose(in_cone, lambda: 1.0 * Regime.STICKING, lambda: slip_regime(contact, u + K @ P))
     lost_restitution = (1 - e) * (1 + e) * j * -contact.n_u / 2
-    lost_friction = -(kappa * (2 - kappa)) * D.dot(u_I) / 2
+    D_KD = -D.dot(u_I)
+    lost_friction = kappa * (2 - kappa) * maximum(D_KD, 0 * D_KD) / 2  # D_KD is below 0 only by rounding
     size = D_t_squared + j * j * nn
     return Outcome(P, regime, lost_restitution, lost_friction, out_of_range=is_out_of_range(size, size / nn))
 

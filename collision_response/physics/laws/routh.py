@@ -131,6 +131,7 @@ def routh(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     heat = y.heat + path.m * ((rest.s + rest.s_c) * rest.x + (rest.s_c + rest.s_e) * rest.x_r) / 2
     heat = heat + ray.k * ray.G * rest.after_stop * rest.after_stop / 2
     lost = choose(energetic, lambda: (1 - e) * (1 + e) * -rest.W_c, lambda: -(rest.W_c + rest.W))
+    lost = maximum(lost, -heat)  # less only by rounding
     regime = _regime_at_end(ray, first, rest)
     least_r = minimum(y.least_r, choose(rest.along > 0, lambda: rest.r, lambda: 1 + o))
     P_n, X = rest.p_c + p, choose(rest.in_restitution, lambda: y.p_c / c + y.x, lambda: y.x) + rest.along

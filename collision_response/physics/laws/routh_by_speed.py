@@ -165,6 +165,7 @@ def routh_by_speed(contact: ContactKinematics, coefficients: Coefficients) -> Ou
     end, regime = result
     ends = [[Fraction(x) for x in (y.P1, y.P2, y.p_c + y.p)] for y in (end, other[0])]
     lost = (1 - e) * (1 + e) * -end.W_c if energetic else -(end.W_c + end.W)
+    lost = max(lost, -end.heat)  # less only by rounding
     return Outcome(
         impulse(*ends[0]),
         1.0 * regime,
