@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from .physics.body import Body
 from .physics.inverse_inertia import InverseInertia
-from .physics.orientation import ALIGNED, Quaternion, Rotation
+from .physics.orientation import Quaternion
 from .physics.tensor import Symmetric3
 from .physics.vector import ZERO, Vec3
 
@@ -82,8 +82,7 @@ def with_com_as_reference(body: Body) -> Body:
 
 def com_in_world_axes(body: Body) -> Vec3:
     """Vector from the reference point to the centre of mass, in world axes [m]."""
-    com = Vec3(*body.com)
-    return com if body.orientation is None else body_rotation(body).to_world(com)
+    return body.to_world(Vec3(*body.com))
 
 
 def moment_about_z(body: Body) -> float:
@@ -91,7 +90,7 @@ def moment_about_z(body: Body) -> float:
     inertia = Symmetric3(*body.inertia)
     if body.orientation is None:
         return inertia.zz
-    axis = body_rotation(body).z
+    axis = body.rotation().z
     moment = axis.dot(inertia @ axis)
     return moment if moment > LEAST_MOMENT * inertia.trace() else 0.0
 
@@ -106,13 +105,6 @@ def planar_spin(body: Body) -> float:
     moment = moment_about_z(body)
     if not moment or not body.is_movable():
         return z
-    rotation = ALIGNED if body.orientation is None else body_rotation(body)
+    rotation = body.rotation()
     tumbling = rotation.to_body(Vec3(x, y, 0.0))
     return z + (Symmetric3(*body.inertia) @ rotation.z / moment).dot(tumbling)
-
-
-def body_rotation(body: Body) -> Rotation:
-    """Rotation from body axes to world axes. The quaternion may have any length except 0."""
-    orientation = orientation_of(body)
-    largest = max(map(abs, orientation))  # divide by it, so that no square overflows or underflows
-    return Quaternion(*(q / largest for q in orientation)).rotation()

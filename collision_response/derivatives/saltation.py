@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..body_conversions import body_rotation, com_in_world_axes
+from ..body_conversions import com_in_world_axes
 from ..in_python.request_numbers import read_request
 from ..model import DEFAULT, Adjustment, ImpactModel, check_number
 from ..physics.body import Body
@@ -207,7 +207,7 @@ def _free_flight_rate(body: Body, gravity: Sequence[float]) -> Array:
     v, w = np.array(body.velocity), np.array(body.angular_velocity)
     if not body.is_movable():
         return np.concatenate([v, w, np.zeros(6)])
-    R = np.array(body_rotation(body)[:3])
+    R = np.array(body.rotation()[:3])
     inertia: Array = np.array(body.inertia.rows())
     w_body = R.T @ w
     angular = R @ np.linalg.lstsq(inertia, -np.cross(w_body, inertia @ w_body), rcond=None)[0]
