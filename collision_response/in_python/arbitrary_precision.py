@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from ..answer import Impact, make_impact
 from ..geometry import geometry_for
 from ..impact import Changes, ImpactNumbers, impact
-from ..model import Geometry, ImpactModel, Law, Precision, plan_model
+from ..model import Geometry, ImpactModel, Law, ModelPlan, Precision, plan_model
 from ..numbers import balls
 from ..numbers.balls import Ball, Undecided
 from ..numbers.operations import numbers_in
@@ -69,7 +69,7 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     used_model = model._replace(law=law, geometry=geometry, precision=Precision.EXTENDED)
     best, is_stuck = Attempt(None, math.inf), False
     for bits in BITS:
-        attempt = _attempt(request, used_model, bits)
+        attempt = _attempt(request, used_model, plan, bits)
         if attempt.answer is None:
             if attempt.bound < math.inf:
                 return None
@@ -85,10 +85,9 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     return make_impact((a, b), best.answer, used_contact, used_model, best.rounded_bound, plan.bound_limit)
 
 
-def _attempt(request: tuple[Body, Body, Contact], model: ImpactModel, bits: int) -> Attempt:
-    """Compute a request in balls of this precision, by a model without AUTO."""
+def _attempt(request: tuple[Body, Body, Contact], model: ImpactModel, plan: ModelPlan, bits: int) -> Attempt:
+    """Compute a request in balls of this precision, by a model without AUTO and the numbers of a plan."""
     has_path = model.law in STEPPED or (model.law in PATHS and model.geometry is Geometry.SPATIAL)
-    plan = plan_model(model)
     with balls.working_precision(bits):
         a, b, contact = read_request(*request, _ball)
         settings = Settings(*map(Ball, plan.settings, plan.settings_errors))
