@@ -558,6 +558,16 @@ def test_order_sensitivity_is_positive_for_a_box_and_zero_for_a_ball():
     assert row_of_balls((1, 0, 0), number=float).resolve(options={"orders": 4}).order_sensitivity == 0
 
 
+def test_order_sensitivity_of_fractions_is_that_of_floats():
+    """A light ball between two others takes so many impacts that fractions would grow for minutes."""
+    masses = (1, F(1, 10**6), 1, 10**6)
+    exact, rounded = (
+        row_of_balls((1, 0, 0, 0), 0, masses, number).resolve(options={"orders": 4}) for number in (F, float)
+    )
+    assert isinstance(exact.twists[0].linear.x, F)
+    assert exact.order_sensitivity == rounded.order_sensitivity > 0
+
+
 def test_one_object_may_be_several_bodies_in_every_order():
     """Two equal boxes that touch, on one floor."""
     scene = box(e=0.5)
