@@ -32,7 +32,7 @@ from ..kernels import library
 from ..model import DEFAULT, LARGEST_BOUND, ImpactModel, check_number
 from ..physics.laws import PATHS
 from ..scene import resolve_scene
-from ..scene.reflections import REFLECTIONS, THRESHOLD
+from ..scene.reflections import THRESHOLD
 from ..status import ImpactError, StatusCode
 from .one_by_one import body_of, contact_of
 from .other_arrays import check_unmasked
@@ -200,7 +200,7 @@ def _resolve_without_python(
     plan, model, pairs = request.plan, request.plan.model, request.pairs
     assert pairs is not None
     thresholds = threshold, model.restitution_threshold, model.tangential_restitution
-    numbers = tuple(map(float, (*thresholds, plan.model_plan.bound_limit, REFLECTIONS)))
+    numbers = tuple(map(float, (*thresholds, plan.model_plan.bound_limit)))
 
     def resolve_some(start: int, stop: int) -> None:
         library.resolve_clusters(

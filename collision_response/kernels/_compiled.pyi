@@ -1,5 +1,6 @@
 """The types of the compiled functions. The C++ files that ``module.hpp`` names say what each one does."""
 
+from array import array
 from collections.abc import Callable, Sequence
 from typing import Any, Final, Literal, final
 
@@ -11,6 +12,8 @@ from ..physics.body import Body
 from ..physics.contact import Contact
 
 _Array = np.ndarray[Any, Any]
+_Integers = _Array | array[int]
+_Impulses = tuple[bytes, list[float] | None, float, float, float | None, bool]
 _InPython = Callable[[Body, Body, Contact, ImpactModel, Impact | int], Impact]
 
 def setup(*objects: Any) -> None: ...
@@ -46,11 +49,10 @@ def resolve_scene(
     contacts: Sequence[Contact],
     model: ImpactModel,
     threshold: float,
-    budget: int,
     /,
 ) -> tuple[Any, ...] | None: ...
 def find_clusters(
-    pairs: _Array, movable: _Array, order: _Array, starts: _Array, cluster: _Array, /
+    pairs: _Integers, movable: _Array | bytes, order: _Integers, starts: _Integers, cluster: _Integers, /
 ) -> int: ...
 def resolve_clusters(
     layout: int,
@@ -83,14 +85,12 @@ class Cluster:
     def impulses_from_floats(self, p: list[float], /) -> bytes: ...
     def contradictory_contacts(self) -> list[int]: ...
     def velocity_size(self, p: bytes, /) -> float: ...
-    def reflections(
-        self, threshold: float, budget: int, /
-    ) -> tuple[bytes, float, float, float | None, bool] | None: ...
+    def reflections(self, threshold: float, /) -> _Impulses | None: ...
     def effect_of(
         self, p: bytes, tangential: list[float] | None, error: float, sticks_by_slip: bool, /
     ) -> tuple[Any, ...]: ...
-    def least_work_friction(self, p: bytes, error: float, /) -> tuple[bytes, list[float] | None, float]: ...
-    def moreau(self, has_friction: bool, /) -> tuple[bytes, list[float] | None, float] | None: ...
+    def least_work_friction(self, p: bytes, error: float, /) -> _Impulses: ...
+    def moreau(self, has_friction: bool, /) -> _Impulses | None: ...
     def follow_springs(
         self, stiffness: list[float], exponent: float, tolerance: float, budget: int, has_friction: bool, /
     ) -> tuple[bytes, list[float] | None, float, int] | Literal[False] | None: ...

@@ -69,18 +69,6 @@ PyObject* velocity_size(PyObject* self, PyObject* o) {
   return p ? PyFloat_FromDouble(assembly_of(self).velocity_size(p)) : nullptr;
 }
 
-// reflections(threshold, budget): the normal impulses, error, margin, restitution (or None) and no_rebound of
-// ClusterImpulses; None if contacts contradict each other.
-PyObject* reflect(PyObject* self, PyObject* args) {
-  double threshold;
-  long budget;
-  if (!PyArg_ParseTuple(args, "dl", &threshold, &budget)) return nullptr;
-  ClusterImpulses found = Reflections{assembly_of(self)}.resolve(threshold, budget);
-  if (!found.are_found) Py_RETURN_NONE;
-  PyObject* e = found.restitution < 0 ? Py_NewRef(Py_None) : PyFloat_FromDouble(found.restitution);
-  return Py_BuildValue("NddNN", bytes(found.normal), found.error, found.margin, e, PyBool_FromLong(found.no_rebound));
-}
-
 PyObject* number_list(const Vector& x) {
   return listed(x.size(), [&x](size_t i) { return PyFloat_FromDouble(x[i]); });
 }
@@ -112,13 +100,20 @@ PyObject* get_effect(PyObject* self, PyObject* args) {
       PyBool_FromLong(effect.creates_energy));
 }
 
-// Normal impulses, tangential ones (or None) and their error; None if there is no answer.
+// The fields of ClusterImpulses of scene/impulses.py up to no_rebound; None if there is no answer.
 PyObject* impulses_or_none(const ClusterImpulses& impulses) {
   if (!impulses.are_found) Py_RETURN_NONE;
   PyObject* tangential = impulses.tangential.empty() ? Py_NewRef(Py_None) : number_list(impulses.tangential);
-  return Py_BuildValue("NNd", bytes(impulses.normal), tangential, impulses.error);
+  PyObject* e = impulses.restitution < 0 ? Py_NewRef(Py_None) : PyFloat_FromDouble(impulses.restitution);
+  return Py_BuildValue("NNddNN", bytes(impulses.normal), tangential, impulses.error, impulses.margin, e,
+                       PyBool_FromLong(impulses.no_rebound));
 }
 
+// reflections(threshold): the impulses of FRICTIONLESS.
+PyObject* reflect(PyObject* self, PyObject* threshold) {
+  const double relative = PyFloat_AsDouble(threshold);
+  return PyErr_Occurred() ? nullptr : impulses_or_none(Reflections{assembly_of(self)}.resolve(relative));
+}
 // least_work_friction(p, error): the impulses of COULOMB, from frictionless ones.
 PyObject* add_least_work_friction(PyObject* self, PyObject* args) {
   PyObject* normal;
@@ -174,7 +169,7 @@ PyMethodDef methods[] = {
     {"impulses_from_floats", RaisesMemoryError<impulses_from_floats>::call, METH_O, ""},
     {"contradictory_contacts", RaisesMemoryError<find_contradictory_contacts>::call, METH_NOARGS, ""},
     {"velocity_size", velocity_size, METH_O, ""},
-    {"reflections", RaisesMemoryError<reflect>::call, METH_VARARGS, ""},
+    {"reflections", RaisesMemoryError<reflect>::call, METH_O, ""},
     {"effect_of", RaisesMemoryError<get_effect>::call, METH_VARARGS, ""},
     {"least_work_friction", RaisesMemoryError<add_least_work_friction>::call, METH_VARARGS, ""},
     {"moreau", RaisesMemoryError<apply_moreau>::call, METH_O, ""},

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import chain
 from typing import Any
 
 from ..impact import Flags, Report
 from ..model import Adjustment, Geometry, Precision
+from ..numbers.operations import numbers_in
+from ..physics.effective_mass import ContactNumbers
 from ..physics.inverse_inertia import InverseInertia
-from ..physics.laws import LAWS, Law, Regime
+from ..physics.laws import LAWS, Coefficients, Law, Regime
+from ..physics.tensor import ZERO_TENSOR
+from ..physics.vector import ZERO
 from ..status import StatusCode
 from .layout import (
     ALL_ONE,
@@ -22,7 +27,7 @@ from .layout import (
     rows_in_everything,
     units,
 )
-from .protocol import Handover, NumberType
+from .protocol import REFLECTIONS, Handover, NumberType, ValidityFlag
 from .symbol import Tape
 
 ENUMERATIONS: dict[str, Iterable[Any]] = {
@@ -34,11 +39,15 @@ ENUMERATIONS: dict[str, Iterable[Any]] = {
     "PRECISION": Precision,
     "NUMBER": NumberType,
     "HANDOVER": Handover,
+    "VALIDITY": ValidityFlag,
 }
 """The enumerations whose members C++ knows by name, each with the prefix of these names."""
 
 FORMULAS = {formula.__name__: law for law, formula in LAWS.items()}
 """The name of each law's formula, with a law that it computes. Laws may share a formula."""
+
+LAW_ARGUMENTS = ContactNumbers(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR), Coefficients(0.0)
+"""Arguments of a law. Only their structure matters."""
 
 LAYOUTS_OF_TABLES = [layout for layout in Layout if layout is not Layout.ARTICULATED]
 """The layouts that kernels of batches read."""
@@ -72,6 +81,8 @@ def constants() -> str:
         "REPORTED": len(reported),
         "FLAGS": len(Flags._fields),
         "LAW_COUNT": max(LAWS) + 1,
+        "VALIDITY_FLAGS": len(ValidityFlag),
+        "REFLECTIONS": REFLECTIONS,
     }
     numbers |= {f"IN_{name.replace('.', '_').upper().rstrip('_')}": i for i, name in enumerate(inputs)}
     numbers |= {f"OUT_{field.upper()}": 12 + i for i, field in enumerate(Report._fields[2:])}
@@ -89,6 +100,7 @@ def constants() -> str:
         f"enum {{\n{enumerators}}};\n"
         f"enum {{ ROWS_OF_BODY = BODY, ROWS_OF_CONTACT = {len(names_of_contact(Layout.EVERYTHING))}, "
         f"ROWS_OF_MODEL = {len(names_of_model())} }};\n"
+        f"{offsets('LAW_INPUT', *LAW_ARGUMENTS)}"
         f"#define EACH_FORMULA(X) {' '.join(f'X({formula})' for formula in formulas)}\n"
         f"static const signed char formula_of[] = {{{', '.join(map(str, formula_of))}}};  // by law\n"
         f"{TABLE_LAYOUT}"
@@ -117,3 +129,12 @@ def _table_layout(layout: Layout) -> str:
 
 def _braced(values: Iterable[object]) -> str:
     return "{" + ", ".join(map(str, values)) + "}"
+
+
+def offsets(prefix: str, *parts: Any) -> str:
+    """An ``enum`` of the places where the numbers of each field of named tuples begin, and of their count."""
+    places, count = [], 0
+    for name, field in chain(*(zip(part._fields, part, strict=True) for part in parts)):
+        places.append(f"{prefix}_{name.upper()} = {count}, ")
+        count += len(list(numbers_in(field)))
+    return f"enum {{ {''.join(places)}{prefix}_COUNT = {count} }};\n"

@@ -16,7 +16,6 @@ EACH_FORMULA(X)
 namespace {
 
 using SparseDual = Dual<Bounded<double>, SparseDerivatives>;
-static_assert(int(LAW_INPUT_COUNT) == int(LAW_INPUTS));
 
 // An impact is differentiated by these parameters: its inputs, but three rotations about the world axes in k_index of
 // the four numbers of a quaternion, and only those numbers of the model that laws read.
@@ -93,8 +92,8 @@ struct LawImpulse {
   int law, directions;
 
   std::array<SparseDual, AXES> operator()(const SparseDual* in) const {
-    Bounded<double> law_input[LAW_INPUTS];
-    for (int i = 0; i < LAW_INPUTS; ++i) law_input[i] = in[i].value;
+    Bounded<double> law_input[LAW_INPUT_COUNT];
+    for (int i = 0; i < LAW_INPUT_COUNT; ++i) law_input[i] = in[i].value;
     if (double& e = law_input[LAW_INPUT_RESTITUTION].value; law == LAW_COMPLIANT && e < LEAST_RESTITUTION)
       e = LEAST_RESTITUTION;
     Seeds seeds;
@@ -103,7 +102,7 @@ struct LawImpulse {
     P.fill(SparseDual(Bounded<double>{}));
     const int block_count = (directions + 3) / 4;
     const bool has_edges =
-        std::any_of(in, in + LAW_INPUTS, [](const SparseDual& one) { return one.kinks | one.jumps; });
+        std::any_of(in, in + LAW_INPUT_COUNT, [](const SparseDual& one) { return one.kinks | one.jumps; });
     if (has_edges || directions > DenseDerivatives::DIRECTIONS) {
       seed_independent(law_input, seeds);
       differentiate_law(law, law_input, seeds, &y);
@@ -112,7 +111,7 @@ struct LawImpulse {
     }
     for (int from = 0; from < block_count; from += DenseDerivatives::BLOCKS) {
       int blocks = std::min(DenseDerivatives::BLOCKS, block_count - from);
-      for (int i = 0; i < LAW_INPUTS; ++i)
+      for (int i = 0; i < LAW_INPUT_COUNT; ++i)
         for (int k = 0; k < DenseDerivatives::DIRECTIONS; ++k)
           seeds[i][k] = k < 4 * blocks ? in[i].at(4 * from + k) : 0;
       differentiate_law(law, law_input, seeds, &y);

@@ -3,10 +3,10 @@
 #include "dual.hpp"
 #include "constants.hpp"
 
-enum { LAW_INPUTS = 21, AXES = 3 };
+enum { AXES = 3 };
 
 // Derivatives in some directions: of the inputs of a law, and of its impulse.
-using Seeds = double[LAW_INPUTS][DenseDerivatives::DIRECTIONS];
+using Seeds = double[LAW_INPUT_COUNT][DenseDerivatives::DIRECTIONS];
 struct Impulse {
   Bounded<double> value[AXES];
   double d[AXES][DenseDerivatives::DIRECTIONS];

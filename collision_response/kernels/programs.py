@@ -15,10 +15,11 @@ from ..physics.energy import kinetic_energy
 from ..physics.laws import LAWS, PATHS, STEPPED, Coefficients, Law
 from ..physics.laws.chatterjee_ruina import fallback
 from ..physics.tensor import ZERO_TENSOR
-from ..physics.vector import ZERO, Vec3
-from .constants import FORMULAS, constants
+from ..physics.vector import Vec3
+from .constants import FORMULAS, LAW_ARGUMENTS, constants, offsets
 from .emit import BRANCHES, BRANCHES_OF_PLAIN_NUMBERS, emit
 from .layout import Layout, kernel_inputs, names_of_body
+from .protocol import ValidityFlag
 from .simd_pairs import pair_bodies
 from .symbol import CONDITIONS, Node, Symbol, Tape, rebuilt
 
@@ -83,31 +84,31 @@ def impact_header(law: Law, layout: Layout) -> str:
 def validity_header(layout: Layout) -> str:
     """The check of a request.
 
-    ``validity`` reports the code of what is wrong, 0 if nothing is. Its flags say whether geometry POINT is
-    enough without friction and with it, whether PLANAR is enough without and with it, and whether a
-    quaternion was not of unit length. ``clearly_valid`` is a quick check that most requests pass.
+    ``validity`` reports the code of what is wrong, 0 if nothing is, and sets the flags of ``ValidityFlag``.
+    ``clearly_valid`` is a quick check that most requests pass.
     """
     tape = Tape()
     given = kernel_inputs(layout, tape)
     parts, e_t = given[1:4], given.settings.tangential_restitution
     code = validity.first_fault(*parts, e_t)
-    flags = [
-        geometry.point_suffices(*parts, frictionless=True),
-        geometry.point_suffices(*parts, frictionless=False),
-        geometry.planar_suffices(*parts, frictionless=True),
-        geometry.planar_suffices(*parts, frictionless=False),
-        validity.is_not_normalised(given.body_a) | validity.is_not_normalised(given.body_b),
-    ]
+    flags = {
+        ValidityFlag.POINT_IF_FRICTIONLESS: geometry.point_suffices(*parts, frictionless=True),
+        ValidityFlag.POINT_SUFFICES: geometry.point_suffices(*parts, frictionless=False),
+        ValidityFlag.PLANAR_IF_FRICTIONLESS: geometry.planar_suffices(*parts, frictionless=True),
+        ValidityFlag.PLANAR_SUFFICES: geometry.planar_suffices(*parts, frictionless=False),
+        ValidityFlag.IS_OFF_UNIT: validity.is_not_normalised(given.body_a)
+        | validity.is_not_normalised(given.body_b),
+    }
     is_sound = tape.symbol(validity.is_clearly_valid(*parts, e_t))
-    text = emit("validity", given.names, [], [tape.symbol(code)], map(tape.symbol, flags))
+    ordered = [tape.symbol(flags[flag]) for flag in ValidityFlag]
+    text = emit("validity", given.names, [], [tape.symbol(code)], ordered)
     return text + emit("clearly_valid", given.names, [], [], [is_sound])
 
 
 def impulse_header(law: Law) -> str:
     """The impulse of a law from what the law sees, for numbers that carry derivatives."""
     tape = Tape(of_derivatives=True)
-    like = ContactNumbers(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR), Coefficients(0.0)
-    inputs, (seen, coefficients) = _traced_arguments(tape, *like)
+    inputs, (seen, coefficients) = _traced_arguments(tape, *LAW_ARGUMENTS)
     impulse = evaluate_law(seen, coefficients, law).impulse
     return emit("impulse", inputs, map(tape.symbol, impulse), [], [], branches=BRANCHES)
 
@@ -122,12 +123,10 @@ def changes_header() -> str:
     law = tape.add(Node("law", tuple(tape.symbol(x).index for x in numbers_in(seen)))).index
     impulse = Vec3(*(tape.add(Node("part", (law,), i)) for i in range(3)))
     results = map(tape.symbol, numbers_in(Changes(impulse, *contact.twist_changes(impulse))))
-    names = (*ContactNumbers._fields, *Coefficients._fields)
-    text = emit("changes", given.names, results, [], [], branches=BRANCHES)
-    return _offsets("LAW_INPUT", names, seen) + text
+    return emit("changes", given.names, results, [], [], branches=BRANCHES)
 
 
-FALLBACK_ARGUMENTS = ContactNumbers(ZERO, ZERO, 0.0, 0.0, ZERO_TENSOR, ZERO_TENSOR), Coefficients(0.0)
+FALLBACK_ARGUMENTS = LAW_ARGUMENTS[0]._replace(regularized_K=ZERO_TENSOR), LAW_ARGUMENTS[1]
 """Arguments of the fallback law. Only their structure matters."""
 
 
@@ -167,7 +166,7 @@ def column_header() -> str:
     side = rebuilt(centre, read)
     velocity, arm, direction = (Vec3(*symbols[i : i + 3]) for i in range(count, count + 9, 3))
     outputs = map(tape.symbol, numbers_in(Column.at(side, velocity, arm, direction)))
-    return _offsets("CENTRE", BodyAtContact._fields, centre) + text + emit("column", inputs, outputs, [], [])
+    return offsets("CENTRE", centre) + text + emit("column", inputs, outputs, [], [])
 
 
 SHARED_HEADERS: dict[str, Callable[[], str]] = {
@@ -184,15 +183,6 @@ def _traced_arguments(tape: Tape, *like: Any) -> tuple[Iterable[object], list[An
     inputs = range(sum(1 for _ in numbers_in(like)))
     symbols = map(tape.input, inputs)
     return inputs, [rebuilt(one, symbols) for one in like]
-
-
-def _offsets(prefix: str, names: Iterable[str], parts: Iterable[Any]) -> str:
-    """An ``enum`` of the places where the numbers of each part begin, and of how many numbers there are."""
-    offsets, count = [], 0
-    for name, part in zip(names, parts, strict=True):
-        offsets.append(f"{prefix}_{name.upper()} = {count}, ")
-        count += len(list(numbers_in(part)))
-    return f"enum {{ {''.join(offsets)}{prefix}_COUNT = {count} }};\n"
 
 
 def _is_condition(symbol: Symbol) -> bool:

@@ -2,6 +2,9 @@
 
 from enum import IntEnum
 
+REFLECTIONS = 10_000
+"""Greatest number of reflections in a cluster of contacts. A chain of n equal balls takes n."""
+
 
 class Handover(IntEnum):
     """Why the kernels' ``resolve`` hands a request over to Python instead of answering it."""
@@ -16,6 +19,21 @@ class Handover(IntEnum):
     """The answer is not finite, and its error bound is infinite."""
     RATIONAL = 4
     """A number is a fraction, the law FRICTIONLESS, and no body articulated: the answer can be exact."""
+
+
+class ValidityFlag(IntEnum):
+    """The places of the flags that the check of a request sets for a valid one."""
+
+    POINT_IF_FRICTIONLESS = 0
+    """The geometry POINT is enough for a law without friction."""
+    POINT_SUFFICES = 1
+    """The geometry POINT is enough."""
+    PLANAR_IF_FRICTIONLESS = 2
+    """The geometry PLANAR is enough for a law without friction."""
+    PLANAR_SUFFICES = 3
+    """The geometry PLANAR is enough."""
+    IS_OFF_UNIT = 4
+    """A quaternion is not of unit length."""
 
 
 class NumberType(IntEnum):

@@ -126,8 +126,8 @@ int compute_one_impact(PyObject* const* request, const Plan& plan, OneImpact& im
   impact.law = input[IN_CONTACT_FRICTION] > 0 ? plan.law_with_friction : plan.law_without_friction;
   const bool frictionless = impact.law == LAW_FRICTIONLESS, *validity = impact.validity;
   impact.leaves_out_friction = frictionless && input[IN_CONTACT_FRICTION] != 0;
-  const bool is_point = validity[frictionless ? POINT_IF_FRICTIONLESS : POINT_SUFFICES];
-  const bool is_planar = validity[frictionless ? PLANAR_IF_FRICTIONLESS : PLANAR_SUFFICES];
+  const bool is_point = validity[frictionless ? VALIDITY_POINT_IF_FRICTIONLESS : VALIDITY_POINT_SUFFICES];
+  const bool is_planar = validity[frictionless ? VALIDITY_PLANAR_IF_FRICTIONLESS : VALIDITY_PLANAR_SUFFICES];
   impact.geometry = is_point ? GEOMETRY_POINT : is_planar ? GEOMETRY_PLANAR : GEOMETRY_SPATIAL;
   if (plan.geometry != GEOMETRY_AUTO) {
     if (plan.geometry < impact.geometry) return HANDOVER_GEOMETRY_TOO_SMALL;

@@ -2,7 +2,6 @@
 #pragma once
 #include "one_impact.hpp"
 #include "plan.hpp"
-#include "validity_flags.hpp"
 
 struct OneImpact {
   double input[ALL_INPUTS];
@@ -12,7 +11,7 @@ struct OneImpact {
   bool validity[VALIDITY_FLAGS];
 
   int adjustments() const {
-    return validity[IS_OFF_UNIT] * ADJUSTMENT_NORMALISED_ORIENTATION +
+    return validity[VALIDITY_IS_OFF_UNIT] * ADJUSTMENT_NORMALISED_ORIENTATION +
            result.flags[FLAG_BELOW_THRESHOLD] * ADJUSTMENT_RESTITUTION_THRESHOLD +
            result.flags[FLAG_FELL_BACK] * ADJUSTMENT_LAW_FALLBACK +
            result.flags[FLAG_MASSLESS_SPIN] * ADJUSTMENT_MASSLESS_SPIN + is_articulated * ADJUSTMENT_ENERGY_CHANGE_ONLY;

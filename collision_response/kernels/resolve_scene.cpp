@@ -27,9 +27,9 @@ PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
 
 // resolve_clusters(layout, law, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): resolve
 // the clusters wanted[from:to], without the GIL. `numbers` are the approach threshold, the restitution threshold, the
-// tangential restitution, the greatest error bound allowed, and the greatest number of reflections. The arrays are
-// those of batch/resolve_scenes.py, of the right shapes; `results` are the fields of a ScenesResult. Clusters that are
-// left to Python get the status 0, or keep theirs if no cluster is resolved here.
+// tangential restitution and the greatest error bound allowed. The arrays are those of batch/resolve_scenes.py, of the
+// right shapes; `results` are the fields of a ScenesResult. Clusters that are left to Python get the status 0, or keep
+// theirs if no cluster is resolved here.
 PyObject* resolve_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   enum {
     VELOCITY,
@@ -46,11 +46,11 @@ PyObject* resolve_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 12 || !PyTuple_Check(args[8]) || PyTuple_GET_SIZE(args[8]) != RESULTS)
     return PyErr_Format(PyExc_TypeError, "resolve_clusters() takes 12 arguments");
   int layout = static_cast<int>(PyLong_AsLong(args[0])), law = static_cast<int>(PyLong_AsLong(args[1]));
-  std::array<double, 5> numbers;
-  if (PyErr_Occurred() || !read_floats(args[2], 5, numbers.data()))
+  std::array<double, 4> numbers;
+  if (PyErr_Occurred() || !read_floats(args[2], 4, numbers.data()))
     return PyErr_Format(PyExc_TypeError, "resolve_clusters(): numbers");
-  auto [threshold, restitution_threshold, tangential_restitution, bound_limit, budget] = numbers;
-  const ClusterOptions options{law, threshold, restitution_threshold, tangential_restitution, static_cast<int>(budget)};
+  auto [threshold, restitution_threshold, tangential_restitution, bound_limit] = numbers;
+  const ClusterOptions options{law, threshold, restitution_threshold, tangential_restitution};
   if (!options.is_compiled()) Py_RETURN_NONE;
   long from = PyLong_AsLong(args[10]), to = PyLong_AsLong(args[11]);
   Array bodies, pairs, contacts, order, starts, wanted, result[RESULTS];
@@ -309,14 +309,14 @@ bool holds_fraction(PyObject* o) {
 
 PyObject* has_fraction(PyObject*, PyObject* o) { return PyBool_FromLong(holds_fraction(o)); }
 
-// resolve_scene(bodies, pairs, contacts, model, threshold, budget): the fields of a SceneImpact; None if the scene is
-// left to Python. The budget is the greatest number of reflections in a cluster.
+// resolve_scene(bodies, pairs, contacts, model, threshold): the fields of a SceneImpact; None if the scene is left to
+// Python.
 PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t count) {
-  if (count != 6) return PyErr_Format(PyExc_TypeError, "resolve_scene() takes 6 arguments");
+  if (count != 5) return PyErr_Format(PyExc_TypeError, "resolve_scene() takes 5 arguments");
   Plan plan;
   if (!find_plan(args[3], plan)) return nullptr;
   ClusterOptions options{0, PyFloat_AsDouble(args[4]), plan.setting(IN_MODEL_RESTITUTION_THRESHOLD),
-                         plan.setting(IN_MODEL_TANGENTIAL_RESTITUTION), static_cast<int>(PyLong_AsLong(args[5]))};
+                         plan.setting(IN_MODEL_TANGENTIAL_RESTITUTION)};
   if (PyErr_Occurred()) return nullptr;
   SceneRequest scene;
   if (!scene.read(args[0], args[1], args[2])) Py_RETURN_NONE;

@@ -38,5 +38,5 @@ from .impulses import ClusterImpulses
 
 def add_friction(cluster: library.Cluster, impulses: ClusterImpulses) -> ClusterImpulses:
     """Return the impulses with friction, from those of GRR."""
-    normal, tangential, error = cluster.least_work_friction(impulses.normal, impulses.error)
+    normal, tangential, error, *_ = cluster.least_work_friction(impulses.normal, impulses.error)
     return impulses._replace(normal=normal, tangential=tangential, error=error)

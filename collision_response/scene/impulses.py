@@ -22,10 +22,10 @@ class ClusterImpulses(NamedTuple):
         error: bound on the error of the velocities they produce, in the metric of kinetic energy.
         margin: least distance of a decision from its threshold, relative to the fastest approach.
         restitution: the one restitution used for all contacts; ``None`` if each contact has its own.
+        no_rebound: whether bodies would rebound without end, so that restitution was taken as 0.
         friction_loss: energy that friction took along the path; ``None`` to compute it from the mean of the
             slip before and after.
         fell_back: whether the law had no sound answer and these are the impulses of another law.
-        no_rebound: whether bodies would rebound without end, so that restitution was taken as 0.
     """
 
     normal: Any
@@ -33,9 +33,9 @@ class ClusterImpulses(NamedTuple):
     error: float = 0.0
     margin: Scalar = math.inf
     restitution: Scalar | None = None
+    no_rebound: bool = False
     friction_loss: float | None = None
     fell_back: bool = False
-    no_rebound: bool = False
 
 
 class ImpulseEffect(NamedTuple):

@@ -32,7 +32,7 @@ import math
 from fractions import Fraction
 from typing import Any
 
-from ..kernels import library
+from ..kernels.protocol import REFLECTIONS
 from ..numbers.operations import Scalar
 from ..status import ImpactError, StatusCode
 from .impulses import ClusterImpulses
@@ -40,9 +40,6 @@ from .rational_cluster import RationalCluster
 
 THRESHOLD = 2.0**-30
 """Approaches slower than this fraction of the fastest one are ignored, so that rounding never decides one."""
-
-REFLECTIONS = 10_000
-"""Greatest number of reflections. A chain of n equal balls takes n."""
 
 DIGITS = 2**23
 """Budget for reflections in fractions, which takes about a second: the sum, over all reflections, of the
@@ -66,7 +63,8 @@ def reflections(cluster: Any, threshold: Scalar) -> ClusterImpulses:
     if isinstance(cluster, RationalCluster):
         impulses = _in_fractions(cluster, Fraction(threshold))
     else:
-        impulses = _in_double_double(cluster, threshold)
+        found = cluster.reflections(threshold)
+        impulses = None if found is None else ClusterImpulses(*found)
     if impulses is None and cluster.is_locked:
         reason = "press on each other, and may or may not contradict: too many to decide exactly"
         raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
@@ -79,14 +77,6 @@ def contradiction() -> ImpactError:
     """Return the error for contacts that contradict each other."""
     reason = "contradict each other: no velocities keep all of them from approaching"
     return ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
-
-
-def _in_double_double(cluster: library.Cluster, threshold: Scalar) -> ClusterImpulses | None:
-    found = cluster.reflections(threshold, REFLECTIONS)
-    if found is None:
-        return None
-    normal, error, margin, e, no_rebound = found
-    return ClusterImpulses(normal, error=error, margin=margin, restitution=e, no_rebound=no_rebound)
 
 
 def _in_fractions(cluster: RationalCluster, threshold: Fraction) -> ClusterImpulses | None:

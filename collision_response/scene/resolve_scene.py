@@ -23,7 +23,7 @@ from .answer import SceneImpact
 from .cluster_answer import ClusterAnswer, split_among_copies
 from .clusters import Pair, distinct_contacts, find_clusters
 from .order_sensitivity import order_sensitivity
-from .reflections import REFLECTIONS, THRESHOLD
+from .reflections import THRESHOLD
 from .request import (
     ContactIndices,
     SceneOptions,
@@ -89,7 +89,7 @@ def resolve_scene(
         and type(orders) is int
     )
     if has_usual_types and 0 <= threshold < 1 and exponent == 1.5 and orders == 0:
-        fields = library.resolve_scene(bodies, pairs, contacts, model, threshold, REFLECTIONS)
+        fields = library.resolve_scene(bodies, pairs, contacts, model, threshold)
         if fields is not None:
             return SceneImpact._make(fields)
     check_model(model)

@@ -6,7 +6,6 @@
 #include "effect.hpp"
 #include "reflections.hpp"
 #include "validity_everything.hpp"
-#include "validity_flags.hpp"
 
 using Code = unsigned char;  // a StatusCode, or LEFT_TO_PYTHON
 constexpr Code LEFT_TO_PYTHON = 0;
@@ -103,7 +102,7 @@ struct Cluster {
       fault = static_cast<int>(found);
       if (fault) return;
       ++invalid_contact;
-      has_off_unit_orientation = has_off_unit_orientation || flags[IS_OFF_UNIT];
+      has_off_unit_orientation = has_off_unit_orientation || flags[VALIDITY_IS_OFF_UNIT];
       has_friction = has_friction || contact.x[7] > 0;
       assembly.add(given[a], given[b], movable_place[a], movable_place[b], contact.x, contact.copies);
     }
@@ -115,7 +114,6 @@ struct Cluster {
 struct ClusterOptions {
   int law;
   double threshold, restitution_threshold, tangential_restitution;
-  int budget;  // greatest number of reflections
 
   // Whether clusters of several contacts are resolved here. If not, they are left to Python.
   bool is_compiled() const {
@@ -176,7 +174,7 @@ inline ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& opt
     if (result.code != LEFT_TO_PYTHON && !result.effect.creates_energy) return result;
     result.fell_back = true;
   }
-  impulses = Reflections{assembly}.resolve(options.threshold, options.budget);
+  impulses = Reflections{assembly}.resolve(options.threshold);
   const bool is_undecided = impulses.error == INFINITY;
   if (cluster.has_friction && impulses.are_found) impulses = least_work_friction(assembly, impulses);
   if (!impulses.are_found) result.code = STATUS_CONTRADICTORY_CONTACTS;

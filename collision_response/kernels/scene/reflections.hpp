@@ -8,7 +8,7 @@
 struct Reflections {
   const Assembly& assembly;
 
-  ClusterImpulses resolve(double threshold, long budget) const {
+  ClusterImpulses resolve(double threshold) const {
     ClusterImpulses result;
     std::vector<DD>& p = result.normal;
     p.resize(assembly.count);
@@ -33,8 +33,8 @@ struct Reflections {
     };
     if (!(result.restitution > 0) || assembly.is_locked) return inelastic();
     bool all_separate = false;
-    for (long turn = 0;; ++turn) {
-      if (turn == budget) return inelastic();
+    for (int turn = 0;; ++turn) {
+      if (turn == REFLECTIONS) return inelastic();
       const Violations seen = find_violations(p.data(), error, threshold * speed, threshold * doubt);
       if (!seen.is_certain) error = INFINITY;
       result.margin = std::fmin(result.margin, seen.margin / speed);

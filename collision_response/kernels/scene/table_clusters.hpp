@@ -29,7 +29,7 @@ struct TableClusters {
     place.resize(pairs.bodies, -1);
     auto body = [this](std::int64_t b, double* x) {
       for (int i = 0; i < BODY; ++i)
-        x[i] = table.body[i] < 0 ? table.body[i] == -2 : bodies[table.body[i] * pairs.bodies + b];
+        x[i] = table.body[i] < 0 ? table.body[i] == ALL_ONE : bodies[table.body[i] * pairs.bodies + b];
     };
     auto contact = [this](std::int64_t k, double* x) {
       for (int i = 0; i < 8; ++i)
