@@ -2,10 +2,10 @@
 
 From the request to its answer:
 
-    resolve_scene.py      front door: check, divide into clusters, resolve each, combine their answers
+    resolve_scene.py      front door: check, divide into clusters, resolve each, combine their answers;
+                          a cluster of one contact is resolved by resolve()
     request.py            the request, checked
     clusters.py           which contacts form a cluster, and which of them are copies of another
-    single_contact.py     resolve a cluster of one contact
     resolve_cluster.py    resolve a cluster of several contacts:
         cluster.py        - its bodies and contacts, as the numbers that the laws compute with
         apply_law.py      - the impulses that a law gives, with its fallbacks

@@ -48,24 +48,15 @@ class ClusterParts(NamedTuple):
         )
 
 
-class AssembledCluster(NamedTuple):
-    """A cluster that a law can be applied to.
+def assemble(
+    scene: SceneRequest, distinct: DistinctContacts, options: SceneOptions
+) -> tuple[Any, ClusterParts, list[int], bool]:
+    """Return the cluster of some contacts of a scene, as laws are applied to it.
 
-    Attributes:
-        cluster: what impulses do; see ``scene/__init__.py``.
-        parts: its bodies and contacts, with the numbers that are used: every coefficient is a number.
-        bodies: scene indices of ``parts.bodies``.
-        below_restitution_threshold: whether an approach was so slow that its restitution was taken as 0.
-    """
-
-    cluster: Any
-    parts: ClusterParts
-    bodies: list[int]
-    below_restitution_threshold: bool
-
-
-def assemble(scene: SceneRequest, distinct: DistinctContacts, options: SceneOptions) -> AssembledCluster:
-    """Return the cluster of some contacts of a scene.
+    Returns:
+        The cluster, which knows what impulses do, see ``scene/__init__.py``; its bodies and contacts, with
+        the numbers that are used: every coefficient is a number; the scene indices of these bodies; and
+        whether an approach was so slow that its restitution was taken as 0.
 
     Raises:
         ImpactError: if a body or a contact is invalid; ``field`` names it.
@@ -80,7 +71,7 @@ def assemble(scene: SceneRequest, distinct: DistinctContacts, options: SceneOpti
     bodies = [scene.bodies[body] for body in places]
     parts = ClusterParts(bodies, pairs, contacts, distinct.counts, distinct.indices)
     cluster, parts, is_slow = _assemble_with_restitution(scene, parts, options)
-    return AssembledCluster(cluster, parts, list(places), is_slow)
+    return cluster, parts, list(places), is_slow
 
 
 def _with_friction_as_number(scene: SceneRequest, i: int, law: Law) -> Contact:

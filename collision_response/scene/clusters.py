@@ -7,9 +7,11 @@ share its impulse.
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from ..kernels import library
 from ..physics.contact import Contact
 
 Pair = tuple[int, int]
@@ -18,21 +20,10 @@ Pair = tuple[int, int]
 
 def find_clusters(pairs: Sequence[Pair], movable: Sequence[bool]) -> list[list[int]]:
     """Return the contacts of each cluster, in order; clusters are ordered by their first contact."""
-    leader = list(range(len(movable)))
-
-    def find(body: int) -> int:
-        while leader[body] != body:
-            leader[body] = leader[leader[body]]
-            body = leader[body]
-        return body
-
-    for a, b in pairs:
-        if movable[a] and movable[b]:
-            leader[find(a)] = find(b)
-    clusters: dict[int, list[int]] = {}
-    for contact, (a, b) in enumerate(pairs):
-        clusters.setdefault(find(a if movable[a] else b), []).append(contact)
-    return list(clusters.values())
+    sides = array("q", [pair[side] for side in (0, 1) for pair in pairs])
+    order, starts, cluster = (array("q", [0] * size) for size in (len(pairs), len(pairs) + 1, len(pairs)))
+    count = library.find_clusters(sides, bytes(movable), order, starts, cluster)
+    return [order[starts[c] : starts[c + 1]].tolist() for c in range(count)]
 
 
 class DistinctContacts(NamedTuple):

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from .. import validity
 from ..in_python.request_numbers import read_request
+from ..kernels import library
 from ..model import ImpactModel, check_number
 from ..numbers.operations import Scalar
 from ..physics.body import Body
@@ -195,17 +196,12 @@ def as_floats(
     """
     float_bodies, float_contacts = list(bodies), list(contacts)
     for i, ((a, b), own) in enumerate(zip(pairs, indices, strict=True)):
-        errors: list[float] = []
-
-        def number(x: float, error: float, errors: list[float] = errors) -> float:
-            errors.append(error)
-            return x
-
-        given = bodies[a], bodies[b], contacts[i], number
-        float_bodies[a], float_bodies[b], float_contacts[i] = with_scene_names(own, read_request, *given)
+        given = bodies[a], bodies[b], contacts[i]
+        _, errors = with_scene_names(own, library.numbers_with_errors, *given)
         if any(errors):
             reason = (
                 "a number of it, or of its bodies, is no float: give fractions.Fraction for exact numbers"
             )
             raise ImpactError(StatusCode.INVALID_MODEL, f"contacts[{own.contact}]", reason)
+        float_bodies[a], float_bodies[b], float_contacts[i] = read_request(*given)
     return float_bodies, float_contacts
