@@ -16,39 +16,12 @@ from ..status import ImpactError, StatusCode
 
 try:
     from . import _compiled
-    from ._compiled import (
-        Cluster,
-        assemble,
-        batch,
-        find_clusters,
-        find_independent_sets,
-        has_fraction,
-        limit_vectors,
-        numbers_with_errors,
-        resolve,
-        resolve_clusters,
-        resolve_scene,
-    )
+    from ._compiled import *  # noqa: F403  # what module.hpp names
 except ImportError as error:
     raise ImportError(
         f"{Path(__file__).parents[1]} is not compiled. In a source tree, Python takes the directory of that "
         "name for the package: run .venv/bin/python -I, which does not, or change to another directory"
     ) from error
-
-__all__ = [
-    "Cluster",
-    "assemble",
-    "batch",
-    "find_clusters",
-    "find_independent_sets",
-    "has_fraction",
-    "limit_vectors",
-    "numbers_with_errors",
-    "refusal",
-    "resolve",
-    "resolve_clusters",
-    "resolve_scene",
-]
 
 _REFUSALS = {
     StatusCode.OUT_OF_RANGE: ("result", "a number of the answer is beyond float64"),
