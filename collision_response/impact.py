@@ -176,7 +176,7 @@ def impact(
     if outcome.normal_factor is not None:
         j = result.if_approaching(outcome.normal_factor)
         change_a, change_b = kinematics.twist_changes_along_normal(impulse, j)
-    after_a, after_b = _with_change(body_a, change_a), _with_change(body_b, change_b)
+    after_a, after_b = with_change(body_a, change_a), with_change(body_b, change_b)
     u_after = kinematics.u + kinematics.velocity_change(change_a, change_b)
     normal_impulse = impulse.dot(n) / length
     tangential = impulse - n * (normal_impulse / length)
@@ -248,7 +248,8 @@ def _or_coulomb(contact: ContactKinematics, coefficients: Coefficients, outcome:
     )
 
 
-def _with_change(body: Body, change: Twist) -> Body:
+def with_change(body: Body, change: Twist) -> Body:
+    """Return a body whose twist has changed."""
     return body._replace(
         velocity=body.velocity + change.linear, angular_velocity=body.angular_velocity + change.angular
     )

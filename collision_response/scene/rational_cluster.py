@@ -15,6 +15,7 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import Any
 
+from ..impact import with_change
 from ..numbers.operations import Scalar, square_root
 from ..physics.body import Body, Twist
 from ..physics.column import Column
@@ -127,12 +128,7 @@ class RationalCluster:
     def effect_of(self, p: Numbers, *_: Any) -> ImpulseEffect:
         """Return what normal impulses do."""
         changes = self._twist_changes(p)
-        moved = [
-            body._replace(
-                velocity=body.velocity + c.linear, angular_velocity=body.angular_velocity + c.angular
-            )
-            for body, c in zip(self._bodies, changes, strict=True)
-        ]
+        moved = list(map(with_change, self._bodies, changes))
         after = self._velocities(p)
         lost = -sum((x * (b + a) for x, b, a in zip(p, self._u, after, strict=True)), start=ZERO) / 2
         work = sum((x * (abs(b) + abs(a)) for x, b, a in zip(p, self._u, after, strict=True)), start=ZERO)
