@@ -73,7 +73,7 @@ def resolve_clusters(
 # cluster_object.cpp
 def assemble(
     bodies: list[Body], pairs: list[tuple[int, int]], contacts: list[Contact], counts: list[int], /
-) -> Cluster | int | None: ...
+) -> Cluster | Literal[False] | None: ...
 
 @final
 class Cluster:

@@ -186,8 +186,8 @@ PyType_Spec spec = {"collision_response.kernels._compiled.Cluster", sizeof(Clust
 
 }  // namespace
 
-// assemble(bodies, pairs, contacts, counts): a Cluster of contacts, each given as often as `counts` says; the index of
-// the first invalid contact, if there is one; None if a number is not a float.
+// assemble(bodies, pairs, contacts, counts): a Cluster of contacts, each given as often as `counts` says; False if a
+// contact is invalid; None if a number is not a float.
 PyObject* assemble(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 4 || !PyList_Check(args[0]) || !PyList_Check(args[1]) || !PyList_Check(args[2]) ||
       !PyList_Check(args[3]))
@@ -206,7 +206,7 @@ PyObject* assemble(PyObject*, PyObject* const* args, Py_ssize_t count) {
     parts.contacts.push_back(contact);
   }
   auto cluster = std::make_unique<Cluster>(parts, false);
-  if (cluster->fault) return PyLong_FromSize_t(cluster->invalid_contact);
+  if (cluster->fault) Py_RETURN_FALSE;
   auto* object = PyObject_New(ClusterObject, cluster_type);
   if (object) object->cluster = cluster.release();
   return reinterpret_cast<PyObject*>(object);

@@ -123,7 +123,7 @@ def _assemble_with_restitution(
 def _assemble(scene: SceneRequest, parts: ClusterParts, exact: bool) -> tuple[Any, ClusterParts]:
     """Return the cluster, and its parts in the numbers that it uses.
 
-    ``library.assemble`` returns ``None`` if a number is not a float, and a number if a contact is invalid.
+    ``library.assemble`` returns ``None`` if a number is not a float, and ``False`` if a contact is invalid.
     """
     indices = [ContactIndices(i, *scene.pairs[i]) for i in parts.indices]
     if not exact:
@@ -132,7 +132,7 @@ def _assemble(scene: SceneRequest, parts: ClusterParts, exact: bool) -> tuple[An
             bodies, contacts = as_floats(parts.bodies, parts.pairs, parts.contacts, indices)
             parts = parts._replace(bodies=bodies, contacts=contacts)
             cluster = library.assemble(*parts[:4])
-        if cluster.__class__ is library.Cluster:
+        if cluster:
             return cluster, parts
     for (a, b), contact, own in zip(parts.pairs, parts.contacts, indices, strict=True):
         check_contact(parts.bodies[a], parts.bodies[b], contact, own)

@@ -67,7 +67,6 @@ struct Cluster {
   double energy = 0;  // kinetic energy of the movable bodies
   bool has_massless_spin = false, has_off_unit_orientation = false, has_friction = false;
   int fault = 0;  // status of the first invalid contact, or 0
-  size_t invalid_contact = 0;  // its index
 
   // Whether some numbers are out of the range of doubles, so that doubles cannot give an answer.
   bool is_out_of_range() const {
@@ -101,7 +100,6 @@ struct Cluster {
       validity<double>(in, nullptr, &found, flags);
       fault = static_cast<int>(found);
       if (fault) return;
-      ++invalid_contact;
       has_off_unit_orientation = has_off_unit_orientation || flags[VALIDITY_IS_OFF_UNIT];
       has_friction = has_friction || contact.x[7] > 0;
       assembly.add(given[a], given[b], movable_place[a], movable_place[b], contact.x, contact.copies);
