@@ -22,6 +22,7 @@ from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.kernels import library
 from collision_response.kernels.layout import Layout
 from collision_response.kernels.protocol import NumberType
+from collision_response.physics.laws import Settings
 
 ULP = 2.0**-52
 
@@ -108,7 +109,8 @@ def in_double_doubles(bodies, contacts, law: Law):
     velocity, spin, impulse = (np.empty(shape) for shape in ((3, 2, n), (3, 2, n), (3, n)))
     bound, status = np.empty(n), np.empty(n, np.uint8)
     out = BatchResult(velocity, spin, impulse, status, bound, np.empty_like(status))
-    tables = np.ascontiguousarray(bodies), None, np.ascontiguousarray(contacts), np.zeros(3)
+    settings = np.zeros(len(Settings._fields))
+    tables = np.ascontiguousarray(bodies), None, np.ascontiguousarray(contacts), settings
     kernel = law, list(Layout).index(Layout.SPATIAL), NumberType.EXTENDED
     assert library.batch(*kernel, *tables, out, 0, n) is not None
     return impulse, bound

@@ -65,14 +65,14 @@ struct BatchArrays {
   }
   bool is_double() const { return *settings.view.format == 'd'; }
 
-  // Whether results and pairs have the right shapes and types. Those of bodies and contacts have been checked.
+  // Whether settings, results and pairs have the right shapes and types. Those of bodies and contacts have been checked.
   bool are_valid(const TableLayout& table, bool bounded) const {
     const char real = *settings.view.format;
     const Py_ssize_t n = count, axes = table.axes, spins = 3 - table.first_spin;
     bool report = result[REGIME].is_open();
-    bool valid = result[VELOCITY].has(real, {axes, 2, n}) && result[ANGULAR_VELOCITY].has(real, {spins, 2, n}) &&
-                 result[IMPULSE].has(real, {axes, n}) && result[STATUS].has('B', {n}) &&
-                 result[ERROR_BOUND].is_open() == bounded &&
+    bool valid = settings.has(real, {ROWS_OF_MODEL}) && result[VELOCITY].has(real, {axes, 2, n}) &&
+                 result[ANGULAR_VELOCITY].has(real, {spins, 2, n}) && result[IMPULSE].has(real, {axes, n}) &&
+                 result[STATUS].has('B', {n}) && result[ERROR_BOUND].is_open() == bounded &&
                  (!bounded || (result[ERROR_BOUND].has(real, {n}) && result[ERROR_BOUND + 1].has('B', {n}))) &&
                  (!report || result[REGIME].has('B', {n}));
     for (int i = ENERGY; i < FIELDS; ++i)

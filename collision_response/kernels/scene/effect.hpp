@@ -36,7 +36,8 @@ using Regime = unsigned char;
 constexpr double AT_REST = 0x1p-20;
 
 struct ImpulseEffect {
-  explicit ImpulseEffect(int contacts = 0, int bodies = 0)
+  ImpulseEffect() = default;
+  ImpulseEffect(int contacts, int bodies)
       : changes(6 * static_cast<size_t>(bodies)),
         twists(changes.size()),
         impulses(3 * static_cast<size_t>(contacts)),
