@@ -20,6 +20,9 @@ struct Batch {
 };
 using BatchKernel = void (*)(const Batch& batch, long from, long to);
 
+// How many columns ahead the rows are fetched: there are more rows than a processor fetches ahead by itself.
+constexpr long AHEAD = 16;
+
 #define UNROLLED _Pragma("GCC unroll 64")
 
 template <class T> INLINE T load(const Lane<T>* from) {
@@ -76,6 +79,7 @@ static __attribute__((noinline)) void compute_lanes(const Batch& batch, long at)
     auto row = static_cast<const Lane<T>*>(batch.row[i]);
     bool is_shared = i >= Inputs::first_shared && batch.is_shared[i];
     x[i] = is_shared ? T{} + *row : load<T>(row + at);
+    if (lanes<T> > 1 && !is_shared) __builtin_prefetch(row + at + AHEAD);
   }
   N in[Inputs::count], changes[CHANGES];
   UNROLLED for (int i = 0; i < Inputs::count; ++i)
