@@ -25,7 +25,7 @@ mkdir -p .arm64
 rm -rf "$site/collision_response"
 cp -r collision_response "$site"
 for module in _compiled _derivatives; do
-    cp "$build/$module".*.so "$site/collision_response/kernels/$module.so"
+    cp "$build/$module"*.so "$site/collision_response/kernels/$module.so"
 done
 
 # -P: import the package in .arm64, not the source directory.
