@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("mpmath")
 
 from collisions import EVERY_LAW
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from integrate import integrate_until
 from mpmath import mp
@@ -163,6 +163,8 @@ ANY = st.floats(5e-324, sys.float_info.max)
 @given(
     value=st.floats(5e-324, 1), speed=ANY, v=ANY, exponent=st.sampled_from([0.25, 1.0]) | st.floats(0, 1e300)
 )
+@example(5e-324, 2.2e-311, 5e-324, 0.25)  # value and result are subnormal
+@example(5e-324, 1e300, 1e-8, 1.0)  # the factor overflows, the result does not
 def test_a_power_law_does_not_overflow(value, speed, v, exponent):
     """Against 60 digits. The rounded logarithms are at most 745 each."""
     e = power_law(value, speed, exponent)(v)

@@ -106,8 +106,8 @@ def _power_law(restitution: float, speed: float, exponent: float, v: float) -> f
     log_factor = exponent * _log_quotient(speed, v) if v > 0 else math.inf
     if log_factor >= -math.log(restitution):
         return 1.0
-    root = math.exp(log_factor / 2)  # the factor itself may overflow if restitution is tiny
-    return min(1.0, restitution * root * root)
+    first = min(log_factor, 700.0)  # in two steps, because the factor may overflow if restitution is tiny
+    return min(1.0, restitution * math.exp(first) * math.exp(log_factor - first))
 
 
 def _log_quotient(a: float, b: float) -> float:
