@@ -15,9 +15,10 @@ pytest.importorskip("mpmath")
 
 import numpy as np
 from batch_cases import batch_of
-from collisions import EVERY_LAW, LAWS_WITH_FRICTION, LAWS_WITH_ORACLE, random_collision
+from collisions import EVERY_LAW, LAWS_WITH_FRICTION, LAWS_WITH_ORACLE, PATH_LAWS, Collision, random_collision
 from mpmath import mp, mpf
 from refusals import refused
+from scene_cases import rotate
 
 from collision_response import Body, Contact, Geometry, ImpactModel, Law, Regime, StatusCode, resolve
 from collision_response.batch import body_rows, contact_rows
@@ -482,6 +483,47 @@ def test_other_units_change_no_bit(law, powers):
     np.testing.assert_array_equal(other.smoothness, here.smoothness)
 
 
+SYMMETRIC = Collision(BODY_A._replace(com=Vec3(0.1, -0.05, 0.2)), BODY_B, CONTACT)
+
+
+def assert_equal_columns(found, expected, law: Law) -> None:
+    """A path, which is right to 1e-12, has other steps in another frame. The other laws only round."""
+    tolerance = 1e-8 if law in (*PATH_LAWS, Law.COMPLIANT) else 1e-12
+    scale = max(1.0, np.abs(expected).max())
+    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance * scale)
+
+
+@pytest.mark.parametrize("law", EVERY_LAW)
+@pytest.mark.parametrize("friction", [0.0, 0.02, 0.2, 3.0])
+def test_the_bodies_may_be_exchanged(law, friction):
+    """That reverses the normal and the impulse."""
+    collision = SYMMETRIC._replace(contact=CONTACT._replace(friction=friction))
+    model = ImpactModel(law, tolerance=1e-12)
+    found, other = (differentiate(*one, model) for one in (collision, collision.swapped()))
+    rows = np.concatenate([other.jacobian[6:12], other.jacobian[:6], -other.jacobian[12:]])
+    sides = {"body_a": "body_b", "body_b": "body_a"}
+    for name, place in found.columns.items():
+        owner, _, field = name.partition(".")
+        there = rows[:, other.columns[f"{sides.get(owner, owner)}.{field}"]]
+        assert_equal_columns(-there if field == "normal" else there, found.jacobian[:, place], law)
+
+
+@pytest.mark.parametrize("law", EVERY_LAW)
+@pytest.mark.parametrize("friction", [0.0, 0.02, 0.2, 3.0])
+@pytest.mark.parametrize("turn", [Quaternion(0.5, 0.5, 0.5, 0.5), Quaternion(0.1, 0.7, -0.4, 0.3)])
+def test_the_frame_may_be_turned(law, friction, turn):
+    """Mass, inertia and centre of mass are given in body axes, everything else in the axes of the world."""
+    collision = SYMMETRIC._replace(contact=CONTACT._replace(friction=friction))
+    model = ImpactModel(law, tolerance=1e-12)
+    found, other = (differentiate(*one, model) for one in (collision, collision.rotated(turn)))
+    R = np.array([rotate(turn, Vec3(*axis)) for axis in np.eye(3)]).T
+    for name, place in found.columns.items():
+        expected = np.kron(np.eye(5), R) @ found.jacobian[:, place]
+        if name.endswith(("position", "orientation", "velocity", "normal")):
+            expected = expected @ R.T
+        assert_equal_columns(other.jacobian[:, place], expected, law)
+
+
 def test_the_threshold_is_a_jump_where_restitution_is_lost():
     model = ImpactModel(Law.COULOMB, restitution_threshold=1.0)
     names = ("body_a.velocity", "contact.restitution")
@@ -681,6 +723,17 @@ def test_bad_input_is_refused_by_name(change, code, field):
     request = {"body_a": BODY_A, "body_b": BODY_B, "contact": CONTACT} | change
     with refused(code, field):
         differentiate(**request)
+
+
+@pytest.mark.parametrize("first", ["contact.friction", "body_a.velocity", "body_b.inertia"])
+@pytest.mark.parametrize("between", [(), ("contact.normal",), ("contact.normal", "body_a.mass")])
+def test_a_repeated_name_is_refused(first, between):
+    """The columns of a name can only be at one place."""
+    names = (first, *between, first, "contact.restitution")
+    with refused(StatusCode.INVALID_MODEL, "with_respect_to", first):
+        differentiate(BODY_A, BODY_B, CONTACT, with_respect_to=names)
+    with refused(StatusCode.INVALID_MODEL, "with_respect_to", first):
+        unit_directions(*names)
 
 
 def test_a_contact_with_its_own_tangential_restitution_overrides_the_model():

@@ -485,6 +485,7 @@ def covariance_with(value) -> list:
     "covariance",
     [
         *("x", "1", 10**400, -(10**400), {}, (), [[1.0], [1, 2]], np.eye(12) * 1j, np.eye(12).astype(str)),
+        *(np.ma.masked_array(np.eye(12), mask) for mask in (True, np.eye(12) > 0, np.eye(12) == 0)),
         *map(covariance_with, ("x", None, 1j, 10**400, math.nan, math.inf, [1.0, 2.0], -1.0)),
     ],
 )
@@ -530,3 +531,9 @@ def test_an_invalid_radius_is_refused_by_name(form, field):
     bodies = ball(), ball(velocity=(0.0, 0.0, 1.0)), FLOOR
     for one, other in zip(form(Fraction(1, 8))(*bodies), form(0.125)(*bodies), strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.25, -0.25, Fraction(1, 3)])
+def test_spheres_with_one_centre_are_refused(radius):
+    with refused(StatusCode.INVALID_NORMAL, "radius_b"):
+        sphere_on_sphere(radius, -radius)

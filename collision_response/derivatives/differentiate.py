@@ -142,13 +142,13 @@ def differentiate(
     Args:
         body_a, body_b, contact, model: as for :func:`~collision_response.resolve`, with restitution and
             friction as numbers, bodies that are not articulated, and the geometry AUTO or SPATIAL.
-        with_respect_to: names of :data:`PARAMETERS`, in the order of the columns.
+        with_respect_to: different names of :data:`PARAMETERS`, in the order of the columns.
 
     Raises:
         ImpactError: as :func:`~collision_response.resolve`, or with the status INVALID_COEFFICIENT if a
             coefficient is a function, INVALID_MODEL if the geometry is another one or a name is not in
-            :data:`PARAMETERS`, INVALID_INERTIA if a body is articulated, OUT_OF_RANGE if a derivative is
-            beyond float64 or the path of COMPLIANT has too many steps.
+            :data:`PARAMETERS` or there twice, INVALID_INERTIA if a body is articulated, OUT_OF_RANGE if a
+            derivative is beyond float64 or the path of COMPLIANT has too many steps.
     """
     directions, columns = _unit_directions(tuple(with_respect_to))
     check_coefficients(contact)
@@ -191,7 +191,7 @@ def unit_directions(*with_respect_to: str) -> Array:
     """Return the unit directions along the components of these :data:`PARAMETERS`, shape ``(54, K)``.
 
     Raises:
-        ImpactError: INVALID_MODEL if a name is not in :data:`PARAMETERS`.
+        ImpactError: INVALID_MODEL if a name is not in :data:`PARAMETERS` or there twice.
     """
     return _unit_directions(with_respect_to)[0].copy()
 
@@ -243,8 +243,8 @@ def differentiate_batch(
 def _unit_directions(names: tuple[str, ...]) -> tuple[Array, dict[str, slice]]:
     """Return the unit directions of these parameters, and the columns of each of them."""
     for name in names:
-        if name not in PARAMETERS:
-            reason = f"must be names from {', '.join(PARAMETERS)}; is {format_value(name)}"
+        if name not in PARAMETERS or names.count(name) > 1:
+            reason = f"must be different names from {', '.join(PARAMETERS)}; one is {format_value(name)}"
             raise ImpactError(StatusCode.INVALID_MODEL, "with_respect_to", reason)
     components = [i for name in names for i in range(PARAMETER_COUNT)[PARAMETERS[name]]]
     columns = slices_of({name: PARAMETERS[name].stop - PARAMETERS[name].start for name in names})

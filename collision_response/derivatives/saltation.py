@@ -169,7 +169,7 @@ def check_finite(name: str, array: Array) -> Array:
 def as_finite_array(value: Any, shape: tuple[int, ...]) -> Array | None:
     """Return ``value`` as a float64 array, or ``None`` if it is not finite real numbers of this shape."""
     try:
-        if np.asarray(value).dtype.kind not in "biufO":
+        if np.ma.is_masked(value) or np.asarray(value).dtype.kind not in "biufO":
             return None
         array = np.asarray(value, float)
     except (OverflowError, TypeError, ValueError):

@@ -24,7 +24,7 @@ import numpy as np
 from ..model import check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
-from ..status import StatusCode
+from ..status import ImpactError, StatusCode
 
 Array = np.ndarray[Any, Any]
 
@@ -98,14 +98,18 @@ def sphere_on_sphere(radius_a: float, radius_b: float) -> Surfaces:
     """Return the motion for two spheres that touch from outside: a function of the bodies and their contact.
 
     Args:
-        radius_a, radius_b: of the spheres [m]; each sphere is a body or a part of it.
+        radius_a, radius_b: of the spheres [m]; each sphere is a body or a part of it. A sphere that encloses
+            the other one has a negative radius.
 
     Raises:
-        ImpactError: NOT_FINITE if a radius is not finite.
+        ImpactError: NOT_FINITE if a radius is not finite, INVALID_NORMAL if they add up to 0.
         TypeError: if a radius is not a real number.
     """
     radius_a = check_number("radius_a", radius_a, -math.inf, math.inf, StatusCode.NOT_FINITE)
     radius_b = check_number("radius_b", radius_b, -math.inf, math.inf, StatusCode.NOT_FINITE)
+    if radius_a + radius_b == 0:
+        reason = f"must not be {radius_b}: the centres would coincide, so there is no normal"
+        raise ImpactError(StatusCode.INVALID_NORMAL, "radius_b", reason)
     return partial(_sphere_on_sphere, radius_a, radius_b)
 
 
