@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from fractions import Fraction
 from itertools import product
 
 import numpy as np
@@ -109,6 +110,12 @@ def test_a_negative_size_is_refused_by_name(make, field):
         make()
 
 
+def test_numbers_beyond_float64_stay_exact():
+    huge = Fraction(10**400)
+    assert mp.sphere(huge, Fraction(1, 2)).inertia.xx == huge / 10
+    assert mp.rod(Fraction(12), huge).inertia.zz == huge**2
+
+
 CONSTRUCTORS = [
     mp.sphere,
     mp.hollow_sphere,
@@ -131,6 +138,16 @@ def test_integers_beyond_float64_are_refused_by_name(solid, mass, power):
 def test_a_size_must_be_a_real_number(solid, size):
     with pytest.raises(TypeError, match=r"^(radius|size\.x|length): must be a real number, is "):
         solid(1.0, size)
+
+
+@pytest.mark.parametrize("solid", [*CONSTRUCTORS, lambda m, _: mp.mesh(m, None)])
+def test_the_mass_must_be_a_number_that_is_not_negative(solid):
+    for mass in (True, np.True_, "1", None, 1j, [1.0]):
+        with pytest.raises(TypeError, match=r"^mass: must be a real number, is "):
+            solid(mass, 1.0)
+    for mass in (-1.0, -5e-324, -math.inf, Fraction(-1, 3), -(10**400)):
+        with pytest.raises(ValueError, match=r"^mass: must be at least 0, is "):
+            solid(mass, 1.0)
 
 
 @pytest.mark.parametrize("exponent", [-320, -200, 0, 200, 307])

@@ -10,10 +10,12 @@ import subprocess
 import sys
 from fractions import Fraction
 
+import numpy as np
 import pytest
 from refusals import refused
 
 from collision_response import Body, Contact, ImpactError, StatusCode, resolve
+from collision_response.physics import friction
 from collision_response.physics.combine import CombineRule, combine
 from collision_response.physics.restitution import johnson, plastic, power_law, tabulated, viscoelastic
 
@@ -113,6 +115,16 @@ def test_johnson_is_the_high_speed_limit_of_thornton():
 def test_a_table_is_interpolated():
     e = tabulated([1.0, 2.0, 4.0], [1.0, 0.5, 0.25])
     assert [e(v) for v in (0.0, 1.0, 1.5, 2.0, 3.0, 4.0, 9.0)] == [1.0, 1.0, 0.75, 0.5, 0.375, 0.25, 0.25]
+
+
+@pytest.mark.parametrize("tabulated", [tabulated, friction.tabulated])
+@pytest.mark.parametrize("kind", [np.array, tuple])
+def test_a_table_may_be_of_any_kind_of_numbers(tabulated, kind):
+    e = tabulated(kind([1.0, 2.0, 4.0]), kind([1.0, 0.5, 0.25]))
+    assert [e(v) for v in (0.0, 1.5, 9.0)] == [1.0, 0.75, 0.25]
+    for speeds, values in ([], []), ([1.0], []), ([1.0], [0.5, 0.5]):
+        with pytest.raises(ValueError, match=r"^speeds and values must have the same length, at least 1; "):
+            tabulated(kind(speeds), kind(values))
 
 
 PICKLED = {

@@ -5,8 +5,8 @@ For particles of mass ``m`` at ``(x, y, z)`` from their centre of mass,
     I_xx = sum m (y^2 + z^2)        I_xy = -sum m x y        and likewise for the other axes.
 
 Solids are homogeneous, with their centre of mass at the origin; masses are in kg, lengths in m. The
-functions for them raise ``ValueError`` if a size is negative, ``TypeError`` if it is not a number, and
-``ImpactError`` if sizes are integers and the inertia is beyond the range of float64.
+functions for them raise ``ValueError`` if the mass or a size is negative, ``TypeError`` if one is not a
+number, and ``ImpactError`` if they are integers and the inertia is beyond the range of float64.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def _within_float64(solid: Callable[P, MassProperties]) -> Callable[P, MassPrope
 @_within_float64
 def sphere(mass: Scalar, radius: Scalar) -> MassProperties:
     """A solid sphere."""
-    _check_sizes(radius=radius)
+    _check(mass=mass, radius=radius)
     moment = 2 * mass * radius * radius / 5
     return _principal(mass, moment, moment, moment)
 
@@ -88,7 +88,7 @@ def sphere(mass: Scalar, radius: Scalar) -> MassProperties:
 @_within_float64
 def hollow_sphere(mass: Scalar, radius: Scalar) -> MassProperties:
     """A thin spherical shell."""
-    _check_sizes(radius=radius)
+    _check(mass=mass, radius=radius)
     moment = 2 * mass * radius * radius / 3
     return _principal(mass, moment, moment, moment)
 
@@ -97,7 +97,7 @@ def hollow_sphere(mass: Scalar, radius: Scalar) -> MassProperties:
 def box(mass: Scalar, size: Sequence[Scalar]) -> MassProperties:
     """A solid box with edges ``size = (x, y, z)`` [m] along the axes."""
     edges = as_vector("size", size)
-    _check_sizes(**{f"size.{axis}": edge for axis, edge in edges._asdict().items()})
+    _check(mass=mass, **{f"size.{axis}": edge for axis, edge in edges._asdict().items()})
     xx, yy, zz = (edge * edge for edge in edges)
     return _principal(mass, mass * (yy + zz) / 12, mass * (xx + zz) / 12, mass * (xx + yy) / 12)
 
@@ -105,7 +105,7 @@ def box(mass: Scalar, size: Sequence[Scalar]) -> MassProperties:
 @_within_float64
 def cylinder(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
     """A solid cylinder about the z axis."""
-    _check_sizes(radius=radius, length=length)
+    _check(mass=mass, radius=radius, length=length)
     transverse = mass * (3 * radius * radius + length * length) / 12
     return _principal(mass, transverse, transverse, mass * radius * radius / 2)
 
@@ -113,7 +113,7 @@ def cylinder(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
 @_within_float64
 def capsule(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
     """A solid cylinder about the z axis with a half ball at each end; ``length`` is without them [m]."""
-    _check_sizes(radius=radius, length=length)
+    _check(mass=mass, radius=radius, length=length)
     total = 3 * length + 4 * radius  # volume of the cylinder and of the ends, over pi r^2 / 3
     if total == 0:
         raise ValueError("a capsule must have a radius or a length above 0")
@@ -126,7 +126,7 @@ def capsule(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
 @_within_float64
 def cone(mass: Scalar, radius: Scalar, height: Scalar) -> MassProperties:
     """A solid cone about the z axis; its base lies height/4 below the centre of mass, its tip above."""
-    _check_sizes(radius=radius, height=height)
+    _check(mass=mass, radius=radius, height=height)
     transverse = 3 * mass * (4 * radius * radius + height * height) / 80
     return _principal(mass, transverse, transverse, 3 * mass * radius * radius / 10)
 
@@ -148,9 +148,10 @@ def mesh(mass: Scalar, shape: Any) -> MassProperties:
             ``is_watertight``, ``is_winding_consistent`` and ``triangles``, an array of shape ``(n, 3, 3)``.
 
     Raises:
-        ValueError: if the mesh is not closed, or is inside out.
-        TypeError: if ``shape`` is not a mesh.
+        ValueError: if the mesh is not closed, or is inside out, or the mass is negative.
+        TypeError: if ``shape`` is not a mesh, or the mass not a number.
     """
+    _check(mass=mass)
     if not all(hasattr(shape, name) for name in ("is_watertight", "is_winding_consistent", "triangles")):
         raise TypeError(f"shape: must be a mesh of trimesh, is {shape!r}")
     if not (shape.is_watertight and shape.is_winding_consistent and len(shape.triangles)):
@@ -190,17 +191,17 @@ def _no_volume() -> ValueError:
 @_within_float64
 def rod(mass: Scalar, length: Scalar) -> MassProperties:
     """A thin rod along the x axis, without inertia about that axis."""
-    _check_sizes(length=length)
+    _check(mass=mass, length=length)
     transverse = mass * length * length / 12
     return _principal(mass, transverse * 0, transverse, transverse)
 
 
-def _check_sizes(**sizes: Scalar) -> None:
-    for name, size in sizes.items():
-        if type(size).__name__.startswith("bool") or not hasattr(size, "__float__"):
-            raise TypeError(f"{name}: must be a real number, is {size!r}")
-        if float(size) < 0:
-            raise ValueError(f"{name}: must be at least 0, is {format_value(size, str)}")
+def _check(**numbers: Scalar) -> None:
+    for name, x in numbers.items():
+        if type(x).__name__.startswith("bool") or not hasattr(x, "__float__"):
+            raise TypeError(f"{name}: must be a real number, is {x!r}")
+        if x < 0:
+            raise ValueError(f"{name}: must be at least 0, is {format_value(x, str)}")
 
 
 def _principal(mass: Scalar, xx: Scalar, yy: Scalar, zz: Scalar) -> MassProperties:

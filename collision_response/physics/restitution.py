@@ -150,6 +150,7 @@ def tabulated(speeds: Sequence[float], values: Sequence[float], most: float = 1.
     Raises:
         ValueError: if the speeds or values break these conditions.
     """
+    speeds, values = tuple(speeds), tuple(values)
     if not speeds or len(speeds) != len(values):
         counts = f"{len(speeds)} and {len(values)}"
         raise ValueError(f"speeds and values must have the same length, at least 1; have {counts}")
@@ -160,7 +161,7 @@ def tabulated(speeds: Sequence[float], values: Sequence[float], most: float = 1.
         if not (0 <= value <= most and value < math.inf):
             raise ValueError(f"values must be finite and in [0, {most:g}], one is {value}")
 
-    return partial(_interpolated, tuple(speeds), tuple(values))
+    return partial(_interpolated, speeds, values)
 
 
 def _interpolated(speeds: Sequence[float], values: Sequence[float], v: float) -> float:
