@@ -18,6 +18,7 @@ from collision_response.identify import Impacts, SphereReadings, compare, identi
 from collision_response.identify.__main__ import main
 from collision_response.identify.from_table import impacts_from_rows, read_rows
 from collision_response.identify.measurements import BODY, CONTACT
+from collision_response.identify.plot import draw
 from collision_response.physics.vector import Vec3
 from collision_response.recording import BodyRecord, Record, Recorder
 
@@ -207,12 +208,69 @@ def test_laws_that_agree_cannot_be_told_apart_but_others_can():
     assert "cannot tell" in str(found) and "FRICTIONLESS" in str(found).splitlines()[-1]
 
 
+@pytest.mark.parametrize("loss", ["soft_l1", "huber", "cauchy", "arctan"])
+@pytest.mark.parametrize("wrong", [0.0, 3.0, 30.0, 1e3])
+def test_one_outlier_hides_no_difference_between_laws(wrong, loss):
+    """The outlier is nearer to FRICTIONLESS: it is faster than without friction."""
+    balls = [Body.dynamic(1.0, velocity=(vx, 0.0, -1.0)) for vx in np.linspace(0.5, 3.0, 30)]
+    touch = Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.2)
+    after = [resolve(ball, Body.static(), touch).twist_a for ball in balls]
+    measured = Impacts.of(balls, [Body.static()] * 30, [touch] * 30, after, after)
+    measured.after[:3] += np.random.default_rng(1).normal(0, 0.01, (3, 2, 30))
+    measured.after[0, 0, 7] += wrong
+    found = compare(measured, [Law.FRICTIONLESS, Law.COULOMB], loss=loss, resamples=2)
+    assert found.candidates == (Law.COULOMB,)
+
+
+@pytest.mark.parametrize(
+    ("options", "left_out"),
+    [
+        ({"given": {"restitution": 0.5}}, {Law.FRICTIONLESS}),
+        ({"given": {"restitution": 0.5}, "fit": ["friction"]}, set()),
+        ({"given": {"friction": 0.1}}, set()),
+        ({"fit": ["restitution"]}, set()),
+        ({}, set()),
+    ],
+)
+def test_a_comparison_leaves_out_laws_of_which_every_coefficient_is_given(options, left_out):
+    found = compare(falling(1.0, 2.0, 3.0, 4.0), **options, resamples=2)
+    assert set(Law) - {Law.AUTO} - found.fits.keys() == left_out
+
+
 def falling(*speeds, after=0.5):
     """Point masses on a floor."""
     n = len(speeds)
     twists = [Twist(Vec3(0.0, 0.0, after * speed), Vec3(0.0, 0.0, 0.0)) for speed in speeds]
     balls = [Body.dynamic(1.0, velocity=(0.0, 0.0, -speed)) for speed in speeds]
     return Impacts.of(balls, [Body.static()] * n, [Contact.of((0, 0, 0), (0, 0, 1))] * n, twists, twists)
+
+
+def rolling(sticking, sliding, seed=0):
+    """Spheres with e = 0.5, friction 0.3 and tangential restitution -0.3, of which some slide to the end."""
+    rng, touch = np.random.default_rng(seed), Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3)
+    slips = np.repeat([0.2, 5.0], [sticking, sliding]) * rng.uniform(0.9, 1.1, sticking + sliding)
+    balls = [Body.sphere(1.0, 0.1, position=(0, 0, 0.1), velocity=(slip, 0.0, -1.0)) for slip in slips]
+    model = ImpactModel(Law.COULOMB, tangential_restitution=-0.3)
+    after = [resolve(ball, Body.static(), touch, model).twist_a for ball in balls]
+    measured = Impacts.of(balls, [Body.static()] * len(balls), [touch] * len(balls), after, after)
+    measured.after[:] += rng.normal(0, 0.01, measured.after.shape)
+    return measured
+
+
+@pytest.mark.parametrize("sticking", [1, 2, 3])
+@pytest.mark.parametrize("seed", range(4))
+def test_an_interval_is_open_at_both_ends_if_few_impacts_determine_the_coefficient(sticking, seed):
+    """Only sticking contacts depend on tangential restitution. Of 12 impacts drawn from 12, none sticks with
+    probability (1 - sticking / 12)^12: 35, 11 and 3 %, which is more than 2.5 % at either end.
+    """
+    measured = rolling(sticking, 12 - sticking, seed)
+    names = ("restitution", "tangential_restitution")
+    found = identify(measured, fit=names, given={"friction": 0.3}, resamples=1000, seed=seed)
+    open_resamples = np.isnan(found.resampled).sum(axis=0)
+    assert open_resamples.tolist() == pytest.approx([0, 1000 * (1 - sticking / 12) ** 12], abs=50)
+    whole = found.coefficients["tangential_restitution"]
+    assert (whole.low, whole.high) == ((-1.0, 1.0) if open_resamples[1] > 25 else (whole.low, whole.high))
+    assert found.coefficients["restitution"].high < 0.52
 
 
 def test_separating_impacts_are_ignored():
@@ -386,6 +444,19 @@ def test_an_invalid_impact_is_refused_with_its_number():
         Impacts.of(balls, [Body.static()] * 2, [Contact.of((0, 0, 0), (0, 0, 1))] * 2, twists, twists)
 
 
+@pytest.mark.parametrize("sticking", [12, 11, 6, 0])
+@pytest.mark.parametrize(
+    "names",
+    [["friction"], ["restitution"], ["friction", "tangential_restitution"], ["restitution", "friction"]],
+)
+def test_a_picture_leaves_out_fits_of_the_bootstrap_without_a_value(tmp_path: Path, sticking, names):
+    true = {"restitution": 0.5, "friction": 0.3, "tangential_restitution": -0.3}
+    given = {name: value for name, value in true.items() if name not in names}
+    measured = rolling(sticking, 12 - sticking)
+    draw(identify(measured, fit=names, given=given, resamples=20), measured, tmp_path / "fit.png")
+    assert (tmp_path / "fit.png").read_bytes().startswith(b"\x89PNG")
+
+
 TABLE = "vx,vz,vx_after,vz_after,note\n1,-1,.85,.5,a\n2,-1,1.85,.5,b\n1,-2,.7,1,\n2,-2,1.7,1,\n"
 
 
@@ -449,6 +520,40 @@ def test_invalid_arguments_are_refused_by_the_parser(capsys, options, told):
     with pytest.raises(SystemExit):
         main(["impacts.csv", *options])
     assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["fit.xyz", "no such folder/fit.png"])
+def test_a_picture_that_cannot_be_written_is_named(tmp_path: Path, capsys, name):
+    table, picture = tmp_path / "impacts.csv", tmp_path / name
+    table.write_text(TABLE)
+    options = ["--set", "m=2", "nz=1", "--resamples", "2"]
+    assert main([str(table), *options, "--plot", str(picture)]) == 1
+    said = capsys.readouterr()
+    assert "friction = 0.1 " in said.out
+    assert said.err.startswith(f"{picture}: ") and said.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"--set": ["m=2", "nz=1"]},
+        {"--set": ["m=2", "nz=1"], "--fit": ["restitution", "friction"]},
+        {"--set": ["m=2", "nz=1"], "--given": ["restitution=0.5", "tangential_restitution=0.1"]},
+        {"--speed": ["3.9"], "--radius": [".0025"], "--errors": ["ratio=.008", "angle=.84"]},
+    ],
+)
+def test_an_option_may_be_repeated_for_each_value(tmp_path: Path, capsys, options):
+    """The last one must not replace the others."""
+    table = tmp_path / "impacts.csv"
+    readings = "incidence,ratio,angle\n30,.69,21.8\n39,.77,32.5\n50,.85,45.1\n60,.90,57.4\n"
+    table.write_text(readings if "--errors" in options else TABLE)
+    together = [word for name, values in options.items() for word in (name, *values)]
+    repeated = [word for name, values in options.items() for value in values for word in (name, value)]
+    told = []
+    for words in (together, repeated):
+        assert main([str(table), *words, "--resamples", "2"]) == 0
+        told.append(capsys.readouterr().out)
+    assert told[0] == told[1]
 
 
 def test_a_misspelt_column_is_refused(tmp_path: Path, capsys):

@@ -26,7 +26,8 @@ def make_parser() -> argparse.ArgumentParser:
         epilog=from_table.__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    pair: dict[str, Any] = {"nargs": "+", "default": [], "metavar": "NAME=VALUE"}
+    several: dict[str, Any] = {"nargs": "+", "action": "extend", "default": []}
+    pairs: dict[str, Any] = {**several, "metavar": "NAME=VALUE"}
     parser.add_argument("file", type=Path, help="CSV, its columns explained below; or a recording, .rrd")
     parser.add_argument("--law", choices=LAWS_BY_NAME, default="coulomb")
     parser.add_argument(
@@ -34,16 +35,15 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--fit",
-        nargs="+",
-        default=[],
         metavar="NAME",
         help="restitution, friction, tangential_restitution, stiffness_ratio",
+        **several,
     )
     parser.add_argument(
-        "--given", help="coefficients that are known: they are not fitted", type=_number, **pair
+        "--given", help="coefficients that are known: they are not fitted", type=_number, **pairs
     )
     columns = "columns that the file lacks: a number, or another column: nz=1 vx_after=vx2"
-    parser.add_argument("--set", help=columns, type=_pair, **pair)
+    parser.add_argument("--set", help=columns, type=_pair, **pairs)
     parser.add_argument(
         "--residuals", default="", help="kinetic, contact or linear; for readings: all, or one quantity"
     )
@@ -62,7 +62,7 @@ def make_parser() -> argparse.ArgumentParser:
     sphere.add_argument("--speed", type=float, help="speed before the impact [m/s]")
     sphere.add_argument("--radius", type=float, help="radius of the sphere [m]")
     errors = "errors of the readings: ratio=0.01 angle=1 (degrees) spin=40 (rad/s)"
-    sphere.add_argument("--errors", help=errors, type=_number, **pair)
+    sphere.add_argument("--errors", help=errors, type=_number, **pairs)
     return parser
 
 
@@ -88,7 +88,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         try:
             draw(found, measured, arguments.plot)
         except EXPECTED_ERRORS as error:
-            return _failed(arguments.file, error)
+            return _failed(arguments.plot, error)
     return 0
 
 

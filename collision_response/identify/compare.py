@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..model import Law
 from ..status import ImpactError, StatusCode
-from .identification import LAWS, Identification, identify
-from .least_squares import NEGLIGIBLE_SQUARES, residual_unit
+from .identification import LAWS, Identification, identify, names_to_fit
+from .least_squares import LOSSES, NEGLIGIBLE_SQUARES, residual_unit
 from .measurements import Measurements, informative
 
 RESAMPLES = 4000
 
 
 class Excess(NamedTuple):
-    """Relative excess of a law's sum of squares over the sum of squares of the best law.
+    """Relative excess of a law's sum of squares over that of the best law, both with outliers reduced.
 
     Attributes:
         value: the excess; 0.1 means that the sum is 10 % larger.
@@ -54,7 +54,14 @@ class Comparison(NamedTuple):
 
 
 def compare(
-    measured: Measurements, laws: Sequence[Law] = LAWS, *, seed: int = 0, **options: Any
+    measured: Measurements,
+    laws: Sequence[Law] | None = None,
+    fit: Sequence[str] = (),
+    given: Mapping[str, float] | None = None,
+    *,
+    loss: str = "soft_l1",
+    seed: int = 0,
+    **options: Any,
 ) -> Comparison:
     """Fit several laws to the same impacts, and find out which ones the impacts distinguish.
 
@@ -64,7 +71,10 @@ def compare(
 
     Args:
         measured: the impacts, as for :func:`~collision_response.identify.identify`.
-        laws: the laws to compare, at least one.
+        laws: the laws to compare, at least one. Default: all that have a coefficient to fit.
+        fit, given: as for :func:`~collision_response.identify.identify`.
+        loss: loss function of the fits. It also reduces the sums of squares of impacts to which no law comes
+            near, which would otherwise hide what the other impacts say.
         seed: seed of the random numbers of all bootstraps.
         options: the other arguments of :func:`~collision_response.identify.identify`.
 
@@ -72,18 +82,23 @@ def compare(
         ImpactError: as :func:`~collision_response.identify.identify`, or INVALID_MODEL if there are no laws.
         ImportError: as :func:`~collision_response.identify.identify`.
     """
+    if laws is None:
+        laws = [law for law in LAWS if names_to_fit(law, fit, given or {})]
     if not laws:
         raise ImpactError(StatusCode.INVALID_MODEL, "laws", "must name a law, is empty")
-    fits = {law: identify(measured, law, seed=seed, **options) for law in laws}
-    fits = dict(sorted(fits.items(), key=lambda item: float(item[1].squares.sum())))
+    fits = {law: identify(measured, law, fit, given, loss=loss, seed=seed, **options) for law in laws}
+    kind, n = fits[laws[0]].kind, len(fits[laws[0]].squares)
+    unit = residual_unit(informative(measured, kind), kind)
+    squares = {law: fit.squares + NEGLIGIBLE_SQUARES * unit**2 / n for law, fit in fits.items()}
+    scale = min(map(np.median, squares.values()))
+    costs = {law: LOSSES[loss](one / scale) for law, one in squares.items()}
+    fits = dict(sorted(fits.items(), key=lambda item: float(costs[item[0]].sum())))
     best, *others = fits
-    n, kind = len(fits[best].squares), fits[best].kind
-    floor = NEGLIGIBLE_SQUARES * residual_unit(informative(measured, kind), kind) ** 2 / n
     draws = np.random.default_rng(seed).integers(n, size=(RESAMPLES, n))
-    least = fits[best].squares + floor
+    least = costs[best]
     excess = {}
     for law in others:
-        squares = fits[law].squares + floor
-        low, high = np.percentile(squares[draws].sum(axis=1) / least[draws].sum(axis=1) - 1, (2.5, 97.5))
-        excess[law] = Excess(float(squares.sum() / least.sum() - 1), float(low), float(high))
+        ratios = costs[law][draws].sum(axis=1) / least[draws].sum(axis=1)
+        low, high = map(float, np.percentile(ratios - 1, (2.5, 97.5)))
+        excess[law] = Excess(float(costs[law].sum() / least.sum() - 1), low, high)
     return Comparison(fits, excess, (best, *(law for law in others if excess[law].low <= 0)))

@@ -70,17 +70,25 @@ def estimates(problem: LeastSquares, best: Any, values: Array) -> tuple[dict[str
     Args:
         problem: the least squares problem.
         best: SciPy's solution of it.
-        values: the fitted coefficients of each resample, one row each.
+        values: the fitted coefficients of each resample, one row each; NaN where one has no effect.
     """
     x, names = best.x, problem.names
     covariance = _variance(problem, best) * np.linalg.pinv(best.jac.T @ best.jac)
-    low, high = np.percentile(values, (2.5, 97.5), axis=0, method="inverted_cdf")
+    least, most = np.array([RANGES[name][:2] for name in names]).T
+    # Without an effect any value fits; of a coefficient without an upper limit, any that is large enough.
+    lowest = np.where(np.isnan(values), np.where(np.isinf(most), most, least), values)
+    highest = np.where(np.isnan(values), most, values)
+    low, high = _percentile(lowest, 2.5), _percentile(highest, 97.5)
     formal = np.sqrt(np.diag(covariance))
     found = {name: Estimate(*map(float, row)) for name, *row in zip(names, x, low, high, formal, strict=True)}
     unknown = _confounded(best.jac, names)
     return found | undetermined(problem, best), (
-        _product(x, values, names, covariance) if unknown == set(PRODUCT) else None
+        _product(x, highest, names, covariance) if unknown == set(PRODUCT) else None
     )
+
+
+def _percentile(values: Array, percent: float) -> Any:
+    return np.percentile(values, percent, axis=0, method="inverted_cdf")
 
 
 def undetermined(problem: LeastSquares, best: Any) -> dict[str, Estimate]:
@@ -137,7 +145,7 @@ def _product(x: Array, values: Array, names: tuple[str, ...], covariance: Array)
     """
     e, mu = (names.index(name) for name in PRODUCT)
     products = values[:, mu] * (1 + values[:, e])  # infinite where friction has no effect
-    low, high = map(float, np.percentile(products, (2.5, 97.5), method="inverted_cdf"))
+    low, high = (float(_percentile(products, percent)) for percent in (2.5, 97.5))
     slope = np.zeros(len(names))
     slope[e], slope[mu] = x[mu], 1 + x[e]
     return Estimate(x[mu] * (1 + x[e]), low, high, math.sqrt(slope @ covariance @ slope))

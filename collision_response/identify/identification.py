@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from numbers import Integral
 from typing import NamedTuple
 
-from ..model import ImpactModel, Law, check_number
+from ..model import Law, check_number
 from ..status import ImpactError, StatusCode
 from .estimates import Estimate, estimates, undetermined
 from .least_squares import LOSSES, NEGLIGIBLE_SQUARES, PRECISION, RANGES, LeastSquares, residual_unit
@@ -39,7 +39,8 @@ class Identification(NamedTuple):
         misfit: root of the sum of squared residuals divided by the root of the sum of squared measurements.
         squares: sum of squared residuals of each impact, shape ``(N,)``. Impacts that separate, and impacts
             without a useful measurement after them, are left out.
-        resampled: fitted coefficients of each resample of the bootstrap, one row each.
+        resampled: fitted coefficients of each resample of the bootstrap, one row each; NaN where one has no
+            effect.
         notes: remarks for the user, as text.
     """
 
@@ -105,8 +106,7 @@ def identify(
         ImportError: if SciPy is not installed.
     """
     given, kind = dict(given or {}), kind or measured.kinds[0]
-    usual = ("restitution",) if law is Law.FRICTIONLESS else ("restitution", "friction")
-    fit = tuple(fit) or tuple(name for name in usual if name not in given)
+    fit = names_to_fit(law, fit, given)
     _check(measured, law, fit, given, kind, loss, resamples)
     used = _informative_impacts(measured, kind, len(fit))
     unit = residual_unit(used, kind)
@@ -133,6 +133,12 @@ def identify(
     )
 
 
+def names_to_fit(law: Law, fit: Sequence[str], given: Mapping[str, float]) -> tuple[str, ...]:
+    """Return the names of the coefficients to fit, which are those in ``fit`` if there are any."""
+    usual = ("restitution",) if law is Law.FRICTIONLESS else ("restitution", "friction")
+    return tuple(fit) or tuple(name for name in usual if name not in given)
+
+
 def _check(
     measured: Measurements,
     law: Law,
@@ -144,13 +150,12 @@ def _check(
 ) -> None:
     if not isinstance(resamples, (int, Integral)):
         raise TypeError(f"resamples: must be a whole number, is {resamples!r}")
-    here = {"restitution", "friction", *ImpactModel._fields}.intersection(RANGES)
     for field, value, known in (
         ("law", law, LAWS),
         ("kind", kind, measured.kinds),
         ("loss", loss, LOSSES),
-        *(("fit", name, here) for name in fit),
-        *(("given", name, here) for name in given),
+        *(("fit", name, RANGES) for name in fit),
+        *(("given", name, RANGES) for name in given),
     ):
         if value not in known:
             names = ", ".join(str(getattr(one, "name", one)) for one in known)

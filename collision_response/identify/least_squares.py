@@ -143,14 +143,17 @@ class LeastSquares(NamedTuple):
         """Return the problem with its scale set, and SciPy's solution of it.
 
         The scale is taken from the median residual of a fit that treats no residual as an outlier. Residuals
-        that are 0 do not count in the median, because they do not tell how noisy the others are.
+        that are 0 do not count in the median, because they do not tell how noisy the others are. An outlier
+        may lead that fit astray, and from far away "arctan" does not find back; "soft_l1", which is convex,
+        does.
         """
         first = self.solve(self.start())
         noise = abs(first.fun[abs(first.fun) > ROUNDING])
         if self.loss == "linear" or not noise.size:
             return self, first
         scaled = self._replace(scale=1.4826 * float(np.median(noise)))
-        return scaled, scaled.solve(first.x)
+        near = scaled._replace(loss="soft_l1").solve(first.x, ROUGH_PRECISION)
+        return scaled, scaled.solve(near.x)
 
     def solve(self, x: Array, precision: float = PRECISION) -> Any:
         """Return SciPy's solution of a search that starts at ``x``.
@@ -186,13 +189,12 @@ class LeastSquares(NamedTuple):
     def resampled(self, x: Array, count: int, seed: int) -> Array:
         """Return fits to ``count`` sets of impacts drawn with replacement, one row of coefficients each.
 
-        A coefficient that has no effect on a set of impacts gets its upper limit.
+        A coefficient that has no effect on a set of impacts is NaN there.
         """
         rng, n = np.random.default_rng(seed), len(self.measured)
-        most = [RANGES[name].most for name in self.names]
         draws = (rng.integers(n, size=n) for _ in range(count))
         found = (self._replace(measured=self.measured.take(draw)).solve(x, ROUGH_PRECISION) for draw in draws)
-        return np.array([np.where(one.jac.any(axis=0), one.x, most) for one in found])
+        return np.array([np.where(one.jac.any(axis=0), one.x, math.nan) for one in found])
 
     def squares_at_fixed(self, x: Array, name: str, value: float) -> float:
         """Return the smallest sum of squares with one coefficient held; the search starts at ``x``."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
+
 from ..optional import missing
 from .identification import Identification
 from .measurements import Measurements, informative
@@ -46,7 +48,8 @@ def draw(found: Identification, measured: Measurements, path: Path) -> None:
     across, up = names[0], names[-1]
     cloud = dict(zip(names, found.resampled.T, strict=True))
     if across == up:
-        right.hist(cloud[across], bins=30, color=BLUE, alpha=0.6, label="bootstrap")
+        known = found.resampled[~np.isnan(found.resampled)]
+        right.hist(known, bins=30, color=BLUE, alpha=0.6, label="bootstrap")
     else:
         right.plot(cloud[across], cloud[up], ".", ms=4, color=BLUE, alpha=0.4, label="bootstrap")
         right.set_ylabel(up)
