@@ -11,6 +11,7 @@ import traceback
 import warnings
 from collections import Counter
 from collections.abc import Callable, Generator
+from contextlib import suppress
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
@@ -24,7 +25,7 @@ from .clients import ConnectedClients, client_id
 from .counters import Counters
 from .round_robin import Job, RoundRobin, Steps
 from .steady_timer import create_steady_timer
-from .take_all import IdleCallbackGroup, RCLError, TakeAllWaitable, never_called
+from .take_all import IdleCallbackGroup, InvalidHandle, RCLError, TakeAllWaitable, never_called
 from .throttled_warnings import WARNING_INTERVAL
 
 SERVICE_QOS = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=8_000, reliability=ReliabilityPolicy.RELIABLE)
@@ -232,14 +233,15 @@ class Server:
     def _serve(self) -> None:
         """Serve clients for ``MAX_SERVING_TIME``, and have the executor call this again for the rest."""
         end = time.perf_counter() + MAX_SERVING_TIME
-        while self._jobs.is_ready and time.perf_counter() < end:
-            self._jobs.run_slice()
-            for waitable in self._waitables:
-                waitable.take_all()
-        if self._jobs.is_ready:
-            self._more.trigger()
-        if self._jobs.is_waiting and self._overdue_timer.is_canceled():  # a reset delays a running timer
-            self._overdue_timer.reset()
+        with suppress(InvalidHandle):  # of a node that another thread destroys meanwhile
+            while self._jobs.is_ready and time.perf_counter() < end:
+                self._jobs.run_slice()
+                for waitable in self._waitables:
+                    waitable.take_all()
+            if self._jobs.is_ready:
+                self._more.trigger()
+            if self._jobs.is_waiting and self._overdue_timer.is_canceled():  # a reset delays a running timer
+                self._overdue_timer.reset()
 
     def _serve_overdue(self) -> None:
         self._jobs.resume_overdue()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
@@ -18,6 +19,7 @@ from rclpy.subscription import Subscription
 from rclpy.waitable import NumberOfEntities, Waitable
 
 RCLError: type[Exception] = rclpy_implementation.RCLError
+InvalidHandle: type[Exception] = rclpy_implementation.InvalidHandle
 
 UNREADABLE = (RCLError, MemoryError, UnicodeError, ValueError)
 """Errors that taking a message raises if it is malformed or larger than memory allows."""
@@ -79,7 +81,7 @@ class TakeAllWaitable(Waitable):  # type: ignore[type-arg]  # that of Jazzy take
     def take_all(self) -> int:
         """Handle all messages that wait, for at most ``MAX_TIME``, and return how many there were."""
         number, end = 0, time.perf_counter() + MAX_TIME
-        with self._source.handle:
+        with suppress(InvalidHandle), self._source.handle:  # of a node that another thread has destroyed
             while time.perf_counter() < end:
                 try:
                     taken = self._take()
@@ -113,7 +115,9 @@ class TakeAllWaitable(Waitable):  # type: ignore[type-arg]  # that of Jazzy take
     def add_to_wait_set(self, wait_set: Any) -> None:
         """Add the service or subscription to the wait set."""
         add = wait_set.add_service if self._is_service else wait_set.add_subscription
-        self._index = add(self._source.handle)
+        self._index = None
+        with suppress(InvalidHandle), self._source.handle:  # as above
+            self._index = add(self._source.handle)
 
     def is_ready(self, wait_set: Any) -> bool:
         """Whether a message waits."""
