@@ -62,6 +62,12 @@ class Graph:
         self._executor.add_node(node)
         return node
 
+    def remove(self, node: Node) -> None:
+        """Stop spinning a node, and destroy it."""
+        self._executor.remove_node(node)
+        self._nodes.remove(node)
+        node.destroy_node()
+
     def serve(self, **parameters: Any) -> CollisionResponseNode:
         """Start the node under test; a double underscore in a parameter's name stands for a dot."""
         overrides = [Parameter(name.replace("__", "."), value=value) for name, value in parameters.items()]

@@ -390,7 +390,7 @@ def test_rates_are_per_elapsed_time(graph, monkeypatch, late):
     monkeypatch.setattr(diagnostics_module, "time", SimpleNamespace(perf_counter=lambda: now[0]))
     counters = Counters()
     node = Node("nobody_spins_it", context=graph.context)
-    of_node = Diagnostics(node, counters, LatestStates(1, lambda: 0, print), None, lambda: 0)
+    of_node = Diagnostics(node, counters, LatestStates(1, lambda: 0, print), lambda: 0, lambda: 0)
     monkeypatch.setattr(of_node, "_publisher", SimpleNamespace(publish=told.append))
     counters.requests += 600
     now[0] += PERIOD + late

@@ -271,6 +271,23 @@ def test_a_qos_override_may_be_upper_case(graph, value):
     assert publisher.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT
 
 
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [
+        ("/all_body_states.subscription.depth", "{}/all_body_states.subscription.depth"),
+        ("{}/body_state.subscription.depth", "{}/body_states.subscription.depth"),
+        ("{}/body_states.subscription.durability", "{}/body_states.subscription.reliability"),
+        ("{}/diagnostics.publisher.depth", "/diagnostics.publisher.depth"),
+    ],
+)
+def test_a_qos_override_that_overrides_nothing_is_warned_about(graph, given, meant):
+    logged = graph.log()
+    given, meant = (f"qos_overrides.{name.format(graph.namespace)}" for name in (given, meant))
+    graph.serve(**{given: 3})
+    expected = f"there is no parameter {given!r}; did you mean {meant!r}?"
+    assert wait_until(lambda: [text for text in logged if "there is no" in text]) == [expected]
+
+
 def test_a_qos_override_applies_to_one_topic(graph):
     name = f"qos_overrides.{graph.namespace}/collision_response/result.publisher"
     graph.serve(**{f"{name}.reliability": "best_effort", f"{name}.depth": 3})

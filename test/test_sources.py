@@ -205,6 +205,18 @@ def test_each_omitted_body_is_named(graph, start):
     assert sorted(said) == [f"{frame!r} {no_description}" for frame in ("left", "right")]
 
 
+def test_mass_properties_are_kept_once_for_each_link(start, tmp_path):
+    """Anybody may publish frames with ever new prefixes."""
+    file = tmp_path / "robot.urdf"
+    file.write_text(ROBOT)
+    source = start(description_file=str(file))
+    for i in range(100):
+        source._on_odometry(odometry(child=f"robot{i}/base_link"))
+        source._on_odometry(odometry(child=f"robot{i}/a/wheel"))
+    wait_until(lambda: start.heard)
+    assert len(source._mass_properties) == 2
+
+
 @pytest.mark.parametrize("things", [1, 2, MAX_SUBJECTS, MAX_SUBJECTS + 1, 3 * MAX_SUBJECTS])
 def test_warnings_are_throttled_by_subject_and_in_total(things):
     now, said = 0.0, []

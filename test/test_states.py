@@ -80,6 +80,13 @@ def test_states_come_from_every_topic_of_the_parameter(graph):
     assert graph.user.count_subscribers("robots") == 1
 
 
+@pytest.mark.parametrize("again", ["robots", "{}/robots"])
+def test_a_topic_that_is_given_twice_has_one_subscription(graph, again):
+    graph.serve(body_state_topics=["robots", again.format(graph.namespace)])
+    wait_until(lambda: graph.user.count_subscribers("robots"))
+    assert graph.user.count_subscribers("robots") == 1
+
+
 def test_an_unknown_body_is_refused_with_the_names_that_are_known(graph):
     graph.serve()
     Publisher(graph).publish(left_ball())
@@ -378,6 +385,17 @@ def test_states_of_many_bodies_come_in_a_table(graph):
     answer = wait_until(answer)
     assert answer.result.normal_velocity_before == -4.0
     assert answer.result.state_stamp_b.sec == 7
+
+
+def test_a_clock_that_is_set_back_all_the_time_is_warned_about_once(graph):
+    """As with two publishers of /clock."""
+    logged = graph.log()
+    set_clock = simulated_clock(graph)
+    for seconds in (10, 9, 8, 7, 6, 5):
+        set_clock(seconds)
+    graph.user.get_logger().info("the end")
+    wait_until(lambda: "the end" in logged)
+    assert len([text for text in logged if text.startswith("the clock was changed or set back")]) == 1
 
 
 def test_when_the_clock_is_set_back_states_are_forgotten(graph):

@@ -22,20 +22,21 @@ class AnswerLog:
 
     Attributes:
         topics: the resolved names of the topics of the results.
+        recorder: records the answers; ``None``: they are not recorded.
 
     Args:
         node: the node that publishes the results.
-        recorder: records them; ``None``: they are not recorded.
         now: returns the time of the node's clock [ns].
     """
 
-    def __init__(self, node: Node, recorder: Recorder | None, now: Callable[[], int]) -> None:
+    recorder: Recorder | None = None
+
+    def __init__(self, node: Node, now: Callable[[], int]) -> None:
         self._publishers = {
             CollisionResult: ResultPublisher(node, CollisionResult, "~/result"),
             SceneResult: ResultPublisher(node, SceneResult, "~/scene_result"),
         }
         self.topics = [publisher.topic for publisher in self._publishers.values()]
-        self._recorder = recorder
         self._now = now
         self._sequence = count(1)
         self._unpublished: deque[tuple[Any, Callable[[int, int], Entry]]] = deque()
@@ -64,6 +65,6 @@ class AnswerLog:
         while self._unpublished:
             result, entry = self._unpublished.popleft()
             self._publishers[type(result)].publish(result)
-            if self._recorder is not None:
+            if self.recorder is not None:
                 stamp = nanoseconds(result.header.stamp) or self._now()
-                self._recorder.add(entry(stamp, result.sequence))
+                self.recorder.add(entry(stamp, result.sequence))

@@ -10,7 +10,6 @@ from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from ..recording import Recorder
 from ..status import StatusCode
 from .counters import Counters
 from .states import LatestStates
@@ -27,7 +26,7 @@ class Diagnostics:
         node: the node that publishes.
         counters: what the services have counted.
         states: the latest states of bodies.
-        recorder: records the answers; ``None``: they are not recorded.
+        not_recorded: returns the number of entries that are missing in the recording.
         waiting: returns the number of requests that are not answered yet.
     """
 
@@ -36,13 +35,13 @@ class Diagnostics:
         node: Node,
         counters: Counters,
         states: LatestStates,
-        recorder: Recorder | None,
+        not_recorded: Callable[[], int],
         waiting: Callable[[], int],
     ) -> None:
         self._node = node
         self._counters = counters
         self._states = states
-        self._recorder = recorder
+        self._not_recorded = not_recorded
         self._waiting = waiting
         self._problems = self._problem_counts()
         self._counts = self._progress_counts()
@@ -73,7 +72,7 @@ class Diagnostics:
             "states that could not be read": states.unreadable,
             "states older than the one known": states.outdated,
             "bodies forgotten": states.evicted,
-            "entries not recorded": self._recorder.missing() if self._recorder else 0,
+            "entries not recorded": self._not_recorded(),
         }
 
     def _publish(self) -> None:

@@ -19,7 +19,7 @@ from ..msg import CollisionResult, SceneResult
 from ..physics.vector import Vec3
 from ..status import StatusCode
 from .convert import vector_message, vector_of
-from .parameters import Declaration, declare
+from .parameters import Declaration, declare, warn_of_unknown
 from .process import run
 from .throttled_warnings import WARNING_INTERVAL
 
@@ -184,7 +184,7 @@ class ContactMarkers(Node):
         super().__init__(
             "collision_response_markers", automatically_declare_parameters_from_overrides=True, **options
         )
-        declare(self, DECLARATIONS)
+        warn_of_unknown(self, declare(self, DECLARATIONS))
         self._numbers = count()
         self._markers = self.create_publisher(MarkerArray, "collision_response/markers", 100)
         self._wrenches = self.create_publisher(WrenchStamped, "collision_response/wrench", 100)

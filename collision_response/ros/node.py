@@ -18,6 +18,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.validate_topic_name import validate_topic_name
 
 from ..model import ImpactModel
 from ..msg import BodyState, BodyStates
@@ -87,24 +88,14 @@ class CollisionResponseNode(Node):
         super().__init__(
             "collision_response", automatically_declare_parameters_from_overrides=True, **options
         )
-        parameters.declare(self, DECLARATIONS)
+        given = parameters.declare(self, DECLARATIONS)
         self.parameters = parameters.LatestParameters(self)
         value = partial(parameters.value_of, self)
-        if value("recording.enabled"):
-            self._recorder = Recorder(
-                Path(value("recording.directory")),
-                self.get_logger().warning,
-                opened=self.get_logger().info,
-                name=value("recording.file"),
-                max_size=value("recording.max_size"),
-                max_duration=value("recording.max_duration"),
-            )
-
-        warn = ThrottledWarnings(self.get_logger().warning)
-        self._states = LatestStates(value("max_bodies"), self._now, warn)
+        self._warn = ThrottledWarnings(self.get_logger().warning)
+        self._states = LatestStates(value("max_bodies"), self._now, self._warn)
         self._jump_handle = self.get_clock().create_jump_callback(CLOCK_JUMPS, post_callback=self._on_jump)
 
-        answer_log = AnswerLog(self, self._recorder, self._now)
+        answer_log = AnswerLog(self, self._now)
         self.impact_service = ImpactService(
             self.parameters,
             self._states,
@@ -122,13 +113,23 @@ class CollisionResponseNode(Node):
         self._server = Server(
             self, services, counters, self._over_budget, answer_log.publish, value("service_introspection")
         )
-        topics = [*filter(None, dict.fromkeys(value("body_state_topics")))]
+        topics = dict.fromkeys(map(self._expanded, filter(None, value("body_state_topics"))))
         self._state_inputs = [
             *(self._subscribe(BodyState, topic, STATE_QOS, self._add_state) for topic in topics),
             self._subscribe(BodyStates, TABLE_TOPIC, TABLE_QOS, self._states.add_table),
         ]
         self._states.take_all = self._take_states
-        Diagnostics(self, counters, self._states, self._recorder, self._server.waiting)
+        Diagnostics(self, counters, self._states, self._entries_not_recorded, self._server.waiting)
+        parameters.warn_of_unknown(self, given)
+        if value("recording.enabled"):  # at the end: a start that fails leaves no file
+            self._recorder = answer_log.recorder = Recorder(
+                Path(value("recording.directory")),
+                self.get_logger().warning,
+                opened=self.get_logger().info,
+                name=value("recording.file"),
+                max_size=value("recording.max_size"),
+                max_duration=value("recording.max_duration"),
+            )
         self.get_logger().info(
             f"serving {', '.join(self.resolve_service_name(service.name) for service in services)}; "
             f"body states from {', '.join(map(self.resolve_topic_name, topics)) or 'requests only'}; "
@@ -150,16 +151,26 @@ class CollisionResponseNode(Node):
             self.get_logger().warning(
                 f"{unanswered} requests are left without an answer: shutdown_timeout is {limit:g} s"
             )
-        super().destroy_node()
+        self._destroy_node()
         if self._recorder is not None:
             self._recorder.close(max(0.0, start + 0.8 * limit - time.perf_counter()))
         faulthandler.cancel_dump_traceback_later()
 
     def destroy_node(self) -> None:
         """Destroy the node, and complete the recording."""
-        super().destroy_node()
+        self._destroy_node()
         if self._recorder is not None:
             self._recorder.close()
+
+    def _destroy_node(self) -> None:
+        for waitable in [*self.waitables]:
+            if isinstance(waitable, TakeAllWaitable):  # rclpy would leave it to the executor
+                self.remove_waitable(waitable)
+        super().destroy_node()
+
+    def _expanded(self, topic: str) -> str:
+        validate_topic_name(topic)  # with an error that shows the name
+        return self.resolve_topic_name(topic, only_expand=True)
 
     def _subscribe(
         self, kind: Any, topic: str, qos: QoSProfile, add: Callable[[bytes, Any], object]
@@ -193,7 +204,7 @@ class CollisionResponseNode(Node):
 
     def _on_jump(self, jump: TimeJump) -> None:
         self._states.forget()
-        self.get_logger().warning("the clock was changed or set back: the states of all bodies are forgotten")
+        self._warn("clock", "the clock was changed or set back: the states of all bodies are forgotten")
 
     def _over_budget(self, spent: float) -> ImpactError | None:
         limit = self.parameters.values.budget_time
@@ -203,6 +214,9 @@ class CollisionResponseNode(Node):
             f"was stopped after {spent:.3g} s of computing; budget.time is {limit:g} s: send fewer contacts"
         )
         return ImpactError(StatusCode.BUDGET_EXCEEDED, "request", reason)
+
+    def _entries_not_recorded(self) -> int:
+        return self._recorder.missing() if self._recorder else 0
 
     def _now(self) -> int:
         return self.get_clock().now().nanoseconds

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
-from functools import cache
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -198,19 +198,9 @@ class Parameters:
     model: ImpactModel
     materials: Materials = NO_MATERIALS
 
-    @classmethod
-    def of(cls, node: Node) -> Parameters:
-        """Read the current values of a node."""
-        return cls(
-            **{field: value_of(node, NAMES[field]) for field in cls.__dataclass_fields__ if field in NAMES},
-            model=ImpactModel(*(value_of(node, field) for field in ImpactModel._fields)),
-            materials=materials_in(value_of(node, "materials_file")),
-        )
 
-
-@cache
 def materials_in(file: str) -> Materials:
-    """Read a file of materials, once; without a name, return no materials.
+    """Read a file of materials; without a name, return no materials.
 
     Raises:
         as :meth:`Materials.read`.
@@ -229,12 +219,18 @@ class LatestParameters:
     """
 
     def __init__(self, node: Node) -> None:
-        self._node = node
-        self.values = Parameters.of(node)
+        self._value_of = partial(value_of, node)
+        self._materials = materials_in(self._value_of("materials_file"))
+        self._read([])
         node.add_post_set_parameters_callback(self._read)
 
     def _read(self, _: list[Parameter[Any]]) -> None:
-        self.values = Parameters.of(self._node)
+        fields = NAMES.keys() & Parameters.__dataclass_fields__
+        self.values = Parameters(
+            **{field: self._value_of(NAMES[field]) for field in fields},
+            model=ImpactModel(*map(self._value_of, ImpactModel._fields)),
+            materials=self._materials,
+        )
 
 
 QOS_OVERRIDES = "qos_overrides."
@@ -251,13 +247,16 @@ DECLARED_BY_RCLPY = {"use_sim_time", "start_type_description_service"}
 """Parameters that rclpy declares for every node."""
 
 
-def declare(node: Node, declarations: Iterable[Declaration]) -> None:
-    """Declare the parameters of a node, and warn about parameters that were given but do not exist.
+def declare(node: Node, declarations: Iterable[Declaration]) -> set[str]:
+    """Declare the parameters of a node.
 
     Args:
         node: a node made with ``automatically_declare_parameters_from_overrides``, so that all parameters
             that were given are declared. They are declared again here, with descriptions and ranges.
         declarations: the parameters of the node.
+
+    Returns:
+        The names of the parameters that were given, for :func:`warn_of_unknown`.
 
     Raises:
         rclpy.exceptions.ParameterException: if a value that was given is not allowed.
@@ -266,14 +265,20 @@ def declare(node: Node, declarations: Iterable[Declaration]) -> None:
     for name in given:
         node.undeclare_parameter(name)
     node.add_on_set_parameters_callback(validate)
-    known = []
     for declaration in declarations:
         node.declare_parameter(declaration.name, declaration.default, declaration.descriptor())
-        known.append(declaration.name)
+    return given
+
+
+def warn_of_unknown(node: Node, given: set[str]) -> None:
+    """Warn about parameters that were given but do not exist.
+
+    To be called when the node has its topics, because that declares the parameters of their QoS.
+    """
+    known = list(node.get_parameters_by_prefix(""))
     for name in sorted(given.difference(known)):
-        if not name.startswith(QOS_OVERRIDES):
-            (closest,) = get_close_matches(name, known, 1, 0.0)
-            node.get_logger().warning(f"there is no parameter {name!r}; did you mean {closest!r}?")
+        (closest,) = get_close_matches(name, known, 1, 0.0)
+        node.get_logger().warning(f"there is no parameter {name!r}; did you mean {closest!r}?")
 
 
 def validate(parameters: list[Parameter[Any]]) -> SetParametersResult:

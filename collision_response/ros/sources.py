@@ -25,7 +25,7 @@ from ..physics.mass_properties import MassProperties
 from ..physics.orientation import Quaternion
 from ..physics.vector import ZERO, Vec3
 from .convert import twist_message, vector_message, vector_of
-from .parameters import Declaration, declare
+from .parameters import Declaration, declare, warn_of_unknown
 from .process import StartError, run
 from .serialized import nanoseconds
 from .throttled_warnings import ThrottledWarnings
@@ -156,7 +156,7 @@ class BodyStatePublisher(Node):
         super().__init__(
             "collision_response_states", automatically_declare_parameters_from_overrides=True, **options
         )
-        declare(self, DECLARATIONS)
+        warn_of_unknown(self, declare(self, DECLARATIONS))
         start = {declaration.name: self.get_parameter(declaration.name).value for declaration in DECLARATIONS}
         self._warn = ThrottledWarnings(self.get_logger().warning)
         self._name: str = start["name"]
@@ -239,13 +239,10 @@ class BodyStatePublisher(Node):
         """
         if self._description is None:
             raise ValueError("no robot_description has been received")
-        known = self._mass_properties.get((frame, locked))
-        if known is None:
-            links = self._description.inertials
-            link = frame if frame in links else frame.rpartition("/")[2]
-            known = self._description.mass_properties(link, locked=locked)
-            self._mass_properties[frame, locked] = known
-        return known
+        link = frame if frame in self._description.inertials else frame.rpartition("/")[2]
+        if (link, locked) not in self._mass_properties:
+            self._mass_properties[link, locked] = self._description.mass_properties(link, locked=locked)
+        return self._mass_properties[link, locked]
 
 
 def main(args: list[str] | None = None) -> int:

@@ -1,0 +1,186 @@
+"""The node in a process of somebody else: in any executor, next to others, destroyed and made again."""
+
+from __future__ import annotations
+
+import gc
+import os
+import threading
+import weakref
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from rclpy.context import Context
+from rclpy.exceptions import InvalidTopicNameException, ParameterException
+from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from ros_graph import ball, balls_meet, wait_until
+from rosgraph_msgs.msg import Clock
+
+from collision_response.msg import BodyState
+from collision_response.ros.markers import ContactMarkers
+from collision_response.ros.node import CollisionResponseNode
+from collision_response.ros.sources import BodyStatePublisher
+
+EXECUTORS = pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
+
+
+class Host:
+    """A context and an executor with a node that has a timer, and the node under test."""
+
+    def __init__(self, kind, namespace, **parameters):
+        self.context = Context()
+        self.context.init()
+        self.executor = kind(context=self.context)
+        self.own = Node("host", context=self.context)
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        self.tested = CollisionResponseNode(
+            context=self.context, namespace=namespace, parameter_overrides=overrides
+        )
+        self.calls, self.on_call = 0, []
+        self.own.create_timer(0.001, self._call)
+        self.executor.add_node(self.own)
+        self.executor.add_node(self.tested)
+
+    def _call(self):
+        self.calls += 1
+        while self.on_call:
+            self.on_call.pop()()
+
+    def spin_until(self, condition):
+        wait_until(lambda: self.executor.spin_once(timeout_sec=1.0) or condition())
+
+    def close(self):
+        self.executor.shutdown()
+        self.own.destroy_node()
+        self.tested.destroy_node()
+        self.context.shutdown()
+
+
+@pytest.mark.parametrize("requests", [0, 50])
+@pytest.mark.parametrize(
+    ("kind", "where"),
+    [
+        (SingleThreadedExecutor, "between two spins"),
+        (SingleThreadedExecutor, "in a callback"),
+        (MultiThreadedExecutor, "between two spins"),
+    ],
+)
+def test_an_executor_outlives_the_node(graph, kind, where, requests):
+    """Whoever destroys a node rarely removes it from its executor first."""
+    host = Host(kind, graph.namespace)
+    states = graph.publisher(BodyState, "body_states", 100)
+    future = graph.call_async(balls_meet())
+    host.spin_until(future.done)
+    for _ in range(requests):
+        states.publish(ball(name="left"))
+        graph.call_async(balls_meet())
+    if where == "in a callback":
+        host.on_call.append(host.tested.destroy_node)
+    else:
+        host.tested.destroy_node()
+    before = host.calls
+    host.spin_until(lambda: host.calls > before + 5)
+    host.close()
+
+
+@EXECUTORS
+def test_the_clock_may_be_set_back_in_the_middle_of_look_ups(graph, kind):
+    host = Host(kind, graph.namespace, use_sim_time=True)
+    clock, states = graph.publisher(Clock, "/clock"), graph.publisher(BodyState, "body_states", 100)
+    futures = []
+    for i in range(100):
+        message = Clock()
+        message.clock.sec = 100 - i % 2
+        clock.publish(message)
+        for name in "abcdefgh":
+            states.publish(ball(-0.5, 3.0, name=name))
+        request = balls_meet()
+        request.body_b = BodyState(name="e")
+        futures.append(graph.call_async(request))
+    host.spin_until(lambda: all(future.done() for future in futures))
+    host.close()
+
+
+def test_two_nodes_of_one_name_answer(graph):
+    """ROS permits this, with a warning. Each request gets two answers, of which a client takes the first."""
+    graph.serve()
+    graph.serve()
+    assert all(graph.call(balls_meet()).success for _ in range(20))
+
+
+def descriptors_and_threads():
+    return len(os.listdir("/proc/self/fd")), len(os.listdir("/proc/self/task"))
+
+
+@pytest.mark.parametrize("kind", [CollisionResponseNode, BodyStatePublisher, ContactMarkers])
+def test_nodes_that_come_and_go_leave_nothing_behind(graph, kind):
+    def make():
+        node = kind(context=graph.context, namespace=graph.namespace)
+        node.destroy_node()
+        return weakref.ref(node)
+
+    for _ in range(3):  # DDS makes some of its threads and sockets late
+        make()
+    before = descriptors_and_threads()
+    nodes = [make() for _ in range(10)]
+    gc.collect()
+    assert [node() for node in nodes] == [None] * 10
+    assert descriptors_and_threads() <= before
+
+
+def test_nodes_that_record_leave_no_file_open_and_are_collected(graph, tmp_path):
+    """Except the first one, which the garbage collector leaves alone together with rerun."""
+    pytest.importorskip("rerun")
+    overrides = [
+        Parameter("recording.enabled", value=True),
+        Parameter("recording.directory", value=str(tmp_path)),
+    ]
+
+    def make():
+        node = CollisionResponseNode(
+            context=graph.context, namespace=graph.namespace, parameter_overrides=overrides
+        )
+        node.destroy_node()
+        return weakref.ref(node)
+
+    for _ in range(3):
+        make()
+    before, _ = descriptors_and_threads()
+    nodes = [make() for _ in range(5)]
+    gc.collect()
+    assert [node() for node in nodes] == [None] * 5
+    assert descriptors_and_threads()[0] <= before
+    assert len([*tmp_path.glob("*.rrd")]) == 8
+
+
+@pytest.mark.parametrize(
+    ("parameters", "error"),
+    [
+        ({"body_state_topics": ["a b"]}, InvalidTopicNameException),
+        ({"qos_overrides./diagnostics.publisher.depth": -1}, ParameterException),
+        ({"friction": -1.0}, ParameterException),
+    ],
+    ids=["topics", "diagnostics", "parameters"],
+)
+def test_a_start_that_fails_leaves_no_recording(graph, tmp_path, parameters, error):
+    recording = {"recording__enabled": True, "recording__directory": str(tmp_path)}
+    threads = threading.active_count()
+    with pytest.raises(error):
+        graph.serve(**recording, **parameters)
+    assert threading.active_count() == threads
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_new_node_reads_the_materials_anew(graph, tmp_path):
+    file = tmp_path / "materials.yaml"
+    request = balls_meet()
+    request.contact.restitution = -1.0
+    request.body_a.material = request.body_b.material = "steel"
+    for restitution in (0.25, 0.75):
+        file.write_text(f"materials: {{steel: {{restitution: {restitution}}}}}")
+        node = graph.serve(materials_file=str(file))
+        assert graph.call(request).result.contact.restitution == restitution
+        graph.remove(node)
