@@ -184,6 +184,71 @@ def test_a_closed_file_leaves_no_thread(tmp_path):
     assert threads[-1] - threads[1] < 10  # an ending thread may still be counted
 
 
+FORK = """
+import os, sys, threading
+from pathlib import Path
+from collision_response.recording import Recorder, recorder as policy
+from test_recording import DEADLINE, impact
+
+policy.INTERVAL, files = 0.0, threading.Semaphore(0)
+folder, changes = Path(sys.argv[1]), int(sys.argv[2])
+recorder = Recorder(folder, print, opened=lambda _: files.release(), name="a.rrd", max_duration=1e-9)
+source, sink = os.pipe()
+
+def fork():
+    if os.fork() == 0:
+        os.close(sink)
+        os.read(source, 1)  # until the parent ends
+        os._exit(0)
+
+assert files.acquire(timeout=DEADLINE)
+fork()
+count = 0
+for _ in range(changes):
+    while not files.acquire(timeout=0.001):
+        count += 1
+        assert count < 10_000, "no next file"
+        recorder.add(impact(count))
+    fork()
+recorder.close(DEADLINE)
+print(count)
+"""
+
+
+@pytest.mark.parametrize("changes", [0, 1, 3])
+def test_forked_processes_keep_no_file_from_ending(tmp_path, changes):
+    """They have a copy of the pipe to which rerun writes, so the pipe never ends."""
+    command = [sys.executable, "-W", "ignore", "-c", FORK, str(tmp_path), str(changes)]
+    run = subprocess.run(
+        command, cwd=Path(__file__).parent, capture_output=True, text=True, timeout=100, check=False
+    )
+    assert (run.returncode, run.stderr) == (0, "")
+    paths = sorted(tmp_path.glob("*.rrd"))
+    assert len(paths) > changes
+    verify(*paths)
+    rows = [row for path in paths for row in read(path, "/impact/impulse", "Scalars:scalars")]
+    assert [row[1] for row in rows] == [*range(1, int(run.stdout) + 1)]
+
+
+def test_a_relative_directory_stays_where_it_was(tmp_path, monkeypatch):
+    """Whatever directory the process changes to."""
+    monkeypatch.setattr("collision_response.recording.recorder.INTERVAL", 0.0)
+    files = threading.Semaphore(0)
+    monkeypatch.chdir(tmp_path)
+    recorder = Recorder(
+        Path("here"), pytest.fail, opened=lambda _: files.release(), name="a.rrd", max_duration=1e-9
+    )
+    assert files.acquire(timeout=DEADLINE)
+    (tmp_path / "there").mkdir()
+    monkeypatch.chdir(tmp_path / "there")
+    while not files.acquire(timeout=0.001):
+        recorder.add(impact())
+    recorder.close()
+    paths = [*tmp_path.rglob("*.rrd")]
+    assert len(paths) > 1
+    assert {path.parent for path in paths} == {tmp_path / "here"}
+
+
 def test_body_states_are_written_in_batches(tmp_path, monkeypatch):
     batches, written = [], threading.Semaphore(0)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import threading
 from pathlib import Path
 
@@ -32,16 +33,10 @@ class PipedFile:
         self._path = path
         self._file = path.open("xb", buffering=0)
         self._source, self._sink = os.pipe()
+        self._ended = os.eventfd(0)
         self.name = f"/dev/fd/{self._sink}"
         self._copier = threading.Thread(target=self._copy, name="recording file", daemon=True)
         self._copier.start()
-
-    def close_own_end(self) -> None:
-        """Close our copy of the pipe's end, once rerun has opened ``name``.
-
-        Then the file ends when rerun closes it.
-        """
-        os.close(self._sink)
 
     def size(self) -> int:
         """Number of bytes written so far. Not to be called after :meth:`join`."""
@@ -64,12 +59,21 @@ class PipedFile:
             raise self.error
 
     def join(self) -> None:
-        """Wait until everything is written."""
+        """Wait until everything is written. To be called once, when rerun has closed the pipe.
+
+        The pipe itself does not tell: a process forked meanwhile has a copy of its end.
+        """
+        os.eventfd_write(self._ended, 1)
         self._copier.join()
+        for descriptor in (self._sink, self._ended):
+            os.close(descriptor)
 
     def _copy(self) -> None:
+        poll = select.poll()
+        for descriptor in (self._source, self._ended):
+            poll.register(descriptor, select.POLLIN)
         with self._file, open(self._source, "rb", buffering=0) as source:
-            while chunk := source.read(CHUNK):
+            while self._source in dict(poll.poll()) and (chunk := source.read(CHUNK)):
                 if self.error is None:
                     self._write(chunk)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import queue
+import sys
 import threading
 import time
 import traceback
@@ -98,7 +99,9 @@ class Recorder:
             ValueError: if ``name`` is not a plain file name.
         """
         check_name(name)
-        self.path = directory / (name or f"collision_response_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}.rrd")
+        self.path = directory.absolute() / (
+            name or f"collision_response_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}.rrd"
+        )
         self.dropped = 0
         self.unwritable = 0
         self.abandoned = 0
@@ -160,9 +163,11 @@ class Recorder:
     def _work(self) -> None:
         problem = "not recording to {}: {}"
         try:
+            is_first = f"{__package__}.writer" not in sys.modules
             from .writer import Recording, Writer
 
-            gc.freeze()  # the garbage collector would search all of rerun, too, which takes 50 ms
+            if is_first:
+                gc.freeze()  # the garbage collector would search all of rerun, too, which takes 50 ms
             recording, batches = Recording(), self._batches()
             remaining: list[Entry] | None = []
             while remaining is not None:

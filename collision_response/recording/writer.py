@@ -124,8 +124,9 @@ class Writer:
         self.file = PipedFile(path)
         try:
             self._stream.save(self.file.name)
-        finally:
-            self.file.close_own_end()
+        except BaseException:
+            self.file.join()
+            raise
         self._stream.log_file_from_contents(LAYOUT_FILE, recording.layout)
         self._log_styles()
         self._stream.flush(timeout_sec=5.0)  # so that the styles come before the columns
