@@ -346,6 +346,28 @@ class TestReport:
         assert "must be <positive>; is 0" in page.text
         assert not re.search(r'(nan|inf)[^<>"]*"', text), "no place of a plot is infinite"
 
+    @pytest.mark.filterwarnings("error")
+    @pytest.mark.parametrize("count", [1, 2, 60])
+    @pytest.mark.parametrize(
+        ("mass", "speed", "slip", "friction"),
+        [
+            (1e307, 1.0, 0.0, 0.3),  # 60 such energies have no finite sum
+            (1e-300, 1e-12, 0.1, 0.3),  # one energy is the smallest float, or 0
+            (1e-300, 1e-11, 0.1, 0.3),
+            (1.0, 1.0, 1e5, 1.75e308),  # 1.05 times this friction is infinite
+            (1.0, 1e-300, 1e5, 1e308),
+            (1e300, 1e-300, 1e-300, 1e-320),
+        ],
+    )
+    def test_numbers_at_the_ends_of_float64_are_drawn(self, recording, mass, speed, slip, friction, count):
+        touch = Contact.of((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.5, friction)
+        request = Body.dynamic(mass, velocity=(slip, 0.0, -speed)), FLOOR, touch, ImpactModel()
+        path = recording([record(number, request) for number in range(1, count + 1)])
+        assert main(["report", str(path)]) == 0
+        text = path.with_suffix(".html").read_text(encoding="utf-8")
+        assert Page(text).tags.count("svg") == 4
+        assert not re.search(r'(nan|inf)[^<>"]*"', text), "no place of a plot is infinite"
+
     @pytest.mark.parametrize("entries", [[], [Refusal(1, 1, "INVALID_MASS: body_a.mass: no")]])
     def test_a_recording_without_an_answer(self, recording, entries, capsys):
         path = recording(entries)
@@ -400,6 +422,22 @@ class TestReport:
             assert Fraction(row["kinetic_energy_after"]) == pytest.approx(
                 Fraction(impact.kinetic_energy_after)
             )
+
+    @pytest.mark.parametrize("sizes", [(7, 6), (6, 7), (6, 6), (1, 8)])
+    def test_the_csv_table_has_rows_of_several_versions(self, recording, tmp_path, sizes):
+        """Whose models have more or fewer numbers: where one has none, nothing is written."""
+        paths = []
+        for number, size in enumerate(sizes, start=1):
+            model = [float(i) for i in range(size)]
+            row = record(number, next(requests()))._replace(model=model)
+            paths.append(str(recording([row], f"{number}.rrd")))
+        target = tmp_path / "table.csv"
+        assert main(["report", *paths, "--csv", str(target)]) == 0
+        with target.open() as file:
+            rows = [*csv.DictReader(file)]
+        for row, size in zip(rows, sizes, strict=True):
+            written = [row[f"request_model.{i}"] for i in range(max(sizes))]
+            assert written == [str(i) if i < size else "" for i in range(max(sizes))]
 
 
 def scene(number, law=Law.AUTO, e=0.5):

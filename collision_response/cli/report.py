@@ -73,6 +73,9 @@ def write_csv(impacts: Any, target: Path) -> None:
 
     flat = {}
     for name, column in zip(impacts.column_names, impacts.columns, strict=True):
+        if pa.types.is_list(column.type):  # of files by versions whose models have more or fewer numbers
+            longest = compute.max(compute.list_value_length(column)).as_py()
+            column = compute.list_slice(column, 0, longest, return_fixed_size_list=True)
         if pa.types.is_fixed_size_list(column.type):
             for i in range(column.type.list_size):
                 flat[f"{name}.{i}"] = compute.list_element(column, i)

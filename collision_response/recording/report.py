@@ -20,6 +20,9 @@ SHOWN = 3000
 
 LISTED = 10
 
+MOST = 1e300
+"""Values beyond this are drawn at the edge of a plot, so that the range of an axis does not overflow."""
+
 CAUSES = ("restitution", "friction")
 """Causes of energy losses."""
 
@@ -51,9 +54,10 @@ class Summary(NamedTuple):
         answers = [row for row in rows if row.get("regime")]
         before, after = _column(answers, "kinetic_energy_before"), _column(answers, "kinetic_energy_after")
         restitution, friction = (_column(answers, f"energy_lost_{cause}") for cause in CAUSES)
-        gap = abs(before - after - restitution - friction)
-        gap[[any(map(_is_driven, (row["request_a"], row["request_b"]))) for row in answers]] = math.nan
-        residuals = np.divide(gap, before, out=np.zeros_like(gap), where=before > 0)
+        with np.errstate(over="ignore"):
+            gap = abs(before - after - restitution - friction)
+            gap[[any(map(_is_driven, (row["request_a"], row["request_b"]))) for row in answers]] = math.nan
+            residuals = np.divide(gap, before, out=np.zeros_like(gap), where=before > 0)
         return cls(answers, [row for row in rows if not row.get("regime")], residuals, rows_of(scenes))
 
 
@@ -118,7 +122,8 @@ def _plots(summary: Summary) -> list[str]:
 
 def _energy_plot(summary: Summary, shown: np.ndarray) -> SvgPlot:
     number = _column(summary.answers, "answer")
-    lost = {cause: _column(summary.answers, f"energy_lost_{cause}").cumsum() for cause in CAUSES}
+    with np.errstate(over="ignore"):
+        lost = {cause: _column(summary.answers, f"energy_lost_{cause}").cumsum() for cause in CAUSES}
     y = _limits(np.concatenate([*lost.values(), [0.0]]))
     plot = SvgPlot("Energy lost so far [J]", "answer", _limits(number), y)
     for cause, values in lost.items():
@@ -158,8 +163,9 @@ def _cone_plot(summary: Summary, shown: np.ndarray) -> SvgPlot | None:
     has_cone = (mu > 0) & (along > 0)
     if not has_cone.any():
         return None
-    slope = np.divide(across, along, out=np.full_like(across, np.nan), where=has_cone)
-    limits = (0.0, 1.05 * max(mu[has_cone].max(), slope[has_cone].max()))
+    with np.errstate(over="ignore"):
+        slope = np.divide(across, along, out=np.full_like(across, np.nan), where=has_cone)
+    limits = _limits(1.05 * np.minimum([0.0, *mu[has_cone], *slope[has_cone]], MOST))
     title = "Impulses in their cones: tangential over normal"
     plot = SvgPlot(title, "friction", limits, limits, key=_regime_key(rows))
     plot.line(np.array(limits), np.array(limits), GREY, "edge of the cone")
@@ -244,8 +250,8 @@ class SvgPlot:
         return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}">{"".join(parts + self.marks)}</svg>'
 
     def _places(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        across = (np.asarray(x, float) - self.x[0]) / (self.x[1] - self.x[0])
-        up = (np.asarray(y, float) - self.y[0]) / (self.y[1] - self.y[0])
+        across = (np.clip(x, *self.x) - self.x[0]) / (self.x[1] - self.x[0])
+        up = (np.clip(y, *self.y) - self.y[0]) / (self.y[1] - self.y[0])
         return LEFT + across * (WIDTH - LEFT - RIGHT), HEIGHT - BOTTOM - up * (HEIGHT - TOP - BOTTOM)
 
 
@@ -305,8 +311,10 @@ def _css(colour: Colour) -> str:
 
 
 def _limits(values: np.ndarray) -> tuple[float, float]:
-    low, high = float(values.min()), float(values.max())
-    return (low, high) if high > low else (low - 0.5, high + 0.5)
+    """Least and greatest of some values, far enough apart for about six round numbers between them."""
+    low, high = (max(-MOST, min(float(end), MOST)) for end in (values.min(), values.max()))
+    room = 1e-9 * max(abs(low), abs(high), 1e-290)
+    return (low, high) if high - low > room else (low - max(0.5, room), high + max(0.5, room))
 
 
 def _ticks(low: float, high: float) -> Iterable[float]:
