@@ -78,7 +78,7 @@ class Description(NamedTuple):
         """
         try:
             root = ElementTree.fromstring(text)
-        except ElementTree.ParseError as error:
+        except (ElementTree.ParseError, LookupError) as error:  # LookupError: of an unknown encoding
             raise ValueError(f"the description is not XML: {error}") from None
         if root.tag == "robot":
             return cls(root.get("name", ""), *_urdf(root))

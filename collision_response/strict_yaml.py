@@ -36,7 +36,10 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
 
     def construct_object(self, node: Node, deep: bool = False) -> Any:
         try:
-            return super().construct_object(node, deep)
+            value = super().construct_object(node, deep)
+            if isinstance(value, str):
+                value.encode()  # half of a surrogate pair is no text
+            return value
         except (ValueError, LookupError, OverflowError):
             kind = node.tag.rpartition(":")[2]
             raise ConstructorError(None, None, f"cannot be read as {kind}", node.start_mark) from None

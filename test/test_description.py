@@ -262,6 +262,12 @@ def test_a_file_may_have_any_encoding_that_it_declares(encoding):
     assert body_of(text.encode(encoding), "töne").mass == 2.0
 
 
+@pytest.mark.parametrize("encoding", ["klingon", "hex", "big5", "undefined", "utf-16"])
+def test_an_encoding_that_cannot_be_read_is_refused(encoding):
+    with pytest.raises(ValueError):  # the texts are those of Python
+        Description.read(f"<?xml version='1.0' encoding='{encoding}'?>{urdf(link('a', 1.0))}".encode())
+
+
 @pytest.mark.parametrize("count", [1, 10_000])
 def test_a_chain_of_frames_may_be_long(count):
     frames = [

@@ -217,6 +217,22 @@ def test_invalid_yaml_is_refused_in_one_line(write):
     assert "\n" not in str(refusal.value)
 
 
+@pytest.mark.parametrize("odd", [r"\uD800", r"a \udfff", r"\ud83d\ude00"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        'pairs: [{{materials: [a, b], source: "{}"}}]',
+        'pairs: [{{materials: [a, "{}"]}}]',
+        'materials: {{"{}": {{friction: 0.5}}}}',
+    ],
+    ids=["source", "pair", "material"],
+)
+def test_half_a_surrogate_pair_is_no_text(write, text, odd):
+    """A node could not send it: its answers name materials and sources."""
+    with refused(StatusCode.INVALID_TABLE, match="cannot be read as str"):
+        Materials.read(write(text.format(odd)))
+
+
 @pytest.mark.parametrize(
     "text", ["1e7", "1E7", "1e+7", "1.e7", "1.0e7", "+.1e8", "1.0e+7", "10000000", "1e07"]
 )

@@ -108,6 +108,7 @@ def test_it_needs_no_standard_streams(graph, start, tmp_path, closed):
             "a parameter is an empty list, which has no type: write [''] for none",
         ),
         (("bogus", "--bogus"), "unknown arguments: ['bogus', '--bogus']"),
+        (("-p", b"world_frame:=\xff"), r"an argument is not text in UTF-8: 'world_frame:=\udcff'"),
         (
             ("-p", "recording.file:=../../x.rrd"),
             "must be a plain file name, without a directory; is '../../x.rrd'",

@@ -68,10 +68,13 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("request", metavar="YAML", help="the request; - to read it from standard input")
     parser.add_argument("--type", choices=SERVICES, default="ResolveCollision", help="type of the service")
     parser.add_argument(
-        "--service", metavar="NAME", help="name of the service, if it is not /collision_response/..."
+        "--service",
+        type=service_name,
+        metavar="NAME",
+        help="name of the service, if it is not /collision_response/...",
     )
     parser.add_argument(
-        "--timeout", type=_seconds, default=5.0, metavar="S", help="how long to wait for the node [s]"
+        "--timeout", type=seconds, default=5.0, metavar="S", help="how long to wait for the node [s]"
     )
     given = parser.parse_args(arguments)
     kind, default, show = SERVICES[given.type]
@@ -101,11 +104,18 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _seconds(text: str) -> float:
-    seconds = float(text)
-    if not 0 <= seconds <= MAX_TIMEOUT:
+def seconds(text: str) -> float:
+    """Read a timeout; argparse reports a ``ValueError`` with the name of this function."""
+    timeout = float(text)
+    if not 0 <= timeout <= MAX_TIMEOUT:
         raise argparse.ArgumentTypeError(f"must be in [0, {MAX_TIMEOUT:g}], is {text}")
-    return seconds
+    return timeout
+
+
+def service_name(text: str) -> str:
+    """Refuse a name that is not text, of which rclpy would only say that its type is wrong."""
+    text.encode()
+    return text
 
 
 def _read() -> str:
@@ -157,7 +167,9 @@ def _value(where: str, name: str, value: Any, default: Any, kind: str) -> Any:
             for i, one in enumerate(value)
         ]
     if isinstance(default, str):
-        return _text(where, value)
+        if not isinstance(value, str):
+            raise InvalidRequest(f"{where}: must be text, is {value!r}: write it in quotes")
+        return value
     if isinstance(default, bool):
         if not isinstance(value, bool):
             raise InvalidRequest(f"{where}: must be true or false, is {value!r}")
@@ -180,16 +192,6 @@ def _value(where: str, name: str, value: Any, default: Any, kind: str) -> Any:
         raise InvalidRequest(f"{where}: must be {must}, is {value!r}") from None
 
 
-def _text(where: str, value: Any) -> str:
-    if not isinstance(value, str):
-        raise InvalidRequest(f"{where}: must be text, is {value!r}: write it in quotes")
-    try:
-        value.encode()
-    except UnicodeEncodeError as error:
-        raise InvalidRequest(f"{where}: must be text in UTF-8, is {value!r}: {error.reason}") from None
-    return value
-
-
 def _range(kind: str) -> tuple[int, int]:
     bits = int(kind.lstrip("uint"))
     return (0, 2**bits - 1) if kind.startswith("u") else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
@@ -203,7 +205,7 @@ def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:
         RCLError: if ROS cannot be used.
     """
     sigint = SignalHandlerOptions.SIGINT  # type: ignore[attr-defined]  # rclpy's stub has another spelling
-    rclpy.init(signal_handler_options=sigint)  # SIGTERM ends the process
+    rclpy.init(args=[], signal_handler_options=sigint)  # SIGTERM ends the process
     node = rclpy.create_node("collision_response_call")
     try:
         client: Any = node.create_client(

@@ -34,7 +34,7 @@ class StartError(Exception):
 
 UnknownArguments: type[Exception] = rclpy_implementation.UnknownROSArgsError
 
-START_ERRORS = (StartError, ParameterException, NameValidationException, RCLError)
+START_ERRORS = (StartError, ParameterException, NameValidationException, RCLError, UnicodeEncodeError)
 """Errors that starting a node raises if its arguments are invalid or cannot be used."""
 
 
@@ -72,6 +72,8 @@ def _why_not_started(error: Exception) -> str:
     """Reason why the node cannot start, on one line. An error that is not known is raised again."""
     if isinstance(error, UnknownArguments):
         return f"unknown arguments: {error}"
+    if isinstance(error, UnicodeEncodeError):
+        return f"an argument is not text in UTF-8: {error.object!r}"
     if "PARAMETER_NOT_SET" in str(error):  # rclpy's text; it does not name the parameter
         return "a parameter is an empty list, which has no type: write [''] for none"
     if not isinstance(error, START_ERRORS):
