@@ -340,6 +340,26 @@ def test_given_coefficients_are_not_fitted(given, fitted):
     assert found.misfit > 1e-3
 
 
+@pytest.mark.parametrize(
+    ("name", "least", "most"),
+    [
+        ("restitution", 0.0, 1.0),
+        ("friction", 0.0, 1e300),
+        ("tangential_restitution", -1.0, 1.0),
+        ("stiffness_ratio", 1e-6, 1e6),
+    ],
+)
+def test_a_coefficient_may_be_given_in_the_whole_range_of_the_model(name, least, most):
+    """Also where a fit would not search for it."""
+    measured = falling(1.0, 2.0, 3.0, 4.0)
+    for value in (least, most):
+        fit = ["friction" if name == "restitution" else "restitution"]
+        assert identify(measured, fit=fit, given={name: value}, resamples=2).values[name] == value
+    for value in (math.nextafter(least, -math.inf), math.nextafter(most, math.inf) if most < 1e300 else -1.0):
+        with refused(StatusCode.INVALID_COEFFICIENT, f"given.{name}"):
+            identify(measured, given={name: value}, resamples=2)
+
+
 @pytest.mark.parametrize("side", ["a", "b"])
 @pytest.mark.parametrize("part", ["linear", "angular"])
 @pytest.mark.parametrize("infinite", [math.inf, -math.inf])

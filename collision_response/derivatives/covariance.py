@@ -100,8 +100,7 @@ def propagate_covariance(
     root = _square_root(covariance, len(movable))
     by_coefficients = np.zeros((24, 2))
     J, columns = linearised.derivatives.jacobian, linearised.derivatives.columns
-    for i, name in enumerate(COEFFICIENTS):
-        by_coefficients[TWISTS, i] = J[:12, columns[name]][:, 0]
+    by_coefficients[TWISTS] = np.hstack([J[:12, columns[name]] for name in COEFFICIENTS])
     with np.errstate(over="ignore", invalid="ignore"):
         from_state = linearised.matrix[:, movable] @ root
         from_coefficients = by_coefficients * [restitution_sd, friction_sd]

@@ -32,6 +32,7 @@ LINEAR, ANGULAR = ["vx", "vy", "vz"], ["wx", "wy", "wz"]
 BODY = ["m", *INERTIA, *COM, *POSITION, *ORIENTATION, *LINEAR, *ANGULAR]
 AFTER = [f"{name}_after" for name in (*LINEAR, *ANGULAR)]
 POINT, ARM, NORMAL = ["cx", "cy", "cz"], ["rx", "ry", "rz"], ["nx", "ny", "nz"]
+DEFAULTS = {"m": math.inf, "qw": 1.0}
 KNOWN = {*BODY, *AFTER, *(f"b_{name}" for name in (*BODY, *AFTER)), *POINT, *ARM, *NORMAL}
 KNOWN |= {"incidence", *SphereReadings.QUANTITIES}
 
@@ -142,8 +143,7 @@ def _numbers(row: Row, names: list[str], default: float = 0.0) -> list[float]:
 
 
 def _body(row: Row, owner: str) -> Body:
-    defaults = {owner + "m": math.inf, owner + "qw": 1.0}
-    return body_from_numbers([row.get(owner + name, defaults.get(owner + name, 0.0)) for name in BODY])
+    return body_from_numbers([row.get(owner + name, DEFAULTS.get(name, 0.0)) for name in BODY])
 
 
 def _twist(row: Row, owner: str) -> Twist:

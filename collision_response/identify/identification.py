@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from numbers import Integral
 from typing import NamedTuple
 
+from ..materials import RANGES as LIMITS
 from ..model import Law, check_number
 from ..status import ImpactError, StatusCode
 from .estimates import Estimate, estimates, undetermined
@@ -169,8 +170,7 @@ def _check(
         if wrong:
             raise ImpactError(StatusCode.INVALID_MODEL, field, wrong)
     for name, value in given.items():
-        least, most, *_ = RANGES[name]
-        check_number(f"given.{name}", value, least, most, StatusCode.INVALID_COEFFICIENT)
+        check_number(f"given.{name}", value, *LIMITS[name], StatusCode.INVALID_COEFFICIENT)
 
 
 def _informative_impacts(measured: Measurements, kind: str, count: int) -> Measurements:
