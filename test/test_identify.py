@@ -550,7 +550,8 @@ def test_a_picture_that_cannot_be_written_is_named(tmp_path: Path, capsys, name)
     assert main([str(table), *options, "--plot", str(picture)]) == 1
     said = capsys.readouterr()
     assert "friction = 0.1 " in said.out
-    assert said.err.startswith(f"{picture}: ") and said.err.count("\n") == 1
+    *_, last = said.err.splitlines()
+    assert last.startswith(f"{picture}: ")
 
 
 @pytest.mark.parametrize(
@@ -592,6 +593,25 @@ def test_the_command_does_not_fit_what_is_given(tmp_path: Path, capsys):
     assert "friction = 0.1 " in out and "restitution" not in out
     assert main([*options, "--fit", "restitution", "restitution"]) == 1
     assert "fit: has restitution twice" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("names", "unused"),
+    [
+        ("vx,vz,vx_after,vz_after", ""),
+        ("Vx,vz,vx_after,vz_after", "Vx"),
+        ("vx_before,vz,vx_after,vz_after,note, b_mass ,", "vx_before, note, b_mass"),
+        ("speed,vz,vx_after,vz_after", ""),
+        ("\N{BYTE ORDER MARK}vx,vz,vx_after,vz_after,n", "n"),
+    ],
+)
+def test_the_command_names_the_columns_that_it_leaves_out(tmp_path: Path, capsys, names, unused):
+    """A misspelt column would count as 0."""
+    table = tmp_path / "impacts.csv"
+    table.write_text(f"{names}\n1,-1,.85,.5\n2,-1,1.85,.5\n1,-2,.7,1\n", encoding="utf-8")
+    assert main([str(table), "--set", "m=2", "nz=1", "wx=speed" if "speed" in names else "wx=0"]) == 0
+    told = f"{table}: columns that are left out: {unused}\n" if unused else ""
+    assert capsys.readouterr().err == told
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])

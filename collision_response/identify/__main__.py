@@ -115,7 +115,10 @@ def read(arguments: argparse.Namespace) -> Measurements:
         from .from_recording import read_impacts
 
         return read_impacts(arguments.file, arguments.within)
-    rows = from_table.read_rows(arguments.file, dict(arguments.set))
+    more = dict(arguments.set)
+    rows = from_table.read_rows(arguments.file, more)
+    if unused := from_table.unused_columns(arguments.file, more):
+        print(f"{arguments.file}: columns that are left out: {', '.join(unused)}", file=sys.stderr)
     if "incidence" not in rows[0]:
         return from_table.impacts_from_rows(rows)
     if arguments.speed is None or arguments.radius is None:

@@ -18,6 +18,7 @@ import csv
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TextIO
 
 from ..body_conversions import body_from_numbers
 from ..physics.body import Body, Twist
@@ -66,9 +67,27 @@ def read_rows(path: Path, more: Mapping[str, str]) -> list[dict[str, float]]:
     return rows
 
 
+def unused_columns(path: Path, more: Mapping[str, str]) -> list[str]:
+    """Return the names of the columns that :func:`read_rows` leaves out, because it does not know them.
+
+    Args:
+        path, more: as for :func:`read_rows`.
+
+    Raises:
+        OSError: if the file cannot be read.
+    """
+    with _open(path) as file:
+        names = [name.strip() for name in next(csv.reader(file), ())]
+    return [name for name in names if name and name not in KNOWN.union(more.values())]
+
+
+def _open(path: Path) -> TextIO:
+    return path.open(newline="", encoding="utf-8-sig")
+
+
 def _cells(path: Path, needed: set[str]) -> list[dict[str, str]]:
     """Read the text of the cells: one dictionary per row, by column name, without blanks around the names."""
-    with path.open(newline="", encoding="utf-8-sig") as file:
+    with _open(path) as file:
         reader = csv.DictReader(file)
         try:
             names = reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
