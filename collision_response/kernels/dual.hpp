@@ -197,6 +197,33 @@ DUAL INLINE Dual<N, D> varying_as(const Dual<N, D>& x, const Dual<N, D>& y) { re
 DUAL INLINE Dual<typename Traits<N>::Value, D> value(const Dual<N, D>& a) { return {value(a.value), a}; }
 DUAL INLINE Report<N> report(const Dual<N, D>& a) { return report(a.value); }
 
+// A number with derivatives in four directions, for the body of a loop. There the values are computed before, so the
+// operations give only the derivatives of their results. A double is a number without derivatives.
+struct Dual4 {
+  double value;
+  Block d;
+};
+INLINE Block derivatives_of(const Dual4& a) { return a.d; }
+INLINE Block derivatives_of(double) { return Block{}; }
+INLINE Block operator+(const Dual4& a, const Dual4& b) { return a.d + b.d; }
+INLINE Block operator+(const Dual4& a, double) { return a.d; }
+INLINE Block operator+(double, const Dual4& b) { return b.d; }
+INLINE Block operator-(const Dual4& a, const Dual4& b) { return a.d - b.d; }
+INLINE Block operator-(const Dual4& a, double) { return a.d; }
+INLINE Block operator-(double, const Dual4& b) { return -b.d; }
+INLINE Block operator-(const Dual4& a) { return -a.d; }
+INLINE Block operator*(const Dual4& a, const Dual4& b) { return a.d * b.value + b.d * a.value; }
+INLINE Block operator*(const Dual4& a, double b) { return a.d * b; }
+INLINE Block operator*(double a, const Dual4& b) { return b.d * a; }
+INLINE Block operator/(const Dual4& a, const Dual4& b) { return (a.d - a.value / b.value * b.d) * (1 / b.value); }
+INLINE Block operator/(const Dual4& a, double b) { return a.d * (1 / b); }
+INLINE Block operator/(double a, const Dual4& b) { return -(a / b.value * b.d) * (1 / b.value); }
+INLINE Block root(const Dual4& a) { return a.d * slope_of_root(root(a.value)); }
+INLINE Block choose(bool c, const Dual4& a, const Dual4& b) { return c ? a.d : b.d; }
+INLINE Block choose(bool c, const Dual4& a, double) { return c ? a.d : Block{}; }
+INLINE Block choose(bool c, double, const Dual4& b) { return c ? Block{} : b.d; }
+template <class X> INLINE Block varying_as(const X&, const Dual4& y) { return y.d; }
+
 // Give the state of a loop the edges of all numbers that the loop reads.
 template <class... Outer> INLINE auto share_edges(const Outer&... outer) {
   return [&](auto&... state) {

@@ -22,7 +22,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import groupby
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 from .simd_pairs import PAIR
 from .symbol import CONDITIONS, Loop, Node, Symbol, Tape
@@ -121,18 +121,20 @@ def _needed_types(tape: Tape, wanted: Iterable[tuple[int, CppType]]) -> dict[int
             if cpp_type is CppType.BOUNDED:
                 need(node.args[1], CppType.VALUE)
         elif node.op == "loop":
-            differentiated = _differentiated(tape, types, index)
-            for part in _parts(tape, types, index):
-                types[part] = differentiated.type_of_state(tape.nodes[part].value)
-            for i, arg in enumerate(node.args):
-                need(arg, differentiated.type_of_state(i))
+            body_types, state_types = _types_in_loop(tape, types, index)
             loop: Loop = node.value
-            for inner in loop.tape.needed_for([loop.condition, *loop.state_after]):
+            for part in _parts(tape, types, index):
+                types[part] = state_types[tape.nodes[part].value]
+            for arg, state_type in zip(node.args, state_types, strict=True):
+                need(arg, state_type)
+            for inner, inner_type in body_types.items():
                 if loop.tape.nodes[inner].op == "outer":
-                    need(loop.tape.nodes[inner].value, differentiated.type_of(inner))
+                    need(loop.tape.nodes[inner].value, inner_type)
         else:
+            is_differentiated_loop = tape.of_derivatives and tape.parent is not None
+            sources = _sources(node) if is_differentiated_loop else node.args
             for arg in node.args:
-                need(arg, cpp_type)
+                need(arg, cpp_type if arg in sources else CppType.REPORT)
     return types
 
 
@@ -142,71 +144,40 @@ def _parts(tape: Tape, indices: Iterable[int], loop: int) -> list[int]:
     return [index for index in indices if nodes[index].op == "part" and nodes[index].args[0] == loop]
 
 
-class _Differentiated(NamedTuple):
-    """What carries derivatives in the body of a loop.
+def _types_in_loop(
+    tape: Tape, types: dict[int, CppType], index: int
+) -> tuple[dict[int, CppType], list[CppType]]:
+    """Return the types of the operations in the body of a loop, and of the parts of its state.
 
-    Attributes:
-        indices: the operations; ``None`` if the numbers of the tape carry no derivatives.
-        states: indices of the parts of the state.
+    Where numbers carry derivatives, those have the type VALUE whose derivatives are needed for the result.
     """
-
-    indices: frozenset[int] | None = None
-    states: frozenset[int] = frozenset()
-
-    def type_of(self, index: int) -> CppType:
-        """Type of the result of an operation."""
-        return CppType.VALUE if self.indices is None or index in self.indices else CppType.REPORT
-
-    def type_of_state(self, i: int) -> CppType:
-        """Type of a part of the state."""
-        return CppType.VALUE if self.indices is None or i in self.states else CppType.REPORT
-
-
-def _differentiated(tape: Tape, types: dict[int, CppType], index: int) -> _Differentiated:
-    """Find what must carry derivatives in a loop so that those parts of its result that need them have them.
-
-    Operations that only decide, or whose results are fixed, need none.
-    """
-    if not tape.of_derivatives:
-        return _Differentiated()
-    parts, node = _parts(tape, types, index), tape.nodes[index]
-    wanted = {tape.nodes[part].value for part in parts if types[part] > CppType.REPORT}
-    loop: Loop = node.value
-    varying_states = {i for i, initial in enumerate(node.args) if _varies(tape, initial)}
+    loop: Loop = tape.nodes[index].value
+    nodes, least = loop.tape.nodes, _least_type_in_loops(tape)
+    state_types = [least for _ in loop.state_after]
+    for part in _parts(tape, types, index):
+        state_types[tape.nodes[part].value] = max(least, min(types[part], CppType.VALUE))
     while True:
-        varying: set[int] = set()
-        for index, inner in enumerate(loop.tape.nodes):
-            is_source = inner.op == "outer" or (inner.op == "state" and inner.value in varying_states)
-            if is_source or varying.intersection(_sources(inner)):
-                varying.add(index)
-        added = {i for i, after in enumerate(loop.state_after) if after in varying} - varying_states
-        if not added:
+        wanted = zip(loop.state_after, state_types, strict=True)
+        body_types = _needed_types(loop.tape, [(loop.condition, least), *wanted])
+        before = list(state_types)
+        for inner, inner_type in body_types.items():
+            if nodes[inner].op == "state":
+                state_types[nodes[inner].value] = max(state_types[nodes[inner].value], inner_type)
+        if state_types == before:
             break
-        varying_states |= added
-    indices: set[int] = set()
-    states = wanted & varying_states
-    pending = [loop.state_after[i] for i in states]
-    while pending:
-        index = pending.pop()
-        if index in indices or index not in varying:
-            continue
-        indices.add(index)
-        inner = loop.tape.nodes[index]
-        if inner.op == "state" and inner.value not in states:
-            states.add(inner.value)
-            pending.append(loop.state_after[inner.value])
-        pending += _sources(inner)
-    return _Differentiated(frozenset(indices), frozenset(states))
+    for inner in sorted(body_types) if tape.of_derivatives else ():
+        may_vary = nodes[inner].op in ("state", "outer")
+        if not may_vary and all(body_types[arg] is least for arg in _sources(nodes[inner])):
+            body_types[inner] = least
+    return body_types, state_types
 
 
-def _varies(tape: Tape, index: int) -> bool:
-    """Whether a number may have derivatives other than 0."""
-    node = tape.nodes[index]
-    return node.op not in CONSTANTS and not (node.op == "varying_as" and not _varies(tape, node.args[1]))
+def _least_type_in_loops(tape: Tape) -> CppType:
+    return CppType.REPORT if tape.of_derivatives else CppType.VALUE
 
 
 def _sources(node: Node) -> tuple[int, ...]:
-    """The operands on which the derivatives of a result depend."""
+    """The operands on whose derivatives those of the result depend, in the body of a loop."""
     if node.op in CONDITIONS:
         return ()
     return node.args[1:] if node.op in ("select", "varying_as") else node.args
@@ -355,10 +326,9 @@ class _TapeWriter:
     def _declaration(self, index: int) -> str:
         node, cpp_type = self.tape.nodes[index], self.types[index]
         if node.op == "loop":
-            differentiated = _differentiated(self.tape, self.types, index)
             names: dict[CppType, list[str]] = {CppType.VALUE: [], CppType.REPORT: []}
-            for i in range(len(node.args)):
-                names[differentiated.type_of_state(i)].append(f"{self.prefix}{index}_{i}")
+            for i, state_type in enumerate(_types_in_loop(self.tape, self.types, index)[1]):
+                names[state_type].append(f"{self.prefix}{index}_{i}")
             return " ".join(f"{_SPELLING[type_]} {', '.join(some)};" for type_, some in names.items() if some)
         if node.op == "call":
             return f"N {self.prefix}{index}[{self.tape.count_results(index)}];"
@@ -447,36 +417,32 @@ class _TapeWriter:
     def _loop(self, index: int) -> Iterable[str]:
         """A loop: its values, and the derivatives of those parts of the state that need them."""
         node, name = self.tape.nodes[index], f"{self.prefix}{index}"
-        differentiated = _differentiated(self.tape, self.types, index)
         loop: Loop = node.value
-        value_type = CppType.REPORT if self.tape.of_derivatives else CppType.VALUE
-        condition_types = _needed_types(loop.tape, [(loop.condition, value_type)])
-        results = (loop.condition, *loop.state_after)
-        types = _needed_types(loop.tape, [(result, value_type) for result in results])
+        body_types, state_types = _types_in_loop(self.tape, self.types, index)
+        least = _least_type_in_loops(self.tape)
+        condition_types = _needed_types(loop.tape, [(loop.condition, least)])
+        types = dict.fromkeys(body_types, least) if self.tape.of_derivatives else body_types
         body = _TapeWriter(loop.tape, types, f"{name}_body", self.inputs, self, {})
         for i, arg in enumerate(node.args):
-            yield f"{name}_{i} = {self.use(arg, differentiated.type_of_state(i))};"
+            yield f"{name}_{i} = {self.use(arg, state_types[i])};"
         yield f"for (int iteration = 0; iteration < {loop.budget}; ++iteration) {{"
         for i in range(len(node.args)):
-            read = f"report({name}_{i})" if value_type is CppType.REPORT else f"{name}_{i}"
+            read = f"report({name}_{i})" if self.tape.of_derivatives else f"{name}_{i}"
             state = f"state_{body.prefix}{i}"
-            yield f"  const {_SPELLING[value_type]} {state} = {read}; (void){state};"
+            yield f"  const {_SPELLING[least]} {state} = {read}; (void){state};"
         # The condition first: after the last iteration the rest of the body is not needed.
         yield from body.unguarded_lines(condition_types)
-        yield f"  const auto {name}_continues = {body.use(loop.condition, value_type)};"
+        yield f"  const auto {name}_continues = {body.use(loop.condition, least)};"
         yield f"  if (!any({name}_continues)) break;"
-        yield from body.unguarded_lines(types.keys() - condition_types)
-        if differentiated.indices is not None:
-            nodes = (loop.tape.nodes[index] for index in sorted(differentiated.indices))
-            outer = [x.value for x in nodes if x.op == "outer" and self.types[x.value] > CppType.REPORT]
-            states = ", ".join(f"{name}_{i}" for i in sorted(differentiated.states))
-            yield f"  if (iteration == 0) share_edges({', '.join(map(self._name, outer))})({states});"
-            yield from _DerivativeWriter(name, self, body, loop, differentiated).blocks()
+        yield from body.unguarded_lines(body_types.keys() - condition_types)
+        if self.tape.of_derivatives:
+            duals = {i: cpp_type for i, cpp_type in sorted(body_types.items()) if cpp_type > least}
+            new_state = {i: after for i, after in enumerate(loop.state_after) if state_types[i] > least}
+            yield from _DualWriter.of(loop, name, duals, body).blocks(new_state)
         for i, after in enumerate(loop.state_after):
-            new = body.use(after, value_type)
-            if value_type is CppType.REPORT:
-                part = ".value" if i in differentiated.states else ""
-                yield f"  {name}_{i}{part} = {new};"
+            new = body.use(after, least)
+            if self.tape.of_derivatives:
+                yield f"  {name}_{i}{'.value' if state_types[i] > least else ''} = {new};"
             else:
                 yield f"  {name}_{i} = choose({name}_continues, {new}, {name}_{i});"
         yield "}"
@@ -488,32 +454,47 @@ class _TapeWriter:
                 yield f"  const auto {self.prefix}{index} = {self._expression(index, self.types[index])};"
 
 
-class _DerivativeWriter(_TapeWriter):
-    """Writes the derivatives in the body of a loop, whose values are known: four directions at a time."""
+@dataclass(frozen=True)
+class _DualWriter(_TapeWriter):
+    """Writes the derivatives in the body of a loop, whose values are known: by operations on ``Dual4``.
 
-    def __init__(
-        self, name: str, parent: _TapeWriter, values: _TapeWriter, loop: Loop, differentiated: _Differentiated
-    ) -> None:
-        types = dict.fromkeys(sorted(differentiated.indices or ()), CppType.VALUE)
+    Attributes:
+        values: the writer of the values.
+        state: what the names of the parts of the state begin with.
+    """
+
+    values: _TapeWriter
+    state: str
+
+    @classmethod
+    def of(cls, loop: Loop, name: str, types: dict[int, CppType], values: _TapeWriter) -> _DualWriter:
+        """The writer for those operations of the body of a loop that carry derivatives."""
         guards = _compute_guards(loop.tape, types, [index for index in loop.state_after if index in types])
-        super().__init__(loop.tape, types, f"{values.prefix}_d", {}, parent, guards)
-        self.name = name
-        self.values = values
-        self.loop = loop
-        self.states = sorted(differentiated.states)
+        return cls(loop.tape, types, f"{values.prefix}_d", {}, values.parent, guards, values, f"{name}_")
 
-    def blocks(self) -> Iterable[str]:
-        """An inner loop over the blocks of directions."""
+    def blocks(self, new_state: dict[int, int]) -> Iterable[str]:
+        """Statements that give parts of the state new derivatives, in four directions at a time."""
+        nodes = (self.tape.nodes[index] for index in self.types)
+        outer = [self._dual(node) for node in nodes if node.op == "outer"]
+        states = [f"{self.state}{i}" for i in new_state]
+        yield f"  if (iteration == 0) share_edges({', '.join(outer)})({', '.join(states)});"
         yield "  for (int block = 0; block < N::Derivatives::BLOCKS; ++block) {"
         yield from ("    " + line for line in self.lines())
-        for i in self.states:
-            derivative = self.use(self.loop.state_after[i], CppType.VALUE)
-            yield f"    {self.name}_{i}.d.d[block] = {derivative};"
+        for state, new in zip(states, new_state.values(), strict=True):
+            yield f"    {state}.d.d[block] = derivatives_of({self.use(new, CppType.VALUE)});"
         yield "  }"
 
     def use(self, index: int, cpp_type: CppType) -> str:
-        """C++ expression for the derivatives of a number."""
-        return f"{self.prefix}{index}" if index in self.types else "Block{}"
+        """C++ expression for a number: a double if it carries no derivatives."""
+        value = self.values.use(index, CppType.REPORT)
+        return f"Dual4{{{value}, {self.prefix}{index}}}" if index in self.types else value
+
+    def _dual(self, node: Node) -> str:
+        """The C++ variable that has the derivatives of a number which comes from before the iteration."""
+        if node.op == "state":
+            return f"{self.state}{node.value}"
+        assert self.parent is not None
+        return self.parent._name(node.value)
 
     def _name(self, index: int) -> str:
         return self.values._name(index)
@@ -521,37 +502,15 @@ class _DerivativeWriter(_TapeWriter):
     def _declaration(self, index: int) -> str:
         return f"Block {self.prefix}{index};"
 
+    def _choices(self, condition: int, indices: list[int], *, declared: bool) -> Iterable[str]:
+        for index in indices:
+            yield from self._operation(index, declared=declared)
+
     def _expression(self, index: int, cpp_type: CppType) -> str:
-        node, value_of = self.tape.nodes[index], self.values.use
-        if node.op == "state":
-            return f"{self.name}_{node.value}.d.d[block]"
-        if node.op == "outer":
-            assert self.parent is not None
-            is_fixed = self.parent.types[node.value] is CppType.REPORT
-            return "Block{}" if is_fixed else f"{self.parent._name(node.value)}.d.d[block]"
-        if node.op == "varying_as":
-            return self.use(node.args[1], cpp_type)
-        d = [self.use(arg, cpp_type) for arg in node.args]
-        if node.op == "select":
-            return f"{value_of(node.args[0], CppType.REPORT)} ? {d[1]} : {d[2]}"
-        values = [value_of(arg, CppType.REPORT) for arg in node.args]
-        varies = [arg in self.types for arg in node.args]
-        if node.op == "mul":
-            return " + ".join(f"{d[i]} * {values[1 - i]}" for i in (0, 1) if varies[i])
-        if node.op == "div":
-            quotient_db = f"{value_of(index, CppType.REPORT)} * {d[1]}"
-            numerator = (
-                d[0] if not varies[1] else f"({d[0]} - {quotient_db})" if varies[0] else f"-({quotient_db})"
-            )
-            return f"{numerator} * (1 / {values[1]})"
-        if node.op == "sqrt":
-            return f"{d[0]} * slope_of_root({value_of(index, CppType.REPORT)})"
-        if node.op == "neg":
-            return f"-{d[0]}"
-        assert node.op in ("add", "sub"), node.op
-        if all(varies):
-            return f"{d[0]} {_INFIX[node.op]} {d[1]}"
-        return d[0] if varies[0] else f"-{d[1]}" if node.op == "sub" else d[1]
+        node = self.tape.nodes[index]
+        if node.op in ("state", "outer"):
+            return f"{self._dual(node)}.d.d[block]"
+        return super()._expression(index, cpp_type)
 
 
 def _literal(value: float) -> str:
