@@ -478,6 +478,35 @@ def test_scenes_are_reported(recording, capsys):
     assert page.text.count("box, the floor") == 2
 
 
+@pytest.mark.parametrize("size", [0, 1])
+@pytest.mark.parametrize("before", [[], [4]])
+@pytest.mark.parametrize("after", [[], [5]])
+def test_a_scene_without_contacts_is_read_reported_and_replayed(
+    recording, monkeypatch, capsys, before, size, after
+):
+    """An empty request is answered. Whether it is in a batch of its own or with others, it has its columns."""
+    monkeypatch.setattr("collision_response.recording.recorder.INTERVAL", 0.0)
+    asked = [Body.dynamic(1.0)] * size, [], [], ImpactModel()
+    empty = SceneRecord(2, 2, ["alone"] * size, *asked, resolve_scene(*asked))
+    path = recording([*map(scene, before), empty, *map(scene, after)])
+    assert main(["report", str(path)]) == 0
+    count = 1 + len(before) + len(after)
+    assert f"{count} scenes of {4 * (count - 1)} contacts in all" in capsys.readouterr().out
+    Page(path.with_suffix(".html").read_text(encoding="utf-8"))
+    assert main(["replay", str(path)]) == 0
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("regimes", ()), ("normal_velocities_after", (1.0,)), ("normal_velocities_before", (1.0,) * 5)],
+)
+def test_a_scene_with_another_number_of_answers_differs(recording, field, value, capsys):
+    row = scene(1)
+    path = recording([row._replace(impact=row.impact._replace(**{field: value}))])
+    assert main(["replay", str(path), "--tolerance", "1"]) == 1
+    assert f"scene of box, the floor: {field} was [" in capsys.readouterr().out
+
+
 def test_a_scene_that_is_answered_differently_is_reported(recording, capsys):
     was = scene(1)
     changed = was.impact._replace(

@@ -64,9 +64,9 @@ def _tolerance(text: str) -> float:
 
 
 def _relative_difference(before: Any, after: Any) -> float:
-    """Difference of two numbers or vectors, relative to the first; infinite for words."""
+    """Difference of two numbers or lists of numbers, relative to the first; infinite for words and lengths."""
     before, after = (before, after) if isinstance(before, list) else ([before], [after])
-    if isinstance(before[0], str):
+    if len(before) != len(after) or isinstance(before[0], str):
         return math.inf
     size = math.hypot(*before)
     return math.dist(before, after) / size if 0 < size < math.inf else math.inf

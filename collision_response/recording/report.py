@@ -274,7 +274,9 @@ td { font-variant-numeric: tabular-nums } th { font-weight: 600; border-bottom: 
 
 CELLS: dict[str, Callable[[Row], object]] = {
     "answer": lambda row: row["answer"],
-    "bodies": lambda row: ", ".join(row.get("bodies") or (f"{row['body_a']} on {row['body_b']}",)),
+    "bodies": lambda row: (
+        ", ".join(row["bodies"]) if "bodies" in row else f"{row['body_a']} on {row['body_b']}"
+    ),
     "contacts": lambda row: len(row["regimes"]),
     "law": lambda row: row["law"],
     "regime": lambda row: row["regime"],
