@@ -77,7 +77,7 @@ def batch_response() -> Any:
     from collision_response import Geometry
     from collision_response.batch import body_rows
     from collision_response.batch.result import result_fields
-    from collision_response.ros.batch_fields import Response, result_in, zeros_in
+    from collision_response.ros.tables import Response, result_in, zeros_in
 
     response = Response(success=True)
     response.header.frame_id = "world"

@@ -23,8 +23,8 @@ from collision_response.body_conversions import moment_about_z, planar_spin, wit
 from collision_response.msg import BodyState, CollisionResult
 from collision_response.ros import batch_client, batches
 from collision_response.ros.batch_client import pack, unpack
-from collision_response.ros.batch_fields import LAYOUTS, Request, Response
 from collision_response.ros.convert import body_of, write_model
+from collision_response.ros.tables import LAYOUTS, Request, Response
 from collision_response.srv import ResolveCollision
 
 nan, inf = math.nan, math.inf

@@ -23,8 +23,8 @@ from collision_response import (
     srv,
 )
 from collision_response.batch.rows import body_rows, contact_rows
-from collision_response.ros.batch_fields import LAYOUTS
 from collision_response.ros.convert import ADJUSTMENT_NOTES, NUMBERS
+from collision_response.ros.tables import LAYOUTS
 
 ROOT = Path(__file__).parent.parent
 

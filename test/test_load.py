@@ -32,8 +32,7 @@ from collision_response.ros import diagnostics as diagnostics_module
 from collision_response.ros.batch_client import pack, unpack
 from collision_response.ros.body_lookup import BODIES_PER_STEP, StateFinder
 from collision_response.ros.clients import ConnectedClients
-from collision_response.ros.counters import Counters
-from collision_response.ros.diagnostics import PERIOD, Diagnostics
+from collision_response.ros.diagnostics import PERIOD, Counters, Diagnostics
 from collision_response.ros.scene_client import pack as pack_scene
 from collision_response.ros.scenes import MAX_BODIES
 from collision_response.ros.server import SERVICE_QOS
@@ -186,7 +185,7 @@ def test_a_request_that_needs_too_much_memory_is_refused(shared_node, monkeypatc
 LIMITED = """
 import resource
 import numpy as np
-from collision_response.ros.memory import limit_memory
+from collision_response.ros.process import limit_memory
 
 limit_memory(0)
 np.empty(1 << 27)

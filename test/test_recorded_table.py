@@ -484,7 +484,7 @@ def test_scenes_are_reported(recording, capsys):
 def test_a_scene_without_contacts_is_read_reported_and_replayed(
     recording, monkeypatch, capsys, before, size, after
 ):
-    """An empty request is answered. Whether it is in a batch of its own or with others, it has its columns."""
+    """An empty request is answered, and recorded in a batch with others or of its own."""
     monkeypatch.setattr("collision_response.recording.recorder.INTERVAL", 0.0)
     asked = [Body.dynamic(1.0)] * size, [], [], ImpactModel()
     empty = SceneRecord(2, 2, ["alone"] * size, *asked, resolve_scene(*asked))

@@ -26,8 +26,8 @@ from collision_response.kernels import library
 from collision_response.msg import BodyState, CollisionResult, ImpactModel
 from collision_response.physics.mass_properties import box
 from collision_response.ros import impacts
+from collision_response.ros.answer_log import ResultPublisher
 from collision_response.ros.convert import NUMBERS
-from collision_response.ros.result_publisher import ResultPublisher
 from collision_response.srv import ResolveCollision
 
 nan, inf = math.nan, math.inf

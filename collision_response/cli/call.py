@@ -19,8 +19,8 @@ from ..answer import format_columns, format_impact, format_number
 from ..model import ENUMERATIONS
 from ..msg import BodyState
 from ..ros.batch_client import unpack
-from ..ros.batch_fields import LAYOUTS
 from ..ros.convert import error_from
+from ..ros.tables import LAYOUTS
 from ..ros.take_all import RCLError
 from ..scene.answer import scene_table
 from ..srv import ResolveCollision, ResolveCollisionBatch, ResolveScene

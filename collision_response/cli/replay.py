@@ -64,7 +64,7 @@ def _tolerance(text: str) -> float:
 
 
 def _relative_difference(before: Any, after: Any) -> float:
-    """Difference of two numbers or lists of numbers, relative to the first; infinite for words and lengths."""
+    """Difference of two numbers or lists, relative to the first; infinite for words and other lengths."""
     before, after = (before, after) if isinstance(before, list) else ([before], [after])
     if len(before) != len(after) or isinstance(before[0], str):
         return math.inf

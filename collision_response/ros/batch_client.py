@@ -23,8 +23,8 @@ from ..batch import BatchResult, is_bounded
 from ..batch.result import result_fields
 from ..batch.rows import body_rows
 from ..model import DEFAULT, Geometry, ImpactModel
-from .batch_fields import LAYOUTS, Array, Request, Response, append, result_in, view_of
 from .convert import error_from, model_of, write_model
+from .tables import LAYOUTS, Array, Request, Response, append, as_indices, as_lines, result_in, view_of
 
 LAYOUT_OF = {layout.bodies.height: number for number, layout in LAYOUTS.items()}
 """Number of the layout, by the number of rows in its table of bodies."""
@@ -84,19 +84,6 @@ def unpack(response: Response) -> BatchResult:
     return result_in(response, result_fields(rows, n, bounded=bounded, report=report), view_of)
 
 
-def as_lines(names: Iterable[str]) -> str:
-    """Join names to one string, one per line.
-
-    Raises:
-        ValueError: if a name has more than one line.
-    """
-    names = list(names)
-    for i, name in enumerate(names):
-        if "\n" in name:
-            raise ValueError(f"names[{i}]: must be one line, is {name!r}")
-    return "\n".join(names)
-
-
 def _check_shapes(bodies: Array, pairs: Array, contacts: Array) -> None:
     if bodies.ndim != 2 or bodies.shape[0] not in LAYOUT_OF:
         heights = " or ".join(map(str, LAYOUT_OF))
@@ -105,16 +92,3 @@ def _check_shapes(bodies: Array, pairs: Array, contacts: Array) -> None:
         raise ValueError(f"pairs: must be of shape (2, N), is {pairs.shape}")
     if contacts.ndim != 2 or contacts.shape[1] != pairs.shape[1]:
         raise ValueError(f"contacts: must be of shape (rows, {pairs.shape[1]}), is {contacts.shape}")
-
-
-def as_indices(pairs: Array) -> Array:
-    """Convert indices of bodies to those of a request.
-
-    Raises:
-        ValueError: if a number is not an index.
-    """
-    indices = pairs.astype(np.uint32)
-    if (indices != pairs).any():
-        wrong = pairs[indices != pairs][0]
-        raise ValueError(f"pairs: must be indices of bodies, counted from 0; one is {wrong}")
-    return indices

@@ -25,7 +25,6 @@ from ..msg import BodyState
 from ..srv import ResolveCollisionBatch
 from ..status import ImpactError, StatusCode
 from . import convert
-from .batch_fields import LAYOUTS, Array, Request, Response, names_in, result_in, table_in, zeros_in
 from .body_lookup import (
     BODIES_PER_STEP,
     LookUp,
@@ -39,6 +38,7 @@ from .body_lookup import (
 from .parameters import LatestParameters, Parameters
 from .server import Work
 from .states import LatestStates
+from .tables import LAYOUTS, Array, Request, Response, names_in, result_in, table_in, zeros_in
 
 
 class BatchBodies(NamedTuple):

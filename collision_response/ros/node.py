@@ -32,12 +32,10 @@ from ..status import ImpactError, StatusCode
 from . import convert, parameters
 from .answer_log import AnswerLog
 from .batches import BatchService
-from .counters import Counters
-from .diagnostics import Diagnostics
+from .diagnostics import Counters, Diagnostics
 from .impacts import ImpactService
-from .memory import limit_memory
 from .parameters import DECLARATIONS
-from .process import StartError, run
+from .process import StartError, limit_memory, run
 from .scenes import SceneService
 from .serialized import MalformedMessage
 from .server import Server

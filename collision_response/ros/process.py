@@ -1,12 +1,17 @@
-"""Running a node as a process, from its arguments to the signal that ends it."""
+"""Running a node as a process: its arguments, its memory, and the signals that end it."""
 
 from __future__ import annotations
 
 import os
+import re
+import resource
+import signal
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import rclpy
@@ -17,12 +22,10 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from .signals import shutdown_requested
 from .take_all import RCLError
 from .throttled_warnings import WARNING_INTERVAL
 
 AnyNode = TypeVar("AnyNode", bound=Node)
-
 
 PAUSE_AFTER_ERROR = 0.001
 """Pause [s] after an error in a callback, in case the error occurs again and again."""
@@ -91,6 +94,33 @@ def open_standard_streams() -> None:
             setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115  # open until the process ends
 
 
+def shutdown_requested() -> Future[None]:
+    """Make a future that is done after SIGINT, SIGTERM or SIGHUP. Call this in the main thread.
+
+    SIGHUP is sent when the terminal is closed. If it is ignored at the start, as by ``nohup``, it stays
+    ignored.
+
+    rclpy's own signal handlers are not used: they wake the executor before they shut the context down, so it
+    may go to sleep again for ever, and they shut the context down while the node still needs it. A Python
+    handler would not run while the main thread waits for DDS. What Python writes to the wake-up pipe arrives
+    at once.
+    """
+    stop: Future[None] = Future()
+    source, sink = os.pipe()
+    os.set_blocking(sink, False)
+    signal.set_wakeup_fd(sink)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, lambda *_: None)
+
+    def wait() -> None:
+        os.read(source, 1)
+        stop.set_result(None)
+
+    threading.Thread(target=wait, name="signals", daemon=True).start()
+    return stop
+
+
 def spin(node: Node, stop: Future[None]) -> None:
     """Spin a node until ``stop`` is done.
 
@@ -112,3 +142,33 @@ def spin(node: Node, stop: Future[None]) -> None:
                 time.sleep(PAUSE_AFTER_ERROR)
     finally:
         executor.shutdown()
+
+
+def limit_memory(mebibytes: int) -> None:
+    """Make allocations fail beyond a limit, so that no request can exhaust the memory of the machine.
+
+    The limit is on private writable memory. It excludes libraries and the shared memory of DDS.
+
+    Args:
+        mebibytes: the limit; 0: none.
+
+    Raises:
+        StartError: if the process already uses so much that DDS would end it at the next request.
+    """
+    if not mebibytes:
+        return
+    used, limit = private_memory(), mebibytes << 20
+    if limit <= used:
+        raise StartError(
+            f"memory_limit: is {mebibytes} MiB, but the node uses {(used >> 20) + 1} at its start"
+        )
+    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    if hard != resource.RLIM_INFINITY:
+        limit = min(limit, hard)
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
+
+
+def private_memory() -> int:
+    """Memory that the process uses, of the kind that is limited [bytes]."""
+    match = re.search(r"^VmData:\s*(\d+) kB$", Path("/proc/self/status").read_text(), re.MULTILINE)
+    return int(match[1]) << 10 if match else 0

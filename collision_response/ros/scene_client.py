@@ -21,9 +21,8 @@ from ..model import DEFAULT, ImpactModel
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..srv import ResolveScene
-from .batch_client import as_indices, as_lines
-from .batch_fields import append
 from .convert import write_model
+from .tables import append, as_indices, as_lines
 
 
 def pack(

@@ -22,7 +22,6 @@ from ..srv import ResolveScene
 from ..status import ImpactError, StatusCode
 from . import convert
 from .answer_log import AnswerLog
-from .batch_fields import names_in, table_in
 from .body_lookup import (
     BODIES_PER_STEP,
     GIVEN_IN_FULL,
@@ -37,6 +36,7 @@ from .body_lookup import (
 from .parameters import LatestParameters, Parameters
 from .server import Work
 from .states import LatestStates
+from .tables import names_in, table_in
 
 CONTACT_ROWS = ("x", "y", "z", "nx", "ny", "nz", "e", "mu")
 """Rows of ``ResolveScene.contacts``."""
@@ -46,26 +46,26 @@ MAX_BODIES = 8192
 if ``budget.scene_contacts`` has its greatest value."""
 
 
-class SceneBodies(NamedTuple):
-    """The bodies of a request: first those of the table, then those given by name.
-
-    Attributes:
-        names: name of each body.
-        columns: for each body of the table, its column.
-        states: state of each body; ``IN_TABLE`` for those of the table.
-        used: for each body, the state that was used for it.
-        owners: what errors call each body.
-    """
-
-    names: list[str]
-    columns: list[list[float]]
-    states: list[BodyState]
-    used: list[StateUsed]
-    owners: list[str]
-
-
 IN_TABLE = BodyState()
 """State of a body of the table, for its material and coefficients: it has none."""
+
+
+class SceneBody(NamedTuple):
+    """A body of a request.
+
+    Attributes:
+        name: its name.
+        owner: what errors call it.
+        body: the body as the numeric core takes it.
+        state: its state; ``IN_TABLE`` for a body of the table.
+        used: the state that was used for it.
+    """
+
+    name: str
+    owner: str
+    body: Body
+    state: BodyState
+    used: StateUsed
 
 
 SceneProblem = tuple[list[Body], list[tuple[int, int]], list[Contact], ImpactModel]
@@ -95,19 +95,19 @@ class SceneService:
         contacts = contacts_of(request, parameters.budget_scene_contacts)
         look_up = partial(bodies_of, request, self.states, parameters)
         bodies = yield from wait_for_states(look_up, parameters.max_state_wait)
-        problem, coefficients = yield from problem_of(request, contacts, bodies, parameters)
+        problem, coefficients = problem_of(request, contacts, bodies, parameters)
 
         try:
             impact = resolve_scene(*problem)
         except ImpactError as error:  # pairs[i] is what the core calls contact i
-            owners = {f"bodies[{i}]": owner for i, owner in enumerate(bodies.owners)}
+            owners = {f"bodies[{i}]": body.owner for i, body in enumerate(bodies)}
             raise error.renamed({"pairs": "contacts", **owners}) from None
 
         response = ResolveScene.Response(success=True)
         write_answer(response.result, request, contacts, bodies, coefficients, impact)
+        names = [body.name for body in bodies]
         self.answer_log.add(
-            response.result,
-            lambda stamp, sequence: SceneRecord(stamp, sequence, bodies.names, *problem, impact),
+            response.result, lambda stamp, sequence: SceneRecord(stamp, sequence, names, *problem, impact)
         )
         return response
 
@@ -149,13 +149,13 @@ def contacts_of(request: ResolveScene.Request, max_contacts: int) -> list[Contac
 
 def bodies_of(
     request: ResolveScene.Request, states: LatestStates, parameters: Parameters
-) -> LookUp[SceneBodies]:
+) -> LookUp[list[SceneBody]]:
     """Collect the bodies of a request: those of the table, then the latest states of those given by name.
 
     Raises:
         StateNotYetReceived: if the request has ``not_before``, and a state is older than that or unknown.
         ImpactError: INVALID_TABLE, BUDGET_EXCEEDED if there are more than ``MAX_BODIES``, SAME_BODY,
-            UNKNOWN_BODY, STALE_STATE or FRAME_MISMATCH.
+            UNKNOWN_BODY, STALE_STATE or FRAME_MISMATCH; or if a body cannot be converted.
     """
     table = table_in("bodies", request.bodies, ROWS)
     count = table.shape[1]
@@ -169,28 +169,34 @@ def bodies_of(
         raise ImpactError(StatusCode.INVALID_TABLE, "names", reason)
     check_distinct(names)
     check_immovable(request.immovable, count)
-    owners = [f"bodies[{i}]" for i in range(count)]
-    bodies = SceneBodies(names, table.T.tolist(), [IN_TABLE] * count, [GIVEN_IN_FULL] * count, owners)
+    immovable, columns = set(request.immovable), table.T.tolist()
     finder = StateFinder.of("header", request.header, request.not_before, states, parameters)
-    for i, name in enumerate(names[count:], count):
+    bodies: list[SceneBody] = []
+    for i, name in enumerate(names):
         if not i % BODIES_PER_STEP:
             yield
-        owner = f"names[{i}]"
-        state, used = finder.find(owner, owner, name)
-        finder.check(owner, state, used.age)
-        bodies.states.append(state)
-        bodies.used.append(used)
-        bodies.owners.append(owner)
+        if i < count:
+            owner, state, used = f"bodies[{i}]", IN_TABLE, GIVEN_IN_FULL
+            body = _body_in_table(owner, columns[i], is_immovable=i in immovable)
+        else:
+            owner = f"names[{i}]"
+            state, used = finder.find(owner, owner, name)
+            finder.check(owner, state, used.age)
+            body = convert.body_of(owner, state)
+        bodies.append(SceneBody(name, owner, body, state, used))
     return bodies
 
 
 def problem_of(
-    request: ResolveScene.Request, messages: list[ContactMessage], bodies: SceneBodies, parameters: Parameters
-) -> LookUp[tuple[SceneProblem, list[convert.ContactCoefficients]]]:
+    request: ResolveScene.Request,
+    messages: list[ContactMessage],
+    bodies: list[SceneBody],
+    parameters: Parameters,
+) -> tuple[SceneProblem, list[convert.ContactCoefficients]]:
     """Convert a request.
 
     Args:
-        request: its pairs, model and immovable bodies are read.
+        request: its pairs and model are read.
         messages: its contacts; the names of their bodies are filled in.
         bodies: its bodies.
         parameters: the parameters of the node.
@@ -201,39 +207,28 @@ def problem_of(
     Raises:
         ImpactError: if the request cannot be converted.
     """
-    immovable, count = set(request.immovable), len(bodies.columns)
-    core_bodies: list[Body] = []
-    for i, owner in enumerate(bodies.owners):
-        if not i % BODIES_PER_STEP:
-            yield
-        if i < count:
-            core_bodies.append(_body_in_table(owner, bodies.columns[i], is_immovable=i in immovable))
-        else:
-            core_bodies.append(convert.body_of(owner, bodies.states[i]))
-
     model = convert.model_of(request.model, parameters.model)
     indices_a, indices_b = np.asarray(request.pairs).reshape(2, -1).tolist()
     pairs, contacts, coefficients = list(zip(indices_a, indices_b, strict=True)), [], []
     for i, (pair, message) in enumerate(zip(pairs, messages, strict=True)):
-        if max(pair) >= len(core_bodies):
-            reason = f"must be indices of {len(core_bodies)} bodies, from 0; those of contact {i} are {pair}"
+        if max(pair) >= len(bodies):
+            reason = f"must be indices of {len(bodies)} bodies, from 0; those of contact {i} are {pair}"
             raise ImpactError(StatusCode.UNKNOWN_BODY, "pairs", reason)
-        message.body_a, message.body_b = (bodies.names[index] for index in pair)
+        body_a, body_b = (bodies[index] for index in pair)
+        message.body_a, message.body_b = body_a.name, body_b.name
         try:
-            body_a, body_b = (bodies.states[index] for index in pair)
-            found = convert.coefficients_of(message, body_a, body_b, parameters)
+            found = convert.coefficients_of(message, body_a.state, body_b.state, parameters)
             of_pair = None if request.model.tangential_restitution else found.pair.tangential_restitution
             contacts.append(convert.contact_of(message, found, model.law, of_pair))
         except ImpactError as error:
-            owner_a, owner_b = (bodies.owners[index] for index in pair)
-            owners = {"contact": f"contacts[{i}]", "body_a": owner_a, "body_b": owner_b}
+            owners = {"contact": f"contacts[{i}]", "body_a": body_a.owner, "body_b": body_b.owner}
             raise error.renamed(owners) from None
         ratio = found.pair.stiffness_ratio
         if model.law is Law.COMPLIANT and not request.model.stiffness_ratio and ratio is not None:
             reason = f"must be given in a scene: the materials of contacts[{i}] have {ratio}"
             raise ImpactError(StatusCode.INVALID_MODEL, "model.stiffness_ratio", reason)
         coefficients.append(found)
-    return (core_bodies, pairs, contacts, model), coefficients
+    return ([body.body for body in bodies], pairs, contacts, model), coefficients
 
 
 def _body_in_table(owner: str, column: list[float], *, is_immovable: bool) -> Body:
@@ -249,7 +244,7 @@ def write_answer(
     result: SceneResult,
     request: ResolveScene.Request,
     contacts: list[ContactMessage],
-    bodies: SceneBodies,
+    bodies: list[SceneBody],
     coefficients: list[convert.ContactCoefficients],
     impact: SceneImpact,
 ) -> None:
@@ -265,9 +260,9 @@ def write_answer(
     result.friction_from = [of_contact.friction.source for of_contact in coefficients]
     result.friction_rules = [of_contact.friction.rule for of_contact in coefficients]
     convert.write_model(result.model, impact.model)
-    result.body_names = bodies.names
-    result.state_stamps = [used.stamp for used in bodies.used]
-    result.state_ages = [used.age for used in bodies.used]
+    result.body_names = [body.name for body in bodies]
+    result.state_stamps = [body.used.stamp for body in bodies]
+    result.state_ages = [body.used.age for body in bodies]
     result.twists = [convert.twist_message(twist) for twist in impact.twists]
     result.impulses = [convert.vector_message(impulse) for impulse in impact.impulses]
     result.normal_velocities_before = list(impact.normal_velocities_before)

@@ -22,7 +22,7 @@ from rclpy.service_introspection import ServiceIntrospectionState
 
 from ..status import ImpactError, StatusCode
 from .clients import ConnectedClients, client_id
-from .counters import Counters
+from .diagnostics import Counters
 from .round_robin import Job, RoundRobin, Steps
 from .steady_timer import create_steady_timer
 from .take_all import IdleCallbackGroup, InvalidHandle, RCLError, TakeAllWaitable, never_called

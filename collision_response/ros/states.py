@@ -143,8 +143,7 @@ class LatestStates:
             candidates.append(self._by_name[name].latest)
         if not candidates:
             raise ImpactError(StatusCode.UNKNOWN_BODY, field, self._unknown(name))
-        first, *others = sorted(candidates, key=lambda message: message.arrival)
-        latest = reduce(self._later, others, first)
+        latest = reduce(self._later, sorted(candidates, key=lambda message: message.arrival))
         try:
             return latest.state_of(name)
         except MalformedMessage as error:

@@ -1,4 +1,4 @@
-"""The fields of ``srv/ResolveCollisionBatch.srv`` as arrays.
+"""Tables, names and indices in the fields of requests, and the arrays of a response to a batch.
 
 Array fields of a message are ``array.array``. NumPy arrays share their memory, so tables are not copied.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -65,6 +65,32 @@ def table_in(field: str, numbers: array[Any], rows: int, of_layout: str = "") ->
         reason = f"must hold {rows} rows of equal length{of_layout}; holds {table.size} numbers"
         raise ImpactError(StatusCode.INVALID_TABLE, field, reason)
     return table.reshape(rows, -1)
+
+
+def as_lines(names: Iterable[str]) -> str:
+    """Join names to one string, one per line.
+
+    Raises:
+        ValueError: if a name has more than one line.
+    """
+    names = list(names)
+    for i, name in enumerate(names):
+        if "\n" in name:
+            raise ValueError(f"names[{i}]: must be one line, is {name!r}")
+    return "\n".join(names)
+
+
+def as_indices(pairs: Array) -> Array:
+    """Convert indices of bodies to those of a request.
+
+    Raises:
+        ValueError: if a number is not an index.
+    """
+    indices = pairs.astype(np.uint32)
+    if (indices != pairs).any():
+        wrong = pairs[indices != pairs][0]
+        raise ValueError(f"pairs: must be indices of bodies, counted from 0; one is {wrong}")
+    return indices
 
 
 def append(field: array[Any], numbers: Array) -> None:
