@@ -102,7 +102,7 @@ class BatchService:
         response.message = summary_of(bodies.errors)
         response.state_stamps, response.state_ages = bodies.stamps, array("d", bodies.ages)
         convert.write_model(response.model, plan.model)
-        return response
+        return StatusCode.OK, response
 
     def refusal(self, request: Request, error: ImpactError) -> Response:
         """Response that says why there is no answer, with the model of the request."""
@@ -112,10 +112,6 @@ class BatchService:
             code=int(error.code),
             message=convert.error_text(error),
         )
-
-    def code(self, response: Response) -> StatusCode:
-        """Return the status code of a response."""
-        return StatusCode(response.code)
 
 
 def compute(

@@ -12,7 +12,7 @@ from ..recording import Record
 from ..requirements import SceneSurvey
 from ..resolve import resolve
 from ..srv import ResolveCollision
-from ..status import ImpactError, StatusCode
+from ..status import ImpactError
 from . import convert
 from .answer_log import AnswerLog
 from .body_lookup import complete, wait_for_states
@@ -76,7 +76,7 @@ class ImpactService:
         )
         if self.survey is not None:
             self._log_requirements(self.survey, " - ".join(names), problem)
-        return response
+        return impact.status, response
 
     def refusal(self, request: ResolveCollision.Request, error: ImpactError) -> ResolveCollision.Response:
         """Return the response that says why there is no answer."""
@@ -85,10 +85,6 @@ class ImpactService:
         convert.write_refusal(response.result, request.model, error)
         self.answer_log.add_refusal(response.result)
         return response
-
-    def code(self, response: ResolveCollision.Response) -> StatusCode:
-        """Return the status code of a response."""
-        return StatusCode(response.result.status.code)
 
     def _warn_of_coefficients(self, request: ResolveCollision.Request) -> None:
         for name in ("restitution", "friction"):

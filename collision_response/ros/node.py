@@ -28,7 +28,7 @@ from ..physics.laws import Law
 from ..recording import BodyRecord, Recorder
 from ..requirements import SceneSurvey
 from ..resolve import resolve
-from ..status import ImpactError, StatusCode
+from ..status import ImpactError
 from . import convert, parameters
 from .answer_log import AnswerLog
 from .batches import BatchService
@@ -109,7 +109,7 @@ class CollisionResponseNode(Node):
         warm_up()
         counters = Counters()
         self._server = Server(
-            self, services, counters, self._over_budget, answer_log.publish, value("service_introspection")
+            self, services, counters, self.parameters, answer_log.publish, value("service_introspection")
         )
         topics = dict.fromkeys(map(self._expanded, filter(None, value("body_state_topics"))))
         self._state_inputs = [
@@ -203,15 +203,6 @@ class CollisionResponseNode(Node):
     def _on_jump(self, jump: TimeJump) -> None:
         self._states.forget()
         self._warn("clock", "the clock was changed or set back: the states of all bodies are forgotten")
-
-    def _over_budget(self, spent: float) -> ImpactError | None:
-        limit = self.parameters.values.budget_time
-        if not limit or spent <= limit:
-            return None
-        reason = (
-            f"was stopped after {spent:.3g} s of computing; budget.time is {limit:g} s: send fewer contacts"
-        )
-        return ImpactError(StatusCode.BUDGET_EXCEEDED, "request", reason)
 
     def _entries_not_recorded(self) -> int:
         return self._recorder.missing() if self._recorder else 0

@@ -109,7 +109,7 @@ class SceneService:
         self.answer_log.add(
             response.result, lambda stamp, sequence: SceneRecord(stamp, sequence, names, *problem, impact)
         )
-        return response
+        return impact.status, response
 
     def refusal(self, request: ResolveScene.Request, error: ImpactError) -> ResolveScene.Response:
         """Response that says why there is no answer, with the model of the request."""
@@ -118,10 +118,6 @@ class SceneService:
         convert.write_refusal(response.result, request.model, error)
         self.answer_log.add_refusal(response.result)
         return response
-
-    def code(self, response: ResolveScene.Response) -> StatusCode:
-        """Return the status code of a response."""
-        return StatusCode(response.result.status.code)
 
 
 def contacts_of(request: ResolveScene.Request, max_contacts: int) -> list[ContactMessage]:

@@ -23,6 +23,7 @@ from rclpy.service_introspection import ServiceIntrospectionState
 from ..status import ImpactError, StatusCode
 from .clients import ConnectedClients, client_id
 from .diagnostics import Counters
+from .parameters import LatestParameters
 from .round_robin import Job, RoundRobin, Steps
 from .steady_timer import create_steady_timer
 from .take_all import IdleCallbackGroup, InvalidHandle, RCLError, TakeAllWaitable, never_called
@@ -55,8 +56,9 @@ DELIVERY_TIME = 0.5
 MAX_SERVING_TIME = 0.01
 """Time [s] of serving after which the executor may run the node's other callbacks."""
 
-Work = Generator[float | None, None, Any]
-"""The work for a request: yields as :data:`Steps` do, returns the response, raises :class:`ImpactError`."""
+Work = Generator[float | None, None, tuple[StatusCode, Any]]
+"""The work for a request: yields as :data:`Steps` do, returns the response with its status code, and raises
+:class:`ImpactError`."""
 
 
 class NodeService(Protocol):
@@ -75,9 +77,6 @@ class NodeService(Protocol):
 
     def refusal(self, request: Any, error: ImpactError) -> Any:
         """Return the response that says why there is no answer."""
-
-    def code(self, response: Any) -> StatusCode:
-        """Return the status code of a response."""
 
 
 class Call(NamedTuple):
@@ -107,8 +106,7 @@ class Server:
         node: the node that offers the services.
         node_services: the services.
         counters: counts requests and answers.
-        over_budget: returns the error with which to end a request that has used this much computing time [s],
-            or ``None`` if it may go on.
+        parameters: the parameters of the node.
         after_sending: called after each response, for work that no client should wait for.
         introspection: what to publish of each call.
     """
@@ -118,14 +116,15 @@ class Server:
         node: Node,
         node_services: tuple[NodeService, ...],
         counters: Counters,
-        over_budget: Callable[[float], ImpactError | None],
+        parameters: LatestParameters,
         after_sending: Callable[[], None],
         introspection: ServiceIntrospectionState,
     ) -> None:
         self._log = node.get_logger()
         self._counters = counters
+        self._parameters = parameters
         self._after_sending = after_sending
-        self._jobs = RoundRobin(over_budget)
+        self._jobs = RoundRobin(self._over_budget)
         self._unconfirmed: Counter[bytes] = Counter()
         self._clients: list[ConnectedClients] = []
         self._waitables: list[TakeAllWaitable] = []
@@ -201,7 +200,7 @@ class Server:
         call = Call(node_service, service, clients, client, header, time.perf_counter())
 
         def send_refusal(error: ImpactError) -> None:
-            self._send(call, node_service.refusal(request, error))
+            self._send(call, error.code, node_service.refusal(request, error))
 
         self._jobs.add(client, Job(self._steps(call, request), send_refusal))
 
@@ -210,7 +209,7 @@ class Server:
 
         No exception may leave this method: it would end ``spin()``.
         """
-        clients, client, refusal = call.clients, call.client, call.node_service.refusal
+        clients, client = call.clients, call.client
         deadline = call.received + MAX_DISCOVERY_TIME
         while not clients.is_connected(client) and time.perf_counter() < deadline:
             yield min(deadline, time.perf_counter() + WAIT_CHECK_INTERVAL)
@@ -218,17 +217,29 @@ class Server:
             self._counters.dropped += 1
             return
         try:
-            response = yield from call.node_service.answer(request)
-        except ImpactError as error:
-            response = refusal(request, error)
-        except MemoryError:
-            reason = "needs more memory than the parameter memory_limit allows"
-            response = refusal(request, ImpactError(StatusCode.BUDGET_EXCEEDED, "request", reason))
+            status, response = yield from call.node_service.answer(request)
         except Exception as error:
-            self._log.error(traceback.format_exc(), throttle_duration_sec=WARNING_INTERVAL)
-            fault = ImpactError(StatusCode.INTERNAL_ERROR, type(error).__name__, str(error))
-            response = refusal(request, fault)
-        self._send(call, response)
+            reason = self._as_refusal(error)
+            status, response = reason.code, call.node_service.refusal(request, reason)
+        self._send(call, status, response)
+
+    def _as_refusal(self, error: Exception) -> ImpactError:
+        if isinstance(error, ImpactError):
+            return error
+        if isinstance(error, MemoryError):
+            reason = "needs more memory than the parameter memory_limit allows"
+            return ImpactError(StatusCode.BUDGET_EXCEEDED, "request", reason)
+        self._log.error(traceback.format_exc(), throttle_duration_sec=WARNING_INTERVAL)
+        return ImpactError(StatusCode.INTERNAL_ERROR, type(error).__name__, str(error))
+
+    def _over_budget(self, spent: float) -> ImpactError | None:
+        limit = self._parameters.values.budget_time
+        if not limit or spent <= limit:
+            return None
+        reason = (
+            f"was stopped after {spent:.3g} s of computing; budget.time is {limit:g} s: send fewer contacts"
+        )
+        return ImpactError(StatusCode.BUDGET_EXCEEDED, "request", reason)
 
     def _serve(self) -> None:
         """Serve clients for ``MAX_SERVING_TIME``, and have the executor call this again for the rest."""
@@ -249,9 +260,9 @@ class Server:
             self._overdue_timer.cancel()
         self._serve()
 
-    def _send(self, call: Call, response: Any) -> None:
+    def _send(self, call: Call, status: StatusCode, response: Any) -> None:
         if _try_to_send(call.service, response, call.header):
-            self._note_sent(call, response)
+            self._note_sent(call, status)
         else:
             call.clients.note_unreachable(call.client)
             self._counters.unsent += 1
@@ -264,12 +275,12 @@ class Server:
         except Exception:  # the answer is sent, so there is nobody else to tell
             self._log.error(traceback.format_exc(), throttle_duration_sec=WARNING_INTERVAL)
 
-    def _note_sent(self, call: Call, response: Any) -> None:
+    def _note_sent(self, call: Call, status: StatusCode) -> None:
         call.clients.note_reached(call.client)
         self._unconfirmed[call.client] += 1
         if len(self._unconfirmed) > MAX_UNCONFIRMED_CLIENTS:  # the departure of some clients goes unnoticed
             del self._unconfirmed[next(iter(self._unconfirmed))]
-        self._counters.answers[call.node_service.code(response)] += 1
+        self._counters.answers[status] += 1
         self._counters.latencies.append(time.perf_counter() - call.received)
 
     def _forget_departed(self) -> None:
