@@ -413,6 +413,31 @@ def test_it_reports_that_errors_of_several_numbers_together_separate_the_bodies(
     assert not after.is_reliable
 
 
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (1.0, 2.0, 3.0)])
+@pytest.mark.parametrize("angle", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize(("of_velocity", "of_spin"), [(0.9, 0.0), (0.0, 0.9), (0.9, 0.9)])
+def test_a_ball_that_falls_without_slip_may_slide(law, normal, angle, of_velocity, of_spin):
+    """It sticks if (2/7) |u_t| <= mu (1 + e) |u_n|, up to 1.89 m/s. Two deviations of the velocity or of the
+    spin are 1.8 m/s, those of both together 2.5 m/s. The mean has no slip whose direction could be tried.
+    """
+    n = Vec3(*normal) / Vec3(*normal).norm()
+    across = n.cross(Vec3(0.0, 1.0, 0.0))
+    across = across / across.norm()
+    along = across * math.cos(angle) + n.cross(across) * math.sin(angle)
+    covariance = np.zeros((12, 12))
+    covariance[6:9, 6:9] = np.outer(along, along) * of_velocity**2
+    covariance[9:, 9:] = np.outer(n.cross(along), n.cross(along)) * (of_spin / RADIUS) ** 2
+    body = ball(velocity=n * -3.0, angular_velocity=(0.0, 0.0, 0.0))._replace(position=n * RADIUS)
+    contact = FLOOR._replace(normal=n)
+    found = propagate_covariance(
+        body, Body.static(), contact, ImpactModel(law), covariance, sphere_on_plane(RADIUS), gravity=G
+    )
+    both = of_velocity > 0 and of_spin > 0
+    assert found.regimes == ((Regime.STICKING, Regime.SLIDING) if both else (Regime.STICKING,))
+    assert found.is_reliable != both
+
+
 @pytest.mark.parametrize("speed", [1e-310, 5e-324])
 def test_an_impact_that_hardly_approaches_is_refused(speed):
     slow = ball(velocity=(1.0, 0.0, -speed)), Body.static(), FLOOR, ImpactModel(Law.COULOMB)

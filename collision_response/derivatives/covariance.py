@@ -154,7 +154,8 @@ def _likely_regimes(
     # The derivatives of the twists after the impact and of the impulse, by the rows of `spread`.
     names = *COEFFICIENTS, "contact.normal"
     by_inputs = np.hstack([J[:, :24], *(J[:, columns[name]] for name in names)])
-    P, mu = np.array(impact.impulse), contact.friction
+    size_of_P = math.hypot(*impact.impulse) or 1.0
+    P, P_by_inputs = np.array(impact.impulse) / size_of_P, by_inputs[12:] / size_of_P
     tangential = np.eye(3) - np.outer(n, n)
     arms = [np.subtract(contact.position, body.position) for body in (body_a, body_b)]
 
@@ -167,16 +168,18 @@ def _likely_regimes(
     before_by_inputs[np.arange(12), TWISTS] = 1.0
     before = np.concatenate([[*b.velocity, *b.angular_velocity] for b in (body_a, body_b)])
     after = np.concatenate([[*t.linear, *t.angular] for t in (impact.twist_a, impact.twist_b)])
-    friction_impulse = tangential @ P
     u_before_by_inputs = relative_velocity(before_by_inputs)
-    gradients = [
-        _normalised(friction_impulse) @ by_inputs[12:] - mu * n @ by_inputs[12:],
-        _normalised(tangential @ relative_velocity(after)) @ relative_velocity(by_inputs[:12]),
-        _normalised(tangential @ relative_velocity(before)) @ u_before_by_inputs,
-        n @ u_before_by_inputs,
-    ]
-    steepest = [gradient @ spread for gradient in gradients]
-    steepest = [_normalised(step) for step in steepest if np.linalg.norm(step) > 0]
+    cone = contact.friction * n @ P_by_inputs
+    steepest = [n @ u_before_by_inputs @ spread]
+    for vector, by_input, limit in (
+        (P, P_by_inputs, cone),
+        (relative_velocity(after), relative_velocity(by_inputs[:12]), 0.0),
+        (relative_velocity(before), u_before_by_inputs, 0.0),
+    ):
+        steepest.append((_normalised(tangential @ vector) @ by_input - limit) @ spread)
+        # Where the vector is 0, its length grows most in the directions in which it varies most.
+        steepest += [*np.linalg.svd(tangential @ by_input @ spread, full_matrices=False)[2][:2]]
+    steepest = [_normalised(step) for step in steepest]
     for step in [*np.eye(spread.shape[1]), *steepest]:
         for sign in (LIKELY_DEVIATIONS, -LIKELY_DEVIATIONS):
             change = spread @ step * sign
