@@ -11,9 +11,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from collisions import random_collision
+from extremes import extremes
 from refusals import refused
 
-from collision_response import Body, Contact, Geometry, ImpactModel, Law, Regime, StatusCode, resolve
+from collision_response import (
+    Body,
+    Contact,
+    Geometry,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Regime,
+    StatusCode,
+    resolve,
+)
 from collision_response.batch import body_rows, contact_rows, resolve_batch
 from collision_response.derivatives import (
     SurfaceMotion,
@@ -436,6 +447,23 @@ def test_a_ball_that_falls_without_slip_may_slide(law, normal, angle, of_velocit
     both = of_velocity > 0 and of_spin > 0
     assert found.regimes == ((Regime.STICKING, Regime.SLIDING) if both else (Regime.STICKING,))
     assert found.is_reliable != both
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("extreme", extremes(), ids=lambda extreme: extreme.name)
+@pytest.mark.parametrize("sd", [1e-150, 1e-8, 1.0, 1e100])
+def test_extremes_are_answered_or_refused_without_a_warning(extreme, sd):
+    collision = extreme.collision
+    size = 12 * sum(body.is_movable() for body in collision[:2])
+    deviations = {"restitution_sd": 0.1, "friction_sd": 0.1, "normal_sd": 0.1}
+    try:
+        found = propagate_covariance(
+            *collision, ImpactModel(), np.eye(size) * sd * sd, sphere_on_plane(0.1), **deviations
+        )
+    except ImpactError as error:
+        assert error.code is StatusCode.OUT_OF_RANGE, error
+    else:
+        assert np.isfinite(found.covariance).all()
 
 
 @pytest.mark.parametrize("speed", [1e-310, 5e-324])

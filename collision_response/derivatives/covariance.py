@@ -61,6 +61,7 @@ class CovarianceAfter(NamedTuple):
     is_reliable: bool
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def propagate_covariance(
     body_a: Body,
     body_b: Body,
@@ -101,11 +102,10 @@ def propagate_covariance(
     by_coefficients = np.zeros((24, 2))
     J, columns = linearised.derivatives.jacobian, linearised.derivatives.columns
     by_coefficients[TWISTS] = np.hstack([J[:12, columns[name]] for name in COEFFICIENTS])
-    with np.errstate(over="ignore", invalid="ignore"):
-        from_state = linearised.matrix[:, movable] @ root
-        from_coefficients = by_coefficients * [restitution_sd, friction_sd]
-        root_after = np.hstack([from_state, from_coefficients, linearised.by_normal * normal_sd])[movable]
-        after = check_finite("covariance", root_after @ root_after.T)
+    from_state = linearised.matrix[:, movable] @ root
+    from_coefficients = by_coefficients * [restitution_sd, friction_sd]
+    root_after = np.hstack([from_state, from_coefficients, linearised.by_normal * normal_sd])[movable]
+    after = check_finite("covariance", root_after @ root_after.T)
     regimes = tuple(dict.fromkeys(_likely_regimes(linearised, root, deviations)))
     has_friction = contact.friction > 0 or friction_sd > 0  # if not, a contact that sticks just does not slip
     differ = {Regime.SEPARATING, Regime.STICKING} if has_friction else {Regime.SEPARATING}
@@ -154,8 +154,9 @@ def _likely_regimes(
     # The derivatives of the twists after the impact and of the impulse, by the rows of `spread`.
     names = *COEFFICIENTS, "contact.normal"
     by_inputs = np.hstack([J[:, :24], *(J[:, columns[name]] for name in names)])
-    size_of_P = math.hypot(*impact.impulse) or 1.0
-    P, P_by_inputs = np.array(impact.impulse) / size_of_P, by_inputs[12:] / size_of_P
+    # Only directions matter: no mass is too large.
+    P = np.array(impact.impulse) / (math.hypot(*impact.impulse) or 1.0)
+    P_by_inputs = by_inputs[12:] / (abs(by_inputs[12:]).max() or 1.0)
     tangential = np.eye(3) - np.outer(n, n)
     arms = [np.subtract(contact.position, body.position) for body in (body_a, body_b)]
 

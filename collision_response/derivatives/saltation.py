@@ -102,6 +102,7 @@ def saltation_matrix(
     return impact.matrix[np.ix_(impact.movable, impact.movable)]
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def linearise(
     body_a: Body,
     body_b: Body,
@@ -147,8 +148,7 @@ def linearise(
         raise ImpactError(
             StatusCode.SEPARATING, "contact.normal", f"there is no impact: the normal velocity is {u_n}"
         )
-    with np.errstate(over="ignore", invalid="ignore"):
-        matrix = check_finite("matrix", DR + np.outer(F_after - DR @ F_before, Dg) / u_n)
+    matrix = check_finite("matrix", DR + np.outer(F_after - DR @ F_before, Dg) / u_n)
     movable = [12 * side + i for side, body in enumerate(bodies) if body.is_movable() for i in range(12)]
     return LinearisedImpact(request, derivatives, matrix, by_normal, motion, movable)
 
