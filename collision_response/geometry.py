@@ -41,13 +41,18 @@ def planar_suffices(body_a: Body, body_b: Body, contact: Contact, *, frictionles
     return in_plane & (body_a.velocity.z == body_b.velocity.z) & all_zero(tumbling)
 
 
-def required_geometry(body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool) -> Geometry:
-    """Return the smallest geometry that gives the answer of SPATIAL, for plain numbers."""
-    if point_suffices(body_a, body_b, contact, frictionless=frictionless):
-        return Geometry.POINT
-    if planar_suffices(body_a, body_b, contact, frictionless=frictionless):
-        return Geometry.PLANAR
-    return Geometry.SPATIAL
+def suffices(
+    geometry: Geometry, body_a: Body, body_b: Body, contact: Contact, *, frictionless: bool
+) -> Condition:
+    """Whether a geometry gives the answer of SPATIAL.
+
+    POINT moves in space, so PLANAR does not always suffice where POINT does.
+    """
+    if geometry is Geometry.POINT:
+        return point_suffices(body_a, body_b, contact, frictionless=frictionless)
+    if geometry is Geometry.PLANAR:
+        return planar_suffices(body_a, body_b, contact, frictionless=frictionless)
+    return geometry is Geometry.SPATIAL
 
 
 def geometry_for(
@@ -56,7 +61,8 @@ def geometry_for(
     """Return the geometry that AUTO stands for, for plain numbers; any other geometry as it is."""
     if geometry is not Geometry.AUTO:
         return geometry
-    return required_geometry(body_a, body_b, contact, frictionless=frictionless)
+    sizes = Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL
+    return next(size for size in sizes if suffices(size, body_a, body_b, contact, frictionless=frictionless))
 
 
 def reduce_body(body: Body, geometry: Geometry) -> Body:

@@ -197,7 +197,7 @@ def test_no_error_exceeds_its_bound(numbers, kind, a, b, relative):
 def test_the_bound_of_a_root(numbers, kind, a, relative):
     a = narrowed(abs(a), kind)
     error_of_a = narrowed(a * relative, kind)
-    if not math.isfinite(a):
+    if not math.isfinite(error_of_a):  # or if a is not
         return
     root, error = call(getattr(numbers, f"on_{kind}"), "r", a, error_of_a, 0.0, 0.0)
     for x in within(a, error_of_a):

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import pytest
 from batch_cases import FIRST_FAULTY, collision_at, shared_batch
-from collisions import LAWS_WITH_ORACLE, Collision, collisions, planar_collisions, random_collision
+from collisions import LAWS_WITH_ORACLE, PATH_LAWS, Collision, collisions, planar_collisions, random_collision
 from compile_cpp import compile_library
 from extremes import extremes
 from hypothesis import given, settings
@@ -39,6 +39,7 @@ from collision_response.numbers.operations import (
     square_root,
     widened,
 )
+from collision_response.physics.effective_mass import ContactKinematics
 from collision_response.physics.laws import LAWS, Settings
 from collision_response.physics.laws.chatterjee_ruina import fallback
 from collision_response.status import StatusCode
@@ -530,6 +531,20 @@ def test_every_layout_of_every_law_is_generated():
     assert all(f"LAW_{law.name} = {law.value}," in header for law in Law)
 
 
+def slip_is_rounding(collision: Collision) -> bool:
+    """Whether the contact slips before the impact, but by less than the rounding errors of the slip."""
+    *bodies, contact = collision
+    kinematics = ContactKinematics.of(*collision)
+    n, u = kinematics.n, kinematics.u
+    arms = [(contact.position - body.position).norm() for body in bodies]
+    size = sum(
+        body.velocity.norm() + body.angular_velocity.norm() * arm
+        for body, arm in zip(bodies, arms, strict=True)
+    )
+    slip = u - n * (n.dot(u) / n.dot(n))
+    return 0 < slip.norm() < 2.0**-45 * size  # a few dozen roundings of 2^-53 each
+
+
 def same_bits(collision: Collision, model: ImpactModel) -> bool:
     """Whether the kernels answer a request, and then with the bits of the formulas on plain floats."""
     try:
@@ -544,6 +559,8 @@ def same_bits(collision: Collision, model: ImpactModel) -> bool:
     in_the_middle = all(x == 0 or 1e-120 < abs(x) < 1e120 for x in values(direct))
     if not in_the_middle or compiled.error_bound == math.inf:
         return False  # the kernels may rescale
+    if model.law in PATH_LAWS and slip_is_rounding(collision):
+        return False  # the kernels know that, plain floats do not
     changes = compiled.impulse, compiled.change_a, compiled.change_b
     report = compiled.twist_a, compiled.twist_b, compiled[8:17]
     assert list(numbers_in((changes, report))) == values(direct)[: 15 + 12 + 9]

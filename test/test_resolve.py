@@ -425,6 +425,42 @@ def test_a_geometry_that_leaves_nothing_out_is_exact():
         assert impact.model.geometry is geometry
 
 
+PARTICLE, SPHERE = Body.dynamic(2.0), Body.sphere(2.0, 0.5)
+DOWN_AND_ACROSS = Vec3(-1.0, 0.0, -3.0)
+
+
+@pytest.mark.parametrize("number", [float, F], ids=["floats", "fractions"])
+@pytest.mark.parametrize("body", [PARTICLE, SPHERE], ids=["particle", "sphere"])
+def test_planar_is_planar_where_point_suffices(body, number):
+    """POINT moves in space: it suffices here, but is no smaller than PLANAR."""
+    arm = Vec3(-0.5, 0.0, 0.0) if body is SPHERE else ZERO
+    body = body._replace(velocity=Vec3(*map(number, DOWN_AND_ACROSS)))
+    contact = Contact.of(arm, (1, 0, 0), number(1))
+    assert resolve(body, Body.static(), contact).model.geometry is Geometry.POINT
+    impact = resolve(body, Body.static(), contact, ImpactModel(geometry=Geometry.PLANAR))
+    assert (impact.model.geometry, impact.impulse) == (Geometry.PLANAR, (4, 0, 0))
+    assert impact.twist_a.linear == (1, 0, -3)
+    assert impact.error_bound < 1e-14
+
+
+@pytest.mark.parametrize("friction", [0.5, lambda slip_speed: 0.5], ids=["number", "function"])
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.ROUTH_STRONGE], ids=lambda law: law.name)
+def test_friction_in_the_plane_leaves_out_slip_across_it(law, friction):
+    """Coulomb's limit is 1 N s here. All slip is along z, so the whole tangential impulse is left out."""
+    body = PARTICLE._replace(velocity=DOWN_AND_ACROSS)
+    contact = Contact.of((0, 0, 0), (1, 0, 0), 0.0, friction)
+    impact = resolve(body, Body.static(), contact, ImpactModel(law, Geometry.PLANAR))
+    assert impact.impulse == (2, 0, 0)
+    assert 1 <= impact.error_bound * math.hypot(2, 1) < 1 + 1e-10  # with the error of the path
+
+
+def test_planar_refuses_a_normal_out_of_its_plane_where_point_suffices():
+    body = PARTICLE._replace(velocity=DOWN_AND_ACROSS)
+    with pytest.raises(ImpactError, match="contact.normal: must not be along z") as refusal:
+        resolve(body, Body.static(), Contact.of((0, 0, 0), (0, 0, 1)), ImpactModel(geometry=Geometry.PLANAR))
+    assert refusal.value.code is StatusCode.INVALID_NORMAL
+
+
 def test_a_forced_geometry_that_misses_the_tolerance_says_so():
     ball = body(position=(0.1, 0.0, 1.0), velocity=(0.0, 0.0, -1.0))
     rough = resolve(ball, FLOOR, CONTACT, ImpactModel(geometry=Geometry.POINT, tolerance=1e-3))

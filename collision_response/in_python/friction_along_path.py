@@ -11,10 +11,10 @@ from operator import itemgetter
 
 from .. import validity
 from ..answer import Impact, make_impact
-from ..geometry import required_geometry
+from ..geometry import geometry_for, suffices
 from ..impact import ImpactNumbers, impact
 from ..kernels import library
-from ..model import Geometry, ImpactModel, Precision, plan_model
+from ..model import ImpactModel, Precision, plan_model
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law, Settings
@@ -51,9 +51,8 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     exact_contact = contact_as_fractions(contact)
     plan = plan_model(model)
     validity.check(*bodies, exact_contact, plan.settings.tangential_restitution)
-    required = required_geometry(*bodies, exact_contact, frictionless=False)
-    geometry = required if model.geometry is Geometry.AUTO else model.geometry
-    if geometry < required:
+    geometry = geometry_for(model.geometry, *bodies, exact_contact, frictionless=False)
+    if not suffices(geometry, *bodies, exact_contact, frictionless=False):
         return None
     first = friction_at_speed(initial_slip_speed(body_a, body_b, contact), contact)
     # Check as with friction also if its initial value is 0, because it may not stay 0.

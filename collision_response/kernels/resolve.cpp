@@ -130,7 +130,9 @@ int compute_one_impact(PyObject* const* request, const Plan& plan, OneImpact& im
   const bool is_planar = validity[frictionless ? VALIDITY_PLANAR_IF_FRICTIONLESS : VALIDITY_PLANAR_SUFFICES];
   impact.geometry = is_point ? GEOMETRY_POINT : is_planar ? GEOMETRY_PLANAR : GEOMETRY_SPATIAL;
   if (plan.geometry != GEOMETRY_AUTO) {
-    if (plan.geometry < impact.geometry) return HANDOVER_GEOMETRY_TOO_SMALL;
+    // POINT moves in space, so PLANAR does not always suffice where POINT does.
+    bool suffices = plan.geometry == GEOMETRY_POINT ? is_point : plan.geometry == GEOMETRY_SPATIAL || is_planar;
+    if (!suffices) return HANDOVER_GEOMETRY_TOO_SMALL;
     impact.geometry = plan.geometry;
   }
   if (has_fraction && frictionless && !impact.is_articulated) return HANDOVER_RATIONAL;

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from ..geometry import required_geometry
+from ..geometry import suffices
 from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
 from ..kernels import library
 from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number
@@ -100,7 +100,7 @@ def _check_geometry(parts: ClusterParts, geometry: Geometry) -> None:
     bodies = list(map(body_as_fractions, parts.bodies))
     for (a, b), given in zip(parts.pairs, parts.contacts, strict=True):
         contact = contact_as_fractions(given)
-        if required_geometry(bodies[a], bodies[b], contact, frictionless=False) > geometry:
+        if not suffices(geometry, bodies[a], bodies[b], contact, frictionless=False):
             reason = (
                 f"{geometry.name} leaves out motion that matters, which a cluster of several contacts can't"
             )
