@@ -19,13 +19,14 @@ from random_impacts import RandomImpacts
 
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, resolve
 from collision_response.impact import ImpactNumbers, impact
-from collision_response.kernels import programs
-from collision_response.kernels.constants import FORMULAS
-from collision_response.kernels.emit import BRANCHES, emit
-from collision_response.kernels.layout import Layout, kernel_inputs, names_of_body
-from collision_response.kernels.programs import FALLBACK_ARGUMENTS
-from collision_response.kernels.simd_pairs import PAIR, pair_bodies
-from collision_response.kernels.symbol import Loop, Node, Tape, rebuilt
+from collision_response.kernels.layout import Layout, names_of_body
+from collision_response.kernels.tracer import headers
+from collision_response.kernels.tracer.constants import FORMULAS
+from collision_response.kernels.tracer.emit import BRANCHES, emit
+from collision_response.kernels.tracer.headers import FALLBACK_ARGUMENTS
+from collision_response.kernels.tracer.inputs import kernel_inputs
+from collision_response.kernels.tracer.simd_pairs import PAIR, pair_bodies
+from collision_response.kernels.tracer.symbol import Loop, Node, Tape, rebuilt
 from collision_response.model import plan_model
 from collision_response.numbers.operations import (
     certain,
@@ -494,7 +495,7 @@ WRITTEN = re.compile(r"(?:const auto )?(t\d+) = ")
 def test_no_branch_reads_a_value_that_was_not_computed(formula):
     """A value computed only where a condition may hold must be read only below that condition."""
     tests = 0
-    for header in programs.headers(formula).values():
+    for header in headers.headers_of(formula).values():
         known: dict[str, frozenset] = {}  # of each name: where it is computed
         blocks: list[frozenset] = [frozenset()]
         for line in lines(header()):
@@ -524,10 +525,10 @@ def test_every_layout_of_every_law_is_generated():
         "compliant": ["everything", "articulated", "derivatives"],
     }
     for what, kinds in written.items():
-        assert [*programs.headers(what)] == [f"{what}_{kind}" for kind in kinds]
-    kinds = [programs.FORMULA_LISTS[kind] for kind in ("formulas", "stepped_formulas")]
+        assert [*headers.headers_of(what)] == [f"{what}_{kind}" for kind in kinds]
+    kinds = [headers.FORMULA_LISTS[kind] for kind in ("formulas", "stepped_formulas")]
     assert {*kinds[0], *kinds[1]} == {formula.__name__ for formula in LAWS.values()}
-    header = programs.headers("constants")["constants"]()
+    header = headers.headers_of("constants")["constants"]()
     assert all(f"LAW_{law.name} = {law.value}," in header for law in Law)
 
 

@@ -1,13 +1,11 @@
-"""The formulas, compiled to machine code by the build.
+"""The formulas, compiled to machine code by the build, and the functions that call them.
 
-Written in Python, they are compiled in these steps; ``symbol.py`` says more::
+The build::
 
-    symbol.py, simd_pairs.py   record the operations of a formula
-    programs.py, layout.py     which formulas, on which inputs
-    emit.py, constants.py      write C++ headers
-    trace.py, CMakeLists.txt   run all of this, and compile each *.cpp.in for each number type
-
-The number types: ``numbers.hpp`` bounds its own error, ``dual.hpp`` carries derivatives.
+    tracer/                    writes formulas, which are in Python, as C++ headers
+    numbers.hpp, dual.hpp      number types: one bounds its own error, one carries derivatives
+    *.cpp.in, CMakeLists.txt   kernels: the headers, compiled for each number type and instruction set
+    layout.py                  which numbers a kernel reads
 
 What a call from Python runs, through ``library.py``, whose types are in ``_compiled.pyi``::
 
@@ -21,4 +19,5 @@ What a call from Python runs, through ``library.py``, whose types are in ``_comp
     kernel_table.hpp           which kernel computes what
     units.hpp                  tries other units where numbers leave the range of floats
     answer_bound.hpp           makes one error bound of the errors of all numbers
+    protocol.py                the numbers by which Python and C++ refer to things
 """

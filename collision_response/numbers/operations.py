@@ -3,8 +3,8 @@
 A formula is written once, with these operations, and runs on every number type: Python floats; fractions,
 with which a rational law is exact; mpmath numbers; balls, which enclose a real number
 (:mod:`~collision_response.numbers.balls`); arrays of one shape, with one contact per element; and symbols,
-which record the formula for the compiler (:mod:`~collision_response.kernels.symbol`). The operations are a
-branch (:func:`choose`), a square root, a loop (:func:`iterate`), and some that concern the error or the
+which record the formula for the compiler (:mod:`~collision_response.kernels.tracer.symbol`). The operations
+are a branch (:func:`choose`), a square root, a loop (:func:`iterate`), and some that concern the error or the
 derivatives that a number may carry. A number type takes part in these by a method of the same name.
 """
 

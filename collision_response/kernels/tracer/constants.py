@@ -6,29 +6,26 @@ from collections.abc import Iterable
 from itertools import chain
 from typing import Any
 
-from ..impact import Flags, Report
-from ..model import Adjustment, Geometry, Precision
-from ..numbers.operations import numbers_in
-from ..physics.effective_mass import ContactNumbers
-from ..physics.inverse_inertia import InverseInertia
-from ..physics.laws import LAWS, Coefficients, Law, Regime
-from ..physics.tensor import ZERO_TENSOR
-from ..physics.vector import ZERO
-from ..status import StatusCode
-from .layout import (
+from ...impact import Flags, Report
+from ...model import Adjustment, Geometry, Precision
+from ...numbers.operations import numbers_in
+from ...physics.effective_mass import ContactNumbers
+from ...physics.inverse_inertia import InverseInertia
+from ...physics.laws import LAWS, Coefficients, Law, Regime, Settings
+from ...physics.tensor import ZERO_TENSOR
+from ...physics.vector import ZERO
+from ...status import StatusCode
+from ..layout import (
     ALL_ONE,
     ALL_ZERO,
     Layout,
-    kernel_inputs,
     names_of_body,
     names_of_contact,
-    names_of_inverse_inertia,
-    names_of_model,
+    names_of_inputs,
     rows_in_everything,
-    units,
 )
-from .protocol import REFLECTIONS, Handover, NumberType, ValidityFlag
-from .symbol import Tape
+from ..protocol import REFLECTIONS, Handover, NumberType, ValidityFlag
+from .units import units
 
 ENUMERATIONS: dict[str, Iterable[Any]] = {
     "LAW": Law,
@@ -67,8 +64,7 @@ struct TableLayout {{
 
 def constants() -> str:
     """Text of ``constants.hpp``."""
-    inputs = kernel_inputs(Layout.EVERYTHING, Tape()).names
-    all_inputs = [*inputs, *names_of_inverse_inertia()]
+    inputs, all_inputs = names_of_inputs(Layout.EVERYTHING), names_of_inputs(Layout.ARTICULATED)
     twists = (["x.linear"] * 3 + ["x.angular"] * 3) * 2
     changes = ["x.impulse"] * 3 + twists
     reported = twists + [f"x.{field}" for field in Report._fields[2:]]
@@ -99,7 +95,7 @@ def constants() -> str:
     return (
         f"enum {{\n{enumerators}}};\n"
         f"enum {{ ROWS_OF_BODY = BODY, ROWS_OF_CONTACT = {len(names_of_contact(Layout.EVERYTHING))}, "
-        f"ROWS_OF_MODEL = {len(names_of_model())} }};\n"
+        f"ROWS_OF_MODEL = {len(Settings._fields)} }};\n"
         f"{offsets('LAW_INPUT', *LAW_ARGUMENTS)}"
         f"#define EACH_FORMULA(X) {' '.join(f'X({formula})' for formula in formulas)}\n"
         f"static const signed char formula_of[] = {{{', '.join(map(str, formula_of))}}};  // by law\n"

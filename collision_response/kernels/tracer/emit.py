@@ -1,4 +1,4 @@
-"""Write a tape as a C++ function template. The second step of compiling a formula: see ``symbol.py``.
+"""Write a tape as a C++ function template.
 
 Each operation becomes one statement. The template's parameter, the number type ``N``, does the arithmetic.
 

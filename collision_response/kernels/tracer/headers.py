@@ -6,20 +6,21 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
 
-from .. import geometry, validity
-from ..impact import Changes, evaluate_law, impact
-from ..numbers.operations import choose, numbers_in
-from ..physics.column import Column
-from ..physics.effective_mass import BodyAtContact, ContactKinematics, ContactNumbers
-from ..physics.energy import kinetic_energy
-from ..physics.laws import LAWS, PATHS, STEPPED, Coefficients, Law
-from ..physics.laws.chatterjee_ruina import fallback
-from ..physics.tensor import ZERO_TENSOR
-from ..physics.vector import Vec3
+from ... import geometry, validity
+from ...impact import Changes, evaluate_law, impact
+from ...numbers.operations import choose, numbers_in
+from ...physics.column import Column
+from ...physics.effective_mass import BodyAtContact, ContactKinematics, ContactNumbers
+from ...physics.energy import kinetic_energy
+from ...physics.laws import LAWS, PATHS, STEPPED, Coefficients, Law
+from ...physics.laws.chatterjee_ruina import fallback
+from ...physics.tensor import ZERO_TENSOR
+from ...physics.vector import Vec3
+from ..layout import Layout, names_of_body
+from ..protocol import ValidityFlag
 from .constants import FORMULAS, LAW_ARGUMENTS, constants, offsets
 from .emit import BRANCHES, BRANCHES_OF_PLAIN_NUMBERS, emit
-from .layout import Layout, kernel_inputs, names_of_body
-from .protocol import ValidityFlag
+from .inputs import kernel_inputs
 from .simd_pairs import pair_bodies
 from .symbol import CONDITIONS, Node, Symbol, Tape, rebuilt
 
@@ -41,7 +42,7 @@ FORMULA_LISTS = {
 (``formulas``) or one kernel for all precisions (``stepped_formulas``); float32 as well; optimised most."""
 
 
-def headers(target: str) -> Mapping[str, Callable[[], str]]:
+def headers_of(target: str) -> Mapping[str, Callable[[], str]]:
     """The C++ headers of a target of ``trace.py``: for each name a function that returns the text."""
     if target in SHARED_HEADERS:
         return {target: SHARED_HEADERS[target]}
@@ -56,7 +57,7 @@ def headers(target: str) -> Mapping[str, Callable[[], str]]:
 def cmake_lists() -> str:
     """CMake code that sets the lists of formulas, and for each target the names of its headers."""
     targets = [*SHARED_HEADERS, "validity", *FORMULAS]
-    header_lists = {f"{target}_headers": list(headers(target)) for target in targets}
+    header_lists = {f"{target}_headers": list(headers_of(target)) for target in targets}
     lists = FORMULA_LISTS | header_lists | {"targets": targets}
     return "".join(f"set({name} {' '.join(items)})\n" for name, items in lists.items())
 

@@ -24,14 +24,14 @@ def main(package: Path, folder: Path, target: str) -> None:
     bare.__path__ = [str(package)]
     sys.modules["collision_response"] = bare
 
-    from collision_response.kernels import programs
+    from collision_response.kernels.tracer import headers
 
     if target == "lists":
-        print(programs.cmake_lists())
+        print(headers.cmake_lists())
         return
 
-    for name, body in programs.headers(target).items():
-        header, text = folder / f"{name}.hpp", programs.HEAD + body()
+    for name, body in headers.headers_of(target).items():
+        header, text = folder / f"{name}.hpp", headers.HEAD + body()
         if not header.exists() or header.read_text() != text:
             header.write_text(text)
     modules = sorted(

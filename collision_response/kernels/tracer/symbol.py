@@ -1,13 +1,4 @@
-"""Formulas as data: run on symbols, a formula leaves its operations on a tape. The first step of compiling.
-
-How a formula in Python becomes machine code:
-
-1. ``programs.py`` runs the formula on instances of :class:`Symbol`, defined here. A symbol is a number that
-   computes nothing: it appends each operation to its :class:`Tape`.
-2. ``emit.py`` writes the tape as a C++ function template. Its parameter is the number type.
-3. ``CMakeLists.txt`` has ``trace.py`` do these two steps during the build. Then it compiles the template for
-   each number type of ``numbers.hpp`` and for each instruction set.
-4. ``resolve.cpp`` and ``resolve_batch.cpp`` call the compiled kernels. ``library.py`` imports them.
+"""Formulas as data: a formula that runs on symbols leaves its operations on a tape.
 
 The tape simplifies a formula where that changes no rounding. It holds equal operations once, carries out
 operations on constants, replaces ``x + 0`` and ``x * 1`` by ``x`` and ``x * 0`` by 0, and moves minus signs
@@ -24,7 +15,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator
 from itertools import count
 from typing import Any, NamedTuple
 
-from ..numbers.operations import numbers_in
+from ...numbers.operations import numbers_in
 
 CONDITIONS = frozenset({"truth", "lt", "le", "eq", "and", "or", "not"})
 """The operations whose result is a truth value."""
