@@ -114,8 +114,8 @@ class Description(NamedTuple):
         inertia = sum(part.inertia + part.mass * _second_moment(part.com - com) for part in parts)
         if not np.isfinite([mass, *com, *np.ravel(inertia)]).all():
             raise ValueError(f"link {link!r} of {self.name!r} has a mass or an inertia that exceeds float64")
-        rows = [[float(x) for x in row] for row in inertia]
-        return MassProperties(mass, Vec3(*map(float, com)), Symmetric3.of(rows))
+        upper_triangle = (inertia / 2 + inertia.T / 2)[np.triu_indices(3)]
+        return MassProperties(mass, Vec3(*com.tolist()), Symmetric3(*upper_triangle.tolist()))
 
     def _connected_links(self, link: str, locked: bool) -> Iterator[tuple[str, Pose]]:
         """Yield the links of the body that ``link`` belongs to, with their poses in the axes of ``link``."""

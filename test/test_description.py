@@ -300,6 +300,14 @@ def test_masses_and_inertias_beyond_float64_are_refused_by_name(links):
             description.mass_properties("a")
 
 
+@pytest.mark.parametrize("field", Symmetric3._fields)
+@pytest.mark.parametrize("number", [1e308, -1e308, 1.7976931348623157e308])
+def test_the_greatest_floats_are_read(field, number):
+    text = f"<link name='a'><inertial><mass value='1'/><inertia i{field}='{number!r}'/></inertial></link>"
+    expected = Symmetric3(*[0.0] * 6)._replace(**{field: number})
+    assert body_of(urdf(text), "a").inertia == expected
+
+
 def test_unknown_and_massless_links_are_refused_by_name():
     description = Description.read(urdf("<link name='world'/>", link("base", 1.0)))
     with pytest.raises(ValueError, match="'robot' has no link 'bass'; it has world, base"):
