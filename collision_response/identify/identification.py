@@ -94,6 +94,7 @@ def identify(
             :class:`~collision_response.ImpactModel`.
         kind: kind of the residuals, one of ``measured.kinds``. Default: the first.
         loss: loss function of SciPy's ``least_squares``. All except "linear" are robust against outliers.
+            They act on each component, so the axes of the world have an effect, well below the noise.
         resamples: number of fits of the bootstrap, at least 2.
         seed: seed of the random numbers of the bootstrap.
 
