@@ -133,7 +133,7 @@ def rounding(measured: Impacts, coefficients: dict[str, list[float]]) -> np.ndar
 
 def of_kharaz() -> dict[str, Any]:
     """Fits to the table of the paper, and errors of COULOMB with the authors' coefficients."""
-    rows = read_rows(KHARAZ, {})
+    rows, _ = read_rows(KHARAZ, {})
     results: dict[str, Any] = {"impacts": len(rows), "fits": {}}
     sliding = [row for row in rows if row["incidence"] > SLIDING]
     for name in ("ratio", "angle", "spin", "all"):
@@ -247,7 +247,7 @@ def main() -> None:
         results["ellipse"] = of_impacts(drops)
         results["models"] = of_models(arguments.ellipse, drops, results["ellipse"]["laws"])
     if arguments.cubes:
-        cubes = impacts_from_rows(read_rows(arguments.cubes, {}))
+        cubes = impacts_from_rows(read_rows(arguments.cubes, {})[0])
         results["cubes"] = of_impacts(cubes)
         draw(identify(cubes), cubes, HERE / "images" / "identify.png")
     results["kharaz"] = of_kharaz()

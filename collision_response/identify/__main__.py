@@ -115,9 +115,8 @@ def read(arguments: argparse.Namespace) -> Measurements:
         from .from_recording import read_impacts
 
         return read_impacts(arguments.file, arguments.within)
-    more = dict(arguments.set)
-    rows = from_table.read_rows(arguments.file, more)
-    if unused := from_table.unused_columns(arguments.file, more):
+    rows, unused = from_table.read_rows(arguments.file, dict(arguments.set))
+    if unused:
         print(f"{arguments.file}: columns that are left out: {', '.join(unused)}", file=sys.stderr)
     if "incidence" not in rows[0]:
         return from_table.impacts_from_rows(rows)

@@ -18,7 +18,6 @@ import csv
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TextIO
 
 from ..body_conversions import body_from_numbers
 from ..physics.body import Body, Twist
@@ -40,10 +39,10 @@ KNOWN |= {"incidence", *SphereReadings.QUANTITIES}
 Row = Mapping[str, float]
 
 
-def read_rows(path: Path, more: Mapping[str, str]) -> list[dict[str, float]]:
-    """Read the numbers of a CSV file: one dictionary per row, by column name.
+def read_rows(path: Path, more: Mapping[str, str]) -> tuple[list[dict[str, float]], list[str]]:
+    """Read the numbers of a CSV file: one dictionary per row, by column name. Empty cells are NaN.
 
-    Empty cells are NaN. Columns with unknown names are left out.
+    Columns with unknown names are left out; their names are the second part of the result.
 
     Args:
         path: the file.
@@ -59,35 +58,21 @@ def read_rows(path: Path, more: Mapping[str, str]) -> list[dict[str, float]]:
         if name not in KNOWN:
             raise ImpactError(StatusCode.INVALID_TABLE, "columns", f"{name} is unknown")
     rows = []
-    for i, cells in enumerate(_cells(path, KNOWN.union(more.values()))):
+    table, unused = _cells(path, KNOWN.union(more.values()))
+    for i, cells in enumerate(table):
         cells |= {name: cells.get(value, value) for name, value in more.items()}
         rows.append({name: _number(f"rows[{i}].{name}", cells[name]) for name in cells if name in KNOWN})
     if not rows:
         raise ImpactError(StatusCode.INVALID_TABLE, "rows", f"there are none in {path}")
-    return rows
+    return rows, unused
 
 
-def unused_columns(path: Path, more: Mapping[str, str]) -> list[str]:
-    """Return the names of the columns that :func:`read_rows` leaves out, because it does not know them.
+def _cells(path: Path, needed: set[str]) -> tuple[list[dict[str, str]], list[str]]:
+    """Read the text of the cells: one dictionary per row, by column name; and the names that are not needed.
 
-    Args:
-        path, more: as for :func:`read_rows`.
-
-    Raises:
-        OSError: if the file cannot be read.
+    There are no blanks around the names.
     """
-    with _open(path) as file:
-        names = [name.strip() for name in next(csv.reader(file), ())]
-    return [name for name in names if name and name not in KNOWN.union(more.values())]
-
-
-def _open(path: Path) -> TextIO:
-    return path.open(newline="", encoding="utf-8-sig")
-
-
-def _cells(path: Path, needed: set[str]) -> list[dict[str, str]]:
-    """Read the text of the cells: one dictionary per row, by column name, without blanks around the names."""
-    with _open(path) as file:
+    with path.open(newline="", encoding="utf-8-sig") as file:
         reader = csv.DictReader(file)
         try:
             names = reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
@@ -104,7 +89,7 @@ def _cells(path: Path, needed: set[str]) -> list[dict[str, str]]:
             raise ImpactError(
                 StatusCode.INVALID_TABLE, "columns", f"{name} is there {names.count(name)} times"
             )
-    return rows
+    return rows, [name for name in names if name and name not in needed]
 
 
 def _number(field: str, cell: str | None) -> float:

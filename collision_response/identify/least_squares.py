@@ -168,6 +168,10 @@ class LeastSquares(NamedTuple):
         Raises:
             ImportError: if SciPy is not installed.
         """
+        try:
+            from scipy.optimize import least_squares
+        except ModuleNotFoundError:
+            raise missing("SciPy", "scipy") from None
         least, most = np.array([RANGES[name][:2] for name in self.names]).T
         loss = {"loss": self.loss, "f_scale": MAGNIFICATION * self.scale} if self.scale else {}
         origin = least - 1
@@ -176,9 +180,7 @@ class LeastSquares(NamedTuple):
             "xtol": PRECISION,
             "ftol": precision,
         }
-        one = _least_squares()(
-            lambda y: MAGNIFICATION * self.residuals(y + origin), x - origin, **ends, **loss
-        )
+        one = least_squares(lambda y: MAGNIFICATION * self.residuals(y + origin), x - origin, **ends, **loss)
         one.cost = one.cost / MAGNIFICATION**2
         one.grad = one.grad / MAGNIFICATION**2
         one.jac = one.jac / MAGNIFICATION
@@ -217,11 +219,3 @@ def _snap_to_limits(x: Array, one: Any, limits: Iterable[Array], precision: floa
         is_there = (gain + PRECISION**2 >= curvature * way**2) & (gain <= precision * one.cost + PRECISION**2)
         x = np.where(is_there, x + way, x)
     return x
-
-
-def _least_squares() -> Any:
-    try:
-        from scipy.optimize import least_squares
-    except ModuleNotFoundError:
-        raise missing("SciPy", "scipy") from None
-    return least_squares
