@@ -111,8 +111,9 @@ def test_two_nodes_of_one_name_answer(graph):
     assert all(graph.call(balls_meet()).success for _ in range(20))
 
 
-def descriptors_and_threads():
-    return len(os.listdir("/proc/self/fd")), len(os.listdir("/proc/self/task"))
+def number_of(what):
+    """Number of open files ("fd") or threads ("task") of this process."""
+    return len(os.listdir(f"/proc/self/{what}"))
 
 
 @pytest.mark.parametrize("kind", [CollisionResponseNode, BodyStatePublisher, ContactMarkers])
@@ -124,11 +125,11 @@ def test_nodes_that_come_and_go_leave_nothing_behind(graph, kind):
 
     for _ in range(3):  # DDS makes some of its threads and sockets late
         make()
-    before = descriptors_and_threads()
+    before = number_of("fd"), number_of("task")
     nodes = [make() for _ in range(10)]
     gc.collect()
     assert [node() for node in nodes] == [None] * 10
-    assert descriptors_and_threads() <= before
+    assert number_of("fd") <= before[0] and number_of("task") <= before[1]
 
 
 def test_nodes_that_record_leave_no_file_open_and_are_collected(graph, tmp_path):
@@ -148,11 +149,11 @@ def test_nodes_that_record_leave_no_file_open_and_are_collected(graph, tmp_path)
 
     for _ in range(3):
         make()
-    before, _ = descriptors_and_threads()
+    before = number_of("fd")
     nodes = [make() for _ in range(5)]
     gc.collect()
     assert [node() for node in nodes] == [None] * 5
-    assert descriptors_and_threads()[0] <= before
+    assert number_of("fd") <= before
     assert len([*tmp_path.glob("*.rrd")]) == 8
 
 
@@ -167,10 +168,9 @@ def test_nodes_that_record_leave_no_file_open_and_are_collected(graph, tmp_path)
 )
 def test_a_start_that_fails_leaves_no_recording(graph, tmp_path, parameters, error):
     recording = {"recording__enabled": True, "recording__directory": str(tmp_path)}
-    threads = threading.active_count()
     with pytest.raises(error):
         graph.serve(**recording, **parameters)
-    assert threading.active_count() == threads
+    assert "recording" not in {thread.name for thread in threading.enumerate()}
     assert list(tmp_path.iterdir()) == []
 
 
