@@ -218,7 +218,7 @@ def bodies_of(
     check_distinct(names)
     columns, errors = np.full((len(table), len(names)), math.nan), []
     stamps, ages = [Time()] * len(names), [math.nan] * len(names)
-    finder = StateFinder.of("header", request.header, request.not_before, states, parameters)
+    finder = StateFinder("header", request.header, request.not_before, states, parameters)
     for i, name in enumerate(names):
         if not i % BODIES_PER_STEP:
             yield

@@ -49,41 +49,27 @@ class StateNotYetReceived(ImpactError):
     """No suitable state has been received, but one may still come."""
 
 
-class StateFinder(NamedTuple):
+class StateFinder:
     """Finds the states of the bodies that one request gives by name.
 
-    Attributes:
+    If the header of its contact has no stamp, the contact is now.
+
+    Args:
+        field: the field that holds the header of the contact, for errors.
+        header: that header.
+        not_before: of the request: the earliest stamp accepted; 0: any.
         states: the latest states received.
-        time: time of the contact [ns]; 0: unknown.
-        not_before: the earliest stamp accepted [ns]; 0: any.
-        max_age: the greatest distance in time allowed, before and after the contact [s]; 0: any.
-        frame_field: the field that holds the frame of the contact, for errors.
-        frame: the frame of the contact.
+        parameters: the parameters of the node.
     """
 
-    states: LatestStates
-    time: int
-    not_before: int
-    max_age: float
-    frame_field: str
-    frame: str
-
-    @classmethod
-    def of(
-        cls, field: str, header: Header, not_before: Time, states: LatestStates, parameters: Parameters
-    ) -> StateFinder:
-        """Make the finder of a request. If the header of its contact has no stamp, the contact is now.
-
-        Args:
-            field: the field that holds the header, for errors.
-            header: the header of the contact.
-            not_before: of the request.
-            states: the latest states received.
-            parameters: the parameters of the node.
-        """
-        stamp = nanoseconds(header.stamp) or states.now()
-        max_age = parameters.max_state_age
-        return cls(states, stamp, nanoseconds(not_before), max_age, f"{field}.frame_id", header.frame_id)
+    def __init__(
+        self, field: str, header: Header, not_before: Time, states: LatestStates, parameters: Parameters
+    ) -> None:
+        self._states = states
+        self._time = nanoseconds(header.stamp) or states.now()
+        self._not_before = nanoseconds(not_before)
+        self._max_age = parameters.max_state_age
+        self._frame_field, self._frame = f"{field}.frame_id", header.frame_id
 
     def find(self, owner: str, field: str, name: str) -> tuple[BodyState, StateUsed]:
         """Find the latest state of a body.
@@ -100,19 +86,19 @@ class StateFinder(NamedTuple):
             ImpactError: UNKNOWN_BODY.
         """
         try:
-            state = self.states.find(field, name)
+            state = self._states.find(field, name)
         except ImpactError as error:
-            if not self.not_before:
+            if not self._not_before:
                 raise
             raise StateNotYetReceived(error.code, error.field, error.reason) from None
         stamp = nanoseconds(state.header.stamp)
-        if stamp < self.not_before:
-            fault = f"is {(self.not_before - stamp) / 1e9:.6g} s older than not_before"
+        if stamp < self._not_before:
+            fault = f"is {(self._not_before - stamp) / 1e9:.6g} s older than not_before"
             if not stamp:
                 fault = "has no stamp, which not_before requires"
             reason = f"the last state of {quoted(name)} {fault}"
             raise StateNotYetReceived(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
-        age = (self.time - stamp) / 1e9 if stamp and self.time else math.nan
+        age = (self._time - stamp) / 1e9 if stamp and self._time else math.nan
         return state, StateUsed(state.header.stamp, age)
 
     def check(self, owner: str, state: BodyState, age: float) -> None:
@@ -126,13 +112,13 @@ class StateFinder(NamedTuple):
         Raises:
             ImpactError: STALE_STATE, else FRAME_MISMATCH.
         """
-        if self.max_age and not abs(age) <= self.max_age:
+        if self._max_age and not abs(age) <= self._max_age:
             fault = f"is {age:.6g} s old" if age > 0 else f"is {-age:.6g} s ahead: do the clocks agree?"
             if math.isnan(age):
                 fault = "has no stamp, or there is no time yet"
-            reason = f"the last state of {quoted(state.name)} {fault}; max_state_age is {self.max_age:.6g} s"
+            reason = f"the last state of {quoted(state.name)} {fault}; max_state_age is {self._max_age:.6g} s"
             raise ImpactError(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
-        check_frame(owner, state, self.frame_field, self.frame)
+        check_frame(owner, state, self._frame_field, self._frame)
 
 
 def wait_for_states(
@@ -194,7 +180,7 @@ def complete(
             check_frame(owner, getattr(request, owner), f"{field}.frame_id", header.frame_id)
     states_used = dict.fromkeys(OWNERS, GIVEN_IN_FULL)
     if names:
-        finder = StateFinder.of(field, header, request.not_before, states, parameters)
+        finder = StateFinder(field, header, request.not_before, states, parameters)
         found = {owner: finder.find(owner, f"{owner}.name", name) for owner, name in names.items()}
         for owner, (state, used) in found.items():
             finder.check(owner, state, used.age)

@@ -166,7 +166,7 @@ def bodies_of(
     check_distinct(names)
     check_immovable(request.immovable, count)
     immovable, columns = set(request.immovable), table.T.tolist()
-    finder = StateFinder.of("header", request.header, request.not_before, states, parameters)
+    finder = StateFinder("header", request.header, request.not_before, states, parameters)
     bodies: list[SceneBody] = []
     for i, name in enumerate(names):
         if not i % BODIES_PER_STEP:
