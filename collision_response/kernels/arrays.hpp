@@ -30,3 +30,13 @@ struct Array {
   char* row(Py_ssize_t index) const { return at(index * view.shape[view.ndim - 1] * view.itemsize); }
   bool overlaps(const Array& other) const { return at() < other.at(other.view.len) && other.at() < at(view.len); }
 };
+
+// Open arrays in this order, the second list for writing. Return whether all are arrays.
+inline bool open_arrays(PyObject* const* objects, std::initializer_list<Array*> read,
+                        std::initializer_list<Array*> written = {}) {
+  for (Array* array : read)
+    if (!array->open(*objects++)) return false;
+  for (Array* array : written)
+    if (!array->open(*objects++, true)) return false;
+  return true;
+}

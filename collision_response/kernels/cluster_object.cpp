@@ -23,16 +23,21 @@ void dealloc(PyObject* self) {
   Py_DECREF(type);
 }
 
-Assembly& assembly_of(PyObject* self) { return reinterpret_cast<ClusterObject*>(self)->cluster->assembly; }
+Cluster& cluster_of(PyObject* self) { return *reinterpret_cast<ClusterObject*>(self)->cluster; }
+Assembly& assembly_of(PyObject* self) { return cluster_of(self).assembly; }
 
 PyObject* bytes(const std::vector<DD>& p) {
   return PyBytes_FromStringAndSize(reinterpret_cast<const char*>(p.data()), p.size() * sizeof(DD));
 }
-const DD* impulses(PyObject* self, PyObject* o) {
-  if (PyBytes_Check(o) && PyBytes_GET_SIZE(o) == static_cast<Py_ssize_t>(assembly_of(self).count * sizeof(DD)))
-    return reinterpret_cast<const DD*>(PyBytes_AS_STRING(o));
+// Read normal impulses. Those of another cluster are not found: a Python error is set.
+ClusterImpulses read_impulses(PyObject* self, PyObject* o, double error = 0) {
+  const std::size_t count = assembly_of(self).count;
+  if (PyBytes_Check(o) && PyBytes_GET_SIZE(o) == static_cast<Py_ssize_t>(count * sizeof(DD))) {
+    auto* p = reinterpret_cast<const DD*>(PyBytes_AS_STRING(o));
+    return {true, {p, p + count}, error};
+  }
   PyErr_SetString(PyExc_TypeError, "these are no impulses of this cluster");
-  return nullptr;
+  return {false};
 }
 bool read_list(PyObject* list, Vector& x) {
   for (size_t i = 0; i < x.size(); ++i) x[i] = PyFloat_AsDouble(PyList_GET_ITEM(list, i));
@@ -65,8 +70,8 @@ PyObject* find_contradictory_contacts(PyObject* self, PyObject*) {
 // velocity_size(p): an upper bound on the size of the velocities that impulses p produce, in the metric of kinetic
 // energy.
 PyObject* velocity_size(PyObject* self, PyObject* o) {
-  const DD* p = impulses(self, o);
-  return p ? PyFloat_FromDouble(assembly_of(self).velocity_size(p)) : nullptr;
+  const ClusterImpulses impulses = read_impulses(self, o);
+  return impulses.are_found ? PyFloat_FromDouble(assembly_of(self).velocity_size(impulses.normal.data())) : nullptr;
 }
 
 PyObject* number_list(const Vector& x) {
@@ -80,21 +85,18 @@ PyObject* get_effect(PyObject* self, PyObject* args) {
   double error;
   int sticks_by_slip;
   if (!PyArg_ParseTuple(args, "OOdp", &normal, &tangential, &error, &sticks_by_slip)) return nullptr;
-  const DD* p = impulses(self, normal);
-  if (!p) return nullptr;
-  ClusterImpulses impulses{true, {p, p + assembly_of(self).count}, error};
-  impulses.tangential.resize(tangential == Py_None ? 0 : 2 * assembly_of(self).count);
-  if (!read_list(tangential, impulses.tangential)) return nullptr;
-  const Cluster& cluster = *reinterpret_cast<ClusterObject*>(self)->cluster;
-  ImpulseEffect effect = effect_of(assembly_of(self), impulses, sticks_by_slip);
+  const Cluster& cluster = cluster_of(self);
+  const Assembly& assembly = cluster.assembly;
+  ClusterImpulses impulses = read_impulses(self, normal, error);
+  impulses.tangential.resize(tangential == Py_None ? 0 : 2 * assembly.count);
+  if (!impulses.are_found || !read_list(tangential, impulses.tangential)) return nullptr;
+  ImpulseEffect effect = effect_of(assembly, impulses, sticks_by_slip);
   return Py_BuildValue(
-      "NNNNNN(dddd)dNNN",
-      listed(assembly_of(self).body_count, [&](size_t b) { return make_twist(&effect.changes[6 * b]); }),
-      listed(assembly_of(self).body_count, [&](size_t b) { return make_twist(&effect.twists[6 * b]); }),
-      listed(assembly_of(self).count, [&](size_t i) { return make_vec3(&effect.impulses[3 * i]); }),
+      "NNNNNN(dddd)dNNN", listed(assembly.body_count, [&](size_t b) { return make_twist(&effect.changes[6 * b]); }),
+      listed(assembly.body_count, [&](size_t b) { return make_twist(&effect.twists[6 * b]); }),
+      listed(assembly.count, [&](size_t i) { return make_vec3(&effect.impulses[3 * i]); }),
       number_list(effect.normal_velocities_before), number_list(effect.normal_velocities_after),
-      listed(assembly_of(self).count,
-             [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(python.regimes, effect.regimes[i])); }),
+      listed(assembly.count, [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(python.regimes, effect.regimes[i])); }),
       effect.energies[0], effect.energies[1], effect.energies[2], effect.energies[3], effect.error_bound,
       PyBool_FromLong(cluster.has_massless_spin), PyBool_FromLong(cluster.has_off_unit_orientation),
       PyBool_FromLong(effect.creates_energy));
@@ -119,9 +121,8 @@ PyObject* add_least_work_friction(PyObject* self, PyObject* args) {
   PyObject* normal;
   double error;
   if (!PyArg_ParseTuple(args, "Od", &normal, &error)) return nullptr;
-  const DD* p = impulses(self, normal);
-  return !p ? nullptr
-            : impulses_or_none(least_work_friction(assembly_of(self), {true, {p, p + assembly_of(self).count}, error}));
+  const ClusterImpulses impulses = read_impulses(self, normal, error);
+  return impulses.are_found ? impulses_or_none(least_work_friction(assembly_of(self), impulses)) : nullptr;
 }
 // moreau(has_friction): the impulses of MOREAU.
 PyObject* apply_moreau(PyObject* self, PyObject* has_friction) {
@@ -160,21 +161,18 @@ PyObject* get_is_locked(PyObject* self, void*) { return PyBool_FromLong(assembly
 PyObject* get_approach_is_uncertain(PyObject* self, void*) {
   return PyBool_FromLong(assembly_of(self).approach_is_uncertain());
 }
-PyObject* get_is_out_of_range(PyObject* self, void*) {
-  return PyBool_FromLong(reinterpret_cast<ClusterObject*>(self)->cluster->is_out_of_range());
-}
+PyObject* get_is_out_of_range(PyObject* self, void*) { return PyBool_FromLong(cluster_of(self).is_out_of_range()); }
 
-PyMethodDef methods[] = {
-    {"no_impulses", RaisesMemoryError<no_impulses>::call, METH_NOARGS, ""},
-    {"impulses_from_floats", RaisesMemoryError<impulses_from_floats>::call, METH_O, ""},
-    {"contradictory_contacts", RaisesMemoryError<find_contradictory_contacts>::call, METH_NOARGS, ""},
-    {"velocity_size", velocity_size, METH_O, ""},
-    {"reflections", RaisesMemoryError<reflect>::call, METH_O, ""},
-    {"effect_of", RaisesMemoryError<get_effect>::call, METH_VARARGS, ""},
-    {"least_work_friction", RaisesMemoryError<add_least_work_friction>::call, METH_VARARGS, ""},
-    {"moreau", RaisesMemoryError<apply_moreau>::call, METH_O, ""},
-    {"follow_springs", RaisesMemoryError<follow_springs>::call, METH_VARARGS, ""},
-    {}};
+PyMethodDef methods[] = {METHOD("no_impulses", no_impulses, METH_NOARGS),
+                         METHOD("impulses_from_floats", impulses_from_floats, METH_O),
+                         METHOD("contradictory_contacts", find_contradictory_contacts, METH_NOARGS),
+                         METHOD("velocity_size", velocity_size, METH_O),
+                         METHOD("reflections", reflect, METH_O),
+                         METHOD("effect_of", get_effect, METH_VARARGS),
+                         METHOD("least_work_friction", add_least_work_friction, METH_VARARGS),
+                         METHOD("moreau", apply_moreau, METH_O),
+                         METHOD("follow_springs", follow_springs, METH_VARARGS),
+                         {}};
 PyGetSetDef fields[] = {{"is_locked", get_is_locked, nullptr, "", nullptr},
                         {"approach_is_uncertain", get_approach_is_uncertain, nullptr, "", nullptr},
                         {"is_out_of_range", get_is_out_of_range, nullptr, "", nullptr},

@@ -265,7 +265,7 @@ PyObject* differentiate_all(PyObject*, PyObject* args) {
       std::all_of(job.jacobian, job.jacobian + RESULTS * job.count * job.n, [](double d) { return d - d == 0; }));
 }
 
-PyMethodDef methods[] = {{"differentiate", RaisesMemoryError<differentiate_all>::call, METH_VARARGS, ""}, {}};
+PyMethodDef methods[] = {METHOD("differentiate", differentiate_all, METH_VARARGS), {}};
 PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_derivatives", "", -1, methods};
 
 }  // namespace

@@ -22,17 +22,17 @@ PyObject* setup(PyObject*, PyObject* args) {
   Py_RETURN_NONE;
 }
 
-PyMethodDef methods[] = {FASTCALL("resolve", resolve),
-                         FASTCALL("numbers_with_errors", numbers_with_errors),
-                         FASTCALL("batch", batch),
-                         FASTCALL("find_independent_sets", find_independent_sets),
-                         FASTCALL("resolve_scene", resolve_scene),
-                         FASTCALL("find_clusters", find_clusters),
-                         FASTCALL("resolve_clusters", resolve_clusters),
-                         FASTCALL("assemble", assemble),
-                         {"has_fraction", has_fraction, METH_O, ""},
-                         {"limit_vectors", limit_vectors, METH_O, ""},
-                         {"setup", setup, METH_VARARGS, ""},
+PyMethodDef methods[] = {METHOD("resolve", resolve, METH_FASTCALL),
+                         METHOD("numbers_with_errors", numbers_with_errors, METH_FASTCALL),
+                         METHOD("batch", batch, METH_FASTCALL),
+                         METHOD("find_independent_sets", find_independent_sets, METH_FASTCALL),
+                         METHOD("resolve_scene", resolve_scene, METH_FASTCALL),
+                         METHOD("find_clusters", find_clusters, METH_FASTCALL),
+                         METHOD("resolve_clusters", resolve_clusters, METH_VARARGS),
+                         METHOD("assemble", assemble, METH_FASTCALL),
+                         METHOD("has_fraction", has_fraction, METH_O),
+                         METHOD("limit_vectors", limit_vectors, METH_O),
+                         METHOD("setup", setup, METH_VARARGS),
                          {}};
 PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_compiled", "", -1, methods, nullptr, nullptr, nullptr, nullptr};
 

@@ -25,8 +25,8 @@ template <class... Args, PyObject* (*function)(Args...)> struct RaisesMemoryErro
   }
 };
 
-#define FASTCALL(name, function) \
-  {name, reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(RaisesMemoryError<function>::call)), METH_FASTCALL, ""}
+#define METHOD(name, function, flags) \
+  {name, reinterpret_cast<PyCFunction>(reinterpret_cast<void*>(RaisesMemoryError<function>::call)), flags, ""}
 
 // Whether `o` is a float, or an integer that a double holds exactly; then x is set.
 static inline bool read_exact_float(PyObject* o, double& x) {

@@ -177,25 +177,25 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   const Batch batch = arrays.make_batch(table, general, gathered);
   int body_rows = 2 * (general ? ROWS_OF_BODY : table.body_rows), greatest_status = 0;
   double greatest_bound = 0;
-  Py_BEGIN_ALLOW_THREADS;
-  if (arrays.pairs.is_open()) {
-    const auto* a = arrays.pairs.at<std::int64_t>();
-    const ContactPairs body_pairs{a, a + arrays.count, arrays.bodies.view.shape[1]};
-    if (arrays.is_double())
-      compute_gathered(kernel, batch, body_rows, body_pairs, arrays.bodies.at<double>(), table.body_rows, gathered,
-                       from, to);
-    else
-      compute_gathered(kernel, batch, body_rows, body_pairs, arrays.bodies.at<float>(), table.body_rows,
-                       reinterpret_cast<float*>(gathered), from, to);
-  } else if (to > from) {
-    kernel(batch, from, to);
+  {
+    ReleasedGil released;
+    if (arrays.pairs.is_open()) {
+      const auto* a = arrays.pairs.at<std::int64_t>();
+      const ContactPairs body_pairs{a, a + arrays.count, arrays.bodies.view.shape[1]};
+      auto compute = [&](const auto* bodies, auto* gathered) {
+        compute_gathered(kernel, batch, body_rows, body_pairs, bodies, table.body_rows, gathered, from, to);
+      };
+      if (arrays.is_double()) compute(arrays.bodies.at<double>(), gathered);
+      else compute(arrays.bodies.at<float>(), reinterpret_cast<float*>(gathered));
+    } else if (to > from) {
+      kernel(batch, from, to);
+    }
+    greatest_status = greatest(batch.status + from, batch.status + to);
+    for (long at = from; batch.error_bound && at < to; ++at) {
+      double bound = static_cast<const double*>(batch.error_bound)[at];
+      greatest_bound = bound <= greatest_bound ? greatest_bound : bound - bound == 0 ? bound : INFINITY;
+    }
   }
-  greatest_status = greatest(batch.status + from, batch.status + to);
-  for (long at = from; batch.error_bound && at < to; ++at) {
-    double bound = static_cast<const double*>(batch.error_bound)[at];
-    greatest_bound = bound <= greatest_bound ? greatest_bound : bound - bound == 0 ? bound : INFINITY;
-  }
-  Py_END_ALLOW_THREADS;
   return Py_BuildValue("id", greatest_status, greatest_bound);
 }
 
@@ -203,8 +203,7 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
 // arrays.
 PyObject* find_independent_sets(PyObject*, PyObject* const* args, Py_ssize_t count) {
   Array pairs, movable, order, starts;
-  if (count != 4 || !pairs.open(args[0]) || !movable.open(args[1]) || !order.open(args[2], true) ||
-      !starts.open(args[3], true))
+  if (count != 4 || !open_arrays(args, {&pairs, &movable}, {&order, &starts}))
     return PyErr_Format(PyExc_TypeError, "find_independent_sets() takes four arrays");
   long n = static_cast<long>(order.view.shape[0]), sets;
   ContactPairs body_pairs{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, movable.view.shape[0]};

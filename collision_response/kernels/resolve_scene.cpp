@@ -12,8 +12,7 @@
 // contact_pairs.hpp, and returns how many there are.
 PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   Array pairs, movable, order, starts, cluster;
-  if (count != 5 || !pairs.open(args[0]) || !movable.open(args[1]) || !order.open(args[2], true) ||
-      !starts.open(args[3], true) || !cluster.open(args[4], true))
+  if (count != 5 || !open_arrays(args, {&pairs, &movable}, {&order, &starts, &cluster}))
     return PyErr_Format(PyExc_TypeError, "find_clusters() takes five arrays");
   long n = static_cast<long>(order.view.shape[0]), found;
   ContactPairs who{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, movable.view.shape[0]};
@@ -30,7 +29,7 @@ PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
 // tangential restitution and the greatest error bound allowed. The arrays are those of batch/resolve_scenes.py, of the
 // right shapes; `results` are the fields of a ScenesResult. Clusters that are left to Python get the status 0, or keep
 // theirs if no cluster is resolved here.
-PyObject* resolve_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
+PyObject* resolve_clusters(PyObject*, PyObject* args) {
   enum {
     VELOCITY,
     ANGULAR_VELOCITY,
@@ -43,21 +42,22 @@ PyObject* resolve_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
     ENERGIES,
     RESULTS = ENERGIES + 4
   };
-  if (count != 12 || !PyTuple_Check(args[8]) || PyTuple_GET_SIZE(args[8]) != RESULTS)
-    return PyErr_Format(PyExc_TypeError, "resolve_clusters() takes 12 arguments");
-  int layout = static_cast<int>(PyLong_AsLong(args[0])), law = static_cast<int>(PyLong_AsLong(args[1]));
-  std::array<double, 4> numbers;
-  if (PyErr_Occurred() || !read_floats(args[2], 4, numbers.data()))
-    return PyErr_Format(PyExc_TypeError, "resolve_clusters(): numbers");
-  auto [threshold, restitution_threshold, tangential_restitution, bound_limit] = numbers;
-  const ClusterOptions options{law, threshold, restitution_threshold, tangential_restitution};
+  int layout;
+  long from, to;
+  ClusterOptions options;
+  double bound_limit;
+  PyObject *tables[5], *results, *wanted_clusters;
+  if (!PyArg_ParseTuple(args, "ii(dddd)OOOOOO!Oll", &layout, &options.law, &options.threshold,
+                        &options.restitution_threshold, &options.tangential_restitution, &bound_limit, &tables[0],
+                        &tables[1], &tables[2], &tables[3], &tables[4], &PyTuple_Type, &results, &wanted_clusters,
+                        &from, &to))
+    return nullptr;
   if (!options.is_compiled()) Py_RETURN_NONE;
-  long from = PyLong_AsLong(args[10]), to = PyLong_AsLong(args[11]);
   Array bodies, pairs, contacts, order, starts, wanted, result[RESULTS];
-  bool open = bodies.open(args[3]) && pairs.open(args[4]) && contacts.open(args[5]) && order.open(args[6]) &&
-              starts.open(args[7]) && wanted.open(args[9]);
-  for (int i = 0; i < RESULTS; ++i) open = open && (i == CLUSTER || result[i].open(PyTuple_GET_ITEM(args[8], i), true));
-  if (!open || PyErr_Occurred()) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): arrays must be contiguous");
+  bool open = open_arrays(tables, {&bodies, &pairs, &contacts, &order, &starts}) && wanted.open(wanted_clusters) &&
+              PyTuple_GET_SIZE(results) == RESULTS;
+  for (int i = 0; i < RESULTS; ++i) open = open && (i == CLUSTER || result[i].open(PyTuple_GET_ITEM(results, i), true));
+  if (!open) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): arrays must be contiguous");
   long n = static_cast<long>(contacts.view.shape[1]);
   auto doubles = [&result](int field) { return result[field].at<double>(); };
   TableClusters clusters{table_layouts[layout],

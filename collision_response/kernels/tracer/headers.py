@@ -71,9 +71,8 @@ def impact_header(law: Law, layout: Layout) -> str:
     tape = Tape()
     given = kernel_inputs(layout, tape)
     answer = impact(given.body_a, given.body_b, given.contact, law, given.settings)
-    *flags, unphysical = (tape.symbol(flag) for flag in answer.flags)
-    results = [[tape.symbol(x) for x in numbers_in(part)] for part in (answer.changes, answer.report)]
-    results += flags, [unphysical]
+    *flags, unphysical = tape.symbols(answer.flags)
+    results = tape.symbols(answer.changes), tape.symbols(answer.report), flags, [unphysical]
     is_general = layout in GENERAL
     branches = BRANCHES if is_general else BRANCHES_OF_PLAIN_NUMBERS
     text = emit("impact", given.names, *results, branches=branches)
@@ -101,7 +100,7 @@ def validity_header(layout: Layout) -> str:
         | validity.is_not_normalised(given.body_b),
     }
     is_sound = tape.symbol(validity.is_clearly_valid(*parts, e_t))
-    ordered = [tape.symbol(flags[flag]) for flag in ValidityFlag]
+    ordered = tape.symbols(tuple(flags[flag] for flag in ValidityFlag))
     text = emit("validity", given.names, [], [tape.symbol(code)], ordered)
     return text + emit("clearly_valid", given.names, [], [], [is_sound])
 
@@ -111,7 +110,7 @@ def impulse_header(law: Law) -> str:
     tape = Tape(of_derivatives=True)
     inputs, (seen, coefficients) = _traced_arguments(tape, *LAW_ARGUMENTS)
     impulse = evaluate_law(seen, coefficients, law).impulse
-    return emit("impulse", inputs, map(tape.symbol, impulse), [], [], branches=BRANCHES)
+    return emit("impulse", inputs, tape.symbols(impulse), branches=BRANCHES)
 
 
 def changes_header() -> str:
@@ -121,10 +120,10 @@ def changes_header() -> str:
     contact = ContactKinematics.of(given.body_a, given.body_b, given.contact)
     coefficients = Coefficients(given.contact.restitution, given.contact.friction, given.settings)
     seen = (*ContactNumbers.of(contact), *coefficients)
-    law = tape.add(Node("law", tuple(tape.symbol(x).index for x in numbers_in(seen)))).index
+    law = tape.add(Node("law", tuple(x.index for x in tape.symbols(seen)))).index
     impulse = Vec3(*(tape.add(Node("part", (law,), i)) for i in range(3)))
-    results = map(tape.symbol, numbers_in(Changes(impulse, *contact.twist_changes(impulse))))
-    return emit("changes", given.names, results, [], [], branches=BRANCHES)
+    changes = Changes(impulse, *contact.twist_changes(impulse))
+    return emit("changes", given.names, tape.symbols(changes), branches=BRANCHES)
 
 
 FALLBACK_ARGUMENTS = LAW_ARGUMENTS[0]._replace(regularized_K=ZERO_TENSOR), LAW_ARGUMENTS[1]
@@ -135,8 +134,7 @@ def fallback_header() -> str:
     """The law that others fall back to where they have no sound answer: a function that kernels call."""
     tape = Tape()
     inputs, arguments = _traced_arguments(tape, *FALLBACK_ARGUMENTS)
-    solution = fallback(*arguments)
-    return emit("fallback", inputs, map(tape.symbol, numbers_in(solution)), [], [], branches=BRANCHES)
+    return emit("fallback", inputs, tape.symbols(fallback(*arguments)), branches=BRANCHES)
 
 
 def column_header() -> str:
@@ -151,10 +149,10 @@ def column_header() -> str:
     names = [f"body_a.{name}" for name in names_of_body(Layout.EVERYTHING)]
     centre = BodyAtContact.of(body, body.position)
     has_massless_spin = tape.symbol(centre.massless_spin.dot(centre.massless_spin) > 0)
-    numbers = list(map(tape.symbol, numbers_in(centre)))
+    numbers = tape.symbols(centre)
     bounded = list(map(_as_number, numbers))
     roots = map(centre.rotation.to_world, centre.inverse_tensor.square_root_columns())
-    reported = map(tape.symbol, numbers_in((kinetic_energy(body), *roots)))
+    reported = tape.symbols((kinetic_energy(body), *roots))
     text = emit("centre", names, bounded, reported, [has_massless_spin])
 
     tape, count = Tape(), len(numbers)
@@ -166,8 +164,8 @@ def column_header() -> str:
     )
     side = rebuilt(centre, read)
     velocity, arm, direction = (Vec3(*symbols[i : i + 3]) for i in range(count, count + 9, 3))
-    outputs = map(tape.symbol, numbers_in(Column.at(side, velocity, arm, direction)))
-    return offsets("CENTRE", centre) + text + emit("column", inputs, outputs, [], [])
+    column = Column.at(side, velocity, arm, direction)
+    return offsets("CENTRE", centre) + text + emit("column", inputs, tape.symbols(column))
 
 
 SHARED_HEADERS: dict[str, Callable[[], str]] = {

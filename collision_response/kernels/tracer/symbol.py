@@ -127,6 +127,10 @@ class Tape:
         number = float(operand)
         return self.add(Node("constant", (), math.nan if math.isnan(number) else number + 0.0))
 
+    def symbols(self, value: Any) -> list[Symbol]:
+        """Return :meth:`symbol` of every number of nested named tuples."""
+        return [self.symbol(number) for number in numbers_in(value)]
+
     def index_of(self, op: str, args: Iterable[int], value: Any = None) -> int | None:
         """Return the index of an operation, ``None`` if it is not on the tape."""
         return self._index_of.get(Node(op, _ordered(op, args), value))
@@ -240,10 +244,11 @@ class Symbol:
         """See :func:`~collision_response.numbers.operations.called`."""
         if self.tape.of_derivatives:
             return formula(*arguments)
-        tape, numbers = self.tape, list(numbers_in(arguments))
+        tape = self.tape
+        numbers = tape.symbols(arguments)
         inputs = map(Tape().input, range(len(numbers)))
         result = formula(*(rebuilt(argument, inputs) for argument in arguments))
-        call = tape.add(Node("call", tuple(tape.symbol(x).index for x in numbers), formula.__name__)).index
+        call = tape.add(Node("call", tuple(x.index for x in numbers), formula.__name__)).index
         return rebuilt(result, (tape.add(Node("result", (call,), i)) for i in count()))
 
     def given_roundoff(self) -> Symbol:
@@ -264,7 +269,7 @@ class Symbol:
         body = Tape(parent=tape)
         inside = rebuilt(state, (body.add(Node("state", (), i)) for i in range(len(initial))))
         condition = body.symbol(going(inside)).index
-        state_after = tuple(body.symbol(x).index for x in numbers_in(step(inside)))
+        state_after = tuple(x.index for x in body.symbols(step(inside)))
         args = tuple(tape.symbol(x).index for x in initial)
         loop = tape.add(Node("loop", args, Loop(body, condition, state_after, budget))).index
         return rebuilt(state, (tape.add(Node("part", (loop,), i)) for i in range(len(initial))))
